@@ -1,0 +1,52 @@
+"""Bottom layer: angles, checks, parameter sets, random streams and the signals between the parts of a station."""
+
+from rf_pointing.geometry.angles import (
+    MDEG,
+    angular_distance_rad,
+    azel_from_unit_vector,
+    nearest_turn_rad,
+    sky_offset_rad,
+    unit_vector_from_azel,
+    wrap_rad,
+)
+from rf_pointing.geometry.checks import as_finite_array, require_between, require_choice, require_finite
+from rf_pointing.geometry.parameters import Params, from_degrees, parameter, parameter_unit, to_degrees
+from rf_pointing.geometry.random_streams import random_stream
+from rf_pointing.geometry.signals import (
+    AXES,
+    Boresight,
+    CarrierPower,
+    JointReading,
+    JointTrajectory,
+    MonopulseCluster,
+    PointingError,
+    Target,
+)
+
+__all__ = [
+    "AXES",
+    "MDEG",
+    "Boresight",
+    "CarrierPower",
+    "JointReading",
+    "JointTrajectory",
+    "MonopulseCluster",
+    "Params",
+    "PointingError",
+    "Target",
+    "angular_distance_rad",
+    "as_finite_array",
+    "azel_from_unit_vector",
+    "from_degrees",
+    "nearest_turn_rad",
+    "parameter",
+    "parameter_unit",
+    "random_stream",
+    "require_between",
+    "require_choice",
+    "require_finite",
+    "sky_offset_rad",
+    "to_degrees",
+    "unit_vector_from_azel",
+    "wrap_rad",
+]

@@ -1,0 +1,43 @@
+"""Refusals in the user's words: every message carries the name, the value and the bound."""
+
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["as_finite_array", "require_between", "require_choice", "require_finite"]
+
+
+def require_finite(name: str, value: ArrayLike) -> None:
+    """Raise ValueError unless every element of `value` is a finite number."""
+    if not np.all(np.isfinite(value)):
+        raise ValueError(f"{name}={value} must be finite")
+
+
+def require_between(name: str, value: float, low: float | None, high: float | None) -> None:
+    """Raise ValueError unless `value` is finite and low <= value <= high (None: unbounded)."""
+    require_finite(name, value)
+    if low is not None and value < low:
+        raise ValueError(f"{name}={value} must be >= {low}")
+    if high is not None and value > high:
+        raise ValueError(f"{name}={value} must be <= {high}")
+
+
+def require_choice(name: str, value: str, choices: Iterable[str]) -> None:
+    """Raise ValueError unless `value` is one of `choices`."""
+    names = list(choices)
+    if value not in names:
+        raise ValueError(f"{name}={value!r} must be one of {', '.join(names)}")
+
+
+def as_finite_array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> NDArray[np.float64]:
+    """Return `value` as a float array of `shape` (None: any length), or raise ValueError."""
+    array = np.asarray(value, dtype=np.float64)
+    fits = array.ndim == len(shape) and all(
+        want is None or want == have for want, have in zip(shape, array.shape, strict=True)
+    )
+    if not fits:
+        wanted = tuple("n" if want is None else want for want in shape)
+        raise ValueError(f"{name} has shape {array.shape}, must be {wanted}")
+    require_finite(name, array)
+    return array
