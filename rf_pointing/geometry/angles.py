@@ -79,4 +79,6 @@ def angular_distance_rad(
     """Return the angle between two directions, accurate for small and for large separations."""
     a = unit_vector_from_azel(azimuth_rad, elevation_rad)
     b = unit_vector_from_azel(other_azimuth_rad, other_elevation_rad)
-    return np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), np.sum(a * b, axis=-1))
+    sine: NDArray[np.float64] = np.linalg.norm(np.cross(a, b), axis=-1)
+    cosine: NDArray[np.float64] = np.sum(a * b, axis=-1)
+    return np.arctan2(sine, cosine)

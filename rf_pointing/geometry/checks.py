@@ -11,7 +11,7 @@ __all__ = ["as_finite_array", "require_between", "require_choice", "require_fini
 def require_finite(name: str, value: ArrayLike) -> None:
     """Raise ValueError unless every element of `value` is a finite number."""
     if not np.all(np.isfinite(value)):
-        raise ValueError(f"{name}={value} must be finite")
+        raise ValueError(f"{name}={np.asarray(value)} must be finite")
 
 
 def require_between(name: str, value: float, low: float | None, high: float | None) -> None:

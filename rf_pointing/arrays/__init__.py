@@ -1,0 +1,3 @@
+"""Antenna arrays as attitude and direction sensors."""
+
+__all__: list[str] = []

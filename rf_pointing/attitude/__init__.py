@@ -1,0 +1,3 @@
+"""Attitude: quaternions, rotations from directions, and the filters built on them."""
+
+__all__: list[str] = []

@@ -1,0 +1,182 @@
+"""Unit quaternions, scalar last (x, y, z, w) as in ROS: q = [axis * sin(angle/2), cos(angle/2)].
+
+A quaternion stands for the active rotation v' = C(q) v; products follow Hamilton, C(a*b) = C(a) C(b).  As the
+orientation of a body, C(q) takes components in the body frame to components in the reference frame (ROS).  q and -q
+are the same rotation: functions that return a quaternion of a rotation return the one with w >= 0 (at half a turn,
+where w = 0, the one whose first non-zero component is positive).  All functions accept leading batch axes.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rf_pointing.geometry import require_finite
+
+__all__ = [
+    "UNIT_TOLERANCE",
+    "canonical",
+    "conjugate",
+    "cross_matrix",
+    "multiply",
+    "quaternion_from_matrix",
+    "quaternion_from_roll_pitch_yaw",
+    "quaternion_from_rotation_vector",
+    "quaternion_to_matrix",
+    "quaternion_to_roll_pitch_yaw",
+    "quaternion_to_rotation_vector",
+    "require_rotation_matrix",
+    "rotation_angle_between_rad",
+    "small_angle_quaternion",
+    "unit_quaternion",
+]
+
+Array = NDArray[np.float64]
+
+UNIT_TOLERANCE = 1e-6
+"""Largest accepted difference of a quaternion's norm, or of a rotation matrix' products, from one."""
+
+
+def unit_quaternion(quaternion: ArrayLike, name: str = "quaternion") -> Array:
+    """Return `quaternion` (..., 4) with its rounding error removed; refuse one that is not of unit length."""
+    q = _vectors(name, quaternion, 4)
+    norm = np.linalg.norm(q, axis=-1, keepdims=True)
+    if np.any(np.abs(norm - 1.0) > UNIT_TOLERANCE):
+        worst = float(norm.flat[int(np.argmax(np.abs(norm - 1.0)))])
+        raise ValueError(f"{name} has norm {worst!r}, must be 1 within {UNIT_TOLERANCE}")
+    return np.asarray(q / norm)
+
+
+def canonical(quaternion: ArrayLike) -> Array:
+    """Return q or -q, whichever has w > 0 (at w = 0: a positive first non-zero component)."""
+    q = unit_quaternion(quaternion)
+    sign = np.zeros(q.shape[:-1])
+    for index in (3, 0, 1, 2):
+        sign = np.where(sign == 0.0, np.sign(q[..., index]), sign)
+    return np.asarray(q * sign[..., None] + 0.0)
+
+
+def conjugate(quaternion: ArrayLike) -> Array:
+    """Return the inverse rotation of unit `quaternion` (..., 4)."""
+    return np.asarray(unit_quaternion(quaternion) * np.array([-1.0, -1.0, -1.0, 1.0]))
+
+
+def multiply(left: ArrayLike, right: ArrayLike) -> Array:
+    """Return the Hamilton product left * right of unit quaternions (..., 4): rotate by `right`, then by `left`."""
+    a, b = unit_quaternion(left, "left"), unit_quaternion(right, "right")
+    a_vector, a_scalar, b_vector, b_scalar = a[..., :3], a[..., 3:], b[..., :3], b[..., 3:]
+    vector = a_scalar * b_vector + b_scalar * a_vector + np.cross(a_vector, b_vector)
+    scalar = a_scalar * b_scalar - np.sum(a_vector * b_vector, axis=-1, keepdims=True)
+    return np.concatenate([vector, scalar], axis=-1)
+
+
+def quaternion_to_matrix(quaternion: ArrayLike) -> Array:
+    """Return the rotation matrix C(q), shape (..., 3, 3); the inverse is `quaternion_from_matrix`."""
+    q = unit_quaternion(quaternion)
+    vector, scalar = q[..., :3], q[..., 3, None, None]
+    skew = cross_matrix(vector)
+    return np.asarray(np.eye(3) + 2.0 * scalar * skew + 2.0 * skew @ skew)
+
+
+def quaternion_from_matrix(matrix: ArrayLike) -> Array:
+    """Return the canonical quaternion of rotation matrices (..., 3, 3), regular at half a turn (Shepperd's choice).
+
+    Raises ValueError where the matrix is not orthonormal or is a reflection.
+    """
+    c = require_rotation_matrix(matrix)
+    diagonal = np.diagonal(c, axis1=-2, axis2=-1)
+    trace = np.sum(diagonal, axis=-1)
+    # Four times the outer product q q^T; its largest diagonal entry names the row that divides without loss.
+    outer = np.empty((*c.shape[:-2], 4, 4))
+    outer[..., :3, :3] = c + np.swapaxes(c, -1, -2) + (1.0 - trace)[..., None, None] * np.eye(3)
+    for index, (i, j) in enumerate(((2, 1), (0, 2), (1, 0))):
+        outer[..., 3, index] = outer[..., index, 3] = c[..., i, j] - c[..., j, i]
+    outer[..., 3, 3] = 1.0 + trace
+    row = np.argmax(np.diagonal(outer, axis1=-2, axis2=-1), axis=-1)
+    q = np.take_along_axis(outer, row[..., None, None], axis=-2)[..., 0, :]
+    return canonical(q / np.linalg.norm(q, axis=-1, keepdims=True))
+
+
+def require_rotation_matrix(matrix: ArrayLike, name: str = "matrix") -> Array:
+    """Return `matrix` (..., 3, 3) as floats; refuse one that is not orthonormal or has determinant -1."""
+    c = np.asarray(matrix, dtype=np.float64)
+    if c.shape[-2:] != (3, 3):
+        raise ValueError(f"{name} has shape {c.shape}, must be (..., 3, 3)")
+    require_finite(name, c)
+    defect = float(np.max(np.abs(c @ np.swapaxes(c, -1, -2) - np.eye(3)), initial=0.0))
+    if defect > UNIT_TOLERANCE:
+        raise ValueError(f"{name} misses orthonormality by {defect!r}, must be <= {UNIT_TOLERANCE}")
+    if np.any(np.linalg.det(c) < 0.0):
+        raise ValueError(f"{name} has determinant -1: a reflection, not a rotation")
+    return c
+
+
+def quaternion_from_rotation_vector(rotation_rad: ArrayLike) -> Array:
+    """Return the canonical quaternion of the rotation by |v| about v, `rotation_rad` (..., 3); exact at zero."""
+    v = _vectors("rotation_rad", rotation_rad, 3)
+    half = np.linalg.norm(v, axis=-1, keepdims=True) / 2.0
+    vector = v / 2.0 * np.sinc(half / np.pi)
+    q = np.concatenate([vector, np.cos(half)], axis=-1)
+    return canonical(q)
+
+
+def quaternion_to_rotation_vector(quaternion: ArrayLike) -> Array:
+    """Return the rotation vector (..., 3), at most pi long; at exactly half a turn its sign is the canonical one."""
+    q = canonical(quaternion)
+    length = np.linalg.norm(q[..., :3], axis=-1, keepdims=True)
+    angle = 2.0 * np.arctan2(length, q[..., 3:])
+    safe = np.where(length > 0.0, length, 1.0)
+    return np.asarray(np.where(length > 0.0, q[..., :3] * (angle / safe), 2.0 * q[..., :3]))
+
+
+def small_angle_quaternion(rotation_rad: ArrayLike) -> Array:
+    """Return [v/2, 1] made unit: the first-order quaternion of small `rotation_rad` (..., 3), third order in error."""
+    v = _vectors("rotation_rad", rotation_rad, 3)
+    q = np.concatenate([v / 2.0, np.ones((*v.shape[:-1], 1))], axis=-1)
+    return np.asarray(q / np.linalg.norm(q, axis=-1, keepdims=True))
+
+
+def rotation_angle_between_rad(first: ArrayLike, second: ArrayLike) -> Array:
+    """Return the angle in [0, pi] of the rotation that takes one orientation to the other."""
+    difference = multiply(conjugate(first), second)
+    return np.asarray(2.0 * np.arctan2(np.linalg.norm(difference[..., :3], axis=-1), np.abs(difference[..., 3])))
+
+
+def quaternion_from_roll_pitch_yaw(roll_pitch_yaw_rad: ArrayLike) -> Array:
+    """Return the canonical quaternion of Rz(yaw) Ry(pitch) Rx(roll) (fixed axes, as in ROS), angles (..., 3)."""
+    half = _vectors("roll_pitch_yaw_rad", roll_pitch_yaw_rad, 3) / 2.0
+    factors = []
+    for axis in range(3):
+        q = np.zeros((*half.shape[:-1], 4))
+        q[..., axis], q[..., 3] = np.sin(half[..., axis]), np.cos(half[..., axis])
+        factors.append(q)
+    return canonical(multiply(factors[2], multiply(factors[1], factors[0])))
+
+
+def quaternion_to_roll_pitch_yaw(quaternion: ArrayLike) -> Array:
+    """Return roll, pitch, yaw (..., 3) of Rz(yaw) Ry(pitch) Rx(roll).
+
+    Raises ValueError at pitch = +-90 deg, where roll and yaw are one angle.
+    """
+    c = quaternion_to_matrix(quaternion)
+    level = np.hypot(c[..., 0, 0], c[..., 1, 0])
+    if np.any(level < UNIT_TOLERANCE):
+        raise ValueError("pitch is +-90 deg: roll and yaw are not defined apart")
+    roll = np.arctan2(c[..., 2, 1], c[..., 2, 2])
+    pitch = np.arctan2(-c[..., 2, 0], level)
+    yaw = np.arctan2(c[..., 1, 0], c[..., 0, 0])
+    return np.stack([roll, pitch, yaw], axis=-1)
+
+
+def cross_matrix(vector: ArrayLike) -> Array:
+    """Return [v] with [v] u = v x u, shape (..., 3, 3)."""
+    x, y, z = np.moveaxis(np.asarray(vector, dtype=np.float64), -1, 0)
+    zero = np.zeros_like(x)
+    rows = [np.stack(row, axis=-1) for row in ((zero, -z, y), (z, zero, -x), (-y, x, zero))]
+    return np.stack(rows, axis=-2)
+
+
+def _vectors(name: str, value: ArrayLike, length: int) -> Array:
+    array = np.asarray(value, dtype=np.float64)
+    if array.shape[-1:] != (length,):
+        raise ValueError(f"{name} has shape {array.shape}, must be (..., {length})")
+    require_finite(name, array)
+    return array

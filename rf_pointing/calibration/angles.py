@@ -1,0 +1,159 @@
+"""The two carriers on which the terms are evaluated: plain arrays (printed form) and Taylor series (exact form)."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rf_pointing.calibration import taylor
+
+__all__ = ["REFERENCE_TEMPERATURE_K", "ArrayAngles", "SeriesAngles"]
+
+Array = NDArray[np.float64]
+
+REFERENCE_TEMPERATURE_K = 288.15
+"""Temperature at which the thermal terms vanish (ISA sea level)."""
+
+
+@dataclass(frozen=True)
+class ArrayAngles:
+    """Angles and their rates as arrays of one shape; sines and cosines are computed once and kept."""
+
+    azimuth_rad: Array
+    elevation_rad: Array
+    azimuth_rate: Array
+    elevation_rate: Array
+    azimuth_acceleration: Array
+    elevation_acceleration: Array
+    temperature_k: Array | None = None
+    _kept: dict[tuple[str, int], Array] = field(default_factory=dict, repr=False, compare=False)
+
+    @classmethod
+    def of(
+        cls,
+        azimuth_rad: ArrayLike,
+        elevation_rad: ArrayLike,
+        azimuth_rate_rad_s: ArrayLike,
+        elevation_rate_rad_s: ArrayLike,
+        azimuth_acceleration_rad_s2: ArrayLike,
+        elevation_acceleration_rad_s2: ArrayLike,
+        temperature_k: ArrayLike | None,
+    ) -> "ArrayAngles":
+        """Broadcast the six motions to one shape."""
+        arrays = np.broadcast_arrays(
+            *(
+                np.asarray(value, dtype=np.float64)
+                for value in (
+                    azimuth_rad,
+                    elevation_rad,
+                    azimuth_rate_rad_s,
+                    elevation_rate_rad_s,
+                    azimuth_acceleration_rad_s2,
+                    elevation_acceleration_rad_s2,
+                )
+            )
+        )
+        return cls(*arrays, None if temperature_k is None else np.asarray(temperature_k, dtype=np.float64))
+
+    @property
+    def one(self) -> Array:
+        return np.ones_like(self.azimuth_rad)
+
+    @property
+    def tan_elevation(self) -> Array:
+        return self.sin_elevation(1) / self.cos_elevation(1)
+
+    @property
+    def sec_elevation(self) -> Array:
+        return 1.0 / self.cos_elevation(1)
+
+    @property
+    def beyond_zenith(self) -> Array:
+        return (self.elevation_rad > np.pi / 2.0).astype(np.float64)
+
+    @property
+    def temperature_difference(self) -> Array:
+        return _temperature_difference(self.temperature_k) * self.one
+
+    def sin_azimuth(self, multiple: int) -> Array:
+        return self._keep("sin_azimuth", multiple, np.sin, self.azimuth_rad)
+
+    def cos_azimuth(self, multiple: int) -> Array:
+        return self._keep("cos_azimuth", multiple, np.cos, self.azimuth_rad)
+
+    def sin_elevation(self, multiple: int) -> Array:
+        return self._keep("sin_elevation", multiple, np.sin, self.elevation_rad)
+
+    def cos_elevation(self, multiple: int) -> Array:
+        return self._keep("cos_elevation", multiple, np.cos, self.elevation_rad)
+
+    def _keep(self, name: str, multiple: int, function: np.ufunc, angle: Array) -> Array:
+        key = (name, multiple)
+        if key not in self._kept:
+            self._kept[key] = function(angle if multiple == 1 else multiple * angle)
+        return self._kept[key]
+
+
+@dataclass(frozen=True)
+class SeriesAngles:
+    """Angles as Taylor series (m, ...); rates and accelerations are the derivatives of the series themselves."""
+
+    azimuth: Array
+    elevation: Array
+    temperature_k: Array | None = None
+
+    @property
+    def one(self) -> Array:
+        constant = np.zeros_like(self.azimuth)
+        constant[0] = 1.0
+        return constant
+
+    @property
+    def tan_elevation(self) -> Array:
+        return taylor.divide(self.sin_elevation(1), self.cos_elevation(1))
+
+    @property
+    def sec_elevation(self) -> Array:
+        return taylor.divide(self.one, self.cos_elevation(1))
+
+    @property
+    def azimuth_rate(self) -> Array:
+        return taylor.derivative(self.azimuth)
+
+    @property
+    def azimuth_acceleration(self) -> Array:
+        return taylor.derivative(self.azimuth, 2)
+
+    @property
+    def elevation_rate(self) -> Array:
+        return taylor.derivative(self.elevation)
+
+    @property
+    def elevation_acceleration(self) -> Array:
+        return taylor.derivative(self.elevation, 2)
+
+    @property
+    def beyond_zenith(self) -> Array:
+        return np.asarray(self.elevation[0] > np.pi / 2.0, dtype=np.float64)
+
+    @property
+    def temperature_difference(self) -> Array:
+        return _temperature_difference(self.temperature_k) * self.one
+
+    def sin_azimuth(self, multiple: int) -> Array:
+        return taylor.sine_cosine(multiple * self.azimuth)[0]
+
+    def cos_azimuth(self, multiple: int) -> Array:
+        return taylor.sine_cosine(multiple * self.azimuth)[1]
+
+    def sin_elevation(self, multiple: int) -> Array:
+        return taylor.sine_cosine(multiple * self.elevation)[0]
+
+    def cos_elevation(self, multiple: int) -> Array:
+        return taylor.sine_cosine(multiple * self.elevation)[1]
+
+
+def _temperature_difference(temperature_k: Array | None) -> Array:
+    if temperature_k is None:
+        raise ValueError("temperature_k=None must be given: the model has a temperature term")
+    return temperature_k - REFERENCE_TEMPERATURE_K

@@ -1,0 +1,108 @@
+"""Exact geometry of an elevation-over-azimuth mount with tilted, skewed and miscollimated axes.
+
+The beam of a mount at the axis angles (A, E) points along  T Rz(A) Rn(x2) Re(E) c(x3):  T leans the azimuth axis by
+x8 to the north and x9 to the east, Rn skews the elevation axis, c is the beam off the plane normal to that axis.
+To first order in x2, x3, x8, x9 this is the printed tan/sec form of SATCAL eqs. (1)-(2); unlike it, it stays finite
+at the zenith.  All angles are Taylor series (m, ...), see `taylor`.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.calibration import taylor
+
+__all__ = ["Skew", "axes_from_sky", "sky_from_axes"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Skew:
+    """The four rotations of the mount, radians: x2, x3, x8, x9."""
+
+    non_orthogonality: float
+    collimation: float
+    mislevel_east: float
+    mislevel_north: float
+
+    @property
+    def hole_rad(self) -> float:
+        """Return the radius of the cone about the mount's zenith that no pair of axis angles reaches."""
+        return abs(self.non_orthogonality + self.collimation)
+
+    def tilt(self) -> Array:
+        """Return the rotation (3, 3) from mount axes to east-north-up; its last column is the azimuth axis."""
+        angle = math.hypot(self.mislevel_east, self.mislevel_north)
+        if angle == 0.0:
+            return np.eye(3)
+        east, north = -self.mislevel_east / angle, self.mislevel_north / angle
+        cross = np.array([[0.0, 0.0, north], [0.0, 0.0, -east], [-north, east, 0.0]])
+        return np.eye(3) + math.sin(angle) * cross + (1.0 - math.cos(angle)) * (cross @ cross)
+
+
+def axes_from_sky(azimuth: Array, elevation: Array, skew: Skew) -> tuple[Array, Array]:
+    """Return the axis angles that put the beam on a direction; `sky_from_axes` is the inverse.
+
+    An elevation above pi/2 asks for the plunged branch.  The axis azimuth is the turn nearest to `azimuth`.
+    Raises ValueError where no axis angles reach the direction (within `hole_rad` of the mount's zenith).
+    """
+    east, north, up = _rotated(skew.tilt().T, _direction(azimuth, elevation))
+    sin_c, sin_n = -math.sin(skew.collimation), -math.sin(skew.non_orthogonality)
+    cos_n = math.cos(skew.non_orthogonality)
+    right = (sin_n * up + sin_c * _one(up)) / cos_n
+    forward_squared = taylor.multiply(east, east) + taylor.multiply(north, north) - taylor.multiply(right, right)
+    if np.any(forward_squared[0] <= 0.0):
+        raise ValueError(
+            f"elevation {math.degrees(float(np.max(np.sin(elevation[0])))):.3f} deg-sine: direction lies within "
+            f"{math.degrees(skew.hole_rad):.4f} deg of the mount's zenith, which no axis angles reach"
+        )
+    branch = np.where(elevation[0] > np.pi / 2.0, -1.0, 1.0)
+    forward = branch * taylor.square_root(forward_squared)
+    axis_elevation = taylor.angle_of((up + sin_c * sin_n * _one(up)) / cos_n, forward)
+    axis_azimuth = taylor.angle_of(east, north) - taylor.angle_of(right, forward)
+    return _near(axis_azimuth, azimuth), axis_elevation
+
+
+def sky_from_axes(axis_azimuth: Array, axis_elevation: Array, skew: Skew) -> tuple[Array, Array]:
+    """Return the direction of the beam at the axis angles; above pi/2 in plunged form (az + pi, pi - el)."""
+    sin_a, cos_a = taylor.sine_cosine(axis_azimuth)
+    sin_e, cos_e = taylor.sine_cosine(axis_elevation)
+    sin_c, cos_c = -math.sin(skew.collimation), math.cos(skew.collimation)
+    sin_n, cos_n = -math.sin(skew.non_orthogonality), math.cos(skew.non_orthogonality)
+    right = cos_n * sin_c * _one(sin_e) + sin_n * cos_c * sin_e
+    forward = cos_c * cos_e
+    up = cos_n * cos_c * sin_e - sin_n * sin_c * _one(sin_e)
+    east = taylor.multiply(right, cos_a) + taylor.multiply(forward, sin_a)
+    north = taylor.multiply(forward, cos_a) - taylor.multiply(right, sin_a)
+    east, north, up = _rotated(skew.tilt(), (east, north, up))
+    branch = np.where(axis_elevation[0] > np.pi / 2.0, -1.0, 1.0)
+    horizontal = taylor.square_root(taylor.multiply(east, east) + taylor.multiply(north, north))
+    azimuth = taylor.angle_of(branch * east, branch * north)
+    return _near(azimuth, axis_azimuth), taylor.angle_of(up, branch * horizontal)
+
+
+def _direction(azimuth: Array, elevation: Array) -> tuple[Array, Array, Array]:
+    sin_az, cos_az = taylor.sine_cosine(azimuth)
+    sin_el, cos_el = taylor.sine_cosine(elevation)
+    return taylor.multiply(cos_el, sin_az), taylor.multiply(cos_el, cos_az), sin_el
+
+
+def _rotated(matrix: Array, vector: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+    x, y, z = vector
+    first, second, third = (row[0] * x + row[1] * y + row[2] * z for row in matrix)
+    return first, second, third
+
+
+def _one(like: Array) -> Array:
+    constant = np.zeros_like(like)
+    constant[0] = 1.0
+    return constant
+
+
+def _near(angle: Array, reference: Array) -> Array:
+    moved = angle.copy()
+    moved[0] += 2.0 * np.pi * np.round((reference[0] - angle[0]) / (2.0 * np.pi))
+    return moved

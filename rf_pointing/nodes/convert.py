@@ -1,0 +1,197 @@
+"""Messages from and to the core's signals, as pairs; nothing else makes or reads a message's fields.
+
+Wire data is not trusted: what is not finite, of the wrong length or of an unknown joint raises ValueError in the signal's
+own words.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from rf_pointing_msgs import msg as ours
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory as TrajectoryMessage
+from trajectory_msgs.msg import JointTrajectoryPoint
+
+from rf_pointing.ephemeris import Pass
+from rf_pointing.geometry import (
+    AXES,
+    Boresight,
+    CarrierPower,
+    JointReading,
+    JointTrajectory,
+    MonopulseCluster,
+    PointingError,
+    Target,
+)
+from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
+
+_TARGET_FIELDS = {
+    "azimuth": "azimuth_rad",
+    "elevation": "elevation_rad",
+    "azimuth_rate": "azimuth_rate_rad_s",
+    "elevation_rate": "elevation_rate_rad_s",
+    "azimuth_acceleration": "azimuth_acceleration_rad_s2",
+    "elevation_acceleration": "elevation_acceleration_rad_s2",
+    "range": "range_m",
+    "range_rate": "range_rate_m_s",
+}
+
+
+def target_to_message(target: Target) -> ours.Target:
+    message = ours.Target(target=target.name)
+    message.header.stamp = stamp_from_seconds(target.t_s)
+    for wire, core in _TARGET_FIELDS.items():
+        setattr(message, wire, float(getattr(target, core)))
+    return message
+
+
+def target_from_message(message: ours.Target) -> Target:
+    values = {core: getattr(message, wire) for wire, core in _TARGET_FIELDS.items()}
+    return Target(t_s=seconds_from_stamp(message.header.stamp), name=message.target, **values)
+
+
+def joints_to_message(reading: JointReading) -> JointState:
+    message = JointState(name=list(AXES))
+    message.header.stamp = stamp_from_seconds(reading.t_s)
+    message.position = reading.position_rad.tolist()
+    message.velocity = reading.velocity_rad_s.tolist()
+    return message
+
+
+def joints_from_message(message: JointState) -> JointReading:
+    order = _axis_order(list(message.name))
+    position, velocity = np.array(message.position), np.array(message.velocity)
+    for name, values in (("position", position), ("velocity", velocity)):
+        if len(values) != len(message.name):
+            raise ValueError(f"{name} has {len(values)} values, must have one for each of {len(message.name)} joints")
+    return JointReading(
+        t_s=seconds_from_stamp(message.header.stamp), position_rad=position[order], velocity_rad_s=velocity[order]
+    )
+
+
+def trajectory_to_message(trajectory: JointTrajectory, stamp_s: float) -> TrajectoryMessage:
+    """Return the command with `stamp_s` as its base time; every point must lie after it."""
+    message = TrajectoryMessage(joint_names=list(AXES))
+    message.header.stamp = stamp_from_seconds(stamp_s)
+    for t_s, position, velocity, acceleration in zip(
+        trajectory.t_s, trajectory.position_rad, trajectory.velocity_rad_s, trajectory.acceleration_rad_s2, strict=True
+    ):
+        point = JointTrajectoryPoint(
+            positions=position.tolist(), velocities=velocity.tolist(), accelerations=acceleration.tolist()
+        )
+        microseconds = round((t_s - stamp_s) * 1e6)
+        point.time_from_start.sec = microseconds // 1_000_000
+        point.time_from_start.nanosec = microseconds % 1_000_000 * 1000
+        message.points.append(point)
+    return message
+
+
+def trajectory_from_message(message: TrajectoryMessage) -> JointTrajectory:
+    order = _axis_order(list(message.joint_names))
+    base_s = seconds_from_stamp(message.header.stamp)
+    for name in ("positions", "velocities", "accelerations"):
+        for index, point in enumerate(message.points):
+            if len(getattr(point, name)) != len(order):
+                raise ValueError(f"points[{index}].{name} has {len(getattr(point, name))} values, must have {len(order)}")
+    return JointTrajectory(
+        t_s=np.array([base_s + p.time_from_start.sec + p.time_from_start.nanosec * 1e-9 for p in message.points]),
+        position_rad=_stacked([p.positions for p in message.points], order),
+        velocity_rad_s=_stacked([p.velocities for p in message.points], order),
+        acceleration_rad_s2=_stacked([p.accelerations for p in message.points], order),
+    )
+
+
+def boresight_to_message(boresight: Boresight) -> ours.Boresight:
+    message = ours.Boresight(azimuth=boresight.azimuth_rad, elevation=boresight.elevation_rad)
+    message.header.stamp = stamp_from_seconds(boresight.t_s)
+    return message
+
+
+def boresight_from_message(message: ours.Boresight) -> Boresight:
+    return Boresight(
+        t_s=seconds_from_stamp(message.header.stamp), azimuth_rad=message.azimuth, elevation_rad=message.elevation
+    )
+
+
+def monopulse_to_message(cluster: MonopulseCluster) -> ours.Monopulse:
+    message = ours.Monopulse(carrier_to_noise=float(cluster.carrier_to_noise_db_hz))
+    message.header.stamp = stamp_from_seconds(float(cluster.t_s[-1]))
+    message.sample_period = round(float(cluster.t_s[1] - cluster.t_s[0]), 6) if len(cluster.t_s) > 1 else 0.0
+    for name in ("sum", "difference_cross_elevation", "difference_elevation"):
+        samples = getattr(cluster, name)
+        setattr(message, f"{name}_i", samples.real.tolist())
+        setattr(message, f"{name}_q", samples.imag.tolist())
+    return message
+
+
+def monopulse_from_message(message: ours.Monopulse) -> MonopulseCluster:
+    channels = {}
+    for name in ("sum", "difference_cross_elevation", "difference_elevation"):
+        in_phase, quadrature = np.array(getattr(message, f"{name}_i")), np.array(getattr(message, f"{name}_q"))
+        if len(in_phase) != len(quadrature) or len(in_phase) != len(message.sum_i):
+            raise ValueError(f"{name} has {len(in_phase)} I and {len(quadrature)} Q samples, must have {len(message.sum_i)}")
+        channels[name] = in_phase + 1j * quadrature
+    count = len(message.sum_i)
+    last_s = seconds_from_stamp(message.header.stamp)
+    t_s = last_s - message.sample_period * np.arange(count - 1, -1, -1)
+    return MonopulseCluster(t_s=t_s, carrier_to_noise_db_hz=message.carrier_to_noise, **channels)
+
+
+def power_to_message(power: CarrierPower) -> ours.CarrierPower:
+    message = ours.CarrierPower(
+        integration_time=power.integration_s,
+        power=power.power_w,
+        sigma=power.sigma_w,
+        carrier_to_noise=power.carrier_to_noise_db_hz,
+    )
+    message.header.stamp = stamp_from_seconds(power.t_s)
+    return message
+
+
+def power_from_message(message: ours.CarrierPower) -> CarrierPower:
+    return CarrierPower(
+        t_s=seconds_from_stamp(message.header.stamp),
+        integration_s=message.integration_time,
+        power_w=message.power,
+        sigma_w=message.sigma,
+        carrier_to_noise_db_hz=message.carrier_to_noise,
+    )
+
+
+def error_to_message(error: PointingError) -> ours.PointingError:
+    message = ours.PointingError(
+        sensor=error.sensor,
+        valid=error.valid,
+        reason=error.reason,
+        cross_elevation=float(error.cross_elevation_rad),
+        elevation=float(error.elevation_rad),
+        carrier_to_noise=float(error.carrier_to_noise_db_hz),
+    )
+    message.covariance = np.asarray(error.covariance_rad2, dtype=np.float64).ravel()
+    message.header.stamp = stamp_from_seconds(error.t_s)
+    return message
+
+
+def error_from_message(message: ours.PointingError) -> PointingError:
+    return PointingError(
+        t_s=seconds_from_stamp(message.header.stamp),
+        sensor=message.sensor,
+        cross_elevation_rad=message.cross_elevation,
+        elevation_rad=message.elevation,
+        covariance_rad2=np.array(message.covariance).reshape(2, 2),
+        carrier_to_noise_db_hz=message.carrier_to_noise,
+        valid=message.valid,
+        reason=message.reason,
+    )
+
+
+def _axis_order(names: list[str]) -> list[int]:
+    unknown = [name for name in names if name not in AXES]
+    if unknown:
+        raise ValueError(f"unknown joint {', '.join(unknown)}; the joints are {', '.join(AXES)}")
+    if sorted(names) != sorted(AXES):
+        raise ValueError(f"joints are {', '.join(names) or 'none'}, must be {', '.join(AXES)}, each once")
+    return [names.index(axis) for axis in AXES]
+
+
+def _stacked(rows: list[list[float]], order: list[int]) -> NDArray[np.float64]:
+    return np.array([[row[index] for index in order] for row in rows], dtype=np.float64).reshape(len(rows), len(order))

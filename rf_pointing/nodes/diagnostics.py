@@ -1,0 +1,50 @@
+"""Health of a node on /diagnostics once a second, in the form of REP-107."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+
+from rf_pointing.nodes.qos import STREAM
+
+__all__ = ["Diagnostics", "Health"]
+
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+
+
+@dataclass
+class Health:
+    """Result of one check: a level, a sentence and the numbers behind it."""
+
+    level: bytes = OK
+    message: str = "ok"
+    values: dict[str, object] = field(default_factory=dict)
+
+
+class Diagnostics:
+    """Publishes every registered check; the period is wall time, so that a stopped clock is seen."""
+
+    def __init__(self, node: Node, period_s: float = 1.0) -> None:
+        self._node = node
+        self._checks: dict[str, Callable[[], Health]] = {}
+        self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", STREAM)
+        self._timer = node.create_timer(period_s, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def add(self, name: str, check: Callable[[], Health]) -> None:
+        """Register `check` as the subcomponent `name`."""
+        self._checks[name] = check
+
+    def publish(self) -> None:
+        """Run the checks and publish them now."""
+        array = DiagnosticArray()
+        array.header.stamp = self._node.get_clock().now().to_msg()
+        full_name = self._node.get_fully_qualified_name()
+        for name, check in self._checks.items():
+            health = check()
+            status = DiagnosticStatus(level=health.level, name=f"{full_name.lstrip('/')}: {name}")
+            status.message, status.hardware_id = health.message, full_name
+            status.values = [KeyValue(key=key, value=str(value)) for key, value in health.values.items()]
+            array.status.append(status)
+        self._publisher.publish(array)

@@ -1,0 +1,170 @@
+"""What every node of the graph shares: lifecycle, parameters, diagnostics, one instance per name, main loop.
+
+A subclass declares its parameter sets in `__init__`, builds its core and its topics in `configure`, starts its timers in
+`activate`.  Activation never moves an antenna.  A refused parameter or a refused start keeps the node unconfigured and
+says why in the log and on /diagnostics.
+"""
+
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import rclpy
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.publisher import Publisher
+
+from rf_pointing.nodes.stamps import seconds_from_stamp
+from rf_pointing.nodes.diagnostics import ERROR, OK, Diagnostics, Health
+from rf_pointing.nodes.instance_lock import InstanceLock
+from rf_pointing.nodes.params import ParameterGroups
+
+__all__ = ["ManagedNode", "SequencedPublisher", "run"]
+
+
+class SequencedPublisher:
+    """Numbers every message of a stream, so that a recording shows what was lost."""
+
+    def __init__(self, publisher: Publisher) -> None:
+        self._publisher = publisher
+        self.sequence = 0
+
+    def publish(self, message: Any) -> None:
+        """Set the message's sequence number and publish it."""
+        self.sequence += 1
+        message.sequence = self.sequence
+        self._publisher.publish(message)
+
+
+class ManagedNode(LifecycleNode):
+    """A lifecycle node with parameter sets, diagnostics and timers that run only while it is active."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        self.lock = InstanceLock(self.get_fully_qualified_name())
+        self.parameters = ParameterGroups(self)
+        self.diagnostics = Diagnostics(self)
+        self.diagnostics.add("state", self._state_health)
+        self._state_name = "unconfigured"
+        self._refusal = ""
+        self._timers: list[Any] = []
+        self._inputs: list[Any] = []
+        self._outputs: list[Publisher] = []
+
+    def configure(self) -> None:
+        """Build the core and the topics; ValueError refuses the configuration with its message."""
+
+    def activate(self) -> None:
+        """Start timers."""
+
+    def deactivate(self) -> None:
+        """Bring what moves to a stop; timers are stopped by the base."""
+
+    def now_s(self) -> float:
+        """Return the node clock's time in seconds."""
+        return seconds_from_stamp(self.get_clock().now().to_msg())
+
+    def every(self, period_s: float, callback: Callable[[], None]) -> None:
+        """Call `callback` every `period_s` of node time until deactivation."""
+        self._timers.append(self.create_timer(period_s, callback))
+
+    def listen(self, message_type: Any, topic: str, callback: Callable[[Any], None], qos: Any) -> None:
+        """Subscribe until cleanup."""
+        self._inputs.append(self.create_subscription(message_type, topic, callback, qos))
+
+    def stream(self, message_type: Any, topic: str, qos: Any) -> SequencedPublisher:
+        """Create a publisher that numbers its messages."""
+        return SequencedPublisher(self.publisher(message_type, topic, qos))
+
+    def publisher(self, message_type: Any, topic: str, qos: Any) -> Publisher:
+        """Create a publisher that lasts until cleanup."""
+        publisher = self.create_publisher(message_type, topic, qos)
+        self._outputs.append(publisher)
+        return publisher
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        self.parameters.refuse_unknown()
+        try:
+            if self.parameters.refusals:
+                raise ValueError("; ".join(self.parameters.refusals))
+            self.configure()
+        except (ValueError, OSError) as error:
+            self._refusal = str(error)
+            self.get_logger().error(f"not configured: {error}")
+            self._clear()
+            return TransitionCallbackReturn.FAILURE
+        self._state_name, self._refusal = "inactive", ""
+        return super().on_configure(state)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        self.activate()
+        self._state_name = "active"
+        return super().on_activate(state)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        self.deactivate()
+        self._stop_timers()
+        self._state_name = "inactive"
+        return super().on_deactivate(state)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        self._clear()
+        self._state_name = "unconfigured"
+        return super().on_cleanup(state)
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        self._clear()
+        self._state_name = "finalized"
+        return super().on_shutdown(state)
+
+    def _stop_timers(self) -> None:
+        for timer in self._timers:
+            self.destroy_timer(timer)
+        self._timers.clear()
+
+    def _clear(self) -> None:
+        self._stop_timers()
+        for subscription in self._inputs:
+            self.destroy_subscription(subscription)
+        self._inputs.clear()
+        for publisher in self._outputs:
+            self.destroy_publisher(publisher)
+        self._outputs.clear()
+
+    def _state_health(self) -> Health:
+        refusals = "; ".join(self.parameters.refusals) or self._refusal
+        return Health(ERROR if refusals else OK, refusals or self._state_name, {"state": self._state_name})
+
+
+def make_executor() -> Any:
+    """Return the executor that costs least: events where this rclpy has it, else single-threaded.
+
+    It is driven by `spin_once` in a loop: `EventsExecutor.spin` burns a core without running a callback in some releases.
+    """
+    try:
+        from rclpy.experimental.events_executor import EventsExecutor
+    except ImportError:
+        return SingleThreadedExecutor()
+    return EventsExecutor()
+
+
+def run(node_type: Callable[[], Any]) -> None:
+    """Run one node until it is told to stop; a refused start prints one line and exits with 2."""
+    rclpy.init()
+    try:
+        node = node_type()
+    except (RuntimeError, ValueError) as error:
+        print(f"rf_pointing: {error}", file=sys.stderr)
+        rclpy.try_shutdown()
+        sys.exit(2)
+    executor = make_executor()
+    executor.add_node(node)
+    try:
+        while rclpy.ok():
+            executor.spin_once(timeout_sec=0.5)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    finally:
+        executor.shutdown()
+        node.destroy_node()
+        rclpy.try_shutdown()

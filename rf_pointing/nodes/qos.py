@@ -1,0 +1,33 @@
+"""Quality of service of every topic, by the role of what it carries.
+
+A publisher offers a deadline and a lifespan on commands, so that a driver may ask for them; our own subscribers ask for
+neither, so that a plain `ros2 topic pub` reaches them, and guard freshness by the stamps and a steady watchdog.
+"""
+
+from rclpy.duration import Duration
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+__all__ = ["COMMAND", "COMMAND_INPUT", "LATCHED", "STREAM"]
+
+STREAM = QoSProfile(depth=10, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.RELIABLE)
+"""Measurements and status: reliable, depth 10; losses show in the sequence numbers."""
+
+COMMAND = QoSProfile(
+    depth=1,
+    history=HistoryPolicy.KEEP_LAST,
+    reliability=ReliabilityPolicy.RELIABLE,
+    deadline=Duration(seconds=0.5),
+    lifespan=Duration(seconds=1.0),
+)
+"""What moves an antenna: only the newest counts, and an old one is worse than none."""
+
+COMMAND_INPUT = QoSProfile(depth=1, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.RELIABLE)
+"""The same, as our drivers subscribe to it."""
+
+LATCHED = QoSProfile(
+    depth=1,
+    history=HistoryPolicy.KEEP_LAST,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+)
+"""Models, limits and pass lists: a late joiner gets the last one."""

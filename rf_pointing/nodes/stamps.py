@@ -1,0 +1,20 @@
+"""ROS time and the core's UTC seconds.
+
+A float holds today's UTC seconds to 0.24 microseconds, so stamps are kept on whole microseconds: a time that came from a
+stamp goes back to the same stamp.
+"""
+
+from builtin_interfaces.msg import Time
+
+__all__ = ["seconds_from_stamp", "stamp_from_seconds"]
+
+
+def seconds_from_stamp(stamp: Time) -> float:
+    """Return UTC seconds since 1970; the inverse is `stamp_from_seconds`."""
+    return float(stamp.sec + stamp.nanosec * 1e-9)
+
+
+def stamp_from_seconds(t_s: float) -> Time:
+    """Return the stamp of `t_s`, rounded to a microsecond."""
+    microseconds = round(t_s * 1e6)
+    return Time(sec=microseconds // 1_000_000, nanosec=microseconds % 1_000_000 * 1000)

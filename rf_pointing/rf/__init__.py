@@ -1,0 +1,32 @@
+"""Beam, link and receiver: what the radio signal of a target looks like from where the beam really points."""
+
+from rf_pointing.rf.atmosphere import AtmosphereParams, air_mass, atmosphere_loss_db
+from rf_pointing.rf.beam import HALF_POWER_BEAMWIDTH_RAD, MU, Beam, BeamParams
+from rf_pointing.rf.feed import FeedVoltages, MonopulseFeed, MonopulseFeedParams
+from rf_pointing.rf.link import EirpParams, Link, LinkParams, free_space_loss_db, zenith_carrier_to_noise_db_hz
+from rf_pointing.rf.noise import BOLTZMANN_J_K, NoiseParams, system_noise_k
+from rf_pointing.rf.receiver import Receiver, ReceiverParams, ReceiverState
+
+__all__ = [
+    "BOLTZMANN_J_K",
+    "HALF_POWER_BEAMWIDTH_RAD",
+    "MU",
+    "AtmosphereParams",
+    "Beam",
+    "BeamParams",
+    "EirpParams",
+    "FeedVoltages",
+    "Link",
+    "LinkParams",
+    "MonopulseFeed",
+    "MonopulseFeedParams",
+    "NoiseParams",
+    "Receiver",
+    "ReceiverParams",
+    "ReceiverState",
+    "air_mass",
+    "atmosphere_loss_db",
+    "free_space_loss_db",
+    "system_noise_k",
+    "zenith_carrier_to_noise_db_hz",
+]

@@ -1,0 +1,100 @@
+"""Power pattern of the antenna's beam: Gaussian, or a circular aperture with its true sidelobes.
+
+Gaussian: P/P_nom = exp(-mu eps^2 / h^2), mu = 4 ln 2, h the half-power beamwidth (CONSCAN eq. 1).
+Aperture: voltage C L_1(u) + (1-C)/(p+1) L_{p+1}(u), normalised, with L_v(u) = 2^v v! J_v(u) / u^v, for the illumination
+C + (1-C)(1-rho^2)^p; u is scaled so that the pattern has the same half-power beamwidth h.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rf_pointing.geometry import MDEG, Params, parameter, require_choice
+
+__all__ = ["HALF_POWER_BEAMWIDTH_RAD", "MU", "PATTERNS", "Beam", "BeamParams"]
+
+MU = 4.0 * math.log(2.0)
+"""Exponent of the Gaussian beam: the power falls to exp(-mu/4) = 1/2 at half the half-power beamwidth."""
+
+HALF_POWER_BEAMWIDTH_RAD = {"S": 264.0 * MDEG, "X": 65.0 * MDEG, "Ka": 17.0 * MDEG}
+"""Half-power beamwidths of a 34-m dish (CONSCAN section IV for X and Ka)."""
+
+PATTERNS = ("gaussian", "uniform", "tapered")
+
+
+@dataclass(frozen=True, kw_only=True)
+class BeamParams(Params):
+    """Shape of the beam; every pattern has the same half-power beamwidth."""
+
+    half_power_beamwidth_rad: float = parameter(
+        HALF_POWER_BEAMWIDTH_RAD["X"], "full width of the beam at half power", low=1e-6, high=0.5
+    )
+    pattern: str = parameter("gaussian", "shape of the pattern", choices=PATTERNS)
+    edge_taper_db: float = parameter(12.0, "illumination at the rim below the centre (tapered)", low=0.0, high=60.0)
+    taper_exponent: int = parameter(1, "exponent p of the illumination taper (tapered)", low=1, high=4)
+
+    @classmethod
+    def for_band(cls, band: str, pattern: str = "gaussian") -> Self:
+        """Return the beam of a 34-m dish in band S, X or Ka."""
+        require_choice("band", band, HALF_POWER_BEAMWIDTH_RAD)
+        return cls(half_power_beamwidth_rad=HALF_POWER_BEAMWIDTH_RAD[band], pattern=pattern)
+
+
+class Beam:
+    """The pattern of `params`, relative to its peak."""
+
+    def __init__(self, params: BeamParams) -> None:
+        self.params = params
+
+    def voltage(self, cross_elevation_rad: ArrayLike, elevation_rad: ArrayLike) -> NDArray[np.float64]:
+        """Return the signed voltage for a target at this offset from the beam axis, 1 on the axis."""
+        angle = np.hypot(np.asarray(cross_elevation_rad, dtype=np.float64), np.asarray(elevation_rad, dtype=np.float64))
+        return normalised_voltage(self.params, angle / self.params.half_power_beamwidth_rad)
+
+    def power_gain(self, cross_elevation_rad: ArrayLike, elevation_rad: ArrayLike) -> NDArray[np.float64]:
+        """Return the received power relative to the target on the beam axis (CONSCAN eq. 1 for the Gaussian)."""
+        return self.voltage(cross_elevation_rad, elevation_rad) ** 2
+
+
+def normalised_voltage(params: BeamParams, angle_beamwidths: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the voltage at `angle_beamwidths` half-power beamwidths from the axis."""
+    if params.pattern == "gaussian":
+        return np.exp(-0.5 * MU * angle_beamwidths**2)
+    pedestal, exponent = _illumination(params)
+    return _aperture_voltage(angle_beamwidths * _u_per_beamwidth(pedestal, exponent), pedestal, exponent)
+
+
+def _illumination(params: BeamParams) -> tuple[float, int]:
+    if params.pattern == "uniform":
+        return 1.0, 1
+    return 10.0 ** (-params.edge_taper_db / 20.0), params.taper_exponent
+
+
+def _aperture_voltage(u: NDArray[np.float64], pedestal: float, exponent: int) -> NDArray[np.float64]:
+    share = (1.0 - pedestal) / (exponent + 1.0)
+    value = pedestal * _lambda(1, u) + share * _lambda(exponent + 1, u)
+    return np.asarray(value / (pedestal + share))
+
+
+def _lambda(order: int, u: NDArray[np.float64]) -> NDArray[np.float64]:
+    from scipy.special import jv
+
+    # Below this the series 1 - u^2/(4(v+1)) is exact to rounding, and u^-v would overflow.
+    small = np.abs(u) < 1e-4
+    safe = np.where(small, 1.0, u)
+    value = 2.0**order * math.factorial(order) * jv(order, safe) / safe**order
+    return np.where(small, 1.0 - u**2 / (4.0 * (order + 1.0)), value)
+
+
+@lru_cache(maxsize=64)
+def _u_per_beamwidth(pedestal: float, exponent: int) -> float:
+    from scipy.optimize import brentq
+
+    def excess(u: float) -> float:
+        return float(_aperture_voltage(np.asarray(u), pedestal, exponent)) ** 2 - 0.5
+
+    return 2.0 * float(brentq(excess, 0.5, 3.83))

@@ -1,0 +1,187 @@
+"""Simulated tracking receiver: complex sum and difference samples, and carrier power, with physical noise.
+
+Samples integrate over `sample_s`: s = A v(offset) exp(j phase) + n, E|n|^2 = N0 / sample_s on each of the three channels,
+independent; A^2 = C.  One AGC gain serves all three.  Internally N0 = 1, so A^2 is C/N0 in hertz.
+Carrier power follows CONSCAN appendix B: the in-phase arm gives (A + n_I)^2, whose variance is 2 (Pc/N0) / T (B-3).
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rf_pointing.geometry import CarrierPower, MonopulseCluster, Params, as_finite_array, parameter, require_between
+from rf_pointing.rf.beam import Beam
+from rf_pointing.rf.feed import MonopulseFeed
+from rf_pointing.rf.noise import BOLTZMANN_J_K
+
+__all__ = ["Receiver", "ReceiverParams", "ReceiverState"]
+
+ComplexArray = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReceiverParams(Params):
+    """Noise, gain control and carrier loop of the tracking receiver."""
+
+    system_noise_k: float = parameter(25.0, "system noise temperature for powers in watts", low=1.0, high=1e4)
+    noise_bandwidth_hz: float = parameter(4e4, "bandwidth of the noise power measurement", low=1.0, high=1e9)
+    difference_noise_db: float = parameter(0.0, "noise of the differences above the sum's", low=-10.0, high=20.0)
+    agc_time_constant_s: float = parameter(0.5, "time constant of the gain control", low=0.01, high=100.0)
+    noise_time_constant_s: float = parameter(10.0, "averaging time of the noise estimate", low=0.1, high=1000.0)
+    frequency_offset_hz: float = parameter(0.02, "residual carrier frequency", low=-10.0, high=10.0)
+    phase_noise_rad: float = parameter(0.05, "random walk of the carrier phase over 1 s, rms", low=0.0, high=3.0)
+    floor_db_hz: float = parameter(0.0, "smallest C/N0 the receiver reports", low=-20.0, high=40.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReceiverState:
+    """Everything the receiver carries from one cluster to the next."""
+
+    t_s: float | None = None
+    phase_rad: float = 0.0
+    agc_gain: float | None = None
+    noise_density: float = 1.0
+    clusters: int = 0
+
+
+class Receiver:
+    """Sum and difference channels behind `feed`, carrier power behind `beam`; all noise comes from `rng`."""
+
+    def __init__(
+        self, params: ReceiverParams, beam: Beam | MonopulseFeed, feed: MonopulseFeed, rng: np.random.Generator
+    ) -> None:
+        self.params = params
+        self.beam = beam
+        self.feed = feed
+        self.rng = rng
+        self.state = ReceiverState()
+
+    def cluster(
+        self,
+        t_s: ArrayLike,
+        offset_cross_elevation_rad: ArrayLike,
+        offset_elevation_rad: ArrayLike,
+        carrier_to_noise_db_hz: ArrayLike,
+        sample_s: float,
+    ) -> MonopulseCluster:
+        """Return the samples of one cluster.
+
+        Offsets (n,) are target minus beam at the times `t_s` (n,), n >= 3; the C/N0 (scalar or (n,)) is that of a beam on
+        the target, -inf for no carrier.  The pattern loss is applied here.
+        """
+        times = as_finite_array("t_s", t_s, (None,))
+        if len(times) < 3:
+            raise ValueError(f"t_s has {len(times)} samples, must have at least 3 to tell noise from carrier")
+        x = as_finite_array("offset_cross_elevation_rad", offset_cross_elevation_rad, (len(times),))
+        y = as_finite_array("offset_elevation_rad", offset_elevation_rad, (len(times),))
+        require_between("sample_s", sample_s, 1e-6, None)
+        carrier = _amplitude(carrier_to_noise_db_hz) * np.exp(1j * self._advance_phase(times))
+        channels = carrier * np.stack(self.feed.voltages(x, y)) + self._channel_noise(len(times), sample_s)
+        gain = self._advance_gain(channels[0], sample_s)
+        measured_db_hz = self._measure_carrier_to_noise(channels, sample_s)
+        total, right, up = gain * channels
+        return MonopulseCluster(
+            t_s=times,
+            sum=total,
+            difference_cross_elevation=right,
+            difference_elevation=up,
+            carrier_to_noise_db_hz=measured_db_hz,
+        )
+
+    def carrier_power(
+        self,
+        t_s: float,
+        integration_s: float,
+        offset_cross_elevation_rad: ArrayLike,
+        offset_elevation_rad: ArrayLike,
+        carrier_to_noise_db_hz: ArrayLike,
+    ) -> CarrierPower:
+        """Return the carrier power over `integration_s` ending at `t_s` (CONSCAN B-1 to B-5).
+
+        The offsets (scalar or (n,)) and C/N0 are those during the integration; the carrier integrates coherently.
+        """
+        require_between("integration_s", integration_s, 1e-6, None)
+        pattern = np.sqrt(self.beam.power_gain(offset_cross_elevation_rad, offset_elevation_rad))
+        amplitude = float(np.mean(_amplitude(carrier_to_noise_db_hz) * pattern))
+        arm = amplitude + self.rng.standard_normal() * math.sqrt(0.5 / integration_s)
+        # The square of the arm contains its own noise power; a power meter never reads below zero.
+        ratio_hz = max(arm**2 - 0.5 / integration_s, 0.0)
+        noise_w_hz = BOLTZMANN_J_K * self.params.system_noise_k
+        noise_sigma = noise_w_hz / math.sqrt(self.params.noise_bandwidth_hz * integration_s)
+        measured_noise = noise_w_hz + noise_sigma * self.rng.standard_normal()
+        return CarrierPower(
+            t_s=t_s,
+            integration_s=integration_s,
+            power_w=ratio_hz * measured_noise,
+            sigma_w=_power_sigma_w(ratio_hz, measured_noise, noise_sigma, integration_s),
+            carrier_to_noise_db_hz=max(_db(ratio_hz), self.params.floor_db_hz),
+        )
+
+    def _advance_phase(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
+        previous = times[0] if self.state.t_s is None else self.state.t_s
+        steps = np.diff(times, prepend=previous)
+        if np.any(steps < 0.0) or np.any(steps[1:] <= 0.0):
+            raise ValueError("t_s must increase from sample to sample and from cluster to cluster")
+        walk = self.params.phase_noise_rad * np.sqrt(steps) * self.rng.standard_normal(len(times))
+        phase = self.state.phase_rad + np.cumsum(2.0 * math.pi * self.params.frequency_offset_hz * steps + walk)
+        self.state = replace(self.state, t_s=float(times[-1]), phase_rad=float(np.mod(phase[-1], 2.0 * math.pi)))
+        return phase
+
+    def _channel_noise(self, count: int, sample_s: float) -> ComplexArray:
+        parts = self.rng.standard_normal((2, 3, count)) * math.sqrt(0.5 / sample_s)
+        noise = parts[0] + 1j * parts[1]
+        noise[1:] *= 10.0 ** (self.params.difference_noise_db / 20.0)
+        return np.asarray(noise)
+
+    def _advance_gain(self, total: ComplexArray, sample_s: float) -> float:
+        power = float(np.mean(np.abs(total) ** 2))
+        wanted = 1.0 / math.sqrt(power)
+        gain = wanted if self.state.agc_gain is None else self.state.agc_gain
+        share = 1.0 - math.exp(-len(total) * sample_s / self.params.agc_time_constant_s)
+        self.state = replace(self.state, agc_gain=gain * (wanted / gain) ** share)
+        return gain
+
+    def _measure_carrier_to_noise(self, channels: ComplexArray, sample_s: float) -> float:
+        """Estimate C/N0 of the sum: power per cluster over a noise density averaged over many clusters."""
+        scaled = channels.copy()
+        scaled[1:] *= 10.0 ** (-self.params.difference_noise_db / 20.0)
+        density = noise_variance(scaled) * sample_s
+        count = self.state.clusters + 1
+        share = 1.0 - math.exp(-channels.shape[1] * sample_s / self.params.noise_time_constant_s)
+        average = self.state.noise_density if count > 1 else density
+        average += max(share, 1.0 / count) * (density - average)
+        self.state = replace(self.state, noise_density=average, clusters=count)
+        carrier = float(np.mean(np.abs(channels[0]) ** 2)) - average / sample_s
+        return max(_db(carrier / average), self.params.floor_db_hz)
+
+
+def noise_variance(channels: ComplexArray) -> float:
+    """Return the noise variance of samples (channels, n) from second differences, blind to the carrier.
+
+    The carrier's own rotation is taken out first; what is left of it, and the motion of the beam, is a straight line over
+    three samples, which the second difference (variance 6) does not see.
+    """
+    total = channels[0]
+    step = np.angle(np.vdot(total[:-1], total[1:]))
+    steady = channels * np.exp(-1j * step * np.arange(channels.shape[1]))
+    curvature = steady[:, 2:] - 2.0 * steady[:, 1:-1] + steady[:, :-2]
+    return float(np.mean(np.abs(curvature) ** 2)) / 6.0
+
+
+def _amplitude(carrier_to_noise_db_hz: ArrayLike) -> NDArray[np.float64]:
+    level = np.asarray(carrier_to_noise_db_hz, dtype=np.float64)
+    if np.any(np.isnan(level)) or np.any(level > 200.0):
+        raise ValueError(f"carrier_to_noise_db_hz={carrier_to_noise_db_hz} must be <= 200, -inf for no carrier")
+    return np.asarray(10.0 ** (level / 20.0))
+
+
+def _db(ratio: float) -> float:
+    return 10.0 * math.log10(ratio) if ratio > 0.0 else -math.inf
+
+
+def _power_sigma_w(ratio_hz: float, noise_w_hz: float, noise_sigma: float, integration_s: float) -> float:
+    """CONSCAN B-2 with B-3 scaled from 1 s; the last term of B-3' keeps the variance of noise alone."""
+    ratio_variance = 2.0 * ratio_hz / integration_s + 0.5 / integration_s**2
+    return math.sqrt(noise_sigma**2 * ratio_hz**2 + ratio_variance * noise_w_hz**2 + noise_sigma**2 * ratio_variance)

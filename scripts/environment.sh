@@ -1,0 +1,111 @@
+# Sourced by the other scripts: makes whatever is missing, then enters the environment.  Idempotent.
+#
+# Two ways in.  With a ROS 2 Jazzy install sourced (ROS_DISTRO=jazzy and colcon on the path) its Python, its colcon and
+# its interfaces are used, and only Python libraries without a Debian package are added beside it.  Otherwise a
+# virtual environment is built from pinned wheels.  Everything made lives in .ros/ below the checkout.
+
+ROOT=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+STATE=$ROOT/.ros
+LOG=$STATE/setup.log
+
+say() { echo "rf_pointing: $*" >&2; }
+die() { say "$*"; exit 1; }
+
+has_jazzy() { [ "${ROS_DISTRO:-}" = jazzy ] && [ -z "${RF_POINTING_WHEELS:-}" ] && command -v colcon >/dev/null; }
+
+# need COMMAND-THAT-PROVES-IT DEBIAN-PACKAGE...: install the packages when root, else name them.
+need() {
+  local proof=$1
+  shift
+  eval "$proof" >/dev/null 2>&1 && return
+  [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null || die "missing $*: install with 'sudo apt-get install $*'"
+  say "installing $*"
+  { apt-get update && DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends "$@"; } >>"$LOG" 2>&1 ||
+    die "could not install $*; see $LOG"
+}
+
+digest() { cat "$@" | sha256sum | cut -d' ' -f1; }
+
+# once STAMP DIGEST COMMAND...: run the command unless it already succeeded for this digest.
+once() {
+  local stamp=$STATE/$1 want=$2
+  shift 2
+  [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$want" ] && return
+  "$@" >>"$LOG" 2>&1 || { tail -n 15 "$LOG" >&2; die "set-up step '$*' failed; the whole log is $LOG"; }
+  echo "$want" >"$stamp"
+}
+
+make_wheel_environment() {
+  say "building the Python environment from pinned wheels (a few minutes, once)"
+  local r=$ROOT/requirements
+  python3 -m venv --clear "$STATE/env" &&
+    "$STATE/env/bin/python" -m pip install --disable-pip-version-check --no-input \
+      -r "$r/ros.txt" -r "$r/numeric.txt" -r "$r/runtime.txt" -r "$r/test.txt" -c "$r/lock.txt" &&
+    mend_cmake_exports
+}
+
+# The wheels' exported CMake targets name the header folders of the machine that built them.
+mend_cmake_exports() {
+  local python_h numpy_h
+  python_h=$("$STATE/env/bin/python" -c 'import sysconfig; print(sysconfig.get_path("include"))')
+  numpy_h=$("$STATE/env/bin/python" -c 'import numpy; print(numpy.get_include())')
+  grep -rlZ --include='*.cmake' /opt/python/cp "$STATE/env" | xargs -0 -r sed -i -E \
+    -e "s#/opt/python/cp[^;\"]*/numpy/_core/include#$numpy_h#g" \
+    -e "s#/opt/python/cp[^;\"]*/include/python[0-9.]+#$python_h#g"
+}
+
+add_python_libraries() {
+  say "adding the Python libraries that have no Debian package"
+  python3 -m pip install --disable-pip-version-check --no-input --upgrade --target "$STATE/python" \
+    --no-deps -r "$ROOT/requirements/runtime.txt" -r "$ROOT/requirements/test.txt" \
+    -r "$ROOT/requirements/beside-jazzy.txt"
+}
+
+build_workspace() {
+  say "building rf_pointing and its interfaces"
+  cd "$ROOT" && "$@" --log-base "$STATE/log" build --base-paths . msg_defs --symlink-install \
+    --build-base "$STATE/build" --install-base "$STATE/install" \
+    --cmake-args "-DPython3_EXECUTABLE=$(command -v python3)" -DBUILD_TESTING=OFF
+}
+
+enter_wheel_environment() {
+  need "python3 -c 'import ensurepip, venv, sys; assert (3, 11) <= sys.version_info < (3, 15)'" python3 python3-venv
+  need "command -v g++ && command -v make" g++ make
+  need "command -v cmake" cmake
+  once wheels "$(digest "$ROOT"/requirements/*.txt <(python3 --version))" make_wheel_environment
+  export VIRTUAL_ENV=$STATE/env PATH=$STATE/env/bin:$PATH
+  # Setting these here spares every process the bootstrap that would start Python a second time to set them.
+  LD_LIBRARY_PATH=$(printf '%s:' "$STATE"/env/lib "$STATE"/env/lib/python3.*/site-packages/ros_*.libs)${LD_LIBRARY_PATH:-}
+  export LD_LIBRARY_PATH _ROS_WHEELS_BOOTSTRAP_COMPLETE=1
+  export AMENT_PREFIX_PATH=$STATE/env CMAKE_PREFIX_PATH=$STATE/env
+}
+
+enter_jazzy_environment() {
+  need "python3 -m pip --version" python3-pip
+  need "python3 -c 'import numpy, scipy, matplotlib, yaml'" python3-numpy python3-scipy python3-matplotlib python3-yaml
+  once python-libraries "$(digest "$ROOT"/requirements/*.txt)" add_python_libraries
+  export PYTHONPATH=$STATE/python${PYTHONPATH:+:$PYTHONPATH}
+}
+
+enter_environment() {
+  mkdir -p "$STATE"
+  exec 9>"$STATE/lock"
+  flock 9
+  local how=wheels
+  if has_jazzy; then
+    how=jazzy
+    enter_jazzy_environment
+  else
+    enter_wheel_environment
+  fi
+  local sources
+  sources=$(find "$ROOT/msg_defs" "$ROOT/config" "$ROOT/launch" -type f | sort)
+  once workspace "$how $(echo "$sources" | sha256sum | cut -c1-16) $(digest "$ROOT"/setup.* "$ROOT"/package.xml \
+    $(find "$ROOT/msg_defs" -type f | sort))" build_workspace colcon
+  set +u
+  # shellcheck disable=SC1091
+  . "$STATE/install/local_setup.bash"
+  set -u
+  exec 9>&-
+  export ROS_AUTOMATIC_DISCOVERY_RANGE=${ROS_AUTOMATIC_DISCOVERY_RANGE:-LOCALHOST}
+}

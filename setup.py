@@ -1,0 +1,41 @@
+"""Build rules of the ament_python package; every executable is listed in `EXECUTABLES`."""
+
+from glob import glob
+
+from setuptools import find_packages, setup
+
+PACKAGE = "rf_pointing"
+EXECUTABLES = [
+    "antenna_servo",
+    "bias_calibrator",
+    "conscan_tracker",
+    "ephemeris_publisher",
+    "monopulse_tracker",
+    "pointing_controller",
+    "report",
+    "reproduce",
+    "rf_receiver",
+    "simulation_clock",
+    "track",
+]
+
+setup(
+    name=PACKAGE,
+    version="0.1.0",
+    description="Ground-station antenna pointing: servo, RF trackers, ephemeris and calibration as a ROS 2 graph.",
+    license="Apache-2.0",
+    maintainer="rf_pointing maintainers",
+    maintainer_email="maintainers@rf-pointing.example",
+    packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
+        (f"share/{PACKAGE}", ["package.xml"]),
+        (f"share/{PACKAGE}/config", sorted(glob("config/*.*"))),
+        (f"share/{PACKAGE}/launch", sorted(glob("launch/*.py"))),
+    ],
+    python_requires=">=3.11",
+    install_requires=["setuptools"],
+    extras_require={"fast": ["numba"], "sweep": ["dask", "distributed"]},
+    zip_safe=False,
+    entry_points={"console_scripts": [f"{name} = {PACKAGE}.nodes.{name}:main" for name in EXECUTABLES]},
+)
