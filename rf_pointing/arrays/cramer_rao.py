@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from rf_pointing.arrays.circular_array import CircularArrayParams, phase_radius_rad, steering, steering_taylor
 from rf_pointing.geometry import require_between
 
-__all__ = ["cosine_sigma_rad", "direction_bound_rad2", "polar_sigma_rad", "search_grid_rmse_rad"]
+__all__ = ["cosine_sigma_rad", "direction_bound_rad2", "effective_snr", "polar_sigma_rad", "search_grid_rmse_rad"]
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -29,6 +29,15 @@ def cosine_sigma_rad(array: CircularArrayParams, snapshots: int, snr: float) -> 
     require_between("snr", snr, 1e-12, None)
     total = array.elements * snr
     return math.sqrt((1.0 + 1.0 / total) / (snapshots * total)) / phase_radius_rad(array)
+
+
+def effective_snr(array: CircularArrayParams, snapshots: int, snr: float) -> float:
+    """Return kappa = L (M SNR)^2 / (1 + M SNR), the inverse squared bound in units of phase at the rim.
+
+    MUSIC's threshold sits at one value of kappa, not of L M SNR: kappa holds the loss of estimating from L noisy
+    snapshots (at L M SNR = 48, 100 snapshots give 16 % outliers and 10 give 0.01 %).
+    """
+    return 1.0 / (phase_radius_rad(array) * cosine_sigma_rad(array, snapshots, snr)) ** 2
 
 
 def polar_sigma_rad(

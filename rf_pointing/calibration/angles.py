@@ -40,20 +40,19 @@ class ArrayAngles:
         temperature_k: ArrayLike | None,
     ) -> "ArrayAngles":
         """Broadcast the six motions to one shape."""
-        arrays = np.broadcast_arrays(
-            *(
-                np.asarray(value, dtype=np.float64)
-                for value in (
-                    azimuth_rad,
-                    elevation_rad,
-                    azimuth_rate_rad_s,
-                    elevation_rate_rad_s,
-                    azimuth_acceleration_rad_s2,
-                    elevation_acceleration_rad_s2,
-                )
-            )
+        six = (
+            azimuth_rad,
+            elevation_rad,
+            azimuth_rate_rad_s,
+            elevation_rate_rad_s,
+            azimuth_acceleration_rad_s2,
+            elevation_acceleration_rad_s2,
         )
-        return cls(*arrays, None if temperature_k is None else np.asarray(temperature_k, dtype=np.float64))
+        az, el, az_rate, el_rate, az_acceleration, el_acceleration = np.broadcast_arrays(
+            *(np.asarray(value, dtype=np.float64) for value in six)
+        )
+        temperature = None if temperature_k is None else np.asarray(temperature_k, dtype=np.float64)
+        return cls(az, el, az_rate, el_rate, az_acceleration, el_acceleration, temperature)
 
     @property
     def one(self) -> Array:
@@ -101,12 +100,11 @@ class SeriesAngles:
     azimuth: Array
     elevation: Array
     temperature_k: Array | None = None
+    _kept: dict[tuple[int, int], tuple[Array, Array]] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def one(self) -> Array:
-        constant = np.zeros_like(self.azimuth)
-        constant[0] = 1.0
-        return constant
+        return taylor.constant(1.0, self.azimuth)
 
     @property
     def tan_elevation(self) -> Array:
@@ -141,16 +139,22 @@ class SeriesAngles:
         return _temperature_difference(self.temperature_k) * self.one
 
     def sin_azimuth(self, multiple: int) -> Array:
-        return taylor.sine_cosine(multiple * self.azimuth)[0]
+        return self._keep(0, multiple)[0]
 
     def cos_azimuth(self, multiple: int) -> Array:
-        return taylor.sine_cosine(multiple * self.azimuth)[1]
+        return self._keep(0, multiple)[1]
 
     def sin_elevation(self, multiple: int) -> Array:
-        return taylor.sine_cosine(multiple * self.elevation)[0]
+        return self._keep(1, multiple)[0]
 
     def cos_elevation(self, multiple: int) -> Array:
-        return taylor.sine_cosine(multiple * self.elevation)[1]
+        return self._keep(1, multiple)[1]
+
+    def _keep(self, axis: int, multiple: int) -> tuple[Array, Array]:
+        key = (axis, multiple)
+        if key not in self._kept:
+            self._kept[key] = taylor.sine_cosine(multiple * (self.elevation if axis else self.azimuth))
+        return self._kept[key]
 
 
 def _temperature_difference(temperature_k: Array | None) -> Array:

@@ -40,7 +40,8 @@ class Skew:
             return np.eye(3)
         east, north = -self.mislevel_east / angle, self.mislevel_north / angle
         cross = np.array([[0.0, 0.0, north], [0.0, 0.0, -east], [-north, east, 0.0]])
-        return np.eye(3) + math.sin(angle) * cross + (1.0 - math.cos(angle)) * (cross @ cross)
+        matrix: Array = np.eye(3) + math.sin(angle) * cross + (1.0 - math.cos(angle)) * (cross @ cross)
+        return matrix
 
 
 def axes_from_sky(azimuth: Array, elevation: Array, skew: Skew) -> tuple[Array, Array]:
@@ -52,16 +53,16 @@ def axes_from_sky(azimuth: Array, elevation: Array, skew: Skew) -> tuple[Array, 
     east, north, up = _rotated(skew.tilt().T, _direction(azimuth, elevation))
     sin_c, sin_n = -math.sin(skew.collimation), -math.sin(skew.non_orthogonality)
     cos_n = math.cos(skew.non_orthogonality)
-    right = (sin_n * up + sin_c * _one(up)) / cos_n
+    right = (sin_n * up + sin_c * taylor.constant(1.0, up)) / cos_n
     forward_squared = taylor.multiply(east, east) + taylor.multiply(north, north) - taylor.multiply(right, right)
     if np.any(forward_squared[0] <= 0.0):
         raise ValueError(
-            f"elevation {math.degrees(float(np.max(np.sin(elevation[0])))):.3f} deg-sine: direction lies within "
-            f"{math.degrees(skew.hole_rad):.4f} deg of the mount's zenith, which no axis angles reach"
+            f"a direction lies within {math.degrees(skew.hole_rad):.4f} deg of the mount's zenith: "
+            "no axis angles reach it"
         )
     branch = np.where(elevation[0] > np.pi / 2.0, -1.0, 1.0)
     forward = branch * taylor.square_root(forward_squared)
-    axis_elevation = taylor.angle_of((up + sin_c * sin_n * _one(up)) / cos_n, forward)
+    axis_elevation = taylor.angle_of((up + sin_c * sin_n * taylor.constant(1.0, up)) / cos_n, forward)
     axis_azimuth = taylor.angle_of(east, north) - taylor.angle_of(right, forward)
     return _near(axis_azimuth, azimuth), axis_elevation
 
@@ -72,9 +73,9 @@ def sky_from_axes(axis_azimuth: Array, axis_elevation: Array, skew: Skew) -> tup
     sin_e, cos_e = taylor.sine_cosine(axis_elevation)
     sin_c, cos_c = -math.sin(skew.collimation), math.cos(skew.collimation)
     sin_n, cos_n = -math.sin(skew.non_orthogonality), math.cos(skew.non_orthogonality)
-    right = cos_n * sin_c * _one(sin_e) + sin_n * cos_c * sin_e
+    right = cos_n * sin_c * taylor.constant(1.0, sin_e) + sin_n * cos_c * sin_e
     forward = cos_c * cos_e
-    up = cos_n * cos_c * sin_e - sin_n * sin_c * _one(sin_e)
+    up = cos_n * cos_c * sin_e - sin_n * sin_c * taylor.constant(1.0, sin_e)
     east = taylor.multiply(right, cos_a) + taylor.multiply(forward, sin_a)
     north = taylor.multiply(forward, cos_a) - taylor.multiply(right, sin_a)
     east, north, up = _rotated(skew.tilt(), (east, north, up))
@@ -94,12 +95,6 @@ def _rotated(matrix: Array, vector: tuple[Array, Array, Array]) -> tuple[Array, 
     x, y, z = vector
     first, second, third = (row[0] * x + row[1] * y + row[2] * z for row in matrix)
     return first, second, third
-
-
-def _one(like: Array) -> Array:
-    constant = np.zeros_like(like)
-    constant[0] = 1.0
-    return constant
 
 
 def _near(angle: Array, reference: Array) -> Array:

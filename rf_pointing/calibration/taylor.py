@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["angle_of", "derivative", "divide", "from_derivatives", "multiply", "sine_cosine", "square_root", "truncate"]
+__all__ = ["angle_of", "constant", "derivative", "divide", "from_derivatives", "multiply", "sine_cosine", "square_root"]
 
 Array = NDArray[np.float64]
 
@@ -31,49 +31,61 @@ def derivative(series: Array, times: int = 1) -> Array:
     return result
 
 
-def truncate(series: Array, length: int) -> Array:
-    """Return the first `length` elements; they do not depend on the dropped ones."""
-    return series[:length]
+def constant(value: float, like: Array) -> Array:
+    """Return the series of a constant, in the shape of `like`."""
+    series = np.zeros_like(like)
+    series[0] = value
+    return series
 
 
 def multiply(a: Array, b: Array) -> Array:
     """Return the series of a * b."""
-    return np.stack([sum((a[j] * b[k - j] for j in range(1, k + 1)), start=a[0] * b[k]) for k in range(len(a))])
+    product: Array = a[0] * b
+    for j in range(1, len(a)):
+        product[j:] += a[j] * b[: len(b) - j]
+    return product
 
 
 def divide(a: Array, b: Array) -> Array:
     """Return the series of a / b."""
-    quotient: list[Array] = []
+    quotient = np.array(a)
     for k in range(len(a)):
-        known = sum((b[j] * quotient[k - j] for j in range(1, k + 1)), start=np.zeros_like(a[0]))
-        quotient.append((a[k] - known) / b[0])
-    return np.stack(quotient)
+        for j in range(1, k + 1):
+            quotient[k] -= b[j] * quotient[k - j]
+        quotient[k] /= b[0]
+    return quotient
 
 
 def square_root(a: Array) -> Array:
     """Return the series of sqrt(a), a > 0."""
-    root: list[Array] = [np.sqrt(a[0])]
+    root = np.array(a)
+    root[0] = np.sqrt(a[0])
     for k in range(1, len(a)):
-        known = sum((root[j] * root[k - j] for j in range(1, k)), start=np.zeros_like(a[0]))
-        root.append((a[k] - known) / (2.0 * root[0]))
-    return np.stack(root)
+        for j in range(1, k):
+            root[k] -= root[j] * root[k - j]
+        root[k] /= 2.0 * root[0]
+    return root
 
 
 def sine_cosine(a: Array) -> tuple[Array, Array]:
     """Return the series of sin(a) and cos(a)."""
-    sine, cosine = [np.sin(a[0])], [np.cos(a[0])]
+    sine, cosine = np.zeros_like(a), np.zeros_like(a)
+    sine[0], cosine[0] = np.sin(a[0]), np.cos(a[0])
     for k in range(1, len(a)):
-        sine.append(sum((j * a[j] * cosine[k - j] for j in range(2, k + 1)), start=a[1] * cosine[k - 1]) / k)
-        cosine.append(-sum((j * a[j] * sine[k - j] for j in range(2, k + 1)), start=a[1] * sine[k - 1]) / k)
-    return np.stack(sine), np.stack(cosine)
+        for j in range(1, k + 1):
+            weight = (j / k) * a[j]
+            sine[k] += weight * cosine[k - j]
+            cosine[k] -= weight * sine[k - j]
+    return sine, cosine
 
 
 def angle_of(y: Array, x: Array) -> Array:
     """Return the series of atan2(y, x), its value in (-pi, pi]."""
-    value = np.arctan2(y[0], x[0])[np.newaxis]
+    value: Array = np.expand_dims(np.arctan2(y[0], x[0]), 0)
     if len(y) == 1:
         return value
     turning = multiply(x, derivative(y)) - multiply(y, derivative(x))
     rate = divide(turning, multiply(x, x) + multiply(y, y))[:-1]
-    order = np.arange(1.0, len(y)).reshape(-1, *([1] * (y.ndim - 1)))
-    return np.concatenate([value, rate / order])
+    order = np.arange(1.0, len(y)).reshape((-1,) + (1,) * (y.ndim - 1))
+    series: Array = np.concatenate([value, rate / order])
+    return series

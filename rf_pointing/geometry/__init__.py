@@ -10,7 +10,16 @@ from rf_pointing.geometry.angles import (
     wrap_rad,
 )
 from rf_pointing.geometry.checks import as_finite_array, require_between, require_choice, require_finite
-from rf_pointing.geometry.parameters import Params, from_degrees, parameter, parameter_unit, to_degrees
+from rf_pointing.geometry.hermite import Motion, quintic
+from rf_pointing.geometry.parameters import (
+    Params,
+    from_degrees,
+    leaves,
+    parameter,
+    parameter_unit,
+    to_degrees,
+    with_leaves,
+)
 from rf_pointing.geometry.random_streams import random_stream
 from rf_pointing.geometry.signals import (
     AXES,
@@ -31,6 +40,7 @@ __all__ = [
     "JointReading",
     "JointTrajectory",
     "MonopulseCluster",
+    "Motion",
     "Params",
     "PointingError",
     "Target",
@@ -38,9 +48,11 @@ __all__ = [
     "as_finite_array",
     "azel_from_unit_vector",
     "from_degrees",
+    "leaves",
     "nearest_turn_rad",
     "parameter",
     "parameter_unit",
+    "quintic",
     "random_stream",
     "require_between",
     "require_choice",
@@ -48,5 +60,6 @@ __all__ = [
     "sky_offset_rad",
     "to_degrees",
     "unit_vector_from_azel",
+    "with_leaves",
     "wrap_rad",
 ]

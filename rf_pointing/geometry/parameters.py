@@ -11,13 +11,15 @@ numeric core (radians), YAML files and ROS parameters (degrees: `_rad` becomes `
 import dataclasses
 import math
 from collections.abc import Mapping
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import numpy as np
 
 from rf_pointing.geometry.checks import require_between, require_choice
 
-__all__ = ["Params", "from_degrees", "parameter", "parameter_unit", "to_degrees"]
+__all__ = ["Params", "from_degrees", "leaves", "parameter", "parameter_unit", "to_degrees", "with_leaves"]
+
+P = TypeVar("P", bound="Params")
 
 _UNITS = {
     "_rad_s3": "rad/s^3",
@@ -95,6 +97,48 @@ class Params:
         if missing:
             raise ValueError(f"{cls.__name__} needs {', '.join(missing)}")
         return cls(**{name: _tuple(value) for name, value in values.items()})
+
+
+def leaves(params: Params, prefix: str = "") -> "dict[str, tuple[dataclasses.Field[Any], Any]]":
+    """Return every field below `params` by its dotted edge name (degrees), with its declaration and edge value."""
+    found: dict[str, tuple[dataclasses.Field[Any], Any]] = {}
+    for item in dataclasses.fields(params):
+        value = getattr(params, item.name)
+        if isinstance(value, Params):
+            found |= leaves(value, f"{prefix}{item.name}.")
+        else:
+            edge, edge_value = to_degrees(item.name, value)
+            found[prefix + edge] = (item, edge_value)
+    return found
+
+
+def with_leaves(params: P, values: Mapping[str, Any]) -> P:
+    """Return `params` with the fields named by dotted edge names (degrees) replaced, checked as a whole.
+
+    The inverse of `leaves`.  Raises ValueError naming the key for an unknown one or a refused value.
+    """
+    changes: dict[str, Any] = {}
+    nested: dict[str, dict[str, Any]] = {}
+    for name, value in values.items():
+        head, _, rest = name.partition(".")
+        if rest:
+            nested.setdefault(head, {})[rest] = value
+        else:
+            field, changes_value = from_degrees(head, _tuple(value))
+            changes[field] = changes_value
+    for head, below in nested.items():
+        inner = getattr(params, head, None)
+        if not isinstance(inner, Params):
+            raise ValueError(f"{type(params).__name__} has no parameter {head}.{next(iter(below))}")
+        try:
+            changes[head] = with_leaves(inner, below)
+        except ValueError as error:
+            raise ValueError(f"{head}.{error}") from error
+    known = {item.name for item in dataclasses.fields(params)}
+    unknown = sorted(set(changes) - known)
+    if unknown:
+        raise ValueError(f"{to_degrees(unknown[0], 0.0)[0]}: {type(params).__name__} has no such parameter")
+    return params.replace(**changes)
 
 
 def to_degrees(name: str, value: Any) -> tuple[str, Any]:

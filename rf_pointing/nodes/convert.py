@@ -91,7 +91,9 @@ def trajectory_from_message(message: TrajectoryMessage) -> JointTrajectory:
     for name in ("positions", "velocities", "accelerations"):
         for index, point in enumerate(message.points):
             if len(getattr(point, name)) != len(order):
-                raise ValueError(f"points[{index}].{name} has {len(getattr(point, name))} values, must have {len(order)}")
+                raise ValueError(
+                    f"points[{index}].{name} has {len(getattr(point, name))} values, must have {len(order)}"
+                )
     return JointTrajectory(
         t_s=np.array([base_s + p.time_from_start.sec + p.time_from_start.nanosec * 1e-9 for p in message.points]),
         position_rad=_stacked([p.positions for p in message.points], order),
@@ -128,7 +130,9 @@ def monopulse_from_message(message: ours.Monopulse) -> MonopulseCluster:
     for name in ("sum", "difference_cross_elevation", "difference_elevation"):
         in_phase, quadrature = np.array(getattr(message, f"{name}_i")), np.array(getattr(message, f"{name}_q"))
         if len(in_phase) != len(quadrature) or len(in_phase) != len(message.sum_i):
-            raise ValueError(f"{name} has {len(in_phase)} I and {len(quadrature)} Q samples, must have {len(message.sum_i)}")
+            raise ValueError(
+                f"{name} has {len(in_phase)} I and {len(quadrature)} Q samples, must have {len(message.sum_i)}"
+            )
         channels[name] = in_phase + 1j * quadrature
     count = len(message.sum_i)
     last_s = seconds_from_stamp(message.header.stamp)

@@ -15,7 +15,7 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.publisher import Publisher
 
 from rf_pointing.nodes.stamps import seconds_from_stamp
-from rf_pointing.nodes.diagnostics import ERROR, OK, Diagnostics, Health
+from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health
 from rf_pointing.nodes.instance_lock import InstanceLock
 from rf_pointing.nodes.params import ParameterGroups
 
@@ -36,6 +36,32 @@ class SequencedPublisher:
         self._publisher.publish(message)
 
 
+class LossCounter:
+    """Counts the gaps in the sequence numbers of the streams a node listens to."""
+
+    def __init__(self) -> None:
+        self._newest: dict[str, int] = {}
+        self.lost: dict[str, int] = {}
+
+    def watching(self, topic: str, callback: Callable[[Any], None]) -> Callable[[Any], None]:
+        """Return `callback` with the count in front of it; a publisher that starts again at 1 is not a loss."""
+        self.lost[topic] = 0
+
+        def counted(message: Any) -> None:
+            newest = self._newest.get(topic)
+            if newest is not None and message.sequence > newest + 1:
+                self.lost[topic] += message.sequence - newest - 1
+            self._newest[topic] = message.sequence
+            callback(message)
+
+        return counted
+
+    def health(self) -> Health:
+        """Return the counts, as a warning when anything was lost."""
+        total = sum(self.lost.values())
+        return Health(WARN if total else OK, f"{total} messages lost" if total else "complete", dict(self.lost))
+
+
 class ManagedNode(LifecycleNode):
     """A lifecycle node with parameter sets, diagnostics and timers that run only while it is active."""
 
@@ -44,7 +70,9 @@ class ManagedNode(LifecycleNode):
         self.lock = InstanceLock(self.get_fully_qualified_name())
         self.parameters = ParameterGroups(self)
         self.diagnostics = Diagnostics(self)
+        self.losses = LossCounter()
         self.diagnostics.add("state", self._state_health)
+        self.diagnostics.add("inputs", self.losses.health)
         self._state_name = "unconfigured"
         self._refusal = ""
         self._timers: list[Any] = []
@@ -68,9 +96,17 @@ class ManagedNode(LifecycleNode):
         """Call `callback` every `period_s` of node time until deactivation."""
         self._timers.append(self.create_timer(period_s, callback))
 
-    def listen(self, message_type: Any, topic: str, callback: Callable[[Any], None], qos: Any) -> None:
-        """Subscribe until cleanup."""
-        self._inputs.append(self.create_subscription(message_type, topic, callback, qos))
+    def turn(self) -> float:
+        """Do what is due between two events; return how many seconds to wait for the next event at most."""
+        return 0.5
+
+    def listen(
+        self, message_type: Any, topic: str, callback: Callable[[Any], None], qos: Any, *, raw: bool = False
+    ) -> None:
+        """Subscribe until cleanup; a numbered stream is watched for gaps, which show on /diagnostics."""
+        if not raw and hasattr(message_type, "sequence"):
+            callback = self.losses.watching(topic, callback)
+        self._inputs.append(self.create_subscription(message_type, topic, callback, qos, raw=raw))
 
     def stream(self, message_type: Any, topic: str, qos: Any) -> SequencedPublisher:
         """Create a publisher that numbers its messages."""
@@ -161,7 +197,7 @@ def run(node_type: Callable[[], Any]) -> None:
     executor.add_node(node)
     try:
         while rclpy.ok():
-            executor.spin_once(timeout_sec=0.5)
+            executor.spin_once(timeout_sec=node.turn())
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     finally:

@@ -13,7 +13,7 @@ from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValu
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from rf_pointing.geometry import Params, from_degrees, parameter_unit, to_degrees
+from rf_pointing.geometry import Params, leaves, parameter_unit, to_degrees, with_leaves
 
 __all__ = ["ParameterGroups"]
 
@@ -34,14 +34,17 @@ class ParameterGroups:
         node.add_post_set_parameters_callback(self._apply)
 
     def declare(self, prefix: str, defaults: Params) -> None:
-        """Declare every field of `defaults`; a refused value from YAML is kept in `refusals` for `on_configure`."""
+        """Declare every field below `defaults`; a value from YAML that is refused goes to `refusals`."""
         self._groups[prefix] = defaults
-        for item in dataclasses.fields(defaults):
-            edge, value = to_degrees(item.name, getattr(defaults, item.name))
+        given: list[Parameter] = []
+        for edge, (item, value) in leaves(defaults).items():
             name = f"{prefix}.{edge}" if prefix else edge
-            self._owner[name] = (prefix, item.name)
-            self._declare_one(name, list(value) if isinstance(value, tuple) else value, _descriptor(item, edge))
-        self._load(prefix)
+            given.append(self._declare_one(name, value, _descriptor(item, edge)))
+            self._owner[name] = (prefix, edge)
+        try:
+            self._groups.update(self._candidates(given))
+        except ValueError as error:
+            self.refusals.append(str(error))
 
     def value(self, prefix: str) -> Any:
         """Return the present set under `prefix`, as the core's frozen dataclass."""
@@ -58,34 +61,26 @@ class ParameterGroups:
             if not self._node.has_parameter(name) and not name.startswith(_STANDARD):
                 self.refusals.append(f"{name}: no such parameter of {self._node.get_name()}")
 
-    def _declare_one(self, name: str, default: Any, descriptor: ParameterDescriptor) -> None:
+    def _declare_one(self, name: str, default: Any, descriptor: ParameterDescriptor) -> Parameter:
+        default = list(default) if isinstance(default, tuple) else default
         try:
-            self._node.declare_parameter(name, default, descriptor)
+            return self._node.declare_parameter(name, default, descriptor)
         except (InvalidParameterTypeException, InvalidParameterValueException) as error:
             self.refusals.append(f"{name}: {error}")
-            self._node.declare_parameter(name, default, descriptor, ignore_override=True)
-
-    def _load(self, prefix: str) -> None:
-        values = [self._node.get_parameter(name) for name, (owner, _) in self._owner.items() if owner == prefix]
-        try:
-            self._groups.update(self._candidates(values))
-        except ValueError as error:
-            self.refusals.append(str(error))
+            return self._node.declare_parameter(name, default, descriptor, ignore_override=True)
 
     def _candidates(self, changes: list[Parameter]) -> dict[str, Params]:
         by_prefix: dict[str, dict[str, Any]] = {}
         for change in changes:
             if change.name in self._owner:
-                prefix, field = self._owner[change.name]
-                value = change.value
-                value = tuple(value) if isinstance(value, (list, tuple)) or hasattr(value, "typecode") else value
-                edge = change.name.removeprefix(f"{prefix}.") if prefix else change.name
-                by_prefix.setdefault(prefix, {})[field] = from_degrees(edge, value)[1]
-        return {prefix: self._replaced(prefix, fields) for prefix, fields in by_prefix.items()}
+                prefix, edge = self._owner[change.name]
+                plain = isinstance(change.value, (bool, int, float, str))
+                by_prefix.setdefault(prefix, {})[edge] = change.value if plain else tuple(change.value)
+        return {prefix: self._replaced(prefix, values) for prefix, values in by_prefix.items()}
 
-    def _replaced(self, prefix: str, fields: dict[str, Any]) -> Params:
+    def _replaced(self, prefix: str, values: dict[str, Any]) -> Params:
         try:
-            return self._groups[prefix].replace(**fields)
+            return with_leaves(self._groups[prefix], values)
         except ValueError as error:
             raise ValueError(f"{prefix}.{error}" if prefix else str(error)) from error
 
@@ -116,5 +111,7 @@ def _descriptor(item: "dataclasses.Field[Any]", edge: str) -> ParameterDescripto
         descriptor.integer_range = [IntegerRange(from_value=bounds[0], to_value=bounds[1], step=0)]
     elif item.type is float:
         bounds_f = (low if low is not None else -_LARGEST, high if high is not None else _LARGEST)
-        descriptor.floating_point_range = [FloatingPointRange(from_value=float(bounds_f[0]), to_value=float(bounds_f[1]))]
+        descriptor.floating_point_range = [
+            FloatingPointRange(from_value=float(bounds_f[0]), to_value=float(bounds_f[1]))
+        ]
     return descriptor

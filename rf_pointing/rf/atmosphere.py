@@ -40,7 +40,7 @@ def air_mass(elevation_rad: ArrayLike, height_m: float) -> NDArray[np.float64]:
     """Return the path through the layer over its height; `elevation_rad` within [0, pi]."""
     elevation = np.asarray(elevation_rad, dtype=np.float64)
     if np.any(elevation < 0.0) or np.any(elevation > math.pi):
-        raise ValueError(f"elevation_rad={elevation_rad} must be >= 0 and <= pi")
+        raise ValueError(f"elevation_rad={elevation} must be >= 0 and <= pi")
     ratio = EARTH_RADIUS_M / height_m
     rise = ratio * np.sin(elevation)
     return np.asarray(np.sqrt(rise**2 + 2.0 * ratio + 1.0) - rise)

@@ -97,4 +97,4 @@ def _u_per_beamwidth(pedestal: float, exponent: int) -> float:
     def excess(u: float) -> float:
         return float(_aperture_voltage(np.asarray(u), pedestal, exponent)) ** 2 - 0.5
 
-    return 2.0 * float(brentq(excess, 0.5, 3.83))
+    return 2.0 * float(brentq(excess, 0.5, 3.83, xtol=1e-14))

@@ -34,7 +34,7 @@ class FeedVoltages(NamedTuple):
 class MonopulseFeedParams(Params):
     """What the feed and its comparator do to the differences; pairs are cross-elevation, elevation."""
 
-    slope: float = parameter(1.57, "h d(difference/sum)/dx on the axis, per half-power beamwidth", low=0.1, high=3.0)
+    slope: float = parameter(1.57, "h d(difference/sum)/dx on the axis, per half-power beamwidth", low=0.1, high=2.5)
     difference_gain_db: tuple[float, float] = parameter(
         (0.0, 0.0), "gain of each difference channel relative to the sum channel", low=-20.0, high=20.0
     )
@@ -126,16 +126,14 @@ def _squint_and_width(beam: BeamParams, slope: float) -> tuple[float, float]:
     def slope_error(ratio: float) -> float:
         return _sum_beamwidth(beam, ratio) * _slope_per_width(beam, ratio) - slope
 
-    widest = 0.65  # beyond it the sum splits into four peaks
-    if slope_error(widest) < 0.0:
-        raise ValueError(f"slope={slope} must be <= {slope_error(widest) + slope:.3f} for the {beam.pattern} pattern")
-    ratio = float(brentq(slope_error, 1e-6, widest))
+    # Beyond 0.6 of its beamwidth the sum splits into four peaks; there the slope is above 3 for every pattern.
+    ratio = float(brentq(slope_error, 1e-6, 0.6, xtol=1e-14))
     width = 1.0 / _sum_beamwidth(beam, ratio)
     return ratio * width, width
 
 
 def _slope_per_width(beam: BeamParams, ratio: float) -> float:
-    step = np.array([1e-4, -1e-4])
+    step = np.array([1e-5, -1e-5])
     total, right, _ = _comparator(beam, ratio, 1.0, step, np.zeros(2))
     return float(np.diff(right / total)[0] / np.diff(step)[0])
 
@@ -148,4 +146,4 @@ def _sum_beamwidth(beam: BeamParams, ratio: float) -> float:
         total, _, _ = _comparator(beam, ratio, 1.0, np.asarray(half), np.asarray(0.0))
         return float(total) ** 2 - 0.5
 
-    return 2.0 * float(brentq(excess, 0.2, 1.6))
+    return 2.0 * float(brentq(excess, 0.2, 1.6, xtol=1e-14))

@@ -1,7 +1,7 @@
 """Simulated tracking receiver: complex sum and difference samples, and carrier power, with physical noise.
 
-Samples integrate over `sample_s`: s = A v(offset) exp(j phase) + n, E|n|^2 = N0 / sample_s on each of the three channels,
-independent; A^2 = C.  One AGC gain serves all three.  Internally N0 = 1, so A^2 is C/N0 in hertz.
+Samples integrate over `sample_s`: s = A v(offset) exp(j phase) + n, E|n|^2 = N0 / sample_s, independent on each of the
+three channels; A^2 = C.  One AGC gain serves all three.  Internally N0 = 1, so A^2 is C/N0 in hertz.
 Carrier power follows CONSCAN appendix B: the in-phase arm gives (A + n_I)^2, whose variance is 2 (Pc/N0) / T (B-3).
 """
 
@@ -68,8 +68,8 @@ class Receiver:
     ) -> MonopulseCluster:
         """Return the samples of one cluster.
 
-        Offsets (n,) are target minus beam at the times `t_s` (n,), n >= 3; the C/N0 (scalar or (n,)) is that of a beam on
-        the target, -inf for no carrier.  The pattern loss is applied here.
+        Offsets (n,) are target minus beam at the times `t_s` (n,), n >= 3; the C/N0 (scalar or (n,)) is that of a beam
+        on the target, -inf for no carrier.  The pattern loss is applied here.
         """
         times = as_finite_array("t_s", t_s, (None,))
         if len(times) < 3:
@@ -158,22 +158,25 @@ class Receiver:
 
 
 def noise_variance(channels: ComplexArray) -> float:
-    """Return the noise variance of samples (channels, n) from second differences, blind to the carrier.
+    """Return the noise variance of the samples (3, n), from what the differences do not share with the sum.
 
-    The carrier's own rotation is taken out first; what is left of it, and the motion of the beam, is a straight line over
-    three samples, which the second difference (variance 6) does not see.
+    Each difference is fitted with the sum and the sum times time: carrier phase and amplitude are common to all
+    channels and drop out, and so does a steady motion of the beam.  What is left is noise of the
+    difference and |ratio|^2 of the sum's.
     """
-    total = channels[0]
-    step = np.angle(np.vdot(total[:-1], total[1:]))
-    steady = channels * np.exp(-1j * step * np.arange(channels.shape[1]))
-    curvature = steady[:, 2:] - 2.0 * steady[:, 1:-1] + steady[:, :-2]
-    return float(np.mean(np.abs(curvature) ** 2)) / 6.0
+    total, differences = channels[0], channels[1:].T
+    count = len(total)
+    basis = np.stack([total, total * np.linspace(-1.0, 1.0, count)], axis=1)
+    fit = np.linalg.lstsq(basis, differences, rcond=None)[0]
+    residual = np.sum(np.abs(differences - basis @ fit) ** 2, axis=0) / (count - 2)
+    signal_share = np.clip(1.0 - np.mean(residual) / np.mean(np.abs(total) ** 2), 0.0, 1.0)
+    return float(np.mean(residual / (1.0 + signal_share * np.abs(fit[0]) ** 2)))
 
 
 def _amplitude(carrier_to_noise_db_hz: ArrayLike) -> NDArray[np.float64]:
     level = np.asarray(carrier_to_noise_db_hz, dtype=np.float64)
     if np.any(np.isnan(level)) or np.any(level > 200.0):
-        raise ValueError(f"carrier_to_noise_db_hz={carrier_to_noise_db_hz} must be <= 200, -inf for no carrier")
+        raise ValueError(f"carrier_to_noise_db_hz={level} must be <= 200, -inf for no carrier")
     return np.asarray(10.0 ** (level / 20.0))
 
 

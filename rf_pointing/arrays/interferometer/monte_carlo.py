@@ -1,0 +1,102 @@
+"""Monte-Carlo trials of the whole sensor at one relative pose: root-mean-square errors and wrong lanes.
+
+Errors of PI83 section 8.3 (program FHR-321C): distance, chords |xi - xi_true| and |eta - eta_true|, roll.  A trial
+with a two-way range off by more than the fine lane is tallied and discarded.  All trials run as one stack.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.arrays.interferometer.ambiguity_resolution import resolve_ranges
+from rf_pointing.arrays.interferometer.array_geometry import ArrayParams, two_way_ranges
+from rf_pointing.arrays.interferometer.carriers import CarrierPlan
+from rf_pointing.arrays.interferometer.coupling import coupling_amplitudes
+from rf_pointing.arrays.interferometer.initializer import Geometry
+from rf_pointing.arrays.interferometer.link import LinkParams
+from rf_pointing.arrays.interferometer.relative_pose import RelativePose, reverse_direction, roll_from_directions
+from rf_pointing.arrays.interferometer.rf_simulation import (
+    RadioParams,
+    amplitude_sigma,
+    simulate_amplitudes,
+    simulate_phases,
+)
+from rf_pointing.arrays.interferometer.tracking_filter import SequenceParams, track
+from rf_pointing.arrays.interferometer.variant import CORRECTED, PUBLISHED
+from rf_pointing.geometry import require_between, wrap_rad
+
+__all__ = ["LISTING", "TrialErrors", "run_trials"]
+
+Array = NDArray[np.float64]
+_WRONG_LANE_FRACTION = 0.978
+LISTING = SequenceParams(range_estimator=PUBLISHED, reverse_attitude=PUBLISHED)
+"""The estimator as the report's simulation runs it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrialErrors:
+    """Errors of each good trial (n,), and how many trials had a wrong lane."""
+
+    range_m: Array
+    forward_rad: Array
+    reverse_rad: Array
+    roll_rad: Array
+    wrong_lanes: int
+
+    def rms(self) -> tuple[float, float, float, float]:
+        """Return root-mean-square errors of range, forward chord, reverse chord and roll."""
+        errors = (self.range_m, self.forward_rad, self.reverse_rad, self.roll_rad)
+        return tuple(float(np.sqrt(np.mean(error**2))) for error in errors)  # type: ignore[return-value]
+
+
+def run_trials(
+    pose: RelativePose,
+    trials: int,
+    rng: np.random.Generator,
+    arrays: ArrayParams,
+    radio: RadioParams,
+    plan: CarrierPlan,
+    link: LinkParams,
+    sequence: SequenceParams,
+    amplitude_noise: str = CORRECTED,
+) -> TrialErrors:
+    """Return the errors of `trials` independent measurements of `pose`, the estimator starting at the truth.
+
+    Raises ValueError if every trial has a wrong lane.
+    """
+    require_between("trials", trials, 1, None)
+    truth = _true_geometry(pose)
+    phases = simulate_phases(pose.position_m, pose.attitude, arrays, radio, plan, link, rng, trials)
+    sigma = amplitude_sigma(pose.range_m, radio, plan, link, amplitude_noise)
+    amplitudes = simulate_amplitudes(coupling_amplitudes(pose.direction, pose.attitude), float(sigma), rng, trials)
+    ranges = resolve_ranges(phases, plan).ranges_m
+    off = np.abs(ranges - two_way_ranges(pose.position_m, pose.attitude, arrays))
+    good = np.all(off <= _WRONG_LANE_FRACTION * plan.ambiguities_m[-1], axis=(-2, -1))
+    if not np.any(good):
+        raise ValueError(f"all {trials} trials resolved a wrong lane, must be fewer")
+    count = int(np.sum(good))
+    start = Geometry(
+        range_m=np.full(count, truth.range_m),
+        forward=np.tile(truth.forward, (count, 1)),
+        reverse=np.tile(truth.reverse, (count, 1)),
+        roll_rad=np.full(count, truth.roll_rad),
+    )
+    found = track(start, ranges[good], amplitudes[good], arrays, sequence).geometry
+    return TrialErrors(
+        range_m=found.range_m - truth.range_m,
+        forward_rad=np.linalg.norm(found.forward - truth.forward, axis=-1),
+        reverse_rad=np.linalg.norm(found.reverse - truth.reverse, axis=-1),
+        roll_rad=wrap_rad(found.roll_rad - truth.roll_rad),
+        wrong_lanes=trials - count,
+    )
+
+
+def _true_geometry(pose: RelativePose) -> Geometry:
+    reverse = reverse_direction(pose.direction, pose.attitude)
+    return Geometry(
+        range_m=np.asarray(pose.range_m),
+        forward=pose.direction,
+        reverse=reverse,
+        roll_rad=roll_from_directions(pose.direction, reverse, pose.attitude),
+    )

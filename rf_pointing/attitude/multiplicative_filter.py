@@ -1,0 +1,149 @@
+"""Attitude and rate of a satellite from directions to ground signals: multiplicative error-state Kalman filter.
+
+State: quaternion (body in orbital frame) and inertial body rate w.  Error: rotation e in the ORBITAL frame,
+C_true = exp([e x]) C, and rate error.  In this frame the reference direction S_o is known exactly, so the measured
+direction turned by the estimate, C m, misses S_o by
+
+    z = rotation vector that takes C m to S_o = e across S_o,     H = [E, 0], E two rows orthogonal to S_o:
+
+the observed and the unobserved axes never depend on the estimate, which is what lets the filter start 50 deg wrong (the
+invariant form of the extended Kalman filter, Barrau and Bonnabel 2017).  The printed filter is `published_filter`.
+All functions accept leading batch axes.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.attitude.quaternion import cross_matrix, multiply, quaternion_from_rotation_vector, quaternion_to_matrix
+from rf_pointing.attitude.rigid_body import KnownTorque, gravity_jacobian, propagate, rate_jacobian
+from rf_pointing.geometry import Params, parameter
+
+__all__ = ["AttitudeState", "DirectionObservation", "ProcessNoiseParams", "attitude_error", "predict", "update"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProcessNoiseParams(Params):
+    """Random walk added per second to the attitude and to the rate."""
+
+    attitude_rad2_s: float = parameter(1.6e-11, "variance of attitude per second, each axis, rad^2/s", low=0.0, high=1.0)
+    rate_rad2_s3: float = parameter(4e-12, "variance of rate per second, each axis, rad^2/s^3", low=0.0, high=1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class AttitudeState:
+    """quaternion (..., 4), rate_rad_s (..., 3), covariance (..., 6, 6) of [orbital-frame rotation, rate]."""
+
+    quaternion: Array
+    rate_rad_s: Array
+    covariance: Array
+
+
+@dataclass(frozen=True, slots=True)
+class DirectionObservation:
+    """Measured direction in the body (..., 3), its covariance (..., 3, 3), and the reference in the orbital frame."""
+
+    measured: Array
+    covariance_rad2: Array
+    reference: Array
+
+
+def predict(
+    inertia: Array,
+    noise: ProcessNoiseParams,
+    state: AttitudeState,
+    known: KnownTorque,
+    frame_rate: Array,
+    dt_s: float,
+) -> AttitudeState:
+    """Return the state `dt_s` later; `frame_rate` (..., 3) is the inertial rate of the orbital frame in its own axes."""
+    rotation = quaternion_to_matrix(state.quaternion)
+    quaternion, rate = propagate(inertia, state.quaternion, state.rate_rad_s, known, frame_rate, dt_s)
+    by_rate = rate_jacobian(inertia, state.rate_rad_s, known.wheel_momentum_n_m_s)
+    by_attitude = np.linalg.inv(inertia) @ gravity_jacobian(inertia, rotation, frame_rate)
+    into_orbital = rotation.swapaxes(-1, -2)
+    slope = np.zeros((*by_rate.shape[:-2], 6, 6))
+    slope[..., :3, :3] = -cross_matrix(frame_rate)
+    slope[..., :3, 3:] = rotation
+    slope[..., 3:, :3] = by_attitude @ into_orbital
+    slope[..., 3:, 3:] = by_rate
+    step = slope * dt_s
+    transition = np.eye(6) + step + 0.5 * step @ step
+    covariance = transition @ state.covariance @ transition.swapaxes(-1, -2)
+    diagonal = np.arange(6)
+    covariance[..., diagonal, diagonal] += dt_s * np.repeat([noise.attitude_rad2_s, noise.rate_rad2_s3], 3)
+    return AttitudeState(quaternion, rate, covariance)
+
+
+def innovation(state: AttitudeState, observation: DirectionObservation) -> tuple[Array, Array, Array]:
+    """Return z (..., 2), its covariance (..., 2, 2) and the rows E (..., 2, 3) orthogonal to the reference."""
+    rotation = quaternion_to_matrix(state.quaternion)
+    turned = np.einsum("...ij,...j->...i", rotation, observation.measured)
+    gap = _rotation_between(turned, observation.reference)
+    rows = _across(observation.reference)
+    carried = rows @ quaternion_to_matrix(quaternion_from_rotation_vector(gap)) @ rotation
+    noise_map = carried @ cross_matrix(observation.measured)
+    noise = noise_map @ observation.covariance_rad2 @ noise_map.swapaxes(-1, -2)
+    spread = rows @ state.covariance[..., :3, :3] @ rows.swapaxes(-1, -2) + noise
+    return np.einsum("...ij,...j->...i", rows, gap), spread, rows
+
+
+def update(state: AttitudeState, observation: DirectionObservation) -> AttitudeState:
+    """Return the state after one direction; unit vectors and a covariance of rank two in the tangent plane assumed."""
+    z, spread, rows = innovation(state, observation)
+    crossed = state.covariance[..., :, :3] @ rows.swapaxes(-1, -2)
+    gain = crossed @ np.linalg.inv(spread)
+    change = np.einsum("...ij,...j->...i", gain, z)
+    covariance = state.covariance - gain @ crossed.swapaxes(-1, -2)
+    reset = np.broadcast_to(np.eye(6), covariance.shape).copy()
+    reset[..., :3, :3] = _left_jacobian(change[..., :3])
+    covariance = reset @ covariance @ reset.swapaxes(-1, -2)
+    return AttitudeState(
+        multiply(quaternion_from_rotation_vector(change[..., :3]), state.quaternion),
+        state.rate_rad_s + change[..., 3:],
+        0.5 * (covariance + covariance.swapaxes(-1, -2)),
+    )
+
+
+def attitude_error(state: AttitudeState, quaternion: Array, rate_rad_s: Array) -> Array:
+    """Return the error (..., 6) of `state` against the truth, in the axes of its covariance."""
+    from rf_pointing.attitude.quaternion import conjugate, quaternion_to_rotation_vector
+
+    turn = quaternion_to_rotation_vector(multiply(quaternion, conjugate(state.quaternion)))
+    return np.concatenate([turn, rate_rad_s - state.rate_rad_s], axis=-1)
+
+
+def _rotation_between(first: Array, second: Array) -> Array:
+    """Return the shortest rotation vector (..., 3) taking unit vector `first` to `second`.
+
+    At exactly opposite vectors every axis across them serves: one is chosen.
+    """
+    axis = np.cross(first, second)
+    sine = np.linalg.norm(axis, axis=-1, keepdims=True)
+    angle = np.arctan2(sine, np.sum(first * second, axis=-1, keepdims=True))
+    any_axis = _across(first)[..., 0, :]
+    unit = np.where(sine > 1e-12, axis / np.where(sine > 1e-12, sine, 1.0), any_axis)
+    return np.asarray(np.where(angle < 1e-9, axis, unit * angle))
+
+
+def _across(direction: Array) -> Array:
+    """Return two orthonormal rows (..., 2, 3) orthogonal to unit vectors (..., 3), any direction (Duff et al. 2017)."""
+    x, y, z = np.moveaxis(direction, -1, 0)
+    sign = np.where(z >= 0.0, 1.0, -1.0)
+    a = -1.0 / (sign + z)
+    b = x * y * a
+    first = np.stack([1.0 + sign * x * x * a, sign * b, -sign * x], axis=-1)
+    return np.stack([first, np.stack([b, sign + y * y * a, -y], axis=-1)], axis=-2)
+
+
+def _left_jacobian(rotation: Array) -> Array:
+    """Return J (..., 3, 3) with exp(r + d) = exp(J d) exp(r)."""
+    angle = np.linalg.norm(rotation, axis=-1)[..., None, None]
+    cross = cross_matrix(rotation)
+    safe = np.where(angle > 1e-4, angle, 1.0)
+    first = np.where(angle > 1e-4, (1.0 - np.cos(safe)) / safe**2, 0.5)
+    second = np.where(angle > 1e-4, (safe - np.sin(safe)) / safe**3, 1.0 / 6.0)
+    return np.asarray(np.eye(3) + first * cross + second * cross @ cross)

@@ -1,0 +1,108 @@
+"""What a fit hands back: the terms with their uncertainty, and what the data could not say."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.calibration.bias_model import BiasModel
+from rf_pointing.calibration.separability import inseparable_pairs
+
+__all__ = ["FitResult", "PassErrors", "Rejected"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Rejected:
+    """One observation the fit left out: its row in the input, and why."""
+
+    row: int
+    t_s: float
+    pass_id: int
+    reason: str
+
+
+@dataclass(frozen=True)
+class PassErrors:
+    """Orbit and clock errors of one pass, estimated with the terms: value and sigma by name."""
+
+    pass_id: int
+    values: Mapping[str, float]
+    sigma: Mapping[str, float]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FitResult:
+    """Result of `fit_bias_model`.
+
+    `names` are the fitted terms, in the order of `values`, `sigma` (k,) and `covariance` (k, k); `held` are the fixed
+    ones.  Residuals (n,) are observed minus modelled for every input row, the rejected ones included; `used` (n,) says
+    which rows counted.  `variance_azimuth` and `variance_elevation` are the mean squared residuals over sigma, 1 where
+    the stated sigmas are right.
+    """
+
+    names: tuple[str, ...]
+    values: Array
+    covariance: Array
+    held: Mapping[str, float]
+    form: str
+    station: str
+    band: str
+    rank: int
+    condition: float
+    iterations: int
+    residual_azimuth_rad: Array
+    residual_elevation_rad: Array
+    cos_elevation: Array
+    used: NDArray[np.bool_]
+    rejected: tuple[Rejected, ...]
+    variance_azimuth: float
+    variance_elevation: float
+    degrees_of_freedom: int
+    first_t_s: float
+    last_t_s: float
+    passes: int
+    pass_errors: tuple[PassErrors, ...] = ()
+
+    @cached_property
+    def sigma(self) -> Array:
+        """Return the standard deviations of `values`."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @cached_property
+    def correlation(self) -> Array:
+        """Return the correlation matrix of `values`."""
+        return self.covariance / np.outer(self.sigma, self.sigma)
+
+    @property
+    def coefficients(self) -> dict[str, float]:
+        """Return fitted and held terms by name."""
+        return {**self.held, **dict(zip(self.names, (float(v) for v in self.values), strict=True))}
+
+    @property
+    def model(self) -> BiasModel:
+        """Return the bias model with these coefficients."""
+        return BiasModel(self.coefficients)
+
+    def sigma_of(self, name: str) -> float:
+        """Return the standard deviation of one fitted term."""
+        return float(self.sigma[self.names.index(name)])
+
+    def inseparable(self, threshold: float = 0.95) -> tuple[tuple[str, str, float], ...]:
+        """Return the pairs of terms whose correlation reaches `threshold`, the worst first."""
+        return inseparable_pairs(self.names, self.correlation, threshold)
+
+    def rms_rad(self) -> tuple[float, float]:
+        """Return the rms residual of the used rows on the sky: cross-elevation, elevation."""
+        across = (self.residual_azimuth_rad * self.cos_elevation)[self.used]
+        return float(np.sqrt(np.mean(across**2))), float(np.sqrt(np.mean(self.residual_elevation_rad[self.used] ** 2)))
+
+    def mean_rad(self) -> tuple[float, float]:
+        """Return the mean residual of the used rows: azimuth, elevation."""
+        return (
+            float(np.mean(self.residual_azimuth_rad[self.used])),
+            float(np.mean(self.residual_elevation_rad[self.used])),
+        )

@@ -1,0 +1,199 @@
+"""Observed and true angles of one station, checked before anything is fitted to them.
+
+The true angles, rates and accelerations come from a reference orbit; `observed - true` is what the bias model explains.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rf_pointing.geometry import as_finite_array, wrap_rad
+
+__all__ = ["LARGEST_BIAS_RAD", "Observations"]
+
+Array = NDArray[np.float64]
+
+LARGEST_BIAS_RAD = 0.2
+"""On-sky difference of observed and true direction above which the data are refused as wrong, not biased."""
+_LARGEST_AZIMUTH_RAD = 3.0 * np.pi
+_REQUIRED = (
+    "observed_azimuth_rad",
+    "observed_elevation_rad",
+    "true_azimuth_rad",
+    "true_elevation_rad",
+    "azimuth_rate_rad_s",
+    "elevation_rate_rad_s",
+    "azimuth_acceleration_rad_s2",
+    "elevation_acceleration_rad_s2",
+    "sigma_azimuth_rad",
+    "sigma_elevation_rad",
+)
+_OPTIONAL = ("range_m", "range_rate_m_s", "temperature_k")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Observations:
+    """Angle observations of one station in one band; every array has shape (n,).
+
+    `t_s` are UTC seconds; `pass_id` numbers the pass an observation belongs to, times increase within a pass.
+    Rates and accelerations are those of the true motion.  `sigma_azimuth_rad` is in azimuth, not on the sky (the
+    on-sky sigma divided by cos El).  `range_m` and `range_rate_m_s` are needed for orbit-error parameters,
+    `temperature_k` for thermal terms.  Raises ValueError for anything that cannot be such data.
+    """
+
+    station: str
+    band: str
+    t_s: Array
+    pass_id: NDArray[np.int64]
+    observed_azimuth_rad: Array
+    observed_elevation_rad: Array
+    true_azimuth_rad: Array
+    true_elevation_rad: Array
+    azimuth_rate_rad_s: Array
+    elevation_rate_rad_s: Array
+    azimuth_acceleration_rad_s2: Array
+    elevation_acceleration_rad_s2: Array
+    sigma_azimuth_rad: Array
+    sigma_elevation_rad: Array
+    range_m: Array | None = None
+    range_rate_m_s: Array | None = None
+    temperature_k: Array | None = None
+
+    def __post_init__(self) -> None:
+        if not self.station:
+            raise ValueError("station='' must name the station")
+        object.__setattr__(self, "t_s", _finite("t_s", self.t_s, None))
+        if len(self.t_s) == 0:
+            raise ValueError("observations: 0 rows, must have at least 1")
+        for name in _REQUIRED:
+            object.__setattr__(self, name, _finite(name, getattr(self, name), len(self.t_s)))
+        for name in _OPTIONAL:
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, _finite(name, getattr(self, name), len(self.t_s)))
+        object.__setattr__(self, "pass_id", _pass_numbers(self.pass_id, len(self.t_s)))
+        _check_times(self.t_s, self.pass_id)
+        _check_angles(self)
+        for name in ("sigma_azimuth_rad", "sigma_elevation_rad"):
+            _refuse_where(getattr(self, name) <= 0.0, name, getattr(self, name), "must be > 0")
+
+    def __len__(self) -> int:
+        return len(self.t_s)
+
+    @property
+    def residual_azimuth_rad(self) -> Array:
+        """Return observed minus true azimuth, folded into half a turn."""
+        return wrap_rad(self.observed_azimuth_rad - self.true_azimuth_rad)
+
+    @property
+    def residual_elevation_rad(self) -> Array:
+        """Return observed minus true elevation."""
+        return self.observed_elevation_rad - self.true_elevation_rad
+
+    @property
+    def passes(self) -> NDArray[np.int64]:
+        """Return the pass numbers present, ascending."""
+        return np.unique(self.pass_id)
+
+    def select(self, chosen: ArrayLike) -> "Observations":
+        """Return the rows of a boolean mask or of an index array."""
+        rows = np.asarray(chosen)
+        changed = {
+            item.name: getattr(self, item.name)[rows]
+            for item in fields(self)
+            if isinstance(getattr(self, item.name), np.ndarray)
+        }
+        return replace(self, **changed)
+
+    def motion(self) -> tuple[Array, Array, Array, Array, Array, Array]:
+        """Return the true azimuth, elevation, their rates and accelerations, in the order the bias model takes."""
+        return (
+            self.true_azimuth_rad,
+            self.true_elevation_rad,
+            self.azimuth_rate_rad_s,
+            self.elevation_rate_rad_s,
+            self.azimuth_acceleration_rad_s2,
+            self.elevation_acceleration_rad_s2,
+        )
+
+    @staticmethod
+    def concatenate(parts: "Sequence[Observations]") -> "Observations":
+        """Return all parts as one; parts of several stations, bands or kinds of columns are refused."""
+        if not parts:
+            raise ValueError("observations: 0 parts, must have at least 1")
+        for name in ("station", "band"):
+            values = sorted({getattr(part, name) for part in parts})
+            if len(values) > 1:
+                raise ValueError(f"{name} is mixed: {', '.join(values)}; one model belongs to one {name}")
+        joined = {}
+        for item in fields(Observations):
+            values = [getattr(part, item.name) for part in parts]
+            if item.name in ("station", "band"):
+                joined[item.name] = values[0]
+            elif any(value is None for value in values):
+                if not all(value is None for value in values):
+                    raise ValueError(f"{item.name} is given for some parts only")
+            else:
+                joined[item.name] = np.concatenate(values)
+        return Observations(**joined)
+
+
+def _finite(name: str, value: ArrayLike, length: int | None) -> Array:
+    array = np.asarray(value, dtype=np.float64)
+    if array.ndim == 1 and not np.all(np.isfinite(array)):
+        row = int(np.flatnonzero(~np.isfinite(array))[0])
+        raise ValueError(f"{name}[{row}]={array[row]} must be finite")
+    return as_finite_array(name, array, (length,))
+
+
+def _pass_numbers(value: ArrayLike, length: int) -> NDArray[np.int64]:
+    numbers = np.asarray(value)
+    if numbers.shape != (length,) or not np.issubdtype(numbers.dtype, np.integer):
+        raise ValueError(f"pass_id has shape {numbers.shape} and type {numbers.dtype}, must be {length} integers")
+    return numbers.astype(np.int64)
+
+
+def _check_times(t_s: Array, pass_id: NDArray[np.int64]) -> None:
+    order = np.lexsort((np.arange(len(t_s)), pass_id))
+    step = np.diff(t_s[order])
+    same_pass = np.diff(pass_id[order]) == 0
+    wrong = np.flatnonzero(same_pass & (step <= 0.0))
+    if len(wrong):
+        row, before = int(order[wrong[0] + 1]), int(order[wrong[0]])
+        word = "repeats" if step[wrong[0]] == 0.0 else "is earlier than"
+        raise ValueError(
+            f"t_s[{row}]={t_s[row]:.6f} {word} t_s[{before}]={t_s[before]:.6f} of pass {pass_id[row]}; "
+            "times must increase within a pass"
+        )
+
+
+def _check_angles(data: Observations) -> None:
+    for kind in ("observed", "true"):
+        azimuth, elevation = getattr(data, f"{kind}_azimuth_rad"), getattr(data, f"{kind}_elevation_rad")
+        _refuse_where(
+            np.abs(azimuth) > _LARGEST_AZIMUTH_RAD,
+            f"{kind}_azimuth_rad",
+            azimuth,
+            "must be within 3 pi; degrees given?",
+        )
+        _refuse_where(
+            (elevation < -np.pi / 2.0) | (elevation > np.pi),
+            f"{kind}_elevation_rad",
+            elevation,
+            "must be within -pi/2..pi; degrees given, or azimuth and elevation swapped?",
+        )
+    across = data.residual_azimuth_rad * np.cos(data.true_elevation_rad)
+    distance = np.hypot(across, data.residual_elevation_rad)
+    _refuse_where(
+        distance > LARGEST_BIAS_RAD,
+        "observed minus true direction",
+        distance,
+        f"rad must be <= {LARGEST_BIAS_RAD}; swapped columns, another station or degrees?",
+    )
+
+
+def _refuse_where(wrong: NDArray[np.bool_], name: str, value: Array, reason: str) -> None:
+    if np.any(wrong):
+        row = int(np.flatnonzero(wrong)[0])
+        raise ValueError(f"{name}[{row}]={value[row]:.6g} {reason} ({int(np.sum(wrong))} of {len(value)} rows)")

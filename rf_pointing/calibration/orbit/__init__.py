@@ -1,0 +1,21 @@
+"""Orbit check: does an orbit from corrected angles agree with the reference better than one from raw angles?"""
+
+from rf_pointing.calibration.orbit.batch import Arc, OrbitResult, fit_orbit
+from rf_pointing.calibration.orbit.earth import Site
+from rf_pointing.calibration.orbit.elements import Elements
+from rf_pointing.calibration.orbit.measurements import Look, look
+from rf_pointing.calibration.orbit.motion import Gravity, propagate
+from rf_pointing.calibration.orbit.preliminary import preliminary_orbit
+
+__all__ = [
+    "Arc",
+    "Elements",
+    "Gravity",
+    "Look",
+    "OrbitResult",
+    "Site",
+    "fit_orbit",
+    "look",
+    "preliminary_orbit",
+    "propagate",
+]

@@ -1,0 +1,114 @@
+"""Orbital motion under the Earth's two-body and zonal attraction (J2 to J4), by numerical integration.
+
+    a = -GM r / r^3 + J2, J3, J4 in closed form (Vallado, Fundamentals of Astrodynamics, 9.7)
+
+Neighbouring trajectories are integrated together with the nominal one, so that partial derivatives with respect to
+the starting state are differences of orbits that took the same steps.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rf_pointing.calibration.orbit.elements import GM_M3_S2
+from rf_pointing.geometry import Params, as_finite_array, parameter
+
+__all__ = ["Gravity", "Trajectory", "propagate"]
+
+Array = NDArray[np.float64]
+
+EARTH_RADIUS_M = 6378137.0
+_STEP_M, _STEP_M_S = 10.0, 0.01
+_RELATIVE_TOLERANCE = 1e-12
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gravity(Params):
+    """Zonal harmonics of the attraction (JGM-3); zero switches one off."""
+
+    j2: float = parameter(1.08262668e-3, "second zonal harmonic", low=0.0, high=0.01)
+    j3: float = parameter(-2.53265649e-6, "third zonal harmonic", low=-1e-4, high=1e-4)
+    j4: float = parameter(-1.61962159e-6, "fourth zonal harmonic", low=-1e-4, high=1e-4)
+
+    def acceleration(self, position_m: Array) -> Array:
+        """Return the acceleration (..., 3) at positions (..., 3), m/s^2."""
+        x, y, z = np.moveaxis(position_m, -1, 0)
+        r2 = x * x + y * y + z * z
+        r = np.sqrt(r2)
+        s = z / r
+        s2 = s * s
+        q = EARTH_RADIUS_M / r
+        k2, k3, k4 = 1.5 * self.j2 * q**2, 2.5 * self.j3 * q**3, 0.625 * self.j4 * q**4
+        across = 1.0 - k2 * (5.0 * s2 - 1.0) - k3 * s * (7.0 * s2 - 3.0) + k4 * (-3.0 + 42.0 * s2 - 63.0 * s2 * s2)
+        along = 1.0 - k2 * (5.0 * s2 - 3.0) + k4 * (-15.0 + 70.0 * s2 - 63.0 * s2 * s2)
+        odd = k3 * (6.0 * s2 - 7.0 * s2 * s2 - 0.6)
+        scale = -GM_M3_S2 / (r2 * r)
+        return np.stack([scale * x * across, scale * y * across, scale * (z * along + r * odd)], axis=-1)
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """States (n, 6) at `t_s` (n,) and, if asked for, their partials (n, 6, 6) with respect to the first state."""
+
+    t_s: Array
+    states: Array
+    partials: Array | None
+
+
+def propagate(
+    epoch_t_s: float, state: ArrayLike, t_s: ArrayLike, gravity: Gravity, *, with_partials: bool = False
+) -> Trajectory:
+    """Integrate `state` (6,) at `epoch_t_s` to the times `t_s` (n,), sorted, on either side of the epoch.
+
+    Raises ValueError for unsorted times and when the integrator gives up.
+    """
+    start, times = as_finite_array("state", state, (6,)), as_finite_array("t_s", t_s, (None,))
+    if np.any(np.diff(times) < 0.0):
+        raise ValueError("t_s must not decrease")
+    bundle = _bundle(start) if with_partials else start[np.newaxis]
+    result = np.empty((len(times), *bundle.shape))
+    for side in (times < epoch_t_s, times >= epoch_t_s):
+        if np.any(side):
+            result[side] = _integrate(bundle, times[side] - epoch_t_s, gravity)
+    return Trajectory(times, result[:, 0], _differences(result) if with_partials else None)
+
+
+def _bundle(start: Array) -> Array:
+    steps = np.diag([_STEP_M] * 3 + [_STEP_M_S] * 3)
+    return np.concatenate([start[np.newaxis], start + steps, start - steps])
+
+
+def _differences(bundle: Array) -> Array:
+    size = np.array([_STEP_M] * 3 + [_STEP_M_S] * 3)
+    slopes: Array = (bundle[:, 1:7] - bundle[:, 7:13]) / (2.0 * size[:, np.newaxis])
+    return np.swapaxes(slopes, 1, 2)
+
+
+def _integrate(bundle: Array, elapsed_s: Array, gravity: Gravity) -> Array:
+    from scipy.integrate import solve_ivp
+
+    shape = bundle.shape
+
+    def slope(_: float, flat: Array) -> Array:
+        states = flat.reshape(shape)
+        return np.concatenate([states[:, 3:], gravity.acceleration(states[:, :3])], axis=1).ravel()
+
+    order = np.argsort(np.abs(elapsed_s), kind="stable")
+    wanted, place = np.unique(elapsed_s[order], return_inverse=True)
+    wanted = wanted if elapsed_s[order][-1] >= 0.0 else wanted[::-1]
+    end = float(wanted[-1])
+    if end == 0.0:
+        return np.broadcast_to(bundle, (len(elapsed_s), *shape))
+    scale = np.tile([1e-5] * 3 + [1e-8] * 3, shape[0])
+    solution = solve_ivp(
+        slope, (0.0, end), bundle.ravel(), method="DOP853", t_eval=wanted, rtol=_RELATIVE_TOLERANCE, atol=scale
+    )
+    if not solution.success:
+        raise ValueError(f"orbit integration to {end:.0f} s failed: {solution.message}")
+    found = solution.y.T.reshape(-1, *shape)
+    if end < 0.0:
+        place = len(wanted) - 1 - place
+    result = np.empty((len(elapsed_s), *shape))
+    result[order] = found[place]
+    return result

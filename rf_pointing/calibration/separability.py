@@ -1,0 +1,50 @@
+"""Which terms the data cannot tell apart, in the terms' names, and which data would."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.calibration.terms import all_terms
+
+__all__ = ["HIGH_CORRELATION", "advice_for", "inseparable_pairs", "null_space_message"]
+
+Array = NDArray[np.float64]
+
+HIGH_CORRELATION = 0.95
+"""Correlation above which two fitted terms are reported as poorly separated."""
+_SHARE = 0.05
+
+
+def advice_for(names: Sequence[str]) -> str:
+    """Return which data would separate `names`."""
+    known = all_terms()
+    wanted = dict.fromkeys(known[name].separated_by for name in names if name in known)
+    return "; ".join(wanted) if wanted else "a prior on one of them"
+
+
+def null_space_message(names: Sequence[str], directions: Array, scale: Array) -> str:
+    """Return the refusal for null directions (m, k) of the matrix whose columns have norm `scale` (k,)."""
+    sentences = []
+    for direction in directions:
+        effect = np.abs(direction * scale)
+        involved = [name for name, share in zip(names, effect / np.max(effect), strict=True) if share > _SHARE]
+        sentences.append(" + ".join(involved))
+    everyone = list(dict.fromkeys(name for sentence in sentences for name in sentence.split(" + ")))
+    return (
+        f"the data cannot separate {'; '.join(sentences)}: "
+        f"fix one of the terms, give a prior, or add {advice_for(everyone)}"
+    )
+
+
+def inseparable_pairs(
+    names: Sequence[str], correlation: Array, threshold: float = HIGH_CORRELATION
+) -> tuple[tuple[str, str, float], ...]:
+    """Return the pairs of terms with |correlation| >= threshold, the worst first."""
+    rows, columns = np.triu_indices(len(names), 1)
+    pairs = [
+        (names[i], names[j], float(correlation[i, j]))
+        for i, j in zip(rows.tolist(), columns.tolist(), strict=True)
+        if abs(correlation[i, j]) >= threshold
+    ]
+    return tuple(sorted(pairs, key=lambda pair: -abs(pair[2])))

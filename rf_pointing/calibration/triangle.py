@@ -1,0 +1,101 @@
+"""Least squares in square-root form: a triangle R with |R x - z| = |A x - b|, updated by orthogonal steps.
+
+Blocks of rows are folded in one after the other, so any number of observations fits in the memory of one block, and
+no normal equations are formed (their condition number is the square).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.calibration.separability import null_space_message
+
+__all__ = ["RANK_TOLERANCE", "Solution", "Triangle"]
+
+Array = NDArray[np.float64]
+
+RANK_TOLERANCE = 1e-9
+"""Smallest ratio of singular values of the column-scaled matrix that still counts as full rank."""
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Minimum of |A x - b|: `values` (k,), `covariance` (k, k) for unit row sigma, and how well it is determined."""
+
+    names: tuple[str, ...]
+    values: Array
+    covariance: Array
+    rank: int
+    condition: float
+    residual_square: float
+    """|A x - b|^2 at the minimum."""
+
+
+@dataclass
+class Triangle:
+    """The square-root state; `copy` before adding rows that may have to be taken back."""
+
+    names: tuple[str, ...]
+    factor: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    rows: int = 0
+
+    def __post_init__(self) -> None:
+        width = len(self.names) + 1
+        if self.factor.size == 0:
+            self.factor = np.zeros((0, width))
+        if self.factor.shape[1] != width:
+            raise ValueError(f"factor has {self.factor.shape[1]} columns, must be {width}")
+
+    def copy(self) -> "Triangle":
+        """Return an independent copy."""
+        return Triangle(self.names, self.factor.copy(), self.rows)
+
+    def add(self, matrix: Array, right: Array, columns: Sequence[int] | NDArray[np.int64] | None = None) -> None:
+        """Fold in rows matrix @ x[columns] = right, each already divided by its sigma; columns None: all."""
+        width = len(self.names) + 1
+        reduced = _triangle_of(np.column_stack([matrix, right]))
+        if columns is not None:
+            wide = np.zeros((len(reduced), width))
+            wide[:, [*columns, width - 1]] = reduced
+            reduced = wide
+        self.factor = _triangle_of(np.vstack([self.factor, reduced]))
+        self.rows += len(right)
+
+    def add_prior(self, name: str, value: float, sigma: float) -> None:
+        """Fold in the knowledge name = value +/- sigma."""
+        if not sigma > 0.0:
+            raise ValueError(f"prior sigma of {name}={sigma} must be > 0")
+        row = np.zeros((1, len(self.names)))
+        row[0, self.names.index(name)] = 1.0 / sigma
+        self.add(row, np.array([value / sigma]))
+
+    def solve(self) -> Solution:
+        """Return the least-squares solution; raises ValueError naming the terms the data cannot separate."""
+        count = len(self.names)
+        matrix, right = self.factor[:, :count], self.factor[:, count]
+        scale = np.linalg.norm(matrix, axis=0)
+        empty = [name for name, length in zip(self.names, scale, strict=True) if length == 0.0]
+        if empty or len(matrix) < count:
+            raise ValueError(f"{self.rows} equations do not determine {', '.join(empty or self.names)}")
+        left, singular, rotation = np.linalg.svd(matrix / scale, full_matrices=False)
+        lost = singular < RANK_TOLERANCE * singular[0]
+        if np.any(lost):
+            raise ValueError(null_space_message(self.names, rotation[lost] / scale, scale))
+        values = (rotation.T @ ((left.T @ right) / singular)) / scale
+        root = (rotation.T / singular) / scale[:, np.newaxis]
+        residual = matrix @ values - right
+        return Solution(
+            names=self.names,
+            values=values,
+            covariance=root @ root.T,
+            rank=int(np.sum(~lost)),
+            condition=float(singular[0] / singular[-1]),
+            residual_square=float(residual @ residual),
+        )
+
+
+def _triangle_of(rows: Array) -> Array:
+    return cast(Array, np.linalg.qr(rows, mode="r"))

@@ -1,0 +1,165 @@
+"""Makes any command feasible from past and present samples only: steps, gaps and mode changes become slews.
+
+A command that the axis can follow passes through unchanged.  Otherwise the output chases it (`feasible_motion.py`)
+within the rate, acceleration and, if given, jerk limits; the rule v = sqrt(2 a d) guards the ends of the travel.
+"""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rf_pointing.controllers.feasible_motion import AxisLimits, chase, halt, reachable
+from rf_pointing.geometry import Params, as_finite_array, parameter, require_between
+
+__all__ = ["CommandPreprocessor", "CommandPreprocessorParams", "CommandPreprocessorState"]
+
+Array = NDArray[np.float64]
+
+_FOLLOW, _STOP = "follow", "stop"
+
+
+@dataclass(frozen=True, kw_only=True)
+class CommandPreprocessorParams(Params):
+    """Limits per axis (azimuth, elevation); `jerk_limit_rad_s3` of 0 means no jerk limit."""
+
+    rate_limit_rad_s: tuple[float, float] = parameter((0.035, 0.035), "largest commanded rates", low=1e-6, high=10.0)
+    acceleration_limit_rad_s2: tuple[float, float] = parameter(
+        (0.0175, 0.0175), "largest commanded accelerations", low=1e-6, high=100.0
+    )
+    jerk_limit_rad_s3: tuple[float, float] = parameter((0.0, 0.0), "largest jerks, 0 for none", low=0.0, high=1e4)
+    travel_min_rad: tuple[float, float] = parameter((-3.9, 0.04), "lower ends of travel", low=-50.0, high=50.0)
+    travel_max_rad: tuple[float, float] = parameter((3.9, 1.6), "upper ends of travel", low=-50.0, high=50.0)
+
+    def check_together(self) -> None:
+        """Refuse an empty travel and anything but one value per axis."""
+        for name in (
+            "rate_limit_rad_s",
+            "acceleration_limit_rad_s2",
+            "jerk_limit_rad_s3",
+            "travel_min_rad",
+            "travel_max_rad",
+        ):
+            if len(getattr(self, name)) != 2:
+                raise ValueError(f"{name}={getattr(self, name)} must have 2 values (azimuth, elevation)")
+        for low, high in zip(self.travel_min_rad, self.travel_max_rad, strict=True):
+            if low >= high:
+                raise ValueError(f"travel_min_rad={low} must be < travel_max_rad={high}")
+
+
+@dataclass(slots=True)
+class CommandPreprocessorState:
+    """Position, velocity, acceleration (2,) of the output; whether stopping; whether each axis passes through."""
+
+    position_rad: Array = field(default_factory=lambda: np.zeros(2))
+    velocity_rad_s: Array = field(default_factory=lambda: np.zeros(2))
+    acceleration_rad_s2: Array = field(default_factory=lambda: np.zeros(2))
+    mode: str = _FOLLOW
+    transparent: tuple[bool, bool] = (False, False)
+
+
+class CommandPreprocessor:
+    """Both axes; `reset` to the antenna's motion, then `step` once per tick."""
+
+    def __init__(self, params: CommandPreprocessorParams) -> None:
+        self._params, self._limits = params, _axis_limits(params)
+        self._state = CommandPreprocessorState()
+
+    @property
+    def params(self) -> CommandPreprocessorParams:
+        """The parameter set in force."""
+        return self._params
+
+    @property
+    def state(self) -> CommandPreprocessorState:
+        """A copy of the complete state."""
+        return _copy(self._state)
+
+    @state.setter
+    def state(self, state: CommandPreprocessorState) -> None:
+        self._state = _copy(state)
+
+    @property
+    def stopping(self) -> bool:
+        """Whether a controlled stop is in force (the command is ignored until `follow`)."""
+        return self._state.mode == _STOP
+
+    @property
+    def transparent(self) -> tuple[bool, bool]:
+        """Per axis: whether the latest command passed through unchanged."""
+        return self._state.transparent
+
+    def retune(self, params: CommandPreprocessorParams) -> None:
+        """Take new limits from the next step on."""
+        self._params, self._limits = params, _axis_limits(params)
+
+    def reset(self, position_rad: ArrayLike, velocity_rad_s: ArrayLike = (0.0, 0.0)) -> None:
+        """Start from the antenna's own position and velocity (2,), following the command."""
+        position = as_finite_array("position_rad", position_rad, (2,)).copy()
+        velocity = as_finite_array("velocity_rad_s", velocity_rad_s, (2,)).copy()
+        self._state = CommandPreprocessorState(position, velocity)
+
+    def stop(self) -> None:
+        """Decelerate both axes at their limits and stay there."""
+        self._state.mode = _STOP
+
+    def follow(self) -> None:
+        """End a stop: chase the command again."""
+        self._state.mode = _FOLLOW
+
+    def step(
+        self,
+        position_rad: ArrayLike,
+        velocity_rad_s: ArrayLike,
+        acceleration_rad_s2: ArrayLike,
+        dt_s: float,
+    ) -> tuple[Array, Array, Array]:
+        """Return the feasible position, velocity and acceleration (2,) for the command at the end of this `dt_s`.
+
+        Raises
+        ------
+        ValueError
+            For a non-finite command or `dt_s` outside [1e-4, 1] s.
+        """
+        require_between("dt_s", dt_s, 1e-4, 1.0)
+        position = as_finite_array("position_rad", position_rad, (2,)).tolist()
+        velocity = as_finite_array("velocity_rad_s", velocity_rad_s, (2,)).tolist()
+        acceleration = as_finite_array("acceleration_rad_s2", acceleration_rad_s2, (2,)).tolist()
+        state, transparent = self._state, [False, False]
+        for axis, limits in enumerate(self._limits):
+            target = (position[axis], velocity[axis], acceleration[axis])
+            now = (
+                state.position_rad[axis].item(),
+                state.velocity_rad_s[axis].item(),
+                state.acceleration_rad_s2[axis].item(),
+            )
+            if state.mode == _STOP:
+                moved = halt(now, limits, dt_s)
+            else:
+                transparent[axis] = reachable(now, target, limits, dt_s)
+                moved = target if transparent[axis] else chase(now, target, limits, dt_s)
+            state.position_rad[axis], state.velocity_rad_s[axis], state.acceleration_rad_s2[axis] = moved
+        state.transparent = (transparent[0], transparent[1])
+        return state.position_rad.copy(), state.velocity_rad_s.copy(), state.acceleration_rad_s2.copy()
+
+
+def _axis_limits(params: CommandPreprocessorParams) -> tuple[AxisLimits, AxisLimits]:
+    rows = zip(
+        params.rate_limit_rad_s,
+        params.acceleration_limit_rad_s2,
+        params.jerk_limit_rad_s3,
+        params.travel_min_rad,
+        params.travel_max_rad,
+        strict=True,
+    )
+    azimuth, elevation = (AxisLimits(*row) for row in rows)
+    return azimuth, elevation
+
+
+def _copy(state: CommandPreprocessorState) -> CommandPreprocessorState:
+    return replace(
+        state,
+        position_rad=state.position_rad.copy(),
+        velocity_rad_s=state.velocity_rad_s.copy(),
+        acceleration_rad_s2=state.acceleration_rad_s2.copy(),
+    )

@@ -1,0 +1,165 @@
+"""Position loop of one axis: PI on the encoder, rate feedforward, notch, rate limit with anti-windup.
+
+    u = N(s) [ k_p e + k_i int(e) + F(s) r' ],   e = r - measured,   F(s) = 1 / (1 + s / w_b)        (BWG Fig. 1, 16)
+
+The feedforward takes the rate of the command from the trajectory (never by differencing) through a low-pass at the
+band limit; optionally the acceleration, led by the lag of the drive.  Use: `output(...)`, then `update(dt_s, applied)`
+with the command the drive really got.
+"""
+
+import math
+from dataclasses import dataclass, field
+
+from rf_pointing.controllers.notch import Notch, NotchParams, NotchState
+from rf_pointing.geometry import Params, parameter, require_between, require_finite
+
+__all__ = ["PositionLoop", "PositionLoopParams", "PositionLoopState"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PositionLoopParams(Params):
+    """Gains and limits of one axis."""
+
+    proportional_gain: float = parameter(0.5, "k_p in (rad/s)/rad", low=0.0, high=50.0)
+    integral_gain: float = parameter(1.8, "k_i in (rad/s)/(rad s)", low=0.0, high=500.0)
+    feedforward_gain: float = parameter(1.0, "share of the command's rate fed forward", low=0.0, high=1.2)
+    feedforward_band_hz: float = parameter(10.0, "low-pass of the feedforward", low=0.1, high=100.0)
+    feedforward_lead_s: float = parameter(0.0, "acceleration fed forward: lag to make up for", low=0.0, high=1.0)
+    notch_enabled: bool = parameter(True, "whether the notch acts")
+    notch_frequency_hz: float = parameter(2.12, "notch frequency", low=0.01, high=500.0)
+    notch_damping: float = parameter(0.2, "notch width delta", low=0.001, high=2.0)
+    rate_limit_rad_s: float = parameter(math.radians(2.0), "largest rate command", low=1e-6, high=10.0)
+
+    @property
+    def notch(self) -> NotchParams:
+        """The notch's own parameter set."""
+        return NotchParams(enabled=self.notch_enabled, frequency_hz=self.notch_frequency_hz, damping=self.notch_damping)
+
+
+@dataclass(slots=True)
+class PositionLoopState:
+    """Everything the loop remembers: integral (rad s), feedforward filter, latest error and commands, notch, step."""
+
+    integral_rad_s: float = 0.0
+    feedforward_rad_s: float = 0.0
+    feedforward_input_rad_s: float = 0.0
+    pending_feedforward_rad_s: float = 0.0
+    pending_input_rad_s: float = 0.0
+    error_rad: float = 0.0
+    command_rad_s: float = 0.0
+    dt_s: float = 0.02
+    notch: NotchState = field(default_factory=NotchState)
+
+
+class PositionLoop:
+    """One axis' position loop; starts with everything at zero."""
+
+    def __init__(self, params: PositionLoopParams, dt_s: float = 0.02) -> None:
+        self._params = params
+        self._notch = Notch(params.notch, dt_s)
+        self._state = PositionLoopState(dt_s=dt_s)
+
+    @property
+    def params(self) -> PositionLoopParams:
+        """The parameter set in force."""
+        return self._params
+
+    @property
+    def state(self) -> PositionLoopState:
+        """A copy of the complete state."""
+        return self._copy(self._state, self._notch.state)
+
+    @state.setter
+    def state(self, state: PositionLoopState) -> None:
+        fresh = Notch(self._params.notch, state.notch.dt_s)
+        self._state = self._copy(state, state.notch)
+        fresh.state = self._state.notch
+        self._notch = fresh
+
+    def retune(self, params: PositionLoopParams) -> None:
+        """Take new parameters at once and without a jump of the command; refused as a whole if one is impossible.
+
+        The integral is shifted so that k_p e + k_i int(e) stays what it was; with k_i = 0 there is none to shift.
+        """
+        self._notch.retune(params.notch)
+        state, old = self._state, self._params
+        if params.integral_gain > 0.0:
+            held = (old.proportional_gain - params.proportional_gain) * state.error_rad
+            state.integral_rad_s = (old.integral_gain * state.integral_rad_s + held) / params.integral_gain
+        else:
+            state.integral_rad_s = 0.0
+        self._params = params
+
+    def reset(self, position_rad: float, velocity_rad_s: float, measured_rad: float, command_rad_s: float) -> None:
+        """Start as if the loop had been giving `command_rad_s` all along: the next output equals it (bumpless).
+
+        Without integral gain only the filters are settled and the output is what the proportional part asks for.
+        """
+        for name, value in (("position_rad", position_rad), ("measured_rad", measured_rad)):
+            require_finite(name, value)
+        params, error = self._params, position_rad - measured_rad
+        feedforward = params.feedforward_gain * velocity_rad_s
+        rest = command_rad_s - params.proportional_gain * error - feedforward
+        integral = rest / params.integral_gain if params.integral_gain > 0.0 else 0.0
+        dt_s = self._state.dt_s
+        self._state = PositionLoopState(
+            integral, velocity_rad_s, velocity_rad_s, velocity_rad_s, velocity_rad_s, error, command_rad_s, dt_s
+        )
+        self._notch.reset(command_rad_s)
+
+    def output(
+        self,
+        position_rad: float,
+        velocity_rad_s: float,
+        measured_rad: float,
+        acceleration_rad_s2: float = 0.0,
+    ) -> float:
+        """Return the rate command in rad/s, within the rate limit.
+
+        Raises
+        ------
+        ValueError
+            For a non-finite input.
+        """
+        require_finite("position_rad", position_rad)
+        require_finite("velocity_rad_s", velocity_rad_s)
+        require_finite("measured_rad", measured_rad)
+        require_finite("acceleration_rad_s2", acceleration_rad_s2)
+        params, state = self._params, self._state
+        state.error_rad = position_rad - measured_rad
+        rate = velocity_rad_s + params.feedforward_lead_s * acceleration_rad_s2
+        raw = params.proportional_gain * state.error_rad + params.integral_gain * state.integral_rad_s
+        raw += params.feedforward_gain * self._feedforward(rate)
+        state.command_rad_s = self._notch.output(raw)
+        return min(max(state.command_rad_s, -params.rate_limit_rad_s), params.rate_limit_rad_s)
+
+    def update(self, dt_s: float, applied_rad_s: float) -> None:
+        """Advance to the next sample, `dt_s` ahead; `applied_rad_s` is the command that really went out.
+
+        What was cut off is taken back from the integral with the time constant k_p / k_i (anti-windup).
+        """
+        require_between("dt_s", dt_s, 1e-5, 1.0)
+        require_finite("applied_rad_s", applied_rad_s)
+        params, state = self._params, self._state
+        if params.integral_gain > 0.0:
+            cut = applied_rad_s - state.command_rad_s
+            back = cut / params.proportional_gain if params.proportional_gain > 0.0 else 0.0
+            state.integral_rad_s += dt_s * (state.error_rad + back)
+        state.feedforward_rad_s = state.pending_feedforward_rad_s
+        state.feedforward_input_rad_s = state.pending_input_rad_s
+        state.dt_s = dt_s
+        self._notch.update(dt_s)
+
+    def _feedforward(self, rate_rad_s: float) -> float:
+        """Return the low-passed rate (bilinear transform; the step is the one that ends at this sample)."""
+        state = self._state
+        half = math.pi * self._params.feedforward_band_hz * state.dt_s
+        total = state.feedforward_input_rad_s + rate_rad_s
+        filtered = ((1.0 - half) * state.feedforward_rad_s + half * total) / (1.0 + half)
+        state.pending_feedforward_rad_s, state.pending_input_rad_s = filtered, rate_rad_s
+        return filtered
+
+    def _copy(self, state: PositionLoopState, notch: NotchState) -> PositionLoopState:
+        values = {name: getattr(state, name) for name in PositionLoopState.__slots__ if name != "notch"}
+        memory = NotchState(notch.band, notch.low, notch.input, notch.dt_s)
+        return PositionLoopState(**values, notch=memory)

@@ -1,0 +1,121 @@
+"""Integrator of the radio tracking error, H = 2 pi f_m / s in discrete time.
+
+    o(k+1) = o(k) + 2 pi f_m T e(k)                                                         (BWG eq. 7, Fig. 12)
+
+The error of the sample before is what acts (the delay of Fig. 12).  Between samples the offset runs on a straight
+line with the rate 2 pi f_m e(k), so the servo sees no staircase and its feedforward gets the exact rate; when the next
+sample is late the offset stops at the end of its line.
+"""
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rf_pointing.geometry import Params, as_finite_array, parameter, require_finite
+
+__all__ = ["TrackerIntegrator", "TrackerIntegratorParams", "TrackerIntegratorState"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackerIntegratorParams(Params):
+    """Loop bandwidth, sampling and bound of the offset."""
+
+    bandwidth_hz: float = parameter(0.04, "f_m of H = 2 pi f_m / s", low=0.0, high=5.0)
+    sample_s: float = parameter(0.1, "time between two errors", low=0.001, high=10.0)
+    offset_limit_rad: float = parameter(math.radians(1.0), "largest offset on either axis", low=1e-9, high=1.0)
+
+
+@dataclass(slots=True)
+class TrackerIntegratorState:
+    """Offset (2,) at `t_s`, rate (2,) up to `end_s`, whether frozen; axis order as the errors come."""
+
+    offset_rad: Array = field(default_factory=lambda: np.zeros(2))
+    rate_rad_s: Array = field(default_factory=lambda: np.zeros(2))
+    t_s: float = 0.0
+    end_s: float = 0.0
+    frozen: bool = False
+
+
+class TrackerIntegrator:
+    """Two-axis integrator: `update(t_s, error)` per sample, `at(t_s)` for the offset and its rate at any later time."""
+
+    def __init__(self, params: TrackerIntegratorParams) -> None:
+        self._params = params
+        self._state = TrackerIntegratorState()
+
+    @property
+    def params(self) -> TrackerIntegratorParams:
+        """The parameter set in force."""
+        return self._params
+
+    @property
+    def state(self) -> TrackerIntegratorState:
+        """A copy of the complete state."""
+        return replace(self._state, offset_rad=self._state.offset_rad.copy(), rate_rad_s=self._state.rate_rad_s.copy())
+
+    @state.setter
+    def state(self, state: TrackerIntegratorState) -> None:
+        self._state = replace(state, offset_rad=state.offset_rad.copy(), rate_rad_s=state.rate_rad_s.copy())
+
+    @property
+    def frozen(self) -> bool:
+        """Whether errors are ignored and the offset held."""
+        return self._state.frozen
+
+    def retune(self, params: TrackerIntegratorParams) -> None:
+        """Take new parameters from the next error on; the offset stays, within the new limit."""
+        self._params = params
+        self._state.offset_rad = self._clamped(self._state.offset_rad)
+
+    def reset(self, t_s: float, offset_rad: ArrayLike = (0.0, 0.0)) -> None:
+        """Start at `t_s` from `offset_rad` (2,) at rest, not frozen."""
+        require_finite("t_s", t_s)
+        offset = self._clamped(as_finite_array("offset_rad", offset_rad, (2,)))
+        self._state = TrackerIntegratorState(offset, np.zeros(2), t_s, t_s, False)
+
+    def freeze(self, t_s: float) -> None:
+        """Hold the offset of `t_s` and ignore errors until `unfreeze`."""
+        self._settle(t_s)
+        self._state.rate_rad_s = np.zeros(2)
+        self._state.frozen = True
+
+    def unfreeze(self) -> None:
+        """Listen to errors again, from the held offset."""
+        self._state.frozen = False
+
+    def update(self, t_s: float, error_rad: ArrayLike) -> None:
+        """Take the error (2,) measured for the interval before `t_s`.
+
+        Raises
+        ------
+        ValueError
+            For a non-finite error or a time before the previous one.
+        """
+        error = as_finite_array("error_rad", error_rad, (2,))
+        self._settle(t_s)
+        if self._state.frozen:
+            return
+        self._state.rate_rad_s = 2.0 * math.pi * self._params.bandwidth_hz * error
+        self._state.end_s = t_s + self._params.sample_s
+
+    def at(self, t_s: float) -> tuple[Array, Array]:
+        """Return offset (2,) and its rate (2,) at `t_s`, not before the latest update."""
+        state = self._state
+        if t_s < state.t_s:
+            raise ValueError(f"t_s={t_s} must be >= {state.t_s}, the time of the latest update")
+        offset = state.offset_rad + state.rate_rad_s * (min(t_s, state.end_s) - state.t_s)
+        limit = self._params.offset_limit_rad
+        moving = (np.abs(offset) < limit) if t_s < state.end_s else np.zeros(2, dtype=bool)
+        return self._clamped(offset), np.where(moving, state.rate_rad_s, 0.0)
+
+    def _settle(self, t_s: float) -> None:
+        require_finite("t_s", t_s)
+        self._state.offset_rad = self.at(t_s)[0]
+        self._state.t_s = self._state.end_s = t_s
+
+    def _clamped(self, offset_rad: Array) -> Array:
+        return np.clip(offset_rad, -self._params.offset_limit_rad, self._params.offset_limit_rad)

@@ -1,0 +1,193 @@
+"""Time-tagged commands sent ahead: merge messages, interpolate by quintic Hermite, say when the table runs dry.
+
+Between two points the quintic has their positions, rates and accelerations, so a 10-Hz table of a satellite pass is
+exact to nanoradians and its rate is analytic.  Past the last point the motion goes on with that point's rate and
+acceleration for at most `extrapolation_s`; after that the sample says "dry" and carries the last position at rest.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.geometry import JointTrajectory, Params, parameter, require_finite
+
+__all__ = ["TrajectoryAnswer", "TrajectoryBuffer", "TrajectoryBufferParams", "TrajectorySample"]
+
+Array = NDArray[np.float64]
+
+TABLE, EXTRAPOLATED, EARLY, DRY = "table", "extrapolated", "early", "dry"
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrajectoryBufferParams(Params):
+    """How far the buffer trusts a table."""
+
+    extrapolation_s: float = parameter(1.0, "longest extrapolation past the last point", low=0.0, high=5.0)
+    max_gap_s: float = parameter(2.5, "longest interval between points that is interpolated", low=0.01, high=60.0)
+    max_lead_s: float = parameter(60.0, "how far ahead a message may begin", low=0.1, high=3600.0)
+    keep_s: float = parameter(2.0, "how long points of the past are kept", low=0.0, high=60.0)
+
+
+@dataclass(frozen=True, slots=True)
+class TrajectoryAnswer:
+    """Whether a message was taken, and why not."""
+
+    accepted: bool
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class TrajectorySample:
+    """Position, rate and acceleration (2,) at `t_s`, and where they come from.
+
+    `source`: "table" between points, "extrapolated" past the last one, "early" before the first one or before a new
+    table begins (the nearest point, at rest), "dry" when the extrapolation has run out (its end, at rest).
+    """
+
+    t_s: float
+    position_rad: Array
+    velocity_rad_s: Array
+    acceleration_rad_s2: Array
+    source: str
+
+    @property
+    def valid(self) -> bool:
+        """Whether the antenna should follow this sample."""
+        return self.source in (TABLE, EXTRAPOLATED)
+
+
+class TrajectoryBuffer:
+    """Holds the merged table; a newer message replaces the old one from its own first point on."""
+
+    def __init__(self, params: TrajectoryBufferParams) -> None:
+        self._params = params
+        self._table = np.zeros((0, 7))
+        self._latest: Array = np.zeros((0, 7))
+        self._segment: tuple[float, float, Array] | None = None
+
+    @property
+    def params(self) -> TrajectoryBufferParams:
+        """The parameter set in force."""
+        return self._params
+
+    @property
+    def empty(self) -> bool:
+        """Whether no message has been accepted since the start or the last `clear`."""
+        return len(self._table) == 0
+
+    @property
+    def state(self) -> tuple[Array, Array]:
+        """A copy of the complete state: merged table and latest message, rows t, position, velocity, acceleration."""
+        return self._table.copy(), self._latest.copy()
+
+    @state.setter
+    def state(self, state: tuple[Array, Array]) -> None:
+        self._table, self._latest = state[0].copy(), state[1].copy()
+        self._segment = None
+
+    def clear(self) -> None:
+        """Forget every point."""
+        self.state = (np.zeros((0, 7)), np.zeros((0, 7)))
+
+    def accept(self, trajectory: JointTrajectory, now_s: float) -> TrajectoryAnswer:
+        """Merge a message received at `now_s`, or say why not: stale, future, duplicate or older than the last one."""
+        require_finite("now_s", now_s)
+        rows = np.column_stack(
+            [trajectory.t_s, trajectory.position_rad, trajectory.velocity_rad_s, trajectory.acceleration_rad_s2]
+        )
+        reason = self._refusal(rows, now_s)
+        if reason:
+            return TrajectoryAnswer(False, reason)
+        kept = self._table[self._table[:, 0] < rows[0, 0]]
+        past = int(np.searchsorted(kept[:, 0], now_s - self._params.keep_s))
+        self._table = np.vstack([kept[max(0, past - 1) :], rows])
+        self._latest = rows
+        self._segment = None
+        return TrajectoryAnswer(True)
+
+    def lead_s(self, now_s: float) -> float:
+        """Return how long the table still lasts from `now_s`; negative once it has ended, -inf when empty."""
+        return float(self._table[-1, 0] - now_s) if not self.empty else -np.inf
+
+    def at(self, t_s: float) -> TrajectorySample:
+        """Return the command at `t_s`.
+
+        Raises
+        ------
+        ValueError
+            If the buffer is empty.
+        """
+        require_finite("t_s", t_s)
+        if self.empty:
+            raise ValueError("trajectory buffer is empty: accept a message before asking for a command")
+        if self._segment is not None and self._segment[0] <= t_s <= self._segment[1]:
+            return _sample(t_s, _evaluate(self._segment[2], t_s - self._segment[0]), TABLE)
+        times = self._table[:, 0]
+        index = int(np.searchsorted(times, t_s, side="right")) - 1
+        if index < 0:
+            return _sample(t_s, _at_rest(self._table[0, 1:]), EARLY)
+        if index + 1 < len(times):
+            if times[index + 1] - times[index] <= self._params.max_gap_s:
+                self._segment = (times[index], times[index + 1], _quintic(self._table[index], self._table[index + 1]))
+                return _sample(t_s, _evaluate(self._segment[2], t_s - times[index]), TABLE)
+            if t_s > times[index] + self._params.extrapolation_s:
+                return _sample(t_s, _at_rest(self._table[index + 1, 1:]), EARLY)
+        return self._beyond(t_s, index)
+
+    def _beyond(self, t_s: float, index: int) -> TrajectorySample:
+        last = self._table[index]
+        past = t_s - last[0]
+        reach = min(past, self._params.extrapolation_s)
+        moved = np.concatenate(
+            [
+                last[1:3] + reach * last[3:5] + 0.5 * reach**2 * last[5:7],
+                last[3:5] + reach * last[5:7],
+                last[5:7],
+            ]
+        )
+        if past > self._params.extrapolation_s:
+            return _sample(t_s, _at_rest(moved), DRY)
+        return _sample(t_s, moved, TABLE if past == 0.0 else EXTRAPOLATED)
+
+    def _refusal(self, rows: Array, now_s: float) -> str:
+        begins, ends = rows[0, 0], rows[-1, 0]
+        if ends < now_s:
+            return f"stale: its last point is {now_s - ends:.3f} s in the past"
+        if begins > now_s + self._params.max_lead_s:
+            return f"future: it begins {begins - now_s:.3f} s ahead, must be <= {self._params.max_lead_s} s"
+        if len(self._latest):
+            if np.array_equal(rows, self._latest):
+                return "duplicate of the latest message"
+            if begins < self._latest[0, 0]:
+                return f"out of order: it begins {self._latest[0, 0] - begins:.3f} s before the latest message"
+        return ""
+
+
+def _sample(t_s: float, values: Array, source: str) -> TrajectorySample:
+    return TrajectorySample(t_s, values[0:2], values[2:4], values[4:6], source)
+
+
+def _at_rest(values: Array) -> Array:
+    return np.concatenate([values[:2], np.zeros(4)])
+
+
+def _quintic(start: Array, end: Array) -> Array:
+    """Return the coefficients (6, 2), constant first, of the quintic between two rows."""
+    span = end[0] - start[0]
+    p0, v0, a0 = start[1:3], start[3:5] * span, start[5:7] * span**2
+    p1, v1, a1 = end[1:3] - p0, end[3:5] * span, end[5:7] * span**2
+    c3 = 10.0 * p1 - 6.0 * v0 - 4.0 * v1 - 1.5 * a0 + 0.5 * a1
+    c4 = -15.0 * p1 + 8.0 * v0 + 7.0 * v1 + 1.5 * a0 - a1
+    c5 = 6.0 * p1 - 3.0 * v0 - 3.0 * v1 - 0.5 * a0 + 0.5 * a1
+    scale = span ** -np.arange(6.0)[:, None]
+    coefficients: Array = np.stack([p0, v0, 0.5 * a0, c3, c4, c5]) * scale
+    return coefficients
+
+
+def _evaluate(coefficients: Array, tau_s: float) -> Array:
+    """Return position, velocity and acceleration (6,) of the quintic at `tau_s` after its start."""
+    powers = tau_s ** np.arange(6.0)
+    velocity = np.arange(1, 6) * powers[:5]
+    acceleration = np.array([2.0, 6.0, 12.0, 20.0]) * powers[:4]
+    return np.concatenate([powers @ coefficients, velocity @ coefficients[1:], acceleration @ coefficients[2:]])

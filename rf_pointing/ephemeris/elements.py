@@ -1,0 +1,106 @@
+"""Mean orbital elements of one object for SGP4, whatever message they came in.
+
+The catalogue number is an integer of up to nine digits.  The number handed to the propagator is only a label there;
+the sgp4 library refuses labels above 339999, so those get 0 inside the propagator and keep their number here.
+"""
+
+import difflib
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from sgp4.api import WGS72, Satrec
+
+from rf_pointing.ephemeris.time_scales import DAY_S
+from rf_pointing.geometry import require_between, require_finite
+
+__all__ = ["Elements", "find_elements"]
+
+_DAYS_1949_TO_1970 = 7306.0
+"""From 1949-12-31T00:00, where the propagator counts from, to 1970-01-01."""
+_LARGEST_LABEL = 339999
+
+
+@dataclass(frozen=True, kw_only=True)
+class Elements:
+    """Mean elements (TEME, SGP4 theory, WGS 72); angles in rad, mean motion in rad/s, epoch in UTC POSIX seconds."""
+
+    name: str
+    catalogue_number: int
+    epoch_t_s: float
+    inclination_rad: float
+    ascending_node_rad: float
+    eccentricity: float
+    argument_of_perigee_rad: float
+    mean_anomaly_rad: float
+    mean_motion_rad_s: float
+    drag_per_earth_radius: float
+    mean_motion_dot_rad_s2: float = 0.0
+    mean_motion_ddot_rad_s3: float = 0.0
+    international_designator: str = ""
+    classification: str = "U"
+    element_set_number: int = 0
+    revolution_number: int = 0
+
+    def __post_init__(self) -> None:
+        require_between("catalogue_number", self.catalogue_number, 0, 999999999)
+        require_between("eccentricity", self.eccentricity, 0.0, math.nextafter(1.0, 0.0))
+        require_between("inclination_rad", self.inclination_rad, 0.0, math.pi)
+        if not self.mean_motion_rad_s > 0.0:
+            raise ValueError(f"mean_motion_rad_s={self.mean_motion_rad_s} of {self.name} must be > 0")
+        for name in _FINITE:
+            require_finite(name, getattr(self, name))
+
+    @property
+    def period_s(self) -> float:
+        """Time of one mean revolution."""
+        return 2.0 * math.pi / self.mean_motion_rad_s
+
+    def satrec(self) -> Satrec:
+        """Return a fresh SGP4 record; it holds the state of its last propagation, so do not share one."""
+        record = Satrec()
+        record.sgp4init(
+            WGS72,
+            "i",
+            self.catalogue_number if self.catalogue_number <= _LARGEST_LABEL else 0,
+            self.epoch_t_s / DAY_S + _DAYS_1949_TO_1970,
+            self.drag_per_earth_radius,
+            self.mean_motion_dot_rad_s2 * 3600.0 / 2.0,  # the record keeps Taylor coefficients, as a TLE does
+            self.mean_motion_ddot_rad_s3 * 216000.0 / 6.0,
+            self.eccentricity,
+            self.argument_of_perigee_rad,
+            self.inclination_rad,
+            self.mean_anomaly_rad,
+            self.mean_motion_rad_s * 60.0,
+            self.ascending_node_rad,
+        )
+        return record
+
+
+_FINITE = (
+    "epoch_t_s",
+    "ascending_node_rad",
+    "argument_of_perigee_rad",
+    "mean_anomaly_rad",
+    "mean_motion_rad_s",
+    "drag_per_earth_radius",
+    "mean_motion_dot_rad_s2",
+    "mean_motion_ddot_rad_s3",
+)
+
+
+def find_elements(elements: Sequence[Elements], wanted: str) -> Elements:
+    """Return the newest set of the object with that catalogue number or name (case ignored).
+
+    An unknown object is refused with the nearest names, a name shared by several objects with their numbers.
+    """
+    key = wanted.strip().casefold()
+    found = [e for e in elements if e.name.casefold() == key or (key.isdigit() and e.catalogue_number == int(key))]
+    if not found:
+        names = [label for e in elements for label in (e.name, str(e.catalogue_number)) if label]
+        near = difflib.get_close_matches(wanted, names, n=5, cutoff=0.4) or names[:5]
+        raise ValueError(f"satellite={wanted!r} is not among {len(elements)} elements; nearest: {', '.join(near)}")
+    numbers = sorted({e.catalogue_number for e in found})
+    if len(numbers) > 1:
+        raise ValueError(f"satellite={wanted!r} names several objects: {', '.join(map(str, numbers))}; give the number")
+    return max(found, key=lambda e: e.epoch_t_s)

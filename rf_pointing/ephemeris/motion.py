@@ -1,0 +1,98 @@
+"""Position and its derivatives, as plain components: one code for a float (fast) and for arrays of times.
+
+Two bookkeepings of a derivative are needed.  An *inertial* motion holds d^k r/dt^k of a non-rotating frame, written in
+Earth-fixed axes; light time shifts it.  A *rotating* motion holds the derivatives an observer on the ground sees:
+
+    X' = A1 - w x A0,   X'' = A2 - 2 w x A1 + w x (w x A0),   X''' = A3 - 3 w x A2 + 3 w x (w x A1) - w x (w x (w x A0))
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+__all__ = ["Motion", "Vector", "combined", "cross", "dot", "norm", "root", "rotated", "seen_from_rotating_axes", "turned_about_z"]
+
+Vector = tuple[Any, Any, Any]
+"""Components x, y, z: floats, or arrays of one shape."""
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """Position [m] with velocity, acceleration and jerk, in the axes its maker states."""
+
+    position: Vector
+    velocity: Vector
+    acceleration: Vector
+    jerk: Vector
+
+    def derivatives(self) -> tuple[Vector, Vector, Vector, Vector]:
+        """Return all four, position first."""
+        return self.position, self.velocity, self.acceleration, self.jerk
+
+
+def dot(a: Vector, b: Vector) -> Any:
+    """Return the scalar product."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def cross(a: Vector, b: Vector) -> Vector:
+    """Return the vector product."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+def root(a: Any) -> Any:
+    """Return the square root of a float or an array; plain floats stay plain, which is three times faster."""
+    return math.sqrt(a) if isinstance(a, float) else np.sqrt(a)
+
+
+def norm(a: Vector) -> Any:
+    """Return the length."""
+    return root(dot(a, a))
+
+
+def combined(*terms: tuple[Any, Vector]) -> Vector:
+    """Return the sum of factor * vector."""
+    factor, (x, y, z) = terms[0]
+    x, y, z = factor * x, factor * y, factor * z
+    for factor, (dx, dy, dz) in terms[1:]:
+        x, y, z = x + factor * dx, y + factor * dy, z + factor * dz
+    return x, y, z
+
+
+def turned_about_z(motion: Motion, angle_rad: Any, pole_x_rad: Any, pole_y_rad: Any) -> Motion:
+    """Return the components in axes turned by the Earth's angle and then tilted to the pole (ITRF from TEME/CIRS).
+
+    The tilt is linear in the pole's coordinates: their squares are 1e-12, 7 micrometres on the ground.
+    """
+    if isinstance(angle_rad, float):
+        c, s = math.cos(angle_rad), math.sin(angle_rad)
+    else:
+        c, s = np.cos(angle_rad), np.sin(angle_rad)
+    return Motion(*(_earth_fixed(v, c, s, pole_x_rad, pole_y_rad) for v in motion.derivatives()))
+
+
+def _earth_fixed(v: Vector, c: Any, s: Any, pole_x: Any, pole_y: Any) -> Vector:
+    x, y, z = c * v[0] + s * v[1], c * v[1] - s * v[0], v[2]
+    return x + pole_x * z, y - pole_y * z, z - pole_x * x + pole_y * y
+
+
+def rotated(motion: Motion, axes: tuple[Vector, Vector, Vector]) -> Motion:
+    """Return the components along three fixed unit vectors."""
+    first, second, third = axes
+    return Motion(*((dot(first, v), dot(second, v), dot(third, v)) for v in motion.derivatives()))
+
+
+def seen_from_rotating_axes(motion: Motion, rate_rad_s: float) -> Motion:
+    """Return the derivatives seen in axes that turn about z, from inertial derivatives in the same axes."""
+    w, w2, w3 = rate_rad_s, rate_rad_s**2, rate_rad_s**3
+    a0, a1, a2, a3 = motion.derivatives()
+    velocity = (a1[0] + w * a0[1], a1[1] - w * a0[0], a1[2])
+    acceleration = (a2[0] + 2.0 * w * a1[1] - w2 * a0[0], a2[1] - 2.0 * w * a1[0] - w2 * a0[1], a2[2])
+    jerk = (
+        a3[0] + 3.0 * w * a2[1] - 3.0 * w2 * a1[0] - w3 * a0[1],
+        a3[1] - 3.0 * w * a2[0] - 3.0 * w2 * a1[1] + w3 * a0[0],
+        a3[2],
+    )
+    return Motion(a0, velocity, acceleration, jerk)

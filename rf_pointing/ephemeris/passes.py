@@ -1,0 +1,152 @@
+"""Passes of a target over a site: rise, closest approach, set, and what the antenna must be able to do.
+
+Elevation is cut at its turning points, which are the roots of the elevation rate; between two of them it is monotonic,
+so each crossing of the mask is bracketed and none is missed that the step of the search resolves.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.ephemeris.roots import roots_between
+from rf_pointing.ephemeris.time_scales import utc_text
+from rf_pointing.ephemeris.track import TopocentricTrack
+from rf_pointing.geometry import require_between
+
+__all__ = ["Pass", "find_passes", "first_pass_above"]
+
+Array = NDArray[np.float64]
+
+_STEP_S = 30.0
+_TIME_TOLERANCE_S = 1e-4
+_PROFILE_STEP_S = 1.0
+_PROFILE_POINTS = 5000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pass:
+    """One stay above the mask; angles apparent, azimuths continuous over the pass.
+
+    `rises_before` and `sets_after` tell that the pass runs on beyond the searched interval, where it is cut off.
+    """
+
+    name: str
+    aos_t_s: float
+    tca_t_s: float
+    los_t_s: float
+    peak_elevation_rad: float
+    aos_azimuth_rad: float
+    aos_elevation_rad: float
+    los_azimuth_rad: float
+    azimuth_min_rad: float
+    azimuth_max_rad: float
+    peak_azimuth_rate_rad_s: float
+    peak_elevation_rate_rad_s: float
+    peak_azimuth_acceleration_rad_s2: float
+    smallest_range_m: float
+    rises_before: bool
+    sets_after: bool
+
+    @property
+    def duration_s(self) -> float:
+        """Time above the mask."""
+        return self.los_t_s - self.aos_t_s
+
+    @property
+    def crosses_north(self) -> bool:
+        """Whether the azimuth passes north, where a 0-360 deg display jumps."""
+        return bool(np.floor(self.azimuth_min_rad / (2 * np.pi)) != np.floor(self.azimuth_max_rad / (2 * np.pi)))
+
+
+def find_passes(
+    track: TopocentricTrack, start_t_s: float, duration_s: float, min_elevation_rad: float
+) -> list[Pass]:
+    """Return the passes above `min_elevation_rad` (apparent) in the `duration_s` after `start_t_s`, in time order.
+
+    Times are found to 0.1 ms.  A pass that is going on at either end is cut off there and says so.
+    """
+    require_between("duration_s", duration_s, 1.0, None)
+    require_between("min_elevation_rad", min_elevation_rad, -0.01, np.pi / 2)
+    grid = np.linspace(start_t_s, start_t_s + duration_s, int(np.ceil(duration_s / _STEP_S)) + 1)
+    knots = np.concatenate([grid[:1], _turning_points(track, grid), grid[-1:]])
+    elevation = track.sample(knots).elevation_rad
+    above = elevation > min_elevation_rad
+    change = np.flatnonzero(above[1:] != above[:-1])
+    crossings = roots_between(
+        lambda t_s: track.sample(t_s).elevation_rad - min_elevation_rad,
+        knots[change],
+        knots[change + 1],
+        _TIME_TOLERANCE_S,
+    )
+    rises = np.concatenate([knots[:1][above[:1]], crossings[above[change + 1]]])
+    sets = np.concatenate([crossings[above[change]], knots[-1:][above[-1:]]])
+    return [_pass(track, a, b, knots, elevation) for a, b in zip(rises.tolist(), sets.tolist(), strict=True) if b > a]
+
+
+def first_pass_above(
+    track: TopocentricTrack, start_t_s: float, peak_rad: float, min_elevation_rad: float, duration_s: float
+) -> Pass:
+    """Return the first pass after `start_t_s` that peaks at or above `peak_rad`; raise ValueError when there is none."""
+    passes = find_passes(track, start_t_s, duration_s, min_elevation_rad)
+    for found in passes:
+        if found.peak_elevation_rad >= peak_rad:
+            return found
+    best = max((p.peak_elevation_rad for p in passes), default=None)
+    reached = "none rises above the mask" if best is None else f"the highest reaches {np.degrees(best):.2f} deg"
+    raise ValueError(
+        f"{track.name} has no pass above {np.degrees(peak_rad):.2f} deg in {duration_s / 3600.0:.2f} h after "
+        f"{utc_text(start_t_s)}: {len(passes)} passes, {reached}"
+    )
+
+
+def _turning_points(track: TopocentricTrack, grid: Array) -> Array:
+    rate = track.sample(grid).elevation_rate_rad_s
+    change = np.flatnonzero(np.sign(rate[1:]) != np.sign(rate[:-1]))
+    return roots_between(
+        lambda t_s: track.sample(t_s).elevation_rate_rad_s, grid[change], grid[change + 1], _TIME_TOLERANCE_S
+    )
+
+
+def _pass(track: TopocentricTrack, aos_t_s: float, los_t_s: float, knots: Array, elevation: Array) -> Pass:
+    inside = (knots >= aos_t_s) & (knots <= los_t_s)
+    highest = int(np.argmax(elevation[inside]))
+    profile = track.sample(_profile_times(track, aos_t_s, los_t_s))
+    return Pass(
+        name=track.name,
+        aos_t_s=aos_t_s,
+        tca_t_s=float(knots[inside][highest]),
+        los_t_s=los_t_s,
+        peak_elevation_rad=float(elevation[inside][highest]),
+        aos_azimuth_rad=float(profile.azimuth_rad[0]),
+        aos_elevation_rad=float(profile.elevation_rad[0]),
+        los_azimuth_rad=float(profile.azimuth_rad[-1]),
+        azimuth_min_rad=float(profile.azimuth_rad.min()),
+        azimuth_max_rad=float(profile.azimuth_rad.max()),
+        peak_azimuth_rate_rad_s=float(np.abs(profile.azimuth_rate_rad_s).max()),
+        peak_elevation_rate_rad_s=float(np.abs(profile.elevation_rate_rad_s).max()),
+        peak_azimuth_acceleration_rad_s2=float(np.abs(profile.azimuth_acceleration_rad_s2).max()),
+        smallest_range_m=float(profile.range_m.min()),
+        rises_before=bool(aos_t_s == knots[0]),
+        sets_after=bool(los_t_s == knots[-1]),
+    )
+
+
+def _profile_times(track: TopocentricTrack, aos_t_s: float, los_t_s: float) -> Array:
+    """Even steps plus the instants of the largest rates, so that the spike near the zenith is not stepped over."""
+    count = int(np.clip(np.ceil((los_t_s - aos_t_s) / _PROFILE_STEP_S) + 1, 2, _PROFILE_POINTS))
+    even = np.linspace(aos_t_s, los_t_s, count)
+    looks = track.sample(even)
+    extremes = [
+        _sign_changes(track, even, looks.azimuth_acceleration_rad_s2, "azimuth_acceleration_rad_s2"),
+        _sign_changes(track, even, looks.elevation_acceleration_rad_s2, "elevation_acceleration_rad_s2"),
+        _sign_changes(track, even, looks.azimuth_rate_rad_s, "azimuth_rate_rad_s"),
+    ]
+    return np.unique(np.concatenate([even, *extremes]))
+
+
+def _sign_changes(track: TopocentricTrack, grid: Array, values: Array, name: str) -> Array:
+    change = np.flatnonzero(np.sign(values[1:]) != np.sign(values[:-1]))
+    return roots_between(
+        lambda t_s: np.asarray(getattr(track.sample(t_s), name)), grid[change], grid[change + 1], _TIME_TOLERANCE_S
+    )

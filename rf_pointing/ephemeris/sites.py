@@ -1,0 +1,77 @@
+"""Where the antenna stands: geodetic coordinates on WGS 84, and a catalogue of stations by name.
+
+Sources: DSN 810-005 module 301 for the Deep Space Stations (mean pole, to 0.1 m).  The ISTRAC stations are published
+to 0.01 deg only, which moves a satellite at 500 km by up to 0.13 deg: survey your antenna before trusting them.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.geometry import Params, parameter, require_choice
+
+__all__ = ["SITES", "Site", "site"]
+
+Vector = tuple[float, float, float]
+
+WGS84_RADIUS_M = 6378137.0
+WGS84_FLATTENING = 1.0 / 298.257223563
+
+
+@dataclass(frozen=True, kw_only=True)
+class Site(Params):
+    """Intersection of the axes of an antenna."""
+
+    latitude_rad: float = parameter(description="geodetic latitude, north positive", low=-math.pi / 2, high=math.pi / 2)
+    longitude_rad: float = parameter(description="longitude, east positive", low=-math.pi, high=2.0 * math.pi)
+    altitude_m: float = parameter(description="height above the WGS 84 ellipsoid", low=-500.0, high=9000.0)
+
+    @classmethod
+    def from_degrees(cls, latitude_deg: float, longitude_deg: float, altitude_m: float) -> "Site":
+        """Return the site at coordinates in degrees."""
+        return cls(
+            latitude_rad=math.radians(latitude_deg), longitude_rad=math.radians(longitude_deg), altitude_m=altitude_m
+        )
+
+    @cached_property
+    def position_m(self) -> Vector:
+        """Earth-fixed position x, y, z."""
+        e2 = WGS84_FLATTENING * (2.0 - WGS84_FLATTENING)
+        normal = WGS84_RADIUS_M / math.sqrt(1.0 - e2 * math.sin(self.latitude_rad) ** 2)
+        across = (normal + self.altitude_m) * math.cos(self.latitude_rad)
+        up = (normal * (1.0 - e2) + self.altitude_m) * math.sin(self.latitude_rad)
+        return across * math.cos(self.longitude_rad), across * math.sin(self.longitude_rad), up
+
+    @cached_property
+    def axes(self) -> tuple[Vector, Vector, Vector]:
+        """Unit vectors east, north and up in Earth-fixed components."""
+        sin_lat, cos_lat = math.sin(self.latitude_rad), math.cos(self.latitude_rad)
+        sin_lon, cos_lon = math.sin(self.longitude_rad), math.cos(self.longitude_rad)
+        east = (-sin_lon, cos_lon, 0.0)
+        north = (-sin_lat * cos_lon, -sin_lat * sin_lon, cos_lat)
+        up = (cos_lat * cos_lon, cos_lat * sin_lon, sin_lat)
+        return east, north, up
+
+    @cached_property
+    def rotation(self) -> NDArray[np.float64]:
+        """Matrix (3, 3) from Earth-fixed to east-north-up components."""
+        return np.array(self.axes)
+
+
+SITES = {
+    "Goldstone DSS-13": Site.from_degrees(35.2471642, -116.7944605, 1070.444),
+    "Goldstone DSS-14": Site.from_degrees(35.4259009, -116.8895382, 1001.390),
+    "Canberra DSS-43": Site.from_degrees(-35.4024242, 148.9812673, 688.867),
+    "Madrid DSS-63": Site.from_degrees(40.4312097, 355.7519914, 864.816),
+    "Mauritius ISTRAC": Site.from_degrees(-20.34, 57.45, 400.0),
+    "Bangalore ISTRAC": Site.from_degrees(13.03, 77.51, 840.0),
+}
+
+
+def site(name: str) -> Site:
+    """Return the station of that name; an unknown name is refused with the list of names."""
+    require_choice("site", name, SITES)
+    return SITES[name]

@@ -1,0 +1,145 @@
+"""Two-line and three-line elements (TLE, 3LE): columns as in Spacetrack Report 3 and the CelesTrak FAQ.
+
+Comment lines start with '#'.  Text after column 69 is ignored (the SGP4 verification file keeps its time grid there).
+"""
+
+import math
+import re
+from datetime import UTC, datetime
+from pathlib import Path
+
+from rf_pointing.ephemeris.alpha5 import number_from_alpha5
+from rf_pointing.ephemeris.elements import Elements
+from rf_pointing.ephemeris.time_scales import DAY_S
+
+__all__ = ["read_tle", "verification_elements"]
+
+_LENGTH = 69
+_BROKEN_ON_PURPOSE = {"33333", "33334", "33335"}
+"""Objects of the verification file that provoke errors; their checksums were not kept up."""
+
+
+def read_tle(text: str) -> list[Elements]:
+    """Return the elements of TLE or 3LE text in file order; a malformed set is refused with its line number."""
+    found: list[Elements] = []
+    name, first = "", (0, "")
+    for number, raw in enumerate(text.splitlines(), start=1):
+        line = raw.rstrip()
+        if not line or line.lstrip().startswith("#"):
+            continue
+        if first[1]:
+            found.append(elements_from_tle(first[1], line, name=name, line_number=first[0]))
+            name, first = "", (0, "")
+        elif line.startswith("1 "):
+            first = (number, line)
+        elif line.startswith("2 "):
+            raise ValueError(f"line {number}: line 2 of a TLE without line 1: {line[:24]!r}")
+        elif name:
+            raise ValueError(f"line {number}: a name {line!r} follows the name {name!r} without elements")
+        else:
+            name = line.removeprefix("0 ").strip()
+    if first[1] or name:
+        raise ValueError(f"line {first[0] or len(text.splitlines())}: the text ends before line 2 of {name or first[1]!r}")
+    return found
+
+
+def elements_from_tle(line1: str, line2: str, *, name: str = "", line_number: int = 1) -> Elements:
+    """Return the elements of one pair of lines; checks form, checksums, numbers and that both name one object."""
+    _check_line(line1, "1", line_number)
+    _check_line(line2, "2", line_number + 1)
+    if line1[2:7] != line2[2:7]:
+        raise ValueError(f"line {line_number + 1}: line 2 is of object {line2[2:7]}, line 1 of {line1[2:7]}")
+    try:
+        return _elements(line1, line2, name)
+    except ValueError as error:
+        raise ValueError(f"line {line_number}: {error}") from None
+
+
+def verification_elements() -> list[Elements]:
+    """Return the sound elements of SGP4-VER.TLE in the installed sgp4 package, named after its comments."""
+    import sgp4
+
+    text = (Path(sgp4.__file__).parent / "SGP4-VER.TLE").read_text(encoding="ascii")
+    kept: list[str] = []
+    comment = ""
+    for line in text.splitlines():
+        if line.startswith("#"):
+            match = re.match(r"#   (\w[^#]*)", line)
+            comment = match[1].strip() if match else comment
+        elif line[2:7] not in _BROKEN_ON_PURPOSE:
+            kept += [comment, line] if line.startswith("1 ") and comment else [line]
+            comment = ""
+    return read_tle("\n".join(kept))
+
+
+def checksum(line: str) -> int:
+    """Return the last digit of the sum of the digits of columns 1 to 68, a minus sign counting 1."""
+    return sum(int(c) if c.isdigit() else c == "-" for c in line[: _LENGTH - 1]) % 10
+
+
+def _check_line(line: str, kind: str, number: int) -> None:
+    if len(line) < _LENGTH:
+        raise ValueError(f"line {number}: TLE line has {len(line)} columns, must have {_LENGTH}: {line!r}")
+    if not line[:_LENGTH].isascii() or line[0] != kind or line[1] != " ":
+        raise ValueError(f"line {number}: expected line {kind} of a TLE, found {line[:24]!r}")
+    stated, counted = line[_LENGTH - 1], checksum(line)
+    if stated != str(counted):
+        raise ValueError(f"line {number}: checksum of object {line[2:7]} is {counted}, the line states {stated}")
+
+
+def _elements(line1: str, line2: str, name: str) -> Elements:
+    revolutions_per_day = 2.0 * math.pi / DAY_S
+    catalogue_number = number_from_alpha5(line1[2:7])
+    return Elements(
+        name=name or str(catalogue_number),
+        catalogue_number=catalogue_number,
+        classification=line1[7].strip() or "U",
+        international_designator=_designator(line1[9:17].strip()),
+        epoch_t_s=_epoch(line1[18:20], line1[20:32]),
+        mean_motion_dot_rad_s2=2.0 * _number("mean motion derivative", line1[33:43]) * revolutions_per_day / DAY_S,
+        mean_motion_ddot_rad_s3=6.0 * _exponent("second derivative", line1[44:52]) * revolutions_per_day / DAY_S**2,
+        drag_per_earth_radius=_exponent("B*", line1[53:61]),
+        element_set_number=int(line1[64:68].strip() or 0),
+        inclination_rad=math.radians(_number("inclination", line2[8:16])),
+        ascending_node_rad=math.radians(_number("ascending node", line2[17:25])),
+        eccentricity=_number("eccentricity", "0." + line2[26:33].replace(" ", "0")),
+        argument_of_perigee_rad=math.radians(_number("argument of perigee", line2[34:42])),
+        mean_anomaly_rad=math.radians(_number("mean anomaly", line2[43:51])),
+        mean_motion_rad_s=_number("mean motion", line2[52:63]) * revolutions_per_day,
+        revolution_number=int(line2[63:68].strip() or 0),
+    )
+
+
+def _number(what: str, columns: str) -> float:
+    text = columns.strip()
+    if not re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)", text):
+        raise ValueError(f"{what} {columns!r} is not a number")
+    return float(text)
+
+
+def _exponent(what: str, columns: str) -> float:
+    """Return a number with assumed decimal point, as ' 28098-4' for 0.28098e-4; blank is zero."""
+    match = re.fullmatch(r"\s*([+-]?)\s*(\d{5})\s*([+-]?)\s*(\d)", columns)
+    if not match:
+        if not columns.strip():
+            return 0.0
+        raise ValueError(f"{what} {columns!r} must be five digits and an exponent")
+    sign, digits, exponent_sign, exponent = match.groups()
+    return float(f"{sign}0.{digits}e{exponent_sign}{exponent}")
+
+
+def _epoch(year: str, day: str) -> float:
+    if not year.strip().isdigit():
+        raise ValueError(f"epoch year {year!r} must be two digits")
+    full_year = int(year) + (1900 if int(year) >= 57 else 2000)
+    day_of_year = _number("epoch day", day)
+    if not 1.0 <= day_of_year < 367.0:
+        raise ValueError(f"epoch day {day!r} must be in [1, 367)")
+    return datetime(full_year, 1, 1, tzinfo=UTC).timestamp() + (day_of_year - 1.0) * DAY_S
+
+
+def _designator(columns: str) -> str:
+    """Return 1998-067A for 98067A; other text as it stands."""
+    if not re.fullmatch(r"\d{5}[A-Z]{1,3}", columns):
+        return columns
+    return f"{1900 + int(columns[:2]) + (100 if int(columns[:2]) < 57 else 0)}-{columns[2:]}"

@@ -1,0 +1,162 @@
+"""Where to point the antenna: apparent azimuth and elevation of a target, with rates, accelerations and range.
+
+    elements -> SGP4 (TEME) -> Earth-fixed -> minus the antenna -> light time -> east-north-up -> offsets -> refraction
+"""
+
+import math
+from typing import Any, Literal, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rf_pointing.ephemeris.cross_track import moved_across
+from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource, IersEarthOrientation
+from rf_pointing.ephemeris.elements import Elements
+from rf_pointing.ephemeris.light_time import SENSES, delayed
+from rf_pointing.ephemeris.look_angles import LookAngles, angles_and_rates
+from rf_pointing.ephemeris.motion import Motion, combined, rotated, seen_from_rotating_axes
+from rf_pointing.ephemeris.sgp4_orbit import Sgp4Orbit
+from rf_pointing.ephemeris.sites import Site
+from rf_pointing.ephemeris.time_scales import DAY_S
+from rf_pointing.geometry import Target, nearest_turn_rad, require_between, require_choice, require_finite
+from rf_pointing.geometry.refraction import RadioRefraction
+
+__all__ = ["TargetSource", "TopocentricTrack"]
+
+
+class TargetSource(Protocol):
+    """A target that knows its motion: elements, an ephemeris file, or a body of the sky."""
+
+    name: str
+    rotation_rate_rad_s: float
+    """Turning rate of the Earth-fixed axes that the motion is written in."""
+
+    def motion_at(self, t_s: Any, ahead_s: float = 0.0) -> Motion:
+        """Return inertial derivatives in Earth-fixed axes, metres, at UTC times; refuse times outside its span."""
+
+    def warnings(self, t_s: float) -> tuple[str, ...]:
+        """Return what makes the motion at `t_s` less certain."""
+
+
+class TopocentricTrack:
+    """A target seen from a site.
+
+    Parameters
+    ----------
+    target : elements, or any `TargetSource`.
+    along_track_offset_s : the target runs this much ahead of its elements (negative: late).
+    cross_track_offset_rad : the target is moved on the sky, positive to the right of its motion.
+    refraction : "standard" for the mean weather at the site's altitude, None for a vacuum.
+    max_age_s : largest distance from the epoch of elements; times beyond it are refused.
+    light_time : "receive" for signals that arrive at `t_s`, "transmit" for signals that leave, "none" for geometry.
+    """
+
+    def __init__(
+        self,
+        target: Elements | TargetSource,
+        site: Site,
+        *,
+        along_track_offset_s: float = 0.0,
+        cross_track_offset_rad: float = 0.0,
+        refraction: RadioRefraction | Literal["standard"] | None = "standard",
+        max_age_s: float = 14.0 * DAY_S,
+        light_time: str = "receive",
+        orientation: EarthOrientationSource | None = None,
+    ) -> None:
+        require_between("along_track_offset_s", along_track_offset_s, -600.0, 600.0)
+        require_between("cross_track_offset_rad", cross_track_offset_rad, -0.2, 0.2)
+        require_choice("light_time", light_time, SENSES)
+        if isinstance(target, Elements):
+            target = Sgp4Orbit(target, orientation or IersEarthOrientation(), max_age_s=max_age_s)
+        self.target: TargetSource = target
+        self.name = target.name
+        self.site = site
+        self.along_track_offset_s = along_track_offset_s
+        self.cross_track_offset_rad = cross_track_offset_rad
+        self.refraction = RadioRefraction.standard(site.altitude_m) if refraction == "standard" else refraction
+        self.light_time = light_time
+        self._antenna = _inertial_motion_of(site, target.rotation_rate_rad_s)
+
+    def with_offsets(self, *, along_track_offset_s: float, cross_track_offset_rad: float) -> "TopocentricTrack":
+        """Return the same track with other offsets; this one stays as it is."""
+        return TopocentricTrack(
+            self.target,
+            self.site,
+            along_track_offset_s=along_track_offset_s,
+            cross_track_offset_rad=cross_track_offset_rad,
+            refraction=self.refraction,
+            light_time=self.light_time,
+        )
+
+    def target_at(self, t_s: float, *, near_azimuth_rad: float = math.pi) -> Target:
+        """Return the apparent direction at UTC `t_s`, its azimuth on the turn nearest to `near_azimuth_rad`.
+
+        Raises ValueError for times outside the target's span.
+        """
+        require_finite("t_s", t_s)
+        azimuth, elevation, azimuth_rate, elevation_rate, azimuth_acceleration, elevation_acceleration, *rest = (
+            float(value) for value in self._look(float(t_s))
+        )
+        return Target(
+            t_s=float(t_s),
+            name=self.name,
+            azimuth_rad=nearest_turn_rad(azimuth, near_azimuth_rad),
+            elevation_rad=elevation,
+            azimuth_rate_rad_s=azimuth_rate,
+            elevation_rate_rad_s=elevation_rate,
+            azimuth_acceleration_rad_s2=azimuth_acceleration,
+            elevation_acceleration_rad_s2=elevation_acceleration,
+            range_m=rest[0],
+            range_rate_m_s=rest[1],
+        )
+
+    def sample(self, t_s: ArrayLike) -> LookAngles:
+        """Return the apparent directions at UTC times (n,), azimuth continuous from the first on, which is in [0, 2 pi).
+
+        Continuity needs steps in which the azimuth moves by less than half a turn.
+        """
+        times = np.asarray(t_s, dtype=np.float64)
+        if times.ndim != 1:
+            raise ValueError(f"t_s has shape {times.shape}, must be (n,)")
+        require_finite("t_s", times)
+        azimuth, elevation, azimuth_rate, elevation_rate, azimuth_acceleration, elevation_acceleration, *rest = (
+            self._look(times)
+        )
+        azimuth = np.unwrap(azimuth)
+        return LookAngles(
+            t_s=times,
+            azimuth_rad=azimuth + 2.0 * np.pi * (azimuth[:1] < 0.0),
+            elevation_rad=elevation,
+            azimuth_rate_rad_s=azimuth_rate,
+            elevation_rate_rad_s=elevation_rate,
+            azimuth_acceleration_rad_s2=azimuth_acceleration,
+            elevation_acceleration_rad_s2=elevation_acceleration,
+            range_m=rest[0],
+            range_rate_m_s=rest[1],
+            true_elevation_rad=rest[2],
+        )
+
+    def warnings(self, t_s: float) -> tuple[str, ...]:
+        """Return what makes the direction at `t_s` less certain (expired tables, predicted or assumed UT1)."""
+        return self.target.warnings(t_s)
+
+    def _look(self, t_s: Any) -> tuple[Any, ...]:
+        motion = self.target.motion_at(t_s, self.along_track_offset_s)
+        pairs = zip(motion.derivatives(), self._antenna.derivatives(), strict=True)
+        relative = Motion(*(combined((1.0, of_target), (-1.0, of_antenna)) for of_target, of_antenna in pairs))
+        seen, range_m, range_rate_m_s = delayed(relative, SENSES[self.light_time])
+        enu = rotated(seen_from_rotating_axes(seen, self.target.rotation_rate_rad_s), self.site.axes)
+        if self.cross_track_offset_rad != 0.0:
+            enu = moved_across(enu, self.cross_track_offset_rad)
+        azimuth, true, azimuth_rate, rate, azimuth_acceleration, acceleration = angles_and_rates(enu)
+        elevation = true
+        if self.refraction is not None:
+            elevation, rate, acceleration = self.refraction.apply_with_rates(true, rate, acceleration)
+        return azimuth, elevation, azimuth_rate, rate, azimuth_acceleration, acceleration, range_m, range_rate_m_s, true
+
+
+def _inertial_motion_of(site: Site, rate_rad_s: float) -> Motion:
+    """Motion of the antenna with the turning Earth, in Earth-fixed axes."""
+    x, y, z = site.position_m
+    w = rate_rad_s
+    return Motion((x, y, z), (-w * y, w * x, 0.0), (-(w**2) * x, -(w**2) * y, 0.0), (w**3 * y, -(w**3) * x, 0.0))

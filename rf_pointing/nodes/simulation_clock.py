@@ -1,0 +1,108 @@
+"""Executable `simulation_clock`: simulation time for one antenna's graph, at a given speed or as fast as the graph follows.
+
+Inactive, it holds time at the start; active, time runs.  So every node can be brought up before the first tick, and a run
+does not depend on how long that took.
+Publishes: clock (rosgraph_msgs/Clock), to which the nodes' /clock is remapped.
+Subscribes: joint_states, sim/pointing_error, pointing_error, joint_trajectory, target (their stamps only).
+Parameters: start_s, speed (0: as fast as the graph follows), tick_s.
+"""
+
+import struct
+import time
+from dataclasses import dataclass
+
+from rf_pointing_msgs.msg import PointingError, Target
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory
+
+from rf_pointing.geometry import Params, parameter
+from rf_pointing.nodes.diagnostics import Health
+from rf_pointing.nodes.managed import ManagedNode, run
+from rf_pointing.nodes.pacing import PacedStream, Pacer
+from rf_pointing.nodes.qos import STREAM
+from rf_pointing.nodes.stamps import stamp_from_seconds
+
+PACED = {
+    "joint_states": (JointState, 0.06),
+    "sim/pointing_error": (PointingError, 0.1),
+    "pointing_error": (PointingError, 0.1),
+    "joint_trajectory": (JointTrajectory, 0.1),
+    "target": (Target, -1.0),
+}
+"""Stream, its type, and by how much its stamps may lag the clock before time is held."""
+
+HELD_PERIOD_S = 0.1
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClockParams(Params):
+    """Simulation time."""
+
+    start_s: float = parameter(0.0, "UTC seconds since 1970 at which time starts", low=0.0, high=4.0e9)
+    speed: float = parameter(1.0, "simulated seconds per second; 0: as fast as the graph follows", low=0.0, high=1e4)
+    tick_s: float = parameter(0.02, "step of simulation time", low=0.001, high=1.0)
+
+
+class SimulationClock(ManagedNode):
+    """Publishes time; paced by the wall clock and by the stamps that come back."""
+
+    def __init__(self) -> None:
+        super().__init__("simulation_clock")
+        self.parameters.declare("", ClockParams())
+        self._pacer: Pacer | None = None
+        self._running = False
+        self._held_wall_s = 0.0
+
+    def configure(self) -> None:
+        params: ClockParams = self.parameters.value("")
+        streams = {topic: PacedStream(allowed_lag_s=lag_s) for topic, (_, lag_s) in PACED.items()}
+        self._pacer = Pacer(start_s=params.start_s, tick_s=params.tick_s, speed=params.speed, streams=streams)
+        self._clock = self.publisher(Clock, "clock", STREAM)
+        for topic, (message_type, _) in PACED.items():
+            self.listen(message_type, topic, lambda raw, stream=streams[topic]: _note(stream, raw), STREAM, raw=True)
+        self.diagnostics.add("pacing", self._health)
+
+    def activate(self) -> None:
+        self._pacer.begin(time.perf_counter())
+        self._running = True
+
+    def deactivate(self) -> None:
+        self._running = False
+
+    def turn(self) -> float:
+        """Publish what is due; return how long to wait for the next event."""
+        wall_s = time.perf_counter()
+        if self._pacer is None:
+            return 0.1
+        if not self._running:
+            return self._hold(wall_s)
+        wait_s = self._pacer.wait_s(wall_s)
+        if wait_s > 0.0:
+            return min(wait_s, 0.5)
+        self._publish(self._pacer.advance(wall_s))
+        return 0.0
+
+    def _hold(self, wall_s: float) -> float:
+        if wall_s - self._held_wall_s >= HELD_PERIOD_S:
+            self._held_wall_s = wall_s
+            self._publish(self._pacer.now_s)
+        return HELD_PERIOD_S
+
+    def _publish(self, t_s: float) -> None:
+        self._clock.publish(Clock(clock=stamp_from_seconds(t_s)))
+
+    def _health(self) -> Health:
+        pacer = self._pacer
+        values = {"time_s": pacer.now_s, "held_ticks": pacer.held_ticks, "abandoned_waits": pacer.abandoned_waits}
+        return Health(message="running" if self._running else "held", values=values)
+
+
+def _note(stream: PacedStream, raw: bytes) -> None:
+    seconds, nanoseconds = struct.unpack_from("<iI", raw, 4)
+    stream.heard(seconds + nanoseconds * 1e-9)
+
+
+def main() -> None:
+    """Entry point of `ros2 run rf_pointing simulation_clock`."""
+    run(SimulationClock)

@@ -1,0 +1,102 @@
+"""Open a rosbag2 recording, whole or cut short: MCAP or sqlite3, with or without `metadata.yaml`.
+
+A recorder that was killed leaves an MCAP file without its end.  Such a file is copied, closed by `mcap_tail.complete`
+and read from the copy; the recording itself is never changed.
+"""
+
+import shutil
+import struct
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from rosbags.interfaces import Connection
+from rosbags.rosbag2 import Reader
+from rosbags.rosbag2.errors import ReaderError
+
+from rf_pointing.report.mcap_tail import complete
+
+__all__ = ["READ_ERRORS", "BagSource", "open_bag"]
+
+READ_ERRORS = (ReaderError, OSError, ValueError, TypeError, KeyError, IndexError, AssertionError, struct.error)
+"""What reading damaged files may raise."""
+
+
+@dataclass
+class BagSource:
+    """Open readers of one recording, its notes, and what is wrong with it in the user's words."""
+
+    readers: list[Reader] = field(default_factory=list)
+    notes: dict[str, str] = field(default_factory=dict)
+    problems: list[str] = field(default_factory=list)
+
+    @property
+    def connections(self) -> list[Connection]:
+        """Topics of all files; one topic appears once per file."""
+        return [connection for reader in self.readers for connection in reader.connections]
+
+
+def open_bag(path: Path, stack: ExitStack) -> BagSource:
+    """Open the bag directory or file at `path`; `stack` closes it.
+
+    Raises
+    ------
+    ValueError
+        There is no recording at `path`, or none of it can be read.
+    """
+    if not path.exists():
+        raise ValueError(f"path={path} does not exist")
+    source = BagSource()
+    if path.is_dir() and not _open_directory(path, source, stack):
+        for file in _data_files(path):
+            _open_file(file, source, stack)
+    elif path.is_file():
+        _open_file(path, source, stack)
+    if not source.readers:
+        raise ValueError(f"path={path} cannot be read: {'; '.join(source.problems) or 'it holds no recording'}")
+    return source
+
+
+def _data_files(path: Path) -> list[Path]:
+    return sorted(file for file in path.iterdir() if file.suffix in (".mcap", ".db3"))
+
+
+def _open_directory(path: Path, source: BagSource, stack: ExitStack) -> bool:
+    if not (path / "metadata.yaml").is_file():
+        if _data_files(path):
+            source.problems.append("metadata.yaml is missing: the recorder did not finish")
+        return False
+    try:
+        reader = stack.enter_context(Reader(path))
+    except READ_ERRORS as error:
+        source.problems.append(f"the bag is damaged: {error}")
+        return False
+    source.readers.append(reader)
+    metadata = reader.storage.metadata
+    source.notes.update(metadata.custom or {})
+    return True
+
+
+def _open_file(file: Path, source: BagSource, stack: ExitStack) -> None:
+    try:
+        source.readers.append(stack.enter_context(Reader(file)))
+    except READ_ERRORS as error:
+        if file.suffix != ".mcap" or not _open_completed(file, source, stack):
+            source.problems.append(f"{file.name} is not readable: {error}")
+
+
+def _open_completed(file: Path, source: BagSource, stack: ExitStack) -> bool:
+    folder = stack.enter_context(TemporaryDirectory(prefix="rf_pointing_report_"))
+    copy = Path(shutil.copy(file, folder))
+    try:
+        tail = complete(copy)
+        reader = stack.enter_context(Reader(copy))
+    except READ_ERRORS:
+        return False
+    source.readers.append(reader)
+    source.problems.append(
+        f"{file.name} was cut short: {tail.message_count} messages are whole, "
+        f"the last {tail.dropped_bytes} bytes could not be used"
+    )
+    return True

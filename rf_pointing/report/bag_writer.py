@@ -1,0 +1,223 @@
+"""Record serialized messages into a rosbag2 MCAP bag that `ros2 bag info`, `ros2 bag play` and `rosbags` read.
+
+A disk that fills does not disturb the caller: writing stops, what is lost from then on is counted per topic, and
+`close` leaves a bag of everything that reached the disk.
+"""
+
+import json
+import shutil
+from array import array
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from rosbags.interfaces import Connection, Qos
+from rosbags.rosbag2 import StoragePlugin, Writer
+
+from rf_pointing.report.bag_metadata import write_metadata
+from rf_pointing.report.definitions import Definitions
+from rf_pointing.report.mcap_tail import McapTail, complete
+
+__all__ = ["LOST_NOTE", "PROBLEM_NOTE", "BagResult", "BagWriter", "TopicLoss"]
+
+LOST_NOTE = "rf_pointing.lost"
+"""Key in the bag's custom data: JSON list of what could not be recorded."""
+PROBLEM_NOTE = "rf_pointing.problem"
+"""Key in the bag's custom data: why recording stopped."""
+_RESERVE_BYTES = 512 * 1024
+
+
+@dataclass(frozen=True)
+class TopicLoss:
+    """Messages of one topic that did not reach the bag, and the log time of the first of them."""
+
+    topic: str
+    count: int
+    first_log_time_ns: int
+
+
+@dataclass(frozen=True)
+class BagResult:
+    """How a recording ended: `problem` is empty when every message is in the bag."""
+
+    path: Path
+    counts: dict[str, int]
+    lost: tuple[TopicLoss, ...]
+    problem: str
+    readable: bool
+
+    @property
+    def message_count(self) -> int:
+        """Messages in the bag."""
+        return sum(self.counts.values())
+
+
+class BagWriter:
+    """Context manager around one bag directory; not for several threads.
+
+    Parameters
+    ----------
+    path
+        Bag directory; must not exist.
+    definitions
+        Message types that may be registered.
+    notes
+        Free text by key for the bag's custom data (what was run); shown by `ros2 bag info`.
+
+    Raises
+    ------
+    ValueError
+        The directory exists already.
+    OSError
+        The directory cannot be made, or there is no room to begin a recording.
+    """
+
+    def __init__(self, path: Path | str, definitions: Definitions, *, notes: Mapping[str, str] | None = None) -> None:
+        self.path = Path(path)
+        if self.path.exists():
+            raise ValueError(f"path={self.path} exists already; choose another or remove it")
+        self._definitions = definitions
+        self._notes = dict(notes or {})
+        self._reserve = self.path / ".reserve"
+        self._writer = self._opened()
+        self._connections: dict[str, Connection] = {}
+        self._late: set[str] = set()
+        self._accepted: dict[str, array[int]] = defaultdict(lambda: array("q"))
+        self._rejected: dict[str, array[int]] = defaultdict(lambda: array("q"))
+        self._problem = ""
+        self._result: BagResult | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    @property
+    def problem(self) -> str:
+        """Why recording stopped early; empty while it runs."""
+        return self._problem
+
+    @property
+    def lost_count(self) -> int:
+        """Messages refused so far since recording stopped."""
+        return sum(len(times) for times in self._rejected.values())
+
+    def register(self, topic: str, type_name: str, qos: Sequence[Qos] = ()) -> None:
+        """Announce `topic` of `type_name` with the profiles its publishers offer.
+
+        Raises
+        ------
+        ValueError
+            The topic is registered already, or its type is not defined.
+        """
+        if topic in self._connections or topic in self._late:
+            raise ValueError(f"topic={topic!r} is registered already")
+        self._definitions.require(type_name)
+        if self._problem:
+            self._late.add(topic)
+            return
+        self._connections[topic] = self._writer.add_connection(
+            topic,
+            type_name,
+            msgdef=self._definitions.schema(type_name),
+            rihs01=self._definitions.type_hash(type_name),
+            offered_qos_profiles=list(qos),
+        )
+
+    def write(self, topic: str, log_time_ns: int, data: bytes | memoryview) -> None:
+        """Append one serialized message; after a disk problem it is counted as lost instead.
+
+        Raises
+        ------
+        ValueError
+            The topic was not registered, or the bag is closed.
+        """
+        if self._result is not None:
+            raise ValueError(f"path={self.path} is closed")
+        if topic not in self._connections and topic not in self._late:
+            raise ValueError(f"topic={topic!r} is not registered")
+        if self._problem:
+            self._rejected[topic].append(log_time_ns)
+            return
+        self._accepted[topic].append(log_time_ns)
+        try:
+            self._writer.write(self._connections[topic], log_time_ns, data)
+        except OSError as error:
+            self._stop(error)
+
+    def close(self) -> BagResult:
+        """Finish the bag and say what is in it; never raises for a disk problem, and may be called again."""
+        if self._result is None:
+            with suppress(OSError):
+                self._reserve.unlink()
+            self._result = self._closed()
+        return self._result
+
+    def _opened(self) -> Writer:
+        writer = Writer(self.path, version=9, storage_plugin=StoragePlugin.MCAP)
+        for key, value in self._notes.items():
+            writer.set_custom_data(key, value)
+        writer.open()
+        try:
+            # Room for the index of a bag that fills the disk: freed when it is needed.
+            self._reserve.write_bytes(bytes(_RESERVE_BYTES))
+        except OSError:
+            with suppress(OSError):
+                writer.abort()
+            shutil.rmtree(self.path, ignore_errors=True)
+            raise
+        return writer
+
+    def _closed(self) -> BagResult:
+        if not self._problem:
+            try:
+                self._writer.close()
+                counts = {topic: len(self._accepted[topic]) for topic in self._connections}
+                return BagResult(path=self.path, counts=counts, lost=(), problem="", readable=True)
+            except OSError as error:
+                self._stop(error)
+        return self._rescued()
+
+    def _stop(self, error: OSError) -> None:
+        self._problem = f"recording stopped: {error.strerror or error}"
+        # The writer's half-written chunk stays in its buffer; closing tries once more to write it, and may fail again.
+        with suppress(OSError):
+            self._writer.abort()
+        with suppress(OSError):
+            self._reserve.unlink()
+
+    def _rescued(self) -> BagResult:
+        data = self.path / f"{self.path.name}.mcap"
+        tail, problem = McapTail(), self._problem
+        try:
+            tail = complete(data)
+        except (OSError, ValueError) as error:
+            problem = f"{problem}; the bag is not readable: {error}"
+        counts = {topic: tail.counts.get(item.id, 0) for topic, item in self._connections.items()}
+        lost = tuple(self._losses(counts))
+        try:
+            times = (min(tail.times, default=0), max(tail.times, default=0))
+            write_metadata(data, self._connections.values(), counts, times, self._notes | _loss_notes(problem, lost))
+            readable = tail.usable_bytes > 0
+        except OSError as error:
+            problem, readable = f"{problem}; metadata.yaml could not be written: {error}", False
+        return BagResult(path=self.path, counts=counts, lost=lost, problem=problem, readable=readable)
+
+    def _losses(self, counts: Mapping[str, int]) -> list[TopicLoss]:
+        losses = []
+        for topic in (*self._connections, *sorted(self._late)):
+            missing = self._accepted[topic][counts.get(topic, 0) :] + self._rejected[topic]
+            if missing:
+                losses.append(TopicLoss(topic=topic, count=len(missing), first_log_time_ns=missing[0]))
+        return losses
+
+
+def _loss_notes(problem: str, lost: Sequence[TopicLoss]) -> dict[str, str]:
+    return {PROBLEM_NOTE: problem, LOST_NOTE: json.dumps([vars(item) for item in lost])}

@@ -1,0 +1,81 @@
+"""Message definitions by name: the types of a Jazzy install plus the `.msg` files of interface packages.
+
+A bag carries, for every topic, the full text of its type and the type's RIHS01 hash, so that it can be read where the
+package is not installed.  Our own types keep their comments (units and signs) in that text.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree
+
+from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+
+__all__ = ["Definitions", "definitions"]
+
+_SEPARATOR = "=" * 80 + "\n"
+
+
+@dataclass(frozen=True)
+class Definitions:
+    """Known message types: `texts` holds the `.msg` text of the types that were read from files."""
+
+    typestore: Typestore
+    texts: dict[str, str]
+
+    def require(self, type_name: str) -> None:
+        """Raise ValueError unless `type_name` and everything it contains is defined."""
+        self.schema(type_name)
+
+    def schema(self, type_name: str) -> str:
+        """Return the definition of `type_name` followed by those it contains, as rosbag2 stores it."""
+        try:
+            generated, _ = self.typestore.generate_msgdef(type_name, ros_version=2)
+        except (TypesysError, KeyError, AssertionError) as error:
+            raise ValueError(f"type_name={type_name!r} has no complete message definition: {error}") from None
+        root, *contained = generated.split(_SEPARATOR)
+        parts = [self.texts.get(type_name, root)]
+        parts += [self._with_comments(part) for part in contained]
+        return _SEPARATOR.join(part.rstrip("\n") + "\n" for part in parts)
+
+    def type_hash(self, type_name: str) -> str:
+        """Return the RIHS01 hash of `type_name`, the one that the middleware announces."""
+        self.require(type_name)
+        return self.typestore.hash_rihs01(type_name)
+
+    def _with_comments(self, part: str) -> str:
+        heading, _, body = part.partition("\n")
+        package, _, name = heading.removeprefix("MSG: ").strip().partition("/")
+        return f"{heading}\n{self.texts.get(f'{package}/msg/{name}', body)}"
+
+
+def definitions(*folders: Path | str) -> Definitions:
+    """Return the types of Jazzy and of the interface packages in `folders`.
+
+    Parameters
+    ----------
+    folders
+        Package folders with `package.xml` and `msg/*.msg`: a source folder or an installed `share/<package>`.
+
+    Raises
+    ------
+    ValueError
+        A folder holds no interface package, or a `.msg` file cannot be parsed.
+    """
+    texts = {name: text for folder in folders for name, text in _package_texts(Path(folder)).items()}
+    typestore = get_typestore(Stores.ROS2_JAZZY)
+    for name, text in texts.items():
+        try:
+            typestore.register(get_types_from_msg(text, name))
+        except TypesysError as error:
+            raise ValueError(f"definition of {name} is not readable: {error}") from None
+    return Definitions(typestore=typestore, texts=texts)
+
+
+def _package_texts(folder: Path) -> dict[str, str]:
+    manifest = folder / "package.xml"
+    files = sorted((folder / "msg").glob("*.msg"))
+    if not manifest.is_file() or not files:
+        raise ValueError(f"folder={folder} is no interface package: it needs package.xml and msg/*.msg")
+    package = (ElementTree.parse(manifest).findtext("name") or "").strip()
+    return {f"{package}/msg/{path.stem}": path.read_text(encoding="utf-8") for path in files}

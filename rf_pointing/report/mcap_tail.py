@@ -1,0 +1,204 @@
+"""Close an MCAP file that was cut short: by a full disk, or because its recorder was killed.
+
+An MCAP file is a row of records (opcode, 8-byte length, content) between two magic words; messages sit in chunks, each
+followed by its message indexes, and an index of the chunks stands at the end.  Without that end most readers refuse the
+file.  `complete` drops what is not whole and writes the end from what is left (MCAP specification, version 0).
+"""
+
+import struct
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import BinaryIO
+
+from rosbags.rosbag2.errors import ReaderError
+from rosbags.rosbag2.storage_mcap import decompress
+
+__all__ = ["McapTail", "complete"]
+
+_MAGIC = b"\x89MCAP0\r\n"
+_FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _MESSAGE_INDEX, _CHUNK_INDEX = 2, 3, 4, 5, 6, 7, 8
+_STATISTICS, _DATA_END = 11, 15
+_HEAD = 9
+Record = tuple[int, int, bytes]
+
+
+@dataclass
+class McapTail:
+    """What was found whole in a file: message counts and times, and where the usable part ends."""
+
+    usable_bytes: int = 0
+    dropped_bytes: int = 0
+    counts: dict[int, int] = field(default_factory=lambda: defaultdict(int))
+    times: list[int] = field(default_factory=list)
+    schemas: dict[int, bytes] = field(default_factory=dict)
+    channels: dict[int, bytes] = field(default_factory=dict)
+    chunk_indexes: list[bytes] = field(default_factory=list)
+
+    @property
+    def message_count(self) -> int:
+        """Messages in the usable part."""
+        return sum(self.counts.values())
+
+
+def complete(path: Path) -> McapTail:
+    """Cut `path` after its last whole chunk and write index and footer.
+
+    Raises
+    ------
+    ValueError
+        The file does not begin as an MCAP file.
+    OSError
+        There is no room even for the index.
+    """
+    with path.open("r+b") as file:
+        if file.read(len(_MAGIC)) != _MAGIC:
+            raise ValueError(f"{path} does not begin as an MCAP file")
+        tail = McapTail(usable_bytes=len(_MAGIC))
+        pending = _scan(file, tail)
+        tail.dropped_bytes = file.seek(0, 2) - tail.usable_bytes
+        file.truncate(tail.usable_bytes)
+        file.seek(tail.usable_bytes)
+        if pending is not None:
+            tail.chunk_indexes.append(_close_chunk(file, pending))
+        _write_end(file, tail)
+    return tail
+
+
+@dataclass
+class _OpenChunk:
+    start: int
+    length: int
+    times: bytes
+    compression: str
+    sizes: tuple[int, int]
+    messages: dict[int, list[tuple[int, int]]]
+    index_offsets: dict[int, int] = field(default_factory=dict)
+    index_bytes: int = 0
+
+    @property
+    def indexed(self) -> bool:
+        return set(self.index_offsets) == set(self.messages)
+
+    def chunk_index(self) -> bytes:
+        offsets = b"".join(struct.pack("<HQ", *item) for item in self.index_offsets.items())
+        head = self.times + struct.pack("<QQI", self.start, self.length, len(offsets)) + offsets
+        return head + struct.pack("<Q", self.index_bytes) + _string(self.compression) + struct.pack("<QQ", *self.sizes)
+
+
+def _scan(file: BinaryIO, tail: McapTail) -> _OpenChunk | None:
+    """Fill `tail` from the whole records; return the last chunk when its indexes are still to be written."""
+    chunk: _OpenChunk | None = None
+    for opcode, start, content in _records(file):
+        if opcode in (_FOOTER, _DATA_END):
+            break
+        end = start + _HEAD + len(content)
+        if opcode == _MESSAGE_INDEX and chunk is not None:
+            chunk.index_offsets[int.from_bytes(content[:2], "little")] = start
+            chunk.index_bytes += end - start
+            if not chunk.indexed:
+                continue
+            tail.chunk_indexes.append(chunk.chunk_index())
+            chunk = None
+        elif chunk is not None:
+            break
+        elif opcode == _CHUNK:
+            chunk = _open_chunk(start, content, tail)
+            if chunk is None:
+                break
+            if not chunk.messages:
+                tail.chunk_indexes.append(chunk.chunk_index())
+                chunk = None
+        else:
+            _note(opcode, content, tail)
+        tail.usable_bytes = end
+    return chunk
+
+
+def _records(file: BinaryIO) -> Iterator[Record]:
+    while len(head := file.read(_HEAD)) == _HEAD:
+        opcode, length = struct.unpack("<BQ", head)
+        start = file.tell() - _HEAD
+        content = file.read(length)
+        if opcode == 0 or len(content) < length:
+            return
+        yield opcode, start, content
+
+
+def _open_chunk(start: int, content: bytes, tail: McapTail) -> _OpenChunk | None:
+    _, _, size, crc = struct.unpack_from("<QQQI", content)
+    name_end = 32 + int.from_bytes(content[28:32], "little")
+    compression = content[32:name_end].decode()
+    stored = content[name_end + 8 :]
+    messages: dict[int, list[tuple[int, int]]] = defaultdict(list)
+    try:
+        records = list(_inner_records(decompress(stored, compression, size, crc)))
+        for opcode, offset, record in records:
+            if opcode == _MESSAGE:
+                channel, _, log_time = struct.unpack_from("<HIQ", record)
+                messages[channel].append((log_time, offset))
+    except (ReaderError, RuntimeError, ValueError, OSError, struct.error):
+        return None
+    for opcode, _, record in records:
+        _note(opcode, record, tail)
+    return _OpenChunk(start, _HEAD + len(content), content[:16], compression, (len(stored), size), messages)
+
+
+def _inner_records(raw: bytes) -> Iterator[Record]:
+    position = 0
+    while position + _HEAD <= len(raw):
+        opcode, length = struct.unpack_from("<BQ", raw, position)
+        yield opcode, position, raw[position + _HEAD : position + _HEAD + length]
+        position += _HEAD + length
+
+
+def _note(opcode: int, content: bytes, tail: McapTail) -> None:
+    if opcode == _MESSAGE:
+        channel, _, log_time = struct.unpack_from("<HIQ", content)
+        tail.counts[channel] += 1
+        tail.times.append(log_time)
+    elif opcode in (_SCHEMA, _CHANNEL):
+        kept = tail.schemas if opcode == _SCHEMA else tail.channels
+        kept[int.from_bytes(content[:2], "little")] = content
+
+
+def _close_chunk(file: BinaryIO, chunk: _OpenChunk) -> bytes:
+    file.seek(chunk.start + chunk.length)
+    file.truncate()
+    chunk.index_offsets, chunk.index_bytes = {}, 0
+    for channel, entries in chunk.messages.items():
+        chunk.index_offsets[channel] = file.tell()
+        packed = b"".join(struct.pack("<QQ", *entry) for entry in entries)
+        chunk.index_bytes += _write(file, _MESSAGE_INDEX, struct.pack("<HI", channel, len(packed)) + packed)
+    return chunk.chunk_index()
+
+
+def _write_end(file: BinaryIO, tail: McapTail) -> None:
+    _write(file, _DATA_END, bytes(4))
+    summary_start = file.tell()
+    for opcode, records in (
+        (_SCHEMA, tail.schemas.values()),
+        (_CHANNEL, tail.channels.values()),
+        (_CHUNK_INDEX, tail.chunk_indexes),
+    ):
+        for record in records:
+            _write(file, opcode, record)
+    _write(file, _STATISTICS, _statistics(tail))
+    _write(file, _FOOTER, struct.pack("<QQI", summary_start, 0, 0))
+    file.write(_MAGIC)
+
+
+def _statistics(tail: McapTail) -> bytes:
+    counts = b"".join(struct.pack("<HQ", *item) for item in sorted(tail.counts.items()))
+    sizes = (tail.message_count, len(tail.schemas), len(tail.channels), 0, 0, len(tail.chunk_indexes))
+    span = (min(tail.times, default=0), max(tail.times, default=0))
+    return struct.pack("<QHIIIIQQI", *sizes, *span, len(counts)) + counts
+
+
+def _write(file: BinaryIO, opcode: int, content: bytes) -> int:
+    return file.write(struct.pack("<BQ", opcode, len(content)) + content)
+
+
+def _string(text: str) -> bytes:
+    return struct.pack("<I", len(text.encode())) + text.encode()

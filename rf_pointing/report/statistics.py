@@ -1,0 +1,225 @@
+"""From a recording to its table: how well the beam was on the target, and how well the graph ran."""
+
+from datetime import UTC, datetime
+
+import numpy as np
+
+from rf_pointing.geometry import MDEG
+from rf_pointing.report.error_series import ErrorSeries, error_series, statistics_of
+from rf_pointing.report.machine import commands, link, servo
+from rf_pointing.report.recording import Pass, Recording
+from rf_pointing.report.summary import (
+    SCHEMA,
+    Acquisition,
+    BagInfo,
+    Headline,
+    ModeInterval,
+    ModeStatistics,
+    NotRecorded,
+    PassInfo,
+    Summary,
+    Warning,
+)
+from rf_pointing.report.timeline import RF_MODES, TRACKING_MODES, Timeline, timeline
+from rf_pointing.report.traffic import latencies, topic_traffic
+
+__all__ = ["summarize", "tracked_pass", "utc"]
+
+_SETTLED_BEAMWIDTHS = 0.1
+_SETTLED_IN_A_ROW = 5
+
+
+def summarize(recording: Recording) -> Summary:
+    """Return the table of `recording`; what it cannot tell is None and named in `problems`."""
+    modes = timeline(recording)
+    errors = error_series(recording, modes)
+    traffic = topic_traffic(recording)
+    acquired_ns, acquired = _acquisition(recording, modes)
+    lost = sum(row.lost or 0 for row in traffic) + sum(item.count for item in recording.not_recorded)
+    found = tracked_pass(recording, modes)
+    return Summary(
+        schema=SCHEMA,
+        bag=_bag(recording),
+        target_pass=_pass_info(found) if found else None,
+        headline=_headline(errors, acquired_ns, lost),
+        acquisition=acquired,
+        modes=_mode_rows(errors, modes),
+        timeline=_intervals(modes),
+        link=link(recording, modes),
+        commands=commands(recording, modes),
+        servo=servo(recording),
+        topics=traffic,
+        latency=latencies(recording),
+        not_recorded=[
+            NotRecorded(topic=i.topic, count=i.count, first_lost_utc=utc(i.first_log_time_ns))
+            for i in recording.not_recorded
+        ],
+        warnings=[Warning(component=name, message=text, count=count) for name, text, count in recording.warnings],
+        problems=[*recording.problems, *_missing(recording, errors)],
+    )
+
+
+def utc(time_ns: int) -> str:
+    """Return nanoseconds since 1970 as ISO 8601 UTC to the millisecond."""
+    moment = datetime.fromtimestamp(time_ns // 10**9, UTC)
+    return f"{moment:%Y-%m-%dT%H:%M:%S}.{time_ns % 10**9 // 10**6:03d}Z"
+
+
+def tracked_pass(recording: Recording, modes: Timeline | None) -> Pass | None:
+    """Return the announced pass that overlaps the tracking most, None when no announced one does."""
+    if modes is None:
+        return None
+    spans = [(i.start_ns, i.end_ns) for i in modes.intervals() if i.mode in TRACKING_MODES]
+
+    def overlap_ns(item: Pass) -> int:
+        return sum(max(0, min(end, item.los_ns) - max(start, item.aos_ns)) for start, end in spans)
+
+    best = max(recording.passes, key=overlap_ns, default=None)
+    return best if best is not None and overlap_ns(best) > 0 else None
+
+
+def _bag(recording: Recording) -> BagInfo:
+    filled = [data for data in recording.topics.values() if len(data)]
+    logs = np.concatenate([data.log_time_ns[[0, -1]] for data in filled]) if filled else np.zeros(0, dtype=np.int64)
+    clock = [recording.get(name) for name in ("joint_states", "tracking_status", "sim/pointing_error")]
+    stamps = [data.stamp_ns for data in clock if data is not None and data.stamp_ns is not None]
+    start = min((int(np.min(s)) for s in stamps), default=None)
+    simulated = (max(int(np.max(s)) for s in stamps) - start) * 1e-9 if start is not None else None
+    wall = float(np.max(logs) - np.min(logs)) * 1e-9 if len(logs) else None
+    return BagInfo(
+        path=str(recording.path),
+        namespace=recording.namespace or "/",
+        start_utc=utc(start) if start is not None else None,
+        simulated_s=simulated,
+        wall_s=wall,
+        speed=simulated / wall if simulated is not None and wall else None,
+        message_count=sum(len(data) for data in filled) + sum(recording.others.values()),
+        notes=recording.notes,
+    )
+
+
+def _pass_info(item: Pass) -> PassInfo:
+    return PassInfo(
+        target=item.target,
+        aos_utc=utc(item.aos_ns),
+        tca_utc=utc(item.tca_ns),
+        los_utc=utc(item.los_ns),
+        peak_elevation_deg=float(np.degrees(item.peak_elevation_rad)),
+    )
+
+
+def _acquisition(recording: Recording, modes: Timeline | None) -> tuple[int | None, Acquisition]:
+    """Return the stamp of the first settled sensor error, and the times from AOS.
+
+    Settled: while a sensor closes the loop, the first of five successive valid errors below a tenth of a beamwidth.
+    """
+    sensed = recording.get("pointing_error")
+    begin, name = _begin(recording, modes)
+    if sensed is None or sensed.stamp_ns is None or modes is None or begin is None:
+        nothing = Acquisition(measured_from=name, first_valid_s=None, settled_s=None, settled_below_mdeg=None)
+        return None, nothing
+    order = np.argsort(sensed.stamp_ns, kind="stable")
+    order = order[sensed["valid"][order] & (sensed.stamp_ns[order] >= begin)]
+    stamps = sensed.stamp_ns[order]
+    limit = _SETTLED_BEAMWIDTHS * modes.beamwidth_rad_at(stamps)
+    small = np.hypot(sensed["cross_elevation"], sensed["elevation"])[order] < limit
+    small &= np.isin(modes.mode_at(stamps), RF_MODES)
+    run = np.convolve(small, np.ones(_SETTLED_IN_A_ROW, dtype=np.int64), mode="valid") if len(small) else small
+    settled = stamps[np.flatnonzero(run == _SETTLED_IN_A_ROW)[:1]]
+    return (int(settled[0]) if len(settled) else None), Acquisition(
+        measured_from=name,
+        first_valid_s=float(stamps[0] - begin) * 1e-9 if len(stamps) else None,
+        settled_s=float(settled[0] - begin) * 1e-9 if len(settled) else None,
+        settled_below_mdeg=float(limit[0] / MDEG) if len(limit) else None,
+    )
+
+
+def _begin(recording: Recording, modes: Timeline | None) -> tuple[int | None, str]:
+    found = tracked_pass(recording, modes)
+    if found is not None:
+        return found.aos_ns, "acquisition of signal"
+    spans = modes.intervals() if modes is not None else []
+    return next((i.start_ns for i in spans if i.mode in TRACKING_MODES), None), "start of tracking"
+
+
+def _headline(errors: ErrorSeries | None, acquired_ns: int | None, lost: int) -> Headline:
+    over = "tracking" if acquired_ns is None else "after acquisition"
+    if errors is None:
+        return Headline(
+            error_source=None,
+            over=over,
+            held_beam=None,
+            seconds=None,
+            beamwidth_mdeg=None,
+            error=None,
+            program_track_alone=None,
+            messages_lost=lost,
+        )
+    chosen = np.isin(errors.mode, TRACKING_MODES) & (errors.stamp_ns >= (acquired_ns or 0))
+    width = errors.beamwidth_rad[chosen]
+    error = statistics_of(errors.error_rad[chosen], width)
+    inside = error.inside_half_power_percent
+    return Headline(
+        error_source=errors.source,
+        over=over,
+        held_beam=None if inside is None else inside == 100.0,
+        seconds=_seconds(errors, chosen),
+        beamwidth_mdeg=float(np.nanmedian(width) / MDEG) if np.any(np.isfinite(width)) else None,
+        error=error,
+        program_track_alone=statistics_of(errors.alone_rad[chosen], width),
+        messages_lost=lost,
+    )
+
+
+def _seconds(errors: ErrorSeries, chosen: np.ndarray) -> float:
+    step = float(np.median(np.diff(errors.stamp_ns))) * 1e-9 if len(errors.stamp_ns) > 1 else 0.0
+    return float(np.sum(chosen)) * step
+
+
+def _mode_rows(errors: ErrorSeries | None, modes: Timeline | None) -> list[ModeStatistics]:
+    rows = []
+    spans = modes.intervals() if modes is not None else []
+    for mode in dict.fromkeys(span.mode for span in spans):
+        chosen = errors.mode == mode if errors is not None else np.zeros(0, dtype=np.bool_)
+        tracking = mode in TRACKING_MODES
+        none = np.zeros((0, 2))
+        rows.append(
+            ModeStatistics(
+                mode=mode,
+                seconds=sum(span.seconds for span in spans if span.mode == mode),
+                entered=sum(span.mode == mode for span in spans),
+                error=statistics_of(errors.error_rad[chosen], errors.beamwidth_rad[chosen])
+                if errors is not None
+                else statistics_of(none, none[:, 0]),
+                program_track_alone=statistics_of(errors.alone_rad[chosen], errors.beamwidth_rad[chosen])
+                if tracking and errors is not None
+                else None,
+            )
+        )
+    return rows
+
+
+def _intervals(modes: Timeline | None) -> list[ModeInterval]:
+    if modes is None:
+        return []
+    start = int(modes.stamp_ns[0])
+    return [
+        ModeInterval(mode=i.mode, start_s=(i.start_ns - start) * 1e-9, seconds=i.seconds, reason=i.reason)
+        for i in modes.intervals()
+    ]
+
+
+def _missing(recording: Recording, errors: ErrorSeries | None) -> list[str]:
+    missing = []
+    if recording.get("tracking_status") is None:
+        missing.append("no tracking_status: errors cannot be sorted by mode, and no pointing loss is known")
+    if errors is None:
+        missing.append("no valid pointing error, neither sim/pointing_error nor pointing_error: no error statistics")
+    elif errors.source == "sensed":
+        missing.append("no sim/pointing_error: errors are those that the sensor measured, not the true ones")
+    if errors is not None and errors.dropped:
+        missing.append(f"{errors.dropped} errors are not finite numbers and were left out")
+    for name, what in (("joint_states", "no axis rates"), ("antenna_status", "no limits, faults and tick lateness")):
+        if recording.get(name) is None:
+            missing.append(f"no {name}: {what}")
+    return missing

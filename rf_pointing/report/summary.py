@@ -1,0 +1,262 @@
+"""The table of a report: what `summary.json` holds, with units in the names.
+
+Every key is always present; a value that the recording does not give is null, never NaN.
+"""
+
+import dataclasses
+import json
+import math
+from dataclasses import dataclass
+from typing import Any
+
+__all__ = [
+    "SCHEMA",
+    "Acquisition",
+    "AxisLimits",
+    "BagInfo",
+    "Commands",
+    "ErrorStatistics",
+    "Headline",
+    "Latency",
+    "Link",
+    "ModeInterval",
+    "ModeStatistics",
+    "NotRecorded",
+    "PassInfo",
+    "Servo",
+    "Spread",
+    "Summary",
+    "TopicTraffic",
+    "Warning",
+    "to_json",
+]
+
+SCHEMA = "rf_pointing/summary/1"
+Number = float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class BagInfo:
+    """What was read; `speed` is simulation time per wall time."""
+
+    path: str
+    namespace: str
+    start_utc: str | None
+    simulated_s: Number
+    wall_s: Number
+    speed: Number
+    message_count: int
+    notes: dict[str, str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PassInfo:
+    """The predicted pass that was tracked."""
+
+    target: str
+    aos_utc: str
+    tca_utc: str
+    los_utc: str
+    peak_elevation_deg: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spread:
+    """Root mean square, 95th percentile and largest magnitude of an error."""
+
+    rms_mdeg: Number
+    p95_mdeg: Number
+    max_mdeg: Number
+
+
+@dataclass(frozen=True, kw_only=True)
+class ErrorStatistics:
+    """Errors of the beam over some samples; the loss is that of a Gaussian beam, null outside tracking."""
+
+    samples: int
+    cross_elevation: Spread
+    elevation: Spread
+    radial: Spread
+    mean_loss_db: Number
+    max_loss_db: Number
+    inside_half_power_percent: Number
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModeStatistics:
+    """One tracking mode: time in it, the error made, and the error of program track alone over the same samples."""
+
+    mode: str
+    seconds: float
+    entered: int
+    error: ErrorStatistics
+    program_track_alone: ErrorStatistics | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModeInterval:
+    """One stretch in one mode."""
+
+    mode: str
+    start_s: float
+    seconds: float
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Acquisition:
+    """Seconds from `measured_from` to the first valid sensor error, and to the first settled one."""
+
+    measured_from: str
+    first_valid_s: Number
+    settled_s: Number
+    settled_below_mdeg: Number
+
+
+@dataclass(frozen=True, kw_only=True)
+class Headline:
+    """What one asks first.
+
+    `error_source` is "true" (simulation truth) or "sensed"; `over` names the samples: "after acquisition", or
+    "tracking" where no RF loop was used or it never settled.
+    """
+
+    error_source: str | None
+    over: str
+    held_beam: bool | None
+    seconds: Number
+    beamwidth_mdeg: Number
+    error: ErrorStatistics | None
+    program_track_alone: ErrorStatistics | None
+    messages_lost: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class TopicTraffic:
+    """One topic: `rate_hz` in simulation time, `lost` counted by sequence numbers or by gaps between stamps."""
+
+    topic: str
+    type: str
+    count: int
+    rate_hz: Number
+    wall_rate_hz: Number
+    lost: int | None
+    counted_by: str | None
+    restarts: int
+    longest_gap_s: Number
+    not_recorded: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Latency:
+    """Wall time between the reception of two causally linked messages.
+
+    `kind` "transit": equal or adjacent stamps; "reaction": the first message out after one in, waiting included.
+    """
+
+    cause: str
+    effect: str
+    kind: str
+    count: int
+    median_ms: Number
+    p99_ms: Number
+    max_ms: Number
+
+
+@dataclass(frozen=True, kw_only=True)
+class Commands:
+    """Commands ahead of time: lead at the controller and at the servo, and the servo's counters."""
+
+    lead_min_s: Number
+    lead_median_s: Number
+    servo_lead_min_s: Number
+    sent: int | None
+    accepted: int | None
+    rejected: int | None
+    last_rejection: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class AxisLimits:
+    """Largest rate and acceleration of one axis beside its limits; acceleration is a mean over half a second."""
+
+    axis: str
+    peak_rate_deg_s: Number
+    rate_limit_deg_s: Number
+    peak_acceleration_deg_s2: Number
+    acceleration_limit_deg_s2: Number
+    at_limit_s: Number
+
+
+@dataclass(frozen=True, kw_only=True)
+class Servo:
+    """Timing of the control ticks in wall time, faults and axes."""
+
+    tick_lateness_p99_ms: Number
+    tick_lateness_max_ms: Number
+    period_deviation_p99_ms: Number
+    faults: list[str]
+    axes: list[AxisLimits]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Link:
+    """Carrier-to-noise density while tracking, and where it was read."""
+
+    source: str | None
+    carrier_to_noise_min_db_hz: Number
+    carrier_to_noise_median_db_hz: Number
+
+
+@dataclass(frozen=True, kw_only=True)
+class NotRecorded:
+    """Messages that the recorder could not write."""
+
+    topic: str
+    count: int
+    first_lost_utc: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Warning:
+    """What a component said on /diagnostics above OK."""
+
+    component: str
+    message: str
+    count: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Summary:
+    """The whole table."""
+
+    schema: str
+    bag: BagInfo
+    target_pass: PassInfo | None
+    headline: Headline
+    acquisition: Acquisition
+    modes: list[ModeStatistics]
+    timeline: list[ModeInterval]
+    link: Link
+    commands: Commands
+    servo: Servo
+    topics: list[TopicTraffic]
+    latency: list[Latency]
+    not_recorded: list[NotRecorded]
+    warnings: list[Warning]
+    problems: list[str]
+
+
+def to_json(summary: Summary) -> str:
+    """Return the summary as JSON text in which numbers that are not finite are null."""
+    return json.dumps(_plain(dataclasses.asdict(summary)), indent=2, allow_nan=False) + "\n"
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value

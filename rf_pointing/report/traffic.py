@@ -1,0 +1,139 @@
+"""How the messages travelled: rates, losses, and the wall time from one node's message to the next one's."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.report.recording import Recording
+from rf_pointing.report.summary import Latency, TopicTraffic
+from rf_pointing.report.topic_data import TopicData
+from rf_pointing.report.topics import TOPICS
+
+__all__ = ["HOPS", "Hop", "latencies", "topic_traffic"]
+
+Ints = NDArray[np.int64]
+_PAUSE_PERIODS = 10
+_STAMP_TOLERANCE_NS = 2_000
+
+
+@dataclass(frozen=True)
+class Hop:
+    """One arrow of the graph; `kind` as in `Latency`, `sensor` chooses among errors of several trackers."""
+
+    cause: str
+    effect: str
+    kind: str = "transit"
+    sensor: str = ""
+
+
+HOPS = (
+    Hop("clock", "joint_states"),
+    Hop("joint_states", "sim/boresight"),
+    Hop("sim/boresight", "sim/pointing_error"),
+    Hop("sim/boresight", "monopulse"),
+    Hop("sim/boresight", "carrier_power"),
+    Hop("monopulse", "pointing_error", sensor="monopulse"),
+    Hop("pointing_error", "tracking_status", "reaction"),
+    Hop("pointing_error", "joint_trajectory", "reaction"),
+)
+"""The loop from the clock through antenna, receiver and tracker back to the command."""
+
+
+def topic_traffic(recording: Recording) -> list[TopicTraffic]:
+    """Return one row per topic of the antenna.
+
+    Messages with a sequence number are counted per publisher; a counter that falls back is a restart.  Messages without
+    one are counted by gaps in their stamps; a gap of more than ten periods is a pause of the publisher, not a loss.
+    """
+    missing = {item.topic: item.count for item in recording.not_recorded}
+    return [_traffic(name, data, missing.get(data.topic, 0)) for name, data in recording.topics.items()]
+
+
+def _traffic(name: str, data: TopicData, not_recorded: int) -> TopicTraffic:
+    periodic = TOPICS[name].period_s > 0.0
+    stamps = np.unique(data.stamp_ns) if data.stamp_ns is not None else np.zeros(0, dtype=np.int64)
+    steps: Ints = stamps[1:] - stamps[:-1]
+    period_ns = float(np.median(steps)) if periodic and len(steps) else None
+    lost, counted_by, restarts = _losses(data, steps, period_ns)
+    wall_s = (data.log_time_ns[-1] - data.log_time_ns[0]) * 1e-9 if len(data) > 1 else 0.0
+    return TopicTraffic(
+        topic=data.topic,
+        type=data.type_name,
+        count=len(data),
+        rate_hz=1e9 / period_ns if period_ns else None,
+        wall_rate_hz=float((len(data) - 1) / wall_s) if periodic and wall_s > 0.0 else None,
+        lost=lost,
+        counted_by=counted_by,
+        restarts=restarts,
+        longest_gap_s=float(np.max(steps)) * 1e-9 if period_ns else None,
+        not_recorded=not_recorded,
+    )
+
+
+def _losses(data: TopicData, steps: Ints, period_ns: float | None) -> tuple[int | None, str | None, int]:
+    if data.sequence is not None:
+        # Several trackers publish errors on one topic, each with its own counter.
+        sensors = data.columns.get("sensor")
+        groups = [data.sequence] if sensors is None else [data.sequence[sensors == s] for s in np.unique(sensors)]
+        jumps = np.concatenate([np.diff(group) for group in groups]) if groups else np.zeros(0, dtype=np.int64)
+        return int(np.sum(jumps[jumps > 1] - 1)), "sequence numbers", int(np.sum(jumps <= 0))
+    if period_ns is None:
+        return None, None, 0
+    missing = np.rint(steps / period_ns).astype(np.int64) - 1
+    return int(np.sum(missing[missing < _PAUSE_PERIODS])), "stamp gaps", 0
+
+
+def latencies(recording: Recording) -> list[Latency]:
+    """Return one row per hop of which both ends were recorded; times are those of the recorder's reception.
+
+    A hop whose effect arrived first shows as a negative time: the recorder hears every topic by a path of its own.
+    """
+    rows = []
+    for hop in HOPS:
+        cause, effect = recording.get(hop.cause), recording.get(hop.effect)
+        if cause is not None and effect is not None:
+            difference = (
+                _transit_ns(cause, effect, hop.sensor) if hop.kind == "transit" else _reaction_ns(cause, effect)
+            )
+            rows.append(_latency(hop, difference))
+    return rows
+
+
+def _transit_ns(cause: TopicData, effect: TopicData, sensor: str) -> Ints:
+    """Reception of each effect after that of the newest cause whose stamp is not later, at most a period older."""
+    assert cause.stamp_ns is not None
+    assert effect.stamp_ns is not None
+    order = np.argsort(cause.stamp_ns, kind="stable")
+    stamps, logs = cause.stamp_ns[order], cause.log_time_ns[order]
+    index = np.searchsorted(stamps, effect.stamp_ns + _STAMP_TOLERANCE_NS, side="right") - 1
+    steps = np.diff(stamps)
+    period = float(np.median(steps)) if len(steps) else 0.0
+    linked = (index >= 0) & (effect.stamp_ns - stamps[index] <= period)
+    if sensor:
+        linked &= effect["sensor"] == sensor
+    return (effect.log_time_ns - logs[index])[linked]
+
+
+def _reaction_ns(cause: TopicData, effect: TopicData) -> Ints:
+    """Reception of the first effect after that of each cause, pauses of the effect's publisher left out."""
+    logs = np.sort(effect.log_time_ns)
+    index = np.searchsorted(logs, cause.log_time_ns, side="right")
+    answered = index < len(logs)
+    waited = logs[index[answered]] - cause.log_time_ns[answered]
+    usual = float(np.median(logs[1:] - logs[:-1])) if len(logs) > 1 else np.inf
+    return waited[waited < _PAUSE_PERIODS * usual]
+
+
+def _latency(hop: Hop, difference_ns: Ints) -> Latency:
+    milliseconds = difference_ns * 1e-6
+    some = len(milliseconds) > 0
+    return Latency(
+        cause=hop.cause,
+        effect=hop.effect,
+        kind=hop.kind,
+        count=len(milliseconds),
+        median_ms=float(np.median(milliseconds)) if some else None,
+        p99_ms=float(np.percentile(milliseconds, 99.0)) if some else None,
+        max_ms=float(np.max(milliseconds)) if some else None,
+    )

@@ -1,0 +1,29 @@
+"""How the antenna moves: drives, gears, flexible modes, friction, limits, encoders and wind; the DSS-13 preset."""
+
+from rf_pointing.servo.gust import GustFilter, davenport_psd
+from rf_pointing.servo.linear_model import LinearModel, discretise, linear_model, matrix_exponential
+from rf_pointing.servo.parameters import AxisParams, PlantParams
+from rf_pointing.servo.plant import AntennaPlant
+from rf_pointing.servo.presets import BENDING_FREQUENCY_HZ, dss13_plant, linear_axis
+from rf_pointing.servo.state import PlantState
+from rf_pointing.servo.wind import Wind, WindParams, WindState, wind_torque_n_m
+
+__all__ = [
+    "BENDING_FREQUENCY_HZ",
+    "AntennaPlant",
+    "AxisParams",
+    "GustFilter",
+    "LinearModel",
+    "PlantParams",
+    "PlantState",
+    "Wind",
+    "WindParams",
+    "WindState",
+    "davenport_psd",
+    "discretise",
+    "dss13_plant",
+    "linear_axis",
+    "linear_model",
+    "matrix_exponential",
+    "wind_torque_n_m",
+]

@@ -1,0 +1,241 @@
+"""The antenna in motion: two coupled axes, rate command and wind torque in, encoder and radio beam out.
+
+The linear part is stepped exactly (zero-order hold, matrices cached per step length); limits, friction, brakes and
+gear play enter as inputs held over each substep (`drive.py`).  Angles are continuous, never folded.
+"""
+
+import copy
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rf_pointing.geometry import as_finite_array, require_between
+from rf_pointing.servo.drive import DriveConstants, axis_inputs, drive_constants, gear_correction
+from rf_pointing.servo.linear_model import INPUTS, LinearModel, discretise, linear_model
+from rf_pointing.servo.parameters import PlantParams
+from rf_pointing.servo.state import PlantState
+
+__all__ = ["AntennaPlant"]
+
+Array = NDArray[np.float64]
+
+_GRID_S = 1e-4
+_LONGEST_STEP_S = 1.0
+
+
+class AntennaPlant:
+    """Two-axis antenna; starts at rest, drives on, brakes released.
+
+    `step` advances by any measured `dt_s`: whole substeps plus one shorter one on a 0.1-ms grid; what remains below
+    the grid is carried to the next step and the outputs are extrapolated over it.
+    """
+
+    def __init__(
+        self,
+        params: PlantParams,
+        random: np.random.Generator,
+        position_rad: ArrayLike = (0.0, math.pi / 4.0),
+    ) -> None:
+        self._random = random
+        self._configure(params)
+        self._state = self._rest(as_finite_array("position_rad", position_rad, (2,)))
+
+    @property
+    def params(self) -> PlantParams:
+        """The parameter set in force."""
+        return self._params
+
+    @property
+    def state(self) -> PlantState:
+        """A copy of the complete state, noise generator included."""
+        self._state.random = self._random.bit_generator.state
+        return copy.deepcopy(self._state)
+
+    @state.setter
+    def state(self, state: PlantState) -> None:
+        if state.x.shape != self._state.x.shape:
+            raise ValueError(f"state.x has shape {state.x.shape}, must be {self._state.x.shape}")
+        self._state = copy.deepcopy(state)
+        self._random.bit_generator.state = state.random
+
+    @property
+    def encoder_rad(self) -> Array:
+        """Encoder angles (2,) of the latest step: quantised, with noise."""
+        return self._state.encoder_rad.copy()
+
+    @property
+    def beam_rad(self) -> Array:
+        """Joint angles (2,) at which a rigid antenna would put the radio beam where it is now (truth)."""
+        return self._output(self._model.beam)
+
+    @property
+    def joint_rad(self) -> Array:
+        """Angles (2,) at the encoders without their steps and noise (truth)."""
+        return self._output(self._model.encoder)
+
+    @property
+    def velocity_rad_s(self) -> Array:
+        """Tachometer rates (2,) of the drives, referred to the axes."""
+        return self._state.x[2:4].copy()
+
+    @property
+    def at_stop(self) -> tuple[bool, bool]:
+        """Which axis touched a hard stop during the latest step."""
+        return self._state.at_stop
+
+    @property
+    def braked(self) -> bool:
+        """Whether the brakes are set."""
+        return self._state.braked
+
+    @property
+    def powered(self) -> bool:
+        """Whether the drives have power."""
+        return self._state.powered
+
+    def brake(self) -> None:
+        """Cut the drives and set the brakes."""
+        self._state.braked, self._state.powered = True, False
+
+    def release_brake(self) -> None:
+        """Release the brakes and power the drives."""
+        self._state.braked, self._state.powered = False, True
+
+    def cut_drives(self) -> None:
+        """Take the power from the drives and leave the brakes as they are: the axes coast."""
+        self._state.powered = False
+
+    def reconfigure(self, params: PlantParams) -> None:
+        """Take new parameters with the motion going on; refused if the number of modes differs."""
+        if linear_model(params).a.shape != self._model.a.shape:
+            raise ValueError(f"mode count differs: {linear_model(params).a.shape} must be {self._model.a.shape}")
+        self._configure(params)
+
+    def step(self, rate_command_rad_s: ArrayLike, wind_torque_n_m: ArrayLike, dt_s: float) -> None:
+        """Advance by `dt_s` under a held rate command (2,) (rad/s) and wind torque (2,) (N m), order az, el.
+
+        Raises
+        ------
+        ValueError
+            For a non-finite input or `dt_s` outside (0, 1 s].
+        """
+        command = _pair("rate_command_rad_s", rate_command_rad_s)
+        wind = _pair("wind_torque_n_m", wind_torque_n_m)
+        wind = [wind[0] / self._inertia[0], wind[1] / self._inertia[1]]
+        require_between("dt_s", dt_s, 1e-6, _LONGEST_STEP_S)
+        state = self._state
+        state.at_stop = (False, False)
+        if self._delayed:
+            state.commands = (*state.commands, (state.time_s, command[0], command[1]))
+        self._integrate(command, wind, dt_s + state.debt_s)
+        self._read_encoders()
+
+    def _integrate(self, command: list[float], wind: list[float], interval_s: float) -> None:
+        substep_s = self._params.substep_s
+        ticks = int(interval_s / _GRID_S + 1e-6)
+        ticks_per_substep = max(1, round(substep_s / _GRID_S))
+        whole, rest = divmod(ticks, ticks_per_substep)
+        for count in [ticks_per_substep] * whole + ([rest] if rest else []):
+            self._substep(command, wind, count)
+        self._state.debt_s = max(0.0, interval_s - ticks * _GRID_S)
+
+    def _substep(self, command: list[float], wind: list[float], ticks: int) -> None:
+        matrix, drives = self._cached(ticks)
+        state, size = self._state, self._size
+        x = state.x.tolist()
+        if self._delayed:
+            command = self._delayed_commands()
+        z = self._z
+        z[:size] = state.x
+        inputs = [0.0] * INPUTS
+        for axis in (0, 1):
+            inputs[axis], inputs[2 + axis], inputs[4 + axis] = axis_inputs(
+                x[2 + axis], command[axis], wind[axis], state.powered, state.braked, drives[axis]
+            )
+            inputs[6 + axis] = gear_correction(x[self._gear[axis]], x[self._gear[axis] + self._modes], drives[axis])
+        z[size:] = inputs
+        np.dot(matrix, z, out=state.x)
+        state.time_s += ticks * _GRID_S
+        for axis, angle in enumerate(state.x[:2].tolist()):
+            if not self._travel[axis][0] <= angle <= self._travel[axis][1]:
+                self._hit_stop(axis)
+
+    def _hit_stop(self, axis: int) -> None:
+        """Stop the axis dead; the modes are struck by the change of rate (their rates jump by excitation * rate)."""
+        x, rate = self._state.x, self._state.x[2 + axis]
+        x[axis] = min(max(x[axis], self._travel[axis][0]), self._travel[axis][1])
+        x[4 + self._modes :] += self._model.mode_excitation[axis] * rate
+        x[2 + axis] = 0.0
+        hit = list(self._state.at_stop)
+        hit[axis] = True
+        self._state.at_stop = (hit[0], hit[1])
+
+    def _delayed_commands(self) -> list[float]:
+        """Return, per axis, the newest command older than the dead time (zero before the first)."""
+        state, commands = self._state, [0.0, 0.0]
+        oldest = state.time_s - max(self._delay) - 1e-9
+        for axis in (0, 1):
+            due = [entry for entry in state.commands if entry[0] <= state.time_s - self._delay[axis] + 1e-9]
+            commands[axis] = due[-1][1 + axis] if due else 0.0
+        past = [entry for entry in state.commands if entry[0] <= oldest]
+        state.commands = state.commands[max(0, len(past) - 1) :]
+        return commands
+
+    def _read_encoders(self) -> None:
+        angles = self._output(self._model.encoder).tolist()
+        noise = self._random.standard_normal(2).tolist() if self._noisy else (0.0, 0.0)
+        for axis, step in enumerate(self._encoder_step):
+            noisy = angles[axis] + self._encoder_noise[axis] * noise[axis]
+            self._state.encoder_rad[axis] = round(noisy / step) * step
+
+    def _output(self, rows: Array) -> Array:
+        output: Array = rows @ self._state.x
+        if self._state.debt_s > 0.0:
+            output = output + self._state.debt_s * (rows @ (self._model.a @ self._state.x))
+        return output
+
+    def _cached(self, ticks: int) -> tuple[Array, tuple[DriveConstants, DriveConstants]]:
+        if ticks not in self._cache:
+            step_s = ticks * _GRID_S
+            constants = drive_constants(self._params.azimuth, step_s), drive_constants(self._params.elevation, step_s)
+            self._cache[ticks] = (discretise(self._model.a, self._model.b, step_s), constants)
+        return self._cache[ticks]
+
+    def _configure(self, params: PlantParams) -> None:
+        axes = (params.azimuth, params.elevation)
+        self._params = params
+        self._model: LinearModel = linear_model(params)
+        self._size = len(self._model.a)
+        self._modes = self._model.mode_excitation.shape[1]
+        self._gear = [4 + index for index in self._model.gear_index]
+        self._cache: dict[int, tuple[Array, tuple[DriveConstants, DriveConstants]]] = {}
+        self._z = np.zeros(self._size + INPUTS)
+        self._inertia = [axis.inertia_kg_m2 for axis in axes]
+        self._travel = [(axis.travel_min_rad, axis.travel_max_rad) for axis in axes]
+        self._delay = [axis.drive_delay_s for axis in axes]
+        self._delayed = max(self._delay) > 0.0
+        self._encoder_step = [2.0 * math.pi / 2**axis.encoder_bits for axis in axes]
+        self._encoder_noise = [axis.encoder_noise_rad for axis in axes]
+        self._noisy = max(self._encoder_noise) > 0.0
+
+    def _rest(self, position_rad: Array) -> PlantState:
+        for name, angle, (low, high) in zip(("azimuth", "elevation"), position_rad, self._travel, strict=True):
+            require_between(f"position_rad ({name})", float(angle), low, high)
+        x = np.zeros(self._size)
+        x[:2] = position_rad
+        encoder = np.round(position_rad / np.array(self._encoder_step)) * self._encoder_step
+        return PlantState(x, 0.0, 0.0, True, False, (False, False), encoder, (), self._random.bit_generator.state)
+
+
+def _pair(name: str, value: ArrayLike) -> list[float]:
+    """Return `value` (2,) as floats; the common case is checked without building arrays."""
+    if isinstance(value, np.ndarray) and value.shape == (2,):
+        pair: list[float] = value.tolist()
+    elif isinstance(value, (tuple, list)) and len(value) == 2:
+        pair = [float(value[0]), float(value[1])]
+    else:
+        pair = as_finite_array(name, value, (2,)).tolist()
+    if not (math.isfinite(pair[0]) and math.isfinite(pair[1])):
+        raise ValueError(f"{name}={pair} must be finite")
+    return pair

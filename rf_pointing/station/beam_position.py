@@ -1,0 +1,119 @@
+"""Where the beam was when a carrier power was measured: encoder angles against the commanded scan centre.
+
+Both arrive as streams of their own.  A power waits until the encoder reading and the scan centre on either side of the
+middle of its integration are there; the centre moves on a straight line between two statuses.
+"""
+
+import math
+from bisect import bisect_left
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.geometry import CarrierPower, JointReading, PointingError
+from rf_pointing.tracking import ConscanTracker
+
+__all__ = ["ConscanPositions"]
+
+Array = NDArray[np.float64]
+KEPT_S = 2.0
+
+
+@dataclass
+class _Series:
+    """A two-axis quantity over the last seconds, interpolated linearly."""
+
+    times: list[float] = field(default_factory=list)
+    values: list[Array] = field(default_factory=list)
+
+    def add(self, t_s: float, value: Array) -> None:
+        if self.times and t_s <= self.times[-1]:
+            self.clear()
+        self.times.append(t_s)
+        self.values.append(value)
+        while self.times[-1] - self.times[0] > KEPT_S:
+            del self.times[0], self.values[0]
+
+    def clear(self) -> None:
+        self.times.clear()
+        self.values.clear()
+
+    def at(self, t_s: float) -> Array | None:
+        """Return the value, None when `t_s` is not covered."""
+        after = bisect_left(self.times, t_s)
+        if after >= len(self.times) or (after == 0 and self.times[0] > t_s):
+            return None
+        if self.times[after] == t_s:
+            return self.values[after]
+        before = after - 1
+        share = (t_s - self.times[before]) / (self.times[after] - self.times[before])
+        mixed: Array = self.values[before] + share * (self.values[after] - self.values[before])
+        return mixed
+
+
+class ConscanPositions:
+    """Feeds a `ConscanTracker` from the three streams of a station; only while the scan runs."""
+
+    def __init__(self, tracker: ConscanTracker) -> None:
+        self.tracker = tracker
+        self._joints, self._centre = _Series(), _Series()
+        self._waiting: list[CarrierPower] = []
+        self._scanning = False
+
+    def take_joints(self, reading: JointReading) -> None:
+        """Note the encoder angles."""
+        self._joints.add(reading.t_s, reading.position_rad)
+
+    def take_status(self, t_s: float, scan_centre_rad: Array, mode: str) -> None:
+        """Note the commanded scan centre (2,), axis angles, and whether the scan runs."""
+        scanning = mode == "conscan"
+        if scanning != self._scanning:
+            self._scanning = scanning
+            self._waiting.clear()
+            self.tracker.reset()
+        self._centre.add(t_s, scan_centre_rad)
+
+    def take_power(self, power: CarrierPower) -> list[PointingError]:
+        """Take one carrier power; return an error for every one that could be placed, usable or not.
+
+        A window that is not full yet gives an invalid error that says so and carries the C/N0.
+        """
+        if not self._scanning:
+            return [_not_usable(power, "the scan does not run")]
+        self._waiting.append(power)
+        errors = []
+        while self._waiting:
+            offset = self._offset(self._waiting[0])
+            if offset is None:
+                break
+            placed = self._waiting.pop(0)
+            filled = len(self.tracker.state.samples) + 1
+            error = self.tracker.add(placed, float(offset[0]), float(offset[1]))
+            errors.append(error or _not_usable(placed, f"window holds {filled} of {self._window} samples"))
+        del self._waiting[: max(0, len(self._waiting) - self._window)]
+        return errors
+
+    @property
+    def _window(self) -> int:
+        return self.tracker.params.window_samples
+
+    def _offset(self, power: CarrierPower) -> Array | None:
+        t_s = power.t_s - 0.5 * power.integration_s
+        joints, centre = self._joints.at(t_s), self._centre.at(t_s)
+        if joints is None or centre is None:
+            return None
+        away: Array = (joints - centre) * np.array([math.cos(float(joints[1])), 1.0])
+        return away
+
+
+def _not_usable(power: CarrierPower, reason: str) -> PointingError:
+    return PointingError(
+        t_s=power.t_s,
+        sensor="conscan",
+        cross_elevation_rad=0.0,
+        elevation_rad=0.0,
+        carrier_to_noise_db_hz=power.carrier_to_noise_db_hz,
+        valid=False,
+        reason=reason,
+    )

@@ -1,0 +1,286 @@
+"""The pointing controller: the only author of motion.
+
+At every period it asks the state table for the mode, takes the target's motion ahead of time, adds what the tracking
+loop and the scans ask for on the sky, turns it into axis angles with the bias model, passes it through the gate and
+issues a trajectory that starts `transport_s` from now.  Only errors stamped before the period are used, so the result
+does not depend on how fast messages travel within it.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.calibration import BiasModel
+from rf_pointing.controllers import TrackerIntegratorParams
+from rf_pointing.ephemeris import Pass
+from rf_pointing.geometry import (
+    JointReading,
+    JointTrajectory,
+    Motion,
+    Params,
+    PointingError,
+    Target,
+    nearest_turn_rad,
+    parameter,
+    require_choice,
+)
+from rf_pointing.planning import AxisLimits, choose_turns, refusal
+from rf_pointing.station.sky_offsets import SkyOffsets
+from rf_pointing.station.status import TrackingStatus
+from rf_pointing.station.tally import Tally
+from rf_pointing.station.target_buffer import TargetBuffer
+from rf_pointing.tracking import Autotrack, AutotrackInputs, AutotrackParams, AutotrackState, ConscanParams, SpiralParams
+
+__all__ = ["SENSOR_CHOICES", "PointingController", "PointingParams"]
+
+Array = NDArray[np.float64]
+SENSOR_CHOICES = {"program": "none", "monopulse": "monopulse", "conscan": "conscan", "auto": "auto"}
+"""Sensor as the operator names it, and as the state table does."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PointingParams(Params):
+    """Timing of the commands and tolerances of the controller."""
+
+    period_s: float = parameter(0.1, "time between two trajectories", low=0.02, high=2.0)
+    transport_s: float = parameter(0.1, "first commanded point after the issue", low=0.0, high=2.0)
+    horizon_s: float = parameter(1.0, "last commanded point after the issue", low=0.2, high=10.0)
+    on_target_rad: float = parameter(math.radians(0.05), "axis error below which the slew is over", low=1e-6, high=0.1)
+    error_age_s: float = parameter(0.5, "age from which a sensed error is not used", low=0.05, high=10.0)
+    stop_deceleration_rad_s2: float = parameter(
+        math.radians(0.5), "deceleration of a controlled stop", low=1e-5, high=1.0
+    )
+
+    def check_together(self) -> None:
+        """Refuse a horizon that ends before the next trajectory can take over."""
+        if self.horizon_s < self.transport_s + 2.0 * self.period_s:
+            raise ValueError(
+                f"horizon_s={self.horizon_s} must be >= transport_s + 2 period_s = {self.transport_s + 2 * self.period_s}"
+            )
+
+
+class PointingController:
+    """Follows one pass at a time; `step` once a period, between them the inputs as they come."""
+
+    def __init__(
+        self,
+        params: PointingParams,
+        limits: AxisLimits,
+        autotrack: AutotrackParams,
+        integrator: TrackerIntegratorParams,
+        spiral: SpiralParams,
+        conscan: ConscanParams,
+    ) -> None:
+        self.params, self.limits = params, limits
+        self._autotrack_params = autotrack
+        self._table = Autotrack(autotrack)
+        self.state = AutotrackState()
+        self.offsets = SkyOffsets(integrator, spiral, conscan)
+        self._targets = TargetBuffer()
+        self._model = BiasModel.zero()
+        self._joints: JointReading | None = None
+        self._error: PointingError | None = None
+        self._pass: Pass | None = None
+        self._turns_rad = 0.0
+        self._centre: dict[int, Array] = {}
+        self._stopping = ""
+        self.tally = Tally()
+
+    @property
+    def busy(self) -> bool:
+        """Whether a pass is being tracked, or waited for at its start."""
+        return self._pass is not None
+
+    def retune(self, params: PointingParams, limits: AxisLimits, autotrack: AutotrackParams) -> None:
+        """Take new parameters between two periods."""
+        self.params, self.limits, self._autotrack_params = params, limits, autotrack
+        self._table = Autotrack(autotrack.replace(sensor=self._table.params.sensor))
+
+    def take_model(self, model: BiasModel) -> None:
+        """Use `model` from the next trajectory on."""
+        self._model = model
+
+    def take_joints(self, reading: JointReading) -> None:
+        """Note where the axes are."""
+        self._joints = reading
+
+    def take_target(self, target: Target) -> None:
+        """Note where the target will be; other targets are ignored."""
+        if self._pass is not None and target.name == self._pass.name:
+            self._targets.add(target)
+
+    def take_error(self, error: PointingError) -> None:
+        """Note what a sensor measured; only the sensor in use counts."""
+        wanted = self._table.params.sensor
+        if wanted in ("auto", error.sensor):
+            self._error = error
+
+    def start(self, t_s: float, window: Pass, sensor: str) -> None:
+        """Begin to track a pass; the antenna moves to its start at the next period.
+
+        Raises
+        ------
+        ValueError
+            When no joint reading has arrived, the pass is over, another one is tracked, or it does not fit the limits.
+        """
+        require_choice("sensor", sensor, SENSOR_CHOICES)
+        if self._pass is not None:
+            raise ValueError(f"{self._pass.name} is being tracked until its loss of signal; cancel that first")
+        if self._joints is None:
+            raise ValueError("joint_states: none received, the position of the antenna is unknown")
+        if t_s >= window.los_t_s:
+            raise ValueError(f"the pass of {window.name} ended {t_s - window.los_t_s:.0f} s ago")
+        low, high = window.azimuth_min_rad, window.azimuth_max_rad
+        self._turns_rad = 2.0 * math.pi * choose_turns(self.limits, low, high, float(self._joints.position_rad[0]))
+        refused = refusal(self.limits, window.aos_azimuth_rad + self._turns_rad, window.peak_elevation_rad)
+        if refused:
+            raise ValueError(refused)
+        self._pass, self._error, self._stopping = window, None, ""
+        self._targets.clear()
+        self._centre.clear()
+        self.offsets.restart(t_s)
+        self.tally = Tally()
+        self._table = Autotrack(self._autotrack_params.replace(sensor=SENSOR_CHOICES[sensor]))
+        self.state = AutotrackState(entered_s=t_s)
+
+    def stop(self, reason: str) -> None:
+        """End the pass at the next period with a controlled stop."""
+        if self._pass is not None:
+            self._stopping = reason
+
+    def step(self, t_s: float) -> tuple[JointTrajectory | None, TrackingStatus]:
+        """Return the trajectory issued at `t_s`, None when nothing is commanded, and the status at `t_s`."""
+        if self._pass is None or self._joints is None:
+            return None, self._status(t_s)
+        if not self._stopping and t_s >= self._pass.los_t_s:
+            self._stopping = "loss of signal"
+        self._advance_table(t_s)
+        if not self._stopping and self.state.mode == "idle":
+            self._stopping = self.state.reason
+        trajectory = None
+        if not self._stopping:
+            trajectory = self._follow(t_s)
+        if self._stopping:
+            return self._finish(t_s)
+        status = self._status(t_s)
+        self.tally.count(self.params.period_s, status.mode, self._fresh_error(t_s), t_s >= self._pass.aos_t_s)
+        return trajectory, status
+
+    def _advance_table(self, t_s: float) -> None:
+        assert self._pass is not None
+        error = self._fresh_error(t_s)
+        before = self.state
+        self.state = self._table.step(
+            before,
+            AutotrackInputs(
+                t_s=t_s,
+                request="idle" if self._stopping else "track",
+                target_available=t_s < self._pass.aos_t_s or self._targets.covers(t_s, t_s + self.params.horizon_s),
+                on_target=t_s >= self._pass.aos_t_s and self._axis_error(t_s) < self.params.on_target_rad,
+                carrier_to_noise_db_hz=error.carrier_to_noise_db_hz if error else -math.inf,
+                monopulse_valid=bool(error and error.valid and error.sensor == "monopulse"),
+            ),
+        )
+        command_s = t_s + self.params.transport_s
+        self.offsets.listen(command_s, before.mode, self.state, error)
+
+    def _follow(self, t_s: float) -> JointTrajectory | None:
+        """Return the trajectory of this period; a refusal of the gate becomes the reason of a stop."""
+        assert self._pass is not None
+        params = self.params
+        count = round((params.horizon_s - params.transport_s) / params.period_s) + 1
+        times = t_s + params.transport_s + params.period_s * np.arange(count)
+        centre = self._centre_motion(t_s, times)
+        position, velocity, acceleration = self.offsets.add_scan(times, centre)
+        self._centre = {**{k: c for k, c in self._centre.items() if k >= _key(t_s)}, _key(times[0]): centre.position[0]}
+        present = None if self._joints is None else tuple(self._joints.position_rad.tolist())
+        for row in position:
+            refused = refusal(self.limits, float(row[0]), float(row[1]), present)
+            if refused:
+                self._stopping = refused
+                return None
+        return JointTrajectory(
+            t_s=times, position_rad=position, velocity_rad_s=velocity, acceleration_rad_s2=acceleration
+        )
+
+    def _centre_motion(self, t_s: float, times: Array) -> Motion:
+        """Return the axis motion to hold at `times`, the tracking offset included, the scans not.
+
+        The bias model sees the target's own motion: its lags stand for steady rates, and fed with the small quick
+        corrections of the tracking loop they would shake the antenna.
+        """
+        assert self._pass is not None
+        if t_s < self._pass.aos_t_s:
+            still = np.zeros((len(times), 2))
+            start = [self._pass.aos_azimuth_rad, self._pass.aos_elevation_rad]
+            return self._axes(Motion(np.tile(start, (len(times), 1)), still, still))
+        return self.offsets.add_trim(times, self._axes(self._targets.at(times)))
+
+    def _axes(self, sky: Motion) -> Motion:
+        """Return the axis motion that holds the beam on an apparent direction, on the turn chosen for the pass."""
+        assert self._pass is not None
+        position, velocity, acceleration = self._model.apply_moving(*sky)
+        middle = 0.5 * (self._pass.azimuth_min_rad + self._pass.azimuth_max_rad)
+        fold = nearest_turn_rad(float(position[0, 0]), middle) - float(position[0, 0])
+        return Motion(position + np.array([fold + self._turns_rad, 0.0]), velocity, acceleration)
+
+    def _finish(self, t_s: float) -> tuple[JointTrajectory | None, TrackingStatus]:
+        assert self._joints is not None
+        reason, mode = self._stopping, self.state.mode
+        rate = self._joints.velocity_rad_s
+        position = self._joints.position_rad + rate * np.abs(rate) / (2.0 * self.params.stop_deceleration_rad_s2)
+        still = np.zeros((1, 2))
+        times = np.array([t_s + self.params.transport_s])
+        halt = JointTrajectory(
+            t_s=times, position_rad=position[None, :], velocity_rad_s=still, acceleration_rad_s2=still
+        )
+        self.tally.end(reason, mode)
+        self._pass = None
+        self.state = AutotrackState(entered_s=t_s, reason=reason)
+        return halt, self._status(t_s)
+
+    def _fresh_error(self, t_s: float) -> PointingError | None:
+        error = self._error
+        if error is None or not t_s - self.params.error_age_s <= error.t_s < t_s:
+            return None
+        return error
+
+    def _axis_error(self, t_s: float) -> float:
+        """Largest difference between the commanded and the present axis angles, infinite when unknown."""
+        centre = self._centre.get(_key(t_s))
+        if centre is None or self._joints is None:
+            return math.inf
+        lag_s = t_s - self._joints.t_s
+        return float(np.max(np.abs(centre - self._joints.position_rad - lag_s * self._joints.velocity_rad_s)))
+
+    def _status(self, t_s: float) -> TrackingStatus:
+        error, window = self._fresh_error(t_s), self._pass
+        sensed = error is not None and error.valid and self.state.integrating
+        centre = self._centre.get(_key(t_s), np.zeros(2))
+        known = window is not None and self._targets.covers(t_s, t_s)
+        sky = self.offsets.add_trim(np.array([t_s]), self._targets.at([t_s])).position[0] if known else np.zeros(2)
+        trim = self.offsets.trim(t_s)
+        return TrackingStatus(
+            t_s=t_s,
+            mode=self.state.mode,
+            target=window.name if window else "",
+            reason=self.state.reason,
+            los_t_s=window.los_t_s if window else 0.0,
+            azimuth_rad=float(sky[0]),
+            elevation_rad=float(sky[1]),
+            scan_centre_rad=centre,
+            cross_elevation_error_rad=error.cross_elevation_rad if sensed and error else 0.0,
+            elevation_error_rad=error.elevation_rad if sensed and error else 0.0,
+            cross_elevation_offset_rad=float(trim[0]),
+            elevation_offset_rad=float(trim[1]),
+            carrier_to_noise_db_hz=error.carrier_to_noise_db_hz if error else 0.0,
+            half_power_beamwidth_rad=self.offsets.half_power_beamwidth_rad,
+            command_lead_s=self.params.horizon_s if window else 0.0,
+        )
+
+
+def _key(t_s: float) -> int:
+    """Time in whole milliseconds: periods are compared without the rounding of floats."""
+    return round(t_s * 1000.0)

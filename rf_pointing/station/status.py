@@ -1,0 +1,49 @@
+"""What the controller and the antenna say of themselves."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["AntennaStatus", "TrackingStatus"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackingStatus:
+    """Mode of the pointing controller at `t_s`, with what it commands and senses; angles in rad."""
+
+    t_s: float
+    mode: str
+    target: str
+    reason: str
+    los_t_s: float
+    azimuth_rad: float
+    elevation_rad: float
+    scan_centre_rad: Array
+    cross_elevation_error_rad: float
+    elevation_error_rad: float
+    cross_elevation_offset_rad: float
+    elevation_offset_rad: float
+    carrier_to_noise_db_hz: float
+    half_power_beamwidth_rad: float
+    command_lead_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AntennaStatus:
+    """State of the drive at `t_s`: mode, fault, what the loops follow, and what became of the commands."""
+
+    t_s: float
+    mode: str
+    fault: str
+    commanded_rad: Array
+    rate_command_rad_s: Array
+    rate_limit_rad_s: Array
+    acceleration_limit_rad_s2: Array
+    at_limit: tuple[bool, bool]
+    command_lead_s: float
+    commands_accepted: int
+    commands_rejected: int
+    last_rejection: str

@@ -1,0 +1,134 @@
+"""Autotrack state table: when the antenna slews, follows the ephemeris, searches, or trusts a radio sensor.
+
+All transitions and their guards are the rows of `TRANSITIONS`, tried from the top; the first row whose guard holds is
+taken, one per tick.  `step` is pure: the same state and inputs give the same state.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from rf_pointing.tracking.autotrack_state import (
+    MODES,
+    RF_MODES,
+    AutotrackInputs,
+    AutotrackParams,
+    AutotrackState,
+)
+
+__all__ = ["TRANSITIONS", "Autotrack", "Transition", "transition_diagram", "transition_table"]
+
+Guard = Callable[[AutotrackParams, AutotrackState, AutotrackInputs], bool]
+ON_SKY = ("slew", "program_track", "search", *RF_MODES, "coast", "hand_back")
+
+
+@dataclass(frozen=True, slots=True)
+class Transition:
+    """From any of `sources` to `target` when `guard` holds; `when` is the guard in words."""
+
+    sources: tuple[str, ...]
+    target: str
+    when: str
+    guard: Guard
+
+
+def _elapsed(state: AutotrackState, inputs: AutotrackInputs) -> float:
+    return inputs.t_s - state.entered_s
+
+
+def _may_use(params: AutotrackParams, sensor: str) -> bool:
+    return params.sensor in ("auto", sensor) and (sensor != "steptrack" or params.sensor == "steptrack")
+
+
+def _monopulse_ready(params: AutotrackParams, state: AutotrackState, inputs: AutotrackInputs) -> bool:
+    return _may_use(params, "monopulse") and state.carrier and state.strong and inputs.monopulse_valid
+
+
+def _conscan_ready(params: AutotrackParams, state: AutotrackState, inputs: AutotrackInputs) -> bool:
+    return _may_use(params, "conscan") and state.carrier and not _monopulse_ready(params, state, inputs)
+
+
+def _impatient(params: AutotrackParams, state: AutotrackState, inputs: AutotrackInputs) -> bool:
+    return state.invalid_since_s is not None and inputs.t_s - state.invalid_since_s > params.patience_s
+
+
+TRANSITIONS = (
+    Transition((*ON_SKY, "idle"), "stow", "stow is requested", lambda _p, _s, i: i.request == "stow"),
+    Transition(("stow",), "idle", "stow is no longer requested", lambda _p, _s, i: i.request != "stow"),
+    Transition(ON_SKY, "idle", "tracking is no longer requested", lambda _p, _s, i: i.request == "idle"),
+    Transition(ON_SKY, "idle", "the target is no longer available", lambda _p, _s, i: not i.target_available),
+    Transition(
+        ("idle",), "slew", "a target is requested and available",
+        lambda _p, _s, i: i.request == "track" and i.target_available,
+    ),
+    Transition(("slew",), "program_track", "the axes are on the target", lambda _p, _s, i: i.on_target),
+    Transition(RF_MODES, "hand_back", "the sensor reports a fault", lambda _p, _s, i: bool(i.fault)),
+    Transition(RF_MODES, "coast", "the carrier is lost", lambda _p, s, _i: not s.carrier),
+    Transition(
+        ("monopulse",), "conscan", "the carrier is too weak for monopulse, conscan may be used",
+        lambda p, s, _i: not s.strong and _may_use(p, "conscan"),
+    ),
+    Transition(("monopulse",), "coast", "the errors stay invalid", _impatient),
+    Transition(
+        ("program_track", "search", "coast", "conscan"), "monopulse",
+        "the carrier is strong and the monopulse error valid", _monopulse_ready,
+    ),
+    Transition(("program_track", "search", "coast"), "conscan", "there is a carrier for conscan", _conscan_ready),
+    Transition(
+        ("program_track", "search", "coast"), "steptrack", "there is a carrier for steptrack",
+        lambda p, s, _i: _may_use(p, "steptrack") and s.carrier,
+    ),
+    Transition(
+        ("coast",), "search", "the coasting time is over", lambda p, s, i: _elapsed(s, i) > p.coast_s,
+    ),
+    Transition(
+        ("program_track",), "search", "no sensor has taken over in the settling time",
+        lambda p, s, i: p.sensor != "none" and _elapsed(s, i) > p.settle_s,
+    ),
+    Transition(
+        ("search",), "program_track", "the search found nothing", lambda p, s, i: _elapsed(s, i) > p.search_s,
+    ),
+    Transition(
+        ("hand_back",), "program_track", "the hold time is over", lambda p, s, i: _elapsed(s, i) > p.hold_s,
+    ),
+)  # fmt: skip
+"""The whole state machine, in order of priority."""
+
+
+class Autotrack:
+    """Runs the table with `params`."""
+
+    def __init__(self, params: AutotrackParams) -> None:
+        self.params = params
+
+    def step(self, state: AutotrackState, inputs: AutotrackInputs) -> AutotrackState:
+        """Return the state after one tick: gates first, then at most one transition."""
+        seen = _observe(self.params, state, inputs)
+        for row in TRANSITIONS:
+            if seen.mode in row.sources and row.guard(self.params, seen, inputs):
+                reason = inputs.fault if row.target == "hand_back" else row.when
+                return replace(seen, mode=row.target, entered_s=inputs.t_s, reason=reason, invalid_since_s=None)
+        return seen
+
+
+def _observe(params: AutotrackParams, state: AutotrackState, inputs: AutotrackInputs) -> AutotrackState:
+    """Update the gates: a carrier is lost at once, but must last to be there."""
+    level = inputs.carrier_to_noise_db_hz
+    present = level >= (params.carrier_off_db_hz if state.carrier else params.carrier_on_db_hz)
+    since = (inputs.t_s if state.carrier_since_s is None else state.carrier_since_s) if present else None
+    carrier = since is not None and (state.carrier or inputs.t_s - since >= params.confirm_s)
+    strong = carrier and level >= (params.monopulse_off_db_hz if state.strong else params.monopulse_on_db_hz)
+    doubtful = state.mode == "monopulse" and not inputs.monopulse_valid
+    invalid = (inputs.t_s if state.invalid_since_s is None else state.invalid_since_s) if doubtful else None
+    return replace(state, carrier=carrier, strong=strong, carrier_since_s=since, invalid_since_s=invalid)
+
+
+def transition_table() -> str:
+    """Return the table as Markdown, in order of priority."""
+    rows = [f"| {', '.join(row.sources)} | {row.target} | {row.when} |" for row in TRANSITIONS]
+    return "\n".join(["| from | to | when |", "|---|---|---|", *rows])
+
+
+def transition_diagram() -> str:
+    """Return the table as a Mermaid state diagram."""
+    lines = [f"    {source} --> {row.target}: {row.when}" for row in TRANSITIONS for source in row.sources]
+    return "\n".join(["stateDiagram-v2", *(f"    {mode}" for mode in MODES), *lines])

@@ -1,0 +1,86 @@
+"""What the autotrack table looks at: its parameters, its inputs of one tick and its own state."""
+
+import math
+from dataclasses import dataclass
+
+from rf_pointing.geometry import Params, parameter
+
+__all__ = ["MODES", "SENSORS", "AutotrackInputs", "AutotrackParams", "AutotrackState"]
+
+MODES = ("idle", "slew", "program_track", "search", "steptrack", "conscan", "monopulse", "coast", "hand_back", "stow")
+SENSORS = ("auto", "monopulse", "conscan", "steptrack", "none")
+RF_MODES = ("steptrack", "conscan", "monopulse")
+
+
+@dataclass(frozen=True, kw_only=True)
+class AutotrackParams(Params):
+    """Gates and times of the state table; each gate opens at `_on` and closes at `_off`."""
+
+    sensor: str = parameter("auto", "which sensor may track (none: ephemeris only)", choices=SENSORS)
+    carrier_on_db_hz: float = parameter(22.0, "C/N0 from which there is a carrier", low=0.0, high=120.0)
+    carrier_off_db_hz: float = parameter(18.0, "C/N0 below which the carrier is lost", low=0.0, high=120.0)
+    monopulse_on_db_hz: float = parameter(36.0, "C/N0 from which monopulse is chosen", low=0.0, high=120.0)
+    monopulse_off_db_hz: float = parameter(32.0, "C/N0 below which monopulse is left", low=0.0, high=120.0)
+    confirm_s: float = parameter(0.3, "time a carrier must last before it counts", low=0.0, high=60.0)
+    patience_s: float = parameter(1.0, "time of invalid errors after which monopulse is left", low=0.0, high=60.0)
+    coast_s: float = parameter(5.0, "time on the trimmed ephemeris before a search", low=0.0, high=600.0)
+    settle_s: float = parameter(3.0, "time on program track without a carrier before a search", low=0.0, high=600.0)
+    search_s: float = parameter(60.0, "longest search", low=0.1, high=3600.0)
+    hold_s: float = parameter(5.0, "time in hand back before the sensors are trusted again", low=0.0, high=600.0)
+
+    def check_together(self) -> None:
+        """Refuse a gate that closes above where it opens."""
+        for gate in ("carrier", "monopulse"):
+            on, off = getattr(self, f"{gate}_on_db_hz"), getattr(self, f"{gate}_off_db_hz")
+            if off >= on:
+                raise ValueError(f"{gate}_off_db_hz={off} must be < {gate}_on_db_hz={on}")
+        if self.monopulse_off_db_hz < self.carrier_off_db_hz:
+            raise ValueError(
+                f"monopulse_off_db_hz={self.monopulse_off_db_hz} must be >= carrier_off_db_hz={self.carrier_off_db_hz}"
+            )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AutotrackInputs:
+    """What is known at one tick.
+
+    `request` is idle, track or stow.  `carrier_to_noise_db_hz` is the receiver's own, -inf for none or a stale one.
+    `fault` is why the sensor in use must not be trusted (sidelobe, sign flip), empty if it may be.
+    """
+
+    t_s: float
+    request: str
+    target_available: bool
+    on_target: bool
+    carrier_to_noise_db_hz: float = -math.inf
+    monopulse_valid: bool = False
+    fault: str = ""
+
+    def __post_init__(self) -> None:
+        if self.request not in ("idle", "track", "stow"):
+            raise ValueError(f"request={self.request!r} must be one of idle, track, stow")
+        if not math.isfinite(self.t_s):
+            raise ValueError(f"t_s={self.t_s} must be finite")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AutotrackState:
+    """Mode, when and why it was entered, and what the gates remember."""
+
+    mode: str = "idle"
+    entered_s: float = 0.0
+    reason: str = "start"
+    carrier: bool = False
+    strong: bool = False
+    carrier_since_s: float | None = None
+    invalid_since_s: float | None = None
+
+    @property
+    def integrating(self) -> bool:
+        """Whether a sensed error may move the antenna or the trim: only while tracking a carrier that is there."""
+        return self.mode in RF_MODES and self.carrier
+
+    @property
+    def scanning(self) -> bool:
+        """Whether the conical scan is added to the command."""
+        return self.mode == "conscan"

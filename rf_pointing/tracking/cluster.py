@@ -1,0 +1,31 @@
+"""What makes a cluster of monopulse samples unusable, in the user's words."""
+
+import numpy as np
+
+from rf_pointing.geometry import MonopulseCluster
+
+__all__ = ["cluster_fault"]
+
+
+def cluster_fault(cluster: MonopulseCluster) -> str:
+    """Return why the cluster must be rejected, empty if it may be used."""
+    times = np.asarray(cluster.t_s)
+    channels = {
+        "sum": np.asarray(cluster.sum),
+        "difference_cross_elevation": np.asarray(cluster.difference_cross_elevation),
+        "difference_elevation": np.asarray(cluster.difference_elevation),
+    }
+    if times.ndim != 1 or len(times) < 2:
+        return f"t_s has shape {times.shape}, must have at least 2 samples"
+    for name, samples in channels.items():
+        if samples.shape != times.shape:
+            return f"{name} has shape {samples.shape}, must be {times.shape}"
+        if not np.all(np.isfinite(samples)):
+            return f"{name} must be finite"
+    if not np.all(np.isfinite(times)) or not np.isfinite(cluster.carrier_to_noise_db_hz):
+        return "t_s and carrier_to_noise_db_hz must be finite"
+    if np.any(np.diff(times) <= 0.0):
+        return "t_s must increase from sample to sample"
+    if not np.any(channels["sum"]):
+        return "sum is zero in every sample"
+    return ""

@@ -1,0 +1,104 @@
+"""Conscan tracker: carrier power samples and true beam positions in, pointing errors of the scan's origin out.
+
+The estimate uses the positions where the beam really was (encoders at the samples' times), so the scan need be neither
+uniform nor complete.  Any origin that moves with the target will do: the scan centre, or the predicted direction.
+"""
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from rf_pointing.geometry import CarrierPower, PointingError
+from rf_pointing.tracking.conscan_estimate import estimate_window
+from rf_pointing.tracking.conscan_parameters import ConscanParams
+from rf_pointing.tracking.conscan_window import ConscanWindow
+from rf_pointing.tracking.scan import Offset, circle_offset
+
+__all__ = ["ConscanState", "ConscanTracker"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ConscanState:
+    """Samples of the running window, samples since the last estimate, count and reason of rejected ones."""
+
+    window: ConscanWindow = field(default_factory=ConscanWindow.empty)
+    fresh: int = 0
+    rejected: int = 0
+    last_rejection: str = ""
+
+
+class ConscanTracker:
+    """A window of `window_samples`; once it is full, one pointing error every `update_samples`."""
+
+    def __init__(self, params: ConscanParams) -> None:
+        self.params = params
+        self.state = ConscanState()
+
+    def scan_offset(self, t_since_start_s: float) -> Offset:
+        """Return the circle to add to the command, with its rates."""
+        return circle_offset(self.params.scan, t_since_start_s)
+
+    def beam_time_s(self, power: CarrierPower) -> float:
+        """Return when the beam gave this power: the middle of the integration, less the delay of the chain."""
+        return power.t_s - 0.5 * power.integration_s - self.params.delay_s
+
+    def add(
+        self, power: CarrierPower, beam_offset_cross_elevation_rad: float, beam_offset_elevation_rad: float
+    ) -> PointingError | None:
+        """Take one sample; return target minus origin when an estimate is due, else None.
+
+        The offsets are where the beam was, relative to the origin, at `beam_time_s(power)`.  A sample that cannot be
+        used is counted in `state` with its reason and changes nothing else.
+        """
+        fault = self._fault(power, beam_offset_cross_elevation_rad, beam_offset_elevation_rad)
+        if fault:
+            self.state = replace(self.state, rejected=self.state.rejected + 1, last_rejection=fault)
+            return None
+        t_s = self.beam_time_s(power)
+        sample = (t_s, power.power_w, power.sigma_w, beam_offset_cross_elevation_rad, beam_offset_elevation_rad,
+                  power.carrier_to_noise_db_hz)  # fmt: skip
+        window = self.state.window.with_sample(sample, self.params.window_samples, t_s - self.params.max_age_s)
+        fresh = self.state.fresh + 1
+        due = len(window) == self.params.window_samples and fresh >= self.params.update_samples
+        self.state = replace(self.state, window=window, fresh=0 if due else fresh)
+        return self._measure(window) if due else None
+
+    def recentre(self, cross_elevation_rad: float, elevation_rad: float) -> None:
+        """Tell the tracker that the origin moved by this much: the samples of the window stay usable."""
+        self.state = replace(self.state, window=self.state.window.moved(cross_elevation_rad, elevation_rad))
+
+    def reset(self) -> None:
+        """Forget the samples of the running window, as after a long loss of the carrier."""
+        self.state = replace(self.state, window=ConscanWindow.empty(), fresh=0)
+
+    def _fault(self, power: CarrierPower, beam_cross_elevation_rad: float, beam_elevation_rad: float) -> str:
+        values = (power.t_s, power.power_w, power.sigma_w, power.integration_s, power.carrier_to_noise_db_hz,
+                  beam_cross_elevation_rad, beam_elevation_rad)  # fmt: skip
+        if not all(map(math.isfinite, values)):
+            return "power, time and beam offset must be finite"
+        if power.power_w <= 0.0:
+            return f"power_w={power.power_w} must be > 0"
+        if power.sigma_w <= 0.0:
+            return f"sigma_w={power.sigma_w} must be > 0"
+        if power.carrier_to_noise_db_hz < self.params.lock_db_hz:
+            return f"no lock: C/N0 {power.carrier_to_noise_db_hz:.1f} dB-Hz is below {self.params.lock_db_hz:.1f} dB-Hz"
+        offset = math.hypot(beam_cross_elevation_rad, beam_elevation_rad)
+        if offset > 2.0 * self.params.half_power_beamwidth_rad:
+            return f"beam offset {offset} rad must be <= {2.0 * self.params.half_power_beamwidth_rad}, two beamwidths"
+        if len(self.state.window) and self.beam_time_s(power) <= self.state.window.rows[-1, 0]:
+            return f"t_s={power.t_s} must be later than that of the sample before"
+        return ""
+
+    def _measure(self, window: ConscanWindow) -> PointingError:
+        found = estimate_window(self.params, window)
+        return PointingError(
+            t_s=float(window.t_s.sum()) / len(window),
+            sensor="conscan",
+            cross_elevation_rad=float(found.error_rad[0]),
+            elevation_rad=float(found.error_rad[1]),
+            covariance_rad2=np.asarray(found.covariance_rad2),
+            carrier_to_noise_db_hz=float(window.carrier_to_noise_db_hz.sum()) / len(window),
+            valid=not found.reason,
+            reason=found.reason,
+        )

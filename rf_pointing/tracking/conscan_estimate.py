@@ -1,0 +1,84 @@
+"""One conscan estimate from one window, by either estimator, with the reason where it must not be used."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.tracking.conscan_likelihood import beam_design, fit_beam
+from rf_pointing.tracking.conscan_linear import linear_estimate
+from rf_pointing.tracking.conscan_parameters import ConscanParams
+from rf_pointing.tracking.conscan_window import ConscanWindow, rank_fault
+from rf_pointing.tracking.spin import spin_columns
+
+__all__ = ["WindowEstimate", "estimate_window"]
+
+Array = NDArray[np.float64]
+
+SMALLEST_SPREAD = 0.05  # rms motion along the weaker axis, in scan radii
+WORST_SPIN_INFLATION = 10.0
+
+
+class WindowEstimate(NamedTuple):
+    """Target minus origin (2,), covariance (2, 2); `reason` is why it must not be used, empty if it may."""
+
+    error_rad: Array
+    covariance_rad2: Array
+    reason: str
+
+
+def estimate_window(params: ConscanParams, window: ConscanWindow) -> WindowEstimate:
+    """Return the direction of the target from the samples of one window."""
+    spread = SMALLEST_SPREAD * params.radius_rad
+    fault = rank_fault(window.beam_cross_elevation_rad, window.beam_elevation_rad, spread)
+    if fault:
+        return _unknown(params, fault)
+    if params.estimator == "linear":
+        return _linear(params, window)
+    return _likelihood(params, window)
+
+
+def _linear(params: ConscanParams, window: ConscanWindow) -> WindowEstimate:
+    found = linear_estimate(window, params.half_power_beamwidth_rad, params.radius_rad)
+    if found.power_w <= 0.0:
+        return _unknown(params, f"mean carrier power {found.power_w:.3g} W must be > 0")
+    return WindowEstimate(found.error_rad, found.covariance_rad2, _range_doubt(params, found.error_rad))
+
+
+def _likelihood(params: ConscanParams, window: ConscanWindow) -> WindowEstimate:
+    h = params.half_power_beamwidth_rad
+    x, y, power = window.beam_cross_elevation_rad, window.beam_elevation_rad, window.power_w
+    noise = window.sigma_w**2 / power
+    spin = spin_columns(window.t_s, params.spin_periods_s) if params.spin_periods_s else None
+    try:
+        found = fit_beam(beam_design(x, y, h, spin), power, noise)
+    except np.linalg.LinAlgError:
+        return _unknown(params, "the spin periods cannot be told from each other or from the scan")
+    if not found.converged:
+        return _unknown(params, "the likelihood did not converge")
+    if spin is not None:
+        without = fit_beam(beam_design(x, y, h), power, noise).covariance_rad2
+        inflation = float(np.max(np.diag(found.covariance_rad2) / np.diag(without)))
+        if not 0.0 < inflation < WORST_SPIN_INFLATION:
+            return _unknown(
+                params, f"the spin cannot be told from the scan: it raises the variance {inflation:.0f} times"
+            )
+    doubt = _range_doubt(params, found.error_rad) or _misfit_doubt(params, float(found.chi_squared))
+    return WindowEstimate(found.error_rad, found.covariance_rad2, doubt)
+
+
+def _unknown(params: ConscanParams, reason: str) -> WindowEstimate:
+    return WindowEstimate(np.zeros(2), np.eye(2) * params.half_power_beamwidth_rad**2, reason)
+
+
+def _range_doubt(params: ConscanParams, error_rad: Array) -> str:
+    beamwidths = float(np.hypot(error_rad[0], error_rad[1])) / params.half_power_beamwidth_rad
+    if beamwidths > params.valid_range_beamwidths:
+        return f"error of {beamwidths:.2f} beamwidths is outside {params.valid_range_beamwidths:.2f} beamwidths"
+    return ""
+
+
+def _misfit_doubt(params: ConscanParams, chi_squared: float) -> str:
+    if chi_squared > params.misfit_limit:
+        return f"the power does not follow the beam: chi squared {chi_squared:.1f} is above {params.misfit_limit:.1f}"
+    return ""

@@ -1,0 +1,40 @@
+"""Conscan by weighted least squares on the linearised power (CONSCAN eqs. 8-18).
+
+P_i = g_i (C1 + C2 x_i/r + C3 y_i/r), (x, y) the beam's offset from the scan centre;
+g_i = exp(-mu (x^2 + y^2 - r^2) / h^2) is 1 on the circle and lets the beam leave it.  Error =
+h C_{2,3} / (k_s C1), covariance by the Jacobian of that ratio.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.tracking.conscan_equations import MU
+from rf_pointing.tracking.conscan_window import ConscanWindow
+
+__all__ = ["ConscanEstimate", "linear_estimate"]
+
+Array = NDArray[np.float64]
+
+
+class ConscanEstimate(NamedTuple):
+    """Target minus scan centre (2,) with covariance (2, 2) and the mean carrier power on the circle."""
+
+    error_rad: Array
+    covariance_rad2: Array
+    power_w: float
+
+
+def linear_estimate(window: ConscanWindow, half_power_beamwidth_rad: float, radius_rad: float) -> ConscanEstimate:
+    """Return the weighted least-squares estimate of eqs. (13)-(18); it means something only where the power is > 0."""
+    x, y = window.beam_cross_elevation_rad / radius_rad, window.beam_elevation_rad / radius_rad
+    shape = MU * (radius_rad / half_power_beamwidth_rad) ** 2
+    rows = np.exp(-shape * (x**2 + y**2 - 1.0)) * np.stack([np.ones_like(x), x, y])
+    weighted = rows / window.sigma_w**2
+    normal = weighted @ rows.T
+    variance = np.linalg.inv(normal)
+    mean, right, up = variance @ (weighted @ window.power_w)
+    scale = half_power_beamwidth_rad**2 / (2.0 * MU * radius_rad)
+    jacobian = scale / mean * np.array([[-right / mean, 1.0, 0.0], [-up / mean, 0.0, 1.0]])
+    return ConscanEstimate(scale / mean * np.array([right, up]), jacobian @ variance @ jacobian.T, float(mean))

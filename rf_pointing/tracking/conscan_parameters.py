@@ -1,0 +1,53 @@
+"""Parameters of the conscan tracker: beam, scan, window and what is believed."""
+
+from dataclasses import dataclass
+
+from rf_pointing.geometry import MDEG, Params, parameter
+from rf_pointing.tracking.scan import ScanParams
+
+__all__ = ["ConscanParams"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ConscanParams(Params):
+    """Beam, scan and window of the estimate."""
+
+    half_power_beamwidth_rad: float = parameter(65.0 * MDEG, "half-power beamwidth", low=1e-6, high=0.5)
+    radius_rad: float = parameter(5.93 * MDEG, "scan radius", low=1e-8, high=0.1)
+    period_s: float = parameter(32.0, "time of one turn of the scan", low=0.1, high=3600.0)
+    ramp_s: float = parameter(4.0, "time over which the radius grows from zero", low=0.0, high=600.0)
+    estimator: str = parameter(
+        "likelihood", "exact beam, or the paper's weighted least squares", choices=("likelihood", "linear")
+    )
+    window_samples: int = parameter(32, "carrier power samples of one estimate", low=4, high=10000)
+    update_samples: int = parameter(1, "samples between estimates; the window makes one per period", low=1, high=10000)
+    max_age_s: float = parameter(120.0, "age at which samples leave the window", low=0.1, high=36000.0)
+    delay_s: float = parameter(0.0, "time from the beam's position to the power it gives", low=-60.0, high=60.0)
+    spin_periods_s: tuple[float, ...] = parameter(
+        (), "periods of power modulation to take out, harmonics included", low=0.01, high=36000.0
+    )
+    valid_range_beamwidths: float = parameter(0.7, "largest error that is believed", low=0.05, high=2.0)
+    lock_db_hz: float = parameter(15.0, "smallest C/N0 of a sample that is used", low=0.0, high=120.0)
+    misfit_limit: float = parameter(
+        6.0, "largest chi squared per degree of freedom of the power about the beam", low=1.5, high=1e6
+    )
+
+    def check_together(self) -> None:
+        """Refuse a scan that leaves the beam, and windows that cannot be filled or solved."""
+        if self.radius_rad > 0.5 * self.half_power_beamwidth_rad:
+            raise ValueError(
+                f"radius_rad={self.radius_rad} must be <= {0.5 * self.half_power_beamwidth_rad}, half of "
+                "half_power_beamwidth_rad: the scan leaves the beam"
+            )
+        if self.update_samples > self.window_samples:
+            raise ValueError(f"update_samples={self.update_samples} must be <= window_samples={self.window_samples}")
+        if self.spin_periods_s and self.estimator == "linear":
+            raise ValueError(f"spin_periods_s={self.spin_periods_s} needs estimator=likelihood, not linear")
+        unknowns = 3 + 2 * len(self.spin_periods_s)
+        if self.window_samples <= unknowns:
+            raise ValueError(f"window_samples={self.window_samples} must be > {unknowns}, the number of unknowns")
+
+    @property
+    def scan(self) -> ScanParams:
+        """The circle to command."""
+        return ScanParams(radius_rad=self.radius_rad, period_s=self.period_s, ramp_s=self.ramp_s)

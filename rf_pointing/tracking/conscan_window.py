@@ -1,0 +1,94 @@
+"""One window of conscan samples: carrier power, and where the beam really was when it was measured."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["ConscanWindow", "rank_fault"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class ConscanWindow:
+    """Samples of one estimate: rows (n, 6) of time, power, sigma, beam cross-elevation, beam elevation, C/N0.
+
+    Time is the middle of the integration; beam offsets are from the scan's origin.
+    """
+
+    rows: Array
+
+    @classmethod
+    def empty(cls) -> "ConscanWindow":
+        """Return a window without samples."""
+        return cls(np.empty((0, 6)))
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @property
+    def t_s(self) -> Array:
+        """Times (n,)."""
+        return self.rows[:, 0]
+
+    @property
+    def power_w(self) -> Array:
+        """Carrier powers (n,)."""
+        return self.rows[:, 1]
+
+    @property
+    def sigma_w(self) -> Array:
+        """Standard deviations of the powers (n,)."""
+        return self.rows[:, 2]
+
+    @property
+    def beam_cross_elevation_rad(self) -> Array:
+        """Cross-elevation of the beam (n,)."""
+        return self.rows[:, 3]
+
+    @property
+    def beam_elevation_rad(self) -> Array:
+        """Elevation of the beam (n,)."""
+        return self.rows[:, 4]
+
+    @property
+    def carrier_to_noise_db_hz(self) -> Array:
+        """C/N0 of the samples (n,)."""
+        return self.rows[:, 5]
+
+    def with_sample(self, sample: tuple[float, ...], most: int, oldest_s: float) -> "ConscanWindow":
+        """Return the window with `sample` added, at most `most` samples and none before `oldest_s`."""
+        keep = self.rows[-(most - 1) :]
+        if len(keep) and keep[0, 0] < oldest_s:
+            keep = keep[keep[:, 0] >= oldest_s]
+        return ConscanWindow(np.concatenate([keep, np.array([sample])]))
+
+    def moved(self, cross_elevation_rad: float, elevation_rad: float) -> "ConscanWindow":
+        """Return the window seen from an origin moved by this much."""
+        rows = self.rows.copy()
+        rows[:, 3] -= cross_elevation_rad
+        rows[:, 4] -= elevation_rad
+        return ConscanWindow(rows)
+
+
+def rank_fault(beam_cross_elevation_rad: Array, beam_elevation_rad: Array, smallest_spread_rad: float) -> str:
+    """Return why these beam positions do not determine both axes, empty if they do.
+
+    Both axes and the power need three distinct positions that do not lie on a line: along the axis of least spread the
+    beam must have moved by at least `smallest_spread_rad` rms.
+    """
+    count = len(beam_elevation_rad)
+    x = beam_cross_elevation_rad - beam_cross_elevation_rad.sum() / count
+    y = beam_elevation_rad - beam_elevation_rad.sum() / count
+    xx, xy, yy = float(x @ x) / count, float(x @ y) / count, float(y @ y) / count
+    if 0.5 * (xx + yy) - math.hypot(0.5 * (xx - yy), xy) >= smallest_spread_rad**2:
+        return ""
+    positions = np.round(np.stack([x, y], axis=1) / smallest_spread_rad)
+    distinct = len(np.unique(positions, axis=0))
+    if distinct < 3:
+        return f"{distinct} distinct beam positions, must be at least 3"
+    blind = 0.5 * math.atan2(2.0 * xy, xx - yy) + 0.5 * math.pi
+    name = {0: "cross-elevation", 2: "elevation"}.get(round(blind / (0.25 * math.pi)) % 4, "one diagonal")
+    return f"{name} is not determined: the beam positions lie on a line"

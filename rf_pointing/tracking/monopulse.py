@@ -1,0 +1,132 @@
+"""Monopulse: the pointing error from the ratio difference/sum of one cluster.
+
+Ratio: rho = sum_k d_k conj(s_k) / (sum_k |s_k|^2 - noise), coherent, so noise in the sum does not shrink it.
+Inverse: rho = offset + M theta with the calibrated complex 2 x 2 response M; theta is the least-squares solution over
+the real and imaginary parts of both channels, then straightened with atanh, the inverse of the squinted Gaussian feed.
+Covariance: E d_rho d_rho^H = (I + rho rho^H) (1 + 1/snr) / (n snr), snr = C/N0 * sample time as the receiver measured
+it; the noise of the sum channel is common to both ratios.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.geometry import MDEG, MonopulseCluster, Params, PointingError, parameter
+from rf_pointing.tracking.cluster import cluster_fault
+from rf_pointing.tracking.monopulse_calibration import MonopulseCalibration
+
+__all__ = ["MonopulseParams", "MonopulseTracker"]
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MonopulseParams(Params):
+    """Beam, feed slope and the limits within which an error is believed."""
+
+    half_power_beamwidth_rad: float = parameter(65.0 * MDEG, "half-power beamwidth of the sum", low=1e-6, high=0.5)
+    slope: float = parameter(1.57, "h d(difference/sum)/dx of the ideal feed", low=0.1, high=2.5)
+    valid_range_beamwidths: float = parameter(0.5, "largest error per axis that is believed", low=0.05, high=0.6)
+    lock_db_hz: float = parameter(30.0, "smallest C/N0 at which an error is believed", low=0.0, high=120.0)
+    quadrature_limit: float = parameter(
+        30.0, "largest quadrature residual, chi squared with 2 degrees of freedom", low=5.0, high=1e6
+    )
+    quadrature_floor: float = parameter(
+        0.05, "quadrature ratio that imperfect phase calibration leaves", low=0.0, high=1.0
+    )
+
+
+class MonopulseTracker:
+    """Measures the pointing error of a cluster with `calibration` (default: the ideal feed of `params`)."""
+
+    def __init__(self, params: MonopulseParams, calibration: MonopulseCalibration | None = None) -> None:
+        self.params = params
+        self.calibration = calibration or MonopulseCalibration.ideal(params.half_power_beamwidth_rad, params.slope)
+        self._response = self.calibration.response_per_rad()
+        self._offset = self.calibration.offset()
+        # Rows: real, then imaginary part of both channels; near the axis their noise is equal: plain least squares.
+        self._inverse = np.linalg.pinv(np.vstack([self._response.real, self._response.imag]))
+
+    def measure(self, cluster: MonopulseCluster) -> PointingError:
+        """Return target minus beam at the mean time of the cluster; invalid with a reason where it must not be used."""
+        fault = cluster_fault(cluster)
+        if fault:
+            return self._rejected(cluster, fault)
+        samples = len(cluster.t_s)
+        snr = 10.0 ** (cluster.carrier_to_noise_db_hz / 10.0) * sample_period_s(cluster.t_s)
+        ratio = difference_ratio(cluster, snr)
+        noise = (1.0 + 1.0 / snr) / (samples * snr) * (np.eye(2) + np.outer(ratio, np.conj(ratio)))
+        linear = self._inverse @ _stacked(ratio - self._offset)
+        error, stretch = self._straighten(linear)
+        inverse = stretch[:, None] * self._inverse
+        covariance = inverse @ _stacked_covariance(noise) @ inverse.T
+        reason = self._doubt(cluster.carrier_to_noise_db_hz, error, ratio, linear, np.diag(noise).real)
+        return PointingError(
+            t_s=float(np.mean(cluster.t_s)),
+            sensor="monopulse",
+            cross_elevation_rad=float(error[0]),
+            elevation_rad=float(error[1]),
+            covariance_rad2=covariance,
+            carrier_to_noise_db_hz=cluster.carrier_to_noise_db_hz,
+            valid=not reason,
+            reason=reason,
+        )
+
+    def _straighten(self, linear: Array) -> tuple[Array, Array]:
+        """Return the error and d(error)/d(linear); past the straightened range it stays linear and is never valid."""
+        scale = self.params.slope / self.params.half_power_beamwidth_rad
+        shape = np.clip(scale * linear, -0.9, 0.9)
+        error = np.arctanh(shape) / scale + (linear - shape / scale)
+        return error, 1.0 / (1.0 - shape**2)
+
+    def _doubt(self, level_db_hz: float, error: Array, ratio: ComplexArray, linear: Array, variance: Array) -> str:
+        """Return why the error must not be used, empty if it may."""
+        if level_db_hz < self.params.lock_db_hz:
+            return f"no lock: C/N0 {level_db_hz:.1f} dB-Hz is below {self.params.lock_db_hz:.1f} dB-Hz"
+        beamwidths = float(np.max(np.abs(error))) / self.params.half_power_beamwidth_rad
+        if beamwidths > self.params.valid_range_beamwidths:
+            return (
+                f"error of {beamwidths:.2f} beamwidths is outside {self.params.valid_range_beamwidths:.2f} beamwidths"
+            )
+        residual = np.abs(ratio - self._offset - self._response @ linear) ** 2
+        allowed = 0.5 * variance + self.params.quadrature_floor**2 * np.maximum(np.abs(ratio) ** 2, 1e-4)
+        chi_squared = float(np.sum(residual / allowed))
+        if chi_squared > self.params.quadrature_limit:
+            return f"quadrature: chi squared {chi_squared:.0f} is above {self.params.quadrature_limit:.0f}"
+        return ""
+
+    def _rejected(self, cluster: MonopulseCluster, reason: str) -> PointingError:
+        times = np.asarray(cluster.t_s, dtype=np.float64).ravel()
+        known = times[np.isfinite(times)]
+        return PointingError(
+            t_s=float(known[-1]) if len(known) else 0.0,
+            sensor="monopulse",
+            cross_elevation_rad=0.0,
+            elevation_rad=0.0,
+            covariance_rad2=np.eye(2) * self.params.half_power_beamwidth_rad**2,
+            valid=False,
+            reason=reason,
+        )
+
+
+def sample_period_s(t_s: Array) -> float:
+    """Return the mean time between the samples of a cluster."""
+    return float(t_s[-1] - t_s[0]) / (len(t_s) - 1)
+
+
+def difference_ratio(cluster: MonopulseCluster, snr: float) -> ComplexArray:
+    """Return both difference/sum ratios of a cluster, (2,), averaged coherently and free of the sum's noise power."""
+    signal = float(np.sum(np.abs(cluster.sum) ** 2)) * snr / (1.0 + snr)
+    differences = np.stack([cluster.difference_cross_elevation, cluster.difference_elevation])
+    return np.asarray(differences @ np.conj(cluster.sum) / signal)
+
+
+def _stacked(ratio: ComplexArray) -> Array:
+    return np.concatenate([ratio.real, ratio.imag])
+
+
+def _stacked_covariance(noise: ComplexArray) -> Array:
+    """Covariance (4, 4) of real then imaginary parts of a circular complex vector with covariance `noise` (2, 2)."""
+    return 0.5 * np.block([[noise.real, -noise.imag], [noise.imag, noise.real]])

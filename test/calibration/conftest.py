@@ -1,0 +1,108 @@
+"""Synthetic passes: straight fly-bys whose angles and derivatives are closed form, biased by a planted model."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from rf_pointing.calibration import BiasModel, Observations
+from rf_pointing.geometry import random_stream
+
+TABLE_1_DEG = {
+    "azimuth_offset": 0.178,
+    "non_orthogonality": 0.062,
+    "collimation": -0.010,
+    "azimuth_encoder_sine": -0.194,
+    "azimuth_encoder_cosine": -0.048,
+    "azimuth_velocity_lag": -1.022,
+    "azimuth_acceleration_lag": 0.0,
+    "mislevel_east": 0.039,
+    "mislevel_north": -0.007,
+    "elevation_offset": -0.202,
+    "droop": -0.089,
+    "elevation_encoder_sine": -0.009,
+    "elevation_velocity_lag": -1.907,
+    "elevation_acceleration_lag": 0.0,
+}
+HEIGHT_M, SPEED_M_S = 800e3, 7000.0
+
+
+def fly_by(miss_m: float, heading_rad: float, t_s: np.ndarray) -> dict[str, np.ndarray]:
+    """Return azimuth, elevation, derivatives and range of a target flying straight at constant height."""
+    ahead = np.array([np.sin(heading_rad), np.cos(heading_rad), 0.0])
+    right = np.array([np.cos(heading_rad), -np.sin(heading_rad), 0.0])
+    position = miss_m * right + np.array([0.0, 0.0, HEIGHT_M]) + SPEED_M_S * t_s[:, np.newaxis] * ahead
+    velocity = np.broadcast_to(SPEED_M_S * ahead, position.shape)
+    east, north, up = position.T
+    east_rate, north_rate, _ = velocity.T
+    ground2 = east**2 + north**2
+    turning = north * east_rate - east * north_rate
+    closing = east * east_rate + north * north_rate
+    azimuth_rate = turning / ground2
+    azimuth_acceleration = -2.0 * turning * closing / ground2**2
+    ground, distance2 = np.sqrt(ground2), ground2 + up**2
+    elevation_rate = -up * closing / (ground * distance2)
+    ground_rate = closing / ground
+    ground_acceleration = (SPEED_M_S**2 - ground_rate**2) / ground
+    elevation_acceleration = -up * ground_acceleration / distance2 + 2.0 * up * ground * ground_rate**2 / distance2**2
+    return {
+        "true_azimuth_rad": np.unwrap(np.arctan2(east, north)),
+        "true_elevation_rad": np.arctan2(up, ground),
+        "azimuth_rate_rad_s": azimuth_rate,
+        "elevation_rate_rad_s": elevation_rate,
+        "azimuth_acceleration_rad_s2": azimuth_acceleration,
+        "elevation_acceleration_rad_s2": elevation_acceleration,
+        "range_m": np.sqrt(distance2),
+        "range_rate_m_s": closing / np.sqrt(distance2),
+    }
+
+
+def one_pass(
+    number: int, model: BiasModel, sigma_rad: float, random: np.random.Generator, form: str = "printed"
+) -> Observations:
+    """Return the observations of one fly-by, 10 s apart, 10 to 80 deg of elevation."""
+    miss = random.choice([-1.0, 1.0]) * random.uniform(0.15, 2.2) * HEIGHT_M
+    t_s = np.arange(-600.0, 601.0, 10.0)
+    truth = fly_by(miss, random.uniform(0.0, 2.0 * np.pi), t_s)
+    seen = (truth["true_elevation_rad"] > np.radians(10.0)) & (truth["true_elevation_rad"] < np.radians(80.0))
+    truth = {name: value[seen] for name, value in truth.items()}
+    motion = [truth[name] for name in list(truth)[:6]]
+    if form == "printed":
+        shift = model.offset_rad(*motion)
+        azimuth, elevation = motion[0] + shift[0], motion[1] + shift[1]
+    else:
+        azimuth, elevation = model.apply(*motion)
+    count = len(azimuth)
+    return Observations(
+        station="gs1",
+        band="S",
+        t_s=1e9 + 6000.0 * number + t_s[seen],
+        pass_id=np.full(count, number),
+        observed_azimuth_rad=azimuth + sigma_rad * random.standard_normal(count),
+        observed_elevation_rad=elevation + sigma_rad * random.standard_normal(count),
+        sigma_azimuth_rad=np.full(count, max(sigma_rad, 1e-6)),
+        sigma_elevation_rad=np.full(count, max(sigma_rad, 1e-6)),
+        **truth,
+    )
+
+
+@pytest.fixture
+def random() -> np.random.Generator:
+    """Return the seeded generator of a test."""
+    return random_stream(1, "calibration tests")
+
+
+@pytest.fixture
+def table_1() -> BiasModel:
+    """Return the coefficients of SATCAL Table 1."""
+    return BiasModel.from_degrees(TABLE_1_DEG)
+
+
+@pytest.fixture
+def campaign(random: np.random.Generator) -> Callable[..., Observations]:
+    """Return a maker of campaigns: `campaign(model, passes=12, sigma_rad=..., form=...)`."""
+
+    def make(model: BiasModel, passes: int = 12, sigma_rad: float = 1e-4, form: str = "printed") -> Observations:
+        return Observations.concatenate([one_pass(k, model, sigma_rad, random, form) for k in range(passes)])
+
+    return make

@@ -1,0 +1,174 @@
+import math
+
+import numpy as np
+import pytest
+
+from rf_pointing.calibration import TERM_NAMES, TERMS, BiasModel
+from rf_pointing.geometry import MDEG, angular_distance_rad
+
+CLOSURE_RAD = 1e-12
+STILL = (0.0, 0.0, 0.0, 0.0)
+
+
+def random_model(random, scale=1.0):
+    sizes = {"rad": math.radians(0.3), "s": 1.0, "s^2": 1.0}
+    return BiasModel({term.name: scale * sizes[term.unit] * random.uniform(-1.0, 1.0) for term in TERMS})
+
+
+def grid(low_deg=5.0, high_deg=89.0):
+    azimuth, elevation = np.meshgrid(np.linspace(-270.0, 270.0, 37), np.linspace(low_deg, high_deg, 43))
+    return np.radians(azimuth), np.radians(elevation)
+
+
+def rates(random, shape):
+    return [random.uniform(-size, size, shape) for size in (5e-3, 5e-3, 1e-4, 1e-4)]
+
+
+def test_every_coefficient_enters_equations_1_and_2_as_printed():
+    az, el, az_rate, el_rate, az_acc, el_acc = 0.7, 0.5, 2e-3, 3e-3, 4e-5, 5e-5
+    x = {term.number: 0.001 * (term.number + 1) for term in TERMS}
+    model = BiasModel({term.name: x[term.number] for term in TERMS})
+    sa, ca, te, se, ce = math.sin(az), math.cos(az), math.tan(el), math.sin(el), math.cos(el)
+    d_az = x[1] + x[2] * te + x[3] / ce + x[4] * sa + x[5] * ca + x[6] * az_rate + x[7] * az_acc
+    d_az += x[8] * sa * te - x[9] * ca * te
+    d_el = x[8] * ca + x[9] * sa + x[10] + x[11] * ce + x[12] * se + x[13] * el_rate + x[14] * el_acc
+    offset = model.offset_rad(az, el, az_rate, el_rate, az_acc, el_acc)
+    assert float(offset[0]) == pytest.approx(d_az, rel=1e-14)
+    assert float(offset[1]) == pytest.approx(d_el, rel=1e-14)
+
+
+def test_remove_undoes_apply_on_the_whole_sky_with_random_coefficients(random):
+    azimuth, elevation = grid()
+    for _ in range(5):
+        model = random_model(random)
+        # Within the mount's hole around the zenith there is nothing to close; 0.6 deg bounds it here.
+        motion = rates(random, azimuth.shape)
+        back = model.remove(*model.apply(azimuth, elevation, *motion), *motion)
+        assert np.max(np.abs(back[0] - azimuth)) < CLOSURE_RAD
+        assert np.max(np.abs(back[1] - elevation)) < CLOSURE_RAD
+
+
+def test_remove_undoes_apply_on_the_plunged_branch(random):
+    azimuth, elevation = grid(95.0, 170.0)
+    model = random_model(random)
+    motion = rates(random, azimuth.shape)
+    back = model.remove(*model.apply(azimuth, elevation, *motion), *motion)
+    assert np.max(np.abs(back[0] - azimuth)) < CLOSURE_RAD
+    assert np.max(np.abs(back[1] - elevation)) < CLOSURE_RAD
+
+
+def test_remove_moving_undoes_apply_moving_with_rates_and_accelerations(random):
+    position = np.stack(grid(), axis=-1)
+    velocity = random.uniform(-5e-3, 5e-3, position.shape)
+    acceleration = random.uniform(-1e-4, 1e-4, position.shape)
+    model = random_model(random)
+    back = model.remove_moving(*model.apply_moving(position, velocity, acceleration))
+    for found, truth in zip(back, (position, velocity, acceleration), strict=True):
+        assert np.max(np.abs(found - truth)) < CLOSURE_RAD
+
+
+def test_joint_velocity_and_acceleration_are_the_derivatives_of_the_joint_position(random):
+    model = random_model(random)
+    start, rate = np.array([0.7, 0.9]), np.array([0.02, -0.01])
+    acceleration, jerk = np.array([3e-3, 1e-3]), np.array([2e-4, -1e-4])
+    step = 1e-3
+
+    def joint(t):
+        here = start + rate * t + acceleration * t**2 / 2 + jerk * t**3 / 6
+        return model.apply_moving(
+            here, rate + acceleration * t + jerk * t**2 / 2, acceleration + jerk * t, jerk_rad_s3=jerk
+        )
+
+    before, now, after = (joint(t) for t in (-step, 0.0, step))
+    assert (after[0] - before[0]) / (2 * step) == pytest.approx(now[1], abs=1e-9)
+    assert (after[1] - before[1]) / (2 * step) == pytest.approx(now[2], abs=1e-9)
+
+
+def test_rotation_form_is_the_printed_form_to_first_order(random):
+    azimuth, elevation = grid(5.0, 80.0)
+    motion = rates(random, azimuth.shape)
+    model = random_model(random)
+    for scale in (1e-2, 1e-3):
+        small = BiasModel({name: scale * value for name, value in model.coefficients.items()})
+        exact, printed = small.apply(azimuth, elevation, *motion), small.offset_rad(azimuth, elevation, *motion)
+        difference = max(
+            np.max(np.abs(exact[0] - azimuth - printed[0])), np.max(np.abs(exact[1] - elevation - printed[1]))
+        )
+        assert difference < 5e-3 * scale**2
+
+
+def test_printed_form_agrees_below_80_deg_and_is_off_by_a_millidegree_near_the_zenith(table_1):
+    def on_sky(elevation_deg):
+        azimuth, elevation = np.radians(np.arange(0.0, 360.0, 5.0)), np.radians(elevation_deg)
+        exact, printed = table_1.apply(azimuth, elevation, *STILL), table_1.offset_rad(azimuth, elevation, *STILL)
+        return np.max(
+            np.hypot((exact[0] - azimuth - printed[0]) * np.cos(elevation), exact[1] - elevation - printed[1]) / MDEG
+        )
+
+    assert max(on_sky(e) for e in np.arange(5.0, 80.1, 5.0)) < 0.25
+    assert on_sky(87.0) < 1.0 < on_sky(88.0)
+
+
+def test_one_step_inverse_misses_by_up_to_18_mdeg_where_remove_is_exact(table_1):
+    azimuth, elevation = grid(10.0, 89.0)
+    seen = table_1.apply(azimuth, elevation, *STILL)
+    shift = table_1.offset_rad(*seen, *STILL)
+    one_step = angular_distance_rad(seen[0] - shift[0], seen[1] - shift[1], azimuth, elevation) / MDEG
+    assert 10.0 < np.max(one_step) < 30.0
+
+
+def test_exact_form_stays_regular_one_tenth_degree_from_the_zenith(table_1):
+    azimuth = np.radians(np.linspace(0.0, 360.0, 25))
+    elevation = np.full_like(azimuth, np.radians(89.85))
+    seen = table_1.apply(azimuth, elevation, *STILL)
+    back = table_1.remove(*seen, *STILL)
+    assert np.max(angular_distance_rad(*back, azimuth, elevation)) < CLOSURE_RAD
+
+
+def test_direction_in_the_hole_about_the_zenith_is_refused_with_its_radius():
+    model = BiasModel.zero().replace(collimation=math.radians(0.05))
+    with pytest.raises(ValueError, match=r"0\.0500 deg of the mount's zenith"):
+        model.apply(0.3, math.radians(89.96), *STILL)
+    model.apply(0.3, math.radians(89.94), *STILL)
+
+
+def test_unknown_and_missing_coefficients_are_errors():
+    full = dict.fromkeys(TERM_NAMES, 0.0)
+    with pytest.raises(ValueError, match="no term squint"):
+        BiasModel({**full, "squint": 0.0})
+    del full["droop"]
+    with pytest.raises(ValueError, match="needs droop"):
+        BiasModel(full)
+
+
+def test_degrees_given_as_radians_are_refused_by_name():
+    with pytest.raises(ValueError, match=r"azimuth_offset=0\.178 must be <= 0\.1"):
+        BiasModel.zero().replace(azimuth_offset=0.178)
+
+
+def test_temperature_term_without_a_temperature_is_refused():
+    model = BiasModel.zero().replace(elevation_temperature=1e-5)
+    with pytest.raises(ValueError, match="temperature_k=None"):
+        model.apply(0.1, 0.5, *STILL)
+    assert float(model.apply(0.1, 0.5, *STILL, temperature_k=298.15)[1]) == pytest.approx(0.5001, abs=1e-12)
+
+
+def test_extension_terms_close_too(random):
+    model = random_model(random).replace(azimuth_second_sine=1e-3, droop_beyond_zenith=1e-3)
+    for low, high in ((5.0, 89.0), (95.0, 170.0)):
+        azimuth, elevation = grid(low, high)
+        back = model.remove(*model.apply(azimuth, elevation, *STILL), *STILL)
+        assert np.max(np.abs(back[1] - elevation)) < CLOSURE_RAD
+
+
+def test_lags_too_long_for_the_rates_near_the_zenith_raise_instead_of_guessing():
+    model = BiasModel.zero().replace(azimuth_velocity_lag=10.0, mislevel_east=0.02)
+    with pytest.raises(ValueError, match="remove"):
+        model.remove(0.3, math.radians(88.7), 0.5, 0.0, 0.0, 0.0)
+
+
+def test_no_position_with_two_columns_is_refused_by_name(table_1):
+    with pytest.raises(ValueError, match="position_rad has shape"):
+        table_1.apply_moving([0.1, 0.2, 0.3], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0])
+    with pytest.raises(ValueError, match="velocity_rad_s must be finite"):
+        table_1.apply_moving([0.1, 0.2], [math.nan, 0.0], [0.0, 0.0])

@@ -1,0 +1,93 @@
+import numpy as np
+import pytest
+
+from rf_pointing.calibration import TERM_NAMES, FitOptions, Prior, fit_bias_model, held_at_zero
+
+TABLE_1_TERMS = tuple(n for n in TERM_NAMES if not n.endswith("acceleration_lag"))
+
+
+def values(model, names):
+    return np.array([model.coefficients[name] for name in names])
+
+
+def test_noiseless_printed_data_give_the_planted_terms_back_exactly(campaign, table_1):
+    result = fit_bias_model(campaign(table_1, sigma_rad=0.0), options=FitOptions(edit_sigma=0.0))
+    assert np.max(np.abs(result.values - values(table_1, result.names))) < 1e-12
+    assert result.rank == len(TERM_NAMES)
+
+
+def test_noiseless_exact_data_need_the_rotation_form(campaign, table_1):
+    data = campaign(table_1, sigma_rad=0.0, form="rotation")
+    exact = fit_bias_model(data, options=FitOptions(edit_sigma=0.0, form="rotation"))
+    printed = fit_bias_model(data, options=FitOptions(edit_sigma=0.0))
+    assert np.max(np.abs(exact.values - values(table_1, exact.names))) < 1e-10
+    assert max(printed.rms_rad()) > 100.0 * max(exact.rms_rad())
+
+
+def test_planted_terms_are_recovered_within_their_stated_sigma(campaign, table_1):
+    result = fit_bias_model(campaign(table_1), terms=TABLE_1_TERMS, held=held_at_zero(TABLE_1_TERMS))
+    pull = (result.values - values(table_1, result.names)) / result.sigma
+    assert np.max(np.abs(pull)) < 4.0
+    assert 0.9 < result.variance_azimuth < 1.1
+
+
+def test_parameters_agree_with_numpy_least_squares(campaign, table_1):
+    from rf_pointing.calibration.design import angles_of, term_matrix
+    from rf_pointing.calibration.terms import TERMS
+
+    data = campaign(table_1)
+    a_az, a_el = term_matrix(angles_of(data), TERMS)
+    matrix = np.vstack([a_az, a_el]) / 1e-4
+    right = np.concatenate([data.residual_azimuth_rad, data.residual_elevation_rad]) / 1e-4
+    expected = np.linalg.lstsq(matrix, right, rcond=None)[0]
+    result = fit_bias_model(data, options=FitOptions(edit_sigma=0.0))
+    assert result.values == pytest.approx(expected, rel=1e-7, abs=1e-12)
+    assert np.allclose(result.covariance, np.linalg.inv(matrix.T @ matrix), rtol=1e-5)
+
+
+def test_all_data_at_one_elevation_are_refused_by_the_terms_names(campaign, table_1):
+    data = campaign(table_1)
+    fixed = data.true_elevation_rad * 0.0 + 0.6
+    from dataclasses import replace
+
+    data = replace(data, true_elevation_rad=fixed, observed_elevation_rad=fixed + 0.001)
+    with pytest.raises(ValueError, match=r"cannot separate .*azimuth_offset.*low and at high elevation"):
+        fit_bias_model(data)
+
+
+def test_a_prior_makes_inseparable_terms_solvable_and_is_returned_where_data_are_silent(campaign, table_1):
+    data = campaign(table_1)
+    names = (*TERM_NAMES, "elevation_temperature")
+    from dataclasses import replace
+
+    data = replace(data, temperature_k=np.full(len(data), 288.15))
+    with pytest.raises(ValueError, match="elevation_temperature"):
+        fit_bias_model(data, terms=names)
+    result = fit_bias_model(data, terms=names, priors={"elevation_temperature": Prior(2e-5, 1e-5)})
+    assert result.coefficients["elevation_temperature"] == pytest.approx(2e-5)
+    assert result.sigma_of("elevation_temperature") == pytest.approx(1e-5)
+
+
+def test_held_terms_are_subtracted_and_kept(campaign, table_1):
+    held = {name: table_1.coefficients[name] for name in TERM_NAMES if name != "droop"}
+    result = fit_bias_model(campaign(table_1, sigma_rad=0.0), terms=("droop",), held=held)
+    assert result.coefficients["droop"] == pytest.approx(table_1.coefficients["droop"], abs=1e-12)
+    assert result.model == table_1.replace(droop=result.coefficients["droop"])
+
+
+def test_a_term_neither_fitted_nor_held_is_refused(campaign, table_1):
+    with pytest.raises(ValueError, match="droop is neither fitted nor held"):
+        fit_bias_model(campaign(table_1), terms=tuple(n for n in TERM_NAMES if n != "droop"))
+
+
+def test_outliers_are_left_out_and_listed(campaign, table_1):
+    data = campaign(table_1)
+    from dataclasses import replace
+
+    spoiled = data.observed_elevation_rad.copy()
+    spoiled[[5, 50]] += 0.01
+    result = fit_bias_model(replace(data, observed_elevation_rad=spoiled), options=FitOptions(edit_sigma=4.0))
+    assert {5, 50} <= {item.row for item in result.rejected}
+    assert not result.used[5]
+    pull = (result.values - values(table_1, result.names)) / result.sigma
+    assert np.max(np.abs(pull)) < 4.0

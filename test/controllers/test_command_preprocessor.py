@@ -1,0 +1,167 @@
+"""Any command becomes feasible; a feasible one is not touched."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rf_pointing.controllers import CommandPreprocessor, CommandPreprocessorParams
+from rf_pointing.geometry import MDEG
+
+DT_S = 0.02
+RATE, ACCELERATION = 0.035, 0.0175
+ROUNDING = 1e-9
+
+
+def preprocessor(**changes: tuple[float, float]) -> CommandPreprocessor:
+    return CommandPreprocessor(CommandPreprocessorParams(**changes))
+
+
+def pass_at(t_s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A fast overhead pass: azimuth swings by 150 deg within a minute and a half."""
+    w, a = 0.012, 1.3
+    x = w * (t_s - 150.0)
+    azimuth = (a * math.tanh(x), a * w / math.cosh(x) ** 2, -2.0 * a * w**2 * math.tanh(x) / math.cosh(x) ** 2)
+    u = 0.008 * (t_s - 150.0)
+    bell = math.exp(-0.5 * u * u)
+    elevation = (0.2 + bell, -0.008 * u * bell, 0.008**2 * (u * u - 1.0) * bell)
+    rows = np.array([azimuth, elevation])
+    return rows[:, 0], rows[:, 1], rows[:, 2]
+
+
+def test_a_feasible_smooth_pass_passes_through_within_a_hundredth_of_a_millidegree() -> None:
+    shaper = preprocessor()
+    position, velocity, _ = pass_at(0.0)
+    shaper.reset(position, velocity)
+    worst = 0.0
+    for k in range(1, 15_000):
+        command = pass_at(k * DT_S)
+        out = shaper.step(*command, DT_S)
+        worst = max(worst, np.max(np.abs(out[0] - command[0])))
+        assert shaper.transparent == (True, True)
+    assert worst < 0.01 * MDEG
+
+
+def test_a_step_becomes_a_bang_coast_bang_slew_without_overshoot() -> None:
+    shaper = preprocessor()
+    shaper.reset((0.0, 0.5))
+    track = [shaper.step((0.5, 0.9), (0.0, 0.0), (0.0, 0.0), DT_S) for _ in range(2500)]
+    position, velocity, acceleration = (np.array([row[i] for row in track]) for i in range(3))
+    assert np.max(position[:, 0]) <= 0.5 + ROUNDING
+    np.testing.assert_allclose(position[-1], (0.5, 0.9), atol=ROUNDING)
+    assert np.max(np.abs(velocity)) <= RATE + ROUNDING
+    assert np.max(np.abs(acceleration)) <= ACCELERATION * (1.0 + 1e-9)
+    optimal_s = 0.5 / RATE + RATE / ACCELERATION
+    arrival_s = DT_S * np.argmax(position[:, 0] > 0.5 - 1e-6)
+    assert arrival_s < 1.15 * optimal_s
+
+
+def test_a_moving_target_is_caught_and_then_passed_through() -> None:
+    shaper = preprocessor()
+    shaper.reset((0.3, 0.9))
+    for k in range(6000):
+        command = pass_at(60.0 + k * DT_S)
+        out = shaper.step(*command, DT_S)
+    assert shaper.transparent == (True, True)
+    np.testing.assert_allclose(out[0], command[0], atol=1e-12)
+
+
+def test_deceleration_into_a_travel_limit_follows_sqrt_2ad() -> None:
+    shaper = preprocessor(travel_max_rad=(0.6, 1.6))
+    shaper.reset((0.0, 0.5))
+    for _ in range(3000):
+        position, velocity, _ = shaper.step((2.0, 0.5), (0.0, 0.0), (0.0, 0.0), DT_S)
+        left = 0.6 - position[0]
+        assert left >= -ROUNDING
+        assert velocity[0] ** 2 / (2.0 * ACCELERATION) <= left + ROUNDING
+    assert position[0] == pytest.approx(0.6, abs=1e-6)
+
+
+def test_a_target_running_into_the_limit_is_left_in_time() -> None:
+    shaper = preprocessor(travel_max_rad=(0.6, 1.6))
+    shaper.reset((0.0, 0.5), (0.03, 0.0))
+    for k in range(2000):
+        position, _, acceleration = shaper.step((0.03 * k * DT_S, 0.5), (0.03, 0.0), (0.0, 0.0), DT_S)
+        assert position[0] <= 0.6 + ROUNDING
+        assert abs(acceleration[0]) <= ACCELERATION * (1.0 + 1e-6)
+
+
+def test_controlled_stop_takes_rate_over_acceleration_and_holds() -> None:
+    shaper = preprocessor()
+    shaper.reset((0.0, 0.5), (0.03, -0.02))
+    shaper.stop()
+    times = []
+    for k in range(300):
+        position, velocity, _ = shaper.step((9.0, 1.5), (0.01, 0.01), (0.0, 0.0), DT_S)
+        if np.any(velocity != 0.0):
+            times.append(k * DT_S)
+    assert times[-1] == pytest.approx(0.03 / ACCELERATION, abs=2 * DT_S)
+    held, _, _ = shaper.step((9.0, 1.5), (0.01, 0.01), (0.0, 0.0), DT_S)
+    np.testing.assert_array_equal(held, position)
+    shaper.follow()
+    moved, _, _ = shaper.step((0.5, 1.0), (0.0, 0.0), (0.0, 0.0), DT_S)
+    assert np.all(moved > held)
+
+
+def test_jerk_limit_is_kept_and_the_target_reached() -> None:
+    jerk = 0.02
+    shaper = preprocessor(jerk_limit_rad_s3=(jerk, jerk))
+    shaper.reset((0.0, 0.5))
+    rows = [shaper.step((0.4, 0.6), (0.0, 0.0), (0.0, 0.0), DT_S) for _ in range(2500)]
+    acceleration = np.array([row[2] for row in rows])
+    assert np.max(np.abs(np.diff(acceleration, axis=0))) <= jerk * DT_S * (1.0 + 1e-6)
+    np.testing.assert_allclose(rows[-1][0], (0.4, 0.6), atol=1e-6)
+    assert max(row[0][0] for row in rows) < 0.4 + 0.3 * MDEG
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    targets=st.lists(
+        st.tuples(st.floats(-6.0, 6.0), st.floats(-2.0, 3.0), st.floats(-0.2, 0.2), st.integers(1, 60)),
+        min_size=1,
+        max_size=6,
+    ),
+    dt_s=st.sampled_from([0.01, 0.02, 0.033]),
+)
+def test_every_command_whatsoever_comes_out_feasible(
+    targets: list[tuple[float, float, float, int]], dt_s: float
+) -> None:
+    shaper = preprocessor()
+    shaper.reset((0.0, 0.5))
+    before = np.zeros(2)
+    for azimuth, elevation, rate, count in targets:
+        for _ in range(count):
+            position, velocity, _ = shaper.step((azimuth, elevation), (rate, -rate), (0.0, 0.0), dt_s)
+            assert np.all(np.abs(velocity) <= RATE + ROUNDING)
+            assert np.all(np.abs(velocity - before) <= ACCELERATION * dt_s * (1.0 + 1e-6) + 1e-12)
+            assert np.all(position >= np.array([-3.9, 0.04]) - ROUNDING)
+            assert np.all(position <= np.array([3.9, 1.6]) + ROUNDING)
+            before = velocity
+
+
+def test_copied_state_continues_identically() -> None:
+    first, second = preprocessor(), preprocessor()
+    first.reset((0.0, 0.5))
+    for _ in range(20):
+        first.step((0.4, 0.9), (0.001, 0.0), (0.0, 0.0), DT_S)
+    second.state = first.state
+    for _ in range(20):
+        a = first.step((0.2, 0.7), (0.001, 0.0), (0.0, 0.0), DT_S)
+        b = second.step((0.2, 0.7), (0.001, 0.0), (0.0, 0.0), DT_S)
+        np.testing.assert_array_equal(a, b)
+
+
+def test_a_non_finite_command_is_refused_and_the_motion_kept() -> None:
+    shaper = preprocessor()
+    shaper.reset((0.0, 0.5), (0.01, 0.0))
+    before = shaper.state
+    with pytest.raises(ValueError, match="position_rad"):
+        shaper.step((math.nan, 0.5), (0.0, 0.0), (0.0, 0.0), DT_S)
+    np.testing.assert_array_equal(shaper.state.position_rad, before.position_rad)
+
+
+def test_an_empty_travel_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"travel_min_rad=1.0 must be < travel_max_rad=0.5"):
+        CommandPreprocessorParams(travel_min_rad=(1.0, 0.0), travel_max_rad=(0.5, 1.0))

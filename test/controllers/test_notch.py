@@ -1,0 +1,84 @@
+"""The sampled notch against BWG eq. 8 and its behaviour while it is retuned."""
+
+import cmath
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.signal
+
+from rf_pointing.controllers import Notch, NotchParams
+
+
+def respond(notch: Notch, values: np.ndarray, dt_s: float) -> np.ndarray:
+    out = []
+    for value in values:
+        out.append(notch.output(float(value)))
+        notch.update(dt_s)
+    return np.array(out)
+
+
+@pytest.mark.parametrize("dt_s", [0.02, 0.1])
+def test_impulse_response_is_the_prewarped_bilinear_transform_of_eq_8(dt_s: float) -> None:
+    omega = 2.0 * math.pi * 2.12
+    warp = omega / math.tan(0.5 * omega * dt_s)
+    b, a = scipy.signal.bilinear([1.0, 0.0, omega**2], [1.0, 0.4 * omega, omega**2], fs=0.5 * warp)
+    impulse = np.zeros(80)
+    impulse[0] = 1.0
+    ours = respond(Notch(NotchParams(), dt_s), impulse, dt_s)
+    np.testing.assert_allclose(ours, scipy.signal.lfilter(b, a, impulse), atol=1e-12)
+
+
+def test_the_zero_stays_at_the_notch_frequency_at_ten_hertz() -> None:
+    notch = Notch(NotchParams(), 0.1)
+    wave = np.cos(2.0 * math.pi * 2.12 * 0.1 * np.arange(600))
+    assert np.max(np.abs(respond(notch, wave, 0.1)[300:])) < 1e-10
+
+
+def test_response_below_the_notch_follows_eq_8() -> None:
+    dt_s, frequency = 0.02, 0.5
+    notch = Notch(NotchParams(), dt_s)
+    time = dt_s * np.arange(3000)
+    out = respond(notch, np.cos(2.0 * math.pi * frequency * time), dt_s)[1500:]
+    phasor = np.exp(-2j * math.pi * frequency * time[1500:])
+    measured = 2.0 * np.mean(out * phasor)
+    s, omega = 2j * math.pi * frequency, 2.0 * math.pi * 2.12
+    expected = (s**2 + omega**2) / (s**2 + 0.4 * omega * s + omega**2)
+    assert abs(measured - expected) < 2e-3
+    assert cmath.phase(expected) < 0.0
+
+
+def test_retuning_while_running_makes_no_jump() -> None:
+    notch = Notch(NotchParams())
+    notch.reset(0.3)
+    before = notch.output(0.3)
+    notch.update(0.02)
+    notch.retune(NotchParams(frequency_hz=1.8, damping=0.35))
+    assert notch.output(0.3) == pytest.approx(before, abs=1e-15)
+
+
+def test_switching_off_and_on_while_steady_makes_no_jump() -> None:
+    notch = Notch(NotchParams())
+    notch.reset(0.3)
+    for enabled in (False, True, False):
+        notch.output(0.3)
+        notch.update(0.02)
+        notch.retune(NotchParams(enabled=enabled))
+        assert notch.output(0.3) == pytest.approx(0.3, abs=1e-15)
+
+
+def test_a_notch_above_half_the_sampling_rate_is_refused_and_the_old_one_stays() -> None:
+    notch = Notch(NotchParams())
+    with pytest.raises(ValueError, match=r"frequency_hz=30\.0 must be < 25\.0"):
+        notch.retune(NotchParams(frequency_hz=30.0))
+    assert notch.params == NotchParams()
+
+
+def test_copied_state_continues_identically() -> None:
+    values = np.random.default_rng(8).standard_normal(60)
+    first = Notch(NotchParams())
+    respond(first, values[:30], 0.02)
+    second = Notch(NotchParams())
+    second.state = replace(first.state)
+    np.testing.assert_array_equal(respond(first, values[30:], 0.02), respond(second, values[30:], 0.02))

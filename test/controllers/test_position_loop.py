@@ -1,0 +1,107 @@
+"""The position loop alone: its terms, its limits, its changes of mode."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rf_pointing.controllers import PositionLoop, PositionLoopParams
+
+PLAIN = PositionLoopParams(notch_enabled=False)
+
+
+def test_settled_output_is_proportional_plus_integral_plus_rate() -> None:
+    loop = PositionLoop(PLAIN)
+    loop.reset(0.0, 2e-3, 0.0, 2e-3)
+    loop.update(0.02, loop.output(0.0, 2e-3, 0.0))
+    for _ in range(50):
+        loop.update(0.02, loop.output(1.0 + 1e-4, 2e-3, 1.0))
+    assert loop.output(1.0 + 1e-4, 2e-3, 1.0) == pytest.approx(2e-3 + 0.5e-4 + 1.8 * 50 * 0.02 * 1e-4, rel=1e-9)
+
+
+def test_feedforward_rises_with_the_band_limit() -> None:
+    loop = PositionLoop(PLAIN.replace(feedforward_band_hz=1.0))
+    outputs = []
+    for _ in range(100):
+        outputs.append(loop.output(0.0, 1e-3, 0.0))
+        loop.update(0.02, outputs[-1])
+    time = 0.02 * np.arange(100) + 0.01
+    np.testing.assert_allclose(outputs, 1e-3 * (1.0 - np.exp(-2.0 * math.pi * time)), atol=1e-3 * 0.01)
+
+
+def test_acceleration_is_fed_forward_by_the_lead() -> None:
+    loop = PositionLoop(PLAIN.replace(feedforward_lead_s=0.066))
+    loop.reset(0.0, 0.066 * 1e-3, 0.0, 0.066 * 1e-3)
+    assert loop.output(0.0, 0.0, 0.0, acceleration_rad_s2=1e-3) == pytest.approx(0.066e-3, rel=1e-9)
+
+
+def test_output_stays_within_the_rate_limit() -> None:
+    loop = PositionLoop(PLAIN.replace(rate_limit_rad_s=0.01))
+    assert loop.output(1.0, 0.0, 0.0) == 0.01
+    assert loop.output(-1.0, 0.0, 0.0) == -0.01
+
+
+def test_integral_does_not_wind_up_while_the_drive_is_saturated() -> None:
+    loop = PositionLoop(PLAIN.replace(rate_limit_rad_s=0.01))
+    for _ in range(2000):
+        loop.update(0.02, loop.output(0.5, 0.0, 0.0))
+    assert 1.8 * loop.state.integral_rad_s == pytest.approx(0.01, rel=1e-6)
+    assert loop.output(-1e-3, 0.0, 0.0) < 0.01
+
+
+@pytest.mark.parametrize("params", [PLAIN, PositionLoopParams()])
+def test_reset_makes_the_next_output_the_given_command(params: PositionLoopParams) -> None:
+    loop = PositionLoop(params)
+    loop.reset(0.3, 4e-3, 0.2999, 6.5e-3)
+    assert loop.output(0.3, 4e-3, 0.2999) == pytest.approx(6.5e-3, abs=1e-15)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"proportional_gain": 0.9}, {"integral_gain": 0.7}, {"notch_damping": 0.3}, {"notch_frequency_hz": 2.3}],
+)
+def test_retuning_in_steady_motion_makes_no_jump(changes: dict[str, float]) -> None:
+    loop = PositionLoop(PositionLoopParams())
+    loop.reset(0.3, 4e-3, 0.2999, 6.5e-3)
+    command = loop.output(0.3, 4e-3, 0.2999)
+    loop.retune(loop.params.replace(**changes))
+    assert loop.output(0.3, 4e-3, 0.2999) == pytest.approx(command, abs=1e-15)
+
+
+def test_an_impossible_retune_leaves_everything_as_it_was() -> None:
+    loop = PositionLoop(PositionLoopParams())
+    before = loop.params
+    with pytest.raises(ValueError, match=r"frequency_hz=26\.0 must be < 25\.0"):
+        loop.retune(before.replace(notch_frequency_hz=26.0, proportional_gain=0.9))
+    assert loop.params is before
+
+
+def test_copied_state_continues_identically() -> None:
+    random = np.random.default_rng(5)
+    signal = 1e-3 * random.standard_normal((80, 3))
+    first = PositionLoop(PositionLoopParams())
+    for row in signal[:40]:
+        first.update(0.02, first.output(*row))
+    second = PositionLoop(PositionLoopParams())
+    second.state = first.state
+    for row in signal[40:]:
+        command = first.output(*row)
+        assert command == second.output(*row)
+        first.update(0.021, 0.9 * command)
+        second.update(0.021, 0.9 * command)
+    assert first.state == second.state
+
+
+def test_a_copied_state_does_not_follow_the_loop() -> None:
+    loop = PositionLoop(PositionLoopParams())
+    kept = loop.state
+    reference = replace(kept, notch=replace(kept.notch))
+    loop.update(0.02, loop.output(1e-3, 0.0, 0.0))
+    assert kept == reference
+
+
+@pytest.mark.parametrize("values", [(math.nan, 0.0, 0.0), (0.0, math.inf, 0.0), (0.0, 0.0, math.nan)])
+def test_non_finite_inputs_are_refused(values: tuple[float, float, float]) -> None:
+    with pytest.raises(ValueError, match="must be finite"):
+        PositionLoop(PLAIN).output(*values)

@@ -1,0 +1,89 @@
+"""The integrator of the radio error against H = 2 pi f_m / s."""
+
+import math
+
+import numpy as np
+import pytest
+
+from rf_pointing.controllers import TrackerIntegrator, TrackerIntegratorParams
+
+PARAMS = TrackerIntegratorParams(bandwidth_hz=0.05)
+GAIN = 2.0 * math.pi * 0.05
+
+
+def test_constant_error_integrates_to_gain_times_time() -> None:
+    tracker = TrackerIntegrator(PARAMS)
+    for k in range(100):
+        tracker.update(0.1 * k, (2e-5, -1e-5))
+    offset, rate = tracker.at(9.95)
+    np.testing.assert_allclose(offset, GAIN * 9.95 * np.array([2e-5, -1e-5]), rtol=1e-9)
+    np.testing.assert_allclose(rate, GAIN * np.array([2e-5, -1e-5]), rtol=1e-12)
+
+
+def test_offset_between_samples_is_a_straight_line_with_its_own_rate() -> None:
+    tracker = TrackerIntegrator(PARAMS)
+    tracker.update(0.0, (1e-4, 0.0))
+    tracker.update(0.1, (-3e-4, 2e-4))
+    early, rate = tracker.at(0.12)
+    late, _ = tracker.at(0.17)
+    np.testing.assert_allclose((late - early) / 0.05, rate, rtol=1e-9)
+
+
+def test_offset_stops_when_the_next_sample_is_late() -> None:
+    tracker = TrackerIntegrator(PARAMS)
+    tracker.update(0.0, (1e-4, 1e-4))
+    offset, rate = tracker.at(3.0)
+    np.testing.assert_allclose(offset, GAIN * 0.1 * 1e-4)
+    np.testing.assert_array_equal(rate, np.zeros(2))
+
+
+def test_offset_is_clamped_and_comes_back_at_once() -> None:
+    tracker = TrackerIntegrator(PARAMS.replace(offset_limit_rad=1e-5))
+    for k in range(50):
+        tracker.update(0.1 * k, (1e-3, 0.0))
+    assert tracker.at(5.0)[0][0] == 1e-5
+    tracker.update(5.0, (-1e-4, 0.0))
+    assert tracker.at(5.1)[0][0] == pytest.approx(1e-5 - GAIN * 0.1 * 1e-4)
+
+
+def test_frozen_integrator_holds_its_offset_and_goes_on_from_it() -> None:
+    tracker = TrackerIntegrator(PARAMS)
+    tracker.update(0.0, (1e-4, 0.0))
+    tracker.freeze(0.05)
+    tracker.update(0.1, (5e-4, 5e-4))
+    np.testing.assert_allclose(tracker.at(2.0)[0], (GAIN * 0.05 * 1e-4, 0.0))
+    assert tracker.frozen
+    tracker.unfreeze()
+    tracker.update(2.0, (1e-4, 0.0))
+    assert tracker.at(2.1)[0][0] == pytest.approx(GAIN * 0.15 * 1e-4)
+
+
+def test_reset_starts_from_the_given_offset_at_rest() -> None:
+    tracker = TrackerIntegrator(PARAMS)
+    tracker.update(0.0, (1e-4, 0.0))
+    tracker.reset(1.0, (3e-5, -2e-5))
+    offset, rate = tracker.at(1.5)
+    np.testing.assert_array_equal(offset, (3e-5, -2e-5))
+    np.testing.assert_array_equal(rate, np.zeros(2))
+
+
+def test_copied_state_continues_identically() -> None:
+    first = TrackerIntegrator(PARAMS)
+    first.update(0.0, (1e-4, -2e-4))
+    second = TrackerIntegrator(PARAMS)
+    second.state = first.state
+    for tracker in (first, second):
+        tracker.update(0.1, (2e-4, 1e-4))
+    np.testing.assert_array_equal(first.at(0.15)[0], second.at(0.15)[0])
+
+
+def test_time_running_backwards_is_refused() -> None:
+    tracker = TrackerIntegrator(PARAMS)
+    tracker.update(1.0, (0.0, 0.0))
+    with pytest.raises(ValueError, match=r"t_s=0.5 must be >= 1.0"):
+        tracker.update(0.5, (0.0, 0.0))
+
+
+def test_a_non_finite_error_is_refused() -> None:
+    with pytest.raises(ValueError, match="error_rad"):
+        TrackerIntegrator(PARAMS).update(0.0, (math.nan, 0.0))

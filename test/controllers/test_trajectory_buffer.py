@@ -1,0 +1,139 @@
+"""Messages sent ahead: merging, refusing, interpolating, running dry."""
+
+import math
+
+import numpy as np
+import pytest
+
+from rf_pointing.controllers import TrajectoryBuffer, TrajectoryBufferParams
+from rf_pointing.geometry import MDEG, JointTrajectory
+
+NANORADIAN = 1e-9
+
+
+def motion(t_s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A smooth two-axis motion of the size of a fast pass."""
+    t = np.atleast_1d(t_s)[:, None]
+    rate, phase = np.array([0.02, 0.013]), np.array([0.3, 1.1])
+    argument = rate * t + phase
+    return np.sin(argument), rate * np.cos(argument), -(rate**2) * np.sin(argument)
+
+
+def message(begin_s: float, end_s: float, step_s: float = 0.1, shift_rad: float = 0.0) -> JointTrajectory:
+    t_s = np.arange(begin_s, end_s + 1e-9, step_s)
+    position, velocity, acceleration = motion(t_s)
+    return JointTrajectory(
+        t_s=t_s, position_rad=position + shift_rad, velocity_rad_s=velocity, acceleration_rad_s2=acceleration
+    )
+
+
+def buffer(**changes: float) -> TrajectoryBuffer:
+    return TrajectoryBuffer(TrajectoryBufferParams(**changes))
+
+
+def test_interpolation_of_a_two_second_table_is_exact_to_a_nanoradian() -> None:
+    table = buffer()
+    assert table.accept(message(0.0, 20.0, 2.0), 0.0).accepted
+    for t_s in np.arange(0.0, 20.0, 0.37):
+        sample = table.at(t_s)
+        position, velocity, acceleration = motion(t_s)
+        np.testing.assert_allclose(sample.position_rad, position[0], atol=NANORADIAN)
+        np.testing.assert_allclose(sample.velocity_rad_s, velocity[0], atol=NANORADIAN)
+        np.testing.assert_allclose(sample.acceleration_rad_s2, acceleration[0], atol=2.0 * NANORADIAN)
+
+
+def test_a_newer_message_replaces_the_overlapping_future_only() -> None:
+    table = buffer()
+    table.accept(message(0.0, 1.0), 0.0)
+    table.accept(message(0.5, 1.5, shift_rad=1e-3), 0.2)
+    np.testing.assert_allclose(table.at(0.35).position_rad, motion(0.35)[0][0], atol=NANORADIAN)
+    np.testing.assert_allclose(table.at(0.7).position_rad, motion(0.7)[0][0] + 1e-3, atol=NANORADIAN)
+    assert table.lead_s(0.2) == pytest.approx(1.3)
+
+
+def test_the_seam_between_two_messages_is_continuous() -> None:
+    table = buffer()
+    table.accept(message(0.0, 1.0), 0.0)
+    table.accept(message(0.5, 1.5, shift_rad=1e-3), 0.2)
+    times = np.arange(0.39, 0.52, 1e-4)
+    positions = np.array([table.at(t).position_rad for t in times])
+    assert np.max(np.abs(np.diff(positions, axis=0))) < 5e-6
+
+
+@pytest.mark.parametrize(
+    ("begin_s", "end_s", "now_s", "reason"),
+    [(0.0, 1.0, 5.0, "stale"), (100.0, 101.0, 5.0, "future"), (0.1, 9.0, 5.0, "out of order"), (4.0, 6.0, 5.0, "dupl")],
+)
+def test_messages_out_of_time_are_refused_with_the_reason(
+    begin_s: float, end_s: float, now_s: float, reason: str
+) -> None:
+    table = buffer()
+    table.accept(message(4.0, 6.0), 4.0)
+    answer = table.accept(message(begin_s, end_s), now_s)
+    assert not answer.accepted
+    assert answer.reason.startswith(reason)
+    assert table.lead_s(5.0) == pytest.approx(1.0)
+
+
+def test_a_dry_table_extrapolates_for_its_limit_and_then_says_so() -> None:
+    table = buffer(extrapolation_s=1.0)
+    table.accept(message(0.0, 1.0), 0.0)
+    sample = table.at(1.5)
+    assert sample.source == "extrapolated"
+    assert sample.valid
+    np.testing.assert_allclose(sample.position_rad, motion(1.5)[0][0], atol=0.05 * MDEG)
+    dry = table.at(2.01)
+    assert (dry.source, dry.valid) == ("dry", False)
+    np.testing.assert_array_equal(dry.velocity_rad_s, np.zeros(2))
+    np.testing.assert_allclose(dry.position_rad, table.at(2.0).position_rad, atol=1e-12)
+    assert table.lead_s(2.0) == pytest.approx(-1.0)
+
+
+def test_before_the_table_begins_the_sample_is_its_first_point_at_rest() -> None:
+    table = buffer()
+    table.accept(message(3.0, 4.0), 0.0)
+    sample = table.at(1.0)
+    assert (sample.source, sample.valid) == ("early", False)
+    np.testing.assert_allclose(sample.position_rad, motion(3.0)[0][0])
+
+
+def test_a_long_gap_is_not_bridged() -> None:
+    table = buffer(max_gap_s=2.0, extrapolation_s=1.0)
+    table.accept(message(0.0, 1.0), 0.0)
+    table.accept(message(10.0, 11.0), 0.5)
+    assert [table.at(t).source for t in (0.5, 1.0, 1.9, 2.1, 9.9, 10.5)] == [
+        "table",
+        "table",
+        "extrapolated",
+        "early",
+        "early",
+        "table",
+    ]
+
+
+def test_old_points_are_forgotten_and_the_present_stays() -> None:
+    table = buffer(keep_s=1.0)
+    for k in range(300):
+        assert table.accept(message(0.1 * k, 0.1 * k + 1.0), 0.1 * k).accepted
+    assert len(table.state[0]) < 25
+    np.testing.assert_allclose(table.at(29.93).position_rad, motion(29.93)[0][0], atol=NANORADIAN)
+
+
+def test_copied_state_continues_identically() -> None:
+    first, second = buffer(), buffer()
+    first.accept(message(0.0, 1.0), 0.0)
+    second.state = first.state
+    for table in (first, second):
+        table.accept(message(0.6, 2.0), 0.3)
+    np.testing.assert_array_equal(first.at(0.55).position_rad, second.at(0.55).position_rad)
+
+
+def test_an_empty_buffer_has_no_lead_and_refuses_to_answer() -> None:
+    table = buffer()
+    assert table.empty
+    assert table.lead_s(0.0) == -math.inf
+    with pytest.raises(ValueError, match="empty"):
+        table.at(0.0)
+    table.accept(message(0.0, 1.0), 0.0)
+    table.clear()
+    assert table.empty

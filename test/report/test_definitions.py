@@ -1,0 +1,59 @@
+"""Message definitions as a bag stores them."""
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+
+from rf_pointing.report.definitions import Definitions, definitions
+
+
+def test_our_types_keep_their_comments_also_inside_other_types(types: Definitions) -> None:
+    schema = types.schema("rf_pointing_msgs/msg/PassList")
+    assert schema.startswith("# The coming passes")
+    assert "MSG: rf_pointing_msgs/Pass\n" in schema
+    assert "continuous from aos_azimuth" in schema
+    assert "MSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec" in schema
+
+
+def test_hash_of_a_standard_type_is_the_one_of_jazzy(types: Definitions) -> None:
+    expected = "RIHS01_a13ee3a330e346c9d87b5aa18d24e11690752bd33a0350f11c5882bc9179260e"
+    assert types.type_hash("sensor_msgs/msg/JointState") == expected
+
+
+def test_hashes_of_our_types_are_those_of_the_compiled_package(types: Definitions) -> None:
+    prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+    shares = [Path(prefix, "share/rf_pointing_msgs/msg") for prefix in prefixes if prefix]
+    compiled = [path for share in shares for path in sorted(share.glob("*.json"))]
+    if not compiled:
+        pytest.skip("rf_pointing_msgs is not installed in this environment")
+    for path in compiled:
+        described = json.loads(path.read_text())["type_hashes"][0]
+        assert types.type_hash(described["type_name"]) == described["hash_string"]
+
+
+def test_unknown_type_is_named(types: Definitions) -> None:
+    with pytest.raises(ValueError, match="type_name='rf_pointing_msgs/msg/Nothing'"):
+        types.schema("rf_pointing_msgs/msg/Nothing")
+
+
+def test_folder_without_interfaces_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="is no interface package"):
+        definitions(tmp_path)
+
+
+def test_unreadable_definition_names_its_type(tmp_path: Path) -> None:
+    (tmp_path / "msg").mkdir()
+    (tmp_path / "package.xml").write_text("<package><name>broken_msgs</name></package>")
+    (tmp_path / "msg" / "Bad.msg").write_text("float64 [ missing\n")
+    with pytest.raises(ValueError, match="broken_msgs/msg/Bad"):
+        definitions(tmp_path)
+
+
+def test_type_that_contains_an_unknown_type_is_refused_when_used(tmp_path: Path) -> None:
+    (tmp_path / "msg").mkdir()
+    (tmp_path / "package.xml").write_text("<package><name>partial_msgs</name></package>")
+    (tmp_path / "msg" / "Whole.msg").write_text("missing_msgs/Part part\n")
+    with pytest.raises(ValueError, match="partial_msgs/msg/Whole"):
+        definitions(tmp_path).schema("partial_msgs/msg/Whole")

@@ -1,0 +1,75 @@
+"""Beam patterns against closed forms and published antenna tables."""
+
+import numpy as np
+import pytest
+
+from rf_pointing.geometry import MDEG
+from rf_pointing.rf import HALF_POWER_BEAMWIDTH_RAD, MU, Beam, BeamParams
+
+PATTERNS = ("gaussian", "uniform", "tapered")
+EXACT = 1e-12
+
+
+@pytest.mark.parametrize("band", ["S", "X", "Ka"])
+@pytest.mark.parametrize("pattern", PATTERNS)
+def test_power_is_half_at_half_the_beamwidth_in_any_direction(band: str, pattern: str) -> None:
+    beam = Beam(BeamParams.for_band(band, pattern))
+    angle = np.linspace(0.1, 6.2, 7)
+    half = 0.5 * HALF_POWER_BEAMWIDTH_RAD[band]
+    gain = beam.power_gain(half * np.cos(angle), half * np.sin(angle))
+    assert gain == pytest.approx(np.full(7, 0.5), abs=EXACT)
+
+
+@pytest.mark.parametrize("pattern", PATTERNS)
+def test_peak_is_one_and_the_pattern_is_smooth_through_it(pattern: str) -> None:
+    beam = Beam(BeamParams.for_band("X", pattern))
+    angle = np.array([0.0, 1e-9, 1e-6, 1e-4]) * 65.0 * MDEG
+    assert beam.voltage(angle, 0.0) == pytest.approx(np.ones(4), abs=1e-7)
+    assert beam.voltage(0.0, 0.0) == 1.0
+
+
+def test_gaussian_is_equation_one_of_the_conscan_paper() -> None:
+    h = 17.0 * MDEG
+    beam = Beam(BeamParams(half_power_beamwidth_rad=h))
+    x, y = 3.3 * MDEG, -5.1 * MDEG
+    assert beam.power_gain(x, y) == pytest.approx(np.exp(-MU * (x**2 + y**2) / h**2), rel=EXACT)
+
+
+def test_uniform_aperture_has_its_first_null_and_sidelobe_where_airy_put_them() -> None:
+    beam = Beam(BeamParams.for_band("X", "uniform"))
+    # Airy: half power at u = 1.61634, null at 3.83171, first sidelobe 17.57 dB down at 5.13562.
+    scale = 0.5 * 65.0 * MDEG / 1.6163399
+    assert abs(beam.voltage(3.8317060 * scale, 0.0)) < 1e-6
+    assert 10.0 * np.log10(beam.power_gain(5.1356223 * scale, 0.0)) == pytest.approx(-17.57, abs=0.01)
+    assert beam.voltage(5.1356223 * scale, 0.0) < 0.0
+
+
+def test_full_taper_with_exponent_one_has_sidelobes_of_24_6_db() -> None:
+    beam = Beam(BeamParams(pattern="tapered", edge_taper_db=60.0, taper_exponent=1))
+    angle = np.linspace(60.0, 150.0, 2000) * MDEG
+    gain_db = 10.0 * np.log10(beam.power_gain(angle, 0.0) + 1e-12)
+    past_null = np.argmax(np.diff(gain_db) > 0.0)
+    # Silver, circular aperture (1 - rho^2): 24.6 dB; the 60-dB pedestal moves it by less than 0.1 dB.
+    assert gain_db[past_null:].max() == pytest.approx(-24.6, abs=0.1)
+
+
+def test_taper_of_zero_db_is_the_uniform_aperture() -> None:
+    angle = np.linspace(0.0, 200.0, 41) * MDEG
+    tapered = Beam(BeamParams(pattern="tapered", edge_taper_db=0.0, taper_exponent=2))
+    assert tapered.voltage(angle, 0.0) == pytest.approx(
+        Beam(BeamParams(pattern="uniform")).voltage(angle, 0.0), abs=1e-12
+    )
+
+
+@pytest.mark.parametrize(("change", "message"), [
+    ({"pattern": "square"}, "pattern='square' must be one of"),
+    ({"half_power_beamwidth_rad": 0.0}, "half_power_beamwidth_rad=0.0 must be >= 1e-06"),
+])  # fmt: skip
+def test_impossible_beams_are_refused(change: dict[str, object], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        BeamParams().replace(**change)
+
+
+def test_unknown_band_is_refused_by_name() -> None:
+    with pytest.raises(ValueError, match="band='Q' must be one of S, X, Ka"):
+        BeamParams.for_band("Q")

@@ -1,0 +1,84 @@
+"""Link, atmosphere and system noise."""
+
+import math
+
+import numpy as np
+import pytest
+
+from rf_pointing.rf import (
+    BOLTZMANN_J_K,
+    AtmosphereParams,
+    EirpParams,
+    Link,
+    LinkParams,
+    NoiseParams,
+    air_mass,
+    atmosphere_loss_db,
+    free_space_loss_db,
+    system_noise_k,
+    zenith_carrier_to_noise_db_hz,
+)
+
+ZENITH = 0.5 * math.pi
+
+
+def ka_link(**changes: float) -> Link:
+    return Link(LinkParams(**changes), AtmosphereParams.for_band("Ka"), NoiseParams.for_band("Ka"))
+
+
+def test_air_mass_is_one_at_zenith_cosecant_high_up_and_finite_on_the_horizon() -> None:
+    assert air_mass(ZENITH, 6000.0) == pytest.approx(1.0, abs=1e-12)
+    elevation = np.radians([20.0, 45.0, 70.0])
+    assert air_mass(elevation, 6000.0) == pytest.approx(1.0 / np.sin(elevation), rel=0.006)
+    assert air_mass(0.0, 6000.0) == pytest.approx(math.sqrt(2.0 * 6_371_000.0 / 6000.0 + 1.0) - 0.0, rel=1e-12)
+
+
+def test_air_mass_past_the_zenith_is_that_of_the_mirrored_elevation() -> None:
+    assert air_mass(math.radians(110.0), 6000.0) == pytest.approx(air_mass(math.radians(70.0), 6000.0), rel=1e-12)
+
+
+def test_below_the_horizon_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"elevation_rad=-0.1 must be >= 0"):
+        air_mass(-0.1, 6000.0)
+
+
+def test_noise_of_an_opaque_atmosphere_is_its_own_temperature() -> None:
+    opaque = AtmosphereParams(zenith_loss_db=20.0, physical_temperature_k=280.0)
+    noise = NoiseParams(lna_k=0.0, dichroic_k=0.0, ground_k=0.0, cosmic_k=2.7)
+    assert system_noise_k(noise, opaque, math.radians(10.0)) == pytest.approx(280.0, abs=1e-6)
+
+
+def test_noise_without_atmosphere_is_the_sum_of_the_parts() -> None:
+    clear = AtmosphereParams(zenith_loss_db=0.0)
+    noise = NoiseParams(lna_k=45.0, dichroic_k=11.0, ground_k=8.0, cosmic_k=2.725)
+    assert system_noise_k(noise, clear, 1.0) == pytest.approx(66.725, abs=1e-12)
+
+
+def test_zenith_at_the_reference_range_gives_the_parameter() -> None:
+    assert ka_link(zenith_carrier_to_noise_db_hz=57.3).carrier_to_noise_db_hz(500e3, ZENITH) == pytest.approx(57.3)
+
+
+def test_low_pass_loses_spreading_air_and_noise() -> None:
+    link = ka_link()
+    elevation = math.radians(10.0)
+    air = float(atmosphere_loss_db(link.atmosphere, elevation) - atmosphere_loss_db(link.atmosphere, ZENITH))
+    noise = 10.0 * math.log10(float(link.system_noise_k(elevation) / link.system_noise_k(ZENITH)))
+    expected = 60.0 - 20.0 * math.log10(4.0) - air - noise
+    assert link.carrier_to_noise_db_hz(2000e3, elevation) == pytest.approx(expected, abs=1e-12)
+    assert air > 0.5
+    assert noise > 1.0
+
+
+def test_link_budget_is_the_textbook_sum() -> None:
+    atmosphere, noise = AtmosphereParams.for_band("X"), NoiseParams.for_band("X")
+    budget = EirpParams(eirp_dbw=-10.0, frequency_hz=8.45e9, receive_gain_dbi=68.0, polarisation_loss_db=0.5)
+    # 1000 km at 8.45 GHz: 20 log10(4 pi 1e6 / 0.0354784) = 170.98 dB.
+    assert free_space_loss_db(1e6, 8.45e9) == pytest.approx(170.98, abs=0.01)
+    expected = -10.0 + 68.0 - 170.985 - 0.04 - 0.5
+    expected -= 10.0 * math.log10(BOLTZMANN_J_K * float(system_noise_k(noise, atmosphere, ZENITH)))
+    assert zenith_carrier_to_noise_db_hz(budget, 1e6, atmosphere, noise) == pytest.approx(expected, abs=0.01)
+
+
+def test_range_of_zero_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"range_m=0.0 must be > 0"):
+        ka_link().carrier_to_noise_db_hz(0.0, 1.0)

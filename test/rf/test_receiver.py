@@ -1,0 +1,156 @@
+"""Receiver samples: their mean, their noise, and what the receiver says of itself."""
+
+import copy
+import math
+
+import numpy as np
+import pytest
+
+from rf_pointing.geometry import MDEG, MonopulseCluster, random_stream
+from rf_pointing.rf import (
+    BOLTZMANN_J_K,
+    Beam,
+    BeamParams,
+    MonopulseFeed,
+    MonopulseFeedParams,
+    Receiver,
+    ReceiverParams,
+    ReceiverState,
+)
+
+SAMPLE_S = 0.02
+BEAM = BeamParams.for_band("Ka")
+
+
+def make_receiver(name: str = "receiver", **changes: float) -> Receiver:
+    feed = MonopulseFeed(MonopulseFeedParams(), BEAM)
+    return Receiver(ReceiverParams(**changes), Beam(BEAM), feed, random_stream(7, name))
+
+
+def take(
+    receiver: Receiver, index: int, level_db_hz: float, x: float = 0.0, y: float = 0.0, count: int = 5
+) -> MonopulseCluster:
+    times = 100.0 + (index * count + np.arange(count)) * SAMPLE_S
+    return receiver.cluster(times, np.full(count, x), np.full(count, y), level_db_hz, SAMPLE_S)
+
+
+@pytest.mark.parametrize("level_db_hz", [35.0, 45.0, 60.0])
+def test_receiver_measures_its_own_carrier_to_noise(level_db_hz: float) -> None:
+    receiver = make_receiver()
+    measured = [take(receiver, k, level_db_hz).carrier_to_noise_db_hz for k in range(400)]
+    # 400 clusters: the mean is known to 0.05 dB, the noise average settles within 0.3 dB.
+    assert np.mean(measured[100:]) == pytest.approx(level_db_hz, abs=0.3)
+
+
+def test_pattern_loss_lowers_the_measured_carrier_to_noise_by_3_db_at_half_the_beamwidth() -> None:
+    receiver = make_receiver()
+    measured = [take(receiver, k, 55.0, 8.5 * MDEG).carrier_to_noise_db_hz for k in range(300)]
+    assert np.mean(measured[100:]) == pytest.approx(52.0, abs=0.3)
+
+
+def test_without_carrier_the_receiver_reports_next_to_nothing() -> None:
+    receiver = make_receiver()
+    measured = np.array([take(receiver, k, -math.inf).carrier_to_noise_db_hz for k in range(400)])
+    # The power of 5 noise samples exceeds its mean 50 Hz by more than 66 Hz (18.2 dB) in 1 % of clusters.
+    assert np.quantile(measured[50:], 0.99) == pytest.approx(18.2, abs=0.7)
+    assert measured.min() >= ReceiverParams().floor_db_hz
+
+
+def test_channel_noise_is_complex_white_and_equal_to_n0_over_sample_time() -> None:
+    receiver = make_receiver(phase_noise_rad=0.0, frequency_offset_hz=0.0)
+    clusters = [take(receiver, k, 40.0) for k in range(2000)]
+    # With the beam on the target the differences are noise alone; in units of the sum their power is 1/snr.
+    scale = np.array([np.abs(np.mean(c.sum)) for c in clusters])
+    noise = np.concatenate([c.difference_elevation / s for c, s in zip(clusters, scale, strict=True)])
+    expected = 1.0 / (1e4 * SAMPLE_S)
+    assert np.mean(np.abs(noise) ** 2) == pytest.approx(expected, rel=0.04)
+    assert np.mean(noise.real**2) == pytest.approx(np.mean(noise.imag**2), rel=0.05)
+    assert abs(np.mean(noise[1:] * np.conj(noise[:-1]))) < 0.04 * expected
+    other = np.concatenate([c.difference_cross_elevation / s for c, s in zip(clusters, scale, strict=True)])
+    assert abs(np.mean(noise * np.conj(other))) < 0.04 * expected
+
+
+def test_agc_keeps_the_sum_near_one_over_a_40_db_fade_within_its_time_constant() -> None:
+    receiver = make_receiver()
+    for k in range(50):
+        take(receiver, k, 70.0)
+    just_after = take(receiver, 50, 30.0)
+    assert np.mean(np.abs(just_after.sum)) < 0.1
+    later = [take(receiver, k, 30.0) for k in range(51, 120)]
+    assert np.sqrt(np.mean(np.abs(later[-1].sum) ** 2)) == pytest.approx(1.0, abs=0.3)
+
+
+def test_carrier_phase_rotates_all_channels_together() -> None:
+    receiver = make_receiver(frequency_offset_hz=0.5, phase_noise_rad=0.0)
+    first, later = take(receiver, 0, 90.0, 4.0 * MDEG), take(receiver, 5, 90.0, 4.0 * MDEG)
+    turned = np.angle(np.mean(later.sum) / np.mean(first.sum))
+    # 25 samples of 20 ms at 0.5 Hz: a quarter turn.
+    assert turned == pytest.approx(0.5 * math.pi, abs=1e-3)
+    ratio = later.difference_cross_elevation / later.sum
+    assert ratio == pytest.approx(np.full(5, np.tanh(1.57 * 4.0 / 17.0) + 0j), abs=1e-3)
+
+
+def test_carrier_power_has_the_block_v_mean_and_variance() -> None:
+    receiver = make_receiver(noise_bandwidth_hz=1e9)
+    noise_w_hz = BOLTZMANN_J_K * ReceiverParams().system_noise_k
+    x = 3.0 * MDEG
+    got = [receiver.carrier_power(k + 1.0, 1.0, x, 0.0, 30.0) for k in range(20000)]
+    power = np.array([p.power_w for p in got]) / noise_w_hz
+    expected = 1000.0 * math.exp(-4.0 * math.log(2.0) * (3.0 / 17.0) ** 2)
+    assert power.mean() == pytest.approx(expected, rel=0.002)
+    # B-3: variance 2 Pc/N0 for 1 s; 20000 samples know it to 1 %.
+    assert power.var() == pytest.approx(2.0 * expected, rel=0.04)
+    assert np.mean([p.sigma_w for p in got]) / noise_w_hz == pytest.approx(math.sqrt(2.0 * expected), rel=0.01)
+
+
+def test_carrier_power_variance_falls_with_integration_time() -> None:
+    receiver = make_receiver(noise_bandwidth_hz=1e9)
+    power = [receiver.carrier_power(4.0 * (k + 1), 4.0, 0.0, 0.0, 30.0).power_w for k in range(5000)]
+    assert np.var(power) / np.mean(power) ** 2 == pytest.approx(2.0 / (1000.0 * 4.0), rel=0.08)
+
+
+def test_noise_power_uncertainty_adds_as_in_b_2() -> None:
+    receiver = make_receiver(noise_bandwidth_hz=1e4)
+    got = [receiver.carrier_power(k + 1.0, 1.0, 0.0, 0.0, 50.0) for k in range(20000)]
+    power = np.array([p.power_w for p in got])
+    # (B-2) at 50 dB-Hz: noise power 1e-4 dominates the 2e-5 of the carrier.
+    assert power.var() / power.mean() ** 2 == pytest.approx(1.2e-4, rel=0.05)
+    assert np.mean([p.sigma_w for p in got]) / power.mean() == pytest.approx(math.sqrt(1.2e-4), rel=0.02)
+
+
+def test_carrier_power_of_no_carrier_is_small_and_never_negative() -> None:
+    receiver = make_receiver()
+    got = [receiver.carrier_power(k + 1.0, 1.0, 0.0, 0.0, -math.inf) for k in range(1000)]
+    assert min(p.power_w for p in got) >= 0.0
+    assert max(p.carrier_to_noise_db_hz for p in got) < 10.0
+    assert min(p.sigma_w for p in got) > 0.0
+
+
+def test_copied_state_and_generator_continue_identically() -> None:
+    receiver = make_receiver()
+    for k in range(3):
+        take(receiver, k, 45.0)
+    twin = make_receiver()
+    twin.state, twin.rng = copy.deepcopy(receiver.state), copy.deepcopy(receiver.rng)
+    mine, other = take(receiver, 3, 45.0, MDEG), take(twin, 3, 45.0, MDEG)
+    assert np.array_equal(mine.sum, other.sum)
+    assert np.array_equal(mine.difference_elevation, other.difference_elevation)
+    assert receiver.state == twin.state
+    assert receiver.state != ReceiverState()
+
+
+def test_time_that_does_not_advance_is_refused() -> None:
+    receiver = make_receiver()
+    take(receiver, 1, 45.0)
+    with pytest.raises(ValueError, match="t_s must increase"):
+        take(receiver, 0, 45.0)
+
+
+def test_two_samples_are_refused() -> None:
+    with pytest.raises(ValueError, match="t_s has 2 samples, must have at least 3"):
+        take(make_receiver(), 0, 45.0, count=2)
+
+
+def test_carrier_level_that_is_no_number_is_refused() -> None:
+    with pytest.raises(ValueError, match="carrier_to_noise_db_hz=nan must be"):
+        take(make_receiver(), 0, math.nan)

@@ -1,0 +1,197 @@
+"""The moving antenna against exact solutions, its limits and its brakes."""
+
+import math
+
+import numpy as np
+import pytest
+import scipy.linalg
+
+from rf_pointing.geometry import MDEG, random_stream
+from rf_pointing.servo import AntennaPlant, PlantParams, dss13_plant, linear_model
+
+CALM = (0.0, 0.0)
+
+
+def plant(params: PlantParams | None = None, **options: object) -> AntennaPlant:
+    return AntennaPlant(params or dss13_plant(ideal=True), random_stream(1, "encoder"), **options)
+
+
+def test_linear_motion_is_exact_at_any_mixture_of_step_lengths() -> None:
+    params = dss13_plant(ideal=True)
+    antenna, model = plant(params), linear_model(params)
+    command, wind = np.array([1.2e-3, -0.8e-3]), np.array([900.0, -700.0])
+    forcing = model.b_command @ command + model.b_wind @ (wind / (params.azimuth.inertia_kg_m2, 2.0e7))
+    steps = [0.02, 0.001, 0.0137, 0.02, 0.0453, 0.005] * 6
+    for dt_s in steps:
+        antenna.step(command, wind, dt_s)
+    start = np.zeros(len(model.a) + 1)
+    start[1], start[-1] = math.pi / 4.0, 1.0
+    block = np.zeros((len(start), len(start)))
+    block[:-1, :-1], block[:-1, -1] = model.a, forcing
+    exact = (scipy.linalg.expm(block * sum(steps)) @ start)[:-1]
+    np.testing.assert_allclose(antenna.beam_rad, model.beam @ exact, atol=1e-12)
+    np.testing.assert_allclose(antenna.joint_rad, model.encoder @ exact, atol=1e-12)
+
+
+def test_time_below_the_grid_is_carried_not_lost() -> None:
+    fine, coarse = plant(), plant()
+    for _ in range(1000):
+        fine.step((1e-3, 1e-3), CALM, 0.02 + 0.00003)
+    for _ in range(1000):
+        coarse.step((1e-3, 1e-3), CALM, 0.02)
+    for _ in range(3):
+        coarse.step((1e-3, 1e-3), CALM, 0.01)
+    np.testing.assert_allclose(fine.beam_rad, coarse.beam_rad, atol=1e-9)
+
+
+def test_beam_and_encoder_differ_by_the_bending_that_only_the_beam_sees() -> None:
+    antenna = plant()
+    difference = []
+    for _ in range(100):
+        antenna.step((0.0, 2e-3), CALM, 0.01)
+        difference.append(antenna.beam_rad[1] - antenna.joint_rad[1])
+    assert max(np.abs(difference)) > 1.0 * MDEG
+
+
+def test_encoder_reads_in_steps_of_a_twentyfour_bit_turn_with_the_stated_noise() -> None:
+    antenna = plant(dss13_plant())
+    step = 2.0 * math.pi / 2**24
+    readings = []
+    for _ in range(2000):
+        antenna.step(CALM, CALM, 0.02)
+        readings.append(antenna.encoder_rad)
+    counts = np.array(readings) / step
+    np.testing.assert_allclose(counts, np.round(counts), atol=1e-6)
+    expected = math.sqrt(1.0 + 1.0 / 12.0)
+    assert np.std(counts, axis=0) == pytest.approx([expected, expected], rel=0.06)
+
+
+def test_copied_state_continues_identically() -> None:
+    params = dss13_plant()
+    params = params.replace(azimuth=params.azimuth.replace(drive_delay_s=0.03))
+    first = plant(params)
+    for _ in range(25):
+        first.step((2e-3, -1e-3), (5e4, -5e4), 0.0193)
+    second = AntennaPlant(params, random_stream(99, "other"))
+    second.state = first.state
+    for _ in range(25):
+        first.step((-2e-3, 1e-3), (5e4, 5e4), 0.0207)
+        second.step((-2e-3, 1e-3), (5e4, 5e4), 0.0207)
+        np.testing.assert_array_equal(first.encoder_rad, second.encoder_rad)
+    np.testing.assert_array_equal(first.state.x, second.state.x)
+
+
+def test_a_copied_state_is_not_changed_by_further_motion() -> None:
+    antenna = plant()
+    kept = antenna.state
+    antenna.step((1e-3, 1e-3), CALM, 0.02)
+    assert not np.any(kept.x[2:])
+
+
+def test_rate_and_acceleration_stay_within_the_drive_limits() -> None:
+    antenna = plant()
+    rates = [antenna.velocity_rad_s]
+    for _ in range(400):
+        antenna.step((1.0, 0.2), CALM, 0.01)
+        rates.append(antenna.velocity_rad_s)
+    limit = math.radians(2.0)
+    acceleration = np.diff(rates, axis=0) / 0.01
+    assert np.max(np.abs(rates)) <= limit + 1e-12
+    assert np.max(acceleration) == pytest.approx(limit, rel=0.06)
+    assert np.max(np.abs(acceleration)) <= limit * (1.0 + 1e-9)
+
+
+def test_an_axis_driven_into_its_stop_stays_there_and_says_so() -> None:
+    antenna = plant(position_rad=(0.0, math.radians(91.9)))
+    for _ in range(200):
+        antenna.step((0.0, 0.02), CALM, 0.02)
+        assert antenna.state.x[1] <= math.radians(92.0)
+    assert antenna.at_stop == (False, True)
+    antenna.step((0.0, -0.02), CALM, 0.1)
+    assert antenna.at_stop == (False, False)
+    assert antenna.velocity_rad_s[1] < 0.0
+
+
+def test_hitting_a_stop_shakes_the_beam() -> None:
+    antenna = plant(position_rad=(0.0, math.radians(91.9)))
+    while antenna.at_stop == (False, False):
+        antenna.step((0.0, 0.02), CALM, 0.005)
+    swings = []
+    for _ in range(50):
+        antenna.step((0.0, 0.02), CALM, 0.01)
+        swings.append(antenna.beam_rad[1] - math.radians(92.0))
+    assert max(swings) > 5.0 * MDEG
+
+
+def test_brakes_stop_at_their_torque_and_hold_against_wind() -> None:
+    antenna = plant()
+    for _ in range(200):
+        antenna.step((0.02, 0.0), CALM, 0.02)
+    antenna.brake()
+    start = antenna.velocity_rad_s[0]
+    antenna.step((0.02, 0.0), CALM, 0.1)
+    braking = (start - antenna.velocity_rad_s[0]) / 0.1
+    assert braking == pytest.approx(math.radians(2.0), rel=1e-6)
+    for _ in range(100):
+        antenna.step((0.02, 0.02), (2e5, -2e5), 0.02)
+    held = antenna.state.x[:2].copy()
+    antenna.step((0.02, 0.02), (2e5, -2e5), 0.5)
+    np.testing.assert_allclose(antenna.state.x[:2], held, atol=1e-12)
+    antenna.release_brake()
+    antenna.step((0.02, 0.0), CALM, 0.5)
+    assert antenna.velocity_rad_s[0] > 0.01
+
+
+def test_unpowered_axis_coasts_and_accelerates_with_the_wind_alone() -> None:
+    antenna = plant()
+    for _ in range(100):
+        antenna.step((0.01, 0.0), CALM, 0.02)
+    antenna.cut_drives()
+    start = antenna.velocity_rad_s[0]
+    antenna.step((0.02, 0.0), CALM, 0.1)
+    assert antenna.velocity_rad_s[0] == pytest.approx(start, rel=1e-9)
+    antenna.step((0.02, 0.0), (2.5e4, 0.0), 0.1)
+    assert antenna.velocity_rad_s[0] == pytest.approx(start + 1e-4, rel=1e-9)
+
+
+def test_drive_delay_shifts_the_response_by_the_delay() -> None:
+    params = dss13_plant(ideal=True)
+    late = plant(params.replace(azimuth=params.azimuth.replace(drive_delay_s=0.06)))
+    prompt = plant(params)
+    late_rates, prompt_rates = [], []
+    for _ in range(50):
+        late.step((1e-3, 1e-3), CALM, 0.02)
+        prompt.step((1e-3, 1e-3), CALM, 0.02)
+        late_rates.append(late.velocity_rad_s)
+        prompt_rates.append(prompt.velocity_rad_s)
+    np.testing.assert_allclose(np.array(late_rates)[3:, 0], np.array(prompt_rates)[:-3, 0], atol=1e-15)
+    np.testing.assert_allclose(np.array(late_rates)[:, 1], np.array(prompt_rates)[:, 1], atol=1e-15)
+
+
+def test_reconfiguring_keeps_the_motion_and_changes_the_drive() -> None:
+    params = dss13_plant(ideal=True)
+    antenna = plant(params)
+    antenna.step((1e-3, 1e-3), CALM, 0.5)
+    before = antenna.state.x
+    antenna.reconfigure(params.replace(elevation=params.elevation.replace(amplifier_gain=20.0)))
+    np.testing.assert_array_equal(antenna.state.x, before)
+    assert antenna.params.elevation.amplifier_gain == 20.0
+    few = params.elevation.replace(
+        mode_frequency_hz=(2.0,), mode_damping=(0.01,), mode_encoder_residue=(0.1,), mode_beam_residue=(0.1,)
+    )
+    with pytest.raises(ValueError, match="mode count differs"):
+        antenna.reconfigure(params.replace(elevation=few))
+
+
+@pytest.mark.parametrize("command", [(math.nan, 0.0), (0.0, math.inf)])
+def test_non_finite_commands_are_refused_and_change_nothing(command: tuple[float, float]) -> None:
+    antenna = plant()
+    before = antenna.state.x
+    with pytest.raises(ValueError, match="rate_command_rad_s"):
+        antenna.step(command, CALM, 0.02)
+    np.testing.assert_array_equal(antenna.state.x, before)
+
+
+def test_start_outside_the_travel_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"position_rad \(elevation\)=-0.1 must be >= 0.03"):
+        plant(position_rad=(0.0, -0.1))

@@ -1,0 +1,84 @@
+"""Wind torque by attitude, and the running wind."""
+
+import math
+
+import numpy as np
+import pytest
+
+from rf_pointing.geometry import random_stream
+from rf_pointing.servo import Wind, WindParams, wind_torque_n_m
+
+PARAMS = WindParams(mean_speed_m_s=8.0, from_azimuth_rad=0.7)
+
+
+def test_torque_grows_with_the_square_of_the_speed() -> None:
+    slow = np.array(wind_torque_n_m(PARAMS, 5.0, 0.0, 1.9, 0.6))
+    fast = np.array(wind_torque_n_m(PARAMS, 10.0, 0.0, 1.9, 0.6))
+    np.testing.assert_allclose(fast, 4.0 * slow, rtol=1e-12)
+
+
+def test_wind_from_dead_ahead_gives_no_azimuth_torque_and_pushes_a_raised_dish_up_and_over() -> None:
+    azimuth, elevation = wind_torque_n_m(PARAMS, 8.0, 0.0, 0.7, 0.6)
+    assert azimuth == pytest.approx(0.0, abs=1e-6)
+    assert elevation > 0.0
+
+
+def test_mirrored_attitudes_get_mirrored_azimuth_torque() -> None:
+    left = wind_torque_n_m(PARAMS, 8.0, 0.0, 0.7 - 0.9, 0.5)
+    right = wind_torque_n_m(PARAMS, 8.0, 0.0, 0.7 + 0.9, 0.5)
+    assert left[0] == pytest.approx(-right[0], rel=1e-12)
+    assert left[1] == pytest.approx(right[1], rel=1e-12)
+
+
+def test_torque_is_the_cross_product_of_boresight_and_wind() -> None:
+    azimuth, elevation = 2.1, 0.8
+    blows_to = PARAMS.from_azimuth_rad + math.pi
+    boresight = np.array(
+        [math.cos(elevation) * math.sin(azimuth), math.cos(elevation) * math.cos(azimuth), math.sin(elevation)]
+    )
+    wind = np.array([math.sin(blows_to), math.cos(blows_to), 0.0])
+    area, pressure = math.pi * 17.0**2, 0.5 * 1.225 * 64.0
+    coefficient = PARAMS.moment_base - PARAMS.moment_incidence * float(boresight @ wind)
+    moment = pressure * area * 34.0 * coefficient * np.cross(boresight, wind)
+    raising = np.array([math.cos(azimuth), -math.sin(azimuth), 0.0])
+    ours = wind_torque_n_m(PARAMS, 8.0, 0.0, azimuth, elevation)
+    assert ours[0] == pytest.approx(-moment[2], rel=1e-12)
+    assert ours[1] == pytest.approx(float(moment @ raising), rel=1e-12)
+
+
+def test_running_wind_has_the_stated_mean_and_turbulence() -> None:
+    wind = Wind(PARAMS, random_stream(2, "wind"))
+    speeds = []
+    for _ in range(20_000):
+        wind.step(0.2, 0.0, 0.7)
+        speeds.append(wind.speed_m_s)
+    along, across = np.array(speeds).T
+    sigma = math.sqrt(6.0 * 0.005) * 8.0
+    assert np.mean(along) == pytest.approx(8.0, abs=0.1 * sigma)
+    assert np.std(along) == pytest.approx(sigma, rel=0.08)
+    assert np.std(across) == pytest.approx(0.75 * sigma, rel=0.08)
+
+
+def test_gusts_do_not_depend_on_how_the_time_is_cut() -> None:
+    coarse, fine = Wind(PARAMS, random_stream(2, "wind")), Wind(PARAMS, random_stream(2, "wind"))
+    for _ in range(100):
+        coarse.step(0.02, 0.3, 0.7)
+    for _ in range(400):
+        fine.step(0.005, 0.3, 0.7)
+    assert coarse.speed_m_s == fine.speed_m_s
+
+
+def test_copied_state_continues_identically() -> None:
+    first = Wind(PARAMS, random_stream(2, "wind"))
+    for _ in range(37):
+        first.step(0.013, 0.3, 0.7)
+    second = Wind(PARAMS, random_stream(5, "other"))
+    second.state = first.state
+    for _ in range(37):
+        np.testing.assert_array_equal(first.step(0.017, 0.3, 0.7), second.step(0.017, 0.3, 0.7))
+
+
+def test_calm_air_gives_no_torque() -> None:
+    wind = Wind(WindParams(), random_stream(2, "wind"))
+    np.testing.assert_array_equal(wind.step(0.02, 0.3, 0.7), np.zeros(2))
+    assert wind.speed_m_s == (0.0, 0.0)

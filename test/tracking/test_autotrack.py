@@ -1,0 +1,176 @@
+"""The autotrack table: every row fires, and carrier loss freezes at once."""
+
+import math
+
+import pytest
+
+from rf_pointing.tracking import (
+    TRANSITIONS,
+    Autotrack,
+    AutotrackInputs,
+    AutotrackParams,
+    AutotrackState,
+    transition_diagram,
+    transition_table,
+)
+from rf_pointing.tracking.autotrack_state import MODES
+
+TICK_S = 0.1
+
+
+class Driver:
+    """Runs the table tick by tick and remembers the modes it went through."""
+
+    def __init__(self, **params: object) -> None:
+        self.table = Autotrack(AutotrackParams(**params))
+        self.state = AutotrackState()
+        self.modes = ["idle"]
+        self.t_s = 0.0
+
+    def run(self, seconds: float, level_db_hz: float = -math.inf, **inputs: object) -> str:
+        values = {"request": "track", "target_available": True, "on_target": True, **inputs}
+        for _ in range(max(round(seconds / TICK_S), 1)):
+            self.t_s += TICK_S
+            given = AutotrackInputs(t_s=self.t_s, carrier_to_noise_db_hz=level_db_hz, **values)
+            self.state = self.table.step(self.state, given)
+            if self.state.mode != self.modes[-1]:
+                self.modes.append(self.state.mode)
+        return self.state.mode
+
+    def on_monopulse(self) -> "Driver":
+        assert self.run(2.0, 50.0, monopulse_valid=True) == "monopulse"
+        return self
+
+
+def test_pass_with_a_strong_carrier_goes_straight_to_monopulse_and_ends_idle() -> None:
+    driver = Driver()
+    driver.run(1.0, on_target=False)
+    driver.run(2.0, 50.0, monopulse_valid=True)
+    driver.run(0.2, 50.0, monopulse_valid=True, target_available=False)
+    assert driver.modes == ["idle", "slew", "program_track", "monopulse", "idle"]
+    assert driver.state.reason == "the target is no longer available"
+
+
+def test_carrier_loss_freezes_within_one_tick_coasts_5_s_then_searches() -> None:
+    driver = Driver().on_monopulse()
+    assert driver.state.integrating
+    driver.run(TICK_S, 5.0)
+    assert driver.state.mode == "coast"
+    assert not driver.state.integrating
+    assert driver.run(4.9, 5.0) == "coast"
+    assert driver.run(0.3, 5.0) == "search"
+
+
+def test_carrier_that_returns_while_coasting_is_tracked_again_after_it_lasted() -> None:
+    driver = Driver().on_monopulse()
+    driver.run(2.0, 5.0)
+    driver.run(TICK_S, 50.0, monopulse_valid=True)
+    assert driver.state.mode == "coast"
+    assert driver.run(0.5, 50.0, monopulse_valid=True) == "monopulse"
+
+
+def test_gates_have_hysteresis() -> None:
+    driver = Driver().on_monopulse()
+    assert driver.run(1.0, 33.0, monopulse_valid=True) == "monopulse"
+    assert driver.run(1.0, 31.0, monopulse_valid=True) == "conscan"
+    assert driver.run(1.0, 35.0, monopulse_valid=True) == "conscan"
+    assert driver.run(1.0, 37.0, monopulse_valid=True) == "monopulse"
+    assert driver.run(1.0, 19.0) == "conscan"
+    assert driver.run(0.2, 17.0) == "coast"
+    assert driver.run(1.0, 21.0) == "coast"
+    assert driver.run(1.0, 23.0) == "conscan"
+
+
+def test_level_that_chatters_around_one_gate_does_not_change_the_mode() -> None:
+    driver = Driver().on_monopulse()
+    for k in range(100):
+        driver.run(TICK_S, 33.0 if k % 2 else 35.5, monopulse_valid=True)
+    assert driver.modes[-1] == "monopulse"
+    assert driver.modes.count("monopulse") == 1
+
+
+def test_sensor_fault_hands_back_for_the_hold_time() -> None:
+    driver = Driver().on_monopulse()
+    driver.run(TICK_S, 50.0, monopulse_valid=True, fault="sign flip")
+    assert driver.state.mode == "hand_back"
+    assert driver.state.reason == "sign flip"
+    assert not driver.state.integrating
+    assert driver.run(4.8, 50.0, monopulse_valid=True) == "hand_back"
+    assert driver.run(0.5, 50.0, monopulse_valid=True) == "monopulse"
+
+
+def test_monopulse_errors_that_stay_invalid_are_left() -> None:
+    driver = Driver(sensor="monopulse").on_monopulse()
+    assert driver.run(0.9, 50.0) == "monopulse"
+    assert driver.run(0.4, 50.0) == "coast"
+
+
+def test_search_without_result_returns_to_the_ephemeris() -> None:
+    driver = Driver(search_s=3.0)
+    driver.run(7.5)
+    assert driver.modes == ["idle", "slew", "program_track", "search", "program_track"]
+
+
+@pytest.mark.parametrize(("sensor", "mode"), [
+    ("conscan", "conscan"), ("steptrack", "steptrack"), ("none", "program_track"), ("monopulse", "monopulse"),
+])  # fmt: skip
+def test_chosen_sensor_is_the_one_used(sensor: str, mode: str) -> None:
+    driver = Driver(sensor=sensor)
+    assert driver.run(20.0, 50.0, monopulse_valid=True) == mode
+
+
+def test_auto_never_uses_steptrack() -> None:
+    driver = Driver()
+    driver.run(5.0, 25.0)
+    assert "steptrack" not in driver.modes
+    assert driver.state.mode == "conscan"
+    assert driver.state.scanning
+
+
+@pytest.mark.parametrize("mode", [m for m in MODES if m != "stow"])
+def test_stow_is_reached_from_every_mode_in_one_tick(mode: str) -> None:
+    inputs = AutotrackInputs(t_s=1.0, request="stow", target_available=False, on_target=False)
+    assert Autotrack(AutotrackParams()).step(AutotrackState(mode=mode), inputs).mode == "stow"
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_idle_is_reached_from_every_mode_in_one_tick(mode: str) -> None:
+    inputs = AutotrackInputs(t_s=1.0, request="idle", target_available=True, on_target=True)
+    assert Autotrack(AutotrackParams()).step(AutotrackState(mode=mode), inputs).mode == "idle"
+
+
+def test_step_is_pure() -> None:
+    state = AutotrackState(mode="program_track", entered_s=1.0)
+    inputs = AutotrackInputs(
+        t_s=2.0, request="track", target_available=True, on_target=True, carrier_to_noise_db_hz=50.0
+    )
+    table = Autotrack(AutotrackParams())
+    assert table.step(state, inputs) == table.step(state, inputs)
+    assert state == AutotrackState(mode="program_track", entered_s=1.0)
+
+
+def test_every_mode_can_be_entered_and_left() -> None:
+    assert {row.target for row in TRANSITIONS} == set(MODES)
+    assert {source for row in TRANSITIONS for source in row.sources} == set(MODES)
+
+
+def test_drawing_and_table_show_every_transition() -> None:
+    for row in TRANSITIONS:
+        assert row.when in transition_table()
+        for source in row.sources:
+            assert f"{source} --> {row.target}: {row.when}" in transition_diagram()
+
+
+@pytest.mark.parametrize(("change", "message"), [
+    ({"carrier_off_db_hz": 22.0}, "carrier_off_db_hz=22.0 must be < carrier_on_db_hz=22.0"),
+    ({"monopulse_on_db_hz": 17.0, "monopulse_off_db_hz": 16.0}, "monopulse_off_db_hz=16.0 must be >= carrier_off"),
+    ({"sensor": "nose"}, "sensor='nose' must be one of"),
+])  # fmt: skip
+def test_gates_without_hysteresis_are_refused(change: dict[str, object], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        AutotrackParams(**change)
+
+
+def test_unknown_request_is_refused() -> None:
+    with pytest.raises(ValueError, match="request='fly' must be one of idle, track, stow"):
+        AutotrackInputs(t_s=0.0, request="fly", target_available=True, on_target=True)

@@ -1,0 +1,157 @@
+"""Conscan tracker: estimates from where the beam really was, and refusals."""
+
+import copy
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from rf_pointing.geometry import MDEG, CarrierPower, PointingError, random_stream
+from rf_pointing.tracking import ConscanParams, ConscanTracker, conscan_slope
+
+H, R = 17.0 * MDEG, 1.55 * MDEG
+MU = 4.0 * math.log(2.0)
+
+
+def params(**changes: object) -> ConscanParams:
+    """The paper's estimator on separate periods, unless changed."""
+    return ConscanParams(half_power_beamwidth_rad=H, radius_rad=R, estimator="linear", update_samples=4).replace(
+        **changes
+    )
+
+
+def power(t_s: float, watts: float, sigma: float = 1e-3, level_db_hz: float = 40.0) -> CarrierPower:
+    return CarrierPower(t_s=t_s, integration_s=1.0, power_w=watts, sigma_w=sigma, carrier_to_noise_db_hz=level_db_hz)
+
+
+def linear_power(x: float, y: float, u: float, v: float) -> float:
+    """Power of the paper's linear model at beam offset (u, v), generalised off the circle."""
+    slope = conscan_slope(H, R) / H
+    off_circle = math.exp(-MU * (u**2 + v**2 - R**2) / H**2)
+    return off_circle * (1.0 + slope * (x * u + y * v) / R)
+
+
+def run(
+    tracker: ConscanTracker, angles: np.ndarray, x: float, y: float, radius: np.ndarray | None = None
+) -> PointingError:
+    radii = np.full(len(angles), R) if radius is None else radius
+    result = None
+    for k, (angle, rho) in enumerate(zip(angles, radii, strict=True)):
+        u, v = rho * math.cos(angle), rho * math.sin(angle)
+        result = tracker.add(power(k + 1.0, linear_power(x, y, u, v)), u, v)
+        assert (result is None) == (k + 1 < len(angles))
+    assert result is not None
+    return result
+
+
+@pytest.mark.parametrize("name", ["full", "part", "random", "leaving the circle"])
+def test_linear_model_is_solved_exactly_on_any_positions(name: str) -> None:
+    rng = random_stream(5, name)
+    angles = {
+        "full": 2.0 * np.pi * np.arange(1, 33) / 32,
+        "part": np.linspace(0.3, 2.6, 32),
+        "random": rng.uniform(0.0, 6.3, 32),
+        "leaving the circle": rng.uniform(0.0, 6.3, 32),
+    }[name]
+    radius = R * rng.uniform(0.3, 1.4, 32) if name == "leaving the circle" else None
+    error = run(ConscanTracker(params()), angles, 2.1 * MDEG, -0.7 * MDEG, radius)
+    assert error.valid, error.reason
+    assert error.cross_elevation_rad == pytest.approx(2.1 * MDEG, abs=1e-9 * MDEG)
+    assert error.elevation_rad == pytest.approx(-0.7 * MDEG, abs=1e-9 * MDEG)
+
+
+def test_covariance_on_the_full_circle_is_equation_20() -> None:
+    x = 3.0 * MDEG
+    error = run(ConscanTracker(params()), 2.0 * np.pi * np.arange(1, 33) / 32, x, 0.0)
+    ratio = H / conscan_slope(H, R)
+    expected = ratio**2 / 32.0 * 1e-6 * ((x / ratio) ** 2 + 2.0)
+    assert error.covariance_rad2[0, 0] == pytest.approx(expected, rel=1e-9)
+    assert error.covariance_rad2[1, 1] == pytest.approx(2.0 * ratio**2 / 32.0 * 1e-6, rel=1e-9)
+    assert error.covariance_rad2[0, 1] == pytest.approx(0.0, abs=1e-9 * expected)
+
+
+def test_time_of_the_error_is_the_middle_of_the_integrations() -> None:
+    error = run(ConscanTracker(params()), 2.0 * np.pi * np.arange(1, 33) / 32, 0.0, 0.0)
+    assert error.t_s == pytest.approx(16.0, abs=1e-12)
+
+
+def test_beam_that_never_left_a_line_names_the_blind_axis() -> None:
+    tracker = ConscanTracker(params(window_samples=8))
+    for k in range(8):
+        u = R * math.cos(0.8 * k)
+        error = tracker.add(power(k + 1.0, 1.0), u, 1e-9 * MDEG)
+    assert error is not None
+    assert not error.valid
+    assert error.reason == "elevation is not determined: the beam positions lie on a line"
+
+
+def test_beam_on_two_points_is_named() -> None:
+    tracker = ConscanTracker(params(window_samples=6))
+    for k in range(6):
+        error = tracker.add(power(k + 1.0, 1.0), R if k % 2 else -R, 0.0)
+    assert error is not None
+    assert error.reason == "2 distinct beam positions, must be at least 3"
+
+
+@pytest.mark.parametrize(("change", "offset", "reason"), [
+    ({"power_w": -1.0}, 0.0, "power_w=-1.0 must be > 0"),
+    ({"power_w": math.nan}, 0.0, "power, time and beam offset must be finite"),
+    ({"power_w": 0.0}, 0.0, "power_w=0.0 must be > 0"),
+    ({"sigma_w": 0.0}, 0.0, "sigma_w=0.0 must be > 0"),
+    ({"t_s": 1.0}, 0.0, "t_s=1.0 must be later than that of the sample before"),
+    ({}, 2.1 * H, "two beamwidths"),
+    ({}, math.inf, "power, time and beam offset must be finite"),
+])  # fmt: skip
+def test_bad_sample_is_counted_and_changes_nothing_else(change: dict[str, float], offset: float, reason: str) -> None:
+    tracker = ConscanTracker(params())
+    assert tracker.add(power(1.0, 1.0), R, 0.0) is None
+    before = tracker.state
+    assert tracker.add(dataclasses.replace(power(2.0, 1.0), **change), offset, 0.0) is None
+    assert tracker.state.rejected == 1
+    assert reason in tracker.state.last_rejection
+    assert tracker.state.window is before.window
+
+
+def test_sample_without_carrier_never_reaches_the_window() -> None:
+    tracker = ConscanTracker(params(window_samples=4))
+    for k in range(8):
+        assert tracker.add(power(k + 1.0, 1.0, level_db_hz=9.0), R * math.cos(1.6 * k), R * math.sin(1.6 * k)) is None
+    assert tracker.state.rejected == 8
+    assert tracker.state.last_rejection == "no lock: C/N0 9.0 dB-Hz is below 15.0 dB-Hz"
+
+
+def test_power_that_no_beam_can_give_is_not_divided_by() -> None:
+    tracker = ConscanTracker(params(window_samples=4))
+    for k, watts in enumerate((10.0, 0.01, 0.01, 0.01)):
+        angle = (0.0, 0.1, 0.2, 1.0)[k]
+        error = tracker.add(power(k + 1.0, watts), R * math.cos(angle), R * math.sin(angle))
+    assert error is not None
+    assert not error.valid
+    assert "mean carrier power" in error.reason
+
+
+def test_radius_beyond_half_the_beam_is_refused() -> None:
+    with pytest.raises(ValueError, match="the scan leaves the beam"):
+        params(radius_rad=0.6 * H)
+
+
+def test_reset_forgets_the_running_window() -> None:
+    tracker = ConscanTracker(params())
+    tracker.add(power(1.0, 1.0), R, 0.0)
+    tracker.reset()
+    assert len(tracker.state.window) == 0
+
+
+def test_copied_state_continues_identically() -> None:
+    tracker = ConscanTracker(params(window_samples=6))
+    samples = [(power(k + 1.0, 1.0 + 0.1 * math.cos(k)), R * math.cos(k), R * math.sin(k)) for k in range(6)]
+    for sample in samples[:3]:
+        tracker.add(*sample)
+    twin = ConscanTracker(params(window_samples=6))
+    twin.state = copy.deepcopy(tracker.state)
+    results = [[t.add(*sample) for sample in samples[3:]][-1] for t in (tracker, twin)]
+    assert results[0] is not None
+    assert results[1] is not None
+    assert results[0].cross_elevation_rad == results[1].cross_elevation_rad
+    assert np.array_equal(results[0].covariance_rad2, results[1].covariance_rad2)

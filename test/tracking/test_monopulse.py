@@ -1,0 +1,155 @@
+"""Monopulse errors: right, honest about their spread, and refused when they must be."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from rf_pointing.geometry import MDEG, MonopulseCluster, random_stream
+from rf_pointing.tracking import MonopulseCalibration, MonopulseParams, MonopulseTracker
+
+H = 17.0 * MDEG
+SLOPE = 1.57
+SAMPLE_S = 0.02
+
+
+def tracker(**changes: float) -> MonopulseTracker:
+    return MonopulseTracker(MonopulseParams(half_power_beamwidth_rad=H, **changes))
+
+
+def cluster(
+    x: float,
+    y: float,
+    level_db_hz: float = 45.0,
+    rng: np.random.Generator | None = None,
+    phase: float = 0.0,
+    n: int = 5,
+) -> MonopulseCluster:
+    """A cluster of the textbook feed tanh(k x / h), amplitude 1."""
+    snr = 10.0 ** (level_db_hz / 10.0) * SAMPLE_S
+    noise = np.zeros((3, n), dtype=complex)
+    if rng is not None:
+        parts = rng.standard_normal((2, 3, n)) * math.sqrt(0.5 / snr)
+        noise = parts[0] + 1j * parts[1]
+    right, up = math.tanh(SLOPE * x / H), math.tanh(SLOPE * y / H)
+    carrier = np.exp(1j * phase)
+    return MonopulseCluster(
+        t_s=10.0 + np.arange(n) * SAMPLE_S,
+        sum=carrier + noise[0],
+        difference_cross_elevation=right * carrier + noise[1],
+        difference_elevation=up * carrier + noise[2],
+        carrier_to_noise_db_hz=level_db_hz,
+    )
+
+
+@pytest.mark.parametrize(("x", "y"), [(0.0, 0.0), (3.1, -1.7), (-7.9, 8.2)])
+def test_noiseless_error_is_exact_over_the_valid_range_for_any_carrier_phase(x: float, y: float) -> None:
+    for phase in (0.0, 1.3, -2.9):
+        error = tracker().measure(cluster(x * MDEG, y * MDEG, 120.0, phase=phase))
+        assert error.valid, error.reason
+        assert error.cross_elevation_rad == pytest.approx(x * MDEG, abs=1e-7 * MDEG)
+        assert error.elevation_rad == pytest.approx(y * MDEG, abs=1e-7 * MDEG)
+
+
+def test_time_of_the_error_is_the_middle_of_the_cluster() -> None:
+    assert tracker().measure(cluster(0.0, 0.0)).t_s == pytest.approx(10.04, abs=1e-12)
+
+
+@pytest.mark.parametrize(("x", "y"), [(0.0, 0.0), (4.0, -2.5)])
+def test_spread_on_the_axis_is_the_monopulse_formula_and_the_covariance_says_so(x: float, y: float) -> None:
+    rng = random_stream(3, "monopulse")
+    errors = [tracker().measure(cluster(x * MDEG, y * MDEG, 40.0, rng)) for _ in range(4000)]
+    found = np.array([[e.cross_elevation_rad, e.elevation_rad] for e in errors])
+    sample = np.cov(found.T)
+    # 4000 runs: a variance is known to 2.2 %, so 8 % is over three standard errors.
+    assert sample == pytest.approx(np.mean([e.covariance_rad2 for e in errors], axis=0), abs=0.08 * sample.max())
+    if x == 0.0:
+        snr = 1e4 * SAMPLE_S
+        formula = H / SLOPE * math.sqrt((1.0 + 1.0 / snr) / (2.0 * 5.0 * snr))
+        assert math.sqrt(sample[0, 0]) == pytest.approx(formula, rel=0.04)
+
+
+def test_noise_in_the_sum_does_not_shrink_the_error() -> None:
+    rng = random_stream(4, "monopulse")
+    errors = [tracker(lock_db_hz=10.0).measure(cluster(2.0 * MDEG, 0.0, 27.0, rng)) for _ in range(6000)]
+    found = np.array([e.cross_elevation_rad for e in errors])
+    standard_error = found.std() / math.sqrt(len(found))
+    assert found.mean() == pytest.approx(2.0 * MDEG, abs=4.0 * standard_error)
+    # Without removing the noise from |sum|^2 the shrinkage would be 1/snr = 10 %, far outside.
+    assert 4.0 * standard_error < 0.1 * 2.0 * MDEG
+
+
+def test_weak_carrier_is_no_lock() -> None:
+    error = tracker().measure(cluster(0.0, 0.0, 29.0))
+    assert not error.valid
+    assert error.reason == "no lock: C/N0 29.0 dB-Hz is below 30.0 dB-Hz"
+
+
+def test_error_beyond_the_valid_range_is_reported_but_not_valid() -> None:
+    error = tracker().measure(cluster(10.0 * MDEG, 0.0))
+    assert not error.valid
+    assert error.reason == "error of 0.59 beamwidths is outside 0.50 beamwidths"
+    assert error.cross_elevation_rad > 8.0 * MDEG
+
+
+def test_difference_out_of_phase_with_the_sum_is_not_valid() -> None:
+    good = cluster(4.0 * MDEG, 0.0, 50.0)
+    turned = dataclasses.replace(good, difference_cross_elevation=good.difference_cross_elevation * 1j)
+    error = tracker().measure(turned)
+    assert not error.valid
+    assert error.reason.startswith("quadrature: chi squared")
+
+
+@pytest.mark.parametrize(("change", "reason"), [
+    ({"sum": np.array([1.0, 1.0, np.nan, 1.0, 1.0])}, "sum must be finite"),
+    ({"difference_elevation": np.ones(4)}, r"difference_elevation has shape \(4,\), must be \(5,\)"),
+    ({"t_s": np.array([1.0, 1.1, 1.1, 1.2, 1.3])}, "t_s must increase from sample to sample"),
+    ({"t_s": np.array([1.0, np.inf, 3.0, 4.0, 5.0])}, "t_s and carrier_to_noise_db_hz must be finite"),
+    ({"sum": np.zeros(5)}, "sum is zero in every sample"),
+    ({"carrier_to_noise_db_hz": math.nan}, "t_s and carrier_to_noise_db_hz must be finite"),
+    ({"t_s": np.array([]), "sum": np.array([])}, r"t_s has shape \(0,\), must have at least 2 samples"),
+])  # fmt: skip
+def test_broken_clusters_are_rejected_with_the_reason_and_an_unknown_spread(
+    change: dict[str, object], reason: str
+) -> None:
+    error = tracker().measure(dataclasses.replace(cluster(0.0, 0.0), **change))
+    assert not error.valid
+    with pytest.raises(AssertionError, match=reason):
+        raise AssertionError(error.reason)
+    assert error.covariance_rad2[0, 0] == pytest.approx(H**2)
+
+
+def test_calibrated_response_recovers_the_error_through_gain_phase_cross_talk_and_leakage() -> None:
+    per_rad = SLOPE / H
+    mixing = np.array([[1.2 * np.exp(0.5j), 0.15 * np.exp(1.0j)], [0.1 * np.exp(-0.4j), 0.8 * np.exp(-1.2j)]])
+    offset = np.array([0.03 + 0.02j, -0.01 + 0.04j])
+    calibration = MonopulseCalibration.from_response(mixing * per_rad, offset)
+    clean = cluster(3.0 * MDEG, -6.0 * MDEG, 90.0, phase=0.8)
+    differences = np.stack([clean.difference_cross_elevation, clean.difference_elevation])
+    mixed = mixing @ differences + offset[:, None] * clean.sum
+    dirty = dataclasses.replace(clean, difference_cross_elevation=mixed[0], difference_elevation=mixed[1])
+    params = MonopulseParams(half_power_beamwidth_rad=H)
+    error = MonopulseTracker(params, calibration).measure(dirty)
+    assert error.valid, error.reason
+    assert error.cross_elevation_rad == pytest.approx(3.0 * MDEG, abs=1e-6 * MDEG)
+    assert error.elevation_rad == pytest.approx(-6.0 * MDEG, abs=1e-6 * MDEG)
+
+
+def test_calibration_survives_its_own_numbers() -> None:
+    response = np.array([[900.0 + 100.0j, 20.0 - 5.0j], [-7.0 + 1.0j, 880.0 - 300.0j]])
+    calibration = MonopulseCalibration.from_response(response, np.array([0.1 - 0.2j, 0.3j]))
+    again = MonopulseCalibration.from_mapping(dataclasses.asdict(calibration))
+    assert np.array_equal(again.response_per_rad(), response)
+    assert np.array_equal(again.offset(), [0.1 - 0.2j, 0.3j])
+
+
+def test_calibration_that_does_not_separate_the_axes_is_refused() -> None:
+    response = np.array([[900.0, 900.0], [800.0, 801.0]], dtype=complex)
+    with pytest.raises(ValueError, match="does not separate cross-elevation from elevation: condition number"):
+        MonopulseCalibration.from_response(response, np.zeros(2, dtype=complex))
+
+
+def test_calibration_with_a_missing_value_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"offset_real=.* must have 2 values"):
+        MonopulseCalibration.ideal(H, SLOPE).replace(offset_real=(0.0,))
