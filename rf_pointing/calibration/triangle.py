@@ -61,8 +61,12 @@ class Triangle:
             wide = np.zeros((len(reduced), width))
             wide[:, [*columns, width - 1]] = reduced
             reduced = wide
-        self.factor = _triangle_of(np.vstack([self.factor, reduced]))
-        self.rows += len(right)
+        self.add_triangle(reduced, len(right))
+
+    def add_triangle(self, rows: Array, count: int) -> None:
+        """Fold in rows (m, k + 1) of matrix and right side together that stand for `count` equations."""
+        self.factor = _triangle_of(np.vstack([self.factor, rows]))
+        self.rows += count
 
     def add_prior(self, name: str, value: float, sigma: float) -> None:
         """Fold in the knowledge name = value +/- sigma."""

@@ -12,7 +12,18 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["Motion", "Vector", "combined", "cross", "dot", "norm", "root", "rotated", "seen_from_rotating_axes", "turned_about_z"]
+__all__ = [
+    "Motion",
+    "Vector",
+    "combined",
+    "cross",
+    "dot",
+    "norm",
+    "root",
+    "rotated",
+    "seen_from_rotating_axes",
+    "turned_about_z",
+]
 
 Vector = tuple[Any, Any, Any]
 """Components x, y, z: floats, or arrays of one shape."""

@@ -59,9 +59,7 @@ class Pass:
         return bool(np.floor(self.azimuth_min_rad / (2 * np.pi)) != np.floor(self.azimuth_max_rad / (2 * np.pi)))
 
 
-def find_passes(
-    track: TopocentricTrack, start_t_s: float, duration_s: float, min_elevation_rad: float
-) -> list[Pass]:
+def find_passes(track: TopocentricTrack, start_t_s: float, duration_s: float, min_elevation_rad: float) -> list[Pass]:
     """Return the passes above `min_elevation_rad` (apparent) in the `duration_s` after `start_t_s`, in time order.
 
     Times are found to 0.1 ms.  A pass that is going on at either end is cut off there and says so.

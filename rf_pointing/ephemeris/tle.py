@@ -39,7 +39,9 @@ def read_tle(text: str) -> list[Elements]:
         else:
             name = line.removeprefix("0 ").strip()
     if first[1] or name:
-        raise ValueError(f"line {first[0] or len(text.splitlines())}: the text ends before line 2 of {name or first[1]!r}")
+        raise ValueError(
+            f"line {first[0] or len(text.splitlines())}: the text ends before line 2 of {name or first[1]!r}"
+        )
     return found
 
 

@@ -1,6 +1,6 @@
 """Where to point the antenna: apparent azimuth and elevation of a target, with rates, accelerations and range.
 
-    elements -> SGP4 (TEME) -> Earth-fixed -> minus the antenna -> light time -> east-north-up -> offsets -> refraction
+elements -> SGP4 (TEME) -> Earth-fixed -> minus the antenna -> light time -> east-north-up -> offsets -> refraction
 """
 
 import math

@@ -1,7 +1,7 @@
-"""Where the beam was when a carrier power was measured: encoder angles against the commanded scan centre.
+"""Where the beam really was: encoder angles against the commanded scan centre, at the time of a radio measurement.
 
-Both arrive as streams of their own.  A power waits until the encoder reading and the scan centre on either side of the
-middle of its integration are there; the centre moves on a straight line between two statuses.
+Both arrive as streams of their own and are interpolated linearly.  `ConscanPositions` lets a carrier power wait until
+both are known on either side of the middle of its integration.
 """
 
 import math
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rf_pointing.geometry import CarrierPower, JointReading, PointingError
 from rf_pointing.tracking import ConscanTracker
 
-__all__ = ["ConscanPositions"]
+__all__ = ["BeamPosition", "ConscanPositions"]
 
 Array = NDArray[np.float64]
 KEPT_S = 2.0
@@ -52,18 +52,46 @@ class _Series:
         return mixed
 
 
+class BeamPosition:
+    """Offset of the beam from the scan centre, on the sky, over the last seconds."""
+
+    def __init__(self) -> None:
+        self._joints, self._centre = _Series(), _Series()
+
+    def clear(self) -> None:
+        """Forget everything, for a new pass."""
+        self._joints.clear()
+        self._centre.clear()
+
+    def take_joints(self, reading: JointReading) -> None:
+        """Note the encoder angles."""
+        self._joints.add(reading.t_s, reading.position_rad)
+
+    def take_centre(self, t_s: float, scan_centre_rad: Array) -> None:
+        """Note the commanded scan centre (2,), axis angles."""
+        self._centre.add(t_s, scan_centre_rad)
+
+    def offset(self, t_s: float) -> Array | None:
+        """Return cross-elevation and elevation (2,) of the beam from the centre, None when `t_s` is not covered."""
+        joints, centre = self._joints.at(t_s), self._centre.at(t_s)
+        if joints is None or centre is None:
+            return None
+        away: Array = (joints - centre) * np.array([math.cos(float(joints[1])), 1.0])
+        return away
+
+
 class ConscanPositions:
     """Feeds a `ConscanTracker` from the three streams of a station; only while the scan runs."""
 
     def __init__(self, tracker: ConscanTracker) -> None:
         self.tracker = tracker
-        self._joints, self._centre = _Series(), _Series()
+        self._beam = BeamPosition()
         self._waiting: list[CarrierPower] = []
         self._scanning = False
 
     def take_joints(self, reading: JointReading) -> None:
         """Note the encoder angles."""
-        self._joints.add(reading.t_s, reading.position_rad)
+        self._beam.take_joints(reading)
 
     def take_status(self, t_s: float, scan_centre_rad: Array, mode: str) -> None:
         """Note the commanded scan centre (2,), axis angles, and whether the scan runs."""
@@ -72,7 +100,7 @@ class ConscanPositions:
             self._scanning = scanning
             self._waiting.clear()
             self.tracker.reset()
-        self._centre.add(t_s, scan_centre_rad)
+        self._beam.take_centre(t_s, scan_centre_rad)
 
     def take_power(self, power: CarrierPower) -> list[PointingError]:
         """Take one carrier power; return an error for every one that could be placed, usable or not.
@@ -84,7 +112,8 @@ class ConscanPositions:
         self._waiting.append(power)
         errors = []
         while self._waiting:
-            offset = self._offset(self._waiting[0])
+            power = self._waiting[0]
+            offset = self._beam.offset(power.t_s - 0.5 * power.integration_s)
             if offset is None:
                 break
             placed = self._waiting.pop(0)
@@ -97,14 +126,6 @@ class ConscanPositions:
     @property
     def _window(self) -> int:
         return self.tracker.params.window_samples
-
-    def _offset(self, power: CarrierPower) -> Array | None:
-        t_s = power.t_s - 0.5 * power.integration_s
-        joints, centre = self._joints.at(t_s), self._centre.at(t_s)
-        if joints is None or centre is None:
-            return None
-        away: Array = (joints - centre) * np.array([math.cos(float(joints[1])), 1.0])
-        return away
 
 
 def _not_usable(power: CarrierPower, reason: str) -> PointingError:

@@ -27,6 +27,7 @@ from rf_pointing.geometry import (
     require_choice,
 )
 from rf_pointing.planning import AxisLimits, choose_turns, refusal
+from rf_pointing.station.beam_position import BeamPosition
 from rf_pointing.station.sky_offsets import SkyOffsets
 from rf_pointing.station.status import TrackingStatus
 from rf_pointing.station.tally import Tally
@@ -85,6 +86,7 @@ class PointingController:
         self._pass: Pass | None = None
         self._turns_rad = 0.0
         self._centre: dict[int, Array] = {}
+        self._beam = BeamPosition()
         self._stopping = ""
         self.tally = Tally()
 
@@ -105,6 +107,7 @@ class PointingController:
     def take_joints(self, reading: JointReading) -> None:
         """Note where the axes are."""
         self._joints = reading
+        self._beam.take_joints(reading)
 
     def take_target(self, target: Target) -> None:
         """Note where the target will be; other targets are ignored."""
@@ -140,6 +143,7 @@ class PointingController:
         self._pass, self._error, self._stopping = window, None, ""
         self._targets.clear()
         self._centre.clear()
+        self._beam.clear()
         self.offsets.restart(t_s)
         self.tally = Tally()
         self._table = Autotrack(self._autotrack_params.replace(sensor=SENSOR_CHOICES[sensor]))
@@ -184,7 +188,8 @@ class PointingController:
             ),
         )
         command_s = t_s + self.params.transport_s
-        self.offsets.listen(command_s, before.mode, self.state, error)
+        beam = self._beam.offset(error.t_s) if error else None
+        self.offsets.listen(command_s, before.mode, self.state, error, beam)
 
     def _follow(self, t_s: float) -> JointTrajectory | None:
         """Return the trajectory of this period; a refusal of the gate becomes the reason of a stop."""
@@ -195,6 +200,7 @@ class PointingController:
         centre = self._centre_motion(t_s, times)
         position, velocity, acceleration = self.offsets.add_scan(times, centre)
         self._centre = {**{k: c for k, c in self._centre.items() if k >= _key(t_s)}, _key(times[0]): centre.position[0]}
+        self._beam.take_centre(float(times[0]), centre.position[0])
         present = None if self._joints is None else tuple(self._joints.position_rad.tolist())
         for row in position:
             refused = refusal(self.limits, float(row[0]), float(row[1]), present)

@@ -48,17 +48,28 @@ class SkyOffsets:
         self._integrator.reset(t_s)
         self._scan, self._scan_start_s, self._used_s, self._found = "", None, -math.inf, None
 
-    def listen(self, command_s: float, mode_before: str, state: AutotrackState, error: PointingError | None) -> None:
-        """Take what the period brought: the mode, and the error if there is a new one, for commands from `command_s`."""
+    def listen(
+        self,
+        command_s: float,
+        mode_before: str,
+        state: AutotrackState,
+        error: PointingError | None,
+        beam_offset_rad: Array | None,
+    ) -> None:
+        """Take what the period brought, for commands from `command_s` on: the mode, and the newest error.
+
+        `beam_offset_rad` is where the beam really was from the scan centre when that error was measured.
+        """
+        fresh = error is not None and error.valid and error.t_s > self._used_s
+        measured = np.zeros(2)
+        if fresh and error is not None:
+            self._used_s = error.t_s
+            measured = np.array([error.cross_elevation_rad, error.elevation_rad])
+            if mode_before == "search" and beam_offset_rad is not None:
+                self._found = self.trim(error.t_s) + beam_offset_rad + measured
         if state.mode != mode_before:
             self._change_mode(command_s, state.mode)
-        if error is None or not error.valid or error.t_s <= self._used_s:
-            return
-        self._used_s = error.t_s
-        measured = np.array([error.cross_elevation_rad, error.elevation_rad])
-        if state.mode == "search":
-            self._found = self._total(error.t_s) + measured
-        elif state.integrating:
+        elif fresh and state.integrating:
             self._integrator.update(command_s, measured)
 
     def trim(self, t_s: float) -> Array:
@@ -96,9 +107,6 @@ class SkyOffsets:
         assert self._scan_start_s is not None
         since_s = t_s - self._scan_start_s
         return self._spiral.offset(since_s) if self._scan == "search" else circle_offset(self._conscan.scan, since_s)
-
-    def _total(self, t_s: float) -> Array:
-        return self.trim(t_s) + np.array(self._scan_offset(t_s)[:2])
 
 
 def _added(target: Motion, offset: Array, rate: Array) -> Motion:

@@ -8,6 +8,7 @@ import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rf_pointing.geometry import CarrierPower, PointingError
 from rf_pointing.tracking.conscan_estimate import estimate_window
@@ -17,19 +18,29 @@ from rf_pointing.tracking.scan import Offset, circle_offset
 
 __all__ = ["ConscanState", "ConscanTracker"]
 
+Array = NDArray[np.float64]
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConscanState:
-    """Samples of the running window, samples since the last estimate, count and reason of rejected ones."""
+    """Samples of the running window, count and reason of rejected ones."""
 
     window: ConscanWindow = field(default_factory=ConscanWindow.empty)
-    fresh: int = 0
     rejected: int = 0
     last_rejection: str = ""
 
+    @property
+    def samples(self) -> Array:
+        """Samples of the window, one row each (`ConscanWindow`)."""
+        return self.window.rows
+
 
 class ConscanTracker:
-    """A window of `window_samples`; once it is full, one pointing error every `update_samples`."""
+    """Gives one pointing error per window of `window_samples`, or one per sample once the window is full.
+
+    With an estimate per sample the origin must not move with the corrections made (use the predicted direction), or
+    `recentre` must be told of every one.
+    """
 
     def __init__(self, params: ConscanParams) -> None:
         self.params = params
@@ -59,10 +70,10 @@ class ConscanTracker:
         sample = (t_s, power.power_w, power.sigma_w, beam_offset_cross_elevation_rad, beam_offset_elevation_rad,
                   power.carrier_to_noise_db_hz)  # fmt: skip
         window = self.state.window.with_sample(sample, self.params.window_samples, t_s - self.params.max_age_s)
-        fresh = self.state.fresh + 1
-        due = len(window) == self.params.window_samples and fresh >= self.params.update_samples
-        self.state = replace(self.state, window=window, fresh=0 if due else fresh)
-        return self._measure(window) if due else None
+        full = len(window) == self.params.window_samples
+        empties = full and self.params.updates == "window"
+        self.state = replace(self.state, window=ConscanWindow.empty() if empties else window)
+        return self._measure(window) if full else None
 
     def recentre(self, cross_elevation_rad: float, elevation_rad: float) -> None:
         """Tell the tracker that the origin moved by this much: the samples of the window stay usable."""
@@ -70,7 +81,7 @@ class ConscanTracker:
 
     def reset(self) -> None:
         """Forget the samples of the running window, as after a long loss of the carrier."""
-        self.state = replace(self.state, window=ConscanWindow.empty(), fresh=0)
+        self.state = replace(self.state, window=ConscanWindow.empty())
 
     def _fault(self, power: CarrierPower, beam_cross_elevation_rad: float, beam_elevation_rad: float) -> str:
         values = (power.t_s, power.power_w, power.sigma_w, power.integration_s, power.carrier_to_noise_db_hz,

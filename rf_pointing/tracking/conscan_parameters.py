@@ -20,7 +20,9 @@ class ConscanParams(Params):
         "likelihood", "exact beam, or the paper's weighted least squares", choices=("likelihood", "linear")
     )
     window_samples: int = parameter(32, "carrier power samples of one estimate", low=4, high=10000)
-    update_samples: int = parameter(1, "samples between estimates; the window makes one per period", low=1, high=10000)
+    updates: str = parameter(
+        "window", "one estimate per separate window, or one per sample (sliding)", choices=("window", "sample")
+    )
     max_age_s: float = parameter(120.0, "age at which samples leave the window", low=0.1, high=36000.0)
     delay_s: float = parameter(0.0, "time from the beam's position to the power it gives", low=-60.0, high=60.0)
     spin_periods_s: tuple[float, ...] = parameter(
@@ -39,8 +41,6 @@ class ConscanParams(Params):
                 f"radius_rad={self.radius_rad} must be <= {0.5 * self.half_power_beamwidth_rad}, half of "
                 "half_power_beamwidth_rad: the scan leaves the beam"
             )
-        if self.update_samples > self.window_samples:
-            raise ValueError(f"update_samples={self.update_samples} must be <= window_samples={self.window_samples}")
         if self.spin_periods_s and self.estimator == "linear":
             raise ValueError(f"spin_periods_s={self.spin_periods_s} needs estimator=likelihood, not linear")
         unknowns = 3 + 2 * len(self.spin_periods_s)

@@ -16,9 +16,7 @@ MU = 4.0 * math.log(2.0)
 
 def params(**changes: object) -> ConscanParams:
     """The paper's estimator on separate periods, unless changed."""
-    return ConscanParams(half_power_beamwidth_rad=H, radius_rad=R, estimator="linear", update_samples=4).replace(
-        **changes
-    )
+    return ConscanParams(half_power_beamwidth_rad=H, radius_rad=R, estimator="linear").replace(**changes)
 
 
 def power(t_s: float, watts: float, sigma: float = 1e-3, level_db_hz: float = 40.0) -> CarrierPower:
@@ -123,8 +121,8 @@ def test_sample_without_carrier_never_reaches_the_window() -> None:
 
 def test_power_that_no_beam_can_give_is_not_divided_by() -> None:
     tracker = ConscanTracker(params(window_samples=4))
-    for k, watts in enumerate((10.0, 0.01, 0.01, 0.01)):
-        angle = (0.0, 0.1, 0.2, 1.0)[k]
+    for k, watts in enumerate((0.01, 10.0, 10.0, 0.01)):
+        angle = (-0.6, -0.2, 0.2, 0.6)[k]
         error = tracker.add(power(k + 1.0, watts), R * math.cos(angle), R * math.sin(angle))
     assert error is not None
     assert not error.valid

@@ -52,9 +52,7 @@ def resolve_ranges(phases_rad: ArrayLike, plan: CarrierPlan, variant: str = CORR
         ranges = fine[..., step, :, :] + lane * plan.ambiguities_m[step]
         lanes.append(lane)
         residuals.append(unrounded - lane)
-    return ResolvedRanges(
-        ranges_m=ranges, lanes=np.stack(lanes, axis=-3), lane_residuals=np.stack(residuals, axis=-3)
-    )
+    return ResolvedRanges(ranges_m=ranges, lanes=np.stack(lanes, axis=-3), lane_residuals=np.stack(residuals, axis=-3))
 
 
 def carrier_range(phases_rad: ArrayLike, ranges_m: ArrayLike, plan: CarrierPlan) -> tuple[Array, Array]:

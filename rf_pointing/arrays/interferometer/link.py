@@ -3,7 +3,6 @@
 R = Pt Gt Gr/(Lp Pn), Lp = (4 pi rho f/c)^2, Pn = k T B F (PI83 eqs. 5-38 to 5-51, 8-17 to 8-19).
 """
 
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -144,5 +143,3 @@ def _returned(
     signal = received_power_w(retransmitted_w, range_m, back_hz, back, loss)
     returned = signal / (signal / snr_output + noise_power_w(back))
     return ReturnLink(snr_input=snr_input, snr_output=snr_output, snr_return=returned)
-
-

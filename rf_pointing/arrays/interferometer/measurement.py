@@ -47,5 +47,7 @@ class InterferometerMeasurement:
             object.__setattr__(self, name, as_finite_array(name, getattr(self, name), shape))
         locked = np.asarray(self.locked)
         if locked.shape != (slots, 3, 3) or locked.dtype != np.bool_:
-            raise ValueError(f"locked has shape {locked.shape} and type {locked.dtype}, must be {(slots, 3, 3)} of bool")
+            raise ValueError(
+                f"locked has shape {locked.shape} and type {locked.dtype}, must be {(slots, 3, 3)} of bool"
+            )
         object.__setattr__(self, "locked", locked)

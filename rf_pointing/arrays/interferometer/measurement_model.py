@@ -20,9 +20,7 @@ _ANGLE_STEP_RAD = 1e-3
 def expected_path_rates_m_s(tracked: TrackedMotion, system: InterferometerSystem) -> Array:
     """Return w (..., 3, 3) = g_F d rho_00/dt + g_R d rho_ij/dt, what the phase rates show of each path."""
     motion = tracked.motion
-    rates = path_rates_m_s(
-        motion.position_m, motion.velocity_m_s, motion.attitude, motion.rate_rad_s, system.arrays
-    )
+    rates = path_rates_m_s(motion.position_m, motion.velocity_m_s, motion.attitude, motion.rate_rad_s, system.arrays)
     forward, back = rate_weights(system)
     return forward * rates[..., :1, :1] + back * rates[..., 1:, 1:]
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rf_pointing.arrays.interferometer.local_coordinates import SIZE, TrackedMotion, displaced, local_difference
 from rf_pointing.arrays.interferometer.measurement_model import local_gradient, local_steps, numerical_jacobian
-from rf_pointing.arrays.interferometer.motion import RelativeMotion, moved
+from rf_pointing.arrays.interferometer.motion import moved
 from rf_pointing.arrays.interferometer.reading import Reading
 from rf_pointing.arrays.interferometer.snapshot import Snapshot
 from rf_pointing.arrays.interferometer.system import InterferometerSystem
@@ -32,7 +32,9 @@ class FilterParams(Params):
     angular_acceleration_density_rad_s2: float = parameter(
         1e-5, "white angular acceleration, per root hertz", low=1e-12, high=10.0
     )
-    excitation_drift: float = parameter(1e-4, "random walk of the excitation factors, per root second", low=0.0, high=1.0)
+    excitation_drift: float = parameter(
+        1e-4, "random walk of the excitation factors, per root second", low=0.0, high=1.0
+    )
     first_velocity_m_s: float = parameter(5.0, "first standard deviation of each velocity axis", low=1e-6, high=1e3)
     first_rate_rad_s: float = parameter(0.05, "first standard deviation of each angular rate", low=1e-9, high=1.0)
     first_excitation: float = parameter(0.5, "first standard deviation of the excitation factors", low=1e-3, high=10.0)

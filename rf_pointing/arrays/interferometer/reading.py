@@ -28,6 +28,7 @@ class ErrorFloor(Params):
     """Errors beside receiver noise, which close up is far below them: sigmas added to the reading's covariance."""
 
     phase_rad: float = parameter(0.002, "hardware phase of a carrier on a path", low=0.0, high=1.0)
+    phase_rate_rad_s: float = parameter(0.02, "drift of a path's phase", low=0.0, high=100.0)
     amplitude: float = parameter(0.002, "pattern ripple of a coupling, 0.06 dB is 0.007", low=0.0, high=1.0)
     path_acceleration_m_s2: float = parameter(0.005, "two-way path acceleration in a sequence", low=0.0, high=100.0)
 
@@ -64,7 +65,7 @@ def read_ranges(
     carriers = system.schedule.carriers(system.plan)
     if len(carriers) != len(measurement.snr_forward):
         raise ValueError(f"phase_rad has {len(measurement.snr_forward)} slots, the schedule has {len(carriers)}")
-    rates, rate_covariance = _path_rates(measurement, system, carriers)
+    rates, rate_covariance = _path_rates(measurement, system, carriers, floor)
     used = rates if expected_rates_m_s is None else expected_rates_m_s
     offsets = system.schedule.offsets_s(system.plan)[:, None, None]
     at_epoch = measurement.phase_rad - offsets * _phase_rates(used, system.plan)[carriers]
@@ -98,7 +99,10 @@ def _metres_per_radian(plan: CarrierPlan, carriers: NDArray[np.intp]) -> Array:
 
 
 def _path_rates(
-    measurement: InterferometerMeasurement, system: InterferometerSystem, carriers: NDArray[np.intp]
+    measurement: InterferometerMeasurement,
+    system: InterferometerSystem,
+    carriers: NDArray[np.intp],
+    floor: ErrorFloor,
 ) -> tuple[Array, Array]:
     scale = _metres_per_radian(system.plan, carriers)
     rates = np.mean(scale[:, None, None] * measurement.phase_rate_rad_s, axis=0)
@@ -108,7 +112,8 @@ def _path_rates(
     )
     common = np.sum(scale**2 * forward) / len(carriers) ** 2
     single = np.sum(scale[:, None, None] ** 2 * back, axis=0) / len(carriers) ** 2
-    return rates, np.diag(single.ravel()) + common
+    drift = (np.mean(scale) * floor.phase_rate_rad_s) ** 2
+    return rates, np.diag(single.ravel() + drift) + common
 
 
 def _phase_rates(rates: Array, plan: CarrierPlan) -> Array:

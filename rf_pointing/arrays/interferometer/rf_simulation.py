@@ -94,8 +94,6 @@ def amplitude_sigma(
     return np.sqrt(np.sum(phase_variance(snr), axis=-1)) / plan.count
 
 
-def simulate_amplitudes(
-    amplitudes: ArrayLike, sigma: float, rng: np.random.Generator, trials: int = 1
-) -> Array:
+def simulate_amplitudes(amplitudes: ArrayLike, sigma: float, rng: np.random.Generator, trials: int = 1) -> Array:
     """Return `trials` noisy sets (trials, 2, 2) of the four couplings."""
     return np.asarray(amplitudes, dtype=np.float64) + rng.normal(size=(trials, 2, 2)) * sigma

@@ -55,9 +55,7 @@ def coarse_geometry(
 
 def _require_inside(ranges: Array, path_variance_m2: float, system: InterferometerSystem) -> None:
     radii = (system.arrays.radius_active_m, system.arrays.radius_passive_m)
-    for side, excess, radius in zip(
-        ("active", "passive"), aperture_excess(ranges, system.arrays), radii, strict=True
-    ):
+    for side, excess, radius in zip(("active", "passive"), aperture_excess(ranges, system.arrays), radii, strict=True):
         allowed = 10.0 * math.sqrt(path_variance_m2) / radius
         if float(excess) > allowed:
             raise ValueError(

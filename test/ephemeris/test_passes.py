@@ -1,0 +1,124 @@
+"""Passes: skyfield's events as independent library, brute force on a fine grid, and refusals."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sgp4
+from skyfield.api import EarthSatellite, load, wgs84
+
+from rf_pointing.ephemeris import (
+    Elements,
+    Site,
+    TopocentricTrack,
+    find_elements,
+    find_passes,
+    first_pass_above,
+    site,
+    verification_elements,
+)
+
+MASK_RAD = math.radians(5.0)
+DAY_S = 86400.0
+EVENT_S = 0.05
+
+
+def test_first_pass_of_cbers_above_40_degrees_over_goldstone(track: TopocentricTrack, cbers: Elements) -> None:
+    """Labelled snapshot, the pass that the closed-loop examples track."""
+    found = first_pass_above(track, cbers.epoch_t_s, math.radians(40.0), MASK_RAD, 3.0 * DAY_S)
+    assert found.aos_t_s == pytest.approx(1151384323.813, abs=0.01)
+    assert found.tca_t_s == pytest.approx(1151384680.310, abs=0.01)
+    assert found.los_t_s == pytest.approx(1151385038.547, abs=0.01)
+    assert math.degrees(found.peak_elevation_rad) == pytest.approx(44.3093, abs=1e-3)
+    assert math.degrees(found.peak_azimuth_rate_rad_s) == pytest.approx(0.5731, abs=1e-3)
+    assert found.crosses_north
+
+
+@pytest.mark.parametrize("number", ["28057", "29238", "28129", "8195"])
+def test_events_agree_with_skyfield(number: str) -> None:
+    scale = load.timescale(builtin=True)
+    elements, place = find_elements(verification_elements(), number), site("Canberra DSS-43")
+    lines = (Path(sgp4.__file__).parent / "SGP4-VER.TLE").read_text().splitlines()
+    line1, line2 = [line[:69] for line in lines if line[0] in "12" and line[2:7] == number.zfill(5)][:2]
+    satellite = EarthSatellite(line1, line2, number, scale)
+    observer = wgs84.latlon(math.degrees(place.latitude_rad), math.degrees(place.longitude_rad), place.altitude_m)
+    start, end = (
+        scale.utc(1970, 1, 1 + t // DAY_S, 0, 0, t % DAY_S) for t in (elements.epoch_t_s, elements.epoch_t_s + DAY_S)
+    )
+    times, kinds = satellite.find_events(observer, start, end, altitude_degrees=5.0)
+    posix = (times.tt - 2440587.5) * DAY_S - 65.184
+    track = TopocentricTrack(elements, place, refraction=None, light_time="none")
+    passes = find_passes(track, elements.epoch_t_s, DAY_S, MASK_RAD)
+    rises = [p.aos_t_s for p in passes if not p.rises_before]
+    sets = [p.los_t_s for p in passes if not p.sets_after]
+    np.testing.assert_allclose(rises, posix[kinds == 0], rtol=0.0, atol=EVENT_S)
+    np.testing.assert_allclose(sets, posix[kinds == 2], rtol=0.0, atol=EVENT_S)
+
+
+def test_elevation_is_the_mask_at_both_ends_and_below_the_peak_between(
+    track: TopocentricTrack, cbers: Elements
+) -> None:
+    passes = find_passes(track, cbers.epoch_t_s, 2.0 * DAY_S, MASK_RAD)
+    assert len(passes) == 10
+    for found in passes:
+        looks = track.sample(np.linspace(found.aos_t_s, found.los_t_s, 2001))
+        np.testing.assert_allclose(looks.elevation_rad[[0, -1]], MASK_RAD, atol=1e-6)
+        assert looks.elevation_rad.max() <= found.peak_elevation_rad + 1e-9
+        assert looks.azimuth_rad.min() >= found.azimuth_min_rad - 1e-6
+        assert looks.azimuth_rad.max() <= found.azimuth_max_rad + 1e-6
+        assert np.abs(looks.azimuth_rate_rad_s).max() <= found.peak_azimuth_rate_rad_s * (1 + 1e-9)
+        assert found.aos_t_s < found.tca_t_s < found.los_t_s
+        assert found.duration_s == found.los_t_s - found.aos_t_s
+
+
+def test_no_pass_is_missed_against_a_one_second_grid(cbers: Elements, goldstone: Site) -> None:
+    for mask_deg in (0.0, 19.3, 40.5, 80.0):
+        track = TopocentricTrack(cbers, goldstone)
+        up = track.sample(cbers.epoch_t_s + np.arange(0.0, 3.0 * DAY_S, 1.0)).elevation_rad > math.radians(mask_deg)
+        rises = np.count_nonzero(up[1:] & ~up[:-1]) + int(up[0])
+        assert len(find_passes(track, cbers.epoch_t_s, 3.0 * DAY_S, math.radians(mask_deg))) == rises
+
+
+def test_the_spike_of_a_pass_through_the_zenith_is_found_between_steps(track: TopocentricTrack) -> None:
+    """Peak azimuth rate of a straight fly-by is speed over height over cos(peak): 0.55 deg/s / cos 89.90 deg."""
+    (found,) = find_passes(track, 1151518000.0, 2000.0, MASK_RAD)
+    assert math.degrees(found.peak_elevation_rad) == pytest.approx(89.9003, abs=1e-3)
+    fly_by = found.peak_elevation_rate_rad_s / math.cos(found.peak_elevation_rad)
+    assert found.peak_azimuth_rate_rad_s == pytest.approx(fly_by, rel=0.02)
+
+
+def test_a_pass_under_way_is_cut_off_and_says_so(track: TopocentricTrack) -> None:
+    (found,) = find_passes(track, 1151384500.0, 300.0, MASK_RAD)
+    assert (found.aos_t_s, found.los_t_s) == (1151384500.0, 1151384800.0)
+    assert found.rises_before
+    assert found.sets_after
+
+
+def test_a_geostationary_satellite_is_one_long_pass_or_none() -> None:
+    elements = find_elements(verification_elements(), "24208")
+    always = find_passes(TopocentricTrack(elements, site("Canberra DSS-43")), elements.epoch_t_s, DAY_S, MASK_RAD)
+    assert [(p.rises_before, p.sets_after) for p in always] == [(True, True)]
+    never = TopocentricTrack(elements, site("Goldstone DSS-13"))
+    assert find_passes(never, elements.epoch_t_s, DAY_S, MASK_RAD) == []
+    with pytest.raises(ValueError, match="ITALSAT 2 has no pass above 20.00 deg in 24.00 h .* none rises above"):
+        first_pass_above(never, elements.epoch_t_s, math.radians(20.0), MASK_RAD, DAY_S)
+
+
+def test_a_pass_that_is_never_high_enough_is_refused_with_the_best(track: TopocentricTrack, cbers: Elements) -> None:
+    with pytest.raises(
+        ValueError, match=r"no pass above 60.00 deg in 24.00 h .*: 5 passes, the highest reaches 44.31 deg"
+    ):
+        first_pass_above(track, cbers.epoch_t_s, math.radians(60.0), MASK_RAD, DAY_S)
+
+
+def test_a_start_outside_the_elements_range_is_refused(track: TopocentricTrack, cbers: Elements) -> None:
+    with pytest.raises(ValueError, match="days from the epoch"):
+        find_passes(track, cbers.epoch_t_s + 13.5 * DAY_S, DAY_S, MASK_RAD)
+
+
+def test_a_bad_mask_or_duration_is_refused(track: TopocentricTrack, cbers: Elements) -> None:
+    with pytest.raises(ValueError, match="min_elevation_rad"):
+        find_passes(track, cbers.epoch_t_s, DAY_S, 2.0)
+    with pytest.raises(ValueError, match="duration_s"):
+        find_passes(track, cbers.epoch_t_s, -5.0, MASK_RAD)

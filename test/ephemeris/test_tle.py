@@ -1,0 +1,104 @@
+"""TLE: the verification file of AIAA 2006-6753, field by field against the sgp4 reader, and malformed text."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sgp4
+from sgp4.api import Satrec
+
+from rf_pointing.ephemeris import read_elements, verification_elements
+from rf_pointing.ephemeris.tle import read_tle
+
+LINE1 = "1 28057U 03049A   06177.78615833  .00000060  00000-0  35940-4 0  1836"
+LINE2 = "2 28057  98.4283 247.6961 0000884  88.1964 271.9322 14.35478080140550"
+POSITION_KM = 1e-5
+
+
+def file_pairs() -> list[tuple[str, str]]:
+    lines = [
+        line
+        for line in (Path(sgp4.__file__).parent / "SGP4-VER.TLE").read_text().splitlines()
+        if line[0] in "12" and line[2:7] not in ("33333", "33334", "33335")
+    ]
+    return [(first[:69], second[:69]) for first, second in zip(lines[::2], lines[1::2], strict=True)]
+
+
+def test_every_verification_object_propagates_as_in_the_sgp4_reader() -> None:
+    """Epochs are kept as seconds: 0.2 microseconds, 2 mm along a low orbit, 4 mm for the object that moves fastest."""
+    for elements, (line1, line2) in zip(verification_elements(), file_pairs(), strict=True):
+        ours, theirs = elements.satrec(), Satrec.twoline2rv(line1, line2)
+        assert elements.catalogue_number == theirs.satnum
+        for minutes in (0.0, 17.0, 360.0, 1440.0):
+            (code, position, _), (wanted_code, wanted, _) = ours.sgp4_tsince(minutes), theirs.sgp4_tsince(minutes)
+            assert code == wanted_code
+            np.testing.assert_allclose(position, wanted, rtol=0.0, atol=POSITION_KM)
+
+
+def test_fields_that_sgp4_ignores_are_kept_too() -> None:
+    for elements, (line1, line2) in zip(verification_elements(), file_pairs(), strict=True):
+        ours, theirs = elements.satrec(), Satrec.twoline2rv(line1, line2)
+        assert ours.ndot == pytest.approx(theirs.ndot, rel=1e-12, abs=1e-30)
+        assert ours.nddot == pytest.approx(theirs.nddot, rel=1e-12, abs=1e-30)
+        assert elements.classification == theirs.classification.strip()
+        assert elements.revolution_number == theirs.revnum
+
+
+def test_names_come_from_the_line_above() -> None:
+    assert read_elements(f"CBERS 2\n{LINE1}\n{LINE2}\n")[0].name == "CBERS 2"
+    assert read_elements(f"0 CBERS 2\r\n{LINE1}\r\n{LINE2}")[0].name == "CBERS 2"
+    assert read_elements(f"# a comment\n\n{LINE1}\n{LINE2}   0.0   2880.0   120.00")[0].name == "28057"
+    assert "CBERS 2" in {elements.name for elements in verification_elements()}
+
+
+def test_the_designator_keeps_its_century() -> None:
+    assert read_elements(f"{LINE1}\n{LINE2}")[0].international_designator == "2003-049A"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (LINE1.replace("03049A", "03049B")[:-1] + "5\n" + LINE2, "line 1: checksum of object 28057 is 6, .* states 5"),
+        (f"{LINE1}\n{LINE2[:-1]}9", "line 2: checksum of object 28057 is 0, the line states 9"),
+        (f"{LINE1}\n{LINE2[:60]}", "line 2: TLE line has 60 columns, must have 69"),
+        (
+            f"{LINE1}\n2 28129  54.7298 324.8098 0048506 266.2640  93.1663  2.00562768 18443",
+            "of object 28129, line 1 of",
+        ),
+        (LINE2, "line 1: line 2 of a TLE without line 1"),
+        (LINE1, "the text ends before line 2"),
+        (f"CBERS 2\nCBERS 3\n{LINE1}\n{LINE2}", "line 2: a name 'CBERS 3' follows the name 'CBERS 2'"),
+        (f"{LINE1}\n{LINE1}", "line 2: expected line 2 of a TLE"),
+        ("", "no elements"),
+        ("# only a comment", "no elements"),
+    ],
+)
+def test_malformed_text_is_refused_with_its_line(text: str, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        read_elements(text)
+
+
+@pytest.mark.parametrize(
+    ("line", "columns", "text", "message"),
+    [
+        (1, slice(20, 32), "3b7.78615833", "epoch day"),
+        (1, slice(20, 32), "999.78615833", r"epoch day .* must be in \[1, 367\)"),
+        (1, slice(53, 61), " 3594x-4", "B\\*"),
+        (1, slice(2, 7), "I8057", "neither digits nor Alpha-5"),
+        (2, slice(8, 16), " 98,4283", "inclination"),
+        (2, slice(8, 16), "198.4283", "inclination_rad"),
+        (2, slice(26, 33), "0-00884", "eccentricity"),
+        (2, slice(52, 63), "00.00000000", "mean_motion_rad_s"),
+    ],
+)
+def test_a_bad_field_is_named_even_when_the_checksum_is_right(
+    line: int, columns: slice, text: str, message: str
+) -> None:
+    lines = [LINE1, LINE2]
+    for index in (0, 1) if columns == slice(2, 7) else (line - 1,):
+        changed = list(lines[index][:68])
+        changed[columns] = text
+        digit = sum(int(c) if c.isdigit() else c == "-" for c in changed) % 10
+        lines[index] = "".join(changed) + str(digit)
+    with pytest.raises(ValueError, match=message):
+        read_tle("\n".join(lines))

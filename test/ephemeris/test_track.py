@@ -1,0 +1,240 @@
+"""Look angles: skyfield as independent library, derivatives against differences, light time, offsets, refusals."""
+
+import math
+from pathlib import Path
+
+import astropy_iers_data
+import numpy as np
+import pytest
+import sgp4
+from skyfield.api import EarthSatellite, load, wgs84
+from skyfield.data import iers
+
+from rf_pointing.ephemeris import (
+    Elements,
+    FixedEarthOrientation,
+    LookAngles,
+    Site,
+    TopocentricTrack,
+    find_elements,
+    site,
+    verification_elements,
+)
+from rf_pointing.geometry import MDEG, angular_distance_rad, sky_offset_rad, unit_vector_from_azel, wrap_rad
+from rf_pointing.geometry.refraction import RadioRefraction
+
+SKYFIELD_MDEG = 0.005
+RATE_MDEG_S = 1e-3
+ACCELERATION_MDEG_S2 = 5e-3
+STEP_S = 0.25
+ORBITS = {"LEO": "28057", "LEO 230 km": "29238", "GPS": "28129", "HEO": "8195", "GEO": "24208"}
+
+
+@pytest.fixture(scope="module")
+def timescale():
+    scale = load.timescale(builtin=True)
+    with open(astropy_iers_data.IERS_A_FILE, "rb") as file:
+        iers.install_polar_motion_table(scale, iers.parse_x_y_dut1_from_finals_all(file))
+    return scale
+
+
+def tle_lines(number: str) -> list[str]:
+    lines = (Path(sgp4.__file__).parent / "SGP4-VER.TLE").read_text().splitlines()
+    return [line[:69] for line in lines if line[0] in "12" and line[2:7] == number.zfill(5)][:2]
+
+
+def up(looks: LookAngles) -> np.ndarray:
+    return looks.elevation_rad > math.radians(5.0)
+
+
+@pytest.mark.parametrize("orbit", ORBITS)
+@pytest.mark.parametrize("name", ["Goldstone DSS-13", "Canberra DSS-43", "Bangalore ISTRAC", "Madrid DSS-63"])
+def test_geometric_direction_agrees_with_skyfield(orbit: str, name: str, timescale) -> None:
+    place, number = site(name), ORBITS[orbit]
+    elements = find_elements(verification_elements(), number)
+    t_s = elements.epoch_t_s + np.arange(0.0, 2.0 * 86400.0, 97.0)
+    looks = TopocentricTrack(elements, place, refraction=None, light_time="none").sample(t_s)
+    observer = wgs84.latlon(
+        math.degrees(place.latitude_rad), math.degrees(place.longitude_rad), elevation_m=place.altitude_m
+    )
+    times = timescale.utc(1970, 1, 1 + t_s // 86400.0, 0, 0, t_s % 86400.0)
+    elevation, azimuth, distance = (EarthSatellite(*tle_lines(number), orbit, timescale) - observer).at(times).altaz()
+    apart = angular_distance_rad(azimuth.radians, elevation.radians, looks.azimuth_rad, looks.elevation_rad)
+    assert np.all(apart[up(looks)] < SKYFIELD_MDEG * MDEG)
+    np.testing.assert_allclose(looks.range_m[up(looks)], distance.m[up(looks)], rtol=0.0, atol=0.1)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"refraction": None, "light_time": "none"},
+        {"light_time": "transmit", "along_track_offset_s": -3.0},
+        {"cross_track_offset_rad": 0.01, "along_track_offset_s": 2.0},
+    ],
+)
+@pytest.mark.parametrize("number", ["28057", "8195"])
+def test_rates_and_accelerations_are_derivatives(number: str, options: dict, goldstone: Site) -> None:
+    track = TopocentricTrack(find_elements(verification_elements(), number), goldstone, **options)
+    t_s = track.target.elements.epoch_t_s + np.arange(0.0, 86400.0, 11.0)
+    looks, around = track.sample(t_s), [track.sample(t_s + k * STEP_S) for k in (-2, -1, 1, 2)]
+    seen = (looks.elevation_rad > math.radians(0.5)) & (looks.elevation_rad < math.radians(85.0))
+    assert seen.sum() > 100
+    for axis in ("azimuth", "elevation"):
+        for of, derivative, tolerance in (
+            (f"{axis}_rad", f"{axis}_rate_rad_s", RATE_MDEG_S),
+            (f"{axis}_rate_rad_s", f"{axis}_acceleration_rad_s2", ACCELERATION_MDEG_S2),
+        ):
+            a, b, c, d = (getattr(looks_near, of) for looks_near in around)
+            differences = (a - 8.0 * b + 8.0 * c - d) / (12.0 * STEP_S)
+            off = np.abs(differences - getattr(looks, derivative))[seen]
+            assert off.max() < tolerance * MDEG, derivative
+    a, b, c, d = (looks_near.range_m for looks_near in around)
+    np.testing.assert_allclose((a - 8 * b + 8 * c - d) / (12 * STEP_S), looks.range_rate_m_s, rtol=0.0, atol=0.05)
+
+
+def test_one_time_and_many_times_give_the_same_target(track: TopocentricTrack, cbers: Elements) -> None:
+    t_s = cbers.epoch_t_s + np.linspace(0.0, 6000.0, 50)
+    looks = track.sample(t_s)
+    for index, time in enumerate(t_s.tolist()):
+        target = track.target_at(time)
+        assert target.name == "CBERS 2"
+        assert abs(wrap_rad(target.azimuth_rad - looks.azimuth_rad[index])) < 1e-12
+        for name in ("elevation_rad", "azimuth_rate_rad_s", "elevation_acceleration_rad_s2", "range_m"):
+            assert getattr(target, name) == pytest.approx(getattr(looks, name)[index], rel=1e-9)
+
+
+def test_azimuth_is_continuous_across_north_and_follows_the_turn_asked_for(track: TopocentricTrack) -> None:
+    t_s = np.arange(1151384330.0, 1151385030.0, 1.0)
+    azimuth = track.sample(t_s).azimuth_rad
+    assert 0.0 <= azimuth[0] < 2.0 * np.pi
+    assert azimuth.min() < 0.0
+    assert np.abs(np.diff(azimuth)).max() < math.radians(1.0)
+    turned = track.target_at(float(t_s[-1]), near_azimuth_rad=float(azimuth[-2]) + 4.0 * math.pi)
+    assert turned.azimuth_rad == pytest.approx(azimuth[-1] + 4.0 * math.pi, abs=1e-12)
+
+
+def test_light_time_moves_the_target_back_along_its_path(cbers: Elements, goldstone: Site) -> None:
+    """v/c of a low orbit is 25 microradians: about 1.4 mdeg near closest approach, and twice that to transmit."""
+    tca = 1151384680.0
+    received, geometric, sent = (
+        TopocentricTrack(cbers, goldstone, refraction=None, light_time=sense).target_at(tca)
+        for sense in ("receive", "none", "transmit")
+    )
+    delay_s = geometric.range_m / 299792458.0
+    moved_rad = geometric.azimuth_rate_rad_s * delay_s
+    assert abs(math.cos(geometric.elevation_rad) * moved_rad) > 1.0 * MDEG
+    assert received.azimuth_rad == pytest.approx(geometric.azimuth_rad - moved_rad, abs=0.03 * MDEG)
+    assert sent.azimuth_rad == pytest.approx(geometric.azimuth_rad + moved_rad, abs=0.03 * MDEG)
+
+
+def test_doppler_factor_is_the_derivative_of_the_time_of_departure(track: TopocentricTrack, cbers: Elements) -> None:
+    t_s = cbers.epoch_t_s + np.linspace(0.0, 6000.0, 400)
+    left = [t + k * STEP_S - track.sample(t_s + k * STEP_S).light_time_s for k, t in ((-1, 0.0), (1, 0.0))]
+    np.testing.assert_allclose(
+        (left[1] - left[0]) / (2.0 * STEP_S), track.sample(t_s).doppler_factor, rtol=0.0, atol=1e-9
+    )
+
+
+def test_along_track_offset_is_an_earlier_arrival_while_the_earth_waits(cbers: Elements, goldstone: Site) -> None:
+    t_s, ahead_s = 1151384680.0, 0.5
+    frozen = {"orientation": FixedEarthOrientation(), "refraction": None}
+    plain = TopocentricTrack(cbers, goldstone, **frozen)
+    ahead = TopocentricTrack(cbers, goldstone, along_track_offset_s=ahead_s, **frozen).target_at(t_s)
+    later = plain.target_at(t_s + ahead_s)
+    moved = angular_distance_rad(ahead.azimuth_rad, ahead.elevation_rad, later.azimuth_rad, later.elevation_rad)
+    earth_turn_rad = 7.292e-5 * ahead_s * 6.4e6 / ahead.range_m
+    assert 0.1 * earth_turn_rad < moved < 1.2 * earth_turn_rad
+
+
+@pytest.mark.parametrize("offset_mdeg", [-300.0, 20.0])
+@pytest.mark.parametrize("t_s", [1151384400.0, 1151384680.0, 1151384990.0])
+def test_cross_track_offset_lies_to_the_right_of_the_motion(
+    cbers: Elements, goldstone: Site, t_s: float, offset_mdeg: float
+) -> None:
+    plain = TopocentricTrack(cbers, goldstone, refraction=None)
+    moved = plain.with_offsets(along_track_offset_s=0.0, cross_track_offset_rad=offset_mdeg * MDEG).target_at(t_s)
+    here, next_ = plain.target_at(t_s), plain.target_at(t_s + 0.01)
+    right = np.cross(
+        unit_vector_from_azel(next_.azimuth_rad, next_.elevation_rad),
+        unit_vector_from_azel(here.azimuth_rad, here.elevation_rad),
+    )
+    direction = unit_vector_from_azel(moved.azimuth_rad, moved.elevation_rad)
+    assert math.asin(direction @ right / np.linalg.norm(right)) == pytest.approx(offset_mdeg * MDEG, abs=0.01 * MDEG)
+    assert math.hypot(
+        *sky_offset_rad(moved.azimuth_rad, moved.elevation_rad, here.azimuth_rad, here.elevation_rad)
+    ) == pytest.approx(abs(offset_mdeg) * MDEG, abs=1e-9)
+
+
+def test_offsets_can_be_read_back_and_do_not_touch_the_old_track(track: TopocentricTrack) -> None:
+    moved = track.with_offsets(along_track_offset_s=1.5, cross_track_offset_rad=2e-4)
+    assert (moved.along_track_offset_s, moved.cross_track_offset_rad) == (1.5, 2e-4)
+    assert (track.along_track_offset_s, track.cross_track_offset_rad) == (0.0, 0.0)
+    assert moved.refraction == track.refraction
+
+
+def test_refraction_lifts_the_elevation_by_what_the_weather_says(cbers: Elements, goldstone: Site) -> None:
+    weather = RadioRefraction(pressure_hpa=880.0, temperature_k=300.0, relative_humidity=0.3)
+    dry = TopocentricTrack(cbers, goldstone, refraction=None).target_at(1151384330.0)
+    wet = TopocentricTrack(cbers, goldstone, refraction=weather).target_at(1151384330.0)
+    assert wet.elevation_rad == pytest.approx(weather.apply(dry.elevation_rad), abs=1e-12)
+    assert 0.1 < math.degrees(wet.elevation_rad - dry.elevation_rad) < 0.2
+    assert wet.azimuth_rad == dry.azimuth_rad
+
+
+def test_passing_one_metre_from_the_zenith_gives_finite_numbers(cbers: Elements) -> None:
+    """A site put right below the satellite: azimuth rate is huge but a number, elevation stays below 90 deg."""
+    t_s, origin = 1151384680.0, Site.from_degrees(0.0, 0.0, 0.0)
+    options = {"refraction": None, "light_time": "none"}
+    looks = TopocentricTrack(cbers, origin, **options).target_at(t_s)
+    enu = unit_vector_from_azel(looks.azimuth_rad, looks.elevation_rad) * looks.range_m
+    x, y, z = np.array(origin.position_m) + origin.rotation.T @ enu
+    latitude, longitude = math.atan2(z, math.hypot(x, y)), math.atan2(y, x)
+    for _ in range(20):
+        below = Site(latitude_rad=latitude, longitude_rad=longitude, altitude_m=0.0)
+        seen = TopocentricTrack(cbers, below, **options).target_at(t_s)
+        off = math.cos(seen.elevation_rad) * seen.range_m / (6.371e6 + 780e3)
+        latitude += off * math.cos(seen.azimuth_rad)
+        longitude += off * math.sin(seen.azimuth_rad) / math.cos(latitude)
+    assert seen.elevation_rad > math.radians(89.999)
+    assert math.isfinite(seen.azimuth_rate_rad_s)
+
+
+def test_times_too_far_from_the_epoch_are_refused_with_the_age(cbers: Elements, goldstone: Site) -> None:
+    track = TopocentricTrack(cbers, goldstone, max_age_s=3.0 * 86400.0)
+    for days in (-3.1, 3.1):
+        with pytest.raises(ValueError, match="is 3.10 days from the epoch 2006-06-26T18:52:04.080Z of CBERS 2"):
+            track.target_at(cbers.epoch_t_s + days * 86400.0)
+        with pytest.raises(ValueError, match="max_age_s=259200.0"):
+            track.sample(cbers.epoch_t_s + np.array([0.0, days * 86400.0]))
+
+
+def test_a_decayed_satellite_is_refused_by_name(goldstone: Site) -> None:
+    falling = find_elements(verification_elements(), "28872")
+    track = TopocentricTrack(falling, goldstone)
+    with pytest.raises(ValueError, match="MINOTAUR R/B cannot be propagated: mrt is less than 1.0"):
+        track.target_at(falling.epoch_t_s + 5.0 * 3600.0)
+    with pytest.raises(ValueError, match="MINOTAUR R/B cannot be propagated"):
+        track.sample(falling.epoch_t_s + np.array([0.0, 5.0 * 3600.0]))
+
+
+@pytest.mark.parametrize("t_s", [math.nan, math.inf])
+def test_a_time_that_is_no_number_is_refused(track: TopocentricTrack, t_s: float) -> None:
+    with pytest.raises(ValueError, match="t_s=.* must be finite"):
+        track.target_at(t_s)
+    with pytest.raises(ValueError, match="t_s=.* must be finite"):
+        track.sample([t_s])
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"light_time": "sometimes"}, "light_time='sometimes' must be one of receive, transmit, none"),
+        ({"along_track_offset_s": 1e4}, "along_track_offset_s=10000.0 must be <= 600.0"),
+        ({"cross_track_offset_rad": math.nan}, "cross_track_offset_rad=nan must be finite"),
+        ({"max_age_s": 0.0}, "max_age_s=0.0 must be > 0"),
+    ],
+)
+def test_bad_options_are_refused(cbers: Elements, goldstone: Site, options: dict, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        TopocentricTrack(cbers, goldstone, **options)

@@ -1,0 +1,251 @@
+"""Recordings of any kind become the same arrays; damage is reported, not hidden."""
+
+import math
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mcap_ros2.writer import Writer as IndependentWriter
+from rosbags.rosbag2 import Reader, StoragePlugin, Writer
+from rosbags.typesys import get_types_from_msg
+
+from rf_pointing.report.bag_writer import BagWriter
+from rf_pointing.report.definitions import Definitions
+from rf_pointing.report.recording import namespaces, read_recording
+
+Runs = type[Any]
+START_NS = 1_700_000_000 * 10**9
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory: pytest.TempPathFactory, synthetic_run: Runs, types: Definitions) -> Path:
+    path = tmp_path_factory.mktemp("recording") / "bag"
+    synthetic_run(seconds=10.0, aos_los_s=(1.0, 9.0)).write(path, types, {"seed": "1"})
+    return path
+
+
+def copied(bag: Path, target: Path, plugin: StoragePlugin, types: Definitions) -> Path:
+    """The same messages as rosbags' own writer stores them."""
+    with Reader(bag) as reader, Writer(target, version=9, storage_plugin=plugin) as writer:
+        topics = {
+            item.id: writer.add_connection(item.topic, item.msgtype, typestore=types.typestore)
+            for item in reader.connections
+        }
+        for connection, log_time_ns, data in reader.messages():
+            writer.write(topics[connection.id], log_time_ns, data)
+    return target
+
+
+def test_topics_come_with_stamps_log_times_sequences_and_columns(bag: Path) -> None:
+    recording = read_recording(bag)
+    assert (recording.namespace, recording.problems, recording.notes) == ("/gs1", (), {"seed": "1"})
+    boresight = recording.topics["sim/boresight"]
+    assert len(boresight) == 500
+    assert boresight.stamp_ns is not None
+    assert list(boresight.stamp_ns[:3] - START_NS) == [0, 20_000_000, 40_000_000]
+    assert boresight.sequence is not None
+    assert list(boresight.sequence) == list(range(500))
+    assert np.allclose(np.degrees(boresight["azimuth"]), 100.0 + 0.5 * np.arange(500) / 50, rtol=0.0, atol=1e-12)
+    assert recording.topics["joint_states"]["position"].shape == (500, 2)
+    assert recording.topics["joint_states"].sequence is None
+    assert recording.topics["clock"].stamp_ns is not None
+    assert recording.topics["tracking_status"]["mode"][0] == "monopulse"
+    assert [item.los_ns - item.aos_ns for item in recording.passes] == [8 * 10**9]
+
+
+def test_sqlite_and_mcap_bags_read_alike(bag: Path, tmp_path: Path, types: Definitions) -> None:
+    first = read_recording(bag)
+    second = read_recording(copied(bag, tmp_path / "sqlite", StoragePlugin.SQLITE3, types))
+    assert second.problems == ()
+    assert list(first.topics) == list(second.topics)
+    for name, data in first.topics.items():
+        assert np.array_equal(data.log_time_ns, second.topics[name].log_time_ns)
+        for column in set(data.columns) - {"passes"}:
+            assert np.array_equal(data[column], second.topics[name][column])
+
+
+def test_single_file_of_another_writer_is_read(tmp_path: Path, types: Definitions) -> None:
+    path = tmp_path / "independent.mcap"
+    with path.open("wb") as stream:
+        writer = IndependentWriter(stream)
+        schema = writer.register_msgdef("rf_pointing_msgs/msg/Boresight", types.schema("rf_pointing_msgs/msg/Boresight"))
+        for number in range(5):
+            header = {"stamp": {"sec": number, "nanosec": 7}, "frame_id": "antenna"}
+            content = {"header": header, "sequence": 40 + number, "azimuth": 0.1 * number, "elevation": math.nan}
+            writer.write_message("/gs7/sim/boresight", schema, content, log_time=number, publish_time=number)
+        writer.finish()
+    recording = read_recording(path)
+    data = recording.topics["sim/boresight"]
+    assert recording.namespace == "/gs7"
+    assert data.sequence is not None
+    assert data.stamp_ns is not None
+    assert list(data.sequence) == [40, 41, 42, 43, 44]
+    assert list(data.stamp_ns) == [number * 10**9 + 7 for number in range(5)]
+    assert list(data["azimuth"]) == [0.0, 0.1, 0.2, 0.1 * 3, 0.4]
+    assert np.all(np.isnan(data["elevation"]))
+
+
+def test_joints_are_found_by_name_whatever_their_order(tmp_path: Path, types: Definitions) -> None:
+    make, kind = types.typestore.types, "sensor_msgs/msg/JointState"
+    header = make["std_msgs/msg/Header"](make["builtin_interfaces/msg/Time"](0, 0), "")
+    message = make[kind](header, ["elevation", "azimuth"], np.array([0.5, 6.5]), np.zeros(0), np.zeros(0))
+    with BagWriter(tmp_path / "bag", types) as bag:
+        bag.register("/joint_states", kind)
+        bag.write("/joint_states", 1, bytes(types.typestore.serialize_cdr(message, kind)))
+    joints = read_recording(tmp_path / "bag").topics["joint_states"]
+    assert joints["position"].tolist() == [[6.5, 0.5]]
+    assert np.all(np.isnan(joints["velocity"]))
+
+
+def test_several_antennas_need_a_choice(tmp_path: Path, synthetic_run: Runs, types: Definitions) -> None:
+    for name in ("/gs1", "/north/gs2"):
+        synthetic_run(seconds=1.0, namespace=name).write(tmp_path / name[-3:], types)
+    merged = tmp_path / "both"
+    with BagWriter(merged, types) as bag:
+        for name in ("gs1", "gs2"):
+            with Reader(tmp_path / name) as reader:
+                for connection in reader.connections:
+                    bag.register(connection.topic, connection.msgtype)
+                for connection, log_time_ns, data in reader.messages():
+                    bag.write(connection.topic, log_time_ns, data)
+    with pytest.raises(ValueError, match="several antennas \\(/gs1, /north/gs2\\)"):
+        read_recording(merged)
+    with pytest.raises(ValueError, match="namespace=/gs3 is not in"):
+        read_recording(merged, namespace="gs3")
+    recording = read_recording(merged, namespace="north/gs2")
+    assert len(recording.topics["sim/boresight"]) == 50
+    assert recording.topics["sim/boresight"].topic == "/north/gs2/sim/boresight"
+    assert recording.others["/gs1/sim/boresight"] == 50
+
+
+def test_namespaces_are_told_from_topic_names() -> None:
+    assert namespaces(["/gs1/sim/pointing_error", "/gs1/pointing_error", "/clock", "/rosout"]) == ["/gs1"]
+    assert namespaces(["/joint_states", "/a/b/tracking_status"]) == ["", "/a/b"]
+    assert namespaces(["/clock", "/parameter_events"]) == []
+
+
+def test_bag_without_an_antenna_is_refused(tmp_path: Path, types: Definitions) -> None:
+    with BagWriter(tmp_path / "bag", types) as bag:
+        bag.register("/rosout", "rcl_interfaces/msg/Log")
+    with pytest.raises(ValueError, match="holds no topic of an antenna"):
+        read_recording(tmp_path / "bag")
+
+
+def test_missing_and_empty_paths_are_named(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="nothing does not exist"):
+        read_recording(tmp_path / "nothing")
+    with pytest.raises(ValueError, match="it holds no recording"):
+        read_recording(tmp_path)
+    (tmp_path / "broken.mcap").write_bytes(b"\x89MCAP0\r\n")
+    with pytest.raises(ValueError, match=r"broken\.mcap is not readable"):
+        read_recording(tmp_path)
+
+
+def test_recording_of_a_killed_recorder_gives_what_was_whole(bag: Path, tmp_path: Path) -> None:
+    whole = read_recording(bag)
+    killed = tmp_path / "killed"
+    killed.mkdir()
+    data = (bag / "bag.mcap").read_bytes()
+    (killed / "killed_0.mcap").write_bytes(data[: int(0.8 * len(data))])
+    recording = read_recording(killed)
+    assert "metadata.yaml is missing" in recording.problems[0]
+    assert "killed_0.mcap was cut short" in recording.problems[1]
+    part = recording.topics["sim/boresight"]
+    assert 100 < len(part) < len(whole.topics["sim/boresight"])
+    assert np.array_equal(part["azimuth"], whole.topics["sim/boresight"]["azimuth"][: len(part)])
+    assert (killed / "killed_0.mcap").read_bytes() == data[: int(0.8 * len(data))]
+
+
+def test_directory_with_metadata_and_a_cut_file_is_read_too(bag: Path, tmp_path: Path) -> None:
+    damaged = Path(shutil.copytree(bag, tmp_path / "bag"))
+    data = (damaged / "bag.mcap").read_bytes()
+    (damaged / "bag.mcap").write_bytes(data[: int(0.8 * len(data))])
+    recording = read_recording(damaged)
+    assert any("cut short" in text for text in recording.problems)
+    assert len(recording.topics["joint_states"]) > 100
+
+
+def test_message_that_cannot_be_decoded_is_counted(tmp_path: Path, types: Definitions) -> None:
+    kind = "rf_pointing_msgs/msg/Boresight"
+    make = types.typestore.types
+    header = make["std_msgs/msg/Header"](make["builtin_interfaces/msg/Time"](3, 0), "")
+    good = bytes(types.typestore.serialize_cdr(make[kind](header, 1, 0.1, 0.2), kind))
+    with BagWriter(tmp_path / "bag", types) as bag:
+        bag.register("/sim/boresight", kind)
+        for log_time_ns, data in enumerate((good, good[:20], b"", good)):
+            bag.write("/sim/boresight", log_time_ns, data)
+    recording = read_recording(tmp_path / "bag")
+    assert len(recording.topics["sim/boresight"]) == 2
+    assert recording.problems[0].startswith("2 messages of sim/boresight could not be decoded")
+
+
+def test_topic_of_an_unexpected_type_is_named_and_left_out(tmp_path: Path, types: Definitions) -> None:
+    with BagWriter(tmp_path / "bag", types) as bag:
+        bag.register("/gs1/joint_states", "sensor_msgs/msg/JointState")
+        bag.register("/gs1/pointing_error", "rf_pointing_msgs/msg/Boresight")
+    recording = read_recording(tmp_path / "bag")
+    assert recording.problems == (
+        "pointing_error has type rf_pointing_msgs/msg/Boresight, not rf_pointing_msgs/msg/PointingError: it is not used",
+    )
+    assert "pointing_error" not in recording.topics
+
+
+def test_types_of_the_bag_win_over_those_known_here(tmp_path: Path, types: Definitions) -> None:
+    text = types.texts["rf_pointing_msgs/msg/Boresight"].replace(
+        "float64 elevation ", "float64 temperature\nfloat64 elevation "
+    )
+    kind = "rf_pointing_msgs/msg/Boresight"
+    other = Definitions(typestore=types.typestore.__class__(), texts={kind: text})
+    header_types = {
+        name: types.typestore.fielddefs[name] for name in ("std_msgs/msg/Header", "builtin_interfaces/msg/Time")
+    }
+    other.typestore.register({**header_types, **get_types_from_msg(text, kind)})
+    make = other.typestore.types
+    header = make["std_msgs/msg/Header"](make["builtin_interfaces/msg/Time"](3, 0), "")
+    with BagWriter(tmp_path / "bag", other) as bag:
+        bag.register("/sim/boresight", kind)
+        data = other.typestore.serialize_cdr(make[kind](header, 1, 0.1, 20.0, 0.2), kind)
+        bag.write("/sim/boresight", 1, bytes(data))
+    data = read_recording(tmp_path / "bag").topics["sim/boresight"]
+    assert (data["azimuth"][0], data["elevation"][0]) == (0.1, 0.2)
+
+
+def test_what_diagnostics_complained_about_is_counted(tmp_path: Path, types: Definitions) -> None:
+    kind = "diagnostic_msgs/msg/DiagnosticArray"
+    make = types.typestore.types
+    header = make["std_msgs/msg/Header"](make["builtin_interfaces/msg/Time"](3, 0), "")
+    status = [
+        make["diagnostic_msgs/msg/DiagnosticStatus"](level, f"gs1/{name}", text, "", [])
+        for level, name, text in ((0, "servo", "running"), (1, "receiver", "no lock"))
+    ]
+    with BagWriter(tmp_path / "bag", types) as bag:
+        bag.register("/diagnostics", kind)
+        bag.register("/gs1/joint_states", "sensor_msgs/msg/JointState")
+        for log_time_ns in range(3):
+            bag.write("/diagnostics", log_time_ns, bytes(types.typestore.serialize_cdr(make[kind](header, status), kind)))
+    recording = read_recording(tmp_path / "bag")
+    assert recording.warnings == (("gs1/receiver", "no lock", 3),)
+    assert recording.others == {"/diagnostics": 3}
+
+
+def test_newest_announcement_of_a_pass_counts(tmp_path: Path, types: Definitions) -> None:
+    make, kind = types.typestore.types, "rf_pointing_msgs/msg/PassList"
+
+    def message(number: int, *aos_s: int) -> bytes:
+        time = make["builtin_interfaces/msg/Time"]
+        passes = [
+            make["rf_pointing_msgs/msg/Pass"]("1", time(aos, 0), time(aos + 50, 0), time(aos + 100, 0), *[0.0] * 7)
+            for aos in aos_s
+        ]
+        header = make["std_msgs/msg/Header"](time(number, 0), "")
+        return bytes(types.typestore.serialize_cdr(make[kind](header, number, "1", passes), kind))
+
+    with BagWriter(tmp_path / "bag", types) as bag:
+        bag.register("/passes", kind)
+        bag.write("/passes", 1, message(0))
+        bag.write("/passes", 2, message(1, 1_000, 7_000))
+        bag.write("/passes", 3, message(2, 7_001, 13_000))
+    passes = read_recording(tmp_path / "bag").passes
+    assert [item.aos_ns // 10**9 for item in passes] == [1_000, 7_001, 13_000]
