@@ -50,7 +50,9 @@ def steering(array: CircularArrayParams, direction: Array) -> ComplexArray:
     require_finite("direction", direction)
     length = np.linalg.norm(direction, axis=-1)
     if np.any(np.abs(length - 1.0) > 1e-6):
-        raise ValueError(f"|direction|={length[np.unravel_index(np.argmax(np.abs(length - 1.0)), length.shape)]} must be 1")
+        raise ValueError(
+            f"|direction|={length[np.unravel_index(np.argmax(np.abs(length - 1.0)), length.shape)]} must be 1"
+        )
     wave_number = 2.0 * np.pi / array.wavelength_m
     phase = wave_number * (direction[..., :2] @ element_positions_m(array).T)
     return np.asarray(np.exp(1j * phase), dtype=np.complex128)

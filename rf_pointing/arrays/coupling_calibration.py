@@ -31,7 +31,7 @@ LARGEST_CONDITION = 1e6
 class CouplingFit:
     """Response found, with the covariance (n, n) and correlation of the unknowns [g_1.., c_1..], n = M - 1 + M // 2.
 
-    `residual` (pilots, M) in units of the element gain; `rank` and `condition` belong to the normal equations' Jacobian.
+    `residual` (pilots, M) in units of the element gain; `rank` and `condition` are those of the Jacobian.
     """
 
     response: ArrayResponse
@@ -89,8 +89,10 @@ def _require_rank(jacobian: ComplexArray, elements: int) -> None:
     if len(values) < jacobian.shape[1] or values[-1] * LARGEST_CONDITION < values[0]:
         worst = int(np.argmax(np.abs(vectors[-1])))
         name = f"gain[{worst + 1}]" if worst < elements - 1 else f"coupling[{worst - elements + 1}]"
-        raise ValueError(f"pilots do not determine {name}: condition {values[0] / max(values[-1], 1e-300):.3g} "
-                         f"must be <= {LARGEST_CONDITION:g}")
+        raise ValueError(
+            f"pilots do not determine {name}: condition {values[0] / max(values[-1], 1e-300):.3g} "
+            f"must be <= {LARGEST_CONDITION:g}"
+        )
 
 
 def _fit(response: ArrayResponse, residual: ComplexArray, jacobian: ComplexArray, iterations: int) -> CouplingFit:

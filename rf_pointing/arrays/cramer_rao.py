@@ -5,7 +5,10 @@ One Gaussian source on a uniform circular array of M >= 5 elements, per-element 
     var u = var v = (1 + 1/(M SNR)) / (L SNR M (k r)^2),   var theta = var u / cos^2(theta),
     var phi = var u / sin^2(theta),                        cross error sin(theta) phi: var u.
 
-Several sources: the stochastic bound of Stoica and Nehorai (1990), CRB = 1/(2 L) {Re[(D^H P D) o (S A^H R^-1 A S)^T]}^-1
+Several sources: the stochastic bound of Stoica and Nehorai (1990),
+
+    CRB = 1/(2 L) {Re[(D^H P D) o (S A^H R^-1 A S)^T]}^-1
+
 with unit noise, A the responses, D their derivatives, S the source covariance and P the projector off A.
 """
 
@@ -43,7 +46,7 @@ def effective_snr(array: CircularArrayParams, snapshots: int, snr: float) -> flo
 def polar_sigma_rad(
     array: CircularArrayParams, theta_rad: ArrayLike, snapshots: int, snr: float
 ) -> tuple[Array, Array]:
-    """Return the bounds on theta and phi at `theta_rad`; phi's grows without limit on the normal (see polar_direction)."""
+    """Return the bounds on theta and phi at `theta_rad`; phi's is infinite on the normal (see polar_direction)."""
     sigma = cosine_sigma_rad(array, snapshots, snr)
     theta = np.asarray(theta_rad, dtype=np.float64)
     with np.errstate(divide="ignore"):

@@ -31,7 +31,9 @@ class DoaEstimatorParams(Params):
 
     sources: int = parameter(1, "number of simultaneous sources", low=1, high=16)
     effective_snr_min: float = parameter(60.0, "smallest kappa = L (M SNR)^2 / (1 + M SNR)", low=0.0, high=1e9)
-    boresight_cosine_min: float = parameter(0.1, "smallest cos(theta): no accuracy in the array plane", low=1e-3, high=1)
+    boresight_cosine_min: float = parameter(
+        0.1, "smallest cos(theta): no accuracy in the array plane", low=1e-3, high=1
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,10 +92,13 @@ class DoaEstimator:
     def _powers(self, covariance: ComplexArray, directions: Array, count: int) -> tuple[float, ComplexArray]:
         """Return the noise power and the source covariance (k, k): least squares on R - noise I."""
         sources = self.params.sources
-        rest = float(np.sum(eigen(covariance, self.array.elements, sources).values[sources:]))
+        values = eigen(covariance, self.array.elements, sources).values
+        rest = float(np.sum(values[sources:]))
         noise = rest / (self.array.elements - sources) * count / (count - sources)
-        if noise <= 0.0:
-            raise ValueError(f"noise power {noise} must be > 0: the covariance has rank {sources}")
+        if noise <= 1e-12 * values[0]:
+            raise ValueError(
+                f"noise power {noise} must be > 0: the covariance has rank {sources}, no noise to judge by"
+            )
         manifold = steering(self.array, directions).T
         inverse = np.linalg.pinv(manifold if self._matrix is None else self._matrix @ manifold)
         return noise, inverse @ (covariance - noise * np.eye(self.array.elements)) @ inverse.conj().T
@@ -104,9 +109,7 @@ class DoaEstimator:
         powers = np.maximum(np.diag(snr).real, 1e-6)
         bound = direction_bound_rad2(self.array, directions, np.diag(powers).astype(complex), count, self._matrix)
         found = len(directions)
-        return [
-            self._one(t_s, directions[k], bound[k::found, k::found], float(powers[k]), flaw) for k in range(found)
-        ]
+        return [self._one(t_s, directions[k], bound[k::found, k::found], float(powers[k]), flaw) for k in range(found)]
 
     def _one(self, t_s: float, direction: Array, cosines: Array, snr: float, flaw: str) -> DirectionEstimate:
         effective = 2.0 / (phase_radius_rad(self.array) ** 2 * float(np.trace(cosines)))

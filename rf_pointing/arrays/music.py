@@ -5,6 +5,8 @@ for a single snapshot too, where the covariance has rank one.  The coarse lattic
 cosines, a sixth of the main lobe's width, so the start lies in the lobe of the global maximum.
 """
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,7 +14,7 @@ from rf_pointing.arrays.circular_array import CircularArrayParams, phase_radius_
 from rf_pointing.arrays.covariance import eigen
 from rf_pointing.arrays.peak_refinement import Peaks, refine_peaks
 
-__all__ = ["estimate_directions", "lattice", "principal_eigenvectors"]
+__all__ = ["estimate_directions", "lattice", "principal_eigenvectors", "steered_lattice"]
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -21,13 +23,23 @@ CHUNK = 2048
 """Covariances handled together: the working set stays inside the processor's cache."""
 
 
-def lattice(array: CircularArrayParams, spacing: float) -> Array:
+def lattice(spacing: float) -> Array:
     """Return unit vectors (n, 3) of the front half sphere, on a square lattice of direction cosines."""
     line = np.arange(-np.floor(1.0 / spacing), np.floor(1.0 / spacing) + 1.0) * spacing
     u, v = (axis.ravel() for axis in np.meshgrid(line, line, indexing="ij"))
     inside = u * u + v * v <= 1.0
     u, v = u[inside], v[inside]
     return np.stack([u, v, np.sqrt(np.maximum(0.0, 1.0 - u * u - v * v))], axis=-1)
+
+
+@lru_cache(maxsize=8)
+def steered_lattice(array: CircularArrayParams, spacing: float) -> tuple[Array, ComplexArray]:
+    """Return `lattice` and its steering vectors (n, M), kept because every estimate needs the same."""
+    points = lattice(spacing)
+    manifold = steering(array, points)
+    for kept in (points, manifold):
+        kept.flags.writeable = False
+    return points, manifold
 
 
 def principal_eigenvectors(covariance: ComplexArray, elements: int) -> ComplexArray:
@@ -51,8 +63,7 @@ def estimate_directions(
     """
     if covariance.ndim != 3:
         raise ValueError(f"covariance has shape {covariance.shape}, must be (n, elements, elements)")
-    candidates = lattice(array, 0.5 / phase_radius_rad(array))
-    manifold = steering(array, candidates)
+    candidates, manifold = steered_lattice(array, 0.5 / phase_radius_rad(array))
     if response is not None:
         manifold = manifold @ response.T
         manifold = manifold / np.linalg.norm(manifold, axis=-1, keepdims=True)

@@ -28,7 +28,9 @@ class ArrayResponse:
         for name in ("gain", "coupling"):
             require_finite(name, getattr(self, name))
         if self.gain.ndim != 1 or self.coupling.shape != (len(self.gain) // 2,):
-            raise ValueError(f"coupling has shape {self.coupling.shape}, must be ({len(self.gain) // 2},) for the gains")
+            raise ValueError(
+                f"coupling has shape {self.coupling.shape}, must be ({len(self.gain) // 2},) for the gains"
+            )
         dead = np.flatnonzero(np.abs(self.gain) < 1e-6)
         if len(dead):
             raise ValueError(f"gain[{dead[0]}]={self.gain[dead[0]]} must not be zero: a failed element")
@@ -43,7 +45,7 @@ def coupling_basis(elements: int) -> NDArray[np.float64]:
     """Return B (M // 2 + 1, M, M): ones where two elements are d places apart on the circle, for d = 0, 1 ..."""
     apart = np.abs(np.subtract.outer(np.arange(elements), np.arange(elements)))
     apart = np.minimum(apart, elements - apart)
-    return (apart == np.arange(elements // 2 + 1)[:, None, None]).astype(np.float64)
+    return np.asarray(apart == np.arange(elements // 2 + 1)[:, None, None], dtype=np.float64)
 
 
 def coupling_matrix(elements: int, coupling: ArrayLike) -> ComplexArray:

@@ -132,6 +132,4 @@ def _tangent_basis(direction: Array) -> Array:
     x, y, z = direction.T
     a = -1.0 / (1.0 + z)
     b = x * y * a
-    return np.stack(
-        [np.stack([1.0 + x * x * a, b, -x], axis=-1), np.stack([b, 1.0 + y * y * a, -y], axis=-1)], axis=-2
-    )
+    return np.stack([np.stack([1.0 + x * x * a, b, -x], axis=-1), np.stack([b, 1.0 + y * y * a, -y], axis=-1)], axis=-2)

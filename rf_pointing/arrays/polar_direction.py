@@ -74,4 +74,6 @@ def azimuth_rmse_rad(theta_rad: float, sigma_rad: float) -> float:
     density = math.exp(-0.5 * ratio**2) / (2.0 * math.pi) + along / math.sqrt(2.0 * math.pi) * np.exp(
         -0.5 * (ratio * np.sin(error)) ** 2
     ) * ndtr(along)
-    return math.sqrt(float(np.sum(error**2 * density)) * float(step))
+    weight = np.ones_like(error)
+    weight[[0, -1]] = 0.5
+    return math.sqrt(float(np.sum(weight * error**2 * density)) * float(step))

@@ -1,7 +1,7 @@
 """The published search: the largest MUSIC value on a grid of theta and phi, without refinement (DOA section 3.1).
 
-The grid step becomes a floor of step / sqrt(12) in both angles, 0.289 deg at 1 deg, whatever the signal; and because the
-floor repeats with the direction it is not white: a filter behind it cannot average it away.
+The grid step becomes a floor of step / sqrt(12) in both angles, 0.289 deg at 1 deg, whatever the signal; and because
+the floor repeats with the direction it is not white: a filter behind it cannot average it away.
 `snap_to_grid` returns what the full search would, from the refined peak: the best of the four nodes around it.
 """
 

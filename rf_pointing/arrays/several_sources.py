@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.arrays.circular_array import CircularArrayParams, phase_radius_rad, steering
+from rf_pointing.arrays.circular_array import CircularArrayParams, phase_radius_rad
 from rf_pointing.arrays.covariance import eigen
+from rf_pointing.arrays.music import steered_lattice
 from rf_pointing.arrays.peak_refinement import refine_peaks
 
 __all__ = ["SeveralDirections", "estimate_several"]
@@ -69,20 +70,17 @@ def _lattice_maxima(
     array: CircularArrayParams, signal: ComplexArray, spacing: float, response: ComplexArray | None
 ) -> Array:
     """Return the lattice points (n, 3) that no neighbour exceeds, on a square lattice of direction cosines."""
-    line = np.arange(-np.floor(1.0 / spacing), np.floor(1.0 / spacing) + 1.0) * spacing
-    u, v = np.meshgrid(line, line, indexing="ij")
-    inside = u**2 + v**2 <= 1.0
-    points = np.stack([u, v, np.sqrt(np.maximum(0.0, 1.0 - u**2 - v**2))], axis=-1)
-    received = steering(array, points[inside])
+    points, received = steered_lattice(array, spacing)
     if response is not None:
         received = received @ response.T
     along = np.sum(np.abs(received @ signal.conj()) ** 2, axis=-1) / np.sum(np.abs(received) ** 2, axis=-1)
-    value = np.full((len(line) + 2, len(line) + 2), -1.0)
-    value[1:-1, 1:-1][inside] = along
-    centre = value[1:-1, 1:-1]
-    highest = inside.copy()
+    place = np.rint(points[:, :2] / spacing).astype(int)
+    place -= place.min(axis=0)
+    side = int(place.max()) + 1
+    value = np.full((side + 2, side + 2), -1.0)
+    value[place[:, 0] + 1, place[:, 1] + 1] = along
+    highest = np.ones(len(points), dtype=np.bool_)
     for i in range(3):
         for j in range(3):
-            if (i, j) != (1, 1):
-                highest &= centre >= value[i : i + len(line), j : j + len(line)]
+            highest &= along >= value[place[:, 0] + i, place[:, 1] + j]
     return np.asarray(points[highest])

@@ -1,8 +1,8 @@
 """Simulated snapshots of an array: x = C A s + n (DOA eq. (8)), noise of unit power per element.
 
-`draw_snapshots` makes the samples.  `draw_covariances` draws the sample covariance of one source directly from its exact
-law, at M^2 instead of M L random numbers: a rotation of the L snapshots puts the whole waveform, of energy g, into the
-first one, so L R = x x^H + B B^H with x = sqrt(SNR g) a + n and B B^H the complex Wishart matrix of the L - 1 others
+`draw_snapshots` makes the samples.  `draw_covariances` draws the sample covariance of one source directly from its
+exact law, at M^2 instead of M L random numbers: a rotation of the L snapshots puts the whole waveform, of energy g,
+into the first one, so L R = x x^H + B B^H with x = sqrt(SNR g) a + n and B B^H the complex Wishart matrix of the L - 1 others
 (B lower triangular, Bartlett 1933).  g = L for constant modulus, Gamma(L) for a Gaussian waveform.
 """
 
@@ -21,7 +21,7 @@ ComplexArray = NDArray[np.complex128]
 def complex_normal(stream: np.random.Generator, shape: tuple[int, ...]) -> ComplexArray:
     """Return circular complex Gaussian samples with E|z|^2 = 1."""
     parts = stream.standard_normal((*shape, 2))
-    return parts.view(np.complex128)[..., 0] * np.sqrt(0.5)
+    return np.asarray(parts.view(np.complex128)[..., 0] * np.sqrt(0.5))
 
 
 def draw_snapshots(
@@ -57,7 +57,9 @@ def draw_snapshots(
     samples = complex_normal(stream, (*lead, count, snapshots))
     if waveform == "constant_modulus":
         if np.any(np.abs(factor - np.diag(np.diag(factor))) > 0.0):
-            raise ValueError("waveform='constant_modulus' needs uncorrelated sources, source_covariance is not diagonal")
+            raise ValueError(
+                "waveform='constant_modulus' needs uncorrelated sources, source_covariance is not diagonal"
+            )
         samples = samples / np.abs(samples)
     noise = complex_normal(stream, (*lead, array.elements, snapshots))
     return np.asarray(manifold @ (factor @ samples) + noise, dtype=np.complex128)
@@ -78,7 +80,9 @@ def draw_covariances(
     require_choice("waveform", waveform, ("gaussian", "constant_modulus"))
     count = len(direction)
     energy = stream.gamma(snapshots, size=count) if waveform == "gaussian" else np.full(count, float(snapshots))
-    first = np.sqrt(snr * energy)[:, None] * steering(array, direction) + complex_normal(stream, (count, array.elements))
+    first = np.sqrt(snr * energy)[:, None] * steering(array, direction) + complex_normal(
+        stream, (count, array.elements)
+    )
     rest = _wishart_root(count, array.elements, snapshots - 1, stream)
     outer = first[:, :, None] * first[:, None, :].conj()
     return np.asarray((outer + rest @ rest.conj().swapaxes(-1, -2)) / snapshots, dtype=np.complex128)

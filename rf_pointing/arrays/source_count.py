@@ -29,4 +29,4 @@ def count_sources(covariance: NDArray[np.complex128], snapshots: int) -> NDArray
         ratio = np.log(np.mean(rest, axis=-1)) - np.mean(np.log(rest), axis=-1)
         penalty = 0.5 * sources * (2 * elements - sources) * np.log(snapshots)
         scores.append(snapshots * (elements - sources) * ratio + penalty)
-    return np.argmin(np.stack(scores, axis=-1), axis=-1)
+    return np.asarray(np.argmin(np.stack(scores, axis=-1), axis=-1), dtype=np.intp)

@@ -18,6 +18,8 @@ ComplexArray = NDArray[np.complex128]
 
 PADDING = 8
 REFINEMENTS = 2
+QUIET = (-3, -2, 2, 3)
+"""Channels without a tone, in tone separations from f_t."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,29 +45,31 @@ def channelise(signal: TripulseSignalParams, samples: ComplexArray, largest_shif
     """
     _require_frame(signal, samples)
     shift_hz = find_shift_hz(signal, samples, largest_shift_hz)
-    separation = signal.tone_separation_hz
     for _ in range(REFINEMENTS if signal.scheme == "two_tone" else 0):
-        lower = channel_values(signal, samples, shift_hz - separation)
-        upper = channel_values(signal, samples, shift_hz + separation)
+        lower, upper = channel_values(signal, samples, shift_hz, (-1, 1)).T
         shift_hz += _slope_hz(lower * upper, signal.segment_s) / 2.0
-    quiet = [channel_values(signal, samples, shift_hz + k * separation) for k in (-3, -2, 2, 3)]
+    lower, tone, upper, *quiet = channel_values(signal, samples, shift_hz, (-1, 0, 1, *QUIET)).T
     noise_density = float(np.mean(np.abs(quiet) ** 2)) * signal.segment_s
     if not noise_density > 0.0:
         raise ValueError("the frame holds no noise: a receiver that is connected always has some")
     return Channels(
-        tone=channel_values(signal, samples, shift_hz),
-        lower_reference=channel_values(signal, samples, shift_hz - separation),
-        upper_reference=channel_values(signal, samples, shift_hz + separation),
+        tone=tone,
+        lower_reference=lower,
+        upper_reference=upper,
         noise_density=noise_density,
         shift_hz=shift_hz,
     )
 
 
-def channel_values(signal: TripulseSignalParams, samples: ComplexArray, frequency_hz: float) -> ComplexArray:
-    """Return the average of every segment (segments,) after mixing with `frequency_hz`."""
+def channel_values(
+    signal: TripulseSignalParams, samples: ComplexArray, shift_hz: float, channels: tuple[int, ...]
+) -> ComplexArray:
+    """Return the averages of every segment (segments, channels) at `shift_hz` plus whole tone separations."""
     time_s = np.arange(signal.samples) / signal.sample_rate_hz
-    mixed = samples * np.exp(-2j * np.pi * frequency_hz * time_s)
-    return np.asarray(np.mean(mixed.reshape(signal.segments, signal.samples_per_segment), axis=1))
+    mixed = (samples * np.exp(-2j * np.pi * shift_hz * time_s)).reshape(signal.segments, signal.samples_per_segment)
+    # A separation makes whole turns per segment, so that one bank of tones serves all segments.
+    turns = np.outer(time_s[: signal.samples_per_segment], signal.tone_separation_hz * np.array(channels))
+    return np.asarray(mixed @ np.exp(-2j * np.pi * turns) / signal.samples_per_segment)
 
 
 def find_shift_hz(signal: TripulseSignalParams, samples: ComplexArray, largest_shift_hz: float) -> float:

@@ -60,9 +60,7 @@ class StationView:
         return self.elevation_rad >= elevation_min_rad
 
 
-def view_stations(
-    orbit: SunSynchronousOrbitParams, stations: list[GroundStation], t_s: ArrayLike
-) -> StationView:
+def view_stations(orbit: SunSynchronousOrbitParams, stations: list[GroundStation], t_s: ArrayLike) -> StationView:
     """Return how the satellite sees `stations` at UTC times `t_s` (...)."""
     if not stations:
         raise ValueError("stations is empty, must have at least 1")
@@ -76,18 +74,23 @@ def view_stations(
 
 
 def largest_nadir_angle_rad(orbit: SunSynchronousOrbitParams, elevation_min_rad: float) -> float:
-    """Return the nadir angle of a station at `elevation_min_rad`: 61.05 deg at 800 km and 10 deg, not the printed 62."""
+    """Return the nadir angle of a station at `elevation_min_rad`: 61.05 deg (800 km, 10 deg), not the printed 62."""
     ratio = EARTH_RADIUS_M / (EARTH_RADIUS_M + orbit.altitude_m)
     return math.asin(ratio * math.cos(elevation_min_rad))
 
 
 def stations_along_track(
-    orbit: SunSynchronousOrbitParams, start_s: float, *, count: int = 8, spacing_s: float = 620.0, aside_rad: float = 0.06
+    orbit: SunSynchronousOrbitParams,
+    start_s: float,
+    *,
+    count: int = 8,
+    spacing_s: float = 620.0,
+    aside_rad: float = 0.04,
 ) -> list[GroundStation]:
     """Return `count` stations under the orbit, passed every `spacing_s`, by turns `aside_rad` right and left of it.
 
     The paper's eight stations are not published; these keep one in view all the time and are not under the track,
-    because stations on the track leave pitch to one pass direction only.
+    because stations on the track see pitch from one plane only.
     """
     stations = []
     for index in range(count):

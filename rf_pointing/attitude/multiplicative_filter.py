@@ -16,30 +16,57 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.attitude.quaternion import cross_matrix, multiply, quaternion_from_rotation_vector, quaternion_to_matrix
-from rf_pointing.attitude.rigid_body import KnownTorque, gravity_jacobian, propagate, rate_jacobian
+from rf_pointing.attitude.process_noise import ProcessNoiseParams
+from rf_pointing.attitude.quaternion import (
+    conjugate,
+    cross_matrix,
+    multiply,
+    quaternion_from_rotation_vector,
+    quaternion_to_matrix,
+    quaternion_to_rotation_vector,
+    unit_quaternion,
+)
+from rf_pointing.attitude.rigid_body import KnownTorque, RigidInertia, gravity_jacobian, propagate, rate_jacobian
 from rf_pointing.geometry import Params, parameter
 
-__all__ = ["AttitudeState", "DirectionObservation", "ProcessNoiseParams", "attitude_error", "predict", "update"]
+__all__ = [
+    "AttitudeState",
+    "DirectionObservation",
+    "GateParams",
+    "attitude_error",
+    "innovation",
+    "predict",
+    "start_state",
+    "update",
+]
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
-class ProcessNoiseParams(Params):
-    """Random walk added per second to the attitude and to the rate."""
+class GateParams(Params):
+    """When a direction is taken for an outlier, and when the filter itself is."""
 
-    attitude_rad2_s: float = parameter(1.6e-11, "variance of attitude per second, each axis, rad^2/s", low=0.0, high=1.0)
-    rate_rad2_s3: float = parameter(4e-12, "variance of rate per second, each axis, rad^2/s^3", low=0.0, high=1.0)
+    largest: float = parameter(
+        30.0, "largest normalised squared innovation, chi-square of 2 degrees", low=4.0, high=1e12
+    )
+    doubt_after: int = parameter(
+        8, "refusals in a row after which the filter doubts itself and listens", low=1, high=10**6
+    )
 
 
 @dataclass(frozen=True, slots=True)
 class AttitudeState:
-    """quaternion (..., 4), rate_rad_s (..., 3), covariance (..., 6, 6) of [orbital-frame rotation, rate]."""
+    """State of one filter or of a batch of them.
+
+    quaternion (..., 4), rate_rad_s (..., 3), covariance (..., 6, 6) of [orbital-frame rotation, rate], and refused
+    (...): directions outside the gate in a row.
+    """
 
     quaternion: Array
     rate_rad_s: Array
     covariance: Array
+    refused: NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,8 +78,25 @@ class DirectionObservation:
     reference: Array
 
 
+def start_state(
+    quaternion: Array, rate_rad_s: Array, attitude_sigma_rad: float, rate_sigma_rad_s: float, gate: GateParams
+) -> AttitudeState:
+    """Return the state starting at `quaternion` (..., 4), `rate_rad_s` (..., 3) with equal uncertainty of all axes.
+
+    A start may be far from the truth, so the filter begins in doubt: it listens until a direction falls into its gate.
+    """
+    lead = quaternion.shape[:-1]
+    covariance = np.diag(np.repeat([attitude_sigma_rad**2, rate_sigma_rad_s**2], 3))
+    return AttitudeState(
+        unit_quaternion(quaternion),
+        np.asarray(rate_rad_s, dtype=np.float64),
+        np.broadcast_to(covariance, (*lead, 6, 6)).copy(),
+        np.full(lead, gate.doubt_after, dtype=np.int64),
+    )
+
+
 def predict(
-    inertia: Array,
+    inertia: RigidInertia,
     noise: ProcessNoiseParams,
     state: AttitudeState,
     known: KnownTorque,
@@ -63,7 +107,7 @@ def predict(
     rotation = quaternion_to_matrix(state.quaternion)
     quaternion, rate = propagate(inertia, state.quaternion, state.rate_rad_s, known, frame_rate, dt_s)
     by_rate = rate_jacobian(inertia, state.rate_rad_s, known.wheel_momentum_n_m_s)
-    by_attitude = np.linalg.inv(inertia) @ gravity_jacobian(inertia, rotation, frame_rate)
+    by_attitude = inertia.inverse @ gravity_jacobian(inertia, rotation, frame_rate)
     into_orbital = rotation.swapaxes(-1, -2)
     slope = np.zeros((*by_rate.shape[:-2], 6, 6))
     slope[..., :3, :3] = -cross_matrix(frame_rate)
@@ -75,7 +119,7 @@ def predict(
     covariance = transition @ state.covariance @ transition.swapaxes(-1, -2)
     diagonal = np.arange(6)
     covariance[..., diagonal, diagonal] += dt_s * np.repeat([noise.attitude_rad2_s, noise.rate_rad2_s3], 3)
-    return AttitudeState(quaternion, rate, covariance)
+    return AttitudeState(quaternion, rate, covariance, state.refused)
 
 
 def innovation(state: AttitudeState, observation: DirectionObservation) -> tuple[Array, Array, Array]:
@@ -91,11 +135,18 @@ def innovation(state: AttitudeState, observation: DirectionObservation) -> tuple
     return np.einsum("...ij,...j->...i", rows, gap), spread, rows
 
 
-def update(state: AttitudeState, observation: DirectionObservation) -> AttitudeState:
-    """Return the state after one direction; unit vectors and a covariance of rank two in the tangent plane assumed."""
+def update(state: AttitudeState, observation: DirectionObservation, gate: GateParams) -> AttitudeState:
+    """Return the state after one direction.
+
+    A direction outside the gate is refused and counted.  After `gate.doubt_after` refusals in a row the filter is taken
+    to be wrong and not the sensor: it listens to everything until one direction falls inside the gate again.
+    """
     z, spread, rows = innovation(state, observation)
+    inverse = np.linalg.inv(spread)
+    inside = np.einsum("...i,...ij,...j->...", z, inverse, z) <= gate.largest
+    believed = inside | (state.refused >= gate.doubt_after)
     crossed = state.covariance[..., :, :3] @ rows.swapaxes(-1, -2)
-    gain = crossed @ np.linalg.inv(spread)
+    gain = crossed @ inverse * believed[..., None, None]
     change = np.einsum("...ij,...j->...i", gain, z)
     covariance = state.covariance - gain @ crossed.swapaxes(-1, -2)
     reset = np.broadcast_to(np.eye(6), covariance.shape).copy()
@@ -105,13 +156,12 @@ def update(state: AttitudeState, observation: DirectionObservation) -> AttitudeS
         multiply(quaternion_from_rotation_vector(change[..., :3]), state.quaternion),
         state.rate_rad_s + change[..., 3:],
         0.5 * (covariance + covariance.swapaxes(-1, -2)),
+        np.where(inside, 0, state.refused + 1),
     )
 
 
 def attitude_error(state: AttitudeState, quaternion: Array, rate_rad_s: Array) -> Array:
     """Return the error (..., 6) of `state` against the truth, in the axes of its covariance."""
-    from rf_pointing.attitude.quaternion import conjugate, quaternion_to_rotation_vector
-
     turn = quaternion_to_rotation_vector(multiply(quaternion, conjugate(state.quaternion)))
     return np.concatenate([turn, rate_rad_s - state.rate_rad_s], axis=-1)
 

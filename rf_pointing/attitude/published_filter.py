@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.attitude.quaternion import cross_matrix, quaternion_to_matrix
-from rf_pointing.attitude.rigid_body import KnownTorque, propagate, rate_jacobian
+from rf_pointing.attitude.rigid_body import KnownTorque, RigidInertia, propagate, rate_jacobian
 
 __all__ = ["PublishedState", "published_predict", "published_update"]
 
@@ -33,7 +33,12 @@ class PublishedState:
 
 
 def published_predict(
-    inertia: Array, process_noise: Array, state: PublishedState, known: KnownTorque, frame_rate: Array, dt_s: float
+    inertia: RigidInertia,
+    process_noise: Array,
+    state: PublishedState,
+    known: KnownTorque,
+    frame_rate: Array,
+    dt_s: float,
 ) -> PublishedState:
     """Return the state after one step of (27)-(29); `process_noise` (6, 6) is Q, added once per step."""
     rate = state.rate_rad_s

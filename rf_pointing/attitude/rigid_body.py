@@ -1,6 +1,6 @@
 """Attitude motion of a satellite with wheels: DOA eqs. (23), (24), shared by the simulated satellite and the filters.
 
-I dw/dt = -w x (I w + h) - dh/dt + T,   T = control + disturbance + gravity gradient 3 n^2 c x I c, c = nadir in the body.
+I dw/dt = -w x (I w + h) - dh/dt + T,   T = control + gravity gradient 3 n^2 c x I c, c = nadir in the body.
 
 The quaternion is the orientation of the body in the orbital frame (body to orbital components), numerically the
 paper's q_bo with its scalar last; the paper's C_bo is the transpose of its matrix.
@@ -11,10 +11,25 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.attitude.quaternion import cross_matrix, multiply, quaternion_from_rotation_vector, quaternion_to_matrix
+from rf_pointing.attitude.quaternion import (
+    cross_matrix,
+    multiply,
+    quaternion_from_rotation_vector,
+    quaternion_to_matrix,
+)
 from rf_pointing.geometry import Params, parameter
 
-__all__ = ["KnownTorque", "SatelliteParams", "gravity_gradient_n_m", "inertia_kg_m2", "propagate", "rate_slope"]
+__all__ = [
+    "KnownTorque",
+    "RigidInertia",
+    "SatelliteParams",
+    "gravity_gradient_n_m",
+    "gravity_jacobian",
+    "propagate",
+    "rate_jacobian",
+    "rate_slope_rad_s2",
+    "rigid_inertia",
+]
 
 Array = NDArray[np.float64]
 
@@ -32,9 +47,17 @@ class SatelliteParams(Params):
 
     def check_together(self) -> None:
         """Refuse an inertia that no body has: principal moments break the triangle inequality."""
-        low, middle, high = np.linalg.eigvalsh(inertia_kg_m2(self))
+        low, middle, high = np.linalg.eigvalsh(_inertia_matrix(self))
         if low <= 0.0 or low + middle < high:
             raise ValueError(f"principal moments {low}, {middle}, {high} kg m^2: none may exceed the sum of the others")
+
+
+@dataclass(frozen=True, slots=True)
+class RigidInertia:
+    """Inertia matrix (3, 3) in kg m^2 and its inverse."""
+
+    matrix: Array
+    inverse: Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,40 +69,39 @@ class KnownTorque:
     wheel_momentum_rate_n_m: Array
 
 
-def inertia_kg_m2(satellite: SatelliteParams) -> Array:
-    """Return the inertia matrix (3, 3)."""
-    xy, xz, yz = satellite.ixy_kg_m2, satellite.ixz_kg_m2, satellite.iyz_kg_m2
-    return np.array([[satellite.ixx_kg_m2, xy, xz], [xy, satellite.iyy_kg_m2, yz], [xz, yz, satellite.izz_kg_m2]])
+def rigid_inertia(satellite: SatelliteParams) -> RigidInertia:
+    """Return the inertia and its inverse."""
+    matrix = _inertia_matrix(satellite)
+    return RigidInertia(matrix, np.asarray(np.linalg.inv(matrix), dtype=np.float64))
 
 
-def gravity_gradient_n_m(inertia: Array, rotation: Array, frame_rate: Array) -> Array:
+def gravity_gradient_n_m(inertia: RigidInertia, rotation: Array, frame_rate: Array) -> Array:
     """Return 3 n^2 c x I c (..., 3); `rotation` is body to orbital, n = |frame_rate|."""
     nadir = rotation[..., 2, :]
     squared = np.sum(frame_rate**2, axis=-1)[..., None]
-    return np.asarray(3.0 * squared * np.cross(nadir, nadir @ inertia))
+    return np.asarray(3.0 * squared * np.cross(nadir, nadir @ inertia.matrix))
 
 
-def rate_slope(inertia: Array, inverse: Array, rate: Array, torque: Array, momentum: Array) -> Array:
+def rate_slope_rad_s2(inertia: RigidInertia, rate: Array, torque: Array, momentum: Array) -> Array:
     """Return dw/dt (..., 3) of DOA eq. (23); `torque` holds everything but the gyroscopic term."""
-    return np.asarray((torque - np.cross(rate, rate @ inertia + momentum)) @ inverse)
+    return np.asarray((torque - np.cross(rate, rate @ inertia.matrix + momentum)) @ inertia.inverse)
 
 
 def propagate(
-    inertia: Array, quaternion: Array, rate: Array, known: KnownTorque, frame_rate: Array, dt_s: float
+    inertia: RigidInertia, quaternion: Array, rate: Array, known: KnownTorque, frame_rate: Array, dt_s: float
 ) -> tuple[Array, Array]:
     """Return quaternion (..., 4) and inertial body rate (..., 3) after `dt_s`.
 
     The rate by the classical Runge-Kutta step with the torques held; the attitude by the exact rotation of the mean
     rate (Simpson over the step) and of the orbital frame: q' = exp(-w_o dt) q exp(w dt).
     """
-    inverse = np.linalg.inv(inertia)
     rotation = quaternion_to_matrix(quaternion)
     torque = known.control_n_m - known.wheel_momentum_rate_n_m + gravity_gradient_n_m(inertia, rotation, frame_rate)
     momentum = known.wheel_momentum_n_m_s
-    k1 = rate_slope(inertia, inverse, rate, torque, momentum)
-    k2 = rate_slope(inertia, inverse, rate + 0.5 * dt_s * k1, torque, momentum)
-    k3 = rate_slope(inertia, inverse, rate + 0.5 * dt_s * k2, torque, momentum)
-    k4 = rate_slope(inertia, inverse, rate + dt_s * k3, torque, momentum)
+    k1 = rate_slope_rad_s2(inertia, rate, torque, momentum)
+    k2 = rate_slope_rad_s2(inertia, rate + 0.5 * dt_s * k1, torque, momentum)
+    k3 = rate_slope_rad_s2(inertia, rate + 0.5 * dt_s * k2, torque, momentum)
+    k4 = rate_slope_rad_s2(inertia, rate + dt_s * k3, torque, momentum)
     mean = rate + dt_s * (k1 + k2 + k3) / 6.0
     turned = multiply(quaternion, quaternion_from_rotation_vector(mean * dt_s))
     return (
@@ -88,17 +110,25 @@ def propagate(
     )
 
 
-def rate_jacobian(inertia: Array, rate: Array, momentum: Array) -> Array:
+def rate_jacobian(inertia: RigidInertia, rate: Array, momentum: Array) -> Array:
     """Return d(dw/dt)/dw = I^-1 ([(I w + h) x] - [w x] I), (..., 3, 3): upper left block of DOA eq. (29)."""
-    inner = cross_matrix(rate @ inertia + momentum) - cross_matrix(rate) @ inertia
-    return np.asarray(np.linalg.inv(inertia) @ inner)
+    inner = cross_matrix(rate @ inertia.matrix + momentum) - cross_matrix(rate) @ inertia.matrix
+    return np.asarray(inertia.inverse @ inner)
 
 
-def gravity_jacobian(inertia: Array, rotation: Array, frame_rate: Array) -> Array:
+def gravity_jacobian(inertia: RigidInertia, rotation: Array, frame_rate: Array) -> Array:
     """Return d(gravity gradient)/d(body rotation) (..., 3, 3), for a rotation error d with C_ob = C exp([d x])."""
     nadir = rotation[..., 2, :]
     squared = np.sum(frame_rate**2, axis=-1)[..., None, None]
     # the error turns the nadir seen in the body: dc = c x d
     return np.asarray(
-        3.0 * squared * (cross_matrix(nadir) @ inertia - cross_matrix(nadir @ inertia)) @ cross_matrix(nadir)
+        3.0
+        * squared
+        * (cross_matrix(nadir) @ inertia.matrix - cross_matrix(nadir @ inertia.matrix))
+        @ cross_matrix(nadir)
     )
+
+
+def _inertia_matrix(satellite: SatelliteParams) -> Array:
+    xy, xz, yz = satellite.ixy_kg_m2, satellite.ixz_kg_m2, satellite.iyz_kg_m2
+    return np.array([[satellite.ixx_kg_m2, xy, xz], [xy, satellite.iyy_kg_m2, yz], [xz, yz, satellite.izz_kg_m2]])

@@ -1,8 +1,8 @@
 """Circular Sun-synchronous orbit and the orbital frame, in Earth-fixed axes (DOA section 2).
 
 The node turns once a year with the mean Sun, so its Earth-fixed longitude follows from the time of day alone:
-lambda_node = 2 pi (local time of the ascending node - UTC day fraction).  The inclination is the one whose J2 precession
-does this: cos i = -2/3 (2 pi / year) a^(7/2) / (J2 R^2 sqrt(mu)).
+lambda_node = 2 pi (local time of the ascending node - UTC day fraction).  The inclination is the one whose J2
+precession does this: cos i = -2/3 (2 pi / year) a^(7/2) / (J2 R^2 sqrt(mu)).
 
 Orbital frame F_o: x along the flight, y against the orbit's momentum, z to the centre of the Earth.
 """
@@ -37,7 +37,7 @@ class SunSynchronousOrbitParams(Params):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OrbitPoint:
-    """Place on the orbit: Earth-fixed position (..., 3), rows of F_o (..., 3, 3), inertial rate of F_o in F_o (..., 3)."""
+    """Earth-fixed position (..., 3), axes of F_o as rows (..., 3, 3), and inertial rate of F_o in F_o (..., 3)."""
 
     position_m: Array
     frame: Array
@@ -72,9 +72,7 @@ def orbit_point(orbit: SunSynchronousOrbitParams, t_s: ArrayLike) -> OrbitPoint:
     frame = np.stack([forward, -np.cross(outward, forward), -outward], axis=-2)
     precession = 2.0 * np.pi / YEAR_S * frame[..., :, 2]
     rate = precession + np.array([0.0, -mean_motion_rad_s(orbit), 0.0])
-    return OrbitPoint(
-        position_m=(EARTH_RADIUS_M + orbit.altitude_m) * outward, frame=frame, frame_rate_rad_s=rate
-    )
+    return OrbitPoint(position_m=(EARTH_RADIUS_M + orbit.altitude_m) * outward, frame=frame, frame_rate_rad_s=rate)
 
 
 def _turned(in_plane_x: Array, in_plane_y: Array, node: Array, tilt: float) -> Array:

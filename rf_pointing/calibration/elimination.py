@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.calibration.triangle import Solution, Triangle
+from rf_pointing.calibration.triangle import Solution
 
 __all__ = ["PassHead", "eliminate"]
 
@@ -32,11 +32,13 @@ class PassHead:
         return values, np.sqrt(np.diag(inverse @ spread @ inverse.T))
 
 
-def eliminate(triangle: Triangle, own: Array, common: Array, right: Array, prior_sigma: Array) -> PassHead:
-    """Fold a pass (rows already divided by sigma) into `triangle` without its own parameters; return their rows."""
+def eliminate(own: Array, common: Array, right: Array, prior_sigma: Array) -> tuple[PassHead, Array]:
+    """Return the rows of a pass's own parameters and, free of them, rows (m, k + 1) for the common triangle.
+
+    `own` (n, p), `common` (n, k) and `right` (n,) are already divided by sigma.
+    """
     count, width = own.shape[1], common.shape[1]
     prior = np.concatenate([np.diag(1.0 / prior_sigma), np.zeros((count, width + 1))], axis=1)
     rows = np.concatenate([prior, np.column_stack([own, common, right])])
     factor = np.asarray(np.linalg.qr(rows, mode="r"))
-    triangle.add_triangle(factor[count:, count:], len(right))
-    return PassHead(factor[:count, :count], factor[:count, count:-1], factor[:count, -1])
+    return PassHead(factor[:count, :count], factor[:count, count:-1], factor[:count, -1]), factor[count:, count:]

@@ -39,8 +39,9 @@ class FitResult:
     """Result of `fit_bias_model`.
 
     `names` are the fitted terms, in the order of `values`, `sigma` (k,) and `covariance` (k, k); `held` are the fixed
-    ones.  Residuals (n,) are observed minus modelled for every input row, the rejected ones included; `used` (n,) says
-    which rows counted.  `variance_azimuth` and `variance_elevation` are the mean squared residuals over sigma, 1 where
+    ones.  Residuals (n,) are observed minus modelled for every input row, the rejected ones included, after the pass
+    errors `pass_azimuth_rad` and `pass_elevation_rad` (zero if none were estimated); `used` (n,) says which rows
+    counted.  `variance_azimuth` and `variance_elevation` are the mean squared residuals over sigma, 1 where
     the stated sigmas are right.
     """
 
@@ -56,6 +57,8 @@ class FitResult:
     iterations: int
     residual_azimuth_rad: Array
     residual_elevation_rad: Array
+    pass_azimuth_rad: Array
+    pass_elevation_rad: Array
     cos_elevation: Array
     used: NDArray[np.bool_]
     rejected: tuple[Rejected, ...]
@@ -65,7 +68,7 @@ class FitResult:
     first_t_s: float
     last_t_s: float
     passes: int
-    pass_errors: tuple[PassErrors, ...] = ()
+    pass_errors: tuple[PassErrors, ...]
 
     @cached_property
     def sigma(self) -> Array:

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from rf_pointing.calibration.bias_model import BiasModel
 from rf_pointing.calibration.fit_result import FitResult
-from rf_pointing.calibration.schema import Section, time_text
+from rf_pointing.calibration.schema import Section
 from rf_pointing.calibration.terms import Term, all_terms
+from rf_pointing.calibration.utc_text import to_utc_text
 from rf_pointing.geometry import require_choice
 
 __all__ = ["FORMAT", "ModelFile", "from_mapping", "read_model", "to_mapping", "write_model"]
@@ -108,10 +109,9 @@ class ModelFile:
         if self.band != band:
             raise ValueError(f"model {self.name!r} is of band {self.band!r}, must be of {band!r}")
         if t_s < self.valid_from_t_s or (self.valid_until_t_s is not None and t_s > self.valid_until_t_s):
-            until = "replaced" if self.valid_until_t_s is None else time_text(self.valid_until_t_s)
+            until = "replaced" if self.valid_until_t_s is None else _stamp(self.valid_until_t_s)
             raise ValueError(
-                f"model {self.name!r} is valid from {time_text(self.valid_from_t_s)} until {until}, "
-                f"not at {time_text(t_s)}"
+                f"model {self.name!r} is valid from {_stamp(self.valid_from_t_s)} until {until}, not at {_stamp(t_s)}"
             )
 
 
@@ -144,18 +144,18 @@ def to_mapping(file: ModelFile) -> dict[str, Any]:
     known = all_terms()
     sigma = dict(zip(file.fitted, np.sqrt(np.diag(file.covariance)), strict=True))
     scale = np.array([_edge(known[name])[1] for name in file.fitted])
-    until = None if file.valid_until_t_s is None else time_text(file.valid_until_t_s)
+    until = None if file.valid_until_t_s is None else _stamp(file.valid_until_t_s)
     return {
         "format": FORMAT,
         "name": file.name,
         "station": file.station,
         "band": file.band,
         "software": file.software,
-        "created_utc": time_text(file.created_t_s),
-        "validity": {"from_utc": time_text(file.valid_from_t_s), "until_utc": until},
+        "created_utc": _stamp(file.created_t_s),
+        "validity": {"from_utc": _stamp(file.valid_from_t_s), "until_utc": until},
         "data": {
-            "first_utc": time_text(file.first_t_s),
-            "last_utc": time_text(file.last_t_s),
+            "first_utc": _stamp(file.first_t_s),
+            "last_utc": _stamp(file.last_t_s),
             "observations": file.observations,
             "rejected": file.rejected,
             "passes": file.passes,
@@ -226,6 +226,10 @@ def _parsed(source: Path, text: str) -> Any:
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         raise ValueError(f"line {mark.line + 1 if mark else '?'}: not readable as YAML") from None
+
+
+def _stamp(t_s: float) -> str:
+    return to_utc_text(t_s) + "Z"
 
 
 def _is_json(path: Path) -> bool:

@@ -19,9 +19,7 @@ FEWEST_PASSES = 5
 _ALONE = 1e-8
 
 
-def sandwich_covariance(
-    names: Sequence[str], covariance: Array, passes: Sequence[tuple[int, Array, Array]]
-) -> Array:
+def sandwich_covariance(names: Sequence[str], covariance: Array, passes: Sequence[tuple[int, Array, Array]]) -> Array:
     """Return the covariance (k, k) from the white-noise one and per pass (number, rows (m, k), residuals (m,)).
 
     Rows and residuals are divided by sigma.  Raises ValueError for fewer than FEWEST_PASSES passes and where one

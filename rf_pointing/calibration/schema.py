@@ -1,17 +1,12 @@
 """Reading a nested mapping with errors that name the key: the checks behind the model file."""
 
 from collections.abc import Mapping
-from datetime import UTC, datetime
 from typing import Any
 
+from rf_pointing.calibration.utc_text import from_utc_text
 from rf_pointing.geometry import require_finite
 
-__all__ = ["Section", "time_text"]
-
-
-def time_text(t_s: float) -> str:
-    """Return UTC seconds since 1970 as an ISO text, exact to the microsecond; `Section.time` is the inverse."""
-    return datetime.fromtimestamp(t_s, UTC).strftime("%Y-%m-%dT%H:%M:%S.%fZ")
+__all__ = ["Section"]
 
 
 class Section:
@@ -72,13 +67,12 @@ class Section:
     def time(self, name: str) -> float:
         """Return UTC seconds since 1970 of an ISO text ending in Z."""
         text = self.text(name)
+        if not text.endswith("Z"):
+            raise ValueError(f"{self.key(name)}={text!r} must be a time like 2026-03-21T05:11:02Z")
         try:
-            moment = datetime.fromisoformat(text)
-        except ValueError:
-            raise ValueError(f"{self.key(name)}={text!r} must be a time like 2026-03-21T05:11:02Z") from None
-        if moment.tzinfo is None:
-            raise ValueError(f"{self.key(name)}={text!r} must end in Z (UTC)")
-        return moment.timestamp()
+            return from_utc_text(text)
+        except ValueError as error:
+            raise ValueError(f"{self.key(name)}: {error}") from None
 
     def texts(self, name: str) -> tuple[str, ...]:
         """Return a list of texts."""

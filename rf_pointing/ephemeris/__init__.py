@@ -1,37 +1,59 @@
 """Where the target is at a time: elements, time scales, look angles and passes."""
 
+from rf_pointing.ephemeris.catalogue import CataloguePass, CatalogueSearch, find_catalogue_passes
+from rf_pointing.ephemeris.celestial import RADIO_SOURCES, CelestialTarget, RadioSource, moon, radio_source, sun
 from rf_pointing.ephemeris.earth_orientation import EarthOrientation, FixedEarthOrientation, IersEarthOrientation
 from rf_pointing.ephemeris.elements import Elements, find_elements
 from rf_pointing.ephemeris.look_angles import LookAngles
 from rf_pointing.ephemeris.messages import read_elements
+from rf_pointing.ephemeris.oem import OemSegment, read_oem
+from rf_pointing.ephemeris.oem_target import OemTarget
 from rf_pointing.ephemeris.passes import Pass, find_passes, first_pass_above
 from rf_pointing.ephemeris.sites import SITES, Site, site
 from rf_pointing.ephemeris.time_scales import Gps, Tai, Tt, Ut1, Utc, leap_seconds, utc_text
 from rf_pointing.ephemeris.tle import verification_elements
+from rf_pointing.ephemeris.tle_writer import tle_lines
 from rf_pointing.ephemeris.track import TargetSource, TopocentricTrack
+from rf_pointing.ephemeris.uncertainty import ElementUncertainty, SkyUncertainty, sky_uncertainty
 
 __all__ = [
+    "RADIO_SOURCES",
     "SITES",
+    "CataloguePass",
+    "CatalogueSearch",
+    "CelestialTarget",
     "EarthOrientation",
+    "ElementUncertainty",
     "Elements",
     "FixedEarthOrientation",
     "Gps",
     "IersEarthOrientation",
     "LookAngles",
+    "OemSegment",
+    "OemTarget",
     "Pass",
+    "RadioSource",
     "Site",
+    "SkyUncertainty",
     "Tai",
     "TargetSource",
     "TopocentricTrack",
     "Tt",
     "Ut1",
     "Utc",
+    "find_catalogue_passes",
     "find_elements",
     "find_passes",
     "first_pass_above",
     "leap_seconds",
+    "moon",
+    "radio_source",
     "read_elements",
+    "read_oem",
     "site",
+    "sky_uncertainty",
+    "sun",
+    "tle_lines",
     "utc_text",
     "verification_elements",
 ]

@@ -37,6 +37,7 @@ class EarthOrientationSource(Protocol):
         """Return the reasons why the orientation at `t_s` is less certain than a final value."""
 
 
+@dataclass(frozen=True, kw_only=True)
 class FixedEarthOrientation(Params):
     """An assumed orientation, for dates that no table covers; `warnings` says so."""
 

@@ -1,4 +1,8 @@
-"""Many roots at once: bisection safeguarding secant steps, one array call of the function per iteration."""
+"""Many roots at once, one array call of the function per iteration (Chandrupatla 1997).
+
+Inverse quadratic interpolation where the last three points are known to make it safe, bisection elsewhere: never
+slower than bisection by more than a factor, and about eight calls for smooth functions.
+"""
 
 from collections.abc import Callable
 
@@ -9,14 +13,13 @@ __all__ = ["roots_between"]
 
 Array = NDArray[np.float64]
 
-_MAX_ITERATIONS = 80
+_MAX_ITERATIONS = 200
 
 
 def roots_between(function: Callable[[Array], Array], low: Array, high: Array, tolerance: float) -> Array:
     """Return one root of `function` in each interval [low, high], to within `tolerance`; shapes (n,).
 
-    Illinois method (Dowell and Jarratt 1971), every third step a bisection.  Raises ValueError where the signs at the
-    ends of an interval do not differ.
+    Raises ValueError where the signs at the ends of an interval do not differ.
     """
     if low.size == 0:
         return low
@@ -24,15 +27,26 @@ def roots_between(function: Callable[[Array], Array], low: Array, high: Array, t
     fa, fb = function(a), function(b)
     if np.any(fa * fb > 0.0):
         raise ValueError(f"no change of sign in the interval that starts at {a[fa * fb > 0.0][0]}")
-    for iteration in range(_MAX_ITERATIONS):
-        if np.all(np.abs(b - a) <= tolerance) or np.all((fa == 0.0) | (fb == 0.0)):
-            break
-        change = np.where(fb == fa, 1.0, fb - fa)
-        secant = b - fb * (b - a) / change
-        x = 0.5 * (a + b) if iteration % 3 == 2 else np.clip(secant, np.minimum(a, b), np.maximum(a, b))
+    part = np.full_like(a, 0.5)
+    for _ in range(_MAX_ITERATIONS):
+        x = a + part * (b - a)
         fx = function(x)
-        crossed = fx * fb <= 0.0
-        # Keep the sign change between a and b; halving a stale end value stops it from pinning the secant.
-        a, fa = np.where(crossed, b, a), np.where(crossed, fb, 0.5 * fa)
-        b, fb = x, fx
+        same = np.sign(fx) == np.sign(fa)
+        c, fc = np.where(same, a, b), np.where(same, fa, fb)
+        b, fb = np.where(same, b, a), np.where(same, fb, fa)
+        a, fa = x, fx
+        width = np.abs(b - a)
+        limit = 0.5 * tolerance / np.maximum(width, tolerance)
+        if np.all((width <= tolerance) | (fa == 0.0)):
+            break
+        part = np.clip(_next_part(a, b, c, fa, fb, fc), limit, 1.0 - limit)
     return np.where(np.abs(fa) < np.abs(fb), a, b)
+
+
+def _next_part(a: Array, b: Array, c: Array, fa: Array, fb: Array, fc: Array) -> Array:
+    """Fraction of the way from a to b: inverse quadratic through three points where it stays inside, else one half."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        xi, phi = (a - b) / (c - b), (fa - fb) / (fc - fb)
+        safe = (phi * phi < xi) & ((1.0 - phi) ** 2 < 1.0 - xi)
+        quadratic = fa / (fb - fa) * fc / (fb - fc) + (c - a) / (b - a) * fa / (fc - fa) * fb / (fc - fb)
+    return np.where(safe & np.isfinite(quadratic), quadratic, 0.5)

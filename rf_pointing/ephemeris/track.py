@@ -13,8 +13,8 @@ from rf_pointing.ephemeris.cross_track import moved_across
 from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource, IersEarthOrientation
 from rf_pointing.ephemeris.elements import Elements
 from rf_pointing.ephemeris.light_time import SENSES, delayed
-from rf_pointing.ephemeris.look_angles import LookAngles, angles_and_rates
-from rf_pointing.ephemeris.motion import Motion, combined, rotated, seen_from_rotating_axes
+from rf_pointing.ephemeris.look_angles import SPEED_OF_LIGHT_M_S, LookAngles, angles_and_rates
+from rf_pointing.ephemeris.motion import Motion, combined, norm, rotated, seen_from_rotating_axes
 from rf_pointing.ephemeris.sgp4_orbit import Sgp4Orbit
 from rf_pointing.ephemeris.sites import Site
 from rf_pointing.ephemeris.time_scales import DAY_S
@@ -30,6 +30,8 @@ class TargetSource(Protocol):
     name: str
     rotation_rate_rad_s: float
     """Turning rate of the Earth-fixed axes that the motion is written in."""
+    at_infinity: bool
+    """Whether the motion is an apparent direction without parallax (stars); its length means nothing."""
 
     def motion_at(self, t_s: Any, ahead_s: float = 0.0) -> Motion:
         """Return inertial derivatives in Earth-fixed axes, metres, at UTC times; refuse times outside its span."""
@@ -46,6 +48,7 @@ class TopocentricTrack:
     target : elements, or any `TargetSource`.
     along_track_offset_s : the target runs this much ahead of its elements (negative: late).
     cross_track_offset_rad : the target is moved on the sky, positive to the right of its motion.
+    hold_t_s : the direction stands still where it is at this time, with zero rates; None lets it move.
     refraction : "standard" for the mean weather at the site's altitude, None for a vacuum.
     max_age_s : largest distance from the epoch of elements; times beyond it are refused.
     light_time : "receive" for signals that arrive at `t_s`, "transmit" for signals that leave, "none" for geometry.
@@ -60,12 +63,15 @@ class TopocentricTrack:
         cross_track_offset_rad: float = 0.0,
         refraction: RadioRefraction | Literal["standard"] | None = "standard",
         max_age_s: float = 14.0 * DAY_S,
+        hold_t_s: float | None = None,
         light_time: str = "receive",
         orientation: EarthOrientationSource | None = None,
     ) -> None:
         require_between("along_track_offset_s", along_track_offset_s, -600.0, 600.0)
         require_between("cross_track_offset_rad", cross_track_offset_rad, -0.2, 0.2)
         require_choice("light_time", light_time, SENSES)
+        if hold_t_s is not None:
+            require_finite("hold_t_s", hold_t_s)
         if isinstance(target, Elements):
             target = Sgp4Orbit(target, orientation or IersEarthOrientation(), max_age_s=max_age_s)
         self.target: TargetSource = target
@@ -74,16 +80,20 @@ class TopocentricTrack:
         self.along_track_offset_s = along_track_offset_s
         self.cross_track_offset_rad = cross_track_offset_rad
         self.refraction = RadioRefraction.standard(site.altitude_m) if refraction == "standard" else refraction
+        self.hold_t_s = hold_t_s
         self.light_time = light_time
         self._antenna = _inertial_motion_of(site, target.rotation_rate_rad_s)
 
-    def with_offsets(self, *, along_track_offset_s: float, cross_track_offset_rad: float) -> "TopocentricTrack":
-        """Return the same track with other offsets; this one stays as it is."""
+    def with_offsets(
+        self, *, along_track_offset_s: float, cross_track_offset_rad: float, hold_t_s: float | None = None
+    ) -> "TopocentricTrack":
+        """Return the same track with other offsets; this one stays as it is, and each is an attribute to read back."""
         return TopocentricTrack(
             self.target,
             self.site,
             along_track_offset_s=along_track_offset_s,
             cross_track_offset_rad=cross_track_offset_rad,
+            hold_t_s=hold_t_s,
             refraction=self.refraction,
             light_time=self.light_time,
         )
@@ -140,14 +150,42 @@ class TopocentricTrack:
         """Return what makes the direction at `t_s` less certain (expired tables, predicted or assumed UT1)."""
         return self.target.warnings(t_s)
 
-    def _look(self, t_s: Any) -> tuple[Any, ...]:
+    def relative_motion_at(self, t_s: Any) -> tuple[Motion, Any, Any]:
+        """Return the true motion seen from the site in east-north-up axes, range c tau [m] and its rate [m/s].
+
+        Components are floats for a float time and arrays for an array.  Offsets are included, refraction is not.
+        """
         motion = self.target.motion_at(t_s, self.along_track_offset_s)
-        pairs = zip(motion.derivatives(), self._antenna.derivatives(), strict=True)
-        relative = Motion(*(combined((1.0, of_target), (-1.0, of_antenna)) for of_target, of_antenna in pairs))
-        seen, range_m, range_rate_m_s = delayed(relative, SENSES[self.light_time])
-        enu = rotated(seen_from_rotating_axes(seen, self.target.rotation_rate_rad_s), self.site.axes)
+        if self.target.at_infinity:
+            seen, range_m, range_rate_m_s = self._direction_only(motion)
+        else:
+            pairs = zip(motion.derivatives(), self._antenna.derivatives(), strict=True)
+            relative = Motion(*(combined((1.0, of_target), (-1.0, of_antenna)) for of_target, of_antenna in pairs))
+            inertial, range_m, range_rate_m_s = delayed(relative, SENSES[self.light_time])
+            seen = seen_from_rotating_axes(inertial, self.target.rotation_rate_rad_s)
+        enu = rotated(seen, self.site.axes)
         if self.cross_track_offset_rad != 0.0:
             enu = moved_across(enu, self.cross_track_offset_rad)
+        return enu, range_m, range_rate_m_s
+
+    def _direction_only(self, motion: Motion) -> tuple[Motion, Any, Any]:
+        """No parallax; the antenna's own speed shifts the direction by up to 0.09 mdeg (diurnal aberration)."""
+        seen = seen_from_rotating_axes(motion, self.target.rotation_rate_rad_s)
+        length = norm(seen.position)
+        aberration = SENSES[self.light_time] / SPEED_OF_LIGHT_M_S * length
+        position = combined((1.0, seen.position), (aberration, self._antenna.velocity))
+        return Motion(position, seen.velocity, seen.acceleration, seen.jerk), length, 0.0 * length
+
+    def _look(self, t_s: Any) -> tuple[Any, ...]:
+        """Azimuth, elevation, their rates, their accelerations, range, range rate and true elevation."""
+        if self.hold_t_s is None:
+            return self._moving(t_s)
+        still = 0.0 * t_s
+        azimuth, elevation, *_, range_m, _, true = self._moving(still + self.hold_t_s)
+        return azimuth, elevation, still, still, still, still, range_m, still, true
+
+    def _moving(self, t_s: Any) -> tuple[Any, ...]:
+        enu, range_m, range_rate_m_s = self.relative_motion_at(t_s)
         azimuth, true, azimuth_rate, rate, azimuth_acceleration, acceleration = angles_and_rates(enu)
         elevation = true
         if self.refraction is not None:

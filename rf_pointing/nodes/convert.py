@@ -11,6 +11,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory as TrajectoryMessage
 from trajectory_msgs.msg import JointTrajectoryPoint
 
+from rf_pointing.calibration import BiasModel, ModelFile
 from rf_pointing.ephemeris import Pass
 from rf_pointing.geometry import (
     AXES,
@@ -23,6 +24,7 @@ from rf_pointing.geometry import (
     Target,
 )
 from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
+from rf_pointing.station.status import AntennaStatus, TrackingStatus
 
 _TARGET_FIELDS = {
     "azimuth": "azimuth_rad",
@@ -33,6 +35,20 @@ _TARGET_FIELDS = {
     "elevation_acceleration": "elevation_acceleration_rad_s2",
     "range": "range_m",
     "range_rate": "range_rate_m_s",
+}
+
+_PASS_TIMES = {"aos": "aos_t_s", "tca": "tca_t_s", "los": "los_t_s"}
+_PASS_FIELDS = {
+    "aos_azimuth": "aos_azimuth_rad",
+    "los_azimuth": "los_azimuth_rad",
+    "azimuth_min": "azimuth_min_rad",
+    "azimuth_max": "azimuth_max_rad",
+    "aos_elevation": "aos_elevation_rad",
+    "peak_elevation": "peak_elevation_rad",
+    "peak_azimuth_rate": "peak_azimuth_rate_rad_s",
+    "peak_elevation_rate": "peak_elevation_rate_rad_s",
+    "peak_azimuth_acceleration": "peak_azimuth_acceleration_rad_s2",
+    "smallest_range": "smallest_range_m",
 }
 
 
@@ -186,6 +202,83 @@ def error_from_message(message: ours.PointingError) -> PointingError:
         valid=message.valid,
         reason=message.reason,
     )
+
+
+def tracking_status_to_message(status: TrackingStatus) -> ours.TrackingStatus:
+    message = ours.TrackingStatus(
+        mode=status.mode,
+        target=status.target,
+        reason=status.reason,
+        los=stamp_from_seconds(status.los_t_s),
+        azimuth=status.azimuth_rad,
+        elevation=status.elevation_rad,
+        cross_elevation_error=status.cross_elevation_error_rad,
+        elevation_error=status.elevation_error_rad,
+        cross_elevation_offset=status.cross_elevation_offset_rad,
+        elevation_offset=status.elevation_offset_rad,
+        carrier_to_noise=status.carrier_to_noise_db_hz,
+        beamwidth=status.half_power_beamwidth_rad,
+        command_lead=status.command_lead_s,
+    )
+    message.scan_centre = status.scan_centre_rad
+    message.header.stamp = stamp_from_seconds(status.t_s)
+    return message
+
+
+def scan_centre_from_message(message: ours.TrackingStatus) -> tuple[float, NDArray[np.float64], str]:
+    """Return time, scan centre (2,) and mode: what a scanning tracker needs of a status."""
+    return seconds_from_stamp(message.header.stamp), np.array(message.scan_centre), message.mode
+
+
+def antenna_status_to_message(status: AntennaStatus) -> ours.AntennaStatus:
+    message = ours.AntennaStatus(
+        mode=status.mode,
+        fault=status.fault,
+        at_limit=list(status.at_limit),
+        command_lead=float(status.command_lead_s),
+        commands_accepted=status.commands_accepted,
+        commands_rejected=status.commands_rejected,
+        last_rejection=status.last_rejection,
+    )
+    message.commanded, message.rate_command = status.commanded_rad, status.rate_command_rad_s
+    message.rate_limit, message.acceleration_limit = status.rate_limit_rad_s, status.acceleration_limit_rad_s2
+    message.header.stamp = stamp_from_seconds(status.t_s)
+    return message
+
+
+def pass_to_message(window: Pass) -> ours.Pass:
+    return ours.Pass(
+        target=window.name,
+        **{wire: stamp_from_seconds(getattr(window, core)) for wire, core in _PASS_TIMES.items()},
+        **{wire: float(getattr(window, core)) for wire, core in _PASS_FIELDS.items()},
+    )
+
+
+def pass_from_message(message: ours.Pass) -> Pass:
+    return Pass(
+        name=message.target,
+        **{core: seconds_from_stamp(getattr(message, wire)) for wire, core in _PASS_TIMES.items()},
+        **{core: getattr(message, wire) for wire, core in _PASS_FIELDS.items()},
+        rises_before=False,
+        sets_after=False,
+    )
+
+
+def model_to_message(file: ModelFile) -> ours.PointingModel:
+    names = list(file.model.coefficients)
+    covariance = np.zeros((len(names), len(names)))
+    places = [names.index(term) for term in file.fitted]
+    covariance[np.ix_(places, places)] = file.covariance
+    message = ours.PointingModel(name=file.name, station=file.station, terms=names)
+    message.values = [float(value) for value in file.model.coefficients.values()]
+    message.covariance = covariance.ravel().tolist()
+    return message
+
+
+def model_from_message(message: ours.PointingModel) -> BiasModel:
+    if len(message.terms) != len(message.values):
+        raise ValueError(f"values has {len(message.values)} numbers, must have one for each of {len(message.terms)} terms")
+    return BiasModel(dict(zip(message.terms, message.values, strict=True)))
 
 
 def _axis_order(names: list[str]) -> list[int]:

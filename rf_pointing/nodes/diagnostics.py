@@ -42,9 +42,17 @@ class Diagnostics:
         array.header.stamp = self._node.get_clock().now().to_msg()
         full_name = self._node.get_fully_qualified_name()
         for name, check in self._checks.items():
-            health = check()
+            health = _checked(check)
             status = DiagnosticStatus(level=health.level, name=f"{full_name.lstrip('/')}: {name}")
             status.message, status.hardware_id = health.message, full_name
             status.values = [KeyValue(key=key, value=str(value)) for key, value in health.values.items()]
             array.status.append(status)
         self._publisher.publish(array)
+
+
+def _checked(check: Callable[[], Health]) -> Health:
+    """Run a check; one that cannot be made is an error of its subject, not of the node."""
+    try:
+        return check()
+    except ValueError as error:
+        return Health(ERROR, str(error))

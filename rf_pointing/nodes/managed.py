@@ -5,15 +5,18 @@ A subclass declares its parameter sets in `__init__`, builds its core and its to
 says why in the log and on /diagnostics.
 """
 
+import signal
 import sys
 from collections.abc import Callable
 from typing import Any
 
 import rclpy
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.publisher import Publisher
+from rclpy.signals import SignalHandlerOptions
 
+from rf_pointing.nodes.schedule import Schedule
 from rf_pointing.nodes.stamps import seconds_from_stamp
 from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health
 from rf_pointing.nodes.instance_lock import InstanceLock
@@ -75,15 +78,16 @@ class ManagedNode(LifecycleNode):
         self.diagnostics.add("inputs", self.losses.health)
         self._state_name = "unconfigured"
         self._refusal = ""
-        self._timers: list[Any] = []
+        self._active_timers: list[Any] = []
         self._inputs: list[Any] = []
         self._outputs: list[Publisher] = []
+        self._services_offered: list[Any] = []
 
     def configure(self) -> None:
         """Build the core and the topics; ValueError refuses the configuration with its message."""
 
     def activate(self) -> None:
-        """Start timers."""
+        """Start timers; ValueError refuses the activation with its message."""
 
     def deactivate(self) -> None:
         """Bring what moves to a stop; timers are stopped by the base."""
@@ -92,13 +96,30 @@ class ManagedNode(LifecycleNode):
         """Return the node clock's time in seconds."""
         return seconds_from_stamp(self.get_clock().now().to_msg())
 
-    def every(self, period_s: float, callback: Callable[[], None]) -> None:
-        """Call `callback` every `period_s` of node time until deactivation."""
-        self._timers.append(self.create_timer(period_s, callback))
+    def every(self, period_s: float, callback: Callable[[float], None]) -> Schedule:
+        """Call `callback(t_s)` for every instant of a grid of node time until deactivation; return the grid."""
+        schedule = Schedule(self.now_s(), period_s)
+
+        def fire() -> None:
+            for t_s in schedule.due(self.now_s()):
+                callback(t_s)
+
+        self._active_timers.append(self.create_timer(period_s, fire))
+        return schedule
 
     def turn(self) -> float:
-        """Do what is due between two events; return how many seconds to wait for the next event at most."""
-        return 0.5
+        """Do what is due between two events; return how many seconds to wait for the next event at most.
+
+        A signal is noticed between two events, so the wait bounds the time to react to it.
+        """
+        return 0.2
+
+    def end(self) -> None:
+        """Deactivate if active; called once before the process ends."""
+        if self._state_name == "active":
+            self.deactivate()
+            self._state_name = "finalized"
+        self._clear()
 
     def listen(
         self, message_type: Any, topic: str, callback: Callable[[Any], None], qos: Any, *, raw: bool = False
@@ -107,6 +128,10 @@ class ManagedNode(LifecycleNode):
         if not raw and hasattr(message_type, "sequence"):
             callback = self.losses.watching(topic, callback)
         self._inputs.append(self.create_subscription(message_type, topic, callback, qos, raw=raw))
+
+    def serve(self, service_type: Any, name: str, callback: Callable[[Any, Any], Any]) -> None:
+        """Offer a service until cleanup."""
+        self._services_offered.append(self.create_service(service_type, name, callback))
 
     def stream(self, message_type: Any, topic: str, qos: Any) -> SequencedPublisher:
         """Create a publisher that numbers its messages."""
@@ -133,7 +158,15 @@ class ManagedNode(LifecycleNode):
         return super().on_configure(state)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        self.activate()
+        try:
+            if self.get_parameter("use_sim_time").value and self.get_clock().now().nanoseconds == 0:
+                raise ValueError("use_sim_time is set, but no time has been received on the clock topic")
+            self.activate()
+        except ValueError as error:
+            self._refusal = str(error)
+            self.get_logger().error(f"not activated: {error}")
+            self._stop_timers()
+            return TransitionCallbackReturn.FAILURE
         self._state_name = "active"
         return super().on_activate(state)
 
@@ -154,9 +187,9 @@ class ManagedNode(LifecycleNode):
         return super().on_shutdown(state)
 
     def _stop_timers(self) -> None:
-        for timer in self._timers:
+        for timer in self._active_timers:
             self.destroy_timer(timer)
-        self._timers.clear()
+        self._active_timers.clear()
 
     def _clear(self) -> None:
         self._stop_timers()
@@ -166,6 +199,9 @@ class ManagedNode(LifecycleNode):
         for publisher in self._outputs:
             self.destroy_publisher(publisher)
         self._outputs.clear()
+        for service in self._services_offered:
+            self.destroy_service(service)
+        self._services_offered.clear()
 
     def _state_health(self) -> Health:
         refusals = "; ".join(self.parameters.refusals) or self._refusal
@@ -185,8 +221,14 @@ def make_executor() -> Any:
 
 
 def run(node_type: Callable[[], Any]) -> None:
-    """Run one node until it is told to stop; a refused start prints one line and exits with 2."""
-    rclpy.init()
+    """Run one node until SIGINT or SIGTERM; an active node is deactivated first, so that motion ends under control.
+
+    A refused start prints one line and exits with 2.
+    """
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    asked: list[int] = []
+    for sign in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(sign, lambda number, _frame: asked.append(number))
     try:
         node = node_type()
     except (RuntimeError, ValueError) as error:
@@ -195,12 +237,9 @@ def run(node_type: Callable[[], Any]) -> None:
         sys.exit(2)
     executor = make_executor()
     executor.add_node(node)
-    try:
-        while rclpy.ok():
-            executor.spin_once(timeout_sec=node.turn())
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    finally:
-        executor.shutdown()
-        node.destroy_node()
-        rclpy.try_shutdown()
+    while not asked and rclpy.ok():
+        executor.spin_once(timeout_sec=node.turn())
+    node.end()
+    executor.shutdown()
+    node.destroy_node()
+    rclpy.try_shutdown()

@@ -58,7 +58,7 @@ class SimulationClock(ManagedNode):
         params: ClockParams = self.parameters.value("")
         streams = {topic: PacedStream(allowed_lag_s=lag_s) for topic, (_, lag_s) in PACED.items()}
         self._pacer = Pacer(start_s=params.start_s, tick_s=params.tick_s, speed=params.speed, streams=streams)
-        self._clock = self.publisher(Clock, "clock", STREAM)
+        self._output = self.publisher(Clock, "clock", STREAM)
         for topic, (message_type, _) in PACED.items():
             self.listen(message_type, topic, lambda raw, stream=streams[topic]: _note(stream, raw), STREAM, raw=True)
         self.diagnostics.add("pacing", self._health)
@@ -79,7 +79,7 @@ class SimulationClock(ManagedNode):
             return self._hold(wall_s)
         wait_s = self._pacer.wait_s(wall_s)
         if wait_s > 0.0:
-            return min(wait_s, 0.5)
+            return min(wait_s, 0.2)
         self._publish(self._pacer.advance(wall_s))
         return 0.0
 
@@ -90,7 +90,7 @@ class SimulationClock(ManagedNode):
         return HELD_PERIOD_S
 
     def _publish(self, t_s: float) -> None:
-        self._clock.publish(Clock(clock=stamp_from_seconds(t_s)))
+        self._output.publish(Clock(clock=stamp_from_seconds(t_s)))
 
     def _health(self) -> Health:
         pacer = self._pacer

@@ -88,6 +88,8 @@ def read_recording(path: Path | str, *, namespace: str | None = None) -> Recordi
         source = open_bag(path, stack)
         ours = {item.topic for item in source.connections if item.msgtype.startswith("rf_pointing_msgs/")}
         found = namespaces(ours or {item.topic for item in source.connections})
+        if not found:
+            raise ValueError("; ".join([f"path={path} holds no topic of an antenna", *source.problems]))
         chosen = _chosen(found, namespace, path)
         collector = Collector(source, chosen)
         topics = collector.topics()
@@ -107,8 +109,6 @@ def read_recording(path: Path | str, *, namespace: str | None = None) -> Recordi
 
 def _chosen(found: list[str], wanted: str | None, path: Path) -> str:
     names = ", ".join(name or "/" for name in found)
-    if not found:
-        raise ValueError(f"path={path} holds no topic of an antenna, such as tracking_status or joint_states")
     if wanted is None:
         if len(found) > 1:
             raise ValueError(f"path={path} holds several antennas ({names}); choose one by its namespace")

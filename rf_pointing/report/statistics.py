@@ -5,44 +5,38 @@ from datetime import UTC, datetime
 import numpy as np
 
 from rf_pointing.geometry import MDEG
-from rf_pointing.report.error_series import ErrorSeries, error_series, statistics_of
+from rf_pointing.report.analysis import Analysis
+from rf_pointing.report.error_series import ErrorSeries, statistics_of
 from rf_pointing.report.machine import commands, link, servo
 from rf_pointing.report.recording import Pass, Recording
 from rf_pointing.report.summary import (
     SCHEMA,
-    Acquisition,
     BagInfo,
+    Complaint,
     Headline,
     ModeInterval,
     ModeStatistics,
     NotRecorded,
     PassInfo,
     Summary,
-    Warning,
 )
-from rf_pointing.report.timeline import RF_MODES, TRACKING_MODES, Timeline, timeline
+from rf_pointing.report.timeline import TRACKING_MODES, Timeline
 from rf_pointing.report.traffic import latencies, topic_traffic
 
-__all__ = ["summarize", "tracked_pass", "utc"]
-
-_SETTLED_BEAMWIDTHS = 0.1
-_SETTLED_IN_A_ROW = 5
+__all__ = ["summarize", "utc"]
 
 
-def summarize(recording: Recording) -> Summary:
-    """Return the table of `recording`; what it cannot tell is None and named in `problems`."""
-    modes = timeline(recording)
-    errors = error_series(recording, modes)
+def summarize(analysis: Analysis) -> Summary:
+    """Return the table of a recording; what it cannot tell is None and named in `problems`."""
+    recording, modes, errors = analysis.recording, analysis.modes, analysis.errors
     traffic = topic_traffic(recording)
-    acquired_ns, acquired = _acquisition(recording, modes)
     lost = sum(row.lost or 0 for row in traffic) + sum(item.count for item in recording.not_recorded)
-    found = tracked_pass(recording, modes)
     return Summary(
         schema=SCHEMA,
         bag=_bag(recording),
-        target_pass=_pass_info(found) if found else None,
-        headline=_headline(errors, acquired_ns, lost),
-        acquisition=acquired,
+        target_pass=_pass_info(analysis.target_pass) if analysis.target_pass else None,
+        headline=_headline(errors, analysis.acquired_ns, lost),
+        acquisition=analysis.acquisition,
         modes=_mode_rows(errors, modes),
         timeline=_intervals(modes),
         link=link(recording, modes),
@@ -54,7 +48,7 @@ def summarize(recording: Recording) -> Summary:
             NotRecorded(topic=i.topic, count=i.count, first_lost_utc=utc(i.first_log_time_ns))
             for i in recording.not_recorded
         ],
-        warnings=[Warning(component=name, message=text, count=count) for name, text, count in recording.warnings],
+        warnings=[Complaint(component=name, message=text, count=count) for name, text, count in recording.warnings],
         problems=[*recording.problems, *_missing(recording, errors)],
     )
 
@@ -63,19 +57,6 @@ def utc(time_ns: int) -> str:
     """Return nanoseconds since 1970 as ISO 8601 UTC to the millisecond."""
     moment = datetime.fromtimestamp(time_ns // 10**9, UTC)
     return f"{moment:%Y-%m-%dT%H:%M:%S}.{time_ns % 10**9 // 10**6:03d}Z"
-
-
-def tracked_pass(recording: Recording, modes: Timeline | None) -> Pass | None:
-    """Return the announced pass that overlaps the tracking most, None when no announced one does."""
-    if modes is None:
-        return None
-    spans = [(i.start_ns, i.end_ns) for i in modes.intervals() if i.mode in TRACKING_MODES]
-
-    def overlap_ns(item: Pass) -> int:
-        return sum(max(0, min(end, item.los_ns) - max(start, item.aos_ns)) for start, end in spans)
-
-    best = max(recording.passes, key=overlap_ns, default=None)
-    return best if best is not None and overlap_ns(best) > 0 else None
 
 
 def _bag(recording: Recording) -> BagInfo:
@@ -106,40 +87,6 @@ def _pass_info(item: Pass) -> PassInfo:
         los_utc=utc(item.los_ns),
         peak_elevation_deg=float(np.degrees(item.peak_elevation_rad)),
     )
-
-
-def _acquisition(recording: Recording, modes: Timeline | None) -> tuple[int | None, Acquisition]:
-    """Return the stamp of the first settled sensor error, and the times from AOS.
-
-    Settled: while a sensor closes the loop, the first of five successive valid errors below a tenth of a beamwidth.
-    """
-    sensed = recording.get("pointing_error")
-    begin, name = _begin(recording, modes)
-    if sensed is None or sensed.stamp_ns is None or modes is None or begin is None:
-        nothing = Acquisition(measured_from=name, first_valid_s=None, settled_s=None, settled_below_mdeg=None)
-        return None, nothing
-    order = np.argsort(sensed.stamp_ns, kind="stable")
-    order = order[sensed["valid"][order] & (sensed.stamp_ns[order] >= begin)]
-    stamps = sensed.stamp_ns[order]
-    limit = _SETTLED_BEAMWIDTHS * modes.beamwidth_rad_at(stamps)
-    small = np.hypot(sensed["cross_elevation"], sensed["elevation"])[order] < limit
-    small &= np.isin(modes.mode_at(stamps), RF_MODES)
-    run = np.convolve(small, np.ones(_SETTLED_IN_A_ROW, dtype=np.int64), mode="valid") if len(small) else small
-    settled = stamps[np.flatnonzero(run == _SETTLED_IN_A_ROW)[:1]]
-    return (int(settled[0]) if len(settled) else None), Acquisition(
-        measured_from=name,
-        first_valid_s=float(stamps[0] - begin) * 1e-9 if len(stamps) else None,
-        settled_s=float(settled[0] - begin) * 1e-9 if len(settled) else None,
-        settled_below_mdeg=float(limit[0] / MDEG) if len(limit) else None,
-    )
-
-
-def _begin(recording: Recording, modes: Timeline | None) -> tuple[int | None, str]:
-    found = tracked_pass(recording, modes)
-    if found is not None:
-        return found.aos_ns, "acquisition of signal"
-    spans = modes.intervals() if modes is not None else []
-    return next((i.start_ns for i in spans if i.mode in TRACKING_MODES), None), "start of tracking"
 
 
 def _headline(errors: ErrorSeries | None, acquired_ns: int | None, lost: int) -> Headline:

@@ -15,6 +15,7 @@ __all__ = [
     "AxisLimits",
     "BagInfo",
     "Commands",
+    "Complaint",
     "ErrorStatistics",
     "Headline",
     "Latency",
@@ -27,7 +28,6 @@ __all__ = [
     "Spread",
     "Summary",
     "TopicTraffic",
-    "Warning",
     "to_json",
 ]
 
@@ -218,7 +218,7 @@ class NotRecorded:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Warning:
+class Complaint:
     """What a component said on /diagnostics above OK."""
 
     component: str
@@ -243,7 +243,7 @@ class Summary:
     topics: list[TopicTraffic]
     latency: list[Latency]
     not_recorded: list[NotRecorded]
-    warnings: list[Warning]
+    warnings: list[Complaint]
     problems: list[str]
 
 

@@ -101,15 +101,16 @@ def latencies(recording: Recording) -> list[Latency]:
 
 
 def _transit_ns(cause: TopicData, effect: TopicData, sensor: str) -> Ints:
-    """Reception of each effect after that of the newest cause whose stamp is not later, at most a period older."""
+    """Reception of each effect after that of the newest cause whose stamp is not later, less than a period older."""
     assert cause.stamp_ns is not None
     assert effect.stamp_ns is not None
     order = np.argsort(cause.stamp_ns, kind="stable")
     stamps, logs = cause.stamp_ns[order], cause.log_time_ns[order]
     index = np.searchsorted(stamps, effect.stamp_ns + _STAMP_TOLERANCE_NS, side="right") - 1
     steps = np.diff(stamps)
-    period = float(np.median(steps)) if len(steps) else 0.0
-    linked = (index >= 0) & (effect.stamp_ns - stamps[index] <= period)
+    # One period older would be the cause of the effect before: this one's own was lost.
+    reach = float(np.median(steps)) - _STAMP_TOLERANCE_NS if len(steps) else _STAMP_TOLERANCE_NS
+    linked = (index >= 0) & (effect.stamp_ns - stamps[index] < reach)
     if sensor:
         linked &= effect["sensor"] == sensor
     return (effect.log_time_ns - logs[index])[linked]

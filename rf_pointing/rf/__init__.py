@@ -2,7 +2,16 @@
 
 from rf_pointing.rf.atmosphere import AtmosphereParams, air_mass, atmosphere_loss_db
 from rf_pointing.rf.beam import HALF_POWER_BEAMWIDTH_RAD, MU, Beam, BeamParams
+from rf_pointing.rf.disturbances import (
+    DropoutParams,
+    Dropouts,
+    InterferenceParams,
+    SpinParams,
+    interference_volts,
+    spin_gain_db,
+)
 from rf_pointing.rf.feed import FeedVoltages, MonopulseFeed, MonopulseFeedParams
+from rf_pointing.rf.hemt import REFERENCE_K, HemtParams, TwoPortNoise, cascade_noise_k
 from rf_pointing.rf.link import EirpParams, Link, LinkParams, free_space_loss_db, zenith_carrier_to_noise_db_hz
 from rf_pointing.rf.noise import BOLTZMANN_J_K, NoiseParams, system_noise_k
 from rf_pointing.rf.receiver import Receiver, ReceiverParams, ReceiverState
@@ -11,11 +20,16 @@ __all__ = [
     "BOLTZMANN_J_K",
     "HALF_POWER_BEAMWIDTH_RAD",
     "MU",
+    "REFERENCE_K",
     "AtmosphereParams",
     "Beam",
     "BeamParams",
+    "DropoutParams",
+    "Dropouts",
     "EirpParams",
     "FeedVoltages",
+    "HemtParams",
+    "InterferenceParams",
     "Link",
     "LinkParams",
     "MonopulseFeed",
@@ -24,9 +38,14 @@ __all__ = [
     "Receiver",
     "ReceiverParams",
     "ReceiverState",
+    "SpinParams",
+    "TwoPortNoise",
     "air_mass",
     "atmosphere_loss_db",
+    "cascade_noise_k",
     "free_space_loss_db",
+    "interference_volts",
+    "spin_gain_db",
     "system_noise_k",
     "zenith_carrier_to_noise_db_hz",
 ]

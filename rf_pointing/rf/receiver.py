@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.geometry import CarrierPower, MonopulseCluster, Params, as_finite_array, parameter, require_between
 from rf_pointing.rf.beam import Beam
+from rf_pointing.rf.disturbances import InterferenceParams, interference_volts
 from rf_pointing.rf.feed import MonopulseFeed
 from rf_pointing.rf.noise import BOLTZMANN_J_K
 
@@ -50,12 +51,18 @@ class Receiver:
     """Sum and difference channels behind `feed`, carrier power behind `beam`; all noise comes from `rng`."""
 
     def __init__(
-        self, params: ReceiverParams, beam: Beam | MonopulseFeed, feed: MonopulseFeed, rng: np.random.Generator
+        self,
+        params: ReceiverParams,
+        beam: Beam | MonopulseFeed,
+        feed: MonopulseFeed,
+        rng: np.random.Generator,
+        interference: InterferenceParams | None = None,
     ) -> None:
         self.params = params
         self.beam = beam
         self.feed = feed
         self.rng = rng
+        self.interference = interference
         self.state = ReceiverState()
 
     def cluster(
@@ -79,6 +86,8 @@ class Receiver:
         require_between("sample_s", sample_s, 1e-6, None)
         carrier = _amplitude(carrier_to_noise_db_hz) * np.exp(1j * self._advance_phase(times))
         channels = carrier * np.stack(self.feed.voltages(x, y)) + self._channel_noise(len(times), sample_s)
+        if self.interference is not None:
+            channels += interference_volts(self.interference, times, sample_s)
         gain = self._advance_gain(channels[0], sample_s)
         measured_db_hz = self._measure_carrier_to_noise(channels, sample_s)
         total, right, up = gain * channels
@@ -105,6 +114,8 @@ class Receiver:
         require_between("integration_s", integration_s, 1e-6, None)
         pattern = np.sqrt(self.beam.power_gain(offset_cross_elevation_rad, offset_elevation_rad))
         amplitude = float(np.mean(_amplitude(carrier_to_noise_db_hz) * pattern))
+        if self.interference is not None:
+            amplitude += float(interference_volts(self.interference, np.array([t_s]), integration_s)[0, 0].real)
         arm = amplitude + self.rng.standard_normal() * math.sqrt(0.5 / integration_s)
         # The square of the arm contains its own noise power; a power meter never reads below zero.
         ratio_hz = max(arm**2 - 0.5 / integration_s, 0.0)

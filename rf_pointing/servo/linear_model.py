@@ -130,12 +130,10 @@ def _fill_mode(mode: _Mode, position: int, rate: int, a: Array, b: Array) -> Non
 
 
 def _modes(params: PlantParams) -> list[_Mode]:
-    azimuth = _axis_modes(params.azimuth, 0, (1.0, params.azimuth_modes_in_elevation))
-    elevation = _axis_modes(params.elevation, 1, (params.elevation_modes_in_azimuth, 1.0))
-    first = elevation[0]
     factor = params.pinion_factor
     bending = (factor * params.azimuth_to_bending, factor)
-    elevation[0] = _Mode(first.name, first.omega_rad_s, first.damping, bending, first.encoder, first.beam)
+    azimuth = _axis_modes("azimuth", params.azimuth, params.azimuth_modes_in_elevation, (1.0, 0.0))
+    elevation = _axis_modes("elevation", params.elevation, params.elevation_modes_in_azimuth, (0.0, 1.0), bending)
     cross = _Mode(
         "cross",
         2.0 * math.pi * params.cross_mode_frequency_hz,
@@ -147,20 +145,22 @@ def _modes(params: PlantParams) -> list[_Mode]:
     return [*azimuth, *elevation, cross, _gear(params.azimuth, 0), _gear(params.elevation, 1)]
 
 
-def _axis_modes(axis: AxisParams, own: int, seen: tuple[float, float]) -> list[_Mode]:
-    name = ("azimuth", "elevation")[own]
-    excitation = (1.0, 0.0) if own == 0 else (0.0, 1.0)
-    return [
-        _Mode(
-            f"{name}_mode{index + 1}",
-            2.0 * math.pi * axis.mode_frequency_hz[index],
-            axis.mode_damping[index],
-            excitation,
-            (seen[0] * axis.mode_encoder_residue[index], seen[1] * axis.mode_encoder_residue[index]),
-            (seen[0] * axis.mode_beam_residue[index], seen[1] * axis.mode_beam_residue[index]),
-        )
-        for index in range(len(axis.mode_frequency_hz))
-    ]
+def _axis_modes(
+    name: str,
+    axis: AxisParams,
+    cross: tuple[float, ...],
+    excitation: tuple[float, float],
+    first: tuple[float, float] | None = None,
+) -> list[_Mode]:
+    """Return the modes of one axis; `first` is the excitation of its first mode where it differs."""
+    modes = []
+    for index, frequency in enumerate(axis.mode_frequency_hz):
+        own = axis.mode_encoder_residue[index], axis.mode_beam_residue[index]
+        encoder, beam = ((seen, cross[index]) if name == "azimuth" else (cross[index], seen) for seen in own)
+        excited = first if first is not None and index == 0 else excitation
+        omega, damping = 2.0 * math.pi * frequency, axis.mode_damping[index]
+        modes.append(_Mode(f"{name}_mode{index + 1}", omega, damping, excited, encoder, beam))
+    return modes
 
 
 def _gear(axis: AxisParams, own: int) -> _Mode:

@@ -98,11 +98,11 @@ class PlantParams(Params):
     azimuth_to_bending: float = parameter(
         description="excitation of the bending mode by azimuth, relative to elevation", low=-1.0, high=1.0
     )
-    azimuth_modes_in_elevation: float = parameter(
-        description="azimuth modes in the elevation outputs, relative to azimuth", low=-1.0, high=1.0
+    azimuth_modes_in_elevation: tuple[float, ...] = parameter(
+        description="residues of the azimuth modes in encoder and beam of elevation", low=-1.0, high=1.0
     )
-    elevation_modes_in_azimuth: float = parameter(
-        description="elevation modes in the azimuth outputs, relative to elevation", low=-1.0, high=1.0
+    elevation_modes_in_azimuth: tuple[float, ...] = parameter(
+        description="residues of the elevation modes in encoder and beam of azimuth", low=-1.0, high=1.0
     )
     cross_mode_frequency_hz: float = parameter(
         description="mode that azimuth excites and only elevation shows", low=1e-3, high=200.0
@@ -112,10 +112,15 @@ class PlantParams(Params):
     substep_s: float = parameter(description="longest internal integration step", low=1e-5, high=0.05)
 
     def check_together(self) -> None:
-        """Refuse an axis that is not a parameter set."""
-        for name in ("azimuth", "elevation"):
-            if not isinstance(getattr(self, name), AxisParams):
-                raise ValueError(f"{name}={getattr(self, name)!r} must be AxisParams")
+        """Refuse an axis that is not a parameter set, and cross residues that do not match its modes."""
+        for name, other in (("azimuth", "elevation"), ("elevation", "azimuth")):
+            axis, cross = getattr(self, name), f"{name}_modes_in_{other}"
+            if not isinstance(axis, AxisParams):
+                raise ValueError(f"{name}={axis!r} must be AxisParams")
+            if len(getattr(self, cross)) != len(axis.mode_frequency_hz):
+                raise ValueError(
+                    f"{cross} has {len(getattr(self, cross))} values, {name} has {len(axis.mode_frequency_hz)} modes"
+                )
 
     @property
     def pinion_factor(self) -> float:

@@ -111,7 +111,7 @@ def simulate_pass(setup: StationSetup, window: Pass, start_t_s: float, sensor: s
     every = round(period_s / tick_s)
     antenna.enable()
     log = PassLog()
-    controller.take_joints(antenna.step(start_t_s)[0])
+    controller.take_joints(antenna.reading(start_t_s))
     controller.start(start_t_s, window, sensor)
     mode = controller.state.mode
     for tick in range(1, round((window.los_t_s - start_t_s) / tick_s)):

@@ -145,12 +145,15 @@ class SimulatedAntenna:
         self._rejection = reason
         return reason
 
+    def reading(self, t_s: float) -> JointReading:
+        """Return the encoders as they stand, stamped `t_s`."""
+        return JointReading(t_s=t_s, position_rad=self._plant.encoder_rad, velocity_rad_s=self._plant.velocity_rad_s)
+
     def step(self, t_s: float) -> tuple[JointReading, Boresight]:
         """Return encoder reading and true boresight at `t_s`, then advance by one tick."""
-        velocity = self._plant.velocity_rad_s
-        measured = self._plant.encoder_rad
-        reading = JointReading(t_s=t_s, position_rad=measured, velocity_rad_s=velocity)
-        boresight = self._boresight(t_s, velocity)
+        reading = self.reading(t_s)
+        measured = reading.position_rad
+        boresight = self._boresight(t_s, reading.velocity_rad_s)
         torque = self._wind.step(self.params.tick_s, boresight.azimuth_rad, boresight.elevation_rad)
         self._rate_command = self._rates(t_s, measured) if self._mode != "inactive" else np.zeros(2)
         self._plant.step(self._rate_command, torque, self.params.tick_s)

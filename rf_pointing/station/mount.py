@@ -13,7 +13,7 @@ from rf_pointing.geometry import Params, parameter
 __all__ = ["MountError", "MountParams"]
 
 Array = NDArray[np.float64]
-RENEWAL_S = 0.1
+RENEWAL_S = 0.5
 LIMIT_RAD = math.radians(5.0)
 LIMIT_S = 10.0
 

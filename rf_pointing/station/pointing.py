@@ -84,7 +84,7 @@ class PointingController:
         self._joints: JointReading | None = None
         self._error: PointingError | None = None
         self._pass: Pass | None = None
-        self._turns_rad = 0.0
+        self._turns_rad: float | None = None
         self._centre: dict[int, Array] = {}
         self._beam = BeamPosition()
         self._stopping = ""
@@ -121,25 +121,19 @@ class PointingController:
             self._error = error
 
     def start(self, t_s: float, window: Pass, sensor: str) -> None:
-        """Begin to track a pass; the antenna moves to its start at the next period.
+        """Begin to track a pass; the antenna moves to its start at the next period that knows the axes' position.
 
         Raises
         ------
         ValueError
-            When no joint reading has arrived, the pass is over, another one is tracked, or it does not fit the limits.
+            When the pass is over, another one is tracked, or it does not fit the limits.
         """
         require_choice("sensor", sensor, SENSOR_CHOICES)
         if self._pass is not None:
             raise ValueError(f"{self._pass.name} is being tracked until its loss of signal; cancel that first")
-        if self._joints is None:
-            raise ValueError("joint_states: none received, the position of the antenna is unknown")
         if t_s >= window.los_t_s:
             raise ValueError(f"the pass of {window.name} ended {t_s - window.los_t_s:.0f} s ago")
-        low, high = window.azimuth_min_rad, window.azimuth_max_rad
-        self._turns_rad = 2.0 * math.pi * choose_turns(self.limits, low, high, float(self._joints.position_rad[0]))
-        refused = refusal(self.limits, window.aos_azimuth_rad + self._turns_rad, window.peak_elevation_rad)
-        if refused:
-            raise ValueError(refused)
+        self._turns_rad = None if self._joints is None else self._choose_turn(window, self._joints)
         self._pass, self._error, self._stopping = window, None, ""
         self._targets.clear()
         self._centre.clear()
@@ -156,10 +150,17 @@ class PointingController:
 
     def step(self, t_s: float) -> tuple[JointTrajectory | None, TrackingStatus]:
         """Return the trajectory issued at `t_s`, None when nothing is commanded, and the status at `t_s`."""
-        if self._pass is None or self._joints is None:
+        if self._pass is None:
             return None, self._status(t_s)
         if not self._stopping and t_s >= self._pass.los_t_s:
             self._stopping = "loss of signal"
+        if self._turns_rad is None and not self._stopping:
+            if self._joints is None:
+                return None, self._status(t_s)
+            try:
+                self._turns_rad = self._choose_turn(self._pass, self._joints)
+            except ValueError as refused:
+                self._stopping = str(refused)
         self._advance_table(t_s)
         if not self._stopping and self.state.mode == "idle":
             self._stopping = self.state.reason
@@ -171,6 +172,14 @@ class PointingController:
         status = self._status(t_s)
         self.tally.count(self.params.period_s, status.mode, self._fresh_error(t_s), t_s >= self._pass.aos_t_s)
         return trajectory, status
+
+    def _choose_turn(self, window: Pass, joints: JointReading) -> float:
+        low, high, present = window.azimuth_min_rad, window.azimuth_max_rad, float(joints.position_rad[0])
+        turns_rad = 2.0 * math.pi * choose_turns(self.limits, low, high, present)
+        refused = refusal(self.limits, window.aos_azimuth_rad + turns_rad, window.peak_elevation_rad)
+        if refused:
+            raise ValueError(refused)
+        return turns_rad
 
     def _advance_table(self, t_s: float) -> None:
         assert self._pass is not None
@@ -227,25 +236,30 @@ class PointingController:
     def _axes(self, sky: Motion) -> Motion:
         """Return the axis motion that holds the beam on an apparent direction, on the turn chosen for the pass."""
         assert self._pass is not None
+        assert self._turns_rad is not None
         position, velocity, acceleration = self._model.apply_moving(*sky)
         middle = 0.5 * (self._pass.azimuth_min_rad + self._pass.azimuth_max_rad)
         fold = nearest_turn_rad(float(position[0, 0]), middle) - float(position[0, 0])
         return Motion(position + np.array([fold + self._turns_rad, 0.0]), velocity, acceleration)
 
     def _finish(self, t_s: float) -> tuple[JointTrajectory | None, TrackingStatus]:
-        assert self._joints is not None
-        reason, mode = self._stopping, self.state.mode
+        reason = self._stopping
+        self.tally.end(reason, self.state.mode)
+        self._pass = None
+        self.state = AutotrackState(entered_s=t_s, reason=reason)
+        return self._halt(t_s), self._status(t_s)
+
+    def _halt(self, t_s: float) -> JointTrajectory | None:
+        """Return one point at rest, where the axes can stop; None when their motion is unknown."""
+        if self._joints is None:
+            return None
         rate = self._joints.velocity_rad_s
         position = self._joints.position_rad + rate * np.abs(rate) / (2.0 * self.params.stop_deceleration_rad_s2)
         still = np.zeros((1, 2))
         times = np.array([t_s + self.params.transport_s])
-        halt = JointTrajectory(
+        return JointTrajectory(
             t_s=times, position_rad=position[None, :], velocity_rad_s=still, acceleration_rad_s2=still
         )
-        self.tally.end(reason, mode)
-        self._pass = None
-        self.state = AutotrackState(entered_s=t_s, reason=reason)
-        return halt, self._status(t_s)
 
     def _fresh_error(self, t_s: float) -> PointingError | None:
         error = self._error

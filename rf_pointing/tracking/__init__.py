@@ -3,7 +3,10 @@
 from rf_pointing.tracking.autotrack import TRANSITIONS, Autotrack, transition_diagram, transition_table
 from rf_pointing.tracking.autotrack_state import AutotrackInputs, AutotrackParams, AutotrackState
 from rf_pointing.tracking.conscan import ConscanState, ConscanTracker
+from rf_pointing.tracking.conscan_delay import DelayEstimate, DelayEstimator, DelayParams, DelayState
+from rf_pointing.tracking.conscan_design import ScanDesign, ScanDesignParams, design_scan, radius_for_loss_rad
 from rf_pointing.tracking.conscan_equations import (
+    MU,
     conscan_loss,
     conscan_sigma_eq20_rad,
     conscan_sigma_eq21_rad,
@@ -12,31 +15,66 @@ from rf_pointing.tracking.conscan_equations import (
     conscan_slope,
 )
 from rf_pointing.tracking.conscan_likelihood import BeamDesign, LikelihoodFit, beam_design, fit_beam
+from rf_pointing.tracking.conscan_linear import ConscanEstimate, linear_errors_rad, linear_estimate
 from rf_pointing.tracking.conscan_parameters import ConscanParams
+from rf_pointing.tracking.conscan_window import ConscanWindow
+from rf_pointing.tracking.lock_watch import LockWatch, LockWatchParams, LockWatchState
 from rf_pointing.tracking.monopulse import MonopulseParams, MonopulseTracker
 from rf_pointing.tracking.monopulse_calibration import MonopulseCalibration
+from rf_pointing.tracking.monopulse_scan import (
+    CalibrationFit,
+    MonopulseCalibrator,
+    MonopulseScanParams,
+    MonopulseScanState,
+)
 from rf_pointing.tracking.scan import Offset, ScanParams, circle_offset
 from rf_pointing.tracking.spin import spin_columns, spin_period_s
 from rf_pointing.tracking.spiral import SpiralParams, SpiralSearch
+from rf_pointing.tracking.steptrack import StepTracker, StepTrackParams, StepTrackState
+from rf_pointing.tracking.trim import SkyMotion, Trim, TrimFilter, TrimParams, TrimState, direction_rows
 
 __all__ = [
+    "MU",
     "TRANSITIONS",
     "Autotrack",
     "AutotrackInputs",
     "AutotrackParams",
     "AutotrackState",
     "BeamDesign",
+    "CalibrationFit",
+    "ConscanEstimate",
     "ConscanParams",
     "ConscanState",
     "ConscanTracker",
+    "ConscanWindow",
+    "DelayEstimate",
+    "DelayEstimator",
+    "DelayParams",
+    "DelayState",
     "LikelihoodFit",
+    "LockWatch",
+    "LockWatchParams",
+    "LockWatchState",
     "MonopulseCalibration",
+    "MonopulseCalibrator",
     "MonopulseParams",
+    "MonopulseScanParams",
+    "MonopulseScanState",
     "MonopulseTracker",
     "Offset",
+    "ScanDesign",
+    "ScanDesignParams",
     "ScanParams",
+    "SkyMotion",
     "SpiralParams",
     "SpiralSearch",
+    "StepTrackParams",
+    "StepTrackState",
+    "StepTracker",
+    "Trim",
+    "TrimFilter",
+    "TrimParams",
+    "TrimState",
     "beam_design",
     "circle_offset",
     "conscan_loss",
@@ -45,7 +83,12 @@ __all__ = [
     "conscan_sigma_eq23_rad",
     "conscan_sigma_eq25_rad",
     "conscan_slope",
+    "design_scan",
+    "direction_rows",
     "fit_beam",
+    "linear_errors_rad",
+    "linear_estimate",
+    "radius_for_loss_rad",
     "spin_columns",
     "spin_period_s",
     "transition_diagram",

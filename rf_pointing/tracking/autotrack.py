@@ -4,6 +4,7 @@ All transitions and their guards are the rows of `TRANSITIONS`, tried from the t
 taken, one per tick.  `step` is pure: the same state and inputs give the same state.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -44,7 +45,12 @@ def _monopulse_ready(params: AutotrackParams, state: AutotrackState, inputs: Aut
 
 
 def _conscan_ready(params: AutotrackParams, state: AutotrackState, inputs: AutotrackInputs) -> bool:
-    return _may_use(params, "conscan") and state.carrier and not _monopulse_ready(params, state, inputs)
+    return _may_use(params, "conscan") and state.carrier and _past_peak(params, state, inputs)
+
+
+def _past_peak(params: AutotrackParams, state: AutotrackState, inputs: AutotrackInputs) -> bool:
+    """Outside a search always true; in it, once the level has fallen from its peak: the beam was over the target."""
+    return state.mode != "search" or inputs.carrier_to_noise_db_hz < state.peak_db_hz - params.search_drop_db
 
 
 def _impatient(params: AutotrackParams, state: AutotrackState, inputs: AutotrackInputs) -> bool:
@@ -68,14 +74,19 @@ TRANSITIONS = (
         lambda p, s, _i: not s.strong and _may_use(p, "conscan"),
     ),
     Transition(("monopulse",), "coast", "the errors stay invalid", _impatient),
+    Transition(("conscan",), "search", "the errors stay invalid", _impatient),
     Transition(
         ("program_track", "search", "coast", "conscan"), "monopulse",
         "the carrier is strong and the monopulse error valid", _monopulse_ready,
     ),
-    Transition(("program_track", "search", "coast"), "conscan", "there is a carrier for conscan", _conscan_ready),
     Transition(
-        ("program_track", "search", "coast"), "steptrack", "there is a carrier for steptrack",
-        lambda p, s, _i: _may_use(p, "steptrack") and s.carrier,
+        ("program_track", "search", "coast"), "conscan",
+        "there is a carrier for conscan (in a search: past its peak)", _conscan_ready,
+    ),
+    Transition(
+        ("program_track", "search", "coast"), "steptrack",
+        "there is a carrier for steptrack (in a search: past its peak)",
+        lambda p, s, i: _may_use(p, "steptrack") and s.carrier and _past_peak(p, s, i),
     ),
     Transition(
         ("coast",), "search", "the coasting time is over", lambda p, s, i: _elapsed(s, i) > p.coast_s,
@@ -106,7 +117,10 @@ class Autotrack:
         for row in TRANSITIONS:
             if seen.mode in row.sources and row.guard(self.params, seen, inputs):
                 reason = inputs.fault if row.target == "hand_back" else row.when
-                return replace(seen, mode=row.target, entered_s=inputs.t_s, reason=reason, invalid_since_s=None)
+                return replace(
+                    seen, mode=row.target, entered_s=inputs.t_s, reason=reason, invalid_since_s=None,
+                    peak_db_hz=-math.inf if row.target == "search" else seen.peak_db_hz,
+                )  # fmt: skip
         return seen
 
 
@@ -117,9 +131,12 @@ def _observe(params: AutotrackParams, state: AutotrackState, inputs: AutotrackIn
     since = (inputs.t_s if state.carrier_since_s is None else state.carrier_since_s) if present else None
     carrier = since is not None and (state.carrier or inputs.t_s - since >= params.confirm_s)
     strong = carrier and level >= (params.monopulse_off_db_hz if state.strong else params.monopulse_on_db_hz)
-    doubtful = state.mode == "monopulse" and not inputs.monopulse_valid
-    invalid = (inputs.t_s if state.invalid_since_s is None else state.invalid_since_s) if doubtful else None
-    return replace(state, carrier=carrier, strong=strong, carrier_since_s=since, invalid_since_s=invalid)
+    valid = {"monopulse": inputs.monopulse_valid, "conscan": inputs.conscan_valid}.get(state.mode, True)
+    invalid = (inputs.t_s if state.invalid_since_s is None else state.invalid_since_s) if not valid else None
+    seen = replace(state, carrier=carrier, strong=strong, carrier_since_s=since, invalid_since_s=invalid)
+    if state.mode == "search" and level > state.peak_db_hz:
+        return replace(seen, peak_db_hz=level, peak_s=inputs.t_s)
+    return seen
 
 
 def transition_table() -> str:

@@ -25,6 +25,7 @@ class AutotrackParams(Params):
     patience_s: float = parameter(1.0, "time of invalid errors after which monopulse is left", low=0.0, high=60.0)
     coast_s: float = parameter(5.0, "time on the trimmed ephemeris before a search", low=0.0, high=600.0)
     settle_s: float = parameter(3.0, "time on program track without a carrier before a search", low=0.0, high=600.0)
+    search_drop_db: float = parameter(3.0, "fall of C/N0 from its peak that ends a search", low=0.5, high=20.0)
     search_s: float = parameter(60.0, "longest search", low=0.1, high=3600.0)
     hold_s: float = parameter(5.0, "time in hand back before the sensors are trusted again", low=0.0, high=600.0)
 
@@ -45,6 +46,7 @@ class AutotrackInputs:
     """What is known at one tick.
 
     `request` is idle, track or stow.  `carrier_to_noise_db_hz` is the receiver's own, -inf for none or a stale one.
+    `conscan_valid` is that of the last conscan estimate, true before the first one.
     `fault` is why the sensor in use must not be trusted (sidelobe, sign flip), empty if it may be.
     """
 
@@ -54,6 +56,7 @@ class AutotrackInputs:
     on_target: bool
     carrier_to_noise_db_hz: float = -math.inf
     monopulse_valid: bool = False
+    conscan_valid: bool = True
     fault: str = ""
 
     def __post_init__(self) -> None:
@@ -65,7 +68,11 @@ class AutotrackInputs:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AutotrackState:
-    """Mode, when and why it was entered, and what the gates remember."""
+    """Mode, when and why it was entered, and what the gates remember.
+
+    `peak_db_hz` is the largest C/N0 of the running search and `peak_s` its time: where the beam was then is where to
+    go.
+    """
 
     mode: str = "idle"
     entered_s: float = 0.0
@@ -74,6 +81,8 @@ class AutotrackState:
     strong: bool = False
     carrier_since_s: float | None = None
     invalid_since_s: float | None = None
+    peak_db_hz: float = -math.inf
+    peak_s: float | None = None
 
     @property
     def integrating(self) -> bool:

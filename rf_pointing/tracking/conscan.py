@@ -1,7 +1,8 @@
 """Conscan tracker: carrier power samples and true beam positions in, pointing errors of the scan's origin out.
 
-The estimate uses the positions where the beam really was (encoders at the samples' times), so the scan need be neither
-uniform nor complete.  Any origin that moves with the target will do: the scan centre, or the predicted direction.
+The estimate uses the positions where the beam really was (encoders at the samples' times), so the scan need be
+neither uniform nor complete.  Any origin that moves with the target will do: the scan centre, or the predicted
+direction.
 """
 
 import math

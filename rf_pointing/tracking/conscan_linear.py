@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rf_pointing.tracking.conscan_equations import MU
 from rf_pointing.tracking.conscan_window import ConscanWindow
 
-__all__ = ["ConscanEstimate", "linear_estimate"]
+__all__ = ["ConscanEstimate", "linear_errors_rad", "linear_estimate"]
 
 Array = NDArray[np.float64]
 
@@ -28,13 +28,27 @@ class ConscanEstimate(NamedTuple):
 
 def linear_estimate(window: ConscanWindow, half_power_beamwidth_rad: float, radius_rad: float) -> ConscanEstimate:
     """Return the weighted least-squares estimate of eqs. (13)-(18); it means something only where the power is > 0."""
-    x, y = window.beam_cross_elevation_rad / radius_rad, window.beam_elevation_rad / radius_rad
-    shape = MU * (radius_rad / half_power_beamwidth_rad) ** 2
-    rows = np.exp(-shape * (x**2 + y**2 - 1.0)) * np.stack([np.ones_like(x), x, y])
+    rows = _rows(window, half_power_beamwidth_rad, radius_rad)
     weighted = rows / window.sigma_w**2
-    normal = weighted @ rows.T
-    variance = np.linalg.inv(normal)
+    variance = np.linalg.inv(weighted @ rows.T)
     mean, right, up = variance @ (weighted @ window.power_w)
     scale = half_power_beamwidth_rad**2 / (2.0 * MU * radius_rad)
     jacobian = scale / mean * np.array([[-right / mean, 1.0, 0.0], [-up / mean, 0.0, 1.0]])
     return ConscanEstimate(scale / mean * np.array([right, up]), jacobian @ variance @ jacobian.T, float(mean))
+
+
+def linear_errors_rad(
+    window: ConscanWindow, power_w: Array, half_power_beamwidth_rad: float, radius_rad: float
+) -> Array:
+    """Return the errors (runs, 2) of many runs `power_w` (runs, n) at the positions and sigmas of one window."""
+    rows = _rows(window, half_power_beamwidth_rad, radius_rad)
+    weighted = rows / window.sigma_w**2
+    solution = power_w @ (np.linalg.inv(weighted @ rows.T) @ weighted).T
+    scale = half_power_beamwidth_rad**2 / (2.0 * MU * radius_rad)
+    return np.asarray(scale * solution[:, 1:] / solution[:, :1])
+
+
+def _rows(window: ConscanWindow, half_power_beamwidth_rad: float, radius_rad: float) -> Array:
+    x, y = window.beam_cross_elevation_rad / radius_rad, window.beam_elevation_rad / radius_rad
+    shape = MU * (radius_rad / half_power_beamwidth_rad) ** 2
+    return np.asarray(np.exp(-shape * (x**2 + y**2 - 1.0)) * np.stack([np.ones_like(x), x, y]))

@@ -14,11 +14,14 @@ SOURCE = IersEarthOrientation()
 
 
 def test_vallados_published_day_is_reproduced() -> None:
-    """AIAA 2006-6753 appendix C: 2004-04-06, UT1-UTC -0.439962 s, pole -0.140857, 0.333093 arcsec (series of 2006)."""
+    """AIAA 2006-6753 appendix C: 2004-04-06, UT1-UTC -0.439962 s, pole -0.140857, 0.333093 arcsec.
+
+    The series of 2006 refers to an older terrestrial frame: the pole has been moved by 0.5 mas (1.5 cm) since.
+    """
     earth = SOURCE.at(posix_from_calendar("2004-04-06T00:00:00"))
     assert earth.ut1_minus_utc_s == pytest.approx(-0.439962, abs=2e-5)
-    assert earth.pole_x_rad == pytest.approx(-0.140857 * ARCSEC, abs=3e-4 * ARCSEC)
-    assert earth.pole_y_rad == pytest.approx(0.333093 * ARCSEC, abs=3e-4 * ARCSEC)
+    assert earth.pole_x_rad == pytest.approx(-0.140857 * ARCSEC, abs=5e-4 * ARCSEC)
+    assert earth.pole_y_rad == pytest.approx(0.333093 * ARCSEC, abs=5e-4 * ARCSEC)
 
 
 def test_array_and_float_agree_across_blocks_and_across_the_change_of_files() -> None:

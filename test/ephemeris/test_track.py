@@ -24,7 +24,7 @@ from rf_pointing.geometry import MDEG, angular_distance_rad, sky_offset_rad, uni
 from rf_pointing.geometry.refraction import RadioRefraction
 
 SKYFIELD_MDEG = 0.005
-RATE_MDEG_S = 1e-3
+RATE_MDEG_S = 2e-4
 ACCELERATION_MDEG_S2 = 5e-3
 STEP_S = 0.25
 ORBITS = {"LEO": "28057", "LEO 230 km": "29238", "GPS": "28129", "HEO": "8195", "GEO": "24208"}
@@ -90,7 +90,7 @@ def test_rates_and_accelerations_are_derivatives(number: str, options: dict, gol
             off = np.abs(differences - getattr(looks, derivative))[seen]
             assert off.max() < tolerance * MDEG, derivative
     a, b, c, d = (looks_near.range_m for looks_near in around)
-    np.testing.assert_allclose((a - 8 * b + 8 * c - d) / (12 * STEP_S), looks.range_rate_m_s, rtol=0.0, atol=0.05)
+    np.testing.assert_allclose((a - 8 * b + 8 * c - d) / (12 * STEP_S), looks.range_rate_m_s, rtol=0.0, atol=0.002)
 
 
 def test_one_time_and_many_times_give_the_same_target(track: TopocentricTrack, cbers: Elements) -> None:
@@ -213,9 +213,9 @@ def test_a_decayed_satellite_is_refused_by_name(goldstone: Site) -> None:
     falling = find_elements(verification_elements(), "28872")
     track = TopocentricTrack(falling, goldstone)
     with pytest.raises(ValueError, match="MINOTAUR R/B cannot be propagated: mrt is less than 1.0"):
-        track.target_at(falling.epoch_t_s + 5.0 * 3600.0)
+        track.target_at(falling.epoch_t_s + 55.0 * 60.0)
     with pytest.raises(ValueError, match="MINOTAUR R/B cannot be propagated"):
-        track.sample(falling.epoch_t_s + np.array([0.0, 5.0 * 3600.0]))
+        track.sample(falling.epoch_t_s + np.array([0.0, 55.0 * 60.0]))
 
 
 @pytest.mark.parametrize("t_s", [math.nan, math.inf])

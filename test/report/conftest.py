@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rosbags.interfaces import Nodetype
 
 from rf_pointing.report.bag_writer import BagResult, BagWriter
 from rf_pointing.report.definitions import Definitions, definitions
@@ -59,89 +60,124 @@ class SyntheticRun:
         return bag.close()
 
 
-class _Sheet:
+class Maker:
+    """Messages from the fields that matter; all others are zero or empty."""
+
+    def __init__(self, types: Definitions) -> None:
+        self.store = types.typestore
+
+    def message(self, type_name: str, /, **fields: Any) -> Any:
+        kinds = dict(self.store.fielddefs[type_name][1])
+        unknown = set(fields) - set(kinds)
+        assert not unknown, f"{type_name} has no {unknown}"
+        return self.store.types[type_name](**{key: fields.get(key, self.blank(kind)) for key, kind in kinds.items()})
+
+    def blank(self, kind: Any) -> Any:
+        node, content = kind
+        if node == Nodetype.NAME:
+            return self.message(content)
+        if node == Nodetype.BASE:
+            return "" if content[0] == "string" else False if content[0] == "bool" else 0
+        (inner, base), length = content
+        if inner != Nodetype.BASE or base[0] == "string":
+            return []
+        return np.zeros(length, dtype=base[0])
+
+    def serialized(self, type_name: str, /, **fields: Any) -> bytes:
+        return bytes(self.store.serialize_cdr(self.message(type_name, **fields), type_name))
+
+    def time(self, stamp_ns: int) -> Any:
+        return self.message("builtin_interfaces/msg/Time", sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9)
+
+    def header(self, stamp_ns: int) -> Any:
+        return self.message("std_msgs/msg/Header", stamp=self.time(stamp_ns))
+
+
+class _Sheet(Maker):
     def __init__(self, run: SyntheticRun, types: Definitions) -> None:
-        self.run, self.store = run, types.typestore
+        super().__init__(types)
+        self.run = run
         self.types: dict[str, str] = {}
         self.messages: list[tuple[int, str, bytes]] = []
-        self.sequence: dict[str, int] = {}
+        self.counters: dict[str, int] = {}
 
-    def make(self, name: str, *values: Any) -> Any:
-        return self.store.types[name](*values)
+    @staticmethod
+    def stamp(seconds: float) -> int:
+        return START_NS + round(seconds * 1e6) * 1000
 
-    def time(self, seconds: float) -> Any:
-        stamp = START_NS + round(seconds * 1e6) * 1000
-        return self.make("builtin_interfaces/msg/Time", stamp // 10**9, stamp % 10**9)
-
-    def header(self, seconds: float) -> Any:
-        return self.make("std_msgs/msg/Header", self.time(seconds), "")
-
-    def add(self, topic: str, type_name: str, seconds: float, delay_ms: float, *fields: Any) -> None:
+    def add(self, topic: str, type_name: str, seconds: float, delay_ms: float, /, **fields: Any) -> None:
         """Add a message received `delay_ms` of wall time after the clock said `seconds`."""
         if topic in self.run.left_out:
             return
-        full = topic if topic.startswith("/") else f"{self.run.namespace}/{topic}"
+        full = f"{self.run.namespace}/{topic}"
         self.types[full] = type_name
-        index = self.sequence.get(full, 0)
-        self.sequence[full] = index + 1
-        if index in self.run.dropped.get(topic, ()):
+        number = self.counters.get(full, 0)
+        self.counters[full] = number + 1
+        if number in self.run.dropped.get(topic, ()):
             return
+        if type_name.startswith("rf_pointing_msgs/"):
+            fields["sequence"] = number
         log_ns = WALL_NS + round(seconds / self.run.speed * 1e9) + round(delay_ms * MS)
-        data = self.store.serialize_cdr(self.make(type_name, *fields), type_name)
-        self.messages.append((log_ns, full, bytes(data)))
+        self.messages.append((log_ns, full, self.serialized(type_name, **fields)))
 
-    def own(self, topic: str, name: str, seconds: float, delay_ms: float, *fields: Any, stamp: float = 0.0) -> None:
-        number = self.sequence.get(f"{self.run.namespace}/{topic}", 0)
-        head = (self.header(seconds + stamp), number)
-        self.add(topic, f"rf_pointing_msgs/msg/{name}", seconds, delay_ms, *head, *fields)
+    def own(
+        self, topic: str, name: str, seconds: float, delay_ms: float, /, *, ahead: float = 0.0, **fields: Any
+    ) -> None:
+        fields["header"] = self.header(self.stamp(seconds + ahead))
+        self.add(topic, f"rf_pointing_msgs/msg/{name}", seconds, delay_ms, **fields)
 
     def fill(self) -> None:
-        aos, los = self.run.aos_los_s
-        middle = 0.5 * (aos + los)
-        one = self.make(
-            "rf_pointing_msgs/msg/Pass", "28057", *map(self.time, (aos, middle, los)), *[0.0] * 5, 0.9, 0.01, 0.01
-        )
-        self.own("passes", "PassList", 0.0, 0.0, "28057", [one])
+        aos, los = map(self.stamp, self.run.aos_los_s)
+        times = {"aos": self.time(aos), "tca": self.time((aos + los) // 2), "los": self.time(los)}
+        one = self.message("rf_pointing_msgs/msg/Pass", target="28057", peak_elevation=0.9, **times)
+        self.own("passes", "PassList", 0.0, 0.0, target="28057", passes=[one])
         for tick in range(round(self.run.seconds * 50)):
             self.fast(tick / 50)
             if tick % 5 == 0:
                 self.slow(tick / 50)
 
     def fast(self, t: float) -> None:
-        az, el = map(math.radians, self.run.azel_deg(t))
-        later, sooner = (np.radians(self.run.azel_deg(t + step)) for step in (0.01, -0.01))
-        axes = (["azimuth", "elevation"], np.array([az, el]), (later - sooner) / 0.02, np.zeros(0))
-        self.add("clock", "rosgraph_msgs/msg/Clock", t, 0.0, self.time(t))
-        self.add("joint_states", "sensor_msgs/msg/JointState", t, 0.4, self.header(t), *axes)
-        if self.run.truth:
-            self.own("sim/boresight", "Boresight", t, 0.6, az, el)
-            self.own("sim/pointing_error", "PointingError", t, 0.9, "truth", True, "", *self.error(t), np.zeros(4), 0.0)
+        run, stamp = self.run, self.stamp(t)
+        position = np.radians(run.azel_deg(t))
+        velocity = (np.radians(run.azel_deg(t + 0.01)) - np.radians(run.azel_deg(t - 0.01))) / 0.02
+        axes = {"name": ["azimuth", "elevation"], "position": position, "velocity": velocity}
+        self.add("clock", "rosgraph_msgs/msg/Clock", t, 0.0, clock=self.time(stamp))
+        self.add("joint_states", "sensor_msgs/msg/JointState", t, 0.4, header=self.header(stamp), **axes)
+        if run.truth:
+            self.own("sim/boresight", "Boresight", t, 0.6, azimuth=position[0], elevation=position[1])
+            self.own("sim/pointing_error", "PointingError", t, 0.9, sensor="truth", valid=True, **self.error(t))
 
-    def error(self, t: float) -> Pair:
+    def error(self, t: float) -> dict[str, float]:
         xel, el = self.run.error_mdeg(t)
-        return xel * MDEG, el * MDEG
+        return {"cross_elevation": xel * MDEG, "elevation": el * MDEG}
 
     def slow(self, t: float) -> None:
-        run, axes = self.run, np.zeros(2)
-        az, el = map(math.radians, run.azel_deg(t))
-        cn0, valid, mode = run.carrier_to_noise(t), run.sensed(t), run.mode(t)
-        offsets = [value * MDEG for value in run.offset_mdeg(t)]
-        reason = "" if valid else "no lock"
-        self.own("target", "Target", t, 0.1, "28057", az, el, *[0.0] * 6, stamp=2.0)
-        self.own("monopulse", "Monopulse", t, 1.6, 0.02, *[np.zeros(5)] * 6, cn0)
-        self.own("carrier_power", "CarrierPower", t, 1.8, 0.1, 1e-15, 1e-17, cn0)
-        error = (*self.error(t), np.zeros(4), cn0)
-        self.own("pointing_error", "PointingError", t, 3.1, "monopulse", valid, reason, *error)
-        status = (mode, "28057", f"now {mode}", self.time(run.aos_los_s[1]), az, el, *self.error(t), *offsets, cn0)
-        self.own("tracking_status", "TrackingStatus", t, 4.1, *status, run.beamwidth_mdeg * MDEG, 0.8, round(10 * t))
-        duration = self.make("builtin_interfaces/msg/Duration", 1, 0)
-        point = self.make("trajectory_msgs/msg/JointTrajectoryPoint", axes, axes, axes, np.zeros(0), duration)
+        run, valid, mode = self.run, self.run.sensed(t), self.run.mode(t)
+        az, el = np.radians(run.azel_deg(t))
+        offset = [value * MDEG for value in run.offset_mdeg(t)]
+        cn0 = {"carrier_to_noise": run.carrier_to_noise(t)}
+        sensed = {"sensor": "monopulse", "valid": valid, "reason": "" if valid else "no lock"}
+        self.own("target", "Target", t, 0.1, ahead=2.0, target="28057", azimuth=az, elevation=el)
+        self.own("monopulse", "Monopulse", t, 1.6, sample_period=0.02, **cn0)
+        self.own("carrier_power", "CarrierPower", t, 1.8, integration_time=0.1, power=1e-15, sigma=1e-17, **cn0)
+        self.own("pointing_error", "PointingError", t, 3.1, **sensed, **self.error(t), **cn0)
+        status = {"mode": mode, "target": "28057", "reason": f"now {mode}", "azimuth": az, "elevation": el, **cn0}
+        status |= {"cross_elevation_offset": offset[0], "elevation_offset": offset[1], "command_lead": 0.8}
+        status |= {"beamwidth": run.beamwidth_mdeg * MDEG, "commands_sent": round(10 * t)}
+        self.own("tracking_status", "TrackingStatus", t, 4.1, **status)
         if mode not in ("idle", "stopped"):
-            head = (self.header(t), ["azimuth", "elevation"], [point])
-            self.add("joint_trajectory", "trajectory_msgs/msg/JointTrajectory", t, 4.6, *head)
-        drive = ("tracking" if mode != "idle" else "holding", "", axes, axes, axes + 0.0175, axes + 0.0087)
-        end = (np.zeros(2, dtype=bool), 0.7, run.lateness_s(t), round(10 * t), 1, "stale stamp")
-        self.own("antenna_status", "AntennaStatus", t, 0.5, *drive, *end)
+            self.add(
+                "joint_trajectory",
+                "trajectory_msgs/msg/JointTrajectory",
+                t,
+                4.6,
+                header=self.header(self.stamp(t)),
+                joint_names=["azimuth", "elevation"],
+            )
+        drive = {"mode": "holding" if mode == "idle" else "tracking", "tick_lateness": run.lateness_s(t)}
+        drive |= {"rate_limit": np.full(2, 0.0175), "acceleration_limit": np.full(2, 0.0087), "command_lead": 0.7}
+        drive |= {"commands_accepted": round(10 * t), "commands_rejected": 1, "last_rejection": "stale stamp"}
+        self.own("antenna_status", "AntennaStatus", t, 0.5, **drive)
 
 
 @pytest.fixture(scope="session")
@@ -152,3 +188,8 @@ def types() -> Definitions:
 @pytest.fixture(scope="session")
 def synthetic_run() -> type[SyntheticRun]:
     return SyntheticRun
+
+
+@pytest.fixture(scope="session")
+def maker(types: Definitions) -> Maker:
+    return Maker(types)

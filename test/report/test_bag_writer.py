@@ -8,7 +8,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 import yaml
 from mcap.reader import make_reader
@@ -22,19 +21,6 @@ from rf_pointing.report.offered_qos import offered_qos
 JOINTS = "sensor_msgs/msg/JointState"
 BORESIGHT = "rf_pointing_msgs/msg/Boresight"
 LARGE = bytes(1024)
-
-
-def boresight(types: Definitions, number: int) -> bytes:
-    make = types.typestore.types
-    header = make["std_msgs/msg/Header"](make["builtin_interfaces/msg/Time"](number, 5), "")
-    return bytes(types.typestore.serialize_cdr(make[BORESIGHT](header, number, 0.25 * number, 0.5), BORESIGHT))
-
-
-def joints(types: Definitions) -> bytes:
-    make = types.typestore.types
-    header = make["std_msgs/msg/Header"](make["builtin_interfaces/msg/Time"](1, 2), "")
-    values = (["azimuth", "elevation"], np.array([1.0, 2.0]), np.zeros(0), np.zeros(0))
-    return bytes(types.typestore.serialize_cdr(make[JOINTS](header, *values), JOINTS))
 
 
 def metadata(path: Path) -> dict[str, Any]:
@@ -53,19 +39,19 @@ def file_size_limit(limit_bytes: int) -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
-def test_both_readers_get_back_what_was_written(tmp_path: Path, types: Definitions) -> None:
+def test_both_readers_get_back_what_was_written(tmp_path: Path, types: Definitions, maker: Any) -> None:
     path = tmp_path / "bag"
     with BagWriter(path, types, notes={"station": "DSS-13"}) as bag:
         bag.register("/gs1/sim/boresight", BORESIGHT, [offered_qos()])
         bag.register("/gs1/joint_states", JOINTS)
         for number in range(10):
-            bag.write("/gs1/sim/boresight", 1_000 + number, boresight(types, number))
-        bag.write("/gs1/joint_states", 2_000, joints(types))
+            bag.write("/gs1/sim/boresight", 1_000 + number, maker.serialized(BORESIGHT, azimuth=0.25 * number))
+        bag.write("/gs1/joint_states", 2_000, maker.serialized(JOINTS))
     result = bag.close()
     assert (result.message_count, result.lost, result.problem, result.readable) == (11, (), "", True)
     with Reader(path) as reader:
         raw = [data for connection, _, data in reader.messages() if connection.msgtype == BORESIGHT]
-        assert raw == [boresight(types, number) for number in range(10)]
+        assert raw == [maker.serialized(BORESIGHT, azimuth=0.25 * number) for number in range(10)]
     with (path / "bag.mcap").open("rb") as stream:
         independent = make_reader(stream, decoder_factories=[DecoderFactory()], validate_crcs=True)
         decoded = list(independent.iter_decoded_messages(topics=["/gs1/sim/boresight"]))
@@ -74,12 +60,12 @@ def test_both_readers_get_back_what_was_written(tmp_path: Path, types: Definitio
     ]
 
 
-def test_metadata_has_every_field_of_version_9(tmp_path: Path, types: Definitions) -> None:
+def test_metadata_has_every_field_of_version_9(tmp_path: Path, types: Definitions, maker: Any) -> None:
     path = tmp_path / "bag"
     with BagWriter(path, types, notes={"speed": "max"}) as bag:
         bag.register("/gs1/sim/boresight", BORESIGHT, [offered_qos(depth=1, durability="transient_local")])
-        bag.write("/gs1/sim/boresight", 7_000, boresight(types, 0))
-        bag.write("/gs1/sim/boresight", 9_500, boresight(types, 1))
+        bag.write("/gs1/sim/boresight", 7_000, maker.serialized(BORESIGHT, azimuth=0.25 * 0))
+        bag.write("/gs1/sim/boresight", 9_500, maker.serialized(BORESIGHT, azimuth=0.25 * 1))
     information = metadata(path)
     topic = information.pop("topics_with_message_count")[0]
     infinite = {"sec": 9223372036, "nsec": 854775807}
@@ -134,7 +120,7 @@ def test_existing_directory_is_refused_and_left_alone(tmp_path: Path, types: Def
     assert (tmp_path / "kept.txt").read_text() == "kept"
 
 
-def test_misuse_is_named(tmp_path: Path, types: Definitions) -> None:
+def test_misuse_is_named(tmp_path: Path, types: Definitions, maker: Any) -> None:
     with BagWriter(tmp_path / "bag", types) as bag:
         bag.register("/joint_states", JOINTS)
         with pytest.raises(ValueError, match="topic='/joint_states' is registered already"):
@@ -144,7 +130,7 @@ def test_misuse_is_named(tmp_path: Path, types: Definitions) -> None:
         with pytest.raises(ValueError, match="topic='/other' is not registered"):
             bag.write("/other", 0, b"")
     with pytest.raises(ValueError, match="is closed"):
-        bag.write("/joint_states", 0, joints(types))
+        bag.write("/joint_states", 0, maker.serialized(JOINTS))
 
 
 def test_empty_bag_is_readable(tmp_path: Path, types: Definitions) -> None:
@@ -160,7 +146,7 @@ def fill(bag: BagWriter, count: int) -> None:
 
 
 def test_disk_that_fills_stops_recording_and_every_message_is_accounted_for(
-    tmp_path: Path, types: Definitions
+    tmp_path: Path, types: Definitions, maker: Any
 ) -> None:
     path = tmp_path / "bag"
     bag = BagWriter(path, types, notes={"speed": "max"})
@@ -171,7 +157,7 @@ def test_disk_that_fills_stops_recording_and_every_message_is_accounted_for(
         assert "recording stopped" in bag.problem
         assert bag.lost_count > 0
         bag.register("/late", BORESIGHT)
-        bag.write("/late", 9_000, boresight(types, 0))
+        bag.write("/late", 9_000, maker.serialized(BORESIGHT, azimuth=0.25 * 0))
         result = bag.close()
     with Reader(path) as reader:
         read = [log_time_ns for _, log_time_ns, _ in reader.messages()]
@@ -221,14 +207,14 @@ def test_disk_that_is_full_at_the_last_write_keeps_what_reached_it(tmp_path: Pat
 
 
 def test_bag_that_cannot_even_be_closed_says_so(
-    tmp_path: Path, types: Definitions, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, types: Definitions, maker: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(*_: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
     bag = BagWriter(tmp_path / "bag", types)
     bag.register("/a", JOINTS)
-    bag.write("/a", 1, joints(types))
+    bag.write("/a", 1, maker.serialized(JOINTS))
     monkeypatch.setattr(Writer, "close", full)
     monkeypatch.setattr("rf_pointing.report.bag_writer.complete", full)
     monkeypatch.setattr("rf_pointing.report.bag_writer.write_metadata", full)

@@ -22,7 +22,7 @@ START_NS = 1_700_000_000 * 10**9
 @pytest.fixture(scope="module")
 def bag(tmp_path_factory: pytest.TempPathFactory, synthetic_run: Runs, types: Definitions) -> Path:
     path = tmp_path_factory.mktemp("recording") / "bag"
-    synthetic_run(seconds=10.0, aos_los_s=(1.0, 9.0)).write(path, types, {"seed": "1"})
+    synthetic_run(seconds=40.0, aos_los_s=(1.0, 9.0)).write(path, types, {"seed": "1"})
     return path
 
 
@@ -42,13 +42,13 @@ def test_topics_come_with_stamps_log_times_sequences_and_columns(bag: Path) -> N
     recording = read_recording(bag)
     assert (recording.namespace, recording.problems, recording.notes) == ("/gs1", (), {"seed": "1"})
     boresight = recording.topics["sim/boresight"]
-    assert len(boresight) == 500
+    assert len(boresight) == 2_000
     assert boresight.stamp_ns is not None
     assert list(boresight.stamp_ns[:3] - START_NS) == [0, 20_000_000, 40_000_000]
     assert boresight.sequence is not None
-    assert list(boresight.sequence) == list(range(500))
-    assert np.allclose(np.degrees(boresight["azimuth"]), 100.0 + 0.5 * np.arange(500) / 50, rtol=0.0, atol=1e-12)
-    assert recording.topics["joint_states"]["position"].shape == (500, 2)
+    assert list(boresight.sequence) == list(range(2_000))
+    assert np.allclose(np.degrees(boresight["azimuth"]), 100.0 + 0.5 * np.arange(2_000) / 50, rtol=0.0, atol=1e-12)
+    assert recording.topics["joint_states"]["position"].shape == (2_000, 2)
     assert recording.topics["joint_states"].sequence is None
     assert recording.topics["clock"].stamp_ns is not None
     assert recording.topics["tracking_status"]["mode"][0] == "monopulse"
@@ -70,7 +70,9 @@ def test_single_file_of_another_writer_is_read(tmp_path: Path, types: Definition
     path = tmp_path / "independent.mcap"
     with path.open("wb") as stream:
         writer = IndependentWriter(stream)
-        schema = writer.register_msgdef("rf_pointing_msgs/msg/Boresight", types.schema("rf_pointing_msgs/msg/Boresight"))
+        schema = writer.register_msgdef(
+            "rf_pointing_msgs/msg/Boresight", types.schema("rf_pointing_msgs/msg/Boresight")
+        )
         for number in range(5):
             header = {"stamp": {"sec": number, "nanosec": 7}, "frame_id": "antenna"}
             content = {"header": header, "sequence": 40 + number, "azimuth": 0.1 * number, "elevation": math.nan}
@@ -87,13 +89,12 @@ def test_single_file_of_another_writer_is_read(tmp_path: Path, types: Definition
     assert np.all(np.isnan(data["elevation"]))
 
 
-def test_joints_are_found_by_name_whatever_their_order(tmp_path: Path, types: Definitions) -> None:
-    make, kind = types.typestore.types, "sensor_msgs/msg/JointState"
-    header = make["std_msgs/msg/Header"](make["builtin_interfaces/msg/Time"](0, 0), "")
-    message = make[kind](header, ["elevation", "azimuth"], np.array([0.5, 6.5]), np.zeros(0), np.zeros(0))
+def test_joints_are_found_by_name_whatever_their_order(tmp_path: Path, types: Definitions, maker: Any) -> None:
+    kind = "sensor_msgs/msg/JointState"
+    data = maker.serialized(kind, name=["elevation", "azimuth"], position=np.array([0.5, 6.5]))
     with BagWriter(tmp_path / "bag", types) as bag:
         bag.register("/joint_states", kind)
-        bag.write("/joint_states", 1, bytes(types.typestore.serialize_cdr(message, kind)))
+        bag.write("/joint_states", 1, data)
     joints = read_recording(tmp_path / "bag").topics["joint_states"]
     assert joints["position"].tolist() == [[6.5, 0.5]]
     assert np.all(np.isnan(joints["velocity"]))
@@ -139,7 +140,7 @@ def test_missing_and_empty_paths_are_named(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="it holds no recording"):
         read_recording(tmp_path)
     (tmp_path / "broken.mcap").write_bytes(b"\x89MCAP0\r\n")
-    with pytest.raises(ValueError, match=r"broken\.mcap is not readable"):
+    with pytest.raises(ValueError, match=r"metadata.yaml is missing.*broken\.mcap is not readable"):
         read_recording(tmp_path)
 
 
@@ -148,30 +149,28 @@ def test_recording_of_a_killed_recorder_gives_what_was_whole(bag: Path, tmp_path
     killed = tmp_path / "killed"
     killed.mkdir()
     data = (bag / "bag.mcap").read_bytes()
-    (killed / "killed_0.mcap").write_bytes(data[: int(0.8 * len(data))])
+    (killed / "killed_0.mcap").write_bytes(data[: int(0.9 * len(data))])
     recording = read_recording(killed)
     assert "metadata.yaml is missing" in recording.problems[0]
     assert "killed_0.mcap was cut short" in recording.problems[1]
     part = recording.topics["sim/boresight"]
     assert 100 < len(part) < len(whole.topics["sim/boresight"])
     assert np.array_equal(part["azimuth"], whole.topics["sim/boresight"]["azimuth"][: len(part)])
-    assert (killed / "killed_0.mcap").read_bytes() == data[: int(0.8 * len(data))]
+    assert (killed / "killed_0.mcap").read_bytes() == data[: int(0.9 * len(data))]
 
 
 def test_directory_with_metadata_and_a_cut_file_is_read_too(bag: Path, tmp_path: Path) -> None:
     damaged = Path(shutil.copytree(bag, tmp_path / "bag"))
     data = (damaged / "bag.mcap").read_bytes()
-    (damaged / "bag.mcap").write_bytes(data[: int(0.8 * len(data))])
+    (damaged / "bag.mcap").write_bytes(data[: int(0.9 * len(data))])
     recording = read_recording(damaged)
     assert any("cut short" in text for text in recording.problems)
     assert len(recording.topics["joint_states"]) > 100
 
 
-def test_message_that_cannot_be_decoded_is_counted(tmp_path: Path, types: Definitions) -> None:
+def test_message_that_cannot_be_decoded_is_counted(tmp_path: Path, types: Definitions, maker: Any) -> None:
     kind = "rf_pointing_msgs/msg/Boresight"
-    make = types.typestore.types
-    header = make["std_msgs/msg/Header"](make["builtin_interfaces/msg/Time"](3, 0), "")
-    good = bytes(types.typestore.serialize_cdr(make[kind](header, 1, 0.1, 0.2), kind))
+    good = maker.serialized(kind, azimuth=0.1)
     with BagWriter(tmp_path / "bag", types) as bag:
         bag.register("/sim/boresight", kind)
         for log_time_ns, data in enumerate((good, good[:20], b"", good)):
@@ -186,9 +185,8 @@ def test_topic_of_an_unexpected_type_is_named_and_left_out(tmp_path: Path, types
         bag.register("/gs1/joint_states", "sensor_msgs/msg/JointState")
         bag.register("/gs1/pointing_error", "rf_pointing_msgs/msg/Boresight")
     recording = read_recording(tmp_path / "bag")
-    assert recording.problems == (
-        "pointing_error has type rf_pointing_msgs/msg/Boresight, not rf_pointing_msgs/msg/PointingError: it is not used",
-    )
+    (problem,) = recording.problems
+    assert problem.startswith("pointing_error has type rf_pointing_msgs/msg/Boresight, not rf_pointing_msgs/msg/Poi")
     assert "pointing_error" not in recording.topics
 
 
@@ -212,40 +210,40 @@ def test_types_of_the_bag_win_over_those_known_here(tmp_path: Path, types: Defin
     assert (data["azimuth"][0], data["elevation"][0]) == (0.1, 0.2)
 
 
-def test_what_diagnostics_complained_about_is_counted(tmp_path: Path, types: Definitions) -> None:
+def test_what_diagnostics_complained_about_is_counted(tmp_path: Path, types: Definitions, maker: Any) -> None:
     kind = "diagnostic_msgs/msg/DiagnosticArray"
-    make = types.typestore.types
-    header = make["std_msgs/msg/Header"](make["builtin_interfaces/msg/Time"](3, 0), "")
     status = [
-        make["diagnostic_msgs/msg/DiagnosticStatus"](level, f"gs1/{name}", text, "", [])
+        maker.message("diagnostic_msgs/msg/DiagnosticStatus", level=level, name=f"gs1/{name}", message=text)
         for level, name, text in ((0, "servo", "running"), (1, "receiver", "no lock"))
     ]
+    data = maker.serialized(kind, status=status)
     with BagWriter(tmp_path / "bag", types) as bag:
         bag.register("/diagnostics", kind)
         bag.register("/gs1/joint_states", "sensor_msgs/msg/JointState")
         for log_time_ns in range(3):
-            bag.write("/diagnostics", log_time_ns, bytes(types.typestore.serialize_cdr(make[kind](header, status), kind)))
+            bag.write("/diagnostics", log_time_ns, data)
     recording = read_recording(tmp_path / "bag")
     assert recording.warnings == (("gs1/receiver", "no lock", 3),)
     assert recording.others == {"/diagnostics": 3}
 
 
-def test_newest_announcement_of_a_pass_counts(tmp_path: Path, types: Definitions) -> None:
-    make, kind = types.typestore.types, "rf_pointing_msgs/msg/PassList"
-
-    def message(number: int, *aos_s: int) -> bytes:
-        time = make["builtin_interfaces/msg/Time"]
+def test_newest_announcement_of_a_pass_counts(tmp_path: Path, types: Definitions, maker: Any) -> None:
+    def announced(*aos_s: int) -> bytes:
         passes = [
-            make["rf_pointing_msgs/msg/Pass"]("1", time(aos, 0), time(aos + 50, 0), time(aos + 100, 0), *[0.0] * 7)
+            maker.message(
+                "rf_pointing_msgs/msg/Pass",
+                target="1",
+                aos=maker.time(aos * 10**9),
+                tca=maker.time((aos + 50) * 10**9),
+                los=maker.time((aos + 100) * 10**9),
+            )
             for aos in aos_s
         ]
-        header = make["std_msgs/msg/Header"](time(number, 0), "")
-        return bytes(types.typestore.serialize_cdr(make[kind](header, number, "1", passes), kind))
+        return bytes(maker.serialized("rf_pointing_msgs/msg/PassList", passes=passes))
 
     with BagWriter(tmp_path / "bag", types) as bag:
-        bag.register("/passes", kind)
-        bag.write("/passes", 1, message(0))
-        bag.write("/passes", 2, message(1, 1_000, 7_000))
-        bag.write("/passes", 3, message(2, 7_001, 13_000))
+        bag.register("/passes", "rf_pointing_msgs/msg/PassList")
+        for log_time_ns, data in enumerate((announced(), announced(1_000, 7_000), announced(7_001, 13_000))):
+            bag.write("/passes", log_time_ns, data)
     passes = read_recording(tmp_path / "bag").passes
     assert [item.aos_ns // 10**9 for item in passes] == [1_000, 7_001, 13_000]

@@ -25,7 +25,7 @@ def test_poles_are_the_published_modes_the_gears_and_the_two_drives() -> None:
 
 
 def test_encoder_response_is_the_residue_form() -> None:
-    params = dss13_plant().replace(azimuth_modes_in_elevation=0.0)
+    params = dss13_plant().replace(azimuth_modes_in_elevation=(0.0, 0.0, 0.0))
     model = linear_model(params)
     s = 2j * np.pi * 1.3
     response = model.encoder @ np.linalg.solve(s * np.eye(len(model.a)) - model.a, model.b_command)

@@ -49,3 +49,8 @@ def test_the_azimuth_gear_is_fifteen_percent_softer_for_its_inertia() -> None:
     plant = dss13_plant()
     ratio = (plant.azimuth.gear_frequency_rad_s / plant.elevation.gear_frequency_rad_s) ** 2
     assert ratio == pytest.approx(0.85)
+
+
+def test_cross_residues_must_match_the_modes() -> None:
+    with pytest.raises(ValueError, match="elevation_modes_in_azimuth has 1 values, elevation has 3 modes"):
+        dss13_plant().replace(elevation_modes_in_azimuth=(0.01,))

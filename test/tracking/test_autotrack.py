@@ -111,6 +111,26 @@ def test_search_without_result_returns_to_the_ephemeris() -> None:
     assert driver.modes == ["idle", "slew", "program_track", "search", "program_track"]
 
 
+def test_search_ends_for_conscan_only_after_the_level_has_peaked_and_remembers_where() -> None:
+    driver = Driver(sensor="conscan")
+    driver.run(5.0)
+    assert driver.state.mode == "search"
+    for level in (24.0, 26.0, 29.0, 30.0, 29.0, 28.0):
+        driver.run(2.0 * TICK_S, level)
+        assert driver.state.mode == "search"
+    peak_s = driver.state.peak_s
+    assert driver.run(TICK_S, 26.5) == "conscan"
+    assert driver.state.peak_db_hz == 30.0
+    assert peak_s == pytest.approx(driver.t_s - 6.0 * TICK_S, abs=1e-9)
+
+
+def test_conscan_errors_that_stay_invalid_start_a_search() -> None:
+    driver = Driver(sensor="conscan")
+    assert driver.run(2.0, 30.0) == "conscan"
+    assert driver.run(0.9, 30.0, conscan_valid=False) == "conscan"
+    assert driver.run(0.4, 30.0, conscan_valid=False) == "search"
+
+
 @pytest.mark.parametrize(("sensor", "mode"), [
     ("conscan", "conscan"), ("steptrack", "steptrack"), ("none", "program_track"), ("monopulse", "monopulse"),
 ])  # fmt: skip

@@ -22,9 +22,6 @@ from rf_pointing.arrays.interferometer.array_geometry import (
     ArrayParams,
     element_positions,
     path_lengths,
-    path_rates_m_s,
-    path_vectors,
-    two_way_gradients,
     two_way_ranges,
 )
 from rf_pointing.arrays.interferometer.carriers import (
@@ -35,12 +32,8 @@ from rf_pointing.arrays.interferometer.carriers import (
 )
 from rf_pointing.arrays.interferometer.coupling import (
     coupling_amplitudes,
-    coupling_from_two_way,
-    coupling_matrix,
     elevation_from_polarisation,
     roll_from_polarisation,
-    tracking_frame_dipole,
-    y_dipole_components,
 )
 from rf_pointing.arrays.interferometer.design import (
     Requirements,
@@ -62,94 +55,41 @@ from rf_pointing.arrays.interferometer.design_tables import (
     cycle_error_table,
     link_powers_w,
 )
-from rf_pointing.arrays.interferometer.direction_finding import (
-    direction_cosines,
-    forward_direction,
-    range_from_sum,
-    reverse_direction_from_ranges,
-    two_element_angle,
-    two_element_phase,
-)
+from rf_pointing.arrays.interferometer.direction_finding import forward_direction, reverse_direction_from_ranges
 from rf_pointing.arrays.interferometer.frames import (
     attitude_from_euler,
-    azimuth_rotation,
     direction_from_angles,
-    elevation_rotation,
     euler_from_attitude,
     forward_angles,
     frame_rotation,
     rep103_from_spacecraft,
     reverse_angles,
-    roll_rotation,
     rotation_vector,
-    small_rotation,
     spacecraft_from_rep103,
-    target_axes,
 )
-from rf_pointing.arrays.interferometer.initializer import (
-    Geometry,
-    aperture_excess,
-    initialize,
-)
+from rf_pointing.arrays.interferometer.initializer import Geometry, aperture_excess, geometry_from_pose, initialize
 from rf_pointing.arrays.interferometer.link import (
     LinkParams,
     ReturnLink,
     link_snr,
-    noise_power_w,
     nonlinear_reflector,
     path_loss,
-    received_power_w,
     required_power_w,
     simple_repeater,
 )
-from rf_pointing.arrays.interferometer.local_coordinates import (
-    SIZE,
-    TrackedMotion,
-    cartesian_jacobian,
-    displaced,
-    local_difference,
-    sight_axes,
-)
-from rf_pointing.arrays.interferometer.measurement import (
-    InterferometerMeasurement,
-)
-from rf_pointing.arrays.interferometer.measurement_model import (
-    expected_path_rates_m_s,
-    expected_reading,
-    local_gradient,
-    local_steps,
-    numerical_jacobian,
-)
-from rf_pointing.arrays.interferometer.minimum_variance import (
-    minimum_variance_step,
-)
-from rf_pointing.arrays.interferometer.mixer import (
-    exponential_line,
-    modified_bessel,
-    product_code,
-    square_law_lines,
-)
-from rf_pointing.arrays.interferometer.mixer_noise import (
-    mixed_powers_w,
-    mixed_snr,
-    signal_to_noise,
-)
-from rf_pointing.arrays.interferometer.monte_carlo import (
-    LISTING,
-    TrialErrors,
-    run_trials,
-)
+from rf_pointing.arrays.interferometer.measurement import InterferometerMeasurement
+from rf_pointing.arrays.interferometer.mixer import exponential_line, product_code, square_law_lines
+from rf_pointing.arrays.interferometer.mixer_noise import mixed_powers_w, mixed_snr
+from rf_pointing.arrays.interferometer.monte_carlo import LISTING, TrialErrors, run_trials
 from rf_pointing.arrays.interferometer.motion import (
     DockingApproach,
     RelativeMotion,
     crude_attitude_rate,
     crude_velocity,
     moved,
-    require_motion,
 )
 from rf_pointing.arrays.interferometer.range_accuracy import (
     RangeNoise,
-    phase_rate_sigma_rad_s,
     phase_variance,
     range_covariance,
     range_noise,
@@ -157,75 +97,31 @@ from rf_pointing.arrays.interferometer.range_accuracy import (
     two_way_phase_variance,
     two_way_range_sigma,
 )
-from rf_pointing.arrays.interferometer.rate_filter import (
-    FilterParams,
-    FilterState,
-    FilterUpdate,
-    predict,
-    start,
-    update,
-)
-from rf_pointing.arrays.interferometer.reading import (
-    COUPLINGS,
-    RANGES,
-    RATES,
-    ErrorFloor,
-    Reading,
-    rate_weights,
-    read_ranges,
-)
+from rf_pointing.arrays.interferometer.rate_filter import FilterParams, FilterState
+from rf_pointing.arrays.interferometer.reading import ErrorFloor, Reading, read_ranges
 from rf_pointing.arrays.interferometer.relative_pose import (
     RelativePose,
     TwoWayPose,
     attitude_from_directions,
     attitude_from_two_way,
     pose_from_two_way,
-    require_rotation,
     reverse_direction,
     roll_from_directions,
     two_way_from_attitude,
     two_way_from_pose,
 )
-from rf_pointing.arrays.interferometer.rep103 import (
-    Rep103Pose,
-    rep103_pose,
-)
-from rf_pointing.arrays.interferometer.rf_simulation import (
-    LOWEST_SNR,
-    RadioParams,
-    amplitude_sigma,
-    require_gaussian_regime,
-    signal_to_noise_ratios,
-    simulate_amplitudes,
-    simulate_phases,
-)
-from rf_pointing.arrays.interferometer.schedule import (
-    Schedule,
-    range_acceleration_lever_s2,
-    range_rate_lever_s,
-)
+from rf_pointing.arrays.interferometer.rep103 import Rep103Pose, rep103_pose
+from rf_pointing.arrays.interferometer.rf_simulation import RadioParams, simulate_amplitudes, simulate_phases
+from rf_pointing.arrays.interferometer.schedule import Schedule
 from rf_pointing.arrays.interferometer.sensitivity import (
     chord_variance,
     direction_variance,
-    direction_variance_from_gradients,
-    range_variance_from_gradients,
     roll_variance,
-    roll_variance_from_gradients,
     sum_range_bias_m,
 )
-from rf_pointing.arrays.interferometer.snapshot import (
-    Snapshot,
-    chi_square_limit,
-    coarse_geometry,
-    geometry_of,
-    refine,
-)
-from rf_pointing.arrays.interferometer.source import (
-    InterferometerSource,
-)
-from rf_pointing.arrays.interferometer.system import (
-    InterferometerSystem,
-)
+from rf_pointing.arrays.interferometer.snapshot import Snapshot
+from rf_pointing.arrays.interferometer.source import InterferometerSource
+from rf_pointing.arrays.interferometer.system import InterferometerSystem
 from rf_pointing.arrays.interferometer.tracker import (
     InterferometerTracker,
     PoseEstimate,
@@ -233,19 +129,8 @@ from rf_pointing.arrays.interferometer.tracker import (
     TrackerParams,
     TrackerState,
 )
-from rf_pointing.arrays.interferometer.tracking_filter import (
-    SequenceParams,
-    SequenceResult,
-    track,
-    track_once,
-)
-from rf_pointing.arrays.interferometer.tracking_steps import (
-    direction_step,
-    excitation_step,
-    range_step,
-    roll_step,
-    turned_direction,
-)
+from rf_pointing.arrays.interferometer.tracking_filter import SequenceParams, track, track_once
+from rf_pointing.arrays.interferometer.tracking_steps import direction_step, excitation_step, range_step, roll_step
 from rf_pointing.arrays.interferometer.transponder import (
     ANTENNAS,
     AVOIDED_BANDS_HZ,
@@ -257,27 +142,16 @@ from rf_pointing.arrays.interferometer.transponder import (
     frequency_conflicts,
     range_rate_from_offsets,
 )
-from rf_pointing.arrays.interferometer.variant import (
-    CORRECTED,
-    PUBLISHED,
-    VARIANTS,
-    is_published,
-)
+from rf_pointing.arrays.interferometer.variant import CORRECTED, PUBLISHED
 
 __all__ = [
     "ANTENNAS",
     "AVOIDED_BANDS_HZ",
     "CORRECTED",
-    "COUPLINGS",
     "LISTING",
-    "LOWEST_SNR",
     "PUBLISHED",
-    "RANGES",
-    "RATES",
     "REPORT_SPEED_OF_LIGHT_M_S",
-    "SIZE",
     "TRANSPONDERS",
-    "VARIANTS",
     "Antenna",
     "ArrayParams",
     "CarrierCountRow",
@@ -286,7 +160,6 @@ __all__ = [
     "ErrorFloor",
     "FilterParams",
     "FilterState",
-    "FilterUpdate",
     "Geometry",
     "InterferometerMeasurement",
     "InterferometerSource",
@@ -305,10 +178,8 @@ __all__ = [
     "ReturnLink",
     "Schedule",
     "SequenceParams",
-    "SequenceResult",
     "Snapshot",
     "SystemDesign",
-    "TrackedMotion",
     "TrackerOutput",
     "TrackerParams",
     "TrackerState",
@@ -316,99 +187,64 @@ __all__ = [
     "TrialErrors",
     "TwoWayPose",
     "amplitude_ripple_db",
-    "amplitude_sigma",
     "antennas_for_cone",
     "aperture_excess",
     "attitude_from_directions",
     "attitude_from_euler",
     "attitude_from_two_way",
-    "azimuth_rotation",
     "carrier_count_row",
     "carrier_count_table",
     "carrier_phases",
     "carrier_range",
     "carrier_tracking_design",
-    "cartesian_jacobian",
     "chain_error_rate",
-    "chi_square_limit",
     "choose_transponder",
     "chord_variance",
-    "coarse_geometry",
     "coupling_amplitudes",
-    "coupling_from_two_way",
-    "coupling_matrix",
     "crude_attitude_rate",
     "crude_velocity",
     "cycle_error_table",
     "difference_tracking_design",
-    "direction_cosines",
     "direction_from_angles",
     "direction_requirement_m",
     "direction_step",
     "direction_variance",
-    "direction_variance_from_gradients",
-    "displaced",
     "element_positions",
     "elevation_from_polarisation",
-    "elevation_rotation",
     "euler_from_attitude",
     "excitation_step",
-    "expected_path_rates_m_s",
-    "expected_reading",
     "exponential_line",
     "forward_angles",
     "forward_direction",
     "frame_rotation",
     "frequency_conflicts",
     "frequency_ratio",
-    "geometry_of",
+    "geometry_from_pose",
     "initialize",
-    "is_published",
     "lane_sigma",
     "largest_phase_bias_rad",
     "link_powers_w",
     "link_snr",
-    "local_difference",
-    "local_gradient",
-    "local_steps",
     "minimum_difference_hz",
-    "minimum_variance_step",
     "mixed_powers_w",
     "mixed_snr",
-    "modified_bessel",
     "moved",
-    "noise_power_w",
     "nonlinear_reflector",
-    "numerical_jacobian",
     "path_lengths",
     "path_loss",
-    "path_rates_m_s",
-    "path_vectors",
-    "phase_rate_sigma_rad_s",
     "phase_sigma_rad",
     "phase_variance",
     "pose_from_two_way",
-    "predict",
     "product_code",
-    "range_acceleration_lever_s2",
     "range_covariance",
-    "range_from_sum",
     "range_noise",
     "range_rate_from_offsets",
-    "range_rate_lever_s",
     "range_requirement_m",
     "range_step",
-    "range_variance_from_gradients",
     "range_variance_from_nine",
-    "rate_weights",
     "read_ranges",
-    "received_power_w",
-    "refine",
     "rep103_from_spacecraft",
     "rep103_pose",
-    "require_gaussian_regime",
-    "require_motion",
-    "require_rotation",
     "required_power_w",
     "required_ratio",
     "resolve_ranges",
@@ -418,39 +254,24 @@ __all__ = [
     "roll_from_directions",
     "roll_from_polarisation",
     "roll_requirement_snr",
-    "roll_rotation",
     "roll_step",
     "roll_variance",
-    "roll_variance_from_gradients",
     "rotation_vector",
     "run_trials",
     "sharpened_ranges",
-    "sight_axes",
-    "signal_to_noise",
-    "signal_to_noise_ratios",
     "simple_repeater",
     "simulate_amplitudes",
     "simulate_phases",
-    "small_rotation",
     "spacecraft_from_rep103",
     "square_law_lines",
-    "start",
     "step_error_probability",
     "sum_range_bias_m",
-    "target_axes",
     "total_error_probability",
     "track",
     "track_once",
-    "tracking_frame_dipole",
-    "turned_direction",
-    "two_element_angle",
-    "two_element_phase",
     "two_way_from_attitude",
     "two_way_from_pose",
-    "two_way_gradients",
     "two_way_phase_variance",
     "two_way_range_sigma",
     "two_way_ranges",
-    "update",
-    "y_dipole_components",
 ]

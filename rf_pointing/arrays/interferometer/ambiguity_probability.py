@@ -70,4 +70,4 @@ def chain_error_rate(
 
 
 def _any_wrong(unrounded: NDArray[np.float64]) -> NDArray[np.bool_]:
-    return np.any(np.abs(unrounded) > 0.5, axis=-1)
+    return np.asarray(np.any(np.abs(unrounded) > 0.5, axis=-1))

@@ -30,7 +30,7 @@ class ResolvedRanges:
     @property
     def worst_lane_residual(self) -> Array:
         """Largest |unrounded lane - lane| of all steps and paths (...), at most 0.5."""
-        return np.max(np.abs(self.lane_residuals), axis=(-3, -2, -1))
+        return np.asarray(np.max(np.abs(self.lane_residuals), axis=(-3, -2, -1)))
 
 
 def resolve_ranges(phases_rad: ArrayLike, plan: CarrierPlan, variant: str = CORRECTED) -> ResolvedRanges:

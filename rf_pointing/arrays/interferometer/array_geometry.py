@@ -59,7 +59,7 @@ def path_vectors(position_m: ArrayLike, attitude: ArrayLike, arrays: ArrayParams
 
 def path_lengths(position_m: ArrayLike, attitude: ArrayLike, arrays: ArrayParams) -> Array:
     """Return the sixteen one-way lengths rho_ij, (..., 4, 4): active element i, passive element j (listing PATH2)."""
-    return np.linalg.norm(path_vectors(position_m, attitude, arrays), axis=-1)
+    return np.asarray(np.linalg.norm(path_vectors(position_m, attitude, arrays), axis=-1))
 
 
 def two_way_ranges(position_m: ArrayLike, attitude: ArrayLike, arrays: ArrayParams) -> Array:
@@ -77,7 +77,7 @@ def path_rates_m_s(
     rate = np.asarray(rate_rad_s, dtype=np.float64)[..., None, :]
     swing = np.cross(rate, element_positions(arrays.radius_passive_m)) @ np.asarray(attitude, dtype=np.float64)
     moving = np.asarray(velocity_m_s, dtype=np.float64)[..., None, :] + swing
-    return np.einsum("...ijk,...jk->...ij", units, moving)
+    return np.asarray(np.einsum("...ijk,...jk->...ij", units, moving))
 
 
 def two_way_gradients(position_m: ArrayLike, attitude: ArrayLike, arrays: ArrayParams) -> tuple[Array, Array]:

@@ -43,7 +43,7 @@ def two_element_angle(phase_rad: ArrayLike, baseline_m: float, wavelength_m: flo
 
 def range_from_sum(ranges_m: ArrayLike, arrays: ArrayParams) -> Array:
     """Return the distance (...) from the nine two-way ranges (..., 3, 3) (PI83 eq. 3-7, all nine)."""
-    return np.sum(np.asarray(ranges_m, dtype=np.float64) - arrays.transponder_delay_m, axis=(-2, -1)) / 18.0
+    return np.asarray(np.sum(np.asarray(ranges_m, dtype=np.float64) - arrays.transponder_delay_m, axis=(-2, -1)) / 18.0)
 
 
 def direction_cosines(centre_ranges_m: ArrayLike, radius_m: float) -> tuple[Array, Array, Array]:
@@ -74,4 +74,4 @@ def _direction(
     to_centre = two_way - arrays.transponder_delay_m - np.asarray(range_m)[..., None]
     along_y, along_z, square = direction_cosines(to_centre, radius_m)
     direction = np.stack([side * np.sqrt(np.maximum(0.0, square)), along_y, along_z], axis=-1)
-    return direction / np.linalg.norm(direction, axis=-1, keepdims=True)
+    return np.asarray(direction / np.linalg.norm(direction, axis=-1, keepdims=True))

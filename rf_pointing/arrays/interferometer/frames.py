@@ -75,7 +75,9 @@ def frame_rotation(vector_rad: ArrayLike) -> Array:
     vector = np.asarray(vector_rad, dtype=np.float64)
     angle = np.linalg.norm(vector, axis=-1)[..., None, None]
     cross = _cross_matrix(vector)
-    return np.eye(3) - np.sinc(angle / np.pi) * cross + 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2 * (cross @ cross)
+    return np.asarray(
+        np.eye(3) - np.sinc(angle / np.pi) * cross + 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2 * (cross @ cross)
+    )
 
 
 def rotation_vector(rotation: ArrayLike) -> Array:

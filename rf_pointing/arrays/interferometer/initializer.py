@@ -16,9 +16,13 @@ from rf_pointing.arrays.interferometer.direction_finding import (
     range_from_sum,
     reverse_direction_from_ranges,
 )
-from rf_pointing.arrays.interferometer.relative_pose import attitude_from_directions
+from rf_pointing.arrays.interferometer.relative_pose import (
+    attitude_from_directions,
+    reverse_direction,
+    roll_from_directions,
+)
 
-__all__ = ["Geometry", "aperture_excess", "initialize"]
+__all__ = ["Geometry", "aperture_excess", "geometry_from_pose", "initialize"]
 
 Array = NDArray[np.float64]
 
@@ -41,6 +45,16 @@ class Geometry:
     def position_m(self) -> Array:
         """Passive array centre in the active frame (..., 3)."""
         return self.range_m[..., None] * self.forward
+
+
+def geometry_from_pose(position_m: ArrayLike, attitude: ArrayLike) -> Geometry:
+    """Return what both arrays see of position (..., 3) and A (..., 3, 3)."""
+    position = np.asarray(position_m, dtype=np.float64)
+    distance = np.linalg.norm(position, axis=-1)
+    forward = position / distance[..., None]
+    reverse = reverse_direction(forward, attitude)
+    roll = roll_from_directions(forward, reverse, attitude)
+    return Geometry(range_m=distance, forward=forward, reverse=reverse, roll_rad=roll)
 
 
 def initialize(ranges_m: ArrayLike, amplitudes: ArrayLike, arrays: ArrayParams) -> Geometry:

@@ -70,7 +70,7 @@ def path_loss(
 
 def noise_power_w(link: LinkParams) -> float:
     """Return k T B F in watts (PI83 eqs. 5-41, 8-18)."""
-    return link.boltzmann * link.temperature_k * link.bandwidth_hz * 10.0 ** (0.1 * link.noise_figure_db)
+    return float(link.boltzmann * link.temperature_k * link.bandwidth_hz * 10.0 ** (0.1 * link.noise_figure_db))
 
 
 def received_power_w(

@@ -89,7 +89,7 @@ def cartesian_jacobian(motion: RelativeMotion) -> Array:
 
 
 def _apply(matrix: Array, vector: Array) -> Array:
-    return np.einsum("...ij,...j->...i", matrix, vector)
+    return np.asarray(np.einsum("...ij,...j->...i", matrix, vector))
 
 
 def _vector_rotation(vector_rad: Array) -> Array:

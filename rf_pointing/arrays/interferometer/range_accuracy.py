@@ -46,9 +46,9 @@ def phase_variance(snr: ArrayLike) -> Array:
 def phase_rate_sigma_rad_s(phase_sigma_rad: ArrayLike, dwell_s: float) -> Array:
     """Return sqrt(12) sigma_phi/T: the Cramer-Rao bound of a tone's frequency, phase held at the dwell's middle.
 
-    The power ratio counts for the whole dwell, as if bandwidth were 1/T: with 1/T below the bandwidth it is pessimistic.
+    The power ratio counts for the whole dwell, as if the bandwidth were 1/T: pessimistic when it is wider.
     """
-    return np.sqrt(12.0) * np.asarray(phase_sigma_rad, dtype=np.float64) / dwell_s
+    return np.asarray(np.sqrt(12.0) * np.asarray(phase_sigma_rad, dtype=np.float64) / dwell_s)
 
 
 def two_way_phase_variance(snr_forward: ArrayLike, snr_return: ArrayLike) -> Array:
@@ -59,7 +59,7 @@ def two_way_phase_variance(snr_forward: ArrayLike, snr_return: ArrayLike) -> Arr
 def two_way_range_sigma(frequency_hz: float, phase_variance_rad2: ArrayLike, speed_of_light_m_s: float) -> Array:
     """Return the standard deviation in metres of the two-way length (PI83 eq. 7-12)."""
     require_between("frequency_hz", frequency_hz, 1e-3, None)
-    return speed_of_light_m_s / (2.0 * np.pi * frequency_hz) * np.sqrt(np.asarray(phase_variance_rad2))
+    return np.asarray(speed_of_light_m_s / (2.0 * np.pi * frequency_hz) * np.sqrt(np.asarray(phase_variance_rad2)))
 
 
 def range_noise(snr_forward: ArrayLike, snr_return: ArrayLike, plan: CarrierPlan) -> RangeNoise:

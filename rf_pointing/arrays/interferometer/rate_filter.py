@@ -28,9 +28,9 @@ _POSE_INFLATION = 100.0
 class FilterParams(Params):
     """Motion model and first uncertainties."""
 
-    acceleration_density_m_s2: float = parameter(1e-3, "white acceleration, per root hertz", low=1e-9, high=100.0)
+    acceleration_density_m_s2: float = parameter(0.01, "white acceleration, per root hertz", low=1e-9, high=100.0)
     angular_acceleration_density_rad_s2: float = parameter(
-        1e-5, "white angular acceleration, per root hertz", low=1e-12, high=10.0
+        3e-4, "white angular acceleration, per root hertz", low=1e-12, high=10.0
     )
     excitation_drift: float = parameter(
         1e-4, "random walk of the excitation factors, per root second", low=0.0, high=1.0

@@ -122,7 +122,7 @@ def _phase_rates(rates: Array, plan: CarrierPlan) -> Array:
     share = np.mean(plan.return_wave_rad_m / mean_wave)
     outward = 0.5 * np.mean(rates)
     back = outward + (rates - np.mean(rates)) / share
-    return plan.forward_wave_rad_m[:, None, None] * outward + plan.return_wave_rad_m[:, None, None] * back
+    return np.asarray(plan.forward_wave_rad_m[:, None, None] * outward + plan.return_wave_rad_m[:, None, None] * back)
 
 
 def _folded(phases: Array, carriers: NDArray[np.intp], count: int) -> tuple[Array, float]:
@@ -147,4 +147,4 @@ def _range_covariance(
         single += np.sum(back[mine], axis=0) / visits[carrier] ** 2
     scale = (system.plan.ambiguities_m[-1] / (2.0 * np.pi)) ** 2
     bent = range_acceleration_lever_s2(system.schedule, system.plan) * floor.path_acceleration_m_s2
-    return scale * (np.diag(single.ravel()) + common) + bent**2
+    return np.asarray(scale * (np.diag(single.ravel()) + common) + bent**2)

@@ -94,7 +94,7 @@ def require_rotation(name: str, matrix: ArrayLike) -> Array:
 
 def reverse_direction(direction: ArrayLike, attitude: ArrayLike) -> Array:
     """Return eta = -A xi (..., 3), the active array seen from the passive one (PI83 eq. 4-14)."""
-    return -np.einsum("...ij,...j->...i", np.asarray(attitude), np.asarray(direction))
+    return np.asarray(-np.einsum("...ij,...j->...i", np.asarray(attitude), np.asarray(direction)))
 
 
 def attitude_from_two_way(
@@ -136,7 +136,7 @@ def roll_from_directions(forward: ArrayLike, reverse: ArrayLike, attitude: Array
     azimuth2, elevation2 = reverse_angles(reverse)
     left = elevation_rotation(-elevation2) @ azimuth_rotation(azimuth2 - np.pi)
     middle = left @ np.asarray(attitude) @ azimuth_rotation(-azimuth1) @ elevation_rotation(-elevation1)
-    return np.arctan2(middle[..., 1, 2], middle[..., 2, 2])
+    return np.asarray(np.arctan2(middle[..., 1, 2], middle[..., 2, 2]))
 
 
 def two_way_from_pose(pose: RelativePose) -> TwoWayPose:

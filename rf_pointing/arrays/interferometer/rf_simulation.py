@@ -37,6 +37,7 @@ class RadioParams(Params):
 
     forward_power_w: float = parameter(2.2, "radiated by the active centre element", low=1e-9, high=1e6)
     return_power_w: float = parameter(1.1, "radiated by each passive element", low=1e-9, high=1e6)
+    hardware_phase_rad: float = parameter(0.0, "sigma of a fixed, unknown phase of carrier and path", low=0.0, high=1.0)
 
 
 def signal_to_noise_ratios(
@@ -91,7 +92,7 @@ def amplitude_sigma(
         snr = link_snr(radio.forward_power_w, distance, plan.return_carriers_hz, link)
         return np.sqrt(phase_variance(snr[..., -1])) / plan.count
     snr = link_snr(radio.return_power_w, distance, plan.return_carriers_hz, link)
-    return np.sqrt(np.sum(phase_variance(snr), axis=-1)) / plan.count
+    return np.asarray(np.sqrt(np.sum(phase_variance(snr), axis=-1)) / plan.count)
 
 
 def simulate_amplitudes(amplitudes: ArrayLike, sigma: float, rng: np.random.Generator, trials: int = 1) -> Array:

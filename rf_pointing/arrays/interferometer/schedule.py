@@ -40,7 +40,7 @@ class Schedule(Params):
         slots = len(self.carriers(plan))
         if self.order == "simultaneous":
             return np.zeros(slots)
-        return (np.arange(slots) - 0.5 * (slots - 1)) * self.dwell_s
+        return np.asarray((np.arange(slots) - 0.5 * (slots - 1)) * self.dwell_s, dtype=np.float64)
 
     def duration_s(self, plan: CarrierPlan) -> float:
         """Return the length of the whole sequence."""

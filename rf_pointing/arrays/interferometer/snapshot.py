@@ -17,11 +17,10 @@ from rf_pointing.arrays.interferometer.measurement_model import local_gradient
 from rf_pointing.arrays.interferometer.minimum_variance import minimum_variance_step
 from rf_pointing.arrays.interferometer.motion import RelativeMotion
 from rf_pointing.arrays.interferometer.reading import COUPLINGS, RANGES, RATES, Reading
-from rf_pointing.arrays.interferometer.relative_pose import reverse_direction, roll_from_directions
 from rf_pointing.arrays.interferometer.system import InterferometerSystem
 from rf_pointing.arrays.interferometer.tracking_filter import SequenceParams, track
 
-__all__ = ["Snapshot", "chi_square_limit", "coarse_geometry", "geometry_of", "refine"]
+__all__ = ["Snapshot", "chi_square_limit", "coarse_geometry", "refine"]
 
 Array = NDArray[np.float64]
 _POSE = [0, 1, 2, 6, 7, 8]
@@ -108,19 +107,6 @@ def _pose_model(tracked: TrackedMotion, reading: Reading, system: Interferometer
     expected[RANGES] -= reading.lever_s * (expected[RATES] - reading.used_rates_m_s.ravel())
     gradient[RANGES] -= reading.lever_s * gradient[RATES]
     return expected[rows], gradient[rows]
-
-
-def geometry_of(motion: RelativeMotion) -> Geometry:
-    """Return what both arrays see of a motion, as a start for the sequence."""
-    distance = np.linalg.norm(motion.position_m)
-    forward = motion.position_m / distance
-    reverse = reverse_direction(forward, motion.attitude)
-    return Geometry(
-        range_m=np.asarray(distance),
-        forward=forward,
-        reverse=reverse,
-        roll_rad=roll_from_directions(forward, reverse, motion.attitude),
-    )
 
 
 def chi_square_limit(degrees_of_freedom: int, gate_sigma: float) -> float:

@@ -35,7 +35,7 @@ _LOST_RATE_RAD_S = 1e3
 class InterferometerSource:
     """Seeded source of measurements; `state` and `restore` make a stopped run continue identically.
 
-    `excitation`: amplitudes of the passive y and z dipoles, one as designed.
+    `excitation`: amplitudes of the passive y and z dipoles, one as designed.  Fixed hardware phases follow the seed.
     """
 
     def __init__(
@@ -51,6 +51,9 @@ class InterferometerSource:
         self.system, self.radio, self.link = system, radio, link
         self.excitation = np.array(excitation)
         self._carriers = system.schedule.carriers(system.plan)
+        shape = (system.plan.count, 3, 3)
+        fixed = random_stream(seed, "interferometer hardware").normal(size=shape) * radio.hardware_phase_rad
+        self._hardware_rad = fixed[self._carriers]
         self._rng = random_stream(seed, "interferometer")
 
     @property
@@ -98,7 +101,7 @@ class InterferometerSource:
         forward, back = np.sqrt(phase_variance(snr_forward)), np.sqrt(phase_variance(snr_return))
         phases = self._of_paths(lengths[:, 0, 0] + arrays.transponder_delay_m, lengths[:, 1:, 1:])
         rates = self._of_paths(path_rates[:, 0, 0], path_rates[:, 1:, 1:])
-        phases = phases + self._noise(forward, back)
+        phases = phases + self._hardware_rad + self._noise(forward, back)
         rates = rates + self._noise(*(phase_rate_sigma_rad_s(sigma, dwell_s) for sigma in (forward, back)))
         lost_phases = self._rng.uniform(0.0, 2.0 * np.pi, phases.shape)
         lost_rates = self._rng.normal(0.0, _LOST_RATE_RAD_S, rates.shape)

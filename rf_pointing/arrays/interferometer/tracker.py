@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from rf_pointing.arrays.interferometer.initializer import Geometry, geometry_from_pose
 from rf_pointing.arrays.interferometer.local_coordinates import TrackedMotion, cartesian_jacobian
 from rf_pointing.arrays.interferometer.measurement import InterferometerMeasurement
 from rf_pointing.arrays.interferometer.measurement_model import expected_path_rates_m_s
@@ -22,7 +23,6 @@ from rf_pointing.arrays.interferometer.snapshot import (
     Snapshot,
     chi_square_limit,
     coarse_geometry,
-    geometry_of,
     refine,
 )
 from rf_pointing.arrays.interferometer.system import InterferometerSystem
@@ -102,16 +102,33 @@ class InterferometerTracker:
         after = TrackerState(filter=accepted, accepted_t_s=measurement.t_s, rejected=0)
         return after, self._output(accepted, TRACKING, "")
 
+    def coast(self, state: TrackerState, t_s: float, reason: str) -> tuple[TrackerState, TrackerOutput]:
+        """Return the state and output at `t_s` when no measurement came, or none that could be read."""
+        if state.filter is not None and t_s < state.filter.t_s:
+            raise ValueError(f"t_s={t_s} must be >= the last epoch {state.filter.t_s}")
+        predicted = None if state.filter is None else predict(state.filter, t_s, self.filter_params)
+        return self._refused(state, predicted, t_s, reason)
+
     def _accepted(self, predicted: FilterState | None, measurement: InterferometerMeasurement) -> FilterState:
         self._check_loops(measurement)
-        hint = None if predicted is None else expected_path_rates_m_s(predicted.tracked, self.system)
-        reading = read_ranges(measurement, self.system, self.floor, hint)
-        self._check_reading(reading)
+        reading = self._reading(predicted, measurement)
         snapshot = self._snapshot(reading, predicted)
         if predicted is None:
             prior = start(measurement.t_s, snapshot, self.filter_params)
             return update(prior, reading, self.system).state
         return self._corrected(predicted, reading, snapshot)
+
+    def _reading(self, predicted: FilterState | None, measurement: InterferometerMeasurement) -> Reading:
+        # Predicted path rates resolve cycles at lower power; after a manoeuvre only the measured ones are right.
+        if predicted is not None:
+            aiding = expected_path_rates_m_s(predicted.tracked, self.system)
+            reading = read_ranges(measurement, self.system, self.floor, aiding)
+            if not self._doubt(reading):
+                return reading
+        reading = read_ranges(measurement, self.system, self.floor)
+        if doubt := self._doubt(reading):
+            raise ValueError(doubt)
+        return reading
 
     def _check_loops(self, measurement: InterferometerMeasurement) -> None:
         if not np.all(measurement.locked):
@@ -122,19 +139,18 @@ class InterferometerTracker:
             if np.min(snr) < LOWEST_SNR:
                 raise ValueError(f"{name} link snr={float(np.min(snr)):.3g} must be >= {LOWEST_SNR}")
 
-    def _check_reading(self, reading: Reading) -> None:
+    def _doubt(self, reading: Reading) -> str:
         if reading.visit_agreement < self.params.visit_agreement:
-            raise ValueError(
+            return (
                 f"repeated phases agree to {reading.visit_agreement:.3g}, must be >= {self.params.visit_agreement}: "
                 "path rate wrong or changing"
             )
         if reading.worst_lane > self.params.lane_guard:
-            raise ValueError(
-                f"lane residual {reading.worst_lane:.3g} must be <= {self.params.lane_guard}: cycle not resolved"
-            )
+            return f"lane residual {reading.worst_lane:.3g} must be <= {self.params.lane_guard}: cycle not resolved"
+        return ""
 
     def _snapshot(self, reading: Reading, predicted: FilterState | None) -> Snapshot:
-        prior = None if predicted is None else geometry_of(predicted.tracked.motion)
+        prior = None if predicted is None else _seen(predicted.tracked)
         fit = self.filter_params.track_excitation
         passes = self.params.acquisition_iterations if predicted is None else 2
         sequence = SequenceParams(iterations=passes, estimate_excitation=fit)
@@ -147,7 +163,7 @@ class InterferometerTracker:
         return snapshot
 
     def _check_angles(self, snapshot: Snapshot) -> None:
-        seen = geometry_of(snapshot.tracked.motion)
+        seen = _seen(snapshot.tracked)
         for side, cosine in (("active", seen.forward[0]), ("passive", -seen.reverse[0])):
             angle = float(np.arccos(np.clip(cosine, -1.0, 1.0)))
             if angle > self.params.widest_angle_rad:
@@ -195,3 +211,7 @@ class InterferometerTracker:
             excitation=state.tracked.excitation,
         )
         return TrackerOutput(t_s=state.t_s, status=status, reason=reason, estimate=estimate)
+
+
+def _seen(tracked: TrackedMotion) -> Geometry:
+    return geometry_from_pose(tracked.motion.position_m, tracked.motion.attitude)

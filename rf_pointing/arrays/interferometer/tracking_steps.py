@@ -18,6 +18,7 @@ from rf_pointing.geometry import wrap_rad
 __all__ = ["direction_step", "excitation_step", "range_step", "roll_step", "turned_direction"]
 
 Array = NDArray[np.float64]
+_SMALLEST_COUPLING = 1e-6
 
 
 def range_step(
@@ -61,7 +62,7 @@ def direction_step(
     distance = np.asarray(range_m, dtype=np.float64)[..., None]
 
     def sums(pointing: Array) -> Array:
-        return np.sum(two_way_ranges(distance * pointing, attitude, arrays), axis=-1)
+        return np.asarray(np.sum(two_way_ranges(distance * pointing, attitude, arrays), axis=-1))
 
     direction = np.asarray(direction, dtype=np.float64)
     predicted = sums(direction)
@@ -75,7 +76,7 @@ def turned_direction(direction: ArrayLike, azimuth_rad: ArrayLike, elevation_rad
     """Return the direction turned by small angles, to first order and renormalised (PI83 eqs. 4-10, 4-11)."""
     turn = small_rotation(-np.asarray(azimuth_rad), -np.asarray(elevation_rad), 0.0)
     turned = np.einsum("...ij,...j->...i", turn, np.asarray(direction))
-    return turned / np.linalg.norm(turned, axis=-1, keepdims=True)
+    return np.asarray(turned / np.linalg.norm(turned, axis=-1, keepdims=True))
 
 
 def roll_step(
@@ -104,6 +105,8 @@ def excitation_step(
     not received at all.
     """
     coupling = coupling_from_two_way(forward, reverse, roll_rad)
+    if np.any(np.linalg.norm(coupling, axis=-2) < _SMALLEST_COUPLING):
+        raise ValueError(f"a dipole points along the path: its coupling is below {_SMALLEST_COUPLING}")
     gradient = np.zeros((*coupling.shape[:-2], 4, 2))
     gradient[..., 0, 0], gradient[..., 2, 0] = coupling[..., 0, 0], coupling[..., 1, 0]
     gradient[..., 1, 1], gradient[..., 3, 1] = coupling[..., 0, 1], coupling[..., 1, 1]

@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 GM_M3_S2 = 3.986004418e14
 """Gravitational constant times mass of the Earth (WGS-84)."""
-_KEPLER_TOLERANCE_RAD, _KEPLER_ITERATIONS = 1e-14, 50
+_KEPLER_TOLERANCE_RAD, _KEPLER_ITERATIONS = 1e-13, 50
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,15 +30,19 @@ class Elements(Params):
 
     def state(self) -> Array:
         """Return position and velocity (6,), m and m/s; `from_state` is the inverse."""
-        anomaly = _eccentric_anomaly(self.mean_anomaly_rad, self.eccentricity)
+        angles = (np.array([value]) for value in (self.node_rad, self.perigee_rad, self.mean_anomaly_rad))
+        return np.asarray(self.states(*angles)[0])
+
+    def states(self, node_rad: Array, perigee_rad: Array, mean_anomaly_rad: Array) -> Array:
+        """Return states (n, 6) on this ellipse with other nodes, perigees and anomalies (n,)."""
         a, e = self.semi_major_axis_m, self.eccentricity
-        root = math.sqrt(1.0 - e * e)
-        radius = a * (1.0 - e * math.cos(anomaly))
-        speed = math.sqrt(GM_M3_S2 * a) / radius
-        plane_position = np.array([a * (math.cos(anomaly) - e), a * root * math.sin(anomaly), 0.0])
-        plane_velocity = speed * np.array([-math.sin(anomaly), root * math.cos(anomaly), 0.0])
-        axes = _orbit_axes(self.node_rad, self.inclination_rad, self.perigee_rad)
-        return np.concatenate([axes @ plane_position, axes @ plane_velocity])
+        anomaly = _eccentric_anomaly(mean_anomaly_rad, e)
+        cosine, sine, root = np.cos(anomaly), np.sin(anomaly), math.sqrt(1.0 - e * e)
+        speed = math.sqrt(GM_M3_S2 * a) / (a * (1.0 - e * cosine))
+        toward_perigee, ahead = _orbit_axes(node_rad, self.inclination_rad, perigee_rad)
+        position = a * ((cosine - e) * toward_perigee + root * sine * ahead)
+        velocity = speed * (root * cosine * ahead - sine * toward_perigee)
+        return np.concatenate([position, velocity]).T
 
     @classmethod
     def from_state(cls, state: ArrayLike) -> "Elements":
@@ -68,24 +72,21 @@ class Elements(Params):
         )
 
 
-def _eccentric_anomaly(mean_rad: float, eccentricity: float) -> float:
-    anomaly = mean_rad + eccentricity * math.sin(mean_rad)
+def _eccentric_anomaly(mean_rad: Array, eccentricity: float) -> Array:
+    anomaly = mean_rad + eccentricity * np.sin(mean_rad)
     for _ in range(_KEPLER_ITERATIONS):
-        miss = anomaly - eccentricity * math.sin(anomaly) - mean_rad
-        step = miss / (1.0 - eccentricity * math.cos(anomaly))
-        anomaly -= step
-        if abs(step) <= _KEPLER_TOLERANCE_RAD:
+        miss = anomaly - eccentricity * np.sin(anomaly) - mean_rad
+        step = miss / (1.0 - eccentricity * np.cos(anomaly))
+        anomaly = anomaly - step
+        if np.max(np.abs(step)) <= _KEPLER_TOLERANCE_RAD:
             return anomaly
-    raise ValueError(f"mean_anomaly_rad={mean_rad}: Kepler's equation needs more than {_KEPLER_ITERATIONS} steps")
+    raise ValueError(f"eccentricity={eccentricity}: Kepler's equation needs more than {_KEPLER_ITERATIONS} steps")
 
 
-def _orbit_axes(node: float, inclination: float, perigee: float) -> Array:
-    sin_o, cos_o, sin_w, cos_w = math.sin(node), math.cos(node), math.sin(perigee), math.cos(perigee)
+def _orbit_axes(node: Array, inclination: float, perigee: Array) -> tuple[Array, Array]:
+    """Return the unit vectors (3, n) to perigee and a quarter turn ahead of it."""
+    sin_o, cos_o, sin_w, cos_w = np.sin(node), np.cos(node), np.sin(perigee), np.cos(perigee)
     sin_i, cos_i = math.sin(inclination), math.cos(inclination)
-    return np.array(
-        [
-            [cos_o * cos_w - sin_o * sin_w * cos_i, -cos_o * sin_w - sin_o * cos_w * cos_i, sin_o * sin_i],
-            [sin_o * cos_w + cos_o * sin_w * cos_i, -sin_o * sin_w + cos_o * cos_w * cos_i, -cos_o * sin_i],
-            [sin_w * sin_i, cos_w * sin_i, cos_i],
-        ]
-    )
+    toward = np.stack([cos_o * cos_w - sin_o * sin_w * cos_i, sin_o * cos_w + cos_o * sin_w * cos_i, sin_w * sin_i])
+    ahead = np.stack([-cos_o * sin_w - sin_o * cos_w * cos_i, -sin_o * sin_w + cos_o * cos_w * cos_i, cos_w * sin_i])
+    return toward, ahead

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from rf_pointing.calibration.orbit.elements import GM_M3_S2
 from rf_pointing.geometry import Params, as_finite_array, parameter
 
-__all__ = ["Gravity", "Trajectory", "propagate"]
+__all__ = ["Gravity", "Trajectory", "propagate", "propagate_together"]
 
 Array = NDArray[np.float64]
 
@@ -67,11 +67,20 @@ def propagate(
     if np.any(np.diff(times) < 0.0):
         raise ValueError("t_s must not decrease")
     bundle = _bundle(start) if with_partials else start[np.newaxis]
-    result = np.empty((len(times), *bundle.shape))
-    for side in (times < epoch_t_s, times >= epoch_t_s):
-        if np.any(side):
-            result[side] = _integrate(bundle, times[side] - epoch_t_s, gravity)
+    result = propagate_together(bundle, times - epoch_t_s, gravity)
     return Trajectory(times, result[:, 0], _differences(result) if with_partials else None)
+
+
+def propagate_together(states: ArrayLike, elapsed_s: ArrayLike, gravity: Gravity) -> Array:
+    """Integrate many starting states (m, 6) over the same elapsed times (n,), sorted: the result is (n, m, 6)."""
+    bundle, times = as_finite_array("states", states, (None, 6)), as_finite_array("elapsed_s", elapsed_s, (None,))
+    if np.any(np.diff(times) < 0.0):
+        raise ValueError("elapsed_s must not decrease")
+    result = np.empty((len(times), *bundle.shape))
+    for side in (times < 0.0, times >= 0.0):
+        if np.any(side):
+            result[side] = _integrate(bundle, times[side], gravity)
+    return result
 
 
 def _bundle(start: Array) -> Array:

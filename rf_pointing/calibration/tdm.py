@@ -1,0 +1,228 @@
+"""CCSDS Tracking Data Message in KVN (503.0-B-2): angles, range and range rate of a station, read and written.
+
+ANGLE_TYPE must be AZEL and TIME_SYSTEM UTC.  The station is the last participant of PATH, the target the other one.
+RANGE is read for one-way paths in km; DOPPLER_INSTANTANEOUS is the range rate in km/s.  Errors name the line.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from rf_pointing.calibration.raw_tracking import RawTracking
+from rf_pointing.calibration.tdm_keywords import DATA_KEYWORDS, METADATA_KEYWORDS
+from rf_pointing.calibration.utc_text import from_utc_text, to_utc_text
+
+__all__ = ["read_tdm", "write_tdm"]
+
+_HEADER = ("CCSDS_TDM_VERS", "CREATION_DATE", "ORIGINATOR", "MESSAGE_ID")
+_ONE_WAY = ("2,1", "1,2")
+_SCALE = {
+    "ANGLE_1": math.radians(1.0),
+    "ANGLE_2": math.radians(1.0),
+    "RANGE": 1e3,
+    "DOPPLER_INSTANTANEOUS": 1e3,
+}
+
+
+@dataclass
+class _Segment:
+    line: int
+    metadata: dict[str, str] = field(default_factory=dict)
+    values: dict[str, dict[float, tuple[int, float]]] = field(default_factory=dict)
+
+
+def read_tdm(path: str | Path) -> list[RawTracking]:
+    """Return the tracking data of every segment; raises ValueError naming file and line."""
+    source = Path(path)
+    try:
+        segments = _segments(source.read_text(encoding="ascii").splitlines())
+        return [_tracking(segment) for segment in segments]
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{source}: byte {error.start} is not ASCII") from None
+    except ValueError as error:
+        raise ValueError(f"{source}: {error}") from None
+
+
+def write_tdm(path: str | Path, tracks: Sequence[RawTracking], *, originator: str, created_t_s: float) -> None:
+    """Write one segment per pass, good samples only; `read_tdm` is the inverse."""
+    lines = ["CCSDS_TDM_VERS = 2.0", f"CREATION_DATE = {to_utc_text(created_t_s)}", f"ORIGINATOR = {originator}"]
+    for track in tracks:
+        lines += ["", *_metadata_lines(track), "", *_data_lines(track)]
+    Path(path).write_text("\n".join(lines) + "\n", encoding="ascii")
+
+
+def _segments(lines: Sequence[str]) -> list[_Segment]:
+    segments: list[_Segment] = []
+    place, header = "header", {}
+    for number, key, value in _statements(lines):
+        if key in ("META_START", "META_STOP", "DATA_START", "DATA_STOP"):
+            place = _next_place(place, key, number)
+            if key == "META_START":
+                segments.append(_Segment(number))
+        elif place == "header":
+            if key not in _HEADER:
+                raise ValueError(f"line {number}: {key} is not a header keyword")
+            header[key] = value
+        elif place == "metadata":
+            _add_metadata(segments[-1], number, key, value)
+        elif place == "data":
+            _add_value(segments[-1], number, key, value)
+        else:
+            raise ValueError(f"line {number}: {key} outside a metadata or data section")
+    if place not in ("between", "header"):
+        raise ValueError(f"line {len(lines)}: the {place} section is not closed")
+    if header.get("CCSDS_TDM_VERS") not in ("1.0", "2.0"):
+        raise ValueError(f"CCSDS_TDM_VERS={header.get('CCSDS_TDM_VERS')} must be 1.0 or 2.0")
+    if not segments:
+        raise ValueError("no segment")
+    return segments
+
+
+def _statements(lines: Sequence[str]) -> Iterator[tuple[int, str, str]]:
+    for number, line in enumerate(lines, start=1):
+        text = line.strip()
+        if not text or text.startswith("COMMENT"):
+            continue
+        if text in ("META_START", "META_STOP", "DATA_START", "DATA_STOP"):
+            yield number, text, ""
+            continue
+        key, equals, value = text.partition("=")
+        if not equals or not value.strip():
+            raise ValueError(f"line {number}: {text[:40]!r} must be KEYWORD = value")
+        yield number, key.strip(), value.strip()
+
+
+def _next_place(place: str, key: str, number: int) -> str:
+    allowed = {
+        ("header", "META_START"): "metadata",
+        ("between", "META_START"): "metadata",
+        ("metadata", "META_STOP"): "described",
+        ("described", "DATA_START"): "data",
+        ("data", "DATA_STOP"): "between",
+    }
+    if (place, key) not in allowed:
+        raise ValueError(f"line {number}: {key} does not belong here ({place})")
+    return allowed[(place, key)]
+
+
+def _add_metadata(segment: _Segment, number: int, key: str, value: str) -> None:
+    if key not in METADATA_KEYWORDS:
+        raise ValueError(f"line {number}: {key} is not a metadata keyword")
+    if key in segment.metadata:
+        raise ValueError(f"line {number}: {key} is given twice")
+    required = {"TIME_SYSTEM": ("UTC",), "ANGLE_TYPE": ("AZEL",), "RANGE_UNITS": ("km",), "MODE": ("SEQUENTIAL",)}
+    if key in required and value not in required[key]:
+        raise ValueError(f"line {number}: {key}={value} must be {required[key][0]}")
+    segment.metadata[key] = value
+
+
+def _add_value(segment: _Segment, number: int, key: str, value: str) -> None:
+    if key not in DATA_KEYWORDS:
+        raise ValueError(f"line {number}: {key} is not a data keyword")
+    if key not in _SCALE:
+        return
+    if key == "RANGE" and segment.metadata.get("PATH") not in _ONE_WAY:
+        raise ValueError(f"line {number}: RANGE with PATH={segment.metadata.get('PATH')}: only one-way is read")
+    parts = value.split()
+    if len(parts) != 2:
+        raise ValueError(f"line {number}: {key} needs a time and a value, has {len(parts)} words")
+    try:
+        t_s, measured = from_utc_text(parts[0]), float(parts[1])
+    except ValueError as error:
+        raise ValueError(f"line {number}: {error}") from None
+    if not math.isfinite(measured):
+        raise ValueError(f"line {number}: {key}={parts[1]} must be finite")
+    series = segment.values.setdefault(key, {})
+    if t_s in series:
+        raise ValueError(f"line {number}: {key} at {parts[0]} repeats line {series[t_s][0]}")
+    series[t_s] = (number, measured * _SCALE[key])
+
+
+def _tracking(segment: _Segment) -> RawTracking:
+    for key in ("TIME_SYSTEM", "PARTICIPANT_1", "PARTICIPANT_2", "PATH", "ANGLE_TYPE"):
+        if key not in segment.metadata:
+            raise ValueError(f"line {segment.line}: {key} is missing in the metadata")
+    angles = segment.values.get("ANGLE_1", {})
+    if not angles:
+        raise ValueError(f"line {segment.line}: the segment has no ANGLE_1")
+    for key, series in segment.values.items():
+        _require_same_times(key, series, "ANGLE_1", angles)
+        _require_same_times("ANGLE_1", angles, key, series)
+    if "ANGLE_2" not in segment.values:
+        raise ValueError(f"line {segment.line}: the segment has no ANGLE_2")
+    columns = {
+        key: np.array([series[t][1] for t in angles]) + _correction(segment, key)
+        for key, series in segment.values.items()
+    }
+    station = segment.metadata["PATH"].split(",")[-1]
+    target = "2" if station == "1" else "1"
+    return RawTracking(
+        station=segment.metadata[f"PARTICIPANT_{station}"],
+        band=segment.metadata.get("RECEIVE_BAND", segment.metadata.get("TRANSMIT_BAND", "S")),
+        target=segment.metadata[f"PARTICIPANT_{target}"],
+        t_s=np.array(list(angles)),
+        azimuth_rad=columns["ANGLE_1"],
+        elevation_rad=columns["ANGLE_2"],
+        range_m=columns.get("RANGE"),
+        range_rate_m_s=columns.get("DOPPLER_INSTANTANEOUS"),
+        good=np.ones(len(angles), dtype=bool),
+    )
+
+
+def _require_same_times(
+    key: str, series: dict[float, tuple[int, float]], other: str, known: dict[float, tuple[int, float]]
+) -> None:
+    for t_s, (number, _) in series.items():
+        if t_s not in known:
+            raise ValueError(f"line {number}: {key} at {to_utc_text(t_s)} has no {other} at that time")
+
+
+def _correction(segment: _Segment, key: str) -> float:
+    name = "CORRECTION_DOPPLER" if key.startswith("DOPPLER") else f"CORRECTION_{key}"
+    if name not in segment.metadata:
+        return 0.0
+    applied = segment.metadata.get("CORRECTIONS_APPLIED")
+    if applied not in ("YES", "NO"):
+        raise ValueError(f"line {segment.line}: {name} needs CORRECTIONS_APPLIED = YES or NO")
+    try:
+        value = float(segment.metadata[name])
+    except ValueError:
+        raise ValueError(f"line {segment.line}: {name}={segment.metadata[name]} must be a number") from None
+    return value * _SCALE[key] if applied == "NO" else 0.0
+
+
+def _metadata_lines(track: RawTracking) -> list[str]:
+    times = track.t_s[track.good]
+    return [
+        "META_START",
+        "TIME_SYSTEM = UTC",
+        f"START_TIME = {to_utc_text(float(times[0]))}",
+        f"STOP_TIME = {to_utc_text(float(times[-1]))}",
+        f"PARTICIPANT_1 = {track.station}",
+        f"PARTICIPANT_2 = {track.target}",
+        "MODE = SEQUENTIAL",
+        "PATH = 2,1",
+        f"RECEIVE_BAND = {track.band}",
+        "ANGLE_TYPE = AZEL",
+        "RANGE_UNITS = km",
+        "META_STOP",
+    ]
+
+
+def _data_lines(track: RawTracking) -> list[str]:
+    keys = {
+        "ANGLE_1": (np.mod(track.azimuth_rad, 2.0 * np.pi), 9),
+        "ANGLE_2": (track.elevation_rad, 9),
+        "RANGE": (track.range_m, 9),
+        "DOPPLER_INSTANTANEOUS": (track.range_rate_m_s, 12),
+    }
+    lines = ["DATA_START"]
+    for row in np.flatnonzero(track.good):
+        moment = to_utc_text(float(track.t_s[row]))
+        for key, (values, digits) in keys.items():
+            if values is not None:
+                lines.append(f"{key} = {moment} {values[row] / _SCALE[key]:.{digits}f}")
+    return [*lines, "DATA_STOP"]

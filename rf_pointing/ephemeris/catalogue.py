@@ -1,0 +1,206 @@
+"""Passes of a whole catalogue over one site.
+
+Objects of similar speed are propagated together on a coarse grid, turned into the site's axes and searched together
+by `passes_on_grid`.  Accurate to a millisecond in low orbits; `find_passes` gives the rates of a chosen pass.
+"""
+
+import dataclasses
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from sgp4.api import SGP4_ERRORS, Satrec, SatrecArray
+
+from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource, IersEarthOrientation
+from rf_pointing.ephemeris.elements import Elements
+from rf_pointing.ephemeris.grid_passes import GridPasses, passes_on_grid
+from rf_pointing.ephemeris.light_time import SENSES
+from rf_pointing.ephemeris.look_angles import SPEED_OF_LIGHT_M_S
+from rf_pointing.ephemeris.motion import Motion
+from rf_pointing.ephemeris.sampled_sky import MARGIN, SampledSky
+from rf_pointing.ephemeris.sgp4_orbit import GMST_RATE_RAD_S, earth_fixed_from_teme
+from rf_pointing.ephemeris.sites import Site
+from rf_pointing.ephemeris.time_scales import DAY_S, POSIX_EPOCH_JD, leap_seconds, utc_text
+from rf_pointing.geometry import azel_from_unit_vector, require_between, require_choice
+from rf_pointing.geometry.refraction import RadioRefraction
+
+__all__ = ["CataloguePass", "CatalogueSearch", "find_catalogue_passes"]
+
+Array = NDArray[np.float64]
+
+_STEP_RAD = 0.33
+_LADDER_S = (
+    30.0,
+    45.0,
+    60.0,
+    90.0,
+    120.0,
+    150.0,
+    180.0,
+    210.0,
+    240.0,
+    270.0,
+    300.0,
+    330.0,
+    360.0,
+    480.0,
+    600.0,
+    900.0,
+    1800.0,
+    2400.0,
+)
+_CHUNK = 256
+
+
+@dataclass(frozen=True, slots=True)
+class CataloguePass:
+    """One stay of one object above the mask; angles apparent, azimuths in [0, 2 pi)."""
+
+    elements: Elements
+    aos_t_s: float
+    tca_t_s: float
+    los_t_s: float
+    peak_elevation_rad: float
+    aos_azimuth_rad: float
+    tca_azimuth_rad: float
+    los_azimuth_rad: float
+    rises_before: bool
+    sets_after: bool
+
+
+@dataclass(frozen=True, slots=True)
+class CatalogueSearch:
+    """All passes in order of rise, and the objects that could not be searched, each with the reason."""
+
+    passes: tuple[CataloguePass, ...]
+    refused: tuple[tuple[Elements, str], ...]
+
+
+def find_catalogue_passes(
+    elements: Sequence[Elements],
+    site: Site,
+    start_t_s: float,
+    duration_s: float,
+    min_elevation_rad: float,
+    *,
+    refraction: RadioRefraction | Literal["standard"] | None = "standard",
+    light_time: str = "receive",
+    max_age_s: float = 14.0 * DAY_S,
+    orientation: EarthOrientationSource | None = None,
+) -> CatalogueSearch:
+    """Return the passes of all `elements` in the `duration_s` after `start_t_s`; options as for `TopocentricTrack`.
+
+    Objects that are too old or cannot be propagated through the interval are listed, not skipped silently.
+    """
+    require_between("duration_s", duration_s, 60.0, 31.0 * DAY_S)
+    require_between("min_elevation_rad", min_elevation_rad, -0.01, math.pi / 2)
+    require_choice("light_time", light_time, SENSES)
+    _refuse_leap_second(start_t_s, duration_s)
+    air = RadioRefraction.standard(site.altitude_m) if refraction == "standard" else refraction
+    true_mask_rad = float(air.remove(min_elevation_rad)) if air else min_elevation_rad
+    source: EarthOrientationSource = orientation or IersEarthOrientation()
+    passes: list[CataloguePass] = []
+    usable, refused = _usable(elements, start_t_s, duration_s, max_age_s)
+    for chunk, step_s in _chunks(usable, duration_s):
+        sky, codes = _sampled(chunk, site, start_t_s, duration_s, step_s, SENSES[light_time], source)
+        refused += [(e, SGP4_ERRORS[int(code)]) for e, code in zip(chunk, codes, strict=True) if code]
+        found = passes_on_grid(sky, codes == 0, duration_s, math.sin(true_mask_rad))
+        passes += _described(found, chunk, sky, air)
+    return CatalogueSearch(tuple(sorted(passes, key=lambda p: p.aos_t_s)), tuple(refused))
+
+
+def _refuse_leap_second(start_t_s: float, duration_s: float) -> None:
+    ends = (start_t_s - 2.0 * DAY_S, start_t_s + duration_s + 2.0 * DAY_S)
+    if leap_seconds().tai_minus_utc_s(ends[0]) != leap_seconds().tai_minus_utc_s(ends[1]):
+        raise ValueError(
+            f"start_t_s={start_t_s}: a leap second lies within 2 days of the interval from {utc_text(start_t_s)}, "
+            "where the even grid of the catalogue search breaks; use find_passes"
+        )
+
+
+def _usable(
+    elements: Sequence[Elements], start_t_s: float, duration_s: float, max_age_s: float
+) -> tuple[list[Elements], list[tuple[Elements, str]]]:
+    usable: list[Elements] = []
+    refused: list[tuple[Elements, str]] = []
+    for one in elements:
+        age_s = max(abs(start_t_s - one.epoch_t_s), abs(start_t_s + duration_s - one.epoch_t_s))
+        if age_s <= max_age_s:
+            usable.append(one)
+        else:
+            refused.append((one, f"{age_s / DAY_S:.2f} days from its epoch, must be <= {max_age_s / DAY_S:.2f} days"))
+    return usable, refused
+
+
+def _chunks(elements: list[Elements], duration_s: float) -> Iterator[tuple[list[Elements], float]]:
+    """Yield objects that can share a grid: its step is 0.33 rad of the fastest motion, that at the perigee."""
+    by_step: dict[float, list[Elements]] = {}
+    for one in elements:
+        e = one.eccentricity
+        fastest_rad_s = one.mean_motion_rad_s * (1.0 + e) ** 2 / (1.0 - e * e) ** 1.5
+        wanted_s = next((s for s in reversed(_LADDER_S) if s * fastest_rad_s <= _STEP_RAD), _LADDER_S[0])
+        by_step.setdefault(wanted_s, []).append(one)
+    for wanted_s, group in by_step.items():
+        step_s = duration_s / math.ceil(duration_s / wanted_s)
+        for first in range(0, len(group), _CHUNK):
+            yield group[first : first + _CHUNK], step_s
+
+
+def _sampled(
+    elements: list[Elements],
+    site: Site,
+    start_t_s: float,
+    duration_s: float,
+    step_s: float,
+    sense: float,
+    orientation: EarthOrientationSource,
+) -> tuple[SampledSky, NDArray[np.uint8]]:
+    """Return the grid of positions and the SGP4 error code of each object, 0 where it went well throughout."""
+    count = round(duration_s / step_s)
+    t_s = start_t_s + step_s * np.arange(-MARGIN, count + MARGIN + 1)
+    days = np.floor(t_s / DAY_S)
+    records = SatrecArray([_record(one, start_t_s) for one in elements])
+    codes, position_km, velocity_km_s = records.sgp4(POSIX_EPOCH_JD + days, (t_s - days * DAY_S) / DAY_S)
+    (x, y, z), (vx, vy, vz) = np.moveaxis(position_km, -1, 0) * 1e3, np.moveaxis(velocity_km_s, -1, 0) * 1e3
+    none = (0.0, 0.0, 0.0)
+    orbit = earth_fixed_from_teme(Motion((x, y, z), (vx, vy, vz), none, none), t_s, orientation)
+    return SampledSky(_seen(orbit, site, sense) @ site.rotation.T, start_t_s, step_s), codes.max(axis=1)
+
+
+def _seen(orbit: Motion, site: Site, sense: float) -> Array:
+    """Return the Earth-fixed vector (objects, times, 3) from the antenna to where each object is seen through light.
+
+    To first order in the light time; the second is 2 mm at the distance of a geostationary satellite.
+    """
+    east, north, _ = antenna = np.array(site.position_m)
+    relative = np.stack(orbit.position, axis=-1) - antenna
+    if sense == 0.0:
+        return relative
+    relative_velocity = np.stack(orbit.velocity, axis=-1) - GMST_RATE_RAD_S * np.array([-north, east, 0.0])
+    distance = np.linalg.norm(relative, axis=-1)
+    rate = np.einsum("ntc,ntc->nt", relative, relative_velocity) / distance
+    light_time_s = distance / (SPEED_OF_LIGHT_M_S + sense * rate)
+    seen: Array = relative - sense * light_time_s[..., None] * relative_velocity
+    return seen
+
+
+def _record(elements: Elements, t_s: float) -> Satrec:
+    """Leap seconds between the epoch and `t_s` go into the epoch: the array propagator knows UTC differences only."""
+    table = leap_seconds()
+    inserted_s = table.tai_minus_utc_s(t_s) - table.tai_minus_utc_s(elements.epoch_t_s)
+    return dataclasses.replace(elements, epoch_t_s=elements.epoch_t_s - inserted_s).satrec()
+
+
+def _described(
+    found: GridPasses, elements: list[Elements], sky: SampledSky, air: RadioRefraction | None
+) -> list[CataloguePass]:
+    """Return the passes with apparent angles."""
+    times = (found.aos_s, found.tca_s, found.los_s)
+    angles = [azel_from_unit_vector(sky.position_m(found.row, seconds)) for seconds in times]
+    peaks = air.apply(angles[1][1]) if air else angles[1][1]
+    columns = (*times, peaks, *(azimuth for azimuth, _ in angles), found.rises_before, found.sets_after)
+    rows = zip(found.row.tolist(), *(column.tolist() for column in columns), strict=True)
+    return [CataloguePass(elements[row], *values) for row, *values in rows]

@@ -1,0 +1,18 @@
+"""Lines of CCSDS messages in keyword = value notation (KVN)."""
+
+import re
+
+__all__ = ["key_and_value"]
+
+_UNIT = re.compile(r"\s*\[[^\]]*\]\s*$")
+
+
+def key_and_value(line: str, number: int) -> tuple[str, str] | None:
+    """Return the keyword and its value without unit; None for a blank line or a comment, an error for anything else."""
+    text = line.strip()
+    if not text or text == "COMMENT" or text.startswith("COMMENT "):
+        return None
+    key, separator, value = text.partition("=")
+    if not separator or not re.fullmatch(r"[A-Z0-9_]+", key.strip()):
+        raise ValueError(f"line {number}: {text[:40]!r} must read KEYWORD = value")
+    return key.strip(), _UNIT.sub("", value).strip()

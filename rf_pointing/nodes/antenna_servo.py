@@ -1,0 +1,114 @@
+"""Executable `antenna_servo`: the simulated antenna and its control unit; a station's own driver takes its place.
+
+Subscribes: joint_trajectory.  Publishes: joint_states (50 Hz), antenna_status (10 Hz), sim/boresight (50 Hz, truth).
+Services: ~/stop, ~/reset_fault (std_srvs/Trigger).
+Parameters: antenna.*, plant.*, loops.* (retunable while running), wind.*, mount.* (truth).
+Activation releases the brakes and holds; deactivation sets them.
+"""
+
+import time
+
+from rf_pointing_msgs.msg import AntennaStatus, Boresight
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
+
+from rf_pointing.nodes import convert
+from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Health
+from rf_pointing.nodes.managed import ManagedNode, run
+from rf_pointing.nodes.qos import COMMAND_INPUT, STREAM
+from rf_pointing.servo import WindParams, dss13_plant
+from rf_pointing.station.antenna import AntennaParams, LoopParams, SimulatedAntenna
+from rf_pointing.station.mount import MountParams
+
+STATUS_EVERY = 5
+
+
+class AntennaServo(ManagedNode):
+    """Steps the simulated antenna once a tick of node time; ticks missed by up to half a second are made up."""
+
+    def __init__(self) -> None:
+        super().__init__("antenna_servo")
+        groups = {"antenna": AntennaParams(), "plant": dss13_plant(), "loops": LoopParams(), "wind": WindParams()}
+        for prefix, defaults in {**groups, "mount": MountParams()}.items():
+            self.parameters.declare(prefix, defaults)
+        self.parameters.on_change(self._retune)
+        self._antenna: SimulatedAntenna | None = None
+        self._ticks = 0
+        self._tick_wall_s: float | None = None
+        self._lateness_s = 0.0
+
+    def configure(self) -> None:
+        value = self.parameters.value
+        self._antenna = SimulatedAntenna(
+            value("antenna"), value("plant"), value("loops"), value("wind"), value("mount").model()
+        )
+        self._joints = self.publisher(JointState, "joint_states", STREAM)
+        self._boresight = self.stream(Boresight, "sim/boresight", STREAM)
+        self._status = self.stream(AntennaStatus, "antenna_status", STREAM)
+        self.listen(JointTrajectory, "joint_trajectory", self._on_trajectory, COMMAND_INPUT)
+        self.serve(Trigger, "~/stop", self._on_stop)
+        self.serve(Trigger, "~/reset_fault", self._on_reset)
+        self.diagnostics.add("drive", self._health)
+
+    def activate(self) -> None:
+        self._antenna.enable()
+        self._tick_wall_s = None
+        self._joints.publish(convert.joints_to_message(self._antenna.reading(self.now_s())))
+        self._schedule = self.every(self._antenna.params.tick_s, self._tick)
+
+    def deactivate(self) -> None:
+        self._antenna.disable()
+
+    def _tick(self, t_s: float) -> None:
+        if self._schedule.jumped_s:
+            self._antenna.stop(f"the clock jumped by {self._schedule.jumped_s:+.2f} s")
+        self._measure_lateness(self._antenna.params.tick_s)
+        reading, boresight = self._antenna.step(t_s)
+        self._joints.publish(convert.joints_to_message(reading))
+        self._boresight.publish(convert.boresight_to_message(boresight))
+        self._ticks += 1
+        if self._ticks % STATUS_EVERY == 0:
+            message = convert.antenna_status_to_message(self._antenna.status(t_s))
+            message.tick_lateness = self._lateness_s
+            self._status.publish(message)
+
+    def _measure_lateness(self, tick_s: float) -> None:
+        """Compare the wall time between two ticks with the period; at another speed than 1 it shows that speed."""
+        wall_s = time.perf_counter()
+        if self._tick_wall_s is not None:
+            self._lateness_s = wall_s - self._tick_wall_s - tick_s
+        self._tick_wall_s = wall_s
+
+    def _on_trajectory(self, message: JointTrajectory) -> None:
+        try:
+            refused = self._antenna.accept(convert.trajectory_from_message(message), self.now_s())
+        except ValueError as error:
+            refused = self._antenna.reject(str(error))
+        if refused:
+            self.get_logger().warning(f"command rejected: {refused}", throttle_duration_sec=1.0)
+
+    def _on_stop(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._antenna.stop("stop was requested")
+        response.success, response.message = True, "stopping; reset_fault allows motion again"
+        return response
+
+    def _on_reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        refused = self._antenna.reset_fault()
+        response.success, response.message = not refused, refused or "fault cleared"
+        return response
+
+    def _retune(self) -> None:
+        if self._antenna is not None:
+            self._antenna.retune(self.parameters.value("loops"))
+
+    def _health(self) -> Health:
+        status = self._antenna.status(self.now_s())
+        level = ERROR if status.fault else WARN if any(status.at_limit) else OK
+        rejected = {"commands_rejected": status.commands_rejected, "last_rejection": status.last_rejection}
+        return Health(level, status.fault or status.mode, {"commands_accepted": status.commands_accepted, **rejected})
+
+
+def main() -> None:
+    """Entry point of `ros2 run rf_pointing antenna_servo`."""
+    run(AntennaServo)

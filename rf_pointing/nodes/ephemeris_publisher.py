@@ -1,0 +1,115 @@
+"""Executable `ephemeris_publisher`: where the target will be, and when it passes.
+
+Publishes: target (10 Hz, ahead of time while it is above the mask), passes (latched).
+Service: ~/select_target (rf_pointing_msgs/SelectTarget): choose the satellite and ask for its passes.
+Parameters: source.* (elements, satellite, station, offsets), publisher.* (lead, rate, mask, how far to look).
+"""
+
+import math
+from dataclasses import dataclass
+
+from rf_pointing_msgs.msg import PassList, Target
+from rf_pointing_msgs.srv import SelectTarget
+
+from rf_pointing.ephemeris import Pass, TopocentricTrack, find_passes, utc_text
+from rf_pointing.geometry import Params, parameter
+from rf_pointing.nodes import convert
+from rf_pointing.nodes.diagnostics import OK, WARN, Health
+from rf_pointing.nodes.managed import ManagedNode, run
+from rf_pointing.nodes.qos import LATCHED, STREAM
+from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
+from rf_pointing.station.source import SourceParams, load_track
+
+
+@dataclass(frozen=True, kw_only=True)
+class PublisherParams(Params):
+    """How far ahead and how often the target is published, and which passes count."""
+
+    period_s: float = parameter(0.1, "time between two targets", low=0.02, high=10.0)
+    lead_s: float = parameter(2.0, "how far ahead of its time a target is published", low=0.0, high=60.0)
+    margin_s: float = parameter(5.0, "publishing begins before and ends after a pass by", low=0.0, high=600.0)
+    mask_rad: float = parameter(math.radians(5.0), "elevation at which a pass begins and ends", low=0.0, high=1.5)
+    span_s: float = parameter(86400.0, "how far ahead passes are looked for", low=60.0, high=2.6e6)
+
+
+class EphemerisPublisher(ManagedNode):
+    """Predicts one target at a time."""
+
+    def __init__(self) -> None:
+        super().__init__("ephemeris_publisher")
+        self.parameters.declare("source", SourceParams())
+        self.parameters.declare("publisher", PublisherParams())
+        self.parameters.on_change(self._on_parameters)
+        self._track: TopocentricTrack | None = None
+        self._passes: list[Pass] = []
+
+    def configure(self) -> None:
+        self._track = load_track(self.parameters.value("source"))
+        self._passes = []
+        self._targets = self.stream(Target, "target", STREAM)
+        self._pass_list = self.stream(PassList, "passes", LATCHED)
+        self.serve(SelectTarget, "~/select_target", self._on_select)
+        self.diagnostics.add("target", self._health)
+
+    def activate(self) -> None:
+        self._choose(self._track, self.now_s(), 0.0)
+        self.every(self.parameters.value("publisher").period_s, self._publish)
+
+    def _publish(self, now_s: float) -> None:
+        params: PublisherParams = self.parameters.value("publisher")
+        t_s = round(now_s + params.lead_s, 6)
+        for window in self._passes:
+            if window.aos_t_s - params.margin_s <= t_s <= window.los_t_s + params.margin_s:
+                self._targets.publish(convert.target_to_message(self._track.target_at(t_s)))
+                return
+
+    def _on_select(
+        self, request: SelectTarget.Request, response: SelectTarget.Response
+    ) -> SelectTarget.Response:
+        try:
+            passes = self._select(request)
+        except ValueError as refusal:
+            response.success, response.message = False, str(refusal)
+            return response
+        response.success = True
+        response.message = f"{len(passes)} passes of {self._track.name}"
+        response.passes = [convert.pass_to_message(window) for window in passes]
+        return response
+
+    def _select(self, request: SelectTarget.Request) -> list[Pass]:
+        source: SourceParams = self.parameters.value("source")
+        track = load_track(source.replace(satellite=request.target)) if request.target else self._track
+        start_s = seconds_from_stamp(request.start) or self.now_s()
+        return self._choose(track, start_s, request.minimum_peak_elevation)
+
+    def _choose(self, track: TopocentricTrack, start_s: float, peak_rad: float) -> list[Pass]:
+        """Make `track` the target, if it passes, and publish its passes."""
+        params: PublisherParams = self.parameters.value("publisher")
+        found = find_passes(track, start_s, params.span_s, params.mask_rad)
+        passes = [window for window in found if window.peak_elevation_rad >= peak_rad]
+        if not passes:
+            raise ValueError(
+                f"{track.name} has no pass above {math.degrees(peak_rad):.1f} deg in the {params.span_s / 3600.0:.1f} h "
+                f"after {utc_text(start_s)}"
+            )
+        self._track, self._passes = track, passes
+        message = PassList(target=track.name, passes=[convert.pass_to_message(window) for window in passes])
+        message.header.stamp = stamp_from_seconds(self.now_s())
+        self._pass_list.publish(message)
+        return passes
+
+    def _on_parameters(self) -> None:
+        if self._track is not None:
+            source: SourceParams = self.parameters.value("source")
+            self._track = self._track.with_offsets(
+                along_track_offset_s=source.along_track_offset_s, cross_track_offset_rad=source.cross_track_offset_rad
+            )
+
+    def _health(self) -> Health:
+        warnings = "; ".join(self._track.warnings(self.now_s()))
+        return Health(WARN if warnings else OK, warnings or self._track.name, {"passes": len(self._passes)})
+
+
+def main() -> None:
+    """Entry point of `ros2 run rf_pointing ephemeris_publisher`."""
+    run(EphemerisPublisher)

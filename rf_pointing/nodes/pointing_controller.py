@@ -1,0 +1,176 @@
+"""Executable `pointing_controller`: the only author of motion.
+
+Subscribes: target, joint_states, pointing_error, pointing_model.
+Publishes: joint_trajectory (10 Hz while a pass is tracked), tracking_status (10 Hz).
+Action: track_pass (rf_pointing_msgs/TrackPass).  Service: ~/stop (std_srvs/Trigger), ends the pass under control.
+Parameters: pointing.*, limits.*, autotrack.*, integrator.*, spiral.*, conscan.*.
+"""
+
+from typing import Any
+
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rf_pointing_msgs.action import TrackPass
+from rf_pointing_msgs.msg import PointingError, PointingModel, Target, TrackingStatus
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
+
+from rf_pointing.controllers import TrackerIntegratorParams
+from rf_pointing.nodes import convert
+from rf_pointing.nodes.diagnostics import ERROR, OK, Health
+from rf_pointing.nodes.managed import ManagedNode, run
+from rf_pointing.nodes.qos import COMMAND, LATCHED, STREAM
+from rf_pointing.planning import AxisLimits
+from rf_pointing.station.pointing import PointingController, PointingParams
+from rf_pointing.station.status import TrackingStatus as Status
+from rf_pointing.tracking import AutotrackParams, ConscanParams, SpiralParams
+
+GROUPS = {
+    "pointing": PointingParams(),
+    "limits": AxisLimits(),
+    "autotrack": AutotrackParams(),
+    "integrator": TrackerIntegratorParams(),
+    "spiral": SpiralParams(),
+    "conscan": ConscanParams(),
+}
+LEAST_TRACKED_SHARE = 0.8
+FEEDBACK_EVERY = 10
+
+
+class PointingControllerNode(ManagedNode):
+    """Runs the pointing controller once a period; a goal ends when the controller says that the pass has."""
+
+    def __init__(self) -> None:
+        super().__init__("pointing_controller")
+        for prefix, defaults in GROUPS.items():
+            self.parameters.declare(prefix, defaults)
+        self.parameters.on_change(self._retune)
+        self._controller: PointingController | None = None
+        self._active = False
+        self._goal: Any = None
+        self._steps = 0
+        self._refusal = ""
+        self._action = ActionServer(
+            self, TrackPass, "track_pass", self._conclude, goal_callback=self._on_goal,
+            handle_accepted_callback=self._on_accepted, cancel_callback=self._on_cancel,
+        )  # fmt: skip
+
+    def configure(self) -> None:
+        self._controller = PointingController(**{
+            name: self.parameters.value(prefix)
+            for name, prefix in zip(("params", *list(GROUPS)[1:]), GROUPS, strict=True)
+        })  # fmt: skip
+        self._commands = self.publisher(JointTrajectory, "joint_trajectory", COMMAND)
+        self._status = self.stream(TrackingStatus, "tracking_status", STREAM)
+        self._sent = 0
+        self.listen(Target, "target", self._checked(convert.target_from_message, "take_target"), STREAM)
+        self.listen(JointState, "joint_states", self._checked(convert.joints_from_message, "take_joints"), STREAM)
+        self.listen(PointingError, "pointing_error", self._checked(convert.error_from_message, "take_error"), STREAM)
+        self.listen(PointingModel, "pointing_model", self._checked(convert.model_from_message, "take_model"), LATCHED)
+        self.serve(Trigger, "~/stop", self._on_stop)
+        self.diagnostics.add("tracking", self._health)
+
+    def activate(self) -> None:
+        self._active = True
+        self.every(self._controller.params.period_s, self._step)
+
+    def deactivate(self) -> None:
+        self._active = False
+        self._controller.stop("the controller was deactivated")
+        self._step(self.now_s())
+
+    def _step(self, t_s: float) -> None:
+        busy = self._controller.busy
+        trajectory, status = self._controller.step(t_s)
+        if trajectory is not None:
+            self._commands.publish(convert.trajectory_to_message(trajectory, t_s))
+            self._sent += 1
+        message = convert.tracking_status_to_message(status)
+        message.commands_sent = self._sent
+        self._status.publish(message)
+        if self._goal is not None:
+            self._steps += 1
+            if self._steps % FEEDBACK_EVERY == 0:
+                self._feed_back(message, status)
+            if busy and not self._controller.busy:
+                goal, self._goal = self._goal, None
+                goal.execute()
+
+    def _feed_back(self, message: TrackingStatus, status: Status) -> None:
+        window = convert.pass_from_message(self._goal.request.target_pass)
+        share = (status.t_s - window.aos_t_s) / max(window.duration_s, 1.0)
+        self._goal.publish_feedback(TrackPass.Feedback(status=message, progress=min(max(share, 0.0), 1.0)))
+
+    def _on_goal(self, _request: TrackPass.Goal) -> GoalResponse:
+        accepted = self._active and self._goal is None
+        if not accepted:
+            self.get_logger().error("goal refused: " + ("not active" if not self._active else "another pass is tracked"))
+        return GoalResponse.ACCEPT if accepted else GoalResponse.REJECT
+
+    def _on_accepted(self, goal: Any) -> None:
+        """Start the pass.
+
+        The goal is executed only when the pass is over: a callback that waited for the end would have to await a
+        future, which this executor polls in a busy loop.
+        """
+        self._refusal = ""
+        try:
+            self._controller.start(
+                self.now_s(), convert.pass_from_message(goal.request.target_pass), goal.request.sensor
+            )
+        except ValueError as refusal:
+            self._refusal = str(refusal)
+            self.get_logger().error(f"pass refused: {refusal}")
+            goal.execute()
+            return
+        self._goal = goal
+
+    def _on_cancel(self, _goal: Any) -> CancelResponse:
+        self._controller.stop("the goal was cancelled")
+        return CancelResponse.ACCEPT
+
+    def _conclude(self, goal: Any) -> TrackPass.Result:
+        tally = self._controller.tally
+        result = TrackPass.Result(message=self._refusal or tally.reason)
+        if not self._refusal:
+            result.seconds_tracked, result.seconds_lost = tally.tracked_s, tally.lost_s
+            result.rms_cross_elevation_error, result.rms_elevation_error = tally.rms_rad
+            result.success = tally.reason == "loss of signal" and tally.share >= LEAST_TRACKED_SHARE
+        if goal.is_cancel_requested:
+            goal.canceled()
+        elif result.success:
+            goal.succeed()
+        else:
+            goal.abort()
+        return result
+
+    def _on_stop(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.success = self._controller.busy
+        response.message = "stopping" if response.success else "nothing is being tracked"
+        self._controller.stop("stop was requested")
+        return response
+
+    def _checked(self, convert_message: Any, taker: str) -> Any:
+        """Return a callback that hands on what can be used and reports what cannot."""
+
+        def take(message: Any) -> None:
+            try:
+                getattr(self._controller, taker)(convert_message(message))
+            except ValueError as refusal:
+                self.get_logger().warning(f"{type(message).__name__} ignored: {refusal}", throttle_duration_sec=1.0)
+
+        return take
+
+    def _retune(self) -> None:
+        if self._controller is not None:
+            value = self.parameters.value
+            self._controller.retune(value("pointing"), value("limits"), value("autotrack"))
+
+    def _health(self) -> Health:
+        state = self._controller.state
+        return Health(ERROR if self._refusal else OK, self._refusal or state.mode, {"reason": state.reason})
+
+
+def main() -> None:
+    """Entry point of `ros2 run rf_pointing pointing_controller`."""
+    run(PointingControllerNode)

@@ -1,0 +1,98 @@
+"""Start the nodes of one antenna, each as its own process, and end them without leftovers.
+
+The executables are those that `ros2 run` starts; each writes a log of its own.  Should this process die, the kernel ends
+its children.
+"""
+
+import ctypes
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from ament_index_python.packages import get_package_prefix
+
+__all__ = ["NodeProcesses", "SIMULATED_STATION"]
+
+SIMULATED_STATION = (
+    "simulation_clock",
+    "antenna_servo",
+    "rf_receiver",
+    "monopulse_tracker",
+    "conscan_tracker",
+    "bias_calibrator",
+    "ephemeris_publisher",
+    "pointing_controller",
+)
+"""Executables of a simulated antenna; the first one is activated last, since it lets time run."""
+
+_PR_SET_PDEATHSIG = 1
+_GRACE_S = (4.0, 2.0)
+
+
+class NodeProcesses:
+    """The running executables of one namespace."""
+
+    def __init__(self, namespace: str, parameter_files: Sequence[Path], log_folder: Path) -> None:
+        self.namespace, self._files, self._logs = namespace, list(parameter_files), log_folder
+        self._running: dict[str, subprocess.Popen[bytes]] = {}
+
+    def start(self, names: Sequence[str], simulated_time: bool = True) -> None:
+        """Start every executable of `names` under its own name."""
+        folder = Path(get_package_prefix("rf_pointing")) / "lib" / "rf_pointing"
+        self._logs.mkdir(parents=True, exist_ok=True)
+        for name in names:
+            arguments = ["--ros-args", "-r", f"__ns:={self.namespace}"]
+            for path in self._files:
+                arguments += ["--params-file", str(path)]
+            if simulated_time and name != "simulation_clock":
+                arguments += ["-r", f"/clock:={self.namespace}/clock", "-p", "use_sim_time:=true"]
+            with (self._logs / f"{name}.log").open("wb") as log:
+                self._running[name] = subprocess.Popen(
+                    [str(folder / name), *arguments],
+                    stdin=subprocess.DEVNULL,
+                    stdout=log,
+                    stderr=subprocess.STDOUT,
+                    env=_environment(),
+                    preexec_fn=_bind_to_parent,
+                )
+
+    def ended(self) -> Mapping[str, int]:
+        """Return name and exit code of every process that has ended by itself."""
+        return {name: code for name, process in self._running.items() if (code := process.poll()) is not None}
+
+    def complaint(self, name: str) -> str:
+        """Return the last line of a node's log, which says why it refused."""
+        lines = (self._logs / f"{name}.log").read_text(errors="replace").strip().splitlines()
+        return lines[-1] if lines else "no message"
+
+    def process_id(self, name: str) -> int:
+        """Return the process id of a running executable."""
+        return self._running[name].pid
+
+    def stop(self) -> None:
+        """Interrupt every process, then terminate and at last kill what does not end."""
+        for sign, grace_s in ((signal.SIGINT, _GRACE_S[0]), (signal.SIGTERM, _GRACE_S[1]), (signal.SIGKILL, 2.0)):
+            alive = [process for process in self._running.values() if process.poll() is None]
+            for process in alive:
+                process.send_signal(sign)
+            deadline_s = time.monotonic() + grace_s
+            for process in alive:
+                try:
+                    process.wait(max(0.01, deadline_s - time.monotonic()))
+                except subprocess.TimeoutExpired:
+                    continue
+        self._running.clear()
+
+
+def _environment() -> dict[str, str]:
+    """Loopback UDP instead of shared memory: as fast for messages this small, and a killed node leaves no segment."""
+    return {"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4", "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"} | os.environ
+
+
+def _bind_to_parent() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    os.setpgid(0, 0)
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)

@@ -1,0 +1,53 @@
+"""Record every topic of an antenna into a bag, as it came over the wire; nothing is decoded."""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from ament_index_python.packages import get_package_share_directory
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+
+from rf_pointing.nodes.topics import TOPICS, Topic
+from rf_pointing.report.bag_writer import BagResult, BagWriter
+from rf_pointing.report.definitions import definitions
+from rf_pointing.report.offered_qos import qos_from_profile
+
+__all__ = ["Recorder"]
+
+QUEUE = 2000
+"""Depth of the recorder's own queues: deep enough for a pause of its process at any speed."""
+
+
+class Recorder:
+    """Subscribes to all topics of `namespace` and writes them with the wall time of their arrival."""
+
+    def __init__(self, node: Node, namespace: str, path: Path) -> None:
+        self._node = node
+        self._writer = BagWriter(path, definitions(Path(get_package_share_directory("rf_pointing_msgs"))))
+        self._subscriptions = [self._subscribe(topic, f"{namespace}/{topic.name}") for topic in TOPICS]
+
+    def expected(self) -> list[str]:
+        """Return the topics, by full name."""
+        return [subscription.topic_name for subscription in self._subscriptions]
+
+    def close(self) -> BagResult:
+        """End the recording; the result says what is missing from the bag, if anything."""
+        for subscription in self._subscriptions:
+            self._node.destroy_subscription(subscription)
+        return self._writer.close()
+
+    @property
+    def problem(self) -> str:
+        """Why recording has stopped, empty while it goes on."""
+        return self._writer.problem
+
+    def _subscribe(self, topic: Topic, name: str) -> object:
+        name = topic.name if topic.name.startswith("/") else name
+        package = topic.message_type.__module__.partition(".")[0]
+        self._writer.register(name, f"{package}/msg/{topic.message_type.__name__}", [qos_from_profile(topic.qos)])
+        deep = QoSProfile(depth=QUEUE, reliability=topic.qos.reliability, durability=topic.qos.durability)
+        return self._node.create_subscription(topic.message_type, name, self._taker(name), deep, raw=True)
+
+    def _taker(self, name: str) -> Callable[[bytes], None]:
+        return lambda data: self._writer.write(name, time.time_ns(), data)

@@ -1,0 +1,51 @@
+"""Executable `rf_receiver`: simulated feed and receiver behind the simulated antenna.
+
+Subscribes: sim/boresight.  Publishes: monopulse, carrier_power (10 Hz), sim/pointing_error (10 Hz, truth).
+Parameters: source.* (the satellite, its real offset from its elements included), signal.* (link, beam, feed, noise).
+"""
+
+from rf_pointing_msgs.msg import Boresight, CarrierPower, Monopulse, PointingError
+
+from rf_pointing.nodes import convert
+from rf_pointing.nodes.managed import ManagedNode, run
+from rf_pointing.nodes.qos import STREAM
+from rf_pointing.station.receiver import SignalParams, SimulatedReceiver
+from rf_pointing.station.source import SourceParams, load_track
+
+
+class RfReceiver(ManagedNode):
+    """Turns boresights into samples; works on their stamps, so it needs no timer."""
+
+    def __init__(self) -> None:
+        super().__init__("rf_receiver")
+        self.parameters.declare("source", SourceParams())
+        self.parameters.declare("signal", SignalParams())
+        self._receiver: SimulatedReceiver | None = None
+        self._active = False
+
+    def configure(self) -> None:
+        self._receiver = SimulatedReceiver(self.parameters.value("signal"), load_track(self.parameters.value("source")))
+        self._monopulse = self.stream(Monopulse, "monopulse", STREAM)
+        self._power = self.stream(CarrierPower, "carrier_power", STREAM)
+        self._truth = self.stream(PointingError, "sim/pointing_error", STREAM)
+        self.listen(Boresight, "sim/boresight", self._on_boresight, STREAM)
+
+    def activate(self) -> None:
+        self._active = True
+
+    def deactivate(self) -> None:
+        self._active = False
+
+    def _on_boresight(self, message: Boresight) -> None:
+        if not self._active:
+            return
+        reception = self._receiver.take(convert.boresight_from_message(message))
+        if reception is not None:
+            self._monopulse.publish(convert.monopulse_to_message(reception.cluster))
+            self._power.publish(convert.power_to_message(reception.power))
+            self._truth.publish(convert.error_to_message(reception.truth))
+
+
+def main() -> None:
+    """Entry point of `ros2 run rf_pointing rf_receiver`."""
+    run(RfReceiver)

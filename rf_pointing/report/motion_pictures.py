@@ -1,0 +1,118 @@
+"""Pictures of the motion: the track over the sky, and the axes against their limits."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.geometry import AXES, azel_from_unit_vector, unit_vector_from_azel
+from rf_pointing.report.analysis import Analysis
+from rf_pointing.report.machine import axis_motion
+from rf_pointing.report.picture_style import (
+    AXIS_COLOURS,
+    LIMIT_COLOUR,
+    MODE_COLOURS,
+    TimeAxis,
+    figure,
+    legend_above,
+    mode_runs,
+)
+
+__all__ = ["draw_axes", "draw_sky"]
+
+Floats = NDArray[np.float64]
+_SKY_POINTS = 4_000
+
+
+def draw_sky(analysis: Analysis, path: Path) -> None:
+    """Track over the sky, north up and east right: commanded as a thin line, actual coloured by mode."""
+    with figure(path, 6.0, 6.6) as drawn:
+        # The layout does not count the compass letters outside the circle.
+        drawn.get_layout_engine().set(rect=(0.0, 0.0, 1.0, 0.96))
+        axes = drawn.add_subplot(projection="polar")
+        axes.set_theta_zero_location("N")
+        axes.set_theta_direction(-1)
+        axes.set_rlim(0.0, 90.0)
+        axes.set_rgrids(
+            [0.0, 30.0, 60.0, 90.0], ["90°", "60°", "30°", "0°"], angle=112.5, fontsize=8.5, color="#666666"
+        )
+        axes.set_thetagrids(range(0, 360, 45), ["N", "NE", "E", "SE", "S", "SW", "W", "NW"])
+        _draw_actual(axes, analysis)
+        if analysis.modes is not None:
+            _draw_commanded(axes, analysis)
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.06), ncols=4)
+
+
+def _draw_actual(axes: Any, analysis: Analysis) -> None:
+    recording = analysis.recording
+    beam, joints = recording.get("sim/boresight"), recording.get("joint_states")
+    if beam is not None and beam.stamp_ns is not None:
+        stamp_ns, azimuth, elevation = beam.stamp_ns, beam["azimuth"], beam["elevation"]
+    elif joints is not None and joints.stamp_ns is not None:
+        stamp_ns, (azimuth, elevation) = joints.stamp_ns, joints["position"].T
+    else:
+        return
+    step = max(1, len(stamp_ns) // _SKY_POINTS)
+    stamp_ns = stamp_ns[::step]
+    theta, radius = _polar(azimuth[::step], elevation[::step])
+    if analysis.modes is None:
+        axes.plot(theta, radius, color=AXIS_COLOURS[0], lw=4.0, alpha=0.6, label="actual")
+    for mode, part, first in mode_runs(analysis, stamp_ns):
+        colour = MODE_COLOURS.get(mode, MODE_COLOURS["stopped"])
+        label = mode.replace("_", " ") if first else None
+        axes.plot(theta[part], radius[part], color=colour, lw=4.5, alpha=0.75, solid_capstyle="butt", label=label)
+
+
+def _draw_commanded(axes: Any, analysis: Analysis) -> None:
+    assert analysis.modes is not None
+    columns, stamps = analysis.modes.columns, analysis.modes.stamp_ns
+    theta, radius = _polar(columns["azimuth"], columns["elevation"])
+    axes.plot(theta, radius, color="black", lw=0.9, label="commanded")
+    found = analysis.target_pass
+    if found is None:
+        return
+    for name, time_ns in (("AOS", found.aos_ns), ("TCA", found.tca_ns), ("LOS", found.los_ns)):
+        # A pass may begin before or end after the recording: a mark then would be at a wrong place.
+        if stamps[0] <= time_ns <= stamps[-1]:
+            index = int(np.searchsorted(stamps, time_ns))
+            axes.plot(theta[index], radius[index], "o", color="black", ms=5.0)
+            axes.annotate(name, (theta[index], radius[index]), xytext=(7, 5), textcoords="offset points", weight="bold")
+
+
+def _polar(azimuth_rad: Floats, elevation_rad: Floats) -> tuple[Floats, Floats]:
+    """Angle and zenith distance in degrees; elevations beyond the zenith come down on the other side."""
+    theta, elevation = azel_from_unit_vector(unit_vector_from_azel(azimuth_rad, elevation_rad))
+    return np.unwrap(theta), 90.0 - np.degrees(elevation)
+
+
+def draw_axes(analysis: Analysis, path: Path) -> None:
+    """Rates and accelerations of both axes against their limits; needs joint_states."""
+    motion = axis_motion(analysis.recording)
+    assert motion is not None
+    time = TimeAxis(analysis)
+    with figure(path, 10.0, 4.8) as drawn:
+        above, below = drawn.subplots(2, 1, sharex=True)
+        _draw_motion(above, time.minutes(motion.stamp_ns), motion.rate_rad_s)
+        _draw_motion(below, time.minutes(motion.acceleration_stamp_ns), motion.acceleration_rad_s2)
+        for axes, column in ((above, "rate_limit"), (below, "acceleration_limit")):
+            _draw_limits(axes, analysis, column)
+        above.set(ylabel="rate, deg/s")
+        below.set(xlabel=time.label, ylabel="acceleration, deg/s²")
+        legend_above(above)
+
+
+def _draw_motion(axes: Any, minutes: Floats, values: Floats) -> None:
+    for index, name in enumerate(AXES):
+        axes.plot(minutes, np.degrees(values[:, index]), color=AXIS_COLOURS[index], lw=1.0, label=name)
+
+
+def _draw_limits(axes: Any, analysis: Analysis, column: str) -> None:
+    antenna = analysis.recording.get("antenna_status")
+    if antenna is None:
+        return
+    limits = np.unique(np.round(np.degrees(antenna[column][-1]), 9))
+    for number, limit in enumerate(limits):
+        for sign in (-1.0, 1.0):
+            label = "limit" if number == 0 and sign > 0.0 else None
+            axes.axhline(sign * limit, color=LIMIT_COLOUR, lw=1.0, ls=(0, (5, 3)), label=label)

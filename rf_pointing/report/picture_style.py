@@ -1,0 +1,134 @@
+"""One look for all pictures: colours the colour-blind can tell apart (Okabe and Ito), light grids, minutes from AOS.
+
+Figures are made without pyplot: no global state, no window, drawn by Agg.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.report.analysis import Analysis
+
+__all__ = [
+    "ALONE_COLOUR",
+    "AXIS_COLOURS",
+    "LIMIT_COLOUR",
+    "MODE_COLOURS",
+    "TimeAxis",
+    "figure",
+    "legend_above",
+    "mode_runs",
+    "per_second",
+    "plain_log_scale",
+]
+
+MODE_COLOURS = {
+    "monopulse": "#0072b2",
+    "conscan": "#009e73",
+    "program_track": "#e69f00",
+    "search": "#cc79a7",
+    "coast": "#d55e00",
+    "slew": "#56b4e9",
+    "idle": "#b0b4b8",
+    "stopped": "#4a4a4a",
+}
+"""Colour by tracking mode; other modes are drawn like "stopped"."""
+AXIS_COLOURS = ("#0072b2", "#d55e00")
+"""Azimuth (or cross-elevation) and elevation."""
+ALONE_COLOUR = "#8a8a8a"
+"""The error that program track alone would have made."""
+LIMIT_COLOUR = "#333333"
+_STYLE: Any = {
+    "font.family": "DejaVu Sans",
+    "font.size": 10.0,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.edgecolor": "#888888",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "grid.color": "#e3e3e3",
+    "grid.linewidth": 0.7,
+    "legend.frameon": False,
+    "legend.fontsize": 9.0,
+    "lines.linewidth": 1.2,
+}
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+def plain_log_scale(axis: Any) -> None:
+    """Make `axis` (an x or y axis) logarithmic, with plain numbers at 1 and, where there is room, at 2 and 5."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    axis.axes.set(**{f"{axis.axis_name}scale": "log"})
+    axis.set_major_locator(LogLocator(subs=(1.0,), numticks=12))
+    axis.set_minor_locator(LogLocator(subs=(2.0, 5.0), numticks=12))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    low, high = axis.get_view_interval()
+    narrow = high / low < 300.0
+    axis.set_minor_formatter(FuncFormatter(lambda value, _: f"{value:g}") if narrow else NullFormatter())
+
+
+@contextmanager
+def figure(path: Path, width_in: float, height_in: float) -> Iterator[Any]:
+    """Give an empty figure in the common style, and save it as PNG at `path`."""
+    from matplotlib import rc_context
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    with rc_context(_STYLE):
+        drawn = Figure(figsize=(width_in, height_in), layout="constrained")
+        FigureCanvasAgg(drawn)
+        yield drawn
+        drawn.savefig(path, dpi=130, format="png")
+
+
+def legend_above(axes: Any, *others: Any) -> None:
+    """Write the legend of `axes`, and of `others`, in one row above `axes`."""
+    entries = [axis.get_legend_handles_labels() for axis in (axes, *others)]
+    handles, labels = ([item for entry in entries for item in entry[part]] for part in (0, 1))
+    axes.legend(handles, labels, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=7, borderaxespad=0.1)
+
+
+class TimeAxis:
+    """Minutes from the acquisition of signal, or from the start of the recording where no pass is known."""
+
+    def __init__(self, analysis: Analysis) -> None:
+        stamps = [data.stamp_ns for data in analysis.recording.topics.values() if data.stamp_ns is not None]
+        first = [int(np.min(known)) for known in stamps if len(known)]
+        known = analysis.target_pass
+        self.origin_ns = known.aos_ns if known is not None else min(first, default=0)
+        self.label = f"minutes from {'acquisition of signal' if known is not None else 'the start of the recording'}"
+
+    def minutes(self, stamp_ns: Ints) -> Floats:
+        """Return stamps as minutes."""
+        return (np.asarray(stamp_ns) - self.origin_ns) / 60e9
+
+
+def mode_runs(analysis: Analysis, stamp_ns: Ints) -> Iterator[tuple[str, slice, bool]]:
+    """Give mode, samples, and whether the mode comes for the first time, for each stretch of one mode.
+
+    Stretches share their border sample, so that lines drawn along them have no gaps; stamps must be in order.
+    """
+    spans = analysis.modes.intervals() if analysis.modes is not None else []
+    seen: set[str] = set()
+    for span in spans:
+        begin, end = np.searchsorted(stamp_ns, (span.start_ns, span.end_ns))
+        if end > begin:
+            yield span.mode, slice(int(begin), int(end) + 1), span.mode not in seen
+            seen.add(span.mode)
+
+
+def per_second(stamp_ns: Ints, values: Floats) -> tuple[Ints, Floats, Floats]:
+    """Return stamp (middle), mean and maximum of finite `values` in each whole second that holds any."""
+    good = np.isfinite(values)
+    stamp_ns, values = stamp_ns[good], values[good]
+    second, index = np.unique(stamp_ns // 10**9, return_inverse=True)
+    mean = np.bincount(index, values) / np.bincount(index)
+    largest = np.full(len(second), -np.inf)
+    np.maximum.at(largest, index, values)
+    return second * 10**9 + 5 * 10**8, mean, largest

@@ -1,0 +1,100 @@
+"""Radius and period of a conical scan from C/N0 and the accuracy wanted.
+
+The scan keeps its preferred loss as long as the period allows (CONSCAN eq. 25 gives the samples needed); then the
+radius grows, at most to the largest loss, or to h / sqrt(2 mu), where r exp(-mu r^2 / h^2) and so the accuracy is
+best.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from rf_pointing.geometry import MDEG, Params, parameter
+from rf_pointing.tracking.conscan_equations import MU, conscan_loss, conscan_sigma_eq25_rad
+
+__all__ = ["ScanDesign", "ScanDesignParams", "design_scan", "radius_for_loss_rad"]
+
+FEWEST_SAMPLES = 4
+BISECTIONS = 60
+
+
+class ScanDesign(NamedTuple):
+    """The scan to run, with the accuracy and loss it has."""
+
+    radius_rad: float
+    period_s: float
+    samples: int
+    sigma_rad: float
+    loss_db: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScanDesignParams(Params):
+    """What a scan may cost and how long it may take."""
+
+    half_power_beamwidth_rad: float = parameter(65.0 * MDEG, "half-power beamwidth", low=1e-6, high=0.5)
+    integration_s: float = parameter(1.0, "time of one carrier power sample", low=1e-3, high=60.0)
+    preferred_loss_db: float = parameter(0.1, "loss of the scan while it suffices", low=0.001, high=3.0)
+    largest_loss_db: float = parameter(1.0, "loss of the scan at most", low=0.001, high=3.0)
+    shortest_period_s: float = parameter(4.0, "shortest turn the antenna can follow", low=0.1, high=3600.0)
+    longest_period_s: float = parameter(64.0, "longest turn", low=0.1, high=3600.0)
+
+    def check_together(self) -> None:
+        """Refuse empty ranges."""
+        if self.preferred_loss_db > self.largest_loss_db:
+            raise ValueError(
+                f"preferred_loss_db={self.preferred_loss_db} must be <= largest_loss_db={self.largest_loss_db}"
+            )
+        if self.shortest_period_s > self.longest_period_s:
+            raise ValueError(
+                f"shortest_period_s={self.shortest_period_s} must be <= longest_period_s={self.longest_period_s}"
+            )
+
+
+def radius_for_loss_rad(half_power_beamwidth_rad: float, loss_db: float) -> float:
+    """Return the scan radius that costs `loss_db` when the target is at the centre."""
+    return half_power_beamwidth_rad * math.sqrt(loss_db * math.log(10.0) / (10.0 * MU))
+
+
+def design_scan(params: ScanDesignParams, carrier_to_noise_db_hz: float, wanted_sigma_rad: float) -> ScanDesign:
+    """Return the scan of least loss, then least period, with at most `wanted_sigma_rad` per axis; or ValueError."""
+    fewest = max(FEWEST_SAMPLES, math.ceil(params.shortest_period_s / params.integration_s - 1e-9))
+    most = max(fewest, math.floor(params.longest_period_s / params.integration_s + 1e-9))
+    radius = radius_for_loss_rad(params.half_power_beamwidth_rad, params.preferred_loss_db)
+    one_sample = _sigma(params, radius, 4, carrier_to_noise_db_hz) * 2.0
+    samples = max(fewest, math.ceil((one_sample / wanted_sigma_rad) ** 2 * (1.0 - 1e-12)))
+    if samples > most:
+        samples, radius = most, _radius(params, most, carrier_to_noise_db_hz, wanted_sigma_rad)
+    return ScanDesign(
+        radius,
+        samples * params.integration_s,
+        samples,
+        _sigma(params, radius, samples, carrier_to_noise_db_hz),
+        -10.0 * math.log10(conscan_loss(params.half_power_beamwidth_rad, radius)),
+    )
+
+
+def _sigma(params: ScanDesignParams, radius_rad: float, samples: int, level_db_hz: float) -> float:
+    return conscan_sigma_eq25_rad(
+        params.half_power_beamwidth_rad, radius_rad, samples, level_db_hz, params.integration_s
+    )
+
+
+def _radius(params: ScanDesignParams, samples: int, level_db_hz: float, wanted_rad: float) -> float:
+    """Smallest radius that reaches the accuracy with `samples`; it falls with the radius up to h / sqrt(2 mu)."""
+    h = params.half_power_beamwidth_rad
+    low = radius_for_loss_rad(h, params.preferred_loss_db)
+    high = min(radius_for_loss_rad(h, params.largest_loss_db), h / math.sqrt(2.0 * MU))
+    best = _sigma(params, high, samples, level_db_hz)
+    if best > wanted_rad:
+        raise ValueError(
+            f"wanted_sigma_rad={wanted_rad:.3g} must be >= {best:.3g} at C/N0 {level_db_hz:.1f} dB-Hz within "
+            f"longest_period_s={params.longest_period_s} and largest_loss_db={params.largest_loss_db}"
+        )
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        if _sigma(params, middle, samples, level_db_hz) > wanted_rad:
+            low = middle
+        else:
+            high = middle
+    return high

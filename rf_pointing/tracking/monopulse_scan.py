@@ -1,0 +1,148 @@
+"""Calibration scan of a monopulse receiver: circle the target, fit the response of both channels.
+
+rho = b + M g(theta0 - u), u the beam's offset from the predicted direction, g the feed's curve (h/k) tanh(k x / h).
+The target's own offset theta0 comes from the power of the sum, so b is the shift of the null against the beam's
+peak.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.geometry import MDEG, MonopulseCluster, Params, parameter
+from rf_pointing.tracking.cluster import cluster_fault
+from rf_pointing.tracking.conscan_likelihood import beam_design, fit_beam
+from rf_pointing.tracking.conscan_window import rank_fault
+from rf_pointing.tracking.monopulse import difference_ratio, sample_period_s
+from rf_pointing.tracking.monopulse_calibration import MonopulseCalibration
+from rf_pointing.tracking.scan import ScanParams
+
+__all__ = ["CalibrationFit", "MonopulseCalibrator", "MonopulseScanParams", "MonopulseScanState"]
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MonopulseScanParams(Params):
+    """The circle of the calibration and what makes its result good enough."""
+
+    half_power_beamwidth_rad: float = parameter(65.0 * MDEG, "half-power beamwidth", low=1e-6, high=0.5)
+    slope: float = parameter(1.57, "h d(difference/sum)/dx of the ideal feed", low=0.1, high=2.5)
+    radius_beamwidths: float = parameter(0.25, "radius of the circle", low=0.02, high=0.5)
+    period_s: float = parameter(20.0, "time of one turn", low=1.0, high=600.0)
+    ramp_s: float = parameter(3.0, "time over which the radius grows from zero", low=0.0, high=60.0)
+    lock_db_hz: float = parameter(35.0, "smallest C/N0 of a cluster that is used", low=0.0, high=120.0)
+    misfit_limit: float = parameter(4.0, "largest chi squared per degree of freedom", low=1.2, high=1e6)
+
+    @property
+    def scan(self) -> ScanParams:
+        """The circle to command."""
+        radius = self.radius_beamwidths * self.half_power_beamwidth_rad
+        return ScanParams(radius_rad=radius, period_s=self.period_s, ramp_s=self.ramp_s)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MonopulseScanState:
+    """Per cluster: both ratios, their variance, C/N0 and its relative variance, beam offset; and the rejections."""
+
+    ratios: tuple[tuple[complex, complex], ...] = ()
+    measures: tuple[tuple[float, float, float, float, float], ...] = ()
+    rejected: int = 0
+    last_rejection: str = ""
+
+
+class CalibrationFit(NamedTuple):
+    """The calibration, the target's offset, and how well both are known.
+
+    `covariance` (3, 3) is that of one channel's (b, M row), complex, for unit slope per radian;
+    `response_sigma_per_rad` (2,) the standard deviation of the columns of M.
+    """
+
+    calibration: MonopulseCalibration
+    target_offset_rad: Array
+    target_covariance_rad2: Array
+    covariance: ComplexArray
+    response_sigma_per_rad: Array
+    condition_number: float
+    chi_squared: float
+
+
+class MonopulseCalibrator:
+    """Collects clusters of the scan; `solve` fits the calibration."""
+
+    def __init__(self, params: MonopulseScanParams) -> None:
+        self.params = params
+        self.state = MonopulseScanState()
+
+    def add(self, cluster: MonopulseCluster, beam_cross_elevation_rad: float, beam_elevation_rad: float) -> None:
+        """Take one cluster and the beam's offset from the predicted direction at its mean time."""
+        fault = cluster_fault(cluster)
+        if not fault and cluster.carrier_to_noise_db_hz < self.params.lock_db_hz:
+            fault = (
+                f"no lock: C/N0 {cluster.carrier_to_noise_db_hz:.1f} dB-Hz is below {self.params.lock_db_hz:.1f} dB-Hz"
+            )
+        state = self.state
+        if fault:
+            rejected = state.rejected + 1
+            self.state = MonopulseScanState(
+                ratios=state.ratios, measures=state.measures, rejected=rejected, last_rejection=fault
+            )
+            return
+        sample_s, count = sample_period_s(cluster.t_s), len(cluster.t_s)
+        level = 10.0 ** (cluster.carrier_to_noise_db_hz / 10.0)
+        snr = level * sample_s
+        right, up = difference_ratio(cluster, snr)
+        noise = (1.0 + 1.0 / snr) / (count * snr)
+        power_noise = (2.0 + 1.0 / snr) / (count * sample_s)
+        measure = (noise, level, power_noise, beam_cross_elevation_rad, beam_elevation_rad)
+        self.state = MonopulseScanState(
+            ratios=(*state.ratios, (complex(right), complex(up))),
+            measures=(*state.measures, measure),
+            rejected=state.rejected,
+            last_rejection=state.last_rejection,
+        )
+
+    def solve(self) -> CalibrationFit:
+        """Return the calibration; ValueError names what the scan did not determine."""
+        if len(self.state.ratios) < 8:
+            raise ValueError(f"the calibration scan has {len(self.state.ratios)} clusters, must have at least 8")
+        noise, level, power_noise, x, y = np.array(self.state.measures).T
+        h = self.params.half_power_beamwidth_rad
+        fault = rank_fault(x, y, 0.2 * self.params.scan.radius_rad)
+        if fault:
+            raise ValueError(f"calibration scan: {fault}")
+        target = fit_beam(beam_design(x, y, h), level, power_noise)
+        scale = self.params.slope / h
+        columns = np.stack([np.ones_like(x), *(np.tanh(scale * (target.error_rad - np.stack([x, y], 1))) / scale).T])
+        return self._fit(columns.T, np.array(self.state.ratios), noise, target.error_rad, target.covariance_rad2)
+
+    def _fit(
+        self, columns: Array, ratios: ComplexArray, noise: Array, target_rad: Array, target_covariance: Array
+    ) -> CalibrationFit:
+        weight = 1.0 / (noise[:, None] * (1.0 + np.abs(ratios) ** 2))
+        solution, covariances, misfit = np.empty((3, 2), dtype=complex), [], 0.0
+        for channel in (0, 1):
+            weighted = columns * weight[:, channel, None]
+            covariances.append(np.linalg.inv(weighted.T @ columns))
+            solution[:, channel] = covariances[-1] @ (weighted.T @ ratios[:, channel])
+            residual = ratios[:, channel] - columns @ solution[:, channel]
+            misfit += float(np.sum(weight[:, channel] * np.abs(residual) ** 2))
+        chi_squared = misfit / (2 * (len(columns) - 3))
+        if chi_squared > self.params.misfit_limit:
+            raise ValueError(
+                f"the ratios do not follow the feed: chi squared {chi_squared:.1f} must be <= "
+                f"{self.params.misfit_limit}"
+            )
+        scaled = columns / np.linalg.norm(columns, axis=0)
+        return CalibrationFit(
+            MonopulseCalibration.from_response(solution[1:].T, solution[0]),
+            target_rad,
+            target_covariance,
+            np.mean(covariances, axis=0),
+            np.sqrt(np.mean([np.diag(c)[1:] for c in covariances], axis=0)),
+            float(np.linalg.cond(scaled)),
+            chi_squared,
+        )

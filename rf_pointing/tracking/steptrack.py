@@ -1,0 +1,132 @@
+"""Step-track: four points around the target, any power meter, one pointing error per round.
+
+The beam rests at right, above, left and below in turn; the powers measured there give the direction by the exact
+Gaussian beam (ln P is linear in it).  The meter need not know its own noise: the scatter of its samples sets the
+covariance.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rf_pointing.geometry import MDEG, CarrierPower, Params, PointingError, parameter
+from rf_pointing.tracking.conscan_likelihood import beam_design, fit_beam
+from rf_pointing.tracking.conscan_window import ConscanWindow
+from rf_pointing.tracking.scan import Offset
+
+__all__ = ["StepTrackParams", "StepTrackState", "StepTracker"]
+
+SMALLEST_SCATTER = 1e-12  # relative variance of a meter without noise; keeps the covariance positive
+POINTS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
+
+
+@dataclass(frozen=True, kw_only=True)
+class StepTrackParams(Params):
+    """Steps and dwell times."""
+
+    half_power_beamwidth_rad: float = parameter(65.0 * MDEG, "half-power beamwidth", low=1e-6, high=0.5)
+    step_beamwidths: float = parameter(0.2, "distance of the points from the centre", low=0.02, high=0.5)
+    dwell_s: float = parameter(3.0, "time at rest on one point", low=0.1, high=600.0)
+    move_s: float = parameter(1.5, "time from point to point", low=0.05, high=60.0)
+    samples_per_point: int = parameter(2, "power samples needed on every point", low=1, high=1000)
+    tolerance: float = parameter(
+        0.2, "distance from the point, in steps, within which a sample counts", low=0.01, high=0.6
+    )
+    lock_db_hz: float = parameter(10.0, "smallest C/N0 of a sample that is used", low=0.0, high=120.0)
+    valid_range_beamwidths: float = parameter(0.7, "largest error that is believed", low=0.05, high=2.0)
+
+    @property
+    def step_rad(self) -> float:
+        """Distance of the points from the centre."""
+        return self.step_beamwidths * self.half_power_beamwidth_rad
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StepTrackState:
+    """Samples of this round, how many on each point, and the rejections."""
+
+    window: ConscanWindow
+    counts: tuple[int, ...] = (0, 0, 0, 0)
+    rejected: int = 0
+    last_rejection: str = ""
+
+
+class StepTracker:
+    """Collects power samples at rest; a full round gives one pointing error of the centre."""
+
+    def __init__(self, params: StepTrackParams) -> None:
+        self.params = params
+        self.state = StepTrackState(window=ConscanWindow.empty())
+
+    def offset(self, t_since_start_s: float) -> Offset:
+        """Return where the beam must be, relative to the centre, and its rates; the moves are quintic."""
+        leg = self.params.move_s + self.params.dwell_s
+        index, within = divmod(max(t_since_start_s, 0.0), leg)
+        end = POINTS[int(index) % 4]
+        start = POINTS[(int(index) - 1) % 4] if index >= 1.0 else (0.0, 0.0)
+        s = min(within / self.params.move_s, 1.0)
+        share = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+        rate = 30.0 * s**2 * (1.0 - s) ** 2 / self.params.move_s
+        step = self.params.step_rad
+        x, y = (end[0] - start[0]) * step, (end[1] - start[1]) * step
+        return Offset(start[0] * step + share * x, start[1] * step + share * y, rate * x, rate * y)
+
+    def add(
+        self, power: CarrierPower, beam_offset_cross_elevation_rad: float, beam_offset_elevation_rad: float
+    ) -> PointingError | None:
+        """Take one power measured with the beam there; return the error of the centre when a round is complete."""
+        fault, point = self._place(power, beam_offset_cross_elevation_rad, beam_offset_elevation_rad)
+        if fault:
+            self.state = replace(self.state, rejected=self.state.rejected + 1, last_rejection=fault)
+            return None
+        sample = (power.t_s - 0.5 * power.integration_s, power.power_w, power.sigma_w,
+        beam_offset_cross_elevation_rad,
+                  beam_offset_elevation_rad, power.carrier_to_noise_db_hz)  # fmt: skip
+        window = self.state.window.with_sample(sample, 10000, -math.inf)
+        counts = tuple(count + (index == point) for index, count in enumerate(self.state.counts))
+        self.state = replace(self.state, window=window, counts=counts)
+        if min(counts) < self.params.samples_per_point:
+            return None
+        self.reset()
+        return self._measure(window)
+
+    def reset(self) -> None:
+        """Begin a new round, as after a correction."""
+        self.state = replace(self.state, window=ConscanWindow.empty(), counts=(0, 0, 0, 0))
+
+    def _place(self, power: CarrierPower, x_rad: float, y_rad: float) -> tuple[str, int]:
+        if not all(map(math.isfinite, (power.t_s, power.power_w, power.carrier_to_noise_db_hz, x_rad, y_rad))):
+            return "power, time and beam offset must be finite", -1
+        if power.power_w <= 0.0:
+            return f"power_w={power.power_w} must be > 0", -1
+        if power.carrier_to_noise_db_hz < self.params.lock_db_hz:
+            level = power.carrier_to_noise_db_hz
+            return f"no lock: C/N0 {level:.1f} dB-Hz is below {self.params.lock_db_hz:.1f} dB-Hz", -1
+        step = self.params.step_rad
+        distances = [math.hypot(x_rad / step - point[0], y_rad / step - point[1]) for point in POINTS]
+        nearest = min(range(4), key=distances.__getitem__)
+        if distances[nearest] > self.params.tolerance:
+            return "the beam moves between two points", -1
+        return "", nearest
+
+    def _measure(self, window: ConscanWindow) -> PointingError:
+        h = self.params.half_power_beamwidth_rad
+        design = beam_design(window.beam_cross_elevation_rad, window.beam_elevation_rad, h)
+        # First with a noise of unit size, whose misfit is the real size; then with that, which also sets the bias.
+        noise = np.full(len(window), float(np.mean(window.power_w)))
+        scatter = max(float(fit_beam(design, window.power_w, noise).chi_squared), SMALLEST_SCATTER)
+        found = fit_beam(design, window.power_w, noise * scatter)
+        error, limit = found.error_rad, self.params.valid_range_beamwidths
+        beamwidths = float(np.hypot(error[0], error[1])) / h
+        reason = f"error of {beamwidths:.2f} beamwidths is outside {limit:.2f} beamwidths" if beamwidths > limit else ""
+        return PointingError(
+            t_s=float(np.mean(window.t_s)),
+            sensor="steptrack",
+            cross_elevation_rad=float(error[0]),
+            elevation_rad=float(error[1]),
+            covariance_rad2=np.asarray(found.covariance_rad2),
+            carrier_to_noise_db_hz=float(np.mean(window.carrier_to_noise_db_hz)),
+            valid=not reason and bool(found.converged),
+            reason=reason or ("" if found.converged else "the fit did not converge"),
+        )

@@ -1,0 +1,130 @@
+"""What was learned about the ephemeris: along-track time, cross-track distance and a bias, in a Kalman filter.
+
+Direction error of the ephemeris = tau (x', y') + (c / range) n + (b_x, b_y): tau s ahead along the track, whose
+rate on the sky is (x', y'); c m to the left of it, n the unit vector to the left; b the bias of the mount.  Each
+state is a random walk.  A measurement is target minus predicted direction, with the covariance of the sensor.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.geometry import MDEG, Params, as_finite_array, parameter, require_between
+
+__all__ = ["SkyMotion", "Trim", "TrimFilter", "TrimParams", "TrimState", "direction_rows"]
+
+Array = NDArray[np.float64]
+
+SLOWEST_RAD_S = 1e-9
+
+
+class SkyMotion(NamedTuple):
+    """Predicted motion of the target on the sky: rates in cross-elevation and elevation, and its range."""
+
+    cross_elevation_rate_rad_s: float
+    elevation_rate_rad_s: float
+    range_m: float
+
+
+class Trim(NamedTuple):
+    """Direction to add to the ephemeris (2,) in cross-elevation and elevation, with its covariance (2, 2)."""
+
+    offset_rad: Array
+    covariance_rad2: Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrimParams(Params):
+    """What is believed of the ephemeris before the first measurement, and how fast it may change."""
+
+    along_track_s: float = parameter(0.15, "standard deviation of the time along the track", low=0.0, high=60.0)
+    cross_track_m: float = parameter(300.0, "standard deviation across the track", low=0.0, high=1e6)
+    bias_rad: float = parameter(5.0 * MDEG, "standard deviation of the mount's bias per axis", low=0.0, high=0.1)
+    along_track_walk_s: float = parameter(1e-3, "change of the time in 1 s, rms", low=0.0, high=10.0)
+    cross_track_walk_m: float = parameter(1.0, "change across the track in 1 s, rms", low=0.0, high=1e5)
+    bias_walk_rad: float = parameter(0.02 * MDEG, "change of the bias in 1 s, rms", low=0.0, high=0.01)
+    jitter_rad: float = parameter(0.5 * MDEG, "fast motion of the beam that is not the ephemeris", low=0.0, high=0.1)
+    correlation_s: float = parameter(1.0, "time over which that motion is the same", low=0.0, high=60.0)
+    gate_sigmas: float = parameter(6.0, "innovation beyond which a measurement is refused", low=2.0, high=100.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrimState:
+    """Time, mean (4,) of along-track s, cross-track m, bias rad (2), covariance (4, 4), and the counts."""
+
+    t_s: float | None
+    mean: Array
+    covariance: Array
+    used: int = 0
+    refused: int = 0
+
+
+class TrimFilter:
+    """Kalman filter of the ephemeris error; `update` with what the fast loop found, `trim` for any time and coast."""
+
+    def __init__(self, params: TrimParams) -> None:
+        self.params = params
+        spread = np.array([params.along_track_s, params.cross_track_m, params.bias_rad, params.bias_rad])
+        self.state = TrimState(t_s=None, mean=np.zeros(4), covariance=np.diag(spread**2))
+
+    def update(self, t_s: float, offset_rad: Array, covariance_rad2: Array, sky: SkyMotion) -> bool:
+        """Take target minus predicted direction (2,) at `t_s`; return False where it lies outside the gate."""
+        offset = as_finite_array("offset_rad", offset_rad, (2,))
+        noise = as_finite_array("covariance_rad2", covariance_rad2, (2, 2)) + self._jitter(t_s)
+        mean, covariance = self.state.mean, self._aged(t_s)
+        rows = direction_rows(sky)
+        innovation = offset - rows @ mean
+        spread = rows @ covariance @ rows.T + noise
+        if float(innovation @ np.linalg.solve(spread, innovation)) > self.params.gate_sigmas**2:
+            self.state = TrimState(
+                t_s=t_s, mean=mean, covariance=covariance, used=self.state.used, refused=self.state.refused + 1
+            )
+            return False
+        gain = np.linalg.solve(spread, rows @ covariance).T
+        keep = np.eye(4) - gain @ rows
+        # Joseph's form stays symmetric and positive where the plain one loses it after thousands of updates.
+        covariance = keep @ covariance @ keep.T + gain @ noise @ gain.T
+        self.state = TrimState(
+            t_s=t_s,
+            mean=mean + gain @ innovation,
+            covariance=0.5 * (covariance + covariance.T),
+            used=self.state.used + 1,
+            refused=self.state.refused,
+        )
+        return True
+
+    def trim(self, t_s: float, sky: SkyMotion) -> Trim:
+        """Return what to add to the ephemeris at `t_s`, also long after the last update."""
+        rows = direction_rows(sky)
+        return Trim(rows @ self.state.mean, rows @ self._aged(t_s) @ rows.T)
+
+    def _aged(self, t_s: float) -> Array:
+        if self.state.t_s is None:
+            return self.state.covariance
+        elapsed = t_s - self.state.t_s
+        if elapsed < 0.0:
+            raise ValueError(f"t_s={t_s} must be >= {self.state.t_s}, the time of the last update")
+        p = self.params
+        walk = np.array([p.along_track_walk_s, p.cross_track_walk_m, p.bias_walk_rad, p.bias_walk_rad])
+        return self.state.covariance + np.diag(walk**2 * elapsed)
+
+    def _jitter(self, t_s: float) -> Array:
+        """Noise of the beam's own motion: the same over `correlation_s`, so closer samples count for less."""
+        elapsed = math.inf if self.state.t_s is None else t_s - self.state.t_s
+        share = 1.0 if elapsed >= self.params.correlation_s else self.params.correlation_s / max(elapsed, 1e-3)
+        return np.eye(2) * self.params.jitter_rad**2 * share
+
+
+def direction_rows(sky: SkyMotion) -> Array:
+    """Return d(direction) / d(state), shape (2, 4); without motion on the sky there is no cross-track direction."""
+    require_between("range_m", sky.range_m, 1.0, None)
+    right, up = sky.cross_elevation_rate_rad_s, sky.elevation_rate_rad_s
+    speed = math.hypot(right, up)
+    left = (-up / speed, right / speed) if speed > SLOWEST_RAD_S else (0.0, 0.0)
+    return np.array([
+        [right, left[0] / sky.range_m, 1.0, 0.0],
+        [up, left[1] / sky.range_m, 0.0, 1.0],
+    ])  # fmt: skip

@@ -1,0 +1,68 @@
+"""Axis rates and accelerations beside their limits, and the link."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rf_pointing.report.analysis import analyse
+from rf_pointing.report.definitions import Definitions
+from rf_pointing.report.machine import axis_motion, servo
+from rf_pointing.report.recording import Recording, read_recording
+from rf_pointing.report.statistics import summarize
+
+AMPLITUDE_DEG, RATE_RAD_S = 5.0, 0.2
+
+
+@pytest.fixture(scope="module")
+def swinging(tmp_path_factory: pytest.TempPathFactory, synthetic_run: type[Any], types: Definitions) -> Recording:
+    """An azimuth axis that swings like a pendulum while the link fades slowly."""
+    path = tmp_path_factory.mktemp("swinging") / "bag"
+    run = synthetic_run(
+        azel_deg=lambda t: (AMPLITUDE_DEG * math.sin(RATE_RAD_S * t), 45.0),
+        carrier_to_noise=lambda t: 60.0 - 0.1 * t,
+        mode=lambda t: "monopulse" if t < 50.0 - 1e-9 else "idle",
+    )
+    run.write(path, types)
+    return read_recording(path)
+
+
+def test_peaks_of_a_swinging_axis(swinging: Recording) -> None:
+    azimuth, elevation = servo(swinging).axes
+    assert azimuth.peak_rate_deg_s == pytest.approx(AMPLITUDE_DEG * RATE_RAD_S, rel=1e-4)
+    # The mean over half a second of a sine falls short of its peak by (0.2 * 0.25)^2 / 6 = 4e-4.
+    assert azimuth.peak_acceleration_deg_s2 == pytest.approx(AMPLITUDE_DEG * RATE_RAD_S**2, rel=1e-3)
+    assert elevation.peak_rate_deg_s == pytest.approx(0.0, abs=1e-9)
+    assert azimuth.rate_limit_deg_s == pytest.approx(math.degrees(0.0175))
+    assert azimuth.acceleration_limit_deg_s2 == pytest.approx(math.degrees(0.0087))
+    assert azimuth.at_limit_s == 0.0
+
+
+def test_acceleration_is_stamped_at_the_middle_of_its_span(swinging: Recording) -> None:
+    motion = axis_motion(swinging)
+    assert motion is not None
+    t = (motion.acceleration_stamp_ns - motion.stamp_ns[0]) * 1e-9
+    expected = -math.radians(AMPLITUDE_DEG) * RATE_RAD_S**2 * np.sin(RATE_RAD_S * t)
+    assert np.allclose(motion.acceleration_rad_s2[:, 0], expected, rtol=0.0, atol=2e-6)
+
+
+def test_link_is_told_over_the_tracking_only(swinging: Recording) -> None:
+    link = summarize(analyse(swinging)).link
+    assert link.source == "monopulse"
+    assert link.carrier_to_noise_min_db_hz == pytest.approx(60.0 - 0.1 * 49.9)
+    assert link.carrier_to_noise_median_db_hz == pytest.approx(60.0 - 0.1 * 24.95)
+
+
+def test_even_ticks_do_not_deviate(swinging: Recording) -> None:
+    assert servo(swinging).period_deviation_p99_ms == pytest.approx(0.0, abs=1e-9)
+
+
+def test_fault_is_listed_once(tmp_path: Path, types: Definitions, synthetic_run: type[Any]) -> None:
+    synthetic_run(seconds=2.0).write(tmp_path / "bag", types)
+    recording = read_recording(tmp_path / "bag")
+    fault = recording.topics["antenna_status"].columns["fault"].astype("<U20")
+    fault[5:10] = "commands ran dry"
+    recording.topics["antenna_status"].columns["fault"] = fault
+    assert servo(recording).faults == ["commands ran dry"]

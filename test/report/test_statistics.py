@@ -1,0 +1,268 @@
+"""Statistics of a run with planted errors, modes, losses and latencies have their closed-form values."""
+
+import json
+import math
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from rf_pointing.report.analysis import analyse, tracked_pass
+from rf_pointing.report.definitions import Definitions
+from rf_pointing.report.recording import Recording, read_recording
+from rf_pointing.report.statistics import summarize, utc
+from rf_pointing.report.summary import ErrorStatistics, Summary, to_json
+from rf_pointing.report.timeline import timeline
+
+EXACT = 1e-9
+"""Relative: angles pass through radians in 64-bit floats."""
+DB_AT_ONE_BEAMWIDTH = 40.0 * math.log10(2.0)
+MODES = [(5, "idle"), (10, "slew"), (20, "program_track"), (50, "monopulse"), (52, "coast"), (58, "monopulse")]
+
+
+def planned_mode(t: float) -> str:
+    return next((mode for end, mode in MODES if t < end - 1e-9), "idle")
+
+
+def planned_error_mdeg(t: float) -> tuple[float, float]:
+    """Program track misses by (40, -30), the loop pulls in within 2 s and then leaves (1.5, 0.5) of changing sign."""
+    sign = 1.0 if round(50 * t) % 2 else -1.0
+    if t < 20.0 - 1e-9:
+        return (40.0, -30.0)
+    return (20.0, 0.0) if t < 22.0 - 1e-9 else (1.5 * sign, 0.5 * sign)
+
+
+def planned_offset_mdeg(t: float) -> tuple[float, float]:
+    return (0.0, 0.0) if t < 20.0 - 1e-9 else (40.0, -30.0)
+
+
+UNUSED = {"clock", "joint_states", "sim/boresight", "carrier_power", "antenna_status", "joint_trajectory", "target"}
+"""Topics that the statistics of errors do not need; left out where a test plans its own run, for speed."""
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory, synthetic_run: type[Any], types: Definitions) -> Callable[..., Any]:
+    def make(**changes: Any) -> Recording:
+        path = tmp_path_factory.mktemp("run") / "bag"
+        plan = {"mode": planned_mode, "error_mdeg": planned_error_mdeg, "offset_mdeg": planned_offset_mdeg}
+        plan["left_out"] = UNUSED
+        synthetic_run(**{**plan, **changes}).write(path, types)
+        return read_recording(path)
+
+    return make
+
+
+@pytest.fixture(scope="module")
+def recording(run: Callable[..., Recording]) -> Recording:
+    dropped = {
+        "target": {10, 11, 40},
+        "pointing_error": {299},
+        "joint_states": {100, 101, 500},
+        "tracking_status": {333},
+    }
+    return run(left_out=set(), dropped=dropped, lateness_s=lambda t: 0.02 if round(10 * t) % 100 == 7 else 0.001)
+
+
+@pytest.fixture(scope="module")
+def summary(recording: Recording) -> Summary:
+    return summarize(analyse(recording))
+
+
+def mode_row(summary: Summary, mode: str) -> Any:
+    return next(row for row in summary.modes if row.mode == mode)
+
+
+def rms(statistics: ErrorStatistics) -> tuple[float | None, float | None, float | None]:
+    parts = (statistics.cross_elevation, statistics.elevation, statistics.radial)
+    return tuple(part.rms_mdeg for part in parts)  # type: ignore[return-value]
+
+
+def test_seconds_and_visits_of_every_mode(summary: Summary) -> None:
+    expected = {
+        "idle": (7.0, 2),
+        "slew": (5.0, 1),
+        "program_track": (10.0, 1),
+        "monopulse": (36.0, 2),
+        "coast": (2.0, 1),
+    }
+    assert {row.mode: (pytest.approx(row.seconds), row.entered) for row in summary.modes} == expected
+    assert [(item.mode, pytest.approx(item.start_s)) for item in summary.timeline] == [
+        ("idle", 0.0),
+        ("slew", 5.0),
+        ("program_track", 10.0),
+        ("monopulse", 20.0),
+        ("coast", 50.0),
+        ("monopulse", 52.0),
+        ("idle", 58.0),
+    ]
+    assert summary.timeline[3].reason == "now monopulse"
+
+
+def test_constant_error_is_its_own_rms_p95_and_maximum(summary: Summary) -> None:
+    error = mode_row(summary, "program_track").error
+    assert error.samples == 500
+    for part, value in ((error.cross_elevation, 40.0), (error.elevation, 30.0), (error.radial, 50.0)):
+        assert (part.rms_mdeg, part.p95_mdeg, part.max_mdeg) == pytest.approx((value, value, value), rel=EXACT)
+    assert error.mean_loss_db == pytest.approx(DB_AT_ONE_BEAMWIDTH * (50.0 / 65.0) ** 2, rel=EXACT)
+    assert error.inside_half_power_percent == 0.0
+
+
+def test_rms_of_a_mode_includes_its_pull_in(summary: Summary) -> None:
+    error = mode_row(summary, "monopulse").error
+    assert error.samples == 1_800
+    assert error.cross_elevation.rms_mdeg == pytest.approx(
+        math.sqrt((100 * 20.0**2 + 1_700 * 1.5**2) / 1_800), rel=EXACT
+    )
+    assert error.cross_elevation.max_mdeg == pytest.approx(20.0, rel=EXACT)
+    assert error.max_loss_db == pytest.approx(DB_AT_ONE_BEAMWIDTH * (20.0 / 65.0) ** 2, rel=EXACT)
+
+
+def test_headline_is_over_the_samples_after_acquisition(summary: Summary) -> None:
+    headline = summary.headline
+    assert (headline.error_source, headline.over, headline.held_beam) == ("true", "after acquisition", True)
+    assert headline.error is not None
+    assert headline.error.samples == 36 * 50
+    assert headline.seconds == pytest.approx(36.0)
+    assert headline.beamwidth_mdeg == pytest.approx(65.0)
+    assert rms(headline.error) == pytest.approx((1.5, 0.5, math.sqrt(2.5)), rel=EXACT)
+    loss_db = DB_AT_ONE_BEAMWIDTH * 2.5 / 65.0**2
+    assert (headline.error.mean_loss_db, headline.error.max_loss_db) == pytest.approx((loss_db, loss_db), rel=EXACT)
+    assert headline.error.inside_half_power_percent == 100.0
+
+
+def test_program_track_alone_is_the_error_plus_the_offset(summary: Summary) -> None:
+    alone = summary.headline.program_track_alone
+    assert alone is not None
+    assert alone.cross_elevation.rms_mdeg == pytest.approx(math.hypot(40.0, 1.5), rel=EXACT)
+    assert alone.elevation.rms_mdeg == pytest.approx(math.hypot(30.0, 0.5), rel=EXACT)
+    assert alone.inside_half_power_percent == 0.0
+    assert mode_row(summary, "idle").program_track_alone is None
+
+
+def test_loss_is_told_only_where_the_beam_is_meant_to_be_on_the_target(summary: Summary) -> None:
+    assert mode_row(summary, "slew").error.mean_loss_db is None
+    assert mode_row(summary, "coast").error.mean_loss_db is not None
+
+
+def test_acquisition_is_counted_from_aos(summary: Summary) -> None:
+    acquisition = summary.acquisition
+    assert acquisition.measured_from == "acquisition of signal"
+    assert acquisition.first_valid_s == pytest.approx(0.0, abs=1e-9)
+    assert acquisition.settled_s == pytest.approx(12.0)
+    assert acquisition.settled_below_mdeg == pytest.approx(6.5)
+
+
+def test_acquisition_begins_with_the_first_valid_error(run: Callable[..., Recording]) -> None:
+    summary = summarize(analyse(run(sensed=lambda t: t > 23.95)))
+    assert summary.acquisition.first_valid_s == pytest.approx(14.0)
+    assert summary.acquisition.settled_s == pytest.approx(14.0)
+
+
+def test_losses_are_counted_by_sequence_or_by_gaps(summary: Summary) -> None:
+    rows = {row.topic.removeprefix("/gs1/"): row for row in summary.topics}
+    lost = {name: row.lost for name, row in rows.items() if row.lost}
+    assert lost == {"target": 3, "pointing_error": 1, "joint_states": 3, "tracking_status": 1}
+    assert summary.headline.messages_lost == 8
+    assert rows["target"].counted_by == "sequence numbers"
+    assert rows["joint_states"].counted_by == "stamp gaps"
+    assert rows["joint_states"].longest_gap_s == pytest.approx(0.06)
+    assert (rows["clock"].rate_hz, rows["target"].rate_hz) == pytest.approx((50.0, 10.0))
+    assert rows["clock"].wall_rate_hz == pytest.approx(500.0)
+    assert rows["joint_states"].count == 2_997
+
+
+def test_latencies_are_the_planted_ones(summary: Summary) -> None:
+    rows = {(row.cause, row.effect): row for row in summary.latency}
+    planted = {
+        ("clock", "joint_states"): 0.4,
+        ("joint_states", "sim/boresight"): 0.2,
+        ("sim/boresight", "sim/pointing_error"): 0.3,
+        ("sim/boresight", "monopulse"): 1.0,
+        ("sim/boresight", "carrier_power"): 1.2,
+        ("monopulse", "pointing_error"): 1.5,
+        ("pointing_error", "tracking_status"): 1.0,
+        ("pointing_error", "joint_trajectory"): 1.5,
+    }
+    assert {key: row.median_ms for key, row in rows.items()} == pytest.approx(planted)
+    assert rows["monopulse", "pointing_error"].count == 599
+    assert rows["sim/boresight", "monopulse"].p99_ms == pytest.approx(1.0)
+
+
+def test_tick_lateness_and_leads(summary: Summary) -> None:
+    assert summary.servo.tick_lateness_max_ms == pytest.approx(20.0)
+    assert summary.servo.tick_lateness_p99_ms == pytest.approx(1.19)
+    assert (summary.commands.lead_min_s, summary.commands.lead_median_s) == pytest.approx((0.8, 0.8))
+    assert summary.commands.servo_lead_min_s == pytest.approx(0.7)
+    assert (summary.commands.rejected, summary.commands.last_rejection) == (1, "stale stamp")
+
+
+def test_speed_and_pass_are_told(summary: Summary) -> None:
+    assert summary.bag.speed == pytest.approx(10.0, rel=1e-3)
+    assert summary.bag.start_utc == "2023-11-14T22:13:20.000Z"
+    assert summary.target_pass is not None
+    assert summary.target_pass.aos_utc == "2023-11-14T22:13:30.000Z"
+    assert summary.target_pass.peak_elevation_deg == pytest.approx(math.degrees(0.9))
+
+
+def test_whole_run_has_no_problem(summary: Summary) -> None:
+    assert summary.problems == []
+
+
+def test_without_truth_the_sensed_error_is_used_and_said(run: Callable[..., Recording]) -> None:
+    summary = summarize(analyse(run(truth=False)))
+    assert summary.headline.error_source == "sensed"
+    assert summary.headline.error is not None
+    assert summary.headline.error.samples == 360
+    # Sensed at 10 Hz: the sign changes with every measurement as it does at 50 Hz.
+    assert rms(summary.headline.error) == pytest.approx((1.5, 0.5, math.sqrt(2.5)), rel=EXACT)
+    assert any("not the true ones" in text for text in summary.problems)
+
+
+def test_without_status_the_errors_are_told_without_modes(run: Callable[..., Recording]) -> None:
+    summary = summarize(analyse(run(left_out={*UNUSED, "tracking_status"})))
+    assert summary.modes == []
+    assert summary.headline.held_beam is None
+    assert any("no tracking_status" in text for text in summary.problems)
+
+
+def test_every_missing_topic_leaves_a_table(run: Callable[..., Recording]) -> None:
+    names = {"joint_states", "antenna_status", "monopulse", "carrier_power", "pointing_error", "passes", "clock"}
+    summary = summarize(analyse(run(left_out=names, truth=False, seconds=5.0)))
+    assert summary.headline.error_source is None
+    assert summary.servo.tick_lateness_p99_ms is None
+    assert summary.link.source == "tracking_status"
+    assert {text.split(":")[0] for text in summary.problems} >= {"no joint_states", "no antenna_status"}
+    json.loads(to_json(summary))
+
+
+def test_beam_that_slips_out_once_is_not_held(run: Callable[..., Recording]) -> None:
+    def slipping(t: float) -> tuple[float, float]:
+        return (33.0, 0.0) if 40.0 <= t < 40.01 else planned_error_mdeg(t)
+
+    summary = summarize(analyse(run(error_mdeg=slipping)))
+    assert summary.headline.held_beam is False
+    assert summary.headline.error is not None
+    assert summary.headline.error.inside_half_power_percent == pytest.approx(100.0 * 1_799 / 1_800)
+
+
+def test_errors_that_are_not_numbers_survive_reading_and_are_left_out_of_sums(run: Callable[..., Recording]) -> None:
+    def broken(t: float) -> tuple[float, float]:
+        return (math.nan, 0.0) if 30.0 <= t < 30.1 - 1e-9 else planned_error_mdeg(t)
+
+    recording = run(error_mdeg=broken)
+    assert sum(math.isnan(value) for value in recording.topics["sim/pointing_error"]["cross_elevation"]) == 5
+    summary = summarize(analyse(recording))
+    assert "5 errors are not finite numbers and were left out" in summary.problems
+    assert summary.headline.error is not None
+    assert rms(summary.headline.error) == pytest.approx((1.5, 0.5, math.sqrt(2.5)), rel=EXACT)
+    assert "NaN" not in to_json(summary)
+
+
+def test_pass_that_overlaps_the_tracking_is_chosen(recording: Recording) -> None:
+    found = tracked_pass(recording, timeline(recording))
+    assert found == recording.passes[0]
+    assert tracked_pass(recording, None) is None
+
+
+def test_times_are_written_in_utc_to_the_millisecond() -> None:
+    assert utc(1_700_000_000_123_999_999) == "2023-11-14T22:13:20.123Z"

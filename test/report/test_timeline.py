@@ -1,0 +1,65 @@
+"""Modes, beamwidths and offsets at any time."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rf_pointing.report.recording import Recording
+from rf_pointing.report.timeline import Timeline, timeline
+from rf_pointing.report.topic_data import TopicData
+
+S = 10**9
+
+
+def made(stamps_s: list[float], modes: list[str], offsets: list[float] | None = None) -> Timeline:
+    n = len(stamps_s)
+    columns = {
+        "mode": np.array(modes),
+        "reason": np.array([f"because {mode}" for mode in modes]),
+        "beamwidth": np.array([0.0, *[1e-3] * (n - 1)]),
+        "cross_elevation_offset": np.array(offsets or [0.0] * n),
+        "elevation_offset": np.zeros(n),
+    }
+    stamp_ns = 1_700_000_000 * S + np.round(np.array(stamps_s) * S).astype(np.int64)
+    data = TopicData("/gs1/tracking_status", "", stamp_ns, stamp_ns, None, columns)
+    recording = Recording(Path("bag"), "/gs1", {"tracking_status": data}, (), (), {}, {}, (), ())
+    found = timeline(recording)
+    assert found is not None
+    return found
+
+
+def at(*seconds: float) -> np.ndarray:
+    return 1_700_000_000 * S + np.round(np.array(seconds) * S).astype(np.int64)
+
+
+def test_mode_holds_from_its_stamp_to_the_next() -> None:
+    modes = made([0.0, 1.0, 2.0], ["idle", "slew", "monopulse"])
+    assert list(modes.mode_at(at(-0.1, 0.0, 0.999, 1.0, 5.0))) == ["", "idle", "idle", "slew", "monopulse"]
+    assert list(modes.is_tracking_at(at(1.5, 2.5))) == [False, True]
+
+
+def test_statuses_are_sorted_and_doubles_left_out() -> None:
+    modes = made([2.0, 0.0, 1.0, 1.0], ["c", "a", "b", "other"])
+    assert list(modes.columns["mode"]) == ["a", "b", "c"]
+
+
+def test_offset_is_interpolated_to_the_nanosecond() -> None:
+    modes = made([0.0, 0.1, 0.2], ["monopulse"] * 3, [0.0, 1.0, 3.0])
+    assert modes.offset_rad_at(at(0.05, 0.15))[:, 0] == pytest.approx([0.5, 2.0], rel=1e-12)
+
+
+def test_unknown_beamwidth_is_no_number() -> None:
+    width = made([0.0, 1.0], ["idle", "monopulse"]).beamwidth_rad_at(at(0.5, 1.5))
+    assert np.isnan(width[0])
+    assert width[1] == 1e-3
+
+
+def test_intervals_fill_the_recording() -> None:
+    spans = made([0.0, 1.0, 2.0, 3.0, 4.0], ["a", "a", "b", "a", "a"]).intervals()
+    assert [(span.mode, span.seconds) for span in spans] == [("a", 2.0), ("b", 1.0), ("a", 2.0)]
+    assert spans[1].reason == "because b"
+
+
+def test_recording_without_status_has_no_timeline() -> None:
+    assert timeline(Recording(Path("bag"), "", {}, (), (), {}, {}, (), ())) is None

@@ -1,0 +1,70 @@
+"""Radius and period from C/N0 and the wanted accuracy."""
+
+import math
+
+import pytest
+
+from rf_pointing.geometry import MDEG
+from rf_pointing.tracking import (
+    ScanDesignParams,
+    conscan_loss,
+    conscan_sigma_eq25_rad,
+    conscan_slope,
+    design_scan,
+    radius_for_loss_rad,
+)
+
+KA = ScanDesignParams(half_power_beamwidth_rad=17.0 * MDEG)
+
+
+def test_a_tenth_of_a_db_is_the_published_radius() -> None:
+    assert radius_for_loss_rad(17.0 * MDEG, 0.1) == pytest.approx(1.55 * MDEG, abs=0.005 * MDEG)
+    assert conscan_slope(17.0 * MDEG, radius_for_loss_rad(17.0 * MDEG, 0.1)) == pytest.approx(0.5, abs=0.01)
+
+
+@pytest.mark.parametrize("level_db_hz", [25.0, 30.0, 38.0, 45.0])
+@pytest.mark.parametrize("wanted_mdeg", [0.3, 0.5, 1.0])
+def test_design_reaches_the_accuracy_and_one_sample_less_would_not(level_db_hz: float, wanted_mdeg: float) -> None:
+    design = design_scan(KA.replace(largest_loss_db=3.0), level_db_hz, wanted_mdeg * MDEG)
+    assert design.sigma_rad <= wanted_mdeg * MDEG * (1.0 + 1e-9)
+    assert design.sigma_rad == pytest.approx(
+        conscan_sigma_eq25_rad(17.0 * MDEG, design.radius_rad, design.samples, level_db_hz), rel=1e-12
+    )
+    assert 4.0 <= design.period_s <= 64.0
+    assert design.loss_db >= 0.1 - 1e-9
+    if design.samples > 4:
+        shorter = conscan_sigma_eq25_rad(17.0 * MDEG, design.radius_rad, design.samples - 1, level_db_hz)
+        assert shorter > wanted_mdeg * MDEG
+
+
+def test_weak_carrier_widens_the_scan_only_after_the_period_is_used_up() -> None:
+    strong, weak = design_scan(KA, 30.0, 0.5 * MDEG), design_scan(KA, 24.0, 0.5 * MDEG)
+    assert strong.loss_db == pytest.approx(0.1, abs=1e-9)
+    assert strong.period_s < 64.0
+    assert weak.period_s == 64.0
+    assert weak.loss_db > 0.1
+    assert weak.sigma_rad == pytest.approx(0.5 * MDEG, rel=1e-9)
+
+
+def test_accuracy_out_of_reach_is_refused_with_the_best_there_is() -> None:
+    with pytest.raises(
+        ValueError, match=r"wanted_sigma_rad=.* must be >= .* at C/N0 10.0 dB-Hz within longest_period_s"
+    ):
+        design_scan(KA, 10.0, 0.1 * MDEG)
+
+
+def test_radius_never_exceeds_the_one_of_best_accuracy() -> None:
+    design = KA.replace(largest_loss_db=3.0, longest_period_s=16.0)
+    best = 17.0 * MDEG / math.sqrt(2.0 * 4.0 * math.log(2.0))
+    limit = conscan_sigma_eq25_rad(17.0 * MDEG, best, 16, 25.0)
+    assert design_scan(design, 25.0, limit * 1.001).radius_rad <= best
+    assert -10.0 * math.log10(conscan_loss(17.0 * MDEG, best)) == pytest.approx(2.17, abs=0.01)
+    with pytest.raises(ValueError, match="must be >="):
+        design_scan(design, 25.0, limit * 0.999)
+
+
+def test_empty_ranges_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"shortest_period_s=70.0 must be <= longest_period_s=64.0"):
+        KA.replace(shortest_period_s=70.0)
+    with pytest.raises(ValueError, match=r"preferred_loss_db=1.5 must be <= largest_loss_db=1.0"):
+        KA.replace(preferred_loss_db=1.5)

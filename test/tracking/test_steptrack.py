@@ -1,0 +1,97 @@
+"""Step-track with any power meter."""
+
+import copy
+import math
+
+import numpy as np
+import pytest
+
+from rf_pointing.geometry import MDEG, CarrierPower, PointingError, random_stream
+from rf_pointing.tracking import StepTracker, StepTrackParams
+
+H = 65.0 * MDEG
+MU = 4.0 * math.log(2.0)
+
+
+def meter(t_s: float, watts: float, level_db_hz: float = 40.0) -> CarrierPower:
+    return CarrierPower(t_s=t_s, integration_s=0.5, power_w=watts, sigma_w=1.0, carrier_to_noise_db_hz=level_db_hz)
+
+
+def run(
+    tracker: StepTracker, x: float, y: float, noise: float, seconds: float = 20.0, start_s: float = 0.0
+) -> list[PointingError]:
+    rng = random_stream(4, "steptrack")
+    errors = []
+    for k in range(round(seconds / 0.5)):
+        t_s = start_s + 0.5 * (k + 1)
+        beam = tracker.offset(t_s - 0.25)
+        u, v = beam.cross_elevation_rad, beam.elevation_rad
+        watts = 3e-17 * math.exp(-MU * ((x - u) ** 2 + (y - v) ** 2) / H**2) * (1.0 + noise * rng.standard_normal())
+        error = tracker.add(meter(t_s, watts), u, v)
+        if error is not None:
+            errors.append(error)
+    return errors
+
+
+@pytest.mark.parametrize(("x", "y"), [(0.0, 0.0), (12.0, -20.0), (-30.0, 5.0)])
+def test_noiseless_round_is_exact_with_samples_taken_close_to_the_points(x: float, y: float) -> None:
+    error = run(StepTracker(StepTrackParams()), x * MDEG, y * MDEG, 0.0)[0]
+    assert error.valid
+    assert error.sensor == "steptrack"
+    assert error.cross_elevation_rad == pytest.approx(x * MDEG, abs=1e-4 * MDEG)
+    assert error.elevation_rad == pytest.approx(y * MDEG, abs=1e-4 * MDEG)
+
+
+def test_spread_is_what_the_scatter_of_the_meter_says() -> None:
+    errors = run(StepTracker(StepTrackParams(samples_per_point=5)), 10.0 * MDEG, 4.0 * MDEG, 0.02, seconds=6000.0)
+    found = np.array([[e.cross_elevation_rad, e.elevation_rad] for e in errors]) - np.array([10.0, 4.0]) * MDEG
+    normalised = [d @ np.linalg.solve(e.covariance_rad2, d) / 2.0 for d, e in zip(found, errors, strict=True)]
+    # With about 17 degrees of freedom in the scatter the mean is 17/15 and 300 rounds know it to 8 %.
+    assert len(errors) > 250
+    assert np.mean(normalised) == pytest.approx(17.0 / 15.0, abs=0.25)
+    assert np.abs(found.mean(axis=0)).max() < 4.0 * found.std() / math.sqrt(len(found))
+
+
+def test_offset_rests_on_four_points_and_its_rates_are_its_derivative() -> None:
+    tracker = StepTracker(StepTrackParams())
+    step = 0.2 * H
+    for index, (x, y) in enumerate([(1, 0), (0, 1), (-1, 0), (0, -1), (1, 0)]):
+        rest = tracker.offset(index * 4.5 + 3.0)
+        assert rest == pytest.approx((x * step, y * step, 0.0, 0.0), abs=1e-12)
+    for t_s in (0.4, 1.1, 5.0, 5.9, 14.2):
+        before, now, after = tracker.offset(t_s - 1e-4), tracker.offset(t_s), tracker.offset(t_s + 1e-4)
+        numeric = (np.array(after[:2]) - np.array(before[:2])) / 2e-4
+        assert np.array(now[2:]) == pytest.approx(numeric, abs=1e-3 * MDEG)
+
+
+def test_samples_taken_between_two_points_do_not_count() -> None:
+    tracker = StepTracker(StepTrackParams())
+    assert tracker.add(meter(1.0, 1.0), 0.1 * H, 0.1 * H) is None
+    assert tracker.state.last_rejection == "the beam moves between two points"
+    assert tracker.state.rejected == 1
+
+
+@pytest.mark.parametrize(("sample", "reason"), [
+    (meter(1.0, -1.0), "power_w=-1.0 must be > 0"),
+    (meter(1.0, math.nan), "power, time and beam offset must be finite"),
+    (meter(1.0, 1.0, 3.0), "no lock: C/N0 3.0 dB-Hz is below 10.0 dB-Hz"),
+])  # fmt: skip
+def test_bad_sample_is_counted_with_its_reason(sample: CarrierPower, reason: str) -> None:
+    tracker = StepTracker(StepTrackParams())
+    assert tracker.add(sample, 0.2 * H, 0.0) is None
+    assert tracker.state.last_rejection == reason
+
+
+def test_error_far_outside_is_reported_but_not_valid() -> None:
+    error = run(StepTracker(StepTrackParams()), 50.0 * MDEG, 0.0, 0.0)[0]
+    assert not error.valid
+    assert error.reason == "error of 0.77 beamwidths is outside 0.70 beamwidths"
+
+
+def test_copied_state_continues_identically() -> None:
+    tracker, twin = StepTracker(StepTrackParams()), StepTracker(StepTrackParams())
+    run(tracker, 5.0 * MDEG, 0.0, 0.05, seconds=9.0)
+    twin.state = copy.deepcopy(tracker.state)
+    mine, other = (run(t, 5.0 * MDEG, 0.0, 0.05, 12.0, 9.0)[0] for t in (tracker, twin))
+    assert mine.cross_elevation_rad == other.cross_elevation_rad
+    assert np.array_equal(mine.covariance_rad2, other.covariance_rad2)

@@ -1,0 +1,115 @@
+"""The trim filter learns the ephemeris error and keeps it while coasting."""
+
+import copy
+import math
+
+import numpy as np
+import pytest
+
+from rf_pointing.geometry import MDEG, random_stream
+from rf_pointing.tracking import SkyMotion, TrimFilter, TrimParams, direction_rows
+
+PARAMS = TrimParams(jitter_rad=0.1 * MDEG)
+
+
+def overhead_pass(t_s: float) -> SkyMotion:
+    """A straight flight at 500 km height, 100 km beside the zenith: rates along and up, and range."""
+    ahead, beside, height, speed = 7500.0 * t_s, 100e3, 500e3, 7500.0
+    ground, distance = math.hypot(ahead, beside), math.sqrt(ahead**2 + beside**2 + height**2)
+    azimuth_rate = beside * speed / ground**2
+    elevation_rate = -height * ahead * speed / (ground * distance**2)
+    return SkyMotion(azimuth_rate * ground / distance, elevation_rate, distance)
+
+
+TRUTH = np.array([0.08, 220.0, 2.0 * MDEG, -1.5 * MDEG])
+
+
+def fly(filter_: TrimFilter, start_s: float, stop_s: float, sigma: float, name: str = "trim") -> None:
+    rng = random_stream(5, name)
+    for t_s in np.arange(start_s, stop_s, 1.0):
+        sky = overhead_pass(float(t_s))
+        measured = direction_rows(sky) @ TRUTH + sigma * rng.standard_normal(2)
+        assert filter_.update(float(t_s), measured, np.eye(2) * sigma**2, sky)
+
+
+def test_planted_ephemeris_error_is_recovered_over_a_pass() -> None:
+    trim = TrimFilter(PARAMS)
+    fly(trim, -200.0, 200.0, 0.1 * MDEG)
+    spread = np.sqrt(np.diag(trim.state.covariance))
+    assert np.all(np.abs(trim.state.mean - TRUTH) < 4.0 * spread)
+    assert trim.state.used == 400
+
+
+@pytest.mark.parametrize("coast_s", [5.0, 20.0])
+def test_coast_after_learning_is_far_better_than_the_last_offset_held(coast_s: float) -> None:
+    trim = TrimFilter(PARAMS)
+    fly(trim, -150.0, -20.0, 0.1 * MDEG)
+    last = direction_rows(overhead_pass(-21.0)) @ TRUTH
+    t_s = -21.0 + coast_s
+    truth = direction_rows(overhead_pass(t_s)) @ TRUTH
+    coasted = trim.trim(t_s, overhead_pass(t_s))
+    error = np.linalg.norm(coasted.offset_rad - truth)
+    assert error < 0.25 * np.linalg.norm(last - truth)
+    assert error < 4.0 * math.sqrt(np.trace(coasted.covariance_rad2))
+
+
+def test_normalised_error_of_the_coast_is_honest() -> None:
+    values = []
+    for k in range(60):
+        rng = random_stream(k, "prior")
+        truth = rng.standard_normal(4) * np.array([0.15, 300.0, 5.0 * MDEG, 5.0 * MDEG])
+        trim = TrimFilter(
+            PARAMS.replace(along_track_walk_s=0.0, cross_track_walk_m=0.0, bias_walk_rad=0.0, jitter_rad=0.0)
+        )
+        for t_s in np.arange(-120.0, -30.0, 5.0):
+            sky = overhead_pass(float(t_s))
+            measured = direction_rows(sky) @ truth + 0.2 * MDEG * rng.standard_normal(2)
+            trim.update(float(t_s), measured, np.eye(2) * (0.2 * MDEG) ** 2, sky)
+        off = trim.state.mean - truth
+        values.append(off @ np.linalg.solve(trim.state.covariance, off) / 4.0)
+    # 60 runs of 4 degrees of freedom: standard error 9 %.
+    assert np.mean(values) == pytest.approx(1.0, abs=0.3)
+
+
+def test_noise_far_outside_the_gate_changes_nothing_and_is_counted() -> None:
+    trim = TrimFilter(PARAMS)
+    fly(trim, -100.0, -50.0, 0.1 * MDEG)
+    mean = trim.state.mean
+    assert not trim.update(-49.0, np.array([300.0, 300.0]) * MDEG, np.eye(2) * (0.1 * MDEG) ** 2, overhead_pass(-49.0))
+    assert np.array_equal(trim.state.mean, mean)
+    assert trim.state.refused == 1
+
+
+def test_samples_closer_than_the_jitters_correlation_count_for_less() -> None:
+    fast, slow = TrimFilter(TrimParams()), TrimFilter(TrimParams())
+    for k in range(20):
+        fast.update(-50.0 + 0.1 * k, np.zeros(2), np.eye(2) * 1e-16, overhead_pass(-50.0))
+    for k in range(2):
+        slow.update(-50.0 + 1.0 * k, np.zeros(2), np.eye(2) * 1e-16, overhead_pass(-50.0))
+    spread = [np.trace(f.trim(-48.0, overhead_pass(-48.0)).covariance_rad2) for f in (fast, slow)]
+    assert spread[0] == pytest.approx(spread[1], rel=0.5)
+
+
+def test_target_at_rest_still_learns_the_bias() -> None:
+    trim = TrimFilter(PARAMS)
+    still = SkyMotion(0.0, 0.0, 4e7)
+    for k in range(50):
+        trim.update(float(k), np.array([3.0, -2.0]) * MDEG, np.eye(2) * (0.1 * MDEG) ** 2, still)
+    assert trim.trim(60.0, still).offset_rad == pytest.approx(np.array([3.0, -2.0]) * MDEG, abs=0.05 * MDEG)
+
+
+def test_time_that_runs_back_is_refused() -> None:
+    trim = TrimFilter(PARAMS)
+    fly(trim, -10.0, 0.0, 0.1 * MDEG)
+    with pytest.raises(ValueError, match=r"t_s=-5.0 must be >= -1.0"):
+        trim.update(-5.0, np.zeros(2), np.eye(2), overhead_pass(-5.0))
+
+
+def test_copied_state_continues_identically() -> None:
+    trim, twin = TrimFilter(PARAMS), TrimFilter(PARAMS)
+    fly(trim, -30.0, -10.0, 0.1 * MDEG)
+    twin.state = copy.deepcopy(trim.state)
+    for each in (trim, twin):
+        fly(each, -10.0, 0.0, 0.1 * MDEG, "later")
+    assert np.array_equal(trim.state.mean, twin.state.mean)
+    assert np.array_equal(trim.state.covariance, twin.state.covariance)
