@@ -1,9 +1,9 @@
 """Simulated snapshots of an array: x = C A s + n (DOA eq. (8)), noise of unit power per element.
 
-`draw_snapshots` makes the samples.  `draw_covariances` draws the sample covariance of one source directly from its
-exact law, at M^2 instead of M L random numbers: a rotation of the L snapshots puts the whole waveform, of energy g,
-into the first one, so L R = x x^H + B B^H with x = sqrt(SNR g) a + n and B B^H the complex Wishart matrix of the L - 1 others
-(B lower triangular, Bartlett 1933).  g = L for constant modulus, Gamma(L) for a Gaussian waveform.
+`draw_snapshots` makes the samples.  `draw_covariances` draws the sample covariance of one source from its exact law, at
+M^2 instead of M L random numbers: a rotation of the L snapshots puts the whole waveform, of energy g, into the first
+one, so L R = x x^H + B B^H with x = sqrt(SNR g) a + n and B B^H the complex Wishart matrix of the L - 1 others (B lower
+triangular, Bartlett 1933).  g = L for constant modulus, Gamma(L) for a Gaussian waveform.
 """
 
 import numpy as np

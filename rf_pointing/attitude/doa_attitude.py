@@ -177,9 +177,14 @@ class DoaAttitudeFilter:
             self._params.start_rate_rad_s,
             self._gate,
         )
+        before = self._state
         self._accept(self._state.t_s, start, None, ())
-        for each in directions:
-            self.observe(each)
+        try:
+            for each in directions:
+                self.observe(each)
+        except ValueError:
+            self._state = before
+            raise
 
     def output(self) -> AttitudeEstimate:
         """Return the estimate at the filter's time, with its verdict."""

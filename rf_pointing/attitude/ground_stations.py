@@ -84,8 +84,8 @@ def stations_along_track(
     start_s: float,
     *,
     count: int = 8,
-    spacing_s: float = 620.0,
-    aside_rad: float = 0.04,
+    spacing_s: float = 625.0,
+    aside_rad: float = 0.02,
 ) -> list[GroundStation]:
     """Return `count` stations under the orbit, passed every `spacing_s`, by turns `aside_rad` right and left of it.
 

@@ -103,7 +103,7 @@ def predict(
     frame_rate: Array,
     dt_s: float,
 ) -> AttitudeState:
-    """Return the state `dt_s` later; `frame_rate` (..., 3) is the inertial rate of the orbital frame in its own axes."""
+    """Return the state `dt_s` later; `frame_rate` (..., 3) is the orbital frame's inertial rate in its own axes."""
     rotation = quaternion_to_matrix(state.quaternion)
     quaternion, rate = propagate(inertia, state.quaternion, state.rate_rad_s, known, frame_rate, dt_s)
     by_rate = rate_jacobian(inertia, state.rate_rad_s, known.wheel_momentum_n_m_s)
@@ -148,10 +148,8 @@ def update(state: AttitudeState, observation: DirectionObservation, gate: GatePa
     crossed = state.covariance[..., :, :3] @ rows.swapaxes(-1, -2)
     gain = crossed @ inverse * believed[..., None, None]
     change = np.einsum("...ij,...j->...i", gain, z)
+    # no reset of the covariance: what is left unknown is the turn about the reference itself, before and after
     covariance = state.covariance - gain @ crossed.swapaxes(-1, -2)
-    reset = np.broadcast_to(np.eye(6), covariance.shape).copy()
-    reset[..., :3, :3] = _left_jacobian(change[..., :3])
-    covariance = reset @ covariance @ reset.swapaxes(-1, -2)
     return AttitudeState(
         multiply(quaternion_from_rotation_vector(change[..., :3]), state.quaternion),
         state.rate_rad_s + change[..., 3:],
@@ -187,13 +185,3 @@ def _across(direction: Array) -> Array:
     b = x * y * a
     first = np.stack([1.0 + sign * x * x * a, sign * b, -sign * x], axis=-1)
     return np.stack([first, np.stack([b, sign + y * y * a, -y], axis=-1)], axis=-2)
-
-
-def _left_jacobian(rotation: Array) -> Array:
-    """Return J (..., 3, 3) with exp(r + d) = exp(J d) exp(r)."""
-    angle = np.linalg.norm(rotation, axis=-1)[..., None, None]
-    cross = cross_matrix(rotation)
-    safe = np.where(angle > 1e-4, angle, 1.0)
-    first = np.where(angle > 1e-4, (1.0 - np.cos(safe)) / safe**2, 0.5)
-    second = np.where(angle > 1e-4, (safe - np.sin(safe)) / safe**3, 1.0 / 6.0)
-    return np.asarray(np.eye(3) + first * cross + second * cross @ cross)

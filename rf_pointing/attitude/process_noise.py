@@ -1,8 +1,8 @@
 """Process noise of attitude motion, shared by the simulated satellite and the filters.
 
-DOA adds Q = q E_6 at every 250-ms step to the rate (rad/s)^2 and to the vector part of the quaternion.  A rotation
-is twice the vector part, so per second that is 4 q / dt on the attitude and q / dt on the rate.  The printed q = 1e-9 makes
-the filter itself predict degrees; q = 1e-12 gives the paper's tables in kind.
+DOA adds Q = q E_6 at every 250-ms step, to the rate (rad/s)^2 and to the vector part of the quaternion.  A rotation is
+twice the vector part, so per second that is 4 q / dt on the attitude and q / dt on the rate.  The printed q = 1e-9
+makes the filter itself predict degrees; q = 1e-12 gives the paper's tables in kind.
 """
 
 from dataclasses import dataclass

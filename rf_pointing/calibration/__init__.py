@@ -1,28 +1,72 @@
 """What to add to hit it: the bias model of an antenna, its data, its fit and its check on an orbit."""
 
+from rf_pointing.calibration.advice import PassAdvice, next_best_passes, uninformed_covariance
 from rf_pointing.calibration.bias_model import BiasModel
+from rf_pointing.calibration.campaign import Campaign, plan_campaign
+from rf_pointing.calibration.candidate_pass import CandidatePass
+from rf_pointing.calibration.corrections import Corrections, Ionosphere
+from rf_pointing.calibration.coverage import Coverage, SectorRule
 from rf_pointing.calibration.fit import fit_bias_model, held_at_zero
 from rf_pointing.calibration.fit_options import FitOptions, Prior
 from rf_pointing.calibration.fit_result import FitResult
 from rf_pointing.calibration.model_file import ModelFile, read_model, write_model
 from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.pass_errors import PassPriors
+from rf_pointing.calibration.pipeline import PipelineOptions, ProcessedPass, process_pass, select_observations
+from rf_pointing.calibration.raw_tracking import RawTracking, StageReport
+from rf_pointing.calibration.reference import ReferenceTrack
+from rf_pointing.calibration.shadow import ShadowRules, ShadowScore, Verdict
+from rf_pointing.calibration.streaming import StreamingFit
+from rf_pointing.calibration.tdm import read_tdm, write_tdm
+from rf_pointing.calibration.term_selection import HeldOut, TermSelection, held_out_passes, select_terms
 from rf_pointing.calibration.terms import EXTENSION_TERMS, TERM_NAMES, TERMS, Term
+from rf_pointing.calibration.tracking_csv import read_observations, read_tracking, write_observations, write_tracking
 
 __all__ = [
     "EXTENSION_TERMS",
     "TERMS",
     "TERM_NAMES",
     "BiasModel",
+    "Campaign",
+    "CandidatePass",
+    "Corrections",
+    "Coverage",
     "FitOptions",
     "FitResult",
+    "HeldOut",
+    "Ionosphere",
     "ModelFile",
     "Observations",
+    "PassAdvice",
     "PassPriors",
+    "PipelineOptions",
     "Prior",
+    "ProcessedPass",
+    "RawTracking",
+    "ReferenceTrack",
+    "SectorRule",
+    "ShadowRules",
+    "ShadowScore",
+    "StageReport",
+    "StreamingFit",
     "Term",
+    "TermSelection",
+    "Verdict",
     "fit_bias_model",
     "held_at_zero",
+    "held_out_passes",
+    "next_best_passes",
+    "plan_campaign",
+    "process_pass",
     "read_model",
+    "read_observations",
+    "read_tdm",
+    "read_tracking",
+    "select_observations",
+    "select_terms",
+    "uninformed_covariance",
     "write_model",
+    "write_observations",
+    "write_tdm",
+    "write_tracking",
 ]

@@ -67,20 +67,24 @@ class FitProblem:
         """Return the values from which the first linearisation starts."""
         return np.array([self.priors[name].value if name in self.priors else 0.0 for name in self.names])
 
-    def solve(self, values: Array, used: NDArray[np.bool_], weight: Array, number: int) -> Round:
-        """Return the solution linearised about `values` with the `used` rows, each weighted by `weight`."""
+    def triangle(self, values: Array, used: NDArray[np.bool_], weight: Array) -> tuple[Triangle, dict[int, PassHead]]:
+        """Return the equations linearised about `values`, reduced to a triangle, and what belongs to single passes."""
         triangle = Triangle(self.names)
-        heads: dict[int, PassHead] = {}
         right = self._right(values)
-        if self.pass_priors is None:
-            root = np.sqrt(weight)
-            triangle.add_blocks(
-                (block.matrix[used] * (root / sigma)[used, np.newaxis], (axis_right * root / sigma)[used], block.columns)
-                for block, axis_right, sigma in zip(self.blocks, right, self.sigmas, strict=True)
-            )
-        else:
+        if self.pass_priors is not None:
             heads, common = self._eliminate(used, right, weight)
             triangle.add_triangle(common, 2 * int(np.sum(used)))
+            return triangle, heads
+        root = np.sqrt(weight)
+        triangle.add_blocks(
+            (block.matrix[used] * (root / sigma)[used, np.newaxis], (axis_right * root / sigma)[used], block.columns)
+            for block, axis_right, sigma in zip(self.blocks, right, self.sigmas, strict=True)
+        )
+        return triangle, {}
+
+    def solve(self, values: Array, used: NDArray[np.bool_], weight: Array, number: int) -> Round:
+        """Return the solution linearised about `values` with the `used` rows, each weighted by `weight`."""
+        triangle, heads = self.triangle(values, used, weight)
         for name, prior in self.priors.items():
             triangle.add_prior(name, prior.value, prior.sigma)
         solution = triangle.solve()

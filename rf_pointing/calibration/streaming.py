@@ -80,8 +80,10 @@ class StreamingFit:
         return BiasModel({**self.held, **dict(zip(self.terms, solution.values.tolist(), strict=True))})
 
     def _fold(self, columns: tuple[Array, ...], temperature: Array | None) -> None:
-        motion, residuals, sigmas = columns[:6], columns[6:8], columns[8:]
-        angles = ArrayAngles(*motion, temperature)
+        az, el, az_rate, el_rate, az_acceleration, el_acceleration, *rest = columns
+        motion = (az, el, az_rate, el_rate, az_acceleration, el_acceleration)
+        residuals, sigmas = (rest[0], rest[1]), (rest[2], rest[3])
+        angles = ArrayAngles(az, el, az_rate, el_rate, az_acceleration, el_acceleration, temperature)
         if self._held_model is not None:
             known = self._held_model.offset_rad(*motion, temperature_k=temperature)
             residuals = (residuals[0] - known[0], residuals[1] - known[1])
@@ -89,4 +91,3 @@ class StreamingFit:
             (block.matrix / sigma[:, np.newaxis], residual / sigma, block.columns)
             for block, residual, sigma in zip(design_blocks(angles, self._acting), residuals, sigmas, strict=True)
         )
-

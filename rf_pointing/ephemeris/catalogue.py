@@ -176,12 +176,12 @@ def _seen(orbit: Motion, site: Site, sense: float) -> Array:
     To first order in the light time; the second is 2 mm at the distance of a geostationary satellite.
     """
     east, north, _ = antenna = np.array(site.position_m)
-    relative = np.stack(orbit.position, axis=-1) - antenna
+    relative: Array = np.stack(orbit.position, axis=-1) - antenna
     if sense == 0.0:
         return relative
     relative_velocity = np.stack(orbit.velocity, axis=-1) - GMST_RATE_RAD_S * np.array([-north, east, 0.0])
-    distance = np.linalg.norm(relative, axis=-1)
-    rate = np.einsum("ntc,ntc->nt", relative, relative_velocity) / distance
+    distance = np.sqrt(np.einsum("otc,otc->ot", relative, relative))
+    rate = np.einsum("otc,otc->ot", relative, relative_velocity) / distance
     light_time_s = distance / (SPEED_OF_LIGHT_M_S + sense * rate)
     seen: Array = relative - sense * light_time_s[..., None] * relative_velocity
     return seen
@@ -191,7 +191,9 @@ def _record(elements: Elements, t_s: float) -> Satrec:
     """Leap seconds between the epoch and `t_s` go into the epoch: the array propagator knows UTC differences only."""
     table = leap_seconds()
     inserted_s = table.tai_minus_utc_s(t_s) - table.tai_minus_utc_s(elements.epoch_t_s)
-    return dataclasses.replace(elements, epoch_t_s=elements.epoch_t_s - inserted_s).satrec()
+    if inserted_s != 0.0:
+        elements = dataclasses.replace(elements, epoch_t_s=elements.epoch_t_s - inserted_s)
+    return elements.satrec()
 
 
 def _described(

@@ -55,7 +55,7 @@ def passes_on_grid(sky: SampledSky, searched: Flags, duration_s: float, sine_mas
 def _turning_points(
     sky: SampledSky, sines: Array, searched: Flags, end_s: float, sine_mask: float, sign: float
 ) -> tuple[Index, Array]:
-    """Return rows and times of the maxima (sign 1) that may reach the mask, or of the minima (-1) that may dip below."""
+    """Return rows and times of the maxima (sign 1) that may reach the mask, or the minima (-1) that may dip below."""
     inside = slice(MARGIN, sines.shape[1] - MARGIN)
     values = sign * sines
     here, left, right = (

@@ -85,7 +85,7 @@ def find_passes(track: TopocentricTrack, start_t_s: float, duration_s: float, mi
 def first_pass_above(
     track: TopocentricTrack, start_t_s: float, peak_rad: float, min_elevation_rad: float, duration_s: float
 ) -> Pass:
-    """Return the first pass after `start_t_s` that peaks at or above `peak_rad`; raise ValueError when there is none."""
+    """Return the first pass after `start_t_s` that peaks at or above `peak_rad`; ValueError when there is none."""
     passes = find_passes(track, start_t_s, duration_s, min_elevation_rad)
     for found in passes:
         if found.peak_elevation_rad >= peak_rad:

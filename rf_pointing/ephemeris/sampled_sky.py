@@ -34,11 +34,13 @@ class SampledSky:
     @property
     def sines(self) -> Array:
         """Sine of the true elevation at the grid points, (objects, times)."""
-        return np.asarray(self.enu_m[..., 2] / np.linalg.norm(self.enu_m, axis=-1), dtype=np.float64)
+        squares: Array = np.einsum("otc,otc->ot", self.enu_m, self.enu_m)
+        distance: Array = np.sqrt(squares)
+        return self.enu_m[..., 2] / distance
 
     def time_s(self, column: Index) -> Array:
         """Return the times of grid columns."""
-        return self.start_s + self.step_s * (column - MARGIN)
+        return self.start_s + self.step_s * (column - MARGIN).astype(np.float64)
 
     def column(self, t_s: Array) -> Index:
         """Return the last column at or before each time."""

@@ -121,7 +121,7 @@ class TopocentricTrack:
         )
 
     def sample(self, t_s: ArrayLike) -> LookAngles:
-        """Return the apparent directions at UTC times (n,), azimuth continuous from the first on, which is in [0, 2 pi).
+        """Return the apparent directions at UTC times (n,), azimuth continuous from the first, which is in [0, 2 pi).
 
         Continuity needs steps in which the azimuth moves by less than half a turn.
         """

@@ -55,9 +55,7 @@ def _split(model: StateSpace) -> tuple[StateSpace, StateSpace]:
     edge = StateSpace(
         upper[:count, :count], b[:count] - coupling @ b[count:], c[:, :count], np.zeros_like(model.d), model.sample_s
     )
-    rest = StateSpace(
-        upper[count:, count:], b[count:], c[:, :count] @ coupling + c[:, count:], model.d, model.sample_s
-    )
+    rest = StateSpace(upper[count:, count:], b[count:], c[:, :count] @ coupling + c[:, count:], model.d, model.sample_s)
     return edge, rest
 
 

@@ -1,6 +1,6 @@
 """Eigensystem realization: a state-space model from Markov parameters, its Hankel singular values showing the order.
 
-    H(0) = R S V',   A = S^-1/2 R' H(1) V S^-1/2,   B = first column of S^1/2 V',   C = first row of R S^1/2
+H(0) = R S V',   A = S^-1/2 R' H(1) V S^-1/2,   B = first column of S^1/2 V',   C = first row of R S^1/2
 """
 
 from dataclasses import dataclass
@@ -38,7 +38,9 @@ def realize(markov: Array, order: int, sample_s: float) -> Realization:
     shifted = np.lib.stride_tricks.sliding_window_view(markov[2 : 2 * half + 1], half)
     left, singular, right = np.linalg.svd(hankel)
     if singular[order - 1] <= 1e-14 * singular[0]:
-        raise ValueError(f"order={order} exceeds the rank of the Hankel matrix, {np.sum(singular > 1e-14 * singular[0])}")
+        raise ValueError(
+            f"order={order} exceeds the rank of the Hankel matrix, {np.sum(singular > 1e-14 * singular[0])}"
+        )
     root = np.sqrt(singular[:order])
     a = (left[:, :order].T @ shifted @ right[:order].T) / np.outer(root, root)
     b = (root * right[:order, 0])[:, None]

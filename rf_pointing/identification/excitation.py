@@ -27,7 +27,9 @@ class ExcitationParams(Params):
     sample_s: float = parameter(0.02, "time between samples", low=1e-3, high=1.0)
     mean_rad_s: float = parameter(math.radians(0.056), "mean of the rate input", low=-0.1, high=0.1)
     rms_rad_s: float = parameter(math.radians(0.028), "rms of the rate input about its mean", low=1e-9, high=0.1)
-    peak_rad_s: float = parameter(math.radians(0.2), "largest rate input; what exceeds it is clipped", low=1e-9, high=0.2)
+    peak_rad_s: float = parameter(
+        math.radians(0.2), "largest rate input; what exceeds it is clipped", low=1e-9, high=0.2
+    )
     low_hz: float = parameter(0.01, "lowest frequency of the multisine", low=1e-5, high=100.0)
     high_hz: float = parameter(12.0, "highest frequency of the multisine", low=1e-4, high=500.0)
 

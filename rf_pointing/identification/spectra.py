@@ -62,7 +62,7 @@ def frequency_response(inputs: ArrayLike, outputs: ArrayLike, sample_s: float) -
     p_uu = np.mean(np.abs(spectra_u) ** 2, axis=0)
     p_yy = np.mean(np.abs(spectra_y) ** 2, axis=0)
     p_uy = np.mean(np.conj(spectra_u) * spectra_y, axis=0)
-    frequency = np.fft.rfftfreq(u.shape[1], sample_s)
+    frequency: Array = np.asarray(np.fft.rfftfreq(u.shape[1], sample_s), dtype=np.float64)
     return FrequencyResponse(frequency, p_uy / p_uu, np.abs(p_uy) ** 2 / (p_uu * p_yy), len(u))
 
 

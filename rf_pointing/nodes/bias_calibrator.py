@@ -52,7 +52,7 @@ class BiasCalibrator(ManagedNode):
         self._log = CalibrationLog(params.station, params.band, params.spacing_s, params.sigma_rad)
         self._models = self.stream(PointingModel, "pointing_model", LATCHED)
         self.listen(Target, "target", lambda m: self._log.take_target(convert.target_from_message(m)), STREAM)
-        self.listen(JointState, "joint_states", lambda m: self._log.take_joints(convert.joints_from_message(m)), STREAM)
+        self._joints = self.listen_latest(JointState, "joint_states", convert.joints_from_message, STREAM)
         self.listen(PointingError, "pointing_error", self._on_error, STREAM)
         for name, callback in (("fit", self._on_fit), ("accept", self._on_accept), ("reject", self._on_reject)):
             self.serve(Trigger, f"~/{name}", callback)
@@ -71,6 +71,11 @@ class BiasCalibrator(ManagedNode):
             self._models.publish(message)
 
     def _on_error(self, message: PointingError) -> None:
+        if not message.valid:
+            return
+        reading = self._joints.take()
+        if reading is not None:
+            self._log.take_joints(reading)
         self._log.take_error(convert.error_from_message(message))
 
     def _on_fit(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:

@@ -5,6 +5,7 @@ Publishes: pointing_error (once a window; in between invalid ones that carry the
 Parameters: conscan.*, the same scan as the pointing controller's.
 """
 
+from rclpy.serialization import deserialize_message
 from rf_pointing_msgs.msg import CarrierPower, PointingError, TrackingStatus
 from sensor_msgs.msg import JointState
 
@@ -30,7 +31,7 @@ class ConscanTrackerNode(ManagedNode):
         self._positions = ConscanPositions(ConscanTracker(self.parameters.value("conscan")))
         self._errors = self.stream(PointingError, "pointing_error", STREAM)
         self.listen(CarrierPower, "carrier_power", self._on_power, STREAM)
-        self.listen(JointState, "joint_states", self._on_joints, STREAM)
+        self.listen(JointState, "joint_states", self._on_joints, STREAM, raw=True)
         self.listen(TrackingStatus, "tracking_status", self._on_status, STREAM)
         self.diagnostics.add("samples", self._health)
 
@@ -40,9 +41,11 @@ class ConscanTrackerNode(ManagedNode):
     def deactivate(self) -> None:
         self._active = False
 
-    def _on_joints(self, message: JointState) -> None:
+    def _on_joints(self, raw: bytes) -> None:
+        if not self._positions.scanning:
+            return
         try:
-            self._positions.take_joints(convert.joints_from_message(message))
+            self._positions.take_joints(convert.joints_from_message(deserialize_message(raw, JointState)))
         except ValueError as refusal:
             self._refused = str(refusal)
 

@@ -14,6 +14,7 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.publisher import Publisher
+from rclpy.serialization import deserialize_message
 from rclpy.signals import SignalHandlerOptions
 
 from rf_pointing.nodes.schedule import Schedule
@@ -65,6 +66,23 @@ class LossCounter:
         return Health(WARN if total else OK, f"{total} messages lost" if total else "complete", dict(self.lost))
 
 
+class Latest:
+    """Keeps the newest message of a fast stream undecoded; `take` decodes it when it is wanted."""
+
+    def __init__(self, message_type: Any, convert: Callable[[Any], Any]) -> None:
+        self._type, self._convert = message_type, convert
+        self._raw: bytes | None = None
+
+    def note(self, raw: bytes) -> None:
+        """Keep `raw` in place of the one before."""
+        self._raw = raw
+
+    def take(self) -> Any | None:
+        """Return what the newest message says, None if there is none since the last call; ValueError if unusable."""
+        raw, self._raw = self._raw, None
+        return None if raw is None else self._convert(deserialize_message(raw, self._type))
+
+
 class ManagedNode(LifecycleNode):
     """A lifecycle node with parameter sets, diagnostics and timers that run only while it is active."""
 
@@ -106,6 +124,12 @@ class ManagedNode(LifecycleNode):
 
         self._active_timers.append(self.create_timer(period_s, fire))
         return schedule
+
+    def listen_latest(self, message_type: Any, topic: str, convert: Callable[[Any], Any], qos: Any) -> Latest:
+        """Subscribe until cleanup to a stream of which only the newest message counts, now and then."""
+        latest = Latest(message_type, convert)
+        self.listen(message_type, topic, latest.note, qos, raw=True)
+        return latest
 
     def turn(self) -> float:
         """Do what is due between two events; return how many seconds to wait for the next event at most.

@@ -1,6 +1,6 @@
 """When simulation time may go on: not before the wall clock says so, and never far ahead of the graph.
 
-Every paced stream states by how much its newest stamp may lag the clock.  A stream counts while it flows: one that has
+Every paced stream states by how much its newest stamp may lag the next tick.  A stream counts while it flows: one that has
 not been heard of, or that falls silent for longer than the patience, is no longer waited for until it is heard again.
 """
 
@@ -17,6 +17,8 @@ class PacedStream:
     newest_s: float = 0.0
     spacing_s: float = 0.0
     waiting_since_s: float | None = None
+    waits: int = 0
+    abandoned: int = 0
 
     def heard(self, stamp_s: float) -> None:
         """Note a message; what matters of it is its stamp."""
@@ -35,8 +37,6 @@ class Pacer:
     streams: dict[str, PacedStream]
     patience_s: float = 0.25
     ticks: int = 0
-    held_ticks: int = 0
-    abandoned_waits: int = 0
     _origin_wall_s: float | None = field(default=None)
 
     @property
@@ -69,15 +69,15 @@ class Pacer:
 
     def _hold_s(self, stream: PacedStream, wall_s: float) -> float:
         flowing = stream.newest_s > 0.0 and stream.spacing_s <= self.patience_s
-        if not flowing or stream.newest_s + stream.allowed_lag_s >= self.now_s + 0.5 * self.tick_s:
+        if not flowing or stream.newest_s + stream.allowed_lag_s >= self.now_s + (1.0 - 1e-3) * self.tick_s:
             stream.waiting_since_s = None
             return 0.0
         if stream.waiting_since_s is None:
             stream.waiting_since_s = wall_s
-            self.held_ticks += 1
+            stream.waits += 1
         left_s = stream.waiting_since_s + self.patience_s - wall_s
         if left_s > 0.0:
             return left_s
         stream.spacing_s = 2.0 * self.patience_s
-        self.abandoned_waits += 1
+        stream.abandoned += 1
         return 0.0

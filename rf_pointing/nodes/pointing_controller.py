@@ -64,7 +64,7 @@ class PointingControllerNode(ManagedNode):
         self._status = self.stream(TrackingStatus, "tracking_status", STREAM)
         self._sent = 0
         self.listen(Target, "target", self._checked(convert.target_from_message, "take_target"), STREAM)
-        self.listen(JointState, "joint_states", self._checked(convert.joints_from_message, "take_joints"), STREAM)
+        self._joints = self.listen_latest(JointState, "joint_states", convert.joints_from_message, STREAM)
         self.listen(PointingError, "pointing_error", self._checked(convert.error_from_message, "take_error"), STREAM)
         self.listen(PointingModel, "pointing_model", self._checked(convert.model_from_message, "take_model"), LATCHED)
         self.serve(Trigger, "~/stop", self._on_stop)
@@ -80,6 +80,7 @@ class PointingControllerNode(ManagedNode):
         self._step(self.now_s())
 
     def _step(self, t_s: float) -> None:
+        self._read_joints()
         busy = self._controller.busy
         trajectory, status = self._controller.step(t_s)
         if trajectory is not None:
@@ -95,6 +96,15 @@ class PointingControllerNode(ManagedNode):
             if busy and not self._controller.busy:
                 goal, self._goal = self._goal, None
                 goal.execute()
+
+    def _read_joints(self) -> None:
+        try:
+            reading = self._joints.take()
+        except ValueError as refusal:
+            self.get_logger().warning(f"joint_states ignored: {refusal}", throttle_duration_sec=1.0)
+            return
+        if reading is not None:
+            self._controller.take_joints(reading)
 
     def _feed_back(self, message: TrackingStatus, status: Status) -> None:
         window = convert.pass_from_message(self._goal.request.target_pass)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from rosbags.interfaces import Connection
+from rosbags.interfaces.typing import Typesdict
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, TypesysError, get_typestore
 from rosbags.typesys.store import Typestore
@@ -62,6 +63,10 @@ class _Rows:
         )
 
 
+def _undefined(source: BagSource, types: Typesdict) -> bool:
+    return any(connection.msgtype not in types for connection in source.connections)
+
+
 class Collector:
     """Reads all messages of `source` once; `namespace` chooses the antenna."""
 
@@ -89,12 +94,17 @@ class Collector:
         return tuple(dict.fromkeys(self.problems + damage))
 
     def _types(self, source: BagSource) -> Typestore:
-        typestore = get_typestore(Stores.ROS2_JAZZY)
+        types: Typesdict = {}
         for connection in source.connections:
             try:
-                typestore.register(types_of(connection))
+                types.update(types_of(connection.msgtype, connection.msgdef))
             except (TypesysError, *READ_ERRORS) as error:
                 self.problems.append(f"the definition of {connection.msgtype} cannot be used: {error}")
+        # A recorder that stored no definitions leaves the standard types to us.
+        typestore = get_typestore(Stores.EMPTY)
+        typestore.register(
+            {**get_typestore(Stores.ROS2_JAZZY).fielddefs, **types} if _undefined(source, types) else types
+        )
         return typestore
 
     def _read(self, reader: Any) -> None:

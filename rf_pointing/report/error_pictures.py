@@ -12,11 +12,13 @@ from rf_pointing.report.error_series import ErrorSeries, gaussian_loss_db
 from rf_pointing.report.machine import link_series
 from rf_pointing.report.picture_style import (
     ALONE_COLOUR,
+    DASHED,
     LIMIT_COLOUR,
     MODE_COLOURS,
     TimeAxis,
     figure,
     legend_above,
+    marked_level,
     mode_runs,
     per_second,
     plain_log_scale,
@@ -46,7 +48,7 @@ def draw_error(analysis: Analysis, path: Path) -> None:
         if analysis.modes is None:
             _strong(axes, time, errors, radial, LIMIT_COLOUR, f"{errors.source} error", 1.6)
         _beam_lines(axes, errors)
-        axes.set_ylim(*_decades(radial, alone))
+        axes.set_ylim(*_decades(radial, alone, _median_beamwidth_mdeg(errors)))
         plain_log_scale(axes.yaxis)
         axes.set(xlabel=time.label, ylabel=f"{errors.source} pointing error, mdeg")
         legend_above(axes)
@@ -68,33 +70,25 @@ def _strong(
 
 
 def _beam_lines(axes: Any, errors: ErrorSeries) -> None:
-    width = errors.beamwidth_rad[np.isfinite(errors.beamwidth_rad)] / MDEG
-    if not len(width):
-        return
-    for part, text in ((0.5, "half power (3 dB)"), (0.1, "a tenth of a beamwidth (0.12 dB)")):
-        level = part * float(np.median(width))
-        axes.axhline(level, color=LIMIT_COLOUR, lw=0.9, ls=(0, (5, 3)))
-        axes.annotate(
-            text,
-            (1.0, level),
-            xycoords=("axes fraction", "data"),
-            xytext=(-2, 3),
-            ha="right",
-            va="bottom",
-            textcoords="offset points",
-            fontsize=8.5,
-            color=LIMIT_COLOUR,
-        )
+    width = _median_beamwidth_mdeg(errors)
+    if width is not None:
+        marked_level(axes, 0.5 * width, "half power (3 dB)")
+        marked_level(axes, 0.1 * width, "a tenth of a beamwidth (0.12 dB)")
 
 
-def _decades(radial: Floats, alone: Floats) -> tuple[float, float]:
-    """Range of the drawing: that of the tracking modes, for a slew's degrees would squeeze the rest."""
+def _median_beamwidth_mdeg(errors: ErrorSeries) -> float | None:
+    width = errors.beamwidth_rad[np.isfinite(errors.beamwidth_rad)]
+    return float(np.median(width)) / MDEG if len(width) else None
+
+
+def _decades(radial: Floats, alone: Floats, beamwidth_mdeg: float | None) -> tuple[float, float]:
+    """Range of the drawing: that of the tracking modes and of the beam; a slew's degrees would squeeze the rest."""
     tracking = np.isfinite(alone) if np.any(np.isfinite(alone)) else np.isfinite(radial)
     seen = np.concatenate([radial[tracking], alone[tracking]])
     seen = seen[np.isfinite(seen) & (seen > 0.0)]
-    if not len(seen):
-        return 0.1, 100.0
-    return 0.5 * float(np.percentile(seen, 1.0)), 3.0 * float(np.max(seen))
+    low = 0.5 * float(np.percentile(seen, 1.0)) if len(seen) else 0.1
+    high = 3.0 * float(np.max(seen)) if len(seen) else 10.0
+    return low, max(high, beamwidth_mdeg or 0.0)
 
 
 def draw_link(analysis: Analysis, path: Path) -> None:
@@ -126,18 +120,7 @@ def _draw_losses(axes: Any, time: TimeAxis, analysis: Analysis) -> None:
             axes.fill_between(minutes, mean, largest, color=colour, alpha=0.25, lw=0.0)
             axes.plot(minutes, mean, color=colour, lw=1.6, label=mode.replace("_", " ") if first else None)
     for level in (0.1, 3.0):
-        axes.axhline(level, color=LIMIT_COLOUR, lw=0.9, ls=(0, (5, 3)))
-        axes.annotate(
-            f"{level:g} dB",
-            (1.0, level),
-            xycoords=("axes fraction", "data"),
-            xytext=(-2, 2),
-            ha="right",
-            va="bottom",
-            textcoords="offset points",
-            fontsize=8.5,
-            color=LIMIT_COLOUR,
-        )
+        marked_level(axes, level, f"{level:g} dB")
     axes.set_ylim(1e-4, 100.0)
     plain_log_scale(axes.yaxis)
 
@@ -169,14 +152,19 @@ def _draw_middle(axes: Any, error_mdeg: Floats, half_mdeg: float, acquired: bool
     rms = np.sqrt(np.mean(np.square(error_mdeg), axis=0)) if len(error_mdeg) else np.zeros(2)
     _ellipse(axes, rms[0], rms[1], LIMIT_COLOUR, "-", f"rms {rms[0]:.2f}, {rms[1]:.2f} mdeg")
     reach = float(np.percentile(np.abs(error_mdeg), 99.8)) if len(error_mdeg) else 1.0
-    _frame(axes, half_mdeg, 1.3 * max(reach, _SMALLEST_MDEG), "after acquisition, enlarged" if acquired else "tracking, enlarged")
+    _frame(
+        axes,
+        half_mdeg,
+        1.3 * max(reach, _SMALLEST_MDEG),
+        "after acquisition, enlarged" if acquired else "tracking, enlarged",
+    )
     axes.legend(loc="upper right")
 
 
 def _frame(axes: Any, half_mdeg: float, reach_mdeg: float, title: str) -> None:
     if half_mdeg > 0.0:
         label = "half power" if half_mdeg < reach_mdeg else None
-        _ellipse(axes, half_mdeg, half_mdeg, LIMIT_COLOUR, (0, (5, 3)), label)
+        _ellipse(axes, half_mdeg, half_mdeg, LIMIT_COLOUR, DASHED, label)
     axes.axhline(0.0, color="#aaaaaa", lw=0.7)
     axes.axvline(0.0, color="#aaaaaa", lw=0.7)
     axes.set_aspect("equal")

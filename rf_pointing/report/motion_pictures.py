@@ -11,6 +11,7 @@ from rf_pointing.report.analysis import Analysis
 from rf_pointing.report.machine import axis_motion
 from rf_pointing.report.picture_style import (
     AXIS_COLOURS,
+    DASHED,
     LIMIT_COLOUR,
     MODE_COLOURS,
     TimeAxis,
@@ -115,4 +116,4 @@ def _draw_limits(axes: Any, analysis: Analysis, column: str) -> None:
     for number, limit in enumerate(limits):
         for sign in (-1.0, 1.0):
             label = "limit" if number == 0 and sign > 0.0 else None
-            axes.axhline(sign * limit, color=LIMIT_COLOUR, lw=1.0, ls=(0, (5, 3)), label=label)
+            axes.axhline(sign * limit, color=LIMIT_COLOUR, lw=1.0, ls=DASHED, label=label)

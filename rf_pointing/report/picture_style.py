@@ -16,11 +16,13 @@ from rf_pointing.report.analysis import Analysis
 __all__ = [
     "ALONE_COLOUR",
     "AXIS_COLOURS",
+    "DASHED",
     "LIMIT_COLOUR",
     "MODE_COLOURS",
     "TimeAxis",
     "figure",
     "legend_above",
+    "marked_level",
     "mode_runs",
     "per_second",
     "plain_log_scale",
@@ -42,6 +44,8 @@ AXIS_COLOURS = ("#0072b2", "#d55e00")
 ALONE_COLOUR = "#8a8a8a"
 """The error that program track alone would have made."""
 LIMIT_COLOUR = "#333333"
+DASHED = (0, (5, 3))
+"""Line style of limits."""
 _STYLE: Any = {
     "font.family": "DejaVu Sans",
     "font.size": 10.0,
@@ -92,6 +96,23 @@ def legend_above(axes: Any, *others: Any) -> None:
     entries = [axis.get_legend_handles_labels() for axis in (axes, *others)]
     handles, labels = ([item for entry in entries for item in entry[part]] for part in (0, 1))
     axes.legend(handles, labels, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=7, borderaxespad=0.1)
+
+
+def marked_level(axes: Any, level: float, label: str) -> None:
+    """Draw a dashed line across `axes` at `level` with its label at the right end, if it is within the range."""
+    axes.axhline(level, color=LIMIT_COLOUR, lw=0.9, ls=DASHED)
+    axes.annotate(
+        label,
+        (1.0, level),
+        xycoords=("axes fraction", "data"),
+        xytext=(-2, 2),
+        textcoords="offset points",
+        ha="right",
+        va="bottom",
+        fontsize=8.5,
+        color=LIMIT_COLOUR,
+        annotation_clip=True,
+    )
 
 
 class TimeAxis:

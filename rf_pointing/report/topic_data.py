@@ -3,11 +3,12 @@
 import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rosbags.interfaces import Connection, MessageDefinitionFormat
+from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
 from rosbags.interfaces.typing import Typesdict
 from rosbags.typesys import get_types_from_idl, get_types_from_msg
 from rosbags.typesys.store import Typestore
@@ -74,12 +75,13 @@ def as_column(values: Sequence[Any]) -> NDArray[Any]:
     return np.array(values)
 
 
-def types_of(connection: Connection) -> Typesdict:
-    """Return the types that the definition stored with `connection` names; empty when the bag holds none."""
-    text = connection.msgdef.data
-    if connection.msgdef.format == MessageDefinitionFormat.MSG:
-        return get_types_from_msg(text, connection.msgtype)
-    if connection.msgdef.format == MessageDefinitionFormat.NONE:
+@lru_cache(maxsize=256)
+def types_of(type_name: str, definition: MessageDefinition) -> Typesdict:
+    """Return the types that a bag's definition of `type_name` names; empty when the bag holds none."""
+    text = definition.data
+    if definition.format == MessageDefinitionFormat.MSG:
+        return get_types_from_msg(text, type_name)
+    if definition.format == MessageDefinitionFormat.NONE:
         return {}
     types: Typesdict = {}
     for part in text.split(_IDL_SEPARATOR):

@@ -72,7 +72,8 @@ def closed_loop(
 
 
 def _unit(index: int) -> Array:
-    return np.eye(INPUTS)[index]
+    unit: Array = np.eye(INPUTS)[index]
+    return unit
 
 
 def _controller(

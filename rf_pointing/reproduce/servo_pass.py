@@ -102,7 +102,7 @@ def fly(setup: PassSetup) -> PassErrors:
     later = slice(1, count + 1)
     sky = np.column_stack([np.cos(truth.position_rad[later, 1]), np.ones(count)])
     deviation = (truth.position_rad - ephemeris.position_rad)[later]
-    return PassErrors(times[later], beam * sky, encoder * sky, deviation * sky, np.array(radio.taken).reshape(-1, 2))
+    return PassErrors(np.asarray(times[later]), beam * sky, encoder * sky, deviation * sky, np.array(radio.taken).reshape(-1, 2))
 
 
 def _settle(plant: AntennaPlant, loops: list[PositionLoop], position: Array, velocity: Array) -> None:

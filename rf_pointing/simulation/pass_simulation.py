@@ -118,6 +118,7 @@ def simulate_pass(setup: StationSetup, window: Pass, start_t_s: float, sensor: s
         t_s = round(start_t_s + tick * tick_s, 6)
         reading, boresight = antenna.step(t_s)
         if tick % every == 0:
+            controller.take_joints(reading)
             if t_s + TARGET_LEAD_S >= window.aos_t_s - 5.0:
                 controller.take_target(track.target_at(round(t_s + TARGET_LEAD_S, 6)))
             trajectory, status = controller.step(t_s)
@@ -125,7 +126,6 @@ def simulate_pass(setup: StationSetup, window: Pass, start_t_s: float, sensor: s
             conscan.take_status(status.t_s, status.scan_centre_rad, status.mode)
             if trajectory is not None:
                 antenna.accept(trajectory, t_s)
-        controller.take_joints(reading)
         conscan.take_joints(reading)
         reception = receiver.take(boresight)
         if reception is not None:

@@ -18,6 +18,8 @@ __all__ = ["BeamPosition", "ConscanPositions"]
 
 Array = NDArray[np.float64]
 KEPT_S = 2.0
+IDLE_EVERY = 2
+"""While the scan does not run, every second power is passed on for its C/N0."""
 
 
 @dataclass
@@ -88,6 +90,12 @@ class ConscanPositions:
         self._beam = BeamPosition()
         self._waiting: list[CarrierPower] = []
         self._scanning = False
+        self._idle = 0
+
+    @property
+    def scanning(self) -> bool:
+        """Whether the scan runs; encoder angles matter only then."""
+        return self._scanning
 
     def take_joints(self, reading: JointReading) -> None:
         """Note the encoder angles."""
@@ -108,7 +116,8 @@ class ConscanPositions:
         A window that is not full yet gives an invalid error that says so and carries the C/N0.
         """
         if not self._scanning:
-            return [_not_usable(power, "the scan does not run")]
+            self._idle += 1
+            return [_not_usable(power, "the scan does not run")] if self._idle % IDLE_EVERY == 0 else []
         self._waiting.append(power)
         errors = []
         while self._waiting:

@@ -7,6 +7,7 @@ does not depend on how fast messages travel within it.
 """
 
 import math
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,6 +38,7 @@ from rf_pointing.tracking import Autotrack, AutotrackInputs, AutotrackParams, Au
 __all__ = ["SENSOR_CHOICES", "PointingController", "PointingParams"]
 
 Array = NDArray[np.float64]
+KEPT_ERRORS = 20
 SENSOR_CHOICES = {"program": "none", "monopulse": "monopulse", "conscan": "conscan", "auto": "auto"}
 """Sensor as the operator names it, and as the state table does."""
 
@@ -82,7 +84,7 @@ class PointingController:
         self._targets = TargetBuffer()
         self._model = BiasModel.zero()
         self._joints: JointReading | None = None
-        self._error: PointingError | None = None
+        self._errors: deque[PointingError] = deque(maxlen=KEPT_ERRORS)
         self._pass: Pass | None = None
         self._turns_rad: float | None = None
         self._centre: dict[int, Array] = {}
@@ -118,7 +120,7 @@ class PointingController:
         """Note what a sensor measured; only the sensor in use counts."""
         wanted = self._table.params.sensor
         if wanted in ("auto", error.sensor):
-            self._error = error
+            self._errors.append(error)
 
     def start(self, t_s: float, window: Pass, sensor: str) -> None:
         """Begin to track a pass; the antenna moves to its start at the next period that knows the axes' position.
@@ -134,7 +136,8 @@ class PointingController:
         if t_s >= window.los_t_s:
             raise ValueError(f"the pass of {window.name} ended {t_s - window.los_t_s:.0f} s ago")
         self._turns_rad = None if self._joints is None else self._choose_turn(window, self._joints)
-        self._pass, self._error, self._stopping = window, None, ""
+        self._pass, self._stopping = window, ""
+        self._errors.clear()
         self._targets.clear()
         self._centre.clear()
         self._beam.clear()
@@ -262,10 +265,14 @@ class PointingController:
         )
 
     def _fresh_error(self, t_s: float) -> PointingError | None:
-        error = self._error
-        if error is None or not t_s - self.params.error_age_s <= error.t_s < t_s:
-            return None
-        return error
+        """Return the newest error stamped before `t_s`, None when it is too old to act on.
+
+        One that is stamped later may have arrived already; it belongs to a later period.
+        """
+        for error in reversed(self._errors):
+            if error.t_s < t_s:
+                return error if error.t_s >= t_s - self.params.error_age_s else None
+        return None
 
     def _axis_error(self, t_s: float) -> float:
         """Largest difference between the commanded and the present axis angles, infinite when unknown."""

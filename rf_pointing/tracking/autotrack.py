@@ -44,13 +44,15 @@ def _monopulse_ready(params: AutotrackParams, state: AutotrackState, inputs: Aut
     return _may_use(params, "monopulse") and state.carrier and state.strong and inputs.monopulse_valid
 
 
-def _conscan_ready(params: AutotrackParams, state: AutotrackState, inputs: AutotrackInputs) -> bool:
-    return _may_use(params, "conscan") and state.carrier and _past_peak(params, state, inputs)
+def _conscan_ready(params: AutotrackParams, state: AutotrackState, _inputs: AutotrackInputs) -> bool:
+    return _may_use(params, "conscan") and state.carrier
 
 
-def _past_peak(params: AutotrackParams, state: AutotrackState, inputs: AutotrackInputs) -> bool:
-    """Outside a search always true; in it, once the level has fallen from its peak: the beam was over the target."""
-    return state.mode != "search" or inputs.carrier_to_noise_db_hz < state.peak_db_hz - params.search_drop_db
+def _peaked(params: AutotrackParams, state: AutotrackState, inputs: AutotrackInputs) -> bool:
+    """Whether the search passed the target: a carrier was seen, and for a whole turn nothing stronger."""
+    if state.peak_s is None or state.peak_db_hz < params.carrier_on_db_hz:
+        return False
+    return inputs.t_s - state.peak_s > params.search_turn_s
 
 
 def _impatient(params: AutotrackParams, state: AutotrackState, inputs: AutotrackInputs) -> bool:
@@ -79,15 +81,12 @@ TRANSITIONS = (
         ("program_track", "search", "coast", "conscan"), "monopulse",
         "the carrier is strong and the monopulse error valid", _monopulse_ready,
     ),
+    Transition(("program_track", "coast"), "conscan", "there is a carrier for conscan", _conscan_ready),
     Transition(
-        ("program_track", "search", "coast"), "conscan",
-        "there is a carrier for conscan (in a search: past its peak)", _conscan_ready,
+        ("program_track", "coast"), "steptrack", "there is a carrier for steptrack",
+        lambda p, s, _i: _may_use(p, "steptrack") and s.carrier,
     ),
-    Transition(
-        ("program_track", "search", "coast"), "steptrack",
-        "there is a carrier for steptrack (in a search: past its peak)",
-        lambda p, s, i: _may_use(p, "steptrack") and s.carrier and _past_peak(p, s, i),
-    ),
+    Transition(("search",), "coast", "the search has passed a carrier: back to where it was strongest", _peaked),
     Transition(
         ("coast",), "search", "the coasting time is over", lambda p, s, i: _elapsed(s, i) > p.coast_s,
     ),
@@ -120,6 +119,7 @@ class Autotrack:
                 return replace(
                     seen, mode=row.target, entered_s=inputs.t_s, reason=reason, invalid_since_s=None,
                     peak_db_hz=-math.inf if row.target == "search" else seen.peak_db_hz,
+                    peak_s=None if row.target == "search" else seen.peak_s,
                 )  # fmt: skip
         return seen
 

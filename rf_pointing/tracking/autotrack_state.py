@@ -25,7 +25,9 @@ class AutotrackParams(Params):
     patience_s: float = parameter(1.0, "time of invalid errors after which monopulse is left", low=0.0, high=60.0)
     coast_s: float = parameter(5.0, "time on the trimmed ephemeris before a search", low=0.0, high=600.0)
     settle_s: float = parameter(3.0, "time on program track without a carrier before a search", low=0.0, high=600.0)
-    search_drop_db: float = parameter(3.0, "fall of C/N0 from its peak that ends a search", low=0.5, high=20.0)
+    search_turn_s: float = parameter(
+        8.0, "time without a higher C/N0 after which a search has seen the target: one turn", low=0.1, high=600.0
+    )
     search_s: float = parameter(60.0, "longest search", low=0.1, high=3600.0)
     hold_s: float = parameter(5.0, "time in hand back before the sensors are trusted again", low=0.0, high=600.0)
 
@@ -70,8 +72,8 @@ class AutotrackInputs:
 class AutotrackState:
     """Mode, when and why it was entered, and what the gates remember.
 
-    `peak_db_hz` is the largest C/N0 of the running search and `peak_s` its time: where the beam was then is where to
-    go.
+    `peak_db_hz` is the largest C/N0 of the last search and `peak_s` its time: where the beam was then is where to go
+    when the search ends in coasting.
     """
 
     mode: str = "idle"

@@ -28,7 +28,7 @@ class ConscanParams(Params):
     spin_periods_s: tuple[float, ...] = parameter(
         (), "periods of power modulation to take out, harmonics included", low=0.01, high=36000.0
     )
-    valid_range_beamwidths: float = parameter(0.7, "largest error that is believed", low=0.05, high=2.0)
+    valid_range_beamwidths: float = parameter(1.0, "largest error that is believed", low=0.05, high=2.0)
     lock_db_hz: float = parameter(15.0, "smallest C/N0 of a sample that is used", low=0.0, high=120.0)
     misfit_limit: float = parameter(
         6.0, "largest chi squared per degree of freedom of the power about the beam", low=1.5, high=1e6

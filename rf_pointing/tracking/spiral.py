@@ -1,8 +1,9 @@
 """Spiral search: an Archimedean spiral at constant speed around where the target should be.
 
-rho = b phi with pitch 2 pi b = 0.6 beamwidths, so no direction inside is missed by more than 0.3 beamwidths; it ends
-when rho reaches `sigmas` times the ephemeris uncertainty.  Speed: the given rate, less where rate^2/curvature radius or
-the start and the end would exceed the acceleration (half of it, in the sense of squares, for each).
+rho = b phi with pitch 2 pi b = 0.6 beamwidths.  It ends half a pitch outside `sigmas` times the ephemeris
+uncertainty, so every direction within that radius comes within half a pitch, 0.3 beamwidths, of the beam's axis.
+Speed: the given rate, less where rate^2/curvature radius or the start and the end would exceed the acceleration (half
+of it, in the sense of squares, for each).
 """
 
 import math
@@ -40,13 +41,13 @@ class SpiralParams(Params):
 
     @property
     def radius_rad(self) -> float:
-        """Radius at which the search ends."""
+        """Radius that is searched completely."""
         return self.sigmas * self.uncertainty_rad
 
     @property
     def turns(self) -> float:
-        """Turns until the radius is reached."""
-        return self.radius_rad / (self.pitch_beamwidths * self.half_power_beamwidth_rad)
+        """Turns until every direction within the radius was passed."""
+        return self.radius_rad / (self.pitch_beamwidths * self.half_power_beamwidth_rad) + 0.5
 
 
 class SpiralSearch:

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from rf_pointing.calibration import BiasModel, Observations
+from rf_pointing.calibration import BiasModel, Corrections, Observations, RawTracking, ReferenceTrack
 from rf_pointing.geometry import random_stream
 
 TABLE_1_DEG = {
@@ -104,5 +104,45 @@ def campaign(random: np.random.Generator) -> Callable[..., Observations]:
 
     def make(model: BiasModel, passes: int = 12, sigma_rad: float = 1e-4, form: str = "printed") -> Observations:
         return Observations.concatenate([one_pass(k, model, sigma_rad, random, form) for k in range(passes)])
+
+    return make
+
+
+@pytest.fixture
+def track() -> Callable[..., ReferenceTrack]:
+    """Return a maker of reference tracks: `track(step_s, miss_m=..., heading_rad=..., start_t_s=...)`."""
+
+    def make(
+        step_s: float, miss_m: float = 350e3, heading_rad: float = 0.7, start_t_s: float = 1e9 - 400.0
+    ) -> ReferenceTrack:
+        t_s = np.arange(-400.0, 400.1, step_s)
+        fly = {name.removeprefix("true_"): value for name, value in fly_by(miss_m, heading_rad, t_s).items()}
+        return ReferenceTrack(t_s=start_t_s + 400.0 + t_s, **fly)
+
+    return make
+
+
+@pytest.fixture
+def raw_pass(random: np.random.Generator) -> Callable[..., RawTracking]:
+    """Return a maker of raw passes at 8 samples/s of a reference track seen through a bias model."""
+
+    def make(reference: ReferenceTrack, model: BiasModel, corrections: Corrections, noise_rad: float) -> RawTracking:
+        t_s = np.arange(reference.t_s[0] + 1.0, reference.t_s[-1] - 1.0, 0.125)
+        seen = reference.delayed(t_s) if corrections.light_time else reference.at(t_s)
+        shift = model.offset_rad(*seen.motion())
+        count = len(t_s)
+        elevation = corrections.apparent_elevation(seen.elevation_rad, seen.range_m) + shift[1]
+        extra = corrections.extra_range_m(seen.elevation_rad)
+        return RawTracking(
+            station="gs1",
+            band="S",
+            target="bird",
+            t_s=t_s,
+            azimuth_rad=seen.azimuth_rad + shift[0] + noise_rad * random.standard_normal(count),
+            elevation_rad=elevation + noise_rad * random.standard_normal(count),
+            range_m=seen.range_m + extra + 10.0 * random.standard_normal(count),
+            range_rate_m_s=seen.range_rate_m_s + 0.1 * random.standard_normal(count),
+            good=np.ones(count, dtype=bool),
+        )
 
     return make

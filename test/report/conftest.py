@@ -65,12 +65,15 @@ class Maker:
 
     def __init__(self, types: Definitions) -> None:
         self.store = types.typestore
+        self.blanks: dict[str, dict[str, Any]] = {}
 
     def message(self, type_name: str, /, **fields: Any) -> Any:
-        kinds = dict(self.store.fielddefs[type_name][1])
-        unknown = set(fields) - set(kinds)
-        assert not unknown, f"{type_name} has no {unknown}"
-        return self.store.types[type_name](**{key: fields.get(key, self.blank(kind)) for key, kind in kinds.items()})
+        if type_name not in self.blanks:
+            kinds = dict(self.store.fielddefs[type_name][1])
+            self.blanks[type_name] = {key: self.blank(kind) for key, kind in kinds.items()}
+        blanks = self.blanks[type_name]
+        assert fields.keys() <= blanks.keys(), f"{type_name} has no {fields.keys() - blanks.keys()}"
+        return self.store.types[type_name](**{**blanks, **fields})
 
     def blank(self, kind: Any) -> Any:
         node, content = kind

@@ -11,10 +11,13 @@ from matplotlib.image import imread
 
 from rf_pointing.report.analysis import Analysis, analyse
 from rf_pointing.report.definitions import Definitions
-from rf_pointing.report.picture_style import MODE_COLOURS, mode_runs, per_second
+from rf_pointing.report.error_pictures import draw_beam, draw_error, draw_link
+from rf_pointing.report.motion_pictures import draw_sky
+from rf_pointing.report.picture_style import LIMIT_COLOUR, MODE_COLOURS, mode_runs, per_second
 from rf_pointing.report.pictures import draw_pictures
 from rf_pointing.report.recording import read_recording
 
+ERROR_PICTURES = {"pointing_error": draw_error, "link": draw_link, "beam": draw_beam}
 ALL = ["pointing_error", "link", "sky_track", "beam", "axes", "timing"]
 
 
@@ -50,8 +53,8 @@ def test_whole_recording_gives_every_picture(analysed: Callable[..., Analysis], 
 
 def test_colours_name_the_modes(analysed: Callable[..., Analysis], tmp_path: Path) -> None:
     analysis = analysed(mode=lambda t: "conscan" if t < 2.0 else "coast", error_mdeg=lambda t: (1.0 + t, 2.0))
-    draw_pictures(analysis, tmp_path)
-    for name in ("pointing_error", "link", "beam"):
+    for name, draw in ERROR_PICTURES.items():
+        draw(analysis, tmp_path / f"{name}.png")
         assert len(coloured(tmp_path / f"{name}.png", MODE_COLOURS["conscan"])) > 20
         assert len(coloured(tmp_path / f"{name}.png", MODE_COLOURS["coast"])) > 20
         assert len(coloured(tmp_path / f"{name}.png", MODE_COLOURS["search"])) == 0
@@ -70,7 +73,7 @@ def test_sky_has_north_up_and_east_right_and_folds_over_the_zenith(
     column: float,
 ) -> None:
     analysis = analysed(azel_deg=lambda t: (azimuth_deg + t, elevation_deg), left_out={"passes", "tracking_status"})
-    draw_pictures(analysis, tmp_path)
+    draw_sky(analysis, tmp_path / "sky_track.png")
     track = coloured(tmp_path / "sky_track.png", "#66aad0")
     inside = track[(track[:, 0] > 0.1) & (track[:, 0] < 0.84)]
     assert np.median(inside, axis=0) == pytest.approx([row, column], abs=0.03)
@@ -97,11 +100,14 @@ def test_each_topic_alone_gives_the_pictures_it_can(
 
 
 def test_perfect_and_broken_errors_can_be_drawn(analysed: Callable[..., Analysis], tmp_path: Path) -> None:
-    assert len(draw_pictures(analysed(beamwidth_mdeg=0.0), tmp_path)) == len(ALL)
+    perfect = analysed(beamwidth_mdeg=0.0)
     half = analysed(
         error_mdeg=lambda t: (float("nan") if t < 2.0 else 1.0, 0.0), carrier_to_noise=lambda _: float("nan")
     )
-    assert len(draw_pictures(half, tmp_path)) == len(ALL)
+    for name, draw in ERROR_PICTURES.items():
+        for number, analysis in enumerate((perfect, half)):
+            draw(analysis, tmp_path / f"{name}_{number}.png")
+            assert len(coloured(tmp_path / f"{name}_{number}.png", LIMIT_COLOUR)) > 20
 
 
 def test_mode_runs_cover_every_sample_and_name_each_mode_once(analysed: Callable[..., Analysis]) -> None:

@@ -111,17 +111,27 @@ def test_search_without_result_returns_to_the_ephemeris() -> None:
     assert driver.modes == ["idle", "slew", "program_track", "search", "program_track"]
 
 
-def test_search_ends_for_conscan_only_after_the_level_has_peaked_and_remembers_where() -> None:
+def test_search_without_monopulse_returns_to_the_peak_one_turn_after_it() -> None:
     driver = Driver(sensor="conscan")
     driver.run(5.0)
     assert driver.state.mode == "search"
-    for level in (24.0, 26.0, 29.0, 30.0, 29.0, 28.0):
+    for level in (24.0, 26.0, 30.0, 29.0, 20.0):
         driver.run(2.0 * TICK_S, level)
         assert driver.state.mode == "search"
-    peak_s = driver.state.peak_s
-    assert driver.run(TICK_S, 26.5) == "conscan"
     assert driver.state.peak_db_hz == 30.0
-    assert peak_s == pytest.approx(driver.t_s - 6.0 * TICK_S, abs=1e-9)
+    peak_s = driver.state.peak_s
+    assert peak_s == pytest.approx(driver.t_s - 5.0 * TICK_S, abs=1e-9)
+    assert driver.run(7.0, 25.0) == "search"
+    assert driver.run(1.0) == "coast"
+    assert driver.state.peak_s == peak_s
+    assert driver.run(1.0, 29.0) == "conscan"
+
+
+def test_search_that_saw_only_noise_goes_on() -> None:
+    driver = Driver(sensor="conscan")
+    driver.run(5.0)
+    driver.run(0.2, 21.0)
+    assert driver.run(10.0) == "search"
 
 
 def test_conscan_errors_that_stay_invalid_start_a_search() -> None:

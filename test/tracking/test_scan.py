@@ -72,7 +72,7 @@ def test_every_direction_within_the_radius_comes_within_half_a_pitch(params: Spi
     path = np.array([search.offset(float(t))[:2] for t in np.linspace(0.0, search.duration_s, 20001)])
     pitch = params.pitch_beamwidths * params.half_power_beamwidth_rad
     rng = np.random.default_rng(11)
-    reach, angle = (params.radius_rad - pitch) * np.sqrt(rng.uniform(0.0, 1.0, 300)), rng.uniform(0.0, 6.3, 300)
+    reach, angle = params.radius_rad * np.sqrt(rng.uniform(0.0, 1.0, 300)), rng.uniform(0.0, 6.3, 300)
     for x, y in zip(reach * np.cos(angle), reach * np.sin(angle), strict=True):
         assert np.hypot(path[:, 0] - x, path[:, 1] - y).min() <= 0.5 * pitch * 1.02
 
@@ -81,7 +81,7 @@ def test_spiral_rests_before_the_start_and_after_the_end() -> None:
     search = SpiralSearch(SpiralParams())
     assert search.offset(-1.0) == pytest.approx((0.0, 0.0, 0.0, 0.0), abs=1e-15)
     end = search.offset(search.duration_s + 10.0)
-    assert math.hypot(*end[:2]) == pytest.approx(SpiralParams().radius_rad, rel=1e-9)
+    assert math.hypot(*end[:2]) == pytest.approx((195.0 + 0.5 * 39.0) * MDEG, rel=1e-9)
     assert end[2:] == pytest.approx((0.0, 0.0), abs=1e-9 * MDEG)
 
 

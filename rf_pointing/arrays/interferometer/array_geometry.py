@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rf_pointing.arrays.interferometer.frames import cross_product
 from rf_pointing.geometry import Params, parameter
 
 __all__ = [
@@ -75,7 +76,7 @@ def path_rates_m_s(
     vectors = path_vectors(position_m, attitude, arrays)
     units = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
     rate = np.asarray(rate_rad_s, dtype=np.float64)[..., None, :]
-    swing = np.cross(rate, element_positions(arrays.radius_passive_m)) @ np.asarray(attitude, dtype=np.float64)
+    swing = cross_product(rate, element_positions(arrays.radius_passive_m)) @ np.asarray(attitude, dtype=np.float64)
     moving = np.asarray(velocity_m_s, dtype=np.float64)[..., None, :] + swing
     return np.asarray(np.einsum("...ijk,...jk->...ij", units, moving))
 
@@ -90,5 +91,5 @@ def two_way_gradients(position_m: ArrayLike, attitude: ArrayLike, arrays: ArrayP
     vectors = path_vectors(position_m, attitude, arrays)
     units = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
     seen = np.einsum("...ab,...ijb->...ija", attitude, units[..., 1:, 1:, :])
-    turning = np.cross(element_positions(arrays.radius_passive_m)[1:], seen)
+    turning = cross_product(element_positions(arrays.radius_passive_m)[1:], seen)
     return units[..., 1:, 1:, :] + units[..., :1, :1, :], turning

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.arrays.interferometer.frames import frame_rotation, rotation_vector
+from rf_pointing.arrays.interferometer.frames import cross_product, frame_rotation, rotation_vector
 from rf_pointing.arrays.interferometer.motion import RelativeMotion
 
 __all__ = ["SIZE", "TrackedMotion", "cartesian_jacobian", "displaced", "local_difference", "sight_axes"]
@@ -34,9 +34,9 @@ def sight_axes(position_m: Array) -> Array:
     forward = position_m / np.linalg.norm(position_m, axis=-1, keepdims=True)
     helper = np.zeros_like(forward)
     np.put_along_axis(helper, np.argmin(np.abs(forward), axis=-1)[..., None], 1.0, axis=-1)
-    across = np.cross(helper, forward)
+    across = cross_product(helper, forward)
     across = across / np.linalg.norm(across, axis=-1, keepdims=True)
-    return np.stack([forward, across, np.cross(forward, across)], axis=-1)
+    return np.stack([forward, across, cross_product(forward, across)], axis=-1)
 
 
 def displaced(tracked: TrackedMotion, change: Array) -> TrackedMotion:
@@ -64,7 +64,7 @@ def local_difference(tracked: TrackedMotion, reference: TrackedMotion) -> Array:
     axes = sight_axes(here.position_m)
     distance = np.linalg.norm(here.position_m, axis=-1)
     unit = there.position_m / np.linalg.norm(there.position_m, axis=-1, keepdims=True)
-    cross = np.cross(axes[..., 0], unit)
+    cross = cross_product(axes[..., 0], unit)
     sine, cosine = np.linalg.norm(cross, axis=-1), np.sum(axes[..., 0] * unit, axis=-1)
     scale = np.where(sine > 0.0, np.arctan2(sine, cosine) / np.where(sine > 0.0, sine, 1.0), 1.0)
     turn = cross * scale[..., None]
@@ -84,7 +84,7 @@ def cartesian_jacobian(motion: RelativeMotion) -> Array:
     jacobian = np.eye(12)
     jacobian[POSITION, POSITION] = jacobian[VELOCITY, VELOCITY] = axes
     turns = np.stack([np.zeros(3), axes[:, 2], -axes[:, 1]]) / np.linalg.norm(motion.position_m)
-    jacobian[VELOCITY, POSITION] = np.cross(turns, motion.velocity_m_s).T
+    jacobian[VELOCITY, POSITION] = cross_product(turns, motion.velocity_m_s).T
     return jacobian
 
 

@@ -24,7 +24,7 @@ __all__ = ["Snapshot", "chi_square_limit", "coarse_geometry", "refine"]
 
 Array = NDArray[np.float64]
 _POSE = [0, 1, 2, 6, 7, 8]
-_REFINEMENTS = 3
+_REFINEMENTS = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,25 +67,30 @@ def refine(
     geometry: Geometry, excitation: Array, reading: Reading, system: InterferometerSystem, fit_excitation: bool
 ) -> Snapshot:
     """Return the joint weighted least-squares pose of the ranges and couplings, started at `geometry`."""
-    ranges, range_covariance = reading.standalone_ranges()
     columns = [*_POSE, 12, 13] if fit_excitation else _POSE
-    rows = np.r_[RANGES, COUPLINGS]
-    covariance = reading.covariance[np.ix_(rows, rows)].copy()
-    covariance[RANGES, RANGES] = range_covariance
-    measured = np.concatenate([ranges.ravel(), reading.vector[COUPLINGS]])
+    measured, covariance = _pose_measurement(reading)
     tracked = _started(geometry, excitation, reading)
     for _ in range(_REFINEMENTS):
-        change, h = np.zeros(SIZE), np.zeros((0, 0))
         expected, gradient = _pose_model(tracked, reading, system)
-        change[columns], h = minimum_variance_step(gradient[:, columns], measured - expected, covariance)
+        step, h = minimum_variance_step(gradient[:, columns], measured - expected, covariance)
+        residual = measured - expected - gradient[:, columns] @ step
+        change = np.zeros(SIZE)
+        change[columns] = step
         tracked = displaced(tracked, change)
-    residual = measured - _pose_model(tracked, reading, system)[0]
     return Snapshot(
         tracked=tracked,
         covariance=h,
         chi_square=float(residual @ np.linalg.solve(covariance, residual)),
         degrees_of_freedom=len(measured) - len(columns),
     )
+
+
+def _pose_measurement(reading: Reading) -> tuple[Array, Array]:
+    rows = np.r_[RANGES, COUPLINGS]
+    ranges, range_covariance = reading.standalone_ranges()
+    covariance = reading.covariance[np.ix_(rows, rows)].copy()
+    covariance[RANGES, RANGES] = range_covariance
+    return np.concatenate([ranges.ravel(), reading.vector[COUPLINGS]]), covariance
 
 
 def _started(geometry: Geometry, excitation: Array, reading: Reading) -> TrackedMotion:
@@ -110,6 +115,9 @@ def _pose_model(tracked: TrackedMotion, reading: Reading, system: Interferometer
 
 
 def chi_square_limit(degrees_of_freedom: int, gate_sigma: float) -> float:
-    """Return the chi-square value exceeded as rarely as `gate_sigma` normal deviates, one-sided (Wilson-Hilferty)."""
+    """Return the chi-square value exceeded as rarely as `gate_sigma` normal deviates, one-sided.
+
+    Wilson and Hilferty's cube: the tail is right to a tenth at three deviates, to a factor of three at five.
+    """
     spread = 2.0 / (9.0 * degrees_of_freedom)
     return degrees_of_freedom * (1.0 - spread + gate_sigma * math.sqrt(spread)) ** 3

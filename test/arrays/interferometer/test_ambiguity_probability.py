@@ -62,9 +62,9 @@ def test_union_bound_overstates_the_chain_of_seven_steps_at_low_ratio(rng) -> No
 
 def test_total_is_capped_at_one_and_bad_input_is_refused() -> None:
     assert total_error_probability(10.0, 1.0, 8) == 1.0
-    with pytest.raises(ValueError, match="snr=0.0"):
+    with pytest.raises(ValueError, match=r"snr=0.0"):
         lane_sigma(6.0, 0.0)
     with pytest.raises(ValueError, match="step='both' must be one of difference, carrier"):
         lane_sigma(6.0, 1.0, "both")
-    with pytest.raises(ValueError, match="probability=0.0"):
+    with pytest.raises(ValueError, match=r"probability=0.0"):
         required_ratio(6.0, 0.0)

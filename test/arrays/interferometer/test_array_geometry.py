@@ -66,5 +66,5 @@ def test_path_rates_are_the_derivative_of_the_lengths(worked_example) -> None:
 
 
 def test_a_vanishing_array_is_refused() -> None:
-    with pytest.raises(ValueError, match="radius_active_m=0.0 must be >= 0.001"):
+    with pytest.raises(ValueError, match=r"radius_active_m=0.0 must be >= 0.001"):
         ArrayParams(radius_active_m=0.0)

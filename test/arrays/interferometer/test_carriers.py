@@ -40,7 +40,7 @@ def test_phase_differences_depend_on_the_two_way_length_alone(rng) -> None:
 
 
 def test_nonsense_plans_are_refused() -> None:
-    with pytest.raises(ValueError, match="ratio=1.0 must be >= 1.01"):
+    with pytest.raises(ValueError, match=r"ratio=1.0 must be >= 1.01"):
         CarrierPlan(ratio=1.0)
     with pytest.raises(ValueError, match="count=2 must be >= 3"):
         CarrierPlan(count=2)

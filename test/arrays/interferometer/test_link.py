@@ -100,5 +100,5 @@ def test_repeater_of_figures_5_7_to_5_9() -> None:
 
 
 def test_zero_range_is_refused() -> None:
-    with pytest.raises(ValueError, match="range_m=0.0 must be > 0"):
+    with pytest.raises(ValueError, match=r"range_m=0.0 must be > 0"):
         path_loss([1.0, 0.0], 1e9)

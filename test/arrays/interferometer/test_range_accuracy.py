@@ -70,7 +70,7 @@ def test_published_factor_is_the_slipped_decimal_of_one_36th() -> None:
 
 
 def test_a_link_without_signal_is_refused() -> None:
-    with pytest.raises(ValueError, match="snr=0.0 must be > 0"):
+    with pytest.raises(ValueError, match=r"snr=0.0 must be > 0"):
         phase_variance([1.0, 0.0])
     with pytest.raises(ValueError, match="frequency_hz"):
         two_way_range_sigma(0.0, 1.0, 3e8)

@@ -80,9 +80,9 @@ def test_an_attitude_that_is_no_rotation_is_refused(attitude, message: str) -> N
 def test_a_pose_without_distance_is_refused() -> None:
     with pytest.raises(ValueError, match="away from the active array"):
         RelativePose(position_m=np.zeros(3), attitude=np.eye(3))
-    with pytest.raises(ValueError, match="range_m=0.0 must be > 0"):
+    with pytest.raises(ValueError, match=r"range_m=0.0 must be > 0"):
         TwoWayPose(range_m=0.0, azimuth1_rad=0, elevation1_rad=0, azimuth2_rad=0, elevation2_rad=0, roll_rad=0)
-    with pytest.raises(ValueError, match="elevation1_rad=1.6"):
+    with pytest.raises(ValueError, match=r"elevation1_rad=1.6"):
         TwoWayPose(range_m=1.0, azimuth1_rad=0, elevation1_rad=1.6, azimuth2_rad=0, elevation2_rad=0, roll_rad=0)
 
 

@@ -5,6 +5,7 @@ import pytest
 from scipy.stats import chi2
 
 from rf_pointing.arrays.interferometer.frames import attitude_from_euler
+from rf_pointing.arrays.interferometer.initializer import aperture_excess
 from rf_pointing.arrays.interferometer.link import LinkParams
 from rf_pointing.arrays.interferometer.local_coordinates import TrackedMotion, local_difference
 from rf_pointing.arrays.interferometer.motion import RelativeMotion
@@ -18,7 +19,7 @@ from rf_pointing.arrays.interferometer.tracking_filter import SequenceParams
 SYSTEM = InterferometerSystem()
 NO_FLOOR = ErrorFloor(phase_rad=0.0, phase_rate_rad_s=0.0, amplitude=0.0, path_acceleration_m_s2=0.0)
 POSE = [0, 1, 2, 6, 7, 8]
-TRIALS = 150
+TRIALS = 100
 
 
 def far(roll: float = 0.4, excitation=(1.0, 1.0)) -> TrackedMotion:
@@ -86,21 +87,22 @@ def test_a_wrong_lane_of_one_path_is_seen_in_the_residual_alone() -> None:
         assert snapshot(measurement).chi_square > 100.0 * chi_square_limit(7, 5.0)
 
 
-def test_wrong_lanes_of_a_whole_element_contradict_the_polarisation_or_have_no_direction() -> None:
+@pytest.mark.parametrize("element", [0, 1, 2])
+def test_wrong_lanes_of_a_whole_element_contradict_the_polarisation_or_have_no_direction(element: int) -> None:
     truth = far()
-    for element in range(3):
-        measurement = with_wrong_lane(source(truth).measure(0.0, truth.motion), (element,))
-        try:
-            residual = snapshot(measurement).chi_square
-        except ValueError as refusal:
-            assert "no direction at the active array" in str(refusal)
-        else:
-            assert residual > chi_square_limit(7, 5.0)
+    measurement = with_wrong_lane(source(truth).measure(0.0, truth.motion), (element,))
+    ranges, covariance = read_ranges(measurement, SYSTEM, NO_FLOOR).standalone_ranges()
+    allowed = 10.0 * np.sqrt(covariance[0, 0] - covariance[0, 1])
+    if aperture_excess(ranges, SYSTEM.arrays)[0] > allowed:
+        with pytest.raises(ValueError, match="no direction at the active array"):
+            snapshot(measurement)
+    else:
+        assert snapshot(measurement).chi_square > chi_square_limit(7, 5.0)
 
 
 def test_limit_is_the_chi_square_quantile() -> None:
     for freedom in (5, 7, 22):
-        for sigma in (2.0, 3.0, 5.0):
+        for sigma, factor in ((2.0, 1.1), (3.0, 1.1), (5.0, 3.0)):
             tail = chi2.sf(chi_square_limit(freedom, sigma), freedom)
             normal = 0.5 * chi2.sf(sigma**2, 1)
-            assert tail == pytest.approx(normal, rel=0.3)
+            assert 1.0 / factor < tail / normal < factor

@@ -1,0 +1,91 @@
+"""Shadow running: a new model scored on live passes beside the active one before anybody accepts it.
+
+Per pass the mean squared on-sky miss of both models is kept; the verdict is a paired t test over passes, because the
+errors within one pass hang together and count as one.
+"""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.calibration.bias_model import BiasModel
+from rf_pointing.calibration.observations import Observations
+from rf_pointing.geometry import Params, parameter, wrap_rad
+
+__all__ = ["ShadowRules", "ShadowScore", "Verdict"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShadowRules(Params):
+    """When a verdict is given."""
+
+    fewest_passes: int = parameter(3, "passes before a verdict", low=2, high=1000)
+    t_limit: float = parameter(2.0, "paired t value beyond which a model is better or worse", low=0.5, high=10.0)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Outcome so far: `word` is "better", "worse" or "undecided" (of the candidate), with the numbers behind it."""
+
+    word: str
+    passes: int
+    active_rms_rad: float
+    candidate_rms_rad: float
+    t_value: float
+
+
+@dataclass(eq=False)
+class ShadowScore:
+    """Running score of `candidate` against `active`; `copy` gives an independent state that continues identically."""
+
+    active: BiasModel
+    candidate: BiasModel
+    rules: ShadowRules
+    _sums: dict[int, tuple[int, float, float]] = field(default_factory=dict)
+
+    def copy(self) -> "ShadowScore":
+        """Return an independent copy of the state."""
+        return ShadowScore(self.active, self.candidate, self.rules, dict(self._sums))
+
+    def add(self, observations: Observations) -> None:
+        """Score observations of one or more passes; a pass may come in pieces."""
+        active, candidate = (_misses(model, observations) for model in (self.active, self.candidate))
+        for number in observations.passes.tolist():
+            rows = observations.pass_id == number
+            count, a, c = self._sums.get(number, (0, 0.0, 0.0))
+            self._sums[number] = (
+                count + int(np.sum(rows)),
+                a + float(np.sum(active[rows])),
+                c + float(np.sum(candidate[rows])),
+            )
+
+    def verdict(self) -> Verdict:
+        """Return the outcome so far; raises ValueError before the first observation."""
+        if not self._sums:
+            raise ValueError("observations=0: the shadow score has nothing to judge yet")
+        counts, active, candidate = np.array(list(self._sums.values())).T
+        gain = active / counts - candidate / counts
+        spread = float(np.std(gain, ddof=1)) if len(gain) > 1 else 0.0
+        t_value = float(np.mean(gain)) / (spread / math.sqrt(len(gain))) if spread > 0.0 else 0.0
+        word = "undecided"
+        if len(gain) >= self.rules.fewest_passes and abs(t_value) >= self.rules.t_limit:
+            word = "better" if t_value > 0.0 else "worse"
+        total = float(np.sum(counts))
+        return Verdict(
+            word,
+            len(gain),
+            math.sqrt(float(np.sum(active)) / total),
+            math.sqrt(float(np.sum(candidate)) / total),
+            t_value,
+        )
+
+
+def _misses(model: BiasModel, data: Observations) -> Array:
+    azimuth, elevation = model.apply(*data.motion(), temperature_k=data.temperature_k)
+    across = wrap_rad(data.observed_azimuth_rad - azimuth) * np.cos(data.true_elevation_rad)
+    squares: Array = across**2 + (data.observed_elevation_rad - elevation) ** 2
+    return squares

@@ -1,0 +1,138 @@
+"""Which terms the data ask for: forward selection by BIC with pruning, and prediction of passes left out.
+
+    BIC = chi^2 / v + k ln(n)        v = max(1, reduced chi^2 of all candidates), n equations, k terms
+
+All subsets are solved from one triangle, so the data are read once.  A term enters when it lowers the BIC by at least
+`improvement` (6 is "strong evidence", Kass and Raftery 1995), and leaves when the BIC falls without it.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.calibration.fit import fit_bias_model, held_at_zero
+from rf_pointing.calibration.fit_options import FitOptions
+from rf_pointing.calibration.fit_problem import FitProblem
+from rf_pointing.calibration.observations import Observations
+from rf_pointing.calibration.pass_errors import PassPriors
+from rf_pointing.calibration.terms import terms_by_name
+from rf_pointing.calibration.triangle import Triangle
+from rf_pointing.geometry import wrap_rad
+
+__all__ = ["HeldOut", "TermSelection", "held_out_passes", "select_terms"]
+
+Array = NDArray[np.float64]
+
+_MOST_STEPS = 100
+
+
+@dataclass(frozen=True)
+class TermSelection:
+    """The chosen terms, in the order of the candidates, and how the search went: (action, term, BIC after it)."""
+
+    chosen: tuple[str, ...]
+    bic: float
+    steps: tuple[tuple[str, str, float], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class HeldOut:
+    """How well a model predicts a pass it has not seen: on-sky rms per pass (passes,) and of all."""
+
+    pass_ids: NDArray[np.int64]
+    rms_rad: Array
+    total_rms_rad: float
+
+
+def select_terms(
+    observations: Observations,
+    candidates: Sequence[str],
+    *,
+    always: Sequence[str] = (),
+    pass_priors: PassPriors | None = None,
+    improvement: float = 6.0,
+) -> TermSelection:
+    """Choose among `candidates`; those in `always` stay.  Terms that are not chosen count as zero."""
+    terms_by_name(candidates)
+    astray = [name for name in always if name not in candidates]
+    if astray:
+        raise ValueError(f"always={', '.join(astray)} must be among the candidates")
+    search = _Search.of(observations, tuple(candidates), pass_priors)
+    chosen = set(always)
+    steps: list[tuple[str, str, float]] = []
+    bic = search.bic(chosen)
+    for _ in range(_MOST_STEPS):
+        move = search.best_move(chosen, frozenset(always), bic, improvement)
+        if move is None:
+            return TermSelection(tuple(name for name in candidates if name in chosen), bic, tuple(steps))
+        action, name, bic = move
+        chosen ^= {name}
+        steps.append((action, name, bic))
+    raise ValueError(f"term selection has not settled after {_MOST_STEPS} steps")
+
+
+def held_out_passes(
+    observations: Observations,
+    terms: Sequence[str],
+    *,
+    held: Mapping[str, float] | None = None,
+    pass_priors: PassPriors | None = None,
+    options: FitOptions | None = None,
+) -> HeldOut:
+    """Fit without each pass in turn and return how far off the fit is on the pass left out."""
+    fixed = held_at_zero(terms) if held is None else held
+    rms, squares, count = [], 0.0, 0
+    for number in observations.passes:
+        left_out = observations.select(observations.pass_id == number)
+        rest = observations.select(observations.pass_id != number)
+        model = fit_bias_model(rest, terms=terms, held=fixed, pass_priors=pass_priors, options=options).model
+        offset = model.offset_rad(*left_out.motion(), temperature_k=left_out.temperature_k)
+        across = wrap_rad(left_out.residual_azimuth_rad - offset[0]) * np.cos(left_out.true_elevation_rad)
+        square = across**2 + (left_out.residual_elevation_rad - offset[1]) ** 2
+        rms.append(float(np.sqrt(np.mean(square))))
+        squares, count = squares + float(np.sum(square)), count + len(square)
+    return HeldOut(observations.passes, np.array(rms), float(np.sqrt(squares / count)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    triangle: Triangle
+    scale: float
+
+    @classmethod
+    def of(cls, data: Observations, names: tuple[str, ...], pass_priors: PassPriors | None) -> "_Search":
+        problem = FitProblem(data, names, held_at_zero(names), {}, pass_priors, "printed")
+        everything, one = np.ones(len(data), dtype=bool), np.ones(len(data))
+        triangle, _ = problem.triangle(np.zeros(len(names)), everything, one)
+        full = cls(triangle, 1.0)
+        freedom = max(triangle.rows - len(names), 1)
+        return cls(triangle, max(1.0, full.chi_square(set(names)) / freedom))
+
+    def chi_square(self, chosen: set[str]) -> float:
+        """Return the least sum of squares with these terms; inseparable ones do no harm here."""
+        columns = [column for column, name in enumerate(self.triangle.names) if name in chosen]
+        matrix, right = self.triangle.factor[:, columns], self.triangle.factor[:, -1]
+        if not columns:
+            return float(right @ right)
+        scaled = matrix / np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
+        left, singular, _ = np.linalg.svd(scaled, full_matrices=False)
+        left = left[:, singular > 1e-9 * singular[0]]
+        return float(right @ right - np.sum((left.T @ right) ** 2))
+
+    def bic(self, chosen: set[str]) -> float:
+        """Return the criterion of a set of terms."""
+        return self.chi_square(chosen) / self.scale + len(chosen) * float(np.log(self.triangle.rows))
+
+    def best_move(
+        self, chosen: set[str], always: frozenset[str], bic: float, improvement: float
+    ) -> tuple[str, str, float] | None:
+        """Return the removal that lowers the BIC, else the addition that lowers it most by enough, else None."""
+        removals = [(self.bic(chosen - {name}), name) for name in chosen - always]
+        if removals and min(removals)[0] < bic:
+            return "remove", min(removals)[1], min(removals)[0]
+        additions = [(self.bic(chosen | {name}), name) for name in self.triangle.names if name not in chosen]
+        if additions and min(additions)[0] < bic - improvement:
+            return "add", min(additions)[1], min(additions)[0]
+        return None

@@ -1,0 +1,57 @@
+"""Simulated satellite: holds nadir, is driven by the noise it is given, stops and resumes identically."""
+
+import numpy as np
+import pytest
+
+from rf_pointing.attitude.process_noise import ProcessNoiseParams
+from rf_pointing.attitude.quaternion import quaternion_from_rotation_vector, rotation_angle_between_rad
+from rf_pointing.attitude.rigid_body import KnownTorque, SatelliteParams
+from rf_pointing.attitude.simulated_satellite import NadirHoldParams, SimulatedSatellite
+
+RATE = np.array([0.0, -1.038e-3, 0.0])
+NONE = KnownTorque(control_n_m=np.zeros(3), wheel_momentum_n_m_s=np.zeros(3), wheel_momentum_rate_n_m=np.zeros(3))
+
+
+def satellite(noise: ProcessNoiseParams, quaternion: np.ndarray, seed: int = 1) -> SimulatedSatellite:
+    rate = np.broadcast_to(RATE, (*quaternion.shape[:-1], 3))
+    return SimulatedSatellite(
+        SatelliteParams(), NadirHoldParams(), noise, t_s=0.0, quaternion=quaternion, rate_rad_s=rate, seed=seed
+    )
+
+
+def test_satellite_comes_back_to_nadir_and_stays() -> None:
+    moving = satellite(ProcessNoiseParams(), quaternion_from_rotation_vector([0.1, -0.2, 0.15]))
+    for _ in range(3000):
+        moving.step(0.25, moving.hold_torque(RATE), RATE)
+    assert float(rotation_angle_between_rad(moving.state.quaternion, [0, 0, 0, 1])) < np.radians(0.2)
+
+
+def test_noise_has_the_variances_asked_for() -> None:
+    noise = ProcessNoiseParams(attitude_rad2_s=4e-8, rate_rad2_s3=1e-10)
+    moving = satellite(noise, np.tile([0.0, 0.0, 0.0, 1.0], (40_000, 1)))
+    moving.step(0.25, NONE, RATE)
+    assert np.std(2 * moving.state.quaternion[:, 0]) == pytest.approx(1e-4, rel=0.02)
+    assert np.std(moving.state.rate_rad_s[:, 2]) == pytest.approx(5e-6, rel=0.02)
+
+
+def test_resuming_from_a_copied_state_gives_the_same_motion() -> None:
+    running = satellite(ProcessNoiseParams(), np.array([0.0, 0.0, 0.0, 1.0]))
+    running.step(0.25, running.hold_torque(RATE), RATE)
+    state = running.state
+    resumed = satellite(ProcessNoiseParams(), np.array([0.0, 0.6, 0.0, 0.8]), seed=7)
+    resumed.restore(state)
+    for each in (running, resumed):
+        for _ in range(3):
+            each.step(0.25, each.hold_torque(RATE), RATE)
+    assert np.array_equal(running.state.quaternion, resumed.state.quaternion)
+    assert np.array_equal(running.state.rate_rad_s, resumed.state.rate_rad_s)
+
+
+def test_start_that_is_no_rotation_is_refused() -> None:
+    with pytest.raises(ValueError, match="norm"):
+        satellite(ProcessNoiseParams(), np.array([0.0, 0.0, 0.0, 1.2]))
+
+
+def test_step_without_time_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"dt_s=0.0 must be >= 1e-06"):
+        satellite(ProcessNoiseParams(), np.array([0.0, 0.0, 0.0, 1.0])).step(0.0, NONE, RATE)

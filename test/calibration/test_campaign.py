@@ -1,0 +1,58 @@
+import numpy as np
+import pytest
+
+from rf_pointing.calibration import CandidatePass, SectorRule, plan_campaign
+
+SMALL = SectorRule(azimuth_sectors=4, elevation_edges_rad=(0.17, 0.5, 1.2), fewest=5, most=8)
+
+
+@pytest.fixture
+def candidates(track, random):
+    return [
+        CandidatePass(
+            name=f"pass {number}",
+            track=track(
+                10.0, random.choice([-1, 1]) * random.uniform(2e5, 2e6), random.uniform(0, 6.3), 6000.0 * number
+            ),
+            sigma_azimuth_rad=1e-4,
+            sigma_elevation_rad=1e-4,
+        )
+        for number in range(40)
+    ]
+
+
+def filled(passes, rule):
+    azimuth = np.concatenate([c.track.azimuth_rad for c in passes])
+    elevation = np.concatenate([c.track.elevation_rad for c in passes])
+    return rule.coverage(azimuth, elevation)
+
+
+def test_campaign_fills_every_sector_and_no_pass_is_needless(candidates):
+    campaign = plan_campaign(candidates, SMALL, turnaround_s=60.0)
+    assert campaign.coverage.thin == ()
+    assert np.array_equal(filled(campaign.passes, SMALL).counts, campaign.coverage.counts)
+    for left_out in campaign.passes:
+        rest = [c for c in campaign.passes if c is not left_out]
+        assert filled(rest, SMALL).thin != ()
+
+
+def test_no_earlier_end_is_possible(candidates):
+    campaign = plan_campaign(candidates, SMALL, turnaround_s=60.0)
+    before = [c for c in candidates if c.end_t_s < campaign.full_at_t_s]
+    assert filled(before, SMALL).thin != ()
+
+
+def test_overlapping_passes_are_never_both_taken(track):
+    both = [
+        CandidatePass(
+            name=name,
+            track=track(10.0, miss, 0.3, start),
+            sigma_azimuth_rad=1e-4,
+            sigma_elevation_rad=1e-4,
+        )
+        for name, miss, start in (("poor", 2.2e6, 0.0), ("rich", 4e5, 300.0), ("later", 4e5, 1300.0))
+    ]
+    campaign = plan_campaign(both, SectorRule(), turnaround_s=60.0)
+    assert [c.name for c in campaign.passes] == ["rich", "later"]
+    assert campaign.full_at_t_s is None
+    assert len(campaign.coverage.thin) > 0

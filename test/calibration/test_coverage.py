@@ -1,0 +1,66 @@
+import math
+
+import numpy as np
+import pytest
+
+from rf_pointing.calibration.coverage import SectorRule, select_by_sector
+
+RULE = SectorRule()
+
+
+def test_there_are_36_sectors_with_the_papers_bounds():
+    assert RULE.count == 36
+    assert RULE.name(0) == "az 0-30 el 10-30 deg"
+    assert RULE.name(35) == "az 330-360 el 60-80 deg"
+
+
+@pytest.mark.parametrize(
+    ("azimuth_deg", "elevation_deg", "sector"),
+    [
+        (0, 10, 0),
+        (29.99, 29.99, 0),
+        (30, 10, 1),
+        (-1, 20, 11),
+        (370, 45, 12),
+        (-270, 79.9, 27),
+        (0, 9.9, -1),
+        (0, 80, -1),
+    ],
+)
+def test_sectors_include_their_lower_edges_and_azimuth_is_cyclic(azimuth_deg, elevation_deg, sector):
+    assert int(RULE.sector_of(math.radians(azimuth_deg), math.radians(elevation_deg))) == sector
+
+
+def test_tiny_negative_azimuth_falls_into_the_last_sector():
+    assert int(RULE.sector_of(-1e-17, 0.5)) in (11, 0)
+
+
+def test_selection_takes_at_most_30_and_shares_them_over_passes(random):
+    azimuth, elevation = np.full(300, 0.2), np.full(300, 0.4)
+    pass_id = np.repeat([0, 1, 2], 100)
+    found = select_by_sector(azimuth, elevation, pass_id, RULE)
+    assert np.bincount(pass_id[found.chosen]).tolist() == [10, 10, 10]
+    assert found.dropped["sector has 30 already"] == 270
+    own = np.flatnonzero(found.chosen[:100])
+    assert own[0] < 10
+    assert own[-1] > 80
+
+
+def test_selection_says_why_it_dropped_points():
+    found = select_by_sector(np.zeros(4), np.radians([5.0, 20.0, 85.0, 88.0]), np.zeros(4, dtype=int), RULE)
+    assert found.chosen.tolist() == [False, True, False, False]
+    assert (found.dropped["below 10 deg"], found.dropped["above 80 deg"]) == (1, 2)
+
+
+def test_empty_sectors_are_refused_by_name():
+    coverage = RULE.coverage(np.zeros(30), np.full(30, 0.3))
+    assert len(coverage.thin) == 35
+    with pytest.raises(ValueError, match=r"35 of 36 sectors have < 25: az 30-60 el 10-30 deg has 0;"):
+        coverage.require_full()
+
+
+def test_contradictory_rules_are_refused():
+    with pytest.raises(ValueError, match=r"fewest=31 must be <= most=30"):
+        SectorRule(fewest=31)
+    with pytest.raises(ValueError, match="must increase"):
+        SectorRule(elevation_edges_rad=(0.5, 0.2))

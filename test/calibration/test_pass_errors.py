@@ -1,0 +1,138 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rf_pointing.calibration import FitOptions, PassPriors, fit_bias_model, held_at_zero
+from rf_pointing.calibration.pass_errors import pass_partials, track_axes
+from rf_pointing.geometry import azel_from_unit_vector, unit_vector_from_azel
+
+TABLE_1_TERMS = (
+    "azimuth_offset",
+    "non_orthogonality",
+    "collimation",
+    "azimuth_encoder_sine",
+    "azimuth_encoder_cosine",
+    "azimuth_velocity_lag",
+    "mislevel_east",
+    "mislevel_north",
+    "elevation_offset",
+    "droop",
+    "elevation_encoder_sine",
+    "elevation_velocity_lag",
+)
+ORBIT = PassPriors(along_track_m=180.0, cross_track_m=70.0, radial_m=50.0)
+
+
+def displaced(data, metres):
+    """Return azimuth and elevation shifts of a satellite moved along, across and up, from vectors."""
+    position = data.range_m[:, np.newaxis] * unit_vector_from_azel(data.true_azimuth_rad, data.true_elevation_rad)
+    moved = position + sum(m * axis for m, axis in zip(metres, track_axes(data), strict=True))
+    azimuth, elevation = azel_from_unit_vector(moved)
+    shift = np.angle(np.exp(1j * (azimuth - data.true_azimuth_rad)))
+    return shift, elevation - data.true_elevation_rad
+
+
+def with_pass_errors(data, metres_of):
+    azimuth, elevation = data.observed_azimuth_rad.copy(), data.observed_elevation_rad.copy()
+    for number in data.passes:
+        rows = data.pass_id == number
+        shift = displaced(data.select(rows), metres_of[number])
+        azimuth[rows] += shift[0]
+        elevation[rows] += shift[1]
+    return replace(data, observed_azimuth_rad=azimuth, observed_elevation_rad=elevation)
+
+
+def test_track_axes_are_orthonormal_and_along_the_velocity(campaign, table_1):
+    data = campaign(table_1, passes=1)
+    axes = np.stack(track_axes(data), axis=1)
+    assert np.allclose(axes @ np.swapaxes(axes, 1, 2), np.eye(3), atol=1e-12)
+    position = data.range_m[:, np.newaxis] * unit_vector_from_azel(data.true_azimuth_rad, data.true_elevation_rad)
+    velocity = np.gradient(position, data.t_s, axis=0)
+    assert np.max(np.abs(np.sum(velocity * axes[:, 1], axis=1))) < 1e-6 * np.linalg.norm(velocity[0])
+    assert np.all(np.sum(velocity * axes[:, 0], axis=1) > 0.0)
+
+
+def test_partials_are_the_shift_of_a_displaced_satellite(campaign, table_1):
+    data = campaign(table_1, passes=3)
+    names = ("along_track_m", "cross_track_m", "radial_m")
+    azimuth, elevation = pass_partials(data, names)
+    for k in range(3):
+        metres = np.zeros(3)
+        metres[k] = 10.0
+        shift = displaced(data, metres)
+        assert 10.0 * azimuth[:, k] == pytest.approx(shift[0], abs=1e-9)
+        assert 10.0 * elevation[:, k] == pytest.approx(shift[1], abs=1e-9)
+
+
+def test_clock_partials_are_the_rates(campaign, table_1):
+    data = campaign(table_1, passes=2)
+    azimuth, elevation = pass_partials(data, ("clock_s",))
+    assert np.array_equal(azimuth[:, 0], data.azimuth_rate_rad_s)
+    assert np.array_equal(elevation[:, 0], data.elevation_rate_rad_s)
+
+
+def test_orbit_errors_without_range_are_refused(campaign, table_1):
+    data = replace(campaign(table_1, passes=2), range_m=None)
+    with pytest.raises(ValueError, match="range_m=None"):
+        pass_partials(data, ("radial_m",))
+
+
+def test_planted_pass_errors_are_recovered_and_stay_out_of_the_terms(campaign, table_1, random):
+    clean = campaign(table_1, passes=16)
+    metres = random.normal(size=(16, 3)) * [180.0, 70.0, 50.0]
+    data = with_pass_errors(clean, metres)
+    held = held_at_zero(TABLE_1_TERMS)
+    honest = fit_bias_model(data, terms=TABLE_1_TERMS, held=held, pass_priors=ORBIT)
+    naive = fit_bias_model(data, terms=TABLE_1_TERMS, held=held)
+    truth = np.array([table_1.coefficients[name] for name in TABLE_1_TERMS])
+    assert np.max(np.abs(honest.values - truth) / honest.sigma) < 4.0
+    assert np.max(np.abs(naive.values - truth) / naive.sigma) > 6.0
+    found = {item.pass_id: item for item in honest.pass_errors}
+    for number in range(16):
+        for k, name in enumerate(("along_track_m", "cross_track_m", "radial_m")):
+            assert abs(found[number].values[name] - metres[number, k]) < 4.5 * found[number].sigma[name]
+
+
+def test_fit_with_eliminated_pass_errors_equals_the_fit_with_all_columns(campaign, table_1, random):
+    from rf_pointing.calibration.design import angles_of, term_matrix
+    from rf_pointing.calibration.terms import terms_by_name
+
+    data = with_pass_errors(campaign(table_1, passes=5), random.normal(size=(5, 3)) * 100.0)
+    terms = ("azimuth_offset", "elevation_offset", "droop")
+    result = fit_bias_model(
+        data, terms=terms, held=held_at_zero(terms), pass_priors=ORBIT, options=FitOptions(edit_sigma=0.0)
+    )
+    common = np.concatenate(term_matrix(angles_of(data), terms_by_name(terms)))
+    own = np.concatenate(pass_partials(data, ORBIT.names))
+    of_pass = np.tile(data.pass_id, 2)
+    wide = np.concatenate([np.where((of_pass == p)[:, np.newaxis], own, 0.0) for p in range(5)], axis=1)
+    right = np.concatenate([data.residual_azimuth_rad, data.residual_elevation_rad])
+    prior = np.concatenate([np.zeros((15, 3)), np.diag(np.tile(1.0 / ORBIT.sigma, 5))], axis=1)
+    matrix = np.concatenate([np.concatenate([common, wide], axis=1) / 1e-4, prior])
+    expected = np.linalg.lstsq(matrix, np.concatenate([right / 1e-4, np.zeros(15)]), rcond=None)[0]
+    covariance = np.linalg.inv(matrix.T @ matrix)
+    assert result.values == pytest.approx(expected[:3], rel=1e-8)
+    assert np.allclose(result.covariance, covariance[:3, :3], rtol=1e-6)
+    assert result.pass_errors[4].values["radial_m"] == pytest.approx(expected[-1], rel=1e-6)
+    assert result.pass_errors[4].sigma["radial_m"] == pytest.approx(np.sqrt(covariance[-1, -1]), rel=1e-6)
+
+
+def test_an_almost_free_clock_per_pass_leaves_the_velocity_lags_undetermined(campaign, table_1):
+    data = campaign(table_1)
+    lags = ("azimuth_velocity_lag", "elevation_velocity_lag")
+    terms = ("azimuth_offset", "elevation_offset", *lags)
+    tight = fit_bias_model(data, terms=terms, held=held_at_zero(terms), pass_priors=PassPriors(clock_s=1e-6))
+    free = fit_bias_model(data, terms=terms, held=held_at_zero(terms), pass_priors=PassPriors(clock_s=10.0))
+    assert free.sigma_of(lags[0]) > 100.0 * tight.sigma_of(lags[0])
+    assert {lags[0], lags[1]} == set(free.inseparable(0.99)[0][:2])
+
+
+def test_empty_pass_priors_are_refused():
+    with pytest.raises(ValueError, match="all zero"):
+        PassPriors()
+
+
+def test_sandwich_on_top_of_pass_errors_is_refused(campaign, table_1):
+    with pytest.raises(ValueError, match="twice"):
+        fit_bias_model(campaign(table_1), pass_priors=ORBIT, options=FitOptions(covariance="sandwich", edit_sigma=0.0))

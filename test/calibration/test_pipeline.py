@@ -1,0 +1,138 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rf_pointing.calibration import (
+    BiasModel,
+    Corrections,
+    Ionosphere,
+    SectorRule,
+    fit_bias_model,
+    held_at_zero,
+    process_pass,
+    select_observations,
+)
+from rf_pointing.geometry import MDEG
+from rf_pointing.geometry.refraction import RadioRefraction
+
+NONE = Corrections(light_time=False, troposphere=None, ionosphere=None, range_delay_m=0.0)
+ALL = Corrections(
+    light_time=True,
+    troposphere=RadioRefraction.standard(400.0),
+    ionosphere=Ionosphere(electrons_per_m2=5e17, frequency_hz=2.25e9),
+    range_delay_m=30.0,
+)
+NOISE_RAD = 20.0 * MDEG
+
+
+def pulls(processed, model):
+    points = processed.observations
+    offset = model.offset_rad(*points.motion())
+    return (
+        (points.residual_azimuth_rad - offset[0]) / points.sigma_azimuth_rad,
+        (points.residual_elevation_rad - offset[1]) / points.sigma_elevation_rad,
+    )
+
+
+@pytest.mark.parametrize("corrections", [NONE, ALL], ids=["none", "all"])
+def test_points_carry_the_planted_bias_within_their_stated_sigma(track, raw_pass, table_1, corrections):
+    reference = track(5.0)
+    processed = process_pass(raw_pass(reference, table_1, corrections, NOISE_RAD), reference, 3, corrections, table_1)
+    azimuth, elevation = pulls(processed, table_1)
+    assert 0.75 < np.std(azimuth) < 1.25
+    assert 0.75 < np.std(elevation) < 1.25
+    assert abs(np.mean(elevation)) < 0.5
+    assert np.all(processed.observations.pass_id == 3)
+
+
+def test_points_are_10_s_apart_and_their_sigma_is_that_of_30_averaged_seconds(track, raw_pass, table_1):
+    reference = track(5.0)
+    processed = process_pass(raw_pass(reference, table_1, NONE, NOISE_RAD), reference, 0, NONE, table_1)
+    step = np.diff(processed.observations.t_s)
+    assert np.median(step) == pytest.approx(10.0, abs=1e-6)
+    # A parabola over 240 samples has variance factor 9/4 in the middle and about 1.6 a third off it.
+    expected = NOISE_RAD * np.sqrt(2.0 / 240.0)
+    assert np.median(processed.observations.sigma_elevation_rad) == pytest.approx(expected, rel=0.25)
+    assert processed.noise["elevation_rad"] == pytest.approx(NOISE_RAD, rel=0.05)
+
+
+def test_every_stage_reports_what_it_dropped_and_why(track, raw_pass, table_1):
+    reference = track(5.0)
+    raw = raw_pass(reference, table_1, NONE, NOISE_RAD)
+    azimuth, good, times = raw.azimuth_rad.copy(), raw.good.copy(), raw.t_s.copy()
+    azimuth[1000] = np.nan
+    azimuth[2000:2003] += 0.01
+    good[50:60] = False
+    times[3000] += 500.0
+    times[3500] = times[3499]
+    elevation = raw.elevation_rad.copy()
+    elevation[4000] = 40.0
+    spoiled = replace(raw, azimuth_rad=azimuth, elevation_rad=elevation, good=good, t_s=times)
+    processed = process_pass(spoiled, reference, 0, NONE, table_1)
+    validation, outliers = processed.reports[:2]
+    assert validation.dropped["not finite"] == 1
+    assert validation.dropped["flagged by the station"] == 10
+    assert validation.dropped["time jump"] == 1
+    assert validation.dropped["repeated time"] == 1
+    assert validation.dropped["angle out of range"] == 1
+    assert validation.before - validation.after == sum(validation.dropped.values())
+    assert outliers.dropped["azimuth_rad beyond 3 sigma"] >= 3
+    assert [report.stage for report in processed.reports] == [
+        "validation",
+        "outliers",
+        "thinning",
+        "smoothing",
+        "corrections",
+    ]
+    assert "time jump" in validation.text()
+    assert max(np.max(np.abs(pull)) for pull in pulls(processed, table_1)) < 5.0
+
+
+def test_pieces_bent_by_a_one_second_lag_are_dropped_and_come_back_with_the_model(track, raw_pass, table_1):
+    reference = track(5.0, miss_m=120e3)
+    raw = raw_pass(reference, table_1, NONE, NOISE_RAD)
+    blind = process_pass(raw, reference, 0, NONE, BiasModel.zero())
+    informed = process_pass(raw, reference, 0, NONE, table_1)
+    smoothing = blind.reports[3]
+    assert smoothing.dropped["not along a parabola"] > 0
+    assert informed.reports[3].dropped["not along a parabola"] == 0
+    assert len(informed.observations) > len(blind.observations)
+
+
+def test_range_comes_out_free_of_delays(track, raw_pass, table_1):
+    reference = track(5.0)
+    processed = process_pass(raw_pass(reference, table_1, ALL, NOISE_RAD), reference, 0, ALL, table_1)
+    times, values, sigma = processed.ranges["range_m"]
+    truth = reference.delayed(times).range_m
+    assert np.std((values - truth) / sigma) == pytest.approx(1.0, abs=0.3)
+    assert abs(np.mean(values - truth)) < 1.0
+    assert set(processed.ranges) == {"range_m", "range_rate_m_s"}
+
+
+def test_a_pass_without_one_sound_sample_is_refused_with_the_reasons(track, raw_pass, table_1):
+    reference = track(5.0)
+    raw = raw_pass(reference, table_1, NONE, NOISE_RAD)
+    with pytest.raises(ValueError, match="pass 7: validation: 6385 -> 0 .dropped 6385 flagged by the station"):
+        process_pass(replace(raw, good=np.zeros(len(raw), dtype=bool)), reference, 7, NONE, table_1)
+    with pytest.raises(ValueError, match="outside the reference orbit"):
+        process_pass(replace(raw, t_s=raw.t_s + 1e5), reference, 7, NONE, table_1)
+
+
+def test_pipeline_and_fit_together_recover_the_planted_model(track, raw_pass, table_1, random):
+    terms = ("azimuth_offset", "elevation_offset", "mislevel_east", "mislevel_north", "azimuth_encoder_sine")
+    truth = BiasModel.zero().replace(**{name: table_1.coefficients[name] for name in terms})
+    passes = []
+    for number in range(4):
+        start = 1e9 + 6000.0 * number
+        reference = track(5.0, (-1) ** number * random.uniform(3e5, 9e5), random.uniform(0.0, 6.0), start)
+        raw = raw_pass(reference, truth, NONE, NOISE_RAD)
+        passes.append(process_pass(raw, reference, number, NONE, BiasModel.zero()).observations)
+    points, coverage, report = select_observations(passes, SectorRule(), require_full=False)
+    result = fit_bias_model(points, terms=terms, held=held_at_zero(terms))
+    expected = np.array([truth.coefficients[name] for name in terms])
+    assert np.max(np.abs(result.values - expected) / result.sigma) < 4.0
+    assert report.before - report.after == sum(report.dropped.values())
+    assert "of 36 sectors" in report.note
+    with pytest.raises(ValueError, match="of 36 sectors have < 25"):
+        coverage.require_full()

@@ -1,0 +1,51 @@
+import pytest
+
+from rf_pointing.calibration import BiasModel, ShadowRules, ShadowScore
+
+RULES = ShadowRules()
+
+
+def score_of(data, active, candidate):
+    score = ShadowScore(active, candidate, RULES)
+    score.add(data)
+    return score
+
+
+def test_the_true_model_is_found_better_and_its_rms_is_the_noise(campaign, table_1):
+    data = campaign(table_1, passes=8, form="rotation")
+    verdict = score_of(data, BiasModel.zero(), table_1).verdict()
+    assert verdict.word == "better"
+    assert verdict.passes == 8
+    # Azimuth noise of 1e-4 rad shrinks by cos El on the sky.
+    assert 1.0e-4 < verdict.candidate_rms_rad < 1.45e-4
+    assert verdict.active_rms_rad > 1e-3
+
+
+def test_the_wrong_model_is_found_worse(campaign, table_1):
+    data = campaign(table_1, passes=8, form="rotation")
+    assert score_of(data, table_1, BiasModel.zero()).verdict().word == "worse"
+
+
+def test_equal_models_and_few_passes_stay_undecided(campaign, table_1):
+    data = campaign(table_1, passes=6, form="rotation")
+    assert score_of(data, table_1, table_1).verdict().word == "undecided"
+    two = data.select(data.pass_id < 2)
+    assert score_of(two, BiasModel.zero(), table_1).verdict().word == "undecided"
+
+
+def test_a_pass_in_pieces_scores_as_the_pass_at_once_and_a_copy_continues_identically(campaign, table_1):
+    data = campaign(table_1, passes=4, form="rotation")
+    whole = score_of(data, BiasModel.zero(), table_1)
+    pieces = ShadowScore(BiasModel.zero(), table_1, RULES)
+    half = len(data) // 2
+    pieces.add(data.select(slice(0, half)))
+    copy = pieces.copy()
+    pieces.add(data.select(slice(half, None)))
+    copy.add(data.select(slice(half, None)))
+    assert copy.verdict() == pieces.verdict()
+    assert pieces.verdict().t_value == pytest.approx(whole.verdict().t_value, rel=1e-9)
+
+
+def test_nothing_to_judge_is_an_error(table_1):
+    with pytest.raises(ValueError, match="observations=0"):
+        ShadowScore(table_1, table_1, RULES).verdict()

@@ -1,0 +1,92 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rf_pointing.calibration import Corrections, read_tdm, write_tdm
+
+NONE = Corrections(light_time=False, troposphere=None, ionosphere=None, range_delay_m=0.0)
+ROUNDING_RAD = 1e-11
+
+
+@pytest.fixture
+def raw(track, raw_pass, table_1):
+    long = raw_pass(track(5.0), table_1, NONE, 1e-4)
+    names = ("t_s", "azimuth_rad", "elevation_rad", "range_m", "range_rate_m_s", "good")
+    short = {name: getattr(long, name)[:20] for name in names}
+    return replace(long, **short)
+
+
+@pytest.fixture
+def lines(raw, tmp_path):
+    write_tdm(tmp_path / "a.tdm", [raw, raw], originator="test", created_t_s=1.7e9)
+    return (tmp_path / "a.tdm").read_text().splitlines()
+
+
+def read_changed(tmp_path, lines):
+    (tmp_path / "b.tdm").write_text("\n".join(lines) + "\n")
+    return read_tdm(tmp_path / "b.tdm")
+
+
+def test_written_segments_read_back_equal(raw, lines, tmp_path):
+    back = read_changed(tmp_path, lines)
+    assert len(back) == 2
+    assert (back[0].station, back[0].target, back[0].band) == ("gs1", "bird", "S")
+    assert back[0].t_s == pytest.approx(raw.t_s, abs=1e-6)
+    turns = (back[0].azimuth_rad - raw.azimuth_rad) / (2.0 * np.pi)
+    assert np.max(np.abs(turns - np.round(turns))) < ROUNDING_RAD
+    assert back[0].elevation_rad == pytest.approx(raw.elevation_rad, abs=ROUNDING_RAD)
+    assert back[0].range_m == pytest.approx(raw.range_m, abs=1e-5)
+    assert back[0].range_rate_m_s == pytest.approx(raw.range_rate_m_s, abs=1e-8)
+
+
+def test_bad_samples_are_not_written(raw, tmp_path):
+    good = raw.good.copy()
+    good[3:5] = False
+    write_tdm(tmp_path / "a.tdm", [replace(raw, good=good)], originator="test", created_t_s=1.7e9)
+    assert len(read_tdm(tmp_path / "a.tdm")[0]) == 18
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda t: t.replace("ANGLE_1 =", "ANGLE1 =", 1), r"line 19: ANGLE1 is not a data keyword"),
+        (lambda t: t.replace("TIME_SYSTEM = UTC", "TIME_SYSTEM = TAI", 1), "line 6: TIME_SYSTEM=TAI must be UTC"),
+        (lambda t: t.replace("ANGLE_TYPE = AZEL", "ANGLE_TYPE = RADEC", 1), "ANGLE_TYPE=RADEC must be AZEL"),
+        (lambda t: t.replace("PATH = 2,1", "PATH = 1,2,1", 1), "only one-way is read"),
+        (lambda t: t.replace("PARTICIPANT_2 = bird\n", "", 1), "line 5: PARTICIPANT_2 is missing"),
+        (lambda t: t.replace("DATA_STOP", "", 1), "META_START does not belong here"),
+        (lambda t: t.rsplit("DATA_STOP", 1)[0], "data section is not closed"),
+        (lambda t: t.replace("CCSDS_TDM_VERS = 2.0", "CCSDS_TDM_VERS = 9.0"), "CCSDS_TDM_VERS=9.0 must be"),
+        (lambda t: t.replace("ANGLE_2 = 2001", "COMMENT 2001", 1), "line 19: ANGLE_1 at .* has no ANGLE_2"),
+        (lambda t: t.replace("META_STOP", "META_STOP extra", 1), "must be KEYWORD = value"),
+        (lambda t: t.replace("DATA_START", "DATA_START\nANGLE_1 = 2001-13-01T00:00:00 5.0", 1), "line 19: .*time"),
+        (lambda t: t.replace("DATA_START", "DATA_START\nANGLE_1 = 2001-01-01T00:00:00 nan", 1), "must be finite"),
+        (lambda t: t.replace("MODE = SEQ", "TIME_SYSTEM = UTC\nMODE = SEQ", 1), "TIME_SYSTEM is given twice"),
+    ],
+)
+def test_a_damaged_message_is_refused_with_its_line(lines, tmp_path, change, message):
+    with pytest.raises(ValueError, match=message):
+        read_changed(tmp_path, change("\n".join(lines)).splitlines())
+
+
+def test_repeated_epoch_names_both_lines(lines, tmp_path):
+    first = next(line for line in lines if line.startswith("ANGLE_1"))
+    where = lines.index(first)
+    with pytest.raises(ValueError, match=rf"line {where + 2}: ANGLE_1 .* repeats line {where + 1}"):
+        read_changed(tmp_path, [*lines[: where + 1], first, *lines[where + 1 :]])
+
+
+def test_corrections_not_yet_applied_are_applied(raw, lines, tmp_path):
+    text = "\n".join(lines).replace("META_STOP", "CORRECTION_ANGLE_2 = 0.5\nCORRECTIONS_APPLIED = NO\nMETA_STOP", 1)
+    back = read_changed(tmp_path, text.splitlines())
+    assert np.degrees(back[0].elevation_rad - raw.elevation_rad) == pytest.approx(np.full(20, 0.5), abs=1e-8)
+    assert back[1].elevation_rad == pytest.approx(raw.elevation_rad, abs=ROUNDING_RAD)
+    with pytest.raises(ValueError, match="needs CORRECTIONS_APPLIED"):
+        read_changed(tmp_path, text.replace("CORRECTIONS_APPLIED = NO\n", "").splitlines())
+
+
+def test_bytes_that_are_not_ascii_are_refused(tmp_path):
+    (tmp_path / "c.tdm").write_bytes(b"CCSDS_TDM_VERS = 2.0\n\xff\xfe")
+    with pytest.raises(ValueError, match="byte 21 is not ASCII"):
+        read_tdm(tmp_path / "c.tdm")

@@ -1,0 +1,33 @@
+import numpy as np
+import pytest
+
+from rf_pointing.calibration import EXTENSION_TERMS, TERM_NAMES, held_out_passes, select_terms
+from rf_pointing.geometry import MDEG
+
+EXTENSIONS = tuple(term.name for term in EXTENSION_TERMS if not term.needs_temperature and "beyond" not in term.name)
+
+
+def test_only_planted_terms_are_chosen(campaign, table_1):
+    planted = {"azimuth_offset", "mislevel_east", "elevation_offset", "elevation_velocity_lag", "azimuth_second_sine"}
+    values = {name: (table_1.coefficients[name] if name in planted else 0.0) for name in TERM_NAMES}
+    model = type(table_1)({**values, "azimuth_second_sine": 1e-3})
+    found = select_terms(campaign(model, passes=20), (*TERM_NAMES, *EXTENSIONS))
+    assert set(found.chosen) == planted
+    assert all(action == "add" for action, _, _ in found.steps[:1])
+
+
+def test_terms_in_always_stay_and_must_be_candidates(campaign, table_1):
+    data = campaign(table_1.zero(), passes=10)
+    assert select_terms(data, TERM_NAMES, always=("droop",)).chosen == ("droop",)
+    with pytest.raises(ValueError, match="always=squint"):
+        select_terms(data, TERM_NAMES, always=("squint",))
+
+
+def test_held_out_passes_are_predicted_to_the_noise_by_the_right_terms_only(campaign, table_1):
+    data = campaign(table_1, passes=12)
+    right = held_out_passes(data, TERM_NAMES)
+    wrong = held_out_passes(data, ("azimuth_offset", "elevation_offset"))
+    assert right.total_rms_rad < 1.6 * 1e-4
+    assert wrong.total_rms_rad > 50.0 * MDEG
+    assert right.rms_rad.shape == (12,)
+    assert np.all(np.isfinite(right.rms_rad))

@@ -1,0 +1,19 @@
+import pytest
+
+from rf_pointing.calibration.utc_text import from_utc_text, to_utc_text
+
+
+def test_text_and_seconds_are_inverses_to_the_microsecond():
+    for t_s in (0.0, 827385062.07, 1.7e9 + 0.999999):
+        assert from_utc_text(to_utc_text(t_s)) == pytest.approx(t_s, abs=6e-7)
+
+
+def test_ordinal_and_calendar_texts_of_one_instant_agree():
+    assert from_utc_text("1996-081T05:11:02.07Z") == from_utc_text("1996-03-21T05:11:02.070")
+    assert from_utc_text("1970-01-02T00:00:00") == 86400.0
+
+
+@pytest.mark.parametrize("text", ["1996-03-21", "1996-13-01T00:00:00", "1995-366T00:00:00", "21/03/1996T00:00:00", ""])
+def test_other_texts_are_refused(text):
+    with pytest.raises(ValueError, match="time"):
+        from_utc_text(text)

@@ -1,0 +1,64 @@
+"""Averaged response and coherence against the planted system and closed forms."""
+
+import numpy as np
+import pytest
+import scipy.signal
+
+from rf_pointing.identification import StateSpace, frequency_response, peak_frequencies_hz
+
+SAMPLE_S = 0.02
+
+
+def test_estimate_agrees_with_scipys_cross_spectrum(sequences: tuple[np.ndarray, np.ndarray]) -> None:
+    inputs, outputs = sequences
+    ours = frequency_response(inputs, outputs, SAMPLE_S)
+    window = np.hanning(inputs.shape[1])
+    options = {"fs": 1.0 / SAMPLE_S, "window": window, "nperseg": inputs.shape[1], "detrend": "linear"}
+    cross = np.mean([scipy.signal.csd(u, y, **options)[1] for u, y in zip(inputs, outputs, strict=True)], axis=0)
+    power = np.mean([scipy.signal.welch(u, **options)[1] for u in inputs], axis=0)
+    np.testing.assert_allclose(ours.response[1:], (cross / power)[1:], rtol=1e-9)
+
+
+def test_estimate_is_the_response_of_the_system_away_from_the_sharp_peaks(
+    planted: StateSpace, sequences: tuple[np.ndarray, np.ndarray]
+) -> None:
+    measured = frequency_response(*sequences, SAMPLE_S)
+    band = (measured.frequency_hz > 8.0) & (measured.frequency_hz < 20.0)
+    truth = planted.response(measured.frequency_hz[band])[:, 0, 0]
+    error = np.abs(measured.response[band] - truth) / np.abs(truth)
+    assert np.median(error) < 0.02
+
+
+def test_coherence_of_independent_noise_is_signal_over_total() -> None:
+    random = np.random.default_rng(4)
+    inputs = random.standard_normal((60, 1024))
+    outputs = inputs + 0.5 * random.standard_normal((60, 1024))
+    coherence = frequency_response(inputs, outputs, SAMPLE_S).coherence
+    assert np.mean(coherence[5:-5]) == pytest.approx(1.0 / 1.25, abs=0.01)
+
+
+def test_peaks_are_the_planted_frequencies(sequences: tuple[np.ndarray, np.ndarray]) -> None:
+    found = peak_frequencies_hz(frequency_response(*sequences, SAMPLE_S), 0.8, 7.0, 12.0)
+    np.testing.assert_allclose(found, (2.01, 5.22), rtol=0.02)
+
+
+def test_valid_band_is_where_the_coherence_holds() -> None:
+    random = np.random.default_rng(4)
+    inputs = random.standard_normal((12, 4096))
+    filtered = scipy.signal.sosfilt(scipy.signal.butter(4, [1.0, 6.0], "bandpass", fs=50.0, output="sos"), inputs)
+    outputs = filtered + 0.02 * random.standard_normal(inputs.shape)
+    low, high = frequency_response(inputs, outputs, SAMPLE_S).valid_band_hz(0.8)
+    assert low == pytest.approx(0.4, abs=0.3)
+    assert high == pytest.approx(12.0, abs=4.0)
+
+
+def test_without_coherence_there_is_no_valid_band() -> None:
+    random = np.random.default_rng(4)
+    response = frequency_response(random.standard_normal((50, 256)), random.standard_normal((50, 256)), SAMPLE_S)
+    with pytest.raises(ValueError, match=r"least_coherence=0\.9 is reached at no frequency"):
+        response.valid_band_hz(0.9)
+
+
+def test_unequal_shapes_are_refused() -> None:
+    with pytest.raises(ValueError, match="must be equal"):
+        frequency_response(np.zeros((2, 64)), np.zeros((3, 64)), SAMPLE_S)
