@@ -10,6 +10,7 @@ from rf_pointing.ephemeris.oem import OemSegment, read_oem
 from rf_pointing.ephemeris.oem_target import OemTarget
 from rf_pointing.ephemeris.passes import Pass, find_passes, first_pass_above
 from rf_pointing.ephemeris.sites import SITES, Site, site
+from rf_pointing.ephemeris.sun_angle import smallest_sun_angle_rad, sun_angle_rad
 from rf_pointing.ephemeris.time_scales import Gps, Tai, Tt, Ut1, Utc, leap_seconds, utc_text
 from rf_pointing.ephemeris.tle import verification_elements
 from rf_pointing.ephemeris.tle_writer import tle_lines
@@ -52,7 +53,9 @@ __all__ = [
     "read_oem",
     "site",
     "sky_uncertainty",
+    "smallest_sun_angle_rad",
     "sun",
+    "sun_angle_rad",
     "tle_lines",
     "utc_text",
     "verification_elements",

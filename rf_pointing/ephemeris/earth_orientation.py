@@ -11,11 +11,14 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from rf_pointing.ephemeris.iers_tables import block_number, orientation_block, table_span_t_s
+from rf_pointing.ephemeris.iers_tables import block_number, last_measured_t_s, orientation_block, table_span_t_s
 from rf_pointing.ephemeris.time_scales import DAY_S, leap_seconds, utc_text
 from rf_pointing.geometry import Params, parameter
 
 __all__ = ["EarthOrientation", "EarthOrientationSource", "FixedEarthOrientation", "IersEarthOrientation"]
+
+
+LONG_PREDICTION_DAYS = 60.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,11 +77,19 @@ class IersEarthOrientation:
         return EarthOrientation(ut1_minus_tai + leap_seconds().tai_minus_utc_s(times), x, y)
 
     def warnings(self, t_s: float) -> tuple[str, ...]:
-        """Return that the leap seconds have expired or that UT1 is a prediction, where so."""
-        block = orientation_block(_block_number(t_s))
+        """Return that the leap seconds have expired or that UT1 is a long prediction, where so.
+
+        Predictions are part of daily work: 60 days ahead they are good to 6 ms, 3 m on the equator (Bulletin A).
+        """
+        _block_number(t_s)
         found = leap_seconds().warnings(t_s)
-        if block.predicted[int((t_s - block.first_t_s) // DAY_S)]:
-            found += (f"UT1-UTC at {utc_text(t_s)} is an IERS prediction; a newer astropy-iers-data has it measured",)
+        ahead_days = (t_s - last_measured_t_s()) / DAY_S
+        if ahead_days > LONG_PREDICTION_DAYS:
+            error_ms = 0.25 * ahead_days**0.75
+            found += (
+                f"UT1-UTC at {utc_text(t_s)} is predicted {ahead_days:.0f} days ahead, good to {error_ms:.0f} ms; "
+                "renew astropy-iers-data",
+            )
         return found
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from rf_pointing.ephemeris.time_scales import DAY_S, leap_seconds
 
-__all__ = ["OrientationBlock", "block_number", "orientation_block", "table_span_t_s"]
+__all__ = ["OrientationBlock", "block_number", "last_measured_t_s", "orientation_block", "table_span_t_s"]
 
 Array = NDArray[np.float64]
 
@@ -47,7 +47,6 @@ class OrientationBlock:
     t_s: Array
     values: tuple[Array, Array, Array]
     columns: tuple[list[float], list[float], list[float]]
-    predicted: tuple[bool, ...]
 
 
 def block_number(t_s: float) -> int:
@@ -63,6 +62,16 @@ def table_span_t_s() -> tuple[float, float]:
         middle = (low + high + 1) // 2
         low, high = (middle, high) if _finals_rows(middle, middle) else (low, middle - 1)
     return (_FIRST_LEAP_MJD - _MJD_OF_POSIX_EPOCH) * DAY_S, (low - _MJD_OF_POSIX_EPOCH) * DAY_S
+
+
+@lru_cache(maxsize=1)
+def last_measured_t_s() -> float:
+    """Return the UTC time [s] of the last UT1 that is measured; what follows is predicted."""
+    low, high = _last_c04_mjd(), int(table_span_t_s()[1] / DAY_S) + _MJD_OF_POSIX_EPOCH
+    while low < high:
+        middle = (low + high + 1) // 2
+        low, high = (low, middle - 1) if _finals_rows(middle, middle)[0].predicted else (middle, high)
+    return (low - _MJD_OF_POSIX_EPOCH) * DAY_S
 
 
 @lru_cache(maxsize=64)
@@ -81,7 +90,6 @@ def orientation_block(number: int) -> OrientationBlock:
         t_s=t_s,
         values=(ut1_minus_tai, x, y),
         columns=(ut1_minus_tai.tolist(), x.tolist(), y.tolist()),
-        predicted=tuple(row.predicted for row in rows),
     )
 
 

@@ -24,7 +24,7 @@ def _reader(content: str) -> Callable[[str], list[Elements]]:
         return read_omm_json
     if content.startswith("<"):
         return read_omm_xml
-    if "NORAD_CAT_ID" in first_line and "," in first_line:
+    if "," in first_line and "MEAN_MOTION" in first_line:
         return read_omm_csv
     if content.startswith(("CCSDS_OMM_VERS", "COMMENT")):
         return read_omm_kvn

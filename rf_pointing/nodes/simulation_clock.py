@@ -24,7 +24,7 @@ from rf_pointing.nodes.qos import STREAM
 from rf_pointing.nodes.stamps import stamp_from_seconds
 
 PACED = {
-    "joint_states": (JointState, 0.06),
+    "joint_states": (JointState, 0.11),
     "sim/pointing_error": (PointingError, 0.19),
     "pointing_error": (PointingError, 0.23),
     "joint_trajectory": (JointTrajectory, 0.19),

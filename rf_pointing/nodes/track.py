@@ -32,6 +32,8 @@ from rf_pointing.station.source import SourceParams, load_elements, load_track
 
 BRING_UP_S = 20.0
 ACTIVATION_TRIES = 20
+REAL_TIME_SPEED = 3.0
+"""Up to this speed the clock ticks with the servo; above it only with the controller, five servo ticks at once."""
 SLEW_TIME_S = 150.0
 """Simulated time before acquisition: the largest slew at 2 deg/s, with a minute to settle."""
 
@@ -108,6 +110,7 @@ def overrides(options: argparse.Namespace, window: Pass) -> dict[str, Any]:
         "simulation_clock": {
             "start_s": math.floor(window.aos_t_s) - SLEW_TIME_S,
             "speed": speed_factor(options.speed),
+            "tick_s": 0.02 if 0.0 < speed_factor(options.speed) <= REAL_TIME_SPEED else 0.1,
         },
         "ephemeris_publisher": {**source, "publisher.mask_deg": options.mask},
         "rf_receiver": {**source, "signal.seed": options.seed},

@@ -1,148 +1,182 @@
 """A Ka-band pass with everything real: servo, wind, squinted feed, receiver noise, monopulse tracker, integrator.
 
-Per 20-ms tick: trajectory, radio offset, position loops, wind, plant, one receiver sample; every 5 samples a cluster,
-whose error acts one cluster later (BWG Fig. 12).
+Per 20-ms tick: trajectory, radio offset, command preprocessor, position loops, wind, plant, one receiver sample; every
+5 samples a cluster, whose error acts one cluster later (BWG Fig. 12).
 """
 
 import math
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.controllers import PositionLoop, PositionLoopParams, TrackerIntegrator, TrackerIntegratorParams
+from rf_pointing.controllers import (
+    CommandPreprocessor,
+    CommandPreprocessorParams,
+    PositionLoop,
+    PositionLoopParams,
+    TrackerIntegrator,
+    TrackerIntegratorParams,
+)
 from rf_pointing.geometry import random_stream
-from rf_pointing.reproduce.servo_trajectory import LowOrbitPass
+from rf_pointing.reproduce.servo_trajectory import LowOrbitPass, MotionTable
 from rf_pointing.rf import Beam, BeamParams, MonopulseFeed, MonopulseFeedParams, Receiver, ReceiverParams
 from rf_pointing.servo import AntennaPlant, PlantParams, Wind, WindParams, dss13_plant
 from rf_pointing.tracking import LockWatch, LockWatchParams, MonopulseParams, MonopulseTracker
 
-__all__ = ["MonopulsePass", "PassResult", "fly_monopulse"]
+__all__ = ["CLUSTER", "TICK_S", "MonopulsePass", "PassLog", "PlainRadio", "Radio", "fly", "ka_receiver"]
 
 Array = NDArray[np.float64]
 
 TICK_S = 0.02
 CLUSTER = 5
+KA = BeamParams.for_band("Ka")
 
 
 @dataclass(frozen=True, kw_only=True)
 class MonopulsePass:
-    """What a pass is made of; `late_s` is how far the satellite runs behind the ephemeris.
-
-    From `flip_s` on the receiver gives both differences with the wrong sign.
-    """
+    """What a pass is made of; `late_s` is how far the satellite runs behind the ephemeris."""
 
     plant: PlantParams = field(default_factory=dss13_plant)
     loop: PositionLoopParams = field(default_factory=PositionLoopParams)
     orbit: LowOrbitPass = field(default_factory=LowOrbitPass)
-    start_s: float = -120.0
-    end_s: float = 120.0
-    bandwidth_hz: float = 0.0
-    level_db_hz: float = 45.0
-    late_s: float = 0.0
+    start_s: float = -60.0
+    end_s: float = 40.0
+    late_s: float = 0.01
     wind_m_s: float = 0.0
-    flip_s: float = math.inf
     settle_s: float = 30.0
     seed: int = 1
 
+    def ephemeris(self) -> MotionTable:
+        """Return the predicted motion at every tick."""
+        count = round((self.end_s - self.start_s) / TICK_S)
+        return self.orbit.at(self.start_s + TICK_S * np.arange(count + 1))
+
 
 @dataclass(frozen=True, slots=True)
-class PassResult:
-    """Target minus beam (n, 2) in cross-elevation and elevation after settling, valid share, first fault and its time."""
+class PassLog:
+    """Target minus beam (n, 2) in cross-elevation and elevation, and the command's velocity (n, 2), at `t_s` (n,)."""
 
+    t_s: Array
     error_rad: Array
-    valid_share: float
-    fault: str
-    fault_s: float
+    command_velocity_rad_s: Array
+    transparent: NDArray[np.bool_]
 
-    @property
-    def radial_rms_rad(self) -> float:
-        """Total radial error, rms."""
-        return float(np.sqrt(np.mean(np.sum(self.error_rad**2, axis=1))))
-
-    @property
-    def axis_rms_rad(self) -> Array:
-        """Error of each axis, rms (2,)."""
-        return np.asarray(np.sqrt(np.mean(self.error_rad**2, axis=0)))
+    def rms_rad(self, settle_s: float) -> tuple[Array, float]:
+        """Return the rms error of each axis (2,) and the radial one, from `settle_s` after the start."""
+        late = self.error_rad[self.t_s >= self.t_s[0] + settle_s]
+        return np.sqrt(np.mean(late**2, axis=0)), float(np.sqrt(np.mean(np.sum(late**2, axis=1))))
 
 
-class _Radio:
-    """Receiver, tracker, watch and integrator of one pass; the last error waits one cluster before it acts."""
+class Radio(Protocol):
+    """What the pass asks of the radio side; `stop` ends the pass."""
 
-    def __init__(self, setup: MonopulsePass) -> None:
-        beam = BeamParams.for_band("Ka")
-        h = beam.half_power_beamwidth_rad
-        random = random_stream(setup.seed, "receiver")
-        feeds = [MonopulseFeed(MonopulseFeedParams(difference_phase_rad=(p, p)), beam) for p in (0.0, math.pi)]
-        self._receiver = Receiver(ReceiverParams(), Beam(beam), feeds[0], random)
-        self._flipped = feeds[1]
+    stop: bool
+
+    def offset(self, k: int) -> tuple[Array, Array]:
+        """Return what to add to the ephemeris at tick `k`, on the sky, and its rate, each (2,)."""
+        ...
+
+    def sample(self, k: int, miss_rad: Array, beam_rad: Array) -> None:
+        """Take target minus beam and, from the encoders, beam minus ephemeris, both (2,) on the sky, at tick `k`."""
+        ...
+
+
+def ka_receiver(seed: int, phase_rad: float = 0.0) -> Receiver:
+    """Return a Ka-band receiver whose differences are turned by `phase_rad` (pi: the sign is flipped)."""
+    feed = MonopulseFeed(MonopulseFeedParams(difference_phase_rad=(phase_rad, phase_rad)), KA)
+    return Receiver(ReceiverParams(), Beam(KA), feed, random_stream(seed, "receiver"))
+
+
+class PlainRadio:
+    """Monopulse and integrator, without a state table; from `flip_s` on both differences have the wrong sign."""
+
+    def __init__(
+        self, setup: MonopulsePass, bandwidth_hz: float, level_db_hz: float = 45.0, flip_s: float = math.inf
+    ) -> None:
+        h = KA.half_power_beamwidth_rad
+        self._receiver = ka_receiver(setup.seed)
+        self._flipped = ka_receiver(setup.seed, math.pi).feed
         self._tracker = MonopulseTracker(MonopulseParams(half_power_beamwidth_rad=h))
         self._watch = LockWatch(LockWatchParams(half_power_beamwidth_rad=h))
-        self.integrator = TrackerIntegrator(
-            TrackerIntegratorParams(bandwidth_hz=setup.bandwidth_hz, sample_s=CLUSTER * TICK_S)
+        self._integrator = TrackerIntegrator(
+            TrackerIntegratorParams(bandwidth_hz=bandwidth_hz, sample_s=CLUSTER * TICK_S)
         )
-        self.integrator.reset(setup.start_s)
-        self._setup = setup
-        self._samples: list[tuple[float, float, float, float, float]] = []
+        self._level_db_hz, self._flip_s = level_db_hz, flip_s
+        self._samples: list[tuple[float, ...]] = []
         self._pending: Array | None = None
-        self.used = self.taken = 0
-        self.fault, self.fault_s = "", math.inf
+        self.fault, self.fault_s, self.stop = "", math.inf, False
 
-    def sample(self, t_s: float, miss: Array, beam_from_ephemeris: Array) -> None:
-        self._samples.append((t_s, *miss, *beam_from_ephemeris))
+    def offset(self, k: int) -> tuple[Array, Array]:
+        """Return the integrator's offset."""
+        return self._integrator.at(k * TICK_S)
+
+    def sample(self, k: int, miss_rad: Array, beam_rad: Array) -> None:
+        """Collect a cluster; measure it, let the error before act, watch for a false lock."""
+        self._samples.append((k * TICK_S, *miss_rad, *beam_rad))
         if len(self._samples) < CLUSTER:
             return
-        if t_s >= self._setup.flip_s:
-            self._receiver.feed = self._flipped
         times, x, y, u, v = np.array(self._samples).T
         self._samples.clear()
-        cluster = self._receiver.cluster(times, x, y, self._setup.level_db_hz, TICK_S)
-        error = self._tracker.measure(cluster)
+        if k * TICK_S >= self._flip_s:
+            self._receiver.feed = self._flipped
+        error = self._tracker.measure(self._receiver.cluster(times, x, y, self._level_db_hz, TICK_S))
         if self._pending is not None:
-            self.integrator.update(t_s, self._pending)
+            self._integrator.update(k * TICK_S, self._pending)
         self._pending = np.array([error.cross_elevation_rad, error.elevation_rad]) if error.valid else None
-        self.taken, self.used = self.taken + 1, self.used + error.valid
-        fault = self._watch.add(error, float(u.mean()), float(v.mean()))
-        if fault and not self.fault:
-            self.fault, self.fault_s = fault, t_s
+        self.fault = self._watch.add(error, float(u.mean()), float(v.mean()))
+        if self.fault:
+            self.fault_s, self.stop = k * TICK_S, True
 
 
-def fly_monopulse(setup: MonopulsePass) -> PassResult:
-    """Run one pass; it ends early at the first fault the watch reports."""
-    count = round((setup.end_s - setup.start_s) / TICK_S)
-    times = setup.start_s + TICK_S * np.arange(count + 1)
-    ephemeris, truth = setup.orbit.at(times), setup.orbit.at(times - setup.late_s)
+def fly(setup: MonopulsePass, radio: Radio) -> PassLog:
+    """Run one pass to its end, or until the radio stops it."""
+    ephemeris, truth = setup.ephemeris(), setup.orbit.at(setup.ephemeris().t_s - setup.late_s)
+    count = len(ephemeris.t_s) - 1
     plant = AntennaPlant(setup.plant, random_stream(setup.seed, "encoder"), ephemeris.position_rad[0])
     wind = Wind(WindParams(mean_speed_m_s=setup.wind_m_s), random_stream(setup.seed, "wind"))
+    preprocessor = CommandPreprocessor(CommandPreprocessorParams())
     loops = [PositionLoop(setup.loop, TICK_S) for _ in (0, 1)]
-    radio = _Radio(setup)
-    state = plant.state
-    state.x[2:4] = ephemeris.velocity_rad_s[0]
-    plant.state = state
-    for axis, loop in enumerate(loops):
-        start, rate = ephemeris.position_rad[0, axis], ephemeris.velocity_rad_s[0, axis]
-        loop.reset(start, rate, start, rate)
-    errors = np.empty((count, 2))
+    _start(plant, preprocessor, loops, ephemeris)
+    errors, velocities, transparent = np.empty((count, 2)), np.empty((count, 2)), np.empty(count, dtype=bool)
     for k in range(count):
-        position, velocity = ephemeris.position_rad[k], ephemeris.velocity_rad_s[k]
+        position, velocity, acceleration = preprocessor.step(*_command(ephemeris, k, *radio.offset(k)), TICK_S)
+        velocities[k], transparent[k] = velocity, all(preprocessor.transparent)
         measured = plant.encoder_rad
-        offset, rate = radio.integrator.at(float(times[k]))
-        cosine = math.cos(position[1])
-        climb = velocity[1] * math.tan(position[1])
-        command = position + offset / (cosine, 1.0)
-        command_rate = velocity + (rate + offset * (climb, 0.0)) / (cosine, 1.0)
-        applied = [
-            loop.output(command[i], command_rate[i], measured[i], ephemeris.acceleration_rad_s2[k, i])
-            for i, loop in enumerate(loops)
-        ]
-        plant.step(applied, wind.step(TICK_S, position[0], position[1]), TICK_S)
+        applied = [loop.output(position[i], velocity[i], measured[i], acceleration[i]) for i, loop in enumerate(loops)]
+        torque = wind.step(TICK_S, ephemeris.position_rad[k, 0], ephemeris.position_rad[k, 1])
+        plant.step(applied, torque, TICK_S)
         for loop, got in zip(loops, applied, strict=True):
             loop.update(TICK_S, got)
         sky = np.array([math.cos(truth.position_rad[k + 1, 1]), 1.0])
         errors[k] = (truth.position_rad[k + 1] - plant.beam_rad) * sky
-        radio.sample(float(times[k + 1]), errors[k], (plant.encoder_rad - ephemeris.position_rad[k + 1]) * sky)
-        if radio.fault:
-            errors = errors[: k + 1]
-            break
-    settled = errors[round(setup.settle_s / TICK_S) :]
-    return PassResult(settled, radio.used / max(radio.taken, 1), radio.fault, radio.fault_s)
+        radio.sample(k + 1, errors[k], (plant.encoder_rad - ephemeris.position_rad[k + 1]) * sky)
+        if radio.stop:
+            return PassLog(ephemeris.t_s[1 : k + 2], errors[: k + 1], velocities[: k + 1], transparent[: k + 1])
+    return PassLog(ephemeris.t_s[1:], errors, velocities, transparent)
+
+
+def _command(ephemeris: MotionTable, k: int, offset: Array, rate: Array) -> tuple[Array, Array, Array]:
+    """Ephemeris plus sky offset at tick `k`, in axis angles."""
+    position, velocity = ephemeris.position_rad[k], ephemeris.velocity_rad_s[k]
+    cosine = math.cos(position[1])
+    turn = rate[0] + offset[0] * velocity[1] * math.tan(position[1])
+    return (
+        position + np.array([offset[0] / cosine, offset[1]]),
+        velocity + np.array([turn / cosine, rate[1]]),
+        ephemeris.acceleration_rad_s2[k],
+    )
+
+
+def _start(
+    plant: AntennaPlant, preprocessor: CommandPreprocessor, loops: list[PositionLoop], ephemeris: MotionTable
+) -> None:
+    """Put everything into steady motion with the ephemeris."""
+    position, velocity = ephemeris.position_rad[0], ephemeris.velocity_rad_s[0]
+    state = plant.state
+    state.x[2:4] = velocity
+    plant.state = state
+    preprocessor.reset(position, velocity)
+    for axis, loop in enumerate(loops):
+        loop.reset(position[axis], velocity[axis], position[axis], velocity[axis])

@@ -23,11 +23,11 @@ from rf_pointing.geometry import (
     Params,
     PointingError,
     Target,
-    nearest_turn_rad,
     parameter,
     require_choice,
 )
 from rf_pointing.planning import AxisLimits, choose_turns, refusal
+from rf_pointing.station.axis_path import AxisPath, held
 from rf_pointing.station.beam_position import BeamPosition
 from rf_pointing.station.sky_offsets import SkyOffsets
 from rf_pointing.station.status import TrackingStatus
@@ -89,6 +89,7 @@ class PointingController:
         self._turns_rad: float | None = None
         self._centre: dict[int, Array] = {}
         self._beam = BeamPosition()
+        self._path = AxisPath(params.period_s)
         self._stopping = ""
         self.tally = Tally()
 
@@ -105,6 +106,7 @@ class PointingController:
     def take_model(self, model: BiasModel) -> None:
         """Use `model` from the next trajectory on."""
         self._model = model
+        self._path.clear()
 
     def take_joints(self, reading: JointReading) -> None:
         """Note where the axes are."""
@@ -139,6 +141,7 @@ class PointingController:
         self._pass, self._stopping = window, ""
         self._errors.clear()
         self._targets.clear()
+        self._path.clear()
         self._centre.clear()
         self._beam.clear()
         self.offsets.restart(t_s)
@@ -230,20 +233,12 @@ class PointingController:
         corrections of the tracking loop they would shake the antenna.
         """
         assert self._pass is not None
+        near_rad = 0.5 * (self._pass.azimuth_min_rad + self._pass.azimuth_max_rad) + (self._turns_rad or 0.0)
         if t_s < self._pass.aos_t_s:
             still = np.zeros((len(times), 2))
             start = [self._pass.aos_azimuth_rad, self._pass.aos_elevation_rad]
-            return self._axes(Motion(np.tile(start, (len(times), 1)), still, still))
-        return self.offsets.add_trim(times, self._axes(self._targets.at(times)))
-
-    def _axes(self, sky: Motion) -> Motion:
-        """Return the axis motion that holds the beam on an apparent direction, on the turn chosen for the pass."""
-        assert self._pass is not None
-        assert self._turns_rad is not None
-        position, velocity, acceleration = self._model.apply_moving(*sky)
-        middle = 0.5 * (self._pass.azimuth_min_rad + self._pass.azimuth_max_rad)
-        fold = nearest_turn_rad(float(position[0, 0]), middle) - float(position[0, 0])
-        return Motion(position + np.array([fold + self._turns_rad, 0.0]), velocity, acceleration)
+            return held(Motion(np.tile(start, (len(times), 1)), still, still), self._model, near_rad)
+        return self.offsets.add_trim(times, self._path.at(times, self._targets, self._model, near_rad))
 
     def _finish(self, t_s: float) -> tuple[JointTrajectory | None, TrackingStatus]:
         reason = self._stopping

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rf_pointing.ephemeris import TopocentricTrack
 from rf_pointing.geometry import (
@@ -35,6 +36,10 @@ from rf_pointing.rf import (
 
 __all__ = ["Reception", "SignalParams", "SimulatedReceiver"]
 
+Array = NDArray[np.float64]
+BLOCK = 50
+TIME_TOLERANCE_S = 1e-5
+
 
 @dataclass(frozen=True, kw_only=True)
 class SignalParams(Params):
@@ -58,12 +63,34 @@ class Reception(NamedTuple):
     truth: PointingError
 
 
+class _Ahead:
+    """Look angles of a grid of coming times, computed a second at a time: one vectorised call instead of many."""
+
+    def __init__(self, track: TopocentricTrack) -> None:
+        self._track = track
+        self._times: Array = np.zeros(0)
+        self._rows: Array = np.zeros((0, 3))
+
+    def at(self, t_s: Array) -> Array:
+        """Return azimuth, elevation and range (n, 3) at evenly spaced times (n,)."""
+        first = int(np.searchsorted(self._times, t_s[0] - TIME_TOLERANCE_S))
+        found = self._times[first : first + len(t_s)]
+        if len(found) < len(t_s) or float(np.max(np.abs(found - t_s))) > TIME_TOLERANCE_S:
+            step_s = float(t_s[-1] - t_s[0]) / (len(t_s) - 1)
+            self._times = t_s[0] + step_s * np.arange(max(BLOCK, len(t_s)))
+            look = self._track.sample(self._times)
+            self._rows = np.column_stack([look.azimuth_rad, look.elevation_rad, look.range_m])
+            first = 0
+        rows: Array = self._rows[first : first + len(t_s)]
+        return rows
+
+
 class SimulatedReceiver:
     """Collects boresights; `take` returns a `Reception` for every full cluster."""
 
     def __init__(self, params: SignalParams, real_track: TopocentricTrack) -> None:
         self.params = params
-        self._track = real_track
+        self._ahead = _Ahead(real_track)
         self._link = Link(params.link, params.atmosphere, params.noise)
         feed = MonopulseFeed(params.feed, params.beam)
         random = random_stream(params.seed, "receiver")
@@ -82,15 +109,14 @@ class SimulatedReceiver:
 
     def _receive(self, cluster: list[Boresight]) -> Reception:
         t_s = np.array([sample.t_s for sample in cluster])
-        look = self._track.sample(t_s)
+        azimuth, elevation, range_m = self._ahead.at(t_s).T
         right, up = sky_offset_rad(
-            look.azimuth_rad,
-            look.elevation_rad,
+            azimuth,
+            elevation,
             [sample.azimuth_rad for sample in cluster],
             [sample.elevation_rad for sample in cluster],
         )
-        above = look.elevation_rad > 0.0
-        level = np.where(above, self._link.carrier_to_noise_db_hz(look.range_m, np.abs(look.elevation_rad)), -np.inf)
+        level = np.where(elevation > 0.0, self._link.carrier_to_noise_db_hz(range_m, np.abs(elevation)), -np.inf)
         sample_s = float(t_s[-1] - t_s[0]) / (len(t_s) - 1)
         truth = PointingError(
             t_s=float(t_s[-1]),

@@ -1,6 +1,8 @@
 """The target's coming motion, collected from messages that arrive ahead of time, as a continuous function."""
 
 import bisect
+import itertools
+import math
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -45,6 +47,11 @@ class TargetBuffer:
         while self._times[-1] - self._times[0] > KEPT_S and len(self._times) > 2:
             del self._times[0], self._motions[0]
 
+    @property
+    def known_until_s(self) -> float:
+        """Time of the last sample, minus infinity without any."""
+        return self._times[-1] if self._times else -math.inf
+
     def covers(self, start_s: float, end_s: float) -> bool:
         """Whether the motion is known all the way from `start_s` to `end_s`."""
         if not self._times or start_s < self._times[0] - 1e-6 or end_s > self._times[-1] + 1e-6:
@@ -52,7 +59,7 @@ class TargetBuffer:
         first = max(bisect.bisect_right(self._times, start_s) - 1, 0)
         last = bisect.bisect_left(self._times, end_s - 1e-6)
         inside = self._times[first : last + 1]
-        return all(b - a <= LARGEST_GAP_S for a, b in zip(inside, inside[1:], strict=False))
+        return all(b - a <= LARGEST_GAP_S for a, b in itertools.pairwise(inside))
 
     def at(self, t_s: ArrayLike) -> Motion:
         """Return azimuth and elevation motion (n, 2) at the times (n,), all of which must be covered."""

@@ -51,7 +51,7 @@ class SpiralParams(Params):
 
 
 class SpiralSearch:
-    """The spiral of `params` as a function of time; it starts and ends at rest."""
+    """The spiral of `params` as a function of time: outwards from rest to rest, back on the same way, and again."""
 
     def __init__(self, params: SpiralParams) -> None:
         self.params = params
@@ -66,12 +66,17 @@ class SpiralSearch:
 
     @property
     def duration_s(self) -> float:
-        """Time until the end of the spiral."""
+        """Time until the spiral has passed everything once."""
         return float(self._time[-1])
 
     def offset(self, t_since_start_s: float) -> Offset:
-        """Return the offset from the expected direction and its rates; before the start and after the end it rests."""
-        t = min(max(t_since_start_s, 0.0), self.duration_s)
+        """Return the offset from the expected direction and its rates; before the start it rests."""
+        cycle = max(t_since_start_s, 0.0) % (2.0 * self.duration_s)
+        outward = cycle <= self.duration_s
+        x, y, x_rate, y_rate = self._outward(cycle if outward else 2.0 * self.duration_s - cycle)
+        return Offset(x, y, x_rate, y_rate) if outward else Offset(x, y, -x_rate, -y_rate)
+
+    def _outward(self, t: float) -> tuple[float, float, float, float]:
         i = min(int(np.searchsorted(self._time, t, side="right")) - 1, len(self._time) - 2)
         slope = (self._speed[i + 1] - self._speed[i]) / (self._time[i + 1] - self._time[i])
         elapsed = t - self._time[i]
@@ -80,7 +85,7 @@ class SpiralSearch:
         phi = self._phi_at(length, float(self._phi[i]))
         tangent = math.hypot(1.0, phi)
         cosine, sine = math.cos(phi), math.sin(phi)
-        return Offset(
+        return (
             self._b * phi * cosine,
             self._b * phi * sine,
             speed * (cosine - phi * sine) / tangent,

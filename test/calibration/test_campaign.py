@@ -50,7 +50,7 @@ def test_overlapping_passes_are_never_both_taken(track):
             sigma_azimuth_rad=1e-4,
             sigma_elevation_rad=1e-4,
         )
-        for name, miss, start in (("poor", 2.2e6, 0.0), ("rich", 4e5, 300.0), ("later", 4e5, 1300.0))
+        for name, miss, start in (("poor", 4.3e6, 0.0), ("rich", 4e5, 300.0), ("later", 4e5, 1300.0))
     ]
     campaign = plan_campaign(both, SectorRule(), turnaround_s=60.0)
     assert [c.name for c in campaign.passes] == ["rich", "later"]

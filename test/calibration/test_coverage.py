@@ -35,7 +35,7 @@ def test_tiny_negative_azimuth_falls_into_the_last_sector():
     assert int(RULE.sector_of(-1e-17, 0.5)) in (11, 0)
 
 
-def test_selection_takes_at_most_30_and_shares_them_over_passes(random):
+def test_selection_takes_at_most_30_and_shares_them_over_passes():
     azimuth, elevation = np.full(300, 0.2), np.full(300, 0.4)
     pass_id = np.repeat([0, 1, 2], 100)
     found = select_by_sector(azimuth, elevation, pass_id, RULE)

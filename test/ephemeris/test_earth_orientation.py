@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.ephemeris.earth_orientation import FixedEarthOrientation, IersEarthOrientation
-from rf_pointing.ephemeris.iers_tables import table_span_t_s
+from rf_pointing.ephemeris.iers_tables import last_measured_t_s, table_span_t_s
 from rf_pointing.ephemeris.time_scales import DAY_S, posix_from_calendar
 
 ARCSEC = math.radians(1.0 / 3600.0)
@@ -44,15 +44,16 @@ def test_the_length_of_day_jumps_by_a_leap_second_in_utc_only() -> None:
 def test_times_outside_the_tables_are_refused_with_the_last_date() -> None:
     first, last = table_span_t_s()
     for t_s in (first - 1.0, last, 4e9, math.inf):
-        with pytest.raises(ValueError, match="tabulated to 20.*FixedEarthOrientation"):
+        with pytest.raises(ValueError, match=r"tabulated to 20.*FixedEarthOrientation"):
             SOURCE.at(t_s)
         with pytest.raises(ValueError, match="tabulated to 20"):
             SOURCE.at(np.array([first, t_s]))
 
 
-def test_predictions_and_assumptions_are_announced_and_measured_values_are_not() -> None:
+def test_long_predictions_and_assumptions_are_announced_and_daily_values_are_not() -> None:
     assert SOURCE.warnings(posix_from_calendar("2006-06-26T00:00:00")) == ()
-    assert any("prediction" in text for text in SOURCE.warnings(table_span_t_s()[1] - 1.0))
+    assert SOURCE.warnings(last_measured_t_s() + 30.0 * DAY_S) == ()
+    assert any("days ahead, good to" in text for text in SOURCE.warnings(table_span_t_s()[1] - 1.0))
     assert "assumed" in FixedEarthOrientation(ut1_minus_utc_s=0.1).warnings(4e9)[0]
 
 

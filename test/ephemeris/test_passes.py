@@ -10,7 +10,6 @@ from skyfield.api import EarthSatellite, load, wgs84
 
 from rf_pointing.ephemeris import (
     Elements,
-    Site,
     TopocentricTrack,
     find_elements,
     find_passes,
@@ -81,12 +80,12 @@ def test_elevation_is_the_mask_at_both_ends_and_below_the_peak_between(
         assert found.duration_s == found.los_t_s - found.aos_t_s
 
 
-def test_no_pass_is_missed_against_a_one_second_grid(cbers: Elements, goldstone: Site) -> None:
+def test_no_pass_is_missed_against_a_fine_grid(track: TopocentricTrack, cbers: Elements) -> None:
+    elevation = track.sample(cbers.epoch_t_s + np.arange(0.0, 2.0 * DAY_S, 4.0)).elevation_rad
     for mask_deg in (0.0, 19.3, 40.5, 80.0):
-        track = TopocentricTrack(cbers, goldstone)
-        up = track.sample(cbers.epoch_t_s + np.arange(0.0, 3.0 * DAY_S, 1.0)).elevation_rad > math.radians(mask_deg)
+        up = elevation > math.radians(mask_deg)
         rises = np.count_nonzero(up[1:] & ~up[:-1]) + int(up[0])
-        assert len(find_passes(track, cbers.epoch_t_s, 3.0 * DAY_S, math.radians(mask_deg))) == rises
+        assert len(find_passes(track, cbers.epoch_t_s, 2.0 * DAY_S, math.radians(mask_deg))) == rises
 
 
 def test_the_spike_of_a_pass_through_the_zenith_is_found_between_steps(track: TopocentricTrack) -> None:
@@ -110,7 +109,7 @@ def test_a_geostationary_satellite_is_one_long_pass_or_none() -> None:
     assert [(p.rises_before, p.sets_after) for p in always] == [(True, True)]
     never = TopocentricTrack(elements, site("Goldstone DSS-13"))
     assert find_passes(never, elements.epoch_t_s, DAY_S, MASK_RAD) == []
-    with pytest.raises(ValueError, match="ITALSAT 2 has no pass above 20.00 deg in 24.00 h .* none rises above"):
+    with pytest.raises(ValueError, match=r"ITALSAT 2 has no pass above 20\.00 deg in 24\.00 h .* none rises above"):
         first_pass_above(never, elements.epoch_t_s, math.radians(20.0), MASK_RAD, DAY_S)
 
 

@@ -77,12 +77,17 @@ def test_every_direction_within_the_radius_comes_within_half_a_pitch(params: Spi
         assert np.hypot(path[:, 0] - x, path[:, 1] - y).min() <= 0.5 * pitch * 1.02
 
 
-def test_spiral_rests_before_the_start_and_after_the_end() -> None:
+def test_spiral_goes_out_from_rest_to_rest_half_a_pitch_beyond_the_radius_and_comes_back_the_same_way() -> None:
     search = SpiralSearch(SpiralParams())
     assert search.offset(-1.0) == pytest.approx((0.0, 0.0, 0.0, 0.0), abs=1e-15)
-    end = search.offset(search.duration_s + 10.0)
+    end = search.offset(search.duration_s)
     assert math.hypot(*end[:2]) == pytest.approx((195.0 + 0.5 * 39.0) * MDEG, rel=1e-9)
-    assert end[2:] == pytest.approx((0.0, 0.0), abs=1e-9 * MDEG)
+    assert end[2:] == pytest.approx((0.0, 0.0), abs=1e-6 * MDEG)
+    out, back = search.offset(search.duration_s - 3.0), search.offset(search.duration_s + 3.0)
+    assert back[:2] == pytest.approx(out[:2], abs=1e-9 * MDEG)
+    assert back[2:] == pytest.approx((-out[2], -out[3]), abs=1e-6 * MDEG)
+    again = search.offset(2.0 * search.duration_s + 4.0)
+    assert again == pytest.approx(search.offset(4.0), abs=1e-9 * MDEG)
 
 
 def test_three_beamwidths_at_x_band_are_searched_in_30_s() -> None:

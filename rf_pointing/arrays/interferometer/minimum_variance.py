@@ -18,11 +18,11 @@ def minimum_variance_step(
     """Return the increment dz (..., n) and its covariance H (..., n, n).
 
     Parameters: `gradient` G (..., m, n), `innovation` dy (..., m), `covariance` L (..., m, m) or None for the unit
-    matrix (then H is per unit variance, as in the listing).  Raises ValueError if the measurements do not determine
-    all n parameters.
+    matrix (then H is per unit variance, as in the listing).  Raises ValueError if L is singular or the measurements do
+    not determine all n parameters.
     """
     g = np.asarray(gradient, dtype=np.float64)
-    weighted = g if covariance is None else np.linalg.solve(np.asarray(covariance, dtype=np.float64), g)
+    weighted = g if covariance is None else _weighted(g, np.asarray(covariance, dtype=np.float64))
     information = np.swapaxes(g, -1, -2) @ weighted
     scale = np.sqrt(np.einsum("...kk->...k", information))
     if np.any(scale == 0.0) or not np.all(np.isfinite(scale)):
@@ -33,3 +33,11 @@ def minimum_variance_step(
     h = np.linalg.inv(scaled) / (scale[..., :, None] * scale[..., None, :])
     projected = np.einsum("...mn,...m->...n", weighted, np.asarray(innovation, dtype=np.float64))
     return np.einsum("...ij,...j->...i", h, projected), h
+
+
+def _weighted(gradient: Array, covariance: Array) -> Array:
+    try:
+        np.linalg.cholesky(covariance)
+    except np.linalg.LinAlgError:
+        raise ValueError("covariance is singular or not positive definite: a measurement is certain or NaN") from None
+    return np.asarray(np.linalg.solve(covariance, gradient))

@@ -33,18 +33,17 @@ class Gravity(Params):
 
     def acceleration(self, position_m: Array) -> Array:
         """Return the acceleration (..., 3) at positions (..., 3), m/s^2."""
-        x, y, z = np.moveaxis(position_m, -1, 0)
-        r2 = x * x + y * y + z * z
+        z = position_m[..., 2]
+        r2 = np.einsum("...i,...i->...", position_m, position_m)
         r = np.sqrt(r2)
-        s = z / r
-        s2 = s * s
-        q = EARTH_RADIUS_M / r
-        k2, k3, k4 = 1.5 * self.j2 * q**2, 2.5 * self.j3 * q**3, 0.625 * self.j4 * q**4
-        across = 1.0 - k2 * (5.0 * s2 - 1.0) - k3 * s * (7.0 * s2 - 3.0) + k4 * (-3.0 + 42.0 * s2 - 63.0 * s2 * s2)
-        along = 1.0 - k2 * (5.0 * s2 - 3.0) + k4 * (-15.0 + 70.0 * s2 - 63.0 * s2 * s2)
-        odd = k3 * (6.0 * s2 - 7.0 * s2 * s2 - 0.6)
+        s2, q2 = z * z / r2, EARTH_RADIUS_M**2 / r2
+        k2, k3, k4 = 1.5 * self.j2 * q2, 2.5 * self.j3 * q2 * EARTH_RADIUS_M / r2, 0.625 * self.j4 * q2 * q2
+        across = 1.0 - k2 * (5.0 * s2 - 1.0) - k3 * z * (7.0 * s2 - 3.0) + k4 * (s2 * (42.0 - 63.0 * s2) - 3.0)
+        polar = 2.0 * k2 + k3 * z * 3.0 + k4 * (28.0 * s2 - 12.0)
         scale = -GM_M3_S2 / (r2 * r)
-        return np.stack([scale * x * across, scale * y * across, scale * (z * along + r * odd)], axis=-1)
+        result: Array = position_m * (scale * across)[..., np.newaxis]
+        result[..., 2] += scale * (z * polar - 0.6 * k3 * r2)
+        return result
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,5 +21,5 @@ def poses(rng):
 
 @pytest.fixture
 def worked_example():
-    """Direction (30, 20) deg and attitude (10, -15, 25) deg: the conversion example of the acceptance checks."""
+    """Direction (30, 20) deg and attitude (10, -15, 25) deg: off every axis."""
     return direction_from_angles(*np.radians([30.0, 20.0])), attitude_from_euler(*np.radians([10.0, -15.0, 25.0]))

@@ -32,3 +32,9 @@ def test_stacks_are_solved_one_by_one(rng) -> None:
 def test_undetermined_parameters_are_refused(gradient, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         minimum_variance_step(gradient, np.ones(3))
+
+
+@pytest.mark.parametrize("covariance", [np.ones((3, 3)), np.diag([1.0, -1.0, 1.0]), np.diag([1.0, 0.0, 1.0])])
+def test_a_singular_covariance_is_refused(covariance) -> None:
+    with pytest.raises(ValueError, match="covariance is singular or not positive definite"):
+        minimum_variance_step(np.array([[1.0], [2.0], [3.0]]), np.ones(3), covariance)

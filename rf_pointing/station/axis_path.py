@@ -1,0 +1,51 @@
+"""The axis motion that holds the beam on the target, ahead of time: target motion through the bias model, in blocks.
+
+The exact bias model costs the same for one instant as for twenty, so a block of coming instants is computed at once and
+kept until it is used up or something changes.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.calibration import BiasModel
+from rf_pointing.geometry import Motion, nearest_turn_rad
+from rf_pointing.station.target_buffer import TargetBuffer
+
+__all__ = ["AxisPath"]
+
+Array = NDArray[np.float64]
+
+
+class AxisPath:
+    """Axis motion (n, 2) at instants `period_s` apart, azimuth on the turn next to `near_azimuth_rad`."""
+
+    def __init__(self, period_s: float) -> None:
+        self._period_s = period_s
+        self._known: dict[int, Array] = {}
+
+    def clear(self) -> None:
+        """Forget the block: the target, the model or the turn has changed."""
+        self._known.clear()
+
+    def at(self, times: Array, targets: TargetBuffer, model: BiasModel, near_azimuth_rad: float) -> Motion:
+        """Return the motion at `times` (n,); what lies beyond is computed too, as far as the target is known."""
+        keys = [round(float(t) * 1000.0) for t in times]
+        if any(key not in self._known for key in keys):
+            self._compute(times, targets, model, near_azimuth_rad)
+        rows = np.array([self._known[key] for key in keys])
+        return Motion(rows[:, 0:2], rows[:, 2:4], rows[:, 4:6])
+
+    def _compute(self, times: Array, targets: TargetBuffer, model: BiasModel, near_azimuth_rad: float) -> None:
+        ahead = targets.known_until_s - float(times[-1])
+        beyond = float(times[-1]) + self._period_s * np.arange(1, max(0, int(ahead / self._period_s)) + 1)
+        block = np.concatenate([times, beyond])
+        motion = held(targets.at(block), model, near_azimuth_rad)
+        rows = np.concatenate(motion, axis=1)
+        self._known = {round(float(t) * 1000.0): row for t, row in zip(block, rows, strict=True)}
+
+
+def held(sky: Motion, model: BiasModel, near_azimuth_rad: float) -> Motion:
+    """Return the axis motion (n, 2) that holds the beam on apparent directions, on the turn next to an azimuth."""
+    position, velocity, acceleration = model.apply_moving(*sky)
+    first = float(position[0, 0])
+    return Motion(position + np.array([nearest_turn_rad(first, near_azimuth_rad) - first, 0.0]), velocity, acceleration)

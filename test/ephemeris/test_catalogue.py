@@ -1,0 +1,129 @@
+"""Catalogue search: the single-object search as reference on random orbits, dips, cut passes and refused objects."""
+
+import dataclasses
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from rf_pointing.ephemeris import (
+    Elements,
+    Site,
+    TopocentricTrack,
+    find_catalogue_passes,
+    find_passes,
+    site,
+    verification_elements,
+)
+from rf_pointing.ephemeris.time_scales import posix_from_calendar
+from rf_pointing.geometry import random_stream
+
+START_T_S = 1151347200.0
+DAY_S = 86400.0
+MASK_RAD = math.radians(5.0)
+EVENT_S = 0.02
+PEAK_RAD = 5e-6
+"""Interpolation is good to 1 m, seen from 300 km or more."""
+GM_M3_S2 = 3.986004418e14
+
+
+def random_orbits(count: int) -> list[Elements]:
+    """Perigee 400 to 1500 km, half of them eccentric up to 0.7."""
+    rng = random_stream(3, "catalogue orbits")
+    orbits = []
+    for number in range(1, count + 1):
+        eccentricity = rng.uniform(0.0, 0.7) if number % 2 else rng.uniform(0.0, 0.01)
+        axis_m = (6.378e6 + rng.uniform(400e3, 1500e3)) / (1.0 - eccentricity)
+        angles = rng.uniform(0.0, 2.0 * math.pi, 3)
+        orbits.append(
+            Elements(
+                name=f"orbit {number}",
+                catalogue_number=number,
+                epoch_t_s=START_T_S - rng.uniform(0.0, DAY_S),
+                inclination_rad=rng.uniform(0.2, 1.9),
+                ascending_node_rad=angles[0],
+                eccentricity=eccentricity,
+                argument_of_perigee_rad=angles[1],
+                mean_anomaly_rad=angles[2],
+                mean_motion_rad_s=math.sqrt(GM_M3_S2 / axis_m**3),
+                drag_per_earth_radius=1e-5,
+            )
+        )
+    return orbits
+
+
+@pytest.mark.parametrize("options", [{}, {"light_time": "none", "refraction": None}, {"light_time": "transmit"}])
+def test_every_pass_is_that_of_the_single_search(options: dict) -> None:
+    orbits, place = random_orbits(8), site("Canberra DSS-43")
+    found = find_catalogue_passes(orbits, place, START_T_S, DAY_S, MASK_RAD, **options)
+    assert found.refused == ()
+    assert len(found.passes) > 25
+    assert [p.aos_t_s for p in found.passes] == sorted(p.aos_t_s for p in found.passes)
+    for orbit in orbits:
+        ours = [p for p in found.passes if p.elements is orbit]
+        wanted = find_passes(TopocentricTrack(orbit, place, **options), START_T_S, DAY_S, MASK_RAD)
+        assert len(ours) == len(wanted), orbit.name
+        for mine, single in zip(ours, wanted, strict=True):
+            assert mine.aos_t_s == pytest.approx(single.aos_t_s, abs=EVENT_S)
+            assert mine.los_t_s == pytest.approx(single.los_t_s, abs=EVENT_S)
+            assert mine.peak_elevation_rad == pytest.approx(single.peak_elevation_rad, abs=PEAK_RAD)
+            assert math.cos(mine.aos_azimuth_rad - single.aos_azimuth_rad) > 1.0 - 1e-8
+            assert math.cos(mine.los_azimuth_rad - single.los_azimuth_rad) > 1.0 - 1e-8
+            assert (mine.rises_before, mine.sets_after) == (single.rises_before, single.sets_after)
+
+
+def test_a_dip_below_the_mask_shorter_than_the_step_separates_two_passes() -> None:
+    """A mask put just above the lowest point that an eccentric orbit reaches between two maxima."""
+    place = site("Madrid DSS-63")
+    orbit = dataclasses.replace(
+        random_orbits(1)[0], inclination_rad=1.1, eccentricity=0.7, mean_motion_rad_s=2.0 * math.pi / 43000.0,
+        argument_of_perigee_rad=4.9, ascending_node_rad=2.0,
+    )  # fmt: skip
+    track = TopocentricTrack(orbit, place)
+    t_s = START_T_S + np.arange(0.0, DAY_S, 5.0)
+    elevation = track.sample(t_s).elevation_rad
+    dips = np.flatnonzero((elevation[1:-1] < elevation[:-2]) & (elevation[1:-1] < elevation[2:])) + 1
+    lowest = [float(elevation[i]) for i in dips if elevation[i] > 0.2]
+    assert lowest
+    mask = lowest[0] + 2e-6
+    ours = find_catalogue_passes([orbit], place, START_T_S, DAY_S, mask).passes
+    wanted = find_passes(track, START_T_S, DAY_S, mask)
+    gaps = [b.aos_t_s - a.los_t_s for a, b in itertools.pairwise(wanted)]
+    assert min(gaps) < 200.0
+    np.testing.assert_allclose([p.aos_t_s for p in ours], [p.aos_t_s for p in wanted], rtol=0.0, atol=0.5)
+    np.testing.assert_allclose([p.los_t_s for p in ours], [p.los_t_s for p in wanted], rtol=0.0, atol=0.5)
+
+
+def test_objects_that_cannot_be_searched_are_listed_with_the_reason(goldstone: Site) -> None:
+    elements = verification_elements()
+    found = find_catalogue_passes(elements, goldstone, START_T_S, DAY_S, MASK_RAD)
+    reasons = {one.catalogue_number: reason for one, reason in found.refused}
+    assert "days from its epoch, must be <= 14.00 days" in reasons[88888]
+    assert reasons[28350] == "mean eccentricity is outside the range 0.0 to 1.0"
+    searched = {p.elements.catalogue_number for p in found.passes}
+    assert 28057 in searched
+    assert not searched & set(reasons)
+
+
+def test_a_pass_under_way_is_cut_off_at_the_start_and_the_end(cbers: Elements, goldstone: Site) -> None:
+    (cut,) = find_catalogue_passes([cbers], goldstone, 1151384500.0, 300.0, MASK_RAD).passes
+    assert (cut.aos_t_s, cut.los_t_s) == (1151384500.0, 1151384800.0)
+    assert cut.rises_before
+    assert cut.sets_after
+    assert cut.tca_t_s == pytest.approx(1151384680.3, abs=0.05)
+
+
+def test_an_empty_catalogue_has_no_passes(goldstone: Site) -> None:
+    assert find_catalogue_passes([], goldstone, START_T_S, DAY_S, MASK_RAD).passes == ()
+
+
+def test_elements_from_before_a_leap_second_are_moved_by_it(cbers: Elements, goldstone: Site) -> None:
+    """Epoch 2005-12-31, search on 2006-01-04: the second of 2006-01-01 lies between."""
+    before = dataclasses.replace(cbers, epoch_t_s=posix_from_calendar("2005-12-31T12:00:00"))
+    start = posix_from_calendar("2006-01-04T00:00:00")
+    ours = find_catalogue_passes([before], goldstone, start, DAY_S, MASK_RAD).passes
+    wanted = find_passes(TopocentricTrack(before, goldstone), start, DAY_S, MASK_RAD)
+    np.testing.assert_allclose([p.aos_t_s for p in ours], [p.aos_t_s for p in wanted], rtol=0.0, atol=EVENT_S)
+    with pytest.raises(ValueError, match=r"a leap second lies within 2 days .* use find_passes"):
+        find_catalogue_passes([before], goldstone, start - 3.0 * DAY_S, DAY_S, MASK_RAD)

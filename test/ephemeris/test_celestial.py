@@ -1,0 +1,121 @@
+"""Sun, Moon and radio sources: published almanac values, SOFA's own observer chain, astropy, and derivatives."""
+
+import json
+import math
+from pathlib import Path
+
+import erfa
+import numpy as np
+import pytest
+
+from rf_pointing.ephemeris import (
+    RADIO_SOURCES,
+    IersEarthOrientation,
+    RadioSource,
+    Site,
+    TopocentricTrack,
+    Tt,
+    Utc,
+    moon,
+    radio_source,
+    site,
+    sun,
+)
+from rf_pointing.ephemeris.celestial import CelestialTarget
+from rf_pointing.geometry import MDEG, angular_distance_rad
+
+ASTROPY = json.loads((Path(__file__).parent / "data" / "astropy.json").read_text())
+ASTROPY_MDEG = {"Sun": 0.03, "Moon": 0.001, "Cassiopeia A": 0.001, "3C 273": 0.001}
+"""The Sun stands alone: astropy takes its light time and aberration in another order."""
+SOFA_MDEG = 1e-4
+RATE_MDEG_S = 1e-4
+
+
+def target_of(name: str) -> CelestialTarget:
+    return {"Sun": sun, "Moon": moon}[name]() if name in ("Sun", "Moon") else radio_source(name)
+
+
+def test_bodies_agree_with_astropy() -> None:
+    for name, station, t_s, azimuth, elevation in ASTROPY["bodies"]:
+        seen = TopocentricTrack(target_of(name), site(station), refraction=None).target_at(t_s)
+        apart = angular_distance_rad(azimuth, elevation, seen.azimuth_rad, seen.elevation_rad)
+        assert apart < ASTROPY_MDEG[name] * MDEG, (name, station, t_s)
+
+
+@pytest.mark.parametrize("name", RADIO_SOURCES)
+def test_sources_agree_with_sofas_observer_chain(name: str) -> None:
+    place, source, t_s = site("Canberra DSS-43"), RADIO_SOURCES[name], 1151384680.25
+    utc, earth = Utc.from_posix(t_s), IersEarthOrientation().at(t_s)
+    azimuth, zenith, *_ = erfa.atco13(
+        source.right_ascension_rad, source.declination_rad, 0.0, 0.0, 0.0, 0.0, utc.whole, utc.fraction,
+        earth.ut1_minus_utc_s, place.longitude_rad, place.latitude_rad, place.altitude_m,
+        earth.pole_x_rad, earth.pole_y_rad, 0.0, 0.0, 0.0, 1e5,
+    )  # fmt: skip
+    seen = TopocentricTrack(source.target(), place, refraction=None).target_at(t_s)
+    apart = angular_distance_rad(azimuth, 0.5 * np.pi - zenith, seen.azimuth_rad, seen.elevation_rad)
+    assert apart < SOFA_MDEG * MDEG
+
+
+def test_the_moon_of_meeus_example_47a() -> None:
+    """1992 April 12, 0h TD: distance 368409.7 km, right ascension 134.688470 deg, declination 13.768368 deg."""
+    t_s = Tt(2448724.5, 0.0).to_tai().to_utc().posix_s()
+    x, y, z = moon()._position(t_s)
+    assert math.hypot(x, y, z) * 149597870.7 == pytest.approx(368409.7, abs=0.1)
+    true_of_date = erfa.pnm06a(2448724.5, 0.0) @ np.array([x, y, z])
+    right_ascension, declination = erfa.c2s(true_of_date)
+    assert math.degrees(right_ascension) == pytest.approx(134.688470, abs=3e-4)
+    assert math.degrees(declination) == pytest.approx(13.768368, abs=3e-4)
+
+
+def test_the_sun_of_meeus_example_25b() -> None:
+    """1992 October 13, 0h TD: apparent right ascension 13h 13m 30.749s, declination -7 deg 47' 01.74"."""
+    t_s = Tt(2448908.5, 0.0).to_tai().to_utc().posix_s()
+    track = TopocentricTrack(sun(), Site.from_degrees(0.0, 0.0, 0.0), refraction=None)
+    motion = track.target.motion_at(t_s)
+    delay_s = 499.0 * 0.99766
+    earth_fixed = np.array(motion.position) - delay_s * np.array(motion.velocity)
+    earth, utc = IersEarthOrientation().at(t_s), Utc.from_posix(t_s)
+    matrix = erfa.c2t06a(2448908.5, 0.0, utc.whole, utc.fraction + earth.ut1_minus_utc_s / 86400.0,
+                         earth.pole_x_rad, earth.pole_y_rad)  # fmt: skip
+    right_ascension, declination = erfa.c2s(erfa.pnm06a(2448908.5, 0.0) @ matrix.T @ earth_fixed)
+    assert math.degrees(right_ascension) % 360.0 / 15.0 == pytest.approx(13 + 13 / 60 + 30.749 / 3600, abs=0.1 / 3600)
+    assert math.degrees(declination) == pytest.approx(-(7 + 47 / 60 + 1.74 / 3600), abs=1.0 / 3600)
+
+
+@pytest.mark.parametrize("name", ["Sun", "Moon", "Cygnus A"])
+def test_rates_are_derivatives_and_one_time_equals_many(name: str) -> None:
+    track, step_s = TopocentricTrack(target_of(name), site("Madrid DSS-63")), 5.0
+    t_s = 1151384680.0 + np.arange(0.0, 86400.0, 1777.0)
+    looks = track.sample(t_s)
+    before, after = track.sample(t_s - step_s), track.sample(t_s + step_s)
+    high = (looks.elevation_rad > 0.1) & (looks.elevation_rad < 1.4)
+    assert high.any()
+    for axis in ("azimuth", "elevation"):
+        difference = getattr(after, f"{axis}_rad") - getattr(before, f"{axis}_rad")
+        difference = (difference + np.pi) % (2.0 * np.pi) - np.pi
+        error = np.abs(difference / (2.0 * step_s) - getattr(looks, f"{axis}_rate_rad_s"))
+        assert error[high].max() < RATE_MDEG_S * MDEG
+    one = track.target_at(float(t_s[7]))
+    assert one.elevation_rad == pytest.approx(looks.elevation_rad[7], abs=1e-12)
+    assert one.range_m == pytest.approx(looks.range_m[7], rel=1e-12)
+
+
+def test_the_moon_is_near_enough_for_parallax() -> None:
+    """A degree between two stations half a world apart; a radio source has none."""
+    t_s = 1151384680.0
+    positions = {}
+    for name in ("Moon", "Cygnus A"):
+        directions = []
+        for place in (site("Goldstone DSS-13"), site("Canberra DSS-43")):
+            motion, _, _ = TopocentricTrack(target_of(name), place, refraction=None).relative_motion_at(t_s)
+            directions.append(np.array(motion.position) @ place.rotation / np.linalg.norm(motion.position))
+        positions[name] = math.degrees(math.acos(min(1.0, float(directions[0] @ directions[1]))))
+    assert 0.5 < positions["Moon"] < 2.0
+    assert positions["Cygnus A"] < 2e-4
+
+
+def test_unknown_sources_and_impossible_places_are_refused() -> None:
+    with pytest.raises(ValueError, match="radio_source='Sagittarius Z' must be one of Cassiopeia A, "):
+        radio_source("Sagittarius Z")
+    with pytest.raises(ValueError, match=r"declination_rad=2\.0 must be <="):
+        RadioSource("nowhere", 1.0, 2.0)

@@ -1,0 +1,224 @@
+"""OEM: closed-form polynomials and orbits, skyfield's frames, the edges of the usable span, and malformed messages."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sgp4
+from skyfield.api import EarthSatellite, load
+from skyfield.framelib import itrs
+
+from rf_pointing.ephemeris import (
+    Elements,
+    FixedEarthOrientation,
+    OemTarget,
+    Site,
+    TopocentricTrack,
+    read_oem,
+    utc_text,
+)
+from rf_pointing.geometry import MDEG, angular_distance_rad
+
+START_T_S = 1151384300.0
+STEP_S = 60.0
+TIMES = START_T_S + STEP_S * np.arange(15)
+INSIDE = np.linspace(TIMES[0], TIMES[-1], 333)
+LAGRANGE = {"INTERPOLATION": "LAGRANGE", "INTERPOLATION_DEGREE": "9"}
+FRAME_MDEG = {"TEME": 1e-3, "ITRF-2014": 5e-3, "GCRF": 5e-3, "EME2000": 5e-3}
+"""skyfield's own Earth orientation and its 1 cm in range; the EME2000 states are rotated by the bias it knows."""
+
+
+def text_of(states: list[np.ndarray], *, times: np.ndarray = TIMES, header: str = "", **meta: str) -> str:
+    fields = {
+        "OBJECT_NAME": "CBERS 2",
+        "OBJECT_ID": "2003-049A",
+        "CENTER_NAME": "EARTH",
+        "REF_FRAME": "TEME",
+        "TIME_SYSTEM": "UTC",
+        "START_TIME": utc_text(times[0]),
+        "STOP_TIME": utc_text(times[-1]),
+        "INTERPOLATION": "HERMITE",
+        "INTERPOLATION_DEGREE": "7",
+        **meta,
+    }
+    lines = [header or "CCSDS_OEM_VERS = 2.0", "ORIGINATOR = TEST", "META_START"]
+    lines += [f"{key} = {value}" for key, value in fields.items() if value]
+    lines += ["META_STOP", "COMMENT states in km and km/s"]
+    lines += [f"{utc_text(t)[:-1]} " + " ".join(f"{x:.9f}" for x in s) for t, s in zip(times, states, strict=True)]
+    return "\n".join([*lines, "COVARIANCE_START", "EPOCH = 2006-06-27T00:00:00", "1.0", "COVARIANCE_STOP", ""])
+
+
+def teme_states(cbers: Elements) -> list[np.ndarray]:
+    """TEME states; the velocity is the derivative of the positions, which that of SGP4 is not (0.02 m/s)."""
+    record, states = cbers.satrec(), []
+    for minutes in (TIMES - cbers.epoch_t_s) / 60.0:
+        a, b, here, c, d = (np.array(record.sgp4_tsince(minutes + k / 60.0)[1]) for k in (-2, -1, 0, 1, 2))
+        states.append(np.concatenate([here, (a - 8.0 * b + 8.0 * c - d) / 12.0]))
+    return states
+
+
+def cubic(t_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A cubic in time, in km, and its velocity: any method of degree 3 or more must reproduce it exactly."""
+    u = np.asarray(t_s - START_T_S)[..., None] / 400.0
+    coefficients = np.array([[7000.0, 10.0, -3000.0], [200.0, 2500.0, 300.0], [-90.0, 35.0, 8.0], [3.0, -4.0, 5.0]])
+    position = sum(c * u**k for k, c in enumerate(coefficients))
+    velocity = sum(k * c * u ** (k - 1) for k, c in enumerate(coefficients) if k) / 400.0
+    return position, velocity
+
+
+@pytest.mark.parametrize(("method", "degree"), [("HERMITE", 3), ("HERMITE", 11), ("LAGRANGE", 3), ("LAGRANGE", 10)])
+def test_a_cubic_motion_comes_back_with_all_its_derivatives(method: str, degree: int) -> None:
+    position, velocity = cubic(TIMES)
+    text = text_of(
+        list(np.hstack([position, velocity])), REF_FRAME="ITRF-2020", INTERPOLATION=method,
+        INTERPOLATION_DEGREE=str(degree),
+    )  # fmt: skip
+    target = OemTarget(read_oem(text))
+    turning = np.array([0.0, 0.0, target.rotation_rate_rad_s])
+    motion = target.motion_at(INSIDE)
+    wanted, wanted_velocity = (1e3 * v for v in cubic(INSIDE))
+    np.testing.assert_allclose(np.transpose(motion.position), wanted, rtol=0.0, atol=1e-3)
+    inertial = wanted_velocity + np.cross(turning, wanted)
+    np.testing.assert_allclose(np.transpose(motion.velocity), inertial, rtol=0.0, atol=1e-3)
+
+
+def test_linear_interpolation_is_the_chord() -> None:
+    position, velocity = cubic(TIMES)
+    text = text_of(
+        list(np.hstack([position, velocity])), REF_FRAME="ITRF", INTERPOLATION="LINEAR", INTERPOLATION_DEGREE=""
+    )
+    middle = OemTarget(read_oem(text)).motion_at(float(TIMES[4] + 0.25 * STEP_S)).position
+    np.testing.assert_allclose(middle, 1e3 * (0.75 * position[4] + 0.25 * position[5]), rtol=0.0, atol=1e-3)
+
+
+@pytest.mark.parametrize(("method", "degree", "tolerance_mdeg"), [("HERMITE", "7", 2e-3), ("LAGRANGE", "9", 2e-3)])
+def test_an_oem_of_a_pass_points_where_its_elements_point(
+    cbers: Elements, goldstone: Site, method: str, degree: str, tolerance_mdeg: float
+) -> None:
+    target = OemTarget(read_oem(text_of(teme_states(cbers), INTERPOLATION=method, INTERPOLATION_DEGREE=degree)))
+    ours, wanted = TopocentricTrack(target, goldstone).sample(INSIDE), TopocentricTrack(cbers, goldstone).sample(INSIDE)
+    apart = angular_distance_rad(ours.azimuth_rad, ours.elevation_rad, wanted.azimuth_rad, wanted.elevation_rad)
+    assert apart.max() < tolerance_mdeg * MDEG
+    np.testing.assert_allclose(ours.azimuth_rate_rad_s, wanted.azimuth_rate_rad_s, rtol=0.0, atol=1e-3 * MDEG)
+    np.testing.assert_allclose(
+        ours.elevation_acceleration_rad_s2, wanted.elevation_acceleration_rad_s2, rtol=0.0, atol=5e-3 * MDEG
+    )
+
+
+@pytest.mark.parametrize("frame", FRAME_MDEG)
+def test_every_frame_points_to_the_same_satellite(frame: str, cbers: Elements, goldstone: Site) -> None:
+    """States from skyfield in its own frames, without polar motion on either side."""
+    scale = load.timescale(builtin=True)
+    lines = (Path(sgp4.__file__).parent / "SGP4-VER.TLE").read_text().splitlines()
+    line1, line2 = [line[:69] for line in lines if line[2:7] == "28057"]
+    at = EarthSatellite(line1, line2, "x", scale).at(scale.utc(1970, 1, 1 + TIMES // 86400, 0, 0, TIMES % 86400))
+    if frame == "TEME":
+        states = teme_states(cbers)
+    elif frame.startswith("ITRF"):
+        position, velocity = at.frame_xyz_and_velocity(itrs)
+        states = list(np.vstack([position.km, velocity.km_per_s]).T)
+    else:
+        bias = np.array([[1.0, -7.0783e-8, 8.0562e-8], [7.0783e-8, 1.0, 3.306e-8], [-8.0562e-8, -3.306e-8, 1.0]])
+        turn = bias if frame == "EME2000" else np.eye(3)
+        states = list(np.vstack([turn @ at.position.km, turn @ at.velocity.km_per_s]).T)
+    unlike_skyfield = FixedEarthOrientation(ut1_minus_utc_s=0.19594)
+    target = OemTarget(read_oem(text_of(states, REF_FRAME=frame, **LAGRANGE)), unlike_skyfield)
+    ours = TopocentricTrack(target, goldstone).sample(INSIDE)
+    wanted = TopocentricTrack(cbers, goldstone, orientation=unlike_skyfield).sample(INSIDE)
+    apart = angular_distance_rad(ours.azimuth_rad, ours.elevation_rad, wanted.azimuth_rad, wanted.elevation_rad)
+    assert apart.max() < FRAME_MDEG[frame] * MDEG
+    np.testing.assert_allclose(ours.range_rate_m_s, wanted.range_rate_m_s, rtol=0.0, atol=0.05)
+
+
+def test_one_time_and_many_times_agree(cbers: Elements, goldstone: Site) -> None:
+    track = TopocentricTrack(OemTarget(read_oem(text_of(teme_states(cbers)))), goldstone)
+    looks = track.sample(INSIDE[::50])
+    for index, t_s in enumerate(INSIDE[::50].tolist()):
+        assert track.target_at(t_s).elevation_rad == pytest.approx(looks.elevation_rad[index], abs=1e-12)
+
+
+@pytest.mark.parametrize(("scale", "offset_s"), [("TAI", 33.0), ("TT", 65.184), ("GPS", 14.0), ("TDB", 65.184)])
+def test_time_systems_are_told_apart(scale: str, offset_s: float, cbers: Elements) -> None:
+    """The same instants written in another scale: 33 s of leap seconds in 2006."""
+    shifted = text_of(teme_states(cbers), times=TIMES + offset_s, TIME_SYSTEM=scale)
+    plain = OemTarget(read_oem(text_of(teme_states(cbers))))
+    other = OemTarget(read_oem(shifted))
+    error_s = 0.002 if scale == "TDB" else 1e-6
+    apart = np.subtract(
+        other.motion_at(float(TIMES[5]) + 0.1).position, plain.motion_at(float(TIMES[5]) + 0.1).position
+    )
+    assert np.linalg.norm(apart) < 7600.0 * error_s + 0.01
+
+
+def test_nothing_is_extrapolated_beyond_the_usable_span(cbers: Elements) -> None:
+    usable = {"USEABLE_START_TIME": utc_text(TIMES[2]), "USEABLE_STOP_TIME": utc_text(TIMES[-3])}
+    target = OemTarget(read_oem(text_of(teme_states(cbers), **usable)))
+    for t_s in (float(TIMES[2]), float(TIMES[-3])):
+        target.motion_at(t_s)
+    for t_s in (float(TIMES[2]) - 0.01, float(TIMES[-3]) + 0.01):
+        with pytest.raises(ValueError, match=r"outside the usable span of CBERS 2: 2006-06-27T05:00:20.* to 2006"):
+            target.motion_at(t_s)
+        with pytest.raises(ValueError, match="outside the usable span"):
+            target.motion_at(np.array([TIMES[5], t_s]))
+
+
+def test_segments_are_not_interpolated_across_and_the_later_one_wins(cbers: Elements) -> None:
+    """The second segment, as after a manoeuvre, is moved by 100 km and begins inside the first."""
+    states = teme_states(cbers)
+    moved = [state + np.array([100.0, 0, 0, 0, 0, 0]) for state in states]
+    first = text_of(states[:9], times=TIMES[:9])
+    second = "META_START" + text_of(moved[7:], times=TIMES[7:]).split("META_START", 1)[1]
+    target, plain = OemTarget(read_oem(first + second)), OemTarget(read_oem(text_of(states)))
+    for t_s, shift_m in ((float(TIMES[7]) - 0.1, 0.0), (float(TIMES[7]) + 0.1, 1e5), (float(TIMES[-1]), 1e5)):
+        apart = np.subtract(target.motion_at(t_s).position, plain.motion_at(t_s).position)
+        assert np.linalg.norm(apart) == pytest.approx(shift_m, abs=1.0)
+
+
+def test_a_message_without_interpolation_needs_one(cbers: Elements) -> None:
+    text = text_of(teme_states(cbers), INTERPOLATION="", INTERPOLATION_DEGREE="")
+    with pytest.raises(ValueError, match="CBERS 2 declares no INTERPOLATION"):
+        OemTarget(read_oem(text))
+    OemTarget(read_oem(text), interpolation=("LAGRANGE", 7)).motion_at(float(TIMES[3]))
+
+
+@pytest.mark.parametrize(
+    ("meta", "message"),
+    [
+        ({"CENTER_NAME": "MOON"}, "CENTER_NAME='MOON' must be EARTH"),
+        ({"TIME_SYSTEM": "MET"}, "TIME_SYSTEM='MET' must be one of UTC, TAI"),
+        ({"REF_FRAME": "TOD"}, "REF_FRAME='TOD' must be one of GCRF"),
+        ({"INTERPOLATION": "SPLINE"}, "INTERPOLATION='SPLINE' must be one of HERMITE, LAGRANGE, LINEAR"),
+        ({"INTERPOLATION_DEGREE": "many"}, "INTERPOLATION_DEGREE='many' must be a whole number"),
+        ({"INTERPOLATION_DEGREE": "6"}, "INTERPOLATION_DEGREE=6 must be odd for HERMITE"),
+        ({"INTERPOLATION": "LAGRANGE", "INTERPOLATION_DEGREE": "15"}, "has 15 states, must have 16 for LAGRANGE"),
+        ({"OBJECT_ID": "", "STOP_TIME": ""}, "CBERS 2 lacks OBJECT_ID, STOP_TIME"),
+    ],
+)
+def test_bad_metadata_is_named(meta: dict[str, str], message: str, cbers: Elements) -> None:
+    with pytest.raises(ValueError, match=message):
+        OemTarget(read_oem(text_of(teme_states(cbers), **meta)))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("CCSDS_OEM_VERS", "CCSDS_OMM_VERS"), "line 1: CCSDS_OMM_VERS must be CCSDS_OEM_VERS"),
+        (("META_START", "META_BEGIN"), "line 3: 'META_BEGIN' must read KEYWORD = value"),
+        (("2006-06-27T05:00:20.000 ", "2006-06-27T05:00:20.000 7 "), "line 17: a state must have an epoch and 6 or 9"),
+        (("2006-06-27T05:00:20.000 ", "2006-06-27T05:00:20.000 x"), "line 17: .* is not a number"),
+        (("2006-06-27T05:00:20.000 ", "2006-06-27T04:00:20.000 "), "2 or more states in increasing time"),
+    ],
+)
+def test_malformed_text_is_refused_with_its_line(change: tuple[str, str], message: str, cbers: Elements) -> None:
+    text = text_of(teme_states(cbers))
+    assert change[0] in text
+    with pytest.raises(ValueError, match=message):
+        read_oem(text.replace(*change))
+
+
+def test_a_message_with_nan_is_refused(cbers: Elements) -> None:
+    states = teme_states(cbers)
+    states[3] = np.array([math.nan, *states[3][1:]])
+    with pytest.raises(ValueError, match="must hold finite numbers"):
+        read_oem(text_of(states))

@@ -1,0 +1,132 @@
+"""OMM in four notations and both dialects against the TLE of the same object, and refusals by field."""
+
+import json
+
+import pytest
+from sgp4 import omm
+from sgp4.api import Satrec
+
+from rf_pointing.ephemeris import Elements, read_elements, tle_lines
+
+FIELDS = {
+    "OBJECT_NAME": "CBERS 2",
+    "OBJECT_ID": "2003-049A",
+    "EPOCH": "2006-06-26T18:52:04.079712",
+    "MEAN_MOTION": 14.35478080,
+    "ECCENTRICITY": 0.0000884,
+    "INCLINATION": 98.4283,
+    "RA_OF_ASC_NODE": 247.6961,
+    "ARG_OF_PERICENTER": 88.1964,
+    "MEAN_ANOMALY": 271.9322,
+    "EPHEMERIS_TYPE": 0,
+    "CLASSIFICATION_TYPE": "U",
+    "NORAD_CAT_ID": 28057,
+    "ELEMENT_SET_NO": 183,
+    "REV_AT_EPOCH": 14055,
+    "BSTAR": 0.00003594,
+    "MEAN_MOTION_DOT": 6e-7,
+    "MEAN_MOTION_DDOT": 0,
+}
+STRINGS = {key: str(value) for key, value in FIELDS.items()}
+
+
+def as_xml(fields: dict[str, object]) -> str:
+    leaves = "".join(f"<{key}>{value}</{key}>" for key, value in fields.items())
+    return f'<?xml version="1.0"?><ndm><omm id="CCSDS_OMM_VERS"><body><segment>{leaves}</segment></body></omm></ndm>'
+
+
+def as_csv(fields: dict[str, object]) -> str:
+    return ",".join(fields) + "\r\n" + ",".join(map(str, fields.values())) + "\r\n"
+
+
+def as_kvn(fields: dict[str, object]) -> str:
+    lines = [f"{key:20s} = {value}" + (" [deg]" if key == "INCLINATION" else "") for key, value in fields.items()]
+    return "CCSDS_OMM_VERS = 2.0\nCOMMENT made up\nREF_FRAME = TEME\nTIME_SYSTEM = UTC\n" + "\n".join(lines)
+
+
+NOTATIONS = {
+    "json numbers": lambda fields: json.dumps([fields]),
+    "json strings": lambda fields: json.dumps([{key: str(value) for key, value in fields.items()}]),
+    "json object": json.dumps,
+    "xml": as_xml,
+    "csv": as_csv,
+    "kvn": as_kvn,
+}
+
+
+@pytest.mark.parametrize("notation", NOTATIONS)
+def test_every_notation_gives_the_elements_of_the_tle(notation: str, cbers: Elements) -> None:
+    (found,) = read_elements(NOTATIONS[notation](FIELDS))
+    assert found.name == "CBERS 2"
+    assert tle_lines(found) == tle_lines(cbers)
+    assert found.epoch_t_s == pytest.approx(cbers.epoch_t_s, abs=1e-5)
+
+
+def test_propagation_agrees_with_the_sgp4_readers_of_csv() -> None:
+    wanted = Satrec()
+    omm.initialize(wanted, STRINGS)
+    (found,) = read_elements(as_csv(FIELDS))
+    for minutes in (0.0, 100.0, 1440.0):
+        assert found.satrec().sgp4_tsince(minutes)[1] == pytest.approx(wanted.sgp4_tsince(minutes)[1], abs=1e-6)
+
+
+@pytest.mark.parametrize("notation", NOTATIONS)
+def test_catalogue_numbers_beyond_a_tle_are_kept_and_refused_only_by_the_tle(notation: str) -> None:
+    (found,) = read_elements(NOTATIONS[notation]({**FIELDS, "NORAD_CAT_ID": 799501234}))
+    assert found.catalogue_number == 799501234
+    assert found.satrec().sgp4_tsince(0.0)[0] == 0
+    with pytest.raises(ValueError, match=r"catalogue_number=799501234 must be in .* use OMM"):
+        tle_lines(found)
+
+
+def test_several_messages_come_in_order() -> None:
+    other = {**FIELDS, "NORAD_CAT_ID": 100123, "OBJECT_NAME": "SECOND"}
+    for text in (json.dumps([FIELDS, other]), as_kvn(FIELDS) + "\n" + as_kvn(other)):
+        assert [e.catalogue_number for e in read_elements(text)] == [28057, 100123]
+
+
+@pytest.mark.parametrize("notation", ["json numbers", "json strings", "xml", "csv", "kvn"])
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"MEAN_MOTION": "fast"}, r"OMM 1 \(CBERS 2\): MEAN_MOTION='fast' is not a number"),
+        ({"NORAD_CAT_ID": "T0001"}, "NORAD_CAT_ID='T0001' is not a number"),
+        ({"NORAD_CAT_ID": "12.5"}, "NORAD_CAT_ID=12.5 must be a whole number"),
+        ({"EPOCH": "yesterday"}, "date='yesterday' must read"),
+        ({"EPHEMERIS_TYPE": 4}, "EPHEMERIS_TYPE=.4.? must be one of 0, 2|EPHEMERIS_TYPE=4 must"),
+        ({"MEAN_ELEMENT_THEORY": "SGP4-XP"}, "MEAN_ELEMENT_THEORY='SGP4-XP' must be one of SGP4"),
+        ({"CENTER_NAME": "MARS"}, "CENTER_NAME='MARS' must be one of EARTH"),
+        ({"ECCENTRICITY": 1.5}, "eccentricity=1.5"),
+    ],
+)
+def test_a_bad_field_is_named(notation: str, change: dict[str, object], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        read_elements(NOTATIONS[notation]({**FIELDS, **change}))
+
+
+@pytest.mark.parametrize("key", ["EPOCH", "MEAN_MOTION", "NORAD_CAT_ID", "BSTAR", "ECCENTRICITY"])
+def test_a_missing_field_is_refused_never_zero(key: str) -> None:
+    without = {name: value for name, value in FIELDS.items() if name != key}
+    for text in (json.dumps(without), as_xml(without), as_csv(without), as_kvn(without)):
+        with pytest.raises(ValueError, match=f"{key} is missing"):
+            read_elements(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('[{"NORAD_CAT_ID": 5,', "OMM JSON is malformed"),
+        ('[{"MEAN_MOTION": NaN}]', "NaN, which is not a number"),
+        ("[5]", "OMM 1 must be a JSON object"),
+        ("[]", "no elements"),
+        ("<omm><body>", "OMM XML is malformed"),
+        ("<omm></omm>", "no elements"),
+        ("NORAD_CAT_ID,MEAN_MOTION\n1,5,6", "not as many columns"),
+        ("CCSDS_OMM_VERS = 2.0\nEPOCH 2006", "line 2: 'EPOCH 2006' must read KEYWORD = value"),
+        ("CCSDS_OMM_VERS = 2.0\nBSTAR = 1\nBSTAR = 2", "line 3: BSTAR is given twice"),
+        ("COMMENT x\nBSTAR = 1", "line 2: BSTAR comes before CCSDS_OMM_VERS"),
+    ],
+)
+def test_malformed_messages_are_refused(text: str, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        read_elements(text)
