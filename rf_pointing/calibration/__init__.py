@@ -19,7 +19,7 @@ from rf_pointing.calibration.shadow import ShadowRules, ShadowScore, Verdict
 from rf_pointing.calibration.streaming import StreamingFit
 from rf_pointing.calibration.tdm import read_tdm, write_tdm
 from rf_pointing.calibration.term_selection import HeldOut, TermSelection, held_out_passes, select_terms
-from rf_pointing.calibration.terms import EXTENSION_TERMS, TERM_NAMES, TERMS, Term
+from rf_pointing.calibration.terms import EXTENSION_TERMS, TERM_NAMES, TERMS, Term, terms_by_name
 from rf_pointing.calibration.tracking_csv import read_observations, read_tracking, write_observations, write_tracking
 
 __all__ = [
@@ -64,6 +64,7 @@ __all__ = [
     "read_tracking",
     "select_observations",
     "select_terms",
+    "terms_by_name",
     "uninformed_covariance",
     "write_model",
     "write_observations",

@@ -24,21 +24,24 @@ class PassHead:
     common: Array
     right: Array
 
-    def estimate(self, solution: Solution) -> tuple[Array, Array]:
-        """Return the pass's parameters and their standard deviations, the uncertainty of the terms included."""
+    def values(self, solution: Solution) -> Array:
+        """Return the pass's parameters (p,) that go with the common solution."""
+        return np.asarray(np.linalg.solve(self.own, self.right - self.common @ solution.values))
+
+    def sigma(self, solution: Solution) -> Array:
+        """Return their standard deviations (p,), the uncertainty of the terms included."""
         inverse = np.linalg.inv(self.own)
-        values = inverse @ (self.right - self.common @ solution.values)
-        spread = np.eye(len(values)) + self.common @ solution.covariance @ self.common.T
-        return values, np.sqrt(np.diag(inverse @ spread @ inverse.T))
+        spread = np.eye(len(self.own)) + self.common @ solution.covariance @ self.common.T
+        return np.asarray(np.sqrt(np.diag(inverse @ spread @ inverse.T)))
 
 
-def eliminate(own: Array, common: Array, right: Array, prior_sigma: Array) -> tuple[PassHead, Array]:
+def eliminate(rows: Array, prior_sigma: Array) -> tuple[PassHead, Array]:
     """Return the rows of a pass's own parameters and, free of them, rows (m, k + 1) for the common triangle.
 
-    `own` (n, p), `common` (n, k) and `right` (n,) are already divided by sigma.
+    `rows` (n, p + k + 1) holds the pass's own partials, the common ones and the right side, divided by sigma.
     """
-    count, width = own.shape[1], common.shape[1]
-    prior = np.concatenate([np.diag(1.0 / prior_sigma), np.zeros((count, width + 1))], axis=1)
-    rows = np.concatenate([prior, np.column_stack([own, common, right])])
-    factor = np.asarray(np.linalg.qr(rows, mode="r"))
+    count = len(prior_sigma)
+    prior = np.zeros((count, rows.shape[1]))
+    prior[:, :count] = np.diag(1.0 / prior_sigma)
+    factor = np.asarray(np.linalg.qr(np.concatenate([prior, rows]), mode="r"))
     return PassHead(factor[:count, :count], factor[:count, count:-1], factor[:count, -1]), factor[count:, count:]

@@ -100,28 +100,20 @@ class FitProblem:
         """Return the orbit and clock errors of every pass that took part."""
         if self.pass_priors is None:
             return ()
-        found = []
-        for pass_id, head in last.heads.items():
-            values, sigma = head.estimate(last.solution)
-            names = self.pass_priors.names
-            found.append(
-                PassErrors(
-                    pass_id,
-                    dict(zip(names, values.tolist(), strict=True)),
-                    dict(zip(names, sigma.tolist(), strict=True)),
-                )
+        names = self.pass_priors.names
+        return tuple(
+            PassErrors(
+                pass_id,
+                dict(zip(names, head.values(last.solution).tolist(), strict=True)),
+                dict(zip(names, head.sigma(last.solution).tolist(), strict=True)),
             )
-        return tuple(found)
+            for pass_id, head in last.heads.items()
+        )
 
     def weighted_passes(self, last: Round) -> list[tuple[int, Array, Array]]:
         """Return number, rows (m, k) and residuals (m,) of every pass, divided by sigma."""
-        passes = []
-        for pass_id, rows in self.rows_of_pass.items():
-            chosen = rows[last.used[rows]]
-            if len(chosen):
-                matrix, residual = self._common(chosen, last.residuals, last.weight)
-                passes.append((pass_id, matrix, residual))
-        return passes
+        rows = self._all_rows(last.residuals, last.weight)
+        return [(number, rows[chosen, :-1], rows[chosen, -1]) for number, chosen in self._used_rows(last.used).items()]
 
     def _modelled(self, values: Array) -> Pair:
         model = BiasModel({**self.held, **dict(zip(self.names, values.tolist(), strict=True))})
@@ -138,44 +130,47 @@ class FitProblem:
             self.measured[1] - modelled[1] + self.blocks[1].matrix @ values[self.blocks[1].columns],
         )
 
-    def _common(self, rows: NDArray[np.int64], right: Pair, weight: Array) -> tuple[Array, Array]:
-        count = len(rows)
-        matrix = np.zeros((2 * count, len(self.names)))
-        matrix[:count, self.blocks[0].columns] = self.blocks[0].matrix[rows]
-        matrix[count:, self.blocks[1].columns] = self.blocks[1].matrix[rows]
-        scale = self._scale(rows, weight)
-        return matrix * scale[:, np.newaxis], np.concatenate([right[0][rows], right[1][rows]]) * scale
+    def _all_rows(self, right: Pair, weight: Array) -> Array:
+        """Return the rows (2 n, k + 1) of common partials and right side, azimuth first, divided by sigma."""
+        count = len(self.data)
+        rows = np.zeros((2 * count, len(self.names) + 1))
+        rows[:count, self.blocks[0].columns] = self.blocks[0].matrix
+        rows[count:, self.blocks[1].columns] = self.blocks[1].matrix
+        rows[:, -1] = np.concatenate(right)
+        return rows * self._scale(weight)[:, np.newaxis]
 
-    def _scale(self, rows: NDArray[np.int64], weight: Array) -> Array:
-        root = np.sqrt(weight[rows])
-        return np.concatenate([root / self.sigmas[0][rows], root / self.sigmas[1][rows]])
+    def _scale(self, weight: Array) -> Array:
+        root = np.sqrt(weight)
+        return np.concatenate([root / self.sigmas[0], root / self.sigmas[1]])
 
     def _eliminate(self, used: NDArray[np.bool_], right: Pair, weight: Array) -> tuple[dict[int, PassHead], Array]:
-        own_azimuth, own_elevation = self._own()
+        own, priors = self._own()
+        scaled = np.concatenate(own) * self._scale(weight)[:, np.newaxis]
+        rows = np.concatenate([scaled, self._all_rows(right, weight)], axis=1)
         heads, remaining = {}, []
+        for pass_id, chosen in self._used_rows(used).items():
+            heads[pass_id], rest = eliminate(rows[chosen], priors.sigma)
+            remaining.append(rest)
+        return heads, np.concatenate(remaining)
+
+    def _used_rows(self, used: NDArray[np.bool_]) -> dict[int, NDArray[np.int64]]:
+        """Return the rows of each pass among the stacked azimuth and elevation equations."""
+        found = {}
         for pass_id, rows in self.rows_of_pass.items():
             chosen = rows[used[rows]]
             if len(chosen):
-                scale = self._scale(chosen, weight)[:, np.newaxis]
-                own = np.concatenate([own_azimuth[chosen], own_elevation[chosen]]) * scale
-                heads[pass_id], rest = eliminate(own, *self._common(chosen, right, weight), self._priors().sigma)
-                remaining.append(rest)
-        return heads, np.concatenate(remaining)
+                found[pass_id] = np.concatenate([chosen, chosen + len(self.data)])
+        return found
 
     def _pass_offsets(self, heads: Mapping[int, PassHead], solution: Solution) -> Pair:
         offsets = (np.zeros(len(self.data)), np.zeros(len(self.data)))
         for pass_id, head in heads.items():
-            rows, (values, _) = self.rows_of_pass[pass_id], head.estimate(solution)
-            for offset, own in zip(offsets, self._own(), strict=True):
+            rows, values = self.rows_of_pass[pass_id], head.values(solution)
+            for offset, own in zip(offsets, self._own()[0], strict=True):
                 offset[rows] = own[rows] @ values
         return offsets
 
-    def _own(self) -> Pair:
-        if self.own is None:
+    def _own(self) -> tuple[Pair, PassPriors]:
+        if self.own is None or self.pass_priors is None:
             raise ValueError("pass_priors=None: the fit has no pass errors")
-        return self.own
-
-    def _priors(self) -> PassPriors:
-        if self.pass_priors is None:
-            raise ValueError("pass_priors=None: the fit has no pass errors")
-        return self.pass_priors
+        return self.own, self.pass_priors

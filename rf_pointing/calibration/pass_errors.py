@@ -11,6 +11,7 @@ exactly the velocity lags, and free along, cross and radial offsets leave the la
 """
 
 from dataclasses import dataclass, fields
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,13 +30,15 @@ _EARTH_RADIUS_M = 6.371e6
 class PassPriors(Params):
     """Standard deviations of one pass's errors before the data; zero leaves an error out of the fit.
 
-    `along_track_drift_m_s` lets the along-track error grow through the pass, from its middle.
+    The drifts let an error change through the pass, linearly from its middle.
     """
 
     along_track_m: float = parameter(0.0, "orbit error along the track", low=0.0, high=1e6)
     cross_track_m: float = parameter(0.0, "orbit error across the track", low=0.0, high=1e6)
     radial_m: float = parameter(0.0, "orbit error in height", low=0.0, high=1e6)
     along_track_drift_m_s: float = parameter(0.0, "change of the along-track error", low=0.0, high=1e3)
+    cross_track_drift_m_s: float = parameter(0.0, "change of the cross-track error", low=0.0, high=1e3)
+    radial_drift_m_s: float = parameter(0.0, "change of the height error", low=0.0, high=1e3)
     clock_s: float = parameter(0.0, "time tag error of the station", low=0.0, high=10.0)
 
     def check_together(self) -> None:
@@ -43,12 +46,12 @@ class PassPriors(Params):
         if not self.names:
             raise ValueError("pass priors are all zero: give at least one a standard deviation, or leave them out")
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Return the errors that are estimated."""
         return tuple(item.name for item in fields(self) if getattr(self, item.name) > 0.0)
 
-    @property
+    @cached_property
     def sigma(self) -> Array:
         """Return their prior standard deviations."""
         return np.array([getattr(self, name) for name in self.names])
@@ -76,12 +79,14 @@ def track_axes(observations: Observations) -> tuple[Array, Array, Array]:
 
 def _orbit_columns(data: Observations) -> dict[str, Array]:
     along, across, radial = track_axes(data)
-    elapsed = data.t_s - _middle_of_pass(data)
+    elapsed = (data.t_s - _middle_of_pass(data))[:, np.newaxis]
     return {
         "along_track_m": _seen(data, along),
         "cross_track_m": _seen(data, across),
         "radial_m": _seen(data, radial),
-        "along_track_drift_m_s": _seen(data, along * elapsed[:, np.newaxis]),
+        "along_track_drift_m_s": _seen(data, along * elapsed),
+        "cross_track_drift_m_s": _seen(data, across * elapsed),
+        "radial_drift_m_s": _seen(data, radial * elapsed),
     }
 
 
@@ -112,8 +117,8 @@ def _seen(data: Observations, displacement: Array) -> Array:
 
 
 def _middle_of_pass(data: Observations) -> Array:
-    middle = np.empty(len(data))
-    for number in data.passes:
-        rows = data.pass_id == number
-        middle[rows] = 0.5 * (np.min(data.t_s[rows]) + np.max(data.t_s[rows]))
-    return middle
+    numbers, place = np.unique(data.pass_id, return_inverse=True)
+    first, last = np.full(len(numbers), np.inf), np.full(len(numbers), -np.inf)
+    np.minimum.at(first, place, data.t_s)
+    np.maximum.at(last, place, data.t_s)
+    return np.asarray(0.5 * (first + last)[place])

@@ -4,7 +4,6 @@ The catalogue number is an integer of up to nine digits.  The number handed to t
 the sgp4 library refuses labels above 339999, so those get 0 inside the propagator and keep their number here.
 """
 
-import difflib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -97,6 +96,8 @@ def find_elements(elements: Sequence[Elements], wanted: str) -> Elements:
     key = wanted.strip().casefold()
     found = [e for e in elements if e.name.casefold() == key or (key.isdigit() and e.catalogue_number == int(key))]
     if not found:
+        import difflib
+
         names = [label for e in elements for label in (e.name, str(e.catalogue_number)) if label]
         near = difflib.get_close_matches(wanted, names, n=5, cutoff=0.4) or names[:5]
         raise ValueError(f"satellite={wanted!r} is not among {len(elements)} elements; nearest: {', '.join(near)}")

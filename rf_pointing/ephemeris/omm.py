@@ -5,12 +5,9 @@ number is a plain integer of up to nine digits.  Only elements of the SGP4 theor
 same numbers mean another orbit in any other theory.
 """
 
-import csv
-import io
 import json
 import math
 import re
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
 from typing import Any
 
@@ -47,6 +44,8 @@ def read_omm_json(text: str) -> list[Elements]:
 
 def read_omm_xml(text: str) -> list[Elements]:
     """Return the elements of an <omm> or of an <ndm> that holds several."""
+    from xml.etree import ElementTree
+
     try:
         root = ElementTree.fromstring(text.strip())
     except ElementTree.ParseError as error:
@@ -58,6 +57,9 @@ def read_omm_xml(text: str) -> list[Elements]:
 
 def read_omm_csv(text: str) -> list[Elements]:
     """Return the elements of a table whose first line names the columns."""
+    import csv
+    import io
+
     rows = list(csv.DictReader(io.StringIO(text.strip())))
     for number, row in enumerate(rows, start=1):
         if None in row or None in row.values():

@@ -11,7 +11,7 @@ numeric core (radians), YAML files and ROS parameters (degrees: `_rad` becomes `
 import dataclasses
 import math
 from collections.abc import Mapping
-from typing import Any, Self, TypeVar
+from typing import Any, Self, TypeVar, get_args, get_origin
 
 import numpy as np
 
@@ -117,15 +117,19 @@ def with_leaves(params: P, values: Mapping[str, Any]) -> P:
 
     The inverse of `leaves`.  Raises ValueError naming the key for an unknown one or a refused value.
     """
+    known = {to_degrees(item.name, None)[0]: item for item in dataclasses.fields(params)}
     changes: dict[str, Any] = {}
     nested: dict[str, dict[str, Any]] = {}
     for name, value in values.items():
         head, _, rest = name.partition(".")
         if rest:
             nested.setdefault(head, {})[rest] = value
+        elif head not in known:
+            raise ValueError(f"{head}: {type(params).__name__} has no such parameter")
         else:
-            field, changes_value = from_degrees(head, _tuple(value))
-            changes[field] = changes_value
+            _check_edge(known[head], head, _tuple(value))
+            field, core_value = from_degrees(head, _tuple(value))
+            changes[field] = core_value
     for head, below in nested.items():
         inner = getattr(params, head, None)
         if not isinstance(inner, Params):
@@ -134,10 +138,6 @@ def with_leaves(params: P, values: Mapping[str, Any]) -> P:
             changes[head] = with_leaves(inner, below)
         except ValueError as error:
             raise ValueError(f"{head}.{error}") from error
-    known = {item.name for item in dataclasses.fields(params)}
-    unknown = sorted(set(changes) - known)
-    if unknown:
-        raise ValueError(f"{to_degrees(unknown[0], 0.0)[0]}: {type(params).__name__} has no such parameter")
     return params.replace(**changes)
 
 
@@ -169,16 +169,47 @@ def _tuple(value: Any) -> Any:
 
 
 def _check(item: "dataclasses.Field[Any]", value: Any) -> None:
-    bounds = item.metadata
-    if bounds.get("choices"):
-        require_choice(item.name, value, bounds["choices"])
-        return
-    if item.type in (float, int) and (isinstance(value, bool) or not isinstance(value, (int, float))):
-        raise ValueError(f"{item.name}={value!r} must be a number")
-    if item.type in (bool, str) and not isinstance(value, item.type):
-        raise ValueError(f"{item.name}={value!r} must be of type {item.type.__name__}")
-    elements = enumerate(value) if isinstance(value, tuple) else [(None, value)]
-    for index, element in elements:
+    _check_type(item, item.name, value)
+    _check_range(item.name, value, item.metadata["low"], item.metadata["high"])
+
+
+def _check_edge(item: "dataclasses.Field[Any]", edge: str, value: Any) -> None:
+    """Refuse a value from outside in the outside's own words: the name and the bounds in degrees."""
+    _check_type(item, edge, value)
+    low, high = (to_degrees(item.name, item.metadata[side])[1] for side in ("low", "high"))
+    try:
+        _check(item, from_degrees(edge, value)[1])
+    except ValueError:
+        _check_range(edge, value, low, high)
+        raise
+
+
+def _check_type(item: "dataclasses.Field[Any]", name: str, value: Any) -> None:
+    kind = item.type
+    if item.metadata["choices"]:
+        require_choice(name, value, item.metadata["choices"])
+    elif get_origin(kind) is tuple:
+        if not isinstance(value, tuple):
+            raise ValueError(f"{name}={value!r} must be a list of values")
+        for index, element in enumerate(value):
+            _check_kind(f"{name}[{index}]", element, get_args(kind)[0])
+    else:
+        _check_kind(name, value, kind)
+
+
+def _check_kind(name: str, value: Any, kind: Any) -> None:
+    if kind in (float, int):
+        # True is an int to Python, and no number to anybody who writes a parameter file.
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
+            raise ValueError(f"{name}={value!r} must be a number")
+        if kind is int and not isinstance(value, int):
+            raise ValueError(f"{name}={value!r} must be a whole number")
+    elif not isinstance(value, kind):
+        raise ValueError(f"{name}={value!r} must be of type {kind.__name__}")
+
+
+def _check_range(name: str, value: Any, low: float | None, high: float | None) -> None:
+    elements = [(f"{name}[{i}]", v) for i, v in enumerate(value)] if isinstance(value, tuple) else [(name, value)]
+    for element_name, element in elements:
         if isinstance(element, (int, float)) and not isinstance(element, bool):
-            name = item.name if index is None else f"{item.name}[{index}]"
-            require_between(name, element, bounds.get("low"), bounds.get("high"))
+            require_between(element_name, element, low, high)

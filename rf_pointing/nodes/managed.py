@@ -44,7 +44,7 @@ class LossCounter:
     """Counts the gaps in the sequence numbers of the streams a node listens to."""
 
     def __init__(self) -> None:
-        self._newest: dict[str, int] = {}
+        self._newest: dict[tuple[str, str], int] = {}
         self.lost: dict[str, int] = {}
 
     def watching(self, topic: str, callback: Callable[[Any], None]) -> Callable[[Any], None]:
@@ -52,10 +52,12 @@ class LossCounter:
         self.lost[topic] = 0
 
         def counted(message: Any) -> None:
-            newest = self._newest.get(topic)
+            # Both trackers publish on one topic, each with its own count.
+            source = (topic, getattr(message, "sensor", ""))
+            newest = self._newest.get(source)
             if newest is not None and message.sequence > newest + 1:
                 self.lost[topic] += message.sequence - newest - 1
-            self._newest[topic] = message.sequence
+            self._newest[source] = message.sequence
             callback(message)
 
         return counted

@@ -21,8 +21,8 @@ COMMAND = QoSProfile(
 )
 """What moves an antenna: only the newest counts, and an old one is worse than none."""
 
-COMMAND_INPUT = QoSProfile(depth=1, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.RELIABLE)
-"""The same, as our drivers subscribe to it."""
+COMMAND_INPUT = QoSProfile(depth=10, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.RELIABLE)
+"""The same, as our driver subscribes to it: commands carry their times, so one that waited a moment is merged, not lost."""
 
 LATCHED = QoSProfile(
     depth=1,

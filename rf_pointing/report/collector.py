@@ -1,5 +1,6 @@
 """One reading of a bag: every message of one antenna sorted into columns by topic, damage counted."""
 
+import re
 from collections import defaultdict
 from collections.abc import Callable
 from typing import Any
@@ -19,6 +20,7 @@ __all__ = ["Collector"]
 
 _DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 _DECODE_ERRORS = (SerdeError, AttributeError, *READ_ERRORS)
+_NUMBER = re.compile(r"\d+(\.\d+)?")
 Take = Callable[[int, bytes], None]
 
 
@@ -72,7 +74,7 @@ class Collector:
 
     def __init__(self, source: BagSource, namespace: str) -> None:
         self.problems = list(source.problems)
-        self.warnings: dict[tuple[str, str], int] = defaultdict(int)
+        self.warnings: dict[tuple[str, str], tuple[str, int]] = {}
         self.others: dict[str, int] = defaultdict(int)
         self._namespace = namespace
         self._typestore = self._types(source)
@@ -145,4 +147,5 @@ class Collector:
             return
         for status in message.status:
             if status.level:
-                self.warnings[(status.name, status.message)] += 1
+                key = (status.name, _NUMBER.sub("#", status.message))
+                self.warnings[key] = (status.message, self.warnings.get(key, ("", 0))[1] + 1)

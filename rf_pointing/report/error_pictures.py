@@ -121,7 +121,8 @@ def _draw_losses(axes: Any, time: TimeAxis, analysis: Analysis) -> None:
             axes.plot(minutes, mean, color=colour, lw=1.6, label=mode.replace("_", " ") if first else None)
     for level in (0.1, 3.0):
         marked_level(axes, level, f"{level:g} dB")
-    axes.set_ylim(1e-4, 100.0)
+    largest = np.nanmax(np.concatenate([alone, errors.loss_db, [10.0]]))
+    axes.set_ylim(1e-4, 2.0 * float(largest))
     plain_log_scale(axes.yaxis)
 
 

@@ -28,15 +28,17 @@ def link_series(recording: Recording) -> tuple[str, Ints, Floats] | None:
     return None
 
 
-def link(recording: Recording, modes: Timeline | None) -> Link:
-    """Return C/N0 while tracking, or over the whole recording where no mode is known."""
+def link(recording: Recording, modes: Timeline | None, acquired_ns: int | None) -> Link:
+    """Return C/N0 after acquisition, else while tracking, else over the whole recording where no mode is known."""
     series = link_series(recording)
+    over = "recording" if modes is None else "tracking" if acquired_ns is None else "after acquisition"
     if series is None:
-        return Link(source=None, carrier_to_noise_min_db_hz=None, carrier_to_noise_median_db_hz=None)
+        return Link(source=None, over=over, carrier_to_noise_min_db_hz=None, carrier_to_noise_median_db_hz=None)
     name, stamps, values = series
-    chosen = values[modes.is_tracking_at(stamps)] if modes is not None else values
+    chosen = values[modes.is_tracking_at(stamps) & (stamps >= (acquired_ns or 0))] if modes is not None else values
     return Link(
         source=name,
+        over=over,
         carrier_to_noise_min_db_hz=float(np.min(chosen)) if len(chosen) else None,
         carrier_to_noise_median_db_hz=float(np.median(chosen)) if len(chosen) else None,
     )

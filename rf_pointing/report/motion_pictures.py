@@ -24,13 +24,14 @@ __all__ = ["draw_axes", "draw_sky"]
 
 Floats = NDArray[np.float64]
 _SKY_POINTS = 4_000
+_MARK_REACH_NS = 2 * 10**9
 
 
 def draw_sky(analysis: Analysis, path: Path) -> None:
     """Track over the sky, north up and east right: commanded as a thin line, actual coloured by mode."""
     with figure(path, 6.0, 6.6) as drawn:
         # The layout does not count the compass letters outside the circle.
-        drawn.get_layout_engine().set(rect=(0.0, 0.0, 1.0, 0.96))
+        drawn.get_layout_engine().set(rect=(0.0, 0.04, 1.0, 0.92))
         axes = drawn.add_subplot(projection="polar")
         axes.set_theta_zero_location("N")
         axes.set_theta_direction(-1)
@@ -67,16 +68,19 @@ def _draw_actual(axes: Any, analysis: Analysis) -> None:
 
 def _draw_commanded(axes: Any, analysis: Analysis) -> None:
     assert analysis.modes is not None
-    columns, stamps = analysis.modes.columns, analysis.modes.stamp_ns
-    theta, radius = _polar(columns["azimuth"], columns["elevation"])
+    # Without a target the controller commands no direction, and its status holds zeros.
+    aimed = ~np.isin(analysis.modes.columns["mode"], ("idle", "stopped"))
+    stamps = analysis.modes.stamp_ns[aimed]
+    azimuth, elevation = (analysis.modes.columns[name][aimed] for name in ("azimuth", "elevation"))
+    theta, radius = _polar(azimuth, elevation)
     axes.plot(theta, radius, color="black", lw=0.9, label="commanded")
     found = analysis.target_pass
-    if found is None:
+    if found is None or not len(stamps):
         return
     for name, time_ns in (("AOS", found.aos_ns), ("TCA", found.tca_ns), ("LOS", found.los_ns)):
+        index = int(np.argmin(np.abs(stamps - time_ns)))
         # A pass may begin before or end after the recording: a mark then would be at a wrong place.
-        if stamps[0] <= time_ns <= stamps[-1]:
-            index = int(np.searchsorted(stamps, time_ns))
+        if abs(int(stamps[index]) - time_ns) < _MARK_REACH_NS:
             axes.plot(theta[index], radius[index], "o", color="black", ms=5.0)
             axes.annotate(name, (theta[index], radius[index]), xytext=(7, 5), textcoords="offset points", weight="bold")
 

@@ -120,7 +120,9 @@ def _error_tiles(headline: Headline) -> list[str]:
         tiles.append(_tile(f"{number(error.mean_loss_db, 2)} dB", f"mean pointing loss {beam}"))
     if alone is not None and alone.mean_loss_db is not None:
         missed = f"{number(alone.cross_elevation.rms_mdeg)} / {number(alone.elevation.rms_mdeg)} mdeg"
-        tiles.append(_tile(missed, f"program track alone, {number(alone.mean_loss_db, 2)} dB lost"))
+        # One beamwidth off costs 12 dB; farther out the main lobe, and with it the Gaussian, has ended.
+        loss = number(alone.mean_loss_db, 2) if alone.mean_loss_db <= 12.0 else "more than 12"
+        tiles.append(_tile(missed, f"rms of program track alone, {loss} dB lost"))
     return tiles
 
 
@@ -231,8 +233,8 @@ def _machine(summary: Summary) -> str:
         ("servo tick late, largest, ms", servo.tick_lateness_max_ms),
         ("servo period deviation at the recorder, 99th percentile, ms", servo.period_deviation_p99_ms),
         ("faults", "; ".join(servo.faults) or "none"),
-        (f"C/N0 while tracking, smallest, dB-Hz ({link.source or 'not measured'})", link.carrier_to_noise_min_db_hz),
-        ("C/N0 while tracking, median, dB-Hz", link.carrier_to_noise_median_db_hz),
+        (f"C/N0 from {link.source or 'no topic'}, {link.over}, smallest, dB-Hz", link.carrier_to_noise_min_db_hz),
+        (f"C/N0 from {link.source or 'no topic'}, {link.over}, median, dB-Hz", link.carrier_to_noise_median_db_hz),
     ]
     return f"<h2>Antenna, commands and link</h2>{table(head, axes)}<br>{table(('quantity', 'value'), rows)}"
 
@@ -244,7 +246,7 @@ def _counts(*values: int | None) -> str:
 def _traffic(summary: Summary) -> str:
     rows = [
         (
-            item.topic,
+            item.topic if item.sensor is None else f"{item.topic} ({item.sensor})",
             item.count,
             *(item.rate_hz, item.wall_rate_hz, item.lost, item.not_recorded, item.restarts, item.longest_gap_s),
             item.counted_by,
@@ -276,7 +278,8 @@ def _latency(summary: Summary) -> str:
     head = ("from", "to", "kind", "pairs", "median, ms", "99th percentile, ms", "largest, ms")
     return (
         "<h2>Latency per hop</h2><p>Wall time between the reception of linked messages at the recorder. Transit: equal "
-        "or adjacent stamps. Reaction: the first message out after one in, waiting for the next tick included.</p>"
+        "stamps (adjacent ones where none are equal). Reaction: the first message out after one in, its waiting for "
+        "the next tick included.</p>"
         f"{table(head, rows, words=(0, 1, 2))}"
     )
 

@@ -37,8 +37,9 @@ class Pass:
 class Recording:
     """All topics of one antenna namespace, by name relative to it, and what is wrong with the recording.
 
-    `others` counts the messages of topics that belong to no antenna or to another, `warnings` holds what `/diagnostics`
-    said above OK as (component, message, count), `not_recorded` what the recorder itself reported as lost.
+    `others` counts the messages of topics that belong to no antenna or to another.  `warnings` holds what
+    `/diagnostics` said above OK as (component, last message, count); messages that differ in numbers only are one.
+    `not_recorded` is what the recorder itself reported as lost.
     """
 
     path: Path
@@ -99,7 +100,7 @@ def read_recording(path: Path | str, *, namespace: str | None = None) -> Recordi
             namespace=chosen,
             topics=topics,
             passes=_passes(topics.get("passes")),
-            warnings=tuple((*key, count) for key, count in sorted(collector.warnings.items())),
+            warnings=tuple((key[0], *said) for key, said in sorted(collector.warnings.items())),
             others=dict(sorted(collector.others.items())),
             notes={key: text for key, text in source.notes.items() if key not in (LOST_NOTE, PROBLEM_NOTE)},
             not_recorded=tuple(TopicLoss(**item) for item in json.loads(source.notes.get(LOST_NOTE, "[]"))),

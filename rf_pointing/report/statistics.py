@@ -39,7 +39,7 @@ def summarize(analysis: Analysis) -> Summary:
         acquisition=analysis.acquisition,
         modes=_mode_rows(errors, modes),
         timeline=_intervals(modes),
-        link=link(recording, modes),
+        link=link(recording, modes, analysis.acquired_ns),
         commands=commands(recording, modes),
         servo=servo(recording),
         topics=traffic,

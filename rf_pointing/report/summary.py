@@ -133,9 +133,13 @@ class Headline:
 
 @dataclass(frozen=True, kw_only=True)
 class TopicTraffic:
-    """One topic: `rate_hz` in simulation time, `lost` counted by sequence numbers or by gaps between stamps."""
+    """One topic: `rate_hz` in simulation time, `lost` counted by sequence numbers or by gaps between stamps.
+
+    `sensor` tells the rows of a topic apart on which several sensors publish, each at its own rate.
+    """
 
     topic: str
+    sensor: str | None
     type: str
     count: int
     rate_hz: Number
@@ -201,9 +205,10 @@ class Servo:
 
 @dataclass(frozen=True, kw_only=True)
 class Link:
-    """Carrier-to-noise density while tracking, and where it was read."""
+    """Carrier-to-noise density over the same time as the headline, and the topic it was read from."""
 
     source: str | None
+    over: str
     carrier_to_noise_min_db_hz: Number
     carrier_to_noise_median_db_hz: Number
 
@@ -219,7 +224,7 @@ class NotRecorded:
 
 @dataclass(frozen=True, kw_only=True)
 class Complaint:
-    """What a component said on /diagnostics above OK."""
+    """What a component said on /diagnostics above OK; messages that differ in numbers only count as one, the last."""
 
     component: str
     message: str

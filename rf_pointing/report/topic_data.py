@@ -37,6 +37,17 @@ class TopicData:
     def __len__(self) -> int:
         return len(self.log_time_ns)
 
+    def part(self, chosen: NDArray[np.bool_]) -> "TopicData":
+        """Return only the messages that are `chosen` (n,)."""
+        return TopicData(
+            topic=self.topic,
+            type_name=self.type_name,
+            log_time_ns=self.log_time_ns[chosen],
+            stamp_ns=None if self.stamp_ns is None else self.stamp_ns[chosen],
+            sequence=None if self.sequence is None else self.sequence[chosen],
+            columns={name: values[chosen] for name, values in self.columns.items()},
+        )
+
     def __getitem__(self, column: str) -> NDArray[Any]:
         return self.columns[column]
 

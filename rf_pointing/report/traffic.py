@@ -41,16 +41,28 @@ HOPS = (
 
 
 def topic_traffic(recording: Recording) -> list[TopicTraffic]:
-    """Return one row per topic of the antenna.
+    """Return one row per topic of the antenna, and per sensor where several share a topic.
 
     Messages with a sequence number are counted per publisher; a counter that falls back is a restart.  Messages without
     one are counted by gaps in their stamps; a gap of more than ten periods is a pause of the publisher, not a loss.
     """
     missing = {item.topic: item.count for item in recording.not_recorded}
-    return [_traffic(name, data, missing.get(data.topic, 0)) for name, data in recording.topics.items()]
+    return [
+        _traffic(name, sensor, part, missing.get(data.topic, 0))
+        for name, data in recording.topics.items()
+        for sensor, part in _by_sensor(name, data)
+    ]
 
 
-def _traffic(name: str, data: TopicData, not_recorded: int) -> TopicTraffic:
+def _by_sensor(name: str, data: TopicData) -> list[tuple[str | None, TopicData]]:
+    """Several trackers publish errors on one topic, each at its own rate and with its own counter."""
+    sensors = data.columns.get("sensor")
+    if name.startswith("sim/") or sensors is None or len(data) == 0:
+        return [(None, data)]
+    return [(str(sensor), data.part(sensors == sensor)) for sensor in np.unique(sensors)]
+
+
+def _traffic(name: str, sensor: str | None, data: TopicData, not_recorded: int) -> TopicTraffic:
     periodic = TOPICS[name].period_s > 0.0
     stamps = np.unique(data.stamp_ns) if data.stamp_ns is not None else np.zeros(0, dtype=np.int64)
     steps: Ints = stamps[1:] - stamps[:-1]
@@ -59,6 +71,7 @@ def _traffic(name: str, data: TopicData, not_recorded: int) -> TopicTraffic:
     wall_s = (data.log_time_ns[-1] - data.log_time_ns[0]) * 1e-9 if len(data) > 1 else 0.0
     return TopicTraffic(
         topic=data.topic,
+        sensor=sensor,
         type=data.type_name,
         count=len(data),
         rate_hz=1e9 / period_ns if period_ns else None,
@@ -73,10 +86,7 @@ def _traffic(name: str, data: TopicData, not_recorded: int) -> TopicTraffic:
 
 def _losses(data: TopicData, steps: Ints, period_ns: float | None) -> tuple[int | None, str | None, int]:
     if data.sequence is not None:
-        # Several trackers publish errors on one topic, each with its own counter.
-        sensors = data.columns.get("sensor")
-        groups = [data.sequence] if sensors is None else [data.sequence[sensors == s] for s in np.unique(sensors)]
-        jumps = np.concatenate([np.diff(group) for group in groups]) if groups else np.zeros(0, dtype=np.int64)
+        jumps = np.diff(data.sequence)
         return int(np.sum(jumps[jumps > 1] - 1)), "sequence numbers", int(np.sum(jumps <= 0))
     if period_ns is None:
         return None, None, 0
@@ -93,26 +103,32 @@ def latencies(recording: Recording) -> list[Latency]:
     for hop in HOPS:
         cause, effect = recording.get(hop.cause), recording.get(hop.effect)
         if cause is not None and effect is not None:
-            difference = (
-                _transit_ns(cause, effect, hop.sensor) if hop.kind == "transit" else _reaction_ns(cause, effect)
-            )
+            if hop.sensor:
+                effect = effect.part(effect["sensor"] == hop.sensor)
+            difference = _transit_ns(cause, effect) if hop.kind == "transit" else _reaction_ns(cause, effect)
             rows.append(_latency(hop, difference))
     return rows
 
 
-def _transit_ns(cause: TopicData, effect: TopicData, sensor: str) -> Ints:
-    """Reception of each effect after that of the newest cause whose stamp is not later, less than a period older."""
+def _transit_ns(cause: TopicData, effect: TopicData) -> Ints:
+    """Reception of each effect after that of the cause with the same stamp.
+
+    Where no stamps are the same, the last cause received before the effect counts, if it is less than a period away.
+    (Otherwise not: a servo answers one tick of the clock with several readings, and only that of the tick's own time
+    waited for nothing else.)
+    """
     assert cause.stamp_ns is not None
     assert effect.stamp_ns is not None
     order = np.argsort(cause.stamp_ns, kind="stable")
     stamps, logs = cause.stamp_ns[order], cause.log_time_ns[order]
     index = np.searchsorted(stamps, effect.stamp_ns + _STAMP_TOLERANCE_NS, side="right") - 1
-    steps = np.diff(stamps)
-    # One period older would be the cause of the effect before: this one's own was lost.
-    reach = float(np.median(steps)) - _STAMP_TOLERANCE_NS if len(steps) else _STAMP_TOLERANCE_NS
-    linked = (index >= 0) & (effect.stamp_ns - stamps[index] < reach)
-    if sensor:
-        linked &= effect["sensor"] == sensor
+    linked = (index >= 0) & (effect.stamp_ns - stamps[index] <= _STAMP_TOLERANCE_NS)
+    if not np.any(linked):
+        order = np.argsort(cause.log_time_ns, kind="stable")
+        stamps, logs = cause.stamp_ns[order], cause.log_time_ns[order]
+        index = np.searchsorted(logs, effect.log_time_ns, side="right") - 1
+        period = float(np.median(np.diff(np.unique(stamps)))) if len(np.unique(stamps)) > 1 else 0.0
+        linked = (index >= 0) & (np.abs(effect.stamp_ns - stamps[index]) < period)
     return (effect.log_time_ns - logs[index])[linked]
 
 

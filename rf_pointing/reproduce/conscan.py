@@ -61,13 +61,12 @@ def rows(seed: int = 1) -> list[Row]:
 
 def _slope_and_loss() -> list[Row]:
     slope, loss = conscan_slope(BEAM_KA_RAD, RADIUS_RAD), conscan_loss(BEAM_KA_RAD, RADIUS_RAD)
-    common = {"source": "CONSCAN section VI"}
+    source, case = "CONSCAN section VI", "for h = 17, r = 1.55 mdeg"
+    loss_db = -10.0 * math.log10(loss)
     return [
-        Row(quantity="k_s for h = 17, r = 1.55 mdeg", paper=0.5, ours=slope, unit="1", tolerance=0.01, **common),
-        Row(quantity="L1 for h = 17, r = 1.55 mdeg", paper=0.977, ours=loss, unit="1", tolerance=0.0005, **common),
-        Row(
-            quantity="scan loss", paper=0.1, ours=-10.0 * math.log10(loss), unit="dB", tolerance=0.005, **common
-        ),
+        Row(quantity=f"k_s {case}", source=source, paper=0.5, ours=slope, unit="1", tolerance=0.01),
+        Row(quantity=f"L1 {case}", source=source, paper=0.977, ours=loss, unit="1", tolerance=0.0005),
+        Row(quantity=f"loss {case}", source=source, paper=0.1, ours=loss_db, unit="dB", tolerance=0.005),
     ]  # fmt: skip
 
 
@@ -123,7 +122,8 @@ def _period_rows(seed: int) -> list[Row]:
 
 
 def _monte_carlo_rows(seed: int) -> list[Row]:
-    deviations, zero_error = [], []
+    deviations: list[float] = []
+    zero_error: list[float] = []
     for level in LEVELS_DB_HZ:
         sigma_hz = math.sqrt(2.0 * 10.0 ** (level / 10.0))  # eq. (24), N0 = 1
         for period in PERIODS_S:

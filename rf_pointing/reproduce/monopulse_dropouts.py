@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rf_pointing.controllers import TrackerIntegrator, TrackerIntegratorParams
 from rf_pointing.geometry import MDEG, PointingError, random_stream
-from rf_pointing.reproduce.monopulse_loop import CLUSTER, TICK_S, MonopulsePass, PassLog, ka_receiver
+from rf_pointing.reproduce.monopulse_loop import CLUSTER, TICK_S, MonopulsePass, ka_receiver
 from rf_pointing.rf import HALF_POWER_BEAMWIDTH_RAD, DropoutParams, Dropouts
 from rf_pointing.tracking import (
     Autotrack,
@@ -140,13 +140,11 @@ def draw_dropouts(setup: MonopulsePass, count: int) -> Dropouts:
     )
 
 
-def reacquisition_times_s(log: PassLog, dropouts: Dropouts, within_rad: float) -> Array:
-    """Return, per dropout, the time from its end until the error stays below `within_rad` for a second."""
-    radial = np.hypot(log.error_rad[:, 0], log.error_rad[:, 1])
-    ticks = round(1.0 / TICK_S)
+def reacquisition_times_s(modes: list[tuple[float, str]], dropouts: Dropouts) -> Array:
+    """Return, per dropout, the time from its end until monopulse tracks; `modes` are the changes of mode."""
     found = []
     for stop_s in dropouts.stop_s:
-        start = int(np.searchsorted(log.t_s, stop_s))
-        good = np.convolve(radial[start:] < within_rad, np.ones(ticks), "valid") >= ticks
-        found.append(TICK_S * int(np.argmax(good)) if good.any() else math.inf)
+        before = [mode for t_s, mode in modes if t_s <= stop_s]
+        later = [t_s - stop_s for t_s, mode in modes if t_s > stop_s and mode == "monopulse"]
+        found.append(0.0 if before[-1:] == ["monopulse"] else min(later, default=math.inf))
     return np.array(found)

@@ -1,4 +1,4 @@
-"""The orbit half of SATCAL: preliminary orbit from one station (Table 2) and batch orbit with radar angles (Table 6)."""
+"""The orbit half of SATCAL: preliminary orbit from one station (Table 2), batch orbit with radar angles (Table 6)."""
 
 import math
 from collections.abc import Sequence
@@ -154,9 +154,7 @@ def _offsets(passes: Sequence[Look], model: BiasModel) -> Array:
     return np.concatenate([np.stack(model.offset_rad(*_motion(seen))) for seen in passes], axis=1)
 
 
-def _radar_arcs(
-    passes: Sequence[Look], left_over: dict[str, Array], noise: Array, sigma_rad: float
-) -> list[Arc]:
+def _radar_arcs(passes: Sequence[Look], left_over: dict[str, Array], noise: Array, sigma_rad: float) -> list[Arc]:
     times = np.concatenate([seen.t_s for seen in passes])
     true = [np.concatenate([getattr(seen, kind) for seen in passes]) for kind in ("azimuth_rad", "elevation_rad")]
     arcs = []

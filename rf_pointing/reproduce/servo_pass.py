@@ -29,9 +29,9 @@ TICK_S = 0.02
 
 @dataclass(frozen=True, kw_only=True)
 class PassSetup:
-    """What a run is made of; `late_s` is how far the target runs behind the ephemeris that drives the encoders.
+    """What a run is made of; `late_s` is how far the target's azimuth and elevation run behind the ephemeris.
 
-    `feed_offset_rate` says whether the rate of the radio offset goes to the feedforward.  `settled` starts the antenna
+    `cluster` is the number of latest radio samples that are averaged, 0 or 1 for none.  `settled` starts the antenna
     in motion with the target; otherwise it starts at rest on the first point.
     """
 
@@ -45,7 +45,7 @@ class PassSetup:
     radio_delay_s: float = 0.1
     radio_noise_rad: float = 0.0
     cluster: int = 0
-    late_s: float = 0.0
+    late_s: tuple[float, float] = (0.0, 0.0)
     wind: WindParams = field(default_factory=WindParams)
     settled: bool = True
     seed: int = 1
@@ -76,7 +76,8 @@ def fly(setup: PassSetup) -> PassErrors:
     """Run one pass and return its errors at every tick."""
     count = round((setup.end_s - setup.start_s) / TICK_S)
     times = setup.start_s + TICK_S * np.arange(count + 1)
-    ephemeris, truth = setup.orbit.at(times), setup.orbit.at(times - setup.late_s)
+    ephemeris = setup.orbit.at(times)
+    truth = np.column_stack([setup.orbit.at(times - late).position_rad[:, axis] for axis, late in enumerate(setup.late_s)])
     radio = _Radio(setup)
     plant = AntennaPlant(setup.plant, random_stream(setup.seed, "encoder"), ephemeris.position_rad[0])
     wind = Wind(setup.wind, random_stream(setup.seed, "wind"))
@@ -87,7 +88,7 @@ def fly(setup: PassSetup) -> PassErrors:
     rows = zip(ephemeris.position_rad, ephemeris.velocity_rad_s, ephemeris.acceleration_rad_s2, strict=True)
     for k, (position, velocity, acceleration) in zip(range(count), rows, strict=False):
         measured = plant.encoder_rad
-        radio.tick(k, truth.position_rad[k] - plant.beam_rad, math.cos(position[1]))
+        radio.tick(k, truth[k] - plant.beam_rad, math.cos(position[1]))
         offset, rate = radio.at(k)
         applied = [
             loop.output(position[i] + offset[i], velocity[i] + rate[i], measured[i], acceleration[i])
@@ -97,11 +98,11 @@ def fly(setup: PassSetup) -> PassErrors:
         plant.step(applied, torque, TICK_S)
         for loop, command in zip(loops, applied, strict=True):
             loop.update(TICK_S, command)
-        beam[k] = truth.position_rad[k + 1] - plant.beam_rad
+        beam[k] = truth[k + 1] - plant.beam_rad
         encoder[k] = ephemeris.position_rad[k + 1] - plant.joint_rad
     later = slice(1, count + 1)
-    sky = np.column_stack([np.cos(truth.position_rad[later, 1]), np.ones(count)])
-    deviation = (truth.position_rad - ephemeris.position_rad)[later]
+    sky = np.column_stack([np.cos(truth[later, 1]), np.ones(count)])
+    deviation = (truth - ephemeris.position_rad)[later]
     return PassErrors(np.asarray(times[later]), beam * sky, encoder * sky, deviation * sky, np.array(radio.taken).reshape(-1, 2))
 
 

@@ -91,6 +91,7 @@ class PointingController:
         self._beam = BeamPosition()
         self._path = AxisPath(params.period_s)
         self._stopping = ""
+        self._last_sky = np.zeros(2)
         self.tally = Tally()
 
     @property
@@ -277,12 +278,19 @@ class PointingController:
         lag_s = t_s - self._joints.t_s
         return float(np.max(np.abs(centre - self._joints.position_rad - lag_s * self._joints.velocity_rad_s)))
 
+    def _sky(self, t_s: float) -> Array:
+        """Return the commanded apparent direction (2,) at `t_s`: the pass's start before it, its last one after it."""
+        if self._pass is not None and t_s < self._pass.aos_t_s:
+            self._last_sky = np.array([self._pass.aos_azimuth_rad, self._pass.aos_elevation_rad])
+        elif self._pass is not None and self._targets.covers(t_s, t_s):
+            self._last_sky = self.offsets.add_trim(np.array([t_s]), self._targets.at([t_s])).position[0]
+        return self._last_sky
+
     def _status(self, t_s: float) -> TrackingStatus:
         error, window = self._fresh_error(t_s), self._pass
         sensed = error is not None and error.valid and self.state.integrating
         centre = self._centre.get(_key(t_s), np.zeros(2))
-        known = window is not None and self._targets.covers(t_s, t_s)
-        sky = self.offsets.add_trim(np.array([t_s]), self._targets.at([t_s])).position[0] if known else np.zeros(2)
+        sky = self._sky(t_s)
         trim = self.offsets.trim(t_s)
         return TrackingStatus(
             t_s=t_s,

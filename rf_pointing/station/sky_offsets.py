@@ -37,6 +37,7 @@ class SkyOffsets:
         self._scan = ""
         self._used_s = -math.inf
         self._found: Array | None = None
+        self._best_db_hz = -math.inf
 
     @property
     def half_power_beamwidth_rad(self) -> float:
@@ -46,7 +47,8 @@ class SkyOffsets:
     def restart(self, t_s: float) -> None:
         """Begin without any trim."""
         self._integrator.reset(t_s)
-        self._scan, self._scan_start_s, self._used_s, self._found = "", None, -math.inf, None
+        self._scan, self._scan_start_s, self._used_s = "", None, -math.inf
+        self._found, self._best_db_hz = None, -math.inf
 
     def listen(
         self,
@@ -60,17 +62,15 @@ class SkyOffsets:
 
         `beam_offset_rad` is where the beam really was from the scan centre when that error was measured.
         """
-        fresh = error is not None and error.valid and error.t_s > self._used_s
-        measured = np.zeros(2)
+        fresh = error is not None and error.t_s > self._used_s
         if fresh and error is not None:
             self._used_s = error.t_s
-            measured = np.array([error.cross_elevation_rad, error.elevation_rad])
             if mode_before == "search" and beam_offset_rad is not None:
-                self._found = self.trim(error.t_s) + beam_offset_rad + measured
+                self._consider(error, beam_offset_rad)
         if state.mode != mode_before:
             self._change_mode(command_s, state.mode)
-        elif fresh and state.integrating:
-            self._integrator.update(command_s, measured)
+        elif fresh and error is not None and error.valid and state.integrating:
+            self._integrator.update(command_s, _measured(error))
 
     def trim(self, t_s: float) -> Array:
         """Return the tracking offset (2,) at `t_s`, or the oldest one still known."""
@@ -96,17 +96,29 @@ class SkyOffsets:
             self._integrator.reset(command_s, self._found)
         scanning = mode if mode in ("search", "conscan") else ""
         if scanning != self._scan:
-            self._scan, self._scan_start_s, self._found = scanning, command_s, None
+            self._scan, self._scan_start_s = scanning, command_s
+            self._found, self._best_db_hz = None, -math.inf
         if mode in ("monopulse", "conscan"):
             self._integrator.retune(self._monopulse if mode == "monopulse" else self._conscan_loop)
             self._integrator.unfreeze()
         else:
             self._integrator.freeze(max(command_s, self._integrator.state.t_s))
 
+    def _consider(self, error: PointingError, beam_offset_rad: Array) -> None:
+        """Keep where the carrier was strongest during a search; a valid error says how far the target was from there."""
+        if error.carrier_to_noise_db_hz > self._best_db_hz:
+            self._best_db_hz = error.carrier_to_noise_db_hz
+            beam = self.trim(error.t_s) + beam_offset_rad
+            self._found = beam + _measured(error) if error.valid else beam
+
     def _scan_offset(self, t_s: float) -> tuple[float, float, float, float]:
         assert self._scan_start_s is not None
         since_s = t_s - self._scan_start_s
         return self._spiral.offset(since_s) if self._scan == "search" else circle_offset(self._conscan.scan, since_s)
+
+
+def _measured(error: PointingError) -> Array:
+    return np.array([error.cross_elevation_rad, error.elevation_rad])
 
 
 def _added(target: Motion, offset: Array, rate: Array) -> Motion:

@@ -62,7 +62,7 @@ def test_colours_name_the_modes(analysed: Callable[..., Analysis], tmp_path: Pat
 
 @pytest.mark.parametrize(
     ("azimuth_deg", "elevation_deg", "row", "column"),
-    [(90.0, 30.0, 0.49, 0.80), (180.0, 30.0, 0.78, 0.49), (-90.0, 30.0, 0.49, 0.20), (90.0, 150.0, 0.49, 0.20)],
+    [(90.0, 30.0, 0.49, 0.80), (180.0, 30.0, 0.75, 0.49), (-90.0, 30.0, 0.49, 0.20), (90.0, 150.0, 0.49, 0.20)],
 )
 def test_sky_has_north_up_and_east_right_and_folds_over_the_zenith(
     analysed: Callable[..., Analysis],
@@ -77,6 +77,22 @@ def test_sky_has_north_up_and_east_right_and_folds_over_the_zenith(
     track = coloured(tmp_path / "sky_track.png", "#66aad0")
     inside = track[(track[:, 0] > 0.1) & (track[:, 0] < 0.84)]
     assert np.median(inside, axis=0) == pytest.approx([row, column], abs=0.03)
+
+
+def test_sky_draws_no_command_where_there_is_no_target(analysed: Callable[..., Analysis], tmp_path: Path) -> None:
+    def parked(t: float) -> tuple[float, float]:
+        return (180.0, 30.0) if t < 2.0 else (0.0, 0.0)
+
+    def between(mode: str) -> int:
+        analysis = analysed(
+            azel_deg=parked, mode=lambda t: "monopulse" if t < 2.0 else mode, truth=False, left_out={"joint_states"}
+        )
+        draw_sky(analysis, tmp_path / "sky_track.png")
+        black = coloured(tmp_path / "sky_track.png", "#000000")
+        return int(np.sum((black[:, 0] > 0.3) & (black[:, 0] < 0.42)))
+
+    assert between("coast") > 50
+    assert between("idle") == 0
 
 
 @pytest.mark.parametrize(

@@ -212,18 +212,24 @@ def test_types_of_the_bag_win_over_those_known_here(tmp_path: Path, types: Defin
 
 def test_what_diagnostics_complained_about_is_counted(tmp_path: Path, types: Definitions, maker: Any) -> None:
     kind = "diagnostic_msgs/msg/DiagnosticArray"
-    status = [
-        maker.message("diagnostic_msgs/msg/DiagnosticStatus", level=level, name=f"gs1/{name}", message=text)
-        for level, name, text in ((0, "servo", "running"), (1, "receiver", "no lock"))
-    ]
-    data = maker.serialized(kind, status=status)
+
+    def said(count: int) -> bytes:
+        status = [
+            maker.message("diagnostic_msgs/msg/DiagnosticStatus", level=level, name=f"gs1/{name}", message=text)
+            for level, name, text in (
+                (0, "servo", "running"),
+                (1, "receiver", f"{count} samples, {0.5 * count} s late"),
+            )
+        ]
+        return bytes(maker.serialized(kind, status=status))
+
     with BagWriter(tmp_path / "bag", types) as bag:
         bag.register("/diagnostics", kind)
         bag.register("/gs1/joint_states", "sensor_msgs/msg/JointState")
         for log_time_ns in range(3):
-            bag.write("/diagnostics", log_time_ns, data)
+            bag.write("/diagnostics", log_time_ns, said(log_time_ns))
     recording = read_recording(tmp_path / "bag")
-    assert recording.warnings == (("gs1/receiver", "no lock", 3),)
+    assert recording.warnings == (("gs1/receiver", "2 samples, 1.0 s late", 3),)
     assert recording.others == {"/diagnostics": 3}
 
 

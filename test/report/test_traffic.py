@@ -59,8 +59,11 @@ def test_missing_numbers_are_losses_and_a_fall_is_a_restart() -> None:
 def test_two_sensors_on_one_topic_are_counted_apart() -> None:
     sensors = ["monopulse", "conscan"] * 4
     numbers = [0, 100, 1, 101, 3, 102, 4, 105]
-    found = row(pointing_error=topic("pointing_error", list(range(0, 800, 100)), sequence=numbers, sensor=sensors))
-    assert (found.lost, found.restarts) == (3, 0)
+    errors = topic("pointing_error", [0, 3, 100, 103, 200, 203, 300, 303], sequence=numbers, sensor=sensors)
+    conscan, monopulse = topic_traffic(recording(pointing_error=errors))
+    assert (conscan.sensor, conscan.count, conscan.lost, conscan.restarts) == ("conscan", 4, 2, 0)
+    assert (monopulse.sensor, monopulse.count, monopulse.lost, monopulse.restarts) == ("monopulse", 4, 1, 0)
+    assert (conscan.rate_hz, monopulse.rate_hz) == pytest.approx((10.0, 10.0))
 
 
 def test_gaps_between_stamps_are_losses_but_a_long_one_is_a_pause() -> None:
@@ -96,16 +99,30 @@ def test_what_the_recorder_lost_is_told_per_topic() -> None:
     assert topic_traffic(data)[0].not_recorded == 7
 
 
-def test_effect_is_linked_to_the_newest_stamp_that_is_not_later() -> None:
+def test_effect_is_linked_to_the_same_stamp_only() -> None:
     clock = topic("clock", [0, 20, 40, 60], log_ms=[0.0, 2.0, 4.0, 6.0])
     joints = topic("joint_states", [20, 50], log_ms=[2.5, 5.75])
+    (found,) = latencies(recording(clock=clock, joint_states=joints))
+    assert (found.count, found.max_ms) == (1, pytest.approx(0.5))
+
+
+def test_where_no_stamps_are_the_same_the_last_received_before_counts() -> None:
+    clock = topic("clock", [0, 20, 40, 60], log_ms=[0.0, 2.0, 4.0, 6.0])
+    joints = topic("joint_states", [25, 50], log_ms=[2.5, 5.75])
     (found,) = latencies(recording(clock=clock, joint_states=joints))
     assert (found.count, found.median_ms, found.max_ms) == (2, pytest.approx(1.125), pytest.approx(1.75))
 
 
+def test_error_stamped_at_the_middle_of_its_cluster_is_linked_to_that_cluster() -> None:
+    samples = topic("monopulse", [100, 200, 300], log_ms=[10.0, 20.0, 30.0])
+    errors = topic("pointing_error", [60, 160, 260], log_ms=[11.0, 21.0, 31.0], sensor=["monopulse"] * 3)
+    (found,) = latencies(recording(monopulse=samples, pointing_error=errors))
+    assert (found.count, found.median_ms, found.max_ms) == (3, pytest.approx(1.0), pytest.approx(1.0))
+
+
 def test_effect_without_a_recent_cause_is_not_linked() -> None:
     clock = topic("clock", [0, 20, 40], log_ms=[0.0, 2.0, 4.0])
-    joints = topic("joint_states", [40, 100], log_ms=[4.5, 50.0])
+    joints = topic("joint_states", [45, 100], log_ms=[4.5, 50.0])
     (found,) = latencies(recording(clock=clock, joint_states=joints))
     assert (found.count, found.max_ms) == (1, pytest.approx(0.5))
 

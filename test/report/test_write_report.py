@@ -88,7 +88,7 @@ def test_headline_numbers_are_on_the_page(folder: Path) -> None:
     assert "Pass of 28057" in words
     assert "yes held the beam: 100.0 % of 10.0 s inside half power" in words
     assert "1.50 / 0.500 mdeg true error, rms cross-elevation / elevation, after acquisition" in words
-    assert "41.5 / 30.5 mdeg program track alone, 7.6 dB lost" in words
+    assert "41.5 / 30.5 mdeg rms of program track alone, 7.6 dB lost" in words
     assert "1 messages lost" in words
     assert "DSS-13 <&>" in words
 

@@ -1,0 +1,23 @@
+"""The whole simulated station in one namespace, with its own simulation time.
+
+    ros2 launch rf_pointing simulated_station.launch.py namespace:=gs1 start_s:=1151384173.0 speed:=1.0
+
+Time runs when simulation_clock is activated, which is last.  Send the track_pass goal then (or with `track`).
+"""
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
+
+from rf_pointing.nodes.launching import SIMULATION_NODES, STATION_NODES, common_arguments, managed_nodes
+
+
+def generate_launch_description() -> LaunchDescription:
+    """Return the description."""
+    return LaunchDescription(
+        [
+            *common_arguments(simulated=True),
+            DeclareLaunchArgument("start_s", default_value="1151384173.0", description="UTC seconds at which time starts"),
+            DeclareLaunchArgument("speed", default_value="1.0", description="factor of real time, 0 for max"),
+            OpaqueFunction(function=managed_nodes, args=[(*SIMULATION_NODES, *STATION_NODES)]),
+        ]
+    )

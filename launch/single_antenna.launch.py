@@ -1,0 +1,16 @@
+"""The nodes that a station keeps when its own antenna and receiver drivers take the place of the simulated ones.
+
+    ros2 launch rf_pointing single_antenna.launch.py namespace:=gs1 params_file:=/path/to/station.yaml
+
+Every node is configured and activated as soon as it runs; a station that manages lifecycles itself passes autostart:=false.
+"""
+
+from launch import LaunchDescription
+from launch.actions import OpaqueFunction
+
+from rf_pointing.nodes.launching import STATION_NODES, common_arguments, managed_nodes
+
+
+def generate_launch_description() -> LaunchDescription:
+    """Return the description."""
+    return LaunchDescription([*common_arguments(), OpaqueFunction(function=managed_nodes, args=[STATION_NODES])])
