@@ -9,7 +9,11 @@ EXECUTABLES = [
     "antenna_servo",
     "bias_calibrator",
     "conscan_tracker",
+    "doa_attitude",
+    "doa_source",
     "ephemeris_publisher",
+    "interferometer_source",
+    "interferometer_tracker",
     "monopulse_tracker",
     "pointing_controller",
     "report",
@@ -17,6 +21,9 @@ EXECUTABLES = [
     "rf_receiver",
     "simulation_clock",
     "track",
+    "tripulse_attitude",
+    "tripulse_receiver",
+    "tripulse_source",
 ]
 
 setup(

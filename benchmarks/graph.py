@@ -30,7 +30,10 @@ def track(output: Path, *options: str, cpu_after_s: float | None = None) -> dict
     executable = Path(get_package_prefix("rf_pointing")) / "lib" / "rf_pointing" / "track"
     began_s = time.monotonic()
     process = subprocess.Popen(
-        [str(executable), "--output", str(output), *options], stderr=subprocess.PIPE, text=True, stdin=subprocess.DEVNULL
+        [str(executable), "--output", str(output), *options],
+        stderr=subprocess.PIPE,
+        text=True,
+        stdin=subprocess.DEVNULL,
     )
     share = measure_cpu(process.pid, cpu_after_s) if cpu_after_s is not None else None
     _, said = process.communicate()
@@ -79,7 +82,9 @@ def main() -> None:
     """Run the passes and print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--output", type=Path, default=None, help="keep the reports in this folder")
-    parser.add_argument("--only", nargs="+", choices=("max", "real_time", "program"), default=["max", "real_time", "program"])
+    parser.add_argument(
+        "--only", nargs="+", choices=("max", "real_time", "program"), default=["max", "real_time", "program"]
+    )
     options = parser.parse_args()
     folder = options.output or Path(tempfile.mkdtemp(prefix="graph-benchmark-"))
     rows: list[tuple[str, str]] = []
@@ -89,7 +94,9 @@ def main() -> None:
         program = track(folder / "program", "--sensor", "program")
         rows.append(("program track alone, true error after the slew", axis(program, "error")))
     if "real_time" in options.only:
-        rows += real_time_rows(track(folder / "real_time", "--speed", "1", "--mask", "42", cpu_after_s=SLEW_S - CPU_WINDOW_S))
+        rows += real_time_rows(
+            track(folder / "real_time", "--speed", "1", "--mask", "42", cpu_after_s=SLEW_S - CPU_WINDOW_S)
+        )
     print("| quantity | measured |\n|---|---|")
     for name, value in rows:
         print(f"| {name} | {value} |")

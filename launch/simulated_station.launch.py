@@ -5,9 +5,9 @@
 Time runs when simulation_clock is activated, which is last.  Send the track_pass goal then (or with `track`).
 """
 
-from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 
+from launch import LaunchDescription
 from rf_pointing.nodes.launching import SIMULATION_NODES, STATION_NODES, common_arguments, managed_nodes
 
 
@@ -16,7 +16,9 @@ def generate_launch_description() -> LaunchDescription:
     return LaunchDescription(
         [
             *common_arguments(simulated=True),
-            DeclareLaunchArgument("start_s", default_value="1151384173.0", description="UTC seconds at which time starts"),
+            DeclareLaunchArgument(
+                "start_s", default_value="1151384173.0", description="UTC seconds at which time starts"
+            ),
             DeclareLaunchArgument("speed", default_value="1.0", description="factor of real time, 0 for max"),
             OpaqueFunction(function=managed_nodes, args=[(*SIMULATION_NODES, *STATION_NODES)]),
         ]

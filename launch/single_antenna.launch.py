@@ -5,9 +5,9 @@
 Every node is configured and activated as soon as it runs; a station that manages lifecycles itself passes autostart:=false.
 """
 
-from launch import LaunchDescription
 from launch.actions import OpaqueFunction
 
+from launch import LaunchDescription
 from rf_pointing.nodes.launching import STATION_NODES, common_arguments, managed_nodes
 
 

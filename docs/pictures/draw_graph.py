@@ -24,14 +24,30 @@ ARROWS = [
     # from, to, label, start offset, end offset, label position, curvature
     ("ephemeris_publisher", "pointing_controller", "target", (1.25, 0.1), (-1.25, 0.1), (3.55, 6.45), 0.0),
     ("ephemeris_publisher", "bias_calibrator", "target", (0.3, -0.31), (0.3, 0.31), (2.2, 5.2), 0.0),
-    ("bias_calibrator", "pointing_controller", "pointing_model\n(latched)", (1.25, 0.2), (-1.0, -0.31), (3.45, 5.05), 0.0),
+    (
+        "bias_calibrator",
+        "pointing_controller",
+        "pointing_model\n(latched)",
+        (1.25, 0.2),
+        (-1.0, -0.31),
+        (3.45, 5.05),
+        0.0,
+    ),
     ("pointing_controller", "antenna_servo", "joint_trajectory", (1.25, 0.15), (-1.25, 0.15), (7.75, 6.5), 0.0),
     ("antenna_servo", "pointing_controller", "joint_states", (-1.25, -0.15), (1.25, -0.15), (7.75, 5.8), 0.0),
     ("antenna_servo", "rf_receiver", "sim/boresight", (0.0, -0.31), (0.0, 0.31), (10.65, 4.9), 0.0),
     ("rf_receiver", "monopulse_tracker", "monopulse", (-1.25, 0.2), (1.25, 0.05), (7.75, 4.2), 0.0),
     ("rf_receiver", "conscan_tracker", "carrier_power", (-1.25, -0.2), (1.25, 0.0), (7.75, 3.05), 0.0),
     ("monopulse_tracker", "pointing_controller", "pointing_error", (0.35, 0.31), (0.35, -0.31), (6.75, 5.2), 0.0),
-    ("monopulse_tracker", "bias_calibrator", "pointing_error,\njoint_states", (-1.25, 0.0), (1.25, -0.05), (3.5, 3.62), 0.0),
+    (
+        "monopulse_tracker",
+        "bias_calibrator",
+        "pointing_error,\njoint_states",
+        (-1.25, 0.0),
+        (1.25, -0.05),
+        (3.5, 3.62),
+        0.0,
+    ),
     ("conscan_tracker", "pointing_controller", "", (-1.25, 0.05), (-0.5, -0.31), (0, 0), -0.33),
 ]
 

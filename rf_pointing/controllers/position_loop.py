@@ -8,9 +8,10 @@ with the command the drive really got.
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from rf_pointing.controllers.notch import Notch, NotchParams, NotchState
+from rf_pointing.controllers.rate_feedforward import FeedforwardState, RateFeedforward
 from rf_pointing.geometry import Params, parameter, require_between, require_finite
 
 __all__ = ["PositionLoop", "PositionLoopParams", "PositionLoopState"]
@@ -38,16 +39,12 @@ class PositionLoopParams(Params):
 
 @dataclass(slots=True)
 class PositionLoopState:
-    """Everything the loop remembers: integral (rad s), feedforward filter, latest error and commands, notch, step."""
+    """Everything the loop remembers: integral (rad s), latest error and command, feedforward filter, notch."""
 
     integral_rad_s: float = 0.0
-    feedforward_rad_s: float = 0.0
-    feedforward_input_rad_s: float = 0.0
-    pending_feedforward_rad_s: float = 0.0
-    pending_input_rad_s: float = 0.0
     error_rad: float = 0.0
     command_rad_s: float = 0.0
-    dt_s: float = 0.02
+    feedforward: FeedforwardState = field(default_factory=FeedforwardState)
     notch: NotchState = field(default_factory=NotchState)
 
 
@@ -57,7 +54,8 @@ class PositionLoop:
     def __init__(self, params: PositionLoopParams, dt_s: float = 0.02) -> None:
         self._params = params
         self._notch = Notch(params.notch, dt_s)
-        self._state = PositionLoopState(dt_s=dt_s)
+        self._feedforward = RateFeedforward(params.feedforward_band_hz, dt_s)
+        self._state = PositionLoopState()
 
     @property
     def params(self) -> PositionLoopParams:
@@ -67,14 +65,13 @@ class PositionLoop:
     @property
     def state(self) -> PositionLoopState:
         """A copy of the complete state."""
-        return self._copy(self._state, self._notch.state)
+        return replace(self._state, feedforward=replace(self._feedforward.state), notch=replace(self._notch.state))
 
     @state.setter
     def state(self, state: PositionLoopState) -> None:
-        fresh = Notch(self._params.notch, state.notch.dt_s)
-        self._state = self._copy(state, state.notch)
-        fresh.state = self._state.notch
-        self._notch = fresh
+        notch = Notch(self._params.notch, state.notch.dt_s)
+        notch.state, self._feedforward.state = replace(state.notch), replace(state.feedforward)
+        self._notch, self._state = notch, replace(state)
 
     def retune(self, params: PositionLoopParams) -> None:
         """Take new parameters at once and without a jump of the command; refused as a whole if one is impossible.
@@ -82,6 +79,7 @@ class PositionLoop:
         The integral is shifted so that k_p e + k_i int(e) stays what it was; with k_i = 0 there is none to shift.
         """
         self._notch.retune(params.notch)
+        self._feedforward.retune(params.feedforward_band_hz)
         state, old = self._state, self._params
         if params.integral_gain > 0.0:
             held = (old.proportional_gain - params.proportional_gain) * state.error_rad
@@ -101,10 +99,8 @@ class PositionLoop:
         feedforward = params.feedforward_gain * velocity_rad_s
         rest = command_rad_s - params.proportional_gain * error - feedforward
         integral = rest / params.integral_gain if params.integral_gain > 0.0 else 0.0
-        dt_s = self._state.dt_s
-        self._state = PositionLoopState(
-            integral, velocity_rad_s, velocity_rad_s, velocity_rad_s, velocity_rad_s, error, command_rad_s, dt_s
-        )
+        self._state = PositionLoopState(integral, error, command_rad_s)
+        self._feedforward.reset(velocity_rad_s)
         self._notch.reset(command_rad_s)
 
     def output(
@@ -129,7 +125,7 @@ class PositionLoop:
         state.error_rad = position_rad - measured_rad
         rate = velocity_rad_s + params.feedforward_lead_s * acceleration_rad_s2
         raw = params.proportional_gain * state.error_rad + params.integral_gain * state.integral_rad_s
-        raw += params.feedforward_gain * self._feedforward(rate)
+        raw += params.feedforward_gain * self._feedforward.output(rate)
         state.command_rad_s = self._notch.output(raw)
         return min(max(state.command_rad_s, -params.rate_limit_rad_s), params.rate_limit_rad_s)
 
@@ -145,21 +141,5 @@ class PositionLoop:
             cut = applied_rad_s - state.command_rad_s
             back = cut / params.proportional_gain if params.proportional_gain > 0.0 else 0.0
             state.integral_rad_s += dt_s * (state.error_rad + back)
-        state.feedforward_rad_s = state.pending_feedforward_rad_s
-        state.feedforward_input_rad_s = state.pending_input_rad_s
-        state.dt_s = dt_s
+        self._feedforward.update(dt_s)
         self._notch.update(dt_s)
-
-    def _feedforward(self, rate_rad_s: float) -> float:
-        """Return the low-passed rate (bilinear transform; the step is the one that ends at this sample)."""
-        state = self._state
-        half = math.pi * self._params.feedforward_band_hz * state.dt_s
-        total = state.feedforward_input_rad_s + rate_rad_s
-        filtered = ((1.0 - half) * state.feedforward_rad_s + half * total) / (1.0 + half)
-        state.pending_feedforward_rad_s, state.pending_input_rad_s = filtered, rate_rad_s
-        return filtered
-
-    def _copy(self, state: PositionLoopState, notch: NotchState) -> PositionLoopState:
-        values = {name: getattr(state, name) for name in PositionLoopState.__slots__ if name != "notch"}
-        memory = NotchState(notch.band, notch.low, notch.input, notch.dt_s)
-        return PositionLoopState(**values, notch=memory)

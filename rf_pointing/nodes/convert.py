@@ -277,7 +277,9 @@ def model_to_message(file: ModelFile) -> ours.PointingModel:
 
 def model_from_message(message: ours.PointingModel) -> BiasModel:
     if len(message.terms) != len(message.values):
-        raise ValueError(f"values has {len(message.values)} numbers, must have one for each of {len(message.terms)} terms")
+        raise ValueError(
+            f"values has {len(message.values)} numbers, must have one for each of {len(message.terms)} terms"
+        )
     return BiasModel(dict(zip(message.terms, message.values, strict=True)))
 
 

@@ -63,9 +63,7 @@ class EphemerisPublisher(ManagedNode):
                 self._targets.publish(convert.target_to_message(self._track.target_at(t_s)))
                 return
 
-    def _on_select(
-        self, request: SelectTarget.Request, response: SelectTarget.Response
-    ) -> SelectTarget.Response:
+    def _on_select(self, request: SelectTarget.Request, response: SelectTarget.Response) -> SelectTarget.Response:
         try:
             passes = self._select(request)
         except ValueError as refusal:

@@ -54,14 +54,14 @@ def managed_nodes(context: Any, names: Sequence[str]) -> list[Any]:
 
     actions: list[Any] = []
     for name in names:
-        node = _node(name, given, simulated="simulation_clock" in names, context=context)
+        node = _node(name, given, simulated="simulation_clock" in names)
         actions.append(node)
         if given("autostart") == "true":
             actions += _autostart(node)
     return actions
 
 
-def _node(name: str, given: Any, *, simulated: bool, context: Any) -> LifecycleNode:
+def _node(name: str, given: Any, *, simulated: bool) -> LifecycleNode:
     parameters: list[Any] = [given("params_file"), given("band_file")]
     if name == "simulation_clock":
         parameters.append({"start_s": float(given("start_s")), "speed": float(given("speed"))})

@@ -23,9 +23,7 @@ class LifecycleClient:
     `spin(timeout_s)` must run the executor of `node` once; `alive` raises when waiting has become pointless.
     """
 
-    def __init__(
-        self, node: Node, namespace: str, spin: Callable[[float], None], alive: Callable[[], None]
-    ) -> None:
+    def __init__(self, node: Node, namespace: str, spin: Callable[[float], None], alive: Callable[[], None]) -> None:
         self._node, self._namespace, self._spin, self._alive = node, namespace, spin, alive
         self._clients: dict[str, Any] = {}
 

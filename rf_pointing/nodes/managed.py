@@ -17,11 +17,11 @@ from rclpy.publisher import Publisher
 from rclpy.serialization import deserialize_message
 from rclpy.signals import SignalHandlerOptions
 
-from rf_pointing.nodes.schedule import Schedule
-from rf_pointing.nodes.stamps import seconds_from_stamp
 from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health
 from rf_pointing.nodes.instance_lock import InstanceLock
 from rf_pointing.nodes.params import ParameterGroups
+from rf_pointing.nodes.schedule import Schedule
+from rf_pointing.nodes.stamps import seconds_from_stamp
 
 __all__ = ["ManagedNode", "SequencedPublisher", "run"]
 

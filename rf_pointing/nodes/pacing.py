@@ -6,7 +6,7 @@ not been heard of, or that falls silent for longer than the patience, is no long
 
 from dataclasses import dataclass, field
 
-__all__ = ["Pacer", "PacedStream"]
+__all__ = ["PacedStream", "Pacer"]
 
 
 @dataclass

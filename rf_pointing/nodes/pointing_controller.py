@@ -114,7 +114,9 @@ class PointingControllerNode(ManagedNode):
     def _on_goal(self, _request: TrackPass.Goal) -> GoalResponse:
         accepted = self._active and self._goal is None
         if not accepted:
-            self.get_logger().error("goal refused: " + ("not active" if not self._active else "another pass is tracked"))
+            self.get_logger().error(
+                "goal refused: " + ("not active" if not self._active else "another pass is tracked")
+            )
         return GoalResponse.ACCEPT if accepted else GoalResponse.REJECT
 
     def _on_accepted(self, goal: Any) -> None:

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from ament_index_python.packages import get_package_prefix
 
-__all__ = ["NodeProcesses", "SIMULATED_STATION"]
+__all__ = ["SIMULATED_STATION", "NodeProcesses"]
 
 SIMULATED_STATION = (
     "simulation_clock",

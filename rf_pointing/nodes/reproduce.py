@@ -15,9 +15,9 @@ from rf_pointing.reproduce import Row, as_table
 
 
 def papers() -> list[str]:
-    """Return the names that can be reproduced: every module of the folder that has rows."""
-    names = [module.name for module in pkgutil.iter_modules(reproduce.__path__) if not module.ispkg]
-    return sorted(name for name in names if name not in ("row", "table"))
+    """Return the names that can be reproduced; a module with an underscore in its name is a part of one."""
+    names = [module.name for module in pkgutil.iter_modules(reproduce.__path__)]
+    return sorted(name for name in names if name not in ("row", "table") and "_" not in name)
 
 
 def main(argv: list[str] | None = None) -> None:

@@ -9,7 +9,7 @@ import signal
 import sys
 import time
 from collections.abc import Sequence
-from datetime import datetime, timezone
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -38,11 +38,11 @@ SLEW_TIME_S = 150.0
 """Simulated time before acquisition: the largest slew at 2 deg/s, with a minute to settle."""
 
 
-class NotStarted(Exception):
+class NotStartedError(Exception):
     """Why the graph could not be brought up."""
 
 
-class Interrupted(Exception):
+class InterruptedRunError(Exception):
     """The user asked to stop."""
 
 
@@ -60,7 +60,9 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--speed", default="max", help="factor of real time, or max (default)")
     parser.add_argument("--seed", type=int, default=1, help="seed of every noise source (default: 1)")
     parser.add_argument("--namespace", default="/gs1", help="namespace of the antenna (default: /gs1)")
-    parser.add_argument("--params-file", action="append", default=[], help="further ROS parameter file, may be repeated")
+    parser.add_argument(
+        "--params-file", action="append", default=[], help="further ROS parameter file, may be repeated"
+    )
     parser.add_argument("--record", metavar="DIR", help="bag directory (default: OUTPUT/bag)")
     parser.add_argument("--output", metavar="DIR", help="folder of the report (default: runs/SATELLITE-AOS)")
     return parser.parse_args(argv)
@@ -82,7 +84,7 @@ def parse_utc(text: str) -> float:
         moment = datetime.fromisoformat(text)
     except ValueError as error:
         raise ValueError(f"start={text!r} must be an ISO time such as 2006-06-27T04:00:00") from error
-    return (moment if moment.tzinfo else moment.replace(tzinfo=timezone.utc)).timestamp()
+    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
 
 
 def speed_factor(text: str) -> float:
@@ -131,7 +133,12 @@ class Run:
         share = Path(get_package_share_directory("rf_pointing")) / "config"
         written = output / "run.yaml"
         written.write_text(yaml.safe_dump(overrides(options, window), sort_keys=False))
-        files = [share / "dss13.yaml", share / f"band_{options.band.lower()}.yaml", *map(Path, options.params_file), written]
+        files = [
+            share / "dss13.yaml",
+            share / f"band_{options.band.lower()}.yaml",
+            *map(Path, options.params_file),
+            written,
+        ]
         self._processes = NodeProcesses(options.namespace, files, output / "logs")
         self._node = rclpy.create_node("track", namespace=options.namespace)
         self._executor = make_executor()
@@ -190,7 +197,7 @@ class Run:
         ):
             self._check_alive()
             if time.monotonic() > deadline_s:
-                raise NotStarted(f"topics were not matched within {BRING_UP_S:.0f} s")
+                raise NotStartedError(f"topics were not matched within {BRING_UP_S:.0f} s")
             self.spin(0.02)
 
     def _activate(self, names: Sequence[str]) -> None:
@@ -208,14 +215,14 @@ class Run:
         refused = self._lifecycle.change(names, transition, BRING_UP_S)
         if refused:
             reasons = "; ".join(f"{name}: {self._processes.complaint(name)}" for name in refused)
-            raise NotStarted(f"could not {transition} {reasons}")
+            raise NotStartedError(f"could not {transition} {reasons}")
 
     def _check_alive(self) -> None:
         ended = self._processes.ended()
         if ended:
-            raise NotStarted("; ".join(f"{name} ended: {self._processes.complaint(name)}" for name in ended))
+            raise NotStartedError("; ".join(f"{name} ended: {self._processes.complaint(name)}" for name in ended))
         if self._stopping and not self._client.server_is_ready():
-            raise Interrupted
+            raise InterruptedRunError
 
     def _send_goal(self) -> Any:
         goal = TrackPass.Goal(target_pass=convert.pass_to_message(self._window), sensor=self._options.sensor)
@@ -223,7 +230,7 @@ class Run:
         while not future.done():
             self.spin(0.1)
         if not future.result().accepted:
-            raise NotStarted(f"the pass was refused: {self._processes.complaint('pointing_controller')}")
+            raise NotStartedError(f"the pass was refused: {self._processes.complaint('pointing_controller')}")
         return future.result()
 
 
@@ -242,7 +249,7 @@ def output_folder(options: argparse.Namespace, window: Pass) -> Path:
             raise ValueError(f"output={options.output} holds a bag already")
         folder.mkdir(parents=True, exist_ok=True)
         return folder
-    stem = f"{options.satellite}-{datetime.fromtimestamp(window.aos_t_s, timezone.utc):%Y%m%dT%H%M%S}"
+    stem = f"{options.satellite}-{datetime.fromtimestamp(window.aos_t_s, UTC):%Y%m%dT%H%M%S}"
     for number in range(1, 10000):
         folder = Path("runs") / f"{stem}-{number:02d}"
         try:
@@ -278,10 +285,10 @@ def execute(options: argparse.Namespace, window: Pass, output: Path) -> int:
     try:
         result = run.track()
         code = 0 if result.success else 1
-    except (NotStarted, TimeoutError) as error:
+    except (NotStartedError, TimeoutError) as error:
         say(str(error))
         code = 2
-    except Interrupted:
+    except InterruptedRunError:
         say("interrupted before the graph was up")
     finally:
         run.close()
@@ -289,7 +296,9 @@ def execute(options: argparse.Namespace, window: Pass, output: Path) -> int:
         run.destroy()
         rclpy.try_shutdown()
     if recorded.problem:
-        say(f"recording stopped: {recorded.problem}; {sum(loss.count for loss in recorded.lost)} messages are not in the bag")
+        say(
+            f"recording stopped: {recorded.problem}; {sum(loss.count for loss in recorded.lost)} messages are not in the bag"
+        )
     if result is not None:
         say(f"{'tracked' if code == 0 else 'NOT tracked'}: {result.message}, {result.seconds_tracked:.0f} s on target, "
             f"{result.seconds_lost:.0f} s lost")  # fmt: skip

@@ -19,6 +19,7 @@ from rf_pointing.report.picture_style import (
     legend_above,
     mode_runs,
 )
+from rf_pointing.report.timeline import TRACKING_MODES
 
 __all__ = ["draw_axes", "draw_sky"]
 
@@ -68,8 +69,8 @@ def _draw_actual(axes: Any, analysis: Analysis) -> None:
 
 def _draw_commanded(axes: Any, analysis: Analysis) -> None:
     assert analysis.modes is not None
-    # Without a target the controller commands no direction, and its status holds zeros.
-    aimed = ~np.isin(analysis.modes.columns["mode"], ("idle", "stopped"))
+    # Before and after tracking a status need not hold a direction in the sky.
+    aimed = np.isin(analysis.modes.columns["mode"], TRACKING_MODES)
     stamps = analysis.modes.stamp_ns[aimed]
     azimuth, elevation = (analysis.modes.columns[name][aimed] for name in ("azimuth", "elevation"))
     theta, radius = _polar(azimuth, elevation)

@@ -52,7 +52,8 @@ class PassLog:
     def errors_rad(self, *modes: str) -> Array:
         """Return the true errors (n, 2) of the clusters in these modes (all when none is named)."""
         wanted = np.array([not modes or mode in modes for mode in self.mode], dtype=bool)
-        return np.column_stack([self.cross_elevation_rad, self.elevation_rad])[wanted]
+        errors: Array = np.column_stack([self.cross_elevation_rad, self.elevation_rad])[wanted]
+        return errors
 
 
 class StationSetup:

@@ -1,8 +1,8 @@
 """The YAML parameter files of the nodes, read without ROS: the same file drives the graph and the simulation.
 
-    /**/antenna_servo:
-      ros__parameters:
-        wind: {mean_speed_m_s: 8.0}
+/**/antenna_servo:
+  ros__parameters:
+    wind: {mean_speed_m_s: 8.0}
 """
 
 from collections.abc import Mapping, Sequence

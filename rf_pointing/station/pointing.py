@@ -33,7 +33,14 @@ from rf_pointing.station.sky_offsets import SkyOffsets
 from rf_pointing.station.status import TrackingStatus
 from rf_pointing.station.tally import Tally
 from rf_pointing.station.target_buffer import TargetBuffer
-from rf_pointing.tracking import Autotrack, AutotrackInputs, AutotrackParams, AutotrackState, ConscanParams, SpiralParams
+from rf_pointing.tracking import (
+    Autotrack,
+    AutotrackInputs,
+    AutotrackParams,
+    AutotrackState,
+    ConscanParams,
+    SpiralParams,
+)
 
 __all__ = ["SENSOR_CHOICES", "PointingController", "PointingParams"]
 
@@ -212,7 +219,7 @@ class PointingController:
         assert self._pass is not None
         params = self.params
         count = round((params.horizon_s - params.transport_s) / params.period_s) + 1
-        times = t_s + params.transport_s + params.period_s * np.arange(count)
+        times = t_s + params.transport_s + params.period_s * np.arange(count, dtype=np.float64)
         centre = self._centre_motion(t_s, times)
         position, velocity, acceleration = self.offsets.add_scan(times, centre)
         self._centre = {**{k: c for k, c in self._centre.items() if k >= _key(t_s)}, _key(times[0]): centre.position[0]}

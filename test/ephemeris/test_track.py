@@ -1,5 +1,6 @@
 """Look angles: skyfield and astropy as independent libraries, derivatives, light time, offsets, refusals."""
 
+import dataclasses
 import json
 import math
 from pathlib import Path
@@ -21,6 +22,7 @@ from rf_pointing.ephemeris import (
     site,
     verification_elements,
 )
+from rf_pointing.ephemeris.time_scales import posix_from_calendar
 from rf_pointing.geometry import MDEG, angular_distance_rad, sky_offset_rad, unit_vector_from_azel, wrap_rad
 from rf_pointing.geometry.refraction import RadioRefraction
 
@@ -114,6 +116,15 @@ def test_one_time_and_many_times_give_the_same_target(track: TopocentricTrack, c
         assert abs(wrap_rad(target.azimuth_rad - looks.azimuth_rad[index])) < 1e-12
         for name in ("elevation_rad", "azimuth_rate_rad_s", "elevation_acceleration_rad_s2", "range_m"):
             assert getattr(target, name) == pytest.approx(getattr(looks, name)[index], rel=1e-9)
+
+
+def test_an_inserted_leap_second_is_a_second_of_flight(cbers: Elements, goldstone: Site) -> None:
+    """From 23:59:59.5 to 00:00:00.5 of 2016-12-31 two seconds pass, although the wire time counts one."""
+    leap_t_s = posix_from_calendar("2017-01-01T00:00:00")
+    track = TopocentricTrack(dataclasses.replace(cbers, epoch_t_s=leap_t_s - 7200.0), goldstone, light_time="none")
+    position = [track.target.motion_at(leap_t_s + k).position for k in (-0.5, 0.5, 1.5)]
+    speed_m_s = math.dist(position[1], position[2])
+    assert math.dist(position[0], position[1]) == pytest.approx(2.0 * speed_m_s, rel=1e-3)
 
 
 def test_azimuth_is_continuous_across_north_and_follows_the_turn_asked_for(track: TopocentricTrack) -> None:

@@ -54,7 +54,7 @@ def test_nearest_turn_refuses_what_is_not_finite(angle: float, reference: float)
 
 @pytest.mark.parametrize(
     ("azimuth_deg", "elevation_deg", "enu"),
-    [(0.0, 0.0, (0, 1, 0)), (90.0, 0.0, (1, 0, 0)), (180.0, 0.0, (0, -1, 0)), (270.0, 0.0, (-1, 0, 0)), (33.0, 90.0, (0, 0, 1))],
+    [(0, 0, (0, 1, 0)), (90, 0, (1, 0, 0)), (180, 0, (0, -1, 0)), (270, 0, (-1, 0, 0)), (33, 90, (0, 0, 1))],
 )  # fmt: skip
 def test_azimuth_runs_from_north_through_east_and_elevation_up(
     azimuth_deg: float, elevation_deg: float, enu: tuple[int, int, int]

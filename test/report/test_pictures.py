@@ -88,7 +88,7 @@ def test_sky_draws_no_command_where_there_is_no_target(analysed: Callable[..., A
             azel_deg=parked, mode=lambda t: "monopulse" if t < 2.0 else mode, truth=False, left_out={"joint_states"}
         )
         draw_sky(analysis, tmp_path / "sky_track.png")
-        black = coloured(tmp_path / "sky_track.png", "#000000")
+        black = coloured(tmp_path / "sky_track.png", "#222222")
         return int(np.sum((black[:, 0] > 0.3) & (black[:, 0] < 0.42)))
 
     assert between("coast") > 50
