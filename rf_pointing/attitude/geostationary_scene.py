@@ -21,6 +21,7 @@ __all__ = [
     "WobbleParams",
     "geostationary_point",
     "scene_moment",
+    "station_view",
     "wobble_quaternion",
 ]
 
@@ -92,10 +93,8 @@ def scene_moment(
     orbit: GeostationaryParams, wobble: WobbleParams, stations: list[GroundStation], t_s: float
 ) -> SceneMoment:
     """Return the truth at `t_s`: attitude, directions to the stations in the orbital frame, elevations, range rates."""
-    view = _view(geostationary_point(orbit, t_s), stations)
-    before, after = (
-        _view(geostationary_point(orbit, t_s + step_s), stations).range_m for step_s in (-RATE_STEP_S, RATE_STEP_S)
-    )
+    view = station_view(orbit, stations, t_s)
+    before, after = (station_view(orbit, stations, t_s + step_s).range_m for step_s in (-RATE_STEP_S, RATE_STEP_S))
     return SceneMoment(
         t_s=t_s,
         quaternion=wobble_quaternion(wobble, t_s),
@@ -104,9 +103,11 @@ def scene_moment(
     )
 
 
-def _view(point: OrbitPoint, stations: list[GroundStation]) -> StationView:
+def station_view(orbit: GeostationaryParams, stations: list[GroundStation], t_s: float) -> StationView:
+    """Return how the satellite sees `stations` at `t_s`: directions in the orbital frame, elevations, ranges."""
     if not stations:
         raise ValueError("stations is empty, must have at least 1")
+    point = geostationary_point(orbit, t_s)
     places = np.stack([station.position_m for station in stations])
     away = places - point.position_m
     distance = np.linalg.norm(away, axis=-1)

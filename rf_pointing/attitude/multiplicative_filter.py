@@ -6,8 +6,8 @@ direction turned by the estimate, C m, misses S_o by
 
     z = rotation vector that takes C m to S_o = e across S_o,     H = [E, 0], E two rows orthogonal to S_o:
 
-the observed and the unobserved axes never depend on the estimate, which is what lets the filter start 50 deg wrong (the
-invariant form of the extended Kalman filter, Barrau and Bonnabel 2017).  The printed filter is `published_filter`.
+the observed and the unobserved axes never depend on the estimate (the invariant form of the extended Kalman filter,
+Barrau and Bonnabel 2017).  How it starts far from the truth: `attitude_start`.  The printed filter is `published_filter`.
 All functions accept leading batch axes.
 """
 
@@ -36,6 +36,7 @@ __all__ = [
     "attitude_error",
     "innovation",
     "predict",
+    "rotation_between",
     "start_state",
     "update",
 ]
@@ -59,14 +60,15 @@ class GateParams(Params):
 class AttitudeState:
     """State of one filter or of a batch of them.
 
-    quaternion (..., 4), rate_rad_s (..., 3), covariance (..., 6, 6) of [orbital-frame rotation, rate], and refused
-    (...): directions outside the gate in a row.
+    quaternion (..., 4), rate_rad_s (..., 3), covariance (..., 6, 6) of [orbital-frame rotation, rate], refused (...):
+    directions outside the gate in a row, misfit (...): sum of the normalised squared innovations, each at most the gate.
     """
 
     quaternion: Array
     rate_rad_s: Array
     covariance: Array
     refused: NDArray[np.int64]
+    misfit: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,15 +85,16 @@ def start_state(
 ) -> AttitudeState:
     """Return the state starting at `quaternion` (..., 4), `rate_rad_s` (..., 3) with equal uncertainty of all axes.
 
-    A start may be far from the truth, so the filter begins in doubt: it listens until a direction falls into its gate.
+    A start may be wrong, so the filter begins in doubt: it listens until a direction falls into its gate.
     """
-    lead = quaternion.shape[:-1]
+    lead = np.shape(quaternion)[:-1]
     covariance = np.diag(np.repeat([attitude_sigma_rad**2, rate_sigma_rad_s**2], 3))
     return AttitudeState(
         unit_quaternion(quaternion),
-        np.asarray(rate_rad_s, dtype=np.float64),
+        np.array(rate_rad_s, dtype=np.float64),
         np.broadcast_to(covariance, (*lead, 6, 6)).copy(),
         np.full(lead, gate.doubt_after, dtype=np.int64),
+        np.zeros(lead),
     )
 
 
@@ -111,7 +114,7 @@ def predict(
     into_orbital = rotation.swapaxes(-1, -2)
     slope = np.zeros((*by_rate.shape[:-2], 6, 6))
     slope[..., :3, :3] = -cross_matrix(frame_rate)
-    slope[..., :3, 3:] = rotation
+    slope[..., :3, 3:] = 0.5 * (rotation + quaternion_to_matrix(quaternion))
     slope[..., 3:, :3] = by_attitude @ into_orbital
     slope[..., 3:, 3:] = by_rate
     step = slope * dt_s
@@ -119,14 +122,14 @@ def predict(
     covariance = transition @ state.covariance @ transition.swapaxes(-1, -2)
     diagonal = np.arange(6)
     covariance[..., diagonal, diagonal] += dt_s * np.repeat([noise.attitude_rad2_s, noise.rate_rad2_s3], 3)
-    return AttitudeState(quaternion, rate, covariance, state.refused)
+    return AttitudeState(quaternion, rate, covariance, state.refused, state.misfit)
 
 
 def innovation(state: AttitudeState, observation: DirectionObservation) -> tuple[Array, Array, Array]:
     """Return z (..., 2), its covariance (..., 2, 2) and the rows E (..., 2, 3) orthogonal to the reference."""
     rotation = quaternion_to_matrix(state.quaternion)
     turned = np.einsum("...ij,...j->...i", rotation, observation.measured)
-    gap = _rotation_between(turned, observation.reference)
+    gap = rotation_between(turned, observation.reference)
     rows = _across(observation.reference)
     carried = rows @ quaternion_to_matrix(quaternion_from_rotation_vector(gap)) @ rotation
     noise_map = carried @ cross_matrix(observation.measured)
@@ -143,7 +146,8 @@ def update(state: AttitudeState, observation: DirectionObservation, gate: GatePa
     """
     z, spread, rows = innovation(state, observation)
     inverse = np.linalg.inv(spread)
-    inside = np.einsum("...i,...ij,...j->...", z, inverse, z) <= gate.largest
+    squared = np.einsum("...i,...ij,...j->...", z, inverse, z)
+    inside = squared <= gate.largest
     believed = inside | (state.refused >= gate.doubt_after)
     crossed = state.covariance[..., :, :3] @ rows.swapaxes(-1, -2)
     gain = crossed @ inverse * believed[..., None, None]
@@ -155,6 +159,7 @@ def update(state: AttitudeState, observation: DirectionObservation, gate: GatePa
         state.rate_rad_s + change[..., 3:],
         0.5 * (covariance + covariance.swapaxes(-1, -2)),
         np.where(inside, 0, state.refused + 1),
+        state.misfit + np.minimum(squared, gate.largest),
     )
 
 
@@ -164,7 +169,7 @@ def attitude_error(state: AttitudeState, quaternion: Array, rate_rad_s: Array) -
     return np.concatenate([turn, rate_rad_s - state.rate_rad_s], axis=-1)
 
 
-def _rotation_between(first: Array, second: Array) -> Array:
+def rotation_between(first: Array, second: Array) -> Array:
     """Return the shortest rotation vector (..., 3) taking unit vector `first` to `second`.
 
     At exactly opposite vectors every axis across them serves: one is chosen.

@@ -92,8 +92,8 @@ def propagate(
 ) -> tuple[Array, Array]:
     """Return quaternion (..., 4) and inertial body rate (..., 3) after `dt_s`.
 
-    The rate by the classical Runge-Kutta step with the torques held; the attitude by the exact rotation of the mean
-    rate (Simpson over the step) and of the orbital frame: q' = exp(-w_o dt) q exp(w dt).
+    The rate by the classical Runge-Kutta step with the torques held; the attitude by q' = exp(-w_o dt) q exp(turn) with
+    the fourth-order Magnus turn, the integral of the rate plus dt^2/12 w x w' for its change of direction.
     """
     rotation = quaternion_to_matrix(quaternion)
     torque = known.control_n_m - known.wheel_momentum_rate_n_m + gravity_gradient_n_m(inertia, rotation, frame_rate)
@@ -102,12 +102,10 @@ def propagate(
     k2 = rate_slope_rad_s2(inertia, rate + 0.5 * dt_s * k1, torque, momentum)
     k3 = rate_slope_rad_s2(inertia, rate + 0.5 * dt_s * k2, torque, momentum)
     k4 = rate_slope_rad_s2(inertia, rate + dt_s * k3, torque, momentum)
-    mean = rate + dt_s * (k1 + k2 + k3) / 6.0
-    turned = multiply(quaternion, quaternion_from_rotation_vector(mean * dt_s))
-    return (
-        multiply(quaternion_from_rotation_vector(-frame_rate * dt_s), turned),
-        rate + dt_s * (k1 + 2.0 * k2 + 2.0 * k3 + k4) / 6.0,
-    )
+    after = rate + dt_s * (k1 + 2.0 * k2 + 2.0 * k3 + k4) / 6.0
+    turn = dt_s * rate + dt_s**2 * (k1 + k2 + k3) / 6.0 + dt_s**2 / 12.0 * np.cross(rate, after)
+    turned = multiply(quaternion, quaternion_from_rotation_vector(turn))
+    return multiply(quaternion_from_rotation_vector(-frame_rate * dt_s), turned), after
 
 
 def rate_jacobian(inertia: RigidInertia, rate: Array, momentum: Array) -> Array:

@@ -5,6 +5,7 @@ Lines "# name: value" before the header hold what is the same for all rows (stat
 
 import csv
 import math
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,13 +36,16 @@ def read_table(path: str | Path, notes: Sequence[str], needed: Sequence[str], op
 
 
 def write_table(path: str | Path, table: Table) -> None:
-    """Write a table that `read_table` reads back; numbers keep all their digits."""
-    with Path(path).open("w", encoding="utf-8", newline="") as stream:
+    """Write a table that `read_table` reads back; all digits are kept, and it appears complete or not at all."""
+    target = Path(path)
+    part = target.with_name(target.name + ".part")
+    with part.open("w", encoding="utf-8", newline="") as stream:
         for name, value in table.notes.items():
             stream.write(f"# {name}: {value}\n")
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(table.columns)
         writer.writerows([repr(value) for value in row] for row in np.stack(list(table.columns.values()), 1).tolist())
+    os.replace(part, target)
 
 
 def _parsed(lines: Sequence[str], notes: Sequence[str], needed: Sequence[str], optional: Sequence[str]) -> Table:

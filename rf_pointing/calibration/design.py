@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rf_pointing.calibration.angles import ArrayAngles
 from rf_pointing.calibration.observations import Observations
-from rf_pointing.calibration.terms import Term
+from rf_pointing.calibration.term import Partial, Term
 
 __all__ = ["Block", "angles_of", "design_blocks", "term_matrix"]
 
@@ -21,27 +21,31 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Block:
-    """Rows of one axis: `matrix` (n, k) in the columns `columns` (k,) of the full parameter vector."""
+    """Rows of one axis for the unknowns `columns` (m,); `padded` (n, m + 1) has room for the right side."""
 
     columns: NDArray[np.int64]
-    matrix: Array
+    padded: Array
+
+    @property
+    def matrix(self) -> Array:
+        """Return the partial derivatives (n, m)."""
+        return self.padded[:, :-1]
+
+    def rows(self, right: Array, weight: Array) -> Array:
+        """Return new rows [matrix | right] (n, m + 1), each times its weight."""
+        rows = self.padded * weight[:, np.newaxis]
+        rows[:, -1] = right * weight
+        return rows
 
 
 def angles_of(observations: Observations) -> ArrayAngles:
     """Return the true angles as the carrier on which terms are evaluated."""
-    return ArrayAngles.of(*observations.motion(), observations.temperature_k)
+    return ArrayAngles(*observations.motion(), temperature_k=observations.temperature_k)
 
 
 def design_blocks(angles: ArrayAngles, terms: Sequence[Term]) -> tuple[Block, Block]:
     """Return the azimuth and the elevation block of the partial derivatives, not yet weighted."""
-    blocks = []
-    for axis in ("azimuth", "elevation"):
-        acting = [(column, getattr(term, axis)) for column, term in enumerate(terms) if getattr(term, axis) is not None]
-        matrix = np.empty((len(angles.azimuth_rad), len(acting)), order="F")
-        for place, (_, partial) in enumerate(acting):
-            matrix[:, place] = partial(angles)
-        blocks.append(Block(np.array([column for column, _ in acting], dtype=np.int64), matrix))
-    return blocks[0], blocks[1]
+    return _block(angles, [term.azimuth for term in terms]), _block(angles, [term.elevation for term in terms])
 
 
 def term_matrix(angles: ArrayAngles, terms: Sequence[Term]) -> tuple[Array, Array]:
@@ -52,3 +56,13 @@ def term_matrix(angles: ArrayAngles, terms: Sequence[Term]) -> tuple[Array, Arra
         matrix[:, block.columns] = block.matrix
         full.append(matrix)
     return full[0], full[1]
+
+
+def _block(angles: ArrayAngles, partials: Sequence[Partial | None]) -> Block:
+    acting = [(column, partial) for column, partial in enumerate(partials) if partial is not None]
+    # Column by column in memory: that is how LAPACK wants it, and each partial is written in one go.
+    padded = np.empty((len(angles.azimuth_rad), len(acting) + 1), order="F")
+    for place, (_, partial) in enumerate(acting):
+        padded[:, place] = partial(angles)
+    padded[:, -1] = 0.0
+    return Block(np.array([column for column, _ in acting], dtype=np.int64), padded)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.calibration.triangle import Solution
+from rf_pointing.calibration.triangle import Solution, triangle_of
 
 __all__ = ["PassHead", "eliminate"]
 
@@ -43,5 +43,5 @@ def eliminate(rows: Array, prior_sigma: Array) -> tuple[PassHead, Array]:
     count = len(prior_sigma)
     prior = np.zeros((count, rows.shape[1]))
     prior[:, :count] = np.diag(1.0 / prior_sigma)
-    factor = np.asarray(np.linalg.qr(np.concatenate([prior, rows]), mode="r"))
+    factor = triangle_of(np.concatenate([prior, rows]))
     return PassHead(factor[:count, :count], factor[:count, count:-1], factor[:count, -1]), factor[count:, count:]

@@ -51,6 +51,11 @@ def fit_bias_model(
     check_names(names, held or {}, priors or {})
     if pass_priors is not None and chosen.covariance == "sandwich":
         raise ValueError("covariance='sandwich' with pass_priors counts the errors of a pass twice: choose one")
+    if len(observations.passes) < chosen.fewest_passes:
+        raise ValueError(
+            f"passes={len(observations.passes)} must be >= fewest_passes={chosen.fewest_passes}: "
+            "the errors of one pass look like those of the mount"
+        )
     problem = FitProblem(observations, names, dict(held or {}), dict(priors or {}), pass_priors, chosen.form)
     return _result(problem, _iterate(problem, chosen), chosen)
 

@@ -77,7 +77,7 @@ class FitProblem:
             return triangle, heads
         root = np.sqrt(weight)
         triangle.add_blocks(
-            (block.matrix[used] * (root / sigma)[used, np.newaxis], (axis_right * root / sigma)[used], block.columns)
+            (block.rows(axis_right, root / sigma)[used], block.columns)
             for block, axis_right, sigma in zip(self.blocks, right, self.sigmas, strict=True)
         )
         return triangle, {}

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.calibration.bias_model import BiasModel
-from rf_pointing.calibration.separability import inseparable_pairs
+from rf_pointing.calibration.separability import HIGH_CORRELATION, advice_for, inseparable_pairs
 
 __all__ = ["FitResult", "PassErrors", "Rejected"]
 
@@ -94,9 +94,16 @@ class FitResult:
         """Return the standard deviation of one fitted term."""
         return float(self.sigma[self.names.index(name)])
 
-    def inseparable(self, threshold: float = 0.95) -> tuple[tuple[str, str, float], ...]:
+    def inseparable(self, threshold: float = HIGH_CORRELATION) -> tuple[tuple[str, str, float], ...]:
         """Return the pairs of terms whose correlation reaches `threshold`, the worst first."""
         return inseparable_pairs(self.names, self.correlation, threshold)
+
+    def separation_advice(self, threshold: float = HIGH_CORRELATION) -> tuple[str, ...]:
+        """Return one sentence per poorly separated pair: how bad it is and which data would separate it."""
+        return tuple(
+            f"{first} and {second} (correlation {value:+.3f}): add {advice_for((first, second))}"
+            for first, second, value in self.inseparable(threshold)
+        )
 
     def rms_rad(self) -> tuple[float, float]:
         """Return the rms residual of the used rows on the sky: cross-elevation, elevation."""

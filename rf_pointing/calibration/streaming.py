@@ -88,6 +88,6 @@ class StreamingFit:
             known = self._held_model.offset_rad(*motion, temperature_k=temperature)
             residuals = (residuals[0] - known[0], residuals[1] - known[1])
         self.triangle.add_blocks(
-            (block.matrix / sigma[:, np.newaxis], residual / sigma, block.columns)
+            (block.rows(residual, 1.0 / sigma), block.columns)
             for block, residual, sigma in zip(design_blocks(angles, self._acting), residuals, sigmas, strict=True)
         )

@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["ALL_AZIMUTHS", "LOW_AND_HIGH", "RISE_AND_SET", "Angles", "Term"]
+__all__ = ["ALL_AZIMUTHS", "LOW_AND_HIGH", "RISE_AND_SET", "Angles", "Partial", "Term"]
 
 Array = NDArray[np.float64]
 

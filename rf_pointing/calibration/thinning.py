@@ -31,15 +31,24 @@ class Thinned:
 
 
 def thin(t_s: Array, residuals: Array, *, second_s: float, fewest: int) -> Thinned:
-    """Return one point per `second_s`: the least-squares line through its samples at their mean time."""
-    found, short = [], 0
-    for rows in pieces_of(t_s, second_s):
-        if len(rows) < fewest:
-            short += len(rows)
-        else:
-            found.append(_Piece.of(t_s[rows], residuals[rows], 1, np.array([np.mean(t_s[rows])])))
-    noise = _pooled(found, f"no {second_s:g}-s piece has the {fewest} samples it needs")
-    return _joined(found, noise, noise, {f"in a {second_s:g}-s piece with fewer than {fewest} samples": short})
+    """Return one point per `second_s`: the least-squares line through its samples at their mean time.
+
+    At the mean time the line is the mean; its residuals give the noise of a sample.
+    """
+    first = np.flatnonzero(np.diff(np.floor(t_s / second_s), prepend=-np.inf))
+    counts = np.diff(first, append=len(t_s))
+    middle, value = _means(t_s, first, counts), _means(residuals, first, counts)
+    off, apart = t_s - np.repeat(middle, counts), residuals - np.repeat(value, counts, axis=0)
+    slope_part = np.add.reduceat(off[:, np.newaxis] * apart, first) ** 2
+    lever = np.add.reduceat(off**2, first)[:, np.newaxis]
+    enough = (counts >= max(fewest, 3)) & (lever[:, 0] > 0.0)
+    if not np.any(enough):
+        raise ValueError(f"no {second_s:g}-s piece has the {max(fewest, 3)} samples it needs")
+    squares = np.add.reduceat(apart**2, first)[enough] - slope_part[enough] / lever[enough]
+    noise = np.sqrt(np.sum(squares, axis=0) / np.sum(counts[enough] - 2))
+    dropped = {f"in a {second_s:g}-s piece with fewer than {fewest} samples": int(np.sum(counts[~enough]))}
+    sigma = noise / np.sqrt(counts[enough])[:, np.newaxis]
+    return Thinned(middle[enough], value[enough], sigma, noise, dropped)
 
 
 def smooth(
@@ -63,6 +72,12 @@ def smooth(
     noise = _pooled(found, f"no {piece_s:g}-s piece has {fewest} samples and follows a parabola")
     reasons = {f"in a {piece_s:g}-s piece with fewer than {fewest} samples": short, "not along a parabola": crooked}
     return _joined(found, noise, np.maximum(noise, np.sqrt(np.mean(sigma**2, axis=0))), reasons)
+
+
+def _means(values: Array, first: NDArray[np.int64], counts: NDArray[np.int64]) -> Array:
+    # About the first value: times since 1970 would lose their microseconds in a sum.
+    shifted = np.add.reduceat(values - values[0], first)
+    return np.asarray(values[0] + (shifted.T / counts).T)
 
 
 @dataclass(frozen=True, eq=False)

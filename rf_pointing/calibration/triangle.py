@@ -4,8 +4,9 @@ Blocks of rows are folded in one after the other, so any number of observations 
 no normal equations are formed (their condition number is the square).
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import cache
 from typing import cast
 
 import numpy as np
@@ -13,10 +14,11 @@ from numpy.typing import NDArray
 
 from rf_pointing.calibration.separability import null_space_message
 
-__all__ = ["RANK_TOLERANCE", "Solution", "Triangle"]
+__all__ = ["RANK_TOLERANCE", "Solution", "Triangle", "triangle_of"]
 
 Array = NDArray[np.float64]
 
+_WORK_PER_COLUMN = 32
 RANK_TOLERANCE = 1e-9
 """Smallest ratio of singular values of the column-scaled matrix that still counts as full rank."""
 
@@ -53,25 +55,24 @@ class Triangle:
         """Return an independent copy."""
         return Triangle(self.names, self.factor.copy(), self.rows)
 
-    def add(self, matrix: Array, right: Array, columns: Sequence[int] | NDArray[np.int64]) -> None:
-        """Fold in rows matrix @ x[columns] = right, each already divided by its sigma."""
-        self.add_blocks([(matrix, right, columns)])
+    def add_blocks(self, blocks: Iterable[tuple[Array, NDArray[np.int64]]]) -> None:
+        """Fold in blocks of rows [matrix | right] (n, m + 1), divided by sigma, for the unknowns `columns` (m,).
 
-    def add_blocks(self, blocks: Iterable[tuple[Array, Array, Sequence[int] | NDArray[np.int64]]]) -> None:
-        """Fold in several blocks (matrix, right, columns) of rows, each reduced by itself first."""
-        rows, count = [], 0
-        for matrix, right, columns in blocks:
-            reduced = _triangle_of(np.column_stack([matrix, right]))
-            wide = np.zeros((len(reduced), len(self.names) + 1))
-            wide[:, columns] = reduced[:, :-1]
-            wide[:, -1] = reduced[:, -1]
-            rows.append(wide)
-            count += len(right)
-        self.add_triangle(np.concatenate(rows), count)
+        Each block is reduced by itself first.  The arrays are used as work space.
+        """
+        reduced, count = [], 0
+        for rows, columns in blocks:
+            wide = np.zeros((min(rows.shape), len(self.names) + 1))
+            triangle = triangle_of(rows)
+            wide[:, columns] = triangle[:, :-1]
+            wide[:, -1] = triangle[:, -1]
+            reduced.append(wide)
+            count += len(rows)
+        self.add_triangle(np.concatenate(reduced), count)
 
     def add_triangle(self, rows: Array, count: int) -> None:
         """Fold in rows (m, k + 1) of matrix and right side together that stand for `count` equations."""
-        self.factor = _triangle_of(np.concatenate([self.factor, rows]))
+        self.factor = triangle_of(np.concatenate([self.factor, rows]))
         self.rows += count
 
     def add_prior(self, name: str, value: float, sigma: float) -> None:
@@ -90,22 +91,46 @@ class Triangle:
         if len(matrix) < count or not scale.all():
             empty = [name for name, length in zip(self.names, scale, strict=True) if length == 0.0]
             raise ValueError(f"{self.rows} equations do not determine {', '.join(empty or self.names)}")
-        left, singular, rotation = np.linalg.svd(matrix / scale, full_matrices=False)
-        lost = singular < RANK_TOLERANCE * singular[0]
-        if lost.any():
-            raise ValueError(null_space_message(self.names, rotation[lost] / scale, scale))
-        root = (rotation / singular[:, np.newaxis] / scale).T
-        values = root @ (right @ left)
-        residual = matrix @ values - right
+        scaled = matrix[:count] / scale
+        singular = np.linalg.svd(scaled, compute_uv=False)
+        if singular[-1] < RANK_TOLERANCE * singular[0]:
+            rotation = np.linalg.svd(scaled)[2][singular < RANK_TOLERANCE * singular[0]]
+            raise ValueError(null_space_message(self.names, rotation / scale, scale))
+        root = _inverse_of(scaled) / scale[:, np.newaxis]
+        values = root @ right[:count]
         return Solution(
             names=self.names,
             values=values,
             covariance=root @ root.T,
             rank=count,
             condition=float(singular[0] / singular[-1]),
-            residual_square=float(residual @ residual),
+            residual_square=float(right[count:] @ right[count:]),
         )
 
 
-def _triangle_of(rows: Array) -> Array:
-    return cast(Array, np.linalg.qr(rows, mode="r"))
+def triangle_of(rows: Array) -> Array:
+    """Return R (min(n, m), m) of the QR factors of `rows` (n, m), which serves as work space.
+
+    LAPACK is called directly: numpy's wrapper costs more than the work for a few hundred rows.
+    """
+    from scipy.linalg.lapack import dgeqrf
+
+    height, width = min(rows.shape), rows.shape[1]
+    factor, _, _, info = dgeqrf(rows, lwork=_WORK_PER_COLUMN * width, overwrite_a=True)
+    if info != 0:
+        raise ValueError(f"QR factorisation failed: info={info}")
+    return cast(Array, factor[:height] * _upper(height, width))
+
+
+@cache
+def _upper(height: int, width: int) -> Array:
+    return np.triu(np.ones((height, width)))
+
+
+def _inverse_of(triangle: Array) -> Array:
+    from scipy.linalg.lapack import dtrtri
+
+    inverse, info = dtrtri(triangle)
+    if info != 0:
+        raise ValueError(f"triangle is singular: info={info}")
+    return cast(Array, inverse)

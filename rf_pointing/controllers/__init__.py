@@ -5,8 +5,17 @@ from rf_pointing.controllers.command_preprocessor import (
     CommandPreprocessorParams,
     CommandPreprocessorState,
 )
+from rf_pointing.controllers.lqg_design import LqgDesign, LqgWeights
+from rf_pointing.controllers.lqg_loop import LqgLoop, LqgLoopParams, LqgLoopState
 from rf_pointing.controllers.notch import Notch, NotchParams, NotchState
+from rf_pointing.controllers.oscillation_detector import (
+    OscillationDetector,
+    OscillationDetectorParams,
+    OscillationDetectorState,
+)
 from rf_pointing.controllers.position_loop import PositionLoop, PositionLoopParams, PositionLoopState
+from rf_pointing.controllers.presets import TUNED_RADIO_BANDWIDTH_HZ, dss13_loops
+from rf_pointing.controllers.rate_feedforward import FeedforwardState, RateFeedforward
 from rf_pointing.controllers.tracker_integrator import (
     TrackerIntegrator,
     TrackerIntegratorParams,
@@ -20,15 +29,26 @@ from rf_pointing.controllers.trajectory_buffer import (
 )
 
 __all__ = [
+    "TUNED_RADIO_BANDWIDTH_HZ",
     "CommandPreprocessor",
     "CommandPreprocessorParams",
     "CommandPreprocessorState",
+    "FeedforwardState",
+    "LqgDesign",
+    "LqgLoop",
+    "LqgLoopParams",
+    "LqgLoopState",
+    "LqgWeights",
     "Notch",
     "NotchParams",
     "NotchState",
+    "OscillationDetector",
+    "OscillationDetectorParams",
+    "OscillationDetectorState",
     "PositionLoop",
     "PositionLoopParams",
     "PositionLoopState",
+    "RateFeedforward",
     "TrackerIntegrator",
     "TrackerIntegratorParams",
     "TrackerIntegratorState",
@@ -36,4 +56,5 @@ __all__ = [
     "TrajectoryBuffer",
     "TrajectoryBufferParams",
     "TrajectorySample",
+    "dss13_loops",
 ]

@@ -30,6 +30,19 @@ class PositionLoopParams(Params):
     notch_frequency_hz: float = parameter(2.12, "notch frequency", low=0.01, high=500.0)
     notch_damping: float = parameter(0.2, "notch width delta", low=0.001, high=2.0)
     rate_limit_rad_s: float = parameter(math.radians(2.0), "largest rate command", low=1e-6, high=10.0)
+    drive_lag_s: float = parameter(0.06, "lag of the rate loop with half a sample", low=0.0, high=1.0)
+
+    def check_together(self) -> None:
+        """Refuse gains that no drive of this lag could follow: s^3 lag + s^2 + k_p s + k_i needs k_p > k_i lag."""
+        lag_s = self.drive_lag_s
+        if self.notch_enabled:
+            lag_s += self.notch_damping / (math.pi * self.notch_frequency_hz)
+        bound = self.integral_gain * lag_s
+        if self.integral_gain > 0.0 and self.proportional_gain <= bound:
+            raise ValueError(
+                f"proportional_gain={self.proportional_gain} must be > {bound:.4g} "
+                f"(integral_gain={self.integral_gain} times the lag {lag_s:.3f} s), the loop would be unstable"
+            )
 
     @property
     def notch(self) -> NotchParams:

@@ -31,27 +31,8 @@ __all__ = ["CataloguePass", "CatalogueSearch", "find_catalogue_passes"]
 
 Array = NDArray[np.float64]
 
-_STEP_RAD = 0.33
-_LADDER_S = (
-    30.0,
-    45.0,
-    60.0,
-    90.0,
-    120.0,
-    150.0,
-    180.0,
-    210.0,
-    240.0,
-    270.0,
-    300.0,
-    330.0,
-    360.0,
-    480.0,
-    600.0,
-    900.0,
-    1800.0,
-    2400.0,
-)
+_STEP_RAD = 0.45
+_LADDER_S = (60, 90, 120, 150, 180, 210, 240, 270, 300, 330, 360, 390, 420, 450, 480, 600, 900, 1200, 1800, 2700)
 _CHUNK = 256
 
 
@@ -136,8 +117,8 @@ def _usable(
 
 
 def _chunks(elements: list[Elements], duration_s: float) -> Iterator[tuple[list[Elements], float]]:
-    """Yield objects that can share a grid: its step is 0.33 rad of the fastest motion, that at the perigee."""
-    by_step: dict[float, list[Elements]] = {}
+    """Yield objects that can share a grid: its step is 0.45 rad of the fastest motion, that at the perigee."""
+    by_step: dict[int, list[Elements]] = {}
     for one in elements:
         e = one.eccentricity
         fastest_rad_s = one.mean_motion_rad_s * (1.0 + e) ** 2 / (1.0 - e * e) ** 1.5

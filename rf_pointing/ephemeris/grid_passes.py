@@ -1,7 +1,7 @@
 """Passes of many objects on one grid: find the maxima, then refine all peaks and crossings together.
 
-A maximum on the grid is kept unless it cannot reach the mask: within a step the direction turns by no more than the
-way moved over the distance.  A dip below the mask between two grid points above it separates two passes.
+A maximum on the grid is kept unless it cannot reach the mask: on a way shorter than the distance the direction turns by
+no more than the arc sine of their ratio.  A dip below the mask between two grid points above it separates two passes.
 """
 
 from dataclasses import dataclass
@@ -19,6 +19,9 @@ Index = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 _TOLERANCE_S = 1e-3
+_COARSE_S = 60.0
+_CLOSE_S = 2.0
+"""Golden section ends up to this close to the end of an interval over which the elevation only rises or falls."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,24 +60,51 @@ def _turning_points(
 ) -> tuple[Index, Array]:
     """Return rows and times of the maxima (sign 1) that may reach the mask, or the minima (-1) that may dip below."""
     inside = slice(MARGIN, sines.shape[1] - MARGIN)
-    values = sign * sines
-    here, left, right = (
-        values[:, inside],
-        values[:, MARGIN - 1 : -MARGIN - 1],
-        values[:, MARGIN + 1 : 1 - MARGIN or None],
-    )
-    turning = (here >= left) & (here > right)
-    if sign > 0.0:  # the ends of the interval can be the highest of a stay, never the lowest between two
-        turning[:, 0] |= here[:, 0] > right[:, 0]
-        turning[:, -1] |= here[:, -1] >= left[:, -1]
-    moved = np.linalg.norm(np.diff(sky.enu_m[:, inside], axis=1), axis=-1)
-    moved = np.concatenate([moved[:, :1], np.maximum(moved[:, 1:], moved[:, :-1]), moved[:, -1:]], axis=1)
-    reach = moved / np.linalg.norm(sky.enu_m[:, inside], axis=-1)
-    near = (sines[:, inside] > sine_mask - reach) if sign > 0.0 else (here > -sine_mask - reach) & (here < -sine_mask)
-    row, column = np.nonzero(turning & near & searched[:, None])
+    turning = _turning_nodes(sign * sines, ends=sign > 0.0)
+    if sign < 0.0:  # a dip to below is one from above; the other minima separate nothing
+        turning &= sines[:, inside] > sine_mask
+    row, column = np.nonzero(turning & searched[:, None])
+    speed_m_s = np.linalg.norm(np.diff(sky.enu_m, axis=1), axis=-1) / sky.step_s
+    speed = np.maximum(speed_m_s[row, column + MARGIN - 1], speed_m_s[row, column + MARGIN])
     middle_s = sky.time_s(column + MARGIN)
     low_s, high_s = np.maximum(middle_s - sky.step_s, sky.start_s), np.minimum(middle_s + sky.step_s, end_s)
-    return row, sky.turning_times(row, low_s, high_s, sign)
+    for width_s in (sky.step_s, _COARSE_S):
+        may = _may_reach(sky, row, middle_s, speed * width_s, sine_mask, sign)
+        row, speed, low_s, high_s = row[may], speed[may], low_s[may], high_s[may]
+        if width_s > _COARSE_S:
+            low_s, high_s = sky.narrowed(row, low_s, high_s, sign, _COARSE_S)
+        middle_s = 0.5 * (low_s + high_s)
+    return row, _or_end(sky, row, sky.turning_times(row, low_s, high_s, sign), end_s, sign)
+
+
+def _turning_nodes(values: Array, *, ends: bool) -> Flags:
+    """Return which of the searched columns are higher than their neighbours; the `ends` need only one lower."""
+    here = values[:, MARGIN : values.shape[1] - MARGIN]
+    left, right = values[:, MARGIN - 1 : -MARGIN - 1], values[:, MARGIN + 1 : values.shape[1] - MARGIN + 1]
+    turning: Flags = (here >= left) & (here > right)
+    if ends:
+        turning[:, 0] |= here[:, 0] > right[:, 0]
+        turning[:, -1] |= here[:, -1] >= left[:, -1]
+    return turning
+
+
+def _may_reach(sky: SampledSky, row: Index, t_s: Array, moved_m: Array, sine_mask: float, sign: float) -> Flags:
+    """Return whether the elevation can pass the mask within a way of `moved_m`: it turns by asin(way / distance)."""
+    position = sky.position_m(row, t_s)
+    distance = np.sqrt(np.einsum("nc,nc->n", position, position))
+    elevation = np.arcsin(position[:, 2] / distance)
+    reach = np.arcsin(np.minimum(moved_m / distance, 1.0))
+    return np.asarray(sign * (elevation - np.arcsin(sine_mask)) > -reach)
+
+
+def _or_end(sky: SampledSky, row: Index, t_s: Array, end_s: float, sign: float) -> Array:
+    """Return the end of the searched interval instead where it is better than a turning point beside it."""
+    for bound_s in (sky.start_s, end_s):
+        close = np.flatnonzero(np.abs(t_s - bound_s) <= _CLOSE_S)
+        at_end = np.full(len(close), bound_s)
+        better = sign * sky.sine(row[close], at_end) > sign * sky.sine(row[close], t_s[close])
+        t_s[close[better]] = bound_s
+    return t_s
 
 
 def _bracket_nodes(sky: SampledSky, sines: Array, row: Index, tca_s: Array, sine_mask: float) -> tuple[Array, Array]:

@@ -205,7 +205,8 @@ def _check_kind(name: str, value: Any, kind: Any) -> None:
         if kind is int and not isinstance(value, int):
             raise ValueError(f"{name}={value!r} must be a whole number")
     elif not isinstance(value, kind):
-        raise ValueError(f"{name}={value!r} must be of type {kind.__name__}")
+        wanted = kind.__name__ if issubclass(kind, Params) else f"of type {kind.__name__}"
+        raise ValueError(f"{name}={value!r} must be {wanted}")
 
 
 def _check_range(name: str, value: Any, low: float | None, high: float | None) -> None:

@@ -92,6 +92,10 @@ class Boresight:
     azimuth_rad: float
     elevation_rad: float
 
+    def __post_init__(self) -> None:
+        for name in self.__slots__:
+            require_finite(name, getattr(self, name))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MonopulseCluster:
@@ -134,3 +138,9 @@ class PointingError:
     carrier_to_noise_db_hz: float = 0.0
     valid: bool = True
     reason: str = ""
+
+    def __post_init__(self) -> None:
+        for name in ("t_s", "cross_elevation_rad", "elevation_rad", "carrier_to_noise_db_hz"):
+            require_finite(name, getattr(self, name))
+        covariance = as_finite_array("covariance_rad2", self.covariance_rad2, (2, 2))
+        object.__setattr__(self, "covariance_rad2", covariance)

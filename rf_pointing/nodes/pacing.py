@@ -1,30 +1,34 @@
 """When simulation time may go on: not before the wall clock says so, and never far ahead of the graph.
 
-Every paced stream states by how much its newest stamp may lag the next tick.  A stream counts while it flows: one that has
-not been heard of, or that falls silent for longer than the patience, is no longer waited for until it is heard again.
+Every paced stream states by how much its newest stamp may lag the next tick.  A stream that stays silent for longer than
+the patience is no longer waited for until it is heard again, nor is one whose messages are further apart than that.  The
+essential stream is the antenna's: while it is silent, time runs no faster than the wall clock.
 """
 
 from dataclasses import dataclass, field
 
 __all__ = ["PacedStream", "Pacer"]
 
+LARGEST_SPACING_S = 0.25
+
 
 @dataclass
 class PacedStream:
-    """Newest stamp of one stream, and by how much it may lag the clock (negative: it must be ahead)."""
+    """Newest stamp of one stream, and by how much it may lag the next tick (negative: it must be ahead)."""
 
     allowed_lag_s: float
-    newest_s: float = 0.0
-    spacing_s: float = 0.0
+    essential: bool = False
+    newest_s: float | None = None
+    waited_for: bool = True
     waiting_since_s: float | None = None
     waits: int = 0
     abandoned: int = 0
 
     def heard(self, stamp_s: float) -> None:
         """Note a message; what matters of it is its stamp."""
-        self.spacing_s = stamp_s - self.newest_s
-        self.newest_s = max(self.newest_s, stamp_s)
-        self.waiting_since_s = None
+        sparse = self.newest_s is not None and stamp_s - self.newest_s > LARGEST_SPACING_S
+        self.newest_s = stamp_s if self.newest_s is None else max(self.newest_s, stamp_s)
+        self.waited_for, self.waiting_since_s = not sparse, None
 
 
 @dataclass
@@ -35,9 +39,11 @@ class Pacer:
     tick_s: float
     speed: float
     streams: dict[str, PacedStream]
-    patience_s: float = 0.25
+    patience_s: float = 1.0
+    essential_patience_s: float = 5.0
     ticks: int = 0
     _origin_wall_s: float | None = field(default=None)
+    _ticked_wall_s: float = field(default=0.0)
 
     @property
     def now_s(self) -> float:
@@ -61,6 +67,7 @@ class Pacer:
     def advance(self, wall_s: float) -> float:
         """Take the next tick and return its time; a pace lost to the graph is not made up in a rush."""
         self.ticks += 1
+        self._ticked_wall_s = wall_s
         if self.speed and self._origin_wall_s is not None:
             due_s = self._origin_wall_s + self.ticks * self.tick_s / self.speed
             if wall_s - due_s > self.patience_s:
@@ -68,16 +75,19 @@ class Pacer:
         return self.now_s
 
     def _hold_s(self, stream: PacedStream, wall_s: float) -> float:
-        flowing = stream.newest_s > 0.0 and stream.spacing_s <= self.patience_s
-        if not flowing or stream.newest_s + stream.allowed_lag_s >= self.now_s + (1.0 - 1e-3) * self.tick_s:
+        next_s = self.now_s + self.tick_s
+        if stream.newest_s is not None and stream.newest_s + stream.allowed_lag_s >= next_s - 1e-3 * self.tick_s:
             stream.waiting_since_s = None
             return 0.0
+        if not stream.waited_for:
+            return max(0.0, self._ticked_wall_s + self.tick_s - wall_s) if stream.essential else 0.0
         if stream.waiting_since_s is None:
             stream.waiting_since_s = wall_s
             stream.waits += 1
-        left_s = stream.waiting_since_s + self.patience_s - wall_s
+        patience_s = self.essential_patience_s if stream.essential else self.patience_s
+        left_s = stream.waiting_since_s + patience_s - wall_s
         if left_s > 0.0:
             return left_s
-        stream.spacing_s = 2.0 * self.patience_s
+        stream.waited_for, stream.waiting_since_s = False, None
         stream.abandoned += 1
         return 0.0

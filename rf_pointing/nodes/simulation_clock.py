@@ -37,6 +37,7 @@ period less a tick lets time reach the next such instant only when the previous 
 the same result at any speed; the errors of monopulse are stamped in the middle of their cluster, 0.04 s before its end.
 """
 
+ESSENTIAL = "joint_states"
 HELD_PERIOD_S = 0.1
 
 
@@ -61,7 +62,9 @@ class SimulationClock(ManagedNode):
 
     def configure(self) -> None:
         params: ClockParams = self.parameters.value("")
-        streams = {topic: PacedStream(allowed_lag_s=lag_s) for topic, (_, lag_s) in PACED.items()}
+        streams = {
+            topic: PacedStream(allowed_lag_s=lag_s, essential=topic == ESSENTIAL) for topic, (_, lag_s) in PACED.items()
+        }
         self._pacer = Pacer(start_s=params.start_s, tick_s=params.tick_s, speed=params.speed, streams=streams)
         self._output = self.publisher(Clock, "clock", STREAM)
         for topic, (message_type, _) in PACED.items():

@@ -1,5 +1,8 @@
 """The machine behind the beam: link quality, command lead, servo timing, axis rates against their limits."""
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -126,9 +129,9 @@ def _last(data: TopicData | None, column: str) -> int | None:
     return int(data[column][-1]) if data is not None else None
 
 
-def _reduced(function: "np.ufunc | object", values: Floats) -> float | None:
+def _reduced(function: Callable[..., Any], values: Floats) -> float | None:
     finite = values[np.isfinite(values)]
-    return float(function(finite)) if len(finite) else None  # type: ignore[operator]
+    return float(function(finite)) if len(finite) else None
 
 
 def _p99(values: Floats) -> float:

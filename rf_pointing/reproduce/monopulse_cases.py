@@ -17,7 +17,7 @@ from rf_pointing.rf import (
 )
 from rf_pointing.tracking import LockWatch, LockWatchParams, MonopulseParams, MonopulseTracker
 
-__all__ = ["averaging_gain_db", "monopulse_normalised_errors", "sidelobe_lock_s"]
+__all__ = ["averaging_gain_db", "averaging_limit_db", "monopulse_normalised_errors", "sidelobe_lock_s"]
 
 Array = NDArray[np.float64]
 
@@ -43,9 +43,16 @@ def averaging_gain_db(cutoff_hz: float, clusters: int, rng: np.random.Generator)
     return 10.0 * math.log10(float(np.var(last) / np.var(errors)))
 
 
+def averaging_limit_db(cutoff_hz: float) -> float:
+    """Return that gain in closed form: 1 / mean |sin(5 x) / (5 sin x)|^2, x = pi f T, over the band of the noise."""
+    x = math.pi * SAMPLE_S * np.linspace(max(cutoff_hz, 1e-3), 0.5 / SAMPLE_S, 20001)
+    passed = (np.sin(CLUSTER * x) / (CLUSTER * np.sin(x))) ** 2
+    return -10.0 * math.log10(float(np.mean(passed)))
+
+
 def _clean_cluster(difference: Array) -> MonopulseCluster:
     return MonopulseCluster(
-        t_s=SAMPLE_S * np.arange(CLUSTER),
+        t_s=SAMPLE_S * np.arange(CLUSTER, dtype=np.float64),
         sum=np.ones(CLUSTER, dtype=np.complex128),
         difference_cross_elevation=difference.astype(np.complex128),
         difference_elevation=np.zeros(CLUSTER, dtype=np.complex128),
@@ -61,8 +68,8 @@ def monopulse_normalised_errors(level_db_hz: float, error_rad: Array, runs: int,
     settling, values = 200, []
     for k in range(settling + runs):
         times = k * CLUSTER_S + SAMPLE_S * np.arange(CLUSTER)
-        offsets = np.repeat(error_rad[:, None], CLUSTER, axis=1)
-        error = tracker.measure(receiver.cluster(times, *offsets, level_db_hz, SAMPLE_S))
+        x, y = np.repeat(error_rad[:, None], CLUSTER, axis=1)
+        error = tracker.measure(receiver.cluster(times, x, y, level_db_hz, SAMPLE_S))
         if k >= settling and error.valid:
             miss = np.array([error.cross_elevation_rad, error.elevation_rad]) - error_rad
             values.append(0.5 * float(miss @ np.linalg.solve(error.covariance_rad2, miss)))
@@ -79,22 +86,22 @@ def false_null_rad() -> float:
     return float(angle[:-1][rising][0])
 
 
-def sidelobe_lock_s(with_level: bool, rng: np.random.Generator) -> tuple[str, float]:
-    """Return what the watch says of a loop that pulls into the sidelobe of a uniform aperture, and when.
+def sidelobe_lock_s(rng: np.random.Generator) -> tuple[str, float]:
+    """Return what the watch says of a loop that sits on the sidelobe of a uniform aperture, and when.
 
-    Ka band, 60 dB-Hz on the main beam, integrator of 0.1 Hz, starting 1.5 mdeg from the false null; an antenna that
-    follows at once.  `with_level` lets the watch compare C/N0 with the link's.
+    Ka band, 60 dB-Hz on the main beam, integrator of 0.1 Hz, starting 0.5 mdeg from the false null; an antenna that
+    follows at once.  The watch compares C/N0 with the link's: the false null is so steep that the beam hardly moves.
     """
     beam = BeamParams.for_band("Ka", "uniform")
     receiver = Receiver(ReceiverParams(), Beam(beam), MonopulseFeed(MonopulseFeedParams(), beam), rng)
-    tracker = MonopulseTracker(MonopulseParams(half_power_beamwidth_rad=BEAM_RAD, quadrature_limit=1e6))
+    tracker = MonopulseTracker(MonopulseParams(half_power_beamwidth_rad=BEAM_RAD))
     watch = LockWatch(LockWatchParams(half_power_beamwidth_rad=BEAM_RAD))
-    target, beam_at = np.array([false_null_rad() + 1.5 * MDEG, 0.0]), np.zeros(2)
+    target, beam_at = np.array([false_null_rad() + 0.5 * MDEG, 0.0]), np.zeros(2)
     for k in range(100):
         times = k * CLUSTER_S + SAMPLE_S * np.arange(1, CLUSTER + 1)
-        miss = np.repeat((target - beam_at)[:, None], CLUSTER, axis=1)
-        error = tracker.measure(receiver.cluster(times, *miss, 60.0, SAMPLE_S))
-        fault = watch.add(error, *beam_at, 60.0 if with_level else None)
+        x, y = np.repeat((target - beam_at)[:, None], CLUSTER, axis=1)
+        error = tracker.measure(receiver.cluster(times, x, y, 60.0, SAMPLE_S))
+        fault = watch.add(error, float(beam_at[0]), float(beam_at[1]), 60.0)
         if fault:
             return fault, float(times[-1])
         if error.valid:

@@ -14,27 +14,19 @@ from rf_pointing.arrays.tripulse_array import TripulseArrayParams
 from rf_pointing.arrays.tripulse_receiver import TripulseMeasurement, TripulseReceiver
 from rf_pointing.arrays.tripulse_reference import detect_with_references
 from rf_pointing.arrays.tripulse_signal import TripulseSignalParams
-from rf_pointing.arrays.tripulse_source import StationLine, TripulseSource, TripulseSourceParams
-from rf_pointing.attitude.geostationary_scene import GeostationaryParams, SceneMoment, WobbleParams, scene_moment
-from rf_pointing.attitude.ground_stations import GroundStation
+from rf_pointing.arrays.tripulse_source import TripulseSourceParams
+from rf_pointing.attitude.geostationary_scene import GeostationaryParams, SceneMoment, WobbleParams
 from rf_pointing.attitude.quaternion import conjugate, multiply, quaternion_to_rotation_vector
-from rf_pointing.attitude.station_attitude import (
-    StationAttitude,
-    StationAttitudeEstimator,
-    StationAttitudeParams,
-    StationObservation,
-)
+from rf_pointing.attitude.station_attitude import StationAttitude, StationAttitudeParams
 from rf_pointing.geometry import random_stream
 from rf_pointing.reproduce.row import Row
+from rf_pointing.station.ground_network import GroundNetworkParams
+from rf_pointing.station.tripulse import SimulatedTripulse, TripulseAttitude
 
-__all__ = ["STATIONS", "TripulseRun", "lines_of_sight", "observation", "run_tripulse", "signal_rows"]
+__all__ = ["TripulseRun", "run_tripulse", "signal_rows"]
 
 Array = NDArray[np.float64]
 
-STATIONS = [
-    GroundStation(name="usingen", latitude_rad=math.radians(50.33), longitude_rad=math.radians(8.48)),
-    GroundStation(name="hartebeesthoek", latitude_rad=math.radians(-25.89), longitude_rad=math.radians(27.69)),
-]
 FRAMES = 400
 SPECIFICATION = 5.8e-5
 
@@ -74,46 +66,19 @@ def run_tripulse(
 ) -> TripulseRun:
     """Return a run of `epochs` measurements, one every `step_s`, of a geosynchronous satellite by two stations."""
     array, signal = TripulseArrayParams(), signal or TripulseSignalParams()
-    sender = TripulseSource(array, signal, source or TripulseSourceParams(), seed=seed)
+    orbit, stations = GeostationaryParams(), GroundNetworkParams().stations()
+    sender = SimulatedTripulse(array, signal, source or TripulseSourceParams(), orbit, WobbleParams(), stations, seed)
     receiver = TripulseReceiver(array=array, signal=signal)
-    estimator = StationAttitudeEstimator(StationAttitudeParams())
+    solver = TripulseAttitude(StationAttitudeParams(), orbit, stations)
     moments, measurements, attitudes = [], [], []
     for index in range(epochs):
-        moment = scene_moment(GeostationaryParams(), WobbleParams(), STATIONS, index * step_s)
-        frames = sender.step(moment.t_s, moment.rotation, lines_of_sight(moment))
-        epoch = [receiver.measure(frame) for frame in frames]
-        for measured, reference in zip(epoch, moment.view.reference, strict=True):
-            estimator.observe(observation(measured, reference))
-        moments.append(moment)
+        sent = sender.step(index * step_s)
+        epoch = [receiver.measure(frame) for frame in sent.frames]
+        moments.append(sent.moment)
         measurements.append(epoch)
-        attitudes.append(estimator.estimate(moment.t_s))
+        for measured in epoch:
+            attitudes += solver.take(measured, sent.moment.t_s)
     return TripulseRun(moments=moments, measurements=measurements, attitudes=attitudes)
-
-
-def lines_of_sight(moment: SceneMoment) -> list[StationLine]:
-    """Return what the simulated source needs to know of each station."""
-    return [
-        StationLine(
-            name=station.name,
-            direction=moment.view.reference[index],
-            range_rate_m_s=float(moment.range_rate_m_s[index]),
-            elevation_rad=float(moment.view.elevation_rad[index]),
-        )
-        for index, station in enumerate(STATIONS)
-    ]
-
-
-def observation(measured: TripulseMeasurement, reference: Array) -> StationObservation:
-    """Return a station's measurement as the attitude estimator takes it."""
-    return StationObservation(
-        t_s=measured.t_s,
-        station=measured.station,
-        projections=measured.projections,
-        covariance=measured.covariance,
-        reference=reference,
-        valid=measured.valid,
-        reason=measured.reason,
-    )
 
 
 def signal_rows(seed: int = 1) -> list[Row]:

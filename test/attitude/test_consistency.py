@@ -19,5 +19,5 @@ def test_band_is_the_chi_square_interval() -> None:
 
 
 def test_error_that_is_not_a_number_is_refused() -> None:
-    with pytest.raises(ValueError, match="error=.* must be finite"):
+    with pytest.raises(ValueError, match=r"error=.* must be finite"):
         nees(np.array([[np.nan, 0.0]]), np.eye(2))

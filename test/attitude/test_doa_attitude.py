@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rf_pointing.attitude.attitude_start import StartParams
 from rf_pointing.attitude.doa_attitude import DoaAttitudeFilter, DoaAttitudeParams, StationDirection
 from rf_pointing.attitude.multiplicative_filter import GateParams
 from rf_pointing.attitude.process_noise import ProcessNoiseParams
@@ -25,6 +26,7 @@ def doa_filter(**changes: float) -> DoaAttitudeFilter:
     return DoaAttitudeFilter(
         SatelliteParams(),
         DoaAttitudeParams(**changes),
+        StartParams(),
         ProcessNoiseParams(),
         GateParams(),
         t_s=0.0,
@@ -67,15 +69,28 @@ def test_collinear_stations_cannot_start_the_filter() -> None:
 
 def test_output_says_why_it_is_not_valid() -> None:
     running = doa_filter(silence_s=10.0)
-    assert "no direction accepted yet" in running.output().reason
-    running.observe(AHEAD)
+    assert running.output().reason == "no direction accepted yet"
     running.observe(AHEAD)
     assert "1 of 2 stations heard" in running.output().reason
+    assert "12 hypotheses of the start still open" in running.output().reason
     assert "attitude sigma" in running.output().reason
     running.start_from_directions([AHEAD, ASIDE], ORBIT_RATE)
     assert running.output().valid
     running.predict_to(11.0, NONE, ORBIT_RATE)
     assert "no direction for 11 s" in running.output().reason
+
+
+def test_one_hypothesis_is_kept_once_a_second_station_has_settled() -> None:
+    running = doa_filter()
+    running.observe(AHEAD)
+    for k in range(1, 40):
+        running.predict_to(1.0 * k, NONE, ORBIT_RATE)
+        running.observe(ASIDE)
+        running.observe(AHEAD)
+    found = running.output()
+    assert len(running.state.bank.misfit) == 1
+    assert found.valid
+    assert float(rotation_angle_between_rad(found.quaternion, TRUTH)) < 0.02
 
 
 def test_directions_that_keep_missing_put_the_attitude_in_doubt() -> None:
@@ -129,6 +144,7 @@ def test_non_unit_start_is_refused() -> None:
         DoaAttitudeFilter(
             SatelliteParams(),
             DoaAttitudeParams(),
+            StartParams(),
             ProcessNoiseParams(),
             GateParams(),
             t_s=0.0,
@@ -163,6 +179,8 @@ def test_resuming_from_the_state_gives_the_same_output() -> None:
 
 def test_one_long_prediction_is_made_of_short_steps() -> None:
     once, often = doa_filter(), doa_filter()
+    for each in (once, often):
+        each.observe(AHEAD)
     once.predict_to(5.0, NONE, ORBIT_RATE)
     for k in range(1, 21):
         often.predict_to(0.25 * k, NONE, ORBIT_RATE)

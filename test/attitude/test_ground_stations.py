@@ -9,7 +9,7 @@ from rf_pointing.attitude.ground_stations import (
     stations_along_track,
     view_stations,
 )
-from rf_pointing.attitude.sun_synchronous_orbit import SunSynchronousOrbitParams, orbit_point, period_s
+from rf_pointing.attitude.sun_synchronous_orbit import SunSynchronousOrbitParams, orbit_point
 
 ORBIT = SunSynchronousOrbitParams()
 LOWEST_RAD = np.radians(10.0)
@@ -37,7 +37,8 @@ def test_station_at_10_degrees_elevation_is_61_05_degrees_off_nadir() -> None:
     assert np.degrees(largest_nadir_angle_rad(ORBIT, LOWEST_RAD)) == pytest.approx(61.05, abs=0.005)
     t_s = np.linspace(100.0, 900.0, 4001)
     view = view_stations(ORBIT, [under(500.0)], t_s)
-    nadir = np.arccos(view.reference[view.visible(LOWEST_RAD)[:, 0], 0, 2])
+    seen = view.reference[view.visible(LOWEST_RAD)[:, 0], 0]
+    nadir = np.arctan2(np.hypot(seen[:, 0], seen[:, 1]), seen[:, 2])
     assert np.degrees(nadir.max()) == pytest.approx(61.05, abs=0.05)
 
 
@@ -48,7 +49,7 @@ def test_one_of_the_eight_stations_is_in_view_for_5000_seconds() -> None:
 
 
 def test_pass_of_one_station_lasts_about_ten_minutes() -> None:
-    view = view_stations(ORBIT, stations_along_track(ORBIT, 0.0), np.arange(-period_s(ORBIT) / 2, 5000.0))
+    view = view_stations(ORBIT, stations_along_track(ORBIT, 0.0), np.arange(-400.0, 5400.0))
     assert view.visible(LOWEST_RAD).sum(axis=0) == pytest.approx(np.full(8, 635.0), abs=15.0)
 
 

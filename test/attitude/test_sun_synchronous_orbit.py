@@ -62,5 +62,5 @@ def test_frame_rate_is_the_derivative_of_the_frame_in_inertial_axes() -> None:
 
 
 def test_orbit_inside_the_atmosphere_is_refused() -> None:
-    with pytest.raises(ValueError, match="altitude_m=50000.0 must be >= 200000.0"):
+    with pytest.raises(ValueError, match=r"altitude_m=50000.0 must be >= 200000.0"):
         SunSynchronousOrbitParams(altitude_m=50e3)

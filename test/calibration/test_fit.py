@@ -1,7 +1,17 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from rf_pointing.calibration import TERM_NAMES, FitOptions, Prior, fit_bias_model, held_at_zero
+from rf_pointing.calibration import (
+    TERM_NAMES,
+    CandidatePass,
+    FitOptions,
+    Observations,
+    Prior,
+    fit_bias_model,
+    held_at_zero,
+)
 
 TABLE_1_TERMS = tuple(n for n in TERM_NAMES if not n.endswith("acceleration_lag"))
 
@@ -48,8 +58,6 @@ def test_parameters_agree_with_numpy_least_squares(campaign, table_1):
 def test_all_data_at_one_elevation_are_refused_by_the_terms_names(campaign, table_1):
     data = campaign(table_1)
     fixed = data.true_elevation_rad * 0.0 + 0.6
-    from dataclasses import replace
-
     data = replace(data, true_elevation_rad=fixed, observed_elevation_rad=fixed + 0.001)
     with pytest.raises(ValueError, match=r"cannot separate .*azimuth_offset.*low and at high elevation"):
         fit_bias_model(data)
@@ -58,8 +66,6 @@ def test_all_data_at_one_elevation_are_refused_by_the_terms_names(campaign, tabl
 def test_a_prior_makes_inseparable_terms_solvable_and_is_returned_where_data_are_silent(campaign, table_1):
     data = campaign(table_1)
     names = (*TERM_NAMES, "elevation_temperature")
-    from dataclasses import replace
-
     data = replace(data, temperature_k=np.full(len(data), 288.15))
     with pytest.raises(ValueError, match="elevation_temperature"):
         fit_bias_model(data, terms=names)
@@ -82,8 +88,6 @@ def test_a_term_neither_fitted_nor_held_is_refused(campaign, table_1):
 
 def test_outliers_are_left_out_and_listed(campaign, table_1):
     data = campaign(table_1)
-    from dataclasses import replace
-
     spoiled = data.observed_elevation_rad.copy()
     spoiled[[5, 50]] += 0.01
     result = fit_bias_model(replace(data, observed_elevation_rad=spoiled), options=FitOptions(edit_sigma=4.0))
@@ -91,3 +95,47 @@ def test_outliers_are_left_out_and_listed(campaign, table_1):
     assert not result.used[5]
     pull = (result.values - values(table_1, result.names)) / result.sigma
     assert np.max(np.abs(pull)) < 4.0
+
+
+def test_a_single_pass_is_refused(campaign, table_1):
+    with pytest.raises(ValueError, match="passes=1 must be >= fewest_passes=3"):
+        fit_bias_model(campaign(table_1, passes=1))
+
+
+def test_a_pure_delay_appears_as_velocity_and_half_its_square_as_acceleration_lag(track, random):
+    delay_s, parts = 0.5, []
+    for number in range(12):
+        miss_m, start = (-1) ** number * random.uniform(4e5, 2e6), 1e9 + 6000.0 * number
+        whole = track(1.0, miss_m, random.uniform(0.0, 6.3), start)
+        times = whole.t_s[10:-10:10]
+        candidate = CandidatePass(name="", track=whole.at(times), sigma_azimuth_rad=1e-4, sigma_elevation_rad=1e-4)
+        late = whole.at(times + delay_s)
+        parts.append(
+            replace(
+                candidate.observations("gs1", "S", number),
+                observed_azimuth_rad=late.azimuth_rad,
+                observed_elevation_rad=late.elevation_rad,
+            )
+        )
+    result = fit_bias_model(Observations.concatenate(parts), options=FitOptions(edit_sigma=0.0))
+    for axis in ("azimuth", "elevation"):
+        assert result.coefficients[f"{axis}_velocity_lag"] == pytest.approx(delay_s, rel=1e-3)
+        assert result.coefficients[f"{axis}_acceleration_lag"] == pytest.approx(delay_s**2 / 2.0, rel=0.02)
+
+
+def test_poorly_separated_pairs_come_with_the_data_that_would_separate_them(campaign, table_1):
+    data = campaign(table_1)
+    low = data.select(data.true_elevation_rad < np.radians(40.0))
+    advice = fit_bias_model(low).separation_advice()
+    assert any("collimation" in line and "above 60 deg" in line for line in advice)
+
+
+def test_huber_weights_bound_the_harm_of_outliers_that_editing_may_not_remove(campaign, table_1, random):
+    data = campaign(table_1, passes=20)
+    spoiled = data.observed_elevation_rad + np.where(random.random(len(data)) < 0.05, 3e-3, 0.0)
+    bad = replace(data, observed_elevation_rad=spoiled)
+    plain = fit_bias_model(bad, options=FitOptions(edit_sigma=0.0))
+    robust = fit_bias_model(bad, options=FitOptions(edit_sigma=0.0, huber_sigma=1.5))
+    truth = table_1.coefficients["elevation_offset"] + table_1.coefficients["droop"]
+    miss = [abs(r.coefficients["elevation_offset"] + r.coefficients["droop"] - truth) for r in (plain, robust)]
+    assert miss[1] < 0.5 * miss[0]

@@ -105,3 +105,21 @@ def test_a_copied_state_does_not_follow_the_loop() -> None:
 def test_non_finite_inputs_are_refused(values: tuple[float, float, float]) -> None:
     with pytest.raises(ValueError, match="must be finite"):
         PositionLoop(PLAIN).output(*values)
+
+
+def test_gains_that_the_drive_cannot_follow_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"proportional_gain=0\.1 must be > 0\.1621 .*would be unstable"):
+        PositionLoopParams(proportional_gain=0.1)
+
+
+def test_the_refused_gains_are_those_that_make_the_lagging_loop_unstable() -> None:
+    """Poles of lag s^3 + s^2 + k_p s + k_i on both sides of the bound."""
+    for factor, stable in ((0.99, False), (1.01, True)):
+        gain = factor * 1.8 * 0.06
+        poles = np.roots([0.06, 1.0, gain, 1.8])
+        assert (np.max(poles.real) < 0.0) == stable
+        if stable:
+            PLAIN.replace(proportional_gain=gain)
+        else:
+            with pytest.raises(ValueError, match="must be >"):
+                PLAIN.replace(proportional_gain=gain)

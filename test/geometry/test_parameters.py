@@ -63,7 +63,7 @@ class Needed(Params):
         ({"low_rad": True}, r"low_rad=True must be a number"),
         ({"count": 0}, r"count=0 must be >= 1"),
         ({"count": 2.0}, r"count=2\.0 must be a whole number"),
-        ({"inner": 3.0}, r"inner=3\.0 must be of type Inner"),
+        ({"inner": 3.0}, r"inner=3\.0 must be Inner"),
         ({"kind": "c"}, r"kind='c' must be one of a, b"),
         ({"name": 7}, r"name=7 must be of type str"),
         ({"on": "yes"}, r"on='yes' must be of type bool"),
@@ -185,7 +185,7 @@ def test_with_leaves_checks_the_set_as_a_whole() -> None:
         ({"low_rad": 0.1}, r"^low_rad: Outer has no such parameter$"),
         ({"inner.rate_deg_s": "fast"}, r"^inner\.rate_deg_s='fast' must be a number$"),
         ({"inner.pair_deg": ["a", 1.0]}, r"^inner\.pair_deg\[0\]='a' must be a number$"),
-        ({"inner": 3.0}, r"^inner=3\.0 must be of type Inner$"),
+        ({"inner": 3.0}, r"^inner=3\.0 must be Inner$"),
     ],
 )
 def test_with_leaves_names_the_key(values: dict[str, Any], complaint: str) -> None:

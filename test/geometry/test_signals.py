@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rf_pointing.geometry import JointReading, JointTrajectory, PointingError, Target
+from rf_pointing.geometry import Boresight, JointReading, JointTrajectory, PointingError, Target
 
 TARGET: dict[str, Any] = {
     "t_s": 10.0,
@@ -74,6 +74,28 @@ def test_a_trajectory_without_points_is_refused() -> None:
     empty = np.zeros((0, 2))
     with pytest.raises(ValueError, match="t_s has 0 points, must have at least 1"):
         trajectory(t_s=[], position_rad=empty, velocity_rad_s=empty, acceleration_rad_s2=empty)
+
+
+@pytest.mark.parametrize("name", ["t_s", "cross_elevation_rad", "elevation_rad", "carrier_to_noise_db_hz"])
+@pytest.mark.parametrize("bad", [math.nan, -math.inf])
+def test_a_pointing_error_with_a_number_that_is_not_finite_is_refused(name: str, bad: float) -> None:
+    good = {"t_s": 1.0, "sensor": "monopulse", "cross_elevation_rad": 0.0, "elevation_rad": 0.0}
+    with pytest.raises(ValueError, match=f"^{name}={bad} must be finite$"):
+        PointingError(**{**good, name: bad})
+
+
+@pytest.mark.parametrize("covariance", [np.zeros(4), np.zeros((3, 3)), [[math.nan, 0.0], [0.0, 1.0]]])
+def test_a_pointing_error_needs_a_finite_covariance_of_two_axes(covariance: Any) -> None:
+    with pytest.raises(ValueError, match=r"(?s)^covariance_rad2"):
+        PointingError(
+            t_s=1.0, sensor="monopulse", cross_elevation_rad=0.0, elevation_rad=0.0, covariance_rad2=covariance
+        )
+
+
+@pytest.mark.parametrize("name", ["t_s", "azimuth_rad", "elevation_rad"])
+def test_a_boresight_that_is_not_finite_is_refused(name: str) -> None:
+    with pytest.raises(ValueError, match=f"^{name}=nan must be finite$"):
+        Boresight(**{"t_s": 1.0, "azimuth_rad": 0.0, "elevation_rad": 0.5, name: math.nan})
 
 
 def test_signals_cannot_be_changed_and_share_no_default() -> None:

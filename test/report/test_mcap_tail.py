@@ -66,6 +66,25 @@ def test_every_cut_inside_one_chunk_and_its_index_is_closed_alike(whole: Path, t
         assert len(times(cut)) == (third.message_end_time + 1 if whole_chunk else before)
 
 
+def test_index_that_was_cut_off_is_written_as_it_was(whole: Path, tmp_path: Path) -> None:
+    with whole.open("rb") as stream:
+        original = make_reader(stream).get_summary()
+    assert original is not None
+    third = original.chunk_indexes[2]
+    cut = tmp_path / "cut.mcap"
+    end = third.chunk_start_offset + third.chunk_length
+    cut.write_bytes(whole.read_bytes()[: end + third.message_index_length // 2])
+    complete(cut)
+    with cut.open("rb") as stream:
+        closed = make_reader(stream).get_summary()
+    assert closed is not None
+    assert closed.chunk_indexes == original.chunk_indexes[:3]
+    assert closed.schemas == original.schemas
+    assert closed.channels == original.channels
+    written = cut.read_bytes()[end : end + third.message_index_length]
+    assert written == whole.read_bytes()[end : end + third.message_index_length]
+
+
 def test_whole_file_keeps_every_message(whole: Path, tmp_path: Path) -> None:
     copy = Path(shutil.copy(whole, tmp_path))
     complete(copy)

@@ -158,6 +158,19 @@ def test_acquisition_begins_with_the_first_valid_error(run: Callable[..., Record
     assert summary.acquisition.settled_s == pytest.approx(14.0)
 
 
+def test_settled_needs_five_small_errors_in_a_row_from_a_sensor_in_the_loop(run: Callable[..., Recording]) -> None:
+    def flickering(t: float) -> tuple[float, float]:
+        return (7.0, 0.0) if 22.4 - 1e-9 <= t < 22.45 else planned_error_mdeg(t)
+
+    summary = summarize(analyse(run(error_mdeg=flickering)))
+    assert summary.acquisition.settled_s == pytest.approx(12.5)
+
+
+def test_small_errors_before_a_sensor_closes_the_loop_are_no_acquisition(run: Callable[..., Recording]) -> None:
+    summary = summarize(analyse(run(error_mdeg=lambda _: (1.0, 0.0))))
+    assert summary.acquisition.settled_s == pytest.approx(10.0)
+
+
 def test_losses_are_counted_by_sequence_or_by_gaps(summary: Summary) -> None:
     rows = {row.topic.removeprefix("/gs1/"): row for row in summary.topics}
     lost = {name: row.lost for name, row in rows.items() if row.lost}

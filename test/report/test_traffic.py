@@ -56,6 +56,11 @@ def test_missing_numbers_are_losses_and_a_fall_is_a_restart() -> None:
     assert (found.lost, found.restarts, found.counted_by) == (3, 1, "sequence numbers")
 
 
+def test_counter_that_falls_by_one_or_stands_still_is_a_restart() -> None:
+    found = row(target=topic("target", list(range(0, 600, 100)), sequence=[0, 1, 0, 0, 1, 2]))
+    assert (found.lost, found.restarts) == (0, 2)
+
+
 def test_two_sensors_on_one_topic_are_counted_apart() -> None:
     sensors = ["monopulse", "conscan"] * 4
     numbers = [0, 100, 1, 101, 3, 102, 4, 105]
@@ -104,6 +109,14 @@ def test_effect_is_linked_to_the_same_stamp_only() -> None:
     joints = topic("joint_states", [20, 50], log_ms=[2.5, 5.75])
     (found,) = latencies(recording(clock=clock, joint_states=joints))
     assert (found.count, found.max_ms) == (1, pytest.approx(0.5))
+
+
+def test_99th_percentile_is_between_the_usual_and_the_largest() -> None:
+    stamps = list(range(0, 2_020, 20))
+    clock = topic("clock", stamps)
+    joints = topic("joint_states", stamps, log_ms=[*(stamp + 0.5 for stamp in stamps[:99]), 1_982.5, 2_010.5])
+    (found,) = latencies(recording(clock=clock, joint_states=joints))
+    assert (found.median_ms, found.p99_ms, found.max_ms) == pytest.approx((0.5, 2.5, 10.5))
 
 
 def test_where_no_stamps_are_the_same_the_last_received_before_counts() -> None:

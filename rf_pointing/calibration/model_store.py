@@ -1,0 +1,81 @@
+"""The named models of one station and band, which of them is active, and the way back.
+
+A folder holds one file per version and `history.json`, the names in the order they were accepted; the last one is
+active.  Every file appears complete or not at all.
+"""
+
+import json
+import os
+from pathlib import Path
+
+from rf_pointing.calibration.model_file import ModelFile, read_model, write_model
+
+__all__ = ["ModelStore"]
+
+_HISTORY = "history.json"
+
+
+class ModelStore:
+    """Versions of the bias model of `station` in `band` below `folder`; the state is what is on disk."""
+
+    def __init__(self, folder: str | Path, station: str, band: str) -> None:
+        self.folder, self.station, self.band = Path(folder), station, band
+        self.folder.mkdir(parents=True, exist_ok=True)
+
+    def add(self, file: ModelFile) -> None:
+        """Keep a new version, not yet active; another station, another band or a used name is refused."""
+        file.check_for(self.station, self.band, file.valid_from_t_s)
+        if not file.name or any(sign in file.name for sign in '/\\:*?"<>|') or file.name.startswith("."):
+            raise ValueError(f"name={file.name!r} must be usable as a file name")
+        if self._path(file.name).exists():
+            raise ValueError(f"name={file.name!r} is taken; versions are never overwritten")
+        write_model(self._path(file.name), file)
+
+    def names(self) -> tuple[str, ...]:
+        """Return the names of all versions."""
+        return tuple(sorted(path.stem for path in self.folder.glob("*.yaml")))
+
+    def read(self, name: str) -> ModelFile:
+        """Return one version."""
+        if name not in self.names():
+            raise ValueError(f"name={name!r} must be one of {', '.join(self.names()) or 'none'}")
+        return read_model(self._path(name))
+
+    def active(self) -> ModelFile | None:
+        """Return the active version, None before the first one is accepted."""
+        history = self._history()
+        return self.read(history[-1]) if history else None
+
+    def accept(self, name: str, t_s: float) -> ModelFile:
+        """Make a version active and return it; it must be valid at `t_s`."""
+        file = self.read(name)
+        file.check_for(self.station, self.band, t_s)
+        history = self._history()
+        if not history or history[-1] != name:
+            self._write_history([*history, name])
+        return file
+
+    def roll_back(self) -> ModelFile:
+        """Make the version before the active one active again and return it."""
+        history = self._history()
+        if len(history) < 2:
+            raise ValueError(f"accepted models={len(history)} must be >= 2 to roll back")
+        self._write_history(history[:-1])
+        return self.read(history[-2])
+
+    def _path(self, name: str) -> Path:
+        return self.folder / f"{name}.yaml"
+
+    def _history(self) -> list[str]:
+        path = self.folder / _HISTORY
+        if not path.exists():
+            return []
+        names = json.loads(path.read_text(encoding="utf-8"))
+        if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+            raise ValueError(f"{path} must hold a list of names")
+        return names
+
+    def _write_history(self, names: list[str]) -> None:
+        part = self.folder / (_HISTORY + ".part")
+        part.write_text(json.dumps(names), encoding="utf-8")
+        os.replace(part, self.folder / _HISTORY)

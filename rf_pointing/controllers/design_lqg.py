@@ -1,0 +1,132 @@
+"""LQG with integral action for one axis, designed with python-control from an identified model.
+
+The regulator and the estimator are made for the drive (its pole and integrator, read off the identified model) behind
+a notch at the bending mode; the mode itself is left to the notch, because a law that knows its phase is lost when the
+frequency moves by 10 %.  Gain, phase and sensitivity margins are then taken on the whole identified model.
+Imported only on demand: python-control brings matplotlib with it.
+"""
+
+import math
+
+import control
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.controllers.lqg_design import LqgDesign, LqgWeights
+from rf_pointing.geometry import as_finite_array, require_between
+
+__all__ = ["controller_system", "design_lqg", "drive_of"]
+
+Array = NDArray[np.float64]
+
+_LOW = 3
+"""Index of the notch's low-pass state."""
+
+
+def drive_of(a: Array, b: Array, c: Array, sample_s: float) -> tuple[float, float]:
+    """Return bandwidth (rad/s) and gain of the drive in an identified rate-to-angle model (n states, one in, one out).
+
+    The bandwidth is that of the slowest real pole inside the unit circle, the gain the residue of the integrator.
+
+    Raises
+    ------
+    ValueError
+        If the model has no integrator or no real drive pole.
+    """
+    poles, vectors = np.linalg.eig(a)
+    residues = (c @ vectors)[0] * np.linalg.solve(vectors, b.astype(np.complex128))[:, 0]
+    integrator = int(np.argmin(np.abs(poles - 1.0)))
+    if abs(poles[integrator] - 1.0) > 1e-6:
+        raise ValueError(f"pole nearest to the integrator is {poles[integrator]:.6f}, must be 1 (restore it first)")
+    real = [pole.real for pole in np.delete(poles, integrator) if abs(pole.imag) < 1e-9 and 0.0 < pole.real < 1.0]
+    if not real:
+        raise ValueError("model has no real pole between 0 and 1 for the drive")
+    return -math.log(max(real)) / sample_s, float(residues[integrator].real) / sample_s
+
+
+def design_lqg(a: Array, b: Array, c: Array, d: Array, sample_s: float, weights: LqgWeights) -> LqgDesign:
+    """Return the controller for the identified model (a, b, c, d) sampled every `sample_s` seconds.
+
+    Raises
+    ------
+    ValueError
+        If the closed loop on that model is unstable; the message carries its spectral radius.
+    """
+    require_between("sample_s", sample_s, 1e-4, 1.0)
+    a, b, c = (as_finite_array(name, value, (None, None)) for name, value in (("a", a), ("b", b), ("c", c)))
+    bandwidth, gain = drive_of(a, b, c, sample_s)
+    plant, entry, shown = _design_plant(bandwidth, gain, sample_s, weights)
+    size = len(plant)
+    price = np.zeros((size, size))
+    price[0, 0] = 1.0
+    feedback, _, _ = control.dlqr(plant, entry, price, np.array([[weights.control_weight]]))
+    law = _with_disturbance(plant, entry, shown, gain, bandwidth, sample_s)
+    noise = np.diag([0.0, weights.rate_intensity, 0.0, 0.0, weights.disturbance_intensity])
+    filter_gain, _, _ = control.dlqe(law[0], np.eye(size + 1), law[2], noise, np.array([[1.0]]))
+    # Cancelling a constant disturbance fills the notch with it; what the regulator makes of that comes on top.
+    state_gain = np.hstack([np.asarray(feedback), [[1.0 + feedback[0, _LOW]]]])
+    observer_gain = law[0] @ np.asarray(filter_gain)
+    margins = _margins(control.ss(a, b, c, d, sample_s), law, state_gain, observer_gain, weights, sample_s)
+    return LqgDesign(*law, state_gain, observer_gain, sample_s, bandwidth, gain, weights, *margins)
+
+
+def controller_system(
+    law: tuple[Array, Array, Array], state_gain: Array, observer_gain: Array, weights: LqgWeights, sample_s: float
+) -> control.StateSpace:
+    """Return the law from error to rate command, notch included, as a python-control system."""
+    a, b, c = law
+    core = control.ss(a - b @ state_gain - observer_gain @ c, -observer_gain, -state_gain, [[0.0]], sample_s)
+    return control.ss(*_notch(weights, sample_s), sample_s) * core
+
+
+def _margins(
+    model: control.StateSpace,
+    law: tuple[Array, Array, Array],
+    state_gain: Array,
+    observer_gain: Array,
+    weights: LqgWeights,
+    sample_s: float,
+) -> tuple[float, float, float]:
+    loop = model * controller_system(law, state_gain, observer_gain, weights, sample_s)
+    radius = float(np.max(np.abs(control.feedback(loop, 1).poles())))
+    if radius >= 1.0:
+        raise ValueError(f"spectral radius {radius:.5f} of the loop on the identified model must be < 1")
+    omega = np.geomspace(0.05, math.pi / sample_s * 0.999, 4000)
+    response = loop(np.exp(1j * omega * sample_s))
+    phase_deg = np.degrees(np.unwrap(np.angle(response)))
+    gain_margin, phase_margin, *_ = control.stability_margins((np.abs(response), phase_deg, omega))
+    return float(np.max(1.0 / np.abs(1.0 + response))), 20.0 * math.log10(gain_margin), math.radians(phase_margin)
+
+
+def _notch(weights: LqgWeights, sample_s: float) -> tuple[Array, Array, Array, Array]:
+    """Return the notch in the very states of `notch.py` (band, low), so that design and run time agree."""
+    g = math.tan(math.pi * weights.notch_frequency_hz * sample_s)
+    h = 1.0 / (1.0 + g * (g + 2.0 * weights.notch_damping))
+    band = h * np.array([1.0, -g, g])
+    rows = np.array([2.0 * band - (1.0, 0.0, 0.0), 2.0 * g * band + (0.0, 1.0, 0.0)])
+    out = -2.0 * weights.notch_damping * band + (0.0, 0.0, 1.0)
+    return rows[:, :2], rows[:, 2:], out[None, :2], out[None, 2:]
+
+
+def _design_plant(
+    bandwidth: float, gain: float, sample_s: float, weights: LqgWeights
+) -> tuple[Array, Array, Array]:
+    """Return the sampled drive behind the notch: states angle, drive rate, notch band, notch low."""
+    decay = math.exp(-bandwidth * sample_s)
+    reach = (1.0 - decay) / bandwidth
+    drive = np.array([[1.0, gain * reach], [0.0, decay]])
+    entry = np.array([[gain * (sample_s - reach)], [1.0 - decay]])
+    na, nb, nc, nd = _notch(weights, sample_s)
+    plant = np.block([[drive, entry @ nc], [np.zeros((2, 2)), na]])
+    return plant, np.vstack([entry @ nd, nb]), np.array([[1.0, 0.0, 0.0, 0.0]])
+
+
+def _with_disturbance(
+    plant: Array, entry: Array, shown: Array, gain: float, bandwidth: float, sample_s: float
+) -> tuple[Array, Array, Array]:
+    """Append a constant rate disturbance that enters where the command does, behind the notch."""
+    decay = math.exp(-bandwidth * sample_s)
+    reach = (1.0 - decay) / bandwidth
+    column = np.array([[gain * (sample_s - reach)], [1.0 - decay], [0.0], [0.0]])
+    a = np.block([[plant, column], [np.zeros((1, 4)), np.ones((1, 1))]])
+    return a, np.vstack([entry, [[0.0]]]), np.hstack([shown, [[0.0]]])

@@ -1,0 +1,119 @@
+"""Says that a loop oscillates, before the antenna is shaken apart: large, regular swings of the servo error.
+
+The error, high-passed to take out slow tracking error, is followed from zero crossing to zero crossing.  A swing whose
+peak exceeds the threshold counts; `cycles` such swings in a row with half periods alike within `regularity` are an
+oscillation.  One gust or one command step gives one or two swings and then decays; wind noise is irregular.
+"""
+
+import math
+from dataclasses import dataclass, field, replace
+
+from rf_pointing.geometry import Params, parameter, require_between, require_finite
+
+__all__ = ["OscillationDetector", "OscillationDetectorParams", "OscillationDetectorState"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class OscillationDetectorParams(Params):
+    """What counts as an oscillation."""
+
+    threshold_rad: float = parameter(math.radians(0.02), "smallest peak of a swing that counts", low=1e-7, high=0.1)
+    high_pass_hz: float = parameter(0.05, "slower error is tracking error, not oscillation", low=1e-4, high=10.0)
+    highest_hz: float = parameter(12.0, "faster swings are encoder noise", low=0.1, high=500.0)
+    half_cycles: int = parameter(6, "half periods in a row", low=3, high=100)
+    regularity: float = parameter(0.35, "largest spread of the half periods over their mean", low=0.01, high=1.0)
+    growth: float = parameter(0.5, "smallest ratio of the last to the first peak of the row", low=0.0, high=10.0)
+
+    def check_together(self) -> None:
+        """Refuse an empty band."""
+        if self.high_pass_hz >= self.highest_hz:
+            raise ValueError(f"high_pass_hz={self.high_pass_hz} must be < highest_hz={self.highest_hz}")
+
+
+@dataclass(slots=True)
+class OscillationDetectorState:
+    """High-pass memory, the running swing (age, peak), the row of counted swings, and the verdict."""
+
+    input_rad: float = 0.0
+    output_rad: float = 0.0
+    started: bool = False
+    age_s: float = 0.0
+    peak_rad: float = 0.0
+    row: tuple[tuple[float, float], ...] = ()
+    oscillating: bool = False
+    reason: str = field(default="")
+
+
+class OscillationDetector:
+    """One axis: `update` with every servo error; the verdict latches until `reset`."""
+
+    def __init__(self, params: OscillationDetectorParams) -> None:
+        self._params = params
+        self._state = OscillationDetectorState()
+
+    @property
+    def params(self) -> OscillationDetectorParams:
+        """The parameter set in force."""
+        return self._params
+
+    @property
+    def state(self) -> OscillationDetectorState:
+        """A copy of the complete state."""
+        return replace(self._state)
+
+    @state.setter
+    def state(self, state: OscillationDetectorState) -> None:
+        self._state = replace(state)
+
+    @property
+    def oscillating(self) -> bool:
+        """Whether an oscillation has been seen since the last reset."""
+        return self._state.oscillating
+
+    @property
+    def reason(self) -> str:
+        """Frequency and size of the oscillation, "" if there is none."""
+        return self._state.reason
+
+    def retune(self, params: OscillationDetectorParams) -> None:
+        """Take new thresholds from the next error on."""
+        self._params = params
+
+    def reset(self) -> None:
+        """Forget the verdict and the swings so far."""
+        self._state = OscillationDetectorState()
+
+    def update(self, error_rad: float, dt_s: float) -> bool:
+        """Take the servo error of this sample, `dt_s` after the one before; return `oscillating`.
+
+        Raises
+        ------
+        ValueError
+            For a non-finite error.
+        """
+        require_finite("error_rad", error_rad)
+        require_between("dt_s", dt_s, 1e-5, 1.0)
+        state, before = self._state, self._state.output_rad
+        decay = math.exp(-2.0 * math.pi * self._params.high_pass_hz * dt_s)
+        change = error_rad - state.input_rad if state.started else 0.0
+        state.output_rad = decay * (before + change)
+        state.input_rad, state.started = error_rad, True
+        state.age_s += dt_s
+        if before * state.output_rad < 0.0:
+            self._swing(state.age_s, state.peak_rad)
+            state.age_s, state.peak_rad = 0.0, 0.0
+        state.peak_rad = max(state.peak_rad, abs(state.output_rad))
+        return state.oscillating
+
+    def _swing(self, half_period_s: float, peak_rad: float) -> None:
+        """Count a completed swing, or begin a new row where it does not fit."""
+        state, params = self._state, self._params
+        fits = peak_rad >= params.threshold_rad and half_period_s >= 0.5 / params.highest_hz
+        state.row = (*state.row, (half_period_s, peak_rad))[-params.half_cycles :] if fits else ()
+        if len(state.row) < params.half_cycles:
+            return
+        lengths, peaks = zip(*state.row, strict=True)
+        mean = sum(lengths) / len(lengths)
+        if max(lengths) - min(lengths) <= params.regularity * mean and peaks[-1] >= params.growth * peaks[0]:
+            state.oscillating = True
+            state.reason = f"oscillation of {1e3 * math.degrees(max(peaks)):.1f} mdeg at {0.5 / mean:.2f} Hz"

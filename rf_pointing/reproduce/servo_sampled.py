@@ -1,0 +1,163 @@
+"""One axis as a sampled loop: exact responses at 50 Hz, wind error, sensitivity of encoder and radio loop.
+
+    L = G_e K,   S = 1 / (1 + L),   beam under wind = (W_b - G_b K W_e S) w,   S_radio = 1 / (1 + H G_b (K + F N s) S)
+
+G: rate command to encoder and beam, exact for held commands; W: wind acceleration to both; K: position law; H the
+radio integrator with the mean delay of 10-Hz sampling and one sample, 0.15 s.  Gusts have Davenport's spectrum.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.controllers import LqgDesign, PositionLoopParams
+from rf_pointing.servo import PlantParams, davenport_psd, discretise, linear_model
+
+__all__ = ["AxisResponse", "LoopQuality", "Variation", "loop_quality"]
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+SAMPLE_S = 0.02
+RADIO_DELAY_S = 0.15
+RADIO_PERIOD_S = 0.1
+_AXES = ("azimuth", "elevation")
+
+
+@dataclass(frozen=True, slots=True)
+class Variation:
+    """How the antenna differs from the one the controller was made for."""
+
+    frequency: float = 1.0
+    residue: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class LoopQuality:
+    """Beam error rms per unit of wind acceleration gain, sensitivity peaks, stability of the encoder loop.
+
+    `rms_s2_per_m_s` times the wind acceleration per gust speed (rad/s^2 per m/s) is the rms error in radians.
+    """
+
+    rms_s2_per_m_s: float
+    encoder_peak: float
+    radio_peak: float
+    stable: bool
+
+
+class AxisResponse:
+    """Responses of one axis of a plant on a frequency grid; independent of the controller."""
+
+    def __init__(self, plant: PlantParams, axis: int, variation: Variation) -> None:
+        name = _AXES[axis]
+        model = linear_model(_varied(plant, name, variation))
+        kept = [i for i, state in enumerate(model.state_names) if name in state]
+        block = np.ix_(kept, kept)
+        self._a, self._command = model.a[block], model.b_command[kept][:, [axis]]
+        self._wind = model.b_wind[kept][:, [axis]]
+        self._outputs = np.vstack([model.encoder[axis, kept], model.beam[axis, kept]])
+        self.frequency_hz = _grid()
+
+    @cached_property
+    def from_command(self) -> ComplexArray:
+        """Response (f, 2) of encoder and beam to the rate command."""
+        step = discretise(self._a, self._command, SAMPLE_S)
+        z = np.exp(2j * np.pi * self.frequency_hz * SAMPLE_S)
+        return self._solve(z, step[:, :-1], step[:, -1:])
+
+    @cached_property
+    def from_wind(self) -> ComplexArray:
+        """Response (f, 2) of encoder and beam to wind acceleration."""
+        return self._solve(2j * np.pi * self.frequency_hz, self._a, self._wind)
+
+    def closed_radius(self, law: tuple[Array, Array, Array, Array]) -> float:
+        """Return the spectral radius of the encoder loop under a law from error to rate (a, b, c, d)."""
+        step = discretise(self._a, self._command, SAMPLE_S)
+        a, b, c = step[:, :-1], step[:, -1:], self._outputs[:1]
+        la, lb, lc, ld = law
+        closed = np.block([[a - b @ ld @ c, b @ lc], [-lb @ c, la]])
+        return float(np.max(np.abs(np.linalg.eigvals(closed))))
+
+    def _solve(self, points: ComplexArray, a: Array, b: Array) -> ComplexArray:
+        solved = np.linalg.solve(points[:, None, None] * np.eye(len(a)) - a, b.astype(np.complex128))
+        return np.asarray((self._outputs @ solved)[:, :, 0])
+
+
+def loop_quality(
+    response: AxisResponse, law: PositionLoopParams | LqgDesign, radio_hz: float, wind_m_s: float
+) -> LoopQuality:
+    """Return error and margins of one axis under a position law and a radio integrator of f_m `radio_hz`."""
+    frequency = response.frequency_hz
+    s, z = 2j * np.pi * frequency, np.exp(2j * np.pi * frequency * SAMPLE_S)
+    matrices = _law(law)
+    a, b, c, d = matrices
+    gain = (c @ np.linalg.solve(z[:, None, None] * np.eye(len(a)) - a, b.astype(np.complex128)) + d)[:, 0, 0]
+    encoder, beam = response.from_command.T
+    wind_encoder, wind_beam = response.from_wind.T
+    sensitivity = 1.0 / (1.0 + encoder * gain)
+    fed = _notch_response(law, z) * s / (1.0 + s / (2.0 * math.pi * 10.0))
+    integrator = 2.0 * math.pi * radio_hz / s * np.exp(-RADIO_DELAY_S * s) * np.sinc(frequency * RADIO_PERIOD_S)
+    radio = 1.0 / (1.0 + integrator * beam * (gain + fed) * sensitivity)
+    error = (wind_beam - beam * gain * wind_encoder * sensitivity) * radio
+    gusts = davenport_psd(frequency, wind_m_s, 0.005)
+    rms = math.sqrt(float(np.trapezoid(np.abs(error) ** 2 * gusts, frequency)))
+    peaks = float(np.max(np.abs(sensitivity))), float(np.max(np.abs(radio)))
+    return LoopQuality(rms, *peaks, response.closed_radius(matrices) < 1.0)
+
+
+def _varied(plant: PlantParams, name: str, variation: Variation) -> PlantParams:
+    axis = getattr(plant, name)
+    changed = axis.replace(
+        mode_frequency_hz=tuple(variation.frequency * value for value in axis.mode_frequency_hz),
+        mode_encoder_residue=tuple(variation.residue * value for value in axis.mode_encoder_residue),
+        mode_beam_residue=tuple(variation.residue * value for value in axis.mode_beam_residue),
+    )
+    return plant.replace(**{name: changed})
+
+
+def _grid() -> Array:
+    fine = [np.linspace(low, high, count) for low, high, count in ((1.3, 2.7, 300), (2.7, 6.0, 160))]
+    return np.unique(np.concatenate([np.geomspace(1e-3, 24.0, 700), *fine]))
+
+
+def _law(law: PositionLoopParams | LqgDesign) -> tuple[Array, Array, Array, Array]:
+    """Return the law from error to rate command, notch included, in state space."""
+    if isinstance(law, LqgDesign):
+        core = law.a - law.b @ law.state_gain - law.observer_gain @ law.c, -law.observer_gain, -law.state_gain
+        through = np.zeros((1, 1))
+    else:
+        core = np.eye(1), np.array([[SAMPLE_S]]), np.array([[law.integral_gain]])
+        through = np.array([[law.proportional_gain]])
+    notch = _notch_of(law)
+    if notch is None:
+        return *core, through
+    na, nb, nc, nd = _notch(*notch)
+    a = np.block([[core[0], np.zeros((len(core[0]), 2))], [nb @ core[2], na]])
+    return a, np.vstack([core[1], nb @ through]), np.hstack([nd @ core[2], nc]), nd @ through
+
+
+def _notch_of(law: PositionLoopParams | LqgDesign) -> tuple[float, float] | None:
+    """Return frequency and damping of the law's notch, None where it has none."""
+    if isinstance(law, LqgDesign):
+        return law.weights.notch_frequency_hz, law.weights.notch_damping
+    return (law.notch_frequency_hz, law.notch_damping) if law.notch_enabled else None
+
+
+def _notch(frequency_hz: float, damping: float) -> tuple[Array, Array, Array, Array]:
+    g = math.tan(math.pi * frequency_hz * SAMPLE_S)
+    band = np.array([1.0, -g, g]) / (1.0 + g * (g + 2.0 * damping))
+    rows = np.array([2.0 * band - (1.0, 0.0, 0.0), 2.0 * g * band + (0.0, 1.0, 0.0)])
+    out = -2.0 * damping * band + (0.0, 0.0, 1.0)
+    return rows[:, :2], rows[:, 2:], out[None, :2], out[None, 2:]
+
+
+def _notch_response(law: PositionLoopParams | LqgDesign, z: ComplexArray) -> ComplexArray:
+    notch = _notch_of(law)
+    if notch is None:
+        return np.ones_like(z)
+    omega = 2.0 * math.pi * notch[0]
+    s = omega / math.tan(0.5 * omega * SAMPLE_S) * (z - 1.0) / (z + 1.0)
+    return np.asarray((s**2 + omega**2) / (s**2 + 2.0 * notch[1] * omega * s + omega**2))

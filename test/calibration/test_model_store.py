@@ -1,0 +1,57 @@
+from dataclasses import replace
+
+import pytest
+
+from rf_pointing.calibration import ModelFile, ModelStore, fit_bias_model
+
+
+@pytest.fixture
+def file(campaign, table_1):
+    return ModelFile.from_fit(fit_bias_model(campaign(table_1)), name="a", software="test", created_t_s=1.7e9)
+
+
+@pytest.fixture
+def store(tmp_path, file):
+    store = ModelStore(tmp_path / "models", "gs1", "S")
+    for name in "abc":
+        store.add(replace(file, name=name))
+    return store
+
+
+def test_nothing_is_active_before_the_first_is_accepted(store):
+    assert store.active() is None
+    assert store.names() == ("a", "b", "c")
+    with pytest.raises(ValueError, match="accepted models=0 must be >= 2"):
+        store.roll_back()
+
+
+def test_accept_and_roll_back_survive_a_restart(store):
+    for name in ("a", "c", "b", "b"):
+        store.accept(name, 1.8e9)
+    again = ModelStore(store.folder, "gs1", "S")
+    assert again.active().name == "b"
+    assert again.roll_back().name == "c"
+    assert ModelStore(store.folder, "gs1", "S").active().name == "c"
+
+
+def test_a_model_of_another_station_a_taken_and_an_unknown_name_are_refused(store, file):
+    with pytest.raises(ValueError, match="is of station 'gs2', must be of 'gs1'"):
+        store.add(replace(file, station="gs2", name="d"))
+    with pytest.raises(ValueError, match="name='a' is taken"):
+        store.add(file)
+    with pytest.raises(ValueError, match=r"name='\.\./d' must be usable"):
+        store.add(replace(file, name="../d"))
+    with pytest.raises(ValueError, match="name='z' must be one of a, b, c"):
+        store.accept("z", 1.8e9)
+
+
+def test_a_model_that_is_not_valid_is_not_accepted(store):
+    with pytest.raises(ValueError, match="is valid from"):
+        store.accept("a", 1.6e9)
+    assert store.active() is None
+
+
+def test_a_damaged_history_is_refused(store):
+    (store.folder / "history.json").write_text('{"a": 1}')
+    with pytest.raises(ValueError, match="must hold a list of names"):
+        store.active()

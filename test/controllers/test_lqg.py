@@ -1,0 +1,157 @@
+"""The LQG law: optimality, agreement of design and run time, margins, files."""
+
+import math
+
+import control
+import numpy as np
+import pytest
+
+from rf_pointing.controllers import LqgDesign, LqgLoop, LqgLoopParams, LqgWeights
+from rf_pointing.controllers.design_lqg import controller_system, design_lqg, drive_of
+
+SAMPLE_S = 0.02
+WEIGHTS = LqgWeights(
+    notch_frequency_hz=2.32, notch_damping=0.29, control_weight=0.023, disturbance_intensity=0.069, rate_intensity=1e-4
+)
+
+
+def antenna() -> control.StateSpace:
+    """Rate command to encoder: drive of 20 rad/s and a bending mode, sampled."""
+    omega, damping, residue = 2.0 * math.pi * 2.12, 0.0082, 0.316
+    drive = control.tf([20.0], [1.0, 20.0])
+    angle = control.tf([1.0], [1.0, 0.0])
+    mode = control.tf([-residue, 0.0], [1.0, 2.0 * damping * omega, omega**2])
+    return control.ss(control.c2d(control.ss((angle + mode) * drive), SAMPLE_S))
+
+
+def modal_antenna() -> tuple[np.ndarray, ...]:
+    """The same in block-diagonal form with one exact integrator, as an identified model comes."""
+    system = antenna()
+    poles, vectors = np.linalg.eig(system.A)
+    integrator = int(np.argmin(np.abs(poles - 1.0)))
+    assert abs(poles[integrator] - 1.0) < 1e-7
+    return system.A, system.B, system.C, system.D
+
+
+@pytest.fixture(scope="module")
+def design() -> LqgDesign:
+    return design_lqg(*modal_antenna(), SAMPLE_S, WEIGHTS)
+
+
+def test_drive_is_read_off_the_model() -> None:
+    bandwidth, gain = drive_of(*modal_antenna()[:3], SAMPLE_S)
+    assert bandwidth == pytest.approx(20.0, rel=1e-4)
+    assert gain == pytest.approx(1.0, rel=1e-4)
+
+
+def test_state_gain_solves_the_riccati_equation(design: LqgDesign) -> None:
+    a, b = design.a[:4, :4], design.b[:4]
+    price = np.diag([1.0, 0.0, 0.0, 0.0])
+    cost, _, _ = control.dare(a, b, price, np.array([[WEIGHTS.control_weight]]))
+    gain = np.linalg.solve(WEIGHTS.control_weight + b.T @ cost @ b, b.T @ cost @ a)
+    np.testing.assert_allclose(design.state_gain[:, :4], gain, rtol=1e-8)
+
+
+def test_law_has_an_integrator(design: LqgDesign) -> None:
+    law = controller_system(
+        (design.a, design.b, design.c), design.state_gain, design.observer_gain, WEIGHTS, SAMPLE_S
+    )
+    assert np.min(np.abs(law.poles() - 1.0)) < 1e-9
+
+
+def test_margins_are_those_of_the_loop_on_the_whole_model(design: LqgDesign) -> None:
+    law = controller_system(
+        (design.a, design.b, design.c), design.state_gain, design.observer_gain, WEIGHTS, SAMPLE_S
+    )
+    omega = np.geomspace(0.1, 150.0, 20_000)
+    sensitivity = 1.0 / np.abs(1.0 + (antenna() * law)(np.exp(1j * omega * SAMPLE_S)))
+    assert design.peak_sensitivity == pytest.approx(np.max(sensitivity), rel=0.01)
+    assert design.peak_sensitivity < 2.0
+    assert design.gain_margin_db > 6.0
+    assert design.phase_margin_rad > math.radians(30.0)
+
+
+def test_running_law_is_the_designed_system(design: LqgDesign) -> None:
+    law = controller_system(
+        (design.a, design.b, design.c), design.state_gain, design.observer_gain, WEIGHTS, SAMPLE_S
+    )
+    errors = 1e-4 * np.random.default_rng(3).standard_normal(200)
+    expected = control.forced_response(law, inputs=errors).outputs
+    loop = LqgLoop(design, LqgLoopParams(rate_limit_rad_s=10.0))
+    ours = []
+    for error in errors:
+        ours.append(loop.output(error, 0.0, 0.0))
+        loop.update(SAMPLE_S, ours[-1])
+    np.testing.assert_allclose(ours, expected, atol=1e-12)
+
+
+def test_constant_disturbance_leaves_no_error(design: LqgDesign) -> None:
+    system = antenna()
+    loop = LqgLoop(design, LqgLoopParams())
+    state = np.zeros(system.nstates)
+    for _ in range(1500):
+        measured = float(system.C[0] @ state)
+        rate = loop.output(0.0, 0.0, measured)
+        state = system.A @ state + system.B[:, 0] * (rate + 5e-4)
+        loop.update(SAMPLE_S, rate)
+    assert abs(float(system.C[0] @ state)) < 1e-9
+
+
+def test_saturation_does_not_wind_up(design: LqgDesign) -> None:
+    system = antenna()
+    loop = LqgLoop(design, LqgLoopParams(rate_limit_rad_s=0.01))
+    state, track = np.zeros(system.nstates), []
+    for _ in range(1500):
+        measured = float(system.C[0] @ state)
+        track.append(measured)
+        rate = loop.output(0.1, 0.0, measured)
+        state = system.A @ state + system.B[:, 0] * rate
+        loop.update(SAMPLE_S, rate)
+    assert max(track) < 0.1 + 0.005
+    assert track[-1] == pytest.approx(0.1, abs=1e-6)
+
+
+def test_reset_makes_the_next_output_the_given_command(design: LqgDesign) -> None:
+    loop = LqgLoop(design, LqgLoopParams())
+    loop.reset(0.3, 4e-3, 0.2999, 6.5e-3)
+    assert loop.output(0.3, 4e-3, 0.2999) == pytest.approx(6.5e-3, abs=1e-15)
+
+
+def test_copied_state_continues_identically(design: LqgDesign) -> None:
+    signal = 1e-3 * np.random.default_rng(5).standard_normal((80, 3))
+    first, second = LqgLoop(design, LqgLoopParams()), LqgLoop(design, LqgLoopParams())
+    for row in signal[:40]:
+        first.update(SAMPLE_S, first.output(*row))
+    second.state = first.state
+    for row in signal[40:]:
+        command = first.output(*row)
+        assert command == second.output(*row)
+        first.update(SAMPLE_S, 0.9 * command)
+        second.update(SAMPLE_S, 0.9 * command)
+
+
+def test_another_sampling_time_is_refused(design: LqgDesign) -> None:
+    loop = LqgLoop(design, LqgLoopParams())
+    with pytest.raises(ValueError, match=r"dt_s=0\.01 must be 0\.02"):
+        loop.update(0.01, 0.0)
+
+
+def test_design_survives_a_file(design: LqgDesign) -> None:
+    back = LqgDesign.from_mapping(design.to_mapping())
+    np.testing.assert_array_equal(back.observer_gain, design.observer_gain)
+    assert back.weights == design.weights
+    spoiled = design.to_mapping() | {"extra": 1.0}
+    spoiled.pop("b")
+    with pytest.raises(ValueError, match=r"unknown keys \['extra'\] and lacks \['b'\]"):
+        LqgDesign.from_mapping(spoiled)
+
+
+def test_weights_that_destabilise_the_full_model_are_refused() -> None:
+    with pytest.raises(ValueError, match="spectral radius"):
+        design_lqg(*modal_antenna(), SAMPLE_S, WEIGHTS.replace(notch_frequency_hz=1.2, control_weight=1e-5))
+
+
+def test_a_model_without_integrator_is_refused() -> None:
+    a, b, c, d = modal_antenna()
+    with pytest.raises(ValueError, match="must be 1"):
+        design_lqg(0.9 * a, b, c, d, SAMPLE_S, WEIGHTS)

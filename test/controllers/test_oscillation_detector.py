@@ -1,0 +1,88 @@
+"""Oscillations are found and named; wind, steps and ramps are not taken for one."""
+
+import math
+
+import numpy as np
+import pytest
+
+from rf_pointing.controllers import OscillationDetector, OscillationDetectorParams
+
+DT_S = 0.02
+LIMIT = math.radians(0.02)
+
+
+def watch(errors: np.ndarray, **changes: float) -> OscillationDetector:
+    detector = OscillationDetector(OscillationDetectorParams(**changes))
+    for error in errors:
+        detector.update(float(error), DT_S)
+    return detector
+
+
+@pytest.mark.parametrize("frequency_hz", [0.2, 0.7, 2.12, 5.0])
+def test_a_growing_oscillation_is_found_within_four_periods_of_crossing_the_threshold(frequency_hz: float) -> None:
+    time = DT_S * np.arange(round(10.0 / frequency_hz / DT_S))
+    errors = 1.5 * LIMIT * np.exp(0.05 * frequency_hz * time) * np.sin(2.0 * math.pi * frequency_hz * time)
+    detector = OscillationDetector(OscillationDetectorParams())
+    seen = [detector.update(float(error), DT_S) for error in errors]
+    assert DT_S * np.argmax(seen) < 4.2 / frequency_hz
+    assert detector.oscillating
+
+
+def test_the_reason_names_frequency_and_size() -> None:
+    time = DT_S * np.arange(500)
+    detector = watch(2.0 * LIMIT * np.sin(2.0 * math.pi * 2.0 * time))
+    assert detector.reason == "oscillation of 39.8 mdeg at 2.00 Hz"
+
+
+def test_small_oscillation_below_the_threshold_is_left_alone() -> None:
+    time = DT_S * np.arange(3000)
+    assert not watch(0.9 * LIMIT * np.sin(2.0 * math.pi * 2.0 * time)).oscillating
+
+
+def test_a_decaying_ring_after_a_step_is_not_an_oscillation() -> None:
+    time = DT_S * np.arange(3000)
+    ring = 8.0 * LIMIT * np.exp(-0.35 * time) * np.cos(2.0 * math.pi * 0.21 * time)
+    assert not watch(ring).oscillating
+
+
+def test_slow_tracking_error_is_not_an_oscillation() -> None:
+    time = DT_S * np.arange(20_000)
+    assert not watch(3.0 * LIMIT * np.sin(2.0 * math.pi * 0.005 * time)).oscillating
+
+
+def test_irregular_gusts_are_not_an_oscillation() -> None:
+    random = np.random.default_rng(6)
+    gusts = np.zeros(30_000)
+    for k in range(1, len(gusts)):
+        gusts[k] = 0.99 * gusts[k - 1] + 0.14 * random.standard_normal()
+    assert not watch(0.5 * LIMIT * gusts).oscillating
+
+
+def test_the_verdict_latches_until_reset() -> None:
+    time = DT_S * np.arange(500)
+    detector = watch(2.0 * LIMIT * np.sin(2.0 * math.pi * 2.0 * time))
+    detector.update(0.0, DT_S)
+    assert detector.oscillating
+    detector.reset()
+    assert (detector.oscillating, detector.reason) == (False, "")
+
+
+def test_copied_state_continues_identically() -> None:
+    time = DT_S * np.arange(120)
+    errors = 2.0 * LIMIT * np.sin(2.0 * math.pi * 2.0 * time)
+    first = watch(errors[:60])
+    second = OscillationDetector(OscillationDetectorParams())
+    second.state = first.state
+    for error in errors[60:]:
+        assert first.update(float(error), DT_S) == second.update(float(error), DT_S)
+    assert first.state == second.state
+
+
+def test_non_finite_errors_are_refused() -> None:
+    with pytest.raises(ValueError, match="error_rad=nan must be finite"):
+        OscillationDetector(OscillationDetectorParams()).update(math.nan, DT_S)
+
+
+def test_an_empty_band_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"high_pass_hz=2\.0 must be < highest_hz=1\.0"):
+        OscillationDetectorParams(high_pass_hz=2.0, highest_hz=1.0)

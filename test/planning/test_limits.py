@@ -1,0 +1,98 @@
+"""The gate every commanded position passes, and the turn that a pass is tracked on."""
+
+import math
+
+import numpy as np
+import pytest
+
+from rf_pointing.planning import AxisLimits, choose_turns, refusal
+
+LIMITS = AxisLimits(
+    azimuth_min_rad=math.radians(-220.0),
+    azimuth_max_rad=math.radians(220.0),
+    elevation_min_rad=math.radians(4.0),
+    elevation_max_rad=math.radians(89.0),
+)
+TURN_RAD = 2.0 * math.pi
+
+
+def refused(azimuth_deg: float, elevation_deg: float, present_deg: tuple[float, float] | None = None) -> str:
+    present = None if present_deg is None else (math.radians(present_deg[0]), math.radians(present_deg[1]))
+    return refusal(LIMITS, math.radians(azimuth_deg), math.radians(elevation_deg), present)
+
+
+@pytest.mark.parametrize("axis", ["azimuth", "elevation"])
+def test_an_empty_travel_is_refused_naming_both_ends(axis: str) -> None:
+    low, high = f"{axis}_min_rad", f"{axis}_max_rad"
+    with pytest.raises(ValueError, match=rf"^{low}=1\.0 must be < {high}=1\.0$"):
+        AxisLimits(**{low: 1.0, high: 1.0})
+
+
+def test_every_position_inside_may_be_commanded_and_none_outside(random: np.random.Generator) -> None:
+    for azimuth, elevation in random.uniform((-5.0, -0.3), (5.0, 1.9), (500, 2)):
+        inside = (
+            LIMITS.azimuth_min_rad <= azimuth <= LIMITS.azimuth_max_rad
+            and LIMITS.elevation_min_rad <= elevation <= LIMITS.elevation_max_rad
+        )
+        assert (refusal(LIMITS, azimuth, elevation) == "") == inside
+
+
+@pytest.mark.parametrize(
+    ("azimuth_deg", "elevation_deg", "words"),
+    [
+        (221.5, 40.0, "azimuth 221.500 deg is 1.500 deg past the limit 220.000 deg"),
+        (-220.25, 40.0, "azimuth -220.250 deg is 0.250 deg past the limit -220.000 deg"),
+        (0.0, 3.9, "elevation 3.900 deg is 0.100 deg past the limit 4.000 deg"),
+        (0.0, 90.0, "elevation 90.000 deg is 1.000 deg past the limit 89.000 deg"),
+    ],
+)
+def test_a_refusal_says_which_limit_and_by_how_much(azimuth_deg: float, elevation_deg: float, words: str) -> None:
+    assert refused(azimuth_deg, elevation_deg) == words
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+def test_a_position_that_is_not_finite_is_an_error_not_a_refusal(bad: float) -> None:
+    with pytest.raises(ValueError, match=r"^elevation=.* must be finite$"):
+        refusal(LIMITS, 0.0, bad)
+
+
+def test_an_axis_a_hair_outside_its_limit_may_still_move() -> None:
+    """A position 0.0003 deg past the limit must not deadlock every move: inward and standing still are allowed."""
+    present = (220.0003, 40.0)
+    assert refused(220.0003, 40.0, present) == ""
+    assert refused(220.0001, 41.0, present) == ""
+    assert refused(-100.0, 41.0, present) == ""
+
+
+def test_from_outside_no_step_further_out_is_allowed() -> None:
+    assert "azimuth 220.001 deg" in refused(220.0010, 40.0, (220.0003, 40.0))
+    assert "elevation 3.500 deg" in refused(221.0, 3.5, (222.0, 40.0))
+
+
+def test_the_turn_keeps_the_whole_pass_inside_and_is_the_nearest_of_those_that_do(random: np.random.Generator) -> None:
+    for start, length, present in random.uniform((-12.0, 0.0, -3.8), (12.0, 4.0, 3.8), (300, 3)):
+        fits = [
+            k
+            for k in range(-5, 6)
+            if LIMITS.azimuth_min_rad <= start + k * TURN_RAD
+            and start + length + k * TURN_RAD <= LIMITS.azimuth_max_rad
+        ]
+        if not fits:
+            with pytest.raises(ValueError, match="fits no turn"):
+                choose_turns(LIMITS, start, start + length, present)
+            continue
+        turns = choose_turns(LIMITS, start, start + length, present)
+        assert turns in fits
+        away = {k: abs(start + 0.5 * length + k * TURN_RAD - present) for k in fits}
+        assert away[turns] == pytest.approx(min(away.values()), abs=1e-12)
+
+
+def test_a_pass_in_the_overlap_is_tracked_on_the_side_where_the_antenna_stands() -> None:
+    low, high = math.radians(150.0), math.radians(205.0)
+    assert choose_turns(LIMITS, low, high, math.radians(180.0)) == 0
+    assert choose_turns(LIMITS, low, high, math.radians(-180.0)) == -1
+
+
+def test_a_pass_longer_than_the_travel_fits_no_turn() -> None:
+    with pytest.raises(ValueError, match=r"azimuth 0\.0 to 441\.0 deg fits no turn within the travel -220\.0 to 220\.0"):
+        choose_turns(LIMITS, 0.0, math.radians(441.0), 0.0)

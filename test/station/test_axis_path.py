@@ -1,0 +1,81 @@
+"""Blocks of axis motion against the motion computed for the instants themselves."""
+
+import math
+
+import numpy as np
+import pytest
+
+from rf_pointing.calibration import BiasModel
+from rf_pointing.ephemeris import Pass, TopocentricTrack
+from rf_pointing.station.axis_path import AxisPath, held
+from rf_pointing.station.mount import MountParams
+from rf_pointing.station.target_buffer import TargetBuffer
+
+PERIOD_S = 0.1
+SAME_RAD = 1e-12
+
+
+@pytest.fixture
+def model() -> BiasModel:
+    """Return a model with every kind of term: rotations, encoders, flexure, lags."""
+    return MountParams(
+        azimuth_offset_rad=3e-3,
+        non_orthogonality_rad=1e-3,
+        collimation_rad=-2e-4,
+        mislevel_east_rad=7e-4,
+        azimuth_velocity_lag_s=-1.0,
+        droop_rad=-1.5e-3,
+        elevation_velocity_lag_s=-1.9,
+    ).model()
+
+
+def targets_at(track: TopocentricTrack, start_s: float, seconds: float) -> TargetBuffer:
+    buffer = TargetBuffer()
+    for step in range(round(seconds / PERIOD_S) + 1):
+        buffer.add(track.target_at(round(start_s + step * PERIOD_S, 6)))
+    return buffer
+
+
+def test_every_period_gets_the_motion_computed_for_its_own_instants(
+    track: TopocentricTrack, window: Pass, model: BiasModel
+) -> None:
+    start_s, near_rad = round(window.tca_t_s, 1), math.pi
+    path, buffer = AxisPath(PERIOD_S), targets_at(track, start_s, 4.0)
+    for step in range(30):
+        times = start_s + PERIOD_S * step + PERIOD_S * np.arange(1, 11)
+        got, wanted = path.at(times, buffer, model, near_rad), held(buffer.at(times), model, near_rad)
+        for part, direct in zip(got, wanted, strict=True):
+            np.testing.assert_allclose(part, direct, rtol=0.0, atol=SAME_RAD)
+
+
+def test_the_model_is_applied_to_the_targets_motion(track: TopocentricTrack, window: Pass, model: BiasModel) -> None:
+    t_s = round(window.tca_t_s, 1)
+    sky = targets_at(track, t_s, 1.0).at([t_s, t_s + 0.5])
+    for row in range(2):
+        azimuth, elevation = model.apply(*sky.position[row], *sky.velocity[row], *sky.acceleration[row])
+        motion = held(sky, model, float(sky.position[0, 0]))
+        np.testing.assert_allclose(motion.position[row], [azimuth, elevation], atol=1e-14)
+
+
+@pytest.mark.parametrize("turns", [-1, 0, 2])
+def test_the_azimuth_lies_on_the_turn_that_was_asked_for(track: TopocentricTrack, window: Pass, turns: int) -> None:
+    t_s = round(window.tca_t_s, 1)
+    buffer, near_rad = targets_at(track, t_s, 1.0), 1.0 + 2.0 * math.pi * turns
+    motion = AxisPath(PERIOD_S).at(np.array([t_s]), buffer, BiasModel.zero(), near_rad)
+    wanted = track.target_at(t_s).azimuth_rad
+    assert motion.position[0, 0] == pytest.approx(wanted + 2.0 * math.pi * turns, abs=SAME_RAD)
+
+
+def test_after_clear_a_new_model_is_used(track: TopocentricTrack, window: Pass, model: BiasModel) -> None:
+    t_s = round(window.tca_t_s, 1)
+    times, path, buffer = np.array([t_s]), AxisPath(PERIOD_S), targets_at(track, t_s, 1.0)
+    before = path.at(times, buffer, BiasModel.zero(), math.pi)
+    assert np.array_equal(path.at(times, buffer, model, math.pi).position, before.position)
+    path.clear()
+    assert not np.allclose(path.at(times, buffer, model, math.pi).position, before.position, atol=1e-4)
+
+
+def test_instants_that_are_not_covered_are_refused(track: TopocentricTrack, window: Pass) -> None:
+    t_s = round(window.tca_t_s, 1)
+    with pytest.raises(ValueError, match="is outside the known motion"):
+        AxisPath(PERIOD_S).at(np.array([t_s + 5.0]), targets_at(track, t_s, 1.0), BiasModel.zero(), math.pi)

@@ -1,0 +1,83 @@
+"""The simulated mount's errors: named as in SATCAL, and removed as exactly as the docstring says."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rf_pointing.calibration import TERMS, BiasModel
+from rf_pointing.ephemeris import Pass, TopocentricTrack
+from rf_pointing.geometry import MDEG, sky_offset_rad
+from rf_pointing.station.configuration import read_parameter_files
+from rf_pointing.station.mount import RENEWAL_S, MountError, MountParams
+
+CONFIG = Path(__file__).parents[2] / "config" / "dss13.yaml"
+CLAIMED_RAD = 0.03 * MDEG
+TICK_S = 0.02
+
+
+@pytest.fixture(scope="module")
+def dss13() -> BiasModel:
+    """Return the mount errors of the simulated station."""
+    return read_parameter_files([CONFIG])["antenna_servo"].group("mount", MountParams()).model()
+
+
+def axes_along(track: TopocentricTrack, window: Pass, model: BiasModel, start_s: float) -> tuple[np.ndarray, ...]:
+    """Times, true sky angles (n, 2), and the motion (n, 2) of the axes that hold the beam there."""
+    times = start_s + TICK_S * np.arange(2000)
+    look = track.sample(times)
+    sky = np.column_stack([look.azimuth_rad, look.elevation_rad])
+    rates = np.column_stack([look.azimuth_rate_rad_s, look.elevation_rate_rad_s])
+    accelerations = np.column_stack([look.azimuth_acceleration_rad_s2, look.elevation_acceleration_rad_s2])
+    return times, sky, *model.apply_moving(sky, rates, accelerations)
+
+
+@pytest.mark.parametrize("at", ["rise", "peak", "set"])
+def test_the_running_correction_is_within_the_claim_of_the_exact_inverse_along_a_pass(
+    track: TopocentricTrack, window: Pass, dss13: BiasModel, at: str
+) -> None:
+    start_s = {"rise": window.aos_t_s, "peak": window.tca_t_s - 20.0, "set": window.los_t_s - 40.0}[at]
+    times, _, axes, rates, accelerations = axes_along(track, window, dss13, start_s)
+    error = MountError(dss13)
+    got = np.array([error.remove(*row) for row in zip(times.tolist(), axes, rates, accelerations, strict=True)])
+    exact = np.column_stack(dss13.remove(*axes.T, *rates.T, *accelerations.T))
+    # The first straight piece has no slope yet; the claim is about the run.
+    settled = times > times[0] + 2.0 * RENEWAL_S
+    off = sky_offset_rad(*got[settled].T, *exact[settled].T)
+    assert np.max(np.hypot(*off)) < CLAIMED_RAD
+
+
+def test_the_first_value_and_one_after_a_long_gap_are_exact(
+    track: TopocentricTrack, window: Pass, dss13: BiasModel
+) -> None:
+    times, _, axes, rates, accelerations = axes_along(track, window, dss13, window.tca_t_s)
+    error = MountError(dss13)
+    for row in (0, 300, 1999):
+        got = error.remove(float(times[row]), axes[row], rates[row], accelerations[row])
+        exact = dss13.remove(*axes[row], *rates[row], *accelerations[row])
+        np.testing.assert_allclose(got, exact, rtol=0.0, atol=1e-12)
+
+
+def test_every_term_of_the_model_has_its_parameter_in_satcal_order() -> None:
+    names = [item.name for item in dataclasses.fields(MountParams)]
+    assert [name.rsplit("_", 1)[0] for name in names] == [term.name for term in TERMS]
+
+
+def test_each_parameter_reaches_its_own_term(random: np.random.Generator) -> None:
+    names = [item.name for item in dataclasses.fields(MountParams)]
+    values = dict(zip(names, random.uniform(-0.05, 0.05, len(names)).tolist(), strict=True))
+    coefficients = MountParams(**values).model().coefficients
+    assert {name.rsplit("_", 1)[0]: value for name, value in values.items()} == dict(coefficients)
+
+
+@pytest.mark.parametrize("name", ["azimuth_offset_rad", "elevation_velocity_lag_s"])
+def test_a_coefficient_beyond_its_range_is_refused_by_name(name: str) -> None:
+    with pytest.raises(ValueError, match=f"^{name}=11.0 must be <="):
+        MountParams(**{name: 11.0})
+
+
+def test_without_errors_the_beam_is_where_the_axes_are() -> None:
+    axes = np.array([1.0, 0.7])
+    sky = MountError(MountParams().model()).remove(0.0, axes, np.zeros(2), np.zeros(2))
+    np.testing.assert_allclose(sky, axes, rtol=0.0, atol=1e-15)

@@ -1,0 +1,440 @@
+"""The author of motion: which turn, which direction, on whose word, and when it stops."""
+
+import dataclasses
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rf_pointing.ephemeris import Pass, TopocentricTrack
+from rf_pointing.geometry import MDEG, JointReading, PointingError, nearest_turn_rad, sky_offset_rad
+from rf_pointing.planning import AxisLimits
+from rf_pointing.station.mount import MountParams
+from rf_pointing.station.pointing import PointingController, PointingParams
+
+STRONG_DB_HZ, WEAK_DB_HZ = 60.0, 5.0
+SAME_RAD = 1e-9
+BEAMWIDTH_RAD = 65.0 * MDEG
+
+Rig = Any
+MakeRig = Callable[..., Rig]
+MakeController = Callable[..., PointingController]
+
+
+def error(t_s: float, right_rad: float = 0.0, up_rad: float = 0.0, **changes: Any) -> PointingError:
+    values = {"t_s": t_s, "sensor": "monopulse", "cross_elevation_rad": right_rad, "elevation_rad": up_rad}
+    return PointingError(**{**values, "carrier_to_noise_db_hz": STRONG_DB_HZ, **changes})
+
+
+def still(azimuth_rad: float, elevation_rad: float, t_s: float = 0.0) -> JointReading:
+    return JointReading(t_s=t_s, position_rad=[azimuth_rad, elevation_rad], velocity_rad_s=[0.0, 0.0])
+
+
+def on_sky(track: TopocentricTrack, t_s: float, near_rad: float) -> np.ndarray:
+    target = track.target_at(t_s)
+    return np.array([nearest_turn_rad(target.azimuth_rad, near_rad), target.elevation_rad])
+
+
+# What is commanded
+
+
+def test_program_track_commands_the_target_ahead_of_time(rig: MakeRig, window: Pass, track: TopocentricTrack) -> None:
+    """Points from transport to horizon after the issue, a period apart; on the target to a nanoradian."""
+    params = PointingParams()
+    for t_s, trajectory, status in rig().run(window.aos_t_s, 8.0):
+        assert trajectory is not None
+        np.testing.assert_allclose(trajectory.t_s, t_s + np.arange(1, 11) * 0.1, atol=1e-6)
+        assert trajectory.t_s[-1] - t_s == pytest.approx(params.horizon_s)
+        assert status.command_lead_s >= 0.5
+        for instant, position in zip(trajectory.t_s, trajectory.position_rad, strict=True):
+            np.testing.assert_allclose(position, on_sky(track, float(instant), position[0]), atol=SAME_RAD)
+    assert status.mode == "program_track"
+
+
+def test_rates_and_accelerations_are_the_targets_own(rig: MakeRig, window: Pass, track: TopocentricTrack) -> None:
+    *_, (t_s, trajectory, _) = rig().run(window.aos_t_s, 3.0)
+    target = track.target_at(float(trajectory.t_s[4]))
+    np.testing.assert_allclose(
+        trajectory.velocity_rad_s[4], [target.azimuth_rate_rad_s, target.elevation_rate_rad_s], atol=1e-9
+    )
+    np.testing.assert_allclose(
+        trajectory.acceleration_rad_s2[4],
+        [target.azimuth_acceleration_rad_s2, target.elevation_acceleration_rad_s2],
+        atol=1e-9,
+    )
+    assert t_s < trajectory.t_s[0]
+
+
+def test_before_the_pass_the_antenna_waits_where_it_begins(rig: MakeRig, window: Pass) -> None:
+    made = rig(start_s=window.aos_t_s - 60.0)
+    for _, trajectory, status in made.run(window.aos_t_s - 60.0, 2.0):
+        np.testing.assert_allclose(
+            trajectory.position_rad, [[window.aos_azimuth_rad, window.aos_elevation_rad]] * 10, atol=SAME_RAD
+        )
+        assert not np.any(trajectory.velocity_rad_s)
+        assert status.mode == "slew"
+
+
+def test_the_pointing_model_in_force_is_added_to_the_command(rig: MakeRig, window: Pass, track: TopocentricTrack) -> None:
+    model = MountParams(azimuth_offset_rad=3e-3, droop_rad=-1e-3, elevation_velocity_lag_s=-1.5).model()
+    made = rig()
+    made.controller.take_model(model)
+    *_, (_, trajectory, _) = made.run(window.aos_t_s, 2.0)
+    target = track.target_at(float(trajectory.t_s[3]))
+    wanted = model.apply(
+        target.azimuth_rad, target.elevation_rad, target.azimuth_rate_rad_s, target.elevation_rate_rad_s,
+        target.azimuth_acceleration_rad_s2, target.elevation_acceleration_rad_s2,
+    )  # fmt: skip
+    np.testing.assert_allclose(trajectory.position_rad[3, 1], wanted[1], atol=SAME_RAD)
+    assert math.remainder(trajectory.position_rad[3, 0] - float(wanted[0]), 2.0 * math.pi) == pytest.approx(0.0, abs=SAME_RAD)
+
+
+def test_nothing_is_commanded_without_a_pass(make_controller: MakeController) -> None:
+    controller = make_controller()
+    controller.take_joints(still(1.0, 1.0))
+    trajectory, status = controller.step(0.0)
+    assert trajectory is None
+    assert status.mode == "idle"
+    assert not controller.busy
+
+
+# Which turn
+
+
+def in_overlap(window: Pass) -> Pass:
+    """The same pass turned to where +-220 deg of travel offer two turns."""
+    low = math.radians(150.0)
+    return dataclasses.replace(
+        window, aos_azimuth_rad=low, azimuth_min_rad=low, azimuth_max_rad=math.radians(200.0)
+    )
+
+
+@pytest.mark.parametrize(("standing_deg", "wanted_deg"), [(175.0, 150.0), (-185.0, -210.0), (-30.0, -210.0), (30.0, 150.0)])
+def test_the_pass_is_tracked_on_the_turn_nearest_to_the_antenna(
+    make_controller: MakeController, window: Pass, standing_deg: float, wanted_deg: float
+) -> None:
+    controller = make_controller()
+    controller.take_joints(still(math.radians(standing_deg), 1.0))
+    controller.start(window.aos_t_s - 100.0, in_overlap(window), "program")
+    trajectory, _ = controller.step(window.aos_t_s - 99.9)
+    assert trajectory is not None
+    np.testing.assert_allclose(np.degrees(trajectory.position_rad[:, 0]), wanted_deg, atol=1e-9)
+
+
+def test_the_turn_is_chosen_once_the_axes_are_known(make_controller: MakeController, window: Pass) -> None:
+    controller, t_s = make_controller(), window.aos_t_s - 100.0
+    controller.start(t_s, in_overlap(window), "program")
+    assert controller.step(t_s + 0.1)[0] is None
+    controller.take_joints(still(math.radians(-170.0), 1.0))
+    trajectory, _ = controller.step(t_s + 0.2)
+    assert trajectory is not None
+    assert np.degrees(trajectory.position_rad[0, 0]) == pytest.approx(-210.0)
+
+
+def test_a_pass_that_fits_no_turn_is_refused_at_the_start(make_controller: MakeController, window: Pass) -> None:
+    controller = make_controller(limits=AxisLimits(azimuth_min_rad=-1.0, azimuth_max_rad=1.0))
+    controller.take_joints(still(0.0, 1.0))
+    with pytest.raises(ValueError, match="fits no turn within the travel"):
+        controller.start(window.aos_t_s, window, "program")
+    assert not controller.busy
+
+
+def test_a_pass_that_fits_no_turn_ends_when_the_axes_become_known(make_controller: MakeController, window: Pass) -> None:
+    controller = make_controller(limits=AxisLimits(azimuth_min_rad=-1.0, azimuth_max_rad=1.0))
+    controller.start(window.aos_t_s - 10.0, window, "program")
+    controller.take_joints(still(0.0, 1.0))
+    _, status = controller.step(window.aos_t_s - 9.9)
+    assert "fits no turn" in status.reason
+    assert not controller.busy
+
+
+def test_a_pass_above_the_elevation_limit_is_refused(make_controller: MakeController, window: Pass) -> None:
+    controller = make_controller(limits=AxisLimits(elevation_max_rad=math.radians(40.0)))
+    controller.take_joints(still(2.0, 0.5))
+    with pytest.raises(ValueError, match=r"elevation 44\.309 deg is 4\.309 deg past the limit 40\.000 deg"):
+        controller.start(window.aos_t_s, window, "program")
+
+
+# Refusals of a start
+
+
+def test_a_pass_that_is_over_is_refused(make_controller: MakeController, window: Pass) -> None:
+    with pytest.raises(ValueError, match=r"the pass of CBERS 2 ended 10 s ago"):
+        make_controller().start(window.los_t_s + 10.0, window, "program")
+
+
+def test_a_second_pass_is_refused_while_one_is_tracked(rig: MakeRig, window: Pass) -> None:
+    made = rig()
+    with pytest.raises(ValueError, match="CBERS 2 is being tracked until its loss of signal"):
+        made.controller.start(window.aos_t_s, window, "program")
+
+
+def test_an_unknown_sensor_is_refused(make_controller: MakeController, window: Pass) -> None:
+    with pytest.raises(ValueError, match="sensor='radar' must be one of program, monopulse, conscan, auto"):
+        make_controller().start(window.aos_t_s, window, "radar")
+
+
+def test_a_horizon_too_short_to_be_relieved_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"horizon_s=0\.2 must be >= transport_s \+ 2 period_s"):
+        PointingParams(horizon_s=0.2)
+
+
+@pytest.mark.parametrize("transport_s", [0.0, 0.05, 0.15])
+def test_a_transport_off_the_grid_of_periods_is_refused(transport_s: float) -> None:
+    with pytest.raises(ValueError, match=rf"transport_s={transport_s} must be a whole number of period_s=0\.1"):
+        PointingParams(transport_s=transport_s)
+
+
+# The gate
+
+
+def test_a_limit_reached_in_the_middle_of_the_pass_ends_it_with_a_controlled_stop(rig: MakeRig, window: Pass) -> None:
+    made, limit_rad = rig(), math.radians(6.0)
+    stopped = None
+    for t_s, trajectory, status in made.run(window.aos_t_s, 60.0):
+        if t_s < window.aos_t_s + 5.0:
+            continue
+        if made.controller.busy:
+            made.controller.retune(PointingParams(), AxisLimits(elevation_max_rad=limit_rad), made_autotrack())
+            assert np.all(trajectory.position_rad[:, 1] <= limit_rad)
+            continue
+        stopped = trajectory
+        break
+    assert stopped is not None
+    assert "past the limit 6.000 deg" in status.reason
+    assert status.mode == "idle"
+    assert made.controller.tally.reason == status.reason
+    assert stopped.position_rad.shape == (1, 2)
+    assert not np.any(stopped.velocity_rad_s)
+    assert stopped.position_rad[0, 1] < limit_rad
+
+
+def made_autotrack() -> Any:
+    from rf_pointing.tracking import AutotrackParams
+
+    return AutotrackParams()
+
+
+def test_an_antenna_just_outside_its_limit_is_not_deadlocked(make_controller: MakeController, window: Pass) -> None:
+    """It stands 0.0003 deg too low and the pass begins there: it may track upwards."""
+    limit_rad = window.aos_elevation_rad + math.radians(0.0003)
+    controller = make_controller(limits=AxisLimits(elevation_min_rad=limit_rad))
+    controller.take_joints(still(window.aos_azimuth_rad, window.aos_elevation_rad))
+    t_s = window.aos_t_s - 5.0
+    controller._limits_checked = None if False else None  # type: ignore[attr-defined]
+    with pytest.raises(ValueError, match="past the limit"):
+        controller.start(t_s, dataclasses.replace(window, peak_elevation_rad=0.0), "program")
+    controller.start(t_s, window, "program")
+    assert controller.step(t_s + 0.1)[0] is not None
+
+
+# Ends of a pass
+
+
+def test_a_stop_commands_rest_where_the_axes_can_come_to_it(rig: MakeRig, window: Pass) -> None:
+    made = rig()
+    list(made.run(window.aos_t_s, 5.0))
+    made.controller.stop("stop was requested")
+    moving = made.latest.velocity_rad_s[0].copy()
+    trajectory, status = made.period(round(window.aos_t_s + 5.1, 6))
+    way = trajectory.position_rad[0] - made.position_rad
+    deceleration = PointingParams().stop_deceleration_rad_s2
+    np.testing.assert_allclose(way, moving * np.abs(moving) / (2.0 * deceleration), rtol=1e-3)
+    assert not np.any(trajectory.velocity_rad_s)
+    assert (status.mode, status.reason) == ("idle", "stop was requested")
+    assert not made.controller.busy
+
+
+def test_the_pass_ends_at_loss_of_signal(rig: MakeRig, window: Pass) -> None:
+    made = rig(start_s=window.los_t_s - 8.0)
+    reasons = [status.reason for t_s, _, status in made.run(window.los_t_s - 8.0, 8.2) if t_s >= window.los_t_s]
+    assert reasons[0] == "loss of signal"
+    assert made.controller.tally.reason == "loss of signal"
+
+
+def test_without_a_prediction_the_pass_is_given_up(rig: MakeRig, window: Pass) -> None:
+    made = rig()
+    list(made.run(window.aos_t_s, 3.0))
+    t_s = window.aos_t_s + 3.0
+    for step in range(1, 40):
+        trajectory, status = made.controller.step(round(t_s + 0.1 * step, 6))
+        if not made.controller.busy:
+            break
+    assert status.reason == "the target is no longer available"
+    assert trajectory.position_rad.shape == (1, 2)
+    assert step * 0.1 < 2.0
+
+
+def test_predictions_of_another_satellite_are_ignored(rig: MakeRig, window: Pass) -> None:
+    made = rig()
+    list(made.run(window.aos_t_s, 2.0))
+    other = dataclasses.replace(made.track.target_at(window.aos_t_s + 4.2), name="OTHER", elevation_rad=1.2)
+    made.controller.take_target(other)
+    trajectory, _ = made.period(round(window.aos_t_s + 2.1, 6))
+    assert np.all(trajectory.position_rad[:, 1] < 0.2)
+
+
+# Sensed errors
+
+
+def acquired(rig: MakeRig, window: Pass, seconds: float = 4.0, **changes: Any) -> Rig:
+    """A rig in monopulse mode on a target that is exactly where it is predicted."""
+    made = rig("monopulse", **changes)
+    for _, _, status in made.run(window.aos_t_s, seconds, lambda t_s, _: [error(t_s - 0.06)]):  # noqa: B007
+        pass
+    assert status.mode == "monopulse"
+    return made
+
+
+def test_a_sensed_error_moves_the_beam_towards_the_target(rig: MakeRig, window: Pass) -> None:
+    made = acquired(rig, window)
+    for _, _, status in made.run(window.aos_t_s + 4.0, 1.0, lambda t_s, _: [error(t_s - 0.06, 5 * MDEG, -3 * MDEG)]):
+        pass
+    # 2 pi f_m = 1.26 of the error in a second, less the transport and the first error's wait.
+    assert status.cross_elevation_offset_rad == pytest.approx(5 * MDEG * 1.2566 * 0.9, rel=0.15)
+    assert status.elevation_offset_rad == pytest.approx(-3 * MDEG * 1.2566 * 0.9, rel=0.15)
+    assert status.cross_elevation_error_rad == pytest.approx(5 * MDEG)
+
+
+@pytest.mark.parametrize(
+    "useless",
+    [
+        {"valid": False, "reason": "no lock"},
+        {"sensor": "conscan"},
+        {"sensor": "truth"},
+    ],
+)
+def test_errors_that_must_not_be_used_move_nothing(rig: MakeRig, window: Pass, useless: dict[str, Any]) -> None:
+    made = acquired(rig, window)
+    for _, _, status in made.run(
+        window.aos_t_s + 4.0, 0.5, lambda t_s, _: [error(t_s - 0.06, 9 * MDEG, 9 * MDEG, **useless)]
+    ):
+        assert status.cross_elevation_offset_rad == 0.0
+        assert status.elevation_offset_rad == 0.0
+
+
+def test_stale_errors_are_not_used(rig: MakeRig, window: Pass) -> None:
+    """They neither move the trim nor count as a carrier."""
+    age_s = PointingParams().error_age_s + 0.05
+    made = acquired(rig, window)
+    list(made.run(window.aos_t_s + 4.0, 0.6))
+    for _, _, status in made.run(window.aos_t_s + 4.6, 2.0, lambda t_s, _: [error(t_s - age_s, 9 * MDEG, 9 * MDEG)]):
+        assert status.cross_elevation_offset_rad == 0.0
+    assert status.mode == "coast"
+    assert status.carrier_to_noise_db_hz == 0.0
+
+
+def test_errors_of_later_periods_wait_for_their_period(rig: MakeRig, window: Pass) -> None:
+    """Whether an error stamped after the period comes early or in time makes no difference to the commands."""
+
+    def wave(t_s: float) -> PointingError:
+        return error(t_s, 4 * MDEG * math.sin(3.0 * t_s), 2 * MDEG * math.cos(2.0 * t_s))
+
+    start_s = window.aos_t_s + 4.0
+    in_time, early = acquired(rig, window), acquired(rig, window)
+    punctual = [row[1] for row in in_time.run(start_s, 3.0, lambda t_s, _: [wave(t_s - 0.06)])]
+    hasty = [row[1] for row in early.run(start_s, 3.0, lambda t_s, _: [wave(t_s + 0.24)])]
+    # The hasty one has nothing for its first three periods but what both had before.
+    early_again = acquired(rig, window)
+    first = [wave(start_s + 0.04), wave(start_s + 0.14), wave(start_s + 0.24)]
+    again = []
+    for index, (_, trajectory, _) in enumerate(
+        early_again.run(start_s, 3.0, lambda t_s, _: (first if t_s < start_s + 0.15 else []) + [wave(t_s + 0.24)])
+    ):
+        again.append((index, trajectory))
+    assert len(hasty) == len(punctual)
+    for (index, ours), theirs in zip(again, punctual, strict=True):
+        np.testing.assert_array_equal(ours.position_rad, theirs.position_rad, err_msg=f"period {index}")
+
+
+def test_coasting_freezes_the_trim(rig: MakeRig, window: Pass) -> None:
+    made = acquired(rig, window)
+    list(made.run(window.aos_t_s + 4.0, 2.0, lambda t_s, _: [error(t_s - 0.06, 4 * MDEG, 2 * MDEG)]))
+    frozen = []
+    lost = {"carrier_to_noise_db_hz": WEAK_DB_HZ}
+    for _, _, status in made.run(window.aos_t_s + 6.0, 3.0, lambda t_s, _: [error(t_s - 0.06, 9 * MDEG, **lost)]):
+        if status.mode == "coast":
+            frozen.append((status.cross_elevation_offset_rad, status.elevation_offset_rad))
+    assert len(frozen) > 20
+    assert frozen[-1][0] > 4 * MDEG
+    assert set(frozen[2:]) == {frozen[-1]}
+
+
+# Search
+
+
+class Offset:
+    """A target that runs beside its prediction, heard through a Gaussian beam, with the errors of a monopulse feed."""
+
+    def __init__(self, right_rad: float, up_rad: float, sensor: str) -> None:
+        self.right_rad, self.up_rad, self.sensor = right_rad, up_rad, sensor
+
+    def __call__(self, t_s: float, made: Rig) -> list[PointingError]:
+        real = made.track.target_at(t_s)
+        right, up = sky_offset_rad(
+            real.azimuth_rad + self.right_rad / math.cos(real.elevation_rad),
+            real.elevation_rad + self.up_rad,
+            *made.position_rad,
+        )
+        away = math.hypot(float(right), float(up)) / BEAMWIDTH_RAD
+        level = STRONG_DB_HZ - 12.0 * away**2
+        valid = self.sensor == "monopulse" and away < 0.4
+        return [
+            error(
+                t_s - 0.05, float(right) if valid else 0.0, float(up) if valid else 0.0,
+                sensor=self.sensor, valid=valid, reason="" if valid else "not usable",
+                carrier_to_noise_db_hz=max(level, 0.0),
+            )
+        ]  # fmt: skip
+
+
+def test_a_search_finds_a_target_two_beamwidths_off_and_monopulse_starts_where_it_was(rig: MakeRig, window: Pass) -> None:
+    made, beside = rig("monopulse"), Offset(95.0 * MDEG, -85.0 * MDEG, "monopulse")
+    modes: list[str] = []
+    first_offset = None
+    for _, _, status in made.run(window.aos_t_s, 60.0, beside):
+        if status.mode == "monopulse" and "search" in modes and first_offset is None:
+            first_offset = (status.cross_elevation_offset_rad, status.elevation_offset_rad)
+            entered = len(modes)
+        modes.append(status.mode)
+        if first_offset is not None and len(modes) > entered + 60:
+            break
+    assert first_offset is not None, set(modes)
+    assert modes[-1] == "monopulse"
+    assert status.cross_elevation_offset_rad == pytest.approx(95.0 * MDEG, abs=1.0 * MDEG)
+    assert status.elevation_offset_rad == pytest.approx(-85.0 * MDEG, abs=1.0 * MDEG)
+    assert math.hypot(first_offset[0] - 95.0 * MDEG, first_offset[1] + 85.0 * MDEG) < 0.3 * BEAMWIDTH_RAD
+
+
+def test_a_search_with_conscan_coasts_back_to_where_the_carrier_was_strongest(rig: MakeRig, window: Pass) -> None:
+    made, beside = rig("conscan"), Offset(95.0 * MDEG, -85.0 * MDEG, "conscan")
+    coasted = None
+    for _, _, status in made.run(window.aos_t_s, 90.0, beside):
+        if status.mode == "coast":
+            coasted = (status.cross_elevation_offset_rad, status.elevation_offset_rad)
+        if status.mode == "conscan" and coasted is not None:
+            break
+    assert coasted is not None
+    # Every direction comes within half a pitch, 0.3 beamwidths, of the spiral.
+    assert math.hypot(coasted[0] - 95.0 * MDEG, coasted[1] + 85.0 * MDEG) < 0.35 * BEAMWIDTH_RAD
+
+
+# Bookkeeping
+
+
+def test_time_without_a_valid_error_is_lost_time(rig: MakeRig, window: Pass) -> None:
+    made = acquired(rig, window)
+    tracked_s, lost_s = made.controller.tally.tracked_s, made.controller.tally.lost_s
+    list(made.run(window.aos_t_s + 4.0, 1.0, lambda t_s, _: [error(t_s - 0.06, 3 * MDEG)]))
+    assert made.controller.tally.tracked_s == pytest.approx(tracked_s + 1.0)
+    lost = {"carrier_to_noise_db_hz": WEAK_DB_HZ, "valid": False, "reason": "no lock"}
+    list(made.run(window.aos_t_s + 5.0, 1.0, lambda t_s, _: [error(t_s - 0.06, **lost)]))
+    assert made.controller.tally.lost_s == pytest.approx(lost_s + 1.0, abs=0.11)
+
+
+def test_the_same_inputs_give_the_same_commands(rig: MakeRig, window: Pass) -> None:
+    beside = Offset(20.0 * MDEG, 10.0 * MDEG, "monopulse")
+    first, second = ([row[1].position_rad for row in rig("monopulse").run(window.aos_t_s, 10.0, beside)] for _ in "ab")
+    np.testing.assert_array_equal(first, second)
