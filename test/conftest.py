@@ -1,9 +1,11 @@
 """What every test may ask for: one seeded generator, and a ROS domain that no other session on this machine uses."""
 
 import fcntl
+import importlib
 import importlib.util
 import os
 import tempfile
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -26,12 +28,20 @@ def random() -> np.random.Generator:
     return np.random.Generator(np.random.PCG64(20060627))
 
 
+def import_type_support() -> None:
+    """Import what rclpy imports on its first message; a parser below it warns of its own old imports."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        importlib.import_module("rosidl_generator_py")
+
+
 @pytest.fixture(scope="session")
 def ros_domain() -> Iterator[int]:
     """Yield a ROS domain that is this session's own, and set it for every process the tests start.
 
     The first guess comes from the process id; a lock that goes with the process settles collisions.
     """
+    import_type_support()
     folder = Path(tempfile.gettempdir()) / f"rf_pointing-{os.getuid()}"
     folder.mkdir(mode=0o700, exist_ok=True)
     for guess in range(DOMAINS):

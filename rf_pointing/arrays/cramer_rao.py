@@ -37,8 +37,9 @@ def cosine_sigma_rad(array: CircularArrayParams, snapshots: int, snr: float) -> 
 def effective_snr(array: CircularArrayParams, snapshots: int, snr: float) -> float:
     """Return kappa = L (M SNR)^2 / (1 + M SNR), the inverse squared bound in units of phase at the rim.
 
-    MUSIC's threshold sits at one value of kappa, not of L M SNR: kappa holds the loss of estimating from L noisy
-    snapshots (at L M SNR = 48, 100 snapshots give 16 % outliers and 10 give 0.01 %).
+    It places MUSIC's threshold better than L M SNR, because it holds the loss of estimating from L noisy snapshots: at
+    L M SNR = 48, 100 snapshots give 16 % outliers and 10 give 0.01 %.  The RMSE of one source exceeds the bound by 5 %
+    at kappa = 42, 58, 79, 123 for L = 10, 30, 100, 1000; outliers set in below 30 to 50.
     """
     return 1.0 / (phase_radius_rad(array) * cosine_sigma_rad(array, snapshots, snr)) ** 2
 

@@ -26,7 +26,14 @@ from rf_pointing.attitude.quaternion import (
     quaternion_to_rotation_vector,
     unit_quaternion,
 )
-from rf_pointing.attitude.rigid_body import KnownTorque, RigidInertia, gravity_jacobian, propagate, rate_jacobian
+from rf_pointing.attitude.rigid_body import (
+    KnownTorque,
+    RigidInertia,
+    cross_product,
+    gravity_jacobian,
+    propagate,
+    rate_jacobian,
+)
 from rf_pointing.geometry import Params, parameter
 
 __all__ = [
@@ -108,7 +115,7 @@ def predict(
 ) -> AttitudeState:
     """Return the state `dt_s` later; `frame_rate` (..., 3) is the orbital frame's inertial rate in its own axes."""
     rotation = quaternion_to_matrix(state.quaternion)
-    quaternion, rate = propagate(inertia, state.quaternion, state.rate_rad_s, known, frame_rate, dt_s)
+    quaternion, rate = propagate(inertia, state.quaternion, state.rate_rad_s, known, frame_rate, dt_s, rotation)
     by_rate = rate_jacobian(inertia, state.rate_rad_s, known.wheel_momentum_n_m_s)
     by_attitude = inertia.inverse @ gravity_jacobian(inertia, rotation, frame_rate)
     into_orbital = rotation.swapaxes(-1, -2)
@@ -174,7 +181,7 @@ def rotation_between(first: Array, second: Array) -> Array:
 
     At exactly opposite vectors every axis across them serves: one is chosen.
     """
-    axis = np.cross(first, second)
+    axis = cross_product(first, second)
     sine = np.linalg.norm(axis, axis=-1, keepdims=True)
     angle = np.arctan2(sine, np.sum(first * second, axis=-1, keepdims=True))
     any_axis = _across(first)[..., 0, :]

@@ -1,6 +1,7 @@
 """The two carriers on which the terms are evaluated: plain arrays (printed form) and Taylor series (exact form)."""
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -37,7 +38,7 @@ class ArrayAngles:
         elevation_rate_rad_s: ArrayLike,
         azimuth_acceleration_rad_s2: ArrayLike,
         elevation_acceleration_rad_s2: ArrayLike,
-        temperature_k: ArrayLike | None,
+        temperature_k: ArrayLike | None = None,
     ) -> "ArrayAngles":
         """Broadcast the six motions to one shape."""
         six = (
@@ -54,15 +55,15 @@ class ArrayAngles:
         temperature = None if temperature_k is None else np.asarray(temperature_k, dtype=np.float64)
         return cls(az, el, az_rate, el_rate, az_acceleration, el_acceleration, temperature)
 
-    @property
+    @cached_property
     def one(self) -> Array:
         return np.ones_like(self.azimuth_rad)
 
-    @property
+    @cached_property
     def tan_elevation(self) -> Array:
         return self.sin_elevation(1) / self.cos_elevation(1)
 
-    @property
+    @cached_property
     def sec_elevation(self) -> Array:
         return 1.0 / self.cos_elevation(1)
 

@@ -51,10 +51,11 @@ def fit_bias_model(
     check_names(names, held or {}, priors or {})
     if pass_priors is not None and chosen.covariance == "sandwich":
         raise ValueError("covariance='sandwich' with pass_priors counts the errors of a pass twice: choose one")
-    if len(observations.passes) < chosen.fewest_passes:
+    backed = all(name in (priors or {}) for name in names)
+    if len(observations.passes) < chosen.fewest_passes and not backed:
         raise ValueError(
             f"passes={len(observations.passes)} must be >= fewest_passes={chosen.fewest_passes}: "
-            "the errors of one pass look like those of the mount"
+            "the errors of one pass look like those of the mount; track more, or give every term a prior"
         )
     problem = FitProblem(observations, names, dict(held or {}), dict(priors or {}), pass_priors, chosen.form)
     return _result(problem, _iterate(problem, chosen), chosen)

@@ -34,7 +34,7 @@ class FitOptions(Params):
     huber_sigma: float = parameter(0.0, "residuals beyond this many sigma count linearly; 0: squared", low=0.0, high=10)
     max_iterations: int = parameter(40, "bound of the editing and linearisation loop", low=1, high=1000)
     covariance: str = parameter("white", "how sigma is computed", choices=("white", "sandwich"))
-    fewest_passes: int = parameter(3, "passes below which a fit is refused as not to be trusted", low=1, high=1000)
+    fewest_passes: int = parameter(3, "fewer passes are refused unless every term has a prior", low=1, high=1000)
     scale_covariance: bool = parameter(False, "multiply the white covariance by the measured residual variance")
 
     def check_together(self) -> None:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rf_pointing.geometry import as_finite_array, wrap_rad
+from rf_pointing.geometry import as_finite_array
 
 __all__ = ["LARGEST_BIAS_RAD", "Observations"]
 
@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 LARGEST_BIAS_RAD = 0.2
 """On-sky difference of observed and true direction above which the data are refused as wrong, not biased."""
 _LARGEST_AZIMUTH_RAD = 3.0 * np.pi
+_TURN = 2.0 * np.pi
 _REQUIRED = (
     "observed_azimuth_rad",
     "observed_elevation_rad",
@@ -84,7 +85,8 @@ class Observations:
     @property
     def residual_azimuth_rad(self) -> Array:
         """Return observed minus true azimuth, folded into half a turn."""
-        return wrap_rad(self.observed_azimuth_rad - self.true_azimuth_rad)
+        difference = self.observed_azimuth_rad - self.true_azimuth_rad
+        return difference - _TURN * np.round(difference / _TURN)
 
     @property
     def residual_elevation_rad(self) -> Array:

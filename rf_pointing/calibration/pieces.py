@@ -20,9 +20,9 @@ def pieces_of(t_s: Array, length_s: float) -> Iterator[NDArray[np.int64]]:
 
 
 def fitted_piece(t: Array, values: Array, degree: int, at: Array) -> tuple[Array, Array, Array]:
-    """Return the polynomial through (n, m) values at `at` (p,), its residuals, and its variance factor (p,).
+    """Return the polynomial through (n, m) values at `at` (p,), its residuals, and its covariance factor (p, p).
 
-    The variance of the fitted value is the factor times the variance of one sample.
+    The covariance of the fitted values is the factor times the variance of one sample.
     """
     middle, half = 0.5 * (t[0] + t[-1]), max(0.5 * (t[-1] - t[0]), 1e-9)
     basis = np.vander((t - middle) / half, degree + 1)
@@ -30,7 +30,7 @@ def fitted_piece(t: Array, values: Array, degree: int, at: Array) -> tuple[Array
     orthogonal, factor = np.linalg.qr(basis)
     coefficients = np.linalg.solve(factor, orthogonal.T @ values)
     spread = np.linalg.solve(factor.T, wanted.T)
-    return wanted @ coefficients, values - basis @ coefficients, np.sum(spread**2, axis=0)
+    return wanted @ coefficients, values - basis @ coefficients, spread.T @ spread
 
 
 def spread_of(residuals: Array) -> float:

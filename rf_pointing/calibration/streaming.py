@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from rf_pointing.calibration.angles import ArrayAngles
 from rf_pointing.calibration.bias_model import BiasModel
-from rf_pointing.calibration.design import design_blocks
+from rf_pointing.calibration.design import Acting, acting_on, weighted_rows
 from rf_pointing.calibration.fit import check_names
 from rf_pointing.calibration.observations import Observations
-from rf_pointing.calibration.terms import TERM_NAMES, Term, terms_by_name
+from rf_pointing.calibration.terms import TERM_NAMES, terms_by_name
 from rf_pointing.calibration.triangle import Solution, Triangle
 
 __all__ = ["StreamingFit"]
@@ -33,14 +33,14 @@ class StreamingFit:
     terms: tuple[str, ...]
     held: Mapping[str, float]
     triangle: Triangle = field(init=False)
-    _acting: tuple[Term, ...] = field(init=False, repr=False)
+    _acting: tuple[Acting, Acting] = field(init=False, repr=False)
     _held_model: BiasModel | None = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         self.terms = tuple(self.terms)
         check_names(self.terms, self.held, {})
         self.triangle = Triangle(self.terms)
-        self._acting = terms_by_name(self.terms)
+        self._acting = acting_on(terms_by_name(self.terms))
         fixed = any(value != 0.0 for value in self.held.values())
         self._held_model = BiasModel({**dict.fromkeys(TERM_NAMES, 0.0), **self.held}) if fixed else None
 
@@ -51,7 +51,8 @@ class StreamingFit:
 
     def copy(self) -> "StreamingFit":
         """Return an independent copy of the state."""
-        other = StreamingFit(self.terms, dict(self.held))
+        other = object.__new__(StreamingFit)
+        other.__dict__.update(self.__dict__)
         other.triangle = self.triangle.copy()
         return other
 
@@ -88,6 +89,6 @@ class StreamingFit:
             known = self._held_model.offset_rad(*motion, temperature_k=temperature)
             residuals = (residuals[0] - known[0], residuals[1] - known[1])
         self.triangle.add_blocks(
-            (block.rows(residual, 1.0 / sigma), block.columns)
-            for block, residual, sigma in zip(design_blocks(angles, self._acting), residuals, sigmas, strict=True)
+            (weighted_rows(angles, acting, residual, 1.0 / sigma), acting.columns)
+            for acting, residual, sigma in zip(self._acting, residuals, sigmas, strict=True)
         )

@@ -57,7 +57,8 @@ def smooth(
     """Return `points` points per `piece_s`, evenly spaced: the parabola through the piece at those times.
 
     `sigma` (n, m) is that of the input points.  A piece that scatters more than `worst_scatter` times that about its
-    parabola does not follow one and is dropped.  The points of a full piece are correlated by less than 0.2.
+    parabola does not follow one and is dropped.  Neighbouring points of a piece are correlated (0.25 in a full one);
+    their sigma is raised so that their mean has the right one when they are taken as independent.
     """
     found, short, crooked = [], 0, 0
     for rows in pieces_of(t_s, piece_s):
@@ -90,7 +91,9 @@ class _Piece:
 
     @classmethod
     def of(cls, t: Array, residuals: Array, degree: int, at: Array) -> "_Piece":
-        values, left, factor = fitted_piece(t, residuals, degree, at)
+        values, left, covariance = fitted_piece(t, residuals, degree, at)
+        together = max(1.0, float(np.sum(covariance) / np.trace(covariance)))
+        factor = np.diag(covariance) * together
         return cls(at, values, factor, np.sum(left**2, axis=0), len(t) - degree - 1)
 
     @property

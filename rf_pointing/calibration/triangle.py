@@ -6,8 +6,8 @@ no normal equations are formed (their condition number is the square).
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from functools import cache
-from typing import cast
+from functools import cache, cached_property
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,17 +23,26 @@ RANK_TOLERANCE = 1e-9
 """Smallest ratio of singular values of the column-scaled matrix that still counts as full rank."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Solution:
-    """Minimum of |A x - b|: `values` (k,), `covariance` (k, k) for unit row sigma, and how well it is determined."""
+    """Minimum of |A x - b|: `values` (k,), `covariance` (k, k) for unit row sigma, and how well it is determined.
+
+    `scaled` (k, k) is the triangle of A with columns of unit length.
+    """
 
     names: tuple[str, ...]
     values: Array
     covariance: Array
     rank: int
-    condition: float
     residual_square: float
     """|A x - b|^2 at the minimum."""
+    scaled: Array
+
+    @cached_property
+    def condition(self) -> float:
+        """Return the condition number of A with columns of unit length."""
+        singular = np.linalg.svd(self.scaled, compute_uv=False)
+        return float(singular[0] / singular[-1])
 
 
 @dataclass
@@ -60,19 +69,18 @@ class Triangle:
 
         Each block is reduced by itself first.  The arrays are used as work space.
         """
-        reduced, count = [], 0
-        for rows, columns in blocks:
-            wide = np.zeros((min(rows.shape), len(self.names) + 1))
-            triangle = triangle_of(rows)
-            wide[:, columns] = triangle[:, :-1]
-            wide[:, -1] = triangle[:, -1]
-            reduced.append(wide)
-            count += len(rows)
-        self.add_triangle(np.concatenate(reduced), count)
+        reduced = [(triangle_of(rows), columns, len(rows)) for rows, columns in blocks]
+        stacked = np.zeros((sum(len(part) for part, _, _ in reduced), len(self.names) + 1), order="F")
+        start = 0
+        for part, columns, _ in reduced:
+            here = stacked[start : start + len(part)]
+            here[:, columns], here[:, -1] = part[:, :-1], part[:, -1]
+            start += len(part)
+        self.add_triangle(stacked, sum(count for _, _, count in reduced))
 
     def add_triangle(self, rows: Array, count: int) -> None:
         """Fold in rows (m, k + 1) of matrix and right side together that stand for `count` equations."""
-        self.factor = triangle_of(np.concatenate([self.factor, rows]))
+        self.factor = triangle_of(np.concatenate([self.factor, rows]) if len(self.factor) else rows)
         self.rows += count
 
     def add_prior(self, name: str, value: float, sigma: float) -> None:
@@ -87,25 +95,31 @@ class Triangle:
         """Return the least-squares solution; raises ValueError naming the terms the data cannot separate."""
         count = len(self.names)
         matrix, right = self.factor[:, :count], self.factor[:, count]
-        scale = np.sqrt(np.sum(matrix * matrix, axis=0))
+        scale = np.sqrt(np.einsum("ij,ij->j", matrix, matrix))
         if len(matrix) < count or not scale.all():
             empty = [name for name, length in zip(self.names, scale, strict=True) if length == 0.0]
             raise ValueError(f"{self.rows} equations do not determine {', '.join(empty or self.names)}")
         scaled = matrix[:count] / scale
-        singular = np.linalg.svd(scaled, compute_uv=False)
-        if singular[-1] < RANK_TOLERANCE * singular[0]:
-            rotation = np.linalg.svd(scaled)[2][singular < RANK_TOLERANCE * singular[0]]
-            raise ValueError(null_space_message(self.names, rotation / scale, scale))
-        root = _inverse_of(scaled) / scale[:, np.newaxis]
-        values = root @ right[:count]
+        inverse = self._inverse(scaled, scale)
+        root = inverse / scale[:, np.newaxis]
         return Solution(
             names=self.names,
-            values=values,
+            values=root @ right[:count],
             covariance=root @ root.T,
             rank=count,
-            condition=float(singular[0] / singular[-1]),
             residual_square=float(right[count:] @ right[count:]),
+            scaled=scaled,
         )
+
+    def _inverse(self, scaled: Array, scale: Array) -> Array:
+        inverse = _inverse_of(scaled)
+        # The Frobenius norms bound the condition number from above: only a suspect matrix pays for its SVD.
+        if inverse is None or np.vdot(inverse, inverse) * len(scaled) > RANK_TOLERANCE**-2:
+            _, singular, rotation = np.linalg.svd(scaled)
+            lost = singular < RANK_TOLERANCE * singular[0]
+            if inverse is None or np.any(lost):
+                raise ValueError(null_space_message(self.names, rotation[lost] / scale, scale))
+        return inverse
 
 
 def triangle_of(rows: Array) -> Array:
@@ -113,24 +127,26 @@ def triangle_of(rows: Array) -> Array:
 
     LAPACK is called directly: numpy's wrapper costs more than the work for a few hundred rows.
     """
-    from scipy.linalg.lapack import dgeqrf
-
     height, width = min(rows.shape), rows.shape[1]
-    factor, _, _, info = dgeqrf(rows, lwork=_WORK_PER_COLUMN * width, overwrite_a=True)
+    factor, _, _, info = _lapack().dgeqrf(rows, lwork=_WORK_PER_COLUMN * width, overwrite_a=True)
     if info != 0:
         raise ValueError(f"QR factorisation failed: info={info}")
     return cast(Array, factor[:height] * _upper(height, width))
 
 
 @cache
+def _lapack() -> Any:
+    from scipy.linalg import lapack
+
+    return lapack
+
+
+@cache
 def _upper(height: int, width: int) -> Array:
-    return np.triu(np.ones((height, width)))
+    return np.asfortranarray(np.triu(np.ones((height, width))))
 
 
-def _inverse_of(triangle: Array) -> Array:
-    from scipy.linalg.lapack import dtrtri
-
-    inverse, info = dtrtri(triangle)
-    if info != 0:
-        raise ValueError(f"triangle is singular: info={info}")
-    return cast(Array, inverse)
+def _inverse_of(triangle: Array) -> Array | None:
+    """Return the inverse, None where a diagonal element is exactly zero."""
+    inverse, info = _lapack().dtrtri(triangle)
+    return cast(Array, inverse) if info == 0 else None

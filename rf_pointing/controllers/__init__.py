@@ -16,6 +16,7 @@ from rf_pointing.controllers.oscillation_detector import (
 from rf_pointing.controllers.position_loop import PositionLoop, PositionLoopParams, PositionLoopState
 from rf_pointing.controllers.presets import TUNED_RADIO_BANDWIDTH_HZ, dss13_loops
 from rf_pointing.controllers.rate_feedforward import FeedforwardState, RateFeedforward
+from rf_pointing.controllers.section import Section, SectionParams, SectionState, filter_sample, section_matrices
 from rf_pointing.controllers.tracker_integrator import (
     TrackerIntegrator,
     TrackerIntegratorParams,
@@ -49,6 +50,9 @@ __all__ = [
     "PositionLoopParams",
     "PositionLoopState",
     "RateFeedforward",
+    "Section",
+    "SectionParams",
+    "SectionState",
     "TrackerIntegrator",
     "TrackerIntegratorParams",
     "TrackerIntegratorState",
@@ -57,4 +61,6 @@ __all__ = [
     "TrajectoryBufferParams",
     "TrajectorySample",
     "dss13_loops",
+    "filter_sample",
+    "section_matrices",
 ]

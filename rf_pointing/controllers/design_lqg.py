@@ -1,8 +1,8 @@
 """LQG with integral action for one axis, designed with python-control from an identified model.
 
 The regulator and the estimator are made for the drive (its pole and integrator, read off the identified model) behind
-a notch at the bending mode; the mode itself is left to the notch, because a law that knows its phase is lost when the
-frequency moves by 10 %.  Gain, phase and sensitivity margins are then taken on the whole identified model.
+a notch and a section beside the bending mode; the mode itself is left to them, because a law that knows its phase is
+lost when the frequency moves by 10 %.  Gain, phase and sensitivity margins are taken on the whole identified model.
 Imported only on demand: python-control brings matplotlib with it.
 """
 
@@ -13,14 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.controllers.lqg_design import LqgDesign, LqgWeights
+from rf_pointing.controllers.section import section_matrices
 from rf_pointing.geometry import as_finite_array, require_between
 
 __all__ = ["controller_system", "design_lqg", "drive_of"]
 
 Array = NDArray[np.float64]
 
-_LOW = 3
-"""Index of the notch's low-pass state."""
+_NOTCH, _SHAPING = slice(2, 4), slice(4, 6)
+_LOW = (3, 5)
+"""States of the notch and of the section, and their low-pass states, which alone are filled by a constant."""
 
 
 def drive_of(a: Array, b: Array, c: Array, sample_s: float) -> tuple[float, float]:
@@ -61,10 +63,10 @@ def design_lqg(a: Array, b: Array, c: Array, d: Array, sample_s: float, weights:
     price[0, 0] = 1.0
     feedback, _, _ = control.dlqr(plant, entry, price, np.array([[weights.control_weight]]))
     law = _with_disturbance(plant, entry, shown, gain, bandwidth, sample_s)
-    noise = np.diag([0.0, weights.rate_intensity, 0.0, 0.0, weights.disturbance_intensity])
+    noise = np.diag([0.0, weights.rate_intensity, *np.zeros(size - 2), weights.disturbance_intensity])
     filter_gain, _, _ = control.dlqe(law[0], np.eye(size + 1), law[2], noise, np.array([[1.0]]))
-    # Cancelling a constant disturbance fills the notch with it; what the regulator makes of that comes on top.
-    state_gain = np.hstack([np.asarray(feedback), [[1.0 + feedback[0, _LOW]]]])
+    # Cancelling a constant disturbance fills the filters with it; what the regulator makes of that comes on top.
+    state_gain = np.hstack([np.asarray(feedback), [[1.0 + sum(feedback[0, low] for low in _LOW)]]])
     observer_gain = law[0] @ np.asarray(filter_gain)
     margins = _margins(control.ss(a, b, c, d, sample_s), law, state_gain, observer_gain, weights, sample_s)
     return LqgDesign(*law, state_gain, observer_gain, sample_s, bandwidth, gain, weights, *margins)
@@ -76,7 +78,8 @@ def controller_system(
     """Return the law from error to rate command, notch included, as a python-control system."""
     a, b, c = law
     core = control.ss(a - b @ state_gain - observer_gain @ c, -observer_gain, -state_gain, [[0.0]], sample_s)
-    return control.ss(*_notch(weights, sample_s), sample_s) * core
+    filters = [control.ss(*section_matrices(part, sample_s), sample_s) for part in (weights.notch.section, weights.shaping)]
+    return filters[0] * filters[1] * core
 
 
 def _margins(
@@ -98,35 +101,28 @@ def _margins(
     return float(np.max(1.0 / np.abs(1.0 + response))), 20.0 * math.log10(gain_margin), math.radians(phase_margin)
 
 
-def _notch(weights: LqgWeights, sample_s: float) -> tuple[Array, Array, Array, Array]:
-    """Return the notch in the very states of `notch.py` (band, low), so that design and run time agree."""
-    g = math.tan(math.pi * weights.notch_frequency_hz * sample_s)
-    h = 1.0 / (1.0 + g * (g + 2.0 * weights.notch_damping))
-    band = h * np.array([1.0, -g, g])
-    rows = np.array([2.0 * band - (1.0, 0.0, 0.0), 2.0 * g * band + (0.0, 1.0, 0.0)])
-    out = -2.0 * weights.notch_damping * band + (0.0, 0.0, 1.0)
-    return rows[:, :2], rows[:, 2:], out[None, :2], out[None, 2:]
+def _design_plant(bandwidth: float, gain: float, sample_s: float, weights: LqgWeights) -> tuple[Array, Array, Array]:
+    """Return the sampled drive behind notch and section: angle, drive rate, then band and low of both filters."""
+    drive, entry = _drive(bandwidth, gain, sample_s)
+    na, nb, nc, nd = section_matrices(weights.notch.section, sample_s)
+    sa, sb, sc, sd = section_matrices(weights.shaping, sample_s)
+    plant, command = np.zeros((6, 6)), np.zeros((6, 1))
+    plant[:2, :2], plant[:2, _NOTCH], plant[:2, _SHAPING] = drive, entry @ nc, entry @ nd @ sc
+    plant[_NOTCH, _NOTCH], plant[_NOTCH, _SHAPING], plant[_SHAPING, _SHAPING] = na, nb @ sc, sa
+    command[:2], command[_NOTCH], command[_SHAPING] = entry @ nd @ sd, nb @ sd, sb
+    return plant, command, np.eye(6)[:1]
 
 
-def _design_plant(
-    bandwidth: float, gain: float, sample_s: float, weights: LqgWeights
-) -> tuple[Array, Array, Array]:
-    """Return the sampled drive behind the notch: states angle, drive rate, notch band, notch low."""
+def _drive(bandwidth: float, gain: float, sample_s: float) -> tuple[Array, Array]:
     decay = math.exp(-bandwidth * sample_s)
     reach = (1.0 - decay) / bandwidth
-    drive = np.array([[1.0, gain * reach], [0.0, decay]])
-    entry = np.array([[gain * (sample_s - reach)], [1.0 - decay]])
-    na, nb, nc, nd = _notch(weights, sample_s)
-    plant = np.block([[drive, entry @ nc], [np.zeros((2, 2)), na]])
-    return plant, np.vstack([entry @ nd, nb]), np.array([[1.0, 0.0, 0.0, 0.0]])
+    return np.array([[1.0, gain * reach], [0.0, decay]]), np.array([[gain * (sample_s - reach)], [1.0 - decay]])
 
 
 def _with_disturbance(
     plant: Array, entry: Array, shown: Array, gain: float, bandwidth: float, sample_s: float
 ) -> tuple[Array, Array, Array]:
-    """Append a constant rate disturbance that enters where the command does, behind the notch."""
-    decay = math.exp(-bandwidth * sample_s)
-    reach = (1.0 - decay) / bandwidth
-    column = np.array([[gain * (sample_s - reach)], [1.0 - decay], [0.0], [0.0]])
-    a = np.block([[plant, column], [np.zeros((1, 4)), np.ones((1, 1))]])
+    """Append a constant rate disturbance that enters where the command does, behind the filters."""
+    column = np.vstack([_drive(bandwidth, gain, sample_s)[1], np.zeros((len(plant) - 2, 1))])
+    a = np.block([[plant, column], [np.zeros((1, len(plant))), np.ones((1, 1))]])
     return a, np.vstack([entry, [[0.0]]]), np.hstack([shown, [[0.0]]])

@@ -1,9 +1,9 @@
 """What an LQG controller consists of, together with the model and the weights it was designed for.
 
-    v(k) = -K x(k),   x(k+1) = A x(k) + B v(k) + L (-e(k) - C x(k)),   u = N(z) [ v + F r' ]
+    v(k) = -K x(k),   x(k+1) = A x(k) + B v(k) + L (-e(k) - C x(k)),   u = N(z) [ S(z) v + F r' ]
 
-x holds the axis angle and drive rate (as deviations from the command), the two notch states, and a slow rate
-disturbance; the last makes the integral action.  e is command minus encoder, N the notch of the rate command.
+x holds the axis angle and drive rate (as deviations from the command), the states of the notch N and of the shaping
+section S, and a slow rate disturbance; the last makes the integral action.  e is command minus encoder.
 """
 
 from collections.abc import Mapping
@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rf_pointing.controllers.notch import NotchParams
+from rf_pointing.controllers.section import SectionParams
 from rf_pointing.geometry import Params, parameter
 
 __all__ = ["LqgDesign", "LqgWeights"]
@@ -24,10 +26,14 @@ _MATRICES = ("a", "b", "c", "state_gain", "observer_gain")
 
 @dataclass(frozen=True, kw_only=True)
 class LqgWeights(Params):
-    """The choices of the designer: the notch in series and three ratios."""
+    """The choices of the designer: the notch and the section in series, and three ratios."""
 
     notch_frequency_hz: float = parameter(description="notch in the rate command", low=0.01, high=100.0)
     notch_damping: float = parameter(description="width of the notch", low=0.01, high=3.0)
+    shaping_zero_hz: float = parameter(description="zeros of the section", low=0.01, high=100.0)
+    shaping_zero_damping: float = parameter(description="damping of its zeros", low=0.0, high=5.0)
+    shaping_pole_hz: float = parameter(description="poles of the section", low=0.01, high=100.0)
+    shaping_pole_damping: float = parameter(description="damping of its poles", low=0.001, high=5.0)
     control_weight: float = parameter(description="price of rate over price of angle", low=1e-9, high=1e6)
     disturbance_intensity: float = parameter(
         description="variance per step of the rate disturbance over encoder variance", low=1e-12, high=1e6
@@ -36,12 +42,27 @@ class LqgWeights(Params):
         description="variance per step of the drive rate over encoder variance", low=0.0, high=1e6
     )
 
+    @property
+    def notch(self) -> NotchParams:
+        """The notch's own parameter set."""
+        return NotchParams(frequency_hz=self.notch_frequency_hz, damping=self.notch_damping)
+
+    @property
+    def shaping(self) -> SectionParams:
+        """The section's own parameter set."""
+        return SectionParams(
+            zero_hz=self.shaping_zero_hz,
+            zero_damping=self.shaping_zero_damping,
+            pole_hz=self.shaping_pole_hz,
+            pole_damping=self.shaping_pole_damping,
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class LqgDesign:
     """Matrices of the law, the drive it was made for and the margins found on the full model.
 
-    `a` (5, 5), `b` (5, 1), `c` (1, 5), `state_gain` (1, 5), `observer_gain` (5, 1); `drive_bandwidth_rad_s` and
+    `a` (7, 7), `b` (7, 1), `c` (1, 7), `state_gain` (1, 7), `observer_gain` (7, 1); `drive_bandwidth_rad_s` and
     `drive_gain` describe the model; `peak_sensitivity`, `gain_margin_db`, `phase_margin_rad` are of the encoder loop.
     """
 

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.controllers.lqg_design import LqgDesign
-from rf_pointing.controllers.notch import Notch, NotchParams, NotchState
+from rf_pointing.controllers.notch import Notch, NotchState
 from rf_pointing.controllers.rate_feedforward import FeedforwardState, RateFeedforward
+from rf_pointing.controllers.section import Section, SectionState
 from rf_pointing.geometry import Params, parameter, require_finite
 
 __all__ = ["LqgLoop", "LqgLoopParams", "LqgLoopState"]
@@ -30,13 +31,14 @@ class LqgLoopParams(Params):
 
 @dataclass(slots=True)
 class LqgLoopState:
-    """Estimate (5,), latest error, regulator output and command, feedforward filter, notch."""
+    """Estimate (7,), latest error, regulator output and command, feedforward filter, section, notch."""
 
     estimate: NDArray[np.float64]
     error_rad: float = 0.0
     regulator_rad_s: float = 0.0
     command_rad_s: float = 0.0
     feedforward: FeedforwardState = field(default_factory=FeedforwardState)
+    shaping: SectionState = field(default_factory=SectionState)
     notch: NotchState = field(default_factory=NotchState)
 
 
@@ -45,10 +47,8 @@ class LqgLoop:
 
     def __init__(self, design: LqgDesign, params: LqgLoopParams) -> None:
         self._design, self._params = design, params
-        self._notch_params = NotchParams(
-            frequency_hz=design.weights.notch_frequency_hz, damping=design.weights.notch_damping
-        )
-        self._notch = Notch(self._notch_params, design.sample_s)
+        self._shaping = Section(design.weights.shaping, design.sample_s)
+        self._notch = Notch(design.weights.notch, design.sample_s)
         self._feedforward = RateFeedforward(params.feedforward_band_hz, design.sample_s)
         self._state = LqgLoopState(np.zeros(len(design.a)))
         self._update = np.hstack([design.a - design.observer_gain @ design.c, design.b, -design.observer_gain])
@@ -70,13 +70,14 @@ class LqgLoop:
             self._state,
             estimate=self._state.estimate.copy(),
             feedforward=replace(self._feedforward.state),
+            shaping=replace(self._shaping.state),
             notch=replace(self._notch.state),
         )
 
     @state.setter
     def state(self, state: LqgLoopState) -> None:
-        self._notch = Notch(self._notch_params, state.notch.dt_s)
-        self._notch.state, self._feedforward.state = replace(state.notch), replace(state.feedforward)
+        self._notch.state, self._shaping.state = replace(state.notch), replace(state.shaping)
+        self._feedforward.state = replace(state.feedforward)
         self._state = replace(state, estimate=state.estimate.copy())
 
     def retune(self, params: LqgLoopParams) -> None:
@@ -91,10 +92,11 @@ class LqgLoop:
         error = position_rad - measured_rad
         wanted = command_rad_s - self._params.feedforward_gain * velocity_rad_s
         gain = self._design.state_gain[0]
-        estimate = np.array([-error, 0.0, 0.0, wanted, 0.0])
+        estimate = np.array([-error, 0.0, 0.0, wanted, 0.0, wanted, 0.0])
         estimate[-1] = (-wanted - float(gain @ estimate)) / gain[-1]
         self._state = LqgLoopState(estimate, error, wanted, command_rad_s)
         self._feedforward.reset(velocity_rad_s)
+        self._shaping.reset(wanted)
         self._notch.reset(command_rad_s)
 
     def output(
@@ -115,7 +117,8 @@ class LqgLoop:
         state.error_rad = position_rad - measured_rad
         state.regulator_rad_s = -float(self._design.state_gain[0] @ state.estimate)
         fed = self._feedforward.output(velocity_rad_s + params.feedforward_lead_s * acceleration_rad_s2)
-        state.command_rad_s = self._notch.output(state.regulator_rad_s + params.feedforward_gain * fed)
+        shaped = self._shaping.output(state.regulator_rad_s)
+        state.command_rad_s = self._notch.output(shaped + params.feedforward_gain * fed)
         return min(max(state.command_rad_s, -params.rate_limit_rad_s), params.rate_limit_rad_s)
 
     def update(self, dt_s: float, applied_rad_s: float) -> None:
@@ -133,4 +136,5 @@ class LqgLoop:
         really = state.regulator_rad_s + applied_rad_s - state.command_rad_s
         state.estimate = self._update @ np.concatenate([state.estimate, (really, state.error_rad)])
         self._feedforward.update(dt_s)
+        self._shaping.update(dt_s)
         self._notch.update(dt_s)

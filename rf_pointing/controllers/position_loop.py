@@ -1,6 +1,8 @@
 """Position loop of one axis: PI on the encoder, rate feedforward, notch, rate limit with anti-windup.
 
-    u = N(s) [ k_p e + k_i int(e) + F(s) r' ],   e = r - measured,   F(s) = 1 / (1 + s / w_b)        (BWG Fig. 1, 16)
+    u = N(s) [ S(s) (k_p e + k_i int(e)) + F(s) r' ],   e = r - measured,   F(s) = 1 / (1 + s / w_b)  (BWG Fig. 1, 16)
+
+with N the notch and S, beyond the paper and off by default, a second-order section for the feedback alone.
 
 The feedforward takes the rate of the command from the trajectory (never by differencing) through a low-pass at the
 band limit; optionally the acceleration, led by the lag of the drive.  Use: `output(...)`, then `update(dt_s, applied)`
@@ -12,6 +14,7 @@ from dataclasses import dataclass, field, replace
 
 from rf_pointing.controllers.notch import Notch, NotchParams, NotchState
 from rf_pointing.controllers.rate_feedforward import FeedforwardState, RateFeedforward
+from rf_pointing.controllers.section import Section, SectionParams, SectionState
 from rf_pointing.geometry import Params, parameter, require_between, require_finite
 
 __all__ = ["PositionLoop", "PositionLoopParams", "PositionLoopState"]
@@ -29,6 +32,11 @@ class PositionLoopParams(Params):
     notch_enabled: bool = parameter(True, "whether the notch acts")
     notch_frequency_hz: float = parameter(2.12, "notch frequency", low=0.01, high=500.0)
     notch_damping: float = parameter(0.2, "notch width delta", low=0.001, high=2.0)
+    shaping_enabled: bool = parameter(False, "whether the section S acts on the feedback")
+    shaping_zero_hz: float = parameter(2.0, "frequency of its zeros", low=0.01, high=500.0)
+    shaping_zero_damping: float = parameter(0.5, "damping of its zeros", low=0.0, high=5.0)
+    shaping_pole_hz: float = parameter(4.0, "frequency of its poles", low=0.01, high=500.0)
+    shaping_pole_damping: float = parameter(0.5, "damping of its poles", low=0.001, high=5.0)
     rate_limit_rad_s: float = parameter(math.radians(2.0), "largest rate command", low=1e-6, high=10.0)
     drive_lag_s: float = parameter(0.06, "lag of the rate loop with half a sample", low=0.0, high=1.0)
 
@@ -37,12 +45,26 @@ class PositionLoopParams(Params):
         lag_s = self.drive_lag_s
         if self.notch_enabled:
             lag_s += self.notch_damping / (math.pi * self.notch_frequency_hz)
+        if self.shaping_enabled:
+            lag_s += self.shaping_pole_damping / (math.pi * self.shaping_pole_hz)
+            lag_s -= self.shaping_zero_damping / (math.pi * self.shaping_zero_hz)
         bound = self.integral_gain * lag_s
         if self.integral_gain > 0.0 and self.proportional_gain <= bound:
             raise ValueError(
                 f"proportional_gain={self.proportional_gain} must be > {bound:.4g} "
                 f"(integral_gain={self.integral_gain} times the lag {lag_s:.3f} s), the loop would be unstable"
             )
+
+    @property
+    def shaping(self) -> SectionParams:
+        """The shaping section's own parameter set."""
+        return SectionParams(
+            enabled=self.shaping_enabled,
+            zero_hz=self.shaping_zero_hz,
+            zero_damping=self.shaping_zero_damping,
+            pole_hz=self.shaping_pole_hz,
+            pole_damping=self.shaping_pole_damping,
+        )
 
     @property
     def notch(self) -> NotchParams:
@@ -52,12 +74,13 @@ class PositionLoopParams(Params):
 
 @dataclass(slots=True)
 class PositionLoopState:
-    """Everything the loop remembers: integral (rad s), latest error and command, feedforward filter, notch."""
+    """Everything the loop remembers: integral (rad s), latest error and command, feedforward, section, notch."""
 
     integral_rad_s: float = 0.0
     error_rad: float = 0.0
     command_rad_s: float = 0.0
     feedforward: FeedforwardState = field(default_factory=FeedforwardState)
+    shaping: SectionState = field(default_factory=SectionState)
     notch: NotchState = field(default_factory=NotchState)
 
 
@@ -66,7 +89,7 @@ class PositionLoop:
 
     def __init__(self, params: PositionLoopParams, dt_s: float = 0.02) -> None:
         self._params = params
-        self._notch = Notch(params.notch, dt_s)
+        self._shaping, self._notch = Section(params.shaping, dt_s), Notch(params.notch, dt_s)
         self._feedforward = RateFeedforward(params.feedforward_band_hz, dt_s)
         self._state = PositionLoopState()
 
@@ -78,20 +101,32 @@ class PositionLoop:
     @property
     def state(self) -> PositionLoopState:
         """A copy of the complete state."""
-        return replace(self._state, feedforward=replace(self._feedforward.state), notch=replace(self._notch.state))
+        return replace(
+            self._state,
+            feedforward=replace(self._feedforward.state),
+            shaping=replace(self._shaping.state),
+            notch=replace(self._notch.state),
+        )
 
     @state.setter
     def state(self, state: PositionLoopState) -> None:
-        notch = Notch(self._params.notch, state.notch.dt_s)
-        notch.state, self._feedforward.state = replace(state.notch), replace(state.feedforward)
-        self._notch, self._state = notch, replace(state)
+        shaping, notch = Section(self._params.shaping, state.shaping.dt_s), Notch(self._params.notch, state.notch.dt_s)
+        shaping.state, notch.state = replace(state.shaping), replace(state.notch)
+        self._feedforward.state = replace(state.feedforward)
+        self._shaping, self._notch, self._state = shaping, notch, replace(state)
 
     def retune(self, params: PositionLoopParams) -> None:
         """Take new parameters at once and without a jump of the command; refused as a whole if one is impossible.
 
         The integral is shifted so that k_p e + k_i int(e) stays what it was; with k_i = 0 there is none to shift.
         """
-        self._notch.retune(params.notch)
+        before = self._shaping.params
+        self._shaping.retune(params.shaping)
+        try:
+            self._notch.retune_notch(params.notch)
+        except ValueError:
+            self._shaping.retune(before)
+            raise
         self._feedforward.retune(params.feedforward_band_hz)
         state, old = self._state, self._params
         if params.integral_gain > 0.0:
@@ -114,6 +149,7 @@ class PositionLoop:
         integral = rest / params.integral_gain if params.integral_gain > 0.0 else 0.0
         self._state = PositionLoopState(integral, error, command_rad_s)
         self._feedforward.reset(velocity_rad_s)
+        self._shaping.reset(command_rad_s - feedforward)
         self._notch.reset(command_rad_s)
 
     def output(
@@ -137,8 +173,8 @@ class PositionLoop:
         params, state = self._params, self._state
         state.error_rad = position_rad - measured_rad
         rate = velocity_rad_s + params.feedforward_lead_s * acceleration_rad_s2
-        raw = params.proportional_gain * state.error_rad + params.integral_gain * state.integral_rad_s
-        raw += params.feedforward_gain * self._feedforward.output(rate)
+        fed_back = params.proportional_gain * state.error_rad + params.integral_gain * state.integral_rad_s
+        raw = self._shaping.output(fed_back) + params.feedforward_gain * self._feedforward.output(rate)
         state.command_rad_s = self._notch.output(raw)
         return min(max(state.command_rad_s, -params.rate_limit_rad_s), params.rate_limit_rad_s)
 
@@ -155,4 +191,5 @@ class PositionLoop:
             back = cut / params.proportional_gain if params.proportional_gain > 0.0 else 0.0
             state.integral_rad_s += dt_s * (state.error_rad + back)
         self._feedforward.update(dt_s)
+        self._shaping.update(dt_s)
         self._notch.update(dt_s)

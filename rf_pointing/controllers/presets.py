@@ -1,8 +1,10 @@
 """Gains for the DSS-13 antenna: the published ones, and the ones tuned for wind on the same plant.
 
-The tuned set keeps the published structure and changes numbers only: faster loops, each behind a wide notch placed
-beside its axis' first mode (above it in elevation), so that the sensitivity peak stays below 2 with the modes 10 % and
-the residues 30 % off.  Tuning: benchmarks/servo_tuning.py; what it buys: docs/math/controllers.md.
+The tuned set keeps the published structure, PI with feedforward and notch, and adds one section to the feedback: a
+narrow notch just below the first mode and zeros beside it turn the phase so that the mode is damped rather than
+driven, whichever way its frequency is off, and the poles at twice the frequency give the lead for a tenfold loop gain.
+The sensitivity peaks of encoder and radio loop stay below 2 with the modes 10 % and the residues 30 % off.
+Tuning: benchmarks/servo_tuning.py, its output beside it; what it buys: docs/math/controllers.md.
 """
 
 import math
@@ -12,14 +14,32 @@ from rf_pointing.geometry import require_choice
 
 __all__ = ["TUNED_RADIO_BANDWIDTH_HZ", "dss13_loops"]
 
-TUNED_RADIO_BANDWIDTH_HZ = 0.05
+TUNED_RADIO_BANDWIDTH_HZ = 0.2
 """Bandwidth f_m of the radio integrator that the tuned loops were designed together with."""
 
 _DRIVE_LAG_S = 1.0 / 20.0 + 0.01
-_PUBLISHED = {"proportional_gain": 0.5, "integral_gain": 1.8, "notch_frequency_hz": 2.12, "notch_damping": 0.2}
-_TUNED = (
-    {"proportional_gain": 4.67, "integral_gain": 7.02, "notch_frequency_hz": 1.522, "notch_damping": 0.115},
-    {"proportional_gain": 4.23, "integral_gain": 6.01, "notch_frequency_hz": 2.235, "notch_damping": 0.466},
+_FEEDFORWARD_LAG_S = 1.0 / (2.0 * math.pi * 10.0)
+_AZIMUTH = PositionLoopParams(
+    proportional_gain=7.915,
+    integral_gain=11.59,
+    notch_frequency_hz=1.417,
+    notch_damping=0.0468,
+    shaping_enabled=True,
+    shaping_zero_hz=1.785,
+    shaping_zero_damping=0.3905,
+    shaping_pole_hz=3.139,
+    shaping_pole_damping=0.6124,
+)
+_ELEVATION = PositionLoopParams(
+    proportional_gain=6.665,
+    integral_gain=6.383,
+    notch_frequency_hz=2.068,
+    notch_damping=0.0716,
+    shaping_enabled=True,
+    shaping_zero_hz=2.048,
+    shaping_zero_damping=0.0152,
+    shaping_pole_hz=3.949,
+    shaping_pole_damping=0.5844,
 )
 
 
@@ -27,13 +47,14 @@ def dss13_loops(gains: str) -> tuple[PositionLoopParams, PositionLoopParams]:
     """Return the position loops (azimuth, elevation) with "published" or "tuned" gains."""
     require_choice("gains", gains, ("published", "tuned"))
     if gains == "published":
-        published = PositionLoopParams(**_PUBLISHED)
+        published = PositionLoopParams(
+            proportional_gain=0.5, integral_gain=1.8, notch_frequency_hz=2.12, notch_damping=0.2
+        )
         return published, published
-    azimuth, elevation = (PositionLoopParams(**values, feedforward_lead_s=_lead_s(values)) for values in _TUNED)
+    azimuth, elevation = (loop.replace(feedforward_lead_s=_lead_s(loop)) for loop in (_AZIMUTH, _ELEVATION))
     return azimuth, elevation
 
 
-def _lead_s(values: dict[str, float]) -> float:
+def _lead_s(loop: PositionLoopParams) -> float:
     """Return the lag that the fed-forward rate meets: drive, half a sample, feedforward band, notch."""
-    notch_s = values["notch_damping"] / (math.pi * values["notch_frequency_hz"])
-    return _DRIVE_LAG_S + 1.0 / (2.0 * math.pi * 10.0) + notch_s
+    return _DRIVE_LAG_S + _FEEDFORWARD_LAG_S + loop.notch_damping / (math.pi * loop.notch_frequency_hz)

@@ -31,7 +31,9 @@ __all__ = ["CataloguePass", "CatalogueSearch", "find_catalogue_passes"]
 
 Array = NDArray[np.float64]
 
-_STEP_RAD = 0.45
+_CIRCULAR_STEP_RAD, _ECCENTRIC_STEP_RAD = 0.45, 0.25
+_CIRCULAR = 0.05
+"""Largest eccentricity of the long step: the series of an eccentric orbit around its perigee converges slower."""
 _LADDER_S = (60, 90, 120, 150, 180, 210, 240, 270, 300, 330, 360, 390, 420, 450, 480, 600, 900, 1200, 1800, 2700)
 _CHUNK = 256
 
@@ -117,12 +119,13 @@ def _usable(
 
 
 def _chunks(elements: list[Elements], duration_s: float) -> Iterator[tuple[list[Elements], float]]:
-    """Yield objects that can share a grid: its step is 0.45 rad of the fastest motion, that at the perigee."""
+    """Yield objects that can share a grid: its step is 0.45 rad (0.25 if eccentric) of the perigee's motion."""
     by_step: dict[int, list[Elements]] = {}
     for one in elements:
         e = one.eccentricity
         fastest_rad_s = one.mean_motion_rad_s * (1.0 + e) ** 2 / (1.0 - e * e) ** 1.5
-        wanted_s = next((s for s in reversed(_LADDER_S) if s * fastest_rad_s <= _STEP_RAD), _LADDER_S[0])
+        longest_s = (_CIRCULAR_STEP_RAD if e < _CIRCULAR else _ECCENTRIC_STEP_RAD) / fastest_rad_s
+        wanted_s = next((s for s in reversed(_LADDER_S) if s <= longest_s), _LADDER_S[0])
         by_step.setdefault(wanted_s, []).append(one)
     for wanted_s, group in by_step.items():
         step_s = duration_s / math.ceil(duration_s / wanted_s)

@@ -1,6 +1,6 @@
 """Many objects over one site at once: positions on an even grid, and interpolation through ten of them.
 
-With a step of 0.45 rad of orbital motion the error of the interpolation is 0.00024 (0.45)^10 r: 0.6 m in a low
+With a step of 0.45 rad of circular motion the error of the interpolation is 0.00024 (0.45)^10 r: 0.6 m in a low
 orbit, 0.1 ms of its motion.
 """
 

@@ -191,6 +191,8 @@ def _check_type(item: "dataclasses.Field[Any]", name: str, value: Any) -> None:
     elif get_origin(kind) is tuple:
         if not isinstance(value, tuple):
             raise ValueError(f"{name}={value!r} must be a list of values")
+        if get_args(kind)[-1] is not Ellipsis and len(value) != len(get_args(kind)):
+            raise ValueError(f"{name}={value} must have {len(get_args(kind))} values")
         for index, element in enumerate(value):
             _check_kind(f"{name}[{index}]", element, get_args(kind)[0])
     else:

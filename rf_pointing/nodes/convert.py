@@ -22,6 +22,7 @@ from rf_pointing.geometry import (
     MonopulseCluster,
     PointingError,
     Target,
+    require_finite,
 )
 from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.station.status import AntennaStatus, TrackingStatus
@@ -255,6 +256,11 @@ def pass_to_message(window: Pass) -> ours.Pass:
 
 
 def pass_from_message(message: ours.Pass) -> Pass:
+    for wire in _PASS_FIELDS:
+        require_finite(wire, getattr(message, wire))
+    aos_s, tca_s, los_s = (seconds_from_stamp(getattr(message, wire)) for wire in _PASS_TIMES)
+    if not aos_s <= tca_s <= los_s or aos_s == los_s:
+        raise ValueError(f"aos={aos_s}, tca={tca_s} and los={los_s} must follow each other")
     return Pass(
         name=message.target,
         **{core: seconds_from_stamp(getattr(message, wire)) for wire, core in _PASS_TIMES.items()},

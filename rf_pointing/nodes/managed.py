@@ -40,12 +40,14 @@ class SequencedPublisher:
         self._publisher.publish(message)
 
 
-class LossCounter:
-    """Counts the gaps in the sequence numbers of the streams a node listens to."""
+class InputCounter:
+    """Counts what was lost, by gaps in the sequence numbers, and what was refused of the streams a node listens to."""
 
     def __init__(self) -> None:
         self._newest: dict[tuple[str, str], int] = {}
         self.lost: dict[str, int] = {}
+        self.refused: dict[str, int] = {}
+        self.last_refusal = ""
 
     def watching(self, topic: str, callback: Callable[[Any], None]) -> Callable[[Any], None]:
         """Return `callback` with the count in front of it; a publisher that starts again at 1 is not a loss."""
@@ -62,10 +64,20 @@ class LossCounter:
 
         return counted
 
+    def note_refusal(self, topic: str, reason: str) -> None:
+        """Count a message that could not be used."""
+        self.refused[topic] = self.refused.get(topic, 0) + 1
+        self.last_refusal = f"{topic}: {reason}"
+
     def health(self) -> Health:
-        """Return the counts, as a warning when anything was lost."""
-        total = sum(self.lost.values())
-        return Health(WARN if total else OK, f"{total} messages lost" if total else "complete", dict(self.lost))
+        """Return the counts, as a warning when anything was lost or refused."""
+        lost, refused = sum(self.lost.values()), sum(self.refused.values())
+        words = [f"{lost} messages lost"] * bool(lost) + [f"{refused} messages refused"] * bool(refused)
+        values: dict[str, object] = {f"lost {topic}": count for topic, count in self.lost.items()}
+        values |= {f"refused {topic}": count for topic, count in self.refused.items()}
+        return Health(
+            WARN if words else OK, ", ".join(words) or "complete", values | {"last_refusal": self.last_refusal}
+        )
 
 
 class Latest:
@@ -93,9 +105,9 @@ class ManagedNode(LifecycleNode):
         self.lock = InstanceLock(self.get_fully_qualified_name())
         self.parameters = ParameterGroups(self)
         self.diagnostics = Diagnostics(self)
-        self.losses = LossCounter()
+        self.inputs = InputCounter()
         self.diagnostics.add("state", self._state_health)
-        self.diagnostics.add("inputs", self.losses.health)
+        self.diagnostics.add("inputs", self.inputs.health)
         self._state_name = "unconfigured"
         self._refusal = ""
         self._active_timers: list[Any] = []
@@ -150,10 +162,23 @@ class ManagedNode(LifecycleNode):
     def listen(
         self, message_type: Any, topic: str, callback: Callable[[Any], None], qos: Any, *, raw: bool = False
     ) -> None:
-        """Subscribe until cleanup; a numbered stream is watched for gaps, which show on /diagnostics."""
+        """Subscribe until cleanup; gaps of a numbered stream and messages refused by ValueError show on /diagnostics."""
         if not raw and hasattr(message_type, "sequence"):
-            callback = self.losses.watching(topic, callback)
-        self._inputs.append(self.create_subscription(message_type, topic, callback, qos, raw=raw))
+            callback = self.inputs.watching(topic, callback)
+        guarded = self._guarded(topic, callback)
+        self._inputs.append(self.create_subscription(message_type, topic, guarded, qos, raw=raw))
+
+    def _guarded(self, topic: str, callback: Callable[[Any], None]) -> Callable[[Any], None]:
+        """Return `callback` behind a guard: an exception that left a callback would end the process."""
+
+        def take(message: Any) -> None:
+            try:
+                callback(message)
+            except ValueError as refusal:
+                self.inputs.note_refusal(topic, str(refusal))
+                self.get_logger().warning(f"{topic} ignored: {refusal}", throttle_duration_sec=1.0)
+
+        return take
 
     def serve(self, service_type: Any, name: str, callback: Callable[[Any, Any], Any]) -> None:
         """Offer a service until cleanup."""
@@ -193,7 +218,7 @@ class ManagedNode(LifecycleNode):
             self.get_logger().error(f"not activated: {error}")
             self._stop_timers()
             return TransitionCallbackReturn.FAILURE
-        self._state_name = "active"
+        self._state_name, self._refusal = "active", ""
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -234,7 +259,7 @@ class ManagedNode(LifecycleNode):
         return Health(ERROR if refusals else OK, refusals or self._state_name, {"state": self._state_name})
 
 
-def make_executor() -> Any:
+def make_executor(context: Any = None) -> Any:
     """Return the executor that costs least: events where this rclpy has it, else single-threaded.
 
     It is driven by `spin_once` in a loop: `EventsExecutor.spin` burns a core without running a callback in some releases.
@@ -242,8 +267,8 @@ def make_executor() -> Any:
     try:
         from rclpy.experimental.events_executor import EventsExecutor
     except ImportError:
-        return SingleThreadedExecutor()
-    return EventsExecutor()
+        return SingleThreadedExecutor(context=context)
+    return EventsExecutor(context=context)
 
 
 def run(node_type: Callable[[], Any]) -> None:

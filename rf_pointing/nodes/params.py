@@ -58,8 +58,10 @@ class ParameterGroups:
         """Note every key that was given to this node and that nothing declared."""
         given = getattr(self._node, "_parameter_overrides", {})
         for name in given:
-            if not self._node.has_parameter(name) and not name.startswith(_STANDARD):
-                self.refusals.append(f"{name}: no such parameter of {self._node.get_name()}")
+            refusal = f"{name}: no such parameter of {self._node.get_name()}"
+            known = self._node.has_parameter(name) or name.startswith(_STANDARD)
+            if not known and refusal not in self.refusals:
+                self.refusals.append(refusal)
 
     def _declare_one(self, name: str, default: Any, descriptor: ParameterDescriptor) -> Parameter:
         default = list(default) if isinstance(default, tuple) else default

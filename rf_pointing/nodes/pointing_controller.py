@@ -6,6 +6,7 @@ Action: track_pass (rf_pointing_msgs/TrackPass).  Service: ~/stop (std_srvs/Trig
 Parameters: pointing.*, limits.*, autotrack.*, integrator.*, spiral.*, conscan.*.
 """
 
+import time
 from typing import Any
 
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
@@ -35,6 +36,8 @@ GROUPS = {
 }
 LEAST_TRACKED_SHARE = 0.8
 FEEDBACK_EVERY = 10
+LONGEST_WAIT_S = 0.05
+"""Wall time for which a period waits for the error of the one before; commands start 0.1 s after their period."""
 
 
 class PointingControllerNode(ManagedNode):
@@ -49,6 +52,7 @@ class PointingControllerNode(ManagedNode):
         self._active = False
         self._goal: Any = None
         self._steps = 0
+        self._period: tuple[float, float] | None = None
         self._refusal = ""
         self._action = ActionServer(
             self, TrackPass, "track_pass", self._conclude, goal_callback=self._on_goal,
@@ -63,21 +67,47 @@ class PointingControllerNode(ManagedNode):
         self._commands = self.publisher(JointTrajectory, "joint_trajectory", COMMAND)
         self._status = self.stream(TrackingStatus, "tracking_status", STREAM)
         self._sent = 0
-        self.listen(Target, "target", self._checked(convert.target_from_message, "take_target"), STREAM)
+        core = self._controller
+        self.listen(Target, "target", lambda m: core.take_target(convert.target_from_message(m)), STREAM)
         self._joints = self.listen_latest(JointState, "joint_states", convert.joints_from_message, STREAM)
-        self.listen(PointingError, "pointing_error", self._checked(convert.error_from_message, "take_error"), STREAM)
-        self.listen(PointingModel, "pointing_model", self._checked(convert.model_from_message, "take_model"), LATCHED)
+        self.listen(PointingError, "pointing_error", lambda m: core.take_error(convert.error_from_message(m)), STREAM)
+        self.listen(PointingModel, "pointing_model", lambda m: core.take_model(convert.model_from_message(m)), LATCHED)
         self.serve(Trigger, "~/stop", self._on_stop)
         self.diagnostics.add("tracking", self._health)
 
     def activate(self) -> None:
         self._active = True
-        self.every(self._controller.params.period_s, self._step)
+        self.every(self._controller.params.period_s, self._due)
 
     def deactivate(self) -> None:
         self._active = False
+        self._finish_period()
         self._controller.stop("the controller was deactivated")
         self._step(self.now_s())
+
+    def _due(self, t_s: float) -> None:
+        """Begin the period at `t_s`; an error that is on its way may still arrive for it."""
+        self._finish_period()
+        if self._controller.awaits_error(t_s):
+            self._period = (t_s, time.perf_counter() + LONGEST_WAIT_S)
+        else:
+            self._step(t_s)
+
+    def turn(self) -> float:
+        """Finish a period that has waited long enough."""
+        if self._period is None:
+            return super().turn()
+        t_s, deadline_s = self._period
+        left_s = deadline_s - time.perf_counter()
+        if left_s > 0.0 and self._controller.awaits_error(t_s):
+            return left_s
+        self._finish_period()
+        return 0.0
+
+    def _finish_period(self) -> None:
+        if self._period is not None:
+            (t_s, _), self._period = self._period, None
+            self._step(t_s)
 
     def _step(self, t_s: float) -> None:
         self._read_joints()
@@ -161,17 +191,6 @@ class PointingControllerNode(ManagedNode):
         response.message = "stopping" if response.success else "nothing is being tracked"
         self._controller.stop("stop was requested")
         return response
-
-    def _checked(self, convert_message: Any, taker: str) -> Any:
-        """Return a callback that hands on what can be used and reports what cannot."""
-
-        def take(message: Any) -> None:
-            try:
-                getattr(self._controller, taker)(convert_message(message))
-            except ValueError as refusal:
-                self.get_logger().warning(f"{type(message).__name__} ignored: {refusal}", throttle_duration_sec=1.0)
-
-        return take
 
     def _retune(self) -> None:
         if self._controller is not None:

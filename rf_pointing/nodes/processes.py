@@ -40,18 +40,19 @@ class NodeProcesses:
         self._running: dict[str, subprocess.Popen[bytes]] = {}
 
     def start(self, names: Sequence[str], simulated_time: bool = True) -> None:
-        """Start every executable of `names` under its own name."""
+        """Start every executable of `names` under its own name; one of a namespace below is named `below/executable`."""
         folder = Path(get_package_prefix("rf_pointing")) / "lib" / "rf_pointing"
         self._logs.mkdir(parents=True, exist_ok=True)
         for name in names:
-            arguments = ["--ros-args", "-r", f"__ns:={self.namespace}"]
+            *below, executable = name.split("/")
+            arguments = ["--ros-args", "-r", f"__ns:={'/'.join([self.namespace, *below])}"]
             for path in self._files:
                 arguments += ["--params-file", str(path)]
             if simulated_time and name != "simulation_clock":
                 arguments += ["-r", f"/clock:={self.namespace}/clock", "-p", "use_sim_time:=true"]
-            with (self._logs / f"{name}.log").open("wb") as log:
+            with self._log(name).open("wb") as log:
                 self._running[name] = subprocess.Popen(
-                    [str(folder / name), *arguments],
+                    [str(folder / executable), *arguments],
                     stdin=subprocess.DEVNULL,
                     stdout=log,
                     stderr=subprocess.STDOUT,
@@ -65,7 +66,7 @@ class NodeProcesses:
 
     def complaint(self, name: str) -> str:
         """Return the last line of a node's log, which says why it refused."""
-        lines = (self._logs / f"{name}.log").read_text(errors="replace").strip().splitlines()
+        lines = self._log(name).read_text(errors="replace").strip().splitlines()
         return lines[-1] if lines else "no message"
 
     def process_id(self, name: str) -> int:
@@ -85,6 +86,9 @@ class NodeProcesses:
                 except subprocess.TimeoutExpired:
                     continue
         self._running.clear()
+
+    def _log(self, name: str) -> Path:
+        return self._logs / f"{name.replace('/', '.')}.log"
 
 
 def _environment() -> dict[str, str]:

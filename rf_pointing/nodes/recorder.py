@@ -1,7 +1,7 @@
 """Record every topic of an antenna into a bag, as it came over the wire; nothing is decoded."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
@@ -20,12 +20,21 @@ QUEUE = 2000
 
 
 class Recorder:
-    """Subscribes to all topics of `namespace` and writes them with the wall time of their arrival."""
+    """Subscribes to all `topics` of `namespace` and writes them with the wall time of their arrival."""
 
-    def __init__(self, node: Node, namespace: str, path: Path) -> None:
+    def __init__(
+        self,
+        node: Node,
+        namespace: str,
+        path: Path,
+        topics: Sequence[Topic] = TOPICS,
+        notes: Mapping[str, str] | None = None,
+    ) -> None:
         self._node = node
-        self._writer = BagWriter(path, definitions(Path(get_package_share_directory("rf_pointing_msgs"))))
-        self._subscriptions = [self._subscribe(topic, f"{namespace}/{topic.name}") for topic in TOPICS]
+        self._writer = BagWriter(
+            path, definitions(Path(get_package_share_directory("rf_pointing_msgs"))), notes=notes
+        )
+        self._subscriptions = [self._subscribe(topic, f"{namespace}/{topic.name}") for topic in topics]
 
     def expected(self) -> list[str]:
         """Return the topics, by full name."""

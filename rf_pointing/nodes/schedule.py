@@ -4,16 +4,18 @@ A timer may fire late, or twice at one time when the clock moves in steps; the w
 of the grid, in order.  A clock that jumps by more than `longest_gap_s` starts a new grid.
 """
 
+import math
+
 __all__ = ["Schedule"]
 
 
 class Schedule:
-    """Grid of `period_s` that begins one period after `start_s`."""
+    """Grid of the whole multiples of `period_s` after `start_s`, so that two nodes of one period work at one time."""
 
     def __init__(self, start_s: float, period_s: float, longest_gap_s: float = 0.5) -> None:
         self._period_s = period_s
         self._longest_gap_s = max(longest_gap_s, 2.0 * period_s)
-        self._origin_s, self._count = start_s, 1
+        self._origin_s, self._count = self._on_grid(start_s), 1
         self.jumped_s = 0.0
 
     def due(self, now_s: float) -> list[float]:
@@ -22,12 +24,15 @@ class Schedule:
         late_s = now_s - self._next_s
         if abs(late_s) > self._longest_gap_s:
             self.jumped_s = late_s
-            self._origin_s, self._count = now_s, 0
+            self._origin_s, self._count = self._on_grid(now_s), 0
         times = []
         while self._next_s <= now_s + 1e-3 * self._period_s:
             times.append(self._next_s)
             self._count += 1
         return times
+
+    def _on_grid(self, t_s: float) -> float:
+        return math.floor(t_s / self._period_s + 1e-4) * self._period_s
 
     @property
     def _next_s(self) -> float:

@@ -31,6 +31,8 @@ from rf_pointing.station.pointing import SENSOR_CHOICES
 from rf_pointing.station.source import SourceParams, load_elements, load_track
 
 BRING_UP_S = 20.0
+SETTLE_S = 0.5
+"""Publishers and subscribers that are known to the graph still take a moment to match each other."""
 ACTIVATION_TRIES = 20
 REAL_TIME_SPEED = 3.0
 """Up to this speed the clock ticks with the servo; above it only with the controller, five servo ticks at once."""
@@ -125,6 +127,11 @@ def overrides(options: argparse.Namespace, window: Pass) -> dict[str, Any]:
     return {f"/**/{node}": {"ros__parameters": values} for node, values in sections.items()}
 
 
+def notes(options: argparse.Namespace) -> dict[str, str]:
+    """Return what the bag and the report should say of the run."""
+    return {name: str(getattr(options, name)) for name in ("station", "band", "sensor", "speed", "seed")}
+
+
 class Run:
     """One pass on the live graph, from the first process to the last."""
 
@@ -147,7 +154,7 @@ class Run:
         self._client = ActionClient(self._node, TrackPass, "track_pass")
         self._progress = ProgressLine()
         self._stopping = False
-        self.recorder = Recorder(self._node, options.namespace, Path(options.record or output / "bag"))
+        self.recorder = Recorder(self._node, options.namespace, Path(options.record or output / "bag"), notes=notes(options))
 
     def spin(self, timeout_s: float) -> None:
         """Handle one event, or wait for one."""
@@ -199,6 +206,7 @@ class Run:
             if time.monotonic() > deadline_s:
                 raise NotStartedError(f"topics were not matched within {BRING_UP_S:.0f} s")
             self.spin(0.02)
+        self._wait(SETTLE_S)
 
     def _activate(self, names: Sequence[str]) -> None:
         """Activate; a refusal is tried again for a moment, since the held time reaches the nodes one by one."""
@@ -206,10 +214,13 @@ class Run:
             names = self._lifecycle.change(names, "activate", BRING_UP_S)
             if not names:
                 return
-            deadline_s = time.monotonic() + HELD_PERIOD_S
-            while time.monotonic() < deadline_s:
-                self.spin(0.02)
+            self._wait(HELD_PERIOD_S)
         self._change(names, "activate")
+
+    def _wait(self, duration_s: float) -> None:
+        deadline_s = time.monotonic() + duration_s
+        while time.monotonic() < deadline_s:
+            self.spin(0.02)
 
     def _change(self, names: Sequence[str], transition: str) -> None:
         refused = self._lifecycle.change(names, transition, BRING_UP_S)

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.calibration import Observations
-from rf_pointing.calibration.orbit import Gravity, Look, look, propagate
-from rf_pointing.calibration.orbit.visits import visits
+from rf_pointing.calibration.orbit import Gravity, Look, look, propagate, visits
 from rf_pointing.geometry import random_stream
 from rf_pointing.reproduce.row import Row
 from rf_pointing.reproduce.satcal_campaign import Runs, many_runs, points_of, sky_filling_points

@@ -20,11 +20,10 @@ from rf_pointing.calibration import (
     held_at_zero,
     select_observations,
 )
-from rf_pointing.calibration.orbit import Elements, Gravity, Look, Site
-from rf_pointing.calibration.orbit.visits import visits
+from rf_pointing.calibration.orbit import Elements, Gravity, Look, Site, visits
 from rf_pointing.calibration.pass_errors import pass_partials
 
-__all__ = ["Runs", "many_runs", "observed", "orbit_error", "points_of", "sky_filling_points"]
+__all__ = ["Runs", "many_runs", "observed", "orbit_error", "orbit_error_m", "points_of", "sky_filling_points"]
 
 Array = NDArray[np.float64]
 
@@ -78,12 +77,13 @@ def sky_filling_points(
 
 def orbit_error(points: Observations, random: np.random.Generator) -> tuple[Array, Array]:
     """Return shifts of azimuth and elevation (n,) from an orbit error of 200 m rms."""
-    shift, _ = _orbit_error_m(points, random)
+    shift = orbit_error_m(points, random)
     azimuth, elevation = pass_partials(points, ("along_track_m", "cross_track_m", "radial_m"))
     return np.sum(azimuth * shift, axis=1), np.sum(elevation * shift, axis=1)
 
 
-def _orbit_error_m(points: Observations, random: np.random.Generator) -> tuple[Array, float]:
+def orbit_error_m(points: Observations, random: np.random.Generator) -> Array:
+    """Return the displacement (n, 3) along, across and up of the reference orbit: 200 m rms."""
     place = np.searchsorted(points.passes, points.pass_id)
     count = len(points.passes)
     first = np.array([points.t_s[points.pass_id == number][0] for number in points.passes])
@@ -92,8 +92,7 @@ def _orbit_error_m(points: Observations, random: np.random.Generator) -> tuple[A
     across = (_ACROSS_M / _ELLIPSE_M) * (c * np.cos(phase) + d * np.sin(phase)) * np.sqrt(2.0)
     radial = a * np.cos(phase) + b * np.sin(phase)
     along = 2.0 * (b * np.cos(phase) - a * np.sin(phase)) + random.normal(0.0, _AHEAD_M, count)[place]
-    error = np.stack([along, across, radial], axis=1)
-    return error, float(np.sqrt(np.mean(np.sum(error**2, axis=1))))
+    return np.stack([along, across, radial], axis=1)
 
 
 def observed(

@@ -13,13 +13,14 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.controllers import LqgDesign, PositionLoopParams
+from rf_pointing.controllers import LqgDesign, PositionLoopParams, section_matrices
 from rf_pointing.servo import PlantParams, davenport_psd, discretise, linear_model
 
 __all__ = ["AxisResponse", "LoopQuality", "Variation", "loop_quality"]
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
+Matrices = tuple[Array, Array, Array, Array]
 
 SAMPLE_S = 0.02
 RADIO_DELAY_S = 0.15
@@ -37,7 +38,7 @@ class Variation:
 
 @dataclass(frozen=True, slots=True)
 class LoopQuality:
-    """Beam error rms per unit of wind acceleration gain, sensitivity peaks, stability of the encoder loop.
+    """Beam error rms per unit of wind acceleration gain, sensitivity peaks, stability of both loops.
 
     `rms_s2_per_m_s` times the wind acceleration per gust speed (rad/s^2 per m/s) is the rms error in radians.
     """
@@ -59,24 +60,23 @@ class AxisResponse:
         self._a, self._command = model.a[block], model.b_command[kept][:, [axis]]
         self._wind = model.b_wind[kept][:, [axis]]
         self._outputs = np.vstack([model.encoder[axis, kept], model.beam[axis, kept]])
+        self._step = discretise(self._a, self._command, SAMPLE_S)
         self.frequency_hz = _grid()
 
     @cached_property
     def from_command(self) -> ComplexArray:
         """Response (f, 2) of encoder and beam to the rate command."""
-        step = discretise(self._a, self._command, SAMPLE_S)
         z = np.exp(2j * np.pi * self.frequency_hz * SAMPLE_S)
-        return self._solve(z, step[:, :-1], step[:, -1:])
+        return self._solve(z, self._step[:, :-1], self._step[:, -1:])
 
     @cached_property
     def from_wind(self) -> ComplexArray:
         """Response (f, 2) of encoder and beam to wind acceleration."""
         return self._solve(2j * np.pi * self.frequency_hz, self._a, self._wind)
 
-    def closed_radius(self, law: tuple[Array, Array, Array, Array]) -> float:
+    def closed_radius(self, law: Matrices) -> float:
         """Return the spectral radius of the encoder loop under a law from error to rate (a, b, c, d)."""
-        step = discretise(self._a, self._command, SAMPLE_S)
-        a, b, c = step[:, :-1], step[:, -1:], self._outputs[:1]
+        a, b, c = self._step[:, :-1], self._step[:, -1:], self._outputs[:1]
         la, lb, lc, ld = law
         closed = np.block([[a - b @ ld @ c, b @ lc], [-lb @ c, la]])
         return float(np.max(np.abs(np.linalg.eigvals(closed))))
@@ -100,12 +100,20 @@ def loop_quality(
     sensitivity = 1.0 / (1.0 + encoder * gain)
     fed = _notch_response(law, z) * s / (1.0 + s / (2.0 * math.pi * 10.0))
     integrator = 2.0 * math.pi * radio_hz / s * np.exp(-RADIO_DELAY_S * s) * np.sinc(frequency * RADIO_PERIOD_S)
-    radio = 1.0 / (1.0 + integrator * beam * (gain + fed) * sensitivity)
+    radio_loop = integrator * beam * (gain + fed) * sensitivity
+    radio = 1.0 / (1.0 + radio_loop)
     error = (wind_beam - beam * gain * wind_encoder * sensitivity) * radio
     gusts = davenport_psd(frequency, wind_m_s, 0.005)
     rms = math.sqrt(float(np.trapezoid(np.abs(error) ** 2 * gusts, frequency)))
     peaks = float(np.max(np.abs(sensitivity))), float(np.max(np.abs(radio)))
-    return LoopQuality(rms, *peaks, response.closed_radius(matrices) < 1.0)
+    stable = response.closed_radius(matrices) < 1.0 and (radio_hz == 0.0 or _encircles_not(radio_loop))
+    return LoopQuality(rms, *peaks, stable)
+
+
+def _encircles_not(radio_loop: ComplexArray) -> bool:
+    """Whether the Nyquist curve of a loop with one integrator leaves -1 alone: 1 + L then turns by a quarter."""
+    angle = np.unwrap(np.angle(1.0 + radio_loop))
+    return abs(float(angle[-1] - angle[0]) - 0.5 * math.pi) < 0.25 * math.pi
 
 
 def _varied(plant: PlantParams, name: str, variation: Variation) -> PlantParams:
@@ -123,41 +131,33 @@ def _grid() -> Array:
     return np.unique(np.concatenate([np.geomspace(1e-3, 24.0, 700), *fine]))
 
 
-def _law(law: PositionLoopParams | LqgDesign) -> tuple[Array, Array, Array, Array]:
-    """Return the law from error to rate command, notch included, in state space."""
+def _law(law: PositionLoopParams | LqgDesign) -> Matrices:
+    """Return the law from error to rate command, section and notch included, in state space."""
     if isinstance(law, LqgDesign):
-        core = law.a - law.b @ law.state_gain - law.observer_gain @ law.c, -law.observer_gain, -law.state_gain
-        through = np.zeros((1, 1))
+        core = law.a - law.b @ law.state_gain - law.observer_gain @ law.c
+        chain = core, -law.observer_gain, -law.state_gain, np.zeros((1, 1))
+        filters = [law.weights.shaping, law.weights.notch.section]
     else:
-        core = np.eye(1), np.array([[SAMPLE_S]]), np.array([[law.integral_gain]])
-        through = np.array([[law.proportional_gain]])
-    notch = _notch_of(law)
-    if notch is None:
-        return *core, through
-    na, nb, nc, nd = _notch(*notch)
-    a = np.block([[core[0], np.zeros((len(core[0]), 2))], [nb @ core[2], na]])
-    return a, np.vstack([core[1], nb @ through]), np.hstack([nd @ core[2], nc]), nd @ through
+        gain = np.array([[law.proportional_gain]])
+        chain = np.eye(1), np.array([[SAMPLE_S]]), np.array([[law.integral_gain]]), gain
+        filters = [law.shaping, law.notch.section]
+    for params in filters:
+        if params.enabled:
+            chain = _series(chain, section_matrices(params, SAMPLE_S))
+    return chain
 
 
-def _notch_of(law: PositionLoopParams | LqgDesign) -> tuple[float, float] | None:
-    """Return frequency and damping of the law's notch, None where it has none."""
-    if isinstance(law, LqgDesign):
-        return law.weights.notch_frequency_hz, law.weights.notch_damping
-    return (law.notch_frequency_hz, law.notch_damping) if law.notch_enabled else None
-
-
-def _notch(frequency_hz: float, damping: float) -> tuple[Array, Array, Array, Array]:
-    g = math.tan(math.pi * frequency_hz * SAMPLE_S)
-    band = np.array([1.0, -g, g]) / (1.0 + g * (g + 2.0 * damping))
-    rows = np.array([2.0 * band - (1.0, 0.0, 0.0), 2.0 * g * band + (0.0, 1.0, 0.0)])
-    out = -2.0 * damping * band + (0.0, 0.0, 1.0)
-    return rows[:, :2], rows[:, 2:], out[None, :2], out[None, 2:]
+def _series(first: Matrices, second: Matrices) -> Matrices:
+    a1, b1, c1, d1 = first
+    a2, b2, c2, d2 = second
+    a = np.block([[a1, np.zeros((len(a1), len(a2)))], [b2 @ c1, a2]])
+    return a, np.vstack([b1, b2 @ d1]), np.hstack([d2 @ c1, c2]), d2 @ d1
 
 
 def _notch_response(law: PositionLoopParams | LqgDesign, z: ComplexArray) -> ComplexArray:
-    notch = _notch_of(law)
-    if notch is None:
+    notch = law.weights.notch if isinstance(law, LqgDesign) else law.notch
+    if not notch.enabled:
         return np.ones_like(z)
-    omega = 2.0 * math.pi * notch[0]
+    omega = 2.0 * math.pi * notch.frequency_hz
     s = omega / math.tan(0.5 * omega * SAMPLE_S) * (z - 1.0) / (z + 1.0)
-    return np.asarray((s**2 + omega**2) / (s**2 + 2.0 * notch[1] * omega * s + omega**2))
+    return np.asarray((s**2 + omega**2) / (s**2 + 2.0 * notch.damping * omega * s + omega**2))

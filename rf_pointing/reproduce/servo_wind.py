@@ -34,13 +34,8 @@ PUBLISHED = PositionLoopParams(notch_enabled=False)
 WIND_8 = WindParams(mean_speed_m_s=8.0)
 SPAN_S = (-180.0, 180.0)
 SETTLE_S = 20.0
-VARIATIONS = [Variation(f, r) for f in (0.9, 1.0, 1.1) for r in (0.7, 1.0, 1.3) if (f, r) != (1.0, 1.0)]
-FRONT = {
-    0.1: ((4.788, 4.555, 1.628, 0.208), (3.973, 5.913, 2.232, 0.468)),
-    0.2: ((5.244, 0.672, 1.428, 0.172), (4.075, 3.688, 2.232, 0.506)),
-}
-"""Tuned k_p, k_i, notch frequency and damping (azimuth, elevation) for wider radio loops, by f_m (Hz)."""
-
+VARIATIONS = [Variation(f, 1.3) for f in (0.9, 0.95, 0.98, 1.02, 1.05, 1.1)]
+VARIATIONS += [Variation(f, 0.7) for f in (0.9, 1.0, 1.1)]
 LQG_WEIGHTS = (
     LqgWeights(
         notch_frequency_hz=1.579,
@@ -139,7 +134,6 @@ def _best(seed: int) -> list[Row]:
     flown = [_flown_mdeg(loops, f_m, seed) for loops, f_m in (((PUBLISHED,) * 2, 0.0), (tuned, TUNED_RADIO_BANDWIDTH_HZ))]
     nominal = _qualities(tuned, TUNED_RADIO_BANDWIDTH_HZ, Variation())
     varied = [_qualities(tuned, TUNED_RADIO_BANDWIDTH_HZ, variation) for variation in VARIATIONS]
-    front = ", ".join(f"{f_m} Hz {_front_mdeg(f_m):.2f}" for f_m in FRONT)
     worst = max(_total_mdeg(quality) for quality in varied)
     return [
         _row(
@@ -147,9 +141,8 @@ def _best(seed: int) -> list[Row]:
             flown[1],
             0.5,
             "mdeg",
-            f"PI with feedforward on the same pass and wind {flown[0]:.2f}; tuned PI behind wide notches, f_m "
-            f"{TUNED_RADIO_BANDWIDTH_HZ} Hz. Front against f_m, retuned for each: {TUNED_RADIO_BANDWIDTH_HZ} Hz "
-            f"{_total_mdeg(nominal):.2f}, {front} mdeg: a faster radio loop takes its margin from the encoder loop",
+            f"PI with feedforward on the same pass and wind {flown[0]:.2f} mdeg; tuned PI with notch and shaping section, "
+            f"radio loop of f_m {TUNED_RADIO_BANDWIDTH_HZ} Hz at 10 Hz with 0.1 s delay; whole plant, real code",
         ),
         _row("best controller: sensitivity peak of encoder and radio loops", _peak(nominal), 2.0, "1"),
         _row(
@@ -191,16 +184,6 @@ def _flown_mdeg(loops: tuple[PositionLoopParams, ...], f_m: float, seed: int) ->
     )
     error = fly(setup).after(SPAN_S[0] + SETTLE_S).beam_rad
     return math.sqrt(float(np.mean(np.sum(error**2, axis=1)))) / MDEG
-
-
-def _front_mdeg(f_m: float) -> float:
-    azimuth, elevation = (
-        PositionLoopParams(
-            proportional_gain=kp, integral_gain=ki, notch_frequency_hz=frequency, notch_damping=damping
-        )
-        for kp, ki, frequency, damping in FRONT[f_m]
-    )
-    return _total_mdeg(_qualities((azimuth, elevation), f_m, Variation()))
 
 
 def _peak(qualities: list[LoopQuality]) -> float:

@@ -21,7 +21,7 @@ from rf_pointing.attitude.station_attitude import StationAttitude, StationAttitu
 from rf_pointing.geometry import random_stream
 from rf_pointing.reproduce.row import Row
 from rf_pointing.station.ground_network import GroundNetworkParams
-from rf_pointing.station.tripulse import SimulatedTripulse, TripulseAttitude
+from rf_pointing.station.tripulse import EpochParams, SimulatedTripulse, TripulseAttitude
 
 __all__ = ["TripulseRun", "run_tripulse", "signal_rows"]
 
@@ -69,7 +69,7 @@ def run_tripulse(
     orbit, stations = GeostationaryParams(), GroundNetworkParams().stations()
     sender = SimulatedTripulse(array, signal, source or TripulseSourceParams(), orbit, WobbleParams(), stations, seed)
     receiver = TripulseReceiver(array=array, signal=signal)
-    solver = TripulseAttitude(StationAttitudeParams(), orbit, stations)
+    solver = TripulseAttitude(StationAttitudeParams(), EpochParams(), orbit, stations)
     moments, measurements, attitudes = [], [], []
     for index in range(epochs):
         sent = sender.step(index * step_s)

@@ -75,11 +75,6 @@ class InterferenceParams(Params):
         (0.7, -0.4), "voltage in cross-elevation and elevation difference over that in the sum", low=-3.0, high=3.0
     )
 
-    def check_together(self) -> None:
-        """Refuse anything but one ratio per axis."""
-        if len(self.difference_ratio) != 2:
-            raise ValueError(f"difference_ratio={self.difference_ratio} must have 2 values: cross-elevation, elevation")
-
 
 def interference_volts(params: InterferenceParams, t_s: Array, sample_s: float) -> ComplexArray:
     """Return the line in sum and both differences (3, n), in units of sqrt(N0); `t_s` ends each sample."""

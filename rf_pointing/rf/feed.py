@@ -54,13 +54,6 @@ class MonopulseFeedParams(Params):
         (0.0, 0.0), "phase of each sum leakage", low=-math.pi, high=math.pi
     )
 
-    def check_together(self) -> None:
-        """Refuse anything but one number per axis."""
-        for name in ("difference_gain_db", "difference_phase_rad", "cross_talk", "cross_talk_phase_rad",
-                     "sum_leakage", "sum_leakage_phase_rad"):  # fmt: skip
-            if len(getattr(self, name)) != 2:
-                raise ValueError(f"{name}={getattr(self, name)} must have 2 values: cross-elevation, elevation")
-
 
 class MonopulseFeed:
     """Sum and differences of `params`, with the beam of `beam` as the sum beam."""

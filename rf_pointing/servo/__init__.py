@@ -1,9 +1,11 @@
 """How the antenna moves: drives, gears, flexible modes, friction, limits, encoders and wind; the DSS-13 preset."""
 
+from rf_pointing.servo.block_simulation import BlockSimulator
 from rf_pointing.servo.gust import GustFilter, davenport_psd
 from rf_pointing.servo.linear_model import LinearModel, discretise, linear_model, matrix_exponential
 from rf_pointing.servo.parameters import AxisParams, PlantParams
 from rf_pointing.servo.plant import AntennaPlant
+from rf_pointing.servo.plant_file import plant_from_mapping, plant_to_mapping
 from rf_pointing.servo.presets import BENDING_FREQUENCY_HZ, dss13_plant, linear_axis
 from rf_pointing.servo.state import PlantState
 from rf_pointing.servo.wind import Wind, WindParams, WindState, wind_torque_n_m
@@ -12,6 +14,7 @@ __all__ = [
     "BENDING_FREQUENCY_HZ",
     "AntennaPlant",
     "AxisParams",
+    "BlockSimulator",
     "GustFilter",
     "LinearModel",
     "PlantParams",
@@ -25,5 +28,7 @@ __all__ = [
     "linear_axis",
     "linear_model",
     "matrix_exponential",
+    "plant_from_mapping",
+    "plant_to_mapping",
     "wind_torque_n_m",
 ]

@@ -23,7 +23,7 @@ class AxisParams(Params):
     """One axis: rate drive, gearbox, structure seen from this axis, friction, limits and encoder."""
 
     amplifier_gain: float = parameter(description="drive amplifier gain k_r", low=1.0, high=1000.0)
-    drive_bandwidth_per_gain_rad_s: float = parameter(
+    drive_bandwidth_per_gain_hz: float = parameter(
         description="rate-loop bandwidth per unit of amplifier gain", low=1e-3, high=10.0
     )
     drive_delay_s: float = parameter(description="dead time of the drive", low=0.0, high=0.5)
@@ -75,7 +75,7 @@ class AxisParams(Params):
     @property
     def drive_bandwidth_rad_s(self) -> float:
         """Bandwidth of the rate loop, proportional to the amplifier gain."""
-        return self.amplifier_gain * self.drive_bandwidth_per_gain_rad_s
+        return 2.0 * math.pi * self.amplifier_gain * self.drive_bandwidth_per_gain_hz
 
     @property
     def gear_frequency_rad_s(self) -> float:

@@ -96,7 +96,7 @@ def _axis(
 ) -> AxisParams:
     return AxisParams(
         amplifier_gain=56.0,
-        drive_bandwidth_per_gain_rad_s=20.0 / 56.0,
+        drive_bandwidth_per_gain_hz=20.0 / (2.0 * math.pi) / 56.0,
         drive_delay_s=0.0,
         inertia_kg_m2=inertia_kg_m2,
         gear_stiffness_n_m=gear_softness * inertia_kg_m2 * (2.0 * math.pi * _GEAR_HZ) ** 2,

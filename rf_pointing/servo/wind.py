@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from rf_pointing.geometry import Params, parameter, require_between
 from rf_pointing.servo.gust import GustFilter
 
-__all__ = ["Wind", "WindParams", "WindState", "wind_torque_n_m"]
+__all__ = ["Wind", "WindParams", "WindState", "gust_torque_n_m", "torque_constants", "wind_torque_n_m"]
 
 Array = NDArray[np.float64]
 
@@ -59,16 +59,32 @@ def wind_torque_n_m(
 
     `along_m_s` is mean plus gust along the mean direction, `across_m_s` the gust to the right of it.
     """
-    speed = math.hypot(along_m_s, across_m_s)
+    return gust_torque_n_m(along_m_s, across_m_s, azimuth_rad, elevation_rad, torque_constants(params))
+
+
+def torque_constants(params: WindParams) -> tuple[float, float, float, float]:
+    """Return what `gust_torque_n_m` needs: azimuth blown to, rho/2 A D, moment coefficients c0 and c1."""
     area = 0.25 * math.pi * params.dish_diameter_m**2
-    pressure = 0.5 * params.air_density * speed * speed * area * params.dish_diameter_m
-    blows_to = params.from_azimuth_rad + math.pi + math.atan2(across_m_s, along_m_s)
-    off = blows_to - azimuth_rad
-    facing = math.cos(elevation_rad) * math.cos(off)
-    coefficient = params.moment_base - params.moment_incidence * facing
+    lever = 0.5 * params.air_density * area * params.dish_diameter_m
+    return params.from_azimuth_rad + math.pi, lever, params.moment_base, params.moment_incidence
+
+
+def gust_torque_n_m(
+    along_m_s: float,
+    across_m_s: float,
+    azimuth_rad: float,
+    elevation_rad: float,
+    constants: tuple[float, float, float, float],
+) -> tuple[float, float]:
+    """Return the torques of `wind_torque_n_m` from plain floats; also compiled."""
+    blown_to, lever, base, incidence = constants
+    pressure = lever * (along_m_s * along_m_s + across_m_s * across_m_s)
+    off = blown_to + math.atan2(across_m_s, along_m_s) - azimuth_rad
+    level, facing = math.cos(elevation_rad), math.cos(off)
+    coefficient = base - incidence * level * facing
     return (
-        pressure * coefficient * math.cos(elevation_rad) * math.sin(off),
-        -pressure * coefficient * math.sin(elevation_rad) * math.cos(off),
+        pressure * coefficient * level * math.sin(off),
+        -pressure * coefficient * math.sin(elevation_rad) * facing,
     )
 
 
@@ -77,6 +93,7 @@ class Wind:
 
     def __init__(self, params: WindParams, random: np.random.Generator) -> None:
         self._params, self._random = params, random
+        self._torque = torque_constants(params)
         self._blows = params.mean_speed_m_s > _CALM_M_S
         speed = params.mean_speed_m_s if self._blows else 1.0
         self._filter = GustFilter.davenport(speed, params.drag_coefficient)
@@ -119,4 +136,4 @@ class Wind:
             self._state.filters = self._state.filters * self._decay + noise @ self._noise.T
             self._state.left_s += _GUST_STEP_S
         along, across = self.speed_m_s
-        return np.array(wind_torque_n_m(self._params, along, across, azimuth_rad, elevation_rad))
+        return np.array(gust_torque_n_m(along, across, azimuth_rad, elevation_rad, self._torque))

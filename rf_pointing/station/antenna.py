@@ -89,7 +89,7 @@ class SimulatedAntenna:
             loop.reset(float(self._hold[axis]), 0.0, float(self._hold[axis]), 0.0)
         self._table.clear()
         self._plant.release_brake()
-        self._mode = "holding"
+        self._mode = "fault" if self._fault else "holding"
 
     def disable(self) -> None:
         """Set the brakes and forget the commands."""

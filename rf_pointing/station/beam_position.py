@@ -73,6 +73,10 @@ class BeamPosition:
         """Note the commanded scan centre (2,), axis angles."""
         self._centre.add(t_s, scan_centre_rad)
 
+    def too_old(self, t_s: float) -> bool:
+        """Whether `t_s` lies before all that is known, so that its offset will never be."""
+        return any(bool(series.times) and t_s < series.times[0] for series in (self._joints, self._centre))
+
     def offset(self, t_s: float) -> Array | None:
         """Return cross-elevation and elevation (2,) of the beam from the centre, None when `t_s` is not covered."""
         joints, centre = self._joints.at(t_s), self._centre.at(t_s)
@@ -98,8 +102,9 @@ class ConscanPositions:
         return self._scanning
 
     def take_joints(self, reading: JointReading) -> None:
-        """Note the encoder angles."""
-        self._beam.take_joints(reading)
+        """Note the encoder angles, while the scan runs."""
+        if self._scanning:
+            self._beam.take_joints(reading)
 
     def take_status(self, t_s: float, scan_centre_rad: Array, mode: str) -> None:
         """Note the commanded scan centre (2,), axis angles, and whether the scan runs."""
@@ -107,12 +112,14 @@ class ConscanPositions:
         if scanning != self._scanning:
             self._scanning = scanning
             self._waiting.clear()
+            self._beam.clear()
             self.tracker.reset()
         self._beam.take_centre(t_s, scan_centre_rad)
 
     def take_power(self, power: CarrierPower) -> list[PointingError]:
         """Take one carrier power; return an error for every one that could be placed, usable or not.
 
+        One from before the scan is dropped: where the beam was then is not known and never will be.
         A window that is not full yet gives an invalid error that says so and carries the C/N0.
         """
         if not self._scanning:
@@ -121,8 +128,11 @@ class ConscanPositions:
         self._waiting.append(power)
         errors = []
         while self._waiting:
-            power = self._waiting[0]
-            offset = self._beam.offset(power.t_s - 0.5 * power.integration_s)
+            beam_s = self.tracker.beam_time_s(self._waiting[0])
+            if self._beam.too_old(beam_s):
+                del self._waiting[0]
+                continue
+            offset = self._beam.offset(beam_s)
             if offset is None:
                 break
             placed = self._waiting.pop(0)

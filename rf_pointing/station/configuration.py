@@ -47,6 +47,8 @@ def read_parameter_files(paths: Sequence[Path]) -> dict[str, NodeParameters]:
         for key, section in content.items():
             if not isinstance(section, Mapping) or set(section) != {"ros__parameters"}:
                 raise ValueError(f"{path}: {key} must hold ros__parameters and nothing else")
+            if not isinstance(section["ros__parameters"], Mapping):
+                raise ValueError(f"{path}: ros__parameters of {key} must map names to values")
             merged.setdefault(str(key).rsplit("/", 1)[-1], {}).update(_flat(section["ros__parameters"]))
     return {node: NodeParameters(node, values) for node, values in merged.items()}
 

@@ -46,6 +46,10 @@ __all__ = ["SENSOR_CHOICES", "PointingController", "PointingParams"]
 
 Array = NDArray[np.float64]
 KEPT_ERRORS = 20
+LEAST_AGE_PERIODS = 0.75
+"""Age from which an error is used: older than any of the period that ends, whether stamped at its middle or its end."""
+PREDICTION_PATIENCE_S = 5.0
+"""How long a pass that is going on already may be started without knowing the target's coming motion."""
 SENSOR_CHOICES = {"program": "none", "monopulse": "monopulse", "conscan": "conscan", "auto": "auto"}
 """Sensor as the operator names it, and as the state table does."""
 
@@ -64,7 +68,13 @@ class PointingParams(Params):
     )
 
     def check_together(self) -> None:
-        """Refuse a horizon that ends before the next trajectory can take over."""
+        """Refuse a horizon that ends before the next trajectory can take over, and first points off the grid of periods.
+
+        On the grid, the first point of one period is the direction that the axes are compared with at a later one.
+        """
+        periods = self.transport_s / self.period_s
+        if round(periods) < 1 or abs(periods - round(periods)) > 1e-6:
+            raise ValueError(f"transport_s={self.transport_s} must be a whole number of period_s={self.period_s}")
         if self.horizon_s < self.transport_s + 2.0 * self.period_s:
             raise ValueError(
                 f"horizon_s={self.horizon_s} must be >= transport_s + 2 period_s = {self.transport_s + 2 * self.period_s}"
@@ -97,7 +107,7 @@ class PointingController:
         self._centre: dict[int, Array] = {}
         self._beam = BeamPosition()
         self._path = AxisPath(params.period_s)
-        self._stopping = ""
+        self._stopping, self._moved = "", False
         self._last_sky = np.zeros(2)
         self.tally = Tally()
 
@@ -132,6 +142,12 @@ class PointingController:
         if wanted in ("auto", error.sensor):
             self._errors.append(error)
 
+    def awaits_error(self, t_s: float) -> bool:
+        """Whether a sensor that reports every period has not reported yet what this period should use."""
+        if self._pass is None or not self._errors or self._errors[-1].sensor != "monopulse":
+            return False
+        return 2.0 * self.params.period_s <= t_s - self._errors[-1].t_s < self.params.error_age_s
+
     def start(self, t_s: float, window: Pass, sensor: str) -> None:
         """Begin to track a pass; the antenna moves to its start at the next period that knows the axes' position.
 
@@ -146,7 +162,7 @@ class PointingController:
         if t_s >= window.los_t_s:
             raise ValueError(f"the pass of {window.name} ended {t_s - window.los_t_s:.0f} s ago")
         self._turns_rad = None if self._joints is None else self._choose_turn(window, self._joints)
-        self._pass, self._stopping = window, ""
+        self._pass, self._stopping, self._moved = window, "", False
         self._errors.clear()
         self._targets.clear()
         self._path.clear()
@@ -176,8 +192,11 @@ class PointingController:
             except ValueError as refused:
                 self._stopping = str(refused)
         self._advance_table(t_s)
+        self._moved = self._moved or self.state.mode != "idle"
         if not self._stopping and self.state.mode == "idle":
-            self._stopping = self.state.reason
+            if not self._moved and t_s - self.state.entered_s <= PREDICTION_PATIENCE_S:
+                return None, self._status(t_s)
+            self._stopping = self.state.reason if self._moved else "no prediction of the target has arrived"
         trajectory = None
         if not self._stopping:
             trajectory = self._follow(t_s)
@@ -268,12 +287,12 @@ class PointingController:
         )
 
     def _fresh_error(self, t_s: float) -> PointingError | None:
-        """Return the newest error stamped before `t_s`, None when it is too old to act on.
+        """Return the newest error that is about the time before the last period, None when it is too old to act on.
 
-        One that is stamped later may have arrived already; it belongs to a later period.
+        One about the period that ends now may have arrived already, or not: it belongs to the next period in any case.
         """
         for error in reversed(self._errors):
-            if error.t_s < t_s:
+            if error.t_s <= t_s - LEAST_AGE_PERIODS * self.params.period_s:
                 return error if error.t_s >= t_s - self.params.error_age_s else None
         return None
 

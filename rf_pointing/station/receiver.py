@@ -4,7 +4,7 @@ The real satellite runs ahead of or behind its elements by `along_track_offset_s
 tick; every `cluster_samples` of them give a cluster of sum and difference samples, a carrier power and the true error.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -52,6 +52,7 @@ class SignalParams(Params):
     feed: MonopulseFeedParams = parameter(MonopulseFeedParams(), "monopulse feed")
     receiver: ReceiverParams = parameter(ReceiverParams(), "receiver")
     cluster_samples: int = parameter(5, "samples in one cluster", low=3, high=100)
+    sample_s: float = parameter(0.02, "time between two samples, that of the boresights", low=0.001, high=0.1)
     seed: int = parameter(1, "seed of every noise source", low=0, high=2**31 - 1)
 
 
@@ -96,16 +97,24 @@ class SimulatedReceiver:
         random = random_stream(params.seed, "receiver")
         self._receiver = Receiver(params.receiver, Beam(params.beam), feed, random)
         self._boresights: list[Boresight] = []
+        self._newest = -1
 
     def take(self, boresight: Boresight) -> Reception | None:
-        """Take one boresight; times must increase, a gap or a step back starts a new cluster."""
-        if self._boresights and boresight.t_s <= self._boresights[-1].t_s:
+        """Take one boresight; a cluster ends on the grid of `cluster_samples` times `sample_s` and needs every sample.
+
+        After a gap or a step back in time the next complete cluster counts.
+        """
+        index = round(boresight.t_s / self.params.sample_s)
+        if self._boresights and index != self._newest + 1:
             self._boresights.clear()
+        if index <= self._newest:
+            self._receiver.state = replace(self._receiver.state, t_s=None)
+        self._newest = index
         self._boresights.append(boresight)
-        if len(self._boresights) < self.params.cluster_samples:
+        if index % self.params.cluster_samples:
             return None
         cluster, self._boresights = self._boresights, []
-        return self._receive(cluster)
+        return self._receive(cluster) if len(cluster) == self.params.cluster_samples else None
 
     def _receive(self, cluster: list[Boresight]) -> Reception:
         t_s = np.array([sample.t_s for sample in cluster])

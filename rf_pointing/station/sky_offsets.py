@@ -92,7 +92,7 @@ class SkyOffsets:
     def _change_mode(self, command_s: float, mode: str) -> None:
         if mode == "hand_back":
             self._integrator.reset(command_s)
-        if self._scan == "search" and self._found is not None and mode in ("monopulse", "conscan"):
+        if self._scan == "search" and self._found is not None and mode in ("monopulse", "conscan", "coast"):
             self._integrator.reset(command_s, self._found)
         scanning = mode if mode in ("search", "conscan") else ""
         if scanning != self._scan:

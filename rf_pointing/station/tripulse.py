@@ -1,9 +1,7 @@
 """Tripulse from satellite to attitude: what the simulated satellite sends, and what is made of the stations' reports."""
 
+import math
 from dataclasses import dataclass
-
-import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.arrays.tripulse_array import TripulseArrayParams
 from rf_pointing.arrays.tripulse_receiver import TripulseMeasurement
@@ -23,11 +21,19 @@ from rf_pointing.attitude.station_attitude import (
     StationAttitudeParams,
     StationObservation,
 )
+from rf_pointing.geometry import Params, parameter
 from rf_pointing.station.arrival import require_arrived
+from rf_pointing.station.attitude_report import AttitudeReport
 
-__all__ = ["SAME_EPOCH_S", "SimulatedTripulse", "TripulseAttitude", "TripulseTransmission", "observation"]
+__all__ = [
+    "SAME_EPOCH_S",
+    "EpochParams",
+    "SimulatedTripulse",
+    "TripulseAttitude",
+    "TripulseTransmission",
+    "attitude_report",
+]
 
-Array = NDArray[np.float64]
 SAME_EPOCH_S = 1e-3
 """Frames of one epoch leave the satellite within less than this."""
 
@@ -74,20 +80,33 @@ class SimulatedTripulse:
         ]
 
 
+@dataclass(frozen=True, kw_only=True)
+class EpochParams(Params):
+    """How the measurements of several stations come together."""
+
+    wait_s: float = parameter(
+        2.0, "how long an epoch waits for a station, in the time of the frames", low=0.0, high=1e3
+    )
+
+
 class TripulseAttitude:
-    """Gathers the measurements of one epoch and estimates once all stations have reported, or the next epoch begins."""
+    """Gathers the stations' measurements by epoch; an epoch is closed when all have reported, or it waited too long."""
 
     def __init__(
-        self, params: StationAttitudeParams, orbit: GeostationaryParams, stations: list[GroundStation]
+        self,
+        params: StationAttitudeParams,
+        epochs: EpochParams,
+        orbit: GeostationaryParams,
+        stations: list[GroundStation],
     ) -> None:
         self.estimator = StationAttitudeEstimator(params)
-        self._orbit = orbit
+        self._epochs, self._orbit = epochs, orbit
         self._stations = {station.name: station for station in stations}
-        self._epoch_s: float | None = None
-        self._heard: set[str] = set()
+        self._open: dict[float, dict[str, StationObservation]] = {}
+        self._closed_s = -math.inf
 
     def take(self, measured: TripulseMeasurement, now_s: float) -> list[StationAttitude]:
-        """Return the attitudes that `measured` completes: none, one, or two where the epoch before had stayed open.
+        """Return the attitudes of the epochs that `measured` closes, oldest first.
 
         Raises
         ------
@@ -96,34 +115,51 @@ class TripulseAttitude:
         require_arrived(measured.t_s, now_s)
         if measured.station not in self._stations:
             raise ValueError(f"station={measured.station!r} must be one of {', '.join(self._stations)}")
-        if self._epoch_s is not None and measured.t_s < self._epoch_s - SAME_EPOCH_S:
-            raise ValueError(f"t_s={measured.t_s} of station {measured.station} is late: the epoch is {self._epoch_s}")
-        reference = station_view(self._orbit, [self._stations[measured.station]], measured.t_s).reference[0]
-        found = self._begin(measured.t_s)
-        self.estimator.observe(observation(measured, reference))
-        self._heard.add(measured.station)
-        if len(self._heard) == len(self._stations):
-            found.append(self.estimator.estimate(measured.t_s))
-        return found
+        if measured.t_s <= self._closed_s + SAME_EPOCH_S:
+            raise ValueError(f"t_s={measured.t_s} of station {measured.station} is late: {self._closed_s} is closed")
+        seen = self._observation(measured)
+        epoch = next((e for s, e in self._open.items() if abs(s - measured.t_s) <= SAME_EPOCH_S), None)
+        if epoch is None:
+            epoch = self._open[measured.t_s] = {}
+        if measured.station in epoch:
+            raise ValueError(f"t_s={measured.t_s} of station {measured.station} was reported before")
+        epoch[measured.station] = seen
+        return [self._close(t_s) for t_s in self._due()]
 
-    def _begin(self, t_s: float) -> list[StationAttitude]:
-        """Close the epoch before `t_s`, if it is another; an incomplete one still gives its attitude, or the reason."""
-        if self._epoch_s is not None and t_s <= self._epoch_s + SAME_EPOCH_S:
-            return []
-        open_before = self._epoch_s is not None and len(self._heard) < len(self._stations)
-        found = [self.estimator.estimate(self._epoch_s)] if open_before and self._epoch_s is not None else []
-        self._epoch_s, self._heard = t_s, set()
-        return found
+    def _due(self) -> list[float]:
+        """Return the open epochs that are complete or too old, and those before them."""
+        times = sorted(self._open)
+        ended = [
+            t_s for t_s in times if len(self._open[t_s]) == len(self._stations) or times[-1] - t_s > self._epochs.wait_s
+        ]
+        return [t_s for t_s in times if ended and t_s <= ended[-1]]
+
+    def _close(self, t_s: float) -> StationAttitude:
+        reports = self._open.pop(t_s).values()
+        for seen in reports:
+            self.estimator.observe(seen)
+        self._closed_s = max(seen.t_s for seen in reports)
+        return self.estimator.estimate(self._closed_s)
+
+    def _observation(self, measured: TripulseMeasurement) -> StationObservation:
+        station = self._stations[measured.station]
+        return StationObservation(
+            t_s=measured.t_s,
+            station=measured.station,
+            projections=measured.projections,
+            covariance=measured.covariance,
+            reference=station_view(self._orbit, [station], measured.t_s).reference[0],
+            valid=measured.valid,
+            reason=measured.reason,
+        )
 
 
-def observation(measured: TripulseMeasurement, reference: Array) -> StationObservation:
-    """Return a station's measurement as the attitude estimator takes it."""
-    return StationObservation(
-        t_s=measured.t_s,
-        station=measured.station,
-        projections=measured.projections,
-        covariance=measured.covariance,
-        reference=reference,
-        valid=measured.valid,
-        reason=measured.reason,
+def attitude_report(found: StationAttitude) -> AttitudeReport:
+    """Return what the estimator found in the common form of the attitude sensors."""
+    return AttitudeReport(
+        t_s=found.t_s,
+        quaternion=found.quaternion,
+        covariance_rad2=0.5 * (found.covariance_rad2 + found.covariance_rad2.T),
+        valid=found.valid,
+        reason=found.reason,
     )

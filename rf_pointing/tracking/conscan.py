@@ -73,7 +73,11 @@ class ConscanTracker:
         window = self.state.window.with_sample(sample, self.params.window_samples, t_s - self.params.max_age_s)
         full = len(window) == self.params.window_samples
         empties = full and self.params.updates == "window"
-        self.state = replace(self.state, window=ConscanWindow.empty() if empties else window)
+        self.state = ConscanState(
+            window=ConscanWindow.empty() if empties else window,
+            rejected=self.state.rejected,
+            last_rejection=self.state.last_rejection,
+        )
         return self._measure(window) if full else None
 
     def recentre(self, cross_elevation_rad: float, elevation_rad: float) -> None:
@@ -104,13 +108,14 @@ class ConscanTracker:
 
     def _measure(self, window: ConscanWindow) -> PointingError:
         found = estimate_window(self.params, window)
+        mean = np.add.reduce(window.rows) / len(window)
         return PointingError(
-            t_s=float(window.t_s.sum()) / len(window),
+            t_s=float(mean[0]),
             sensor="conscan",
             cross_elevation_rad=float(found.error_rad[0]),
             elevation_rad=float(found.error_rad[1]),
-            covariance_rad2=np.asarray(found.covariance_rad2),
-            carrier_to_noise_db_hz=float(window.carrier_to_noise_db_hz.sum()) / len(window),
+            covariance_rad2=found.covariance_rad2,
+            carrier_to_noise_db_hz=float(mean[5]),
             valid=not found.reason,
             reason=found.reason,
         )

@@ -1,14 +1,15 @@
 """One conscan estimate from one window, by either estimator, with the reason where it must not be used."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.tracking.conscan_likelihood import beam_design, fit_beam
+from rf_pointing.tracking.conscan_likelihood import BeamDesign, LikelihoodFit, beam_design, fit_beam, least_spread_rad
 from rf_pointing.tracking.conscan_linear import linear_estimate
 from rf_pointing.tracking.conscan_parameters import ConscanParams
-from rf_pointing.tracking.conscan_window import ConscanWindow, rank_fault
+from rf_pointing.tracking.conscan_window import ConscanWindow, rank_reason
 from rf_pointing.tracking.spin import spin_columns
 
 __all__ = ["WindowEstimate", "estimate_window"]
@@ -29,13 +30,13 @@ class WindowEstimate(NamedTuple):
 
 def estimate_window(params: ConscanParams, window: ConscanWindow) -> WindowEstimate:
     """Return the direction of the target from the samples of one window."""
-    spread = SMALLEST_SPREAD * params.radius_rad
-    fault = rank_fault(window.beam_cross_elevation_rad, window.beam_elevation_rad, spread)
-    if fault:
-        return _unknown(params, fault)
-    if params.estimator == "linear":
-        return _linear(params, window)
-    return _likelihood(params, window)
+    x, y = window.beam_cross_elevation_rad, window.beam_elevation_rad
+    spin = spin_columns(window.t_s, params.spin_periods_s) if params.spin_periods_s else None
+    design = beam_design(x, y, params.half_power_beamwidth_rad, spin)
+    smallest_rad = SMALLEST_SPREAD * params.radius_rad
+    if least_spread_rad(design) < smallest_rad:
+        return _unknown(params, rank_reason(window.beam_rad, smallest_rad))
+    return _linear(params, window) if params.estimator == "linear" else _likelihood(params, window, design)
 
 
 def _linear(params: ConscanParams, window: ConscanWindow) -> WindowEstimate:
@@ -45,20 +46,14 @@ def _linear(params: ConscanParams, window: ConscanWindow) -> WindowEstimate:
     return WindowEstimate(found.error_rad, found.covariance_rad2, _range_doubt(params, found.error_rad))
 
 
-def _likelihood(params: ConscanParams, window: ConscanWindow) -> WindowEstimate:
-    h = params.half_power_beamwidth_rad
-    x, y, power = window.beam_cross_elevation_rad, window.beam_elevation_rad, window.power_w
+def _likelihood(params: ConscanParams, window: ConscanWindow, design: BeamDesign) -> WindowEstimate:
+    power = window.power_w
     noise = window.sigma_w**2 / power
-    spin = spin_columns(window.t_s, params.spin_periods_s) if params.spin_periods_s else None
-    try:
-        found = fit_beam(beam_design(x, y, h, spin), power, noise)
-    except np.linalg.LinAlgError:
-        return _unknown(params, "the spin periods cannot be told from each other or from the scan")
+    found = fit_beam(design, power, noise)
     if not found.converged:
         return _unknown(params, "the likelihood did not converge")
-    if spin is not None:
-        without = fit_beam(beam_design(x, y, h), power, noise).covariance_rad2
-        inflation = float(np.max(np.diag(found.covariance_rad2) / np.diag(without)))
+    if params.spin_periods_s:
+        inflation = _spin_inflation(params, window, found, noise)
         if not 0.0 < inflation < WORST_SPIN_INFLATION:
             return _unknown(
                 params, f"the spin cannot be told from the scan: it raises the variance {inflation:.0f} times"
@@ -67,12 +62,19 @@ def _likelihood(params: ConscanParams, window: ConscanWindow) -> WindowEstimate:
     return WindowEstimate(found.error_rad, found.covariance_rad2, doubt)
 
 
+def _spin_inflation(params: ConscanParams, window: ConscanWindow, found: LikelihoodFit, noise_w: Array) -> float:
+    """Return how many times the spin terms raise the variance of the worse axis."""
+    x, y = window.beam_cross_elevation_rad, window.beam_elevation_rad
+    without = fit_beam(beam_design(x, y, params.half_power_beamwidth_rad), window.power_w, noise_w)
+    return float(np.max(np.diag(found.covariance_rad2) / np.diag(without.covariance_rad2)))
+
+
 def _unknown(params: ConscanParams, reason: str) -> WindowEstimate:
     return WindowEstimate(np.zeros(2), np.eye(2) * params.half_power_beamwidth_rad**2, reason)
 
 
 def _range_doubt(params: ConscanParams, error_rad: Array) -> str:
-    beamwidths = float(np.hypot(error_rad[0], error_rad[1])) / params.half_power_beamwidth_rad
+    beamwidths = math.hypot(error_rad[0], error_rad[1]) / params.half_power_beamwidth_rad
     if beamwidths > params.valid_range_beamwidths:
         return f"error of {beamwidths:.2f} beamwidths is outside {params.valid_range_beamwidths:.2f} beamwidths"
     return ""

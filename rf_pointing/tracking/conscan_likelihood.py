@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 
 from rf_pointing.tracking.conscan_equations import MU
 
-__all__ = ["BeamDesign", "LikelihoodFit", "beam_design", "fit_beam"]
+__all__ = ["BeamDesign", "LikelihoodFit", "beam_design", "fit_beam", "least_spread_rad"]
 
 Array = NDArray[np.float64]
 
 MAX_ITERATIONS = 25
-STEP_TOLERANCE = 1e-4  # of a beamwidth; what is left after that step is below 1e-6
+LOSS = -0.25 / MU  # -mu u^2 / h^2 from the columns 2 mu u / h
+STEP_TOLERANCE = 2e-3  # of a beamwidth; what is left after that step is below 1e-5
 FRESH_STEP = 1e-2  # after a smaller step the information matrix of the step before still serves
 
 
@@ -39,7 +40,7 @@ class LikelihoodFit(NamedTuple):
     error_rad: Array
     covariance_rad2: Array
     chi_squared: Array
-    converged: Array
+    converged: NDArray[np.bool_]
 
 
 def beam_design(
@@ -49,14 +50,22 @@ def beam_design(
     spin_columns: Array | None = None,
 ) -> BeamDesign:
     """Prepare the positions (n,) of the beam; `spin_columns` (n, m) enter the logarithm of the power."""
-    x = beam_cross_elevation_rad / half_power_beamwidth_rad
-    y = beam_elevation_rad / half_power_beamwidth_rad
+    scale = 2.0 * MU / half_power_beamwidth_rad
+    x, y = scale * beam_cross_elevation_rad, scale * beam_elevation_rad
     columns = np.empty((len(x), 3 if spin_columns is None else 3 + spin_columns.shape[1]))
-    columns[:, 0], columns[:, 1], columns[:, 2] = 1.0, 2.0 * MU * x, 2.0 * MU * y
+    columns[:, 0], columns[:, 1], columns[:, 2] = 1.0, x, y
     if spin_columns is not None:
         columns[:, 3:] = spin_columns
     products = (columns[:, :, None] * columns[:, None, :]).reshape(len(x), -1)
-    return BeamDesign(columns, products, -MU * (x * x + y * y), half_power_beamwidth_rad)
+    return BeamDesign(columns, products, LOSS * (x * x + y * y), half_power_beamwidth_rad)
+
+
+def least_spread_rad(design: BeamDesign) -> float:
+    """Return the rms motion of the beam along the axis on which it moved least."""
+    (count, right, up), (_, xx, xy), (_, _, yy) = (design.columns[:, :3].T @ design.columns[:, :3]).tolist()
+    xx, xy, yy = xx - right * right / count, xy - right * up / count, yy - up * up / count
+    least = 0.5 * (xx + yy) - math.hypot(0.5 * (xx - yy), xy)
+    return math.sqrt(max(least, 0.0) / count) * design.half_power_beamwidth_rad / (2.0 * MU)
 
 
 def fit_beam(design: BeamDesign, power_w: Array, noise_w: Array) -> LikelihoodFit:
@@ -67,44 +76,56 @@ def fit_beam(design: BeamDesign, power_w: Array, noise_w: Array) -> LikelihoodFi
     columns, products = design.columns, design.products
     weighted = power_w / noise_w
     solution, bound = _logarithmic_start(design, power_w, weighted)
-    size = np.inf
+    size2 = math.inf
     for _ in range(MAX_ITERATIONS):
         weight = np.exp(solution @ columns.T + design.loss) / noise_w
-        if size > FRESH_STEP:
+        if size2 > FRESH_STEP**2:
             bound = _inverse(weight @ products)
-        step: Array = np.matvec(bound, (weighted - weight) @ columns)
+        step = _apply(bound, (weighted - weight) @ columns)
         solution = solution + step
-        size = abs(step).max()
-        if size < STEP_TOLERANCE:
+        length2 = _dot(step, step)
+        size2 = float(length2 if length2.ndim == 0 else length2.max())
+        if size2 < STEP_TOLERANCE**2:
             break
     leverage = bound.reshape(*weight.shape[:-1], -1) @ products.T
-    bias: Array = np.matvec(bound, (weight * leverage) @ columns)
+    bias = _apply(bound, (weight * leverage) @ columns)
     scale = design.half_power_beamwidth_rad
     misfit = weighted - weight
     return LikelihoodFit(
         scale * (solution + 0.5 * bias)[..., 1:3],
         scale**2 * bound[..., 1:3, 1:3],
-        (misfit * misfit / weight).sum(axis=-1) / (columns.shape[0] - columns.shape[1]),
-        abs(step).max(axis=-1) < STEP_TOLERANCE,
+        _dot(misfit, misfit / weight) / (columns.shape[0] - columns.shape[1]),
+        np.asarray(length2 < STEP_TOLERANCE**2),
     )
 
 
 def _logarithmic_start(design: BeamDesign, power_w: Array, weighted: Array) -> tuple[Array, Array]:
     """Return the least-squares solution for the logarithm of the power, biased by the noise but close, and its bound."""
     bound = _inverse(weighted @ design.products)
-    solution: Array = np.matvec(bound, (weighted * (np.log(power_w) - design.loss)) @ design.columns)
-    return solution, bound
+    gradient = (weighted * (np.log(power_w) - design.loss)) @ design.columns
+    return _apply(bound, gradient), bound
+
+
+def _apply(matrix: Array, vector: Array) -> Array:
+    product: Array = matrix @ vector if vector.ndim == 1 else (matrix @ vector[..., None])[..., 0]
+    return product
+
+
+def _dot(a: Array, b: Array) -> Array:
+    product: Array = a @ b if a.ndim == 1 else np.sum(a * b, axis=-1)
+    return product
 
 
 def _inverse(flat: Array) -> Array:
     """Return the inverses of symmetric matrices given as rows (..., k * k); 3 x 3 alone by cofactors, 3 times faster."""
     if flat.shape != (9,):
         size = math.isqrt(flat.shape[-1])
-        return np.asarray(np.linalg.inv(flat.reshape(*flat.shape[:-1], size, size)), dtype=np.float64)
+        return np.asarray(np.linalg.inv(flat.reshape(*flat.shape[:-1], size, size)))
     a, b, c, _, d, e, _, _, f = flat.tolist()
     ca, cb, cc = d * f - e * e, c * e - b * f, b * e - c * d
     determinant = a * ca + b * cb + c * cc
     if not determinant > 0.0:
         raise np.linalg.LinAlgError(f"determinant={determinant} must be > 0")
     ce = b * c - a * e
-    return np.array([[ca, cb, cc], [cb, a * f - c * c, ce], [cc, ce, a * d - b * b]]) / determinant
+    adjugate = np.array([[ca, cb, cc], [cb, a * f - c * c, ce], [cc, ce, a * d - b * b]])
+    return np.asarray(adjugate / determinant)

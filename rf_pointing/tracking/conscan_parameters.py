@@ -1,6 +1,7 @@
 """Parameters of the conscan tracker: beam, scan, window and what is believed."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 from rf_pointing.geometry import MDEG, Params, parameter
 from rf_pointing.tracking.scan import ScanParams
@@ -43,6 +44,9 @@ class ConscanParams(Params):
             )
         if self.spin_periods_s and self.estimator == "linear":
             raise ValueError(f"spin_periods_s={self.spin_periods_s} needs estimator=likelihood, not linear")
+        ordered = sorted(self.spin_periods_s)
+        if any(later < 1.01 * earlier for earlier, later in pairwise(ordered)):
+            raise ValueError(f"spin_periods_s={self.spin_periods_s} must differ by at least 1 %")
         unknowns = 3 + 2 * len(self.spin_periods_s)
         if self.window_samples <= unknowns:
             raise ValueError(f"window_samples={self.window_samples} must be > {unknowns}, the number of unknowns")

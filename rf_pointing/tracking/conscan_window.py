@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["ConscanWindow", "rank_fault"]
+__all__ = ["ConscanWindow", "rank_fault", "rank_reason"]
 
 Array = NDArray[np.float64]
 
@@ -54,6 +54,11 @@ class ConscanWindow:
         return self.rows[:, 4]
 
     @property
+    def beam_rad(self) -> Array:
+        """Beam positions (n, 2), cross-elevation and elevation."""
+        return self.rows[:, 3:5]
+
+    @property
     def carrier_to_noise_db_hz(self) -> Array:
         """C/N0 of the samples (n,)."""
         return self.rows[:, 5]
@@ -73,22 +78,23 @@ class ConscanWindow:
         return ConscanWindow(rows)
 
 
-def rank_fault(beam_cross_elevation_rad: Array, beam_elevation_rad: Array, smallest_spread_rad: float) -> str:
-    """Return why these beam positions do not determine both axes, empty if they do.
+def rank_fault(positions_rad: Array, smallest_spread_rad: float) -> str:
+    """Return why these beam positions (n, 2) do not determine both axes, empty if they do.
 
     Both axes and the power need three distinct positions that do not lie on a line: along the axis of least spread the
     beam must have moved by at least `smallest_spread_rad` rms.
     """
-    count = len(beam_elevation_rad)
-    x = beam_cross_elevation_rad - beam_cross_elevation_rad.sum() / count
-    y = beam_elevation_rad - beam_elevation_rad.sum() / count
-    xx, xy, yy = float(x @ x) / count, float(x @ y) / count, float(y @ y) / count
-    if 0.5 * (xx + yy) - math.hypot(0.5 * (xx - yy), xy) >= smallest_spread_rad**2:
-        return ""
-    positions = np.round(np.stack([x, y], axis=1) / smallest_spread_rad)
-    distinct = len(np.unique(positions, axis=0))
+    least = math.sqrt(max(float(np.linalg.eigvalsh(np.cov(positions_rad.T, bias=True))[0]), 0.0))
+    return "" if least >= smallest_spread_rad else rank_reason(positions_rad, smallest_spread_rad)
+
+
+def rank_reason(positions_rad: Array, smallest_spread_rad: float) -> str:
+    """Name what beam positions (n, 2) that lie on a line, or on two points, leave undetermined."""
+    centred = positions_rad - positions_rad.mean(axis=0)
+    distinct = len(np.unique(np.round(centred / smallest_spread_rad), axis=0))
     if distinct < 3:
         return f"{distinct} distinct beam positions, must be at least 3"
+    (xx, xy), (_, yy) = centred.T @ centred
     blind = 0.5 * math.atan2(2.0 * xy, xx - yy) + 0.5 * math.pi
     name = {0: "cross-elevation", 2: "elevation"}.get(round(blind / (0.25 * math.pi)) % 4, "one diagonal")
     return f"{name} is not determined: the beam positions lie on a line"

@@ -1,10 +1,10 @@
 """Monopulse: the pointing error from the ratio difference/sum of one cluster.
 
-Ratio: rho = sum_k d_k conj(s_k) / (sum_k |s_k|^2 - noise), coherent, so noise in the sum does not shrink it.
-Inverse: rho = offset + M theta with the calibrated complex 2 x 2 response M; theta is the least-squares solution over
-the real and imaginary parts of both channels, then straightened with atanh, the inverse of the squinted Gaussian feed.
-Covariance: E d_rho d_rho^H = (I + rho rho^H) (1 + 1/snr) / (n snr), snr = C/N0 * sample time as the receiver measured
-it; the noise of the sum channel is common to both ratios.
+Ratio: rho = sum_k d_k conj(s_k) / (sum_k |s_k|^2 - noise), coherent, so noise in the sum does not shrink it. Inverse:
+rho = offset + M theta with the calibrated complex 2 x 2 response M; theta is the least-squares solution over the real
+and imaginary parts of both channels, then straightened with atanh, the inverse of the squinted Gaussian feed
+(`curve`). Covariance: E d_rho d_rho^H = (I + rho rho^H) (1 + 1/snr) / (n snr), snr = C/N0 * sample time as the
+receiver measured it; the noise of the sum channel is common to both ratios.
 """
 
 from dataclasses import dataclass
@@ -16,10 +16,12 @@ from rf_pointing.geometry import MDEG, MonopulseCluster, Params, PointingError, 
 from rf_pointing.tracking.cluster import cluster_fault
 from rf_pointing.tracking.monopulse_calibration import MonopulseCalibration
 
-__all__ = ["MonopulseParams", "MonopulseTracker"]
+__all__ = ["CURVES", "MonopulseParams", "MonopulseTracker"]
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
+
+CURVES = ("tanh", "straight")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,6 +30,7 @@ class MonopulseParams(Params):
 
     half_power_beamwidth_rad: float = parameter(65.0 * MDEG, "half-power beamwidth of the sum", low=1e-6, high=0.5)
     slope: float = parameter(1.57, "h d(difference/sum)/dx of the ideal feed", low=0.1, high=2.5)
+    curve: str = parameter("tanh", "difference/sum of the feed: tanh for Gaussian beams, or straight", choices=CURVES)
     valid_range_beamwidths: float = parameter(0.5, "largest error per axis that is believed", low=0.05, high=0.6)
     lock_db_hz: float = parameter(30.0, "smallest C/N0 at which an error is believed", low=0.0, high=120.0)
     quadrature_limit: float = parameter(
@@ -76,6 +79,8 @@ class MonopulseTracker:
 
     def _straighten(self, linear: Array) -> tuple[Array, Array]:
         """Return the error and d(error)/d(linear); past the straightened range it stays linear and is never valid."""
+        if self.params.curve == "straight":
+            return linear, np.ones(2)
         scale = self.params.slope / self.params.half_power_beamwidth_rad
         shape = np.clip(scale * linear, -0.9, 0.9)
         error = np.arctanh(shape) / scale + (linear - shape / scale)

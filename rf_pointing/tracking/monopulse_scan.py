@@ -1,6 +1,7 @@
 """Calibration scan of a monopulse receiver: circle the target, fit the response of both channels.
 
-rho = b + M g(theta0 - u), u the beam's offset from the predicted direction, g the feed's curve (h/k) tanh(k x / h).
+rho = b + M g(theta0 - u), u the beam's offset from the predicted direction, g the feed's curve: (h/k) tanh(k x / h)
+or straight.
 The target's own offset theta0 comes from the power of the sum, so b is the shift of the null against the beam's
 peak.
 """
@@ -15,7 +16,7 @@ from rf_pointing.geometry import MDEG, MonopulseCluster, Params, parameter
 from rf_pointing.tracking.cluster import cluster_fault
 from rf_pointing.tracking.conscan_likelihood import beam_design, fit_beam
 from rf_pointing.tracking.conscan_window import rank_fault
-from rf_pointing.tracking.monopulse import difference_ratio, sample_period_s
+from rf_pointing.tracking.monopulse import CURVES, difference_ratio, sample_period_s
 from rf_pointing.tracking.monopulse_calibration import MonopulseCalibration
 from rf_pointing.tracking.scan import ScanParams
 
@@ -31,6 +32,7 @@ class MonopulseScanParams(Params):
 
     half_power_beamwidth_rad: float = parameter(65.0 * MDEG, "half-power beamwidth", low=1e-6, high=0.5)
     slope: float = parameter(1.57, "h d(difference/sum)/dx of the ideal feed", low=0.1, high=2.5)
+    curve: str = parameter("tanh", "difference/sum of the feed: tanh for Gaussian beams, or straight", choices=CURVES)
     radius_beamwidths: float = parameter(0.25, "radius of the circle", low=0.02, high=0.5)
     period_s: float = parameter(20.0, "time of one turn", low=1.0, high=600.0)
     ramp_s: float = parameter(3.0, "time over which the radius grows from zero", low=0.0, high=60.0)
@@ -111,13 +113,15 @@ class MonopulseCalibrator:
             raise ValueError(f"the calibration scan has {len(self.state.ratios)} clusters, must have at least 8")
         noise, level, power_noise, x, y = np.array(self.state.measures).T
         h = self.params.half_power_beamwidth_rad
-        fault = rank_fault(x, y, 0.2 * self.params.scan.radius_rad)
+        fault = rank_fault(np.stack([x, y], axis=1), 0.2 * self.params.scan.radius_rad)
         if fault:
             raise ValueError(f"calibration scan: {fault}")
         target = fit_beam(beam_design(x, y, h), level, power_noise)
         scale = self.params.slope / h
-        columns = np.stack([np.ones_like(x), *(np.tanh(scale * (target.error_rad - np.stack([x, y], 1))) / scale).T])
-        return self._fit(columns.T, np.array(self.state.ratios), noise, target.error_rad, target.covariance_rad2)
+        offset = target.error_rad - np.stack([x, y], axis=1)
+        curve = offset if self.params.curve == "straight" else np.tanh(scale * offset) / scale
+        columns = np.column_stack([np.ones_like(x), curve])
+        return self._fit(columns, np.array(self.state.ratios), noise, target.error_rad, target.covariance_rad2)
 
     def _fit(
         self, columns: Array, ratios: ComplexArray, noise: Array, target_rad: Array, target_covariance: Array

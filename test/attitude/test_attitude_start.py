@@ -73,16 +73,14 @@ def test_bank_converges_from_any_attitude_within_30_seconds_of_the_first_hand_of
     known = KnownTorque(control_n_m=np.zeros(3), wheel_momentum_n_m_s=np.zeros(3), wheel_momentum_rate_n_m=np.zeros(3))
     quaternion = quaternion_from_rotation_vector(0.05 * stream.standard_normal(3))
     rate = quaternion_to_matrix(quaternion).T @ frame_rate[0]
-    for k in range(len(t_s)):
-        if k:
-            quaternion, rate = propagate(inertia, quaternion, rate, known, frame_rate[k - 1], dt_s)
-            bank = predict(inertia, ProcessNoiseParams(), bank, known, frame_rate[k - 1], dt_s)
+    guess = rate + np.radians(0.5) * stream.standard_normal(3)
+    first = quaternion_to_matrix(quaternion).T @ reference[0]
+    bank = start_bank(START, GATE, unit(stream, 4), guess, seen(first, reference[0]))
+    for k in range(1, len(t_s)):
+        quaternion, rate = propagate(inertia, quaternion, rate, known, frame_rate[k - 1], dt_s)
+        bank = predict(inertia, ProcessNoiseParams(), bank, known, frame_rate[k - 1], dt_s)
         measured = quaternion_to_matrix(quaternion).T @ reference[k] + SIGMA * stream.standard_normal(3)
-        observation = seen(measured / np.linalg.norm(measured), reference[k])
-        if k == 0:
-            guess = np.radians(0.5) * stream.standard_normal(3) + rate
-            bank = start_bank(START, GATE, unit(stream, 4), guess, observation)
-        bank = update(bank, observation, GATE)
+        bank = update(bank, seen(measured / np.linalg.norm(measured), reference[k]), GATE)
     best = best_of_bank(bank)
     error = attitude_error(best, quaternion[None], rate[None])[0]
     assert np.degrees(np.linalg.norm(error[:3])) < 1.0

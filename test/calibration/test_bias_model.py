@@ -1,4 +1,5 @@
 import math
+import pickle
 
 import numpy as np
 import pytest
@@ -172,3 +173,17 @@ def test_no_position_with_two_columns_is_refused_by_name(table_1):
         table_1.apply_moving([0.1, 0.2, 0.3], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0])
     with pytest.raises(ValueError, match="velocity_rad_s must be finite"):
         table_1.apply_moving([0.1, 0.2], [math.nan, 0.0], [0.0, 0.0])
+
+
+def test_offset_is_the_partials_times_the_coefficients(random):
+    azimuth, elevation = grid(5.0, 80.0)
+    motion = rates(random, azimuth.shape)
+    model = random_model(random)
+    values = np.array(list(model.coefficients.values()))
+    offset = model.offset_rad(azimuth, elevation, *motion)
+    for part, expected in zip(model.partials(azimuth, elevation, *motion), offset, strict=True):
+        assert part @ values == pytest.approx(expected, abs=1e-14)
+
+
+def test_a_model_survives_pickling(table_1):
+    assert pickle.loads(pickle.dumps(table_1)) == table_1

@@ -100,6 +100,8 @@ def test_outliers_are_left_out_and_listed(campaign, table_1):
 def test_a_single_pass_is_refused(campaign, table_1):
     with pytest.raises(ValueError, match="passes=1 must be >= fewest_passes=3"):
         fit_bias_model(campaign(table_1, passes=1))
+    priors = {name: Prior(0.0, 0.01) for name in TERM_NAMES}
+    assert fit_bias_model(campaign(table_1, passes=1), priors=priors).passes == 1
 
 
 def test_a_pure_delay_appears_as_velocity_and_half_its_square_as_acceleration_lag(track, random):

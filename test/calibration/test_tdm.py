@@ -90,3 +90,20 @@ def test_bytes_that_are_not_ascii_are_refused(tmp_path):
     (tmp_path / "c.tdm").write_bytes(b"CCSDS_TDM_VERS = 2.0\n\xff\xfe")
     with pytest.raises(ValueError, match="byte 21 is not ASCII"):
         read_tdm(tmp_path / "c.tdm")
+
+
+def test_random_damage_gives_data_or_a_clear_error_and_nothing_else(lines, tmp_path, random):
+    text, messages = "\n".join(lines), []
+    for _ in range(200):
+        start = int(random.integers(0, len(text)))
+        end = start + int(random.integers(0, 40))
+        middle = "".join(chr(c) for c in random.integers(32, 127, int(random.integers(0, 8))))
+        (tmp_path / "d.tdm").write_text(text[:start] + middle + text[end:])
+        try:
+            tracks = read_tdm(tmp_path / "d.tdm")
+        except ValueError as error:
+            messages.append(str(error))
+        else:
+            assert all(np.all(np.isfinite(track.azimuth_rad)) for track in tracks)
+    assert [m for m in messages if "line" not in m and "CCSDS_TDM_VERS" not in m] == []
+    assert len(messages) > 50

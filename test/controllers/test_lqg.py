@@ -11,7 +11,15 @@ from rf_pointing.controllers.design_lqg import controller_system, design_lqg, dr
 
 SAMPLE_S = 0.02
 WEIGHTS = LqgWeights(
-    notch_frequency_hz=2.32, notch_damping=0.29, control_weight=0.023, disturbance_intensity=0.069, rate_intensity=1e-4
+    notch_frequency_hz=2.32,
+    notch_damping=0.29,
+    shaping_zero_hz=3.0,
+    shaping_zero_damping=0.7,
+    shaping_pole_hz=4.0,
+    shaping_pole_damping=0.7,
+    control_weight=0.023,
+    disturbance_intensity=0.069,
+    rate_intensity=1e-4,
 )
 
 
@@ -45,11 +53,11 @@ def test_drive_is_read_off_the_model() -> None:
 
 
 def test_state_gain_solves_the_riccati_equation(design: LqgDesign) -> None:
-    a, b = design.a[:4, :4], design.b[:4]
-    price = np.diag([1.0, 0.0, 0.0, 0.0])
+    a, b = design.a[:6, :6], design.b[:6]
+    price = np.diag([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     cost, _, _ = control.dare(a, b, price, np.array([[WEIGHTS.control_weight]]))
     gain = np.linalg.solve(WEIGHTS.control_weight + b.T @ cost @ b, b.T @ cost @ a)
-    np.testing.assert_allclose(design.state_gain[:, :4], gain, rtol=1e-8)
+    np.testing.assert_allclose(design.state_gain[:, :6], gain, rtol=1e-8)
 
 
 def test_law_has_an_integrator(design: LqgDesign) -> None:

@@ -54,7 +54,7 @@ def test_retuning_while_running_makes_no_jump() -> None:
     notch.reset(0.3)
     before = notch.output(0.3)
     notch.update(0.02)
-    notch.retune(NotchParams(frequency_hz=1.8, damping=0.35))
+    notch.retune_notch(NotchParams(frequency_hz=1.8, damping=0.35))
     assert notch.output(0.3) == pytest.approx(before, abs=1e-15)
 
 
@@ -64,15 +64,15 @@ def test_switching_off_and_on_while_steady_makes_no_jump() -> None:
     for enabled in (False, True, False):
         notch.output(0.3)
         notch.update(0.02)
-        notch.retune(NotchParams(enabled=enabled))
+        notch.retune_notch(NotchParams(enabled=enabled))
         assert notch.output(0.3) == pytest.approx(0.3, abs=1e-15)
 
 
 def test_a_notch_above_half_the_sampling_rate_is_refused_and_the_old_one_stays() -> None:
     notch = Notch(NotchParams())
-    with pytest.raises(ValueError, match=r"frequency_hz=30\.0 must be < 25\.0"):
-        notch.retune(NotchParams(frequency_hz=30.0))
-    assert notch.params == NotchParams()
+    with pytest.raises(ValueError, match=r"zero_hz=30\.0 must be < 25\.0"):
+        notch.retune_notch(NotchParams(frequency_hz=30.0))
+    assert notch.notch == NotchParams()
 
 
 def test_copied_state_continues_identically() -> None:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rf_pointing.controllers import PositionLoop, PositionLoopParams
+from rf_pointing.controllers import PositionLoop, PositionLoopParams, Section
 
 PLAIN = PositionLoopParams(notch_enabled=False)
 
@@ -72,7 +72,7 @@ def test_retuning_in_steady_motion_makes_no_jump(changes: dict[str, float]) -> N
 def test_an_impossible_retune_leaves_everything_as_it_was() -> None:
     loop = PositionLoop(PositionLoopParams())
     before = loop.params
-    with pytest.raises(ValueError, match=r"frequency_hz=26\.0 must be < 25\.0"):
+    with pytest.raises(ValueError, match=r"zero_hz=26\.0 must be < 25\.0"):
         loop.retune(before.replace(notch_frequency_hz=26.0, proportional_gain=0.9))
     assert loop.params is before
 
@@ -123,3 +123,21 @@ def test_the_refused_gains_are_those_that_make_the_lagging_loop_unstable() -> No
         else:
             with pytest.raises(ValueError, match="must be >"):
                 PLAIN.replace(proportional_gain=gain)
+
+
+def test_shaping_acts_on_the_feedback_and_not_on_the_feedforward() -> None:
+    shaped = PLAIN.replace(shaping_enabled=True, integral_gain=0.0, feedforward_band_hz=100.0)
+    section, loop = Section(shaped.shaping), PositionLoop(shaped)
+    reference = PositionLoop(shaped.replace(shaping_enabled=False, proportional_gain=0.0))
+    for error in 1e-3 * np.random.default_rng(2).standard_normal(40):
+        expected = section.output(0.5 * error) + reference.output(error, 2e-3, 0.0)
+        assert loop.output(error, 2e-3, 0.0) == pytest.approx(expected, abs=1e-15)
+        for part in (loop, reference):
+            part.update(0.02, part.state.command_rad_s)
+        section.update(0.02)
+
+
+def test_a_shaped_loop_still_starts_without_a_jump() -> None:
+    loop = PositionLoop(PositionLoopParams(shaping_enabled=True))
+    loop.reset(0.3, 4e-3, 0.2999, 6.5e-3)
+    assert loop.output(0.3, 4e-3, 0.2999) == pytest.approx(6.5e-3, abs=1e-15)

@@ -182,6 +182,7 @@ def test_with_leaves_checks_the_set_as_a_whole() -> None:
         ({"inner.rate_deg_s": 100.0}, r"^inner\.rate_deg_s=100\.0 must be <= 11\.459\d*$"),
         ({"inner.pair_deg": [0.0, -58.0]}, r"^inner\.pair_deg\[1\]=-58\.0 must be >= -57\.29\d*$"),
         ({"inner.pair_deg": 3.0}, r"^inner\.pair_deg=3\.0 must be a list of values$"),
+        ({"inner.pair_deg": [3.0]}, r"^inner\.pair_deg=\(3\.0,\) must have 2 values$"),
         ({"low_rad": 0.1}, r"^low_rad: Outer has no such parameter$"),
         ({"inner.rate_deg_s": "fast"}, r"^inner\.rate_deg_s='fast' must be a number$"),
         ({"inner.pair_deg": ["a", 1.0]}, r"^inner\.pair_deg\[0\]='a' must be a number$"),

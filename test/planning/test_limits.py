@@ -94,5 +94,7 @@ def test_a_pass_in_the_overlap_is_tracked_on_the_side_where_the_antenna_stands()
 
 
 def test_a_pass_longer_than_the_travel_fits_no_turn() -> None:
-    with pytest.raises(ValueError, match=r"azimuth 0\.0 to 441\.0 deg fits no turn within the travel -220\.0 to 220\.0"):
+    with pytest.raises(
+        ValueError, match=r"azimuth 0\.0 to 441\.0 deg fits no turn within the travel -220\.0 to 220\.0"
+    ):
         choose_turns(LIMITS, 0.0, math.radians(441.0), 0.0)

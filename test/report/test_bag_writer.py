@@ -188,6 +188,9 @@ def test_metadata_of_a_rescued_bag_has_the_same_fields_as_that_of_a_whole_one(
     assert set(rescued["custom_data"]) == {"speed", PROBLEM_NOTE, LOST_NOTE}
     assert {item["topic"] for item in json.loads(rescued["custom_data"][LOST_NOTE])} == {"/a", "/b"}
     assert rescued["message_count"] == sum(t["message_count"] for t in rescued["topics_with_message_count"])
+    assert rescued["starting_time"] == {"nanoseconds_since_epoch": 1_000}
+    assert rescued["duration"] == {"nanoseconds": rescued["message_count"] - 1}
+    assert rescued["files"][0]["duration"] == rescued["duration"]
     for before, after in zip(whole["topics_with_message_count"], rescued["topics_with_message_count"], strict=True):
         assert before["topic_metadata"] == after["topic_metadata"]
 

@@ -38,6 +38,8 @@ def times(path: Path) -> list[int]:
     assert summary.statistics is not None
     assert summary.statistics.message_count == len(found)
     assert sum(summary.statistics.channel_message_counts.values()) == len(found)
+    if found:
+        assert (summary.statistics.message_start_time, summary.statistics.message_end_time) == (found[0], found[-1])
     return found
 
 

@@ -58,15 +58,17 @@ def test_without_carrier_the_receiver_reports_next_to_nothing() -> None:
 
 def test_channel_noise_is_complex_white_and_equal_to_n0_over_sample_time() -> None:
     receiver = make_receiver(phase_noise_rad=0.0, frequency_offset_hz=0.0)
-    clusters = [take(receiver, k, 40.0) for k in range(2000)]
+    samples = take(receiver, 0, 40.0, count=10_000)
     # With the beam on the target the differences are noise alone; in units of the sum their power is 1/snr.
-    scale = np.array([np.abs(np.mean(c.sum)) for c in clusters])
-    noise = np.concatenate([c.difference_elevation / s for c, s in zip(clusters, scale, strict=True)])
+    noise, other = (
+        channel / np.abs(np.mean(samples.sum))
+        for channel in (samples.difference_elevation, samples.difference_cross_elevation)
+    )
     expected = 1.0 / (1e4 * SAMPLE_S)
+    # 10 000 samples know a power to 1 % and a correlation to 1 %.
     assert np.mean(np.abs(noise) ** 2) == pytest.approx(expected, rel=0.04)
-    assert np.mean(noise.real**2) == pytest.approx(np.mean(noise.imag**2), rel=0.05)
+    assert np.mean(noise.real**2) == pytest.approx(np.mean(noise.imag**2), rel=0.06)
     assert abs(np.mean(noise[1:] * np.conj(noise[:-1]))) < 0.04 * expected
-    other = np.concatenate([c.difference_cross_elevation / s for c, s in zip(clusters, scale, strict=True)])
     assert abs(np.mean(noise * np.conj(other))) < 0.04 * expected
 
 
@@ -94,12 +96,12 @@ def test_carrier_power_has_the_block_v_mean_and_variance() -> None:
     receiver = make_receiver(noise_bandwidth_hz=1e9)
     noise_w_hz = BOLTZMANN_J_K * ReceiverParams().system_noise_k
     x = 3.0 * MDEG
-    got = [receiver.carrier_power(k + 1.0, 1.0, x, 0.0, 30.0) for k in range(20000)]
+    got = [receiver.carrier_power(k + 1.0, 1.0, x, 0.0, 30.0) for k in range(8000)]
     power = np.array([p.power_w for p in got]) / noise_w_hz
     expected = 1000.0 * math.exp(-4.0 * math.log(2.0) * (3.0 / 17.0) ** 2)
     assert power.mean() == pytest.approx(expected, rel=0.002)
-    # B-3: variance 2 Pc/N0 for 1 s; 20000 samples know it to 1 %.
-    assert power.var() == pytest.approx(2.0 * expected, rel=0.04)
+    # B-3: variance 2 Pc/N0 for 1 s; 8000 samples know it to 1.6 %.
+    assert power.var() == pytest.approx(2.0 * expected, rel=0.06)
     assert np.mean([p.sigma_w for p in got]) / noise_w_hz == pytest.approx(math.sqrt(2.0 * expected), rel=0.01)
 
 
@@ -111,10 +113,10 @@ def test_carrier_power_variance_falls_with_integration_time() -> None:
 
 def test_noise_power_uncertainty_adds_as_in_b_2() -> None:
     receiver = make_receiver(noise_bandwidth_hz=1e4)
-    got = [receiver.carrier_power(k + 1.0, 1.0, 0.0, 0.0, 50.0) for k in range(20000)]
+    got = [receiver.carrier_power(k + 1.0, 1.0, 0.0, 0.0, 50.0) for k in range(8000)]
     power = np.array([p.power_w for p in got])
     # (B-2) at 50 dB-Hz: noise power 1e-4 dominates the 2e-5 of the carrier.
-    assert power.var() / power.mean() ** 2 == pytest.approx(1.2e-4, rel=0.05)
+    assert power.var() / power.mean() ** 2 == pytest.approx(1.2e-4, rel=0.06)
     assert np.mean([p.sigma_w for p in got]) / power.mean() == pytest.approx(math.sqrt(1.2e-4), rel=0.02)
 
 

@@ -51,13 +51,17 @@ class Rig:
     velocity_rad_s: np.ndarray = field(default_factory=lambda: np.zeros(2))
     latest: JointTrajectory | None = None
 
+    def move(self, t_s: float) -> None:
+        """Put the axes where they are commanded to be at `t_s`."""
+        if self.latest is not None:
+            row = int(np.argmin(np.abs(self.latest.t_s - t_s)))
+            self.position_rad, self.velocity_rad_s = self.latest.position_rad[row], self.latest.velocity_rad_s[row]
+
     def period(
         self, t_s: float, errors: list[PointingError] | None = None
     ) -> tuple[JointTrajectory | None, TrackingStatus]:
         """Give the controller what it would have received by `t_s`, and step it."""
-        if self.latest is not None:
-            row = int(np.argmin(np.abs(self.latest.t_s - t_s)))
-            self.position_rad, self.velocity_rad_s = self.latest.position_rad[row], self.latest.velocity_rad_s[row]
+        self.move(t_s)
         self.controller.take_joints(
             JointReading(t_s=t_s, position_rad=self.position_rad, velocity_rad_s=self.velocity_rad_s)
         )
@@ -74,6 +78,7 @@ class Rig:
         """Step through `seconds`; `sense(t_s, rig)` gives the errors that arrive before each period."""
         for step in range(1, round(seconds * 10.0) + 1):
             t_s = round(start_s + 0.1 * step, 6)
+            self.move(t_s)
             yield (t_s, *self.period(t_s, sense(t_s, self) if sense else None))
 
 
@@ -87,7 +92,7 @@ def make_controller() -> Callable[..., PointingController]:
 def rig(
     track: TopocentricTrack, window: Pass, make_controller: Callable[..., PointingController]
 ) -> Callable[..., Rig]:
-    """Return a maker of rigs that stand at the start of the pass with `sensor` tracking it from `start_s` on."""
+    """Return a maker of rigs that track the pass with `sensor`: run up to its beginning, or just started at `start_s`."""
 
     def make(sensor: str = "program", start_s: float | None = None, **changes: Any) -> Rig:
         controller = make_controller(**changes)
@@ -96,6 +101,8 @@ def rig(
         begin_s = window.aos_t_s - 3.0 if start_s is None else start_s
         controller.take_joints(JointReading(t_s=begin_s, position_rad=standing, velocity_rad_s=np.zeros(2)))
         controller.start(begin_s, window, sensor)
+        if start_s is None:
+            list(made.run(begin_s, 3.0))
         return made
 
     return make

@@ -12,7 +12,8 @@ from rf_pointing.ephemeris import Pass, TopocentricTrack
 from rf_pointing.geometry import MDEG, JointReading, PointingError, nearest_turn_rad, sky_offset_rad
 from rf_pointing.planning import AxisLimits
 from rf_pointing.station.mount import MountParams
-from rf_pointing.station.pointing import PointingController, PointingParams
+from rf_pointing.station.pointing import PREDICTION_PATIENCE_S, PointingController, PointingParams
+from rf_pointing.tracking import AutotrackParams
 
 STRONG_DB_HZ, WEAK_DB_HZ = 60.0, 5.0
 SAME_RAD = 1e-9
@@ -77,7 +78,9 @@ def test_before_the_pass_the_antenna_waits_where_it_begins(rig: MakeRig, window:
         assert status.mode == "slew"
 
 
-def test_the_pointing_model_in_force_is_added_to_the_command(rig: MakeRig, window: Pass, track: TopocentricTrack) -> None:
+def test_the_pointing_model_in_force_is_added_to_the_command(
+    rig: MakeRig, window: Pass, track: TopocentricTrack
+) -> None:
     model = MountParams(azimuth_offset_rad=3e-3, droop_rad=-1e-3, elevation_velocity_lag_s=-1.5).model()
     made = rig()
     made.controller.take_model(model)
@@ -88,7 +91,9 @@ def test_the_pointing_model_in_force_is_added_to_the_command(rig: MakeRig, windo
         target.azimuth_acceleration_rad_s2, target.elevation_acceleration_rad_s2,
     )  # fmt: skip
     np.testing.assert_allclose(trajectory.position_rad[3, 1], wanted[1], atol=SAME_RAD)
-    assert math.remainder(trajectory.position_rad[3, 0] - float(wanted[0]), 2.0 * math.pi) == pytest.approx(0.0, abs=SAME_RAD)
+    assert math.remainder(trajectory.position_rad[3, 0] - float(wanted[0]), 2.0 * math.pi) == pytest.approx(
+        0.0, abs=SAME_RAD
+    )
 
 
 def test_nothing_is_commanded_without_a_pass(make_controller: MakeController) -> None:
@@ -106,12 +111,12 @@ def test_nothing_is_commanded_without_a_pass(make_controller: MakeController) ->
 def in_overlap(window: Pass) -> Pass:
     """The same pass turned to where +-220 deg of travel offer two turns."""
     low = math.radians(150.0)
-    return dataclasses.replace(
-        window, aos_azimuth_rad=low, azimuth_min_rad=low, azimuth_max_rad=math.radians(200.0)
-    )
+    return dataclasses.replace(window, aos_azimuth_rad=low, azimuth_min_rad=low, azimuth_max_rad=math.radians(200.0))
 
 
-@pytest.mark.parametrize(("standing_deg", "wanted_deg"), [(175.0, 150.0), (-185.0, -210.0), (-30.0, -210.0), (30.0, 150.0)])
+@pytest.mark.parametrize(
+    ("standing_deg", "wanted_deg"), [(175.0, 150.0), (-185.0, -210.0), (-30.0, -210.0), (30.0, 150.0)]
+)
 def test_the_pass_is_tracked_on_the_turn_nearest_to_the_antenna(
     make_controller: MakeController, window: Pass, standing_deg: float, wanted_deg: float
 ) -> None:
@@ -141,7 +146,9 @@ def test_a_pass_that_fits_no_turn_is_refused_at_the_start(make_controller: MakeC
     assert not controller.busy
 
 
-def test_a_pass_that_fits_no_turn_ends_when_the_axes_become_known(make_controller: MakeController, window: Pass) -> None:
+def test_a_pass_that_fits_no_turn_ends_when_the_axes_become_known(
+    make_controller: MakeController, window: Pass
+) -> None:
     controller = make_controller(limits=AxisLimits(azimuth_min_rad=-1.0, azimuth_max_rad=1.0))
     controller.start(window.aos_t_s - 10.0, window, "program")
     controller.take_joints(still(0.0, 1.0))
@@ -192,42 +199,35 @@ def test_a_transport_off_the_grid_of_periods_is_refused(transport_s: float) -> N
 
 def test_a_limit_reached_in_the_middle_of_the_pass_ends_it_with_a_controlled_stop(rig: MakeRig, window: Pass) -> None:
     made, limit_rad = rig(), math.radians(6.0)
-    stopped = None
+    stopped, last = None, None
     for t_s, trajectory, status in made.run(window.aos_t_s, 60.0):
         if t_s < window.aos_t_s + 5.0:
             continue
         if made.controller.busy:
-            made.controller.retune(PointingParams(), AxisLimits(elevation_max_rad=limit_rad), made_autotrack())
+            made.controller.retune(PointingParams(), AxisLimits(elevation_max_rad=limit_rad), AutotrackParams())
             assert np.all(trajectory.position_rad[:, 1] <= limit_rad)
             continue
-        stopped = trajectory
+        stopped, last = trajectory, status
         break
     assert stopped is not None
-    assert "past the limit 6.000 deg" in status.reason
-    assert status.mode == "idle"
-    assert made.controller.tally.reason == status.reason
+    assert last is not None
+    assert "past the limit 6.000 deg" in last.reason
+    assert last.mode == "idle"
+    assert made.controller.tally.reason == last.reason
     assert stopped.position_rad.shape == (1, 2)
     assert not np.any(stopped.velocity_rad_s)
     assert stopped.position_rad[0, 1] < limit_rad
 
 
-def made_autotrack() -> Any:
-    from rf_pointing.tracking import AutotrackParams
-
-    return AutotrackParams()
-
-
-def test_an_antenna_just_outside_its_limit_is_not_deadlocked(make_controller: MakeController, window: Pass) -> None:
-    """It stands 0.0003 deg too low and the pass begins there: it may track upwards."""
-    limit_rad = window.aos_elevation_rad + math.radians(0.0003)
-    controller = make_controller(limits=AxisLimits(elevation_min_rad=limit_rad))
-    controller.take_joints(still(window.aos_azimuth_rad, window.aos_elevation_rad))
-    t_s = window.aos_t_s - 5.0
-    controller._limits_checked = None if False else None  # type: ignore[attr-defined]
-    with pytest.raises(ValueError, match="past the limit"):
-        controller.start(t_s, dataclasses.replace(window, peak_elevation_rad=0.0), "program")
-    controller.start(t_s, window, "program")
-    assert controller.step(t_s + 0.1)[0] is not None
+def test_an_antenna_just_outside_its_limit_is_not_deadlocked(rig: MakeRig, window: Pass) -> None:
+    """It stands 0.0003 deg below the limit, on a rising pass: it tracks upwards and out of it."""
+    made = rig()
+    list(made.run(window.aos_t_s, 2.0))
+    limit_rad = float(made.latest.position_rad[0, 1]) + math.radians(0.0003)
+    made.controller.retune(PointingParams(), AxisLimits(elevation_min_rad=limit_rad), AutotrackParams())
+    *_, (_, trajectory, _) = made.run(window.aos_t_s + 2.0, 2.0)
+    assert made.controller.busy
+    assert trajectory.position_rad[0, 1] > limit_rad
 
 
 # Ends of a pass
@@ -249,6 +249,7 @@ def test_a_stop_commands_rest_where_the_axes_can_come_to_it(rig: MakeRig, window
 
 def test_the_pass_ends_at_loss_of_signal(rig: MakeRig, window: Pass) -> None:
     made = rig(start_s=window.los_t_s - 8.0)
+    assert made.controller.busy
     reasons = [status.reason for t_s, _, status in made.run(window.los_t_s - 8.0, 8.2) if t_s >= window.los_t_s]
     assert reasons[0] == "loss of signal"
     assert made.controller.tally.reason == "loss of signal"
@@ -267,6 +268,33 @@ def test_without_a_prediction_the_pass_is_given_up(rig: MakeRig, window: Pass) -
     assert step * 0.1 < 2.0
 
 
+def test_a_pass_that_is_going_on_is_joined_once_the_target_is_known(rig: MakeRig, window: Pass) -> None:
+    """The prediction comes two seconds ahead, so for two seconds the present is not covered."""
+    begin_s = window.tca_t_s
+    made = rig(start_s=begin_s)
+    modes = []
+    for t_s, trajectory, status in made.run(begin_s, 4.0):
+        modes.append(status.mode)
+        assert (trajectory is None) == (status.mode == "idle")
+        assert made.controller.busy
+        assert status.mode != "idle" or t_s - begin_s < 2.2
+    assert modes[0] == "idle"
+    assert modes[-1] == "program_track"
+
+
+def test_a_pass_without_any_prediction_is_given_up(make_controller: MakeController, window: Pass) -> None:
+    controller, begin_s = make_controller(), window.tca_t_s
+    controller.take_joints(still(1.3, 0.7))
+    controller.start(begin_s, window, "program")
+    for step in range(1, 100):
+        trajectory, status = controller.step(begin_s + 0.1 * step)
+        if not controller.busy:
+            break
+        assert trajectory is None
+    assert status.reason == "no prediction of the target has arrived"
+    assert 0.1 * step == pytest.approx(PREDICTION_PATIENCE_S, abs=0.2)
+
+
 def test_predictions_of_another_satellite_are_ignored(rig: MakeRig, window: Pass) -> None:
     made = rig()
     list(made.run(window.aos_t_s, 2.0))
@@ -282,16 +310,14 @@ def test_predictions_of_another_satellite_are_ignored(rig: MakeRig, window: Pass
 def acquired(rig: MakeRig, window: Pass, seconds: float = 4.0, **changes: Any) -> Rig:
     """A rig in monopulse mode on a target that is exactly where it is predicted."""
     made = rig("monopulse", **changes)
-    for _, _, status in made.run(window.aos_t_s, seconds, lambda t_s, _: [error(t_s - 0.06)]):  # noqa: B007
-        pass
+    *_, (_, _, status) = made.run(window.aos_t_s, seconds, lambda t_s, _: [error(t_s - 0.06)])
     assert status.mode == "monopulse"
     return made
 
 
 def test_a_sensed_error_moves_the_beam_towards_the_target(rig: MakeRig, window: Pass) -> None:
     made = acquired(rig, window)
-    for _, _, status in made.run(window.aos_t_s + 4.0, 1.0, lambda t_s, _: [error(t_s - 0.06, 5 * MDEG, -3 * MDEG)]):
-        pass
+    *_, (_, _, status) = made.run(window.aos_t_s + 4.0, 1.0, lambda t_s, _: [error(t_s - 0.06, 5 * MDEG, -3 * MDEG)])
     # 2 pi f_m = 1.26 of the error in a second, less the transport and the first error's wait.
     assert status.cross_elevation_offset_rad == pytest.approx(5 * MDEG * 1.2566 * 0.9, rel=0.15)
     assert status.elevation_offset_rad == pytest.approx(-3 * MDEG * 1.2566 * 0.9, rel=0.15)
@@ -330,23 +356,16 @@ def test_errors_of_later_periods_wait_for_their_period(rig: MakeRig, window: Pas
     """Whether an error stamped after the period comes early or in time makes no difference to the commands."""
 
     def wave(t_s: float) -> PointingError:
-        return error(t_s, 4 * MDEG * math.sin(3.0 * t_s), 2 * MDEG * math.cos(2.0 * t_s))
+        stamp_s = round(t_s, 6)
+        return error(stamp_s, 4 * MDEG * math.sin(3.0 * stamp_s), 2 * MDEG * math.cos(2.0 * stamp_s))
 
-    start_s = window.aos_t_s + 4.0
+    start_s = round(window.aos_t_s + 4.0, 6)
     in_time, early = acquired(rig, window), acquired(rig, window)
-    punctual = [row[1] for row in in_time.run(start_s, 3.0, lambda t_s, _: [wave(t_s - 0.06)])]
-    hasty = [row[1] for row in early.run(start_s, 3.0, lambda t_s, _: [wave(t_s + 0.24)])]
-    # The hasty one has nothing for its first three periods but what both had before.
-    early_again = acquired(rig, window)
-    first = [wave(start_s + 0.04), wave(start_s + 0.14), wave(start_s + 0.24)]
-    again = []
-    for index, (_, trajectory, _) in enumerate(
-        early_again.run(start_s, 3.0, lambda t_s, _: (first if t_s < start_s + 0.15 else []) + [wave(t_s + 0.24)])
-    ):
-        again.append((index, trajectory))
-    assert len(hasty) == len(punctual)
-    for (index, ours), theirs in zip(again, punctual, strict=True):
-        np.testing.assert_array_equal(ours.position_rad, theirs.position_rad, err_msg=f"period {index}")
+    ahead = [wave(start_s + 0.04), wave(start_s + 0.14), wave(start_s + 0.24)]
+    punctual = in_time.run(start_s, 3.0, lambda t_s, _: [wave(t_s - 0.06)])
+    hasty = early.run(start_s, 3.0, lambda t_s, _: (ahead if t_s < start_s + 0.15 else []) + [wave(t_s + 0.24)])
+    for (t_s, ours, _), (_, theirs, _) in zip(hasty, punctual, strict=True):
+        np.testing.assert_array_equal(ours.position_rad, theirs.position_rad, err_msg=f"period at {t_s}")
 
 
 def test_coasting_freezes_the_trim(rig: MakeRig, window: Pass) -> None:
@@ -383,14 +402,16 @@ class Offset:
         valid = self.sensor == "monopulse" and away < 0.4
         return [
             error(
-                t_s - 0.05, float(right) if valid else 0.0, float(up) if valid else 0.0,
+                t_s, float(right) if valid else 0.0, float(up) if valid else 0.0,
                 sensor=self.sensor, valid=valid, reason="" if valid else "not usable",
                 carrier_to_noise_db_hz=max(level, 0.0),
             )
         ]  # fmt: skip
 
 
-def test_a_search_finds_a_target_two_beamwidths_off_and_monopulse_starts_where_it_was(rig: MakeRig, window: Pass) -> None:
+def test_a_search_finds_a_target_two_beamwidths_off_and_monopulse_starts_where_it_was(
+    rig: MakeRig, window: Pass
+) -> None:
     made, beside = rig("monopulse"), Offset(95.0 * MDEG, -85.0 * MDEG, "monopulse")
     modes: list[str] = []
     first_offset = None
@@ -417,8 +438,8 @@ def test_a_search_with_conscan_coasts_back_to_where_the_carrier_was_strongest(ri
         if status.mode == "conscan" and coasted is not None:
             break
     assert coasted is not None
-    # Every direction comes within half a pitch, 0.3 beamwidths, of the spiral.
-    assert math.hypot(coasted[0] - 95.0 * MDEG, coasted[1] + 85.0 * MDEG) < 0.35 * BEAMWIDTH_RAD
+    # The spiral passes within 0.3 beamwidths of every direction, and a C/N0 comes every 15 mdeg along it.
+    assert math.hypot(coasted[0] - 95.0 * MDEG, coasted[1] + 85.0 * MDEG) < math.hypot(0.3 * BEAMWIDTH_RAD, 8.0 * MDEG)
 
 
 # Bookkeeping

@@ -28,7 +28,9 @@ def test_between_samples_the_motion_is_the_tracks_own(track: TopocentricTrack, w
     motion = buffer.at(times)
     for row, t_s in enumerate(times):
         wanted = track.target_at(float(t_s))
-        np.testing.assert_allclose(motion.position[row], [wanted.azimuth_rad, wanted.elevation_rad], atol=INTERPOLATION_RAD)
+        np.testing.assert_allclose(
+            motion.position[row], [wanted.azimuth_rad, wanted.elevation_rad], atol=INTERPOLATION_RAD
+        )
         np.testing.assert_allclose(
             motion.velocity[row], [wanted.azimuth_rate_rad_s, wanted.elevation_rate_rad_s], atol=1e-8
         )

@@ -1,6 +1,7 @@
 """The autotrack table: every row fires, and carrier loss freezes at once."""
 
 import math
+from pathlib import Path
 
 import pytest
 
@@ -204,3 +205,9 @@ def test_gates_without_hysteresis_are_refused(change: dict[str, object], message
 def test_unknown_request_is_refused() -> None:
     with pytest.raises(ValueError, match="request='fly' must be one of idle, track, stow"):
         AutotrackInputs(t_s=0.0, request="fly", target_available=True, on_target=True)
+
+
+def test_page_about_autotrack_shows_the_table_as_it_is() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "math" / "autotrack.md").read_text()
+    assert transition_table() in page
+    assert transition_diagram() in page

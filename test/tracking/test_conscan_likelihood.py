@@ -158,8 +158,29 @@ def test_power_that_jumps_is_not_believed() -> None:
     assert error.reason.startswith("the power does not follow the beam: chi squared")
 
 
+def test_fit_that_runs_out_of_steps_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rf_pointing.tracking.conscan_likelihood.MAX_ITERATIONS", 1)
+    power = np.where(np.arange(32) % 2, 1e4, 1e-3)
+    assert not fit_beam(DESIGN, power, np.full(32, 2.0)).converged
+    tracker = ConscanTracker(params())
+    for k in range(32):
+        sample = CarrierPower(
+            t_s=k + 1.0, integration_s=1.0, power_w=power[k], sigma_w=math.sqrt(2.0 * power[k]),
+            carrier_to_noise_db_hz=30.0,
+        )  # fmt: skip
+        error = tracker.add(sample, X[k], Y[k])
+    assert error is not None
+    assert error.reason == "the likelihood did not converge"
+
+
+def test_flat_positions_are_a_singular_fit() -> None:
+    with pytest.raises(np.linalg.LinAlgError):
+        fit_beam(beam_design(X, np.zeros(32), H), np.ones(32), np.full(32, 2.0))
+
+
 @pytest.mark.parametrize(("change", "message"), [
     ({"spin_periods_s": (5.0,), "estimator": "linear"}, "needs estimator=likelihood"),
+    ({"spin_periods_s": (5.0, 8.0, 5.01)}, "must differ by at least 1 %"),
     ({"spin_periods_s": (5.0, 2.5), "window_samples": 7}, "window_samples=7 must be > 7, the number of unknowns"),
 ])  # fmt: skip
 def test_windows_that_cannot_be_solved_are_refused(change: dict[str, object], message: str) -> None:

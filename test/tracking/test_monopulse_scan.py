@@ -78,6 +78,20 @@ def test_tracker_with_the_fitted_calibration_measures_the_beam_peak() -> None:
         assert [error.cross_elevation_rad, error.elevation_rad] == pytest.approx(target, abs=0.25 * MDEG)
 
 
+def test_straight_feed_is_calibrated_with_the_straight_curve() -> None:
+    rng, params = random_stream(5, "calibration"), PARAMS.replace(curve="straight")
+    calibrator = MonopulseCalibrator(params)
+    for k in range(230):
+        beam = np.array(circle_offset(params.scan, 0.1 * k)[:2])
+        bent = cluster(0.1 * k, np.arctanh(SLOPE * (TARGET - beam) / H) * H / SLOPE, 70.0, rng)
+        straight = dataclasses.replace(
+            bent, carrier_to_noise_db_hz=cluster(0.0, TARGET - beam, 70.0, rng).carrier_to_noise_db_hz
+        )
+        calibrator.add(straight, *beam)
+    response = calibrator.solve().calibration.response_per_rad() * H / SLOPE
+    assert np.abs(response - MIXING).max() < 0.01
+
+
 def test_part_of_a_turn_is_named() -> None:
     calibrator = MonopulseCalibrator(PARAMS)
     rng = random_stream(3, "calibration")

@@ -6,6 +6,7 @@ from rf_pointing.calibration.orbit.elements import Elements
 from rf_pointing.calibration.orbit.measurements import Look, look
 from rf_pointing.calibration.orbit.motion import Gravity, propagate
 from rf_pointing.calibration.orbit.preliminary import preliminary_orbit
+from rf_pointing.calibration.orbit.visits import visits
 
 __all__ = [
     "Arc",
@@ -18,4 +19,5 @@ __all__ = [
     "look",
     "preliminary_orbit",
     "propagate",
+    "visits",
 ]

@@ -1,0 +1,115 @@
+"""Second-order section of a loop, retunable while it runs.
+
+    G(s) = (s^2/w_z^2 + 2 d_z s/w_z + 1) / (s^2/w_p^2 + 2 d_p s/w_p + 1)
+
+by the bilinear transform prewarped at the zeros, which thus stay at w_z at any sampling rate.  The two states are the
+band-pass and low-pass outputs of a state-variable filter at w_p: they keep their meaning when frequency, damping or
+step change, so a retune makes no jump.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.geometry import Params, parameter, require_between, require_finite
+
+__all__ = ["Section", "SectionConstants", "SectionParams", "SectionState", "filter_sample", "section_matrices"]
+
+Array = NDArray[np.float64]
+
+SectionConstants = tuple[float, float, float, float, float]
+"""Tuned gain g, 1 / (1 + g (g + 2 d_p)), 2 d_p, share of the band-pass and of the high-pass in the output."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SectionParams(Params):
+    """Zeros, poles and switch of the section; its gain at zero frequency is one."""
+
+    enabled: bool = parameter(True, "whether the section acts")
+    zero_hz: float = parameter(2.12, "frequency of the zeros", low=0.01, high=500.0)
+    zero_damping: float = parameter(0.0, "damping of the zeros, 0 for a notch to the ground", low=0.0, high=5.0)
+    pole_hz: float = parameter(2.12, "frequency of the poles", low=0.01, high=500.0)
+    pole_damping: float = parameter(0.2, "damping of the poles", low=0.001, high=5.0)
+
+
+@dataclass(slots=True)
+class SectionState:
+    """Band-pass and low-pass memory, the same after the present sample, the step at whose end the next one falls."""
+
+    band: float = 0.0
+    low: float = 0.0
+    pending_band: float = 0.0
+    pending_low: float = 0.0
+    dt_s: float = 0.02
+
+
+class Section:
+    """Filter: `output(x)` at a sample, then `update(dt_s)` with the time to the next one."""
+
+    def __init__(self, params: SectionParams, dt_s: float = 0.02) -> None:
+        self.state = SectionState()
+        self._params = params
+        self._prepare(params, dt_s)
+
+    @property
+    def params(self) -> SectionParams:
+        """The parameter set in force."""
+        return self._params
+
+    def retune(self, params: SectionParams) -> None:
+        """Take new parameters; refused, with the old ones kept, if a frequency is at or above half the sampling rate."""
+        self._prepare(params, self.state.dt_s)
+        self._params = params
+
+    def reset(self, value: float) -> None:
+        """Settle on a constant input."""
+        require_finite("value", value)
+        self.state = SectionState(0.0, value, 0.0, value, self.state.dt_s)
+
+    def output(self, value: float) -> float:
+        """Return the filtered value."""
+        state = self.state
+        if not self._params.enabled:
+            state.pending_band, state.pending_low = 0.0, value
+            return value
+        result, state.pending_band, state.pending_low = filter_sample(value, state.band, state.low, self.constants)
+        return result
+
+    def update(self, dt_s: float) -> None:
+        """Commit the sample given to `output`; the next one comes `dt_s` later."""
+        state = self.state
+        state.band, state.low = state.pending_band, state.pending_low
+        if dt_s != state.dt_s:
+            self._prepare(self._params, dt_s)
+
+    def _prepare(self, params: SectionParams, dt_s: float) -> None:
+        require_between("dt_s", dt_s, 1e-5, 10.0)
+        nyquist_hz = 0.5 / dt_s
+        for name in ("zero_hz", "pole_hz") if params.enabled else ():
+            if getattr(params, name) >= nyquist_hz:
+                raise ValueError(f"{name}={getattr(params, name)} must be < {nyquist_hz} (half the sampling rate)")
+        ratio, twice = params.pole_hz / params.zero_hz, 2.0 * params.pole_damping
+        g = ratio * math.tan(math.pi * params.zero_hz * dt_s) if params.enabled else 0.0
+        share = 2.0 * params.zero_damping * ratio
+        self.constants: SectionConstants = (g, 1.0 / (1.0 + g * (g + twice)), twice, share, ratio * ratio)
+        self.state.dt_s = dt_s
+
+
+def filter_sample(value: float, band: float, low: float, constants: SectionConstants) -> tuple[float, float, float]:
+    """Return output, next band-pass and next low-pass memory for one sample; plain floats, also compiled."""
+    g, h, twice_damping, band_share, high_share = constants
+    inner = (g * (value - low) + band) * h
+    passed = low + g * inner
+    high = value - twice_damping * inner - passed
+    return passed + band_share * inner + high_share * high, 2.0 * inner - band, low + 2.0 * g * inner
+
+
+def section_matrices(params: SectionParams, dt_s: float) -> tuple[Array, Array, Array, Array]:
+    """Return the section in state space, a (2, 2), b (2, 1), c (1, 2), d (1, 1), in its own states band and low."""
+    constants = Section(params, dt_s).constants
+    columns = [filter_sample(value, band, low, constants) for value, band, low in ((0, 1, 0), (0, 0, 1), (1, 0, 0))]
+    out, band, low = np.array(columns, dtype=np.float64).T
+    rows = np.stack([band, low])
+    return rows[:, :2], rows[:, 2:], out[None, :2], out[None, 2:]

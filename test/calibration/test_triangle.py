@@ -1,0 +1,73 @@
+import numpy as np
+import pytest
+
+from rf_pointing.calibration.triangle import Triangle, triangle_of
+
+NAMES = ("azimuth_offset", "collimation", "droop")
+ALL = np.arange(3)
+
+
+def rows_of(matrix, right):
+    return np.asfortranarray(np.column_stack([matrix, right]))
+
+
+def test_triangle_keeps_all_inner_products(random):
+    rows = random.normal(size=(50, 4))
+    expected = rows.T @ rows
+    factor = triangle_of(np.asfortranarray(rows))
+    assert np.allclose(factor.T @ factor, expected, rtol=1e-12)
+    assert np.array_equal(factor, np.triu(factor))
+
+
+def test_solution_covariance_and_condition_agree_with_numpy(random):
+    matrix, right = random.normal(size=(60, 3)) * [1.0, 1e3, 1e-3], random.normal(size=60)
+    triangle = Triangle(NAMES)
+    triangle.add_blocks([(rows_of(matrix[:20], right[:20]), ALL), (rows_of(matrix[20:], right[20:]), ALL)])
+    found = triangle.solve()
+    expected, square, _, _ = np.linalg.lstsq(matrix, right, rcond=None)
+    assert found.values == pytest.approx(expected, rel=1e-10)
+    assert np.allclose(found.covariance, np.linalg.inv(matrix.T @ matrix), rtol=1e-9)
+    assert found.condition == pytest.approx(np.linalg.cond(matrix / np.linalg.norm(matrix, axis=0)), rel=1e-9)
+    assert found.residual_square == pytest.approx(float(square[0]), rel=1e-10)
+    assert found.rank == 3
+
+
+def test_a_prior_is_one_more_equation(random):
+    matrix, right = random.normal(size=(20, 3)), random.normal(size=20)
+    triangle = Triangle(NAMES)
+    triangle.add_blocks([(rows_of(matrix, right), ALL)])
+    triangle.add_prior("droop", 0.5, 0.1)
+    more = np.vstack([matrix, [0.0, 0.0, 10.0]])
+    expected = np.linalg.lstsq(more, np.append(right, 5.0), rcond=None)[0]
+    assert triangle.solve().values == pytest.approx(expected, rel=1e-10)
+    with pytest.raises(ValueError, match="prior sigma of droop=0 must be > 0"):
+        triangle.add_prior("droop", 0.5, 0)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 1e-11])
+def test_equal_columns_are_refused_by_their_names(random, tilt):
+    matrix = random.normal(size=(30, 3))
+    matrix[:, 2] = matrix[:, 0] + tilt * matrix[:, 1]
+    triangle = Triangle(NAMES)
+    triangle.add_blocks([(rows_of(matrix, random.normal(size=30)), ALL)])
+    with pytest.raises(ValueError, match=r"cannot separate azimuth_offset \+ droop"):
+        triangle.solve()
+
+
+def test_badly_scaled_but_separable_columns_are_solved(random):
+    matrix = random.normal(size=(30, 3)) * [1.0, 1e-9, 1e9]
+    triangle = Triangle(NAMES)
+    triangle.add_blocks([(rows_of(matrix, matrix @ [1.0, 2e9, 3e-9]), ALL)])
+    assert triangle.solve().values == pytest.approx([1.0, 2e9, 3e-9], rel=1e-9)
+
+
+def test_an_unknown_that_no_equation_touches_is_named(random):
+    triangle = Triangle(NAMES)
+    triangle.add_blocks([(rows_of(random.normal(size=(30, 2)), random.normal(size=30)), np.array([0, 2]))])
+    with pytest.raises(ValueError, match="30 equations do not determine collimation"):
+        triangle.solve()
+
+
+def test_a_factor_of_other_width_is_refused():
+    with pytest.raises(ValueError, match="factor has 3 columns, must be 4"):
+        Triangle(NAMES, np.zeros((2, 3)))

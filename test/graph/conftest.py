@@ -1,0 +1,95 @@
+"""A private ROS domain and real processes for the graph tests."""
+
+import os
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2", exc_type=ImportError)
+from ament_index_python.packages import get_package_prefix, get_package_share_directory
+
+from rf_pointing.nodes.lifecycle_client import LifecycleClient
+from rf_pointing.nodes.managed import make_executor
+from rf_pointing.nodes.processes import NodeProcesses
+
+DEADLINE_S = 60.0
+
+
+@pytest.fixture(scope="session", autouse=True)
+def private_domain(ros_domain: int) -> int:
+    """Keep every test of the folder to the session's own domain."""
+    return ros_domain
+
+
+def executable(name: str) -> str:
+    return str(Path(get_package_prefix("rf_pointing")) / "lib" / "rf_pointing" / name)
+
+
+def start_track(*arguments: str) -> "subprocess.Popen[str]":
+    return subprocess.Popen(
+        [executable("track"), *arguments], stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+    )
+
+
+def processes_of(namespace: str) -> list[int]:
+    """Return the processes that were started for a namespace and still run."""
+    found = []
+    for folder in Path("/proc").iterdir():
+        if folder.name.isdigit():
+            try:
+                command = (folder / "cmdline").read_bytes().decode(errors="replace")
+            except OSError:
+                continue
+            if f"__ns:={namespace}\0" in command:
+                found.append(int(folder.name))
+    return found
+
+
+def shared_memory() -> set[str]:
+    return {path.name for path in Path("/dev/shm").glob("*fast*")}
+
+
+@pytest.fixture
+def live(tmp_path: Path, ros_domain: int) -> Iterator[SimpleNamespace]:
+    """A test node with its executor, and processes in a namespace of their own that end with the test."""
+    namespace = f"/t{os.getpid()}_{time.monotonic_ns() % 10**9}"
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=ros_domain)
+    node = rclpy.create_node("probe", namespace=namespace, context=context)
+    executor = make_executor(context)
+    executor.add_node(node)
+
+    def spin_until(condition: Callable[[], bool], what: str) -> None:
+        deadline_s = time.monotonic() + DEADLINE_S
+        while not condition():
+            assert time.monotonic() < deadline_s, f"waited {DEADLINE_S:.0f} s for {what}"
+            executor.spin_once(timeout_sec=0.05)
+
+    def start(names: list[str], parameters: str = "", state: str = "activate", simulated: bool = False) -> Any:
+        files = [Path(get_package_share_directory("rf_pointing")) / "config" / "dss13.yaml"]
+        if parameters:
+            files.append(tmp_path / "extra.yaml")
+            files[-1].write_text(parameters)
+        processes = NodeProcesses(namespace, files, tmp_path / "logs")
+        started.append(processes)
+        processes.start(names, simulated_time=simulated)
+        client = LifecycleClient(node, namespace, lambda s: executor.spin_once(timeout_sec=s), lambda: None)
+        client.wait_for(names, DEADLINE_S)
+        refused = client.change(names, "configure", DEADLINE_S)
+        if state == "activate" and not refused:
+            refused = client.change(names, "activate", DEADLINE_S)
+        return SimpleNamespace(processes=processes, client=client, refused=refused)
+
+    started: list[NodeProcesses] = []
+    yield SimpleNamespace(node=node, executor=executor, namespace=namespace, spin_until=spin_until, start=start)
+    for processes in started:
+        processes.stop()
+    executor.shutdown()
+    node.destroy_node()
+    rclpy.shutdown(context=context)
+    assert processes_of(namespace) == []

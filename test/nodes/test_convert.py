@@ -1,0 +1,287 @@
+"""Messages and signals as pairs: there and back gives the same, and wire data that cannot be used is refused in words."""
+
+import dataclasses
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rf_pointing_msgs import msg as ours
+from sensor_msgs.msg import JointState
+
+from rf_pointing.calibration import TERMS, read_model
+from rf_pointing.ephemeris import Pass
+from rf_pointing.geometry import (
+    Boresight,
+    CarrierPower,
+    JointReading,
+    JointTrajectory,
+    MonopulseCluster,
+    PointingError,
+    Target,
+)
+from rf_pointing.nodes import convert
+from rf_pointing.station.status import AntennaStatus, TrackingStatus
+
+T_S = 1_151_384_323.813083
+MODEL = Path(__file__).parents[2] / "config" / "bias_model_dss13.yaml"
+
+
+def same(one: Any, other: Any) -> bool:
+    """Whether two signals are equal field by field, arrays included."""
+    names = [item.name for item in dataclasses.fields(one)]
+    return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in names)
+
+
+def numbers(kind: type, random: np.random.Generator, **fixed: Any) -> Any:
+    """A signal with random numbers in every float field that is not fixed."""
+    floats = {item.name: float(random.uniform(-1.0, 1.0)) for item in dataclasses.fields(kind) if item.type is float}
+    return kind(**{**floats, **fixed})
+
+
+@pytest.mark.parametrize(
+    ("kind", "fixed", "to_message", "from_message"),
+    [
+        (Target, {"t_s": T_S, "name": "bird"}, convert.target_to_message, convert.target_from_message),
+        (Boresight, {"t_s": T_S}, convert.boresight_to_message, convert.boresight_from_message),
+        (CarrierPower, {"t_s": T_S}, convert.power_to_message, convert.power_from_message),
+        (
+            PointingError,
+            {
+                "t_s": T_S, "sensor": "monopulse", "valid": False, "reason": "no lock",
+                "covariance_rad2": np.array([[4e-9, 1e-10], [1e-10, 5e-9]]),
+            },
+            convert.error_to_message,
+            convert.error_from_message,
+        ),
+    ],
+    ids=["target", "boresight", "power", "error"],
+)  # fmt: skip
+def test_a_signal_comes_back_unchanged(
+    kind: type,
+    fixed: dict[str, Any],
+    to_message: Callable[[Any], Any],
+    from_message: Callable[[Any], Any],
+    random: np.random.Generator,
+) -> None:
+    signal = numbers(kind, random, **fixed)
+    assert same(from_message(to_message(signal)), signal)
+
+
+def test_a_joint_reading_comes_back_unchanged(random: np.random.Generator) -> None:
+    reading = JointReading(t_s=T_S, position_rad=random.uniform(-4, 4, 2), velocity_rad_s=random.uniform(-1, 1, 2))
+    assert same(convert.joints_from_message(convert.joints_to_message(reading)), reading)
+
+
+def test_joints_in_another_order_are_sorted_by_name(random: np.random.Generator) -> None:
+    reading = JointReading(t_s=T_S, position_rad=random.uniform(-4, 4, 2), velocity_rad_s=random.uniform(-1, 1, 2))
+    message = convert.joints_to_message(reading)
+    for name in ("name", "position", "velocity"):
+        setattr(message, name, list(getattr(message, name))[::-1])
+    assert same(convert.joints_from_message(message), reading)
+
+
+@pytest.mark.parametrize(
+    ("changes", "complaint"),
+    [
+        ({"name": ["azimuth", "roll"]}, "unknown joint roll; the joints are azimuth, elevation"),
+        ({"name": ["azimuth", "azimuth"]}, "joints are azimuth, azimuth, must be azimuth, elevation, each once"),
+        ({"name": ["azimuth"]}, "joints are azimuth, must be azimuth, elevation, each once"),
+        ({"name": []}, "joints are none, must be azimuth, elevation"),
+        ({"position": [1.0]}, "position has 1 values, must have one for each of 2 joints"),
+        ({"velocity": []}, "velocity has 0 values, must have one for each of 2 joints"),
+        ({"position": [1.0, math.nan]}, "position_rad=.* must be finite"),
+        ({"velocity": [math.inf, 0.0]}, "velocity_rad_s=.* must be finite"),
+    ],
+)
+def test_joint_states_that_cannot_be_used_are_refused(changes: dict[str, Any], complaint: str) -> None:
+    message = JointState(name=["azimuth", "elevation"], position=[1.0, 0.5], velocity=[0.0, 0.0])
+    for name, value in changes.items():
+        setattr(message, name, value)
+    with pytest.raises(ValueError, match=complaint):
+        convert.joints_from_message(message)
+
+
+def trajectory(random: np.random.Generator, stamp_s: float) -> JointTrajectory:
+    return JointTrajectory(
+        t_s=np.round(stamp_s + 0.1 * np.arange(1, 11), 6),
+        position_rad=random.uniform(-4, 4, (10, 2)),
+        velocity_rad_s=random.uniform(-1, 1, (10, 2)),
+        acceleration_rad_s2=random.uniform(-1, 1, (10, 2)),
+    )
+
+
+def test_a_trajectory_comes_back_unchanged_but_for_rounding_of_time(random: np.random.Generator) -> None:
+    command = trajectory(random, T_S)
+    back = convert.trajectory_from_message(convert.trajectory_to_message(command, T_S))
+    np.testing.assert_allclose(back.t_s, command.t_s, rtol=0.0, atol=5e-7)
+    for name in ("position_rad", "velocity_rad_s", "acceleration_rad_s2"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(command, name))
+
+
+@pytest.mark.parametrize(
+    ("spoil", "complaint"),
+    [
+        (lambda m: setattr(m, "joint_names", ["azimuth", "tilt"]), "unknown joint tilt"),
+        (lambda m: setattr(m, "joint_names", []), "joints are none"),
+        (lambda m: m.points[3].positions.append(1.0), r"points\[3\]\.positions has 3 values, must have 2"),
+        (lambda m: m.points[0].velocities.pop(), r"points\[0\]\.velocities has 1 values, must have 2"),
+        (lambda m: setattr(m.points[9], "accelerations", []), r"points\[9\]\.accelerations has 0 values, must have 2"),
+        (lambda m: m.points[5].positions.__setitem__(0, math.nan), r"position_rad=(.|\n)* must be finite"),
+        (lambda m: m.points[5].velocities.__setitem__(1, math.inf), r"velocity_rad_s=(.|\n)* must be finite"),
+        (lambda m: m.points.clear(), "t_s has 0 points, must have at least 1"),
+        (lambda m: m.points.reverse(), "t_s must increase from point to point"),
+    ],
+)
+def test_trajectories_that_cannot_be_used_are_refused(
+    spoil: Callable[[Any], Any], complaint: str, random: np.random.Generator
+) -> None:
+    message = convert.trajectory_to_message(trajectory(random, T_S), T_S)
+    spoil(message)
+    with pytest.raises(ValueError, match=complaint):
+        convert.trajectory_from_message(message)
+
+
+def cluster(random: np.random.Generator, count: int = 5) -> MonopulseCluster:
+    channels = random.standard_normal((3, count)) + 1j * random.standard_normal((3, count))
+    return MonopulseCluster(
+        t_s=np.round(T_S + 0.02 * np.arange(count), 6),
+        sum=channels[0],
+        difference_cross_elevation=channels[1],
+        difference_elevation=channels[2],
+        carrier_to_noise_db_hz=58.2,
+    )
+
+
+def test_a_cluster_comes_back_unchanged_but_for_rounding_of_time(random: np.random.Generator) -> None:
+    sent = cluster(random)
+    back = convert.monopulse_from_message(convert.monopulse_to_message(sent))
+    np.testing.assert_allclose(back.t_s, sent.t_s, rtol=0.0, atol=1e-6)
+    for name in ("sum", "difference_cross_elevation", "difference_elevation"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(sent, name))
+
+
+def test_a_cluster_with_channels_of_different_length_is_refused(random: np.random.Generator) -> None:
+    message = convert.monopulse_to_message(cluster(random))
+    message.difference_elevation_q = message.difference_elevation_q[:-1]
+    with pytest.raises(ValueError, match="difference_elevation has 5 I and 4 Q samples, must have 5"):
+        convert.monopulse_from_message(message)
+
+
+@pytest.mark.parametrize("name", ["azimuth", "range_rate"])
+def test_a_target_that_is_not_finite_is_refused(name: str, random: np.random.Generator) -> None:
+    message = convert.target_to_message(numbers(Target, random, t_s=T_S, name="bird"))
+    setattr(message, name, math.nan)
+    with pytest.raises(ValueError, match=f"{name}_.*=nan must be finite"):
+        convert.target_from_message(message)
+
+
+@pytest.mark.parametrize("name", ["cross_elevation", "carrier_to_noise"])
+def test_an_error_that_is_not_finite_is_refused(name: str) -> None:
+    message = ours.PointingError(sensor="monopulse", valid=True)
+    setattr(message, name, math.inf)
+    with pytest.raises(ValueError, match=f"{name}_.*=inf must be finite"):
+        convert.error_from_message(message)
+
+
+@pytest.fixture
+def window() -> Pass:
+    """Return a pass."""
+    return Pass(
+        name="bird", aos_t_s=T_S, tca_t_s=T_S + 300.0, los_t_s=T_S + 600.0, peak_elevation_rad=0.8,
+        aos_azimuth_rad=2.5, aos_elevation_rad=0.09, los_azimuth_rad=-0.04, azimuth_min_rad=-0.04, azimuth_max_rad=2.5,
+        peak_azimuth_rate_rad_s=0.01, peak_elevation_rate_rad_s=0.003, peak_azimuth_acceleration_rad_s2=6e-5,
+        smallest_range_m=1.05e6, rises_before=False, sets_after=False,
+    )  # fmt: skip
+
+
+def test_a_pass_comes_back_unchanged_but_for_rounding_of_time(window: Pass) -> None:
+    back = convert.pass_from_message(convert.pass_to_message(window))
+    for item in dataclasses.fields(Pass):
+        got, wanted = getattr(back, item.name), getattr(window, item.name)
+        assert got == (pytest.approx(wanted, abs=1e-6) if item.name.endswith("_t_s") else wanted), item.name
+
+
+@pytest.mark.parametrize("name", ["aos_azimuth", "aos_elevation", "peak_elevation", "azimuth_max", "smallest_range"])
+def test_a_pass_that_is_not_finite_is_refused(window: Pass, name: str) -> None:
+    message = convert.pass_to_message(window)
+    setattr(message, name, math.nan)
+    with pytest.raises(ValueError, match=f"{name}=nan must be finite"):
+        convert.pass_from_message(message)
+
+
+@pytest.mark.parametrize(("first", "second"), [("aos", "los"), ("aos", "tca"), ("tca", "los")])
+def test_a_pass_whose_times_are_out_of_order_is_refused(window: Pass, first: str, second: str) -> None:
+    message = convert.pass_to_message(window)
+    early, late = getattr(message, first), getattr(message, second)
+    setattr(message, first, late)
+    setattr(message, second, early)
+    with pytest.raises(ValueError, match="must follow each other"):
+        convert.pass_from_message(message)
+
+
+def test_an_empty_goal_holds_no_pass() -> None:
+    with pytest.raises(ValueError, match=r"aos=0\.0, tca=0\.0 and los=0\.0 must follow each other"):
+        convert.pass_from_message(ours.Pass())
+
+
+def test_a_model_file_becomes_the_model_with_its_covariance() -> None:
+    file = read_model(MODEL)
+    message = convert.model_to_message(file)
+    assert dict(convert.model_from_message(message).coefficients) == dict(file.model.coefficients)
+    assert (message.name, message.station) == ("dss13-commissioning", "Goldstone DSS-13")
+    covariance = np.array(message.covariance).reshape(len(TERMS), len(TERMS))
+    at = message.terms.index("droop")
+    assert covariance[at, at] == pytest.approx(math.radians(0.004) ** 2)
+    unfitted = message.terms.index("collimation")
+    assert not np.any(covariance[unfitted])
+
+
+@pytest.mark.parametrize(
+    ("spoil", "complaint"),
+    [
+        (lambda m: m.values.pop(), "values has 13 numbers, must have one for each of 14 terms"),
+        (lambda m: m.terms.__setitem__(0, "twist"), "twist"),
+        (lambda m: m.values.__setitem__(3, math.nan), "azimuth_encoder_sine=nan must be finite"),
+        (lambda m: m.values.__setitem__(3, 9.0), "azimuth_encoder_sine=9.0 must be <="),
+        (lambda m: (m.terms.pop(), m.values.pop()), "the bias model needs elevation_acceleration_lag"),
+    ],
+)
+def test_a_model_that_cannot_be_used_is_refused(spoil: Callable[[Any], Any], complaint: str) -> None:
+    message = convert.model_to_message(read_model(MODEL))
+    message.terms, message.values = list(message.terms), list(message.values)
+    spoil(message)
+    with pytest.raises(ValueError, match=complaint):
+        convert.model_from_message(message)
+
+
+def test_a_tracking_status_reaches_the_wire_field_by_field(random: np.random.Generator) -> None:
+    status = numbers(
+        TrackingStatus, random, t_s=T_S, los_t_s=T_S + 500.0, mode="monopulse", target="bird", reason="why",
+        scan_centre_rad=np.array([1.25, 0.5]),
+    )  # fmt: skip
+    message = convert.tracking_status_to_message(status)
+    assert (message.mode, message.target, message.reason) == ("monopulse", "bird", "why")
+    assert message.cross_elevation_offset == status.cross_elevation_offset_rad
+    assert message.beamwidth == status.half_power_beamwidth_rad
+    assert message.command_lead == status.command_lead_s
+    t_s, centre, mode = convert.scan_centre_from_message(message)
+    assert (t_s, centre.tolist(), mode) == (T_S, [1.25, 0.5], "monopulse")
+
+
+def test_an_antenna_status_reaches_the_wire_field_by_field() -> None:
+    status = AntennaStatus(
+        t_s=T_S, mode="fault", fault="commands ran dry", commanded_rad=np.array([1.0, 2.0]),
+        rate_command_rad_s=np.array([3.0, 4.0]), rate_limit_rad_s=np.array([5.0, 6.0]),
+        acceleration_limit_rad_s2=np.array([7.0, 8.0]), at_limit=(False, True), command_lead_s=0.7,
+        commands_accepted=11, commands_rejected=12, last_rejection="stale",
+    )  # fmt: skip
+    message = convert.antenna_status_to_message(status)
+    assert (message.mode, message.fault, message.last_rejection) == ("fault", "commands ran dry", "stale")
+    assert [list(getattr(message, n)) for n in ("commanded", "rate_command", "rate_limit", "acceleration_limit")] == [
+        [1.0, 2.0], [3.0, 4.0], [5.0, 6.0], [7.0, 8.0],
+    ]  # fmt: skip
+    assert list(message.at_limit) == [False, True]
+    assert (message.commands_accepted, message.commands_rejected, message.command_lead) == (11, 12, 0.7)

@@ -1,0 +1,129 @@
+"""Simulation time waits for the wall clock and for the graph, and not for ever for a stream that is gone."""
+
+import pytest
+
+from rf_pointing.nodes.pacing import LARGEST_SPACING_S, PacedStream, Pacer
+
+START_S = 1000.0
+TICK_S = 0.02
+
+
+def pacer(speed: float = 0.0, tick_s: float = TICK_S, **streams: PacedStream) -> Pacer:
+    made = Pacer(start_s=START_S, tick_s=tick_s, speed=speed, streams=streams)
+    made.begin(0.0)
+    return made
+
+
+def test_held_time_does_not_run() -> None:
+    held = Pacer(start_s=START_S, tick_s=TICK_S, speed=0.0, streams={})
+    assert held.wait_s(100.0) > 0.0
+    assert held.now_s == START_S
+
+
+@pytest.mark.parametrize("speed", [0.5, 1.0, 10.0])
+def test_a_factor_of_real_time_is_kept_tick_by_tick(speed: float) -> None:
+    clock, wall_s = pacer(speed), 0.0
+    for tick in range(1, 200):
+        wall_s += clock.wait_s(wall_s)
+        assert clock.wait_s(wall_s) <= 1e-12
+        assert clock.advance(wall_s) == pytest.approx(START_S + tick * TICK_S)
+        assert wall_s == pytest.approx(tick * TICK_S / speed)
+
+
+def test_at_full_speed_the_next_tick_is_due_at_once() -> None:
+    clock = pacer()
+    for _ in range(10):
+        assert clock.wait_s(0.0) == 0.0
+        clock.advance(0.0)
+    assert clock.now_s == pytest.approx(START_S + 10 * TICK_S)
+
+
+def test_time_never_gets_further_ahead_of_a_stream_than_its_lag() -> None:
+    stream = PacedStream(allowed_lag_s=0.11)
+    clock = pacer(joints=stream)
+    stream.heard(START_S)
+    while clock.wait_s(0.0) == 0.0:
+        clock.advance(0.0)
+    assert clock.now_s == pytest.approx(START_S + 0.10)
+    stream.heard(START_S + 0.02)
+    assert clock.wait_s(0.0) == 0.0
+    assert clock.advance(0.0) == pytest.approx(START_S + 0.12)
+    assert clock.wait_s(0.0) > 0.0
+
+
+def test_a_stream_that_must_be_ahead_holds_time_until_it_is() -> None:
+    stream = PacedStream(allowed_lag_s=-1.0)
+    clock = pacer(target=stream)
+    stream.heard(START_S + 1.0)
+    assert clock.wait_s(0.0) > 0.0
+    stream.heard(START_S + 1.1)
+    assert clock.wait_s(0.0) == 0.0
+
+
+def test_a_silent_stream_is_given_up_after_the_patience_and_waited_for_again_when_heard() -> None:
+    stream = PacedStream(allowed_lag_s=0.05)
+    clock = pacer(joints=stream)
+    stream.heard(START_S)
+    while clock.wait_s(0.0) == 0.0:
+        clock.advance(0.0)
+    assert clock.wait_s(0.0) == pytest.approx(clock.patience_s)
+    assert clock.wait_s(0.4 * clock.patience_s) == pytest.approx(0.6 * clock.patience_s)
+    assert clock.wait_s(1.1 * clock.patience_s) == 0.0
+    assert (stream.waits, stream.abandoned) == (1, 1)
+    for _ in range(100):
+        assert clock.wait_s(2.0) == 0.0
+        clock.advance(2.0)
+    stream.heard(clock.now_s - 0.2)
+    stream.heard(clock.now_s - 0.1)
+    assert clock.wait_s(2.0) > 0.0
+
+
+def test_a_sparse_stream_is_not_waited_for() -> None:
+    """Conscan gives an error every few seconds; time must not stop for it."""
+    stream = PacedStream(allowed_lag_s=0.2)
+    clock = pacer(errors=stream)
+    stream.heard(START_S)
+    stream.heard(START_S + LARGEST_SPACING_S + 1.0)
+    for _ in range(200):
+        assert clock.wait_s(0.0) == 0.0
+        clock.advance(0.0)
+
+
+def test_without_the_antenna_time_runs_no_faster_than_the_wall_clock() -> None:
+    stream = PacedStream(allowed_lag_s=0.05, essential=True)
+    clock = pacer(joints=stream)
+    stream.heard(START_S)
+    while clock.wait_s(0.0) == 0.0:
+        clock.advance(0.0)
+    assert clock.wait_s(clock.patience_s + 0.1) > 0.0, "its patience is longer than the others'"
+    wall_s = clock.essential_patience_s + 0.1
+    assert clock.wait_s(wall_s) == 0.0
+    clock.advance(wall_s)
+    for _ in range(5):
+        assert clock.wait_s(wall_s) == pytest.approx(TICK_S)
+        wall_s += TICK_S
+        assert clock.wait_s(wall_s) == pytest.approx(0.0, abs=1e-12)
+        clock.advance(wall_s)
+
+
+def test_a_pace_lost_to_the_graph_is_not_made_up_in_a_rush() -> None:
+    clock = pacer(speed=1.0)
+    clock.advance(TICK_S)
+    clock.advance(10.0)
+    assert clock.wait_s(10.0) == pytest.approx(TICK_S)
+
+
+def test_a_short_delay_is_made_up() -> None:
+    clock = pacer(speed=1.0)
+    clock.advance(0.5)
+    assert clock.wait_s(0.5) == 0.0
+
+
+def test_several_streams_all_hold_time() -> None:
+    first, second = PacedStream(allowed_lag_s=0.05), PacedStream(allowed_lag_s=0.05)
+    clock = pacer(first=first, second=second)
+    first.heard(START_S + 10.0)
+    second.heard(START_S)
+    while clock.wait_s(0.0) == 0.0:
+        clock.advance(0.0)
+    assert clock.now_s == pytest.approx(START_S + 0.04)

@@ -1,0 +1,136 @@
+"""What `track` makes of its command line, before anything is started."""
+
+import math
+from pathlib import Path
+
+import pytest
+import yaml
+
+from rf_pointing.ephemeris import find_elements, tle_lines, verification_elements
+from rf_pointing.nodes import track
+
+RUNS = ["--min-peak", "40"]
+
+
+def test_the_default_is_the_first_pass_of_cbers_2_above_40_degrees() -> None:
+    window = track.choose_pass(track.arguments([]))
+    assert window.name == "CBERS 2"
+    assert math.degrees(window.peak_elevation_rad) == pytest.approx(44.31, abs=0.01)
+    assert window.aos_t_s == pytest.approx(1_151_384_323.8, abs=0.1)
+
+
+def test_a_later_start_gives_a_later_pass() -> None:
+    first = track.choose_pass(track.arguments(RUNS))
+    later = track.choose_pass(track.arguments([*RUNS, "--start", "2006-06-27T06:00:00"]))
+    assert later.aos_t_s > first.los_t_s
+
+
+@pytest.mark.parametrize(
+    ("text", "t_s"),
+    [
+        ("2006-06-27T04:00:00", 1_151_380_800.0),
+        ("2006-06-27T04:00:00Z", 1_151_380_800.0),
+        ("2006-06-27T06:00:00+02:00", 1_151_380_800.0),
+    ],
+)
+def test_a_start_without_a_zone_is_utc(text: str, t_s: float) -> None:
+    assert track.parse_utc(text) == t_s
+
+
+@pytest.mark.parametrize("text", ["tomorrow", "27.6.2006", ""])
+def test_a_start_that_is_no_time_is_refused(text: str) -> None:
+    with pytest.raises(ValueError, match="must be an ISO time such as"):
+        track.parse_utc(text)
+
+
+def test_a_speed_is_a_factor_or_max() -> None:
+    assert track.speed_factor("max") == 0.0
+    assert track.speed_factor("2.5") == 2.5
+
+
+@pytest.mark.parametrize("text", ["fast", "0", "-1", "nan", "inf", "1e9"])
+def test_another_speed_is_refused(text: str) -> None:
+    with pytest.raises(ValueError, match=r"speed=.* must be"):
+        track.speed_factor(text)
+
+
+@pytest.mark.parametrize(
+    ("line", "complaint"),
+    [
+        (["--satellite", "99999"], "satellite='99999' is not among"),
+        (["--satellite", "Sputnik"], "satellite='Sputnik' is not among"),
+        (["--station", "Atlantis"], "Atlantis"),
+        (["--min-peak", "89.99"], r"has no pass above 89\.99 deg in 48\.00 h"),
+        (["--satellite", "04632"], "has no pass above|outside|days"),
+        (["--start", "2006-08-01T00:00:00"], r"(?i)days|outside|after"),
+        (["--start", "1990-01-01T00:00:00"], r"(?i)days|outside|before"),
+        (["--elements", "/nowhere.tle"], "elements_file='/nowhere.tle' does not exist"),
+    ],
+)
+def test_what_gives_no_pass_is_refused(line: list[str], complaint: str) -> None:
+    with pytest.raises(ValueError, match=complaint):
+        track.choose_pass(track.arguments(line))
+
+
+def test_a_file_of_elements_is_used(tmp_path: Path) -> None:
+    path = tmp_path / "x.tle"
+    path.write_text("MY BIRD\n" + "\n".join(tle_lines(find_elements(verification_elements(), "28057"))))
+    window = track.choose_pass(track.arguments(["--elements", str(path), "--satellite", "MY BIRD"]))
+    assert window.name == "MY BIRD"
+
+
+def test_the_command_line_reaches_the_nodes_as_parameters(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(track, "get_package_share_directory", lambda _: "/share/rf_pointing")
+    options = track.arguments(["--seed", "5", "--speed", "10", "--mask", "40", "--band", "Ka"])
+    window = track.choose_pass(options)
+    sections = track.overrides(options, window)
+    values = {name.rsplit("/", 1)[-1]: section["ros__parameters"] for name, section in sections.items()}
+    assert values["antenna_servo"]["antenna.seed"] == values["rf_receiver"]["signal.seed"] == 5
+    assert values["simulation_clock"]["speed"] == 10.0
+    assert values["simulation_clock"]["start_s"] < window.aos_t_s - 100.0
+    assert values["ephemeris_publisher"]["publisher.mask_deg"] == 40.0
+    assert values["bias_calibrator"]["calibrator.band"] == "Ka"
+    assert yaml.safe_load(yaml.safe_dump(sections)) == sections
+    assert all(name.startswith("/**/") for name in sections)
+
+
+def test_a_catalogue_number_stays_text_in_the_parameter_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(track, "get_package_share_directory", lambda _: "/share/rf_pointing")
+    options = track.arguments(RUNS)
+    sections = yaml.safe_load(yaml.safe_dump(track.overrides(options, track.choose_pass(options))))
+    assert sections["/**/ephemeris_publisher"]["ros__parameters"]["source.satellite"] == "28057"
+
+
+def test_near_real_time_the_clock_ticks_with_the_servo(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(track, "get_package_share_directory", lambda _: "/share/rf_pointing")
+    ticks = {}
+    for speed in ("1", "max", "50"):
+        options = track.arguments([*RUNS, "--speed", speed])
+        sections = track.overrides(options, track.choose_pass(options))
+        ticks[speed] = sections["/**/simulation_clock"]["ros__parameters"]["tick_s"]
+    assert ticks == {"1": 0.02, "max": 0.1, "50": 0.1}
+
+
+def test_an_existing_bag_is_refused_and_nothing_is_made(tmp_path: Path) -> None:
+    bag = tmp_path / "mine"
+    bag.mkdir()
+    options = track.arguments(["--record", str(bag), "--output", str(tmp_path / "out")])
+    with pytest.raises(ValueError, match="exists already"):
+        track.output_folder(options, track.choose_pass(options))
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_output_that_holds_a_bag_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "bag").mkdir()
+    options = track.arguments(["--output", str(tmp_path)])
+    with pytest.raises(ValueError, match="holds a bag already"):
+        track.output_folder(options, track.choose_pass(options))
+
+
+def test_every_run_gets_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    options = track.arguments([])
+    window = track.choose_pass(options)
+    first, second = (track.output_folder(options, window) for _ in range(2))
+    assert first != second
+    assert str(first) == "runs/28057-20060627T045843-01"

@@ -1,0 +1,98 @@
+"""From a tracked pass to calibration data: planted mount errors come back out of the fit."""
+
+import math
+
+import numpy as np
+import pytest
+
+from rf_pointing.calibration import BiasModel
+from rf_pointing.ephemeris import Pass, TopocentricTrack, find_passes
+from rf_pointing.geometry import MDEG, JointReading, PointingError, Target
+from rf_pointing.station.calibration_log import CalibrationLog
+
+NOISE_RAD = 1.0 * MDEG
+
+
+def log(spacing_s: float = 5.0) -> CalibrationLog:
+    return CalibrationLog("Goldstone DSS-13", "X", spacing_s, 2.0 * MDEG)
+
+
+def tracked(
+    into: CalibrationLog, track: TopocentricTrack, window: Pass, model: BiasModel, random: np.random.Generator
+) -> None:
+    """Track a pass 5 mdeg beside the target; the encoders read true + model, the sensor says how far off the beam is."""
+    for t_s in np.arange(window.aos_t_s + 10.0, window.los_t_s - 10.0, 1.0):
+        for ahead in (0.0, 1.0):
+            into.take_target(track.target_at(float(t_s) + ahead))
+        sky = track.target_at(float(t_s))
+        azimuth, elevation = model.apply(
+            sky.azimuth_rad, sky.elevation_rad, sky.azimuth_rate_rad_s, sky.elevation_rate_rad_s,
+            sky.azimuth_acceleration_rad_s2, sky.elevation_acceleration_rad_s2,
+        )  # fmt: skip
+        right, up = 5.0 * MDEG, -3.0 * MDEG
+        into.take_joints(
+            JointReading(
+                t_s=float(t_s),
+                position_rad=[float(azimuth) - right / math.cos(float(elevation)), float(elevation) - up],
+                velocity_rad_s=[sky.azimuth_rate_rad_s, sky.elevation_rate_rad_s],
+            )
+        )
+        noise = NOISE_RAD * random.standard_normal(2)
+        into.take_error(
+            PointingError(
+                t_s=float(t_s), sensor="monopulse", cross_elevation_rad=right + noise[0], elevation_rad=up + noise[1]
+            )
+        )
+
+
+def test_planted_offsets_are_recovered_from_a_day_of_passes(
+    track: TopocentricTrack, window: Pass, random: np.random.Generator
+) -> None:
+    planted = BiasModel.zero().replace(azimuth_offset=2.0e-3, elevation_offset=-1.5e-3)
+    collected = log()
+    passes = find_passes(track, window.aos_t_s - 60.0, 86400.0, math.radians(5.0))
+    for one in passes:
+        tracked(collected, track, one, planted, random)
+    fitted = collected.fit(BiasModel.zero())
+    for t_s in np.linspace(window.aos_t_s + 30.0, window.los_t_s - 30.0, 20):
+        sky = track.target_at(float(t_s))
+        motion = (
+            sky.azimuth_rad, sky.elevation_rad, sky.azimuth_rate_rad_s, sky.elevation_rate_rad_s,
+            sky.azimuth_acceleration_rad_s2, sky.elevation_acceleration_rad_s2,
+        )  # fmt: skip
+        wanted, got = planted.apply(*motion), fitted.model.apply(*motion)
+        assert float(got[0] - wanted[0]) * math.cos(sky.elevation_rad) == pytest.approx(0.0, abs=1.0 * MDEG)
+        assert float(got[1] - wanted[1]) == pytest.approx(0.0, abs=1.0 * MDEG)
+    assert max(fitted.rms_rad()) < 1.3 * NOISE_RAD
+    assert len(set(collected.observations().pass_id.tolist())) == len(passes)
+
+
+def test_observations_keep_their_spacing(track: TopocentricTrack, window: Pass, random: np.random.Generator) -> None:
+    collected = log(spacing_s=10.0)
+    tracked(collected, track, window, BiasModel.zero(), random)
+    assert np.min(np.diff(collected.observations().t_s)) >= 10.0
+    assert len(collected) == pytest.approx(window.duration_s / 10.0, abs=4)
+
+
+def test_too_few_observations_are_refused() -> None:
+    with pytest.raises(ValueError, match="0 observations, must have at least 30: track a pass with a sensor first"):
+        log().fit(BiasModel.zero())
+
+
+@pytest.mark.parametrize("why", ["invalid", "no joints", "old joints", "no target"])
+def test_what_does_not_belong_together_is_no_observation(track: TopocentricTrack, window: Pass, why: str) -> None:
+    collected, t_s = log(), window.tca_t_s
+    target: Target = track.target_at(t_s)
+    if why != "no target":
+        collected.take_target(target)
+    if why != "no joints":
+        age_s = 0.5 if why == "old joints" else 0.0
+        collected.take_joints(
+            JointReading(
+                t_s=t_s - age_s, position_rad=[target.azimuth_rad, target.elevation_rad], velocity_rad_s=[0.0, 0.0]
+            )
+        )
+    collected.take_error(
+        PointingError(t_s=t_s, sensor="monopulse", cross_elevation_rad=0.0, elevation_rad=0.0, valid=why != "invalid")
+    )
+    assert len(collected) == 0

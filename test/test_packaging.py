@@ -1,0 +1,53 @@
+"""The package holds together: launch files compile, executables exist, and both packages state the same version."""
+
+import ast
+import importlib.util
+import re
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import pytest
+
+from rf_pointing import __version__
+
+ROOT = Path(__file__).parents[1]
+
+
+def executables() -> list[str]:
+    tree = ast.parse((ROOT / "setup.py").read_text())
+    for node in tree.body:
+        if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "EXECUTABLES":
+            return list(ast.literal_eval(node.value))
+    raise AssertionError("setup.py has no EXECUTABLES")
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "launch").glob("*.py")), ids=lambda path: path.name)
+def test_launch_file_compiles_and_offers_a_description(path: Path) -> None:
+    tree = ast.parse(path.read_text(), filename=str(path))
+    compile(tree, str(path), "exec")
+    assert "generate_launch_description" in {n.name for n in tree.body if isinstance(n, ast.FunctionDef)}
+
+
+@pytest.mark.parametrize("name", executables())
+def test_executable_has_a_main_in_the_node_of_its_name(name: str) -> None:
+    spec = importlib.util.find_spec(f"rf_pointing.nodes.{name}")
+    assert spec is not None
+    assert spec.origin is not None
+    assert re.search(r"^def main\(", Path(spec.origin).read_text(), re.MULTILINE)
+
+
+def test_launched_nodes_are_executables() -> None:
+    source = (ROOT / "rf_pointing/nodes/launching.py").read_text()
+    named = set()
+    for node in ast.parse(source).body:
+        if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "").endswith("_NODES"):
+            named |= set(ast.literal_eval(node.value))
+    assert named
+    assert named <= set(executables())
+
+
+def test_versions_agree() -> None:
+    for manifest in ("package.xml", "msg_defs/package.xml"):
+        found = ElementTree.parse(ROOT / manifest).getroot().findtext("version")
+        assert found == __version__, manifest
+    assert f'version="{__version__}"' in (ROOT / "setup.py").read_text()
