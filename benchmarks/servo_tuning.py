@@ -72,9 +72,11 @@ def tune(axis: int, radio_hz: float, start: np.ndarray) -> np.ndarray:
 
 def report(axis: int, radio_hz: float, values: np.ndarray, found: list[LoopQuality]) -> None:
     peaks = [max(quality.encoder_peak, quality.radio_peak) for quality in found]
-    print(f"{('azimuth', 'elevation')[axis]}, f_m {radio_hz} Hz: rms per m/s gust acceleration "
-          f"{found[0].rms_s2_per_m_s:.5f} s^2/(m/s) (worst {max(q.rms_s2_per_m_s for q in found):.5f}), "
-          f"peak sensitivity {peaks[0]:.3f} (worst {max(peaks):.3f})")
+    print(
+        f"{('azimuth', 'elevation')[axis]}, f_m {radio_hz} Hz: rms per m/s gust acceleration "
+        f"{found[0].rms_s2_per_m_s:.5f} s^2/(m/s) (worst {max(q.rms_s2_per_m_s for q in found):.5f}), "
+        f"peak sensitivity {peaks[0]:.3f} (worst {max(peaks):.3f})"
+    )
     print("   ", ", ".join(f"{name} {value:.4g}" for name, value in zip(NAMES, np.exp(values), strict=True)))
     sys.stdout.flush()
 

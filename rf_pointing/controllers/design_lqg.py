@@ -78,7 +78,9 @@ def controller_system(
     """Return the law from error to rate command, notch included, as a python-control system."""
     a, b, c = law
     core = control.ss(a - b @ state_gain - observer_gain @ c, -observer_gain, -state_gain, [[0.0]], sample_s)
-    filters = [control.ss(*section_matrices(part, sample_s), sample_s) for part in (weights.notch.section, weights.shaping)]
+    filters = [
+        control.ss(*section_matrices(part, sample_s), sample_s) for part in (weights.notch.section, weights.shaping)
+    ]
     return filters[0] * filters[1] * core
 
 

@@ -16,7 +16,7 @@ from launch_ros.event_handlers import OnStateTransition
 from launch_ros.events.lifecycle import ChangeState
 from lifecycle_msgs.msg import Transition
 
-__all__ = ["SIMULATION_NODES", "STATION_NODES", "common_arguments", "managed_nodes"]
+__all__ = ["SIMULATION_NODES", "STATION_NODES", "autostart", "common_arguments", "managed_nodes"]
 
 STATION_NODES = (
     "monopulse_tracker",
@@ -57,7 +57,7 @@ def managed_nodes(context: Any, names: Sequence[str]) -> list[Any]:
         node = _node(name, given, simulated="simulation_clock" in names)
         actions.append(node)
         if given("autostart") == "true":
-            actions += _autostart(node)
+            actions += autostart(node)
     return actions
 
 
@@ -81,8 +81,8 @@ def _node(name: str, given: Any, *, simulated: bool) -> LifecycleNode:
     )
 
 
-def _autostart(node: LifecycleNode) -> list[Any]:
-    """Configure at once, activate a moment after."""
+def autostart(node: LifecycleNode) -> list[Any]:
+    """Return the actions that configure `node` at once and activate it a moment after."""
 
     def change(transition: int) -> EmitEvent:
         return EmitEvent(event=ChangeState(lifecycle_node_matcher=matches_action(node), transition_id=transition))

@@ -31,9 +31,7 @@ class Recorder:
         notes: Mapping[str, str] | None = None,
     ) -> None:
         self._node = node
-        self._writer = BagWriter(
-            path, definitions(Path(get_package_share_directory("rf_pointing_msgs"))), notes=notes
-        )
+        self._writer = BagWriter(path, definitions(Path(get_package_share_directory("rf_pointing_msgs"))), notes=notes)
         self._subscriptions = [self._subscribe(topic, f"{namespace}/{topic.name}") for topic in topics]
 
     def expected(self) -> list[str]:

@@ -154,7 +154,9 @@ class Run:
         self._client = ActionClient(self._node, TrackPass, "track_pass")
         self._progress = ProgressLine()
         self._stopping = False
-        self.recorder = Recorder(self._node, options.namespace, Path(options.record or output / "bag"), notes=notes(options))
+        self.recorder = Recorder(
+            self._node, options.namespace, Path(options.record or output / "bag"), notes=notes(options)
+        )
 
     def spin(self, timeout_s: float) -> None:
         """Handle one event, or wait for one."""

@@ -120,9 +120,7 @@ def _errors(experiment: Experiment) -> list[Row]:
         data = experiment.recordings[driven]
         straight_model = experiment.models[driven, driven].model
         held = range(FITTED, FITTED + HELD_OUT)
-        straight = [
-            check_straight(straight_model, data.input_rad_s[k], data.output_rad(driven)[k]) for k in held
-        ]
+        straight = [check_straight(straight_model, data.input_rad_s[k], data.output_rad(driven)[k]) for k in held]
         cross = [
             check_cross(
                 experiment.models[driven, other].model,

@@ -126,7 +126,15 @@ def _gains() -> list[Row]:
     plain, notch = (PLAIN, PLAIN), (NOTCH, NOTCH)
     cases = [
         (f"notch, f_m {NOTCH_HZ} Hz", _peak_errors(NOTCH_HZ, notch=True)[0], _plant(), notch, NOTCH_HZ, 9.0, 3.0),
-        (f"beta = 0.33, f_m {BETA_HZ} Hz", _peak_errors(BETA_HZ, beta=BETA)[0], _plant(beta=BETA), plain, BETA_HZ, 7.0, 3.0),
+        (
+            f"beta = 0.33, f_m {BETA_HZ} Hz",
+            _peak_errors(BETA_HZ, beta=BETA)[0],
+            _plant(beta=BETA),
+            plain,
+            BETA_HZ,
+            7.0,
+            3.0,
+        ),
     ]
     return [
         Row(

@@ -77,7 +77,9 @@ def fly(setup: PassSetup) -> PassErrors:
     count = round((setup.end_s - setup.start_s) / TICK_S)
     times = setup.start_s + TICK_S * np.arange(count + 1)
     ephemeris = setup.orbit.at(times)
-    truth = np.column_stack([setup.orbit.at(times - late).position_rad[:, axis] for axis, late in enumerate(setup.late_s)])
+    truth = np.column_stack(
+        [setup.orbit.at(times - late).position_rad[:, axis] for axis, late in enumerate(setup.late_s)]
+    )
     radio = _Radio(setup)
     plant = AntennaPlant(setup.plant, random_stream(setup.seed, "encoder"), ephemeris.position_rad[0])
     wind = Wind(setup.wind, random_stream(setup.seed, "wind"))
@@ -103,7 +105,9 @@ def fly(setup: PassSetup) -> PassErrors:
     later = slice(1, count + 1)
     sky = np.column_stack([np.cos(truth[later, 1]), np.ones(count)])
     deviation = (truth - ephemeris.position_rad)[later]
-    return PassErrors(np.asarray(times[later]), beam * sky, encoder * sky, deviation * sky, np.array(radio.taken).reshape(-1, 2))
+    return PassErrors(
+        np.asarray(times[later]), beam * sky, encoder * sky, deviation * sky, np.array(radio.taken).reshape(-1, 2)
+    )
 
 
 def _settle(plant: AntennaPlant, loops: list[PositionLoop], position: Array, velocity: Array) -> None:

@@ -131,7 +131,9 @@ def _total_mdeg(qualities: list[LoopQuality]) -> float:
 
 def _best(seed: int) -> list[Row]:
     tuned = dss13_loops("tuned")
-    flown = [_flown_mdeg(loops, f_m, seed) for loops, f_m in (((PUBLISHED,) * 2, 0.0), (tuned, TUNED_RADIO_BANDWIDTH_HZ))]
+    flown = [
+        _flown_mdeg(loops, f_m, seed) for loops, f_m in (((PUBLISHED,) * 2, 0.0), (tuned, TUNED_RADIO_BANDWIDTH_HZ))
+    ]
     nominal = _qualities(tuned, TUNED_RADIO_BANDWIDTH_HZ, Variation())
     varied = [_qualities(tuned, TUNED_RADIO_BANDWIDTH_HZ, variation) for variation in VARIATIONS]
     worst = max(_total_mdeg(quality) for quality in varied)
@@ -167,7 +169,9 @@ def _lqg() -> list[Row]:
         f"costs bandwidth; margins {designs[1].gain_margin_db:.1f} dB, {math.degrees(designs[1].phase_margin_rad):.0f} deg"
     )
     return [
-        _row("LQG with integral action, 8 m/s, LEO pass: total radial error (linear)", total, 0.5, "mdeg", remark, True),
+        _row(
+            "LQG with integral action, 8 m/s, LEO pass: total radial error (linear)", total, 0.5, "mdeg", remark, True
+        ),
         _row("LQG: sensitivity peak, worst of modes +-10 % and residues +-30 %", worst, 2.0, "1"),
     ]
 

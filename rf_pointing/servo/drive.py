@@ -9,7 +9,7 @@ import math
 
 from rf_pointing.servo.parameters import AxisParams
 
-__all__ = ["DriveConstants", "axis_inputs", "drive_constants", "gear_correction"]
+__all__ = ["DriveConstants", "axis_inputs", "drive_constants", "gear_correction", "tooth_wind"]
 
 DriveConstants = tuple[float, float, float, float, float, float, float, float, float, float, float, float, float]
 
@@ -78,11 +78,11 @@ def gear_correction(deflection: float, rate: float, drive: DriveConstants) -> fl
     deflection += 0.5 * step * rate
     if abs(deflection) <= preload:
         return 0.0
-    forward, backward = _tooth(preload + deflection, play), _tooth(preload - deflection, play)
+    forward, backward = tooth_wind(preload + deflection, play), tooth_wind(preload - deflection, play)
     touching = 0.5 * (forward != 0.0) + 0.5 * (backward != 0.0)
     return stiffness * (deflection - 0.5 * (forward - backward)) + damping * rate * (1.0 - touching)
 
 
-def _tooth(wound: float, play: float) -> float:
+def tooth_wind(wound: float, play: float) -> float:
     """Return how far a train is pressed when wound by `wound`: nothing while its tooth crosses the play."""
     return max(wound, 0.0) + min(wound + 2.0 * play, 0.0)

@@ -111,7 +111,7 @@ class Subject(ManagedNode):
 
 
 @pytest.fixture
-def subject(default_context: None) -> Any:  # noqa: ARG001
+def subject(default_context: None) -> Any:
     """Yield a managed node."""
     node = Subject()
     yield node
@@ -119,7 +119,9 @@ def subject(default_context: None) -> Any:  # noqa: ARG001
     node.destroy_node()
 
 
-@pytest.mark.parametrize("refusal", [ValueError("gain=9 must be <= 5"), FileNotFoundError(2, "No such file", "model.yaml")])
+@pytest.mark.parametrize(
+    "refusal", [ValueError("gain=9 must be <= 5"), FileNotFoundError(2, "No such file", "model.yaml")]
+)
 def test_a_refused_configuration_leaves_nothing_behind_and_says_why(subject: Subject, refusal: Exception) -> None:
     before = subject.count_publishers("managed_subject/target")
     subject.refusal = refusal

@@ -58,7 +58,9 @@ def unchanged(made: ParameterGroups) -> bool:
 
 
 def set_all(node: Any, **values: Any) -> Any:
-    return node.set_parameters_atomically([Parameter(f"axis.{k.replace('__', '.')}", value=v) for k, v in values.items()])
+    return node.set_parameters_atomically(
+        [Parameter(f"axis.{k.replace('__', '.')}", value=v) for k, v in values.items()]
+    )
 
 
 def test_every_field_is_declared_with_description_and_unit(make_node: MakeNode) -> None:
@@ -159,7 +161,9 @@ def test_a_change_reaches_core_and_listeners_once(make_node: MakeNode) -> None:
         ({"count": 3.0}, ["Wrong parameter type, expected 'Type.INTEGER' got 'Type.DOUBLE'"]),
     ],
 )
-def test_a_refused_change_leaves_every_set_as_it_was(make_node: MakeNode, values: dict[str, Any], words: list[str]) -> None:
+def test_a_refused_change_leaves_every_set_as_it_was(
+    make_node: MakeNode, values: dict[str, Any], words: list[str]
+) -> None:
     node = make_node()
     made = groups(node)
     result = set_all(node, **values)

@@ -53,6 +53,7 @@ class RunTask:
     trials: int
     seed: int
     published: bool = False
+    start_s: float = 0.0
     duration_s: float = 5000.0
     settled_s: float = 2000.0
     pool: int = 20_000
@@ -82,7 +83,7 @@ def run(task: RunTask) -> list[CaseResult]:
     """Return one result per case of `task`."""
     require_between("trials", task.trials, 1, None)
     require_between("settled_s", task.settled_s, 0.0, task.duration_s - STEP_S)
-    scene = nadir_scene(task.duration_s)
+    scene = nadir_scene(task.duration_s, task.start_s)
     stream = random_stream(task.seed, f"doa_{task.cases[0]}_{len(task.cases)}_{task.trials}")
     picks = np.linspace(0, len(scene.t_s) - 1, task.pool).astype(int)
     pools = _pools(task, scene.reference[picks], stream)

@@ -25,6 +25,7 @@ def attitude_rows(tables: dict[DirectionCase, CaseResult]) -> list[Row]:
     for (snapshots, snr_db), printed in PRINTED.items():
         grid = tables[DirectionCase(snapshots=snapshots, snr_db=snr_db, refined=False)]
         refined = tables[DirectionCase(snapshots=snapshots, snr_db=snr_db)]
+        reason = _reason(grid, refined)
         for axis, paper in zip(AXES, printed[2:], strict=True):
             found.append(
                 Row(
@@ -34,8 +35,9 @@ def attitude_rows(tables: dict[DirectionCase, CaseResult]) -> list[Row]:
                     ours=getattr(grid, f"{axis}_deg"),
                     unit="deg",
                     tolerance=0.1,
-                    remark=f"refined peak {getattr(refined, f'{axis}_deg'):.3f} deg; {_why(grid, refined)}",
-                    explained=True,
+                    remark=f"refined peak {getattr(refined, f'{axis}_deg'):.3f} deg"
+                    + (f"; {reason}" if reason else ""),
+                    explained=bool(reason),
                 )
             )
         if (snapshots, snr_db) in FAIR:
@@ -128,7 +130,7 @@ def _fair_rows(grid: CaseResult, refined: CaseResult) -> list[Row]:
         found.append(
             Row(
                 quantity=f"worst axis, {case_name(*case)}, {name}",
-                source="fair range of the tables",
+                source="attainable range",
                 paper=limit,
                 ours=_worst(result),
                 unit="deg",
@@ -139,7 +141,7 @@ def _fair_rows(grid: CaseResult, refined: CaseResult) -> list[Row]:
         found.append(
             Row(
                 quantity=f"RMSE of theta / worst axis, {case_name(*case)}, {name}",
-                source="fair range of the tables",
+                source="attainable range",
                 paper=4.0,
                 ours=result.theta_deg / _worst(result),
                 unit="1",
@@ -172,8 +174,8 @@ def _worst(result: CaseResult) -> float:
     return max(result.yaw_deg, result.roll_deg, result.pitch_deg)
 
 
-def _why(grid: CaseResult, refined: CaseResult) -> str:
-    """Return the measured reason where ours cannot equal the paper's."""
+def _reason(grid: CaseResult, refined: CaseResult) -> str:
+    """Return the measured reason where ours cannot equal the paper's, empty where it should."""
     lost = [int(np.sum(result.history_deg[-1] > 10.0)) for result in (grid, refined)]
     if grid.outliers > 1e-3:
         trials = grid.history_deg.shape[1]
@@ -183,4 +185,4 @@ def _why(grid: CaseResult, refined: CaseResult) -> str:
         )
     if _worst(grid) > 2.0 * _worst(refined):
         return "the error of the grid repeats with the direction, and the filter cannot average it away"
-    return "Q, orbit and stations are ours"
+    return ""

@@ -1,0 +1,12 @@
+"""DOA: a simulated satellite whose array hears ground stations, and its attitude.
+
+ros2 launch rf_pointing doa.launch.py namespace:=doa
+"""
+
+from launch import LaunchDescription
+from rf_pointing.nodes.launching_arrays import array_description
+
+
+def generate_launch_description() -> LaunchDescription:
+    """Return the description."""
+    return array_description("doa")

@@ -1,0 +1,12 @@
+"""Polarized interferometer: a simulated approach of two spacecraft, and their relative pose.
+
+ros2 launch rf_pointing interferometer.launch.py namespace:=interferometer
+"""
+
+from launch import LaunchDescription
+from rf_pointing.nodes.launching_arrays import array_description
+
+
+def generate_launch_description() -> LaunchDescription:
+    """Return the description."""
+    return array_description("interferometer")

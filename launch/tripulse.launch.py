@@ -1,0 +1,12 @@
+"""Tripulse: the simulated satellite, a receiver in the namespace of each of its two stations, and the attitude.
+
+ros2 launch rf_pointing tripulse.launch.py namespace:=tripulse
+"""
+
+from launch import LaunchDescription
+from rf_pointing.nodes.launching_arrays import array_description
+
+
+def generate_launch_description() -> LaunchDescription:
+    """Return the description."""
+    return array_description("tripulse")
