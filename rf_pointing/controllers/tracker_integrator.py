@@ -107,10 +107,14 @@ class TrackerIntegrator:
         state = self._state
         if t_s < state.t_s:
             raise ValueError(f"t_s={t_s} must be >= {state.t_s}, the time of the latest update")
-        offset = state.offset_rad + state.rate_rad_s * (min(t_s, state.end_s) - state.t_s)
-        limit = self._params.offset_limit_rad
-        moving = (np.abs(offset) < limit) if t_s < state.end_s else np.zeros(2, dtype=bool)
-        return self._clamped(offset), np.where(moving, state.rate_rad_s, 0.0)
+        limit, passed_s = self._params.offset_limit_rad, min(t_s, state.end_s) - state.t_s
+        offsets, rates = [0.0, 0.0], [0.0, 0.0]
+        for axis, (offset, rate) in enumerate(zip(state.offset_rad.tolist(), state.rate_rad_s.tolist(), strict=True)):
+            now = offset + rate * passed_s
+            offsets[axis] = min(max(now, -limit), limit)
+            if t_s < state.end_s and abs(now) < limit:
+                rates[axis] = rate
+        return np.array(offsets), np.array(rates)
 
     def _settle(self, t_s: float) -> None:
         require_finite("t_s", t_s)

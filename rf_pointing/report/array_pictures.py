@@ -42,7 +42,7 @@ def _columns(axes: Any, series: ArraySeries, first: int, what: str) -> None:
         left, right = axes[row, first], axes[row, first + 1]
         _draw_values(left, series, [column[:, row] for column in values])
         left.set_ylabel(f"{names[row]}, {units[0]}")
-        _draw_error(right, series, error[:, row], sigma[:, row])
+        _draw_error(right, series, error[:, row], sigma[:, row], units[1])
         right.set_ylabel(f"error {errors[row]}, {units[1]}")
     for place in (first, first + 1):
         axes[2, place].set_xlabel("simulation time from the first epoch, s")
@@ -76,7 +76,7 @@ def _draw_values(axes: Any, series: ArraySeries, values: list[Floats]) -> None:
     _limit(axes, np.concatenate([values[0], values[1][valid]]))
 
 
-def _draw_error(axes: Any, series: ArraySeries, error: Floats, sigma: Floats) -> None:
+def _draw_error(axes: Any, series: ArraySeries, error: Floats, sigma: Floats, unit: str) -> None:
     valid = series.valid
     time, error, three_sigma = series.t_s[valid], error[valid], 3.0 * sigma[valid]
     axes.fill_between(time, -three_sigma, three_sigma, color=_FOUND, alpha=0.15, lw=0.0, label="3 sigma")
@@ -86,7 +86,7 @@ def _draw_error(axes: Any, series: ArraySeries, error: Floats, sigma: Floats) ->
         return
     inside = 100.0 * float(np.mean(np.abs(error) <= three_sigma))
     axes.annotate(
-        f"rms {np.sqrt(np.mean(error**2)):.3g}, {inside:.1f} % inside",
+        f"rms {np.sqrt(np.mean(error**2)):.3g} {unit}, {inside:.1f} % inside",
         (1.0, 1.0),
         xycoords="axes fraction",
         xytext=(-3, -3),

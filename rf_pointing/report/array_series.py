@@ -118,7 +118,7 @@ def _common(estimates: Messages, truth: Messages, bag: Path) -> list[int]:
 
 
 def _seconds(stamps: list[int]) -> Floats:
-    return np.array([(stamp - stamps[0]) * 1e-9 for stamp in stamps])
+    return np.array([(stamp - stamps[0]) / 1e9 for stamp in stamps])
 
 
 def _components(message: Any, names: str) -> list[float]:

@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 
 PLAIN = PositionLoopParams(notch_enabled=False)
 NO_FEEDFORWARD = PLAIN.replace(feedforward_gain=0.0)
+SPAN_S = (-200.0, 200.0)
 SETTLE_S = 60.0
 START_S, WINDOW_S = -400.0, 30.0
 PAPER_MDEG = {"elevation": 1.4, "cross-elevation": 0.2}
@@ -24,9 +25,9 @@ START_TOLERANCE_MDEG = {"elevation": 0.4, "cross-elevation": 0.1}
 
 def feedforward_rows() -> list[Row]:
     """Return tracking errors on a pass and properties of the closed-loop gain."""
-    with_it = fly(PassSetup(loops=(PLAIN, PLAIN), start_s=-250.0, end_s=250.0)).after(-250.0 + SETTLE_S)
-    without = fly(PassSetup(loops=(NO_FEEDFORWARD, NO_FEEDFORWARD), start_s=-250.0, end_s=250.0))
-    without = without.after(-250.0 + SETTLE_S)
+    with_it = fly(PassSetup(loops=(PLAIN, PLAIN), start_s=SPAN_S[0], end_s=SPAN_S[1])).after(SPAN_S[0] + SETTLE_S)
+    without = fly(PassSetup(loops=(NO_FEEDFORWARD, NO_FEEDFORWARD), start_s=SPAN_S[0], end_s=SPAN_S[1]))
+    without = without.after(SPAN_S[0] + SETTLE_S)
     return [*_settled(with_it.beam_rad), *_start(), *_without(without.beam_rad, with_it.beam_rad), *_gain()]
 
 
@@ -67,7 +68,7 @@ def _start() -> list[Row]:
 
 def _without(error: Array, with_it: Array) -> list[Row]:
     """Without feedforward the error is r'' / k_i; the pass is slow enough for its steady form."""
-    motion = PassSetup().orbit.at(np.arange(-250.0 + SETTLE_S, 250.0, 0.02))
+    motion = PassSetup().orbit.at(np.arange(SPAN_S[0] + SETTLE_S, SPAN_S[1], 0.02))
     scale = np.column_stack([np.cos(motion.position_rad[:, 1]), np.ones(len(motion.t_s))])
     steady = np.max(np.abs(motion.acceleration_rad_s2 * scale), axis=0) / NO_FEEDFORWARD.integral_gain
     peak, peak_with = np.max(np.abs(error), axis=0), np.max(np.abs(with_it), axis=0)

@@ -27,8 +27,8 @@ OPERATING_HZ = 0.04
 NOTCH_HZ = 0.3
 BETA_HZ = 0.2
 LATE_S = (0.00529, 0.0467)
-SPAN_S = (-250.0, 150.0)
-SETTLE_S = 90.0
+SPAN_S = (-150.0, 80.0)
+SETTLE_S = 70.0
 PINION = {0: (1.43, 0.14, 1.44), 60: (0.76, 0.08, 0.77), 90: (0.35, 0.07, 0.36)}
 
 
@@ -58,7 +58,7 @@ def _peak_errors(
     setup = PassSetup(
         plant=_plant(beta=beta, pinion_deg=pinion_deg),
         loops=(loop, loop),
-        bandwidth_hz=(f_m, f_m),
+        bandwidth_hz=f_m,
         late_s=LATE_S,
         radio_period_s=period_s,
         radio_delay_s=0.1 if period_s == 0.1 else 0.0,
@@ -94,7 +94,7 @@ def _mistuning() -> list[Row]:
     sampled = fly(
         PassSetup(
             loops=(NOTCH, NOTCH.replace(notch_frequency_hz=0.9 * 2.12)),
-            bandwidth_hz=(0.4, 0.4),
+            bandwidth_hz=0.4,
             late_s=LATE_S,
             start_s=-60.0,
             end_s=0.0,
@@ -187,8 +187,7 @@ def _pinion_row(quantity: str, paper: float, ours: float, tolerance: float, unit
 
 def _sampling() -> list[Row]:
     slow, fast = _peak_errors(OPERATING_HZ)[0], _peak_errors(OPERATING_HZ, period_s=0.02)[0]
-    deviation = PassSetup(late_s=LATE_S)
-    motion = deviation.orbit.at(np.arange(SPAN_S[0] + SETTLE_S, SPAN_S[1], 0.1))
+    motion = PassSetup().orbit.at(np.arange(SPAN_S[0] + SETTLE_S, SPAN_S[1], 0.1))
     open_loop = float(np.max(np.abs(motion.velocity_rad_s[:, 1]))) * LATE_S[1] / MDEG
     return [
         Row(

@@ -40,7 +40,7 @@ class PassSetup:
     orbit: LowOrbitPass = field(default_factory=LowOrbitPass)
     start_s: float = -300.0
     end_s: float = 300.0
-    bandwidth_hz: tuple[float, float] = (0.0, 0.0)
+    bandwidth_hz: float = 0.0
     radio_period_s: float = 0.1
     radio_delay_s: float = 0.1
     radio_noise_rad: float = 0.0
@@ -87,9 +87,10 @@ def fly(setup: PassSetup) -> PassErrors:
     if setup.settled:
         _settle(plant, loops, ephemeris.position_rad[0], ephemeris.velocity_rad_s[0])
     beam, encoder = np.zeros((count, 2)), np.zeros((count, 2))
-    rows = zip(ephemeris.position_rad, ephemeris.velocity_rad_s, ephemeris.acceleration_rad_s2, strict=True)
+    commands = (ephemeris.position_rad, ephemeris.velocity_rad_s, ephemeris.acceleration_rad_s2)
+    rows = zip(*(part.tolist() for part in commands), strict=True)
     for k, (position, velocity, acceleration) in zip(range(count), rows, strict=False):
-        measured = plant.encoder_rad
+        measured = plant.encoder_rad.tolist()
         radio.tick(k, truth[k] - plant.beam_rad, math.cos(position[1]))
         offset, rate = radio.at(k)
         applied = [
@@ -127,11 +128,10 @@ class _Radio:
         self._period = round(setup.radio_period_s / TICK_S)
         self._delay = round(setup.radio_delay_s / TICK_S)
         self._random = random_stream(setup.seed, "radio")
-        self._integrators = [
-            TrackerIntegrator(TrackerIntegratorParams(bandwidth_hz=f_m, sample_s=setup.radio_period_s))
-            for f_m in setup.bandwidth_hz
-        ]
-        self._on = max(setup.bandwidth_hz) > 0.0
+        self._on = setup.bandwidth_hz > 0.0
+        self._integrator = TrackerIntegrator(
+            TrackerIntegratorParams(bandwidth_hz=setup.bandwidth_hz, sample_s=setup.radio_period_s)
+        )
         self._samples: list[Array] = []
         self._due: list[tuple[int, Array]] = []
         self.taken: list[Array] = []
@@ -151,12 +151,11 @@ class _Radio:
         while self._due and self._due[0][0] <= k:
             error = self._due.pop(0)[1]
             self.taken.append(error)
-            for axis, integrator in enumerate(self._integrators):
-                integrator.update(k * TICK_S, (error[axis], 0.0))
+            self._integrator.update(k * TICK_S, error)
 
-    def at(self, k: int) -> tuple[tuple[float, float], tuple[float, float]]:
+    def at(self, k: int) -> tuple[list[float], list[float]]:
         """Return the offsets and their rates of both axes at tick `k`."""
         if not self._on:
-            return (0.0, 0.0), (0.0, 0.0)
-        azimuth, elevation = (integrator.at(k * TICK_S) for integrator in self._integrators)
-        return (azimuth[0][0], elevation[0][0]), (azimuth[1][0], elevation[1][0])
+            return [0.0, 0.0], [0.0, 0.0]
+        offset, rate = self._integrator.at(k * TICK_S)
+        return offset.tolist(), rate.tolist()

@@ -180,7 +180,7 @@ def _flown_mdeg(loops: tuple[PositionLoopParams, ...], f_m: float, seed: int) ->
     setup = PassSetup(
         plant=dss13_plant(),
         loops=(loops[0], loops[1]),
-        bandwidth_hz=(f_m, f_m),
+        bandwidth_hz=f_m,
         start_s=SPAN_S[0],
         end_s=SPAN_S[1],
         wind=WIND_8,

@@ -168,10 +168,12 @@ class DoaAttitude:
 
     def _pieces(self, from_s: float, to_s: float) -> list[tuple[float, KnownTorque]]:
         """Return the torques held between the two times, each with its end; forget those before."""
+        if from_s >= to_s:
+            return []
         while len(self._torques) > 1 and self._torques[1].t_s <= from_s:
             self._torques.popleft()
         held = [torque for torque in self._torques if torque.t_s < to_s]
-        if from_s < to_s and (not held or held[0].t_s > from_s):
+        if not held or held[0].t_s > from_s:
             raise ValueError(f"no torque is known at {from_s} s: the attitude cannot be carried on")
         ends = [torque.t_s for torque in held[1:]] + [to_s]
         for torque, end_s in zip(held, ends, strict=True):

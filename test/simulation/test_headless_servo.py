@@ -81,7 +81,7 @@ def test_monte_carlo_gives_each_seed_its_own_run_whatever_the_number_of_workers(
 
 
 def test_error_statistics_compare_each_beam_with_the_command_of_its_own_time() -> None:
-    case = setup(ticks=2000, plant=dss13_plant(ideal=True), loops=dss13_loops("tuned"))
+    case = setup(ticks=800, plant=dss13_plant(ideal=True), loops=dss13_loops("tuned"))
     assert np.max(error_statistics(case, run_servo(case))) < 0.05 * MDEG
 
 

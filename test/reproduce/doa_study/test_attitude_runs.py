@@ -20,7 +20,7 @@ def test_filters_converge_from_50_degrees_at_the_first_hand_off() -> None:
         assert result.history_deg.shape == (680, 2)
         assert result.history_deg[1].min() > 30.0
         assert result.history_deg[660:].max() < 1.0
-        assert result.rate_history_deg_s[660:].max() < 0.01
+        assert result.rate_history_deg_s[660:].max() < 0.05
         assert result.sigma_deg < 1.0
     assert results[0].theta_deg == pytest.approx(results[2].theta_deg, rel=0.15)
 
