@@ -66,7 +66,9 @@ def closed_loop(compiled: bool) -> bool:
     """Headless two-axis closed loop against real time, plain and compiled."""
     case = setup(40.0)
     plain = run_servo(case)
-    kept = line("closed loop, 1-kHz plant, plain numpy", 40.0 / seconds(lambda: run_servo(case)), PLAIN_RATIO, "x real time")
+    kept = line(
+        "closed loop, 1-kHz plant, plain numpy", 40.0 / seconds(lambda: run_servo(case)), PLAIN_RATIO, "x real time"
+    )
     if not compiled:
         print("closed loop, compiled: numba is not installed (extra [fast])")
         return kept
@@ -109,8 +111,9 @@ def monte_carlo(runs: int, workers: int, compiled: bool) -> bool:
 
 def tick() -> bool:
     """What a node spends per 50-Hz tick: preprocessor, wind, plant with 5-ms substeps, both loops."""
-    plant, wind = AntennaPlant(dss13_plant(), random_stream(1, "encoder")), Wind(
-        WindParams(mean_speed_m_s=8.0), random_stream(1, "wind")
+    plant, wind = (
+        AntennaPlant(dss13_plant(), random_stream(1, "encoder")),
+        Wind(WindParams(mean_speed_m_s=8.0), random_stream(1, "wind")),
     )
     shaper, loops = CommandPreprocessor(CommandPreprocessorParams()), [PositionLoop(p) for p in dss13_loops("tuned")]
     shaper.reset((0.0, 0.8))
@@ -128,7 +131,9 @@ def tick() -> bool:
     line("50-Hz tick, median", 1e3 * float(np.median(times)), None, "ms")
     slow = float(np.percentile(times, 99.0))
     line("50-Hz tick, 99th percentile", 1e3 * slow, None, "ms")
-    return line("  of its period left by the 99th percentile, over 90 %", (1.0 - slow / TICK_S) / (1.0 - TICK_SHARE), 1.0, "1")
+    return line(
+        "  of its period left by the 99th percentile, over 90 %", (1.0 - slow / TICK_S) / (1.0 - TICK_SHARE), 1.0, "1"
+    )
 
 
 def main() -> int:

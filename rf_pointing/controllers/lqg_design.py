@@ -92,6 +92,6 @@ class LqgDesign:
         unknown, missing = sorted(set(values) - set(cls.__slots__)), sorted(set(cls.__slots__) - set(values))
         if unknown or missing:
             raise ValueError(f"LQG design has unknown keys {unknown} and lacks {missing}")
-        parts = {name: np.array(values[name], dtype=np.float64) for name in _MATRICES}
+        parts: dict[str, Any] = {name: np.array(values[name], dtype=np.float64) for name in _MATRICES}
         numbers = {name: values[name] for name in cls.__slots__ if name not in _MATRICES and name != "weights"}
         return cls(**parts, **numbers, weights=LqgWeights.from_mapping(values["weights"]))

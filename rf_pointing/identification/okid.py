@@ -53,11 +53,12 @@ def observer_markov(inputs: ArrayLike, outputs: ArrayLike, order: int) -> Observ
     solution, _, rank, singular = np.linalg.lstsq(triangle[:-1, :-1], triangle[:-1, -1], rcond=1e-13)
     if rank < rows.shape[1]:
         raise ValueError(f"order={order} needs {rows.shape[1]} independent regressors, the data excite {rank}")
-    ratio, solution = scale_y / scale_u, np.asarray(solution, dtype=np.float64)
+    ratio = scale_y / scale_u
+    markov: Array = np.asarray(solution, dtype=np.float64)
     return ObserverMarkov(
-        float(solution[0]) * ratio,
-        solution[1 : order + 1] * ratio,
-        solution[order + 1 :].copy(),
+        float(markov[0]) * ratio,
+        np.asarray(markov[1 : order + 1] * ratio, dtype=np.float64),
+        markov[order + 1 :].copy(),
         float(abs(triangle[-1, -1])) * scale_y / np.sqrt(len(target)),
         float(singular[0] / singular[-1]),
     )

@@ -115,7 +115,7 @@ def _mistuning() -> list[Row]:
             tolerance=0.0,
             remark=conflict,
             explained=True,
-            **common,  # type: ignore[arg-type]
+            **common,
         ),
     ]
 
@@ -144,8 +144,8 @@ def _gains() -> list[Row]:
             ours=base / error,
             unit="1",
             tolerance=tolerance,
-            remark=f"{base:.2f} mdeg to {error:.3f} mdeg; Ms {peak_sensitivity(plant, loops, 1, f_m):.2f}. Paper 'about tenfold' "
-            f"at the edge of stability: at f_m 0.4 Hz Ms is {peak_sensitivity(plant, loops, 1, 0.4):.1f}",
+            remark=f"{base:.2f} mdeg to {error:.3f} mdeg; Ms {peak_sensitivity(plant, loops, 1, f_m):.2f}. Paper 'about "
+            f"tenfold' at the edge of stability: at f_m 0.4 Hz Ms is {peak_sensitivity(plant, loops, 1, 0.4):.1f}",
         )
         for name, error, plant, loops, f_m, paper, tolerance in cases
     ]

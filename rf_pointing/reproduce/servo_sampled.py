@@ -66,13 +66,14 @@ class AxisResponse:
     @cached_property
     def from_command(self) -> ComplexArray:
         """Response (f, 2) of encoder and beam to the rate command."""
-        z = np.exp(2j * np.pi * self.frequency_hz * SAMPLE_S)
+        z: ComplexArray = np.asarray(np.exp(2j * np.pi * self.frequency_hz * SAMPLE_S))
         return self._solve(z, self._step[:, :-1], self._step[:, -1:])
 
     @cached_property
     def from_wind(self) -> ComplexArray:
         """Response (f, 2) of encoder and beam to wind acceleration."""
-        return self._solve(2j * np.pi * self.frequency_hz, self._a, self._wind)
+        s: ComplexArray = np.asarray(2j * np.pi * self.frequency_hz, dtype=np.complex128)
+        return self._solve(s, self._a, self._wind)
 
     def closed_radius(self, law: Matrices) -> float:
         """Return the spectral radius of the encoder loop under a law from error to rate (a, b, c, d)."""

@@ -119,7 +119,8 @@ def _wind_gain() -> tuple[float, float]:
 
 
 def _qualities(laws: Laws, radio_hz: float, variation: Variation) -> list[LoopQuality]:
-    return [loop_quality(_response(axis, variation), law, radio_hz, 8.0) for axis, law in enumerate(laws)]
+    chosen: list[PositionLoopParams | LqgDesign] = [laws[0], laws[1]]
+    return [loop_quality(_response(axis, variation), law, radio_hz, 8.0) for axis, law in enumerate(chosen)]
 
 
 def _total_mdeg(qualities: list[LoopQuality]) -> float:

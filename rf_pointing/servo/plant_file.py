@@ -28,7 +28,7 @@ def plant_from_mapping(values: Mapping[str, Any]) -> PlantParams:
     ValueError
         For a missing or unknown key (named with its axis), or a value outside its range.
     """
-    axes = {}
+    axes: dict[str, Any] = {}
     for name in _AXES:
         if not isinstance(values.get(name), Mapping):
             raise ValueError(f"plant needs {name} with its own keys")

@@ -101,7 +101,8 @@ def error_statistics(setup: ServoRunSetup, run: ServoRun) -> Array:
     half = len(run.beam_rad) // 2
     error = setup.position_rad[half + 1 :] - run.beam_rad[half:-1]
     error[:, 0] *= np.cos(setup.position_rad[half + 1 :, 1])
-    return np.sqrt(np.mean(error**2, axis=0))
+    rms: Array = np.sqrt(np.mean(error**2, axis=0))
+    return rms
 
 
 def _batch(setup: ServoRunSetup, seeds: Sequence[int], compiled: bool) -> Array:

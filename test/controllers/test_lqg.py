@@ -35,7 +35,7 @@ def antenna() -> control.StateSpace:
 def modal_antenna() -> tuple[np.ndarray, ...]:
     """The same in block-diagonal form with one exact integrator, as an identified model comes."""
     system = antenna()
-    poles, vectors = np.linalg.eig(system.A)
+    poles, _vectors = np.linalg.eig(system.A)
     integrator = int(np.argmin(np.abs(poles - 1.0)))
     assert abs(poles[integrator] - 1.0) < 1e-7
     return system.A, system.B, system.C, system.D

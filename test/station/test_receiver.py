@@ -34,7 +34,7 @@ def received(receiver: SimulatedReceiver, track: TopocentricTrack, start_s: floa
 
 
 def test_looking_ahead_in_blocks_gives_the_directions_of_the_instants(track: TopocentricTrack, window: Pass) -> None:
-    start_s = round(window.tca_t_s, 2)
+    start_s = math.floor(window.tca_t_s) + TICK_S
     receptions = received(SimulatedReceiver(PARAMS, track), track, start_s, 5 * BLOCK)
     assert len(receptions) == BLOCK
     for reception in receptions:
@@ -47,7 +47,7 @@ def test_looking_ahead_in_blocks_gives_the_directions_of_the_instants(track: Top
 
 
 def test_a_cluster_holds_the_samples_between_two_receptions(track: TopocentricTrack, window: Pass) -> None:
-    start_s = round(window.tca_t_s, 2)
+    start_s = math.floor(window.tca_t_s) + TICK_S
     first, second = received(SimulatedReceiver(PARAMS, track), track, start_s, 10)
     np.testing.assert_allclose(first.cluster.t_s, start_s + TICK_S * np.arange(5), atol=1e-6)
     np.testing.assert_allclose(second.cluster.t_s, start_s + TICK_S * np.arange(5, 10), atol=1e-6)
@@ -57,7 +57,7 @@ def test_a_cluster_holds_the_samples_between_two_receptions(track: TopocentricTr
 
 def test_a_gap_and_a_step_back_change_the_directions_not_the_sense(track: TopocentricTrack, window: Pass) -> None:
     """After any jump of time the block is computed anew."""
-    receiver, start_s = SimulatedReceiver(PARAMS, track), round(window.tca_t_s, 2)
+    receiver, start_s = SimulatedReceiver(PARAMS, track), math.floor(window.tca_t_s) + TICK_S
     for begin_s in (start_s, start_s + 33.0, start_s - 120.0):
         last = received(receiver, track, begin_s, 10)[-1].truth
         k = 9
@@ -67,7 +67,7 @@ def test_a_gap_and_a_step_back_change_the_directions_not_the_sense(track: Topoce
 
 
 def test_a_step_back_in_time_drops_the_begun_cluster(track: TopocentricTrack, window: Pass) -> None:
-    receiver, start_s = SimulatedReceiver(PARAMS, track), round(window.tca_t_s, 2)
+    receiver, start_s = SimulatedReceiver(PARAMS, track), math.floor(window.tca_t_s) + TICK_S
     assert received(receiver, track, start_s, 3) == []
     assert received(receiver, track, start_s - 10.0, 4) == []
     assert len(received(receiver, track, start_s - 10.0 + 4 * TICK_S, 1)) == 1
@@ -76,7 +76,7 @@ def test_a_step_back_in_time_drops_the_begun_cluster(track: TopocentricTrack, wi
 @pytest.mark.parametrize("before", [1, 2, 4])
 def test_a_gap_in_a_cluster_starts_a_new_one(track: TopocentricTrack, window: Pass, before: int) -> None:
     """Samples of two sides of a gap in one cluster would put the satellite where it never was."""
-    receiver, start_s = SimulatedReceiver(PARAMS, track), round(window.tca_t_s, 2)
+    receiver, start_s = SimulatedReceiver(PARAMS, track), math.floor(window.tca_t_s) + TICK_S
     assert received(receiver, track, start_s, before) == []
     (reception,) = received(receiver, track, start_s + 3.0, 5)
     np.testing.assert_allclose(reception.cluster.t_s, start_s + 3.0 + TICK_S * np.arange(5), atol=1e-6)
@@ -84,7 +84,7 @@ def test_a_gap_in_a_cluster_starts_a_new_one(track: TopocentricTrack, window: Pa
 
 
 def test_below_the_horizon_there_is_no_signal(track: TopocentricTrack, window: Pass) -> None:
-    reception = received(SimulatedReceiver(PARAMS, track), track, round(window.aos_t_s - 400.0, 2), 5)[0]
+    reception = received(SimulatedReceiver(PARAMS, track), track, math.floor(window.aos_t_s) - 400.0 + TICK_S, 5)[0]
     assert track.target_at(reception.truth.t_s).elevation_rad < 0.0
     assert reception.truth.carrier_to_noise_db_hz == 0.0
     assert reception.cluster.carrier_to_noise_db_hz < 25.0
@@ -92,7 +92,7 @@ def test_below_the_horizon_there_is_no_signal(track: TopocentricTrack, window: P
 
 def test_off_the_axis_the_difference_grows_and_the_carrier_weakens(track: TopocentricTrack, window: Pass) -> None:
     """A beam 8 mdeg left of the target, so the target is right of it: the real part of delta/sum is positive."""
-    t_s = round(window.tca_t_s, 2)
+    t_s = math.floor(window.tca_t_s) + TICK_S
 
     def ratio(right_rad: float) -> tuple[float, float]:
         receiver = SimulatedReceiver(PARAMS, track)
@@ -111,7 +111,7 @@ def test_off_the_axis_the_difference_grows_and_the_carrier_weakens(track: Topoce
 
 
 def test_one_seed_gives_the_same_samples_and_another_seed_others(track: TopocentricTrack, window: Pass) -> None:
-    start_s = round(window.tca_t_s, 2)
+    start_s = math.floor(window.tca_t_s) + TICK_S
     first, again, other = (
         received(SimulatedReceiver(PARAMS.replace(seed=seed), track), track, start_s, 20)[-1].cluster.sum
         for seed in (1, 1, 2)
