@@ -26,17 +26,17 @@ need() {
 
 digest() { cat "$@" | sha256sum | cut -d' ' -f1; }
 
-# once STAMP DIGEST COMMAND...: run the command unless it already succeeded for this digest.
+# once STAMP DIGEST MESSAGE COMMAND...: run the command unless it already succeeded for this digest.
 once() {
-  local stamp=$STATE/$1 want=$2
-  shift 2
+  local stamp=$STATE/$1 want=$2 message=$3
+  shift 3
   [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$want" ] && return
+  say "$message"
   "$@" >>"$LOG" 2>&1 || { tail -n 15 "$LOG" >&2; die "set-up step '$*' failed; the whole log is $LOG"; }
   echo "$want" >"$stamp"
 }
 
 make_wheel_environment() {
-  say "building the Python environment from pinned wheels (a few minutes, once)"
   local r=$ROOT/requirements
   python3 -m venv --clear "$STATE/env" &&
     "$STATE/env/bin/python" -m pip install --disable-pip-version-check --no-input \
@@ -55,14 +55,12 @@ mend_cmake_exports() {
 }
 
 add_python_libraries() {
-  say "adding the Python libraries that have no Debian package"
   python3 -m pip install --disable-pip-version-check --no-input --upgrade --target "$STATE/python" \
     --no-deps -r "$ROOT/requirements/runtime.txt" -r "$ROOT/requirements/test.txt" \
     -r "$ROOT/requirements/beside-jazzy.txt"
 }
 
 build_workspace() {
-  say "building rf_pointing and its interfaces"
   cd "$ROOT" && "$@" --log-base "$STATE/log" build --base-paths . msg_defs --symlink-install \
     --build-base "$STATE/build" --install-base "$STATE/install" \
     --cmake-args "-DPython3_EXECUTABLE=$(command -v python3)" -DBUILD_TESTING=OFF
@@ -72,7 +70,8 @@ enter_wheel_environment() {
   need "python3 -c 'import ensurepip, venv, sys; assert (3, 11) <= sys.version_info < (3, 15)'" python3 python3-venv
   need "command -v g++ && command -v make" g++ make
   need "command -v cmake" cmake
-  once wheels "$(digest "$ROOT"/requirements/*.txt <(python3 --version))" make_wheel_environment
+  once wheels "$(digest "$ROOT"/requirements/*.txt <(python3 --version))" \
+    "building the Python environment from pinned wheels (a few minutes, once)" make_wheel_environment
   export VIRTUAL_ENV=$STATE/env PATH=$STATE/env/bin:$PATH
   # Setting these here spares every process the bootstrap that would start Python a second time to set them.
   LD_LIBRARY_PATH=$(printf '%s:' "$STATE"/env/lib "$STATE"/env/lib/python3.*/site-packages/ros_*.libs)${LD_LIBRARY_PATH:-}
@@ -83,7 +82,8 @@ enter_wheel_environment() {
 enter_jazzy_environment() {
   need "python3 -m pip --version" python3-pip
   need "python3 -c 'import numpy, scipy, matplotlib, yaml'" python3-numpy python3-scipy python3-matplotlib python3-yaml
-  once python-libraries "$(digest "$ROOT"/requirements/*.txt)" add_python_libraries
+  once python-libraries "$(digest "$ROOT"/requirements/*.txt)" \
+    "adding the Python libraries that have no Debian package" add_python_libraries
   export PYTHONPATH=$STATE/python${PYTHONPATH:+:$PYTHONPATH}
 }
 
@@ -101,7 +101,7 @@ enter_environment() {
   local sources
   sources=$(find "$ROOT/msg_defs" "$ROOT/config" "$ROOT/launch" -type f | sort)
   once workspace "$how $(echo "$sources" | sha256sum | cut -c1-16) $(digest "$ROOT"/setup.* "$ROOT"/package.xml \
-    $(find "$ROOT/msg_defs" -type f | sort))" build_workspace colcon
+    $(find "$ROOT/msg_defs" -type f | sort))" "building rf_pointing and its interfaces" build_workspace colcon
   set +u
   # shellcheck disable=SC1091
   . "$STATE/install/local_setup.bash"
