@@ -7,7 +7,6 @@ Imported only on demand: python-control brings matplotlib with it.
 """
 
 import math
-from dataclasses import replace
 
 import control
 import numpy as np
@@ -68,24 +67,32 @@ def design_lqg(a: Array, b: Array, c: Array, d: Array, sample_s: float, weights:
     filter_gain, _, _ = control.dlqe(law[0], np.eye(size + 1), law[2], noise, np.array([[1.0]]))
     # Cancelling a constant disturbance fills the filters with it; what the regulator makes of that comes on top.
     state_gain = np.hstack([np.asarray(feedback), [[1.0 + sum(feedback[0, low] for low in _LOW)]]])
-    unrated = LqgDesign(
-        *law, state_gain, np.asarray(filter_gain), sample_s, bandwidth, gain, weights, math.inf, 0.0, 0.0
-    )
-    peak, gain_margin, phase_margin = _margins(control.ss(a, b, c, d, sample_s), unrated)
-    return replace(unrated, peak_sensitivity=peak, gain_margin_db=gain_margin, phase_margin_rad=phase_margin)
+    observer_gain = law[0] @ np.asarray(filter_gain)
+    margins = _margins(control.ss(a, b, c, d, sample_s), law, state_gain, observer_gain, weights, sample_s)
+    return LqgDesign(*law, state_gain, observer_gain, sample_s, bandwidth, gain, weights, *margins)
 
 
-def controller_system(design: LqgDesign) -> control.StateSpace:
-    """Return the law from error to rate command, section and notch included, as a python-control system."""
-    system = control.ss(*design.law(), design.sample_s)
-    for part in (design.weights.shaping, design.weights.notch.section):
-        system = control.ss(*section_matrices(part, design.sample_s), design.sample_s) * system
-    return system
+def controller_system(
+    law: tuple[Array, Array, Array], state_gain: Array, observer_gain: Array, weights: LqgWeights, sample_s: float
+) -> control.StateSpace:
+    """Return the law from error to rate command, notch included, as a python-control system."""
+    a, b, c = law
+    core = control.ss(a - b @ state_gain - observer_gain @ c, -observer_gain, -state_gain, [[0.0]], sample_s)
+    filters = [
+        control.ss(*section_matrices(part, sample_s), sample_s) for part in (weights.notch.section, weights.shaping)
+    ]
+    return filters[0] * filters[1] * core
 
 
-def _margins(model: control.StateSpace, design: LqgDesign) -> tuple[float, float, float]:
-    """Return peak sensitivity, gain margin (dB) and phase margin (rad) of the loop on the whole model."""
-    loop, sample_s = model * controller_system(design), design.sample_s
+def _margins(
+    model: control.StateSpace,
+    law: tuple[Array, Array, Array],
+    state_gain: Array,
+    observer_gain: Array,
+    weights: LqgWeights,
+    sample_s: float,
+) -> tuple[float, float, float]:
+    loop = model * controller_system(law, state_gain, observer_gain, weights, sample_s)
     radius = float(np.max(np.abs(control.feedback(loop, 1).poles())))
     if radius >= 1.0:
         raise ValueError(f"spectral radius {radius:.5f} of the loop on the identified model must be < 1")

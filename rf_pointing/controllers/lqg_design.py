@@ -1,10 +1,9 @@
 """What an LQG controller consists of, together with the model and the weights it was designed for.
 
-    x'(k) = x(k) + L (-e(k) - C x(k)),   v(k) = -K x'(k),   x(k+1) = A x'(k) + B v(k),   u = N(z) [ S(z) v + F r' ]
+    v(k) = -K x(k),   x(k+1) = A x(k) + B v(k) + L (-e(k) - C x(k)),   u = N(z) [ S(z) v + F r' ]
 
 x holds the axis angle and drive rate (as deviations from the command), the states of the notch N and of the shaping
-section S, and a slow rate disturbance; the last makes the integral action.  e is command minus encoder; the estimate
-x' uses the sample of the same instant, which saves the loop one sample of delay.
+section S, and a slow rate disturbance; the last makes the integral action.  e is command minus encoder.
 """
 
 from collections.abc import Mapping
@@ -22,7 +21,7 @@ __all__ = ["LqgDesign", "LqgWeights"]
 
 Array = NDArray[np.float64]
 
-_MATRICES = ("a", "b", "c", "state_gain", "filter_gain")
+_MATRICES = ("a", "b", "c", "state_gain", "observer_gain")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,7 +62,7 @@ class LqgWeights(Params):
 class LqgDesign:
     """Matrices of the law, the drive it was made for and the margins found on the full model.
 
-    `a` (7, 7), `b` (7, 1), `c` (1, 7), `state_gain` (1, 7), `filter_gain` (7, 1); `drive_bandwidth_rad_s` and
+    `a` (7, 7), `b` (7, 1), `c` (1, 7), `state_gain` (1, 7), `observer_gain` (7, 1); `drive_bandwidth_rad_s` and
     `drive_gain` describe the model; `peak_sensitivity`, `gain_margin_db`, `phase_margin_rad` are of the encoder loop.
     """
 
@@ -71,7 +70,7 @@ class LqgDesign:
     b: Array
     c: Array
     state_gain: Array
-    filter_gain: Array
+    observer_gain: Array
     sample_s: float
     drive_bandwidth_rad_s: float
     drive_gain: float
@@ -79,18 +78,6 @@ class LqgDesign:
     peak_sensitivity: float
     gain_margin_db: float
     phase_margin_rad: float
-
-    def law(self) -> tuple[Array, Array, Array, Array]:
-        """Return the law from error to regulator output v (before section and notch) in state space."""
-        size = len(self.a)
-        corrected = np.eye(size) - self.filter_gain @ self.c
-        moved = self.a - self.b @ self.state_gain
-        return (
-            moved @ corrected,
-            -moved @ self.filter_gain,
-            -self.state_gain @ corrected,
-            self.state_gain @ self.filter_gain,
-        )
 
     def to_mapping(self) -> dict[str, Any]:
         """Return plain numbers and lists for a file."""

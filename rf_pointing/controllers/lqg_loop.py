@@ -31,10 +31,10 @@ class LqgLoopParams(Params):
 
 @dataclass(slots=True)
 class LqgLoopState:
-    """Estimate (7,) before and after the latest sample, regulator output and command, feedforward, section, notch."""
+    """Estimate (7,), latest error, regulator output and command, feedforward filter, section, notch."""
 
     estimate: NDArray[np.float64]
-    corrected: NDArray[np.float64]
+    error_rad: float = 0.0
     regulator_rad_s: float = 0.0
     command_rad_s: float = 0.0
     feedforward: FeedforwardState = field(default_factory=FeedforwardState)
@@ -50,7 +50,8 @@ class LqgLoop:
         self._shaping = Section(design.weights.shaping, design.sample_s)
         self._notch = Notch(design.weights.notch, design.sample_s)
         self._feedforward = RateFeedforward(params.feedforward_band_hz, design.sample_s)
-        self._state = LqgLoopState(np.zeros(len(design.a)), np.zeros(len(design.a)))
+        self._state = LqgLoopState(np.zeros(len(design.a)))
+        self._update = np.hstack([design.a - design.observer_gain @ design.c, design.b, -design.observer_gain])
 
     @property
     def design(self) -> LqgDesign:
@@ -68,7 +69,6 @@ class LqgLoop:
         return replace(
             self._state,
             estimate=self._state.estimate.copy(),
-            corrected=self._state.corrected.copy(),
             feedforward=replace(self._feedforward.state),
             shaping=replace(self._shaping.state),
             notch=replace(self._notch.state),
@@ -78,7 +78,7 @@ class LqgLoop:
     def state(self, state: LqgLoopState) -> None:
         self._notch.state, self._shaping.state = replace(state.notch), replace(state.shaping)
         self._feedforward.state = replace(state.feedforward)
-        self._state = replace(state, estimate=state.estimate.copy(), corrected=state.corrected.copy())
+        self._state = replace(state, estimate=state.estimate.copy())
 
     def retune(self, params: LqgLoopParams) -> None:
         """Take new parameters from the next sample on."""
@@ -94,7 +94,7 @@ class LqgLoop:
         gain = self._design.state_gain[0]
         estimate = np.array([-error, 0.0, 0.0, wanted, 0.0, wanted, 0.0])
         estimate[-1] = (-wanted - float(gain @ estimate)) / gain[-1]
-        self._state = LqgLoopState(estimate, estimate.copy(), wanted, command_rad_s)
+        self._state = LqgLoopState(estimate, error, wanted, command_rad_s)
         self._feedforward.reset(velocity_rad_s)
         self._shaping.reset(wanted)
         self._notch.reset(command_rad_s)
@@ -113,10 +113,9 @@ class LqgLoop:
             require_finite(name, value)
         require_finite("measured_rad", measured_rad)
         require_finite("acceleration_rad_s2", acceleration_rad_s2)
-        params, design, state = self._params, self._design, self._state
-        surprise = measured_rad - position_rad - float(design.c[0] @ state.estimate)
-        state.corrected = state.estimate + design.filter_gain[:, 0] * surprise
-        state.regulator_rad_s = -float(design.state_gain[0] @ state.corrected)
+        params, state = self._params, self._state
+        state.error_rad = position_rad - measured_rad
+        state.regulator_rad_s = -float(self._design.state_gain[0] @ state.estimate)
         fed = self._feedforward.output(velocity_rad_s + params.feedforward_lead_s * acceleration_rad_s2)
         shaped = self._shaping.output(state.regulator_rad_s)
         state.command_rad_s = self._notch.output(shaped + params.feedforward_gain * fed)
@@ -135,7 +134,7 @@ class LqgLoop:
             raise ValueError(f"dt_s={dt_s} must be {self._design.sample_s}, the sampling time of the design")
         state = self._state
         really = state.regulator_rad_s + applied_rad_s - state.command_rad_s
-        state.estimate = self._design.a @ state.corrected + self._design.b[:, 0] * really
+        state.estimate = self._update @ np.concatenate([state.estimate, (really, state.error_rad)])
         self._feedforward.update(dt_s)
         self._shaping.update(dt_s)
         self._notch.update(dt_s)

@@ -135,7 +135,8 @@ def _grid() -> Array:
 def _law(law: PositionLoopParams | LqgDesign) -> Matrices:
     """Return the law from error to rate command, section and notch included, in state space."""
     if isinstance(law, LqgDesign):
-        chain = law.law()
+        core = law.a - law.b @ law.state_gain - law.observer_gain @ law.c
+        chain = core, -law.observer_gain, -law.state_gain, np.zeros((1, 1))
         filters = [law.weights.shaping, law.weights.notch.section]
     else:
         gain = np.array([[law.proportional_gain]])
