@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.geometry import JointTrajectory, Params, parameter, require_finite
+from rf_pointing.geometry import JointTrajectory, Motion, Params, parameter, quintic, require_finite
 
 __all__ = ["TrajectoryAnswer", "TrajectoryBuffer", "TrajectoryBufferParams", "TrajectorySample"]
 
@@ -64,7 +64,7 @@ class TrajectoryBuffer:
         self._params = params
         self._table = np.zeros((0, 7))
         self._latest: Array = np.zeros((0, 7))
-        self._segment: tuple[float, float, Array] | None = None
+        self._segment: tuple[Array, Array] | None = None
 
     @property
     def params(self) -> TrajectoryBufferParams:
@@ -121,16 +121,16 @@ class TrajectoryBuffer:
         require_finite("t_s", t_s)
         if self.empty:
             raise ValueError("trajectory buffer is empty: accept a message before asking for a command")
-        if self._segment is not None and self._segment[0] <= t_s <= self._segment[1]:
-            return _sample(t_s, _evaluate(self._segment[2], t_s - self._segment[0]), TABLE)
+        if self._segment is not None and self._segment[0][0] <= t_s <= self._segment[1][0]:
+            return _sample(t_s, _between(*self._segment, t_s), TABLE)
         times = self._table[:, 0]
         index = int(np.searchsorted(times, t_s, side="right")) - 1
         if index < 0:
             return _sample(t_s, _at_rest(self._table[0, 1:]), EARLY)
         if index + 1 < len(times):
             if times[index + 1] - times[index] <= self._params.max_gap_s:
-                self._segment = (times[index], times[index + 1], _quintic(self._table[index], self._table[index + 1]))
-                return _sample(t_s, _evaluate(self._segment[2], t_s - times[index]), TABLE)
+                self._segment = (self._table[index], self._table[index + 1])
+                return _sample(t_s, _between(*self._segment, t_s), TABLE)
             if t_s > times[index] + self._params.extrapolation_s:
                 return _sample(t_s, _at_rest(self._table[index + 1, 1:]), EARLY)
         return self._beyond(t_s, index)
@@ -172,22 +172,11 @@ def _at_rest(values: Array) -> Array:
     return np.concatenate([values[:2], np.zeros(4)])
 
 
-def _quintic(start: Array, end: Array) -> Array:
-    """Return the coefficients (6, 2), constant first, of the quintic between two rows."""
-    span = end[0] - start[0]
-    p0, v0, a0 = start[1:3], start[3:5] * span, start[5:7] * span**2
-    p1, v1, a1 = end[1:3] - p0, end[3:5] * span, end[5:7] * span**2
-    c3 = 10.0 * p1 - 6.0 * v0 - 4.0 * v1 - 1.5 * a0 + 0.5 * a1
-    c4 = -15.0 * p1 + 8.0 * v0 + 7.0 * v1 + 1.5 * a0 - a1
-    c5 = 6.0 * p1 - 3.0 * v0 - 3.0 * v1 - 0.5 * a0 + 0.5 * a1
-    scale = span ** -np.arange(6.0)[:, None]
-    coefficients: Array = np.stack([p0, v0, 0.5 * a0, c3, c4, c5]) * scale
-    return coefficients
+def _between(start: Array, end: Array, t_s: float) -> Array:
+    """Return position, velocity and acceleration (6,) at `t_s` on the quintic between two rows."""
+    motion = quintic(_motion(start), _motion(end), end[0] - start[0], t_s - start[0])
+    return np.concatenate(motion)
 
 
-def _evaluate(coefficients: Array, tau_s: float) -> Array:
-    """Return position, velocity and acceleration (6,) of the quintic at `tau_s` after its start."""
-    powers = tau_s ** np.arange(6.0)
-    velocity = np.arange(1, 6) * powers[:5]
-    acceleration = np.array([2.0, 6.0, 12.0, 20.0]) * powers[:4]
-    return np.concatenate([powers @ coefficients, velocity @ coefficients[1:], acceleration @ coefficients[2:]])
+def _motion(row: Array) -> Motion:
+    return Motion(row[1:3], row[3:5], row[5:7])

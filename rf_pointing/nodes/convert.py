@@ -112,7 +112,9 @@ def trajectory_from_message(message: TrajectoryMessage) -> JointTrajectory:
                     f"points[{index}].{name} has {len(getattr(point, name))} values, must have {len(order)}"
                 )
     return JointTrajectory(
-        t_s=np.array([base_s + p.time_from_start.sec + p.time_from_start.nanosec * 1e-9 for p in message.points]),
+        t_s=np.array(
+            [round(base_s + p.time_from_start.sec + p.time_from_start.nanosec * 1e-9, 6) for p in message.points]
+        ),
         position_rad=_stacked([p.positions for p in message.points], order),
         velocity_rad_s=_stacked([p.velocities for p in message.points], order),
         acceleration_rad_s2=_stacked([p.accelerations for p in message.points], order),

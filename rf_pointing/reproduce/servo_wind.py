@@ -36,6 +36,14 @@ SPAN_S = (-180.0, 180.0)
 SETTLE_S = 20.0
 VARIATIONS = [Variation(f, 1.3) for f in (0.9, 0.95, 0.98, 1.02, 1.05, 1.1)]
 VARIATIONS += [Variation(f, 0.7) for f in (0.9, 1.0, 1.1)]
+NEUTRAL_SHAPING = {
+    "shaping_zero_hz": 1.0,
+    "shaping_zero_damping": 0.7,
+    "shaping_pole_hz": 1.0,
+    "shaping_pole_damping": 0.7,
+}
+"""A zero on its own pole: the section of the law passes everything."""
+
 LQG_WEIGHTS = (
     LqgWeights(
         notch_frequency_hz=1.579,
@@ -43,6 +51,7 @@ LQG_WEIGHTS = (
         control_weight=7.51e-4,
         disturbance_intensity=0.118,
         rate_intensity=0.333,
+        **NEUTRAL_SHAPING,
     ),
     LqgWeights(
         notch_frequency_hz=2.268,
@@ -50,6 +59,7 @@ LQG_WEIGHTS = (
         control_weight=0.0227,
         disturbance_intensity=0.059,
         rate_intensity=5e-6,
+        **NEUTRAL_SHAPING,
     ),
 )
 

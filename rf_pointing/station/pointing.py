@@ -238,7 +238,9 @@ class PointingController:
         assert self._pass is not None
         params = self.params
         count = round((params.horizon_s - params.transport_s) / params.period_s) + 1
-        times = t_s + params.transport_s + params.period_s * np.arange(count, dtype=np.float64)
+        # On whole microseconds, as on the wire: one instant is one number in every trajectory that has it.  Else the old
+        # point would stay a rounding error before the new one, and the axes would follow it to the end.
+        times = np.round(t_s + params.transport_s + params.period_s * np.arange(count, dtype=np.float64), 6)
         centre = self._centre_motion(t_s, times)
         position, velocity, acceleration = self.offsets.add_scan(times, centre)
         self._centre = {**{k: c for k, c in self._centre.items() if k >= _key(t_s)}, _key(times[0]): centre.position[0]}
