@@ -16,7 +16,7 @@ from trajectory_msgs.msg import JointTrajectory
 from rf_pointing.nodes import convert
 from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Health
 from rf_pointing.nodes.managed import ManagedNode, run
-from rf_pointing.nodes.qos import COMMAND_INPUT, STREAM
+from rf_pointing.nodes.qos import COMMAND_INPUT, SAMPLES, STREAM
 from rf_pointing.servo import WindParams, dss13_plant
 from rf_pointing.station.antenna import AntennaParams, LoopParams, SimulatedAntenna
 from rf_pointing.station.mount import MountParams
@@ -44,7 +44,7 @@ class AntennaServo(ManagedNode):
             value("antenna"), value("plant"), value("loops"), value("wind"), value("mount").model()
         )
         self._joints = self.publisher(JointState, "joint_states", STREAM)
-        self._boresight = self.stream(Boresight, "sim/boresight", STREAM)
+        self._boresight = self.stream(Boresight, "sim/boresight", SAMPLES)
         self._status = self.stream(AntennaStatus, "antenna_status", STREAM)
         self.listen(JointTrajectory, "joint_trajectory", self._on_trajectory, COMMAND_INPUT)
         self.serve(Trigger, "~/stop", self._on_stop)

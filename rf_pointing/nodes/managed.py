@@ -12,89 +12,19 @@ from typing import Any
 
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.publisher import Publisher
-from rclpy.serialization import deserialize_message
 from rclpy.signals import SignalHandlerOptions
 
-from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health
+from rf_pointing.nodes.diagnostics import ERROR, OK, Diagnostics, Health
 from rf_pointing.nodes.instance_lock import InstanceLock
 from rf_pointing.nodes.params import ParameterGroups
 from rf_pointing.nodes.schedule import Schedule
 from rf_pointing.nodes.stamps import seconds_from_stamp
+from rf_pointing.nodes.streams import InputCounter, Latest, SequencedPublisher
 
-__all__ = ["ManagedNode", "SequencedPublisher", "run"]
-
-
-class SequencedPublisher:
-    """Numbers every message of a stream, so that a recording shows what was lost."""
-
-    def __init__(self, publisher: Publisher) -> None:
-        self._publisher = publisher
-        self.sequence = 0
-
-    def publish(self, message: Any) -> None:
-        """Set the message's sequence number and publish it."""
-        self.sequence += 1
-        message.sequence = self.sequence
-        self._publisher.publish(message)
-
-
-class InputCounter:
-    """Counts what was lost, by gaps in the sequence numbers, and what was refused of the streams a node listens to."""
-
-    def __init__(self) -> None:
-        self._newest: dict[tuple[str, str], int] = {}
-        self.lost: dict[str, int] = {}
-        self.refused: dict[str, int] = {}
-        self.last_refusal = ""
-
-    def watching(self, topic: str, callback: Callable[[Any], None]) -> Callable[[Any], None]:
-        """Return `callback` with the count in front of it; a publisher that starts again at 1 is not a loss."""
-        self.lost[topic] = 0
-
-        def counted(message: Any) -> None:
-            # Both trackers publish on one topic, each with its own count.
-            source = (topic, getattr(message, "sensor", ""))
-            newest = self._newest.get(source)
-            if newest is not None and message.sequence > newest + 1:
-                self.lost[topic] += message.sequence - newest - 1
-            self._newest[source] = message.sequence
-            callback(message)
-
-        return counted
-
-    def note_refusal(self, topic: str, reason: str) -> None:
-        """Count a message that could not be used."""
-        self.refused[topic] = self.refused.get(topic, 0) + 1
-        self.last_refusal = f"{topic}: {reason}"
-
-    def health(self) -> Health:
-        """Return the counts, as a warning when anything was lost or refused."""
-        lost, refused = sum(self.lost.values()), sum(self.refused.values())
-        words = [f"{lost} messages lost"] * bool(lost) + [f"{refused} messages refused"] * bool(refused)
-        values: dict[str, object] = {f"lost {topic}": count for topic, count in self.lost.items()}
-        values |= {f"refused {topic}": count for topic, count in self.refused.items()}
-        return Health(
-            WARN if words else OK, ", ".join(words) or "complete", values | {"last_refusal": self.last_refusal}
-        )
-
-
-class Latest:
-    """Keeps the newest message of a fast stream undecoded; `take` decodes it when it is wanted."""
-
-    def __init__(self, message_type: Any, convert: Callable[[Any], Any]) -> None:
-        self._type, self._convert = message_type, convert
-        self._raw: bytes | None = None
-
-    def note(self, raw: bytes) -> None:
-        """Keep `raw` in place of the one before."""
-        self._raw = raw
-
-    def take(self) -> Any | None:
-        """Return what the newest message says, None if there is none since the last call; ValueError if unusable."""
-        raw, self._raw = self._raw, None
-        return None if raw is None else self._convert(deserialize_message(raw, self._type))
+__all__ = ["ManagedNode", "make_executor", "run"]
 
 
 class ManagedNode(LifecycleNode):
@@ -114,6 +44,7 @@ class ManagedNode(LifecycleNode):
         self._inputs: list[Any] = []
         self._outputs: list[Publisher] = []
         self._services_offered: list[Any] = []
+        self._service_change_state.callback = self._refusing_the_impossible(self._service_change_state.callback)
 
     def configure(self) -> None:
         """Build the core and the topics; ValueError refuses the configuration with its message."""
@@ -233,9 +164,27 @@ class ManagedNode(LifecycleNode):
         return super().on_cleanup(state)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        self._clear()
+        self.end()
         self._state_name = "finalized"
         return super().on_shutdown(state)
+
+    def _refusing_the_impossible(self, change_state: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+        """Return the service's callback behind a guard.
+
+        A transition that the present state does not have, such as a second activation, raises in rclpy, and an exception
+        that left a callback would end the process.
+        """
+
+        def change(request: Any, response: Any) -> Any:
+            try:
+                return change_state(request, response)
+            except rclpy_implementation.RCLError:
+                wanted = request.transition.label or request.transition.id
+                self.get_logger().error(f"transition {wanted} refused: the node is {self._state_name}")
+                response.success = False
+                return response
+
+        return change
 
     def _stop_timers(self) -> None:
         for timer in self._active_timers:

@@ -51,7 +51,16 @@ class Pacer:
         return self.start_s + self.ticks * self.tick_s
 
     def begin(self, wall_s: float) -> None:
-        """Let time run from `wall_s` on."""
+        """Let time run from `wall_s` on.
+
+        What follows the clock has nothing to say before its first period is over, so it counts as heard now; what is sent
+        ahead of time counts once it is heard.
+        """
+        for stream in self.streams.values():
+            if stream.newest_s is None and stream.allowed_lag_s > 0.0:
+                stream.newest_s = self.now_s
+            elif stream.newest_s is None:
+                stream.waited_for = False
         self._origin_wall_s = wall_s - (self.ticks * self.tick_s / self.speed if self.speed else 0.0)
 
     def wait_s(self, wall_s: float) -> float:

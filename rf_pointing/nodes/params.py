@@ -64,12 +64,23 @@ class ParameterGroups:
                 self.refusals.append(refusal)
 
     def _declare_one(self, name: str, default: Any, descriptor: ParameterDescriptor) -> Parameter:
+        if default == ():
+            return self._declare_empty(name, descriptor)
         default = list(default) if isinstance(default, tuple) else default
         try:
             return self._node.declare_parameter(name, default, descriptor)
         except (InvalidParameterTypeException, InvalidParameterValueException) as error:
             self.refusals.append(f"{name}: {error}")
             return self._node.declare_parameter(name, default, descriptor, ignore_override=True)
+
+    def _declare_empty(self, name: str, descriptor: ParameterDescriptor) -> Parameter:
+        """Declare an array of doubles without elements; rclpy would take an empty list for an array of bytes."""
+        declared = self._declare_one(name, (0.0,), descriptor)
+        if name in getattr(self._node, "_parameter_overrides", {}):
+            return declared
+        empty = Parameter(name, Parameter.Type.DOUBLE_ARRAY, [])
+        self._node.set_parameters([empty])
+        return empty
 
     def _candidates(self, changes: list[Parameter]) -> dict[str, Params]:
         by_prefix: dict[str, dict[str, Any]] = {}

@@ -8,7 +8,7 @@ from rf_pointing_msgs.msg import Boresight, CarrierPower, Monopulse, PointingErr
 
 from rf_pointing.nodes import convert
 from rf_pointing.nodes.managed import ManagedNode, run
-from rf_pointing.nodes.qos import STREAM
+from rf_pointing.nodes.qos import SAMPLES, STREAM
 from rf_pointing.station.receiver import SignalParams, SimulatedReceiver
 from rf_pointing.station.source import SourceParams, load_track
 
@@ -28,7 +28,7 @@ class RfReceiver(ManagedNode):
         self._monopulse = self.stream(Monopulse, "monopulse", STREAM)
         self._power = self.stream(CarrierPower, "carrier_power", STREAM)
         self._truth = self.stream(PointingError, "sim/pointing_error", STREAM)
-        self.listen(Boresight, "sim/boresight", self._on_boresight, STREAM)
+        self.listen(Boresight, "sim/boresight", self._on_boresight, SAMPLES)
 
     def activate(self) -> None:
         self._active = True

@@ -10,7 +10,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
-from rf_pointing.nodes.qos import COMMAND, LATCHED, STREAM
+from rf_pointing.nodes.qos import COMMAND, LATCHED, SAMPLES, STREAM
 
 __all__ = ["TOPICS", "Topic"]
 
@@ -39,7 +39,7 @@ TOPICS = (
     Topic(
         "pointing_error", ours.PointingError, STREAM, "10 Hz, conscan once a scan", "monopulse_tracker, conscan_tracker"
     ),
-    Topic("sim/boresight", ours.Boresight, STREAM, "50 Hz", "antenna_servo"),
+    Topic("sim/boresight", ours.Boresight, SAMPLES, "50 Hz", "antenna_servo"),
     Topic("sim/pointing_error", ours.PointingError, STREAM, "10 Hz", "rf_receiver"),
     Topic("clock", Clock, STREAM, "50 Hz", "simulation_clock"),
     Topic("/diagnostics", DiagnosticArray, STREAM, "1 Hz", "every node"),

@@ -28,6 +28,7 @@ __all__ = ["AntennaParams", "LoopParams", "SimulatedAntenna"]
 
 Array = NDArray[np.float64]
 REST_RAD_S = math.radians(1e-3)
+LONGEST_STOP_S = 30.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,6 +76,7 @@ class SimulatedAntenna:
         self._rate_command = np.zeros(2)
         self._mean_rate = np.zeros(2)
         self._mount_error = MountError(mount)
+        self._newest_s = 0.0
 
     @property
     def mode(self) -> str:
@@ -92,8 +94,12 @@ class SimulatedAntenna:
         self._mode = "fault" if self._fault else "holding"
 
     def disable(self) -> None:
-        """Set the brakes and forget the commands."""
-        self._table.clear()
+        """Decelerate at the limits, then set the brakes; the seconds that this takes pass at once."""
+        self.stop()
+        for _ in range(round(LONGEST_STOP_S / self.params.tick_s)):
+            if self._mode != "stopping":
+                break
+            self.step(self._newest_s + self.params.tick_s)
         self._plant.brake()
         self._mode = "inactive"
 
@@ -151,6 +157,7 @@ class SimulatedAntenna:
 
     def step(self, t_s: float) -> tuple[JointReading, Boresight]:
         """Return encoder reading and true boresight at `t_s`, then advance by one tick."""
+        self._newest_s = t_s
         reading = self.reading(t_s)
         measured = reading.position_rad
         boresight = self._boresight(t_s, reading.velocity_rad_s)

@@ -50,8 +50,25 @@ def processes_of(namespace: str) -> list[int]:
     return found
 
 
-def shared_memory() -> set[str]:
-    return {path.name for path in Path("/dev/shm").glob("*fast*")}
+def left_segments() -> set[str]:
+    """Return the shared-memory segments of Fast DDS that no living process uses."""
+    used = ""
+    for maps in Path("/proc").glob("[0-9]*/maps"):
+        try:
+            used += maps.read_text(errors="replace")
+        except OSError:
+            continue
+    return {path.name for path in Path("/dev/shm").glob("*fast*") if str(path) not in used}
+
+
+def ask(live: SimpleNamespace, service_type: Any, name: str, request: Any) -> Any:
+    """Call a service, by a name relative to the test's namespace or an absolute one, and return its answer."""
+    client = live.node.create_client(service_type, name if name.startswith("/") else f"{live.namespace}/{name}")
+    live.spin_until(client.service_is_ready, name)
+    future = client.call_async(request)
+    live.spin_until(future.done, f"the answer of {name}")
+    live.node.destroy_client(client)
+    return future.result()
 
 
 @pytest.fixture

@@ -3,7 +3,6 @@
 import math
 import subprocess
 from types import SimpleNamespace
-from typing import Any
 
 import pytest
 
@@ -18,19 +17,11 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from rf_pointing.nodes.processes import SIMULATED_STATION
 from rf_pointing.nodes.qos import COMMAND, STREAM
 
-from .conftest import executable
+from .conftest import ask, executable
 
 pytestmark = pytest.mark.graph
 
 START_RAD = (math.radians(120.0), math.radians(60.0))
-
-
-def ask(live: SimpleNamespace, service_type: Any, name: str, request: Any) -> Any:
-    client = live.node.create_client(service_type, f"{live.namespace}/{name}")
-    live.spin_until(client.service_is_ready, name)
-    future = client.call_async(request)
-    live.spin_until(future.done, f"the answer of {name}")
-    return future.result()
 
 
 class Antenna:

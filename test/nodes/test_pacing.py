@@ -60,6 +60,22 @@ def test_a_stream_that_must_be_ahead_holds_time_until_it_is() -> None:
     assert clock.wait_s(0.0) == 0.0
 
 
+def test_before_its_first_message_a_stream_holds_time_as_if_heard_at_the_start() -> None:
+    """Else time would run away from a receiver that starts slowly, and its queue would overflow."""
+    stream = PacedStream(allowed_lag_s=0.19)
+    clock = pacer(tick_s=0.1, truth=stream)
+    assert clock.wait_s(0.0) == 0.0
+    clock.advance(0.0)
+    assert clock.wait_s(0.0) == pytest.approx(clock.patience_s)
+
+
+def test_what_is_sent_ahead_is_not_waited_for_before_it_is_heard() -> None:
+    clock = pacer(target=PacedStream(allowed_lag_s=-1.0))
+    for _ in range(100):
+        assert clock.wait_s(0.0) == 0.0
+        clock.advance(0.0)
+
+
 def test_a_silent_stream_is_given_up_after_the_patience_and_waited_for_again_when_heard() -> None:
     stream = PacedStream(allowed_lag_s=0.05)
     clock = pacer(joints=stream)

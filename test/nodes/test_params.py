@@ -195,3 +195,26 @@ def test_a_set_without_a_prefix_uses_bare_names(make_node: MakeNode) -> None:
     made = ParameterGroups(node)
     made.declare("", Loop())
     assert made.value("").gain == 3.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Periods(Params):
+    """An array that may be empty."""
+
+    periods_s: tuple[float, ...] = parameter((), "periods", low=0.0, high=9.0)
+
+
+def test_an_empty_array_is_one_of_doubles_and_can_be_filled(make_node: MakeNode) -> None:
+    node = make_node()
+    made = ParameterGroups(node)
+    made.declare("", Periods())
+    assert node.describe_parameter("periods_s").type == ParameterType.PARAMETER_DOUBLE_ARRAY
+    assert made.value("") == Periods()
+    assert node.set_parameters([Parameter("periods_s", value=[2.0, 3.0])])[0].successful
+    assert made.value("").periods_s == (2.0, 3.0)
+
+
+def test_an_empty_array_takes_what_a_file_gives(make_node: MakeNode) -> None:
+    made = ParameterGroups(make_node(given={"periods_s": [4.0]}))
+    made.declare("", Periods())
+    assert made.value("").periods_s == (4.0,)

@@ -107,7 +107,7 @@ def test_brakes_hold_an_inactive_antenna_and_commands_are_rejected() -> None:
     assert np.max(np.abs(np.array(clock.position) - STANDING)) < ENCODER_RAD
 
 
-def test_deactivation_sets_the_brakes_in_motion() -> None:
+def test_deactivation_stops_the_axes_under_control_before_it_sets_the_brakes() -> None:
     clock = enabled()
     clock.antenna.accept(ramp(START_S, 3.0), START_S)
     clock.run(2.0)

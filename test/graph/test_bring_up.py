@@ -1,0 +1,175 @@
+"""The graph as the integrator of a station finds it: names, parameters, lifecycle, remapping."""
+
+import subprocess
+from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2", exc_type=ImportError)
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from rcl_interfaces.msg import ParameterType
+from rcl_interfaces.srv import DescribeParameters, ListParameters
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+
+from rf_pointing.ephemeris import Pass, first_pass_above
+from rf_pointing.nodes.processes import SIMULATED_STATION
+from rf_pointing.nodes.qos import STREAM
+from rf_pointing.nodes.topics import TOPICS
+from rf_pointing.station.source import SourceParams, load_elements, load_track
+
+from .conftest import ask, executable
+
+pytestmark = pytest.mark.graph
+
+GLOBAL_TOPICS = {"/diagnostics", "/rosout", "/parameter_events"}
+NUMBERS = (ParameterType.PARAMETER_DOUBLE, ParameterType.PARAMETER_INTEGER)
+ARRAYS = (ParameterType.PARAMETER_DOUBLE_ARRAY, ParameterType.PARAMETER_INTEGER_ARRAY)
+STANDARD = ("use_sim_time", "start_type_description_service")
+
+
+def first_pass() -> Pass:
+    source = SourceParams()
+    return first_pass_above(load_track(source), load_elements(source).epoch_t_s, 0.7, 0.09, 172800.0)
+
+
+@pytest.fixture
+def station(live: SimpleNamespace) -> Any:
+    """Every node of a simulated station, its clock held a minute before a pass."""
+    start_s = round(first_pass().aos_t_s) - 60.0
+    text = f"/**/simulation_clock: {{ros__parameters: {{start_s: {start_s}, speed: 1.0}}}}"
+    names = list(SIMULATED_STATION)
+    started = live.start(names, text, state="configure", simulated=True)
+    assert started.refused == []
+    # The held time reaches the nodes one by one, and a node without a time refuses to become active.
+    waiting = names[1:]
+
+    def activated() -> bool:
+        waiting[:] = started.client.change(waiting, "activate", 30.0)
+        return not waiting
+
+    live.spin_until(activated, "activation")
+    return started
+
+
+def endpoints(node: Any, name: str, namespace: str) -> Iterator[str]:
+    """Every topic, service and action that a node publishes, hears, offers or calls."""
+    for list_names in (
+        node.get_publisher_names_and_types_by_node,
+        node.get_subscriber_names_and_types_by_node,
+        node.get_service_names_and_types_by_node,
+        node.get_client_names_and_types_by_node,
+    ):
+        yield from (endpoint for endpoint, _ in list_names(name, namespace))
+
+
+def test_every_node_is_found_active_described_and_inside_its_namespace(live: SimpleNamespace, station: Any) -> None:
+    for name in SIMULATED_STATION:
+        state = ask(live, GetState, f"{name}/get_state", GetState.Request()).current_state.label
+        assert state == ("inactive" if name == "simulation_clock" else "active"), name
+        outside = {
+            endpoint
+            for endpoint in endpoints(live.node, name, live.namespace)
+            if not endpoint.startswith(f"{live.namespace}/") and endpoint not in GLOBAL_TOPICS
+        }
+        assert outside == set(), name
+        check_parameters(live, name)
+    check_topics(live)
+    assert station.processes.ended() == {}
+
+
+def check_parameters(live: SimpleNamespace, name: str) -> None:
+    """Every parameter of a node has a description that ends with its unit, every number a range."""
+    names = ask(live, ListParameters, f"{name}/list_parameters", ListParameters.Request()).result.names
+    ours = [key for key in names if key not in STANDARD and not key.startswith("qos_overrides")]
+    assert ours, name
+    request = DescribeParameters.Request(names=ours)
+    for item in ask(live, DescribeParameters, f"{name}/describe_parameters", request).descriptors:
+        where = f"{name}: {item.name}"
+        words, _, unit = item.description.rpartition(" [")
+        assert words, where
+        assert unit.endswith("]"), where
+        if item.type in NUMBERS:
+            (bounds,) = item.floating_point_range or item.integer_range
+            assert bounds.from_value < bounds.to_value, where
+        else:
+            assert item.type in (ParameterType.PARAMETER_STRING, ParameterType.PARAMETER_BOOL, *ARRAYS), where
+
+
+def check_topics(live: SimpleNamespace) -> None:
+    """Every topic of the table has a publisher, with the reliability and durability that the table promises."""
+    for topic in TOPICS:
+        name = topic.name if topic.name.startswith("/") else f"{live.namespace}/{topic.name}"
+        found = live.node.get_publishers_info_by_topic(name)
+        assert found, name
+        for publisher in found:
+            assert publisher.qos_profile.reliability == ReliabilityPolicy.RELIABLE, name
+            latched = topic.qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
+            assert (publisher.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL) == latched, name
+        wanted = topic.qos.deadline.nanoseconds
+        assert topic.name != "joint_trajectory" or found[0].qos_profile.deadline.nanoseconds == wanted
+
+
+class Encoders:
+    """What a test hears of one antenna's encoders."""
+
+    def __init__(self, live: SimpleNamespace, topic: str) -> None:
+        self.count, self.last = 0, None
+        self._subscription = live.node.create_subscription(JointState, topic, self._take, STREAM)
+
+    def _take(self, message: JointState) -> None:
+        self.count += 1
+        self.last = list(message.position)
+
+
+def change(live: SimpleNamespace, namespace: str, node: str, transition: int) -> bool:
+    request = ChangeState.Request(transition=Transition(id=transition))
+    return bool(ask(live, ChangeState, f"{namespace}/{node}/change_state", request).success)
+
+
+def start(namespace: str, *arguments: str) -> "subprocess.Popen[str]":
+    """Start an antenna with standard ROS arguments, as an integrator does."""
+    return subprocess.Popen(
+        [executable("antenna_servo"), "--ros-args", "-r", f"__ns:={namespace}", *arguments],
+        stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+
+
+def test_a_node_is_stopped_restarted_and_remapped_without_its_neighbour_noticing(live: SimpleNamespace) -> None:
+    """Two antennas on the wall clock; the first is deactivated, activated again, ended, and started under other names."""
+    one, two = f"{live.namespace}/gs1", f"{live.namespace}/gs2"
+    running = {namespace: start(namespace) for namespace in (one, two)}
+    try:
+        first, second = Encoders(live, f"{one}/joint_states"), Encoders(live, f"{two}/joint_states")
+        for namespace in (one, two):
+            assert change(live, namespace, "antenna_servo", Transition.TRANSITION_CONFIGURE)
+            assert change(live, namespace, "antenna_servo", Transition.TRANSITION_ACTIVATE)
+        live.spin_until(lambda: first.count > 20 and second.count > 20, "both antennas")
+
+        assert change(live, one, "antenna_servo", Transition.TRANSITION_DEACTIVATE)
+        silent_from, heard = first.count, second.count
+        live.spin_until(lambda: second.count > heard + 50, "the neighbour")
+        assert first.count <= silent_from + 1
+        rested = first.last
+        assert change(live, one, "antenna_servo", Transition.TRANSITION_ACTIVATE)
+        live.spin_until(lambda: first.count > silent_from + 50, "the first antenna again")
+        assert first.last == pytest.approx(rested, abs=1e-4), "activation does not move it"
+
+        running[one].terminate()
+        running[one].communicate(timeout=30)
+        assert running[one].returncode == 0
+        running[one] = start(one, "-r", "__node:=acu", "-r", "joint_states:=encoders")
+        renamed = Encoders(live, f"{one}/encoders")
+        assert change(live, one, "acu", Transition.TRANSITION_CONFIGURE)
+        assert change(live, one, "acu", Transition.TRANSITION_ACTIVATE)
+        silent_from, heard = first.count, second.count
+        live.spin_until(lambda: renamed.count > 50 and second.count > heard + 50, "the renamed antenna")
+        assert first.count == silent_from
+        assert renamed.last == pytest.approx(second.last, abs=1e-3)
+    finally:
+        for process in running.values():
+            process.terminate()
+            process.communicate(timeout=30)

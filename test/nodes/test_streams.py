@@ -1,0 +1,81 @@
+"""Numbers on what is sent, counts of what was lost, and the newest message only of a fast stream."""
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from rclpy.serialization import serialize_message
+from rf_pointing_msgs.msg import Target
+from sensor_msgs.msg import JointState
+
+from rf_pointing.nodes import convert
+from rf_pointing.nodes.diagnostics import OK, WARN
+from rf_pointing.nodes.streams import InputCounter, Latest, SequencedPublisher
+
+
+def message(sequence: int, sensor: str = "") -> Any:
+    return SimpleNamespace(sequence=sequence, sensor=sensor)
+
+
+def test_gaps_in_the_numbers_are_counted_as_losses() -> None:
+    counter, taken = InputCounter(), []
+    take = counter.watching("target", taken.append)
+    for sequence in (7, 8, 10, 14, 15):
+        take(message(sequence))
+    assert counter.lost == {"target": 4}
+    assert len(taken) == 5
+    health = counter.health()
+    assert (health.level, health.message, health.values["lost target"]) == (WARN, "4 messages lost", 4)
+
+
+def test_a_publisher_that_starts_again_is_no_loss() -> None:
+    counter = InputCounter()
+    take = counter.watching("target", lambda _: None)
+    for sequence in (100, 101, 1, 2, 3):
+        take(message(sequence))
+    assert counter.lost == {"target": 0}
+    assert counter.health().level == OK
+
+
+def test_two_sensors_on_one_topic_are_counted_apart() -> None:
+    counter = InputCounter()
+    take = counter.watching("pointing_error", lambda _: None)
+    for k in range(1, 20):
+        take(message(k, "monopulse"))
+        if k % 4 == 0:
+            take(message(k // 4, "conscan"))
+    assert counter.lost == {"pointing_error": 0}
+
+
+def test_messages_are_numbered_from_one() -> None:
+    sent: list[int] = []
+    publisher = SequencedPublisher(SimpleNamespace(publish=lambda m: sent.append(m.sequence)))
+    for _ in range(3):
+        publisher.publish(Target())
+    assert sent == [1, 2, 3]
+
+
+def joints(position: float) -> bytes:
+    return bytes(
+        serialize_message(JointState(name=["azimuth", "elevation"], position=[position, 0.5], velocity=[0.0, 0.0]))
+    )
+
+
+@pytest.mark.usefixtures("ros_domain")
+def test_only_the_newest_of_a_fast_stream_is_decoded_and_only_once() -> None:
+    latest = Latest(JointState, convert.joints_from_message)
+    assert latest.take() is None
+    for position in (1.0, 2.0, 3.0):
+        latest.note(joints(position))
+    assert latest.take().position_rad[0] == 3.0
+    assert latest.take() is None
+
+
+@pytest.mark.usefixtures("ros_domain")
+def test_a_newest_message_that_cannot_be_used_is_dropped() -> None:
+    latest = Latest(JointState, convert.joints_from_message)
+    latest.note(joints(math.nan))
+    with pytest.raises(ValueError, match="must be finite"):
+        latest.take()
+    assert latest.take() is None
