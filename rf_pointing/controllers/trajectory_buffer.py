@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.geometry import JointTrajectory, Motion, Params, parameter, quintic, require_finite
+from rf_pointing.geometry import JointTrajectory, Motion, Params, Quintic, parameter, require_finite
 
 __all__ = ["TrajectoryAnswer", "TrajectoryBuffer", "TrajectoryBufferParams", "TrajectorySample"]
 
@@ -64,7 +64,7 @@ class TrajectoryBuffer:
         self._params = params
         self._table = np.zeros((0, 7))
         self._latest: Array = np.zeros((0, 7))
-        self._segment: tuple[Array, Array] | None = None
+        self._segment: tuple[float, float, Quintic] | None = None
 
     @property
     def params(self) -> TrajectoryBufferParams:
@@ -121,19 +121,26 @@ class TrajectoryBuffer:
         require_finite("t_s", t_s)
         if self.empty:
             raise ValueError("trajectory buffer is empty: accept a message before asking for a command")
-        if self._segment is not None and self._segment[0][0] <= t_s <= self._segment[1][0]:
-            return _sample(t_s, _between(*self._segment, t_s), TABLE)
+        if self._segment is not None and self._segment[0] <= t_s <= self._segment[1]:
+            return self._between(t_s)
         times = self._table[:, 0]
         index = int(np.searchsorted(times, t_s, side="right")) - 1
         if index < 0:
             return _sample(t_s, _at_rest(self._table[0, 1:]), EARLY)
         if index + 1 < len(times):
             if times[index + 1] - times[index] <= self._params.max_gap_s:
-                self._segment = (self._table[index], self._table[index + 1])
-                return _sample(t_s, _between(*self._segment, t_s), TABLE)
+                begin, end = self._table[index], self._table[index + 1]
+                curve = Quintic(_motion(begin), _motion(end), end[0] - begin[0])
+                self._segment = (float(begin[0]), float(end[0]), curve)
+                return self._between(t_s)
             if t_s > times[index] + self._params.extrapolation_s:
                 return _sample(t_s, _at_rest(self._table[index + 1, 1:]), EARLY)
         return self._beyond(t_s, index)
+
+    def _between(self, t_s: float) -> TrajectorySample:
+        assert self._segment is not None
+        begin_s, _, curve = self._segment
+        return TrajectorySample(t_s, *curve.at(float(t_s - begin_s)), TABLE)
 
     def _beyond(self, t_s: float, index: int) -> TrajectorySample:
         last = self._table[index]
@@ -170,12 +177,6 @@ def _sample(t_s: float, values: Array, source: str) -> TrajectorySample:
 
 def _at_rest(values: Array) -> Array:
     return np.concatenate([values[:2], np.zeros(4)])
-
-
-def _between(start: Array, end: Array, t_s: float) -> Array:
-    """Return position, velocity and acceleration (6,) at `t_s` on the quintic between two rows."""
-    motion = quintic(_motion(start), _motion(end), end[0] - start[0], t_s - start[0])
-    return np.concatenate(motion)
 
 
 def _motion(row: Array) -> Motion:

@@ -10,7 +10,7 @@ from rf_pointing.geometry.angles import (
     wrap_rad,
 )
 from rf_pointing.geometry.checks import as_finite_array, require_between, require_choice, require_finite
-from rf_pointing.geometry.hermite import Motion, quintic
+from rf_pointing.geometry.hermite import Motion, Quintic
 from rf_pointing.geometry.parameters import (
     Params,
     from_degrees,
@@ -43,6 +43,7 @@ __all__ = [
     "Motion",
     "Params",
     "PointingError",
+    "Quintic",
     "Target",
     "angular_distance_rad",
     "as_finite_array",
@@ -52,7 +53,6 @@ __all__ = [
     "nearest_turn_rad",
     "parameter",
     "parameter_unit",
-    "quintic",
     "random_stream",
     "require_between",
     "require_choice",

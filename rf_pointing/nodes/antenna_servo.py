@@ -21,7 +21,7 @@ from rf_pointing.servo import WindParams, dss13_plant
 from rf_pointing.station.antenna import AntennaParams, LoopParams, SimulatedAntenna
 from rf_pointing.station.mount import MountParams
 
-STATUS_EVERY = 5
+STATUS_PERIOD_S = 0.1
 
 
 class AntennaServo(ManagedNode):
@@ -34,7 +34,7 @@ class AntennaServo(ManagedNode):
             self.parameters.declare(prefix, defaults)
         self.parameters.on_change(self._retune)
         self._antenna: SimulatedAntenna | None = None
-        self._ticks = 0
+        self._status_every = 1
         self._tick_wall_s: float | None = None
         self._lateness_s = 0.0
 
@@ -43,6 +43,7 @@ class AntennaServo(ManagedNode):
         self._antenna = SimulatedAntenna(
             value("antenna"), value("plant"), value("loops"), value("wind"), value("mount").model()
         )
+        self._status_every = max(1, round(STATUS_PERIOD_S / self._antenna.params.tick_s))
         self._joints = self.publisher(JointState, "joint_states", STREAM)
         self._boresight = self.stream(Boresight, "sim/boresight", SAMPLES)
         self._status = self.stream(AntennaStatus, "antenna_status", STREAM)
@@ -67,8 +68,7 @@ class AntennaServo(ManagedNode):
         reading, boresight = self._antenna.step(t_s)
         self._joints.publish(convert.joints_to_message(reading))
         self._boresight.publish(convert.boresight_to_message(boresight))
-        self._ticks += 1
-        if self._ticks % STATUS_EVERY == 0:
+        if round(t_s / self._antenna.params.tick_s) % self._status_every == 0:
             message = convert.antenna_status_to_message(self._antenna.status(t_s))
             message.tick_lateness = self._lateness_s
             self._status.publish(message)

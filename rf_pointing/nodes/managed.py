@@ -5,6 +5,7 @@ A subclass declares its parameter sets in `__init__`, builds its core and its to
 says why in the log and on /diagnostics.
 """
 
+import gc
 import signal
 import sys
 from collections.abc import Callable
@@ -24,7 +25,7 @@ from rf_pointing.nodes.schedule import Schedule
 from rf_pointing.nodes.stamps import seconds_from_stamp
 from rf_pointing.nodes.streams import InputCounter, Latest, SequencedPublisher
 
-__all__ = ["ManagedNode", "make_executor", "run"]
+__all__ = ["ManagedNode", "make_executor", "run", "settle_garbage"]
 
 
 class ManagedNode(LifecycleNode):
@@ -220,6 +221,12 @@ def make_executor(context: Any = None) -> Any:
     return EventsExecutor(context=context)
 
 
+def settle_garbage() -> None:
+    """Take what was imported out of the garbage collector's rounds: it would be looked through again and again."""
+    gc.collect()
+    gc.freeze()
+
+
 def run(node_type: Callable[[], Any]) -> None:
     """Run one node until SIGINT or SIGTERM; an active node is deactivated first, so that motion ends under control.
 
@@ -237,7 +244,8 @@ def run(node_type: Callable[[], Any]) -> None:
         sys.exit(2)
     executor = make_executor()
     executor.add_node(node)
-    while not asked and rclpy.ok():
+    settle_garbage()
+    while not asked:
         executor.spin_once(timeout_sec=node.turn())
     node.end()
     executor.shutdown()

@@ -3,7 +3,7 @@
 Inactive, it holds time at the start; active, time runs.  So every node can be brought up before the first tick, and a run
 does not depend on how long that took.
 Publishes: clock (rosgraph_msgs/Clock), to which the nodes' /clock is remapped.
-Subscribes: joint_states, sim/pointing_error, pointing_error, joint_trajectory, target (their stamps only).
+Subscribes: antenna_status, sim/pointing_error, pointing_error, joint_trajectory, target (their stamps only).
 Parameters: start_s, speed (0: as fast as the graph follows), tick_s.
 """
 
@@ -11,9 +11,8 @@ import struct
 import time
 from dataclasses import dataclass
 
-from rf_pointing_msgs.msg import PointingError, Target
+from rf_pointing_msgs.msg import AntennaStatus, PointingError, Target
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
 from rf_pointing.geometry import Params, parameter
@@ -24,7 +23,7 @@ from rf_pointing.nodes.qos import STREAM
 from rf_pointing.nodes.stamps import stamp_from_seconds
 
 PACED = {
-    "joint_states": (JointState, 0.11),
+    "antenna_status": (AntennaStatus, 0.19),
     "sim/pointing_error": (PointingError, 0.19),
     "pointing_error": (PointingError, 0.23),
     "joint_trajectory": (JointTrajectory, 0.19),
@@ -32,12 +31,12 @@ PACED = {
 }
 """Stream, its type, and by how much its newest stamp may lag the next tick.
 
-The receiver, the tracker and the controller work every 0.1 s on what is older than their own instant.  A lag of one
-period less a tick lets time reach the next such instant only when the previous one's work has arrived, so a run gives
+The antenna reports every 0.1 s; the receiver, the tracker and the controller work every 0.1 s on what is older than
+their own instant.  A lag of one period less a tick lets time reach the next such instant only when the previous one's work has arrived, so a run gives
 the same result at any speed; the errors of monopulse are stamped in the middle of their cluster, 0.04 s before its end.
 """
 
-ESSENTIAL = "joint_states"
+ESSENTIAL = "antenna_status"
 HELD_PERIOD_S = 0.1
 
 

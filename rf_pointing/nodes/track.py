@@ -22,7 +22,7 @@ from rf_pointing_msgs.action import TrackPass
 from rf_pointing.ephemeris import Pass, first_pass_above, utc_text
 from rf_pointing.nodes import convert
 from rf_pointing.nodes.lifecycle_client import LifecycleClient
-from rf_pointing.nodes.managed import make_executor
+from rf_pointing.nodes.managed import make_executor, settle_garbage
 from rf_pointing.nodes.processes import SIMULATED_STATION, NodeProcesses
 from rf_pointing.nodes.progress import ProgressLine
 from rf_pointing.nodes.recorder import Recorder
@@ -34,6 +34,9 @@ BRING_UP_S = 20.0
 SETTLE_S = 0.5
 """Publishers and subscribers that are known to the graph still take a moment to match each other."""
 ACTIVATION_TRIES = 20
+LOOK_PERIOD_S = 0.2
+"""How often it is looked whether every node still runs."""
+
 REAL_TIME_SPEED = 3.0
 """Up to this speed the clock ticks with the servo; above it only with the controller, five servo ticks at once."""
 SLEW_TIME_S = 150.0
@@ -176,9 +179,13 @@ class Run:
         self._change(SIMULATED_STATION[:1], "activate")
         result = handle.get_result_async()
         cancelled = False
+        look_s = 0.0
+        settle_garbage()
         while not result.done():
             self.spin(0.1)
-            self._check_alive()
+            if time.monotonic() >= look_s:
+                self._check_alive()
+                look_s = time.monotonic() + LOOK_PERIOD_S
             if self._stopping and not cancelled:
                 cancelled = True
                 handle.cancel_goal_async()

@@ -22,10 +22,19 @@ class AxisPath:
     def __init__(self, period_s: float) -> None:
         self._period_s = period_s
         self._known: dict[int, Array] = {}
+        self._start: Motion | None = None
 
     def clear(self) -> None:
         """Forget the block: the target, the model or the turn has changed."""
         self._known.clear()
+        self._start = None
+
+    def waiting(self, count: int, sky_rad: Array, model: BiasModel, near_azimuth_rad: float) -> Motion:
+        """Return the motion of waiting where the target will rise, at apparent `sky_rad` (2,), for `count` instants."""
+        if self._start is None:
+            still = np.zeros((1, 2))
+            self._start = held(Motion(sky_rad[None, :], still, still), model, near_azimuth_rad)
+        return Motion(*(np.tile(part, (count, 1)) for part in self._start))
 
     def at(self, times: Array, targets: TargetBuffer, model: BiasModel, near_azimuth_rad: float) -> Motion:
         """Return the motion at `times` (n,); what lies beyond is computed too, as far as the target is known."""

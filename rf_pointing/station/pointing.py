@@ -264,9 +264,8 @@ class PointingController:
         assert self._pass is not None
         near_rad = 0.5 * (self._pass.azimuth_min_rad + self._pass.azimuth_max_rad) + (self._turns_rad or 0.0)
         if t_s < self._pass.aos_t_s:
-            still = np.zeros((len(times), 2))
-            start = [self._pass.aos_azimuth_rad, self._pass.aos_elevation_rad]
-            return held(Motion(np.tile(start, (len(times), 1)), still, still), self._model, near_rad)
+            start = np.array([self._pass.aos_azimuth_rad, self._pass.aos_elevation_rad])
+            return self._path.waiting(len(times), start, self._model, near_rad)
         return self.offsets.add_trim(times, self._path.at(times, self._targets, self._model, near_rad))
 
     def _finish(self, t_s: float) -> tuple[JointTrajectory | None, TrackingStatus]:

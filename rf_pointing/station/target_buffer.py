@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rf_pointing.geometry import Motion, Target, nearest_turn_rad, quintic
+from rf_pointing.geometry import Motion, Quintic, Target, nearest_turn_rad
 
 __all__ = ["TargetBuffer"]
 
@@ -73,4 +73,4 @@ class TargetBuffer:
         if abs(self._times[after] - t_s) <= 1e-6:
             return self._motions[after]
         before, span_s = after - 1, self._times[after] - self._times[after - 1]
-        return quintic(self._motions[before], self._motions[after], span_s, t_s - self._times[before])
+        return Quintic(self._motions[before], self._motions[after], span_s).at(t_s - self._times[before])
