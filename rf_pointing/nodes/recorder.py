@@ -7,6 +7,7 @@ from pathlib import Path
 from ament_index_python.packages import get_package_share_directory
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from rclpy.subscription import Subscription
 
 from rf_pointing.nodes.topics import TOPICS, Topic
 from rf_pointing.report.bag_writer import BagResult, BagWriter
@@ -34,9 +35,9 @@ class Recorder:
         self._writer = BagWriter(path, definitions(Path(get_package_share_directory("rf_pointing_msgs"))), notes=notes)
         self._subscriptions = [self._subscribe(topic, f"{namespace}/{topic.name}") for topic in topics]
 
-    def expected(self) -> list[str]:
-        """Return the topics, by full name."""
-        return [subscription.topic_name for subscription in self._subscriptions]
+    def unmatched(self) -> list[str]:
+        """Return the topics, by full name, that no publisher is connected to yet."""
+        return [item.topic_name for item in self._subscriptions if item.get_publisher_count() == 0]
 
     def close(self) -> BagResult:
         """End the recording; the result says what is missing from the bag, if anything."""
@@ -49,7 +50,7 @@ class Recorder:
         """Why recording has stopped, empty while it goes on."""
         return self._writer.problem
 
-    def _subscribe(self, topic: Topic, name: str) -> object:
+    def _subscribe(self, topic: Topic, name: str) -> Subscription:
         name = topic.name if topic.name.startswith("/") else name
         package = topic.message_type.__module__.partition(".")[0]
         self._writer.register(name, f"{package}/msg/{topic.message_type.__name__}", [qos_from_profile(topic.qos)])

@@ -31,7 +31,7 @@ from rf_pointing.station.pointing import SENSOR_CHOICES
 from rf_pointing.station.source import SourceParams, load_elements, load_track
 
 BRING_UP_S = 20.0
-SETTLE_S = 0.5
+SETTLE_S = 0.2
 """Publishers and subscribers that are known to the graph still take a moment to match each other."""
 ACTIVATION_TRIES = 20
 LOOK_PERIOD_S = 0.2
@@ -202,15 +202,15 @@ class Run:
         self._node.destroy_node()
 
     def _bring_up(self) -> None:
-        self._lifecycle.wait_for(SIMULATED_STATION, BRING_UP_S)
         clock, others = SIMULATED_STATION[:1], SIMULATED_STATION[1:]
+        # The clock first, alone: while the others still start, its held time finds the way to them.
+        self._lifecycle.wait_for(clock, BRING_UP_S)
         self._change(clock, "configure")
+        self._lifecycle.wait_for(others, BRING_UP_S)
         self._change(others, "configure")
         self._activate(others)
         deadline_s = time.monotonic() + BRING_UP_S
-        while not self._client.server_is_ready() or any(
-            self._node.count_publishers(topic) == 0 for topic in self.recorder.expected()
-        ):
+        while not self._client.server_is_ready() or self.recorder.unmatched():
             self._check_alive()
             if time.monotonic() > deadline_s:
                 raise NotStartedError(f"topics were not matched within {BRING_UP_S:.0f} s")
