@@ -32,8 +32,9 @@ PACED = {
 """Stream, its type, and by how much its newest stamp may lag the next tick.
 
 The antenna reports every 0.1 s; the receiver, the tracker and the controller work every 0.1 s on what is older than
-their own instant.  A lag of one period less a tick lets time reach the next such instant only when the previous one's work has arrived, so a run gives
-the same result at any speed; the errors of monopulse are stamped in the middle of their cluster, 0.04 s before its end.
+their own instant.  A lag of one period less a tick lets time reach the next such instant only when the previous one's
+work has arrived, so a run gives the same result at any speed; the errors of monopulse are stamped in the middle of their
+cluster, 0.04 s before its end.
 """
 
 ESSENTIAL = "antenna_status"

@@ -27,7 +27,7 @@ from rf_pointing.geometry import (
     require_choice,
 )
 from rf_pointing.planning import AxisLimits, choose_turns, refusal
-from rf_pointing.station.axis_path import AxisPath, held
+from rf_pointing.station.axis_path import AxisPath
 from rf_pointing.station.beam_position import BeamPosition
 from rf_pointing.station.sky_offsets import SkyOffsets
 from rf_pointing.station.status import TrackingStatus

@@ -66,7 +66,7 @@ def test_a_bag_holds_every_message_of_the_namespace_in_order(
     assert log_times == sorted(log_times)
 
 
-def test_the_topics_expected_are_those_of_the_table(make_node: Callable[..., Any], tmp_path: Path) -> None:
+def test_every_topic_of_the_table_waits_for_its_publisher(make_node: Callable[..., Any], tmp_path: Path) -> None:
     recorder = Recorder(make_node("listener"), "/gs9", tmp_path / "bag")
     assert len(recorder.unmatched()) == len(TOPICS)
     assert "/gs9/joint_states" in recorder.unmatched()
