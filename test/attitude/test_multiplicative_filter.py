@@ -19,7 +19,6 @@ from rf_pointing.attitude.multiplicative_filter import (
 )
 from rf_pointing.attitude.process_noise import ProcessNoiseParams
 from rf_pointing.attitude.quaternion import (
-    cross_matrix,
     multiply,
     quaternion_from_rotation_vector,
     quaternion_to_matrix,
@@ -28,6 +27,7 @@ from rf_pointing.attitude.quaternion import (
 from rf_pointing.attitude.rigid_body import KnownTorque, SatelliteParams, propagate, rigid_inertia
 from rf_pointing.attitude.simulated_satellite import NadirHoldParams, SimulatedSatellite
 from rf_pointing.attitude.sun_synchronous_orbit import SunSynchronousOrbitParams, orbit_point
+from rf_pointing.geometry.rotations import cross_matrix
 
 INERTIA = rigid_inertia(SatelliteParams())
 ORBIT_RATE = np.array([0.0, -1.038e-3, 0.0])
