@@ -26,7 +26,7 @@ from rf_pointing.arrays.polar_direction import direction_from_polar, polar_error
 from rf_pointing.arrays.search_grid import grid_search
 from rf_pointing.arrays.snapshots import draw_covariances, draw_snapshots
 from rf_pointing.geometry import random_stream
-from rf_pointing.reproduce.doa import full_tables
+from rf_pointing.reproduce.doa import run_tables
 
 ARRAY = CircularArrayParams()
 LIMIT_US, RATIO, TABLES_S, TABLES_GB = 150.0, 20.0, 600.0, 4.0
@@ -105,7 +105,7 @@ def tables(workers: int, music_inside: bool) -> bool:
     """Time Tables 1 and 2 in full; return whether the limits are kept."""
     start = time.perf_counter()
     with ProcessPoolExecutor(workers) as executor:
-        results = full_tables(1, 200, executor, music_inside=music_inside)
+        results = run_tables(1, 200, executor, music_inside=music_inside).rows
     elapsed = time.perf_counter() - start
     peak = [resource.getrusage(who).ru_maxrss / 1e6 for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     memory = peak[0] + workers * peak[1]
