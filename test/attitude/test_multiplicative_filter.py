@@ -193,3 +193,11 @@ def test_batch_updates_as_its_members_do(stream: np.random.Generator) -> None:
         )
         assert float(rotation_angle_between_rad(together.quaternion[k], alone.quaternion)) < 1e-12
         assert together.covariance[k] == pytest.approx(alone.covariance, abs=1e-14)
+
+
+def test_certainty_on_both_sides_is_refused_and_not_divided_by() -> None:
+    state = start_state(np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(3), 0.01, 1e-4, GATE)
+    sure = replace(state, covariance=np.zeros((6, 6)))
+    seen = DirectionObservation(np.array([0.0, 0.0, 1.0]), np.zeros((3, 3)), np.array([0.0, 0.0, 1.0]))
+    with pytest.raises(ValueError, match="innovation covariance has determinant 0.0, must be > 0: singular"):
+        update(sure, seen, GATE)
