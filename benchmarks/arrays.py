@@ -1,11 +1,12 @@
-"""Speed of the direction-of-arrival core.  Run: python benchmarks/arrays.py [--tables] [--workers N] [--music-inside]
+"""Speed of the arrays' cores.  Run: python benchmarks/arrays.py [--tables] [--workers N] [--music-inside] [--dask]
 
-Times MUSIC for the 12-element array, refined to better than 1e-4 deg, per estimate in a batch (limit 150 us), beside a
-1-deg grid search by pyargus on the same covariances where it is installed (limit: 20 times faster, RMSE not worse) and
-beside our own 1-deg grid search.  doatools has no release on PyPI and is not compared; pyargus 1.1 needs
-numpy < 2.4.  `--tables` runs Tables 1 and 2
-completely: 14 rows, 200 trials, 20 000 steps, refined and on the grid (limits: 10 min on 2 workers, 4 GB).
-The exit status says whether the limits are kept.
+All but the tables in processor time of one core, so that other work on the machine matters little.  Times MUSIC for the
+12-element array, refined to better than 1e-4 deg, per estimate in a batch (limit 150 us), beside a 1-deg grid search by
+pyargus on the same covariances where it is installed (limit: 20 times faster, RMSE not worse) and beside our own 1-deg
+grid search.  doatools has no release on PyPI and is not compared; pyargus 1.1 needs numpy < 2 and matplotlib.
+Times Tripulse's 20 000 trials of failed elements (limit 5 s) and its steps.  `--tables` runs DOA's Tables 1 and 2
+completely: 14 rows, 200 trials, 20 000 steps, refined and on the grid (limits: 10 min on 2 workers, 4 GB), `--dask` on a
+local Dask cluster instead of a process pool.  The exit status says whether the limits are kept.
 """
 
 import argparse
@@ -14,7 +15,9 @@ import resource
 import sys
 import time
 import warnings
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor
+from contextlib import contextmanager
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,11 +28,21 @@ from rf_pointing.arrays.music import estimate_directions
 from rf_pointing.arrays.polar_direction import direction_from_polar, polar_errors_rad
 from rf_pointing.arrays.search_grid import grid_search
 from rf_pointing.arrays.snapshots import draw_covariances, draw_snapshots
+from rf_pointing.arrays.tripulse_array import TripulseArrayParams
+from rf_pointing.arrays.tripulse_beams import closed_form_signals
+from rf_pointing.arrays.tripulse_montecarlo import failed_element_errors
+from rf_pointing.arrays.tripulse_receiver import TripulseReceiver
+from rf_pointing.arrays.tripulse_robust import posterior_projection_error, signal_matrix
+from rf_pointing.arrays.tripulse_signal import TripulseSignalParams
+from rf_pointing.arrays.tripulse_source import StationLine, TripulseSource, TripulseSourceParams
+from rf_pointing.attitude.two_station import bisector_rotation
+from rf_pointing.attitude.wahba import fit_rotation
 from rf_pointing.geometry import random_stream
-from rf_pointing.reproduce.doa import full_tables
+from rf_pointing.reproduce.doa import run_tables
 
 ARRAY = CircularArrayParams()
-LIMIT_US, RATIO, TABLES_S, TABLES_GB = 150.0, 20.0, 600.0, 4.0
+TRIPULSE = TripulseArrayParams()
+LIMIT_US, RATIO, TABLES_S, TABLES_GB, FAILURES_S = 150.0, 20.0, 600.0, 4.0, 5.0
 SNR, SNAPSHOTS, STEP_RAD = 1.0, 100, np.radians(1.0)
 REFINED_RAD = np.radians(1e-4)
 
@@ -40,10 +53,12 @@ def main() -> None:
     parser.add_argument("--tables", action="store_true", help="run Tables 1 and 2 in full")
     parser.add_argument("--music-inside", action="store_true", help="with --tables: MUSIC at every step and trial")
     parser.add_argument("--workers", type=int, default=2, help="processes for --tables (default: 2)")
+    parser.add_argument("--dask", action="store_true", help="with --tables: on a local Dask cluster")
     options = parser.parse_args()
     kept = music()
+    kept = tripulse() and kept
     if options.tables:
-        kept = tables(options.workers, options.music_inside) and kept
+        kept = tables(options.workers, options.music_inside, options.dask) and kept
     sys.exit(0 if kept else 1)
 
 
@@ -81,7 +96,7 @@ def against_pyargus(
     theta, phi = np.meshgrid(np.radians(np.arange(0.0, 62.0)), np.radians(np.arange(360.0)), indexing="ij")
     nodes = direction_from_polar(theta.ravel(), phi.ravel())
     vectors = steering(ARRAY, nodes).T
-    count = 6
+    count = 12
 
     def search() -> NDArray[np.float64]:
         with warnings.catch_warnings():
@@ -101,11 +116,60 @@ def against_pyargus(
     return bool(ratio >= RATIO and ours <= 1.2 * peer)
 
 
-def tables(workers: int, music_inside: bool) -> bool:
+def tripulse() -> bool:
+    """Time Tripulse; return whether the failed-element trials keep their limit."""
+    pairs = random_stream(1, "benchmark").normal(size=(2, 10_000, 2, 3))
+    reference, measured = pairs / np.linalg.norm(pairs, axis=-1, keepdims=True)
+    failures_s = 1e-6 * best_us(failures, 1)[0]
+    print(f"20 000 trials, 38 of 256 dead      {failures_s:9.2f} s    limit {FAILURES_S:.0f} s")
+    for name, task, count in (
+        ("frame of 960 samples to direction", frame_receiver(), 100),
+        ("weak-signal posterior            ", posteriors, 1000),
+        ("attitude of two stations, SVD    ", lambda: fit_rotation(reference, measured), 10_000),
+        ("the same by the bisector         ", lambda: bisector_rotation(reference, measured), 10_000),
+    ):
+        print(f"{name}  {best_us(task, count)[0]:9.1f} us")
+    return failures_s <= FAILURES_S
+
+
+def failures() -> object:
+    """20 000 arrangements of 38 dead elements among 256."""
+    return failed_element_errors(TRIPULSE, 38, (0.0, 0.0), (np.radians(0.1), 0.0), 20_000)
+
+
+def posteriors() -> object:
+    """1000 weak-signal estimates."""
+    signals = closed_form_signals(TRIPULSE, np.full((1000, 2), 3e-4))[:, None, :]
+    noises = np.full(3, float(TRIPULSE.n_total**2))
+    return posterior_projection_error(TRIPULSE, signal_matrix(signals, noises), 1, noises, (5.8e-4, 5.8e-4))
+
+
+def frame_receiver() -> Callable[[], object]:
+    """Return the task of measuring 100 frames of samples."""
+    signal = TripulseSignalParams()
+    line = StationLine(name="a", direction=np.array([0.0, 0.6, 0.8]), range_rate_m_s=10.0, elevation_rad=1.0)
+    (frame,) = TripulseSource(TRIPULSE, signal, TripulseSourceParams(), seed=1).step(0.0, np.eye(3), [line])
+    receiver = TripulseReceiver(array=TRIPULSE, signal=signal)
+    return lambda: [receiver.measure(frame) for _ in range(100)]
+
+
+@contextmanager
+def workplace(workers: int, dask: bool) -> Iterator[Executor]:
+    """Give the executor that the tables run on."""
+    if dask:
+        client = importlib.import_module("distributed").Client(n_workers=workers, threads_per_worker=1)
+        with client:
+            yield client.get_executor()
+    else:
+        with ProcessPoolExecutor(workers) as executor:
+            yield executor
+
+
+def tables(workers: int, music_inside: bool, dask: bool) -> bool:
     """Time Tables 1 and 2 in full; return whether the limits are kept."""
     start = time.perf_counter()
-    with ProcessPoolExecutor(workers) as executor:
-        results = full_tables(1, 200, executor, music_inside=music_inside)
+    with workplace(workers, dask) as executor:
+        results = run_tables(1, 200, executor, music_inside=music_inside).rows
     elapsed = time.perf_counter() - start
     peak = [resource.getrusage(who).ru_maxrss / 1e6 for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     memory = peak[0] + workers * peak[1]
@@ -123,12 +187,12 @@ def tables(workers: int, music_inside: bool) -> bool:
 
 
 def best_us(task, count: int, runs: int = 3) -> tuple[float, NDArray[np.float64]]:  # type: ignore[no-untyped-def]
-    """Return the shortest time per item of `runs` calls, in microseconds, and the result."""
+    """Return the shortest time per item of `runs` calls, in microseconds of processor time, and the result."""
     times = []
     for _ in range(runs):
-        start = time.perf_counter()
+        start = time.process_time()
         result = task()
-        times.append(time.perf_counter() - start)
+        times.append(time.process_time() - start)
     return 1e6 * min(times) / count, result
 
 

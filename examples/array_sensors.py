@@ -8,7 +8,6 @@ For every system: its nodes as processes of their own, a bag of all its topics, 
 
 import argparse
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +29,7 @@ TITLES = {
 
 
 def record(name: str, seconds: float, output: Path) -> Path:
-    """Run one system for `seconds` of wall time and return its bag."""
+    """Run one system for `seconds` at its speed and return its bag."""
     node = rclpy.create_node(f"{name}_example")
     executor = make_executor()
     executor.add_node(node)
@@ -44,8 +43,8 @@ def record(name: str, seconds: float, output: Path) -> Path:
         with ArrayGraph(system, node, spin, output / "logs" / name, speed=SPEEDS[name]) as graph:
             graph.bring_up()
             graph.run_time()
-            end_s = time.monotonic() + seconds
-            while time.monotonic() < end_s:
+            end_s = graph.now_s + seconds * SPEEDS[name]
+            while graph.now_s < end_s:
                 graph.check()
                 graph.spin(0.05)
     finally:
@@ -91,7 +90,7 @@ def main() -> None:
     """Run the chosen systems one after the other."""
     parser = argparse.ArgumentParser(description="Record the array sensors on a live graph and draw their errors.")
     parser.add_argument("--system", choices=tuple(ARRAY_SYSTEMS), action="append", help="which (default: all)")
-    parser.add_argument("--seconds", type=float, default=25.0, help="wall time of each recording (default: 25)")
+    parser.add_argument("--seconds", type=float, default=25.0, help="length of each recording, at least (default: 25)")
     parser.add_argument(
         "--output", type=Path, default=Path("runs/array_sensors"), help="new folder (default: %(default)s)"
     )

@@ -35,15 +35,15 @@ def polar_from_direction(direction: ArrayLike) -> tuple[Array, Array]:
 
 def polar_basis(direction: Array) -> Array:
     """Return rows e_theta, e_phi, s (..., 3, 3): the local frame of each unit vector, with phi = 0 on the normal."""
-    theta, phi = polar_from_direction(direction)
-    return np.stack(
-        [
-            direction_from_polar(theta + np.pi / 2.0, phi),
-            np.stack([-np.sin(phi), np.cos(phi), np.zeros_like(phi)], axis=-1),
-            direction_from_polar(theta, phi),
-        ],
-        axis=-2,
-    )
+    x, y, z = (direction[..., i] for i in range(3))
+    across = np.hypot(x, y)
+    cosine = np.divide(x, across, out=np.ones_like(across), where=across > 0.0)
+    sine = np.divide(y, across, out=np.zeros_like(across), where=across > 0.0)
+    basis = np.zeros((*direction.shape, 3))
+    basis[..., 0, 0], basis[..., 0, 1], basis[..., 0, 2] = z * cosine, z * sine, -across
+    basis[..., 1, 0], basis[..., 1, 1] = -sine, cosine
+    basis[..., 2, :] = direction
+    return basis
 
 
 def polar_errors_rad(estimate: Array, truth: Array) -> tuple[Array, Array, Array]:

@@ -1,15 +1,11 @@
-"""Monte Carlo of Tripulse: receiver noise, failed elements, phase errors, and sweeps over them.
+"""Monte Carlo of Tripulse: receiver noise, failed elements, phase errors.
 
-The estimator is always the exact inversion (9) of the uniform array, unaware of the faults.  `sweep` hands its cases to
-any `concurrent.futures` executor (a Dask client offers one by `get_executor()`); the numbers do not depend on it,
-because every case draws from a stream named after itself.
+The estimator is always the exact inversion (9) of the uniform array, unaware of the faults.  Every case draws from a
+stream named after itself, so a sweep over cases may run anywhere (`geometry.sweep`).
 """
 
 import math
-from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,12 +22,9 @@ __all__ = [
     "phase_error_errors",
     "quantiser_errors",
     "random_failures",
-    "sweep",
 ]
 
 Array = NDArray[np.float64]
-Case = TypeVar("Case")
-Result = TypeVar("Result")
 
 CHUNK = 2000
 
@@ -144,11 +137,6 @@ def quantiser_errors(
         weights = element_weights(params, steering, common_phase_rad=common_rad)
         signals[index] = beam_signals(params, weights, steering + error)
     return _statistics(params, signals, np.zeros(2), error)
-
-
-def sweep(task: Callable[[Case], Result], cases: Sequence[Case], executor: Executor | None = None) -> list[Result]:
-    """Return `task` of every case in order, in this process or on `executor`; the first failure is raised."""
-    return list(map(task, cases) if executor is None else executor.map(task, cases))
 
 
 def _element_beams(params: TripulseArrayParams, steering: ArrayLike, projection_error: ArrayLike) -> Array:

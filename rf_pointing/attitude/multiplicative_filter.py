@@ -17,24 +17,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.attitude.process_noise import ProcessNoiseParams
-from rf_pointing.attitude.quaternion import (
-    conjugate,
-    cross_matrix,
-    multiply,
-    quaternion_from_rotation_vector,
-    quaternion_to_matrix,
-    quaternion_to_rotation_vector,
-    unit_quaternion,
-)
-from rf_pointing.attitude.rigid_body import (
-    KnownTorque,
-    RigidInertia,
-    cross_product,
-    gravity_jacobian,
-    propagate,
-    rate_jacobian,
-)
+from rf_pointing.attitude.quaternion import conjugate, multiply, quaternion_to_rotation_vector, unit_quaternion
+from rf_pointing.attitude.rigid_body import KnownTorque, RigidInertia, gravity_jacobian, propagate, rate_jacobian
 from rf_pointing.geometry import Params, parameter
+from rf_pointing.geometry.rotations import (
+    cross_matrix,
+    cross_product,
+    matrix_from_quaternion,
+    quaternion_from_turn,
+    quaternion_product,
+)
 
 __all__ = [
     "AttitudeState",
@@ -114,34 +106,33 @@ def predict(
     dt_s: float,
 ) -> AttitudeState:
     """Return the state `dt_s` later; `frame_rate` (..., 3) is the orbital frame's inertial rate in its own axes."""
-    rotation = quaternion_to_matrix(state.quaternion)
+    rotation = matrix_from_quaternion(state.quaternion)
     quaternion, rate = propagate(inertia, state.quaternion, state.rate_rad_s, known, frame_rate, dt_s, rotation)
     by_rate = rate_jacobian(inertia, state.rate_rad_s, known.wheel_momentum_n_m_s)
     by_attitude = inertia.inverse @ gravity_jacobian(inertia, rotation, frame_rate)
-    into_orbital = rotation.swapaxes(-1, -2)
     slope = np.zeros((*by_rate.shape[:-2], 6, 6))
     slope[..., :3, :3] = -cross_matrix(frame_rate)
-    slope[..., :3, 3:] = 0.5 * (rotation + quaternion_to_matrix(quaternion))
-    slope[..., 3:, :3] = by_attitude @ into_orbital
+    slope[..., :3, 3:] = 0.5 * (rotation + matrix_from_quaternion(quaternion))
+    slope[..., 3:, :3] = by_attitude @ _transposed(rotation)
     slope[..., 3:, 3:] = by_rate
     step = slope * dt_s
     transition = np.eye(6) + step + 0.5 * step @ step
-    covariance = transition @ state.covariance @ transition.swapaxes(-1, -2)
-    diagonal = np.arange(6)
-    covariance[..., diagonal, diagonal] += dt_s * np.repeat([noise.attitude_rad2_s, noise.rate_rad2_s3], 3)
+    covariance = transition @ state.covariance @ _transposed(transition)
+    variance = np.einsum("...ii->...i", covariance)
+    variance += dt_s * np.repeat([noise.attitude_rad2_s, noise.rate_rad2_s3], 3)
     return AttitudeState(quaternion, rate, covariance, state.refused, state.misfit)
 
 
 def innovation(state: AttitudeState, observation: DirectionObservation) -> tuple[Array, Array, Array]:
     """Return z (..., 2), its covariance (..., 2, 2) and the rows E (..., 2, 3) orthogonal to the reference."""
-    rotation = quaternion_to_matrix(state.quaternion)
+    rotation = matrix_from_quaternion(state.quaternion)
     turned = np.einsum("...ij,...j->...i", rotation, observation.measured)
     gap = rotation_between(turned, observation.reference)
     rows = _across(observation.reference)
-    carried = rows @ quaternion_to_matrix(quaternion_from_rotation_vector(gap)) @ rotation
+    carried = rows @ matrix_from_quaternion(quaternion_from_turn(gap)) @ rotation
     noise_map = carried @ cross_matrix(observation.measured)
-    noise = noise_map @ observation.covariance_rad2 @ noise_map.swapaxes(-1, -2)
-    spread = rows @ state.covariance[..., :3, :3] @ rows.swapaxes(-1, -2) + noise
+    noise = noise_map @ observation.covariance_rad2 @ _transposed(noise_map)
+    spread = rows @ state.covariance[..., :3, :3] @ _transposed(rows) + noise
     return np.einsum("...ij,...j->...i", rows, gap), spread, rows
 
 
@@ -152,17 +143,18 @@ def update(state: AttitudeState, observation: DirectionObservation, gate: GatePa
     to be wrong and not the sensor: it listens to everything until one direction falls inside the gate again.
     """
     z, spread, rows = innovation(state, observation)
-    inverse = np.linalg.inv(spread)
+    inverse = _inverse_spread(spread)
     squared = np.einsum("...i,...ij,...j->...", z, inverse, z)
     inside = squared <= gate.largest
     believed = inside | (state.refused >= gate.doubt_after)
-    crossed = state.covariance[..., :, :3] @ rows.swapaxes(-1, -2)
+    crossed = state.covariance[..., :, :3] @ _transposed(rows)
     gain = crossed @ inverse * believed[..., None, None]
     change = np.einsum("...ij,...j->...i", gain, z)
     # no reset of the covariance: what is left unknown is the turn about the reference itself, before and after
-    covariance = state.covariance - gain @ crossed.swapaxes(-1, -2)
+    covariance = state.covariance - gain @ _transposed(crossed)
+    quaternion = quaternion_product(quaternion_from_turn(change[..., :3]), state.quaternion)
     return AttitudeState(
-        multiply(quaternion_from_rotation_vector(change[..., :3]), state.quaternion),
+        quaternion / np.linalg.norm(quaternion, axis=-1, keepdims=True),
         state.rate_rad_s + change[..., 3:],
         0.5 * (covariance + covariance.swapaxes(-1, -2)),
         np.where(inside, 0, state.refused + 1),
@@ -182,18 +174,39 @@ def rotation_between(first: Array, second: Array) -> Array:
     At exactly opposite vectors every axis across them serves: one is chosen.
     """
     axis = cross_product(first, second)
-    sine = np.linalg.norm(axis, axis=-1, keepdims=True)
-    angle = np.arctan2(sine, np.sum(first * second, axis=-1, keepdims=True))
-    any_axis = _across(first)[..., 0, :]
-    unit = np.where(sine > 1e-12, axis / np.where(sine > 1e-12, sine, 1.0), any_axis)
-    return np.asarray(np.where(angle < 1e-9, axis, unit * angle))
+    sine = np.linalg.norm(axis, axis=-1)
+    angle = np.arctan2(sine, np.einsum("...i,...i->...", first, second))
+    vector = axis * np.divide(angle, sine, out=np.ones_like(sine), where=sine > 1e-12)[..., None]
+    opposite = (sine <= 1e-12) & (angle > 1.0)
+    if np.any(opposite):
+        vector[opposite] = np.pi * np.broadcast_to(_across(first)[..., 0, :], axis.shape)[opposite]
+    return np.asarray(vector)
+
+
+def _transposed(matrix: Array) -> Array:
+    """Return the transpose as a copy of its own: stacked products with a view take three times as long."""
+    return np.ascontiguousarray(matrix.swapaxes(-1, -2))
+
+
+def _inverse_spread(spread: Array) -> Array:
+    """Return the inverse (..., 2, 2) of innovation covariances; a singular one is refused."""
+    a, b, c = spread[..., 0, 0], spread[..., 0, 1], spread[..., 1, 1]
+    determinant = a * c - b * b
+    if not np.all(determinant > 0.0):
+        raise ValueError(f"innovation covariance has determinant {np.min(determinant)}, must be > 0: singular")
+    inverse = np.empty(spread.shape)
+    inverse[..., 0, 0], inverse[..., 1, 1] = c / determinant, a / determinant
+    inverse[..., 0, 1] = inverse[..., 1, 0] = -b / determinant
+    return inverse
 
 
 def _across(direction: Array) -> Array:
     """Return two orthonormal rows (..., 2, 3) orthogonal to unit vectors (..., 3), any direction (Duff et al. 2017)."""
-    x, y, z = np.moveaxis(direction, -1, 0)
+    x, y, z = (direction[..., i] for i in range(3))
     sign = np.where(z >= 0.0, 1.0, -1.0)
     a = -1.0 / (sign + z)
     b = x * y * a
-    first = np.stack([1.0 + sign * x * x * a, sign * b, -sign * x], axis=-1)
-    return np.stack([first, np.stack([b, sign + y * y * a, -y], axis=-1)], axis=-2)
+    rows = np.empty((*direction.shape[:-1], 2, 3))
+    rows[..., 0, 0], rows[..., 0, 1], rows[..., 0, 2] = 1.0 + sign * x * x * a, sign * b, -sign * x
+    rows[..., 1, 0], rows[..., 1, 1], rows[..., 1, 2] = b, sign + y * y * a, -y
+    return rows

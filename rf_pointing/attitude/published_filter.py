@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.attitude.quaternion import cross_matrix, quaternion_to_matrix
 from rf_pointing.attitude.rigid_body import KnownTorque, RigidInertia, propagate, rate_jacobian
+from rf_pointing.geometry.rotations import cross_matrix, matrix_from_quaternion
 
 __all__ = ["PublishedState", "published_predict", "published_update"]
 
@@ -56,7 +56,7 @@ def published_update(
     state: PublishedState, measured: Array, measurement_noise: Array, reference: Array
 ) -> PublishedState:
     """Return the state after one direction (30)-(33); `measurement_noise` (..., 3, 3) is R_W of (22)."""
-    expected = np.einsum("...ji,...j->...i", quaternion_to_matrix(state.quaternion), reference)
+    expected = np.einsum("...ji,...j->...i", matrix_from_quaternion(state.quaternion), reference)
     slope = 2.0 * cross_matrix(expected)
     crossed = state.covariance[..., :, 3:] @ slope.swapaxes(-1, -2)
     spread = slope @ crossed[..., 3:, :] + measurement_noise

@@ -3,19 +3,19 @@
 A quaternion stands for the active rotation v' = C(q) v; products follow Hamilton, C(a*b) = C(a) C(b).  As the
 orientation of a body, C(q) takes components in the body frame to components in the reference frame (ROS).  q and -q
 are the same rotation: functions that return a quaternion of a rotation return the one with w >= 0 (at half a turn,
-where w = 0, the one whose first non-zero component is positive).  All functions accept leading batch axes.
+where w = 0, the one whose first non-zero component is positive).  All functions accept leading batch axes and refuse
+what is not a rotation; the arithmetic is in `geometry.rotations`.
 """
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rf_pointing.geometry import require_finite
+from rf_pointing.geometry import require_finite, rotations
 
 __all__ = [
     "UNIT_TOLERANCE",
     "canonical",
     "conjugate",
-    "cross_matrix",
     "multiply",
     "quaternion_from_matrix",
     "quaternion_from_roll_pitch_yaw",
@@ -25,7 +25,6 @@ __all__ = [
     "quaternion_to_rotation_vector",
     "require_rotation_matrix",
     "rotation_angle_between_rad",
-    "small_angle_quaternion",
     "unit_quaternion",
 ]
 
@@ -61,19 +60,12 @@ def conjugate(quaternion: ArrayLike) -> Array:
 
 def multiply(left: ArrayLike, right: ArrayLike) -> Array:
     """Return the Hamilton product left * right of unit quaternions (..., 4): rotate by `right`, then by `left`."""
-    a, b = unit_quaternion(left, "left"), unit_quaternion(right, "right")
-    a_vector, a_scalar, b_vector, b_scalar = a[..., :3], a[..., 3:], b[..., :3], b[..., 3:]
-    vector = a_scalar * b_vector + b_scalar * a_vector + np.cross(a_vector, b_vector)
-    scalar = a_scalar * b_scalar - np.sum(a_vector * b_vector, axis=-1, keepdims=True)
-    return np.concatenate([vector, scalar], axis=-1)
+    return rotations.quaternion_product(unit_quaternion(left, "left"), unit_quaternion(right, "right"))
 
 
 def quaternion_to_matrix(quaternion: ArrayLike) -> Array:
     """Return the rotation matrix C(q), shape (..., 3, 3); the inverse is `quaternion_from_matrix`."""
-    q = unit_quaternion(quaternion)
-    vector, scalar = q[..., :3], q[..., 3, None, None]
-    skew = cross_matrix(vector)
-    return np.asarray(np.eye(3) + 2.0 * scalar * skew + 2.0 * skew @ skew)
+    return rotations.matrix_from_quaternion(unit_quaternion(quaternion))
 
 
 def quaternion_from_matrix(matrix: ArrayLike) -> Array:
@@ -81,18 +73,7 @@ def quaternion_from_matrix(matrix: ArrayLike) -> Array:
 
     Raises ValueError where the matrix is not orthonormal or is a reflection.
     """
-    c = require_rotation_matrix(matrix)
-    diagonal = np.diagonal(c, axis1=-2, axis2=-1)
-    trace = np.sum(diagonal, axis=-1)
-    # Four times the outer product q q^T; its largest diagonal entry names the row that divides without loss.
-    outer = np.empty((*c.shape[:-2], 4, 4))
-    outer[..., :3, :3] = c + np.swapaxes(c, -1, -2) + (1.0 - trace)[..., None, None] * np.eye(3)
-    for index, (i, j) in enumerate(((2, 1), (0, 2), (1, 0))):
-        outer[..., 3, index] = outer[..., index, 3] = c[..., i, j] - c[..., j, i]
-    outer[..., 3, 3] = 1.0 + trace
-    row = np.argmax(np.diagonal(outer, axis1=-2, axis2=-1), axis=-1)
-    q = np.take_along_axis(outer, row[..., None, None], axis=-2)[..., 0, :]
-    return canonical(q / np.linalg.norm(q, axis=-1, keepdims=True))
+    return canonical(rotations.quaternion_from_matrix(require_rotation_matrix(matrix)))
 
 
 def require_rotation_matrix(matrix: ArrayLike, name: str = "matrix") -> Array:
@@ -111,27 +92,12 @@ def require_rotation_matrix(matrix: ArrayLike, name: str = "matrix") -> Array:
 
 def quaternion_from_rotation_vector(rotation_rad: ArrayLike) -> Array:
     """Return the canonical quaternion of the rotation by |v| about v, `rotation_rad` (..., 3); exact at zero."""
-    v = _vectors("rotation_rad", rotation_rad, 3)
-    half = np.linalg.norm(v, axis=-1, keepdims=True) / 2.0
-    vector = v / 2.0 * np.sinc(half / np.pi)
-    q = np.concatenate([vector, np.cos(half)], axis=-1)
-    return canonical(q)
+    return canonical(rotations.quaternion_from_turn(_vectors("rotation_rad", rotation_rad, 3)))
 
 
 def quaternion_to_rotation_vector(quaternion: ArrayLike) -> Array:
     """Return the rotation vector (..., 3), at most pi long; at exactly half a turn its sign is the canonical one."""
-    q = canonical(quaternion)
-    length = np.linalg.norm(q[..., :3], axis=-1, keepdims=True)
-    angle = 2.0 * np.arctan2(length, q[..., 3:])
-    safe = np.where(length > 0.0, length, 1.0)
-    return np.asarray(np.where(length > 0.0, q[..., :3] * (angle / safe), 2.0 * q[..., :3]))
-
-
-def small_angle_quaternion(rotation_rad: ArrayLike) -> Array:
-    """Return [v/2, 1] made unit: the first-order quaternion of small `rotation_rad` (..., 3), third order in error."""
-    v = _vectors("rotation_rad", rotation_rad, 3)
-    q = np.concatenate([v / 2.0, np.ones((*v.shape[:-1], 1))], axis=-1)
-    return np.asarray(q / np.linalg.norm(q, axis=-1, keepdims=True))
+    return rotations.turn_from_quaternion(canonical(quaternion))
 
 
 def rotation_angle_between_rad(first: ArrayLike, second: ArrayLike) -> Array:
@@ -164,14 +130,6 @@ def quaternion_to_roll_pitch_yaw(quaternion: ArrayLike) -> Array:
     pitch = np.arctan2(-c[..., 2, 0], level)
     yaw = np.arctan2(c[..., 1, 0], c[..., 0, 0])
     return np.stack([roll, pitch, yaw], axis=-1)
-
-
-def cross_matrix(vector: ArrayLike) -> Array:
-    """Return [v] with [v] u = v x u, shape (..., 3, 3)."""
-    x, y, z = np.moveaxis(np.asarray(vector, dtype=np.float64), -1, 0)
-    zero = np.zeros_like(x)
-    rows = [np.stack(row, axis=-1) for row in ((zero, -z, y), (z, zero, -x), (-y, x, zero))]
-    return np.stack(rows, axis=-2)
 
 
 def _vectors(name: str, value: ArrayLike, length: int) -> Array:

@@ -11,19 +11,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.attitude.quaternion import (
-    cross_matrix,
-    multiply,
-    quaternion_from_rotation_vector,
-    quaternion_to_matrix,
-)
 from rf_pointing.geometry import Params, parameter
+from rf_pointing.geometry.rotations import (
+    cross_matrix,
+    cross_product,
+    matrix_from_quaternion,
+    quaternion_from_turn,
+    quaternion_product,
+)
 
 __all__ = [
     "KnownTorque",
     "RigidInertia",
     "SatelliteParams",
-    "cross_product",
     "gravity_gradient_n_m",
     "gravity_jacobian",
     "propagate",
@@ -70,14 +70,6 @@ class KnownTorque:
     wheel_momentum_rate_n_m: Array
 
 
-def cross_product(first: Array, second: Array) -> Array:
-    """Return first x second (..., 3): np.cross at a third of its time, which the filters spend mostly there."""
-    product = np.empty(np.broadcast_shapes(first.shape, second.shape))
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        np.subtract(first[..., j] * second[..., k], first[..., k] * second[..., j], out=product[..., i])
-    return product
-
-
 def rigid_inertia(satellite: SatelliteParams) -> RigidInertia:
     """Return the inertia and its inverse."""
     matrix = _inertia_matrix(satellite)
@@ -111,7 +103,7 @@ def propagate(
     the fourth-order Magnus turn, the integral of the rate plus dt^2/12 w x w' for its change of direction.
     """
     if rotation is None:
-        rotation = quaternion_to_matrix(quaternion)
+        rotation = matrix_from_quaternion(quaternion)
     torque = known.control_n_m - known.wheel_momentum_rate_n_m + gravity_gradient_n_m(inertia, rotation, frame_rate)
     momentum = known.wheel_momentum_n_m_s
     k1 = rate_slope_rad_s2(inertia, rate, torque, momentum)
@@ -120,8 +112,8 @@ def propagate(
     k4 = rate_slope_rad_s2(inertia, rate + dt_s * k3, torque, momentum)
     after = rate + dt_s * (k1 + 2.0 * k2 + 2.0 * k3 + k4) / 6.0
     turn = dt_s * rate + dt_s**2 * (k1 + k2 + k3) / 6.0 + dt_s**2 / 12.0 * cross_product(rate, after)
-    turned = multiply(quaternion, quaternion_from_rotation_vector(turn))
-    return multiply(quaternion_from_rotation_vector(-frame_rate * dt_s), turned), after
+    turned = quaternion_product(quaternion, quaternion_from_turn(turn))
+    return quaternion_product(quaternion_from_turn(-frame_rate * dt_s), turned), after
 
 
 def rate_jacobian(inertia: RigidInertia, rate: Array, momentum: Array) -> Array:

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rf_pointing.attitude.quaternion import cross_matrix
 from rf_pointing.geometry import require_finite
+from rf_pointing.geometry.rotations import cross_matrix
 
 __all__ = ["WahbaFit", "attitude_covariance", "beam_covariance", "fit_rotation", "separation_rad", "unit_directions"]
 

@@ -31,6 +31,7 @@ from rf_pointing.geometry.signals import (
     PointingError,
     Target,
 )
+from rf_pointing.geometry.sweeps import sweep
 
 __all__ = [
     "AXES",
@@ -58,6 +59,7 @@ __all__ = [
     "require_choice",
     "require_finite",
     "sky_offset_rad",
+    "sweep",
     "to_degrees",
     "unit_vector_from_azel",
     "with_leaves",

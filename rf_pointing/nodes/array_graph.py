@@ -1,6 +1,7 @@
 """Bring up the simulated graph of one array sensor, each node as its own process, and let its time run.
 
-Time comes from here and not from `simulation_clock`, which waits for an antenna's streams.
+Time comes from here and not from `simulation_clock`, which waits for an antenna's streams: it goes on once the system's
+estimates have caught up, so that a busy machine makes the run slower and changes nothing else.
 """
 
 import time
@@ -15,16 +16,18 @@ from rosgraph_msgs.msg import Clock
 
 from rf_pointing.nodes.array_systems import CLOCK, ArraySystem
 from rf_pointing.nodes.lifecycle_client import LifecycleClient
-from rf_pointing.nodes.pacing import Pacer
+from rf_pointing.nodes.pacing import PacedStream, Pacer
 from rf_pointing.nodes.processes import NodeProcesses
 from rf_pointing.nodes.qos import STREAM
-from rf_pointing.nodes.stamps import stamp_from_seconds
+from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.station.configuration import read_parameter_files
 
 __all__ = ["ArrayGraph", "NotStartedError"]
 
 TICK_S = 0.25
 HELD_PERIOD_S = 0.1
+PATIENCE_S = 5.0
+"""How long time waits for estimates that do not come, such as those of a satellite that hears no station."""
 _ACTIVATION_TRIES = 50
 
 
@@ -56,7 +59,16 @@ class ArrayGraph:
         self._processes = NodeProcesses(self.namespace, [share, *parameter_files], logs)
         self._lifecycle = LifecycleClient(node, self.namespace, self.spin, self.check)
         self._clock = node.create_publisher(Clock, f"{self.namespace}/clock", STREAM)
-        self._pacer = Pacer(start_s=start_s, tick_s=TICK_S, speed=speed, streams={})
+        estimates = PacedStream(allowed_lag_s=system.lag_s, spacing_s=2.0 * system.lag_s)
+        streams = {system.paced: estimates}
+        self._pacer = Pacer(start_s=start_s, tick_s=TICK_S, speed=speed, streams=streams, patience_s=PATIENCE_S)
+        (paced,) = (topic for topic in system.topics if topic.name == system.paced)
+        node.create_subscription(
+            paced.message_type,
+            f"{self.namespace}/{paced.name}",
+            lambda message: estimates.heard(seconds_from_stamp(message.header.stamp)),
+            STREAM,
+        )
         self._running, self._held_wall_s = False, 0.0
 
     def __enter__(self) -> Self:

@@ -29,11 +29,16 @@ _COMMON = (
 
 @dataclass(frozen=True)
 class ArraySystem:
-    """One graph: its name is its usual namespace and that of its parameter file; a node of a station is `station/node`."""
+    """One graph: its name is its usual namespace and that of its parameter file; a node of a station is `station/node`.
+
+    Simulation time waits for the stream `paced`, whose newest stamp may lag it by `lag_s`: two of its periods.
+    """
 
     name: str
     nodes: tuple[str, ...]
     topics: tuple[Topic, ...]
+    paced: str
+    lag_s: float
 
 
 def _tripulse(*stations: str) -> ArraySystem:
@@ -52,6 +57,8 @@ def _tripulse(*stations: str) -> ArraySystem:
         name="tripulse",
         nodes=("tripulse_source", *receivers, "tripulse_attitude"),
         topics=(*frames, *lines, attitude, truth, *_COMMON),
+        paced="attitude",
+        lag_s=2.5,
     )
 
 
@@ -67,6 +74,8 @@ _DOA = ArraySystem(
         Topic("sim/attitude_rate", Vector3Stamped, STREAM, _PERIOD, "doa_source"),
         *_COMMON,
     ),
+    paced="attitude",
+    lag_s=1.5,
 )
 
 _INTERFEROMETER = ArraySystem(
@@ -81,6 +90,8 @@ _INTERFEROMETER = ArraySystem(
         Topic("sim/relative_twist", TwistWithCovarianceStamped, STREAM, _PERIOD, "interferometer_source"),
         *_COMMON,
     ),
+    paced="relative_pose_status",
+    lag_s=4.5,
 )
 
 ARRAY_SYSTEMS = {system.name: system for system in (_tripulse("usingen", "hartebeesthoek"), _DOA, _INTERFEROMETER)}

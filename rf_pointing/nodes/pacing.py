@@ -1,8 +1,8 @@
 """When simulation time may go on: not before the wall clock says so, and never far ahead of the graph.
 
 Every paced stream states by how much its newest stamp may lag the next tick.  A stream that stays silent for longer than
-the patience is no longer waited for until it is heard again, nor is one whose messages are further apart than that.  The
-essential stream is the antenna's: while it is silent, time runs no faster than the wall clock.
+the patience is no longer waited for until it is heard again, nor is one whose messages are further apart than expected of
+it.  The essential stream is the antenna's: while it is silent, time runs no faster than the wall clock.
 """
 
 from dataclasses import dataclass, field
@@ -14,10 +14,14 @@ LARGEST_SPACING_S = 0.25
 
 @dataclass
 class PacedStream:
-    """Newest stamp of one stream, and by how much it may lag the next tick (negative: it must be ahead)."""
+    """Newest stamp of one stream, and by how much it may lag the next tick (negative: it must be ahead).
+
+    Messages further apart than `spacing_s` make it a sparse stream, for which time does not wait.
+    """
 
     allowed_lag_s: float
     essential: bool = False
+    spacing_s: float = LARGEST_SPACING_S
     newest_s: float | None = None
     waited_for: bool = True
     waiting_since_s: float | None = None
@@ -26,7 +30,7 @@ class PacedStream:
 
     def heard(self, stamp_s: float) -> None:
         """Note a message; what matters of it is its stamp."""
-        sparse = self.newest_s is not None and stamp_s - self.newest_s > LARGEST_SPACING_S
+        sparse = self.newest_s is not None and stamp_s - self.newest_s > self.spacing_s
         self.newest_s = stamp_s if self.newest_s is None else max(self.newest_s, stamp_s)
         self.waited_for, self.waiting_since_s = not sparse, None
 

@@ -1,5 +1,7 @@
 """PI83 recomputed: Tables 7-1, 8-1, 8-2 and 8-3, the design chain, the links and the simulated errors."""
 
+from concurrent.futures import Executor
+
 from rf_pointing.arrays.interferometer import (
     LinkParams,
     carrier_count_row,
@@ -16,8 +18,8 @@ __all__ = ["rows"]
 _SINGLE_PRECISION = 1e-6
 
 
-def rows(seed: int = 1) -> list[Row]:
-    """Return the published numbers of the polarized interferometer beside ours."""
+def rows(seed: int = 1, *, executor: Executor | None = None) -> list[Row]:
+    """Return the published numbers of the polarized interferometer beside ours; trials run on `executor`."""
     return [
         *_table_7_1(),
         *_table_8_1(),
@@ -25,7 +27,7 @@ def rows(seed: int = 1) -> list[Row]:
         *chain_rows(),
         *estimator_rows(),
         *link_rows(),
-        *simulation_rows(seed),
+        *simulation_rows(seed, executor),
     ]
 
 

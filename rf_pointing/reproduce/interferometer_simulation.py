@@ -1,6 +1,8 @@
 """Figures 8-3 and 8-4 of PI83 by their text: 100 trials per point, rms errors against range and against roll."""
 
 import math
+from concurrent.futures import Executor
+from functools import partial
 
 import numpy as np
 
@@ -19,7 +21,7 @@ from rf_pointing.arrays.interferometer import (
     run_trials,
 )
 from rf_pointing.arrays.interferometer.carriers import REPORT_SPEED_OF_LIGHT_M_S
-from rf_pointing.geometry import random_stream
+from rf_pointing.geometry import random_stream, sweep
 from rf_pointing.reproduce.row import Row
 
 __all__ = ["simulation_rows"]
@@ -61,9 +63,9 @@ def _errors(
     )
 
 
-def simulation_rows(seed: int) -> list[Row]:
+def simulation_rows(seed: int, executor: Executor | None = None) -> list[Row]:
     """Return the simulation's statements of section 8.3 and what the corrected forms give."""
-    return [*_range_rows(seed), *_roll_rows(seed), *_short_range_rows(seed), *_power_rows(seed)]
+    return [*_range_rows(seed, executor), *_roll_rows(seed, executor), *_short_range_rows(seed), *_power_rows(seed)]
 
 
 def _row(quantity: str, paper: float, ours: float, unit: str, remark: str = "", bound: str = "<=") -> Row:
@@ -80,8 +82,13 @@ def _row(quantity: str, paper: float, ours: float, unit: str, remark: str = "", 
     )
 
 
-def _range_rows(seed: int) -> list[Row]:
-    runs = {(d, a): _errors("range", seed, d, a) for d in _DISTANCES_M for a in _DIRECTIONS_DEG}
+def _far_and_near(seed: int, case: tuple[float, tuple[float, float]]) -> TrialErrors:
+    return _errors("range", seed, *case)
+
+
+def _range_rows(seed: int, executor: Executor | None) -> list[Row]:
+    cases = [(distance, angles) for distance in _DISTANCES_M for angles in _DIRECTIONS_DEG]
+    runs = dict(zip(cases, sweep(partial(_far_and_near, seed), cases, executor), strict=True))
     far = [runs[1e5, a].rms() for a in _DIRECTIONS_DEG]
     steps = [
         max(runs[near, a].rms()[k] / runs[away, a].rms()[k] for a in _DIRECTIONS_DEG for k in (1, 2, 3))
@@ -103,12 +110,15 @@ def _range_rows(seed: int) -> list[Row]:
     ]  # fmt: skip
 
 
-def _roll_rows(seed: int) -> list[Row]:
+def _against_roll(seed: int, case: tuple[float, float]) -> tuple[float, ...]:
+    azimuth, roll = case
+    return _errors("against roll", seed, 1e5, (azimuth, 0.0), roll, trials=_MANY_TRIALS).rms()
+
+
+def _roll_rows(seed: int, executor: Executor | None) -> list[Row]:
     found = []
     for azimuth in (0.0, 45.0):
-        errors = [
-            _errors("against roll", seed, 1e5, (azimuth, 0.0), roll, trials=_MANY_TRIALS).rms() for roll in _ROLLS_DEG
-        ]
+        errors = sweep(partial(_against_roll, seed), [(azimuth, roll) for roll in _ROLLS_DEG], executor)
         spread = max(max(e[k] for e in errors) / min(e[k] for e in errors) for k in (0, 1, 2))
         # The extremes of five rms values of 2000 trials each differ by less than a tenth by chance.
         found.append(_row(f"largest over smallest rms against roll, azimuth {azimuth:g} deg", 1.1, spread, "1"))

@@ -16,9 +16,9 @@ from rf_pointing.arrays.tripulse_montecarlo import (
     failed_element_errors,
     phase_error_errors,
     quantiser_errors,
-    sweep,
 )
 from rf_pointing.arrays.tripulse_theory import integration_time_s
+from rf_pointing.geometry import sweep
 from rf_pointing.reproduce.row import Row
 from rf_pointing.reproduce.tripulse_attitude import attitude_rows
 from rf_pointing.reproduce.tripulse_noise import beyond_rows, noise_rows
@@ -36,13 +36,13 @@ FIVE_BITS_RAD = 2.0 * math.pi / 2**5
 TRIALS = 20_000
 
 
-def rows(seed: int = 1) -> list[Row]:
-    """Return the published numbers of TRIPULSE beside ours, contradicted statements included."""
+def rows(seed: int = 1, *, executor: Executor | None = None) -> list[Row]:
+    """Return the published numbers of TRIPULSE beside ours, contradicted statements included; sweeps on `executor`."""
     return [
         *_time_rows(),
         *noise_rows(seed),
         *_phase_rows(seed),
-        *_failure_rows(seed),
+        *_failure_rows(seed, executor),
         *signal_rows(seed),
         *attitude_rows(seed),
         *beyond_rows(seed),
@@ -148,7 +148,7 @@ def _phase_rows(seed: int) -> list[Row]:
     return found
 
 
-def _failure_rows(seed: int) -> list[Row]:
+def _failure_rows(seed: int, executor: Executor | None) -> list[Row]:
     return [
         Row(
             quantity="3 sigma with 38 of 256 elements dead, no noise, 20 000 trials",
@@ -162,7 +162,7 @@ def _failure_rows(seed: int) -> list[Row]:
             quantity="share of dead elements at 3 sigma = 0.01 deg",
             source="4.4, Fig. 4",
             paper=15.0,
-            ours=100.0 * failed_share_at_limit(seed),
+            ours=100.0 * failed_share_at_limit(seed, executor),
             unit="%",
             tolerance=1.0,
         ),

@@ -59,7 +59,11 @@ class SimulatedDocking:
 
 
 class RelativePoseTracker:
-    """The tracker with its state: `take` each measurement, `watch` the clock where none comes."""
+    """The tracker with its state: `take` each measurement, `watch` the clock where none comes.
+
+    What `watch` gives is a forecast and leaves the state where the last measurement put it, so that a measurement that
+    was only delayed still counts, however late the silence was noticed.
+    """
 
     def __init__(self, tracker: InterferometerTracker, silence_s: float) -> None:
         self.tracker = tracker
@@ -77,12 +81,13 @@ class RelativePoseTracker:
         return output
 
     def watch(self, t_s: float) -> TrackerOutput | None:
-        """Return the output carried on to `t_s` if nothing came for too long, else None."""
+        """Return the output carried on to `t_s` if nothing came for too long, else None; past the limit drop the pose."""
         if self._latest_s is None or t_s - self._latest_s <= self._silence_s:
             return None
         reason = f"no measurement for {t_s - self._latest_s:.6g} s, must be <= {self._silence_s} s"
-        self.state, output = self.tracker.coast(self.state, t_s, reason)
-        self._latest_s = t_s
+        state, output = self.tracker.coast(self.state, t_s, reason)
+        if output.estimate is None:
+            self.state = state
         return output
 
 

@@ -14,10 +14,9 @@ from rf_pointing.arrays.tripulse_montecarlo import (
     phase_error_errors,
     quantiser_errors,
     random_failures,
-    sweep,
 )
 from rf_pointing.arrays.tripulse_theory import projection_variance
-from rf_pointing.geometry import random_stream
+from rf_pointing.geometry import random_stream, sweep
 
 PARAMS = TripulseArrayParams()
 OFFSET = np.array([np.radians(0.1), 0.0])

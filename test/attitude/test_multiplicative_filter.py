@@ -19,7 +19,6 @@ from rf_pointing.attitude.multiplicative_filter import (
 )
 from rf_pointing.attitude.process_noise import ProcessNoiseParams
 from rf_pointing.attitude.quaternion import (
-    cross_matrix,
     multiply,
     quaternion_from_rotation_vector,
     quaternion_to_matrix,
@@ -28,6 +27,7 @@ from rf_pointing.attitude.quaternion import (
 from rf_pointing.attitude.rigid_body import KnownTorque, SatelliteParams, propagate, rigid_inertia
 from rf_pointing.attitude.simulated_satellite import NadirHoldParams, SimulatedSatellite
 from rf_pointing.attitude.sun_synchronous_orbit import SunSynchronousOrbitParams, orbit_point
+from rf_pointing.geometry.rotations import cross_matrix
 
 INERTIA = rigid_inertia(SatelliteParams())
 ORBIT_RATE = np.array([0.0, -1.038e-3, 0.0])
@@ -193,3 +193,11 @@ def test_batch_updates_as_its_members_do(stream: np.random.Generator) -> None:
         )
         assert float(rotation_angle_between_rad(together.quaternion[k], alone.quaternion)) < 1e-12
         assert together.covariance[k] == pytest.approx(alone.covariance, abs=1e-14)
+
+
+def test_certainty_on_both_sides_is_refused_and_not_divided_by() -> None:
+    state = start_state(np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(3), 0.01, 1e-4, GATE)
+    sure = replace(state, covariance=np.zeros((6, 6)))
+    seen = DirectionObservation(np.array([0.0, 0.0, 1.0]), np.zeros((3, 3)), np.array([0.0, 0.0, 1.0]))
+    with pytest.raises(ValueError, match="innovation covariance has determinant 0.0, must be > 0: singular"):
+        update(sure, seen, GATE)

@@ -6,13 +6,13 @@ import pytest
 from rf_pointing.attitude.multiplicative_filter import DirectionObservation, GateParams, start_state, update
 from rf_pointing.attitude.published_filter import PublishedState, published_predict, published_update
 from rf_pointing.attitude.quaternion import (
-    cross_matrix,
     multiply,
     quaternion_from_rotation_vector,
     quaternion_to_matrix,
     rotation_angle_between_rad,
 )
 from rf_pointing.attitude.rigid_body import KnownTorque, SatelliteParams, rigid_inertia
+from rf_pointing.geometry.rotations import cross_matrix
 
 INERTIA = rigid_inertia(SatelliteParams())
 NONE = KnownTorque(control_n_m=np.zeros(3), wheel_momentum_n_m_s=np.zeros(3), wheel_momentum_rate_n_m=np.zeros(3))

@@ -5,7 +5,6 @@ from scipy.spatial.transform import Rotation
 from rf_pointing.attitude.quaternion import (
     canonical,
     conjugate,
-    cross_matrix,
     multiply,
     quaternion_from_matrix,
     quaternion_from_roll_pitch_yaw,
@@ -14,7 +13,6 @@ from rf_pointing.attitude.quaternion import (
     quaternion_to_roll_pitch_yaw,
     quaternion_to_rotation_vector,
     rotation_angle_between_rad,
-    small_angle_quaternion,
     unit_quaternion,
 )
 from rf_pointing.geometry import random_stream
@@ -88,13 +86,6 @@ def test_rotation_vector_round_trip_keeps_relative_precision(length_rad: float) 
     np.testing.assert_allclose(quaternion_to_rotation_vector(quaternion_from_rotation_vector(v)), v, rtol=1e-13)
 
 
-def test_small_angle_quaternion_errs_by_the_cube_over_twelve() -> None:
-    for length_rad in (1e-3, 1e-2, 1e-1):
-        v = length_rad * np.array([0.48, -0.6, 0.64])
-        error = float(rotation_angle_between_rad(small_angle_quaternion(v), quaternion_from_rotation_vector(v)))
-        assert error == pytest.approx(length_rad**3 / 12.0, rel=0.01)
-
-
 def test_roll_pitch_yaw_are_fixed_axis_angles_as_in_scipy(quaternions: np.ndarray) -> None:
     angles = quaternion_to_roll_pitch_yaw(quaternions)
     np.testing.assert_allclose(angles, Rotation(quaternions).as_euler("xyz"), atol=1e-12)
@@ -104,11 +95,6 @@ def test_roll_pitch_yaw_are_fixed_axis_angles_as_in_scipy(quaternions: np.ndarra
 def test_roll_and_yaw_are_refused_at_pitch_90_deg() -> None:
     with pytest.raises(ValueError, match="pitch is"):
         quaternion_to_roll_pitch_yaw(quaternion_from_roll_pitch_yaw([0.3, np.pi / 2.0, 0.0]))
-
-
-def test_cross_matrix_is_the_cross_product(quaternions: np.ndarray) -> None:
-    a, b = quaternions[:100, :3], quaternions[100:, :3]
-    np.testing.assert_allclose(np.einsum("nij,nj->ni", cross_matrix(a), b), np.cross(a, b), atol=ROUNDING)
 
 
 @pytest.mark.parametrize(

@@ -105,6 +105,16 @@ def test_a_sparse_stream_is_not_waited_for() -> None:
         clock.advance(0.0)
 
 
+def test_a_stream_known_to_be_slow_is_waited_for() -> None:
+    stream = PacedStream(allowed_lag_s=2.5, spacing_s=2.5)
+    clock = pacer(poses=stream)
+    for k in (0.0, 2.0):
+        stream.heard(START_S + k)
+    while clock.wait_s(0.0) == 0.0:
+        clock.advance(0.0)
+    assert clock.now_s == pytest.approx(START_S + 4.5)
+
+
 def test_without_the_antenna_time_runs_no_faster_than_the_wall_clock() -> None:
     stream = PacedStream(allowed_lag_s=0.05, essential=True)
     clock = pacer(joints=stream)

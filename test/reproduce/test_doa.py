@@ -5,9 +5,9 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from rf_pointing.reproduce.doa import full_tables, table_cases
+from rf_pointing.reproduce.doa import run_tables, table_cases
 from rf_pointing.reproduce.doa_study.accuracy import accuracy_curve
-from rf_pointing.reproduce.doa_study.attitude_runs import CaseResult
+from rf_pointing.reproduce.doa_study.attitude_runs import CaseResult, RunTask
 from rf_pointing.reproduce.doa_study.direction_errors import DirectionCase
 from rf_pointing.reproduce.doa_study.direction_rows import PRINTED, direction_rows, scene_rows
 from rf_pointing.reproduce.doa_study.filter_rows import attitude_rows, settling_time_s
@@ -28,21 +28,32 @@ def tables(theta_deg: float, axis_deg: float, outliers: float = 0.0) -> dict[Dir
             history_deg=quiet,
             rate_history_deg_s=quiet,
         )
-        for refined in (True, False)
-        for case in table_cases(refined)
+        for case in table_cases()
     }
 
 
 def test_every_printed_row_has_its_case() -> None:
     for refined in (True, False):
-        assert {(case.snapshots, case.snr_db) for case in table_cases(refined)} == set(PRINTED)
+        assert {case.level for case in table_cases() if case.refined is refined} == set(PRINTED)
 
 
 def test_exactly_six_theta_entries_contradict_the_stated_model() -> None:
     rows = direction_rows(tables(0.5, 0.1))
-    found = {row.quantity for row in rows if row.quantity.startswith("RMSE of theta") and "contradicted" in row.remark}
+    found = {
+        row.quantity for row in rows if row.quantity.startswith("RMSE of theta") and "contradicted: " in row.remark
+    }
     expected = ["L=100, -6 dB", "L=100, -2 dB", "L=100, 0 dB", "L=10, 0 dB", "L=20, 0 dB", "L=50, 0 dB"]
     assert found == {f"RMSE of theta, {name}, 1-deg grid" for name in expected}
+
+
+def test_two_more_rows_contradict_it_by_theta_and_phi_together() -> None:
+    rows = direction_rows(tables(0.5, 0.1))
+    found = {row.quantity for row in rows if "contradicted together" in row.remark}
+    assert found == {
+        "RMSE of theta, L=100, -10 dB, 1-deg grid",
+        "RMSE of phi, L=100, -10 dB, 1-deg grid",
+        "RMSE of theta, L=100, -8 dB, 1-deg grid",
+    }
 
 
 def test_direction_that_misses_its_theory_is_not_accepted() -> None:
@@ -76,14 +87,23 @@ def test_executor_changes_where_not_what() -> None:
         assert accuracy_curve(50, (-2.0, 3.0), estimates=300, seed=5, executor=pool) == here
 
 
-def test_tables_are_shared_out_in_tasks_of_seven_rows(monkeypatch: pytest.MonkeyPatch) -> None:
-    seen: list[int] = []
+@pytest.mark.parametrize("music_inside", [False, True])
+def test_tables_are_shared_out_with_one_row_the_other_way_round(
+    monkeypatch: pytest.MonkeyPatch, music_inside: bool
+) -> None:
+    seen: list[RunTask] = []
 
-    def record(task):
-        seen.append(len(task.cases))
-        assert all(case.music_inside for case in task.cases)
-        return []
+    def record(task: RunTask) -> list[CaseResult]:
+        seen.append(task)
+        return [tables(0.5, 0.1)[table_cases()[0]]] * len(task.cases)
 
     monkeypatch.setattr("rf_pointing.reproduce.doa.run", record)
-    assert full_tables(1, 200, music_inside=True) == {}
-    assert seen == [7, 7, 7, 5]
+    run_tables(1, 200, music_inside=music_inside)
+    other, printed, *rows = seen
+    assert (other.trials, other.music_inside) == (40, not music_inside)
+    assert printed.published
+    assert [case for task in rows for case in task.cases] == list(table_cases())
+    assert {(task.trials, task.music_inside, len(task.cases)) for task in rows} == {
+        (200, music_inside, 6),
+        (200, music_inside, 2),
+    }

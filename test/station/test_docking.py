@@ -76,6 +76,21 @@ def test_silence_makes_the_pose_coast_and_at_last_drops_it() -> None:
     assert running.watch(last_s + 40.0).status == "acquiring"
 
 
+def test_measurement_that_was_only_delayed_still_counts_after_the_silence_was_noticed() -> None:
+    running, prompt, moments = tracker(), tracker(), lived(6)
+    for moment in moments[:2]:
+        running.take(moment.measurement, START_S + 60.0)
+        prompt.take(moment.measurement, START_S + 60.0)
+    for ahead_s in (5.5, 8.0, 10.5, 13.0, 15.5, 18.0):
+        assert running.watch(moments[1].measurement.t_s + ahead_s).status == "coasting"
+    for moment in moments[2:]:
+        late = running.take(moment.measurement, START_S + 60.0)
+        assert late.status == "tracking"
+        np.testing.assert_array_equal(
+            late.estimate.covariance, prompt.take(moment.measurement, START_S + 60.0).estimate.covariance
+        )
+
+
 def test_nothing_is_said_before_the_first_measurement() -> None:
     assert tracker().watch(START_S) is None
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rf_pointing.arrays.interferometer.frames import cross_product
 from rf_pointing.geometry import Params, parameter
+from rf_pointing.geometry.rotations import cross_product
 
 __all__ = [
     "ArrayParams",

@@ -9,11 +9,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.arrays.interferometer.variant import CORRECTED, is_published
+from rf_pointing.geometry.rotations import (
+    cross_matrix,
+    matrix_from_quaternion,
+    quaternion_from_matrix,
+    quaternion_from_turn,
+    turn_from_quaternion,
+)
 
 __all__ = [
     "attitude_from_euler",
     "azimuth_rotation",
-    "cross_product",
     "direction_from_angles",
     "elevation_rotation",
     "euler_from_attitude",
@@ -32,9 +38,6 @@ Array = NDArray[np.float64]
 _GIMBAL_COSINE = 1e-9
 _AXES = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}
 _REP103 = np.array([1.0, -1.0, -1.0])
-_LEVI_CIVITA = np.zeros((3, 3, 3))
-_LEVI_CIVITA[[0, 1, 2], [1, 2, 0], [2, 0, 1]] = 1.0
-_LEVI_CIVITA[[0, 1, 2], [2, 0, 1], [1, 2, 0]] = -1.0
 
 
 def azimuth_rotation(angle_rad: ArrayLike) -> Array:
@@ -70,54 +73,23 @@ def small_rotation(
     As "published" the diagonal of (4-11) is zero; with it the updated direction would be orthogonal to the old one.
     """
     angles = np.broadcast_arrays(*(np.asarray(a, dtype=np.float64) for a in (roll_rad, elevation_rad, azimuth_rad)))
-    skew = -_cross_matrix(np.stack(angles, axis=-1))
+    skew = -cross_matrix(np.stack(angles, axis=-1))
     return skew if is_published(variant) else skew + np.eye(3)
 
 
 def frame_rotation(vector_rad: ArrayLike) -> Array:
     """Return the frame turned by the rotation vector (..., 3): T = exp(-[v x]); inverse of `rotation_vector`."""
     vector = np.asarray(vector_rad, dtype=np.float64)
-    angle = np.linalg.norm(vector, axis=-1)[..., None, None]
-    cross = _cross_matrix(vector)
-    return np.asarray(
-        np.eye(3) - np.sinc(angle / np.pi) * cross + 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2 * (cross @ cross)
-    )
+    return matrix_from_quaternion(quaternion_from_turn(-vector))
 
 
 def rotation_vector(rotation: ArrayLike) -> Array:
     """Return the rotation vector (..., 3), length in [0, pi], of a frame rotation; inverse of `frame_rotation`.
 
-    Through the quaternion's largest component, so that it stays accurate at half a turn (where the sign is free).
+    Accurate at half a turn too, where its sign is free.
     """
     matrix = np.asarray(rotation, dtype=np.float64)
-    products = _quaternion_products(matrix)
-    largest = np.argmax(np.einsum("...kk->...k", products), axis=-1)[..., None, None]
-    quaternion = np.take_along_axis(products, largest, axis=-2)[..., 0, :]
-    quaternion = quaternion * np.where(quaternion[..., 3:] < 0.0, -1.0, 1.0)
-    sine = np.linalg.norm(quaternion[..., :3], axis=-1, keepdims=True)
-    angle = 2.0 * np.arctan2(sine, quaternion[..., 3:])
-    return quaternion[..., :3] * np.where(sine > 0.0, angle / np.where(sine > 0.0, sine, 1.0), 0.0)
-
-
-def _quaternion_products(matrix: Array) -> Array:
-    # 4 q q^T of the scalar-last quaternion whose vector rotation is the transpose of `matrix`.
-    m = np.swapaxes(matrix, -1, -2)
-    trace = np.einsum("...kk->...", m)[..., None, None]
-    products = np.empty((*m.shape[:-2], 4, 4))
-    products[..., :3, :3] = m + np.swapaxes(m, -1, -2) + (1.0 - trace) * np.eye(3)
-    odd = np.stack([m[..., 2, 1] - m[..., 1, 2], m[..., 0, 2] - m[..., 2, 0], m[..., 1, 0] - m[..., 0, 1]], axis=-1)
-    products[..., :3, 3] = products[..., 3, :3] = odd
-    products[..., 3, 3] = 1.0 + trace[..., 0, 0]
-    return products
-
-
-def _cross_matrix(vector: Array) -> Array:
-    return np.asarray(np.einsum("ijk,...j->...ik", _LEVI_CIVITA, vector))
-
-
-def cross_product(left: ArrayLike, right: ArrayLike) -> Array:
-    """Return left x right of stacks (..., 3); several times faster than numpy's on small ones."""
-    return np.asarray(np.einsum("ijk,...j,...k->...i", _LEVI_CIVITA, np.asarray(left), np.asarray(right)))
+    return turn_from_quaternion(quaternion_from_matrix(np.swapaxes(matrix, -1, -2)))
 
 
 def attitude_from_euler(azimuth_rad: ArrayLike, elevation_rad: ArrayLike, roll_rad: ArrayLike) -> Array:

@@ -10,8 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.arrays.interferometer.frames import cross_product, frame_rotation, rotation_vector
+from rf_pointing.arrays.interferometer.frames import frame_rotation, rotation_vector
 from rf_pointing.arrays.interferometer.motion import RelativeMotion
+from rf_pointing.geometry.rotations import cross_product
 
 __all__ = ["SIZE", "TrackedMotion", "cartesian_jacobian", "displaced", "local_difference", "sight_axes"]
 

@@ -11,8 +11,7 @@ import numpy as np
 from rf_pointing.arrays.circular_array import CircularArrayParams
 from rf_pointing.arrays.cramer_rao import effective_snr, polar_sigma_rad
 from rf_pointing.arrays.polar_direction import direction_from_polar, polar_errors_rad
-from rf_pointing.arrays.tripulse_montecarlo import sweep
-from rf_pointing.geometry import random_stream
+from rf_pointing.geometry import random_stream, sweep
 from rf_pointing.reproduce.doa_study.direction_errors import GRID_RAD, DirectionCase, measure_directions, on_grid
 
 __all__ = ["AccuracyPoint", "accuracy_curve", "accuracy_point", "threshold"]

@@ -45,14 +45,16 @@ START_RATE_ERROR_RAD_S = np.radians(0.5)
 class RunTask:
     """What one worker does; a plain value, so that any executor can carry it.
 
-    `pool` real MUSIC estimates stand behind each case; averages begin at `settled_s`.  All cases of one task with the
-    multiplicative filter share one process noise.
+    `pool` real MUSIC estimates stand behind each case, or, with `music_inside`, MUSIC runs at every step of every trial;
+    cases that differ in the search only get the same estimates.  Averages begin at `settled_s`.  All cases of one task
+    with the multiplicative filter share one process noise.
     """
 
     cases: tuple[DirectionCase, ...]
     trials: int
     seed: int
     published: bool = False
+    music_inside: bool = False
     start_s: float = 0.0
     duration_s: float = 5000.0
     settled_s: float = 2000.0
@@ -101,24 +103,23 @@ def run(task: RunTask) -> list[CaseResult]:
 
 def _pools(task: RunTask, truth: Array, stream: np.random.Generator) -> list[ErrorPool]:
     """Return the pool of each case; cases that differ in the search only share one."""
-    made: dict[tuple[int, float], ErrorPool] = {}
-    for case in task.cases:
-        level = (case.snapshots, case.snr_db)
-        if level not in made:
-            made[level] = error_pool(ARRAY, case, truth, stream)
-    return [made[case.snapshots, case.snr_db] for case in task.cases]
+    made = {case.level: case for case in task.cases}
+    pools = {level: error_pool(ARRAY, case, truth, stream) for level, case in made.items()}
+    return [pools[case.level] for case in task.cases]
 
 
 def _measure(task: RunTask, pools: list[ErrorPool], truth: Array, stream: np.random.Generator) -> Array:
     """Return measured directions (steps, cases, trials, 3)."""
-    columns = []
+    found: dict[tuple[int, float], Array] = {}
     for case, pool in zip(task.cases, pools, strict=True):
-        if case.music_inside:
+        if case.level in found:
+            continue
+        if task.music_inside:
             repeated = np.repeat(truth, task.trials, axis=0)
-            drawn = measure_directions(ARRAY, case, repeated, stream).reshape(len(truth), task.trials, 3)
+            found[case.level] = measure_directions(ARRAY, case, repeated, stream).reshape(-1, task.trials, 3)
         else:
-            drawn = draw_directions(pool, truth, task.trials, stream)
-        columns.append(drawn if case.refined else on_grid(drawn))
+            found[case.level] = draw_directions(pool, truth, task.trials, stream)
+    columns = [found[case.level] if case.refined else on_grid(found[case.level]) for case in task.cases]
     return np.stack(columns, axis=1)
 
 

@@ -31,15 +31,18 @@ OUTLIER_COSINE = np.cos(np.radians(20.0))
 class DirectionCase:
     """One row of the paper's tables: snapshots and SNR, and how its directions are found.
 
-    `refined`: the peak itself, else the node of the 1-deg grid.  `music_inside`: MUSIC at every step of every trial,
-    else errors drawn from a pool of real MUSIC estimates.  `q` is the filter's process noise, DOA's Q = q E_6.
+    `refined`: the peak itself, else the node of the 1-deg grid.  `q` is the filter's process noise, DOA's Q = q E_6.
     """
 
     snapshots: int
     snr_db: float
     refined: bool = True
-    music_inside: bool = False
     q: float = TABLE_Q
+
+    @property
+    def level(self) -> tuple[int, float]:
+        """Snapshots and SNR: what MUSIC's own estimate depends on."""
+        return self.snapshots, self.snr_db
 
     @property
     def snr(self) -> float:

@@ -132,7 +132,8 @@ def direction_rows(tables: dict[DirectionCase, CaseResult]) -> list[Row]:
             ours, peak = getattr(grid, f"{angle}_deg"), getattr(refined, f"{angle}_deg")
             bound = sigma * float(np.sqrt(np.mean(1.0 / project(theta) ** 2)))
             theory = math.sqrt(bound**2 + FLOOR_DEG2)
-            remark = _reason(angle, grid, paper, math.sqrt(least**2 + FLOOR_DEG2), theory)
+            pair = _pair_share(sigma, printed[0], printed[1])
+            remark = _reason(angle, grid, paper, math.sqrt(least**2 + FLOOR_DEG2), theory, pair)
             found.append(
                 Row(
                     quantity=f"RMSE of {angle}, {case_name(snapshots, snr_db)}, 1-deg grid",
@@ -158,13 +159,26 @@ def _above(case: DirectionCase) -> bool:
     return effective_snr(ARRAY, case.snapshots, case.snr) >= THRESHOLD
 
 
-def _reason(angle: str, grid: CaseResult, paper: float, least: float, theory: float) -> str:
+def _pair_share(sigma: float, theta: float, phi: float) -> float:
+    """Return sigma^2 / var theta + sigma^2 / var phi without the grid's floor; no geometry allows more than 1.
+
+    With x = cos^2 theta along any passes, var theta >= sigma^2 E[1/x] >= sigma^2 / E[x] and var phi likewise with 1 - x.
+    """
+    return sum(sigma**2 / max(printed**2 - FLOOR_DEG2, 1e-9) for printed in (theta, phi))
+
+
+def _reason(angle: str, grid: CaseResult, paper: float, least: float, theory: float, pair: float) -> str:
     """Return why ours is not the paper's: a bound it breaks, outliers it does not share, or stations it does not name."""
     if paper < 0.95 * least:
         place = "theta = 0" if angle == "theta" else "the largest theta"
         return (
             f"contradicted: the stated model allows no less than {least:.3f} deg at any geometry "
             f"(Cramer-Rao bound at {place} and the 1-deg grid)"
+        )
+    if pair > 1.1 and grid.outliers < 1e-3 and math.sqrt(FLOOR_DEG2) < 0.9 * paper:
+        return (
+            f"contradicted together with the other angle: sigma^2/var theta + sigma^2/var phi = {pair:.2f}, must be <= 1 "
+            f"in any geometry; bound and grid along our passes {theory:.3f} deg"
         )
     if not _above(grid.case):
         share = f"below the threshold, {100.0 * grid.outliers:.2f} % beyond 20 deg; bound and grid {theory:.3f} deg"

@@ -68,11 +68,9 @@ def convergence_rows(tables: dict[DirectionCase, CaseResult]) -> list[Row]:
     ]
 
 
-def filter_rows(
-    tables: dict[DirectionCase, CaseResult], inside: CaseResult, published: list[CaseResult], trials: int
-) -> list[Row]:
+def filter_rows(inside: CaseResult, drawn: CaseResult, published: list[CaseResult]) -> list[Row]:
     """Return the printed filter, the printed process noise, and the pool beside MUSIC inside the loop."""
-    drawn = tables[DirectionCase(snapshots=100, snr_db=0.0)]
+    trials = min(found.history_deg.shape[1] for found in (inside, drawn))
     ours_q, printed_q = published
     found = [
         Row(

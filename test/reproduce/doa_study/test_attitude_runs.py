@@ -1,5 +1,7 @@
 """The batch of filters: converges as promised, says what it ran, and refuses a mixture it cannot run."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,13 +11,13 @@ from rf_pointing.reproduce.doa_study.direction_errors import DirectionCase
 
 CLEAR = DirectionCase(snapshots=100, snr_db=0.0)
 GRID = DirectionCase(snapshots=100, snr_db=0.0, refined=False)
-INSIDE = DirectionCase(snapshots=100, snr_db=0.0, music_inside=True)
 
 
 def test_filters_converge_from_50_degrees_at_the_first_hand_off() -> None:
-    task = RunTask(cases=(CLEAR, GRID, INSIDE), trials=2, seed=3, duration_s=680.0, settled_s=660.0, pool=2000)
-    results = run(task)
-    assert [result.case for result in results] == [CLEAR, GRID, INSIDE]
+    task = RunTask(cases=(CLEAR, GRID), trials=2, seed=3, duration_s=680.0, settled_s=660.0, pool=2000)
+    inside = replace(task, cases=(CLEAR,), music_inside=True)
+    results = [*run(task), *run(inside)]
+    assert [result.case for result in results] == [CLEAR, GRID, CLEAR]
     for result in results:
         assert result.history_deg.shape == (680, 2)
         assert result.history_deg[1].min() > 30.0

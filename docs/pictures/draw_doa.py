@@ -1,0 +1,32 @@
+#!/usr/bin/env python3
+"""Draw the pictures of docs/math/doa.md: accuracy of MUSIC beside its bound, and convergence of the attitude.
+
+scripts/run-python docs/pictures/draw_doa.py
+"""
+
+from pathlib import Path
+
+from rf_pointing.reproduce.doa_study.accuracy import accuracy_curve
+from rf_pointing.reproduce.doa_study.attitude_runs import RunTask, run
+from rf_pointing.reproduce.doa_study.direction_errors import DirectionCase
+from rf_pointing.reproduce.doa_study.figures import draw_accuracy, draw_convergence
+
+FOLDER = Path(__file__).parents[1] / "math"
+SNAPSHOTS = 100
+SNR_DB = (-14.0, -13.0, -12.0, -11.0, -10.0, -9.0, -8.0, -6.0, -4.0, -2.0, 0.0, 4.0, 8.0, 14.0)
+
+
+def main() -> None:
+    """Write both pictures."""
+    draw_accuracy(accuracy_curve(SNAPSHOTS, SNR_DB), SNAPSHOTS, FOLDER / "doa_accuracy.png")
+    cases = (
+        DirectionCase(snapshots=SNAPSHOTS, snr_db=0.0),
+        DirectionCase(snapshots=SNAPSHOTS, snr_db=0.0, refined=False),
+        DirectionCase(snapshots=SNAPSHOTS, snr_db=-10.0),
+    )
+    task = RunTask(cases=cases, trials=12, seed=1, duration_s=2000.0, settled_s=1500.0)
+    draw_convergence(run(task), FOLDER / "doa_convergence.png")
+
+
+if __name__ == "__main__":
+    main()
