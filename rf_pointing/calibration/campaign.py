@@ -87,7 +87,7 @@ class _Table:
         for k in range(len(self.candidates)):
             ready = self._end[taken] + self._slew.time_s(self._to[taken], self._from[k])
             rivals = [other for other, t_s in zip(taken, ready, strict=True) if t_s > self._start[k]]
-            theirs = np.sum(self._counts[rivals], axis=0, dtype=np.int64)
+            theirs: Counts = np.sum(self._counts[rivals], axis=0, dtype=np.int64)
             without = filled - theirs
             if self.gain(without, self._counts[k]) <= self.gain(without, theirs):
                 continue

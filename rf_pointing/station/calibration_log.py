@@ -166,21 +166,20 @@ class CalibrationLog:
         elevation = float(true.position[0, 1])
         times, ranges, rates = np.array(sorted(self._ranges)).T
         sigma = np.sqrt(np.maximum(np.diag(error.covariance_rad2), 0.0) + self._sigma_rad**2)
-        return Observations(
-            station=self.station,
-            band=self.band,
-            t_s=[error.t_s],
-            pass_id=np.array([pass_id]),
-            observed_azimuth_rad=[azimuth],
-            observed_elevation_rad=[float(position[1] + error.elevation_rad)],
-            true_azimuth_rad=[nearest_turn_rad(float(true.position[0, 0]), azimuth)],
-            true_elevation_rad=[elevation],
-            azimuth_rate_rad_s=true.velocity[:, 0],
-            elevation_rate_rad_s=true.velocity[:, 1],
-            azimuth_acceleration_rad_s2=true.acceleration[:, 0],
-            elevation_acceleration_rad_s2=true.acceleration[:, 1],
-            sigma_azimuth_rad=[sigma[0] / math.cos(elevation)],
-            sigma_elevation_rad=[sigma[1]],
-            range_m=[np.interp(error.t_s, times, ranges)],
-            range_rate_m_s=[np.interp(error.t_s, times, rates)],
-        )
+        single = {
+            "t_s": error.t_s,
+            "observed_azimuth_rad": azimuth,
+            "observed_elevation_rad": position[1] + error.elevation_rad,
+            "true_azimuth_rad": nearest_turn_rad(float(true.position[0, 0]), azimuth),
+            "true_elevation_rad": elevation,
+            "azimuth_rate_rad_s": true.velocity[0, 0],
+            "elevation_rate_rad_s": true.velocity[0, 1],
+            "azimuth_acceleration_rad_s2": true.acceleration[0, 0],
+            "elevation_acceleration_rad_s2": true.acceleration[0, 1],
+            "sigma_azimuth_rad": sigma[0] / math.cos(elevation),
+            "sigma_elevation_rad": sigma[1],
+            "range_m": np.interp(error.t_s, times, ranges),
+            "range_rate_m_s": np.interp(error.t_s, times, rates),
+        }
+        columns = {name: np.array([value], dtype=np.float64) for name, value in single.items()}
+        return Observations(station=self.station, band=self.band, pass_id=np.array([pass_id]), **columns)
