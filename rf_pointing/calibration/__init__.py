@@ -2,8 +2,7 @@
 
 from rf_pointing.calibration.advice import PassAdvice, next_best_passes, uninformed_covariance
 from rf_pointing.calibration.bias_model import BiasModel
-from rf_pointing.calibration.campaign import Campaign, plan_campaign
-from rf_pointing.calibration.campaign_store import load_campaign, save_pass
+from rf_pointing.calibration.campaign import Campaign, Slew, plan_campaign
 from rf_pointing.calibration.candidate_pass import CandidatePass
 from rf_pointing.calibration.corrections import Corrections, Ionosphere
 from rf_pointing.calibration.coverage import Coverage, SectorRule
@@ -12,6 +11,7 @@ from rf_pointing.calibration.fit_options import FitOptions, Prior
 from rf_pointing.calibration.fit_result import FitResult
 from rf_pointing.calibration.model_file import ModelFile, read_model, write_model
 from rf_pointing.calibration.model_store import ModelStore
+from rf_pointing.calibration.observation_journal import ObservationJournal
 from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.pass_errors import PassPriors
 from rf_pointing.calibration.pipeline import PipelineOptions, ProcessedPass, process_pass, select_observations
@@ -39,6 +39,7 @@ __all__ = [
     "Ionosphere",
     "ModelFile",
     "ModelStore",
+    "ObservationJournal",
     "Observations",
     "PassAdvice",
     "PassPriors",
@@ -50,6 +51,7 @@ __all__ = [
     "SectorRule",
     "ShadowRules",
     "ShadowScore",
+    "Slew",
     "StageReport",
     "StreamingFit",
     "Term",
@@ -58,7 +60,6 @@ __all__ = [
     "fit_bias_model",
     "held_at_zero",
     "held_out_passes",
-    "load_campaign",
     "next_best_passes",
     "plan_campaign",
     "process_pass",
@@ -66,7 +67,6 @@ __all__ = [
     "read_observations",
     "read_tdm",
     "read_tracking",
-    "save_pass",
     "select_observations",
     "select_terms",
     "terms_by_name",

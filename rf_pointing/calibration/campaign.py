@@ -1,9 +1,12 @@
-"""A campaign: the fewest passes that fill every sector of the sky at the earliest possible time.
+"""A campaign: passes, or pieces of them, that fill every sector of the sky in the least time.
 
-Going through the passes in order of time, of two that overlap the one with more points where they are still missing
-is taken.  When the last sector is full, passes whose points others make up for are struck out again, the poorest first.
+Two greedy plans are made and the one that ends first is taken.  One goes through the candidates in order of time and, of
+those that overlap, keeps the one with more points where they are still missing: good for few passes.  The other goes on
+with the candidate that brings most missing points per second from the end of the last one, slew included: good for many.
+When the last sector is full, passes whose points others make up for are struck out again, the poorest first.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -12,11 +15,28 @@ from numpy.typing import NDArray
 
 from rf_pointing.calibration.candidate_pass import CandidatePass
 from rf_pointing.calibration.coverage import Coverage, SectorRule
-from rf_pointing.geometry import require_between
+from rf_pointing.geometry import Params, parameter
 
-__all__ = ["Campaign", "plan_campaign"]
+__all__ = ["Campaign", "Slew", "plan_campaign"]
 
+Array = NDArray[np.float64]
 Counts = NDArray[np.int64]
+Plan = tuple[list[int], Counts, float | None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Slew(Params):
+    """Time from the last point of a pass to the first point of the next: travel of the slower axis, and the rest."""
+
+    rate_rad_s: float = parameter(math.radians(1.8), "mean axis rate of a slew", low=1e-5, high=10.0)
+    settle_s: float = parameter(30.0, "stop, settling and acquisition", low=0.0, high=3600.0)
+
+    def time_s(self, ends_rad: Array, starts_rad: Array) -> Array:
+        """Return the time between directions (..., 2), azimuth and elevation, azimuth by the shorter way."""
+        travel = starts_rad - ends_rad
+        azimuth = np.abs(np.mod(travel[..., 0] + np.pi, 2.0 * np.pi) - np.pi)
+        time: Array = np.maximum(azimuth, np.abs(travel[..., 1])) / self.rate_rad_s + self.settle_s
+        return time
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,45 +48,84 @@ class Campaign:
     full_at_t_s: float | None
 
 
-def plan_campaign(candidates: Sequence[CandidatePass], rule: SectorRule, *, turnaround_s: float) -> Campaign:
-    """Return the campaign; `turnaround_s` is the time the antenna needs between two passes.
+def plan_campaign(candidates: Sequence[CandidatePass], rule: SectorRule, slew: Slew) -> Campaign:
+    """Return the campaign; candidates may be whole passes or pieces of them.
 
     Where the candidates cannot fill the sky, all useful passes are returned, `full_at_t_s` is None and the coverage
     names the thin sectors.
     """
-    require_between("turnaround_s", turnaround_s, 0.0, None)
-    counts = {id(c): rule.coverage(c.track.azimuth_rad, c.track.elevation_rad).counts for c in candidates}
-    taken: list[CandidatePass] = []
-    filled = np.zeros(rule.count, dtype=np.int64)
-    full_at = None
-    for candidate in sorted(candidates, key=lambda c: c.end_t_s):
-        rivals = [other for other in taken if other.end_t_s + turnaround_s > candidate.start_t_s]
-        theirs = np.zeros(rule.count, dtype=np.int64)
-        for rival in rivals:
-            theirs += counts[id(rival)]
-        without = filled - theirs
-        if _gain(without, counts[id(candidate)], rule) <= _gain(without, theirs, rule):
-            continue
-        taken = [*taken[: len(taken) - len(rivals)], candidate]
-        filled = without + counts[id(candidate)]
-        if np.all(filled >= rule.fewest):
-            full_at = candidate.end_t_s
-            break
+    if not candidates:
+        return Campaign((), Coverage(rule, np.zeros(rule.count, dtype=np.int64)), None)
+    table = _Table(sorted(candidates, key=lambda c: c.end_t_s), rule, slew)
+    plans = [table.by_exchange(), table.by_rate()]
+    taken, filled, full_at = min(plans, key=lambda plan: (plan[2] or math.inf, -table.gain(0 * plan[1], plan[1])))
     if full_at is not None:
-        taken, filled = _without_needless(taken, filled, counts, rule)
-    return Campaign(tuple(taken), Coverage(rule, filled), full_at)
+        taken, filled = table.without_needless(taken, filled)
+    return Campaign(tuple(table.candidates[k] for k in taken), Coverage(rule, filled), full_at)
 
 
-def _gain(filled: Counts, more: Counts, rule: SectorRule) -> int:
-    """Return how many points a pass brings where they are missing."""
-    return int(np.sum(np.minimum(more, np.maximum(rule.fewest - filled, 0))))
+class _Table:
+    """Times, directions at both ends, and points per sector of all candidates, in order of their end."""
 
+    def __init__(self, candidates: Sequence[CandidatePass], rule: SectorRule, slew: Slew) -> None:
+        self.candidates, self._rule, self._slew = candidates, rule, slew
+        tracks = [c.track for c in candidates]
+        self._start = np.array([c.start_t_s for c in candidates])
+        self._end = np.array([c.end_t_s for c in candidates])
+        self._from = np.array([[t.azimuth_rad[0], t.elevation_rad[0]] for t in tracks])
+        self._to = np.array([[t.azimuth_rad[-1], t.elevation_rad[-1]] for t in tracks])
+        self._counts = np.array([rule.coverage(t.azimuth_rad, t.elevation_rad).counts for t in tracks])
 
-def _without_needless(
-    taken: list[CandidatePass], filled: Counts, counts: dict[int, Counts], rule: SectorRule
-) -> tuple[list[CandidatePass], Counts]:
-    for candidate in sorted(taken, key=lambda c: int(np.sum(counts[id(c)]))):
-        reduced = filled - counts[id(candidate)]
-        if np.all(reduced >= rule.fewest):
-            taken, filled = [other for other in taken if other is not candidate], reduced
-    return taken, filled
+    def gain(self, filled: Counts, more: Counts) -> int:
+        """Return how many points `more` brings where they are missing."""
+        return int(self._gains(filled, more))
+
+    def by_exchange(self) -> Plan:
+        """Take candidates in order of their end, each in place of poorer ones that it overlaps."""
+        taken: list[int] = []
+        filled = np.zeros(self._rule.count, dtype=np.int64)
+        for k in range(len(self.candidates)):
+            ready = self._end[taken] + self._slew.time_s(self._to[taken], self._from[k])
+            rivals = [other for other, t_s in zip(taken, ready, strict=True) if t_s > self._start[k]]
+            theirs: Counts = np.sum(self._counts[rivals], axis=0, dtype=np.int64)
+            without = filled - theirs
+            if self.gain(without, self._counts[k]) <= self.gain(without, theirs):
+                continue
+            taken = [*(other for other in taken if other not in rivals), k]
+            filled = without + self._counts[k]
+            if self._full(filled):
+                return taken, filled, float(self._end[k])
+        return taken, filled, None
+
+    def by_rate(self) -> Plan:
+        """Go on with the candidate that brings most missing points per second."""
+        taken: list[int] = []
+        filled = np.zeros(self._rule.count, dtype=np.int64)
+        now_s, ready = float(np.min(self._start)), np.full(len(self.candidates), -np.inf)
+        while not self._full(filled):
+            rate = self._gains(filled, self._counts) / np.maximum(self._end - now_s, 1e-9)
+            rate[self._start < ready] = 0.0
+            best = int(np.argmax(rate))
+            if rate[best] <= 0.0:
+                return taken, filled, None
+            taken.append(best)
+            filled = filled + self._counts[best]
+            now_s = float(self._end[best])
+            ready = now_s + self._slew.time_s(self._to[best], self._from)
+        return taken, filled, now_s
+
+    def without_needless(self, taken: list[int], filled: Counts) -> tuple[list[int], Counts]:
+        """Strike out what the others make up for."""
+        for k in sorted(taken, key=lambda k: int(np.sum(self._counts[k]))):
+            reduced = filled - self._counts[k]
+            if self._full(reduced):
+                taken, filled = [other for other in taken if other != k], reduced
+        return taken, filled
+
+    def _full(self, filled: Counts) -> bool:
+        return bool(np.all(filled >= self._rule.fewest))
+
+    def _gains(self, filled: Counts, more: Counts) -> Counts:
+        missing = np.maximum(self._rule.fewest - filled, 0)
+        gains: Counts = np.sum(np.minimum(more, missing), axis=-1)
+        return gains

@@ -46,6 +46,14 @@ class ModelStore:
         history = self._history()
         return self.read(history[-1]) if history else None
 
+    def active_at(self, t_s: float) -> ModelFile | None:
+        """Return the newest accepted version that is valid at `t_s`, None if there is none."""
+        for name in reversed(self._history()):
+            file = self.read(name)
+            if file.valid_from_t_s <= t_s and (file.valid_until_t_s is None or t_s <= file.valid_until_t_s):
+                return file
+        return None
+
     def accept(self, name: str, t_s: float) -> ModelFile:
         """Make a version active and return it; it must be valid at `t_s`."""
         file = self.read(name)

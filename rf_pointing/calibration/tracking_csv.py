@@ -4,13 +4,16 @@ from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rf_pointing.calibration.csv_table import Table, read_table, write_table
 from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.raw_tracking import RawTracking
 from rf_pointing.geometry import from_degrees, to_degrees
 
-__all__ = ["read_observations", "read_tracking", "write_observations", "write_tracking"]
+__all__ = ["edge_columns", "read_observations", "read_tracking", "write_observations", "write_tracking"]
+
+Array = NDArray[np.float64]
 
 _NOTES = ("station", "band", "target")
 _NEEDED = ("t_s", "azimuth_deg", "elevation_deg")
@@ -69,13 +72,18 @@ def read_observations(path: str | Path) -> Observations:
 
 def write_observations(path: str | Path, points: Observations) -> None:
     """Write calibration points; `read_observations` is the inverse."""
+    write_table(path, Table({"station": points.station, "band": points.band}, edge_columns(points)))
+
+
+def edge_columns(points: Observations) -> dict[str, Array]:
+    """Return the columns of the file by name, angles in degrees."""
     columns = {}
     for name in _point_columns():
         value = getattr(points, name)
         if value is not None:
             edge = _edge(name)
             columns[edge] = np.degrees(value) if edge != name else value.astype(np.float64)
-    write_table(path, Table({"station": points.station, "band": points.band}, columns))
+    return columns
 
 
 def _point_columns() -> tuple[str, ...]:

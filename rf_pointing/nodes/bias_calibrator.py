@@ -1,39 +1,61 @@
 """Executable `bias_calibrator`: keeps the pointing model, and fits a new one to what was tracked.
 
-Subscribes: target, joint_states, pointing_error.  Publishes: pointing_model (latched).
-Services: ~/fit, ~/accept, ~/reject (std_srvs/Trigger): a fitted model is a candidate until it is accepted.
-Parameters: calibrator.* (model file, station, band, spacing and noise of the observations).
+Subscribes: target, joint_states, pointing_error.  Publishes: pointing_model (latched, with covariance).
+Actions: ~/run_campaign (RunCampaign) tracks passes and takes observations, ~/fit_model (FitModel) makes a candidate.
+Services: ~/accept, ~/reject, ~/rollback (std_srvs/Trigger).  Until it is accepted a candidate only runs in the shadow.
+Parameters: calibrator.* (models, station, band, spacing and noise of the observations), shadow.*, orbit.* (errors of the
+reference orbit that the fit estimates with every pass).
+
+With `calibrator.folder` every observation is on the disk before the next one is taken, one file and one set of models
+for each station and band: a killed node goes on where it was.
 """
 
-import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
+from typing import Any
 
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rf_pointing_msgs.action import FitModel, RunCampaign
 from rf_pointing_msgs.msg import PointingError, PointingModel, Target
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 from rf_pointing import __version__
-from rf_pointing.calibration import BiasModel, ModelFile, read_model, write_model
+from rf_pointing.calibration import ModelFile, ObservationJournal, PassPriors, SectorRule, ShadowRules, read_model
 from rf_pointing.geometry import MDEG, Params, parameter
-from rf_pointing.nodes import convert
+from rf_pointing.nodes import convert, convert_calibration
+from rf_pointing.nodes.campaign_runner import CampaignRunner
 from rf_pointing.nodes.diagnostics import OK, WARN, Health
 from rf_pointing.nodes.managed import ManagedNode, run
 from rf_pointing.nodes.qos import LATCHED, STREAM
 from rf_pointing.nodes.stamps import stamp_from_seconds
 from rf_pointing.station.calibration_log import CalibrationLog
+from rf_pointing.station.model_keeper import ModelKeeper, campaign_folder
+
+JOURNAL = "observations.csv"
+SECTORS = SectorRule()
+CAMPAIGN_TURN_S = 0.02
 
 
 @dataclass(frozen=True, kw_only=True)
 class CalibratorParams(Params):
-    """Where the model lives and how observations are taken."""
+    """Where the models live and how observations are taken."""
 
-    model_file: str = parameter("", "file of the model in force; empty: no correction")
-    accepted_file: str = parameter("", "file that an accepted model is written to; empty: it is only published")
+    folder: str = parameter("", "folder of models and observations; empty: nothing outlives the node")
+    keep_observations: bool = parameter(True, "whether observations are kept in the folder as well")
+    model_file: str = parameter("", "model in force before one is accepted; empty: no correction")
     station: str = parameter("Goldstone DSS-13", "station that the model must belong to")
     band: str = parameter("X", "band that the model must belong to")
     spacing_s: float = parameter(1.0, "time between two observations", low=0.1, high=600.0)
-    sigma_rad: float = parameter(2.0 * MDEG, "standard deviation of one observation on the sky", low=1e-7, high=0.01)
+    sigma_rad: float = parameter(
+        2.0 * MDEG, "standard deviation of one observation on the sky besides the sensor's own", low=1e-7, high=0.01
+    )
+    largest_error_rad: float = parameter(
+        6.0 * MDEG, "sensed error above which nothing is observed, a tenth of a beamwidth", low=1e-7, high=0.1
+    )
+    settle_s: float = parameter(
+        0.0, "time with a valid sensor before the first observation of a pass", low=0.0, high=600.0
+    )
 
 
 class BiasCalibrator(ManagedNode):
@@ -42,84 +64,184 @@ class BiasCalibrator(ManagedNode):
     def __init__(self) -> None:
         super().__init__("bias_calibrator")
         self.parameters.declare("calibrator", CalibratorParams())
-        self._model: ModelFile | None = None
-        self._candidate: ModelFile | None = None
+        self.parameters.declare("shadow", ShadowRules())
+        self.parameters.declare("orbit", PassPriors(along_track_m=100.0, cross_track_m=60.0, radial_m=30.0))
+        self._keeper: ModelKeeper | None = None
         self._log: CalibrationLog | None = None
+        self._active = False
+        self._campaign: Any = None
+        self._shown, self._refusal_of_campaign = -1, ""
+        self._runner = CampaignRunner(self)
+        self._actions = [
+            ActionServer(
+                self, RunCampaign, "~/run_campaign", self._conclude, goal_callback=self._on_goal,
+                handle_accepted_callback=self._on_campaign, cancel_callback=self._on_cancel,
+            ),
+            ActionServer(self, FitModel, "~/fit_model", self._on_fit, goal_callback=self._on_fit_goal),
+        ]  # fmt: skip
 
     def configure(self) -> None:
         params: CalibratorParams = self.parameters.value("calibrator")
-        self._model = read_model(params.model_file) if params.model_file else None
-        self._log = CalibrationLog(params.station, params.band, params.spacing_s, params.sigma_rad)
+        start = read_model(params.model_file) if params.model_file else None
+        self._keeper = ModelKeeper(params.station, params.band, params.folder, start, self.parameters.value("shadow"))
+        journal = None
+        if params.folder and params.keep_observations:
+            place = campaign_folder(params.folder, params.station, params.band) / JOURNAL
+            journal = ObservationJournal(place, params.station, params.band)
+        self._log = CalibrationLog(
+            params.station, params.band, params.spacing_s, params.sigma_rad,
+            largest_error_rad=params.largest_error_rad, settle_s=params.settle_s, journal=journal,
+        )  # fmt: skip
         self._models = self.stream(PointingModel, "pointing_model", LATCHED)
         self.listen(Target, "target", lambda m: self._log.take_target(convert.target_from_message(m)), STREAM)
         self._joints = self.listen_latest(JointState, "joint_states", convert.joints_from_message, STREAM)
         self.listen(PointingError, "pointing_error", self._on_error, STREAM)
-        for name, callback in (("fit", self._on_fit), ("accept", self._on_accept), ("reject", self._on_reject)):
-            self.serve(Trigger, f"~/{name}", callback)
+        self.serve(Trigger, "~/accept", self._deciding(self._accept))
+        self.serve(Trigger, "~/reject", self._deciding(lambda: f"{self._keeper.reject()} is dropped"))
+        self.serve(Trigger, "~/rollback", self._deciding(self._roll_back))
         self.diagnostics.add("model", self._health)
 
     def activate(self) -> None:
-        params: CalibratorParams = self.parameters.value("calibrator")
-        if self._model is not None:
-            self._model.check_for(params.station, params.band, self.now_s())
+        self._keeper.begin(self.now_s())
+        self._active = True
         self._publish()
 
+    def deactivate(self) -> None:
+        self._active = False
+        self._runner.cancel()
+
+    def turn(self) -> float:
+        """Go on with the campaign, and end its goal when it is over."""
+        if self._campaign is None:
+            return super().turn()
+        self._runner.poll()
+        if len(self._log) != self._shown:
+            self._shown = len(self._log)
+            self._campaign.publish_feedback(self._progress())
+        if not self._runner.busy:
+            goal, self._campaign = self._campaign, None
+            goal.execute()
+        return CAMPAIGN_TURN_S
+
     def _publish(self) -> None:
-        if self._model is not None:
-            message = convert.model_to_message(self._model)
+        file = self._keeper.active
+        if file is not None:
+            message = convert.model_to_message(file)
             message.header.stamp = stamp_from_seconds(self.now_s())
             self._models.publish(message)
 
     def _on_error(self, message: PointingError) -> None:
-        if not message.valid:
+        if not message.valid or not self._active:
             return
         reading = self._joints.take()
         if reading is not None:
             self._log.take_joints(reading)
-        self._log.take_error(convert.error_from_message(message))
+        row = self._log.take_error(convert.error_from_message(message))
+        if row is not None:
+            self._keeper.observe(row)
 
-    def _on_fit(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        present = self._model.model if self._model else BiasModel.zero()
+    def _on_goal(self, _request: RunCampaign.Goal) -> GoalResponse:
+        return GoalResponse.ACCEPT if self._active and self._campaign is None else GoalResponse.REJECT
+
+    def _on_campaign(self, goal: Any) -> None:
+        self._refusal_of_campaign = ""
         try:
-            result = self._log.fit(present)
+            if not goal.request.resume:
+                self._log.begin_anew(f"{self.now_s():.0f}")
+            self._runner.start(goal.request.passes, goal.request.sensor)
         except ValueError as refusal:
-            response.success, response.message = False, str(refusal)
-            return response
-        now_s = self.now_s()
-        self._candidate = ModelFile.from_fit(
-            result, name=f"fit-{now_s:.0f}", software=f"rf_pointing {__version__}", created_t_s=now_s
-        )
-        rms = [math.degrees(value) * 1e3 for value in result.rms_rad()]
-        response.success = True
-        response.message = (
-            f"{len(self._log)} observations, residual rms {rms[0]:.2f} mdeg cross-elevation, {rms[1]:.2f} mdeg elevation; "
-            "accept or reject it"
-        )
-        return response
+            self._refusal_of_campaign = str(refusal)
+            goal.execute()
+            return
+        self._campaign = goal
 
-    def _on_accept(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if self._candidate is None:
-            response.success, response.message = False, "no model has been fitted"
-            return response
-        self._model, self._candidate = self._candidate, None
-        path = self.parameters.value("calibrator").accepted_file
-        if path:
-            write_model(Path(path), self._model)
+    def _on_cancel(self, _goal: Any) -> CancelResponse:
+        self._runner.cancel()
+        return CancelResponse.ACCEPT
+
+    def _conclude(self, goal: Any) -> RunCampaign.Result:
+        runner, filled = self._runner, self._sectors_filled()
+        result = RunCampaign.Result(
+            observations=len(self._log), sectors_filled=filled, message=self._refusal_of_campaign
+        )
+        if not self._refusal_of_campaign:
+            wanted = len(goal.request.passes)
+            result.passes_tracked = runner.tracked
+            result.success = runner.tracked == wanted
+            result.message = "; ".join([f"{runner.tracked} of {wanted} passes tracked", *runner.failures[:3]])
+        if goal.is_cancel_requested:
+            goal.canceled()
+        elif result.success:
+            goal.succeed()
+        else:
+            goal.abort()
+        return result
+
+    def _progress(self) -> RunCampaign.Feedback:
+        runner = self._runner
+        return RunCampaign.Feedback(
+            pass_number=runner.number, target=runner.target, observations=len(self._log),
+            sectors_filled=self._sectors_filled(), progress=(runner.number - 1) / max(runner.count, 1),
+        )  # fmt: skip
+
+    def _sectors_filled(self) -> int:
+        return SECTORS.count - len(self._log.coverage(SECTORS).thin)
+
+    def _on_fit_goal(self, _request: FitModel.Goal) -> GoalResponse:
+        return GoalResponse.ACCEPT if self._active else GoalResponse.REJECT
+
+    def _on_fit(self, goal: Any) -> FitModel.Result:
+        request, now_s = goal.request, self.now_s()
+        goal.publish_feedback(FitModel.Feedback(stage="fit"))
+        try:
+            fit = self._log.fit(
+                self._keeper.model, terms=tuple(request.terms), pass_priors=self.parameters.value("orbit")
+            )
+            file = ModelFile.from_fit(
+                fit, name=request.name or f"fit-{now_s:.0f}", software=f"rf_pointing {__version__}", created_t_s=now_s
+            )
+            self._keeper.propose(file)
+        except ValueError as refusal:
+            goal.abort()
+            return FitModel.Result(message=str(refusal))
+        goal.succeed()
+        return convert_calibration.fit_to_result(fit, file)
+
+    def _accept(self) -> str:
+        verdict = self._keeper.verdict_text()
+        file = self._keeper.accept(self.now_s())
         self._publish()
-        response.success, response.message = True, f"{self._model.name} is in force"
-        return response
+        return f"{file.name} is in force; it was {verdict}"
 
-    def _on_reject(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success = self._candidate is not None
-        response.message = "candidate dropped" if response.success else "no model has been fitted"
-        self._candidate = None
-        return response
+    def _roll_back(self) -> str:
+        file = self._keeper.roll_back()
+        if file is None:
+            self._models.publish(convert_calibration.no_model_to_message(self.parameters.value("calibrator").station))
+        self._publish()
+        return f"{file.name if file else 'no model'} is in force again"
+
+    def _deciding(self, decide: Callable[[], str]) -> Callable[[Any, Any], Any]:
+        """Return a service callback that says what was decided, or why not."""
+
+        def answer(_request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            try:
+                response.success, response.message = True, decide()
+            except (ValueError, OSError) as refusal:
+                response.success, response.message = False, str(refusal)
+            return response
+
+        return answer
 
     def _health(self) -> Health:
-        values = {"observations": len(self._log), "candidate": self._candidate.name if self._candidate else ""}
-        if self._model is None:
+        keeper = self._keeper
+        values = {
+            "observations": len(self._log),
+            "candidate": keeper.candidate.name if keeper.candidate else "",
+            "shadow": keeper.verdict_text(),
+        }
+        if keeper.active is None:
             return Health(WARN, "no model: commands are not corrected", values)
-        return Health(OK, self._model.name, values)
+        return Health(OK, keeper.active.name, values)
 
 
 def main() -> None:

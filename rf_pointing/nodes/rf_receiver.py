@@ -1,14 +1,15 @@
 """Executable `rf_receiver`: simulated feed and receiver behind the simulated antenna.
 
-Subscribes: sim/boresight.  Publishes: monopulse, carrier_power (10 Hz), sim/pointing_error (10 Hz, truth).
+Subscribes: sim/boresight, passes (which satellite is selected).
+Publishes: monopulse, carrier_power (10 Hz), sim/pointing_error (10 Hz, truth).
 Parameters: source.* (the satellite, its real offset from its elements included), signal.* (link, beam, feed, noise).
 """
 
-from rf_pointing_msgs.msg import Boresight, CarrierPower, Monopulse, PointingError
+from rf_pointing_msgs.msg import Boresight, CarrierPower, Monopulse, PassList, PointingError
 
 from rf_pointing.nodes import convert
 from rf_pointing.nodes.managed import ManagedNode, run
-from rf_pointing.nodes.qos import SAMPLES, STREAM
+from rf_pointing.nodes.qos import LATCHED, SAMPLES, STREAM
 from rf_pointing.station.receiver import SignalParams, SimulatedReceiver
 from rf_pointing.station.source import SourceParams, load_track
 
@@ -29,12 +30,19 @@ class RfReceiver(ManagedNode):
         self._power = self.stream(CarrierPower, "carrier_power", STREAM)
         self._truth = self.stream(PointingError, "sim/pointing_error", STREAM)
         self.listen(Boresight, "sim/boresight", self._on_boresight, SAMPLES)
+        self.listen(PassList, "passes", self._on_passes, LATCHED)
 
     def activate(self) -> None:
         self._active = True
 
     def deactivate(self) -> None:
         self._active = False
+
+    def _on_passes(self, message: PassList) -> None:
+        """Tune to the satellite that the ephemeris publisher predicts."""
+        if message.target and message.target != self._receiver.target:
+            source: SourceParams = self.parameters.value("source")
+            self._receiver.tune(load_track(source.replace(satellite=message.target)))
 
     def _on_boresight(self, message: Boresight) -> None:
         if not self._active:

@@ -30,6 +30,8 @@ from rf_pointing.nodes.simulation_clock import HELD_PERIOD_S
 from rf_pointing.station.pointing import SENSOR_CHOICES
 from rf_pointing.station.source import SourceParams, load_elements, load_track
 
+DEFAULT_MODELS = Path("runs/models")
+"""Where `calibrate` leaves accepted models and `track` finds them."""
 BRING_UP_S = 20.0
 SETTLE_S = 0.2
 """Publishers and subscribers that are known to the graph still take a moment to match each other."""
@@ -63,6 +65,18 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--band", choices=("S", "X", "Ka"), default="X", help="frequency band (default: X)")
     parser.add_argument("--sensor", choices=tuple(SENSOR_CHOICES), default="monopulse", help="(default: monopulse)")
     parser.add_argument("--speed", default="max", help="factor of real time, or max (default)")
+    parser.add_argument(
+        "--ephemeris-error",
+        metavar="S",
+        type=float,
+        help="the satellite runs this much ahead of its elements (default: what the parameter files say, 0.15 s)",
+    )
+    parser.add_argument(
+        "--models",
+        metavar="DIR",
+        default=str(DEFAULT_MODELS),
+        help=f"folder of accepted pointing models (default: {DEFAULT_MODELS}); without one the commissioning model is used",
+    )
     parser.add_argument("--seed", type=int, default=1, help="seed of every noise source (default: 1)")
     parser.add_argument("--namespace", default="/gs1", help="namespace of the antenna (default: /gs1)")
     parser.add_argument(
@@ -70,6 +84,7 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     )
     parser.add_argument("--record", metavar="DIR", help="bag directory (default: OUTPUT/bag)")
     parser.add_argument("--output", metavar="DIR", help="folder of the report (default: runs/SATELLITE-AOS)")
+    parser.set_defaults(keep_observations=False)
     return parser.parse_args(argv)
 
 
@@ -112,6 +127,7 @@ def overrides(options: argparse.Namespace, window: Pass) -> dict[str, Any]:
         "source.station": options.station,
         "source.elements_file": str(Path(options.elements).resolve()) if options.elements else "",
     }
+    real = {} if options.ephemeris_error is None else {"source.along_track_offset_s": options.ephemeris_error}
     share = Path(get_package_share_directory("rf_pointing"))
     sections = {
         "simulation_clock": {
@@ -120,11 +136,13 @@ def overrides(options: argparse.Namespace, window: Pass) -> dict[str, Any]:
             "tick_s": 0.02 if 0.0 < speed_factor(options.speed) <= REAL_TIME_SPEED else 0.1,
         },
         "ephemeris_publisher": {**source, "publisher.mask_deg": options.mask},
-        "rf_receiver": {**source, "signal.seed": options.seed},
+        "rf_receiver": {**source, **real, "signal.seed": options.seed},
         "antenna_servo": {"antenna.seed": options.seed},
         "bias_calibrator": {
             "calibrator.model_file": str(share / "config" / "bias_model_dss13.yaml"),
             "calibrator.band": options.band,
+            "calibrator.folder": str(Path(options.models).resolve()),
+            "calibrator.keep_observations": options.keep_observations,
         },
     }
     return {f"/**/{node}": {"ros__parameters": values} for node, values in sections.items()}

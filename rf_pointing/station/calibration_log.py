@@ -4,10 +4,22 @@ An observation is where the encoders would stand with the beam exactly on the ta
 """
 
 import math
+from collections import deque
 
 import numpy as np
 
-from rf_pointing.calibration import BiasModel, FitResult, Observations, Prior, fit_bias_model
+from rf_pointing.calibration import (
+    BiasModel,
+    Coverage,
+    FitOptions,
+    FitResult,
+    ObservationJournal,
+    Observations,
+    PassPriors,
+    Prior,
+    SectorRule,
+    fit_bias_model,
+)
 from rf_pointing.geometry import JointReading, PointingError, Target, nearest_turn_rad
 from rf_pointing.station.target_buffer import TargetBuffer
 
@@ -16,92 +28,158 @@ __all__ = ["CalibrationLog"]
 PRIOR_ANGLE_RAD = math.radians(0.2)
 PRIOR_LAG_S = 0.5
 PASS_GAP_S = 120.0
+LARGEST_JOINT_AGE_S = 0.1
+KEPT_RANGES = 64
+FEWEST = 30
 
 
 class CalibrationLog:
-    """Collects one observation every `spacing_s` while a sensor gives valid errors, and fits the 14 terms to them."""
+    """Collects one observation every `spacing_s` while a sensor gives valid errors, and fits the 14 terms to them.
 
-    def __init__(self, station: str, band: str, spacing_s: float, sigma_rad: float) -> None:
+    Nothing is observed in the first `settle_s` of a pass with a valid sensor: after a slew the lags are not steady yet.
+    Errors beyond `largest_error_rad` are left out: off its axis a sensor is not calibrated, and 5 % of a beamwidth is a lot.
+    With a `journal` every observation is on the disk before the next one, and those already in it count.
+    """
+
+    def __init__(
+        self,
+        station: str,
+        band: str,
+        spacing_s: float,
+        sigma_rad: float,
+        *,
+        largest_error_rad: float = math.inf,
+        settle_s: float = 0.0,
+        journal: ObservationJournal | None = None,
+    ) -> None:
         self.station, self.band = station, band
-        self._spacing_s, self._sigma_rad = spacing_s, sigma_rad
+        self._spacing_s, self._sigma_rad, self._journal = spacing_s, sigma_rad, journal
+        self._largest_error_rad, self._settle_s = largest_error_rad, settle_s
+        self._sensed_since_s: float | None = None
+        self._sensed_s = -math.inf
         self._target = TargetBuffer()
+        self._ranges: deque[tuple[float, float, float]] = deque(maxlen=KEPT_RANGES)
         self._target_name = ""
         self._joints: JointReading | None = None
-        self._rows: list[tuple[float, ...]] = []
-        self._pass = 0
+        self._parts: list[Observations] = []
+        self._pass, self._last_s, self._new_pass = -1, -math.inf, True
+        if journal is not None and journal.points is not None:
+            self._parts = [journal.points]
+            self._pass = int(np.max(journal.points.pass_id))
 
     def __len__(self) -> int:
-        return len(self._rows)
+        return sum(map(len, self._parts))
 
     def take_target(self, target: Target) -> None:
         """Note where the ephemeris puts the target; another target starts another pass."""
         if target.name != self._target_name:
-            self._target_name = target.name
+            self._target_name, self._new_pass, self._sensed_since_s = target.name, True, None
             self._target.clear()
+            self._ranges.clear()
         self._target.add(target)
+        self._ranges.append((target.t_s, target.range_m, target.range_rate_m_s))
 
     def take_joints(self, reading: JointReading) -> None:
         """Note the encoder angles."""
         self._joints = reading
 
-    def take_error(self, error: PointingError) -> None:
-        """Turn a valid error into an observation if one is due; the readings must be within a tenth of a second."""
-        joints = self._joints
-        if joints is None or not error.valid or abs(joints.t_s - error.t_s) > 0.1:
-            return
-        if self._rows and error.t_s - self._rows[-1][0] < self._spacing_s:
-            return
-        if not self._target.covers(error.t_s, error.t_s):
-            return
-        self._rows.append(self._row(error, joints))
+    def take_error(self, error: PointingError) -> Observations | None:
+        """Turn a valid error into an observation (one row) if one is due and the readings belong together.
 
-    def fit(self, present: BiasModel) -> FitResult:
-        """Return the fit of all 14 terms, held near the present model where the passes cannot tell.
-
-        Raises ValueError for too few or unusable observations.
+        Raises ValueError for readings that no antenna can have, such as a target far from the beam.
         """
-        if len(self._rows) < 30:
-            raise ValueError(f"{len(self._rows)} observations, must have at least 30: track a pass with a sensor first")
+        joints = self._joints
+        if joints is None or not error.valid or abs(joints.t_s - error.t_s) > LARGEST_JOINT_AGE_S:
+            return None
+        if self._sensed_since_s is None or not 0.0 <= error.t_s - self._sensed_s <= PASS_GAP_S:
+            self._sensed_since_s = error.t_s
+        self._sensed_s = error.t_s
+        if error.t_s - self._sensed_since_s < self._settle_s:
+            return None
+        if math.hypot(error.cross_elevation_rad, error.elevation_rad) > self._largest_error_rad:
+            return None
+        if 0.0 <= error.t_s - self._last_s < self._spacing_s or not self._target.covers(error.t_s, error.t_s):
+            return None
+        starts = self._new_pass or not 0.0 <= error.t_s - self._last_s <= PASS_GAP_S
+        row = self._row(error, joints, self._pass + starts)
+        if self._journal is not None:
+            self._journal.append(row)
+        self._pass, self._new_pass, self._last_s = self._pass + starts, False, error.t_s
+        self._parts.append(row)
+        return row
+
+    def begin_anew(self, name: str) -> None:
+        """Begin a new campaign; the old one's file is kept under its name with `name` added."""
+        if self._journal is not None:
+            self._journal.set_aside(name)
+        self._parts.clear()
+        self._pass, self._last_s, self._new_pass = -1, -math.inf, True
+
+    def fit(
+        self,
+        present: BiasModel,
+        *,
+        terms: tuple[str, ...] = (),
+        pass_priors: PassPriors | None = None,
+        form: str = "rotation",
+    ) -> FitResult:
+        """Return the fit of `terms` (empty: those of `present`), the others held at its values.
+
+        Terms are held near the present model where the passes cannot tell.  Raises ValueError for too few or unusable
+        observations.
+        """
+        if len(self) < FEWEST:
+            raise ValueError(f"{len(self)} observations, must have at least {FEWEST}: track a pass with a sensor first")
+        chosen = terms or tuple(present.coefficients)
+        known = {**present.coefficients, **dict.fromkeys((t for t in chosen if t not in present.coefficients), 0.0)}
         priors = {
-            term.name: Prior(
-                present.coefficients[term.name], PRIOR_ANGLE_RAD if term.unit.startswith("rad") else PRIOR_LAG_S
-            )
-            for term in present.terms
+            term.name: Prior(known[term.name], PRIOR_ANGLE_RAD if term.unit.startswith("rad") else PRIOR_LAG_S)
+            for term in present.replace(**known).terms
+            if term.name in chosen
         }
-        return fit_bias_model(self.observations(), terms=tuple(priors), priors=priors)
+        held = {name: value for name, value in known.items() if name not in chosen}
+        return fit_bias_model(
+            self.observations(),
+            terms=chosen,
+            held=held,
+            priors=priors,
+            pass_priors=pass_priors,
+            options=FitOptions(form=form, scale_covariance=True),
+        )
 
     def observations(self) -> Observations:
         """Return what was collected."""
-        columns = np.array(self._rows).T
-        return Observations(
-            station=self.station,
-            band=self.band,
-            t_s=columns[0],
-            pass_id=columns[1].astype(np.int64),
-            observed_azimuth_rad=columns[2],
-            observed_elevation_rad=columns[3],
-            true_azimuth_rad=columns[4],
-            true_elevation_rad=columns[5],
-            azimuth_rate_rad_s=columns[6],
-            elevation_rate_rad_s=columns[7],
-            azimuth_acceleration_rad_s2=columns[8],
-            elevation_acceleration_rad_s2=columns[9],
-            sigma_azimuth_rad=self._sigma_rad / np.cos(columns[5]),
-            sigma_elevation_rad=np.full(len(self._rows), self._sigma_rad),
-        )
+        self._parts = [Observations.concatenate(self._parts)]
+        return self._parts[0]
 
-    def _row(self, error: PointingError, joints: JointReading) -> tuple[float, ...]:
+    def coverage(self, rule: SectorRule) -> Coverage:
+        """Return how the sectors of the sky are filled."""
+        if not self._parts:
+            return Coverage(rule, np.zeros(rule.count, dtype=np.int64))
+        points = self.observations()
+        return rule.coverage(points.true_azimuth_rad, points.true_elevation_rad)
+
+    def _row(self, error: PointingError, joints: JointReading, pass_id: int) -> Observations:
         position = joints.position_rad + (error.t_s - joints.t_s) * joints.velocity_rad_s
         true = self._target.at([error.t_s])
-        azimuth = position[0] + error.cross_elevation_rad / math.cos(position[1])
-        if self._rows and error.t_s - self._rows[-1][0] > PASS_GAP_S:
-            self._pass += 1
-        return (
-            error.t_s,
-            float(self._pass),
-            float(azimuth),
-            float(position[1] + error.elevation_rad),
-            nearest_turn_rad(float(true.position[0, 0]), float(azimuth)),
-            float(true.position[0, 1]),
-            *(float(value) for value in (*true.velocity[0], *true.acceleration[0])),
-        )
+        azimuth = float(position[0] + error.cross_elevation_rad / math.cos(position[1]))
+        elevation = float(true.position[0, 1])
+        times, ranges, rates = np.array(sorted(self._ranges)).T
+        sigma = np.sqrt(np.maximum(np.diag(error.covariance_rad2), 0.0) + self._sigma_rad**2)
+        single = {
+            "t_s": error.t_s,
+            "observed_azimuth_rad": azimuth,
+            "observed_elevation_rad": position[1] + error.elevation_rad,
+            "true_azimuth_rad": nearest_turn_rad(float(true.position[0, 0]), azimuth),
+            "true_elevation_rad": elevation,
+            "azimuth_rate_rad_s": true.velocity[0, 0],
+            "elevation_rate_rad_s": true.velocity[0, 1],
+            "azimuth_acceleration_rad_s2": true.acceleration[0, 0],
+            "elevation_acceleration_rad_s2": true.acceleration[0, 1],
+            "sigma_azimuth_rad": sigma[0] / math.cos(elevation),
+            "sigma_elevation_rad": sigma[1],
+            "range_m": np.interp(error.t_s, times, ranges),
+            "range_rate_m_s": np.interp(error.t_s, times, rates),
+        }
+        columns = {name: np.array([value], dtype=np.float64) for name, value in single.items()}
+        return Observations(station=self.station, band=self.band, pass_id=np.array([pass_id]), **columns)

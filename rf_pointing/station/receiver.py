@@ -68,7 +68,7 @@ class _Ahead:
     """Look angles of a grid of coming times, computed a second at a time: one vectorised call instead of many."""
 
     def __init__(self, track: TopocentricTrack) -> None:
-        self._track = track
+        self.track = track
         self._times: Array = np.zeros(0)
         self._rows: Array = np.zeros((0, 3))
 
@@ -79,7 +79,7 @@ class _Ahead:
         if len(found) < len(t_s) or float(np.max(np.abs(found - t_s))) > TIME_TOLERANCE_S:
             step_s = float(t_s[-1] - t_s[0]) / (len(t_s) - 1)
             self._times = t_s[0] + step_s * np.arange(max(BLOCK, len(t_s)))
-            look = self._track.sample(self._times)
+            look = self.track.sample(self._times)
             self._rows = np.column_stack([look.azimuth_rad, look.elevation_rad, look.range_m])
             first = 0
         rows: Array = self._rows[first : first + len(t_s)]
@@ -98,6 +98,15 @@ class SimulatedReceiver:
         self._receiver = Receiver(params.receiver, Beam(params.beam), feed, random)
         self._boresights: list[Boresight] = []
         self._newest = -1
+
+    @property
+    def target(self) -> str:
+        """Name of the satellite that is heard."""
+        return self._ahead.track.name
+
+    def tune(self, real_track: TopocentricTrack) -> None:
+        """Hear another satellite from the next cluster on."""
+        self._ahead = _Ahead(real_track)
 
     def take(self, boresight: Boresight) -> Reception | None:
         """Take one boresight; a cluster ends on the grid of `cluster_samples` times `sample_s` and needs every sample.

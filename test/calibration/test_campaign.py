@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
-from rf_pointing.calibration import CandidatePass, SectorRule, plan_campaign
+from rf_pointing.calibration import CandidatePass, SectorRule, Slew, plan_campaign
 
+SLEW = Slew(rate_rad_s=1.0, settle_s=60.0)
 SMALL = SectorRule(azimuth_sectors=4, elevation_edges_rad=(0.17, 0.5, 1.2), fewest=5, most=8)
 
 
@@ -28,7 +29,7 @@ def filled(passes, rule):
 
 
 def test_campaign_fills_every_sector_and_no_pass_is_needless(candidates):
-    campaign = plan_campaign(candidates, SMALL, turnaround_s=60.0)
+    campaign = plan_campaign(candidates, SMALL, SLEW)
     assert campaign.coverage.thin == ()
     assert np.array_equal(filled(campaign.passes, SMALL).counts, campaign.coverage.counts)
     for left_out in campaign.passes:
@@ -37,7 +38,7 @@ def test_campaign_fills_every_sector_and_no_pass_is_needless(candidates):
 
 
 def test_no_earlier_end_is_possible(candidates):
-    campaign = plan_campaign(candidates, SMALL, turnaround_s=60.0)
+    campaign = plan_campaign(candidates, SMALL, SLEW)
     before = [c for c in candidates if c.end_t_s < campaign.full_at_t_s]
     assert filled(before, SMALL).thin != ()
 
@@ -52,7 +53,7 @@ def test_overlapping_passes_are_never_both_taken(track):
         )
         for name, miss, start in (("poor", 4.3e6, 0.0), ("rich", 4e5, 300.0), ("later", 4e5, 1300.0))
     ]
-    campaign = plan_campaign(both, SectorRule(), turnaround_s=60.0)
+    campaign = plan_campaign(both, SectorRule(), SLEW)
     assert [c.name for c in campaign.passes] == ["rich", "later"]
     assert campaign.full_at_t_s is None
     assert len(campaign.coverage.thin) > 0

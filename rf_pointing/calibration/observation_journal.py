@@ -1,0 +1,70 @@
+"""Calibration points on disk as they are taken: one line per point, on the disk before the next one is taken.
+
+A killed process loses at most the line it was writing: a last line without its end is cut off when the journal is opened
+again.  Any other damage is refused with the line's number, and nothing is overwritten.  The file is the one that
+`read_observations` reads.
+"""
+
+import os
+from pathlib import Path
+
+from rf_pointing.calibration.observations import Observations
+from rf_pointing.calibration.tracking_csv import edge_columns, read_observations
+
+__all__ = ["ObservationJournal"]
+
+
+class ObservationJournal:
+    """The points of one station and band in `path`; `points` are those that were in it when it was opened."""
+
+    def __init__(self, path: str | Path, station: str, band: str) -> None:
+        self.path, self.station, self.band = Path(path), station, band
+        self.points = self._recovered()
+
+    def append(self, points: Observations) -> None:
+        """Add points; they are on the disk when this returns.  Another station or band is refused."""
+        self._check_owner(points)
+        columns = edge_columns(points)
+        fresh = not self.path.exists()
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        with self.path.open("a", encoding="utf-8", newline="") as stream:
+            if fresh:
+                stream.write(f"# station: {self.station}\n# band: {self.band}\n{','.join(columns)}\n")
+            for row in zip(*(values.tolist() for values in columns.values()), strict=True):
+                stream.write(",".join(map(repr, row)) + "\n")
+            stream.flush()
+            os.fsync(stream.fileno())
+
+    def set_aside(self, name: str) -> Path | None:
+        """Rename the file, so that the next point begins a new one; return the old points' file, None without any."""
+        if not self.path.exists():
+            return None
+        old = self.path.with_name(f"{self.path.stem}-{name}{self.path.suffix}")
+        if old.exists():
+            raise ValueError(f"{old} exists already; observations are never overwritten")
+        os.rename(self.path, old)
+        self.points = None
+        return old
+
+    def _recovered(self) -> Observations | None:
+        if not self.path.exists():
+            return None
+        content = self.path.read_bytes()
+        whole = content[: content.rfind(b"\n") + 1]
+        if len(whole) < len(content):
+            with self.path.open("rb+") as stream:
+                stream.truncate(len(whole))
+                os.fsync(stream.fileno())
+        if len([line for line in whole.splitlines() if not line.startswith(b"#")]) < 2:
+            self.path.unlink()
+            return None
+        points = read_observations(self.path)
+        self._check_owner(points)
+        return points
+
+    def _check_owner(self, points: Observations) -> None:
+        for name in ("station", "band"):
+            if getattr(points, name) != getattr(self, name):
+                raise ValueError(
+                    f"{self.path}: points of {name} {getattr(points, name)!r}, must be of {getattr(self, name)!r}"
+                )

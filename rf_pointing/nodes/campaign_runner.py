@@ -1,0 +1,119 @@
+"""A campaign on the live graph: one pass after the other, selected at the ephemeris and tracked by the controller.
+
+Nothing waits inside a callback: `poll` looks between two events at what is under way.
+"""
+
+import time
+from collections.abc import Sequence
+from typing import Any
+
+from rclpy.action import ActionClient
+from rclpy.node import Node
+from rf_pointing_msgs.action import TrackPass
+from rf_pointing_msgs.msg import Pass
+from rf_pointing_msgs.srv import SelectTarget
+
+from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
+
+__all__ = ["CampaignRunner"]
+
+ANSWER_S = 20.0
+"""Wall time after which a service or an action server that does not answer is given up."""
+LOOK_BACK_S = 7200.0
+"""Passes are asked for from this long before the wanted one: it may have risen long before the piece of it begins."""
+
+
+class CampaignRunner:
+    """Runs the passes of one campaign; `tracked` counts those that were, `failures` says what became of the others."""
+
+    def __init__(self, node: Node) -> None:
+        self._select = node.create_client(SelectTarget, "ephemeris_publisher/select_target")
+        self._track = ActionClient(node, TrackPass, "track_pass")
+        self._passes: Sequence[Pass] = ()
+        self._sensor = ""
+        self._future: Any = None
+        self._step = "idle"
+        self._handle: Any = None
+        self._asked_s = 0.0
+        self.number, self.tracked = 0, 0
+        self.failures: list[str] = []
+
+    @property
+    def busy(self) -> bool:
+        """Whether a campaign is under way."""
+        return self._step != "idle"
+
+    @property
+    def target(self) -> str:
+        """Target of the pass in work."""
+        return self._passes[self.number - 1].target if 0 < self.number <= len(self._passes) else ""
+
+    @property
+    def count(self) -> int:
+        """Number of passes of the campaign."""
+        return len(self._passes)
+
+    def start(self, passes: Sequence[Pass], sensor: str) -> None:
+        """Begin; raises ValueError for nothing to track or without the nodes that track."""
+        if not passes:
+            raise ValueError("passes is empty, must name at least one pass")
+        if not self._select.service_is_ready() or not self._track.server_is_ready():
+            raise ValueError("ephemeris_publisher and pointing_controller must be running in this namespace")
+        self._passes, self._sensor = list(passes), sensor
+        self.number, self.tracked, self.failures = 0, 0, []
+        self._next()
+
+    def cancel(self) -> None:
+        """End after the pass in work has been stopped under control."""
+        self._passes = self._passes[: self.number]
+        if self._step == "tracking" and self._handle is not None:
+            self._handle.cancel_goal_async()
+
+    def poll(self) -> None:
+        """Go on where an answer has arrived."""
+        if self._step == "idle":
+            return
+        if not self._future.done():
+            if self._step != "tracking" and time.monotonic() - self._asked_s > ANSWER_S:
+                self._fail(f"no answer within {ANSWER_S:.0f} s")
+            return
+        getattr(self, f"_{self._step}")(self._future.result())
+
+    def _next(self) -> None:
+        self._handle = None
+        if self.number >= len(self._passes):
+            self._step = "idle"
+            return
+        wanted = self._passes[self.number]
+        self.number += 1
+        rises_s = seconds_from_stamp(wanted.aos)
+        request = SelectTarget.Request(target=wanted.target, start=stamp_from_seconds(rises_s - LOOK_BACK_S))
+        self._ask("selecting", self._select.call_async(request))
+
+    def _ask(self, step: str, future: Any) -> None:
+        self._step, self._future, self._asked_s = step, future, time.monotonic()
+
+    def _fail(self, why: str) -> None:
+        self.failures.append(f"{self.target}: {why}")
+        self._next()
+
+    def _selecting(self, answer: SelectTarget.Response) -> None:
+        if not answer.success:
+            self._fail(answer.message)
+            return
+        goal = TrackPass.Goal(target_pass=self._passes[self.number - 1], sensor=self._sensor)
+        self._ask("offering", self._track.send_goal_async(goal))
+
+    def _offering(self, handle: Any) -> None:
+        if not handle.accepted:
+            self._fail("the controller refused the pass")
+            return
+        self._handle = handle
+        self._ask("tracking", handle.get_result_async())
+
+    def _tracking(self, answer: Any) -> None:
+        if answer.result.success:
+            self.tracked += 1
+            self._next()
+        else:
+            self._fail(answer.result.message)
