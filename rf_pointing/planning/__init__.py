@@ -1,5 +1,23 @@
-"""What the machine may do: limits of travel and the choice of turn for a pass."""
+"""What the machine may do: limits of travel, the pass certificate with its branches, the gate of every motion."""
 
+from rf_pointing.planning.certificate import Branch, Certificate, MachineParams, certify, plunged
+from rf_pointing.planning.crossing import AxisMotionLimits, Crossing, cross
 from rf_pointing.planning.limits import AxisLimits, choose_turns, refusal
+from rf_pointing.planning.mask import HorizonMask
+from rf_pointing.planning.profile import PassProfile
 
-__all__ = ["AxisLimits", "choose_turns", "refusal"]
+__all__ = [
+    "AxisLimits",
+    "AxisMotionLimits",
+    "Branch",
+    "Certificate",
+    "Crossing",
+    "HorizonMask",
+    "MachineParams",
+    "PassProfile",
+    "certify",
+    "choose_turns",
+    "cross",
+    "plunged",
+    "refusal",
+]
