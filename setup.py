@@ -15,6 +15,7 @@ EXECUTABLES = [
     "interferometer_source",
     "interferometer_tracker",
     "monopulse_tracker",
+    "plan_passes",
     "pointing_controller",
     "report",
     "reproduce",

@@ -18,7 +18,7 @@ from rf_pointing.planning.mask import HorizonMask
 from rf_pointing.planning.profile import PassProfile
 from rf_pointing.planning.slew import slew_time_s
 
-__all__ = ["Branch", "Certificate", "MachineParams", "certify", "plunged"]
+__all__ = ["Branch", "Certificate", "MachineParams", "certify", "plunged", "unplunged"]
 
 Array = NDArray[np.float64]
 TURN = 2.0 * math.pi
@@ -127,14 +127,20 @@ class Certificate:
 
 
 def plunged(position: Array, velocity: Array, acceleration: Array) -> tuple[Array, Array, Array]:
-    """Return the same motion on the sky with the dish over the top, (n, 2) each; its own inverse but for a turn."""
+    """Return the same motion on the sky with the dish over the top, (..., 2) each; `unplunged` undoes it."""
     mirror = np.array([1.0, -1.0])
     return position * mirror + np.pi, velocity * mirror, acceleration * mirror
 
 
+def unplunged(position: Array, velocity: Array, acceleration: Array) -> tuple[Array, Array, Array]:
+    """Undo `plunged`."""
+    mirror = np.array([1.0, -1.0])
+    return (position - np.pi) * mirror, velocity * mirror, acceleration * mirror
+
+
 def certify(
     profile: PassProfile,
-    axes: tuple[Array, Array, Array],
+    axes: dict[bool, tuple[Array, ...]],
     issued_t_s: float,
     present_rad: tuple[float, float],
     machine: MachineParams,
@@ -147,7 +153,8 @@ def certify(
     Parameters
     ----------
     profile : the pass on the sky, at even steps of `STEP_S` or less.
-    axes : position, velocity, acceleration (n, 2) of the axes that hold the beam on it, direct, azimuth continuous.
+    axes : position, velocity, acceleration (n, 2) of the axes that hold the beam on it, azimuth continuous, by whether
+        they are plunged; a way that is not there is not considered.
     issued_t_s, present_rad : now, and where the axes stand.
     gain : power received relative to the peak at angles off the beam axis.
     """
@@ -155,14 +162,15 @@ def certify(
         mask=float(np.min(profile.position_rad[:, 1] - mask.lowest_all(profile.position_rad[:, 0]))),
         sun=float(np.min(profile.sun_angle_rad())) - machine.sun_radius_rad,
     )
-    ways = [(False, axes), (True, plunged(*axes))]
-    branches = []
-    for plunge, motion in ways:
-        crossing = cross(profile.t_s, *motion, machine.motion_limits(limits.elevation_max_rad), gain)
-        for turns in _turns(motion[0][:, 0], limits):
-            branches.append(
-                _branch(plunge, turns, profile, motion, crossing, sky, issued_t_s, present_rad, machine, limits, gain)
-            )
+    branches: list[Branch] = []
+    for plunge, motion in axes.items():
+        # Over the top the whole pass lies beyond the zenith: an end of travel there is a refusal, not a detour.
+        motion_limits = machine.motion_limits(math.inf if plunge else limits.elevation_max_rad)
+        crossing = cross(profile.t_s, motion[0], motion[1], motion[2], motion_limits, gain)
+        branches += [
+            _branch(plunge, turns, profile, motion, crossing, sky, issued_t_s, present_rad, machine, limits, gain)
+            for turns in _turns(motion[0][:, 0], limits)
+        ]
     return Certificate(
         name=profile.name,
         issued_t_s=issued_t_s,
@@ -192,7 +200,7 @@ def _branch(
     plunge: bool,
     turns: int,
     profile: PassProfile,
-    motion: tuple[Array, Array, Array],
+    motion: tuple[Array, ...],
     crossing: Crossing | None,
     sky: _Sky,
     issued_t_s: float,

@@ -75,15 +75,14 @@ def cross(
     if not fast.any():
         return _finish(path, position[:, 0], first, last, gain, acceleration)
     earliest = max(0, first - round(EARLIEST_S / step_s))
-    best: tuple[float, int, int, Array] | None = None
+    best = (math.inf, first, last, position[:, 0])
     candidates = np.unique(np.linspace(earliest, first, COARSE).astype(int))
     for _ in range(REFINEMENTS):
         for start in candidates:
             azimuth, end = path.bang(int(start), last)
             lost = path.lost_s(azimuth, int(start), end, gain)
-            if best is None or lost < best[0]:
+            if lost < best[0]:
                 best = lost, int(start), end, azimuth
-        assert best is not None
         spacing = max(1, int(np.max(np.diff(candidates), initial=1)))
         low, high_index = max(earliest, best[1] - spacing), min(first, best[1] + spacing)
         candidates = np.unique(np.linspace(low, high_index, 9).astype(int))
@@ -122,7 +121,7 @@ class _Path:
         The exact return lies between two samples; what the run is too far at the later one comes off it smoothly.
         """
         rate, limit = self.limits.rate_rad_s[0], self.limits.acceleration_rad_s2[0]
-        t = self.t_s[start : end + 1] - self.t_s[start]
+        t: Array = self.t_s[start : end + 1] - self.t_s[start]
         up, down = (rate - speed[start]) / limit, (rate - speed[end]) / limit
         out = ahead[start] + rate * t - 0.5 * limit * (up**2 - np.maximum(up - t, 0.0) ** 2)
         if not returns:
@@ -148,7 +147,7 @@ class _Path:
         """Return the elevation within the travel that comes nearest to the target."""
         off, elevation = azimuth[part] - self.position[part, 0], self.position[part, 1]
         best = np.arctan2(np.sin(elevation), np.cos(elevation) * np.cos(off))
-        return np.minimum(best, self.limits.elevation_max_rad)
+        return np.asarray(np.minimum(best, self.limits.elevation_max_rad))
 
 
 def _finish(path: _Path, azimuth: Array, start: int, end: int, gain: Gain, acceleration: Array) -> Crossing:
@@ -179,7 +178,7 @@ def _finish(path: _Path, azimuth: Array, start: int, end: int, gain: Gain, accel
 
 
 def _elevations(path: _Path, azimuth: Array) -> list[Array]:
-    """Return elevations to choose from: the target's own, and the nearest one smoothed over some time."""
+    """Return elevations to choose from: the target's own, and both it and the nearest one smoothed over some time."""
     own = np.minimum(path.position[:, 1], path.limits.elevation_max_rad)
     wanted = path.nearest_elevation(azimuth, slice(None)) - path.position[:, 1]
     choices = [own]
@@ -189,9 +188,5 @@ def _elevations(path: _Path, azimuth: Array) -> list[Array]:
         kernel /= kernel.sum()
         soft = np.convolve(np.pad(wanted, reach, mode="edge"), kernel, mode="valid")
         choices += [path.position[:, 1] + share * soft for share in (0.5, 1.0)]
-        choices.append(
-            np.convolve(np.pad(own, reach, mode="edge"), kernel, mode="valid")
-            if path.position[:, 1].max() > path.limits.elevation_max_rad
-            else own
-        )
+        choices.append(np.convolve(np.pad(own, reach, mode="edge"), kernel, mode="valid"))
     return choices
