@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rf_pointing.calibration import BiasModel
 from rf_pointing.ephemeris import Pass
-from rf_pointing.geometry import JointReading, JointTrajectory, Motion, quintic
+from rf_pointing.geometry import JointReading, JointTrajectory, Motion, Quintic
 from rf_pointing.planning import AxisLimits, Branch, Certificate, HorizonMask, MachineParams, PassProfile
 from rf_pointing.planning.certificate import plunged, unplunged
 from rf_pointing.station.axis_motion import axis_motion
@@ -94,7 +94,7 @@ class PassPlan:
             if found.t_s[0] <= t_s <= found.t_s[-1]:
                 first = min(int((t_s - found.t_s[0]) / step_s), len(found.t_s) - 2)
                 start, end = (Motion(*(part[row] for part in table)) for row in (first, first + 1))
-                here = quintic(start, end, step_s, t_s - float(found.t_s[first]))
+                here = Quintic(start, end, step_s).at(t_s - float(found.t_s[first]))
                 for row, part in zip(rows, here, strict=True):
                     row[index] = part
         return Motion(*rows)
