@@ -18,6 +18,7 @@ EXECUTABLES = [
     "interferometer_tracker",
     "monopulse_tracker",
     "plan_calibration",
+    "plan_passes",
     "pointing_controller",
     "report",
     "reproduce",

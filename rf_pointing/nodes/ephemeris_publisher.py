@@ -1,23 +1,25 @@
 """Executable `ephemeris_publisher`: where the target will be, and when it passes.
 
-Publishes: target (10 Hz, ahead of time while it is above the mask), passes (latched).
+Publishes: target (10 Hz, ahead of time while it is above the mask), passes, pass_profiles (latched).
 Service: ~/select_target (rf_pointing_msgs/SelectTarget): choose the satellite and ask for its passes.
-Parameters: source.* (elements, satellite, station, offsets), publisher.* (lead, rate, mask, how far to look).
+Parameters: source.* (elements, satellite, station; offsets and hold, live, read back on /diagnostics),
+publisher.* (lead, rate, mask, how far to look).
 """
 
 import math
 from dataclasses import dataclass
 
-from rf_pointing_msgs.msg import PassList, Target
+from rf_pointing_msgs.msg import PassList, PassProfileList, Target
 from rf_pointing_msgs.srv import SelectTarget
 
 from rf_pointing.ephemeris import Pass, TopocentricTrack, find_passes, utc_text
 from rf_pointing.geometry import Params, parameter
-from rf_pointing.nodes import convert
+from rf_pointing.nodes import convert, convert_planning
 from rf_pointing.nodes.diagnostics import OK, WARN, Health
 from rf_pointing.nodes.managed import ManagedNode, run
 from rf_pointing.nodes.qos import LATCHED, STREAM
 from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
+from rf_pointing.station.pass_planning import pass_profile
 from rf_pointing.station.source import SourceParams, load_track
 
 
@@ -48,6 +50,7 @@ class EphemerisPublisher(ManagedNode):
         self._passes = []
         self._targets = self.stream(Target, "target", STREAM)
         self._pass_list = self.stream(PassList, "passes", LATCHED)
+        self._profiles = self.stream(PassProfileList, "pass_profiles", LATCHED)
         self.serve(SelectTarget, "~/select_target", self._on_select)
         self.diagnostics.add("target", self._health)
 
@@ -94,18 +97,28 @@ class EphemerisPublisher(ManagedNode):
         message = PassList(target=track.name, passes=[convert.pass_to_message(window) for window in passes])
         message.header.stamp = stamp_from_seconds(self.now_s())
         self._pass_list.publish(message)
+        profiles = [convert_planning.profile_to_message(pass_profile(track, window)) for window in passes]
+        self._profiles.publish(PassProfileList(header=message.header, profiles=profiles))
         return passes
 
     def _on_parameters(self) -> None:
         if self._track is not None:
             source: SourceParams = self.parameters.value("source")
+            held_s = self._track.hold_t_s if self._track.hold_t_s is not None else self.now_s()
             self._track = self._track.with_offsets(
-                along_track_offset_s=source.along_track_offset_s, cross_track_offset_rad=source.cross_track_offset_rad
+                along_track_offset_s=source.along_track_offset_s,
+                cross_track_offset_rad=source.cross_track_offset_rad,
+                hold_t_s=held_s if source.hold else None,
             )
 
     def _health(self) -> Health:
         warnings = "; ".join(self._track.warnings(self.now_s()))
-        return Health(WARN if warnings else OK, warnings or self._track.name, {"passes": len(self._passes)})
+        offsets = {
+            "along_track_offset_s": self._track.along_track_offset_s,
+            "cross_track_offset_deg": math.degrees(self._track.cross_track_offset_rad),
+            "hold_since": "" if self._track.hold_t_s is None else utc_text(self._track.hold_t_s),
+        }
+        return Health(WARN if warnings else OK, warnings or self._track.name, {"passes": len(self._passes), **offsets})
 
 
 def main() -> None:

@@ -1,9 +1,10 @@
 """Executable `pointing_controller`: the only author of motion.
 
-Subscribes: target, joint_states, pointing_error, pointing_model.
-Publishes: joint_trajectory (10 Hz while a pass is tracked), tracking_status (10 Hz).
+Subscribes: target, joint_states, pointing_error, pointing_model, pass_profiles.
+Publishes: joint_trajectory (10 Hz while a pass is tracked), tracking_status (10 Hz), pass_certificate (latched).
 Action: track_pass (rf_pointing_msgs/TrackPass).  Service: ~/stop (std_srvs/Trigger), ends the pass under control.
-Parameters: pointing.*, limits.*, autotrack.*, integrator.*, spiral.*, conscan.*.
+Parameters: pointing.*, limits.*, machine.*, mask.*, autotrack.*, integrator.*, spiral.*, conscan.*, certificate_folder
+(where every certificate is stored as a file; empty: nowhere).
 """
 
 import time
@@ -11,17 +12,25 @@ from typing import Any
 
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rf_pointing_msgs.action import TrackPass
-from rf_pointing_msgs.msg import PointingError, PointingModel, Target, TrackingStatus
+from rf_pointing_msgs.msg import (
+    PassCertificate,
+    PassProfileList,
+    PointingError,
+    PointingModel,
+    Target,
+    TrackingStatus,
+)
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from rf_pointing.controllers import TrackerIntegratorParams
-from rf_pointing.nodes import convert
+from rf_pointing.nodes import convert, convert_planning
 from rf_pointing.nodes.diagnostics import ERROR, OK, Health
 from rf_pointing.nodes.managed import ManagedNode, run
 from rf_pointing.nodes.qos import COMMAND, LATCHED, STREAM
-from rf_pointing.planning import AxisLimits
+from rf_pointing.planning import AxisLimits, HorizonMask, MachineParams
+from rf_pointing.station.certificate_store import StoreParams, store_certificate
 from rf_pointing.station.pointing import PointingController, PointingParams
 from rf_pointing.station.status import TrackingStatus as Status
 from rf_pointing.tracking import AutotrackParams, ConscanParams, SpiralParams
@@ -33,6 +42,8 @@ GROUPS = {
     "integrator": TrackerIntegratorParams(),
     "spiral": SpiralParams(),
     "conscan": ConscanParams(),
+    "machine": MachineParams(),
+    "mask": HorizonMask(),
 }
 LEAST_TRACKED_SHARE = 0.8
 FEEDBACK_EVERY = 10
@@ -47,6 +58,7 @@ class PointingControllerNode(ManagedNode):
         super().__init__("pointing_controller")
         for prefix, defaults in GROUPS.items():
             self.parameters.declare(prefix, defaults)
+        self.parameters.declare("", StoreParams())
         self.parameters.on_change(self._retune)
         self._controller: PointingController | None = None
         self._active = False
@@ -66,12 +78,15 @@ class PointingControllerNode(ManagedNode):
         })  # fmt: skip
         self._commands = self.publisher(JointTrajectory, "joint_trajectory", COMMAND)
         self._status = self.stream(TrackingStatus, "tracking_status", STREAM)
+        self._certificates = self.stream(PassCertificate, "pass_certificate", LATCHED)
+        self._issued: object = None
         self._sent = 0
         core = self._controller
         self.listen(Target, "target", lambda m: core.take_target(convert.target_from_message(m)), STREAM)
         self._joints = self.listen_latest(JointState, "joint_states", convert.joints_from_message, STREAM)
         self.listen(PointingError, "pointing_error", lambda m: core.take_error(convert.error_from_message(m)), STREAM)
         self.listen(PointingModel, "pointing_model", lambda m: core.take_model(convert.model_from_message(m)), LATCHED)
+        self.listen(PassProfileList, "pass_profiles", self._on_profiles, LATCHED)
         self.serve(Trigger, "~/stop", self._on_stop)
         self.diagnostics.add("tracking", self._health)
 
@@ -113,6 +128,7 @@ class PointingControllerNode(ManagedNode):
         self._read_joints()
         busy = self._controller.busy
         trajectory, status = self._controller.step(t_s)
+        self._show_certificate()
         if trajectory is not None:
             self._commands.publish(convert.trajectory_to_message(trajectory, t_s))
             self._sent += 1
@@ -126,6 +142,22 @@ class PointingControllerNode(ManagedNode):
             if busy and not self._controller.busy:
                 goal, self._goal = self._goal, None
                 goal.execute()
+
+    def _on_profiles(self, message: PassProfileList) -> None:
+        profiles = [convert_planning.profile_from_message(profile) for profile in message.profiles]
+        self._controller.plan.take_profiles(profiles)
+
+    def _show_certificate(self) -> None:
+        """Publish and store the certificate that was issued since the last call, if one was."""
+        certificate = self._controller.plan.certificate
+        if certificate is None or certificate is self._issued:
+            return
+        self._issued = certificate
+        self._certificates.publish(convert_planning.certificate_to_message(certificate))
+        try:
+            store_certificate(self.parameters.value(""), certificate)
+        except OSError as error:
+            self.get_logger().error(f"certificate not stored: {error}")
 
     def _read_joints(self) -> None:
         try:
@@ -157,6 +189,7 @@ class PointingControllerNode(ManagedNode):
         """
         self._refusal = ""
         try:
+            self._read_joints()
             self._controller.start(
                 self.now_s(), convert.pass_from_message(goal.request.target_pass), goal.request.sensor
             )
@@ -165,6 +198,8 @@ class PointingControllerNode(ManagedNode):
             self.get_logger().error(f"pass refused: {refusal}")
             goal.execute()
             return
+        finally:
+            self._show_certificate()
         self._goal = goal
 
     def _on_cancel(self, _goal: Any) -> CancelResponse:

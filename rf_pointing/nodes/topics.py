@@ -29,6 +29,8 @@ class Topic:
 TOPICS = (
     Topic("target", ours.Target, STREAM, "10 Hz, 2 s ahead", "ephemeris_publisher"),
     Topic("passes", ours.PassList, LATCHED, "latched", "ephemeris_publisher"),
+    Topic("pass_profiles", ours.PassProfileList, LATCHED, "latched", "ephemeris_publisher"),
+    Topic("pass_certificate", ours.PassCertificate, LATCHED, "latched", "pointing_controller"),
     Topic("pointing_model", ours.PointingModel, LATCHED, "latched", "bias_calibrator"),
     Topic("joint_trajectory", JointTrajectory, COMMAND, "10 Hz, 0.1 to 1 s ahead", "pointing_controller"),
     Topic("tracking_status", ours.TrackingStatus, STREAM, "10 Hz", "pointing_controller"),

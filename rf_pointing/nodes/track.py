@@ -18,21 +18,27 @@ import yaml
 from ament_index_python.packages import get_package_share_directory
 from rclpy.action import ActionClient
 from rf_pointing_msgs.action import TrackPass
+from rf_pointing_msgs.msg import PassCertificate
 
 from rf_pointing.ephemeris import Pass, first_pass_above, utc_text
-from rf_pointing.nodes import convert
+from rf_pointing.nodes import convert, convert_planning
 from rf_pointing.nodes.lifecycle_client import LifecycleClient
 from rf_pointing.nodes.managed import make_executor, settle_garbage
 from rf_pointing.nodes.processes import SIMULATED_STATION, NodeProcesses
 from rf_pointing.nodes.progress import ProgressLine
+from rf_pointing.nodes.qos import LATCHED
 from rf_pointing.nodes.recorder import Recorder
 from rf_pointing.nodes.simulation_clock import HELD_PERIOD_S
+from rf_pointing.nodes.utc import parse_utc
+from rf_pointing.planning import certificate_lines
+from rf_pointing.rf import HALF_POWER_BEAMWIDTH_RAD
 from rf_pointing.station.pointing import SENSOR_CHOICES
 from rf_pointing.station.source import SourceParams, load_elements, load_track
 
 DEFAULT_MODELS = Path("runs/models")
 """Where `calibrate` leaves accepted models and `track` finds them."""
 BRING_UP_S = 20.0
+CERTIFICATE_S = 10.0
 SETTLE_S = 0.2
 """Publishers and subscribers that are known to the graph still take a moment to match each other."""
 ACTIVATION_TRIES = 20
@@ -98,15 +104,6 @@ def choose_pass(options: argparse.Namespace) -> Pass:
     )
 
 
-def parse_utc(text: str) -> float:
-    """Return UTC seconds of an ISO time; without a zone it is UTC."""
-    try:
-        moment = datetime.fromisoformat(text)
-    except ValueError as error:
-        raise ValueError(f"start={text!r} must be an ISO time such as 2006-06-27T04:00:00") from error
-    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
-
-
 def speed_factor(text: str) -> float:
     """Return the factor, 0 for max."""
     if text == "max":
@@ -138,6 +135,9 @@ def overrides(options: argparse.Namespace, window: Pass) -> dict[str, Any]:
         "ephemeris_publisher": {**source, "publisher.mask_deg": options.mask},
         "rf_receiver": {**source, **real, "signal.seed": options.seed},
         "antenna_servo": {"antenna.seed": options.seed},
+        "pointing_controller": {
+            "machine.half_power_beamwidth_deg": math.degrees(HALF_POWER_BEAMWIDTH_RAD[options.band])
+        },
         "bias_calibrator": {
             "calibrator.model_file": str(share / "config" / "bias_model_dss13.yaml"),
             "calibrator.band": options.band,
@@ -160,7 +160,9 @@ class Run:
         self._options, self._window = options, window
         share = Path(get_package_share_directory("rf_pointing")) / "config"
         written = output / "run.yaml"
-        written.write_text(yaml.safe_dump(overrides(options, window), sort_keys=False))
+        said = overrides(options, window)
+        said["/**/pointing_controller"]["ros__parameters"]["certificate_folder"] = str(output.resolve())
+        written.write_text(yaml.safe_dump(said, sort_keys=False))
         files = [
             share / "dss13.yaml",
             share / f"band_{options.band.lower()}.yaml",
@@ -173,6 +175,8 @@ class Run:
         self._executor.add_node(self._node)
         self._lifecycle = LifecycleClient(self._node, options.namespace, self.spin, self._check_alive)
         self._client = ActionClient(self._node, TrackPass, "track_pass")
+        self._certificate: PassCertificate | None = None
+        self._node.create_subscription(PassCertificate, "pass_certificate", self._note_certificate, LATCHED)
         self._progress = ProgressLine()
         self._stopping = False
         self.recorder = Recorder(
@@ -194,8 +198,9 @@ class Run:
         self._bring_up()
         say(f"{len(SIMULATED_STATION)} nodes matched and active in {time.monotonic() - began_s:.1f} s")
         handle = self._send_goal()
-        self._change(SIMULATED_STATION[:1], "activate")
         result = handle.get_result_async()
+        self._show_certificate(result)
+        self._change(SIMULATED_STATION[:1], "activate")
         cancelled = False
         look_s = 0.0
         settle_garbage()
@@ -209,6 +214,20 @@ class Run:
                 handle.cancel_goal_async()
         self._progress.end()
         return result.result().result
+
+    def _note_certificate(self, message: PassCertificate) -> None:
+        self._certificate = message
+
+    def _show_certificate(self, result: Any) -> None:
+        """Print the certificate of the accepted goal; time is still held, so nothing has moved."""
+        deadline_s = time.monotonic() + CERTIFICATE_S
+        while self._certificate is None and not result.done() and time.monotonic() < deadline_s:
+            self.spin(0.02)
+        if self._certificate is None:
+            say("no certificate was issued: the coming passes do not hold this one")
+            return
+        for line in certificate_lines(convert_planning.certificate_from_message(self._certificate)):
+            print(line, file=sys.stderr)
 
     def close(self) -> None:
         """End every process; the bag is closed by the caller."""

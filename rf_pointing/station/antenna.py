@@ -222,4 +222,7 @@ class SimulatedAntenna:
         acceleration = (velocity - self._mean_rate) / self.params.lag_averaging_s
         sky = self._mount_error.remove(t_s, self._plant.beam_rad, self._mean_rate, acceleration)
         self._mean_rate = self._mean_rate + acceleration * self.params.tick_s
-        return Boresight(t_s=t_s, azimuth_rad=float(sky[0]), elevation_rad=float(sky[1]))
+        azimuth, elevation = sky.tolist()
+        if elevation > 0.5 * math.pi:
+            azimuth, elevation = azimuth - math.pi, math.pi - elevation
+        return Boresight(t_s=t_s, azimuth_rad=azimuth, elevation_rad=elevation)

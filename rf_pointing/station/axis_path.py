@@ -4,23 +4,28 @@ The exact bias model costs the same for one instant as for twenty, so a block of
 kept until it is used up or something changes.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.calibration import BiasModel
 from rf_pointing.geometry import Motion, nearest_turn_rad
+from rf_pointing.station.axis_motion import axis_motion
 from rf_pointing.station.target_buffer import TargetBuffer
 
 __all__ = ["AxisPath"]
 
 Array = NDArray[np.float64]
+ThroughModel = Callable[[Motion, BiasModel], Motion]
+"""How a motion on the sky becomes one of the axes."""
 
 
 class AxisPath:
     """Axis motion (n, 2) at instants `period_s` apart, azimuth on the turn next to `near_azimuth_rad`."""
 
-    def __init__(self, period_s: float) -> None:
-        self._period_s = period_s
+    def __init__(self, period_s: float, through: ThroughModel = axis_motion) -> None:
+        self._period_s, self._through = period_s, through
         self._known: dict[int, Array] = {}
         self._start: Motion | None = None
 
@@ -33,7 +38,7 @@ class AxisPath:
         """Return the motion of waiting where the target will rise, at apparent `sky_rad` (2,), for `count` instants."""
         if self._start is None:
             still = np.zeros((1, 2))
-            self._start = held(Motion(sky_rad[None, :], still, still), model, near_azimuth_rad)
+            self._start = held(Motion(sky_rad[None, :], still, still), model, near_azimuth_rad, self._through)
         return Motion(*(np.tile(part, (count, 1)) for part in self._start))
 
     def at(self, times: Array, targets: TargetBuffer, model: BiasModel, near_azimuth_rad: float) -> Motion:
@@ -48,13 +53,13 @@ class AxisPath:
         ahead = targets.known_until_s - float(times[-1])
         beyond = float(times[-1]) + self._period_s * np.arange(1, max(0, int(ahead / self._period_s)) + 1)
         block = np.concatenate([times, beyond])
-        motion = held(targets.at(block), model, near_azimuth_rad)
+        motion = held(targets.at(block), model, near_azimuth_rad, self._through)
         rows = np.concatenate(motion, axis=1)
         self._known = {round(float(t) * 1000.0): row for t, row in zip(block, rows, strict=True)}
 
 
-def held(sky: Motion, model: BiasModel, near_azimuth_rad: float) -> Motion:
+def held(sky: Motion, model: BiasModel, near_azimuth_rad: float, through: ThroughModel = axis_motion) -> Motion:
     """Return the axis motion (n, 2) that holds the beam on apparent directions, on the turn next to an azimuth."""
-    position, velocity, acceleration = model.apply_moving(*sky)
+    position, velocity, acceleration = through(sky, model)
     first = float(position[0, 0])
     return Motion(position + np.array([nearest_turn_rad(first, near_azimuth_rad) - first, 0.0]), velocity, acceleration)

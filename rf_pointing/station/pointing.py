@@ -26,9 +26,10 @@ from rf_pointing.geometry import (
     parameter,
     require_choice,
 )
-from rf_pointing.planning import AxisLimits, choose_turns, refusal
+from rf_pointing.planning import AxisLimits, HorizonMask, MachineParams, choose_turns, refusal
 from rf_pointing.station.axis_path import AxisPath
 from rf_pointing.station.beam_position import BeamPosition
+from rf_pointing.station.pass_plan import PassPlan
 from rf_pointing.station.sky_offsets import SkyOffsets
 from rf_pointing.station.status import TrackingStatus
 from rf_pointing.station.tally import Tally
@@ -92,22 +93,26 @@ class PointingController:
         integrator: TrackerIntegratorParams,
         spiral: SpiralParams,
         conscan: ConscanParams,
+        machine: MachineParams | None = None,
+        mask: HorizonMask | None = None,
     ) -> None:
         self.params, self.limits = params, limits
+        self.plan = PassPlan(machine or MachineParams(), mask or HorizonMask())
         self._autotrack_params = autotrack
         self._table = Autotrack(autotrack)
         self.state = AutotrackState()
         self.offsets = SkyOffsets(integrator, spiral, conscan)
         self._targets = TargetBuffer()
         self._model = BiasModel.zero()
+        self._axes: JointReading | None = None
         self._joints: JointReading | None = None
         self._errors: deque[PointingError] = deque(maxlen=KEPT_ERRORS)
         self._pass: Pass | None = None
         self._turns_rad: float | None = None
         self._centre: dict[int, Array] = {}
         self._beam = BeamPosition()
-        self._path = AxisPath(params.period_s)
-        self._stopping, self._moved = "", False
+        self._path = AxisPath(params.period_s, self.plan.model_motion)
+        self._stopping, self._moved, self._sensor = "", False, "program"
         self._last_sky = np.zeros(2)
         self.tally = Tally()
 
@@ -128,8 +133,8 @@ class PointingController:
 
     def take_joints(self, reading: JointReading) -> None:
         """Note where the axes are."""
-        self._joints = reading
-        self._beam.take_joints(reading)
+        self._axes, self._joints = reading, self.plan.from_axes(reading)
+        self._beam.take_joints(self._joints)
 
     def take_target(self, target: Target) -> None:
         """Note where the target will be; other targets are ignored."""
@@ -161,7 +166,8 @@ class PointingController:
             raise ValueError(f"{self._pass.name} is being tracked until its loss of signal; cancel that first")
         if t_s >= window.los_t_s:
             raise ValueError(f"the pass of {window.name} ended {t_s - window.los_t_s:.0f} s ago")
-        self._turns_rad = None if self._joints is None else self._choose_turn(window, self._joints)
+        self._turns_rad = None if self._axes is None else self._choose_turn(t_s, window, self._axes, sensor)
+        self._sensor = sensor
         self._pass, self._stopping, self._moved = window, "", False
         self._errors.clear()
         self._targets.clear()
@@ -185,10 +191,10 @@ class PointingController:
         if not self._stopping and t_s >= self._pass.los_t_s:
             self._stopping = "loss of signal"
         if self._turns_rad is None and not self._stopping:
-            if self._joints is None:
+            if self._axes is None:
                 return None, self._status(t_s)
             try:
-                self._turns_rad = self._choose_turn(self._pass, self._joints)
+                self._turns_rad = self._choose_turn(t_s, self._pass, self._axes, self._sensor)
             except ValueError as refused:
                 self._stopping = str(refused)
         self._advance_table(t_s)
@@ -206,7 +212,11 @@ class PointingController:
         self.tally.count(self.params.period_s, status.mode, self._fresh_error(t_s), t_s >= self._pass.aos_t_s)
         return trajectory, status
 
-    def _choose_turn(self, window: Pass, joints: JointReading) -> float:
+    def _choose_turn(self, t_s: float, window: Pass, joints: JointReading, sensor: str) -> float:
+        """Return the turns (rad) to track on: those of the certificate, or of the summary when there is no profile."""
+        if self.plan.choose(t_s, window, joints, self._model, self.limits, sensor):
+            self.take_joints(joints)
+            return self.plan.turns_rad
         low, high, present = window.azimuth_min_rad, window.azimuth_max_rad, float(joints.position_rad[0])
         turns_rad = 2.0 * math.pi * choose_turns(self.limits, low, high, present)
         refused = refusal(self.limits, window.aos_azimuth_rad + turns_rad, window.peak_elevation_rad)
@@ -216,6 +226,8 @@ class PointingController:
 
     def _advance_table(self, t_s: float) -> None:
         assert self._pass is not None
+        if self.plan.crossing(t_s) and not self._stopping:
+            return
         error = self._fresh_error(t_s)
         before = self.state
         self.state = self._table.step(
@@ -245,15 +257,16 @@ class PointingController:
         position, velocity, acceleration = self.offsets.add_scan(times, centre)
         self._centre = {**{k: c for k, c in self._centre.items() if k >= _key(t_s)}, _key(times[0]): centre.position[0]}
         self._beam.take_centre(float(times[0]), centre.position[0])
-        present = None if self._joints is None else tuple(self._joints.position_rad.tolist())
-        for row in position:
+        trajectory = self.plan.to_axes(
+            JointTrajectory(t_s=times, position_rad=position, velocity_rad_s=velocity, acceleration_rad_s2=acceleration)
+        )
+        present = None if self._axes is None else tuple(self._axes.position_rad.tolist())
+        for row in trajectory.position_rad:
             refused = refusal(self.limits, float(row[0]), float(row[1]), present)
             if refused:
                 self._stopping = refused
                 return None
-        return JointTrajectory(
-            t_s=times, position_rad=position, velocity_rad_s=velocity, acceleration_rad_s2=acceleration
-        )
+        return trajectory
 
     def _centre_motion(self, t_s: float, times: Array) -> Motion:
         """Return the axis motion to hold at `times`, the tracking offset included, the scans not.
@@ -266,21 +279,23 @@ class PointingController:
         if t_s < self._pass.aos_t_s:
             start = np.array([self._pass.aos_azimuth_rad, self._pass.aos_elevation_rad])
             return self._path.waiting(len(times), start, self._model, near_rad)
-        return self.offsets.add_trim(times, self._path.at(times, self._targets, self._model, near_rad))
+        path = self.plan.replace(times, self._path.at(times, self._targets, self._model, near_rad))
+        return self.offsets.add_trim(times, path)
 
     def _finish(self, t_s: float) -> tuple[JointTrajectory | None, TrackingStatus]:
         reason = self._stopping
         self.tally.end(reason, self.state.mode)
         self._pass = None
+        self.plan.clear()
         self.state = AutotrackState(entered_s=t_s, reason=reason)
         return self._halt(t_s), self._status(t_s)
 
     def _halt(self, t_s: float) -> JointTrajectory | None:
         """Return one point at rest, where the axes can stop; None when their motion is unknown."""
-        if self._joints is None:
+        if self._axes is None:
             return None
-        rate = self._joints.velocity_rad_s
-        position = self._joints.position_rad + rate * np.abs(rate) / (2.0 * self.params.stop_deceleration_rad_s2)
+        rate = self._axes.velocity_rad_s
+        position = self._axes.position_rad + rate * np.abs(rate) / (2.0 * self.params.stop_deceleration_rad_s2)
         still = np.zeros((1, 2))
         times = np.array([t_s + self.params.transport_s])
         return JointTrajectory(

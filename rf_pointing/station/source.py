@@ -27,6 +27,7 @@ class SourceParams(Params):
     station: str = parameter("Goldstone DSS-13", "station name")
     along_track_offset_s: float = parameter(0.0, "target ahead of its elements by", low=-60.0, high=60.0)
     cross_track_offset_rad: float = parameter(0.0, "target right of its elements by", low=-0.1, high=0.1)
+    hold: bool = parameter(False, "the target stands still on the sky where it was when this was set")
     max_age_days: float = parameter(14.0, "age from the epoch at which elements are expired", low=0.01, high=3650.0)
 
 

@@ -1,0 +1,83 @@
+"""Executable `plan_passes`: the certificates of the coming passes, printed, drawn, or as JSON; no graph is needed."""
+
+import argparse
+import json
+import math
+import sys
+from pathlib import Path
+
+from rf_pointing.calibration import BiasModel, read_model
+from rf_pointing.ephemeris import utc_text
+from rf_pointing.nodes.utc import parse_utc
+from rf_pointing.planning import AxisLimits, HorizonMask, MachineParams, certificate_lines, certificate_values
+from rf_pointing.station.antenna import AntennaParams
+from rf_pointing.station.configuration import NodeParameters, read_parameter_files
+from rf_pointing.station.pass_planning import PlannedPass, plan_passes
+from rf_pointing.station.source import SourceParams, load_elements, load_track
+
+
+def main(argv: list[str] | None = None) -> None:
+    """Entry point of `ros2 run rf_pointing plan_passes`."""
+    options = arguments(argv)
+    try:
+        planned, limits = plan(options)
+    except (ValueError, OSError) as error:
+        print(f"plan_passes: {error}", file=sys.stderr)
+        sys.exit(2)
+    if options.json:
+        print(json.dumps([certificate_values(item.certificate) for item in planned], indent=1))
+    else:
+        show(planned)
+    if options.picture:
+        from rf_pointing.report.plan_picture import draw_plan
+
+        draw_plan(planned, limits, Path(options.picture))
+        print(f"plan_passes: {options.picture}", file=sys.stderr)
+
+
+def arguments(argv: list[str] | None = None) -> argparse.Namespace:
+    """Return the parsed command line."""
+    parser = argparse.ArgumentParser(prog="plan_passes", description="Plan the coming passes of a satellite.")
+    parser.add_argument("--elements", metavar="FILE", default="", help="elements (default: verification set of sgp4)")
+    parser.add_argument("--satellite", default="28057", help="catalogue number or name (default: 28057, CBERS-2)")
+    parser.add_argument("--station", default="Goldstone DSS-13", help="station name (default: Goldstone DSS-13)")
+    parser.add_argument("--start", metavar="UTC", help="from this time on (default: the elements' epoch)")
+    parser.add_argument("--hours", type=float, default=24.0, help="how far to look (default: 24)")
+    parser.add_argument("--mask", type=float, default=5.0, help="elevation of AOS and LOS in deg (default: 5)")
+    parser.add_argument("--params-file", action="append", default=[], help="parameters of pointing_controller: limits, "
+                        "machine, mask; and of antenna_servo: where it stands; may be repeated")  # fmt: skip
+    parser.add_argument("--model", metavar="FILE", default="", help="bias model (default: a perfect mount)")
+    parser.add_argument("--json", action="store_true", help="print JSON")
+    parser.add_argument("--picture", metavar="FILE", help="draw sky, rates and wrap into this PNG or SVG")
+    return parser.parse_args(argv)
+
+
+def plan(options: argparse.Namespace) -> tuple[list[PlannedPass], AxisLimits]:
+    """Return the planned passes, and the limits that they were held against."""
+    if not 0.0 < options.hours <= 24.0 * 31:
+        raise ValueError(f"hours={options.hours} must be > 0 and <= {24 * 31}")
+    nodes = read_parameter_files([Path(name) for name in options.params_file])
+    controller, servo = (nodes.get(name, NodeParameters(name, {})) for name in ("pointing_controller", "antenna_servo"))
+    limits = controller.group("limits", AxisLimits())
+    antenna = servo.group("antenna", AntennaParams())
+    source = SourceParams(elements_file=options.elements, satellite=options.satellite, station=options.station)
+    start_s = parse_utc(options.start) if options.start else load_elements(source).epoch_t_s
+    planned = plan_passes(
+        load_track(source), start_s, options.hours * 3600.0,
+        (antenna.start_azimuth_rad, antenna.start_elevation_rad),
+        read_model(Path(options.model)).model if options.model else BiasModel.zero(),
+        controller.group("machine", MachineParams()), limits, controller.group("mask", HorizonMask()),
+        math.radians(options.mask),
+    )  # fmt: skip
+    return planned, limits
+
+
+def show(planned: list[PlannedPass]) -> None:
+    """Print every pass with its certificate."""
+    for item in planned:
+        window = item.window
+        print(f"{window.name}: AOS {utc_text(window.aos_t_s)}, {window.duration_s:.0f} s, "
+              f"peak {math.degrees(window.peak_elevation_rad):.2f} deg")  # fmt: skip
+        print("\n".join(certificate_lines(item.certificate)), end="\n\n")
+    if not planned:
+        print("no pass")

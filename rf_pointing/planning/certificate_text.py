@@ -1,0 +1,81 @@
+"""A certificate in words, for the operator, and as plain values for a file."""
+
+import dataclasses
+import math
+from typing import Any
+
+from rf_pointing.geometry import to_degrees
+from rf_pointing.planning.certificate import DEEPEST_DB, Branch, Certificate
+
+__all__ = ["certificate_lines", "certificate_values"]
+
+COLUMNS = (
+    f"  {'branch':<17}{'azimuth deg':>17}{'elevation deg':>16}{'rate az el deg/s':>18}{'closest limit':>33}"
+    f"{'mask':>7}{'Sun':>7}{'keyhole':>9}{'lost':>8}{'slew':>7}{'unwind':>8}"
+)
+
+
+def certificate_lines(certificate: Certificate) -> list[str]:
+    """Return the certificate as lines of text: the machine, one line for every branch, and the verdict."""
+    rate, acceleration = certificate.machine.rate_limit_rad_s, certificate.machine.acceleration_limit_rad_s2
+    machine = (
+        f"machine: {_pair(rate)} deg/s, {_pair(acceleration)} deg/s^2; "
+        f"sky peak {math.degrees(certificate.sky_peak_rad):.2f} deg"
+    )
+    lines = [f"certificate of {certificate.name}: {machine}", COLUMNS]
+    for branch in certificate.branches:
+        mark = ">" if branch is certificate.chosen else " " if branch.works else "x"
+        lines.append(f"{mark} {_row(branch)}")
+        lines += [f"    refused: {reason}" for reason in branch.refusals]
+    chosen = certificate.chosen
+    if chosen is None:
+        return [*lines, f"REFUSED: {certificate.refusal}"]
+    verdict = f"taken: {chosen.label}, start at azimuth {math.degrees(chosen.start_rad[0]):.1f} deg"
+    if chosen.keyhole_s > 0.0:
+        deep = "more than " if chosen.peak_loss_db >= DEEPEST_DB else ""
+        verdict += (
+            f"; crosses the zenith at its limits: {chosen.keyhole_s:.1f} s off target, {chosen.lost_s:.1f} s below half "
+            f"power, up to {deep}{chosen.peak_loss_db:.1f} dB, {chosen.mean_loss_db:.2f} dB over the pass"
+        )
+    if chosen.late_s > 0.0:
+        verdict += f"; arrives {chosen.late_s:.0f} s after acquisition"
+    return [*lines, verdict]
+
+
+def certificate_values(certificate: Certificate) -> dict[str, Any]:
+    """Return the certificate as names and plain values, angles in degrees."""
+    values = _plain(certificate)
+    values["accepted"], values["refusal"] = certificate.chosen is not None, certificate.refusal
+    values["branches"] = [
+        {**_plain(branch), "works": branch.works, "chosen": branch is certificate.chosen}
+        for branch in certificate.branches
+    ]
+    values["machine"] = _plain(certificate.machine)
+    return values
+
+
+def _plain(record: Any) -> dict[str, Any]:
+    pairs = {item.name: getattr(record, item.name) for item in dataclasses.fields(record)}
+    return {
+        edge: list(value) if isinstance(value, tuple) else value
+        for edge, value in (
+            to_degrees(name, value) if "_rad" in name else (name, value) for name, value in pairs.items()
+        )
+        if edge not in ("crossing", "branches", "machine")
+    }
+
+
+def _row(branch: Branch) -> str:
+    low, high = (math.degrees(value) for value in branch.azimuth_range_rad)
+    bottom, top = (math.degrees(value) for value in branch.elevation_range_rad)
+    limit = f"{math.degrees(branch.limit_margin_rad):.2f} deg to {branch.closest_limit}"
+    return (
+        f"{branch.label:<17}{f'{low:.1f} to {high:.1f}':>17}{f'{bottom:.1f} to {top:.1f}':>16}"
+        f"{_pair(branch.peak_rate_rad_s):>18}{limit:>33}"
+        f"{math.degrees(branch.mask_margin_rad):>7.2f}{math.degrees(branch.sun_margin_rad):>7.1f}"
+        f"{branch.keyhole_s:>7.1f} s{branch.lost_s:>6.1f} s{branch.preposition_s:>5.0f} s{branch.unwind_s:>6.0f} s"
+    )
+
+
+def _pair(values: tuple[float, float]) -> str:
+    return " ".join(f"{math.degrees(value):.3g}" for value in values)

@@ -1,0 +1,192 @@
+"""Crossing the zenith with an azimuth axis that is too slow for it, with the least signal lost.
+
+An azimuth-elevation mount sees a pass near the zenith turn its azimuth by half a turn faster than the axis can.  Clipping
+the rate makes the beam lag through the whole crossing and far beyond.  The best motion follows the target, leaves it
+early at full acceleration and rate, lets it overtake, and comes back onto it at the limits: follow - bang - follow, the
+structure that the maximum principle gives for a loss that grows with the error.  With departure (t_a, az_a, v_a) the
+return t_b solves
+
+    az_a + V (t_b - t_a) - (V - v_a)^2 / 2A - (V - v_b)^2 / 2A = az(t_b)
+
+so one number, t_a, is left, and the signal lost, the integral of 1 - g(error), is minimised over it.  The elevation
+axis helps: for an azimuth error D the nearest elevation to a target at e is atan2(sin e, cos e cos D).
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["AxisMotionLimits", "Crossing", "Gain", "cross"]
+
+Array = NDArray[np.float64]
+Gain = Callable[[Array], Array]
+"""Power received relative to the beam's peak at angles (n,) from its axis."""
+
+EARLIEST_S = 240.0
+COARSE = 32
+REFINEMENTS = 4
+SMOOTHINGS_S = (0.5, 1.0, 2.0, 4.0)
+
+
+@dataclass(frozen=True, slots=True)
+class AxisMotionLimits:
+    """Largest rates and accelerations (azimuth, elevation) and the highest elevation of the axes."""
+
+    rate_rad_s: tuple[float, float]
+    acceleration_rad_s2: tuple[float, float]
+    elevation_max_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class Crossing:
+    """Axis motion (n, 2) to follow instead of the target's from `t_s[0]` to `t_s[-1]`; `error_rad` (n,) what is left."""
+
+    t_s: Array
+    position_rad: Array
+    velocity_rad_s: Array
+    acceleration_rad_s2: Array
+    error_rad: Array
+
+    @property
+    def duration_s(self) -> float:
+        """Time for which the antenna is not on the target."""
+        return float(self.t_s[-1] - self.t_s[0])
+
+
+def cross(
+    t_s: Array, position: Array, velocity: Array, acceleration: Array, limits: AxisMotionLimits, gain: Gain
+) -> Crossing | None:
+    """Return the crossing of least loss of a path (n, 2) at even times, None when the axes can follow all of it.
+
+    The path is as the axes would have to move, azimuth continuous.
+    """
+    rate, limit = limits.rate_rad_s[0], limits.acceleration_rad_s2[0]
+    fast = (np.abs(velocity[:, 0]) > rate) | (np.abs(acceleration[:, 0]) > limit)
+    high = position[:, 1] > limits.elevation_max_rad
+    if not fast.any() and not high.any():
+        return None
+    inside = np.flatnonzero(fast | high)
+    first, last = int(inside[0]), int(inside[-1])
+    step_s = float(t_s[1] - t_s[0])
+    path = _Path(t_s, position, velocity, limits, math.copysign(1.0, position[last, 0] - position[first, 0]))
+    if not fast.any():
+        return _finish(path, position[:, 0], first, last, gain, acceleration)
+    earliest = max(0, first - round(EARLIEST_S / step_s))
+    best = (math.inf, first, last, position[:, 0])
+    candidates = np.unique(np.linspace(earliest, first, COARSE).astype(int))
+    for _ in range(REFINEMENTS):
+        for start in candidates:
+            azimuth, end = path.bang(int(start), last)
+            lost = path.lost_s(azimuth, int(start), end, gain)
+            if lost < best[0]:
+                best = lost, int(start), end, azimuth
+        spacing = max(1, int(np.max(np.diff(candidates), initial=1)))
+        low, high_index = max(earliest, best[1] - spacing), min(first, best[1] + spacing)
+        candidates = np.unique(np.linspace(low, high_index, 9).astype(int))
+    _, start, end, azimuth = best
+    return _finish(path, azimuth, start, end, gain, acceleration)
+
+
+class _Path:
+    """The path of one pass, with the bang segments that leave it and come back."""
+
+    def __init__(self, t_s: Array, position: Array, velocity: Array, limits: AxisMotionLimits, side: float) -> None:
+        self.t_s, self.position, self.velocity = t_s, position, velocity
+        self.limits, self.side = limits, side
+        self.step_s = float(t_s[1] - t_s[0])
+
+    def bang(self, start: int, last: int) -> tuple[Array, int]:
+        """Return the azimuth (n,) that leaves the path at `start`, and the index at which it is back on it."""
+        rate, limit = self.limits.rate_rad_s[0], self.limits.acceleration_rad_s2[0]
+        ahead = self.side * self.position[:, 0]
+        speed = np.minimum(self.side * self.velocity[:, 0], rate)
+        lead = (rate - speed[start]) ** 2 / (2.0 * limit)
+        tail = (rate - speed) ** 2 / (2.0 * limit)
+        elapsed = self.t_s - self.t_s[start]
+        reach = ahead[start] + rate * elapsed - lead - tail - ahead
+        shortest = (2.0 * rate - speed[start] - speed) / limit
+        back = np.flatnonzero((reach >= 0.0) & (elapsed >= shortest) & (np.arange(len(ahead)) > last))
+        end = int(back[0]) if len(back) else len(ahead) - 1
+        azimuth = self.position[:, 0].copy()
+        inside = slice(start, end + 1)
+        azimuth[inside] = self.side * self._bang_positions(start, end, ahead, speed, bool(len(back)))
+        return azimuth, end
+
+    def _bang_positions(self, start: int, end: int, ahead: Array, speed: Array, returns: bool) -> Array:
+        """Accelerate to the limit, run, decelerate to the path's own rate at `end`.
+
+        The exact return lies between two samples; what the run is too far at the later one comes off it smoothly.
+        """
+        rate, limit = self.limits.rate_rad_s[0], self.limits.acceleration_rad_s2[0]
+        t: Array = self.t_s[start : end + 1] - self.t_s[start]
+        up, down = (rate - speed[start]) / limit, (rate - speed[end]) / limit
+        out = ahead[start] + rate * t - 0.5 * limit * (up**2 - np.maximum(up - t, 0.0) ** 2)
+        if not returns:
+            return np.asarray(out)
+        out = out - 0.5 * limit * np.maximum(t - (t[-1] - down), 0.0) ** 2
+        share = t / t[-1]
+        return np.asarray(out - (out[-1] - ahead[end]) * share**2 * (3.0 - 2.0 * share))
+
+    def error_rad(self, azimuth: Array, elevation: Array, part: slice) -> Array:
+        """Return the angle between target and a beam at azimuth (n,) and, within `part`, this elevation."""
+        half = 0.5 * (azimuth[part] - self.position[part, 0])
+        rise = 0.5 * (elevation - self.position[part, 1])
+        haversine = np.sin(rise) ** 2 + np.cos(elevation) * np.cos(self.position[part, 1]) * np.sin(half) ** 2
+        return np.asarray(2.0 * np.arcsin(np.sqrt(np.clip(haversine, 0.0, 1.0))))
+
+    def lost_s(self, azimuth: Array, start: int, end: int, gain: Gain, elevation: Array | None = None) -> float:
+        """Return the integral of 1 - gain, with the nearest elevation unless one is given."""
+        part = slice(start, end + 1)
+        chosen = self.nearest_elevation(azimuth, part) if elevation is None else elevation[part]
+        return float(np.sum(1.0 - gain(self.error_rad(azimuth, chosen, part))) * self.step_s)
+
+    def nearest_elevation(self, azimuth: Array, part: slice) -> Array:
+        """Return the elevation within the travel that comes nearest to the target."""
+        off, elevation = azimuth[part] - self.position[part, 0], self.position[part, 1]
+        best = np.arctan2(np.sin(elevation), np.cos(elevation) * np.cos(off))
+        return np.asarray(np.minimum(best, self.limits.elevation_max_rad))
+
+
+def _finish(path: _Path, azimuth: Array, start: int, end: int, gain: Gain, acceleration: Array) -> Crossing:
+    """Choose the elevation that the axis can do and that loses least, and return the window of the crossing."""
+    margin = round(4.0 * max(SMOOTHINGS_S) / path.step_s)
+    first, last = max(0, start - margin), min(len(path.t_s) - 1, end + margin)
+    part = slice(first, last + 1)
+    best: tuple[float, Array] | None = None
+    for elevation in _elevations(path, azimuth):
+        rate = np.gradient(elevation, path.step_s)
+        bent = np.abs(np.gradient(rate, path.step_s))[part]
+        possible = (
+            np.abs(rate[part]).max() <= path.limits.rate_rad_s[1]
+            and bent.max() <= path.limits.acceleration_rad_s2[1]
+            and elevation[part].max() <= path.limits.elevation_max_rad + 1e-9
+        )
+        lost = path.lost_s(azimuth, first, last, gain, elevation) if possible else math.inf
+        if best is None or lost < best[0]:
+            best = lost, elevation
+    assert best is not None
+    moved = np.column_stack([azimuth, best[1]])
+    velocity = np.gradient(moved, path.step_s, axis=0)
+    velocity[:first], velocity[last + 1 :] = path.velocity[:first], path.velocity[last + 1 :]
+    bend = np.gradient(velocity, path.step_s, axis=0)
+    error = path.error_rad(azimuth, best[1][part], part)
+    velocity[[first, last]], bend[[first, last]] = path.velocity[[first, last]], acceleration[[first, last]]
+    return Crossing(path.t_s[part], moved[part], velocity[part], bend[part], error)
+
+
+def _elevations(path: _Path, azimuth: Array) -> list[Array]:
+    """Return elevations to choose from: the target's own, and both it and the nearest one smoothed over some time."""
+    own = np.minimum(path.position[:, 1], path.limits.elevation_max_rad)
+    wanted = path.nearest_elevation(azimuth, slice(None)) - path.position[:, 1]
+    choices = [own]
+    for width_s in SMOOTHINGS_S:
+        reach = round(3.0 * width_s / path.step_s)
+        kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) * path.step_s / width_s) ** 2)
+        kernel /= kernel.sum()
+        soft = np.convolve(np.pad(wanted, reach, mode="edge"), kernel, mode="valid")
+        choices += [path.position[:, 1] + share * soft for share in (0.5, 1.0)]
+        choices.append(np.convolve(np.pad(own, reach, mode="edge"), kernel, mode="valid"))
+    return choices

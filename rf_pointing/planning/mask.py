@@ -1,0 +1,53 @@
+"""Horizon mask: the lowest elevation at every azimuth, straight lines between the surveyed points, closed over north."""
+
+import bisect
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rf_pointing.geometry import Params, parameter
+
+__all__ = ["HorizonMask"]
+
+Array = NDArray[np.float64]
+TURN = 2.0 * math.pi
+
+
+@dataclass(frozen=True, kw_only=True)
+class HorizonMask(Params):
+    """Surveyed points of the horizon; one point is a flat horizon."""
+
+    azimuth_rad: tuple[float, ...] = parameter((0.0,), "azimuths of the horizon's points, rising", low=0.0, high=TURN)
+    elevation_rad: tuple[float, ...] = parameter((-0.2,), "lowest elevation at each of them", low=-0.2, high=1.5)
+
+    def check_together(self) -> None:
+        """Refuse lists of different lengths and azimuths that do not rise within one turn."""
+        if len(self.azimuth_rad) != len(self.elevation_rad) or not self.azimuth_rad:
+            raise ValueError(
+                f"azimuth_rad has {len(self.azimuth_rad)} points and elevation_rad {len(self.elevation_rad)}, "
+                "must have the same number, at least 1"
+            )
+        steps = np.diff(self.azimuth_rad)
+        if np.any(steps <= 0.0) or self.azimuth_rad[-1] - self.azimuth_rad[0] >= TURN:
+            raise ValueError(f"azimuth_rad={self.azimuth_rad} must rise from point to point within one turn")
+
+    def lowest_rad(self, azimuth_rad: float) -> float:
+        """Return the horizon's elevation at an azimuth on any turn; plain floats, for use in a control tick."""
+        points, heights = self.azimuth_rad, self.elevation_rad
+        count = len(points)
+        if count == 1:
+            return heights[0]
+        azimuth = (azimuth_rad - points[0]) % TURN + points[0]
+        after = bisect.bisect_right(points, azimuth)
+        low, high = after - 1, after % count
+        width = points[high] - points[low] + (TURN if high == 0 else 0.0)
+        return heights[low] + (heights[high] - heights[low]) * (azimuth - points[low]) / width
+
+    def lowest_all(self, azimuth_rad: ArrayLike) -> Array:
+        """Return the horizon's elevation at azimuths of any shape."""
+        points = np.array([*self.azimuth_rad, self.azimuth_rad[0] + TURN])
+        heights = np.array([*self.elevation_rad, self.elevation_rad[0]])
+        folded = (np.asarray(azimuth_rad, dtype=np.float64) - points[0]) % TURN + points[0]
+        return np.asarray(np.interp(folded, points, heights))

@@ -1,0 +1,123 @@
+"""The motion of one pass on the sky, as a table that can be made finer without losing the zenith.
+
+Azimuth has a spike near the zenith that no interpolation of azimuths survives; the direction as a unit vector has none.
+So the table is refined on the vector u(t) (quintic through position, rate and acceleration) and turned back into angles.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.geometry import as_finite_array
+
+__all__ = ["PassProfile"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PassProfile:
+    """Apparent direction (n, 2) of a target at the times `t_s` (n,), azimuth continuous, and the Sun's (n, 2).
+
+    Columns are azimuth, elevation; units rad, rad/s, rad/s^2.
+    """
+
+    name: str
+    t_s: Array
+    position_rad: Array
+    velocity_rad_s: Array
+    acceleration_rad_s2: Array
+    sun_rad: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "t_s", as_finite_array("t_s", self.t_s, (None,)))
+        for name in ("position_rad", "velocity_rad_s", "acceleration_rad_s2", "sun_rad"):
+            object.__setattr__(self, name, as_finite_array(name, getattr(self, name), (len(self.t_s), 2)))
+        if len(self.t_s) < 2 or np.any(np.diff(self.t_s) <= 0.0):
+            raise ValueError(f"t_s must have at least 2 increasing times, has {len(self.t_s)}")
+
+    @property
+    def duration_s(self) -> float:
+        """Time from the first row to the last."""
+        return float(self.t_s[-1] - self.t_s[0])
+
+    def resampled(self, step_s: float) -> "PassProfile":
+        """Return the same pass at even steps of at most `step_s`, both ends included."""
+        times = np.linspace(self.t_s[0], self.t_s[-1], int(np.ceil(self.duration_s / step_s)) + 1)
+        motion = _interpolated(times, self.t_s, self._vectors())
+        position, velocity, acceleration = _angles(*motion)
+        turn = 2.0 * np.pi
+        azimuth = np.unwrap(position[:, 0])
+        position[:, 0] = azimuth + turn * np.round((self.position_rad[0, 0] - azimuth[0]) / turn)
+        sun = _unit(self.sun_rad)
+        here = np.column_stack([np.interp(times, self.t_s, part) for part in sun.T])
+        return PassProfile(
+            name=self.name,
+            t_s=times,
+            position_rad=position,
+            velocity_rad_s=velocity,
+            acceleration_rad_s2=acceleration,
+            sun_rad=np.column_stack([np.arctan2(here[:, 0], here[:, 1]), np.arcsin(np.clip(here[:, 2], -1.0, 1.0))]),
+        )
+
+    def sun_angle_rad(self) -> Array:
+        """Return the angle (n,) between target and Sun."""
+        a, b = _unit(self.position_rad), _unit(self.sun_rad)
+        return np.asarray(np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), np.sum(a * b, axis=1)))
+
+    def _vectors(self) -> tuple[Array, Array, Array]:
+        """Return the unit vector (n, 3) of the direction with its first two derivatives."""
+        (sa, sh), (ca, ch) = np.sin(self.position_rad).T, np.cos(self.position_rad).T
+        w, v = self.velocity_rad_s.T
+        dw, dv = self.acceleration_rad_s2.T
+        east, north = sa * ch, ca * ch
+        u = np.stack([east, north, sh], axis=1)
+        du = np.stack([w * north - v * sa * sh, -w * east - v * ca * sh, v * ch], axis=1)
+        ddu = np.stack(
+            [
+                dw * north - w**2 * east - 2.0 * w * v * ca * sh - dv * sa * sh - v**2 * east,
+                -dw * east - w**2 * north + 2.0 * w * v * sa * sh - dv * ca * sh - v**2 * north,
+                dv * ch - v**2 * sh,
+            ],
+            axis=1,
+        )
+        return u, du, ddu
+
+
+def _unit(angles: Array) -> Array:
+    level = np.cos(angles[:, 1])
+    return np.column_stack([np.sin(angles[:, 0]) * level, np.cos(angles[:, 0]) * level, np.sin(angles[:, 1])])
+
+
+def _interpolated(times: Array, knots: Array, motion: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+    """Return the quintic through the knots' motion (n, 3) at `times`, with its derivatives."""
+    first = np.clip(np.searchsorted(knots, times, side="right") - 1, 0, len(knots) - 2)
+    h = (knots[first + 1] - knots[first])[:, None]
+    t = (times - knots[first])[:, None]
+    (p0, v0, a0), (p1, v1, a1) = (tuple(part[index] for part in motion) for index in (first, first + 1))
+    gap, slip, bend = p1 - p0 - v0 * h - 0.5 * a0 * h**2, v1 - v0 - a0 * h, a1 - a0
+    c3 = (10.0 * gap - 4.0 * slip * h + 0.5 * bend * h**2) / h**3
+    c4 = (-15.0 * gap + 7.0 * slip * h - bend * h**2) / h**4
+    c5 = (6.0 * gap - 3.0 * slip * h + 0.5 * bend * h**2) / h**5
+    return (
+        p0 + t * (v0 + t * (0.5 * a0 + t * (c3 + t * (c4 + t * c5)))),
+        v0 + t * (a0 + t * (3.0 * c3 + t * (4.0 * c4 + t * 5.0 * c5))),
+        a0 + t * (6.0 * c3 + t * (12.0 * c4 + t * 20.0 * c5)),
+    )
+
+
+def _angles(u: Array, du: Array, ddu: Array) -> tuple[Array, Array, Array]:
+    """Return azimuth and elevation (n, 2) of a moving vector, their rates and accelerations."""
+    (x, y, z), (dx, dy, dz), (ddx, ddy, ddz) = u.T, du.T, ddu.T
+    level2 = np.maximum(x**2 + y**2, 1e-18)
+    level = np.sqrt(level2)
+    azimuth, elevation = np.arctan2(x, y), np.arctan2(z, level)
+    w = (y * dx - x * dy) / level2
+    dlevel = (x * dx + y * dy) / level
+    dw = (y * ddx - x * ddy) / level2 - 2.0 * w * dlevel / level
+    ddlevel = (dx**2 + dy**2 + x * ddx + y * ddy - dlevel**2) / level
+    r2 = level2 + z**2
+    v = (level * dz - z * dlevel) / r2
+    dv = (level * ddz - z * ddlevel) / r2 - 2.0 * v * (level * dlevel + z * dz) / r2
+    return np.column_stack([azimuth, elevation]), np.column_stack([w, v]), np.column_stack([dw, dv])

@@ -1,0 +1,117 @@
+"""Picture of the coming passes: the sky, the azimuth on its turns within the travel, and the rates against the machine's."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rf_pointing.planning import AxisLimits
+from rf_pointing.report.picture_style import AXIS_COLOURS, DASHED, LIMIT_COLOUR, figure
+from rf_pointing.station.pass_planning import PlannedPass
+
+__all__ = ["draw_plan"]
+
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
+
+
+def draw_plan(planned: list[PlannedPass], limits: AxisLimits, path: Path) -> None:
+    """Write the picture of `planned` to `path`; passes that no branch can track are drawn dotted."""
+    with figure(path, 11.0, 6.4) as drawn:
+        grid = drawn.add_gridspec(2, 2, width_ratios=[1.0, 1.35])
+        _draw_sky(drawn.add_subplot(grid[:, 0], projection="polar"), planned)
+        wrap, rates = drawn.add_subplot(grid[0, 1]), drawn.add_subplot(grid[1, 1])
+        _draw_wrap(wrap, planned, limits)
+        _draw_rates(rates, planned)
+
+
+def _draw_sky(axes: Any, planned: list[PlannedPass]) -> None:
+    axes.set_theta_zero_location("N")
+    axes.set_theta_direction(-1)
+    axes.set_rlim(0.0, 90.0)
+    axes.set_rgrids([30.0, 60.0, 90.0], ["60°", "30°", "0°"], angle=112.5, fontsize=8.5, color="#666666")
+    axes.set_thetagrids(range(0, 360, 45), ["N", "NE", "E", "SE", "S", "SW", "W", "NW"])
+    for number, item in enumerate(planned):
+        azimuth, elevation = item.profile.position_rad.T
+        taken = item.certificate.chosen is not None
+        axes.plot(azimuth, 90.0 - np.degrees(elevation), color=_colour(number), lw=2.0 if taken else 1.0,
+                  ls="-" if taken else ":", label=_label(item))  # fmt: skip
+        chosen = item.certificate.chosen
+        if chosen is not None and chosen.crossing is not None:
+            beam_azimuth, beam_elevation = chosen.crossing.position_rad.T
+            if chosen.plunge:
+                beam_azimuth, beam_elevation = beam_azimuth - math.pi, math.pi - beam_elevation
+            axes.plot(beam_azimuth, 90.0 - np.degrees(beam_elevation), color="black", lw=0.8)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.06), ncols=2, fontsize=8.0)
+
+
+def _draw_wrap(axes: Any, planned: list[PlannedPass], limits: AxisLimits) -> None:
+    """Axis azimuth of every pass, side by side; the other branches that would work are thin."""
+    for bound in (limits.azimuth_min_rad, limits.azimuth_max_rad):
+        axes.axhline(math.degrees(bound), color=LIMIT_COLOUR, ls=DASHED, lw=1.0)
+    for number, (start, item) in enumerate(_beside(planned)):
+        minutes = start + (item.profile.t_s - item.profile.t_s[0]) / 60.0
+        direct = np.degrees(item.profile.position_rad[:, 0])
+        for branch in item.certificate.branches:
+            if branch.works and branch is not item.certificate.chosen:
+                axes.plot(minutes, direct + 360.0 * branch.turns + 180.0 * branch.plunge, color="#b0b4b8", lw=0.9)
+        if item.axes_rad is not None:
+            axes.plot(minutes, np.degrees(item.axes_rad[:, 0]), color=_colour(number), lw=2.0)
+        else:
+            axes.plot(minutes, direct, color=_colour(number), lw=1.0, ls=":")
+    axes.set_ylabel("axis azimuth, deg")
+    _label_passes(axes, planned)
+
+
+def _draw_rates(axes: Any, planned: list[PlannedPass]) -> None:
+    """Rates that the target asks for, thin, and those that the axes are given, thick, against the machine's."""
+    for number, (start, item) in enumerate(_beside(planned)):
+        minutes = start + (item.profile.t_s - item.profile.t_s[0]) / 60.0
+        asked = np.degrees(np.abs(item.profile.velocity_rad_s))
+        for axis in (0, 1):
+            axes.plot(minutes, asked[:, axis], color=AXIS_COLOURS[axis], lw=0.6, alpha=0.6)
+            if item.axes_rad is not None:
+                given = np.abs(np.gradient(np.degrees(item.axes_rad[:, axis]), item.profile.t_s))
+                label = ("azimuth", "elevation")[axis] if number == 0 else None
+                axes.plot(minutes, given, color=AXIS_COLOURS[axis], lw=1.8, label=label)
+    if planned:
+        limit = math.degrees(planned[0].certificate.machine.rate_limit_rad_s[0])
+        axes.axhline(limit, color=LIMIT_COLOUR, ls=DASHED, lw=1.0)
+        axes.set_ylim(0.0, 1.5 * limit)
+        axes.legend(loc="upper right", ncols=2)
+    axes.set_ylabel("rate, deg/s (thin: asked for)")
+    _label_passes(axes, planned)
+
+
+def _beside(planned: list[PlannedPass]) -> list[tuple[float, PlannedPass]]:
+    """Return every pass with the minute at which it begins on an axis without the hours between passes."""
+    begins, found = 0.0, []
+    for item in planned:
+        found.append((begins, item))
+        begins += item.profile.duration_s / 60.0 + 2.0
+    return found
+
+
+def _label_passes(axes: Any, planned: list[PlannedPass]) -> None:
+    places = [(start + item.profile.duration_s / 120.0, _clock(item)) for start, item in _beside(planned)]
+    axes.set_xticks([place for place, _ in places], [label for _, label in places], fontsize=8.5)
+    axes.grid(axis="x", visible=False)
+
+
+def _label(item: PlannedPass) -> str:
+    chosen = item.certificate.chosen
+    peak = math.degrees(item.window.peak_elevation_rad)
+    if chosen is None:
+        return f"{_clock(item)} {peak:.0f}° refused"
+    lost = f", {chosen.lost_s:.0f} s lost" if chosen.lost_s > 0.0 else ""
+    return f"{_clock(item)} {peak:.1f}° {chosen.label}{lost}"
+
+
+def _clock(item: PlannedPass) -> str:
+    from datetime import UTC, datetime
+
+    return f"{datetime.fromtimestamp(item.window.aos_t_s, UTC):%H:%M}"
+
+
+def _colour(number: int) -> str:
+    return COLOURS[number % len(COLOURS)]

@@ -1,0 +1,130 @@
+"""The plan of the pass in hand: its certificate, and the chosen branch carried out.
+
+The controller thinks in direct axis angles; a plunged pass is turned over the top on the way out and back on the way in.
+"""
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.calibration import BiasModel
+from rf_pointing.ephemeris import Pass
+from rf_pointing.geometry import JointReading, JointTrajectory, Motion, Quintic
+from rf_pointing.planning import AxisLimits, Branch, Certificate, HorizonMask, MachineParams, PassProfile
+from rf_pointing.planning.certificate import plunged, unplunged
+from rf_pointing.station.axis_motion import axis_motion
+from rf_pointing.station.pass_planning import certificate_of
+
+__all__ = ["PassPlan"]
+
+Array = NDArray[np.float64]
+SAME_PASS_S = 30.0
+NEITHER_WAY = ("conscan", "auto")
+"""Sensors whose scan is laid out in axis angles: not used over the top."""
+
+
+class PassPlan:
+    """Profiles of the coming passes, and the branch of the one that is tracked."""
+
+    def __init__(self, machine: MachineParams, mask: HorizonMask) -> None:
+        self.machine, self.mask = machine, mask
+        self._profiles: list[PassProfile] = []
+        self.certificate: Certificate | None = None
+        self.branch: Branch | None = None
+
+    def take_profiles(self, profiles: list[PassProfile]) -> None:
+        """Note the motion of the coming passes, in place of those before."""
+        self._profiles = profiles
+
+    def clear(self) -> None:
+        """Forget the branch: direct, without a crossing."""
+        self.branch = None
+
+    def choose(
+        self, t_s: float, window: Pass, joints: JointReading, model: BiasModel, limits: AxisLimits, sensor: str
+    ) -> bool:
+        """Issue the certificate of a pass and take its branch; False when the pass has no profile.
+
+        Raises
+        ------
+        ValueError
+            When no branch works, with the numbers.
+        """
+        self.branch, self.certificate = None, None
+        profile = self._profile_of(window)
+        if profile is None:
+            return False
+        azimuth, elevation = joints.position_rad.tolist()
+        self.certificate = certificate_of(
+            profile, model, t_s, (azimuth, elevation), self.machine, limits, self.mask,
+            plunge_allowed=sensor not in NEITHER_WAY,
+        )  # fmt: skip
+        self.branch = self.certificate.chosen
+        if self.branch is None:
+            raise ValueError(self.certificate.refusal)
+        return True
+
+    @property
+    def turns_rad(self) -> float:
+        """Whole turns of the branch."""
+        return 2.0 * math.pi * self.branch.turns if self.branch else 0.0
+
+    @property
+    def plunge(self) -> bool:
+        """Whether the pass is tracked over the top."""
+        return self.branch is not None and self.branch.plunge
+
+    def crossing(self, t_s: float) -> bool:
+        """Whether the antenna leaves the target at `t_s` because its axes are too slow for it."""
+        found = self.branch.crossing if self.branch else None
+        return found is not None and bool(found.t_s[0] <= t_s <= found.t_s[-1])
+
+    def replace(self, times: Array, motion: Motion) -> Motion:
+        """Return the motion (n, 2) with the crossing in place of the target's own motion while it lasts."""
+        found = self.branch.crossing if self.branch else None
+        if found is None or times[-1] < found.t_s[0] or times[0] > found.t_s[-1]:
+            return motion
+        rows = [part.copy() for part in motion]
+        own = found.position_rad, found.velocity_rad_s, found.acceleration_rad_s2
+        table = unplunged(*own) if self.plunge else own
+        step_s = float(found.t_s[1] - found.t_s[0])
+        for index, t_s in enumerate(times.tolist()):
+            if found.t_s[0] <= t_s <= found.t_s[-1]:
+                first = min(int((t_s - found.t_s[0]) / step_s), len(found.t_s) - 2)
+                start, end = (Motion(*(part[row] for part in table)) for row in (first, first + 1))
+                here = Quintic(start, end, step_s).at(t_s - float(found.t_s[first]))
+                for row, part in zip(rows, here, strict=True):
+                    row[index] = part
+        return Motion(*rows)
+
+    def to_axes(self, trajectory: JointTrajectory) -> JointTrajectory:
+        """Return a trajectory in direct angles as the axes must move."""
+        if not self.plunge:
+            return trajectory
+        position, velocity, acceleration = plunged(
+            trajectory.position_rad, trajectory.velocity_rad_s, trajectory.acceleration_rad_s2
+        )
+        return dataclasses.replace(
+            trajectory, position_rad=position, velocity_rad_s=velocity, acceleration_rad_s2=acceleration
+        )
+
+    def from_axes(self, reading: JointReading) -> JointReading:
+        """Return a reading of the axes in direct angles; undoes `to_axes`."""
+        if not self.plunge:
+            return reading
+        position, velocity, _ = unplunged(reading.position_rad, reading.velocity_rad_s, np.zeros(2))
+        return dataclasses.replace(reading, position_rad=position, velocity_rad_s=velocity)
+
+    def model_motion(self, sky: Motion, model: BiasModel) -> Motion:
+        """Return the direct angles that hold the beam on `sky` (n, 2): the model sees the axes as they really stand."""
+        motion = axis_motion(sky, model, plunge=self.plunge)
+        return Motion(*unplunged(*motion)) if self.plunge else motion
+
+    def _profile_of(self, window: Pass) -> PassProfile | None:
+        for profile in self._profiles:
+            begins = abs(float(profile.t_s[0]) - window.aos_t_s) <= SAME_PASS_S
+            if profile.name == window.name and begins and abs(float(profile.t_s[-1]) - window.los_t_s) <= SAME_PASS_S:
+                return profile
+        return None

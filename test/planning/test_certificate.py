@@ -1,0 +1,145 @@
+"""Certificates: exact plunge, turns within the travel, refusals with their numbers."""
+
+import dataclasses
+import json
+import math
+
+import numpy as np
+import pytest
+
+from rf_pointing.geometry import angular_distance_rad
+from rf_pointing.planning import (
+    AxisLimits,
+    Certificate,
+    HorizonMask,
+    MachineParams,
+    PassProfile,
+    certificate_lines,
+    certificate_values,
+    certify,
+    plunged,
+    unplunged,
+)
+
+DEG = math.pi / 180.0
+MACHINE = MachineParams()
+
+
+def arc(low_deg: float, high_deg: float, peak_deg: float = 50.0, seconds: float = 600.0) -> PassProfile:
+    """A smooth pass between two azimuths; the Sun is at the nadir."""
+    t = np.linspace(0.0, seconds, round(seconds / 0.1) + 1)
+    phase = math.pi * t / seconds
+    w = math.pi / seconds
+    azimuth = 0.5 * (low_deg + high_deg) - 0.5 * (high_deg - low_deg) * np.cos(phase)
+    elevation = 5.0 + (peak_deg - 5.0) * np.sin(phase)
+    columns = (
+        (azimuth, elevation),
+        (0.5 * (high_deg - low_deg) * w * np.sin(phase), (peak_deg - 5.0) * w * np.cos(phase)),
+        (0.5 * (high_deg - low_deg) * w**2 * np.cos(phase), -(peak_deg - 5.0) * w**2 * np.sin(phase)),
+    )
+    position, velocity, acceleration = (np.column_stack(pair) * DEG for pair in columns)
+    return PassProfile(
+        name="bird", t_s=1000.0 + t, position_rad=position, velocity_rad_s=velocity, acceleration_rad_s2=acceleration,
+        sun_rad=np.tile([0.0, -90.0 * DEG], (len(t), 1)),
+    )  # fmt: skip
+
+
+def certificate(
+    profile: PassProfile,
+    limits: AxisLimits | None = None,
+    mask: HorizonMask | None = None,
+    machine: MachineParams = MACHINE,
+    present_deg: tuple[float, float] = (120.0, 60.0),
+    now_s: float = 0.0,
+) -> Certificate:
+    motion = (profile.position_rad, profile.velocity_rad_s, profile.acceleration_rad_s2)
+    return certify(
+        profile, {False: motion, True: plunged(*motion)}, now_s, (present_deg[0] * DEG, present_deg[1] * DEG), machine,
+        limits or AxisLimits(), mask or HorizonMask(),
+        lambda error: np.exp(-2.77 * (error / machine.half_power_beamwidth_rad) ** 2),
+    )  # fmt: skip
+
+
+def test_the_plunge_is_the_same_direction_at_every_instant(random: np.random.Generator) -> None:
+    position = random.uniform([-7.0, -0.2], [7.0, 1.5], (50, 2))
+    zero = np.zeros_like(position)
+    over = plunged(position, zero, zero)[0]
+    np.testing.assert_allclose(over, np.column_stack([position[:, 0] + math.pi, math.pi - position[:, 1]]))
+    assert np.max(angular_distance_rad(*position.T, *over.T)) < 1e-12
+    rates = random.normal(size=(50, 2))
+    for back, was in zip(unplunged(*plunged(position, rates, rates)), (position, rates, rates), strict=True):
+        np.testing.assert_allclose(back, was, atol=1e-12)
+
+
+def test_the_turn_with_the_least_slewing_before_and_after_is_taken() -> None:
+    """From 120 deg the near turn is there at once, but has to unwind after; the far one needs the time before."""
+    far = certificate(arc(150.0, 200.0)).chosen
+    assert (far.turns, far.unwind_s) == (-1, 0.0)
+    hurried = certificate(arc(150.0, 200.0), now_s=900.0).chosen
+    assert (hurried.turns, hurried.late_s) == (0, 0.0)
+    assert certificate(arc(100.0, 170.0)).chosen.turns == 0
+
+
+def test_the_margin_is_that_of_the_closest_limit() -> None:
+    chosen = certificate(arc(50.0, 167.0)).chosen
+    assert chosen.closest_limit == "elevation 4.0 deg"
+    assert chosen.limit_margin_rad == pytest.approx(1.0 * DEG)
+    narrow = AxisLimits(azimuth_max_rad=167.5 * DEG)
+    chosen = certificate(arc(50.0, 167.0), narrow).chosen
+    assert (chosen.closest_limit, chosen.limit_margin_rad) == ("azimuth 167.5 deg", pytest.approx(0.5 * DEG))
+
+
+def test_a_machine_with_plunge_takes_it_where_the_turns_do_not_reach() -> None:
+    narrow = AxisLimits(azimuth_min_rad=-100.0 * DEG, azimuth_max_rad=100.0 * DEG, elevation_max_rad=176.0 * DEG)
+    chosen = certificate(arc(110.0, 250.0), narrow).chosen
+    assert chosen.plunge
+    assert chosen.start_rad == (pytest.approx(-70.0 * DEG), pytest.approx(175.0 * DEG))
+    assert chosen.end_rad[0] == pytest.approx(70.0 * DEG)
+
+
+def test_without_a_branch_the_refusal_says_by_how_much() -> None:
+    narrow = AxisLimits(azimuth_min_rad=-100.0 * DEG, azimuth_max_rad=100.0 * DEG)
+    found = certificate(arc(90.0, 130.0), narrow)
+    assert found.chosen is None
+    assert "30.000 deg past the limit azimuth 100.0 deg" in found.refusal
+    assert certificate_lines(found)[-1] == f"REFUSED: {found.refusal}"
+
+
+def test_a_pass_behind_the_horizon_is_refused_with_the_angle() -> None:
+    hill = HorizonMask(azimuth_rad=(0.0, 1.9, 2.0, 2.1), elevation_rad=(0.0, 0.0, 60.0 * DEG, 0.0))
+    found = certificate(arc(60.0, 180.0), mask=hill)
+    assert "deg below the horizon mask" in found.refusal
+    assert found.branches[0].mask_margin_rad < -5.0 * DEG
+
+
+def test_a_pass_through_the_sun_is_refused_with_the_angle() -> None:
+    profile = arc(60.0, 180.0)
+    middle = profile.position_rad[len(profile.t_s) // 2] + np.array([0.0, 0.4 * DEG])
+    sunny = dataclasses.replace(profile, sun_rad=np.tile(middle, (len(profile.t_s), 1)))
+    assert "0.400 deg from the Sun, must be >= 1.000 deg" in certificate(sunny).refusal
+    assert certificate(sunny, machine=MACHINE.replace(sun_radius_rad=0.0)).chosen is not None
+
+
+def test_prepositioning_counts_against_the_pass_when_it_comes_too_late() -> None:
+    early = certificate(arc(-60.0, 0.0), now_s=0.0).chosen
+    assert early.late_s == 0.0
+    # 180 deg at 2 deg/s, 2 s to accelerate.
+    assert early.preposition_s == pytest.approx(180.0 / math.degrees(0.035) + 2.0, rel=1e-3)
+    late = certificate(arc(-60.0, 0.0), now_s=995.0).chosen
+    assert late.late_s == pytest.approx(early.preposition_s - 5.0)
+    assert "would be lost" in certificate(arc(-60.0, 0.0, seconds=200.0), now_s=995.0).refusal
+
+
+def test_unwinding_is_the_way_back_to_the_turn_about_north() -> None:
+    assert certificate(arc(100.0, 170.0)).chosen.unwind_s == 0.0
+    wound = certificate(arc(150.0, 210.0), now_s=900.0).chosen
+    assert wound.unwind_s == pytest.approx(360.0 / math.degrees(0.035) + 2.0, rel=1e-3)
+
+
+def test_the_values_are_plain_json_in_degrees() -> None:
+    values = json.loads(json.dumps(certificate_values(certificate(arc(100.0, 170.0)))))
+    assert values["accepted"]
+    taken = next(branch for branch in values["branches"] if branch["chosen"])
+    assert taken["start_deg"] == pytest.approx([100.0, 5.0])
+    assert taken["refusals"] == []
+    assert values["machine"]["reserve"] == 0.05

@@ -1,0 +1,109 @@
+"""The zenith crossing: within the axes' limits, better than clipping, no worse than a free search."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from rf_pointing.planning import AxisMotionLimits, cross
+
+Array = np.ndarray
+DEG = math.pi / 180.0
+LIMITS = AxisMotionLimits((2.0 * DEG, 2.0 * DEG), (1.0 * DEG, 1.0 * DEG), 90.0 * DEG)
+STEP_S = 0.1
+
+
+def overhead(miss_deg: float, rate_deg_s: float = 0.5, seconds: float = 400.0) -> tuple[Array, Array, Array, Array]:
+    """A straight track past the zenith at a distance: the closed form of every overhead pass."""
+    t = np.linspace(-0.5 * seconds, 0.5 * seconds, round(seconds / STEP_S) + 1)
+    c, w = math.tan(miss_deg * DEG), rate_deg_s * DEG
+    x = w * t
+    azimuth = np.arctan2(x, c)
+    rate = w * c / (c**2 + x**2)
+    bend = -2.0 * w**2 * c * x / (c**2 + x**2) ** 2
+    level = np.hypot(x, c)
+    elevation = np.arctan2(1.0, level)
+    climb = -x * w / (level * (1.0 + level**2))
+    curve = np.gradient(climb, STEP_S)
+    return t, np.column_stack([azimuth, elevation]), np.column_stack([rate, climb]), np.column_stack([bend, curve])
+
+
+def beam(width_deg: float):
+    return lambda error: np.exp(-4.0 * math.log(2.0) * (error / (width_deg * DEG)) ** 2)
+
+
+def clipped(t: Array, position: Array) -> Array:
+    """What an axis does that follows as fast as it can, without foresight."""
+    azimuth = position[:, 0].copy()
+    for index in range(1, len(t)):
+        step = np.clip(
+            position[index, 0] - azimuth[index - 1], -LIMITS.rate_rad_s[0] * STEP_S, LIMITS.rate_rad_s[0] * STEP_S
+        )
+        azimuth[index] = azimuth[index - 1] + step
+    return azimuth
+
+
+def test_a_path_within_the_limits_needs_no_crossing() -> None:
+    assert cross(*overhead(20.0), LIMITS, beam(0.264)) is None
+
+
+@pytest.mark.parametrize("miss_deg", [0.05, 0.4, 1.0, 4.0, 9.0, 13.0])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_the_crossing_keeps_the_limits_and_joins_the_path(miss_deg: float, side: float) -> None:
+    t, position, velocity, acceleration = overhead(miss_deg)
+    turn = np.array([side, 1.0])
+    path = (position * turn, velocity * turn, acceleration * turn)
+    found = cross(t, *path, LIMITS, beam(0.264))
+    assert found is not None
+    rates = np.diff(found.position_rad, axis=0) / STEP_S
+    bends = np.diff(rates, axis=0) / STEP_S
+    assert np.max(np.abs(rates)) <= 2.0 * DEG * 1.001
+    assert np.max(np.abs(bends)) <= 1.0 * DEG * 1.05
+    assert np.max(found.position_rad[:, 1]) <= LIMITS.elevation_max_rad + 1e-9
+    first = int(np.searchsorted(t, found.t_s[0]))
+    np.testing.assert_allclose(found.position_rad[0], path[0][first], atol=5e-4 * DEG)
+    np.testing.assert_allclose(found.position_rad[-1], path[0][first + len(found.t_s) - 1], atol=5e-4 * DEG)
+
+
+@pytest.mark.parametrize(("miss_deg", "width_deg"), [(9.0, 1.0), (12.0, 1.0), (4.0, 5.0), (1.0, 10.0)])
+def test_foresight_loses_less_than_clipping(miss_deg: float, width_deg: float) -> None:
+    t, position, velocity, acceleration = overhead(miss_deg)
+    found = cross(t, position, velocity, acceleration, LIMITS, beam(width_deg))
+    assert found is not None
+    late = clipped(t, position)
+    off = 2.0 * np.arcsin(np.cos(position[:, 1]) * np.abs(np.sin(0.5 * (late - position[:, 0]))))
+    lost_late = np.sum(1.0 - beam(width_deg)(off)) * STEP_S
+    lost = np.sum(1.0 - beam(width_deg)(found.error_rad)) * STEP_S
+    assert lost < lost_late
+
+
+def test_no_free_search_over_azimuth_paths_finds_a_better_crossing() -> None:
+    """60 free azimuths within the same limits, improved by sequential quadratic programming from two starts."""
+    t, position, velocity, acceleration = overhead(9.0)
+    gain = beam(3.0)
+    found = cross(t, position, velocity, acceleration, LIMITS, gain)
+    assert found is not None
+    lost = float(np.sum(1.0 - gain(found.error_rad)) * STEP_S)
+    every = 15
+    part = np.abs(t) < 45.0
+    times, path = t[part][::every], position[part][::every]
+    step_s = every * STEP_S
+
+    def loss(azimuth: Array) -> float:
+        off = 2.0 * np.arcsin(np.clip(np.cos(path[:, 1]) * np.sin(0.5 * (azimuth - path[:, 0])), -1.0, 1.0))
+        return float(np.sum(1.0 - gain(np.abs(off))) * step_s)
+
+    def room(azimuth: Array) -> Array:
+        rates = np.diff(azimuth) / step_s
+        bends = np.diff(rates) / step_s
+        return np.concatenate([2.0 * DEG - rates, 2.0 * DEG + rates, 1.0 * DEG - bends, 1.0 * DEG + bends])
+
+    ours = np.interp(times, found.t_s, found.position_rad[:, 0], left=np.nan, right=np.nan)
+    ours = np.where(np.isnan(ours), path[:, 0], ours)
+    best = min(
+        minimize(loss, start, constraints={"type": "ineq", "fun": room}, method="SLSQP", options={"maxiter": 60}).fun
+        for start in (ours, np.linspace(path[0, 0], path[-1, 0], len(times)))
+    )
+    # The elevation helps ours, and does not help the search: it may only be as good.
+    assert lost <= best * 1.02
