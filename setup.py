@@ -12,6 +12,7 @@ EXECUTABLES = [
     "doa_attitude",
     "doa_source",
     "ephemeris_publisher",
+    "identify_antenna",
     "interferometer_source",
     "interferometer_tracker",
     "monopulse_tracker",
@@ -34,6 +35,7 @@ setup(
     maintainer="rf_pointing maintainers",
     maintainer_email="maintainers@rf-pointing.example",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
+    package_data={f"{PACKAGE}.controllers": ["*.json"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
