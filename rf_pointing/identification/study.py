@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from rf_pointing.geometry import require_between
 from rf_pointing.identification.experiment import Recording
-from rf_pointing.identification.identify import Identified, IdentificationParams, identify
+from rf_pointing.identification.identify import IdentificationParams, Identified, identify
 from rf_pointing.identification.model_file import ModelRecord
 from rf_pointing.identification.spectra import FrequencyResponse, frequency_response
 from rf_pointing.identification.validate import CrossCheck, StraightCheck, check_cross, check_straight

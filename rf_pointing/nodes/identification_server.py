@@ -11,7 +11,7 @@ from rf_pointing_msgs.action import Identify
 from rf_pointing_msgs.msg import ManualRate
 
 from rf_pointing.geometry import AXES, random_stream
-from rf_pointing.identification import ExcitationParams, IdentificationExperiment
+from rf_pointing.identification import IdentificationExperiment
 from rf_pointing.nodes import convert_identification as convert
 from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.qos import EXPERIMENT

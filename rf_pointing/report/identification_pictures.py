@@ -1,4 +1,4 @@
-"""Pictures of an identified response: Bode and coherence with the valid band marked, Hankel singular values."""
+"""Pictures of an identified response: Bode and coherence with the valid frequencies marked, Hankel singular values."""
 
 from pathlib import Path
 from typing import Any
@@ -48,12 +48,11 @@ def _draw_hankel(axes: Any, response: ResponseStudy) -> None:
 
 
 def _mark_valid(axes: Any, response: ResponseStudy) -> None:
-    """Shade the longest unbroken band of coherence."""
-    try:
-        low, high = response.measured.valid_band_hz(LEAST_COHERENCE)
-    except ValueError:
-        return
-    axes.axvspan(low, high, color=_VALID, lw=0.0, zorder=0)
+    """Shade the frequencies whose coherence is large enough to be believed."""
+    valid = response.measured.valid(LEAST_COHERENCE)
+    where = axes.get_xaxis_transform()
+    frequency = response.measured.frequency_hz
+    axes.fill_between(frequency, 0.0, 1.0, where=valid, transform=where, color=_VALID, lw=0.0, zorder=0)
 
 
 def _decibel(response: Any) -> Any:

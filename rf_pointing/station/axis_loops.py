@@ -94,9 +94,13 @@ class AxisLoops:
             self._laws = self._build(params)
             self._start(*self._newest)
         else:
-            sets = self._sets(params)
-            for law, loop in zip(self._laws, sets, strict=True):
-                law.retune(loop)  # type: ignore[arg-type]
+            gains = (params.azimuth, params.elevation)
+            beside = (params.lqg_azimuth, params.lqg_elevation)
+            for axis, law in enumerate(self._laws):
+                if isinstance(law, PositionLoop):
+                    law.retune(gains[axis])
+                else:
+                    law.retune(beside[axis])
         for watch in self._watch:
             watch.retune(params.oscillation)
 
@@ -127,21 +131,16 @@ class AxisLoops:
         for law, row in zip(self._laws, rows, strict=True):
             law.reset(*row)
 
-    def _build(self, params: LoopParams) -> tuple[PositionLoop, PositionLoop] | tuple[LqgLoop, LqgLoop]:
+    def _build(self, params: LoopParams) -> list[PositionLoop | LqgLoop]:
         if params.law == _PI:
-            return PositionLoop(params.azimuth, self._tick_s), PositionLoop(params.elevation, self._tick_s)
+            return [PositionLoop(params.azimuth, self._tick_s), PositionLoop(params.elevation, self._tick_s)]
         azimuth, elevation = self._designs_of(params.lqg_file)
-        return LqgLoop(azimuth, params.lqg_azimuth), LqgLoop(elevation, params.lqg_elevation)
+        return [LqgLoop(azimuth, params.lqg_azimuth), LqgLoop(elevation, params.lqg_elevation)]
 
     def _chosen(self, params: LoopParams) -> tuple[PositionLoopParams | LqgDesign, ...]:
         if params.law == _PI:
             return params.azimuth, params.elevation
         return self._designs_of(params.lqg_file)
-
-    def _sets(self, params: LoopParams) -> tuple[Params, Params]:
-        if params.law == _PI:
-            return params.azimuth, params.elevation
-        return params.lqg_azimuth, params.lqg_elevation
 
     def _designs_of(self, file: str) -> tuple[LqgDesign, LqgDesign]:
         if self._designs is None or self._designs[0] != file:
