@@ -14,6 +14,7 @@ EXECUTABLES = [
     "doa_source",
     "ephemeris_publisher",
     "fit_bias_model",
+    "identify_antenna",
     "interferometer_source",
     "interferometer_tracker",
     "monopulse_tracker",
@@ -38,6 +39,7 @@ setup(
     maintainer="rf_pointing maintainers",
     maintainer_email="maintainers@rf-pointing.example",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
+    package_data={f"{PACKAGE}.controllers": ["*.json"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),

@@ -5,7 +5,9 @@ from rf_pointing.controllers.command_preprocessor import (
     CommandPreprocessorParams,
     CommandPreprocessorState,
 )
+from rf_pointing.controllers.law_matrices import LawMatrices, law_matrices
 from rf_pointing.controllers.lqg_design import LqgDesign, LqgWeights
+from rf_pointing.controllers.lqg_file import load_lqg_designs, save_lqg_designs
 from rf_pointing.controllers.lqg_loop import LqgLoop, LqgLoopParams, LqgLoopState
 from rf_pointing.controllers.notch import Notch, NotchParams, NotchState
 from rf_pointing.controllers.oscillation_detector import (
@@ -14,7 +16,7 @@ from rf_pointing.controllers.oscillation_detector import (
     OscillationDetectorState,
 )
 from rf_pointing.controllers.position_loop import PositionLoop, PositionLoopParams, PositionLoopState
-from rf_pointing.controllers.presets import TUNED_RADIO_BANDWIDTH_HZ, dss13_loops
+from rf_pointing.controllers.presets import TUNED_RADIO_BANDWIDTH_HZ, dss13_loops, dss13_lqg_loops
 from rf_pointing.controllers.rate_feedforward import FeedforwardState, RateFeedforward
 from rf_pointing.controllers.section import Section, SectionParams, SectionState, filter_sample, section_matrices
 from rf_pointing.controllers.tracker_integrator import (
@@ -35,6 +37,7 @@ __all__ = [
     "CommandPreprocessorParams",
     "CommandPreprocessorState",
     "FeedforwardState",
+    "LawMatrices",
     "LqgDesign",
     "LqgLoop",
     "LqgLoopParams",
@@ -61,6 +64,10 @@ __all__ = [
     "TrajectoryBufferParams",
     "TrajectorySample",
     "dss13_loops",
+    "dss13_lqg_loops",
     "filter_sample",
+    "law_matrices",
+    "load_lqg_designs",
+    "save_lqg_designs",
     "section_matrices",
 ]

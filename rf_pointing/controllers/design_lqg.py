@@ -55,7 +55,7 @@ def design_lqg(a: Array, b: Array, c: Array, d: Array, sample_s: float, weights:
         If the closed loop on that model is unstable; the message carries its spectral radius.
     """
     require_between("sample_s", sample_s, 1e-4, 1.0)
-    a, b, c = (as_finite_array(name, value, (None, None)) for name, value in (("a", a), ("b", b), ("c", c)))
+    a, b, c, d = (as_finite_array(name, value, (None, None)) for name, value in zip("abcd", (a, b, c, d), strict=True))
     bandwidth, gain = drive_of(a, b, c, sample_s)
     plant, entry, shown = _design_plant(bandwidth, gain, sample_s, weights)
     size = len(plant)
@@ -69,7 +69,7 @@ def design_lqg(a: Array, b: Array, c: Array, d: Array, sample_s: float, weights:
     state_gain = np.hstack([np.asarray(feedback), [[1.0 + sum(feedback[0, low] for low in _LOW)]]])
     observer_gain = law[0] @ np.asarray(filter_gain)
     margins = _margins(control.ss(a, b, c, d, sample_s), law, state_gain, observer_gain, weights, sample_s)
-    return LqgDesign(*law, state_gain, observer_gain, sample_s, bandwidth, gain, weights, *margins)
+    return LqgDesign(*law, state_gain, observer_gain, a, b, c, d, sample_s, bandwidth, gain, weights, *margins)
 
 
 def controller_system(

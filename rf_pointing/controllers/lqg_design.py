@@ -21,7 +21,7 @@ __all__ = ["LqgDesign", "LqgWeights"]
 
 Array = NDArray[np.float64]
 
-_MATRICES = ("a", "b", "c", "state_gain", "observer_gain")
+_MATRICES = ("a", "b", "c", "state_gain", "observer_gain", "model_a", "model_b", "model_c", "model_d")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,8 +62,9 @@ class LqgWeights(Params):
 class LqgDesign:
     """Matrices of the law, the drive it was made for and the margins found on the full model.
 
-    `a` (7, 7), `b` (7, 1), `c` (1, 7), `state_gain` (1, 7), `observer_gain` (7, 1); `drive_bandwidth_rad_s` and
-    `drive_gain` describe the model; `peak_sensitivity`, `gain_margin_db`, `phase_margin_rad` are of the encoder loop.
+    `a` (7, 7), `b` (7, 1), `c` (1, 7), `state_gain` (1, 7), `observer_gain` (7, 1); `model_a` (n, n) to `model_d` (1, 1)
+    is the identified model from rate command to encoder, `drive_bandwidth_rad_s` and `drive_gain` what was read off it;
+    `peak_sensitivity`, `gain_margin_db`, `phase_margin_rad` are of the encoder loop on it.
     """
 
     a: Array
@@ -71,6 +72,10 @@ class LqgDesign:
     c: Array
     state_gain: Array
     observer_gain: Array
+    model_a: Array
+    model_b: Array
+    model_c: Array
+    model_d: Array
     sample_s: float
     drive_bandwidth_rad_s: float
     drive_gain: float

@@ -81,9 +81,22 @@ class LqgLoop:
         self._state = replace(state, estimate=state.estimate.copy())
 
     def retune(self, params: LqgLoopParams) -> None:
-        """Take new parameters from the next sample on."""
+        """Take new parameters from the next sample on, without a jump: the estimate of the disturbance takes over."""
+        taken = (self._params.feedforward_gain - params.feedforward_gain) * self._feedforward.state.filtered
         self._feedforward.retune(params.feedforward_band_hz)
+        self._state.estimate += taken * self._constant_output()
+        self._shaping.shift(taken)
         self._params = params
+
+    def _constant_output(self) -> NDArray[np.float64]:
+        """Return the change of the estimate (7,) with which the law gives one unit more, for good.
+
+        Both filters of the estimate hold the unit; the disturbance, which acts where the rate does, explains it.
+        """
+        change = np.zeros(len(self._design.a))
+        change[[3, 5]] = 1.0
+        change[-1] = -(1.0 + float(self._design.state_gain[0] @ change)) / self._design.state_gain[0, -1]
+        return change
 
     def reset(self, position_rad: float, velocity_rad_s: float, measured_rad: float, command_rad_s: float) -> None:
         """Start as if the law had been giving `command_rad_s` all along: the next output equals it (bumpless)."""
@@ -92,8 +105,9 @@ class LqgLoop:
         error = position_rad - measured_rad
         wanted = command_rad_s - self._params.feedforward_gain * velocity_rad_s
         gain = self._design.state_gain[0]
-        estimate = np.array([-error, 0.0, 0.0, wanted, 0.0, wanted, 0.0])
-        estimate[-1] = (-wanted - float(gain @ estimate)) / gain[-1]
+        estimate = wanted * self._constant_output()
+        estimate[0] = -error
+        estimate[-1] += gain[0] * error / gain[-1]
         self._state = LqgLoopState(estimate, error, wanted, command_rad_s)
         self._feedforward.reset(velocity_rad_s)
         self._shaping.reset(wanted)

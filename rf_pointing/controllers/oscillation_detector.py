@@ -2,7 +2,8 @@
 
 The error, high-passed to take out slow tracking error, is followed from zero crossing to zero crossing.  A swing whose
 peak exceeds the threshold counts; `cycles` such swings in a row with half periods alike within `regularity` are an
-oscillation.  One gust or one command step gives one or two swings and then decays; wind noise is irregular.
+oscillation.  One gust or one command step gives one or two swings and then decays; wind noise is irregular.  A loop whose
+drive saturates swings ever more slowly as it grows, so swings beyond the gross threshold need not be alike.
 """
 
 import math
@@ -24,10 +25,21 @@ class OscillationDetectorParams(Params):
     regularity: float = parameter(0.35, "largest spread of the half periods over their mean", low=0.01, high=1.0)
     growth: float = parameter(0.5, "smallest ratio of the last to the first peak of the row", low=0.0, high=10.0)
 
+    gross_threshold_rad: float = parameter(
+        math.radians(0.05), "peak from which swings need not be alike", low=1e-7, high=1.0
+    )
+    gross_half_cycles: int = parameter(3, "half periods in a row beyond it", low=2, high=100)
+
     def check_together(self) -> None:
-        """Refuse an empty band."""
+        """Refuse an empty band, and thresholds and counts of the wrong order."""
         if self.high_pass_hz >= self.highest_hz:
             raise ValueError(f"high_pass_hz={self.high_pass_hz} must be < highest_hz={self.highest_hz}")
+        if self.gross_threshold_rad < self.threshold_rad:
+            raise ValueError(
+                f"gross_threshold_rad={self.gross_threshold_rad} must be >= threshold_rad={self.threshold_rad}"
+            )
+        if self.gross_half_cycles > self.half_cycles:
+            raise ValueError(f"gross_half_cycles={self.gross_half_cycles} must be <= half_cycles={self.half_cycles}")
 
 
 @dataclass(slots=True)
@@ -110,10 +122,16 @@ class OscillationDetector:
         state, params = self._state, self._params
         fits = peak_rad >= params.threshold_rad and half_period_s >= 0.5 / params.highest_hz
         state.row = (*state.row, (half_period_s, peak_rad))[-params.half_cycles :] if fits else ()
-        if len(state.row) < params.half_cycles:
-            return
-        lengths, peaks = zip(*state.row, strict=True)
-        mean = sum(lengths) / len(lengths)
-        if max(lengths) - min(lengths) <= params.regularity * mean and peaks[-1] >= params.growth * peaks[0]:
-            state.oscillating = True
-            state.reason = f"oscillation of {1e3 * math.degrees(max(peaks)):.1f} mdeg at {0.5 / mean:.2f} Hz"
+        lengths, peaks = [swing[0] for swing in state.row], [swing[1] for swing in state.row]
+        gross = peaks[-params.gross_half_cycles :]
+        if len(gross) == params.gross_half_cycles and min(gross) >= params.gross_threshold_rad:
+            self._found(lengths[-params.gross_half_cycles :], gross)
+        elif len(state.row) == params.half_cycles:
+            mean = sum(lengths) / len(lengths)
+            if max(lengths) - min(lengths) <= params.regularity * mean and peaks[-1] >= params.growth * peaks[0]:
+                self._found(lengths, peaks)
+
+    def _found(self, lengths: list[float], peaks: list[float]) -> None:
+        frequency_hz = 0.5 * len(lengths) / sum(lengths)
+        self._state.oscillating = True
+        self._state.reason = f"oscillation of {1e3 * math.degrees(max(peaks)):.1f} mdeg at {frequency_hz:.2f} Hz"

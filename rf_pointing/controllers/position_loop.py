@@ -118,7 +118,8 @@ class PositionLoop:
     def retune(self, params: PositionLoopParams) -> None:
         """Take new parameters at once and without a jump of the command; refused as a whole if one is impossible.
 
-        The integral is shifted so that k_p e + k_i int(e) stays what it was; with k_i = 0 there is none to shift.
+        The integral is shifted so that k_p e + k_i int(e) stays what it was, plus what the feedforward no longer gives;
+        with k_i = 0 there is none to shift.
         """
         before = self._shaping.params
         self._shaping.retune(params.shaping)
@@ -131,7 +132,9 @@ class PositionLoop:
         state, old = self._state, self._params
         if params.integral_gain > 0.0:
             held = (old.proportional_gain - params.proportional_gain) * state.error_rad
-            state.integral_rad_s = (old.integral_gain * state.integral_rad_s + held) / params.integral_gain
+            taken = (old.feedforward_gain - params.feedforward_gain) * self._feedforward.state.filtered
+            state.integral_rad_s = (old.integral_gain * state.integral_rad_s + held + taken) / params.integral_gain
+            self._shaping.shift(taken)
         else:
             state.integral_rad_s = 0.0
         self._params = params

@@ -9,10 +9,12 @@ Tuning: benchmarks/servo_tuning.py, its output beside it; what it buys: docs/mat
 
 import math
 
+from rf_pointing.controllers.lqg_file import load_lqg_designs
+from rf_pointing.controllers.lqg_loop import LqgLoopParams
 from rf_pointing.controllers.position_loop import PositionLoopParams
 from rf_pointing.geometry import require_choice
 
-__all__ = ["TUNED_RADIO_BANDWIDTH_HZ", "dss13_loops"]
+__all__ = ["TUNED_RADIO_BANDWIDTH_HZ", "dss13_loops", "dss13_lqg_loops"]
 
 TUNED_RADIO_BANDWIDTH_HZ = 0.2
 """Bandwidth f_m of the radio integrator that the tuned loops were designed together with."""
@@ -55,6 +57,17 @@ def dss13_loops(gains: str) -> tuple[PositionLoopParams, PositionLoopParams]:
     return azimuth, elevation
 
 
+def dss13_lqg_loops() -> tuple[LqgLoopParams, LqgLoopParams]:
+    """Return what runs beside the LQG designs for DSS-13 (azimuth, elevation): feedforward with its lead."""
+    notches = [design.weights.notch for design in load_lqg_designs()]
+    azimuth, elevation = (LqgLoopParams(feedforward_lead_s=_lag_s(n.damping, n.frequency_hz)) for n in notches)
+    return azimuth, elevation
+
+
 def _lead_s(loop: PositionLoopParams) -> float:
+    return _lag_s(loop.notch_damping, loop.notch_frequency_hz)
+
+
+def _lag_s(notch_damping: float, notch_hz: float) -> float:
     """Return the lag that the fed-forward rate meets: drive, half a sample, feedforward band, notch."""
-    return _DRIVE_LAG_S + _FEEDFORWARD_LAG_S + loop.notch_damping / (math.pi * loop.notch_frequency_hz)
+    return _DRIVE_LAG_S + _FEEDFORWARD_LAG_S + notch_damping / (math.pi * notch_hz)

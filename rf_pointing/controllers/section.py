@@ -68,6 +68,11 @@ class Section:
         require_finite("value", value)
         self.state = SectionState(0.0, value, 0.0, value, self.state.dt_s)
 
+    def shift(self, value: float) -> None:
+        """Add what the section would remember of a constant `value` that it had been fed all along."""
+        self.state.low += value
+        self.state.pending_low += value
+
     def output(self, value: float) -> float:
         """Return the filtered value."""
         state = self.state

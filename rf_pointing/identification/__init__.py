@@ -9,10 +9,14 @@ from rf_pointing.identification.modal import PoleResidue, refit_residues, restor
 from rf_pointing.identification.model import Modes, StateSpace, modes_of
 from rf_pointing.identification.model_file import ModelRecord, load_models, save_models
 from rf_pointing.identification.okid import ObserverMarkov, observer_markov, system_markov
+from rf_pointing.identification.sample_collector import SampleCollector
 from rf_pointing.identification.spectra import FrequencyResponse, frequency_response, peak_frequencies_hz
+from rf_pointing.identification.study import CROSS, STRAIGHT, ResponseStudy, study
 from rf_pointing.identification.validate import CrossCheck, StraightCheck, check_cross, check_straight
 
 __all__ = [
+    "CROSS",
+    "STRAIGHT",
     "CrossCheck",
     "ExcitationParams",
     "FrequencyResponse",
@@ -25,6 +29,8 @@ __all__ = [
     "PoleResidue",
     "Realization",
     "Recording",
+    "ResponseStudy",
+    "SampleCollector",
     "StateSpace",
     "StraightCheck",
     "balanced_reduction",
@@ -44,6 +50,7 @@ __all__ = [
     "refit_residues",
     "restore_integrator",
     "save_models",
+    "study",
     "suggested_order",
     "system_markov",
 ]

@@ -62,6 +62,37 @@ class IdentificationExperiment:
         self._abort = ""
 
     @property
+    def sample_s(self) -> float:
+        """Time between two commands."""
+        return self._params.sample_s
+
+    @property
+    def peak_rad_s(self) -> float:
+        """Largest rate of the whole input."""
+        return float(np.max(np.abs(self._input)))
+
+    @property
+    def samples_taken(self) -> int:
+        """Number of commands given so far."""
+        return self._sample
+
+    @property
+    def newest(self) -> tuple[Array, Array]:
+        """The latest rate command (2,) and the encoder angles (2,) it was given at.
+
+        Raises
+        ------
+        ValueError
+            Before the first command.
+        """
+        if self._sample == 0:
+            raise ValueError("no sample has been taken")
+        where = divmod(self._sample - 1, self._input.shape[1])
+        rate = np.zeros(2)
+        rate[self._axis] = self._input[where]
+        return rate, self._encoder[where].copy()
+
+    @property
     def finished(self) -> bool:
         """Whether no further command follows: all samples taken, or aborted."""
         return bool(self._abort) or self._sample == self._input.size

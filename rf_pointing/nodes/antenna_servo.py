@@ -1,20 +1,25 @@
 """Executable `antenna_servo`: the simulated antenna and its control unit; a station's own driver takes its place.
 
 Subscribes: joint_trajectory.  Publishes: joint_states (50 Hz), antenna_status (10 Hz), sim/boresight (50 Hz, truth).
-Services: ~/stop, ~/reset_fault (std_srvs/Trigger).
-Parameters: antenna.*, plant.*, loops.* (retunable while running), wind.*, mount.* (truth).
+While identifying: manual_rate (50 Hz).
+Action: identify (rf_pointing_msgs/Identify).  Services: ~/stop, ~/reset_fault (std_srvs/Trigger).
+Parameters: antenna.*, loops.* (retunable while running), and as truth plant.* (changeable too), wind.*, mount.*.
 Activation releases the brakes and holds; deactivation sets them.
 """
 
 import time
+from collections.abc import Mapping
+from typing import Any
 
 from rf_pointing_msgs.msg import AntennaStatus, Boresight
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
+from rf_pointing.geometry import AXES
 from rf_pointing.nodes import convert
 from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Health
+from rf_pointing.nodes.identification_server import IdentificationServer
 from rf_pointing.nodes.managed import ManagedNode, run
 from rf_pointing.nodes.qos import COMMAND_INPUT, SAMPLES, STREAM
 from rf_pointing.servo import WindParams, dss13_plant
@@ -32,9 +37,11 @@ class AntennaServo(ManagedNode):
         groups = {"antenna": AntennaParams(), "plant": dss13_plant(), "loops": LoopParams(), "wind": WindParams()}
         for prefix, defaults in {**groups, "mount": MountParams()}.items():
             self.parameters.declare(prefix, defaults)
+        self.parameters.check_with(self._check)
         self.parameters.on_change(self._retune)
         self._antenna: SimulatedAntenna | None = None
         self._status_every = 1
+        self._identification = IdentificationServer(self)
         self._tick_wall_s: float | None = None
         self._lateness_s = 0.0
 
@@ -47,10 +54,12 @@ class AntennaServo(ManagedNode):
         self._joints = self.publisher(JointState, "joint_states", STREAM)
         self._boresight = self.stream(Boresight, "sim/boresight", SAMPLES)
         self._status = self.stream(AntennaStatus, "antenna_status", STREAM)
+        self._identification.configure(self._antenna)
         self.listen(JointTrajectory, "joint_trajectory", self._on_trajectory, COMMAND_INPUT)
         self.serve(Trigger, "~/stop", self._on_stop)
         self.serve(Trigger, "~/reset_fault", self._on_reset)
         self.diagnostics.add("drive", self._health)
+        self.diagnostics.add("oscillation", self._oscillation_health)
 
     def activate(self) -> None:
         self._antenna.enable()
@@ -60,6 +69,7 @@ class AntennaServo(ManagedNode):
 
     def deactivate(self) -> None:
         self._antenna.disable()
+        self._identification.end()
 
     def _tick(self, t_s: float) -> None:
         if self._schedule.jumped_s:
@@ -68,6 +78,7 @@ class AntennaServo(ManagedNode):
         reading, boresight = self._antenna.step(t_s)
         self._joints.publish(convert.joints_to_message(reading))
         self._boresight.publish(convert.boresight_to_message(boresight))
+        self._identification.tick(t_s)
         if round(t_s / self._antenna.params.tick_s) % self._status_every == 0:
             message = convert.antenna_status_to_message(self._antenna.status(t_s))
             message.tick_lateness = self._lateness_s
@@ -98,15 +109,25 @@ class AntennaServo(ManagedNode):
         response.success, response.message = not refused, refused or "fault cleared"
         return response
 
+    def _check(self, sets: Mapping[str, Any]) -> None:
+        if self._antenna is not None:
+            self._antenna.check(sets["plant"], sets["loops"])
+
     def _retune(self) -> None:
         if self._antenna is not None:
-            self._antenna.retune(self.parameters.value("loops"))
+            self._antenna.retune(self.parameters.value("plant"), self.parameters.value("loops"))
 
     def _health(self) -> Health:
         status = self._antenna.status(self.now_s())
         level = ERROR if status.fault else WARN if any(status.at_limit) else OK
         rejected = {"commands_rejected": status.commands_rejected, "last_rejection": status.last_rejection}
         return Health(level, status.fault or status.mode, {"commands_accepted": status.commands_accepted, **rejected})
+
+    def _oscillation_health(self) -> Health:
+        watch = dict(zip(AXES, self._antenna.oscillation_watch, strict=True))
+        found = "; ".join(f"{axis}: {seen.reason}" for axis, seen in watch.items() if seen.oscillating)
+        swings = {f"{axis} swings in a row": len(seen.state.row) for axis, seen in watch.items()}
+        return Health(ERROR if found else OK, found or "none", swings)
 
 
 def main() -> None:

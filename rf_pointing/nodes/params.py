@@ -5,7 +5,7 @@ A set of the core in radians appears under its prefix in degrees: `limits.rate_r
 """
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
@@ -29,6 +29,7 @@ class ParameterGroups:
         self._groups: dict[str, Params] = {}
         self._owner: dict[str, tuple[str, str]] = {}
         self._listeners: list[Callable[[], None]] = []
+        self._checks: list[Callable[[Mapping[str, Any]], None]] = []
         self.refusals: list[str] = []
         node.add_on_set_parameters_callback(self._try)
         node.add_post_set_parameters_callback(self._apply)
@@ -53,6 +54,10 @@ class ParameterGroups:
     def on_change(self, listener: Callable[[], None]) -> None:
         """Call `listener` after every accepted change."""
         self._listeners.append(listener)
+
+    def check_with(self, check: Callable[[Mapping[str, Any]], None]) -> None:
+        """Ask `check(sets by prefix)` before every change; its ValueError refuses the change with its message."""
+        self._checks.append(check)
 
     def refuse_unknown(self) -> None:
         """Note every key that was given to this node and that nothing declared."""
@@ -99,7 +104,9 @@ class ParameterGroups:
 
     def _try(self, changes: list[Parameter]) -> SetParametersResult:
         try:
-            self._candidates(changes)
+            candidates = self._candidates(changes)
+            for check in self._checks if candidates else ():
+                check(self._groups | candidates)
         except ValueError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)

@@ -7,13 +7,16 @@ neither, so that a plain `ros2 topic pub` reaches them, and guard freshness by t
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-__all__ = ["COMMAND", "COMMAND_INPUT", "LATCHED", "SAMPLES", "STREAM"]
+__all__ = ["COMMAND", "COMMAND_INPUT", "EXPERIMENT", "LATCHED", "SAMPLES", "STREAM"]
 
 STREAM = QoSProfile(depth=10, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.RELIABLE)
 """Measurements and status: reliable, depth 10; losses show in the sequence numbers."""
 
 SAMPLES = QoSProfile(depth=100, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.RELIABLE)
 """Samples of which a missing one spoils its neighbours: two seconds of them, for a receiver that starts slowly."""
+
+EXPERIMENT = QoSProfile(depth=1000, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.RELIABLE)
+"""Samples of an experiment that is lost with any one of them: twenty seconds of them."""
 
 COMMAND = QoSProfile(
     depth=1,

@@ -10,7 +10,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
-from rf_pointing.nodes.qos import COMMAND, LATCHED, SAMPLES, STREAM
+from rf_pointing.nodes.qos import COMMAND, EXPERIMENT, LATCHED, SAMPLES, STREAM
 
 __all__ = ["TOPICS", "Topic"]
 
@@ -36,6 +36,7 @@ TOPICS = (
     Topic("tracking_status", ours.TrackingStatus, STREAM, "10 Hz", "pointing_controller"),
     Topic("joint_states", JointState, STREAM, "50 Hz", "antenna_servo"),
     Topic("antenna_status", ours.AntennaStatus, STREAM, "10 Hz", "antenna_servo"),
+    Topic("manual_rate", ours.ManualRate, EXPERIMENT, "50 Hz while identifying", "antenna_servo"),
     Topic("monopulse", ours.Monopulse, STREAM, "10 Hz, 5 samples each", "rf_receiver"),
     Topic("carrier_power", ours.CarrierPower, STREAM, "10 Hz", "rf_receiver"),
     Topic(

@@ -6,30 +6,28 @@ both, of which the friction takes 0.0009 V; calm air (0.3 m/s; the article had 0
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.geometry import AXES, random_stream
 from rf_pointing.identification import (
+    CrossCheck,
     ExcitationParams,
     IdentificationExperiment,
-    IdentificationParams,
-    Identified,
     Recording,
-    check_cross,
-    check_straight,
-    frequency_response,
-    identify,
+    ResponseStudy,
+    StraightCheck,
     modes_of,
+    study,
 )
 from rf_pointing.reproduce.row import Row
 from rf_pointing.servo import AntennaPlant, Wind, WindParams, dss13_plant
 
-__all__ = ["Experiment", "identification_rows", "record"]
+__all__ = ["identification_rows", "record"]
 
 Array = NDArray[np.float64]
+Studies = dict[tuple[str, str], ResponseStudy]
 
 RATE_PER_VOLT_RAD_S = math.radians(0.08)
 BIAS_V = 0.0023
@@ -42,29 +40,20 @@ TABLE_1_HZ = {
     ("elevation", "elevation"): (2.01, 3.15, 5.22),
     ("elevation", "azimuth"): (1.98, 3.21, 5.30),
 }
-STRAIGHT = IdentificationParams(order=10)
-CROSS = IdentificationParams(order=12, realization_order=16, observer_order=200, integrator=False, high_pass_hz=0.3)
 TABLES = {"azimuth": (0.31, 1.32, 6.81), "elevation": (0.23, 2.18, 4.66)}
 """Largest published values per driven axis: error and gain factor of the straight, error of the cross response, %."""
 
 
-@dataclass(frozen=True, slots=True)
-class Experiment:
-    """Recordings by driven axis and models by (driven axis, shown axis)."""
-
-    recordings: dict[str, Recording]
-    models: dict[tuple[str, str], Identified]
-
-
 def identification_rows(seed: int = 1) -> list[Row]:
     """Return the rows of Tables 1 to 5."""
-    experiment = _experiment(seed)
-    return [*_frequencies(experiment), *_errors(experiment)]
+    recordings = {axis: record(axis, FITTED + HELD_OUT, seed, ExcitationParams()) for axis in AXES}
+    studies = {(each.driven, each.shown): each for each in study(recordings, HELD_OUT)}
+    return [*_frequencies(studies), *_errors(studies)]
 
 
-def record(axis: str, sequences: int, seed: int, params: ExcitationParams) -> Recording:
-    """Return the recording of one axis' experiment on the simulated antenna."""
-    plant = AntennaPlant(dss13_plant(bending="identified"), random_stream(seed, f"encoder {axis}"), START_RAD)
+def record(axis: str, sequences: int, seed: int, params: ExcitationParams, bending: str = "identified") -> Recording:
+    """Return the recording of one axis' experiment on the simulated antenna with its bending mode where `bending` says."""
+    plant = AntennaPlant(dss13_plant(bending=bending), random_stream(seed, f"encoder {axis}"), START_RAD)
     wind = Wind(WindParams(mean_speed_m_s=WIND_M_S, from_azimuth_rad=1.0), random_stream(seed, f"wind {axis}"))
     limits = plant.params.azimuth if axis == "azimuth" else plant.params.elevation
     run = IdentificationExperiment(
@@ -83,21 +72,10 @@ def record(axis: str, sequences: int, seed: int, params: ExcitationParams) -> Re
     return run.recording()
 
 
-def _experiment(seed: int) -> Experiment:
-    params = ExcitationParams()
-    recordings = {axis: record(axis, FITTED + HELD_OUT, seed, params) for axis in AXES}
-    models = {}
-    for driven, shown in TABLE_1_HZ:
-        data = recordings[driven]
-        inputs, outputs = data.input_rad_s[:FITTED], data.output_rad(shown)[:FITTED]
-        models[driven, shown] = identify(inputs, outputs, data.sample_s, STRAIGHT if driven == shown else CROSS)
-    return Experiment(recordings, models)
-
-
-def _frequencies(experiment: Experiment) -> list[Row]:
+def _frequencies(studies: Studies) -> list[Row]:
     rows = []
     for (driven, shown), published in TABLE_1_HZ.items():
-        found = modes_of(experiment.models[driven, shown].model).frequency_hz
+        found = modes_of(studies[driven, shown].identified.model).frequency_hz
         for frequency in published:
             nearest = float(found[np.argmin(np.abs(found - frequency))])
             rows.append(
@@ -113,24 +91,13 @@ def _frequencies(experiment: Experiment) -> list[Row]:
     return rows
 
 
-def _errors(experiment: Experiment) -> list[Row]:
+def _errors(studies: Studies) -> list[Row]:
     rows = []
     for number, driven in enumerate(AXES):
         other = AXES[1 - number]
-        data = experiment.recordings[driven]
-        straight_model = experiment.models[driven, driven].model
-        held = range(FITTED, FITTED + HELD_OUT)
-        straight = [check_straight(straight_model, data.input_rad_s[k], data.output_rad(driven)[k]) for k in held]
-        cross = [
-            check_cross(
-                experiment.models[driven, other].model,
-                experiment.models[other, other].model,
-                data.input_rad_s[k],
-                data.output_rad(other)[k],
-            )
-            for k in held
-        ]
-        band = frequency_response(data.input_rad_s, data.output_rad(driven), data.sample_s).valid_band_hz()
+        straight = [check for check in studies[driven, driven].checks if isinstance(check, StraightCheck)]
+        cross = [check for check in studies[driven, other].checks if isinstance(check, CrossCheck)]
+        band = studies[driven, driven].measured.valid_band_hz()
         biases = ", ".join(f"{check.bias / RATE_PER_VOLT_RAD_S:.4f}" for check in cross)
         error, factor, crossing = TABLES[driven]
         rows += [

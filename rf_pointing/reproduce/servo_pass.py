@@ -5,12 +5,16 @@ its own period and acts after its delay (BWG Fig. 12).
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.controllers import (
+    LqgDesign,
+    LqgLoop,
+    LqgLoopParams,
     PositionLoop,
     PositionLoopParams,
     TrackerIntegrator,
@@ -23,6 +27,7 @@ from rf_pointing.servo import AntennaPlant, PlantParams, Wind, WindParams, dss13
 __all__ = ["PassErrors", "PassSetup", "fly"]
 
 Array = NDArray[np.float64]
+Law = PositionLoopParams | tuple[LqgDesign, LqgLoopParams]
 
 TICK_S = 0.02
 
@@ -36,7 +41,7 @@ class PassSetup:
     """
 
     plant: PlantParams = field(default_factory=lambda: dss13_plant(ideal=True))
-    loops: tuple[PositionLoopParams, PositionLoopParams] = (PositionLoopParams(), PositionLoopParams())
+    loops: tuple[Law, Law] = (PositionLoopParams(), PositionLoopParams())
     orbit: LowOrbitPass = field(default_factory=LowOrbitPass)
     start_s: float = -300.0
     end_s: float = 300.0
@@ -83,7 +88,7 @@ def fly(setup: PassSetup) -> PassErrors:
     radio = _Radio(setup)
     plant = AntennaPlant(setup.plant, random_stream(setup.seed, "encoder"), ephemeris.position_rad[0])
     wind = Wind(setup.wind, random_stream(setup.seed, "wind"))
-    loops = [PositionLoop(params, TICK_S) for params in setup.loops]
+    loops = [PositionLoop(law, TICK_S) if isinstance(law, PositionLoopParams) else LqgLoop(*law) for law in setup.loops]
     if setup.settled:
         _settle(plant, loops, ephemeris.position_rad[0], ephemeris.velocity_rad_s[0])
     beam, encoder = np.zeros((count, 2)), np.zeros((count, 2))
@@ -111,7 +116,7 @@ def fly(setup: PassSetup) -> PassErrors:
     )
 
 
-def _settle(plant: AntennaPlant, loops: list[PositionLoop], position: Array, velocity: Array) -> None:
+def _settle(plant: AntennaPlant, loops: Sequence[PositionLoop | LqgLoop], position: Array, velocity: Array) -> None:
     """Put plant and loops into steady motion: drives at the target's rate, commands equal to it."""
     state = plant.state
     state.x[2:4] = velocity

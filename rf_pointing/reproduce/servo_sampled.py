@@ -13,14 +13,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.controllers import LqgDesign, PositionLoopParams, section_matrices
+from rf_pointing.controllers import LawMatrices, LqgDesign, PositionLoopParams, law_matrices
 from rf_pointing.servo import PlantParams, davenport_psd, discretise, linear_model
 
-__all__ = ["AxisResponse", "LoopQuality", "Variation", "loop_quality"]
+__all__ = ["AxisResponse", "LawResponse", "LoopQuality", "Variation", "loop_quality"]
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
-Matrices = tuple[Array, Array, Array, Array]
 
 SAMPLE_S = 0.02
 RADIO_DELAY_S = 0.15
@@ -75,7 +74,7 @@ class AxisResponse:
         s: ComplexArray = np.asarray(2j * np.pi * self.frequency_hz, dtype=np.complex128)
         return self._solve(s, self._a, self._wind)
 
-    def closed_radius(self, law: Matrices) -> float:
+    def closed_radius(self, law: LawMatrices) -> float:
         """Return the spectral radius of the encoder loop under a law from error to rate (a, b, c, d)."""
         a, b, c = self._step[:, :-1], self._step[:, -1:], self._outputs[:1]
         la, lb, lc, ld = law
@@ -87,19 +86,29 @@ class AxisResponse:
         return np.asarray((self._outputs @ solved)[:, :, 0])
 
 
-def loop_quality(
-    response: AxisResponse, law: PositionLoopParams | LqgDesign, radio_hz: float, wind_m_s: float
-) -> LoopQuality:
+class LawResponse:
+    """Responses of one position law on the same frequency grid; independent of the antenna.
+
+    `gain` (f,) leads from error to rate command, `fed` (f,) from command angle to rate command through the feedforward;
+    `matrices` is the law from error to rate command in state space.
+    """
+
+    def __init__(self, law: PositionLoopParams | LqgDesign) -> None:
+        frequency = _grid()
+        s, z = 2j * np.pi * frequency, np.exp(2j * np.pi * frequency * SAMPLE_S)
+        self.matrices = a, b, c, d = law_matrices(law, SAMPLE_S)
+        solved = np.linalg.solve(z[:, None, None] * np.eye(len(a)) - a, b.astype(np.complex128))
+        self.gain: ComplexArray = np.asarray(c @ solved + d, dtype=np.complex128)[:, 0, 0]
+        self.fed: ComplexArray = _notch_response(law, z) * s / (1.0 + s / (2.0 * math.pi * 10.0))
+
+
+def loop_quality(response: AxisResponse, law: LawResponse, radio_hz: float, wind_m_s: float) -> LoopQuality:
     """Return error and margins of one axis under a position law and a radio integrator of f_m `radio_hz`."""
-    frequency = response.frequency_hz
-    s, z = 2j * np.pi * frequency, np.exp(2j * np.pi * frequency * SAMPLE_S)
-    matrices = _law(law)
-    a, b, c, d = matrices
-    gain = (c @ np.linalg.solve(z[:, None, None] * np.eye(len(a)) - a, b.astype(np.complex128)) + d)[:, 0, 0]
+    frequency, gain, fed = response.frequency_hz, law.gain, law.fed
+    s = 2j * np.pi * frequency
     encoder, beam = response.from_command.T
     wind_encoder, wind_beam = response.from_wind.T
     sensitivity = 1.0 / (1.0 + encoder * gain)
-    fed = _notch_response(law, z) * s / (1.0 + s / (2.0 * math.pi * 10.0))
     integrator = 2.0 * math.pi * radio_hz / s * np.exp(-RADIO_DELAY_S * s) * np.sinc(frequency * RADIO_PERIOD_S)
     radio_loop = integrator * beam * (gain + fed) * sensitivity
     radio = 1.0 / (1.0 + radio_loop)
@@ -107,7 +116,7 @@ def loop_quality(
     gusts = davenport_psd(frequency, wind_m_s, 0.005)
     rms = math.sqrt(float(np.trapezoid(np.abs(error) ** 2 * gusts, frequency)))
     peaks = float(np.max(np.abs(sensitivity))), float(np.max(np.abs(radio)))
-    stable = response.closed_radius(matrices) < 1.0 and (radio_hz == 0.0 or _encircles_not(radio_loop))
+    stable = response.closed_radius(law.matrices) < 1.0 and (radio_hz == 0.0 or _encircles_not(radio_loop))
     return LoopQuality(rms, *peaks, stable)
 
 
@@ -130,29 +139,6 @@ def _varied(plant: PlantParams, name: str, variation: Variation) -> PlantParams:
 def _grid() -> Array:
     fine = [np.linspace(low, high, count) for low, high, count in ((1.3, 2.7, 300), (2.7, 6.0, 160))]
     return np.unique(np.concatenate([np.geomspace(1e-3, 24.0, 700), *fine]))
-
-
-def _law(law: PositionLoopParams | LqgDesign) -> Matrices:
-    """Return the law from error to rate command, section and notch included, in state space."""
-    if isinstance(law, LqgDesign):
-        core = law.a - law.b @ law.state_gain - law.observer_gain @ law.c
-        chain = core, -law.observer_gain, -law.state_gain, np.zeros((1, 1))
-        filters = [law.weights.shaping, law.weights.notch.section]
-    else:
-        gain = np.array([[law.proportional_gain]])
-        chain = np.eye(1), np.array([[SAMPLE_S]]), np.array([[law.integral_gain]]), gain
-        filters = [law.shaping, law.notch.section]
-    for params in filters:
-        if params.enabled:
-            chain = _series(chain, section_matrices(params, SAMPLE_S))
-    return chain
-
-
-def _series(first: Matrices, second: Matrices) -> Matrices:
-    a1, b1, c1, d1 = first
-    a2, b2, c2, d2 = second
-    a = np.block([[a1, np.zeros((len(a1), len(a2)))], [b2 @ c1, a2]])
-    return a, np.vstack([b1, b2 @ d1]), np.hstack([d2 @ c1, c2]), d2 @ d1
 
 
 def _notch_response(law: PositionLoopParams | LqgDesign, z: ComplexArray) -> ComplexArray:

@@ -106,10 +106,16 @@ class AntennaPlant:
         """Take the power from the drives and leave the brakes as they are: the axes coast."""
         self._state.powered = False
 
+    def check(self, params: PlantParams) -> None:
+        """Raise ValueError if `reconfigure` would refuse these parameters: the number of modes must stay."""
+        for name in ("azimuth", "elevation"):
+            new, old = (len(getattr(each, name).mode_frequency_hz) for each in (params, self._params))
+            if new != old:
+                raise ValueError(f"{name}.mode_frequency_hz has {new} modes, must keep {old} while the antenna runs")
+
     def reconfigure(self, params: PlantParams) -> None:
         """Take new parameters with the motion going on; refused if the number of modes differs."""
-        if linear_model(params).a.shape != self._model.a.shape:
-            raise ValueError(f"mode count differs: {linear_model(params).a.shape} must be {self._model.a.shape}")
+        self.check(params)
         self._configure(params)
 
     def step(self, rate_command_rad_s: ArrayLike, wind_torque_n_m: ArrayLike, dt_s: float) -> None:

@@ -1,7 +1,9 @@
 """The simulated antenna as its control unit shows it: commands in, encoder angles and status out, truth beside.
 
-Per control tick: command table -> preprocessor -> position loop of each axis -> rate command -> plant with wind.  The
-encoders read the true direction plus the mount's own errors; where the beam really points is `Boresight`.
+Per control tick: command table -> preprocessor -> position law of each axis -> rate command -> plant with wind.  In
+manual-rate mode an identification experiment gives the rate commands instead.  A loop that oscillates has its drives cut
+and the brakes set, and the fault latches.  The encoders read the true direction plus the mount's own errors; where the
+beam really points is `Boresight`.
 """
 
 import math
@@ -11,16 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.calibration import BiasModel
-from rf_pointing.controllers import (
-    CommandPreprocessor,
-    CommandPreprocessorParams,
-    PositionLoop,
-    PositionLoopParams,
-    TrajectoryBuffer,
-    TrajectoryBufferParams,
-)
-from rf_pointing.geometry import Boresight, JointReading, JointTrajectory, Params, parameter, random_stream
+from rf_pointing.controllers import CommandPreprocessor, OscillationDetector, TrajectoryBuffer
+from rf_pointing.geometry import Boresight, JointReading, JointTrajectory, Motion, Params, parameter, random_stream
+from rf_pointing.identification import IdentificationExperiment
 from rf_pointing.servo import AntennaPlant, PlantParams, Wind, WindParams
+from rf_pointing.station.axis_loops import AxisLoops, LoopParams
 from rf_pointing.station.mount import MountError
 from rf_pointing.station.status import AntennaStatus
 
@@ -28,17 +25,8 @@ __all__ = ["AntennaParams", "LoopParams", "SimulatedAntenna"]
 
 Array = NDArray[np.float64]
 REST_RAD_S = math.radians(1e-3)
+MOVING_RAD_S = math.radians(0.1)
 LONGEST_STOP_S = 30.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class LoopParams(Params):
-    """Position loops of both axes and the limits that every command is brought within."""
-
-    azimuth: PositionLoopParams = parameter(PositionLoopParams(), "azimuth position loop")
-    elevation: PositionLoopParams = parameter(PositionLoopParams(), "elevation position loop")
-    preprocessor: CommandPreprocessorParams = parameter(CommandPreprocessorParams(), "limits of the commands")
-    table: TrajectoryBufferParams = parameter(TrajectoryBufferParams(), "trust in the command table")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,7 +56,8 @@ class SimulatedAntenna:
         self._table = TrajectoryBuffer(loops.table)
         self._preprocessor = CommandPreprocessor(loops.preprocessor)
         self._preprocessor.reset(start)
-        self._loops = tuple(PositionLoop(loop, params.tick_s) for loop in (loops.azimuth, loops.elevation))
+        self._experiment: IdentificationExperiment | None = None
+        self._loops = AxisLoops(loops, plant, params.tick_s)
         self._limits = loops.preprocessor
         self._mode, self._fault, self._rejection = "inactive", "", ""
         self._accepted = self._rejected = 0
@@ -80,18 +69,15 @@ class SimulatedAntenna:
 
     @property
     def mode(self) -> str:
-        """inactive, holding, tracking, stopping or fault."""
+        """inactive, holding, tracking, manual_rate, stopping or fault."""
         return self._mode
 
     def enable(self) -> None:
-        """Release the brakes and hold where the axes are; nothing moves."""
-        self._hold = self._plant.encoder_rad
-        self._preprocessor.reset(self._hold)
-        for axis, loop in enumerate(self._loops):
-            loop.reset(float(self._hold[axis]), 0.0, float(self._hold[axis]), 0.0)
-        self._table.clear()
-        self._plant.release_brake()
+        """Release the brakes and hold where the axes are; nothing moves.  After an oscillation they stay set."""
         self._mode = "fault" if self._fault else "holding"
+        if not self._loops.oscillation:
+            self._hold_here()
+            self._plant.release_brake()
 
     def disable(self) -> None:
         """Decelerate at the limits, then set the brakes; the seconds that this takes pass at once."""
@@ -103,12 +89,36 @@ class SimulatedAntenna:
         self._plant.brake()
         self._mode = "inactive"
 
-    def retune(self, loops: LoopParams) -> None:
-        """Take new gains and limits between two ticks; refused as a whole if one is impossible."""
-        for loop, params in zip(self._loops, (loops.azimuth, loops.elevation), strict=True):
-            loop.retune(params)
-        self._preprocessor.retune(loops.preprocessor)
-        self._limits = loops.preprocessor
+    def check(self, plant: PlantParams, loops: LoopParams) -> None:
+        """Raise ValueError, saying why, if `retune` would refuse these; changes nothing."""
+        self._plant.check(plant)
+        if loops != self._loops.params:
+            self._loops.check(loops, plant)
+
+    def retune(self, plant: PlantParams, loops: LoopParams) -> None:
+        """Take new laws, gains and limits between two ticks, without a jump; refused as a whole if one is impossible.
+
+        Another plant stands for an antenna that changes in the middle of its motion: laws that were in force before stay
+        in force, and how they take it is theirs to find out.
+        """
+        self.check(plant, loops)
+        if plant != self._plant.params:
+            self._plant.reconfigure(plant)
+        if loops != self._loops.params:
+            self._loops.retune(loops, plant)
+            self._preprocessor.retune(loops.preprocessor)
+            self._limits = loops.preprocessor
+
+    @property
+    def travel_rad(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Lower and upper end of the commanded travel of azimuth and elevation."""
+        azimuth, elevation = zip(self._limits.travel_min_rad, self._limits.travel_max_rad, strict=True)
+        return azimuth, elevation
+
+    @property
+    def oscillation_watch(self) -> tuple[OscillationDetector, ...]:
+        """The oscillation detectors of azimuth and elevation."""
+        return self._loops.watch
 
     def stop(self, reason: str = "") -> None:
         """Decelerate both axes at their limits; with a reason the stop latches as a fault."""
@@ -116,16 +126,34 @@ class SimulatedAntenna:
         self._preprocessor.stop()
         if reason:
             self._fault = reason
+        if self._mode == "manual_rate":
+            self._leave_manual_rate(reason or "stop was requested")
         if self._mode in ("tracking", "holding"):
             self._mode = "stopping"
+
+    def identify(self, experiment: IdentificationExperiment) -> str:
+        """Let an experiment drive the axes until it has finished or `stop`; return why not, "" when it runs."""
+        if self._mode != "holding":
+            return f"the antenna is {self._fault or self._mode}, must be holding"
+        if abs(experiment.sample_s - self.params.tick_s) > 1e-9:
+            return f"sample_s={experiment.sample_s} must be {self.params.tick_s}, the control period"
+        if experiment.peak_rad_s > min(self._limits.rate_limit_rad_s):
+            limit = min(self._limits.rate_limit_rad_s)
+            return f"peak_rad_s={experiment.peak_rad_s} must be <= {limit}, the rate limit"
+        self._experiment, self._mode = experiment, "manual_rate"
+        return ""
 
     def reset_fault(self) -> str:
         """Clear a latched fault; return why not, "" when it is cleared."""
         if not self._fault:
             return "no fault is latched"
-        if self._mode == "stopping":
+        if self._mode == "stopping" or float(np.max(np.abs(self._plant.velocity_rad_s))) > MOVING_RAD_S:
             return "the axes are still moving"
         self._fault = ""
+        if self._loops.oscillation:
+            self._hold_here()
+            if self._mode == "fault":
+                self._plant.release_brake()
         if self._mode == "fault":
             self._mode = "holding"
         return ""
@@ -136,6 +164,8 @@ class SimulatedAntenna:
             return self.reject(f"fault latched ({self._fault}); reset it first")
         if self._mode == "inactive":
             return self.reject("the antenna is not active")
+        if self._mode == "manual_rate":
+            return self.reject("an identification drives the antenna")
         answer = self._table.accept(trajectory, now_s)
         if not answer.accepted:
             return self.reject(answer.reason)
@@ -162,7 +192,7 @@ class SimulatedAntenna:
         measured = reading.position_rad
         boresight = self._boresight(t_s, reading.velocity_rad_s)
         torque = self._wind.step(self.params.tick_s, boresight.azimuth_rad, boresight.elevation_rad)
-        self._rate_command = self._rates(t_s, measured) if self._mode != "inactive" else np.zeros(2)
+        self._rate_command = np.zeros(2) if self._plant.braked else self._rates(t_s, measured)
         self._plant.step(self._rate_command, torque, self.params.tick_s)
         return reading, boresight
 
@@ -184,18 +214,43 @@ class SimulatedAntenna:
         )
 
     def _rates(self, t_s: float, measured: Array) -> Array:
+        if self._mode == "manual_rate" and self._experiment is not None:
+            if not self._experiment.finished:
+                rates = self._experiment.command(measured)
+                if not self._experiment.abort_reason:
+                    return rates
+            self._leave_manual_rate(self._experiment.abort_reason or "complete")
         position, velocity, acceleration = self._command(t_s)
         feasible = self._preprocessor.step(position, velocity, acceleration, self.params.tick_s)
         if self._mode == "stopping" and float(np.max(np.abs(feasible[1]))) == 0.0:
             self._hold = feasible[0]
             self._mode = "fault" if self._fault else "holding"
-        rates = np.zeros(2)
-        for axis, loop in enumerate(self._loops):
-            rates[axis] = loop.output(
-                float(feasible[0][axis]), float(feasible[1][axis]), float(measured[axis]), float(feasible[2][axis])
-            )
-            loop.update(self.params.tick_s, float(rates[axis]))
-        return rates
+        rates = self._loops.rates(Motion(*feasible), measured)
+        if not self._loops.oscillation:
+            return rates
+        self._table.clear()
+        self._plant.brake()
+        self._preprocessor.reset(measured)
+        self._fault, self._mode = f"drives cut: {self._loops.oscillation}", "fault"
+        return np.zeros(2)
+
+    def _leave_manual_rate(self, reason: str) -> None:
+        """Hand the moving axes back to the loops without a jump and bring them to rest."""
+        if self._experiment is not None and not self._experiment.finished:
+            self._experiment.abort(reason)
+        position, velocity = self._plant.encoder_rad, self._plant.velocity_rad_s
+        self._preprocessor.reset(position, velocity)
+        self._preprocessor.stop()
+        self._loops.reset(position, position, velocity, self._rate_command)
+        self._table.clear()
+        self._experiment, self._mode = None, "stopping"
+
+    def _hold_here(self) -> None:
+        """Make the present angles the command, with the laws at rest and nothing left of earlier commands."""
+        self._hold = self._plant.encoder_rad
+        self._preprocessor.reset(self._hold)
+        self._loops.reset(self._hold, self._hold)
+        self._table.clear()
 
     def _command(self, t_s: float) -> tuple[Array, Array, Array]:
         """Return what to follow at `t_s`: the table, or the held position when there is none."""

@@ -86,3 +86,29 @@ def test_non_finite_errors_are_refused() -> None:
 def test_an_empty_band_is_refused() -> None:
     with pytest.raises(ValueError, match=r"high_pass_hz=2\.0 must be < highest_hz=1\.0"):
         OscillationDetectorParams(high_pass_hz=2.0, highest_hz=1.0)
+
+
+def test_large_swings_count_however_their_periods_change() -> None:
+    """A saturated drive: every swing lasts and reaches half as much again as the one before."""
+    detector = OscillationDetector(OscillationDetectorParams())
+    peak, length, sign = math.radians(0.05), 0.3, 1.0
+    seen = []
+    for _ in range(6):
+        steps = round(length / 0.02)
+        for step in range(steps):
+            detector.update(sign * peak * math.sin(math.pi * step / steps), 0.02)
+        seen.append(detector.oscillating)
+        peak, length, sign = 1.5 * peak, 1.5 * length, -sign
+    assert seen.index(True) in (3, 4), "three swings beyond the gross threshold of 0.05 deg, the first one clipped"
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"gross_threshold_rad": 1e-4}, "gross_threshold_rad=0.0001 must be >= threshold_rad="),
+        ({"gross_half_cycles": 7}, "gross_half_cycles=7 must be <= half_cycles=6"),
+    ],
+)
+def test_thresholds_of_the_wrong_order_are_refused(changes: dict, words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        OscillationDetectorParams(**changes)

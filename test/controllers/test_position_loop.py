@@ -59,7 +59,13 @@ def test_reset_makes_the_next_output_the_given_command(params: PositionLoopParam
 
 @pytest.mark.parametrize(
     "changes",
-    [{"proportional_gain": 0.9}, {"integral_gain": 0.7}, {"notch_damping": 0.3}, {"notch_frequency_hz": 2.3}],
+    [
+        {"proportional_gain": 0.9},
+        {"integral_gain": 0.7},
+        {"feedforward_gain": 0.0},
+        {"notch_damping": 0.3},
+        {"notch_frequency_hz": 2.3},
+    ],
 )
 def test_retuning_in_steady_motion_makes_no_jump(changes: dict[str, float]) -> None:
     loop = PositionLoop(PositionLoopParams())

@@ -179,7 +179,7 @@ def test_reconfiguring_keeps_the_motion_and_changes_the_drive() -> None:
     few = params.elevation.replace(
         mode_frequency_hz=(2.0,), mode_damping=(0.01,), mode_encoder_residue=(0.1,), mode_beam_residue=(0.1,)
     )
-    with pytest.raises(ValueError, match="mode count differs"):
+    with pytest.raises(ValueError, match="must keep 3 while the antenna runs"):
         antenna.reconfigure(params.replace(elevation=few, elevation_modes_in_azimuth=(0.001,)))
 
 

@@ -289,7 +289,9 @@ def test_new_limits_hold_from_the_next_tick_on() -> None:
         clock.antenna.accept(hold_at(clock.t_s + 0.1, STANDING + np.radians([20.0, -10.0])), clock.t_s)
         clock.run(0.1)
     slow = math.radians(0.5)
-    clock.antenna.retune(LoopParams(preprocessor=CommandPreprocessorParams(rate_limit_rad_s=(slow, slow))))
+    clock.antenna.retune(
+        dss13_plant(), LoopParams(preprocessor=CommandPreprocessorParams(rate_limit_rad_s=(slow, slow)))
+    )
     clock.antenna.accept(hold_at(clock.t_s + 0.1, STANDING + np.radians([20.0, -10.0])), clock.t_s)
     clock.run(1.0)
     clock.antenna.accept(hold_at(clock.t_s + 0.1, STANDING + np.radians([20.0, -10.0])), clock.t_s)
