@@ -127,9 +127,7 @@ def with_leaves(params: P, values: Mapping[str, Any]) -> P:
         elif head not in known:
             raise ValueError(f"{head}: {type(params).__name__} has no such parameter")
         else:
-            _check_edge(known[head], head, _tuple(value))
-            field, core_value = from_degrees(head, _tuple(value))
-            changes[field] = core_value
+            changes[known[head].name] = _from_edge(known[head], head, _tuple(value))
     for head, below in nested.items():
         inner = getattr(params, head, None)
         if not isinstance(inner, Params):
@@ -173,15 +171,26 @@ def _check(item: "dataclasses.Field[Any]", value: Any) -> None:
     _check_range(item.name, value, item.metadata["low"], item.metadata["high"])
 
 
-def _check_edge(item: "dataclasses.Field[Any]", edge: str, value: Any) -> None:
-    """Refuse a value from outside in the outside's own words: the name and the bounds in degrees."""
+def _from_edge(item: "dataclasses.Field[Any]", edge: str, value: Any) -> Any:
+    """Return the core form of a value from outside, or refuse it in the outside's own words: name and bounds in degrees.
+
+    A value on a bound stays on it: degrees to radians and back is off by a rounding error.
+    """
     _check_type(item, edge, value)
-    low, high = (to_degrees(item.name, item.metadata[side])[1] for side in ("low", "high"))
-    try:
-        _check(item, from_degrees(edge, value)[1])
-    except ValueError:
-        _check_range(edge, value, low, high)
-        raise
+    if edge == item.name:
+        _check_range(edge, value, item.metadata["low"], item.metadata["high"])
+        return value
+    low, high = item.metadata["low"], item.metadata["high"]
+    _check_range(edge, value, *(to_degrees(item.name, bound)[1] for bound in (low, high)))
+    core = from_degrees(edge, value)[1]
+    if isinstance(core, tuple):
+        return tuple(_clamped(element, low, high) for element in core)
+    return _clamped(core, low, high)
+
+
+def _clamped(value: float, low: float | None, high: float | None) -> float:
+    value = value if low is None else max(value, low)
+    return value if high is None else min(value, high)
 
 
 def _check_type(item: "dataclasses.Field[Any]", name: str, value: Any) -> None:

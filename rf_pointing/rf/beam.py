@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.geometry import MDEG, Params, parameter, require_choice
+from rf_pointing.rf.root import bracketed_root
 
 __all__ = ["HALF_POWER_BEAMWIDTH_RAD", "MU", "PATTERNS", "Beam", "BeamParams"]
 
@@ -92,9 +93,7 @@ def _lambda(order: int, u: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @lru_cache(maxsize=64)
 def _u_per_beamwidth(pedestal: float, exponent: int) -> float:
-    from scipy.optimize import brentq
-
     def excess(u: float) -> float:
         return float(_aperture_voltage(np.asarray(u), pedestal, exponent)) ** 2 - 0.5
 
-    return 2.0 * float(brentq(excess, 0.5, 3.83, xtol=1e-14))
+    return 2.0 * bracketed_root(excess, 0.5, 3.83)

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.geometry import Params, parameter
 from rf_pointing.rf.beam import BeamParams, normalised_voltage
+from rf_pointing.rf.root import bracketed_root
 
 __all__ = ["FeedVoltages", "MonopulseFeed", "MonopulseFeedParams"]
 
@@ -114,13 +115,12 @@ def _comparator(
 @lru_cache(maxsize=64)
 def _squint_and_width(beam: BeamParams, slope: float) -> tuple[float, float]:
     """Return squint and beamwidth of the four beams, both in half-power beamwidths of the sum."""
-    from scipy.optimize import brentq
 
     def slope_error(ratio: float) -> float:
         return _sum_beamwidth(beam, ratio) * _slope_per_width(beam, ratio) - slope
 
     # Beyond 0.6 of its beamwidth the sum splits into four peaks; there the slope is above 3 for every pattern.
-    ratio = float(brentq(slope_error, 1e-6, 0.6, xtol=1e-14))
+    ratio = bracketed_root(slope_error, 1e-6, 0.6)
     width = 1.0 / _sum_beamwidth(beam, ratio)
     return ratio * width, width
 
@@ -133,10 +133,9 @@ def _slope_per_width(beam: BeamParams, ratio: float) -> float:
 
 def _sum_beamwidth(beam: BeamParams, ratio: float) -> float:
     """Half-power beamwidth of the sum of four beams of width 1 squinted by `ratio`."""
-    from scipy.optimize import brentq
 
     def excess(half: float) -> float:
         total, _, _ = _comparator(beam, ratio, 1.0, np.asarray(half), np.asarray(0.0))
         return float(total) ** 2 - 0.5
 
-    return 2.0 * float(brentq(excess, 0.2, 1.6, xtol=1e-14))
+    return 2.0 * bracketed_root(excess, 0.2, 1.6)

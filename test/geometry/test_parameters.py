@@ -206,3 +206,19 @@ def test_from_mapping_refuses_unknown_and_missing_keys() -> None:
     with pytest.raises(ValueError, match="Needed needs must_s"):
         Needed.from_mapping({"may_s": 2.0})
     assert Needed.from_mapping({"must_s": 2.0}) == Needed(must_s=2.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Edges(Params):
+    """Bounds that do not survive the way to degrees and back."""
+
+    angle_rad: float = parameter(-0.2, "angle", low=-0.2, high=0.3)
+    angles_rad: tuple[float, ...] = parameter((-0.2, 0.3), "angles", low=-0.2, high=0.3)
+
+
+def test_values_on_their_bounds_survive_the_way_to_degrees_and_back() -> None:
+    values = {name: value for name, (_, value) in leaves(Edges()).items()}
+    assert math.radians(values["angle_deg"]) < -0.2
+    assert with_leaves(Edges(), values) == Edges()
+    with pytest.raises(ValueError, match=r"angle_deg=-11\.46 must be >= -11\.459"):
+        with_leaves(Edges(), {"angle_deg": -11.46})
