@@ -4,6 +4,7 @@ A command that the axis can follow passes through unchanged.  Otherwise the outp
 within the rate, acceleration and, if given, jerk limits; the rule v = sqrt(2 a d) guards the ends of the travel.
 """
 
+import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -21,11 +22,17 @@ _FOLLOW, _STOP = "follow", "stop"
 
 @dataclass(frozen=True, kw_only=True)
 class CommandPreprocessorParams(Params):
-    """Limits per axis (azimuth, elevation); `jerk_limit_rad_s3` of 0 means no jerk limit."""
+    """Limits per axis (azimuth, elevation); `jerk_limit_rad_s3` of 0 means no jerk limit.
 
-    rate_limit_rad_s: tuple[float, float] = parameter((0.035, 0.035), "largest commanded rates", low=1e-6, high=10.0)
+    They stay below the drive's own (2 deg/s, 1 deg/s^2): what is left of the drive is the loop's, to act against wind.
+    A command at the drive's limit leaves a loop that winds up, overshoots by degrees, and can go on swinging.
+    """
+
+    rate_limit_rad_s: tuple[float, float] = parameter(
+        (math.radians(1.8),) * 2, "largest commanded rates", low=1e-6, high=10.0
+    )
     acceleration_limit_rad_s2: tuple[float, float] = parameter(
-        (0.0175, 0.0175), "largest commanded accelerations", low=1e-6, high=100.0
+        (math.radians(0.8),) * 2, "largest commanded accelerations", low=1e-6, high=100.0
     )
     jerk_limit_rad_s3: tuple[float, float] = parameter((0.0, 0.0), "largest jerks, 0 for none", low=0.0, high=1e4)
     travel_min_rad: tuple[float, float] = parameter((-3.9, 0.04), "lower ends of travel", low=-50.0, high=50.0)

@@ -2,8 +2,9 @@
 
 The error, high-passed to take out slow tracking error, is followed from zero crossing to zero crossing.  A swing whose
 peak exceeds the threshold counts; `cycles` such swings in a row with half periods alike within `regularity` are an
-oscillation.  One gust or one command step gives one or two swings and then decays; wind noise is irregular.  A loop whose
-drive saturates swings ever more slowly as it grows, so swings beyond the gross threshold need not be alike.
+oscillation.  One gust, one command step or the end of a slew gives a few swings and then decays; wind noise is irregular.
+A loop whose drive saturates swings ever more slowly as it grows, so swings beyond the gross threshold need not be alike.
+Swings slower than the high-pass are tracking error, however large.
 """
 
 import math
@@ -120,11 +121,13 @@ class OscillationDetector:
     def _swing(self, half_period_s: float, peak_rad: float) -> None:
         """Count a completed swing, or begin a new row where it does not fit."""
         state, params = self._state, self._params
-        fits = peak_rad >= params.threshold_rad and half_period_s >= 0.5 / params.highest_hz
+        in_band = 0.5 / params.highest_hz <= half_period_s <= 0.5 / params.high_pass_hz
+        fits = in_band and peak_rad >= params.threshold_rad
         state.row = (*state.row, (half_period_s, peak_rad))[-params.half_cycles :] if fits else ()
         lengths, peaks = [swing[0] for swing in state.row], [swing[1] for swing in state.row]
         gross = peaks[-params.gross_half_cycles :]
-        if len(gross) == params.gross_half_cycles and min(gross) >= params.gross_threshold_rad:
+        large = len(gross) == params.gross_half_cycles and min(gross) >= params.gross_threshold_rad
+        if large and gross[-1] >= params.growth * gross[0]:
             self._found(lengths[-params.gross_half_cycles :], gross)
         elif len(state.row) == params.half_cycles:
             mean = sum(lengths) / len(lengths)

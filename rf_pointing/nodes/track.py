@@ -48,7 +48,7 @@ LOOK_PERIOD_S = 0.2
 REAL_TIME_SPEED = 3.0
 """Up to this speed the clock ticks with the servo; above it only with the controller, five servo ticks at once."""
 SLEW_TIME_S = 150.0
-"""Simulated time before acquisition: the largest slew at 2 deg/s, with a minute to settle."""
+"""Simulated time before acquisition: the largest slew at 1.8 deg/s, with most of a minute to settle."""
 
 
 class NotStartedError(Exception):

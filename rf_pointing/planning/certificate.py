@@ -32,9 +32,9 @@ DEEPEST_DB = 60.0
 class MachineParams(Params):
     """What the axes can do, and what a pass must keep to be worth tracking."""
 
-    rate_limit_rad_s: tuple[float, float] = parameter((0.035, 0.035), "largest rates", low=1e-6, high=10.0)
+    rate_limit_rad_s: tuple[float, float] = parameter((math.radians(1.8),) * 2, "largest rates", low=1e-6, high=10.0)
     acceleration_limit_rad_s2: tuple[float, float] = parameter(
-        (0.0175, 0.0175), "largest accelerations", low=1e-6, high=100.0
+        (math.radians(0.8),) * 2, "largest accelerations", low=1e-6, high=100.0
     )
     reserve: float = parameter(0.05, "share of both that planning leaves to the tracking loop", low=0.0, high=0.5)
     sun_radius_rad: float = parameter(math.radians(1.0), "the beam stays this far from the Sun", low=0.0, high=0.5)

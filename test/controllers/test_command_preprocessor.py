@@ -11,7 +11,7 @@ from rf_pointing.controllers import CommandPreprocessor, CommandPreprocessorPara
 from rf_pointing.geometry import MDEG
 
 DT_S = 0.02
-RATE, ACCELERATION = 0.035, 0.0175
+RATE, ACCELERATION = math.radians(1.8), math.radians(0.8)
 ROUNDING = 1e-9
 
 

@@ -123,8 +123,8 @@ def test_a_pass_through_the_sun_is_refused_with_the_angle() -> None:
 def test_prepositioning_counts_against_the_pass_when_it_comes_too_late() -> None:
     early = certificate(arc(-60.0, 0.0), now_s=0.0).chosen
     assert early.late_s == 0.0
-    # 180 deg at 2 deg/s, 2 s to accelerate.
-    assert early.preposition_s == pytest.approx(180.0 / math.degrees(0.035) + 2.0, rel=1e-3)
+    # 180 deg at 1.8 deg/s, 2.25 s to accelerate at 0.8 deg/s^2.
+    assert early.preposition_s == pytest.approx(180.0 / 1.8 + 2.25, rel=1e-3)
     late = certificate(arc(-60.0, 0.0), now_s=995.0).chosen
     assert late.late_s == pytest.approx(early.preposition_s - 5.0)
     assert "would be lost" in certificate(arc(-60.0, 0.0, seconds=200.0), now_s=995.0).refusal
@@ -133,7 +133,7 @@ def test_prepositioning_counts_against_the_pass_when_it_comes_too_late() -> None
 def test_unwinding_is_the_way_back_to_the_turn_about_north() -> None:
     assert certificate(arc(100.0, 170.0)).chosen.unwind_s == 0.0
     wound = certificate(arc(150.0, 210.0), now_s=900.0).chosen
-    assert wound.unwind_s == pytest.approx(360.0 / math.degrees(0.035) + 2.0, rel=1e-3)
+    assert wound.unwind_s == pytest.approx(360.0 / 1.8 + 2.25, rel=1e-3)
 
 
 def test_the_values_are_plain_json_in_degrees() -> None:

@@ -331,3 +331,15 @@ def test_the_boresight_is_the_encoder_direction_without_the_mounts_errors() -> N
     assert boresight.azimuth_rad == pytest.approx(float(azimuth), abs=ENCODER_RAD)
     assert boresight.elevation_rad == pytest.approx(float(elevation), abs=ENCODER_RAD)
     assert abs(boresight.azimuth_rad - reading.position_rad[0]) > 1e-3
+
+
+def test_the_longest_slew_is_no_oscillation() -> None:
+    """Half a turn at full speed, against the wind: the servo error swings by degrees at both ends of it."""
+    clock = enabled(wind=WindParams(mean_speed_m_s=12.0))
+    goal = STANDING - np.radians([184.0, 47.0])
+    for _ in range(110):
+        assert clock.antenna.accept(hold_at(clock.t_s + 1.0, goal), clock.t_s) == ""
+        clock.run(1.0)
+    assert not any(watch.oscillating for watch in clock.antenna.oscillation_watch)
+    assert clock.antenna.mode == "tracking"
+    np.testing.assert_allclose(clock.position[-1], goal, atol=5.0 * MDEG)
