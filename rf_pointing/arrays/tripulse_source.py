@@ -20,13 +20,12 @@ from rf_pointing.arrays.tripulse_array import TripulseArrayParams, element_weigh
 from rf_pointing.arrays.tripulse_beams import beam_signals
 from rf_pointing.arrays.tripulse_signal import TripulseFrame, TripulseSignalParams, segment_beams
 from rf_pointing.geometry import Params, as_finite_array, parameter, random_stream, require_between, require_finite
+from rf_pointing.geometry.constants import SPEED_OF_LIGHT_M_S
 
 __all__ = ["StationLine", "TripulseSource", "TripulseSourceParams", "TripulseSourceState"]
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
-
-LIGHT_M_S = 299792458.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,7 +149,7 @@ class TripulseSource:
 
         def tone(offset_hz: float) -> ComplexArray:
             frequency_hz = signal.carrier_hz + offset_hz
-            travel_rad = 2.0 * math.pi * frequency_hz * range_rate_m_s / LIGHT_M_S * time_s
+            travel_rad = 2.0 * math.pi * frequency_hz * range_rate_m_s / SPEED_OF_LIGHT_M_S * time_s
             start_rad = self._stream.uniform(0.0, 2.0 * math.pi)
             clock_rad = frequency_hz / signal.carrier_hz * satellite_rad - station_rad
             return np.asarray(np.exp(1j * (2.0 * math.pi * offset_hz * time_s - travel_rad + clock_rad + start_rad)))

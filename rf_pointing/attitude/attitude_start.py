@@ -52,17 +52,22 @@ def aligned_start(
 def start_bank(
     params: StartParams, gate: GateParams, quaternion: Array, rate_rad_s: Array, first: DirectionObservation
 ) -> AttitudeState:
-    """Return a batch (hypotheses,) of states: the aligned guess (4,), (3,) turned about the first direction."""
+    """Return banks (..., hypotheses) of states: each aligned guess (..., 4), (..., 3) turned about its first direction."""
     count = params.hypotheses
-    turns = 2.0 * np.pi / count * np.arange(count)[:, None] * first.reference
-    aligned = aligned_start(params, gate, quaternion, rate_rad_s, first).quaternion
-    turned = multiply(quaternion_from_rotation_vector(turns), np.broadcast_to(aligned, (count, 4)))
-    return start_state(turned, np.broadcast_to(rate_rad_s, (count, 3)), params.attitude_rad, params.rate_rad_s, gate)
+    aligned = aligned_start(params, gate, quaternion, rate_rad_s, first)
+    turns = 2.0 * np.pi / count * np.arange(count)[:, None] * np.asarray(first.reference)[..., None, :]
+    turned = multiply(quaternion_from_rotation_vector(turns), aligned.quaternion[..., None, :])
+    rates = np.broadcast_to(aligned.rate_rad_s[..., None, :], (*turned.shape[:-1], 3))
+    return start_state(turned, rates, params.attitude_rad, params.rate_rad_s, gate)
 
 
 def best_of_bank(state: AttitudeState) -> AttitudeState:
-    """Return the member (1,) of a bank (hypotheses,) with the smallest misfit."""
-    best = slice(int(np.argmin(state.misfit)), int(np.argmin(state.misfit)) + 1)
+    """Return the member (..., 1) of each bank (..., hypotheses) with the smallest misfit."""
+    best = np.argmin(state.misfit, axis=-1)[..., None]
     return AttitudeState(
-        state.quaternion[best], state.rate_rad_s[best], state.covariance[best], state.refused[best], state.misfit[best]
+        np.take_along_axis(state.quaternion, best[..., None], axis=-2),
+        np.take_along_axis(state.rate_rad_s, best[..., None], axis=-2),
+        np.take_along_axis(state.covariance, best[..., None, None], axis=-3),
+        np.take_along_axis(state.refused, best, axis=-1),
+        np.take_along_axis(state.misfit, best, axis=-1),
     )

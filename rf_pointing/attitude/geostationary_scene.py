@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.attitude.ground_stations import GroundStation, StationView
+from rf_pointing.attitude.circular_orbit import OrbitPoint, circular_frame
+from rf_pointing.attitude.ground_stations import GroundStation, StationView, view_from
 from rf_pointing.attitude.quaternion import conjugate, quaternion_from_roll_pitch_yaw, quaternion_to_matrix
-from rf_pointing.attitude.sun_synchronous_orbit import EARTH_RADIUS_M, OrbitPoint
 from rf_pointing.geometry import Params, parameter, require_finite
 
 __all__ = [
@@ -73,13 +73,9 @@ def geostationary_point(orbit: GeostationaryParams, t_s: float) -> OrbitPoint:
     along = EARTH_RATE_RAD_S * (t_s - orbit.ascending_node_time_s)
     # Earth-fixed axes turn with the Earth: seen from them the node runs back as fast as the satellite runs on.
     node = orbit.longitude_rad - along
-    cosine, sine = math.cos(orbit.inclination_rad), math.sin(orbit.inclination_rad)
-    turn = np.array([[math.cos(node), -math.sin(node), 0.0], [math.sin(node), math.cos(node), 0.0], [0.0, 0.0, 1.0]])
-    outward = turn @ [math.cos(along), math.sin(along) * cosine, math.sin(along) * sine]
-    forward = turn @ [-math.sin(along), math.cos(along) * cosine, math.cos(along) * sine]
-    frame = np.stack([forward, -np.cross(outward, forward), -outward])
+    frame = circular_frame(along, node, orbit.inclination_rad)
     rate = np.array([0.0, -EARTH_RATE_RAD_S, 0.0])
-    return OrbitPoint(position_m=ORBIT_RADIUS_M * outward, frame=frame, frame_rate_rad_s=rate)
+    return OrbitPoint(position_m=-ORBIT_RADIUS_M * frame[2], frame=frame, frame_rate_rad_s=rate)
 
 
 def wobble_quaternion(wobble: WobbleParams, t_s: float) -> Array:
@@ -105,12 +101,4 @@ def scene_moment(
 
 def station_view(orbit: GeostationaryParams, stations: list[GroundStation], t_s: float) -> StationView:
     """Return how the satellite sees `stations` at `t_s`: directions in the orbital frame, elevations, ranges."""
-    if not stations:
-        raise ValueError("stations is empty, must have at least 1")
-    point = geostationary_point(orbit, t_s)
-    places = np.stack([station.position_m for station in stations])
-    away = places - point.position_m
-    distance = np.linalg.norm(away, axis=-1)
-    sine = -np.sum(away * places, axis=-1) / (distance * EARTH_RADIUS_M)
-    reference = away @ point.frame.T / distance[:, None]
-    return StationView(reference=reference, elevation_rad=np.arcsin(np.clip(sine, -1.0, 1.0)), range_m=distance)
+    return view_from(geostationary_point(orbit, t_s), stations)

@@ -10,14 +10,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rf_pointing.attitude.sun_synchronous_orbit import (
-    EARTH_RADIUS_M,
-    SunSynchronousOrbitParams,
-    orbit_point,
-)
+from rf_pointing.attitude.circular_orbit import OrbitPoint
+from rf_pointing.attitude.sun_synchronous_orbit import SunSynchronousOrbitParams, orbit_point
 from rf_pointing.geometry import require_between
+from rf_pointing.geometry.constants import EARTH_RADIUS_M
 
-__all__ = ["GroundStation", "StationView", "largest_nadir_angle_rad", "stations_along_track", "view_stations"]
+__all__ = [
+    "GroundStation",
+    "StationView",
+    "largest_nadir_angle_rad",
+    "stations_along_track",
+    "view_from",
+    "view_stations",
+]
 
 Array = NDArray[np.float64]
 
@@ -62,9 +67,13 @@ class StationView:
 
 def view_stations(orbit: SunSynchronousOrbitParams, stations: list[GroundStation], t_s: ArrayLike) -> StationView:
     """Return how the satellite sees `stations` at UTC times `t_s` (...)."""
+    return view_from(orbit_point(orbit, t_s), stations)
+
+
+def view_from(point: OrbitPoint, stations: list[GroundStation]) -> StationView:
+    """Return how a satellite at `point` sees `stations`."""
     if not stations:
         raise ValueError("stations is empty, must have at least 1")
-    point = orbit_point(orbit, t_s)
     places = np.stack([station.position_m for station in stations])
     away = places - point.position_m[..., None, :]
     distance = np.linalg.norm(away, axis=-1)

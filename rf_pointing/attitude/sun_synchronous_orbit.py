@@ -3,8 +3,7 @@
 The node turns once a year with the mean Sun, so its Earth-fixed longitude follows from the time of day alone:
 lambda_node = 2 pi (local time of the ascending node - UTC day fraction).  The inclination is the one whose J2
 precession does this: cos i = -2/3 (2 pi / year) a^(7/2) / (J2 R^2 sqrt(mu)).
-
-Orbital frame F_o: x along the flight, y against the orbit's momentum, z to the centre of the Earth.
+The Earth is a sphere here, as in DOA's 62 deg nadir angle.
 """
 
 import math
@@ -13,15 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rf_pointing.attitude.circular_orbit import OrbitPoint, circular_frame
 from rf_pointing.geometry import Params, parameter
+from rf_pointing.geometry.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
 
-__all__ = ["EARTH_RADIUS_M", "OrbitPoint", "SunSynchronousOrbitParams", "inclination_rad", "orbit_point", "period_s"]
+__all__ = ["SunSynchronousOrbitParams", "inclination_rad", "orbit_point", "period_s"]
 
 Array = NDArray[np.float64]
 
-EARTH_RADIUS_M = 6378137.0
-"""WGS 84 equatorial radius; the Earth is a sphere here, as in DOA's 62 deg nadir angle."""
-EARTH_MU_M3_S2 = 3.986004418e14
 EARTH_J2 = 1.08262668e-3
 YEAR_S = 365.24219 * 86400.0
 
@@ -33,15 +31,6 @@ class SunSynchronousOrbitParams(Params):
     altitude_m: float = parameter(800e3, "height above the spherical Earth", low=200e3, high=5000e3)
     descending_node_local_time_h: float = parameter(8.0, "local mean solar time, hours", low=0.0, high=24.0)
     ascending_node_time_s: float = parameter(0.0, "UTC seconds since 1970 of one ascending node", low=-1e11, high=1e11)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class OrbitPoint:
-    """Earth-fixed position (..., 3), axes of F_o as rows (..., 3, 3), and inertial rate of F_o in F_o (..., 3)."""
-
-    position_m: Array
-    frame: Array
-    frame_rate_rad_s: Array
 
 
 def mean_motion_rad_s(orbit: SunSynchronousOrbitParams) -> float:
@@ -66,17 +55,9 @@ def orbit_point(orbit: SunSynchronousOrbitParams, t_s: ArrayLike) -> OrbitPoint:
     time = np.asarray(t_s, dtype=np.float64)
     along = mean_motion_rad_s(orbit) * (time - orbit.ascending_node_time_s)
     node = 2.0 * np.pi * ((orbit.descending_node_local_time_h + 12.0) / 24.0 - time / 86400.0)
-    tilt = inclination_rad(orbit)
-    outward = _turned(np.cos(along), np.sin(along), node, tilt)
-    forward = _turned(-np.sin(along), np.cos(along), node, tilt)
-    frame = np.stack([forward, -np.cross(outward, forward), -outward], axis=-2)
+    frame = circular_frame(along, node, inclination_rad(orbit))
     precession = 2.0 * np.pi / YEAR_S * frame[..., :, 2]
     rate = precession + np.array([0.0, -mean_motion_rad_s(orbit), 0.0])
-    return OrbitPoint(position_m=(EARTH_RADIUS_M + orbit.altitude_m) * outward, frame=frame, frame_rate_rad_s=rate)
-
-
-def _turned(in_plane_x: Array, in_plane_y: Array, node: Array, tilt: float) -> Array:
-    x, y = in_plane_x, in_plane_y * math.cos(tilt)
-    return np.stack(
-        [x * np.cos(node) - y * np.sin(node), x * np.sin(node) + y * np.cos(node), in_plane_y * math.sin(tilt)], axis=-1
+    return OrbitPoint(
+        position_m=-(EARTH_RADIUS_M + orbit.altitude_m) * frame[..., 2, :], frame=frame, frame_rate_rad_s=rate
     )

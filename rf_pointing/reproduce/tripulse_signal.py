@@ -19,6 +19,7 @@ from rf_pointing.attitude.geostationary_scene import GeostationaryParams, SceneM
 from rf_pointing.attitude.quaternion import conjugate, multiply, quaternion_to_rotation_vector
 from rf_pointing.attitude.station_attitude import StationAttitude, StationAttitudeParams
 from rf_pointing.geometry import random_stream
+from rf_pointing.geometry.constants import SPEED_OF_LIGHT_M_S
 from rf_pointing.reproduce.row import Row
 from rf_pointing.station.ground_network import GroundNetworkParams
 from rf_pointing.station.tripulse import EpochParams, SimulatedTripulse, TripulseAttitude
@@ -119,7 +120,7 @@ def _phase_left_rad(seed: int) -> float:
     """Return the largest phase that remains on f_t, samples of the three tones apart, without receiver noise."""
     count, carrier_hz, separation_hz = 2000, 12e9, 4e5
     rng, time_s = random_stream(seed, "tripulse tones"), np.arange(count) / 4e6
-    travel_s = (300.0 * time_s + 0.5 * 4e6 * time_s**2) / 299792458.0
+    travel_s = (300.0 * time_s + 0.5 * 4e6 * time_s**2) / SPEED_OF_LIGHT_M_S
     satellite_rad, station_rad = np.cumsum(0.03 * rng.normal(size=(2, count)), axis=1)
     lower, tone, upper = (
         np.exp(1j * (start - 2.0 * math.pi * f_hz * travel_s + f_hz / carrier_hz * satellite_rad - station_rad))

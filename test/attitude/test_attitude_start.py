@@ -1,5 +1,7 @@
 """Start of the filter: alignment, the bank of turns, and convergence from any attitude at the first hand-off."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -85,3 +87,20 @@ def test_bank_converges_from_any_attitude_within_30_seconds_of_the_first_hand_of
     error = attitude_error(best, quaternion[None], rate[None])[0]
     assert np.degrees(np.linalg.norm(error[:3])) < 1.0
     assert np.degrees(np.linalg.norm(error[3:])) < 0.01
+
+
+def test_banks_of_many_filters_are_those_of_each_one(stream: np.random.Generator) -> None:
+    guesses, measured, reference = unit(stream, 5, 4), unit(stream, 5, 3), unit(stream, 3)
+    first = [seen(each, reference) for each in measured]
+    together = DirectionObservation(
+        measured, np.stack([each.covariance_rad2 for each in first]), np.broadcast_to(reference, (5, 3))
+    )
+    banks = start_bank(START, GATE, guesses, np.zeros((5, 3)), together)
+    assert banks.quaternion.shape == (5, START.hypotheses, 4)
+    banks = replace(banks, misfit=stream.uniform(size=banks.misfit.shape))
+    best = best_of_bank(banks)
+    for k, each in enumerate(first):
+        alone = start_bank(START, GATE, guesses[k], np.zeros(3), each)
+        np.testing.assert_allclose(np.abs(np.sum(alone.quaternion * banks.quaternion[k], axis=-1)), 1.0, atol=1e-12)
+        chosen = best_of_bank(replace(alone, misfit=banks.misfit[k]))
+        assert float(rotation_angle_between_rad(chosen.quaternion[0], best.quaternion[k, 0])) < 1e-7

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from rf_pointing.attitude.sun_synchronous_orbit import (
-    EARTH_RADIUS_M,
     YEAR_S,
     SunSynchronousOrbitParams,
     inclination_rad,
     orbit_point,
     period_s,
 )
+from rf_pointing.geometry.constants import EARTH_RADIUS_M
 
 ORBIT = SunSynchronousOrbitParams(ascending_node_time_s=1.7e9)
 

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.arrays.interferometer.variant import CORRECTED, VARIANTS, is_published
 from rf_pointing.geometry import Params, parameter, require_between
+from rf_pointing.geometry.constants import SPEED_OF_LIGHT_M_S
 
 __all__ = ["REPORT_SPEED_OF_LIGHT_M_S", "CarrierPlan", "carrier_phases", "frequency_ratio"]
 
@@ -29,7 +30,7 @@ class CarrierPlan(Params):
     ratio: float = parameter(6.1324, "nu, cycles resolved per step", low=1.01, high=1e4)
     forward_hz: float = parameter(3.0e9, "carrier 1 from active to passive", low=1e6, high=1e12)
     return_hz: float = parameter(2.0e9, "carrier 1 from passive to active", low=1e6, high=1e12)
-    speed_of_light_m_s: float = parameter(299792458.0, "speed of light", low=2.9e8, high=3.1e8)
+    speed_of_light_m_s: float = parameter(SPEED_OF_LIGHT_M_S, "speed of light", low=2.9e8, high=3.1e8)
     exponents: str = parameter(CORRECTED, "published: first difference nu f0, as (7-1) reads", choices=VARIANTS)
 
     @property

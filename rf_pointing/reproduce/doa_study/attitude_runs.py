@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 
 from rf_pointing.arrays.circular_array import CircularArrayParams
 from rf_pointing.arrays.polar_direction import polar_basis, polar_errors_rad
-from rf_pointing.attitude.attitude_start import StartParams, aligned_start
+from rf_pointing.attitude.attitude_start import StartParams, best_of_bank, start_bank
 from rf_pointing.attitude.multiplicative_filter import AttitudeState, DirectionObservation, GateParams, predict, update
 from rf_pointing.attitude.process_noise import process_noise_from_q
 from rf_pointing.attitude.published_filter import PublishedState, published_predict, published_update
-from rf_pointing.attitude.quaternion import quaternion_from_roll_pitch_yaw, quaternion_to_rotation_vector
+from rf_pointing.attitude.quaternion import quaternion_from_roll_pitch_yaw
 from rf_pointing.attitude.rigid_body import KnownTorque
 from rf_pointing.geometry import random_stream, require_between
+from rf_pointing.geometry.rotations import turn_from_quaternion
 from rf_pointing.reproduce.doa_study.direction_errors import (
     GRID_RAD,
     DirectionCase,
@@ -35,6 +36,8 @@ Array = NDArray[np.float64]
 
 ARRAY = CircularArrayParams()
 GATE = GateParams()
+START = StartParams(hypotheses=6)
+"""Turns 60 deg apart leave the best at most 30 deg wrong; the filter converges from twice that."""
 CHUNK_STEPS = 100
 PER_SECOND = round(1.0 / STEP_S)
 START_ERROR_RAD = np.radians(50.0)
@@ -136,34 +139,43 @@ class _Batch:
         floor = [0.0 if case.refined else GRID_RAD**2 / 12.0 for case in task.cases]
         self._floor = np.repeat(floor, task.trials)
         self._state: AttitudeState | None = None
+        second = int(np.argmax(scene.station != scene.station[0]))
+        self._choose = second + round(START.settle_s / STEP_S)
 
     def step(self, k: int, measured: Array) -> None:
         """Predict to step `k` and take its directions (n, 3)."""
         scene = self._scene
-        reference = np.broadcast_to(scene.reference[k], measured.shape)
-        seen = DirectionObservation(measured, self._covariance(measured), reference)
         if self._state is None:
             guess, rate = _start(self._count, scene)
-            self._state = aligned_start(StartParams(), GATE, guess, rate, seen)
+            first = self._seen(k, measured)
+            self._state = start_bank(START, GATE, guess, rate, first)
         else:
+            if k == self._choose:
+                self._state = best_of_bank(self._state)
             known = _known(scene, k - 1)
             self._state = predict(scene.inertia, self._noise, self._state, known, scene.frame_rate[k - 1], STEP_S)
-        self._state = update(self._state, seen, GATE)
+        self._state = update(self._state, self._seen(k, measured[:, None]), GATE)
 
     def error_rad(self) -> Array:
-        """Return the rotation vectors (n, 3) of the estimates; the truth is the identity."""
-        assert self._state is not None
-        return quaternion_to_rotation_vector(self._state.quaternion)
+        """Return the rotation vectors (n, 3) of the best estimates; the truth is the identity."""
+        return turn_from_quaternion(self._best().quaternion)
 
     def rate_error_rad_s(self, k: int) -> Array:
         """Return the rate errors (n, 3) at step `k`."""
-        assert self._state is not None
-        return np.asarray(self._state.rate_rad_s - self._scene.frame_rate[k])
+        return np.asarray(self._best().rate_rad_s - self._scene.frame_rate[k])
 
     def spread_rad2(self) -> Array:
         """Return the predicted variances (n, 3)."""
+        return np.asarray(np.diagonal(self._best().covariance, axis1=-2, axis2=-1)[..., :3])
+
+    def _best(self) -> AttitudeState:
         assert self._state is not None
-        return np.asarray(np.diagonal(self._state.covariance, axis1=-2, axis2=-1)[:, :3])
+        return self._state if self._state.misfit.shape[-1] == 1 else best_of_bank(self._state)
+
+    def _seen(self, k: int, measured: Array) -> DirectionObservation:
+        """Return the observation of directions (n, 3), or (n, 1, 3) for banks."""
+        covariance = self._covariance(measured.reshape(-1, 3)).reshape(*measured.shape, 3)
+        return DirectionObservation(measured, covariance, np.broadcast_to(self._scene.reference[k], measured.shape))
 
     def _covariance(self, measured: Array) -> Array:
         basis = polar_basis(measured)
@@ -199,7 +211,7 @@ class _PublishedBatch:
 
     def error_rad(self) -> Array:
         """Return the rotation vectors (n, 3) of the estimates; the truth is the identity."""
-        return quaternion_to_rotation_vector(self._state.quaternion)
+        return turn_from_quaternion(self._state.quaternion)
 
     def rate_error_rad_s(self, k: int) -> Array:
         """Return the rate errors (n, 3) at step `k`."""

@@ -5,6 +5,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from rf_pointing.arrays.circular_array import CircularArrayParams
+from rf_pointing.arrays.cramer_rao import cosine_sigma_rad
 from rf_pointing.attitude.process_noise import PRINTED_Q
 from rf_pointing.reproduce.doa_study.attitude_runs import CaseResult
 from rf_pointing.reproduce.doa_study.direction_errors import DirectionCase
@@ -13,6 +15,8 @@ from rf_pointing.reproduce.row import Row
 
 __all__ = ["attitude_rows", "convergence_rows", "filter_rows", "settling_time_s"]
 
+ARRAY = CircularArrayParams()
+GRID_FLOOR_DEG = 1.0 / math.sqrt(12.0)
 AXES = ("yaw", "roll", "pitch")
 FAIR = [(100, -10.0), (100, -8.0), (100, -6.0), (100, -2.0), (100, 0.0), (10, 0.0), (20, 0.0), (50, 0.0)]
 """Rows above the threshold whose attitude errors are noise, not the repeating error of the grid."""
@@ -178,9 +182,9 @@ def _reason(grid: CaseResult, refined: CaseResult) -> str:
     if grid.outliers > 1e-3:
         trials = grid.history_deg.shape[1]
         return (
-            f"{100.0 * grid.outliers:.1f} % outliers, refused by our gate; locked wrong at the end: "
-            f"{lost[0]} of {trials} on the grid, {lost[1]} of {trials} refined"
+            f"{100.0 * grid.outliers:.1f} % outliers, refused by our gate; a filter whose first direction is one starts "
+            f"wrong: {lost[0]} of {trials} still so at the end on the grid, {lost[1]} of {trials} refined"
         )
-    if _worst(grid) > 2.0 * _worst(refined):
+    if math.degrees(cosine_sigma_rad(ARRAY, grid.case.snapshots, grid.case.snr)) < 0.5 * GRID_FLOOR_DEG:
         return "the error of the grid repeats with the direction, and the filter cannot average it away"
     return ""
