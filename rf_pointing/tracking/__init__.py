@@ -6,7 +6,6 @@ from rf_pointing.tracking.conscan import ConscanState, ConscanTracker
 from rf_pointing.tracking.conscan_delay import DelayEstimate, DelayEstimator, DelayParams, DelayState
 from rf_pointing.tracking.conscan_design import ScanDesign, ScanDesignParams, design_scan, radius_for_loss_rad
 from rf_pointing.tracking.conscan_equations import (
-    MU,
     conscan_loss,
     conscan_sigma_eq20_rad,
     conscan_sigma_eq21_rad,
@@ -34,7 +33,6 @@ from rf_pointing.tracking.steptrack import StepTracker, StepTrackParams, StepTra
 from rf_pointing.tracking.trim import SkyMotion, Trim, TrimFilter, TrimParams, TrimState, direction_rows
 
 __all__ = [
-    "MU",
     "TRANSITIONS",
     "Autotrack",
     "AutotrackInputs",
