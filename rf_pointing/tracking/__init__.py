@@ -30,6 +30,7 @@ from rf_pointing.tracking.scan import Offset, ScanParams, circle_offset
 from rf_pointing.tracking.spin import spin_columns, spin_period_s
 from rf_pointing.tracking.spiral import SpiralParams, SpiralSearch
 from rf_pointing.tracking.steptrack import StepTracker, StepTrackParams, StepTrackState
+from rf_pointing.tracking.strip_search import StripOffset, StripSearch
 from rf_pointing.tracking.trim import SkyMotion, Trim, TrimFilter, TrimParams, TrimState, direction_rows
 
 __all__ = [
@@ -69,6 +70,8 @@ __all__ = [
     "StepTrackParams",
     "StepTrackState",
     "StepTracker",
+    "StripOffset",
+    "StripSearch",
     "Trim",
     "TrimFilter",
     "TrimParams",
