@@ -101,11 +101,11 @@ class StationSetup:
             node.group("integrator", TrackerIntegratorParams()),
             node.group("spiral", SpiralParams()),
             node.group("conscan", ConscanParams()),
-            node.group("steptrack", StepTrackParams()),
-            node.group("calibration", MonopulseScanParams()),
-            node.group("trim", TrimParams()),
-            node.group("watch", LockWatchParams()),
-            node.group("link", LinkParams()),
+            steptrack=node.group("steptrack", StepTrackParams()),
+            calibration=node.group("calibration", MonopulseScanParams()),
+            trim=node.group("trim", TrimParams()),
+            watch=node.group("watch", LockWatchParams()),
+            link=node.group("link", LinkParams()),
         )
         controller.take_model(self.model)
         return controller

@@ -107,22 +107,20 @@ class PointingController:
         integrator: TrackerIntegratorParams,
         spiral: SpiralParams,
         conscan: ConscanParams,
+        machine: MachineParams | None = None,
+        mask: HorizonMask | None = None,
         steptrack: StepTrackParams | None = None,
         calibration: MonopulseScanParams | None = None,
         trim: TrimParams | None = None,
         watch: LockWatchParams | None = None,
         link: LinkParams | None = None,
-        machine: MachineParams | None = None,
-        mask: HorizonMask | None = None,
     ) -> None:
         self.params, self.limits = params, limits
         self.plan = PassPlan(machine or MachineParams(), mask or HorizonMask())
         self._autotrack_params = autotrack
         self._table = Autotrack(autotrack)
         self.state = AutotrackState()
-        scans = ScanParams(
-            spiral, conscan, steptrack or StepTrackParams(), calibration or MonopulseScanParams()
-        )
+        scans = ScanParams(spiral, conscan, steptrack or StepTrackParams(), calibration or MonopulseScanParams())
         self.offsets = SkyOffsets(integrator, scans, trim or TrimParams())
         self._watch, self._link = LockWatch(watch or LockWatchParams()), link or LinkParams()
         self._watched_s = -math.inf

@@ -49,6 +49,8 @@ class PowerTracker:
         self._idle = 0
         self._origin = np.zeros(2)
         self._refused, self._last_refusal = 0, ""
+        self._delay_centre: Array | None = None
+        self._since_delay = 0
         self._forget_delay()
 
     @property
@@ -169,8 +171,7 @@ class PowerTracker:
 
     def _forget_delay(self) -> None:
         self._delay = DelayEstimator(DelayParams(period_s=self.conscan.params.period_s))
-        self._delay_centre: Array | None = None
-        self._since_delay = 0
+        self._delay_centre, self._since_delay = None, 0
 
 
 def _sure(found: DelayEstimate) -> bool:

@@ -7,6 +7,7 @@ too long and the target is far likelier early or late than beside its track: the
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,7 @@ from rf_pointing.tracking import (
 __all__ = ["ScanParams", "ScanPatterns"]
 
 Array = NDArray[np.float64]
+Pattern = Callable[[float], tuple[float, ...]]
 LONGEST_SPIRAL_S = 30.0
 LEAST_SIGMA_BEAMWIDTHS = 0.25
 SLOWEST_RAD_S = 1e-5
@@ -61,21 +63,21 @@ class ScanPatterns:
         self._params = params
         self.running = ""
         self._start_s = 0.0
-        self._pattern: Callable[[float], tuple[float, ...]] | None = None
+        self._pattern: Pattern | None = None
         self._per_track: tuple[float, float] | None = None
 
     def begin(self, mode: str, start_s: float, known: TrimFilter, sky: SkyMotion | None) -> None:
         """Begin what `mode` needs, for command times from `start_s` on; `sky` (1,) is the target's motion there."""
-        makers = {
-            "search": lambda: self._search(start_s, known, sky),
-            "conscan": lambda: lambda t: circle_offset(self._params.conscan.scan, t),
-            "steptrack": lambda: StepTracker(self._params.steptrack).offset,
-            "calibrate": lambda: lambda t: circle_offset(self._params.calibration.scan, t),
-        }
-        self._start_s, self._per_track, self._pattern = start_s, None, None
-        self.running = mode if mode in makers else ""
-        if self.running:
-            self._pattern = makers[mode]()
+        self._start_s, self._per_track = start_s, None
+        self._pattern = self._search(start_s, known, sky) if mode == "search" else self._fixed(mode)
+        self.running = mode if self._pattern is not None else ""
+
+    def _fixed(self, mode: str) -> Pattern | None:
+        """Return the pattern that depends on parameters only, None where the mode adds nothing."""
+        if mode == "steptrack":
+            return StepTracker(self._params.steptrack).offset
+        circles = {"conscan": self._params.conscan.scan, "calibrate": self._params.calibration.scan}
+        return partial(circle_offset, circles[mode]) if mode in circles else None
 
     def at(self, times: Array, sky: SkyMotion | None) -> tuple[Array, Array]:
         """Return offset and rate (n, 2) at `times` (n,), `sky` (n,) the target's motion there."""
@@ -90,7 +92,7 @@ class ScanPatterns:
             rate = rate + np.einsum("nij,nj->ni", np.gradient(rows, times, axis=0, edge_order=2), state[:, :2])
         return offset, rate
 
-    def _search(self, t_s: float, known: TrimFilter, sky: SkyMotion | None) -> Callable[[float], tuple[float, ...]]:
+    def _search(self, t_s: float, known: TrimFilter, sky: SkyMotion | None) -> Pattern:
         params = self._params.spiral
         beamwidth = params.half_power_beamwidth_rad
         if known.state.used and sky is not None:
@@ -103,9 +105,9 @@ class ScanPatterns:
             return spiral.offset
         return self._strips(t_s, known, _first(sky)) or spiral.offset
 
-    def _strips(self, t_s: float, known: TrimFilter, sky: SkyMotion) -> Callable[[float], tuple[float, ...]] | None:
+    def _strips(self, t_s: float, known: TrimFilter, sky: SkyMotion) -> Pattern | None:
         """Return the search along the track, in the filter's own terms: seconds along it and metres beside it."""
-        right, up = float(sky.cross_elevation_rate_rad_s), float(sky.elevation_rate_rad_s)
+        right, up, range_m = _values(sky)
         speed, params = math.hypot(right, up), self._params.spiral
         if speed < SLOWEST_RAD_S:
             return None
@@ -116,9 +118,14 @@ class ScanPatterns:
             for axis in (ahead, left)
         )
         pitch = params.pitch_beamwidths * params.half_power_beamwidth_rad
-        self._per_track = 1.0 / speed, float(sky.range_m)
+        self._per_track = 1.0 / speed, range_m
         return StripSearch(along, across, pitch, params.rate_rad_s, params.acceleration_rad_s2).offset
 
 
 def _first(sky: SkyMotion) -> SkyMotion:
-    return SkyMotion(*(float(np.ravel(part)[0]) for part in sky))
+    return SkyMotion(*_values(sky))
+
+
+def _values(sky: SkyMotion) -> tuple[float, float, float]:
+    right, up, range_m = (float(np.ravel(np.asarray(part))[0]) for part in sky)
+    return right, up, range_m

@@ -71,7 +71,7 @@ class TargetBuffer:
 
     def range_m(self, t_s: ArrayLike) -> Array:
         """Return the distance of the target at the times (n,), linear between samples, the nearest one outside."""
-        return np.asarray(np.interp(t_s, self._times, self._ranges))
+        return np.asarray(np.interp(np.asarray(t_s, dtype=np.float64), self._times, self._ranges))
 
     def _one(self, t_s: float) -> Motion:
         if not self.covers(t_s, t_s):
