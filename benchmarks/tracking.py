@@ -11,10 +11,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from rf_pointing.geometry import MDEG, CarrierPower, random_stream
+from rf_pointing.geometry import MDEG, MU, CarrierPower, random_stream
 from rf_pointing.rf import Beam, BeamParams, MonopulseFeed, MonopulseFeedParams, Receiver, ReceiverParams
 from rf_pointing.tracking import (
-    MU,
     Autotrack,
     AutotrackInputs,
     AutotrackParams,

@@ -10,6 +10,7 @@ from rf_pointing.geometry.angles import (
     wrap_rad,
 )
 from rf_pointing.geometry.checks import as_finite_array, require_between, require_choice, require_finite
+from rf_pointing.geometry.gaussian_beam import MU
 from rf_pointing.geometry.hermite import Motion, Quintic
 from rf_pointing.geometry.parameters import (
     Params,
@@ -36,6 +37,7 @@ from rf_pointing.geometry.sweeps import sweep
 __all__ = [
     "AXES",
     "MDEG",
+    "MU",
     "Boresight",
     "CarrierPower",
     "JointReading",

@@ -144,3 +144,8 @@ class PointingError:
             require_finite(name, getattr(self, name))
         covariance = as_finite_array("covariance_rad2", self.covariance_rad2, (2, 2))
         object.__setattr__(self, "covariance_rad2", covariance)
+
+    @property
+    def estimated(self) -> bool:
+        """Whether an error was estimated at all; a report without a covariance only carries the C/N0."""
+        return bool(self.covariance_rad2.any())

@@ -1,8 +1,8 @@
-"""Executable `conscan_tracker`: pointing error from carrier power while the beam is scanned.
+"""Executable `conscan_tracker`: pointing error from carrier power while the beam is scanned, or stepped.
 
-Subscribes: carrier_power, joint_states, tracking_status (scan centre).
-Publishes: pointing_error (once a window; in between invalid ones that carry the C/N0).
-Parameters: conscan.*, the same scan as the pointing controller's.
+Subscribes: carrier_power, joint_states, tracking_status (scan centre, mode).
+Publishes: pointing_error (one for every power once a window is filled; until then invalid ones that carry the C/N0).
+Parameters: conscan.*, steptrack.*, the same patterns as the pointing controller's.
 """
 
 from rclpy.serialization import deserialize_message
@@ -13,22 +13,23 @@ from rf_pointing.nodes import convert
 from rf_pointing.nodes.diagnostics import OK, WARN, Health
 from rf_pointing.nodes.managed import ManagedNode, run
 from rf_pointing.nodes.qos import STREAM
-from rf_pointing.station.beam_position import ConscanPositions
-from rf_pointing.tracking import ConscanParams, ConscanTracker
+from rf_pointing.station.power_tracker import PowerTracker
+from rf_pointing.tracking import ConscanParams, StepTrackParams
 
 
 class ConscanTrackerNode(ManagedNode):
-    """Puts every carrier power where the beam was, and estimates when a window is full."""
+    """Puts every carrier power where the beam was, and estimates when there are enough."""
 
     def __init__(self) -> None:
         super().__init__("conscan_tracker")
         self.parameters.declare("conscan", ConscanParams())
-        self._positions: ConscanPositions | None = None
+        self.parameters.declare("steptrack", StepTrackParams())
+        self._tracker: PowerTracker | None = None
         self._active = False
-        self._refused = ""
+        self._counts = {"valid": 0, "invalid": 0}
 
     def configure(self) -> None:
-        self._positions = ConscanPositions(ConscanTracker(self.parameters.value("conscan")))
+        self._tracker = PowerTracker(self.parameters.value("conscan"), self.parameters.value("steptrack"))
         self._errors = self.stream(PointingError, "pointing_error", STREAM)
         self.listen(CarrierPower, "carrier_power", self._on_power, STREAM)
         self.listen(JointState, "joint_states", self._on_joints, STREAM, raw=True)
@@ -42,25 +43,23 @@ class ConscanTrackerNode(ManagedNode):
         self._active = False
 
     def _on_joints(self, raw: bytes) -> None:
-        if not self._positions.scanning:
-            return
-        try:
-            self._positions.take_joints(convert.joints_from_message(deserialize_message(raw, JointState)))
-        except ValueError as refusal:
-            self._refused = str(refusal)
+        if self._tracker.scanning:
+            self._tracker.take_joints(convert.joints_from_message(deserialize_message(raw, JointState)))
 
     def _on_status(self, message: TrackingStatus) -> None:
-        self._positions.take_status(*convert.scan_centre_from_message(message))
+        self._tracker.take_status(*convert.scan_centre_from_message(message))
 
     def _on_power(self, message: CarrierPower) -> None:
         if self._active:
-            for error in self._positions.take_power(convert.power_from_message(message)):
+            for error in self._tracker.take_power(convert.power_from_message(message)):
+                if error.estimated:
+                    self._counts["valid" if error.valid else "invalid"] += 1
                 self._errors.publish(convert.error_to_message(error))
 
     def _health(self) -> Health:
-        state = self._positions.tracker.state
-        reason = self._refused or state.last_rejection
-        return Health(WARN if reason else OK, reason or "samples are used", {"rejected": state.rejected})
+        rejected, reason = self._tracker.rejections
+        values = {**self._counts, "rejected": rejected, "delay_s": round(self._tracker.delay_s, 4)}
+        return Health(WARN if reason else OK, reason or "samples are used", values)
 
 
 def main() -> None:

@@ -210,6 +210,7 @@ def error_from_message(message: ours.PointingError) -> PointingError:
 def tracking_status_to_message(status: TrackingStatus) -> ours.TrackingStatus:
     message = ours.TrackingStatus(
         mode=status.mode,
+        sensor=status.sensor,
         target=status.target,
         reason=status.reason,
         los=stamp_from_seconds(status.los_t_s),
@@ -228,9 +229,15 @@ def tracking_status_to_message(status: TrackingStatus) -> ours.TrackingStatus:
     return message
 
 
-def scan_centre_from_message(message: ours.TrackingStatus) -> tuple[float, NDArray[np.float64], str]:
-    """Return time, scan centre (2,) and mode: what a scanning tracker needs of a status."""
-    return seconds_from_stamp(message.header.stamp), np.array(message.scan_centre), message.mode
+def scan_centre_from_message(
+    message: ours.TrackingStatus,
+) -> tuple[float, NDArray[np.float64], NDArray[np.float64], str, str]:
+    """Return time, scan centre (2,), its offset from the prediction (2,), mode and sensor: what a scanning tracker needs."""
+    offset = np.array([message.cross_elevation_offset, message.elevation_offset])
+    centre = np.array(message.scan_centre)
+    if not (np.all(np.isfinite(offset)) and np.all(np.isfinite(centre))):
+        raise ValueError("scan_centre and the offsets must be finite")
+    return seconds_from_stamp(message.header.stamp), centre, offset, message.mode, message.sensor
 
 
 def antenna_status_to_message(status: AntennaStatus) -> ours.AntennaStatus:

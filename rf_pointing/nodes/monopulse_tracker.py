@@ -1,16 +1,31 @@
 """Executable `monopulse_tracker`: pointing error from the sum and difference samples of one cluster.
 
-Subscribes: monopulse.  Publishes: pointing_error (one for every cluster; invalid ones carry their reason).
-Parameters: monopulse.*.
+Subscribes: monopulse; during a calibration scan joint_states and tracking_status.
+Publishes: pointing_error (one for every cluster; invalid ones carry their reason).
+Parameters: monopulse.*, calibration.*, calibration_file (empty: the ideal feed; read at configuration if it exists, written
+after every calibration scan).
 """
 
-from rf_pointing_msgs.msg import Monopulse, PointingError
+from dataclasses import dataclass
 
+from rclpy.serialization import deserialize_message
+from rf_pointing_msgs.msg import Monopulse, PointingError, TrackingStatus
+from sensor_msgs.msg import JointState
+
+from rf_pointing.geometry import Params, parameter
 from rf_pointing.nodes import convert
 from rf_pointing.nodes.diagnostics import OK, WARN, Health
 from rf_pointing.nodes.managed import ManagedNode, run
 from rf_pointing.nodes.qos import STREAM
-from rf_pointing.tracking import MonopulseParams, MonopulseTracker
+from rf_pointing.station.cluster_tracker import ClusterTracker
+from rf_pointing.tracking import MonopulseParams, MonopulseScanParams
+
+
+@dataclass(frozen=True, kw_only=True)
+class FileParams(Params):
+    """Where the calibration is kept."""
+
+    calibration_file: str = parameter("", "file of the feed's calibration; empty: none")
 
 
 class MonopulseTrackerNode(ManagedNode):
@@ -19,16 +34,20 @@ class MonopulseTrackerNode(ManagedNode):
     def __init__(self) -> None:
         super().__init__("monopulse_tracker")
         self.parameters.declare("monopulse", MonopulseParams())
+        self.parameters.declare("calibration", MonopulseScanParams())
+        self.parameters.declare("", FileParams())
         self.parameters.on_change(self._retune)
-        self._tracker: MonopulseTracker | None = None
-        self._active = False
-        self._counts = {"valid": 0, "invalid": 0, "rejected": 0, "last_reason": ""}
+        self._tracker: ClusterTracker | None = None
+        self._active = self._reads_joints = False
 
     def configure(self) -> None:
-        self._retune()
+        value, self._reads_joints = self.parameters.value, False
+        self._tracker = ClusterTracker(value("monopulse"), value("calibration"), value("").calibration_file)
         self._errors = self.stream(PointingError, "pointing_error", STREAM)
         self.listen(Monopulse, "monopulse", self._on_cluster, STREAM)
+        self.listen(TrackingStatus, "tracking_status", self._on_status, STREAM)
         self.diagnostics.add("clusters", self._health)
+        self.diagnostics.add("calibration", self._calibration_health)
 
     def activate(self) -> None:
         self._active = True
@@ -37,24 +56,31 @@ class MonopulseTrackerNode(ManagedNode):
         self._active = False
 
     def _on_cluster(self, message: Monopulse) -> None:
-        if not self._active:
-            return
-        try:
-            error = self._tracker.measure(convert.monopulse_from_message(message))
-        except ValueError as refusal:
-            self._counts["rejected"] += 1
-            self._counts["last_reason"] = str(refusal)
-            return
-        self._counts["valid" if error.valid else "invalid"] += 1
-        self._counts["last_reason"] = error.reason
-        self._errors.publish(convert.error_to_message(error))
+        if self._active:
+            error = self._tracker.take_cluster(convert.monopulse_from_message(message))
+            self._errors.publish(convert.error_to_message(error))
+
+    def _on_joints(self, raw: bytes) -> None:
+        if self._tracker.calibrating:
+            self._tracker.take_joints(convert.joints_from_message(deserialize_message(raw, JointState)))
+
+    def _on_status(self, message: TrackingStatus) -> None:
+        self._tracker.take_status(*convert.scan_centre_from_message(message)[:4])
+        if self._tracker.calibrating and not self._reads_joints:
+            self._reads_joints = True
+            self.listen(JointState, "joint_states", self._on_joints, STREAM, raw=True)
 
     def _retune(self) -> None:
-        self._tracker = MonopulseTracker(self.parameters.value("monopulse"))
+        if self._tracker is not None:
+            self._tracker.retune(self.parameters.value("monopulse"))
 
     def _health(self) -> Health:
-        reason = self._counts["last_reason"]
-        return Health(WARN if reason else OK, reason or "errors are valid", dict(self._counts))
+        reason = self._tracker.last_reason
+        return Health(WARN if reason else OK, reason or "errors are valid", dict(self._tracker.counts))
+
+    def _calibration_health(self) -> Health:
+        outcome = self._tracker.outcome
+        return Health(WARN if outcome.refused else OK, outcome.message, {"scans": outcome.scans})
 
 
 def main() -> None:

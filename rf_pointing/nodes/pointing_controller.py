@@ -2,9 +2,10 @@
 
 Subscribes: target, joint_states, pointing_error, pointing_model, pass_profiles.
 Publishes: joint_trajectory (10 Hz while a pass is tracked), tracking_status (10 Hz), pass_certificate (latched).
-Action: track_pass (rf_pointing_msgs/TrackPass).  Service: ~/stop (std_srvs/Trigger), ends the pass under control.
-Parameters: pointing.*, limits.*, machine.*, mask.*, autotrack.*, integrator.*, spiral.*, conscan.*, certificate_folder
-(where every certificate is stored as a file; empty: nowhere).
+Action: track_pass (rf_pointing_msgs/TrackPass).  Services (std_srvs/Trigger): ~/stop ends the pass under control;
+~/calibrate runs the circle that the monopulse tracker calibrates its feed on.
+Parameters: pointing.*, limits.*, machine.*, mask.*, autotrack.*, integrator.*, spiral.*, conscan.*, steptrack.*,
+calibration.*, trim.*, watch.*, link.*, certificate_folder (where every certificate is stored as a file; empty: nowhere).
 """
 
 import time
@@ -26,14 +27,23 @@ from trajectory_msgs.msg import JointTrajectory
 
 from rf_pointing.controllers import TrackerIntegratorParams
 from rf_pointing.nodes import convert, convert_planning
-from rf_pointing.nodes.diagnostics import ERROR, OK, Health
+from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Health
 from rf_pointing.nodes.managed import ManagedNode, run
 from rf_pointing.nodes.qos import COMMAND, LATCHED, STREAM
 from rf_pointing.planning import AxisLimits, HorizonMask, MachineParams
+from rf_pointing.rf import LinkParams
 from rf_pointing.station.certificate_store import StoreParams, store_certificate
 from rf_pointing.station.pointing import PointingController, PointingParams
 from rf_pointing.station.status import TrackingStatus as Status
-from rf_pointing.tracking import AutotrackParams, ConscanParams, SpiralParams
+from rf_pointing.tracking import (
+    AutotrackParams,
+    ConscanParams,
+    LockWatchParams,
+    MonopulseScanParams,
+    SpiralParams,
+    StepTrackParams,
+    TrimParams,
+)
 
 GROUPS = {
     "pointing": PointingParams(),
@@ -44,6 +54,11 @@ GROUPS = {
     "conscan": ConscanParams(),
     "machine": MachineParams(),
     "mask": HorizonMask(),
+    "steptrack": StepTrackParams(),
+    "calibration": MonopulseScanParams(),
+    "trim": TrimParams(),
+    "watch": LockWatchParams(),
+    "link": LinkParams(),
 }
 LEAST_TRACKED_SHARE = 0.8
 FEEDBACK_EVERY = 10
@@ -88,6 +103,7 @@ class PointingControllerNode(ManagedNode):
         self.listen(PointingModel, "pointing_model", lambda m: core.take_model(convert.model_from_message(m)), LATCHED)
         self.listen(PassProfileList, "pass_profiles", self._on_profiles, LATCHED)
         self.serve(Trigger, "~/stop", self._on_stop)
+        self.serve(Trigger, "~/calibrate", self._on_calibrate)
         self.diagnostics.add("tracking", self._health)
 
     def activate(self) -> None:
@@ -227,14 +243,34 @@ class PointingControllerNode(ManagedNode):
         self._controller.stop("stop was requested")
         return response
 
+    def _on_calibrate(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        refused = self._controller.calibrate()
+        response.success, response.message = not refused, refused or "calibrating"
+        return response
+
     def _retune(self) -> None:
         if self._controller is not None:
             value = self.parameters.value
             self._controller.retune(value("pointing"), value("limits"), value("autotrack"))
 
     def _health(self) -> Health:
-        state = self._controller.state
-        return Health(ERROR if self._refusal else OK, self._refusal or state.mode, {"reason": state.reason})
+        core, state = self._controller, self._controller.state
+        learned = core.offsets.filter.state
+        values = {
+            "mode": state.mode,
+            "reason": state.reason,
+            "false_locks": core.faults,
+            "last_false_lock": core.last_fault,
+            "along_track_s": round(float(learned.mean[0]), 5),
+            "cross_track_m": round(float(learned.mean[1]), 2),
+            "trim_used": learned.used,
+            "trim_refused": learned.refused,
+        }
+        if self._refusal:
+            return Health(ERROR, self._refusal, values)
+        if state.mode == "hand_back":
+            return Health(WARN, state.reason, values)
+        return Health(OK, state.mode, values)
 
 
 def main() -> None:

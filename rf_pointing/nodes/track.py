@@ -47,6 +47,8 @@ LOOK_PERIOD_S = 0.2
 
 REAL_TIME_SPEED = 3.0
 """Up to this speed the clock ticks with the servo; above it only with the controller, five servo ticks at once."""
+MODEL_FILES = {"Ka": "bias_model_dss13_ka.yaml"}
+"""Pointing models of bands for which the station's common one is not good enough."""
 SLEW_TIME_S = 150.0
 """Simulated time before acquisition: the largest slew at 1.8 deg/s, with most of a minute to settle."""
 
@@ -139,7 +141,7 @@ def overrides(options: argparse.Namespace, window: Pass) -> dict[str, Any]:
             "machine.half_power_beamwidth_deg": math.degrees(HALF_POWER_BEAMWIDTH_RAD[options.band])
         },
         "bias_calibrator": {
-            "calibrator.model_file": str(share / "config" / "bias_model_dss13.yaml"),
+            "calibrator.model_file": str(share / "config" / MODEL_FILES.get(options.band, "bias_model_dss13.yaml")),
             "calibrator.band": options.band,
             "calibrator.folder": str(Path(options.models).resolve()),
             "calibrator.keep_observations": options.keep_observations,

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.geometry import MDEG, random_stream
+from rf_pointing.geometry import MDEG, MU, random_stream
 from rf_pointing.reproduce.conscan_cases import (
     BEAM_KA_RAD,
     BEAM_X_RAD,
@@ -21,7 +21,6 @@ from rf_pointing.reproduce.conscan_cases import (
 )
 from rf_pointing.reproduce.row import Row
 from rf_pointing.tracking import (
-    MU,
     ScanDesignParams,
     beam_design,
     conscan_loss,

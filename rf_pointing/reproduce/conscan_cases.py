@@ -5,11 +5,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.geometry import MDEG
+from rf_pointing.geometry import MDEG, MU
 from rf_pointing.rf import HALF_POWER_BEAMWIDTH_RAD, Beam, BeamParams, MonopulseFeed, MonopulseFeedParams, Receiver
 from rf_pointing.rf import ReceiverParams as RxParams
 from rf_pointing.tracking import (
-    MU,
     Autotrack,
     AutotrackInputs,
     AutotrackParams,

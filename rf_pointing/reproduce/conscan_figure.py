@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.geometry import MDEG, random_stream
+from rf_pointing.geometry import MDEG, MU, random_stream
 from rf_pointing.reproduce.conscan_cases import BEAM_KA_RAD, RADIUS_RAD, circle, mean_power_hz, receiver_powers_hz
-from rf_pointing.tracking import MU, ConscanWindow, beam_design, fit_beam, linear_errors_rad
+from rf_pointing.tracking import ConscanWindow, beam_design, fit_beam, linear_errors_rad
 
 __all__ = ["EstimatorCurves", "draw", "estimator_curves"]
 

@@ -1,7 +1,7 @@
 """Beam, link and receiver: what the radio signal of a target looks like from where the beam really points."""
 
 from rf_pointing.rf.atmosphere import AtmosphereParams, air_mass, atmosphere_loss_db
-from rf_pointing.rf.beam import HALF_POWER_BEAMWIDTH_RAD, MU, Beam, BeamParams
+from rf_pointing.rf.beam import HALF_POWER_BEAMWIDTH_RAD, Beam, BeamParams
 from rf_pointing.rf.disturbances import (
     DropoutParams,
     Dropouts,
@@ -19,7 +19,6 @@ from rf_pointing.rf.receiver import Receiver, ReceiverParams, ReceiverState
 __all__ = [
     "BOLTZMANN_J_K",
     "HALF_POWER_BEAMWIDTH_RAD",
-    "MU",
     "REFERENCE_K",
     "AtmosphereParams",
     "Beam",

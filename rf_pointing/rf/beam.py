@@ -13,13 +13,10 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rf_pointing.geometry import MDEG, Params, parameter, require_choice
+from rf_pointing.geometry import MDEG, MU, Params, parameter, require_choice
 from rf_pointing.rf.root import bracketed_root
 
-__all__ = ["HALF_POWER_BEAMWIDTH_RAD", "MU", "PATTERNS", "Beam", "BeamParams"]
-
-MU = 4.0 * math.log(2.0)
-"""Exponent of the Gaussian beam: the power falls to exp(-mu/4) = 1/2 at half the half-power beamwidth."""
+__all__ = ["HALF_POWER_BEAMWIDTH_RAD", "PATTERNS", "Beam", "BeamParams"]
 
 HALF_POWER_BEAMWIDTH_RAD = {"S": 264.0 * MDEG, "X": 65.0 * MDEG, "Ka": 17.0 * MDEG}
 """Half-power beamwidths of a 34-m dish (CONSCAN section IV for X and Ka)."""

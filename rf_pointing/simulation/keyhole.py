@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from rf_pointing.controllers import TrackerIntegratorParams
 from rf_pointing.ephemeris import SITES, Pass, TopocentricTrack, first_pass_above, site, verification_elements
-from rf_pointing.geometry import JointReading, angular_distance_rad, random_stream
+from rf_pointing.geometry import MU, JointReading, angular_distance_rad, random_stream
 from rf_pointing.planning import AxisLimits, MachineParams
-from rf_pointing.rf import MU
 from rf_pointing.servo import WindParams, dss13_plant
 from rf_pointing.station.antenna import AntennaParams, LoopParams, SimulatedAntenna
 from rf_pointing.station.mount import MountParams

@@ -16,21 +16,25 @@ from rf_pointing.controllers import TrackerIntegratorParams
 from rf_pointing.ephemeris import Pass
 from rf_pointing.geometry import PointingError
 from rf_pointing.planning import AxisLimits
+from rf_pointing.rf import LinkParams
 from rf_pointing.servo import WindParams, dss13_plant
 from rf_pointing.station.antenna import AntennaParams, LoopParams, SimulatedAntenna
-from rf_pointing.station.beam_position import ConscanPositions
 from rf_pointing.station.configuration import NodeParameters, read_parameter_files
 from rf_pointing.station.mount import MountParams
 from rf_pointing.station.pointing import PointingController, PointingParams
+from rf_pointing.station.power_tracker import PowerTracker
 from rf_pointing.station.receiver import SignalParams, SimulatedReceiver
 from rf_pointing.station.source import SourceParams, load_track
 from rf_pointing.tracking import (
     AutotrackParams,
     ConscanParams,
-    ConscanTracker,
+    LockWatchParams,
     MonopulseParams,
+    MonopulseScanParams,
     MonopulseTracker,
     SpiralParams,
+    StepTrackParams,
+    TrimParams,
 )
 
 __all__ = ["PassLog", "StationSetup", "simulate_pass"]
@@ -97,9 +101,19 @@ class StationSetup:
             node.group("integrator", TrackerIntegratorParams()),
             node.group("spiral", SpiralParams()),
             node.group("conscan", ConscanParams()),
+            steptrack=node.group("steptrack", StepTrackParams()),
+            calibration=node.group("calibration", MonopulseScanParams()),
+            trim=node.group("trim", TrimParams()),
+            watch=node.group("watch", LockWatchParams()),
+            link=node.group("link", LinkParams()),
         )
         controller.take_model(self.model)
         return controller
+
+    def power_tracker(self) -> PowerTracker:
+        """Return the tracker of the carrier power."""
+        node = self.node("conscan_tracker")
+        return PowerTracker(node.group("conscan", ConscanParams()), node.group("steptrack", StepTrackParams()))
 
 
 def simulate_pass(setup: StationSetup, window: Pass, start_t_s: float, sensor: str) -> PassLog:
@@ -107,7 +121,7 @@ def simulate_pass(setup: StationSetup, window: Pass, start_t_s: float, sensor: s
     track = load_track(setup.node("ephemeris_publisher").group("source", SourceParams()))
     antenna, receiver, controller = setup.antenna(), setup.receiver(), setup.controller()
     monopulse = MonopulseTracker(setup.node("monopulse_tracker").group("monopulse", MonopulseParams()))
-    conscan = ConscanPositions(ConscanTracker(setup.node("conscan_tracker").group("conscan", ConscanParams())))
+    conscan = setup.power_tracker()
     tick_s, period_s = antenna.params.tick_s, controller.params.period_s
     every = round(period_s / tick_s)
     antenna.enable()
@@ -124,7 +138,7 @@ def simulate_pass(setup: StationSetup, window: Pass, start_t_s: float, sensor: s
                 controller.take_target(track.target_at(round(t_s + TARGET_LEAD_S, 6)))
             trajectory, status = controller.step(t_s)
             mode = status.mode
-            conscan.take_status(status.t_s, status.scan_centre_rad, status.mode)
+            conscan.take_status(status.t_s, status.scan_centre_rad, status.offset_rad, status.mode, status.sensor)
             if trajectory is not None:
                 antenna.accept(trajectory, t_s)
         conscan.take_joints(reading)

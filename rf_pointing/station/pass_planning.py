@@ -7,10 +7,9 @@ from numpy.typing import NDArray
 
 from rf_pointing.calibration import BiasModel
 from rf_pointing.ephemeris import Pass, TopocentricTrack, find_passes, sun
-from rf_pointing.geometry import Motion
+from rf_pointing.geometry import MU, Motion
 from rf_pointing.planning import AxisLimits, Branch, Certificate, HorizonMask, MachineParams, PassProfile, certify
 from rf_pointing.planning.certificate import STEP_S
-from rf_pointing.rf import MU
 from rf_pointing.station.axis_motion import axis_motion
 
 __all__ = ["PlannedPass", "branch_path", "certificate_of", "pass_profile", "passes_above_mask", "plan_passes"]

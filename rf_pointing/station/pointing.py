@@ -27,10 +27,12 @@ from rf_pointing.geometry import (
     require_choice,
 )
 from rf_pointing.planning import AxisLimits, HorizonMask, MachineParams, choose_turns, refusal
+from rf_pointing.rf import LinkParams
 from rf_pointing.station.axis_path import AxisPath
 from rf_pointing.station.beam_position import BeamPosition
 from rf_pointing.station.pass_plan import PassPlan
-from rf_pointing.station.sky_offsets import SkyOffsets
+from rf_pointing.station.scan_patterns import ScanParams
+from rf_pointing.station.sky_offsets import SkyOffsets, added
 from rf_pointing.station.status import TrackingStatus
 from rf_pointing.station.tally import Tally
 from rf_pointing.station.target_buffer import TargetBuffer
@@ -40,7 +42,12 @@ from rf_pointing.tracking import (
     AutotrackParams,
     AutotrackState,
     ConscanParams,
+    LockWatch,
+    LockWatchParams,
+    MonopulseScanParams,
     SpiralParams,
+    StepTrackParams,
+    TrimParams,
 )
 
 __all__ = ["SENSOR_CHOICES", "PointingController", "PointingParams"]
@@ -49,9 +56,16 @@ Array = NDArray[np.float64]
 KEPT_ERRORS = 20
 LEAST_AGE_PERIODS = 0.75
 """Age from which an error is used: older than any of the period that ends, whether stamped at its middle or its end."""
+SCANNING = ("conscan", "steptrack")
 PREDICTION_PATIENCE_S = 5.0
 """How long a pass that is going on already may be started without knowing the target's coming motion."""
-SENSOR_CHOICES = {"program": "none", "monopulse": "monopulse", "conscan": "conscan", "auto": "auto"}
+SENSOR_CHOICES = {
+    "program": "none",
+    "monopulse": "monopulse",
+    "conscan": "conscan",
+    "steptrack": "steptrack",
+    "auto": "auto",
+}
 """Sensor as the operator names it, and as the state table does."""
 
 
@@ -95,13 +109,23 @@ class PointingController:
         conscan: ConscanParams,
         machine: MachineParams | None = None,
         mask: HorizonMask | None = None,
+        steptrack: StepTrackParams | None = None,
+        calibration: MonopulseScanParams | None = None,
+        trim: TrimParams | None = None,
+        watch: LockWatchParams | None = None,
+        link: LinkParams | None = None,
     ) -> None:
         self.params, self.limits = params, limits
         self.plan = PassPlan(machine or MachineParams(), mask or HorizonMask())
         self._autotrack_params = autotrack
         self._table = Autotrack(autotrack)
         self.state = AutotrackState()
-        self.offsets = SkyOffsets(integrator, spiral, conscan)
+        scans = ScanParams(spiral, conscan, steptrack or StepTrackParams(), calibration or MonopulseScanParams())
+        self.offsets = SkyOffsets(integrator, scans, trim or TrimParams())
+        self._watch, self._link = LockWatch(watch or LockWatchParams()), link or LinkParams()
+        self._watched_s = -math.inf
+        self.faults, self.last_fault = 0, ""
+        self._calibrating = False
         self._targets = TargetBuffer()
         self._model = BiasModel.zero()
         self._axes: JointReading | None = None
@@ -142,16 +166,30 @@ class PointingController:
             self._targets.add(target)
 
     def take_error(self, error: PointingError) -> None:
-        """Note what a sensor measured; only the sensor in use counts."""
+        """Note what a sensor measured; only those that the pass may use count."""
         wanted = self._table.params.sensor
-        if wanted in ("auto", error.sensor):
+        if wanted in ("auto", error.sensor) or (wanted == "steptrack" and error.sensor == "conscan"):
             self._errors.append(error)
 
     def awaits_error(self, t_s: float) -> bool:
         """Whether a sensor that reports every period has not reported yet what this period should use."""
-        if self._pass is None or not self._errors or self._errors[-1].sensor != "monopulse":
+        if self._pass is None:
             return False
-        return 2.0 * self.params.period_s <= t_s - self._errors[-1].t_s < self.params.error_age_s
+        newest = {error.sensor: error.t_s for error in self._errors}
+        sensors = (self.state.mode,) if self.state.mode in SCANNING else ("monopulse",)
+        return any(
+            2.0 * self.params.period_s <= t_s - newest.get(sensor, -math.inf) < self.params.error_age_s
+            for sensor in sensors
+        )
+
+    def calibrate(self) -> str:
+        """Ask for a calibration scan of the monopulse feed; return why not, "" when it will begin."""
+        if self.state.mode not in ("monopulse", "conscan", "program_track", "coast"):
+            return f"the mode is {self.state.mode}: a calibration needs a target that is tracked"
+        if not self.state.strong:
+            return "a calibration needs a carrier strong enough for monopulse"
+        self._calibrating = True
+        return ""
 
     def start(self, t_s: float, window: Pass, sensor: str) -> None:
         """Begin to track a pass; the antenna moves to its start at the next period that knows the axes' position.
@@ -175,6 +213,9 @@ class PointingController:
         self._centre.clear()
         self._beam.clear()
         self.offsets.restart(t_s)
+        self._watch.reset()
+        self._watched_s, self._calibrating = -math.inf, False
+        self.faults, self.last_fault = 0, ""
         self.tally = Tally()
         self._table = Autotrack(self._autotrack_params.replace(sensor=SENSOR_CHOICES[sensor]))
         self.state = AutotrackState(entered_s=t_s)
@@ -229,21 +270,51 @@ class PointingController:
         if self.plan.crossing(t_s) and not self._stopping:
             return
         error = self._fresh_error(t_s)
-        before = self.state
+        before, beam = self.state, self._beam.offset(error.t_s) if error else None
+        fault = self._false_lock(before, error, beam)
+        request = "calibrate" if self._calibrating else "track"
         self.state = self._table.step(
             before,
             AutotrackInputs(
                 t_s=t_s,
-                request="idle" if self._stopping else "track",
+                request="idle" if self._stopping else request,
                 target_available=t_s < self._pass.aos_t_s or self._targets.covers(t_s, t_s + self.params.horizon_s),
                 on_target=t_s >= self._pass.aos_t_s and self._axis_error(t_s) < self.params.on_target_rad,
                 carrier_to_noise_db_hz=error.carrier_to_noise_db_hz if error else -math.inf,
-                monopulse_valid=bool(error and error.valid and error.sensor == "monopulse"),
+                monopulse_valid=self._valid("monopulse", t_s),
+                conscan_valid=self._valid("conscan", t_s),
+                fault=fault,
             ),
         )
-        command_s = t_s + self.params.transport_s
-        beam = self._beam.offset(error.t_s) if error else None
-        self.offsets.listen(command_s, before.mode, self.state, error, beam)
+        if self.state.mode != before.mode:
+            self._watch.reset()
+            self._calibrating = self._calibrating and self.state.mode != "calibrate"
+        self.offsets.listen(t_s + self.params.transport_s, before.mode, self.state, error, beam)
+
+    def _false_lock(self, state: AutotrackState, error: PointingError | None, beam: Array | None) -> str:
+        """Return why the monopulse error must not be followed, empty while it may."""
+        if state.mode != "monopulse" or error is None or beam is None or error.sensor != "monopulse":
+            return ""
+        faint = error.carrier_to_noise_db_hz < self._table.params.carrier_off_db_hz
+        if faint or error.t_s <= self._watched_s:
+            return ""
+        self._watched_s = error.t_s
+        fault = self._watch.add(error, float(beam[0]), float(beam[1]), self._expected_db_hz(error.t_s))
+        if fault:
+            self.faults, self.last_fault = self.faults + 1, fault
+        return fault
+
+    def _expected_db_hz(self, t_s: float) -> float:
+        """Return the C/N0 of a beam on the target: the link's at the zenith over the present distance."""
+        spreading = float(self._targets.range_m([t_s])[0]) / self._link.reference_range_m
+        return self._link.zenith_carrier_to_noise_db_hz - 20.0 * math.log10(spreading)
+
+    def _valid(self, sensor: str, t_s: float) -> bool:
+        """Return whether the sensor's newest estimate may be used; conscan is trusted until its first one."""
+        reports = [error for error in self._usable_errors(t_s) if error.sensor == sensor]
+        if sensor == "monopulse":
+            return bool(reports) and reports[0].valid
+        return not reports or reports[0].valid or not reports[0].estimated
 
     def _follow(self, t_s: float) -> JointTrajectory | None:
         """Return the trajectory of this period; a refusal of the gate becomes the reason of a stop."""
@@ -253,10 +324,13 @@ class PointingController:
         # On whole microseconds, as on the wire: one instant is one number in every trajectory that has it.  Else the old
         # point would stay a rounding error before the new one, and the axes would follow it to the end.
         times = np.round(t_s + params.transport_s + params.period_s * np.arange(count, dtype=np.float64), 6)
-        centre = self._centre_motion(t_s, times)
+        predicted = self._prediction(t_s, times)
+        centre = predicted
+        if t_s >= self._pass.aos_t_s:
+            centre = self.offsets.add_trim(times, predicted, self._targets.range_m(times))
         position, velocity, acceleration = self.offsets.add_scan(times, centre)
         self._centre = {**{k: c for k, c in self._centre.items() if k >= _key(t_s)}, _key(times[0]): centre.position[0]}
-        self._beam.take_centre(float(times[0]), centre.position[0])
+        self._beam.take_centre(float(times[0]), predicted.position[0])
         trajectory = self.plan.to_axes(
             JointTrajectory(t_s=times, position_rad=position, velocity_rad_s=velocity, acceleration_rad_s2=acceleration)
         )
@@ -268,8 +342,8 @@ class PointingController:
                 return None
         return trajectory
 
-    def _centre_motion(self, t_s: float, times: Array) -> Motion:
-        """Return the axis motion to hold at `times`, the tracking offset included, the scans not.
+    def _prediction(self, t_s: float, times: Array) -> Motion:
+        """Return the axis motion that would hold the target if it were where it is predicted.
 
         The bias model sees the target's own motion: its lags stand for steady rates, and fed with the small quick
         corrections of the tracking loop they would shake the antenna.
@@ -279,8 +353,7 @@ class PointingController:
         if t_s < self._pass.aos_t_s:
             start = np.array([self._pass.aos_azimuth_rad, self._pass.aos_elevation_rad])
             return self._path.waiting(len(times), start, self._model, near_rad)
-        path = self.plan.replace(times, self._path.at(times, self._targets, self._model, near_rad))
-        return self.offsets.add_trim(times, path)
+        return self.plan.replace(times, self._path.at(times, self._targets, self._model, near_rad))
 
     def _finish(self, t_s: float) -> tuple[JointTrajectory | None, TrackingStatus]:
         reason = self._stopping
@@ -303,14 +376,18 @@ class PointingController:
         )
 
     def _fresh_error(self, t_s: float) -> PointingError | None:
-        """Return the newest error that is about the time before the last period, None when it is too old to act on.
+        """Return the newest usable error, that of the sensor in use as long as it reports."""
+        errors = self._usable_errors(t_s)
+        in_use = (error for error in errors if error.sensor == self.state.mode)
+        return next(in_use, next(iter(errors), None))
+
+    def _usable_errors(self, t_s: float) -> list[PointingError]:
+        """Return the errors that are about the time before the last period, the newest first, none too old to act on.
 
         One about the period that ends now may have arrived already, or not: it belongs to the next period in any case.
         """
-        for error in reversed(self._errors):
-            if error.t_s <= t_s - LEAST_AGE_PERIODS * self.params.period_s:
-                return error if error.t_s >= t_s - self.params.error_age_s else None
-        return None
+        newest_s, oldest_s = t_s - LEAST_AGE_PERIODS * self.params.period_s, t_s - self.params.error_age_s
+        return [error for error in reversed(self._errors) if oldest_s <= error.t_s <= newest_s]
 
     def _axis_error(self, t_s: float) -> float:
         """Largest difference between the commanded and the present axis angles, infinite when unknown."""
@@ -325,18 +402,21 @@ class PointingController:
         if self._pass is not None and t_s < self._pass.aos_t_s:
             self._last_sky = np.array([self._pass.aos_azimuth_rad, self._pass.aos_elevation_rad])
         elif self._pass is not None and self._targets.covers(t_s, t_s):
-            self._last_sky = self.offsets.add_trim(np.array([t_s]), self._targets.at([t_s])).position[0]
+            self._last_sky = added(self._targets.at([t_s]), self.offsets.trim(t_s)[None, :], np.zeros((1, 2))).position[
+                0
+            ]
         return self._last_sky
 
     def _status(self, t_s: float) -> TrackingStatus:
         error, window = self._fresh_error(t_s), self._pass
-        sensed = error is not None and error.valid and self.state.integrating
+        sensed = error is not None and error.valid and self.state.integrating and error.sensor == self.state.mode
         centre = self._centre.get(_key(t_s), np.zeros(2))
         sky = self._sky(t_s)
         trim = self.offsets.trim(t_s)
         return TrackingStatus(
             t_s=t_s,
             mode=self.state.mode,
+            sensor=self._table.params.sensor,
             target=window.name if window else "",
             reason=self.state.reason,
             los_t_s=window.los_t_s if window else 0.0,

@@ -1,128 +1,252 @@
-"""What is added to the target's direction on the sky: the tracking loop's trim, and the scans that look for more.
+"""What is added to the target's direction on the sky: what was learned of the ephemeris, the tracking loop, the scans.
 
-Offsets are cross-elevation and elevation; azimuth = cross-elevation / cos(elevation), with the rates that belong to it.
+    offset = trim(t) + residual(t) + scan(t) + blend(t)
+
+The trim is the Kalman filter's along-track, cross-track and bias error, carried along the target's own motion; the
+residual is what the fast loop found beyond it, and fades while no sensor tracks, so that a coast follows what was learned.
+A new estimate of the filter moves trim and residual against each other and nothing else.  Offsets are cross-elevation and
+elevation; azimuth = cross-elevation / cos(elevation), with the rates that belong to it.
 """
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.controllers import TrackerIntegrator, TrackerIntegratorParams
 from rf_pointing.geometry import Motion, PointingError
-from rf_pointing.tracking import AutotrackState, ConscanParams, SpiralParams, SpiralSearch, circle_offset
+from rf_pointing.station.blend import Blend
+from rf_pointing.station.scan_patterns import ScanParams, ScanPatterns
+from rf_pointing.station.series import Series
+from rf_pointing.tracking import AutotrackState, SkyMotion, TrimFilter, TrimParams, direction_rows
 
 __all__ = ["SkyOffsets"]
 
 Array = NDArray[np.float64]
-CONSCAN_GAIN = 0.7
-CONSCAN_RAMP_S = 1.0
-"""A conscan result moves the trim by this share of itself, spread over this time."""
+STEP_GAIN = 0.7
+STEP_RAMP_S = 1.0
+"""A result that comes once a round moves the beam by this share of itself, spread over this time."""
+FADE_S = 3.0
+"""Time in which a coast forgets what the trim does not explain."""
+FOUND_SIGMA_BEAMWIDTHS = 0.25
+"""How well the strongest carrier of a search says where the target is."""
 STEEPEST_RAD = math.radians(88.0)
 """Elevation above which cross-elevation is no longer turned into ever larger azimuth."""
+RF_MODES = ("monopulse", "conscan", "steptrack")
+
+
+@dataclass(frozen=True)
+class _Found:
+    """Where a search heard the carrier: target minus prediction (2,), its variance, the target's motion, the level."""
+
+    t_s: float
+    direction_rad: Array
+    covariance_rad2: Array
+    sky: SkyMotion
+    level_db_hz: float
 
 
 class SkyOffsets:
-    """The trim (an integrator of the sensed error), the search spiral and the conscan circle; times are command times."""
+    """Offsets of one pass; times are command times unless an error's own is meant."""
 
-    def __init__(self, integrator: TrackerIntegratorParams, spiral: SpiralParams, conscan: ConscanParams) -> None:
-        self._monopulse = integrator
-        self._conscan_loop = integrator.replace(
-            bandwidth_hz=CONSCAN_GAIN / (2.0 * math.pi * CONSCAN_RAMP_S), sample_s=CONSCAN_RAMP_S
-        )
-        self._integrator = TrackerIntegrator(integrator)
-        self._spiral = SpiralSearch(spiral)
-        self._conscan = conscan
-        self._scan_start_s: float | None = None
-        self._scan = ""
-        self._used_s = -math.inf
-        self._found: Array | None = None
-        self._best_db_hz = -math.inf
+    def __init__(self, integrator: TrackerIntegratorParams, scans: ScanParams, trim: TrimParams) -> None:
+        self._loops = _loops(integrator, scans)
+        self._trim_params, self._scan_params = trim, scans
+        self.restart(0.0)
 
     @property
     def half_power_beamwidth_rad(self) -> float:
         """Beamwidth that the scans are laid out for."""
-        return self._conscan.half_power_beamwidth_rad
+        return self._scan_params.conscan.half_power_beamwidth_rad
+
+    @property
+    def filter(self) -> TrimFilter:
+        """What was learned of the ephemeris."""
+        return self._filter
 
     def restart(self, t_s: float) -> None:
-        """Begin without any trim."""
+        """Begin without any offset."""
+        self._integrator = TrackerIntegrator(self._loops["monopulse"])
         self._integrator.reset(t_s)
-        self._scan, self._scan_start_s, self._used_s = "", None, -math.inf
-        self._found, self._best_db_hz = None, -math.inf
+        self._integrator.freeze(t_s)
+        self._filter = TrimFilter(self._trim_params)
+        self._scans = ScanPatterns(self._scan_params)
+        self._blend = Blend()
+        self._past = Series(kept_s=self._scan_params.memory_s)
+        self._ahead: tuple[Array, Array] | None = None
+        self._fade_s: float | None = None
+        self._used_s = self._learned_s = -math.inf
+        self._found: _Found | None = None
 
     def listen(
-        self,
-        command_s: float,
-        mode_before: str,
-        state: AutotrackState,
-        error: PointingError | None,
-        beam_offset_rad: Array | None,
+        self, command_s: float, mode_before: str, state: AutotrackState, error: PointingError | None, beam: Array | None
     ) -> None:
         """Take what the period brought, for commands from `command_s` on: the mode, and the newest error.
 
-        `beam_offset_rad` is where the beam really was from the scan centre when that error was measured.
+        `beam` (2,) is where the beam really was from the prediction when that error was measured.
         """
         fresh = error is not None and error.t_s > self._used_s
         if fresh and error is not None:
             self._used_s = error.t_s
-            if mode_before == "search" and beam_offset_rad is not None:
-                self._consider(error, beam_offset_rad)
+            if mode_before == "search" and beam is not None:
+                self._consider(error, beam)
         if state.mode != mode_before:
             self._change_mode(command_s, state.mode)
-        elif fresh and error is not None and error.valid and state.integrating:
-            self._integrator.update(command_s, _measured(error))
-
-    def trim(self, t_s: float) -> Array:
-        """Return the tracking offset (2,) at `t_s`, or the oldest one still known."""
-        return self._integrator.at(max(t_s, self._integrator.state.t_s))[0]
-
-    def add_trim(self, times: Array, target: Motion) -> Motion:
-        """Return the target's motion (n, 2) with the tracking offset added."""
-        known_s = self._integrator.state.t_s
-        pairs = [self._integrator.at(max(float(t), known_s)) for t in times]
-        return _added(target, np.array([pair[0] for pair in pairs]), np.array([pair[1] for pair in pairs]))
-
-    def add_scan(self, times: Array, sky: Motion) -> Motion:
-        """Return the motion (n, 2) with the running scan added, if one runs."""
-        if not self._scan:
-            return sky
-        pairs = np.array([self._scan_offset(float(t)) for t in times])
-        return _added(sky, pairs[:, :2], pairs[:, 2:])
-
-    def _change_mode(self, command_s: float, mode: str) -> None:
-        if mode == "hand_back":
-            self._integrator.reset(command_s)
-        if self._scan == "search" and self._found is not None and mode in ("monopulse", "conscan", "coast"):
-            self._integrator.reset(command_s, self._found)
-        scanning = mode if mode in ("search", "conscan") else ""
-        if scanning != self._scan:
-            self._scan, self._scan_start_s = scanning, command_s
-            self._found, self._best_db_hz = None, -math.inf
-        if mode in ("monopulse", "conscan"):
-            self._integrator.retune(self._monopulse if mode == "monopulse" else self._conscan_loop)
-            self._integrator.unfreeze()
-        else:
+        elif fresh and error is not None and error.valid and state.integrating and error.sensor == state.mode:
+            self._correct(command_s, error, beam)
+        elif not state.integrating and not self._integrator.frozen:
             self._integrator.freeze(max(command_s, self._integrator.state.t_s))
 
-    def _consider(self, error: PointingError, beam_offset_rad: Array) -> None:
-        """Keep where the carrier was strongest during a search; a valid error says how far the target was from there."""
-        if error.carrier_to_noise_db_hz > self._best_db_hz:
-            self._best_db_hz = error.carrier_to_noise_db_hz
-            beam = self.trim(error.t_s) + beam_offset_rad
-            self._found = beam + _measured(error) if error.valid else beam
+    def trim(self, t_s: float) -> Array:
+        """Return what is added to the prediction at `t_s` without the scans (2,), zero where that is not known."""
+        past = self._past.at(t_s)
+        return np.zeros(2) if past is None else past[3:5]
 
-    def _scan_offset(self, t_s: float) -> tuple[float, float, float, float]:
-        assert self._scan_start_s is not None
-        since_s = t_s - self._scan_start_s
-        return self._spiral.offset(since_s) if self._scan == "search" else circle_offset(self._conscan.scan, since_s)
+    def displacement(self, t_s: float) -> Array:
+        """Return how far the scans meant the beam to be from the centre at `t_s` (2,), zero where that is not known."""
+        past = self._past.at(t_s)
+        return np.zeros(2) if past is None else past[5:7]
+
+    def add_trim(self, times: Array, target: Motion, range_m: Array) -> Motion:
+        """Return the target's motion (n, 2) with trim and residual added; `range_m` (n,) is its distance."""
+        rates = target.velocity * np.column_stack([np.cos(target.position[:, 1]), np.ones(len(times))])
+        self._ahead = (times, np.column_stack([rates, range_m]))
+        offset, rate = self._centre(times)
+        scan, _ = self._scan(times[:1])
+        self._past.add(float(times[0]), np.concatenate([self._ahead[1][0], offset[0], scan[0]]))
+        return added(target, offset, rate)
+
+    def add_scan(self, times: Array, sky: Motion) -> Motion:
+        """Return the motion (n, 2) with the running scan added, and what is left of the one before."""
+        return added(sky, *self._scan(times))
+
+    def _correct(self, command_s: float, error: PointingError, beam: Array | None) -> None:
+        """Let one valid error act: on the loop at once, on the filter with the weight that it deserves."""
+        past, sensed = self._past.at(error.t_s), _measured(error)
+        if error.sensor == "monopulse":
+            # What the beam was displaced on purpose is no error of the centre.
+            self._integrator.update(command_s, sensed + self.displacement(error.t_s))
+            direction, age_s, pause_s = None if beam is None else beam + sensed, 0.0, 0.0
+        else:
+            self._integrator.update(command_s, sensed)
+            age_s = self._scan_params.age_s(error.sensor)
+            direction, pause_s = None if past is None else past[3:5] + sensed, 2.0 * age_s
+        then = self._past.at(error.t_s - age_s)
+        if direction is not None and then is not None and error.t_s - self._learned_s >= pause_s:
+            self._learned_s = error.t_s
+            self._learn(command_s, error.t_s - age_s, direction, error.covariance_rad2, _sky(then))
+
+    def _learn(self, command_s: float, t_s: float, direction: Array, covariance: Array, sky: SkyMotion) -> None:
+        """Update the filter; what the trim gains at `command_s` the residual loses."""
+        if self._filter.state.t_s is not None and t_s < self._filter.state.t_s:
+            return
+        before = self._trim_at(np.array([command_s]))[0]
+        self._filter.update(t_s, direction, covariance, sky)
+        state = self._integrator.state
+        state.offset_rad = state.offset_rad + (before - self._trim_at(np.array([command_s]))[0])[0]
+        self._integrator.state = state
+
+    def _change_mode(self, command_s: float, mode: str) -> None:
+        """Begin and end what belongs to the modes; the command goes on from where it is, at the speed it has."""
+        now = np.array([command_s])
+        before = [a + b for a, b in zip(self._centre(now), self._scan(now), strict=True)]
+        residual = self._residual(now)[0][0]
+        if mode == "hand_back":
+            self._filter, residual = TrimFilter(self._trim_params), np.zeros(2)
+        found = self._found if self._scans.running == "search" and mode in (*RF_MODES, "coast") else None
+        if found is not None:
+            # The filter may never have heard a sensor before: then this is all it knows.
+            self._filter.update(found.t_s, found.direction_rad, found.covariance_rad2, found.sky)
+            residual = found.direction_rad - direction_rows(found.sky) @ self._filter.state.mean
+        self._found = None
+        self._integrator.retune(self._loops.get(mode, self._integrator.params))
+        self._integrator.reset(command_s, residual)
+        self._fade_s = None
+        if mode not in RF_MODES:
+            self._integrator.freeze(command_s)
+            # Where a search heard the carrier is kept until a sensor has looked at it.
+            self._fade_s = command_s if self._filter.state.used and not found else None
+        self._scans.begin(mode, command_s, self._filter, self._sky_at(now))
+        self._blend = Blend()
+        after = [a + b for a, b in zip(self._centre(now), self._scan(now), strict=True)]
+        left = [(b - a)[0] for a, b in zip(after, before, strict=True)]
+        self._blend = Blend.within(command_s, left[0], left[1], self._scan_params.spiral.acceleration_rad_s2)
+
+    def _consider(self, error: PointingError, beam: Array) -> None:
+        """Keep where the carrier was strongest during a search; a valid error says how far the target was from there."""
+        past = self._past.at(error.t_s)
+        if past is None or (self._found and error.carrier_to_noise_db_hz <= self._found.level_db_hz):
+            return
+        sigma_rad = FOUND_SIGMA_BEAMWIDTHS * self.half_power_beamwidth_rad
+        direction, covariance = beam, np.eye(2) * sigma_rad**2
+        if error.valid:
+            direction, covariance = beam + _measured(error), error.covariance_rad2
+        self._found = _Found(error.t_s, direction, covariance, _sky(past), error.carrier_to_noise_db_hz)
+
+    def _centre(self, times: Array) -> tuple[Array, Array]:
+        """Return trim and residual (n, 2), and their rates."""
+        (trim, trim_rate), (residual, residual_rate) = self._trim_at(times), self._residual(times)
+        return trim + residual, trim_rate + residual_rate
+
+    def _trim_at(self, times: Array) -> tuple[Array, Array]:
+        still = np.zeros((len(times), 2))
+        if self._ahead is None or self._filter.state.used == 0:
+            return still, still
+        known, motion = self._ahead
+        offsets = direction_rows(SkyMotion(*motion.T)) @ self._filter.state.mean
+        rates = np.gradient(offsets, known, axis=0, edge_order=2)
+        if len(times) == len(known) and times[0] == known[0]:
+            return offsets, rates
+        return _interpolated(times, known, offsets), _interpolated(times, known, rates)
+
+    def _residual(self, times: Array) -> tuple[Array, Array]:
+        known_s = self._integrator.state.t_s
+        pairs = np.array([self._integrator.at(max(float(t), known_s)) for t in times])
+        if self._fade_s is None:
+            return pairs[:, 0], pairs[:, 1]
+        left = np.exp(-np.maximum(times - self._fade_s, 0.0) / FADE_S)[:, None]
+        return pairs[:, 0] * left, pairs[:, 0] * left * (-1.0 / FADE_S)
+
+    def _scan(self, times: Array) -> tuple[Array, Array]:
+        """Return the running scan and what is left of an earlier one (n, 2), and their rates."""
+        offset, rate = self._blend.at(times)
+        if not self._scans.running:
+            return offset, rate
+        rows = self._scans.at(times, self._sky_at(times))
+        return offset + rows[0], rate + rows[1]
+
+    def _sky_at(self, times: Array) -> SkyMotion | None:
+        if self._ahead is None:
+            return None
+        return SkyMotion(*_interpolated(times, *self._ahead).T)
+
+
+def _loops(integrator: TrackerIntegratorParams, scans: ScanParams) -> dict[str, TrackerIntegratorParams]:
+    """Return the integrator of each sensor: continuous errors, or one a round."""
+    rounds = integrator.replace(bandwidth_hz=STEP_GAIN / (2.0 * math.pi * STEP_RAMP_S), sample_s=STEP_RAMP_S)
+    sliding = integrator.replace(bandwidth_hz=scans.conscan.bandwidth_hz)
+    return {
+        "monopulse": integrator,
+        "conscan": sliding if scans.conscan.updates == "sample" else rounds,
+        "steptrack": rounds,
+    }
 
 
 def _measured(error: PointingError) -> Array:
     return np.array([error.cross_elevation_rad, error.elevation_rad])
 
 
-def _added(target: Motion, offset: Array, rate: Array) -> Motion:
-    """Add offsets (n, 2) and their rates; the offsets' own accelerations are left to the servo."""
+def _sky(past: Array) -> SkyMotion:
+    return SkyMotion(float(past[0]), float(past[1]), float(past[2]))
+
+
+def _interpolated(times: Array, known: Array, values: Array) -> Array:
+    return np.column_stack([np.interp(times, known, column) for column in values.T])
+
+
+def added(target: Motion, offset: Array, rate: Array) -> Motion:
+    """Add offsets (n, 2) on the sky and their rates; the offsets' own accelerations are left to the servo."""
     elevation = np.minimum(np.abs(target.position[:, 1]), STEEPEST_RAD)
     secant, tangent = 1.0 / np.cos(elevation), np.tan(elevation)
     climb = target.velocity[:, 1]

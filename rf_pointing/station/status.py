@@ -16,6 +16,7 @@ class TrackingStatus:
 
     t_s: float
     mode: str
+    sensor: str
     target: str
     reason: str
     los_t_s: float
@@ -29,6 +30,11 @@ class TrackingStatus:
     carrier_to_noise_db_hz: float
     half_power_beamwidth_rad: float
     command_lead_s: float
+
+    @property
+    def offset_rad(self) -> Array:
+        """What is added to the prediction without the scans (2,): cross-elevation and elevation."""
+        return np.array([self.cross_elevation_offset_rad, self.elevation_offset_rad])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

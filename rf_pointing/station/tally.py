@@ -26,7 +26,9 @@ class Tally:
             return
         if mode == "program_track":
             self.tracked_s += period_s
-        elif mode == "conscan" or (mode == "monopulse" and error is not None and error.valid):
+        elif mode in ("conscan", "steptrack", "calibrate") or (
+            mode == "monopulse" and error is not None and error.valid
+        ):
             self.tracked_s += period_s
             self._add(error)
         else:

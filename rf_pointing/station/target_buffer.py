@@ -22,11 +22,13 @@ class TargetBuffer:
     def __init__(self) -> None:
         self._times: list[float] = []
         self._motions: list[Motion] = []
+        self._ranges: list[float] = []
 
     def clear(self) -> None:
         """Forget everything, for a new target."""
         self._times.clear()
         self._motions.clear()
+        self._ranges.clear()
 
     def add(self, target: Target) -> None:
         """Take one sample; a later one for the same time replaces the earlier."""
@@ -40,12 +42,13 @@ class TargetBuffer:
         )
         place = bisect.bisect_left(self._times, target.t_s - 1e-6)
         if place < len(self._times) and abs(self._times[place] - target.t_s) <= 1e-6:
-            self._motions[place] = motion
+            self._motions[place], self._ranges[place] = motion, target.range_m
         else:
             self._times.insert(place, target.t_s)
             self._motions.insert(place, motion)
+            self._ranges.insert(place, target.range_m)
         while self._times[-1] - self._times[0] > KEPT_S and len(self._times) > 2:
-            del self._times[0], self._motions[0]
+            del self._times[0], self._motions[0], self._ranges[0]
 
     @property
     def known_until_s(self) -> float:
@@ -65,6 +68,10 @@ class TargetBuffer:
         """Return azimuth and elevation motion (n, 2) at the times (n,), all of which must be covered."""
         rows = [self._one(float(t)) for t in np.atleast_1d(np.asarray(t_s, dtype=np.float64))]
         return Motion(*(np.array([row[part] for row in rows]) for part in range(3)))
+
+    def range_m(self, t_s: ArrayLike) -> Array:
+        """Return the distance of the target at the times (n,), linear between samples, the nearest one outside."""
+        return np.asarray(np.interp(np.asarray(t_s, dtype=np.float64), self._times, self._ranges))
 
     def _one(self, t_s: float) -> Motion:
         if not self.covers(t_s, t_s):

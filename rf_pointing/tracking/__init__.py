@@ -6,7 +6,6 @@ from rf_pointing.tracking.conscan import ConscanState, ConscanTracker
 from rf_pointing.tracking.conscan_delay import DelayEstimate, DelayEstimator, DelayParams, DelayState
 from rf_pointing.tracking.conscan_design import ScanDesign, ScanDesignParams, design_scan, radius_for_loss_rad
 from rf_pointing.tracking.conscan_equations import (
-    MU,
     conscan_loss,
     conscan_sigma_eq20_rad,
     conscan_sigma_eq21_rad,
@@ -31,10 +30,10 @@ from rf_pointing.tracking.scan import Offset, ScanParams, circle_offset
 from rf_pointing.tracking.spin import spin_columns, spin_period_s
 from rf_pointing.tracking.spiral import SpiralParams, SpiralSearch
 from rf_pointing.tracking.steptrack import StepTracker, StepTrackParams, StepTrackState
+from rf_pointing.tracking.strip_search import StripOffset, StripSearch
 from rf_pointing.tracking.trim import SkyMotion, Trim, TrimFilter, TrimParams, TrimState, direction_rows
 
 __all__ = [
-    "MU",
     "TRANSITIONS",
     "Autotrack",
     "AutotrackInputs",
@@ -71,6 +70,8 @@ __all__ = [
     "StepTrackParams",
     "StepTrackState",
     "StepTracker",
+    "StripOffset",
+    "StripSearch",
     "Trim",
     "TrimFilter",
     "TrimParams",

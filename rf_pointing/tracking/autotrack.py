@@ -19,7 +19,7 @@ from rf_pointing.tracking.autotrack_state import (
 __all__ = ["TRANSITIONS", "Autotrack", "Transition", "transition_diagram", "transition_table"]
 
 Guard = Callable[[AutotrackParams, AutotrackState, AutotrackInputs], bool]
-ON_SKY = ("slew", "program_track", "search", *RF_MODES, "coast", "hand_back")
+ON_SKY = ("slew", "program_track", "search", *RF_MODES, "calibrate", "coast", "hand_back")
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,11 +66,18 @@ TRANSITIONS = (
     Transition(ON_SKY, "idle", "the target is no longer available", lambda _p, _s, i: not i.target_available),
     Transition(
         ("idle",), "slew", "a target is requested and available",
-        lambda _p, _s, i: i.request == "track" and i.target_available,
+        lambda _p, _s, i: i.request in ("track", "calibrate") and i.target_available,
     ),
     Transition(("slew",), "program_track", "the axes are on the target", lambda _p, _s, i: i.on_target),
     Transition(RF_MODES, "hand_back", "the sensor reports a fault", lambda _p, _s, i: bool(i.fault)),
-    Transition(RF_MODES, "coast", "the carrier is lost", lambda _p, s, _i: not s.carrier),
+    Transition((*RF_MODES, "calibrate"), "coast", "the carrier is lost", lambda _p, s, _i: not s.carrier),
+    Transition(
+        (*RF_MODES, "program_track", "coast"), "calibrate", "a calibration is requested and the carrier strong",
+        lambda _p, s, i: i.request == "calibrate" and s.carrier and s.strong,
+    ),
+    Transition(
+        ("calibrate",), "coast", "the calibration scan is over", lambda p, s, i: _elapsed(s, i) > p.calibrate_s,
+    ),
     Transition(
         ("monopulse",), "conscan", "the carrier is too weak for monopulse, conscan may be used",
         lambda p, s, _i: not s.strong and _may_use(p, "conscan"),

@@ -7,7 +7,8 @@ from rf_pointing.geometry import Params, parameter
 
 __all__ = ["MODES", "SENSORS", "AutotrackInputs", "AutotrackParams", "AutotrackState"]
 
-MODES = ("idle", "slew", "program_track", "search", "steptrack", "conscan", "monopulse", "coast", "hand_back", "stow")
+MODES = ("idle", "slew", "program_track", "search", "steptrack", "conscan", "monopulse", "calibrate", "coast", "hand_back",
+         "stow")  # fmt: skip
 SENSORS = ("auto", "monopulse", "conscan", "steptrack", "none")
 RF_MODES = ("steptrack", "conscan", "monopulse")
 
@@ -29,6 +30,7 @@ class AutotrackParams(Params):
         8.0, "time without a higher C/N0 after which a search has seen the target: one turn", low=0.1, high=600.0
     )
     search_s: float = parameter(60.0, "longest search", low=0.1, high=3600.0)
+    calibrate_s: float = parameter(25.0, "time of a calibration scan", low=1.0, high=3600.0)
     hold_s: float = parameter(5.0, "time in hand back before the sensors are trusted again", low=0.0, high=600.0)
 
     def check_together(self) -> None:
@@ -47,7 +49,7 @@ class AutotrackParams(Params):
 class AutotrackInputs:
     """What is known at one tick.
 
-    `request` is idle, track or stow.  `carrier_to_noise_db_hz` is the receiver's own, -inf for none or a stale one.
+    `request` is idle, track, calibrate or stow.  `carrier_to_noise_db_hz` is the receiver's own, -inf for none or a stale one.
     `conscan_valid` is that of the last conscan estimate, true before the first one.
     `fault` is why the sensor in use must not be trusted (sidelobe, sign flip), empty if it may be.
     """
@@ -62,8 +64,8 @@ class AutotrackInputs:
     fault: str = ""
 
     def __post_init__(self) -> None:
-        if self.request not in ("idle", "track", "stow"):
-            raise ValueError(f"request={self.request!r} must be one of idle, track, stow")
+        if self.request not in ("idle", "track", "calibrate", "stow"):
+            raise ValueError(f"request={self.request!r} must be one of idle, track, calibrate, stow")
         if not math.isfinite(self.t_s):
             raise ValueError(f"t_s={self.t_s} must be finite")
 

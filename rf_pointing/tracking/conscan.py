@@ -71,18 +71,26 @@ class ConscanTracker:
         sample = (t_s, power.power_w, power.sigma_w, beam_offset_cross_elevation_rad, beam_offset_elevation_rad,
                   power.carrier_to_noise_db_hz)  # fmt: skip
         window = self.state.window.with_sample(sample, self.params.window_samples, t_s - self.params.max_age_s)
-        full = len(window) == self.params.window_samples
-        empties = full and self.params.updates == "window"
+        sliding = self.params.updates == "sample"
+        enough = min(self.params.fewest_samples, self.params.window_samples) if sliding else self.params.window_samples
+        due = len(window) >= enough
+        empties = due and not sliding
         self.state = ConscanState(
             window=ConscanWindow.empty() if empties else window,
             rejected=self.state.rejected,
             last_rejection=self.state.last_rejection,
         )
-        return self._measure(window) if full else None
+        return self._measure(window) if due else None
 
     def recentre(self, cross_elevation_rad: float, elevation_rad: float) -> None:
         """Tell the tracker that the origin moved by this much: the samples of the window stay usable."""
         self.state = replace(self.state, window=self.state.window.moved(cross_elevation_rad, elevation_rad))
+
+    def retune(self, params: ConscanParams) -> None:
+        """Take new parameters; the samples of the window stay only if their beam positions do."""
+        if params.delay_s != self.params.delay_s:
+            self.reset()
+        self.params = params
 
     def reset(self) -> None:
         """Forget the samples of the running window, as after a long loss of the carrier."""

@@ -9,8 +9,8 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from rf_pointing.geometry import MDEG, Params, parameter
-from rf_pointing.tracking.conscan_equations import MU, conscan_loss, conscan_sigma_eq25_rad
+from rf_pointing.geometry import MDEG, MU, Params, parameter
+from rf_pointing.tracking.conscan_equations import conscan_loss, conscan_sigma_eq25_rad
 
 __all__ = ["ScanDesign", "ScanDesignParams", "design_scan", "radius_for_loss_rad"]
 

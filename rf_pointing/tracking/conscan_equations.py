@@ -6,10 +6,9 @@ deviation of one carrier power sample; C/N0 in dB-Hz for the beam on the target.
 
 import math
 
-from rf_pointing.geometry import require_between
+from rf_pointing.geometry import MU, require_between
 
 __all__ = [
-    "MU",
     "conscan_loss",
     "conscan_sigma_eq20_rad",
     "conscan_sigma_eq21_rad",
@@ -17,8 +16,6 @@ __all__ = [
     "conscan_sigma_eq25_rad",
     "conscan_slope",
 ]
-
-MU = 4.0 * math.log(2.0)
 
 
 def conscan_slope(half_power_beamwidth_rad: float, radius_rad: float) -> float:

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rf_pointing.geometry import MU
 from rf_pointing.tracking.conscan_likelihood import BeamDesign, LikelihoodFit, beam_design, fit_beam, least_spread_rad
 from rf_pointing.tracking.conscan_linear import linear_estimate
 from rf_pointing.tracking.conscan_parameters import ConscanParams
@@ -31,8 +32,7 @@ class WindowEstimate(NamedTuple):
 def estimate_window(params: ConscanParams, window: ConscanWindow) -> WindowEstimate:
     """Return the direction of the target from the samples of one window."""
     x, y = window.beam_cross_elevation_rad, window.beam_elevation_rad
-    spin = spin_columns(window.t_s, params.spin_periods_s) if params.spin_periods_s else None
-    design = beam_design(x, y, params.half_power_beamwidth_rad, spin)
+    design = beam_design(x, y, params.half_power_beamwidth_rad, _nuisance_columns(params, window))
     smallest_rad = SMALLEST_SPREAD * params.radius_rad
     if least_spread_rad(design) < smallest_rad:
         return _unknown(params, rank_reason(window.beam_rad, smallest_rad))
@@ -49,7 +49,10 @@ def _linear(params: ConscanParams, window: ConscanWindow) -> WindowEstimate:
 def _likelihood(params: ConscanParams, window: ConscanWindow, design: BeamDesign) -> WindowEstimate:
     power = window.power_w
     noise = window.sigma_w**2 / power
-    found = fit_beam(design, power, noise)
+    found = fit_beam(design, power, noise + _flutter(params, window, np.zeros(2)))
+    if params.unmodelled_rad > 0.0 and found.converged:
+        noise = noise + _flutter(params, window, found.error_rad)
+        found = fit_beam(design, power, noise)
     if not found.converged:
         return _unknown(params, "the likelihood did not converge")
     if params.spin_periods_s:
@@ -60,6 +63,26 @@ def _likelihood(params: ConscanParams, window: ConscanWindow, design: BeamDesign
             )
     doubt = _range_doubt(params, found.error_rad) or _misfit_doubt(params, float(found.chi_squared))
     return WindowEstimate(found.error_rad, found.covariance_rad2, doubt)
+
+
+def _nuisance_columns(params: ConscanParams, window: ConscanWindow) -> Array | None:
+    """Return what else may change the logarithm of the power: its drift over the window, the spin."""
+    columns = []
+    if params.drift:
+        columns.append(np.linspace(-1.0, 1.0, len(window))[:, None])
+    if params.spin_periods_s:
+        columns.append(spin_columns(window.t_s, params.spin_periods_s))
+    return np.concatenate(columns, axis=1) if columns else None
+
+
+def _flutter(params: ConscanParams, window: ConscanWindow, target_rad: Array) -> Array:
+    """Return what unseen motion of the beam adds to each variance over its power: P (2 mu |u - theta| sigma / h^2)^2.
+
+    At least the slope at the scan radius counts.
+    """
+    away = np.maximum(np.hypot(*(window.beam_rad - target_rad).T), params.radius_rad)
+    relative = 2.0 * MU * away * params.unmodelled_rad / params.half_power_beamwidth_rad**2
+    return np.asarray(float(np.mean(window.power_w)) * relative**2)
 
 
 def _spin_inflation(params: ConscanParams, window: ConscanWindow, found: LikelihoodFit, noise_w: Array) -> float:

@@ -24,6 +24,13 @@ class ConscanParams(Params):
     updates: str = parameter(
         "window", "one estimate per separate window, or one per sample (sliding)", choices=("window", "sample")
     )
+    fewest_samples: int = parameter(32, "samples from which a sliding window gives estimates", low=4, high=10000)
+    sample_s: float = parameter(1.0, "time between two carrier powers", low=1e-3, high=60.0)
+    bandwidth_hz: float = parameter(
+        0.05, "bandwidth of the loop on the estimates of a sliding window", low=0.0, high=5.0
+    )
+    drift: bool = parameter(False, "whether a steady change of the power is estimated along")
+    unmodelled_rad: float = parameter(0.0, "motion of the beam that the encoders do not see, rms", low=0.0, high=0.01)
     max_age_s: float = parameter(120.0, "age at which samples leave the window", low=0.1, high=36000.0)
     delay_s: float = parameter(0.0, "time from the beam's position to the power it gives", low=-60.0, high=60.0)
     spin_periods_s: tuple[float, ...] = parameter(
@@ -47,9 +54,17 @@ class ConscanParams(Params):
         ordered = sorted(self.spin_periods_s)
         if any(later < 1.01 * earlier for earlier, later in pairwise(ordered)):
             raise ValueError(f"spin_periods_s={self.spin_periods_s} must differ by at least 1 %")
-        unknowns = 3 + 2 * len(self.spin_periods_s)
-        if self.window_samples <= unknowns:
-            raise ValueError(f"window_samples={self.window_samples} must be > {unknowns}, the number of unknowns")
+        if self.drift and self.estimator == "linear":
+            raise ValueError("drift=True needs estimator=likelihood, not linear")
+        unknowns = 3 + self.drift + 2 * len(self.spin_periods_s)
+        for name in ("window_samples", "fewest_samples"):
+            if getattr(self, name) <= unknowns:
+                raise ValueError(f"{name}={getattr(self, name)} must be > {unknowns}, the number of unknowns")
+
+    @property
+    def age_s(self) -> float:
+        """How long before the newest sample those of a full window lie on average."""
+        return 0.5 * self.window_samples * self.sample_s
 
     @property
     def scan(self) -> ScanParams:

@@ -29,14 +29,16 @@ class LockWatchParams(Params):
     unmodelled_beamwidths: float = parameter(0.03, "motion of the beam that the encoders do not see", low=0.0, high=0.5)
     steepest: float = parameter(2.0, "response above which it is a sidelobe", low=1.1, high=10.0)
     largest_turn_rad: float = parameter(math.radians(60.0), "turn of the response that is a fault", low=0.1, high=1.5)
+    level_clusters: int = parameter(3, "clusters in a row for which it must be", low=1, high=100)
     level_drop_db: float = parameter(10.0, "C/N0 below the link's that is a sidelobe", low=3.0, high=30.0)
 
 
 @dataclass(frozen=True, slots=True)
 class LockWatchState:
-    """Rows of the window: time, sensed error, beam position (complex), variance per axis."""
+    """Rows of the window: time, sensed error, beam position (complex), variance per axis; clusters of too low a level."""
 
     rows: tuple[tuple[float, complex, complex, float], ...] = ()
+    low_clusters: int = 0
 
 
 class LockWatch:
@@ -61,8 +63,11 @@ class LockWatch:
         variance = 0.5 * float(np.trace(error.covariance_rad2)) + floor**2
         row = (error.t_s, sensed, complex(beam_cross_elevation_rad, beam_elevation_rad), variance)
         oldest = error.t_s - self.params.window_s
-        self.state = LockWatchState((*(r for r in self.state.rows if oldest <= r[0] < error.t_s), row))
-        return self._level_fault(error, sensed, expected_carrier_to_noise_db_hz) or self._response_fault()
+        level_fault = self._level_fault(error, sensed, expected_carrier_to_noise_db_hz)
+        low = self.state.low_clusters + 1 if level_fault else 0
+        self.state = LockWatchState((*(r for r in self.state.rows if oldest <= r[0] < error.t_s), row), low)
+        # A carrier that comes or goes within a cluster is no sidelobe.
+        return level_fault if low >= self.params.level_clusters else self._response_fault()
 
     def reset(self) -> None:
         """Forget the window, as after a change of sensor or a new calibration."""

@@ -37,6 +37,11 @@ class StepTrackParams(Params):
     valid_range_beamwidths: float = parameter(0.7, "largest error that is believed", low=0.05, high=2.0)
 
     @property
+    def age_s(self) -> float:
+        """How long before the end of a round its samples lie on average."""
+        return 2.0 * (self.move_s + self.dwell_s)
+
+    @property
     def step_rad(self) -> float:
         """Distance of the points from the centre."""
         return self.step_beamwidths * self.half_power_beamwidth_rad

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.geometry import MDEG, Params, as_finite_array, parameter, require_between
 
@@ -22,11 +22,11 @@ SLOWEST_RAD_S = 1e-9
 
 
 class SkyMotion(NamedTuple):
-    """Predicted motion of the target on the sky: rates in cross-elevation and elevation, and its range."""
+    """Predicted motion of the target on the sky: rates in cross-elevation and elevation, and its range, each (...)."""
 
-    cross_elevation_rate_rad_s: float
-    elevation_rate_rad_s: float
-    range_m: float
+    cross_elevation_rate_rad_s: ArrayLike
+    elevation_rate_rad_s: ArrayLike
+    range_m: ArrayLike
 
 
 class Trim(NamedTuple):
@@ -119,12 +119,13 @@ class TrimFilter:
 
 
 def direction_rows(sky: SkyMotion) -> Array:
-    """Return d(direction) / d(state), shape (2, 4); without motion on the sky there is no cross-track direction."""
-    require_between("range_m", sky.range_m, 1.0, None)
-    right, up = sky.cross_elevation_rate_rad_s, sky.elevation_rate_rad_s
-    speed = math.hypot(right, up)
-    left = (-up / speed, right / speed) if speed > SLOWEST_RAD_S else (0.0, 0.0)
-    return np.array([
-        [right, left[0] / sky.range_m, 1.0, 0.0],
-        [up, left[1] / sky.range_m, 0.0, 1.0],
-    ])  # fmt: skip
+    """Return d(direction) / d(state), shape (..., 2, 4); without motion on the sky there is no cross-track direction."""
+    right, up, range_m = (np.asarray(part, dtype=np.float64) for part in sky)
+    require_between("range_m", float(np.min(range_m)), 1.0, None)
+    speed = np.hypot(right, up)
+    across = np.where(speed > SLOWEST_RAD_S, 1.0, 0.0) / (np.maximum(speed, SLOWEST_RAD_S) * range_m)
+    rows = np.zeros((*right.shape, 2, 4))
+    rows[..., 0, 0], rows[..., 1, 0] = right, up
+    rows[..., 0, 1], rows[..., 1, 1] = -up * across, right * across
+    rows[..., 0, 2] = rows[..., 1, 3] = 1.0
+    return rows

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from rf_pointing.geometry import MDEG
-from rf_pointing.rf import HALF_POWER_BEAMWIDTH_RAD, MU, Beam, BeamParams
+from rf_pointing.geometry import MDEG, MU
+from rf_pointing.rf import HALF_POWER_BEAMWIDTH_RAD, Beam, BeamParams
 
 PATTERNS = ("gaussian", "uniform", "tapered")
 EXACT = 1e-12

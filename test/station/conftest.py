@@ -12,10 +12,19 @@ from rf_pointing.controllers import TrackerIntegratorParams
 from rf_pointing.ephemeris import Pass, TopocentricTrack, first_pass_above
 from rf_pointing.geometry import JointReading, JointTrajectory, PointingError
 from rf_pointing.planning import AxisLimits
+from rf_pointing.rf import LinkParams
 from rf_pointing.station.pointing import PointingController, PointingParams
 from rf_pointing.station.source import SourceParams, load_elements, load_track
 from rf_pointing.station.status import TrackingStatus
-from rf_pointing.tracking import AutotrackParams, ConscanParams, SpiralParams
+from rf_pointing.tracking import (
+    AutotrackParams,
+    ConscanParams,
+    LockWatchParams,
+    MonopulseScanParams,
+    SpiralParams,
+    StepTrackParams,
+    TrimParams,
+)
 
 LEAD_S = 2.0
 DEFAULTS: dict[str, Any] = {
@@ -25,6 +34,11 @@ DEFAULTS: dict[str, Any] = {
     "integrator": TrackerIntegratorParams(bandwidth_hz=0.2, offset_limit_rad=math.radians(0.6)),
     "spiral": SpiralParams(),
     "conscan": ConscanParams(),
+    "steptrack": StepTrackParams(),
+    "calibration": MonopulseScanParams(),
+    "trim": TrimParams(),
+    "watch": LockWatchParams(),
+    "link": LinkParams(),
 }
 
 

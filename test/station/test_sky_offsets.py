@@ -1,150 +1,233 @@
-"""What is added to the target on the sky: rates that belong to the positions, scans that run and end."""
+"""What is added to the target on the sky: it goes on from where it is whatever the mode, and a coast knows what was learned."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 
 from rf_pointing.controllers import TrackerIntegratorParams
 from rf_pointing.geometry import MDEG, Motion, PointingError, sky_offset_rad
-from rf_pointing.station.sky_offsets import STEEPEST_RAD, SkyOffsets
-from rf_pointing.tracking import AutotrackState, ConscanParams, SpiralParams
+from rf_pointing.station.scan_patterns import ScanParams
+from rf_pointing.station.sky_offsets import STEEPEST_RAD, SkyOffsets, added
+from rf_pointing.tracking import (
+    AutotrackState,
+    ConscanParams,
+    MonopulseScanParams,
+    SkyMotion,
+    SpiralParams,
+    StepTrackParams,
+    TrimParams,
+    direction_rows,
+)
 
 T_S = 1_151_384_000.0
+PERIOD_S = 0.1
+RANGE_M = 1e6
 ROUNDING_RAD = 1e-9
-"""A float resolves UTC seconds to 0.24 microseconds: the trim of a period is known to that share of it."""
+"""A float resolves UTC seconds to 0.24 microseconds: an offset that moves is known to that share of it."""
+MODES = ("monopulse", "conscan", "steptrack", "calibrate", "search", "coast", "hand_back", "program_track")
+CONSCAN = ConscanParams(period_s=4.0, ramp_s=2.0, updates="sample", sample_s=0.1, window_samples=40, fewest_samples=20)
 
 
-def offsets() -> SkyOffsets:
-    made = SkyOffsets(TrackerIntegratorParams(bandwidth_hz=0.2), SpiralParams(), ConscanParams())
-    made.restart(T_S)
-    return made
+def climbing(times: np.ndarray, elevation_rad: float = 0.9) -> Motion:
+    azimuth_rate, climb, bend = 0.004, 0.003, np.array([3e-5, -4e-5])
+    since = (times - T_S)[:, None]
+    rate = np.array([azimuth_rate, climb])
+    position = np.array([1.0, elevation_rad]) + rate * since + 0.5 * bend * since**2
+    return Motion(position, rate + bend * since, np.tile(bend, (len(times), 1)))
 
 
-def state(mode: str) -> AutotrackState:
-    return AutotrackState(mode=mode, entered_s=T_S, carrier=True, strong=True)
+class Loop:
+    """Steps the offsets once a period, as the pointing controller does, with a beam that is where it is commanded."""
+
+    def __init__(self) -> None:
+        scans = ScanParams(SpiralParams(), CONSCAN, StepTrackParams(), MonopulseScanParams())
+        self.offsets = SkyOffsets(TrackerIntegratorParams(bandwidth_hz=0.2), scans, TrimParams())
+        self.offsets.restart(T_S)
+        self.mode, self.t_s = "program_track", T_S
+        self.rows: list[np.ndarray] = []
+        self.step("program_track")
+
+    def step(self, mode: str, error: PointingError | None = None, beam: np.ndarray | None = None) -> np.ndarray:
+        """Return offset and rate (10, 4) on the sky of the trajectory that this period issues."""
+        self.t_s = round(self.t_s + PERIOD_S, 6)
+        times = np.round(self.t_s + PERIOD_S * np.arange(1, 11), 6)
+        state = AutotrackState(mode=mode, entered_s=self.t_s, carrier=True, strong=True)
+        self.offsets.listen(float(times[0]), self.mode, state, error, beam)
+        self.mode = mode
+        sky = climbing(times)
+        moved = self.offsets.add_scan(times, self.offsets.add_trim(times, sky, np.full(10, RANGE_M)))
+        cosine = np.cos(sky.position[:, 1])
+        offset = (moved.position - sky.position) * np.column_stack([cosine, np.ones(10)])
+        self.rows.append(offset[0])
+        return np.column_stack([offset, (moved.velocity - sky.velocity) * np.column_stack([cosine, np.ones(10)])])
+
+    def run(self, mode: str, seconds: float, truth: Callable[[float], np.ndarray] | None = None) -> np.ndarray:
+        """Step through `seconds`; `truth(t_s)` is target minus prediction (2,) for a perfect sensor."""
+        for _ in range(round(seconds / PERIOD_S)):
+            error = beam = None
+            if truth is not None:
+                stamp_s = round(self.t_s - PERIOD_S, 6)
+                past = self.offsets._past.at(stamp_s)
+                beam = np.zeros(2) if past is None else past[3:5] + past[5:7]
+                right, up = truth(stamp_s) - beam
+                error = heard(stamp_s, float(right), float(up))
+            out = self.step(mode, error, beam)
+        return out
 
 
-def error(t_s: float, right_rad: float, up_rad: float) -> PointingError:
-    return PointingError(t_s=t_s, sensor="monopulse", cross_elevation_rad=right_rad, elevation_rad=up_rad)
+def heard(t_s: float, right_rad: float, up_rad: float, **changes: object) -> PointingError:
+    values = {"t_s": t_s, "sensor": "monopulse", "cross_elevation_rad": right_rad, "elevation_rad": up_rad,
+              "covariance_rad2": np.eye(2) * (0.2 * MDEG) ** 2, "carrier_to_noise_db_hz": 50.0}  # fmt: skip
+    return PointingError(**{**values, **changes})
 
 
-def trimmed(right_rad: float, up_rad: float) -> SkyOffsets:
-    """Offsets with a steady trim, in monopulse."""
-    made = offsets()
-    made.listen(T_S, "program_track", state("monopulse"), None, None)
-    gain = 2.0 * math.pi * 0.2 * 0.1
-    made.listen(T_S, "monopulse", state("monopulse"), error(T_S, right_rad / gain, up_rad / gain), None)
-    return made
+def beside(right_mdeg: float, up_mdeg: float) -> Callable[[float], np.ndarray]:
+    return lambda _t_s: np.array([right_mdeg, up_mdeg]) * MDEG
 
 
-def climbing(times: np.ndarray, elevation_rad: float) -> Motion:
-    azimuth_rate, climb = 0.004, 0.01
-    since = times - T_S
-    position = np.column_stack([1.0 + azimuth_rate * since, elevation_rad + climb * since])
-    return Motion(position, np.tile([azimuth_rate, climb], (len(times), 1)), np.zeros((len(times), 2)))
+def late(t_s: float) -> np.ndarray:
+    """A target 50 ms ahead of its elements."""
+    motion = climbing(np.array([t_s]))
+    rate = motion.velocity[0] * np.array([math.cos(motion.position[0, 1]), 1.0])
+    return np.asarray(direction_rows(SkyMotion(rate[0], rate[1], RANGE_M)) @ np.array([0.05, 0.0, 0.0, 0.0]))
 
 
-def test_the_trim_is_measured_on_the_sky() -> None:
-    made, times = trimmed(5 * MDEG, -3 * MDEG), np.array([T_S + 0.5])
-    sky = climbing(times, 0.9)
-    moved = made.add_trim(times, sky)
+def test_a_perfect_sensor_brings_the_offset_to_the_target() -> None:
+    loop = Loop()
+    loop.run("monopulse", 10.0, beside(5.0, -3.0))
+    np.testing.assert_allclose(loop.rows[-1], [5 * MDEG, -3 * MDEG], atol=0.05 * MDEG)
+
+
+def test_offsets_are_measured_on_the_sky() -> None:
+    sky = climbing(np.array([T_S]))
+    moved = added(sky, np.array([[5 * MDEG, -3 * MDEG]]), np.zeros((1, 2)))
     right, up = sky_offset_rad(*moved.position[0], *sky.position[0])
     assert float(right) == pytest.approx(5 * MDEG, abs=0.001 * MDEG)
     assert float(up) == pytest.approx(-3 * MDEG, abs=0.001 * MDEG)
 
 
 @pytest.mark.parametrize("elevation_rad", [0.1, 0.9, 1.4])
-@pytest.mark.parametrize("scanning", [False, True])
-def test_rates_are_the_derivatives_of_the_positions(elevation_rad: float, scanning: bool) -> None:
-    made = trimmed(5 * MDEG, -3 * MDEG)
-    if scanning:
-        made.listen(T_S, "monopulse", state("search"), None, None)
+def test_rates_of_the_sum_are_the_derivatives_of_its_positions(elevation_rad: float) -> None:
     step_s = 0.01
     times = T_S + 3.0 + step_s * np.arange(-1, 2)
-    sky = climbing(times, elevation_rad)
-    moved = made.add_scan(times, made.add_trim(times, sky))
+    offset = np.column_stack([2e-4 * (times - T_S), -1e-4 * (times - T_S)])
+    moved = added(climbing(times, elevation_rad), offset, np.tile([2e-4, -1e-4], (3, 1)))
     slope = (moved.position[2] - moved.position[0]) / (2.0 * step_s)
     np.testing.assert_allclose(moved.velocity[1], slope, atol=2e-6)
 
 
 def test_close_to_the_zenith_the_azimuth_correction_stays_bounded() -> None:
-    made, times = trimmed(5 * MDEG, 0.0), np.array([T_S + 0.5])
     at_zenith = Motion(np.array([[1.0, math.radians(89.99)]]), np.zeros((1, 2)), np.zeros((1, 2)))
-    moved = made.add_trim(times, at_zenith)
+    moved = added(at_zenith, np.array([[5 * MDEG, 0.0]]), np.zeros((1, 2)))
     assert abs(moved.position[0, 0] - 1.0) <= 5 * MDEG / math.cos(STEEPEST_RAD) + 1e-12
 
 
-def test_the_spiral_starts_at_the_centre_and_ends_with_the_search() -> None:
-    made, times = offsets(), T_S + np.arange(0.0, 5.0, 0.5)
-    sky = climbing(times, 0.5)
-    np.testing.assert_array_equal(made.add_scan(times, sky).position, sky.position)
-    made.listen(T_S, "program_track", state("search"), None, None)
-    spiral = made.add_scan(times, sky).position - sky.position
-    assert np.max(np.abs(spiral[0])) < 1e-12
-    assert np.max(np.abs(spiral[-1])) > 10 * MDEG
-    made.listen(T_S + 5.0, "search", state("program_track"), None, None)
-    np.testing.assert_array_equal(made.add_scan(times, sky).position, sky.position)
+@pytest.mark.parametrize("mode", MODES[1:])
+@pytest.mark.parametrize("before", ["monopulse", "conscan", "search", "steptrack"])
+def test_no_change_of_mode_makes_the_command_jump(before: str, mode: str) -> None:
+    """The rate that a trajectory states is that of its positions, across every change, and changes by no more than 0.5
+    deg/s^2 allow."""
+    loop = Loop()
+    loop.run("monopulse", 3.0, beside(9.0, -6.0))
+    loop.run(before, 2.3)
+    loop.run(mode, 4.0)
+    offsets = np.array(loop.rows)
+    rates = np.diff(offsets, axis=0) / PERIOD_S
+    assert float(np.max(np.abs(np.diff(rates, axis=0)))) / PERIOD_S < math.radians(0.5)
 
 
-def test_the_conscan_circle_has_its_radius_and_period() -> None:
-    params = ConscanParams()
-    made = offsets()
-    made.listen(T_S, "program_track", state("conscan"), None, None)
-    times = T_S + params.ramp_s + 1.0 + np.linspace(0.0, params.period_s, 41)
-    sky = climbing(times, 0.5)
-    moved = made.add_scan(times, sky).position
-    on_sky = (moved - sky.position) * np.column_stack([np.cos(sky.position[:, 1]), np.ones(41)])
-    np.testing.assert_allclose(np.hypot(*on_sky.T), params.radius_rad, rtol=1e-6)
-    np.testing.assert_allclose(on_sky[0], on_sky[-1], atol=1e-8)
+def test_trajectories_agree_where_they_overlap() -> None:
+    loop = Loop()
+    first = loop.run("search", 5.0)
+    second = loop.step("search")
+    np.testing.assert_allclose(second[:-1], first[1:], atol=ROUNDING_RAD)
+
+
+def test_a_coast_follows_the_ephemeris_error_that_was_learned() -> None:
+    loop = Loop()
+    loop.run("monopulse", 40.0, late)
+    held, grown = late(loop.t_s), late(loop.t_s + 10.0)
+    loop.run("coast", 10.0)
+    assert np.linalg.norm(loop.rows[-1] - grown) < 0.25 * np.linalg.norm(held - grown)
+
+
+def test_the_filter_moves_trim_and_residual_but_not_their_sum() -> None:
+    loop = Loop()
+    out = loop.run("monopulse", 8.0, late)
+    same = loop.step("monopulse", None, None)
+    assert loop.offsets.filter.state.used > 0
+    np.testing.assert_allclose(same[0, :2], out[1, :2], atol=0.05 * MDEG)
 
 
 def test_the_error_of_the_period_in_which_the_mode_changes_is_not_integrated() -> None:
-    made = offsets()
-    made.listen(T_S, "program_track", state("monopulse"), error(T_S, 9 * MDEG, 9 * MDEG), None)
-    np.testing.assert_array_equal(made.trim(T_S + 1.0), [0.0, 0.0])
+    loop = Loop()
+    loop.step("monopulse", heard(loop.t_s, 9 * MDEG, 9 * MDEG), np.zeros(2))
+    loop.step("monopulse")
+    np.testing.assert_array_equal(loop.rows[-1], [0.0, 0.0])
 
 
 def test_one_error_is_used_once() -> None:
-    made, same = offsets(), error(T_S, 1 * MDEG, 0.0)
-    made.listen(T_S, "program_track", state("monopulse"), None, None)
-    for k in range(5):
-        made.listen(T_S + 0.1 * k, "monopulse", state("monopulse"), same, None)
-    assert made.trim(T_S + 1.0)[0] == pytest.approx(2.0 * math.pi * 0.2 * 0.1 * MDEG)
+    loop, same = Loop(), heard(T_S, 1 * MDEG, 0.0)
+    loop.step("monopulse")
+    for _ in range(8):
+        loop.step("monopulse", same, None)
+    assert loop.rows[-1][0] == pytest.approx(2.0 * math.pi * 0.2 * PERIOD_S * MDEG, rel=1e-3)
 
 
-def test_hand_back_forgets_the_trim_and_coasting_keeps_it() -> None:
-    for mode, kept in (("coast", 5 * MDEG), ("hand_back", 0.0)):
-        made = trimmed(5 * MDEG, 0.0)
-        made.listen(T_S + 1.0, "monopulse", state(mode), None, None)
-        assert made.trim(T_S + 2.0)[0] == pytest.approx(kept, abs=ROUNDING_RAD)
+def test_hand_back_forgets_what_a_false_lock_taught() -> None:
+    loop = Loop()
+    loop.run("monopulse", 10.0, beside(5.0, -3.0))
+    loop.run("hand_back", 6.0)
+    np.testing.assert_allclose(loop.rows[-1], [0.0, 0.0], atol=ROUNDING_RAD)
+    assert loop.offsets.filter.state.used == 0
 
 
-@pytest.mark.parametrize("mode", ["monopulse", "conscan", "coast"])
+def test_deliberate_displacement_is_not_taken_for_an_error() -> None:
+    """From a search the beam is brought to the target in a blend: the loop does not fight it and does not overshoot."""
+    loop, truth = Loop(), beside(40.0, 25.0)
+    loop.run("search", 2.0)
+    loop.run("search", 0.5, truth)
+    loop.run("monopulse", 6.0, truth)
+    away = np.array(loop.rows[-60:]) - np.array([40.0, 25.0]) * MDEG
+    assert float(np.max(np.hypot(*away[25:].T))) < 1.5 * MDEG
+
+
+@pytest.mark.parametrize("mode", ["monopulse", "conscan", "steptrack", "coast"])
 def test_a_search_hands_over_the_place_of_the_strongest_carrier(mode: str) -> None:
-    made = offsets()
-    made.listen(T_S, "program_track", state("search"), None, None)
+    loop = Loop()
+    loop.run("search", 1.0)
     for k, level_db_hz in enumerate((30.0, 45.0, 40.0)):
-        heard = PointingError(
-            t_s=T_S + k, sensor="monopulse", cross_elevation_rad=0.0, elevation_rad=0.0, valid=False,
-            reason="off the axis", carrier_to_noise_db_hz=level_db_hz,
-        )  # fmt: skip
-        made.listen(T_S + k + 0.1, "search", state("search"), heard, np.array([k * 10 * MDEG, -k * 5 * MDEG]))
-    made.listen(T_S + 3.0, "search", state(mode), None, None)
-    np.testing.assert_allclose(made.trim(T_S + 4.0), [10 * MDEG, -5 * MDEG], atol=1e-12)
+        weak = heard(loop.t_s, 0.0, 0.0, valid=False, reason="off the axis", carrier_to_noise_db_hz=level_db_hz)
+        loop.step("search", weak, np.array([k * 10 * MDEG, -k * 5 * MDEG]))
+    loop.step(mode)
+    loop.step(mode)
+    np.testing.assert_allclose(loop.offsets.trim(loop.t_s), [10 * MDEG, -5 * MDEG], atol=0.2 * MDEG)
 
 
-def test_a_search_without_a_carrier_leaves_the_trim() -> None:
-    made = trimmed(5 * MDEG, -3 * MDEG)
-    made.listen(T_S + 1.0, "monopulse", state("search"), None, None)
-    made.listen(T_S + 9.0, "search", state("program_track"), None, None)
-    np.testing.assert_allclose(made.trim(T_S + 10.0), [5 * MDEG, -3 * MDEG], atol=ROUNDING_RAD)
+def test_a_search_without_a_carrier_leaves_the_offset() -> None:
+    loop = Loop()
+    loop.run("monopulse", 12.0, beside(5.0, -3.0))
+    loop.run("search", 3.0)
+    loop.run("program_track", 12.0)
+    np.testing.assert_allclose(loop.rows[-1], [5 * MDEG, -3 * MDEG], atol=1.0 * MDEG)
 
 
-def test_a_new_pass_begins_without_a_trim_or_scan() -> None:
-    made, times = trimmed(5 * MDEG, -3 * MDEG), np.array([T_S + 20.0])
-    made.listen(T_S + 1.0, "monopulse", state("search"), None, None)
-    made.restart(T_S + 19.0)
-    sky = climbing(times, 0.5)
-    moved = made.add_scan(times, made.add_trim(times, sky))
-    np.testing.assert_array_equal(moved.position, sky.position)
+def test_the_conscan_circle_has_its_radius_and_period() -> None:
+    loop = Loop()
+    loop.run("conscan", CONSCAN.ramp_s + 0.5)
+    start = len(loop.rows)
+    loop.run("conscan", CONSCAN.period_s)
+    turn = np.array(loop.rows[start:])
+    np.testing.assert_allclose(np.hypot(*turn.T), CONSCAN.radius_rad, rtol=1e-6)
+    np.testing.assert_allclose(turn[-1], loop.rows[start - 1], atol=1e-8)
+
+
+def test_a_new_pass_begins_without_an_offset_or_scan() -> None:
+    loop = Loop()
+    loop.run("monopulse", 5.0, beside(5.0, -3.0))
+    loop.run("search", 1.0)
+    loop.offsets.restart(loop.t_s)
+    loop.mode = "program_track"
+    np.testing.assert_array_equal(loop.step("program_track")[:, :2], np.zeros((10, 2)))

@@ -203,7 +203,7 @@ def test_gates_without_hysteresis_are_refused(change: dict[str, object], message
 
 
 def test_unknown_request_is_refused() -> None:
-    with pytest.raises(ValueError, match="request='fly' must be one of idle, track, stow"):
+    with pytest.raises(ValueError, match="request='fly' must be one of idle, track, calibrate, stow"):
         AutotrackInputs(t_s=0.0, request="fly", target_available=True, on_target=True)
 
 

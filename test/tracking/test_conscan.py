@@ -7,11 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from rf_pointing.geometry import MDEG, CarrierPower, PointingError, random_stream
+from rf_pointing.geometry import MDEG, MU, CarrierPower, PointingError, random_stream
 from rf_pointing.tracking import ConscanParams, ConscanTracker, conscan_slope
 
 H, R = 17.0 * MDEG, 1.55 * MDEG
-MU = 4.0 * math.log(2.0)
 
 
 def params(**changes: object) -> ConscanParams:

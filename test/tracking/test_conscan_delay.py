@@ -6,11 +6,11 @@ import math
 import numpy as np
 import pytest
 
-from rf_pointing.geometry import MDEG, PointingError, random_stream
+from rf_pointing.geometry import MDEG, MU, PointingError, random_stream
 from rf_pointing.tracking import DelayEstimator, DelayParams, ScanParams, beam_design, circle_offset, fit_beam
 
 H, R, PERIOD_S = 17.0 * MDEG, 1.55 * MDEG, 20.0
-MU = 4.0 * math.log(2.0)
+
 SCAN = ScanParams(radius_rad=R, period_s=PERIOD_S, ramp_s=0.0)
 
 

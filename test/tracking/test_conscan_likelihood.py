@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from rf_pointing.geometry import MDEG, CarrierPower, PointingError, random_stream
+from rf_pointing.geometry import MDEG, MU, CarrierPower, PointingError, random_stream
 from rf_pointing.tracking import ConscanParams, ConscanTracker, beam_design, fit_beam
 
 H, R = 17.0 * MDEG, 1.55 * MDEG
-MU = 4.0 * math.log(2.0)
+
 ANGLES = 2.0 * np.pi * np.arange(1, 33) / 32
 X, Y = R * np.cos(ANGLES), R * np.sin(ANGLES)
 DESIGN = beam_design(X, Y, H)

@@ -6,11 +6,10 @@ import math
 import numpy as np
 import pytest
 
-from rf_pointing.geometry import MDEG, CarrierPower, PointingError, random_stream
+from rf_pointing.geometry import MDEG, MU, CarrierPower, PointingError, random_stream
 from rf_pointing.tracking import StepTracker, StepTrackParams
 
 H = 65.0 * MDEG
-MU = 4.0 * math.log(2.0)
 
 
 def meter(t_s: float, watts: float, level_db_hz: float = 40.0) -> CarrierPower:

@@ -1,0 +1,131 @@
+"""The motions that are added to look for more: search, conical scan, step-track and the circle of a calibration.
+
+A search covers three standard deviations of what the filter knows of the ephemeris.  A spiral does, unless it would take
+too long and the target is far likelier early or late than beside its track: then the track is swept in strips.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.tracking import (
+    ConscanParams,
+    MonopulseScanParams,
+    SkyMotion,
+    SpiralParams,
+    SpiralSearch,
+    StepTracker,
+    StepTrackParams,
+    StripSearch,
+    TrimFilter,
+    circle_offset,
+    direction_rows,
+)
+
+__all__ = ["ScanParams", "ScanPatterns"]
+
+Array = NDArray[np.float64]
+Pattern = Callable[[float], tuple[float, ...]]
+LONGEST_SPIRAL_S = 30.0
+LEAST_SIGMA_BEAMWIDTHS = 0.25
+SLOWEST_RAD_S = 1e-5
+"""Speed on the sky below which there is no track to search along."""
+SPARE_S = 2.0
+
+
+@dataclass(frozen=True)
+class ScanParams:
+    """Parameter sets of the patterns."""
+
+    spiral: SpiralParams
+    conscan: ConscanParams
+    steptrack: StepTrackParams
+    calibration: MonopulseScanParams
+
+    def age_s(self, sensor: str) -> float:
+        """Return how long before its stamp the samples of an error of this sensor lie, on average."""
+        return {"conscan": self.conscan.age_s, "steptrack": self.steptrack.age_s}.get(sensor, 0.0)
+
+    @property
+    def memory_s(self) -> float:
+        """Time for which the offsets of the past must be known."""
+        return SPARE_S + max(self.age_s("conscan"), self.age_s("steptrack"))
+
+
+class ScanPatterns:
+    """The pattern of the mode in force; `running` is that mode, "" while nothing is added."""
+
+    def __init__(self, params: ScanParams) -> None:
+        self._params = params
+        self.running = ""
+        self._start_s = 0.0
+        self._pattern: Pattern | None = None
+        self._per_track: tuple[float, float] | None = None
+
+    def begin(self, mode: str, start_s: float, known: TrimFilter, sky: SkyMotion | None) -> None:
+        """Begin what `mode` needs, for command times from `start_s` on; `sky` (1,) is the target's motion there."""
+        self._start_s, self._per_track = start_s, None
+        self._pattern = self._search(start_s, known, sky) if mode == "search" else self._fixed(mode)
+        self.running = mode if self._pattern is not None else ""
+
+    def _fixed(self, mode: str) -> Pattern | None:
+        """Return the pattern that depends on parameters only, None where the mode adds nothing."""
+        if mode == "steptrack":
+            return StepTracker(self._params.steptrack).offset
+        circles = {"conscan": self._params.conscan.scan, "calibrate": self._params.calibration.scan}
+        return partial(circle_offset, circles[mode]) if mode in circles else None
+
+    def at(self, times: Array, sky: SkyMotion | None) -> tuple[Array, Array]:
+        """Return offset and rate (n, 2) at `times` (n,), `sky` (n,) the target's motion there."""
+        assert self._pattern is not None
+        values = np.array([self._pattern(float(t) - self._start_s) for t in times])
+        if self._per_track is None or sky is None:
+            return values[:, :2], values[:, 2:]
+        rows = direction_rows(sky)[:, :, :2]
+        state = values * np.array([*self._per_track, *self._per_track])
+        offset, rate = (np.einsum("nij,nj->ni", rows, part) for part in (state[:, :2], state[:, 2:]))
+        if len(times) > 2:
+            rate = rate + np.einsum("nij,nj->ni", np.gradient(rows, times, axis=0, edge_order=2), state[:, :2])
+        return offset, rate
+
+    def _search(self, t_s: float, known: TrimFilter, sky: SkyMotion | None) -> Pattern:
+        params = self._params.spiral
+        beamwidth = params.half_power_beamwidth_rad
+        if known.state.used and sky is not None:
+            sigma = math.sqrt(float(np.max(np.linalg.eigvalsh(known.trim(t_s, _first(sky)).covariance_rad2))))
+            params = params.replace(
+                uncertainty_rad=min(max(sigma, LEAST_SIGMA_BEAMWIDTHS * beamwidth), params.uncertainty_rad)
+            )
+        spiral = SpiralSearch(params)
+        if spiral.duration_s <= LONGEST_SPIRAL_S or sky is None:
+            return spiral.offset
+        return self._strips(t_s, known, _first(sky)) or spiral.offset
+
+    def _strips(self, t_s: float, known: TrimFilter, sky: SkyMotion) -> Pattern | None:
+        """Return the search along the track, in the filter's own terms: seconds along it and metres beside it."""
+        right, up, range_m = _values(sky)
+        speed, params = math.hypot(right, up), self._params.spiral
+        if speed < SLOWEST_RAD_S:
+            return None
+        covariance, least = known.trim(t_s, sky).covariance_rad2, LEAST_SIGMA_BEAMWIDTHS
+        ahead, left = np.array([right, up]) / speed, np.array([-up, right]) / speed
+        along, across = (
+            params.sigmas * max(math.sqrt(float(axis @ covariance @ axis)), least * params.half_power_beamwidth_rad)
+            for axis in (ahead, left)
+        )
+        pitch = params.pitch_beamwidths * params.half_power_beamwidth_rad
+        self._per_track = 1.0 / speed, range_m
+        return StripSearch(along, across, pitch, params.rate_rad_s, params.acceleration_rad_s2).offset
+
+
+def _first(sky: SkyMotion) -> SkyMotion:
+    return SkyMotion(*_values(sky))
+
+
+def _values(sky: SkyMotion) -> tuple[float, float, float]:
+    right, up, range_m = (float(np.ravel(np.asarray(part))[0]) for part in sky)
+    return right, up, range_m
