@@ -259,16 +259,17 @@ def test_a_model_that_cannot_be_used_is_refused(spoil: Callable[[Any], Any], com
 
 def test_a_tracking_status_reaches_the_wire_field_by_field(random: np.random.Generator) -> None:
     status = numbers(
-        TrackingStatus, random, t_s=T_S, los_t_s=T_S + 500.0, mode="monopulse", target="bird", reason="why",
-        scan_centre_rad=np.array([1.25, 0.5]),
+        TrackingStatus, random, t_s=T_S, los_t_s=T_S + 500.0, mode="monopulse", sensor="auto", target="bird",
+        reason="why", scan_centre_rad=np.array([1.25, 0.5]),
     )  # fmt: skip
     message = convert.tracking_status_to_message(status)
     assert (message.mode, message.target, message.reason) == ("monopulse", "bird", "why")
     assert message.cross_elevation_offset == status.cross_elevation_offset_rad
     assert message.beamwidth == status.half_power_beamwidth_rad
     assert message.command_lead == status.command_lead_s
-    t_s, centre, mode = convert.scan_centre_from_message(message)
-    assert (t_s, centre.tolist(), mode) == (T_S, [1.25, 0.5], "monopulse")
+    t_s, centre, offset, mode, sensor = convert.scan_centre_from_message(message)
+    assert (t_s, centre.tolist(), mode, sensor) == (T_S, [1.25, 0.5], "monopulse", "auto")
+    assert offset.tolist() == [status.cross_elevation_offset_rad, status.elevation_offset_rad]
 
 
 def test_an_antenna_status_reaches_the_wire_field_by_field() -> None:
