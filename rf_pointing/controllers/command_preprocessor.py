@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.controllers.feasible_motion import AxisLimits, chase, halt, reachable
-from rf_pointing.geometry import Params, as_finite_array, parameter, require_between
+from rf_pointing.geometry import Params, as_finite_array, as_finite_pair, parameter, require_between
 
 __all__ = ["CommandPreprocessor", "CommandPreprocessorParams", "CommandPreprocessorState"]
 
@@ -129,25 +129,25 @@ class CommandPreprocessor:
             For a non-finite command or `dt_s` outside [1e-4, 1] s.
         """
         require_between("dt_s", dt_s, 1e-4, 1.0)
-        position = as_finite_array("position_rad", position_rad, (2,)).tolist()
-        velocity = as_finite_array("velocity_rad_s", velocity_rad_s, (2,)).tolist()
-        acceleration = as_finite_array("acceleration_rad_s2", acceleration_rad_s2, (2,)).tolist()
-        state, transparent = self._state, [False, False]
-        for axis, limits in enumerate(self._limits):
+        position = as_finite_pair("position_rad", position_rad)
+        velocity = as_finite_pair("velocity_rad_s", velocity_rad_s)
+        acceleration = as_finite_pair("acceleration_rad_s2", acceleration_rad_s2)
+        state, moved, transparent = self._state, [], [False, False]
+        before = zip(
+            state.position_rad.tolist(), state.velocity_rad_s.tolist(), state.acceleration_rad_s2.tolist(), strict=True
+        )
+        for axis, (limits, now) in enumerate(zip(self._limits, before, strict=True)):
             target = (position[axis], velocity[axis], acceleration[axis])
-            now = (
-                state.position_rad[axis].item(),
-                state.velocity_rad_s[axis].item(),
-                state.acceleration_rad_s2[axis].item(),
-            )
             if state.mode == _STOP:
-                moved = halt(now, limits, dt_s)
+                moved.append(halt(now, limits, dt_s))
             else:
                 transparent[axis] = reachable(now, target, limits, dt_s)
-                moved = target if transparent[axis] else chase(now, target, limits, dt_s)
-            state.position_rad[axis], state.velocity_rad_s[axis], state.acceleration_rad_s2[axis] = moved
+                moved.append(target if transparent[axis] else chase(now, target, limits, dt_s))
+        motion = np.array(moved).T
+        state.position_rad, state.velocity_rad_s, state.acceleration_rad_s2 = motion
         state.transparent = (transparent[0], transparent[1])
-        return state.position_rad.copy(), state.velocity_rad_s.copy(), state.acceleration_rad_s2.copy()
+        # Every step makes new arrays and writes into none, so the caller may keep these.
+        return motion[0], motion[1], motion[2]
 
 
 def _axis_limits(params: CommandPreprocessorParams) -> tuple[AxisLimits, AxisLimits]:

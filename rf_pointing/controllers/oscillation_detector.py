@@ -63,6 +63,7 @@ class OscillationDetector:
     def __init__(self, params: OscillationDetectorParams) -> None:
         self._params = params
         self._state = OscillationDetectorState()
+        self._decay = (0.0, 0.0)
 
     @property
     def params(self) -> OscillationDetectorParams:
@@ -90,7 +91,7 @@ class OscillationDetector:
 
     def retune(self, params: OscillationDetectorParams) -> None:
         """Take new thresholds from the next error on."""
-        self._params = params
+        self._params, self._decay = params, (0.0, 0.0)
 
     def reset(self) -> None:
         """Forget the verdict and the swings so far."""
@@ -107,9 +108,10 @@ class OscillationDetector:
         require_finite("error_rad", error_rad)
         require_between("dt_s", dt_s, 1e-5, 1.0)
         state, before = self._state, self._state.output_rad
-        decay = math.exp(-2.0 * math.pi * self._params.high_pass_hz * dt_s)
+        if dt_s != self._decay[0]:
+            self._decay = (dt_s, math.exp(-2.0 * math.pi * self._params.high_pass_hz * dt_s))
         change = error_rad - state.input_rad if state.started else 0.0
-        state.output_rad = decay * (before + change)
+        state.output_rad = self._decay[1] * (before + change)
         state.input_rad, state.started = error_rad, True
         state.age_s += dt_s
         if before * state.output_rad < 0.0:

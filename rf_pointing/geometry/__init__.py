@@ -9,7 +9,7 @@ from rf_pointing.geometry.angles import (
     unit_vector_from_azel,
     wrap_rad,
 )
-from rf_pointing.geometry.checks import as_finite_array, require_between, require_choice, require_finite
+from rf_pointing.geometry.checks import as_finite_array, as_finite_pair, require_between, require_choice, require_finite
 from rf_pointing.geometry.gaussian_beam import MU
 from rf_pointing.geometry.hermite import Motion, Quintic
 from rf_pointing.geometry.parameters import (
@@ -50,6 +50,7 @@ __all__ = [
     "Target",
     "angular_distance_rad",
     "as_finite_array",
+    "as_finite_pair",
     "azel_from_unit_vector",
     "from_degrees",
     "leaves",

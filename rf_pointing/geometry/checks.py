@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["as_finite_array", "require_between", "require_choice", "require_finite"]
+__all__ = ["as_finite_array", "as_finite_pair", "require_between", "require_choice", "require_finite"]
 
 
 def require_finite(name: str, value: ArrayLike) -> None:
@@ -46,6 +46,19 @@ def as_finite_array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) 
         raise ValueError(f"{name} has shape {array.shape}, must be {wanted}")
     require_finite(name, array)
     return array
+
+
+def as_finite_pair(name: str, value: ArrayLike) -> tuple[float, float]:
+    """Return `value` (2,) as two plain floats, or raise ValueError; what control loops use a thousand times a second."""
+    if isinstance(value, np.ndarray) and value.shape == (2,):
+        first, second = value.tolist()
+    elif isinstance(value, (tuple, list)) and len(value) == 2:
+        first, second = float(value[0]), float(value[1])
+    else:
+        first, second = as_finite_array(name, value, (2,)).tolist()
+    if not (math.isfinite(first) and math.isfinite(second)):
+        raise ValueError(f"{name}={[first, second]} must be finite")
+    return first, second
 
 
 def _all_finite(array: NDArray[Any]) -> bool:

@@ -30,6 +30,9 @@ class ExcitationParams(Params):
     peak_rad_s: float = parameter(
         math.radians(0.2), "largest rate input; what exceeds it is clipped", low=1e-9, high=0.2
     )
+    idle_rate_rad_s: float = parameter(
+        0.0, "constant rate of the other axis, which keeps its friction from sticking", low=-1e-3, high=1e-3
+    )
     low_hz: float = parameter(0.01, "lowest frequency of the multisine", low=1e-5, high=100.0)
     high_hz: float = parameter(12.0, "highest frequency of the multisine", low=1e-4, high=500.0)
 

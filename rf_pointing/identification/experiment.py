@@ -88,9 +88,7 @@ class IdentificationExperiment:
         if self._sample == 0:
             raise ValueError("no sample has been taken")
         where = divmod(self._sample - 1, self._input.shape[1])
-        rate = np.zeros(2)
-        rate[self._axis] = self._input[where]
-        return rate, self._encoder[where].copy()
+        return self._rates(where), self._encoder[where].copy()
 
     @property
     def finished(self) -> bool:
@@ -129,9 +127,8 @@ class IdentificationExperiment:
             return rate
         where = divmod(self._sample, self._input.shape[1])
         self._encoder[where] = encoder
-        rate[self._axis] = self._input[where]
         self._sample += 1
-        return rate
+        return self._rates(where)
 
     def recording(self) -> Recording:
         """Return the sequences that were completed.
@@ -147,6 +144,11 @@ class IdentificationExperiment:
         return Recording(
             AXES[self._axis], self._params.sample_s, self._input[:complete].copy(), self._encoder[:complete].copy()
         )
+
+    def _rates(self, where: tuple[int, int]) -> Array:
+        rates = np.full(2, self._params.idle_rate_rad_s)
+        rates[self._axis] = self._input[where]
+        return rates
 
     def _check_travel(self, axis: str, start_rad: float) -> None:
         require_between("start_rad", start_rad, self._low, self._high)

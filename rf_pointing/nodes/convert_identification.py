@@ -36,6 +36,7 @@ def excitation_to_goal(axis: str, sequences: int, seed: int, params: ExcitationP
         mean=params.mean_rad_s,
         rms=params.rms_rad_s,
         peak=params.peak_rad_s,
+        idle=params.idle_rate_rad_s,
         seed=seed,
     )
 
@@ -49,5 +50,6 @@ def excitation_from_goal(goal: Identify.Goal, sample_s: float) -> ExcitationPara
         mean_rad_s=goal.mean,
         rms_rad_s=goal.rms,
         peak_rad_s=goal.peak,
+        idle_rate_rad_s=goal.idle,
         high_hz=min(ExcitationParams().high_hz, 0.5 / sample_s),
     )

@@ -30,6 +30,8 @@ from rf_pointing.report.identification_report import error_table, save_recording
 
 BRING_UP_S = 30.0
 SIMULATED = ("simulation_clock", "antenna_servo")
+IDLE_DEG_S = 1.84e-4
+"""The offset of 0.0023 V that the published antenna had at both inputs: its friction stays constant."""
 LATE_SAMPLES_S = 2.0
 """How long samples may arrive after the result of their experiment."""
 
@@ -54,6 +56,9 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     for name in ("mean", "rms", "peak"):
         value = math.degrees(getattr(usual, f"{name}_rad_s"))
         parser.add_argument(f"--{name}-deg-s", type=float, default=value, help=f"{name} of the rate ({value:.3f})")
+    parser.add_argument(
+        "--idle-deg-s", type=float, default=IDLE_DEG_S, help=f"rate of the other axis (default: {IDLE_DEG_S})"
+    )
     parser.add_argument("--seed", type=int, default=1, help="seed of the random input (default: 1)")
     parser.add_argument("--tick", type=float, default=usual.sample_s, help="control period in s (default: 0.02)")
     parser.add_argument("--namespace", default="/gs1", help="namespace of the antenna (default: /gs1)")
@@ -68,7 +73,12 @@ def excitation(options: argparse.Namespace) -> ExcitationParams:
     rates = {f"{name}_rad_s": math.radians(getattr(options, f"{name}_deg_s")) for name in ("mean", "rms", "peak")}
     highest_hz = min(ExcitationParams().high_hz, 0.5 / options.tick)
     params = ExcitationParams(
-        kind=options.kind, samples=options.samples, sample_s=options.tick, high_hz=highest_hz, **rates
+        kind=options.kind,
+        samples=options.samples,
+        sample_s=options.tick,
+        high_hz=highest_hz,
+        idle_rate_rad_s=math.radians(options.idle_deg_s),
+        **rates,
     )
     if not 1 <= options.held_out < options.sequences:
         raise ValueError(f"held_out={options.held_out} must be >= 1 and < sequences={options.sequences}")

@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rf_pointing.geometry import as_finite_array, require_between
+from rf_pointing.geometry import as_finite_array, as_finite_pair, require_between
 from rf_pointing.servo.drive import DriveConstants, axis_inputs, drive_constants, gear_correction
 from rf_pointing.servo.linear_model import INPUTS, LinearModel, discretise, linear_model
 from rf_pointing.servo.parameters import PlantParams
@@ -19,6 +19,7 @@ from rf_pointing.servo.state import PlantState
 __all__ = ["AntennaPlant"]
 
 Array = NDArray[np.float64]
+Pair = tuple[float, float]
 
 _GRID_S = 1e-4
 _LONGEST_STEP_S = 1.0
@@ -126,9 +127,9 @@ class AntennaPlant:
         ValueError
             For a non-finite input or `dt_s` outside (0, 1 s].
         """
-        command = _pair("rate_command_rad_s", rate_command_rad_s)
-        wind = _pair("wind_torque_n_m", wind_torque_n_m)
-        wind = [wind[0] / self._inertia[0], wind[1] / self._inertia[1]]
+        command = as_finite_pair("rate_command_rad_s", rate_command_rad_s)
+        torque = as_finite_pair("wind_torque_n_m", wind_torque_n_m)
+        wind = (torque[0] / self._inertia[0], torque[1] / self._inertia[1])
         require_between("dt_s", dt_s, 1e-6, _LONGEST_STEP_S)
         state = self._state
         state.at_stop = (False, False)
@@ -137,7 +138,7 @@ class AntennaPlant:
         self._integrate(command, wind, dt_s + state.debt_s)
         self._read_encoders()
 
-    def _integrate(self, command: list[float], wind: list[float], interval_s: float) -> None:
+    def _integrate(self, command: Pair, wind: Pair, interval_s: float) -> None:
         substep_s = self._params.substep_s
         ticks = int(interval_s / _GRID_S + 1e-6)
         ticks_per_substep = max(1, round(substep_s / _GRID_S))
@@ -146,21 +147,20 @@ class AntennaPlant:
             self._substep(command, wind, count)
         self._state.debt_s = max(0.0, interval_s - ticks * _GRID_S)
 
-    def _substep(self, command: list[float], wind: list[float], ticks: int) -> None:
-        matrix, drives = self._cached(ticks)
-        state, size = self._state, self._size
+    def _substep(self, command: Pair, wind: Pair, ticks: int) -> None:
+        matrix, (azimuth, elevation) = self._cached(ticks)
+        state, size, (gear_az, gear_el) = self._state, self._size, self._gear
         x = state.x.tolist()
         if self._delayed:
             command = self._delayed_commands()
+        powered, braked = state.powered, state.braked
+        u_az, friction_az, pushed_az = axis_inputs(x[2], command[0], wind[0], powered, braked, azimuth)
+        u_el, friction_el, pushed_el = axis_inputs(x[3], command[1], wind[1], powered, braked, elevation)
+        play_az = gear_correction(x[gear_az], x[gear_az + self._modes], azimuth)
+        play_el = gear_correction(x[gear_el], x[gear_el + self._modes], elevation)
         z = self._z
         z[:size] = state.x
-        inputs = [0.0] * INPUTS
-        for axis in (0, 1):
-            inputs[axis], inputs[2 + axis], inputs[4 + axis] = axis_inputs(
-                x[2 + axis], command[axis], wind[axis], state.powered, state.braked, drives[axis]
-            )
-            inputs[6 + axis] = gear_correction(x[self._gear[axis]], x[self._gear[axis] + self._modes], drives[axis])
-        z[size:] = inputs
+        z[size:] = (u_az, u_el, friction_az, friction_el, pushed_az, pushed_el, play_az, play_el)
         np.dot(matrix, z, out=state.x)
         state.time_s += ticks * _GRID_S
         for axis, angle in enumerate(state.x[:2].tolist()):
@@ -177,7 +177,7 @@ class AntennaPlant:
         hit[axis] = True
         self._state.at_stop = (hit[0], hit[1])
 
-    def _delayed_commands(self) -> list[float]:
+    def _delayed_commands(self) -> Pair:
         """Return, per axis, the newest command older than the dead time (zero before the first)."""
         state, commands = self._state, [0.0, 0.0]
         oldest = state.time_s - max(self._delay) - 1e-9
@@ -186,7 +186,7 @@ class AntennaPlant:
             commands[axis] = due[-1][1 + axis] if due else 0.0
         past = [entry for entry in state.commands if entry[0] <= oldest]
         state.commands = state.commands[max(0, len(past) - 1) :]
-        return commands
+        return commands[0], commands[1]
 
     def _read_encoders(self) -> None:
         angles = self._output(self._model.encoder).tolist()
@@ -232,16 +232,3 @@ class AntennaPlant:
         x[:2] = position_rad
         encoder = np.round(position_rad / np.array(self._encoder_step)) * self._encoder_step
         return PlantState(x, 0.0, 0.0, True, False, (False, False), encoder, (), self._random.bit_generator.state)
-
-
-def _pair(name: str, value: ArrayLike) -> list[float]:
-    """Return `value` (2,) as floats; the common case is checked without building arrays."""
-    if isinstance(value, np.ndarray) and value.shape == (2,):
-        pair: list[float] = value.tolist()
-    elif isinstance(value, (tuple, list)) and len(value) == 2:
-        pair = [float(value[0]), float(value[1])]
-    else:
-        pair = as_finite_array(name, value, (2,)).tolist()
-    if not (math.isfinite(pair[0]) and math.isfinite(pair[1])):
-        raise ValueError(f"{name}={pair} must be finite")
-    return pair

@@ -224,8 +224,9 @@ class SkyOffsets:
 
 def _loops(integrator: TrackerIntegratorParams, scans: ScanParams) -> dict[str, TrackerIntegratorParams]:
     """Return the integrator of each sensor: continuous errors, or one a round."""
-    rounds = integrator.replace(bandwidth_hz=STEP_GAIN / (2.0 * math.pi * STEP_RAMP_S), sample_s=STEP_RAMP_S)
-    sliding = integrator.replace(bandwidth_hz=scans.conscan.bandwidth_hz)
+    single = integrator.replace(mean_of=1)
+    rounds = single.replace(bandwidth_hz=STEP_GAIN / (2.0 * math.pi * STEP_RAMP_S), sample_s=STEP_RAMP_S)
+    sliding = single.replace(bandwidth_hz=scans.conscan.bandwidth_hz)
     return {
         "monopulse": integrator,
         "conscan": sliding if scans.conscan.updates == "sample" else rounds,

@@ -87,3 +87,25 @@ def test_time_running_backwards_is_refused() -> None:
 def test_a_non_finite_error_is_refused() -> None:
     with pytest.raises(ValueError, match="error_rad"):
         TrackerIntegrator(PARAMS).update(0.0, (math.nan, 0.0))
+
+
+def test_the_mean_of_the_latest_errors_has_its_null_where_it_says() -> None:
+    """Three errors at 10 Hz: nothing of 10/3 Hz gets through, a constant error acts in full."""
+    integrator = TrackerIntegrator(TrackerIntegratorParams(bandwidth_hz=0.2, mean_of=3))
+    integrator.reset(0.0)
+    rates = []
+    for k in range(30):
+        error = 1e-5 * math.cos(2.0 * math.pi * k / 3.0) + 1e-6
+        integrator.update(0.1 * k, (error, 1e-6))
+        rates.append(integrator.state.rate_rad_s)
+    np.testing.assert_allclose(rates[3:], 2.0 * math.pi * 0.2 * 1e-6, rtol=1e-9)
+
+
+def test_freezing_forgets_the_errors_before_it() -> None:
+    integrator = TrackerIntegrator(TrackerIntegratorParams(mean_of=3))
+    integrator.reset(0.0)
+    integrator.update(0.1, (1e-3, 0.0))
+    integrator.freeze(0.2)
+    integrator.unfreeze()
+    integrator.update(0.3, (1e-6, 0.0))
+    assert integrator.state.rate_rad_s[0] == pytest.approx(2.0 * math.pi * 0.04 * 1e-6, rel=1e-12)

@@ -82,3 +82,9 @@ def test_a_non_finite_encoder_is_refused() -> None:
 def test_an_unknown_axis_is_refused() -> None:
     with pytest.raises(ValueError, match="axis='focus' must be one of azimuth, elevation"):
         experiment(axis="focus")
+
+
+def test_the_other_axis_runs_at_the_idle_rate_while_the_experiment_lasts() -> None:
+    run = experiment(params=PARAMS.replace(idle_rate_rad_s=3e-6), sequences=1)
+    np.testing.assert_array_equal(follow(run, 256)[:, 0], 3e-6)
+    np.testing.assert_array_equal(run.command((0.3, 0.8)), 0.0)

@@ -1,0 +1,61 @@
+"""A study of planted responses: what was planted comes out, errors are those of sequences that were not fitted."""
+
+import numpy as np
+import pytest
+
+from rf_pointing.identification import IdentificationParams, Recording, StateSpace, modes_of, study
+
+from .conftest import MODES, SAMPLE_S
+
+STRAIGHT = IdentificationParams(order=5, realization_order=7, observer_order=40, markov_count=200)
+
+
+def recording(axis: str, planted: StateSpace, noise: float = 1e-9, sequences: int = 4) -> Recording:
+    """Both encoders show the planted response, the other axis a hundredth of it."""
+    random = np.random.default_rng(7)
+    inputs = 1e-3 * random.uniform(-1.0, 1.0, (sequences, 2048))
+    outputs = np.array([planted.simulate(u)[:, 0] for u in inputs])
+    other = np.array([planted.simulate(np.concatenate([[0.0], np.diff(u)]))[:, 0] for u in inputs])
+    both = (outputs, other) if axis == "azimuth" else (other, outputs)
+    encoder = np.stack(both, axis=2)
+    return Recording(axis, SAMPLE_S, inputs, encoder + noise * random.standard_normal(encoder.shape))
+
+
+def test_one_axis_gives_its_straight_response_with_the_planted_modes(planted: StateSpace) -> None:
+    (found,) = study({"elevation": recording("elevation", planted)}, 1, straight=STRAIGHT)
+    assert found.straight
+    assert len(found.checks) == 1
+    assert found.worst_error < 1e-3
+    modes = modes_of(found.identified.model).frequency_hz
+    for frequency, _, _ in MODES:
+        assert np.min(np.abs(modes - frequency)) < 1e-3
+
+
+def test_two_axes_give_four_responses_straight_ones_first(planted: StateSpace) -> None:
+    recordings = {axis: recording(axis, planted) for axis in ("azimuth", "elevation")}
+    cross = IdentificationParams(
+        order=6, realization_order=8, observer_order=40, markov_count=200, integrator=False, high_pass_hz=0.3
+    )
+    found = study(recordings, 1, straight=STRAIGHT, cross=cross)
+    assert [each.straight for each in found] == [True, True, False, False]
+    assert {(each.driven, each.shown) for each in found} == {
+        (a, b) for a in ("azimuth", "elevation") for b in ("azimuth", "elevation")
+    }
+    assert all(each.worst_error < 0.05 for each in found)
+    assert found[0].record("test").error == found[0].worst_error
+
+
+def test_noise_in_the_held_out_sequence_alone_shows_in_the_error(planted: StateSpace) -> None:
+    clean = recording("elevation", planted)
+    encoder = clean.encoder_rad.copy()
+    spoiled_by = 0.1 * np.std(encoder[-1, :, 1])
+    encoder[-1, :, 1] += spoiled_by * np.random.default_rng(3).standard_normal(encoder.shape[1])
+    spoiled = Recording(clean.axis, clean.sample_s, clean.input_rad_s, encoder)
+    before, after = (study({"elevation": each}, 1, straight=STRAIGHT)[0] for each in (clean, spoiled))
+    np.testing.assert_array_equal(after.identified.model.a, before.identified.model.a)
+    assert after.worst_error > 100.0 * before.worst_error
+
+
+def test_at_least_one_sequence_must_be_left_to_fit(planted: StateSpace) -> None:
+    with pytest.raises(ValueError, match=r"held_out \(elevation\)=4 must be <= 3"):
+        study({"elevation": recording("elevation", planted)}, 4)
