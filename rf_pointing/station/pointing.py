@@ -26,7 +26,7 @@ from rf_pointing.geometry import (
     parameter,
     require_choice,
 )
-from rf_pointing.planning import AxisLimits, HorizonMask, MachineParams, choose_turns, refusal
+from rf_pointing.planning import AxisLimits, GateParams, HorizonMask, MachineParams, choose_turns, refusal
 from rf_pointing.station.axis_path import AxisPath
 from rf_pointing.station.beam_position import BeamPosition
 from rf_pointing.station.pass_plan import PassPlan
@@ -95,9 +95,10 @@ class PointingController:
         conscan: ConscanParams,
         machine: MachineParams | None = None,
         mask: HorizonMask | None = None,
+        gate: GateParams | None = None,
     ) -> None:
         self.params, self.limits = params, limits
-        self.plan = PassPlan(machine or MachineParams(), mask or HorizonMask())
+        self.plan = PassPlan(machine or MachineParams(), mask or HorizonMask(), gate or GateParams(), limits)
         self._autotrack_params = autotrack
         self._table = Autotrack(autotrack)
         self.state = AutotrackState()
@@ -124,6 +125,7 @@ class PointingController:
     def retune(self, params: PointingParams, limits: AxisLimits, autotrack: AutotrackParams) -> None:
         """Take new parameters between two periods."""
         self.params, self.limits, self._autotrack_params = params, limits, autotrack
+        self.plan.take_limits(limits)
         self._table = Autotrack(autotrack.replace(sensor=self._table.params.sensor))
 
     def take_model(self, model: BiasModel) -> None:
@@ -214,7 +216,7 @@ class PointingController:
 
     def _choose_turn(self, t_s: float, window: Pass, joints: JointReading, sensor: str) -> float:
         """Return the turns (rad) to track on: those of the certificate, or of the summary when there is no profile."""
-        if self.plan.choose(t_s, window, joints, self._model, self.limits, sensor):
+        if self.plan.choose(t_s, window, joints, self._model, sensor):
             self.take_joints(joints)
             return self.plan.turns_rad
         low, high, present = window.azimuth_min_rad, window.azimuth_max_rad, float(joints.position_rad[0])
@@ -260,13 +262,9 @@ class PointingController:
         trajectory = self.plan.to_axes(
             JointTrajectory(t_s=times, position_rad=position, velocity_rad_s=velocity, acceleration_rad_s2=acceleration)
         )
-        present = None if self._axes is None else tuple(self._axes.position_rad.tolist())
-        for row in trajectory.position_rad:
-            refused = refusal(self.limits, float(row[0]), float(row[1]), present)
-            if refused:
-                self._stopping = refused
-                return None
-        return trajectory
+        present = None if self._axes is None else (float(self._axes.position_rad[0]), float(self._axes.position_rad[1]))
+        self._stopping = self.plan.refusal(t_s, present, trajectory.position_rad)
+        return None if self._stopping else trajectory
 
     def _centre_motion(self, t_s: float, times: Array) -> Motion:
         """Return the axis motion to hold at `times`, the tracking offset included, the scans not.
@@ -277,6 +275,10 @@ class PointingController:
         assert self._pass is not None
         near_rad = 0.5 * (self._pass.azimuth_min_rad + self._pass.azimuth_max_rad) + (self._turns_rad or 0.0)
         if t_s < self._pass.aos_t_s:
+            corner = None if self._axes is None else self.plan.corner(self._axes)
+            if corner is not None:
+                still = np.zeros((len(times), 2))
+                return Motion(np.tile(corner, (len(times), 1)), still, still)
             start = np.array([self._pass.aos_azimuth_rad, self._pass.aos_elevation_rad])
             return self._path.waiting(len(times), start, self._model, near_rad)
         path = self.plan.replace(times, self._path.at(times, self._targets, self._model, near_rad))
