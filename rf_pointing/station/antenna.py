@@ -88,7 +88,7 @@ class SimulatedAntenna:
 
     @property
     def mode(self) -> str:
-        """inactive, holding, tracking, manual_rate, paused, stopping, fault; parking, stowing, disabling and what they end in."""
+        """inactive, holding, tracking, manual_rate, paused, stopping, fault; parking, stowing, disabling and their ends."""
         return self._mode
 
     @property
