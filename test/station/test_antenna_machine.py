@@ -21,7 +21,7 @@ from rf_pointing.station.injected_faults import FAULTS
 DEG = math.pi / 180.0
 START_S = 1_151_384_000.0
 BRAKED = ("inactive", "parked", "stowed", "disabled")
-EXAMPLES = int(os.environ.get("RF_POINTING_SOAK_EXAMPLES", "25"))
+EXAMPLES = int(os.environ.get("RF_POINTING_SOAK_EXAMPLES", "15"))
 STEPS = 40
 
 
