@@ -2,31 +2,49 @@
 
 Subscribes: joint_trajectory.  Publishes: joint_states (50 Hz), antenna_status (10 Hz), sim/boresight (50 Hz, truth).
 While identifying: manual_rate (50 Hz).
-Action: identify (rf_pointing_msgs/Identify).  Services: ~/stop, ~/reset_fault (std_srvs/Trigger).
-Parameters: antenna.*, loops.* (retunable while running), and as truth plant.* (changeable too), wind.*, mount.*.
+Action: identify (rf_pointing_msgs/Identify).
+Services (std_srvs/Trigger): ~/stop (latches a fault), ~/pause, ~/resume, ~/park, ~/stow, ~/disable, ~/reset_fault;
+~/inject_fault (rf_pointing_msgs/InjectFault, where fault injection is enabled).
+Parameters: antenna.*, loops.* (retunable while running), safety.*, wrap_file (keeps the azimuth's turn over a restart;
+empty: not kept), enable_fault_injection, and as truth plant.* (changeable too), wind.*, mount.*.
 Activation releases the brakes and holds; deactivation sets them.
 """
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from rf_pointing_msgs.msg import AntennaStatus, Boresight
+from rf_pointing_msgs.srv import InjectFault
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
-from rf_pointing.geometry import AXES
+from rf_pointing.geometry import AXES, Params, parameter
 from rf_pointing.nodes import convert
 from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Health
 from rf_pointing.nodes.identification_server import IdentificationServer
 from rf_pointing.nodes.managed import ManagedNode, run
 from rf_pointing.nodes.qos import COMMAND_INPUT, SAMPLES, STREAM
+from rf_pointing.planning import WrapCount
 from rf_pointing.servo import WindParams, dss13_plant
 from rf_pointing.station.antenna import AntennaParams, LoopParams, SimulatedAntenna
+from rf_pointing.station.antenna_safety import SafetyParams
 from rf_pointing.station.mount import MountParams
 
 STATUS_PERIOD_S = 0.1
+WRAP_EVERY = 10
+"""Statuses between two looks at whether the azimuth's turn should be written."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ServoNodeParams(Params):
+    """What is the node's own."""
+
+    wrap_file: str = parameter("", "file that keeps the azimuth's turn over a restart; empty: not kept")
+    enable_fault_injection: bool = parameter(False, "whether ~/inject_fault is offered")
 
 
 class AntennaServo(ManagedNode):
@@ -34,6 +52,8 @@ class AntennaServo(ManagedNode):
 
     def __init__(self) -> None:
         super().__init__("antenna_servo")
+        self.parameters.declare("", ServoNodeParams())
+        self.parameters.declare("safety", SafetyParams())
         groups = {"antenna": AntennaParams(), "plant": dss13_plant(), "loops": LoopParams(), "wind": WindParams()}
         for prefix, defaults in {**groups, "mount": MountParams()}.items():
             self.parameters.declare(prefix, defaults)
@@ -42,14 +62,17 @@ class AntennaServo(ManagedNode):
         self._antenna: SimulatedAntenna | None = None
         self._status_every = 1
         self._identification = IdentificationServer(self)
+        self._statuses = 0
+        self._wrap: WrapCount | None = None
         self._tick_wall_s: float | None = None
         self._lateness_s = 0.0
 
     def configure(self) -> None:
         value = self.parameters.value
         self._antenna = SimulatedAntenna(
-            value("antenna"), value("plant"), value("loops"), value("wind"), value("mount").model()
-        )
+            value("antenna"), value("plant"), value("loops"), value("wind"), value("mount").model(),
+            value("safety"),
+        )  # fmt: skip
         self._status_every = max(1, round(STATUS_PERIOD_S / self._antenna.params.tick_s))
         self._joints = self.publisher(JointState, "joint_states", STREAM)
         self._boresight = self.stream(Boresight, "sim/boresight", SAMPLES)
@@ -57,7 +80,14 @@ class AntennaServo(ManagedNode):
         self._identification.configure(self._antenna)
         self.listen(JointTrajectory, "joint_trajectory", self._on_trajectory, COMMAND_INPUT)
         self.serve(Trigger, "~/stop", self._on_stop)
-        self.serve(Trigger, "~/reset_fault", self._on_reset)
+        self._recover_wrap()
+        antenna = self._antenna
+        actions = {"reset_fault": antenna.reset_fault, "pause": antenna.pause, "resume": antenna.resume,
+                   "park": antenna.park, "stow": antenna.stow, "disable": antenna.release}  # fmt: skip
+        for name, action in actions.items():
+            self.serve(Trigger, f"~/{name}", self._answering(name, action))
+        if value("").enable_fault_injection:
+            self.serve(InjectFault, "~/inject_fault", self._on_inject)
         self.diagnostics.add("drive", self._health)
         self.diagnostics.add("oscillation", self._oscillation_health)
 
@@ -70,6 +100,24 @@ class AntennaServo(ManagedNode):
     def deactivate(self) -> None:
         self._antenna.disable()
         self._identification.end()
+        self._keep_wrap()
+
+    def _recover_wrap(self) -> None:
+        """Check the kept turn against the encoder; the simulated one is absolute over all turns, a real one over one."""
+        name = self.parameters.value("").wrap_file
+        self._wrap = WrapCount(Path(name)) if name else None
+        if self._wrap is None:
+            return
+        azimuth = float(self._antenna.reading(0.0).position_rad[0])
+        recovered, doubt = self._wrap.recover(azimuth)
+        if not doubt and abs(recovered - azimuth) > 1e-6:
+            doubt = "the wrap file names another turn than the encoder: look at the cables, then reset"
+        if doubt:
+            self._antenna.stop(doubt)
+
+    def _keep_wrap(self) -> None:
+        if self._wrap is not None and not self._antenna.status(self.now_s()).fault:
+            self._wrap.keep(float(self._antenna.reading(0.0).position_rad[0]))
 
     def _tick(self, t_s: float) -> None:
         if self._schedule.jumped_s:
@@ -83,6 +131,9 @@ class AntennaServo(ManagedNode):
             message = convert.antenna_status_to_message(self._antenna.status(t_s))
             message.tick_lateness = self._lateness_s
             self._status.publish(message)
+            self._statuses += 1
+            if self._statuses % WRAP_EVERY == 0:
+                self._keep_wrap()
 
     def _measure_lateness(self, tick_s: float) -> None:
         """Compare the wall time between two ticks with the period; at another speed than 1 it shows that speed."""
@@ -93,7 +144,9 @@ class AntennaServo(ManagedNode):
 
     def _on_trajectory(self, message: JointTrajectory) -> None:
         try:
-            refused = self._antenna.accept(convert.trajectory_from_message(message), self.now_s())
+            refused = self._antenna.accept(
+                convert.trajectory_from_message(message), self.now_s(), message.header.frame_id
+            )
         except ValueError as error:
             refused = self._antenna.reject(str(error))
         if refused:
@@ -104,9 +157,24 @@ class AntennaServo(ManagedNode):
         response.success, response.message = True, "stopping; reset_fault allows motion again"
         return response
 
-    def _on_reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        refused = self._antenna.reset_fault()
-        response.success, response.message = not refused, refused or "fault cleared"
+    @staticmethod
+    def _answering(name: str, action: Callable[[], str]) -> Callable[[Trigger.Request, Trigger.Response], Any]:
+        """Return a service callback of an action that says "" or why not."""
+
+        def answer(_request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            refused = action()
+            response.success, response.message = not refused, refused or f"{name} accepted"
+            return response
+
+        return answer
+
+    def _on_inject(self, request: InjectFault.Request, response: InjectFault.Response) -> InjectFault.Response:
+        try:
+            self._antenna.injected.inject(request.fault, request.value)
+        except ValueError as refusal:
+            response.success, response.message = False, str(refusal)
+            return response
+        response.success, response.message = True, f"{request.fault} injected"
         return response
 
     def _check(self, sets: Mapping[str, Any]) -> None:
@@ -119,9 +187,12 @@ class AntennaServo(ManagedNode):
 
     def _health(self) -> Health:
         status = self._antenna.status(self.now_s())
-        level = ERROR if status.fault else WARN if any(status.at_limit) else OK
+        level = ERROR if status.fault else WARN if any(status.at_limit) or status.warning else OK
+        fault = self._antenna.safety.latch.fault
         rejected = {"commands_rejected": status.commands_rejected, "last_rejection": status.last_rejection}
-        return Health(level, status.fault or status.mode, {"commands_accepted": status.commands_accepted, **rejected})
+        before = {"last_commands": " | ".join(fault.lines())} if fault else {}
+        values = {"commands_accepted": status.commands_accepted, "commander": status.commander, **rejected, **before}
+        return Health(level, status.fault or status.warning or status.mode, values)
 
     def _oscillation_health(self) -> Health:
         watch = dict(zip(AXES, self._antenna.oscillation_watch, strict=True))

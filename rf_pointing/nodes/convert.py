@@ -249,6 +249,9 @@ def antenna_status_to_message(status: AntennaStatus) -> ours.AntennaStatus:
         commands_accepted=status.commands_accepted,
         commands_rejected=status.commands_rejected,
         last_rejection=status.last_rejection,
+        warning=status.warning,
+        transmit_inhibit=status.transmit_inhibit,
+        commander=status.commander,
     )
     message.commanded, message.rate_command = status.commanded_rad, status.rate_command_rad_s
     message.rate_limit, message.acceleration_limit = status.rate_limit_rad_s, status.acceleration_limit_rad_s2

@@ -4,7 +4,7 @@ Subscribes: target, joint_states, pointing_error, pointing_model, pass_profiles.
 Publishes: joint_trajectory (10 Hz while a pass is tracked), tracking_status (10 Hz), pass_certificate (latched).
 Action: track_pass (rf_pointing_msgs/TrackPass).  Services (std_srvs/Trigger): ~/stop ends the pass under control;
 ~/calibrate runs the circle that the monopulse tracker calibrates its feed on.
-Parameters: pointing.*, limits.*, machine.*, mask.*, autotrack.*, integrator.*, spiral.*, conscan.*, steptrack.*,
+Parameters: pointing.*, limits.*, machine.*, mask.*, gate.*, autotrack.*, integrator.*, spiral.*, conscan.*, steptrack.*,
 calibration.*, trim.*, watch.*, link.*, certificate_folder (where every certificate is stored as a file; empty: nowhere).
 """
 
@@ -30,7 +30,7 @@ from rf_pointing.nodes import convert, convert_planning
 from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Health
 from rf_pointing.nodes.managed import ManagedNode, run
 from rf_pointing.nodes.qos import COMMAND, LATCHED, STREAM
-from rf_pointing.planning import AxisLimits, HorizonMask, MachineParams
+from rf_pointing.planning import AxisLimits, GateParams, HorizonMask, MachineParams
 from rf_pointing.rf import LinkParams
 from rf_pointing.station.certificate_store import StoreParams, store_certificate
 from rf_pointing.station.pointing import PointingController, PointingParams
@@ -59,6 +59,7 @@ GROUPS = {
     "trim": TrimParams(),
     "watch": LockWatchParams(),
     "link": LinkParams(),
+    "gate": GateParams(),
 }
 LEAST_TRACKED_SHARE = 0.8
 FEEDBACK_EVERY = 10
@@ -146,7 +147,9 @@ class PointingControllerNode(ManagedNode):
         trajectory, status = self._controller.step(t_s)
         self._show_certificate()
         if trajectory is not None:
-            self._commands.publish(convert.trajectory_to_message(trajectory, t_s))
+            command = convert.trajectory_to_message(trajectory, t_s)
+            command.header.frame_id = self.get_fully_qualified_name()
+            self._commands.publish(command)
             self._sent += 1
         message = convert.tracking_status_to_message(status)
         message.commands_sent = self._sent

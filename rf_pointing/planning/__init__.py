@@ -1,21 +1,39 @@
 """What the machine may do: limits of travel, the pass certificate with its branches, the gate of every motion."""
 
+from rf_pointing.planning.authority import Authority
+from rf_pointing.planning.axis_watch import AxisWatch, AxisWatchParams
 from rf_pointing.planning.certificate import Branch, Certificate, MachineParams, certify, plunged, unplunged
 from rf_pointing.planning.certificate_text import certificate_lines, certificate_values
 from rf_pointing.planning.crossing import AxisMotionLimits, Crossing, cross
+from rf_pointing.planning.fault_latch import FaultLatch, LatchedFault
+from rf_pointing.planning.gate import MOTIONS, Decision, Gate, GateParams
 from rf_pointing.planning.limits import AxisLimits, choose_turns, refusal
 from rf_pointing.planning.mask import HorizonMask
 from rf_pointing.planning.profile import PassProfile
+from rf_pointing.planning.wind_watch import WindWatch, WindWatchParams
+from rf_pointing.planning.wrap_count import WrapCount
 
 __all__ = [
+    "MOTIONS",
+    "Authority",
     "AxisLimits",
     "AxisMotionLimits",
+    "AxisWatch",
+    "AxisWatchParams",
     "Branch",
     "Certificate",
     "Crossing",
+    "Decision",
+    "FaultLatch",
+    "Gate",
+    "GateParams",
     "HorizonMask",
+    "LatchedFault",
     "MachineParams",
     "PassProfile",
+    "WindWatch",
+    "WindWatchParams",
+    "WrapCount",
     "certificate_lines",
     "certificate_values",
     "certify",

@@ -20,7 +20,9 @@ class HorizonMask(Params):
     """Surveyed points of the horizon; one point is a flat horizon."""
 
     azimuth_rad: tuple[float, ...] = parameter((0.0,), "azimuths of the horizon's points, rising", low=0.0, high=TURN)
-    elevation_rad: tuple[float, ...] = parameter((-0.2,), "lowest elevation at each of them", low=-0.2, high=1.5)
+    elevation_rad: tuple[float, ...] = parameter(
+        (math.radians(-10.0),), "lowest elevation at each of them", low=-0.2, high=1.5
+    )
 
     def check_together(self) -> None:
         """Refuse lists of different lengths and azimuths that do not rise within one turn."""

@@ -17,7 +17,9 @@ from rf_pointing.controllers import CommandPreprocessor, OscillationDetector, Tr
 from rf_pointing.geometry import Boresight, JointReading, JointTrajectory, Motion, Params, parameter, random_stream
 from rf_pointing.identification import IdentificationExperiment
 from rf_pointing.servo import AntennaPlant, PlantParams, Wind, WindParams
+from rf_pointing.station.antenna_safety import AntennaSafety, SafetyParams
 from rf_pointing.station.axis_loops import AxisLoops, LoopParams
+from rf_pointing.station.injected_faults import InjectedFaults
 from rf_pointing.station.mount import MountError
 from rf_pointing.station.status import AntennaStatus
 
@@ -27,6 +29,12 @@ Array = NDArray[np.float64]
 REST_RAD_S = math.radians(1e-3)
 MOVING_RAD_S = math.radians(0.1)
 LONGEST_STOP_S = 30.0
+WIND_EVERY = 5
+"""Ticks between two readings of the anemometer."""
+ARRIVED_RAD = math.radians(0.02)
+RESTING = {"parking": "parked", "stowing": "stowed", "disabling": "disabled"}
+"""Modes that end at rest with the brakes set, and the modes they end in."""
+MOVABLE = ("tracking", "holding", "stopping", "paused", "parking", "stowing")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,9 +54,17 @@ class SimulatedAntenna:
     """One antenna; `enable` it, then `step` once a tick. Outputs of `step` are those at the tick's beginning."""
 
     def __init__(
-        self, params: AntennaParams, plant: PlantParams, loops: LoopParams, wind: WindParams, mount: BiasModel
+        self,
+        params: AntennaParams,
+        plant: PlantParams,
+        loops: LoopParams,
+        wind: WindParams,
+        mount: BiasModel,
+        safety: SafetyParams | None = None,
     ) -> None:
         self.params = params
+        self.safety = AntennaSafety(safety or SafetyParams(), loops.preprocessor, params.tick_s)
+        self.injected = InjectedFaults()
         start = (params.start_azimuth_rad, params.start_elevation_rad)
         self._plant = AntennaPlant(plant, random_stream(params.seed, "encoder"), start)
         self._plant.brake()
@@ -59,21 +75,31 @@ class SimulatedAntenna:
         self._experiment: IdentificationExperiment | None = None
         self._loops = AxisLoops(loops, plant, params.tick_s)
         self._limits = loops.preprocessor
-        self._mode, self._fault, self._rejection = "inactive", "", ""
+        self._mode, self._rejection = "inactive", ""
         self._accepted = self._rejected = 0
         self._hold = np.array(start)
         self._rate_command = np.zeros(2)
         self._mean_rate = np.zeros(2)
         self._mount_error = MountError(mount)
         self._newest_s = 0.0
+        self._ticks = 0
+        self._goal = np.array(start)
+        self._used = self._plant.encoder_rad
 
     @property
     def mode(self) -> str:
-        """inactive, holding, tracking, manual_rate, stopping or fault."""
+        """inactive, holding, tracking, manual_rate, paused, stopping, fault; parking, stowing, disabling and their ends."""
         return self._mode
+
+    @property
+    def _fault(self) -> str:
+        return self.safety.latch.text
 
     def enable(self) -> None:
         """Release the brakes and hold where the axes are; nothing moves.  After an oscillation they stay set."""
+        self.safety.watch.reset()
+        self._rate_command = np.zeros(2)
+        self._watch_axes()
         self._mode = "fault" if self._fault else "holding"
         if not self._loops.oscillation:
             self._hold_here()
@@ -108,6 +134,7 @@ class SimulatedAntenna:
             self._loops.retune(loops, plant)
             self._preprocessor.retune(loops.preprocessor)
             self._limits = loops.preprocessor
+            self.safety.retune(loops.preprocessor, self.params.tick_s)
 
     @property
     def travel_rad(self) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -124,11 +151,12 @@ class SimulatedAntenna:
         """Decelerate both axes at their limits; with a reason the stop latches as a fault."""
         self._table.clear()
         self._preprocessor.stop()
+        self.safety.authority.release()
         if reason:
-            self._fault = reason
+            self.safety.latch.latch(reason, self._newest_s)
         if self._mode == "manual_rate":
             self._leave_manual_rate(reason or "stop was requested")
-        if self._mode in ("tracking", "holding"):
+        if self._mode in MOVABLE:
             self._mode = "stopping"
 
     def identify(self, experiment: IdentificationExperiment) -> str:
@@ -143,35 +171,103 @@ class SimulatedAntenna:
         self._experiment, self._mode = experiment, "manual_rate"
         return ""
 
-    def reset_fault(self) -> str:
-        """Clear a latched fault; return why not, "" when it is cleared."""
-        if not self._fault:
-            return "no fault is latched"
-        if self._mode == "stopping" or float(np.max(np.abs(self._plant.velocity_rad_s))) > MOVING_RAD_S:
-            return "the axes are still moving"
-        self._fault = ""
-        if self._loops.oscillation:
-            self._hold_here()
-            if self._mode == "fault":
-                self._plant.release_brake()
-        if self._mode == "fault":
-            self._mode = "holding"
+    def pause(self) -> str:
+        """Stop where the axes are and keep taking commands; `resume` goes on with them. Return "" or why not."""
+        if self._mode != "tracking":
+            return f"nothing to pause, the antenna is {self._mode}"
+        self._preprocessor.stop()
+        self._mode = "paused"
         return ""
 
-    def accept(self, trajectory: JointTrajectory, now_s: float) -> str:
-        """Take a command; return "" or why it was rejected. A rejected command changes nothing but the count."""
+    def resume(self) -> str:
+        """Go on after a pause, or leave park, stow or disable and hold; return "" or why not."""
+        if self._mode == "paused":
+            self._preprocessor.follow()
+            self._mode = "tracking"
+            return ""
+        if self._mode not in RESTING.values():
+            return f"nothing to resume, the antenna is {self._mode}"
+        if self.safety.wind.reason:
+            return self.safety.wind.reason
+        self.enable()
+        return ""
+
+    def park(self) -> str:
+        """Go to the park position and set the brakes there; return "" or why not."""
+        place = self.safety.params
+        return self._go("parking", (place.park_azimuth_rad, place.park_elevation_rad))
+
+    def stow(self) -> str:
+        """Go to the stow elevation at the present azimuth and set the brakes there; return "" or why not."""
+        return self._go("stowing", (float(self._used[0]), self.safety.params.stow_elevation_rad))
+
+    def release(self) -> str:
+        """Stop under control and set the brakes where the axes then are; return "" or why not."""
+        if self._mode not in MOVABLE:
+            return f"nothing to disable, the antenna is {self._mode}"
+        self.stop()
+        self._mode = "disabling"
+        return ""
+
+    def reset_fault(self) -> str:
+        """Clear a latched fault; return why not, "" when it is cleared."""
+        moving = float(np.max(np.abs(self._plant.velocity_rad_s))) > MOVING_RAD_S
+        if self._fault and (self._mode == "stopping" or moving):
+            return "the axes are still moving"
+        refused = self.safety.latch.reset(self.safety.lasting_cause())
+        if not refused and self._loops.oscillation:
+            self._hold_here()
+        if not refused and self._mode == "fault":
+            self.enable()
+        return refused
+
+    def _go(self, mode: str, goal: tuple[float, float]) -> str:
+        """Begin a motion of the antenna's own, through the gate."""
+        if self._fault:
+            return f"fault latched ({self._fault}); reset it first"
+        if self._mode not in MOVABLE:
+            return f"the antenna is {self._mode}"
+        kind = "stow" if mode == "stowing" else "park"
+        present = (float(self._used[0]), float(self._used[1]))
+        decision = self.safety.gate.check(kind, present, np.array([goal]), high_wind=self.safety.wind.reason)
+        if not decision.allowed:
+            return decision.reason
+        self._table.clear()
+        self.safety.authority.release()
+        self._goal, self._mode = np.array(goal), mode
+        self._preprocessor.follow()
+        return ""
+
+    def _trip(self, reason: str) -> None:
+        """Cut the drives and set the brakes at once, and latch why."""
+        self.safety.latch.latch(reason, self._newest_s)
+        self._plant.brake()
+        self._table.clear()
+        self._preprocessor.stop()
+        self._mode = "fault"
+
+    def accept(self, trajectory: JointTrajectory, now_s: float, commander: str = "") -> str:
+        """Take a command of `commander`; return "" or why it was rejected: then only the count has changed."""
         if self._fault:
             return self.reject(f"fault latched ({self._fault}); reset it first")
         if self._mode == "inactive":
             return self.reject("the antenna is not active")
         if self._mode == "manual_rate":
             return self.reject("an identification drives the antenna")
+        if self._mode in RESTING or self._mode in RESTING.values():
+            return self.reject(f"the antenna is {self._mode}; resume it first")
+        conflict = self.safety.authority.claim(commander, now_s)
+        if conflict:
+            return self.reject(conflict)
         answer = self._table.accept(trajectory, now_s)
         if not answer.accepted:
             return self.reject(answer.reason)
         self._accepted += 1
-        self._preprocessor.follow()
-        if self._mode != "tracking":
+        self.safety.note_command(now_s)
+        azimuth, elevation = trajectory.position_rad[-1].tolist()
+        self.safety.latch.note_command((now_s, commander, azimuth, elevation))
+        if self._mode != "paused":
+            self._preprocessor.follow()
             self._mode = "tracking"
         return ""
 
@@ -183,7 +279,7 @@ class SimulatedAntenna:
 
     def reading(self, t_s: float) -> JointReading:
         """Return the encoders as they stand, stamped `t_s`."""
-        return JointReading(t_s=t_s, position_rad=self._plant.encoder_rad, velocity_rad_s=self._plant.velocity_rad_s)
+        return JointReading(t_s=t_s, position_rad=self._used.copy(), velocity_rad_s=self._plant.velocity_rad_s)
 
     def step(self, t_s: float) -> tuple[JointReading, Boresight]:
         """Return encoder reading and true boresight at `t_s`, then advance by one tick."""
@@ -192,17 +288,23 @@ class SimulatedAntenna:
         measured = reading.position_rad
         boresight = self._boresight(t_s, reading.velocity_rad_s)
         torque = self._wind.step(self.params.tick_s, boresight.azimuth_rad, boresight.elevation_rad)
-        self._rate_command = np.zeros(2) if self._plant.braked else self._rates(t_s, measured)
-        self._plant.step(self._rate_command, torque, self.params.tick_s)
+        self._watch_wind(t_s)
+        self._rate_command = self._rates(t_s, measured) if self._plant.powered else np.zeros(2)
+        drives = self._rate_command
+        if self.injected.kind == "runaway":
+            drives = np.array(self.injected.rate_command((float(drives[0]), float(drives[1]))))
+        self._plant.step(drives, torque, self.params.tick_s)
+        self._watch_axes()
         return reading, boresight
 
     def status(self, t_s: float) -> AntennaStatus:
         """Return the status at `t_s`."""
+        commanded = self._preprocessor.state.position_rad
         return AntennaStatus(
             t_s=t_s,
             mode=self._mode,
             fault=self._fault,
-            commanded_rad=self._preprocessor.state.position_rad,
+            commanded_rad=commanded,
             rate_command_rad_s=self._rate_command,
             rate_limit_rad_s=np.array(self._limits.rate_limit_rad_s),
             acceleration_limit_rad_s2=np.array(self._limits.acceleration_limit_rad_s2),
@@ -211,7 +313,37 @@ class SimulatedAntenna:
             commands_accepted=self._accepted,
             commands_rejected=self._rejected,
             last_rejection=self._rejection,
+            warning=self.safety.warning(t_s, self._mode, (float(commanded[0]), float(commanded[1]))),
+            transmit_inhibit=self.safety.transmit_inhibit(self._mode, float(self._used[1])),
+            commander=self.safety.authority.holder,
         )
+
+    def _watch_axes(self) -> None:
+        """Look at the sensors after a tick: bridge what cannot be, and cut the drives when it lasts."""
+        encoder = self._plant.encoder_rad
+        azimuth, elevation = encoder.tolist()
+        if self.injected.kind != "none":
+            azimuth, elevation = self.injected.encoder((azimuth, elevation), self.params.tick_s)
+        plant = self._plant
+        # An experiment shakes the drives faster than they follow: only the axis limit tells a runaway from it.
+        command = plant.velocity_rad_s if self._mode == "manual_rate" else self._rate_command
+        used, reason = self.safety.tick(
+            (azimuth, elevation), _pair(plant.joint_rad), _pair(plant.velocity_rad_s), _pair(command)
+        )
+        self._used = np.array(used)
+        if reason and self._plant.powered:
+            self._trip(reason)
+
+    def _watch_wind(self, t_s: float) -> None:
+        self._ticks += 1
+        if self._ticks % WIND_EVERY:
+            return
+        along, across = self._wind.speed_m_s
+        self.safety.wind.take(t_s, self.injected.wind_speed(math.hypot(along, across)))
+        if self.safety.wind.step(t_s) and self._mode == "manual_rate":
+            self.stop()
+        if self.safety.wind.reason and self._mode in ("holding", "tracking", "paused", "parking"):
+            self.stow()
 
     def _rates(self, t_s: float, measured: Array) -> Array:
         if self._mode == "manual_rate" and self._experiment is not None:
@@ -222,16 +354,13 @@ class SimulatedAntenna:
             self._leave_manual_rate(self._experiment.abort_reason or "complete")
         position, velocity, acceleration = self._command(t_s)
         feasible = self._preprocessor.step(position, velocity, acceleration, self.params.tick_s)
-        if self._mode == "stopping" and float(np.max(np.abs(feasible[1]))) == 0.0:
-            self._hold = feasible[0]
-            self._mode = "fault" if self._fault else "holding"
+        if self._mode not in ("tracking", "holding") and float(np.max(np.abs(feasible[1]))) == 0.0:
+            self._settle(feasible[0], measured)
         rates = self._loops.rates(Motion(*feasible), measured)
         if not self._loops.oscillation:
             return rates
-        self._table.clear()
-        self._plant.brake()
         self._preprocessor.reset(measured)
-        self._fault, self._mode = f"drives cut: {self._loops.oscillation}", "fault"
+        self._trip(f"drives cut: {self._loops.oscillation}")
         return np.zeros(2)
 
     def _leave_manual_rate(self, reason: str) -> None:
@@ -247,10 +376,20 @@ class SimulatedAntenna:
 
     def _hold_here(self) -> None:
         """Make the present angles the command, with the laws at rest and nothing left of earlier commands."""
-        self._hold = self._plant.encoder_rad
+        self._hold = self._used.copy()
         self._preprocessor.reset(self._hold)
         self._loops.reset(self._hold, self._hold)
         self._table.clear()
+
+    def _settle(self, position: Array, measured: Array) -> None:
+        """End a mode whose motion has come to rest."""
+        if self._mode == "stopping":
+            self._hold = position
+            self._mode = "fault" if self._fault else "holding"
+        arrived = float(np.max(np.abs(measured - self._goal))) < ARRIVED_RAD
+        if self._mode == "disabling" or (self._mode in ("parking", "stowing") and arrived):
+            self._plant.brake()
+            self._mode = RESTING[self._mode]
 
     def _command(self, t_s: float) -> tuple[Array, Array, Array]:
         """Return what to follow at `t_s`: the table, or the held position when there is none."""
@@ -262,6 +401,8 @@ class SimulatedAntenna:
                 self._hold, self._mode = sample.position_rad, "holding"
             else:
                 self.stop(f"commands ran dry {-self._table.lead_s(t_s):.1f} s ago while moving")
+        if self._mode in ("parking", "stowing"):
+            return self._goal, np.zeros(2), np.zeros(2)
         return self._hold, np.zeros(2), np.zeros(2)
 
     def _ends_at_rest(self, t_s: float) -> bool:
@@ -281,3 +422,8 @@ class SimulatedAntenna:
         if elevation > 0.5 * math.pi:
             azimuth, elevation = azimuth - math.pi, math.pi - elevation
         return Boresight(t_s=t_s, azimuth_rad=azimuth, elevation_rad=elevation)
+
+
+def _pair(values: Array) -> tuple[float, float]:
+    azimuth, elevation = values.tolist()
+    return azimuth, elevation

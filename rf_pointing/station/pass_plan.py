@@ -12,7 +12,16 @@ from numpy.typing import NDArray
 from rf_pointing.calibration import BiasModel
 from rf_pointing.ephemeris import Pass
 from rf_pointing.geometry import JointReading, JointTrajectory, Motion, Quintic
-from rf_pointing.planning import AxisLimits, Branch, Certificate, HorizonMask, MachineParams, PassProfile
+from rf_pointing.planning import (
+    AxisLimits,
+    Branch,
+    Certificate,
+    Gate,
+    GateParams,
+    HorizonMask,
+    MachineParams,
+    PassProfile,
+)
 from rf_pointing.planning.certificate import plunged, unplunged
 from rf_pointing.station.axis_motion import axis_motion
 from rf_pointing.station.pass_planning import certificate_of
@@ -21,6 +30,7 @@ __all__ = ["PassPlan"]
 
 Array = NDArray[np.float64]
 SAME_PASS_S = 30.0
+CORNER_RAD = math.radians(0.3)
 NEITHER_WAY = ("conscan", "auto")
 """Sensors whose scan is laid out in axis angles: not used over the top."""
 
@@ -28,11 +38,18 @@ NEITHER_WAY = ("conscan", "auto")
 class PassPlan:
     """Profiles of the coming passes, and the branch of the one that is tracked."""
 
-    def __init__(self, machine: MachineParams, mask: HorizonMask) -> None:
-        self.machine, self.mask = machine, mask
+    def __init__(self, machine: MachineParams, mask: HorizonMask, gate: GateParams, limits: AxisLimits) -> None:
+        self.machine, self.mask, self._gate_params = machine, mask, gate
+        self._profile: PassProfile | None = None
+        self._way: list[tuple[float, float]] = []
+        self.take_limits(limits)
         self._profiles: list[PassProfile] = []
         self.certificate: Certificate | None = None
         self.branch: Branch | None = None
+
+    def take_limits(self, limits: AxisLimits) -> None:
+        """Use these limits of travel from now on."""
+        self._limits, self.gate = limits, Gate(self._gate_params, limits, self.mask)
 
     def take_profiles(self, profiles: list[PassProfile]) -> None:
         """Note the motion of the coming passes, in place of those before."""
@@ -40,11 +57,9 @@ class PassPlan:
 
     def clear(self) -> None:
         """Forget the branch: direct, without a crossing."""
-        self.branch = None
+        self.branch, self._profile, self._way = None, None, []
 
-    def choose(
-        self, t_s: float, window: Pass, joints: JointReading, model: BiasModel, limits: AxisLimits, sensor: str
-    ) -> bool:
+    def choose(self, t_s: float, window: Pass, joints: JointReading, model: BiasModel, sensor: str) -> bool:
         """Issue the certificate of a pass and take its branch; False when the pass has no profile.
 
         Raises
@@ -52,19 +67,49 @@ class PassPlan:
         ValueError
             When no branch works, with the numbers.
         """
-        self.branch, self.certificate = None, None
-        profile = self._profile_of(window)
+        self.clear()
+        self.certificate = None
+        profile = self._profile = self._profile_of(window)
         if profile is None:
             return False
         azimuth, elevation = joints.position_rad.tolist()
         self.certificate = certificate_of(
-            profile, model, t_s, (azimuth, elevation), self.machine, limits, self.mask,
+            profile, model, t_s, (azimuth, elevation), self.machine, self._limits, self.mask,
             plunge_allowed=sensor not in NEITHER_WAY,
         )  # fmt: skip
         self.branch = self.certificate.chosen
         if self.branch is None:
             raise ValueError(self.certificate.refusal)
+        slew = self.gate.check(
+            "slew", (azimuth, elevation), np.array([self.branch.start_rad]), sun_rad=self.sun_rad(t_s)
+        )
+        if not slew.allowed:
+            self.branch = None
+            raise ValueError(f"no way to the start of the pass: {slew.reason}")
+        self._way = list(slew.way[:-1])
         return True
+
+    def refusal(self, t_s: float, present_rad: tuple[float, float] | None, positions: Array) -> str:
+        """Return "" when the gate lets the axes track through `positions` (n, 2), else why not."""
+        here = present_rad if present_rad is not None else (float(positions[0, 0]), float(positions[0, 1]))
+        return self.gate.check("track", here, positions, sun_rad=self.sun_rad(t_s)).reason_of_refusal
+
+    def sun_rad(self, t_s: float) -> tuple[float, float] | None:
+        """Return where the Sun is, from the profile of the pass; None when that is not known."""
+        if self._profile is None:
+            return None
+        row = min(int(np.searchsorted(self._profile.t_s, t_s)), len(self._profile.t_s) - 1)
+        azimuth, elevation = self._profile.sun_rad[row].tolist()
+        return azimuth, elevation
+
+    def corner(self, axes: JointReading) -> Array | None:
+        """Return the corner (2,) by which to go to the start, in direct angles; None when the way is free."""
+        while self._way and float(np.max(np.abs(np.array(self._way[0]) - axes.position_rad))) < CORNER_RAD:
+            self._way.pop(0)
+        if not self._way:
+            return None
+        corner, still = np.array(self._way[0]), np.zeros(2)
+        return unplunged(corner, still, still)[0] if self.plunge else corner
 
     @property
     def turns_rad(self) -> float:

@@ -26,7 +26,7 @@ from rf_pointing.geometry import (
     parameter,
     require_choice,
 )
-from rf_pointing.planning import AxisLimits, HorizonMask, MachineParams, choose_turns, refusal
+from rf_pointing.planning import AxisLimits, GateParams, HorizonMask, MachineParams, choose_turns, refusal
 from rf_pointing.rf import LinkParams
 from rf_pointing.station.axis_path import AxisPath
 from rf_pointing.station.beam_position import BeamPosition
@@ -114,9 +114,10 @@ class PointingController:
         trim: TrimParams | None = None,
         watch: LockWatchParams | None = None,
         link: LinkParams | None = None,
+        gate: GateParams | None = None,
     ) -> None:
         self.params, self.limits = params, limits
-        self.plan = PassPlan(machine or MachineParams(), mask or HorizonMask())
+        self.plan = PassPlan(machine or MachineParams(), mask or HorizonMask(), gate or GateParams(), limits)
         self._autotrack_params = autotrack
         self._table = Autotrack(autotrack)
         self.state = AutotrackState()
@@ -148,6 +149,7 @@ class PointingController:
     def retune(self, params: PointingParams, limits: AxisLimits, autotrack: AutotrackParams) -> None:
         """Take new parameters between two periods."""
         self.params, self.limits, self._autotrack_params = params, limits, autotrack
+        self.plan.take_limits(limits)
         self._table = Autotrack(autotrack.replace(sensor=self._table.params.sensor))
 
     def take_model(self, model: BiasModel) -> None:
@@ -255,7 +257,7 @@ class PointingController:
 
     def _choose_turn(self, t_s: float, window: Pass, joints: JointReading, sensor: str) -> float:
         """Return the turns (rad) to track on: those of the certificate, or of the summary when there is no profile."""
-        if self.plan.choose(t_s, window, joints, self._model, self.limits, sensor):
+        if self.plan.choose(t_s, window, joints, self._model, sensor):
             self.take_joints(joints)
             return self.plan.turns_rad
         low, high, present = window.azimuth_min_rad, window.azimuth_max_rad, float(joints.position_rad[0])
@@ -334,13 +336,9 @@ class PointingController:
         trajectory = self.plan.to_axes(
             JointTrajectory(t_s=times, position_rad=position, velocity_rad_s=velocity, acceleration_rad_s2=acceleration)
         )
-        present = None if self._axes is None else tuple(self._axes.position_rad.tolist())
-        for row in trajectory.position_rad:
-            refused = refusal(self.limits, float(row[0]), float(row[1]), present)
-            if refused:
-                self._stopping = refused
-                return None
-        return trajectory
+        present = None if self._axes is None else (float(self._axes.position_rad[0]), float(self._axes.position_rad[1]))
+        self._stopping = self.plan.refusal(t_s, present, trajectory.position_rad)
+        return None if self._stopping else trajectory
 
     def _prediction(self, t_s: float, times: Array) -> Motion:
         """Return the axis motion that would hold the target if it were where it is predicted.
@@ -351,6 +349,10 @@ class PointingController:
         assert self._pass is not None
         near_rad = 0.5 * (self._pass.azimuth_min_rad + self._pass.azimuth_max_rad) + (self._turns_rad or 0.0)
         if t_s < self._pass.aos_t_s:
+            corner = None if self._axes is None else self.plan.corner(self._axes)
+            if corner is not None:
+                still = np.zeros((len(times), 2))
+                return Motion(np.tile(corner, (len(times), 1)), still, still)
             start = np.array([self._pass.aos_azimuth_rad, self._pass.aos_elevation_rad])
             return self._path.waiting(len(times), start, self._model, near_rad)
         return self.plan.replace(times, self._path.at(times, self._targets, self._model, near_rad))

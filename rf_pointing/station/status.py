@@ -53,3 +53,6 @@ class AntennaStatus:
     commands_accepted: int
     commands_rejected: int
     last_rejection: str
+    warning: str = ""
+    transmit_inhibit: str = ""
+    commander: str = ""

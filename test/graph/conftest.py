@@ -97,6 +97,8 @@ def live(tmp_path: Path, ros_domain: int) -> Iterator[SimpleNamespace]:
         processes.start(names, simulated_time=simulated)
         client = LifecycleClient(node, namespace, lambda s: executor.spin_once(timeout_sec=s), lambda: None)
         client.wait_for(names, DEADLINE_S)
+        if state == "start":
+            return SimpleNamespace(processes=processes, client=client, refused=[])
         refused = client.change(names, "configure", DEADLINE_S)
         if state == "activate" and not refused:
             refused = client.change(names, "activate", DEADLINE_S)

@@ -1,0 +1,96 @@
+"""What keeps an antenna whole, beside its loops: limits, sensor watch, wind, authority and latched faults."""
+
+import math
+from dataclasses import dataclass
+
+from rf_pointing.controllers import CommandPreprocessorParams
+from rf_pointing.geometry import Params, parameter
+from rf_pointing.planning import (
+    Authority,
+    AxisLimits,
+    AxisWatch,
+    AxisWatchParams,
+    FaultLatch,
+    Gate,
+    GateParams,
+    HorizonMask,
+    WindWatch,
+    WindWatchParams,
+)
+
+__all__ = ["AntennaSafety", "SafetyParams"]
+
+Pair = tuple[float, float]
+LATE_S = 0.1
+COMMAND_PERIOD_S = 0.1
+
+
+@dataclass(frozen=True, kw_only=True)
+class SafetyParams(Params):
+    """Limits of trust, and where the antenna goes when it is not used."""
+
+    watch: AxisWatchParams = parameter(AxisWatchParams(), "watch over encoders and drives")
+    wind: WindWatchParams = parameter(WindWatchParams(), "wind in which the antenna is stowed")
+    gate: GateParams = parameter(GateParams(), "tiers of the limits")
+    park_azimuth_rad: float = parameter(0.0, "azimuth of the park position", low=-20.0, high=20.0)
+    park_elevation_rad: float = parameter(math.radians(45.0), "elevation of the park position", low=0.0, high=3.2)
+    stow_elevation_rad: float = parameter(
+        math.radians(90.0), "elevation at which the wind does least", low=0.0, high=3.2
+    )
+    authority_s: float = parameter(1.0, "silence after which another may command", low=0.1, high=60.0)
+
+
+class AntennaSafety:
+    """One antenna's guards; what they say is carried out by the antenna."""
+
+    def __init__(self, params: SafetyParams, motion: CommandPreprocessorParams, tick_s: float) -> None:
+        self.params = params
+        self.gate = self._gate(motion)
+        self.watch = AxisWatch(params.watch, tick_s, motion.rate_limit_rad_s)
+        self.wind = WindWatch(params.wind)
+        self.latch = FaultLatch()
+        self.authority = Authority(params.authority_s)
+        self._commanded_s = -math.inf
+
+    def retune(self, motion: CommandPreprocessorParams, tick_s: float) -> None:
+        """Take new limits of motion."""
+        self.gate = self._gate(motion)
+        self.watch = AxisWatch(self.params.watch, tick_s, motion.rate_limit_rad_s)
+
+    def tick(self, encoder: Pair, joint: Pair, rate: Pair, command: Pair) -> tuple[Pair, str]:
+        """Return the angles to use and "" or why the drives must be cut.
+
+        `joint` is where the limit switches are: they do not look at the encoders.
+        """
+        used, reason = self.watch.step(encoder, rate, command)
+        return used, reason or self.gate.hard(*joint, *rate)
+
+    def note_command(self, t_s: float) -> None:
+        """Note that a command was taken."""
+        self._commanded_s = t_s
+
+    def warning(self, t_s: float, mode: str, commanded: Pair) -> str:
+        """Return what is not yet a fault: a late command, a near limit."""
+        late_s = t_s - self._commanded_s - COMMAND_PERIOD_S
+        if mode == "tracking" and late_s > LATE_S:
+            return f"no command for {late_s + COMMAND_PERIOD_S:.2f} s"
+        return self.gate.warning(*commanded)
+
+    def transmit_inhibit(self, mode: str, elevation_rad: float) -> str:
+        """Return "" when the transmitter may be on, else why not."""
+        if mode not in ("tracking", "holding"):
+            return f"the antenna is {mode}"
+        return self.gate.transmit_inhibit(elevation_rad)
+
+    def lasting_cause(self) -> str:
+        """Return the cause of a fault that is still there, "" when there is none."""
+        return self.watch.cause
+
+    def _gate(self, motion: CommandPreprocessorParams) -> Gate:
+        limits = AxisLimits(
+            azimuth_min_rad=motion.travel_min_rad[0],
+            azimuth_max_rad=motion.travel_max_rad[0],
+            elevation_min_rad=motion.travel_min_rad[1],
+            elevation_max_rad=motion.travel_max_rad[1],
+        )
+        return Gate(self.params.gate, limits, HorizonMask())

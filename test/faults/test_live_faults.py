@@ -1,0 +1,397 @@
+"""Faults on live nodes: processes really killed and stopped, sensors really wrong; many faults in each start-up."""
+
+import math
+import os
+import signal
+import time
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2", exc_type=ImportError)
+from ament_index_python.packages import get_package_share_directory
+from diagnostic_msgs.msg import DiagnosticArray
+from rf_pointing_msgs.msg import (
+    AntennaStatus,
+    Monopulse,
+    PassProfileList,
+    PointingError,
+    PointingModel,
+    TrackingStatus,
+)
+from rf_pointing_msgs.srv import InjectFault
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from rf_pointing.nodes.qos import COMMAND, LATCHED, STREAM
+from test.graph.conftest import ask
+
+pytestmark = pytest.mark.graph
+
+START_RAD = (math.radians(120.0), math.radians(60.0))
+SERVO = """/**/antenna_servo:
+  ros__parameters:
+    enable_fault_injection: true
+    wrap_file: {wrap}
+    wind: {{mean_speed_m_s: 0.0}}
+    safety: {{wind: {{gust_limit_m_s: 25.0, mean_limit_m_s: 100.0, release_s: 0.2}}}}
+"""
+RATE_RAD_S = math.radians(0.3)
+
+
+class Servo:
+    """A live antenna_servo, the commands to it, and what it says."""
+
+    def __init__(self, live: SimpleNamespace, wrap: Path) -> None:
+        self.live, self.status, self.joints = live, AntennaStatus(), []
+        self.diagnostics: dict[str, Any] = {}
+        self.commands = live.node.create_publisher(JointTrajectory, "joint_trajectory", COMMAND)
+        live.node.create_subscription(AntennaStatus, "antenna_status", self._on_status, STREAM)
+        live.node.create_subscription(JointState, "joint_states", self._on_joints, STREAM)
+        live.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, STREAM)
+        self.seen: list[tuple[float, str, str]] = []
+        self.heard_s = 0.0
+        self.begun_s: float | None = None
+        self.base = START_RAD[0]
+        self.yaml = SERVO.format(wrap=wrap)
+        self.started = live.start(["antenna_servo"], self.yaml)
+        self.until(lambda: self.status.mode == "holding" and self.commands.get_subscription_count() == 1, "the antenna")
+
+    def until(self, condition: Any, what: str) -> None:
+        self.live.spin_until(condition, what)
+
+    def _on_status(self, message: AntennaStatus) -> None:
+        self.status = message
+        self.seen.append((time.monotonic(), message.mode, message.warning))
+
+    def _on_joints(self, message: JointState) -> None:
+        self.heard_s = time.monotonic()
+        self.joints.append(message.position[0])
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        self.diagnostics |= {status.name: status for status in message.status}
+
+    def now_s(self) -> float:
+        return self.live.node.get_clock().now().nanoseconds * 1e-9
+
+    def command(self, shift_s: float = 0.0, who: str = "test", positions: list[float] | None = None,
+                joints: tuple[str, str] = ("azimuth", "elevation")) -> JointTrajectory:  # fmt: skip
+        """A second of steady azimuth motion from where the motion of this test began."""
+        now_s = self.now_s() + shift_s
+        if self.begun_s is None:
+            self.begun_s = now_s
+        message = JointTrajectory(joint_names=list(joints))
+        message.header.stamp.sec, message.header.stamp.nanosec = int(now_s), int((now_s % 1.0) * 1e9)
+        message.header.frame_id = who
+        for step in range(1, 9):
+            position = positions or [self.base + RATE_RAD_S * (now_s - self.begun_s + 0.1 * step), START_RAD[1]]
+            point = JointTrajectoryPoint(positions=position, velocities=[RATE_RAD_S, 0.0], accelerations=[0.0, 0.0])
+            point.time_from_start.nanosec = 100_000_000 * step
+            message.points.append(point)
+        return message
+
+    def move(self, seconds: float) -> None:
+        """Keep commands coming for a while."""
+        end_s = time.monotonic() + seconds
+        while time.monotonic() < end_s:
+            self.commands.publish(self.command())
+            due_s = time.monotonic() + 0.1
+            while time.monotonic() < due_s:
+                self.live.executor.spin_once(timeout_sec=0.01)
+
+    def rejected(self, message: JointTrajectory, words: str) -> None:
+        before = self.status.commands_rejected
+        self.commands.publish(message)
+        self.until(lambda: self.status.commands_rejected > before, f"the rejection ({words})")
+        assert words in self.status.last_rejection
+
+    def ask(self, name: str) -> Trigger.Response:
+        return ask(self.live, Trigger, f"antenna_servo/{name}", Trigger.Request())
+
+    def inject(self, fault: str, value: float = 0.0) -> None:
+        assert ask(
+            self.live, InjectFault, "antenna_servo/inject_fault", InjectFault.Request(fault=fault, value=value)
+        ).success
+
+    def recover(self) -> None:
+        """Mend, reset and stand again, for the next fault."""
+        self.inject("none")
+        self.until(lambda: self.status.mode in ("fault", "holding"), "rest")
+        for _ in range(50):
+            answer = self.ask("reset_fault")
+            if answer.success or answer.message == "no fault is latched":
+                break
+        self.until(lambda: self.status.mode == "holding" and not self.status.fault, "the reset")
+        self.base, self.begun_s = self.joints[-1], None
+
+
+def test_one_servo_survives_its_faults(live: SimpleNamespace, tmp_path: Path) -> None:
+    servo = Servo(live, tmp_path / "wrap.json")
+    check_bad_commands(servo)
+    check_two_commanders(servo)
+    check_silence(servo)
+    check_five_ways_to_end_a_motion(servo)
+    check_sensors(servo)
+    check_wind(servo)
+    check_frozen_process(servo)
+    check_killed_process(servo)
+
+
+def check_bad_commands(servo: Servo) -> None:
+    servo.rejected(servo.command(positions=[math.nan, 1.0]), "must be finite")
+    servo.rejected(servo.command(joints=("azimuth", "polarisation")), "unknown joint polarisation")
+    servo.rejected(servo.command(shift_s=-5.0), "stale")
+    servo.rejected(servo.command(shift_s=100.0), "future")
+    assert servo.status.commands_accepted == 0
+    servo.begun_s = None
+    servo.move(0.5)
+    old = servo.command()
+    servo.move(0.3)
+    servo.rejected(old, "out of order")
+    same = servo.command()
+    servo.commands.publish(same)
+    servo.rejected(same, "duplicate")
+
+
+def check_two_commanders(servo: Servo) -> None:
+    servo.move(0.3)
+    servo.rejected(servo.command(who="panel"), "conflict: test commands, panel is refused")
+    assert servo.status.commander == "test"
+
+
+def check_silence(servo: Servo) -> None:
+    """Warned after 100 ms, carried on for a second past the last point, then stopped under control."""
+    servo.move(0.5)
+    quiet_s, servo.seen = time.monotonic(), []
+    servo.until(lambda: servo.status.mode == "fault", "the end of the commands")
+    warned = next(t for t, _, warning in servo.seen if warning.startswith("no command for"))
+    assert warned - quiet_s < 0.6
+    stopping = next(t for t, mode, _ in servo.seen if mode in ("stopping", "fault"))
+    assert 1.3 < stopping - quiet_s < 3.0, "0.8 s of commands and 1 s beyond"
+    assert "ran dry" in servo.status.fault
+    servo.rejected(servo.command(), "fault latched")
+    servo.recover()
+
+
+def check_five_ways_to_end_a_motion(servo: Servo) -> None:
+    servo.move(0.4)
+    assert servo.ask("pause").success
+    servo.until(lambda: servo.status.mode == "paused", "the pause")
+    servo.move(0.3)
+    assert servo.status.mode == "paused"
+    assert servo.ask("resume").success
+    servo.move(0.2)
+    assert servo.status.mode == "tracking"
+    assert servo.ask("stop").success
+    servo.until(lambda: servo.status.mode == "fault", "the stop")
+    servo.recover()
+    assert servo.ask("disable").success
+    servo.until(lambda: servo.status.mode == "disabled", "the brakes")
+    servo.rejected(servo.command(), "the antenna is disabled; resume it first")
+    assert servo.ask("resume").success
+    servo.until(lambda: servo.status.mode == "holding", "the release")
+    for name, mode in (("park", "parking"), ("stow", "stowing")):
+        assert servo.ask(name).success
+        servo.until(lambda mode=mode: servo.status.mode == mode, name)
+        assert servo.status.transmit_inhibit == f"the antenna is {mode}"
+        servo.ask("stop")
+        servo.until(lambda: servo.status.mode == "fault", "the stop")
+        servo.recover()
+
+
+def check_sensors(servo: Servo) -> None:
+    cases = {
+        "encoder_frozen": (0.0, "encoder"),
+        "encoder_jump": (math.radians(5.0), "jumped"),
+        "encoder_lie": (math.radians(1.0), "more than the drive"),
+        "encoder_nan": (0.0, "no number"),
+        "runaway": (math.radians(1.9), "drive runs at"),
+    }
+    for fault, (value, words) in cases.items():
+        servo.move(0.8)
+        assert servo.status.mode == "tracking", servo.status.fault
+        servo.inject(fault, value)
+        servo.move(0.4)
+        servo.until(lambda: servo.status.mode == "fault", f"the fault {fault}")
+        assert words in servo.status.fault, fault
+        if fault == "encoder_nan":
+            assert "the cause is still there" in servo.ask("reset_fault").message
+        servo.recover()
+    servo.move(0.8)
+    servo.inject("encoder_spike", math.radians(20.0))
+    servo.move(0.5)
+    assert servo.status.mode == "tracking", "two wrong samples are bridged"
+    assert max(abs(b - a) for a, b in zip(servo.joints[-40:], servo.joints[-39:], strict=False)) < math.radians(0.1)
+    servo.ask("stop")
+    servo.recover()
+
+
+def check_wind(servo: Servo) -> None:
+    servo.move(0.3)
+    servo.inject("gust", 120.0)
+    while servo.status.mode == "tracking":
+        servo.move(0.2)
+    assert servo.status.mode == "stowing", servo.status.fault
+    servo.rejected(servo.command(), "the antenna is stowing; resume it first")
+    servo.ask("stop")
+    servo.until(lambda: servo.status.mode == "fault", "the stop")
+    servo.inject("none")
+    calm_s = time.monotonic() + 4.0
+    servo.until(lambda: time.monotonic() > calm_s, "the gust to pass")
+    servo.recover()
+
+
+def check_frozen_process(servo: Servo) -> None:
+    """SIGSTOP for longer than commands live: what waited meanwhile is discarded, and the antenna stands."""
+    servo.move(0.4)
+    process = servo.started.processes.process_id("antenna_servo")
+    os.kill(process, signal.SIGSTOP)
+    try:
+        stopped_s = time.monotonic()
+        servo.move(2.0)
+        assert time.monotonic() - servo.heard_s > 1.0
+        assert time.monotonic() - stopped_s > 1.0
+    finally:
+        os.kill(process, signal.SIGCONT)
+    servo.until(lambda: servo.status.mode in ("fault", "stopping"), "the jump of its clock")
+    assert "jumped by" in servo.status.fault or "ran dry" in servo.status.fault
+    servo.recover()
+
+
+def check_killed_process(servo: Servo) -> None:
+    """SIGKILL; a new process stands up within 3 s with the turn of the old one."""
+    servo.until(lambda: Path(servo.yaml.split("wrap_file: ")[1].split("\n")[0]).exists(), "the wrap file")
+    os.kill(servo.started.processes.process_id("antenna_servo"), signal.SIGKILL)
+    servo.until(lambda: "antenna_servo" in servo.started.processes.ended(), "its end")
+    servo.status, killed_s = AntennaStatus(), time.monotonic()
+    revive(servo.live, "antenna_servo", servo.yaml, lambda: None)
+    servo.until(lambda: servo.status.mode == "holding", "the antenna again")
+    assert time.monotonic() - killed_s < 3.0 * slowness()
+    assert servo.status.fault == ""
+
+
+def revive(live: SimpleNamespace, name: str, yaml: str, wait: Any, simulated: bool = False) -> Any:
+    """Start a node again and take it through its lifecycle.
+
+    The dead one stays in the graph for 20 s, so a request may go to it alone: it is repeated until the new one answers.
+    """
+    started = live.start([name], yaml, state="start", simulated=simulated)
+    for transition in ("configure", "activate"):
+        for _ in range(60):
+            try:
+                started.client.change([name], transition, 0.3)
+                break
+            except TimeoutError:
+                wait()
+    return started
+
+
+def slowness() -> float:
+    """Return how much longer than on a quiet machine things may take: more processes than processors share them."""
+    return max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
+
+
+class TestClock:
+    """The clock of the nodes under test, told by hand."""
+
+    def __init__(self, live: SimpleNamespace, start_s: float) -> None:
+        self.live, self.t_s = live, start_s
+        self.publisher = live.node.create_publisher(Clock, "clock", STREAM)
+
+    def run(self, seconds: float, until: Any = lambda: False) -> bool:
+        """Let time go on in real time; return whether `until` came true."""
+        end_s = self.t_s + seconds
+        while self.t_s < end_s:
+            due_s = time.monotonic() + 0.02
+            self.t_s = round(self.t_s + 0.02, 6)
+            message = Clock()
+            message.clock.sec, message.clock.nanosec = int(self.t_s), round((self.t_s % 1.0) * 1e9)
+            self.publisher.publish(message)
+            while time.monotonic() < due_s:
+                self.live.executor.spin_once(timeout_sec=0.005)
+            if until():
+                return True
+        return False
+
+
+TestClock.__test__ = False  # type: ignore[attr-defined]
+
+
+def test_every_node_is_killed_in_turn_and_is_back_within_3_s(live: SimpleNamespace) -> None:
+    """Killed for real; back means that it publishes again what the others need of it, latched state included."""
+    outputs = {
+        "antenna_servo": ("antenna_status", AntennaStatus),
+        "ephemeris_publisher": ("pass_profiles", PassProfileList),
+        "bias_calibrator": ("pointing_model", PointingModel),
+        "pointing_controller": ("tracking_status", TrackingStatus),
+        "rf_receiver": ("monopulse", Monopulse),
+        "monopulse_tracker": ("pointing_error", PointingError),
+    }
+    clock = TestClock(live, 1_151_384_000.0)
+    heard: dict[str, int] = dict.fromkeys(outputs, 0)
+    for name, (topic, kind) in outputs.items():
+        qos = LATCHED if kind in (PassProfileList, PointingModel) else STREAM
+        live.node.create_subscription(kind, topic, lambda _, name=name: heard.update({name: heard[name] + 1}), qos)
+    model = Path(get_package_share_directory("rf_pointing")) / "config" / "bias_model_dss13.yaml"
+    yaml = f"/**/bias_calibrator: {{ros__parameters: {{calibrator: {{model_file: {model}}}}}}}"
+    names = [*outputs, "conscan_tracker"]
+    started = live.start(names, yaml, state="configure", simulated=True)
+    assert started.refused == []
+    clock.run(1.0)
+    waiting = names
+    for _ in range(20):
+        waiting = started.client.change(waiting, "activate", 20.0)
+        if not waiting:
+            break
+        clock.run(0.2)
+    assert clock.run(20.0, lambda: all(heard.values())), heard
+    slow = slowness()
+    for name in names:
+        os.kill(started.processes.process_id(name), signal.SIGKILL)
+        killed_s = time.monotonic()
+        heard[name] = 0
+        revive(live, name, yaml, lambda: clock.run(0.1), simulated=True)
+        if name not in outputs:
+            heard[name] = 1  # It speaks only while it scans.
+        assert clock.run(10.0, lambda name=name: heard[name] > 0), f"{name} is silent"
+        took_s = time.monotonic() - killed_s
+        print(f"{name} back after {took_s:.2f} s")
+        assert took_s < 3.0 * slow, name
+
+
+@pytest.mark.parametrize("jump_s", [5.0, -3.0])
+def test_a_jump_of_the_clock_stops_the_antenna_and_never_makes_it_jump(live: SimpleNamespace, jump_s: float) -> None:
+    clock = TestClock(live, 1_151_384_000.0)
+    statuses, joints = [AntennaStatus()], []
+    live.node.create_subscription(AntennaStatus, "antenna_status", statuses.append, STREAM)
+    live.node.create_subscription(JointState, "joint_states", lambda m: joints.append(list(m.position)), STREAM)
+    started = live.start(["antenna_servo"], SERVO.format(wrap='""'), state="configure", simulated=True)
+    for _ in range(100):
+        clock.run(0.1)
+        if not started.client.change(["antenna_servo"], "activate", 10.0):
+            break
+    assert clock.run(10.0, lambda: statuses[-1].mode == "holding")
+    clock.t_s += jump_s
+    assert clock.run(10.0, lambda: "jumped by" in statuses[-1].fault), statuses[-1]
+    assert float(statuses[-1].fault.split()[-2]) == pytest.approx(jump_s, abs=0.1)
+    clock.run(1.0)
+    assert max(abs(p[axis] - START_RAD[axis]) for p in joints for axis in (0, 1)) < math.radians(0.01)
+
+
+@pytest.mark.parametrize(
+    ("node", "text", "key"),
+    [
+        ("antenna_servo", "safety: {watch: {jump_deg: -1.0}}", "jump_deg"),
+        ("antenna_servo", "safety: {wnd: {gust_limit_m_s: 20.0}}", "safety.wnd.gust_limit_m_s"),
+    ],
+)
+def test_bad_yaml_leaves_the_node_unconfigured_and_names_the_key(
+    live: SimpleNamespace, node: str, text: str, key: str
+) -> None:
+    started = live.start([node], f"/**/{node}: {{ros__parameters: {{{text}}}}}", state="configure")
+    assert started.refused == [node]
+    assert key in started.processes.complaint(node)

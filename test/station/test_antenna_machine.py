@@ -1,0 +1,139 @@
+"""Random sequences of everything one can ask of an antenna: what must hold after every one of them.
+
+|position| within the hard limits, commanded rates and accelerations within theirs, no commanded motion unless active,
+authorised and free of faults.  `scripts/soak` runs the same machine for as long as it is told.
+"""
+
+import math
+import os
+
+import numpy as np
+from hypothesis import HealthCheck, settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
+
+from rf_pointing.calibration import BiasModel
+from rf_pointing.geometry import JointTrajectory
+from rf_pointing.servo import WindParams, dss13_plant
+from rf_pointing.station.antenna import AntennaParams, LoopParams, SimulatedAntenna
+from rf_pointing.station.injected_faults import FAULTS
+
+DEG = math.pi / 180.0
+START_S = 1_151_384_000.0
+BRAKED = ("inactive", "parked", "stowed", "disabled")
+EXAMPLES = int(os.environ.get("RF_POINTING_SOAK_EXAMPLES", "15"))
+STEPS = 40
+
+
+class AntennaMachine(RuleBasedStateMachine):
+    """One antenna under commands, services, faults and time in any order."""
+
+    @initialize(
+        azimuth=st.floats(-215.0, 215.0), elevation=st.floats(5.0, 89.0), wind=st.sampled_from([0.0, 8.0, 16.0])
+    )
+    def begin(self, azimuth: float, elevation: float, wind: float) -> None:
+        params = AntennaParams(start_azimuth_rad=azimuth * DEG, start_elevation_rad=elevation * DEG)
+        self.antenna = SimulatedAntenna(
+            params, dss13_plant(), LoopParams(), WindParams(mean_speed_m_s=wind), BiasModel.zero()
+        )
+        self.tick_s, self.ticks = params.tick_s, 0
+        self.limits = LoopParams().preprocessor
+        self.before: tuple[np.ndarray, np.ndarray] | None = None
+        self.run(3)
+
+    @property
+    def t_s(self) -> float:
+        return round(START_S + self.ticks * self.tick_s, 6)
+
+    def run(self, ticks: int) -> None:
+        for _ in range(ticks):
+            self.ticks += 1
+            before = self.antenna.mode
+            self.antenna.step(self.t_s)
+            self.check_motion(before)
+
+    def check_motion(self, mode_before: str) -> None:
+        antenna, limits = self.antenna, self.limits
+        truth = antenna._plant.joint_rad
+        reach = antenna.safety.params.gate.hard_rad + 0.75 * DEG
+        assert np.all(truth >= np.array(limits.travel_min_rad) - reach)
+        assert np.all(truth <= np.array(limits.travel_max_rad) + reach)
+        state = antenna._preprocessor.state
+        assert np.all(np.abs(state.velocity_rad_s) <= np.array(limits.rate_limit_rad_s) * (1.0 + 1e-9))
+        assert np.all(np.abs(state.acceleration_rad_s2) <= np.array(limits.acceleration_limit_rad_s2) * (1.0 + 1e-6))
+        if antenna.mode == mode_before and antenna.mode in BRAKED:
+            assert not antenna._plant.powered
+            assert not np.any(antenna._rate_command)
+        if antenna.mode == mode_before == "fault":
+            moved = state.velocity_rad_s if antenna._plant.powered else antenna._rate_command
+            assert not np.any(moved), "a fault ends in rest"
+
+    @rule(seconds=st.floats(0.02, 3.0))
+    def wait(self, seconds: float) -> None:
+        self.run(max(1, round(seconds / self.tick_s)))
+
+    @rule(
+        azimuth=st.floats(-400.0, 400.0), elevation=st.floats(-40.0, 130.0), rate=st.floats(-5.0, 5.0),
+        lead_s=st.sampled_from([-3.0, 0.05, 0.1, 0.5, 100.0]), who=st.sampled_from(["controller", "panel", ""]),
+        points=st.integers(1, 12),
+    )  # fmt: skip
+    def command(self, azimuth: float, elevation: float, rate: float, lead_s: float, who: str, points: int) -> None:
+        times = self.t_s + lead_s + 0.1 * np.arange(points)
+        line = 0.1 * np.arange(points)[:, None] * np.array([rate, -0.5 * rate]) * DEG
+        trajectory = JointTrajectory(
+            t_s=times, position_rad=np.array([azimuth, elevation]) * DEG + line,
+            velocity_rad_s=np.tile([rate * DEG, -0.5 * rate * DEG], (points, 1)),
+            acceleration_rad_s2=np.zeros((points, 2)),
+        )  # fmt: skip
+        fault, mode = self.antenna.safety.latch.text, self.antenna.mode
+        refused = self.antenna.accept(trajectory, self.t_s, who)
+        if fault or mode in BRAKED:
+            assert refused
+        if refused:
+            assert self.antenna.mode == mode
+        self.run(10)
+
+    @rule(name=st.sampled_from(["pause", "resume", "park", "stow", "release", "reset_fault", "enable", "disable"]))
+    def ask(self, name: str) -> None:
+        if name == "enable" and self.antenna.mode != "inactive":
+            return
+        position = self.antenna._plant.joint_rad
+        getattr(self.antenna, name)()
+        if name != "disable":
+            np.testing.assert_array_equal(self.antenna._plant.joint_rad, position)
+        self.run(2)
+
+    @rule(reason=st.sampled_from(["", "stop was requested"]))
+    def stop(self, reason: str) -> None:
+        self.antenna.stop(reason)
+        self.run(5)
+
+    @rule(kind=st.sampled_from(FAULTS), value=st.floats(-0.1, 0.1))
+    def break_something(self, kind: str, value: float) -> None:
+        self.antenna.injected.inject(kind, 60.0 if kind == "gust" else value)
+        self.run(12)
+        if kind == "encoder_nan" and self.antenna._plant.powered:
+            raise AssertionError("an encoder without numbers must have cut the drives within 200 ms")
+
+    @rule()
+    def mend(self) -> None:
+        self.antenna.injected.inject("none", 0.0)
+
+    @invariant()
+    def a_latched_fault_is_said(self) -> None:
+        if not hasattr(self, "antenna"):
+            return
+        status = self.antenna.status(self.t_s)
+        assert status.fault == self.antenna.safety.latch.text
+        assert np.all(np.isfinite(self.antenna.reading(self.t_s).position_rad))
+        if status.mode == "fault":
+            assert status.fault
+        if status.mode not in ("tracking", "holding"):
+            assert status.transmit_inhibit
+
+
+TestAntennaMachine = AntennaMachine.TestCase
+TestAntennaMachine.settings = settings(
+    max_examples=EXAMPLES, stateful_step_count=STEPS, deadline=None, derandomize="RF_POINTING_SOAK_EXAMPLES" not in os.environ,
+    suppress_health_check=list(HealthCheck), database=None,
+)  # fmt: skip
