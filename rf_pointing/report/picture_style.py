@@ -31,6 +31,7 @@ __all__ = [
 MODE_COLOURS = {
     "monopulse": "#0072b2",
     "conscan": "#009e73",
+    "steptrack": "#5f4b8b",
     "program_track": "#e69f00",
     "search": "#cc79a7",
     "coast": "#d55e00",

@@ -13,7 +13,7 @@ from rf_pointing.report.recording import Recording
 
 __all__ = ["RF_MODES", "TRACKING_MODES", "Interval", "Timeline", "timeline"]
 
-RF_MODES = ("monopulse", "conscan")
+RF_MODES = ("monopulse", "conscan", "steptrack")
 """Modes in which a sensor closes the loop."""
 TRACKING_MODES = ("program_track", "search", *RF_MODES, "coast")
 """Modes in which the beam is meant to be on the target."""

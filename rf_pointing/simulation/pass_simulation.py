@@ -45,13 +45,15 @@ TARGET_LEAD_S = 2.0
 
 @dataclass
 class PassLog:
-    """True error and mode, one row per cluster; angles in rad."""
+    """True error and mode, one row per cluster; the first point of every trajectory; angles in rad."""
 
     t_s: list[float] = field(default_factory=list)
     cross_elevation_rad: list[float] = field(default_factory=list)
     elevation_rad: list[float] = field(default_factory=list)
     mode: list[str] = field(default_factory=list)
     carrier_to_noise_db_hz: list[float] = field(default_factory=list)
+    command_t_s: list[float] = field(default_factory=list)
+    command_rad: list[tuple[float, float]] = field(default_factory=list)
 
     def errors_rad(self, *modes: str) -> Array:
         """Return the true errors (n, 2) of the clusters in these modes (all when none is named)."""
@@ -141,6 +143,8 @@ def simulate_pass(setup: StationSetup, window: Pass, start_t_s: float, sensor: s
             conscan.take_status(status.t_s, status.scan_centre_rad, status.offset_rad, status.mode, status.sensor)
             if trajectory is not None:
                 antenna.accept(trajectory, t_s)
+                log.command_t_s.append(float(trajectory.t_s[0]))
+                log.command_rad.append((float(trajectory.position_rad[0, 0]), float(trajectory.position_rad[0, 1])))
         conscan.take_joints(reading)
         reception = receiver.take(boresight)
         if reception is not None:

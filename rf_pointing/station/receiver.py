@@ -4,6 +4,7 @@ The real satellite runs ahead of or behind its elements by `along_track_offset_s
 tick; every `cluster_samples` of them give a cluster of sum and difference samples, a carrier power and the true error.
 """
 
+import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -25,6 +26,8 @@ from rf_pointing.rf import (
     AtmosphereParams,
     Beam,
     BeamParams,
+    DropoutParams,
+    Dropouts,
     Link,
     LinkParams,
     MonopulseFeed,
@@ -51,6 +54,12 @@ class SignalParams(Params):
     beam: BeamParams = parameter(BeamParams(), "beam of the antenna")
     feed: MonopulseFeedParams = parameter(MonopulseFeedParams(), "monopulse feed")
     receiver: ReceiverParams = parameter(ReceiverParams(), "receiver")
+    dropouts: DropoutParams = parameter(DropoutParams(count=0), "interruptions of the carrier")
+    dropouts_after_s: float = parameter(40.0, "time after the first reception before the first one", low=0.0, high=1e5)
+    dropouts_within_s: float = parameter(600.0, "time in which all of them fall", low=1.0, high=1e5)
+    sign_flip_after_s: float = parameter(
+        0.0, "time after the first reception at which both differences are turned over; 0: never", low=0.0, high=1e5
+    )
     cluster_samples: int = parameter(5, "samples in one cluster", low=3, high=100)
     sample_s: float = parameter(0.02, "time between two samples, that of the boresights", low=0.001, high=0.1)
     seed: int = parameter(1, "seed of every noise source", low=0, high=2**31 - 1)
@@ -98,6 +107,9 @@ class SimulatedReceiver:
         self._receiver = Receiver(params.receiver, Beam(params.beam), feed, random)
         self._boresights: list[Boresight] = []
         self._newest = -1
+        self._first_s: float | None = None
+        self._dropouts: Dropouts | None = None
+        self._flipped = MonopulseFeed(_turned_over(params.feed), params.beam)
 
     @property
     def target(self) -> str:
@@ -135,6 +147,7 @@ class SimulatedReceiver:
             [sample.elevation_rad for sample in cluster],
         )
         level = np.where(elevation > 0.0, self._link.carrier_to_noise_db_hz(range_m, np.abs(elevation)), -np.inf)
+        level = self._disturbed(t_s, level)
         sample_s = float(t_s[-1] - t_s[0]) / (len(t_s) - 1)
         truth = PointingError(
             t_s=float(t_s[-1]),
@@ -148,3 +161,23 @@ class SimulatedReceiver:
             self._receiver.carrier_power(float(t_s[-1]), sample_s * len(t_s), right, up, level),
             truth,
         )
+
+    def _disturbed(self, t_s: Array, level_db_hz: Array) -> Array:
+        """Return the C/N0 with the dropouts taken out; they, and the turned feed, count from the first reception."""
+        params = self.params
+        if self._first_s is None and float(level_db_hz[0]) > -np.inf:
+            self._first_s = float(t_s[0])
+            begin_s = self._first_s + params.dropouts_after_s
+            random = random_stream(params.seed, "dropouts")
+            self._dropouts = Dropouts(params.dropouts, begin_s, begin_s + params.dropouts_within_s, random)
+        if self._first_s is None or self._dropouts is None:
+            return level_db_hz
+        if 0.0 < params.sign_flip_after_s <= float(t_s[0]) - self._first_s:
+            self._receiver.feed = self._flipped
+        return self._dropouts.level_db_hz(t_s, level_db_hz) if params.dropouts.count else level_db_hz
+
+
+def _turned_over(feed: MonopulseFeedParams) -> MonopulseFeedParams:
+    """Return the feed with both differences negated."""
+    right, up = (phase - math.copysign(math.pi, phase) for phase in feed.difference_phase_rad)
+    return feed.replace(difference_phase_rad=(right, up))

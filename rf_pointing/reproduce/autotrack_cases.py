@@ -1,0 +1,87 @@
+"""Short passes of the whole simulated station, one per number asked of the radio loop.
+
+Every case is the station of the graph (`simulation.simulate_pass`): wind, servo, structure, receiver noise, tracker,
+state table, trim filter; only what the case is about differs from the configuration files.
+"""
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.ephemeris import Pass, first_pass_above
+from rf_pointing.simulation import PassLog, StationSetup, simulate_pass
+from rf_pointing.station.source import SourceParams, load_elements, load_track
+
+__all__ = ["Case", "first_time_s", "fly", "low_orbit_pass", "reacquisitions_s"]
+
+Array = NDArray[np.float64]
+Changes = Mapping[str, Mapping[str, object]]
+LEAD_S = 5.0
+MODELS = {"Ka": "bias_model_dss13_ka.yaml"}
+
+
+@dataclass(frozen=True)
+class Case:
+    """Band, sensor, seconds from the start of the pass, and changes per node over the configuration files."""
+
+    band: str
+    sensor: str
+    seconds: float
+    changes: Changes = dataclasses.field(default_factory=dict)
+    seed: int = 1
+
+
+def low_orbit_pass(peak_deg: float = 40.0, mask_deg: float = 40.0) -> Pass:
+    """Return a pass of CBERS-2 over DSS-13 above the mask; the default is its top, where the rates are largest."""
+    source = SourceParams()
+    begin_s = load_elements(source).epoch_t_s
+    return first_pass_above(load_track(source), begin_s, math.radians(peak_deg), math.radians(mask_deg), 2.0 * 86400.0)
+
+
+def fly(case: Case, window: Pass) -> PassLog:
+    """Return the log of a case, at most to the end of the pass."""
+    config = config_folder()
+    short = dataclasses.replace(window, los_t_s=min(window.aos_t_s + case.seconds, window.los_t_s))
+    changes: dict[str, dict[str, object]] = {node: dict(values) for node, values in case.changes.items()}
+    changes.setdefault("antenna_servo", {}).update(
+        {
+            "antenna.start_azimuth_deg": math.degrees(window.aos_azimuth_rad),
+            "antenna.start_elevation_deg": math.degrees(window.aos_elevation_rad),
+            "antenna.seed": case.seed,
+        }
+    )
+    changes.setdefault("rf_receiver", {})["signal.seed"] = case.seed
+    files = [config / "dss13.yaml", config / f"band_{case.band.lower()}.yaml"]
+    setup = StationSetup(files, config / MODELS.get(case.band, "bias_model_dss13.yaml"), changes)
+    return simulate_pass(setup, short, math.floor(window.aos_t_s) - LEAD_S, case.sensor)
+
+
+def config_folder() -> Path:
+    """Return the folder of the configuration files, in the source tree or where the package is installed."""
+    for parent in Path(__file__).resolve().parents:
+        for folder in (parent / "config", parent / "share" / "rf_pointing" / "config"):
+            if (folder / "dss13.yaml").is_file():
+                return folder
+    raise ValueError(f"no config/dss13.yaml above {__file__}")
+
+
+def first_time_s(log: PassLog, mode: str) -> float:
+    """Return the time at which a mode was first entered, infinite if never."""
+    return next((t_s for t_s, name in zip(log.t_s, log.mode, strict=True) if name == mode), math.inf)
+
+
+def reacquisitions_s(log: PassLog, mode: str) -> Array:
+    """Return, for every time the carrier came back, how long it took until `mode` tracked again, infinite if it never did.
+
+    A dropout that was over before the mode was left took no time.
+    """
+    level, times = np.array(log.carrier_to_noise_db_hz), np.array(log.t_s)
+    silent = level <= 0.0
+    back = times[1:][silent[:-1] & ~silent[1:]]
+    tracking = times[np.array(log.mode) == mode]
+    return np.array([float(np.min(tracking[tracking >= t_s], initial=math.inf)) - t_s for t_s in back])

@@ -1,0 +1,53 @@
+"""The simulated station at Ka band: found after a search, held in the wind, and again after the carrier was gone."""
+
+import numpy as np
+import pytest
+
+from rf_pointing.geometry import MDEG
+from rf_pointing.reproduce.autotrack import KA_45_DB_HZ, LINK_45_DB_HZ, radial_rms_mdeg
+from rf_pointing.reproduce.autotrack_cases import Case, first_time_s, fly, low_orbit_pass, reacquisitions_s
+from rf_pointing.simulation import PassLog
+
+DROPOUTS = {"signal.dropouts.count": 2, "signal.dropouts.longest_s": 3.0, "signal.dropouts.gap_s": 2.0,
+            "signal.dropouts_after_s": 22.0, "signal.dropouts_within_s": 18.0}  # fmt: skip
+LARGEST_ACCELERATION_RAD_S2 = 0.0175
+"""The limit of the command preprocessor."""
+
+
+@pytest.fixture(scope="module")
+def aos_t_s() -> float:
+    return low_orbit_pass().aos_t_s
+
+
+@pytest.fixture(scope="module")
+def log() -> PassLog:
+    changes = {"rf_receiver": {**KA_45_DB_HZ, **DROPOUTS}, "pointing_controller": LINK_45_DB_HZ}
+    return fly(Case("Ka", "monopulse", 42.0, changes), low_orbit_pass())
+
+
+def test_a_target_four_beamwidths_off_is_found_along_its_track(log: PassLog, aos_t_s: float) -> None:
+    before = log.errors_rad()[np.searchsorted(log.t_s, aos_t_s + 3.0)]
+    assert np.hypot(*before) > 2.0 * 17.0 * MDEG
+    assert first_time_s(log, "monopulse") - aos_t_s < 15.0
+
+
+def test_it_is_held_within_two_millidegrees_in_wind(log: PassLog, aos_t_s: float) -> None:
+    assert radial_rms_mdeg(log, "monopulse", aos_t_s + 12.0) < 2.0
+
+
+def test_every_dropout_is_coasted_and_reacquired(log: PassLog) -> None:
+    times = reacquisitions_s(log, "monopulse")
+    assert len(times) == 2
+    assert np.all(times < 2.0)
+    silent = np.array(log.carrier_to_noise_db_hz) == 0.0
+    late = np.flatnonzero(silent & (np.array(log.t_s) > log.t_s[0] + 20.0))
+    modes = np.array(log.mode)[late]
+    # The cluster in which it goes, and the period that has not heard of it yet.
+    assert np.mean(modes == "coast") > 0.7
+    assert float(np.max(np.hypot(*log.errors_rad()[late].T))) < 3.0 * MDEG
+
+
+def test_the_command_never_asks_for_more_than_the_preprocessor_allows(log: PassLog, aos_t_s: float) -> None:
+    late = np.array(log.command_t_s)[1:-1] > aos_t_s + 1.0
+    accelerations = np.diff(np.array(log.command_rad), 2, axis=0) / 0.01
+    assert float(np.max(np.abs(accelerations[late]))) < LARGEST_ACCELERATION_RAD_S2

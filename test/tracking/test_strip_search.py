@@ -1,0 +1,48 @@
+"""The search along the track: nothing inside is missed, and the beam moves within its limits."""
+
+import numpy as np
+import pytest
+
+from rf_pointing.geometry import MDEG
+from rf_pointing.tracking import StripSearch
+
+LENGTH, WIDTH, PITCH, RATE, ACCELERATION = 225 * MDEG, 50 * MDEG, 10 * MDEG, 60 * MDEG, 400 * MDEG
+
+
+@pytest.fixture(scope="module")
+def search() -> StripSearch:
+    return StripSearch(LENGTH, WIDTH, PITCH, RATE, ACCELERATION)
+
+
+@pytest.fixture(scope="module")
+def path(search: StripSearch) -> np.ndarray:
+    """One round, rows (n, 4) every 10 ms."""
+    return np.array([search.offset(t) for t in np.arange(0.0, search.duration_s, 0.01)])
+
+
+def test_every_direction_inside_comes_within_half_a_pitch(path: np.ndarray, random: np.random.Generator) -> None:
+    for x, y in random.uniform(-1.0, 1.0, (200, 2)) * np.array([LENGTH, WIDTH]):
+        assert np.min(np.hypot(path[:, 0] - x, path[:, 1] - y)) <= 0.5 * PITCH + 0.005 * RATE
+
+
+def test_the_middle_strip_comes_first(search: StripSearch, path: np.ndarray) -> None:
+    ends = int(np.argmax(path[:, 0] < -0.99 * LENGTH))
+    assert ends * 0.01 < 3.2 * LENGTH / RATE
+    assert not path[:ends, 1].any()
+
+
+def test_rates_are_those_of_the_positions_and_stay_within_the_limits(path: np.ndarray) -> None:
+    slopes = np.gradient(path[:, :2], 0.01, axis=0)
+    assert float(np.max(np.abs(slopes - path[:, 2:]))) < 0.02 * ACCELERATION
+    assert float(np.max(np.hypot(path[:, 2], path[:, 3]))) <= RATE * (1.0 + 1e-9)
+    assert float(np.max(np.abs(np.diff(path[:, 2:], axis=0)))) / 0.01 <= 1.01 * np.sqrt(2.0) * ACCELERATION
+
+
+def test_the_round_begins_again_where_it_ends(search: StripSearch) -> None:
+    assert search.offset(search.duration_s - 1e-9)[:2] == pytest.approx((0.0, 0.0), abs=1e-12)
+    assert search.offset(search.duration_s + 2.0) == pytest.approx(search.offset(2.0), abs=1e-12)
+
+
+def test_a_width_below_the_pitch_needs_one_strip() -> None:
+    narrow = StripSearch(LENGTH, 0.5 * PITCH, PITCH, RATE, ACCELERATION)
+    assert all(narrow.offset(t).left_rad == 0.0 for t in np.linspace(0.0, narrow.duration_s, 50))
