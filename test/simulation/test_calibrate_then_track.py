@@ -1,0 +1,67 @@
+"""A campaign over the beacons, a fit, and then program track alone: the sequence of scripts/calibrate without dynamics."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rf_pointing.calibration import PassPriors, SectorRule, Slew, plan_campaign, read_model
+from rf_pointing.ephemeris import TopocentricTrack, first_pass_above, site
+from rf_pointing.geometry import MDEG, random_stream
+from rf_pointing.simulation import KinematicParams, KinematicStation, StationSetup
+from rf_pointing.station.calibration_log import CalibrationLog
+from rf_pointing.station.calibration_plan import ArcRules, beacons, candidate_arcs, window_of
+from rf_pointing.station.mount import MountParams
+from rf_pointing.station.source import SourceParams, load_elements, load_track
+
+CONFIG = Path(__file__).parents[2] / "config"
+STATION = site("Goldstone DSS-13")
+START_S = 1151193600.0
+
+
+def rms_mdeg(misses: np.ndarray) -> float:
+    """Return the rms of the distance from the target."""
+    return float(np.sqrt(np.mean(np.sum(misses**2, axis=1)))) / MDEG
+
+
+@pytest.fixture(scope="module")
+def campaign() -> tuple:
+    """Fly the campaign; return the station with the old model, the fit and the observations."""
+    setup = StationSetup([CONFIG / "dss13.yaml"], CONFIG / "bias_model_dss13.yaml")
+    mount = setup.node("antenna_servo").group("mount", MountParams()).model()
+    old = read_model(CONFIG / "bias_model_dss13.yaml").model
+    random = random_stream(1, "campaign")
+    station = KinematicStation(KinematicParams(), mount, old, random)
+    sky = beacons(START_S)
+    rules = ArcRules(arcs_s=(60.0, 120.0, 240.0), every_s=60.0, spacing_s=2.0, lowest_rad=math.radians(11.0))
+    candidates = candidate_arcs(sky, STATION, START_S + 180.0, 3000.0, rules)
+    plan = plan_campaign(candidates, SectorRule(fewest=12), Slew(settle_s=70.0))
+    log = CalibrationLog("Goldstone DSS-13", "X", 1.0, 1.0 * MDEG, largest_error_rad=6.0 * MDEG, settle_s=40.0)
+    by_name = {one.name: one for one in sky}
+    for one in plan.passes:
+        elements = by_name[one.name]
+        window = window_of(one, elements, STATION, 60.0)
+        station.track(TopocentricTrack(elements, STATION), window, sensor=True, log=log)
+    fit = log.fit(old, pass_priors=PassPriors(along_track_m=5.0, cross_track_m=5.0, radial_m=5.0))
+    return station, fit, plan
+
+
+def test_the_campaign_covers_most_of_the_sky(campaign: tuple) -> None:
+    _, fit, plan = campaign
+    assert len(plan.coverage.thin) <= 8
+    assert fit.passes == len(plan.passes)
+
+
+def test_program_track_alone_misses_by_less_than_5_mdeg_where_it_missed_by_more_than_100(campaign: tuple) -> None:
+    station, fit, _ = campaign
+    source = SourceParams(satellite="28057", station="Goldstone DSS-13")
+    track = load_track(source)
+    window = first_pass_above(track, load_elements(source).epoch_t_s, math.radians(40.0), math.radians(10.0), 172800.0)
+    before = station.track(track, window, sensor=False)
+    calibrated = KinematicStation(station.params, station._mount, fit.model, random_stream(2, "track"))
+    after = calibrated.track(track, window, sensor=False)
+    settled = slice(round(60.0 / station.params.period_s), None)
+    print(rms_mdeg(before[settled]), rms_mdeg(after[settled]), rms_mdeg(after), math.degrees(window.peak_elevation_rad))
+    assert rms_mdeg(before[settled]) > 100.0
+    assert rms_mdeg(after[settled]) < 5.0
