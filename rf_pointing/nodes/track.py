@@ -83,7 +83,7 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
         "--models",
         metavar="DIR",
         default=str(DEFAULT_MODELS),
-        help=f"folder of accepted pointing models (default: {DEFAULT_MODELS}); empty, or none accepted: the commissioning model",
+        help=f"folder of accepted pointing models (default: {DEFAULT_MODELS}); empty or none: the commissioning model",
     )
     parser.add_argument("--seed", type=int, default=1, help="seed of every noise source (default: 1)")
     parser.add_argument("--namespace", default="/gs1", help="namespace of the antenna (default: /gs1)")
