@@ -43,7 +43,7 @@ class KinematicStation:
         self, params: KinematicParams, mount: BiasModel, model: BiasModel, random: np.random.Generator
     ) -> None:
         self.params, self.model = params, model
-        self._mount = mount
+        self.mount = mount
         self._random = random
 
     def track(self, track: TopocentricTrack, window: Pass, *, sensor: bool, log: CalibrationLog | None = None) -> Array:
@@ -60,7 +60,7 @@ class KinematicStation:
         accelerations = np.column_stack([look.azimuth_acceleration_rad_s2, look.elevation_acceleration_rad_s2])
         axes, velocity, _ = self.model.apply_moving(sky, rates, accelerations)
         feed = self._feeder(track, log) if log is not None else None
-        mount, mean_rate, trim = MountError(self._mount), np.zeros(2), np.zeros(2)
+        mount, mean_rate, trim = MountError(self.mount), np.zeros(2), np.zeros(2)
         gain = 2.0 * math.pi * self.params.loop_hz * step_s
         misses = np.empty((len(times), 2))
         for k, t_s in enumerate(times.tolist()):
