@@ -41,6 +41,10 @@ class ModelStore:
             raise ValueError(f"name={name!r} must be one of {', '.join(self.names()) or 'none'}")
         return read_model(self._path(name))
 
+    def accepted(self) -> tuple[str, ...]:
+        """Return the names of the accepted versions, the active one last."""
+        return tuple(self._history())
+
     def active(self) -> ModelFile | None:
         """Return the active version, None before the first one is accepted."""
         history = self._history()

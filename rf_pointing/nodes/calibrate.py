@@ -20,12 +20,25 @@ from rclpy.action import ActionClient
 from rf_pointing_msgs.action import FitModel, RunCampaign
 from std_srvs.srv import Trigger
 
-from rf_pointing.calibration import Campaign, SectorRule, Slew, plan_campaign
+from rf_pointing.calibration import (
+    BiasModel,
+    Campaign,
+    ModelStore,
+    ObservationJournal,
+    PassPriors,
+    SectorRule,
+    Slew,
+    plan_campaign,
+)
 from rf_pointing.ephemeris import Elements, Pass, site, tle_lines, utc_text
+from rf_pointing.geometry import MDEG
 from rf_pointing.nodes import convert
+from rf_pointing.nodes.bias_calibrator import JOURNAL
 from rf_pointing.nodes.processes import SIMULATED_STATION
 from rf_pointing.nodes.track import DEFAULT_MODELS, InterruptedRunError, NotStartedError, Run, parse_utc, speed_factor
+from rf_pointing.station.calibration_log import CalibrationLog
 from rf_pointing.station.calibration_plan import ArcRules, beacons, candidate_arcs, window_of
+from rf_pointing.station.model_keeper import campaign_folder
 
 DEFAULT_START = "2006-06-25T00:00:00"
 """Before the passes that `track` chooses by default, for which the model shall be valid."""
@@ -169,6 +182,23 @@ class CalibrationRun(Run):
         )
 
 
+def report_of(options: argparse.Namespace, name: str, output: Path) -> Path:
+    """Write the report of the campaign, from its observations on the disk and the model that it began with."""
+    from rf_pointing.report.calibration_report import write_calibration_report
+
+    folder = campaign_folder(options.models, options.station, options.band)
+    journal = ObservationJournal(folder / JOURNAL, options.station, options.band)
+    log = CalibrationLog(options.station, options.band, SPACING_S, 2.0 * MDEG, journal=journal)
+    accepted = ModelStore(folder / "models", options.station, options.band)
+    before = [other for other in accepted.accepted() if other != name]
+    size = options.orbit_prior
+    fit = log.fit(
+        accepted.read(before[-1]).model if before else BiasModel.zero(),
+        pass_priors=PassPriors(along_track_m=size, cross_track_m=size, radial_m=size),
+    )
+    return write_calibration_report(output, log.observations(), fit, name=name)
+
+
 def say(text: str) -> None:
     """Tell the user, beside the data."""
     print(f"calibrate: {text}", file=sys.stderr)
@@ -204,8 +234,10 @@ def execute(options: argparse.Namespace, windows: list[Pass], output: Path) -> i
         signal.signal(sign, run.interrupt)
     code = 1
     try:
-        _, _, refusal = run.calibrate()
+        _, fit, refusal = run.calibrate()
         code = 1 if refusal else 0
+        if fit.success:
+            say(f"report {report_of(options, fit.model.name, output)}")
     except (NotStartedError, TimeoutError) as error:
         say(str(error))
         code = 2

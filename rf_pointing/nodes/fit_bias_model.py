@@ -1,1 +1,178 @@
-def main() -> None: ...
+"""Executable `fit_bias_model FILE...`: from recordings, tracking data or calibration points to a model file and a report.
+
+Input: rosbag2 recordings (folder or .mcap), CSV (calibration points, or raw tracking data of one pass), CCSDS TDM.  Raw data
+of CSV and TDM need --elements.  Exit code 0: the model was fitted; 2: it was not, and nothing was written.
+"""
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+from rf_pointing import __version__
+from rf_pointing.calibration import (
+    TERM_NAMES,
+    BiasModel,
+    FitOptions,
+    FitResult,
+    ModelFile,
+    Observations,
+    PassPriors,
+    Prior,
+    SectorRule,
+    StageReport,
+    fit_bias_model,
+    read_model,
+    select_observations,
+    select_terms,
+    write_model,
+)
+from rf_pointing.ephemeris import read_elements, site
+from rf_pointing.geometry import MDEG
+from rf_pointing.station.calibration_input import holds_points, process_passes, read_points, read_raw, reference_of
+from rf_pointing.station.calibration_log import PRIOR_SIGMA
+
+DAY_S = 86400.0
+TABULAR = (".csv", ".tdm", ".kvn", ".txt")
+
+
+def arguments(argv: list[str] | None = None) -> argparse.Namespace:
+    """Return the parsed command line."""
+    parser = argparse.ArgumentParser(prog="fit_bias_model", description="Fit the pointing model of an antenna.")
+    parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="recording, CSV or TDM")
+    parser.add_argument("--station", default="Goldstone DSS-13", help="station name (default: Goldstone DSS-13)")
+    parser.add_argument("--band", default="X", help="frequency band (default: X)")
+    parser.add_argument("--namespace", help="antenna, where a recording holds several")
+    parser.add_argument("--elements", type=Path, metavar="FILE", help="elements of the targets of CSV and TDM data")
+    parser.add_argument("--max-age", type=float, default=14.0, metavar="DAYS", help="of the elements (default: 14)")
+    parser.add_argument("--largest-error", type=float, default=6.0, metavar="MDEG",
+                        help="samples of recordings with a larger sensed error are left out (default: 6)")  # fmt: skip
+    parser.add_argument("--allow-damage", action="store_true", help="use the sound part of damaged recordings")
+    parser.add_argument("--start-model", type=Path, metavar="FILE", help="best model known, the prior of every term")
+    parser.add_argument(
+        "--terms", nargs="+", default=list(TERM_NAMES), metavar="TERM", help="terms to fit (default: all)"
+    )
+    parser.add_argument("--select", action="store_true", help="choose among the terms by BIC")
+    parser.add_argument("--form", choices=("printed", "rotation"), default="rotation", help="(default: rotation)")
+    parser.add_argument("--robust", action="store_true", help="Huber weights beyond 1.5 sigma instead of squares")
+    parser.add_argument("--orbit-prior", type=float, default=0.0, metavar="M", help="orbit error of each pass that the "
+                        "fit allows for, along, across and radially (default: 0, none)")  # fmt: skip
+    parser.add_argument("--sectors", action="store_true", help="take 25 to 30 points of each of the 36 sectors")
+    parser.add_argument("--require-full", action="store_true", help="the same, and refuse a sky with empty sectors")
+    parser.add_argument("--name", default="", help="version of the model (default: made from the data's time)")
+    parser.add_argument("--output", type=Path, default=Path("bias_model.yaml"), help="(default: bias_model.yaml)")
+    parser.add_argument("--report", type=Path, metavar="DIR", help="folder of the report (default: beside the output)")
+    return parser.parse_args(argv)
+
+
+def collected(options: argparse.Namespace, model: BiasModel) -> tuple[Observations, list[StageReport], list[str]]:
+    """Return the points of all files, what the pipeline did to the raw ones, and which passes gave none."""
+    tables = [path for path in options.files if path.is_file() and path.suffix in TABULAR]
+    points = read_points([path for path in tables if path.suffix == ".csv" and holds_points(path)])
+    raw = [one for path in tables if not (path.suffix == ".csv" and holds_points(path)) for one in read_raw(path)]
+    passes = [(one, _reference(options, one)) for one in raw]
+    for path in options.files:
+        if path not in tables:
+            passes += _recorded(options, path)
+    parts = [points] if points is not None else []
+    stages: list[StageReport] = []
+    notes: list[str] = []
+    if passes:
+        first = int(np.max(points.pass_id)) + 1 if points is not None else 0
+        made, stages, notes = process_passes(passes, model, first)
+        parts += made
+    together = Observations.concatenate(parts)
+    for name in ("station", "band"):
+        if getattr(together, name) != getattr(options, name):
+            raise ValueError(
+                f"the data are of {name} {getattr(together, name)!r}, must be of {getattr(options, name)!r}"
+            )
+    if options.sectors or options.require_full:
+        together, _, selection = select_observations([together], SectorRule(), require_full=options.require_full)
+        stages.append(selection)
+    return together, stages, notes
+
+
+def _reference(options: argparse.Namespace, raw: object) -> object:
+    if options.elements is None:
+        raise ValueError("elements: tracking data of CSV and TDM need --elements FILE for their reference")
+    return reference_of(
+        raw, read_elements(options.elements.read_text()), site(options.station), options.max_age * DAY_S
+    )
+
+
+def _recorded(options: argparse.Namespace, path: Path) -> list[tuple[object, object]]:
+    from rf_pointing.report.tracking_from_bag import tracking_from_bag
+
+    found = tracking_from_bag(
+        path, options.station, options.band, namespace=options.namespace,
+        largest_error_rad=options.largest_error * MDEG, allow_damage=options.allow_damage,
+    )  # fmt: skip
+    return [(one.raw, one.reference) for one in found]
+
+
+def fitted(options: argparse.Namespace, points: Observations, present: ModelFile | None) -> FitResult:
+    """Return the fit of the chosen terms."""
+    known = present.model.coefficients if present else dict.fromkeys(TERM_NAMES, 0.0)
+    names = tuple(options.terms)
+    size = options.orbit_prior
+    orbit = PassPriors(along_track_m=size, cross_track_m=size, radial_m=size) if size > 0.0 else None
+    if options.select:
+        names = select_terms(points, names).chosen
+    base = BiasModel.zero().replace(**{**known, **{name: known.get(name, 0.0) for name in names}})
+    priors = {
+        term.name: Prior(base.coefficients[term.name], PRIOR_SIGMA[term.unit])
+        for term in base.terms
+        if term.name in names
+    }
+    return fit_bias_model(
+        points,
+        terms=names,
+        held={name: value for name, value in base.coefficients.items() if name not in names},
+        priors=priors if present else None,
+        pass_priors=orbit,
+        options=FitOptions(
+            form=options.form, scale_covariance=True,
+            huber_sigma=1.5 if options.robust else 0.0, edit_sigma=0.0 if options.robust else 3.0,
+        ),
+    )  # fmt: skip
+
+
+def run(options: argparse.Namespace) -> tuple[ModelFile, FitResult, Path, list[str]]:
+    """Read, fit twice where there are raw data, write model and report; nothing is written before the fit has held."""
+    from rf_pointing.report.calibration_report import write_calibration_report
+
+    present = read_model(options.start_model) if options.start_model else None
+    if present is not None:
+        present.check_for(options.station, options.band, present.valid_from_t_s)
+    points, stages, notes = collected(options, present.model if present else BiasModel.zero())
+    result = fitted(options, points, present)
+    if stages:
+        points, stages, notes = collected(options, result.model)
+        result = fitted(options, points, present)
+    name = options.name or f"fit-{result.last_t_s:.0f}"
+    file = ModelFile.from_fit(result, name=name, software=f"rf_pointing {__version__}", created_t_s=time.time())
+    write_model(options.output, file)
+    folder = options.report or options.output.parent / f"{options.output.stem}_report"
+    report = write_calibration_report(folder, points, result, name=name, stages=stages, notes=notes)
+    return file, result, report, notes
+
+
+def main(argv: list[str] | None = None) -> None:
+    """Entry point of `ros2 run rf_pointing fit_bias_model`."""
+    options = arguments(argv)
+    try:
+        file, result, report, notes = run(options)
+    except (ValueError, OSError) as error:
+        print(f"fit_bias_model: {error}", file=sys.stderr)
+        sys.exit(2)
+    rms = [value / MDEG for value in result.rms_rad()]
+    print(f"{file.observations} observations of {file.passes} passes, {file.rejected} edited out; residual rms {rms[0]:.2f} "
+          f"mdeg cross-elevation, {rms[1]:.2f} mdeg elevation; condition {result.condition:.0f}")  # fmt: skip
+    for advice in result.separation_advice():
+        print(f"not separable: {advice}")
+    for note in notes:
+        print(f"left out: {note}")
+    print(f"model {options.output}, report {report}")

@@ -83,7 +83,7 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
         "--models",
         metavar="DIR",
         default=str(DEFAULT_MODELS),
-        help=f"folder of accepted pointing models (default: {DEFAULT_MODELS}); without one the commissioning model is used",
+        help=f"folder of accepted pointing models (default: {DEFAULT_MODELS}); empty or none: the commissioning model",
     )
     parser.add_argument("--seed", type=int, default=1, help="seed of every noise source (default: 1)")
     parser.add_argument("--namespace", default="/gs1", help="namespace of the antenna (default: /gs1)")
@@ -143,7 +143,7 @@ def overrides(options: argparse.Namespace, window: Pass) -> dict[str, Any]:
         "bias_calibrator": {
             "calibrator.model_file": str(share / "config" / MODEL_FILES.get(options.band, "bias_model_dss13.yaml")),
             "calibrator.band": options.band,
-            "calibrator.folder": str(Path(options.models).resolve()),
+            "calibrator.folder": str(Path(options.models).resolve()) if options.models else "",
             "calibrator.keep_observations": options.keep_observations,
         },
     }

@@ -48,6 +48,17 @@ def _status_row(message: Any) -> Row:
     return (*_STATUS(message), message.los.sec * 10**9 + message.los.nanosec)
 
 
+_TARGET_COLUMNS = (
+    "target",
+    "azimuth",
+    "elevation",
+    "azimuth_rate",
+    "elevation_rate",
+    "azimuth_acceleration",
+    "elevation_acceleration",
+    "range",
+    "range_rate",
+)
 _STATUS_COLUMNS = (
     "mode",
     "target",
@@ -68,7 +79,7 @@ _ERROR = _own("PointingError", "sensor", "valid", "reason", "cross_elevation", "
 
 TOPICS: dict[str, TopicLayout] = {
     "clock": TopicLayout("rosgraph_msgs/msg/Clock", (), lambda _: (), 0.02),
-    "target": _own("Target", "target", "azimuth", "elevation"),
+    "target": _own("Target", *_TARGET_COLUMNS),
     "passes": _own("PassList", "passes", period_s=0.0),
     "pointing_model": _own("PointingModel", "name", period_s=0.0),
     "joint_trajectory": TopicLayout("trajectory_msgs/msg/JointTrajectory", (), lambda _: (), 0.1),

@@ -25,8 +25,8 @@ from rf_pointing.station.target_buffer import TargetBuffer
 
 __all__ = ["CalibrationLog"]
 
-PRIOR_ANGLE_RAD = math.radians(0.2)
-PRIOR_LAG_S = 0.5
+PRIOR_SIGMA = {"rad": math.radians(0.2), "rad/K": math.radians(0.02), "s": 0.5, "s^2": 10.0}
+"""How far a term may have moved from the present model; acceleration lags are rarely known at all."""
 PASS_GAP_S = 120.0
 LARGEST_JOINT_AGE_S = 0.1
 KEPT_RANGES = 64
@@ -133,7 +133,7 @@ class CalibrationLog:
         chosen = terms or tuple(present.coefficients)
         known = {**present.coefficients, **dict.fromkeys((t for t in chosen if t not in present.coefficients), 0.0)}
         priors = {
-            term.name: Prior(known[term.name], PRIOR_ANGLE_RAD if term.unit.startswith("rad") else PRIOR_LAG_S)
+            term.name: Prior(known[term.name], PRIOR_SIGMA[term.unit])
             for term in present.replace(**known).terms
             if term.name in chosen
         }

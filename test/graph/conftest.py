@@ -32,7 +32,11 @@ def executable(name: str) -> str:
 
 def start_track(*arguments: str) -> "subprocess.Popen[str]":
     return subprocess.Popen(
-        [executable("track"), *arguments], stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+        # Whatever was calibrated in the working folder must not change what is tested.
+        [executable("track"), "--models", "", *arguments],
+        stdin=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
     )
 
 

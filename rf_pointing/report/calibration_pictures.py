@@ -1,0 +1,123 @@
+"""Pictures of a calibration: sky coverage, residuals before and after, their histogram, and the correlation of the terms."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.calibration import FitResult, Observations, SectorRule
+from rf_pointing.geometry import MDEG
+from rf_pointing.report.picture_style import AXIS_COLOURS, LIMIT_COLOUR, figure, legend_above
+
+__all__ = ["draw_correlation", "draw_coverage", "draw_histogram", "draw_residuals"]
+
+Array = NDArray[np.float64]
+
+AXIS_NAMES = ("cross-elevation", "elevation")
+THIN_COLOUR = "#f4c9b8"
+
+
+def draw_coverage(points: Observations, used: NDArray[np.bool_], rule: SectorRule, path: Path) -> None:
+    """Sky with zenith in the middle: the sectors with their counts, thin ones tinted, and the points."""
+    coverage = rule.coverage(points.true_azimuth_rad, points.true_elevation_rad)
+    with figure(path, 7.0, 7.0) as drawn:
+        axes = drawn.add_subplot(projection="polar")
+        axes.set(theta_zero_location="N", theta_direction=-1, ylim=(0.0, 90.0), yticks=(10, 30, 60, 80))
+        axes.set_yticklabels(["80°", "60°", "30°", "10°"], fontsize=8.0, color=LIMIT_COLOUR)
+        width = 2.0 * np.pi / rule.azimuth_sectors
+        for sector, count in enumerate(coverage.counts.tolist()):
+            band, column = divmod(sector, rule.azimuth_sectors)
+            low, high = (90.0 - np.degrees(edge) for edge in rule.elevation_edges_rad[band : band + 2])
+            colour = THIN_COLOUR if sector in coverage.thin else "none"
+            place = (column + 0.5) * width
+            axes.bar(place, low - high, width, bottom=high, color=colour, edgecolor="#888888", lw=0.7, zorder=0.5)
+            axes.text(place, 0.5 * (low + high), str(count), ha="center", va="center", fontsize=8.0, zorder=4.0,
+                      bbox={"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.8})  # fmt: skip
+        for rows, colour, label in ((used, AXIS_COLOURS[0], "used"), (~used, AXIS_COLOURS[1], "edited out")):
+            if np.any(rows):
+                zenith = 90.0 - np.degrees(points.true_elevation_rad[rows])
+                axes.plot(points.true_azimuth_rad[rows], zenith, ".", ms=2.0, color=colour, label=label, zorder=3.0)
+        axes.legend(loc="lower left", bbox_to_anchor=(-0.05, -0.05), markerscale=4.0)
+
+
+def draw_residuals(points: Observations, fit: FitResult, path: Path) -> None:
+    """Observed minus ephemeris above, what the fit leaves over below, on the sky, over azimuth, elevation and time."""
+    hours = (points.t_s - points.t_s.min()) / 3600.0
+    over = (
+        (np.degrees(np.mod(points.true_azimuth_rad, 2.0 * np.pi)), "azimuth, deg"),
+        (np.degrees(points.true_elevation_rad), "elevation, deg"),
+        (hours if hours.max() > 2.0 else 60.0 * hours, f"time, {'h' if hours.max() > 2.0 else 'min'}"),
+    )
+    with figure(path, 11.0, 6.0) as drawn:
+        grid = drawn.subplots(2, 3, sharex="col", sharey="row")
+        for row, (values, name) in enumerate(((_before(points), "before"), (_after(fit), "after"))):
+            for column, (x, label) in enumerate(over):
+                axes = grid[row][column]
+                for axis in (0, 1):
+                    axes.plot(x, values[axis] / MDEG, ".", ms=2.5, color=AXIS_COLOURS[axis], label=AXIS_NAMES[axis])
+                axes.axhline(0.0, color="#888888", lw=0.7)
+                if row == 1:
+                    axes.set_xlabel(label)
+            limit = 1.15 * float(np.max(np.abs(values[:, fit.used]))) / MDEG
+            grid[row][0].set(ylabel=f"{name}, mdeg on the sky", ylim=(-limit, limit))
+        legend_above(grid[0][0])
+        for handle in grid[0][0].get_legend().legend_handles:
+            handle.set_markersize(7.0)
+
+
+def draw_histogram(points: Observations, fit: FitResult, path: Path) -> None:
+    """Distribution of the residuals before and after, with the normal curve of the same rms after."""
+    with figure(path, 10.0, 3.8) as drawn:
+        left, right = drawn.subplots(1, 2)
+        for axes, values, name in ((left, _before(points), "before"), (right, _after(fit), "after")):
+            _histogram(axes, values[:, fit.used] / MDEG)
+            axes.set(xlabel=f"{name}, mdeg on the sky", ylabel="observations")
+        _normal(right, _after(fit)[:, fit.used] / MDEG)
+        legend_above(left)
+        legend_above(right)
+
+
+def draw_correlation(fit: FitResult, path: Path) -> None:
+    """Correlation matrix of the fitted terms; values of 0.5 and more are written."""
+    names = [name.replace("_", " ") for name in fit.names]
+    size = 2.8 + 0.42 * len(names)
+    with figure(path, size + 1.0, size) as drawn:
+        axes = drawn.add_subplot()
+        image = axes.imshow(fit.correlation, cmap="RdBu_r", vmin=-1.0, vmax=1.0)
+        axes.set_xticks(range(len(names)), names, rotation=90, fontsize=8.5)
+        axes.set_yticks(range(len(names)), names, fontsize=8.5)
+        axes.grid(visible=False)
+        for i, j in np.argwhere(np.abs(fit.correlation) >= 0.5):
+            if i != j:
+                value = fit.correlation[i, j]
+                colour = "white" if abs(value) > 0.75 else "black"
+                axes.text(j, i, f"{value:.2f}", ha="center", va="center", fontsize=7.5, color=colour)
+        drawn.colorbar(image, ax=axes, label="correlation", shrink=0.8)
+
+
+def _before(points: Observations) -> Array:
+    across = points.residual_azimuth_rad * np.cos(points.true_elevation_rad)
+    return np.stack([across, points.residual_elevation_rad])
+
+
+def _after(fit: FitResult) -> Array:
+    return np.stack([fit.residual_azimuth_rad * fit.cos_elevation, fit.residual_elevation_rad])
+
+
+def _histogram(axes: Any, values: Array) -> None:
+    edges = np.linspace(float(values.min()), float(values.max()), 41)
+    for axis in (0, 1):
+        axes.hist(
+            values[axis], edges, histtype="stepfilled", color=AXIS_COLOURS[axis], alpha=0.45, label=AXIS_NAMES[axis]
+        )
+
+
+def _normal(axes: Any, values: Array) -> None:
+    low, high = axes.get_xlim()
+    x = np.linspace(low, high, 201)
+    step = (float(values.max()) - float(values.min())) / 40.0
+    for axis in (0, 1):
+        rms = float(np.sqrt(np.mean(values[axis] ** 2)))
+        curve = values.shape[1] * step / (rms * np.sqrt(2.0 * np.pi)) * np.exp(-0.5 * (x / rms) ** 2)
+        axes.plot(x, curve, color=AXIS_COLOURS[axis], lw=1.4, label=f"normal, {rms:.2f} mdeg rms")

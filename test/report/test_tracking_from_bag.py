@@ -1,0 +1,61 @@
+"""A recording becomes raw tracking data: encoder plus sensed error, with the recorded ephemeris as reference."""
+
+import numpy as np
+import pytest
+
+from rf_pointing.report.definitions import definitions
+from rf_pointing.report.tracking_from_bag import tracking_from_bag
+
+from .conftest import MDEG, MSG_DEFS, SyntheticRun
+
+
+@pytest.fixture(scope="module")
+def types():
+    return definitions(MSG_DEFS)
+
+
+def bag(tmp_path, types, notes=None, **changes):
+    SyntheticRun(error_mdeg=lambda _: (3.0, -2.0), **changes).write(tmp_path / "bag", types, notes)
+    return tmp_path / "bag"
+
+
+def test_samples_are_the_encoders_where_the_beam_would_be_on_the_target(tmp_path, types):
+    (one,) = tracking_from_bag(bag(tmp_path, types), "gs1", "X")
+    assert len(one.raw) > 400
+    assert np.all(one.raw.good)
+    seen = one.reference.at(one.raw.t_s)
+    assert np.all(np.isfinite(seen.azimuth_rad))
+    assert np.all(np.diff(one.raw.t_s) > 0.0)
+
+
+def test_samples_far_from_the_axis_are_not_good(tmp_path, types):
+    with pytest.raises(ValueError, match="holds no monopulse tracking of 30 samples or more"):
+        tracking_from_bag(bag(tmp_path, types), "gs1", "X", largest_error_rad=1.0 * MDEG)
+
+
+@pytest.mark.parametrize(("name", "wanted"), [("station", ("gs2", "X")), ("band", ("gs1", "Ka"))])
+def test_a_recording_of_another_station_or_band_is_refused(tmp_path, types, name, wanted):
+    path = bag(tmp_path, types, notes={"station": "gs1", "band": "X"})
+    with pytest.raises(ValueError, match=f"was recorded with {name}"):
+        tracking_from_bag(path, *wanted)
+
+
+def test_a_cut_off_recording_is_refused_by_name_unless_its_sound_part_is_asked_for(tmp_path, types):
+    path = bag(tmp_path, types)
+    (file,) = path.glob("*.mcap")
+    file.write_bytes(file.read_bytes()[: int(0.7 * file.stat().st_size)])
+    with pytest.raises(ValueError, match=r"bag is damaged: .+"):
+        tracking_from_bag(path, "gs1", "X")
+    (one,) = tracking_from_bag(path, "gs1", "X", allow_damage=True)
+    assert len(one.raw) > 100
+
+
+def test_what_is_no_recording_is_refused_by_its_path(tmp_path):
+    (tmp_path / "x.mcap").write_bytes(b"rubbish" * 100)
+    with pytest.raises(ValueError, match=r"x\.mcap"):
+        tracking_from_bag(tmp_path / "x.mcap", "gs1", "X")
+
+
+def test_a_missing_topic_is_named(tmp_path, types):
+    with pytest.raises(ValueError, match="holds no message of target"):
+        tracking_from_bag(bag(tmp_path, types, left_out={"target"}), "gs1", "X")

@@ -1,0 +1,59 @@
+"""Raw tracking data of files become points with an apparent reference; what cannot be used is refused by name."""
+
+import math
+
+import numpy as np
+import pytest
+
+from rf_pointing.calibration import BiasModel, RawTracking, write_tracking
+from rf_pointing.ephemeris import TopocentricTrack, find_elements, find_passes, site, verification_elements
+from rf_pointing.geometry import MDEG
+from rf_pointing.station.calibration_input import holds_points, process_passes, read_raw, reference_of
+
+STATION = site("Goldstone DSS-13")
+ELEMENTS = verification_elements()
+
+
+@pytest.fixture(scope="module")
+def raw() -> RawTracking:
+    """Ten minutes of CBERS-2 at 8 samples/s, seen 20 mdeg too far right and 30 mdeg too high."""
+    track = TopocentricTrack(find_elements(ELEMENTS, "28057"), STATION)
+    start_s = find_elements(ELEMENTS, "28057").epoch_t_s
+    window = max(find_passes(track, start_s, 86400.0, math.radians(12.0)), key=lambda w: w.duration_s)
+    t_s = np.arange(window.aos_t_s, window.los_t_s, 0.125)
+    look = track.sample(t_s)
+    noise = np.random.default_rng(1).normal(0.0, 2.0 * MDEG, (2, len(t_s)))
+    return RawTracking(
+        station="Goldstone DSS-13", band="X", target="28057", t_s=t_s,
+        azimuth_rad=look.azimuth_rad + 20.0 * MDEG + noise[0], elevation_rad=look.elevation_rad + 30.0 * MDEG + noise[1],
+        range_m=None, range_rate_m_s=None, good=np.ones(len(t_s), dtype=bool),
+    )  # fmt: skip
+
+
+def test_points_show_the_offset_against_the_elements(raw, tmp_path):
+    write_tracking(tmp_path / "raw.csv", raw)
+    (back,) = read_raw(tmp_path / "raw.csv")
+    assert not holds_points(tmp_path / "raw.csv")
+    reference = reference_of(back, ELEMENTS, STATION, 14.0 * 86400.0)
+    (points,), stages, empty = process_passes([(back, reference)], BiasModel.zero(), 3)
+    assert empty == []
+    assert stages[0].before == len(raw)
+    assert set(points.pass_id.tolist()) == {3}
+    assert np.mean(points.residual_azimuth_rad) == pytest.approx(20.0 * MDEG, abs=1.0 * MDEG)
+    assert np.mean(points.residual_elevation_rad) == pytest.approx(30.0 * MDEG, abs=1.0 * MDEG)
+
+
+def test_a_target_that_is_not_in_the_elements_is_named(raw):
+    other = RawTracking(**{**vars(raw), "target": "NOSUCH"})
+    with pytest.raises(ValueError, match="satellite='NOSUCH' is not among"):
+        reference_of(other, ELEMENTS, STATION, 14.0 * 86400.0)
+
+
+def test_passes_without_points_are_named_and_none_at_all_is_refused(raw):
+    reference = reference_of(raw, ELEMENTS, STATION, 14.0 * 86400.0)
+    bad = RawTracking(**{**vars(raw), "good": np.zeros(len(raw), dtype=bool)})
+    points, _, empty = process_passes([(raw, reference), (bad, reference)], BiasModel.zero(), 0)
+    assert len(points) == 1
+    assert "pass 1 of 28057" in empty[0]
+    with pytest.raises(ValueError, match="no pass gives calibration points"):
+        process_passes([(bad, reference)], BiasModel.zero(), 0)
