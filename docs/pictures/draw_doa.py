@@ -14,18 +14,18 @@ from rf_pointing.reproduce.doa_study.figures import draw_accuracy, draw_converge
 FOLDER = Path(__file__).parents[1] / "math"
 SNAPSHOTS = 100
 SNR_DB = (-14.0, -13.0, -12.0, -11.0, -10.0, -9.0, -8.0, -6.0, -4.0, -2.0, 0.0, 4.0, 8.0, 14.0)
+CASES = (
+    DirectionCase(snapshots=SNAPSHOTS, snr_db=0.0),
+    DirectionCase(snapshots=SNAPSHOTS, snr_db=0.0, refined=False),
+    DirectionCase(snapshots=SNAPSHOTS, snr_db=-10.0),
+)
+CONVERGENCE = RunTask(cases=CASES, trials=8, seed=1, duration_s=1500.0, settled_s=1000.0, pool=4000)
 
 
 def main() -> None:
     """Write both pictures."""
     draw_accuracy(accuracy_curve(SNAPSHOTS, SNR_DB), SNAPSHOTS, FOLDER / "doa_accuracy.png")
-    cases = (
-        DirectionCase(snapshots=SNAPSHOTS, snr_db=0.0),
-        DirectionCase(snapshots=SNAPSHOTS, snr_db=0.0, refined=False),
-        DirectionCase(snapshots=SNAPSHOTS, snr_db=-10.0),
-    )
-    task = RunTask(cases=cases, trials=12, seed=1, duration_s=2000.0, settled_s=1500.0)
-    draw_convergence(run(task), FOLDER / "doa_convergence.png")
+    draw_convergence(run(CONVERGENCE), FOLDER / "doa_convergence.png")
 
 
 if __name__ == "__main__":

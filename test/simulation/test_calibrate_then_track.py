@@ -62,7 +62,9 @@ def test_program_track_alone_misses_little_where_it_missed_by_more_than_100_mdeg
     source = SourceParams(satellite="28057", station="Goldstone DSS-13")
     track = load_track(source)
     start_s = load_elements(source).epoch_t_s if start is None else start
-    window = first_pass_above(track, start_s, math.radians(peak_deg), math.radians(10.0 if start is None else 16.0), 172800.0)
+    window = first_pass_above(
+        track, start_s, math.radians(peak_deg), math.radians(10.0 if start is None else 16.0), 172800.0
+    )
     settled = slice(round(60.0 / station.params.period_s), None)
     before = rms_mdeg(station.track(track, window, sensor=False)[settled])
     calibrated = KinematicStation(station.params, station.mount, fit.model, random_stream(1, "x"))
