@@ -90,7 +90,7 @@ def plan(options: argparse.Namespace) -> tuple[list[Elements], Campaign, list[Pa
     elements, place = beacons(start_s), site(options.station)
     rules = ArcRules(arcs_s=ARCS_S, every_s=30.0, spacing_s=SPACING_S, lowest_rad=math.radians(11.0))
     slew = Slew(settle_s=ACQUISITION_S + 10.0)
-    candidates = candidate_arcs(elements, place, start_s + 180.0, options.longest, rules)
+    candidates, _ = candidate_arcs(elements, place, start_s + 180.0, options.longest, rules)
     rule = SectorRule(fewest=options.fewest, most=max(30, options.fewest))
     campaign = plan_campaign(candidates, rule, slew)
     if not campaign.passes:

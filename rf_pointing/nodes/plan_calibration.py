@@ -64,7 +64,9 @@ def candidates_of(options: argparse.Namespace) -> list[CandidatePass]:
     if not fresh:
         raise ValueError(f"none of {len(elements)} elements is within 14 days of start={options.start}")
     rules = ArcRules(arcs_s=tuple(options.arc), spacing_s=options.spacing, sigma_rad=options.sigma * MDEG)
-    found = candidate_arcs(fresh, site(options.station), start_s, span_s, rules)
+    found, refused = candidate_arcs(fresh, site(options.station), start_s, span_s, rules)
+    for reason in refused:
+        print(f"plan_calibration: left out: {reason}", file=sys.stderr)
     if not found:
         raise ValueError(f"no target rises above {math.degrees(rules.lowest_rad):.0f} deg in {options.hours:g} h")
     return found

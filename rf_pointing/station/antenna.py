@@ -244,6 +244,7 @@ class SimulatedAntenna:
         self._plant.brake()
         self._table.clear()
         self._preprocessor.stop()
+        self._rate_command = np.zeros(2)
         self._mode = "fault"
 
     def accept(self, trajectory: JointTrajectory, now_s: float, commander: str = "") -> str:

@@ -38,15 +38,24 @@ class ArcRules(Params):
 
 def candidate_arcs(
     elements: Sequence[Elements], site: Site, start_t_s: float, duration_s: float, rules: ArcRules
-) -> list[CandidatePass]:
-    """Return every candidate in the `duration_s` after `start_t_s`; one is named after its satellite."""
-    found = []
+) -> tuple[list[CandidatePass], list[str]]:
+    """Return every candidate in the `duration_s` after `start_t_s`, named after its satellite, and what was refused."""
+    found: list[CandidatePass] = []
+    refused: list[str] = []
     for one in elements:
-        track = TopocentricTrack(one, site)
-        for begin, end in _visible(track, start_t_s, duration_s, rules):
-            look = track.sample(np.arange(begin, end + 0.5 * rules.spacing_s, rules.spacing_s))
-            whole = ReferenceTrack(**{item.name: getattr(look, item.name) for item in fields(ReferenceTrack)})
-            found += [_candidate(track.name, whole, a, b, rules) for a, b in _cut(begin, end, rules)]
+        try:
+            found += _arcs_of(TopocentricTrack(one, site), start_t_s, duration_s, rules)
+        except ValueError as refusal:
+            refused.append(str(refusal))
+    return found, refused
+
+
+def _arcs_of(track: TopocentricTrack, start_t_s: float, duration_s: float, rules: ArcRules) -> list[CandidatePass]:
+    found: list[CandidatePass] = []
+    for begin, end in _visible(track, start_t_s, duration_s, rules):
+        look = track.sample(np.arange(begin, end + 0.5 * rules.spacing_s, rules.spacing_s))
+        whole = ReferenceTrack(**{item.name: getattr(look, item.name) for item in fields(ReferenceTrack)})
+        found += [_candidate(track.name, whole, a, b, rules) for a, b in _cut(begin, end, rules)]
     return found
 
 

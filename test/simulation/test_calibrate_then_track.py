@@ -35,7 +35,7 @@ def campaign() -> tuple:
     station = KinematicStation(KinematicParams(), mount, old, random)
     sky = beacons(START_S)
     rules = ArcRules(arcs_s=(60.0, 120.0, 240.0), every_s=60.0, spacing_s=1.0, lowest_rad=0.19)
-    candidates = candidate_arcs(sky, STATION, START_S + 180.0, 2400.0, rules)
+    candidates, _ = candidate_arcs(sky, STATION, START_S + 180.0, 2400.0, rules)
     plan = plan_campaign(candidates, SectorRule(fewest=12), Slew(settle_s=70.0))
     log = CalibrationLog("Goldstone DSS-13", "X", 0.5, 1.0 * MDEG, largest_error_rad=6.0 * MDEG, settle_s=40.0)
     by_name = {one.name: one for one in sky}
@@ -50,7 +50,7 @@ def campaign() -> tuple:
 def test_the_campaign_covers_most_of_the_sky(campaign: tuple) -> None:
     _, fit, plan = campaign
     assert len(plan.coverage.thin) <= 9
-    assert fit.passes == len(plan.passes)
+    assert fit.passes >= len(plan.passes) - 1, "a pass may be edited away as a whole"
 
 
 @pytest.mark.parametrize(("start", "peak_deg", "limit_mdeg"), [(1151424000.0, 19.0, 5.0), (None, 40.0, 8.0)])

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 from rf_pointing.controllers import PositionLoopParams, dss13_loops, load_lqg_designs, save_lqg_designs
-from rf_pointing.geometry import MDEG, Motion
+from rf_pointing.geometry import MDEG, Motion, Params
+from rf_pointing.planning import AxisWatchParams, WindWatchParams
 from rf_pointing.servo import WindParams, dss13_plant
 from rf_pointing.station.antenna import AntennaParams, LoopParams, SimulatedAntenna
+from rf_pointing.station.antenna_safety import SafetyParams
 from rf_pointing.station.axis_loops import AxisLoops
 from rf_pointing.station.mount import MountParams
 
@@ -91,10 +93,11 @@ def test_designs_come_from_the_file_that_is_named(tmp_path: Path) -> None:
 # The whole antenna
 
 
-def hold(loops: LoopParams = LoopParams(), wind_m_s: float = 0.0) -> SimulatedAntenna:  # noqa: B008
+def hold(loops: LoopParams = LoopParams(), wind_m_s: float = 0.0, **safety: Params) -> SimulatedAntenna:  # noqa: B008
     antenna = SimulatedAntenna(
-        AntennaParams(), dss13_plant(), loops, WindParams(mean_speed_m_s=wind_m_s), MountParams().model()
-    )
+        AntennaParams(), dss13_plant(), loops, WindParams(mean_speed_m_s=wind_m_s), MountParams().model(),
+        SafetyParams(**safety),
+    )  # fmt: skip
     antenna.enable()
     return antenna
 
@@ -122,8 +125,11 @@ def slow_drive(delay_s: float):
 
 @pytest.mark.parametrize("delay_s", [0.2, 0.3])
 def test_an_oscillation_cuts_the_drives_and_latches_with_its_reason(delay_s: float) -> None:
-    """A drive that becomes slow: the loop swings regularly at first (0.2 s), or saturates before that shows (0.3 s)."""
-    antenna = hold(wind_m_s=8.0)
+    """A drive that becomes slow: the loop swings regularly at first (0.2 s), or saturates before that shows (0.3 s).
+
+    The watch for runaway drives is off; it would cut them for their rate before the swings are counted.
+    """
+    antenna = hold(wind_m_s=8.0, watch=AxisWatchParams(runaway_ticks=50))
     tick = run(antenna, 5.0)
     antenna.retune(slow_drive(delay_s), LoopParams())
     swings = []
@@ -158,7 +164,7 @@ def test_an_oscillation_cuts_the_drives_and_latches_with_its_reason(delay_s: flo
 
 def test_a_storm_is_not_taken_for_an_oscillation() -> None:
     for law in ("pi", "lqg"):
-        antenna = hold(LoopParams(law=law), 20.0)
+        antenna = hold(LoopParams(law=law), 20.0, wind=WindWatchParams(gust_limit_m_s=60.0, mean_limit_m_s=60.0))
         run(antenna, 60.0)
         assert antenna.mode == "holding"
 

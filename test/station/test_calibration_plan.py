@@ -22,7 +22,7 @@ def sky():
 
 @pytest.fixture(scope="module")
 def candidates(sky):
-    return candidate_arcs(sky[::3], STATION, START_S, 1200.0, RULES)
+    return candidate_arcs(sky[::3], STATION, START_S, 1200.0, RULES)[0]
 
 
 def test_pieces_lie_within_the_elevations_asked_for(candidates):
@@ -54,6 +54,14 @@ def test_a_piece_becomes_a_pass_that_begins_in_time_for_the_acquisition(sky, can
 
 def test_without_lengths_whole_passes_are_candidates():
     elements = [e for e in verification_elements() if e.catalogue_number == 28057]
-    whole = candidate_arcs(elements, STATION, elements[0].epoch_t_s, 86400.0, ArcRules(spacing_s=10.0))
+    whole, refused = candidate_arcs(elements, STATION, elements[0].epoch_t_s, 86400.0, ArcRules(spacing_s=10.0))
+    assert refused == []
     assert 2 <= len(whole) <= 8
     assert all(one.end_t_s - one.start_t_s > 60.0 for one in whole)
+
+
+def test_what_cannot_be_propagated_is_left_out_and_named():
+    decayed = [e for e in verification_elements() if e.catalogue_number in (28350, 28057)]
+    found, refused = candidate_arcs(decayed, STATION, 1_151_280_000.0, 6.0 * 3600.0, ArcRules(spacing_s=10.0))
+    assert all(one.name != "COSMOS 2405" for one in found)
+    assert [reason.split(":")[0] for reason in refused] == ["COSMOS 2405 cannot be propagated"]
