@@ -16,6 +16,7 @@ __all__ = ["PlannedPass", "branch_path", "certificate_of", "pass_profile", "pass
 
 Array = NDArray[np.float64]
 SAMPLE_S = 1.0
+SUN_STEP_S = 60.0
 MOST_SAMPLES = 4000
 
 
@@ -69,15 +70,22 @@ def pass_profile(track: TopocentricTrack, window: Pass, step_s: float = SAMPLE_S
     count = min(MOST_SAMPLES, max(2, int(np.ceil(window.duration_s / step_s)) + 1))
     times = np.linspace(window.aos_t_s, window.los_t_s, count)
     looks = track.sample(times)
-    solar = TopocentricTrack(sun(), track.site, refraction=track.refraction).sample(times)
     return PassProfile(
         name=window.name,
         t_s=times,
         position_rad=np.column_stack([looks.azimuth_rad, looks.elevation_rad]),
         velocity_rad_s=np.column_stack([looks.azimuth_rate_rad_s, looks.elevation_rate_rad_s]),
         acceleration_rad_s2=np.column_stack([looks.azimuth_acceleration_rad_s2, looks.elevation_acceleration_rad_s2]),
-        sun_rad=np.column_stack([solar.azimuth_rad, solar.elevation_rad]),
+        sun_rad=_sun_at(times, track),
     )
+
+
+def _sun_at(times: Array, track: TopocentricTrack) -> Array:
+    """Return the Sun's azimuth and elevation (n, 2), interpolated between minutes: its ephemeris is slow, and so is it."""
+    minutes = np.linspace(times[0], times[-1], max(2, int(np.ceil((times[-1] - times[0]) / SUN_STEP_S)) + 1))
+    solar = TopocentricTrack(sun(), track.site, refraction=track.refraction).sample(minutes)
+    azimuth = np.unwrap(solar.azimuth_rad)
+    return np.column_stack([np.interp(times, minutes, azimuth), np.interp(times, minutes, solar.elevation_rad)])
 
 
 def certificate_of(

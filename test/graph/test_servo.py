@@ -39,13 +39,16 @@ def test_the_live_antenna_is_identified_through_its_topics(tmp_path: Path, ros_d
 
 
 class Watched:
-    """A live antenna_servo in light wind: its status, its diagnostics, its parameters."""
+    """A live antenna_servo in light wind, its watch for runaways slow: its status, its diagnostics, its parameters."""
 
     def __init__(self, live: SimpleNamespace) -> None:
         self.live, self.status, self.health = live, AntennaStatus(), {}
         live.node.create_subscription(AntennaStatus, "antenna_status", self._on_status, STREAM)
         live.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, STREAM)
-        live.start(["antenna_servo"], "/**/antenna_servo: {ros__parameters: {wind: {mean_speed_m_s: 4.0}}}")
+        live.start(
+            ["antenna_servo"],
+            "/**/antenna_servo: {ros__parameters: {wind: {mean_speed_m_s: 4.0}, safety: {watch: {runaway_ticks: 50}}}}",
+        )
         live.spin_until(lambda: self.status.mode == "holding", "the antenna to hold")
 
     def _on_status(self, message: AntennaStatus) -> None:
