@@ -126,7 +126,7 @@ class BiasCalibrator(ManagedNode):
     def _publish(self) -> None:
         file = self._keeper.active
         if file is not None:
-            message = convert.model_to_message(file)
+            message = convert_calibration.model_to_message(file)
             message.header.stamp = stamp_from_seconds(self.now_s())
             self._models.publish(message)
 

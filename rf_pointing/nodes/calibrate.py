@@ -32,7 +32,7 @@ from rf_pointing.calibration import (
 )
 from rf_pointing.ephemeris import Elements, Pass, site, tle_lines, utc_text
 from rf_pointing.geometry import MDEG
-from rf_pointing.nodes import convert
+from rf_pointing.nodes import convert_planning
 from rf_pointing.nodes.bias_calibrator import JOURNAL
 from rf_pointing.nodes.processes import SIMULATED_STATION
 from rf_pointing.nodes.track import DEFAULT_MODELS, InterruptedRunError, NotStartedError, Run, parse_utc, speed_factor
@@ -121,7 +121,7 @@ class CalibrationRun(Run):
         """Return what the campaign and the fit gave, and why the model was not accepted (empty if it was)."""
         self._processes.start(SIMULATED_STATION)
         self._bring_up()
-        passes = [convert.pass_to_message(window) for window in self._windows]
+        passes = [convert_planning.pass_to_message(window) for window in self._windows]
         goal = RunCampaign.Goal(passes=passes, sensor=self._options.sensor)
         handle = self._goal(self._campaign, goal, self._show)
         self._change(SIMULATED_STATION[:1], "activate")

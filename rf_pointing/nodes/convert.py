@@ -11,8 +11,6 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory as TrajectoryMessage
 from trajectory_msgs.msg import JointTrajectoryPoint
 
-from rf_pointing.calibration import BiasModel, ModelFile
-from rf_pointing.ephemeris import Pass
 from rf_pointing.geometry import (
     AXES,
     Boresight,
@@ -22,7 +20,6 @@ from rf_pointing.geometry import (
     MonopulseCluster,
     PointingError,
     Target,
-    require_finite,
 )
 from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.station.status import AntennaStatus, TrackingStatus
@@ -36,20 +33,6 @@ _TARGET_FIELDS = {
     "elevation_acceleration": "elevation_acceleration_rad_s2",
     "range": "range_m",
     "range_rate": "range_rate_m_s",
-}
-
-_PASS_TIMES = {"aos": "aos_t_s", "tca": "tca_t_s", "los": "los_t_s"}
-_PASS_FIELDS = {
-    "aos_azimuth": "aos_azimuth_rad",
-    "los_azimuth": "los_azimuth_rad",
-    "azimuth_min": "azimuth_min_rad",
-    "azimuth_max": "azimuth_max_rad",
-    "aos_elevation": "aos_elevation_rad",
-    "peak_elevation": "peak_elevation_rad",
-    "peak_azimuth_rate": "peak_azimuth_rate_rad_s",
-    "peak_elevation_rate": "peak_elevation_rate_rad_s",
-    "peak_azimuth_acceleration": "peak_azimuth_acceleration_rad_s2",
-    "smallest_range": "smallest_range_m",
 }
 
 
@@ -257,48 +240,6 @@ def antenna_status_to_message(status: AntennaStatus) -> ours.AntennaStatus:
     message.rate_limit, message.acceleration_limit = status.rate_limit_rad_s, status.acceleration_limit_rad_s2
     message.header.stamp = stamp_from_seconds(status.t_s)
     return message
-
-
-def pass_to_message(window: Pass) -> ours.Pass:
-    return ours.Pass(
-        target=window.name,
-        **{wire: stamp_from_seconds(getattr(window, core)) for wire, core in _PASS_TIMES.items()},
-        **{wire: float(getattr(window, core)) for wire, core in _PASS_FIELDS.items()},
-    )
-
-
-def pass_from_message(message: ours.Pass) -> Pass:
-    for wire in _PASS_FIELDS:
-        require_finite(wire, getattr(message, wire))
-    aos_s, tca_s, los_s = (seconds_from_stamp(getattr(message, wire)) for wire in _PASS_TIMES)
-    if not aos_s <= tca_s <= los_s or aos_s == los_s:
-        raise ValueError(f"aos={aos_s}, tca={tca_s} and los={los_s} must follow each other")
-    return Pass(
-        name=message.target,
-        **{core: seconds_from_stamp(getattr(message, wire)) for wire, core in _PASS_TIMES.items()},
-        **{core: getattr(message, wire) for wire, core in _PASS_FIELDS.items()},
-        rises_before=False,
-        sets_after=False,
-    )
-
-
-def model_to_message(file: ModelFile) -> ours.PointingModel:
-    names = list(file.model.coefficients)
-    covariance = np.zeros((len(names), len(names)))
-    places = [names.index(term) for term in file.fitted]
-    covariance[np.ix_(places, places)] = file.covariance
-    message = ours.PointingModel(name=file.name, station=file.station, terms=names)
-    message.values = [float(value) for value in file.model.coefficients.values()]
-    message.covariance = covariance.ravel().tolist()
-    return message
-
-
-def model_from_message(message: ours.PointingModel) -> BiasModel:
-    if len(message.terms) != len(message.values):
-        raise ValueError(
-            f"values has {len(message.values)} numbers, must have one for each of {len(message.terms)} terms"
-        )
-    return BiasModel(dict(zip(message.terms, message.values, strict=True)))
 
 
 def _axis_order(names: list[str]) -> list[int]:

@@ -1,13 +1,32 @@
-"""Messages of the bias calibrator, made from what the core returns."""
+"""Messages of the bias calibrator, made from what the core returns, and the pointing model both ways."""
 
+import numpy as np
 from rf_pointing_msgs.action import FitModel
 from rf_pointing_msgs.msg import PointingModel
 
 from rf_pointing.calibration import BiasModel, FitResult, ModelFile
 from rf_pointing.geometry import MDEG
-from rf_pointing.nodes.convert import model_to_message
 
-__all__ = ["fit_to_result", "no_model_to_message"]
+__all__ = ["fit_to_result", "model_from_message", "model_to_message", "no_model_to_message"]
+
+
+def model_to_message(file: ModelFile) -> PointingModel:
+    names = list(file.model.coefficients)
+    covariance = np.zeros((len(names), len(names)))
+    places = [names.index(term) for term in file.fitted]
+    covariance[np.ix_(places, places)] = file.covariance
+    message = PointingModel(name=file.name, station=file.station, terms=names)
+    message.values = [float(value) for value in file.model.coefficients.values()]
+    message.covariance = covariance.ravel().tolist()
+    return message
+
+
+def model_from_message(message: PointingModel) -> BiasModel:
+    if len(message.terms) != len(message.values):
+        raise ValueError(
+            f"values has {len(message.values)} numbers, must have one for each of {len(message.terms)} terms"
+        )
+    return BiasModel(dict(zip(message.terms, message.values, strict=True)))
 
 
 def fit_to_result(fit: FitResult, file: ModelFile) -> FitModel.Result:

@@ -1,11 +1,26 @@
-"""Messages from and to the planner's nouns, as pairs, like `convert.py`."""
+"""Messages from and to passes and the planner's nouns, as pairs, like `convert.py`."""
 
 import numpy as np
 from rf_pointing_msgs import msg as ours
 
+from rf_pointing.ephemeris import Pass
+from rf_pointing.geometry import require_finite
 from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.planning import Branch, Certificate, MachineParams, PassProfile
 
+_PASS_TIMES = {"aos": "aos_t_s", "tca": "tca_t_s", "los": "los_t_s"}
+_PASS_FIELDS = {
+    "aos_azimuth": "aos_azimuth_rad",
+    "los_azimuth": "los_azimuth_rad",
+    "azimuth_min": "azimuth_min_rad",
+    "azimuth_max": "azimuth_max_rad",
+    "aos_elevation": "aos_elevation_rad",
+    "peak_elevation": "peak_elevation_rad",
+    "peak_azimuth_rate": "peak_azimuth_rate_rad_s",
+    "peak_elevation_rate": "peak_elevation_rate_rad_s",
+    "peak_azimuth_acceleration": "peak_azimuth_acceleration_rad_s2",
+    "smallest_range": "smallest_range_m",
+}
 _PROFILE = {"": "position_rad", "_rate": "velocity_rad_s", "_acceleration": "acceleration_rad_s2"}
 _PAIRS = {
     "start": "start_rad",
@@ -28,6 +43,29 @@ _NUMBERS = {
     "unwind": "unwind_s",
     "late": "late_s",
 }
+
+
+def pass_to_message(window: Pass) -> ours.Pass:
+    return ours.Pass(
+        target=window.name,
+        **{wire: stamp_from_seconds(getattr(window, core)) for wire, core in _PASS_TIMES.items()},
+        **{wire: float(getattr(window, core)) for wire, core in _PASS_FIELDS.items()},
+    )
+
+
+def pass_from_message(message: ours.Pass) -> Pass:
+    for wire in _PASS_FIELDS:
+        require_finite(wire, getattr(message, wire))
+    aos_s, tca_s, los_s = (seconds_from_stamp(getattr(message, wire)) for wire in _PASS_TIMES)
+    if not aos_s <= tca_s <= los_s or aos_s == los_s:
+        raise ValueError(f"aos={aos_s}, tca={tca_s} and los={los_s} must follow each other")
+    return Pass(
+        name=message.target,
+        **{core: seconds_from_stamp(getattr(message, wire)) for wire, core in _PASS_TIMES.items()},
+        **{core: getattr(message, wire) for wire, core in _PASS_FIELDS.items()},
+        rises_before=False,
+        sets_after=False,
+    )
 
 
 def profile_to_message(profile: PassProfile) -> ours.PassProfile:

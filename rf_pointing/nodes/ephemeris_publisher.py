@@ -74,7 +74,7 @@ class EphemerisPublisher(ManagedNode):
             return response
         response.success = True
         response.message = f"{len(passes)} passes of {self._track.name}"
-        response.passes = [convert.pass_to_message(window) for window in passes]
+        response.passes = [convert_planning.pass_to_message(window) for window in passes]
         return response
 
     def _select(self, request: SelectTarget.Request) -> list[Pass]:
@@ -94,7 +94,7 @@ class EphemerisPublisher(ManagedNode):
                 f"after {utc_text(start_s)}"
             )
         self._track, self._passes = track, passes
-        message = PassList(target=track.name, passes=[convert.pass_to_message(window) for window in passes])
+        message = PassList(target=track.name, passes=[convert_planning.pass_to_message(window) for window in passes])
         message.header.stamp = stamp_from_seconds(self.now_s())
         self._pass_list.publish(message)
         profiles = [convert_planning.profile_to_message(pass_profile(track, window)) for window in passes]

@@ -26,7 +26,7 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from rf_pointing.controllers import TrackerIntegratorParams
-from rf_pointing.nodes import convert, convert_planning
+from rf_pointing.nodes import convert, convert_calibration, convert_planning
 from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Health
 from rf_pointing.nodes.managed import ManagedNode, run
 from rf_pointing.nodes.qos import COMMAND, LATCHED, STREAM
@@ -101,7 +101,12 @@ class PointingControllerNode(ManagedNode):
         self.listen(Target, "target", lambda m: core.take_target(convert.target_from_message(m)), STREAM)
         self._joints = self.listen_latest(JointState, "joint_states", convert.joints_from_message, STREAM)
         self.listen(PointingError, "pointing_error", lambda m: core.take_error(convert.error_from_message(m)), STREAM)
-        self.listen(PointingModel, "pointing_model", lambda m: core.take_model(convert.model_from_message(m)), LATCHED)
+        self.listen(
+            PointingModel,
+            "pointing_model",
+            lambda m: core.take_model(convert_calibration.model_from_message(m)),
+            LATCHED,
+        )
         self.listen(PassProfileList, "pass_profiles", self._on_profiles, LATCHED)
         self.serve(Trigger, "~/stop", self._on_stop)
         self.serve(Trigger, "~/calibrate", self._on_calibrate)
@@ -188,7 +193,7 @@ class PointingControllerNode(ManagedNode):
             self._controller.take_joints(reading)
 
     def _feed_back(self, message: TrackingStatus, status: Status) -> None:
-        window = convert.pass_from_message(self._goal.request.target_pass)
+        window = convert_planning.pass_from_message(self._goal.request.target_pass)
         share = (status.t_s - window.aos_t_s) / max(window.duration_s, 1.0)
         self._goal.publish_feedback(TrackPass.Feedback(status=message, progress=min(max(share, 0.0), 1.0)))
 
@@ -210,7 +215,7 @@ class PointingControllerNode(ManagedNode):
         try:
             self._read_joints()
             self._controller.start(
-                self.now_s(), convert.pass_from_message(goal.request.target_pass), goal.request.sensor
+                self.now_s(), convert_planning.pass_from_message(goal.request.target_pass), goal.request.sensor
             )
         except ValueError as refusal:
             self._refusal = str(refusal)

@@ -21,7 +21,7 @@ from rf_pointing_msgs.action import TrackPass
 from rf_pointing_msgs.msg import PassCertificate
 
 from rf_pointing.ephemeris import Pass, first_pass_above, utc_text
-from rf_pointing.nodes import convert, convert_planning
+from rf_pointing.nodes import convert_planning
 from rf_pointing.nodes.lifecycle_client import LifecycleClient
 from rf_pointing.nodes.managed import make_executor, settle_garbage
 from rf_pointing.nodes.processes import SIMULATED_STATION, NodeProcesses
@@ -284,7 +284,7 @@ class Run:
             raise InterruptedRunError
 
     def _send_goal(self) -> Any:
-        goal = TrackPass.Goal(target_pass=convert.pass_to_message(self._window), sensor=self._options.sensor)
+        goal = TrackPass.Goal(target_pass=convert_planning.pass_to_message(self._window), sensor=self._options.sensor)
         future = self._client.send_goal_async(goal, feedback_callback=lambda m: self._progress.show(m.feedback))
         while not future.done():
             self.spin(0.1)

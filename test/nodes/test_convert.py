@@ -22,7 +22,7 @@ from rf_pointing.geometry import (
     PointingError,
     Target,
 )
-from rf_pointing.nodes import convert
+from rf_pointing.nodes import convert, convert_calibration, convert_planning
 from rf_pointing.station.status import AntennaStatus, TrackingStatus
 
 T_S = 1_151_384_323.813083
@@ -198,7 +198,7 @@ def window() -> Pass:
 
 
 def test_a_pass_comes_back_unchanged_but_for_rounding_of_time(window: Pass) -> None:
-    back = convert.pass_from_message(convert.pass_to_message(window))
+    back = convert_planning.pass_from_message(convert_planning.pass_to_message(window))
     for item in dataclasses.fields(Pass):
         got, wanted = getattr(back, item.name), getattr(window, item.name)
         assert got == (pytest.approx(wanted, abs=1e-6) if item.name.endswith("_t_s") else wanted), item.name
@@ -206,31 +206,31 @@ def test_a_pass_comes_back_unchanged_but_for_rounding_of_time(window: Pass) -> N
 
 @pytest.mark.parametrize("name", ["aos_azimuth", "aos_elevation", "peak_elevation", "azimuth_max", "smallest_range"])
 def test_a_pass_that_is_not_finite_is_refused(window: Pass, name: str) -> None:
-    message = convert.pass_to_message(window)
+    message = convert_planning.pass_to_message(window)
     setattr(message, name, math.nan)
     with pytest.raises(ValueError, match=f"{name}=nan must be finite"):
-        convert.pass_from_message(message)
+        convert_planning.pass_from_message(message)
 
 
 @pytest.mark.parametrize(("first", "second"), [("aos", "los"), ("aos", "tca"), ("tca", "los")])
 def test_a_pass_whose_times_are_out_of_order_is_refused(window: Pass, first: str, second: str) -> None:
-    message = convert.pass_to_message(window)
+    message = convert_planning.pass_to_message(window)
     early, late = getattr(message, first), getattr(message, second)
     setattr(message, first, late)
     setattr(message, second, early)
     with pytest.raises(ValueError, match="must follow each other"):
-        convert.pass_from_message(message)
+        convert_planning.pass_from_message(message)
 
 
 def test_an_empty_goal_holds_no_pass() -> None:
     with pytest.raises(ValueError, match=r"aos=0\.0, tca=0\.0 and los=0\.0 must follow each other"):
-        convert.pass_from_message(ours.Pass())
+        convert_planning.pass_from_message(ours.Pass())
 
 
 def test_a_model_file_becomes_the_model_with_its_covariance() -> None:
     file = read_model(MODEL)
-    message = convert.model_to_message(file)
-    assert dict(convert.model_from_message(message).coefficients) == dict(file.model.coefficients)
+    message = convert_calibration.model_to_message(file)
+    assert dict(convert_calibration.model_from_message(message).coefficients) == dict(file.model.coefficients)
     assert (message.name, message.station) == ("dss13-commissioning", "Goldstone DSS-13")
     covariance = np.array(message.covariance).reshape(len(TERMS), len(TERMS))
     at = message.terms.index("droop")
@@ -250,11 +250,11 @@ def test_a_model_file_becomes_the_model_with_its_covariance() -> None:
     ],
 )
 def test_a_model_that_cannot_be_used_is_refused(spoil: Callable[[Any], Any], complaint: str) -> None:
-    message = convert.model_to_message(read_model(MODEL))
+    message = convert_calibration.model_to_message(read_model(MODEL))
     message.terms, message.values = list(message.terms), list(message.values)
     spoil(message)
     with pytest.raises(ValueError, match=complaint):
-        convert.model_from_message(message)
+        convert_calibration.model_from_message(message)
 
 
 def test_a_tracking_status_reaches_the_wire_field_by_field(random: np.random.Generator) -> None:
