@@ -28,19 +28,20 @@ SIMULATED_STATION = (
 )
 """Executables of a simulated antenna; the first one is activated last, since it lets time run."""
 
-ON_TIME = ("simulation_clock", "antenna_servo")
 NICENESS = 10
-"""The servo's 50 Hz go first: every tenth of a second all nodes wake at once, and the others can wait their milliseconds."""
 
 _PR_SET_PDEATHSIG = 1
 _GRACE_S = (4.0, 2.0)
 
 
 class NodeProcesses:
-    """The running executables of one namespace."""
+    """The running executables of one namespace; where some are to be `on_time`, the others run in the background."""
 
-    def __init__(self, namespace: str, parameter_files: Sequence[Path], log_folder: Path) -> None:
+    def __init__(
+        self, namespace: str, parameter_files: Sequence[Path], log_folder: Path, on_time: Sequence[str] = ()
+    ) -> None:
         self.namespace, self._files, self._logs = namespace, list(parameter_files), log_folder
+        self._on_time = on_time
         self._running: dict[str, subprocess.Popen[bytes]] = {}
 
     def start(self, names: Sequence[str], simulated_time: bool = True) -> None:
@@ -61,7 +62,9 @@ class NodeProcesses:
                     stdout=log,
                     stderr=subprocess.STDOUT,
                     env=_environment(),
-                    preexec_fn=_bind_to_parent if executable in ON_TIME else _bind_in_the_background,
+                    preexec_fn=_bind_in_the_background
+                    if self._on_time and executable not in self._on_time
+                    else _bind_to_parent,
                 )
 
     def ended(self) -> Mapping[str, int]:
