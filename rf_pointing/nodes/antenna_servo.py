@@ -10,7 +10,9 @@ empty: not kept), enable_fault_injection, and as truth plant.* (changeable too),
 Activation releases the brakes and holds; deactivation sets them.
 """
 
+import math
 import time
+from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,6 +30,7 @@ from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Health
 from rf_pointing.nodes.identification_server import IdentificationServer
 from rf_pointing.nodes.managed import ManagedNode, run
 from rf_pointing.nodes.qos import COMMAND_INPUT, SAMPLES, STREAM
+from rf_pointing.nodes.stamps import seconds_from_stamp
 from rf_pointing.planning import WrapCount
 from rf_pointing.servo import WindParams, dss13_plant
 from rf_pointing.station.antenna import AntennaParams, LoopParams, SimulatedAntenna
@@ -66,6 +69,8 @@ class AntennaServo(ManagedNode):
         self._wrap: WrapCount | None = None
         self._tick_wall_s: float | None = None
         self._lateness_s = 0.0
+        self._ticked_s = math.inf
+        self._early: deque[JointTrajectory] = deque(maxlen=COMMAND_INPUT.depth)
 
     def configure(self) -> None:
         value = self.parameters.value
@@ -94,10 +99,13 @@ class AntennaServo(ManagedNode):
     def activate(self) -> None:
         self._antenna.enable()
         self._tick_wall_s = None
+        self._ticked_s = self.now_s()
+        self._early.clear()
         self._joints.publish(convert.joints_to_message(self._antenna.reading(self.now_s())))
         self._schedule = self.every(self._antenna.params.tick_s, self._tick)
 
     def deactivate(self) -> None:
+        self._ticked_s = math.inf
         self._antenna.disable()
         self._identification.end()
         self._keep_wrap()
@@ -123,6 +131,7 @@ class AntennaServo(ManagedNode):
         if self._schedule.jumped_s:
             self._antenna.stop(f"the clock jumped by {self._schedule.jumped_s:+.2f} s")
         self._measure_lateness(self._antenna.params.tick_s)
+        self._ticked_s = t_s
         reading, boresight = self._antenna.step(t_s)
         self._joints.publish(convert.joints_to_message(reading))
         self._boresight.publish(convert.boresight_to_message(boresight))
@@ -134,6 +143,8 @@ class AntennaServo(ManagedNode):
             self._statuses += 1
             if self._statuses % WRAP_EVERY == 0:
                 self._keep_wrap()
+        while self._early and seconds_from_stamp(self._early[0].header.stamp) <= t_s:
+            self._take(self._early.popleft())
 
     def _measure_lateness(self, tick_s: float) -> None:
         """Compare the wall time between two ticks with the period; at another speed than 1 it shows that speed."""
@@ -143,6 +154,13 @@ class AntennaServo(ManagedNode):
         self._tick_wall_s = wall_s
 
     def _on_trajectory(self, message: JointTrajectory) -> None:
+        """Take a command; one issued at an instant that the clock has reached and the ticks have not waits for its tick."""
+        if self._ticked_s < seconds_from_stamp(message.header.stamp) <= self.now_s():
+            self._early.append(message)
+        else:
+            self._take(message)
+
+    def _take(self, message: JointTrajectory) -> None:
         try:
             refused = self._antenna.accept(
                 convert.trajectory_from_message(message), self.now_s(), message.header.frame_id

@@ -133,10 +133,11 @@ class BiasCalibrator(ManagedNode):
     def _on_error(self, message: PointingError) -> None:
         if not message.valid or not self._active:
             return
-        reading = self._joints.take()
+        error = convert.error_from_message(message)
+        reading = self._joints.take(error.t_s)
         if reading is not None:
             self._log.take_joints(reading)
-        row = self._log.take_error(convert.error_from_message(message))
+        row = self._log.take_error(error)
         if row is not None:
             self._keeper.observe(row)
 

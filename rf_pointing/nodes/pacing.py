@@ -2,7 +2,8 @@
 
 Every paced stream states by how much its newest stamp may lag the next tick.  A stream that stays silent for longer than
 the patience is no longer waited for until it is heard again, nor is one whose messages are further apart than expected of
-it.  The essential stream is the antenna's: while it is silent, time runs no faster than the wall clock.
+it; at full speed, where nobody waits for the clock, the patience is long.  The essential stream is the antenna's: while it
+is silent, time runs no faster than the wall clock.
 """
 
 from dataclasses import dataclass, field
@@ -44,7 +45,7 @@ class Pacer:
     speed: float
     streams: dict[str, PacedStream]
     patience_s: float = 1.0
-    essential_patience_s: float = 5.0
+    long_patience_s: float = 5.0
     ticks: int = 0
     _origin_wall_s: float | None = field(default=None)
     _ticked_wall_s: float = field(default=0.0)
@@ -97,7 +98,7 @@ class Pacer:
         if stream.waiting_since_s is None:
             stream.waiting_since_s = wall_s
             stream.waits += 1
-        patience_s = self.essential_patience_s if stream.essential else self.patience_s
+        patience_s = self.long_patience_s if stream.essential or not self.speed else self.patience_s
         left_s = stream.waiting_since_s + patience_s - wall_s
         if left_s > 0.0:
             return left_s

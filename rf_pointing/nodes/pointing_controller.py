@@ -147,7 +147,8 @@ class PointingControllerNode(ManagedNode):
             self._step(t_s)
 
     def _step(self, t_s: float) -> None:
-        self._read_joints()
+        # Those of the period that ends now may have arrived already, or not: they belong to the next one.
+        self._read_joints(t_s - self._controller.params.period_s)
         busy = self._controller.busy
         trajectory, status = self._controller.step(t_s)
         self._show_certificate()
@@ -183,9 +184,9 @@ class PointingControllerNode(ManagedNode):
         except OSError as error:
             self.get_logger().error(f"certificate not stored: {error}")
 
-    def _read_joints(self) -> None:
+    def _read_joints(self, until_s: float) -> None:
         try:
-            reading = self._joints.take()
+            reading = self._joints.take(until_s)
         except ValueError as refusal:
             self.get_logger().warning(f"joint_states ignored: {refusal}", throttle_duration_sec=1.0)
             return
@@ -213,9 +214,10 @@ class PointingControllerNode(ManagedNode):
         """
         self._refusal = ""
         try:
-            self._read_joints()
+            now_s = self.now_s()
+            self._read_joints(now_s)
             self._controller.start(
-                self.now_s(), convert_planning.pass_from_message(goal.request.target_pass), goal.request.sensor
+                now_s, convert_planning.pass_from_message(goal.request.target_pass), goal.request.sensor
             )
         except ValueError as refusal:
             self._refusal = str(refusal)

@@ -12,8 +12,13 @@ __all__ = ["COMMAND", "COMMAND_INPUT", "EXPERIMENT", "LATCHED", "SAMPLES", "STRE
 STREAM = QoSProfile(depth=10, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.RELIABLE)
 """Measurements and status: reliable, depth 10; losses show in the sequence numbers."""
 
-SAMPLES = QoSProfile(depth=100, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.RELIABLE)
-"""Samples of which a missing one spoils its neighbours: two seconds of them, for a receiver that starts slowly."""
+SAMPLES = QoSProfile(
+    depth=100,
+    history=HistoryPolicy.KEEP_LAST,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+)
+"""Samples of which a missing one spoils its neighbours: two seconds of them, kept for a receiver that is matched late."""
 
 EXPERIMENT = QoSProfile(depth=1000, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.RELIABLE)
 """Samples of an experiment that is lost with any one of them: twenty seconds of them."""

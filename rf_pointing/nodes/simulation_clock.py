@@ -3,30 +3,28 @@
 Inactive, it holds time at the start; active, time runs.  So every node can be brought up before the first tick, and a run
 does not depend on how long that took.
 Publishes: clock (rosgraph_msgs/Clock), to which the nodes' /clock is remapped.
-Subscribes: antenna_status, sim/pointing_error, pointing_error, joint_trajectory, target (their stamps only).
+Subscribes: antenna_status, sim/pointing_error, pointing_error, tracking_status, target (their stamps only).
 Parameters: start_s, speed (0: as fast as the graph follows), tick_s.
 """
 
-import struct
 import time
 from dataclasses import dataclass
 
-from rf_pointing_msgs.msg import AntennaStatus, PointingError, Target
+from rf_pointing_msgs.msg import AntennaStatus, PointingError, Target, TrackingStatus
 from rosgraph_msgs.msg import Clock
-from trajectory_msgs.msg import JointTrajectory
 
 from rf_pointing.geometry import Params, parameter
 from rf_pointing.nodes.diagnostics import Health
 from rf_pointing.nodes.managed import ManagedNode, run
 from rf_pointing.nodes.pacing import PacedStream, Pacer
 from rf_pointing.nodes.qos import STREAM
-from rf_pointing.nodes.stamps import stamp_from_seconds
+from rf_pointing.nodes.stamps import seconds_from_raw, stamp_from_seconds
 
 PACED = {
     "antenna_status": (AntennaStatus, 0.19),
     "sim/pointing_error": (PointingError, 0.19),
     "pointing_error": (PointingError, 0.23),
-    "joint_trajectory": (JointTrajectory, 0.19),
+    "tracking_status": (TrackingStatus, 0.19),
     "target": (Target, -1.0),
 }
 """Stream, its type, and by how much its newest stamp may lag the next tick.
@@ -34,7 +32,8 @@ PACED = {
 The antenna reports every 0.1 s; the receiver, the tracker and the controller work every 0.1 s on what is older than
 their own instant.  A lag of one period less a tick lets time reach the next such instant only when the previous one's
 work has arrived, so a run gives the same result at any speed; the errors of monopulse are stamped in the middle of their
-cluster, 0.04 s before its end.
+cluster, 0.04 s before its end.  Of each node it is the stream that the node writes last in a period: when it is heard
+here, what the node wrote before (the command, the samples) has reached those who need it, and the tick cannot overtake it.
 """
 
 ESSENTIAL = "antenna_status"
@@ -68,7 +67,13 @@ class SimulationClock(ManagedNode):
         self._pacer = Pacer(start_s=params.start_s, tick_s=params.tick_s, speed=params.speed, streams=streams)
         self._output = self.publisher(Clock, "clock", STREAM)
         for topic, (message_type, _) in PACED.items():
-            self.listen(message_type, topic, lambda raw, stream=streams[topic]: _note(stream, raw), STREAM, raw=True)
+            self.listen(
+                message_type,
+                topic,
+                lambda raw, stream=streams[topic]: stream.heard(seconds_from_raw(raw)),
+                STREAM,
+                raw=True,
+            )
         self.diagnostics.add("pacing", self._health)
 
     def activate(self) -> None:
@@ -106,11 +111,6 @@ class SimulationClock(ManagedNode):
         values |= {f"waits for {name}": stream.waits for name, stream in pacer.streams.items()}
         values |= {f"abandoned waits for {name}": stream.abandoned for name, stream in pacer.streams.items()}
         return Health(message="running" if self._running else "held", values=values)
-
-
-def _note(stream: PacedStream, raw: bytes) -> None:
-    seconds, nanoseconds = struct.unpack_from("<iI", raw, 4)
-    stream.heard(seconds + nanoseconds * 1e-9)
 
 
 def main() -> None:

@@ -4,14 +4,22 @@ A float holds today's UTC seconds to 0.24 microseconds, so stamps are kept on wh
 stamp goes back to the same stamp.
 """
 
+import struct
+
 from builtin_interfaces.msg import Time
 
-__all__ = ["seconds_from_stamp", "stamp_from_seconds"]
+__all__ = ["seconds_from_raw", "seconds_from_stamp", "stamp_from_seconds"]
 
 
 def seconds_from_stamp(stamp: Time) -> float:
     """Return UTC seconds since 1970; the inverse is `stamp_from_seconds`."""
     return float(stamp.sec + stamp.nanosec * 1e-9)
+
+
+def seconds_from_raw(raw: bytes) -> float:
+    """Return the stamp of a serialised message that begins with its header, without decoding the rest."""
+    seconds, nanoseconds = struct.unpack_from("<iI", raw, 4)
+    return float(seconds + nanoseconds * 1e-9)
 
 
 def stamp_from_seconds(t_s: float) -> Time:

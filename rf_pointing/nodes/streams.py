@@ -1,5 +1,7 @@
 """What a node's streams have in common: numbers on what is sent, counts of what was lost or refused, the newest only."""
 
+import math
+from collections import deque
 from collections.abc import Callable
 from typing import Any
 
@@ -7,8 +9,12 @@ from rclpy.publisher import Publisher
 from rclpy.serialization import deserialize_message
 
 from rf_pointing.nodes.diagnostics import OK, WARN, Health
+from rf_pointing.nodes.stamps import seconds_from_raw
 
 __all__ = ["InputCounter", "Latest", "SequencedPublisher"]
+
+KEPT = 100
+STAMP_RESOLUTION_S = 1e-6
 
 
 class SequencedPublisher:
@@ -66,17 +72,22 @@ class InputCounter:
 
 
 class Latest:
-    """Keeps the newest message of a fast stream undecoded; `take` decodes it when it is wanted."""
+    """Keeps the newest messages of a fast stream undecoded; `take` decodes the one that is wanted."""
 
     def __init__(self, message_type: Any, convert: Callable[[Any], Any]) -> None:
         self._type, self._convert = message_type, convert
-        self._raw: bytes | None = None
+        self._raw: deque[bytes] = deque(maxlen=KEPT)
 
     def note(self, raw: bytes) -> None:
-        """Keep `raw` in place of the one before."""
-        self._raw = raw
+        """Keep `raw`."""
+        self._raw.append(raw)
 
-    def take(self) -> Any | None:
-        """Return what the newest message says, None if there is none since the last call; ValueError if unusable."""
-        raw, self._raw = self._raw, None
+    def take(self, until_s: float = math.inf) -> Any | None:
+        """Return what the newest message up to the stamp `until_s` says; ValueError if it cannot be used.
+
+        None if there is no such message since the last call; later ones are kept.
+        """
+        raw = None
+        while self._raw and seconds_from_raw(self._raw[0]) <= until_s + STAMP_RESOLUTION_S:
+            raw = self._raw.popleft()
         return None if raw is None else self._convert(deserialize_message(raw, self._type))

@@ -128,14 +128,17 @@ def simulate_pass(setup: StationSetup, window: Pass, start_t_s: float, sensor: s
     every = round(period_s / tick_s)
     antenna.enable()
     log = PassLog()
-    controller.take_joints(antenna.reading(start_t_s))
+    known = antenna.reading(start_t_s)
+    controller.take_joints(known)
     controller.start(start_t_s, window, sensor)
     mode = controller.state.mode
     for tick in range(1, round((window.los_t_s - start_t_s) / tick_s)):
         t_s = round(start_t_s + tick * tick_s, 6)
         reading, boresight = antenna.step(t_s)
         if tick % every == 0:
-            controller.take_joints(reading)
+            # As on the graph, a period knows where the axes were when the one before began.
+            controller.take_joints(known)
+            known = reading
             if t_s + TARGET_LEAD_S >= window.aos_t_s - 5.0:
                 controller.take_target(track.target_at(round(t_s + TARGET_LEAD_S, 6)))
             trajectory, status = controller.step(t_s)

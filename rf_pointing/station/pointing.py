@@ -370,7 +370,8 @@ class PointingController:
         if self._axes is None:
             return None
         rate = self._axes.velocity_rad_s
-        position = self._axes.position_rad + rate * np.abs(rate) / (2.0 * self.params.stop_deceleration_rad_s2)
+        present = self._axes.position_rad + (t_s - self._axes.t_s) * rate
+        position = present + rate * np.abs(rate) / (2.0 * self.params.stop_deceleration_rad_s2)
         still = np.zeros((1, 2))
         times = np.array([t_s + self.params.transport_s])
         return JointTrajectory(

@@ -11,6 +11,7 @@ from sensor_msgs.msg import JointState
 
 from rf_pointing.nodes import convert
 from rf_pointing.nodes.diagnostics import OK, WARN
+from rf_pointing.nodes.stamps import stamp_from_seconds
 from rf_pointing.nodes.streams import InputCounter, Latest, SequencedPublisher
 
 
@@ -56,10 +57,10 @@ def test_messages_are_numbered_from_one() -> None:
     assert sent == [1, 2, 3]
 
 
-def joints(position: float) -> bytes:
-    return bytes(
-        serialize_message(JointState(name=["azimuth", "elevation"], position=[position, 0.5], velocity=[0.0, 0.0]))
-    )
+def joints(position: float, t_s: float = 0.0) -> bytes:
+    message = JointState(name=["azimuth", "elevation"], position=[position, 0.5], velocity=[0.0, 0.0])
+    message.header.stamp = stamp_from_seconds(t_s)
+    return bytes(serialize_message(message))
 
 
 @pytest.mark.usefixtures("ros_domain")
@@ -70,6 +71,17 @@ def test_only_the_newest_of_a_fast_stream_is_decoded_and_only_once() -> None:
         latest.note(joints(position))
     assert latest.take().position_rad[0] == 3.0
     assert latest.take() is None
+
+
+@pytest.mark.usefixtures("ros_domain")
+def test_what_is_newer_than_asked_for_is_kept_for_later() -> None:
+    latest = Latest(JointState, convert.joints_from_message)
+    for k in range(5):
+        latest.note(joints(float(k), 100.0 + 0.02 * k))
+    assert latest.take(100.05).position_rad[0] == 2.0
+    assert latest.take(100.05) is None
+    assert latest.take(100.06).position_rad[0] == 3.0
+    assert latest.take().position_rad[0] == 4.0
 
 
 @pytest.mark.usefixtures("ros_domain")
