@@ -1,31 +1,24 @@
 #!/usr/bin/env python3
-"""Run the array sensors on a live graph, record them, and draw what they found beside the truth.
+"""Run the array sensors on a live graph, record them, and report what they found beside the truth.
 
     scripts/run-python examples/array_sensors.py [--system tripulse] [--seconds 25] [--output runs/array_sensors]
 
-For every system: its nodes as processes of their own, a bag of all its topics, and one picture.
+For every system: its nodes as processes of their own, a bag of all its topics, and the report of that bag.
 """
 
 import argparse
 import sys
 from pathlib import Path
 
-import numpy as np
 import rclpy
 
 from rf_pointing.nodes.array_graph import ArrayGraph
 from rf_pointing.nodes.array_systems import ARRAY_SYSTEMS
 from rf_pointing.nodes.managed import make_executor
 from rf_pointing.nodes.recorder import Recorder
-from rf_pointing.report.array_pictures import draw_attitude, draw_pose
-from rf_pointing.report.array_series import ArraySeries, read_attitude_series, read_pose_series
+from rf_pointing.report.array_report import ArrayErrors, write_array_report
 
 SPEEDS = {"tripulse": 20.0, "doa": 10.0, "interferometer": 20.0}
-TITLES = {
-    "tripulse": "Tripulse: attitude of a geosynchronous satellite's array from two stations",
-    "doa": "DOA: attitude of a satellite that hears ground stations, from 45 deg off",
-    "interferometer": "Polarized interferometer: pose of the passive spacecraft, approach from 2 km",
-}
 
 
 def record(name: str, seconds: float, output: Path) -> Path:
@@ -57,32 +50,14 @@ def record(name: str, seconds: float, output: Path) -> Path:
     return recorded.path
 
 
-def show(name: str, bag: Path, picture: Path) -> None:
-    """Draw the picture of one bag and print what it shows."""
-    if name == "interferometer":
-        series = read_pose_series(bag, f"/{name}")
-        draw_pose(series, picture, TITLES[name])
-        report(f"{name} position", series.position_error_m, series.position_sigma_m, series, "m")
-    else:
-        series = read_attitude_series(bag, f"/{name}")
-        draw_attitude(series, picture, TITLES[name])
-    report(
-        f"{name} attitude", np.degrees(series.rotation_error_rad), np.degrees(series.rotation_sigma_rad), series, "deg"
-    )
-    print(f"{name}: picture {picture}")
-
-
-def report(what: str, error: np.ndarray, sigma: np.ndarray, series: ArraySeries, unit: str) -> None:
-    """Print rms errors, median sigmas and the share inside three sigma of the valid epochs."""
-    valid = series.valid
-    if not valid.any():
-        print(f"{what}: none of {len(valid)} epochs is valid")
-        return
-    rms, middle = np.sqrt(np.mean(error[valid] ** 2, axis=0)), np.median(sigma[valid], axis=0)
-    inside = float(np.mean(np.abs(error[valid]) <= 3.0 * sigma[valid]))
-    print(
-        f"{what}: {int(valid.sum())} of {len(valid)} epochs valid, rms {np.array2string(rms, precision=3)} {unit}, "
-        f"median sigma {np.array2string(middle, precision=3)} {unit}, {100.0 * inside:.1f} % inside 3 sigma"
+def told(found: ArrayErrors) -> str:
+    """Return one line on the errors of a sensor."""
+    if found.rms is None:
+        return f"{found.sensor} {found.quantity}: none of {found.epochs} epochs is valid"
+    rms, claimed = (" ".join(f"{value:.3g}" for value in values) for values in (found.rms, found.claimed or ()))
+    return (
+        f"{found.sensor} {found.quantity}: {found.valid} of {found.epochs} epochs valid, rms {rms} {found.unit}, "
+        f"claimed {claimed} {found.unit}, {100.0 * (found.inside or 0.0):.1f} % inside 3 sigma"
     )
 
 
@@ -100,7 +75,10 @@ def main() -> None:
     options.output.mkdir(parents=True)
     rclpy.init()
     for name in options.system or ARRAY_SYSTEMS:
-        show(name, record(name, options.seconds, options.output), options.output / f"{name}.png")
+        bag = record(name, options.seconds, options.output)
+        for errors in write_array_report(bag, options.output / name):
+            print(told(errors))
+        print(options.output / name / "array_report.html")
     rclpy.shutdown()
 
 

@@ -2,7 +2,8 @@
 
 The covariance of a direction is the Cramer-Rao bound at the estimated power: rank two, in the tangent plane, regular at
 theta = 0.  MUSIC attains it above its threshold (see docs/math/doa.md), so below the threshold an estimate is marked
-invalid with its reason instead of carrying a covariance that is not true.
+invalid with its reason instead of carrying a covariance that is not true; so is one from a channel that holds more
+signals than are looked for: it may be another transmitter's.
 """
 
 from dataclasses import dataclass
@@ -17,7 +18,8 @@ from rf_pointing.arrays.cramer_rao import direction_bound_rad2
 from rf_pointing.arrays.music import estimate_directions
 from rf_pointing.arrays.mutual_coupling import ArrayResponse
 from rf_pointing.arrays.several_sources import estimate_several
-from rf_pointing.geometry import Params, parameter
+from rf_pointing.arrays.source_count import count_sources
+from rf_pointing.geometry import Params, cosine_slopes, parameter
 
 __all__ = ["DirectionEstimate", "DoaEstimator", "DoaEstimatorParams"]
 
@@ -34,6 +36,7 @@ class DoaEstimatorParams(Params):
     boresight_cosine_min: float = parameter(
         0.1, "smallest cos(theta): no accuracy in the array plane", low=1e-3, high=1
     )
+    count_signals: bool = parameter(True, "refuse a channel with more signals than sources (white receiver noise)")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,8 +89,20 @@ class DoaEstimator:
             directions, flaw = several.direction, several.reason
         if not len(directions):
             return []
+        flaw = "; ".join(reason for reason in (flaw, self._crowded(covariance, count)) if reason)
         noise, powers = self._powers(covariance, directions, count)
         return self._judge(block.t_s, directions, powers / noise, count, flaw)
+
+    def _crowded(self, covariance: ComplexArray, count: int) -> str:
+        """Return what speaks against the number of sources; it cannot be counted with fewer snapshots than elements."""
+        if not self.params.count_signals or count < self.array.elements:
+            return ""
+        held = int(count_sources(covariance, count))
+        return (
+            f"{held} signals in the channel, must be <= sources={self.params.sources}"
+            if held > self.params.sources
+            else ""
+        )
 
     def _powers(self, covariance: ComplexArray, directions: Array, count: int) -> tuple[float, ComplexArray]:
         """Return the noise power and the source covariance (k, k): least squares on R - noise I."""
@@ -113,8 +128,7 @@ class DoaEstimator:
 
     def _one(self, t_s: float, direction: Array, cosines: Array, snr: float, flaw: str) -> DirectionEstimate:
         effective = 2.0 / (phase_radius_rad(self.array) ** 2 * float(np.trace(cosines)))
-        height = max(float(direction[2]), 1e-9)
-        slopes = np.array([[1.0, 0.0], [0.0, 1.0], [-direction[0] / height, -direction[1] / height]])
+        slopes = cosine_slopes(np.append(direction[:2], max(float(direction[2]), 1e-9)))
         reasons = [flaw] if flaw else []
         if effective < self.params.effective_snr_min:
             reasons.append(f"effective_snr={effective:.3g} must be >= {self.params.effective_snr_min:g}")

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.arrays.circular_array import CircularArrayParams, phase_radius_rad, steering, steering_taylor
+from rf_pointing.geometry.rotations import tangent_rows
 
 __all__ = ["Peaks", "refine_peaks", "signal_fraction"]
 
@@ -105,7 +106,7 @@ def _inner(y: ComplexArray, i: int, j: int) -> ComplexArray:
 
 def _newton_step(direction: Array, gradient: Array, hessian: Array, limit: float) -> tuple[Array, Array]:
     """Return the new direction (reflected to the front) and the length of the step taken."""
-    basis = _tangent_basis(direction)
+    basis = tangent_rows(direction)
     slope = np.einsum("nij,nj->ni", basis[:, :, :2], gradient)
     radial = np.sum(direction[:, :2] * gradient, axis=-1)
     curve = basis[:, :, :2] @ hessian @ basis[:, :, :2].swapaxes(-1, -2)
@@ -125,11 +126,3 @@ def _climb(a: Array, b: Array, c: Array, slope: Array, floor: float) -> Array:
     first = (cosine * slope[:, 0] + sine * slope[:, 1]) / np.maximum(np.abs(middle + half), floor)
     second = (cosine * slope[:, 1] - sine * slope[:, 0]) / np.maximum(np.abs(middle - half), floor)
     return np.stack([cosine * first - sine * second, sine * first + cosine * second], axis=-1)
-
-
-def _tangent_basis(direction: Array) -> Array:
-    """Return two orthonormal tangents (n, 2, 3), smooth over the whole front half (Duff et al. 2017)."""
-    x, y, z = direction.T
-    a = -1.0 / (1.0 + z)
-    b = x * y * a
-    return np.stack([np.stack([1.0 + x * x * a, b, -x], axis=-1), np.stack([b, 1.0 + y * y * a, -y], axis=-1)], axis=-2)

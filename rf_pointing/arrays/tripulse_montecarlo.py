@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rf_pointing.arrays.snapshots import complex_normal
 from rf_pointing.arrays.tripulse_array import TripulseArrayParams, element_weights
 from rf_pointing.arrays.tripulse_beams import beam_signals, beam_signs, closed_form_signals, monopulse_ratios
 from rf_pointing.arrays.tripulse_inversion import invert_ratios, polar_angles_rad
@@ -58,8 +59,7 @@ def noise_errors(
         raise ValueError(f"element_snr={element_snr} must be > 0")
     rng = random_stream(seed, f"tripulse noise {params} {element_snr}")
     signals = closed_form_signals(params, as_finite_array("projection_error", projection_error, (2,)))
-    sigma = math.sqrt(0.5 / element_snr)
-    noise = rng.normal(scale=sigma, size=(_trials(trials), 3)) + 1j * rng.normal(scale=sigma, size=(trials, 3))
+    noise = math.sqrt(1.0 / element_snr) * complex_normal(rng, (_trials(trials), 3))
     return _statistics(params, signals + noise, steering, projection_error)
 
 

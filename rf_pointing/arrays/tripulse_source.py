@@ -16,10 +16,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rf_pointing.arrays.snapshots import complex_normal
 from rf_pointing.arrays.tripulse_array import TripulseArrayParams, element_weights
 from rf_pointing.arrays.tripulse_beams import beam_signals
 from rf_pointing.arrays.tripulse_signal import TripulseFrame, TripulseSignalParams, segment_beams
-from rf_pointing.geometry import Params, as_finite_array, parameter, random_stream, require_between, require_finite
+from rf_pointing.geometry import (
+    Params,
+    as_finite_array,
+    parameter,
+    random_stream,
+    require_between,
+    require_finite,
+    require_rotation,
+)
 from rf_pointing.geometry.constants import SPEED_OF_LIGHT_M_S
 
 __all__ = ["StationLine", "TripulseSource", "TripulseSourceParams", "TripulseSourceState"]
@@ -104,7 +113,7 @@ class TripulseSource:
 
     def steer(self, prior: ArrayLike) -> None:
         """Steer the next frames by the rotation `prior` (3, 3), reference to array frame."""
-        self._prior = _rotation("prior", prior)
+        self._prior = require_rotation("prior", as_finite_array("prior", prior, (3, 3)))
 
     def step(self, t_s: float, rotation: ArrayLike, lines: Sequence[StationLine]) -> list[TripulseFrame]:
         """Return the frames sent at `t_s`, one per line of sight, for the true `rotation` (3, 3).
@@ -117,7 +126,7 @@ class TripulseSource:
         require_finite("t_s", t_s)
         if self._t_s is not None and t_s <= self._t_s:
             raise ValueError(f"t_s={t_s} must be > the last frames' {self._t_s}")
-        true = _rotation("rotation", rotation)
+        true = require_rotation("rotation", as_finite_array("rotation", rotation, (3, 3)))
         for line in lines:
             self._require_visible(line, true)
         self._t_s, self._sequence = t_s, self._sequence + 1
@@ -159,18 +168,9 @@ class TripulseSource:
         if signal.scheme == "two_tone":
             reference = 10.0 ** (params.reference_carrier_to_noise_db_hz / 20.0)
             total = total + reference * (tone(-signal.tone_separation_hz) + tone(signal.tone_separation_hz))
-        sigma = math.sqrt(signal.sample_rate_hz / 2.0)
-        noise = self._stream.normal(scale=sigma, size=(signal.samples, 2)) @ np.array([1.0, 1j])
+        noise = math.sqrt(signal.sample_rate_hz) * complex_normal(self._stream, (signal.samples,))
         return np.asarray(total + noise)
 
     def _clock_rad(self, linewidth_hz: float) -> Array:
         step_rad = math.sqrt(2.0 * math.pi * linewidth_hz / self.signal.sample_rate_hz)
         return np.cumsum(self._stream.normal(scale=step_rad, size=self.signal.samples))
-
-
-def _rotation(name: str, value: ArrayLike) -> Array:
-    matrix = as_finite_array(name, value, (3, 3))
-    defect = float(np.max(np.abs(matrix @ matrix.T - np.eye(3))))
-    if defect > 1e-6 or np.linalg.det(matrix) < 0.0:
-        raise ValueError(f"{name} misses orthonormality by {defect} or is a reflection, must be a rotation")
-    return matrix

@@ -105,7 +105,7 @@ def update(params: TrackerParams, state: TrackerState, value: complex, noise_var
     measure = np.array([[1.0, 0.0, 0.0], [0.0, amplitude, 0.0]])
     spread = measure @ state.covariance @ measure.T + 0.5 * noise_variance * np.eye(2)
     surprise = float(innovation @ np.linalg.solve(spread, innovation))
-    if surprise > params.gate:
+    if not surprise <= params.gate:
         return _missed(params, state, surprise)
     gain = np.linalg.solve(spread, measure @ state.covariance).T
     keep = np.eye(3) - gain @ measure

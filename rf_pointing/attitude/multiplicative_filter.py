@@ -26,6 +26,7 @@ from rf_pointing.geometry.rotations import (
     matrix_from_quaternion,
     quaternion_from_turn,
     quaternion_product,
+    tangent_rows,
 )
 
 __all__ = [
@@ -128,7 +129,7 @@ def innovation(state: AttitudeState, observation: DirectionObservation) -> tuple
     rotation = matrix_from_quaternion(state.quaternion)
     turned = np.einsum("...ij,...j->...i", rotation, observation.measured)
     gap = rotation_between(turned, observation.reference)
-    rows = _across(observation.reference)
+    rows = tangent_rows(observation.reference)
     carried = rows @ matrix_from_quaternion(quaternion_from_turn(gap)) @ rotation
     noise_map = carried @ cross_matrix(observation.measured)
     noise = noise_map @ observation.covariance_rad2 @ _transposed(noise_map)
@@ -179,7 +180,7 @@ def rotation_between(first: Array, second: Array) -> Array:
     vector = axis * np.divide(angle, sine, out=np.ones_like(sine), where=sine > 1e-12)[..., None]
     opposite = (sine <= 1e-12) & (angle > 1.0)
     if np.any(opposite):
-        vector[opposite] = np.pi * np.broadcast_to(_across(first)[..., 0, :], axis.shape)[opposite]
+        vector[opposite] = np.pi * np.broadcast_to(tangent_rows(first)[..., 0, :], axis.shape)[opposite]
     return np.asarray(vector)
 
 
@@ -198,15 +199,3 @@ def _inverse_spread(spread: Array) -> Array:
     inverse[..., 0, 0], inverse[..., 1, 1] = c / determinant, a / determinant
     inverse[..., 0, 1] = inverse[..., 1, 0] = -b / determinant
     return inverse
-
-
-def _across(direction: Array) -> Array:
-    """Return two orthonormal rows (..., 2, 3) orthogonal to unit vectors (..., 3), any direction (Duff et al. 2017)."""
-    x, y, z = (direction[..., i] for i in range(3))
-    sign = np.where(z >= 0.0, 1.0, -1.0)
-    a = -1.0 / (sign + z)
-    b = x * y * a
-    rows = np.empty((*direction.shape[:-1], 2, 3))
-    rows[..., 0, 0], rows[..., 0, 1], rows[..., 0, 2] = 1.0 + sign * x * x * a, sign * b, -sign * x
-    rows[..., 1, 0], rows[..., 1, 1], rows[..., 1, 2] = b, sign + y * y * a, -y
-    return rows

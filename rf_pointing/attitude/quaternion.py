@@ -10,7 +10,7 @@ what is not a rotation; the arithmetic is in `geometry.rotations`.
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rf_pointing.geometry import require_finite, rotations
+from rf_pointing.geometry import require_finite, require_rotation, rotations
 
 __all__ = [
     "UNIT_TOLERANCE",
@@ -23,7 +23,6 @@ __all__ = [
     "quaternion_to_matrix",
     "quaternion_to_roll_pitch_yaw",
     "quaternion_to_rotation_vector",
-    "require_rotation_matrix",
     "rotation_angle_between_rad",
     "unit_quaternion",
 ]
@@ -31,7 +30,7 @@ __all__ = [
 Array = NDArray[np.float64]
 
 UNIT_TOLERANCE = 1e-6
-"""Largest accepted difference of a quaternion's norm, or of a rotation matrix' products, from one."""
+"""Largest accepted difference of a quaternion's norm from one."""
 
 
 def unit_quaternion(quaternion: ArrayLike, name: str = "quaternion") -> Array:
@@ -73,21 +72,7 @@ def quaternion_from_matrix(matrix: ArrayLike) -> Array:
 
     Raises ValueError where the matrix is not orthonormal or is a reflection.
     """
-    return canonical(rotations.quaternion_from_matrix(require_rotation_matrix(matrix)))
-
-
-def require_rotation_matrix(matrix: ArrayLike, name: str = "matrix") -> Array:
-    """Return `matrix` (..., 3, 3) as floats; refuse one that is not orthonormal or has determinant -1."""
-    c = np.asarray(matrix, dtype=np.float64)
-    if c.shape[-2:] != (3, 3):
-        raise ValueError(f"{name} has shape {c.shape}, must be (..., 3, 3)")
-    require_finite(name, c)
-    defect = float(np.max(np.abs(c @ np.swapaxes(c, -1, -2) - np.eye(3)), initial=0.0))
-    if defect > UNIT_TOLERANCE:
-        raise ValueError(f"{name} misses orthonormality by {defect!r}, must be <= {UNIT_TOLERANCE}")
-    if np.any(np.linalg.det(c) < 0.0):
-        raise ValueError(f"{name} has determinant -1: a reflection, not a rotation")
-    return c
+    return canonical(rotations.quaternion_from_matrix(require_rotation("matrix", matrix)))
 
 
 def quaternion_from_rotation_vector(rotation_rad: ArrayLike) -> Array:

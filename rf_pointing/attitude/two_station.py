@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.attitude.wahba import SMALLEST_SEPARATION_RAD, separation_rad, unit_directions
-from rf_pointing.geometry import require_finite
+from rf_pointing.geometry import cosine_slopes, require_finite
 
 __all__ = ["bisector_rotation", "direction_covariances", "directions_from_projections"]
 
@@ -62,10 +62,8 @@ def direction_covariances(projections: ArrayLike, covariances: ArrayLike) -> Arr
     require_finite("covariances", c)
     if np.any(np.linalg.eigvalsh(c)[..., 0] <= 0.0):
         raise ValueError(f"covariances={c} must be positive definite: singular covariance")
-    slope = np.zeros((*t.shape[:-1], 3, 2))
-    slope[..., 0, 0] = slope[..., 1, 1] = 1.0
-    slope[..., 2, :] = -t[..., :2] / t[..., 2:]
-    return np.asarray(slope @ c @ np.swapaxes(slope, -1, -2))
+    slopes = cosine_slopes(t)
+    return np.asarray(slopes @ c @ np.swapaxes(slopes, -1, -2))
 
 
 def _bisector_frame(first: Array, second: Array) -> Array:

@@ -4,12 +4,20 @@ from rf_pointing.geometry.angles import (
     MDEG,
     angular_distance_rad,
     azel_from_unit_vector,
+    cosine_slopes,
     nearest_turn_rad,
     sky_offset_rad,
     unit_vector_from_azel,
     wrap_rad,
 )
-from rf_pointing.geometry.checks import as_finite_array, as_finite_pair, require_between, require_choice, require_finite
+from rf_pointing.geometry.checks import (
+    as_finite_array,
+    as_finite_pair,
+    require_between,
+    require_choice,
+    require_finite,
+    require_rotation,
+)
 from rf_pointing.geometry.gaussian_beam import MU
 from rf_pointing.geometry.hermite import Motion, Quintic
 from rf_pointing.geometry.parameters import (
@@ -52,6 +60,7 @@ __all__ = [
     "as_finite_array",
     "as_finite_pair",
     "azel_from_unit_vector",
+    "cosine_slopes",
     "from_degrees",
     "leaves",
     "nearest_turn_rad",
@@ -61,6 +70,7 @@ __all__ = [
     "require_between",
     "require_choice",
     "require_finite",
+    "require_rotation",
     "sky_offset_rad",
     "sweep",
     "to_degrees",

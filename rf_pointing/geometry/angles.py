@@ -15,6 +15,7 @@ __all__ = [
     "MDEG",
     "angular_distance_rad",
     "azel_from_unit_vector",
+    "cosine_slopes",
     "nearest_turn_rad",
     "sky_offset_rad",
     "unit_vector_from_azel",
@@ -50,6 +51,14 @@ def azel_from_unit_vector(enu: ArrayLike) -> tuple[NDArray[np.float64], NDArray[
     """Return azimuth in [0, 2 pi) and elevation in [-pi/2, pi/2] of east-north-up vectors (..., 3)."""
     east, north, up = np.moveaxis(np.asarray(enu, dtype=np.float64), -1, 0)
     return np.mod(np.arctan2(east, north), 2.0 * np.pi), np.arctan2(up, np.hypot(east, north))
+
+
+def cosine_slopes(direction: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return ds/d(s_x, s_y) (..., 3, 2) of unit vectors (..., 3) with s_z > 0: how errors of two cosines move them."""
+    slopes = np.zeros((*direction.shape[:-1], 3, 2))
+    slopes[..., 0, 0] = slopes[..., 1, 1] = 1.0
+    slopes[..., 2, :] = -direction[..., :2] / direction[..., 2:]
+    return slopes
 
 
 def sky_offset_rad(

@@ -15,6 +15,7 @@ __all__ = [
     "quaternion_from_matrix",
     "quaternion_from_turn",
     "quaternion_product",
+    "tangent_rows",
     "turn_from_quaternion",
 ]
 
@@ -36,6 +37,21 @@ def cross_matrix(vector: Array) -> Array:
         matrix[..., k, j] = vector[..., i]
         matrix[..., j, k] = -vector[..., i]
     return matrix
+
+
+def tangent_rows(direction: Array) -> Array:
+    """Return two orthonormal rows (..., 2, 3) across unit vectors (..., 3); the three are right-handed.
+
+    Smooth on either side of z = 0 (Duff et al., Building an orthonormal basis, revisited, 2017).
+    """
+    x, y, z = (direction[..., i] for i in range(3))
+    sign = np.where(z >= 0.0, 1.0, -1.0)
+    a = -1.0 / (sign + z)
+    b = x * y * a
+    rows = np.empty((*direction.shape[:-1], 2, 3))
+    rows[..., 0, 0], rows[..., 0, 1], rows[..., 0, 2] = 1.0 + sign * x * x * a, sign * b, -sign * x
+    rows[..., 1, 0], rows[..., 1, 1], rows[..., 1, 2] = b, sign + y * y * a, -y
+    return rows
 
 
 def quaternion_product(left: Array, right: Array) -> Array:

@@ -1,9 +1,11 @@
 """Recordings and reports: write a rosbag2 bag, read any, and make tables and pictures of one pass from it."""
 
+from rf_pointing.report.array_report import write_array_report
+from rf_pointing.report.array_series import array_sensors
 from rf_pointing.report.bag_writer import BagResult, BagWriter, TopicLoss
 from rf_pointing.report.definitions import Definitions, definitions
 from rf_pointing.report.offered_qos import offered_qos, qos_from_profile
-from rf_pointing.report.recording import Recording, read_recording
+from rf_pointing.report.recording import Recording, antennas, read_recording
 from rf_pointing.report.summary import Summary
 from rf_pointing.report.write_report import write_report
 
@@ -14,9 +16,12 @@ __all__ = [
     "Recording",
     "Summary",
     "TopicLoss",
+    "antennas",
+    "array_sensors",
     "definitions",
     "offered_qos",
     "qos_from_profile",
     "read_recording",
+    "write_array_report",
     "write_report",
 ]

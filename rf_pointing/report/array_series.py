@@ -16,7 +16,7 @@ from rf_pointing.attitude.quaternion import conjugate, multiply, quaternion_to_r
 from rf_pointing.report.bag_source import open_bag
 from rf_pointing.report.topic_data import types_of
 
-__all__ = ["ArraySeries", "read_attitude_series", "read_pose_series"]
+__all__ = ["ArraySeries", "array_sensors", "read_attitude_series", "read_pose_series"]
 
 Floats = NDArray[np.float64]
 Messages = dict[int, Any]
@@ -58,6 +58,18 @@ class ArraySeries:
     def position_sigma_m(self) -> Floats:
         """Standard deviations (n, 3) of the position error."""
         return np.asarray(np.sqrt(np.diagonal(self.covariance[:, :3, :3], axis1=1, axis2=2)))
+
+
+def array_sensors(bag: Path) -> dict[str, str]:
+    """Return what the array sensors of a bag measure, "attitude" or "relative_pose", by their namespaces."""
+    with ExitStack() as stack:
+        topics = {connection.topic for connection in open_bag(bag, stack).connections}
+    found = {}
+    for topic in sorted(topics):
+        namespace, _, what = topic.rpartition("/")
+        if what in ("attitude", "relative_pose") and f"{namespace}/sim/{what}" in topics:
+            found[namespace] = what
+    return found
 
 
 def read_attitude_series(bag: Path, namespace: str) -> ArraySeries:

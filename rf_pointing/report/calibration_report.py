@@ -1,6 +1,5 @@
 """The report of a calibration: one HTML file with headline numbers, pictures and tables, and what the data do not tell."""
 
-import base64
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,8 +9,7 @@ import numpy as np
 from rf_pointing.calibration import EXTENSION_TERMS, TERMS, FitResult, Observations, SectorRule, StageReport
 from rf_pointing.geometry import MDEG
 from rf_pointing.report.calibration_pictures import draw_correlation, draw_coverage, draw_histogram, draw_residuals
-from rf_pointing.report.html import Cell, number, table, text
-from rf_pointing.report.page_style import STYLE_SHEET
+from rf_pointing.report.html import Cell, document, figure, number, table, text
 
 __all__ = ["write_calibration_report"]
 
@@ -57,20 +55,17 @@ def write_calibration_report(
         f'<p class="soft">{text(fit.station)}, {text(fit.band)} band; {text(_span(fit))}. {text(fit.form)} form.</p>',
         _tiles(points, fit, chosen),
         _notice(fit, points, chosen, notes),
-        *(_figure(place / f"{stem}.png", title, caption) for stem, title, caption in pictures),
+        *(
+            figure(place / f"{stem}.png", title, caption, narrow=stem in ("coverage", "correlation"))
+            for stem, title, caption in pictures
+        ),
         _coefficients(fit),
         _stages(stages),
         _pass_errors(fit),
         _rejected(fit),
     ]
-    body = "\n".join(part for part in parts if part)
     target = place / "report.html"
-    target.write_text(
-        f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>Pointing model {text(name)}</title>'
-        f'<meta name="viewport" content="width=device-width, initial-scale=1"><style>{STYLE_SHEET}</style></head>\n'
-        f"<body>\n{body}\n</body></html>\n",
-        encoding="utf-8",
-    )
+    target.write_text(document(f"Pointing model {name}", parts), encoding="utf-8")
     return target
 
 
@@ -113,15 +108,6 @@ def _notice(fit: FitResult, points: Observations, rule: SectorRule, notes: Seque
         return ""
     listed = "".join(f"<li>{text(item)}</li>" for item in items)
     return f'<div class="notice"><b>What these data do not tell</b><ul>{listed}</ul></div>'
-
-
-def _figure(path: Path, title: str, caption: str) -> str:
-    data = base64.b64encode(path.read_bytes()).decode("ascii")
-    narrow = ' class="narrow"' if path.stem in ("coverage", "correlation") else ""
-    return (
-        f'<figure{narrow}><h3>{text(title)}</h3><div class="scroll"><img alt="{text(title)}" '
-        f'src="data:image/png;base64,{data}"></div><figcaption>{text(caption)}</figcaption></figure>'
-    )
 
 
 def _coefficients(fit: FitResult) -> str:

@@ -1,12 +1,36 @@
-"""Small pieces of HTML: escaped text, numbers with a sensible number of digits, and tables."""
+"""Small pieces of HTML: escaped text, numbers with a sensible number of digits, tables, pictures, and the page around them."""
 
+import base64
 from collections.abc import Iterable, Sequence
 from html import escape
+from pathlib import Path
 
-__all__ = ["Cell", "number", "table", "text"]
+from rf_pointing.report.page_style import STYLE_SHEET
+
+__all__ = ["Cell", "document", "figure", "number", "table", "text"]
 
 Cell = str | float | int | None
 _ABSENT = "–"
+
+
+def document(title: str, parts: Iterable[str]) -> str:
+    """Return a whole page of `parts`, empty ones left out, that needs no other file."""
+    return (
+        f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{text(title)}</title>'
+        f'<meta name="viewport" content="width=device-width, initial-scale=1"><style>{STYLE_SHEET}</style></head>\n'
+        f"<body>\n{''.join(part + chr(10) for part in parts if part)}</body></html>\n"
+    )
+
+
+def figure(path: Path, title: str, caption: str, *, narrow: bool = False) -> str:
+    """Return the PNG at `path`, embedded, between its title and its caption."""
+    data = base64.b64encode(path.read_bytes()).decode("ascii")
+    narrowed = ' class="narrow"' if narrow else ""
+    return (
+        f"<figure{narrowed}><h3>{text(title)}</h3>"
+        f'<div class="scroll"><img alt="{text(title)}" src="data:image/png;base64,{data}"></div>'
+        f"<figcaption>{text(caption)}</figcaption></figure>"
+    )
 
 
 def text(value: object) -> str:

@@ -1,10 +1,8 @@
 """The report as one HTML file that needs nothing else: headline numbers, pictures, tables, and what is missing."""
 
-import base64
 from collections.abc import Sequence
 
-from rf_pointing.report.html import Cell, number, table, text
-from rf_pointing.report.page_style import STYLE_SHEET
+from rf_pointing.report.html import Cell, document, figure, number, table, text
 from rf_pointing.report.pictures import Picture
 from rf_pointing.report.summary import ErrorStatistics, Headline, Summary
 
@@ -33,7 +31,7 @@ def page(summary: Summary, pictures: Sequence[Picture]) -> str:
         _heading(summary),
         _tiles(summary),
         _notice(summary),
-        *(_figure(picture) for picture in pictures),
+        *(figure(p.path, p.title, p.caption, narrow=p.path.stem == "sky_track") for p in pictures),
         _errors(summary),
         _course(summary),
         _machine(summary),
@@ -41,12 +39,7 @@ def page(summary: Summary, pictures: Sequence[Picture]) -> str:
         _latency(summary),
         _complaints(summary),
     )
-    title = text(_title(summary))
-    return (
-        f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{title}</title>'
-        f'<meta name="viewport" content="width=device-width, initial-scale=1"><style>{STYLE_SHEET}</style></head>\n'
-        f"<body>\n{''.join(part + chr(10) for part in parts if part)}</body></html>\n"
-    )
+    return document(_title(summary), parts)
 
 
 def _title(summary: Summary) -> str:
@@ -141,16 +134,6 @@ def _notice(summary: Summary) -> str:
     ]
     listed = "".join(f"<li>{item}</li>" for item in items)
     return f'<div class="notice"><b>What this recording does not tell</b><ul>{listed}</ul></div>'
-
-
-def _figure(picture: Picture) -> str:
-    data = base64.b64encode(picture.path.read_bytes()).decode("ascii")
-    narrow = ' class="narrow"' if picture.path.stem == "sky_track" else ""
-    return (
-        f"<figure{narrow}><h3>{text(picture.title)}</h3>"
-        f'<div class="scroll"><img alt="{text(picture.title)}" src="data:image/png;base64,{data}"></div>'
-        f"<figcaption>{text(picture.caption)}</figcaption></figure>"
-    )
 
 
 def _errors(summary: Summary) -> str:

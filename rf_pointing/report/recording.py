@@ -11,13 +11,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rf_pointing.report.bag_source import open_bag
+from rf_pointing.report.bag_source import BagSource, open_bag
 from rf_pointing.report.bag_writer import LOST_NOTE, PROBLEM_NOTE, TopicLoss
 from rf_pointing.report.collector import Collector
 from rf_pointing.report.topic_data import TopicData
 from rf_pointing.report.topics import TOPICS
 
-__all__ = ["Pass", "Recording", "namespaces", "read_recording"]
+__all__ = ["Pass", "Recording", "antennas", "namespaces", "read_recording"]
 
 _LONGEST_FIRST = sorted(TOPICS, key=len, reverse=True)
 
@@ -69,6 +69,12 @@ def namespaces(topics: Iterable[str]) -> list[str]:
     return sorted(found)
 
 
+def antennas(path: Path | str) -> list[str]:
+    """Return the antenna namespaces of a bag; ValueError where nothing of it can be read."""
+    with ExitStack() as stack:
+        return _antennas(open_bag(Path(path), stack))
+
+
 def read_recording(path: Path | str, *, namespace: str | None = None) -> Recording:
     """Read the recording of one antenna.
 
@@ -87,8 +93,7 @@ def read_recording(path: Path | str, *, namespace: str | None = None) -> Recordi
     path = Path(path)
     with ExitStack() as stack:
         source = open_bag(path, stack)
-        ours = {item.topic for item in source.connections if item.msgtype.startswith("rf_pointing_msgs/")}
-        found = namespaces(ours or {item.topic for item in source.connections})
+        found = _antennas(source)
         if not found:
             raise ValueError("; ".join([f"path={path} holds no topic of an antenna", *source.problems]))
         chosen = _chosen(found, namespace, path)
@@ -106,6 +111,11 @@ def read_recording(path: Path | str, *, namespace: str | None = None) -> Recordi
             not_recorded=tuple(TopicLoss(**item) for item in json.loads(source.notes.get(LOST_NOTE, "[]"))),
             problems=(*([problem] if problem else []), *collector.all_problems()),
         )
+
+
+def _antennas(source: BagSource) -> list[str]:
+    ours = {item.topic for item in source.connections if item.msgtype.startswith("rf_pointing_msgs/")}
+    return namespaces(ours or {item.topic for item in source.connections})
 
 
 def _chosen(found: list[str], wanted: str | None, path: Path) -> str:

@@ -57,6 +57,17 @@ def test_pure_noise_is_marked_invalid_with_its_reason() -> None:
         assert "effective_snr=" in found.reason
 
 
+def test_a_second_signal_nobody_announced_marks_the_direction_invalid() -> None:
+    jammed, clean = (blocks([0.0, level], [0.4, 0.9], [0.5, 3.0], 100) for level in (3.0, -60.0))
+    announced = direction_from_polar(0.4, 0.5)
+    careful, trusting = (DoaEstimator(ARRAY, DoaEstimatorParams(count_signals=each)) for each in (True, False))
+    refused = {careful.estimate(block)[0].reason for block in jammed}
+    assert refused == {"2 signals in the channel, must be <= sources=1"}
+    believed = [trusting.estimate(block)[0] for block in jammed]
+    assert all(found.valid and found.direction @ announced < 0.5 for found in believed)
+    assert all(careful.estimate(block)[0].valid for block in clean)
+
+
 def test_direction_in_the_array_plane_is_marked_invalid() -> None:
     (found,) = DoaEstimator(ARRAY, DoaEstimatorParams()).estimate(blocks([10.0], [1.55], [1.0], 1)[0])
     assert not found.valid

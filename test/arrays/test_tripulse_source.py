@@ -86,7 +86,7 @@ def test_time_must_advance_and_rotations_must_be_rotations() -> None:
     running.step(1.0, TRUE, [line()])
     with pytest.raises(ValueError, match="t_s"):
         running.step(1.0, TRUE, [line()])
-    with pytest.raises(ValueError, match="rotation"):
+    with pytest.raises(ValueError, match="rotation misses orthonormality"):
         running.step(2.0, 1.1 * np.eye(3), [line()])
     with pytest.raises(ValueError, match="prior"):
         running.steer(np.diag([1.0, 1.0, -1.0]))

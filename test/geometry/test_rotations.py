@@ -11,6 +11,7 @@ from rf_pointing.geometry.rotations import (
     quaternion_from_matrix,
     quaternion_from_turn,
     quaternion_product,
+    tangent_rows,
     turn_from_quaternion,
 )
 
@@ -28,6 +29,13 @@ def test_cross_product_and_matrix_are_numpys(quaternions: np.ndarray) -> None:
     np.testing.assert_allclose(cross_product(a, b), np.cross(a, b), atol=ROUNDING)
     np.testing.assert_allclose(cross_product(a, b[0]), np.cross(a, b[0]), atol=ROUNDING)
     np.testing.assert_allclose(np.einsum("nij,nj->ni", cross_matrix(a), b), np.cross(a, b), atol=ROUNDING)
+
+
+def test_tangent_rows_complete_any_direction_to_a_right_handed_frame(quaternions: np.ndarray) -> None:
+    directions = np.concatenate([np.eye(3), -np.eye(3), matrix_from_quaternion(quaternions)[:, 0]])
+    frames = np.concatenate([directions[:, None, :], tangent_rows(directions)], axis=1)
+    np.testing.assert_allclose(frames @ frames.swapaxes(1, 2), np.broadcast_to(np.eye(3), frames.shape), atol=1e-14)
+    np.testing.assert_allclose(np.linalg.det(frames), 1.0, atol=1e-14)
 
 
 def test_product_and_matrix_are_scipys(quaternions: np.ndarray) -> None:

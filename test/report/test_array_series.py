@@ -1,5 +1,6 @@
-"""Attitudes and poses of a bag beside the truth of the same stamp, and their pictures."""
+"""Attitudes and poses of a bag beside the truth of the same stamp, their pictures and their report."""
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,8 +14,10 @@ from rf_pointing.attitude.quaternion import (
     quaternion_from_roll_pitch_yaw,
     quaternion_from_rotation_vector,
 )
+from rf_pointing.nodes.report import main as report_main
 from rf_pointing.report.array_pictures import draw_attitude, draw_pose
-from rf_pointing.report.array_series import ArraySeries, read_attitude_series, read_pose_series
+from rf_pointing.report.array_report import write_array_report
+from rf_pointing.report.array_series import ArraySeries, array_sensors, read_attitude_series, read_pose_series
 from rf_pointing.report.bag_writer import BagWriter
 from rf_pointing.report.definitions import Definitions
 
@@ -160,3 +163,47 @@ def test_picture_of_a_run_that_never_became_valid_is_drawn(attitude_bag: Path, t
     path = tmp_path / "picture.png"
     draw_attitude(never, path, "Title")
     assert holds_colour(path, "8a8a8a")
+
+
+def test_sensors_of_a_bag_are_known_by_their_truth(attitude_bag: Path) -> None:
+    assert array_sensors(attitude_bag) == {"/sat": "attitude"}
+
+
+def test_report_of_an_attitude_counts_only_valid_epochs(attitude_bag: Path, tmp_path: Path) -> None:
+    (found,) = write_array_report(attitude_bag, tmp_path / "report")
+    assert (found.sensor, found.quantity, found.unit, found.epochs, found.valid) == (
+        "/sat/attitude",
+        "attitude",
+        "deg",
+        59,
+        50,
+    )
+    np.testing.assert_allclose(found.rms, np.degrees(np.abs(ERROR_RAD)), rtol=1e-9)
+    np.testing.assert_allclose(found.claimed, np.degrees(SIGMA_RAD))
+    assert found.inside == 1.0
+
+
+def test_report_of_a_pose_has_its_picture_numbers_and_page(pose_bag: Path, tmp_path: Path) -> None:
+    position, attitude = write_array_report(pose_bag, tmp_path / "report")
+    np.testing.assert_allclose(position.rms, np.abs(ERROR_M), rtol=1e-9)
+    assert (position.unit, attitude.unit, attitude.valid) == ("m", "deg", EPOCHS)
+    folder = tmp_path / "report"
+    assert holds_colour(folder / "dock_relative_pose.png", "d55e00")
+    summary = json.loads((folder / "array_summary.json").read_text())
+    assert [row["quantity"] for row in summary["errors"]] == ["position", "attitude"]
+    page = (folder / "array_report.html").read_text()
+    assert page.count("data:image/png;base64,") == 1
+    assert "/dock/relative_pose" in page
+
+
+def test_executable_reports_the_sensors_of_a_bag_without_antenna(
+    attitude_bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    report_main([str(attitude_bag), "--output", str(tmp_path / "report")])
+    assert capsys.readouterr().out.split() == [str(tmp_path / "report" / "array_report.html")]
+
+
+def test_bag_without_sensors_is_refused(tmp_path: Path, types: Definitions, bag_of: Any) -> None:
+    path = bag_of({"/sat/attitude": "rf_pointing_msgs/msg/Attitude"}, lambda _: {}, 1)
+    with pytest.raises(ValueError, match="holds no attitude or relative_pose with its truth"):
+        write_array_report(path, tmp_path / "report")

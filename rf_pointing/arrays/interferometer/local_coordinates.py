@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rf_pointing.arrays.interferometer.frames import frame_rotation, rotation_vector
 from rf_pointing.arrays.interferometer.motion import RelativeMotion
-from rf_pointing.geometry.rotations import cross_product
+from rf_pointing.geometry.rotations import cross_product, tangent_rows
 
 __all__ = ["SIZE", "TrackedMotion", "cartesian_jacobian", "displaced", "local_difference", "sight_axes"]
 
@@ -33,11 +33,8 @@ class TrackedMotion:
 def sight_axes(position_m: Array) -> Array:
     """Return the matrix (..., 3, 3) whose columns are the direction and two axes across it, right-handed."""
     forward = position_m / np.linalg.norm(position_m, axis=-1, keepdims=True)
-    helper = np.zeros_like(forward)
-    np.put_along_axis(helper, np.argmin(np.abs(forward), axis=-1)[..., None], 1.0, axis=-1)
-    across = cross_product(helper, forward)
-    across = across / np.linalg.norm(across, axis=-1, keepdims=True)
-    return np.stack([forward, across, cross_product(forward, across)], axis=-1)
+    rows = np.concatenate([forward[..., None, :], tangent_rows(forward)], axis=-2)
+    return np.swapaxes(rows, -1, -2)
 
 
 def displaced(tracked: TrackedMotion, change: Array) -> TrackedMotion:

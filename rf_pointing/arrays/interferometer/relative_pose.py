@@ -16,7 +16,7 @@ from rf_pointing.arrays.interferometer.frames import (
     reverse_angles,
     roll_rotation,
 )
-from rf_pointing.geometry import as_finite_array, require_between, require_finite
+from rf_pointing.geometry import as_finite_array, require_between, require_finite, require_rotation
 
 __all__ = [
     "RelativePose",
@@ -24,7 +24,6 @@ __all__ = [
     "attitude_from_directions",
     "attitude_from_two_way",
     "pose_from_two_way",
-    "require_rotation",
     "reverse_direction",
     "roll_from_directions",
     "two_way_from_attitude",
@@ -32,7 +31,6 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
-_ROTATION_TOLERANCE = 1e-6
 _POLE_COSINE = 1e-9
 
 
@@ -48,7 +46,8 @@ class RelativePose:
         if not np.any(position):
             raise ValueError(f"position_m={position} must be away from the active array")
         object.__setattr__(self, "position_m", position)
-        object.__setattr__(self, "attitude", require_rotation("attitude", self.attitude))
+        attitude = as_finite_array("attitude", self.attitude, (3, 3))
+        object.__setattr__(self, "attitude", require_rotation("attitude", attitude))
 
     @property
     def range_m(self) -> float:
@@ -79,17 +78,6 @@ class TwoWayPose:
             raise ValueError(f"range_m={self.range_m} must be > 0")
         for name in ("elevation1_rad", "elevation2_rad"):
             require_between(name, getattr(self, name), -np.pi / 2.0, np.pi / 2.0)
-
-
-def require_rotation(name: str, matrix: ArrayLike) -> Array:
-    """Return `matrix` (3, 3) if it is a proper rotation to 1e-6, else raise ValueError naming the defect."""
-    array = as_finite_array(name, matrix, (3, 3))
-    defect = float(np.max(np.abs(array @ array.T - np.eye(3))))
-    if defect > _ROTATION_TOLERANCE:
-        raise ValueError(f"{name} departs from a unit rotation by {defect:.3g}, must be <= {_ROTATION_TOLERANCE}")
-    if np.linalg.det(array) < 0.0:
-        raise ValueError(f"{name} is a reflection (determinant -1), must be a rotation")
-    return array
 
 
 def reverse_direction(direction: ArrayLike, attitude: ArrayLike) -> Array:

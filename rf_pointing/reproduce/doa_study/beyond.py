@@ -33,7 +33,7 @@ from rf_pointing.attitude.quaternion import (
 from rf_pointing.attitude.rigid_body import KnownTorque, SatelliteParams
 from rf_pointing.attitude.simulated_satellite import NadirHoldParams, SimulatedSatellite
 from rf_pointing.attitude.wahba import attitude_covariance, fit_rotation
-from rf_pointing.geometry import random_stream
+from rf_pointing.geometry import cosine_slopes, random_stream
 from rf_pointing.reproduce.doa_study.scene import STEP_S, nadir_scene
 
 __all__ = ["any_start_error_deg", "coupling_rmse_deg", "mean_nees", "two_source_attitude_ratio"]
@@ -117,7 +117,8 @@ def two_source_attitude_ratio(trials: int, seed: int) -> tuple[float, float]:
     reference = direction_from_polar(np.radians([55.0, 50.0]), np.radians([10.0, 170.0]))
     powers = np.eye(2, dtype=np.complex128)
     bound = direction_bound_rad2(ARRAY, reference, powers, 100)
-    covariances = np.stack([_tangent(reference[i], bound[i::2, i::2]) for i in range(2)])
+    slopes = cosine_slopes(reference)
+    covariances = slopes @ np.stack([bound[i::2, i::2] for i in range(2)]) @ slopes.swapaxes(-1, -2)
     predicted = float(np.trace(attitude_covariance(reference, covariances)))
     squares = []
     for _ in range(trials):
@@ -172,8 +173,3 @@ def _observe(expected: Array, reference: Array, sigma: float, stream: np.random.
     scaled = rows * sizes[:, :, None]
     covariance = scaled.swapaxes(-1, -2) @ scaled
     return DirectionObservation(measured, covariance, np.broadcast_to(reference, measured.shape))
-
-
-def _tangent(direction: Array, cosines: Array) -> Array:
-    slopes = np.array([[1.0, 0.0], [0.0, 1.0], [-direction[0] / direction[2], -direction[1] / direction[2]]])
-    return np.asarray(slopes @ cosines @ slopes.T)

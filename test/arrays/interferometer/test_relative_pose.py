@@ -68,7 +68,7 @@ def test_roll_is_refused_where_the_passive_array_sees_the_pole() -> None:
     ("attitude", "message"),
     [
         (np.diag([1.0, 1.0, -1.0]), "reflection"),
-        (1.01 * np.eye(3), "departs from a unit rotation by 0.0201"),
+        (1.01 * np.eye(3), "misses orthonormality by 0.0201"),
         (np.full((3, 3), np.nan), "must be finite"),
     ],
 )
