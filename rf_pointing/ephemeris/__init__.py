@@ -8,7 +8,7 @@ from rf_pointing.ephemeris.look_angles import LookAngles
 from rf_pointing.ephemeris.messages import read_elements
 from rf_pointing.ephemeris.oem import OemSegment, read_oem
 from rf_pointing.ephemeris.oem_target import OemTarget
-from rf_pointing.ephemeris.passes import Pass, find_passes, first_pass_above
+from rf_pointing.ephemeris.passes import Pass, find_passes, first_pass_above, passes_with_present
 from rf_pointing.ephemeris.sites import SITES, Site, site
 from rf_pointing.ephemeris.sun_angle import smallest_sun_angle_rad, sun_angle_rad
 from rf_pointing.ephemeris.time_scales import Gps, Tai, Tt, Ut1, Utc, leap_seconds, utc_text
@@ -48,6 +48,7 @@ __all__ = [
     "first_pass_above",
     "leap_seconds",
     "moon",
+    "passes_with_present",
     "radio_source",
     "read_elements",
     "read_oem",

@@ -14,7 +14,7 @@ from rf_pointing.ephemeris.time_scales import utc_text
 from rf_pointing.ephemeris.track import TopocentricTrack
 from rf_pointing.geometry import require_between
 
-__all__ = ["Pass", "find_passes", "first_pass_above"]
+__all__ = ["Pass", "find_passes", "first_pass_above", "passes_with_present"]
 
 Array = NDArray[np.float64]
 
@@ -22,6 +22,8 @@ _STEP_S = 30.0
 _TIME_TOLERANCE_S = 1e-4
 _PROFILE_STEP_S = 1.0
 _PROFILE_POINTS = 5000
+_LOOK_BACK_S = (3600.0, 43200.0)
+"""How far back the rise of a pass that is going on is looked for: a low orbit's, then any other's."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,6 +82,20 @@ def find_passes(track: TopocentricTrack, start_t_s: float, duration_s: float, mi
     rises = np.concatenate([knots[:1][above[:1]], crossings[above[change + 1]]])
     sets = np.concatenate([crossings[above[change]], knots[-1:][above[-1:]]])
     return [_pass(track, a, b, knots, elevation) for a, b in zip(rises.tolist(), sets.tolist(), strict=True) if b > a]
+
+
+def passes_with_present(track: TopocentricTrack, t_s: float, duration_s: float, min_elevation_rad: float) -> list[Pass]:
+    """Return the passes as `find_passes`, one that is going on at `t_s` with its own rise (up to half a day before)."""
+    found = find_passes(track, t_s, duration_s, min_elevation_rad)
+    if not found or not found[0].rises_before:
+        return found
+    end_s = min(found[0].los_t_s + 2.0 * _STEP_S, t_s + duration_s)
+    for back_s in _LOOK_BACK_S:
+        earlier = find_passes(track, t_s - back_s, back_s + end_s - t_s, min_elevation_rad)
+        whole = next(one for one in earlier if one.aos_t_s <= t_s < one.los_t_s)
+        if not whole.rises_before:
+            return [whole, *found[1:]]
+    return found
 
 
 def first_pass_above(

@@ -6,7 +6,8 @@ Action: identify (rf_pointing_msgs/Identify).
 Services (std_srvs/Trigger): ~/stop (latches a fault), ~/pause, ~/resume, ~/park, ~/stow, ~/disable, ~/reset_fault;
 ~/inject_fault (rf_pointing_msgs/InjectFault, where fault injection is enabled).
 Parameters: antenna.*, loops.* (retunable while running), safety.*, wrap_file (keeps the azimuth's turn over a restart;
-empty: not kept), enable_fault_injection, and as truth plant.* (changeable too), wind.*, mount.*.
+empty: not kept), state_file (keeps position, fault and rest), enable_fault_injection, and as truth plant.* (changeable too),
+wind.*, mount.*.
 Activation releases the brakes and holds; deactivation sets them.
 """
 
@@ -34,6 +35,7 @@ from rf_pointing.nodes.stamps import seconds_from_stamp
 from rf_pointing.planning import WrapCount
 from rf_pointing.servo import WindParams, dss13_plant
 from rf_pointing.station.antenna import AntennaParams, LoopParams, SimulatedAntenna
+from rf_pointing.station.antenna_memory import AntennaMemory
 from rf_pointing.station.antenna_safety import SafetyParams
 from rf_pointing.station.mount import MountParams
 
@@ -47,6 +49,9 @@ class ServoNodeParams(Params):
     """What is the node's own."""
 
     wrap_file: str = parameter("", "file that keeps the azimuth's turn over a restart; empty: not kept")
+    state_file: str = parameter(
+        "", "file that keeps where the antenna stands, its fault and its rest over a restart; empty: not kept"
+    )
     enable_fault_injection: bool = parameter(False, "whether ~/inject_fault is offered")
 
 
@@ -74,8 +79,9 @@ class AntennaServo(ManagedNode):
 
     def configure(self) -> None:
         value = self.parameters.value
+        self._memory = AntennaMemory(value("").state_file)
         self._antenna = SimulatedAntenna(
-            value("antenna"), value("plant"), value("loops"), value("wind"), value("mount").model(),
+            self._memory.start(value("antenna")), value("plant"), value("loops"), value("wind"), value("mount").model(),
             value("safety"),
         )  # fmt: skip
         self._status_every = max(1, round(STATUS_PERIOD_S / self._antenna.params.tick_s))
@@ -98,6 +104,7 @@ class AntennaServo(ManagedNode):
 
     def activate(self) -> None:
         self._antenna.enable()
+        self._memory.restore(self._antenna)
         self._tick_wall_s = None
         self._ticked_s = self.now_s()
         self._early.clear()
@@ -139,6 +146,7 @@ class AntennaServo(ManagedNode):
         if round(t_s / self._antenna.params.tick_s) % self._status_every == 0:
             message = convert.antenna_status_to_message(self._antenna.status(t_s))
             message.tick_lateness = self._lateness_s
+            self._memory.keep(self._antenna, t_s)
             self._status.publish(message)
             self._statuses += 1
             if self._statuses % WRAP_EVERY == 0:

@@ -3,7 +3,7 @@
 Publishes: target (10 Hz, ahead of time while it is above the mask), passes, pass_profiles (latched).
 Service: ~/select_target (rf_pointing_msgs/SelectTarget): choose the satellite and ask for its passes.
 Parameters: source.* (elements, satellite, station; offsets and hold, live, read back on /diagnostics),
-publisher.* (lead, rate, mask, how far to look).
+publisher.* (lead, rate, mask, how far to look, state_file: what was selected and set outlives the node).
 """
 
 import math
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from rf_pointing_msgs.msg import PassList, PassProfileList, Target
 from rf_pointing_msgs.srv import SelectTarget
 
-from rf_pointing.ephemeris import Pass, TopocentricTrack, find_passes, utc_text
+from rf_pointing.ephemeris import Pass, TopocentricTrack, passes_with_present, utc_text
 from rf_pointing.geometry import Params, parameter
 from rf_pointing.nodes import convert, convert_planning
 from rf_pointing.nodes.diagnostics import OK, WARN, Health
@@ -21,6 +21,7 @@ from rf_pointing.nodes.qos import LATCHED, STREAM
 from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.station.pass_planning import pass_profile
 from rf_pointing.station.source import SourceParams, load_track
+from rf_pointing.station.target_memory import TargetMemory
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,6 +33,7 @@ class PublisherParams(Params):
     margin_s: float = parameter(5.0, "publishing begins before and ends after a pass by", low=0.0, high=600.0)
     mask_rad: float = parameter(math.radians(5.0), "elevation at which a pass begins and ends", low=0.0, high=1.5)
     span_s: float = parameter(86400.0, "how far ahead passes are looked for", low=60.0, high=2.6e6)
+    state_file: str = parameter("", "file that keeps target, offsets and hold over a restart; empty: not kept")
 
 
 class EphemerisPublisher(ManagedNode):
@@ -44,10 +46,14 @@ class EphemerisPublisher(ManagedNode):
         self.parameters.on_change(self._on_parameters)
         self._track: TopocentricTrack | None = None
         self._passes: list[Pass] = []
+        self._peak_rad = 0.0
 
     def configure(self) -> None:
-        self._track = load_track(self.parameters.value("source"))
-        self._passes = []
+        self._track, self._passes = None, []
+        self._memory = TargetMemory(self.parameters.value("publisher").state_file, self.parameters.value("source"))
+        self.parameters.put("source", self._memory.source)
+        self._peak_rad = self._memory.peak_rad
+        self._track = load_track(self._memory.source, self._memory.hold_t_s)
         self._targets = self.stream(Target, "target", STREAM)
         self._pass_list = self.stream(PassList, "passes", LATCHED)
         self._profiles = self.stream(PassProfileList, "pass_profiles", LATCHED)
@@ -55,7 +61,7 @@ class EphemerisPublisher(ManagedNode):
         self.diagnostics.add("target", self._health)
 
     def activate(self) -> None:
-        self._choose(self._track, self.now_s(), 0.0)
+        self._choose(self._track, self.now_s(), self._peak_rad)
         self.every(self.parameters.value("publisher").period_s, self._publish)
 
     def _publish(self, now_s: float) -> None:
@@ -79,21 +85,26 @@ class EphemerisPublisher(ManagedNode):
 
     def _select(self, request: SelectTarget.Request) -> list[Pass]:
         source: SourceParams = self.parameters.value("source")
-        track = load_track(source.replace(satellite=request.target)) if request.target else self._track
-        start_s = seconds_from_stamp(request.start) or self.now_s()
-        return self._choose(track, start_s, request.minimum_peak_elevation)
+        track, start_s = self._track, seconds_from_stamp(request.start) or self.now_s()
+        if request.target:
+            source = source.replace(satellite=request.target)
+            track = load_track(source)
+        passes = self._choose(track, start_s, request.minimum_peak_elevation)
+        self.parameters.put("source", source)
+        self._memory.keep(source, self._peak_rad, self._track.hold_t_s)
+        return passes
 
     def _choose(self, track: TopocentricTrack, start_s: float, peak_rad: float) -> list[Pass]:
         """Make `track` the target, if it passes, and publish its passes."""
         params: PublisherParams = self.parameters.value("publisher")
-        found = find_passes(track, start_s, params.span_s, params.mask_rad)
+        found = passes_with_present(track, start_s, params.span_s, params.mask_rad)
         passes = [window for window in found if window.peak_elevation_rad >= peak_rad]
         if not passes:
             raise ValueError(
                 f"{track.name} has no pass above {math.degrees(peak_rad):.1f} deg in the {params.span_s / 3600.0:.1f} h "
                 f"after {utc_text(start_s)}"
             )
-        self._track, self._passes = track, passes
+        self._track, self._passes, self._peak_rad = track, passes, peak_rad
         message = PassList(target=track.name, passes=[convert_planning.pass_to_message(window) for window in passes])
         message.header.stamp = stamp_from_seconds(self.now_s())
         self._pass_list.publish(message)
@@ -110,6 +121,7 @@ class EphemerisPublisher(ManagedNode):
                 cross_track_offset_rad=source.cross_track_offset_rad,
                 hold_t_s=held_s if source.hold else None,
             )
+            self._memory.keep(source, self._peak_rad, self._track.hold_t_s)
 
     def _health(self) -> Health:
         warnings = "; ".join(self._track.warnings(self.now_s()))

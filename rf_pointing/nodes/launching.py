@@ -1,4 +1,4 @@
-"""What the launch files share: arguments, and managed nodes that are configured and activated as they come up.
+"""What the launch files share: arguments, and managed nodes that bring themselves up, at the start and after a crash.
 
 Imported by launch files only, so `launch` and `launch_ros` are needed nowhere else.
 """
@@ -8,15 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from ament_index_python.packages import get_package_share_directory
-from launch.actions import DeclareLaunchArgument, EmitEvent, RegisterEventHandler, TimerAction
-from launch.events import matches_action
+from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import LifecycleNode
-from launch_ros.event_handlers import OnStateTransition
-from launch_ros.events.lifecycle import ChangeState
-from lifecycle_msgs.msg import Transition
 
-__all__ = ["SIMULATION_NODES", "STATION_NODES", "autostart", "common_arguments", "managed_nodes"]
+__all__ = ["RESPAWN_DELAY_S", "SIMULATION_NODES", "STATION_NODES", "common_arguments", "managed_nodes"]
 
 STATION_NODES = (
     "monopulse_tracker",
@@ -25,9 +21,7 @@ STATION_NODES = (
     "ephemeris_publisher",
     "pointing_controller",
 )
-ACTIVATION_DELAY_S = 2.0
-CLOCK_DELAY_S = 6.0
-"""Held time reaches every node before it is activated, and every node is active before time runs."""
+RESPAWN_DELAY_S = 0.5
 SIMULATION_NODES = ("simulation_clock", "antenna_servo", "rf_receiver")
 
 
@@ -41,24 +35,19 @@ def common_arguments(*, simulated: bool = False) -> list[DeclareLaunchArgument]:
         DeclareLaunchArgument("model_file", default_value=str(share / "bias_model_dss13.yaml") if simulated else "",
                               description="pointing model in force"),
         DeclareLaunchArgument("use_sim_time", default_value=str(simulated).lower(), description="time from /clock"),
-        DeclareLaunchArgument("autostart", default_value="true", description="configure and activate the nodes"),
+        DeclareLaunchArgument("autostart", default_value="true", description="nodes configure and activate themselves"),
+        DeclareLaunchArgument("respawn", default_value="true", description="start nodes again that have ended"),
     ]  # fmt: skip
 
 
 def managed_nodes(context: Any, names: Sequence[str]) -> list[Any]:
-    """Return the actions that start `names`, configure each, and activate it once it is inactive."""
+    """Return the actions that start `names`."""
 
     def given(name: str) -> str:
         value: str = LaunchConfiguration(name).perform(context)
         return value
 
-    actions: list[Any] = []
-    for name in names:
-        node = _node(name, given, simulated="simulation_clock" in names)
-        actions.append(node)
-        if given("autostart") == "true":
-            actions += autostart(node)
-    return actions
+    return [_node(name, given, simulated="simulation_clock" in names) for name in names]
 
 
 def _node(name: str, given: Any, *, simulated: bool) -> LifecycleNode:
@@ -69,6 +58,7 @@ def _node(name: str, given: Any, *, simulated: bool) -> LifecycleNode:
         parameters.append({"use_sim_time": given("use_sim_time") == "true"})
     if name == "bias_calibrator" and given("model_file"):
         parameters.append({"calibrator.model_file": given("model_file")})
+    parameters.append({"lifecycle.autostart": given("autostart") == "true"})
     clock = [("/clock", "clock")] if simulated else []
     return LifecycleNode(
         package="rf_pointing",
@@ -77,19 +67,7 @@ def _node(name: str, given: Any, *, simulated: bool) -> LifecycleNode:
         namespace=given("namespace"),
         parameters=parameters,
         remappings=clock,
+        respawn=given("respawn") == "true",
+        respawn_delay=RESPAWN_DELAY_S,
         output="screen",
     )
-
-
-def autostart(node: LifecycleNode) -> list[Any]:
-    """Return the actions that configure `node` at once and activate it a moment after."""
-
-    def change(transition: int) -> EmitEvent:
-        return EmitEvent(event=ChangeState(lifecycle_node_matcher=matches_action(node), transition_id=transition))
-
-    delay_s = CLOCK_DELAY_S if node.node_executable == "simulation_clock" else ACTIVATION_DELAY_S
-    activate = TimerAction(period=delay_s, actions=[change(Transition.TRANSITION_ACTIVATE)])
-    configured = OnStateTransition(
-        target_lifecycle_node=node, start_state="configuring", goal_state="inactive", entities=[activate]
-    )
-    return [RegisterEventHandler(configured), change(Transition.TRANSITION_CONFIGURE)]

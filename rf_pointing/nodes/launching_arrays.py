@@ -11,7 +11,7 @@ from launch_ros.actions import LifecycleNode
 
 from launch import LaunchDescription
 from rf_pointing.nodes.array_systems import ARRAY_SYSTEMS, CLOCK
-from rf_pointing.nodes.launching import autostart
+from rf_pointing.nodes.launching import RESPAWN_DELAY_S
 
 __all__ = ["array_description"]
 
@@ -23,7 +23,9 @@ def array_description(name: str) -> LaunchDescription:
         [
             DeclareLaunchArgument("namespace", default_value=name, description="namespace of the graph"),
             DeclareLaunchArgument("params_file", default_value=str(parameters), description="parameters of its nodes"),
-            DeclareLaunchArgument("autostart", default_value="true", description="configure and activate the nodes"),
+            DeclareLaunchArgument(
+                "autostart", default_value="true", description="nodes configure and activate themselves"
+            ),
             OpaqueFunction(function=_nodes, args=[(CLOCK, *ARRAY_SYSTEMS[name].nodes)]),
         ]
     )
@@ -41,11 +43,11 @@ def _nodes(context: Any, names: Sequence[str]) -> list[Any]:
             executable=executable,
             name=executable,
             namespace="/".join([namespace, *below]),
-            parameters=[parameters, {"use_sim_time": executable != CLOCK}],
+            parameters=[parameters, {"use_sim_time": executable != CLOCK, "lifecycle.autostart": start == "true"}],
             remappings=[("/clock", f"/{namespace.strip('/')}/clock")],
+            respawn=start == "true",
+            respawn_delay=RESPAWN_DELAY_S,
             output="screen",
         )
         actions.append(node)
-        if start == "true":
-            actions += autostart(node)
     return actions

@@ -3,12 +3,17 @@
 A subclass declares its parameter sets in `__init__`, builds its core and its topics in `configure`, starts its timers in
 `activate`.  Activation never moves an antenna.  A refused parameter or a refused start keeps the node unconfigured and
 says why in the log and on /diagnostics.
+
+With `lifecycle.autostart` a node takes itself through its lifecycle as soon as it knows the time.  A killed node that is
+started again is then back without anybody's help: requests of a manager can go astray for as long as the dead one's
+services are still in the graph (20 s), and those that arrive wait for discovery.
 """
 
 import gc
 import signal
 import sys
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import rclpy
@@ -18,6 +23,7 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.publisher import Publisher
 from rclpy.signals import SignalHandlerOptions
 
+from rf_pointing.geometry import Params, parameter
 from rf_pointing.nodes.diagnostics import ERROR, OK, Diagnostics, Health
 from rf_pointing.nodes.instance_lock import InstanceLock
 from rf_pointing.nodes.params import ParameterGroups
@@ -28,6 +34,13 @@ from rf_pointing.nodes.streams import InputCounter, Latest, SequencedPublisher
 __all__ = ["ManagedNode", "make_executor", "run", "settle_garbage"]
 
 
+@dataclass(frozen=True, kw_only=True)
+class LifecycleParams(Params):
+    """Who brings a node up."""
+
+    autostart: bool = parameter(False, "whether the node configures and activates itself, now and after a restart")
+
+
 class ManagedNode(LifecycleNode):
     """A lifecycle node with parameter sets, diagnostics and timers that run only while it is active."""
 
@@ -35,6 +48,8 @@ class ManagedNode(LifecycleNode):
         super().__init__(name)
         self.lock = InstanceLock(self.get_fully_qualified_name())
         self.parameters = ParameterGroups(self)
+        self.parameters.declare("lifecycle", LifecycleParams())
+        self.brings_itself_up: bool = self.parameters.value("lifecycle").autostart
         self.diagnostics = Diagnostics(self)
         self.inputs = InputCounter()
         self.diagnostics.add("state", self._state_health)
@@ -60,6 +75,14 @@ class ManagedNode(LifecycleNode):
         """Return the node clock's time in seconds."""
         return seconds_from_stamp(self.get_clock().now().to_msg())
 
+    def knows_time(self) -> bool:
+        """Return whether the node clock runs, or has run: simulated time has to be heard first."""
+        return not self.get_parameter("use_sim_time").value or self.get_clock().now().nanoseconds != 0
+
+    def ready(self) -> bool:
+        """Return whether a node that brings itself up may be activated yet."""
+        return self.knows_time()
+
     def every(self, period_s: float, callback: Callable[[float], None]) -> Schedule:
         """Call `callback(t_s)` for every instant of a grid of node time until deactivation; return the grid."""
         schedule = Schedule(self.now_s(), period_s)
@@ -83,6 +106,18 @@ class ManagedNode(LifecycleNode):
         A signal is noticed between two events, so the wait bounds the time to react to it.
         """
         return 0.2
+
+    def bring_up(self) -> None:
+        """Take the steps of `lifecycle.autostart` that are possible by now; each is tried once."""
+        if not self.brings_itself_up:
+            return
+        if self._state_name == "unconfigured":
+            self.trigger_configure()
+        if self._state_name == "inactive" and not self.ready():
+            return
+        self.brings_itself_up = False
+        if self._state_name == "inactive":
+            self.trigger_activate()
 
     def end(self) -> None:
         """Deactivate if active; called once before the process ends."""
@@ -142,7 +177,7 @@ class ManagedNode(LifecycleNode):
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         try:
-            if self.get_parameter("use_sim_time").value and self.get_clock().now().nanoseconds == 0:
+            if not self.knows_time():
                 raise ValueError("use_sim_time is set, but no time has been received on the clock topic")
             self.activate()
         except ValueError as error:
@@ -246,6 +281,7 @@ def run(node_type: Callable[[], Any]) -> None:
     executor.add_node(node)
     settle_garbage()
     while not asked:
+        node.bring_up()
         executor.spin_once(timeout_sec=node.turn())
     node.end()
     executor.shutdown()

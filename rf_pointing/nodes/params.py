@@ -51,6 +51,16 @@ class ParameterGroups:
         """Return the present set under `prefix`, as the core's frozen dataclass."""
         return self._groups[prefix]
 
+    def put(self, prefix: str, wanted: Params) -> None:
+        """Set the parameters of the set under `prefix` to those of `wanted`, as anybody could."""
+        present = leaves(self._groups[prefix])
+        changed = {edge: value for edge, (_, value) in leaves(wanted).items() if value != present[edge][1]}
+        for result in self._node.set_parameters([
+            Parameter(f"{prefix}.{edge}" if prefix else edge, value=value) for edge, value in changed.items()
+        ]):  # fmt: skip
+            if not result.successful:
+                raise ValueError(result.reason)
+
     def on_change(self, listener: Callable[[], None]) -> None:
         """Call `listener` after every accepted change."""
         self._listeners.append(listener)

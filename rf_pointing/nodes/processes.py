@@ -44,8 +44,11 @@ class NodeProcesses:
         self._on_time = on_time
         self._running: dict[str, subprocess.Popen[bytes]] = {}
 
-    def start(self, names: Sequence[str], simulated_time: bool = True) -> None:
-        """Start every executable of `names` under its own name; one of a namespace below is named `below/executable`."""
+    def start(self, names: Sequence[str], simulated_time: bool = True, *, autostart: bool = False) -> None:
+        """Start every executable of `names` under its own name; one of a namespace below is named `below/executable`.
+
+        With `autostart` they configure and activate themselves.
+        """
         folder = Path(get_package_prefix("rf_pointing")) / "lib" / "rf_pointing"
         self._logs.mkdir(parents=True, exist_ok=True)
         for name in names:
@@ -55,6 +58,8 @@ class NodeProcesses:
                 arguments += ["--params-file", str(path)]
             if simulated_time and name != "simulation_clock":
                 arguments += ["-r", f"/clock:={self.namespace}/clock", "-p", "use_sim_time:=true"]
+            if autostart:
+                arguments += ["-p", "lifecycle.autostart:=true"]
             with self._log(name).open("wb") as log:
                 self._running[name] = subprocess.Popen(
                     [str(folder / executable), *arguments],

@@ -1,15 +1,16 @@
 """Executable `simulation_clock`: simulation time for one antenna's graph, at a given speed or as fast as the graph follows.
 
 Inactive, it holds time at the start; active, time runs.  So every node can be brought up before the first tick, and a run
-does not depend on how long that took.
+does not depend on how long that took.  One that is started again goes on from the time that the nodes of its namespace state.
 Publishes: clock (rosgraph_msgs/Clock), to which the nodes' /clock is remapped.
-Subscribes: antenna_status, sim/pointing_error, pointing_error, tracking_status, target (their stamps only).
+Subscribes: antenna_status, sim/pointing_error, pointing_error, tracking_status, target, /diagnostics (their stamps only).
 Parameters: start_s, speed (0: as fast as the graph follows), tick_s.
 """
 
 import time
 from dataclasses import dataclass
 
+from diagnostic_msgs.msg import DiagnosticArray
 from rf_pointing_msgs.msg import AntennaStatus, PointingError, Target, TrackingStatus
 from rosgraph_msgs.msg import Clock
 
@@ -18,7 +19,7 @@ from rf_pointing.nodes.diagnostics import Health
 from rf_pointing.nodes.managed import ManagedNode, run
 from rf_pointing.nodes.pacing import PacedStream, Pacer
 from rf_pointing.nodes.qos import STREAM
-from rf_pointing.nodes.stamps import seconds_from_raw, stamp_from_seconds
+from rf_pointing.nodes.stamps import seconds_from_raw, seconds_from_stamp, stamp_from_seconds
 
 PACED = {
     "antenna_status": (AntennaStatus, 0.19),
@@ -38,6 +39,8 @@ here, what the node wrote before (the command, the samples) has reached those wh
 
 ESSENTIAL = "antenna_status"
 HELD_PERIOD_S = 0.1
+LISTEN_S = 1.5
+"""How long a clock that brings itself up holds: every node states its time once a second."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,7 +77,14 @@ class SimulationClock(ManagedNode):
                 STREAM,
                 raw=True,
             )
+        if self.brings_itself_up:
+            self.listen(DiagnosticArray, "/diagnostics", self._on_diagnostics, STREAM)
         self.diagnostics.add("pacing", self._health)
+        self._configured_wall_s = time.perf_counter()
+
+    def ready(self) -> bool:
+        """Hold long enough to learn the time of a graph that is already there."""
+        return time.perf_counter() - self._configured_wall_s >= LISTEN_S
 
     def activate(self) -> None:
         self._pacer.begin(time.perf_counter())
@@ -82,6 +92,13 @@ class SimulationClock(ManagedNode):
 
     def deactivate(self) -> None:
         self._running = False
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        """Go on from the newest time of the graph: going back would be a jump to all of its nodes."""
+        whose = message.status[0].hardware_id if message.status else ""
+        mine = whose.startswith(self.get_namespace().rstrip("/") + "/") and whose != self.get_fully_qualified_name()
+        if mine and self._pacer.ticks == 0:
+            self._pacer.start_s = max(self._pacer.start_s, seconds_from_stamp(message.header.stamp))
 
     def turn(self) -> float:
         """Publish what is due; return how long to wait for the next event."""
@@ -97,7 +114,8 @@ class SimulationClock(ManagedNode):
         return 0.0
 
     def _hold(self, wall_s: float) -> float:
-        if wall_s - self._held_wall_s >= HELD_PERIOD_S:
+        """Repeat the time for those who come; while it is still being learned, the first of it could be a jump back."""
+        if not self.brings_itself_up and wall_s - self._held_wall_s >= HELD_PERIOD_S:
             self._held_wall_s = wall_s
             self._publish(self._pacer.now_s)
         return HELD_PERIOD_S

@@ -8,9 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.controllers import TrackerIntegratorParams
-from rf_pointing.ephemeris import SITES, Pass, TopocentricTrack, first_pass_above, site, verification_elements
+from rf_pointing.ephemeris import (
+    SITES,
+    Elements,
+    Pass,
+    TopocentricTrack,
+    find_passes,
+    site,
+    verification_elements,
+)
 from rf_pointing.geometry import MU, JointReading, angular_distance_rad, random_stream
 from rf_pointing.planning import AxisLimits, MachineParams
+from rf_pointing.planning.certificate import DEEPEST_DB, HALF_POWER_DB
 from rf_pointing.servo import WindParams, dss13_plant
 from rf_pointing.station.antenna import AntennaParams, LoopParams, SimulatedAntenna
 from rf_pointing.station.mount import MountParams
@@ -18,17 +27,22 @@ from rf_pointing.station.pass_planning import pass_profile
 from rf_pointing.station.pointing import PointingController, PointingParams
 from rf_pointing.tracking import AutotrackParams, ConscanParams, SpiralParams
 
-__all__ = ["KeyholeCase", "KeyholeRun", "fly", "high_passes"]
+__all__ = ["KeyholeCase", "KeyholeRun", "Loss", "fly", "high_passes"]
 
 Array = NDArray[np.float64]
-LOW_PERIOD_S = 7500.0
-"""Orbits with a shorter period are low."""
-LEAST_PEAK_RAD = math.radians(78.0)
+LEAST_PERIGEE_M, LARGEST_PERIGEE_M = 300e3, 1500e3
+"""Perigees of the orbits that are flown: low, and high enough to last for the days they are flown on."""
+EARTH_RADIUS_M, GM_M3_S2 = 6378137.0, 3.986004418e14
+LEAST_PEAK_RAD = math.radians(75.0)
 MARGIN_S = 15.0
 TARGET_LEAD_S = 2.0
-MOST_TRIES = 1000
+MOST_TRIES = 3000
 DAYS = 7
-BEAMS_DEG = (0.065, 0.264, 1.0)
+GENERATED_SHARE = 0.7
+"""Share of passes of generated orbits: few of the verification set are low and last."""
+EPOCH_T_S = 1_151_347_200.0
+"""Epoch of the generated orbits, 2006-06-26."""
+BEAMS_DEG = (0.065, 0.264, 1.0, 3.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,68 +52,118 @@ class KeyholeCase:
     track: TopocentricTrack
     window: Pass
     beamwidth_rad: float
+    station: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Loss:
+    """Loss of one crossing: signal lost, time below half power, and loss integrated in decibels (60 dB at most)."""
+
+    signal_s: float
+    below_s: float
+    db_s: float
+
+    @classmethod
+    def of(cls, error_rad: Array, step_s: float, beamwidth_rad: float) -> "Loss":
+        """Return the loss of a Gaussian beam at the errors (n,) of even times."""
+        loss_db = 10.0 * math.log10(math.e) * MU * (error_rad / beamwidth_rad) ** 2
+        return cls(
+            signal_s=float(np.sum(1.0 - 10.0 ** (-0.1 * loss_db)) * step_s),
+            below_s=float(np.sum(loss_db > HALF_POWER_DB) * step_s),
+            db_s=float(np.sum(np.minimum(loss_db, DEEPEST_DB)) * step_s),
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
 class KeyholeRun:
     """What the certificate said of a pass and what happened."""
 
+    name: str
+    station: str
+    aos_t_s: float
     peak_rad: float
     beamwidth_rad: float
     keyhole_s: float
-    predicted_lost_s: float
-    simulated_lost_s: float
-    predicted_below_s: float
-    simulated_below_s: float
+    predicted: Loss
+    simulated: Loss
 
 
 def high_passes(count: int, seed: int) -> Iterator[KeyholeCase]:
-    """Yield passes that need a crossing, of random low orbits of the verification set over random stations."""
+    """Yield passes that go through the zenith, each of another random orbit, station or day, with a random beam.
+
+    Orbits are the lasting low ones of the verification set and generated circular ones.
+    """
     random = random_stream(seed, "keyhole")
-    low = [e for e in verification_elements() if e.period_s < LOW_PERIOD_S and e.eccentricity < 0.02]
+    real = [e for e in verification_elements() if LEAST_PERIGEE_M < _perigee_m(e) < LARGEST_PERIGEE_M]
     seen: set[tuple[str, str, int]] = set()
-    for _ in range(MOST_TRIES):
-        elements = low[random.integers(len(low))]
-        station = list(SITES)[random.integers(len(SITES))]
-        day = int(random.integers(DAYS))
+    for number in range(MOST_TRIES):
+        generated = random.random() < GENERATED_SHARE
+        elements = _generated(number, random) if generated else real[random.integers(len(real))]
+        station, day = list(SITES)[random.integers(len(SITES))], int(random.integers(DAYS))
+        beamwidth_rad = math.radians(float(random.choice(BEAMS_DEG)))
         if (elements.name, station, day) in seen:
             continue
         seen.add((elements.name, station, day))
         track = TopocentricTrack(elements, site(station))
-        try:
-            window = first_pass_above(
-                track, elements.epoch_t_s + 86400.0 * day, LEAST_PEAK_RAD, math.radians(5.0), 86400.0
-            )
-        except ValueError:
-            continue
-        yield KeyholeCase(track=track, window=window, beamwidth_rad=math.radians(float(random.choice(BEAMS_DEG))))
-        count -= 1
+        passes = find_passes(track, elements.epoch_t_s + 86400.0 * day, 86400.0, math.radians(5.0))
+        for window in passes:
+            if window.peak_elevation_rad >= LEAST_PEAK_RAD and count > 0:
+                count -= 1
+                yield KeyholeCase(track=track, window=window, beamwidth_rad=beamwidth_rad, station=station)
         if count == 0:
             return
 
 
-def fly(case: KeyholeCase) -> KeyholeRun:
-    """Return prediction and simulation of one pass; it is flown from shortly before the crossing to shortly after."""
+def _perigee_m(elements: Elements) -> float:
+    axis_m = (GM_M3_S2 / elements.mean_motion_rad_s**2) ** (1.0 / 3.0)
+    return float(axis_m * (1.0 - elements.eccentricity) - EARTH_RADIUS_M)
+
+
+def _generated(number: int, random: np.random.Generator) -> Elements:
+    """Return a circular orbit of 350 to 1300 km, inclined by 40 to 110 degrees."""
+    axis_m = EARTH_RADIUS_M + random.uniform(350e3, 1300e3)
+    node, anomaly = random.uniform(0.0, 2.0 * math.pi, 2).tolist()
+    return Elements(
+        name=f"generated {number}",
+        catalogue_number=number + 1,
+        epoch_t_s=EPOCH_T_S,
+        inclination_rad=math.radians(random.uniform(40.0, 110.0)),
+        ascending_node_rad=node,
+        eccentricity=1e-3,
+        argument_of_perigee_rad=0.0,
+        mean_anomaly_rad=anomaly,
+        mean_motion_rad_s=math.sqrt(GM_M3_S2 / axis_m**3),
+        drag_per_earth_radius=1e-5,
+    )
+
+
+def fly(case: KeyholeCase) -> KeyholeRun | None:
+    """Return prediction and simulation of one pass, None when the axes can follow all of it.
+
+    It is flown from shortly before the crossing to shortly after.
+    """
     controller = _controller(case)
-    profile = pass_profile(case.track, case.window)
-    controller.plan.take_profiles([profile])
-    start_s = _begin(case, controller)
+    controller.plan.take_profiles([pass_profile(case.track, case.window)])
+    begin_s = _begin(case, controller)
+    if begin_s is None:
+        return None
     branch = controller.plan.branch
     assert branch is not None
     assert branch.crossing is not None
-    first_s, last_s = float(branch.crossing.t_s[0]), float(branch.crossing.t_s[-1])
-    antenna = _antenna(controller, case, start_s)
-    times, angles = _flown(case, controller, antenna, start_s, last_s + MARGIN_S)
+    crossing = branch.crossing
+    first_s, last_s = float(crossing.t_s[0]), float(crossing.t_s[-1])
+    antenna = _antenna(controller, case, begin_s)
+    times, angles = _flown(case, controller, antenna, begin_s, last_s + MARGIN_S)
     inside = (times >= first_s) & (times <= last_s)
-    received = np.exp(-MU * (angles[inside] / case.beamwidth_rad) ** 2)
     return KeyholeRun(
+        name=case.window.name,
+        station=case.station,
+        aos_t_s=case.window.aos_t_s,
         peak_rad=case.window.peak_elevation_rad,
         beamwidth_rad=case.beamwidth_rad,
         keyhole_s=branch.keyhole_s,
-        predicted_lost_s=branch.lost_signal_s,
-        simulated_lost_s=float(np.sum(1.0 - received) * antenna.params.tick_s),
-        predicted_below_s=branch.lost_s,
-        simulated_below_s=float(np.sum(received < 10.0**-0.3) * antenna.params.tick_s),
+        predicted=Loss.of(crossing.error_rad, float(crossing.t_s[1] - crossing.t_s[0]), case.beamwidth_rad),
+        simulated=Loss.of(angles[inside], antenna.params.tick_s, case.beamwidth_rad),
     )
 
 
@@ -111,15 +175,15 @@ def _controller(case: KeyholeCase) -> PointingController:
     )  # fmt: skip
 
 
-def _begin(case: KeyholeCase, controller: PointingController) -> float:
-    """Certify the pass, and return when to begin to fly it: on the target, before the crossing."""
+def _begin(case: KeyholeCase, controller: PointingController) -> float | None:
+    """Certify the pass, and return when to begin to fly it: on the target, before the crossing if there is one."""
     early = JointReading(t_s=case.window.aos_t_s, position_rad=np.array([3.0, 0.5]), velocity_rad_s=np.zeros(2))
     controller.take_joints(early)
     controller.start(case.window.aos_t_s, case.window, "program")
     branch = controller.plan.branch
     assert branch is not None
     if branch.crossing is None:
-        raise ValueError(f"{case.window.name}: the axes can follow this pass")
+        return None
     return max(case.window.aos_t_s + 1.0, math.floor(float(branch.crossing.t_s[0])) - MARGIN_S)
 
 

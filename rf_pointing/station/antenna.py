@@ -46,7 +46,7 @@ class AntennaParams(Params):
         10.0, "time over which rates are averaged for the mount's lag terms", low=0.1, high=100.0
     )
     start_azimuth_rad: float = parameter(math.radians(120.0), "azimuth at the start", low=-20.0, high=20.0)
-    start_elevation_rad: float = parameter(math.radians(60.0), "elevation at the start", low=0.0, high=1.6)
+    start_elevation_rad: float = parameter(math.radians(60.0), "elevation at the start", low=-0.2, high=3.3)
     seed: int = parameter(1, "seed of every noise source", low=0, high=2**31 - 1)
 
 
@@ -208,6 +208,11 @@ class SimulatedAntenna:
         self.stop()
         self._mode = "disabling"
         return ""
+
+    def remain(self, mode: str) -> None:
+        """Stay at rest with the brakes set, in the rest mode that the antenna was in before a restart; `resume` ends it."""
+        self._plant.brake()
+        self._mode = mode
 
     def reset_fault(self) -> str:
         """Clear a latched fault; return why not, "" when it is cleared."""

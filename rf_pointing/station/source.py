@@ -44,12 +44,13 @@ def load_elements(params: SourceParams) -> Elements:
         raise ValueError(f"{path.name}: {error}") from error
 
 
-def load_track(params: SourceParams) -> TopocentricTrack:
-    """Return the satellite as seen from the station."""
+def load_track(params: SourceParams, hold_t_s: float | None = None) -> TopocentricTrack:
+    """Return the satellite as seen from the station, standing still where it is at `hold_t_s` if that is given."""
     return TopocentricTrack(
         load_elements(params),
         site(params.station),
         along_track_offset_s=params.along_track_offset_s,
         cross_track_offset_rad=params.cross_track_offset_rad,
+        hold_t_s=hold_t_s,
         max_age_s=params.max_age_days * DAY_S,
     )

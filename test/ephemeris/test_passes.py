@@ -14,6 +14,7 @@ from rf_pointing.ephemeris import (
     find_elements,
     find_passes,
     first_pass_above,
+    passes_with_present,
     site,
     verification_elements,
 )
@@ -130,3 +131,29 @@ def test_a_bad_mask_or_duration_is_refused(track: TopocentricTrack, cbers: Eleme
         find_passes(track, cbers.epoch_t_s, DAY_S, 2.0)
     with pytest.raises(ValueError, match="duration_s"):
         find_passes(track, cbers.epoch_t_s, -5.0, MASK_RAD)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.9])
+def test_a_pass_that_is_going_on_keeps_its_own_rise(track: TopocentricTrack, cbers: Elements, share: float) -> None:
+    wanted = find_passes(track, cbers.epoch_t_s, DAY_S, MASK_RAD)
+    inside_s = wanted[2].aos_t_s + share * wanted[2].duration_s
+    found = passes_with_present(track, inside_s, DAY_S / 2.0, MASK_RAD)
+    assert found[0].aos_t_s == pytest.approx(wanted[2].aos_t_s, abs=1e-3)
+    assert found[0].los_t_s == pytest.approx(wanted[2].los_t_s, abs=1e-3)
+    assert not found[0].rises_before
+    assert found[1].aos_t_s == pytest.approx(wanted[3].aos_t_s, abs=1e-3)
+
+
+def test_between_passes_the_present_one_is_none(track: TopocentricTrack, cbers: Elements) -> None:
+    wanted = find_passes(track, cbers.epoch_t_s, DAY_S, MASK_RAD)
+    after_s = wanted[0].los_t_s + 60.0
+    found = passes_with_present(track, after_s, DAY_S / 2.0, MASK_RAD)
+    assert found[0].aos_t_s == pytest.approx(wanted[1].aos_t_s, abs=1e-3)
+
+
+def test_what_never_sets_has_no_rise_to_find() -> None:
+    elements = find_elements(verification_elements(), "28626")
+    track = TopocentricTrack(elements, site("Bangalore ISTRAC"))
+    for found in passes_with_present(track, elements.epoch_t_s, DAY_S, MASK_RAD)[:1]:
+        assert found.aos_t_s <= elements.epoch_t_s
+        assert found.rises_before

@@ -11,23 +11,17 @@ from typing import Any
 import pytest
 
 rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2", exc_type=ImportError)
-from ament_index_python.packages import get_package_share_directory
 from diagnostic_msgs.msg import DiagnosticArray
 from rf_pointing_msgs.msg import (
     AntennaStatus,
-    Monopulse,
-    PassProfileList,
-    PointingError,
-    PointingModel,
-    TrackingStatus,
 )
 from rf_pointing_msgs.srv import InjectFault
-from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from rf_pointing.nodes.qos import COMMAND, LATCHED, STREAM
+from rf_pointing.nodes.qos import COMMAND, STREAM
+from test.faults.clocks import ManualClock
 from test.graph.conftest import ask
 
 pytestmark = pytest.mark.graph
@@ -41,8 +35,6 @@ SERVO = """/**/antenna_servo:
     safety: {{wind: {{gust_limit_m_s: 25.0, mean_limit_m_s: 100.0, release_s: 0.2}}}}
 """
 RATE_RAD_S = math.radians(0.3)
-RESTART_S = 4.0
-"""From the kill to the first output of the new process: 1.5 to 3.5 s were measured, half of it discovery beside the dead."""
 
 
 class Servo:
@@ -140,7 +132,6 @@ def test_one_servo_survives_its_faults(live: SimpleNamespace, tmp_path: Path) ->
     check_sensors(servo)
     check_wind(servo)
     check_frozen_process(servo)
-    check_killed_process(servo)
 
 
 def check_bad_commands(servo: Servo) -> None:
@@ -264,117 +255,9 @@ def check_frozen_process(servo: Servo) -> None:
     servo.recover()
 
 
-def check_killed_process(servo: Servo) -> None:
-    """SIGKILL; a new process stands up within 3 s with the turn of the old one."""
-    servo.until(lambda: Path(servo.yaml.split("wrap_file: ")[1].split("\n")[0]).exists(), "the wrap file")
-    os.kill(servo.started.processes.process_id("antenna_servo"), signal.SIGKILL)
-    servo.until(lambda: "antenna_servo" in servo.started.processes.ended(), "its end")
-    servo.status, killed_s = AntennaStatus(), time.monotonic()
-    revive(servo.live, "antenna_servo", servo.yaml, lambda: None, lambda: servo.status.mode == "holding")
-    servo.until(lambda: servo.status.mode == "holding", "the antenna again")
-    assert time.monotonic() - killed_s < RESTART_S * slowness()
-    assert servo.status.fault == ""
-
-
-def revive(live: SimpleNamespace, name: str, yaml: str, wait: Any, back: Any, simulated: bool = False) -> Any:
-    """Start a node again and take it through its lifecycle.
-
-    The dead one stays in the graph for 20 s, so a request may go to it alone: it is repeated until the new one answers.
-    An activation is refused while the node has no time yet, and when a request before, unanswered, has activated it.
-    """
-    started = live.start([name], yaml, state="start", simulated=simulated)
-    for transition, tries in (("configure", 120), ("activate", 40)):
-        for _ in range(tries):
-            try:
-                refused = started.client.change([name], transition, 0.3)
-            except TimeoutError:
-                refused = [name]
-            else:
-                if not refused or transition == "configure":
-                    break
-            wait()
-            if back():
-                break
-    return started
-
-
-def slowness() -> float:
-    """Return how much longer than on a quiet machine things may take: more processes than processors share them."""
-    return max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
-
-
-class TestClock:
-    """The clock of the nodes under test, told by hand."""
-
-    def __init__(self, live: SimpleNamespace, start_s: float) -> None:
-        self.live, self.t_s = live, start_s
-        self.publisher = live.node.create_publisher(Clock, "clock", STREAM)
-
-    def run(self, seconds: float, until: Any = lambda: False) -> bool:
-        """Let time go on in real time; return whether `until` came true."""
-        end_s = self.t_s + seconds
-        while self.t_s < end_s:
-            due_s = time.monotonic() + 0.02
-            self.t_s = round(self.t_s + 0.02, 6)
-            message = Clock()
-            message.clock.sec, message.clock.nanosec = int(self.t_s), round((self.t_s % 1.0) * 1e9)
-            self.publisher.publish(message)
-            while time.monotonic() < due_s:
-                self.live.executor.spin_once(timeout_sec=0.005)
-            if until():
-                return True
-        return False
-
-
-TestClock.__test__ = False  # type: ignore[attr-defined]
-
-
-@pytest.mark.skipif("RF_POINTING_SOAK_EXAMPLES" not in os.environ, reason="a minute of restarts; scripts/soak runs it")
-def test_every_node_is_killed_in_turn_and_is_back_within_seconds(live: SimpleNamespace) -> None:
-    """Killed for real; back means that it publishes again what the others need of it, latched state included."""
-    outputs = {
-        "antenna_servo": ("antenna_status", AntennaStatus),
-        "ephemeris_publisher": ("pass_profiles", PassProfileList),
-        "bias_calibrator": ("pointing_model", PointingModel),
-        "pointing_controller": ("tracking_status", TrackingStatus),
-        "rf_receiver": ("monopulse", Monopulse),
-        "monopulse_tracker": ("pointing_error", PointingError),
-    }
-    clock = TestClock(live, 1_151_384_000.0)
-    heard: dict[str, int] = dict.fromkeys(outputs, 0)
-    for name, (topic, kind) in outputs.items():
-        qos = LATCHED if kind in (PassProfileList, PointingModel) else STREAM
-        live.node.create_subscription(kind, topic, lambda _, name=name: heard.update({name: heard[name] + 1}), qos)
-    model = Path(get_package_share_directory("rf_pointing")) / "config" / "bias_model_dss13.yaml"
-    yaml = f"/**/bias_calibrator: {{ros__parameters: {{calibrator: {{model_file: {model}}}}}}}"
-    names = [*outputs, "conscan_tracker"]
-    started = live.start(names, yaml, state="configure", simulated=True)
-    assert started.refused == []
-    clock.run(1.0)
-    waiting = names
-    for _ in range(20):
-        waiting = started.client.change(waiting, "activate", 20.0)
-        if not waiting:
-            break
-        clock.run(0.2)
-    assert clock.run(20.0, lambda: all(heard.values())), heard
-    slow = slowness()
-    for name in names:
-        os.kill(started.processes.process_id(name), signal.SIGKILL)
-        killed_s = time.monotonic()
-        heard[name] = 0
-        revive(live, name, yaml, lambda: clock.run(0.1), lambda name=name: heard[name] > 0, simulated=True)
-        if name not in outputs:
-            heard[name] = 1  # It speaks only while it scans.
-        assert clock.run(10.0, lambda name=name: heard[name] > 0), f"{name} is silent"
-        took_s = time.monotonic() - killed_s
-        print(f"{name} back after {took_s:.2f} s")
-        assert took_s < RESTART_S * slow, name
-
-
 @pytest.mark.parametrize("jump_s", [5.0, -3.0])
 def test_a_jump_of_the_clock_stops_the_antenna_and_never_makes_it_jump(live: SimpleNamespace, jump_s: float) -> None:
-    clock = TestClock(live, 1_151_384_000.0)
+    clock = ManualClock(live, 1_151_384_000.0)
     statuses, joints = [AntennaStatus()], []
     live.node.create_subscription(AntennaStatus, "antenna_status", statuses.append, STREAM)
     live.node.create_subscription(JointState, "joint_states", lambda m: joints.append(list(m.position)), STREAM)

@@ -91,14 +91,22 @@ def live(tmp_path: Path, ros_domain: int) -> Iterator[SimpleNamespace]:
             assert time.monotonic() < deadline_s, f"waited {DEADLINE_S:.0f} s for {what}"
             executor.spin_once(timeout_sec=0.05)
 
-    def start(names: list[str], parameters: str = "", state: str = "activate", simulated: bool = False) -> Any:
+    def start(
+        names: list[str],
+        parameters: str = "",
+        state: str = "activate",
+        simulated: bool = False,
+        autostart: bool = False,
+    ) -> Any:
         files = [Path(get_package_share_directory("rf_pointing")) / "config" / "dss13.yaml"]
         if parameters:
             files.append(tmp_path / "extra.yaml")
             files[-1].write_text(parameters)
         processes = NodeProcesses(namespace, files, tmp_path / "logs")
         started.append(processes)
-        processes.start(names, simulated_time=simulated)
+        processes.start(names, simulated_time=simulated, autostart=autostart)
+        if autostart:
+            return processes
         client = LifecycleClient(node, namespace, lambda s: executor.spin_once(timeout_sec=s), lambda: None)
         client.wait_for(names, DEADLINE_S)
         if state == "start":

@@ -130,3 +130,36 @@ def test_the_end_deactivates_an_active_node_once(subject: Subject, monkeypatch: 
     subject.end()
     assert stops == [1]
     assert subject._active_timers == []
+
+
+def test_a_node_brings_itself_up_once_and_only_when_asked(subject: Subject) -> None:
+    subject.bring_up()
+    assert subject._state_health().message == "unconfigured"
+    subject.brings_itself_up = True
+    subject.bring_up()
+    assert subject._state_health().message == "active"
+    subject.trigger_deactivate()
+    subject.bring_up()
+    assert subject._state_health().message == "inactive", "what somebody has deactivated stays so"
+
+
+def test_a_node_that_brings_itself_up_waits_for_simulated_time(
+    subject: Subject, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    subject.brings_itself_up = True
+    monkeypatch.setattr(subject, "knows_time", lambda: False)
+    subject.bring_up()
+    subject.bring_up()
+    assert subject._state_health().message == "inactive"
+    monkeypatch.setattr(subject, "knows_time", lambda: True)
+    subject.bring_up()
+    assert subject._state_health().message == "active"
+
+
+def test_a_refused_configuration_is_not_tried_again(subject: Subject) -> None:
+    subject.brings_itself_up = True
+    subject.refusal = ValueError("gain=9 must be <= 5")
+    subject.bring_up()
+    subject.refusal = None
+    subject.bring_up()
+    assert subject._state_health().message == "gain=9 must be <= 5"
