@@ -1,8 +1,8 @@
 """Executable `reproduce PAPER [--json]`: the paper's published numbers beside ours; needs no running graph.
 
-`--workers N` shares a paper's sweeps out to N processes; `--trials N` and `--music-inside` are doa's, whose tables are
-printed from two trials a row unless asked for all 200.  Exit code 0 only if every row holds or carries a measured
-explanation.
+`--workers N` shares a paper's sweeps out to N processes, `--dask ADDRESS` to the cluster of that scheduler; `--trials N`
+and `--music-inside` are doa's, whose tables are printed from two trials a row unless asked for all 200.  Exit code 0 only
+if every row holds or carries a measured explanation.
 """
 
 import argparse
@@ -20,6 +20,8 @@ from typing import Any
 from rf_pointing import reproduce
 from rf_pointing.reproduce import Row, as_table
 
+DASK_TIMEOUT_S = "10s"
+
 
 def papers() -> list[str]:
     """Return the names that can be reproduced; a module with an underscore in its name is a part of one."""
@@ -34,6 +36,7 @@ def main(argv: list[str] | None = None) -> None:
     parser.add_argument("--json", action="store_true", help="print the rows as JSON")
     parser.add_argument("--seed", type=int, default=1, help="seed of every random number (default: 1)")
     parser.add_argument("--workers", type=int, metavar="N", help="processes for the paper's sweeps (default: none)")
+    parser.add_argument("--dask", metavar="ADDRESS", help="scheduler of a Dask cluster for the sweeps (extra `sweep`)")
     parser.add_argument("--trials", type=int, metavar="N", help="doa: trials of every row (the paper's: 200)")
     parser.add_argument("--music-inside", action="store_true", default=None, help="doa: MUSIC at every step and trial")
     options = parser.parse_args(argv)
@@ -46,19 +49,39 @@ def main(argv: list[str] | None = None) -> None:
 
 
 def _rows(parser: argparse.ArgumentParser, options: argparse.Namespace) -> list[Row]:
-    """Return the paper's rows, computed as the options say; refuse an option that the paper has no use for."""
+    """Return the paper's rows, computed as the options say."""
     function: Callable[..., list[Row]] = importlib.import_module(f"rf_pointing.reproduce.{options.paper}").rows
+    _refuse_misuse(parser, options, set(inspect.signature(function).parameters))
     wanted: dict[str, Any] = {name: getattr(options, name) for name in ("trials", "music_inside")}
     chosen = {name: value for name, value in wanted.items() if value is not None}
-    for name, least in (("workers", 1), ("trials", 1)):
-        value = getattr(options, name)
-        if value is not None and value < least:
-            parser.error(f"--{name}={value} must be >= {least}")
     with ExitStack() as stack:
         if options.workers is not None:
             chosen["executor"] = stack.enter_context(ProcessPoolExecutor(options.workers))
-        unused = chosen.keys() - inspect.signature(function).parameters.keys()
-        if unused:
-            flags = {"executor": "--workers", "trials": "--trials", "music_inside": "--music-inside"}
-            parser.error(f"{options.paper} has no use for {', '.join(sorted(flags[name] for name in unused))}")
+        elif options.dask is not None:
+            chosen["executor"] = stack.enter_context(_dask_client(parser, options.dask)).get_executor()
         return function(options.seed, **chosen)
+
+
+def _refuse_misuse(parser: argparse.ArgumentParser, options: argparse.Namespace, understood: set[str]) -> None:
+    """End with exit code 2 on numbers below one, two places for the sweeps, or options the paper has no use for."""
+    for name in ("workers", "trials"):
+        value = getattr(options, name)
+        if value is not None and value < 1:
+            parser.error(f"--{name}={value} must be >= 1")
+    if options.workers is not None and options.dask is not None:
+        parser.error("--workers and --dask are two places for the same sweeps: choose one")
+    parameters = {"workers": "executor", "dask": "executor", "trials": "trials", "music_inside": "music_inside"}
+    given = [name for name in parameters if getattr(options, name) is not None]
+    unused = [f"--{name.replace('_', '-')}" for name in given if parameters[name] not in understood]
+    if unused:
+        parser.error(f"{options.paper} has no use for {', '.join(unused)}")
+
+
+def _dask_client(parser: argparse.ArgumentParser, address: str) -> Any:
+    """Return a client of the Dask scheduler at `address`."""
+    try:
+        return importlib.import_module("distributed").Client(address, timeout=DASK_TIMEOUT_S)
+    except ImportError:
+        parser.error("--dask needs the extra `sweep`: pip install dask distributed")
+    except (OSError, ValueError) as error:
+        parser.error(f"--dask={address}: {error}")

@@ -1,6 +1,9 @@
 """`reproduce`: its options reach the papers that have use for them, and are refused by the others."""
 
+import sys
 from concurrent.futures import Executor
+from contextlib import nullcontext
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -48,10 +51,43 @@ def test_without_options_a_paper_runs_by_its_own_defaults(asked: dict[str, Any])
     assert asked == {"seed": 1, "trials": 2, "executor": None, "music_inside": False}
 
 
+def test_sweeps_go_to_the_dask_scheduler_asked_for(asked: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    clients: list[str] = []
+
+    class Client(nullcontext["Client"]):
+        def __init__(self, *where: str, **_: str) -> None:
+            super().__init__(self)
+            clients.extend(where)
+
+        def get_executor(self) -> str:
+            return "the cluster's executor"
+
+    monkeypatch.setitem(sys.modules, "distributed", SimpleNamespace(Client=Client))
+    assert run("doa", "--dask", "tcp://host:8786") == 0
+    assert (asked["executor"], clients) == ("the cluster's executor", ["tcp://host:8786"])
+
+
+def test_missing_extra_and_unreachable_scheduler_are_named(
+    asked: dict[str, Any], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def unreachable(address: str, **_: str) -> None:
+        raise OSError(f"timed out connecting to {address}")
+
+    for module, message in (
+        (None, "--dask needs the extra `sweep`"),
+        (SimpleNamespace(Client=unreachable), "--dask=tcp://host:1: timed out connecting to tcp://host:1"),
+    ):
+        monkeypatch.setitem(sys.modules, "distributed", module)
+        assert run("doa", "--dask", "tcp://host:1") == 2
+        assert message in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
         (("satcal", "--workers", "2"), "satcal has no use for --workers"),
+        (("satcal", "--dask", "tcp://host:8786"), "satcal has no use for --dask"),
+        (("doa", "--dask", "tcp://host:8786", "--workers", "2"), "choose one"),
         (("tripulse", "--trials", "3"), "tripulse has no use for --trials"),
         (("doa", "--trials", "0"), "--trials=0 must be >= 1"),
         (("doa", "--workers", "-1"), "--workers=-1 must be >= 1"),
