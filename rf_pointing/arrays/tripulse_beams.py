@@ -1,4 +1,4 @@
-"""Sum and difference beams of Tripulse and their ratios.
+"""Sum and difference beams of Tripulse and their ratios; the last axis of every beam array is Sigma, Delta_x, Delta_y.
 
 Sigma = Q1+Q2+Q3+Q4, Delta_x = Q1-Q2-Q3+Q4, Delta_y = Q1+Q2-Q3-Q4 with
 Q_i = sum w exp(-j c(m) kd_x T_x - j c(n) kd_y T_y) over quadrant i (TRIPULSE (1), (6), (7)); in closed form for a
@@ -14,7 +14,6 @@ from rf_pointing.arrays.tripulse_array import TripulseArrayParams, centred_indic
 from rf_pointing.geometry import require_choice, require_finite
 
 __all__ = [
-    "BEAMS",
     "TIME_CONVENTIONS",
     "beam_signals",
     "beam_signs",
@@ -25,9 +24,6 @@ __all__ = [
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
-
-BEAMS = ("sum", "delta_x", "delta_y")
-"""Order of the last axis of every beam array."""
 
 TIME_CONVENTIONS = ("exp(-jwt)", "exp(+jwt)")
 

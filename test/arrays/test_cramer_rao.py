@@ -9,7 +9,7 @@ from rf_pointing.arrays.cramer_rao import (
     direction_bound_rad2,
     effective_snr,
     polar_sigma_rad,
-    search_grid_rmse_rad,
+    search_grid_rmse,
 )
 from rf_pointing.arrays.polar_direction import direction_from_polar
 
@@ -64,7 +64,7 @@ def test_effective_ratio_is_the_bound_in_phase_at_the_rim() -> None:
 
 
 def test_search_grid_of_one_degree_has_a_floor_of_0289_degrees() -> None:
-    assert float(np.degrees(search_grid_rmse_rad(0.0, np.radians(1.0)))) == pytest.approx(0.2887, abs=1e-4)
+    assert float(np.degrees(search_grid_rmse(0.0, np.radians(1.0)))) == pytest.approx(0.2887, abs=1e-4)
 
 
 def test_two_sources_in_one_direction_are_refused() -> None:

@@ -1,13 +1,13 @@
-"""The published 1-deg search: its floor, and the shortcut that gives the same nodes."""
+"""The published 1-deg search: its floor, and the shortcut that gives nearly always the same nodes."""
 
 import numpy as np
 import pytest
 
 from rf_pointing.arrays.circular_array import CircularArrayParams
-from rf_pointing.arrays.cramer_rao import polar_sigma_rad, search_grid_rmse_rad
-from rf_pointing.arrays.music import estimate_directions, principal_eigenvectors
+from rf_pointing.arrays.cramer_rao import polar_sigma_rad, search_grid_rmse
+from rf_pointing.arrays.music import estimate_directions
 from rf_pointing.arrays.polar_direction import direction_from_polar, polar_errors_rad
-from rf_pointing.arrays.search_grid import grid_search, snap_to_grid
+from rf_pointing.arrays.search_grid import grid_search, nearest_node
 from rf_pointing.arrays.snapshots import draw_covariances
 
 ARRAY = CircularArrayParams()
@@ -24,15 +24,16 @@ def uniform_truth(stream: np.random.Generator, count: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("snr_db", "snapshots"), [(0.0, 100), (14.0, 100), (-6.0, 100)])
-def test_best_of_four_nodes_is_what_the_full_search_returns(
+def test_nearest_node_is_what_the_full_search_returns(
     snr_db: float, snapshots: int, stream: np.random.Generator
 ) -> None:
     truth = uniform_truth(stream, 400)
     covariance = draw_covariances(ARRAY, truth, 10 ** (snr_db / 10), snapshots, stream)
     full = grid_search(ARRAY, covariance, STEP_RAD)
     refined = estimate_directions(ARRAY, covariance).direction
-    snapped = snap_to_grid(ARRAY, principal_eigenvectors(covariance, 12), refined, STEP_RAD)
-    assert np.mean(np.linalg.norm(full - snapped, axis=1) < 1e-9) > 0.99
+    nearest = nearest_node(refined, STEP_RAD)
+    assert np.mean(np.linalg.norm(full - nearest, axis=1) < 1e-9) > 0.97
+    assert np.max(np.linalg.norm(full - nearest, axis=1)) < 1.5 * STEP_RAD
 
 
 @pytest.mark.parametrize(("snr_db", "snapshots"), [(-10.0, 1000), (0.0, 100), (14.0, 100)])
@@ -45,10 +46,10 @@ def test_grid_rmse_is_bound_plus_floor_within_4_percent(
     truth = direction_from_polar(angles, stream.uniform(0, 2 * np.pi, count))
     covariance = draw_covariances(ARRAY, truth, snr, snapshots, stream, waveform="constant_modulus")
     refined = estimate_directions(ARRAY, covariance).direction
-    found = snap_to_grid(ARRAY, principal_eigenvectors(covariance, 12), refined, STEP_RAD)
+    found = nearest_node(refined, STEP_RAD)
     errors = polar_errors_rad(found, truth)
     for error, sigma in zip(errors[:2], polar_sigma_rad(ARRAY, theta, snapshots, snr), strict=True):
-        assert np.sqrt(np.mean(error**2)) == pytest.approx(float(search_grid_rmse_rad(sigma, STEP_RAD)), rel=0.04)
+        assert np.sqrt(np.mean(error**2)) == pytest.approx(float(search_grid_rmse(sigma, STEP_RAD)), rel=0.04)
 
 
 def test_step_outside_its_range_is_refused() -> None:

@@ -11,8 +11,9 @@ import numpy as np
 from rf_pointing.arrays.circular_array import CircularArrayParams
 from rf_pointing.arrays.cramer_rao import effective_snr, polar_sigma_rad
 from rf_pointing.arrays.polar_direction import direction_from_polar, polar_errors_rad
+from rf_pointing.arrays.search_grid import nearest_node
 from rf_pointing.geometry import random_stream, sweep
-from rf_pointing.reproduce.doa_study.direction_errors import GRID_RAD, DirectionCase, measure_directions, on_grid
+from rf_pointing.reproduce.doa_study.direction_errors import GRID_RAD, DirectionCase, measure_directions
 
 __all__ = ["AccuracyPoint", "accuracy_curve", "accuracy_point", "threshold"]
 
@@ -44,7 +45,7 @@ def accuracy_point(snapshots: int, theta_rad: float, estimates: int, seed: int, 
     refined = measure_directions(ARRAY, case, truth, stream)
     found = [
         float(np.degrees(np.sqrt(np.mean(error**2))))
-        for directions in (refined, on_grid(refined))
+        for directions in (refined, nearest_node(refined, GRID_RAD))
         for error in polar_errors_rad(directions, truth)[:2]
     ]
     bound = [float(np.degrees(sigma)) for sigma in polar_sigma_rad(ARRAY, theta_rad, snapshots, case.snr)]

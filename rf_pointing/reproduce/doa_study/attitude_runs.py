@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from rf_pointing.arrays.circular_array import CircularArrayParams
 from rf_pointing.arrays.polar_direction import polar_basis, polar_errors_rad
+from rf_pointing.arrays.search_grid import nearest_node
 from rf_pointing.attitude.attitude_start import StartParams, best_of_bank, start_bank
 from rf_pointing.attitude.multiplicative_filter import AttitudeState, DirectionObservation, GateParams, predict, update
 from rf_pointing.attitude.process_noise import process_noise_from_q
@@ -26,7 +27,6 @@ from rf_pointing.reproduce.doa_study.direction_errors import (
     draw_directions,
     error_pool,
     measure_directions,
-    on_grid,
 )
 from rf_pointing.reproduce.doa_study.scene import STEP_S, Scene, nadir_scene
 
@@ -122,7 +122,7 @@ def _measure(task: RunTask, pools: list[ErrorPool], truth: Array, stream: np.ran
             found[case.level] = measure_directions(ARRAY, case, repeated, stream).reshape(-1, task.trials, 3)
         else:
             found[case.level] = draw_directions(pool, truth, task.trials, stream)
-    columns = [found[case.level] if case.refined else on_grid(found[case.level]) for case in task.cases]
+    columns = [found[case.level] if case.refined else nearest_node(found[case.level], GRID_RAD) for case in task.cases]
     return np.stack(columns, axis=1)
 
 

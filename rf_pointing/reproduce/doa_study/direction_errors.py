@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from rf_pointing.arrays.circular_array import CircularArrayParams
 from rf_pointing.arrays.cramer_rao import cosine_sigma_rad
 from rf_pointing.arrays.music import estimate_directions
-from rf_pointing.arrays.polar_direction import direction_from_polar, polar_basis, polar_from_direction
+from rf_pointing.arrays.polar_direction import polar_basis, polar_from_direction
 from rf_pointing.arrays.snapshots import draw_covariances
 from rf_pointing.attitude.process_noise import TABLE_Q
 
-__all__ = ["GRID_RAD", "DirectionCase", "ErrorPool", "draw_directions", "error_pool", "measure_directions", "on_grid"]
+__all__ = ["GRID_RAD", "DirectionCase", "ErrorPool", "draw_directions", "error_pool", "measure_directions"]
 
 Array = NDArray[np.float64]
 
@@ -102,9 +102,3 @@ def draw_directions(pool: ErrorPool, truth: Array, count: int, stream: np.random
     drawn = pool.local[chosen] @ polar_basis(truth)
     drawn[..., 2] = np.abs(drawn[..., 2])
     return np.asarray(drawn)
-
-
-def on_grid(direction: Array) -> Array:
-    """Return the node of the 1-deg grid of theta and phi nearest to each refined peak (..., 3)."""
-    theta, phi = polar_from_direction(direction)
-    return direction_from_polar(np.round(theta / GRID_RAD) * GRID_RAD, np.round(phi / GRID_RAD) * GRID_RAD)

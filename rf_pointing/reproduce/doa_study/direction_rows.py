@@ -6,7 +6,7 @@ from concurrent.futures import Executor
 import numpy as np
 
 from rf_pointing.arrays.circular_array import CircularArrayParams
-from rf_pointing.arrays.cramer_rao import cosine_sigma_rad, effective_snr
+from rf_pointing.arrays.cramer_rao import cosine_sigma_rad, effective_snr, search_grid_rmse
 from rf_pointing.arrays.polar_direction import polar_from_direction
 from rf_pointing.attitude.ground_stations import largest_nadir_angle_rad, stations_along_track, view_stations
 from rf_pointing.attitude.sun_synchronous_orbit import SunSynchronousOrbitParams, period_s
@@ -16,10 +16,11 @@ from rf_pointing.reproduce.doa_study.direction_errors import DirectionCase
 from rf_pointing.reproduce.doa_study.scene import ELEVATION_MIN_RAD, nadir_scene
 from rf_pointing.reproduce.row import Row
 
-__all__ = ["PRINTED", "accuracy_rows", "case_name", "direction_rows", "scene_rows", "table_of"]
+__all__ = ["FLOOR_DEG", "PRINTED", "accuracy_rows", "case_name", "direction_rows", "scene_rows", "table_of"]
 
 ARRAY = CircularArrayParams()
-FLOOR_DEG2 = 1.0 / 12.0
+STEP_DEG = 1.0
+FLOOR_DEG = float(search_grid_rmse(0.0, STEP_DEG))
 AZIMUTH_OUTLIER_DEG = 180.0 / math.sqrt(3.0)
 LARGEST_THETA_RAD = largest_nadir_angle_rad(SunSynchronousOrbitParams(), ELEVATION_MIN_RAD)
 THRESHOLD = 80.0
@@ -131,9 +132,9 @@ def direction_rows(tables: dict[DirectionCase, CaseResult]) -> list[Row]:
         ):
             ours, peak = getattr(grid, f"{angle}_deg"), getattr(refined, f"{angle}_deg")
             bound = sigma * float(np.sqrt(np.mean(1.0 / project(theta) ** 2)))
-            theory = math.sqrt(bound**2 + FLOOR_DEG2)
+            theory, lowest = (float(search_grid_rmse(each, STEP_DEG)) for each in (bound, least))
             pair = _pair_share(sigma, printed[0], printed[1])
-            remark = _reason(angle, grid, paper, math.sqrt(least**2 + FLOOR_DEG2), theory, pair)
+            remark = _reason(angle, grid, paper, lowest, theory, pair)
             found.append(
                 Row(
                     quantity=f"RMSE of {angle}, {case_name(snapshots, snr_db)}, 1-deg grid",
@@ -164,7 +165,7 @@ def _pair_share(sigma: float, theta: float, phi: float) -> float:
 
     With x = cos^2 theta along any passes, var theta >= sigma^2 E[1/x] >= sigma^2 / E[x] and var phi likewise with 1 - x.
     """
-    return sum(sigma**2 / max(printed**2 - FLOOR_DEG2, 1e-9) for printed in (theta, phi))
+    return sum(sigma**2 / max(printed**2 - FLOOR_DEG**2, 1e-9) for printed in (theta, phi))
 
 
 def _reason(angle: str, grid: CaseResult, paper: float, least: float, theory: float, pair: float) -> str:
@@ -175,7 +176,7 @@ def _reason(angle: str, grid: CaseResult, paper: float, least: float, theory: fl
             f"contradicted: the stated model allows no less than {least:.3f} deg at any geometry "
             f"(Cramer-Rao bound at {place} and the 1-deg grid)"
         )
-    if pair > 1.1 and grid.outliers < 1e-3 and math.sqrt(FLOOR_DEG2) < 0.9 * paper:
+    if pair > 1.1 and grid.outliers < 1e-3 and 0.9 * paper > FLOOR_DEG:
         return (
             f"contradicted together with the other angle: sigma^2/var theta + sigma^2/var phi = {pair:.2f}, must be <= 1 "
             f"in any geometry; bound and grid along our passes {theory:.3f} deg"

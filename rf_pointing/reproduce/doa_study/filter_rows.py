@@ -10,13 +10,12 @@ from rf_pointing.arrays.cramer_rao import cosine_sigma_rad
 from rf_pointing.attitude.process_noise import PRINTED_Q
 from rf_pointing.reproduce.doa_study.attitude_runs import CaseResult
 from rf_pointing.reproduce.doa_study.direction_errors import DirectionCase
-from rf_pointing.reproduce.doa_study.direction_rows import PRINTED, case_name, table_of
+from rf_pointing.reproduce.doa_study.direction_rows import FLOOR_DEG, PRINTED, case_name, table_of
 from rf_pointing.reproduce.row import Row
 
 __all__ = ["attitude_rows", "convergence_rows", "filter_rows", "settling_time_s"]
 
 ARRAY = CircularArrayParams()
-GRID_FLOOR_DEG = 1.0 / math.sqrt(12.0)
 AXES = ("yaw", "roll", "pitch")
 FAIR = [(100, -10.0), (100, -8.0), (100, -6.0), (100, -2.0), (100, 0.0), (10, 0.0), (20, 0.0), (50, 0.0)]
 """Rows above the threshold whose attitude errors are noise, not the repeating error of the grid."""
@@ -185,6 +184,6 @@ def _reason(grid: CaseResult, refined: CaseResult) -> str:
             f"{100.0 * grid.outliers:.1f} % outliers, refused by our gate; a filter whose first direction is one starts "
             f"wrong: {lost[0]} of {trials} still so at the end on the grid, {lost[1]} of {trials} refined"
         )
-    if math.degrees(cosine_sigma_rad(ARRAY, grid.case.snapshots, grid.case.snr)) < 0.5 * GRID_FLOOR_DEG:
+    if math.degrees(cosine_sigma_rad(ARRAY, grid.case.snapshots, grid.case.snr)) < 0.5 * FLOOR_DEG:
         return "the error of the grid repeats with the direction, and the filter cannot average it away"
     return ""

@@ -4,17 +4,12 @@ import numpy as np
 import pytest
 
 from rf_pointing.arrays.circular_array import CircularArrayParams
-from rf_pointing.arrays.music import estimate_directions
 from rf_pointing.arrays.polar_direction import direction_from_polar, polar_errors_rad
-from rf_pointing.arrays.search_grid import grid_search
-from rf_pointing.arrays.snapshots import draw_covariances
 from rf_pointing.reproduce.doa_study.direction_errors import (
-    GRID_RAD,
     DirectionCase,
     draw_directions,
     error_pool,
     measure_directions,
-    on_grid,
 )
 
 ARRAY = CircularArrayParams()
@@ -38,11 +33,3 @@ def test_drawn_errors_have_the_law_of_music_at_that_direction(
     for first, second in zip(polar_errors_rad(drawn, truth), polar_errors_rad(real, truth), strict=True):
         assert np.sqrt(np.mean(first**2)) == pytest.approx(np.sqrt(np.mean(second**2)), rel=0.12)
         assert np.median(np.abs(first)) == pytest.approx(np.median(np.abs(second)), rel=0.12)
-
-
-def test_nearest_node_is_what_the_search_over_the_grid_finds(stream: np.random.Generator) -> None:
-    truth = direction_from_polar(np.radians(stream.uniform(10, 55, 300)), stream.uniform(0, 2 * np.pi, 300))
-    covariance = draw_covariances(ARRAY, truth, 1.0, 100, stream, waveform="constant_modulus")
-    found = grid_search(ARRAY, covariance, GRID_RAD)
-    nearest = on_grid(estimate_directions(ARRAY, covariance).direction)
-    assert np.mean(np.linalg.norm(found - nearest, axis=1) < 1e-9) > 0.97
