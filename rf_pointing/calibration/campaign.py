@@ -48,17 +48,21 @@ class Campaign:
     full_at_t_s: float | None
 
 
-def plan_campaign(candidates: Sequence[CandidatePass], rule: SectorRule, slew: Slew) -> Campaign:
+def plan_campaign(
+    candidates: Sequence[CandidatePass], rule: SectorRule, slew: Slew, already: Counts | None = None
+) -> Campaign:
     """Return the campaign; candidates may be whole passes or pieces of them.
 
-    Where the candidates cannot fill the sky, all useful passes are returned, `full_at_t_s` is None and the coverage
-    names the thin sectors.
+    `already` (sectors,) are the points that an interrupted campaign has taken; the coverage counts them.  Where the
+    candidates cannot fill the sky, all useful passes are returned, `full_at_t_s` is None and the coverage names the thin
+    sectors.
     """
+    begun = np.zeros(rule.count, dtype=np.int64) if already is None else already
     if not candidates:
-        return Campaign((), Coverage(rule, np.zeros(rule.count, dtype=np.int64)), None)
-    table = _Table(sorted(candidates, key=lambda c: c.end_t_s), rule, slew)
+        return Campaign((), Coverage(rule, begun), None)
+    table = _Table(sorted(candidates, key=lambda c: c.end_t_s), rule, slew, begun)
     plans = [table.by_exchange(), table.by_rate()]
-    taken, filled, full_at = min(plans, key=lambda plan: (plan[2] or math.inf, -table.gain(0 * plan[1], plan[1])))
+    taken, filled, full_at = min(plans, key=lambda plan: (plan[2] or math.inf, -table.gain(begun, plan[1] - begun)))
     if full_at is not None:
         taken, filled = table.without_needless(taken, filled)
     return Campaign(tuple(table.candidates[k] for k in taken), Coverage(rule, filled), full_at)
@@ -67,7 +71,8 @@ def plan_campaign(candidates: Sequence[CandidatePass], rule: SectorRule, slew: S
 class _Table:
     """Times, directions at both ends, and points per sector of all candidates, in order of their end."""
 
-    def __init__(self, candidates: Sequence[CandidatePass], rule: SectorRule, slew: Slew) -> None:
+    def __init__(self, candidates: Sequence[CandidatePass], rule: SectorRule, slew: Slew, begun: Counts) -> None:
+        self._begun = begun
         self.candidates, self._rule, self._slew = candidates, rule, slew
         tracks = [c.track for c in candidates]
         self._start = np.array([c.start_t_s for c in candidates])
@@ -83,7 +88,7 @@ class _Table:
     def by_exchange(self) -> Plan:
         """Take candidates in order of their end, each in place of poorer ones that it overlaps."""
         taken: list[int] = []
-        filled = np.zeros(self._rule.count, dtype=np.int64)
+        filled = self._begun
         for k in range(len(self.candidates)):
             ready = self._end[taken] + self._slew.time_s(self._to[taken], self._from[k])
             rivals = [other for other, t_s in zip(taken, ready, strict=True) if t_s > self._start[k]]
@@ -100,7 +105,7 @@ class _Table:
     def by_rate(self) -> Plan:
         """Go on with the candidate that brings most missing points per second."""
         taken: list[int] = []
-        filled = np.zeros(self._rule.count, dtype=np.int64)
+        filled = self._begun
         now_s, ready = float(np.min(self._start)), np.full(len(self.candidates), -np.inf)
         while not self._full(filled):
             rate = self._gains(filled, self._counts) / np.maximum(self._end - now_s, 1e-9)

@@ -13,6 +13,8 @@ from rf_pointing.calibration.tracking_csv import edge_columns, read_observations
 
 __all__ = ["ObservationJournal"]
 
+MOST_OF_A_NAME = 1000
+
 
 class ObservationJournal:
     """The points of one station and band in `path`; `points` are those that were in it when it was opened."""
@@ -36,12 +38,17 @@ class ObservationJournal:
             os.fsync(stream.fileno())
 
     def set_aside(self, name: str) -> Path | None:
-        """Rename the file, so that the next point begins a new one; return the old points' file, None without any."""
+        """Rename the file, so that the next point begins a new one; return the old points' file, None without any.
+
+        Nothing is overwritten: where `name` is taken a number follows it.
+        """
         if not self.path.exists():
             return None
-        old = self.path.with_name(f"{self.path.stem}-{name}{self.path.suffix}")
-        if old.exists():
-            raise ValueError(f"{old} exists already; observations are never overwritten")
+        stems = (f"{self.path.stem}-{name}{tail}" for tail in ("", *(f"-{k}" for k in range(2, MOST_OF_A_NAME))))
+        free = (place for stem in stems if not (place := self.path.with_name(stem + self.path.suffix)).exists())
+        old = next(free, None)
+        if old is None:
+            raise ValueError(f"{self.path.stem}-{name}-* are all taken; observations are never overwritten")
         os.rename(self.path, old)
         self.points = None
         return old

@@ -147,9 +147,9 @@ class BiasCalibrator(ManagedNode):
     def _on_campaign(self, goal: Any) -> None:
         self._refusal_of_campaign = ""
         try:
+            self._runner.start(goal.request.passes, goal.request.sensor)
             if not goal.request.resume:
                 self._log.begin_anew(f"{self.now_s():.0f}")
-            self._runner.start(goal.request.passes, goal.request.sensor)
         except ValueError as refusal:
             self._refusal_of_campaign = str(refusal)
             goal.execute()

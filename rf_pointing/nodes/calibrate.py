@@ -14,8 +14,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import rclpy
 import yaml
+from numpy.typing import NDArray
 from rclpy.action import ActionClient
 from rf_pointing_msgs.action import FitModel, RunCampaign
 from std_srvs.srv import Trigger
@@ -40,14 +42,15 @@ from rf_pointing.station.calibration_log import CalibrationLog
 from rf_pointing.station.calibration_plan import ArcRules, beacons, candidate_arcs, window_of
 from rf_pointing.station.model_keeper import campaign_folder
 
+Counts = NDArray[np.int64]
 DEFAULT_START = "2006-06-25T00:00:00"
 """Before the passes that `track` chooses by default, for which the model shall be valid."""
 ARCS_S = (60.0, 120.0, 240.0)
 """Lengths of the pieces of passes that the plan chooses from."""
 SPACING_S = 0.5
-SETTLE_S = 40.0
-"""Of valid errors before the first observation; the simulated lags follow a change of rate in 10 s."""
-ACQUISITION_S = 60.0
+SETTLE_S = 25.0
+"""Of valid errors before the first observation; the simulated lags follow a change of rate like exp(-t / 10 s)."""
+ACQUISITION_S = 45.0
 """From the begin of a pass until the search has found the signal and the lags of the mount have died down."""
 ANSWER_S = 60.0
 
@@ -73,6 +76,9 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
         default=5.0,
         help="error of the beacons' orbits that the fit allows for in each pass (default: 5)",
     )
+    parser.add_argument(
+        "--resume", action="store_true", help="go on with an interrupted campaign: only what its observations left thin"
+    )
     parser.add_argument("--models", metavar="DIR", default=str(DEFAULT_MODELS), help=f"(default: {DEFAULT_MODELS})")
     parser.add_argument("--speed", default="max", help="factor of real time, or max (default)")
     parser.add_argument("--seed", type=int, default=1, help="seed of every noise source (default: 1)")
@@ -90,14 +96,31 @@ def plan(options: argparse.Namespace) -> tuple[list[Elements], Campaign, list[Pa
     elements, place = beacons(start_s), site(options.station)
     rules = ArcRules(arcs_s=ARCS_S, every_s=30.0, spacing_s=SPACING_S, lowest_rad=math.radians(11.0))
     slew = Slew(settle_s=ACQUISITION_S + 10.0)
-    candidates, _ = candidate_arcs(elements, place, start_s + 180.0, options.longest, rules)
     rule = SectorRule(fewest=options.fewest, most=max(30, options.fewest))
-    campaign = plan_campaign(candidates, rule, slew)
+    filled, last_s = progress_so_far(options, rule) if options.resume else (None, start_s)
+    candidates, _ = candidate_arcs(elements, place, max(start_s, last_s) + 180.0, options.longest, rules)
+    campaign = plan_campaign(candidates, rule, slew, filled)
     if not campaign.passes:
         raise ValueError(f"longest={options.longest} s leaves no beacon to track")
     by_name = {one.name: one for one in elements}
     windows = [window_of(one, by_name[one.name], place, ACQUISITION_S) for one in campaign.passes]
     return elements, campaign, windows
+
+
+def progress_so_far(options: argparse.Namespace, rule: SectorRule) -> tuple[Counts, float]:
+    """Return the points in each sector that an interrupted campaign has taken, and when the last one was."""
+    points = journal_of(options).points
+    if points is None:
+        raise ValueError(
+            f"no observations of {options.station} in band {options.band} to resume from in {options.models}"
+        )
+    return rule.coverage(points.true_azimuth_rad, points.true_elevation_rad).counts, float(np.max(points.t_s))
+
+
+def journal_of(options: argparse.Namespace) -> ObservationJournal:
+    """Return the observations that the calibrator keeps for this station and band."""
+    folder = campaign_folder(options.models, options.station, options.band)
+    return ObservationJournal(folder / JOURNAL, options.station, options.band)
 
 
 def calibrator_parameters(path: Path, size_m: float) -> Path:
@@ -122,7 +145,7 @@ class CalibrationRun(Run):
         self._processes.start(SIMULATED_STATION)
         self._bring_up()
         passes = [convert_planning.pass_to_message(window) for window in self._windows]
-        goal = RunCampaign.Goal(passes=passes, sensor=self._options.sensor)
+        goal = RunCampaign.Goal(passes=passes, sensor=self._options.sensor, resume=self._options.resume)
         handle = self._goal(self._campaign, goal, self._show)
         self._change(SIMULATED_STATION[:1], "activate")
         campaign = self._result(handle)
@@ -187,8 +210,7 @@ def report_of(options: argparse.Namespace, name: str, output: Path) -> Path:
     from rf_pointing.report.calibration_report import write_calibration_report
 
     folder = campaign_folder(options.models, options.station, options.band)
-    journal = ObservationJournal(folder / JOURNAL, options.station, options.band)
-    log = CalibrationLog(options.station, options.band, SPACING_S, 2.0 * MDEG, journal=journal)
+    log = CalibrationLog(options.station, options.band, SPACING_S, 2.0 * MDEG, journal=journal_of(options))
     accepted = ModelStore(folder / "models", options.station, options.band)
     before = [other for other in accepted.accepted() if other != name]
     size = options.orbit_prior

@@ -32,6 +32,7 @@ from rf_pointing.nodes.simulation_clock import HELD_PERIOD_S
 from rf_pointing.nodes.utc import parse_utc
 from rf_pointing.planning import certificate_lines
 from rf_pointing.rf import HALF_POWER_BEAMWIDTH_RAD
+from rf_pointing.station.commissioning import commissioning_model
 from rf_pointing.station.pointing import SENSOR_CHOICES
 from rf_pointing.station.source import SourceParams, load_elements, load_track
 
@@ -47,8 +48,6 @@ LOOK_PERIOD_S = 0.2
 
 REAL_TIME_SPEED = 3.0
 """Up to this speed the clock ticks with the servo; above it only with the controller, five servo ticks at once."""
-MODEL_FILES = {"Ka": "bias_model_dss13_ka.yaml"}
-"""Pointing models of bands for which the station's common one is not good enough."""
 PUNCTUAL = ("simulation_clock", "antenna_servo")
 """In real time the servo's 50 Hz go first: every 0.1 s all nodes wake at once, and the others can wait their milliseconds."""
 SLEW_TIME_S = 150.0
@@ -126,8 +125,8 @@ def in_real_time(speed: str) -> bool:
     return 0.0 < speed_factor(speed) <= REAL_TIME_SPEED
 
 
-def overrides(options: argparse.Namespace, window: Pass) -> dict[str, Any]:
-    """Return what the command line says to the nodes, as parameter sections."""
+def overrides(options: argparse.Namespace, window: Pass, output: Path) -> dict[str, Any]:
+    """Return what the command line says to the nodes, as parameter sections; files they need are written to `output`."""
     source = {
         "source.satellite": options.satellite,
         "source.station": options.station,
@@ -148,7 +147,10 @@ def overrides(options: argparse.Namespace, window: Pass) -> dict[str, Any]:
             "machine.half_power_beamwidth_deg": math.degrees(HALF_POWER_BEAMWIDTH_RAD[options.band])
         },
         "bias_calibrator": {
-            "calibrator.model_file": str(share / "config" / MODEL_FILES.get(options.band, "bias_model_dss13.yaml")),
+            "calibrator.model_file": str(
+                commissioning_model(share / "config", options.station, options.band, output).resolve()
+            ),
+            "calibrator.station": options.station,
             "calibrator.band": options.band,
             "calibrator.folder": str(Path(options.models).resolve()) if options.models else "",
             "calibrator.keep_observations": options.keep_observations,
@@ -169,7 +171,7 @@ class Run:
         self._options, self._window = options, window
         share = Path(get_package_share_directory("rf_pointing")) / "config"
         written = output / "run.yaml"
-        said = overrides(options, window)
+        said = overrides(options, window, output)
         said["/**/pointing_controller"]["ros__parameters"]["certificate_folder"] = str(output.resolve())
         written.write_text(yaml.safe_dump(said, sort_keys=False))
         files = [

@@ -16,7 +16,7 @@ from rf_pointing.calibration import BiasModel
 from rf_pointing.ephemeris import Pass, TopocentricTrack
 from rf_pointing.geometry import JointReading, Params, PointingError, parameter, sky_offset_rad
 from rf_pointing.station.calibration_log import CalibrationLog
-from rf_pointing.station.mount import MountError
+from rf_pointing.station.mount import MountError, RateAverage
 
 __all__ = ["KinematicParams", "KinematicStation"]
 
@@ -30,7 +30,7 @@ class KinematicParams(Params):
 
     period_s: float = parameter(0.1, "time between two commands", low=0.01, high=1.0)
     lag_averaging_s: float = parameter(
-        10.0, "time over which rates are averaged for the mount's lags", low=0.1, high=100.0
+        5.0, "time over which rates are averaged for the mount's lags", low=0.1, high=100.0
     )
     loop_hz: float = parameter(0.2, "bandwidth of the tracking loop", low=0.001, high=1.0)
     noise_rad: float = parameter(1e-5, "standard deviation of the sensed error", low=0.0, high=0.01)
@@ -60,14 +60,13 @@ class KinematicStation:
         accelerations = np.column_stack([look.azimuth_acceleration_rad_s2, look.elevation_acceleration_rad_s2])
         axes, velocity, _ = self.model.apply_moving(sky, rates, accelerations)
         feed = self._feeder(track, log) if log is not None else None
-        mount, mean_rate, trim = MountError(self.mount), np.zeros(2), np.zeros(2)
+        mount, mean, trim = MountError(self.mount), RateAverage(self.params.lag_averaging_s), np.zeros(2)
         gain = 2.0 * math.pi * self.params.loop_hz * step_s
         misses = np.empty((len(times), 2))
         for k, t_s in enumerate(times.tolist()):
             position = axes[k] + trim
-            slope = (velocity[k] - mean_rate) / self.params.lag_averaging_s
-            beam = mount.remove(t_s, position, mean_rate, slope)
-            mean_rate = mean_rate + slope * step_s
+            beam = mount.remove(t_s, position, mean.rate_rad_s, mean.acceleration_rad_s2)
+            mean.update(step_s, velocity[k])
             misses[k] = np.ravel(sky_offset_rad(sky[k, 0], sky[k, 1], beam[0], beam[1]))
             sensed = misses[k] + self.params.noise_rad * self._random.standard_normal(2)
             if feed is not None:

@@ -20,7 +20,7 @@ from rf_pointing.servo import AntennaPlant, PlantParams, Wind, WindParams
 from rf_pointing.station.antenna_safety import AntennaSafety, SafetyParams
 from rf_pointing.station.axis_loops import AxisLoops, LoopParams
 from rf_pointing.station.injected_faults import InjectedFaults
-from rf_pointing.station.mount import MountError
+from rf_pointing.station.mount import MountError, RateAverage
 from rf_pointing.station.status import AntennaStatus
 
 __all__ = ["AntennaParams", "LoopParams", "SimulatedAntenna"]
@@ -43,7 +43,7 @@ class AntennaParams(Params):
 
     tick_s: float = parameter(0.02, "control period", low=0.001, high=0.1)
     lag_averaging_s: float = parameter(
-        10.0, "time over which rates are averaged for the mount's lag terms", low=0.1, high=100.0
+        5.0, "time over which rates are averaged for the mount's lag terms", low=0.1, high=100.0
     )
     start_azimuth_rad: float = parameter(math.radians(120.0), "azimuth at the start", low=-20.0, high=20.0)
     start_elevation_rad: float = parameter(math.radians(60.0), "elevation at the start", low=-0.2, high=3.3)
@@ -79,7 +79,7 @@ class SimulatedAntenna:
         self._accepted = self._rejected = 0
         self._hold = np.array(start)
         self._rate_command = np.zeros(2)
-        self._mean_rate = np.zeros(2)
+        self._mean = RateAverage(params.lag_averaging_s)
         self._mount_error = MountError(mount)
         self._newest_s = 0.0
         self._ticks = 0
@@ -416,14 +416,10 @@ class SimulatedAntenna:
         return float(np.max(np.abs(last.velocity_rad_s))) < REST_RAD_S
 
     def _boresight(self, t_s: float, velocity: Array) -> Boresight:
-        """Return the true direction of the beam.
-
-        The mount's lags stand for what drags behind at a steady rate.  On the momentary rate, vibration included, a lag
-        of seconds would be a prediction, and no loop could be closed on it.
-        """
-        acceleration = (velocity - self._mean_rate) / self.params.lag_averaging_s
-        sky = self._mount_error.remove(t_s, self._plant.beam_rad, self._mean_rate, acceleration)
-        self._mean_rate = self._mean_rate + acceleration * self.params.tick_s
+        """Return the true direction of the beam; the mount's lags act on averaged rates."""
+        mean = self._mean
+        sky = self._mount_error.remove(t_s, self._plant.beam_rad, mean.rate_rad_s, mean.acceleration_rad_s2)
+        mean.update(self.params.tick_s, velocity)
         azimuth, elevation = sky.tolist()
         if elevation > 0.5 * math.pi:
             azimuth, elevation = azimuth - math.pi, math.pi - elevation

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from rf_pointing.calibration import TERMS, BiasModel
 from rf_pointing.geometry import Params, parameter
 
-__all__ = ["MountError", "MountParams"]
+__all__ = ["MountError", "MountParams", "RateAverage"]
 
 Array = NDArray[np.float64]
 RENEWAL_S = 0.5
@@ -52,6 +52,27 @@ class MountParams(Params):
         values = {item.name: getattr(self, item.name) for item in dataclasses.fields(self)}
         by_stem = {name.rsplit("_", 1)[0]: value for name, value in values.items()}
         return BiasModel({term.name: by_stem[term.name] for term in TERMS})
+
+
+class RateAverage:
+    """Axis rates averaged over about T = `time_s`, which is what the lags of the mount act on.
+
+    On the momentary rate, vibration included, a lag of seconds would be a prediction, and no loop could be closed on it.
+    The average has two poles, 1 / (1 + T s + T^2 s^2) = 1 - T s + T^3 s^3 - ...: without a term in s^2 a lag on it is a
+    velocity and an acceleration lag, as in SATCAL eqs. (1)-(2), up to the third derivative of the rate.
+    """
+
+    def __init__(self, time_s: float) -> None:
+        self._time_s = time_s
+        self.rate_rad_s = np.zeros(2)
+        self.acceleration_rad_s2 = np.zeros(2)
+
+    def update(self, dt_s: float, rate_rad_s: Array) -> None:
+        """Go on by `dt_s` with the axes moving at `rate_rad_s` (2,)."""
+        time_s = self._time_s
+        pull = (rate_rad_s - self.rate_rad_s) / time_s - self.acceleration_rad_s2
+        self.acceleration_rad_s2 = self.acceleration_rad_s2 + dt_s / time_s * pull
+        self.rate_rad_s = self.rate_rad_s + dt_s * self.acceleration_rad_s2
 
 
 class MountError:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rf_pointing.calibration import ObservationJournal
+from rf_pointing.calibration import ObservationJournal, read_observations
 
 
 @pytest.fixture
@@ -72,5 +72,5 @@ def test_an_old_campaign_is_set_aside_and_never_overwritten(data, tmp_path):
     first.append(data)
     assert first.set_aside("old").name == "observations-old.csv"
     first.append(data)
-    with pytest.raises(ValueError, match="never overwritten"):
-        first.set_aside("old")
+    assert first.set_aside("old").name == "observations-old-2.csv"
+    assert len(read_observations(first.path.with_name("observations-old.csv"))) == len(data)

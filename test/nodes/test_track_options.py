@@ -6,9 +6,11 @@ from pathlib import Path
 import pytest
 import yaml
 
+from rf_pointing.calibration import read_model
 from rf_pointing.ephemeris import find_elements, tle_lines, verification_elements
 from rf_pointing.nodes import track
 
+ROOT = Path(__file__).parents[2]
 RUNS = ["--min-peak", "40"]
 
 
@@ -79,11 +81,11 @@ def test_a_file_of_elements_is_used(tmp_path: Path) -> None:
     assert window.name == "MY BIRD"
 
 
-def test_the_command_line_reaches_the_nodes_as_parameters(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(track, "get_package_share_directory", lambda _: "/share/rf_pointing")
+def test_the_command_line_reaches_the_nodes_as_parameters(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(track, "get_package_share_directory", lambda _: str(ROOT))
     options = track.arguments(["--seed", "5", "--speed", "10", "--mask", "40", "--band", "Ka"])
     window = track.choose_pass(options)
-    sections = track.overrides(options, window)
+    sections = track.overrides(options, window, tmp_path)
     values = {name.rsplit("/", 1)[-1]: section["ros__parameters"] for name, section in sections.items()}
     assert values["antenna_servo"]["antenna.seed"] == values["rf_receiver"]["signal.seed"] == 5
     assert values["simulation_clock"]["speed"] == 10.0
@@ -94,19 +96,35 @@ def test_the_command_line_reaches_the_nodes_as_parameters(monkeypatch: pytest.Mo
     assert all(name.startswith("/**/") for name in sections)
 
 
-def test_a_catalogue_number_stays_text_in_the_parameter_file(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(track, "get_package_share_directory", lambda _: "/share/rf_pointing")
+@pytest.mark.parametrize(
+    ("station", "band"), [("Goldstone DSS-13", "S"), ("Goldstone DSS-13", "X"), ("Mauritius ISTRAC", "X")]
+)
+def test_the_commissioning_model_belongs_to_the_station_and_band_asked_for(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, station: str, band: str
+) -> None:
+    monkeypatch.setattr(track, "get_package_share_directory", lambda _: str(ROOT))
+    options = track.arguments(["--station", station, "--band", band, "--min-peak", "20"])
+    window = track.choose_pass(options)
+    said = track.overrides(options, window, tmp_path)["/**/bias_calibrator"]["ros__parameters"]
+    assert (said["calibrator.station"], said["calibrator.band"]) == (station, band)
+    file = read_model(said["calibrator.model_file"])
+    file.check_for(station, band, window.aos_t_s)
+    assert file.model == read_model(ROOT / "config" / "bias_model_dss13.yaml").model
+
+
+def test_a_catalogue_number_stays_text_in_the_parameter_file(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(track, "get_package_share_directory", lambda _: str(ROOT))
     options = track.arguments(RUNS)
-    sections = yaml.safe_load(yaml.safe_dump(track.overrides(options, track.choose_pass(options))))
+    sections = yaml.safe_load(yaml.safe_dump(track.overrides(options, track.choose_pass(options), tmp_path)))
     assert sections["/**/ephemeris_publisher"]["ros__parameters"]["source.satellite"] == "28057"
 
 
-def test_near_real_time_the_clock_ticks_with_the_servo(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(track, "get_package_share_directory", lambda _: "/share/rf_pointing")
+def test_near_real_time_the_clock_ticks_with_the_servo(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(track, "get_package_share_directory", lambda _: str(ROOT))
     ticks = {}
     for speed in ("1", "max", "50"):
         options = track.arguments([*RUNS, "--speed", speed])
-        sections = track.overrides(options, track.choose_pass(options))
+        sections = track.overrides(options, track.choose_pass(options), tmp_path)
         ticks[speed] = sections["/**/simulation_clock"]["ros__parameters"]["tick_s"]
     assert ticks == {"1": 0.02, "max": 0.1, "50": 0.1}
 

@@ -36,12 +36,12 @@ def campaign() -> tuple:
     sky = beacons(START_S)
     rules = ArcRules(arcs_s=(60.0, 120.0, 240.0), every_s=60.0, spacing_s=1.0, lowest_rad=0.19)
     candidates, _ = candidate_arcs(sky, STATION, START_S + 180.0, 2400.0, rules)
-    plan = plan_campaign(candidates, SectorRule(fewest=12), Slew(settle_s=70.0))
-    log = CalibrationLog("Goldstone DSS-13", "X", 0.5, 1.0 * MDEG, largest_error_rad=6.0 * MDEG, settle_s=40.0)
+    plan = plan_campaign(candidates, SectorRule(fewest=12), Slew(settle_s=55.0))
+    log = CalibrationLog("Goldstone DSS-13", "X", 0.5, 1.0 * MDEG, largest_error_rad=6.0 * MDEG, settle_s=25.0)
     by_name = {one.name: one for one in sky}
     for one in plan.passes:
         elements = by_name[one.name]
-        window = window_of(one, elements, STATION, 60.0)
+        window = window_of(one, elements, STATION, 45.0)
         station.track(TopocentricTrack(elements, STATION), window, sensor=True, log=log)
     fit = log.fit(old, pass_priors=PassPriors(along_track_m=5.0, cross_track_m=5.0, radial_m=5.0))
     return station, fit, plan
@@ -53,11 +53,10 @@ def test_the_campaign_covers_most_of_the_sky(campaign: tuple) -> None:
     assert fit.passes >= len(plan.passes) - 1, "a pass may be edited away as a whole"
 
 
-@pytest.mark.parametrize(("start", "peak_deg", "limit_mdeg"), [(1151424000.0, 19.0, 5.0), (None, 40.0, 8.0)])
+@pytest.mark.parametrize(("start", "peak_deg"), [(1151424000.0, 19.0), (None, 40.0)])
 def test_program_track_alone_misses_little_where_it_missed_by_more_than_100_mdeg(
-    campaign: tuple, start: float | None, peak_deg: float, limit_mdeg: float
+    campaign: tuple, start: float | None, peak_deg: float
 ) -> None:
-    """3.7 and 6.0 mdeg were measured; the higher pass shows the third derivative of the averaged lags."""
     station, fit, _ = campaign
     source = SourceParams(satellite="28057", station="Goldstone DSS-13")
     track = load_track(source)
@@ -70,4 +69,18 @@ def test_program_track_alone_misses_little_where_it_missed_by_more_than_100_mdeg
     calibrated = KinematicStation(station.params, station.mount, fit.model, random_stream(1, "x"))
     after = rms_mdeg(calibrated.track(track, window, sensor=False)[settled])
     assert before > 100.0
-    assert after < limit_mdeg
+    assert after < 5.0
+
+
+def test_the_fit_finds_the_planted_mount_and_the_averaged_lags_by_their_expansion(campaign: tuple) -> None:
+    """A lag x on an averaged rate is an acceleration lag of -x (T - x) beside itself."""
+    station, fit, _ = campaign
+    planted, found = station.mount.coefficients, fit.model.coefficients
+    average_s = station.params.lag_averaging_s
+    for axis, tolerance_s2 in (("azimuth", 0.3), ("elevation", 0.5)):
+        lag_s = planted[f"{axis}_velocity_lag"]
+        assert found[f"{axis}_velocity_lag"] == pytest.approx(lag_s, abs=0.01)
+        expected = planted[f"{axis}_acceleration_lag"] - lag_s * (average_s - lag_s)
+        assert found[f"{axis}_acceleration_lag"] == pytest.approx(expected, abs=tolerance_s2)
+    for name in ("azimuth_encoder_sine", "azimuth_encoder_cosine", "mislevel_east", "mislevel_north"):
+        assert found[name] == pytest.approx(planted[name], abs=1.0 * MDEG)

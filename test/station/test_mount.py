@@ -1,6 +1,7 @@
 """The simulated mount's errors: named as in SATCAL, and removed as exactly as the docstring says."""
 
 import dataclasses
+import math
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ from rf_pointing.calibration import TERMS, BiasModel
 from rf_pointing.ephemeris import Pass, TopocentricTrack
 from rf_pointing.geometry import MDEG, sky_offset_rad
 from rf_pointing.station.configuration import read_parameter_files
-from rf_pointing.station.mount import RENEWAL_S, MountError, MountParams
+from rf_pointing.station.mount import RENEWAL_S, MountError, MountParams, RateAverage
 
 CONFIG = Path(__file__).parents[2] / "config" / "dss13.yaml"
 CLAIMED_RAD = 0.03 * MDEG
@@ -81,3 +82,28 @@ def test_without_errors_the_beam_is_where_the_axes_are() -> None:
     axes = np.array([1.0, 0.7])
     sky = MountError(MountParams().model()).remove(0.0, axes, np.zeros(2), np.zeros(2))
     np.testing.assert_allclose(sky, axes, rtol=0.0, atol=1e-15)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_an_averaged_rate_is_the_rate_of_the_averaging_time_before_up_to_its_third_derivative(order: int) -> None:
+    """rate = t^order: the average is rate - T rate', without a term of the second derivative, + T^3 of the third."""
+    time_s, step_s, count = 2.0, 0.005, 40_000
+    average = RateAverage(time_s)
+    for t_s in step_s * np.arange(1, count + 1):
+        average.update(step_s, np.array([t_s**order, 0.0]))
+    t_s = step_s * count
+    wanted = t_s**order - time_s * order * t_s ** (order - 1)
+    third = 6.0 * time_s**3 if order == 3 else 0.0
+    # Half a step of the integration is a delay of its own.
+    assert average.rate_rad_s[0] == pytest.approx(wanted + third, abs=step_s * order * t_s ** (order - 1) + 1e-6)
+    assert average.acceleration_rad_s2[0] == pytest.approx(
+        order * t_s ** (order - 1) - time_s * order * (order - 1) * t_s ** max(order - 2, 0), rel=1e-3
+    )
+
+
+def test_an_average_hardly_follows_a_vibration() -> None:
+    average, largest = RateAverage(5.0), 0.0
+    for t_s in np.arange(0.0, 100.0, 0.02):
+        average.update(0.02, np.array([math.sin(2.0 * math.pi * 0.2 * t_s), 0.0]))
+        largest = max(largest, abs(float(average.rate_rad_s[0]))) if t_s > 80.0 else largest
+    assert largest == pytest.approx(1.0 / abs(1.0 - (2.0 * math.pi) ** 2 + 2.0j * math.pi), rel=0.05)

@@ -1,0 +1,61 @@
+"""What `calibrate` plans before anything is started, and how it goes on with a campaign that was interrupted."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rf_pointing.calibration import CandidatePass, Observations, SectorRule
+from rf_pointing.nodes import calibrate
+from rf_pointing.nodes.utc import parse_utc
+
+
+@pytest.fixture
+def few_beacons(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave every fifth beacon in the sky."""
+    whole = calibrate.beacons
+    monkeypatch.setattr(calibrate, "beacons", lambda epoch_t_s: whole(epoch_t_s)[::5])
+
+
+def options(tmp_path: Path, *more: str):
+    return calibrate.arguments(["--longest", "1200", "--fewest", "10", "--models", str(tmp_path), *more])
+
+
+def points_of(one: CandidatePass, number: int) -> Observations:
+    """Return what a calibrator would have kept of a piece of a pass."""
+    track = one.track
+    return Observations(
+        station="Goldstone DSS-13", band="X", t_s=track.t_s, pass_id=np.full(len(track.t_s), number),
+        observed_azimuth_rad=track.azimuth_rad, observed_elevation_rad=track.elevation_rad,
+        true_azimuth_rad=track.azimuth_rad, true_elevation_rad=track.elevation_rad,
+        azimuth_rate_rad_s=track.azimuth_rate_rad_s, elevation_rate_rad_s=track.elevation_rate_rad_s,
+        azimuth_acceleration_rad_s2=track.azimuth_acceleration_rad_s2,
+        elevation_acceleration_rad_s2=track.elevation_acceleration_rad_s2,
+        sigma_azimuth_rad=np.full(len(track.t_s), 1e-5), sigma_elevation_rad=np.full(len(track.t_s), 1e-5),
+    )  # fmt: skip
+
+
+@pytest.mark.usefixtures("few_beacons")
+def test_an_interrupted_campaign_goes_on_after_its_last_observation_where_the_sky_is_thin(tmp_path: Path) -> None:
+    _, whole, windows = calibrate.plan(options(tmp_path))
+    done = whole.passes[: len(whole.passes) // 2]
+    assert done
+    journal = calibrate.journal_of(options(tmp_path))
+    for number, one in enumerate(done):
+        journal.append(points_of(one, number))
+
+    _, rest, remaining = calibrate.plan(options(tmp_path, "--resume"))
+    kept = calibrate.journal_of(options(tmp_path)).points
+    before = SectorRule(fewest=10).coverage(kept.true_azimuth_rad, kept.true_elevation_rad)
+    assert remaining[0].aos_t_s > kept.t_s[-1]
+    assert windows[0].aos_t_s > parse_utc(calibrate.DEFAULT_START)
+    assert set(rest.coverage.thin) < set(before.thin)
+    for one in rest.passes:
+        seen = SectorRule(fewest=10).coverage(one.track.azimuth_rad, one.track.elevation_rad)
+        assert any(seen.counts[sector] for sector in before.thin), "a piece that only fills what is full already"
+    assert np.all(rest.coverage.counts >= before.counts)
+
+
+def test_without_observations_there_is_nothing_to_resume(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="no observations of Goldstone DSS-13 in band S to resume from"):
+        calibrate.plan(options(tmp_path, "--resume", "--band", "S"))
