@@ -6,6 +6,8 @@ The error of the sample before is what acts (the delay of Fig. 12).  Between sam
 line with the rate 2 pi f_m e(k), so the servo sees no staircase and its feedforward gets the exact rate; when the next
 sample is late the offset stops at the end of its line.
 
+A first error of half a beamwidth would ask for its whole rate at once; the rate changes by `acceleration_rad_s2` at most.
+
 Beyond the paper, e may be the mean of the latest errors: three at 10 Hz have their null at 3.3 Hz, where a bending mode
 would otherwise be driven through the delay of the commands that are sent ahead (docs/math/controllers.md).
 """
@@ -31,6 +33,9 @@ class TrackerIntegratorParams(Params):
     sample_s: float = parameter(0.1, "time between two errors", low=0.001, high=10.0)
     mean_of: int = parameter(1, "number of latest errors whose mean acts", low=1, high=50)
     offset_limit_rad: float = parameter(math.radians(1.0), "largest offset on either axis", low=1e-9, high=1.0)
+    acceleration_rad_s2: float = parameter(
+        math.radians(0.5), "largest change of the offset's rate in 1 s, on either axis", low=1e-6, high=1.0
+    )
 
 
 @dataclass(slots=True)
@@ -101,13 +106,17 @@ class TrackerIntegrator:
             For a non-finite error or a time before the previous one.
         """
         error = as_finite_array("error_rad", error_rad, (2,))
+        running = t_s <= self._state.end_s + 1e-6
         self._settle(t_s)
         if self._state.frozen:
             return
         latest = (*self._state.errors, (float(error[0]), float(error[1])))[-self._params.mean_of :]
         self._state.errors = latest
         mean = np.array(latest).sum(axis=0) / len(latest)
-        self._state.rate_rad_s = 2.0 * math.pi * self._params.bandwidth_hz * mean
+        wanted = 2.0 * math.pi * self._params.bandwidth_hz * mean
+        before = self._state.rate_rad_s if running else np.zeros(2)
+        largest = self._params.acceleration_rad_s2 * self._params.sample_s
+        self._state.rate_rad_s = before + np.clip(wanted - before, -largest, largest)
         self._state.end_s = t_s + self._params.sample_s
 
     def at(self, t_s: float) -> tuple[Array, Array]:

@@ -36,6 +36,11 @@ class Blend:
         bound = 4.0 * speed + math.sqrt(16.0 * speed**2 + 23.2 * acceleration_rad_s2 * distance)
         return cls(start_s, max(SHORTEST_S, bound / (2.0 * acceleration_rad_s2)), offset_rad, rate_rad_s)
 
+    @property
+    def end_s(self) -> float:
+        """When nothing is left of it; the infinite past for nothing at all."""
+        return -math.inf if self.offset_rad is None else self.start_s + self.duration_s
+
     def at(self, t_s: Array) -> tuple[Array, Array]:
         """Return offset and rate (n, 2) at the times (n,), none of them before the start."""
         if self.offset_rad is None or self.rate_rad_s is None or t_s[0] >= self.start_s + self.duration_s:

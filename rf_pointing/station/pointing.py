@@ -81,6 +81,9 @@ class PointingParams(Params):
     stop_deceleration_rad_s2: float = parameter(
         math.radians(0.5), "deceleration of a controlled stop", low=1e-5, high=1.0
     )
+    lag_averaging_s: float = parameter(
+        0.0, "time in which the lags of the mount build up after a start from rest (0: at once)", low=0.0, high=100.0
+    )
 
     def check_together(self) -> None:
         """Refuse a horizon that ends before the next trajectory can take over, and first points off the grid of periods.
@@ -136,7 +139,7 @@ class PointingController:
         self._turns_rad: float | None = None
         self._centre: dict[int, Array] = {}
         self._beam = BeamPosition()
-        self._path = AxisPath(params.period_s, self.plan.model_motion)
+        self._path = AxisPath(params.period_s, self.plan.model_motion, params.lag_averaging_s)
         self._stopping, self._moved, self._sensor = "", False, "program"
         self._last_sky = np.zeros(2)
         self.tally = Tally()
@@ -150,6 +153,7 @@ class PointingController:
         """Take new parameters between two periods."""
         self.params, self.limits, self._autotrack_params = params, limits, autotrack
         self.plan.take_limits(limits)
+        self._path.lag_averaging_s = params.lag_averaging_s
         self._table = Autotrack(autotrack.replace(sensor=self._table.params.sensor))
 
     def take_model(self, model: BiasModel) -> None:
@@ -211,7 +215,7 @@ class PointingController:
         self._pass, self._stopping, self._moved = window, "", False
         self._errors.clear()
         self._targets.clear()
-        self._path.clear()
+        self._path.restart()
         self._centre.clear()
         self._beam.clear()
         self.offsets.restart(t_s)
@@ -285,6 +289,7 @@ class PointingController:
                 carrier_to_noise_db_hz=error.carrier_to_noise_db_hz if error else -math.inf,
                 monopulse_valid=self._valid("monopulse", t_s),
                 conscan_valid=self._valid("conscan", t_s),
+                arriving=self.offsets.arriving(t_s),
                 fault=fault,
             ),
         )

@@ -31,6 +31,8 @@ FADE_S = 3.0
 """Time in which a coast forgets what the trim does not explain."""
 FOUND_SIGMA_BEAMWIDTHS = 0.25
 """How well the strongest carrier of a search says where the target is."""
+UNDERWAY_S = 0.5
+"""Time from a command's to the errors that the beam then has: transport, servo, cluster and the period of the controller."""
 STEEPEST_RAD = math.radians(88.0)
 """Elevation above which cross-elevation is no longer turned into ever larger azimuth."""
 RF_MODES = ("monopulse", "conscan", "steptrack")
@@ -78,6 +80,11 @@ class SkyOffsets:
         self._fade_s: float | None = None
         self._used_s = self._learned_s = -math.inf
         self._found: _Found | None = None
+        self._unseen = False
+
+    def arriving(self, t_s: float) -> bool:
+        """Whether the errors of `t_s` may still be those of the way to where the last change of mode sent the beam."""
+        return t_s < self._blend.end_s + UNDERWAY_S
 
     def listen(
         self, command_s: float, mode_before: str, state: AutotrackState, error: PointingError | None, beam: Array | None
@@ -103,18 +110,21 @@ class SkyOffsets:
         past = self._past.at(t_s)
         return np.zeros(2) if past is None else past[3:5]
 
-    def displacement(self, t_s: float) -> Array:
-        """Return how far the scans meant the beam to be from the centre at `t_s` (2,), zero where that is not known."""
-        past = self._past.at(t_s)
-        return np.zeros(2) if past is None else past[5:7]
+    def _displaced(self, t_s: float, past: Array | None, beam: Array | None) -> Array:
+        """Return where the beam was from the centre on purpose (2,): no error of the centre, and nothing to correct.
+
+        While it is on its way the encoders tell; once there, what they see is the wind, which is to be corrected.
+        """
+        if past is None or beam is None or not (self._scans.running or self.arriving(t_s)):
+            return np.zeros(2)
+        return np.asarray(beam - past[3:5])
 
     def add_trim(self, times: Array, target: Motion, range_m: Array) -> Motion:
         """Return the target's motion (n, 2) with trim and residual added; `range_m` (n,) is its distance."""
         rates = target.velocity * np.column_stack([np.cos(target.position[:, 1]), np.ones(len(times))])
         self._ahead = (times, np.column_stack([rates, range_m]))
         offset, rate = self._centre(times)
-        scan, _ = self._scan(times[:1])
-        self._past.add(float(times[0]), np.concatenate([self._ahead[1][0], offset[0], scan[0]]))
+        self._past.add(float(times[0]), np.concatenate([self._ahead[1][0], offset[0]]))
         return added(target, offset, rate)
 
     def add_scan(self, times: Array, sky: Motion) -> Motion:
@@ -123,10 +133,10 @@ class SkyOffsets:
 
     def _correct(self, command_s: float, error: PointingError, beam: Array | None) -> None:
         """Let one valid error act: on the loop at once, on the filter with the weight that it deserves."""
+        self._unseen = False
         past, sensed = self._past.at(error.t_s), _measured(error)
         if error.sensor == "monopulse":
-            # What the beam was displaced on purpose is no error of the centre.
-            self._integrator.update(command_s, sensed + self.displacement(error.t_s))
+            self._integrator.update(command_s, sensed + self._displaced(command_s, past, beam))
             direction, age_s, pause_s = None if beam is None else beam + sensed, 0.0, 0.0
         else:
             self._integrator.update(command_s, sensed)
@@ -159,6 +169,7 @@ class SkyOffsets:
             # The filter may never have heard a sensor before: then this is all it knows.
             self._filter.update(found.t_s, found.direction_rad, found.covariance_rad2, found.sky)
             residual = found.direction_rad - direction_rows(found.sky) @ self._filter.state.mean
+            self._unseen = True
         self._found = None
         self._integrator.retune(self._loops.get(mode, self._integrator.params))
         self._integrator.reset(command_s, residual)
@@ -166,7 +177,7 @@ class SkyOffsets:
         if mode not in RF_MODES:
             self._integrator.freeze(command_s)
             # Where a search heard the carrier is kept until a sensor has looked at it.
-            self._fade_s = command_s if self._filter.state.used and not found else None
+            self._fade_s = command_s if self._filter.state.used and not self._unseen else None
         self._scans.begin(mode, command_s, self._filter, self._sky_at(now))
         self._blend = Blend()
         after = [a + b for a, b in zip(self._centre(now), self._scan(now), strict=True)]

@@ -138,7 +138,9 @@ def _observe(params: AutotrackParams, state: AutotrackState, inputs: AutotrackIn
     since = (inputs.t_s if state.carrier_since_s is None else state.carrier_since_s) if present else None
     carrier = since is not None and (state.carrier or inputs.t_s - since >= params.confirm_s)
     strong = carrier and level >= (params.monopulse_off_db_hz if state.strong else params.monopulse_on_db_hz)
-    valid = {"monopulse": inputs.monopulse_valid, "conscan": inputs.conscan_valid}.get(state.mode, True)
+    valid = {"monopulse": inputs.monopulse_valid, "conscan": inputs.conscan_valid}.get(
+        state.mode, True
+    ) or inputs.arriving
     invalid = (inputs.t_s if state.invalid_since_s is None else state.invalid_since_s) if not valid else None
     seen = replace(state, carrier=carrier, strong=strong, carrier_since_s=since, invalid_since_s=invalid)
     if state.mode == "search" and level > state.peak_db_hz:

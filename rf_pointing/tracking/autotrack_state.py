@@ -51,6 +51,7 @@ class AutotrackInputs:
 
     `request` is idle, track, calibrate or stow.  `carrier_to_noise_db_hz` is the receiver's own, -inf for none or a stale one.
     `conscan_valid` is that of the last conscan estimate, true before the first one.
+    `arriving`: the beam is still brought to where it was sent, so that errors which are not valid yet say nothing.
     `fault` is why the sensor in use must not be trusted (sidelobe, sign flip), empty if it may be.
     """
 
@@ -61,6 +62,7 @@ class AutotrackInputs:
     carrier_to_noise_db_hz: float = -math.inf
     monopulse_valid: bool = False
     conscan_valid: bool = True
+    arriving: bool = False
     fault: str = ""
 
     def __post_init__(self) -> None:

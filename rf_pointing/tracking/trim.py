@@ -49,6 +49,9 @@ class TrimParams(Params):
     jitter_rad: float = parameter(0.5 * MDEG, "fast motion of the beam that is not the ephemeris", low=0.0, high=0.1)
     correlation_s: float = parameter(1.0, "time over which that motion is the same", low=0.0, high=60.0)
     gate_sigmas: float = parameter(6.0, "innovation beyond which a measurement is refused", low=2.0, high=100.0)
+    gate_patience: int = parameter(
+        3, "refusals in a row after which not the measurements are doubted but the filter", low=1, high=1000
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,15 +63,21 @@ class TrimState:
     covariance: Array
     used: int = 0
     refused: int = 0
+    refused_in_a_row: int = 0
 
 
 class TrimFilter:
-    """Kalman filter of the ephemeris error; `update` with what the fast loop found, `trim` for any time and coast."""
+    """Kalman filter of the ephemeris error; `update` with what the fast loop found, `trim` for any time and coast.
+
+    A filter that is sure of something wrong would refuse the truth for ever: after `gate_patience` refusals in a row it
+    knows again only what it was configured with.
+    """
 
     def __init__(self, params: TrimParams) -> None:
         self.params = params
         spread = np.array([params.along_track_s, params.cross_track_m, params.bias_rad, params.bias_rad])
-        self.state = TrimState(t_s=None, mean=np.zeros(4), covariance=np.diag(spread**2))
+        self._prior = np.diag(spread**2)
+        self.state = TrimState(t_s=None, mean=np.zeros(4), covariance=self._prior)
 
     def update(self, t_s: float, offset_rad: Array, covariance_rad2: Array, sky: SkyMotion) -> bool:
         """Take target minus predicted direction (2,) at `t_s`; return False where it lies outside the gate."""
@@ -79,9 +88,12 @@ class TrimFilter:
         innovation = offset - rows @ mean
         spread = rows @ covariance @ rows.T + noise
         if float(innovation @ np.linalg.solve(spread, innovation)) > self.params.gate_sigmas**2:
+            in_a_row = self.state.refused_in_a_row + 1
+            tired = in_a_row >= self.params.gate_patience
             self.state = TrimState(
-                t_s=t_s, mean=mean, covariance=covariance, used=self.state.used, refused=self.state.refused + 1
-            )
+                t_s=t_s, mean=np.zeros(4) if tired else mean, covariance=self._prior if tired else covariance,
+                used=self.state.used, refused=self.state.refused + 1, refused_in_a_row=0 if tired else in_a_row,
+            )  # fmt: skip
             return False
         gain = np.linalg.solve(spread, rows @ covariance).T
         keep = np.eye(4) - gain @ rows

@@ -109,3 +109,17 @@ def test_freezing_forgets_the_errors_before_it() -> None:
     integrator.unfreeze()
     integrator.update(0.3, (1e-6, 0.0))
     assert integrator.state.rate_rad_s[0] == pytest.approx(2.0 * math.pi * 0.04 * 1e-6, rel=1e-12)
+
+
+def test_the_rate_changes_no_faster_than_the_acceleration_allows() -> None:
+    limit, period_s = math.radians(0.4), 0.1
+    loop = TrackerIntegrator(TrackerIntegratorParams(bandwidth_hz=0.2, sample_s=period_s, acceleration_rad_s2=limit))
+    rates = []
+    for k in range(60):
+        error = math.radians(0.3) if k < 20 else -math.radians(0.3)
+        loop.update(period_s * k, (error, 0.1 * error))
+        rates.append(loop.at(period_s * k)[1])
+    steps = np.diff(np.array(rates), axis=0)
+    assert np.max(np.abs(steps)) == pytest.approx(limit * period_s, rel=1e-9)
+    # In the end it is the rate that the error asks for, on both axes.
+    np.testing.assert_allclose(rates[-1], -2.0 * math.pi * 0.2 * math.radians(0.3) * np.array([1.0, 0.1]), rtol=1e-12)

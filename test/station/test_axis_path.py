@@ -7,7 +7,7 @@ import pytest
 
 from rf_pointing.calibration import BiasModel
 from rf_pointing.ephemeris import Pass, TopocentricTrack
-from rf_pointing.station.axis_path import AxisPath, held
+from rf_pointing.station.axis_path import AxisPath, held, without_lags
 from rf_pointing.station.mount import MountParams
 from rf_pointing.station.target_buffer import TargetBuffer
 
@@ -79,3 +79,44 @@ def test_instants_that_are_not_covered_are_refused(track: TopocentricTrack, wind
     t_s = round(window.tca_t_s, 1)
     with pytest.raises(ValueError, match="is outside the known motion"):
         AxisPath(PERIOD_S).at(np.array([t_s + 5.0]), targets_at(track, t_s, 1.0), BiasModel.zero(), math.pi)
+
+
+def test_lags_build_up_from_rest_without_a_step_and_end_at_those_of_steady_motion(
+    track: TopocentricTrack, window: Pass, model: BiasModel
+) -> None:
+    start_s, averaging_s, near_rad = round(window.tca_t_s, 1), 0.4, math.pi
+    path, buffer = AxisPath(PERIOD_S, lag_averaging_s=averaging_s), targets_at(track, start_s, 4.9)
+    times = np.round(start_s + PERIOD_S * np.arange(1, 46), 6)
+    got = path.at(times, buffer, model, near_rad)
+    steady, still = held(buffer.at(times), model, near_rad), held(buffer.at(times), without_lags(model), near_rad)
+    lag = steady.position[0] - still.position[0]
+    assert np.max(np.abs(lag)) > math.radians(0.1)
+    np.testing.assert_allclose(got.position[0], still.position[0], atol=1e-12)
+    # Rows at the time constant and long after: 1 - 1/e of the lag, and all of it.
+    row = round(averaging_s / PERIOD_S)
+    wanted = still.position[row] + (1.0 - math.exp(-1.0)) * (steady.position[row] - still.position[row])
+    np.testing.assert_allclose(got.position[row], wanted, atol=1e-9)
+    np.testing.assert_allclose(got.position[-1], steady.position[-1], atol=2e-5 * float(np.max(np.abs(lag))) + 1e-12)
+    # Position, velocity and acceleration belong to one motion (Hermite's rule of the fifth order).
+    steps = 0.5 * PERIOD_S * (got.velocity[1:] + got.velocity[:-1])
+    steps += PERIOD_S**2 / 12.0 * (got.acceleration[:-1] - got.acceleration[1:])
+    np.testing.assert_allclose(np.diff(got.position, axis=0), steps, atol=5e-8)
+
+
+def test_a_new_model_in_the_middle_of_a_pass_does_not_start_the_lags_again(
+    track: TopocentricTrack, window: Pass, model: BiasModel
+) -> None:
+    start_s, near_rad = round(window.tca_t_s, 1), math.pi
+    path, buffer = AxisPath(PERIOD_S, lag_averaging_s=0.1), targets_at(track, start_s, 4.0)
+    path.at(np.array([start_s]), buffer, model, near_rad)
+    path.clear()
+    late = np.array([start_s + 3.0])
+    np.testing.assert_allclose(
+        path.at(late, buffer, model, near_rad).position, held(buffer.at(late), model, near_rad).position, atol=1e-12
+    )
+    path.restart()
+    np.testing.assert_allclose(
+        path.at(late, buffer, model, near_rad).position,
+        held(buffer.at(late), without_lags(model), near_rad).position,
+        atol=1e-12,
+    )

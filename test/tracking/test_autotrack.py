@@ -211,3 +211,12 @@ def test_page_about_autotrack_shows_the_table_as_it_is() -> None:
     page = (Path(__file__).parents[2] / "docs" / "math" / "autotrack.md").read_text()
     assert transition_table() in page
     assert transition_diagram() in page
+
+
+def test_invalid_errors_on_the_way_to_where_the_search_heard_the_carrier_do_not_count() -> None:
+    driver = Driver(sensor="monopulse")
+    driver.run(1.0, 50.0, monopulse_valid=True)
+    assert driver.state.mode == "monopulse"
+    assert driver.run(3.0, 50.0, monopulse_valid=False, arriving=True) == "monopulse"
+    assert driver.run(driver.table.params.patience_s, 50.0, monopulse_valid=False) == "monopulse"
+    assert driver.run(0.3, 50.0, monopulse_valid=False) == "coast"

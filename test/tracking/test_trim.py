@@ -113,3 +113,32 @@ def test_copied_state_continues_identically() -> None:
         fly(each, -10.0, 0.0, 0.1 * MDEG, "later")
     assert np.array_equal(trim.state.mean, twin.state.mean)
     assert np.array_equal(trim.state.covariance, twin.state.covariance)
+
+
+def test_a_filter_that_is_sure_of_something_wrong_gives_in_after_its_patience() -> None:
+    """Taught 0.6 s by a false lock, then told the truth: refused three times, learned again, and the coast is right."""
+    trim = TrimFilter(PARAMS)
+    for t_s in np.arange(-150.0, -100.0, 1.0):
+        sky = overhead_pass(float(t_s))
+        trim.update(
+            float(t_s), direction_rows(sky) @ np.array([0.6, 0.0, 0.0, 0.0]), np.eye(2) * (0.1 * MDEG) ** 2, sky
+        )
+    taken = []
+    rng = random_stream(6, "truth")
+    for t_s in np.arange(-100.0, -40.0, 1.0):
+        sky = overhead_pass(float(t_s))
+        measured = direction_rows(sky) @ TRUTH + 0.1 * MDEG * rng.standard_normal(2)
+        taken.append(trim.update(float(t_s), measured, np.eye(2) * (0.1 * MDEG) ** 2, sky))
+    assert taken[: PARAMS.gate_patience] == [False] * PARAMS.gate_patience
+    assert all(taken[PARAMS.gate_patience :])
+    assert np.all(np.abs(trim.state.mean - TRUTH) < 4.0 * np.sqrt(np.diag(trim.state.covariance)))
+
+
+def test_refusals_that_are_not_in_a_row_leave_the_filter_as_it_is() -> None:
+    trim = TrimFilter(PARAMS)
+    fly(trim, -100.0, -50.0, 0.1 * MDEG)
+    for t_s in (-49.0, -47.0, -45.0, -43.0):
+        sky, noise = overhead_pass(t_s), np.eye(2) * (0.1 * MDEG) ** 2
+        assert not trim.update(t_s, np.array([300.0, 300.0]) * MDEG, noise, sky)
+        assert trim.update(t_s + 1.0, direction_rows(overhead_pass(t_s + 1.0)) @ TRUTH, noise, overhead_pass(t_s + 1.0))
+    assert trim.state.refused == 4
