@@ -1,12 +1,13 @@
 """Speed of the arrays' cores.  Run: python benchmarks/arrays.py [--tables] [--workers N] [--music-inside] [--dask]
 
-All but the tables in processor time of one core, so that other work on the machine matters little.  Times MUSIC for the
+All but the tables in processor time of one core, so that other work on the machine matters little. Times MUSIC for the
 12-element array, refined to better than 1e-4 deg, per estimate in a batch (limit 150 us), and our own 1-deg grid search of
-the same covariances (limit: RMSE not worse).  Where pyargus is installed its 1-deg search is timed beside (limit: 20 times
-faster); it must find the nodes that ours finds, so that the RMSE of thousands of estimates is also its own.  doatools has
-no release on PyPI and is not compared; pyargus 1.1 needs numpy < 2 and matplotlib.  Times Tripulse's 20 000 trials of failed elements (limit 5 s) and its steps.  `--tables` runs DOA's Tables 1 and 2
-completely: 14 rows, 200 trials, 20 000 steps, refined and on the grid (limits: 10 min on 2 workers, 4 GB), `--dask` on a
-local Dask cluster instead of a process pool.  The exit status says whether the limits are kept.
+the same covariances (limit: RMSE not worse). Where pyargus is installed its 1-deg search is timed beside (limit: 20 times
+faster); it must find the nodes that ours finds, so that the RMSE of thousands of estimates is also its own. doatools has no
+release on PyPI and is not compared; pyargus 1.1 needs numpy < 2 and matplotlib. Times Tripulse's 20 000 trials of failed
+elements (limit 5 s) and its steps. `--tables` runs DOA's Tables 1 and 2 completely: 14 rows, 200 trials, 20 000 steps,
+refined and on the grid (limits: 10 min on 2 workers, 4 GB), `--dask` on a local Dask cluster instead of a process pool. The
+exit status says whether the limits are kept.
 """
 
 import argparse

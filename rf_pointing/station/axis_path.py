@@ -1,12 +1,13 @@
 """The axis motion that holds the beam on the target, ahead of time: target motion through the bias model, in blocks.
 
-The lags of a bias model are those of steady motion.  Axes that start from rest have none yet: over `lag_averaging_s` they
-build up as 1 - exp(-t/T), and so does what is commanded against them.
+The lags of a bias model are those of steady motion.  Axes that start from rest have none yet: they build up as the average
+of the rates does that they act on (two poles, T = `lag_averaging_s`), and so does what is commanded against them.
 
 The exact bias model costs the same for one instant as for twenty, so a block of coming instants is computed at once and
 kept until it is used up or something changes.
 """
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -22,7 +23,7 @@ __all__ = ["AxisPath"]
 Array = NDArray[np.float64]
 ThroughModel = Callable[[Motion, BiasModel], Motion]
 """How a motion on the sky becomes one of the axes."""
-SETTLED = 10.0
+SETTLED = 20.0
 """Averaging times after which the lags are there: exp(-10) of half a degree is 0.02 mdeg."""
 
 
@@ -90,9 +91,16 @@ def without_lags(model: BiasModel) -> BiasModel:
 
 
 def settling(at_rest: Motion, steady: Motion, since_s: Array, averaging_s: float) -> Motion:
-    """Return what leads from `at_rest` to `steady` (n, 2), `since_s` (n,) after the axes began to move."""
-    left = np.exp(-since_s / averaging_s)[:, None]
-    share, rate, slope = 1.0 - left, left / averaging_s, -left / averaging_s**2
+    """Return what leads from `at_rest` to `steady` (n, 2), `since_s` (n,) after the axes began to move.
+
+    The way is the step response of 1 / (1 + T s + T^2 s^2), with its derivatives.
+    """
+    omega = 0.5 * math.sqrt(3.0) / averaging_s
+    decay, phase = np.exp(-0.5 * since_s / averaging_s)[:, None], (omega * since_s)[:, None]
+    sine, cosine = decay * np.sin(phase), decay * np.cos(phase)
+    share = 1.0 - cosine - sine / math.sqrt(3.0)
+    rate = sine / (averaging_s**2 * omega)
+    slope = (cosine - sine / math.sqrt(3.0)) / averaging_s**2
     position, velocity, acceleration = (b - a for a, b in zip(at_rest, steady, strict=True))
     return Motion(
         at_rest.position + share * position,
