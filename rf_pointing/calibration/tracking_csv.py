@@ -1,5 +1,6 @@
 """Raw tracking and calibration points as CSV: angles in degrees at this edge, radians inside."""
 
+from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
 
@@ -28,6 +29,7 @@ def read_tracking(path: str | Path) -> RawTracking:
     good = column.get("good", np.ones(len(column["t_s"])))
     if not np.all(np.isin(good, (0.0, 1.0))):
         raise ValueError(f"{path}: column good must hold 0 or 1")
+    _refuse_radians(path, column, "")
     return RawTracking(
         station=table.notes["station"],
         band=table.notes["band"],
@@ -57,9 +59,11 @@ def write_tracking(path: str | Path, raw: RawTracking) -> None:
 
 
 def read_observations(path: str | Path) -> Observations:
-    """Read calibration points; raises ValueError naming file and line."""
+    """Read calibration points; raises ValueError naming the file, and the line of a damaged one."""
     needed = [_edge(name) for name in _point_columns() if name not in _POINT_OPTIONAL]
     table = read_table(path, _NOTES[:2], needed, _POINT_OPTIONAL)
+    for kind in ("observed_", "true_"):
+        _refuse_radians(path, table.columns, kind)
     columns = {}
     for name, value in table.columns.items():
         core, _ = from_degrees(name, 0.0)
@@ -67,7 +71,10 @@ def read_observations(path: str | Path) -> Observations:
     if not np.all(columns["pass_id"] == np.round(columns["pass_id"])):
         raise ValueError(f"{path}: column pass_id must hold whole numbers")
     pass_id = columns.pop("pass_id").astype(np.int64)
-    return Observations(station=table.notes["station"], band=table.notes["band"], pass_id=pass_id, **columns)
+    try:
+        return Observations(station=table.notes["station"], band=table.notes["band"], pass_id=pass_id, **columns)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
 
 
 def write_observations(path: str | Path, points: Observations) -> None:
@@ -84,6 +91,16 @@ def edge_columns(points: Observations) -> dict[str, Array]:
             edge = _edge(name)
             columns[edge] = np.degrees(value) if edge != name else value.astype(np.float64)
     return columns
+
+
+def _refuse_radians(path: str | Path, columns: Mapping[str, Array], kind: str) -> None:
+    """Refuse angles that make sense as radians only: no antenna is calibrated below 2 deg next to north."""
+    azimuth, elevation = columns[f"{kind}azimuth_deg"], columns[f"{kind}elevation_deg"]
+    if np.all(np.abs(elevation) <= 0.5 * np.pi) and np.all(np.abs(azimuth) <= 3.0 * np.pi):
+        raise ValueError(
+            f"{path}: {kind}elevation_deg is at most {np.max(elevation):.3f} and {kind}azimuth_deg at most "
+            f"{np.max(azimuth):.3f} in all {len(azimuth)} rows; radians given where degrees are expected?"
+        )
 
 
 def _point_columns() -> tuple[str, ...]:

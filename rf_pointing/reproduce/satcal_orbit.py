@@ -19,6 +19,7 @@ from rf_pointing.calibration.orbit import (
     look,
     preliminary_orbit,
     propagate,
+    times_of,
 )
 from rf_pointing.calibration.orbit.measurements import measured
 from rf_pointing.reproduce.satcal_data import APRIL_T_S, INJECTION_T_S, IRS_P3, IRS_P3_APRIL, SITES
@@ -114,13 +115,16 @@ def batch_check(
     start = IRS_P3_APRIL.state()
     ranges_only = fit_orbit(APRIL_T_S, start, network, _GRAVITY)
 
-    def solved(left_over: dict[str, Array], sigma_rad: float) -> OrbitResult:
-        arcs = _radar_arcs(radar_passes, left_over, noise, sigma_rad)
-        return fit_orbit(APRIL_T_S, ranges_only.state, [*network, *arcs], _GRAVITY)
-
     raw = {name: _offsets(radar_passes, model) for name, model in planted.items()}
     better = {name: raw[name] - _offsets(radar_passes, fitted[name]) for name in planted}
     none = {name: np.zeros_like(offset) for name, offset in raw.items()}
+    times = times_of([*network, *_radar_arcs(radar_passes, none, noise, _ANGLE_RAD)])
+    begun = propagate(APRIL_T_S, ranges_only.state, times, _GRAVITY, with_partials=True)
+
+    def solved(left_over: dict[str, Array], sigma_rad: float) -> OrbitResult:
+        arcs = _radar_arcs(radar_passes, left_over, noise, sigma_rad)
+        return fit_orbit(APRIL_T_S, ranges_only.state, [*network, *arcs], _GRAVITY, orbit=begun)
+
     biases = [0.0] * len(network) + [axis for offset in raw.values() for axis in offset]
     trial = solved(none, _ANGLE_RAD)
     sigma_rad = _weight_for(target_shift_m, ranges_only, trial, trial.shift_from(biases))

@@ -57,3 +57,17 @@ def test_overlapping_passes_are_never_both_taken(track):
     assert [c.name for c in campaign.passes] == ["rich", "later"]
     assert campaign.full_at_t_s is None
     assert len(campaign.coverage.thin) > 0
+
+
+def test_a_campaign_goes_on_where_an_interrupted_one_left_the_sky_thin(candidates):
+    whole = plan_campaign(candidates, SMALL, SLEW)
+    done = whole.passes[: len(whole.passes) // 2]
+    already = filled(done, SMALL).counts
+    later = [c for c in candidates if c.start_t_s > done[-1].end_t_s]
+    rest = plan_campaign(later, SMALL, SLEW, already)
+    assert 0 < len(rest.passes) < len(whole.passes)
+    assert rest.coverage.thin == ()
+    assert np.array_equal(rest.coverage.counts, already + filled(rest.passes, SMALL).counts)
+    nothing = plan_campaign(later, SMALL, SLEW, whole.coverage.counts)
+    assert nothing.passes == ()
+    assert nothing.coverage.thin == ()

@@ -1,12 +1,13 @@
 """The command line from data files to a model file and a report; bad input writes nothing."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 pytest.importorskip("rclpy", reason="the executables live beside the nodes", exc_type=ImportError)
-from rf_pointing.calibration import BiasModel, ModelFile, Observations, read_model, write_observations
+from rf_pointing.calibration import BiasModel, ModelFile, Observations, read_model, write_model, write_observations
 from rf_pointing.geometry import MDEG
 from rf_pointing.nodes import fit_bias_model, plan_calibration
 
@@ -37,6 +38,14 @@ def points(passes: int = 12, **changes: object) -> Observations:
             )
         )  # fmt: skip
     return Observations.concatenate(parts)
+
+
+def at_one_elevation() -> Observations:
+    """Return the same with every point of every pass at 40 deg of elevation."""
+    data = points()
+    flat = np.full(len(data), math.radians(40.0))
+    moved = data.observed_elevation_rad - data.true_elevation_rad + flat
+    return replace(data, true_elevation_rad=flat, observed_elevation_rad=moved)
 
 
 @pytest.fixture(scope="module")
@@ -86,24 +95,80 @@ def test_bad_input_is_refused_in_words_and_writes_nothing(done, tmp_path, capsys
     assert not (tmp_path / "x.yaml").exists()
 
 
-@pytest.mark.parametrize("kind", ["single pass", "one elevation", "nan", "degrees"])
-def test_data_that_cannot_give_a_model_are_refused(tmp_path, capsys, kind):
-    data = points(passes=1 if kind == "single pass" else 4)
-    if kind == "one elevation":
-        data = data.select(np.abs(data.true_elevation_rad - data.true_elevation_rad[0]) < 1e-3)
-    write_observations(tmp_path / "p.csv", data)
+def cells(lines: list[str], row: int, **values: str) -> None:
+    """Put text into columns of one row of a table."""
+    header = next(line for line in lines if not line.startswith("#")).split(",")
+    fields = lines[row].split(",")
+    for name, value in values.items():
+        fields[header.index(name)] = value
+    lines[row] = ",".join(fields)
+
+
+def swapped(line: str, header: list[str]) -> str:
+    fields = line.split(",")
+    for kind in ("observed", "true"):
+        a, b = header.index(f"{kind}_azimuth_deg"), header.index(f"{kind}_elevation_deg")
+        fields[a], fields[b] = fields[b], fields[a]
+    return ",".join(fields)
+
+
+def in_radians(line: str, header: list[str]) -> str:
+    values = zip(header, line.split(","), strict=True)
+    return ",".join(repr(math.radians(float(v))) if "_deg" in name else v for name, v in values)
+
+
+@pytest.mark.parametrize(
+    ("kind", "complaint"),
+    [
+        ("single pass", "passes=1 must be >= fewest_passes=3"),
+        ("one elevation", "the data cannot separate"),
+        ("nan", "line 11: true_elevation_deg=nan must be finite"),
+        ("a repeated time", "repeats t_s[7]"),
+        ("swapped columns", "degrees given, or azimuth and elevation swapped?"),
+        ("one angle of another unit", "within 3 pi; degrees given?"),
+        ("radians", "radians given where degrees are expected?"),
+        ("two stations", "station is mixed: Goldstone DSS-13, gs2"),
+        ("a model of another station", "is of station 'gs2', must be of 'Goldstone DSS-13'"),
+        ("rubbish for a recording", "r.mcap"),
+        ("rubbish for a TDM", "line 2"),
+    ],
+)
+def test_data_that_cannot_give_a_model_are_refused_and_nothing_is_written(done, tmp_path, capsys, kind, complaint):
+    arguments = [str(tmp_path / "p.csv")]
+    write_observations(tmp_path / "p.csv", at_one_elevation() if kind == "one elevation" else
+                       points(passes=1 if kind == "single pass" else 4))  # fmt: skip
     lines = (tmp_path / "p.csv").read_text().splitlines()
+    header = lines[2].split(",")
     if kind == "nan":
-        lines[10] = lines[10].replace(lines[10].split(",")[2], "nan")
-    if kind == "degrees":
-        lines[10] = ",".join([*lines[10].split(",")[:2], "5000.0", *lines[10].split(",")[3:]])
+        cells(lines, 10, true_elevation_deg="nan")
+    if kind == "a repeated time":
+        cells(lines, 11, t_s=lines[10].split(",")[header.index("t_s")])
+    if kind == "one angle of another unit":
+        cells(lines, 10, observed_azimuth_deg="5000.0")
+    if kind == "swapped columns":
+        lines = [*lines[:3], *(swapped(line, header) for line in lines[3:])]
+    if kind == "radians":
+        lines = [*lines[:3], *(in_radians(line, header) for line in lines[3:])]
     (tmp_path / "p.csv").write_text("\n".join(lines) + "\n")
-    with pytest.raises(SystemExit):
-        fit_bias_model.main([str(tmp_path / "p.csv"), "--output", str(tmp_path / "x.yaml")])
-    said = capsys.readouterr().err
-    wanted = {"single pass": "passes=1 must be", "one elevation": "", "nan": "line 11", "degrees": "within 3 pi"}
-    assert wanted[kind] in said
+    if kind == "two stations":
+        (tmp_path / "q.csv").write_text("\n".join(["# station: gs2", *lines[1:]]) + "\n")
+        arguments.append(str(tmp_path / "q.csv"))
+    if kind == "a model of another station":
+        write_model(tmp_path / "m.yaml", replace(read_model(done / "m.yaml"), station="gs2"))
+        arguments += ["--start-model", str(tmp_path / "m.yaml")]
+    for suffix, content in (("mcap", b"rubbish" * 50), ("tdm", b"CCSDS_TDM_VERS = 2.0\nrubbish\n")):
+        if kind in ("rubbish for a recording", "rubbish for a TDM"):
+            (tmp_path / f"r.{suffix}").write_bytes(content)
+    arguments += {
+        "rubbish for a recording": [str(tmp_path / "r.mcap")],
+        "rubbish for a TDM": [str(tmp_path / "r.tdm")],
+    }.get(kind, [])
+    with pytest.raises(SystemExit) as ended:
+        fit_bias_model.main([*arguments, "--output", str(tmp_path / "x.yaml")])
+    assert ended.value.code == 2
+    assert complaint in capsys.readouterr().err
     assert not (tmp_path / "x.yaml").exists()
+    assert not (tmp_path / "x_report").exists()
 
 
 def test_plans_say_what_stays_thin_and_which_passes_help(capsys):

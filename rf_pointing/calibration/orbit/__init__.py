@@ -1,6 +1,6 @@
 """Orbit check: does an orbit from corrected angles agree with the reference better than one from raw angles?"""
 
-from rf_pointing.calibration.orbit.batch import Arc, OrbitResult, fit_orbit
+from rf_pointing.calibration.orbit.batch import Arc, OrbitResult, fit_orbit, times_of
 from rf_pointing.calibration.orbit.earth import Site
 from rf_pointing.calibration.orbit.elements import Elements
 from rf_pointing.calibration.orbit.measurements import Look, look
@@ -19,5 +19,6 @@ __all__ = [
     "look",
     "preliminary_orbit",
     "propagate",
+    "times_of",
     "visits",
 ]

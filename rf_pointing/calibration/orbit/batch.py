@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.calibration.orbit.earth import Site
 from rf_pointing.calibration.orbit.measurements import KINDS, measured, partials
-from rf_pointing.calibration.orbit.motion import Gravity, propagate
+from rf_pointing.calibration.orbit.motion import Gravity, Trajectory, propagate
 from rf_pointing.geometry import as_finite_array, require_choice, wrap_rad
 
-__all__ = ["Arc", "OrbitResult", "fit_orbit"]
+__all__ = ["Arc", "OrbitResult", "fit_orbit", "times_of"]
 
 Array = NDArray[np.float64]
 
@@ -68,15 +68,28 @@ class OrbitResult:
         )
 
 
-def fit_orbit(epoch_t_s: float, guess: ArrayLike, arcs: Sequence[Arc], gravity: Gravity) -> OrbitResult:
+def times_of(arcs: Sequence[Arc]) -> Array:
+    """Return the times (n,) at which the arcs need the orbit."""
+    return np.unique(np.concatenate([arc.t_s for arc in arcs]))
+
+
+def fit_orbit(
+    epoch_t_s: float, guess: ArrayLike, arcs: Sequence[Arc], gravity: Gravity, *, orbit: Trajectory | None = None
+) -> OrbitResult:
     """Return the orbit that fits all arcs best, from a `guess` (6,) of the state at the epoch.
 
-    Raises ValueError if the arcs do not determine six elements or the iteration does not settle.
+    `orbit` is that of the guess at `times_of(arcs)` with its partials, where it is known already.  Raises ValueError if
+    the arcs do not determine six elements, the iteration does not settle, or `orbit` is given at other times.
     """
     state = as_finite_array("guess", guess, (6,)).copy()
-    times = np.unique(np.concatenate([arc.t_s for arc in arcs]))
+    times = times_of(arcs)
+    if orbit is not None and not np.array_equal(orbit.t_s, times):
+        raise ValueError(f"orbit is given at {len(orbit.t_s)} times, must be at the {len(times)} times of the arcs")
+    known = orbit
     for iteration in range(1, _MAX_ITERATIONS + 1):
-        matrix, residuals = _linearised(epoch_t_s, state, arcs, times, gravity)
+        now = known or propagate(epoch_t_s, state, times, gravity, with_partials=True)
+        matrix, residuals = _linearised(now, arcs)
+        known = None
         sigma = np.concatenate([arc.sigma for arc in arcs])
         inverse, covariance, condition = _pseudo_inverse(matrix / sigma[:, np.newaxis])
         step = inverse @ (np.concatenate(residuals) / sigma)
@@ -88,15 +101,12 @@ def fit_orbit(epoch_t_s: float, guess: ArrayLike, arcs: Sequence[Arc], gravity: 
     raise ValueError(f"orbit fit has not settled after {_MAX_ITERATIONS} iterations")
 
 
-def _linearised(
-    epoch_t_s: float, state: Array, arcs: Sequence[Arc], times: Array, gravity: Gravity
-) -> tuple[Array, list[Array]]:
-    orbit = propagate(epoch_t_s, state, times, gravity, with_partials=True)
+def _linearised(orbit: Trajectory, arcs: Sequence[Arc]) -> tuple[Array, list[Array]]:
     if orbit.partials is None:
-        raise ValueError("orbit.partials=None: they were asked for")
+        raise ValueError("orbit.partials=None: they are needed")
     rows, residuals = [], []
     for arc in arcs:
-        place, column = np.searchsorted(times, arc.t_s), KINDS.index(arc.kind)
+        place, column = np.searchsorted(orbit.t_s, arc.t_s), KINDS.index(arc.kind)
         states = orbit.states[place]
         computed = measured(arc.t_s, states, arc.site)[:, column]
         difference = arc.values - computed

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 EARTH_RADIUS_M = 6378137.0
 _STEP_M, _STEP_M_S = 10.0, 0.01
-_RELATIVE_TOLERANCE = 1e-12
+_RELATIVE_TOLERANCE = 1e-11
 
 
 @dataclass(frozen=True, kw_only=True)

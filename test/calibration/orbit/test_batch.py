@@ -12,6 +12,7 @@ from rf_pointing.calibration.orbit import (
     look,
     preliminary_orbit,
     propagate,
+    times_of,
 )
 from rf_pointing.calibration.orbit.preliminary import starting_state
 
@@ -53,6 +54,16 @@ def test_noiseless_arcs_return_the_orbit_from_a_displaced_guess(arcs):
     found = fit_orbit(EPOCH, guess, arcs, GRAVITY)
     assert np.linalg.norm((found.state - START)[:3]) < 1e-3
     assert max(float(np.max(np.abs(r))) for r in found.residuals[3:]) < 1e-3
+
+
+def test_an_orbit_that_is_known_already_gives_the_same_fit_and_one_at_other_times_is_refused(arcs):
+    guess = START + np.array([30.0, -20.0, 10.0, 0.03, 0.02, -0.04])
+    known = propagate(EPOCH, guess, times_of(arcs), GRAVITY, with_partials=True)
+    assert np.array_equal(
+        fit_orbit(EPOCH, guess, arcs, GRAVITY, orbit=known).state, fit_orbit(EPOCH, guess, arcs, GRAVITY).state
+    )
+    with pytest.raises(ValueError, match="orbit is given at"):
+        fit_orbit(EPOCH, guess, arcs[:3], GRAVITY, orbit=known)
 
 
 def test_noisy_arcs_return_the_orbit_within_its_covariance(arcs, random):
