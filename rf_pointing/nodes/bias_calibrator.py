@@ -199,7 +199,10 @@ class BiasCalibrator(ManagedNode):
                 self._keeper.model, terms=tuple(request.terms), pass_priors=self.parameters.value("orbit")
             )
             file = ModelFile.from_fit(
-                fit, name=request.name or f"fit-{now_s:.0f}", software=f"rf_pointing {__version__}", created_t_s=now_s
+                fit,
+                name=request.name or self._keeper.free_name(f"fit-{now_s:.0f}"),
+                software=f"rf_pointing {__version__}",
+                created_t_s=now_s,
             )
             self._keeper.propose(file)
         except ValueError as refusal:

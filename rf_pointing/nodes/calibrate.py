@@ -65,7 +65,7 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
         "--start", metavar="UTC", default=DEFAULT_START, help=f"simulated time (default: {DEFAULT_START})"
     )
     parser.add_argument(
-        "--longest", metavar="S", type=float, default=2400.0, help="simulated time at most (default: 2400)"
+        "--longest", metavar="S", type=float, default=4800.0, help="simulated time at most (default: 4800)"
     )
     parser.add_argument("--fewest", type=int, default=25, help="observations in each sector (default: 25)")
     parser.add_argument("--ephemeris-error", metavar="S", type=float, default=0.0, help="of the beacons (default: 0)")
@@ -94,7 +94,7 @@ def plan(options: argparse.Namespace) -> tuple[list[Elements], Campaign, list[Pa
     """Return the beacons, the campaign and the passes to track; ValueError when nothing can be tracked."""
     start_s = parse_utc(options.start)
     elements, place = beacons(start_s), site(options.station)
-    rules = ArcRules(arcs_s=ARCS_S, every_s=30.0, spacing_s=SPACING_S, lowest_rad=math.radians(11.0))
+    rules = ArcRules(arcs_s=ARCS_S, every_s=60.0, spacing_s=SPACING_S, lowest_rad=math.radians(11.0))
     slew = Slew(settle_s=ACQUISITION_S + 10.0)
     rule = SectorRule(fewest=options.fewest, most=max(30, options.fewest))
     filled, last_s = progress_so_far(options, rule) if options.resume else (None, start_s)

@@ -46,6 +46,11 @@ class ModelKeeper:
             self._start.check_for(self._station, self._band, t_s)
             self.active = self._start
 
+    def free_name(self, stem: str) -> str:
+        """Return `stem`, with a number behind it if a version of that name is kept already."""
+        taken = self._store.names() if self._store is not None else ()
+        return next(name for k in range(1, len(taken) + 2) if (name := stem if k == 1 else f"{stem}-{k}") not in taken)
+
     def propose(self, file: ModelFile) -> None:
         """Make `file` the candidate in place of an earlier one, and begin to score it."""
         file.check_for(self._station, self._band, file.valid_from_t_s)

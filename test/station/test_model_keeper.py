@@ -78,6 +78,16 @@ def test_a_better_candidate_says_so():
     assert kept.verdict_text().startswith("better after 4 passes")
 
 
+def test_a_second_fit_at_the_same_simulated_time_gets_a_name_of_its_own(tmp_path):
+    kept = keeper(str(tmp_path))
+    assert kept.free_name("fit-1") == "fit-1"
+    for name in ("fit-1", "fit-1-2"):
+        assert kept.free_name("fit-1") == name
+        kept.propose(model_file(name))
+    assert kept.free_name("fit-1") == "fit-1-3"
+    assert keeper().free_name("fit-1") == "fit-1"
+
+
 def test_each_band_has_models_of_its_own(tmp_path):
     kept = keeper(str(tmp_path))
     kept.propose(model_file("new"))
