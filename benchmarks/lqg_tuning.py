@@ -19,7 +19,7 @@ from rf_pointing.controllers import TUNED_RADIO_BANDWIDTH_HZ, LqgDesign, LqgWeig
 from rf_pointing.geometry import AXES
 from rf_pointing.identification import STRAIGHT, ExcitationParams, StateSpace, identify
 from rf_pointing.reproduce.servo_identification import record
-from rf_pointing.reproduce.servo_sampled import AxisResponse, LawResponse, LoopQuality, loop_quality
+from rf_pointing.reproduce.servo_sampled import AxisResponse, LawResponse, LoopQuality, loop_quality, published_radio
 from rf_pointing.servo import dss13_plant
 
 PEAK, HIGH_GAIN, HIGH_HZ = 1.95, 25.0, 5.0
@@ -48,7 +48,7 @@ def design(model: StateSpace, values: np.ndarray) -> LqgDesign:
 def judge(law: LqgDesign, responses: list[AxisResponse]) -> tuple[list[LoopQuality], float]:
     """Return the qualities on every antenna and the largest gain of the law from 5 Hz on."""
     response = LawResponse(law)
-    found = [loop_quality(antenna, response, TUNED_RADIO_BANDWIDTH_HZ, 8.0) for antenna in responses]
+    found = [loop_quality(antenna, response, published_radio(TUNED_RADIO_BANDWIDTH_HZ), 8.0) for antenna in responses]
     return found, float(np.max(np.abs(response.gain[responses[0].frequency_hz >= HIGH_HZ])))
 
 

@@ -13,7 +13,14 @@ import numpy as np
 from scipy.optimize import minimize
 
 from rf_pointing.controllers import PositionLoopParams
-from rf_pointing.reproduce.servo_sampled import AxisResponse, LawResponse, LoopQuality, Variation, loop_quality
+from rf_pointing.reproduce.servo_sampled import (
+    AxisResponse,
+    LawResponse,
+    LoopQuality,
+    Variation,
+    loop_quality,
+    published_radio,
+)
 from rf_pointing.servo import dss13_plant
 
 PEAK, HIGH_GAIN = 1.95, 25.0
@@ -45,7 +52,7 @@ def loop(values: np.ndarray) -> PositionLoopParams:
 
 def qualities(responses: list[AxisResponse], values: np.ndarray, radio_hz: float) -> list[LoopQuality]:
     law = LawResponse(loop(values))
-    return [loop_quality(response, law, radio_hz, 8.0) for response in responses]
+    return [loop_quality(response, law, published_radio(radio_hz), 8.0) for response in responses]
 
 
 def cost(values: np.ndarray, responses: list[AxisResponse], radio_hz: float) -> float:

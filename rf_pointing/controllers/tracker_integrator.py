@@ -8,8 +8,9 @@ sample is late the offset stops at the end of its line.
 
 A first error of half a beamwidth would ask for its whole rate at once; the rate changes by `acceleration_rad_s2` at most.
 
-Beyond the paper, e may be the mean of the latest errors: three at 10 Hz have their null at 3.3 Hz, where a bending mode
-would otherwise be driven through the delay of the commands that are sent ahead (docs/math/controllers.md).
+Beyond the paper, e may be the mean of the latest errors while that mean is small.  Five at 10 Hz have nulls at 2 and 4 Hz
+and leave too little of the bending modes between to be driven through the delay of commands that are sent ahead, whatever
+its phase; an error to be caught, after a search, acts at once (docs/math/controllers.md).
 """
 
 import math
@@ -32,6 +33,9 @@ class TrackerIntegratorParams(Params):
     bandwidth_hz: float = parameter(0.04, "f_m of H = 2 pi f_m / s", low=0.0, high=5.0)
     sample_s: float = parameter(0.1, "time between two errors", low=0.001, high=10.0)
     mean_of: int = parameter(1, "number of latest errors whose mean acts", low=1, high=50)
+    mean_within_rad: float = parameter(
+        math.radians(0.01), "size of the mean up to which it acts, the newest error alone beyond", low=0.0, high=1.0
+    )
     offset_limit_rad: float = parameter(math.radians(1.0), "largest offset on either axis", low=1e-9, high=1.0)
     acceleration_rad_s2: float = parameter(
         math.radians(0.5), "largest change of the offset's rate in 1 s, on either axis", low=1e-6, high=1.0
@@ -113,7 +117,8 @@ class TrackerIntegrator:
         latest = (*self._state.errors, (float(error[0]), float(error[1])))[-self._params.mean_of :]
         self._state.errors = latest
         mean = np.array(latest).sum(axis=0) / len(latest)
-        wanted = 2.0 * math.pi * self._params.bandwidth_hz * mean
+        acting = mean if math.hypot(mean[0], mean[1]) <= self._params.mean_within_rad else error
+        wanted = 2.0 * math.pi * self._params.bandwidth_hz * acting
         before = self._state.rate_rad_s if running else np.zeros(2)
         largest = self._params.acceleration_rad_s2 * self._params.sample_s
         self._state.rate_rad_s = before + np.clip(wanted - before, -largest, largest)

@@ -36,8 +36,8 @@ TICK_S = 0.02
 class PassSetup:
     """What a run is made of; `late_s` is how far the target's azimuth and elevation run behind the ephemeris.
 
-    `cluster` is the number of latest radio samples that are averaged, 0 or 1 for none.  `settled` starts the antenna
-    in motion with the target; otherwise it starts at rest on the first point.
+    `cluster` is the number of latest radio samples that are averaged, 0 or 1 for none, `mean_of` that of latest errors.
+    `settled` starts the antenna in motion with the target; otherwise it starts at rest on the first point.
     """
 
     plant: PlantParams = field(default_factory=lambda: dss13_plant(ideal=True))
@@ -50,6 +50,7 @@ class PassSetup:
     radio_delay_s: float = 0.1
     radio_noise_rad: float = 0.0
     cluster: int = 0
+    mean_of: int = 1
     late_s: tuple[float, float] = (0.0, 0.0)
     wind: WindParams = field(default_factory=WindParams)
     settled: bool = True
@@ -135,7 +136,9 @@ class _Radio:
         self._random = random_stream(setup.seed, "radio")
         self._on = setup.bandwidth_hz > 0.0
         self._integrator = TrackerIntegrator(
-            TrackerIntegratorParams(bandwidth_hz=setup.bandwidth_hz, sample_s=setup.radio_period_s)
+            TrackerIntegratorParams(
+                bandwidth_hz=setup.bandwidth_hz, sample_s=setup.radio_period_s, mean_of=setup.mean_of
+            )
         )
         self._samples: list[Array] = []
         self._due: list[tuple[int, Array]] = []

@@ -3,7 +3,7 @@
     L = G_e K,   S = 1 / (1 + L),   beam under wind = (W_b - G_b K W_e S) w,   S_radio = 1 / (1 + H G_b (K + F N s) S)
 
 G: rate command to encoder and beam, exact for held commands; W: wind acceleration to both; K: position law; H the
-radio integrator with the mean delay of 10-Hz sampling and one sample, 0.15 s.  Gusts have Davenport's spectrum.
+radio integrator of the station with its averages and its delay.  Gusts have Davenport's spectrum.
 """
 
 import math
@@ -16,13 +16,21 @@ from numpy.typing import NDArray
 from rf_pointing.controllers import LawMatrices, LqgDesign, PositionLoopParams, law_matrices
 from rf_pointing.servo import PlantParams, davenport_psd, discretise, linear_model
 
-__all__ = ["AxisResponse", "LawResponse", "LoopQuality", "Variation", "loop_quality"]
+__all__ = [
+    "AxisResponse",
+    "LawResponse",
+    "LoopQuality",
+    "RadioLoop",
+    "Variation",
+    "loop_quality",
+    "published_radio",
+    "station_radio",
+]
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 SAMPLE_S = 0.02
-RADIO_DELAY_S = 0.15
 RADIO_PERIOD_S = 0.1
 _AXES = ("azimuth", "elevation")
 
@@ -33,6 +41,39 @@ class Variation:
 
     frequency: float = 1.0
     residue: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class RadioLoop:
+    """Radio integrator of f_m `bandwidth_hz` that acts on the mean of the latest `mean_of` errors, one every 0.1 s.
+
+    Each error is the mean of the latest `cluster` samples at 50 Hz and acts `wait_s` after the last of them, on a straight
+    line 0.1 s long.
+    """
+
+    bandwidth_hz: float
+    mean_of: int
+    cluster: int
+    wait_s: float
+
+    def response(self, frequency_hz: Array) -> ComplexArray:
+        """Return the response (f,) from error to offset; the images of the sampling are left out."""
+        s = 2j * np.pi * frequency_hz
+        errors = sum(np.exp(-k * RADIO_PERIOD_S * s) for k in range(self.mean_of)) / self.mean_of
+        samples = sum(np.exp(-k * SAMPLE_S * s) for k in range(self.cluster)) / self.cluster
+        line = np.exp(-0.5 * RADIO_PERIOD_S * s) * np.sinc(frequency_hz * RADIO_PERIOD_S)
+        whole = 2.0 * math.pi * self.bandwidth_hz / s * np.exp(-self.wait_s * s) * errors * samples * line
+        return np.asarray(whole, dtype=np.complex128)
+
+
+def published_radio(bandwidth_hz: float) -> RadioLoop:
+    """Return the radio loop of BWG Fig. 12: one sample every 0.1 s, 0.1 s late."""
+    return RadioLoop(bandwidth_hz, mean_of=1, cluster=1, wait_s=0.1)
+
+
+def station_radio(bandwidth_hz: float) -> RadioLoop:
+    """Return the radio loop of the station: an error waits for the next period, its command for the 0.1 s after that."""
+    return RadioLoop(bandwidth_hz, mean_of=5, cluster=5, wait_s=0.2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,27 +143,28 @@ class LawResponse:
         self.fed: ComplexArray = _notch_response(law, z) * s / (1.0 + s / (2.0 * math.pi * 10.0))
 
 
-def loop_quality(response: AxisResponse, law: LawResponse, radio_hz: float, wind_m_s: float) -> LoopQuality:
-    """Return error and margins of one axis under a position law and a radio integrator of f_m `radio_hz`."""
+def loop_quality(
+    response: AxisResponse, law: LawResponse, radio_loop: RadioLoop | None, wind_m_s: float
+) -> LoopQuality:
+    """Return error and margins of one axis under a position law, with a radio loop around it or without."""
     frequency, gain, fed = response.frequency_hz, law.gain, law.fed
-    s = 2j * np.pi * frequency
     encoder, beam = response.from_command.T
     wind_encoder, wind_beam = response.from_wind.T
     sensitivity = 1.0 / (1.0 + encoder * gain)
-    integrator = 2.0 * math.pi * radio_hz / s * np.exp(-RADIO_DELAY_S * s) * np.sinc(frequency * RADIO_PERIOD_S)
-    radio_loop = integrator * beam * (gain + fed) * sensitivity
-    radio = 1.0 / (1.0 + radio_loop)
+    integrator = np.zeros_like(gain) if radio_loop is None else radio_loop.response(frequency)
+    around = integrator * beam * (gain + fed) * sensitivity
+    radio = 1.0 / (1.0 + around)
     error = (wind_beam - beam * gain * wind_encoder * sensitivity) * radio
     gusts = davenport_psd(frequency, wind_m_s, 0.005)
     rms = math.sqrt(float(np.trapezoid(np.abs(error) ** 2 * gusts, frequency)))
     peaks = float(np.max(np.abs(sensitivity))), float(np.max(np.abs(radio)))
-    stable = response.closed_radius(law.matrices) < 1.0 and (radio_hz == 0.0 or _encircles_not(radio_loop))
+    stable = response.closed_radius(law.matrices) < 1.0 and (radio_loop is None or _encircles_not(around))
     return LoopQuality(rms, *peaks, stable)
 
 
-def _encircles_not(radio_loop: ComplexArray) -> bool:
+def _encircles_not(loop: ComplexArray) -> bool:
     """Whether the Nyquist curve of a loop with one integrator leaves -1 alone: 1 + L then turns by a quarter."""
-    angle = np.unwrap(np.angle(1.0 + radio_loop))
+    angle = np.unwrap(np.angle(1.0 + loop))
     return abs(float(angle[-1] - angle[0]) - 0.5 * math.pi) < 0.25 * math.pi
 
 

@@ -5,6 +5,7 @@ antennas that differ from the model, come from exact sampled responses.
 """
 
 import math
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -22,7 +23,16 @@ from rf_pointing.geometry import MDEG
 from rf_pointing.reproduce.row import Row
 from rf_pointing.reproduce.servo_linear import WIND, closed_loop
 from rf_pointing.reproduce.servo_pass import Law, PassSetup, fly
-from rf_pointing.reproduce.servo_sampled import AxisResponse, LawResponse, LoopQuality, Variation, loop_quality
+from rf_pointing.reproduce.servo_sampled import (
+    AxisResponse,
+    LawResponse,
+    LoopQuality,
+    RadioLoop,
+    Variation,
+    loop_quality,
+    published_radio,
+    station_radio,
+)
 from rf_pointing.reproduce.servo_trajectory import LowOrbitPass
 from rf_pointing.servo import WindParams, dss13_plant, wind_torque_n_m
 
@@ -35,6 +45,8 @@ PUBLISHED = PositionLoopParams(notch_enabled=False)
 WIND_8 = WindParams(mean_speed_m_s=8.0)
 SPAN_S = (-180.0, 180.0)
 SETTLE_S = 20.0
+RADIO_WAITS_S = (0.06, 0.13, 0.2)
+"""Times from the newest sample to the command for which the station's margins are taken, its own and shorter ones."""
 VARIATIONS = [Variation(round(0.9 + 0.02 * step, 2), residue) for step in range(11) for residue in (0.7, 1.0, 1.3)]
 """Modes up to 10 % off in steps of 2 %, residues 30 % off and right."""
 
@@ -92,8 +104,8 @@ def _responses(azimuth: PositionLoopParams | LqgDesign, elevation: PositionLoopP
     return LawResponse(azimuth), LawResponse(elevation)
 
 
-def _qualities(laws: Responses, radio_hz: float, variation: Variation) -> list[LoopQuality]:
-    return [loop_quality(_response(axis, variation), law, radio_hz, 8.0) for axis, law in enumerate(laws)]
+def _qualities(laws: Responses, radio_loop: RadioLoop, variation: Variation) -> list[LoopQuality]:
+    return [loop_quality(_response(axis, variation), law, radio_loop, 8.0) for axis, law in enumerate(laws)]
 
 
 def _total_mdeg(qualities: list[LoopQuality]) -> float:
@@ -105,54 +117,76 @@ def _total_mdeg(qualities: list[LoopQuality]) -> float:
 
 def _best(seed: int) -> list[Row]:
     """The row the paper lacks, by the tuned PI loops and by the model-based law, each with the radio loop around it."""
-    published = _flown_mdeg((PUBLISHED, PUBLISHED), 0.0, seed)
+    published = _flown_mdeg((PUBLISHED, PUBLISHED), None, seed)
     tuned, designs = dss13_loops("tuned"), load_lqg_designs()
     beside = dss13_lqg_loops()
-    how = f"radio loop of f_m {TUNED_RADIO_BANDWIDTH_HZ} Hz at 10 Hz with 0.1 s delay; whole plant, real code"
     margins = ", ".join(f"{d.gain_margin_db:.1f} dB and {math.degrees(d.phase_margin_rad):.0f} deg" for d in designs)
+    best = _Controller("best controller", tuned, _responses(*tuned))
+    lqg = _Controller(
+        "LQG with integral action", ((designs[0], beside[0]), (designs[1], beside[1])), _responses(*designs)
+    )
+    f_m = TUNED_RADIO_BANDWIDTH_HZ
+    there = [replace(station_radio(f_m), wait_s=wait_s) for wait_s in RADIO_WAITS_S]
+    station = f"errors of 0.1 s, mean of five, 0.2 s to the command (margins also {RADIO_WAITS_S[0]} and {RADIO_WAITS_S[1]} s)"
+    slow = _total_mdeg(_qualities(lqg.responses, station_radio(0.5 * f_m), Variation()))
+    fast = _total_mdeg(_qualities(lqg.responses, station_radio(f_m), Variation()))
+    late = (
+        "the radio loop, 0.49 s late by averages and commands, amplifies what the gusts leave about 0.6 Hz: linear "
+        f"{fast:.3f} mdeg, at half the f_m {slow:.3f}. The PI loops leave less there and are the station's default"
+    )
     return [
-        *_controller(
-            "best controller",
-            tuned,
-            _responses(*tuned),
+        *best.rows(
+            "BWG Fig. 12 loop",
+            [published_radio(f_m)],
             seed,
             f"published PI with feedforward on the same pass and wind {published:.2f} mdeg; tuned PI with notch and shaping "
-            f"section, {how}",
+            f"section, f_m {f_m} Hz; whole plant, real code",
         ),
-        *_controller(
-            "LQG with integral action",
-            ((designs[0], beside[0]), (designs[1], beside[1])),
-            _responses(*designs),
+        *best.rows("station's loop", there, seed, station),
+        *lqg.rows(
+            "BWG Fig. 12 loop",
+            [published_radio(f_m)],
             seed,
-            f"designed from identified models; margins of the encoder loops (az, el) {margins}; {how}",
+            f"designed from identified models; margins of the encoder loops (az, el) {margins}",
         ),
+        *lqg.rows("station's loop", there, seed, station, late),
     ]
 
 
-def _controller(name: str, laws: tuple[Law, Law], responses: Responses, seed: int, remark: str) -> list[Row]:
-    nominal = _qualities(responses, TUNED_RADIO_BANDWIDTH_HZ, Variation())
-    varied = [_qualities(responses, TUNED_RADIO_BANDWIDTH_HZ, variation) for variation in VARIATIONS]
-    worst = max(_total_mdeg(qualities) for qualities in varied)
-    off = "worst of modes +-10 % and residues +-30 %"
-    return [
-        _row(
-            f"{name}, 8 m/s, LEO pass: total radial error (rms)",
-            _flown_mdeg(laws, TUNED_RADIO_BANDWIDTH_HZ, seed),
-            0.5,
-            "mdeg",
-            remark,
-        ),
-        _row(f"{name}: sensitivity peak of encoder and radio loops", _peak(nominal), 2.0, "1"),
-        _row(f"{name}: same, {off}", max(_peak(qualities) for qualities in varied), 2.0, "1"),
-        _row(f"{name}: total error, {off} (linear)", worst, 0.5, "mdeg"),
-    ]
+@dataclass(frozen=True, slots=True)
+class _Controller:
+    """Laws of both axes and their responses."""
+
+    name: str
+    laws: tuple[Law, Law]
+    responses: Responses
+
+    def rows(self, where: str, loops: list[RadioLoop], seed: int, remark: str, miss: str = "") -> list[Row]:
+        """Return error and margins in the last of some radio loops, margins of other antennas in all of them.
+
+        `miss` explains an error above 0.5 mdeg.
+        """
+        name, off = f"{self.name}, {where}", "worst of modes +-10 %, residues +-30 %"
+        nominal = _qualities(self.responses, loops[-1], Variation())
+        varied = [_qualities(self.responses, loop, variation) for variation in VARIATIONS for loop in loops]
+        worst = max(_total_mdeg(qualities) for qualities in varied)
+        flown = _flown_mdeg(self.laws, loops[-1], seed)
+        return [
+            _row(f"{name}, 8 m/s, LEO pass: total radial error (rms)", flown, 0.5, "mdeg", remark, miss),
+            _row(f"{name}: sensitivity peak of encoder and radio loops", _peak(nominal), 2.0, "1"),
+            _row(f"{name}: same, {off}", max(_peak(qualities) for qualities in varied), 2.0, "1"),
+            _row(f"{name}: total error, {off} (linear)", worst, 0.5, "mdeg", "", miss),
+        ]
 
 
-def _flown_mdeg(loops: tuple[Law, Law], f_m: float, seed: int) -> float:
+def _flown_mdeg(loops: tuple[Law, Law], radio_loop: RadioLoop | None, seed: int) -> float:
     setup = PassSetup(
         plant=dss13_plant(),
         loops=loops,
-        bandwidth_hz=f_m,
+        bandwidth_hz=radio_loop.bandwidth_hz if radio_loop else 0.0,
+        radio_delay_s=radio_loop.wait_s if radio_loop else 0.0,
+        cluster=radio_loop.cluster if radio_loop else 1,
+        mean_of=radio_loop.mean_of if radio_loop else 1,
         start_s=SPAN_S[0],
         end_s=SPAN_S[1],
         wind=WIND_8,
@@ -166,7 +200,8 @@ def _peak(qualities: list[LoopQuality]) -> float:
     return max(max(quality.encoder_peak, quality.radio_peak) for quality in qualities)
 
 
-def _row(quantity: str, ours: float, asked: float, unit: str, remark: str = "") -> Row:
+def _row(quantity: str, ours: float, asked: float, unit: str, remark: str = "", miss: str = "") -> Row:
+    missed = bool(miss) and ours > asked
     return Row(
         quantity=quantity,
         source="beyond the paper",
@@ -175,5 +210,6 @@ def _row(quantity: str, ours: float, asked: float, unit: str, remark: str = "") 
         unit=unit,
         tolerance=0.0,
         bound="<=",
-        remark=remark,
+        remark=miss if missed else remark,
+        explained=missed,
     )

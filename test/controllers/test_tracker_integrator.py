@@ -101,6 +101,21 @@ def test_the_mean_of_the_latest_errors_has_its_null_where_it_says() -> None:
     np.testing.assert_allclose(rates[3:], 2.0 * math.pi * 0.2 * 1e-6, rtol=1e-9)
 
 
+def test_an_error_to_be_caught_acts_at_once_and_the_mean_again_when_it_is_small() -> None:
+    within = 1e-5
+    integrator = TrackerIntegrator(TrackerIntegratorParams(bandwidth_hz=0.2, mean_of=5, mean_within_rad=within))
+    integrator.reset(0.0)
+    for k, error in enumerate((9e-5, 7e-5, 5e-5)):
+        integrator.update(0.1 * k, (error, 0.0))
+        assert integrator.state.rate_rad_s[0] == pytest.approx(2.0 * math.pi * 0.2 * error, rel=1e-12)
+    ringing = [3e-5 * (-1) ** k + 2e-6 for k in range(10)]
+    for k, error in enumerate(ringing):
+        integrator.update(0.3 + 0.1 * k, (error, 0.0))
+    mean = sum(ringing[-5:]) / 5.0
+    assert abs(mean) < within < abs(ringing[-1])
+    assert integrator.state.rate_rad_s[0] == pytest.approx(2.0 * math.pi * 0.2 * mean, rel=1e-12)
+
+
 def test_freezing_forgets_the_errors_before_it() -> None:
     integrator = TrackerIntegrator(TrackerIntegratorParams(mean_of=3))
     integrator.reset(0.0)

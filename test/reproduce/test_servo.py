@@ -1,6 +1,7 @@
 """The parts the servo rows are made of, against closed forms and each other."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,15 @@ from rf_pointing.reproduce.servo_linear import closed_loop, peak_sensitivity, re
 from rf_pointing.reproduce.servo_monopulse import NOTCH, PLAIN
 from rf_pointing.reproduce.servo_noise import averaging_gain
 from rf_pointing.reproduce.servo_pass import PassSetup, fly
-from rf_pointing.reproduce.servo_sampled import AxisResponse, LawResponse, Variation, loop_quality
+from rf_pointing.reproduce.servo_sampled import (
+    AxisResponse,
+    LawResponse,
+    RadioLoop,
+    Variation,
+    loop_quality,
+    published_radio,
+    station_radio,
+)
 from rf_pointing.reproduce.servo_trajectory import LowOrbitPass
 from rf_pointing.servo import GustFilter, discretise, dss13_plant
 
@@ -99,7 +108,7 @@ def test_wind_error_of_the_frequency_domain_is_that_of_the_covariance_equation(p
 
     law = dss13_loops(gains)[1]
     response = AxisResponse(plant, 1, Variation())
-    quality = loop_quality(response, LawResponse(law), 0.0, 8.0)
+    quality = loop_quality(response, LawResponse(law), None, 8.0)
     gust = GustFilter.davenport(8.0, 0.005)
     decay, factor = gust.step_matrices(0.02)
     step = discretise(response._a, np.hstack([response._command, response._wind]), 0.02)
@@ -119,22 +128,36 @@ def test_wind_error_of_the_frequency_domain_is_that_of_the_covariance_equation(p
     assert math.sqrt(beam @ covariance @ beam) == pytest.approx(quality.rms_s2_per_m_s, rel=0.04)
 
 
-def test_tuned_loops_keep_their_sensitivity_below_two_with_modes_and_residues_off(plant) -> None:
+LATE = [replace(station_radio(0.2), wait_s=wait_s) for wait_s in (0.06, 0.13, 0.2)]
+OFF = ((0.9, 1.3), (0.97, 1.3), (1.0, 1.0), (1.04, 0.7), (1.1, 1.3))
+
+
+@pytest.mark.parametrize("radio_loop", [published_radio(0.2), *LATE], ids=str)
+def test_tuned_loops_keep_their_sensitivity_below_two_with_modes_and_residues_off(plant, radio_loop: RadioLoop) -> None:
     for axis, law in enumerate(dss13_loops("tuned")):
-        for frequency, residue in ((0.9, 1.3), (0.97, 1.3), (1.0, 1.0), (1.04, 0.7), (1.1, 1.3)):
-            quality = loop_quality(AxisResponse(plant, axis, Variation(frequency, residue)), LawResponse(law), 0.2, 8.0)
+        for frequency, residue in OFF:
+            response = AxisResponse(plant, axis, Variation(frequency, residue))
+            quality = loop_quality(response, LawResponse(law), radio_loop, 8.0)
             assert quality.stable
             assert max(quality.encoder_peak, quality.radio_peak) < 2.0
 
 
-def test_packaged_lqg_designs_keep_the_same_bounds_on_the_antenna_itself(plant) -> None:
+@pytest.mark.parametrize("radio_loop", [published_radio(0.2), *LATE], ids=str)
+def test_packaged_lqg_designs_keep_the_same_bounds_on_the_antenna_itself(plant, radio_loop: RadioLoop) -> None:
     for axis, design in enumerate(load_lqg_designs()):
         assert design.drive_bandwidth_rad_s == pytest.approx(20.0, rel=0.03)
-        for frequency, residue in ((0.9, 1.3), (0.97, 1.3), (1.0, 1.0), (1.04, 0.7), (1.1, 1.3)):
+        for frequency, residue in OFF:
             response = AxisResponse(plant, axis, Variation(frequency, residue))
-            quality = loop_quality(response, LawResponse(design), 0.2, 8.0)
+            quality = loop_quality(response, LawResponse(design), radio_loop, 8.0)
             assert quality.stable
             assert max(quality.encoder_peak, quality.radio_peak) < 2.0
+
+
+def test_without_the_mean_the_delay_of_the_station_turns_both_laws_against_the_elevation_modes(plant) -> None:
+    newest = replace(station_radio(0.2), mean_of=1)
+    nominal, off = AxisResponse(plant, 1, Variation()), AxisResponse(plant, 1, Variation(0.93, 1.3))
+    assert loop_quality(nominal, LawResponse(load_lqg_designs()[1]), newest, 8.0).radio_peak > 4.0
+    assert loop_quality(off, LawResponse(dss13_loops("tuned")[1]), newest, 8.0).radio_peak > 4.0
 
 
 def test_settled_pass_with_feedforward_stays_far_below_the_published_error(plant) -> None:
