@@ -142,9 +142,10 @@ def overrides(options: argparse.Namespace, window: Pass, output: Path) -> dict[s
         },
         "ephemeris_publisher": {**source, "publisher.mask_deg": options.mask},
         "rf_receiver": {**source, **real, "signal.seed": options.seed},
-        "antenna_servo": {"antenna.seed": options.seed},
+        "antenna_servo": {"antenna.seed": options.seed, "safety.sun.station": options.station},
         "pointing_controller": {
-            "machine.half_power_beamwidth_deg": math.degrees(HALF_POWER_BEAMWIDTH_RAD[options.band])
+            "sun.station": options.station,
+            "machine.half_power_beamwidth_deg": math.degrees(HALF_POWER_BEAMWIDTH_RAD[options.band]),
         },
         "bias_calibrator": {
             "calibrator.model_file": str(
