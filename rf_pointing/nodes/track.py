@@ -34,7 +34,7 @@ from rf_pointing.planning import certificate_lines
 from rf_pointing.rf import HALF_POWER_BEAMWIDTH_RAD
 from rf_pointing.station.commissioning import commissioning_model
 from rf_pointing.station.pointing import SENSOR_CHOICES
-from rf_pointing.station.source import SourceParams, load_elements, load_track
+from rf_pointing.station.source import SourceParams, first_time_s, load_track
 
 DEFAULT_MODELS = Path("runs/models")
 """Where `calibrate` leaves accepted models and `track` finds them."""
@@ -100,7 +100,7 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
 def choose_pass(options: argparse.Namespace) -> Pass:
     """Return the pass to track; ValueError when the satellite, the station or the time does not give one."""
     source = SourceParams(elements_file=options.elements, satellite=options.satellite, station=options.station)
-    start_s = parse_utc(options.start) if options.start else load_elements(source).epoch_t_s
+    start_s = parse_utc(options.start) if options.start else first_time_s(source)
     span_s = 2.0 * 86400.0
     return first_pass_above(
         load_track(source), start_s, math.radians(options.min_peak), math.radians(options.mask), span_s
