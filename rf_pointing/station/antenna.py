@@ -98,6 +98,11 @@ class SimulatedAntenna:
         return self._mode
 
     @property
+    def newest_t_s(self) -> float:
+        """Time of the latest tick."""
+        return self._newest_s
+
+    @property
     def _fault(self) -> str:
         return self.safety.latch.text
 
