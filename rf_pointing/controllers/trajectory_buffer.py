@@ -92,19 +92,21 @@ class TrajectoryBuffer:
 
     def accept(self, trajectory: JointTrajectory, now_s: float) -> TrajectoryAnswer:
         """Merge a message received at `now_s`, or say why not: stale, future, duplicate or older than the last one."""
-        require_finite("now_s", now_s)
-        rows = np.column_stack(
-            [trajectory.t_s, trajectory.position_rad, trajectory.velocity_rad_s, trajectory.acceleration_rad_s2]
-        )
-        reason = self._refusal(rows, now_s)
+        reason = self.refusal(trajectory, now_s)
         if reason:
             return TrajectoryAnswer(False, reason)
+        rows = _rows(trajectory)
         kept = self._table[self._table[:, 0] < rows[0, 0]]
         past = int(np.searchsorted(kept[:, 0], now_s - self._params.keep_s))
         self._table = np.vstack([kept[max(0, past - 1) :], rows])
         self._latest = rows
         self._segment = None
         return TrajectoryAnswer(True)
+
+    def refusal(self, trajectory: JointTrajectory, now_s: float) -> str:
+        """Return "" or why `accept` would refuse a message received at `now_s`."""
+        require_finite("now_s", now_s)
+        return self._refusal(_rows(trajectory), now_s)
 
     def lead_s(self, now_s: float) -> float:
         """Return how long the table still lasts from `now_s`; negative once it has ended, -inf when empty."""
@@ -169,6 +171,12 @@ class TrajectoryBuffer:
             if begins < self._latest[0, 0]:
                 return f"out of order: it begins {self._latest[0, 0] - begins:.3f} s before the latest message"
         return ""
+
+
+def _rows(trajectory: JointTrajectory) -> Array:
+    return np.column_stack(
+        [trajectory.t_s, trajectory.position_rad, trajectory.velocity_rad_s, trajectory.acceleration_rad_s2]
+    )
 
 
 def _sample(t_s: float, values: Array, source: str) -> TrajectorySample:

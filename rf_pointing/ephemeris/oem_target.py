@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 
 _CELESTIAL = ("GCRF", "ICRF", "EME2000", "J2000")
 _TEME = "TEME"
+EDGE_S = 1.0
 
 
 class OemTarget:
@@ -59,6 +60,14 @@ class OemTarget:
         self._windows = tuple(_window_size(segment, interpolation) for segment in segments)
         self._orientation: EarthOrientationSource = orientation or IersEarthOrientation()
         self._polynomial = lru_cache(maxsize=4096)(self._solved_polynomial)
+
+    @property
+    def span_t_s(self) -> tuple[float, float]:
+        """First and last usable UTC time, a second of light and offsets inside the ends; gaps between segments remain."""
+        first = min(segment.usable_from_s for segment in self._segments) + EDGE_S
+        last = max(segment.usable_to_s for segment in self._segments) - EDGE_S
+        ends = [Tai(2440587.5, tai_s / 86400.0).to_utc().posix_s() for tai_s in (first, last)]
+        return float(ends[0]), float(ends[1])
 
     def motion_at(self, t_s: Any, ahead_s: float = 0.0) -> Motion:
         """Return the inertial motion [m] in Earth-fixed axes; a time outside the usable spans raises ValueError."""

@@ -64,10 +64,12 @@ class Pass:
 def find_passes(track: TopocentricTrack, start_t_s: float, duration_s: float, min_elevation_rad: float) -> list[Pass]:
     """Return the passes above `min_elevation_rad` (apparent) in the `duration_s` after `start_t_s`, in time order.
 
-    Times are found to 0.1 ms.  A pass that is going on at either end is cut off there and says so.
+    Times are found to 0.1 ms.  A pass that is going on at either end is cut off there and says so.  An ephemeris is searched
+    where it is usable; a search that lies wholly beside it is refused.
     """
     require_between("duration_s", duration_s, 1.0, None)
     require_between("min_elevation_rad", min_elevation_rad, -0.01, np.pi / 2)
+    start_t_s, duration_s = _within(track.target.span_t_s, start_t_s, duration_s)
     grid = np.linspace(start_t_s, start_t_s + duration_s, int(np.ceil(duration_s / _STEP_S)) + 1)
     knots = np.concatenate([grid[:1], _turning_points(track, grid), grid[-1:]])
     elevation = track.sample(knots).elevation_rad
@@ -112,6 +114,12 @@ def first_pass_above(
         f"{track.name} has no pass above {np.degrees(peak_rad):.2f} deg in {duration_s / 3600.0:.2f} h after "
         f"{utc_text(start_t_s)}: {len(passes)} passes, {reached}"
     )
+
+
+def _within(span_t_s: tuple[float, float], start_t_s: float, duration_s: float) -> tuple[float, float]:
+    """Return the part of a search that lies in the span; unchanged beside it, where the target itself refuses the times."""
+    low, high = max(start_t_s, span_t_s[0]), min(start_t_s + duration_s, span_t_s[1])
+    return (low, high - low) if high > low else (start_t_s, duration_s)
 
 
 def _turning_points(track: TopocentricTrack, grid: Array) -> Array:

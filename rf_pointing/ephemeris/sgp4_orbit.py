@@ -6,6 +6,7 @@ All derivatives are differences of five SGP4 positions.  The velocity that SGP4 
 positions: it lacks the change of the periodic terms, 0.02 m/s in a low orbit and more than 1 m/s in a 12-hour one.
 """
 
+import math
 from typing import Any
 
 import erfa
@@ -31,6 +32,7 @@ class Sgp4Orbit:
 
     rotation_rate_rad_s = GMST_RATE_RAD_S
     at_infinity = False
+    span_t_s = (-math.inf, math.inf)
 
     def __init__(self, elements: Elements, orientation: EarthOrientationSource, *, max_age_s: float) -> None:
         if not max_age_s > 0.0:

@@ -33,6 +33,10 @@ class TargetSource(Protocol):
     at_infinity: bool
     """Whether the motion is an apparent direction without parallax (stars); its length means nothing."""
 
+    @property
+    def span_t_s(self) -> tuple[float, float]:
+        """First and last UTC time of an ephemeris that ends; infinite where times are refused for their age only."""
+
     def motion_at(self, t_s: Any, ahead_s: float = 0.0) -> Motion:
         """Return inertial derivatives in Earth-fixed axes, metres, at UTC times; refuse times outside its span."""
 
@@ -85,7 +89,12 @@ class TopocentricTrack:
         self._antenna = _inertial_motion_of(site, target.rotation_rate_rad_s)
 
     def with_offsets(
-        self, *, along_track_offset_s: float, cross_track_offset_rad: float, hold_t_s: float | None = None
+        self,
+        *,
+        along_track_offset_s: float,
+        cross_track_offset_rad: float,
+        hold_t_s: float | None = None,
+        refraction: RadioRefraction | Literal["same"] | None = "same",
     ) -> "TopocentricTrack":
         """Return the same track with other offsets; this one stays as it is, and each is an attribute to read back."""
         return TopocentricTrack(
@@ -94,7 +103,7 @@ class TopocentricTrack:
             along_track_offset_s=along_track_offset_s,
             cross_track_offset_rad=cross_track_offset_rad,
             hold_t_s=hold_t_s,
-            refraction=self.refraction,
+            refraction=self.refraction if refraction == "same" else refraction,
             light_time=self.light_time,
         )
 

@@ -200,7 +200,7 @@ class AntennaServo(ManagedNode):
         except ValueError as refusal:
             response.success, response.message = False, str(refusal)
             return response
-        response.success, response.message = True, f"{request.fault} injected"
+        response.success, response.message = True, f"{request.fault} injected at {self._antenna.newest_t_s:.3f}"
         return response
 
     def _check(self, sets: Mapping[str, Any]) -> None:
@@ -216,7 +216,7 @@ class AntennaServo(ManagedNode):
         level = ERROR if status.fault else WARN if any(status.at_limit) or status.warning else OK
         fault = self._antenna.safety.latch.fault
         rejected = {"commands_rejected": status.commands_rejected, "last_rejection": status.last_rejection}
-        before = {"last_commands": " | ".join(fault.lines())} if fault else {}
+        before = {"fault_at": f"{fault.t_s:.3f}", "last_commands": " | ".join(fault.lines())} if fault else {}
         values = {"commands_accepted": status.commands_accepted, "commander": status.commander, **rejected, **before}
         return Health(level, status.fault or status.warning or status.mode, values)
 

@@ -2,8 +2,9 @@
 
 Publishes: target (10 Hz, ahead of time while it is above the mask), passes, pass_profiles (latched).
 Service: ~/select_target (rf_pointing_msgs/SelectTarget): choose the satellite and ask for its passes.
-Parameters: source.* (elements, satellite, station; offsets and hold, live, read back on /diagnostics),
-publisher.* (lead, rate, mask, how far to look, state_file: what was selected and set outlives the node).
+Parameters: source.* (elements or ephemeris file, object, station; offsets, hold and weather, live, read back on /diagnostics
+beside the age of the elements and what it means on the sky), publisher.* (lead, rate, mask, how far to look, state_file:
+what was selected and set outlives the node), uncertainty.* (position errors of elements against their age).
 """
 
 import math
@@ -12,7 +13,15 @@ from dataclasses import dataclass
 from rf_pointing_msgs.msg import PassList, PassProfileList, Target
 from rf_pointing_msgs.srv import SelectTarget
 
-from rf_pointing.ephemeris import Pass, TopocentricTrack, passes_with_present, utc_text
+from rf_pointing.ephemeris import (
+    Elements,
+    ElementUncertainty,
+    Pass,
+    TopocentricTrack,
+    passes_with_present,
+    sky_uncertainty,
+    utc_text,
+)
 from rf_pointing.geometry import Params, parameter
 from rf_pointing.nodes import convert, convert_planning
 from rf_pointing.nodes.diagnostics import OK, WARN, Health
@@ -20,7 +29,7 @@ from rf_pointing.nodes.managed import ManagedNode, run
 from rf_pointing.nodes.qos import LATCHED, STREAM
 from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.station.pass_planning import pass_profile
-from rf_pointing.station.source import SourceParams, load_track
+from rf_pointing.station.source import SourceParams, load_track, refraction_at
 from rf_pointing.station.target_memory import TargetMemory
 
 
@@ -43,6 +52,7 @@ class EphemerisPublisher(ManagedNode):
         super().__init__("ephemeris_publisher")
         self.parameters.declare("source", SourceParams())
         self.parameters.declare("publisher", PublisherParams())
+        self.parameters.declare("uncertainty", ElementUncertainty())
         self.parameters.on_change(self._on_parameters)
         self._track: TopocentricTrack | None = None
         self._passes: list[Pass] = []
@@ -67,7 +77,10 @@ class EphemerisPublisher(ManagedNode):
     def _publish(self, now_s: float) -> None:
         params: PublisherParams = self.parameters.value("publisher")
         t_s = round(now_s + params.lead_s, 6)
+        first_s, last_s = self._track.target.span_t_s
         for window in self._passes:
+            if not first_s <= t_s <= last_s:
+                return
             if window.aos_t_s - params.margin_s <= t_s <= window.los_t_s + params.margin_s:
                 self._targets.publish(convert.target_to_message(self._track.target_at(t_s)))
                 return
@@ -120,17 +133,36 @@ class EphemerisPublisher(ManagedNode):
                 along_track_offset_s=source.along_track_offset_s,
                 cross_track_offset_rad=source.cross_track_offset_rad,
                 hold_t_s=held_s if source.hold else None,
+                refraction=refraction_at(source, self._track.site),
             )
             self._memory.keep(source, self._peak_rad, self._track.hold_t_s)
 
     def _health(self) -> Health:
         warnings = "; ".join(self._track.warnings(self.now_s()))
-        offsets = {
+        values = {
+            "passes": len(self._passes),
             "along_track_offset_s": self._track.along_track_offset_s,
             "cross_track_offset_deg": math.degrees(self._track.cross_track_offset_rad),
             "hold_since": "" if self._track.hold_t_s is None else utc_text(self._track.hold_t_s),
+            **self._uncertainty(),
         }
-        return Health(WARN if warnings else OK, warnings or self._track.name, {"passes": len(self._passes), **offsets})
+        return Health(WARN if warnings else OK, warnings or self._track.name, values)
+
+    def _uncertainty(self) -> dict[str, float]:
+        """Return what the age of the elements means on the sky now, nothing for a target without elements."""
+        if not isinstance(getattr(self._track.target, "elements", None), Elements):
+            return {}
+        try:
+            sky = sky_uncertainty(self._track, self.now_s(), self.parameters.value("uncertainty"))
+        except ValueError as error:
+            self.get_logger().warning(f"uncertainty unknown: {error}", throttle_duration_sec=60.0)
+            return {}
+        return {
+            "element_age_h": round(sky.age_s / 3600.0, 3),
+            "along_track_sigma_s": round(sky.along_track_s, 4),
+            "along_track_sigma_deg": round(math.degrees(sky.along_track_rad), 5),
+            "cross_track_sigma_deg": round(math.degrees(sky.cross_track_rad), 5),
+        }
 
 
 def main() -> None:

@@ -13,7 +13,7 @@ from rf_pointing.planning import AxisLimits, HorizonMask, MachineParams, certifi
 from rf_pointing.station.antenna import AntennaParams
 from rf_pointing.station.configuration import NodeParameters, read_parameter_files
 from rf_pointing.station.pass_planning import PlannedPass, plan_passes
-from rf_pointing.station.source import SourceParams, load_elements, load_track
+from rf_pointing.station.source import SourceParams, first_time_s, load_track
 
 
 def main(argv: list[str] | None = None) -> None:
@@ -61,7 +61,7 @@ def plan(options: argparse.Namespace) -> tuple[list[PlannedPass], AxisLimits]:
     limits = controller.group("limits", AxisLimits())
     antenna = servo.group("antenna", AntennaParams())
     source = SourceParams(elements_file=options.elements, satellite=options.satellite, station=options.station)
-    start_s = parse_utc(options.start) if options.start else load_elements(source).epoch_t_s
+    start_s = parse_utc(options.start) if options.start else first_time_s(source)
     planned = plan_passes(
         load_track(source), start_s, options.hours * 3600.0,
         (antenna.start_azimuth_rad, antenna.start_elevation_rad),

@@ -5,7 +5,8 @@ Publishes: joint_trajectory (10 Hz while a pass is tracked), tracking_status (10
 Action: track_pass (rf_pointing_msgs/TrackPass).  Services (std_srvs/Trigger): ~/stop ends the pass under control;
 ~/calibrate runs the circle that the monopulse tracker calibrates its feed on.
 Parameters: pointing.*, limits.*, machine.*, mask.*, gate.*, autotrack.*, integrator.*, spiral.*, conscan.*, steptrack.*,
-calibration.*, trim.*, watch.*, link.*, certificate_folder (where every certificate is stored as a file; empty: nowhere).
+calibration.*, trim.*, watch.*, link.*, sun.station, certificate_folder (where every certificate is stored as a
+file; empty: nowhere).
 """
 
 import time
@@ -34,6 +35,7 @@ from rf_pointing.planning import AxisLimits, GateParams, HorizonMask, MachinePar
 from rf_pointing.rf import LinkParams
 from rf_pointing.station.certificate_store import StoreParams, store_certificate
 from rf_pointing.station.pointing import PointingController, PointingParams
+from rf_pointing.station.solar import SunParams
 from rf_pointing.station.status import TrackingStatus as Status
 from rf_pointing.tracking import (
     AutotrackParams,
@@ -60,6 +62,7 @@ GROUPS = {
     "watch": LockWatchParams(),
     "link": LinkParams(),
     "gate": GateParams(),
+    "sun": SunParams(),
 }
 LEAST_TRACKED_SHARE = 0.8
 FEEDBACK_EVERY = 10

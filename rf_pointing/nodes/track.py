@@ -34,7 +34,7 @@ from rf_pointing.planning import certificate_lines
 from rf_pointing.rf import HALF_POWER_BEAMWIDTH_RAD
 from rf_pointing.station.commissioning import commissioning_model
 from rf_pointing.station.pointing import SENSOR_CHOICES
-from rf_pointing.station.source import SourceParams, load_elements, load_track
+from rf_pointing.station.source import SourceParams, first_time_s, load_track
 
 DEFAULT_MODELS = Path("runs/models")
 """Where `calibrate` leaves accepted models and `track` finds them."""
@@ -100,7 +100,7 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
 def choose_pass(options: argparse.Namespace) -> Pass:
     """Return the pass to track; ValueError when the satellite, the station or the time does not give one."""
     source = SourceParams(elements_file=options.elements, satellite=options.satellite, station=options.station)
-    start_s = parse_utc(options.start) if options.start else load_elements(source).epoch_t_s
+    start_s = parse_utc(options.start) if options.start else first_time_s(source)
     span_s = 2.0 * 86400.0
     return first_pass_above(
         load_track(source), start_s, math.radians(options.min_peak), math.radians(options.mask), span_s
@@ -142,9 +142,10 @@ def overrides(options: argparse.Namespace, window: Pass, output: Path) -> dict[s
         },
         "ephemeris_publisher": {**source, "publisher.mask_deg": options.mask},
         "rf_receiver": {**source, **real, "signal.seed": options.seed},
-        "antenna_servo": {"antenna.seed": options.seed},
+        "antenna_servo": {"antenna.seed": options.seed, "safety.sun.station": options.station},
         "pointing_controller": {
-            "machine.half_power_beamwidth_deg": math.degrees(HALF_POWER_BEAMWIDTH_RAD[options.band])
+            "sun.station": options.station,
+            "machine.half_power_beamwidth_deg": math.degrees(HALF_POWER_BEAMWIDTH_RAD[options.band]),
         },
         "bias_calibrator": {
             "calibrator.model_file": str(

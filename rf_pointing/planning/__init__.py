@@ -6,10 +6,12 @@ from rf_pointing.planning.certificate import Branch, Certificate, MachineParams,
 from rf_pointing.planning.certificate_text import certificate_lines, certificate_values
 from rf_pointing.planning.crossing import AxisMotionLimits, Crossing, cross
 from rf_pointing.planning.fault_latch import FaultLatch, LatchedFault
-from rf_pointing.planning.gate import MOTIONS, Decision, Gate, GateParams
+from rf_pointing.planning.gate import MOTIONS, Decision, Gate, GateParams, motion_between
 from rf_pointing.planning.limits import AxisLimits, choose_turns, refusal
 from rf_pointing.planning.mask import HorizonMask
 from rf_pointing.planning.profile import PassProfile
+from rf_pointing.planning.slew import AxisRates
+from rf_pointing.planning.way import Way
 from rf_pointing.planning.wind_watch import WindWatch, WindWatchParams
 from rf_pointing.planning.wrap_count import WrapCount
 
@@ -18,6 +20,7 @@ __all__ = [
     "Authority",
     "AxisLimits",
     "AxisMotionLimits",
+    "AxisRates",
     "AxisWatch",
     "AxisWatchParams",
     "Branch",
@@ -31,6 +34,7 @@ __all__ = [
     "LatchedFault",
     "MachineParams",
     "PassProfile",
+    "Way",
     "WindWatch",
     "WindWatchParams",
     "WrapCount",
@@ -39,6 +43,7 @@ __all__ = [
     "certify",
     "choose_turns",
     "cross",
+    "motion_between",
     "plunged",
     "refusal",
     "unplunged",

@@ -13,12 +13,15 @@ class Authority:
         self.holder = ""
         self._heard_s = -math.inf
 
-    def claim(self, name: str, t_s: float) -> str:
-        """Let `name` command at `t_s`; return "" or who holds the authority."""
+    def conflict(self, name: str, t_s: float) -> str:
+        """Return "" if `name` may command at `t_s`, else who holds the authority."""
         if name != self.holder and t_s - self._heard_s <= self._silence_s:
             return f"conflict: {self.holder or 'an unnamed commander'} commands, {name or 'an unnamed one'} is refused"
-        self.holder, self._heard_s = name, t_s
         return ""
+
+    def claim(self, name: str, t_s: float) -> None:
+        """Note that a command of `name` was taken at `t_s`; one that was refused for anything else holds nobody up."""
+        self.holder, self._heard_s = name, t_s
 
     def release(self) -> None:
         """Let the next one to speak command."""

@@ -16,7 +16,7 @@ from rf_pointing.planning.crossing import AxisMotionLimits, Crossing, Gain, cros
 from rf_pointing.planning.limits import AxisLimits
 from rf_pointing.planning.mask import HorizonMask
 from rf_pointing.planning.profile import PassProfile
-from rf_pointing.planning.slew import slew_time_s
+from rf_pointing.planning.slew import AxisRates
 
 __all__ = ["Branch", "Certificate", "MachineParams", "certify", "plunged", "unplunged"]
 
@@ -52,14 +52,14 @@ class MachineParams(Params):
             elevation_max_rad,
         )
 
+    @property
+    def axes(self) -> AxisRates:
+        """Rates and accelerations of the axes."""
+        return AxisRates(self.rate_limit_rad_s, self.acceleration_limit_rad_s2)
+
     def slew_s(self, start: tuple[float, float], end: tuple[float, float]) -> float:
         """Return the time from rest at one position to rest at another, both axes at once."""
-        return max(
-            slew_time_s(b - a, rate, acceleration)
-            for a, b, rate, acceleration in zip(
-                start, end, self.rate_limit_rad_s, self.acceleration_limit_rad_s2, strict=True
-            )
-        )
+        return self.axes.slew_s(start, end)
 
 
 @dataclass(frozen=True, kw_only=True)

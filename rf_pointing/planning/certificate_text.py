@@ -10,7 +10,7 @@ from rf_pointing.planning.certificate import DEEPEST_DB, Branch, Certificate
 __all__ = ["certificate_lines", "certificate_values"]
 
 COLUMNS = (
-    f"  {'branch':<17}{'azimuth deg':>17}{'elevation deg':>16}{'rate az el deg/s':>18}{'closest limit':>33}"
+    f"  {'branch':<17}{'azimuth deg':>17}{'elevation deg':>16}{'rate az el deg/s':>18}{'closest limit':>35}"
     f"{'mask':>7}{'Sun':>7}{'keyhole':>9}{'lost':>8}{'slew':>7}{'unwind':>8}"
 )
 
@@ -71,7 +71,7 @@ def _row(branch: Branch) -> str:
     limit = f"{math.degrees(branch.limit_margin_rad):.2f} deg to {branch.closest_limit}"
     return (
         f"{branch.label:<17}{f'{low:.1f} to {high:.1f}':>17}{f'{bottom:.1f} to {top:.1f}':>16}"
-        f"{_pair(branch.peak_rate_rad_s):>18}{limit:>33}"
+        f"{_pair(branch.peak_rate_rad_s):>18}{limit:>35}"
         f"{math.degrees(branch.mask_margin_rad):>7.2f}{math.degrees(branch.sun_margin_rad):>7.1f}"
         f"{branch.keyhole_s:>7.1f} s{branch.lost_s:>6.1f} s{branch.preposition_s:>5.0f} s{branch.unwind_s:>6.0f} s"
     )

@@ -15,15 +15,17 @@ from rf_pointing.calibration import BiasModel, read_model
 from rf_pointing.controllers import TrackerIntegratorParams
 from rf_pointing.ephemeris import Pass
 from rf_pointing.geometry import PointingError
-from rf_pointing.planning import AxisLimits
+from rf_pointing.planning import AxisLimits, GateParams, HorizonMask, MachineParams
 from rf_pointing.rf import LinkParams
 from rf_pointing.servo import WindParams, dss13_plant
 from rf_pointing.station.antenna import AntennaParams, LoopParams, SimulatedAntenna
+from rf_pointing.station.antenna_safety import SafetyParams
 from rf_pointing.station.configuration import NodeParameters, read_parameter_files
 from rf_pointing.station.mount import MountParams
 from rf_pointing.station.pointing import PointingController, PointingParams
 from rf_pointing.station.power_tracker import PowerTracker
 from rf_pointing.station.receiver import SignalParams, SimulatedReceiver
+from rf_pointing.station.solar import SunParams
 from rf_pointing.station.source import SourceParams, load_track
 from rf_pointing.tracking import (
     AutotrackParams,
@@ -86,6 +88,7 @@ class StationSetup:
             node.group("loops", LoopParams()),
             node.group("wind", WindParams()),
             node.group("mount", MountParams()).model(),
+            node.group("safety", SafetyParams()),
         )
 
     def receiver(self) -> SimulatedReceiver:
@@ -108,6 +111,10 @@ class StationSetup:
             trim=node.group("trim", TrimParams()),
             watch=node.group("watch", LockWatchParams()),
             link=node.group("link", LinkParams()),
+            machine=node.group("machine", MachineParams()),
+            mask=node.group("mask", HorizonMask()),
+            gate=node.group("gate", GateParams()),
+            sun=node.group("sun", SunParams()),
         )
         controller.take_model(self.model)
         return controller

@@ -16,6 +16,7 @@ from rf_pointing.calibration import BiasModel
 from rf_pointing.controllers import CommandPreprocessor, OscillationDetector, TrajectoryBuffer
 from rf_pointing.geometry import Boresight, JointReading, JointTrajectory, Motion, Params, parameter, random_stream
 from rf_pointing.identification import IdentificationExperiment
+from rf_pointing.planning import Way
 from rf_pointing.servo import AntennaPlant, PlantParams, Wind, WindParams
 from rf_pointing.station.antenna_safety import AntennaSafety, SafetyParams
 from rf_pointing.station.axis_loops import AxisLoops, LoopParams
@@ -34,6 +35,10 @@ WIND_EVERY = 5
 ARRIVED_RAD = math.radians(0.02)
 RESTING = {"parking": "parked", "stowing": "stowed", "disabling": "disabled"}
 """Modes that end at rest with the brakes set, and the modes they end in."""
+KINDS = {"tracking": "track", "parking": "park", "stowing": "stow", "holding": "preset"}
+"""What the gate calls the motion of a mode that follows a command."""
+NEW_COURSE_RAD = math.radians(0.5)
+"""A command this far from the present course is a position to go to, by a way that the gate must find."""
 MOVABLE = ("tracking", "holding", "stopping", "paused", "parking", "stowing")
 
 
@@ -84,12 +89,18 @@ class SimulatedAntenna:
         self._newest_s = 0.0
         self._ticks = 0
         self._goal = np.array(start)
+        self._way = Way()
         self._used = self._plant.encoder_rad
 
     @property
     def mode(self) -> str:
         """inactive, holding, tracking, manual_rate, paused, stopping, fault; parking, stowing, disabling and their ends."""
         return self._mode
+
+    @property
+    def newest_t_s(self) -> float:
+        """Time of the latest tick."""
+        return self._newest_s
 
     @property
     def _fault(self) -> str:
@@ -150,6 +161,7 @@ class SimulatedAntenna:
     def stop(self, reason: str = "") -> None:
         """Decelerate both axes at their limits; with a reason the stop latches as a fault."""
         self._table.clear()
+        self._way = Way()
         self._preprocessor.stop()
         self.safety.authority.release()
         if reason:
@@ -168,6 +180,9 @@ class SimulatedAntenna:
         if experiment.peak_rad_s > min(self._limits.rate_limit_rad_s):
             limit = min(self._limits.rate_limit_rad_s)
             return f"peak_rad_s={experiment.peak_rad_s} must be <= {limit}, the rate limit"
+        refused = self.safety.check("manual", self._newest_s, _pair(self._used), self._used[None, :]).reason_of_refusal
+        if refused:
+            return refused
         self._experiment, self._mode = experiment, "manual_rate"
         return ""
 
@@ -233,13 +248,12 @@ class SimulatedAntenna:
         if self._mode not in MOVABLE:
             return f"the antenna is {self._mode}"
         kind = "stow" if mode == "stowing" else "park"
-        present = (float(self._used[0]), float(self._used[1]))
-        decision = self.safety.gate.check(kind, present, np.array([goal]), high_wind=self.safety.wind.reason)
+        decision = self.safety.check(kind, self._newest_s, _pair(self._used), np.array([goal]))
         if not decision.allowed:
             return decision.reason
         self._table.clear()
         self.safety.authority.release()
-        self._goal, self._mode = np.array(goal), mode
+        self._goal, self._way, self._mode = np.array(goal), Way(decision.way), mode
         self._preprocessor.follow()
         return ""
 
@@ -262,12 +276,14 @@ class SimulatedAntenna:
             return self.reject("an identification drives the antenna")
         if self._mode in RESTING or self._mode in RESTING.values():
             return self.reject(f"the antenna is {self._mode}; resume it first")
-        conflict = self.safety.authority.claim(commander, now_s)
-        if conflict:
-            return self.reject(conflict)
-        answer = self._table.accept(trajectory, now_s)
-        if not answer.accepted:
-            return self.reject(answer.reason)
+        refused = self.safety.authority.conflict(commander, now_s) or self._table.refusal(trajectory, now_s)
+        if refused:
+            return self.reject(refused)
+        refused = self._take_way(trajectory, now_s)
+        if refused:
+            return self.reject(refused)
+        self._table.accept(trajectory, now_s)
+        self.safety.authority.claim(commander, now_s)
         self._accepted += 1
         self.safety.note_command(now_s)
         azimuth, elevation = trajectory.position_rad[-1].tolist()
@@ -275,6 +291,21 @@ class SimulatedAntenna:
         if self._mode != "paused":
             self._preprocessor.follow()
             self._mode = "tracking"
+        return ""
+
+    def _take_way(self, trajectory: JointTrajectory, now_s: float) -> str:
+        """Pass a command through the gate and note the way to it; return "" or the refusal: then nothing has changed."""
+        present, positions = _pair(self._used), trajectory.position_rad
+        refused = self.safety.check("track", now_s, present, positions).reason_of_refusal
+        if refused:
+            return refused
+        follows = self._mode in ("tracking", "paused") and not self._table.empty
+        course = self._table.at(float(trajectory.t_s[0])).position_rad if follows else self._used
+        if float(np.max(np.abs(positions[0] - course))) > NEW_COURSE_RAD:
+            decision = self.safety.check("preset", now_s, present, positions[:1])
+            if not decision.allowed:
+                return decision.reason
+            self._way = Way(decision.way)
         return ""
 
     def reject(self, reason: str) -> str:
@@ -353,13 +384,17 @@ class SimulatedAntenna:
 
     def _rates(self, t_s: float, measured: Array) -> Array:
         if self._mode == "manual_rate" and self._experiment is not None:
-            if not self._experiment.finished:
+            barred = self.safety.guard("manual", t_s, _pair(measured), _pair(self._plant.velocity_rad_s))
+            if not self._experiment.finished and not barred:
                 rates = self._experiment.command(measured)
                 if not self._experiment.abort_reason:
                     return rates
-            self._leave_manual_rate(self._experiment.abort_reason or "complete")
-        position, velocity, acceleration = self._command(t_s)
-        feasible = self._preprocessor.step(position, velocity, acceleration, self.params.tick_s)
+            self._leave_manual_rate(self._experiment.abort_reason or barred or "complete")
+        feasible = self._preprocessor.step(*self._by_the_way(self._command(t_s)), self.params.tick_s)
+        if self._mode in KINDS:
+            barred = self.safety.guard(KINDS[self._mode], t_s, *map(_pair, feasible))
+            if barred:
+                self.stop(barred)
         if self._mode not in ("tracking", "holding") and float(np.max(np.abs(feasible[1]))) == 0.0:
             self._settle(feasible[0], measured)
         rates = self._loops.rates(Motion(*feasible), measured)
@@ -386,6 +421,7 @@ class SimulatedAntenna:
         self._preprocessor.reset(self._hold)
         self._loops.reset(self._hold, self._hold)
         self._table.clear()
+        self._way = Way()
 
     def _settle(self, position: Array, measured: Array) -> None:
         """End a mode whose motion has come to rest."""
@@ -410,6 +446,11 @@ class SimulatedAntenna:
         if self._mode in ("parking", "stowing"):
             return self._goal, np.zeros(2), np.zeros(2)
         return self._hold, np.zeros(2), np.zeros(2)
+
+    def _by_the_way(self, command: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+        """Return the next corner in place of the command while a detour is not finished."""
+        corner = self._way.next(_pair(self._used))
+        return command if corner is None else (np.array(corner), np.zeros(2), np.zeros(2))
 
     def _ends_at_rest(self, t_s: float) -> bool:
         last = self._table.at(t_s + self._table.lead_s(t_s))

@@ -1,15 +1,24 @@
-"""What keeps an antenna whole, beside its loops: limits, sensor watch, wind, authority and latched faults."""
+"""What keeps an antenna whole, beside its loops: limits, sensor watch, wind, authority and latched faults.
+
+The gate here is the last one before the drives.  It trusts no commander: a command must pass it when it comes, and so must
+every tick of the motion that follows from it.
+"""
 
 import math
 from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
 
 from rf_pointing.controllers import CommandPreprocessorParams
 from rf_pointing.geometry import Params, parameter
 from rf_pointing.planning import (
     Authority,
     AxisLimits,
+    AxisRates,
     AxisWatch,
     AxisWatchParams,
+    Decision,
     FaultLatch,
     Gate,
     GateParams,
@@ -17,9 +26,11 @@ from rf_pointing.planning import (
     WindWatch,
     WindWatchParams,
 )
+from rf_pointing.station.solar import SolarDirection, SunParams
 
 __all__ = ["AntennaSafety", "SafetyParams"]
 
+Array = NDArray[np.float64]
 Pair = tuple[float, float]
 LATE_S = 0.1
 COMMAND_PERIOD_S = 0.1
@@ -32,6 +43,8 @@ class SafetyParams(Params):
     watch: AxisWatchParams = parameter(AxisWatchParams(), "watch over encoders and drives")
     wind: WindWatchParams = parameter(WindWatchParams(), "wind in which the antenna is stowed")
     gate: GateParams = parameter(GateParams(), "tiers of the limits")
+    mask: HorizonMask = parameter(HorizonMask(), "horizon that the antenna does not look below")
+    sun: SunParams = parameter(SunParams(), "the Sun that the antenna does not look into")
     park_azimuth_rad: float = parameter(0.0, "azimuth of the park position", low=-20.0, high=20.0)
     park_elevation_rad: float = parameter(math.radians(45.0), "elevation of the park position", low=0.0, high=3.2)
     stow_elevation_rad: float = parameter(
@@ -46,11 +59,12 @@ class AntennaSafety:
     def __init__(self, params: SafetyParams, motion: CommandPreprocessorParams, tick_s: float) -> None:
         self.params = params
         self.gate = self._gate(motion)
+        self.sun = SolarDirection(params.sun)
         self.watch = AxisWatch(params.watch, tick_s, motion.rate_limit_rad_s)
         self.wind = WindWatch(params.wind)
         self.latch = FaultLatch()
         self.authority = Authority(params.authority_s)
-        self._commanded_s = -math.inf
+        self._commanded_s, self._tick_s = -math.inf, tick_s
 
     def retune(self, motion: CommandPreprocessorParams, tick_s: float) -> None:
         """Take new limits of motion."""
@@ -64,6 +78,19 @@ class AntennaSafety:
         """
         used, reason = self.watch.step(encoder, rate, command)
         return used, reason or self.gate.hard(*joint, *rate)
+
+    def check(self, kind: str, t_s: float, present: Pair, positions: Array) -> Decision:
+        """Answer for a motion that is asked for at `t_s`, from `present` through `positions` (n, 2)."""
+        return self.gate.check(kind, present, positions, sun_rad=self.sun.at(t_s), high_wind=self.wind.reason)
+
+    def guard(self, kind: str, t_s: float, position: Pair, rate: Pair, acceleration: Pair = (0.0, 0.0)) -> str:
+        """Return "" or why a motion must be stopped now, on the way to whatever it was allowed for."""
+        if rate == (0.0, 0.0):
+            return ""
+        tick_s = self._tick_s
+        then = position[0] + tick_s * rate[0], position[1] + tick_s * rate[1]
+        faster = rate[0] + tick_s * acceleration[0], rate[1] + tick_s * acceleration[1]
+        return self.gate.guard(kind, position, then, faster, self.sun.at(t_s))
 
     def note_command(self, t_s: float) -> None:
         """Note that a command was taken."""
@@ -93,4 +120,7 @@ class AntennaSafety:
             elevation_min_rad=motion.travel_min_rad[1],
             elevation_max_rad=motion.travel_max_rad[1],
         )
-        return Gate(self.params.gate, limits, HorizonMask())
+        return Gate(
+            self.params.gate, limits, self.params.mask,
+            AxisRates(motion.rate_limit_rad_s, motion.acceleration_limit_rad_s2),
+        )  # fmt: skip

@@ -21,16 +21,20 @@ from rf_pointing.planning import (
     HorizonMask,
     MachineParams,
     PassProfile,
+    Way,
+    motion_between,
 )
 from rf_pointing.planning.certificate import plunged, unplunged
 from rf_pointing.station.axis_motion import axis_motion
 from rf_pointing.station.pass_planning import certificate_of
+from rf_pointing.station.solar import SolarDirection
 
 __all__ = ["PassPlan"]
 
 Array = NDArray[np.float64]
 SAME_PASS_S = 30.0
-CORNER_RAD = math.radians(0.3)
+NEW_GOAL_RAD = math.radians(0.1)
+"""How far the start of a pass must move, by another bias model, for the way to it to be looked for again."""
 NEITHER_WAY = ("conscan", "auto")
 """Sensors whose scan is laid out in axis angles: not used over the top."""
 
@@ -38,10 +42,11 @@ NEITHER_WAY = ("conscan", "auto")
 class PassPlan:
     """Profiles of the coming passes, and the branch of the one that is tracked."""
 
-    def __init__(self, machine: MachineParams, mask: HorizonMask, gate: GateParams, limits: AxisLimits) -> None:
-        self.machine, self.mask, self._gate_params = machine, mask, gate
-        self._profile: PassProfile | None = None
-        self._way: list[tuple[float, float]] = []
+    def __init__(
+        self, machine: MachineParams, mask: HorizonMask, gate: GateParams, limits: AxisLimits, sun: SolarDirection
+    ) -> None:
+        self.machine, self.mask, self._gate_params, self.sun = machine, mask, gate, sun
+        self._way, self._goal = Way(), np.full(2, math.inf)
         self.take_limits(limits)
         self._profiles: list[PassProfile] = []
         self.certificate: Certificate | None = None
@@ -49,7 +54,7 @@ class PassPlan:
 
     def take_limits(self, limits: AxisLimits) -> None:
         """Use these limits of travel from now on."""
-        self._limits, self.gate = limits, Gate(self._gate_params, limits, self.mask)
+        self._limits, self.gate = limits, Gate(self._gate_params, limits, self.mask, self.machine.axes)
 
     def take_profiles(self, profiles: list[PassProfile]) -> None:
         """Note the motion of the coming passes, in place of those before."""
@@ -57,7 +62,7 @@ class PassPlan:
 
     def clear(self) -> None:
         """Forget the branch: direct, without a crossing."""
-        self.branch, self._profile, self._way = None, None, []
+        self.branch, self._way, self._goal = None, Way(), np.full(2, math.inf)
 
     def choose(self, t_s: float, window: Pass, joints: JointReading, model: BiasModel, sensor: str) -> bool:
         """Issue the certificate of a pass and take its branch; False when the pass has no profile.
@@ -69,7 +74,7 @@ class PassPlan:
         """
         self.clear()
         self.certificate = None
-        profile = self._profile = self._profile_of(window)
+        profile = self._profile_of(window)
         if profile is None:
             return False
         azimuth, elevation = joints.position_rad.tolist()
@@ -80,35 +85,46 @@ class PassPlan:
         self.branch = self.certificate.chosen
         if self.branch is None:
             raise ValueError(self.certificate.refusal)
-        slew = self.gate.check(
-            "slew", (azimuth, elevation), np.array([self.branch.start_rad]), sun_rad=self.sun_rad(t_s)
-        )
-        if not slew.allowed:
+        try:
+            self.approach(t_s, joints, np.array(self.branch.start_rad))
+        except ValueError:
             self.branch = None
-            raise ValueError(f"no way to the start of the pass: {slew.reason}")
-        self._way = list(slew.way[:-1])
+            raise
         return True
 
-    def refusal(self, t_s: float, present_rad: tuple[float, float] | None, positions: Array) -> str:
-        """Return "" when the gate lets the axes track through `positions` (n, 2), else why not."""
+    def refusal(self, kind: str, t_s: float, present_rad: tuple[float, float] | None, positions: Array) -> str:
+        """Return "" when the gate lets the axes move through `positions` (n, 2), else why not."""
         here = present_rad if present_rad is not None else (float(positions[0, 0]), float(positions[0, 1]))
-        return self.gate.check("track", here, positions, sun_rad=self.sun_rad(t_s)).reason_of_refusal
+        return self.gate.check(kind, here, positions, sun_rad=self.sun.at(t_s)).reason_of_refusal
 
-    def sun_rad(self, t_s: float) -> tuple[float, float] | None:
-        """Return where the Sun is, from the profile of the pass; None when that is not known."""
-        if self._profile is None:
-            return None
-        row = min(int(np.searchsorted(self._profile.t_s, t_s)), len(self._profile.t_s) - 1)
-        azimuth, elevation = self._profile.sun_rad[row].tolist()
-        return azimuth, elevation
+    def approach(self, t_s: float, axes: JointReading, goal_rad: Array) -> Array | None:
+        """Return the corner (2,) by which to go to a goal, None when the way is free; both as the axes stand.
 
-    def corner(self, axes: JointReading) -> Array | None:
-        """Return the corner (2,) by which to go to the start, in direct angles; None when the way is free."""
-        while self._way and float(np.max(np.abs(np.array(self._way[0]) - axes.position_rad))) < CORNER_RAD:
-            self._way.pop(0)
-        if not self._way:
-            return None
-        corner, still = np.array(self._way[0]), np.zeros(2)
+        Raises
+        ------
+        ValueError
+            When the gate knows no way, with its reason.
+        """
+        azimuth, elevation = axes.position_rad.tolist()
+        if not float(np.max(np.abs(goal_rad - self._goal))) <= NEW_GOAL_RAD:
+            goal = (float(goal_rad[0]), float(goal_rad[1]))
+            kind = motion_between((azimuth, elevation), goal)
+            found = self.gate.check(kind, (azimuth, elevation), np.array([goal]), sun_rad=self.sun.at(t_s))
+            if not found.allowed:
+                raise ValueError(f"no {kind} to the start of the pass: {found.reason}")
+            self._goal, self._way = goal_rad.copy(), Way(found.way)
+        corner = self._way.next((azimuth, elevation))
+        return None if corner is None else np.array(corner)
+
+    def to_start(self, t_s: float, axes: JointReading | None, start_rad: Array) -> Array:
+        """Return where to go now (2,) on the way to the start of the pass, in direct angles; errors as of `approach`."""
+        if axes is None:
+            return start_rad
+        still = np.zeros(2)
+        goal = plunged(start_rad, still, still)[0] if self.plunge else start_rad
+        corner = self.approach(t_s, axes, goal)
+        if corner is None:
+            return start_rad
         return unplunged(corner, still, still)[0] if self.plunge else corner
 
     @property

@@ -33,6 +33,7 @@ from rf_pointing.station.beam_position import BeamPosition
 from rf_pointing.station.pass_plan import PassPlan
 from rf_pointing.station.scan_patterns import ScanParams
 from rf_pointing.station.sky_offsets import SkyOffsets, added
+from rf_pointing.station.solar import SolarDirection, SunParams
 from rf_pointing.station.status import TrackingStatus
 from rf_pointing.station.tally import Tally
 from rf_pointing.station.target_buffer import TargetBuffer
@@ -57,6 +58,8 @@ KEPT_ERRORS = 20
 LEAST_AGE_PERIODS = 0.75
 """Age from which an error is used: older than any of the period that ends, whether stamped at its middle or its end."""
 SCANNING = ("conscan", "steptrack")
+MOTION_OF_MODE = {"search": "scan", "conscan": "scan", "steptrack": "scan", "calibrate": "calibration"}
+"""What the gate calls the motion of a mode; the others track."""
 PREDICTION_PATIENCE_S = 5.0
 """How long a pass that is going on already may be started without knowing the target's coming motion."""
 SENSOR_CHOICES = {
@@ -118,9 +121,13 @@ class PointingController:
         watch: LockWatchParams | None = None,
         link: LinkParams | None = None,
         gate: GateParams | None = None,
+        sun: SunParams | None = None,
     ) -> None:
         self.params, self.limits = params, limits
-        self.plan = PassPlan(machine or MachineParams(), mask or HorizonMask(), gate or GateParams(), limits)
+        self.plan = PassPlan(
+            machine or MachineParams(), mask or HorizonMask(), gate or GateParams(), limits,
+            SolarDirection(sun or SunParams()),
+        )  # fmt: skip
         self._autotrack_params = autotrack
         self._table = Autotrack(autotrack)
         self.state = AutotrackState()
@@ -331,7 +338,11 @@ class PointingController:
         # On whole microseconds, as on the wire: one instant is one number in every trajectory that has it.  Else the old
         # point would stay a rounding error before the new one, and the axes would follow it to the end.
         times = np.round(t_s + params.transport_s + params.period_s * np.arange(count, dtype=np.float64), 6)
-        predicted = self._prediction(t_s, times)
+        try:
+            predicted = self._prediction(t_s, times)
+        except ValueError as refused:
+            self._stopping = str(refused)
+            return None
         centre = predicted
         if t_s >= self._pass.aos_t_s:
             centre = self.offsets.add_trim(times, predicted, self._targets.range_m(times))
@@ -342,7 +353,9 @@ class PointingController:
             JointTrajectory(t_s=times, position_rad=position, velocity_rad_s=velocity, acceleration_rad_s2=acceleration)
         )
         present = None if self._axes is None else (float(self._axes.position_rad[0]), float(self._axes.position_rad[1]))
-        self._stopping = self.plan.refusal(t_s, present, trajectory.position_rad)
+        self._stopping = self.plan.refusal(
+            MOTION_OF_MODE.get(self.state.mode, "track"), t_s, present, trajectory.position_rad
+        )
         return None if self._stopping else trajectory
 
     def _prediction(self, t_s: float, times: Array) -> Motion:
@@ -354,12 +367,10 @@ class PointingController:
         assert self._pass is not None
         near_rad = 0.5 * (self._pass.azimuth_min_rad + self._pass.azimuth_max_rad) + (self._turns_rad or 0.0)
         if t_s < self._pass.aos_t_s:
-            corner = None if self._axes is None else self.plan.corner(self._axes)
-            if corner is not None:
-                still = np.zeros((len(times), 2))
-                return Motion(np.tile(corner, (len(times), 1)), still, still)
             start = np.array([self._pass.aos_azimuth_rad, self._pass.aos_elevation_rad])
-            return self._path.waiting(len(times), start, self._model, near_rad)
+            waiting = self._path.waiting(len(times), start, self._model, near_rad)
+            next_rad = self.plan.to_start(t_s, self._axes, waiting.position[0])
+            return waiting._replace(position=np.tile(next_rad, (len(times), 1)))
         return self.plan.replace(times, self._path.at(times, self._targets, self._model, near_rad))
 
     def _finish(self, t_s: float) -> tuple[JointTrajectory | None, TrackingStatus]:

@@ -25,7 +25,10 @@ class TargetMemory:
     @property
     def source(self) -> SourceParams:
         """The source as it was last, or as configured."""
-        return self._configured.replace(**self._kept.get("source", {}))
+        kept = dict(self._kept.get("source", {}))
+        if "weather" in kept:
+            kept["weather"] = self._configured.weather.replace(**kept["weather"])
+        return self._configured.replace(**kept)
 
     @property
     def peak_rad(self) -> float:

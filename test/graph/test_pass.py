@@ -280,6 +280,17 @@ def test_a_wrong_argument_is_named_in_one_line_and_nothing_is_started(
     assert not (tmp_path / "new").exists()
 
 
+def test_a_bring_up_with_a_bad_parameter_fails_and_names_node_and_key(tmp_path: Path) -> None:
+    bad = tmp_path / "bad.yaml"
+    bad.write_text("/**/antenna_servo: {ros__parameters: {safety: {gate: {hard_deg: -1.0}}}}\n")
+    namespace = f"/bad{os.getpid()}"
+    run = start_track("--params-file", str(bad), "--output", str(tmp_path / "new"), "--namespace", namespace)
+    said = run.communicate(timeout=2.0 * DEADLINE_S)[1]
+    assert run.returncode == 2, said
+    assert re.search(r"could not configure antenna_servo: .*safety\.gate\.hard_deg", said), said
+    assert processes_of(namespace) == []
+
+
 def refused(*arguments: str) -> str:
     """Return the one line that `track` says of arguments that it refuses with exit code 2."""
     run = start_track(*arguments)

@@ -10,13 +10,16 @@ from rf_pointing.planning import Authority, FaultLatch, WrapCount
 
 def test_the_first_commander_keeps_the_authority_until_it_is_silent() -> None:
     authority = Authority(1.0)
-    assert authority.claim("/gs1/controller", 0.0) == ""
-    assert authority.claim("/gs1/panel", 0.5) == "conflict: /gs1/controller commands, /gs1/panel is refused"
-    assert authority.claim("/gs1/controller", 1.4) == ""
-    assert authority.claim("", 2.0) == "conflict: /gs1/controller commands, an unnamed one is refused"
-    assert authority.claim("/gs1/panel", 2.5) == ""
+    assert authority.conflict("/gs1/controller", 0.0) == ""
+    authority.claim("/gs1/controller", 0.0)
+    assert authority.conflict("/gs1/panel", 0.5) == "conflict: /gs1/controller commands, /gs1/panel is refused"
+    assert authority.conflict("/gs1/controller", 1.4) == ""
+    authority.claim("/gs1/controller", 1.4)
+    assert authority.conflict("", 2.0) == "conflict: /gs1/controller commands, an unnamed one is refused"
+    assert authority.conflict("/gs1/panel", 2.5) == ""
+    authority.claim("/gs1/panel", 2.5)
     authority.release()
-    assert authority.claim("/gs1/controller", 2.5) == ""
+    assert authority.conflict("/gs1/controller", 2.5) == ""
 
 
 def test_a_fault_keeps_its_last_commands_and_clears_only_without_its_cause() -> None:

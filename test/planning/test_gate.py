@@ -6,15 +6,20 @@ import timeit
 import numpy as np
 import pytest
 
-from rf_pointing.planning import MOTIONS, AxisLimits, Gate, GateParams, HorizonMask
+from rf_pointing.planning import MOTIONS, AxisLimits, AxisRates, Gate, GateParams, HorizonMask, motion_between
+from rf_pointing.planning.forbidden_sky import ForbiddenSky
+from rf_pointing.planning.slew import halting_points, slew_path
 
 DEG = math.pi / 180.0
 FLAT = HorizonMask()
 HILL = HorizonMask(azimuth_rad=(0.0, 80.0 * DEG, 90.0 * DEG, 100.0 * DEG), elevation_rad=(0.0, 0.0, 30.0 * DEG, 0.0))
 
 
-def gate(mask: HorizonMask = FLAT, **changes: float) -> Gate:
-    return Gate(GateParams(**changes), AxisLimits(), mask)
+AXES = AxisRates((1.8 * DEG, 1.8 * DEG), (0.8 * DEG, 0.8 * DEG))
+
+
+def gate(mask: HorizonMask = FLAT, axes: AxisRates = AXES, **changes: float) -> Gate:
+    return Gate(GateParams(**changes), AxisLimits(), mask, axes)
 
 
 def deg(*pairs: tuple[float, float]) -> np.ndarray:
@@ -60,7 +65,7 @@ def test_the_way_between_two_free_points_goes_over_the_hill_between_them() -> No
     assert np.max(corners[:, 1]) > 30.0
     here = (60.0 * DEG, 10.0 * DEG)
     for corner in decision.way:
-        leg = gate().path(here, corner)
+        leg, _ = slew_path(here, corner, AXES)
         assert np.all(leg[:, 1] >= HILL.lowest_all(leg[:, 0]) - 1e-9)
         here = corner
 
@@ -68,7 +73,7 @@ def test_the_way_between_two_free_points_goes_over_the_hill_between_them() -> No
 def test_a_free_way_has_no_corners_and_a_hill_as_high_as_the_travel_has_no_way() -> None:
     assert gate().check("slew", (0.0, 0.2), deg((100.0, 40.0))).way == ()
     walls = HorizonMask(azimuth_rad=(0.5, 1.0, 1.5, 3.5, 4.0, 4.5), elevation_rad=(0.0, 1.5, 0.0, 0.0, 1.5, 0.0))
-    low = Gate(GateParams(), AxisLimits(elevation_max_rad=60.0 * DEG), walls)
+    low = Gate(GateParams(), AxisLimits(elevation_max_rad=60.0 * DEG), walls, AXES)
     refused = low.check("slew", (0.0, 0.2), deg((115.0, 12.0)))
     assert "below the horizon mask on the way, and no detour is free" in refused.reason
 
@@ -80,7 +85,7 @@ def test_a_slew_through_the_sun_is_led_round_it() -> None:
     assert decision.allowed
     assert len(decision.way) > 1
     for corner in decision.way:
-        for azimuth, elevation in made.path(here, corner).tolist():
+        for azimuth, elevation in slew_path(here, corner, AXES)[0].tolist():
             near = math.acos(
                 math.sin(elevation) * math.sin(sun[1])
                 + math.cos(elevation) * math.cos(sun[1]) * math.cos(azimuth - sun[0])
@@ -93,6 +98,91 @@ def test_a_slew_through_the_sun_is_led_round_it() -> None:
     assert made.check("stow", (20.0 * DEG, 40.0 * DEG), deg((50.0, 41.0)), sun_rad=sun).allowed
 
 
+def test_a_slew_ends_where_it_must_within_the_rates_and_in_the_time_of_the_closed_form() -> None:
+    for start, end in (((10.0, 40.0), (130.0, 20.0)), ((0.0, 10.0), (-1.0, 12.0)), ((0.0, 10.0), (0.0, 10.0))):
+        here, there = (start[0] * DEG, start[1] * DEG), (end[0] * DEG, end[1] * DEG)
+        positions, rates = slew_path(here, there, AXES)
+        assert positions[0] == pytest.approx(here)
+        assert positions[-1] == pytest.approx(there, abs=1e-12)
+        assert rates[[0, -1]] == pytest.approx(0.0, abs=1e-12)
+        assert np.max(np.abs(rates)) <= 1.8 * DEG + 1e-12
+        step_s = AXES.slew_s(here, there) / (len(positions) - 1)
+        travelled = np.cumsum(0.5 * (rates[1:] + rates[:-1]) * step_s, axis=0)
+        assert travelled == pytest.approx(positions[1:] - here, abs=0.5 * 0.8 * DEG * step_s**2 + 1e-12)
+    assert AXES.slew_s((0.0, 0.0), (120.0 * DEG, 0.0)) == pytest.approx(120.0 / 1.8 + 1.8 / 0.8)
+    assert AXES.slew_s((0.0, 0.0), (0.8 * DEG, 0.0)) == pytest.approx(2.0)
+
+
+def test_what_is_left_of_a_stopped_motion_is_that_of_a_simulated_stop() -> None:
+    rate, limit = 1.5 * DEG, 0.8 * DEG
+    ahead = halting_points(np.array([[1.0, 0.5]]), np.array([[rate, -rate]]), (limit, limit))
+    for share, row in zip((0.25, 0.5, 1.0), ahead, strict=True):
+        t = share * rate / limit
+        moved = rate * t - 0.5 * limit * t**2
+        assert row == pytest.approx([1.0 + moved, 0.5 - moved])
+
+
+def test_a_way_is_free_only_if_the_axes_can_stop_anywhere_on_it() -> None:
+    """Down behind a hill: a stop while both axes still run would bring the elevation down before the hill has passed."""
+    here, there = (30.0 * DEG, 60.0 * DEG), (90.0 * DEG, 10.0 * DEG)
+    positions, rates = slew_path(here, there, AXES)
+    behind = float(np.interp(-10.5 * DEG, -positions[:, 1], positions[:, 0])) - 0.25 * DEG
+    hill = HorizonMask(azimuth_rad=(0.0, behind - 1e-4, behind), elevation_rad=(10.5 * DEG, 10.5 * DEG, 0.0))
+    sky = ForbiddenSky(hill, 0.0)
+    assert sky.reason_of_path(positions, here, there, None, 0.0) == ""
+    stopped = halting_points(positions, rates, AXES.acceleration_rad_s2)
+    assert "below the horizon mask" in sky.reason_of_path(stopped, here, there, None, 0.0)
+    assert len(gate(hill).check("slew", here, np.array([there])).way) > 1
+    wall = HorizonMask(azimuth_rad=(0.0, 60.0 * DEG, 60.1 * DEG), elevation_rad=(0.0, 0.0, 40.0 * DEG))
+    moving = gate(wall).guard("track", (58.5 * DEG, 20.0 * DEG), (58.5 * DEG, 20.0 * DEG), (1.8 * DEG, 0.0))
+    assert moving.startswith("track would not come to rest in time: elevation 20.000 deg at azimuth 60.")
+    assert gate(wall).guard("track", (58.5 * DEG, 20.0 * DEG), (58.5 * DEG, 20.0 * DEG), (0.5 * DEG, 0.0)) == ""
+    assert (
+        gate(wall).guard("track", (61.0 * DEG, 20.0 * DEG), (61.0 * DEG, 20.0 * DEG), (-0.5 * DEG, 0.5 * DEG)) == ""
+    ), "outward from behind it"
+
+
+def test_the_guard_of_a_tick_is_a_deceleration_cone_before_travel_and_sun() -> None:
+    """0.8 deg/s^2 from 1.6 deg/s takes 1.6 deg."""
+    made = gate()
+    assert made.guard("manual", (218.3 * DEG, 0.5), (218.3 * DEG, 0.5), (1.6 * DEG, 0.0)) == ""
+    assert "past the limit 220.000 deg" in made.guard(
+        "manual", (218.5 * DEG, 0.5), (218.5 * DEG, 0.5), (1.6 * DEG, 0.0)
+    )
+    assert made.guard("manual", (220.3 * DEG, 0.5), (220.3 * DEG, 0.5), (-1.6 * DEG, 0.0)) == "", "inward from outside"
+    sun = (50.0 * DEG, 0.5)
+    assert "from the Sun" in made.guard("scan", (47.8 * DEG, 0.5), (47.8 * DEG, 0.5), (1.6 * DEG, 0.0), sun)
+    assert made.guard("scan", (46.0 * DEG, 0.5), (46.0 * DEG, 0.5), (1.6 * DEG, 0.0), sun) == ""
+    assert made.guard("stow", (47.8 * DEG, 0.5), (47.8 * DEG, 0.5), (1.6 * DEG, 0.0), sun) == ""
+
+
+def test_one_direction_and_many_agree_over_the_top_too(random: np.random.Generator) -> None:
+    sky, sun = ForbiddenSky(HILL, 30.0 * DEG), (1.7, 0.6)
+    points = np.column_stack([random.uniform(-4.0, 4.0, 300), random.uniform(0.0, math.pi, 300)])
+    here = (0.0, 0.5 * math.pi)
+    for row in points:
+        single = sky.reason(float(row[0]), float(row[1]), None, sun)
+        along = sky.reason_of_path(row[None, :], here, here, sun, 0.0)
+        assert bool(single) == bool(along)
+        folded = row if row[1] <= 0.5 * math.pi else np.array([row[0] + math.pi, math.pi - row[1]])
+        assert sky.under_mask(*row.tolist()) == pytest.approx(sky.under_mask(*folded.tolist()))
+        assert sky.sun_distance(*row.tolist(), sun) == pytest.approx(sky.sun_distance(*folded.tolist(), sun))
+
+
+def test_a_way_keeps_clear_of_where_the_sun_will_be_at_its_end() -> None:
+    """A slew of 100 s passes 0.9 deg from the Sun of now with a zone of 0.8 deg: the Sun may move 0.4 deg meanwhile."""
+    sky = ForbiddenSky(FLAT, 0.8 * DEG)
+    points, here, there, sun = deg((50.0, 0.9)), (0.0, 0.0), (100.0 * DEG, 0.0), (50.0 * DEG, 0.0)
+    assert sky.reason_of_path(points, here, there, sun, 0.0) == ""
+    assert "0.900 deg from the Sun" in sky.reason_of_path(points, here, there, sun, 100.0)
+
+
+def test_motions_between_points_have_their_names() -> None:
+    assert motion_between((0.0, 0.5), (1.0, 0.6)) == "slew"
+    assert motion_between((3.6, 0.5), (-1.0, 0.6)) == "unwind"
+    assert motion_between((0.0, 0.5), (3.0, 2.6)) == "flip"
+
+
 def test_high_wind_lets_only_the_stow_pass() -> None:
     for kind in MOTIONS:
         decision = gate().check(kind, (0.0, 0.5), deg((0.0, 89.0)), high_wind="gust 31.0 m/s, limit 25.0 m/s")
@@ -101,7 +191,7 @@ def test_high_wind_lets_only_the_stow_pass() -> None:
 
 def test_a_rate_that_cannot_stop_before_the_limit_is_refused() -> None:
     """1 deg/s^2 from 1.5 deg/s takes 1.125 deg."""
-    made = gate(deceleration_rad_s2=(1.0 * DEG, 1.0 * DEG))
+    made = gate(axes=AxisRates((2.0 * DEG, 2.0 * DEG), (1.0 * DEG, 1.0 * DEG)))
     rate = deg((1.5, 0.0))
     assert made.check("manual", (0.0, 0.5), deg((218.8, 45.0)), rate).allowed
     refused = made.check("manual", (0.0, 0.5), deg((219.0, 45.0)), rate)
@@ -130,3 +220,9 @@ def test_the_checks_of_a_tick_take_microseconds() -> None:
     made = gate(HILL)
     spent = min(timeit.repeat(lambda: made.hard(1.0, 0.5, 0.01, 0.0), number=1000, repeat=5)) / 1000
     assert spent < 200e-6
+    guard = min(
+        timeit.repeat(
+            lambda: made.guard("track", (1.0, 0.5), (1.0, 0.5), (0.01, 0.0), (2.0, 0.6)), number=1000, repeat=5
+        )
+    )
+    assert guard / 1000 < 400e-6

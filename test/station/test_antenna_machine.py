@@ -1,7 +1,8 @@
 """Random sequences of everything one can ask of an antenna: what must hold after every one of them.
 
-|position| within the hard limits, commanded rates and accelerations within theirs, no commanded motion unless active,
-authorised and free of faults.  `scripts/soak` runs the same machine for as long as it is told.
+|position| within the hard limits and never further below the horizon mask or into the Sun's zone, commanded rates and
+accelerations within theirs, no commanded motion unless active, authorised and free of faults.  `scripts/soak` runs the same
+machine for as long as it is told.
 """
 
 import math
@@ -14,12 +15,27 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 
 from rf_pointing.calibration import BiasModel
 from rf_pointing.geometry import JointTrajectory
+from rf_pointing.planning import GateParams, HorizonMask
+from rf_pointing.planning.forbidden_sky import ForbiddenSky
+from rf_pointing.planning.gate import GUARD_RAD
 from rf_pointing.servo import WindParams, dss13_plant
 from rf_pointing.station.antenna import AntennaParams, LoopParams, SimulatedAntenna
+from rf_pointing.station.antenna_safety import SafetyParams
 from rf_pointing.station.injected_faults import FAULTS
+from rf_pointing.station.solar import SolarDirection
 
 DEG = math.pi / 180.0
-START_S = 1_151_384_000.0
+START_S = 1_151_384_000.0 + 12.0 * 3600.0
+"""The Sun stands at 50 deg."""
+MASK = HorizonMask(
+    azimuth_rad=tuple(angle * DEG for angle in (0.0, 40.0, 60.0, 90.0, 100.0, 250.0, 300.0)),
+    elevation_rad=tuple(height * DEG for height in (0.0, 0.0, 30.0, 30.0, 0.0, 0.0, 15.0)),
+)
+SAFETY = SafetyParams(mask=MASK, gate=GateParams(sun_radius_rad=5.0 * DEG))
+RESET_RAD = 0.05 * DEG
+"""More than the fastest axis moves in a tick: the command was set to where the axes are."""
+SUN_RAD = GUARD_RAD + 0.05 * DEG
+"""The guard's tolerance, and what the Sun moves between two looks at it."""
 BRAKED = ("inactive", "parked", "stowed", "disabled")
 EXAMPLES = int(os.environ.get("RF_POINTING_SOAK_EXAMPLES", "15"))
 STEPS = 40
@@ -34,11 +50,13 @@ class AntennaMachine(RuleBasedStateMachine):
     def begin(self, azimuth: float, elevation: float, wind: float) -> None:
         params = AntennaParams(start_azimuth_rad=azimuth * DEG, start_elevation_rad=elevation * DEG)
         self.antenna = SimulatedAntenna(
-            params, dss13_plant(), LoopParams(), WindParams(mean_speed_m_s=wind), BiasModel.zero()
+            params, dss13_plant(), LoopParams(), WindParams(mean_speed_m_s=wind), BiasModel.zero(), SAFETY
         )
+        self.sky, self.sun = ForbiddenSky(MASK, SAFETY.gate.sun_radius_rad), SolarDirection(SAFETY.sun)
         self.tick_s, self.ticks = params.tick_s, 0
         self.limits = LoopParams().preprocessor
         self.before: tuple[np.ndarray, np.ndarray] | None = None
+        self.course = self.antenna.status(self.t_s).commanded_rad
         self.run(3)
 
     @property
@@ -51,6 +69,21 @@ class AntennaMachine(RuleBasedStateMachine):
             before = self.antenna.mode
             self.antenna.step(self.t_s)
             self.check_motion(before)
+            self.check_sky(before)
+
+    def check_sky(self, mode_before: str) -> None:
+        """A command leads no further into what is forbidden than the guard's tolerance, or out of it."""
+        course, self.course = self.course, self.antenna.status(self.t_s).commanded_rad
+        here, before = self.course.tolist(), course.tolist()
+        moved = float(np.max(np.abs(self.course - course)))
+        if moved == 0.0 or moved > RESET_RAD or "stopping" in (mode_before, self.antenna.mode):
+            return
+        under = self.sky.under_mask(*here)
+        assert under <= max(GUARD_RAD, self.sky.under_mask(*before) + 1e-9)
+        sun = self.sun.at(self.t_s)
+        if sun is not None and self.antenna.mode != "stowing":
+            near = self.sky.sun_distance(*here, sun)
+            assert near >= min(SAFETY.gate.sun_radius_rad - SUN_RAD, self.sky.sun_distance(*before, sun) - 1e-9)
 
     def check_motion(self, mode_before: str) -> None:
         antenna, limits = self.antenna, self.limits
