@@ -116,6 +116,11 @@ class DoaAttitudeFilter:
         """Continue from `state`."""
         self._state = state
 
+    @property
+    def refused(self) -> int:
+        """Directions in a row outside the gate; 0 before the first direction."""
+        return 0 if self._state.heard_s is None else int(best_of_bank(self._state.bank).refused[0])
+
     def predict_to(self, t_s: float, known: KnownTorque, frame_rate: Array) -> None:
         """Advance to `t_s`; `frame_rate` (3,) is the inertial rate of the orbital frame in its own axes.
 

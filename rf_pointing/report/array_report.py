@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rf_pointing.report.array_pictures import draw_attitude, draw_pose
 from rf_pointing.report.array_series import ArraySeries, array_sensors, read_attitude_series, read_pose_series
-from rf_pointing.report.html import Cell, document, figure, table
+from rf_pointing.report.html import Cell, document, figure, table, text
 
 __all__ = ["ArrayErrors", "write_array_report"]
 
@@ -61,8 +61,9 @@ def write_array_report(bag: Path | str, output_dir: Path | str) -> list[ArrayErr
         _DRAW[what](series, picture, title)
         figures.append(figure(picture, title, _CAPTION))
         errors += _errors(title, series)
-    parts = [f"<h1>Array sensors of {path.name}</h1>", _table(errors), *figures]
-    (folder / "array_report.html").write_text(document(f"Array sensors of {path.name}", parts), encoding="utf-8")
+    heading = f"Array sensors of {path.name}"
+    parts = [f"<h1>{text(heading)}</h1>", _table(errors), *figures]
+    (folder / "array_report.html").write_text(document(heading, parts), encoding="utf-8")
     summary = {"schema": SCHEMA, "bag": str(path), "errors": [asdict(each) for each in errors]}
     (folder / "array_summary.json").write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
     return errors

@@ -1,6 +1,7 @@
 """From snapshots of an array and the known torques to attitude and rate: directions, stations, filter, verdict.
 
-The filter starts at the first direction, with the guess that the satellite points to the nadir and turns with its orbit.
+The filter starts at the first direction, with the guess that the satellite points to the nadir and turns with its orbit, and
+anew after a long gap or when direction after direction contradicts it: what it believed is then not true any more.
 Torques are held from their stamps on; between two blocks the filter is carried on by them.
 """
 
@@ -37,6 +38,9 @@ class DoaChainParams(Params):
 
     torque_age_max_s: float = parameter(5.0, "oldest known torque that the filter is carried on by", low=0.1, high=1e4)
     gap_max_s: float = parameter(300.0, "longest time without blocks before the filter starts anew", low=1.0, high=1e5)
+    lost_after: int = parameter(
+        16, "directions in a row outside the gate after which the filter starts anew", low=1, high=10**6
+    )
     match_rad: float = parameter(
         0.35, "largest angle between a direction and its station in a shared channel", low=1e-3, high=3.14
     )
@@ -143,12 +147,16 @@ class DoaAttitude:
         return [(transmitters[k], view.reference[k], found[i]) for i, k in pairs], reasons
 
     def _carried_on(self, t_s: float) -> DoaAttitudeFilter:
-        """Return the filter at `t_s`, started there if there is none or it was silent for too long."""
-        if self._filter is None or t_s - self._filter.state.t_s > self._params.gap_max_s:
+        """Return the filter at `t_s`, started there if there is none, it was silent for too long, or it is lost."""
+        if self._filter is not None and t_s < self._filter.state.t_s:
+            raise ValueError(f"t_s={t_s} is late: the filter is at {self._filter.state.t_s}")
+        if (
+            self._filter is None
+            or t_s - self._filter.state.t_s > self._params.gap_max_s
+            or self._filter.refused >= self._params.lost_after
+        ):
             self._filter = self._started(t_s)
             return self._filter
-        if t_s < self._filter.state.t_s:
-            raise ValueError(f"t_s={t_s} is late: the filter is at {self._filter.state.t_s}")
         for until_s, known in self._pieces(self._filter.state.t_s, t_s):
             self._filter.predict_to(until_s, known, orbit_point(self._orbit, until_s).frame_rate_rad_s)
         return self._filter

@@ -104,6 +104,21 @@ def test_missing_torques_stop_the_filter_with_a_reason(lived: list[DoaMoment]) -
         unaware.take_block(lived[1].heard, START_S + 1.0)
 
 
+def test_filter_that_every_direction_contradicts_starts_anew_and_finds_the_truth(lived: list[DoaMoment]) -> None:
+    running = chain()
+    assert run(running, lived[:30])[-1].attitude.valid
+    elsewhere = moments(75, roll_rad=-0.5, yaw_rad=-2.4)[30:]
+    found = run(running, elsewhere)
+    assert "outside the gate" in found[0].refused[0]
+    assert not any(report.attitude.valid for report in found[8:26])
+    assert "attitude in doubt" in found[8].attitude.reason
+    assert found[-1].attitude.valid
+    turn = quaternion_to_rotation_vector(
+        multiply(elsewhere[-1].truth.quaternion, conjugate(found[-1].attitude.quaternion))
+    )
+    assert np.all(np.abs(turn) < SIGMAS * np.sqrt(np.diag(found[-1].attitude.covariance_rad2)))
+
+
 def test_filter_starts_anew_after_a_long_gap(lived: list[DoaMoment]) -> None:
     running = chain(gap_max_s=5.0)
     assert run(running, lived[:20])[-1].attitude.valid
