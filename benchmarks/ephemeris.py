@@ -27,12 +27,11 @@ from rf_pointing.ephemeris import (
 )
 from rf_pointing.ephemeris.tle_writer import tle_lines
 from rf_pointing.geometry import random_stream
+from rf_pointing.geometry.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
 
 EPOCH_T_S = 1151347200.0
 DAY_S = 86400.0
 MASK_RAD = math.radians(5.0)
-GM_M3_S2 = 3.986004418e14
-EARTH_RADIUS_M = 6378137.0
 
 
 def synthetic_catalogue(count: int, seed: int = 1) -> list[Elements]:
@@ -60,7 +59,7 @@ def _synthetic(number: int, rng: np.random.Generator) -> Elements:
         eccentricity=(far - near) / (far + near),
         argument_of_perigee_rad=angles[1],
         mean_anomaly_rad=angles[2],
-        mean_motion_rad_s=math.sqrt(GM_M3_S2 / (0.5 * (near + far)) ** 3),
+        mean_motion_rad_s=math.sqrt(EARTH_MU_M3_S2 / (0.5 * (near + far)) ** 3),
         drag_per_earth_radius=1e-5,
     )
 

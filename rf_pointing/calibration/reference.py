@@ -10,12 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.geometry import as_finite_array
+from rf_pointing.geometry.constants import SPEED_OF_LIGHT_M_S
 
-__all__ = ["LIGHT_SPEED_M_S", "ReferenceTrack"]
+__all__ = ["ReferenceTrack"]
 
 Array = NDArray[np.float64]
-
-LIGHT_SPEED_M_S = 299792458.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -74,7 +73,7 @@ class ReferenceTrack:
         """
         times = as_finite_array("t_s", t_s, (None,))
         now = self.at(np.clip(times, self.t_s[0], self.t_s[-1]))
-        return self.at(times - now.range_m / LIGHT_SPEED_M_S)
+        return self.at(times - now.range_m / SPEED_OF_LIGHT_M_S)
 
     def motion(self) -> tuple[Array, Array, Array, Array, Array, Array]:
         """Return azimuth, elevation, their rates and accelerations, in the order the bias model takes."""

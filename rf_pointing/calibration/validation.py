@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from rf_pointing.calibration.raw_tracking import RawTracking, StageReport
 from rf_pointing.calibration.reference import ReferenceTrack
+from rf_pointing.geometry.constants import SPEED_OF_LIGHT_M_S
 
 __all__ = ["validate"]
 
@@ -37,7 +38,7 @@ def validate(raw: RawTracking, reference: ReferenceTrack) -> tuple[NDArray[np.bo
         keep[wrong_rows] = False
         dropped[reason] = len(wrong_rows)
     rows = np.flatnonzero(keep)
-    latest = np.max(reference.range_m) / 299792458.0 + _MARGIN_S
+    latest = np.max(reference.range_m) / SPEED_OF_LIGHT_M_S + _MARGIN_S
     inside = reference.covers(raw.t_s[rows]) & reference.covers(raw.t_s[rows] - latest)
     keep[rows[~inside]] = False
     dropped["outside the reference orbit"] = int(np.sum(~inside))

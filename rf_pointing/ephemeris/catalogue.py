@@ -18,13 +18,13 @@ from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource, Iers
 from rf_pointing.ephemeris.elements import Elements
 from rf_pointing.ephemeris.grid_passes import GridPasses, passes_on_grid
 from rf_pointing.ephemeris.light_time import SENSES
-from rf_pointing.ephemeris.look_angles import SPEED_OF_LIGHT_M_S
 from rf_pointing.ephemeris.motion import Motion
 from rf_pointing.ephemeris.sampled_sky import MARGIN, SampledSky
 from rf_pointing.ephemeris.sgp4_orbit import GMST_RATE_RAD_S, earth_fixed_from_teme
 from rf_pointing.ephemeris.sites import Site
 from rf_pointing.ephemeris.time_scales import DAY_S, POSIX_EPOCH_JD, leap_seconds, utc_text
 from rf_pointing.geometry import azel_from_unit_vector, require_between, require_choice
+from rf_pointing.geometry.constants import SPEED_OF_LIGHT_M_S
 from rf_pointing.geometry.refraction import RadioRefraction
 
 __all__ = ["CataloguePass", "CatalogueSearch", "find_catalogue_passes"]

@@ -19,11 +19,12 @@ from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource, Iers
 from rf_pointing.ephemeris.motion import Motion, Vector
 from rf_pointing.ephemeris.time_scales import DAY_S
 from rf_pointing.geometry import require_between, require_choice
+from rf_pointing.geometry.constants import SPEED_OF_LIGHT_M_S
 
 __all__ = ["RADIO_SOURCES", "CelestialTarget", "RadioSource", "moon", "radio_source", "sun"]
 
 _AU_M = 149597870700.0
-_AU_DAY_IN_C = _AU_M / DAY_S / 299792458.0
+_AU_DAY_IN_C = _AU_M / DAY_S / SPEED_OF_LIGHT_M_S
 _LIGHT_YEAR_M = 9.4607304725808e15
 _STEP_S = 600.0
 

@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.ephemeris.motion import Motion, root
+from rf_pointing.geometry.constants import SPEED_OF_LIGHT_M_S
 
-__all__ = ["SPEED_OF_LIGHT_M_S", "LookAngles", "angles_and_rates"]
+__all__ = ["LookAngles", "angles_and_rates"]
 
 Array = NDArray[np.float64]
 
-SPEED_OF_LIGHT_M_S = 299792458.0
 _LEAST_HORIZONTAL_M = 1e-3
 """Azimuth is undefined at the zenith; a millimetre added in quadrature keeps its rates finite."""
 

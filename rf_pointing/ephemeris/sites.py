@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.geometry import Params, parameter, require_choice
+from rf_pointing.geometry.constants import EARTH_RADIUS_M
 
 __all__ = ["SITES", "Site", "site"]
 
 Vector = tuple[float, float, float]
 
-WGS84_RADIUS_M = 6378137.0
 WGS84_FLATTENING = 1.0 / 298.257223563
 
 
@@ -41,7 +41,7 @@ class Site(Params):
     def position_m(self) -> Vector:
         """Earth-fixed position x, y, z."""
         e2 = WGS84_FLATTENING * (2.0 - WGS84_FLATTENING)
-        normal = WGS84_RADIUS_M / math.sqrt(1.0 - e2 * math.sin(self.latitude_rad) ** 2)
+        normal = EARTH_RADIUS_M / math.sqrt(1.0 - e2 * math.sin(self.latitude_rad) ** 2)
         across = (normal + self.altitude_m) * math.cos(self.latitude_rad)
         up = (normal * (1.0 - e2) + self.altitude_m) * math.sin(self.latitude_rad)
         return across * math.cos(self.longitude_rad), across * math.sin(self.longitude_rad), up

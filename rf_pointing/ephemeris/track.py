@@ -13,12 +13,13 @@ from rf_pointing.ephemeris.cross_track import moved_across
 from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource, IersEarthOrientation
 from rf_pointing.ephemeris.elements import Elements
 from rf_pointing.ephemeris.light_time import SENSES, delayed
-from rf_pointing.ephemeris.look_angles import SPEED_OF_LIGHT_M_S, LookAngles, angles_and_rates
+from rf_pointing.ephemeris.look_angles import LookAngles, angles_and_rates
 from rf_pointing.ephemeris.motion import Motion, combined, norm, rotated, seen_from_rotating_axes
 from rf_pointing.ephemeris.sgp4_orbit import Sgp4Orbit
 from rf_pointing.ephemeris.sites import Site
 from rf_pointing.ephemeris.time_scales import DAY_S
 from rf_pointing.geometry import Target, nearest_turn_rad, require_between, require_choice, require_finite
+from rf_pointing.geometry.constants import SPEED_OF_LIGHT_M_S
 from rf_pointing.geometry.refraction import RadioRefraction
 
 __all__ = ["TargetSource", "TopocentricTrack"]

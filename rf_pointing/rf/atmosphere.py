@@ -15,7 +15,7 @@ from rf_pointing.geometry import Params, parameter, require_choice
 
 __all__ = ["AtmosphereParams", "air_mass", "atmosphere_loss_db"]
 
-EARTH_RADIUS_M = 6_371_000.0
+MEAN_EARTH_RADIUS_M = 6_371_000.0
 
 ZENITH_LOSS_DB = {"S": 0.035, "X": 0.04, "Ka": 0.14}
 """Clear dry sky at the zenith, about what Goldstone sees."""
@@ -41,7 +41,7 @@ def air_mass(elevation_rad: ArrayLike, height_m: float) -> NDArray[np.float64]:
     elevation = np.asarray(elevation_rad, dtype=np.float64)
     if np.any(elevation < 0.0) or np.any(elevation > math.pi):
         raise ValueError(f"elevation_rad={elevation} must be >= 0 and <= pi")
-    ratio = EARTH_RADIUS_M / height_m
+    ratio = MEAN_EARTH_RADIUS_M / height_m
     rise = ratio * np.sin(elevation)
     return np.asarray(np.sqrt(rise**2 + 2.0 * ratio + 1.0) - rise)
 

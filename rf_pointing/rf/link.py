@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.geometry import Params, parameter
+from rf_pointing.geometry.constants import SPEED_OF_LIGHT_M_S
 from rf_pointing.rf.atmosphere import AtmosphereParams, atmosphere_loss_db
 from rf_pointing.rf.noise import BOLTZMANN_J_K, NoiseParams, system_noise_k
 
 __all__ = ["EirpParams", "Link", "LinkParams", "free_space_loss_db", "zenith_carrier_to_noise_db_hz"]
 
-SPEED_OF_LIGHT_M_S = 299_792_458.0
 ZENITH_RAD = 0.5 * math.pi
 
 

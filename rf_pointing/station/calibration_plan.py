@@ -14,13 +14,12 @@ from numpy.typing import NDArray
 from rf_pointing.calibration import CandidatePass, ReferenceTrack
 from rf_pointing.ephemeris import Elements, Pass, Site, TopocentricTrack, find_passes
 from rf_pointing.geometry import MDEG, Params, parameter
+from rf_pointing.geometry.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
 
 __all__ = ["ArcRules", "beacons", "candidate_arcs", "window_of"]
 
 Array = NDArray[np.float64]
 
-EARTH_GRAVITY_M3_S2 = 3.986004418e14
-EARTH_RADIUS_M = 6.378137e6
 LEAST_MASK_RAD = math.radians(1.0)
 
 
@@ -83,7 +82,7 @@ def beacons(epoch_t_s: float) -> list[Elements]:
             eccentricity=0.001,
             argument_of_perigee_rad=0.0,
             mean_anomaly_rad=anomaly,
-            mean_motion_rad_s=math.sqrt(EARTH_GRAVITY_M3_S2 / (EARTH_RADIUS_M + height) ** 3),
+            mean_motion_rad_s=math.sqrt(EARTH_MU_M3_S2 / (EARTH_RADIUS_M + height) ** 3),
             drag_per_earth_radius=0.0,
             international_designator="06001A",
         )

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from rf_pointing.calibration.reference import LIGHT_SPEED_M_S
+from rf_pointing.geometry.constants import SPEED_OF_LIGHT_M_S
 
 
 def test_interpolated_track_agrees_with_the_closed_form_between_samples(track):
@@ -24,7 +24,7 @@ def test_samples_themselves_are_returned_unchanged(track):
 def test_delayed_track_is_one_light_time_earlier(track):
     coarse = track(5.0)
     times = coarse.t_s[10:20] + 1.0
-    delay = coarse.at(times).range_m / LIGHT_SPEED_M_S
+    delay = coarse.at(times).range_m / SPEED_OF_LIGHT_M_S
     assert np.array_equal(coarse.delayed(times).azimuth_rad, coarse.at(times - delay).azimuth_rad)
 
 

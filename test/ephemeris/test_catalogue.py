@@ -18,6 +18,7 @@ from rf_pointing.ephemeris import (
 )
 from rf_pointing.ephemeris.time_scales import posix_from_calendar
 from rf_pointing.geometry import random_stream
+from rf_pointing.geometry.constants import EARTH_MU_M3_S2
 
 START_T_S = 1151347200.0
 DAY_S = 86400.0
@@ -25,7 +26,6 @@ MASK_RAD = math.radians(5.0)
 EVENT_S = 0.02
 PEAK_RAD = 5e-6
 """Interpolation is good to 1 m, seen from 300 km or more."""
-GM_M3_S2 = 3.986004418e14
 
 
 def random_orbits(count: int) -> list[Elements]:
@@ -46,7 +46,7 @@ def random_orbits(count: int) -> list[Elements]:
                 eccentricity=eccentricity,
                 argument_of_perigee_rad=angles[1],
                 mean_anomaly_rad=angles[2],
-                mean_motion_rad_s=math.sqrt(GM_M3_S2 / axis_m**3),
+                mean_motion_rad_s=math.sqrt(EARTH_MU_M3_S2 / axis_m**3),
                 drag_per_earth_radius=1e-5,
             )
         )

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.geometry import Params, parameter
+from rf_pointing.geometry.constants import EARTH_RADIUS_M
 
 __all__ = ["EARTH_RATE_RAD_S", "Site", "sidereal_angle_rad", "to_earth_fixed", "to_inertial"]
 
@@ -18,7 +19,7 @@ Array = NDArray[np.float64]
 
 EARTH_RATE_RAD_S = 7.292115855e-5
 """Sidereal turning rate with respect to the equinox of date (IAU 1982)."""
-_SEMI_MAJOR_AXIS_M, _FLATTENING = 6378137.0, 1.0 / 298.257223563
+_FLATTENING = 1.0 / 298.257223563
 _J2000_T_S = 946728000.0
 
 
@@ -51,7 +52,7 @@ class Site(Params):
         """Return the Earth-fixed position (3,)."""
         eccentricity2 = _FLATTENING * (2.0 - _FLATTENING)
         sin_lat, cos_lat = math.sin(self.latitude_rad), math.cos(self.latitude_rad)
-        normal = _SEMI_MAJOR_AXIS_M / math.sqrt(1.0 - eccentricity2 * sin_lat**2)
+        normal = EARTH_RADIUS_M / math.sqrt(1.0 - eccentricity2 * sin_lat**2)
         across = (normal + self.height_m) * cos_lat
         up = (normal * (1.0 - eccentricity2) + self.height_m) * sin_lat
         return np.array([across * math.cos(self.longitude_rad), across * math.sin(self.longitude_rad), up])

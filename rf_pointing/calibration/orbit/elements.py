@@ -7,12 +7,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.geometry import Params, as_finite_array, parameter
+from rf_pointing.geometry.constants import EARTH_MU_M3_S2
 
-__all__ = ["GM_M3_S2", "Elements"]
+__all__ = ["Elements"]
 
 Array = NDArray[np.float64]
 
-GM_M3_S2 = 3.986004418e14
 """Gravitational constant times mass of the Earth (WGS-84)."""
 _KEPLER_TOLERANCE_RAD, _KEPLER_ITERATIONS = 1e-13, 50
 
@@ -38,7 +38,7 @@ class Elements(Params):
         a, e = self.semi_major_axis_m, self.eccentricity
         anomaly = _eccentric_anomaly(mean_anomaly_rad, e)
         cosine, sine, root = np.cos(anomaly), np.sin(anomaly), math.sqrt(1.0 - e * e)
-        speed = math.sqrt(GM_M3_S2 * a) / (a * (1.0 - e * cosine))
+        speed = math.sqrt(EARTH_MU_M3_S2 * a) / (a * (1.0 - e * cosine))
         toward_perigee, ahead = _orbit_axes(node_rad, self.inclination_rad, perigee_rad)
         position = a * ((cosine - e) * toward_perigee + root * sine * ahead)
         velocity = speed * (root * cosine * ahead - sine * toward_perigee)
@@ -50,7 +50,7 @@ class Elements(Params):
         both = as_finite_array("state", state, (6,))
         position, velocity = both[:3], both[3:]
         radius, momentum = float(np.linalg.norm(position)), np.cross(position, velocity)
-        a = 1.0 / (2.0 / radius - float(velocity @ velocity) / GM_M3_S2)
+        a = 1.0 / (2.0 / radius - float(velocity @ velocity) / EARTH_MU_M3_S2)
         if a <= 0.0:
             raise ValueError(f"semi_major_axis_m={a:.0f} must be > 0: the state is not a closed orbit")
         inclination = math.atan2(math.hypot(momentum[0], momentum[1]), momentum[2])
@@ -59,7 +59,7 @@ class Elements(Params):
         ahead = np.cross(momentum / np.linalg.norm(momentum), along_node)
         latitude = math.atan2(float(position @ ahead), float(position @ along_node))
         e_cos = 1.0 - radius / a
-        e_sin = float(position @ velocity) / math.sqrt(GM_M3_S2 * a)
+        e_sin = float(position @ velocity) / math.sqrt(EARTH_MU_M3_S2 * a)
         e, anomaly = math.hypot(e_cos, e_sin), math.atan2(e_sin, e_cos)
         true_anomaly = math.atan2(math.sqrt(1.0 - e * e) * math.sin(anomaly), math.cos(anomaly) - e)
         return cls(

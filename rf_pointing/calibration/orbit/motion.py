@@ -11,14 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rf_pointing.calibration.orbit.elements import GM_M3_S2
 from rf_pointing.geometry import Params, as_finite_array, parameter
+from rf_pointing.geometry.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
 
 __all__ = ["Gravity", "Trajectory", "propagate", "propagate_together"]
 
 Array = NDArray[np.float64]
 
-EARTH_RADIUS_M = 6378137.0
 _STEP_M, _STEP_M_S = 10.0, 0.01
 _RELATIVE_TOLERANCE = 1e-11
 
@@ -40,7 +39,7 @@ class Gravity(Params):
         k2, k3, k4 = 1.5 * self.j2 * q2, 2.5 * self.j3 * q2 * EARTH_RADIUS_M / r2, 0.625 * self.j4 * q2 * q2
         across = 1.0 - k2 * (5.0 * s2 - 1.0) - k3 * z * (7.0 * s2 - 3.0) + k4 * (s2 * (42.0 - 63.0 * s2) - 3.0)
         polar = 2.0 * k2 + k3 * z * 3.0 + k4 * (28.0 * s2 - 12.0)
-        scale = -GM_M3_S2 / (r2 * r)
+        scale = -EARTH_MU_M3_S2 / (r2 * r)
         result: Array = position_m * (scale * across)[..., np.newaxis]
         result[..., 2] += scale * (z * polar - 0.6 * k3 * r2)
         return result

@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.calibration.orbit.earth import Site
-from rf_pointing.calibration.orbit.elements import GM_M3_S2, Elements
+from rf_pointing.calibration.orbit.elements import Elements
 from rf_pointing.calibration.orbit.measurements import Look, look, measured
-from rf_pointing.calibration.orbit.motion import EARTH_RADIUS_M, Gravity, propagate_together
+from rf_pointing.calibration.orbit.motion import Gravity, propagate_together
 from rf_pointing.geometry import require_between
+from rf_pointing.geometry.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
 
 __all__ = ["secular_states", "visits"]
 
@@ -27,7 +28,7 @@ _TURN = 2.0 * math.pi
 def secular_states(elements: Elements, elapsed_s: Array, gravity: Gravity) -> Array:
     """Return states (n, 6) of a slowly precessing ellipse after `elapsed_s` (n,)."""
     a, e, i = elements.semi_major_axis_m, elements.eccentricity, elements.inclination_rad
-    motion = math.sqrt(GM_M3_S2 / a**3)
+    motion = math.sqrt(EARTH_MU_M3_S2 / a**3)
     drift = 0.75 * gravity.j2 * motion * (EARTH_RADIUS_M / (a * (1.0 - e * e))) ** 2
     node = elements.node_rad - 2.0 * drift * math.cos(i) * elapsed_s
     perigee = elements.perigee_rad + drift * (5.0 * math.cos(i) ** 2 - 1.0) * elapsed_s

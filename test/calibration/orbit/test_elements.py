@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.calibration.orbit import Elements
-from rf_pointing.calibration.orbit.elements import GM_M3_S2
+from rf_pointing.geometry.constants import EARTH_MU_M3_S2
 
 
 def test_elements_and_state_are_inverses_for_random_orbits(random):
@@ -34,7 +34,7 @@ def test_perigee_speed_is_that_of_the_vis_viva_equation():
         mean_anomaly_rad=0.0,
     ).state()
     assert np.linalg.norm(state[:3]) == pytest.approx(a * (1 - e), rel=1e-13)
-    assert np.linalg.norm(state[3:]) == pytest.approx(math.sqrt(GM_M3_S2 / a * (1 + e) / (1 - e)), rel=1e-13)
+    assert np.linalg.norm(state[3:]) == pytest.approx(math.sqrt(EARTH_MU_M3_S2 / a * (1 + e) / (1 - e)), rel=1e-13)
 
 
 def test_an_open_orbit_is_refused():

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.calibration.orbit import Elements, Gravity, propagate
-from rf_pointing.calibration.orbit.elements import GM_M3_S2
-from rf_pointing.calibration.orbit.motion import EARTH_RADIUS_M
+from rf_pointing.geometry.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
 
 ORBIT = Elements(
     semi_major_axis_m=7205497.854,
@@ -23,7 +22,7 @@ def potential(position, gravity):
     s, q = position[2] / radius, EARTH_RADIUS_M / radius
     legendre = np.polynomial.legendre.Legendre
     zonal = sum(j * q**n * legendre.basis(n)(s) for n, j in ((2, gravity.j2), (3, gravity.j3), (4, gravity.j4)))
-    return GM_M3_S2 / radius * (1.0 - zonal)
+    return EARTH_MU_M3_S2 / radius * (1.0 - zonal)
 
 
 def test_acceleration_is_the_gradient_of_the_zonal_potential(random):
@@ -37,7 +36,7 @@ def test_acceleration_is_the_gradient_of_the_zonal_potential(random):
 
 def test_two_body_motion_returns_the_kepler_solution_after_a_quarter_day():
     epoch, elapsed = 1e9, 21600.0
-    rate = math.sqrt(GM_M3_S2 / ORBIT.semi_major_axis_m**3)
+    rate = math.sqrt(EARTH_MU_M3_S2 / ORBIT.semi_major_axis_m**3)
     later = ORBIT.replace(mean_anomaly_rad=(ORBIT.mean_anomaly_rad + rate * elapsed) % (2.0 * math.pi))
     found = propagate(epoch, ORBIT.state(), [epoch + elapsed], ROUND).states[0]
     assert np.linalg.norm(found[:3] - later.state()[:3]) < 1e-3
@@ -45,7 +44,7 @@ def test_two_body_motion_returns_the_kepler_solution_after_a_quarter_day():
 
 def test_node_drifts_at_the_secular_rate_of_j2():
     gravity = Gravity(j2=1e-4, j3=0.0, j4=0.0)  # small, so that first-order theory is exact
-    rate = math.sqrt(GM_M3_S2 / ORBIT.semi_major_axis_m**3)
+    rate = math.sqrt(EARTH_MU_M3_S2 / ORBIT.semi_major_axis_m**3)
     revolutions = 15.0 * 2.0 * math.pi / rate  # whole ones, so that the periodic part is the same at both ends
     times = 1e9 + np.array([0.0, revolutions])
     nodes = [Elements.from_state(s).node_rad for s in propagate(1e9, ORBIT.state(), times, gravity).states]
