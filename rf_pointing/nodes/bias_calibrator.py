@@ -26,6 +26,7 @@ from rf_pointing.geometry import MDEG, Params, parameter
 from rf_pointing.nodes import convert, convert_calibration
 from rf_pointing.nodes.campaign_runner import CampaignRunner
 from rf_pointing.nodes.diagnostics import OK, WARN, Health
+from rf_pointing.nodes.goals import conclude
 from rf_pointing.nodes.managed import ManagedNode, run
 from rf_pointing.nodes.qos import LATCHED, STREAM
 from rf_pointing.nodes.stamps import stamp_from_seconds
@@ -170,13 +171,7 @@ class BiasCalibrator(ManagedNode):
             result.passes_tracked = runner.tracked
             result.success = runner.tracked == wanted
             result.message = "; ".join([f"{runner.tracked} of {wanted} passes tracked", *runner.failures[:3]])
-        if goal.is_cancel_requested:
-            goal.canceled()
-        elif result.success:
-            goal.succeed()
-        else:
-            goal.abort()
-        return result
+        return conclude(goal, result)
 
     def _progress(self) -> RunCampaign.Feedback:
         runner = self._runner

@@ -13,6 +13,7 @@ from rf_pointing_msgs.msg import ManualRate
 from rf_pointing.geometry import AXES, random_stream
 from rf_pointing.identification import IdentificationExperiment
 from rf_pointing.nodes import convert_identification as convert
+from rf_pointing.nodes.goals import conclude
 from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.qos import EXPERIMENT
 from rf_pointing.station.antenna import SimulatedAntenna
@@ -102,10 +103,4 @@ class IdentificationServer:
         if experiment is not None:
             result.message, result.samples_taken = experiment.abort_reason, experiment.samples_taken
             result.success = not experiment.abort_reason
-        if goal.is_cancel_requested:
-            goal.canceled()
-        elif result.success:
-            goal.succeed()
-        else:
-            goal.abort()
-        return result
+        return conclude(goal, result)

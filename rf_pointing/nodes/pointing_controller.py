@@ -29,6 +29,7 @@ from trajectory_msgs.msg import JointTrajectory
 from rf_pointing.controllers import TrackerIntegratorParams
 from rf_pointing.nodes import convert, convert_calibration, convert_planning
 from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Health
+from rf_pointing.nodes.goals import conclude
 from rf_pointing.nodes.managed import ManagedNode, run
 from rf_pointing.nodes.qos import COMMAND, LATCHED, STREAM
 from rf_pointing.planning import AxisLimits, GateParams, HorizonMask, MachineParams
@@ -242,13 +243,7 @@ class PointingControllerNode(ManagedNode):
             result.seconds_tracked, result.seconds_lost = tally.tracked_s, tally.lost_s
             result.rms_cross_elevation_error, result.rms_elevation_error = tally.rms_rad
             result.success = tally.reason == "loss of signal" and tally.share >= LEAST_TRACKED_SHARE
-        if goal.is_cancel_requested:
-            goal.canceled()
-        elif result.success:
-            goal.succeed()
-        else:
-            goal.abort()
-        return result
+        return conclude(goal, result)
 
     def _on_stop(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         response.success = self._controller.busy
