@@ -7,7 +7,6 @@ Exit code 0: the model is in force; 1: it is not; 2: the campaign could not be s
 
 import argparse
 import math
-import signal
 import sys
 import time
 from datetime import UTC, datetime
@@ -15,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import rclpy
 import yaml
 from numpy.typing import NDArray
 from rclpy.action import ActionClient
@@ -37,7 +35,7 @@ from rf_pointing.geometry import MDEG
 from rf_pointing.nodes import convert_planning
 from rf_pointing.nodes.bias_calibrator import JOURNAL
 from rf_pointing.nodes.processes import SIMULATED_STATION
-from rf_pointing.nodes.track import DEFAULT_MODELS, InterruptedRunError, NotStartedError, Run, parse_utc, speed_factor
+from rf_pointing.nodes.track import DEFAULT_MODELS, NotStartedError, Run, parse_utc, run_to_end, speed_factor
 from rf_pointing.station.calibration_log import CalibrationLog
 from rf_pointing.station.calibration_plan import ArcRules, beacons, candidate_arcs, window_of
 from rf_pointing.station.model_keeper import campaign_folder
@@ -250,24 +248,12 @@ def main(argv: list[str] | None = None) -> None:
 
 def execute(options: argparse.Namespace, windows: list[Pass], output: Path) -> int:
     """Run the campaign; return the exit code."""
-    rclpy.init(signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
-    run = CalibrationRun(options, windows, output)
-    for sign in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(sign, run.interrupt)
-    code = 1
-    try:
+
+    def work(run: CalibrationRun) -> int:
         _, fit, refusal = run.calibrate()
-        code = 1 if refusal else 0
         if fit.success:
             say(f"report {report_of(options, fit.model.name, output)}")
-    except (NotStartedError, TimeoutError) as error:
-        say(str(error))
-        code = 2
-    except InterruptedRunError:
-        say("interrupted before the graph was up")
-    finally:
-        run.close()
-        run.recorder.close()
-        run.destroy()
-        rclpy.try_shutdown()
+        return 1 if refusal else 0
+
+    code, _ = run_to_end(lambda: CalibrationRun(options, windows, output), work)
     return code

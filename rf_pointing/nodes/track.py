@@ -8,10 +8,10 @@ import math
 import signal
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import rclpy
 import yaml
@@ -31,6 +31,7 @@ from rf_pointing.nodes.recorder import Recorder
 from rf_pointing.nodes.simulation_clock import HELD_PERIOD_S
 from rf_pointing.nodes.utc import parse_utc
 from rf_pointing.planning import certificate_lines
+from rf_pointing.report.bag_writer import BagResult
 from rf_pointing.rf import HALF_POWER_BEAMWIDTH_RAD
 from rf_pointing.station.commissioning import commissioning_model
 from rf_pointing.station.pointing import SENSOR_CHOICES
@@ -304,6 +305,9 @@ class Run:
         return future.result()
 
 
+RunType = TypeVar("RunType", bound=Run)
+
+
 def say(text: str) -> None:
     """Tell the user, beside the data."""
     print(f"track: {text}", file=sys.stderr)
@@ -347,14 +351,36 @@ def main(argv: list[str] | None = None) -> None:
 
 def execute(options: argparse.Namespace, window: Pass, output: Path) -> int:
     """Run the pass and write the report; return the exit code."""
+    results: list[TrackPass.Result] = []
+
+    def work(run: Run) -> int:
+        results.append(run.track())
+        return 0 if results[0].success else 1
+
+    code, recorded = run_to_end(lambda: Run(options, window, output), work)
+    if recorded.problem:
+        say(
+            f"recording stopped: {recorded.problem}; {sum(loss.count for loss in recorded.lost)} messages are not in the bag"
+        )
+    for result in results:
+        say(f"{'tracked' if code == 0 else 'NOT tracked'}: {result.message}, {result.seconds_tracked:.0f} s on target, "
+            f"{result.seconds_lost:.0f} s lost")  # fmt: skip
+        write(recorded.path, output)
+    return code
+
+
+def run_to_end(make: Callable[[], RunType], work: Callable[[RunType], int]) -> tuple[int, BagResult]:
+    """Do `work` with the run that `make` returns and take everything down again, whatever happens.
+
+    Return the exit code and what was recorded.
+    """
     rclpy.init(signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
-    run = Run(options, window, output)
+    run = make()
     for sign in (signal.SIGINT, signal.SIGTERM):
         signal.signal(sign, run.interrupt)
-    code, result = 1, None
+    code = 1
     try:
-        result = run.track()
-        code = 0 if result.success else 1
+        code = work(run)
     except (NotStartedError, TimeoutError) as error:
         say(str(error))
         code = 2
@@ -365,15 +391,7 @@ def execute(options: argparse.Namespace, window: Pass, output: Path) -> int:
         recorded = run.recorder.close()
         run.destroy()
         rclpy.try_shutdown()
-    if recorded.problem:
-        say(
-            f"recording stopped: {recorded.problem}; {sum(loss.count for loss in recorded.lost)} messages are not in the bag"
-        )
-    if result is not None:
-        say(f"{'tracked' if code == 0 else 'NOT tracked'}: {result.message}, {result.seconds_tracked:.0f} s on target, "
-            f"{result.seconds_lost:.0f} s lost")  # fmt: skip
-        write(recorded.path, output)
-    return code
+    return code, recorded
 
 
 def write(bag: Path, output: Path) -> None:
