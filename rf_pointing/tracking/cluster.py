@@ -6,6 +6,11 @@ from rf_pointing.geometry import MonopulseCluster
 
 __all__ = ["cluster_fault"]
 
+LEVEL_RANGE_DB_HZ = -60.0, 200.0
+"""What a receiver can mean by C/N0; its power of ten must be a number."""
+SAMPLE_RANGE = 1e-100, 1e100
+"""Sizes of the largest sum sample, of any unit, whose square is still a number."""
+
 
 def cluster_fault(cluster: MonopulseCluster) -> str:
     """Return why the cluster must be rejected, empty if it may be used."""
@@ -26,6 +31,12 @@ def cluster_fault(cluster: MonopulseCluster) -> str:
         return "t_s and carrier_to_noise_db_hz must be finite"
     if np.any(np.diff(times) <= 0.0):
         return "t_s must increase from sample to sample"
+    low, high = LEVEL_RANGE_DB_HZ
+    if not low <= cluster.carrier_to_noise_db_hz <= high:
+        return f"carrier_to_noise_db_hz={cluster.carrier_to_noise_db_hz} must be between {low} and {high}"
     if not np.any(channels["sum"]):
         return "sum is zero in every sample"
+    largest = max(float(np.max(np.abs(samples))) for samples in channels.values())
+    if not SAMPLE_RANGE[0] <= float(np.max(np.abs(channels["sum"]))) or largest > SAMPLE_RANGE[1]:
+        return f"the samples must be between {SAMPLE_RANGE[0]} and {SAMPLE_RANGE[1]} in size"
     return ""
