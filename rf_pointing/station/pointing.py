@@ -295,6 +295,7 @@ class PointingController:
                 target_available=t_s < self._pass.aos_t_s or self._targets.covers(t_s, t_s + self.params.horizon_s),
                 on_target=t_s >= self._pass.aos_t_s and self._axis_error(t_s) < self.params.on_target_rad,
                 carrier_to_noise_db_hz=error.carrier_to_noise_db_hz if error else -math.inf,
+                axis_db_hz=self._expected_db_hz(t_s) if self._targets.covers(t_s, t_s) else -math.inf,
                 monopulse_valid=self._valid("monopulse", t_s),
                 conscan_valid=self._valid("conscan", t_s),
                 arriving=self.offsets.arriving(t_s),
