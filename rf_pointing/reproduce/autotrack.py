@@ -23,7 +23,7 @@ from rf_pointing.rf import HALF_POWER_BEAMWIDTH_RAD
 from rf_pointing.simulation import PassLog
 from rf_pointing.station.source import SourceParams, load_elements, load_track
 
-__all__ = ["rows"]
+__all__ = ["acquisition_s", "rows", "weak_conscan_row"]
 
 TURN = 2.0 * math.pi
 SETTLED_S = 25.0
@@ -44,7 +44,7 @@ def rows(seed: int = 1) -> list[Row]:
     return [
         _ka_row(seed),
         *_acquisition_rows(seed),
-        _weak_conscan_row(seed),
+        weak_conscan_row(seed),
         _sign_flip_row(seed),
         *_dropout_rows(seed),
     ]
@@ -92,7 +92,7 @@ def _acquisition_rows(seed: int) -> list[Row]:
     for mask_deg, name in ((5.0, "rising"), (40.0, "beginning at 40 deg")):
         window, random = low_orbit_pass(40.0, mask_deg), random_stream(seed, f"acquisition {mask_deg}")
         times = np.array(
-            [_acquisition_s(window, angle, seed + k) for k, angle in enumerate(random.uniform(0.0, TURN, RUNS))]
+            [acquisition_s(window, angle, seed + k) for k, angle in enumerate(random.uniform(0.0, TURN, RUNS))]
         )
         slowest = float(np.sort(times)[math.ceil(0.95 * RUNS) - 1])
         found.append(
@@ -106,9 +106,10 @@ def _acquisition_rows(seed: int) -> list[Row]:
     return found
 
 
-def _acquisition_s(window: Pass, angle_rad: float, seed: int) -> float:
+def acquisition_s(window: Pass, angle_rad: float, seed: int) -> float:
+    """Return the time from the start of the pass until the target is held, three beamwidths off in this direction."""
     right, up = 3.0 * BEAM_X_RAD * math.cos(angle_rad), 3.0 * BEAM_X_RAD * math.sin(angle_rad)
-    changes = {
+    changes: dict[str, dict[str, object]] = {
         "antenna_servo": moved_mount("X", right, up),
         "rf_receiver": {"source.along_track_offset_s": 0.0},
     }
@@ -116,7 +117,7 @@ def _acquisition_s(window: Pass, angle_rad: float, seed: int) -> float:
     return acquired_s(log, 0.1 * BEAM_X_RAD) - window.aos_t_s
 
 
-def _weak_conscan_row(seed: int) -> Row:
+def weak_conscan_row(seed: int) -> Row:
     """A satellite at 114 000 km, 0.004 deg/s on the sky, at Ka with 30 dB-Hz."""
     source = SourceParams(satellite=SLOW_SATELLITE)
     begin_s = load_elements(source).epoch_t_s
@@ -124,7 +125,7 @@ def _weak_conscan_row(seed: int) -> Row:
     # Its first minutes: half a degree of azimuth, where the whole stay of five hours would need a turn of its own.
     start_rad, spare_rad = whole.aos_azimuth_rad, math.radians(1.0)
     window = replace(whole, azimuth_min_rad=start_rad - spare_rad, azimuth_max_rad=start_rad + spare_rad)
-    changes = {
+    changes: dict[str, dict[str, object]] = {
         "ephemeris_publisher": {"source.satellite": SLOW_SATELLITE},
         "rf_receiver": {
             "source.satellite": SLOW_SATELLITE, "signal.link.zenith_carrier_to_noise_db_hz": 30.0,

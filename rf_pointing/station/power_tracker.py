@@ -126,8 +126,8 @@ class PowerTracker:
             before = self.rejections[0]
             errors.append(self._measure(self._waiting.pop(0), beam_s, away, centre))
             if self.rejections[0] > before:
-                states = {"conscan": self.conscan.state, "steptrack": self.steptrack.state}
-                self._last_refusal = states[self._mode].last_rejection
+                state = self.steptrack.state if self._mode == "steptrack" else self.conscan.state
+                self._last_refusal = state.last_rejection
         del self._waiting[: max(0, len(self._waiting) - self.conscan.params.window_samples)]
         return errors
 
