@@ -27,7 +27,7 @@ __all__ = ["acquisition_s", "rows", "weak_conscan_row"]
 
 TURN = 2.0 * math.pi
 SETTLED_S = 25.0
-RUNS = 20
+RUNS = 12
 ACQUISITION_S = 45.0
 BEAM_X_RAD = HALF_POWER_BEAMWIDTH_RAD["X"]
 SLOW_SATELLITE = "20413"

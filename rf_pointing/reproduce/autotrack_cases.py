@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from rf_pointing.calibration import read_model
 from rf_pointing.ephemeris import Pass, first_pass_above
 from rf_pointing.simulation import PassLog, StationSetup, simulate_pass
+from rf_pointing.station.commissioning import COMMON, FILES
 from rf_pointing.station.mount import MountParams
 from rf_pointing.station.source import SourceParams, load_elements, load_track
 
@@ -37,7 +38,6 @@ Changes = Mapping[str, Mapping[str, object]]
 LEAD_S = 5.0
 COMMAND_S = 0.1
 RADIO_MODES = ("monopulse", "conscan", "steptrack")
-MODELS = {"Ka": "bias_model_dss13_ka.yaml"}
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Case:
 
 def model_file(band: str) -> Path:
     """Return the pointing model that the station uses in a band."""
-    return config_folder() / MODELS.get(band, "bias_model_dss13.yaml")
+    return config_folder() / FILES.get(band, COMMON)
 
 
 def moved_mount(band: str, right_rad: float, up_rad: float) -> dict[str, object]:
