@@ -39,10 +39,6 @@ SETTLED_S = 20.0
 LASTING_S = 5.0
 ROUND_S = {"conscan": 4.0, "steptrack": 5.2, "monopulse": 0.1}
 """Time over which a scan comes back to its centre: the mean of the beam over it is the centre."""
-STEPTRACK_REASON = (
-    "a round takes 5.2 s, in which the error of the ephemeris changes by several mdeg: as much as this beam is wide from "
-    "its axis to its half-power point"
-)
 
 
 @dataclass(frozen=True)
@@ -116,11 +112,8 @@ def _row(found: Tracked) -> Row:
         f"{found.share:.1%} of the time after ({', '.join(found.modes)}), command up to "
         f"{math.degrees(found.acceleration_rad_s2):.2f} deg/s^2"
     )
-    beyond = (found.band, found.sensor) == ("Ka", "steptrack")
-    if beyond:
-        remark += "; " + STEPTRACK_REASON
     return Row(
         quantity=f"{found.band} {found.sensor}: radial error of the beam", source="DSN requirement",
         paper=REQUIRED_MDEG[found.band], ours=found.beam_rad / MDEG, unit="mdeg rms", tolerance=0.0, bound="<=",
-        remark=remark, explained=beyond,
+        remark=remark,
     )  # fmt: skip

@@ -321,12 +321,16 @@ class PointingController:
         return fault
 
     def _require_level(self, window: Pass, sensor: str) -> None:
-        """Refuse a sensor whose gate the carrier of a pass never opens; the link is that of a beam on the target."""
-        gates = self._autotrack_params
+        """Refuse a sensor whose gate the carrier of a pass never opens; the link is that of a beam on the target.
+
+        A pass that does not say how near it comes is not refused.
+        """
+        gates, nearest_m = self._autotrack_params, window.smallest_range_m
+        if nearest_m <= 0.0 or sensor == "program":
+            return
         needed = gates.monopulse_on_db_hz if sensor == "monopulse" else gates.carrier_on_db_hz
-        nearest_m = window.smallest_range_m
         level = self._link.zenith_carrier_to_noise_db_hz - 20.0 * math.log10(nearest_m / self._link.reference_range_m)
-        if sensor != "program" and level < needed:
+        if level < needed:
             raise ValueError(
                 f"sensor={sensor} needs a carrier of {needed:.1f} dB-Hz; the link gives at most {level:.1f} dB-Hz on this "
                 f"pass, {nearest_m / 1e3:.0f} km away"

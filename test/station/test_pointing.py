@@ -500,3 +500,5 @@ def test_a_sensor_whose_gate_the_link_never_opens_is_refused_in_words(
         with pytest.raises(ValueError, match=rf"sensor={sensor} needs a carrier of 22.0 dB-Hz"):
             make_controller(link=silent).start(window.aos_t_s - 10.0, window, sensor)
     make_controller(link=silent).start(window.aos_t_s - 10.0, window, "program")
+    unknown = dataclasses.replace(window, smallest_range_m=0.0)
+    make_controller(link=silent).start(window.aos_t_s - 10.0, unknown, "monopulse")
