@@ -1,7 +1,7 @@
 """Speed of the radio tracking core.  Run: python benchmarks/tracking.py
 
-Prints, for each task, the best of several runs; the first two have limits, and the exit status says whether they are
-kept.
+Prints, for each task, the least processor time of several runs, which a busy machine does not stretch; the first four
+have limits, and the exit status says whether they are kept.
 """
 
 import math
@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from rf_pointing.geometry import MDEG, MU, CarrierPower, random_stream
+from rf_pointing.geometry import MDEG, MU, CarrierPower, MonopulseCluster, random_stream
 from rf_pointing.rf import Beam, BeamParams, MonopulseFeed, MonopulseFeedParams, Receiver, ReceiverParams
 from rf_pointing.tracking import (
     Autotrack,
@@ -38,12 +38,12 @@ RUNS = 10_000
 
 
 def best_s(task: Callable[[], object], repeats: int) -> float:
-    """Return the shortest of `repeats` runs."""
+    """Return the least processor time of `repeats` runs, all threads together."""
     times = []
     for _ in range(repeats):
-        start = time.perf_counter()
+        start = time.process_time_ns()
         task()
-        times.append(time.perf_counter() - start)
+        times.append(1e-9 * (time.process_time_ns() - start))
     return min(times)
 
 
@@ -79,6 +79,11 @@ def monte_carlo() -> object:
     return fit_beam(beam_design(x, y, H), power, np.full(32, 2.0))
 
 
+def monopulse_monte_carlo(tracker: MonopulseTracker, clusters: list[MonopulseCluster]) -> object:
+    """One error for each of the clusters, as the live tracker measures them."""
+    return [tracker.measure(cluster) for cluster in clusters]
+
+
 def main() -> int:
     """Print the table; return 1 if a limit is missed."""
     beam = BeamParams.for_band("Ka")
@@ -86,7 +91,7 @@ def main() -> int:
         ReceiverParams(), Beam(beam), MonopulseFeed(MonopulseFeedParams(), beam), random_stream(1, "receiver")
     )
     tracker = MonopulseTracker(MonopulseParams(half_power_beamwidth_rad=H))
-    offset, clock = np.full(5, 2.0 * MDEG), [0.0]
+    offset, clock = np.full(5, 2.0 * MDEG), [0.1 * RUNS + 1.0]
 
     def receive() -> object:
         clock[0] += 0.1
@@ -100,18 +105,24 @@ def main() -> int:
         t_s=1.0, request="track", target_available=True, on_target=True, carrier_to_noise_db_hz=45.0
     )
     update_s, batch_s = best_s(conscan_update(), 3000), best_s(monte_carlo, 3)
+    noisy = [receiver.cluster(0.1 * k + 0.02 * np.arange(5), offset, offset, 45.0, 0.02) for k in range(1, RUNS + 1)]
+    error_s, errors_s = (
+        best_s(lambda: tracker.measure(cluster), 1000),
+        best_s(lambda: monopulse_monte_carlo(tracker, noisy), 3),
+    )
     rows = [
         (f"conscan update, window of 32, limit {UPDATE_LIMIT_S * 1e6:.0f} us", update_s),
         (f"{RUNS} conscan estimates in one batch, limit {MONTE_CARLO_LIMIT_S:.0f} s", batch_s),
+        (f"monopulse error of a cluster of 5, limit {UPDATE_LIMIT_S * 1e6:.0f} us", error_s),
+        (f"{RUNS} monopulse errors, limit {MONTE_CARLO_LIMIT_S:.0f} s", errors_s),
         ("cluster of 5 from the simulated receiver", best_s(receive, 1000)),
-        ("monopulse error of a cluster", best_s(lambda: tracker.measure(cluster), 1000)),
         ("watch on one error", best_s(lambda: watch.add(error, 0.0, 0.0), 1000)),
         ("trim update", best_s(lambda: trim.update(1.0, np.zeros(2), error.covariance_rad2, sky), 1000)),
         ("autotrack tick", best_s(lambda: table.step(AutotrackState(mode="monopulse"), inputs), 1000)),
     ]
     for name, seconds in rows:
         print(f"{seconds * 1e6:12.1f} us  {name}")
-    return int(update_s > UPDATE_LIMIT_S or batch_s > MONTE_CARLO_LIMIT_S)
+    return int(max(update_s, error_s) > UPDATE_LIMIT_S or max(batch_s, errors_s) > MONTE_CARLO_LIMIT_S)
 
 
 if __name__ == "__main__":

@@ -143,6 +143,11 @@ class PointingError:
         for name in ("t_s", "cross_elevation_rad", "elevation_rad", "carrier_to_noise_db_hz"):
             require_finite(name, getattr(self, name))
         covariance = as_finite_array("covariance_rad2", self.covariance_rad2, (2, 2))
+        (right, both), (_, up) = covariance.tolist()
+        if min(right, up) < 0.0 or both**2 > (1.0 + 1e-9) * right * up:
+            raise ValueError(
+                f"covariance_rad2={covariance.tolist()} must be that of two real axes: no negative variance"
+            )
         object.__setattr__(self, "covariance_rad2", covariance)
 
     @property

@@ -13,16 +13,31 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from rf_pointing.calibration import read_model
 from rf_pointing.ephemeris import Pass, first_pass_above
 from rf_pointing.simulation import PassLog, StationSetup, simulate_pass
+from rf_pointing.station.commissioning import COMMON, FILES
+from rf_pointing.station.mount import MountParams
 from rf_pointing.station.source import SourceParams, load_elements, load_track
 
-__all__ = ["Case", "first_time_s", "fly", "low_orbit_pass", "reacquisitions_s"]
+__all__ = [
+    "Case",
+    "acquired_s",
+    "command_accelerations_rad_s2",
+    "config_folder",
+    "first_time_s",
+    "fly",
+    "low_orbit_pass",
+    "model_file",
+    "moved_mount",
+    "reacquisitions_s",
+]
 
 Array = NDArray[np.float64]
 Changes = Mapping[str, Mapping[str, object]]
 LEAD_S = 5.0
-MODELS = {"Ka": "bias_model_dss13_ka.yaml"}
+COMMAND_S = 0.1
+RADIO_MODES = ("monopulse", "conscan", "steptrack")
 
 
 @dataclass(frozen=True)
@@ -34,6 +49,27 @@ class Case:
     seconds: float
     changes: Changes = dataclasses.field(default_factory=dict)
     seed: int = 1
+
+
+def model_file(band: str) -> Path:
+    """Return the pointing model that the station uses in a band."""
+    return config_folder() / FILES.get(band, COMMON)
+
+
+def moved_mount(band: str, right_rad: float, up_rad: float) -> dict[str, object]:
+    """Return parameters of the antenna whose mount is that of the model but for its collimation and elevation offset.
+
+    The beam misses a target that is where its elements say by `right_rad` in cross-elevation and `up_rad` in elevation.
+    """
+    known = read_model(model_file(band)).model
+    mount = {item.name: known.coefficients[item.name.rsplit("_", 1)[0]] for item in dataclasses.fields(MountParams)}
+    mount["collimation_rad"] += right_rad
+    mount["elevation_offset_rad"] += up_rad
+    degrees = {name: (name.removesuffix("_rad") + "_deg", math.degrees(value)) for name, value in mount.items()}
+    return {
+        f"mount.{as_degrees if name.endswith('_rad') else name}": in_degrees if name.endswith("_rad") else mount[name]
+        for name, (as_degrees, in_degrees) in degrees.items()
+    }
 
 
 def low_orbit_pass(peak_deg: float = 40.0, mask_deg: float = 40.0) -> Pass:
@@ -57,7 +93,7 @@ def fly(case: Case, window: Pass) -> PassLog:
     )
     changes.setdefault("rf_receiver", {})["signal.seed"] = case.seed
     files = [config / "dss13.yaml", config / f"band_{case.band.lower()}.yaml"]
-    setup = StationSetup(files, config / MODELS.get(case.band, "bias_model_dss13.yaml"), changes)
+    setup = StationSetup(files, model_file(case.band), changes)
     return simulate_pass(setup, short, math.floor(window.aos_t_s) - LEAD_S, case.sensor)
 
 
@@ -73,6 +109,22 @@ def config_folder() -> Path:
 def first_time_s(log: PassLog, mode: str) -> float:
     """Return the time at which a mode was first entered, infinite if never."""
     return next((t_s for t_s, name in zip(log.t_s, log.mode, strict=True) if name == mode), math.inf)
+
+
+def acquired_s(log: PassLog, within_rad: float) -> float:
+    """Return the time from which a radio mode holds the true error below `within_rad` to the end, infinite if it never does."""
+    held = (np.hypot(*log.errors_rad().T) < within_rad) & np.isin(log.mode, RADIO_MODES)
+    lost = np.flatnonzero(~held)
+    if not len(held) or not held[-1]:
+        return math.inf
+    return log.t_s[int(lost[-1]) + 1] if len(lost) else log.t_s[0]
+
+
+def command_accelerations_rad_s2(log: PassLog, from_s: float) -> Array:
+    """Return the second differences (n, 2) of the commands of successive periods, from a time on."""
+    late = np.array(log.command_t_s)[1:-1] > from_s
+    found: Array = np.diff(np.array(log.command_rad), 2, axis=0)[late] / COMMAND_S**2
+    return found
 
 
 def reacquisitions_s(log: PassLog, mode: str) -> Array:

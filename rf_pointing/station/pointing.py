@@ -210,13 +210,14 @@ class PointingController:
         Raises
         ------
         ValueError
-            When the pass is over, another one is tracked, or it does not fit the limits.
+            When the pass is over, another one is tracked, it does not fit the limits, or its carrier is too weak.
         """
         require_choice("sensor", sensor, SENSOR_CHOICES)
         if self._pass is not None:
             raise ValueError(f"{self._pass.name} is being tracked until its loss of signal; cancel that first")
         if t_s >= window.los_t_s:
             raise ValueError(f"the pass of {window.name} ended {t_s - window.los_t_s:.0f} s ago")
+        self._require_level(window, sensor)
         self._turns_rad = None if self._axes is None else self._choose_turn(t_s, window, self._axes, sensor)
         self._sensor = sensor
         self._pass, self._stopping, self._moved = window, "", False
@@ -294,6 +295,7 @@ class PointingController:
                 target_available=t_s < self._pass.aos_t_s or self._targets.covers(t_s, t_s + self.params.horizon_s),
                 on_target=t_s >= self._pass.aos_t_s and self._axis_error(t_s) < self.params.on_target_rad,
                 carrier_to_noise_db_hz=error.carrier_to_noise_db_hz if error else -math.inf,
+                axis_db_hz=self._expected_db_hz(t_s) if self._targets.covers(t_s, t_s) else -math.inf,
                 monopulse_valid=self._valid("monopulse", t_s),
                 conscan_valid=self._valid("conscan", t_s),
                 arriving=self.offsets.arriving(t_s),
@@ -317,6 +319,22 @@ class PointingController:
         if fault:
             self.faults, self.last_fault = self.faults + 1, fault
         return fault
+
+    def _require_level(self, window: Pass, sensor: str) -> None:
+        """Refuse a sensor whose gate the carrier of a pass never opens; the link is that of a beam on the target.
+
+        A pass that does not say how near it comes is not refused.
+        """
+        gates, nearest_m = self._autotrack_params, window.smallest_range_m
+        if nearest_m <= 0.0 or sensor == "program":
+            return
+        needed = gates.monopulse_on_db_hz if sensor == "monopulse" else gates.carrier_on_db_hz
+        level = self._link.zenith_carrier_to_noise_db_hz - 20.0 * math.log10(nearest_m / self._link.reference_range_m)
+        if level < needed:
+            raise ValueError(
+                f"sensor={sensor} needs a carrier of {needed:.1f} dB-Hz; the link gives at most {level:.1f} dB-Hz on this "
+                f"pass, {nearest_m / 1e3:.0f} km away"
+            )
 
     def _expected_db_hz(self, t_s: float) -> float:
         """Return the C/N0 of a beam on the target: the link's at the zenith over the present distance."""

@@ -33,6 +33,10 @@ IDLE_EVERY = 2
 """While nothing is scanned, every second power is passed on for its C/N0."""
 DELAY_SIGMAS = 4.0
 """A delay of the receiving chain is corrected once it is this sure."""
+LARGEST_LEAD_S = 5.0
+"""How far a power may be ahead of the other streams; one stamped later would hold up all that follow."""
+STEPPED_BACK_S = 60.0
+"""A power older than this against the one before means that time was set back, not that two came in the wrong order."""
 LARGEST_SHIFT_BEAMWIDTHS = 0.1
 GAIN_TOLERANCE = 0.3
 """An answer to the centre's motion that is not of its size is the target's own motion."""
@@ -49,6 +53,7 @@ class PowerTracker:
         self._idle = 0
         self._origin = np.zeros(2)
         self._refused, self._last_refusal = 0, ""
+        self._newest_s, self._status_s = -np.inf, -np.inf
         self._delay_centre: Array | None = None
         self._since_delay = 0
         self._forget_delay()
@@ -66,9 +71,7 @@ class PowerTracker:
     @property
     def rejections(self) -> tuple[int, str]:
         """How many samples could not be used, and why the last one could not."""
-        states = (self.conscan.state, self.steptrack.state)
-        count = self._refused + sum(state.rejected for state in states)
-        return count, next((s.last_rejection for s in states if s.last_rejection), self._last_refusal)
+        return self._refused + self.conscan.state.rejected + self.steptrack.state.rejected, self._last_refusal
 
     def take_joints(self, reading: JointReading) -> None:
         """Note the encoder angles, while a scan runs."""
@@ -91,6 +94,7 @@ class PowerTracker:
             self.conscan.reset()
             self.steptrack.reset()
             self._forget_delay()
+        self._status_s = t_s
         self._beam.take_centre(t_s, scan_centre_rad)
         self._centre.add(t_s, offset_rad)
 
@@ -100,10 +104,11 @@ class PowerTracker:
         One from before the scan is dropped: where the beam was then is not known and never will be.  While a window or a
         round is not complete the error is invalid, says so, carries the C/N0 and has no covariance.
         """
-        if not np.isfinite([power.t_s, power.integration_s, power.carrier_to_noise_db_hz]).all():
-            self._refused += 1
-            self._last_refusal = "time, integration time and C/N0 of a carrier power must be finite"
+        fault = self._fault(power)
+        if fault:
+            self._refused, self._last_refusal = self._refused + 1, fault
             return []
+        self._newest_s = power.t_s
         if not self.scanning:
             self._idle += 1
             wanted = self._wanted and self._idle % IDLE_EVERY == 0
@@ -118,9 +123,26 @@ class PowerTracker:
             away, centre = self._beam.offset(beam_s), self._centre.at(beam_s)
             if away is None or centre is None:
                 break
+            before = self.rejections[0]
             errors.append(self._measure(self._waiting.pop(0), beam_s, away, centre))
+            if self.rejections[0] > before:
+                state = self.steptrack.state if self._mode == "steptrack" else self.conscan.state
+                self._last_refusal = state.last_rejection
         del self._waiting[: max(0, len(self._waiting) - self.conscan.params.window_samples)]
         return errors
+
+    def _fault(self, power: CarrierPower) -> str:
+        """Return why the power cannot even wait for its place, empty if it can."""
+        if not np.isfinite([power.t_s, power.integration_s, power.carrier_to_noise_db_hz]).all():
+            return "time, integration time and C/N0 of a carrier power must be finite"
+        if not power.integration_s > 0.0:
+            return f"integration_s={power.integration_s} must be > 0"
+        if 0.0 <= self._newest_s - power.t_s < STEPPED_BACK_S:
+            return f"t_s={power.t_s} must be later than that of the power before, {self._newest_s}"
+        lead_s = power.t_s - self._status_s
+        if self.scanning and lead_s > LARGEST_LEAD_S:
+            return f"t_s={power.t_s} is {lead_s:.1f} s after the newest status: where the beam will be is not known"
+        return ""
 
     def _measure(self, power: CarrierPower, beam_s: float, away: Array, centre: Array) -> PointingError:
         """Return the error of the centre at `beam_s`, the beam being `away` (2,) from it."""

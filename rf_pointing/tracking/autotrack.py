@@ -44,8 +44,19 @@ def _monopulse_ready(params: AutotrackParams, state: AutotrackState, inputs: Aut
     return _may_use(params, "monopulse") and state.carrier and state.strong and inputs.monopulse_valid
 
 
-def _conscan_ready(params: AutotrackParams, state: AutotrackState, _inputs: AutotrackInputs) -> bool:
-    return _may_use(params, "conscan") and state.carrier
+def _scan_ready(sensor: str) -> Guard:
+    """Return the guard of a sensor with a single beam: a carrier alone may be heard from far outside of it."""
+
+    def ready(params: AutotrackParams, state: AutotrackState, inputs: AutotrackInputs) -> bool:
+        return _may_use(params, sensor) and state.carrier and _within_beam(params, state, inputs)
+
+    return ready
+
+
+def _within_beam(params: AutotrackParams, state: AutotrackState, inputs: AutotrackInputs) -> bool:
+    """Whether the C/N0 is that of a target within the beam: near the link's, or as good as the last search found it."""
+    best = inputs.axis_db_hz if state.peak_s is None else min(inputs.axis_db_hz, state.peak_db_hz)
+    return inputs.carrier_to_noise_db_hz >= best - params.beam_drop_db
 
 
 def _peaked(params: AutotrackParams, state: AutotrackState, inputs: AutotrackInputs) -> bool:
@@ -83,15 +94,20 @@ TRANSITIONS = (
         lambda p, s, _i: not s.strong and _may_use(p, "conscan"),
     ),
     Transition(("monopulse",), "coast", "the errors stay invalid", _impatient),
-    Transition(("conscan",), "search", "the errors stay invalid", _impatient),
+    Transition(
+        ("conscan", "steptrack"), "search", "the errors stay invalid, or the target outside the beam", _impatient,
+    ),
     Transition(
         ("program_track", "search", "coast", "conscan"), "monopulse",
         "the carrier is strong and the monopulse error valid", _monopulse_ready,
     ),
-    Transition(("program_track", "coast"), "conscan", "there is a carrier for conscan", _conscan_ready),
     Transition(
-        ("program_track", "coast"), "steptrack", "there is a carrier for steptrack",
-        lambda p, s, _i: _may_use(p, "steptrack") and s.carrier,
+        ("program_track", "coast"), "conscan", "there is a carrier for conscan, the target within the beam",
+        _scan_ready("conscan"),
+    ),
+    Transition(
+        ("program_track", "coast"), "steptrack", "there is a carrier for steptrack, the target within the beam",
+        _scan_ready("steptrack"),
     ),
     Transition(("search",), "coast", "the search has passed a carrier: back to where it was strongest", _peaked),
     Transition(
@@ -138,9 +154,9 @@ def _observe(params: AutotrackParams, state: AutotrackState, inputs: AutotrackIn
     since = (inputs.t_s if state.carrier_since_s is None else state.carrier_since_s) if present else None
     carrier = since is not None and (state.carrier or inputs.t_s - since >= params.confirm_s)
     strong = carrier and level >= (params.monopulse_off_db_hz if state.strong else params.monopulse_on_db_hz)
-    valid = {"monopulse": inputs.monopulse_valid, "conscan": inputs.conscan_valid}.get(
-        state.mode, True
-    ) or inputs.arriving
+    within = _within_beam(params, state, inputs)
+    usable = {"monopulse": inputs.monopulse_valid, "conscan": inputs.conscan_valid and within, "steptrack": within}
+    valid = usable.get(state.mode, True) or inputs.arriving
     invalid = (inputs.t_s if state.invalid_since_s is None else state.invalid_since_s) if not valid else None
     seen = replace(state, carrier=carrier, strong=strong, carrier_since_s=since, invalid_since_s=invalid)
     if state.mode == "search" and level > state.peak_db_hz:

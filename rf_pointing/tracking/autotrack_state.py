@@ -22,6 +22,9 @@ class AutotrackParams(Params):
     carrier_off_db_hz: float = parameter(18.0, "C/N0 below which the carrier is lost", low=0.0, high=120.0)
     monopulse_on_db_hz: float = parameter(36.0, "C/N0 from which monopulse is chosen", low=0.0, high=120.0)
     monopulse_off_db_hz: float = parameter(32.0, "C/N0 below which monopulse is left", low=0.0, high=120.0)
+    beam_drop_db: float = parameter(
+        10.0, "C/N0 below that on the beam's axis at which the target is outside the beam", low=3.0, high=60.0
+    )
     confirm_s: float = parameter(0.3, "time a carrier must last before it counts", low=0.0, high=60.0)
     patience_s: float = parameter(1.0, "time of invalid errors after which monopulse is left", low=0.0, high=60.0)
     coast_s: float = parameter(5.0, "time on the trimmed ephemeris before a search", low=0.0, high=600.0)
@@ -50,6 +53,7 @@ class AutotrackInputs:
     """What is known at one tick.
 
     `request` is idle, track, calibrate or stow.  `carrier_to_noise_db_hz` is the receiver's own, -inf for none or a stale one.
+    `axis_db_hz` is the C/N0 that the link would give on the beam's axis, -inf where it is not known.
     `conscan_valid` is that of the last conscan estimate, true before the first one.
     `arriving`: the beam is still brought to where it was sent, so that errors which are not valid yet say nothing.
     `fault` is why the sensor in use must not be trusted (sidelobe, sign flip), empty if it may be.
@@ -60,6 +64,7 @@ class AutotrackInputs:
     target_available: bool
     on_target: bool
     carrier_to_noise_db_hz: float = -math.inf
+    axis_db_hz: float = -math.inf
     monopulse_valid: bool = False
     conscan_valid: bool = True
     arriving: bool = False

@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 CURVES = ("tanh", "straight")
+LARGEST_RATIO = 1e3
+"""Difference over sum that no feed gives, even beside a null of the sum."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,6 +62,11 @@ class MonopulseTracker:
         samples = len(cluster.t_s)
         snr = 10.0 ** (cluster.carrier_to_noise_db_hz / 10.0) * sample_period_s(cluster.t_s)
         ratio = difference_ratio(cluster, snr)
+        largest = max(abs(value) for value in ratio.tolist())
+        if largest > LARGEST_RATIO:
+            return self._rejected(
+                cluster, f"a difference of {largest:.3g} times the sum must be <= {LARGEST_RATIO:.0f}"
+            )
         noise = (1.0 + 1.0 / snr) / (samples * snr) * (np.eye(2) + np.outer(ratio, np.conj(ratio)))
         linear = self._inverse @ _stacked(ratio - self._offset)
         error, stretch = self._straighten(linear)

@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 
 from rf_pointing.geometry import MDEG
-from rf_pointing.reproduce.autotrack import KA_45_DB_HZ, LINK_45_DB_HZ, radial_rms_mdeg
+from rf_pointing.reproduce.autotrack import (
+    KA_45_DB_HZ,
+    LINK_45_DB_HZ,
+    acquisition_s,
+    radial_rms_mdeg,
+    weak_conscan_row,
+)
 from rf_pointing.reproduce.autotrack_cases import Case, first_time_s, fly, low_orbit_pass, reacquisitions_s
 from rf_pointing.simulation import PassLog
 
@@ -51,3 +57,13 @@ def test_the_command_never_asks_for_more_than_the_preprocessor_allows(log: PassL
     late = np.array(log.command_t_s)[1:-1] > aos_t_s + 1.0
     accelerations = np.diff(np.array(log.command_rad), 2, axis=0) / 0.01
     assert float(np.max(np.abs(accelerations[late]))) < LARGEST_ACCELERATION_RAD_S2
+
+
+def test_three_beamwidths_off_is_acquired_in_thirty_seconds_also_where_the_antenna_starts_at_full_speed() -> None:
+    window = low_orbit_pass(40.0, 40.0)
+    assert all(acquisition_s(window, angle, seed=3) <= 30.0 for angle in (3.2, 5.1))
+
+
+def test_conscan_holds_a_weak_slow_target() -> None:
+    row = weak_conscan_row(seed=1)
+    assert row.holds, row

@@ -88,22 +88,28 @@ def test_bad_clusters_are_counted_with_their_reason() -> None:
     good = np.ones(5, dtype=complex)
     times = 0.02 * np.arange(5)
 
-    def cluster(**changes: np.ndarray) -> MonopulseCluster:
+    def cluster(**changes: np.ndarray | float) -> MonopulseCluster:
         values = {
             "t_s": times,
             "sum": good,
             "difference_cross_elevation": 0.1 * good,
             "difference_elevation": 0.1 * good,
         }
-        return MonopulseCluster(**{**values, **changes}, carrier_to_noise_db_hz=50.0)
+        return MonopulseCluster(**{"carrier_to_noise_db_hz": 50.0, **values, **changes})
 
     cases = {
         "sum must be finite": cluster(sum=np.where(np.arange(5) == 2, np.nan, good)),
         "difference_elevation has shape (4,), must be (5,)": cluster(difference_elevation=good[:4]),
         "t_s must increase from sample to sample": cluster(t_s=times[::-1]),
         "sum is zero in every sample": cluster(sum=np.zeros(5, dtype=complex)),
+        "carrier_to_noise_db_hz=1000000.0 must be between -60.0 and 200.0": cluster(carrier_to_noise_db_hz=1e6),
+        "carrier_to_noise_db_hz=-1000000.0 must be between -60.0 and 200.0": cluster(carrier_to_noise_db_hz=-1e6),
+        "difference_elevation is too large to be squared": cluster(difference_elevation=1e200 * good),
+        "sum is too small to be squared": cluster(sum=1e-200 * good),
+        "a difference of 1e+139 times the sum must be <= 1000": cluster(sum=1e-140 * good),
     }
     for reason, bad in cases.items():
         assert not tracker.take_cluster(bad).valid
         assert tracker.last_reason == reason
     assert tracker.counts["invalid"] == len(cases)
+    assert tracker.take_cluster(cluster()).valid

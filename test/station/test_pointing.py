@@ -11,6 +11,7 @@ import pytest
 from rf_pointing.ephemeris import Pass, TopocentricTrack
 from rf_pointing.geometry import MDEG, JointReading, PointingError, nearest_turn_rad, sky_offset_rad
 from rf_pointing.planning import AxisLimits
+from rf_pointing.rf import LinkParams
 from rf_pointing.station.mount import MountParams
 from rf_pointing.station.pointing import PREDICTION_PATIENCE_S, PointingController, PointingParams
 from rf_pointing.tracking import AutotrackParams
@@ -480,3 +481,24 @@ def test_the_same_inputs_give_the_same_commands(rig: MakeRig, window: Pass) -> N
     beside = Offset(20.0 * MDEG, 10.0 * MDEG, "monopulse")
     first, second = ([row[1].position_rad for row in rig("monopulse").run(window.aos_t_s, 10.0, beside)] for _ in "ab")
     np.testing.assert_array_equal(first, second)
+
+
+# What the link cannot give
+
+
+def test_a_sensor_whose_gate_the_link_never_opens_is_refused_in_words(
+    make_controller: MakeController, window: Pass
+) -> None:
+    faint = LinkParams(zenith_carrier_to_noise_db_hz=30.0, reference_range_m=window.smallest_range_m)
+    with pytest.raises(
+        ValueError, match=r"sensor=monopulse needs a carrier of 36.0 dB-Hz; the link gives at most 30.0"
+    ):
+        make_controller(link=faint).start(window.aos_t_s - 10.0, window, "monopulse")
+    silent = faint.replace(zenith_carrier_to_noise_db_hz=12.0)
+    for sensor in ("conscan", "steptrack", "auto"):
+        make_controller(link=faint).start(window.aos_t_s - 10.0, window, sensor)
+        with pytest.raises(ValueError, match=rf"sensor={sensor} needs a carrier of 22.0 dB-Hz"):
+            make_controller(link=silent).start(window.aos_t_s - 10.0, window, sensor)
+    make_controller(link=silent).start(window.aos_t_s - 10.0, window, "program")
+    unknown = dataclasses.replace(window, smallest_range_m=0.0)
+    make_controller(link=silent).start(window.aos_t_s - 10.0, unknown, "monopulse")

@@ -220,3 +220,20 @@ def test_invalid_errors_on_the_way_to_where_the_search_heard_the_carrier_do_not_
     assert driver.run(3.0, 50.0, monopulse_valid=False, arriving=True) == "monopulse"
     assert driver.run(driver.table.params.patience_s, 50.0, monopulse_valid=False) == "monopulse"
     assert driver.run(0.3, 50.0, monopulse_valid=False) == "coast"
+
+
+@pytest.mark.parametrize("sensor", ["conscan", "steptrack"])
+def test_a_carrier_heard_from_outside_the_beam_is_searched_for_not_scanned(sensor: str) -> None:
+    driver = Driver(sensor=sensor)
+    assert driver.run(1.0, 30.0, axis_db_hz=50.0) == "program_track"
+    assert driver.run(driver.table.params.settle_s, 30.0, axis_db_hz=50.0) == "search"
+    # The search found 49 dB-Hz at most: the link is what it is, and 42 within the beam.
+    driver.run(1.0, 49.0, axis_db_hz=60.0)
+    driver.run(driver.table.params.search_turn_s + 0.5, 30.0, axis_db_hz=60.0)
+    assert driver.state.mode == "coast"
+    assert driver.run(0.2, 42.0, axis_db_hz=60.0) == sensor
+    assert driver.run(driver.table.params.patience_s + 0.3, 35.0, axis_db_hz=60.0) == "search"
+
+
+def test_without_a_known_link_a_carrier_is_enough() -> None:
+    assert Driver(sensor="steptrack").run(1.0, 25.0) == "steptrack"
