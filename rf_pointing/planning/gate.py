@@ -137,6 +137,13 @@ class Gate:
         """
         stop = [rate * abs(rate) / (2.0 * limit) for rate, limit in zip(rate_rad_s, self.axes[1], strict=True)]
         sun = None if kind in TO_SAFETY else sun_rad
+        inside = all(
+            low <= here <= high and low <= here + way <= high
+            for low, here, way, high in zip(self._low, next_rad, stop, self._high, strict=True)
+        )
+        heights = next_rad[1], next_rad[1] + stop[1]
+        if inside and self._sky.clear(min(heights), max(heights), sun):
+            return ""
         for share in HALTING_SHARES:
             azimuth, elevation = next_rad[0] + share * stop[0], next_rad[1] + share * stop[1]
             reason = self.position(azimuth, elevation, present_rad, sun, GUARD_RAD)

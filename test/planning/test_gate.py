@@ -156,6 +156,20 @@ def test_the_guard_of_a_tick_is_a_deceleration_cone_before_travel_and_sun() -> N
     assert made.guard("stow", (47.8 * DEG, 0.5), (47.8 * DEG, 0.5), (1.6 * DEG, 0.0), sun) == ""
 
 
+def test_the_guard_says_the_same_where_it_looks_at_elevations_only(
+    random: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made, sun = gate(HILL, sun_radius_rad=25.0 * DEG), (1.7, 0.6)
+    cases = []
+    for _ in range(400):
+        here = (float(random.uniform(-3.9, 3.9)), float(random.uniform(0.05, 1.57)))
+        rate = (float(random.uniform(-0.03, 0.03)), float(random.uniform(-0.03, 0.03)))
+        cases.append((here, rate, made.guard("track", here, here, rate, sun)))
+    monkeypatch.setattr(ForbiddenSky, "clear", lambda *_: False)
+    assert [reason for *_, reason in cases] == [made.guard("track", here, here, rate, sun) for here, rate, _ in cases]
+    assert 10 < sum(bool(reason) for *_, reason in cases) < 390
+
+
 def test_one_direction_and_many_agree_over_the_top_too(random: np.random.Generator) -> None:
     sky, sun = ForbiddenSky(HILL, 30.0 * DEG), (1.7, 0.6)
     points = np.column_stack([random.uniform(-4.0, 4.0, 300), random.uniform(0.0, math.pi, 300)])
