@@ -218,9 +218,12 @@ def test_the_tiers_follow_each_other_outward() -> None:
     made = gate()
     assert made.warning(0.0, 45.0 * DEG) == ""
     assert made.warning(218.5 * DEG, 45.0 * DEG) == "azimuth 1.50 deg inside its limit"
-    assert made.hard(220.2 * DEG, 0.5, 0.01, 0.0) == ""
-    assert "0.050 deg past the hard limit 220.250 deg" in made.hard(220.3 * DEG, 0.5, 0.01, 0.0)
-    assert made.hard(220.3 * DEG, 0.5, -0.01, 0.0) == "", "inward"
+    assert made.hard((220.2 * DEG, 0.5), (0.01, 0.0)) == ""
+    assert "0.050 deg past the hard limit 220.250 deg" in made.hard((220.3 * DEG, 0.5), (0.01, 0.0))
+    assert made.hard((220.3 * DEG, 0.5), (-0.01, 0.0)) == "", "inward"
+    stood = (220.3 * DEG, 0.5)
+    assert made.hard((220.32 * DEG, 0.5), (0.01, 0.0), stood) == "", "it swings where it stood"
+    assert "past the hard limit 220.350 deg" in made.hard((220.4 * DEG, 0.5), (0.01, 0.0), stood)
 
 
 def test_the_transmitter_is_inhibited_near_the_ground_on_either_side() -> None:
@@ -232,7 +235,7 @@ def test_the_transmitter_is_inhibited_near_the_ground_on_either_side() -> None:
 def test_the_checks_of_a_tick_take_microseconds() -> None:
     """A tick has 20 ms; its gate is a thousandth of that, an allowance of ten for a busy machine."""
     made = gate(HILL)
-    spent = min(timeit.repeat(lambda: made.hard(1.0, 0.5, 0.01, 0.0), number=1000, repeat=5)) / 1000
+    spent = min(timeit.repeat(lambda: made.hard((1.0, 0.5), (0.01, 0.0)), number=1000, repeat=5)) / 1000
     assert spent < 200e-6
     guard = min(
         timeit.repeat(
