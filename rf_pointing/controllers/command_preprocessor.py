@@ -1,7 +1,8 @@
 """Makes any command feasible from past and present samples only: steps, gaps and mode changes become slews.
 
 A command that the axis can follow passes through unchanged.  Otherwise the output chases it (`feasible_motion.py`)
-within the rate, acceleration and, if given, jerk limits; the rule v = sqrt(2 a d) guards the ends of the travel.
+within the rate, acceleration and, if given, jerk limits; the rule v = sqrt(2 a d) guards the ends of the travel.  From
+outside the travel every motion that does not lead further out is made as it is asked for.
 """
 
 import math
@@ -138,6 +139,9 @@ class CommandPreprocessor:
         )
         for axis, (limits, now) in enumerate(zip(self._limits, before, strict=True)):
             target = (position[axis], velocity[axis], acceleration[axis])
+            if not limits.low <= now[0] <= limits.high:
+                # Beside its travel an axis stays where it is, or comes in; it never starts by itself.
+                limits = replace(limits, low=min(limits.low, now[0]), high=max(limits.high, now[0]))
             if state.mode == _STOP:
                 moved.append(halt(now, limits, dt_s))
             else:

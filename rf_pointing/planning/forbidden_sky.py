@@ -23,6 +23,13 @@ class ForbiddenSky:
 
     def __init__(self, mask: HorizonMask, sun_radius_rad: float) -> None:
         self.mask, self.sun_radius_rad = mask, sun_radius_rad
+        self._highest_rad = max(mask.elevation_rad)
+
+    def clear(self, low_rad: float, high_rad: float, sun: Pair | None) -> bool:
+        """Return whether nothing is forbidden at any azimuth between these elevations: most of the sky at no cost."""
+        if low_rad < self._highest_rad or high_rad > 0.5 * math.pi:
+            return False
+        return sun is None or low_rad > sun[1] + self.sun_radius_rad or high_rad < sun[1] - self.sun_radius_rad
 
     def reason(
         self, azimuth: float, elevation: float, present: Pair | None, sun: Pair | None, tolerance_rad: float = 0.0

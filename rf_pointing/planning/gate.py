@@ -137,6 +137,13 @@ class Gate:
         """
         stop = [rate * abs(rate) / (2.0 * limit) for rate, limit in zip(rate_rad_s, self.axes[1], strict=True)]
         sun = None if kind in TO_SAFETY else sun_rad
+        inside = all(
+            low <= here <= high and low <= here + way <= high
+            for low, here, way, high in zip(self._low, next_rad, stop, self._high, strict=True)
+        )
+        heights = next_rad[1], next_rad[1] + stop[1]
+        if inside and self._sky.clear(min(heights), max(heights), sun):
+            return ""
         for share in HALTING_SHARES:
             azimuth, elevation = next_rad[0] + share * stop[0], next_rad[1] + share * stop[1]
             reason = self.position(azimuth, elevation, present_rad, sun, GUARD_RAD)
@@ -155,15 +162,19 @@ class Gate:
                 return f"{AXES[axis]} {near} its limit"
         return ""
 
-    def hard(self, azimuth_rad: float, elevation_rad: float, azimuth_rate: float, elevation_rate: float) -> str:
-        """Return "" or which hard limit the axes are past and still running out of; plain floats, for a control tick."""
-        reach = self.params.hard_rad
-        for axis, (angle, rate) in enumerate(((azimuth_rad, azimuth_rate), (elevation_rad, elevation_rate))):
-            over, under = angle - self._high[axis] - reach, self._low[axis] - reach - angle
-            if (over > 0.0 and rate > 0.0) or (under > 0.0 and rate < 0.0):
-                bound = self._high[axis] + reach if over > 0.0 else self._low[axis] - reach
+    def hard(self, joint_rad: Pair, rate_rad_s: Pair, stood_rad: Pair | None = None) -> str:
+        """Return "" or which hard limit the axes are past and still running out of; plain floats, for a control tick.
+
+        Axes that `stood_rad` beyond it when they were released may swing there, and leave by themselves.
+        """
+        for axis, (angle, rate) in enumerate(zip(joint_rad, rate_rad_s, strict=True)):
+            low, high = self._low[axis] - self.params.hard_rad, self._high[axis] + self.params.hard_rad
+            if stood_rad is not None:
+                low, high = min(low, stood_rad[axis] - GUARD_RAD), max(high, stood_rad[axis] + GUARD_RAD)
+            if (angle > high and rate > 0.0) or (angle < low and rate < 0.0):
+                bound = high if angle > high else low
                 return (
-                    f"{AXES[axis]} {math.degrees(angle):.3f} deg is {math.degrees(max(over, under)):.3f} deg past the "
+                    f"{AXES[axis]} {math.degrees(angle):.3f} deg is {math.degrees(abs(angle - bound)):.3f} deg past the "
                     f"hard limit {math.degrees(bound):.3f} deg"
                 )
         return ""

@@ -18,10 +18,11 @@ from rf_pointing.ephemeris import (
     verification_elements,
 )
 from rf_pointing.geometry import MU, JointReading, angular_distance_rad, random_stream
-from rf_pointing.planning import AxisLimits, MachineParams
+from rf_pointing.planning import AxisLimits, GateParams, MachineParams
 from rf_pointing.planning.certificate import DEEPEST_DB, HALF_POWER_DB
 from rf_pointing.servo import WindParams, dss13_plant
 from rf_pointing.station.antenna import AntennaParams, LoopParams, SimulatedAntenna
+from rf_pointing.station.antenna_safety import SafetyParams
 from rf_pointing.station.mount import MountParams
 from rf_pointing.station.pass_planning import pass_profile
 from rf_pointing.station.pointing import PointingController, PointingParams
@@ -43,6 +44,8 @@ GENERATED_SHARE = 0.7
 EPOCH_T_S = 1_151_347_200.0
 """Epoch of the generated orbits, 2006-06-26."""
 BEAMS_DEG = (0.065, 0.264, 1.0, 3.0)
+NO_SUN = GateParams(sun_radius_rad=0.0)
+"""The crossing alone is compared: a pass that the Sun forbids is as good as any."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -172,6 +175,7 @@ def _controller(case: KeyholeCase) -> PointingController:
         PointingParams(), AxisLimits(azimuth_min_rad=-6.0, azimuth_max_rad=12.0, elevation_max_rad=math.radians(90.0)),
         AutotrackParams(), TrackerIntegratorParams(), SpiralParams(), ConscanParams(),
         MachineParams(half_power_beamwidth_rad=case.beamwidth_rad, least_share=0.0, sun_radius_rad=0.0),
+        gate=NO_SUN,
     )  # fmt: skip
 
 
@@ -198,6 +202,7 @@ def _antenna(controller: PointingController, case: KeyholeCase, start_s: float) 
     return SimulatedAntenna(
         AntennaParams(start_azimuth_rad=target.azimuth_rad, start_elevation_rad=target.elevation_rad),
         plant, loops.replace(preprocessor=preprocessor), WindParams(mean_speed_m_s=0.0), MountParams().model(),
+        SafetyParams(gate=NO_SUN),
     )  # fmt: skip
 
 

@@ -108,7 +108,7 @@ class SimulatedAntenna:
 
     def enable(self) -> None:
         """Release the brakes and hold where the axes are; nothing moves.  After an oscillation they stay set."""
-        self.safety.watch.reset()
+        self.safety.release(_pair(self._plant.joint_rad))
         self._rate_command = np.zeros(2)
         self._watch_axes()
         self._mode = "fault" if self._fault else "holding"

@@ -65,11 +65,17 @@ class AntennaSafety:
         self.latch = FaultLatch()
         self.authority = Authority(params.authority_s)
         self._commanded_s, self._tick_s = -math.inf, tick_s
+        self._stood: Pair | None = None
 
     def retune(self, motion: CommandPreprocessorParams, tick_s: float) -> None:
         """Take new limits of motion."""
         self.gate = self._gate(motion)
         self.watch = AxisWatch(self.params.watch, tick_s, motion.rate_limit_rad_s)
+
+    def release(self, joint: Pair) -> None:
+        """Trust the sensors as they are, and note where the axes stand when their brakes are released."""
+        self.watch.reset()
+        self._stood = joint
 
     def tick(self, encoder: Pair, joint: Pair, rate: Pair, command: Pair) -> tuple[Pair, str]:
         """Return the angles to use and "" or why the drives must be cut.
@@ -77,7 +83,7 @@ class AntennaSafety:
         `joint` is where the limit switches are: they do not look at the encoders.
         """
         used, reason = self.watch.step(encoder, rate, command)
-        return used, reason or self.gate.hard(*joint, *rate)
+        return used, reason or self.gate.hard(joint, rate, self._stood)
 
     def check(self, kind: str, t_s: float, present: Pair, positions: Array) -> Decision:
         """Answer for a motion that is asked for at `t_s`, from `present` through `positions` (n, 2)."""

@@ -25,6 +25,7 @@ from rf_pointing.planning import (
     motion_between,
 )
 from rf_pointing.planning.certificate import plunged, unplunged
+from rf_pointing.planning.forbidden_sky import ForbiddenSky
 from rf_pointing.station.axis_motion import axis_motion
 from rf_pointing.station.pass_planning import certificate_of
 from rf_pointing.station.solar import SolarDirection
@@ -33,6 +34,7 @@ __all__ = ["PassPlan"]
 
 Array = NDArray[np.float64]
 SAME_PASS_S = 30.0
+SAME_SUN_RAD = math.radians(0.5)
 NEW_GOAL_RAD = math.radians(0.1)
 """How far the start of a pass must move, by another bias model, for the way to it to be looked for again."""
 NEITHER_WAY = ("conscan", "auto")
@@ -77,6 +79,7 @@ class PassPlan:
         profile = self._profile_of(window)
         if profile is None:
             return False
+        self._check_sun(profile)
         azimuth, elevation = joints.position_rad.tolist()
         self.certificate = certificate_of(
             profile, model, t_s, (azimuth, elevation), self.machine, self._limits, self.mask,
@@ -182,6 +185,18 @@ class PassPlan:
         """Return the direct angles that hold the beam on `sky` (n, 2): the model sees the axes as they really stand."""
         motion = axis_motion(sky, model, plunge=self.plunge)
         return Motion(*unplunged(*motion)) if self.plunge else motion
+
+    def _check_sun(self, profile: PassProfile) -> None:
+        """Refuse a pass that was predicted for another station than the one whose Sun is kept clear of."""
+        here = self.sun.at(float(profile.t_s[0]))
+        if here is None or self._gate_params.sun_radius_rad == 0.0:
+            return
+        apart = ForbiddenSky.sun_distance(*here, (float(profile.sun_rad[0, 0]), float(profile.sun_rad[0, 1])))
+        if apart > SAME_SUN_RAD:
+            raise ValueError(
+                f"sun.station={self.sun.station}: its Sun stands {math.degrees(apart):.1f} deg from the one that the pass was "
+                f"predicted with, must be <= {math.degrees(SAME_SUN_RAD):.1f} deg: another station"
+            )
 
     def _profile_of(self, window: Pass) -> PassProfile | None:
         for profile in self._profiles:

@@ -23,6 +23,7 @@ class SolarDirection:
     """Apparent azimuth and elevation of the Sun, None where it is not known; `unknown` says why."""
 
     def __init__(self, params: SunParams) -> None:
+        self.station = params.station
         self._track = TopocentricTrack(sun(), site(params.station)) if params.station else None
         self.unknown = "" if params.station else "no station is named"
         self._renewed_s = -math.inf

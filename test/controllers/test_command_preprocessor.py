@@ -162,6 +162,21 @@ def test_a_non_finite_command_is_refused_and_the_motion_kept() -> None:
     np.testing.assert_array_equal(shaper.state.position_rad, before.position_rad)
 
 
+def test_outside_its_travel_an_axis_stands_still_or_comes_in_and_goes_no_further_out() -> None:
+    shaper = preprocessor(travel_max_rad=(0.6, 1.6))
+    shaper.reset((0.61, 0.8))
+    for _ in range(100):
+        assert shaper.step((0.61, 0.8), (0.0, 0.0), (0.0, 0.0), 0.02)[0].tolist() == [0.61, 0.8]
+    for _ in range(100):
+        assert shaper.step((0.7, 0.8), (0.0, 0.0), (0.0, 0.0), 0.02)[0][0] == 0.61
+    for _ in range(400):
+        position, *_ = shaper.step((0.605, 0.8), (0.0, 0.0), (0.0, 0.0), 0.02)
+    assert position[0] == pytest.approx(0.605, abs=1e-6)
+    for _ in range(400):
+        position, *_ = shaper.step((0.5, 0.8), (0.0, 0.0), (0.0, 0.0), 0.02)
+    assert position[0] == pytest.approx(0.5, abs=1e-6)
+
+
 def test_an_empty_travel_is_refused() -> None:
     with pytest.raises(ValueError, match=r"travel_min_rad=1.0 must be < travel_max_rad=0.5"):
         CommandPreprocessorParams(travel_min_rad=(1.0, 0.0), travel_max_rad=(0.5, 1.0))

@@ -37,7 +37,7 @@ SERVO = """/**/antenna_servo:
     wrap_file: {wrap}
     wind: {{mean_speed_m_s: 0.0}}
     safety:
-      wind: {{gust_limit_m_s: 25.0, mean_limit_m_s: 100.0, release_s: 0.2}}
+      wind: {{gust_limit_m_s: 25.0, mean_limit_m_s: 100.0, release_s: 0.2, silence_s: 0.5}}
       mask: {{azimuth_deg: [0.0, 140.0, 141.0, 160.0], elevation_deg: [0.0, 0.0, 70.0, 0.0]}}
 """
 RATE_RAD_S = math.radians(0.3)
@@ -135,12 +135,13 @@ class Servo:
         """Return when the latched fault was seen, by the servo's own ticks."""
         self.diagnostics.clear()
 
-        def value() -> str:
+        def said(key: str) -> str:
             found = [s for name, s in self.diagnostics.items() if name.endswith("drive")]
-            return next((v.value for s in found for v in s.values if v.key == "fault_at"), "")
+            return next((v.value for s in found for v in s.values if v.key == key), "")
 
-        self.until(value, "the time of the fault on /diagnostics")
-        return float(value())
+        self.until(lambda: said("fault_at"), "the time of the fault on /diagnostics")
+        assert "s before, test: to" in said("last_commands")
+        return float(said("fault_at"))
 
     def recover(self) -> None:
         """Mend, reset and stand again, for the next fault."""
@@ -267,13 +268,14 @@ def check_limits(servo: Servo) -> None:
     servo.rejected(servo.command(positions=[math.radians(150.0), 0.5]), "below the horizon mask")
     here = math.degrees(servo.joints[-1])
     servo.retune(travel_max_deg=[here + 0.5, 91.5])
-    servo.inject("runaway", math.radians(0.4))
+    servo.inject("runaway", math.radians(0.2))
     servo.until(lambda: servo.status.mode == "fault", "the hard limit")
     assert "past the hard limit" in servo.status.fault
     outside = servo.joints[-1]
-    assert math.radians(0.7) < outside - math.radians(here) < math.radians(1.0)
+    assert math.radians(0.7) < outside - math.radians(here) < math.radians(1.2)
     servo.recover()
-    servo.rejected(servo.command(positions=[outside + 0.01, START_RAD[1]]), "past the limit")
+    assert servo.joints[-1] == pytest.approx(outside, abs=math.radians(0.05)), "a reset moves nothing"
+    servo.rejected(servo.command(positions=[outside + 0.05, START_RAD[1]]), "past the limit")
     inward = servo.command(positions=[math.radians(here), START_RAD[1]])
     for point in inward.points:
         point.velocities = [0.0, 0.0]
@@ -297,11 +299,20 @@ def check_wind(servo: Servo) -> None:
     calm_s = time.monotonic() + 4.0
     servo.until(lambda: time.monotonic() > calm_s, "the gust to pass")
     servo.recover()
+    servo.inject("anemometer_silent")
+    servo.until(lambda: servo.status.mode == "stowing", "the silent anemometer")
+    servo.ask("stop")
+    servo.until(lambda: servo.status.mode == "fault", "the stop")
+    servo.inject("none")
+    calm_s = time.monotonic() + 1.0
+    servo.until(lambda: time.monotonic() > calm_s, "the anemometer to be believed again")
+    servo.recover()
 
 
 def check_frozen_process(servo: Servo) -> None:
     """SIGSTOP for longer than commands live: what waited meanwhile is discarded, and the antenna stands."""
     servo.move(0.4)
+    before = servo.joints[-1]
     process = servo.started.processes.process_id("antenna_servo")
     os.kill(process, signal.SIGSTOP)
     try:
@@ -313,6 +324,8 @@ def check_frozen_process(servo: Servo) -> None:
         os.kill(process, signal.SIGCONT)
     servo.until(lambda: servo.status.mode in ("fault", "stopping"), "the jump of its clock")
     assert "jumped by" in servo.status.fault or "ran dry" in servo.status.fault
+    servo.until(lambda: servo.status.mode == "fault", "rest")
+    assert servo.joints[-1] - before < RATE_RAD_S * 1.0, "2 s of commands were waiting, none of them was followed"
     servo.recover()
 
 

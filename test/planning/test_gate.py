@@ -156,6 +156,20 @@ def test_the_guard_of_a_tick_is_a_deceleration_cone_before_travel_and_sun() -> N
     assert made.guard("stow", (47.8 * DEG, 0.5), (47.8 * DEG, 0.5), (1.6 * DEG, 0.0), sun) == ""
 
 
+def test_the_guard_says_the_same_where_it_looks_at_elevations_only(
+    random: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made, sun = gate(HILL, sun_radius_rad=25.0 * DEG), (1.7, 0.6)
+    cases = []
+    for _ in range(400):
+        here = (float(random.uniform(-3.9, 3.9)), float(random.uniform(0.05, 1.57)))
+        rate = (float(random.uniform(-0.03, 0.03)), float(random.uniform(-0.03, 0.03)))
+        cases.append((here, rate, made.guard("track", here, here, rate, sun)))
+    monkeypatch.setattr(ForbiddenSky, "clear", lambda *_: False)
+    assert [reason for *_, reason in cases] == [made.guard("track", here, here, rate, sun) for here, rate, _ in cases]
+    assert 10 < sum(bool(reason) for *_, reason in cases) < 390
+
+
 def test_one_direction_and_many_agree_over_the_top_too(random: np.random.Generator) -> None:
     sky, sun = ForbiddenSky(HILL, 30.0 * DEG), (1.7, 0.6)
     points = np.column_stack([random.uniform(-4.0, 4.0, 300), random.uniform(0.0, math.pi, 300)])
@@ -204,9 +218,12 @@ def test_the_tiers_follow_each_other_outward() -> None:
     made = gate()
     assert made.warning(0.0, 45.0 * DEG) == ""
     assert made.warning(218.5 * DEG, 45.0 * DEG) == "azimuth 1.50 deg inside its limit"
-    assert made.hard(220.2 * DEG, 0.5, 0.01, 0.0) == ""
-    assert "0.050 deg past the hard limit 220.250 deg" in made.hard(220.3 * DEG, 0.5, 0.01, 0.0)
-    assert made.hard(220.3 * DEG, 0.5, -0.01, 0.0) == "", "inward"
+    assert made.hard((220.2 * DEG, 0.5), (0.01, 0.0)) == ""
+    assert "0.050 deg past the hard limit 220.250 deg" in made.hard((220.3 * DEG, 0.5), (0.01, 0.0))
+    assert made.hard((220.3 * DEG, 0.5), (-0.01, 0.0)) == "", "inward"
+    stood = (220.3 * DEG, 0.5)
+    assert made.hard((220.32 * DEG, 0.5), (0.01, 0.0), stood) == "", "it swings where it stood"
+    assert "past the hard limit 220.350 deg" in made.hard((220.4 * DEG, 0.5), (0.01, 0.0), stood)
 
 
 def test_the_transmitter_is_inhibited_near_the_ground_on_either_side() -> None:
@@ -218,7 +235,7 @@ def test_the_transmitter_is_inhibited_near_the_ground_on_either_side() -> None:
 def test_the_checks_of_a_tick_take_microseconds() -> None:
     """A tick has 20 ms; its gate is a thousandth of that, an allowance of ten for a busy machine."""
     made = gate(HILL)
-    spent = min(timeit.repeat(lambda: made.hard(1.0, 0.5, 0.01, 0.0), number=1000, repeat=5)) / 1000
+    spent = min(timeit.repeat(lambda: made.hard((1.0, 0.5), (0.01, 0.0)), number=1000, repeat=5)) / 1000
     assert spent < 200e-6
     guard = min(
         timeit.repeat(

@@ -8,13 +8,15 @@ import numpy as np
 import pytest
 
 from rf_pointing.calibration import BiasModel
-from rf_pointing.ephemeris import Pass
+from rf_pointing.ephemeris import Pass, TopocentricTrack
 from rf_pointing.geometry import JointReading, JointTrajectory, PointingError
 from rf_pointing.identification import ExcitationParams, IdentificationExperiment
 from rf_pointing.planning import MOTIONS, Gate, HorizonMask
 from rf_pointing.servo import WindParams, dss13_plant
 from rf_pointing.station.antenna import AntennaParams, LoopParams, SimulatedAntenna
+from rf_pointing.station.pass_planning import pass_profile
 from rf_pointing.station.pointing import PointingController
+from rf_pointing.station.solar import SunParams
 
 DEG = math.pi / 180.0
 START_S = 1_151_384_000.0
@@ -138,3 +140,18 @@ def test_a_pass_whose_start_cannot_be_reached_is_ended_with_the_reason(
     assert len(trajectory.t_s) == 1, "a controlled stop"
     assert "below the horizon mask" in controller.tally.reason
     assert not controller.busy
+
+
+def test_a_pass_predicted_for_another_station_is_refused_by_its_sun(
+    make_controller: Callable[..., PointingController], window: Pass, track: TopocentricTrack
+) -> None:
+    controller = make_controller(sun=SunParams(station="Canberra DSS-43"))
+    controller.plan.take_profiles([pass_profile(track, window)])
+    controller.take_joints(standing((120.0, 60.0)))
+    with pytest.raises(ValueError, match=r"sun\.station=Canberra DSS-43: its Sun stands .* another station"):
+        controller.start(window.aos_t_s - 100.0, window, "program")
+    right = make_controller()
+    right.plan.take_profiles([pass_profile(track, window)])
+    right.take_joints(standing((120.0, 60.0)))
+    right.start(window.aos_t_s - 100.0, window, "program")
+    assert right.plan.certificate is not None

@@ -138,6 +138,30 @@ def test_slightly_outside_the_travel_the_servo_moves_inward_only() -> None:
     assert station.axes_deg[0] == pytest.approx(high_deg - 3.0, abs=0.01)
 
 
+def test_an_antenna_cut_off_at_its_hard_limit_is_released_where_it_stands_and_comes_in_on_command() -> None:
+    """Released brakes leave the structure swinging about where it stands; that is no running out of the limit."""
+    station = Station(120.0, 60.0, mask=HorizonMask())
+    station.run(0.1)
+    loops = LoopParams()
+    narrow = loops.replace(preprocessor=loops.preprocessor.replace(travel_max_rad=(120.5 * DEG, 91.0 * DEG)))
+    station.antenna.retune(dss13_plant(), narrow)
+    station.antenna.injected.inject("runaway", 0.2 * DEG)
+    while station.antenna.mode != "fault":
+        station.run(TICK_S)
+    assert "past the hard limit 120.750 deg" in station.antenna.status(station.t_s).fault
+    station.antenna.injected.inject("none", 0.0)
+    station.run(1.0)
+    outside = station.axes_deg[0]
+    assert 120.75 <= outside < 121.0
+    assert station.antenna.reset_fault() == ""
+    station.run(10.0)
+    assert station.antenna.mode == "holding"
+    assert station.axes_deg[0] == pytest.approx(outside, abs=0.01), "a reset moves nothing"
+    assert "past the limit" in station.command(outside + 0.1, 60.0)
+    assert station.go(119.0, 60.0, 8.0) == ""
+    assert station.axes_deg[0] == pytest.approx(119.0, abs=0.01)
+
+
 def test_the_sun_is_gone_round_and_a_command_into_it_is_refused() -> None:
     gate = GateParams(sun_radius_rad=4.0 * DEG)
     sun = SolarDirection(SunParams()).at(START_S + 25.0)
