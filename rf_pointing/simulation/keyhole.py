@@ -18,8 +18,9 @@ from rf_pointing.ephemeris import (
     verification_elements,
 )
 from rf_pointing.geometry import MU, JointReading, angular_distance_rad, random_stream
+from rf_pointing.geometry.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
 from rf_pointing.planning import AxisLimits, GateParams, MachineParams
-from rf_pointing.planning.certificate import DEEPEST_DB, HALF_POWER_DB
+from rf_pointing.planning.certificate import DEEPEST_DB, HALF_POWER_DB, plunged
 from rf_pointing.servo import WindParams, dss13_plant
 from rf_pointing.station.antenna import AntennaParams, LoopParams, SimulatedAntenna
 from rf_pointing.station.antenna_safety import SafetyParams
@@ -33,9 +34,11 @@ __all__ = ["KeyholeCase", "KeyholeRun", "Loss", "fly", "high_passes"]
 Array = NDArray[np.float64]
 LEAST_PERIGEE_M, LARGEST_PERIGEE_M = 300e3, 1500e3
 """Perigees of the orbits that are flown: low, and high enough to last for the days they are flown on."""
-EARTH_RADIUS_M, GM_M3_S2 = 6378137.0, 3.986004418e14
+
 LEAST_PEAK_RAD = math.radians(75.0)
 MARGIN_S = 15.0
+OVER_RAD = math.radians(10.0)
+"""Azimuth travel beyond what a pass over the top needs."""
 TARGET_LEAD_S = 2.0
 MOST_TRIES = 3000
 DAYS = 7
@@ -50,12 +53,23 @@ NO_SUN = GateParams(sun_radius_rad=0.0)
 
 @dataclass(frozen=True, kw_only=True)
 class KeyholeCase:
-    """One pass to fly, and the beam that follows it."""
+    """One pass to fly, the beam that follows it, and whether it is followed over the top."""
 
     track: TopocentricTrack
     window: Pass
     beamwidth_rad: float
     station: str = ""
+    plunge: bool = False
+
+    @property
+    def limits(self) -> AxisLimits:
+        """Travel of the axes: ample and up to the zenith, or such that the pass fits only over the top."""
+        if not self.plunge:
+            return AxisLimits(azimuth_min_rad=-6.0, azimuth_max_rad=12.0, elevation_max_rad=0.5 * math.pi)
+        low, high = self.window.azimuth_min_rad - math.pi, self.window.azimuth_max_rad - math.pi
+        return AxisLimits(
+            azimuth_min_rad=low - OVER_RAD, azimuth_max_rad=high + OVER_RAD, elevation_max_rad=math.radians(176.0)
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,7 +132,7 @@ def high_passes(count: int, seed: int) -> Iterator[KeyholeCase]:
 
 
 def _perigee_m(elements: Elements) -> float:
-    axis_m = (GM_M3_S2 / elements.mean_motion_rad_s**2) ** (1.0 / 3.0)
+    axis_m = (EARTH_MU_M3_S2 / elements.mean_motion_rad_s**2) ** (1.0 / 3.0)
     return float(axis_m * (1.0 - elements.eccentricity) - EARTH_RADIUS_M)
 
 
@@ -135,7 +149,7 @@ def _generated(number: int, random: np.random.Generator) -> Elements:
         eccentricity=1e-3,
         argument_of_perigee_rad=0.0,
         mean_anomaly_rad=anomaly,
-        mean_motion_rad_s=math.sqrt(GM_M3_S2 / axis_m**3),
+        mean_motion_rad_s=math.sqrt(EARTH_MU_M3_S2 / axis_m**3),
         drag_per_earth_radius=1e-5,
     )
 
@@ -152,6 +166,7 @@ def fly(case: KeyholeCase) -> KeyholeRun | None:
         return None
     branch = controller.plan.branch
     assert branch is not None
+    assert branch.plunge == case.plunge
     assert branch.crossing is not None
     crossing = branch.crossing
     first_s, last_s = float(crossing.t_s[0]), float(crossing.t_s[-1])
@@ -172,8 +187,7 @@ def fly(case: KeyholeCase) -> KeyholeRun | None:
 
 def _controller(case: KeyholeCase) -> PointingController:
     return PointingController(
-        PointingParams(), AxisLimits(azimuth_min_rad=-6.0, azimuth_max_rad=12.0, elevation_max_rad=math.radians(90.0)),
-        AutotrackParams(), TrackerIntegratorParams(), SpiralParams(), ConscanParams(),
+        PointingParams(), case.limits, AutotrackParams(), TrackerIntegratorParams(), SpiralParams(), ConscanParams(),
         MachineParams(half_power_beamwidth_rad=case.beamwidth_rad, least_share=0.0, sun_radius_rad=0.0),
         gate=NO_SUN,
     )  # fmt: skip
@@ -192,15 +206,19 @@ def _begin(case: KeyholeCase, controller: PointingController) -> float | None:
 
 
 def _antenna(controller: PointingController, case: KeyholeCase, start_s: float) -> SimulatedAntenna:
-    """Return an antenna that stands where the target is at the start."""
+    """Return an antenna that stands where the target is at the start, with travel beyond the controller's limits."""
     target = case.track.target_at(start_s, near_azimuth_rad=_near(controller, case))
+    here = np.array([target.azimuth_rad, target.elevation_rad])
+    azimuth, elevation = (plunged(here, 0.0 * here, 0.0 * here)[0] if case.plunge else here).tolist()
     loops = LoopParams()
-    preprocessor = loops.preprocessor.replace(travel_min_rad=(-7.0, -0.1), travel_max_rad=(13.0, 1.7))
+    preprocessor = loops.preprocessor.replace(travel_min_rad=(-7.0, -0.1), travel_max_rad=(13.0, 3.2))
     plant = dss13_plant()
-    axis = {"travel_min_rad": -7.5, "travel_max_rad": 13.5}
-    plant = plant.replace(azimuth=plant.azimuth.replace(**axis))
+    plant = plant.replace(
+        azimuth=plant.azimuth.replace(travel_min_rad=-7.5, travel_max_rad=13.5),
+        elevation=plant.elevation.replace(travel_max_rad=3.3),
+    )
     return SimulatedAntenna(
-        AntennaParams(start_azimuth_rad=target.azimuth_rad, start_elevation_rad=target.elevation_rad),
+        AntennaParams(start_azimuth_rad=azimuth, start_elevation_rad=elevation),
         plant, loops.replace(preprocessor=preprocessor), WindParams(mean_speed_m_s=0.0), MountParams().model(),
         SafetyParams(gate=NO_SUN),
     )  # fmt: skip

@@ -15,13 +15,14 @@ from rf_pointing.calibration import BiasModel, read_model
 from rf_pointing.controllers import TrackerIntegratorParams
 from rf_pointing.ephemeris import Pass
 from rf_pointing.geometry import PointingError
-from rf_pointing.planning import AxisLimits, GateParams, HorizonMask, MachineParams
+from rf_pointing.planning import AxisLimits, Certificate, GateParams, HorizonMask, MachineParams
 from rf_pointing.rf import LinkParams
 from rf_pointing.servo import WindParams, dss13_plant
 from rf_pointing.station.antenna import AntennaParams, LoopParams, SimulatedAntenna
 from rf_pointing.station.antenna_safety import SafetyParams
 from rf_pointing.station.configuration import NodeParameters, read_parameter_files
 from rf_pointing.station.mount import MountParams
+from rf_pointing.station.pass_planning import pass_profile
 from rf_pointing.station.pointing import PointingController, PointingParams
 from rf_pointing.station.power_tracker import PowerTracker
 from rf_pointing.station.receiver import SignalParams, SimulatedReceiver
@@ -47,7 +48,7 @@ TARGET_LEAD_S = 2.0
 
 @dataclass
 class PassLog:
-    """True error and mode, one row per cluster; the first point of every trajectory; angles in rad."""
+    """True error and mode, one row per cluster; the first point of every trajectory; the certificate; angles in rad."""
 
     t_s: list[float] = field(default_factory=list)
     cross_elevation_rad: list[float] = field(default_factory=list)
@@ -56,6 +57,7 @@ class PassLog:
     carrier_to_noise_db_hz: list[float] = field(default_factory=list)
     command_t_s: list[float] = field(default_factory=list)
     command_rad: list[tuple[float, float]] = field(default_factory=list)
+    certificate: Certificate | None = None
 
     def errors_rad(self, *modes: str) -> Array:
         """Return the true errors (n, 2) of the clusters in these modes (all when none is named)."""
@@ -106,14 +108,14 @@ class StationSetup:
             node.group("integrator", TrackerIntegratorParams()),
             node.group("spiral", SpiralParams()),
             node.group("conscan", ConscanParams()),
+            machine=node.group("machine", MachineParams()),
+            mask=node.group("mask", HorizonMask()),
+            gate=node.group("gate", GateParams()),
             steptrack=node.group("steptrack", StepTrackParams()),
             calibration=node.group("calibration", MonopulseScanParams()),
             trim=node.group("trim", TrimParams()),
             watch=node.group("watch", LockWatchParams()),
             link=node.group("link", LinkParams()),
-            machine=node.group("machine", MachineParams()),
-            mask=node.group("mask", HorizonMask()),
-            gate=node.group("gate", GateParams()),
             sun=node.group("sun", SunParams()),
         )
         controller.take_model(self.model)
@@ -137,7 +139,9 @@ def simulate_pass(setup: StationSetup, window: Pass, start_t_s: float, sensor: s
     log = PassLog()
     known = antenna.reading(start_t_s)
     controller.take_joints(known)
+    controller.plan.take_profiles([pass_profile(track, window)])
     controller.start(start_t_s, window, sensor)
+    log.certificate = controller.plan.certificate
     mode = controller.state.mode
     for tick in range(1, round((window.los_t_s - start_t_s) / tick_s)):
         t_s = round(start_t_s + tick * tick_s, 6)

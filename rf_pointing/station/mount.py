@@ -14,6 +14,8 @@ __all__ = ["MountError", "MountParams", "RateAverage"]
 
 Array = NDArray[np.float64]
 RENEWAL_S = 0.5
+STEEP_RAD = math.radians(5.0)
+"""Within this of the zenith the step does not converge: an azimuth error there grows as the tangent of the elevation."""
 LIMIT_RAD = math.radians(5.0)
 LIMIT_S = 10.0
 
@@ -80,6 +82,8 @@ class MountError:
 
     The correction is renewed by one step of sky += axes - apply(sky) every `RENEWAL_S` and runs on a straight line in
     between: within 0.03 mdeg of `BiasModel.remove` along a pass that peaks at 44 deg, at a hundredth of its cost.
+    Near the zenith the lags are taken at the rates of the axes and the rest off exactly, in every call; in the hole of the
+    mount, where no direction can be named, the correction stands still.
     """
 
     def __init__(self, model: BiasModel) -> None:
@@ -90,6 +94,8 @@ class MountError:
 
     def remove(self, t_s: float, axes_rad: Array, rate_rad_s: Array, acceleration_rad_s2: Array) -> Array:
         """Return the true azimuth and elevation (2,) of a beam at these axis angles, moving like this."""
+        if abs(axes_rad[1] - 0.5 * math.pi) < STEEP_RAD:
+            return self._remove_steep(t_s, axes_rad, (*rate_rad_s, *acceleration_rad_s2))
         if self._renewed_s is None or not 0.0 <= t_s - self._renewed_s <= 10.0 * RENEWAL_S:
             sky = np.array(self._model.remove(*axes_rad, *rate_rad_s, *acceleration_rad_s2))
             self._correction, self._rate, self._renewed_s = sky - axes_rad, np.zeros(2), t_s
@@ -97,6 +103,19 @@ class MountError:
             self._renew(t_s, axes_rad, rate_rad_s, acceleration_rad_s2)
         sky_now: Array = axes_rad + self._correction + self._rate * (t_s - self._renewed_s)
         return sky_now
+
+    def _remove_steep(self, t_s: float, axes_rad: Array, motion: tuple[float, ...]) -> Array:
+        still = (0.0, 0.0, 0.0, 0.0)
+        moving, resting = (np.array(self._model.offset_rad(*axes_rad, *rates)) for rates in (motion, still))
+        azimuth, elevation = axes_rad - moving + resting
+        try:
+            sky = np.array(self._model.remove(azimuth, elevation, 0.0, 0.0, 0.0, 0.0))
+        except ValueError:
+            return np.asarray(axes_rad + self._correction)
+        correction, since_s = sky - axes_rad, t_s - (self._renewed_s or 0.0)
+        self._rate = (correction - self._correction) / since_s if 0.0 < since_s <= RENEWAL_S else np.zeros(2)
+        self._correction, self._renewed_s = correction, t_s
+        return sky
 
     def _renew(self, t_s: float, axes_rad: Array, rate_rad_s: Array, acceleration_rad_s2: Array) -> None:
         assert self._renewed_s is not None

@@ -5,6 +5,7 @@ The controller thinks in direct axis angles; a plunged pass is turned over the t
 
 import dataclasses
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -145,22 +146,26 @@ class PassPlan:
         found = self.branch.crossing if self.branch else None
         return found is not None and bool(found.t_s[0] <= t_s <= found.t_s[-1])
 
-    def replace(self, times: Array, motion: Motion) -> Motion:
-        """Return the motion (n, 2) with the crossing in place of the target's own motion while it lasts."""
+    def replace(self, times: Array, motion: Motion, beside: Callable[[Motion], Array]) -> Motion:
+        """Return the motion (n, 2) with the crossing in place of the target's own motion while it lasts.
+
+        `beside` tells by how much (m, 2) the axes have to stand off the target's predicted motion (m, 2).  It is asked at
+        both ends of the crossing only and goes over from one to the other: close to the zenith an offset on the sky
+        would be any azimuth.
+        """
         found = self.branch.crossing if self.branch else None
         if found is None or times[-1] < found.t_s[0] or times[0] > found.t_s[-1]:
             return motion
-        rows = [part.copy() for part in motion]
         own = found.position_rad, found.velocity_rad_s, found.acceleration_rad_s2
         table = unplunged(*own) if self.plunge else own
-        step_s = float(found.t_s[1] - found.t_s[0])
-        for index, t_s in enumerate(times.tolist()):
-            if found.t_s[0] <= t_s <= found.t_s[-1]:
-                first = min(int((t_s - found.t_s[0]) / step_s), len(found.t_s) - 2)
-                start, end = (Motion(*(part[row] for part in table)) for row in (first, first + 1))
-                here = Quintic(start, end, step_s).at(t_s - float(found.t_s[first]))
-                for row, part in zip(rows, here, strict=True):
-                    row[index] = part
+        first, last = beside(Motion(*(part[[0, -1]] for part in table)))
+        rows = [part.copy() for part in motion]
+        for index in np.flatnonzero((times >= found.t_s[0]) & (times <= found.t_s[-1])):
+            share = _eased((float(times[index]) - float(found.t_s[0])) / found.duration_s, found.duration_s)
+            here = _interpolated(found.t_s, table, float(times[index]))
+            for row, part, gone in zip(rows, here, share, strict=True):
+                row[index] = part + gone * (last - first)
+            rows[0][index] += first
         return Motion(*rows)
 
     def to_axes(self, trajectory: JointTrajectory) -> JointTrajectory:
@@ -204,3 +209,20 @@ class PassPlan:
             if profile.name == window.name and begins and abs(float(profile.t_s[-1]) - window.los_t_s) <= SAME_PASS_S:
                 return profile
         return None
+
+
+def _interpolated(t_s: Array, table: tuple[Array, ...], at_s: float) -> Motion:
+    """Return the motion (2,) at one instant of a table of even times."""
+    step_s = float(t_s[1] - t_s[0])
+    row = min(int((at_s - float(t_s[0])) / step_s), len(t_s) - 2)
+    start, end = (Motion(*(part[index] for part in table)) for index in (row, row + 1))
+    return Quintic(start, end, step_s).at(at_s - float(t_s[row]))
+
+
+def _eased(share: float, duration_s: float) -> tuple[float, float, float]:
+    """Return the step from 0 to 1 without a jump of its rate, 3 x^2 - 2 x^3, and its two derivatives in time."""
+    return (
+        share**2 * (3.0 - 2.0 * share),
+        6.0 * share * (1.0 - share) / duration_s,
+        6.0 * (1.0 - 2.0 * share) / duration_s**2,
+    )

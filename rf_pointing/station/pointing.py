@@ -363,7 +363,9 @@ class PointingController:
             return None
         centre = predicted
         if t_s >= self._pass.aos_t_s:
-            centre = self.offsets.add_trim(times, predicted, self._targets.range_m(times))
+            range_m = self._targets.range_m(times)
+            centre = self.offsets.add_trim(times, predicted, range_m)
+            centre = self.plan.replace(times, centre, lambda ends: self.offsets.beside(ends, float(range_m[0])))
         position, velocity, acceleration = self.offsets.add_scan(times, centre)
         self._centre = {**{k: c for k, c in self._centre.items() if k >= _key(t_s)}, _key(times[0]): centre.position[0]}
         self._beam.take_centre(float(times[0]), predicted.position[0])
@@ -389,7 +391,7 @@ class PointingController:
             waiting = self._path.waiting(len(times), start, self._model, near_rad)
             next_rad = self.plan.to_start(t_s, self._axes, waiting.position[0])
             return waiting._replace(position=np.tile(next_rad, (len(times), 1)))
-        return self.plan.replace(times, self._path.at(times, self._targets, self._model, near_rad))
+        return self._path.at(times, self._targets, self._model, near_rad)
 
     def _finish(self, t_s: float) -> tuple[JointTrajectory | None, TrackingStatus]:
         reason = self._stopping

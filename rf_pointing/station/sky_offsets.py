@@ -127,6 +127,16 @@ class SkyOffsets:
         self._past.add(float(times[0]), np.concatenate([self._ahead[1][0], offset[0]]))
         return added(target, offset, rate)
 
+    def beside(self, target: Motion, range_m: float) -> Array:
+        """Return by how much (n, 2) trim and residual move the axes off the target's motion (n, 2); nothing is noted."""
+        rates = target.velocity * np.column_stack([np.cos(target.position[:, 1]), np.ones(len(target.position))])
+        sky = SkyMotion(*np.column_stack([rates, np.full(len(rates), range_m)]).T)
+        offset = (
+            self._residual(np.array([self._integrator.state.t_s]))[0] + direction_rows(sky) @ self._filter.state.mean
+        )
+        moved: Array = added(target, offset, np.zeros_like(offset)).position - target.position
+        return moved
+
     def add_scan(self, times: Array, sky: Motion) -> Motion:
         """Return the motion (n, 2) with the running scan added, and what is left of the one before."""
         return added(sky, *self._scan(times))

@@ -107,3 +107,23 @@ def test_an_average_hardly_follows_a_vibration() -> None:
         average.update(0.02, np.array([math.sin(2.0 * math.pi * 0.2 * t_s), 0.0]))
         largest = max(largest, abs(float(average.rate_rad_s[0]))) if t_s > 80.0 else largest
     assert largest == pytest.approx(1.0 / abs(1.0 - (2.0 * math.pi) ** 2 + 2.0j * math.pi), rel=0.05)
+
+
+@pytest.mark.parametrize("peak_deg", [89.96, 90.5])
+def test_a_beam_that_crosses_the_zenith_is_where_the_exact_inverse_says_and_never_stops_the_antenna(
+    dss13: BiasModel, peak_deg: float
+) -> None:
+    """The mount's own zenith is a hole of 0.05 deg in which no direction can be named; the axes go through it all the same."""
+    model = dss13.replace(**{term.name: 0.0 for term in dss13.terms if term.kind == "lag"})
+    error, still = MountError(model), np.zeros(2)
+    times = TICK_S * np.arange(0, 3000, 2)
+    azimuth = np.radians(20.0 + 1.7 * times)
+    elevation = np.radians(peak_deg + 0.001 - 6.0 * np.sin(2.0 * np.pi * times / 60.0))
+    sky = np.array(
+        [error.remove(t, np.array(row), still, still) for t, *row in zip(times, azimuth, elevation, strict=True)]
+    )
+    assert np.all(np.isfinite(sky))
+    clear = np.abs(elevation - 0.5 * np.pi) > np.radians(0.3)
+    exact = np.column_stack(model.remove(azimuth[clear], elevation[clear], 0.0, 0.0, 0.0, 0.0))
+    off = sky_offset_rad(*sky[clear].T, *exact.T)
+    assert np.max(np.hypot(*off)) < 1.0 * MDEG
