@@ -62,11 +62,13 @@ class KinematicStation:
         feed = self._feeder(track, log) if log is not None else None
         mount, mean, trim = MountError(self.mount), RateAverage(self.params.lag_averaging_s), np.zeros(2)
         gain = 2.0 * math.pi * self.params.loop_hz * step_s
-        misses = np.empty((len(times), 2))
+        misses, before = np.empty((len(times), 2)), trim
         for k, t_s in enumerate(times.tolist()):
             position = axes[k] + trim
             beam = mount.remove(t_s, position, mean.rate_rad_s, mean.acceleration_rad_s2)
-            mean.update(step_s, velocity[k])
+            moved = position - (axes[k - 1] + before if k else position)
+            mean.update(step_s, moved / step_s + mount.drift_rad_s)
+            before = trim
             misses[k] = np.ravel(sky_offset_rad(sky[k, 0], sky[k, 1], beam[0], beam[1]))
             sensed = misses[k] + self.params.noise_rad * self._random.standard_normal(2)
             if feed is not None:

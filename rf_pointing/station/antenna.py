@@ -460,7 +460,7 @@ class SimulatedAntenna:
         """Return the true direction of the beam; the mount's lags act on averaged rates."""
         mean = self._mean
         sky = self._mount_error.remove(t_s, self._plant.beam_rad, mean.rate_rad_s, mean.acceleration_rad_s2)
-        mean.update(self.params.tick_s, velocity)
+        mean.update(self.params.tick_s, velocity + self._mount_error.drift_rad_s)
         azimuth, elevation = sky.tolist()
         if elevation > 0.5 * math.pi:
             azimuth, elevation = azimuth - math.pi, math.pi - elevation

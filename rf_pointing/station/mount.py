@@ -57,7 +57,7 @@ class MountParams(Params):
 
 
 class RateAverage:
-    """Axis rates averaged over about T = `time_s`, which is what the lags of the mount act on.
+    """Rates of the beam averaged over about T = `time_s`, which is what the lags of the mount act on.
 
     On the momentary rate, vibration included, a lag of seconds would be a prediction, and no loop could be closed on it.
     The average has two poles, 1 / (1 + T s + T^2 s^2) = 1 - T s + T^3 s^3 - ...: without a term in s^2 a lag on it is a
@@ -70,7 +70,7 @@ class RateAverage:
         self.acceleration_rad_s2 = np.zeros(2)
 
     def update(self, dt_s: float, rate_rad_s: Array) -> None:
-        """Go on by `dt_s` with the axes moving at `rate_rad_s` (2,)."""
+        """Go on by `dt_s` with the beam moving at `rate_rad_s` (2,)."""
         time_s = self._time_s
         pull = (rate_rad_s - self.rate_rad_s) / time_s - self.acceleration_rad_s2
         self.acceleration_rad_s2 = self.acceleration_rad_s2 + dt_s / time_s * pull
@@ -91,6 +91,11 @@ class MountError:
         self._correction = np.zeros(2)
         self._rate = np.zeros(2)
         self._renewed_s: float | None = None
+
+    @property
+    def drift_rad_s(self) -> Array:
+        """Return how fast the beam moves besides the axes (2,)."""
+        return self._rate
 
     def remove(self, t_s: float, axes_rad: Array, rate_rad_s: Array, acceleration_rad_s2: Array) -> Array:
         """Return the true azimuth and elevation (2,) of a beam at these axis angles, moving like this."""
