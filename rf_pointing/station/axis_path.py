@@ -1,13 +1,12 @@
 """The axis motion that holds the beam on the target, ahead of time: target motion through the bias model, in blocks.
 
 The lags of a bias model are those of steady motion.  Axes that start from rest have none yet: they build up as the average
-of the rates does that they act on (two poles, T = `lag_averaging_s`), and so does what is commanded against them.
+of the beam's rates does that they act on (two poles, T = `lag_averaging_s`), and so does what is commanded against them.
 
 The exact bias model costs the same for one instant as for twenty, so a block of coming instants is computed at once and
 kept until it is used up or something changes.
 """
 
-import math
 from collections.abc import Callable
 
 import numpy as np
@@ -23,8 +22,9 @@ __all__ = ["AxisPath"]
 Array = NDArray[np.float64]
 ThroughModel = Callable[[Motion, BiasModel], Motion]
 """How a motion on the sky becomes one of the axes."""
-SETTLED = 20.0
-"""Averaging times after which the lags are there: exp(-10) of half a degree is 0.02 mdeg."""
+SETTLED = 30.0
+"""Averaging times after which the lags are there: exp(-9) of half a degree is 0.06 mdeg."""
+RATE_LAGS = ("azimuth_velocity_lag", "elevation_velocity_lag")
 
 
 class AxisPath:
@@ -73,7 +73,8 @@ class AxisPath:
         since_s = block - (self._moving_s or 0.0)
         if model.has_lags and since_s[0] < SETTLED * self.lag_averaging_s:
             steady = held(sky, without_lags(model), near_azimuth_rad, self._through)
-            motion = settling(steady, motion, since_s, self.lag_averaging_s)
+            lags_s = np.array([model.coefficients.get(name, 0.0) for name in RATE_LAGS])
+            motion = settling(steady, motion, since_s, self.lag_averaging_s, lags_s)
         rows = np.concatenate(motion, axis=1)
         self._known = {round(float(t) * 1000.0): row for t, row in zip(block, rows, strict=True)}
 
@@ -90,17 +91,21 @@ def without_lags(model: BiasModel) -> BiasModel:
     return model.replace(**{term.name: 0.0 for term in model.terms if term.kind == "lag"})
 
 
-def settling(at_rest: Motion, steady: Motion, since_s: Array, averaging_s: float) -> Motion:
+def settling(at_rest: Motion, steady: Motion, since_s: Array, averaging_s: float, lags_s: Array) -> Motion:
     """Return what leads from `at_rest` to `steady` (n, 2), `since_s` (n,) after the axes began to move.
 
-    The way is the step response of 1 / (1 + T s + T^2 s^2), with its derivatives.
+    The average of the beam's rates is 1 / (1 + T s + T^2 s^2), and the beam drags behind the axes by x times that: from the
+    axes' rates to the average it is 1 / (1 + (T + x) s + T^2 s^2) with the velocity lags x = `lags_s` (2,), here as its step
+    response and that one's derivatives.
     """
-    omega = 0.5 * math.sqrt(3.0) / averaging_s
-    decay, phase = np.exp(-0.5 * since_s / averaging_s)[:, None], (omega * since_s)[:, None]
-    sine, cosine = decay * np.sin(phase), decay * np.cos(phase)
-    share = 1.0 - cosine - sine / math.sqrt(3.0)
-    rate = sine / (averaging_s**2 * omega)
-    slope = (cosine - sine / math.sqrt(3.0)) / averaging_s**2
+    damping = np.clip(0.5 + 0.5 * lags_s / averaging_s, 0.05, 0.95)
+    swing = np.sqrt(1.0 - damping**2)
+    turned = since_s[:, None] / averaging_s
+    decay = np.exp(-damping * turned)
+    sine, cosine = decay * np.sin(swing * turned), decay * np.cos(swing * turned)
+    share = 1.0 - cosine - damping / swing * sine
+    rate = sine / (swing * averaging_s)
+    slope = (cosine - damping / swing * sine) / averaging_s**2
     position, velocity, acceleration = (b - a for a, b in zip(at_rest, steady, strict=True))
     return Motion(
         at_rest.position + share * position,
