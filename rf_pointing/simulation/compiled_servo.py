@@ -31,7 +31,7 @@ from rf_pointing.servo import (
 if TYPE_CHECKING:
     from rf_pointing.simulation.headless_servo import ServoRunSetup
 
-__all__ = ["run_compiled"]
+__all__ = ["CompiledServo"]
 
 Array = NDArray[np.float64]
 
@@ -39,24 +39,34 @@ _GUST_STEP_S = 0.02
 _CALM_M_S = 1e-3
 
 
-def run_compiled(setup: "ServoRunSetup") -> tuple[Array, Array, Array]:
-    """Return rate commands, encoder and beam angles (ticks, 2) of the run.
+class CompiledServo:
+    """The compiled loop with everything prepared that does not hang on the seed; `run` may be called from many threads.
 
     Raises
     ------
     ValueError
         If the tick is not a whole number of substeps and of gust steps, which the compiled loop needs.
     """
-    count = len(setup.position_rad)
-    substeps, step_s = _substeps(setup.plant, setup.tick_s)
-    plant = _plant_arrays(setup.plant, step_s)
-    wind = _wind_arrays(setup.wind, setup.seed, count, setup.tick_s)
-    noise = random_stream(setup.seed, "encoder").standard_normal((count, 2))
-    loops = tuple(_loop_constants(params, setup.tick_s) for params in setup.loops)
-    rates, encoder, beam = (np.zeros((count, 2)) for _ in range(3))
-    commands = (setup.position_rad, setup.velocity_rad_s, setup.acceleration_rad_s2)
-    _kernel()(*commands, plant, wind, noise, loops, (setup.tick_s, substeps, step_s), rates, encoder, beam)
-    return rates, encoder, beam
+
+    def __init__(self, setup: "ServoRunSetup") -> None:
+        self._setup = setup
+        substeps, step_s = _substeps(setup.plant, setup.tick_s)
+        self._clock = (setup.tick_s, substeps, step_s)
+        self._plant = _plant_arrays(setup.plant, step_s)
+        self._gusts = _Gusts(setup.wind, len(setup.position_rad), setup.tick_s)
+        self._loops = tuple(_loop_constants(params, setup.tick_s) for params in setup.loops)
+        self._kernel = _kernel()
+
+    def run(self, seed: int) -> tuple[Array, Array, Array]:
+        """Return rate commands, encoder and beam angles (ticks, 2) of the run with one seed."""
+        setup = self._setup
+        count = len(setup.position_rad)
+        noise = random_stream(seed, "encoder").standard_normal((count, 2))
+        rates, encoder, beam = (np.zeros((count, 2)) for _ in range(3))
+        commands = (setup.position_rad, setup.velocity_rad_s, setup.acceleration_rad_s2)
+        wind = self._gusts.drawn(seed)
+        self._kernel(*commands, self._plant, wind, noise, self._loops, self._clock, rates, encoder, beam)
+        return rates, encoder, beam
 
 
 def _substeps(params: PlantParams, tick_s: float) -> tuple[int, float]:
@@ -86,15 +96,23 @@ def _plant_arrays(params: PlantParams, step_s: float) -> tuple[Any, ...]:
     )
 
 
-def _wind_arrays(params: WindParams, seed: int, count: int, tick_s: float) -> tuple[Any, ...]:
-    blows = params.mean_speed_m_s > _CALM_M_S
-    gust = GustFilter.davenport(params.mean_speed_m_s if blows else 1.0, params.drag_coefficient)
-    random = random_stream(seed, "wind")
-    start = random.standard_normal((2, 4)) @ gust.stationary_factor().T
-    decay, factor = gust.step_matrices(tick_s)
-    noise = random.standard_normal((count if blows else 0, 2, 4)) @ factor.T
-    speed = np.array([params.mean_speed_m_s, params.lateral_ratio])
-    return blows, start, decay, noise, gust.residues, speed, torque_constants(params)
+class _Gusts:
+    """What the kernel needs of the wind: constants once, random numbers per seed."""
+
+    def __init__(self, params: WindParams, count: int, tick_s: float) -> None:
+        self._blows = params.mean_speed_m_s > _CALM_M_S
+        self._gust = GustFilter.davenport(params.mean_speed_m_s if self._blows else 1.0, params.drag_coefficient)
+        self._start = self._gust.stationary_factor().T
+        self._decay, factor = self._gust.step_matrices(tick_s)
+        self._factor, self._count = factor.T, count if self._blows else 0
+        self._speed = np.array([params.mean_speed_m_s, params.lateral_ratio])
+        self._torque = torque_constants(params)
+
+    def drawn(self, seed: int) -> tuple[Any, ...]:
+        random = random_stream(seed, "wind")
+        start = random.standard_normal((2, 4)) @ self._start
+        noise = random.standard_normal((self._count, 2, 4)) @ self._factor
+        return self._blows, start, self._decay, noise, self._gust.residues, self._speed, self._torque
 
 
 def _loop_constants(params: PositionLoopParams, tick_s: float) -> tuple[Any, ...]:
@@ -111,7 +129,7 @@ def _loop_constants(params: PositionLoopParams, tick_s: float) -> tuple[Any, ...
 
 @cache
 def _kernel() -> Any:
-    """Compile the loop; about ten seconds, once per process."""
+    """Compile the loop; about ten seconds, once per process.  It runs without the interpreter's lock."""
     import numba
 
     compiled = numba.njit(tooth_wind)
@@ -169,7 +187,7 @@ def _kernel() -> Any:
             index = math.floor((time - delay[axis] + 1e-9) / tick)
             command[axis] = rates[min(index, k), axis] if index >= 0 else 0.0
 
-    @numba.njit
+    @numba.njit(nogil=True)
     def loop(  # type: ignore[no-untyped-def]
         position, velocity, acceleration, plant, wind, noise, loops, clock, rates, encoder, beam
     ):

@@ -6,9 +6,10 @@ random numbers and the same result to rounding.
 """
 
 import os
-from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,9 +61,9 @@ def run_servo(setup: ServoRunSetup, *, compiled: bool = False) -> ServoRun:
         With `compiled` if numba is not installed (extra `[fast]`).
     """
     if compiled:
-        from rf_pointing.simulation.compiled_servo import run_compiled
+        from rf_pointing.simulation.compiled_servo import CompiledServo
 
-        return ServoRun(*run_compiled(setup))
+        return ServoRun(*CompiledServo(setup).run(setup.seed))
     plant = AntennaPlant(setup.plant, random_stream(setup.seed, "encoder"), setup.position_rad[0])
     wind = Wind(setup.wind, random_stream(setup.seed, "wind"))
     loops = [PositionLoop(params, setup.tick_s) for params in setup.loops]
@@ -82,14 +83,19 @@ def run_servo(setup: ServoRunSetup, *, compiled: bool = False) -> ServoRun:
 def servo_monte_carlo(
     setup: ServoRunSetup, seeds: Sequence[int], *, compiled: bool = False, workers: int | None = None
 ) -> Array:
-    """Return `error_statistics` (runs, 2) of one run per seed, spread over `workers` processes (None: all cores)."""
+    """Return `error_statistics` (runs, 2) of one run per seed, spread over `workers` (None: all cores).
+
+    Compiled runs share one preparation and go to threads, as the compiled loop needs no interpreter; the others to
+    processes.
+    """
     count = workers or os.cpu_count() or 1
     require_between("workers", count, 1, 256)
+    batch = _compiled_batch(setup) if compiled else partial(_batch, setup)
     shares = [list(seeds[start::count]) for start in range(count)]
     if count == 1:
-        return _batch(setup, shares[0], compiled)
-    with ProcessPoolExecutor(count) as pool:
-        parts = list(pool.map(_batch, [setup] * count, shares, [compiled] * count))
+        return batch(shares[0])
+    with ThreadPoolExecutor(count) if compiled else ProcessPoolExecutor(count) as pool:
+        parts = list(pool.map(batch, shares))
     result = np.empty((len(seeds), 2))
     for start, part in enumerate(parts):
         result[start::count] = part
@@ -105,9 +111,22 @@ def error_statistics(setup: ServoRunSetup, run: ServoRun) -> Array:
     return rms
 
 
-def _batch(setup: ServoRunSetup, seeds: Sequence[int], compiled: bool) -> Array:
+def _batch(setup: ServoRunSetup, seeds: Sequence[int]) -> Array:
     results = np.empty((len(seeds), 2))
     for index, seed in enumerate(seeds):
-        each = replace(setup, seed=seed)
-        results[index] = error_statistics(each, run_servo(each, compiled=compiled))
+        results[index] = error_statistics(setup, run_servo(replace(setup, seed=seed)))
     return results
+
+
+def _compiled_batch(setup: ServoRunSetup) -> Callable[[Sequence[int]], Array]:
+    from rf_pointing.simulation.compiled_servo import CompiledServo
+
+    servo = CompiledServo(setup)
+
+    def batch(seeds: Sequence[int]) -> Array:
+        results = np.empty((len(seeds), 2))
+        for index, seed in enumerate(seeds):
+            results[index] = error_statistics(setup, ServoRun(*servo.run(seed)))
+        return results
+
+    return batch

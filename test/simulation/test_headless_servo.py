@@ -80,6 +80,15 @@ def test_monte_carlo_gives_each_seed_its_own_run_whatever_the_number_of_workers(
     assert len(np.unique(alone[:, 1])) == 3
 
 
+def test_compiled_monte_carlo_gives_the_same_as_the_plain_one_whatever_the_number_of_threads() -> None:
+    pytest.importorskip("numba", reason="extra [fast] not installed")
+    case = setup(ticks=60, wind=WindParams(mean_speed_m_s=8.0))
+    plain = servo_monte_carlo(case, [3, 4, 5], workers=1)
+    for workers in (1, 3):
+        fast = servo_monte_carlo(case, [3, 4, 5], workers=workers, compiled=True)
+        np.testing.assert_allclose(fast, plain, atol=ROUNDING_RAD)
+
+
 def test_tables_of_unequal_length_are_refused() -> None:
     case = setup(ticks=10)
     with pytest.raises(ValueError, match=r"velocity_rad_s has shape \(9, 2\), must be \(10, 2\)"):
