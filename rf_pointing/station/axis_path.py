@@ -17,7 +17,7 @@ from rf_pointing.geometry import Motion, nearest_turn_rad
 from rf_pointing.station.axis_motion import axis_motion
 from rf_pointing.station.target_buffer import TargetBuffer
 
-__all__ = ["AxisPath"]
+__all__ = ["RATE_LAGS", "AxisPath"]
 
 Array = NDArray[np.float64]
 ThroughModel = Callable[[Motion, BiasModel], Motion]

@@ -20,6 +20,10 @@ __all__ = ["DelayEstimate", "DelayEstimator", "DelayParams", "DelayState"]
 Array = NDArray[np.float64]
 
 
+FEWEST_PAIRS = 2.5
+"""Faded count of pairs below which nothing tells an answer to the motion from the target's own."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class DelayParams(Params):
     """Scan period and memory of the estimate."""
@@ -39,9 +43,14 @@ class DelayEstimate(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DelayState:
-    """Sums so far, and the last estimate with its variance per axis."""
+    """Sums so far, and the last estimate with its variance per axis.
+
+    `scatter` is the sum of |change|^2 over the variance, `pairs` the number of pairs, both fading like `sums`.
+    """
 
     sums: ResponseSums = ResponseSums()
+    scatter: float = 0.0
+    pairs: float = 0.0
     last: complex | None = None
     last_variance_rad2: float = 0.0
 
@@ -60,20 +69,27 @@ class DelayEstimator:
             return
         now = complex(error.cross_elevation_rad, error.elevation_rad)
         variance = 0.5 * float(np.trace(error.covariance_rad2))
-        sums = self.state.sums
+        sums, scatter, pairs = self.state.sums, self.state.scatter, self.state.pairs
         if self.state.last is not None:
             moved = complex(moved_cross_elevation_rad, moved_elevation_rad)
             change, spread = now - self.state.last, variance + self.state.last_variance_rad2
-            sums = sums.faded(self.params.memory).with_pair(moved, change, spread)
-        self.state = DelayState(sums=sums, last=now, last_variance_rad2=variance)
+            memory = self.params.memory
+            sums = sums.faded(memory).with_pair(moved, change, spread)
+            scatter, pairs = memory * scatter + abs(change) ** 2 / spread, memory * pairs + 1.0
+        self.state = DelayState(sums=sums, scatter=scatter, pairs=pairs, last=now, last_variance_rad2=variance)
 
     def estimate(self) -> DelayEstimate | None:
-        """Return the delay within half a period, None while it is not known well enough."""
-        response = self.state.sums.estimate()
-        if response is None:
+        """Return the delay within half a period, None while it is not known well enough.
+
+        A target that moves by itself scatters the changes beyond their variance; the uncertainty grows by as much.
+        """
+        response, pairs = self.state.sums.estimate(), self.state.pairs
+        if response is None or pairs < FEWEST_PAIRS:
             return None
+        unexplained = self.state.scatter - abs(response.value) ** 2 * self.state.sums.weight
+        excess = max(1.0, unexplained / (2.0 * (pairs - 1.0)))
         per_rad = self.params.period_s / (2.0 * math.pi)
-        sigma_s = response.phase_sigma_rad * per_rad
+        sigma_s = response.phase_sigma_rad * per_rad * math.sqrt(excess)
         if sigma_s > self.params.largest_sigma_s:
             return None
         return DelayEstimate(response.phase_rad * per_rad, sigma_s, abs(response.value))
