@@ -82,3 +82,19 @@ def test_copied_state_continues_identically() -> None:
     for each in (estimator, twin):
         each.add(error_at(-1e-5, 3e-6), 1e-5, 0.0)
     assert estimator.estimate() == twin.estimate()
+
+
+def test_a_target_that_moves_by_itself_makes_the_delay_uncertain() -> None:
+    """Estimates that change as much without a shift of the scan as with one say nothing of a delay."""
+
+    def learned(drift_rad: float) -> float:
+        estimator, away = DelayEstimator(DelayParams(period_s=4.0, memory=1.0, largest_sigma_s=600.0)), 0j
+        for k in range(8):
+            moved = complex(1.0, 0.5) * MDEG * (k % 2) if k else 0j
+            away += drift_rad * 1j**k - moved
+            estimator.add(error_at(away.real, away.imag), moved.real, moved.imag)
+        found = estimator.estimate()
+        assert found is not None
+        return found.sigma_s
+
+    assert learned(3.0 * MDEG) > 5.0 * learned(0.0)
