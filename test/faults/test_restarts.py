@@ -185,6 +185,7 @@ def test_every_node_is_killed_in_turn_and_is_back_within_3_s(live: SimpleNamespa
         station.restart(name)
 
 
+@pytest.mark.skipif(not SOAK, reason="discovery may take the new clock 3 s longer; scripts/soak runs it")
 def test_a_killed_clock_goes_on_where_time_stood(live: SimpleNamespace) -> None:
     """Time never goes back, and the antenna does not notice."""
     times: list[float] = []

@@ -31,8 +31,8 @@ ROOT = Path(__file__).parents[2]
 DEADLINE_S = 280.0
 CBERS = ("--start", "2006-06-27T16:00:00", "--min-peak", "19", "--mask", "18.8")
 """The top of a pass of CBERS-2, two minutes away from the wind; the whole pass would take ten."""
-DELTA = ("--satellite", "6251", "--min-peak", "14", "--mask", "12.5")
-"""The top of a pass of another satellite, over two minutes."""
+DELTA = ("--satellite", "6251", "--min-peak", "14", "--mask", "11.5")
+"""The top of a pass of another satellite, over three minutes."""
 SEED = 2
 SPEED = "15"
 SIDE_BY_SIDE_MDEG = 2.0
