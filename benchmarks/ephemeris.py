@@ -1,6 +1,6 @@
 """Speed of the ephemeris: look angles, one pass search, and a catalogue against skyfield's event search.
 
-    python benchmarks/ephemeris.py --objects 10000 --against 60
+    python benchmarks/ephemeris.py --objects 10000 --against 1000
 
 The catalogue is synthetic, with the mix of the real one: 75 % low orbits, 7 % navigation orbits, 10 % transfer orbits
 and 8 % geostationary.  Events are compared with skyfield's after bringing each of those, which are good to half a
@@ -143,7 +143,7 @@ def main() -> None:
     """Run all measurements."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--objects", type=int, default=10000)
-    parser.add_argument("--against", type=int, default=60, help="objects to give to skyfield")
+    parser.add_argument("--against", type=int, default=1000, help="objects to give to skyfield")
     arguments = parser.parse_args()
     place, catalogue = site("Goldstone DSS-13"), synthetic_catalogue(arguments.objects)
     low = next(one for one in catalogue if one.name.startswith("low"))
