@@ -30,7 +30,8 @@ def track(output: Path, *options: str, cpu_after_s: float | None = None) -> dict
     executable = Path(get_package_prefix("rf_pointing")) / "lib" / "rf_pointing" / "track"
     began_s = time.monotonic()
     process = subprocess.Popen(
-        [str(executable), "--output", str(output), *options],
+        # Whatever was calibrated in the working folder must not change what is measured.
+        [str(executable), "--models", "", "--output", str(output), *options],
         stderr=subprocess.PIPE,
         text=True,
         stdin=subprocess.DEVNULL,

@@ -8,7 +8,6 @@ Exit code 0: the model is in force; 1: it is not; 2: the campaign could not be s
 import argparse
 import math
 import sys
-import time
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -34,8 +33,9 @@ from rf_pointing.ephemeris import Elements, Pass, site, tle_lines, utc_text
 from rf_pointing.geometry import MDEG
 from rf_pointing.nodes import convert_planning
 from rf_pointing.nodes.bias_calibrator import JOURNAL
-from rf_pointing.nodes.processes import SIMULATED_STATION
-from rf_pointing.nodes.track import DEFAULT_MODELS, NotStartedError, Run, parse_utc, run_to_end, speed_factor
+from rf_pointing.nodes.station_run import StationRun, run_to_end
+from rf_pointing.nodes.track_options import DEFAULT_MODELS, speed_factor
+from rf_pointing.nodes.utc import parse_utc
 from rf_pointing.station.calibration_log import CalibrationLog
 from rf_pointing.station.calibration_plan import ArcRules, beacons, candidate_arcs, window_of
 from rf_pointing.station.model_keeper import campaign_folder
@@ -50,7 +50,6 @@ SETTLE_S = 25.0
 """Of valid errors before the first observation; the simulated lags follow a change of rate like exp(-t / 10 s)."""
 ACQUISITION_S = 45.0
 """From the begin of a pass until the search has found the signal and the lags of the mount have died down."""
-ANSWER_S = 60.0
 
 
 def arguments(argv: list[str] | None = None) -> argparse.Namespace:
@@ -129,64 +128,37 @@ def calibrator_parameters(path: Path, size_m: float) -> Path:
     return path
 
 
-class CalibrationRun(Run):
+class CalibrationRun(StationRun):
     """A campaign, a fit and an acceptance on the live graph."""
 
     def __init__(self, options: argparse.Namespace, windows: list[Pass], output: Path) -> None:
-        super().__init__(options, windows[0], output)
-        self._windows, self._shown = windows, 0
-        self._campaign = ActionClient(self._node, RunCampaign, "bias_calibrator/run_campaign")
-        self._fit = ActionClient(self._node, FitModel, "bias_calibrator/fit_model")
+        super().__init__("calibrate", options, windows[0], output)
+        self._options, self._windows, self._shown = options, windows, 0
+        self._campaign = ActionClient(self.node, RunCampaign, "bias_calibrator/run_campaign")
+        self._fit = ActionClient(self.node, FitModel, "bias_calibrator/fit_model")
 
     def calibrate(self) -> tuple[RunCampaign.Result, FitModel.Result, str]:
         """Return what the campaign and the fit gave, and why the model was not accepted (empty if it was)."""
-        self._processes.start(SIMULATED_STATION)
-        self._bring_up()
+        self.bring_up(self._campaign, self._fit)
         passes = [convert_planning.pass_to_message(window) for window in self._windows]
         goal = RunCampaign.Goal(passes=passes, sensor=self._options.sensor, resume=self._options.resume)
-        handle = self._goal(self._campaign, goal, self._show)
-        self._change(SIMULATED_STATION[:1], "activate")
-        campaign = self._result(handle)
-        self._progress.end()
-        say(campaign.message)
-        fit = self._result(self._goal(self._fit, FitModel.Goal(), None))
-        say(fit.message)
+        handle = self.send(self._campaign, goal, "bias_calibrator", self._show)
+        self.run_time()
+        campaign = self.result(handle)
+        if sys.stderr.isatty():
+            print(file=sys.stderr)
+        self.say(campaign.message)
+        fit = self.result(self.send(self._fit, FitModel.Goal(), "bias_calibrator"))
+        self.say(fit.message)
         if not fit.success:
             return campaign, fit, fit.message
         answer = self._call("bias_calibrator/accept")
-        say(answer.message)
+        self.say(answer.message)
         return campaign, fit, "" if answer.success else answer.message
 
-    def _goal(self, client: ActionClient, goal: Any, feedback: Any) -> Any:
-        deadline_s = time.monotonic() + ANSWER_S
-        while not client.server_is_ready():
-            self._check_alive()
-            if time.monotonic() > deadline_s:
-                raise NotStartedError("bias_calibrator offers no actions")
-            self.spin(0.05)
-        future = client.send_goal_async(goal, feedback_callback=feedback)
-        while not future.done():
-            self.spin(0.05)
-        if not future.result().accepted:
-            raise NotStartedError(f"bias_calibrator refused the goal: {self._processes.complaint('bias_calibrator')}")
-        return future.result()
-
-    def _result(self, handle: Any) -> Any:
-        result, cancelled = handle.get_result_async(), False
-        while not result.done():
-            self.spin(0.1)
-            self._check_alive()
-            if self._stopping and not cancelled:
-                cancelled = True
-                handle.cancel_goal_async()
-        return result.result().result
-
     def _call(self, name: str) -> Trigger.Response:
-        client = self._node.create_client(Trigger, name)
-        future = client.call_async(Trigger.Request())
-        while not future.done():
-            self.spin(0.05)
-            self._check_alive()
+        future = self.node.create_client(Trigger, name).call_async(Trigger.Request())
+        self.graph.wait_until(future.done, f"an answer of {name}")
         return future.result()
 
     def _show(self, message: Any) -> None:

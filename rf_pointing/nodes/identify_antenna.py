@@ -22,9 +22,8 @@ from rf_pointing_msgs.msg import ManualRate
 from rf_pointing.geometry import AXES
 from rf_pointing.identification import ExcitationParams, Recording, SampleCollector, study
 from rf_pointing.nodes import convert_identification as convert
-from rf_pointing.nodes.lifecycle_client import LifecycleClient
 from rf_pointing.nodes.managed import make_executor
-from rf_pointing.nodes.processes import NodeProcesses
+from rf_pointing.nodes.managed_graph import ManagedGraph, NotStartedError
 from rf_pointing.nodes.qos import EXPERIMENT
 from rf_pointing.report.identification_report import error_table, save_recordings, write_identification
 
@@ -34,10 +33,6 @@ IDLE_DEG_S = 1.84e-4
 """The offset of 0.0023 V that the published antenna had at both inputs: its friction stays constant."""
 LATE_SAMPLES_S = 2.0
 """How long samples may arrive after the result of their experiment."""
-
-
-class NotStartedError(Exception):
-    """Why the experiment could not be started."""
 
 
 class EndedEarlyError(Exception):
@@ -96,7 +91,7 @@ class Experimenter:
         self._client = ActionClient(self._node, Identify, "identify")
         self._node.create_subscription(ManualRate, "manual_rate", self._on_sample, EXPERIMENT)
         self._collector: SampleCollector | None = None
-        self._processes: NodeProcesses | None = None
+        self._graph: ManagedGraph | None = None
         self._stopping = False
         self._told_s = 0.0
 
@@ -136,8 +131,8 @@ class Experimenter:
 
     def close(self) -> None:
         """End the processes that were started and the own node."""
-        if self._processes is not None:
-            self._processes.stop()
+        if self._graph is not None:
+            self._graph.stop()
         self._executor.shutdown()
         self._node.destroy_node()
 
@@ -160,24 +155,13 @@ class Experimenter:
         written.write_text(yaml.safe_dump({f"/**/{k}": {"ros__parameters": v} for k, v in sections.items()}))
         share = Path(get_package_share_directory("rf_pointing")) / "config"
         files = [share / "dss13.yaml", written, *map(Path, self._options.params_file)]
-        self._processes = NodeProcesses(self._options.namespace, files, self._output / "logs")
-        self._processes.start(SIMULATED)
-        lifecycle = LifecycleClient(self._node, self._options.namespace, self._spin, self._check_alive)
-        lifecycle.wait_for(SIMULATED, BRING_UP_S)
-        self._change(lifecycle, SIMULATED[0], "configure")
-        self._change(lifecycle, SIMULATED[1], "configure")
-        deadline_s = time.monotonic() + BRING_UP_S
-        # The held time must have reached the antenna before it can become active.
-        while lifecycle.change(SIMULATED[1:], "activate", BRING_UP_S):
-            self._check_alive()
-            if time.monotonic() > deadline_s:
-                raise NotStartedError(f"antenna_servo: {self._processes.complaint('antenna_servo')}")
-            self._spin(0.1)
-        self._change(lifecycle, SIMULATED[0], "activate")
-
-    def _change(self, lifecycle: LifecycleClient, name: str, transition: str) -> None:
-        if lifecycle.change([name], transition, BRING_UP_S):
-            raise NotStartedError(f"could not {transition} {name}: {self._processes.complaint(name)}")
+        self._graph = ManagedGraph(
+            self._node, self._options.namespace, files, self._output / "logs", self._spin, patience_s=BRING_UP_S
+        )
+        self._graph.start(SIMULATED)
+        self._graph.configure(SIMULATED)
+        self._graph.activate(SIMULATED[1:])
+        self._graph.change(SIMULATED[:1], "activate")
 
     def _spin(self, timeout_s: float) -> None:
         self._executor.spin_once(timeout_sec=timeout_s)
@@ -191,9 +175,8 @@ class Experimenter:
             self._spin(0.05)
 
     def _check_alive(self) -> None:
-        ended = self._processes.ended() if self._processes is not None else {}
-        if ended:
-            raise NotStartedError("; ".join(f"{name} ended: {self._processes.complaint(name)}" for name in ended))
+        if self._graph is not None:
+            self._graph.check()
 
     def _on_sample(self, message: ManualRate) -> None:
         if self._collector is None:

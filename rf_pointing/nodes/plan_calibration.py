@@ -22,7 +22,7 @@ from rf_pointing.calibration import (
 )
 from rf_pointing.ephemeris import read_elements, site, utc_text, verification_elements
 from rf_pointing.geometry import MDEG
-from rf_pointing.nodes.track import parse_utc
+from rf_pointing.nodes.utc import parse_utc
 from rf_pointing.station.calibration_plan import ArcRules, beacons, candidate_arcs
 
 HOUR_S = 3600.0

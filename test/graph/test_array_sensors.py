@@ -24,7 +24,6 @@ from rf_pointing.nodes.qos import STREAM
 
 pytestmark = pytest.mark.graph
 
-DEADLINE_S = 60.0
 EPOCHS = 20
 SIGMAS = 4.0
 SPEEDS = {"tripulse": 20.0, "doa": 10.0, "interferometer": 20.0}
@@ -61,7 +60,7 @@ class Bench:
         rclpy.shutdown(context=self._context)
 
     def wait(self, condition: Callable[[], bool], what: str) -> None:
-        self.graph.wait_until(condition, what, DEADLINE_S)
+        self.graph.wait_until(condition, what)
 
     def send(self, topic: str, message: Any) -> None:
         """Publish beside the node that owns the topic."""

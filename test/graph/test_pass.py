@@ -19,7 +19,7 @@ from rosbags.rosbag2 import Reader
 
 from rf_pointing.ephemeris import find_elements, tle_lines, verification_elements
 from rf_pointing.geometry import MDEG
-from rf_pointing.nodes import track
+from rf_pointing.nodes import track_options
 from rf_pointing.report import read_recording
 from rf_pointing.simulation import PassLog, StationSetup, simulate_pass
 
@@ -86,8 +86,8 @@ def side_by_side(tmp_path_factory: pytest.TempPathFactory) -> dict[str, SimpleNa
 
 def core_log(line: tuple[str, ...], seed: int = 1) -> PassLog:
     """Return the pass of a command line as the core simulates it."""
-    options = track.arguments([*line])
-    window = track.choose_pass(options)
+    options = track_options.arguments([*line])
+    window = track_options.choose_pass(options)
     satellite = {"source.satellite": options.satellite}
     changes = {
         "ephemeris_publisher": satellite,
@@ -96,7 +96,7 @@ def core_log(line: tuple[str, ...], seed: int = 1) -> PassLog:
     }
     files = [ROOT / "config" / "dss13.yaml", ROOT / "config" / "band_x.yaml"]
     setup = StationSetup(files, ROOT / "config" / "bias_model_dss13.yaml", changes)
-    return simulate_pass(setup, window, math.floor(window.aos_t_s) - track.SLEW_TIME_S, "monopulse")
+    return simulate_pass(setup, window, math.floor(window.aos_t_s) - track_options.SLEW_TIME_S, "monopulse")
 
 
 @pytest.fixture(scope="module")

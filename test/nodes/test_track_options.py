@@ -8,22 +8,23 @@ import yaml
 
 from rf_pointing.calibration import read_model
 from rf_pointing.ephemeris import find_elements, tle_lines, verification_elements
-from rf_pointing.nodes import track
+from rf_pointing.nodes import track_options
+from rf_pointing.nodes.utc import parse_utc
 
 ROOT = Path(__file__).parents[2]
 RUNS = ["--min-peak", "40"]
 
 
 def test_the_default_is_the_first_pass_of_cbers_2_above_40_degrees() -> None:
-    window = track.choose_pass(track.arguments([]))
+    window = track_options.choose_pass(track_options.arguments([]))
     assert window.name == "CBERS 2"
     assert math.degrees(window.peak_elevation_rad) == pytest.approx(44.31, abs=0.01)
     assert window.aos_t_s == pytest.approx(1_151_384_323.8, abs=0.1)
 
 
 def test_a_later_start_gives_a_later_pass() -> None:
-    first = track.choose_pass(track.arguments(RUNS))
-    later = track.choose_pass(track.arguments([*RUNS, "--start", "2006-06-27T06:00:00"]))
+    first = track_options.choose_pass(track_options.arguments(RUNS))
+    later = track_options.choose_pass(track_options.arguments([*RUNS, "--start", "2006-06-27T06:00:00"]))
     assert later.aos_t_s > first.los_t_s
 
 
@@ -36,24 +37,24 @@ def test_a_later_start_gives_a_later_pass() -> None:
     ],
 )
 def test_a_start_without_a_zone_is_utc(text: str, t_s: float) -> None:
-    assert track.parse_utc(text) == t_s
+    assert parse_utc(text) == t_s
 
 
 @pytest.mark.parametrize("text", ["tomorrow", "27.6.2006", ""])
 def test_a_start_that_is_no_time_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match="must be an ISO time such as"):
-        track.parse_utc(text)
+        parse_utc(text)
 
 
 def test_a_speed_is_a_factor_or_max() -> None:
-    assert track.speed_factor("max") == 0.0
-    assert track.speed_factor("2.5") == 2.5
+    assert track_options.speed_factor("max") == 0.0
+    assert track_options.speed_factor("2.5") == 2.5
 
 
 @pytest.mark.parametrize("text", ["fast", "0", "-1", "nan", "inf", "1e9"])
 def test_another_speed_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match=r"speed=.* must be"):
-        track.speed_factor(text)
+        track_options.speed_factor(text)
 
 
 @pytest.mark.parametrize(
@@ -71,21 +72,21 @@ def test_another_speed_is_refused(text: str) -> None:
 )
 def test_what_gives_no_pass_is_refused(line: list[str], complaint: str) -> None:
     with pytest.raises(ValueError, match=complaint):
-        track.choose_pass(track.arguments(line))
+        track_options.choose_pass(track_options.arguments(line))
 
 
 def test_a_file_of_elements_is_used(tmp_path: Path) -> None:
     path = tmp_path / "x.tle"
     path.write_text("MY BIRD\n" + "\n".join(tle_lines(find_elements(verification_elements(), "28057"))))
-    window = track.choose_pass(track.arguments(["--elements", str(path), "--satellite", "MY BIRD"]))
+    window = track_options.choose_pass(track_options.arguments(["--elements", str(path), "--satellite", "MY BIRD"]))
     assert window.name == "MY BIRD"
 
 
 def test_the_command_line_reaches_the_nodes_as_parameters(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(track, "get_package_share_directory", lambda _: str(ROOT))
-    options = track.arguments(["--seed", "5", "--speed", "10", "--mask", "40", "--band", "Ka"])
-    window = track.choose_pass(options)
-    sections = track.overrides(options, window, tmp_path)
+    monkeypatch.setattr(track_options, "get_package_share_directory", lambda _: str(ROOT))
+    options = track_options.arguments(["--seed", "5", "--speed", "10", "--mask", "40", "--band", "Ka"])
+    window = track_options.choose_pass(options)
+    sections = track_options.overrides(options, window, tmp_path)
     values = {name.rsplit("/", 1)[-1]: section["ros__parameters"] for name, section in sections.items()}
     assert values["antenna_servo"]["antenna.seed"] == values["rf_receiver"]["signal.seed"] == 5
     assert values["simulation_clock"]["speed"] == 10.0
@@ -102,10 +103,10 @@ def test_the_command_line_reaches_the_nodes_as_parameters(monkeypatch: pytest.Mo
 def test_the_commissioning_model_belongs_to_the_station_and_band_asked_for(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, station: str, band: str
 ) -> None:
-    monkeypatch.setattr(track, "get_package_share_directory", lambda _: str(ROOT))
-    options = track.arguments(["--station", station, "--band", band, "--min-peak", "20"])
-    window = track.choose_pass(options)
-    said = track.overrides(options, window, tmp_path)["/**/bias_calibrator"]["ros__parameters"]
+    monkeypatch.setattr(track_options, "get_package_share_directory", lambda _: str(ROOT))
+    options = track_options.arguments(["--station", station, "--band", band, "--min-peak", "20"])
+    window = track_options.choose_pass(options)
+    said = track_options.overrides(options, window, tmp_path)["/**/bias_calibrator"]["ros__parameters"]
     assert (said["calibrator.station"], said["calibrator.band"]) == (station, band)
     file = read_model(said["calibrator.model_file"])
     file.check_for(station, band, window.aos_t_s)
@@ -113,18 +114,20 @@ def test_the_commissioning_model_belongs_to_the_station_and_band_asked_for(
 
 
 def test_a_catalogue_number_stays_text_in_the_parameter_file(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(track, "get_package_share_directory", lambda _: str(ROOT))
-    options = track.arguments(RUNS)
-    sections = yaml.safe_load(yaml.safe_dump(track.overrides(options, track.choose_pass(options), tmp_path)))
+    monkeypatch.setattr(track_options, "get_package_share_directory", lambda _: str(ROOT))
+    options = track_options.arguments(RUNS)
+    sections = yaml.safe_load(
+        yaml.safe_dump(track_options.overrides(options, track_options.choose_pass(options), tmp_path))
+    )
     assert sections["/**/ephemeris_publisher"]["ros__parameters"]["source.satellite"] == "28057"
 
 
 def test_near_real_time_the_clock_ticks_with_the_servo(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(track, "get_package_share_directory", lambda _: str(ROOT))
+    monkeypatch.setattr(track_options, "get_package_share_directory", lambda _: str(ROOT))
     ticks = {}
     for speed in ("1", "max", "50"):
-        options = track.arguments([*RUNS, "--speed", speed])
-        sections = track.overrides(options, track.choose_pass(options), tmp_path)
+        options = track_options.arguments([*RUNS, "--speed", speed])
+        sections = track_options.overrides(options, track_options.choose_pass(options), tmp_path)
         ticks[speed] = sections["/**/simulation_clock"]["ros__parameters"]["tick_s"]
     assert ticks == {"1": 0.02, "max": 0.1, "50": 0.1}
 
@@ -132,23 +135,23 @@ def test_near_real_time_the_clock_ticks_with_the_servo(monkeypatch: pytest.Monke
 def test_an_existing_bag_is_refused_and_nothing_is_made(tmp_path: Path) -> None:
     bag = tmp_path / "mine"
     bag.mkdir()
-    options = track.arguments(["--record", str(bag), "--output", str(tmp_path / "out")])
+    options = track_options.arguments(["--record", str(bag), "--output", str(tmp_path / "out")])
     with pytest.raises(ValueError, match="exists already"):
-        track.output_folder(options, track.choose_pass(options))
+        track_options.output_folder(options, track_options.choose_pass(options))
     assert not (tmp_path / "out").exists()
 
 
 def test_an_output_that_holds_a_bag_is_refused(tmp_path: Path) -> None:
     (tmp_path / "bag").mkdir()
-    options = track.arguments(["--output", str(tmp_path)])
+    options = track_options.arguments(["--output", str(tmp_path)])
     with pytest.raises(ValueError, match="holds a bag already"):
-        track.output_folder(options, track.choose_pass(options))
+        track_options.output_folder(options, track_options.choose_pass(options))
 
 
 def test_every_run_gets_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    options = track.arguments([])
-    window = track.choose_pass(options)
-    first, second = (track.output_folder(options, window) for _ in range(2))
+    options = track_options.arguments([])
+    window = track_options.choose_pass(options)
+    first, second = (track_options.output_folder(options, window) for _ in range(2))
     assert first != second
     assert str(first) == "runs/28057-20060627T045843-01"

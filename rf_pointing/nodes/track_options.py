@@ -1,0 +1,170 @@
+"""The command line of `track`, and what it makes of it: a pass, the parameters of the nodes, a folder for the results."""
+
+import argparse
+import math
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import yaml
+from ament_index_python.packages import get_package_share_directory
+
+from rf_pointing.ephemeris import Pass, first_pass_above
+from rf_pointing.nodes.utc import parse_utc
+from rf_pointing.rf import HALF_POWER_BEAMWIDTH_RAD
+from rf_pointing.station.commissioning import commissioning_model
+from rf_pointing.station.pointing import SENSOR_CHOICES
+from rf_pointing.station.source import SourceParams, first_time_s, load_track
+
+__all__ = [
+    "DEFAULT_MODELS",
+    "SLEW_TIME_S",
+    "arguments",
+    "choose_pass",
+    "in_real_time",
+    "notes",
+    "output_folder",
+    "overrides",
+    "parameter_files",
+    "speed_factor",
+]
+
+DEFAULT_MODELS = Path("runs/models")
+"""Where `calibrate` leaves accepted models and `track` finds them."""
+REAL_TIME_SPEED = 3.0
+"""Up to this speed the clock ticks with the servo; above it only with the controller, five servo ticks at once."""
+SLEW_TIME_S = 150.0
+"""Simulated time before acquisition: the largest slew at 1.8 deg/s, with most of a minute to settle."""
+
+
+def arguments(argv: list[str] | None = None) -> argparse.Namespace:
+    """Return the parsed command line."""
+    parser = argparse.ArgumentParser(prog="track", description="Track one satellite pass with the simulated station.")
+    parser.add_argument("--elements", metavar="FILE", default="", help="elements (default: verification set of sgp4)")
+    parser.add_argument("--satellite", default="28057", help="catalogue number or name (default: 28057, CBERS-2)")
+    parser.add_argument("--station", default="Goldstone DSS-13", help="station name (default: Goldstone DSS-13)")
+    parser.add_argument("--start", metavar="UTC", help="look for a pass after this time (default: the elements' epoch)")
+    parser.add_argument("--min-peak", type=float, default=40.0, help="least peak elevation in deg (default: 40)")
+    parser.add_argument("--mask", type=float, default=5.0, help="elevation of AOS and LOS in deg (default: 5)")
+    parser.add_argument("--band", choices=("S", "X", "Ka"), default="X", help="frequency band (default: X)")
+    parser.add_argument("--sensor", choices=tuple(SENSOR_CHOICES), default="monopulse", help="(default: monopulse)")
+    parser.add_argument("--speed", default="max", help="factor of real time, or max (default)")
+    parser.add_argument(
+        "--ephemeris-error",
+        metavar="S",
+        type=float,
+        help="the satellite runs this much ahead of its elements (default: what the parameter files say, 0.15 s)",
+    )
+    parser.add_argument(
+        "--models",
+        metavar="DIR",
+        default=str(DEFAULT_MODELS),
+        help=f"folder of accepted pointing models (default: {DEFAULT_MODELS}); empty or none: the commissioning model",
+    )
+    parser.add_argument("--seed", type=int, default=1, help="seed of every noise source (default: 1)")
+    parser.add_argument("--namespace", default="/gs1", help="namespace of the antenna (default: /gs1)")
+    parser.add_argument(
+        "--params-file", action="append", default=[], help="further ROS parameter file, may be repeated"
+    )
+    parser.add_argument("--record", metavar="DIR", help="bag directory (default: OUTPUT/bag)")
+    parser.add_argument("--output", metavar="DIR", help="folder of the report (default: runs/SATELLITE-AOS)")
+    parser.set_defaults(keep_observations=False)
+    return parser.parse_args(argv)
+
+
+def choose_pass(options: argparse.Namespace) -> Pass:
+    """Return the pass to track; ValueError when the satellite, the station or the time does not give one."""
+    source = SourceParams(elements_file=options.elements, satellite=options.satellite, station=options.station)
+    start_s = parse_utc(options.start) if options.start else first_time_s(source)
+    span_s = 2.0 * 86400.0
+    return first_pass_above(
+        load_track(source), start_s, math.radians(options.min_peak), math.radians(options.mask), span_s
+    )
+
+
+def speed_factor(text: str) -> float:
+    """Return the factor, 0 for max."""
+    if text == "max":
+        return 0.0
+    try:
+        factor = float(text)
+    except ValueError as error:
+        raise ValueError(f"speed={text!r} must be a factor or max") from error
+    if not 0.1 <= factor <= 1000.0:
+        raise ValueError(f"speed={factor} must be between 0.1 and 1000")
+    return factor
+
+
+def in_real_time(speed: str) -> bool:
+    """Whether the servo is to tick regularly, rather than to make up ticks as fast as possible."""
+    return 0.0 < speed_factor(speed) <= REAL_TIME_SPEED
+
+
+def overrides(options: argparse.Namespace, window: Pass, output: Path) -> dict[str, Any]:
+    """Return what the command line says to the nodes, as parameter sections; files they need are written to `output`."""
+    source = {
+        "source.satellite": options.satellite,
+        "source.station": options.station,
+        "source.elements_file": str(Path(options.elements).resolve()) if options.elements else "",
+    }
+    real = {} if options.ephemeris_error is None else {"source.along_track_offset_s": options.ephemeris_error}
+    share = Path(get_package_share_directory("rf_pointing"))
+    sections = {
+        "simulation_clock": {
+            "start_s": math.floor(window.aos_t_s) - SLEW_TIME_S,
+            "speed": speed_factor(options.speed),
+            "tick_s": 0.02 if in_real_time(options.speed) else 0.1,
+        },
+        "ephemeris_publisher": {**source, "publisher.mask_deg": options.mask},
+        "rf_receiver": {**source, **real, "signal.seed": options.seed},
+        "antenna_servo": {"antenna.seed": options.seed, "safety.sun.station": options.station},
+        "pointing_controller": {
+            "sun.station": options.station,
+            "machine.half_power_beamwidth_deg": math.degrees(HALF_POWER_BEAMWIDTH_RAD[options.band]),
+        },
+        "bias_calibrator": {
+            "calibrator.model_file": str(
+                commissioning_model(share / "config", options.station, options.band, output).resolve()
+            ),
+            "calibrator.station": options.station,
+            "calibrator.band": options.band,
+            "calibrator.folder": str(Path(options.models).resolve()) if options.models else "",
+            "calibrator.keep_observations": options.keep_observations,
+        },
+    }
+    return {f"/**/{node}": {"ros__parameters": values} for node, values in sections.items()}
+
+
+def notes(options: argparse.Namespace) -> dict[str, str]:
+    """Return what the bag and the report should say of the run."""
+    return {name: str(getattr(options, name)) for name in ("station", "band", "sensor", "speed", "seed")}
+
+
+def parameter_files(options: argparse.Namespace, said: Mapping[str, Any], output: Path) -> list[Path]:
+    """Return the parameter files of a run, the later before the earlier; what is `said` is written to `output`."""
+    share = Path(get_package_share_directory("rf_pointing")) / "config"
+    written = output / "run.yaml"
+    written.write_text(yaml.safe_dump(said, sort_keys=False))
+    return [share / "dss13.yaml", share / f"band_{options.band.lower()}.yaml", *map(Path, options.params_file), written]
+
+
+def output_folder(options: argparse.Namespace, window: Pass) -> Path:
+    """Return a new folder for this run; refuses a bag directory that exists."""
+    if options.record and Path(options.record).exists():
+        raise ValueError(f"record={options.record} exists already")
+    if options.output:
+        folder = Path(options.output)
+        if (folder / "bag").exists() and not options.record:
+            raise ValueError(f"output={options.output} holds a bag already")
+        folder.mkdir(parents=True, exist_ok=True)
+        return folder
+    stem = f"{options.satellite}-{datetime.fromtimestamp(window.aos_t_s, UTC):%Y%m%dT%H%M%S}"
+    for number in range(1, 10000):
+        folder = Path("runs") / f"{stem}-{number:02d}"
+        try:
+            folder.mkdir(parents=True)
+        except FileExistsError:
+            continue
+        return folder
+    raise ValueError(f"runs/{stem}-* are all taken")
