@@ -91,7 +91,9 @@ def plan(options: argparse.Namespace) -> tuple[list[Elements], Campaign, list[Pa
     """Return the beacons, the campaign and the passes to track; ValueError when nothing can be tracked."""
     start_s = parse_utc(options.start)
     elements, place = beacons(start_s), site(options.station)
-    rules = ArcRules(arcs_s=ARCS_S, every_s=60.0, spacing_s=SPACING_S, lowest_rad=math.radians(11.0))
+    rules = ArcRules(
+        arcs_s=ARCS_S, every_s=60.0, spacing_s=SPACING_S, lowest_rad=math.radians(11.0), acquisition_s=ACQUISITION_S
+    )
     slew = Slew(settle_s=ACQUISITION_S + 10.0)
     rule = SectorRule(fewest=options.fewest, most=max(30, options.fewest))
     filled, last_s = progress_so_far(options, rule) if options.resume else (None, start_s)

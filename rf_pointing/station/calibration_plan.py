@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.calibration import CandidatePass, ReferenceTrack
-from rf_pointing.ephemeris import Elements, Pass, Site, TopocentricTrack, find_passes
+from rf_pointing.ephemeris import Elements, LookAngles, Pass, Site, TopocentricTrack, find_passes
 from rf_pointing.geometry import MDEG, Params, parameter
 from rf_pointing.geometry.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
 
@@ -21,6 +21,8 @@ __all__ = ["ArcRules", "beacons", "candidate_arcs", "window_of"]
 Array = NDArray[np.float64]
 
 LEAST_MASK_RAD = math.radians(1.0)
+STEP_S = 10.0
+"""Of the look for stretches of a pass: near the zenith the azimuth speeds up within half a minute."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,6 +34,15 @@ class ArcRules(Params):
     spacing_s: float = parameter(1.0, "time between two points", low=0.1, high=600.0)
     lowest_rad: float = parameter(math.radians(10.0), "lowest elevation of a candidate", low=0.0, high=1.5)
     highest_rad: float = parameter(math.radians(89.0), "highest elevation of a candidate", low=0.1, high=1.5707)
+    fastest_rad_s: float = parameter(
+        math.radians(1.5),
+        "fastest azimuth of a candidate: the drive must follow, with room to correct",
+        low=1e-5,
+        high=1.0,
+    )
+    acquisition_s: float = parameter(
+        0.0, "from where the antenna could begin to track until the first point", low=0.0, high=600.0
+    )
     sigma_rad: float = parameter(2.0 * MDEG, "standard deviation of one point on the sky", low=1e-7, high=0.01)
 
 
@@ -102,13 +113,29 @@ def _shell(planes: int, per_plane: int, height_m: float, inclination_rad: float)
 def _visible(
     track: TopocentricTrack, start_t_s: float, duration_s: float, rules: ArcRules
 ) -> list[tuple[float, float]]:
-    """Return the stretches above the lowest elevation, without what is above the highest."""
-    step_s = min(rules.every_s, 30.0)
+    """Return the stretches above the lowest elevation, without what is above the highest or too fast.
+
+    Where the target slows down again the signal has to be acquired first; where it rises that is done below the lowest.
+    """
+    step_s = min(rules.every_s, STEP_S)
     t_s = start_t_s + step_s * np.arange(int(duration_s / step_s) + 1, dtype=np.float64)
-    elevation = track.sample(t_s).elevation_rad
-    inside = (elevation >= rules.lowest_rad) & (elevation <= rules.highest_rad)
+    look = track.sample(t_s)
+    up = look.elevation_rad >= rules.lowest_rad
+    inside = up & (look.elevation_rad <= rules.highest_rad) & (_fastest(look, step_s) <= rules.fastest_rad_s)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], inside.astype(np.int8), [0]])))
-    return [(float(t_s[a]), float(t_s[b - 1])) for a, b in edges.reshape(-1, 2) if b - 1 > a]
+    found = []
+    for first, after in edges.reshape(-1, 2):
+        late_s = rules.acquisition_s if first > 0 and up[first - 1] else 0.0
+        begin, end = float(t_s[first]) + late_s, float(t_s[after - 1])
+        if end > begin:
+            found.append((begin, end))
+    return found
+
+
+def _fastest(look: LookAngles, step_s: float) -> Array:
+    """Return at each instant (n,) the largest azimuth rate there and on the way to its neighbours, where spikes may hide."""
+    way = np.abs(np.diff(look.azimuth_rad)) / step_s
+    return np.max([np.abs(look.azimuth_rate_rad_s), np.append(way, 0.0), np.append(0.0, way)], axis=0)
 
 
 def _cut(begin: float, end: float, rules: ArcRules) -> list[tuple[float, float]]:

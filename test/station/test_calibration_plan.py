@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.calibration import SectorRule, Slew, plan_campaign
-from rf_pointing.ephemeris import site, verification_elements
+from rf_pointing.ephemeris import TopocentricTrack, site, verification_elements
 from rf_pointing.station.calibration_plan import ArcRules, beacons, candidate_arcs, window_of
 
 START_S = 1.15e9
@@ -31,6 +31,19 @@ def test_pieces_lie_within_the_elevations_asked_for(candidates):
         assert np.all(one.track.elevation_rad > RULES.lowest_rad - 1e-9)
         assert np.all(one.track.elevation_rad < RULES.highest_rad + 1e-9)
         assert one.end_t_s - one.start_t_s in (60.0, 120.0)
+
+
+def test_pieces_leave_out_what_the_drive_cannot_follow_and_what_the_acquisition_takes_after_it(sky):
+    limits = RULES.replace(every_s=10.0, fastest_rad_s=math.radians(0.5), acquisition_s=40.0)
+    quick = RULES.replace(every_s=10.0, fastest_rad_s=1.0)
+    kept, anyway = (candidate_arcs(sky[:225:2], STATION, START_S, 1200.0, rules)[0] for rules in (limits, quick))
+    assert max(np.max(np.abs(one.track.azimuth_rate_rad_s)) for one in anyway) > math.radians(1.5)
+    by_name = {e.name: TopocentricTrack(e, STATION) for e in sky}
+    for one in kept:
+        before = by_name[one.name].sample(one.start_t_s - np.arange(0.0, 40.0, 1.0))
+        tracked = before.elevation_rad > limits.lowest_rad
+        assert np.all(np.abs(before.azimuth_rate_rad_s[tracked]) <= 1.1 * limits.fastest_rad_s)
+        assert np.max(np.abs(one.track.azimuth_rate_rad_s)) <= 1.1 * limits.fastest_rad_s
 
 
 def test_the_antenna_has_time_to_slew_between_the_passes_of_a_plan(candidates):
