@@ -135,7 +135,8 @@ def _visible(
 def _fastest(look: LookAngles, step_s: float) -> Array:
     """Return at each instant (n,) the largest azimuth rate there and on the way to its neighbours, where spikes may hide."""
     way = np.abs(np.diff(look.azimuth_rad)) / step_s
-    return np.max([np.abs(look.azimuth_rate_rad_s), np.append(way, 0.0), np.append(0.0, way)], axis=0)
+    fastest: Array = np.max([np.abs(look.azimuth_rate_rad_s), np.append(way, 0.0), np.append(0.0, way)], axis=0)
+    return fastest
 
 
 def _cut(begin: float, end: float, rules: ArcRules) -> list[tuple[float, float]]:
