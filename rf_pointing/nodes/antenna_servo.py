@@ -1,7 +1,7 @@
 """Executable `antenna_servo`: the simulated antenna and its control unit; a station's own driver takes its place.
 
-Subscribes: joint_trajectory.  Publishes: joint_states (50 Hz), antenna_status (10 Hz), sim/boresight (50 Hz, truth).
-While identifying: manual_rate (50 Hz).
+Subscribes: joint_trajectory.  Publishes: joint_states (50 Hz), antenna_status (10 Hz, and when a fault comes or goes),
+sim/boresight (50 Hz, truth); while identifying manual_rate (50 Hz).
 Action: identify (rf_pointing_msgs/Identify).
 Services (std_srvs/Trigger): ~/stop (latches a fault), ~/pause, ~/resume, ~/park, ~/stow, ~/disable, ~/reset_fault;
 ~/inject_fault (rf_pointing_msgs/InjectFault, where fault injection is enabled).
@@ -71,6 +71,7 @@ class AntennaServo(ManagedNode):
         self._status_every = 1
         self._identification = IdentificationServer(self)
         self._statuses = 0
+        self._told_fault = ""
         self._wrap: WrapCount | None = None
         self._tick_wall_s: float | None = None
         self._lateness_s = 0.0
@@ -143,7 +144,9 @@ class AntennaServo(ManagedNode):
         self._joints.publish(convert.joints_to_message(reading))
         self._boresight.publish(convert.boresight_to_message(boresight))
         self._identification.tick(t_s)
-        if round(t_s / self._antenna.params.tick_s) % self._status_every == 0:
+        fault = self._antenna.safety.latch.text
+        news, self._told_fault = fault != self._told_fault, fault
+        if news or round(t_s / self._antenna.params.tick_s) % self._status_every == 0:
             message = convert.antenna_status_to_message(self._antenna.status(t_s))
             message.tick_lateness = self._lateness_s
             self._memory.keep(self._antenna, t_s)
@@ -151,6 +154,8 @@ class AntennaServo(ManagedNode):
             self._statuses += 1
             if self._statuses % WRAP_EVERY == 0:
                 self._keep_wrap()
+        if news:
+            self.diagnostics.publish()
         while self._early and seconds_from_stamp(self._early[0].header.stamp) <= t_s:
             self._take(self._early.popleft())
 

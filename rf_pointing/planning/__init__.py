@@ -5,6 +5,7 @@ from rf_pointing.planning.axis_watch import AxisWatch, AxisWatchParams
 from rf_pointing.planning.certificate import Branch, Certificate, MachineParams, certify, plunged, unplunged
 from rf_pointing.planning.certificate_text import certificate_lines, certificate_values
 from rf_pointing.planning.crossing import AxisMotionLimits, Crossing, cross
+from rf_pointing.planning.drive_watch import DriveWatch, DriveWatchParams
 from rf_pointing.planning.fault_latch import FaultLatch, LatchedFault
 from rf_pointing.planning.gate import MOTIONS, Decision, Gate, GateParams, motion_between
 from rf_pointing.planning.limits import AxisLimits, choose_turns, refusal
@@ -27,6 +28,8 @@ __all__ = [
     "Certificate",
     "Crossing",
     "Decision",
+    "DriveWatch",
+    "DriveWatchParams",
     "FaultLatch",
     "Gate",
     "GateParams",

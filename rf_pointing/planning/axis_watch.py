@@ -1,25 +1,23 @@
-"""Watches the axes' own sensors against each other: an encoder that jumps, freezes or lies, and a drive that runs away.
+"""Watches the axes' own sensors against each other: an encoder that jumps, freezes or lies.
 
 The tachometer carries the last trusted angle on.  A sample off that prediction is bridged by it; the fourth in a row, or a
-difference that grows within the window, is a fault.  A drive that is faster than the command by more than it can lag, or
-than the machine allows, for two ticks has run away.
+difference that grows within the window, is a fault.  Drives that run away: `drive_watch.py`.
 """
 
 import math
 from collections import deque
 from dataclasses import dataclass
 
-from rf_pointing.geometry import Params, parameter
+from rf_pointing.geometry import AXES, Params, parameter
 
 __all__ = ["AxisWatch", "AxisWatchParams"]
 
 Pair = tuple[float, float]
-AXES = ("azimuth", "elevation")
 
 
 @dataclass(frozen=True, kw_only=True)
 class AxisWatchParams(Params):
-    """What differences between encoder, tachometer and command are no longer the machine's own."""
+    """What differences between encoder and tachometer are no longer the machine's own."""
 
     jump_rad: float = parameter(math.radians(0.03), "encoder off its prediction in one tick", low=1e-6, high=1.0)
     bridged_samples: int = parameter(3, "samples in a row that are bridged", low=0, high=50)
@@ -30,11 +28,6 @@ class AxisWatchParams(Params):
         math.radians(0.008), "motion by the tachometer during which the encoder must change", low=1e-7, high=1.0
     )
     window_s: float = parameter(0.16, "window of the comparison", low=0.02, high=2.0)
-    rate_excess_rad_s: float = parameter(
-        math.radians(0.5), "rate beyond the commanded one that is a runaway", low=1e-5, high=1.0
-    )
-    rate_share: float = parameter(1.1, "rate over the axis limit that is a runaway", low=1.0, high=3.0)
-    runaway_ticks: int = parameter(2, "ticks in a row that make a runaway", low=1, high=50)
 
 
 class _Axis:
@@ -43,7 +36,7 @@ class _Axis:
     def __init__(self, samples: int) -> None:
         self.trusted: float | None = None
         self.raw = math.nan
-        self.bad = self.fast = 0
+        self.bad = 0
         self.travel = 0.0
         self.frozen_travel = 0.0
         self.window: deque[tuple[float, float]] = deque(maxlen=samples)
@@ -53,8 +46,8 @@ class _Axis:
 class AxisWatch:
     """Both axes; `step` once a tick, in plain floats."""
 
-    def __init__(self, params: AxisWatchParams, tick_s: float, rate_limit_rad_s: Pair) -> None:
-        self.params, self._tick_s, self._rate_limit = params, tick_s, rate_limit_rad_s
+    def __init__(self, params: AxisWatchParams, tick_s: float) -> None:
+        self.params, self._tick_s = params, tick_s
         self._samples = max(2, round(params.window_s / tick_s) + 1)
         self.reset()
 
@@ -63,12 +56,11 @@ class AxisWatch:
         self._axes = (_Axis(self._samples), _Axis(self._samples))
         self.reason = ""
 
-    def step(self, encoder_rad: Pair, rate_rad_s: Pair, command_rad_s: Pair) -> tuple[Pair, str]:
+    def step(self, encoder_rad: Pair, rate_rad_s: Pair) -> tuple[Pair, str]:
         """Return the angles to use, bridged where a sample is not trusted, and "" or what is wrong."""
         reasons, used = [], []
         for index, axis in enumerate(self._axes):
             angle, reason = self._angle(axis, encoder_rad[index], rate_rad_s[index])
-            reason = reason or self._runaway(axis, rate_rad_s[index], command_rad_s[index], self._rate_limit[index])
             used.append(angle)
             if reason:
                 reasons.append(f"{AXES[index]} {reason}")
@@ -86,8 +78,6 @@ class AxisWatch:
                 found.append(f"{name} encoder gives no number")
             elif abs(drift) > self.params.drift_rad:
                 found.append(f"{name} encoder moved {math.degrees(drift):.3f} deg more than the drive")
-            elif axis.fast:
-                found.append(f"{name} drive runs faster than commanded")
         return "; ".join(found)
 
     def _angle(self, axis: _Axis, encoder: float, rate: float) -> tuple[float, str]:
@@ -118,11 +108,3 @@ class AxisWatch:
         if abs(drift) > params.drift_rad:
             return encoder, f"encoder moved {math.degrees(drift):.3f} deg more than the drive"
         return encoder, ""
-
-    def _runaway(self, axis: _Axis, rate: float, command: float, limit: float) -> str:
-        beyond = abs(rate) > self.params.rate_share * limit
-        faster = abs(rate - command) > self.params.rate_excess_rad_s and abs(rate) > abs(command)
-        axis.fast = axis.fast + 1 if beyond or faster else 0
-        if axis.fast < self.params.runaway_ticks:
-            return ""
-        return f"drive runs at {math.degrees(rate):.2f} deg/s, commanded {math.degrees(command):.2f} deg/s"

@@ -103,6 +103,10 @@ class SimulatedAntenna:
         return self._newest_s
 
     @property
+    def _moving(self) -> bool:
+        return float(np.max(np.abs(self._plant.velocity_rad_s))) > MOVING_RAD_S
+
+    @property
     def _fault(self) -> str:
         return self.safety.latch.text
 
@@ -145,7 +149,7 @@ class SimulatedAntenna:
             self._loops.retune(loops, plant)
             self._preprocessor.retune(loops.preprocessor)
             self._limits = loops.preprocessor
-            self.safety.retune(loops.preprocessor, self.params.tick_s)
+            self.safety.retune(loops.preprocessor)
 
     @property
     def travel_rad(self) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -175,6 +179,8 @@ class SimulatedAntenna:
         """Let an experiment drive the axes until it has finished or `stop`; return why not, "" when it runs."""
         if self._mode != "holding":
             return f"the antenna is {self._fault or self._mode}, must be holding"
+        if self._moving:
+            return "the axes are still moving"
         if abs(experiment.sample_s - self.params.tick_s) > 1e-9:
             return f"sample_s={experiment.sample_s} must be {self.params.tick_s}, the control period"
         if experiment.peak_rad_s > min(self._limits.rate_limit_rad_s):
@@ -231,8 +237,7 @@ class SimulatedAntenna:
 
     def reset_fault(self) -> str:
         """Clear a latched fault; return why not, "" when it is cleared."""
-        moving = float(np.max(np.abs(self._plant.velocity_rad_s))) > MOVING_RAD_S
-        if self._fault and (self._mode == "stopping" or moving):
+        if self._fault and (self._mode == "stopping" or self._moving):
             return "the axes are still moving"
         refused = self.safety.latch.reset(self.safety.lasting_cause())
         if not refused and self._loops.oscillation:
@@ -362,10 +367,8 @@ class SimulatedAntenna:
         if self.injected.kind != "none":
             azimuth, elevation = self.injected.encoder((azimuth, elevation), self.params.tick_s)
         plant = self._plant
-        # An experiment shakes the drives faster than they follow: only the axis limit tells a runaway from it.
-        command = plant.velocity_rad_s if self._mode == "manual_rate" else self._rate_command
         used, reason = self.safety.tick(
-            (azimuth, elevation), _pair(plant.joint_rad), _pair(plant.velocity_rad_s), _pair(command)
+            (azimuth, elevation), _pair(plant.joint_rad), _pair(plant.velocity_rad_s), _pair(self._rate_command)
         )
         self._used = np.array(used)
         if reason and self._plant.powered:

@@ -19,6 +19,8 @@ from rf_pointing.planning import (
     AxisWatch,
     AxisWatchParams,
     Decision,
+    DriveWatch,
+    DriveWatchParams,
     FaultLatch,
     Gate,
     GateParams,
@@ -40,7 +42,8 @@ COMMAND_PERIOD_S = 0.1
 class SafetyParams(Params):
     """Limits of trust, and where the antenna goes when it is not used."""
 
-    watch: AxisWatchParams = parameter(AxisWatchParams(), "watch over encoders and drives")
+    watch: AxisWatchParams = parameter(AxisWatchParams(), "watch over the encoders")
+    drive: DriveWatchParams = parameter(DriveWatchParams(), "watch over the drives")
     wind: WindWatchParams = parameter(WindWatchParams(), "wind in which the antenna is stowed")
     gate: GateParams = parameter(GateParams(), "tiers of the limits")
     mask: HorizonMask = parameter(HorizonMask(), "horizon that the antenna does not look below")
@@ -60,21 +63,21 @@ class AntennaSafety:
         self.params = params
         self.gate = self._gate(motion)
         self.sun = SolarDirection(params.sun)
-        self.watch = AxisWatch(params.watch, tick_s, motion.rate_limit_rad_s)
+        self.watch, self.drive = AxisWatch(params.watch, tick_s), DriveWatch(params.drive, tick_s)
         self.wind = WindWatch(params.wind)
         self.latch = FaultLatch()
         self.authority = Authority(params.authority_s)
         self._commanded_s, self._tick_s = -math.inf, tick_s
         self._stood: Pair | None = None
 
-    def retune(self, motion: CommandPreprocessorParams, tick_s: float) -> None:
+    def retune(self, motion: CommandPreprocessorParams) -> None:
         """Take new limits of motion."""
         self.gate = self._gate(motion)
-        self.watch = AxisWatch(self.params.watch, tick_s, motion.rate_limit_rad_s)
 
     def release(self, joint: Pair) -> None:
         """Trust the sensors as they are, and note where the axes stand when their brakes are released."""
         self.watch.reset()
+        self.drive.reset()
         self._stood = joint
 
     def tick(self, encoder: Pair, joint: Pair, rate: Pair, command: Pair) -> tuple[Pair, str]:
@@ -82,8 +85,9 @@ class AntennaSafety:
 
         `joint` is where the limit switches are: they do not look at the encoders.
         """
-        used, reason = self.watch.step(encoder, rate, command)
-        return used, reason or self.gate.hard(joint, rate, self._stood)
+        used, encoders = self.watch.step(encoder, rate)
+        drives = self.drive.step(rate, command)
+        return used, encoders or drives or self.gate.hard(joint, rate, self._stood)
 
     def check(self, kind: str, t_s: float, present: Pair, positions: Array) -> Decision:
         """Answer for a motion that is asked for at `t_s`, from `present` through `positions` (n, 2)."""
@@ -117,7 +121,7 @@ class AntennaSafety:
 
     def lasting_cause(self) -> str:
         """Return the cause of a fault that is still there, "" when there is none."""
-        return self.watch.cause
+        return self.watch.cause or self.drive.reason
 
     def _gate(self, motion: CommandPreprocessorParams) -> Gate:
         limits = AxisLimits(

@@ -4,6 +4,7 @@ import os
 import subprocess
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -75,9 +76,9 @@ def ask(live: SimpleNamespace, service_type: Any, name: str, request: Any) -> An
     return future.result()
 
 
-@pytest.fixture
-def live(tmp_path: Path, ros_domain: int) -> Iterator[SimpleNamespace]:
-    """A test node with its executor, and processes in a namespace of their own that end with the test."""
+@contextmanager
+def live_graph(folder: Path, ros_domain: int) -> Iterator[SimpleNamespace]:
+    """A test node with its executor, and processes in a namespace of their own that end with the context."""
     namespace = f"/t{os.getpid()}_{time.monotonic_ns() % 10**9}"
     context = rclpy.Context()
     rclpy.init(context=context, domain_id=ros_domain)
@@ -100,9 +101,9 @@ def live(tmp_path: Path, ros_domain: int) -> Iterator[SimpleNamespace]:
     ) -> Any:
         files = [Path(get_package_share_directory("rf_pointing")) / "config" / "dss13.yaml"]
         if parameters:
-            files.append(tmp_path / "extra.yaml")
+            files.append(folder / "extra.yaml")
             files[-1].write_text(parameters)
-        processes = NodeProcesses(namespace, files, tmp_path / "logs")
+        processes = NodeProcesses(namespace, files, folder / "logs")
         started.append(processes)
         processes.start(names, simulated_time=simulated, autostart=autostart)
         if autostart:
@@ -117,10 +118,19 @@ def live(tmp_path: Path, ros_domain: int) -> Iterator[SimpleNamespace]:
         return SimpleNamespace(processes=processes, client=client, refused=refused)
 
     started: list[NodeProcesses] = []
-    yield SimpleNamespace(node=node, executor=executor, namespace=namespace, spin_until=spin_until, start=start)
-    for processes in started:
-        processes.stop()
-    executor.shutdown()
-    node.destroy_node()
-    rclpy.shutdown(context=context)
+    try:
+        yield SimpleNamespace(node=node, executor=executor, namespace=namespace, spin_until=spin_until, start=start)
+    finally:
+        for processes in started:
+            processes.stop()
+        executor.shutdown()
+        node.destroy_node()
+        rclpy.shutdown(context=context)
     assert processes_of(namespace) == []
+
+
+@pytest.fixture
+def live(tmp_path: Path, ros_domain: int) -> Iterator[SimpleNamespace]:
+    """A live graph of one test."""
+    with live_graph(tmp_path, ros_domain) as graph:
+        yield graph

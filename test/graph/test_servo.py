@@ -39,7 +39,7 @@ def test_the_live_antenna_is_identified_through_its_topics(tmp_path: Path, ros_d
 
 
 class Watched:
-    """A live antenna_servo in light wind, its watch for runaways slow: its status, its diagnostics, its parameters."""
+    """A live antenna_servo in light wind, its watch for runaways knowing of slow drives: its status, its diagnostics, its parameters."""
 
     def __init__(self, live: SimpleNamespace) -> None:
         self.live, self.status, self.health = live, AntennaStatus(), {}
@@ -47,7 +47,8 @@ class Watched:
         live.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, STREAM)
         live.start(
             ["antenna_servo"],
-            "/**/antenna_servo: {ros__parameters: {wind: {mean_speed_m_s: 4.0}, safety: {watch: {runaway_ticks: 50}}}}",
+            "/**/antenna_servo: {ros__parameters: {wind: {mean_speed_m_s: 4.0}, "
+            "safety: {drive: {delay_s: 0.4, excess_deg_s: 50.0}}}}",
         )
         live.spin_until(lambda: self.status.mode == "holding", "the antenna to hold")
 

@@ -16,18 +16,16 @@ class Axis:
     """An azimuth that moves at a steady rate under watch; the elevation stands."""
 
     def __init__(self, rate_deg_s: float) -> None:
-        self.watch = AxisWatch(PARAMS, TICK_S, (2.0 * DEG, 2.0 * DEG))
+        self.watch = AxisWatch(PARAMS, TICK_S)
         self.rate, self.ticks = rate_deg_s * DEG, 0
 
     @property
     def angle(self) -> float:
         return 1.0 + self.rate * self.ticks * TICK_S
 
-    def tick(self, shown: float | None = None, rate: float | None = None) -> tuple[float, str]:
+    def tick(self, shown: float | None = None) -> tuple[float, str]:
         self.ticks += 1
-        used, reason = self.watch.step(
-            (self.angle if shown is None else shown, 0.5), (self.rate if rate is None else rate, 0.0), (self.rate, 0.0)
-        )
+        used, reason = self.watch.step((self.angle if shown is None else shown, 0.5), (self.rate, 0.0))
         return used[0], reason
 
 
@@ -73,20 +71,13 @@ def test_a_lying_encoder_is_seen_within_200_ms(lie_deg_s: float) -> None:
     assert any("more than the drive" in words for words in said)
 
 
-def test_a_runaway_is_seen_within_50_ms() -> None:
-    axis = moving(0.2)
-    said = [axis.tick(axis.angle + 2.4 * DEG * TICK_S * n, 2.4 * DEG)[1] for n in range(2)]
-    assert "drive runs at 2.40 deg/s, commanded 0.20 deg/s" in said[-1]
-
-
-def test_encoder_noise_and_a_lagging_drive_are_no_fault(random: np.random.Generator) -> None:
-    watch = AxisWatch(PARAMS, TICK_S, (2.0 * DEG, 2.0 * DEG))
-    angle = rate = 0.0
+def test_encoder_noise_is_no_fault(random: np.random.Generator) -> None:
+    watch = AxisWatch(PARAMS, TICK_S)
+    angle = 0.0
     for tick in range(5000):
-        command = 2.0 * DEG * math.sin(0.3 * tick * TICK_S)
-        rate += (command - rate) * TICK_S / 0.1
+        rate = 2.0 * DEG * math.sin(0.3 * tick * TICK_S)
         angle += rate * TICK_S
-        assert watch.step((angle + 2e-6 * random.standard_normal(), 0.0), (rate, 0.0), (command, 0.0))[1] == ""
+        assert watch.step((angle + 2e-6 * random.standard_normal(), 0.0), (rate, 0.0))[1] == ""
 
 
 def test_the_cause_is_gone_when_the_sensors_agree_again() -> None:

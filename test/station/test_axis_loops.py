@@ -8,7 +8,7 @@ import pytest
 
 from rf_pointing.controllers import PositionLoopParams, dss13_loops, load_lqg_designs, save_lqg_designs
 from rf_pointing.geometry import MDEG, Motion, Params
-from rf_pointing.planning import AxisWatchParams, WindWatchParams
+from rf_pointing.planning import DriveWatchParams, WindWatchParams
 from rf_pointing.servo import WindParams, dss13_plant
 from rf_pointing.station.antenna import AntennaParams, LoopParams, SimulatedAntenna
 from rf_pointing.station.antenna_safety import SafetyParams
@@ -127,9 +127,9 @@ def slow_drive(delay_s: float):
 def test_an_oscillation_cuts_the_drives_and_latches_with_its_reason(delay_s: float) -> None:
     """A drive that becomes slow: the loop swings regularly at first (0.2 s), or saturates before that shows (0.3 s).
 
-    The watch for runaway drives is off; it would cut them for their rate before the swings are counted.
+    The watch for runaway drives knows of the delay; it would cut them for their rate before the swings are counted.
     """
-    antenna = hold(wind_m_s=8.0, watch=AxisWatchParams(runaway_ticks=50))
+    antenna = hold(wind_m_s=8.0, drive=DriveWatchParams(delay_s=0.4, excess_rad_s=1.0))
     tick = run(antenna, 5.0)
     antenna.retune(slow_drive(delay_s), LoopParams())
     swings = []

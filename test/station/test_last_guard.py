@@ -10,7 +10,7 @@ import pytest
 from rf_pointing.calibration import BiasModel
 from rf_pointing.geometry import JointTrajectory
 from rf_pointing.identification import ExcitationParams, IdentificationExperiment
-from rf_pointing.planning import GateParams, HorizonMask
+from rf_pointing.planning import DriveWatchParams, GateParams, HorizonMask
 from rf_pointing.planning.forbidden_sky import ForbiddenSky
 from rf_pointing.planning.gate import GUARD_RAD
 from rf_pointing.servo import WindParams, dss13_plant
@@ -139,8 +139,12 @@ def test_slightly_outside_the_travel_the_servo_moves_inward_only() -> None:
 
 
 def test_an_antenna_cut_off_at_its_hard_limit_is_released_where_it_stands_and_comes_in_on_command() -> None:
-    """Released brakes leave the structure swinging about where it stands; that is no running out of the limit."""
-    station = Station(120.0, 60.0, mask=HorizonMask())
+    """Released brakes leave the structure swinging about where it stands; that is no running out of the limit.
+
+    The watch over the drives is off: it would not let one get so far.
+    """
+    blind = DriveWatchParams(gained_rad_s=1.0, excess_rad_s=1.0)
+    station = Station(120.0, 60.0, mask=HorizonMask(), drive=blind)
     station.run(0.1)
     loops = LoopParams()
     narrow = loops.replace(preprocessor=loops.preprocessor.replace(travel_max_rad=(120.5 * DEG, 91.0 * DEG)))

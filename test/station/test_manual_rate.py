@@ -134,6 +134,18 @@ def test_only_a_holding_antenna_can_be_identified() -> None:
     assert running.samples_taken == 0
 
 
+def test_axes_that_still_slew_are_not_handed_to_an_experiment() -> None:
+    """One position commanded far away: the antenna holds it, and is on its way there."""
+    made = antenna()
+    zero = np.zeros((1, 2))
+    far = made.reading(1e9).position_rad[None] - 0.1
+    goal = JointTrajectory(t_s=[1e9 + 0.2], position_rad=far, velocity_rad_s=zero, acceleration_rad_s2=zero)
+    assert made.accept(goal, 1e9) == ""
+    run(made, 100)
+    assert made.mode == "holding"
+    assert made.identify(experiment(made)) == "the axes are still moving"
+
+
 def test_another_sampling_time_and_too_large_a_rate_are_refused() -> None:
     made = antenna()
     assert "sample_s=0.01 must be 0.02" in made.identify(experiment(made, params=PARAMS.replace(sample_s=0.01)))

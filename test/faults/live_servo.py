@@ -1,0 +1,158 @@
+"""A live antenna_servo on a clock that follows it, the commands to it, and what it says."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParametersAtomically
+from rf_pointing_msgs.msg import AntennaStatus
+from rf_pointing_msgs.srv import InjectFault
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from rf_pointing.nodes.processes import NodeProcesses
+from rf_pointing.nodes.qos import COMMAND, STREAM
+from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
+from test.faults.clocks import ManualClock
+
+START_S = 1_151_384_000.0
+START_RAD = (math.radians(120.0), math.radians(60.0))
+RATE_RAD_S = math.radians(0.3)
+PATIENCE_S = 120.0
+"""Simulated time in which a condition must come true."""
+
+
+class Servo:
+    """Sends a steady azimuth motion; `begun_s` and `base_rad` are when and where the motion of a test began."""
+
+    def __init__(self, live: SimpleNamespace, yaml: str) -> None:
+        self.live, self.status, self.joints = live, AntennaStatus(), []
+        self.said: dict[str, str] = {}
+        self.seen: list[AntennaStatus] = []
+        self.heard_s = 0.0
+        self.begun_s: float | None = None
+        self.base_rad = START_RAD[0]
+        self._clients: dict[str, Any] = {}
+        self.clock = ManualClock(live, START_S, lambda: self.heard_s)
+        self.commands = live.node.create_publisher(JointTrajectory, "joint_trajectory", COMMAND)
+        live.node.create_subscription(AntennaStatus, "antenna_status", self._on_status, STREAM)
+        live.node.create_subscription(JointState, "joint_states", self._on_joints, STREAM)
+        live.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, STREAM)
+        self.processes: NodeProcesses = live.start(["antenna_servo"], yaml, autostart=True, simulated=True)
+        self.until(lambda: self.status.mode == "holding" and self.commands.get_subscription_count() == 1, "the antenna")
+
+    @property
+    def now_s(self) -> float:
+        return self.clock.t_s
+
+    def until(self, condition: Callable[[], bool], what: str) -> None:
+        """Let time go on until the condition is true."""
+        assert self.clock.run(PATIENCE_S, condition), f"waited {PATIENCE_S:.0f} s for {what}, {self.status}"
+
+    def mode(self, *modes: str) -> None:
+        """Let time go on until the antenna is in one of these modes."""
+        self.until(lambda: self.status.mode in modes, " or ".join(modes))
+
+    def command(self, shift_s: float = 0.0, who: str = "test", positions: list[float] | None = None,
+                joints: tuple[str, str] = ("azimuth", "elevation"), rate_rad_s: float = RATE_RAD_S) -> JointTrajectory:  # fmt: skip
+        """Return a second of motion on the steady line, or of standing at `positions`."""
+        now_s = self.now_s + shift_s
+        if self.begun_s is None:
+            self.begun_s = now_s
+        message = JointTrajectory(joint_names=list(joints))
+        message.header.stamp, message.header.frame_id = stamp_from_seconds(now_s), who
+        for step in range(1, 9):
+            line = [self.base_rad + rate_rad_s * (now_s - self.begun_s + 0.1 * step), START_RAD[1]]
+            point = JointTrajectoryPoint(positions=positions or line, accelerations=[0.0, 0.0])
+            point.velocities = [0.0 if positions else rate_rad_s, 0.0]
+            point.time_from_start.nanosec = 100_000_000 * step
+            message.points.append(point)
+        return message
+
+    def move(self, seconds: float) -> None:
+        """Keep commands coming for a while."""
+        for _ in range(round(10.0 * seconds)):
+            self.commands.publish(self.command())
+            self.clock.run(0.1)
+
+    def rejected(self, message: JointTrajectory, words: str) -> None:
+        """Send what must be refused in these words."""
+        before = self.status.commands_rejected
+        self.commands.publish(message)
+        self.until(lambda: self.status.commands_rejected > before, f"the rejection ({words})")
+        assert words in self.status.last_rejection, self.status.last_rejection
+
+    def ask(self, name: str, kind: Any = Trigger, request: Any = None) -> Any:
+        """Call a service of the node; time stands meanwhile."""
+        client = self._clients.get(name)
+        if client is None:
+            path = f"{self.live.namespace}/antenna_servo/{name}"
+            client = self._clients[name] = self.live.node.create_client(kind, path)
+            self.live.spin_until(client.service_is_ready, name)
+        future = client.call_async(request or kind.Request())
+        self.live.spin_until(future.done, f"the answer of {name}")
+        return future.result()
+
+    def inject(self, fault: str, value: float = 0.0) -> float:
+        """Put a fault in; return when, by the servo's own ticks."""
+        answer = self.ask("inject_fault", InjectFault, InjectFault.Request(fault=fault, value=value))
+        assert answer.success
+        return float(answer.message.split()[-1])
+
+    def retune(self, name: str, value: list[float]) -> None:
+        """Set limits of the commands while the antenna runs."""
+        content = ParameterValue(type=ParameterType.PARAMETER_DOUBLE_ARRAY, double_array_value=value)
+        request = SetParametersAtomically.Request(
+            parameters=[Parameter(name=f"loops.preprocessor.{name}", value=content)]
+        )
+        answer = self.ask("set_parameters_atomically", SetParametersAtomically, request).result
+        assert answer.successful, answer.reason
+
+    def fault_at(self) -> float:
+        """Return when the latched fault was seen, by the servo's own ticks."""
+        self.until(lambda: self.said.get("message") == self.status.fault, "the fault on /diagnostics")
+        assert "s before, test: to" in self.said["last_commands"]
+        return float(self.said["fault_at"])
+
+    def recover(self) -> None:
+        """Mend, reset and stand again, for the next fault."""
+        self.inject("none")
+        self.mode("fault", "holding")
+        self.until(lambda: self._reset() in ("", "no fault is latched"), "the reset")
+        self.until(lambda: self.status.mode == "holding" and not self.status.fault, "the reset")
+        self.base_rad, self.begun_s = self.joints[-1], None
+
+    def _reset(self) -> str:
+        answer = self.ask("reset_fault")
+        return "" if answer.success else str(answer.message)
+
+    def _on_status(self, message: AntennaStatus) -> None:
+        self.status = message
+        self.seen.append(message)
+
+    def _on_joints(self, message: JointState) -> None:
+        self.heard_s = seconds_from_stamp(message.header.stamp)
+        self.joints.append(message.position[0])
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            if status.name == f"{self.live.namespace[1:]}/antenna_servo: drive":
+                self.said = {"message": status.message} | {pair.key: pair.value for pair in status.values}
+
+
+def servo_yaml(wrap: Path) -> str:
+    """Return the parameters of a servo in calm air that can be broken, with a hill 20 deg to its right."""
+    return f"""/**/antenna_servo:
+  ros__parameters:
+    enable_fault_injection: true
+    wrap_file: {wrap}
+    wind: {{mean_speed_m_s: 0.0}}
+    safety:
+      wind: {{gust_limit_m_s: 25.0, mean_limit_m_s: 100.0, release_s: 0.2, silence_s: 0.5}}
+      mask: {{azimuth_deg: [0.0, 140.0, 141.0, 160.0], elevation_deg: [0.0, 0.0, 70.0, 0.0]}}
+"""
