@@ -59,7 +59,7 @@ class Servo:
         self.until(lambda: self.status.mode in modes, " or ".join(modes))
 
     def command(self, shift_s: float = 0.0, who: str = "test", positions: list[float] | None = None,
-                joints: tuple[str, str] = ("azimuth", "elevation"), rate_rad_s: float = RATE_RAD_S) -> JointTrajectory:  # fmt: skip
+                joints: tuple[str, str] = ("azimuth", "elevation")) -> JointTrajectory:  # fmt: skip
         """Return a second of motion on the steady line, or of standing at `positions`."""
         now_s = self.now_s + shift_s
         if self.begun_s is None:
@@ -67,9 +67,9 @@ class Servo:
         message = JointTrajectory(joint_names=list(joints))
         message.header.stamp, message.header.frame_id = stamp_from_seconds(now_s), who
         for step in range(1, 9):
-            line = [self.base_rad + rate_rad_s * (now_s - self.begun_s + 0.1 * step), START_RAD[1]]
+            line = [self.base_rad + RATE_RAD_S * (now_s - self.begun_s + 0.1 * step), START_RAD[1]]
             point = JointTrajectoryPoint(positions=positions or line, accelerations=[0.0, 0.0])
-            point.velocities = [0.0 if positions else rate_rad_s, 0.0]
+            point.velocities = [0.0 if positions else RATE_RAD_S, 0.0]
             point.time_from_start.nanosec = 100_000_000 * step
             message.points.append(point)
         return message

@@ -10,6 +10,7 @@ import re
 import signal
 import time
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -153,7 +154,7 @@ def test_two_wrong_samples_of_an_encoder_are_bridged(servo: Servo) -> None:
     servo.inject("encoder_spike", math.radians(20.0))
     servo.move(0.5)
     assert servo.status.mode == "tracking"
-    assert max(abs(b - a) for a, b in zip(servo.joints[-40:], servo.joints[-39:], strict=False)) < math.radians(0.1)
+    assert max(abs(b - a) for a, b in pairwise(servo.joints[-40:])) < math.radians(0.1)
     servo.ask("stop")
 
 
@@ -216,7 +217,7 @@ def test_a_jump_of_the_clock_stops_the_antenna_and_never_makes_it_jump(servo: Se
     assert float(servo.status.fault.split()[-2]) == pytest.approx(jump_s, abs=0.1)
     servo.mode("fault")
     way = [servo.joints[before - 1], *servo.joints[before:]]
-    assert max(abs(b - a) for a, b in zip(way, way[1:], strict=False)) < 1.5 * RATE_RAD_S * TICK_S
+    assert max(abs(b - a) for a, b in pairwise(way)) < 1.5 * RATE_RAD_S * TICK_S
     assert abs(way[-1] - way[0]) < RATE_RAD_S * 0.5, "a controlled stop"
 
 

@@ -39,7 +39,7 @@ def test_the_live_antenna_is_identified_through_its_topics(tmp_path: Path, ros_d
 
 
 class Watched:
-    """A live antenna_servo in light wind, its watch for runaways knowing of slow drives: its status, its diagnostics, its parameters."""
+    """A live antenna_servo in light wind, whose drives are known to be slow: its status, its diagnostics, its parameters."""
 
     def __init__(self, live: SimpleNamespace) -> None:
         self.live, self.status, self.health = live, AntennaStatus(), {}
