@@ -9,10 +9,18 @@ from pathlib import Path
 from rf_pointing.calibration import BiasModel, read_model
 from rf_pointing.ephemeris import utc_text
 from rf_pointing.nodes.utc import parse_utc
-from rf_pointing.planning import AxisLimits, HorizonMask, MachineParams, certificate_lines, certificate_values
+from rf_pointing.planning import (
+    AxisLimits,
+    GateParams,
+    HorizonMask,
+    MachineParams,
+    certificate_lines,
+    certificate_values,
+)
 from rf_pointing.station.antenna import AntennaParams
 from rf_pointing.station.configuration import NodeParameters, read_parameter_files
-from rf_pointing.station.pass_planning import PlannedPass, plan_passes
+from rf_pointing.station.pass_planning import PlannedPass, PlanningRules, plan_passes
+from rf_pointing.station.pointing import PointingParams
 from rf_pointing.station.source import SourceParams, first_time_s, load_track
 
 
@@ -45,7 +53,7 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--hours", type=float, default=24.0, help="how far to look (default: 24)")
     parser.add_argument("--mask", type=float, default=5.0, help="elevation of AOS and LOS in deg (default: 5)")
     parser.add_argument("--params-file", action="append", default=[], help="parameters of pointing_controller: limits, "
-                        "machine, mask; and of antenna_servo: where it stands; may be repeated")  # fmt: skip
+                        "machine, mask, gate, pointing; and of antenna_servo: where it stands; may be repeated")  # fmt: skip
     parser.add_argument("--model", metavar="FILE", default="", help="bias model (default: a perfect mount)")
     parser.add_argument("--json", action="store_true", help="print JSON")
     parser.add_argument("--picture", metavar="FILE", help="draw sky, rates and wrap into this PNG or SVG")
@@ -58,18 +66,22 @@ def plan(options: argparse.Namespace) -> tuple[list[PlannedPass], AxisLimits]:
         raise ValueError(f"hours={options.hours} must be > 0 and <= {24 * 31}")
     nodes = read_parameter_files([Path(name) for name in options.params_file])
     controller, servo = (nodes.get(name, NodeParameters(name, {})) for name in ("pointing_controller", "antenna_servo"))
-    limits = controller.group("limits", AxisLimits())
+    rules = PlanningRules(
+        model=read_model(Path(options.model)).model if options.model else BiasModel.zero(),
+        machine=controller.group("machine", MachineParams()),
+        limits=controller.group("limits", AxisLimits()),
+        mask=controller.group("mask", HorizonMask()),
+        gate=controller.group("gate", GateParams()),
+        lag_averaging_s=controller.group("pointing", PointingParams()).lag_averaging_s,
+    )
     antenna = servo.group("antenna", AntennaParams())
     source = SourceParams(elements_file=options.elements, satellite=options.satellite, station=options.station)
     start_s = parse_utc(options.start) if options.start else first_time_s(source)
     planned = plan_passes(
-        load_track(source), start_s, options.hours * 3600.0,
-        (antenna.start_azimuth_rad, antenna.start_elevation_rad),
-        read_model(Path(options.model)).model if options.model else BiasModel.zero(),
-        controller.group("machine", MachineParams()), limits, controller.group("mask", HorizonMask()),
+        load_track(source), start_s, options.hours * 3600.0, (antenna.start_azimuth_rad, antenna.start_elevation_rad), rules,
         math.radians(options.mask),
     )  # fmt: skip
-    return planned, limits
+    return planned, rules.limits
 
 
 def show(planned: list[PlannedPass]) -> None:
