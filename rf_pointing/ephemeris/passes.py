@@ -2,7 +2,7 @@
 
 Elevation is cut at its turning points, which are the roots of the elevation rate; between two of them it is monotonic,
 so each crossing of the mask is bracketed and none is missed that the step of the search resolves.  A horizon that depends on
-the azimuth cuts the stays above its lowest point again, at a step of a second: every stay above it is a pass.
+the azimuth cuts the stays above its lowest point again, at a step of a second (more for stays of hours): every stay above it is a pass.
 """
 
 import itertools
@@ -108,7 +108,8 @@ def _stays_above(
     track: TopocentricTrack, rise_s: float, set_s: float, horizon: Horizon, knots: Array
 ) -> list[tuple[float, float]]:
     """Return the parts of a stay above the horizon's lowest point in which the target is above the horizon itself."""
-    even = np.linspace(rise_s, set_s, max(2, int(np.ceil((set_s - rise_s) / _PROFILE_STEP_S)) + 1))
+    count = int(np.clip(np.ceil((set_s - rise_s) / _PROFILE_STEP_S) + 1, 2, _PROFILE_POINTS))
+    even = np.linspace(rise_s, set_s, count)
     times = np.unique(np.concatenate([even, knots[(knots > rise_s) & (knots < set_s)]]))
 
     def height(t_s: Array) -> Array:

@@ -23,10 +23,10 @@ def test_a_hill_on_the_way_to_the_start_costs_the_time_over_it(track: Topocentri
     """From 5 deg on one side to 5 deg on the other with a hill of 40 deg between: up, across and down, each from rest."""
     at = window.aos_azimuth_rad
     hill = HorizonMask(
-        azimuth_rad=tuple(sorted((at + x * DEG) % (2.0 * math.pi) for x in (-60.0, -40.0, -20.0))),
+        azimuth_rad=tuple(sorted((at + x * DEG) % (2.0 * math.pi) for x in (20.0, 40.0, 60.0))),
         elevation_rad=(0.0, 40.0 * DEG, 0.0),
     )  # fmt: skip
-    present, start_s = (at - 80.0 * DEG, 5.0 * DEG), window.aos_t_s - 300.0
+    present, start_s = (at + 80.0 * DEG, 5.0 * DEG), window.aos_t_s - 300.0
     plain, over = (
         plan_passes(track, start_s, 1200.0, present, dataclasses.replace(RULES, mask=mask), 5.0 * DEG)[
             0
