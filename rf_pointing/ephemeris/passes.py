@@ -2,7 +2,8 @@
 
 Elevation is cut at its turning points, which are the roots of the elevation rate; between two of them it is monotonic,
 so each crossing of the mask is bracketed and none is missed that the step of the search resolves.  A horizon that depends on
-the azimuth cuts the stays above its lowest point again, at a step of a second (more for stays of hours): every stay above it is a pass.
+the azimuth cuts the stays above its lowest point again, at a step of a second (longer in stays of hours): every stay above
+it is a pass.
 """
 
 import itertools

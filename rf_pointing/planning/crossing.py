@@ -29,6 +29,8 @@ EARLIEST_S = 240.0
 COARSE = 32
 REFINEMENTS = 4
 SMOOTHINGS_S = (0.5, 1.0, 2.0, 4.0)
+ON_TARGET_RAD, MARGIN_S = 1e-5, 4.0
+"""A crossing begins and ends so long before and after the axes leave the target by more than this."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,6 +183,11 @@ def _finish(path: _Path, azimuth: Array, start: int, end: int, gain: Gain, accel
             best = lost, elevation
     assert best is not None
     moved = np.column_stack([azimuth, best[1]])
+    off = first + np.flatnonzero(np.max(np.abs(moved - path.position)[part], axis=1) > ON_TARGET_RAD)
+    start, end = (int(off[0]), int(off[-1])) if len(off) else (start, end)
+    beside = round(MARGIN_S / path.step_s)
+    first, last = max(first, start - beside), min(last, end + beside)
+    part = slice(first, last + 1)
     velocity = np.gradient(moved, path.step_s, axis=0)
     velocity[:first], velocity[last + 1 :] = path.velocity[:first], path.velocity[last + 1 :]
     bend = np.gradient(velocity, path.step_s, axis=0)

@@ -16,7 +16,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.planning.crossing import AxisMotionLimits, Crossing, Gain, angle_between, nearest_elevation
+from rf_pointing.planning.crossing import MARGIN_S, AxisMotionLimits, Crossing, Gain, angle_between, nearest_elevation
 
 __all__ = ["cross_over"]
 
@@ -27,8 +27,6 @@ LONGEST_S = 240.0
 FIRST_TRIES = 20
 SMOOTHING_S = 0.7
 """Close to the zenith the errors of the mount move its path by hundredths of a degree in tenths of a second."""
-MARGIN_S = 16.0
-"""Time on the target that belongs to the crossing at either end, as for a crossing on one side."""
 
 
 def cross_over(t_s: Array, first: Triple, second: Triple, limits: AxisMotionLimits, gain: Gain) -> Crossing | None:

@@ -22,6 +22,8 @@ from rf_pointing.station.target_buffer import TargetBuffer
 __all__ = ["AxisPath", "Plan", "StandingPlan"]
 
 Array = NDArray[np.float64]
+LONGEST_BLOCK_S = 2.0
+"""Shorter than what a crossing holds on either side of the instant at which the dish goes over the top."""
 
 
 class Plan(Protocol):
@@ -80,7 +82,7 @@ class AxisPath:
         return Motion(rows[:, 0:2], rows[:, 2:4], rows[:, 4:6])
 
     def _compute(self, times: Array, targets: TargetBuffer, model: BiasModel, near_azimuth_rad: float) -> None:
-        ahead = targets.known_until_s - float(times[-1])
+        ahead = min(targets.known_until_s - float(times[-1]), LONGEST_BLOCK_S)
         beyond = float(times[-1]) + self._period_s * np.arange(1, max(0, int(ahead / self._period_s)) + 1)
         block = np.concatenate([times, beyond])
         course, sky, last_s = self._plan.course, targets.at(block), float(block[-1])

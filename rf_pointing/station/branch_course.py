@@ -76,18 +76,22 @@ class BranchCourse:
                 row[index] = part
         return Motion(*rows)
 
-    def carry(self, times: Array, predicted: Motion, centre: Motion, beside: Callable[[Motion], Array]) -> Motion:
+    def carry(
+        self, times: Array, predicted: Motion, centre: Motion, beside: Callable[[Motion, NDArray[np.bool_]], Array]
+    ) -> Motion:
         """Return `centre` (n, 2), and while the crossing lasts `predicted` with the offsets carried through it.
 
-        `beside` tells by how much (m, 2) the axes have to stand off a predicted motion (m, 2).  It is asked at both ends of
-        the crossing only and goes over from one to the other: close to the zenith an offset on the sky would be any azimuth.
+        `beside` tells by how much (m, 2) the axes have to stand off a predicted motion (m, 2), over the top or not (m,).  It
+        is asked at both ends of the crossing only and goes over from one to the other: close to the zenith an offset on the
+        sky would be any azimuth.
         """
         inside = self._inside(times)
         if self._found is None or len(inside) == 0:
             return centre
         ends = self._found.t_s[[0, -1]]
         table = [self._table_at(float(t)) for t in ends]
-        first, last = beside(Motion(*(np.array(rows) for rows in zip(*table, strict=True)))) * self.signs(ends)
+        over = np.array([self.plunge_at(float(t)) for t in ends])
+        first, last = beside(Motion(*(np.array(rows) for rows in zip(*table, strict=True))), over) * self.signs(ends)
         begin_s, duration_s = float(ends[0]), self._found.duration_s
         signs = self.signs(times)
         rows = [part.copy() for part in centre]

@@ -365,6 +365,7 @@ class PointingController:
         centre = predicted
         if t_s >= self._pass.aos_t_s:
             range_m = self._targets.range_m(times)
+            self.offsets.stand(self.plan.course.plunge_at(float(times[0])))
             centre = self.offsets.add_trim(times, predicted, range_m)
             beside = partial(self.offsets.beside, range_m=float(range_m[0]))
             centre = self.plan.course.carry(times, predicted, centre, beside)
