@@ -1,13 +1,16 @@
 """Executable `plan_passes`: the certificates of the coming passes, printed, drawn, or as JSON; no graph is needed."""
 
 import argparse
+import dataclasses
 import json
 import math
 import sys
 from pathlib import Path
+from typing import Any
 
 from rf_pointing.calibration import BiasModel, read_model
 from rf_pointing.ephemeris import utc_text
+from rf_pointing.geometry import to_degrees
 from rf_pointing.nodes.utc import parse_utc
 from rf_pointing.planning import (
     AxisLimits,
@@ -33,7 +36,11 @@ def main(argv: list[str] | None = None) -> None:
         print(f"plan_passes: {error}", file=sys.stderr)
         sys.exit(2)
     if options.json:
-        print(json.dumps([certificate_values(item.certificate) for item in planned], indent=1))
+        print(
+            json.dumps(
+                [{"pass": pass_values(item), **certificate_values(item.certificate)} for item in planned], indent=1
+            )
+        )
     else:
         show(planned)
     if options.picture:
@@ -84,12 +91,30 @@ def plan(options: argparse.Namespace) -> tuple[list[PlannedPass], AxisLimits]:
     return planned, rules.limits
 
 
+def pass_values(item: PlannedPass) -> dict[str, Any]:
+    """Return one pass as names and plain values: times in UTC, angles in degrees, azimuths continuous from AOS."""
+    window, values = item.window, dataclasses.asdict(item.window)
+    times = {f"{name}_utc": utc_text(values.pop(f"{name}_t_s")) for name in ("aos", "tca", "los")}
+    sky = dict(to_degrees(name, value) for name, value in values.items())
+    sun_deg = math.degrees(float(item.profile.sun_angle_rad().min()))
+    return {
+        **times,
+        "duration_s": window.duration_s,
+        **sky,
+        "crosses_north": window.crosses_north,
+        "sun_angle_deg": sun_deg,
+    }
+
+
 def show(planned: list[PlannedPass]) -> None:
     """Print every pass with its certificate."""
     for item in planned:
-        window = item.window
-        print(f"{window.name}: AOS {utc_text(window.aos_t_s)}, {window.duration_s:.0f} s, "
-              f"peak {math.degrees(window.peak_elevation_rad):.2f} deg")  # fmt: skip
+        window, said = item.window, pass_values(item)
+        north = " through north" if window.crosses_north else ""
+        print(f"{window.name}: AOS {said['aos_utc']}, TCA {said['tca_utc']}, LOS {said['los_utc']}, {window.duration_s:.0f} s\n"
+              f"  peak {said['peak_elevation_deg']:.2f} deg, azimuth {said['aos_azimuth_deg']:.1f} to "
+              f"{said['los_azimuth_deg']:.1f} deg{north}, rates {said['peak_azimuth_rate_deg_s']:.3g} "
+              f"{said['peak_elevation_rate_deg_s']:.3g} deg/s, Sun {said['sun_angle_deg']:.1f} deg away")  # fmt: skip
         print("\n".join(certificate_lines(item.certificate)), end="\n\n")
     if not planned:
         print("no pass")

@@ -12,7 +12,7 @@ from rf_pointing.station.pass_planning import PlannedPass
 
 __all__ = ["draw_plan"]
 
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#332288", "#882255", "#7f7f7f")
 
 
 def draw_plan(planned: list[PlannedPass], limits: AxisLimits, path: Path) -> None:

@@ -114,6 +114,7 @@ class KeyholeRun:
     peak_rad: float
     beamwidth_rad: float
     keyhole_s: float
+    over: bool
     predicted: Loss
     simulated: Loss
 
@@ -199,7 +200,6 @@ def fly(case: KeyholeCase) -> KeyholeRun | None:
         return None
     branch = controller.plan.branch
     assert branch is not None
-    assert branch.over == case.over
     assert branch.crossing is not None
     crossing = branch.crossing
     first_s, last_s = float(crossing.t_s[0]), float(crossing.t_s[-1])
@@ -213,6 +213,7 @@ def fly(case: KeyholeCase) -> KeyholeRun | None:
         peak_rad=case.window.peak_elevation_rad,
         beamwidth_rad=case.beamwidth_rad,
         keyhole_s=branch.keyhole_s,
+        over=branch.over,
         predicted=Loss.of(crossing.error_rad, float(crossing.t_s[1] - crossing.t_s[0]), case.beamwidth_rad),
         simulated=Loss.of(angles[inside], antenna.params.tick_s, case.beamwidth_rad),
     )

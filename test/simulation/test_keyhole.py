@@ -22,6 +22,7 @@ def flown(day: float, least_deg: float, beam_deg: float, over: bool, mount: Moun
     window = first_pass_above(track, start_s, math.radians(least_deg), math.radians(5.0), 86400.0)
     run = fly(KeyholeCase(track=track, window=window, beamwidth_rad=math.radians(beam_deg), over=over, mount=mount))
     assert run is not None
+    assert run.over == over
     return run
 
 

@@ -236,7 +236,7 @@ def test_a_new_pass_begins_without_an_offset_or_scan() -> None:
 def test_over_the_top_the_errors_of_the_dish_turn_with_it_and_those_of_the_ephemeris_do_not() -> None:
     """What was learned as a bias changes its sign in elevation, as the axis does; there and back is what it was."""
     loop = Loop()
-    loop.run("monopulse", 20.0, lambda t_s: np.array([30.0, 50.0]) * MDEG)
+    loop.run("monopulse", 20.0, lambda _t_s: np.array([30.0, 50.0]) * MDEG)
     offsets, here = loop.offsets, climbing(np.array([loop.t_s]))
     before, other = offsets.beside(here, np.array([False]), RANGE_M), offsets.beside(here, np.array([True]), RANGE_M)
     mean = offsets.filter.state.mean.copy()
