@@ -8,7 +8,7 @@ zenith with its loss, and the way to its start.
 import dataclasses
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,8 +60,8 @@ class Branch:
     unwind_s: float
     late_s: float
     refusals: tuple[str, ...]
-    crossing: Crossing | None = None
-    axes_rad: Array | None = None
+    crossing: Crossing | None = field(default=None, compare=False)
+    axes_rad: Array | None = field(default=None, compare=False)
     """Positions (n, 2) of the axes at the times of the profile."""
 
     @property
