@@ -6,12 +6,14 @@ with its loops, drives and structure in calm air.  Loss is counted from where th
 """
 
 import argparse
+import dataclasses
 import math
 
 import numpy as np
 
 from rf_pointing.ephemeris import utc_text
-from rf_pointing.simulation.keyhole import KeyholeRun, fly, high_passes
+from rf_pointing.simulation.keyhole import KeyholeRun, fly, high_passes, station_mount
+from rf_pointing.station.mount import MountParams
 
 LOSSES = {"signal_s": "signal lost, s", "below_s": "below half power, s", "db_s": "loss, dB s"}
 
@@ -21,13 +23,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--passes", type=int, default=100, help="passes to certify")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--mount", action="store_true", help="with the errors of a real mount, lags included")
+    parser.add_argument("--over", action="store_true", help="the dish may go over the top")
     options = parser.parse_args()
-    print(f"{'orbit':<16}{'station':<20}{'AOS':<21}{'peak':>6}{'beam':>7}{'keyhole':>8}  predicted / simulated: "
+    mount = station_mount() if options.mount else MountParams()
+    print(f"{'orbit':<16}{'station':<20}{'AOS':<21}{'peak':>6}{'beam':>7}{'keyhole':>8}       predicted / simulated: "
           + "; ".join(LOSSES.values()))  # fmt: skip
     runs: list[KeyholeRun] = []
     easy = 0
     for case in high_passes(options.passes, options.seed):
-        run = fly(case)
+        run = fly(dataclasses.replace(case, mount=mount, over=options.over))
         if run is None:
             easy += 1
             continue
@@ -40,9 +45,10 @@ def main() -> None:
 
 def row(run: KeyholeRun) -> str:
     """Return one pass in words."""
+    way = " over" if run.over else "     "
     pairs = "; ".join(f"{getattr(run.predicted, name):.2f} / {getattr(run.simulated, name):.2f}" for name in LOSSES)
     return (f"{run.name[:15]:<16}{run.station[:19]:<20}{utc_text(run.aos_t_s)[:19]:<21}{math.degrees(run.peak_rad):>6.2f}"
-            f"{math.degrees(run.beamwidth_rad):>7.3f}{run.keyhole_s:>8.1f}  {pairs}")  # fmt: skip
+            f"{math.degrees(run.beamwidth_rad):>7.3f}{run.keyhole_s:>8.1f}{way}  {pairs}")  # fmt: skip
 
 
 def errors(runs: list[KeyholeRun], name: str) -> str:

@@ -9,6 +9,7 @@ from rf_pointing.calibration.coverage import Coverage, SectorRule
 from rf_pointing.calibration.fit import fit_bias_model, held_at_zero
 from rf_pointing.calibration.fit_options import FitOptions, Prior
 from rf_pointing.calibration.fit_result import FitResult
+from rf_pointing.calibration.lag_history import LagHistory, LagState, without_lags
 from rf_pointing.calibration.model_file import ModelFile, read_model, write_model
 from rf_pointing.calibration.model_store import ModelStore
 from rf_pointing.calibration.observation_journal import ObservationJournal
@@ -37,6 +38,8 @@ __all__ = [
     "FitResult",
     "HeldOut",
     "Ionosphere",
+    "LagHistory",
+    "LagState",
     "ModelFile",
     "ModelStore",
     "ObservationJournal",
@@ -71,6 +74,7 @@ __all__ = [
     "select_terms",
     "terms_by_name",
     "uninformed_covariance",
+    "without_lags",
     "write_model",
     "write_observations",
     "write_tdm",

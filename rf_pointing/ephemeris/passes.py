@@ -1,9 +1,13 @@
 """Passes of a target over a site: rise, closest approach, set, and what the antenna must be able to do.
 
 Elevation is cut at its turning points, which are the roots of the elevation rate; between two of them it is monotonic,
-so each crossing of the mask is bracketed and none is missed that the step of the search resolves.
+so each crossing of the mask is bracketed and none is missed that the step of the search resolves.  A horizon that depends on
+the azimuth cuts the stays above its lowest point again, at a step of a second (longer in stays of hours): every stay above
+it is a pass.
 """
 
+import itertools
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,14 +18,17 @@ from rf_pointing.ephemeris.time_scales import utc_text
 from rf_pointing.ephemeris.track import TopocentricTrack
 from rf_pointing.geometry import require_between
 
-__all__ = ["Pass", "find_passes", "first_pass_above", "passes_with_present"]
+__all__ = ["Horizon", "Pass", "find_passes", "first_pass_above", "passes_with_present"]
 
 Array = NDArray[np.float64]
+Horizon = Callable[[Array], Array]
+"""Lowest elevation (n,) at azimuths (n,) on any turn."""
 
 _STEP_S = 30.0
 _TIME_TOLERANCE_S = 1e-4
 _PROFILE_STEP_S = 1.0
 _PROFILE_POINTS = 5000
+_HORIZON_POINTS, _HORIZON_MARGIN_RAD = 3601, 0.01
 _LOOK_BACK_S = (3600.0, 43200.0)
 """How far back the rise of a pass that is going on is looked for: a low orbit's, then any other's."""
 
@@ -61,32 +68,66 @@ class Pass:
         return bool(np.floor(self.azimuth_min_rad / (2 * np.pi)) != np.floor(self.azimuth_max_rad / (2 * np.pi)))
 
 
-def find_passes(track: TopocentricTrack, start_t_s: float, duration_s: float, min_elevation_rad: float) -> list[Pass]:
-    """Return the passes above `min_elevation_rad` (apparent) in the `duration_s` after `start_t_s`, in time order.
+def find_passes(
+    track: TopocentricTrack, start_t_s: float, duration_s: float, min_elevation_rad: float | Horizon
+) -> list[Pass]:
+    """Return the passes above an elevation or a horizon (apparent) in the `duration_s` after `start_t_s`, in time order.
 
     Times are found to 0.1 ms.  A pass that is going on at either end is cut off there and says so.  An ephemeris is searched
     where it is usable; a search that lies wholly beside it is refused.
     """
     require_between("duration_s", duration_s, 1.0, None)
-    require_between("min_elevation_rad", min_elevation_rad, -0.01, np.pi / 2)
+    if callable(min_elevation_rad):
+        horizon, flat_rad = min_elevation_rad, _below(min_elevation_rad)
+        require_between("min_elevation_rad", flat_rad, -0.2, np.pi / 2)
+    else:
+        horizon, flat_rad = None, min_elevation_rad
+        require_between("min_elevation_rad", flat_rad, -0.01, np.pi / 2)
     start_t_s, duration_s = _within(track.target.span_t_s, start_t_s, duration_s)
     grid = np.linspace(start_t_s, start_t_s + duration_s, int(np.ceil(duration_s / _STEP_S)) + 1)
     knots = np.concatenate([grid[:1], _turning_points(track, grid), grid[-1:]])
     elevation = track.sample(knots).elevation_rad
-    above = elevation > min_elevation_rad
+    above = elevation > flat_rad
     change = np.flatnonzero(above[1:] != above[:-1])
     crossings = roots_between(
-        lambda t_s: track.sample(t_s).elevation_rad - min_elevation_rad,
-        knots[change],
-        knots[change + 1],
-        _TIME_TOLERANCE_S,
+        lambda t_s: track.sample(t_s).elevation_rad - flat_rad, knots[change], knots[change + 1], _TIME_TOLERANCE_S
     )
-    rises = np.concatenate([knots[:1][above[:1]], crossings[above[change + 1]]])
-    sets = np.concatenate([crossings[above[change]], knots[-1:][above[-1:]]])
-    return [_pass(track, a, b, knots, elevation) for a, b in zip(rises.tolist(), sets.tolist(), strict=True) if b > a]
+    rises = np.concatenate([knots[:1][above[:1]], crossings[above[change + 1]]]).tolist()
+    sets = np.concatenate([crossings[above[change]], knots[-1:][above[-1:]]]).tolist()
+    stays = [stay for stay in zip(rises, sets, strict=True) if stay[1] > stay[0]]
+    if horizon is not None:
+        stays = [part for stay in stays for part in _stays_above(track, *stay, horizon, knots)]
+    return [_pass(track, a, b, knots, elevation) for a, b in stays]
 
 
-def passes_with_present(track: TopocentricTrack, t_s: float, duration_s: float, min_elevation_rad: float) -> list[Pass]:
+def _below(horizon: Horizon) -> float:
+    """Return an elevation below all of a horizon, so that every crossing of it is found by itself."""
+    return float(np.min(horizon(np.linspace(0.0, 2.0 * np.pi, _HORIZON_POINTS)))) - _HORIZON_MARGIN_RAD
+
+
+def _stays_above(
+    track: TopocentricTrack, rise_s: float, set_s: float, horizon: Horizon, knots: Array
+) -> list[tuple[float, float]]:
+    """Return the parts of a stay above the horizon's lowest point in which the target is above the horizon itself."""
+    count = int(np.clip(np.ceil((set_s - rise_s) / _PROFILE_STEP_S) + 1, 2, _PROFILE_POINTS))
+    even = np.linspace(rise_s, set_s, count)
+    times = np.unique(np.concatenate([even, knots[(knots > rise_s) & (knots < set_s)]]))
+
+    def height(t_s: Array) -> Array:
+        looks = track.sample(t_s)
+        return np.asarray(looks.elevation_rad - horizon(looks.azimuth_rad))
+
+    above = height(times) > 0.0
+    change = np.flatnonzero(above[1:] != above[:-1])
+    edges = roots_between(height, times[change], times[change + 1], _TIME_TOLERANCE_S).tolist()
+    ends = [rise_s, *edges, set_s]
+    inside = [bool(above[0]) == (number % 2 == 0) for number in range(len(ends) - 1)]
+    return [(a, b) for (a, b), clear in zip(itertools.pairwise(ends), inside, strict=True) if clear and b > a]
+
+
+def passes_with_present(
+    track: TopocentricTrack, t_s: float, duration_s: float, min_elevation_rad: float | Horizon
+) -> list[Pass]:
     """Return the passes as `find_passes`, one that is going on at `t_s` with its own rise (up to half a day before)."""
     found = find_passes(track, t_s, duration_s, min_elevation_rad)
     if not found or not found[0].rises_before:
@@ -101,7 +142,7 @@ def passes_with_present(track: TopocentricTrack, t_s: float, duration_s: float, 
 
 
 def first_pass_above(
-    track: TopocentricTrack, start_t_s: float, peak_rad: float, min_elevation_rad: float, duration_s: float
+    track: TopocentricTrack, start_t_s: float, peak_rad: float, min_elevation_rad: float | Horizon, duration_s: float
 ) -> Pass:
     """Return the first pass after `start_t_s` that peaks at or above `peak_rad`; ValueError when there is none."""
     passes = find_passes(track, start_t_s, duration_s, min_elevation_rad)
@@ -131,15 +172,18 @@ def _turning_points(track: TopocentricTrack, grid: Array) -> Array:
 
 
 def _pass(track: TopocentricTrack, aos_t_s: float, los_t_s: float, knots: Array, elevation: Array) -> Pass:
-    inside = (knots >= aos_t_s) & (knots <= los_t_s)
-    highest = int(np.argmax(elevation[inside]))
     profile = track.sample(_profile_times(track, aos_t_s, los_t_s))
+    # The highest point is a turning point, or an end where a hill hides it.
+    inside = (knots >= aos_t_s) & (knots <= los_t_s)
+    times = np.concatenate([knots[inside], [aos_t_s, los_t_s]])
+    heights = np.concatenate([elevation[inside], profile.elevation_rad[[0, -1]]])
+    highest = int(np.argmax(heights))
     return Pass(
         name=track.name,
         aos_t_s=aos_t_s,
-        tca_t_s=float(knots[inside][highest]),
+        tca_t_s=float(times[highest]),
         los_t_s=los_t_s,
-        peak_elevation_rad=float(elevation[inside][highest]),
+        peak_elevation_rad=float(heights[highest]),
         aos_azimuth_rad=float(profile.azimuth_rad[0]),
         aos_elevation_rad=float(profile.elevation_rad[0]),
         los_azimuth_rad=float(profile.azimuth_rad[-1]),

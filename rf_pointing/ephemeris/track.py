@@ -128,6 +128,7 @@ class TopocentricTrack:
             elevation_acceleration_rad_s2=elevation_acceleration,
             range_m=rest[0],
             range_rate_m_s=rest[1],
+            refraction_rad=elevation - rest[2],
         )
 
     def sample(self, t_s: ArrayLike) -> LookAngles:

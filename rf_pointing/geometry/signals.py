@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.geometry.checks import as_finite_array, require_finite
+from rf_pointing.geometry.constants import SPEED_OF_LIGHT_M_S
 
 __all__ = [
     "AXES",
@@ -32,7 +33,7 @@ AXES = ("azimuth", "elevation")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Target:
-    """Where the target is on the sky at `t_s`; azimuth is continuous along a pass."""
+    """Where the target is on the sky at `t_s`; azimuth is continuous along a pass, elevation contains the refraction."""
 
     t_s: float
     name: str
@@ -44,6 +45,17 @@ class Target:
     elevation_acceleration_rad_s2: float
     range_m: float
     range_rate_m_s: float
+    refraction_rad: float
+
+    @property
+    def light_time_s(self) -> float:
+        """One-way travel time of the signal."""
+        return self.range_m / SPEED_OF_LIGHT_M_S
+
+    @property
+    def doppler_factor(self) -> float:
+        """Frequency received over frequency sent (without clock rates, below 1e-9)."""
+        return 1.0 - self.range_rate_m_s / SPEED_OF_LIGHT_M_S
 
     def __post_init__(self) -> None:
         for name in self.__slots__:

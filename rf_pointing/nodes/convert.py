@@ -11,6 +11,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory as TrajectoryMessage
 from trajectory_msgs.msg import JointTrajectoryPoint
 
+from rf_pointing.ephemeris import SkyUncertainty
 from rf_pointing.geometry import (
     AXES,
     Boresight,
@@ -20,6 +21,7 @@ from rf_pointing.geometry import (
     MonopulseCluster,
     PointingError,
     Target,
+    require_finite,
 )
 from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.station.status import AntennaStatus, TrackingStatus
@@ -33,15 +35,38 @@ _TARGET_FIELDS = {
     "elevation_acceleration": "elevation_acceleration_rad_s2",
     "range": "range_m",
     "range_rate": "range_rate_m_s",
+    "refraction": "refraction_rad",
+}
+_UNCERTAINTY_FIELDS = {
+    "element_age": "age_s",
+    "along_track_sigma": "along_track_rad",
+    "cross_track_sigma": "cross_track_rad",
+    "along_track_time_sigma": "along_track_s",
 }
 
 
-def target_to_message(target: Target) -> ours.Target:
-    message = ours.Target(target=target.name)
+def target_to_message(target: Target, uncertainty: SkyUncertainty | None = None) -> ours.Target:
+    """Return the target, with what the age of its elements means on the sky if that is known."""
+    message = ours.Target(target=target.name, light_time=target.light_time_s, doppler_factor=target.doppler_factor)
     message.header.stamp = stamp_from_seconds(target.t_s)
     for wire, core in _TARGET_FIELDS.items():
         setattr(message, wire, float(getattr(target, core)))
+    if uncertainty is not None:
+        message.covariance = uncertainty.covariance_rad2.ravel().tolist()
+        for wire, core in _UNCERTAINTY_FIELDS.items():
+            setattr(message, wire, float(getattr(uncertainty, core)))
     return message
+
+
+def uncertainty_from_message(message: ours.Target) -> SkyUncertainty | None:
+    """Return the uncertainty that a target carries, None when it carries none."""
+    if not message.covariance:
+        return None
+    if len(message.covariance) != 4:
+        raise ValueError(f"covariance has {len(message.covariance)} values, must have 4 or none")
+    values = {core: getattr(message, wire) for wire, core in _UNCERTAINTY_FIELDS.items()}
+    require_finite("covariance", np.array([*message.covariance, *values.values()]))
+    return SkyUncertainty(covariance_rad2=np.array(message.covariance).reshape(2, 2), **values)
 
 
 def target_from_message(message: ours.Target) -> Target:

@@ -134,6 +134,7 @@ def _branch_to_message(branch: Branch) -> ours.PassBranch:
     message = ours.PassBranch(
         turns=branch.turns,
         plunge=branch.plunge,
+        over=branch.over,
         works=branch.works,
         refusals=list(branch.refusals),
         closest_limit=branch.closest_limit,
@@ -148,6 +149,7 @@ def _branch_from_message(message: ours.PassBranch) -> Branch:
     return Branch(
         turns=message.turns,
         plunge=message.plunge,
+        over=message.over,
         refusals=tuple(message.refusals),
         closest_limit=message.closest_limit,
         **{core: tuple(getattr(message, wire).tolist()) for wire, core in _PAIRS.items()},

@@ -1,10 +1,12 @@
 """Executable `ephemeris_publisher`: where the target will be, and when it passes.
 
-Publishes: target (10 Hz, ahead of time while it is above the mask), passes, pass_profiles (latched).
+Publishes: target (10 Hz, ahead of time while it is above the mask; direction, rates, range, Doppler, light time, refraction and
+covariance), passes, pass_profiles (latched).
 Service: ~/select_target (rf_pointing_msgs/SelectTarget): choose the satellite and ask for its passes.
 Parameters: source.* (elements or ephemeris file, object, station; offsets, hold and weather, live, read back on /diagnostics
 beside the age of the elements and what it means on the sky), publisher.* (lead, rate, mask, how far to look, state_file:
-what was selected and set outlives the node), uncertainty.* (position errors of elements against their age).
+what was selected and set outlives the node), mask.* (the horizon by azimuth, as pointing_controller's: a pass begins and
+ends above both), uncertainty.* (position errors of elements against their age).
 """
 
 import math
@@ -17,6 +19,7 @@ from rf_pointing.ephemeris import (
     Elements,
     ElementUncertainty,
     Pass,
+    SkyUncertainty,
     TopocentricTrack,
     passes_with_present,
     sky_uncertainty,
@@ -28,6 +31,7 @@ from rf_pointing.nodes.diagnostics import OK, WARN, Health
 from rf_pointing.nodes.managed import ManagedNode, run
 from rf_pointing.nodes.qos import LATCHED, STREAM
 from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
+from rf_pointing.planning import HorizonMask
 from rf_pointing.station.pass_planning import pass_profile
 from rf_pointing.station.source import SourceParams, load_track, refraction_at
 from rf_pointing.station.target_memory import TargetMemory
@@ -52,6 +56,7 @@ class EphemerisPublisher(ManagedNode):
         super().__init__("ephemeris_publisher")
         self.parameters.declare("source", SourceParams())
         self.parameters.declare("publisher", PublisherParams())
+        self.parameters.declare("mask", HorizonMask())
         self.parameters.declare("uncertainty", ElementUncertainty())
         self.parameters.on_change(self._on_parameters)
         self._track: TopocentricTrack | None = None
@@ -82,7 +87,7 @@ class EphemerisPublisher(ManagedNode):
             if not first_s <= t_s <= last_s:
                 return
             if window.aos_t_s - params.margin_s <= t_s <= window.los_t_s + params.margin_s:
-                self._targets.publish(convert.target_to_message(self._track.target_at(t_s)))
+                self._targets.publish(convert.target_to_message(self._track.target_at(t_s), self._uncertainty(t_s)))
                 return
 
     def _on_select(self, request: SelectTarget.Request, response: SelectTarget.Response) -> SelectTarget.Response:
@@ -110,7 +115,8 @@ class EphemerisPublisher(ManagedNode):
     def _choose(self, track: TopocentricTrack, start_s: float, peak_rad: float) -> list[Pass]:
         """Make `track` the target, if it passes, and publish its passes."""
         params: PublisherParams = self.parameters.value("publisher")
-        found = passes_with_present(track, start_s, params.span_s, params.mask_rad)
+        horizon = self.parameters.value("mask").above(params.mask_rad)
+        found = passes_with_present(track, start_s, params.span_s, horizon)
         passes = [window for window in found if window.peak_elevation_rad >= peak_rad]
         if not passes:
             raise ValueError(
@@ -144,18 +150,23 @@ class EphemerisPublisher(ManagedNode):
             "along_track_offset_s": self._track.along_track_offset_s,
             "cross_track_offset_deg": math.degrees(self._track.cross_track_offset_rad),
             "hold_since": "" if self._track.hold_t_s is None else utc_text(self._track.hold_t_s),
-            **self._uncertainty(),
+            **self._uncertainty_values(),
         }
         return Health(WARN if warnings else OK, warnings or self._track.name, values)
 
-    def _uncertainty(self) -> dict[str, float]:
-        """Return what the age of the elements means on the sky now, nothing for a target without elements."""
+    def _uncertainty(self, t_s: float) -> SkyUncertainty | None:
+        """Return what the age of the elements means on the sky, None for a target without elements or without an answer."""
         if not isinstance(getattr(self._track.target, "elements", None), Elements):
-            return {}
+            return None
         try:
-            sky = sky_uncertainty(self._track, self.now_s(), self.parameters.value("uncertainty"))
+            return sky_uncertainty(self._track, t_s, self.parameters.value("uncertainty"))
         except ValueError as error:
             self.get_logger().warning(f"uncertainty unknown: {error}", throttle_duration_sec=60.0)
+            return None
+
+    def _uncertainty_values(self) -> dict[str, float]:
+        sky = self._uncertainty(self.now_s())
+        if sky is None:
             return {}
         return {
             "element_age_h": round(sky.age_s / 3600.0, 3),

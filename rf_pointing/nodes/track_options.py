@@ -12,8 +12,10 @@ from ament_index_python.packages import get_package_share_directory
 
 from rf_pointing.ephemeris import Pass, first_pass_above
 from rf_pointing.nodes.utc import parse_utc
+from rf_pointing.planning import HorizonMask
 from rf_pointing.rf import HALF_POWER_BEAMWIDTH_RAD
 from rf_pointing.station.commissioning import commissioning_model
+from rf_pointing.station.configuration import NodeParameters, read_parameter_files
 from rf_pointing.station.pointing import SENSOR_CHOICES
 from rf_pointing.station.source import SourceParams, first_time_s, load_track
 
@@ -77,10 +79,14 @@ def choose_pass(options: argparse.Namespace) -> Pass:
     """Return the pass to track; ValueError when the satellite, the station or the time does not give one."""
     source = SourceParams(elements_file=options.elements, satellite=options.satellite, station=options.station)
     start_s = parse_utc(options.start) if options.start else first_time_s(source)
-    span_s = 2.0 * 86400.0
-    return first_pass_above(
-        load_track(source), start_s, math.radians(options.min_peak), math.radians(options.mask), span_s
-    )
+    above, span_s = _horizon(options).above(math.radians(options.mask)), 2.0 * 86400.0
+    return first_pass_above(load_track(source), start_s, math.radians(options.min_peak), above, span_s)
+
+
+def _horizon(options: argparse.Namespace) -> HorizonMask:
+    """Return the horizon mask that the parameter files give the controller: passes begin and end above it."""
+    nodes = read_parameter_files([Path(name) for name in options.params_file])
+    return nodes.get("pointing_controller", NodeParameters("pointing_controller", {})).group("mask", HorizonMask())
 
 
 def speed_factor(text: str) -> float:
@@ -108,6 +114,7 @@ def overrides(options: argparse.Namespace, window: Pass, output: Path) -> dict[s
         "source.station": options.station,
         "source.elements_file": str(Path(options.elements).resolve()) if options.elements else "",
     }
+    mask = _horizon(options)
     real = {} if options.ephemeris_error is None else {"source.along_track_offset_s": options.ephemeris_error}
     share = Path(get_package_share_directory("rf_pointing"))
     sections = {
@@ -116,7 +123,12 @@ def overrides(options: argparse.Namespace, window: Pass, output: Path) -> dict[s
             "speed": speed_factor(options.speed),
             "tick_s": 0.02 if in_real_time(options.speed) else 0.1,
         },
-        "ephemeris_publisher": {**source, "publisher.mask_deg": options.mask},
+        "ephemeris_publisher": {
+            **source,
+            "publisher.mask_deg": options.mask,
+            "mask.azimuth_deg": [math.degrees(angle) for angle in mask.azimuth_rad],
+            "mask.elevation_deg": [math.degrees(angle) for angle in mask.elevation_rad],
+        },
         "rf_receiver": {**source, **real, "signal.seed": options.seed},
         "antenna_servo": {"antenna.seed": options.seed, "safety.sun.station": options.station},
         "pointing_controller": {

@@ -2,14 +2,16 @@
 
 from rf_pointing.planning.authority import Authority
 from rf_pointing.planning.axis_watch import AxisWatch, AxisWatchParams
-from rf_pointing.planning.certificate import Branch, Certificate, MachineParams, certify, plunged, unplunged
+from rf_pointing.planning.certificate import Branch, Certificate, certify
 from rf_pointing.planning.certificate_text import certificate_lines, certificate_values
 from rf_pointing.planning.crossing import AxisMotionLimits, Crossing, cross
 from rf_pointing.planning.drive_watch import DriveWatch, DriveWatchParams
 from rf_pointing.planning.fault_latch import FaultLatch, LatchedFault
 from rf_pointing.planning.gate import MOTIONS, Decision, Gate, GateParams, motion_between
 from rf_pointing.planning.limits import AxisLimits, choose_turns, refusal
+from rf_pointing.planning.machine import MachineParams
 from rf_pointing.planning.mask import HorizonMask
+from rf_pointing.planning.plunge import plunged, unplunged
 from rf_pointing.planning.profile import PassProfile
 from rf_pointing.planning.slew import AxisRates
 from rf_pointing.planning.way import Way

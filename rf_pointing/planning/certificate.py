@@ -1,73 +1,46 @@
 """The pass certificate: before a pass, what every way of tracking it asks of the machine, and which way is taken.
 
-A branch is a whole number of azimuth turns, direct or plunged.  The exact plunge of (az, el) is (az + 180 deg,
-180 deg - el); mirroring about closest approach instead is 30 deg off at loss of signal.  Each branch is followed through the
-whole pass: travel, rates, accelerations, horizon mask, Sun, and the crossing of the zenith (`crossing.py`) with its loss.
+A branch is a whole number of azimuth turns and a course (`course.py`): direct, plunged, or over the top in the middle of the
+pass.  Each branch is followed through the whole pass: travel, rates, accelerations, horizon mask, Sun, the crossing of the
+zenith with its loss, and the way to its start.
 """
 
+import dataclasses
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.geometry import Params, parameter
-from rf_pointing.planning.crossing import AxisMotionLimits, Crossing, Gain, cross
+from rf_pointing.planning.course import Course, Lag, courses, no_lag
+from rf_pointing.planning.crossing import Crossing, Gain
 from rf_pointing.planning.limits import AxisLimits
+from rf_pointing.planning.loss import PassLoss
+from rf_pointing.planning.machine import MachineParams
 from rf_pointing.planning.mask import HorizonMask
 from rf_pointing.planning.profile import PassProfile
-from rf_pointing.planning.slew import AxisRates
 
-__all__ = ["Branch", "Certificate", "MachineParams", "certify", "plunged", "unplunged"]
+__all__ = ["STEP_S", "Branch", "Certificate", "certify"]
 
 Array = NDArray[np.float64]
+Pair = tuple[float, float]
+Slew = Callable[[Pair, Pair], tuple[float, str]]
+"""Time of a slew between two positions of the axes by the way that is free, and why there is none."""
 TURN = 2.0 * math.pi
 STEP_S = 0.1
-HALF_POWER_DB = 3.0
-DEEPEST_DB = 60.0
-"""Loss beyond which only "more than" is meant; a Gaussian beam has no sidelobes."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class MachineParams(Params):
-    """What the axes can do, and what a pass must keep to be worth tracking."""
-
-    rate_limit_rad_s: tuple[float, float] = parameter((math.radians(1.8),) * 2, "largest rates", low=1e-6, high=10.0)
-    acceleration_limit_rad_s2: tuple[float, float] = parameter(
-        (math.radians(0.8),) * 2, "largest accelerations", low=1e-6, high=100.0
-    )
-    reserve: float = parameter(0.05, "share of both that planning leaves to the tracking loop", low=0.0, high=0.5)
-    sun_radius_rad: float = parameter(math.radians(1.0), "the beam stays this far from the Sun", low=0.0, high=0.5)
-    least_share: float = parameter(0.8, "share of the pass that must be received within 3 dB", low=0.0, high=1.0)
-    half_power_beamwidth_rad: float = parameter(
-        math.radians(0.065), "beamwidth that the loss is computed for", low=1e-6, high=0.5
-    )
-
-    def motion_limits(self, elevation_max_rad: float) -> AxisMotionLimits:
-        """Return the limits that planning may use."""
-        share = 1.0 - self.reserve
-        return AxisMotionLimits(
-            (share * self.rate_limit_rad_s[0], share * self.rate_limit_rad_s[1]),
-            (share * self.acceleration_limit_rad_s2[0], share * self.acceleration_limit_rad_s2[1]),
-            elevation_max_rad,
-        )
-
-    @property
-    def axes(self) -> AxisRates:
-        """Rates and accelerations of the axes."""
-        return AxisRates(self.rate_limit_rad_s, self.acceleration_limit_rad_s2)
-
-    def slew_s(self, start: tuple[float, float], end: tuple[float, float]) -> float:
-        """Return the time from rest at one position to rest at another, both axes at once."""
-        return self.axes.slew_s(start, end)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Branch:
-    """One way to track a pass; angles are those of the axes, `refusals` say with numbers why it cannot be."""
+    """One way to track a pass; angles are those of the axes, `refusals` say with numbers why it cannot be.
+
+    `plunge` is how the dish stands at the rise, `over` whether it goes over to the other side in the middle of the pass.
+    """
 
     turns: int
     plunge: bool
+    over: bool
     start_rad: tuple[float, float]
     end_rad: tuple[float, float]
     azimuth_range_rad: tuple[float, float]
@@ -87,7 +60,9 @@ class Branch:
     unwind_s: float
     late_s: float
     refusals: tuple[str, ...]
-    crossing: Crossing | None = None
+    crossing: Crossing | None = field(default=None, compare=False)
+    axes_rad: Array | None = field(default=None, compare=False)
+    """Positions (n, 2) of the axes at the times of the profile."""
 
     @property
     def works(self) -> bool:
@@ -97,7 +72,8 @@ class Branch:
     @property
     def label(self) -> str:
         """The branch in words."""
-        return f"{'plunge' if self.plunge else 'direct'}, {self.turns:+d} turns"
+        way = ("over back" if self.plunge else "over") if self.over else ("plunge" if self.plunge else "direct")
+        return f"{way}, {self.turns:+d} turns"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,27 +102,17 @@ class Certificate:
         return f"no branch works; the nearest, {first.label}: " + "; ".join(first.refusals)
 
 
-def plunged(position: Array, velocity: Array, acceleration: Array) -> tuple[Array, Array, Array]:
-    """Return the same motion on the sky with the dish over the top, (..., 2) each; `unplunged` undoes it."""
-    mirror = np.array([1.0, -1.0])
-    return position * mirror + np.pi, velocity * mirror, acceleration * mirror
-
-
-def unplunged(position: Array, velocity: Array, acceleration: Array) -> tuple[Array, Array, Array]:
-    """Undo `plunged`."""
-    mirror = np.array([1.0, -1.0])
-    return (position - np.pi) * mirror, velocity * mirror, acceleration * mirror
-
-
 def certify(
     profile: PassProfile,
-    axes: dict[bool, tuple[Array, ...]],
+    axes: dict[bool, tuple[Array, Array, Array]],
     issued_t_s: float,
-    present_rad: tuple[float, float],
+    present_rad: Pair,
     machine: MachineParams,
     limits: AxisLimits,
     mask: HorizonMask,
     gain: Gain,
+    lag: Lag = no_lag,
+    slew: Slew | None = None,
 ) -> Certificate:
     """Return the certificate of a pass.
 
@@ -157,20 +123,20 @@ def certify(
         they are plunged; a way that is not there is not considered.
     issued_t_s, present_rad : now, and where the axes stand.
     gain : power received relative to the peak at angles off the beam axis.
+    lag : what the axes have to stand ahead of the beam because of how it moves.
+    slew : the way to the start; without one it is straight.
     """
     sky = _Sky(
         mask=float(np.min(profile.position_rad[:, 1] - mask.lowest_all(profile.position_rad[:, 0]))),
         sun=float(np.min(profile.sun_angle_rad())) - machine.sun_radius_rad,
     )
-    branches: list[Branch] = []
-    for plunge, motion in axes.items():
-        # Over the top the whole pass lies beyond the zenith: an end of travel there is a refusal, not a detour.
-        motion_limits = machine.motion_limits(math.inf if plunge else limits.elevation_max_rad)
-        crossing = cross(profile.t_s, motion[0], motion[1], motion[2], motion_limits, gain)
-        branches += [
-            _branch(plunge, turns, profile, motion, crossing, sky, issued_t_s, present_rad, machine, limits, gain)
-            for turns in _turns(motion[0][:, 0], limits)
-        ]
+    way = slew or (lambda start, end: (machine.slew_s(start, end), ""))
+    certified = _Certifier(profile, sky, issued_t_s, present_rad, machine, limits, gain, way)
+    branches = [
+        certified.branch(course, turns)
+        for course in courses(profile.t_s, axes, machine, limits, gain, lag)
+        for turns in _turns(course.axes_rad[:, 0], limits)
+    ]
     return Certificate(
         name=profile.name,
         issued_t_s=issued_t_s,
@@ -196,59 +162,60 @@ def _turns(azimuth: Array, limits: AxisLimits) -> list[int]:
     return list(range(first, last + 1)) or [first]
 
 
-def _branch(
-    plunge: bool,
-    turns: int,
-    profile: PassProfile,
-    motion: tuple[Array, ...],
-    crossing: Crossing | None,
-    sky: _Sky,
-    issued_t_s: float,
-    present_rad: tuple[float, float],
-    machine: MachineParams,
-    limits: AxisLimits,
-    gain: Gain,
-) -> Branch:
-    shift = np.array([turns * TURN, 0.0])
-    position = motion[0] + shift
-    if crossing is not None:
-        crossing = Crossing(
-            crossing.t_s, crossing.position_rad + shift, crossing.velocity_rad_s, crossing.acceleration_rad_s2,
-            crossing.error_rad,
-        )  # fmt: skip
-        first = int(np.searchsorted(profile.t_s, crossing.t_s[0]))
-        position = position.copy()
-        position[first : first + len(crossing.t_s)] = crossing.position_rad
-    (low, high), (bottom, top) = ((float(part.min()), float(part.max())) for part in position.T)
-    closest, margin = _closest(limits, low, high, bottom, top)
-    start, end = (float(position[0, 0]), float(position[0, 1])), (float(position[-1, 0]), float(position[-1, 1]))
-    preposition_s = machine.slew_s(present_rad, start)
-    losses = _losses(profile, crossing, gain)
-    late_s = max(0.0, issued_t_s + preposition_s - float(profile.t_s[0]))
-    return Branch(
-        turns=turns,
-        plunge=plunge,
-        start_rad=start,
-        end_rad=end,
-        azimuth_range_rad=(low, high),
-        elevation_range_rad=(bottom, top),
-        peak_rate_rad_s=_peaks(motion[1]),
-        peak_acceleration_rad_s2=_peaks(motion[2]),
-        closest_limit=closest,
-        limit_margin_rad=margin,
-        mask_margin_rad=sky.mask,
-        sun_margin_rad=sky.sun,
-        preposition_s=preposition_s,
-        unwind_s=machine.slew_s((end[0], 0.0), (math.remainder(end[0], TURN), 0.0)),
-        late_s=late_s,
-        refusals=_refusals(sky, closest, margin, losses[1] + late_s, profile.duration_s, machine),
-        crossing=crossing,
-        keyhole_s=losses[0],
-        lost_s=losses[1],
-        lost_signal_s=losses[2],
-        peak_loss_db=losses[3],
-        mean_loss_db=losses[4],
-    )
+@dataclass(frozen=True, slots=True)
+class _Certifier:
+    """What all branches of one pass have in common."""
+
+    profile: PassProfile
+    sky: _Sky
+    issued_t_s: float
+    present_rad: Pair
+    machine: MachineParams
+    limits: AxisLimits
+    gain: Gain
+    slew: Slew
+
+    def branch(self, course: Course, turns: int) -> Branch:
+        """Return one branch, on a course moved by whole turns."""
+        shift = np.array([turns * TURN, 0.0])
+        position, crossing = course.axes_rad + shift, _moved(course.crossing, shift)
+        (low, high), (bottom, top) = ((float(part.min()), float(part.max())) for part in position.T)
+        closest, margin = _closest(self.limits, low, high, bottom, top)
+        start, end = (float(position[0, 0]), float(position[0, 1])), (float(position[-1, 0]), float(position[-1, 1]))
+        preposition_s, barred = self.slew(self.present_rad, start)
+        loss = PassLoss.of(crossing, self.profile.duration_s, self.gain)
+        late_s = max(0.0, self.issued_t_s + preposition_s - float(self.profile.t_s[0]))
+        refusals = _refusals(self.sky, closest, margin, loss.below_s + late_s, self.profile.duration_s, self.machine)
+        return Branch(
+            turns=turns,
+            plunge=course.plunge,
+            over=crossing is not None and crossing.over_t_s is not None,
+            start_rad=start,
+            end_rad=end,
+            azimuth_range_rad=(low, high),
+            elevation_range_rad=(bottom, top),
+            peak_rate_rad_s=_peaks(course.asked[1]),
+            peak_acceleration_rad_s2=_peaks(course.asked[2]),
+            closest_limit=closest,
+            limit_margin_rad=margin,
+            mask_margin_rad=self.sky.mask,
+            sun_margin_rad=self.sky.sun,
+            preposition_s=preposition_s,
+            unwind_s=self.machine.slew_s((end[0], 0.0), (math.remainder(end[0], TURN), 0.0)),
+            late_s=late_s,
+            refusals=(*refusals, *((f"no way to the start: {barred}",) if barred and margin >= 0.0 else ())),
+            crossing=crossing,
+            axes_rad=position,
+            keyhole_s=loss.off_s,
+            lost_s=loss.below_s,
+            lost_signal_s=loss.signal_s,
+            peak_loss_db=loss.peak_db,
+            mean_loss_db=loss.mean_db,
+        )
+
+
+def _moved(crossing: Crossing | None, shift: Array) -> Crossing | None:
+    return None if crossing is None else dataclasses.replace(crossing, position_rad=crossing.position_rad + shift)
 
 
 def _peaks(values: Array) -> tuple[float, float]:
@@ -266,20 +233,6 @@ def _closest(limits: AxisLimits, low: float, high: float, bottom: float, top: fl
     }
     name = min(margins, key=lambda key: margins[key])
     return name, margins[name]
-
-
-def _losses(profile: PassProfile, crossing: Crossing | None, gain: Gain) -> tuple[float, float, float, float, float]:
-    """Return seconds off the target, seconds below half power, seconds of signal lost, peak and mean loss in dB."""
-    if crossing is None:
-        return 0.0, 0.0, 0.0, 0.0, 0.0
-    step_s = float(crossing.t_s[1] - crossing.t_s[0])
-    received = gain(crossing.error_rad)
-    off = crossing.error_rad > 0.05 * float(np.max(crossing.error_rad))
-    lost_s = float(np.sum(1.0 - received) * step_s)
-    peak = -10.0 * math.log10(max(float(received.min()), 10.0 ** (-DEEPEST_DB / 10.0)))
-    mean = -10.0 * math.log10(max(1.0 - lost_s / profile.duration_s, 1e-6))
-    below = float(np.sum(received < 10.0 ** (-HALF_POWER_DB / 10.0)) * step_s)
-    return float(np.sum(off) * step_s), below, lost_s, peak, mean
 
 
 def _refusals(

@@ -5,7 +5,8 @@ import math
 from typing import Any
 
 from rf_pointing.geometry import to_degrees
-from rf_pointing.planning.certificate import DEEPEST_DB, Branch, Certificate
+from rf_pointing.planning.certificate import Branch, Certificate
+from rf_pointing.planning.loss import DEEPEST_DB
 
 __all__ = ["certificate_lines", "certificate_values"]
 
@@ -13,6 +14,7 @@ COLUMNS = (
     f"  {'branch':<17}{'azimuth deg':>17}{'elevation deg':>16}{'rate az el deg/s':>18}{'closest limit':>35}"
     f"{'mask':>7}{'Sun':>7}{'keyhole':>9}{'lost':>8}{'slew':>7}{'unwind':>8}"
 )
+NOT_PLAIN = ("crossing", "axes_rad", "branches", "machine")
 
 
 def certificate_lines(certificate: Certificate) -> list[str]:
@@ -55,13 +57,13 @@ def certificate_values(certificate: Certificate) -> dict[str, Any]:
 
 
 def _plain(record: Any) -> dict[str, Any]:
-    pairs = {item.name: getattr(record, item.name) for item in dataclasses.fields(record)}
+    names = [item.name for item in dataclasses.fields(record) if item.name not in NOT_PLAIN]
+    pairs = {name: getattr(record, name) for name in names}
     return {
         edge: list(value) if isinstance(value, tuple) else value
         for edge, value in (
             to_degrees(name, value) if "_rad" in name else (name, value) for name, value in pairs.items()
         )
-        if edge not in ("crossing", "branches", "machine")
     }
 
 

@@ -29,6 +29,8 @@ EARLIEST_S = 240.0
 COARSE = 32
 REFINEMENTS = 4
 SMOOTHINGS_S = (0.5, 1.0, 2.0, 4.0)
+ON_TARGET_RAD, MARGIN_S = 1e-5, 4.0
+"""A crossing begins and ends so long before and after the axes leave the target by more than this."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +51,10 @@ class Crossing:
     velocity_rad_s: Array
     acceleration_rad_s2: Array
     error_rad: Array
+    over_t_s: float | None = None
+    """When the dish goes over the top, for a crossing that ends on the other side."""
+    turn_rad: float = 0.0
+    """Whole turns by which the azimuth of the other side's motion is moved then."""
 
     @property
     def duration_s(self) -> float:
@@ -132,10 +138,7 @@ class _Path:
 
     def error_rad(self, azimuth: Array, elevation: Array, part: slice) -> Array:
         """Return the angle between target and a beam at azimuth (n,) and, within `part`, this elevation."""
-        half = 0.5 * (azimuth[part] - self.position[part, 0])
-        rise = 0.5 * (elevation - self.position[part, 1])
-        haversine = np.sin(rise) ** 2 + np.cos(elevation) * np.cos(self.position[part, 1]) * np.sin(half) ** 2
-        return np.asarray(2.0 * np.arcsin(np.sqrt(np.clip(haversine, 0.0, 1.0))))
+        return angle_between(np.column_stack([azimuth[part], elevation]), self.position[part])
 
     def lost_s(self, azimuth: Array, start: int, end: int, gain: Gain, elevation: Array | None = None) -> float:
         """Return the integral of 1 - gain, with the nearest elevation unless one is given."""
@@ -145,9 +148,20 @@ class _Path:
 
     def nearest_elevation(self, azimuth: Array, part: slice) -> Array:
         """Return the elevation within the travel that comes nearest to the target."""
-        off, elevation = azimuth[part] - self.position[part, 0], self.position[part, 1]
-        best = np.arctan2(np.sin(elevation), np.cos(elevation) * np.cos(off))
+        best = nearest_elevation(azimuth[part] - self.position[part, 0], self.position[part, 1])
         return np.asarray(np.minimum(best, self.limits.elevation_max_rad))
+
+
+def angle_between(beam: Array, target: Array) -> Array:
+    """Return the angle (n,) between two directions (n, 2), over the top or not."""
+    half, rise = 0.5 * (beam - target).T
+    haversine = np.sin(rise) ** 2 + np.cos(beam[:, 1]) * np.cos(target[:, 1]) * np.sin(half) ** 2
+    return np.asarray(2.0 * np.arcsin(np.sqrt(np.clip(haversine, 0.0, 1.0))))
+
+
+def nearest_elevation(off_rad: Array, elevation_rad: Array) -> Array:
+    """Return the elevation at which a beam `off_rad` (n,) in azimuth comes nearest to a target, over the top if need be."""
+    return np.asarray(np.arctan2(np.sin(elevation_rad), np.cos(elevation_rad) * np.cos(off_rad)))
 
 
 def _finish(path: _Path, azimuth: Array, start: int, end: int, gain: Gain, acceleration: Array) -> Crossing:
@@ -169,6 +183,11 @@ def _finish(path: _Path, azimuth: Array, start: int, end: int, gain: Gain, accel
             best = lost, elevation
     assert best is not None
     moved = np.column_stack([azimuth, best[1]])
+    off = first + np.flatnonzero(np.max(np.abs(moved - path.position)[part], axis=1) > ON_TARGET_RAD)
+    start, end = (int(off[0]), int(off[-1])) if len(off) else (start, end)
+    beside = round(MARGIN_S / path.step_s)
+    first, last = max(first, start - beside), min(last, end + beside)
+    part = slice(first, last + 1)
     velocity = np.gradient(moved, path.step_s, axis=0)
     velocity[:first], velocity[last + 1 :] = path.velocity[:first], path.velocity[last + 1 :]
     bend = np.gradient(velocity, path.step_s, axis=0)

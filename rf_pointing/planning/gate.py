@@ -109,6 +109,13 @@ class Gate:
             return self._between(present_rad, positions, sun)
         return Decision(True, self.warning(float(positions[-1, 0]), float(positions[-1, 1])))
 
+    def slew(self, present_rad: Pair, goal_rad: Pair, sun_rad: Pair | None = None) -> tuple[float, str]:
+        """Return the time from rest to rest by the way that is free, round the mask and the Sun, and why there is none."""
+        found = self._ways.find(present_rad, goal_rad, sun_rad)
+        corners = [goal_rad] if isinstance(found, str) else found
+        legs = zip([present_rad, *corners[:-1]], corners, strict=True)
+        return sum(self.axes.slew_s(a, b) for a, b in legs), found if isinstance(found, str) else ""
+
     def position(
         self,
         azimuth_rad: float,

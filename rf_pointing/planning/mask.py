@@ -2,6 +2,7 @@
 
 import bisect
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,6 +47,10 @@ class HorizonMask(Params):
         low, high = after - 1, after % count
         width = points[high] - points[low] + (TURN if high == 0 else 0.0)
         return heights[low] + (heights[high] - heights[low]) * (azimuth - points[low]) / width
+
+    def above(self, least_rad: float) -> Callable[[Array], Array]:
+        """Return the horizon (n,) over azimuths (n,) that is nowhere lower than `least_rad`."""
+        return lambda azimuth_rad: np.maximum(self.lowest_all(azimuth_rad), least_rad)
 
     def lowest_all(self, azimuth_rad: ArrayLike) -> Array:
         """Return the horizon's elevation at azimuths of any shape."""

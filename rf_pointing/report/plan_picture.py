@@ -12,7 +12,7 @@ from rf_pointing.station.pass_planning import PlannedPass
 
 __all__ = ["draw_plan"]
 
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#332288", "#882255", "#7f7f7f")
 
 
 def draw_plan(planned: list[PlannedPass], limits: AxisLimits, path: Path) -> None:
@@ -39,8 +39,9 @@ def _draw_sky(axes: Any, planned: list[PlannedPass]) -> None:
         chosen = item.certificate.chosen
         if chosen is not None and chosen.crossing is not None:
             beam_azimuth, beam_elevation = chosen.crossing.position_rad.T
-            if chosen.plunge:
-                beam_azimuth, beam_elevation = beam_azimuth - math.pi, math.pi - beam_elevation
+            over = beam_elevation > 0.5 * math.pi
+            beam_azimuth = np.where(over, beam_azimuth - math.pi, beam_azimuth)
+            beam_elevation = np.where(over, math.pi - beam_elevation, beam_elevation)
             axes.plot(beam_azimuth, 90.0 - np.degrees(beam_elevation), color="black", lw=0.8)
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.06), ncols=2, fontsize=8.0)
 
@@ -53,10 +54,11 @@ def _draw_wrap(axes: Any, planned: list[PlannedPass], limits: AxisLimits) -> Non
         minutes = start + (item.profile.t_s - item.profile.t_s[0]) / 60.0
         direct = np.degrees(item.profile.position_rad[:, 0])
         for branch in item.certificate.branches:
-            if branch.works and branch is not item.certificate.chosen:
-                axes.plot(minutes, direct + 360.0 * branch.turns + 180.0 * branch.plunge, color="#b0b4b8", lw=0.9)
-        if item.axes_rad is not None:
-            axes.plot(minutes, np.degrees(item.axes_rad[:, 0]), color=_colour(number), lw=2.0)
+            if branch.works and branch is not item.certificate.chosen and branch.axes_rad is not None:
+                axes.plot(minutes, np.degrees(branch.axes_rad[:, 0]), color="#b0b4b8", lw=0.9)
+        taken = item.certificate.chosen
+        if taken is not None and taken.axes_rad is not None:
+            axes.plot(minutes, np.degrees(taken.axes_rad[:, 0]), color=_colour(number), lw=2.0)
         else:
             axes.plot(minutes, direct, color=_colour(number), lw=1.0, ls=":")
     axes.set_ylabel("axis azimuth, deg")
@@ -70,8 +72,9 @@ def _draw_rates(axes: Any, planned: list[PlannedPass]) -> None:
         asked = np.degrees(np.abs(item.profile.velocity_rad_s))
         for axis in (0, 1):
             axes.plot(minutes, asked[:, axis], color=AXIS_COLOURS[axis], lw=0.6, alpha=0.6)
-            if item.axes_rad is not None:
-                given = np.abs(np.gradient(np.degrees(item.axes_rad[:, axis]), item.profile.t_s))
+            taken = item.certificate.chosen
+            if taken is not None and taken.axes_rad is not None:
+                given = np.abs(np.gradient(np.degrees(taken.axes_rad[:, axis]), item.profile.t_s))
                 label = ("azimuth", "elevation")[axis] if number == 0 else None
                 axes.plot(minutes, given, color=AXIS_COLOURS[axis], lw=1.8, label=label)
     if planned:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rf_pointing.calibration import BiasModel
 from rf_pointing.controllers import TrackerIntegratorParams
 from rf_pointing.ephemeris import (
     SITES,
@@ -20,7 +21,8 @@ from rf_pointing.ephemeris import (
 from rf_pointing.geometry import MU, JointReading, angular_distance_rad, random_stream
 from rf_pointing.geometry.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
 from rf_pointing.planning import AxisLimits, GateParams, MachineParams
-from rf_pointing.planning.certificate import DEEPEST_DB, HALF_POWER_DB, plunged
+from rf_pointing.planning.loss import DEEPEST_DB, HALF_POWER_DB
+from rf_pointing.planning.plunge import plunged
 from rf_pointing.servo import WindParams, dss13_plant
 from rf_pointing.station.antenna import AntennaParams, LoopParams, SimulatedAntenna
 from rf_pointing.station.antenna_safety import SafetyParams
@@ -29,16 +31,16 @@ from rf_pointing.station.pass_planning import pass_profile
 from rf_pointing.station.pointing import PointingController, PointingParams
 from rf_pointing.tracking import AutotrackParams, ConscanParams, SpiralParams
 
-__all__ = ["KeyholeCase", "KeyholeRun", "Loss", "fly", "high_passes"]
+__all__ = ["KeyholeCase", "KeyholeRun", "Loss", "fly", "high_passes", "station_mount"]
 
 Array = NDArray[np.float64]
 LEAST_PERIGEE_M, LARGEST_PERIGEE_M = 300e3, 1500e3
 """Perigees of the orbits that are flown: low, and high enough to last for the days they are flown on."""
 
 LEAST_PEAK_RAD = math.radians(75.0)
-MARGIN_S = 15.0
-OVER_RAD = math.radians(10.0)
-"""Azimuth travel beyond what a pass over the top needs."""
+BEFORE_S, AFTER_S = 30.0, 15.0
+"""How long before and after the crossing a pass is flown: the lags of the mount build up before."""
+AVERAGING_S = 5.0
 TARGET_LEAD_S = 2.0
 MOST_TRIES = 3000
 DAYS = 7
@@ -53,23 +55,34 @@ NO_SUN = GateParams(sun_radius_rad=0.0)
 
 @dataclass(frozen=True, kw_only=True)
 class KeyholeCase:
-    """One pass to fly, the beam that follows it, and whether it is followed over the top."""
+    """One pass to fly, the beam that follows it, whether the dish may go over the top, and the errors of the mount.
+
+    The controller knows the mount as a perfect calibration would, its lags as those of steady motion.
+    """
 
     track: TopocentricTrack
     window: Pass
     beamwidth_rad: float
     station: str = ""
-    plunge: bool = False
+    over: bool = False
+    mount: MountParams = MountParams()
 
     @property
     def limits(self) -> AxisLimits:
-        """Travel of the axes: ample and up to the zenith, or such that the pass fits only over the top."""
-        if not self.plunge:
-            return AxisLimits(azimuth_min_rad=-6.0, azimuth_max_rad=12.0, elevation_max_rad=0.5 * math.pi)
-        low, high = self.window.azimuth_min_rad - math.pi, self.window.azimuth_max_rad - math.pi
-        return AxisLimits(
-            azimuth_min_rad=low - OVER_RAD, azimuth_max_rad=high + OVER_RAD, elevation_max_rad=math.radians(176.0)
-        )
+        """Travel of the axes: ample, up to the zenith or beyond."""
+        top_rad = math.radians(176.0) if self.over else 0.5 * math.pi
+        return AxisLimits(azimuth_min_rad=-6.0, azimuth_max_rad=12.0, elevation_max_rad=top_rad)
+
+    @property
+    def calibrated(self) -> BiasModel:
+        """The model of steady motion: the average of the rates is one acceleration lag of -T more."""
+        found = self.mount.model()
+        lags = {
+            f"{axis}_acceleration_lag": found.coefficients[f"{axis}_acceleration_lag"]
+            - AVERAGING_S * found.coefficients[f"{axis}_velocity_lag"]
+            for axis in ("azimuth", "elevation")
+        }
+        return found.replace(**lags)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,8 +114,29 @@ class KeyholeRun:
     peak_rad: float
     beamwidth_rad: float
     keyhole_s: float
+    over: bool
     predicted: Loss
     simulated: Loss
+
+
+def station_mount() -> MountParams:
+    """Return errors of the size of SATCAL Table 1 (Mauritius): the mount of the simulated station."""
+    return MountParams(
+        azimuth_offset_rad=math.radians(0.178),
+        non_orthogonality_rad=math.radians(0.062),
+        collimation_rad=math.radians(-0.010),
+        azimuth_encoder_sine_rad=math.radians(-0.194),
+        azimuth_encoder_cosine_rad=math.radians(-0.048),
+        azimuth_velocity_lag_s=-1.022,
+        azimuth_acceleration_lag_s2=0.02,
+        mislevel_east_rad=math.radians(0.039),
+        mislevel_north_rad=math.radians(-0.007),
+        elevation_offset_rad=math.radians(-0.202),
+        droop_rad=math.radians(-0.089),
+        elevation_encoder_sine_rad=math.radians(-0.009),
+        elevation_velocity_lag_s=-1.907,
+        elevation_acceleration_lag_s2=0.02,
+    )
 
 
 def high_passes(count: int, seed: int) -> Iterator[KeyholeCase]:
@@ -166,13 +200,12 @@ def fly(case: KeyholeCase) -> KeyholeRun | None:
         return None
     branch = controller.plan.branch
     assert branch is not None
-    assert branch.plunge == case.plunge
     assert branch.crossing is not None
     crossing = branch.crossing
     first_s, last_s = float(crossing.t_s[0]), float(crossing.t_s[-1])
     antenna = _antenna(controller, case, begin_s)
-    times, angles = _flown(case, controller, antenna, begin_s, last_s + MARGIN_S)
-    inside = (times >= first_s) & (times <= last_s)
+    times, angles = _flown(case, controller, antenna, begin_s, last_s + AFTER_S)
+    inside = times >= first_s
     return KeyholeRun(
         name=case.window.name,
         station=case.station,
@@ -180,17 +213,29 @@ def fly(case: KeyholeCase) -> KeyholeRun | None:
         peak_rad=case.window.peak_elevation_rad,
         beamwidth_rad=case.beamwidth_rad,
         keyhole_s=branch.keyhole_s,
+        over=branch.over,
         predicted=Loss.of(crossing.error_rad, float(crossing.t_s[1] - crossing.t_s[0]), case.beamwidth_rad),
         simulated=Loss.of(angles[inside], antenna.params.tick_s, case.beamwidth_rad),
     )
 
 
 def _controller(case: KeyholeCase) -> PointingController:
-    return PointingController(
-        PointingParams(), case.limits, AutotrackParams(), TrackerIntegratorParams(), SpiralParams(), ConscanParams(),
+    params, machine = (
+        PointingParams(lag_averaging_s=AVERAGING_S),
         MachineParams(half_power_beamwidth_rad=case.beamwidth_rad, least_share=0.0, sun_radius_rad=0.0),
+    )
+    controller = PointingController(
+        params,
+        case.limits,
+        AutotrackParams(),
+        TrackerIntegratorParams(),
+        SpiralParams(),
+        ConscanParams(),
+        machine,
         gate=NO_SUN,
-    )  # fmt: skip
+    )
+    controller.take_model(case.calibrated)
+    return controller
 
 
 def _begin(case: KeyholeCase, controller: PointingController) -> float | None:
@@ -202,14 +247,15 @@ def _begin(case: KeyholeCase, controller: PointingController) -> float | None:
     assert branch is not None
     if branch.crossing is None:
         return None
-    return max(case.window.aos_t_s + 1.0, math.floor(float(branch.crossing.t_s[0])) - MARGIN_S)
+    return max(case.window.aos_t_s + 1.0, math.floor(float(branch.crossing.t_s[0])) - BEFORE_S)
 
 
 def _antenna(controller: PointingController, case: KeyholeCase, start_s: float) -> SimulatedAntenna:
     """Return an antenna that stands where the target is at the start, with travel beyond the controller's limits."""
     target = case.track.target_at(start_s, near_azimuth_rad=_near(controller, case))
     here = np.array([target.azimuth_rad, target.elevation_rad])
-    azimuth, elevation = (plunged(here, 0.0 * here, 0.0 * here)[0] if case.plunge else here).tolist()
+    over = controller.plan.course.plunge_at(start_s)
+    azimuth, elevation = (plunged(here, 0.0 * here, 0.0 * here)[0] if over else here).tolist()
     loops = LoopParams()
     preprocessor = loops.preprocessor.replace(travel_min_rad=(-7.0, -0.1), travel_max_rad=(13.0, 3.2))
     plant = dss13_plant()
@@ -218,14 +264,14 @@ def _antenna(controller: PointingController, case: KeyholeCase, start_s: float) 
         elevation=plant.elevation.replace(travel_max_rad=3.3),
     )
     return SimulatedAntenna(
-        AntennaParams(start_azimuth_rad=azimuth, start_elevation_rad=elevation),
-        plant, loops.replace(preprocessor=preprocessor), WindParams(mean_speed_m_s=0.0), MountParams().model(),
+        AntennaParams(start_azimuth_rad=azimuth, start_elevation_rad=elevation, lag_averaging_s=AVERAGING_S),
+        plant, loops.replace(preprocessor=preprocessor), WindParams(mean_speed_m_s=0.0), case.mount.model(),
         SafetyParams(gate=NO_SUN),
     )  # fmt: skip
 
 
 def _near(controller: PointingController, case: KeyholeCase) -> float:
-    return 0.5 * (case.window.azimuth_min_rad + case.window.azimuth_max_rad) + controller.plan.turns_rad
+    return 0.5 * (case.window.azimuth_min_rad + case.window.azimuth_max_rad) + controller.plan.course.turns_rad
 
 
 def _flown(

@@ -1,18 +1,13 @@
-"""The plan of the pass in hand: its certificate, and the chosen branch carried out.
+"""The plan of the pass in hand: its certificate, the course of the chosen branch, and the way to its start."""
 
-The controller thinks in direct axis angles; a plunged pass is turned over the top on the way out and back on the way in.
-"""
-
-import dataclasses
 import math
-from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.calibration import BiasModel
 from rf_pointing.ephemeris import Pass
-from rf_pointing.geometry import JointReading, JointTrajectory, Motion, Quintic
+from rf_pointing.geometry import JointReading, Motion
 from rf_pointing.planning import (
     AxisLimits,
     Branch,
@@ -24,10 +19,12 @@ from rf_pointing.planning import (
     PassProfile,
     Way,
     motion_between,
+    plunged,
+    unplunged,
 )
-from rf_pointing.planning.certificate import plunged, unplunged
 from rf_pointing.planning.forbidden_sky import ForbiddenSky
 from rf_pointing.station.axis_motion import axis_motion
+from rf_pointing.station.branch_course import BranchCourse
 from rf_pointing.station.pass_planning import certificate_of
 from rf_pointing.station.solar import SolarDirection
 
@@ -54,6 +51,7 @@ class PassPlan:
         self._profiles: list[PassProfile] = []
         self.certificate: Certificate | None = None
         self.branch: Branch | None = None
+        self.course = BranchCourse()
 
     def take_limits(self, limits: AxisLimits) -> None:
         """Use these limits of travel from now on."""
@@ -65,9 +63,18 @@ class PassPlan:
 
     def clear(self) -> None:
         """Forget the branch: direct, without a crossing."""
-        self.branch, self._way, self._goal = None, Way(), np.full(2, math.inf)
+        self.branch, self.course = None, BranchCourse()
+        self._way, self._goal = Way(), np.full(2, math.inf)
 
-    def choose(self, t_s: float, window: Pass, joints: JointReading, model: BiasModel, sensor: str) -> bool:
+    def choose(
+        self,
+        t_s: float,
+        window: Pass,
+        joints: JointReading,
+        model: BiasModel,
+        sensor: str,
+        lag_averaging_s: float = 0.0,
+    ) -> bool:
         """Issue the certificate of a pass and take its branch; False when the pass has no profile.
 
         Raises
@@ -84,7 +91,8 @@ class PassPlan:
         azimuth, elevation = joints.position_rad.tolist()
         self.certificate = certificate_of(
             profile, model, t_s, (azimuth, elevation), self.machine, self._limits, self.mask,
-            plunge_allowed=sensor not in NEITHER_WAY,
+            plunge_allowed=sensor not in NEITHER_WAY, lag_averaging_s=lag_averaging_s,
+            slew=lambda start, end: self.gate.slew(start, end, self.sun.at(t_s)),
         )  # fmt: skip
         self.branch = self.certificate.chosen
         if self.branch is None:
@@ -94,6 +102,7 @@ class PassPlan:
         except ValueError:
             self.branch = None
             raise
+        self.course = BranchCourse(self.branch)
         return True
 
     def refusal(self, kind: str, t_s: float, present_rad: tuple[float, float] | None, positions: Array) -> str:
@@ -125,71 +134,17 @@ class PassPlan:
         if axes is None:
             return start_rad
         still = np.zeros(2)
-        goal = plunged(start_rad, still, still)[0] if self.plunge else start_rad
-        corner = self.approach(t_s, axes, goal)
+        plunge = self.course.plunge_at(t_s)
+        corner = self.approach(t_s, axes, plunged(start_rad, still, still)[0] if plunge else start_rad)
         if corner is None:
             return start_rad
-        return unplunged(corner, still, still)[0] if self.plunge else corner
+        return unplunged(corner, still, still)[0] if plunge else corner
 
-    @property
-    def turns_rad(self) -> float:
-        """Whole turns of the branch."""
-        return 2.0 * math.pi * self.branch.turns if self.branch else 0.0
-
-    @property
-    def plunge(self) -> bool:
-        """Whether the pass is tracked over the top."""
-        return self.branch is not None and self.branch.plunge
-
-    def crossing(self, t_s: float) -> bool:
-        """Whether the antenna leaves the target at `t_s` because its axes are too slow for it."""
-        found = self.branch.crossing if self.branch else None
-        return found is not None and bool(found.t_s[0] <= t_s <= found.t_s[-1])
-
-    def replace(self, times: Array, motion: Motion, beside: Callable[[Motion], Array]) -> Motion:
-        """Return the motion (n, 2) with the crossing in place of the target's own motion while it lasts.
-
-        `beside` tells by how much (m, 2) the axes have to stand off the target's predicted motion (m, 2).  It is asked at
-        both ends of the crossing only and goes over from one to the other: close to the zenith an offset on the sky
-        would be any azimuth.
-        """
-        found = self.branch.crossing if self.branch else None
-        if found is None or times[-1] < found.t_s[0] or times[0] > found.t_s[-1]:
-            return motion
-        own = found.position_rad, found.velocity_rad_s, found.acceleration_rad_s2
-        table = unplunged(*own) if self.plunge else own
-        first, last = beside(Motion(*(part[[0, -1]] for part in table)))
-        rows = [part.copy() for part in motion]
-        for index in np.flatnonzero((times >= found.t_s[0]) & (times <= found.t_s[-1])):
-            share = _eased((float(times[index]) - float(found.t_s[0])) / found.duration_s, found.duration_s)
-            here = _interpolated(found.t_s, table, float(times[index]))
-            for row, part, gone in zip(rows, here, share, strict=True):
-                row[index] = part + gone * (last - first)
-            rows[0][index] += first
-        return Motion(*rows)
-
-    def to_axes(self, trajectory: JointTrajectory) -> JointTrajectory:
-        """Return a trajectory in direct angles as the axes must move."""
-        if not self.plunge:
-            return trajectory
-        position, velocity, acceleration = plunged(
-            trajectory.position_rad, trajectory.velocity_rad_s, trajectory.acceleration_rad_s2
-        )
-        return dataclasses.replace(
-            trajectory, position_rad=position, velocity_rad_s=velocity, acceleration_rad_s2=acceleration
-        )
-
-    def from_axes(self, reading: JointReading) -> JointReading:
-        """Return a reading of the axes in direct angles; undoes `to_axes`."""
-        if not self.plunge:
-            return reading
-        position, velocity, _ = unplunged(reading.position_rad, reading.velocity_rad_s, np.zeros(2))
-        return dataclasses.replace(reading, position_rad=position, velocity_rad_s=velocity)
-
-    def model_motion(self, sky: Motion, model: BiasModel) -> Motion:
-        """Return the direct angles that hold the beam on `sky` (n, 2): the model sees the axes as they really stand."""
-        motion = axis_motion(sky, model, plunge=self.plunge)
-        return Motion(*unplunged(*motion)) if self.plunge else motion
+    def model_motion(self, t_s: float, sky: Motion, model: BiasModel) -> Motion:
+        """Return the direct angles that hold the beam on `sky` (n, 2) at `t_s`: the model sees the axes as they stand."""
+        plunge = self.course.plunge_at(t_s)
+        motion = axis_motion(sky, model, plunge=plunge)
+        return Motion(*unplunged(*motion)) if plunge else motion
 
     def _check_sun(self, profile: PassProfile) -> None:
         """Refuse a pass that was predicted for another station than the one whose Sun is kept clear of."""
@@ -209,20 +164,3 @@ class PassPlan:
             if profile.name == window.name and begins and abs(float(profile.t_s[-1]) - window.los_t_s) <= SAME_PASS_S:
                 return profile
         return None
-
-
-def _interpolated(t_s: Array, table: tuple[Array, ...], at_s: float) -> Motion:
-    """Return the motion (2,) at one instant of a table of even times."""
-    step_s = float(t_s[1] - t_s[0])
-    row = min(int((at_s - float(t_s[0])) / step_s), len(t_s) - 2)
-    start, end = (Motion(*(part[index] for part in table)) for index in (row, row + 1))
-    return Quintic(start, end, step_s).at(at_s - float(t_s[row]))
-
-
-def _eased(share: float, duration_s: float) -> tuple[float, float, float]:
-    """Return the step from 0 to 1 without a jump of its rate, 3 x^2 - 2 x^3, and its two derivatives in time."""
-    return (
-        share**2 * (3.0 - 2.0 * share),
-        6.0 * share * (1.0 - share) / duration_s,
-        6.0 * (1.0 - 2.0 * share) / duration_s**2,
-    )

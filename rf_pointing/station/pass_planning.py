@@ -1,18 +1,29 @@
 """From a track and a station to pass certificates: the sky's motion, the bias model, the beam, and the planner."""
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.calibration import BiasModel
+from rf_pointing.calibration import BiasModel, LagHistory, without_lags
 from rf_pointing.ephemeris import Pass, TopocentricTrack, find_passes, sun
 from rf_pointing.geometry import MU, Motion
-from rf_pointing.planning import AxisLimits, Branch, Certificate, HorizonMask, MachineParams, PassProfile, certify
-from rf_pointing.planning.certificate import STEP_S
+from rf_pointing.planning import (
+    AxisLimits,
+    Certificate,
+    Gate,
+    GateParams,
+    HorizonMask,
+    MachineParams,
+    PassProfile,
+    certify,
+)
+from rf_pointing.planning.certificate import STEP_S, Slew
+from rf_pointing.planning.course import Lag, no_lag
 from rf_pointing.station.axis_motion import axis_motion
 
-__all__ = ["PlannedPass", "branch_path", "certificate_of", "pass_profile", "passes_above_mask", "plan_passes"]
+__all__ = ["PlannedPass", "PlanningRules", "certificate_of", "pass_profile", "plan_passes"]
 
 Array = NDArray[np.float64]
 SAMPLE_S = 1.0
@@ -21,13 +32,24 @@ MOST_SAMPLES = 4000
 
 
 @dataclass(frozen=True, kw_only=True)
+class PlanningRules:
+    """The antenna that passes are planned for: its errors, what its axes can do, and where they may not go."""
+
+    model: BiasModel
+    machine: MachineParams
+    limits: AxisLimits
+    mask: HorizonMask
+    gate: GateParams
+    lag_averaging_s: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class PlannedPass:
-    """One coming pass: its motion on the sky, its certificate, and the axes' path (n, 2) on the branch taken, if any."""
+    """One coming pass: its motion on the sky, and its certificate."""
 
     window: Pass
     profile: PassProfile
     certificate: Certificate
-    axes_rad: Array | None
 
 
 def plan_passes(
@@ -35,34 +57,24 @@ def plan_passes(
     start_t_s: float,
     span_s: float,
     present_rad: tuple[float, float],
-    model: BiasModel,
-    machine: MachineParams,
-    limits: AxisLimits,
-    mask: HorizonMask,
+    rules: PlanningRules,
     least_rad: float,
 ) -> list[PlannedPass]:
     """Return every pass of a span with its certificate; each starts from where the one before has left the axes."""
     planned, free_t_s = [], start_t_s
-    for window in passes_above_mask(track, start_t_s, span_s, mask, least_rad):
+    gate = Gate(rules.gate, rules.limits, rules.mask, rules.machine.axes)
+    for window in find_passes(track, start_t_s, span_s, rules.mask.above(least_rad)):
         profile = pass_profile(track, window)
-        certificate = certificate_of(profile, model, free_t_s, present_rad, machine, limits, mask)
+        azimuth, elevation = _sun_at(np.array([free_t_s, free_t_s + SUN_STEP_S]), track)[0].tolist()
+        certificate = certificate_of(
+            profile, rules.model, free_t_s, present_rad, rules.machine, rules.limits, rules.mask,
+            lag_averaging_s=rules.lag_averaging_s, slew=partial(gate.slew, sun_rad=(azimuth, elevation)),
+        )  # fmt: skip
         fine, chosen = profile.resampled(STEP_S), certificate.chosen
-        axes = None
         if chosen is not None:
-            axes = branch_path(fine, model, chosen)
             present_rad, free_t_s = chosen.end_rad, window.los_t_s
-        planned.append(PlannedPass(window=window, profile=fine, certificate=certificate, axes_rad=axes))
+        planned.append(PlannedPass(window=window, profile=fine, certificate=certificate))
     return planned
-
-
-def branch_path(fine: PassProfile, model: BiasModel, branch: Branch) -> Array:
-    """Return the axis angles (n, 2) of a branch at the times of the profile it was certified with."""
-    sky = Motion(fine.position_rad, fine.velocity_rad_s, fine.acceleration_rad_s2)
-    path: Array = axis_motion(sky, model, plunge=branch.plunge).position + np.array([2.0 * np.pi * branch.turns, 0.0])
-    if branch.crossing is not None:
-        first = int(np.searchsorted(fine.t_s, branch.crossing.t_s[0]))
-        path[first : first + len(branch.crossing.t_s)] = branch.crossing.position_rad
-    return path
 
 
 def pass_profile(track: TopocentricTrack, window: Pass, step_s: float = SAMPLE_S) -> PassProfile:
@@ -98,8 +110,14 @@ def certificate_of(
     mask: HorizonMask,
     *,
     plunge_allowed: bool = True,
+    lag_averaging_s: float = 0.0,
+    slew: Slew | None = None,
 ) -> Certificate:
-    """Return the certificate of a pass for the beam of the machine's parameters (Gaussian, CONSCAN eq. 1)."""
+    """Return the certificate of a pass for the beam of the machine's parameters (Gaussian, CONSCAN eq. 1).
+
+    Lags that build up over `lag_averaging_s` are those of the motion that the beam makes, crossing included; with 0 they
+    are those of the target's own.
+    """
     fine = profile.resampled(STEP_S)
     width = machine.half_power_beamwidth_rad
 
@@ -108,22 +126,8 @@ def certificate_of(
 
     ways = (False, True) if plunge_allowed else (False,)
     sky = Motion(fine.position_rad, fine.velocity_rad_s, fine.acceleration_rad_s2)
-    axes = {plunge: tuple(axis_motion(sky, model, plunge=plunge)) for plunge in ways}
-    return certify(fine, axes, issued_t_s, present_rad, machine, limits, mask, gain)
-
-
-def passes_above_mask(
-    track: TopocentricTrack, start_t_s: float, span_s: float, mask: HorizonMask, least_rad: float
-) -> list[Pass]:
-    """Return the passes above `least_rad`, each cut to the part that is above the horizon mask."""
-    found = find_passes(track, start_t_s, span_s, least_rad)
-    cut = []
-    for window in found:
-        profile = pass_profile(track, window)
-        clear = np.flatnonzero(profile.position_rad[:, 1] >= mask.lowest_all(profile.position_rad[:, 0]))
-        if len(clear) == len(profile.t_s):
-            cut.append(window)
-        elif len(clear) > 1:
-            first, last = float(profile.t_s[clear[0]]), float(profile.t_s[clear[-1]])
-            cut += find_passes(track, first, last - first, least_rad)
-    return cut
+    history = LagHistory(model, lag_averaging_s) if lag_averaging_s > 0.0 and model.has_lags else None
+    held = without_lags(model) if history else model
+    sides: dict[bool, tuple[Array, Array, Array]] = {way: axis_motion(sky, held, plunge=way) for way in ways}
+    lag: Lag = (lambda t_s, rate, bend: history.along(t_s, rate, bend)[0]) if history else no_lag
+    return certify(fine, sides, issued_t_s, present_rad, machine, limits, mask, gain, lag, slew)

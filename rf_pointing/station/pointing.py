@@ -9,6 +9,7 @@ does not depend on how fast messages travel within it.
 import math
 from collections import deque
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -146,7 +147,7 @@ class PointingController:
         self._turns_rad: float | None = None
         self._centre: dict[int, Array] = {}
         self._beam = BeamPosition()
-        self._path = AxisPath(params.period_s, self.plan.model_motion, params.lag_averaging_s)
+        self._path = AxisPath(params.period_s, self.plan, params.lag_averaging_s)
         self._stopping, self._moved, self._sensor = "", False, "program"
         self._last_sky = np.zeros(2)
         self.tally = Tally()
@@ -170,7 +171,7 @@ class PointingController:
 
     def take_joints(self, reading: JointReading) -> None:
         """Note where the axes are."""
-        self._axes, self._joints = reading, self.plan.from_axes(reading)
+        self._axes, self._joints = reading, self.plan.course.from_axes(reading)
         self._beam.take_joints(self._joints)
 
     def take_target(self, target: Target) -> None:
@@ -269,9 +270,9 @@ class PointingController:
 
     def _choose_turn(self, t_s: float, window: Pass, joints: JointReading, sensor: str) -> float:
         """Return the turns (rad) to track on: those of the certificate, or of the summary when there is no profile."""
-        if self.plan.choose(t_s, window, joints, self._model, sensor):
+        if self.plan.choose(t_s, window, joints, self._model, sensor, self.params.lag_averaging_s):
             self.take_joints(joints)
-            return self.plan.turns_rad
+            return self.plan.course.turns_rad
         low, high, present = window.azimuth_min_rad, window.azimuth_max_rad, float(joints.position_rad[0])
         turns_rad = 2.0 * math.pi * choose_turns(self.limits, low, high, present)
         refused = refusal(self.limits, window.aos_azimuth_rad + turns_rad, window.peak_elevation_rad)
@@ -281,7 +282,7 @@ class PointingController:
 
     def _advance_table(self, t_s: float) -> None:
         assert self._pass is not None
-        if self.plan.crossing(t_s) and not self._stopping:
+        if self.plan.course.crossing(t_s) and not self._stopping:
             return
         error = self._fresh_error(t_s)
         before, beam = self.state, self._beam.offset(error.t_s) if error else None
@@ -364,12 +365,14 @@ class PointingController:
         centre = predicted
         if t_s >= self._pass.aos_t_s:
             range_m = self._targets.range_m(times)
+            self.offsets.stand(self.plan.course.plunge_at(float(times[0])))
             centre = self.offsets.add_trim(times, predicted, range_m)
-            centre = self.plan.replace(times, centre, lambda ends: self.offsets.beside(ends, float(range_m[0])))
+            beside = partial(self.offsets.beside, range_m=float(range_m[0]))
+            centre = self.plan.course.carry(times, predicted, centre, beside)
         position, velocity, acceleration = self.offsets.add_scan(times, centre)
         self._centre = {**{k: c for k, c in self._centre.items() if k >= _key(t_s)}, _key(times[0]): centre.position[0]}
         self._beam.take_centre(float(times[0]), predicted.position[0])
-        trajectory = self.plan.to_axes(
+        trajectory = self.plan.course.to_axes(
             JointTrajectory(t_s=times, position_rad=position, velocity_rad_s=velocity, acceleration_rad_s2=acceleration)
         )
         present = None if self._axes is None else (float(self._axes.position_rad[0]), float(self._axes.position_rad[1]))
@@ -388,7 +391,7 @@ class PointingController:
         near_rad = 0.5 * (self._pass.azimuth_min_rad + self._pass.azimuth_max_rad) + (self._turns_rad or 0.0)
         if t_s < self._pass.aos_t_s:
             start = np.array([self._pass.aos_azimuth_rad, self._pass.aos_elevation_rad])
-            waiting = self._path.waiting(len(times), start, self._model, near_rad)
+            waiting = self._path.waiting(len(times), t_s, start, self._model, near_rad)
             next_rad = self.plan.to_start(t_s, self._axes, waiting.position[0])
             return waiting._replace(position=np.tile(next_rad, (len(times), 1)))
         return self._path.at(times, self._targets, self._model, near_rad)

@@ -27,6 +27,9 @@ Array = NDArray[np.float64]
 STEP_GAIN = 0.7
 STEP_RAMP_S = 1.0
 """A result that comes once a round moves the beam by this share of itself, spread over this time."""
+OVER = np.array([1.0, -1.0])
+"""What becomes of an error of the dish (cross-elevation, elevation) on the sky when it goes over the top: encoders and
+elevation axis point the other way.  That of the azimuth axis stays."""
 FADE_S = 3.0
 """Time in which a coast forgets what the trim does not explain."""
 FOUND_SIGMA_BEAMWIDTHS = 0.25
@@ -72,6 +75,7 @@ class SkyOffsets:
         self._integrator = TrackerIntegrator(self._loops["monopulse"])
         self._integrator.reset(t_s)
         self._integrator.freeze(t_s)
+        self._over = False
         self._filter = TrimFilter(self._trim_params)
         self._scans = ScanPatterns(self._scan_params)
         self._blend = Blend()
@@ -127,13 +131,27 @@ class SkyOffsets:
         self._past.add(float(times[0]), np.concatenate([self._ahead[1][0], offset[0]]))
         return added(target, offset, rate)
 
-    def beside(self, target: Motion, range_m: float) -> Array:
-        """Return by how much (n, 2) trim and residual move the axes off the target's motion (n, 2); nothing is noted."""
+    def stand(self, over: bool) -> None:
+        """Note whether the dish stands over the top; when it has gone over, what was learned of the dish is turned with it."""
+        if over == self._over:
+            return
+        self._over = over
+        self._filter.turn(OVER)
+        state = self._integrator.state
+        state.offset_rad, state.rate_rad_s = state.offset_rad * OVER, state.rate_rad_s * OVER
+        self._integrator.state = state
+
+    def beside(self, target: Motion, over: Array, range_m: float) -> Array:
+        """Return by how much (n, 2) trim and residual move the axes off the target's motion (n, 2); nothing is noted.
+
+        `over` (n,) says where the dish then stands over the top.
+        """
         rates = target.velocity * np.column_stack([np.cos(target.position[:, 1]), np.ones(len(target.position))])
         sky = SkyMotion(*np.column_stack([rates, np.full(len(rates), range_m)]).T)
-        offset = (
-            self._residual(np.array([self._integrator.state.t_s]))[0] + direction_rows(sky) @ self._filter.state.mean
-        )
+        turned = np.where((over != self._over)[:, None], OVER, 1.0)
+        learned = self._filter.state.mean * np.column_stack([np.ones_like(turned), turned])
+        residual = self._residual(np.array([self._integrator.state.t_s]))[0] * turned
+        offset = residual + np.einsum("nij,nj->ni", direction_rows(sky), learned)
         moved: Array = added(target, offset, np.zeros_like(offset)).position - target.position
         return moved
 

@@ -6,7 +6,7 @@ state is a random walk.  A measurement is target minus predicted direction, with
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -112,6 +112,13 @@ class TrimFilter:
         """Return what to add to the ephemeris at `t_s`, also long after the last update."""
         rows = direction_rows(sky)
         return Trim(rows @ self.state.mean, rows @ self._aged(t_s) @ rows.T)
+
+    def turn(self, signs: Array) -> None:
+        """Multiply the bias by `signs` (2,): the antenna stands otherwise, the ephemeris is what it was."""
+        turned = np.concatenate([np.ones(2), signs])
+        self.state = replace(
+            self.state, mean=turned * self.state.mean, covariance=np.outer(turned, turned) * self.state.covariance
+        )
 
     def _aged(self, t_s: float) -> Array:
         if self.state.t_s is None:

@@ -157,3 +157,35 @@ def test_what_never_sets_has_no_rise_to_find() -> None:
     for found in passes_with_present(track, elements.epoch_t_s, DAY_S, MASK_RAD)[:1]:
         assert found.aos_t_s <= elements.epoch_t_s
         assert found.rises_before
+
+
+def test_every_stay_above_a_horizon_is_a_pass(track: TopocentricTrack, cbers: Elements) -> None:
+    """A hill in the middle of a pass makes two of it; brute force on a grid of 0.1 s says where."""
+    flat = find_passes(track, cbers.epoch_t_s, DAY_S, MASK_RAD)
+    whole = max(flat, key=lambda one: one.peak_elevation_rad)
+    middle = float(track.sample([whole.tca_t_s]).azimuth_rad[0])
+
+    def hill(azimuth_rad: np.ndarray) -> np.ndarray:
+        off = np.abs(np.mod(azimuth_rad - middle + np.pi, 2.0 * np.pi) - np.pi)
+        return np.maximum(MASK_RAD, np.radians(60.0) * (1.0 - off / np.radians(30.0)))
+
+    found = [
+        one for one in find_passes(track, cbers.epoch_t_s, DAY_S, hill) if abs(one.tca_t_s - whole.tca_t_s) < 900.0
+    ]
+    assert len(found) == 2
+    looks = track.sample(np.arange(whole.aos_t_s - 5.0, whole.los_t_s + 5.0, 0.1))
+    clear = looks.elevation_rad > hill(looks.azimuth_rad)
+    edges = looks.t_s[:-1][clear[1:] != clear[:-1]] + 0.05
+    assert [t for one in found for t in (one.aos_t_s, one.los_t_s)] == pytest.approx(edges.tolist(), abs=0.051)
+    assert found[0].peak_elevation_rad == pytest.approx(float(track.sample([found[0].los_t_s]).elevation_rad[0]))
+    assert found[0].tca_t_s == found[0].los_t_s
+
+
+def test_a_level_horizon_is_a_mask(track: TopocentricTrack, cbers: Elements) -> None:
+    flat = find_passes(track, cbers.epoch_t_s, DAY_S, MASK_RAD)
+    same = find_passes(track, cbers.epoch_t_s, DAY_S, lambda azimuth_rad: np.full_like(azimuth_rad, MASK_RAD))
+    for one, other in zip(flat, same, strict=True):
+        assert (one.aos_t_s, one.tca_t_s, one.los_t_s) == pytest.approx(
+            (other.aos_t_s, other.tca_t_s, other.los_t_s), abs=2e-4
+        )
+        assert one.peak_elevation_rad == other.peak_elevation_rad

@@ -19,6 +19,7 @@ TARGET: dict[str, Any] = {
     "elevation_acceleration_rad_s2": -1e-5,
     "range_m": 9e5,
     "range_rate_m_s": -3e3,
+    "refraction_rad": 1e-4,
 }
 
 

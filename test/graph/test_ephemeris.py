@@ -13,9 +13,11 @@ from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rf_pointing_msgs.msg import Target
 from rf_pointing_msgs.srv import SelectTarget
 
+from rf_pointing.ephemeris import ElementUncertainty, sky_uncertainty
 from rf_pointing.geometry import Target as SkyTarget
 from rf_pointing.nodes import convert
 from rf_pointing.nodes.qos import STREAM
+from rf_pointing.nodes.stamps import seconds_from_stamp
 from rf_pointing.station.source import SourceParams, load_track
 from test.faults.clocks import ManualClock
 
@@ -31,10 +33,9 @@ class Publisher:
     def __init__(self, live: SimpleNamespace) -> None:
         self.live, self.clock = live, ManualClock(live, MIDDLE_T_S)
         self.targets: list[SkyTarget] = []
+        self.message = Target()
         self.values: dict[str, str] = {}
-        live.node.create_subscription(
-            Target, "target", lambda m: self.targets.append(convert.target_from_message(m)), STREAM
-        )
+        live.node.create_subscription(Target, "target", self._on_target, STREAM)
         live.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, STREAM)
         started = live.start(["ephemeris_publisher"], state="configure", simulated=True)
         assert started.refused == []
@@ -43,6 +44,10 @@ class Publisher:
             if not started.client.change(["ephemeris_publisher"], "activate", 20.0):
                 break
         assert self.clock.run(10.0, lambda: len(self.targets) > 3)
+
+    def _on_target(self, message: Target) -> None:
+        self.message = message
+        self.targets.append(convert.target_from_message(message))
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
@@ -87,6 +92,15 @@ def test_offsets_hold_and_weather_are_set_live_and_each_is_read_back(live: Simpl
     node, plain = Publisher(live), SourceParams()
     sky = node.newest()
     assert sky.azimuth_rad == pytest.approx(load_track(plain).target_at(sky.t_s).azimuth_rad, abs=1e-9)
+    published = node.message
+    looks = load_track(plain).sample([seconds_from_stamp(published.header.stamp)])
+    assert published.doppler_factor == pytest.approx(looks.doppler_factor[0], abs=1e-12)
+    assert published.light_time == pytest.approx(looks.light_time_s[0], rel=1e-9)
+    assert published.refraction == pytest.approx(looks.elevation_rad[0] - looks.true_elevation_rad[0], abs=1e-9)
+    assert published.refraction > 0.0
+    expected = sky_uncertainty(load_track(plain), float(looks.t_s[0]), ElementUncertainty())
+    assert list(published.covariance) == pytest.approx(expected.covariance_rad2.ravel().tolist(), rel=1e-6)
+    assert published.along_track_sigma > published.cross_track_sigma > 0.0
 
     node.set("along_track_offset_s", 0.5)
     sky, late = node.newest(), load_track(plain.replace(along_track_offset_s=0.5))

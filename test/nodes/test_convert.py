@@ -12,7 +12,7 @@ from rf_pointing_msgs import msg as ours
 from sensor_msgs.msg import JointState
 
 from rf_pointing.calibration import TERMS, read_model
-from rf_pointing.ephemeris import Pass
+from rf_pointing.ephemeris import Pass, SkyUncertainty
 from rf_pointing.geometry import (
     Boresight,
     CarrierPower,
@@ -168,6 +168,25 @@ def test_a_cluster_with_channels_of_different_length_is_refused(random: np.rando
     message.difference_elevation_q = message.difference_elevation_q[:-1]
     with pytest.raises(ValueError, match="difference_elevation has 5 I and 4 Q samples, must have 5"):
         convert.monopulse_from_message(message)
+
+
+def test_a_target_carries_light_time_doppler_and_the_error_of_its_elements(random: np.random.Generator) -> None:
+    target = numbers(Target, random, t_s=T_S, name="bird")
+    shift = random.normal(size=(2, 3)) * 1e-4
+    sky = SkyUncertainty(
+        age_s=7200.0, along_track_rad=2e-4, cross_track_rad=1e-4, along_track_s=0.1, covariance_rad2=shift @ shift.T
+    )
+    message = convert.target_to_message(target, sky)
+    assert message.light_time == pytest.approx(target.range_m / 299792458.0, rel=1e-12)
+    assert message.doppler_factor == pytest.approx(1.0 - target.range_rate_m_s / 299792458.0, abs=1e-15)
+    back = convert.uncertainty_from_message(message)
+    assert back is not None
+    np.testing.assert_array_equal(back.covariance_rad2, sky.covariance_rad2)
+    assert (back.age_s, back.along_track_rad, back.cross_track_rad, back.along_track_s) == (7200.0, 2e-4, 1e-4, 0.1)
+    assert convert.uncertainty_from_message(convert.target_to_message(target)) is None
+    message.covariance = [1.0, 2.0]
+    with pytest.raises(ValueError, match="covariance has 2 values, must have 4 or none"):
+        convert.uncertainty_from_message(message)
 
 
 @pytest.mark.parametrize("name", ["azimuth", "range_rate"])

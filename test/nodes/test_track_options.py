@@ -51,6 +51,25 @@ def test_a_speed_is_a_factor_or_max() -> None:
     assert track_options.speed_factor("2.5") == 2.5
 
 
+def test_a_pass_begins_above_the_horizon_that_the_controller_is_given(tmp_path: Path) -> None:
+    hill = tmp_path / "hill.yaml"
+    hill.write_text(
+        "/**/pointing_controller:\n  ros__parameters:\n    mask: {azimuth_deg: [120.0, 147.0, 170.0], "
+        "elevation_deg: [0.0, 12.0, 0.0]}\n"
+    )
+    plain, options = (
+        track_options.choose_pass(track_options.arguments([])),
+        track_options.arguments(["--params-file", str(hill)]),
+    )
+    cut = track_options.choose_pass(options)
+    assert plain.aos_t_s + 60.0 < cut.aos_t_s < plain.tca_t_s
+    assert math.degrees(cut.aos_elevation_rad) == pytest.approx(10.2, abs=0.1)
+    assert cut.los_t_s == pytest.approx(plain.los_t_s, abs=1e-3)
+    said = track_options.overrides(options, cut, tmp_path)["/**/ephemeris_publisher"]["ros__parameters"]
+    assert said["mask.azimuth_deg"] == pytest.approx([120.0, 147.0, 170.0])
+    assert said["mask.elevation_deg"] == pytest.approx([0.0, 12.0, 0.0])
+
+
 @pytest.mark.parametrize("text", ["fast", "0", "-1", "nan", "inf", "1e9"])
 def test_another_speed_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match=r"speed=.* must be"):

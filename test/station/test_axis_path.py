@@ -1,13 +1,16 @@
 """Blocks of axis motion against the motion computed for the instants themselves."""
 
+import itertools
 import math
 
 import numpy as np
 import pytest
 
-from rf_pointing.calibration import BiasModel
+from rf_pointing.calibration import BiasModel, without_lags
 from rf_pointing.ephemeris import Pass, TopocentricTrack
-from rf_pointing.station.axis_path import RATE_LAGS, AxisPath, held, without_lags
+from rf_pointing.geometry import Motion, nearest_turn_rad
+from rf_pointing.station.axis_motion import axis_motion
+from rf_pointing.station.axis_path import AxisPath
 from rf_pointing.station.mount import MountParams, RateAverage
 from rf_pointing.station.target_buffer import TargetBuffer
 
@@ -27,6 +30,14 @@ def model() -> BiasModel:
         droop_rad=-1.5e-3,
         elevation_velocity_lag_s=-1.9,
     ).model()
+
+
+def held(sky: Motion, model: BiasModel, near_azimuth_rad: float) -> Motion:
+    """The motion of the axes at every instant alone, on the turn next to an azimuth."""
+    position, velocity, acceleration = axis_motion(sky, model)
+    first = float(position[0, 0])
+    near = nearest_turn_rad(first, near_azimuth_rad)
+    return Motion(position + np.array([near - first, 0.0]), velocity, acceleration)
 
 
 def targets_at(track: TopocentricTrack, start_s: float, seconds: float) -> TargetBuffer:
@@ -81,32 +92,30 @@ def test_instants_that_are_not_covered_are_refused(track: TopocentricTrack, wind
         AxisPath(PERIOD_S).at(np.array([t_s + 5.0]), targets_at(track, t_s, 1.0), BiasModel.zero(), math.pi)
 
 
-def test_lags_build_up_from_rest_without_a_step_and_end_at_those_of_steady_motion(
+def test_lags_are_those_of_a_mount_that_makes_the_same_motion_from_rest(
     track: TopocentricTrack, window: Pass, model: BiasModel
 ) -> None:
-    # Lags and averaging time a tenth of the mount's: the rates hardly change before the lags are there.
+    """The simulated mount's average, stepped a hundred times as finely, fed with the rates that the beam has."""
     start_s, averaging_s, near_rad = round(window.tca_t_s, 1), 0.5, math.pi
-    model = model.replace(**{name: 0.1 * value for name, value in model.coefficients.items() if name.endswith("_lag")})
-    lags_s = np.array([model.coefficients[name] for name in RATE_LAGS])
     path, buffer = AxisPath(PERIOD_S, lag_averaging_s=averaging_s), targets_at(track, start_s, 4.9)
     times = np.round(start_s + PERIOD_S * np.arange(1, 46), 6)
-    got = path.at(times, buffer, model, near_rad)
-    steady, still = held(buffer.at(times), model, near_rad), held(buffer.at(times), without_lags(model), near_rad)
-    lag = steady.position[0] - still.position[0]
-    assert np.max(np.abs(lag)) > math.radians(0.01)
-    np.testing.assert_allclose(got.position[0], still.position[0], atol=1e-12)
-    # All the way the lag is there by the share of a mount whose axes go from rest to a steady rate.
-    mount, steps_a_row, shares = RateAverage(averaging_s), 1000, [np.zeros(2)]
-    for _ in times[1:]:
-        for _ in range(steps_a_row):
-            mount.update(PERIOD_S / steps_a_row, 1.0 - lags_s * mount.acceleration_rad_s2)
-        shares.append(mount.rate_rad_s)
-    wanted = still.position + np.array(shares) * (steady.position - still.position)
-    np.testing.assert_allclose(got.position, wanted, atol=2e-4 * float(np.max(np.abs(lag))))
+    parts = [path.at(times[k : k + 10], buffer, model, near_rad) for k in range(0, 36, 5)]
+    got = np.concatenate([part.position[:5] for part in parts])
+    rates, mount, steps = buffer.at(times).velocity, RateAverage(averaging_s), 1000
+    velocity_s = np.array([model.coefficients[f"{axis}_velocity_lag"] for axis in ("azimuth", "elevation")])
+    lags = [velocity_s * mount.rate_rad_s]
+    for before, after in itertools.pairwise(rates):
+        for step in range(steps):
+            mount.update(PERIOD_S / steps, before + (after - before) * (step + 0.5) / steps)
+        lags.append(velocity_s * mount.rate_rad_s)
+    assert np.max(np.abs(lags)) > math.radians(0.2)
+    still = held(buffer.at(times), without_lags(model), near_rad).position
+    np.testing.assert_allclose(got, (still + np.array(lags))[: len(got)], atol=5e-4 * float(np.max(np.abs(lags))))
     # Position, velocity and acceleration belong to one motion (Hermite's rule of the fifth order).
-    steps = 0.5 * PERIOD_S * (got.velocity[1:] + got.velocity[:-1])
-    steps += PERIOD_S**2 / 12.0 * (got.acceleration[:-1] - got.acceleration[1:])
-    np.testing.assert_allclose(np.diff(got.position, axis=0), steps, atol=5e-8)
+    motion = path.at(times[30:45], buffer, model, near_rad)
+    steps_rad = 0.5 * PERIOD_S * (motion.velocity[1:] + motion.velocity[:-1])
+    steps_rad += PERIOD_S**2 / 12.0 * (motion.acceleration[:-1] - motion.acceleration[1:])
+    np.testing.assert_allclose(np.diff(motion.position, axis=0), steps_rad, atol=5e-8)
 
 
 def test_a_new_model_in_the_middle_of_a_pass_does_not_start_the_lags_again(
@@ -114,15 +123,11 @@ def test_a_new_model_in_the_middle_of_a_pass_does_not_start_the_lags_again(
 ) -> None:
     start_s, near_rad = round(window.tca_t_s, 1), math.pi
     path, buffer = AxisPath(PERIOD_S, lag_averaging_s=0.1), targets_at(track, start_s, 4.0)
-    path.at(np.array([start_s]), buffer, model, near_rad)
+    late = np.round(start_s + PERIOD_S * np.arange(1, 30), 6)
+    before = path.at(late, buffer, model, near_rad).position[-1]
     path.clear()
-    late = np.array([start_s + 3.0])
-    np.testing.assert_allclose(
-        path.at(late, buffer, model, near_rad).position, held(buffer.at(late), model, near_rad).position, atol=1e-12
-    )
+    np.testing.assert_allclose(path.at(late[-1:], buffer, model, near_rad).position[0], before, atol=1e-12)
     path.restart()
-    np.testing.assert_allclose(
-        path.at(late, buffer, model, near_rad).position,
-        held(buffer.at(late), without_lags(model), near_rad).position,
-        atol=1e-12,
-    )
+    resting = held(buffer.at(late[-1:]), without_lags(model), near_rad).position[0]
+    np.testing.assert_allclose(path.at(late[-1:], buffer, model, near_rad).position[0], resting, atol=1e-12)
+    assert np.max(np.abs(before - resting)) > math.radians(0.2)

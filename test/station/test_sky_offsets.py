@@ -231,3 +231,23 @@ def test_a_new_pass_begins_without_an_offset_or_scan() -> None:
     loop.offsets.restart(loop.t_s)
     loop.mode = "program_track"
     np.testing.assert_array_equal(loop.step("program_track")[:, :2], np.zeros((10, 2)))
+
+
+def test_over_the_top_the_errors_of_the_dish_turn_with_it_and_those_of_the_ephemeris_do_not() -> None:
+    """What was learned as a bias changes its sign in elevation, as the axis does; there and back is what it was."""
+    loop = Loop()
+    loop.run("monopulse", 20.0, lambda _t_s: np.array([30.0, 50.0]) * MDEG)
+    offsets, here = loop.offsets, climbing(np.array([loop.t_s]))
+    before, other = offsets.beside(here, np.array([False]), RANGE_M), offsets.beside(here, np.array([True]), RANGE_M)
+    mean = offsets.filter.state.mean.copy()
+    offsets.stand(True)
+    np.testing.assert_allclose(offsets.beside(here, np.array([True]), RANGE_M), other, atol=1e-12)
+    np.testing.assert_allclose(offsets.filter.state.mean, mean * [1.0, 1.0, 1.0, -1.0])
+    ephemeris = (direction_rows(SkyMotion(*sky_rates(here), np.array([RANGE_M]))) @ (mean * [1.0, 1.0, 0.0, 0.0]))[0]
+    assert before[0, 1] - ephemeris[1] == pytest.approx(ephemeris[1] - other[0, 1], abs=1e-9)
+    offsets.stand(False)
+    np.testing.assert_allclose(offsets.beside(here, np.array([False]), RANGE_M), before, atol=1e-12)
+
+
+def sky_rates(motion: Motion) -> np.ndarray:
+    return (motion.velocity * np.column_stack([np.cos(motion.position[:, 1]), np.ones(len(motion.position))])).T

@@ -1,0 +1,104 @@
+"""The lags of a mount that act on averaged rates of the beam, along the motion that the beam really makes.
+
+A bias model's lags x_v (s) and x_a (s^2) are those of steady motion.  A mount whose rates build up over T = `averaging_s`,
+
+    m = r / (1 + T s + T^2 s^2),      lag = x_v m + d m',      d = x_a + T x_v,
+
+has them once its motion is steady (m = r - T r' + ...), has none when it starts from rest, and carries a fast turn on for
+several T.  A model without an acceleration lag leaves that to the average: d = 0.  Between samples r is a straight line, for
+which the average is known exactly: m = r - T r', m' = r' and a decaying swing.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.calibration.bias_model import BiasModel
+
+__all__ = ["LagHistory", "LagState", "without_lags"]
+
+Array = NDArray[np.float64]
+Pair = tuple[float, float]
+VELOCITY = ("azimuth_velocity_lag", "elevation_velocity_lag")
+ACCELERATION = ("azimuth_acceleration_lag", "elevation_acceleration_lag")
+
+
+@dataclass(frozen=True, slots=True)
+class LagState:
+    """Rates (rad/s) of the beam at `t_s`, their average, and how fast that changes (rad/s^2)."""
+
+    t_s: float
+    rate: Pair
+    mean: Pair = (0.0, 0.0)
+    slope: Pair = (0.0, 0.0)
+
+
+class LagHistory:
+    """Lags of one mount; azimuth and elevation are those of the axes."""
+
+    def __init__(self, model: BiasModel, averaging_s: float) -> None:
+        if not averaging_s > 0.0:
+            raise ValueError(f"averaging_s={averaging_s} must be > 0")
+        known = model.coefficients
+        self._time_s = averaging_s
+        self._velocity_s = np.array([known[name] for name in VELOCITY])
+        acceleration_s2 = np.array([known[name] for name in ACCELERATION])
+        self._damping_s2 = np.where(acceleration_s2 == 0.0, 0.0, acceleration_s2 + averaging_s * self._velocity_s)
+
+    def along(
+        self, t_s: Array, rate_rad_s: Array, acceleration_rad_s2: Array, before: LagState | None = None
+    ) -> tuple[tuple[Array, Array, Array], list[LagState]]:
+        """Return what the axes have to stand ahead of a beam that moves like this, and the state at every time.
+
+        Parameters
+        ----------
+        t_s, rate_rad_s, acceleration_rad_s2 : rising times (n,) and the motion of the beam (n, 2) at them.
+        before : the state at the first time or earlier; None for a beam that was at rest until then.
+
+        Returns
+        -------
+        position (rad), velocity and acceleration (n, 2), and n states to go on from.
+        """
+        states = self._states(t_s, rate_rad_s, before)
+        mean, slope = np.array([s.mean for s in states]), np.array([s.slope for s in states])
+        bend = (rate_rad_s - mean) / self._time_s**2 - slope / self._time_s
+        jerk = (acceleration_rad_s2 - slope) / self._time_s**2 - bend / self._time_s
+        x, d = self._velocity_s, self._damping_s2
+        return (x * mean + d * slope, x * slope + d * bend, x * bend + d * jerk), states
+
+    def _states(self, t_s: Array, rate_rad_s: Array, before: LagState | None) -> list[LagState]:
+        rows = list(zip(t_s.tolist(), rate_rad_s.tolist(), strict=True))
+        here = before or LagState(rows[0][0], (rows[0][1][0], rows[0][1][1]))
+        found, step = [], self._step(0.0)
+        for t, rate in rows:
+            if abs(t - here.t_s - step[0]) > 1e-9:
+                step = self._step(t - here.t_s)
+            here = self._advanced(here, (rate[0], rate[1]), t, step)
+            found.append(here)
+        return found
+
+    def _step(self, dt_s: float) -> tuple[float, float, float, float, float]:
+        """Return the step and the four factors of the decaying swing over it."""
+        decay, swing = 0.5 / self._time_s, math.sqrt(0.75) / self._time_s
+        size = math.exp(-decay * dt_s)
+        cosine, sine = size * math.cos(swing * dt_s), size * math.sin(swing * dt_s) / swing
+        return dt_s, cosine + decay * sine, sine, -sine / self._time_s**2, cosine - decay * sine
+
+    def _advanced(
+        self, here: LagState, rate: Pair, t_s: float, step: tuple[float, float, float, float, float]
+    ) -> LagState:
+        dt_s, mm, ms, sm, ss = step
+        mean, slope = [], []
+        for axis in (0, 1):
+            ramp = (rate[axis] - here.rate[axis]) / dt_s if dt_s > 0.0 else 0.0
+            m, s = here.mean[axis] - here.rate[axis] + self._time_s * ramp, here.slope[axis] - ramp
+            mean.append(rate[axis] - self._time_s * ramp + mm * m + ms * s)
+            slope.append(ramp + sm * m + ss * s)
+        return LagState(t_s, rate, (mean[0], mean[1]), (slope[0], slope[1]))
+
+
+def without_lags(model: BiasModel) -> BiasModel:
+    """Return the model of the same antenna at rest."""
+    return model.replace(**{term.name: 0.0 for term in model.terms if term.kind == "lag"})

@@ -1,0 +1,131 @@
+"""The courses that the axes may take through a pass: on one side of the zenith or over the top, each with its crossing.
+
+A course is planned for the beam, in the angles of axes that stand still for it; the lags of the mount are then added along
+the motion that the beam makes.  Where axes would have to do more than they can for both together, the crossing is planned
+again with what the lags leave.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.planning.crossing import AxisMotionLimits, Crossing, Gain, cross
+from rf_pointing.planning.limits import AxisLimits
+from rf_pointing.planning.machine import MachineParams
+from rf_pointing.planning.over_the_top import cross_over
+from rf_pointing.planning.plunge import plunged, unplunged
+
+__all__ = ["Course", "Lag", "courses", "no_lag"]
+
+Array = NDArray[np.float64]
+Triple = tuple[Array, Array, Array]
+Lag = Callable[[Array, Array, Array], Triple]
+"""What axes stand ahead of a beam: position, velocity, acceleration (n, 2) from times (n,), rates and accelerations (n, 2)."""
+ROUNDS = 4
+SLACK = 0.01
+ROUNDING_RAD = 1e-6
+LEAST_SHARE = 0.5
+"""Lags that leave less of the axes than this are left to the loss."""
+
+
+def no_lag(_t_s: Array, rate: Array, acceleration: Array) -> Triple:
+    """Lag of a mount without any."""
+    still = np.zeros_like(rate)
+    return still, still, np.zeros_like(acceleration)
+
+
+@dataclass(frozen=True)
+class Course:
+    """One way of moving through a pass: `plunge` at its rise, `asked` what the target asks, `axes_rad` (n, 2) what is done."""
+
+    plunge: bool
+    asked: Triple
+    crossing: Crossing | None
+    axes_rad: Array
+
+
+def courses(
+    t_s: Array, sides: dict[bool, Triple], machine: MachineParams, limits: AxisLimits, gain: Gain, lag: Lag
+) -> list[Course]:
+    """Return every course through a pass whose beam motion is `sides` by whether the axes are plunged."""
+    found = []
+    for plunge, motion in sides.items():
+        # Over the top the whole pass lies beyond the zenith: an end of travel there is a refusal, not a detour.
+        most_rad = math.inf if plunge else limits.elevation_max_rad
+        planner = _Planner(t_s, motion, motion, machine, most_rad, lag)
+        crossing, axes = planner.plan(partial(_aside, t_s, motion, gain))
+        found.append(Course(plunge, motion, crossing, axes))
+    leans = len(sides) == 2 and limits.elevation_max_rad > 0.5 * math.pi
+    for plunge in sides if leans and any(one.crossing for one in found) else ():
+        first, second = sides[plunge], sides[not plunge]
+        planner = _Planner(t_s, first, second, machine, math.inf, lag)
+        crossing, axes = planner.plan(partial(_over, t_s, plunge, first, second, gain))
+        if crossing is not None:
+            found.append(Course(plunge, first, crossing, axes))
+    return found
+
+
+def _aside(t_s: Array, motion: Triple, gain: Gain, limits: AxisMotionLimits) -> Crossing | None:
+    return cross(t_s, *motion, limits, gain)
+
+
+def _over(
+    t_s: Array, plunge: bool, first: Triple, second: Triple, gain: Gain, limits: AxisMotionLimits
+) -> Crossing | None:
+    """Return the crossing over the top; one that begins plunged is the same seen with the dish turned."""
+    if not plunge:
+        return cross_over(t_s, first, second, limits, gain)
+    found = cross_over(t_s, unplunged(*first), unplunged(*second), limits, gain)
+    if found is None:
+        return None
+    turned = plunged(found.position_rad, found.velocity_rad_s, found.acceleration_rad_s2)
+    return Crossing(found.t_s, *turned, found.error_rad, over_t_s=found.over_t_s, turn_rad=found.turn_rad)
+
+
+class _Planner:
+    """Plans a crossing within what the lags of the mount leave of the axes."""
+
+    def __init__(
+        self, t_s: Array, first: Triple, second: Triple, machine: MachineParams, elevation_max_rad: float, lag: Lag
+    ) -> None:
+        self._t_s, self._first, self._second, self._lag = t_s, first, second, lag
+        self._most, self._top_rad = machine.planned, elevation_max_rad
+
+    def plan(self, crossing_within: Callable[[AxisMotionLimits], Crossing | None]) -> tuple[Crossing | None, Array]:
+        """Return the crossing, and the positions (n, 2) of the axes through the whole pass."""
+        left, top_rad = np.ones((2, 2)), self._top_rad
+        for _ in range(ROUNDS):
+            rate, acceleration = (np.array(self._most) * left).tolist()
+            limits = AxisMotionLimits((rate[0], rate[1]), (acceleration[0], acceleration[1]), top_rad)
+            crossing = crossing_within(limits)
+            beam = self._beam(crossing)
+            ahead = self._lag(self._t_s, beam[1], beam[2])
+            axes = [part + more for part, more in zip(beam, ahead, strict=True)]
+            if crossing is None:
+                break
+            inside = (self._t_s >= crossing.t_s[0]) & (self._t_s <= crossing.t_s[-1])
+            asked, alone = (
+                np.array([np.abs(part[inside]).max(axis=0) for part in motion[1:]]) for motion in (axes, beam)
+            )
+            dragged = (asked > (1.0 + SLACK) * np.array(self._most)) & (asked > (1.0 + SLACK) * alone)
+            high_rad = float(axes[0][inside, 1].max()) - self._top_rad
+            if not (dragged.any() or high_rad > ROUNDING_RAD) or float(left.min()) < LEAST_SHARE:
+                break
+            left = np.where(dragged, left * alone / asked, left)
+            top_rad -= max(high_rad, 0.0)
+        return crossing, axes[0]
+
+    def _beam(self, crossing: Crossing | None) -> Triple:
+        if crossing is None:
+            return self._first
+        first = int(np.searchsorted(self._t_s, crossing.t_s[0]))
+        last = first + len(crossing.t_s)
+        inside = (crossing.position_rad, crossing.velocity_rad_s, crossing.acceleration_rad_s2)
+        turned = (self._second[0] + np.array([crossing.turn_rad, 0.0]), self._second[1], self._second[2])
+        rows = zip(self._first, inside, turned, strict=True)
+        position, velocity, acceleration = (np.concatenate([a[:first], b, c[last:]]) for a, b, c in rows)
+        return position, velocity, acceleration

@@ -1,0 +1,74 @@
+"""Lags along a motion: the closed form of a ramp, steady motion, a state to go on from, and the average's transfer function."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.signal import lsim
+
+from rf_pointing.calibration import BiasModel, LagHistory, without_lags
+
+AVERAGING_S = 5.0
+VELOCITY_S = np.array([-1.0, -1.9])
+TIMES = np.arange(0.0, 120.0, 0.1)
+
+
+def model(acceleration_s2: float = 0.0) -> BiasModel:
+    names = {f"{axis}_velocity_lag": value for axis, value in zip(("azimuth", "elevation"), VELOCITY_S, strict=True)}
+    return BiasModel.zero().replace(
+        **names, azimuth_acceleration_lag=acceleration_s2, elevation_acceleration_lag=acceleration_s2
+    )
+
+
+def swinging() -> tuple[np.ndarray, np.ndarray]:
+    """Rates and accelerations (n, 2) of a motion with a fast turn in its middle."""
+    turn = 0.03 / (1.0 + np.exp(-(TIMES - 40.0))) - 0.03 / (1.0 + np.exp(-(TIMES - 70.0)))
+    rates = np.column_stack([0.002 + turn, 0.004 * np.cos(0.05 * TIMES)])
+    return rates, np.gradient(rates, 0.1, axis=0)
+
+
+@pytest.mark.parametrize("acceleration_s2", [0.0, 5.1])
+def test_the_average_is_that_of_its_transfer_function(acceleration_s2: float) -> None:
+    rates, bends = swinging()
+    ahead, _ = LagHistory(model(acceleration_s2), AVERAGING_S).along(TIMES, rates, bends)
+    for axis, lag_s in enumerate(VELOCITY_S):
+        rest = acceleration_s2 + AVERAGING_S * lag_s if acceleration_s2 else 0.0
+        system = (np.trim_zeros(np.array([rest, lag_s]), "f"), [AVERAGING_S**2, AVERAGING_S, 1.0])
+        _, wanted, _ = lsim(system, rates[:, axis], TIMES)
+        np.testing.assert_allclose(ahead[0][:, axis], wanted, atol=1e-12)
+
+
+def test_steady_motion_has_the_lags_of_the_model() -> None:
+    slope, start = np.array([2e-5, -1e-5]), np.array([0.004, 0.006])
+    rates = start + slope * TIMES[:, None]
+    lagging = model(4.0)
+    ahead, _ = LagHistory(lagging, AVERAGING_S).along(TIMES, rates, np.tile(slope, (len(TIMES), 1)))
+    wanted = VELOCITY_S * rates[-1] + 4.0 * slope
+    np.testing.assert_allclose(ahead[0][-1], wanted, atol=1e-7)
+    np.testing.assert_allclose(ahead[1][-1], VELOCITY_S * slope, atol=1e-7)
+    assert without_lags(lagging).coefficients["azimuth_velocity_lag"] == 0.0
+    assert not without_lags(lagging).has_lags
+
+
+def test_velocity_and_acceleration_are_derivatives_of_the_lag() -> None:
+    rates, bends = swinging()
+    position, velocity, acceleration = LagHistory(model(5.1), AVERAGING_S).along(TIMES, rates, bends)[0]
+    inner = slice(2, -2)
+    np.testing.assert_allclose(np.gradient(position, 0.1, axis=0)[inner], velocity[inner], atol=2e-5)
+    np.testing.assert_allclose(np.gradient(velocity, 0.1, axis=0)[inner], acceleration[inner], atol=1e-4)
+
+
+def test_it_goes_on_from_a_state_also_after_a_gap() -> None:
+    rates, bends = swinging()
+    history = LagHistory(model(5.1), AVERAGING_S)
+    whole, states = history.along(TIMES, rates, bends)
+    for first in (400, 403):
+        part, _ = history.along(TIMES[first:], rates[first:], bends[first:], states[400])
+        np.testing.assert_allclose(part[0][-1], whole[0][-1], atol=1e-9)
+        np.testing.assert_allclose(part[0][0], whole[0][first], atol=1e-6)
+
+
+def test_an_average_over_no_time_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"averaging_s=0\.0 must be > 0"):
+        LagHistory(model(), 0.0)
+    assert math.isfinite(float(LagHistory(model(), 0.1).along(TIMES[:2], *(np.zeros((2, 2)),) * 2)[0][0].max()))

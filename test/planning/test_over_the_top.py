@@ -1,0 +1,67 @@
+"""Going over the top: within the axes' limits, from one side's path to the other's, and no further off than it must be."""
+
+import math
+
+import numpy as np
+import pytest
+
+from rf_pointing.planning import AxisMotionLimits, plunged
+from rf_pointing.planning.crossing import angle_between, cross
+from rf_pointing.planning.over_the_top import cross_over
+from test.planning.test_crossing import LIMITS, STEP_S, beam, overhead
+
+Array = np.ndarray
+DEG = math.pi / 180.0
+
+
+def sides(miss_deg: float, side: float) -> tuple[Array, tuple[Array, ...], tuple[Array, ...]]:
+    t, *path = overhead(miss_deg)
+    first = tuple(part * np.array([side, 1.0]) for part in path)
+    return t, first, plunged(*first)
+
+
+@pytest.mark.parametrize("miss_deg", [0.05, 0.4, 1.0, 4.0])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_the_dish_goes_over_within_the_limits_and_joins_both_paths(miss_deg: float, side: float) -> None:
+    t, first, second = sides(miss_deg, side)
+    found = cross_over(t, first, second, LIMITS, beam(0.264))
+    assert found is not None
+    rates = np.diff(found.position_rad, axis=0) / STEP_S
+    bends = np.diff(rates, axis=0) / STEP_S
+    assert np.all(np.abs(rates).max(axis=0) <= np.array(LIMITS.rate_rad_s) * 1.001)
+    assert np.all(np.abs(bends).max(axis=0) <= np.array(LIMITS.acceleration_rad_s2) * 1.1)
+    row = round((found.t_s[0] - t[0]) / STEP_S)
+    last = row + len(found.t_s) - 1
+    np.testing.assert_allclose(found.position_rad[0], first[0][row], atol=1e-9)
+    np.testing.assert_allclose(found.position_rad[-1], second[0][last] + [found.turn_rad, 0.0], atol=1e-9)
+    assert found.t_s[0] < found.over_t_s < found.t_s[-1]
+    over = found.t_s >= found.over_t_s
+    assert found.position_rad[over, 1].min() >= 0.5 * math.pi - 1e-9
+    # The azimuth makes what is left of the target's half turn, not the half turn.
+    assert np.ptp(found.position_rad[:, 0]) < 0.75 * math.pi
+
+
+@pytest.mark.parametrize("miss_deg", [0.05, 0.4, 1.0, 4.0])
+def test_the_error_is_the_true_angle_and_at_least_what_the_target_misses_the_zenith_by(miss_deg: float) -> None:
+    t, first, second = sides(miss_deg, 1.0)
+    found = cross_over(t, first, second, LIMITS, beam(0.264))
+    part = slice(round((found.t_s[0] - t[0]) / STEP_S), None)
+    target = first[0][part][: len(found.t_s)]
+    np.testing.assert_allclose(found.error_rad, angle_between(found.position_rad, target), atol=2e-6)
+    assert found.error_rad.max() >= 0.98 * miss_deg * DEG
+    assert found.error_rad.max() <= 1.2 * miss_deg * DEG
+
+
+@pytest.mark.parametrize(("miss_deg", "share"), [(0.05, 0.02), (1.0, 0.3), (4.0, 0.6)])
+def test_it_loses_less_than_turning_on_one_side(miss_deg: float, share: float) -> None:
+    t, first, second = sides(miss_deg, 1.0)
+    gain = beam(0.264)
+    over, aside = cross_over(t, first, second, LIMITS, gain), cross(t, *first, LIMITS, gain)
+    lost = [float(np.sum(1.0 - gain(found.error_rad)) * STEP_S) for found in (over, aside)]
+    assert lost[0] < share * lost[1]
+
+
+def test_an_elevation_axis_that_is_too_slow_cannot_go_over() -> None:
+    t, first, second = sides(0.4, 1.0)
+    slow = AxisMotionLimits(LIMITS.rate_rad_s, (LIMITS.rate_rad_s[0], 1e-5 * DEG), LIMITS.elevation_max_rad)
+    assert cross_over(t, first, second, slow, beam(0.264)) is None
