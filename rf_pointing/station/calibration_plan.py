@@ -33,6 +33,12 @@ class ArcRules(Params):
     lowest_rad: float = parameter(math.radians(10.0), "lowest elevation of a candidate", low=0.0, high=1.5)
     highest_rad: float = parameter(math.radians(89.0), "highest elevation of a candidate", low=0.1, high=1.5707)
     sigma_rad: float = parameter(2.0 * MDEG, "standard deviation of one point on the sky", low=1e-7, high=0.01)
+    fastest_rad_s: float = parameter(
+        math.radians(1.5), "azimuth rate in no piece of a pass, which the antenna would not follow", low=1e-5, high=10.0
+    )
+    lead_s: float = parameter(
+        0.0, "time before the first point in which the target is followed too", low=0.0, high=600.0
+    )
 
 
 def candidate_arcs(
@@ -52,9 +58,14 @@ def candidate_arcs(
 def _arcs_of(track: TopocentricTrack, start_t_s: float, duration_s: float, rules: ArcRules) -> list[CandidatePass]:
     found: list[CandidatePass] = []
     for begin, end in _visible(track, start_t_s, duration_s, rules):
-        look = track.sample(np.arange(begin, end + 0.5 * rules.spacing_s, rules.spacing_s))
+        look = track.sample(np.arange(begin - rules.lead_s, end + 0.5 * rules.spacing_s, rules.spacing_s))
         whole = ReferenceTrack(**{item.name: getattr(look, item.name) for item in fields(ReferenceTrack)})
-        found += [_candidate(track.name, whole, a, b, rules) for a, b in _cut(begin, end, rules)]
+        fast_s = whole.t_s[np.abs(whole.azimuth_rate_rad_s) > rules.fastest_rad_s]
+        found += [
+            _candidate(track.name, whole, a, b, rules)
+            for a, b in _cut(begin, end, rules)
+            if not rules.arcs_s or not np.any((fast_s >= a - rules.lead_s) & (fast_s <= b))
+        ]
     return found
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.calibration import SectorRule, Slew, plan_campaign
-from rf_pointing.ephemeris import site, verification_elements
+from rf_pointing.ephemeris import TopocentricTrack, site, verification_elements
 from rf_pointing.station.calibration_plan import ArcRules, beacons, candidate_arcs, window_of
 
 START_S = 1.15e9
@@ -31,6 +31,19 @@ def test_pieces_lie_within_the_elevations_asked_for(candidates):
         assert np.all(one.track.elevation_rad > RULES.lowest_rad - 1e-9)
         assert np.all(one.track.elevation_rad < RULES.highest_rad + 1e-9)
         assert one.end_t_s - one.start_t_s in (60.0, 120.0)
+
+
+def test_no_piece_nor_the_way_into_it_is_faster_than_the_antenna(sky):
+    some, wanted = sky[::9], math.radians(0.6)
+    rules = RULES.replace(fastest_rad_s=wanted, lead_s=60.0)
+    slow = candidate_arcs(some, STATION, START_S, 1200.0, rules)[0]
+    whole = candidate_arcs(some, STATION, START_S, 1200.0, RULES)[0]
+    assert 0 < len(slow) < len(whole)
+    by_name = {one.name: TopocentricTrack(one, STATION) for one in some}
+    for one in slow:
+        times = np.arange(one.start_t_s - 60.0, one.end_t_s + 0.5, 5.0)
+        assert np.max(np.abs(by_name[one.name].sample(times).azimuth_rate_rad_s)) <= wanted
+    assert max(float(np.max(np.abs(one.track.azimuth_rate_rad_s))) for one in whole) > wanted
 
 
 def test_the_antenna_has_time_to_slew_between_the_passes_of_a_plan(candidates):
