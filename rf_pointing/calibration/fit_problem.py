@@ -1,6 +1,5 @@
 """The data of one fit, prepared once, and one linear solution of it."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -9,7 +8,7 @@ from numpy.typing import NDArray
 
 from rf_pointing.calibration.bias_model import BiasModel
 from rf_pointing.calibration.design import angles_of, design_blocks
-from rf_pointing.calibration.elimination import PassHead, eliminate
+from rf_pointing.calibration.elimination import PassHeads, eliminate
 from rf_pointing.calibration.fit_options import Prior
 from rf_pointing.calibration.fit_result import PassErrors
 from rf_pointing.calibration.observations import Observations
@@ -30,7 +29,7 @@ class Round:
 
     number: int
     solution: Solution
-    heads: Mapping[int, PassHead]
+    heads: PassHeads | None
     used: NDArray[np.bool_]
     weight: Array
     residuals: Pair
@@ -57,17 +56,16 @@ class FitProblem:
         self.own = None if pass_priors is None else pass_partials(data, pass_priors.names)
 
     @cached_property
-    def rows_of_pass(self) -> dict[int, NDArray[np.int64]]:
-        """Return the row numbers of each pass."""
-        order = np.argsort(self.data.pass_id, kind="stable")
-        numbers, first = np.unique(self.data.pass_id[order], return_index=True)
-        return dict(zip(numbers.tolist(), np.split(order, first[1:]), strict=True))
+    def passes(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return the pass numbers, ascending, and for each row (n,) the place of its own among them."""
+        numbers, place = np.unique(self.data.pass_id, return_inverse=True)
+        return numbers, place
 
     def start(self) -> Array:
         """Return the values from which the first linearisation starts."""
         return np.array([self.priors[name].value if name in self.priors else 0.0 for name in self.names])
 
-    def triangle(self, values: Array, used: NDArray[np.bool_], weight: Array) -> tuple[Triangle, dict[int, PassHead]]:
+    def triangle(self, values: Array, used: NDArray[np.bool_], weight: Array) -> tuple[Triangle, PassHeads | None]:
         """Return the equations linearised about `values`, reduced to a triangle, and what belongs to single passes."""
         triangle = Triangle(self.names)
         right = self._right(values)
@@ -80,7 +78,7 @@ class FitProblem:
             (block.rows(axis_right, root / sigma)[used], block.columns)
             for block, axis_right, sigma in zip(self.blocks, right, self.sigmas, strict=True)
         )
-        return triangle, {}
+        return triangle, None
 
     def solve(self, values: Array, used: NDArray[np.bool_], weight: Array, number: int) -> Round:
         """Return the solution linearised about `values` with the `used` rows, each weighted by `weight`."""
@@ -98,22 +96,29 @@ class FitProblem:
 
     def pass_errors(self, last: Round) -> tuple[PassErrors, ...]:
         """Return the orbit and clock errors of every pass that took part."""
-        if self.pass_priors is None:
+        if self.pass_priors is None or last.heads is None:
             return ()
-        names = self.pass_priors.names
+        names, heads = self.pass_priors.names, last.heads
         return tuple(
-            PassErrors(
-                pass_id,
-                dict(zip(names, head.values(last.solution).tolist(), strict=True)),
-                dict(zip(names, head.sigma(last.solution).tolist(), strict=True)),
+            PassErrors(number, dict(zip(names, value, strict=True)), dict(zip(names, spread, strict=True)))
+            for number, value, spread in zip(
+                self.passes[0][heads.passes].tolist(),
+                heads.values(last.solution).tolist(),
+                heads.sigma(last.solution).tolist(),
+                strict=True,
             )
-            for pass_id, head in last.heads.items()
         )
 
     def weighted_passes(self, last: Round) -> list[tuple[int, Array, Array]]:
         """Return number, rows (m, k) and residuals (m,) of every pass, divided by sigma."""
-        rows = self._all_rows(last.residuals, last.weight)
-        return [(number, rows[chosen, :-1], rows[chosen, -1]) for number, chosen in self._used_rows(last.used).items()]
+        rows, place = self._all_rows(last.residuals, last.weight), np.tile(self.passes[1], 2)
+        used = np.tile(last.used, 2)
+        found = []
+        for k, number in enumerate(self.passes[0].tolist()):
+            chosen = used & (place == k)
+            if np.any(chosen):
+                found.append((number, rows[chosen, :-1], rows[chosen, -1]))
+        return found
 
     def _modelled(self, values: Array) -> Pair:
         model = BiasModel({**self.held, **dict(zip(self.names, values.tolist(), strict=True))})
@@ -143,32 +148,21 @@ class FitProblem:
         root = np.sqrt(weight)
         return np.concatenate([root / self.sigmas[0], root / self.sigmas[1]])
 
-    def _eliminate(self, used: NDArray[np.bool_], right: Pair, weight: Array) -> tuple[dict[int, PassHead], Array]:
+    def _eliminate(self, used: NDArray[np.bool_], right: Pair, weight: Array) -> tuple[PassHeads, Array]:
         own, priors = self._own()
         scaled = np.concatenate(own) * self._scale(weight)[:, np.newaxis]
         rows = np.concatenate([scaled, self._all_rows(right, weight)], axis=1)
-        heads, remaining = {}, []
-        for pass_id, chosen in self._used_rows(used).items():
-            heads[pass_id], rest = eliminate(rows[chosen], priors.sigma)
-            remaining.append(rest)
-        return heads, np.concatenate(remaining)
+        chosen = np.tile(used, 2)
+        return eliminate(rows[chosen], np.tile(self.passes[1], 2)[chosen], priors.sigma)
 
-    def _used_rows(self, used: NDArray[np.bool_]) -> dict[int, NDArray[np.int64]]:
-        """Return the rows of each pass among the stacked azimuth and elevation equations."""
-        found = {}
-        for pass_id, rows in self.rows_of_pass.items():
-            chosen = rows[used[rows]]
-            if len(chosen):
-                found[pass_id] = np.concatenate([chosen, chosen + len(self.data)])
-        return found
-
-    def _pass_offsets(self, heads: Mapping[int, PassHead], solution: Solution) -> Pair:
-        offsets = (np.zeros(len(self.data)), np.zeros(len(self.data)))
-        for pass_id, head in heads.items():
-            rows, values = self.rows_of_pass[pass_id], head.values(solution)
-            for offset, own in zip(offsets, self._own()[0], strict=True):
-                offset[rows] = own[rows] @ values
-        return offsets
+    def _pass_offsets(self, heads: PassHeads | None, solution: Solution) -> Pair:
+        if heads is None:
+            return np.zeros(len(self.data)), np.zeros(len(self.data))
+        own, priors = self._own()
+        values = np.zeros((len(self.passes[0]), len(priors.names)))
+        values[heads.passes] = heads.values(solution)
+        of_row = values[self.passes[1]]
+        return np.einsum("ij,ij->i", own[0], of_row), np.einsum("ij,ij->i", own[1], of_row)
 
     def _own(self) -> tuple[Pair, PassPriors]:
         if self.own is None or self.pass_priors is None:

@@ -1,7 +1,7 @@
 """Shadow running: a new model scored on live passes beside the active one before anybody accepts it.
 
-Per pass the mean squared on-sky miss of both models is kept; the verdict is a paired t test over passes, because the
-errors within one pass hang together and count as one.
+Per pass the rms miss on the sky of both models is kept; the verdict is a paired t test of its difference over passes,
+because the errors within one pass hang together and count as one.
 """
 
 import math
@@ -21,10 +21,15 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class ShadowRules(Params):
-    """When a verdict is given."""
+    """When a verdict is given, and which one a candidate needs to be accepted."""
 
     fewest_passes: int = parameter(3, "passes before a verdict", low=2, high=1000)
     t_limit: float = parameter(2.0, "paired t value beyond which a model is better or worse", low=0.5, high=10.0)
+    accept: str = parameter(
+        "better",
+        "what a candidate must have been found to be accepted; one that is not worse need not have been observed",
+        choices=("better", "not worse"),
+    )
 
 
 @dataclass(frozen=True)
@@ -68,20 +73,26 @@ class ShadowScore:
         if not self._sums:
             raise ValueError("observations=0: the shadow score has nothing to judge yet")
         counts, active, candidate = np.array(list(self._sums.values())).T
-        gain = active / counts - candidate / counts
-        spread = float(np.std(gain, ddof=1)) if len(gain) > 1 else 0.0
-        t_value = float(np.mean(gain)) / (spread / math.sqrt(len(gain))) if spread > 0.0 else 0.0
+        t_value = _paired_t(np.sqrt(active / counts) - np.sqrt(candidate / counts))
         word = "undecided"
-        if len(gain) >= self.rules.fewest_passes and abs(t_value) >= self.rules.t_limit:
+        if len(counts) >= self.rules.fewest_passes and abs(t_value) >= self.rules.t_limit:
             word = "better" if t_value > 0.0 else "worse"
         total = float(np.sum(counts))
         return Verdict(
             word,
-            len(gain),
+            len(counts),
             math.sqrt(float(np.sum(active)) / total),
             math.sqrt(float(np.sum(candidate)) / total),
             t_value,
         )
+
+
+def _paired_t(gain: Array) -> float:
+    """Return the t value of the mean of `gain` (n,) against zero; nothing can be said of one value."""
+    mean, spread = float(np.mean(gain)), float(np.std(gain))
+    if len(gain) < 2 or mean == 0.0:
+        return 0.0
+    return mean / spread * math.sqrt(len(gain) - 1) if spread > 0.0 else math.copysign(math.inf, mean)
 
 
 def _misses(model: BiasModel, data: Observations) -> Array:

@@ -2,9 +2,10 @@
 
 Subscribes: target, joint_states, pointing_error.  Publishes: pointing_model (latched, with covariance).
 Actions: ~/run_campaign (RunCampaign) tracks passes and takes observations, ~/fit_model (FitModel) makes a candidate.
-Services: ~/accept, ~/reject, ~/rollback (std_srvs/Trigger).  Until it is accepted a candidate only runs in the shadow.
-Parameters: calibrator.* (models, station, band, spacing and noise of the observations), shadow.*, orbit.* (errors of the
-reference orbit that the fit estimates with every pass).
+Services: ~/accept, ~/reject, ~/rollback (std_srvs/Trigger).  Until it is accepted a candidate only runs in the shadow, and
+it is accepted only when it was found better there (shadow.accept).
+Parameters: calibrator.* (models, station, band, spacing and noise of the observations), shadow.* (when a verdict is given,
+and which one is needed), orbit.* (errors of the reference orbit that the fit estimates with every pass).
 
 With `calibrator.folder` every observation is on the disk before the next one is taken, one file and one set of models
 for each station and band: a killed node goes on where it was.
@@ -67,12 +68,13 @@ class BiasCalibrator(ManagedNode):
         self.parameters.declare("calibrator", CalibratorParams())
         self.parameters.declare("shadow", ShadowRules())
         self.parameters.declare("orbit", PassPriors(along_track_m=100.0, cross_track_m=60.0, radial_m=30.0))
+        self.parameters.on_change(self._retune)
         self._keeper: ModelKeeper | None = None
         self._log: CalibrationLog | None = None
         self._active = False
         self._campaign: Any = None
         self._shown, self._refusal_of_campaign = -1, ""
-        self._runner = CampaignRunner(self)
+        self._runner = CampaignRunner(self, lambda: len(self._log) if self._log is not None else 0)
         self._actions = [
             ActionServer(
                 self, RunCampaign, "~/run_campaign", self._conclude, goal_callback=self._on_goal,
@@ -162,15 +164,21 @@ class BiasCalibrator(ManagedNode):
         return CancelResponse.ACCEPT
 
     def _conclude(self, goal: Any) -> RunCampaign.Result:
-        runner, filled = self._runner, self._sectors_filled()
+        runner, verdict = self._runner, self._keeper.verdict()
         result = RunCampaign.Result(
-            observations=len(self._log), sectors_filled=filled, message=self._refusal_of_campaign
+            observations=len(self._log),
+            sectors_filled=self._sectors_filled(),
+            message=self._refusal_of_campaign,
+            verdict=verdict.word if verdict else "",
         )
         if not self._refusal_of_campaign:
             wanted = len(goal.request.passes)
-            result.passes_tracked = runner.tracked
-            result.success = runner.tracked == wanted
-            result.message = "; ".join([f"{runner.tracked} of {wanted} passes tracked", *runner.failures[:3]])
+            result.passes_observed = runner.observed
+            result.success = runner.observed == wanted
+            said = [f"{runner.observed} of {wanted} passes observed, {result.observations} observations"]
+            if verdict is not None:
+                said.append(f"{self._keeper.candidate.name} is {self._keeper.verdict_text()}")
+            result.message = "; ".join([*said, *runner.failures[:3]])
         return conclude(goal, result)
 
     def _progress(self) -> RunCampaign.Feedback:
@@ -218,6 +226,10 @@ class BiasCalibrator(ManagedNode):
             self._models.publish(convert_calibration.no_model_to_message(self.parameters.value("calibrator").station))
         self._publish()
         return f"{file.name if file else 'no model'} is in force again"
+
+    def _retune(self) -> None:
+        if self._keeper is not None:
+            self._keeper.retune(self.parameters.value("shadow"))
 
     def _deciding(self, decide: Callable[[], str]) -> Callable[[Any, Any], Any]:
         """Return a service callback that says what was decided, or why not."""

@@ -1,51 +1,59 @@
 """Executable `calibrate`: a calibration campaign on the live simulated station, from the plan to the accepted model.
 
 The sky is filled with beacons, the campaign that fills the 36 sectors in the least time is planned, the graph is brought
-up as `track` does, the calibrator runs the campaign, fits and accepts; the report is written from its observations.
-Exit code 0: the model is in force; 1: it is not; 2: the campaign could not be started.
+up as `track` does, the calibrator runs the campaign and fits; some more beacons are tracked with the new model in the shadow
+of the old one, and it is accepted if it did better there.  The report is written from the observations of the fit.
+Exit code 0: the better of the two models is in force; 1: interrupted, or no model to decide about; 2: not started.
 """
 
 import argparse
 import math
 import sys
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import yaml
+from ament_index_python.packages import get_package_share_directory
 from numpy.typing import NDArray
-from rclpy.action import ActionClient
-from rf_pointing_msgs.action import FitModel, RunCampaign
-from std_srvs.srv import Trigger
 
 from rf_pointing.calibration import (
-    BiasModel,
     Campaign,
-    ModelStore,
+    FitResult,
     ObservationJournal,
+    Observations,
     PassPriors,
     SectorRule,
+    ShadowRules,
     Slew,
     plan_campaign,
+    read_model,
 )
 from rf_pointing.ephemeris import Elements, Pass, site, tle_lines, utc_text
-from rf_pointing.geometry import MDEG
-from rf_pointing.nodes import convert_planning
+from rf_pointing.geometry import MDEG, require_between
 from rf_pointing.nodes.bias_calibrator import JOURNAL
-from rf_pointing.nodes.station_run import StationRun, run_to_end
+from rf_pointing.nodes.calibration_run import CalibrationRun, Outcome
+from rf_pointing.nodes.station_run import run_to_end
 from rf_pointing.nodes.track_options import DEFAULT_MODELS, speed_factor
 from rf_pointing.nodes.utc import parse_utc
 from rf_pointing.station.calibration_log import CalibrationLog
 from rf_pointing.station.calibration_plan import ArcRules, beacons, candidate_arcs, window_of
-from rf_pointing.station.model_keeper import campaign_folder
+from rf_pointing.station.commissioning import commissioning_model
+from rf_pointing.station.model_keeper import ModelKeeper, campaign_folder
 
 Counts = NDArray[np.int64]
 DEFAULT_START = "2006-06-25T00:00:00"
 """Before the passes that `track` chooses by default, for which the model shall be valid."""
 ARCS_S = (60.0, 120.0, 240.0)
 """Lengths of the pieces of passes that the plan chooses from."""
+SHADOW_ARCS_S = (60.0,)
+SHADOW_SPAN_S = 600.0
+"""Time in which a beacon is found for each pass in the shadow."""
+LARGEST_SLEW_S = 180.0
+"""From the end of a pass, or from the start, to the first point of the next one."""
 SPACING_S = 0.5
+SIGMA_RAD = 2.0 * MDEG
 SETTLE_S = 25.0
 """Of valid errors before the first observation; the simulated lags follow a change of rate like exp(-t / 10 s)."""
 ACQUISITION_S = 45.0
@@ -76,6 +84,13 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument(
         "--resume", action="store_true", help="go on with an interrupted campaign: only what its observations left thin"
     )
+    parser.add_argument(
+        "--shadow",
+        metavar="N",
+        type=int,
+        default=3,
+        help="passes beside the new model before it is accepted (default: 3)",
+    )
     parser.add_argument("--models", metavar="DIR", default=str(DEFAULT_MODELS), help=f"(default: {DEFAULT_MODELS})")
     parser.add_argument("--speed", default="max", help="factor of real time, or max (default)")
     parser.add_argument("--seed", type=int, default=1, help="seed of every noise source (default: 1)")
@@ -87,23 +102,56 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     return options
 
 
-def plan(options: argparse.Namespace) -> tuple[list[Elements], Campaign, list[Pass]]:
-    """Return the beacons, the campaign and the passes to track; ValueError when nothing can be tracked."""
+@dataclass(frozen=True, eq=False)
+class Schedule:
+    """What is tracked: `windows` for the fit (none when all sectors are full already), then `shadow` beside its result."""
+
+    elements: list[Elements]
+    campaign: Campaign
+    windows: list[Pass]
+    shadow: list[Pass]
+
+
+def plan(options: argparse.Namespace) -> Schedule:
+    """Return the beacons and the passes to track; ValueError when nothing can be tracked."""
+    require_between("shadow", options.shadow, 2, 20)
     start_s = parse_utc(options.start)
-    elements, place = beacons(start_s), site(options.station)
-    rules = ArcRules(
-        arcs_s=ARCS_S, every_s=60.0, spacing_s=SPACING_S, lowest_rad=math.radians(11.0), acquisition_s=ACQUISITION_S
-    )
-    slew = Slew(settle_s=ACQUISITION_S + 10.0)
-    rule = SectorRule(fewest=options.fewest, most=max(30, options.fewest))
+    elements, rule = beacons(start_s), SectorRule(fewest=options.fewest, most=max(30, options.fewest))
     filled, last_s = progress_so_far(options, rule) if options.resume else (None, start_s)
-    candidates, _ = candidate_arcs(elements, place, max(start_s, last_s) + 180.0, options.longest, rules)
-    campaign = plan_campaign(candidates, rule, slew, filled)
-    if not campaign.passes:
+    begin_s = max(start_s, last_s) + LARGEST_SLEW_S
+    campaign = planned(options, elements, begin_s, options.longest, ARCS_S, rule, filled)
+    if not campaign.passes and campaign.coverage.thin:
         raise ValueError(f"longest={options.longest} s leaves no beacon to track")
-    by_name = {one.name: one for one in elements}
-    windows = [window_of(one, by_name[one.name], place, ACQUISITION_S) for one in campaign.passes]
-    return elements, campaign, windows
+    windows = windows_of(options, elements, campaign)
+    begin_s = (windows[-1].los_t_s if windows else begin_s) + LARGEST_SLEW_S
+    rest = planned(options, elements, begin_s, options.shadow * SHADOW_SPAN_S, SHADOW_ARCS_S, rule)
+    shadow = windows_of(options, elements, rest)[: options.shadow]
+    if len(shadow) < options.shadow:
+        raise ValueError(f"shadow={options.shadow}: only {len(shadow)} beacons can be tracked after the campaign")
+    return Schedule(elements, campaign, windows, shadow)
+
+
+def planned(
+    options: argparse.Namespace,
+    elements: list[Elements],
+    begin_s: float,
+    span_s: float,
+    arcs_s: tuple[float, ...],
+    rule: SectorRule,
+    filled: Counts | None = None,
+) -> Campaign:
+    """Return the campaign of pieces of passes within `span_s` that fills what `filled` leaves thin."""
+    rules = ArcRules(
+        arcs_s=arcs_s, every_s=60.0, spacing_s=SPACING_S, lowest_rad=math.radians(11.0), lead_s=ACQUISITION_S
+    )
+    candidates, _ = candidate_arcs(elements, site(options.station), begin_s, span_s, rules)
+    return plan_campaign(candidates, rule, Slew(settle_s=ACQUISITION_S + 10.0), filled)
+
+
+def windows_of(options: argparse.Namespace, elements: list[Elements], campaign: Campaign) -> list[Pass]:
+    """Return the passes to track, each from its acquisition on."""
+    by_name, place = {one.name: one for one in elements}, site(options.station)
+    return [window_of(one, by_name[one.name], place, ACQUISITION_S) for one in campaign.passes]
 
 
 def progress_so_far(options: argparse.Namespace, rule: SectorRule) -> tuple[Counts, float]:
@@ -122,75 +170,27 @@ def journal_of(options: argparse.Namespace) -> ObservationJournal:
     return ObservationJournal(folder / JOURNAL, options.station, options.band)
 
 
-def calibrator_parameters(path: Path, size_m: float) -> Path:
-    """Write spacing and what the beacons' orbits may be wrong by, and return the file."""
-    values = {f"{name}_m": size_m for name in ("along_track", "cross_track", "radial")}
-    sections = {"orbit": values, "calibrator": {"spacing_s": SPACING_S, "settle_s": SETTLE_S}}
+def calibrator_parameters(path: Path, options: argparse.Namespace) -> Path:
+    """Write spacing, what the beacons' orbits may be wrong by and what the shadow decides on, and return the file."""
+    sections = {
+        "orbit": {f"{name}_m": options.orbit_prior for name in ("along_track", "cross_track", "radial")},
+        "calibrator": {"spacing_s": SPACING_S, "settle_s": SETTLE_S},
+        "shadow": {"fewest_passes": options.shadow, "accept": "better"},
+    }
     path.write_text(yaml.safe_dump({"/**/bias_calibrator": {"ros__parameters": sections}}))
     return path
 
 
-class CalibrationRun(StationRun):
-    """A campaign, a fit and an acceptance on the live graph."""
-
-    def __init__(self, options: argparse.Namespace, windows: list[Pass], output: Path) -> None:
-        super().__init__("calibrate", options, windows[0], output)
-        self._options, self._windows, self._shown = options, windows, 0
-        self._campaign = ActionClient(self.node, RunCampaign, "bias_calibrator/run_campaign")
-        self._fit = ActionClient(self.node, FitModel, "bias_calibrator/fit_model")
-
-    def calibrate(self) -> tuple[RunCampaign.Result, FitModel.Result, str]:
-        """Return what the campaign and the fit gave, and why the model was not accepted (empty if it was)."""
-        self.bring_up(self._campaign, self._fit)
-        passes = [convert_planning.pass_to_message(window) for window in self._windows]
-        goal = RunCampaign.Goal(passes=passes, sensor=self._options.sensor, resume=self._options.resume)
-        handle = self.send(self._campaign, goal, "bias_calibrator", self._show)
-        self.run_time()
-        campaign = self.result(handle)
-        if sys.stderr.isatty():
-            print(file=sys.stderr)
-        self.say(campaign.message)
-        fit = self.result(self.send(self._fit, FitModel.Goal(), "bias_calibrator"))
-        self.say(fit.message)
-        if not fit.success:
-            return campaign, fit, fit.message
-        answer = self._call("bias_calibrator/accept")
-        self.say(answer.message)
-        return campaign, fit, "" if answer.success else answer.message
-
-    def _call(self, name: str) -> Trigger.Response:
-        future = self.node.create_client(Trigger, name).call_async(Trigger.Request())
-        self.graph.wait_until(future.done, f"an answer of {name}")
-        return future.result()
-
-    def _show(self, message: Any) -> None:
-        state = message.feedback
-        if not sys.stderr.isatty() and state.pass_number == self._shown:
-            return
-        self._shown = state.pass_number
-        text = (
-            f"pass {state.pass_number} of {len(self._windows)}, {state.target}: {state.observations} observations, "
-            f"{state.sectors_filled} of 36 sectors"
-        )
-        print(
-            f"\r{text:<78}" if sys.stderr.isatty() else text, end="" if sys.stderr.isatty() else "\n", file=sys.stderr
-        )
-
-
-def report_of(options: argparse.Namespace, name: str, output: Path) -> Path:
-    """Write the report of the campaign, from its observations on the disk and the model that it began with."""
-    from rf_pointing.report.calibration_report import write_calibration_report
-
-    folder = campaign_folder(options.models, options.station, options.band)
-    log = CalibrationLog(options.station, options.band, SPACING_S, 2.0 * MDEG, journal=journal_of(options))
-    accepted = ModelStore(folder / "models", options.station, options.band)
-    before = [other for other in accepted.accepted() if other != name]
+def fit_of(options: argparse.Namespace, output: Path) -> tuple[Observations, FitResult]:
+    """Return the observations on the disk and the fit that the calibrator makes of them beside the model in force."""
+    log = CalibrationLog(options.station, options.band, SPACING_S, SIGMA_RAD, journal=journal_of(options))
+    points = log.observations()
+    config = Path(get_package_share_directory("rf_pointing")) / "config"
+    start = read_model(commissioning_model(config, options.station, options.band, output))
+    keeper = ModelKeeper(options.station, options.band, options.models, start, ShadowRules())
+    keeper.begin(float(np.max(points.t_s)))
     size = options.orbit_prior
-    fit = log.fit(
-        accepted.read(before[-1]).model if before else BiasModel.zero(),
-        pass_priors=PassPriors(along_track_m=size, cross_track_m=size, radial_m=size),
-    )
-    return write_calibration_report(output, log.observations(), fit, name=name)
+    return points, log.fit(keeper.model, pass_priors=PassPriors(along_track_m=size, cross_track_m=size, radial_m=size))
 
 
 def say(text: str) -> None:
@@ -203,31 +203,52 @@ def main(argv: list[str] | None = None) -> None:
     options = arguments(argv)
     try:
         speed_factor(options.speed)
-        elements, campaign, windows = plan(options)
+        schedule = plan(options)
         output = Path(options.output or f"runs/calibration-{datetime.now(UTC):%Y%m%dT%H%M%S}")
         output.mkdir(parents=True, exist_ok=True)
         options.elements = str(output / "beacons.tle")
-        lines = [line for one in elements for line in (one.name, *tle_lines(one))]
+        lines = [line for one in schedule.elements for line in (one.name, *tle_lines(one))]
         Path(options.elements).write_text("\n".join(lines) + "\n")
-        options.params_file.append(str(calibrator_parameters(output / "calibrator.yaml", options.orbit_prior)))
+        options.params_file.append(str(calibrator_parameters(output / "calibrator.yaml", options)))
     except (ValueError, OSError) as error:
         say(str(error))
         sys.exit(2)
-    last_s = windows[-1].los_t_s
-    filled = campaign.coverage.rule.count - len(campaign.coverage.thin)
-    say(f"{len(windows)} beacons from {utc_text(windows[0].aos_t_s)} to {utc_text(last_s)} fill {filled} of "
-        f"{campaign.coverage.rule.count} sectors")  # fmt: skip
-    sys.exit(execute(options, windows, output))
+    say(plan_text(schedule))
+    sys.exit(execute(options, schedule, output))
 
 
-def execute(options: argparse.Namespace, windows: list[Pass], output: Path) -> int:
-    """Run the campaign; return the exit code."""
+def plan_text(schedule: Schedule) -> str:
+    """Return the plan in a line."""
+    coverage, windows = schedule.campaign.coverage, schedule.windows
+    filled = f"{coverage.rule.count - len(coverage.thin)} of {coverage.rule.count} sectors"
+    last = f"{len(schedule.shadow)} more in the shadow until {utc_text(schedule.shadow[-1].los_t_s)}"
+    if not windows:
+        return f"{filled} are full already; {last}"
+    first, end = utc_text(windows[0].aos_t_s), utc_text(windows[-1].los_t_s)
+    return f"{len(windows)} beacons from {first} to {end} fill {filled}; {last}"
+
+
+def execute(options: argparse.Namespace, schedule: Schedule, output: Path) -> int:
+    """Run the campaign and write the report; return the exit code."""
+    from rf_pointing.report.calibration_report import write_calibration_report
+
+    fits: list[tuple[Observations, FitResult]] = []
+    outcomes: list[Outcome] = []
 
     def work(run: CalibrationRun) -> int:
-        _, fit, refusal = run.calibrate()
-        if fit.success:
-            say(f"report {report_of(options, fit.model.name, output)}")
-        return 1 if refusal else 0
+        outcomes.append(run.calibrate())
+        return 0 if outcomes[0].settled else 1
 
-    code, _ = run_to_end(lambda: CalibrationRun(options, windows, output), work)
+    def make() -> CalibrationRun:
+        return CalibrationRun(
+            options, schedule.windows, schedule.shadow, output, lambda: fits.append(fit_of(options, output))
+        )
+
+    code, _ = run_to_end(make, work)
+    if not (outcomes and outcomes[0].settled) and journal_of(options).points is not None:
+        say(f"the observations are kept in {journal_of(options).path}: calibrate --resume goes on with them")
+    for (points, fit), outcome in zip(fits, outcomes, strict=False):
+        remarks = [f"Beside the model in force: {outcome.shadow}"] if outcome.shadow else []
+        page = write_calibration_report(output, points, fit, name=outcome.model, remarks=remarks)
+        say(f"report {page}")
     return code

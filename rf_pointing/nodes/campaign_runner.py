@@ -1,10 +1,12 @@
 """A campaign on the live graph: one pass after the other, selected at the ephemeris and tracked by the controller.
 
-Nothing waits inside a callback: `poll` looks between two events at what is under way.
+A pass has served its purpose when it gave observations; whether the controller calls it tracked does not matter: most of a
+short piece of a pass goes into the search.  Nothing waits inside a callback: `poll` looks between two events at what is
+under way.
 """
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from rclpy.action import ActionClient
@@ -24,9 +26,13 @@ LOOK_BACK_S = 7200.0
 
 
 class CampaignRunner:
-    """Runs the passes of one campaign; `tracked` counts those that were, `failures` says what became of the others."""
+    """Runs the passes of one campaign; `observed` counts those that gave observations, `failures` says why others did not.
 
-    def __init__(self, node: Node) -> None:
+    `observations` returns how many have been taken in all.
+    """
+
+    def __init__(self, node: Node, observations: Callable[[], int]) -> None:
+        self._observations, self._before = observations, 0
         self._select = node.create_client(SelectTarget, "ephemeris_publisher/select_target")
         self._track = ActionClient(node, TrackPass, "track_pass")
         self._passes: Sequence[Pass] = ()
@@ -35,7 +41,7 @@ class CampaignRunner:
         self._step = "idle"
         self._handle: Any = None
         self._asked_s = 0.0
-        self.number, self.tracked = 0, 0
+        self.number, self.observed = 0, 0
         self.failures: list[str] = []
 
     @property
@@ -60,7 +66,7 @@ class CampaignRunner:
         if not self._select.service_is_ready() or not self._track.server_is_ready():
             raise ValueError("ephemeris_publisher and pointing_controller must be running in this namespace")
         self._passes, self._sensor = list(passes), sensor
-        self.number, self.tracked, self.failures = 0, 0, []
+        self.number, self.observed, self.failures = 0, 0, []
         self._next()
 
     def cancel(self) -> None:
@@ -86,6 +92,7 @@ class CampaignRunner:
             return
         wanted = self._passes[self.number]
         self.number += 1
+        self._before = self._observations()
         rises_s = seconds_from_stamp(wanted.aos)
         request = SelectTarget.Request(target=wanted.target, start=stamp_from_seconds(rises_s - LOOK_BACK_S))
         self._ask("selecting", self._select.call_async(request))
@@ -112,8 +119,8 @@ class CampaignRunner:
         self._ask("tracking", handle.get_result_async())
 
     def _tracking(self, answer: Any) -> None:
-        if answer.result.success:
-            self.tracked += 1
+        if self._observations() > self._before:
+            self.observed += 1
             self._next()
         else:
-            self._fail(answer.result.message)
+            self._fail(f"no observation, {answer.result.seconds_tracked:.0f} s on target, {answer.result.message}")

@@ -35,7 +35,7 @@ def fit_to_result(fit: FitResult, file: ModelFile) -> FitModel.Result:
         success=True,
         message=(
             f"{file.name}: {file.observations} observations of {file.passes} passes, residual rms {rms[0] / MDEG:.2f} mdeg "
-            f"cross-elevation, {rms[1] / MDEG:.2f} mdeg elevation; accept or reject it"
+            f"cross-elevation, {rms[1] / MDEG:.2f} mdeg elevation; it runs in the shadow until it is accepted"
         ),
         model=model_to_message(file),
         observations=file.observations,

@@ -24,6 +24,7 @@ from rf_pointing.calibration import (
     SectorRule,
     StageReport,
     fit_bias_model,
+    held_out_passes,
     read_model,
     select_observations,
     select_terms,
@@ -55,6 +56,7 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
         "--terms", nargs="+", default=list(TERM_NAMES), metavar="TERM", help="terms to fit (default: all)"
     )
     parser.add_argument("--select", action="store_true", help="choose among the terms by BIC")
+    parser.add_argument("--held-out", action="store_true", help="say how each pass is predicted by a fit without it")
     parser.add_argument("--form", choices=("printed", "rotation"), default="rotation", help="(default: rotation)")
     parser.add_argument("--robust", action="store_true", help="Huber weights beyond 1.5 sigma instead of squares")
     parser.add_argument("--orbit-prior", type=float, default=0.0, metavar="M", help="orbit error of each pass that the "
@@ -113,14 +115,37 @@ def _recorded(options: argparse.Namespace, path: Path) -> list[tuple[object, obj
     return [(one.raw, one.reference) for one in found]
 
 
+def orbit_priors(options: argparse.Namespace) -> PassPriors | None:
+    """Return what the fit allows for in the orbit of each pass."""
+    size = options.orbit_prior
+    return PassPriors(along_track_m=size, cross_track_m=size, radial_m=size) if size > 0.0 else None
+
+
+def predicted(options: argparse.Namespace, points: Observations, result: FitResult) -> list[str]:
+    """Return how well passes are predicted by fits without them, with the terms of `result` and with all that were offered."""
+    if not options.held_out:
+        return []
+    if len(points.passes) < 4:
+        raise ValueError(f"passes={len(points.passes)} must be >= 4 to hold one out and fit the others")
+    said = []
+    for words, names in (("these terms", result.names), ("all terms offered", tuple(options.terms))):
+        held = {name: value for name, value in result.coefficients.items() if name not in names}
+        if words == "these terms" or set(names) != set(result.names):
+            one = held_out_passes(points, names, held=held, pass_priors=orbit_priors(options))
+            worst = int(np.argmax(one.rms_rad))
+            said.append(
+                f"passes held out are predicted to {one.total_rms_rad / MDEG:.2f} mdeg rms with {words}, the worst "
+                f"({one.pass_ids[worst]}) to {one.rms_rad[worst] / MDEG:.2f} mdeg"
+            )
+    return said
+
+
 def fitted(options: argparse.Namespace, points: Observations, present: ModelFile | None) -> FitResult:
     """Return the fit of the chosen terms."""
     known = present.model.coefficients if present else dict.fromkeys(TERM_NAMES, 0.0)
-    names = tuple(options.terms)
-    size = options.orbit_prior
-    orbit = PassPriors(along_track_m=size, cross_track_m=size, radial_m=size) if size > 0.0 else None
+    names, orbit = tuple(options.terms), orbit_priors(options)
     if options.select:
-        names = select_terms(points, names).chosen
+        names = select_terms(points, names, pass_priors=orbit).chosen
     base = BiasModel.zero().replace(**{**known, **{name: known.get(name, 0.0) for name in names}})
     priors = {
         term.name: Prior(base.coefficients[term.name], PRIOR_SIGMA[term.unit])
@@ -140,7 +165,7 @@ def fitted(options: argparse.Namespace, points: Observations, present: ModelFile
     )  # fmt: skip
 
 
-def run(options: argparse.Namespace) -> tuple[ModelFile, FitResult, Path, list[str]]:
+def run(options: argparse.Namespace) -> tuple[ModelFile, FitResult, Path, list[str], list[str]]:
     """Read, fit twice where there are raw data, write model and report; nothing is written before the fit has held."""
     from rf_pointing.report.calibration_report import write_calibration_report
 
@@ -152,25 +177,28 @@ def run(options: argparse.Namespace) -> tuple[ModelFile, FitResult, Path, list[s
     if stages:
         points, stages, notes = collected(options, result.model)
         result = fitted(options, points, present)
+    said = predicted(options, points, result)
     name = options.name or f"fit-{result.last_t_s:.0f}"
     file = ModelFile.from_fit(result, name=name, software=f"rf_pointing {__version__}", created_t_s=time.time())
     write_model(options.output, file)
     folder = options.report or options.output.parent / f"{options.output.stem}_report"
-    report = write_calibration_report(folder, points, result, name=name, stages=stages, notes=notes)
-    return file, result, report, notes
+    report = write_calibration_report(folder, points, result, name=name, stages=stages, notes=notes, remarks=said)
+    return file, result, report, notes, said
 
 
 def main(argv: list[str] | None = None) -> None:
     """Entry point of `ros2 run rf_pointing fit_bias_model`."""
     options = arguments(argv)
     try:
-        file, result, report, notes = run(options)
+        file, result, report, notes, said = run(options)
     except (ValueError, OSError) as error:
         print(f"fit_bias_model: {error}", file=sys.stderr)
         sys.exit(2)
     rms = [value / MDEG for value in result.rms_rad()]
     print(f"{file.observations} observations of {file.passes} passes, {file.rejected} edited out; residual rms {rms[0]:.2f} "
           f"mdeg cross-elevation, {rms[1]:.2f} mdeg elevation; condition {result.condition:.0f}")  # fmt: skip
+    for sentence in said:
+        print(sentence)
     for advice in result.separation_advice():
         print(f"not separable: {advice}")
     for note in notes:

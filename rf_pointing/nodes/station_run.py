@@ -43,7 +43,7 @@ class StationRun:
 
     def __init__(self, program: str, options: argparse.Namespace, window: Pass, output: Path) -> None:
         self.node = rclpy.create_node(program, namespace=options.namespace)
-        self._stopping = self._time_runs = False
+        self._stopping = self._begun = False
         self._program, self._executor = program, make_executor()
         self._executor.add_node(self.node)
         said = overrides(options, window, output)
@@ -61,9 +61,14 @@ class StationRun:
 
     def spin(self, timeout_s: float) -> None:
         """Handle one event, or wait for one; InterruptedRunError when the user asks to stop before time runs."""
-        if self._stopping and not self._time_runs:
+        if self._stopping and not self._begun:
             raise InterruptedRunError
         self._executor.spin_once(timeout_sec=timeout_s)
+
+    @property
+    def stopping(self) -> bool:
+        """Whether the user has asked to stop."""
+        return self._stopping
 
     def interrupt(self, *_: object) -> None:
         """Ask for the end of the run; safe in a signal handler."""
@@ -85,8 +90,12 @@ class StationRun:
     def run_time(self) -> None:
         """Let time run."""
         self.graph.change(CLOCK, "activate")
-        self._time_runs = True
+        self._begun = True
         settle_garbage()
+
+    def hold_time(self) -> None:
+        """Let time stand still."""
+        self.graph.change(CLOCK, "deactivate")
 
     def send(self, client: ActionClient, goal: Any, owner: str, feedback: Callable[[Any], None] | None = None) -> Any:
         """Send a goal and return its handle; NotStartedError in the words of its `owner` when that refuses it."""

@@ -26,10 +26,12 @@ def write_calibration_report(
     rule: SectorRule | None = None,
     stages: Sequence[StageReport] = (),
     notes: Sequence[str] = (),
+    remarks: Sequence[str] = (),
 ) -> Path:
     """Write `report.html` with its pictures beside it and return the file.
 
-    `points` are the observations of `fit`, in the same order; `stages` are the reports of the pipeline.
+    `points` are the observations of `fit`, in the same order; `stages` are the reports of the pipeline, `remarks` say how
+    the model did on passes that it was not fitted to.
     """
     if len(points) != len(fit.used):
         raise ValueError(f"points={len(points)} must be the {len(fit.used)} observations of the fit")
@@ -54,6 +56,7 @@ def write_calibration_report(
         f"<h1>Pointing model {text(name)}</h1>",
         f'<p class="soft">{text(fit.station)}, {text(fit.band)} band; {text(_span(fit))}. {text(fit.form)} form.</p>',
         _tiles(points, fit, chosen),
+        *(f"<p>{text(remark)}.</p>" for remark in remarks),
         _notice(fit, points, chosen, notes),
         *(
             figure(place / f"{stem}.png", title, caption, narrow=stem in ("coverage", "correlation"))

@@ -12,17 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.calibration import CandidatePass, ReferenceTrack
-from rf_pointing.ephemeris import Elements, LookAngles, Pass, Site, TopocentricTrack, find_passes
+from rf_pointing.ephemeris import Elements, Pass, Site, TopocentricTrack, find_passes
 from rf_pointing.geometry import MDEG, Params, parameter
 from rf_pointing.geometry.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
+from rf_pointing.geometry.refraction import RadioRefraction
 
 __all__ = ["ArcRules", "beacons", "candidate_arcs", "window_of"]
 
 Array = NDArray[np.float64]
 
 LEAST_MASK_RAD = math.radians(1.0)
-STEP_S = 10.0
-"""Of the look for stretches of a pass: near the zenith the azimuth speeds up within half a minute."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,16 +33,13 @@ class ArcRules(Params):
     spacing_s: float = parameter(1.0, "time between two points", low=0.1, high=600.0)
     lowest_rad: float = parameter(math.radians(10.0), "lowest elevation of a candidate", low=0.0, high=1.5)
     highest_rad: float = parameter(math.radians(89.0), "highest elevation of a candidate", low=0.1, high=1.5707)
-    fastest_rad_s: float = parameter(
-        math.radians(1.5),
-        "fastest azimuth of a candidate: the drive must follow, with room to correct",
-        low=1e-5,
-        high=1.0,
-    )
-    acquisition_s: float = parameter(
-        0.0, "from where the antenna could begin to track until the first point", low=0.0, high=600.0
-    )
     sigma_rad: float = parameter(2.0 * MDEG, "standard deviation of one point on the sky", low=1e-7, high=0.01)
+    fastest_rad_s: float = parameter(
+        math.radians(1.5), "azimuth rate in no piece of a pass, which the antenna would not follow", low=1e-5, high=10.0
+    )
+    lead_s: float = parameter(
+        0.0, "time before the first point in which the target is followed too", low=0.0, high=600.0
+    )
 
 
 def candidate_arcs(
@@ -52,9 +48,11 @@ def candidate_arcs(
     """Return every candidate in the `duration_s` after `start_t_s`, named after its satellite, and what was refused."""
     found: list[CandidatePass] = []
     refused: list[str] = []
+    # One for all: its coefficients cost more than the track of a satellite.
+    air = RadioRefraction.standard(site.altitude_m)
     for one in elements:
         try:
-            found += _arcs_of(TopocentricTrack(one, site), start_t_s, duration_s, rules)
+            found += _arcs_of(TopocentricTrack(one, site, refraction=air), start_t_s, duration_s, rules)
         except ValueError as refusal:
             refused.append(str(refusal))
     return found, refused
@@ -63,9 +61,14 @@ def candidate_arcs(
 def _arcs_of(track: TopocentricTrack, start_t_s: float, duration_s: float, rules: ArcRules) -> list[CandidatePass]:
     found: list[CandidatePass] = []
     for begin, end in _visible(track, start_t_s, duration_s, rules):
-        look = track.sample(np.arange(begin, end + 0.5 * rules.spacing_s, rules.spacing_s))
+        look = track.sample(np.arange(begin - rules.lead_s, end + 0.5 * rules.spacing_s, rules.spacing_s))
         whole = ReferenceTrack(**{item.name: getattr(look, item.name) for item in fields(ReferenceTrack)})
-        found += [_candidate(track.name, whole, a, b, rules) for a, b in _cut(begin, end, rules)]
+        fast_s = whole.t_s[np.abs(whole.azimuth_rate_rad_s) > rules.fastest_rad_s]
+        found += [
+            _candidate(track.name, whole, a, b, rules)
+            for a, b in _cut(begin, end, rules)
+            if not rules.arcs_s or not np.any((fast_s >= a - rules.lead_s) & (fast_s <= b))
+        ]
     return found
 
 
@@ -113,30 +116,13 @@ def _shell(planes: int, per_plane: int, height_m: float, inclination_rad: float)
 def _visible(
     track: TopocentricTrack, start_t_s: float, duration_s: float, rules: ArcRules
 ) -> list[tuple[float, float]]:
-    """Return the stretches above the lowest elevation, without what is above the highest or too fast.
-
-    Where the target slows down again the signal has to be acquired first; where it rises that is done below the lowest.
-    """
-    step_s = min(rules.every_s, STEP_S)
+    """Return the stretches above the lowest elevation, without what is above the highest."""
+    step_s = min(rules.every_s, 30.0)
     t_s = start_t_s + step_s * np.arange(int(duration_s / step_s) + 1, dtype=np.float64)
-    look = track.sample(t_s)
-    up = look.elevation_rad >= rules.lowest_rad
-    inside = up & (look.elevation_rad <= rules.highest_rad) & (_fastest(look, step_s) <= rules.fastest_rad_s)
+    elevation = track.sample(t_s).elevation_rad
+    inside = (elevation >= rules.lowest_rad) & (elevation <= rules.highest_rad)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], inside.astype(np.int8), [0]])))
-    found = []
-    for first, after in edges.reshape(-1, 2):
-        late_s = rules.acquisition_s if first > 0 and up[first - 1] else 0.0
-        begin, end = float(t_s[first]) + late_s, float(t_s[after - 1])
-        if end > begin:
-            found.append((begin, end))
-    return found
-
-
-def _fastest(look: LookAngles, step_s: float) -> Array:
-    """Return at each instant (n,) the largest azimuth rate there and on the way to its neighbours, where spikes may hide."""
-    way = np.abs(np.diff(look.azimuth_rad)) / step_s
-    fastest: Array = np.max([np.abs(look.azimuth_rate_rad_s), np.append(way, 0.0), np.append(0.0, way)], axis=0)
-    return fastest
+    return [(float(t_s[a]), float(t_s[b - 1])) for a, b in edges.reshape(-1, 2) if b - 1 > a]
 
 
 def _cut(begin: float, end: float, rules: ArcRules) -> list[tuple[float, float]]:

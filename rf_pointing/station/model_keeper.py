@@ -1,8 +1,8 @@
 """The model in force, the candidate beside it, and the way from one to the other.
 
-A candidate runs in the shadow of the active model: every new observation scores both.  Nothing but `accept` and
-`roll_back` changes what is in force.  With a folder all versions are kept in it (`ModelStore`), one store for each
-station and band, and the accepted one is found again after a restart.
+A candidate runs in the shadow of the active model: every new observation scores both, and it is accepted only if it did
+what the rules ask for.  Nothing but `accept` and `roll_back` changes what is in force.  With a folder all versions are kept
+in it (`ModelStore`), one store for each station and band, and the accepted one is found again after a restart.
 """
 
 import re
@@ -23,7 +23,7 @@ class ModelKeeper:
     """`active` is in force (None: no correction), `candidate` waits for a decision; `start` is the model before any fit."""
 
     def __init__(self, station: str, band: str, folder: str, start: ModelFile | None, rules: ShadowRules) -> None:
-        self._station, self._band, self._rules = station, band, rules
+        self._station, self._band, self.rules = station, band, rules
         self._store = ModelStore(campaign_folder(folder, station, band) / "models", station, band) if folder else None
         self._start = start
         self._before: list[ModelFile | None] = []
@@ -35,6 +35,12 @@ class ModelKeeper:
     def model(self) -> BiasModel:
         """Return the model in force, that of a perfect antenna if there is none."""
         return self.active.model if self.active else BiasModel.zero()
+
+    def retune(self, rules: ShadowRules) -> None:
+        """Judge by other rules from now on; what was observed in the shadow counts on."""
+        self.rules = rules
+        if self._shadow is not None:
+            self._shadow.rules = rules
 
     def begin(self, t_s: float) -> None:
         """Put the newest accepted model that is valid at `t_s` in force, or else the start model.
@@ -57,7 +63,7 @@ class ModelKeeper:
         if self._store is not None:
             self._store.add(file)
         self.candidate = file
-        self._shadow = ShadowScore(self.model, file.model, self._rules)
+        self._shadow = ShadowScore(self.model, file.model, self.rules)
 
     def observe(self, row: Observations) -> None:
         """Score the candidate and the active model on a new observation."""
@@ -84,12 +90,18 @@ class ModelKeeper:
         )
 
     def accept(self, t_s: float) -> ModelFile:
-        """Put the candidate in force; refused without one, when it is not valid, and when it did worse in the shadow."""
+        """Put the candidate in force; refused without one, when it is not valid, and when the shadow speaks against it."""
         if self.candidate is None:
             raise ValueError("no model has been fitted")
         verdict = self.verdict()
-        if verdict is not None and verdict.word == "worse":
+        word = verdict.word if verdict else "unknown"
+        if word == "worse":
             raise ValueError(f"candidate {self.candidate.name!r} is {self.verdict_text()}; reject it")
+        if word != "better" and self.rules.accept == "better":
+            raise ValueError(
+                f"candidate {self.candidate.name!r} is {self.verdict_text()}; it must be better after "
+                f"fewest_passes={self.rules.fewest_passes}: track more passes beside it, or reject it"
+            )
         self.candidate.check_for(self._station, self._band, t_s)
         if self._store is not None:
             self._keep_way_back(self._store, t_s)
@@ -114,7 +126,7 @@ class ModelKeeper:
         else:
             raise ValueError("no model has been accepted: there is nothing to roll back to")
         if self.candidate is not None:
-            self._shadow = ShadowScore(self.model, self.candidate.model, self._rules)
+            self._shadow = ShadowScore(self.model, self.candidate.model, self.rules)
         return self.active
 
     def _keep_way_back(self, store: ModelStore, t_s: float) -> None:

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -32,6 +34,16 @@ def test_equal_models_and_few_passes_stay_undecided(campaign, table_1):
     assert score_of(data, table_1, table_1).verdict().word == "undecided"
     two = data.select(data.pass_id < 2)
     assert score_of(two, BiasModel.zero(), table_1).verdict().word == "undecided"
+
+
+def test_a_gain_that_is_the_same_in_every_pass_is_certain(campaign, table_1):
+    one = campaign(table_1, passes=1, sigma_rad=0.0, form="rotation")
+    score = score_of(one, BiasModel.zero(), table_1)
+    for number in (1, 2):
+        score.add(replace(one, pass_id=np.full(len(one), number)))
+    verdict = score.verdict()
+    assert (verdict.word, verdict.passes) == ("better", 3)
+    assert verdict.t_value > 1e6
 
 
 def test_a_pass_in_pieces_scores_as_the_pass_at_once_and_a_copy_continues_identically(campaign, table_1):

@@ -1,4 +1,5 @@
-"""The bias calibrator as a live process: observations survive SIGKILL, and a fit is in force only when it is accepted."""
+"""The bias calibrator as a live process: observations survive SIGKILL, and a fit is in force only when it is accepted,
+which takes three passes in the shadow of the model in force."""
 
 import math
 import os
@@ -38,6 +39,7 @@ class Pass:
         self._error = node.create_publisher(PointingError, f"{namespace}/pointing_error", STREAM)
         self._began_s = math.floor(time.time())
         self._count = 0
+        self.target = "bird"
 
     def matched(self) -> bool:
         return all(p.get_subscription_count() > 0 for p in (self._target, self._joints, self._error))
@@ -47,7 +49,7 @@ class Pass:
         self._count += 1
         t_s = self._began_s + float(self._count)
         for ahead_s in (0.0, 1.0):
-            sky = Target(target="bird", azimuth=1.0 + 2e-3 * (self._count + ahead_s), elevation=0.7, range=1e6)
+            sky = Target(target=self.target, azimuth=1.0 + 2e-3 * (self._count + ahead_s), elevation=0.7, range=1e6)
             sky.azimuth_rate, sky.sequence = 2e-3, 2 * self._count + int(ahead_s)
             sky.header.stamp = stamp_from_seconds(t_s + ahead_s)
             self._target.publish(sky)
@@ -115,10 +117,18 @@ def test_a_killed_calibrator_goes_on_with_every_observation_and_its_fit_waits_fo
     assert result.observations + result.rejected >= kept + 10
     value = dict(zip(result.model.terms, result.model.values, strict=True))["azimuth_offset"]
     assert value == pytest.approx(OFFSET_RAD, abs=0.1 * MDEG)
+    early = ask(live, Trigger, f"{AGAIN}/{NODE}/accept", Trigger.Request())
+    assert not early.success
+    assert "not yet observed in shadow; it must be better after fewest_passes=3" in early.message
+    for again.target in ("second bird", "third bird", "fourth bird"):
+        seen = lines(journal)
+        while lines(journal) < seen + 4:
+            again.publish()
     assert models == []
 
     answer = ask(live, Trigger, f"{AGAIN}/{NODE}/accept", Trigger.Request())
     assert answer.success, answer.message
+    assert "it was better after 3 passes in shadow: rms 0.0" in answer.message
     live.spin_until(lambda: bool(models), "the accepted model")
     count = len(models[-1].terms)
     assert models[-1].name == result.model.name

@@ -1,5 +1,6 @@
 """What `calibrate` plans before anything is started, and how it goes on with a campaign that was interrupted."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -35,16 +36,30 @@ def points_of(one: CandidatePass, number: int) -> Observations:
     )  # fmt: skip
 
 
+def in_sector(points: Observations, sector: int) -> Observations:
+    """Return the points all in the middle of one of the 36 sectors."""
+    azimuth, low, high = (
+        np.radians(30.0 * (sector % 12) + 15.0),
+        *np.radians(((10, 30), (30, 60), (60, 80))[sector // 12]),
+    )
+    angles = {"azimuth_rad": np.full(len(points), azimuth), "elevation_rad": np.full(len(points), 0.5 * (low + high))}
+    return replace(
+        points, **{f"{kind}_{name}": value for kind in ("observed", "true") for name, value in angles.items()}
+    )
+
+
 @pytest.mark.usefixtures("few_beacons")
 def test_an_interrupted_campaign_goes_on_after_its_last_observation_where_the_sky_is_thin(tmp_path: Path) -> None:
-    _, whole, windows = calibrate.plan(options(tmp_path))
+    schedule = calibrate.plan(options(tmp_path))
+    whole, windows = schedule.campaign, schedule.windows
     done = whole.passes[: len(whole.passes) // 2]
     assert done
     journal = calibrate.journal_of(options(tmp_path))
     for number, one in enumerate(done):
         journal.append(points_of(one, number))
 
-    _, rest, remaining = calibrate.plan(options(tmp_path, "--resume"))
+    resumed = calibrate.plan(options(tmp_path, "--resume"))
+    rest, remaining = resumed.campaign, resumed.windows
     kept = calibrate.journal_of(options(tmp_path)).points
     before = SectorRule(fewest=10).coverage(kept.true_azimuth_rad, kept.true_elevation_rad)
     assert remaining[0].aos_t_s > kept.t_s[-1]
@@ -54,6 +69,33 @@ def test_an_interrupted_campaign_goes_on_after_its_last_observation_where_the_sk
         seen = SectorRule(fewest=10).coverage(one.track.azimuth_rad, one.track.elevation_rad)
         assert any(seen.counts[sector] for sector in before.thin), "a piece that only fills what is full already"
     assert np.all(rest.coverage.counts >= before.counts)
+
+
+@pytest.mark.usefixtures("few_beacons")
+def test_the_shadow_is_tracked_after_the_campaign(tmp_path: Path) -> None:
+    schedule = calibrate.plan(options(tmp_path, "--shadow", "2"))
+    assert len(schedule.shadow) == 2
+    assert schedule.shadow[0].aos_t_s > schedule.windows[-1].los_t_s
+    assert schedule.shadow[1].aos_t_s > schedule.shadow[0].los_t_s
+    assert "2 more in the shadow" in calibrate.plan_text(schedule)
+
+
+@pytest.mark.usefixtures("few_beacons")
+def test_a_campaign_that_is_complete_is_resumed_with_the_fit(tmp_path: Path) -> None:
+    journal = calibrate.journal_of(options(tmp_path))
+    track = calibrate.plan(options(tmp_path)).campaign.passes[0]
+    for number, sector in enumerate(range(36)):
+        journal.append(in_sector(points_of(track, number), sector))
+    schedule = calibrate.plan(options(tmp_path, "--resume"))
+    assert schedule.windows == []
+    assert len(schedule.shadow) == 3
+    assert calibrate.plan_text(schedule).startswith("36 of 36 sectors are full already; 3 more in the shadow")
+
+
+@pytest.mark.parametrize("count", ["1", "21"])
+def test_too_few_passes_in_the_shadow_are_refused(tmp_path: Path, count: str) -> None:
+    with pytest.raises(ValueError, match="shadow="):
+        calibrate.plan(options(tmp_path, "--shadow", count))
 
 
 def test_without_observations_there_is_nothing_to_resume(tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """The command line from data files to a model file and a report; bad input writes nothing."""
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -76,6 +77,22 @@ def test_the_report_shows_coverage_residuals_distribution_correlation_and_coeffi
         "azimuth offset",
     ):
         assert words in page
+
+
+def test_terms_are_chosen_and_passes_held_out_say_whether_that_was_right(done, tmp_path, capsys):
+    fit_bias_model.main(
+        [str(done / "points.csv"), "--output", str(tmp_path / "m.yaml"), "--form", "printed", "--select", "--held-out"]
+    )
+    assert set(read_model(tmp_path / "m.yaml").fitted) == {"azimuth_offset", "elevation_offset"}
+    said = capsys.readouterr().out
+    chosen, offered = (
+        float(re.search(rf"predicted to ([\d.]+) mdeg rms with {words}", said)[1])
+        for words in ("these terms", "all terms offered")
+    )
+    # Noise of 1 mdeg in both axes; the needless twelve terms make the prediction of an unseen pass worse.
+    assert 1.1 < chosen < 1.5
+    assert chosen < offered
+    assert "passes held out are predicted" in (tmp_path / "m_report" / "report.html").read_text()
 
 
 @pytest.mark.parametrize(

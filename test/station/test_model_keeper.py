@@ -33,8 +33,8 @@ def seen(pass_id: int, azimuth_offset_rad: float) -> Observations:
     )  # fmt: skip
 
 
-def keeper(folder: str = "", start: ModelFile | None = None) -> ModelKeeper:
-    made = ModelKeeper("gs1", "X", folder, start, ShadowRules())
+def keeper(folder: str = "", start: ModelFile | None = None, accept: str = "not worse") -> ModelKeeper:
+    made = ModelKeeper("gs1", "X", folder, start, ShadowRules(accept=accept))
     made.begin(NOW_S)
     return made
 
@@ -70,12 +70,29 @@ def test_a_candidate_that_does_worse_in_the_shadow_is_not_accepted():
     assert kept.active.name == "good"
 
 
-def test_a_better_candidate_says_so():
-    kept = keeper()
+def test_by_default_a_candidate_must_have_been_better_in_the_shadow_to_be_accepted():
+    kept = ModelKeeper("gs1", "X", "", None, ShadowRules())
+    kept.begin(NOW_S)
     kept.propose(model_file("new", 20.0 * MDEG))
-    for number in range(4):
+    with pytest.raises(ValueError, match="not yet observed in shadow; it must be better after fewest_passes=3"):
+        kept.accept(NOW_S)
+    for number in range(2):
         kept.observe(seen(number, 20.0 * MDEG))
-    assert kept.verdict_text().startswith("better after 4 passes")
+    with pytest.raises(ValueError, match="undecided after 2 passes in shadow: rms 1.08 mdeg, active 16.08 mdeg"):
+        kept.accept(NOW_S)
+    kept.observe(seen(2, 20.0 * MDEG))
+    assert kept.verdict_text().startswith("better after 3 passes")
+    assert kept.accept(NOW_S).name == "new"
+
+
+def test_rules_can_change_while_a_candidate_is_in_the_shadow():
+    kept = keeper(accept="better")
+    kept.propose(model_file("new"))
+    kept.observe(seen(0, 0.0))
+    with pytest.raises(ValueError, match="must be better"):
+        kept.accept(NOW_S)
+    kept.retune(ShadowRules(accept="not worse"))
+    assert kept.accept(NOW_S).name == "new"
 
 
 def test_a_second_fit_at_the_same_simulated_time_gets_a_name_of_its_own(tmp_path):
@@ -92,7 +109,7 @@ def test_each_band_has_models_of_its_own(tmp_path):
     kept = keeper(str(tmp_path))
     kept.propose(model_file("new"))
     kept.accept(NOW_S)
-    other = ModelKeeper("gs1", "Ka", str(tmp_path), None, ShadowRules())
+    other = ModelKeeper("gs1", "Ka", str(tmp_path), None, ShadowRules(accept="not worse"))
     other.begin(NOW_S)
     assert other.active is None
     with pytest.raises(ValueError, match="is of band 'X', must be of 'Ka'"):

@@ -1,6 +1,7 @@
 """Orbit check: does an orbit from corrected angles agree with the reference better than one from raw angles?"""
 
 from rf_pointing.calibration.orbit.batch import Arc, OrbitResult, fit_orbit, times_of
+from rf_pointing.calibration.orbit.disturbances import Disturbances
 from rf_pointing.calibration.orbit.earth import Site
 from rf_pointing.calibration.orbit.elements import Elements
 from rf_pointing.calibration.orbit.measurements import Look, look
@@ -10,6 +11,7 @@ from rf_pointing.calibration.orbit.visits import visits
 
 __all__ = [
     "Arc",
+    "Disturbances",
     "Elements",
     "Gravity",
     "Look",

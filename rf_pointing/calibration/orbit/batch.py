@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rf_pointing.calibration.orbit.disturbances import Disturbances
 from rf_pointing.calibration.orbit.earth import Site
 from rf_pointing.calibration.orbit.measurements import KINDS, measured, partials
 from rf_pointing.calibration.orbit.motion import Gravity, Trajectory, propagate
@@ -74,7 +75,13 @@ def times_of(arcs: Sequence[Arc]) -> Array:
 
 
 def fit_orbit(
-    epoch_t_s: float, guess: ArrayLike, arcs: Sequence[Arc], gravity: Gravity, *, orbit: Trajectory | None = None
+    epoch_t_s: float,
+    guess: ArrayLike,
+    arcs: Sequence[Arc],
+    gravity: Gravity,
+    *,
+    orbit: Trajectory | None = None,
+    disturbances: Disturbances | None = None,
 ) -> OrbitResult:
     """Return the orbit that fits all arcs best, from a `guess` (6,) of the state at the epoch.
 
@@ -87,7 +94,7 @@ def fit_orbit(
         raise ValueError(f"orbit is given at {len(orbit.t_s)} times, must be at the {len(times)} times of the arcs")
     known = orbit
     for iteration in range(1, _MAX_ITERATIONS + 1):
-        now = known or propagate(epoch_t_s, state, times, gravity, with_partials=True)
+        now = known or propagate(epoch_t_s, state, times, gravity, with_partials=True, disturbances=disturbances)
         matrix, residuals = _linearised(now, arcs)
         known = None
         sigma = np.concatenate([arc.sigma for arc in arcs])

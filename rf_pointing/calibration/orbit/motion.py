@@ -1,4 +1,4 @@
-"""Orbital motion under the Earth's two-body and zonal attraction (J2 to J4), by numerical integration.
+"""Orbital motion under the Earth's two-body and zonal attraction (J2 to J4), by numerical integration; drag and tides besides.
 
     a = -GM r / r^3 + J2, J3, J4 in closed form (Vallado, Fundamentals of Astrodynamics, 9.7)
 
@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rf_pointing.calibration.orbit.disturbances import Disturbances
 from rf_pointing.geometry import Params, as_finite_array, parameter
 from rf_pointing.geometry.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
 
@@ -55,7 +56,13 @@ class Trajectory:
 
 
 def propagate(
-    epoch_t_s: float, state: ArrayLike, t_s: ArrayLike, gravity: Gravity, *, with_partials: bool = False
+    epoch_t_s: float,
+    state: ArrayLike,
+    t_s: ArrayLike,
+    gravity: Gravity,
+    *,
+    with_partials: bool = False,
+    disturbances: Disturbances | None = None,
 ) -> Trajectory:
     """Integrate `state` (6,) at `epoch_t_s` to the times `t_s` (n,), sorted, on either side of the epoch.
 
@@ -65,19 +72,29 @@ def propagate(
     if np.any(np.diff(times) < 0.0):
         raise ValueError("t_s must not decrease")
     bundle = _bundle(start) if with_partials else start[np.newaxis]
-    result = propagate_together(bundle, times - epoch_t_s, gravity)
+    result = propagate_together(bundle, times - epoch_t_s, gravity, epoch_t_s=epoch_t_s, disturbances=disturbances)
     return Trajectory(times, result[:, 0], _differences(result) if with_partials else None)
 
 
-def propagate_together(states: ArrayLike, elapsed_s: ArrayLike, gravity: Gravity) -> Array:
-    """Integrate many starting states (m, 6) over the same elapsed times (n,), sorted: the result is (n, m, 6)."""
+def propagate_together(
+    states: ArrayLike,
+    elapsed_s: ArrayLike,
+    gravity: Gravity,
+    *,
+    epoch_t_s: float = 0.0,
+    disturbances: Disturbances | None = None,
+) -> Array:
+    """Integrate many starting states (m, 6) over the same elapsed times (n,), sorted: the result is (n, m, 6).
+
+    `epoch_t_s` matters only to `disturbances`.
+    """
     bundle, times = as_finite_array("states", states, (None, 6)), as_finite_array("elapsed_s", elapsed_s, (None,))
     if np.any(np.diff(times) < 0.0):
         raise ValueError("elapsed_s must not decrease")
     result = np.empty((len(times), *bundle.shape))
     for side in (times < 0.0, times >= 0.0):
         if np.any(side):
-            result[side] = _integrate(bundle, times[side], gravity)
+            result[side] = _integrate(bundle, times[side], gravity, epoch_t_s, disturbances)
     return result
 
 
@@ -92,14 +109,19 @@ def _differences(bundle: Array) -> Array:
     return np.swapaxes(slopes, 1, 2)
 
 
-def _integrate(bundle: Array, elapsed_s: Array, gravity: Gravity) -> Array:
+def _integrate(
+    bundle: Array, elapsed_s: Array, gravity: Gravity, epoch_t_s: float, disturbances: Disturbances | None
+) -> Array:
     from scipy.integrate import solve_ivp
 
     shape = bundle.shape
 
-    def slope(_: float, flat: Array) -> Array:
+    def slope(elapsed: float, flat: Array) -> Array:
         states = flat.reshape(shape)
-        return np.concatenate([states[:, 3:], gravity.acceleration(states[:, :3])], axis=1).ravel()
+        acceleration = gravity.acceleration(states[:, :3])
+        if disturbances is not None:
+            acceleration += disturbances.acceleration(epoch_t_s + elapsed, states)
+        return np.concatenate([states[:, 3:], acceleration], axis=1).ravel()
 
     order = np.argsort(np.abs(elapsed_s), kind="stable")
     wanted, place = np.unique(elapsed_s[order], return_inverse=True)
