@@ -15,6 +15,7 @@ from rf_pointing.calibration import CandidatePass, ReferenceTrack
 from rf_pointing.ephemeris import Elements, Pass, Site, TopocentricTrack, find_passes
 from rf_pointing.geometry import MDEG, Params, parameter
 from rf_pointing.geometry.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
+from rf_pointing.geometry.refraction import RadioRefraction
 
 __all__ = ["ArcRules", "beacons", "candidate_arcs", "window_of"]
 
@@ -47,9 +48,11 @@ def candidate_arcs(
     """Return every candidate in the `duration_s` after `start_t_s`, named after its satellite, and what was refused."""
     found: list[CandidatePass] = []
     refused: list[str] = []
+    # One for all: its coefficients cost more than the track of a satellite.
+    air = RadioRefraction.standard(site.altitude_m)
     for one in elements:
         try:
-            found += _arcs_of(TopocentricTrack(one, site), start_t_s, duration_s, rules)
+            found += _arcs_of(TopocentricTrack(one, site, refraction=air), start_t_s, duration_s, rules)
         except ValueError as refusal:
             refused.append(str(refusal))
     return found, refused
