@@ -23,19 +23,43 @@ Array = NDArray[np.float64]
 Counts = NDArray[np.int64]
 Plan = tuple[list[int], Counts, float | None]
 
+_TURN = 2.0 * math.pi
+
 
 @dataclass(frozen=True, kw_only=True)
 class Slew(Params):
-    """Time from the last point of a pass to the first point of the next: travel of the slower axis, and the rest."""
+    """Time from the last point of a pass to the first point of the next: travel of the slower axis, and the rest.
+
+    `travel_rad` are the ends of the azimuth travel: cables that cannot turn on may make the shorter way impossible.
+    """
 
     rate_rad_s: float = parameter(math.radians(1.8), "mean axis rate of a slew", low=1e-5, high=10.0)
     settle_s: float = parameter(30.0, "stop, settling and acquisition", low=0.0, high=3600.0)
+    travel_rad: tuple[float, ...] = parameter(
+        (), "lower and upper end of the azimuth travel; none: it turns without end", low=-20.0, high=20.0
+    )
+
+    def check_together(self) -> None:
+        """Refuse a travel that is no pair or less than a turn."""
+        if self.travel_rad and (len(self.travel_rad) != 2 or self.travel_rad[1] - self.travel_rad[0] < _TURN):
+            raise ValueError(f"travel_rad={self.travel_rad} must be two ends at least a turn apart")
+
+    def ends_rad(self, azimuth_rad: Array) -> tuple[float, float]:
+        """Return first and last azimuth of a pass (n,) on the turn on which most of it lies within the travel."""
+        path = np.unwrap(azimuth_rad)
+        if self.travel_rad:
+            low, high = self.travel_rad
+            turns = _TURN * (np.arange(-2.0, 3.0) - np.floor(path[0] / _TURN))
+            outside = np.maximum(low - np.min(path) - turns, 0.0) + np.maximum(np.max(path) + turns - high, 0.0)
+            path = path + turns[np.lexsort((np.abs(path[0] + turns), outside))[0]]
+        return float(path[0]), float(path[-1])
 
     def time_s(self, ends_rad: Array, starts_rad: Array) -> Array:
-        """Return the time between directions (..., 2), azimuth and elevation, azimuth by the shorter way."""
-        travel = starts_rad - ends_rad
-        azimuth = np.abs(np.mod(travel[..., 0] + np.pi, 2.0 * np.pi) - np.pi)
-        time: Array = np.maximum(azimuth, np.abs(travel[..., 1])) / self.rate_rad_s + self.settle_s
+        """Return the time between directions (..., 2), azimuth and elevation; without ends azimuth by the shorter way."""
+        azimuth, elevation = np.moveaxis(np.abs(starts_rad - ends_rad), -1, 0)
+        if not self.travel_rad:
+            azimuth = np.abs(np.mod(azimuth + np.pi, _TURN) - np.pi)
+        time: Array = np.maximum(azimuth, elevation) / self.rate_rad_s + self.settle_s
         return time
 
 
@@ -77,8 +101,9 @@ class _Table:
         tracks = [c.track for c in candidates]
         self._start = np.array([c.start_t_s for c in candidates])
         self._end = np.array([c.end_t_s for c in candidates])
-        self._from = np.array([[t.azimuth_rad[0], t.elevation_rad[0]] for t in tracks])
-        self._to = np.array([[t.azimuth_rad[-1], t.elevation_rad[-1]] for t in tracks])
+        azimuth = np.array([slew.ends_rad(t.azimuth_rad) for t in tracks])
+        elevation = np.array([(t.elevation_rad[0], t.elevation_rad[-1]) for t in tracks])
+        self._from, self._to = np.moveaxis(np.stack([azimuth, elevation], axis=-1), 1, 0)
         self._counts = np.array([rule.coverage(t.azimuth_rad, t.elevation_rad).counts for t in tracks])
 
     def gain(self, filled: Counts, more: Counts) -> int:

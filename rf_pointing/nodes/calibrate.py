@@ -37,6 +37,7 @@ from rf_pointing.nodes.calibration_run import CalibrationRun, Outcome
 from rf_pointing.nodes.station_run import run_to_end
 from rf_pointing.nodes.track_options import DEFAULT_MODELS, speed_factor
 from rf_pointing.nodes.utc import parse_utc
+from rf_pointing.planning import AxisLimits
 from rf_pointing.station.calibration_log import CalibrationLog
 from rf_pointing.station.calibration_plan import ArcRules, beacons, candidate_arcs, window_of
 from rf_pointing.station.commissioning import commissioning_model
@@ -145,7 +146,9 @@ def planned(
         arcs_s=arcs_s, every_s=60.0, spacing_s=SPACING_S, lowest_rad=math.radians(11.0), lead_s=ACQUISITION_S
     )
     candidates, _ = candidate_arcs(elements, site(options.station), begin_s, span_s, rules)
-    return plan_campaign(candidates, rule, Slew(settle_s=ACQUISITION_S + 10.0), filled)
+    limits = AxisLimits()
+    travel = (limits.azimuth_min_rad, limits.azimuth_max_rad)
+    return plan_campaign(candidates, rule, Slew(settle_s=ACQUISITION_S + 10.0, travel_rad=travel), filled)
 
 
 def windows_of(options: argparse.Namespace, elements: list[Elements], campaign: Campaign) -> list[Pass]:

@@ -71,3 +71,27 @@ def test_a_campaign_goes_on_where_an_interrupted_one_left_the_sky_thin(candidate
     nothing = plan_campaign(later, SMALL, SLEW, whole.coverage.counts)
     assert nothing.passes == ()
     assert nothing.coverage.thin == ()
+
+
+@pytest.mark.parametrize(
+    ("azimuth_deg", "ends_deg"),
+    [
+        ((10.0, 60.0), (10.0, 60.0)),
+        ((350.0, 300.0), (-10.0, -60.0)),
+        ((150.0, 179.0, -150.0, -100.0), (-210.0, -100.0)),
+        ((190.0, 150.0), (-170.0, -210.0)),
+        ((170.0, 200.0), (170.0, 200.0)),
+    ],
+)
+def test_a_pass_lies_on_the_turn_that_the_cables_allow(azimuth_deg, ends_deg):
+    slew = Slew(travel_rad=(np.radians(-220.0), np.radians(220.0)))
+    assert np.degrees(slew.ends_rad(np.radians(azimuth_deg))) == pytest.approx(ends_deg, abs=1e-9)
+
+
+def test_the_way_between_two_directions_does_not_lead_through_the_ends_of_the_travel():
+    a, b = np.radians([[170.0, 40.0], [-170.0, 40.0]])
+    assert Slew(rate_rad_s=1.0, settle_s=0.0).time_s(a, b) == pytest.approx(np.radians(20.0))
+    limited = Slew(rate_rad_s=1.0, settle_s=0.0, travel_rad=(np.radians(-220.0), np.radians(220.0)))
+    assert limited.time_s(a, b) == pytest.approx(np.radians(340.0))
+    with pytest.raises(ValueError, match="at least a turn apart"):
+        Slew(travel_rad=(-1.0, 1.0))

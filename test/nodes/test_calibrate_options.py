@@ -85,7 +85,7 @@ def test_a_campaign_that_is_complete_is_resumed_with_the_fit(tmp_path: Path) -> 
     journal = calibrate.journal_of(options(tmp_path))
     track = calibrate.plan(options(tmp_path)).campaign.passes[0]
     for number, sector in enumerate(range(36)):
-        journal.append(in_sector(points_of(track, number), sector))
+        journal.append(in_sector(points_of(track, number).select(np.arange(10)), sector))
     schedule = calibrate.plan(options(tmp_path, "--resume"))
     assert schedule.windows == []
     assert len(schedule.shadow) == 3

@@ -33,16 +33,20 @@ class Gravity(Params):
 
     def acceleration(self, position_m: Array) -> Array:
         """Return the acceleration (..., 3) at positions (..., 3), m/s^2."""
+        # With u = 1/r^2, s = z^2 u and a, b, d the three harmonics; few operations, for the arrays are small.
         z = position_m[..., 2]
-        r2 = np.einsum("...i,...i->...", position_m, position_m)
-        r = np.sqrt(r2)
-        s2, q2 = z * z / r2, EARTH_RADIUS_M**2 / r2
-        k2, k3, k4 = 1.5 * self.j2 * q2, 2.5 * self.j3 * q2 * EARTH_RADIUS_M / r2, 0.625 * self.j4 * q2 * q2
-        across = 1.0 - k2 * (5.0 * s2 - 1.0) - k3 * z * (7.0 * s2 - 3.0) + k4 * (s2 * (42.0 - 63.0 * s2) - 3.0)
-        polar = 2.0 * k2 + k3 * z * 3.0 + k4 * (28.0 * s2 - 12.0)
-        scale = -EARTH_MU_M3_S2 / (r2 * r)
+        u = 1.0 / np.einsum("...i,...i->...", position_m, position_m)
+        s = z * z * u
+        a = (1.5 * self.j2 * EARTH_RADIUS_M**2) * u
+        w = u * u
+        d = (0.625 * self.j4 * EARTH_RADIUS_M**4) * w
+        c = (2.5 * self.j3 * EARTH_RADIUS_M**3) * u
+        b = c * u * z
+        rest = a + 3.0 * b
+        scale = (-EARTH_MU_M3_S2) * u * np.sqrt(u)
+        across = 1.0 + rest - 3.0 * d + s * (d * (42.0 - 63.0 * s) - 5.0 * a - 7.0 * b)
         result: Array = position_m * (scale * across)[..., np.newaxis]
-        result[..., 2] += scale * (z * polar - 0.6 * k3 * r2)
+        result[..., 2] += scale * (z * (rest + a + d * (28.0 * s - 12.0)) - 0.6 * c)
         return result
 
 
