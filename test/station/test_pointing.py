@@ -9,27 +9,18 @@ import numpy as np
 import pytest
 
 from rf_pointing.ephemeris import Pass, TopocentricTrack
-from rf_pointing.geometry import MDEG, JointReading, PointingError, nearest_turn_rad, sky_offset_rad
+from rf_pointing.geometry import JointReading, nearest_turn_rad
 from rf_pointing.planning import AxisLimits
 from rf_pointing.rf import LinkParams
 from rf_pointing.station.mount import MountParams
 from rf_pointing.station.pointing import PREDICTION_PATIENCE_S, PointingController, PointingParams
 from rf_pointing.tracking import AutotrackParams
 
-STRONG_DB_HZ, WEAK_DB_HZ = 60.0, 5.0
 SAME_RAD = 1e-9
-BEAMWIDTH_RAD = 65.0 * MDEG
-ROUNDING_RAD = 1e-10
-"""Trim and residual are moved against each other by the filter; their sum stays to the rounding of floats."""
 
 Rig = Any
 MakeRig = Callable[..., Rig]
 MakeController = Callable[..., PointingController]
-
-
-def error(t_s: float, right_rad: float = 0.0, up_rad: float = 0.0, **changes: Any) -> PointingError:
-    values = {"t_s": t_s, "sensor": "monopulse", "cross_elevation_rad": right_rad, "elevation_rad": up_rad}
-    return PointingError(**{**values, "carrier_to_noise_db_hz": STRONG_DB_HZ, **changes})
 
 
 def still(azimuth_rad: float, elevation_rad: float, t_s: float = 0.0) -> JointReading:
@@ -305,182 +296,6 @@ def test_predictions_of_another_satellite_are_ignored(rig: MakeRig, window: Pass
     made.controller.take_target(other)
     trajectory, _ = made.period(round(window.aos_t_s + 2.1, 6))
     assert np.all(trajectory.position_rad[:, 1] < 0.2)
-
-
-# Sensed errors
-
-
-def acquired(rig: MakeRig, window: Pass, seconds: float = 4.0, **changes: Any) -> Rig:
-    """A rig in monopulse mode on a target that is exactly where it is predicted."""
-    made = rig("monopulse", **changes)
-    *_, (_, _, status) = made.run(window.aos_t_s, seconds, lambda t_s, _: [error(t_s - 0.06)])
-    assert status.mode == "monopulse"
-    return made
-
-
-def test_a_sensed_error_moves_the_beam_towards_the_target(rig: MakeRig, window: Pass) -> None:
-    """A target that steps aside is followed at 2 pi f_m = 1.26 of the error in a second."""
-    made = acquired(rig, window)
-    beside = Offset(5 * MDEG, -3 * MDEG, "monopulse")
-    *_, (_, _, early) = made.run(window.aos_t_s + 4.0, 1.0, beside)
-    *_, (_, _, late) = made.run(window.aos_t_s + 5.0, 4.0, beside)
-    # Without delay it would be 72 % after a second; the errors act 0.2 to 0.3 s late.
-    assert 0.55 < early.cross_elevation_offset_rad / (5 * MDEG) < 0.8
-    assert late.cross_elevation_offset_rad == pytest.approx(5 * MDEG, rel=0.03)
-    assert late.elevation_offset_rad == pytest.approx(-3 * MDEG, rel=0.03)
-    assert early.cross_elevation_error_rad > 1 * MDEG > abs(late.cross_elevation_error_rad)
-
-
-@pytest.mark.parametrize(
-    "useless",
-    [
-        {"valid": False, "reason": "no lock"},
-        {"sensor": "conscan"},
-        {"sensor": "truth"},
-    ],
-)
-def test_errors_that_must_not_be_used_move_nothing(rig: MakeRig, window: Pass, useless: dict[str, Any]) -> None:
-    made = acquired(rig, window)
-    for _, _, status in made.run(
-        window.aos_t_s + 4.0, 0.5, lambda t_s, _: [error(t_s - 0.06, 9 * MDEG, 9 * MDEG, **useless)]
-    ):
-        assert status.cross_elevation_offset_rad == pytest.approx(0.0, abs=ROUNDING_RAD)
-        assert status.elevation_offset_rad == pytest.approx(0.0, abs=ROUNDING_RAD)
-
-
-def test_stale_errors_are_not_used(rig: MakeRig, window: Pass) -> None:
-    """They neither move the trim nor count as a carrier."""
-    age_s = PointingParams().error_age_s + 0.05
-    made = acquired(rig, window)
-    list(made.run(window.aos_t_s + 4.0, 0.6))
-    for _, _, status in made.run(window.aos_t_s + 4.6, 2.0, lambda t_s, _: [error(t_s - age_s, 9 * MDEG, 9 * MDEG)]):
-        assert status.cross_elevation_offset_rad == pytest.approx(0.0, abs=ROUNDING_RAD)
-    assert status.mode == "coast"
-    assert status.carrier_to_noise_db_hz == 0.0
-
-
-def test_errors_of_later_periods_wait_for_their_period(rig: MakeRig, window: Pass) -> None:
-    """Whether an error stamped after the period comes early or in time makes no difference to the commands."""
-
-    def wave(t_s: float) -> PointingError:
-        stamp_s = round(t_s, 6)
-        return error(stamp_s, 4 * MDEG * math.sin(3.0 * stamp_s), 2 * MDEG * math.cos(2.0 * stamp_s))
-
-    start_s = round(window.aos_t_s + 4.0, 6)
-    in_time, early = acquired(rig, window), acquired(rig, window)
-    ahead = [wave(start_s + 0.04), wave(start_s + 0.14), wave(start_s + 0.24)]
-    punctual = in_time.run(start_s, 3.0, lambda t_s, _: [wave(t_s - 0.06)])
-    hasty = early.run(start_s, 3.0, lambda t_s, _: (ahead if t_s < start_s + 0.15 else []) + [wave(t_s + 0.24)])
-    for (t_s, ours, _), (_, theirs, _) in zip(hasty, punctual, strict=True):
-        np.testing.assert_array_equal(ours.position_rad, theirs.position_rad, err_msg=f"period at {t_s}")
-
-
-def test_a_lost_carrier_freezes_the_loop_at_once_and_the_coast_follows_what_was_learned(
-    rig: MakeRig, window: Pass
-) -> None:
-    """The satellite runs 0.2 s ahead of its elements: a quarter of the way to the top its offset has grown by a third."""
-    made = acquired(rig, window)
-    ahead_s, begin_s = 0.2, window.aos_t_s + 4.0
-
-    def early(t_s: float, rig: Rig) -> list[PointingError]:
-        real = rig.track.target_at(t_s + ahead_s)
-        right, up = sky_offset_rad(real.azimuth_rad, real.elevation_rad, *rig.position_rad)
-        return [error(t_s, float(right), float(up))]
-
-    *_, (_, _, held) = made.run(begin_s, 40.0, early)
-    lost = {"carrier_to_noise_db_hz": WEAK_DB_HZ, "cross_elevation_rad": 0.01, "elevation_rad": 0.01}
-    modes, offsets = [], []
-    for t_s, _, status in made.run(begin_s + 40.0, 4.5, lambda t_s, _: [error(t_s - 0.06, **lost)]):
-        modes.append(status.mode)
-        real, predicted = made.track.target_at(t_s + ahead_s), made.track.target_at(t_s)
-        right, up = sky_offset_rad(real.azimuth_rad, real.elevation_rad, predicted.azimuth_rad, predicted.elevation_rad)
-        offsets.append(
-            math.hypot(status.cross_elevation_offset_rad - float(right), status.elevation_offset_rad - float(up))
-        )
-    assert held.mode == "monopulse"
-    assert modes[1:] == ["coast"] * (len(modes) - 1), "the carrier counts as lost at the first sample without it"
-    assert max(offsets) < 0.5 * MDEG
-
-
-# Search
-
-
-class Offset:
-    """A target that runs beside its prediction, heard through a Gaussian beam, with the errors of a monopulse feed."""
-
-    def __init__(self, right_rad: float, up_rad: float, sensor: str) -> None:
-        self.right_rad, self.up_rad, self.sensor = right_rad, up_rad, sensor
-
-    def __call__(self, t_s: float, made: Rig) -> list[PointingError]:
-        real = made.track.target_at(t_s)
-        right, up = sky_offset_rad(
-            real.azimuth_rad + self.right_rad / math.cos(real.elevation_rad),
-            real.elevation_rad + self.up_rad,
-            *made.position_rad,
-        )
-        away = math.hypot(float(right), float(up)) / BEAMWIDTH_RAD
-        level = STRONG_DB_HZ - 12.0 * away**2
-        valid = self.sensor == "monopulse" and away < 0.4
-        return [
-            error(
-                t_s, float(right) if valid else 0.0, float(up) if valid else 0.0,
-                sensor=self.sensor, valid=valid, reason="" if valid else "not usable",
-                carrier_to_noise_db_hz=max(level, 0.0),
-            )
-        ]  # fmt: skip
-
-
-def test_a_search_finds_a_target_two_beamwidths_off_and_monopulse_starts_where_it_was(
-    rig: MakeRig, window: Pass
-) -> None:
-    made, beside = rig("monopulse"), Offset(95.0 * MDEG, -85.0 * MDEG, "monopulse")
-    modes: list[str] = []
-    first_offset, entered = None, None
-    for _, _, status in made.run(window.aos_t_s, 60.0, beside):
-        if status.mode == "monopulse" and "search" in modes and entered is None:
-            entered = len(modes)
-        if entered is not None and len(modes) == entered + 2:
-            first_offset = (status.cross_elevation_offset_rad, status.elevation_offset_rad)
-        modes.append(status.mode)
-        if entered is not None and len(modes) > entered + 60:
-            break
-    assert first_offset is not None, set(modes)
-    assert modes[-1] == "monopulse"
-    assert status.cross_elevation_offset_rad == pytest.approx(95.0 * MDEG, abs=1.0 * MDEG)
-    assert status.elevation_offset_rad == pytest.approx(-85.0 * MDEG, abs=1.0 * MDEG)
-    assert math.hypot(first_offset[0] - 95.0 * MDEG, first_offset[1] + 85.0 * MDEG) < 0.3 * BEAMWIDTH_RAD
-
-
-def test_a_search_with_conscan_coasts_back_to_where_the_carrier_was_strongest(rig: MakeRig, window: Pass) -> None:
-    made, beside = rig("conscan"), Offset(95.0 * MDEG, -85.0 * MDEG, "conscan")
-    coasted = None
-    for _, _, status in made.run(window.aos_t_s, 90.0, beside):
-        if status.mode == "coast":
-            coasted = (status.cross_elevation_offset_rad, status.elevation_offset_rad)
-        if status.mode == "conscan" and coasted is not None:
-            break
-    assert coasted is not None
-    # The spiral passes within 0.3 beamwidths of every direction, and a C/N0 comes every 15 mdeg along it.
-    assert math.hypot(coasted[0] - 95.0 * MDEG, coasted[1] + 85.0 * MDEG) < math.hypot(0.3 * BEAMWIDTH_RAD, 8.0 * MDEG)
-
-
-# Bookkeeping
-
-
-def test_time_without_a_valid_error_is_lost_time(rig: MakeRig, window: Pass) -> None:
-    made = acquired(rig, window)
-    tracked_s, lost_s = made.controller.tally.tracked_s, made.controller.tally.lost_s
-    list(made.run(window.aos_t_s + 4.0, 1.0, lambda t_s, _: [error(t_s - 0.06, 3 * MDEG)]))
-    assert made.controller.tally.tracked_s == pytest.approx(tracked_s + 1.0)
-    lost = {"carrier_to_noise_db_hz": WEAK_DB_HZ, "valid": False, "reason": "no lock"}
-    list(made.run(window.aos_t_s + 5.0, 1.0, lambda t_s, _: [error(t_s - 0.06, **lost)]))
-    assert made.controller.tally.lost_s == pytest.approx(lost_s + 1.0, abs=0.11)
-
-
-def test_the_same_inputs_give_the_same_commands(rig: MakeRig, window: Pass) -> None:
-    beside = Offset(20.0 * MDEG, 10.0 * MDEG, "monopulse")
-    first, second = ([row[1].position_rad for row in rig("monopulse").run(window.aos_t_s, 10.0, beside)] for _ in "ab")
-    np.testing.assert_array_equal(first, second)
 
 
 # What the link cannot give
