@@ -134,6 +134,7 @@ def overrides(options: argparse.Namespace, window: Pass, output: Path) -> dict[s
         "pointing_controller": {
             "sun.station": options.station,
             "machine.half_power_beamwidth_deg": math.degrees(HALF_POWER_BEAMWIDTH_RAD[options.band]),
+            "certificate_folder": str(output.resolve()),
         },
         "bias_calibrator": {
             "calibrator.model_file": str(

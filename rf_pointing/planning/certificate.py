@@ -182,7 +182,7 @@ class _Certifier:
         (low, high), (bottom, top) = ((float(part.min()), float(part.max())) for part in position.T)
         closest, margin = _closest(self.limits, low, high, bottom, top)
         start, end = (float(position[0, 0]), float(position[0, 1])), (float(position[-1, 0]), float(position[-1, 1]))
-        preposition_s, barred = self.slew(self.present_rad, start)
+        preposition_s, barred = self.slew(self.present_rad, self._meeting_point(position))
         loss = PassLoss.of(crossing, self.profile.duration_s, self.gain)
         late_s = max(0.0, self.issued_t_s + preposition_s - float(self.profile.t_s[0]))
         refusals = _refusals(self.sky, closest, margin, loss.below_s + late_s, self.profile.duration_s, self.machine)
@@ -212,6 +212,12 @@ class _Certifier:
             peak_loss_db=loss.peak_db,
             mean_loss_db=loss.mean_db,
         )
+
+    def _meeting_point(self, position: Array) -> Pair:
+        """Return where the axes have to go: to the start of the pass, or where a pass that is going on already has come."""
+        row = int(np.searchsorted(self.profile.t_s, self.issued_t_s))
+        azimuth, elevation = position[min(row, len(position) - 1)].tolist()
+        return azimuth, elevation
 
 
 def _moved(crossing: Crossing | None, shift: Array) -> Crossing | None:

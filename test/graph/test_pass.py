@@ -133,6 +133,10 @@ def test_the_pass_is_tracked_and_nothing_is_lost(tracked: SimpleNamespace) -> No
     assert "8 nodes matched and active" in tracked.said
     assert tracked.summary["headline"]["messages_lost"] == 0
     assert tracked.summary["headline"]["held_beam"] is True
+    (stored,) = tracked.folder.glob("CBERS_2-*.json")
+    certificate = json.loads(stored.read_text())
+    assert certificate["accepted"]
+    assert [branch["chosen"] for branch in certificate["branches"]].count(True) == 1
 
 
 def test_monopulse_keeps_the_true_error_within_2_mdeg_and_a_tenth_of_a_decibel(tracked: SimpleNamespace) -> None:

@@ -112,6 +112,7 @@ def test_the_command_line_reaches_the_nodes_as_parameters(monkeypatch: pytest.Mo
     assert values["simulation_clock"]["start_s"] < window.aos_t_s - 100.0
     assert values["ephemeris_publisher"]["publisher.mask_deg"] == 40.0
     assert values["bias_calibrator"]["calibrator.band"] == "Ka"
+    assert values["pointing_controller"]["certificate_folder"] == str(tmp_path.resolve())
     assert yaml.safe_load(yaml.safe_dump(sections)) == sections
     assert all(name.startswith("/**/") for name in sections)
 

@@ -130,6 +130,15 @@ def test_prepositioning_counts_against_the_pass_when_it_comes_too_late() -> None
     assert "would be lost" in certificate(arc(-60.0, 0.0, seconds=200.0), now_s=995.0).refusal
 
 
+def test_in_the_middle_of_a_pass_the_way_is_to_where_it_has_come() -> None:
+    """At 1300 s, half way through; the axes stand on the turn below."""
+    found = certificate(
+        arc(150.0, 200.0), machine=MACHINE.replace(least_share=0.0), present_deg=(-175.0, 50.0), now_s=1300.0
+    ).chosen
+    assert found.turns == -1
+    assert found.preposition_s == pytest.approx(10.0 / 1.8 + 2.25, rel=1e-2)
+
+
 def test_unwinding_is_the_way_back_to_the_turn_about_north() -> None:
     assert certificate(arc(100.0, 170.0)).chosen.unwind_s == 0.0
     wound = certificate(arc(150.0, 210.0), now_s=900.0).chosen
