@@ -116,6 +116,10 @@ class Schedule:
 def plan(options: argparse.Namespace) -> Schedule:
     """Return the beacons and the passes to track; ValueError when nothing can be tracked."""
     require_between("shadow", options.shadow, 2, 20)
+    require_between("longest", options.longest, 60.0, 86400.0)
+    require_between("orbit_prior", options.orbit_prior, 0.01, 1e6)
+    if not options.models:
+        raise ValueError("models='' must name a folder: a campaign keeps its observations there")
     start_s = parse_utc(options.start)
     elements, rule = beacons(start_s), SectorRule(fewest=options.fewest, most=max(30, options.fewest))
     filled, last_s = progress_so_far(options, rule) if options.resume else (None, start_s)

@@ -36,8 +36,9 @@ FEWEST = 30
 class CalibrationLog:
     """Collects one observation every `spacing_s` while a sensor gives valid errors, and fits the 14 terms to them.
 
-    Nothing is observed in the first `settle_s` of a pass with a valid sensor: after a slew the lags are not steady yet.
     Errors beyond `largest_error_rad` are left out: off its axis a sensor is not calibrated, and 5 % of a beamwidth is a lot.
+    Nothing is observed in the first `settle_s` with a valid sensor, nor in those after such an error: after a slew and after
+    a search the lags are not steady yet.
     With a `journal` every observation is on the disk before the next one, and those already in it count.
     """
 
@@ -91,12 +92,7 @@ class CalibrationLog:
         joints = self._joints
         if joints is None or not error.valid or abs(joints.t_s - error.t_s) > LARGEST_JOINT_AGE_S:
             return None
-        if self._sensed_since_s is None or not 0.0 <= error.t_s - self._sensed_s <= PASS_GAP_S:
-            self._sensed_since_s = error.t_s
-        self._sensed_s = error.t_s
-        if error.t_s - self._sensed_since_s < self._settle_s:
-            return None
-        if math.hypot(error.cross_elevation_rad, error.elevation_rad) > self._largest_error_rad:
+        if not self._settled(error):
             return None
         if 0.0 <= error.t_s - self._last_s < self._spacing_s or not self._target.covers(error.t_s, error.t_s):
             return None
@@ -158,6 +154,16 @@ class CalibrationLog:
             return Coverage(rule, np.zeros(rule.count, dtype=np.int64))
         points = self.observations()
         return rule.coverage(points.true_azimuth_rad, points.true_elevation_rad)
+
+    def _settled(self, error: PointingError) -> bool:
+        """Note a valid error; return whether the beam has been near the target for long enough."""
+        if self._sensed_since_s is None or not 0.0 <= error.t_s - self._sensed_s <= PASS_GAP_S:
+            self._sensed_since_s = error.t_s
+        self._sensed_s = error.t_s
+        if math.hypot(error.cross_elevation_rad, error.elevation_rad) > self._largest_error_rad:
+            self._sensed_since_s = None
+            return False
+        return error.t_s - self._sensed_since_s >= self._settle_s
 
     def _row(self, error: PointingError, joints: JointReading, pass_id: int) -> Observations:
         position = joints.position_rad + (error.t_s - joints.t_s) * joints.velocity_rad_s

@@ -92,10 +92,27 @@ def test_a_campaign_that_is_complete_is_resumed_with_the_fit(tmp_path: Path) -> 
     assert calibrate.plan_text(schedule).startswith("36 of 36 sectors are full already; 3 more in the shadow")
 
 
-@pytest.mark.parametrize("count", ["1", "21"])
-def test_too_few_passes_in_the_shadow_are_refused(tmp_path: Path, count: str) -> None:
-    with pytest.raises(ValueError, match="shadow="):
-        calibrate.plan(options(tmp_path, "--shadow", count))
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["--shadow", "1"], "shadow=1 must be >= 2"),
+        (["--longest", "-5"], "longest=-5.0 must be >= 60"),
+        (["--longest", "nan"], "longest=nan must be finite"),
+        (["--orbit-prior", "0"], "orbit_prior=0.0 must be >= 0.01"),
+        (["--fewest", "0"], "fewest=0 must be >= 1"),
+        (["--models", ""], "models='' must name a folder"),
+        (["--start", "yesterday"], "yesterday"),
+        (["--speed", "fast"], "speed='fast' must be a factor or max"),
+    ],
+)
+def test_wrong_options_are_refused_in_words_before_anything_starts(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], complaint: str
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        calibrate.main(["--models", str(tmp_path), "--output", str(tmp_path / "out"), *arguments])
+    assert ended.value.code == 2
+    assert complaint in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
 
 
 def test_without_observations_there_is_nothing_to_resume(tmp_path: Path) -> None:

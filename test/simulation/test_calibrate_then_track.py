@@ -35,7 +35,7 @@ def campaign() -> tuple:
     station = KinematicStation(KinematicParams(), mount, old, random)
     sky = beacons(START_S)
     rules = ArcRules(arcs_s=(60.0, 120.0, 240.0), every_s=60.0, spacing_s=1.0, lowest_rad=0.19)
-    candidates, _ = candidate_arcs(sky, STATION, START_S + 180.0, 2600.0, rules)
+    candidates, _ = candidate_arcs(sky, STATION, START_S + 180.0, 2520.0, rules)
     plan = plan_campaign(candidates, SectorRule(fewest=12), Slew(settle_s=55.0))
     log = CalibrationLog("Goldstone DSS-13", "X", 0.5, 1.0 * MDEG, largest_error_rad=6.0 * MDEG, settle_s=25.0)
     by_name = {one.name: one for one in sky}

@@ -74,6 +74,21 @@ def test_observations_keep_their_spacing(track: TopocentricTrack, window: Pass, 
     assert len(collected) == pytest.approx(window.duration_s / 10.0, abs=4)
 
 
+def test_a_large_error_is_no_observation_and_the_lags_must_settle_again(track: TopocentricTrack, window: Pass) -> None:
+    collected = CalibrationLog("s", "X", 0.5, 2.0 * MDEG, largest_error_rad=6.0 * MDEG, settle_s=10.0)
+    start_s = window.tca_t_s
+    for second in range(60):
+        t_s, away = start_s + second, 20.0 * MDEG if second == 30 else 1.0 * MDEG
+        for ahead in (0.0, 1.0):
+            collected.take_target(track.target_at(t_s + ahead))
+        sky = track.target_at(t_s)
+        position = [sky.azimuth_rad, sky.elevation_rad]
+        collected.take_joints(JointReading(t_s=t_s, position_rad=position, velocity_rad_s=[0.0, 0.0]))
+        collected.take_error(PointingError(t_s=t_s, sensor="monopulse", cross_elevation_rad=away, elevation_rad=0.0))
+    seconds = np.round(collected.observations().t_s - start_s).tolist()
+    assert seconds == [*range(10, 30), *range(41, 60)]
+
+
 def test_too_few_observations_are_refused() -> None:
     with pytest.raises(ValueError, match="0 observations, must have at least 30: track a pass with a sensor first"):
         log().fit(BiasModel.zero())
