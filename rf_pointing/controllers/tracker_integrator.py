@@ -38,7 +38,7 @@ class TrackerIntegratorParams(Params):
     )
     offset_limit_rad: float = parameter(math.radians(1.0), "largest offset on either axis", low=1e-9, high=1.0)
     acceleration_rad_s2: float = parameter(
-        math.radians(0.5), "largest change of the offset's rate in 1 s, on either axis", low=1e-6, high=1.0
+        math.radians(0.2), "largest change of the offset's rate in 1 s, on either axis", low=1e-6, high=1.0
     )
 
 

@@ -31,6 +31,7 @@ from rf_pointing.planning import AxisLimits, GateParams, HorizonMask, MachinePar
 from rf_pointing.rf import LinkParams
 from rf_pointing.station.axis_path import AxisPath
 from rf_pointing.station.beam_position import BeamPosition
+from rf_pointing.station.correction_lag import CorrectionLag
 from rf_pointing.station.pass_plan import PassPlan
 from rf_pointing.station.scan_patterns import ScanParams
 from rf_pointing.station.sky_offsets import SkyOffsets, added
@@ -148,6 +149,7 @@ class PointingController:
         self._centre: dict[int, Array] = {}
         self._beam = BeamPosition()
         self._path = AxisPath(params.period_s, self.plan, params.lag_averaging_s)
+        self._lag = CorrectionLag(params.lag_averaging_s)
         self._stopping, self._moved, self._sensor = "", False, "program"
         self._last_sky = np.zeros(2)
         self.tally = Tally()
@@ -161,7 +163,7 @@ class PointingController:
         """Take new parameters between two periods."""
         self.params, self.limits, self._autotrack_params = params, limits, autotrack
         self.plan.take_limits(limits)
-        self._path.lag_averaging_s = params.lag_averaging_s
+        self._path.lag_averaging_s = self._lag.averaging_s = params.lag_averaging_s
         self._table = Autotrack(autotrack.replace(sensor=self._table.params.sensor))
 
     def take_model(self, model: BiasModel) -> None:
@@ -225,6 +227,7 @@ class PointingController:
         self._errors.clear()
         self._targets.clear()
         self._path.restart()
+        self._lag.restart()
         self._centre.clear()
         self._beam.clear()
         self.offsets.restart(t_s)
@@ -362,16 +365,20 @@ class PointingController:
         except ValueError as refused:
             self._stopping = str(refused)
             return None
-        centre = predicted
+        centre, moved = predicted, np.zeros_like(predicted.velocity)
         if t_s >= self._pass.aos_t_s:
             range_m = self._targets.range_m(times)
             self.offsets.stand(self.plan.course.plunge_at(float(times[0])))
-            centre = self.offsets.add_trim(times, predicted, range_m)
+            trimmed = self.offsets.add_trim(times, predicted, range_m)
             beside = partial(self.offsets.beside, range_m=float(range_m[0]))
-            centre = self.plan.course.carry(times, predicted, centre, beside)
-        position, velocity, acceleration = self.offsets.add_scan(times, centre)
-        self._centre = {**{k: c for k, c in self._centre.items() if k >= _key(t_s)}, _key(times[0]): centre.position[0]}
-        self._beam.take_centre(float(times[0]), predicted.position[0])
+            centre = self.plan.course.carry(times, predicted, trimmed, beside)
+            moved = trimmed.velocity - predicted.velocity
+        scanned = self.offsets.add_scan(times, centre)
+        lead = self._lag.lead(times, moved + scanned.velocity - centre.velocity, self._model)
+        position, velocity, acceleration = (a + b for a, b in zip(scanned, lead, strict=True))
+        here = centre.position[0] + lead.position[0]
+        self._centre = {**{k: c for k, c in self._centre.items() if k >= _key(t_s)}, _key(times[0]): here}
+        self._beam.take_centre(float(times[0]), predicted.position[0] + lead.position[0])
         trajectory = self.plan.course.to_axes(
             JointTrajectory(t_s=times, position_rad=position, velocity_rad_s=velocity, acceleration_rad_s2=acceleration)
         )

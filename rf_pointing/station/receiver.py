@@ -28,6 +28,7 @@ from rf_pointing.rf import (
     BeamParams,
     DropoutParams,
     Dropouts,
+    InterferenceParams,
     Link,
     LinkParams,
     MonopulseFeed,
@@ -35,12 +36,15 @@ from rf_pointing.rf import (
     NoiseParams,
     Receiver,
     ReceiverParams,
+    SpinParams,
+    spin_gain_db,
 )
 
 __all__ = ["Reception", "SignalParams", "SimulatedReceiver"]
 
 Array = NDArray[np.float64]
 BLOCK = 50
+NO_LINE_DB_HZ = -40.0
 TIME_TOLERANCE_S = 1e-5
 
 
@@ -55,6 +59,10 @@ class SignalParams(Params):
     feed: MonopulseFeedParams = parameter(MonopulseFeedParams(), "monopulse feed")
     receiver: ReceiverParams = parameter(ReceiverParams(), "receiver")
     dropouts: DropoutParams = parameter(DropoutParams(count=0), "interruptions of the carrier")
+    spin: SpinParams = parameter(SpinParams(depth=0.0), "modulation of the power by the satellite's spin")
+    interference: InterferenceParams = parameter(
+        InterferenceParams(level_db_hz=NO_LINE_DB_HZ), "line beside the carrier; at the lowest level there is none"
+    )
     dropouts_after_s: float = parameter(40.0, "time after the first reception before the first one", low=0.0, high=1e5)
     dropouts_within_s: float = parameter(600.0, "time in which all of them fall", low=1.0, high=1e5)
     sign_flip_after_s: float = parameter(
@@ -104,7 +112,8 @@ class SimulatedReceiver:
         self._link = Link(params.link, params.atmosphere, params.noise)
         feed = MonopulseFeed(params.feed, params.beam)
         random = random_stream(params.seed, "receiver")
-        self._receiver = Receiver(params.receiver, Beam(params.beam), feed, random)
+        line = params.interference if params.interference.level_db_hz > NO_LINE_DB_HZ else None
+        self._receiver = Receiver(params.receiver, Beam(params.beam), feed, random, line)
         self._boresights: list[Boresight] = []
         self._newest = -1
         self._first_s: float | None = None
@@ -163,8 +172,13 @@ class SimulatedReceiver:
         )
 
     def _disturbed(self, t_s: Array, level_db_hz: Array) -> Array:
-        """Return the C/N0 with the dropouts taken out; they, and the turned feed, count from the first reception."""
+        """Return the C/N0 with the spin in it and the dropouts taken out.
+
+        All but the spin, and so the turned feed, count from the first reception.
+        """
         params = self.params
+        if params.spin.depth > 0.0:
+            level_db_hz = level_db_hz + spin_gain_db(params.spin, t_s)
         if self._first_s is None and float(level_db_hz[0]) > -np.inf:
             self._first_s = float(t_s[0])
             begin_s = self._first_s + params.dropouts_after_s

@@ -49,10 +49,12 @@ def _linear(params: ConscanParams, window: ConscanWindow) -> WindowEstimate:
 def _likelihood(params: ConscanParams, window: ConscanWindow, design: BeamDesign) -> WindowEstimate:
     power = window.power_w
     noise = window.sigma_w**2 / power
-    found = fit_beam(design, power, noise + _flutter(params, window, np.zeros(2)))
-    if params.unmodelled_rad > 0.0 and found.converged:
-        noise = noise + _flutter(params, window, found.error_rad)
-        found = fit_beam(design, power, noise)
+    if params.unmodelled_rad > 0.0:
+        start = fit_beam(design, power, noise + _flutter(params, window, np.zeros(2)))
+        if not start.converged:
+            return _unknown(params, "the likelihood did not converge")
+        noise = noise + _flutter(params, window, start.error_rad)
+    found = fit_beam(design, power, noise)
     if not found.converged:
         return _unknown(params, "the likelihood did not converge")
     if params.spin_periods_s:

@@ -29,7 +29,7 @@ class BeamDesign(NamedTuple):
     """Regressors of n beam positions, shared by every run of a batch."""
 
     columns: Array  # (n, k): 1, cross-elevation, elevation, spin terms
-    products: Array  # (n, k * k): the outer products of each row
+    products: Array  # (n, k * k): the outer products of each row, the row itself first
     loss: Array  # (n,): -mu |u|^2 / h^2
     half_power_beamwidth_rad: float
 
@@ -51,13 +51,15 @@ def beam_design(
 ) -> BeamDesign:
     """Prepare the positions (n,) of the beam; `spin_columns` (n, m) enter the logarithm of the power."""
     scale = 2.0 * MU / half_power_beamwidth_rad
-    x, y = scale * beam_cross_elevation_rad, scale * beam_elevation_rad
-    columns = np.empty((len(x), 3 if spin_columns is None else 3 + spin_columns.shape[1]))
-    columns[:, 0], columns[:, 1], columns[:, 2] = 1.0, x, y
+    count, unknowns = len(beam_elevation_rad), 3 if spin_columns is None else 3 + spin_columns.shape[1]
+    columns = np.empty((count, unknowns))
+    columns[:, 0], columns[:, 1], columns[:, 2] = 1.0, beam_cross_elevation_rad, beam_elevation_rad
+    columns[:, 1:3] *= scale
     if spin_columns is not None:
         columns[:, 3:] = spin_columns
-    products = (columns[:, :, None] * columns[:, None, :]).reshape(len(x), -1)
-    return BeamDesign(columns, products, LOSS * (x * x + y * y), half_power_beamwidth_rad)
+    products = (columns[:, :, None] * columns[:, None, :]).reshape(count, -1)
+    loss = LOSS * (products[:, unknowns + 1] + products[:, 2 * unknowns + 2])
+    return BeamDesign(columns, products, loss, half_power_beamwidth_rad)
 
 
 def least_spread_rad(design: BeamDesign) -> float:
@@ -74,14 +76,18 @@ def fit_beam(design: BeamDesign, power_w: Array, noise_w: Array) -> LikelihoodFi
     Leading dimensions are independent runs at the same beam positions.  A run that does not converge says so.
     """
     columns, products = design.columns, design.products
+    unknowns = columns.shape[1]
     weighted = power_w / noise_w
-    solution, bound = _logarithmic_start(design, power_w, weighted)
+    moments = weighted @ products
+    score, bound = moments[..., :unknowns], _inverse(moments)
+    solution = _logarithmic_start(design, power_w, weighted, bound)
     size2 = math.inf
     for _ in range(MAX_ITERATIONS):
         weight = np.exp(solution @ columns.T + design.loss) / noise_w
+        moments = weight @ products
         if size2 > FRESH_STEP**2:
-            bound = _inverse(weight @ products)
-        step = _apply(bound, (weighted - weight) @ columns)
+            bound = _inverse(moments)
+        step = _apply(bound, score - moments[..., :unknowns])
         solution = solution + step
         length2 = _dot(step, step)
         size2 = float(length2 if length2.ndim == 0 else length2.max())
@@ -94,16 +100,14 @@ def fit_beam(design: BeamDesign, power_w: Array, noise_w: Array) -> LikelihoodFi
     return LikelihoodFit(
         scale * (solution + 0.5 * bias)[..., 1:3],
         scale**2 * bound[..., 1:3, 1:3],
-        _dot(misfit, misfit / weight) / (columns.shape[0] - columns.shape[1]),
+        _dot(misfit, misfit / weight) / (len(columns) - unknowns),
         np.asarray(length2 < STEP_TOLERANCE**2),
     )
 
 
-def _logarithmic_start(design: BeamDesign, power_w: Array, weighted: Array) -> tuple[Array, Array]:
-    """Return the least-squares solution for the logarithm of the power, biased by the noise but close, and its bound."""
-    bound = _inverse(weighted @ design.products)
-    gradient = (weighted * (np.log(power_w) - design.loss)) @ design.columns
-    return _apply(bound, gradient), bound
+def _logarithmic_start(design: BeamDesign, power_w: Array, weighted: Array, bound: Array) -> Array:
+    """Return the least-squares solution for the logarithm of the power, biased by the noise but close."""
+    return _apply(bound, (weighted * (np.log(power_w) - design.loss)) @ design.columns)
 
 
 def _apply(matrix: Array, vector: Array) -> Array:
@@ -127,5 +131,5 @@ def _inverse(flat: Array) -> Array:
     if not determinant > 0.0:
         raise np.linalg.LinAlgError(f"determinant={determinant} must be > 0")
     ce = b * c - a * e
-    adjugate = np.array([[ca, cb, cc], [cb, a * f - c * c, ce], [cc, ce, a * d - b * b]])
-    return np.asarray(adjugate / determinant)
+    adjugate = np.array((ca, cb, cc, cb, a * f - c * c, ce, cc, ce, a * d - b * b))
+    return np.asarray(adjugate / determinant).reshape(3, 3)

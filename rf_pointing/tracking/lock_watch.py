@@ -3,6 +3,9 @@
 Over a sliding window the sensed error is regressed on where the encoders say the beam was, relative to the predicted
 direction: e = e0 - G d.  G is 1 on the main beam; -1 where the error grows while it is being corrected; several in a
 sidelobe, whose false null is steep.  A sidelobe also shows as a C/N0 far below the link's while the error is small.
+
+A loop that follows the wind moves the beam towards an error that comes back: over 2 s that too can look like G < 0.  So a
+turned response counts only with an error that the wind does not leave: a false one grows e-fold in 1 / (2 pi f_m) until it is.
 """
 
 import math
@@ -27,6 +30,9 @@ class LockWatchParams(Params):
     sigmas: float = parameter(4.0, "certainty of a verdict in standard deviations", low=1.0, high=10.0)
     largest_sigma: float = parameter(0.5, "uncertainty of the response above which it is unknown", low=0.01, high=1.0)
     unmodelled_beamwidths: float = parameter(0.03, "motion of the beam that the encoders do not see", low=0.0, high=0.5)
+    grown: float = parameter(
+        3.5, "mean error, over the unmodelled motion, from which a turned response is believed", low=0.0, high=100.0
+    )
     steepest: float = parameter(2.0, "response above which it is a sidelobe", low=1.1, high=10.0)
     largest_turn_rad: float = parameter(math.radians(60.0), "turn of the response that is a fault", low=0.1, high=1.5)
     level_clusters: int = parameter(3, "clusters in a row for which it must be", low=1, high=100)
@@ -87,6 +93,13 @@ class LockWatch:
             sums = sums.with_pair(beam - mean_beam, sensed - mean_error, variance)
         return sums.estimate()
 
+    def _grown(self) -> bool:
+        """Whether the mean error of the newest quarter of the window is more than the wind's."""
+        newest_s = self.state.rows[-1][0] - 0.25 * self.params.window_s
+        latest = [row[1] for row in self.state.rows if row[0] >= newest_s]
+        floor = self.params.unmodelled_beamwidths * self.params.half_power_beamwidth_rad
+        return abs(sum(latest)) / len(latest) >= self.params.grown * floor
+
     def _level_fault(self, error: PointingError, sensed: complex, expected_db_hz: float | None) -> str:
         if expected_db_hz is None or abs(sensed) > 0.3 * self.params.half_power_beamwidth_rad:
             return ""
@@ -100,7 +113,7 @@ class LockWatch:
         if found is None or found.sigma > self.params.largest_sigma:
             return ""
         turned = abs(found.phase_rad)
-        if turned - self.params.sigmas * found.phase_sigma_rad > self.params.largest_turn_rad:
+        if self._grown() and turned - self.params.sigmas * found.phase_sigma_rad > self.params.largest_turn_rad:
             if turned > SIGN_FLIP_RAD:
                 return f"sign flip: the error grows while it is corrected (response {found.value.real:.1f}, must be 1)"
             return f"phase: the error is turned by {math.degrees(turned):.0f} deg"

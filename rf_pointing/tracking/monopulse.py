@@ -7,6 +7,7 @@ and imaginary parts of both channels, then straightened with atanh, the inverse 
 receiver measured it; the noise of the sum channel is common to both ratios.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +23,9 @@ Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 CURVES = ("tanh", "straight")
+UNITY = np.eye(2)
+STRAIGHTENED = 0.9
+"""Difference over sum up to which atanh straightens it; beyond, noise would be all that it gives."""
 LARGEST_RATIO = 1e3
 """Difference over sum that no feed gives, even beside a null of the sum."""
 
@@ -33,7 +37,7 @@ class MonopulseParams(Params):
     half_power_beamwidth_rad: float = parameter(65.0 * MDEG, "half-power beamwidth of the sum", low=1e-6, high=0.5)
     slope: float = parameter(1.57, "h d(difference/sum)/dx of the ideal feed", low=0.1, high=2.5)
     curve: str = parameter("tanh", "difference/sum of the feed: tanh for Gaussian beams, or straight", choices=CURVES)
-    valid_range_beamwidths: float = parameter(0.5, "largest error per axis that is believed", low=0.05, high=0.6)
+    valid_range_beamwidths: float = parameter(0.75, "largest error per axis that is believed", low=0.05, high=0.9)
     lock_db_hz: float = parameter(30.0, "smallest C/N0 at which an error is believed", low=0.0, high=120.0)
     quadrature_limit: float = parameter(
         30.0, "largest quadrature residual, chi squared with 2 degrees of freedom", low=5.0, high=1e6
@@ -41,6 +45,15 @@ class MonopulseParams(Params):
     quadrature_floor: float = parameter(
         0.05, "quadrature ratio that imperfect phase calibration leaves", low=0.0, high=1.0
     )
+
+    def check_together(self) -> None:
+        """Refuse a range beyond which the curve of the feed is not straightened any more."""
+        straightened = math.atanh(STRAIGHTENED) / self.slope
+        if self.curve == "tanh" and self.valid_range_beamwidths > straightened:
+            raise ValueError(
+                f"valid_range_beamwidths={self.valid_range_beamwidths} must be <= {straightened:.2f}, to which the curve of a "
+                f"feed with slope={self.slope} is straightened"
+            )
 
 
 class MonopulseTracker:
@@ -51,8 +64,9 @@ class MonopulseTracker:
         self.calibration = calibration or MonopulseCalibration.ideal(params.half_power_beamwidth_rad, params.slope)
         self._response = self.calibration.response_per_rad()
         self._offset = self.calibration.offset()
-        # Rows: real, then imaginary part of both channels; near the axis their noise is equal: plain least squares.
-        self._inverse = np.linalg.pinv(np.vstack([self._response.real, self._response.imag]))
+        # Real and imaginary parts of both channels have equal noise near the axis: plain least squares, theta = Re(W rho).
+        inverse = np.linalg.pinv(np.vstack([self._response.real, self._response.imag]))
+        self._inverse = inverse[:, :2] - 1j * inverse[:, 2:]
 
     def measure(self, cluster: MonopulseCluster) -> PointingError:
         """Return target minus beam at the mean time of the cluster; invalid with a reason where it must not be used."""
@@ -67,12 +81,12 @@ class MonopulseTracker:
             return self._rejected(
                 cluster, f"a difference of {largest:.3g} times the sum must be <= {LARGEST_RATIO:.0f}"
             )
-        noise = (1.0 + 1.0 / snr) / (samples * snr) * (np.eye(2) + np.outer(ratio, np.conj(ratio)))
-        linear = self._inverse @ _stacked(ratio - self._offset)
+        noise = (1.0 + 1.0 / snr) / (samples * snr) * (UNITY + ratio[:, None] * np.conj(ratio))
+        linear = (self._inverse @ (ratio - self._offset)).real
         error, stretch = self._straighten(linear)
         inverse = stretch[:, None] * self._inverse
-        covariance = inverse @ _stacked_covariance(noise) @ inverse.T
-        reason = self._doubt(cluster.carrier_to_noise_db_hz, error, ratio, linear, np.diag(noise).real)
+        covariance = 0.5 * (inverse @ noise @ np.conj(inverse.T)).real
+        reason = self._doubt(cluster.carrier_to_noise_db_hz, error, ratio, linear, noise.diagonal().real)
         return PointingError(
             t_s=float(np.mean(cluster.t_s)),
             sensor="monopulse",
@@ -89,7 +103,7 @@ class MonopulseTracker:
         if self.params.curve == "straight":
             return linear, np.ones(2)
         scale = self.params.slope / self.params.half_power_beamwidth_rad
-        shape = np.clip(scale * linear, -0.9, 0.9)
+        shape = np.minimum(np.maximum(scale * linear, -STRAIGHTENED), STRAIGHTENED)
         error = np.arctanh(shape) / scale + (linear - shape / scale)
         return error, 1.0 / (1.0 - shape**2)
 
@@ -131,14 +145,5 @@ def sample_period_s(t_s: Array) -> float:
 def difference_ratio(cluster: MonopulseCluster, snr: float) -> ComplexArray:
     """Return both difference/sum ratios of a cluster, (2,), averaged coherently and free of the sum's noise power."""
     signal = float(np.sum(np.abs(cluster.sum) ** 2)) * snr / (1.0 + snr)
-    differences = np.stack([cluster.difference_cross_elevation, cluster.difference_elevation])
+    differences = np.array([cluster.difference_cross_elevation, cluster.difference_elevation])
     return np.asarray(differences @ np.conj(cluster.sum) / signal)
-
-
-def _stacked(ratio: ComplexArray) -> Array:
-    return np.concatenate([ratio.real, ratio.imag])
-
-
-def _stacked_covariance(noise: ComplexArray) -> Array:
-    """Covariance (4, 4) of real then imaginary parts of a circular complex vector with covariance `noise` (2, 2)."""
-    return 0.5 * np.block([[noise.real, -noise.imag], [noise.imag, noise.real]])

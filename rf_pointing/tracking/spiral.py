@@ -30,7 +30,7 @@ class SpiralParams(Params):
     sigmas: float = parameter(3.0, "radius of the search in standard deviations", low=0.5, high=10.0)
     pitch_beamwidths: float = parameter(0.6, "distance between turns in beamwidths", low=0.05, high=1.0)
     rate_rad_s: float = parameter(150.0 * MDEG, "largest speed along the spiral", low=1e-7, high=0.2)
-    acceleration_rad_s2: float = parameter(400.0 * MDEG, "largest acceleration", low=1e-7, high=1.0)
+    acceleration_rad_s2: float = parameter(350.0 * MDEG, "largest acceleration", low=1e-7, high=1.0)
 
     def check_together(self) -> None:
         """Refuse a search that would take more turns than a pass has time for."""

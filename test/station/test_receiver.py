@@ -7,8 +7,9 @@ import pytest
 
 from rf_pointing.ephemeris import Pass, TopocentricTrack
 from rf_pointing.geometry import MDEG, Boresight, sky_offset_rad
-from rf_pointing.rf import LinkParams
+from rf_pointing.rf import InterferenceParams, LinkParams, SpinParams
 from rf_pointing.station.receiver import BLOCK, Reception, SignalParams, SimulatedReceiver
+from rf_pointing.tracking import spin_period_s
 
 TICK_S = 0.02
 SAME_RAD = 1e-7
@@ -118,3 +119,38 @@ def test_one_seed_gives_the_same_samples_and_another_seed_others(track: Topocent
     )
     np.testing.assert_array_equal(first, again)
     assert not np.array_equal(first, other)
+
+
+def on_target(params: SignalParams, track: TopocentricTrack, start_s: float, count: int) -> list[Reception]:
+    receiver = SimulatedReceiver(params, track)
+    beams = [beam(track, round(start_s + k * TICK_S, 6)) for k in range(count)]
+    return [reception for sample in beams if (reception := receiver.take(sample)) is not None]
+
+
+def test_a_spinning_satellite_is_heard_in_the_carrier_power(track: TopocentricTrack, window: Pass) -> None:
+    params = PARAMS.replace(spin=SpinParams(period_s=3.0, depth=0.3))
+    heard = on_target(params, track, math.floor(window.tca_t_s) + TICK_S, 600)
+    t_s, power_w = np.array([(r.power.t_s, r.power.power_w) for r in heard]).T
+    period_s, share = spin_period_s(t_s, power_w, 1.0, 10.0)
+    assert period_s == pytest.approx(3.0, rel=0.03)
+    assert share > 0.9
+
+
+def test_an_interference_line_stands_in_the_differences_of_a_beam_on_the_target(
+    track: TopocentricTrack, window: Pass
+) -> None:
+    """0.7 and 0.4 times as large in the differences as in the sum, which it shares with the carrier."""
+    lines = [InterferenceParams(level_db_hz=level, frequency_offset_hz=7.0) for level in (55.0, -40.0)]
+    ratios = []
+    for line in lines:
+        heard = on_target(PARAMS.replace(interference=line), track, math.floor(window.tca_t_s) + TICK_S, 100)
+        sums, right, up = (
+            np.concatenate([getattr(r.cluster, n) for r in heard])
+            for n in ("sum", "difference_cross_elevation", "difference_elevation")
+        )
+        size = math.sqrt(float(np.mean(np.abs(sums) ** 2)))
+        ratios.append([float(np.sqrt(np.mean(np.abs(part) ** 2))) / size for part in (right, up)])
+    weaker = 10.0 ** ((55.0 - heard[-1].truth.carrier_to_noise_db_hz) / 20.0) * np.sinc(7.0 * TICK_S)
+    level = weaker / math.sqrt(1.0 + weaker**2)
+    assert ratios[0] == pytest.approx([0.7 * level, 0.4 * level], rel=0.05)
+    assert max(ratios[1]) < 0.05

@@ -44,7 +44,7 @@ def cluster(
     )
 
 
-@pytest.mark.parametrize(("x", "y"), [(0.0, 0.0), (3.1, -1.7), (-7.9, 8.2)])
+@pytest.mark.parametrize(("x", "y"), [(0.0, 0.0), (3.1, -1.7), (-7.9, 8.2), (12.5, -12.0)])
 def test_noiseless_error_is_exact_over_the_valid_range_for_any_carrier_phase(x: float, y: float) -> None:
     for phase in (0.0, 1.3, -2.9):
         error = tracker().measure(cluster(x * MDEG, y * MDEG, 120.0, phase=phase))
@@ -101,10 +101,18 @@ def test_weak_carrier_is_no_lock() -> None:
 
 
 def test_error_beyond_the_valid_range_is_reported_but_not_valid() -> None:
-    error = tracker().measure(cluster(10.0 * MDEG, 0.0))
+    error = tracker().measure(cluster(14.0 * MDEG, 0.0))
     assert not error.valid
-    assert error.reason == "error of 0.59 beamwidths is outside 0.50 beamwidths"
-    assert error.cross_elevation_rad > 8.0 * MDEG
+    assert error.reason == "error of 0.83 beamwidths is outside 0.75 beamwidths"
+    assert error.cross_elevation_rad > 12.0 * MDEG
+
+
+def test_range_beyond_the_straightened_curve_is_refused() -> None:
+    with pytest.raises(
+        ValueError, match=r"valid_range_beamwidths=0.75 must be <= 0.59, to which the curve of a feed with"
+    ):
+        MonopulseParams(slope=2.5)
+    assert MonopulseParams(slope=2.5, curve="straight").slope == 2.5
 
 
 def test_difference_out_of_phase_with_the_sum_is_not_valid() -> None:
