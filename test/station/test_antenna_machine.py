@@ -95,7 +95,7 @@ class AntennaMachine(RuleBasedStateMachine):
         reach = antenna.safety.params.gate.hard_rad + BRAKING_RAD
         assert np.all(truth >= np.array(limits.travel_min_rad) - reach)
         assert np.all(truth <= np.array(limits.travel_max_rad) + reach)
-        state = antenna._preprocessor.state
+        state = antenna._course.preprocessor.state
         assert np.all(np.abs(state.velocity_rad_s) <= np.array(limits.rate_limit_rad_s) * (1.0 + 1e-9))
         assert np.all(np.abs(state.acceleration_rad_s2) <= np.array(limits.acceleration_limit_rad_s2) * (1.0 + 1e-6))
         if antenna.mode == mode_before and antenna.mode in BRAKED:
