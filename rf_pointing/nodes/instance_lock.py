@@ -18,8 +18,8 @@ class InstanceLock:
         domain = os.environ.get("ROS_DOMAIN_ID", "0")
         folder = Path(tempfile.gettempdir()) / f"rf_pointing-{os.getuid()}"
         folder.mkdir(mode=0o700, exist_ok=True)
-        path = folder / f"domain{domain}{full_name.replace('/', '.')}.lock"
-        self._file = path.open("a+")
+        self.path = folder / f"domain{domain}{full_name.replace('/', '.')}.lock"
+        self._file = self.path.open("a+")
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:

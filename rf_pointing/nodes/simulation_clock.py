@@ -1,12 +1,14 @@
 """Executable `simulation_clock`: simulation time for one antenna's graph, at a given speed or as fast as the graph follows.
 
 Inactive, it holds time at the start; active, time runs.  So every node can be brought up before the first tick, and a run
-does not depend on how long that took.  One that is started again goes on from the time that the nodes of its namespace state.
+does not depend on how long that took.  One that brings itself up goes on where a killed one stood (`clock_memory.py`), else
+from the time that the nodes of its namespace state.
 Publishes: clock (rosgraph_msgs/Clock), to which the nodes' /clock is remapped.
 Subscribes: antenna_status, sim/pointing_error, pointing_error, tracking_status, target, /diagnostics (their stamps only).
 Parameters: start_s, speed (0: as fast as the graph follows), tick_s.
 """
 
+import math
 import time
 from dataclasses import dataclass
 
@@ -15,6 +17,7 @@ from rf_pointing_msgs.msg import AntennaStatus, PointingError, Target, TrackingS
 from rosgraph_msgs.msg import Clock
 
 from rf_pointing.geometry import Params, parameter
+from rf_pointing.nodes.clock_memory import ClockMemory
 from rf_pointing.nodes.diagnostics import Health
 from rf_pointing.nodes.managed import ManagedNode, run
 from rf_pointing.nodes.pacing import PacedStream, Pacer
@@ -39,8 +42,9 @@ here, what the node wrote before (the command, the samples) has reached those wh
 
 ESSENTIAL = "antenna_status"
 HELD_PERIOD_S = 0.1
-LISTEN_S = 1.5
-"""How long a clock that brings itself up holds: every node states its time once a second."""
+LISTEN_S, LONGEST_LISTEN_S, SETTLE_S = 1.5, 5.0, 0.2
+"""How long a clock that brings itself up holds: every node states its time once a second, and is waited for if it is seen.
+Once a time is heard the others have a moment to state a newer one."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,7 +64,10 @@ class SimulationClock(ManagedNode):
         self.parameters.declare("", ClockParams())
         self._pacer: Pacer | None = None
         self._running = False
-        self._held_wall_s = 0.0
+        self._told_wall_s = 0.0
+        self._memory: ClockMemory | None = None
+        self._resumed = self._spoken = False
+        self._heard_wall_s = math.inf
 
     def configure(self) -> None:
         params: ClockParams = self.parameters.value("")
@@ -78,13 +85,26 @@ class SimulationClock(ManagedNode):
                 raw=True,
             )
         if self.brings_itself_up:
+            self._memory = ClockMemory(self.lock.path.with_suffix(".time"), params.start_s)
+            stood_s = self._memory.recover(time.monotonic())
+            self._resumed = stood_s is not None
+            self._pacer.start_s = stood_s if stood_s is not None else params.start_s
             self.listen(DiagnosticArray, "/diagnostics", self._on_diagnostics, STREAM)
         self.diagnostics.add("pacing", self._health)
         self._configured_wall_s = time.perf_counter()
 
     def ready(self) -> bool:
-        """Hold long enough to learn the time of a graph that is already there."""
-        return time.perf_counter() - self._configured_wall_s >= LISTEN_S
+        """Hold until the time of a graph that is already there is known: to begin anew would take it back."""
+        wall_s = time.perf_counter()
+        if self._resumed or wall_s - self._heard_wall_s >= SETTLE_S:
+            return True
+        patience_s = LONGEST_LISTEN_S if self._neighbours() and not self._spoken else LISTEN_S
+        return wall_s - self._configured_wall_s >= patience_s
+
+    def _neighbours(self) -> bool:
+        """Return whether other nodes of the namespace are seen."""
+        seen = self.get_publishers_info_by_topic("/diagnostics")
+        return any(each.node_namespace == self.get_namespace() and each.node_name != self.get_name() for each in seen)
 
     def activate(self) -> None:
         self._pacer.begin(time.perf_counter())
@@ -92,13 +112,19 @@ class SimulationClock(ManagedNode):
 
     def deactivate(self) -> None:
         self._running = False
+        if self._memory is not None:
+            self._memory.forget()
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         """Go on from the newest time of the graph: going back would be a jump to all of its nodes."""
         whose = message.status[0].hardware_id if message.status else ""
         mine = whose.startswith(self.get_namespace().rstrip("/") + "/") and whose != self.get_fully_qualified_name()
-        if mine and self._pacer.ticks == 0:
-            self._pacer.start_s = max(self._pacer.start_s, seconds_from_stamp(message.header.stamp))
+        if not mine or self._pacer.ticks > 0:
+            return
+        stated_s, self._spoken = seconds_from_stamp(message.header.stamp), True
+        self._pacer.start_s = max(self._pacer.start_s, stated_s)
+        if stated_s > 0.0:
+            self._heard_wall_s = min(self._heard_wall_s, time.perf_counter())
 
     def turn(self) -> float:
         """Publish what is due; return how long to wait for the next event."""
@@ -109,18 +135,26 @@ class SimulationClock(ManagedNode):
             return self._hold(wall_s)
         wait_s = self._pacer.wait_s(wall_s)
         if wait_s > 0.0:
-            return min(wait_s, 0.2)
+            self._repeat(wall_s)
+            return min(wait_s, HELD_PERIOD_S)
         self._publish(self._pacer.advance(wall_s))
         return 0.0
 
     def _hold(self, wall_s: float) -> float:
-        """Repeat the time for those who come; while it is still being learned, the first of it could be a jump back."""
-        if not self.brings_itself_up and wall_s - self._held_wall_s >= HELD_PERIOD_S:
-            self._held_wall_s = wall_s
-            self._publish(self._pacer.now_s)
+        """Hold time; while it is still being learned, the first of it could be a jump back."""
+        if not self.brings_itself_up:
+            self._repeat(wall_s)
         return HELD_PERIOD_S
 
+    def _repeat(self, wall_s: float) -> None:
+        """Repeat the time for those who come: one that missed it would keep the clock waiting for its work."""
+        if wall_s - self._told_wall_s >= HELD_PERIOD_S:
+            self._publish(self._pacer.now_s)
+
     def _publish(self, t_s: float) -> None:
+        self._told_wall_s = time.perf_counter()
+        if self._memory is not None:
+            self._memory.keep(t_s, time.monotonic())
         self._output.publish(Clock(clock=stamp_from_seconds(t_s)))
 
     def _health(self) -> Health:

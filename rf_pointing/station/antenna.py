@@ -2,32 +2,30 @@
 
 Per control tick: command table -> preprocessor -> position law of each axis -> rate command -> plant with wind.  In
 manual-rate mode an identification experiment gives the rate commands instead.  A loop that oscillates has its drives cut
-and the brakes set, and the fault latches.  The encoders read the true direction plus the mount's own errors; where the
-beam really points is `Boresight`.
+and the brakes set, and the fault latches.  What is driven is `antenna_hardware.py`, what is followed `course.py`, what
+must not happen `antenna_safety.py`.
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.calibration import BiasModel
-from rf_pointing.controllers import CommandPreprocessor, OscillationDetector, TrajectoryBuffer
-from rf_pointing.geometry import Boresight, JointReading, JointTrajectory, Motion, Params, parameter, random_stream
+from rf_pointing.controllers import OscillationDetector, TrajectorySample
+from rf_pointing.geometry import Boresight, JointReading, JointTrajectory, Motion
 from rf_pointing.identification import IdentificationExperiment
-from rf_pointing.planning import Way
-from rf_pointing.servo import AntennaPlant, PlantParams, Wind, WindParams
+from rf_pointing.servo import PlantParams, WindParams
+from rf_pointing.station.antenna_hardware import AntennaHardware, AntennaParams
 from rf_pointing.station.antenna_safety import AntennaSafety, SafetyParams
 from rf_pointing.station.axis_loops import AxisLoops, LoopParams
+from rf_pointing.station.course import Course
 from rf_pointing.station.injected_faults import InjectedFaults
-from rf_pointing.station.mount import MountError, RateAverage
 from rf_pointing.station.status import AntennaStatus
 
 __all__ = ["AntennaParams", "LoopParams", "SimulatedAntenna"]
 
 Array = NDArray[np.float64]
-REST_RAD_S = math.radians(1e-3)
 MOVING_RAD_S = math.radians(0.1)
 LONGEST_STOP_S = 30.0
 WIND_EVERY = 5
@@ -37,22 +35,7 @@ RESTING = {"parking": "parked", "stowing": "stowed", "disabling": "disabled"}
 """Modes that end at rest with the brakes set, and the modes they end in."""
 KINDS = {"tracking": "track", "parking": "park", "stowing": "stow", "holding": "preset"}
 """What the gate calls the motion of a mode that follows a command."""
-NEW_COURSE_RAD = math.radians(0.5)
-"""A command this far from the present course is a position to go to, by a way that the gate must find."""
 MOVABLE = ("tracking", "holding", "stopping", "paused", "parking", "stowing")
-
-
-@dataclass(frozen=True, kw_only=True)
-class AntennaParams(Params):
-    """Tick, start and randomness of the simulated antenna."""
-
-    tick_s: float = parameter(0.02, "control period", low=0.001, high=0.1)
-    lag_averaging_s: float = parameter(
-        5.0, "time over which rates are averaged for the mount's lag terms", low=0.1, high=100.0
-    )
-    start_azimuth_rad: float = parameter(math.radians(120.0), "azimuth at the start", low=-20.0, high=20.0)
-    start_elevation_rad: float = parameter(math.radians(60.0), "elevation at the start", low=-0.2, high=3.3)
-    seed: int = parameter(1, "seed of every noise source", low=0, high=2**31 - 1)
 
 
 class SimulatedAntenna:
@@ -69,33 +52,28 @@ class SimulatedAntenna:
     ) -> None:
         self.params = params
         self.safety = AntennaSafety(safety or SafetyParams(), loops.preprocessor, params.tick_s)
-        self.injected = InjectedFaults()
-        start = (params.start_azimuth_rad, params.start_elevation_rad)
-        self._plant = AntennaPlant(plant, random_stream(params.seed, "encoder"), start)
-        self._plant.brake()
-        self._wind = Wind(wind, random_stream(params.seed, "wind"))
-        self._table = TrajectoryBuffer(loops.table)
-        self._preprocessor = CommandPreprocessor(loops.preprocessor)
-        self._preprocessor.reset(start)
+        self._hardware = AntennaHardware(params, plant, wind, mount)
+        self._plant = self._hardware.plant
+        self._course = Course(loops, params.start_rad)
         self._experiment: IdentificationExperiment | None = None
         self._loops = AxisLoops(loops, plant, params.tick_s)
         self._limits = loops.preprocessor
         self._mode, self._rejection = "inactive", ""
         self._accepted = self._rejected = 0
-        self._hold = np.array(start)
         self._rate_command = np.zeros(2)
-        self._mean = RateAverage(params.lag_averaging_s)
-        self._mount_error = MountError(mount)
         self._newest_s = 0.0
         self._ticks = 0
-        self._goal = np.array(start)
-        self._way = Way()
         self._used = self._plant.encoder_rad
 
     @property
     def mode(self) -> str:
         """inactive, holding, tracking, manual_rate, paused, stopping, fault; parking, stowing, disabling and their ends."""
         return self._mode
+
+    @property
+    def injected(self) -> InjectedFaults:
+        """The faults put into drives and sensors."""
+        return self._hardware.injected
 
     @property
     def newest_t_s(self) -> float:
@@ -147,7 +125,7 @@ class SimulatedAntenna:
             self._plant.reconfigure(plant)
         if loops != self._loops.params:
             self._loops.retune(loops, plant)
-            self._preprocessor.retune(loops.preprocessor)
+            self._course.preprocessor.retune(loops.preprocessor)
             self._limits = loops.preprocessor
             self.safety.retune(loops.preprocessor)
 
@@ -164,9 +142,7 @@ class SimulatedAntenna:
 
     def stop(self, reason: str = "") -> None:
         """Decelerate both axes at their limits; with a reason the stop latches as a fault."""
-        self._table.clear()
-        self._way = Way()
-        self._preprocessor.stop()
+        self._course.stop()
         self.safety.authority.release()
         if reason:
             self.safety.latch.latch(reason, self._newest_s)
@@ -196,14 +172,14 @@ class SimulatedAntenna:
         """Stop where the axes are and keep taking commands; `resume` goes on with them. Return "" or why not."""
         if self._mode != "tracking":
             return f"nothing to pause, the antenna is {self._mode}"
-        self._preprocessor.stop()
+        self._course.preprocessor.stop()
         self._mode = "paused"
         return ""
 
     def resume(self) -> str:
         """Go on after a pause, or leave park, stow or disable and hold; return "" or why not."""
         if self._mode == "paused":
-            self._preprocessor.follow()
+            self._course.preprocessor.follow()
             self._mode = "tracking"
             return ""
         if self._mode not in RESTING.values():
@@ -256,18 +232,16 @@ class SimulatedAntenna:
         decision = self.safety.check(kind, self._newest_s, _pair(self._used), np.array([goal]))
         if not decision.allowed:
             return decision.reason
-        self._table.clear()
         self.safety.authority.release()
-        self._goal, self._way, self._mode = np.array(goal), Way(decision.way), mode
-        self._preprocessor.follow()
+        self._course.go(goal, decision.way)
+        self._mode = mode
         return ""
 
     def _trip(self, reason: str) -> None:
         """Cut the drives and set the brakes at once, and latch why."""
         self.safety.latch.latch(reason, self._newest_s)
         self._plant.brake()
-        self._table.clear()
-        self._preprocessor.stop()
+        self._course.stop()
         self._rate_command = np.zeros(2)
         self._mode = "fault"
 
@@ -281,20 +255,20 @@ class SimulatedAntenna:
             return self.reject("an identification drives the antenna")
         if self._mode in RESTING or self._mode in RESTING.values():
             return self.reject(f"the antenna is {self._mode}; resume it first")
-        refused = self.safety.authority.conflict(commander, now_s) or self._table.refusal(trajectory, now_s)
+        refused = self.safety.authority.conflict(commander, now_s) or self._course.table.refusal(trajectory, now_s)
         if refused:
             return self.reject(refused)
         refused = self._take_way(trajectory, now_s)
         if refused:
             return self.reject(refused)
-        self._table.accept(trajectory, now_s)
+        self._course.table.accept(trajectory, now_s)
         self.safety.authority.claim(commander, now_s)
         self._accepted += 1
         self.safety.note_command(now_s)
         azimuth, elevation = trajectory.position_rad[-1].tolist()
         self.safety.latch.note_command((now_s, commander, azimuth, elevation))
         if self._mode != "paused":
-            self._preprocessor.follow()
+            self._course.preprocessor.follow()
             self._mode = "tracking"
         return ""
 
@@ -304,13 +278,11 @@ class SimulatedAntenna:
         refused = self.safety.check("track", now_s, present, positions).reason_of_refusal
         if refused:
             return refused
-        follows = self._mode in ("tracking", "paused") and not self._table.empty
-        course = self._table.at(float(trajectory.t_s[0])).position_rad if follows else self._used
-        if float(np.max(np.abs(positions[0] - course))) > NEW_COURSE_RAD:
+        if self._course.leaves(trajectory, self._used, following=self._mode in ("tracking", "paused")):
             decision = self.safety.check("preset", now_s, present, positions[:1])
             if not decision.allowed:
                 return decision.reason
-            self._way = Way(decision.way)
+            self._course.take_way(decision.way)
         return ""
 
     def reject(self, reason: str) -> str:
@@ -328,20 +300,16 @@ class SimulatedAntenna:
         self._newest_s = t_s
         reading = self.reading(t_s)
         measured = reading.position_rad
-        boresight = self._boresight(t_s, reading.velocity_rad_s)
-        torque = self._wind.step(self.params.tick_s, boresight.azimuth_rad, boresight.elevation_rad)
+        boresight = self._hardware.look(t_s)
         self._watch_wind(t_s)
         self._rate_command = self._rates(t_s, measured) if self._plant.powered else np.zeros(2)
-        drives = self._rate_command
-        if self.injected.kind == "runaway":
-            drives = np.array(self.injected.rate_command((float(drives[0]), float(drives[1]))))
-        self._plant.step(drives, torque, self.params.tick_s)
+        self._hardware.move(self._rate_command)
         self._watch_axes()
         return reading, boresight
 
     def status(self, t_s: float) -> AntennaStatus:
         """Return the status at `t_s`."""
-        commanded = self._preprocessor.state.position_rad
+        commanded = self._course.preprocessor.state.position_rad
         return AntennaStatus(
             t_s=t_s,
             mode=self._mode,
@@ -351,7 +319,7 @@ class SimulatedAntenna:
             rate_limit_rad_s=np.array(self._limits.rate_limit_rad_s),
             acceleration_limit_rad_s2=np.array(self._limits.acceleration_limit_rad_s2),
             at_limit=self._plant.at_stop,
-            command_lead_s=0.0 if self._table.empty else self._table.lead_s(t_s),
+            command_lead_s=0.0 if self._course.table.empty else self._course.table.lead_s(t_s),
             commands_accepted=self._accepted,
             commands_rejected=self._rejected,
             last_rejection=self._rejection,
@@ -362,13 +330,9 @@ class SimulatedAntenna:
 
     def _watch_axes(self) -> None:
         """Look at the sensors after a tick: bridge what cannot be, and cut the drives when it lasts."""
-        encoder = self._plant.encoder_rad
-        azimuth, elevation = encoder.tolist()
-        if self.injected.kind != "none":
-            azimuth, elevation = self.injected.encoder((azimuth, elevation), self.params.tick_s)
         plant = self._plant
         used, reason = self.safety.tick(
-            (azimuth, elevation), _pair(plant.joint_rad), _pair(plant.velocity_rad_s), _pair(self._rate_command)
+            self._hardware.encoders(), _pair(plant.joint_rad), _pair(plant.velocity_rad_s), _pair(self._rate_command)
         )
         self._used = np.array(used)
         if reason and self._plant.powered:
@@ -378,8 +342,7 @@ class SimulatedAntenna:
         self._ticks += 1
         if self._ticks % WIND_EVERY:
             return
-        along, across = self._wind.speed_m_s
-        self.safety.wind.take(t_s, self.injected.wind_speed(math.hypot(along, across)))
+        self.safety.wind.take(t_s, self._hardware.anemometer_m_s())
         if self.safety.wind.step(t_s) and self._mode == "manual_rate":
             self.stop()
         if self.safety.wind.reason and self._mode in ("holding", "tracking", "paused", "parking"):
@@ -393,7 +356,7 @@ class SimulatedAntenna:
                 if not self._experiment.abort_reason:
                     return rates
             self._leave_manual_rate(self._experiment.abort_reason or barred or "complete")
-        feasible = self._preprocessor.step(*self._by_the_way(self._command(t_s)), self.params.tick_s)
+        feasible = self._course.step(self._followed(t_s), _pair(self._used), self.params.tick_s)
         if self._mode in KINDS:
             barred = self.safety.guard(KINDS[self._mode], t_s, *map(_pair, feasible))
             if barred:
@@ -403,7 +366,7 @@ class SimulatedAntenna:
         rates = self._loops.rates(Motion(*feasible), measured)
         if not self._loops.oscillation:
             return rates
-        self._preprocessor.reset(measured)
+        self._course.preprocessor.reset(measured)
         self._trip(f"drives cut: {self._loops.oscillation}")
         return np.zeros(2)
 
@@ -412,62 +375,39 @@ class SimulatedAntenna:
         if self._experiment is not None and not self._experiment.finished:
             self._experiment.abort(reason)
         position, velocity = self._plant.encoder_rad, self._plant.velocity_rad_s
-        self._preprocessor.reset(position, velocity)
-        self._preprocessor.stop()
+        self._course.preprocessor.reset(position, velocity)
+        self._course.stop()
         self._loops.reset(position, position, velocity, self._rate_command)
-        self._table.clear()
         self._experiment, self._mode = None, "stopping"
 
     def _hold_here(self) -> None:
         """Make the present angles the command, with the laws at rest and nothing left of earlier commands."""
-        self._hold = self._used.copy()
-        self._preprocessor.reset(self._hold)
-        self._loops.reset(self._hold, self._hold)
-        self._table.clear()
-        self._way = Way()
+        self._course.stand(self._used)
+        self._loops.reset(self._used, self._used)
 
     def _settle(self, position: Array, measured: Array) -> None:
         """End a mode whose motion has come to rest."""
         if self._mode == "stopping":
-            self._hold = position
+            self._course.goal_rad = position
             self._mode = "fault" if self._fault else "holding"
-        arrived = float(np.max(np.abs(measured - self._goal))) < ARRIVED_RAD
+        arrived = float(np.max(np.abs(measured - self._course.goal_rad))) < ARRIVED_RAD
         if self._mode == "disabling" or (self._mode in ("parking", "stowing") and arrived):
             self._plant.brake()
             self._mode = RESTING[self._mode]
 
-    def _command(self, t_s: float) -> tuple[Array, Array, Array]:
-        """Return what to follow at `t_s`: the table, or the held position when there is none."""
-        if self._mode == "tracking":
-            sample = self._table.at(t_s)
-            if sample.source != "dry":
-                return sample.position_rad, sample.velocity_rad_s, sample.acceleration_rad_s2
-            if self._ends_at_rest(sample.t_s):
-                self._hold, self._mode = sample.position_rad, "holding"
-            else:
-                self.stop(f"commands ran dry {-self._table.lead_s(t_s):.1f} s ago while moving")
-        if self._mode in ("parking", "stowing"):
-            return self._goal, np.zeros(2), np.zeros(2)
-        return self._hold, np.zeros(2), np.zeros(2)
-
-    def _by_the_way(self, command: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
-        """Return the next corner in place of the command while a detour is not finished."""
-        corner = self._way.next(_pair(self._used))
-        return command if corner is None else (np.array(corner), np.zeros(2), np.zeros(2))
-
-    def _ends_at_rest(self, t_s: float) -> bool:
-        last = self._table.at(t_s + self._table.lead_s(t_s))
-        return float(np.max(np.abs(last.velocity_rad_s))) < REST_RAD_S
-
-    def _boresight(self, t_s: float, velocity: Array) -> Boresight:
-        """Return the true direction of the beam; the mount's lags act on averaged rates."""
-        mean = self._mean
-        sky = self._mount_error.remove(t_s, self._plant.beam_rad, mean.rate_rad_s, mean.acceleration_rad_s2)
-        mean.update(self.params.tick_s, velocity + self._mount_error.drift_rad_s)
-        azimuth, elevation = sky.tolist()
-        if elevation > 0.5 * math.pi:
-            azimuth, elevation = azimuth - math.pi, math.pi - elevation
-        return Boresight(t_s=t_s, azimuth_rad=azimuth, elevation_rad=elevation)
+    def _followed(self, t_s: float) -> TrajectorySample | None:
+        """Return what the commands say for `t_s`, None where there are none: then the goal is kept."""
+        if self._mode != "tracking":
+            return None
+        table = self._course.table
+        sample = table.at(t_s)
+        if sample.source != "dry":
+            return sample
+        if self._course.ends_at_rest(sample.t_s):
+            self._course.goal_rad, self._mode = sample.position_rad, "holding"
+        else:
+            self.stop(f"commands ran dry {-table.lead_s(t_s):.1f} s ago while moving")
+        return None
 
 
 def _pair(values: Array) -> tuple[float, float]:

@@ -15,6 +15,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 
 from rf_pointing.calibration import BiasModel
 from rf_pointing.geometry import JointTrajectory
+from rf_pointing.identification import ExcitationParams, IdentificationExperiment
 from rf_pointing.planning import GateParams, HorizonMask
 from rf_pointing.planning.forbidden_sky import ForbiddenSky
 from rf_pointing.planning.gate import GUARD_RAD
@@ -36,6 +37,8 @@ RESET_RAD = 0.05 * DEG
 """More than the fastest axis moves in a tick: the command was set to where the axes are."""
 SUN_RAD = GUARD_RAD + 0.05 * DEG
 """The guard's tolerance, and what the Sun moves between two looks at it."""
+BRAKING_RAD = 0.1 * DEG
+"""What brakes need that are set at the hard limit; the guard has slowed the axes down by then."""
 BRAKED = ("inactive", "parked", "stowed", "disabled")
 EXAMPLES = int(os.environ.get("RF_POINTING_SOAK_EXAMPLES", "15"))
 STEPS = 40
@@ -57,6 +60,7 @@ class AntennaMachine(RuleBasedStateMachine):
         self.limits = LoopParams().preprocessor
         self.before: tuple[np.ndarray, np.ndarray] | None = None
         self.course = self.antenna.status(self.t_s).commanded_rad
+        self.authority = ("", -math.inf)
         self.run(3)
 
     @property
@@ -88,10 +92,10 @@ class AntennaMachine(RuleBasedStateMachine):
     def check_motion(self, mode_before: str) -> None:
         antenna, limits = self.antenna, self.limits
         truth = antenna._plant.joint_rad
-        reach = antenna.safety.params.gate.hard_rad + 0.75 * DEG
+        reach = antenna.safety.params.gate.hard_rad + BRAKING_RAD
         assert np.all(truth >= np.array(limits.travel_min_rad) - reach)
         assert np.all(truth <= np.array(limits.travel_max_rad) + reach)
-        state = antenna._preprocessor.state
+        state = antenna._course.preprocessor.state
         assert np.all(np.abs(state.velocity_rad_s) <= np.array(limits.rate_limit_rad_s) * (1.0 + 1e-9))
         assert np.all(np.abs(state.acceleration_rad_s2) <= np.array(limits.acceleration_limit_rad_s2) * (1.0 + 1e-6))
         if antenna.mode == mode_before and antenna.mode in BRAKED:
@@ -119,12 +123,34 @@ class AntennaMachine(RuleBasedStateMachine):
             acceleration_rad_s2=np.zeros((points, 2)),
         )  # fmt: skip
         fault, mode = self.antenna.safety.latch.text, self.antenna.mode
+        holder, since_s = self.authority
         refused = self.antenna.accept(trajectory, self.t_s, who)
-        if fault or mode in BRAKED:
+        if fault or mode in (*BRAKED, "manual_rate"):
             assert refused
+        elif mode in ("tracking", "paused") and who != holder and self.t_s - since_s <= SAFETY.authority_s:
+            assert (
+                refused
+                == f"conflict: {holder or 'an unnamed commander'} commands, {who or 'an unnamed one'} is refused"
+            )
         if refused:
             assert self.antenna.mode == mode
+        else:
+            self.authority = (who, self.t_s)
         self.run(10)
+
+    @rule(axis=st.sampled_from(["azimuth", "elevation"]), seed=st.integers(0, 9), ticks=st.integers(5, 120))
+    def identify(self, axis: str, seed: int, ticks: int) -> None:
+        """Drive an axis by an experiment; it must be refused unless the antenna stands, active and free of faults."""
+        mode, start = self.antenna.mode, self.antenna.reading(self.t_s).position_rad["ae".index(axis[0])]
+        shake, travel = ExcitationParams(sample_s=self.tick_s), self.antenna.travel_rad["ae".index(axis[0])]
+        try:
+            experiment = IdentificationExperiment(shake, axis, 1, float(start), travel, np.random.default_rng(seed))
+        except ValueError:
+            return
+        refused = self.antenna.identify(experiment)
+        if mode != "holding" or self.antenna.safety.latch.text:
+            assert refused
+        self.run(ticks)
 
     @rule(name=st.sampled_from(["pause", "resume", "park", "stow", "release", "reset_fault", "enable", "disable"]))
     def ask(self, name: str) -> None:
