@@ -23,7 +23,7 @@ from rf_pointing.planning import (
 from rf_pointing.station.antenna import AntennaParams
 from rf_pointing.station.configuration import NodeParameters, read_parameter_files
 from rf_pointing.station.pass_planning import PlannedPass, PlanningRules, plan_passes
-from rf_pointing.station.pointing import PointingParams
+from rf_pointing.station.pointing_params import PointingParams
 from rf_pointing.station.source import SourceParams, first_time_s, load_track
 
 

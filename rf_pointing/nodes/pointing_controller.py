@@ -35,7 +35,8 @@ from rf_pointing.nodes.qos import COMMAND, LATCHED, STREAM
 from rf_pointing.planning import AxisLimits, GateParams, HorizonMask, MachineParams
 from rf_pointing.rf import LinkParams
 from rf_pointing.station.certificate_store import StoreParams, store_certificate
-from rf_pointing.station.pointing import PointingController, PointingParams
+from rf_pointing.station.pointing import PointingController
+from rf_pointing.station.pointing_params import PointingParams
 from rf_pointing.station.solar import SunParams
 from rf_pointing.station.status import TrackingStatus as Status
 from rf_pointing.tracking import (
@@ -267,8 +268,8 @@ class PointingControllerNode(ManagedNode):
         values = {
             "mode": state.mode,
             "reason": state.reason,
-            "false_locks": core.faults,
-            "last_false_lock": core.last_fault,
+            "false_locks": core.carrier.faults,
+            "last_false_lock": core.carrier.last_fault,
             "along_track_s": round(float(learned.mean[0]), 5),
             "cross_track_m": round(float(learned.mean[1]), 2),
             "trim_used": learned.used,

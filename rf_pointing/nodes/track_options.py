@@ -16,7 +16,7 @@ from rf_pointing.planning import HorizonMask
 from rf_pointing.rf import HALF_POWER_BEAMWIDTH_RAD
 from rf_pointing.station.commissioning import commissioning_model
 from rf_pointing.station.configuration import NodeParameters, read_parameter_files
-from rf_pointing.station.pointing import SENSOR_CHOICES
+from rf_pointing.station.sensed_errors import SENSOR_CHOICES
 from rf_pointing.station.source import SourceParams, first_time_s, load_track
 
 __all__ = [

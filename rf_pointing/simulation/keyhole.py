@@ -28,7 +28,8 @@ from rf_pointing.station.antenna import AntennaParams, LoopParams, SimulatedAnte
 from rf_pointing.station.antenna_safety import SafetyParams
 from rf_pointing.station.mount import MountParams
 from rf_pointing.station.pass_planning import pass_profile
-from rf_pointing.station.pointing import PointingController, PointingParams
+from rf_pointing.station.pointing import PointingController
+from rf_pointing.station.pointing_params import PointingParams
 from rf_pointing.tracking import AutotrackParams, ConscanParams, SpiralParams
 
 __all__ = ["KeyholeCase", "KeyholeRun", "Loss", "fly", "high_passes", "station_mount"]

@@ -23,7 +23,8 @@ from rf_pointing.station.antenna_safety import SafetyParams
 from rf_pointing.station.configuration import NodeParameters, read_parameter_files
 from rf_pointing.station.mount import MountParams
 from rf_pointing.station.pass_planning import pass_profile
-from rf_pointing.station.pointing import PointingController, PointingParams
+from rf_pointing.station.pointing import PointingController
+from rf_pointing.station.pointing_params import PointingParams
 from rf_pointing.station.power_tracker import PowerTracker
 from rf_pointing.station.receiver import SignalParams, SimulatedReceiver
 from rf_pointing.station.solar import SunParams

@@ -7,8 +7,6 @@ does not depend on how fast messages travel within it.
 """
 
 import math
-from collections import deque
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -21,19 +19,20 @@ from rf_pointing.geometry import (
     JointReading,
     JointTrajectory,
     Motion,
-    Params,
     PointingError,
     Target,
-    parameter,
     require_choice,
 )
 from rf_pointing.planning import AxisLimits, GateParams, HorizonMask, MachineParams, choose_turns, refusal
 from rf_pointing.rf import LinkParams
 from rf_pointing.station.axis_path import AxisPath
 from rf_pointing.station.beam_position import BeamPosition
+from rf_pointing.station.carrier_watch import CarrierWatch
 from rf_pointing.station.correction_lag import CorrectionLag
 from rf_pointing.station.pass_plan import PassPlan
+from rf_pointing.station.pointing_params import PointingParams
 from rf_pointing.station.scan_patterns import ScanParams
+from rf_pointing.station.sensed_errors import SENSOR_CHOICES, SensedErrors, newest, trusted
 from rf_pointing.station.sky_offsets import SkyOffsets, added
 from rf_pointing.station.solar import SolarDirection, SunParams
 from rf_pointing.station.status import TrackingStatus
@@ -45,7 +44,6 @@ from rf_pointing.tracking import (
     AutotrackParams,
     AutotrackState,
     ConscanParams,
-    LockWatch,
     LockWatchParams,
     MonopulseScanParams,
     SpiralParams,
@@ -53,55 +51,13 @@ from rf_pointing.tracking import (
     TrimParams,
 )
 
-__all__ = ["SENSOR_CHOICES", "PointingController", "PointingParams"]
+__all__ = ["PointingController"]
 
 Array = NDArray[np.float64]
-KEPT_ERRORS = 20
-LEAST_AGE_PERIODS = 0.75
-"""Age from which an error is used: older than any of the period that ends, whether stamped at its middle or its end."""
-SCANNING = ("conscan", "steptrack")
 MOTION_OF_MODE = {"search": "scan", "conscan": "scan", "steptrack": "scan", "calibrate": "calibration"}
 """What the gate calls the motion of a mode; the others track."""
 PREDICTION_PATIENCE_S = 5.0
 """How long a pass that is going on already may be started without knowing the target's coming motion."""
-SENSOR_CHOICES = {
-    "program": "none",
-    "monopulse": "monopulse",
-    "conscan": "conscan",
-    "steptrack": "steptrack",
-    "auto": "auto",
-}
-"""Sensor as the operator names it, and as the state table does."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class PointingParams(Params):
-    """Timing of the commands and tolerances of the controller."""
-
-    period_s: float = parameter(0.1, "time between two trajectories", low=0.02, high=2.0)
-    transport_s: float = parameter(0.1, "first commanded point after the issue", low=0.0, high=2.0)
-    horizon_s: float = parameter(1.0, "last commanded point after the issue", low=0.2, high=10.0)
-    on_target_rad: float = parameter(math.radians(0.05), "axis error below which the slew is over", low=1e-6, high=0.1)
-    error_age_s: float = parameter(0.5, "age from which a sensed error is not used", low=0.05, high=10.0)
-    stop_deceleration_rad_s2: float = parameter(
-        math.radians(0.5), "deceleration of a controlled stop", low=1e-5, high=1.0
-    )
-    lag_averaging_s: float = parameter(
-        0.0, "time in which the lags of the mount build up after a start from rest (0: at once)", low=0.0, high=100.0
-    )
-
-    def check_together(self) -> None:
-        """Refuse a horizon that ends before the next trajectory can take over, and first points off the grid of periods.
-
-        On the grid, the first point of one period is the direction that the axes are compared with at a later one.
-        """
-        periods = self.transport_s / self.period_s
-        if round(periods) < 1 or abs(periods - round(periods)) > 1e-6:
-            raise ValueError(f"transport_s={self.transport_s} must be a whole number of period_s={self.period_s}")
-        if self.horizon_s < self.transport_s + 2.0 * self.period_s:
-            raise ValueError(
-                f"horizon_s={self.horizon_s} must be >= transport_s + 2 period_s = {self.transport_s + 2 * self.period_s}"
-            )
 
 
 class PointingController:
@@ -135,15 +91,13 @@ class PointingController:
         self.state = AutotrackState()
         scans = ScanParams(spiral, conscan, steptrack or StepTrackParams(), calibration or MonopulseScanParams())
         self.offsets = SkyOffsets(integrator, scans, trim or TrimParams())
-        self._watch, self._link = LockWatch(watch or LockWatchParams()), link or LinkParams()
-        self._watched_s = -math.inf
-        self.faults, self.last_fault = 0, ""
+        self.carrier = CarrierWatch(watch or LockWatchParams(), link or LinkParams())
         self._calibrating = False
         self._targets = TargetBuffer()
         self._model = BiasModel.zero()
         self._axes: JointReading | None = None
         self._joints: JointReading | None = None
-        self._errors: deque[PointingError] = deque(maxlen=KEPT_ERRORS)
+        self._errors = SensedErrors()
         self._pass: Pass | None = None
         self._turns_rad: float | None = None
         self._centre: dict[int, Array] = {}
@@ -183,20 +137,13 @@ class PointingController:
 
     def take_error(self, error: PointingError) -> None:
         """Note what a sensor measured; only those that the pass may use count."""
-        wanted = self._table.params.sensor
-        if wanted in ("auto", error.sensor) or (wanted == "steptrack" and error.sensor == "conscan"):
-            self._errors.append(error)
+        self._errors.take(error, self._table.params.sensor)
 
     def awaits_error(self, t_s: float) -> bool:
         """Whether a sensor that reports every period has not reported yet what this period should use."""
         if self._pass is None:
             return False
-        newest = {error.sensor: error.t_s for error in self._errors}
-        sensors = (self.state.mode,) if self.state.mode in SCANNING else ("monopulse",)
-        return any(
-            2.0 * self.params.period_s <= t_s - newest.get(sensor, -math.inf) < self.params.error_age_s
-            for sensor in sensors
-        )
+        return self._errors.awaited(t_s, self.state.mode, self.params.period_s, self.params.error_age_s)
 
     def calibrate(self) -> str:
         """Ask for a calibration scan of the monopulse feed; return why not, "" when it will begin."""
@@ -220,7 +167,7 @@ class PointingController:
             raise ValueError(f"{self._pass.name} is being tracked until its loss of signal; cancel that first")
         if t_s >= window.los_t_s:
             raise ValueError(f"the pass of {window.name} ended {t_s - window.los_t_s:.0f} s ago")
-        self._require_level(window, sensor)
+        self.carrier.require_level(window, sensor, self._autotrack_params)
         self._turns_rad = None if self._axes is None else self._choose_turn(t_s, window, self._axes, sensor)
         self._sensor = sensor
         self._pass, self._stopping, self._moved = window, "", False
@@ -231,9 +178,8 @@ class PointingController:
         self._centre.clear()
         self._beam.clear()
         self.offsets.restart(t_s)
-        self._watch.reset()
-        self._watched_s, self._calibrating = -math.inf, False
-        self.faults, self.last_fault = 0, ""
+        self.carrier.restart()
+        self._calibrating = False
         self.tally = Tally()
         self._table = Autotrack(self._autotrack_params.replace(sensor=SENSOR_CHOICES[sensor]))
         self.state = AutotrackState(entered_s=t_s)
@@ -287,7 +233,8 @@ class PointingController:
         assert self._pass is not None
         if self.plan.course.crossing(t_s) and not self._stopping:
             return
-        error = self._fresh_error(t_s)
+        errors = self._usable_errors(t_s)
+        error = newest(errors, self.state.mode)
         before, beam = self.state, self._beam.offset(error.t_s) if error else None
         fault = self._false_lock(before, error, beam)
         request = "calibrate" if self._calibrating else "track"
@@ -299,58 +246,27 @@ class PointingController:
                 target_available=t_s < self._pass.aos_t_s or self._targets.covers(t_s, t_s + self.params.horizon_s),
                 on_target=t_s >= self._pass.aos_t_s and self._axis_error(t_s) < self.params.on_target_rad,
                 carrier_to_noise_db_hz=error.carrier_to_noise_db_hz if error else -math.inf,
-                axis_db_hz=self._expected_db_hz(t_s) if self._targets.covers(t_s, t_s) else -math.inf,
-                monopulse_valid=self._valid("monopulse", t_s),
-                conscan_valid=self._valid("conscan", t_s),
+                axis_db_hz=self.carrier.level_db_hz(self._range_m(t_s))
+                if self._targets.covers(t_s, t_s)
+                else -math.inf,
+                monopulse_valid=trusted(errors, "monopulse"),
+                conscan_valid=trusted(errors, "conscan"),
                 arriving=self.offsets.arriving(t_s),
                 fault=fault,
             ),
         )
         if self.state.mode != before.mode:
-            self._watch.reset()
+            self.carrier.forget()
             self._calibrating = self._calibrating and self.state.mode != "calibrate"
         self.offsets.listen(t_s + self.params.transport_s, before.mode, self.state, error, beam)
 
     def _false_lock(self, state: AutotrackState, error: PointingError | None, beam: Array | None) -> str:
-        """Return why the monopulse error must not be followed, empty while it may."""
         if state.mode != "monopulse" or error is None or beam is None or error.sensor != "monopulse":
             return ""
-        faint = error.carrier_to_noise_db_hz < self._table.params.carrier_off_db_hz
-        if faint or error.t_s <= self._watched_s:
-            return ""
-        self._watched_s = error.t_s
-        fault = self._watch.add(error, float(beam[0]), float(beam[1]), self._expected_db_hz(error.t_s))
-        if fault:
-            self.faults, self.last_fault = self.faults + 1, fault
-        return fault
+        return self.carrier.false_lock(error, beam, self._range_m(error.t_s), self._table.params.carrier_off_db_hz)
 
-    def _require_level(self, window: Pass, sensor: str) -> None:
-        """Refuse a sensor whose gate the carrier of a pass never opens; the link is that of a beam on the target.
-
-        A pass that does not say how near it comes is not refused.
-        """
-        gates, nearest_m = self._autotrack_params, window.smallest_range_m
-        if nearest_m <= 0.0 or sensor == "program":
-            return
-        needed = gates.monopulse_on_db_hz if sensor == "monopulse" else gates.carrier_on_db_hz
-        level = self._link.zenith_carrier_to_noise_db_hz - 20.0 * math.log10(nearest_m / self._link.reference_range_m)
-        if level < needed:
-            raise ValueError(
-                f"sensor={sensor} needs a carrier of {needed:.1f} dB-Hz; the link gives at most {level:.1f} dB-Hz on this "
-                f"pass, {nearest_m / 1e3:.0f} km away"
-            )
-
-    def _expected_db_hz(self, t_s: float) -> float:
-        """Return the C/N0 of a beam on the target: the link's at the zenith over the present distance."""
-        spreading = float(self._targets.range_m([t_s])[0]) / self._link.reference_range_m
-        return self._link.zenith_carrier_to_noise_db_hz - 20.0 * math.log10(spreading)
-
-    def _valid(self, sensor: str, t_s: float) -> bool:
-        """Return whether the sensor's newest estimate may be used; conscan is trusted until its first one."""
-        reports = [error for error in self._usable_errors(t_s) if error.sensor == sensor]
-        if sensor == "monopulse":
-            return bool(reports) and reports[0].valid
-        return not reports or reports[0].valid or not reports[0].estimated
+    def _range_m(self, t_s: float) -> float:
+        return float(self._targets.range_m([t_s])[0])
 
     def _follow(self, t_s: float) -> JointTrajectory | None:
         """Return the trajectory of this period; a refusal of the gate becomes the reason of a stop."""
@@ -424,19 +340,12 @@ class PointingController:
             t_s=times, position_rad=position[None, :], velocity_rad_s=still, acceleration_rad_s2=still
         )
 
+    def _usable_errors(self, t_s: float) -> list[PointingError]:
+        return self._errors.usable(t_s, self.params.period_s, self.params.error_age_s)
+
     def _fresh_error(self, t_s: float) -> PointingError | None:
         """Return the newest usable error, that of the sensor in use as long as it reports."""
-        errors = self._usable_errors(t_s)
-        in_use = (error for error in errors if error.sensor == self.state.mode)
-        return next(in_use, next(iter(errors), None))
-
-    def _usable_errors(self, t_s: float) -> list[PointingError]:
-        """Return the errors that are about the time before the last period, the newest first, none too old to act on.
-
-        One about the period that ends now may have arrived already, or not: it belongs to the next period in any case.
-        """
-        newest_s, oldest_s = t_s - LEAST_AGE_PERIODS * self.params.period_s, t_s - self.params.error_age_s
-        return [error for error in reversed(self._errors) if oldest_s <= error.t_s <= newest_s]
+        return newest(self._usable_errors(t_s), self.state.mode)
 
     def _axis_error(self, t_s: float) -> float:
         """Largest difference between the commanded and the present axis angles, infinite when unknown."""

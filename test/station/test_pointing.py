@@ -13,7 +13,8 @@ from rf_pointing.geometry import JointReading, nearest_turn_rad
 from rf_pointing.planning import AxisLimits
 from rf_pointing.rf import LinkParams
 from rf_pointing.station.mount import MountParams
-from rf_pointing.station.pointing import PREDICTION_PATIENCE_S, PointingController, PointingParams
+from rf_pointing.station.pointing import PREDICTION_PATIENCE_S, PointingController
+from rf_pointing.station.pointing_params import PointingParams
 from rf_pointing.tracking import AutotrackParams
 
 SAME_RAD = 1e-9

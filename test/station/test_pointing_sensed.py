@@ -9,7 +9,7 @@ import pytest
 
 from rf_pointing.ephemeris import Pass
 from rf_pointing.geometry import MDEG, PointingError, sky_offset_rad
-from rf_pointing.station.pointing import PointingParams
+from rf_pointing.station.pointing_params import PointingParams
 
 STRONG_DB_HZ, WEAK_DB_HZ = 60.0, 5.0
 BEAMWIDTH_RAD = 65.0 * MDEG
