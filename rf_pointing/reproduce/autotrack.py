@@ -8,6 +8,7 @@ import numpy as np
 from rf_pointing.controllers import CommandPreprocessorParams
 from rf_pointing.ephemeris import Pass, first_pass_above
 from rf_pointing.geometry import MDEG, random_stream
+from rf_pointing.reproduce.autotrack_averaging import averaging_rows
 from rf_pointing.reproduce.autotrack_cases import (
     Case,
     acquired_s,
@@ -46,6 +47,7 @@ def rows(seed: int = 1) -> list[Row]:
         *_acquisition_rows(seed),
         weak_conscan_row(seed),
         _sign_flip_row(seed),
+        *averaging_rows(seed),
         *_dropout_rows(seed),
     ]
 

@@ -6,7 +6,7 @@ state table, trim filter; only what the case is about differs from the configura
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from rf_pointing.ephemeris import Pass, first_pass_above
 from rf_pointing.simulation import PassLog, StationSetup, simulate_pass
 from rf_pointing.station.commissioning import COMMON, FILES
 from rf_pointing.station.mount import MountParams
+from rf_pointing.station.receiver import Reception
 from rf_pointing.station.source import SourceParams, load_elements, load_track
 
 __all__ = [
@@ -79,8 +80,8 @@ def low_orbit_pass(peak_deg: float = 40.0, mask_deg: float = 40.0) -> Pass:
     return first_pass_above(load_track(source), begin_s, math.radians(peak_deg), math.radians(mask_deg), 2.0 * 86400.0)
 
 
-def fly(case: Case, window: Pass) -> PassLog:
-    """Return the log of a case, at most to the end of the pass."""
+def fly(case: Case, window: Pass, heard: Callable[[Reception], object] | None = None) -> PassLog:
+    """Return the log of a case, at most to the end of the pass; `heard` gets everything from the receiver."""
     config = config_folder()
     short = dataclasses.replace(window, los_t_s=min(window.aos_t_s + case.seconds, window.los_t_s))
     changes: dict[str, dict[str, object]] = {node: dict(values) for node, values in case.changes.items()}
@@ -94,7 +95,7 @@ def fly(case: Case, window: Pass) -> PassLog:
     changes.setdefault("rf_receiver", {})["signal.seed"] = case.seed
     files = [config / "dss13.yaml", config / f"band_{case.band.lower()}.yaml"]
     setup = StationSetup(files, model_file(case.band), changes)
-    return simulate_pass(setup, short, math.floor(window.aos_t_s) - LEAD_S, case.sensor)
+    return simulate_pass(setup, short, math.floor(window.aos_t_s) - LEAD_S, case.sensor, heard)
 
 
 def config_folder() -> Path:

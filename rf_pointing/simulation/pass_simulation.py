@@ -4,7 +4,7 @@ The order within a tick is the order in which messages arrive in the graph: ante
 acts every few ticks, on errors stamped before its own period.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -26,7 +26,7 @@ from rf_pointing.station.pass_planning import pass_profile
 from rf_pointing.station.pointing import PointingController
 from rf_pointing.station.pointing_params import PointingParams
 from rf_pointing.station.power_tracker import PowerTracker
-from rf_pointing.station.receiver import SignalParams, SimulatedReceiver
+from rf_pointing.station.receiver import Reception, SignalParams, SimulatedReceiver
 from rf_pointing.station.solar import SunParams
 from rf_pointing.station.source import SourceParams, load_track
 from rf_pointing.tracking import (
@@ -128,8 +128,17 @@ class StationSetup:
         return PowerTracker(node.group("conscan", ConscanParams()), node.group("steptrack", StepTrackParams()))
 
 
-def simulate_pass(setup: StationSetup, window: Pass, start_t_s: float, sensor: str) -> PassLog:
-    """Return the log of one pass, from `start_t_s` (time to slew included) to loss of signal."""
+def simulate_pass(
+    setup: StationSetup,
+    window: Pass,
+    start_t_s: float,
+    sensor: str,
+    heard: Callable[[Reception], object] | None = None,
+) -> PassLog:
+    """Return the log of one pass, from `start_t_s` (time to slew included) to loss of signal.
+
+    `heard` is called with everything that the receiver gives.
+    """
     track = load_track(setup.node("ephemeris_publisher").group("source", SourceParams()))
     antenna, receiver, controller = setup.antenna(), setup.receiver(), setup.controller()
     monopulse = MonopulseTracker(setup.node("monopulse_tracker").group("monopulse", MonopulseParams()))
@@ -167,6 +176,8 @@ def simulate_pass(setup: StationSetup, window: Pass, start_t_s: float, sensor: s
             for error in conscan.take_power(reception.power):
                 controller.take_error(error)
             _note(log, reception.truth, mode)
+            if heard is not None:
+                heard(reception)
     return log
 
 

@@ -31,7 +31,7 @@ class LockWatchParams(Params):
     largest_sigma: float = parameter(0.5, "uncertainty of the response above which it is unknown", low=0.01, high=1.0)
     unmodelled_beamwidths: float = parameter(0.03, "motion of the beam that the encoders do not see", low=0.0, high=0.5)
     grown: float = parameter(
-        3.5, "mean error, over the unmodelled motion, from which a turned response is believed", low=0.0, high=100.0
+        2.5, "mean error, over the unmodelled motion, from which a turned response is believed", low=0.0, high=100.0
     )
     steepest: float = parameter(2.0, "response above which it is a sidelobe", low=1.1, high=10.0)
     largest_turn_rad: float = parameter(math.radians(60.0), "turn of the response that is a fault", low=0.1, high=1.5)

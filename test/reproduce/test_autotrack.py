@@ -12,6 +12,7 @@ from rf_pointing.reproduce.autotrack import (
     radial_rms_mdeg,
     weak_conscan_row,
 )
+from rf_pointing.reproduce.autotrack_averaging import averaging_rows
 from rf_pointing.reproduce.autotrack_cases import Case, first_time_s, fly, low_orbit_pass, reacquisitions_s
 from rf_pointing.simulation import PassLog
 
@@ -62,6 +63,11 @@ def test_the_command_never_asks_for_more_than_the_preprocessor_allows(log: PassL
 @pytest.mark.parametrize(("mask_deg", "angle"), [(5.0, 3.2), (40.0, 4.8)])
 def test_three_beamwidths_off_is_acquired_in_thirty_seconds(mask_deg: float, angle: float) -> None:
     assert acquisition_s(low_orbit_pass(40.0, mask_deg), angle, seed=3) <= 30.0
+
+
+def test_averaging_a_cluster_gains_seven_db_in_the_whole_station() -> None:
+    row = averaging_rows(seed=2)[0]
+    assert row.holds, row
 
 
 def test_conscan_holds_a_weak_slow_target() -> None:
