@@ -13,7 +13,7 @@ from rf_pointing.report.html import Cell, document, figure, number, table, text
 
 __all__ = ["write_calibration_report"]
 
-_UNITS = {"rad": ("mdeg", 1.0 / MDEG), "s": ("ms", 1e3), "s^2": ("ms²·10³", 1e3), "rad/K": ("mdeg/K", 1.0 / MDEG)}
+_UNITS = {"rad": ("mdeg", 1.0 / MDEG), "s": ("ms", 1e3), "s^2": ("10⁻³ s²", 1e3), "rad/K": ("mdeg/K", 1.0 / MDEG)}
 _MOST_REJECTED = 20
 
 
@@ -54,7 +54,7 @@ def write_calibration_report(
     draw_correlation(fit, place / "correlation.png")
     parts = [
         f"<h1>Pointing model {text(name)}</h1>",
-        f'<p class="soft">{text(fit.station)}, {text(fit.band)} band; {text(_span(fit))}. {text(fit.form)} form.</p>',
+        f'<p class="soft">{text(fit.station)}, {text(fit.band)} band; {text(_span(fit))}. {text(fit.form.capitalize())} form.</p>',
         _tiles(points, fit, chosen),
         *(f"<p>{text(remark)}.</p>" for remark in remarks),
         _notice(fit, points, chosen, notes),
