@@ -39,7 +39,8 @@ def averaging_rows(seed: int) -> list[Row]:
     return [
         Row(
             quantity="averaging of N = 5 in the whole station, receiver noise, Ka, 45 dB-Hz", source="BWG eq. (17)", paper=7.0,
-            ours=white, unit="dB", tolerance=TOLERANCE_DB, remark="variance of the errors of last samples over that of the clusters'",
+            ours=white, unit="dB", tolerance=TOLERANCE_DB,
+            remark="variance of the errors of last samples over that of the clusters'",
         ),
         Row(
             quantity=f"the same with a line at {LINE_HZ:.0f} Hz", source="BWG Fig. 27", paper=17.0, ours=coloured,
