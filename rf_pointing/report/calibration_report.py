@@ -54,7 +54,8 @@ def write_calibration_report(
     draw_correlation(fit, place / "correlation.png")
     parts = [
         f"<h1>Pointing model {text(name)}</h1>",
-        f'<p class="soft">{text(fit.station)}, {text(fit.band)} band; {text(_span(fit))}. {text(fit.form.capitalize())} form.</p>',
+        f'<p class="soft">{text(fit.station)}, {text(fit.band)} band; {text(_span(fit))}. '
+        f"{text(fit.form.capitalize())} form.</p>",
         _tiles(points, fit, chosen),
         *(f"<p>{text(remark)}.</p>" for remark in remarks),
         _notice(fit, points, chosen, notes),
