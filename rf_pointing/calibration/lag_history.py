@@ -68,6 +68,14 @@ class LagHistory:
         x, d = self._velocity_s, self._damping_s2
         return (x * mean + d * slope, x * slope + d * bend, x * bend + d * jerk), states
 
+    def dragged(self, t_s: float, axis_rate_rad_s: Array, before: LagState | None) -> LagState:
+        """Return the state at `t_s` of a beam whose axes have moved at this rate (2,): it drags behind by x_v m'."""
+        slope = np.array(before.slope) if before else np.zeros(2)
+        east, up = (axis_rate_rad_s - self._velocity_s * slope).tolist()
+        if before is None:
+            return LagState(t_s, (east, up))
+        return self._advanced(before, (east, up), t_s, self._step(t_s - before.t_s))
+
     def _states(self, t_s: Array, rate_rad_s: Array, before: LagState | None) -> list[LagState]:
         rows = list(zip(t_s.tolist(), rate_rad_s.tolist(), strict=True))
         here = before or LagState(rows[0][0], (rows[0][1][0], rows[0][1][1]))

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.calibration import BiasModel, LagHistory, LagState, without_lags
-from rf_pointing.geometry import Motion, nearest_turn_rad
+from rf_pointing.geometry import JointReading, Motion, nearest_turn_rad
 from rf_pointing.station.axis_motion import axis_motion
 from rf_pointing.station.branch_course import BranchCourse
 from rf_pointing.station.target_buffer import TargetBuffer
@@ -54,6 +54,7 @@ class AxisPath:
         self.lag_averaging_s = lag_averaging_s
         self._known: dict[int, Array] = {}
         self._lagging: dict[int, LagState] = {}
+        self._before: LagState | None = None
         self._start: Motion | None = None
 
     def clear(self) -> None:
@@ -65,6 +66,14 @@ class AxisPath:
         """Begin a pass: the axes will wait at rest."""
         self.clear()
         self._lagging.clear()
+        self._before = None
+
+    def take_axes(self, reading: JointReading, model: BiasModel) -> None:
+        """Note how the axes move on their way to the start: what is left of their lags there is not the target's."""
+        fresh = self._before is None or reading.t_s > self._before.t_s
+        if self.lag_averaging_s > 0.0 and model.has_lags and not self._lagging and fresh:
+            history = LagHistory(model, self.lag_averaging_s)
+            self._before = history.dragged(reading.t_s, reading.velocity_rad_s, self._before)
 
     def waiting(self, count: int, t_s: float, sky_rad: Array, model: BiasModel, near_azimuth_rad: float) -> Motion:
         """Return the motion of waiting where the target will rise, at apparent `sky_rad` (2,), for `count` instants."""
@@ -101,10 +110,9 @@ class AxisPath:
         """
         signs = self._plan.course.signs(block)
         earlier = [state for key, state in self._lagging.items() if key <= _key(block[0])]
+        before = earlier[-1] if earlier else self._before if not self._lagging else None
         history = LagHistory(model, self.lag_averaging_s)
-        lags, states = history.along(
-            block, signs * moving.velocity, signs * moving.acceleration, earlier[-1] if earlier else None
-        )
+        lags, states = history.along(block, signs * moving.velocity, signs * moving.acceleration, before)
         self._lagging = {_key(state.t_s): state for state in states}
         return Motion(*(part + signs * lag for part, lag in zip(beam, lags, strict=True)))
 

@@ -129,6 +129,7 @@ class PointingController:
         """Note where the axes are."""
         self._axes, self._joints = reading, self.plan.course.from_axes(reading)
         self._beam.take_joints(self._joints)
+        self._path.take_axes(reading, self._model)
 
     def take_target(self, target: Target) -> None:
         """Note where the target will be; other targets are ignored."""

@@ -68,6 +68,22 @@ def test_it_goes_on_from_a_state_also_after_a_gap() -> None:
         np.testing.assert_allclose(part[0][0], whole[0][first], atol=1e-6)
 
 
+def test_axes_that_come_to_rest_leave_a_lag_that_swings_out() -> None:
+    """Against the simulated mount's own average, whose beam drags behind the axes by the velocity lag."""
+    history, state = LagHistory(model(), AVERAGING_S), None
+    mean, slope, wanted = np.zeros(2), np.zeros(2), []
+    for t_s in TIMES:
+        rate = np.full(2, 0.02) if t_s < 10.0 else np.zeros(2)
+        state = history.dragged(float(t_s), rate, state)
+        for _ in range(20):
+            pull = (rate - VELOCITY_S * slope - mean) / AVERAGING_S**2 - slope / AVERAGING_S
+            slope = slope + 0.005 * pull
+            mean = mean + 0.005 * slope
+        wanted.append(mean)
+        assert np.max(np.abs(np.array(state.mean) - mean)) < 1e-3
+    assert np.max(np.abs(wanted[200])) > 1e-3
+
+
 def test_an_average_over_no_time_is_refused() -> None:
     with pytest.raises(ValueError, match=r"averaging_s=0\.0 must be > 0"):
         LagHistory(model(), 0.0)
