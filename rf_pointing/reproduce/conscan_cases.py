@@ -141,12 +141,13 @@ def search_time_s(direction_rad: float, level_db_hz: float, rng: np.random.Gener
     beam = BeamParams.for_band("X")
     target = 3.0 * BEAM_X_RAD * np.array([math.cos(direction_rad), math.sin(direction_rad)])
     spiral = SpiralSearch(SpiralParams(half_power_beamwidth_rad=BEAM_X_RAD, uncertainty_rad=BEAM_X_RAD))
-    receiver, table = _receiver(beam, rng), Autotrack(AutotrackParams())
+    receiver, table = _receiver(beam, rng), Autotrack(AutotrackParams(sensor="monopulse"))
     tracker = MonopulseTracker(MonopulseParams(half_power_beamwidth_rad=BEAM_X_RAD))
     state, trim = AutotrackState(mode="search"), np.zeros(2)
     for k in range(600):
         times = k * CLUSTER_S + SAMPLE_S * np.arange(1, 6)
-        scan = [spiral.offset(t)[:2] for t in times] if state.mode == "search" else np.zeros((5, 2))
+        searching = state.mode == "search"
+        scan = [spiral.offset(t - state.entered_s)[:2] for t in times] if searching else np.zeros((5, 2))
         miss = target - trim - np.array(scan)
         error = tracker.measure(receiver.cluster(times, miss[:, 0], miss[:, 1], level_db_hz, SAMPLE_S))
         before = state
@@ -154,7 +155,8 @@ def search_time_s(direction_rad: float, level_db_hz: float, rng: np.random.Gener
             state,
             AutotrackInputs(
                 t_s=float(times[-1]), request="track", target_available=True, on_target=True,
-                carrier_to_noise_db_hz=error.carrier_to_noise_db_hz, monopulse_valid=error.valid,
+                carrier_to_noise_db_hz=error.carrier_to_noise_db_hz, axis_db_hz=level_db_hz,
+                monopulse_valid=error.valid,
             ),
         )  # fmt: skip
         if before.mode == "search" and state.mode != "search":
