@@ -27,7 +27,7 @@ from rf_pointing.geometry import MDEG, Params, parameter
 from rf_pointing.nodes import convert, convert_calibration
 from rf_pointing.nodes.campaign_runner import CampaignRunner
 from rf_pointing.nodes.diagnostics import OK, WARN, Health
-from rf_pointing.nodes.goals import conclude
+from rf_pointing.nodes.goals import RESULT_TIMEOUT_S, conclude
 from rf_pointing.nodes.managed import ManagedNode, run
 from rf_pointing.nodes.qos import LATCHED, STREAM
 from rf_pointing.nodes.stamps import stamp_from_seconds
@@ -78,9 +78,9 @@ class BiasCalibrator(ManagedNode):
         self._actions = [
             ActionServer(
                 self, RunCampaign, "~/run_campaign", self._conclude, goal_callback=self._on_goal,
-                handle_accepted_callback=self._on_campaign, cancel_callback=self._on_cancel,
+                handle_accepted_callback=self._on_campaign, cancel_callback=self._on_cancel, result_timeout=RESULT_TIMEOUT_S,
             ),
-            ActionServer(self, FitModel, "~/fit_model", self._on_fit, goal_callback=self._on_fit_goal),
+            ActionServer(self, FitModel, "~/fit_model", self._on_fit, goal_callback=self._on_fit_goal, result_timeout=RESULT_TIMEOUT_S),
         ]  # fmt: skip
 
     def configure(self) -> None:

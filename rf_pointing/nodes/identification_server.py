@@ -13,7 +13,7 @@ from rf_pointing_msgs.msg import ManualRate
 from rf_pointing.geometry import AXES, random_stream
 from rf_pointing.identification import IdentificationExperiment
 from rf_pointing.nodes import convert_identification as convert
-from rf_pointing.nodes.goals import conclude
+from rf_pointing.nodes.goals import RESULT_TIMEOUT_S, conclude
 from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.qos import EXPERIMENT
 from rf_pointing.station.antenna import SimulatedAntenna
@@ -35,7 +35,7 @@ class IdentificationServer:
         self._told = 0
         self._action = ActionServer(
             node, Identify, "identify", self._conclude, goal_callback=self._on_goal,
-            handle_accepted_callback=self._on_accepted, cancel_callback=self._on_cancel,
+            handle_accepted_callback=self._on_accepted, cancel_callback=self._on_cancel, result_timeout=RESULT_TIMEOUT_S,
         )  # fmt: skip
 
     def configure(self, antenna: SimulatedAntenna) -> None:

@@ -12,7 +12,6 @@ services are still in the graph (20 s), and those that arrive wait for discovery
 import gc
 import signal
 import sys
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -33,9 +32,6 @@ from rf_pointing.nodes.stamps import seconds_from_stamp
 from rf_pointing.nodes.streams import InputCounter, Latest, SequencedPublisher
 
 __all__ = ["ManagedNode", "make_executor", "run", "settle_garbage"]
-
-QUIET_S = 0.15
-"""Wall time without any timer after which it is looked whether work is due."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,8 +57,6 @@ class ManagedNode(LifecycleNode):
         self._state_name = "unconfigured"
         self._refusal = ""
         self._active_timers: list[Any] = []
-        self._grids: list[Callable[[], None]] = []
-        self._fired_wall_s = 0.0
         self._inputs: list[Any] = []
         self._outputs: list[Publisher] = []
         self._services_offered: list[Any] = []
@@ -94,23 +88,11 @@ class ManagedNode(LifecycleNode):
         schedule = Schedule(self.now_s(), period_s)
 
         def fire() -> None:
-            self._fired_wall_s = time.perf_counter()
             for t_s in schedule.due(self.now_s()):
                 callback(t_s)
 
         self._active_timers.append(self.create_timer(period_s, fire))
-        self._grids.append(fire)
         return schedule
-
-    def catch_up(self) -> None:
-        """Do what is due when no timer has fired for a while.
-
-        The events executor can lose the event of a timer on simulated time when an action server sets the timer of its old
-        results; time that waits for this node's work would then stand still.
-        """
-        if time.perf_counter() - self._fired_wall_s > QUIET_S:
-            for fire in tuple(self._grids):
-                fire()
 
     def listen_latest(self, message_type: Any, topic: str, convert: Callable[[Any], Any], qos: Any) -> Latest:
         """Subscribe until cleanup to a stream of which only the newest message counts, now and then."""
@@ -244,7 +226,6 @@ class ManagedNode(LifecycleNode):
         for timer in self._active_timers:
             self.destroy_timer(timer)
         self._active_timers.clear()
-        self._grids.clear()
 
     def _clear(self) -> None:
         self._stop_timers()
@@ -301,7 +282,6 @@ def run(node_type: Callable[[], Any]) -> None:
     settle_garbage()
     while not asked:
         node.bring_up()
-        node.catch_up()
         executor.spin_once(timeout_sec=node.turn())
     node.end()
     executor.shutdown()

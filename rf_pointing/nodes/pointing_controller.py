@@ -29,7 +29,7 @@ from trajectory_msgs.msg import JointTrajectory
 from rf_pointing.controllers import TrackerIntegratorParams
 from rf_pointing.nodes import convert, convert_calibration, convert_planning
 from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Health
-from rf_pointing.nodes.goals import conclude
+from rf_pointing.nodes.goals import RESULT_TIMEOUT_S, conclude
 from rf_pointing.nodes.managed import ManagedNode, run
 from rf_pointing.nodes.qos import COMMAND, LATCHED, STREAM
 from rf_pointing.planning import AxisLimits, GateParams, HorizonMask, MachineParams
@@ -89,7 +89,7 @@ class PointingControllerNode(ManagedNode):
         self._refusal = ""
         self._action = ActionServer(
             self, TrackPass, "track_pass", self._conclude, goal_callback=self._on_goal,
-            handle_accepted_callback=self._on_accepted, cancel_callback=self._on_cancel,
+            handle_accepted_callback=self._on_accepted, cancel_callback=self._on_cancel, result_timeout=RESULT_TIMEOUT_S,
         )  # fmt: skip
 
     def configure(self) -> None:

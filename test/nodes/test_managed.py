@@ -1,7 +1,6 @@
 """What every node shares: counted inputs, numbered outputs, refusals that do not end the process."""
 
 import math
-import time
 from typing import Any
 
 import pytest
@@ -10,7 +9,7 @@ from lifecycle_msgs.srv import ChangeState
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rf_pointing_msgs.msg import PointingError, Target
 
-from rf_pointing.nodes import convert, managed
+from rf_pointing.nodes import convert
 from rf_pointing.nodes.diagnostics import WARN
 from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.qos import STREAM
@@ -164,24 +163,3 @@ def test_a_refused_configuration_is_not_tried_again(subject: Subject) -> None:
     subject.refusal = None
     subject.bring_up()
     assert subject._state_health().message == "gain=9 must be <= 5"
-
-
-def test_what_is_due_is_done_without_its_timer_and_only_once(subject: Subject, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert subject.on_configure(ANY_STATE) == TransitionCallbackReturn.SUCCESS
-    wall_s = [time.perf_counter()]
-    monkeypatch.setattr(managed.time, "perf_counter", lambda: wall_s[0])
-    now_s = [1000.0]
-    monkeypatch.setattr(subject, "now_s", lambda: now_s[0])
-    assert subject.on_activate(ANY_STATE) == TransitionCallbackReturn.SUCCESS
-    # Nothing spins here: no timer fires.
-    now_s[0], wall_s[0] = 1000.1, wall_s[0] + 2.0 * managed.QUIET_S
-    subject.catch_up()
-    subject.catch_up()
-    assert subject.ticks == [1000.1]
-    now_s[0] = 1000.2
-    subject.catch_up()
-    assert subject.ticks == [1000.1], "a timer has fired of late: the next one is not late"
-    assert subject.on_deactivate(ANY_STATE) == TransitionCallbackReturn.SUCCESS
-    wall_s[0] += 1.0
-    subject.catch_up()
-    assert subject.ticks == [1000.1]
