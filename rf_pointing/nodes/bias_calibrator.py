@@ -80,7 +80,10 @@ class BiasCalibrator(ManagedNode):
                 self, RunCampaign, "~/run_campaign", self._conclude, goal_callback=self._on_goal,
                 handle_accepted_callback=self._on_campaign, cancel_callback=self._on_cancel, result_timeout=RESULT_TIMEOUT_S,
             ),
-            ActionServer(self, FitModel, "~/fit_model", self._on_fit, goal_callback=self._on_fit_goal, result_timeout=RESULT_TIMEOUT_S),
+            ActionServer(
+                self, FitModel, "~/fit_model", self._on_fit, goal_callback=self._on_fit_goal,
+                result_timeout=RESULT_TIMEOUT_S,
+            ),
         ]  # fmt: skip
 
     def configure(self) -> None:
