@@ -14,6 +14,7 @@ import pytest
 
 DOMAINS = 100
 """ROS domains 1 to 100 keep their ports below the range that the kernel hands out."""
+LOOPBACK = Path(__file__).parents[1] / "config" / "fastdds_loopback.xml"
 
 
 def pytest_report_header() -> str:
@@ -53,8 +54,8 @@ def ros_domain() -> Iterator[int]:
                 continue
             with pytest.MonkeyPatch.context() as patch:
                 patch.setenv("ROS_DOMAIN_ID", str(domain))
-                patch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-                patch.setenv("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
+                patch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "SYSTEM_DEFAULT")
+                patch.setenv("FASTRTPS_DEFAULT_PROFILES_FILE", str(LOOPBACK))
                 yield domain
             return
     pytest.fail(f"all {DOMAINS} ROS domains are taken by other test sessions")

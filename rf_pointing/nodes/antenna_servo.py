@@ -1,6 +1,7 @@
 """Executable `antenna_servo`: the simulated antenna and its control unit; a station's own driver takes its place.
 
-Subscribes: joint_trajectory.  Publishes: joint_states (50 Hz), antenna_status (10 Hz, and when a fault comes or goes),
+Subscribes: joint_trajectory.  Publishes: joint_states (50 Hz), antenna_status (10 Hz, on activation, and when a fault comes
+or goes),
 sim/boresight (50 Hz, truth); while identifying manual_rate (50 Hz).
 Action: identify (rf_pointing_msgs/Identify).
 Services (std_srvs/Trigger): ~/stop (latches a fault), ~/pause, ~/resume, ~/park, ~/stow, ~/disable, ~/reset_fault;
@@ -30,7 +31,7 @@ from rf_pointing.nodes import convert
 from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Health
 from rf_pointing.nodes.identification_server import IdentificationServer
 from rf_pointing.nodes.managed import ManagedNode, run
-from rf_pointing.nodes.qos import COMMAND_INPUT, SAMPLES, STREAM
+from rf_pointing.nodes.qos import COMMAND_INPUT, SAMPLES, STATUS, STREAM
 from rf_pointing.nodes.stamps import seconds_from_stamp
 from rf_pointing.planning import WrapCount
 from rf_pointing.servo import WindParams, dss13_plant
@@ -88,7 +89,7 @@ class AntennaServo(ManagedNode):
         self._status_every = max(1, round(STATUS_PERIOD_S / self._antenna.params.tick_s))
         self._joints = self.publisher(JointState, "joint_states", STREAM)
         self._boresight = self.stream(Boresight, "sim/boresight", SAMPLES)
-        self._status = self.stream(AntennaStatus, "antenna_status", STREAM)
+        self._status = self.stream(AntennaStatus, "antenna_status", STATUS)
         self._identification.configure(self._antenna)
         self.listen(JointTrajectory, "joint_trajectory", self._on_trajectory, COMMAND_INPUT)
         self.serve(Trigger, "~/stop", self._on_stop)
@@ -109,7 +110,8 @@ class AntennaServo(ManagedNode):
         self._tick_wall_s = None
         self._ticked_s = self.now_s()
         self._early.clear()
-        self._joints.publish(convert.joints_to_message(self._antenna.reading(self.now_s())))
+        self._joints.publish(convert.joints_to_message(self._antenna.reading(self._ticked_s)))
+        self._tell(self._ticked_s)
         self._schedule = self.every(self._antenna.params.tick_s, self._tick)
 
     def deactivate(self) -> None:
@@ -147,10 +149,8 @@ class AntennaServo(ManagedNode):
         fault = self._antenna.safety.latch.text
         news, self._told_fault = fault != self._told_fault, fault
         if news or round(t_s / self._antenna.params.tick_s) % self._status_every == 0:
-            message = convert.antenna_status_to_message(self._antenna.status(t_s))
-            message.tick_lateness = self._lateness_s
             self._memory.keep(self._antenna, t_s)
-            self._status.publish(message)
+            self._tell(t_s)
             self._statuses += 1
             if self._statuses % WRAP_EVERY == 0:
                 self._keep_wrap()
@@ -158,6 +158,11 @@ class AntennaServo(ManagedNode):
             self.diagnostics.publish()
         while self._early and seconds_from_stamp(self._early[0].header.stamp) <= t_s:
             self._take(self._early.popleft())
+
+    def _tell(self, t_s: float) -> None:
+        message = convert.antenna_status_to_message(self._antenna.status(t_s))
+        message.tick_lateness = self._lateness_s
+        self._status.publish(message)
 
     def _measure_lateness(self, tick_s: float) -> None:
         """Compare the wall time between two ticks with the period; at another speed than 1 it shows that speed."""

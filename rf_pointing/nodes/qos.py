@@ -7,10 +7,18 @@ neither, so that a plain `ros2 topic pub` reaches them, and guard freshness by t
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-__all__ = ["COMMAND", "COMMAND_INPUT", "EXPERIMENT", "LATCHED", "SAMPLES", "STREAM"]
+__all__ = ["COMMAND", "COMMAND_INPUT", "EXPERIMENT", "LATCHED", "SAMPLES", "STATUS", "STREAM"]
 
 STREAM = QoSProfile(depth=10, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.RELIABLE)
 """Measurements and status: reliable, depth 10; losses show in the sequence numbers."""
+
+STATUS = QoSProfile(
+    depth=10,
+    history=HistoryPolicy.KEEP_LAST,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+)
+"""What a node that paces others does: its first words are kept for a receiver that is matched after they were said."""
 
 SAMPLES = QoSProfile(
     depth=100,

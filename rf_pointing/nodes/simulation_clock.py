@@ -21,17 +21,17 @@ from rf_pointing.nodes.clock_memory import ClockMemory
 from rf_pointing.nodes.diagnostics import Health
 from rf_pointing.nodes.managed import ManagedNode, run
 from rf_pointing.nodes.pacing import PacedStream, Pacer
-from rf_pointing.nodes.qos import STREAM
+from rf_pointing.nodes.qos import STATUS, STREAM
 from rf_pointing.nodes.stamps import seconds_from_raw, seconds_from_stamp, stamp_from_seconds
 
 PACED = {
-    "antenna_status": (AntennaStatus, 0.19),
-    "sim/pointing_error": (PointingError, 0.19),
-    "pointing_error": (PointingError, 0.23),
-    "tracking_status": (TrackingStatus, 0.19),
-    "target": (Target, -1.0),
+    "antenna_status": (AntennaStatus, STATUS, 0.19),
+    "sim/pointing_error": (PointingError, STREAM, 0.19),
+    "pointing_error": (PointingError, STREAM, 0.23),
+    "tracking_status": (TrackingStatus, STREAM, 0.19),
+    "target": (Target, STREAM, -1.0),
 }
-"""Stream, its type, and by how much its newest stamp may lag the next tick.
+"""Stream, its type, its quality of service, and by how much its newest stamp may lag the next tick.
 
 The antenna reports every 0.1 s; the receiver, the tracker and the controller work every 0.1 s on what is older than
 their own instant.  A lag of one period less a tick lets time reach the next such instant only when the previous one's
@@ -72,16 +72,16 @@ class SimulationClock(ManagedNode):
     def configure(self) -> None:
         params: ClockParams = self.parameters.value("")
         streams = {
-            topic: PacedStream(allowed_lag_s=lag_s, essential=topic == ESSENTIAL) for topic, (_, lag_s) in PACED.items()
+            topic: PacedStream(allowed_lag_s=lag_s, essential=topic == ESSENTIAL) for topic, (_, _, lag_s) in PACED.items()
         }
         self._pacer = Pacer(start_s=params.start_s, tick_s=params.tick_s, speed=params.speed, streams=streams)
         self._output = self.publisher(Clock, "clock", STREAM)
-        for topic, (message_type, _) in PACED.items():
+        for topic, (message_type, qos, _) in PACED.items():
             self.listen(
                 message_type,
                 topic,
                 lambda raw, stream=streams[topic]: stream.heard(seconds_from_raw(raw)),
-                STREAM,
+                qos,
                 raw=True,
             )
         if self.brings_itself_up:

@@ -10,7 +10,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
-from rf_pointing.nodes.qos import COMMAND, EXPERIMENT, LATCHED, SAMPLES, STREAM
+from rf_pointing.nodes.qos import COMMAND, EXPERIMENT, LATCHED, SAMPLES, STATUS, STREAM
 
 __all__ = ["TOPICS", "Topic"]
 
@@ -35,7 +35,7 @@ TOPICS = (
     Topic("joint_trajectory", JointTrajectory, COMMAND, "10 Hz, 0.1 to 1 s ahead", "pointing_controller"),
     Topic("tracking_status", ours.TrackingStatus, STREAM, "10 Hz", "pointing_controller"),
     Topic("joint_states", JointState, STREAM, "50 Hz", "antenna_servo"),
-    Topic("antenna_status", ours.AntennaStatus, STREAM, "10 Hz", "antenna_servo"),
+    Topic("antenna_status", ours.AntennaStatus, STATUS, "10 Hz", "antenna_servo"),
     Topic("manual_rate", ours.ManualRate, EXPERIMENT, "50 Hz while identifying", "antenna_servo"),
     Topic("monopulse", ours.Monopulse, STREAM, "10 Hz, 5 samples each", "rf_receiver"),
     Topic("carrier_power", ours.CarrierPower, STREAM, "10 Hz", "rf_receiver"),

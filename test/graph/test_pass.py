@@ -3,7 +3,6 @@
 import json
 import math
 import os
-import re
 import signal
 import time
 from collections import Counter
@@ -17,7 +16,6 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.rosbag2 import Reader
 
-from rf_pointing.ephemeris import find_elements, tle_lines, verification_elements
 from rf_pointing.geometry import MDEG
 from rf_pointing.nodes import track_options
 from rf_pointing.report import read_recording
@@ -31,7 +29,7 @@ ROOT = Path(__file__).parents[2]
 DEADLINE_S = 280.0
 CBERS = ("--start", "2006-06-27T16:00:00", "--min-peak", "19", "--mask", "18.8")
 """The top of a pass of CBERS-2, two minutes away from the wind; the whole pass would take ten."""
-DELTA = ("--satellite", "6251", "--min-peak", "14", "--mask", "11.5")
+DELTA = ("--satellite", "6251", "--min-peak", "14", "--mask", "12.5")
 """The top of a pass of another satellite, over three minutes."""
 SEED = 2
 SPEED = "15"
@@ -242,69 +240,3 @@ def test_interrupt_before_the_graph_is_up_leaves_nothing_running(tmp_path: Path)
     assert "Traceback" not in said
     assert processes_of(namespace) == []
     assert left_segments() <= before
-
-
-@pytest.fixture(scope="module")
-def elements(tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespace:
-    """Files of elements: good ones of long ago, and some with a digit changed."""
-    folder = tmp_path_factory.mktemp("elements")
-    lines = tle_lines(find_elements(verification_elements(), "28057"))
-    (folder / "good.tle").write_text("\n".join(lines))
-    (folder / "changed.tle").write_text("\n".join(lines).replace("98.", "97.", 1))
-    (folder / "cut.tle").write_text(lines[0] + "\n" + lines[1][:50])
-    (folder / "empty.tle").write_text("")
-    return SimpleNamespace(**{path.stem: str(path) for path in folder.iterdir()})
-
-
-@pytest.mark.parametrize(
-    ("line", "words"),
-    [
-        ("--satellite 99999998", "satellite='99999998' is not among"),
-        ("--station Nowhere", "Nowhere"),
-        ("--start 2012-01-01", "days from the epoch 2006-06-26"),
-        ("--start 2001-01-01", "days from the epoch 2006-06-26"),
-        ("--start tomorrow", "start='tomorrow' must be an ISO time"),
-        ("--elements {good} --start 2006-08-01", "days from the epoch 2006-06-26"),
-        ("--elements {changed}", "changed.tle: .*checksum"),
-        ("--elements {cut}", "cut.tle: "),
-        ("--elements {empty}", "empty.tle: "),
-        ("--elements /nowhere.tle", "elements_file='/nowhere.tle' does not exist"),
-        ("--satellite 14128", "none rises above the mask"),
-        ("--min-peak 89.99", "has no pass above 89.99 deg"),
-        ("--speed nan", "speed=nan must be between"),
-        ("--speed fast", "speed='fast' must be a factor or max"),
-    ],
-)
-def test_a_wrong_argument_is_named_in_one_line_and_nothing_is_started(
-    line: str, words: str, elements: SimpleNamespace, tmp_path: Path
-) -> None:
-    arguments = line.format(**vars(elements)).split()
-    said = refused(*arguments, "--output", str(tmp_path / "new"))
-    assert re.search(words, said), said
-    assert not (tmp_path / "new").exists()
-
-
-def test_a_bring_up_with_a_bad_parameter_fails_and_names_node_and_key(tmp_path: Path) -> None:
-    bad = tmp_path / "bad.yaml"
-    bad.write_text("/**/antenna_servo: {ros__parameters: {safety: {gate: {hard_deg: -1.0}}}}\n")
-    namespace = f"/bad{os.getpid()}"
-    run = start_track("--params-file", str(bad), "--output", str(tmp_path / "new"), "--namespace", namespace)
-    said = run.communicate(timeout=2.0 * DEADLINE_S)[1]
-    assert run.returncode == 2, said
-    assert re.search(r"could not configure antenna_servo: .*safety\.gate\.hard_deg", said), said
-    assert processes_of(namespace) == []
-
-
-def refused(*arguments: str) -> str:
-    """Return the one line that `track` says of arguments that it refuses with exit code 2."""
-    run = start_track(*arguments)
-    said = run.communicate(timeout=DEADLINE_S)[1]
-    assert run.returncode == 2, said
-    assert len(said.strip().splitlines()) == 1, said
-    return said
-
-
-def test_an_existing_bag_directory_is_refused(tmp_path: Path) -> None:
-    assert "exists already" in refused("--record", str(tmp_path))
-    (tmp_path / "bag").mkdir()
-    assert "holds a bag already" in refused("--output", str(tmp_path))
