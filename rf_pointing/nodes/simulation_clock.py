@@ -72,7 +72,8 @@ class SimulationClock(ManagedNode):
     def configure(self) -> None:
         params: ClockParams = self.parameters.value("")
         streams = {
-            topic: PacedStream(allowed_lag_s=lag_s, essential=topic == ESSENTIAL) for topic, (_, _, lag_s) in PACED.items()
+            topic: PacedStream(allowed_lag_s=lag_s, essential=topic == ESSENTIAL)
+            for topic, (_, _, lag_s) in PACED.items()
         }
         self._pacer = Pacer(start_s=params.start_s, tick_s=params.tick_s, speed=params.speed, streams=streams)
         self._output = self.publisher(Clock, "clock", STREAM)
