@@ -13,11 +13,12 @@ from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import DescribeParameters, ListParameters
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+from rf_pointing_msgs.msg import AntennaStatus
 from sensor_msgs.msg import JointState
 
 from rf_pointing.ephemeris import Pass, first_pass_above
 from rf_pointing.nodes.processes import SIMULATED_STATION
-from rf_pointing.nodes.qos import STREAM
+from rf_pointing.nodes.qos import STATUS, STREAM
 from rf_pointing.nodes.topics import TOPICS
 from rf_pointing.station.source import SourceParams, load_elements, load_track
 
@@ -78,6 +79,7 @@ def test_every_node_is_found_active_described_and_inside_its_namespace(live: Sim
         assert outside == set(), name
         check_parameters(live, name)
     check_topics(live)
+    check_status(live)
     assert station.processes.ended() == {}
 
 
@@ -111,6 +113,14 @@ def check_topics(live: SimpleNamespace) -> None:
             assert (publisher.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL) == latched, name
         wanted = topic.qos.deadline.nanoseconds
         assert topic.name != "joint_trajectory" or found[0].qos_profile.deadline.nanoseconds == wanted
+
+
+def check_status(live: SimpleNamespace) -> None:
+    """The clock has not ticked yet, and who comes this late still hears what the antenna said when it was activated."""
+    heard: list[AntennaStatus] = []
+    live.node.create_subscription(AntennaStatus, "antenna_status", heard.append, STATUS)
+    live.spin_until(lambda: bool(heard), "the antenna's status")
+    assert heard[-1].mode == "holding"
 
 
 class Encoders:
