@@ -122,8 +122,10 @@ def tick() -> bool:
     antenna = SimulatedAntenna(
         AntennaParams(), dss13_plant(), LoopParams(), WindParams(mean_speed_m_s=8.0), BiasModel.zero()
     )
-    antenna.enable()
-    return tick_lines("antenna", lambda k: antenna.step(TICK_S * k), lambda k: antenna.accept(ramp(k), TICK_S * k))
+    antenna.modes.enable()
+    return tick_lines(
+        "antenna", lambda k: antenna.step(TICK_S * k), lambda k: antenna.commands.accept(ramp(k), TICK_S * k)
+    )
 
 
 def node_tick() -> bool:
@@ -145,7 +147,7 @@ def node_tick() -> bool:
         return tick_lines(
             "node",
             lambda k: node._tick(start + TICK_S * k),
-            lambda k: node._antenna.accept(ramp(k, start), start + TICK_S * k),
+            lambda k: node._antenna.commands.accept(ramp(k, start), start + TICK_S * k),
         )
     finally:
         node.destroy_node()

@@ -94,9 +94,9 @@ class AntennaServo(ManagedNode):
         self.listen(JointTrajectory, "joint_trajectory", self._on_trajectory, COMMAND_INPUT)
         self.serve(Trigger, "~/stop", self._on_stop)
         self._recover_wrap()
-        antenna = self._antenna
-        actions = {"reset_fault": antenna.reset_fault, "pause": antenna.pause, "resume": antenna.resume,
-                   "park": antenna.park, "stow": antenna.stow, "disable": antenna.release}  # fmt: skip
+        modes = self._antenna.modes
+        actions = {"reset_fault": modes.reset_fault, "pause": modes.pause, "resume": modes.resume,
+                   "park": modes.park, "stow": modes.stow, "disable": modes.release}  # fmt: skip
         for name, action in actions.items():
             self.serve(Trigger, f"~/{name}", self._answering(name, action))
         if value("").enable_fault_injection:
@@ -105,7 +105,7 @@ class AntennaServo(ManagedNode):
         self.diagnostics.add("oscillation", self._oscillation_health)
 
     def activate(self) -> None:
-        self._antenna.enable()
+        self._antenna.modes.enable()
         self._memory.restore(self._antenna)
         self._tick_wall_s = None
         self._ticked_s = self.now_s()
@@ -131,7 +131,7 @@ class AntennaServo(ManagedNode):
         if not doubt and abs(recovered - azimuth) > 1e-6:
             doubt = "the wrap file names another turn than the encoder: look at the cables, then reset"
         if doubt:
-            self._antenna.stop(doubt)
+            self._antenna.modes.stop(doubt)
 
     def _keep_wrap(self) -> None:
         if self._wrap is not None and not self._antenna.status(self.now_s()).fault:
@@ -139,7 +139,7 @@ class AntennaServo(ManagedNode):
 
     def _tick(self, t_s: float) -> None:
         if self._schedule.jumped_s:
-            self._antenna.stop(f"the clock jumped by {self._schedule.jumped_s:+.2f} s")
+            self._antenna.modes.stop(f"the clock jumped by {self._schedule.jumped_s:+.2f} s")
         self._measure_lateness(self._antenna.params.tick_s)
         self._ticked_s = t_s
         reading, boresight = self._antenna.step(t_s)
@@ -180,16 +180,16 @@ class AntennaServo(ManagedNode):
 
     def _take(self, message: JointTrajectory) -> None:
         try:
-            refused = self._antenna.accept(
+            refused = self._antenna.commands.accept(
                 convert.trajectory_from_message(message), self.now_s(), message.header.frame_id
             )
         except ValueError as error:
-            refused = self._antenna.reject(str(error))
+            refused = self._antenna.commands.reject(str(error))
         if refused:
             self.get_logger().warning(f"command rejected: {refused}", throttle_duration_sec=1.0)
 
     def _on_stop(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self._antenna.stop("stop was requested")
+        self._antenna.modes.stop("stop was requested")
         response.success, response.message = True, "stopping; reset_fault allows motion again"
         return response
 
@@ -210,16 +210,16 @@ class AntennaServo(ManagedNode):
         except ValueError as refusal:
             response.success, response.message = False, str(refusal)
             return response
-        response.success, response.message = True, f"{request.fault} injected at {self._antenna.newest_t_s:.3f}"
+        response.success, response.message = True, f"{request.fault} injected at {self._antenna.axes.t_s:.3f}"
         return response
 
     def _check(self, sets: Mapping[str, Any]) -> None:
         if self._antenna is not None:
-            self._antenna.check(sets["plant"], sets["loops"])
+            self._antenna.axes.check(sets["plant"], sets["loops"])
 
     def _retune(self) -> None:
         if self._antenna is not None:
-            self._antenna.retune(self.parameters.value("plant"), self.parameters.value("loops"))
+            self._antenna.axes.retune(self.parameters.value("plant"), self.parameters.value("loops"))
 
     def _health(self) -> Health:
         status = self._antenna.status(self.now_s())
@@ -231,7 +231,7 @@ class AntennaServo(ManagedNode):
         return Health(level, status.fault or status.warning or status.mode, values)
 
     def _oscillation_health(self) -> Health:
-        watch = dict(zip(AXES, self._antenna.oscillation_watch, strict=True))
+        watch = dict(zip(AXES, self._antenna.axes.loops.watch, strict=True))
         found = "; ".join(f"{axis}: {seen.reason}" for axis, seen in watch.items() if seen.oscillating)
         swings = {f"{axis} swings in a row": len(seen.state.row) for axis, seen in watch.items()}
         return Health(ERROR if found else OK, found or "none", swings)

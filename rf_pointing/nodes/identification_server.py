@@ -75,7 +75,7 @@ class IdentificationServer:
         self._told, self._experiment = 0, None
         try:
             experiment = self._made(goal.request)
-            self._refusal = self._antenna.identify(experiment)
+            self._refusal = self._antenna.modes.identify(experiment)
         except ValueError as refusal:
             self._refusal = str(refusal)
         if self._refusal:
@@ -89,7 +89,7 @@ class IdentificationServer:
         number = AXES.index(request.axis) if request.axis in AXES else 0
         start_rad = float(self._antenna.reading(0.0).position_rad[number])
         random = random_stream(request.seed, f"excitation {request.axis}")
-        travel = self._antenna.travel_rad[number]
+        travel = self._antenna.axes.travel_rad[number]
         return IdentificationExperiment(params, request.axis, request.sequences, start_rad, travel, random)
 
     def _on_cancel(self, _goal: Any) -> CancelResponse:

@@ -282,7 +282,7 @@ def _flown(
     every = round(controller.params.period_s / antenna.params.tick_s)
     for step in range(round(TARGET_LEAD_S / controller.params.period_s)):
         controller.take_target(case.track.target_at(round(start_s + step * controller.params.period_s, 6)))
-    antenna.enable()
+    antenna.modes.enable()
     times, beam = [], []
     for tick in range(1, round((min(end_s, case.window.los_t_s - 3.0) - start_s) / antenna.params.tick_s)):
         t_s = round(start_s + tick * antenna.params.tick_s, 6)
@@ -292,7 +292,7 @@ def _flown(
             controller.take_target(case.track.target_at(round(t_s + TARGET_LEAD_S, 6)))
             trajectory, _ = controller.step(t_s)
             if trajectory is not None:
-                antenna.accept(trajectory, t_s)
+                antenna.commands.accept(trajectory, t_s)
         times.append(t_s)
         beam.append((boresight.azimuth_rad, boresight.elevation_rad))
     looks = case.track.sample(np.array(times))

@@ -145,7 +145,7 @@ def simulate_pass(
     conscan = setup.power_tracker()
     tick_s, period_s = antenna.params.tick_s, controller.params.period_s
     every = round(period_s / tick_s)
-    antenna.enable()
+    antenna.modes.enable()
     log = PassLog()
     known = antenna.reading(start_t_s)
     controller.take_joints(known)
@@ -166,7 +166,7 @@ def simulate_pass(
             mode = status.mode
             conscan.take_status(status.t_s, status.scan_centre_rad, status.offset_rad, status.mode, status.sensor)
             if trajectory is not None:
-                antenna.accept(trajectory, t_s)
+                antenna.commands.accept(trajectory, t_s)
                 log.command_t_s.append(float(trajectory.t_s[0]))
                 log.command_rad.append((float(trajectory.position_rad[0, 0]), float(trajectory.position_rad[0, 1])))
         conscan.take_joints(reading)

@@ -41,9 +41,9 @@ class AntennaMemory:
         if not kept:
             return
         if fault := kept["fault"]:
-            antenna.stop(fault if fault.endswith(SINCE) else fault + SINCE)
+            antenna.modes.stop(fault if fault.endswith(SINCE) else fault + SINCE)
         elif kept["mode"] in AT_REST:
-            antenna.remain(kept["mode"])
+            antenna.modes.rest(kept["mode"])
 
     def keep(self, antenna: SimulatedAntenna, t_s: float) -> None:
         """Write what has changed enough to matter."""

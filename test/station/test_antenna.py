@@ -75,7 +75,7 @@ def hold_at(t_s: float, position: np.ndarray) -> JointTrajectory:
 
 def enabled(**changes: Any) -> Clock:
     clock = Clock(antenna(**changes))
-    clock.antenna.enable()
+    clock.antenna.modes.enable()
     return clock
 
 
@@ -85,7 +85,7 @@ def enabled(**changes: Any) -> Clock:
 def test_activation_does_not_move_the_antenna() -> None:
     clock = Clock(antenna())
     before = clock.antenna.reading(START_S).position_rad
-    clock.antenna.enable()
+    clock.antenna.modes.enable()
     clock.run(5.0)
     assert np.max(np.abs(np.array(clock.position) - before)) < ENCODER_RAD
     assert set(clock.modes) == {"holding"}
@@ -100,7 +100,7 @@ def test_wind_shakes_the_held_antenna_by_millidegrees_only() -> None:
 
 def test_brakes_hold_an_inactive_antenna_and_commands_are_rejected() -> None:
     clock = Clock(antenna(wind=WindParams(mean_speed_m_s=8.0)))
-    assert clock.antenna.accept(ramp(START_S), START_S) == "the antenna is not active"
+    assert clock.antenna.commands.accept(ramp(START_S), START_S) == "the antenna is not active"
     clock.run(3.0)
     status = clock.antenna.status(clock.t_s)
     assert (status.mode, status.commands_accepted, status.commands_rejected) == ("inactive", 0, 1)
@@ -109,7 +109,7 @@ def test_brakes_hold_an_inactive_antenna_and_commands_are_rejected() -> None:
 
 def test_deactivation_stops_the_axes_under_control_before_it_sets_the_brakes() -> None:
     clock = enabled()
-    clock.antenna.accept(ramp(START_S, 3.0), START_S)
+    clock.antenna.commands.accept(ramp(START_S, 3.0), START_S)
     clock.run(2.0)
     clock.antenna.disable()
     clock.run(0.2)
@@ -128,7 +128,7 @@ def test_deactivation_stops_the_axes_under_control_before_it_sets_the_brakes() -
 def test_a_steady_command_is_followed_within_a_millidegree() -> None:
     clock = enabled()
     for step in range(round(SETTLING_S * 10)):
-        assert clock.antenna.accept(ramp(clock.t_s), clock.t_s) == ""
+        assert clock.antenna.commands.accept(ramp(clock.t_s), clock.t_s) == ""
         clock.run(0.1)
         assert clock.antenna.mode == "tracking", step
     wanted = STANDING + np.radians([0.3, -0.3]) * (clock.t_s + TICK_S - START_S)
@@ -139,10 +139,10 @@ def test_a_steady_command_is_followed_within_a_millidegree() -> None:
 def test_a_far_command_becomes_a_slew_within_the_limits() -> None:
     limits = CommandPreprocessorParams()
     clock = enabled()
-    clock.antenna.accept(hold_at(START_S + 0.1, STANDING + np.radians([20.0, -10.0])), START_S)
+    clock.antenna.commands.accept(hold_at(START_S + 0.1, STANDING + np.radians([20.0, -10.0])), START_S)
     clock.run(1.0)
     for _ in range(round(12.0 + SETTLING_S)):
-        clock.antenna.accept(hold_at(clock.t_s + 0.1, STANDING + np.radians([20.0, -10.0])), clock.t_s)
+        clock.antenna.commands.accept(hold_at(clock.t_s + 0.1, STANDING + np.radians([20.0, -10.0])), clock.t_s)
         clock.run(1.0)
     rates = clock.rates()
     assert np.max(np.abs(rates)) <= limits.rate_limit_rad_s[0] * (1.0 + 1e-9)
@@ -153,7 +153,7 @@ def test_a_far_command_becomes_a_slew_within_the_limits() -> None:
 def test_a_command_beyond_the_travel_is_refused_with_the_limit_and_moves_nothing() -> None:
     loops = LoopParams(preprocessor=CommandPreprocessorParams(travel_max_rad=(3.9, STANDING[1] + 0.05)))
     clock = enabled(loops=loops)
-    refused = clock.antenna.accept(hold_at(clock.t_s + 0.1, STANDING + np.array([0.0, 0.5])), clock.t_s)
+    refused = clock.antenna.commands.accept(hold_at(clock.t_s + 0.1, STANDING + np.array([0.0, 0.5])), clock.t_s)
     assert refused == "elevation 88.648 deg is 25.783 deg past the limit 62.865 deg"
     assert clock.antenna.status(clock.t_s).last_rejection == refused
     clock.run(2.0)
@@ -163,7 +163,7 @@ def test_a_command_beyond_the_travel_is_refused_with_the_limit_and_moves_nothing
 def test_the_status_shows_how_long_the_commands_last() -> None:
     clock = enabled()
     assert clock.antenna.status(START_S).command_lead_s == 0.0
-    clock.antenna.accept(ramp(START_S, 1.0), START_S)
+    clock.antenna.commands.accept(ramp(START_S, 1.0), START_S)
     assert clock.antenna.status(START_S).command_lead_s == pytest.approx(1.0)
 
 
@@ -173,7 +173,7 @@ def test_the_status_shows_how_long_the_commands_last() -> None:
 def test_commands_that_stop_in_motion_end_in_a_controlled_stop_and_a_latched_fault() -> None:
     limits = CommandPreprocessorParams()
     clock = enabled()
-    clock.antenna.accept(ramp(START_S, 1.0), START_S)
+    clock.antenna.commands.accept(ramp(START_S, 1.0), START_S)
     clock.run(8.0)
     order = list(dict.fromkeys(clock.modes))
     assert order == ["tracking", "stopping", "fault"]
@@ -190,7 +190,7 @@ def test_commands_that_stop_in_motion_end_in_a_controlled_stop_and_a_latched_fau
 def test_commands_that_end_at_rest_are_no_fault() -> None:
     clock = enabled()
     goal = STANDING + np.radians([0.2, 0.1])
-    clock.antenna.accept(hold_at(START_S + 0.1, goal), START_S)
+    clock.antenna.commands.accept(hold_at(START_S + 0.1, goal), START_S)
     clock.run(SETTLING_S)
     assert clock.modes[-1] == "holding"
     assert clock.antenna.status(clock.t_s).fault == ""
@@ -199,39 +199,42 @@ def test_commands_that_end_at_rest_are_no_fault() -> None:
 
 def test_a_latched_fault_refuses_commands_until_it_is_reset_at_rest() -> None:
     clock = enabled()
-    clock.antenna.accept(ramp(START_S, 2.0), START_S)
+    clock.antenna.commands.accept(ramp(START_S, 2.0), START_S)
     clock.run(1.0)
-    clock.antenna.stop("stop was requested")
-    assert clock.antenna.reset_fault() == "the axes are still moving"
-    assert clock.antenna.accept(ramp(clock.t_s), clock.t_s) == "fault latched (stop was requested); reset it first"
+    clock.antenna.modes.stop("stop was requested")
+    assert clock.antenna.modes.reset_fault() == "the axes are still moving"
+    assert (
+        clock.antenna.commands.accept(ramp(clock.t_s), clock.t_s)
+        == "fault latched (stop was requested); reset it first"
+    )
     clock.run(5.0)
     assert clock.antenna.mode == "fault"
-    assert clock.antenna.reset_fault() == ""
+    assert clock.antenna.modes.reset_fault() == ""
     assert clock.antenna.mode == "holding"
-    assert clock.antenna.accept(ramp(clock.t_s), clock.t_s) == ""
+    assert clock.antenna.commands.accept(ramp(clock.t_s), clock.t_s) == ""
 
 
 def test_without_a_fault_there_is_nothing_to_reset() -> None:
-    assert enabled().antenna.reset_fault() == "no fault is latched"
+    assert enabled().antenna.modes.reset_fault() == "no fault is latched"
 
 
 def test_a_stop_without_a_reason_leaves_no_fault() -> None:
     clock = enabled()
-    clock.antenna.accept(ramp(START_S, 2.0), START_S)
+    clock.antenna.commands.accept(ramp(START_S, 2.0), START_S)
     clock.run(1.0)
-    clock.antenna.stop()
+    clock.antenna.modes.stop()
     clock.run(5.0)
     assert list(dict.fromkeys(clock.modes)) == ["tracking", "stopping", "holding"]
 
 
 def test_a_fault_outlasts_deactivation() -> None:
     clock = enabled()
-    clock.antenna.stop("stop was requested")
+    clock.antenna.modes.stop("stop was requested")
     clock.run(1.0)
     clock.antenna.disable()
-    clock.antenna.enable()
+    clock.antenna.modes.enable()
     assert clock.antenna.mode == "fault"
-    assert "fault latched" in clock.antenna.accept(ramp(clock.t_s), clock.t_s)
+    assert "fault latched" in clock.antenna.commands.accept(ramp(clock.t_s), clock.t_s)
 
 
 # Rejections
@@ -243,13 +246,15 @@ def test_rejected_commands_change_nothing_but_the_count() -> None:
     for step in range(30):
         for clock in (calm, pestered):
             good = ramp(clock.t_s)
-            assert clock.antenna.accept(good, clock.t_s) == ""
+            assert clock.antenna.commands.accept(good, clock.t_s) == ""
             if clock is pestered:
                 far = dataclasses.replace(good, position_rad=good.position_rad + 1.0)
                 for shift_s in (-5.0, 100.0, -0.05):
-                    assert clock.antenna.accept(dataclasses.replace(far, t_s=far.t_s + shift_s), clock.t_s) != ""
-                assert clock.antenna.accept(good, clock.t_s) == "duplicate of the latest message"
-                clock.antenna.reject("position_rad must be finite")
+                    assert (
+                        clock.antenna.commands.accept(dataclasses.replace(far, t_s=far.t_s + shift_s), clock.t_s) != ""
+                    )
+                assert clock.antenna.commands.accept(good, clock.t_s) == "duplicate of the latest message"
+                clock.antenna.commands.reject("position_rad must be finite")
             clock.run(0.1)
         np.testing.assert_array_equal(pestered.position[-1], calm.position[-1], err_msg=f"step {step}")
     assert calm.antenna.status(calm.t_s).commands_rejected == 0
@@ -269,8 +274,8 @@ def test_rejected_commands_change_nothing_but_the_count() -> None:
 def test_commands_out_of_time_are_rejected_with_the_reason(shift_s: float, words: str) -> None:
     clock = enabled()
     good = ramp(START_S)
-    clock.antenna.accept(good, START_S)
-    reason = clock.antenna.accept(dataclasses.replace(good, t_s=good.t_s + shift_s), START_S)
+    clock.antenna.commands.accept(good, START_S)
+    reason = clock.antenna.commands.accept(dataclasses.replace(good, t_s=good.t_s + shift_s), START_S)
     assert words in reason
     assert clock.antenna.status(START_S).last_rejection == reason
 
@@ -286,15 +291,15 @@ def test_an_impossible_set_of_loops_is_refused_as_a_whole() -> None:
 def test_new_limits_hold_from_the_next_tick_on() -> None:
     clock = enabled()
     for _ in range(30):
-        clock.antenna.accept(hold_at(clock.t_s + 0.1, STANDING + np.radians([20.0, -10.0])), clock.t_s)
+        clock.antenna.commands.accept(hold_at(clock.t_s + 0.1, STANDING + np.radians([20.0, -10.0])), clock.t_s)
         clock.run(0.1)
     slow = math.radians(0.5)
-    clock.antenna.retune(
+    clock.antenna.axes.retune(
         dss13_plant(), LoopParams(preprocessor=CommandPreprocessorParams(rate_limit_rad_s=(slow, slow)))
     )
-    clock.antenna.accept(hold_at(clock.t_s + 0.1, STANDING + np.radians([20.0, -10.0])), clock.t_s)
+    clock.antenna.commands.accept(hold_at(clock.t_s + 0.1, STANDING + np.radians([20.0, -10.0])), clock.t_s)
     clock.run(1.0)
-    clock.antenna.accept(hold_at(clock.t_s + 0.1, STANDING + np.radians([20.0, -10.0])), clock.t_s)
+    clock.antenna.commands.accept(hold_at(clock.t_s + 0.1, STANDING + np.radians([20.0, -10.0])), clock.t_s)
     clock.run(1.0)
     assert np.max(np.abs(clock.rates()[-10:])) <= slow * (1.0 + 1e-9)
     assert tuple(clock.antenna.status(clock.t_s).rate_limit_rad_s) == (slow, slow)
@@ -315,7 +320,7 @@ def test_each_axis_has_its_own_loop() -> None:
     """A late-binding closure would give both axes the last one's gains."""
     dead = PositionLoopParams(proportional_gain=0.0, integral_gain=0.0, feedforward_gain=0.0)
     clock = enabled(loops=LoopParams(azimuth=dead))
-    clock.antenna.accept(hold_at(START_S + 0.1, STANDING + np.radians([0.2, 0.2])), START_S)
+    clock.antenna.commands.accept(hold_at(START_S + 0.1, STANDING + np.radians([0.2, 0.2])), START_S)
     clock.run(3.0)
     azimuth, elevation = clock.position[-1] - STANDING
     assert abs(azimuth) < ENCODER_RAD
@@ -338,8 +343,8 @@ def test_the_longest_slew_is_no_oscillation() -> None:
     clock = enabled(wind=WindParams(mean_speed_m_s=12.0))
     goal = STANDING - np.radians([184.0, 47.0])
     for _ in range(110):
-        assert clock.antenna.accept(hold_at(clock.t_s + 1.0, goal), clock.t_s) == ""
+        assert clock.antenna.commands.accept(hold_at(clock.t_s + 1.0, goal), clock.t_s) == ""
         clock.run(1.0)
-    assert not any(watch.oscillating for watch in clock.antenna.oscillation_watch)
+    assert not any(watch.oscillating for watch in clock.antenna.axes.loops.watch)
     assert clock.antenna.mode == "tracking"
     np.testing.assert_allclose(clock.position[-1], goal, atol=5.0 * MDEG)

@@ -91,18 +91,18 @@ class AntennaMachine(RuleBasedStateMachine):
 
     def check_motion(self, mode_before: str) -> None:
         antenna, limits = self.antenna, self.limits
-        truth = antenna._plant.joint_rad
+        truth = antenna.axes.hardware.plant.joint_rad
         reach = antenna.safety.params.gate.hard_rad + BRAKING_RAD
         assert np.all(truth >= np.array(limits.travel_min_rad) - reach)
         assert np.all(truth <= np.array(limits.travel_max_rad) + reach)
-        state = antenna._course.preprocessor.state
+        state = antenna.axes.course.preprocessor.state
         assert np.all(np.abs(state.velocity_rad_s) <= np.array(limits.rate_limit_rad_s) * (1.0 + 1e-9))
         assert np.all(np.abs(state.acceleration_rad_s2) <= np.array(limits.acceleration_limit_rad_s2) * (1.0 + 1e-6))
         if antenna.mode == mode_before and antenna.mode in BRAKED:
-            assert not antenna._plant.powered
-            assert not np.any(antenna._rate_command)
+            assert not antenna.axes.hardware.plant.powered
+            assert not np.any(antenna.axes.rate_command_rad_s)
         if antenna.mode == mode_before == "fault":
-            moved = state.velocity_rad_s if antenna._plant.powered else antenna._rate_command
+            moved = state.velocity_rad_s if antenna.axes.hardware.plant.powered else antenna.axes.rate_command_rad_s
             assert not np.any(moved), "a fault ends in rest"
 
     @rule(seconds=st.floats(0.02, 3.0))
@@ -124,7 +124,7 @@ class AntennaMachine(RuleBasedStateMachine):
         )  # fmt: skip
         fault, mode = self.antenna.safety.latch.text, self.antenna.mode
         holder, since_s = self.authority
-        refused = self.antenna.accept(trajectory, self.t_s, who)
+        refused = self.antenna.commands.accept(trajectory, self.t_s, who)
         if fault or mode in (*BRAKED, "manual_rate"):
             assert refused
         elif mode in ("tracking", "paused") and who != holder and self.t_s - since_s <= SAFETY.authority_s:
@@ -142,12 +142,12 @@ class AntennaMachine(RuleBasedStateMachine):
     def identify(self, axis: str, seed: int, ticks: int) -> None:
         """Drive an axis by an experiment; it must be refused unless the antenna stands, active and free of faults."""
         mode, start = self.antenna.mode, self.antenna.reading(self.t_s).position_rad["ae".index(axis[0])]
-        shake, travel = ExcitationParams(sample_s=self.tick_s), self.antenna.travel_rad["ae".index(axis[0])]
+        shake, travel = ExcitationParams(sample_s=self.tick_s), self.antenna.axes.travel_rad["ae".index(axis[0])]
         try:
             experiment = IdentificationExperiment(shake, axis, 1, float(start), travel, np.random.default_rng(seed))
         except ValueError:
             return
-        refused = self.antenna.identify(experiment)
+        refused = self.antenna.modes.identify(experiment)
         if mode != "holding" or self.antenna.safety.latch.text:
             assert refused
         self.run(ticks)
@@ -156,22 +156,23 @@ class AntennaMachine(RuleBasedStateMachine):
     def ask(self, name: str) -> None:
         if name == "enable" and self.antenna.mode != "inactive":
             return
-        position = self.antenna._plant.joint_rad
-        getattr(self.antenna, name)()
+        position = self.antenna.axes.hardware.plant.joint_rad
+        asked = self.antenna if name == "disable" else self.antenna.modes
+        getattr(asked, name)()
         if name != "disable":
-            np.testing.assert_array_equal(self.antenna._plant.joint_rad, position)
+            np.testing.assert_array_equal(self.antenna.axes.hardware.plant.joint_rad, position)
         self.run(2)
 
     @rule(reason=st.sampled_from(["", "stop was requested"]))
     def stop(self, reason: str) -> None:
-        self.antenna.stop(reason)
+        self.antenna.modes.stop(reason)
         self.run(5)
 
     @rule(kind=st.sampled_from(FAULTS), value=st.floats(-0.1, 0.1))
     def break_something(self, kind: str, value: float) -> None:
         self.antenna.injected.inject(kind, 60.0 if kind == "gust" else value)
         self.run(12)
-        if kind == "encoder_nan" and self.antenna._plant.powered:
+        if kind == "encoder_nan" and self.antenna.axes.hardware.plant.powered:
             raise AssertionError("an encoder without numbers must have cut the drives within 200 ms")
 
     @rule()

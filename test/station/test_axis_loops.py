@@ -98,7 +98,7 @@ def hold(loops: LoopParams = LoopParams(), wind_m_s: float = 0.0, **safety: Para
         AntennaParams(), dss13_plant(), loops, WindParams(mean_speed_m_s=wind_m_s), MountParams().model(),
         SafetyParams(**safety),
     )  # fmt: skip
-    antenna.enable()
+    antenna.modes.enable()
     return antenna
 
 
@@ -131,7 +131,7 @@ def test_an_oscillation_cuts_the_drives_and_latches_with_its_reason(delay_s: flo
     """
     antenna = hold(wind_m_s=8.0, drive=DriveWatchParams(delay_s=0.4, excess_rad_s=1.0))
     tick = run(antenna, 5.0)
-    antenna.retune(slow_drive(delay_s), LoopParams())
+    antenna.axes.retune(slow_drive(delay_s), LoopParams())
     swings = []
     for _ in range(round(60.0 / TICK_S)):
         tick = run(antenna, TICK_S, tick)
@@ -143,18 +143,18 @@ def test_an_oscillation_cuts_the_drives_and_latches_with_its_reason(delay_s: flo
     assert status.fault.startswith("drives cut: elevation: oscillation of ")
     assert status.fault.endswith(" Hz")
     assert max(swings) < math.radians(0.5), "cut before the structure is shaken"
-    assert antenna.oscillation_watch[1].oscillating
-    assert not antenna.oscillation_watch[0].oscillating
+    assert antenna.axes.loops.watch[1].oscillating
+    assert not antenna.axes.loops.watch[0].oscillating
     tick = run(antenna, 5.0, tick)
     np.testing.assert_array_equal(antenna.status(0.0).rate_command_rad_s, 0.0)
     assert np.max(np.abs(antenna.reading(0.0).velocity_rad_s)) < 1e-9, "the brakes hold"
 
     antenna.disable()
-    antenna.enable()
+    antenna.modes.enable()
     assert antenna.mode == "fault"
     assert antenna.status(0.0).fault == status.fault, "latched over deactivation"
-    antenna.retune(slow_drive(0.0), LoopParams())
-    assert antenna.reset_fault() == ""
+    antenna.axes.retune(slow_drive(0.0), LoopParams())
+    assert antenna.modes.reset_fault() == ""
     assert antenna.mode == "holding"
     before = antenna.reading(0.0).position_rad
     run(antenna, 20.0, tick)
@@ -180,4 +180,4 @@ def test_a_plant_with_another_number_of_modes_is_refused_while_running() -> None
         mode_frequency_hz=(2.0,), mode_damping=(0.01,), mode_encoder_residue=(0.1,), mode_beam_residue=(0.1,)
     )
     with pytest.raises(ValueError, match=r"elevation\.mode_frequency_hz has 1 modes, must keep 3"):
-        antenna.check(plant.replace(elevation=one, elevation_modes_in_azimuth=(0.001,)), LoopParams())
+        antenna.axes.check(plant.replace(elevation=one, elevation_modes_in_azimuth=(0.001,)), LoopParams())

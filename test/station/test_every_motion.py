@@ -65,24 +65,24 @@ def servo_motions(random: np.random.Generator) -> None:
     antenna = SimulatedAntenna(
         AntennaParams(), dss13_plant(), LoopParams(), WindParams(mean_speed_m_s=0.0), BiasModel.zero()
     )
-    antenna.enable()
+    antenna.modes.enable()
     t_s = START_S
     goal = JointTrajectory(t_s=[t_s + 0.1], position_rad=np.array([[130.0, 50.0]]) * DEG, velocity_rad_s=np.zeros((1, 2)),
                            acceleration_rad_s2=np.zeros((1, 2)))  # fmt: skip
-    assert antenna.accept(goal, t_s, "operator") == ""
-    antenna.stop()
+    assert antenna.commands.accept(goal, t_s, "operator") == ""
+    antenna.modes.stop()
     for _ in range(50):
         t_s = round(t_s + TICK_S, 6)
         antenna.step(t_s)
     excitation = ExcitationParams(sample_s=TICK_S)
     here = float(antenna.reading(t_s).position_rad[1])
-    assert antenna.identify(IdentificationExperiment(excitation, "elevation", 1, here, (0.04, 1.6), random)) == ""
-    antenna.stop()
+    assert antenna.modes.identify(IdentificationExperiment(excitation, "elevation", 1, here, (0.04, 1.6), random)) == ""
+    antenna.modes.stop()
     for _ in range(50):
         t_s = round(t_s + TICK_S, 6)
         antenna.step(t_s)
-    assert antenna.park() == ""
-    assert antenna.stow() == ""
+    assert antenna.modes.park() == ""
+    assert antenna.modes.stow() == ""
 
 
 def test_every_kind_of_motion_passes_the_gate_where_it_is_made(

@@ -21,7 +21,7 @@ def antenna(memory: AntennaMemory) -> SimulatedAntenna:
     made = SimulatedAntenna(
         memory.start(AntennaParams()), dss13_plant(), LoopParams(), WindParams(mean_speed_m_s=0.0), BiasModel.zero()
     )
-    made.enable()
+    made.modes.enable()
     memory.restore(made)
     return made
 
@@ -60,7 +60,7 @@ def test_an_antenna_killed_while_it_moves_stands_where_it_was_within_the_half_de
     name = str(tmp_path / "antenna.json")
     memory = AntennaMemory(name)
     subject = antenna(memory)
-    assert subject.park() == ""
+    assert subject.modes.park() == ""
     t_s = run(subject, memory, 6.0, START_S)
     left = subject.reading(t_s).position_rad
     assert abs(left - [120.0 * DEG, 60.0 * DEG]).max() > 3.0 * DEG
@@ -73,13 +73,13 @@ def test_brakes_that_were_set_stay_set_until_resumed(tmp_path: Path) -> None:
     name = str(tmp_path / "antenna.json")
     memory = AntennaMemory(name)
     subject = antenna(memory)
-    assert subject.release() == ""
+    assert subject.modes.release() == ""
     t_s = run(subject, memory, 1.0, START_S)
     assert subject.mode == "disabled"
     again = antenna(AntennaMemory(name))
     assert again.mode == "disabled"
     assert "disabled" in again.status(t_s).transmit_inhibit
-    assert again.resume() == ""
+    assert again.modes.resume() == ""
     assert again.mode == "holding"
 
 
@@ -87,7 +87,7 @@ def test_a_latched_fault_survives_two_restarts_and_is_reset_then(tmp_path: Path)
     name = str(tmp_path / "antenna.json")
     memory = AntennaMemory(name)
     subject = antenna(memory)
-    subject.stop("stop was requested")
+    subject.modes.stop("stop was requested")
     run(subject, memory, 0.1, START_S)
     for _ in range(2):
         memory = AntennaMemory(name)
@@ -95,7 +95,7 @@ def test_a_latched_fault_survives_two_restarts_and_is_reset_then(tmp_path: Path)
         t_s = run(subject, memory, 0.1, START_S)
         assert subject.status(t_s).fault == "stop was requested (since before the restart)"
         assert subject.mode == "fault"
-    assert subject.reset_fault() == ""
+    assert subject.modes.reset_fault() == ""
     run(subject, memory, 0.1, t_s)
     assert antenna(AntennaMemory(name)).mode == "holding"
 

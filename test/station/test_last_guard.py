@@ -47,7 +47,7 @@ class Station:
         self.sky = ForbiddenSky(chosen["mask"], self.antenna.safety.params.gate.sun_radius_rad)
         self.sun = SolarDirection(chosen["sun"])
         self.ticks, self.deepest, self.deepest_command, self.nearest = 0, -math.inf, -math.inf, math.inf
-        self.antenna.enable()
+        self.antenna.modes.enable()
 
     @property
     def t_s(self) -> float:
@@ -55,13 +55,13 @@ class Station:
 
     @property
     def axes_deg(self) -> np.ndarray:
-        return self.antenna._plant.joint_rad / DEG
+        return self.antenna.axes.hardware.plant.joint_rad / DEG
 
     def run(self, seconds: float) -> None:
         for _ in range(round(seconds / TICK_S)):
             self.ticks += 1
             self.antenna.step(self.t_s)
-            here = self.antenna._plant.joint_rad.tolist()
+            here = self.antenna.axes.hardware.plant.joint_rad.tolist()
             self.deepest = max(self.deepest, self.sky.under_mask(*here))
             commanded = self.antenna.status(self.t_s).commanded_rad.tolist()
             self.deepest_command = max(self.deepest_command, self.sky.under_mask(*commanded))
@@ -75,7 +75,7 @@ class Station:
         times = self.t_s + 0.1 * np.arange(1, points + 1)
         rates = np.tile(np.array(rate_deg_s) * DEG, (points, 1))
         position = np.array([azimuth_deg, elevation_deg]) * DEG + rates * 0.1 * np.arange(points)[:, None]
-        return self.antenna.accept(JointTrajectory(
+        return self.antenna.commands.accept(JointTrajectory(
             t_s=times, position_rad=position, velocity_rad_s=rates, acceleration_rad_s2=np.zeros_like(rates)
         ), self.t_s, "foreign")  # fmt: skip
 
@@ -148,7 +148,7 @@ def test_an_antenna_cut_off_at_its_hard_limit_is_released_where_it_stands_and_co
     station.run(0.1)
     loops = LoopParams()
     narrow = loops.replace(preprocessor=loops.preprocessor.replace(travel_max_rad=(120.5 * DEG, 91.0 * DEG)))
-    station.antenna.retune(dss13_plant(), narrow)
+    station.antenna.axes.retune(dss13_plant(), narrow)
     station.antenna.injected.inject("runaway", 0.2 * DEG)
     while station.antenna.mode != "fault":
         station.run(TICK_S)
@@ -157,7 +157,7 @@ def test_an_antenna_cut_off_at_its_hard_limit_is_released_where_it_stands_and_co
     station.run(1.0)
     outside = station.axes_deg[0]
     assert 120.75 <= outside < 121.0
-    assert station.antenna.reset_fault() == ""
+    assert station.antenna.modes.reset_fault() == ""
     station.run(10.0)
     assert station.antenna.mode == "holding"
     assert station.axes_deg[0] == pytest.approx(outside, abs=0.01), "a reset moves nothing"
@@ -196,7 +196,7 @@ def test_a_steady_motion_towards_the_sun_is_stopped_at_its_zone() -> None:
 
 def test_parking_goes_over_the_hill_too() -> None:
     station = Station(40.0, 8.0, park_azimuth_rad=120.0 * DEG, park_elevation_rad=8.0 * DEG)
-    assert station.antenna.park() == ""
+    assert station.antenna.modes.park() == ""
     station.run(130.0)
     assert station.antenna.mode == "parked"
     assert station.axes_deg == pytest.approx([120.0, 8.0], abs=0.05)
@@ -209,7 +209,7 @@ def test_an_identification_is_ended_before_the_hill(random: np.random.Generator)
     shake = ExcitationParams(sample_s=TICK_S)
     experiment = IdentificationExperiment(shake, "elevation", 4, 35.3 * DEG, (2.0 * DEG, 89.0 * DEG), random)
     station.run(0.1)
-    assert station.antenna.identify(experiment) == ""
+    assert station.antenna.modes.identify(experiment) == ""
     experiment._input = -np.abs(experiment._input) - 0.2 * DEG
     station.run(20.0)
     assert "manual would not come to rest in time" in experiment.abort_reason
@@ -221,7 +221,7 @@ def test_a_commander_whose_commands_are_refused_holds_nobody_up() -> None:
     station = Station(40.0, 10.0)
     assert "below the horizon mask" in station.go(75.0, 10.0, 0.3)
     assert station.antenna.status(station.t_s).commander == ""
-    still = station.antenna.accept(
+    still = station.antenna.commands.accept(
         JointTrajectory(
             t_s=[station.t_s + 0.1], position_rad=np.array([[40.0, 10.0]]) * DEG, velocity_rad_s=np.zeros((1, 2)),
             acceleration_rad_s2=np.zeros((1, 2)),

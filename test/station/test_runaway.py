@@ -26,7 +26,7 @@ class Subject:
         wind = WindParams(mean_speed_m_s=wind_m_s, from_azimuth_rad=random.uniform(-3.0, 3.0))
         self.antenna = SimulatedAntenna(params, dss13_plant(), LoopParams(), wind, BiasModel.zero())
         self.random, self.ticks, self.most_gained = random, 0, 0.0
-        self.antenna.enable()
+        self.antenna.modes.enable()
         self.turn("stop")
 
     @property
@@ -40,12 +40,12 @@ class Subject:
         self.goal = np.array([random.uniform(-200.0, 200.0), random.uniform(10.0, 85.0)]) * DEG
         self.pace, self.size = (3.0, 0.03 * DEG) if what == "scan" else (random.uniform(0.1, 1.0), 0.5 * DEG)
         if what == "stop":
-            self.antenna.stop()
+            self.antenna.modes.stop()
         if what == "identify":
             shake = ExcitationParams(sample_s=TICK_S)
-            self.antenna.identify(
+            self.antenna.modes.identify(
                 IdentificationExperiment(
-                    shake, "elevation", 1, float(self.start[1]), self.antenna.travel_rad[1], random
+                    shake, "elevation", 1, float(self.start[1]), self.antenna.axes.travel_rad[1], random
                 )
             )
 
@@ -56,7 +56,7 @@ class Subject:
             angle = self.pace * (times - self.since_s)
             position = self.start + self.size * np.stack([np.sin(angle), 1.0 - np.cos(angle)], axis=1)
             rate = self.size * self.pace * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        self.antenna.accept(JointTrajectory(
+        self.antenna.commands.accept(JointTrajectory(
             t_s=times, position_rad=position, velocity_rad_s=rate, acceleration_rad_s2=np.zeros((8, 2))
         ), self.t_s, "test")  # fmt: skip
 
@@ -91,7 +91,7 @@ def test_brakes_are_set_within_50_ms_of_a_runaways_first_motion(
     for what in ("stop", "oval", "oval", "scan", "scan"):
         subject.turn(what)
         subject.run(float(random.uniform(2.0, 4.0)))
-        plant = subject.antenna._plant
+        plant = subject.antenna.axes.hardware.plant
         begun_s, where = round(subject.t_s + TICK_S, 6), plant.joint_rad[0] / DEG
         before = plant.velocity_rad_s[0] / DEG
         subject.antenna.injected.inject("runaway", runs_deg_s * DEG)
@@ -103,4 +103,4 @@ def test_brakes_are_set_within_50_ms_of_a_runaways_first_motion(
         assert abs(plant.joint_rad[0] / DEG - where - before * took_s) < 0.003
         subject.antenna.injected.inject("none", 0.0)
         subject.run(2.0)
-        assert subject.antenna.reset_fault() == ""
+        assert subject.antenna.modes.reset_fault() == ""
