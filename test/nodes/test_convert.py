@@ -3,7 +3,6 @@
 import dataclasses
 import math
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,8 +10,7 @@ import pytest
 from rf_pointing_msgs import msg as ours
 from sensor_msgs.msg import JointState
 
-from rf_pointing.calibration import TERMS, read_model
-from rf_pointing.ephemeris import Pass, SkyUncertainty
+from rf_pointing.ephemeris import SkyUncertainty
 from rf_pointing.geometry import (
     Boresight,
     CarrierPower,
@@ -22,11 +20,10 @@ from rf_pointing.geometry import (
     PointingError,
     Target,
 )
-from rf_pointing.nodes import convert, convert_calibration, convert_planning
+from rf_pointing.nodes import convert
 from rf_pointing.station.status import AntennaStatus, TrackingStatus
 
 T_S = 1_151_384_323.813083
-MODEL = Path(__file__).parents[2] / "config" / "bias_model_dss13.yaml"
 
 
 def same(one: Any, other: Any) -> bool:
@@ -203,77 +200,6 @@ def test_an_error_that_is_not_finite_is_refused(name: str) -> None:
     setattr(message, name, math.inf)
     with pytest.raises(ValueError, match=f"{name}_.*=inf must be finite"):
         convert.error_from_message(message)
-
-
-@pytest.fixture
-def window() -> Pass:
-    """Return a pass."""
-    return Pass(
-        name="bird", aos_t_s=T_S, tca_t_s=T_S + 300.0, los_t_s=T_S + 600.0, peak_elevation_rad=0.8,
-        aos_azimuth_rad=2.5, aos_elevation_rad=0.09, los_azimuth_rad=-0.04, azimuth_min_rad=-0.04, azimuth_max_rad=2.5,
-        peak_azimuth_rate_rad_s=0.01, peak_elevation_rate_rad_s=0.003, peak_azimuth_acceleration_rad_s2=6e-5,
-        smallest_range_m=1.05e6, rises_before=False, sets_after=False,
-    )  # fmt: skip
-
-
-def test_a_pass_comes_back_unchanged_but_for_rounding_of_time(window: Pass) -> None:
-    back = convert_planning.pass_from_message(convert_planning.pass_to_message(window))
-    for item in dataclasses.fields(Pass):
-        got, wanted = getattr(back, item.name), getattr(window, item.name)
-        assert got == (pytest.approx(wanted, abs=1e-6) if item.name.endswith("_t_s") else wanted), item.name
-
-
-@pytest.mark.parametrize("name", ["aos_azimuth", "aos_elevation", "peak_elevation", "azimuth_max", "smallest_range"])
-def test_a_pass_that_is_not_finite_is_refused(window: Pass, name: str) -> None:
-    message = convert_planning.pass_to_message(window)
-    setattr(message, name, math.nan)
-    with pytest.raises(ValueError, match=f"{name}=nan must be finite"):
-        convert_planning.pass_from_message(message)
-
-
-@pytest.mark.parametrize(("first", "second"), [("aos", "los"), ("aos", "tca"), ("tca", "los")])
-def test_a_pass_whose_times_are_out_of_order_is_refused(window: Pass, first: str, second: str) -> None:
-    message = convert_planning.pass_to_message(window)
-    early, late = getattr(message, first), getattr(message, second)
-    setattr(message, first, late)
-    setattr(message, second, early)
-    with pytest.raises(ValueError, match="must follow each other"):
-        convert_planning.pass_from_message(message)
-
-
-def test_an_empty_goal_holds_no_pass() -> None:
-    with pytest.raises(ValueError, match=r"aos=0\.0, tca=0\.0 and los=0\.0 must follow each other"):
-        convert_planning.pass_from_message(ours.Pass())
-
-
-def test_a_model_file_becomes_the_model_with_its_covariance() -> None:
-    file = read_model(MODEL)
-    message = convert_calibration.model_to_message(file)
-    assert dict(convert_calibration.model_from_message(message).coefficients) == dict(file.model.coefficients)
-    assert (message.name, message.station) == ("dss13-commissioning", "Goldstone DSS-13")
-    covariance = np.array(message.covariance).reshape(len(TERMS), len(TERMS))
-    at = message.terms.index("droop")
-    assert covariance[at, at] == pytest.approx(math.radians(0.004) ** 2)
-    unfitted = message.terms.index("collimation")
-    assert not np.any(covariance[unfitted])
-
-
-@pytest.mark.parametrize(
-    ("spoil", "complaint"),
-    [
-        (lambda m: m.values.pop(), "values has 13 numbers, must have one for each of 14 terms"),
-        (lambda m: m.terms.__setitem__(0, "twist"), "twist"),
-        (lambda m: m.values.__setitem__(3, math.nan), "azimuth_encoder_sine=nan must be finite"),
-        (lambda m: m.values.__setitem__(3, 9.0), "azimuth_encoder_sine=9.0 must be <="),
-        (lambda m: (m.terms.pop(), m.values.pop()), "the bias model needs elevation_acceleration_lag"),
-    ],
-)
-def test_a_model_that_cannot_be_used_is_refused(spoil: Callable[[Any], Any], complaint: str) -> None:
-    message = convert_calibration.model_to_message(read_model(MODEL))
-    message.terms, message.values = list(message.terms), list(message.values)
-    spoil(message)
-    with pytest.raises(ValueError, match=complaint):
-        convert_calibration.model_from_message(message)
 
 
 def test_a_tracking_status_reaches_the_wire_field_by_field(random: np.random.Generator) -> None:

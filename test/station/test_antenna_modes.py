@@ -1,0 +1,91 @@
+"""The modes of the antenna: every end of a motion is a controlled stop, and a fault stays until it is reset."""
+
+import numpy as np
+import pytest
+
+from rf_pointing.controllers import CommandPreprocessorParams
+from rf_pointing.geometry import MDEG
+from rf_pointing.station.antenna import LoopParams
+from test.station.stepped_antenna import SETTLING_S, STANDING, START_S, TICK_S, enabled, hold_at, ramp
+
+
+def test_deactivation_stops_the_axes_under_control_before_it_sets_the_brakes() -> None:
+    clock = enabled()
+    clock.antenna.commands.accept(ramp(START_S, 3.0), START_S)
+    clock.run(2.0)
+    clock.antenna.disable()
+    clock.run(0.2)
+    braked = clock.antenna.reading(clock.t_s)
+    assert np.max(np.abs(braked.velocity_rad_s)) < 1e-12
+    clock.run(5.0)
+    # The drives stand; the structure above them swings out.
+    assert np.max(np.abs(np.array(clock.position[-250:]) - braked.position_rad)) < 20.0 * MDEG
+    assert clock.antenna.mode == "inactive"
+    assert clock.antenna.status(clock.t_s).command_lead_s == 0.0
+
+
+def test_commands_that_stop_in_motion_end_in_a_controlled_stop_and_a_latched_fault() -> None:
+    limits = CommandPreprocessorParams()
+    clock = enabled()
+    clock.antenna.commands.accept(ramp(START_S, 1.0), START_S)
+    clock.run(8.0)
+    order = list(dict.fromkeys(clock.modes))
+    assert order == ["tracking", "stopping", "fault"]
+    last_tracking_s = TICK_S * (len(clock.modes) - clock.modes[::-1].index("tracking"))
+    assert last_tracking_s == pytest.approx(1.0 + LoopParams().table.extrapolation_s, abs=2 * TICK_S)
+    assert clock.antenna.status(clock.t_s).fault.startswith("commands ran dry")
+    rates = clock.rates()
+    assert np.max(np.abs(np.diff(rates, axis=0))) / TICK_S <= limits.acceleration_limit_rad_s2[0] * (1.0 + 1e-6)
+    clock.run(SETTLING_S)
+    np.testing.assert_allclose(clock.position[-1], clock.commanded[-1], atol=1.0 * MDEG)
+    np.testing.assert_array_equal(clock.commanded[-1], clock.commanded[round(7.0 / TICK_S)])
+
+
+def test_commands_that_end_at_rest_are_no_fault() -> None:
+    clock = enabled()
+    goal = STANDING + np.radians([0.2, 0.1])
+    clock.antenna.commands.accept(hold_at(START_S + 0.1, goal), START_S)
+    clock.run(SETTLING_S)
+    assert clock.modes[-1] == "holding"
+    assert clock.antenna.status(clock.t_s).fault == ""
+    np.testing.assert_allclose(clock.position[-1], goal, atol=1.0 * MDEG)
+
+
+def test_a_latched_fault_refuses_commands_until_it_is_reset_at_rest() -> None:
+    clock = enabled()
+    clock.antenna.commands.accept(ramp(START_S, 2.0), START_S)
+    clock.run(1.0)
+    clock.antenna.modes.stop("stop was requested")
+    assert clock.antenna.modes.reset_fault() == "the axes are still moving"
+    assert (
+        clock.antenna.commands.accept(ramp(clock.t_s), clock.t_s)
+        == "fault latched (stop was requested); reset it first"
+    )
+    clock.run(5.0)
+    assert clock.antenna.mode == "fault"
+    assert clock.antenna.modes.reset_fault() == ""
+    assert clock.antenna.mode == "holding"
+    assert clock.antenna.commands.accept(ramp(clock.t_s), clock.t_s) == ""
+
+
+def test_without_a_fault_there_is_nothing_to_reset() -> None:
+    assert enabled().antenna.modes.reset_fault() == "no fault is latched"
+
+
+def test_a_stop_without_a_reason_leaves_no_fault() -> None:
+    clock = enabled()
+    clock.antenna.commands.accept(ramp(START_S, 2.0), START_S)
+    clock.run(1.0)
+    clock.antenna.modes.stop()
+    clock.run(5.0)
+    assert list(dict.fromkeys(clock.modes)) == ["tracking", "stopping", "holding"]
+
+
+def test_a_fault_outlasts_deactivation() -> None:
+    clock = enabled()
+    clock.antenna.modes.stop("stop was requested")
+    clock.run(1.0)
+    clock.antenna.disable()
+    clock.antenna.modes.enable()
+    assert clock.antenna.mode == "fault"
+    assert "fault latched" in clock.antenna.commands.accept(ramp(clock.t_s), clock.t_s)
