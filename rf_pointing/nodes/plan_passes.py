@@ -11,7 +11,7 @@ from typing import Any
 from rf_pointing.calibration import BiasModel, read_model
 from rf_pointing.ephemeris import utc_text
 from rf_pointing.geometry import to_degrees
-from rf_pointing.nodes.utc import parse_utc
+from rf_pointing.nodes.target_options import add_target_options, source_of, start_of
 from rf_pointing.planning import (
     AxisLimits,
     GateParams,
@@ -24,7 +24,7 @@ from rf_pointing.station.antenna import AntennaParams
 from rf_pointing.station.configuration import NodeParameters, read_parameter_files
 from rf_pointing.station.pass_planning import PlannedPass, PlanningRules, plan_passes
 from rf_pointing.station.pointing_params import PointingParams
-from rf_pointing.station.source import SourceParams, first_time_s, load_track
+from rf_pointing.station.source import load_track
 
 
 def main(argv: list[str] | None = None) -> None:
@@ -53,12 +53,8 @@ def main(argv: list[str] | None = None) -> None:
 def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     """Return the parsed command line."""
     parser = argparse.ArgumentParser(prog="plan_passes", description="Plan the coming passes of a satellite.")
-    parser.add_argument("--elements", metavar="FILE", default="", help="elements (default: verification set of sgp4)")
-    parser.add_argument("--satellite", default="28057", help="catalogue number or name (default: 28057, CBERS-2)")
-    parser.add_argument("--station", default="Goldstone DSS-13", help="station name (default: Goldstone DSS-13)")
-    parser.add_argument("--start", metavar="UTC", help="from this time on (default: the elements' epoch)")
+    add_target_options(parser)
     parser.add_argument("--hours", type=float, default=24.0, help="how far to look (default: 24)")
-    parser.add_argument("--mask", type=float, default=5.0, help="elevation of AOS and LOS in deg (default: 5)")
     parser.add_argument("--params-file", action="append", default=[], help="parameters of pointing_controller: limits, "
                         "machine, mask, gate, pointing; and of antenna_servo: where it stands; may be repeated")  # fmt: skip
     parser.add_argument("--model", metavar="FILE", default="", help="bias model (default: a perfect mount)")
@@ -82,10 +78,8 @@ def plan(options: argparse.Namespace) -> tuple[list[PlannedPass], AxisLimits]:
         lag_averaging_s=controller.group("pointing", PointingParams()).lag_averaging_s,
     )
     antenna = servo.group("antenna", AntennaParams())
-    source = SourceParams(elements_file=options.elements, satellite=options.satellite, station=options.station)
-    start_s = parse_utc(options.start) if options.start else first_time_s(source)
     planned = plan_passes(
-        load_track(source), start_s, options.hours * 3600.0, (antenna.start_azimuth_rad, antenna.start_elevation_rad), rules,
+        load_track(source_of(options)), start_of(options), options.hours * 3600.0, antenna.start_rad, rules,
         math.radians(options.mask),
     )  # fmt: skip
     return planned, rules.limits

@@ -11,13 +11,13 @@ import yaml
 from ament_index_python.packages import get_package_share_directory
 
 from rf_pointing.ephemeris import Pass, first_pass_above
-from rf_pointing.nodes.utc import parse_utc
+from rf_pointing.nodes.target_options import add_target_options, source_of, start_of
 from rf_pointing.planning import HorizonMask
 from rf_pointing.rf import HALF_POWER_BEAMWIDTH_RAD
 from rf_pointing.station.commissioning import commissioning_model
 from rf_pointing.station.configuration import NodeParameters, read_parameter_files
 from rf_pointing.station.sensed_errors import SENSOR_CHOICES
-from rf_pointing.station.source import SourceParams, first_time_s, load_track
+from rf_pointing.station.source import load_track
 
 __all__ = [
     "DEFAULT_MODELS",
@@ -43,12 +43,8 @@ SLEW_TIME_S = 150.0
 def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     """Return the parsed command line."""
     parser = argparse.ArgumentParser(prog="track", description="Track one satellite pass with the simulated station.")
-    parser.add_argument("--elements", metavar="FILE", default="", help="elements (default: verification set of sgp4)")
-    parser.add_argument("--satellite", default="28057", help="catalogue number or name (default: 28057, CBERS-2)")
-    parser.add_argument("--station", default="Goldstone DSS-13", help="station name (default: Goldstone DSS-13)")
-    parser.add_argument("--start", metavar="UTC", help="look for a pass after this time (default: the elements' epoch)")
+    add_target_options(parser)
     parser.add_argument("--min-peak", type=float, default=40.0, help="least peak elevation in deg (default: 40)")
-    parser.add_argument("--mask", type=float, default=5.0, help="elevation of AOS and LOS in deg (default: 5)")
     parser.add_argument("--band", choices=("S", "X", "Ka"), default="X", help="frequency band (default: X)")
     parser.add_argument("--sensor", choices=tuple(SENSOR_CHOICES), default="monopulse", help="(default: monopulse)")
     parser.add_argument("--speed", default="max", help="factor of real time, or max (default)")
@@ -77,10 +73,9 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
 
 def choose_pass(options: argparse.Namespace) -> Pass:
     """Return the pass to track; ValueError when the satellite, the station or the time does not give one."""
-    source = SourceParams(elements_file=options.elements, satellite=options.satellite, station=options.station)
-    start_s = parse_utc(options.start) if options.start else first_time_s(source)
     above, span_s = _horizon(options).above(math.radians(options.mask)), 2.0 * 86400.0
-    return first_pass_above(load_track(source), start_s, math.radians(options.min_peak), above, span_s)
+    track = load_track(source_of(options))
+    return first_pass_above(track, start_of(options), math.radians(options.min_peak), above, span_s)
 
 
 def _horizon(options: argparse.Namespace) -> HorizonMask:

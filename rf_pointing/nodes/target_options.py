@@ -1,0 +1,27 @@
+"""The options that name a satellite, a station and a time: the same wherever passes are looked for."""
+
+import argparse
+
+from rf_pointing.nodes.utc import parse_utc
+from rf_pointing.station.source import SourceParams, first_time_s
+
+__all__ = ["add_target_options", "source_of", "start_of"]
+
+
+def add_target_options(parser: argparse.ArgumentParser) -> None:
+    """Add --elements, --satellite, --station, --start and --mask to a command line."""
+    parser.add_argument("--elements", metavar="FILE", default="", help="elements (default: verification set of sgp4)")
+    parser.add_argument("--satellite", default="28057", help="catalogue number or name (default: 28057, CBERS-2)")
+    parser.add_argument("--station", default="Goldstone DSS-13", help="station name (default: Goldstone DSS-13)")
+    parser.add_argument("--start", metavar="UTC", help="look for passes after this time (default: the elements' epoch)")
+    parser.add_argument("--mask", type=float, default=5.0, help="elevation of AOS and LOS in deg (default: 5)")
+
+
+def source_of(options: argparse.Namespace) -> SourceParams:
+    """Return the satellite and the station."""
+    return SourceParams(elements_file=options.elements, satellite=options.satellite, station=options.station)
+
+
+def start_of(options: argparse.Namespace) -> float:
+    """Return the time after which passes are looked for, UTC in s since 1970."""
+    return parse_utc(options.start) if options.start else first_time_s(source_of(options))
