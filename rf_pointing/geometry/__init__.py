@@ -18,7 +18,7 @@ from rf_pointing.geometry.checks import (
     require_finite,
     require_rotation,
 )
-from rf_pointing.geometry.gaussian_beam import MU
+from rf_pointing.geometry.gaussian_beam import MU, gaussian_gain, gaussian_loss_db
 from rf_pointing.geometry.hermite import Motion, Quintic
 from rf_pointing.geometry.parameters import (
     Params,
@@ -62,6 +62,8 @@ __all__ = [
     "azel_from_unit_vector",
     "cosine_slopes",
     "from_degrees",
+    "gaussian_gain",
+    "gaussian_loss_db",
     "leaves",
     "nearest_turn_rad",
     "parameter",

@@ -1,8 +1,22 @@
-"""The Gaussian beam that every radio part shares: P/P_nom = exp(-MU eps^2 / h^2), h the half-power beamwidth."""
+"""The Gaussian beam of every radio part: P/P_nom = exp(-MU eps^2 / h^2), h the half-power beamwidth (CONSCAN eq. 1)."""
 
 import math
 
-__all__ = ["MU"]
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["MU", "gaussian_gain", "gaussian_loss_db"]
 
 MU = 4.0 * math.log(2.0)
 """Exponent of the Gaussian beam: the power falls to exp(-mu/4) = 1/2 at half the half-power beamwidth."""
+_DB_AT_ONE_BEAMWIDTH = 10.0 * MU / math.log(10.0)
+
+
+def gaussian_gain(error_rad: ArrayLike, beamwidth_rad: ArrayLike) -> NDArray[np.float64]:
+    """Return the power received at angles off the beam axis, relative to that on it, for a half-power width."""
+    return np.asarray(np.exp(-MU * np.square(np.divide(error_rad, beamwidth_rad))))
+
+
+def gaussian_loss_db(error_rad: ArrayLike, beamwidth_rad: ArrayLike) -> NDArray[np.float64]:
+    """Return what an offset costs a beam of this half-power width, in dB: -10 log10 of `gaussian_gain`."""
+    return np.asarray(_DB_AT_ONE_BEAMWIDTH * np.square(np.divide(error_rad, beamwidth_rad)))

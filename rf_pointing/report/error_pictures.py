@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.geometry import MDEG
+from rf_pointing.geometry import MDEG, gaussian_loss_db
 from rf_pointing.report.analysis import Analysis
-from rf_pointing.report.error_series import ErrorSeries, gaussian_loss_db
+from rf_pointing.report.error_series import ErrorSeries
 from rf_pointing.report.machine import link_series
 from rf_pointing.report.picture_style import (
     ALONE_COLOUR,

@@ -6,22 +6,20 @@ The error is target minus beam.  The tracking loop moves the beam by its offset;
 larger by that offset: alone = error + offset.
 """
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.geometry import MDEG
+from rf_pointing.geometry import MDEG, gaussian_loss_db
 from rf_pointing.report.recording import Recording
 from rf_pointing.report.summary import ErrorStatistics, Spread
 from rf_pointing.report.timeline import TRACKING_MODES, Timeline
 
-__all__ = ["ErrorSeries", "error_series", "gaussian_loss_db", "statistics_of"]
+__all__ = ["ErrorSeries", "error_series", "statistics_of"]
 
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
-_DB_AT_ONE_BEAMWIDTH = 40.0 * math.log(2.0) / math.log(10.0)
 
 
 @dataclass(frozen=True)
@@ -49,11 +47,6 @@ class ErrorSeries:
     def loss_db(self) -> Floats:
         """Pointing loss, positive."""
         return gaussian_loss_db(self.radial_rad, self.beamwidth_rad)
-
-
-def gaussian_loss_db(error_rad: Floats, beamwidth_rad: Floats) -> Floats:
-    """Return what an offset of `error_rad` costs a Gaussian beam of half-power width `beamwidth_rad`, in dB."""
-    return _DB_AT_ONE_BEAMWIDTH * np.square(error_rad / beamwidth_rad)
 
 
 def error_series(recording: Recording, modes: Timeline | None) -> ErrorSeries | None:

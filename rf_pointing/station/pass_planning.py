@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from rf_pointing.calibration import BiasModel, LagHistory, without_lags
 from rf_pointing.ephemeris import Pass, TopocentricTrack, find_passes, sun
-from rf_pointing.geometry import MU, Motion
+from rf_pointing.geometry import Motion, gaussian_gain
 from rf_pointing.planning import (
     AxisLimits,
     Certificate,
@@ -119,11 +119,7 @@ def certificate_of(
     are those of the target's own.
     """
     fine = profile.resampled(STEP_S)
-    width = machine.half_power_beamwidth_rad
-
-    def gain(error_rad: Array) -> Array:
-        return np.asarray(np.exp(-MU * (error_rad / width) ** 2))
-
+    gain = partial(gaussian_gain, beamwidth_rad=machine.half_power_beamwidth_rad)
     ways = (False, True) if plunge_allowed else (False,)
     sky = Motion(fine.position_rad, fine.velocity_rad_s, fine.acceleration_rad_s2)
     history = LagHistory(model, lag_averaging_s) if lag_averaging_s > 0.0 and model.has_lags else None

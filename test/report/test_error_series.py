@@ -1,4 +1,4 @@
-"""The Gaussian beam and the statistics of single sets of errors."""
+"""The statistics of single sets of errors."""
 
 import math
 
@@ -6,23 +6,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.geometry import MDEG
-from rf_pointing.report.error_series import gaussian_loss_db, statistics_of
-
-
-@pytest.mark.parametrize("beamwidth_mdeg", [17.0, 65.0, 264.0])
-def test_half_a_beamwidth_costs_half_the_power(beamwidth_mdeg: float) -> None:
-    loss = gaussian_loss_db(np.array([0.5 * beamwidth_mdeg]), np.array([beamwidth_mdeg]))
-    assert loss[0] == pytest.approx(10.0 * math.log10(2.0), rel=1e-14)
-
-
-def test_loss_is_that_of_the_exponential_beam(rng_errors: np.ndarray) -> None:
-    gain = np.exp(-4.0 * math.log(2.0) * np.square(rng_errors / 65.0))
-    assert np.allclose(gaussian_loss_db(rng_errors, np.full(200, 65.0)), -10.0 * np.log10(gain), rtol=1e-12, atol=1e-12)
-
-
-@pytest.fixture
-def rng_errors() -> np.ndarray:
-    return np.random.default_rng(7).uniform(0.0, 120.0, 200)
+from rf_pointing.report.error_series import statistics_of
 
 
 def test_statistics_of_a_known_set() -> None:
