@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from rf_pointing.ephemeris import TopocentricTrack, find_elements, first_pass_above, site, verification_elements
-from rf_pointing.simulation.keyhole import KeyholeCase, KeyholeRun, fly, high_passes, station_mount
+from rf_pointing.simulation.keyhole import KeyholeRun, fly
+from rf_pointing.simulation.keyhole_passes import KeyholeCase, high_passes, station_mount
 from rf_pointing.station.mount import MountParams
 
 SAME_S, SAME_BELOW_S, SAME_DB_S = 0.03, 0.15, 1.0
