@@ -27,10 +27,15 @@ def flown(day: float, least_deg: float, beam_deg: float, over: bool, mount: Moun
     return run
 
 
-@pytest.mark.parametrize(("day", "least_deg", "beam_deg", "over"), [(4.2, 82.0, 1.0, False), (1.5, 89.8, 0.264, True)])
-def test_predicted_loss_is_simulated_loss(day: float, least_deg: float, beam_deg: float, over: bool) -> None:
+@pytest.mark.parametrize(
+    ("day", "least_deg", "beam_deg", "over", "least_s"),
+    [(4.2, 82.0, 1.0, False, 10.0), (1.5, 89.8, 0.264, False, 10.0), (1.5, 89.8, 0.264, True, 1.0)],
+)
+def test_predicted_loss_is_simulated_loss(
+    day: float, least_deg: float, beam_deg: float, over: bool, least_s: float
+) -> None:
     run = flown(day, least_deg, beam_deg, over, MountParams())
-    assert run.predicted.signal_s > 1.0
+    assert run.predicted.signal_s > least_s
     assert run.simulated.signal_s == pytest.approx(run.predicted.signal_s, abs=SAME_S)
     assert run.simulated.below_s == pytest.approx(run.predicted.below_s, abs=SAME_BELOW_S)
     assert run.simulated.db_s == pytest.approx(run.predicted.db_s, abs=SAME_DB_S)
