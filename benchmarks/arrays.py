@@ -1,4 +1,4 @@
-"""Speed of the arrays' cores.  Run: python benchmarks/arrays.py [--tables] [--workers N] [--music-inside] [--dask]
+"""Speed of the arrays' cores.  Run: scripts/run-python benchmarks/arrays.py [--tables] [--workers N] [--music-inside] [--dask]
 
 All but the tables in processor time of one core, so that other work on the machine matters little. Times MUSIC for the
 12-element array, refined to better than 1e-4 deg, per estimate in a batch (limit 150 us), and our own 1-deg grid search of

@@ -1,4 +1,4 @@
-"""Speed of the calibrator: `python benchmarks/calibration.py [--runs N] [--blocks N]`, run from the repository.
+"""Speed of the calibrator: `scripts/run-python benchmarks/calibration.py [--runs N] [--blocks N]`.
 
 Times of the fits are processor time of one thread, the least of several repeats, so that other work on the machine
 does not count; the Monte Carlo is timed by the clock on one and on two processes.

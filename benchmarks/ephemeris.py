@@ -1,6 +1,6 @@
 """Speed of the ephemeris: look angles, one pass search, and a catalogue against skyfield's event search.
 
-    python benchmarks/ephemeris.py --objects 10000 --against 1000
+    scripts/run-python benchmarks/ephemeris.py --objects 10000 --against 1000
 
 The catalogue is synthetic, with the mix of the real one: 75 % low orbits, 7 % navigation orbits, 10 % transfer orbits
 and 8 % geostationary.  Events are compared with skyfield's after bringing each of those, which are good to half a

@@ -1,6 +1,6 @@
 """Accuracy of the ephemeris: the largest angle to skyfield and astropy above 5 deg, orbit by orbit, each explained.
 
-    python benchmarks/ephemeris_accuracy.py
+    scripts/run-python benchmarks/ephemeris_accuracy.py
 
 Five orbits of the SGP4 verification set with their epochs moved, six stations, two days from each epoch in steps of 61 s;
 no refraction, no light time.  A difference is explained by doing here what the other library does, and looking again.

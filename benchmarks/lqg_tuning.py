@@ -4,7 +4,7 @@ The model of each axis is identified from the experiment on the simulated antenn
 weights are those with the smallest rms beam error under Davenport's wind at 8 m/s, with the sensitivity peaks of encoder
 and radio loop (f_m 0.2 Hz) below 1.95 for modes 10 % and residues 30 % off, and at most 25 (rad/s)/rad of gain from 5 Hz
 on: the terms on which the PI loops were tuned (`servo_tuning.py`).  Nelder-Mead from the weights in force; a few minutes
-per axis.  Run from the repository: `python -m benchmarks.lqg_tuning > benchmarks/lqg_tuning.txt`.
+per axis.  Run from the repository: `scripts/run-python -m benchmarks.lqg_tuning > benchmarks/lqg_tuning.txt`.
 """
 
 import sys

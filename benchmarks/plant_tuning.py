@@ -4,7 +4,7 @@ Published: f_m limits without notch (0.060 to 0.067 Hz), with notch (0.5 Hz), wi
 taken), and the errors of the pinion table, whose ratios are limits over each other.  Free: damping, encoder and beam
 residue of the bending mode, beam residue of the 3.15-Hz mode, drive bandwidth, pinion floor.  More parameters than
 numbers: the fit stays near its start by a weak prior of 30 %.  Run from the repository, a few minutes:
-`python -m benchmarks.plant_tuning > benchmarks/plant_tuning.txt`.
+`scripts/run-python -m benchmarks.plant_tuning > benchmarks/plant_tuning.txt`.
 """
 
 import math

@@ -3,7 +3,8 @@
 Per axis and radio bandwidth f_m: smallest rms beam error under Davenport's wind at 8 m/s, with the sensitivity peaks
 of encoder and radio loop below 1.95 for modes 10 % and residues 30 % off (the published limits of the plant are
 checked by `reproduce servo`), and at most 25 (rad/s)/rad of gain at high frequency.  Nelder-Mead from the gains in
-force; a few minutes per line.  Run from the repository: `python -m benchmarks.servo_tuning > benchmarks/servo_tuning.txt`.
+force; a few minutes per line.  Run from the repository:
+`scripts/run-python -m benchmarks.servo_tuning > benchmarks/servo_tuning.txt`.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""Speed of the radio tracking core.  Run: python benchmarks/tracking.py
+"""Speed of the radio tracking core.  Run: scripts/run-python benchmarks/tracking.py
 
 Prints, for each task, the least processor time of several runs, which a busy machine does not stretch; the first four
 have limits, and the exit status says whether they are kept.
