@@ -22,6 +22,8 @@ from rf_pointing.station.receiver import Reception
 from rf_pointing.station.source import SourceParams, load_elements, load_track
 
 __all__ = [
+    "KA_45_DB_HZ",
+    "LINK_45_DB_HZ",
     "Case",
     "acquired_s",
     "command_accelerations_rad_s2",
@@ -39,6 +41,10 @@ Changes = Mapping[str, Mapping[str, object]]
 LEAD_S = 5.0
 COMMAND_S = 0.1
 RADIO_MODES = ("monopulse", "conscan", "steptrack")
+LINK_45_DB_HZ = {"link.zenith_carrier_to_noise_db_hz": 45.0, "link.reference_range_m": 1.1e6}
+"""45 dB-Hz at about the distance of the satellite at the top of its pass; what the controller is told."""
+KA_45_DB_HZ = {f"signal.{name}": value for name, value in LINK_45_DB_HZ.items()}
+"""The same for the receiver."""
 
 
 @dataclass(frozen=True)

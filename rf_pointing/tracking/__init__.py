@@ -17,7 +17,8 @@ from rf_pointing.tracking.conscan_likelihood import BeamDesign, LikelihoodFit, b
 from rf_pointing.tracking.conscan_linear import ConscanEstimate, linear_errors_rad, linear_estimate
 from rf_pointing.tracking.conscan_parameters import ConscanParams
 from rf_pointing.tracking.conscan_window import ConscanWindow
-from rf_pointing.tracking.lock_watch import LockWatch, LockWatchParams, LockWatchState
+from rf_pointing.tracking.lock_watch import LockWatch, LockWatchState
+from rf_pointing.tracking.lock_watch_parameters import LockWatchParams
 from rf_pointing.tracking.monopulse import MonopulseParams, MonopulseTracker
 from rf_pointing.tracking.monopulse_calibration import MonopulseCalibration
 from rf_pointing.tracking.monopulse_scan import (

@@ -111,14 +111,17 @@ class MonopulseTracker:
         """Return why the error must not be used, empty if it may."""
         if level_db_hz < self.params.lock_db_hz:
             return f"no lock: C/N0 {level_db_hz:.1f} dB-Hz is below {self.params.lock_db_hz:.1f} dB-Hz"
-        beamwidths = float(np.max(np.abs(error))) / self.params.half_power_beamwidth_rad
+        beamwidths = max(map(abs, error.tolist())) / self.params.half_power_beamwidth_rad
         if beamwidths > self.params.valid_range_beamwidths:
             return (
                 f"error of {beamwidths:.2f} beamwidths is outside {self.params.valid_range_beamwidths:.2f} beamwidths"
             )
-        residual = np.abs(ratio - self._offset - self._response @ linear) ** 2
-        allowed = 0.5 * variance + self.params.quadrature_floor**2 * np.maximum(np.abs(ratio) ** 2, 1e-4)
-        chi_squared = float(np.sum(residual / allowed))
+        residual = (ratio - self._offset - self._response @ linear).tolist()
+        floor = self.params.quadrature_floor**2
+        chi_squared = sum(
+            abs(left) ** 2 / (0.5 * noise + floor * max(abs(value) ** 2, 1e-4))
+            for left, noise, value in zip(residual, variance.tolist(), ratio.tolist(), strict=True)
+        )
         if chi_squared > self.params.quadrature_limit:
             return f"quadrature: chi squared {chi_squared:.0f} is above {self.params.quadrature_limit:.0f}"
         return ""
@@ -144,6 +147,6 @@ def sample_period_s(t_s: Array) -> float:
 
 def difference_ratio(cluster: MonopulseCluster, snr: float) -> ComplexArray:
     """Return both difference/sum ratios of a cluster, (2,), averaged coherently and free of the sum's noise power."""
-    signal = float(np.sum(np.abs(cluster.sum) ** 2)) * snr / (1.0 + snr)
+    signal = float(np.vdot(cluster.sum, cluster.sum).real) * snr / (1.0 + snr)
     differences = np.array([cluster.difference_cross_elevation, cluster.difference_elevation])
     return np.asarray(differences @ np.conj(cluster.sum) / signal)

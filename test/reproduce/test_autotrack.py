@@ -6,14 +6,20 @@ import pytest
 from rf_pointing.controllers import CommandPreprocessorParams
 from rf_pointing.geometry import MDEG
 from rf_pointing.reproduce.autotrack import (
-    KA_45_DB_HZ,
-    LINK_45_DB_HZ,
     acquisition_s,
     radial_rms_mdeg,
     weak_conscan_row,
 )
 from rf_pointing.reproduce.autotrack_averaging import averaging_rows
-from rf_pointing.reproduce.autotrack_cases import Case, first_time_s, fly, low_orbit_pass, reacquisitions_s
+from rf_pointing.reproduce.autotrack_cases import (
+    KA_45_DB_HZ,
+    LINK_45_DB_HZ,
+    Case,
+    first_time_s,
+    fly,
+    low_orbit_pass,
+    reacquisitions_s,
+)
 from rf_pointing.simulation import PassLog
 
 DROPOUTS = {"signal.dropouts.count": 2, "signal.dropouts.longest_s": 3.0, "signal.dropouts.gap_s": 2.0,

@@ -1,0 +1,44 @@
+"""Parameters of the watch on monopulse: what the right lock may show, and how sure a verdict must be."""
+
+from dataclasses import dataclass
+
+from rf_pointing.geometry import MDEG, Params, parameter
+
+__all__ = ["LockWatchParams"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LockWatchParams(Params):
+    """Weather and drift of the right lock, certainty of the verdicts, limits of steepness and level."""
+
+    half_power_beamwidth_rad: float = parameter(65.0 * MDEG, "half-power beamwidth", low=1e-6, high=0.5)
+    evidence: float = parameter(
+        8.0, "logarithm of the likelihood ratio from which a lock is a false one", low=2.0, high=100.0
+    )
+    fade_s: float = parameter(30.0, "time in which evidence fades", low=0.1, high=3600.0)
+    gust_rad: tuple[float, ...] = parameter(
+        (0.1 * MDEG, 0.2 * MDEG, 0.4 * MDEG, 0.8 * MDEG),
+        "strengths of gusts: motion of the beam in 1 s that the encoders do not see, rms per axis", low=1e-9, high=0.1,
+    )  # fmt: skip
+    vibration_rad: tuple[float, ...] = parameter(
+        (0.0, 0.2 * MDEG, 0.6 * MDEG), "strengths of such motion from one cluster to the next", low=0.0, high=0.1
+    )
+    weather_s: float = parameter(10.0, "time for which gusts and vibration keep their strength", low=0.1, high=3600.0)
+    drift_rad_s: float = parameter(
+        0.5 * MDEG, "velocity of the target against the prediction, rms per axis", low=1e-9, high=0.1
+    )
+    drift_change_rad_s: float = parameter(0.05 * MDEG, "change of that velocity in 1 s, rms", low=1e-9, high=0.1)
+    window_s: float = parameter(2.0, "time over which the steepness is measured", low=0.1, high=60.0)
+    unmodelled_beamwidths: float = parameter(
+        0.03, "motion of the beam that the encoders do not see, for the steepness", low=0.0, high=0.5
+    )
+    sigmas: float = parameter(4.0, "certainty of the steepness in standard deviations", low=1.0, high=10.0)
+    steepest: float = parameter(2.0, "response above which it is a sidelobe", low=1.1, high=10.0)
+    level_clusters: int = parameter(3, "clusters in a row for which it must be", low=1, high=100)
+    level_drop_db: float = parameter(10.0, "C/N0 below the link's that is a sidelobe", low=3.0, high=30.0)
+
+    def check_together(self) -> None:
+        """Refuse a watch that knows no weather."""
+        for name in ("gust_rad", "vibration_rad"):
+            if not getattr(self, name):
+                raise ValueError(f"{name} has 0 strengths, must have at least 1")
