@@ -1,7 +1,7 @@
 """What a node's streams have in common: numbers on what is sent, counts of what was lost or refused, the newest only."""
 
 import math
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable
 from typing import Any
 
@@ -17,17 +17,23 @@ KEPT = 100
 STAMP_RESOLUTION_S = 1e-6
 
 
+def _source(message: Any) -> str:
+    """Return whose count a message belongs to: sensors share a topic, and a node may speak for two of them."""
+    return str(getattr(message, "sensor", ""))
+
+
 class SequencedPublisher:
-    """Numbers every message of a stream, so that a recording shows what was lost."""
+    """Numbers every message of a stream, those of each sensor on their own, so that a recording shows what was lost."""
 
     def __init__(self, publisher: Publisher) -> None:
         self._publisher = publisher
-        self.sequence = 0
+        self._sequences: Counter[str] = Counter()
 
     def publish(self, message: Any) -> None:
         """Set the message's sequence number and publish it."""
-        self.sequence += 1
-        message.sequence = self.sequence
+        source = _source(message)
+        self._sequences[source] += 1
+        message.sequence = self._sequences[source]
         self._publisher.publish(message)
 
 
@@ -45,8 +51,7 @@ class InputCounter:
         self.lost[topic] = 0
 
         def counted(message: Any) -> None:
-            # Both trackers publish on one topic, each with its own count.
-            source = (topic, getattr(message, "sensor", ""))
+            source = (topic, _source(message))
             newest = self._newest.get(source)
             if newest is not None and message.sequence > newest + 1:
                 self.lost[topic] += message.sequence - newest - 1

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 from rclpy.serialization import serialize_message
-from rf_pointing_msgs.msg import Target
+from rf_pointing_msgs.msg import PointingError, Target
 from sensor_msgs.msg import JointState
 
 from rf_pointing.nodes import convert
@@ -55,6 +55,14 @@ def test_messages_are_numbered_from_one() -> None:
     for _ in range(3):
         publisher.publish(Target())
     assert sent == [1, 2, 3]
+
+
+def test_a_node_that_speaks_for_two_sensors_numbers_them_apart() -> None:
+    sent: list[tuple[str, int]] = []
+    publisher = SequencedPublisher(SimpleNamespace(publish=lambda m: sent.append((m.sensor, m.sequence))))
+    for sensor in ("conscan", "steptrack", "steptrack", "conscan"):
+        publisher.publish(PointingError(sensor=sensor))
+    assert sent == [("conscan", 1), ("steptrack", 1), ("steptrack", 2), ("conscan", 2)]
 
 
 def joints(position: float, t_s: float = 0.0) -> bytes:
