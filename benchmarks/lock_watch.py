@@ -1,4 +1,6 @@
-"""How often a right lock is doubted, and how fast a flipped sign is found.  Run: python benchmarks/lock_watch.py [passes]
+"""How often a right lock is doubted, and how fast a flipped sign is found.
+
+    scripts/run-python benchmarks/lock_watch.py [PASSES]
 
 Passes of ten minutes at Ka, 45 dB-Hz, wind 8 m/s, and as many flips under a beam at rest in each of both bands; takes about
 two minutes a pass.  The exit status says whether a lock was doubted.
