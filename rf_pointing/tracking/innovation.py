@@ -46,11 +46,18 @@ class InnovationBank:
         return cls(t_s=t_s, position_rad=start, velocity_rad_s=np.zeros_like(start), covariance=covariance)
 
     def step(
-        self, t_s: float, beam_rad: complex, error_rad: complex, noise_rad2: Array, walk: Array, acceleration: float
+        self,
+        t_s: float,
+        beam_rad: complex,
+        error_rad: complex,
+        noise_rad2: Array,
+        walk: Array,
+        acceleration: Array | float,
     ) -> tuple["InnovationBank", Innovations]:
         """Return the bank after a later measurement, and what was new in it.
 
-        `noise_rad2` (n,) is R per axis, `walk` (n,) q in rad/sqrt(s), `acceleration` the density of its noise, rad/s^1.5.
+        `noise_rad2` (n,) is R per axis, `walk` (n,) q in rad/sqrt(s), `acceleration` (n,) or one for all
+        the density of the noise that changes the velocity, rad/s^1.5.
         """
         dt, power = t_s - self.t_s, acceleration**2
         position, mixed, speed = self.covariance

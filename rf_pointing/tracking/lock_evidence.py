@@ -11,6 +11,7 @@ now and then; so gusts that look like a flip to a model of calm air do not to on
 """
 
 import cmath
+import itertools
 import math
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -66,8 +67,8 @@ class Evidence:
 
     def __init__(self, params: LockWatchParams) -> None:
         self.params = params
-        gust, vibration = np.meshgrid(params.gust_rad, params.vibration_rad)
-        self._walk, self._shake = gust.ravel(), vibration.ravel()
+        weathers = itertools.product(params.gust_rad, params.vibration_rad, params.drift_change_rad_s)
+        self._walk, self._shake, self._wander = np.array(list(weathers)).T
 
     def fault(self, state: EvidenceState) -> str:
         """Return what is wrong with the response, empty as long as nothing is certain."""
@@ -84,7 +85,7 @@ class Evidence:
             bank = InnovationBank.begin(t_s, beam_rad, error_rad, noise, params.drift_rad_s)
             return EvidenceState(bank=bank, weather=((1.0 / count,) * count,) * len(RESPONSES))
         gap_s = t_s - state.bank.t_s
-        bank, new = state.bank.step(t_s, beam_rad, error_rad, noise, self._walk, params.drift_change_rad_s)
+        bank, new = state.bank.step(t_s, beam_rad, error_rad, noise, self._walk, self._wander)
         joint = np.log(state.weather) + _log_likelihoods(new)
         explained = np.logaddexp.reduce(joint, axis=1)
         stays = math.exp(-gap_s / params.weather_s)
