@@ -37,7 +37,7 @@ class InnovationBank:
 
     @classmethod
     def begin(
-        cls, t_s: float, beam_rad: complex, error_rad: complex, noise_rad2: Array, velocity_rad_s: float
+        cls, t_s: float, beam_rad: complex, error_rad: complex, noise_rad2: Array, velocity_rad_s: Array | float
     ) -> "InnovationBank":
         """Return filters after a first measurement with R (n,); `velocity_rad_s` is what the target's may be (1 sigma)."""
         start = np.repeat(np.array([[beam_rad], [error_rad]]), len(noise_rad2), axis=1)

@@ -27,6 +27,8 @@ __all__ = ["RESPONSES", "Evidence", "EvidenceState"]
 Array = NDArray[np.float64]
 LONGEST_GAP_S = 1.0
 """Between two errors; after a longer one everything begins again."""
+SETTLED_S = 1.0
+"""For so long its velocity has changed when a target that wanders is first seen."""
 TURN = cmath.exp(2j * math.pi / 3.0)
 """Explains the errors better than the right response does if they are turned by more than half of it."""
 
@@ -69,6 +71,9 @@ class Evidence:
         self.params = params
         weathers = itertools.product(params.gust_rad, params.vibration_rad, params.drift_change_rad_s)
         self._walk, self._shake, self._wander = np.array(list(weathers)).T
+        usual = np.where(self._wander == params.drift_change_rad_s[0], 1.0, params.settling_share)
+        self._usual = usual / usual.sum()
+        self._drift = np.maximum(params.drift_rad_s, self._wander * SETTLED_S)
 
     def fault(self, state: EvidenceState) -> str:
         """Return what is wrong with the response, empty as long as nothing is certain."""
@@ -79,17 +84,17 @@ class Evidence:
         self, state: EvidenceState, t_s: float, error_rad: complex, beam_rad: complex, noise_rad2: float
     ) -> EvidenceState:
         """Return the state after one more error and the beam's position at its time (cross-elevation + j elevation)."""
-        params, count = self.params, len(self._walk)
+        params = self.params
         noise = noise_rad2 + self._shake**2
         if state.bank is None or not 0.0 < t_s - state.bank.t_s <= LONGEST_GAP_S:
-            bank = InnovationBank.begin(t_s, beam_rad, error_rad, noise, params.drift_rad_s)
-            return EvidenceState(bank=bank, weather=((1.0 / count,) * count,) * len(RESPONSES))
+            bank = InnovationBank.begin(t_s, beam_rad, error_rad, noise, self._drift)
+            return EvidenceState(bank=bank, weather=(tuple(self._usual.tolist()),) * len(RESPONSES))
         gap_s = t_s - state.bank.t_s
         bank, new = state.bank.step(t_s, beam_rad, error_rad, noise, self._walk, self._wander)
         joint = np.log(state.weather) + _log_likelihoods(new)
         explained = np.logaddexp.reduce(joint, axis=1)
         stays = math.exp(-gap_s / params.weather_s)
-        weather = stays * np.exp(joint - explained[:, None]) + (1.0 - stays) / count
+        weather = stays * np.exp(joint - explained[:, None]) + (1.0 - stays) * self._usual
         # No single cluster decides.
         says = np.minimum(explained - explained[0], params.evidence / 3.0)
         sums = np.maximum(0.0, math.exp(-gap_s / params.fade_s) * np.array(state.sums) + says)

@@ -13,7 +13,7 @@ class LockWatchParams(Params):
 
     half_power_beamwidth_rad: float = parameter(65.0 * MDEG, "half-power beamwidth", low=1e-6, high=0.5)
     evidence: float = parameter(
-        10.0, "logarithm of the likelihood ratio from which a lock is a false one", low=2.0, high=100.0
+        8.0, "logarithm of the likelihood ratio from which a lock is a false one", low=2.0, high=100.0
     )
     fade_s: float = parameter(30.0, "time in which evidence fades", low=0.1, high=3600.0)
     gust_rad: tuple[float, ...] = parameter(
@@ -25,12 +25,14 @@ class LockWatchParams(Params):
     )
     weather_s: float = parameter(10.0, "time for which gusts and vibration keep their strength", low=0.1, high=3600.0)
     drift_rad_s: float = parameter(
-        5.0 * MDEG, "velocity of the target against the prediction, rms per axis", low=1e-9, high=0.1
+        0.5 * MDEG, "velocity of the target against the prediction, rms per axis", low=1e-9, high=0.1
     )
     drift_change_rad_s: tuple[float, ...] = parameter(
-        (0.05 * MDEG, 0.5 * MDEG, 4.0 * MDEG),
-        "strengths of the change of that velocity in 1 s, rms; large while lags of the mount settle", low=1e-9, high=0.1,
+        (0.05 * MDEG, 4.0 * MDEG),
+        "strengths of the change of that velocity in 1 s, rms: mostly the first, the others while lags of the mount settle",
+        low=1e-9, high=0.1,
     )  # fmt: skip
+    settling_share: float = parameter(0.01, "share of the time of each of those others", low=1e-6, high=0.5)
     window_s: float = parameter(2.0, "time over which the steepness is measured", low=0.1, high=60.0)
     unmodelled_beamwidths: float = parameter(
         0.03, "motion of the beam that the encoders do not see, for the steepness", low=0.0, high=0.5
