@@ -14,10 +14,12 @@ CLUSTER_S = 0.1
 SIGMA = 0.14 * MDEG
 
 
-def sensed(t_s: float, value: complex, level_db_hz: float = 45.0, valid: bool = True) -> PointingError:
+def sensed(
+    t_s: float, value: complex, level_db_hz: float = 45.0, valid: bool = True, sigma: float = SIGMA
+) -> PointingError:
     return PointingError(
         t_s=t_s, sensor="monopulse", cross_elevation_rad=value.real, elevation_rad=value.imag,
-        covariance_rad2=np.eye(2) * SIGMA**2, carrier_to_noise_db_hz=level_db_hz, valid=valid,
+        covariance_rad2=np.eye(2) * sigma**2, carrier_to_noise_db_hz=level_db_hz, valid=valid,
         reason="" if valid else "no lock",
     )  # fmt: skip
 
@@ -89,6 +91,31 @@ def test_flip_under_a_beam_at_rest_is_found_within_two_seconds() -> None:
     assert np.all(times > 0.0)
     assert np.median(times) <= 2.0
     assert np.max(times) <= 2.5
+
+
+def follow_settling(name: str, params: LockWatchParams) -> str:
+    """Let the loop follow a swing of 8 mdeg, 6 s and a decay of 5 s, as of lags of the mount; return the fault."""
+    rng, beam, watch, errors = random_stream(12, name), 0j, LockWatch(params), [0j] * 5
+    for k in range(300):
+        t_s = k * CLUSTER_S
+        target = (
+            8.0 * MDEG * math.exp(-t_s / 5.0) * complex(math.sin(t_s * math.pi / 3.0), math.cos(t_s * math.pi / 3.0))
+        )
+        errors.append(target - beam + complex(*rng.standard_normal(2)) * 5.0 * SIGMA)
+        fault = watch.add(sensed(t_s, errors[-1], sigma=5.0 * SIGMA), beam.real, beam.imag)
+        if fault:
+            return fault
+        beam += 2.0 * math.pi * 0.1 * CLUSTER_S * errors[-5]
+    return ""
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_lags_that_settle_are_no_sign_flip(seed: int) -> None:
+    """To a watch that knows only steady targets they are."""
+    x_band = LockWatchParams(half_power_beamwidth_rad=65.0 * MDEG)
+    assert follow_settling(f"settle {seed}", x_band) == ""
+    steady = x_band.replace(drift_change_rad_s=x_band.drift_change_rad_s[:1])
+    assert follow_settling(f"settle {seed}", steady).startswith("sign flip")
 
 
 @pytest.mark.parametrize("name", ["cross-elevation", "elevation"])
