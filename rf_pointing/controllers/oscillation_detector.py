@@ -30,6 +30,9 @@ class OscillationDetectorParams(Params):
         math.radians(0.05), "peak from which swings need not be alike", low=1e-7, high=1.0
     )
     gross_half_cycles: int = parameter(3, "half periods in a row beyond it", low=2, high=100)
+    largest_rad: float = parameter(
+        math.radians(0.5), "error at which no further swing is waited for", low=1e-7, high=1.0
+    )
 
     def check_together(self) -> None:
         """Refuse an empty band, and thresholds and counts of the wrong order."""
@@ -118,6 +121,11 @@ class OscillationDetector:
             self._swing(state.age_s, state.peak_rad)
             state.age_s, state.peak_rad = 0.0, 0.0
         state.peak_rad = max(state.peak_rad, abs(state.output_rad))
+        if state.peak_rad >= self._params.largest_rad and not state.oscillating:
+            state.oscillating = True
+            state.reason = (
+                f"oscillation of {1e3 * math.degrees(state.peak_rad):.1f} mdeg, too large to wait for its period"
+            )
         return state.oscillating
 
     def _swing(self, half_period_s: float, peak_rad: float) -> None:

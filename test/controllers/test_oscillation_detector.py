@@ -112,3 +112,12 @@ def test_large_swings_count_however_their_periods_change() -> None:
 def test_thresholds_of_the_wrong_order_are_refused(changes: dict, words: str) -> None:
     with pytest.raises(ValueError, match=words):
         OscillationDetectorParams(**changes)
+
+
+def test_a_swing_beyond_the_largest_is_not_waited_out() -> None:
+    """A loop whose drive saturates may swing ever more slowly; half a degree is enough."""
+    detector = OscillationDetector(OscillationDetectorParams())
+    found = [detector.update(math.radians(0.02 * k), 0.02) for k in range(30)]
+    assert found.index(True) <= 27
+    assert not any(found[:25])
+    assert "too large to wait for its period" in detector.reason
