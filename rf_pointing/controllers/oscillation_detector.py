@@ -4,7 +4,8 @@ The error, high-passed to take out slow tracking error, is followed from zero cr
 peak exceeds the threshold counts; `cycles` such swings in a row with half periods alike within `regularity` are an
 oscillation.  One gust, one command step or the end of a slew gives a few swings and then decays; wind noise is irregular.
 A loop whose drive saturates swings ever more slowly as it grows, so swings beyond the gross threshold need not be alike.
-Swings slower than the high-pass are tracking error, however large.
+One swing beyond the largest is not waited out: its period may never come.  Error slower than the high-pass is tracking
+error, however large.
 """
 
 import math
@@ -123,9 +124,7 @@ class OscillationDetector:
         state.peak_rad = max(state.peak_rad, abs(state.output_rad))
         if state.peak_rad >= self._params.largest_rad and not state.oscillating:
             state.oscillating = True
-            state.reason = (
-                f"oscillation of {1e3 * math.degrees(state.peak_rad):.1f} mdeg, too large to wait for its period"
-            )
+            state.reason = f"{_sized(state.peak_rad)}, cut before its period was known"
         return state.oscillating
 
     def _swing(self, half_period_s: float, peak_rad: float) -> None:
@@ -147,4 +146,8 @@ class OscillationDetector:
     def _found(self, lengths: list[float], peaks: list[float]) -> None:
         frequency_hz = 0.5 * len(lengths) / sum(lengths)
         self._state.oscillating = True
-        self._state.reason = f"oscillation of {1e3 * math.degrees(max(peaks)):.1f} mdeg at {frequency_hz:.2f} Hz"
+        self._state.reason = f"{_sized(max(peaks))} at {frequency_hz:.2f} Hz"
+
+
+def _sized(peak_rad: float) -> str:
+    return f"oscillation of {1e3 * math.degrees(peak_rad):.1f} mdeg"

@@ -1,6 +1,7 @@
 """Oscillations are found and named; wind, steps and ramps are not taken for one."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -114,10 +115,19 @@ def test_thresholds_of_the_wrong_order_are_refused(changes: dict, words: str) ->
         OscillationDetectorParams(**changes)
 
 
-def test_a_swing_beyond_the_largest_is_not_waited_out() -> None:
+@pytest.mark.parametrize("speed_deg_s", [0.2, 1.0, -3.0])
+def test_a_swing_beyond_the_largest_is_not_waited_out(speed_deg_s: float) -> None:
     """A loop whose drive saturates may swing ever more slowly; half a degree is enough."""
     detector = OscillationDetector(OscillationDetectorParams())
-    found = [detector.update(math.radians(0.02 * k), 0.02) for k in range(30)]
-    assert found.index(True) <= 27
-    assert not any(found[:25])
-    assert "too large to wait for its period" in detector.reason
+    time = DT_S * np.arange(1000)
+    corner = 2.0 * math.pi * detector.params.high_pass_hz
+    high_passed = abs(speed_deg_s) / corner * (1.0 - np.exp(-corner * time))
+    crossing = int(np.argmax(high_passed >= 0.5))
+    found = [detector.update(error, DT_S) for error in np.radians(speed_deg_s * time).tolist()]
+    assert found.index(True) == pytest.approx(crossing, abs=2)
+    assert re.fullmatch(r"oscillation of 5\d\d\.\d mdeg, cut before its period was known", detector.reason)
+
+
+def test_error_that_grows_more_slowly_than_the_band_is_not_cut() -> None:
+    """At 0.1 deg/s the high-passed ramp ends at 0.32 deg, however far off the axis comes."""
+    assert not watch(np.radians(0.1 * DT_S * np.arange(3000))).oscillating

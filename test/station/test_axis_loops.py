@@ -162,6 +162,22 @@ def test_an_oscillation_cuts_the_drives_and_latches_with_its_reason(delay_s: flo
     np.testing.assert_allclose(antenna.reading(0.0).position_rad, before, atol=5.0 * MDEG)
 
 
+@pytest.mark.parametrize("phase", range(5))
+def test_an_lqg_loop_is_cut_at_half_a_degree_whatever_the_phase_at_which_its_drive_turns_slow(phase: int) -> None:
+    """Saturated, it swings ever more slowly and unlike; its period is not waited for."""
+    antenna = hold(LoopParams(law="lqg"), 4.0, drive=DriveWatchParams(delay_s=0.4, excess_rad_s=1.0))
+    tick = run(antenna, 5.0 + 0.74 * phase)
+    antenna.axes.retune(slow_drive(0.3), antenna.axes.loops.params)
+    largest = 0.0
+    for _ in range(round(15.0 / TICK_S)):
+        tick = run(antenna, TICK_S, tick)
+        largest = max(largest, abs(antenna.reading(0.0).position_rad[1] - math.radians(60.0)))
+        if antenna.mode == "fault":
+            break
+    assert antenna.status(0.0).fault.startswith("drives cut: elevation: oscillation of ")
+    assert largest < math.radians(0.55), "one tick and the detector's high-pass beyond 0.5"
+
+
 def test_a_storm_is_not_taken_for_an_oscillation() -> None:
     for law in ("pi", "lqg"):
         antenna = hold(LoopParams(law=law), 20.0, wind=WindWatchParams(gust_limit_m_s=60.0, mean_limit_m_s=60.0))
