@@ -40,7 +40,7 @@ make_wheel_environment() {
   local r=$ROOT/requirements
   python3 -m venv --clear "$STATE/env" &&
     "$STATE/env/bin/python" -m pip install --disable-pip-version-check --no-input \
-      -r "$r/ros.txt" -r "$r/numeric.txt" -r "$r/runtime.txt" -r "$r/test.txt" -c "$r/lock.txt" &&
+      -r "$r/ros.txt" -r "$r/numeric.txt" -r "$r/runtime.txt" -r "$r/test.txt" -r "$r/extras.txt" -c "$r/lock.txt" &&
     mend_cmake_exports
 }
 
