@@ -34,8 +34,9 @@ from rf_pointing.ephemeris import Elements, Pass, site, tle_lines, utc_text
 from rf_pointing.geometry import MDEG, require_between
 from rf_pointing.nodes.bias_calibrator import JOURNAL
 from rf_pointing.nodes.calibration_run import CalibrationRun, Outcome
+from rf_pointing.nodes.namespace_option import add_namespace_option
 from rf_pointing.nodes.station_run import run_to_end
-from rf_pointing.nodes.track_options import DEFAULT_MODELS, speed_factor
+from rf_pointing.nodes.track_options import DEFAULT_MODELS, output_folder, speed_factor
 from rf_pointing.nodes.utc import parse_utc
 from rf_pointing.planning import AxisLimits
 from rf_pointing.station.calibration_log import CalibrationLog
@@ -56,7 +57,7 @@ LARGEST_SLEW_S = 180.0
 SPACING_S = 0.5
 SIGMA_RAD = 2.0 * MDEG
 SETTLE_S = 25.0
-"""Of valid errors before the first observation; the simulated lags follow a change of rate like exp(-t / 10 s)."""
+"""Of valid errors before the first observation; the simulated lags follow a change of rate with two poles of 5 s."""
 ACQUISITION_S = 45.0
 """From the begin of a pass until the search has found the signal and the lags of the mount have died down."""
 
@@ -95,9 +96,11 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--models", metavar="DIR", default=str(DEFAULT_MODELS), help=f"(default: {DEFAULT_MODELS})")
     parser.add_argument("--speed", default="max", help="factor of real time, or max (default)")
     parser.add_argument("--seed", type=int, default=1, help="seed of every noise source (default: 1)")
-    parser.add_argument("--namespace", default="/gs1", help="namespace of the antenna (default: /gs1)")
+    add_namespace_option(parser)
     parser.add_argument("--params-file", action="append", default=[], help="further ROS parameter file")
-    parser.add_argument("--output", metavar="DIR", help="folder of bag and report (default: runs/calibration-TIME)")
+    parser.add_argument(
+        "--output", metavar="DIR", help="folder of bag and report (default: runs/calibration-TIME-NUMBER)"
+    )
     options = parser.parse_args(argv)
     options.satellite, options.mask, options.record, options.keep_observations = "90001", 5.0, None, True
     return options
@@ -211,8 +214,7 @@ def main(argv: list[str] | None = None) -> None:
     try:
         speed_factor(options.speed)
         schedule = plan(options)
-        output = Path(options.output or f"runs/calibration-{datetime.now(UTC):%Y%m%dT%H%M%S}")
-        output.mkdir(parents=True, exist_ok=True)
+        output = output_folder(options, f"calibration-{datetime.now(UTC):%Y%m%dT%H%M%S}")
         options.elements = str(output / "beacons.tle")
         lines = [line for one in schedule.elements for line in (one.name, *tle_lines(one))]
         Path(options.elements).write_text("\n".join(lines) + "\n")
@@ -251,7 +253,7 @@ def execute(options: argparse.Namespace, schedule: Schedule, output: Path) -> in
             options, schedule.windows, schedule.shadow, output, lambda: fits.append(fit_of(options, output))
         )
 
-    code, _ = run_to_end(make, work)
+    code = run_to_end("calibrate", make, work)
     if not (outcomes and outcomes[0].settled) and journal_of(options).points is not None:
         say(f"the observations are kept in {journal_of(options).path}: calibrate --resume goes on with them")
     for (points, fit), outcome in zip(fits, outcomes, strict=False):

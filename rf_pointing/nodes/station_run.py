@@ -16,8 +16,7 @@ from rf_pointing.nodes.managed import make_executor, settle_garbage
 from rf_pointing.nodes.managed_graph import ManagedGraph, NotStartedError
 from rf_pointing.nodes.processes import SIMULATED_STATION
 from rf_pointing.nodes.recorder import Recorder
-from rf_pointing.nodes.track_options import in_real_time, notes, overrides, parameter_files
-from rf_pointing.report.bag_writer import BagResult
+from rf_pointing.nodes.track_options import bag_folder, in_real_time, notes, overrides, parameter_files
 
 __all__ = ["InterruptedRunError", "StationRun", "run_to_end"]
 
@@ -52,8 +51,7 @@ class StationRun:
         self.graph = ManagedGraph(
             self.node, options.namespace, files, output / "logs", self.spin, patience_s=PATIENCE_S, on_time=on_time
         )
-        bag = Path(options.record or output / "bag")
-        self._recorder = Recorder(self.node, options.namespace, bag, notes=notes(options))
+        self._recorder = Recorder(self.node, options.namespace, bag_folder(options, output), notes=notes(options))
 
     def say(self, text: str) -> None:
         """Tell the user, beside the data."""
@@ -118,25 +116,32 @@ class StationRun:
                 handle.cancel_goal_async()
         return result.result().result
 
-    def close(self) -> BagResult:
-        """End every process, close the bag, give up the own node; return what was recorded."""
+    def close(self) -> None:
+        """End every process, close the bag and say what it lacks, give up the own node."""
         self.graph.stop()
         recorded = self._recorder.close()
+        if recorded.problem:
+            lost = sum(loss.count for loss in recorded.lost)
+            self.say(f"recording stopped: {recorded.problem}; {lost} messages are not in the bag")
         self._executor.shutdown()
         self.node.destroy_node()
-        return recorded
 
 
 RunType = TypeVar("RunType", bound=StationRun)
 
 
-def run_to_end(make: Callable[[], RunType], work: Callable[[RunType], int]) -> tuple[int, BagResult]:
+def run_to_end(program: str, make: Callable[[], RunType], work: Callable[[RunType], int]) -> int:
     """Do `work` with the run that `make` returns and take everything down again, whatever happens.
 
-    Return the exit code and what was recorded.
+    Return the exit code: that of `work`, 1 for a run that was interrupted, 2 for one that could not be started.
     """
     rclpy.init(signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
-    run = make()
+    try:
+        run = make()
+    except OSError as error:
+        print(f"{program}: {error}", file=sys.stderr)
+        rclpy.try_shutdown()
+        return 2
     for sign in (signal.SIGINT, signal.SIGTERM):
         signal.signal(sign, run.interrupt)
     code = 1
@@ -148,6 +153,6 @@ def run_to_end(make: Callable[[], RunType], work: Callable[[RunType], int]) -> t
     except InterruptedRunError:
         run.say("interrupted before the graph was up")
     finally:
-        recorded = run.close()
+        run.close()
         rclpy.try_shutdown()
-    return code, recorded
+    return code

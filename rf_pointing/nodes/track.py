@@ -19,7 +19,7 @@ from rf_pointing.nodes import convert_planning
 from rf_pointing.nodes.progress import ProgressLine
 from rf_pointing.nodes.qos import LATCHED
 from rf_pointing.nodes.station_run import StationRun, run_to_end
-from rf_pointing.nodes.track_options import arguments, choose_pass, output_folder, speed_factor
+from rf_pointing.nodes.track_options import arguments, bag_folder, choose_pass, output_folder, run_stem, speed_factor
 from rf_pointing.planning import certificate_lines
 
 CERTIFICATE_S = 10.0
@@ -73,7 +73,7 @@ def main(argv: list[str] | None = None) -> None:
     try:
         speed_factor(options.speed)
         window = choose_pass(options)
-        output = output_folder(options, window)
+        output = output_folder(options, run_stem(options, window))
     except (ValueError, OSError) as error:
         say(str(error))
         sys.exit(2)
@@ -90,15 +90,11 @@ def execute(options: argparse.Namespace, window: Pass, output: Path) -> int:
         results.append(run.track())
         return 0 if results[0].success else 1
 
-    code, recorded = run_to_end(lambda: PassRun(options, window, output), work)
-    if recorded.problem:
-        say(
-            f"recording stopped: {recorded.problem}; {sum(loss.count for loss in recorded.lost)} messages are not in the bag"
-        )
+    code = run_to_end("track", lambda: PassRun(options, window, output), work)
     for result in results:
         say(f"{'tracked' if code == 0 else 'NOT tracked'}: {result.message}, {result.seconds_tracked:.0f} s on target, "
             f"{result.seconds_lost:.0f} s lost")  # fmt: skip
-        write(recorded.path, output)
+        write(bag_folder(options, output), output)
     return code
 
 

@@ -11,6 +11,7 @@ import yaml
 from ament_index_python.packages import get_package_share_directory
 
 from rf_pointing.ephemeris import Pass, first_pass_above
+from rf_pointing.nodes.namespace_option import add_namespace_option
 from rf_pointing.nodes.target_options import add_target_options, source_of, start_of
 from rf_pointing.planning import HorizonMask
 from rf_pointing.rf import HALF_POWER_BEAMWIDTH_RAD
@@ -23,12 +24,14 @@ __all__ = [
     "DEFAULT_MODELS",
     "SLEW_TIME_S",
     "arguments",
+    "bag_folder",
     "choose_pass",
     "in_real_time",
     "notes",
     "output_folder",
     "overrides",
     "parameter_files",
+    "run_stem",
     "speed_factor",
 ]
 
@@ -61,7 +64,7 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
         help=f"folder of accepted pointing models (default: {DEFAULT_MODELS}); empty or none: the commissioning model",
     )
     parser.add_argument("--seed", type=int, default=1, help="seed of every noise source (default: 1)")
-    parser.add_argument("--namespace", default="/gs1", help="namespace of the antenna (default: /gs1)")
+    add_namespace_option(parser)
     parser.add_argument(
         "--params-file", action="append", default=[], help="further ROS parameter file, may be repeated"
     )
@@ -157,8 +160,18 @@ def parameter_files(options: argparse.Namespace, said: Mapping[str, Any], output
     return [share / "dss13.yaml", share / f"band_{options.band.lower()}.yaml", *map(Path, options.params_file), written]
 
 
-def output_folder(options: argparse.Namespace, window: Pass) -> Path:
-    """Return a new folder for this run; refuses a bag directory that exists."""
+def bag_folder(options: argparse.Namespace, output: Path) -> Path:
+    """Return where a run that writes its report to `output` records its bag."""
+    return Path(options.record or output / "bag")
+
+
+def run_stem(options: argparse.Namespace, window: Pass) -> str:
+    """Return what the folders of runs on this pass are called, but for a number."""
+    return f"{options.satellite}-{datetime.fromtimestamp(window.aos_t_s, UTC):%Y%m%dT%H%M%S}"
+
+
+def output_folder(options: argparse.Namespace, stem: str) -> Path:
+    """Return the folder of a run, by default a new one called `stem` and a number; refuses a bag that exists."""
     if options.record and Path(options.record).exists():
         raise ValueError(f"record={options.record} exists already")
     if options.output:
@@ -167,7 +180,6 @@ def output_folder(options: argparse.Namespace, window: Pass) -> Path:
             raise ValueError(f"output={options.output} holds a bag already")
         folder.mkdir(parents=True, exist_ok=True)
         return folder
-    stem = f"{options.satellite}-{datetime.fromtimestamp(window.aos_t_s, UTC):%Y%m%dT%H%M%S}"
     for number in range(1, 10000):
         folder = Path("runs") / f"{stem}-{number:02d}"
         try:

@@ -157,7 +157,7 @@ def test_an_existing_bag_is_refused_and_nothing_is_made(tmp_path: Path) -> None:
     bag.mkdir()
     options = track_options.arguments(["--record", str(bag), "--output", str(tmp_path / "out")])
     with pytest.raises(ValueError, match="exists already"):
-        track_options.output_folder(options, track_options.choose_pass(options))
+        track_options.output_folder(options, "run")
     assert not (tmp_path / "out").exists()
 
 
@@ -165,13 +165,31 @@ def test_an_output_that_holds_a_bag_is_refused(tmp_path: Path) -> None:
     (tmp_path / "bag").mkdir()
     options = track_options.arguments(["--output", str(tmp_path)])
     with pytest.raises(ValueError, match="holds a bag already"):
-        track_options.output_folder(options, track_options.choose_pass(options))
+        track_options.output_folder(options, "run")
 
 
 def test_every_run_gets_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     options = track_options.arguments([])
     window = track_options.choose_pass(options)
-    first, second = (track_options.output_folder(options, window) for _ in range(2))
+    first, second = (track_options.output_folder(options, track_options.run_stem(options, window)) for _ in range(2))
     assert first != second
     assert str(first) == "runs/28057-20060627T045843-01"
+
+
+def test_the_namespace_is_taken_with_and_without_its_slash() -> None:
+    assert track_options.arguments(["--namespace", "gs2"]).namespace == "/gs2"
+    assert track_options.arguments(["--namespace", "/site/gs2"]).namespace == "/site/gs2"
+
+
+@pytest.mark.parametrize("name", ["bad//name", "/2nd", "with space", "/gs1/"])
+def test_a_namespace_that_ros_would_refuse_is_refused_at_once(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        track_options.arguments(["--namespace", name])
+    assert f"{name!r} is no ROS namespace: Invalid namespace: namespace must not" in capsys.readouterr().err
+
+
+def test_the_root_is_no_antenna(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        track_options.arguments(["--namespace", "/"])
+    assert "'/' must name the antenna" in capsys.readouterr().err
