@@ -35,6 +35,7 @@ from rf_pointing.geometry import MDEG, require_between
 from rf_pointing.nodes.bias_calibrator import JOURNAL
 from rf_pointing.nodes.calibration_run import CalibrationRun, Outcome
 from rf_pointing.nodes.namespace_option import add_namespace_option
+from rf_pointing.nodes.number_option import between
 from rf_pointing.nodes.station_run import run_to_end
 from rf_pointing.nodes.track_options import DEFAULT_MODELS, output_folder, speed_factor
 from rf_pointing.nodes.utc import parse_utc
@@ -75,7 +76,9 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
         "--longest", metavar="S", type=float, default=4800.0, help="simulated time at most (default: 4800)"
     )
     parser.add_argument("--fewest", type=int, default=25, help="observations in each sector (default: 25)")
-    parser.add_argument("--ephemeris-error", metavar="S", type=float, default=0.0, help="of the beacons (default: 0)")
+    parser.add_argument(
+        "--ephemeris-error", metavar="S", type=between(-60.0, 60.0), default=0.0, help="of the beacons (default: 0)"
+    )
     parser.add_argument(
         "--orbit-prior",
         metavar="M",

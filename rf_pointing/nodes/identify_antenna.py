@@ -25,6 +25,7 @@ from rf_pointing.nodes import convert_identification as convert
 from rf_pointing.nodes.managed import make_executor
 from rf_pointing.nodes.managed_graph import ManagedGraph, NotStartedError
 from rf_pointing.nodes.namespace_option import add_namespace_option
+from rf_pointing.nodes.number_option import between
 from rf_pointing.nodes.qos import EXPERIMENT
 from rf_pointing.report.identification_report import error_table, save_recordings, write_identification
 
@@ -56,7 +57,9 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
         "--idle-deg-s", type=float, default=IDLE_DEG_S, help=f"rate of the other axis (default: {IDLE_DEG_S})"
     )
     parser.add_argument("--seed", type=int, default=1, help="seed of the random input (default: 1)")
-    parser.add_argument("--tick", type=float, default=usual.sample_s, help="control period in s (default: 0.02)")
+    parser.add_argument(
+        "--tick", type=between(0.001, 0.1), default=usual.sample_s, help="control period in s (default: 0.02)"
+    )
     add_namespace_option(parser)
     parser.add_argument("--output", metavar="DIR", default="runs/identification", help="folder of the results")
     parser.add_argument("--simulated", action="store_true", help="start a simulated antenna, in wind of 0.3 m/s")

@@ -11,6 +11,7 @@ from typing import Any
 from rf_pointing.calibration import BiasModel, read_model
 from rf_pointing.ephemeris import utc_text
 from rf_pointing.geometry import to_degrees
+from rf_pointing.nodes.number_option import between
 from rf_pointing.nodes.target_options import add_target_options, source_of, start_of
 from rf_pointing.planning import (
     AxisLimits,
@@ -54,7 +55,7 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     """Return the parsed command line."""
     parser = argparse.ArgumentParser(prog="plan_passes", description="Plan the coming passes of a satellite.")
     add_target_options(parser)
-    parser.add_argument("--hours", type=float, default=24.0, help="how far to look (default: 24)")
+    parser.add_argument("--hours", type=between(0.01, 744.0), default=24.0, help="how far to look (default: 24)")
     parser.add_argument("--params-file", action="append", default=[], help="parameters of pointing_controller: limits, "
                         "machine, mask, gate, pointing; and of antenna_servo: where it stands; may be repeated")  # fmt: skip
     parser.add_argument("--model", metavar="FILE", default="", help="bias model (default: a perfect mount)")
@@ -65,8 +66,6 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
 
 def plan(options: argparse.Namespace) -> tuple[list[PlannedPass], AxisLimits]:
     """Return the planned passes, and the limits that they were held against."""
-    if not 0.0 < options.hours <= 24.0 * 31:
-        raise ValueError(f"hours={options.hours} must be > 0 and <= {24 * 31}")
     nodes = read_parameter_files([Path(name) for name in options.params_file])
     controller, servo = (nodes.get(name, NodeParameters(name, {})) for name in ("pointing_controller", "antenna_servo"))
     rules = PlanningRules(

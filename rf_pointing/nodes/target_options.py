@@ -2,6 +2,7 @@
 
 import argparse
 
+from rf_pointing.nodes.number_option import between
 from rf_pointing.nodes.utc import parse_utc
 from rf_pointing.station.source import SourceParams, first_time_s
 
@@ -14,7 +15,9 @@ def add_target_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--satellite", default="28057", help="catalogue number or name (default: 28057, CBERS-2)")
     parser.add_argument("--station", default="Goldstone DSS-13", help="station name (default: Goldstone DSS-13)")
     parser.add_argument("--start", metavar="UTC", help="look for passes after this time (default: the elements' epoch)")
-    parser.add_argument("--mask", type=float, default=5.0, help="elevation of AOS and LOS in deg (default: 5)")
+    parser.add_argument(
+        "--mask", type=between(0.0, 89.0), default=5.0, help="elevation of AOS and LOS in deg (default: 5)"
+    )
 
 
 def source_of(options: argparse.Namespace) -> SourceParams:

@@ -12,6 +12,7 @@ from ament_index_python.packages import get_package_share_directory
 
 from rf_pointing.ephemeris import Pass, first_pass_above
 from rf_pointing.nodes.namespace_option import add_namespace_option
+from rf_pointing.nodes.number_option import between
 from rf_pointing.nodes.target_options import add_target_options, source_of, start_of
 from rf_pointing.planning import HorizonMask
 from rf_pointing.rf import HALF_POWER_BEAMWIDTH_RAD
@@ -47,14 +48,16 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     """Return the parsed command line."""
     parser = argparse.ArgumentParser(prog="track", description="Track one satellite pass with the simulated station.")
     add_target_options(parser)
-    parser.add_argument("--min-peak", type=float, default=40.0, help="least peak elevation in deg (default: 40)")
+    parser.add_argument(
+        "--min-peak", type=between(0.0, 90.0), default=40.0, help="least peak elevation in deg (default: 40)"
+    )
     parser.add_argument("--band", choices=("S", "X", "Ka"), default="X", help="frequency band (default: X)")
     parser.add_argument("--sensor", choices=tuple(SENSOR_CHOICES), default="monopulse", help="(default: monopulse)")
     parser.add_argument("--speed", default="max", help="factor of real time, or max (default)")
     parser.add_argument(
         "--ephemeris-error",
         metavar="S",
-        type=float,
+        type=between(-60.0, 60.0),
         help="the satellite runs this much ahead of its elements (default: what the parameter files say, 0.15 s)",
     )
     parser.add_argument(

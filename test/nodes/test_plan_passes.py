@@ -44,7 +44,10 @@ def test_a_dish_that_may_go_over_the_top_loses_a_hundredth(capsys: pytest.Captur
 @pytest.mark.parametrize(
     ("options", "complaint"),
     [
-        (["--hours", "0"], "hours=0.0 must be > 0"),
+        (["--hours", "0"], "argument --hours: 0 must be between 0.01 and 744"),
+        (["--mask", "95"], "argument --mask: 95 must be between 0 and 89"),
+        (["--mask", "nan"], "argument --mask: nan must be between 0 and 89"),
+        (["--hours", "a day"], "argument --hours: 'a day' must be a number"),
         (["--station", "Atlantis"], "Atlantis"),
         (["--satellite", "Nemesis"], "Nemesis"),
     ],
