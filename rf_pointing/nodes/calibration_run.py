@@ -106,7 +106,7 @@ class CalibrationRun(StationRun):
             return
         self._shown = state.pass_number
         text = (
-            f"pass {state.pass_number} of {self._count}, {state.target}: {state.observations} observations, "
+            f"pass {state.pass_number} of {self._count}, {state.target}: so far {state.observations} observations, "
             f"{state.sectors_filled} of 36 sectors"
         )
         print(
