@@ -1,8 +1,7 @@
 """Executable `antenna_servo`: the simulated antenna and its control unit; a station's own driver takes its place.
 
-Subscribes: joint_trajectory.  Publishes: joint_states (50 Hz), antenna_status (10 Hz, on activation, and when a fault comes
-or goes),
-sim/boresight (50 Hz, truth); while identifying manual_rate (50 Hz).
+Subscribes: joint_trajectory.  Publishes: joint_states (50 Hz), antenna_status (10 Hz, on activation, and when a fault
+comes or goes), sim/boresight (50 Hz, truth); while identifying manual_rate (50 Hz).
 Action: identify (rf_pointing_msgs/Identify).
 Services (std_srvs/Trigger): ~/stop (latches a fault), ~/pause, ~/resume, ~/park, ~/stow, ~/disable, ~/reset_fault;
 ~/inject_fault (rf_pointing_msgs/InjectFault, where fault injection is enabled).
@@ -63,8 +62,9 @@ class AntennaServo(ManagedNode):
         super().__init__("antenna_servo")
         self.parameters.declare("", ServoNodeParams())
         self.parameters.declare("safety", SafetyParams())
-        groups = {"antenna": AntennaParams(), "plant": dss13_plant(), "loops": LoopParams(), "wind": WindParams()}
-        for prefix, defaults in {**groups, "mount": MountParams()}.items():
+        for prefix, defaults in {"plant": dss13_plant(), "loops": LoopParams()}.items():
+            self.parameters.declare(prefix, defaults, live=True)
+        for prefix, defaults in {"antenna": AntennaParams(), "wind": WindParams(), "mount": MountParams()}.items():
             self.parameters.declare(prefix, defaults)
         self.parameters.check_with(self._check)
         self.parameters.on_change(self._retune)

@@ -66,8 +66,8 @@ class BiasCalibrator(ManagedNode):
     def __init__(self) -> None:
         super().__init__("bias_calibrator")
         self.parameters.declare("calibrator", CalibratorParams())
-        self.parameters.declare("shadow", ShadowRules())
-        self.parameters.declare("orbit", PassPriors(along_track_m=100.0, cross_track_m=60.0, radial_m=30.0))
+        self.parameters.declare("shadow", ShadowRules(), live=True)
+        self.parameters.declare("orbit", PassPriors(along_track_m=100.0, cross_track_m=60.0, radial_m=30.0), live=True)
         self.parameters.on_change(self._retune)
         self._keeper: ModelKeeper | None = None
         self._log: CalibrationLog | None = None

@@ -36,6 +36,9 @@ from rf_pointing.station.pass_planning import pass_profile
 from rf_pointing.station.source import SourceParams, load_track, refraction_at
 from rf_pointing.station.target_memory import TargetMemory
 
+LIVE_SOURCE = ("along_track_offset_s", "cross_track_offset_deg", "hold", "refraction", "weather")
+"""What may change while the node is configured; ~/select_target takes another satellite."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class PublisherParams(Params):
@@ -54,10 +57,10 @@ class EphemerisPublisher(ManagedNode):
 
     def __init__(self) -> None:
         super().__init__("ephemeris_publisher")
-        self.parameters.declare("source", SourceParams())
-        self.parameters.declare("publisher", PublisherParams())
+        self.parameters.declare("source", SourceParams(), live=LIVE_SOURCE)
+        self.parameters.declare("publisher", PublisherParams(), live=("lead_s", "margin_s"))
         self.parameters.declare("mask", HorizonMask())
-        self.parameters.declare("uncertainty", ElementUncertainty())
+        self.parameters.declare("uncertainty", ElementUncertainty(), live=True)
         self.parameters.on_change(self._on_parameters)
         self._track: TopocentricTrack | None = None
         self._passes: list[Pass] = []

@@ -172,7 +172,7 @@ class ManagedNode(LifecycleNode):
             self.get_logger().error(f"not configured: {error}")
             self._clear()
             return TransitionCallbackReturn.FAILURE
-        self._state_name, self._refusal = "inactive", ""
+        self._state_name, self._refusal, self.parameters.configured = "inactive", "", True
         return super().on_configure(state)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -196,7 +196,7 @@ class ManagedNode(LifecycleNode):
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         self._clear()
-        self._state_name = "unconfigured"
+        self._state_name, self.parameters.configured = "unconfigured", False
         return super().on_cleanup(state)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:

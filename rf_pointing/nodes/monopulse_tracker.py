@@ -33,7 +33,7 @@ class MonopulseTrackerNode(ManagedNode):
 
     def __init__(self) -> None:
         super().__init__("monopulse_tracker")
-        self.parameters.declare("monopulse", MonopulseParams())
+        self.parameters.declare("monopulse", MonopulseParams(), live=True)
         self.parameters.declare("calibration", MonopulseScanParams())
         self.parameters.declare("", FileParams())
         self.parameters.on_change(self._retune)

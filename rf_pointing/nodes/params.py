@@ -2,10 +2,11 @@
 
 A set of the core in radians appears under its prefix in degrees: `limits.rate_rad_s` is the parameter
 `limits.rate_deg_s`.  A change is tried on a copy of the whole set first; a refused key leaves every set as it was.
+What a node reads only when it is configured can be changed only before: taken later, it would be shown and not in force.
 """
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
@@ -18,11 +19,15 @@ from rf_pointing.geometry import Params, leaves, parameter_unit, to_degrees, wit
 __all__ = ["ParameterGroups"]
 
 _LARGEST = 1.0e308
+_WHEN_CONFIGURED = "read when the node is configured"
 _STANDARD = ("use_sim_time", "start_type_description_service", "qos_overrides.")
 
 
 class ParameterGroups:
-    """The parameter sets of one node, each under a prefix ("" for none)."""
+    """The parameter sets of one node, each under a prefix ("" for none).
+
+    `configured` says whether the node has read them: from then on only the live ones may change.
+    """
 
     def __init__(self, node: Node) -> None:
         self._node = node
@@ -30,18 +35,26 @@ class ParameterGroups:
         self._owner: dict[str, tuple[str, str]] = {}
         self._listeners: list[Callable[[], None]] = []
         self._checks: list[Callable[[Mapping[str, Any]], None]] = []
+        self._live: set[str] = set()
         self.refusals: list[str] = []
+        self.configured = False
         node.add_on_set_parameters_callback(self._try)
         node.add_post_set_parameters_callback(self._apply)
 
-    def declare(self, prefix: str, defaults: Params) -> None:
-        """Declare every field below `defaults`; a value from YAML that is refused goes to `refusals`."""
+    def declare(self, prefix: str, defaults: Params, *, live: bool | Collection[str] = False) -> None:
+        """Declare every field below `defaults`; a value from YAML that is refused goes to `refusals`.
+
+        `live` says whether the node heeds changes while it is configured, or of which fields (a set in the set: all of it).
+        """
         self._groups[prefix] = defaults
         given: list[Parameter] = []
         for edge, (item, value) in leaves(defaults).items():
             name = f"{prefix}.{edge}" if prefix else edge
-            given.append(self._declare_one(name, value, _descriptor(item, edge)))
+            heeded = live if isinstance(live, bool) else edge.partition(".")[0] in live
+            given.append(self._declare_one(name, value, _descriptor(item, edge, heeded)))
             self._owner[name] = (prefix, edge)
+            if heeded:
+                self._live.add(name)
         try:
             self._groups.update(self._candidates(given))
         except ValueError as error:
@@ -52,12 +65,17 @@ class ParameterGroups:
         return self._groups[prefix]
 
     def put(self, prefix: str, wanted: Params) -> None:
-        """Set the parameters of the set under `prefix` to those of `wanted`, as anybody could."""
-        present = leaves(self._groups[prefix])
+        """Set the parameters of the set under `prefix` to those of `wanted`, which the node has in force already."""
+        present, configured = leaves(self._groups[prefix]), self.configured
         changed = {edge: value for edge, (_, value) in leaves(wanted).items() if value != present[edge][1]}
-        for result in self._node.set_parameters([
-            Parameter(f"{prefix}.{edge}" if prefix else edge, value=value) for edge, value in changed.items()
-        ]):  # fmt: skip
+        self.configured = False
+        try:
+            results = self._node.set_parameters([
+                Parameter(f"{prefix}.{edge}" if prefix else edge, value=value) for edge, value in changed.items()
+            ])  # fmt: skip
+        finally:
+            self.configured = configured
+        for result in results:
             if not result.successful:
                 raise ValueError(result.reason)
 
@@ -114,12 +132,24 @@ class ParameterGroups:
 
     def _try(self, changes: list[Parameter]) -> SetParametersResult:
         try:
+            self._refuse_late(changes)
             candidates = self._candidates(changes)
             for check in self._checks if candidates else ():
                 check(self._groups | candidates)
         except ValueError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
+
+    def _refuse_late(self, changes: list[Parameter]) -> None:
+        """Raise ValueError for a change of what the configured node has read and will not look at again."""
+        for change in changes if self.configured else ():
+            if change.name in self._owner and change.name not in self._live:
+                present = self._node.get_parameter(change.name).value
+                wanted = change.value if isinstance(change.value, (bool, int, float, str)) else list(change.value)
+                if wanted != (present if isinstance(present, (bool, int, float, str)) else list(present)):
+                    raise ValueError(
+                        f"{change.name} is {_WHEN_CONFIGURED}: deactivate {self._node.get_name()} and clean it up first"
+                    )
 
     def _apply(self, changes: list[Parameter]) -> None:
         candidates = self._candidates(changes)
@@ -129,12 +159,12 @@ class ParameterGroups:
                 listener()
 
 
-def _descriptor(item: "dataclasses.Field[Any]", edge: str) -> ParameterDescriptor:
+def _descriptor(item: "dataclasses.Field[Any]", edge: str, live: bool) -> ParameterDescriptor:
     unit = parameter_unit(edge)
     descriptor = ParameterDescriptor(description=f"{item.metadata['description']} [{unit}]")
     choices = item.metadata.get("choices")
-    if choices:
-        descriptor.additional_constraints = f"one of {', '.join(choices)}"
+    constraints = [f"one of {', '.join(choices)}"] if choices else []
+    descriptor.additional_constraints = "; ".join(constraints if live else [*constraints, _WHEN_CONFIGURED])
     low, high = (to_degrees(item.name, item.metadata.get(side))[1] for side in ("low", "high"))
     if item.type is int:
         bounds = (int(low) if low is not None else -(2**53), int(high) if high is not None else 2**53)

@@ -66,6 +66,12 @@ GROUPS = {
     "gate": GateParams(),
     "sun": SunParams(),
 }
+LIVE = {
+    "limits": True,
+    "autotrack": True,
+    "pointing": ("on_target_deg", "error_age_s", "stop_deceleration_deg_s2", "lag_averaging_s"),
+}
+"""What may change while the node is configured; the timing of the commands may not."""
 LEAST_TRACKED_SHARE = 0.8
 FEEDBACK_EVERY = 10
 LONGEST_WAIT_S = 0.05
@@ -78,8 +84,8 @@ class PointingControllerNode(ManagedNode):
     def __init__(self) -> None:
         super().__init__("pointing_controller")
         for prefix, defaults in GROUPS.items():
-            self.parameters.declare(prefix, defaults)
-        self.parameters.declare("", StoreParams())
+            self.parameters.declare(prefix, defaults, live=LIVE.get(prefix, False))
+        self.parameters.declare("", StoreParams(), live=True)
         self.parameters.on_change(self._retune)
         self._controller: PointingController | None = None
         self._active = False

@@ -81,7 +81,9 @@ def test_every_number_has_a_range_in_edge_units(make_node: MakeNode) -> None:
     (count,) = node.describe_parameter("axis.count").integer_range
     assert (count.from_value, count.to_value) == (1, 9)
     assert node.describe_parameter("axis.open_s").floating_point_range, "a range keeps NaN out"
-    assert node.describe_parameter("axis.kind").additional_constraints == "one of a, b"
+    assert (
+        node.describe_parameter("axis.kind").additional_constraints == "one of a, b; read when the node is configured"
+    )
     assert node.describe_parameter("axis.on").type == ParameterType.PARAMETER_BOOL
 
 
@@ -218,3 +220,53 @@ def test_an_empty_array_takes_what_a_file_gives(make_node: MakeNode) -> None:
     made = ParameterGroups(make_node(given={"periods_s": [4.0]}))
     made.declare("", Periods())
     assert made.value("").periods_s == (4.0,)
+
+
+# Parameters of a configured node
+
+
+def configured(node: Any) -> ParameterGroups:
+    made = ParameterGroups(node)
+    made.declare("axis", Axis(), live=("loop", "high_deg"))
+    made.configured = True
+    return made
+
+
+@pytest.mark.parametrize("late", [{"low_deg": -20.0}, {"kind": "b"}, {"on": False}, {"rates_deg_s": [1.0, 2.0]}])
+def test_what_a_configured_node_has_read_is_refused_and_named(make_node: MakeNode, late: dict[str, Any]) -> None:
+    """Shown by `ros2 param get` and not in force would be the worst of both."""
+    node = make_node()
+    made = configured(node)
+    result = set_all(node, loop__gain=2.0, **late)
+    assert not result.successful
+    (name,) = late
+    assert result.reason == f"axis.{name} is read when the node is configured: deactivate subject and clean it up first"
+    assert unchanged(made)
+    made.configured = False
+    assert set_all(node, **late).successful
+
+
+def test_live_parameters_change_and_others_may_be_set_to_what_they_are(make_node: MakeNode) -> None:
+    node = make_node()
+    made = configured(node)
+    same = {name: node.get_parameter(f"axis.{name}").value for name in ("low_deg", "rates_deg_s", "kind")}
+    assert set_all(node, loop__gain=2.0, high_deg=50.0, **same).successful
+    assert made.value("axis").loop.gain == 2.0
+    assert made.value("axis").high_rad == pytest.approx(math.radians(50.0))
+
+
+def test_describing_a_parameter_says_when_it_is_read(make_node: MakeNode) -> None:
+    node = make_node()
+    configured(node)
+    said = {name: node.describe_parameter(f"axis.{name}").additional_constraints for name in NAMES}
+    assert said["kind"] == "one of a, b; read when the node is configured"
+    assert said["low_deg"] == "read when the node is configured"
+    assert (said["loop.gain"], said["high_deg"]) == ("", "")
+
+
+def test_the_node_itself_may_show_what_it_has_in_force(make_node: MakeNode) -> None:
+    node = make_node()
+    made = configured(node)
+    made.put("axis", Axis(kind="b"))
+    assert made.value("axis").kind == "b"
+    assert made.configured
