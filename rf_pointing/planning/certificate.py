@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from rf_pointing.planning.course import Course, Lag, courses, no_lag
 from rf_pointing.planning.crossing import Crossing, Gain
+from rf_pointing.planning.forbidden_sky import ForbiddenSky
 from rf_pointing.planning.limits import AxisLimits
 from rf_pointing.planning.loss import PassLoss
 from rf_pointing.planning.machine import MachineParams
@@ -126,11 +127,8 @@ def certify(
     lag : what the axes have to stand ahead of the beam because of how it moves.
     slew : the way to the start; without one it is straight.
     """
-    sky = _Sky(
-        mask=float(np.min(profile.position_rad[:, 1] - mask.lowest_all(profile.position_rad[:, 0]))),
-        sun=float(np.min(profile.sun_angle_rad())) - machine.sun_radius_rad,
-    )
     way = slew or (lambda start, end: (machine.slew_s(start, end), ""))
+    sky = ForbiddenSky(mask, machine.sun_radius_rad)
     certified = _Certifier(profile, sky, issued_t_s, present_rad, machine, limits, gain, way)
     branches = [
         certified.branch(course, turns)
@@ -148,12 +146,6 @@ def certify(
     )
 
 
-@dataclass(frozen=True, slots=True)
-class _Sky:
-    mask: float
-    sun: float
-
-
 def _turns(azimuth: Array, limits: AxisLimits) -> list[int]:
     """Return the turns with which some of the pass lies within the travel; the nearest one when none does."""
     low, high = float(azimuth.min()), float(azimuth.max())
@@ -167,7 +159,7 @@ class _Certifier:
     """What all branches of one pass have in common."""
 
     profile: PassProfile
-    sky: _Sky
+    sky: ForbiddenSky
     issued_t_s: float
     present_rad: Pair
     machine: MachineParams
@@ -185,7 +177,10 @@ class _Certifier:
         preposition_s, barred = self.slew(self.present_rad, self._meeting_point(position))
         loss = PassLoss.of(crossing, self.profile.duration_s, self.gain)
         late_s = max(0.0, self.issued_t_s + preposition_s - float(self.profile.t_s[0]))
-        refusals = _refusals(self.sky, closest, margin, loss.below_s + late_s, self.profile.duration_s, self.machine)
+        above = -float(np.max(self.sky.under_mask_all(position)))
+        sun = float(np.min(self.sky.sun_distance_all(position, self.profile.sun_rad))) - self.machine.sun_radius_rad
+        lost_s, duration_s = loss.below_s + late_s, self.profile.duration_s
+        refusals = _refusals(closest, margin, above, sun, lost_s, duration_s, self.machine)
         return Branch(
             turns=turns,
             plunge=course.plunge,
@@ -198,8 +193,8 @@ class _Certifier:
             peak_acceleration_rad_s2=_peaks(course.asked[2]),
             closest_limit=closest,
             limit_margin_rad=margin,
-            mask_margin_rad=self.sky.mask,
-            sun_margin_rad=self.sky.sun,
+            mask_margin_rad=above,
+            sun_margin_rad=sun,
             preposition_s=preposition_s,
             unwind_s=self.machine.slew_s((end[0], 0.0), (math.remainder(end[0], TURN), 0.0)),
             late_s=late_s,
@@ -242,16 +237,16 @@ def _closest(limits: AxisLimits, low: float, high: float, bottom: float, top: fl
 
 
 def _refusals(
-    sky: _Sky, closest: str, margin: float, lost_s: float, duration_s: float, machine: MachineParams
+    closest: str, margin: float, above: float, sun: float, lost_s: float, duration_s: float, machine: MachineParams
 ) -> tuple[str, ...]:
     found = []
     if margin < 0.0:
         found.append(f"{-math.degrees(margin):.3f} deg past the limit {closest}")
-    if sky.mask < 0.0:
-        found.append(f"{-math.degrees(sky.mask):.3f} deg below the horizon mask")
-    if sky.sun < 0.0:
+    if above < 0.0:
+        found.append(f"{-math.degrees(above):.3f} deg below the horizon mask")
+    if sun < 0.0:
         found.append(
-            f"{math.degrees(sky.sun + machine.sun_radius_rad):.3f} deg from the Sun, "
+            f"{math.degrees(sun + machine.sun_radius_rad):.3f} deg from the Sun, "
             f"must be >= {math.degrees(machine.sun_radius_rad):.3f} deg"
         )
     share = 1.0 - lost_s / duration_s

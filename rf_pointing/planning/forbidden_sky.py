@@ -52,7 +52,7 @@ class ForbiddenSky:
 
         Within the duration the Sun moves on, so the way keeps as much more from it, unless an end is nearer.
         """
-        under = self._under_mask_all(points)
+        under = self.under_mask_all(points)
         worst = int(np.argmax(under))
         if under[worst] > max(0.0, self.under_mask(*start), self.under_mask(*end)) + ROUNDING_RAD:
             return self._below(float(points[worst, 0]), float(points[worst, 1]), float(under[worst]))
@@ -60,7 +60,7 @@ class ForbiddenSky:
             return ""
         kept = self.sun_radius_rad + EARTH_RATE_RAD_S * duration_s
         ends = min(self.sun_distance(*start, sun), self.sun_distance(*end, sun))
-        nearest = float(np.min(self._sun_distance_all(points, sun)))
+        nearest = float(np.min(self.sun_distance_all(points, np.array(sun))))
         return self._near_sun(nearest) if nearest < min(kept, ends) - ROUNDING_RAD else ""
 
     def under_mask(self, azimuth: float, elevation: float) -> float:
@@ -76,19 +76,18 @@ class ForbiddenSky:
         half = math.sin(rise) ** 2 + math.cos(elevation) * math.cos(sun[1]) * math.sin(turn) ** 2
         return 2.0 * math.asin(math.sqrt(min(max(half, 0.0), 1.0)))
 
-    def _under_mask_all(self, points: Array) -> Array:
+    def under_mask_all(self, points: Array) -> Array:
+        """Return how far directions (n, 2) are below the horizon (n,), negative above it."""
         azimuth, elevation = points.T
         over = elevation > 0.5 * math.pi
         low = np.where(over, math.pi - elevation, elevation)
         return np.asarray(self.mask.lowest_all(np.where(over, azimuth + math.pi, azimuth)) - low)
 
     @staticmethod
-    def _sun_distance_all(points: Array, sun: Pair) -> Array:
-        azimuth, elevation = points.T
-        half = (
-            np.sin(0.5 * (elevation - sun[1])) ** 2
-            + np.cos(elevation) * math.cos(sun[1]) * np.sin(0.5 * (azimuth - sun[0])) ** 2
-        )
+    def sun_distance_all(points: Array, sun: Array) -> Array:
+        """Return the angles (n,) between directions (n, 2) and the Sun, (2,) or (n, 2)."""
+        rise, turn = 0.5 * (points - sun).T[::-1]
+        half = np.sin(rise) ** 2 + np.cos(points[:, 1]) * np.cos(sun[..., 1]) * np.sin(turn) ** 2
         return np.asarray(2.0 * np.arcsin(np.sqrt(np.clip(half, 0.0, 1.0))))
 
     @staticmethod

@@ -18,11 +18,18 @@ TURN = 2.0 * math.pi
 
 @dataclass(frozen=True, kw_only=True)
 class HorizonMask(Params):
-    """Surveyed points of the horizon; one point is a flat horizon."""
+    """Surveyed points of the horizon; one point is a flat horizon.
+
+    The gate holds the axes above the points themselves.  Passes begin and end `clearance_rad` above them, so that the errors
+    of the mount, a search at the rise and the last commands before the set stay above them too.
+    """
 
     azimuth_rad: tuple[float, ...] = parameter((0.0,), "azimuths of the horizon's points, rising", low=0.0, high=TURN)
     elevation_rad: tuple[float, ...] = parameter(
         (math.radians(-10.0),), "lowest elevation at each of them", low=-0.2, high=1.5
+    )
+    clearance_rad: float = parameter(
+        math.radians(1.0), "passes begin and end this far above the horizon", low=math.radians(0.01), high=0.2
     )
 
     def check_together(self) -> None:
@@ -49,8 +56,8 @@ class HorizonMask(Params):
         return heights[low] + (heights[high] - heights[low]) * (azimuth - points[low]) / width
 
     def above(self, least_rad: float) -> Callable[[Array], Array]:
-        """Return the horizon (n,) over azimuths (n,) that is nowhere lower than `least_rad`."""
-        return lambda azimuth_rad: np.maximum(self.lowest_all(azimuth_rad), least_rad)
+        """Return where passes begin and end, (n,) over azimuths (n,): clear of the horizon, and nowhere below `least_rad`."""
+        return lambda azimuth_rad: np.maximum(self.lowest_all(azimuth_rad) + self.clearance_rad, least_rad)
 
     def lowest_all(self, azimuth_rad: ArrayLike) -> Array:
         """Return the horizon's elevation at azimuths of any shape."""

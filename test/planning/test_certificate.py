@@ -120,6 +120,20 @@ def test_a_pass_through_the_sun_is_refused_with_the_angle() -> None:
     assert certificate(sunny, machine=MACHINE.replace(sun_radius_rad=0.0)).chosen is not None
 
 
+def test_the_sun_is_kept_from_where_a_detour_leads_not_from_the_target_alone() -> None:
+    """Too fast for the azimuth axis the beam turns aside by tens of degrees, and there stands the Sun."""
+    profile = arc(10.0, 190.0, peak_deg=89.0, seconds=120.0)
+    machine = MACHINE.replace(least_share=0.0)
+    clear = certificate(profile, machine=machine).chosen
+    assert clear is not None
+    aside = int(np.argmax(clear.crossing.error_rad))
+    beam = clear.crossing.position_rad[aside]
+    sunny = dataclasses.replace(profile, sun_rad=np.tile(beam, (len(profile.t_s), 1)))
+    assert float(np.min(sunny.sun_angle_rad())) > 3.0 * machine.sun_radius_rad
+    refused = next(one for one in certificate(sunny, machine=machine).branches if one.label == clear.label)
+    assert any("deg from the Sun" in reason for reason in refused.refusals)
+
+
 def test_prepositioning_counts_against_the_pass_when_it_comes_too_late() -> None:
     early = certificate(arc(-60.0, 0.0), now_s=0.0).chosen
     assert early.late_s == 0.0

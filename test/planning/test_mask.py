@@ -29,3 +29,11 @@ def test_a_horizon_that_turns_back_is_refused() -> None:
         HorizonMask(azimuth_rad=(1.0, 0.5), elevation_rad=(0.0, 0.0))
     with pytest.raises(ValueError, match="the same number"):
         HorizonMask(azimuth_rad=(1.0, 2.0), elevation_rad=(0.0,))
+
+
+def test_passes_begin_clear_of_the_horizon_and_above_the_least_elevation(random: np.random.Generator) -> None:
+    azimuths = random.uniform(-10.0, 10.0, 500)
+    clear = MASK.replace(clearance_rad=0.02).above(0.1)(azimuths)
+    np.testing.assert_allclose(clear, np.maximum(MASK.lowest_all(azimuths) + 0.02, 0.1), atol=1e-12)
+    with pytest.raises(ValueError, match="clearance_rad"):
+        MASK.replace(clearance_rad=0.0)

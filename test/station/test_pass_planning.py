@@ -39,6 +39,26 @@ def test_a_hill_on_the_way_to_the_start_costs_the_time_over_it(track: Topocentri
     assert over.preposition_s == pytest.approx(plain.preposition_s + sum(legs), abs=0.5)
 
 
+def test_passes_over_a_surveyed_horizon_can_be_tracked_by_a_mount_with_errors(track: TopocentricTrack) -> None:
+    """They begin and end at it: the axes, 0.1 deg lower than the beam and 0.3 deg lower while it rises, stay above it."""
+    horizon = HorizonMask(
+        azimuth_rad=tuple(x * DEG for x in (0.0, 40.0, 90.0, 120.0, 180.0, 250.0, 300.0)),
+        elevation_rad=tuple(x * DEG for x in (6.0, 8.0, 12.0, 7.0, 9.0, 15.0, 6.0)),
+    )  # fmt: skip
+    mount = MountParams(elevation_offset_rad=-0.1 * DEG, elevation_velocity_lag_s=-2.0).model()
+    rules = dataclasses.replace(RULES, mask=horizon, model=mount)
+    planned = plan_passes(track, track.target.elements.epoch_t_s, 86400.0, (2.0, 1.0), rules, 5.0 * DEG)
+    assert len(planned) == 5
+    for item in planned:
+        assert item.window.aos_elevation_rad > float(horizon.lowest_all(item.window.aos_azimuth_rad)) + 0.99 * DEG
+        chosen = item.certificate.chosen
+        assert chosen is not None, item.certificate.refusal
+        assert 0.5 * DEG < chosen.mask_margin_rad < 0.9 * DEG
+    low = plan_passes(track, track.target.elements.epoch_t_s, 86400.0, (2.0, 1.0),
+                      dataclasses.replace(rules, mask=horizon.replace(clearance_rad=0.1 * DEG)), 5.0 * DEG)  # fmt: skip
+    assert "deg below the horizon mask" in low[0].certificate.refusal
+
+
 def test_lags_of_the_mount_are_part_of_the_axes_path(track: TopocentricTrack, window: Pass) -> None:
     mount = MountParams(azimuth_velocity_lag_s=-1.0, elevation_velocity_lag_s=-2.0).model()
     profile = pass_profile(track, window)
