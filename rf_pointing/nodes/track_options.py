@@ -129,6 +129,7 @@ def overrides(options: argparse.Namespace, window: Pass, output: Path) -> dict[s
             "publisher.mask_deg": options.mask,
             "mask.azimuth_deg": [math.degrees(angle) for angle in mask.azimuth_rad],
             "mask.elevation_deg": [math.degrees(angle) for angle in mask.elevation_rad],
+            "mask.clearance_deg": math.degrees(mask.clearance_rad),
         },
         "rf_receiver": {**source, **real, "signal.seed": options.seed},
         "antenna_servo": {"antenna.seed": options.seed, "safety.sun.station": options.station},
