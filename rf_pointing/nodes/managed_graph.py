@@ -47,7 +47,11 @@ class ManagedGraph:
         self._processes.start(names)
 
     def configure(self, names: Sequence[str]) -> None:
-        """Wait until the nodes are there, and configure them."""
+        """Wait until the nodes are there, and configure them.
+
+        Another graph's nodes of the same names offer the same services, and must not be taken for the own ones.
+        """
+        self.wait_until(lambda: not self._processes.nameless(names), ", ".join(names))
         self._lifecycle.wait_for(names, self._patience_s)
         self.change(names, "configure")
 

@@ -14,6 +14,8 @@ from pathlib import Path
 
 from ament_index_python.packages import get_package_prefix
 
+from rf_pointing.nodes.instance_lock import last_holder
+
 __all__ = ["SIMULATED_STATION", "NodeProcesses"]
 
 SIMULATED_STATION = (
@@ -75,6 +77,10 @@ class NodeProcesses:
     def ended(self) -> Mapping[str, int]:
         """Return name and exit code of every process that has ended by itself."""
         return {name: code for name, process in self._running.items() if (code := process.poll()) is not None}
+
+    def nameless(self, names: Sequence[str]) -> list[str]:
+        """Return those whose process does not hold its name yet: it still starts, or another graph has the name."""
+        return [name for name in names if last_holder(f"{self.namespace}/{name}") != self._running[name].pid]
 
     def complaint(self, name: str) -> str:
         """Return the last line of a node's log, which says why it refused."""

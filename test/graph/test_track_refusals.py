@@ -60,18 +60,34 @@ def test_a_bring_up_with_a_bad_parameter_fails_and_names_node_and_key(tmp_path: 
     bad = tmp_path / "bad.yaml"
     bad.write_text("/**/antenna_servo: {ros__parameters: {safety: {gate: {hard_deg: -1.0}}}}\n")
     namespace = f"/bad{os.getpid()}"
-    run = start_track("--params-file", str(bad), "--output", str(tmp_path / "new"), "--namespace", namespace)
-    said = run.communicate(timeout=2.0 * DEADLINE_S)[1]
-    assert run.returncode == 2, said
+    said = ended_with_2("--params-file", str(bad), "--output", str(tmp_path / "new"), "--namespace", namespace)
     assert re.search(r"could not configure antenna_servo: .*safety\.gate\.hard_deg", said), said
     assert processes_of(namespace) == []
 
 
-def refused(*arguments: str) -> str:
-    """Return the one line that `track` says of arguments that it refuses with exit code 2."""
+def test_a_second_graph_in_a_namespace_names_the_node_and_the_process_of_the_first(
+    live: SimpleNamespace, tmp_path: Path
+) -> None:
+    first = live.start(["simulation_clock"], state="activate")
+    said = ended_with_2("--namespace", live.namespace, "--output", str(tmp_path / "second"))
+    process = first.processes.process_id("simulation_clock")
+    assert f"{live.namespace}/simulation_clock already runs in ROS domain" in said
+    assert f"(process {process})" in said
+    assert first.processes.ended() == {}
+    assert processes_of(live.namespace) == [process]
+
+
+def ended_with_2(*arguments: str) -> str:
+    """Return what `track` says when it ends with exit code 2 while it brings the graph up."""
     run = start_track(*arguments)
     said = run.communicate(timeout=DEADLINE_S)[1]
     assert run.returncode == 2, said
+    return said
+
+
+def refused(*arguments: str) -> str:
+    """Return the one line that `track` says of arguments that it refuses with exit code 2."""
+    said = ended_with_2(*arguments)
     assert len(said.strip().splitlines()) == 1, said
     return said
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from rf_pointing.nodes.instance_lock import InstanceLock
+from rf_pointing.nodes.instance_lock import InstanceLock, last_holder
 
 
 @pytest.fixture(autouse=True)
@@ -26,6 +26,14 @@ def test_a_second_holder_is_refused_with_the_first_ones_process() -> None:
         InstanceLock("/gs1/antenna_servo")
     lock.release()
     InstanceLock("/gs1/antenna_servo").release()
+
+
+def test_the_process_that_took_a_name_is_known_and_nobody_s_that_was_never_taken() -> None:
+    assert last_holder("/gs1/antenna_servo") is None
+    lock = InstanceLock("/gs1/antenna_servo")
+    assert last_holder("/gs1/antenna_servo") == os.getpid()
+    assert last_holder("/gs2/antenna_servo") is None
+    lock.release()
 
 
 def test_other_names_namespaces_and_domains_are_free(monkeypatch: pytest.MonkeyPatch) -> None:
