@@ -10,6 +10,7 @@ services are still in the graph (20 s), and those that arrive wait for discovery
 """
 
 import gc
+import re
 import signal
 import sys
 from collections.abc import Callable
@@ -22,6 +23,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.publisher import Publisher
 from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import remove_ros_args
 
 from rf_pointing.geometry import Params, parameter
 from rf_pointing.nodes.diagnostics import ERROR, OK, Diagnostics, Health
@@ -32,6 +34,10 @@ from rf_pointing.nodes.stamps import seconds_from_stamp
 from rf_pointing.nodes.streams import InputCounter, Latest, SequencedPublisher
 
 __all__ = ["ManagedNode", "make_executor", "run", "settle_garbage"]
+
+_USAGE = "usage: NAME --ros-args [-r __ns:=/gs1] [--params-file FILE] [-p NAME:=VALUE] ..."
+_IN_THE_SOURCE = re.compile(r"\s*, at \S+\.c(pp)?:\d+")
+"""Where in its own source rcl noticed what is wrong."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -265,16 +271,17 @@ def settle_garbage() -> None:
 def run(node_type: Callable[[], Any]) -> None:
     """Run one node until SIGINT or SIGTERM; an active node is deactivated first, so that motion ends under control.
 
-    A refused start prints one line and exits with 2.
+    A refused start prints one line and exits with 2; `--help` prints the docstring of the node's module.
     """
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     asked: list[int] = []
-    for sign in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(sign, lambda number, _frame: asked.append(number))
     try:
+        _take_arguments(str(sys.modules[node_type.__module__].__doc__))
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        for sign in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(sign, lambda number, _frame: asked.append(number))
         node = node_type()
     except (RuntimeError, ValueError) as error:
-        print(f"rf_pointing: {error}", file=sys.stderr)
+        print(f"rf_pointing: not started: {_IN_THE_SOURCE.sub('', str(error))}", file=sys.stderr)
         rclpy.try_shutdown()
         sys.exit(2)
     executor = make_executor()
@@ -287,3 +294,13 @@ def run(node_type: Callable[[], Any]) -> None:
     executor.shutdown()
     node.destroy_node()
     rclpy.try_shutdown()
+
+
+def _take_arguments(description: str) -> None:
+    """Leave by SystemExit where help is asked for; ValueError for what is no argument of ROS, which nobody would heed."""
+    given = remove_ros_args(sys.argv)[1:]
+    if {"-h", "--help"} & set(given):
+        print(f"{description}\n{_USAGE}")
+        sys.exit(0)
+    if given:
+        raise ValueError(f"argument {given[0]!r} is not known; {_USAGE}")

@@ -1,6 +1,8 @@
 """What every node shares: counted inputs, numbered outputs, refusals that do not end the process."""
 
 import math
+import re
+import sys
 from typing import Any
 
 import pytest
@@ -11,7 +13,7 @@ from rf_pointing_msgs.msg import PointingError, Target
 
 from rf_pointing.nodes import convert
 from rf_pointing.nodes.diagnostics import WARN
-from rf_pointing.nodes.managed import ManagedNode
+from rf_pointing.nodes.managed import ManagedNode, run
 from rf_pointing.nodes.qos import STREAM
 
 ANY_STATE = LifecycleState(state_id=1, label="unconfigured")
@@ -163,3 +165,44 @@ def test_a_refused_configuration_is_not_tried_again(subject: Subject) -> None:
     subject.refusal = None
     subject.bring_up()
     assert subject._state_health().message == "gain=9 must be <= 5"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--nonsense"], r"argument '--nonsense' is not known; usage: NAME --ros-args"),
+        (["--ros-args", "--nonsense"], r"\['--nonsense'\]"),
+        (["--ros-args", "-p"], r".* trailing -p flag\. .*"),
+        (
+            ["--ros-args", "--params-file", "nowhere.yaml"],
+            r".*'--params-file nowhere.yaml'. Error: Error opening YAML file",
+        ),
+        (["--ros-args", "-r", "__ns:=gs1"], r".*'-r __ns:=gs1'.*"),
+    ],
+)
+def test_wrong_arguments_of_a_node_are_named_in_one_line_and_it_is_not_started(
+    arguments: list[str],
+    words: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["managed_subject", *arguments])
+    with pytest.raises(SystemExit) as left:
+        run(Subject)
+    assert left.value.code == 2
+    lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("rf_pointing: ")]
+    assert len(lines) == 1
+    assert re.match(rf"rf_pointing: not started: {words}", lines[0]), lines
+    assert ".c:" not in lines[0]
+
+
+def test_help_of_a_node_says_what_it_does_and_starts_nothing(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["managed_subject", "--help"])
+    with pytest.raises(SystemExit) as left:
+        run(Subject)
+    assert left.value.code == 0
+    said = capsys.readouterr().out
+    assert said.startswith(__doc__)
+    assert "--params-file FILE" in said
