@@ -33,7 +33,7 @@ class CelestialTarget:
     """A body whose place in the GCRS is a function of time."""
 
     rotation_rate_rad_s = EARTH_RATE_RAD_S
-    span_t_s = (-math.inf, math.inf)
+    spans_t_s = ((-math.inf, math.inf),)
 
     def __init__(
         self,

@@ -18,7 +18,7 @@ from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource, Iers
 from rf_pointing.ephemeris.motion import Motion, Vector, rotated, seen_from_rotating_axes
 from rf_pointing.ephemeris.oem import METHODS, OemSegment
 from rf_pointing.ephemeris.sgp4_orbit import GMST_RATE_RAD_S, earth_fixed_from_teme
-from rf_pointing.ephemeris.time_scales import Tai, leap_seconds, utc_text
+from rf_pointing.ephemeris.time_scales import DAY_S, POSIX_EPOCH_JD, Tai, leap_seconds, utc_text
 from rf_pointing.geometry import require_choice
 
 __all__ = ["OemTarget"]
@@ -62,12 +62,16 @@ class OemTarget:
         self._polynomial = lru_cache(maxsize=4096)(self._solved_polynomial)
 
     @property
-    def span_t_s(self) -> tuple[float, float]:
-        """First and last usable UTC time, a second of light and offsets inside the ends; gaps between segments remain."""
-        first = min(segment.usable_from_s for segment in self._segments) + EDGE_S
-        last = max(segment.usable_to_s for segment in self._segments) - EDGE_S
-        ends = [Tai(2440587.5, tai_s / 86400.0).to_utc().posix_s() for tai_s in (first, last)]
-        return float(ends[0]), float(ends[1])
+    def spans_t_s(self) -> tuple[tuple[float, float], ...]:
+        """First and last UTC times of what is usable without a gap, each a second of light inside the ends."""
+        joined: list[list[float]] = []
+        for first, last in sorted((segment.usable_from_s, segment.usable_to_s) for segment in self._segments):
+            if joined and first <= joined[-1][1]:
+                joined[-1][1] = max(joined[-1][1], last)
+            else:
+                joined.append([first, last])
+        inside = [(first + EDGE_S, last - EDGE_S) for first, last in joined if last - first > 2.0 * EDGE_S]
+        return tuple((_utc_s(first), _utc_s(last)) for first, last in inside)
 
     def motion_at(self, t_s: Any, ahead_s: float = 0.0) -> Motion:
         """Return the inertial motion [m] in Earth-fixed axes; a time outside the usable spans raises ValueError."""
@@ -158,5 +162,10 @@ def _gcrs_from_j2000() -> tuple[Vector, Vector, Vector]:
     return tuple(first), tuple(second), tuple(third)
 
 
+def _utc_s(tai_s: float) -> float:
+    days, seconds = divmod(tai_s, DAY_S)
+    return Tai(POSIX_EPOCH_JD + days, seconds / DAY_S).to_utc().posix_s()
+
+
 def _utc(tai_s: float) -> str:
-    return utc_text(Tai(2440587.5, tai_s / 86400.0).to_utc().posix_s())
+    return utc_text(_utc_s(tai_s))

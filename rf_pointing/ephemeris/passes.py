@@ -74,16 +74,23 @@ def find_passes(
     """Return the passes above an elevation or a horizon (apparent) in the `duration_s` after `start_t_s`, in time order.
 
     Times are found to 0.1 ms.  A pass that is going on at either end is cut off there and says so.  An ephemeris is searched
-    where it is usable; a search that lies wholly beside it is refused.
+    where it is usable, its gaps left out; a search that lies wholly beside it is refused.
     """
     require_between("duration_s", duration_s, 1.0, None)
+    parts = _within(track.spans_t_s, start_t_s, duration_s)
+    return [found for part in parts for found in _passes_of(track, *part, min_elevation_rad)]
+
+
+def _passes_of(
+    track: TopocentricTrack, start_t_s: float, duration_s: float, min_elevation_rad: float | Horizon
+) -> list[Pass]:
+    """Return the passes in a time for which the target is known throughout."""
     if callable(min_elevation_rad):
         horizon, flat_rad = min_elevation_rad, _below(min_elevation_rad)
         require_between("min_elevation_rad", flat_rad, -0.2, np.pi / 2)
     else:
         horizon, flat_rad = None, min_elevation_rad
         require_between("min_elevation_rad", flat_rad, -0.01, np.pi / 2)
-    start_t_s, duration_s = _within(track.target.span_t_s, start_t_s, duration_s)
     grid = np.linspace(start_t_s, start_t_s + duration_s, int(np.ceil(duration_s / _STEP_S)) + 1)
     knots = np.concatenate([grid[:1], _turning_points(track, grid), grid[-1:]])
     elevation = track.sample(knots).elevation_rad
@@ -157,10 +164,12 @@ def first_pass_above(
     )
 
 
-def _within(span_t_s: tuple[float, float], start_t_s: float, duration_s: float) -> tuple[float, float]:
-    """Return the part of a search that lies in the span; unchanged beside it, where the target itself refuses the times."""
-    low, high = max(start_t_s, span_t_s[0]), min(start_t_s + duration_s, span_t_s[1])
-    return (low, high - low) if high > low else (start_t_s, duration_s)
+def _within(
+    spans_t_s: tuple[tuple[float, float], ...], start_t_s: float, duration_s: float
+) -> list[tuple[float, float]]:
+    """Return the starts and durations of a search in the spans; unchanged beside them: the target refuses the times."""
+    ends = [(max(start_t_s, first), min(start_t_s + duration_s, last)) for first, last in spans_t_s]
+    return [(low, high - low) for low, high in ends if high > low] or [(start_t_s, duration_s)]
 
 
 def _turning_points(track: TopocentricTrack, grid: Array) -> Array:

@@ -32,7 +32,7 @@ class Sgp4Orbit:
 
     rotation_rate_rad_s = GMST_RATE_RAD_S
     at_infinity = False
-    span_t_s = (-math.inf, math.inf)
+    spans_t_s = ((-math.inf, math.inf),)
 
     def __init__(self, elements: Elements, orientation: EarthOrientationSource, *, max_age_s: float) -> None:
         if not max_age_s > 0.0:

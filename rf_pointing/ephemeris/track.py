@@ -35,8 +35,8 @@ class TargetSource(Protocol):
     """Whether the motion is an apparent direction without parallax (stars); its length means nothing."""
 
     @property
-    def span_t_s(self) -> tuple[float, float]:
-        """First and last UTC time of an ephemeris that ends; infinite where times are refused for their age only."""
+    def spans_t_s(self) -> tuple[tuple[float, float], ...]:
+        """First and last UTC times of the parts of an ephemeris; infinite where times are refused for their age only."""
 
     def motion_at(self, t_s: Any, ahead_s: float = 0.0) -> Motion:
         """Return inertial derivatives in Earth-fixed axes, metres, at UTC times; refuse times outside its span."""
@@ -156,6 +156,18 @@ class TopocentricTrack:
             range_rate_m_s=rest[1],
             true_elevation_rad=rest[2],
         )
+
+    @property
+    def spans_t_s(self) -> tuple[tuple[float, float], ...]:
+        """First and last UTC times of the parts in which the direction is known: the target's, as the offset moves them."""
+        if self.hold_t_s is not None:
+            return ((-math.inf, math.inf),)
+        ahead_s = self.along_track_offset_s
+        return tuple((first - ahead_s, last - ahead_s) for first, last in self.target.spans_t_s)
+
+    def covers(self, t_s: float) -> bool:
+        """Return whether `t_s` lies in one of the spans."""
+        return any(first <= t_s <= last for first, last in self.spans_t_s)
 
     def warnings(self, t_s: float) -> tuple[str, ...]:
         """Return what makes the direction at `t_s` less certain (expired tables, predicted or assumed UT1)."""

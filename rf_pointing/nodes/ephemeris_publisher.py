@@ -27,7 +27,7 @@ from rf_pointing.ephemeris import (
 )
 from rf_pointing.geometry import Params, parameter
 from rf_pointing.nodes import convert, convert_planning
-from rf_pointing.nodes.diagnostics import OK, WARN, Health
+from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Health
 from rf_pointing.nodes.managed import ManagedNode, run
 from rf_pointing.nodes.qos import LATCHED, STREAM
 from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
@@ -63,6 +63,7 @@ class EphemerisPublisher(ManagedNode):
         self.parameters.declare("uncertainty", ElementUncertainty(), live=True)
         self.parameters.on_change(self._on_parameters)
         self._track: TopocentricTrack | None = None
+        self._unknown = ""
         self._passes: list[Pass] = []
         self._peak_rad = 0.0
 
@@ -85,13 +86,19 @@ class EphemerisPublisher(ManagedNode):
     def _publish(self, now_s: float) -> None:
         params: PublisherParams = self.parameters.value("publisher")
         t_s = round(now_s + params.lead_s, 6)
-        first_s, last_s = self._track.target.span_t_s
-        for window in self._passes:
-            if not first_s <= t_s <= last_s:
-                return
-            if window.aos_t_s - params.margin_s <= t_s <= window.los_t_s + params.margin_s:
-                self._targets.publish(convert.target_to_message(self._track.target_at(t_s), self._uncertainty(t_s)))
-                return
+        margin_s = params.margin_s
+        near = any(window.aos_t_s - margin_s <= t_s <= window.los_t_s + margin_s for window in self._passes)
+        if not (near and self._track.covers(t_s)):
+            return
+        try:
+            target = self._track.target_at(t_s)
+        except ValueError as error:
+            # What is set while the node runs may ask for more than elements or an ephemeris can tell.
+            self._unknown = str(error)
+            self.get_logger().warning(f"no target is published: {error}", throttle_duration_sec=10.0)
+            return
+        self._unknown = ""
+        self._targets.publish(convert.target_to_message(target, self._uncertainty(t_s)))
 
     def _on_select(self, request: SelectTarget.Request, response: SelectTarget.Response) -> SelectTarget.Response:
         try:
@@ -108,7 +115,7 @@ class EphemerisPublisher(ManagedNode):
         source: SourceParams = self.parameters.value("source")
         track, start_s = self._track, seconds_from_stamp(request.start) or self.now_s()
         if request.target:
-            source = source.replace(satellite=request.target)
+            source = source.replace(satellite=request.target, hold=False)
             track = load_track(source)
         passes = self._choose(track, start_s, request.minimum_peak_elevation)
         self.parameters.put("source", source)
@@ -119,7 +126,10 @@ class EphemerisPublisher(ManagedNode):
         """Make `track` the target, if it passes, and publish its passes."""
         params: PublisherParams = self.parameters.value("publisher")
         horizon = self.parameters.value("mask").above(params.mask_rad)
-        found = passes_with_present(track, start_s, params.span_s, horizon)
+        moving = track.with_offsets(
+            along_track_offset_s=track.along_track_offset_s, cross_track_offset_rad=track.cross_track_offset_rad
+        )
+        found = passes_with_present(moving, start_s, params.span_s, horizon)
         passes = [window for window in found if window.peak_elevation_rad >= peak_rad]
         if not passes:
             raise ValueError(
@@ -130,7 +140,7 @@ class EphemerisPublisher(ManagedNode):
         message = PassList(target=track.name, passes=[convert_planning.pass_to_message(window) for window in passes])
         message.header.stamp = stamp_from_seconds(self.now_s())
         self._pass_list.publish(message)
-        profiles = [convert_planning.profile_to_message(pass_profile(track, window)) for window in passes]
+        profiles = [convert_planning.profile_to_message(pass_profile(moving, window)) for window in passes]
         self._profiles.publish(PassProfileList(header=message.header, profiles=profiles))
         return passes
 
@@ -155,6 +165,8 @@ class EphemerisPublisher(ManagedNode):
             "hold_since": "" if self._track.hold_t_s is None else utc_text(self._track.hold_t_s),
             **self._uncertainty_values(),
         }
+        if self._unknown:
+            return Health(ERROR, self._unknown, values)
         return Health(WARN if warnings else OK, warnings or self._track.name, values)
 
     def _uncertainty(self, t_s: float) -> SkyUncertainty | None:

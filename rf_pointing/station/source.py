@@ -116,7 +116,7 @@ def first_time_s(params: SourceParams) -> float:
     if isinstance(target, Elements):
         return target.epoch_t_s
     if isinstance(target, OemTarget):
-        return target.span_t_s[0]
+        return target.spans_t_s[0][0]
     raise ValueError(f"{target.name} has no epoch: say when to look for it (start)")
 
 

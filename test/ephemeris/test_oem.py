@@ -15,6 +15,7 @@ from rf_pointing.ephemeris import (
     OemTarget,
     Site,
     TopocentricTrack,
+    find_passes,
     read_oem,
     utc_text,
 )
@@ -173,6 +174,45 @@ def test_segments_are_not_interpolated_across_and_the_later_one_wins(cbers: Elem
     for t_s, shift_m in ((float(TIMES[7]) - 0.1, 0.0), (float(TIMES[7]) + 0.1, 1e5), (float(TIMES[-1]), 1e5)):
         apart = np.subtract(target.motion_at(t_s).position, plain.motion_at(t_s).position)
         assert np.linalg.norm(apart) == pytest.approx(shift_m, abs=1.0)
+
+
+GAP = slice(6, 9)
+"""States that are missing between two segments of the same object."""
+
+
+def two_parts(cbers: Elements) -> OemTarget:
+    states = teme_states(cbers)
+    first = text_of(states[: GAP.start], times=TIMES[: GAP.start])
+    second = "META_START" + text_of(states[GAP.stop :], times=TIMES[GAP.stop :]).split("META_START", 1)[1]
+    return OemTarget(read_oem(first + second))
+
+
+def test_passes_are_looked_for_on_both_sides_of_a_gap(cbers: Elements, goldstone: Site) -> None:
+    parts = find_passes(TopocentricTrack(two_parts(cbers), goldstone), TIMES[0] - 3600.0, 7200.0, math.radians(5.0))
+    (whole,) = find_passes(TopocentricTrack(cbers, goldstone), TIMES[0] - 3600.0, 7200.0, math.radians(5.0))
+    assert [(p.rises_before, p.sets_after) for p in parts] == [(False, True), (True, False)]
+    ends = [parts[0].aos_t_s, parts[0].los_t_s, parts[1].aos_t_s, parts[1].los_t_s]
+    gap = (TIMES[GAP.start - 1] - 1.0, TIMES[GAP.stop] + 1.0)
+    assert ends == pytest.approx([whole.aos_t_s, *gap, whole.los_t_s], abs=1e-3)
+
+
+@pytest.mark.parametrize("ahead_s", [-40.0, 40.0])
+def test_an_along_track_offset_moves_the_times_at_which_an_ephemeris_is_known(
+    ahead_s: float, cbers: Elements, goldstone: Site
+) -> None:
+    track = TopocentricTrack(OemTarget(read_oem(text_of(teme_states(cbers)))), goldstone, along_track_offset_s=ahead_s)
+    ((first, last),) = track.spans_t_s
+    assert (first, last) == pytest.approx((TIMES[0] + 1.0 - ahead_s, TIMES[-1] - 1.0 - ahead_s), abs=1e-6)
+    for t_s in (first, last):
+        assert track.covers(t_s)
+        track.target_at(t_s)
+    assert not track.covers(first - 0.1)
+    assert not track.covers(last + 0.1)
+    (found,) = find_passes(track, TIMES[0] - 3600.0, 7200.0, math.radians(5.0))
+    assert first <= found.aos_t_s < found.los_t_s <= last
+    held = track.with_offsets(along_track_offset_s=ahead_s, cross_track_offset_rad=0.0, hold_t_s=first)
+    assert held.covers(last + 3600.0)
+    assert held.target_at(last + 3600.0).elevation_rad == track.target_at(first).elevation_rad
 
 
 def test_a_message_without_interpolation_needs_one(cbers: Elements) -> None:

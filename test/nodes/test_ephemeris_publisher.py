@@ -1,0 +1,94 @@
+"""The ephemeris publisher between its topics: what it cannot tell it says, and goes on."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
+from rclpy.parameter import Parameter
+
+from rf_pointing.ephemeris import find_elements, utc_text, verification_elements
+from rf_pointing.nodes.diagnostics import ERROR, OK
+from rf_pointing.nodes.ephemeris_publisher import EphemerisPublisher
+
+STATE = LifecycleState(state_id=1, label="unconfigured")
+FIRST_S, STEP_S, STATES = 1_151_384_300.0, 60.0, 13
+MIDDLE_S = FIRST_S + 0.5 * STEP_S * (STATES - 1)
+
+
+@pytest.fixture
+def ephemeris(tmp_path: Path) -> Path:
+    """Return an ephemeris of twelve minutes; the pass of CBERS-2 that begins in them goes on for 20 s more."""
+    elements = find_elements(verification_elements(), "28057")
+    record, times = elements.satrec(), FIRST_S + STEP_S * np.arange(STATES)
+    rows = [(utc_text(t)[:-1], *np.ravel(record.sgp4_tsince((t - elements.epoch_t_s) / 60.0)[1:])) for t in times]
+    meta = {
+        "OBJECT_NAME": "BIRD", "OBJECT_ID": "2003-049A", "CENTER_NAME": "EARTH", "REF_FRAME": "TEME", "TIME_SYSTEM": "UTC",
+        "START_TIME": rows[0][0], "STOP_TIME": rows[-1][0], "INTERPOLATION": "LAGRANGE", "INTERPOLATION_DEGREE": "9",
+    }  # fmt: skip
+    lines = ["CCSDS_OEM_VERS = 2.0", "META_START", *(f"{key} = {value}" for key, value in meta.items()), "META_STOP"]
+    file = tmp_path / "bird.oem"
+    file.write_text("\n".join([*lines, *(" ".join(map(str, row)) for row in rows)]))
+    return file
+
+
+@pytest.fixture
+def publisher(default_context: None, ephemeris: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Yield a publisher that is active in the middle of the pass, and what it publishes as `sent`."""
+    node = EphemerisPublisher()
+    values = {"source.elements_file": str(ephemeris), "source.satellite": "BIRD"}
+    node.set_parameters([Parameter(name, value=value) for name, value in values.items()])
+    monkeypatch.setattr(node, "now_s", lambda: MIDDLE_S)
+    assert node.on_configure(STATE) == TransitionCallbackReturn.SUCCESS
+    assert node.on_activate(STATE) == TransitionCallbackReturn.SUCCESS
+    node.sent = []
+    monkeypatch.setattr(node._targets, "publish", node.sent.append)
+    yield node
+    node.end()
+    node.lock.release()
+    node.destroy_node()
+
+
+def told(node: Any, **values: float | bool) -> None:
+    (result,) = {
+        item.successful for item in node.set_parameters([Parameter(f"source.{k}", value=v) for k, v in values.items()])
+    }
+    assert result
+
+
+def test_an_offset_beyond_the_end_of_an_ephemeris_ends_the_targets_not_the_node(publisher: Any) -> None:
+    late_s = FIRST_S + STEP_S * (STATES - 1) - 40.0
+    publisher._publish(late_s)
+    assert len(publisher.sent) == 1
+    told(publisher, along_track_offset_s=50.0)
+    publisher._publish(late_s)
+    assert len(publisher.sent) == 1
+    publisher._publish(late_s - 20.0)
+    assert len(publisher.sent) == 2
+
+
+def test_a_target_that_cannot_be_told_is_an_error_on_diagnostics(
+    publisher: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(_t_s: float) -> None:
+        raise ValueError("BIRD cannot be propagated: it has decayed")
+
+    with monkeypatch.context() as broken:
+        broken.setattr(publisher._track, "target_at", fails)
+        publisher._publish(MIDDLE_S)
+        assert publisher._health().level == ERROR
+        assert "it has decayed" in publisher._health().message
+    publisher._publish(MIDDLE_S)
+    assert publisher._health().level == OK
+
+
+def test_a_held_target_keeps_the_pass_and_another_one_moves(publisher: Any) -> None:
+    told(publisher, hold=True)
+    passes = publisher._passes
+    assert publisher._choose(publisher._track, MIDDLE_S, 0.0) == passes
+    from rf_pointing_msgs.srv import SelectTarget
+
+    publisher._select(SelectTarget.Request(target="BIRD"))
+    assert publisher.parameters.value("source").hold is False
+    assert publisher._track.hold_t_s is None
