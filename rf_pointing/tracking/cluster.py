@@ -7,7 +7,7 @@ import numpy as np
 
 from rf_pointing.geometry import MonopulseCluster
 
-__all__ = ["cluster_fault"]
+__all__ = ["cluster_fault", "level_known"]
 
 CHANNELS = ("difference_cross_elevation", "difference_elevation", "sum")
 LEVEL_RANGE_DB_HZ = -60.0, 200.0
@@ -33,7 +33,13 @@ def cluster_fault(cluster: MonopulseCluster) -> str:
         return "t_s and carrier_to_noise_db_hz must be finite"
     if not all(map(operator.lt, clock, clock[1:])):
         return "t_s must increase from sample to sample"
-    low, high = LEVEL_RANGE_DB_HZ
-    if not low <= cluster.carrier_to_noise_db_hz <= high:
+    if not level_known(cluster.carrier_to_noise_db_hz):
+        low, high = LEVEL_RANGE_DB_HZ
         return f"carrier_to_noise_db_hz={cluster.carrier_to_noise_db_hz} must be between {low} and {high}"
     return ""
+
+
+def level_known(carrier_to_noise_db_hz: float) -> bool:
+    """Return whether that is a C/N0 at all."""
+    low, high = LEVEL_RANGE_DB_HZ
+    return low <= carrier_to_noise_db_hz <= high

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.geometry import MDEG, MonopulseCluster, Params, PointingError, parameter
-from rf_pointing.tracking.cluster import cluster_fault
+from rf_pointing.tracking.cluster import cluster_fault, level_known
 from rf_pointing.tracking.monopulse_calibration import MonopulseCalibration
 
 __all__ = ["CURVES", "MonopulseParams", "MonopulseTracker"]
@@ -127,14 +127,17 @@ class MonopulseTracker:
         return ""
 
     def _rejected(self, cluster: MonopulseCluster, reason: str) -> PointingError:
+        """Return no error; the receiver's own C/N0 stands, for broken samples are no loss of the carrier."""
         times = np.asarray(cluster.t_s, dtype=np.float64).ravel()
         known = times[np.isfinite(times)]
+        level_db_hz = cluster.carrier_to_noise_db_hz
         return PointingError(
             t_s=float(known[-1]) if len(known) else 0.0,
             sensor="monopulse",
             cross_elevation_rad=0.0,
             elevation_rad=0.0,
             covariance_rad2=np.eye(2) * self.params.half_power_beamwidth_rad**2,
+            carrier_to_noise_db_hz=level_db_hz if level_known(level_db_hz) else 0.0,
             valid=False,
             reason=reason,
         )

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from rf_pointing.ephemeris import Pass
-from rf_pointing.geometry import MDEG, PointingError, sky_offset_rad
+from rf_pointing.geometry import MDEG, MonopulseCluster, PointingError, sky_offset_rad
 from rf_pointing.station.pointing_params import PointingParams
+from rf_pointing.tracking import MonopulseParams, MonopulseTracker
 
 STRONG_DB_HZ, WEAK_DB_HZ = 60.0, 5.0
 BEAMWIDTH_RAD = 65.0 * MDEG
@@ -64,6 +65,29 @@ def test_errors_that_must_not_be_used_move_nothing(rig: MakeRig, window: Pass, u
     ):
         assert status.cross_elevation_offset_rad == pytest.approx(0.0, abs=ROUNDING_RAD)
         assert status.elevation_offset_rad == pytest.approx(0.0, abs=ROUNDING_RAD)
+
+
+@pytest.mark.parametrize(("every", "count"), [(2, 1), (10, 5)])
+def test_broken_clusters_among_good_ones_do_not_end_the_lock(
+    rig: MakeRig, window: Pass, every: int, count: int
+) -> None:
+    """Of `every` clusters the first `count` have a sample that is no number: the loop follows the others."""
+    made, aside_rad = acquired(rig, window), 5.0 * MDEG
+    beside, tracker = Offset(aside_rad, 0.0, "monopulse"), MonopulseTracker(MonopulseParams())
+    samples = np.array([1.0, np.nan, 1.0, 1.0, 1.0])
+
+    def sense(t_s: float, rig: Rig) -> list[PointingError]:
+        if round(10.0 * t_s) % every >= count:
+            return beside(t_s, rig)
+        broken = MonopulseCluster(
+            t_s=t_s - 0.1 + 0.02 * np.arange(5), sum=samples, difference_cross_elevation=samples,
+            difference_elevation=samples, carrier_to_noise_db_hz=STRONG_DB_HZ,
+        )  # fmt: skip
+        return [tracker.measure(broken)]
+
+    for _, _, status in made.run(window.aos_t_s + 4.0, 6.0, sense):
+        assert status.mode == "monopulse", status.reason
+    assert status.cross_elevation_offset_rad == pytest.approx(aside_rad, rel=0.1)
 
 
 def test_stale_errors_are_not_used(rig: MakeRig, window: Pass) -> None:

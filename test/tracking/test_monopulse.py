@@ -140,6 +140,8 @@ def test_broken_clusters_are_rejected_with_the_reason_and_an_unknown_spread(
     with pytest.raises(AssertionError, match=reason):
         raise AssertionError(error.reason)
     assert error.covariance_rad2[0, 0] == pytest.approx(H**2)
+    # Broken samples are no loss of the carrier, if only the receiver says what it hears.
+    assert error.carrier_to_noise_db_hz == (0.0 if "carrier_to_noise_db_hz" in change else 45.0)
 
 
 def test_calibrated_response_recovers_the_error_through_gain_phase_cross_talk_and_leakage() -> None:
