@@ -20,6 +20,9 @@ from rf_pointing.tracking.scan import Offset, circle_offset
 __all__ = ["ConscanState", "ConscanTracker"]
 
 Array = NDArray[np.float64]
+FEWEST_WITNESSES = 3
+LARGEST_CHANGE_DECADES = 4.0
+"""By which the noise of a receiver may differ between the samples of a window, its power's own share included."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,6 +108,8 @@ class ConscanTracker:
             return f"power_w={power.power_w} must be > 0"
         if power.sigma_w <= 0.0:
             return f"sigma_w={power.sigma_w} must be > 0"
+        if not 0.0 < power.sigma_w * power.sigma_w / power.power_w < math.inf:
+            return f"sigma_w={power.sigma_w} for power_w={power.power_w} is beyond what can be squared"
         if power.carrier_to_noise_db_hz < self.params.lock_db_hz:
             return f"no lock: C/N0 {power.carrier_to_noise_db_hz:.1f} dB-Hz is below {self.params.lock_db_hz:.1f} dB-Hz"
         offset = math.hypot(beam_cross_elevation_rad, beam_elevation_rad)
@@ -112,7 +117,23 @@ class ConscanTracker:
             return f"beam offset {offset} rad must be <= {2.0 * self.params.half_power_beamwidth_rad}, two beamwidths"
         if len(self.state.window) and self.beam_time_s(power) <= self.state.window.rows[-1, 0]:
             return f"t_s={power.t_s} must be later than that of the sample before"
-        return ""
+        return self._unlike_the_others(power)
+
+    def _unlike_the_others(self, power: CarrierPower) -> str:
+        """Return why the sample is not of the receiver that gave the others: alone it would outweigh them all.
+
+        sigma^2 / power is 2 N0 / T (CONSCAN B-5), whatever the beam does.
+        """
+        rows = self.state.window.rows
+        rows = rows[rows[:, 0] >= self.beam_time_s(power) - self.params.max_age_s]
+        if len(rows) < FEWEST_WITNESSES:
+            return ""
+        weigh = 2.0 * math.log10(power.sigma_w) - math.log10(power.power_w)
+        others = [2.0 * math.log10(rows[k, 2]) - math.log10(rows[k, 1]) for k in (0, len(rows) // 2, -1)]
+        decades = sorted(abs(weigh - other) for other in others)[1]
+        if decades <= LARGEST_CHANGE_DECADES:
+            return ""
+        return f"sigma_w={power.sigma_w} for power_w={power.power_w} is {10.0 * decades:.0f} dB off that of the samples before"
 
     def _measure(self, window: ConscanWindow) -> PointingError:
         found = estimate_window(self.params, window)

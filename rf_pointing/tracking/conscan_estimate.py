@@ -36,7 +36,10 @@ def estimate_window(params: ConscanParams, window: ConscanWindow) -> WindowEstim
     smallest_rad = SMALLEST_SPREAD * params.radius_rad
     if least_spread_rad(design) < smallest_rad:
         return _unknown(params, rank_reason(window.beam_rad, smallest_rad))
-    return _linear(params, window) if params.estimator == "linear" else _likelihood(params, window, design)
+    try:
+        return _linear(params, window) if params.estimator == "linear" else _likelihood(params, window, design)
+    except np.linalg.LinAlgError:
+        return _unknown(params, _singular_reason(params, window, design))
 
 
 def _linear(params: ConscanParams, window: ConscanWindow) -> WindowEstimate:
@@ -92,6 +95,14 @@ def _spin_inflation(params: ConscanParams, window: ConscanWindow, found: Likelih
     x, y = window.beam_cross_elevation_rad, window.beam_elevation_rad
     without = fit_beam(beam_design(x, y, params.half_power_beamwidth_rad), window.power_w, noise_w)
     return float(np.max(np.diag(found.covariance_rad2) / np.diag(without.covariance_rad2)))
+
+
+def _singular_reason(params: ConscanParams, window: ConscanWindow, design: BeamDesign) -> str:
+    """Return why the estimate has no solution although the beam moved in both axes."""
+    if np.linalg.matrix_rank(design.columns) < design.columns.shape[1]:
+        return f"the spin cannot be told from the scan: spin_periods_s={params.spin_periods_s}"
+    least, most = float(np.min(window.sigma_w)), float(np.max(window.sigma_w))
+    return f"sigma_w from {least:.3g} to {most:.3g} W in one window: the samples outweigh each other"
 
 
 def _unknown(params: ConscanParams, reason: str) -> WindowEstimate:

@@ -96,6 +96,8 @@ def test_beam_on_two_points_is_named() -> None:
     ({"power_w": math.nan}, 0.0, "power, time and beam offset must be finite"),
     ({"power_w": 0.0}, 0.0, "power_w=0.0 must be > 0"),
     ({"sigma_w": 0.0}, 0.0, "sigma_w=0.0 must be > 0"),
+    ({"sigma_w": 1e-300}, 0.0, "sigma_w=1e-300 for power_w=1.0 is beyond what can be squared"),
+    ({"sigma_w": 1e300}, 0.0, "sigma_w=1e+300 for power_w=1.0 is beyond what can be squared"),
     ({"t_s": 1.0}, 0.0, "t_s=1.0 must be later than that of the sample before"),
     ({}, 2.1 * H, "two beamwidths"),
     ({}, math.inf, "power, time and beam offset must be finite"),
@@ -126,6 +128,44 @@ def test_power_that_no_beam_can_give_is_not_divided_by() -> None:
     assert error is not None
     assert not error.valid
     assert "mean carrier power" in error.reason
+
+
+@pytest.mark.parametrize("estimator", ["likelihood", "linear"])
+@pytest.mark.parametrize(("watts", "sigma"), [
+    (1.0, 1e-3 * 1e-8), (1.0, 1e-100), (1e30, 1e-3), (1e290, 1e-3), (1e-30, 1e-33), (1e30, 1e27),
+])  # fmt: skip
+def test_one_absurd_sample_is_rejected_and_the_window_goes_on(estimator: str, watts: float, sigma: float) -> None:
+    """Alone it would outweigh all others, and the window could not be solved until it has left."""
+    tracker = ConscanTracker(params(estimator=estimator, updates="sample"))
+    found = []
+    for k in range(48):
+        u, v = R * math.cos(0.2 * k), R * math.sin(0.2 * k)
+        given = power(k + 1.0, linear_power(2.0 * MDEG, 0.0, u, v))
+        absurd = dataclasses.replace(given, power_w=watts, sigma_w=sigma)
+        found.append(tracker.add(absurd if k == 40 else given, u, v))
+    assert tracker.state.rejected == 1
+    assert "dB off that of the samples before" in tracker.state.last_rejection
+    assert found[40] is None
+    assert all(error is not None and error.valid for error in found[41:])
+
+
+@pytest.mark.parametrize("estimator", ["likelihood", "linear"])
+def test_a_window_that_one_sample_outweighs_is_named(estimator: str) -> None:
+    """The absurd one is among the first: nothing yet says what is usual."""
+    tracker = ConscanTracker(params(estimator=estimator, window_samples=16))
+    for k in range(16):
+        angle, sigma = 2.0 * math.pi * k / 16, 1e-30 if k == 1 else 1e-3
+        error = tracker.add(power(k + 1.0, 1.0, sigma), R * math.cos(angle), R * math.sin(angle))
+    assert error is not None
+    assert not error.valid
+    assert error.reason
+
+
+def test_a_spin_as_long_as_the_scan_is_named() -> None:
+    tracker = ConscanTracker(params(estimator="likelihood", spin_periods_s=(32.0,)))
+    error = run(tracker, 2.0 * np.pi * np.arange(1, 33) / 32, 0.0, 0.0)
+    assert not error.valid
+    assert error.reason == "the spin cannot be told from the scan: spin_periods_s=(32.0,)"
 
 
 def test_radius_beyond_half_the_beam_is_refused() -> None:
