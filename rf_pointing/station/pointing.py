@@ -70,9 +70,12 @@ class PointingController:
             machine or MachineParams(), mask or HorizonMask(), gate or GateParams(), limits,
             SolarDirection(sun or SunParams()),
         )  # fmt: skip
-        scans = ScanParams(spiral, conscan, steptrack or StepTrackParams(), calibration or MonopulseScanParams())
+        watch = watch or LockWatchParams()
+        scans = ScanParams(
+            spiral, conscan, steptrack or StepTrackParams(), calibration or MonopulseScanParams(), watch.probe
+        )
         self.offsets = SkyOffsets(integrator, scans, trim or TrimParams())
-        self.carrier = CarrierWatch(watch or LockWatchParams(), link or LinkParams())
+        self.carrier = CarrierWatch(watch, link or LinkParams())
         self._mode = TrackingMode(autotrack, self.carrier)
         self._motion = CommandedMotion(params, self.plan, self.offsets)
         self._pass: Pass | None = None

@@ -1,4 +1,4 @@
-"""The motions that are added to look for more: search, conical scan, step-track and the circle of a calibration.
+"""The motions that are added to look for more: search, conical scan, step-track, the circles of a calibration and of a probe.
 
 A search covers three standard deviations of what the filter knows of the ephemeris.  A spiral does, unless it would take
 too long and the target is far likelier early or late than beside its track: then the track is swept in strips.
@@ -25,6 +25,7 @@ from rf_pointing.tracking import (
     circle_offset,
     direction_rows,
 )
+from rf_pointing.tracking import ScanParams as CircleParams
 
 __all__ = ["ScanParams", "ScanPatterns"]
 
@@ -39,12 +40,13 @@ SPARE_S = 2.0
 
 @dataclass(frozen=True)
 class ScanParams:
-    """Parameter sets of the patterns."""
+    """Parameter sets of the patterns; `probe` is the circle that tests a monopulse lock, None for none."""
 
     spiral: SpiralParams
     conscan: ConscanParams
     steptrack: StepTrackParams
     calibration: MonopulseScanParams
+    probe: CircleParams | None = None
 
     def age_s(self, sensor: str) -> float:
         """Return how long before its stamp the samples of an error of this sensor lie, on average."""
@@ -76,8 +78,10 @@ class ScanPatterns:
         """Return the pattern that depends on parameters only, None where the mode adds nothing."""
         if mode == "steptrack":
             return StepTracker(self._params.steptrack).offset
-        circles = {"conscan": self._params.conscan.scan, "calibrate": self._params.calibration.scan}
-        return partial(circle_offset, circles[mode]) if mode in circles else None
+        params = self._params
+        circles = {"conscan": params.conscan.scan, "calibrate": params.calibration.scan, "monopulse": params.probe}
+        circle = circles.get(mode)
+        return None if circle is None else partial(circle_offset, circle)
 
     def at(self, times: Array, sky: SkyMotion | None) -> tuple[Array, Array]:
         """Return offset and rate (n, 2) at `times` (n,), `sky` (n,) the target's motion there."""

@@ -114,14 +114,15 @@ class SkyOffsets:
         past = self._past.at(t_s)
         return np.zeros(2) if past is None else past[3:5]
 
-    def _displaced(self, t_s: float, past: Array | None, beam: Array | None) -> Array:
-        """Return where the beam was from the centre on purpose (2,): no error of the centre, and nothing to correct.
+    def _displaced(self, command_s: float, t_s: float, past: Array | None, beam: Array | None) -> Array:
+        """Return where the beam was from the centre on purpose (2,) at `t_s`: no error of the centre, nothing to correct.
 
-        While it is on its way the encoders tell; once there, what they see is the wind, which is to be corrected.
+        While it is on its way the encoders tell; once there, what they see is the wind, which is to be corrected, and only
+        the circle that tests the lock was meant.
         """
-        if past is None or beam is None or not (self._scans.running or self.arriving(t_s)):
-            return np.zeros(2)
-        return np.asarray(beam - past[3:5])
+        if past is not None and beam is not None and self.arriving(command_s):
+            return np.asarray(beam - past[3:5])
+        return self._scans.at(np.array([t_s]), None)[0][0] if self._scans.running else np.zeros(2)
 
     def add_trim(self, times: Array, target: Motion, range_m: Array) -> Motion:
         """Return the target's motion (n, 2) with trim and residual added; `range_m` (n,) is its distance."""
@@ -164,7 +165,7 @@ class SkyOffsets:
         self._unseen = False
         past, sensed = self._past.at(error.t_s), _measured(error)
         if error.sensor == "monopulse":
-            self._integrator.update(command_s, sensed + self._displaced(command_s, past, beam))
+            self._integrator.update(command_s, sensed + self._displaced(command_s, error.t_s, past, beam))
             direction, age_s, pause_s = None if beam is None else beam + sensed, 0.0, 0.0
         else:
             self._integrator.update(command_s, sensed)

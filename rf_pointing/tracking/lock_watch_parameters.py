@@ -3,13 +3,16 @@
 from dataclasses import dataclass
 
 from rf_pointing.geometry import MDEG, Params, parameter
+from rf_pointing.tracking.scan import ScanParams
 
 __all__ = ["LockWatchParams"]
+
+LARGEST_PROBE_BEAMWIDTHS = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
 class LockWatchParams(Params):
-    """Weather and drift of the right lock, certainty of the verdicts, limits of steepness and level."""
+    """Weather and drift of the right lock, the probe of it, certainty of the verdicts, limits of steepness and level."""
 
     half_power_beamwidth_rad: float = parameter(65.0 * MDEG, "half-power beamwidth", low=1e-6, high=0.5)
     evidence: float = parameter(
@@ -33,6 +36,11 @@ class LockWatchParams(Params):
         low=1e-9, high=0.1,
     )  # fmt: skip
     settling_share: float = parameter(0.01, "share of the time of each of those others", low=1e-6, high=0.5)
+    probe_rad: float = parameter(
+        0.0, "radius of the circle of the beam while monopulse tracks, 0: none", low=0.0, high=0.01
+    )
+    probe_period_s: float = parameter(1.0, "time of one turn of that circle", low=0.4, high=60.0)
+    probe_ramp_s: float = parameter(1.0, "time over which its radius grows from zero", low=0.1, high=60.0)
     window_s: float = parameter(2.0, "time over which the steepness is measured", low=0.1, high=60.0)
     unmodelled_beamwidths: float = parameter(
         0.03, "motion of the beam that the encoders do not see, for the steepness", low=0.0, high=0.5
@@ -43,7 +51,19 @@ class LockWatchParams(Params):
     level_drop_db: float = parameter(10.0, "C/N0 below the link's that is a sidelobe", low=3.0, high=30.0)
 
     def check_together(self) -> None:
-        """Refuse a watch that knows no weather."""
+        """Refuse a watch that knows no weather, and a probe that leaves the middle of the beam."""
         for name in ("gust_rad", "vibration_rad", "drift_change_rad_s"):
             if not getattr(self, name):
                 raise ValueError(f"{name} has 0 strengths, must have at least 1")
+        largest_rad = LARGEST_PROBE_BEAMWIDTHS * self.half_power_beamwidth_rad
+        if self.probe_rad > largest_rad:
+            raise ValueError(
+                f"probe_rad={self.probe_rad} must be <= {largest_rad}, {LARGEST_PROBE_BEAMWIDTHS} half_power_beamwidth_rad"
+            )
+
+    @property
+    def probe(self) -> ScanParams | None:
+        """The circle to command while monopulse tracks, None for none."""
+        if self.probe_rad == 0.0:
+            return None
+        return ScanParams(radius_rad=self.probe_rad, period_s=self.probe_period_s, ramp_s=self.probe_ramp_s)

@@ -20,12 +20,14 @@ from rf_pointing.tracking import (
     TrimParams,
     direction_rows,
 )
+from rf_pointing.tracking import ScanParams as CircleParams
 
 T_S = 1_151_384_000.0
 PERIOD_S = 0.1
 RANGE_M = 1e6
 ROUNDING_RAD = 1e-9
 """A float resolves UTC seconds to 0.24 microseconds: an offset that moves is known to that share of it."""
+PROBE = CircleParams(radius_rad=0.2 * MDEG, period_s=1.0, ramp_s=1.0)
 MODES = ("monopulse", "conscan", "steptrack", "calibrate", "search", "coast", "hand_back", "program_track")
 CONSCAN = ConscanParams(period_s=4.0, ramp_s=2.0, updates="sample", sample_s=0.1, window_samples=40, fewest_samples=20)
 
@@ -41,8 +43,8 @@ def climbing(times: np.ndarray, elevation_rad: float = 0.9) -> Motion:
 class Loop:
     """Steps the offsets once a period, as the pointing controller does, with a beam that is where it is commanded."""
 
-    def __init__(self) -> None:
-        scans = ScanParams(SpiralParams(), CONSCAN, StepTrackParams(), MonopulseScanParams())
+    def __init__(self, probe: CircleParams | None = None) -> None:
+        scans = ScanParams(SpiralParams(), CONSCAN, StepTrackParams(), MonopulseScanParams(), probe)
         self.offsets = SkyOffsets(TrackerIntegratorParams(bandwidth_hz=0.2), scans, TrimParams())
         self.offsets.restart(T_S)
         self.mode, self.t_s = "program_track", T_S
@@ -129,7 +131,7 @@ def test_close_to_the_zenith_the_azimuth_correction_stays_bounded() -> None:
 def test_no_change_of_mode_makes_the_command_jump(before: str, mode: str) -> None:
     """The rate that a trajectory states is that of its positions, across every change, and changes by no more than 0.5
     deg/s^2 allow."""
-    loop = Loop()
+    loop = Loop(PROBE)
     loop.run("monopulse", 3.0, beside(9.0, -6.0))
     loop.run(before, 2.3)
     loop.run(mode, 4.0)
@@ -222,6 +224,23 @@ def test_the_conscan_circle_has_its_radius_and_period() -> None:
     turn = np.array(loop.rows[start:])
     np.testing.assert_allclose(np.hypot(*turn.T), CONSCAN.radius_rad, rtol=1e-6)
     np.testing.assert_allclose(turn[-1], loop.rows[start - 1], atol=1e-8)
+
+
+def test_the_probe_of_a_lock_is_circled_and_the_loop_does_not_fight_it() -> None:
+    """Taken for an error of the centre, the circle would be followed by a seventh of itself."""
+    loop = Loop(PROBE)
+    loop.run("monopulse", 20.0, beside(0.0, 0.0))
+    turn = np.array(loop.rows[-10:])
+    np.testing.assert_allclose(np.hypot(*turn.T), PROBE.radius_rad, rtol=0.01)
+    np.testing.assert_allclose(turn.mean(axis=0), [0.0, 0.0], atol=0.002 * MDEG)
+    np.testing.assert_allclose(loop.offsets.trim(loop.t_s), [0.0, 0.0], atol=0.002 * MDEG)
+
+
+def test_the_probe_ends_with_the_mode() -> None:
+    loop = Loop(PROBE)
+    loop.run("monopulse", 3.0)
+    loop.run("coast", 1.0)
+    np.testing.assert_allclose(loop.rows[-1], [0.0, 0.0], atol=ROUNDING_RAD)
 
 
 def test_a_new_pass_begins_without_an_offset_or_scan() -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.geometry import MDEG, PointingError, random_stream
-from rf_pointing.tracking import LockWatch, LockWatchParams, LockWatchState
+from rf_pointing.tracking import LockWatch, LockWatchParams, LockWatchState, circle_offset
 
 H = 17.0 * MDEG
 CLUSTER_S = 0.1
@@ -61,18 +61,24 @@ def follow_gusts(
     seconds: float, gust_mdeg: float, name: str, params: LockWatchParams | None = None, flip_s: float = math.inf
 ) -> tuple[str, float]:
     """Let the loop follow a wind that stays for a second and that the encoders do not see; return fault and its time."""
-    watch = LockWatch(params or LockWatchParams(half_power_beamwidth_rad=H))
+    params = params or LockWatchParams(half_power_beamwidth_rad=H)
+    watch = LockWatch(params)
     rng, beam, gust = random_stream(12, name), 0j, 0j
     keep = math.exp(-CLUSTER_S)
     for k in range(round(seconds / CLUSTER_S)):
         t_s = k * CLUSTER_S
         gust = keep * gust + math.sqrt(1.0 - keep**2) * gust_mdeg * MDEG * complex(*rng.standard_normal(2))
-        error = (gust - beam) * (-1.0 if t_s >= flip_s else 1.0) + complex(*rng.standard_normal(2)) * SIGMA
-        fault = watch.add(sensed(t_s, error), beam.real, beam.imag)
+        seen = beam + probe(params, t_s)
+        error = (gust - seen) * (-1.0 if t_s >= flip_s else 1.0) + complex(*rng.standard_normal(2)) * SIGMA
+        fault = watch.add(sensed(t_s, error), seen.real, seen.imag)
         if fault:
             return fault, t_s
-        beam += 2.0 * math.pi * 0.2 * CLUSTER_S * error
+        beam += 2.0 * math.pi * 0.2 * CLUSTER_S * (error + probe(params, t_s))
     return "", seconds
+
+
+def probe(params: LockWatchParams, t_s: float) -> complex:
+    return 0j if params.probe is None else complex(*circle_offset(params.probe, t_s)[:2])
 
 
 @pytest.mark.parametrize(("gust_mdeg", "seconds"), [(0.1, 200.0), (0.3, 600.0), (0.6, 200.0)])
@@ -93,6 +99,28 @@ def test_flip_under_a_beam_at_rest_is_found_within_two_seconds() -> None:
     assert np.max(times) <= 2.5
 
 
+PROBED = LockWatchParams(half_power_beamwidth_rad=H, probe_rad=0.2 * MDEG)
+
+
+def test_a_probe_somewhat_larger_than_the_noise_finds_every_flip_within_two_seconds() -> None:
+    """Also those for which a beam at rest gives no reason for three seconds."""
+    found = [follow_gusts(30.0, 0.1, f"rest {seed}", PROBED, flip_s=20.0) for seed in range(12)]
+    assert all(fault.startswith(("sign flip", "phase")) for fault, _ in found)
+    times = np.array([t_s - 20.0 for _, t_s in found])
+    assert np.all(times > 0.0)
+    assert np.max(times) <= 2.0
+
+
+@pytest.mark.parametrize(("gust_mdeg", "seconds"), [(0.1, 100.0), (0.3, 200.0), (0.6, 100.0)])
+def test_a_right_lock_that_is_probed_is_not_doubted(gust_mdeg: float, seconds: float) -> None:
+    assert follow_gusts(seconds, gust_mdeg, "gusts", PROBED) == ("", seconds)
+
+
+def test_a_probe_beyond_the_middle_of_the_beam_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"probe_rad=.* must be <= .*, 0.1 half_power_beamwidth_rad"):
+        LockWatchParams(half_power_beamwidth_rad=H, probe_rad=0.11 * H)
+
+
 def follow_settling(name: str, params: LockWatchParams) -> str:
     """Let the loop follow a swing of 8 mdeg, 6 s and a decay of 5 s, as of lags of the mount; return the fault."""
     rng, beam, watch, errors = random_stream(12, name), 0j, LockWatch(params), [0j] * 5
@@ -101,8 +129,11 @@ def follow_settling(name: str, params: LockWatchParams) -> str:
         target = (
             8.0 * MDEG * math.exp(-t_s / 5.0) * complex(math.sin(t_s * math.pi / 3.0), math.cos(t_s * math.pi / 3.0))
         )
+        circle = probe(params, t_s)
         errors.append(target - beam + complex(*rng.standard_normal(2)) * 5.0 * SIGMA)
-        fault = watch.add(sensed(t_s, errors[-1], sigma=5.0 * SIGMA), beam.real, beam.imag)
+        fault = watch.add(
+            sensed(t_s, errors[-1] - circle, sigma=5.0 * SIGMA), (beam + circle).real, (beam + circle).imag
+        )
         if fault:
             return fault
         beam += 2.0 * math.pi * 0.1 * CLUSTER_S * errors[-5]
@@ -114,6 +145,7 @@ def test_lags_that_settle_are_no_sign_flip(seed: int) -> None:
     """To a watch that knows only steady targets they are."""
     x_band = LockWatchParams(half_power_beamwidth_rad=65.0 * MDEG)
     assert follow_settling(f"settle {seed}", x_band) == ""
+    assert follow_settling(f"settle {seed}", x_band.replace(probe_rad=0.75 * MDEG)) == ""
     steady = x_band.replace(drift_change_rad_s=x_band.drift_change_rad_s[:1])
     assert follow_settling(f"settle {seed}", steady).startswith("sign flip")
 
