@@ -106,6 +106,7 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     )
     options = parser.parse_args(argv)
     options.satellite, options.mask, options.record, options.keep_observations = "90001", 5.0, None, True
+    options.scan_sigma = None
     return options
 
 

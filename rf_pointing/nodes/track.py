@@ -15,11 +15,20 @@ from rf_pointing_msgs.action import TrackPass
 from rf_pointing_msgs.msg import PassCertificate
 
 from rf_pointing.ephemeris import Pass, utc_text
+from rf_pointing.geometry import MDEG
 from rf_pointing.nodes import convert_planning
 from rf_pointing.nodes.progress import ProgressLine
 from rf_pointing.nodes.qos import LATCHED
 from rf_pointing.nodes.station_run import StationRun, run_to_end
-from rf_pointing.nodes.track_options import arguments, bag_folder, choose_pass, output_folder, run_stem, speed_factor
+from rf_pointing.nodes.track_options import (
+    arguments,
+    bag_folder,
+    choose_pass,
+    chosen_scan,
+    output_folder,
+    run_stem,
+    speed_factor,
+)
 from rf_pointing.planning import certificate_lines
 
 CERTIFICATE_S = 10.0
@@ -73,12 +82,16 @@ def main(argv: list[str] | None = None) -> None:
     try:
         speed_factor(options.speed)
         window = choose_pass(options)
+        scan = chosen_scan(options, window)
         output = output_folder(options, run_stem(options, window))
     except (ValueError, OSError) as error:
         say(str(error))
         sys.exit(2)
     say(f"{window.name} over {options.station}: AOS {utc_text(window.aos_t_s)}, {window.duration_s:.0f} s, "
         f"peak {math.degrees(window.peak_elevation_rad):.1f} deg")  # fmt: skip
+    if scan is not None:
+        say(f"scan of {scan.radius_rad / MDEG:.2f} mdeg in {scan.period_s:.1f} s, an estimate over "
+            f"{scan.window_samples * scan.sample_s:.1f} s")  # fmt: skip
     sys.exit(execute(options, window, output))
 
 

@@ -11,15 +11,18 @@ import yaml
 from ament_index_python.packages import get_package_share_directory
 
 from rf_pointing.ephemeris import Pass, first_pass_above
+from rf_pointing.geometry import MDEG, leaves
 from rf_pointing.nodes.namespace_option import add_namespace_option
 from rf_pointing.nodes.number_option import between
 from rf_pointing.nodes.target_options import add_target_options, source_of, start_of
 from rf_pointing.planning import HorizonMask
-from rf_pointing.rf import HALF_POWER_BEAMWIDTH_RAD
+from rf_pointing.rf import HALF_POWER_BEAMWIDTH_RAD, LinkParams
+from rf_pointing.station.carrier_watch import link_level_db_hz
 from rf_pointing.station.commissioning import commissioning_model
 from rf_pointing.station.configuration import NodeParameters, read_parameter_files
 from rf_pointing.station.sensed_errors import SENSOR_CHOICES
 from rf_pointing.station.source import load_track
+from rf_pointing.tracking import ConscanParams, ScanDesignParams, scan_for_accuracy
 
 __all__ = [
     "DEFAULT_MODELS",
@@ -27,6 +30,7 @@ __all__ = [
     "arguments",
     "bag_folder",
     "choose_pass",
+    "chosen_scan",
     "in_real_time",
     "notes",
     "output_folder",
@@ -40,6 +44,9 @@ DEFAULT_MODELS = Path("runs/models")
 """Where `calibrate` leaves accepted models and `track` finds them."""
 REAL_TIME_SPEED = 3.0
 """Up to this speed the clock ticks with the servo; above it only with the controller, five servo ticks at once."""
+LONGEST_TURN_S = 32.0
+"""Of a scan that is chosen: two of them still see one and the same error."""
+SCAN_CHOICES = ("radius_deg", "period_s", "window_samples", "fewest_samples", "bandwidth_hz")
 SLEW_TIME_S = 150.0
 """Simulated time before acquisition: the largest slew at 1.8 deg/s, with most of a minute to settle."""
 
@@ -53,6 +60,12 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     )
     parser.add_argument("--band", choices=("S", "X", "Ka"), default="X", help="frequency band (default: X)")
     parser.add_argument("--sensor", choices=tuple(SENSOR_CHOICES), default="monopulse", help="(default: monopulse)")
+    parser.add_argument(
+        "--scan-sigma",
+        metavar="MDEG",
+        type=float,
+        help="accuracy of conscan per axis at the pass's weakest carrier: chooses radius and period (default: the files')",
+    )
     parser.add_argument("--speed", default="max", help="factor of real time, or max (default)")
     parser.add_argument(
         "--ephemeris-error",
@@ -90,6 +103,22 @@ def _horizon(options: argparse.Namespace) -> HorizonMask:
     return nodes.get("pointing_controller", NodeParameters("pointing_controller", {})).group("mask", HorizonMask())
 
 
+def chosen_scan(options: argparse.Namespace, window: Pass) -> ConscanParams | None:
+    """Return the scan for the accuracy asked for at the weakest carrier of the pass, None where none was asked for."""
+    if options.scan_sigma is None:
+        return None
+    if not 0.0 < options.scan_sigma < math.inf:
+        raise ValueError(f"scan-sigma={options.scan_sigma} mdeg must be > 0 and finite")
+    share = Path(get_package_share_directory("rf_pointing")) / "config"
+    files = [share / "dss13.yaml", share / f"band_{options.band.lower()}.yaml", *map(Path, options.params_file)]
+    node = read_parameter_files(files)["pointing_controller"]
+    track, ends = load_track(source_of(options)), (window.aos_t_s, window.los_t_s)
+    farthest_m = max(float(track.target_at(t_s).range_m) for t_s in ends)
+    level_db_hz = link_level_db_hz(node.group("link", LinkParams()), farthest_m)
+    limits = ScanDesignParams(longest_period_s=LONGEST_TURN_S)
+    return scan_for_accuracy(node.group("conscan", ConscanParams()), limits, level_db_hz, options.scan_sigma * MDEG)
+
+
 def speed_factor(text: str) -> float:
     """Return the factor, 0 for max."""
     if text == "max":
@@ -115,7 +144,8 @@ def overrides(options: argparse.Namespace, window: Pass, output: Path) -> dict[s
         "source.station": options.station,
         "source.elements_file": str(Path(options.elements).resolve()) if options.elements else "",
     }
-    mask = _horizon(options)
+    mask, scan = _horizon(options), chosen_scan(options, window)
+    scanned = {} if scan is None else {f"conscan.{name}": leaves(scan)[name][1] for name in SCAN_CHOICES}
     real = {} if options.ephemeris_error is None else {"source.along_track_offset_s": options.ephemeris_error}
     share = Path(get_package_share_directory("rf_pointing"))
     sections = {
@@ -133,7 +163,9 @@ def overrides(options: argparse.Namespace, window: Pass, output: Path) -> dict[s
         },
         "rf_receiver": {**source, **real, "signal.seed": options.seed},
         "antenna_servo": {"antenna.seed": options.seed, "safety.sun.station": options.station},
+        "conscan_tracker": scanned,
         "pointing_controller": {
+            **scanned,
             "sun.station": options.station,
             "machine.half_power_beamwidth_deg": math.degrees(HALF_POWER_BEAMWIDTH_RAD[options.band]),
             "certificate_folder": str(output.resolve()),
@@ -148,7 +180,7 @@ def overrides(options: argparse.Namespace, window: Pass, output: Path) -> dict[s
             "calibrator.keep_observations": options.keep_observations,
         },
     }
-    return {f"/**/{node}": {"ros__parameters": values} for node, values in sections.items()}
+    return {f"/**/{node}": {"ros__parameters": values} for node, values in sections.items() if values}
 
 
 def notes(options: argparse.Namespace) -> dict[str, str]:

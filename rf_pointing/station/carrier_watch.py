@@ -10,7 +10,7 @@ from rf_pointing.geometry import PointingError
 from rf_pointing.rf import LinkParams
 from rf_pointing.tracking import AutotrackParams, LockWatch, LockWatchParams
 
-__all__ = ["CarrierWatch"]
+__all__ = ["CarrierWatch", "link_level_db_hz"]
 
 Array = NDArray[np.float64]
 
@@ -34,7 +34,7 @@ class CarrierWatch:
 
     def level_db_hz(self, range_m: float) -> float:
         """Return the C/N0 of a beam on the target: the link's at the zenith over this distance."""
-        return self._link.zenith_carrier_to_noise_db_hz - 20.0 * math.log10(range_m / self._link.reference_range_m)
+        return link_level_db_hz(self._link, range_m)
 
     def require_level(self, window: Pass, sensor: str, gates: AutotrackParams) -> None:
         """Refuse a sensor whose gate the carrier of a pass never opens; the link is that of a beam on the target.
@@ -64,3 +64,8 @@ class CarrierWatch:
         if fault:
             self.faults, self.last_fault = self.faults + 1, fault
         return fault
+
+
+def link_level_db_hz(link: LinkParams, range_m: float) -> float:
+    """Return the C/N0 of a beam on the target: the link's at the zenith over this distance."""
+    return link.zenith_carrier_to_noise_db_hz - 20.0 * math.log10(range_m / link.reference_range_m)

@@ -4,7 +4,13 @@ from rf_pointing.tracking.autotrack import TRANSITIONS, Autotrack, transition_di
 from rf_pointing.tracking.autotrack_state import AutotrackInputs, AutotrackParams, AutotrackState
 from rf_pointing.tracking.conscan import ConscanState, ConscanTracker
 from rf_pointing.tracking.conscan_delay import DelayEstimate, DelayEstimator, DelayParams, DelayState
-from rf_pointing.tracking.conscan_design import ScanDesign, ScanDesignParams, design_scan, radius_for_loss_rad
+from rf_pointing.tracking.conscan_design import (
+    ScanDesign,
+    ScanDesignParams,
+    design_scan,
+    radius_for_loss_rad,
+    scan_for_accuracy,
+)
 from rf_pointing.tracking.conscan_equations import (
     conscan_loss,
     conscan_sigma_eq20_rad,
@@ -91,6 +97,7 @@ __all__ = [
     "linear_errors_rad",
     "linear_estimate",
     "radius_for_loss_rad",
+    "scan_for_accuracy",
     "spin_columns",
     "spin_period_s",
     "transition_diagram",

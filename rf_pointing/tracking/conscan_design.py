@@ -11,8 +11,9 @@ from typing import NamedTuple
 
 from rf_pointing.geometry import MDEG, MU, Params, parameter
 from rf_pointing.tracking.conscan_equations import conscan_loss, conscan_sigma_eq25_rad
+from rf_pointing.tracking.conscan_parameters import ConscanParams
 
-__all__ = ["ScanDesign", "ScanDesignParams", "design_scan", "radius_for_loss_rad"]
+__all__ = ["ScanDesign", "ScanDesignParams", "design_scan", "radius_for_loss_rad", "scan_for_accuracy"]
 
 FEWEST_SAMPLES = 4
 BISECTIONS = 60
@@ -71,6 +72,33 @@ def design_scan(params: ScanDesignParams, carrier_to_noise_db_hz: float, wanted_
         samples,
         _sigma(params, radius, samples, carrier_to_noise_db_hz),
         -10.0 * math.log10(conscan_loss(params.half_power_beamwidth_rad, radius)),
+    )
+
+
+def scan_for_accuracy(
+    params: ConscanParams, limits: ScanDesignParams, carrier_to_noise_db_hz: float, wanted_sigma_rad: float
+) -> ConscanParams:
+    """Return `params` with radius and period of the scan whose windows are known to `wanted_sigma_rad` per axis.
+
+    The window keeps its turns of the scan, the loop its share of the window; beam and sampling are those of `params`, the
+    bounds of loss and period those of `limits`.  The noise is the receiver's, at this C/N0 or above; a drift of the power
+    that is estimated along costs sqrt(1 - 6/(pi turns)^2).  ValueError when it is out of reach.
+    """
+    window_s = params.window_samples * params.sample_s
+    turns = window_s / params.period_s
+    over_window = limits.replace(
+        half_power_beamwidth_rad=params.half_power_beamwidth_rad, integration_s=params.sample_s,
+        shortest_period_s=turns * limits.shortest_period_s, longest_period_s=turns * limits.longest_period_s,
+    )  # fmt: skip
+    told_apart = math.sqrt(1.0 - 6.0 / (math.pi * turns) ** 2) if params.drift else 1.0
+    design = design_scan(over_window, carrier_to_noise_db_hz, told_apart * wanted_sigma_rad)
+    longer = design.period_s / window_s
+    return params.replace(
+        radius_rad=design.radius_rad,
+        period_s=design.period_s / turns,
+        window_samples=design.samples,
+        fewest_samples=max(FEWEST_SAMPLES, round(params.fewest_samples * longer)),
+        bandwidth_hz=params.bandwidth_hz / longer,
     )
 
 

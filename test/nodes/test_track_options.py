@@ -73,6 +73,47 @@ def test_a_pass_begins_above_the_horizon_that_the_controller_is_given(tmp_path: 
     assert said["mask.elevation_deg"] == pytest.approx([0.0, 12.0, 0.0])
 
 
+def scan_of(tmp_path: Path, *line: str) -> tuple[dict[str, float], dict[str, float]]:
+    options = track_options.arguments(["--sensor", "conscan", "--band", "Ka", *line])
+    sections = track_options.overrides(options, track_options.choose_pass(options), tmp_path)
+    said = [sections.get(f"/**/{node}", {"ros__parameters": {}})["ros__parameters"]
+            for node in ("pointing_controller", "conscan_tracker")]  # fmt: skip
+    found = [{key: value for key, value in values.items() if key.startswith("conscan.")} for values in said]
+    return found[0], found[1]
+
+
+def test_the_scan_follows_from_the_accuracy_wanted_and_the_link(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Controller and tracker are told the same; a weaker link makes the scan slower, then wider."""
+    monkeypatch.setattr(track_options, "get_package_share_directory", lambda _: str(ROOT))
+    assert scan_of(tmp_path) == ({}, {})
+    weak = tmp_path / "weak.yaml"
+    weak.write_text("/**/pointing_controller:\n  ros__parameters: {link.zenith_carrier_to_noise_db_hz: 38.0}\n")
+    commanded, estimated = scan_of(tmp_path, "--scan-sigma", "0.6")
+    slower, _ = scan_of(tmp_path, "--scan-sigma", "0.6", "--params-file", str(weak))
+    wider, _ = scan_of(tmp_path, "--scan-sigma", "0.4", "--params-file", str(weak))
+    assert commanded == estimated
+    assert commanded["conscan.radius_deg"] == pytest.approx(0.00155, abs=1e-5)
+    assert commanded["conscan.period_s"] == pytest.approx(4.0)
+    assert 4.0 < slower["conscan.period_s"] < 32.0
+    assert slower["conscan.radius_deg"] == pytest.approx(commanded["conscan.radius_deg"])
+    assert wider["conscan.period_s"] == pytest.approx(32.0)
+    assert wider["conscan.radius_deg"] > slower["conscan.radius_deg"]
+
+
+@pytest.mark.parametrize(
+    ("wanted", "complaint"),
+    [("0", "scan-sigma=0.0 mdeg must be > 0"), ("nan", "scan-sigma=nan"), ("0.001", "wanted_sigma_rad")],
+)
+def test_an_accuracy_that_no_scan_has_is_refused(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, wanted: str, complaint: str
+) -> None:
+    monkeypatch.setattr(track_options, "get_package_share_directory", lambda _: str(ROOT))
+    with pytest.raises(ValueError, match=complaint):
+        scan_of(tmp_path, "--scan-sigma", wanted)
+
+
 @pytest.mark.parametrize("text", ["fast", "0", "-1", "nan", "inf", "1e9"])
 def test_another_speed_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match=r"speed=.* must be"):

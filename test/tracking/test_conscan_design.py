@@ -2,16 +2,21 @@
 
 import math
 
+import numpy as np
 import pytest
 
-from rf_pointing.geometry import MDEG
+from rf_pointing.geometry import MDEG, MU, random_stream
 from rf_pointing.tracking import (
+    ConscanParams,
     ScanDesignParams,
+    beam_design,
     conscan_loss,
     conscan_sigma_eq25_rad,
     conscan_slope,
     design_scan,
+    fit_beam,
     radius_for_loss_rad,
+    scan_for_accuracy,
 )
 
 KA = ScanDesignParams(half_power_beamwidth_rad=17.0 * MDEG)
@@ -68,3 +73,41 @@ def test_empty_ranges_are_refused() -> None:
         KA.replace(shortest_period_s=70.0)
     with pytest.raises(ValueError, match=r"preferred_loss_db=1.5 must be <= largest_loss_db=1.0"):
         KA.replace(preferred_loss_db=1.5)
+
+
+STATION = ConscanParams(
+    half_power_beamwidth_rad=17.0 * MDEG, radius_rad=1.55 * MDEG, period_s=4.0, ramp_s=2.0, window_samples=80,
+    fewest_samples=40, sample_s=0.1, updates="sample", drift=True, bandwidth_hz=0.1,
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(("level_db_hz", "wanted_mdeg"), [(30.0, 0.5), (34.0, 0.4), (45.0, 0.1)])
+def test_the_stations_windows_have_the_accuracy_that_was_wanted(level_db_hz: float, wanted_mdeg: float) -> None:
+    """Of the estimator itself, with the drift of the power estimated along; not better by more than a tenth."""
+    scan = scan_for_accuracy(STATION, KA, level_db_hz, wanted_mdeg * MDEG)
+    times = scan.sample_s * np.arange(scan.window_samples)
+    angle = 2.0 * math.pi * times / scan.period_s
+    x, y = scan.radius_rad * np.cos(angle), scan.radius_rad * np.sin(angle)
+    mean = 10.0 ** (level_db_hz / 10.0) * np.exp(-MU * (scan.radius_rad / scan.half_power_beamwidth_rad) ** 2)
+    sigma = math.sqrt(2.0 * mean / scan.sample_s)
+    runs = random_stream(3, f"designed {level_db_hz}").standard_normal((4000, len(times)))
+    drift = np.linspace(-1.0, 1.0, len(times))[:, None]
+    design = beam_design(x, y, scan.half_power_beamwidth_rad, drift)
+    found = fit_beam(design, mean + sigma * runs, np.full(runs.shape, 2.0 / scan.sample_s)).error_rad
+    spread = np.std(found, axis=0) / MDEG
+    assert float(np.max(spread)) == pytest.approx(wanted_mdeg, rel=0.1)
+
+
+def test_the_window_keeps_its_turns_and_the_loop_its_share_of_it() -> None:
+    scan = scan_for_accuracy(STATION, KA, 26.0, 0.5 * MDEG)
+    assert scan.period_s > 2.0 * STATION.period_s
+    assert scan.window_samples * scan.sample_s == pytest.approx(2.0 * scan.period_s)
+    assert scan.fewest_samples == pytest.approx(0.5 * scan.window_samples, abs=1.0)
+    assert scan.bandwidth_hz * scan.period_s == pytest.approx(STATION.bandwidth_hz * STATION.period_s)
+    assert scan.half_power_beamwidth_rad == STATION.half_power_beamwidth_rad
+
+
+def test_a_strong_carrier_gives_the_shortest_turn_and_the_preferred_loss() -> None:
+    scan = scan_for_accuracy(STATION, KA, 60.0, 1.0 * MDEG)
+    assert scan.period_s == pytest.approx(KA.shortest_period_s)
+    assert scan.radius_rad == pytest.approx(radius_for_loss_rad(17.0 * MDEG, KA.preferred_loss_db))
