@@ -21,7 +21,7 @@ __all__ = ["ConscanState", "ConscanTracker"]
 
 Array = NDArray[np.float64]
 FEWEST_WITNESSES = 3
-LARGEST_CHANGE_DECADES = 4.0
+LARGEST_CHANGE = 1e4
 """By which the noise of a receiver may differ between the samples of a window, its power's own share included."""
 
 
@@ -125,15 +125,17 @@ class ConscanTracker:
         sigma^2 / power is 2 N0 / T (CONSCAN B-5), whatever the beam does.
         """
         rows = self.state.window.rows
-        rows = rows[rows[:, 0] >= self.beam_time_s(power) - self.params.max_age_s]
-        if len(rows) < FEWEST_WITNESSES:
+        if len(rows) < FEWEST_WITNESSES or rows[-1, 0] < self.beam_time_s(power) - self.params.max_age_s:
             return ""
-        weigh = 2.0 * math.log10(power.sigma_w) - math.log10(power.power_w)
-        others = [2.0 * math.log10(rows[k, 2]) - math.log10(rows[k, 1]) for k in (0, len(rows) // 2, -1)]
-        decades = sorted(abs(weigh - other) for other in others)[1]
-        if decades <= LARGEST_CHANGE_DECADES:
+        witnesses = rows[[0, len(rows) // 2, -1], 1:3].tolist()
+        noise = power.sigma_w * power.sigma_w / power.power_w
+        usual = sorted(sigma * sigma / watts for watts, sigma in witnesses)
+        if usual[1] <= LARGEST_CHANGE * noise and noise <= LARGEST_CHANGE * usual[1]:
             return ""
-        return f"sigma_w={power.sigma_w} for power_w={power.power_w} is {10.0 * decades:.0f} dB off that of the samples before"
+        return (
+            f"sigma_w^2/power_w={noise:.3g} W must be within {LARGEST_CHANGE:.0f} times that of the samples before, "
+            f"{usual[1]:.3g} W"
+        )
 
     def _measure(self, window: ConscanWindow) -> PointingError:
         found = estimate_window(self.params, window)

@@ -144,7 +144,7 @@ def test_one_absurd_sample_is_rejected_and_the_window_goes_on(estimator: str, wa
         absurd = dataclasses.replace(given, power_w=watts, sigma_w=sigma)
         found.append(tracker.add(absurd if k == 40 else given, u, v))
     assert tracker.state.rejected == 1
-    assert "dB off that of the samples before" in tracker.state.last_rejection
+    assert "must be within 10000 times that of the samples before" in tracker.state.last_rejection
     assert found[40] is None
     assert all(error is not None and error.valid for error in found[41:])
 
