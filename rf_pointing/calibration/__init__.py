@@ -6,6 +6,7 @@ from rf_pointing.calibration.campaign import Campaign, Slew, plan_campaign
 from rf_pointing.calibration.candidate_pass import CandidatePass
 from rf_pointing.calibration.corrections import Corrections, Ionosphere
 from rf_pointing.calibration.coverage import Coverage, SectorRule
+from rf_pointing.calibration.doubts import doubts_of
 from rf_pointing.calibration.fit import fit_bias_model, held_at_zero
 from rf_pointing.calibration.fit_options import FitOptions, Prior
 from rf_pointing.calibration.fit_result import FitResult
@@ -14,9 +15,10 @@ from rf_pointing.calibration.model_file import ModelFile, read_model, write_mode
 from rf_pointing.calibration.model_store import ModelStore
 from rf_pointing.calibration.observation_journal import ObservationJournal
 from rf_pointing.calibration.observations import Observations
+from rf_pointing.calibration.pass_error_size import measured_pass_priors
 from rf_pointing.calibration.pass_errors import PassPriors
 from rf_pointing.calibration.pipeline import PipelineOptions, ProcessedPass, process_pass, select_observations
-from rf_pointing.calibration.raw_tracking import RawTracking, StageReport
+from rf_pointing.calibration.raw_tracking import RawTracking, StageReport, split_passes
 from rf_pointing.calibration.reference import ReferenceTrack
 from rf_pointing.calibration.shadow import ShadowRules, ShadowScore, Verdict
 from rf_pointing.calibration.streaming import StreamingFit
@@ -60,9 +62,11 @@ __all__ = [
     "Term",
     "TermSelection",
     "Verdict",
+    "doubts_of",
     "fit_bias_model",
     "held_at_zero",
     "held_out_passes",
+    "measured_pass_priors",
     "next_best_passes",
     "plan_campaign",
     "process_pass",
@@ -72,6 +76,7 @@ __all__ = [
     "read_tracking",
     "select_observations",
     "select_terms",
+    "split_passes",
     "terms_by_name",
     "uninformed_covariance",
     "without_lags",

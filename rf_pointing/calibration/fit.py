@@ -58,7 +58,9 @@ def fit_bias_model(
             "the errors of one pass look like those of the mount; track more, or give every term a prior"
         )
     problem = FitProblem(observations, names, dict(held or {}), dict(priors or {}), pass_priors, chosen.form)
-    return _result(problem, _iterate(problem, chosen), chosen)
+    last = _iterate(problem, chosen)
+    _check_left(observations, last, chosen, backed)
+    return _result(problem, last, chosen)
 
 
 def _iterate(problem: FitProblem, options: FitOptions) -> Round:
@@ -77,6 +79,25 @@ def _iterate(problem: FitProblem, options: FitOptions) -> Round:
             return now
         used, weight = keep, lighter
     raise ValueError(f"max_iterations={options.max_iterations}: the fit has not settled")
+
+
+def _check_left(data: Observations, last: Round, options: FitOptions, backed: bool) -> None:
+    """Refuse a fit whose editing has thrown away what it was to be fitted to."""
+    out = ~last.used
+    numbers, counts = np.unique(data.pass_id[out], return_counts=True)
+    worst = ", ".join(str(number) for number in numbers[np.argsort(-counts, kind="stable")][:4].tolist())
+    if np.mean(out) > options.most_edited:
+        raise ValueError(
+            f"{int(np.sum(out))} of {len(data)} observations were edited out ({100.0 * np.mean(out):.0f} %), most of them of "
+            f"pass {worst}; must be <= {100.0 * options.most_edited:g} %: passes that contradict each other, sigmas too small, "
+            "or terms that are missing"
+        )
+    left = len(np.unique(data.pass_id[last.used]))
+    if left < options.fewest_passes and not backed:
+        raise ValueError(
+            f"passes={left} are left after editing, must be >= fewest_passes={options.fewest_passes}: pass {worst} contradict "
+            "the others"
+        )
 
 
 def _result(problem: FitProblem, last: Round, options: FitOptions) -> FitResult:
@@ -117,6 +138,7 @@ def _result(problem: FitProblem, last: Round, options: FitOptions) -> FitResult:
         last_t_s=float(np.max(data.t_s)),
         passes=len(np.unique(data.pass_id[used])),
         pass_errors=problem.pass_errors(last),
+        pass_priors=problem.pass_priors,
     )
 
 

@@ -35,6 +35,12 @@ class FitOptions(Params):
     max_iterations: int = parameter(40, "bound of the editing and linearisation loop", low=1, high=1000)
     covariance: str = parameter("white", "how sigma is computed", choices=("white", "sandwich"))
     fewest_passes: int = parameter(3, "fewer passes are refused unless every term has a prior", low=1, high=1000)
+    most_edited: float = parameter(
+        0.33,
+        "largest share of the observations that may be edited out; beyond it the data are refused",
+        low=0.0,
+        high=1.0,
+    )
     scale_covariance: bool = parameter(False, "multiply the white covariance by the measured residual variance")
 
     def check_together(self) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.calibration.bias_model import BiasModel
+from rf_pointing.calibration.pass_errors import PassPriors
 from rf_pointing.calibration.separability import HIGH_CORRELATION, advice_for, inseparable_pairs
 
 __all__ = ["FitResult", "PassErrors", "Rejected"]
@@ -69,6 +70,7 @@ class FitResult:
     last_t_s: float
     passes: int
     pass_errors: tuple[PassErrors, ...]
+    pass_priors: PassPriors | None
 
     @cached_property
     def sigma(self) -> Array:

@@ -1,15 +1,16 @@
 """What comes from the station: angles, range and range rate of one pass at the full rate, not yet trusted."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["CHANNELS", "RawTracking", "StageReport"]
+__all__ = ["CHANNELS", "RawTracking", "StageReport", "split_passes"]
 
 Array = NDArray[np.float64]
 
+_NEIGHBOURS = 2
 CHANNELS = ("azimuth_rad", "elevation_rad", "range_m", "range_rate_m_s")
 
 
@@ -17,7 +18,8 @@ CHANNELS = ("azimuth_rad", "elevation_rad", "range_m", "range_rate_m_s")
 class RawTracking:
     """Samples of one pass of `target` over `station`, arrays (n,); values may still be wrong in any way.
 
-    `good` is the station's own flag for transmission and quality.  Range and range rate may be absent (None).
+    `good` is the station's own flag for transmission and quality.  Range and range rate may be absent (None); `notes` say
+    what of the message they come from was left out.
     """
 
     station: str
@@ -29,6 +31,7 @@ class RawTracking:
     range_m: Array | None
     range_rate_m_s: Array | None
     good: NDArray[np.bool_]
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("station", "band", "target"):
@@ -67,6 +70,22 @@ class StageReport:
         reasons = ", ".join(f"{count} {reason}" for reason, count in self.dropped.items() if count)
         line = f"{self.stage}: {self.before} -> {self.after}" + (f" (dropped {reasons})" if reasons else "")
         return f"{line}; {self.note}" if self.note else line
+
+
+def split_passes(raw: RawTracking, gap_s: float) -> list[RawTracking]:
+    """Return the samples between gaps longer than `gap_s`; one wrong time tag is no gap.
+
+    Orbit errors belong to one pass: a day of passes in one file must not share them.
+    """
+    rows = np.flatnonzero(np.isfinite(raw.t_s))
+    if len(rows) < 2 * _NEIGHBOURS + 1:
+        return [raw]
+    padded = np.pad(raw.t_s[rows], _NEIGHBOURS, mode="edge")
+    usual = np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * _NEIGHBOURS + 1), axis=1)
+    cuts = rows[np.flatnonzero(np.abs(np.diff(usual)) > gap_s) + 1]
+    values = {"t_s": raw.t_s, "good": raw.good, **raw.channels}
+    parts = {name: np.split(value, cuts) for name, value in values.items()}
+    return [replace(raw, **{name: part[k] for name, part in parts.items()}) for k in range(len(cuts) + 1)]
 
 
 def _column(name: str, value: ArrayLike, length: int | None) -> Array:

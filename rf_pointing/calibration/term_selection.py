@@ -51,15 +51,19 @@ def select_terms(
     candidates: Sequence[str],
     *,
     always: Sequence[str] = (),
+    held: Mapping[str, float] | None = None,
     pass_priors: PassPriors | None = None,
     improvement: float = 6.0,
 ) -> TermSelection:
-    """Choose among `candidates`; those in `always` stay.  Terms that are not chosen count as zero."""
+    """Choose among `candidates`; those in `always` stay.  Terms that are not chosen count as zero.
+
+    Terms that are no candidates have the values in `held`, zero without it.
+    """
     terms_by_name(candidates)
     astray = [name for name in always if name not in candidates]
     if astray:
         raise ValueError(f"always={', '.join(astray)} must be among the candidates")
-    search = _Search.of(observations, tuple(candidates), pass_priors)
+    search = _Search.of(observations, tuple(candidates), held or {}, pass_priors)
     chosen = set(always)
     steps: list[tuple[str, str, float]] = []
     bic = search.bic(chosen)
@@ -102,8 +106,10 @@ class _Search:
     scale: float
 
     @classmethod
-    def of(cls, data: Observations, names: tuple[str, ...], pass_priors: PassPriors | None) -> "_Search":
-        problem = FitProblem(data, names, held_at_zero(names), {}, pass_priors, "printed")
+    def of(
+        cls, data: Observations, names: tuple[str, ...], held: Mapping[str, float], pass_priors: PassPriors | None
+    ) -> "_Search":
+        problem = FitProblem(data, names, {**held_at_zero(names), **held}, {}, pass_priors, "printed")
         everything, one = np.ones(len(data), dtype=bool), np.ones(len(data))
         triangle, _ = problem.triangle(np.zeros(len(names)), everything, one)
         full = cls(triangle, 1.0)

@@ -22,7 +22,15 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 from rf_pointing import __version__
-from rf_pointing.calibration import ModelFile, ObservationJournal, PassPriors, SectorRule, ShadowRules, read_model
+from rf_pointing.calibration import (
+    ModelFile,
+    ObservationJournal,
+    PassPriors,
+    SectorRule,
+    ShadowRules,
+    doubts_of,
+    read_model,
+)
 from rf_pointing.geometry import MDEG, Params, parameter
 from rf_pointing.nodes import convert, convert_calibration
 from rf_pointing.nodes.campaign_runner import CampaignRunner
@@ -215,7 +223,7 @@ class BiasCalibrator(ManagedNode):
             goal.abort()
             return FitModel.Result(message=str(refusal))
         goal.succeed()
-        return convert_calibration.fit_to_result(fit, file)
+        return convert_calibration.fit_to_result(fit, file, doubts_of(fit, self._log.observations()))
 
     def _accept(self) -> str:
         verdict = self._keeper.verdict_text()

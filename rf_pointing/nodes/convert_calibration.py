@@ -29,13 +29,14 @@ def model_from_message(message: PointingModel) -> BiasModel:
     return BiasModel(dict(zip(message.terms, message.values, strict=True)))
 
 
-def fit_to_result(fit: FitResult, file: ModelFile) -> FitModel.Result:
+def fit_to_result(fit: FitResult, file: ModelFile, doubts: tuple[str, ...]) -> FitModel.Result:
     rms = fit.rms_rad()
     return FitModel.Result(
         success=True,
         message=(
             f"{file.name}: {file.observations} observations of {file.passes} passes, residual rms {rms[0] / MDEG:.2f} mdeg "
             f"cross-elevation, {rms[1] / MDEG:.2f} mdeg elevation; it runs in the shadow until it is accepted"
+            + "".join(f"; doubtful: {doubt}" for doubt in doubts)
         ),
         model=model_to_message(file),
         observations=file.observations,

@@ -23,8 +23,10 @@ from rf_pointing.calibration import (
     Prior,
     SectorRule,
     StageReport,
+    doubts_of,
     fit_bias_model,
     held_out_passes,
+    measured_pass_priors,
     read_model,
     select_observations,
     select_terms,
@@ -59,8 +61,8 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--held-out", action="store_true", help="say how each pass is predicted by a fit without it")
     parser.add_argument("--form", choices=("printed", "rotation"), default="rotation", help="(default: rotation)")
     parser.add_argument("--robust", action="store_true", help="Huber weights beyond 1.5 sigma instead of squares")
-    parser.add_argument("--orbit-prior", type=float, default=0.0, metavar="M", help="orbit error of each pass that the "
-                        "fit allows for, along, across and radially (default: 0, none)")  # fmt: skip
+    parser.add_argument("--orbit-prior", type=float, metavar="M", help="orbit error of each pass that the fit allows for, "
+                        "along, across and radially; 0: none (default: as large as the passes show it)")  # fmt: skip
     parser.add_argument("--sectors", action="store_true", help="take 25 to 30 points of each of the 36 sectors")
     parser.add_argument("--require-full", action="store_true", help="the same, and refuse a sky with empty sectors")
     parser.add_argument("--name", default="", help="version of the model (default: made from the data's time)")
@@ -73,7 +75,12 @@ def collected(options: argparse.Namespace, model: BiasModel) -> tuple[Observatio
     """Return the points of all files, what the pipeline did to the raw ones, and which passes gave none."""
     tables = [path for path in options.files if path.is_file() and path.suffix in TABULAR]
     points = read_points([path for path in tables if path.suffix == ".csv" and holds_points(path)])
-    raw = [one for path in tables if not (path.suffix == ".csv" and holds_points(path)) for one in read_raw(path)]
+    raw = [
+        one
+        for path in tables
+        if not (path.suffix == ".csv" and holds_points(path))
+        for one in read_raw(path, options.band)
+    ]
     passes = [(one, _reference(options, one)) for one in raw]
     for path in options.files:
         if path not in tables:
@@ -115,10 +122,30 @@ def _recorded(options: argparse.Namespace, path: Path) -> list[tuple[object, obj
     return [(one.raw, one.reference) for one in found]
 
 
-def orbit_priors(options: argparse.Namespace) -> PassPriors | None:
-    """Return what the fit allows for in the orbit of each pass."""
+def orbit_priors(options: argparse.Namespace, points: Observations, present: ModelFile | None) -> PassPriors | None:
+    """Return what the fit allows for in the orbit of each pass: what was asked for, or what the passes show."""
     size = options.orbit_prior
-    return PassPriors(along_track_m=size, cross_track_m=size, radial_m=size) if size > 0.0 else None
+    if size is not None:
+        return PassPriors(along_track_m=size, cross_track_m=size, radial_m=size) if size != 0.0 else None
+    if points.range_m is None or points.range_rate_m_s is None:
+        return None
+    return measured_pass_priors(lambda priors: fit_of(options, points, present, tuple(options.terms), priors))
+
+
+def orbit_words(options: argparse.Namespace, result: FitResult) -> list[str]:
+    """Return which errors of the orbit the sigma of `result` allows for."""
+    if result.pass_priors is not None:
+        sizes = ", ".join(
+            f"{size:.0f} m {name.removesuffix('_m').replace('_', '-')}"
+            for name, size in zip(result.pass_priors.names, result.pass_priors.sigma.tolist(), strict=True)
+        )
+        measured = " as the passes show them" if options.orbit_prior is None else ""
+        return [f"sigma allows for orbit errors of {sizes} in each pass{measured}"]
+    if options.orbit_prior is None:
+        return [
+            "sigma is that of an exact reference: the points have no range and range rate to tell an orbit's errors by"
+        ]
+    return []
 
 
 def predicted(options: argparse.Namespace, points: Observations, result: FitResult) -> list[str]:
@@ -131,7 +158,7 @@ def predicted(options: argparse.Namespace, points: Observations, result: FitResu
     for words, names in (("these terms", result.names), ("all terms offered", tuple(options.terms))):
         held = {name: value for name, value in result.coefficients.items() if name not in names}
         if words == "these terms" or set(names) != set(result.names):
-            one = held_out_passes(points, names, held=held, pass_priors=orbit_priors(options))
+            one = held_out_passes(points, names, held=held, pass_priors=result.pass_priors)
             worst = int(np.argmax(one.rms_rad))
             said.append(
                 f"passes held out are predicted to {one.total_rms_rad / MDEG:.2f} mdeg rms with {words}, the worst "
@@ -142,11 +169,23 @@ def predicted(options: argparse.Namespace, points: Observations, result: FitResu
 
 def fitted(options: argparse.Namespace, points: Observations, present: ModelFile | None) -> FitResult:
     """Return the fit of the chosen terms."""
-    known = present.model.coefficients if present else dict.fromkeys(TERM_NAMES, 0.0)
-    names, orbit = tuple(options.terms), orbit_priors(options)
+    names, orbit = tuple(options.terms), orbit_priors(options, points, present)
     if options.select:
-        names = select_terms(points, names, pass_priors=orbit).chosen
-    base = BiasModel.zero().replace(**{**known, **{name: known.get(name, 0.0) for name in names}})
+        held = {name: value for name, value in _known(present).items() if name not in names}
+        names = select_terms(points, names, held=held, pass_priors=orbit).chosen
+    return fit_of(options, points, present, names, orbit)
+
+
+def fit_of(
+    options: argparse.Namespace,
+    points: Observations,
+    present: ModelFile | None,
+    names: tuple[str, ...],
+    orbit: PassPriors | None,
+) -> FitResult:
+    """Return the fit of `names`, the others held at the present model's values, with these errors of the orbit."""
+    known = _known(present)
+    base = BiasModel.zero().replace(**{**known, **{name: known.get(name, 0.0) for name in options.terms}})
     priors = {
         term.name: Prior(base.coefficients[term.name], PRIOR_SIGMA[term.unit])
         for term in base.terms
@@ -155,7 +194,8 @@ def fitted(options: argparse.Namespace, points: Observations, present: ModelFile
     return fit_bias_model(
         points,
         terms=names,
-        held={name: value for name, value in base.coefficients.items() if name not in names},
+        # What was offered and not chosen is not there; what was not offered stays as it was.
+        held={name: 0.0 if name in options.terms else value for name, value in base.coefficients.items() if name not in names},
         priors=priors if present else None,
         pass_priors=orbit,
         options=FitOptions(
@@ -165,8 +205,15 @@ def fitted(options: argparse.Namespace, points: Observations, present: ModelFile
     )  # fmt: skip
 
 
-def run(options: argparse.Namespace) -> tuple[ModelFile, FitResult, Path, list[str], list[str]]:
-    """Read, fit twice where there are raw data, write model and report; nothing is written before the fit has held."""
+def _known(present: ModelFile | None) -> dict[str, float]:
+    return dict(present.model.coefficients) if present else dict.fromkeys(TERM_NAMES, 0.0)
+
+
+def run(options: argparse.Namespace) -> list[str]:
+    """Read, fit twice where there are raw data, write model and report; return what there is to say about them.
+
+    Nothing is written before the fit has held.
+    """
     from rf_pointing.report.calibration_report import write_calibration_report
 
     present = read_model(options.start_model) if options.start_model else None
@@ -177,30 +224,41 @@ def run(options: argparse.Namespace) -> tuple[ModelFile, FitResult, Path, list[s
     if stages:
         points, stages, notes = collected(options, result.model)
         result = fitted(options, points, present)
-    said = predicted(options, points, result)
+    said = [*orbit_words(options, result), *predicted(options, points, result)]
     name = options.name or f"fit-{result.last_t_s:.0f}"
     file = ModelFile.from_fit(result, name=name, software=f"rf_pointing {__version__}", created_t_s=time.time())
     write_model(options.output, file)
     folder = options.report or options.output.parent / f"{options.output.stem}_report"
     report = write_calibration_report(folder, points, result, name=name, stages=stages, notes=notes, remarks=said)
-    return file, result, report, notes, said
+    return [
+        summary(points, result),
+        *said,
+        *(f"not separable: {advice}" for advice in result.separation_advice()),
+        *(f"doubtful: {doubt}" for doubt in doubts_of(result, points)),
+        *(f"left out: {note}" for note in notes),
+        f"model {options.output}, report {report}",
+    ]
+
+
+def summary(points: Observations, result: FitResult) -> str:
+    """Return the outcome in one line."""
+    rms = [value / MDEG for value in result.rms_rad()]
+    used = points.select(result.used)
+    rule = SectorRule()
+    full = rule.count - len(rule.coverage(used.true_azimuth_rad, used.true_elevation_rad).thin)
+    return (
+        f"{len(used)} observations of {result.passes} passes, {len(result.rejected)} edited out; residual rms {rms[0]:.2f} "
+        f"mdeg cross-elevation, {rms[1]:.2f} mdeg elevation; condition {result.condition:.0f}; {full} of {rule.count} "
+        f"sectors have {rule.fewest} observations"
+    )
 
 
 def main(argv: list[str] | None = None) -> None:
     """Entry point of `ros2 run rf_pointing fit_bias_model`."""
     options = arguments(argv)
     try:
-        file, result, report, notes, said = run(options)
+        said = run(options)
     except (ValueError, OSError) as error:
         print(f"fit_bias_model: {error}", file=sys.stderr)
         sys.exit(2)
-    rms = [value / MDEG for value in result.rms_rad()]
-    print(f"{file.observations} observations of {file.passes} passes, {file.rejected} edited out; residual rms {rms[0]:.2f} "
-          f"mdeg cross-elevation, {rms[1]:.2f} mdeg elevation; condition {result.condition:.0f}")  # fmt: skip
-    for sentence in said:
-        print(sentence)
-    for advice in result.separation_advice():
-        print(f"not separable: {advice}")
-    for note in notes:
-        print(f"left out: {note}")
-    print(f"model {options.output}, report {report}")
+    print("\n".join(said))

@@ -6,7 +6,15 @@ from pathlib import Path
 
 import numpy as np
 
-from rf_pointing.calibration import EXTENSION_TERMS, TERMS, FitResult, Observations, SectorRule, StageReport
+from rf_pointing.calibration import (
+    EXTENSION_TERMS,
+    TERMS,
+    FitResult,
+    Observations,
+    SectorRule,
+    StageReport,
+    doubts_of,
+)
 from rf_pointing.geometry import MDEG
 from rf_pointing.report.calibration_pictures import draw_correlation, draw_coverage, draw_histogram, draw_residuals
 from rf_pointing.report.html import Cell, document, figure, number, table, text
@@ -103,7 +111,7 @@ def _tile(value: str, label: str, kind: str) -> str:
 
 def _notice(fit: FitResult, points: Observations, rule: SectorRule, notes: Sequence[str]) -> str:
     coverage = rule.coverage(points.true_azimuth_rad, points.true_elevation_rad)
-    items = [*notes, *fit.separation_advice()]
+    items = [*notes, *doubts_of(fit, points), *fit.separation_advice()]
     if coverage.thin:
         thin = ", ".join(f"{rule.name(k)} ({coverage.counts[k]})" for k in coverage.thin[:6])
         more = f" and {len(coverage.thin) - 6} more" if len(coverage.thin) > 6 else ""

@@ -141,3 +141,32 @@ def test_huber_weights_bound_the_harm_of_outliers_that_editing_may_not_remove(ca
     truth = table_1.coefficients["elevation_offset"] + table_1.coefficients["droop"]
     miss = [abs(r.coefficients["elevation_offset"] + r.coefficients["droop"] - truth) for r in (plain, robust)]
     assert miss[1] < 0.5 * miss[0]
+
+
+def test_data_that_contradict_each_other_are_refused_instead_of_edited_down_to_those_that_agree(campaign, table_1):
+    data = campaign(table_1, passes=10, sigma_rad=1e-4)
+    observed = data.observed_elevation_rad.copy()
+    for number, shift in ((6, 0.08), (7, 0.03), (8, 0.01), (9, 0.003)):
+        observed[data.pass_id == number] += shift
+    broken = replace(data, observed_elevation_rad=observed)
+    terms = ("azimuth_offset", "elevation_offset")
+    held = {name: value for name, value in table_1.coefficients.items() if name not in terms}
+    with pytest.raises(ValueError, match=r"observations were edited out \(\d+ %\), most of them of pass"):
+        fit_bias_model(broken, terms=terms, held=held)
+    all_in = fit_bias_model(broken, terms=terms, held=held, options=FitOptions(edit_sigma=0.0))
+    assert len(all_in.rejected) == 0
+
+
+def test_passes_that_editing_has_left_out_do_not_count(campaign, table_1):
+    data = campaign(table_1, passes=3, sigma_rad=1e-4)
+    keep = data.pass_id == 0
+    for number in (1, 2):
+        keep[np.flatnonzero(data.pass_id == number)[:8]] = True
+    observed = data.observed_elevation_rad.copy()
+    observed[data.pass_id == 1] += 0.02
+    observed[data.pass_id == 2] -= 0.02
+    few = replace(data, observed_elevation_rad=observed).select(keep)
+    terms = ("azimuth_offset", "elevation_offset")
+    held = {name: value for name, value in table_1.coefficients.items() if name not in terms}
+    with pytest.raises(ValueError, match="passes=1 are left after editing, must be >= fewest_passes=3"):
+        fit_bias_model(few, terms=terms, held=held)

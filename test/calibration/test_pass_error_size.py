@@ -1,0 +1,94 @@
+"""The size of the orbit's errors is found from the passes themselves, and a sigma that ignores them is doubted."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rf_pointing.calibration import (
+    FitOptions,
+    PassPriors,
+    doubts_of,
+    fit_bias_model,
+    held_at_zero,
+    measured_pass_priors,
+)
+from rf_pointing.calibration.doubts import pass_correlation
+from rf_pointing.calibration.pass_errors import pass_partials
+
+TERMS = ("azimuth_offset", "azimuth_velocity_lag", "mislevel_east", "elevation_offset", "elevation_velocity_lag")
+NAMES = ("along_track_m", "cross_track_m", "radial_m")
+PASSES = 24
+
+
+def shifted(data, metres):
+    """Return the data with the orbit of each pass wrong by its row of `metres`."""
+    azimuth, elevation = pass_partials(data, NAMES)
+    own = metres[data.pass_id]
+    return replace(
+        data,
+        observed_azimuth_rad=data.observed_azimuth_rad + np.sum(azimuth * own, axis=1),
+        observed_elevation_rad=data.observed_elevation_rad + np.sum(elevation * own, axis=1),
+    )
+
+
+def fit_with(data, priors):
+    return fit_bias_model(data, terms=TERMS, held=held_at_zero(TERMS), pass_priors=priors)
+
+
+@pytest.fixture
+def planted(table_1):
+    return table_1.replace(**held_at_zero(TERMS))
+
+
+@pytest.mark.parametrize("along_m", [200.0, 1000.0])
+def test_sizes_are_measured_and_sigma_holds_where_a_white_one_is_far_too_small(campaign, planted, random, along_m):
+    clean = campaign(planted, passes=PASSES)
+    metres = random.normal(size=(PASSES, 3)) * [along_m, 60.0, 30.0]
+    data = shifted(clean, metres)
+    sizes = measured_pass_priors(lambda priors: fit_with(data, priors))
+    actual = np.sqrt(np.mean(metres**2, axis=0))
+    # The size of a normal distribution from 24 passes is known to 15 %; what is left of it is the settling.
+    assert sizes.along_track_m == pytest.approx(actual[0], rel=0.2)
+    assert sizes.cross_track_m == pytest.approx(actual[1], rel=0.4)
+    truth = np.array([planted.coefficients[name] for name in TERMS])
+    honest, white = fit_with(data, sizes), fit_with(data, None)
+    assert np.max(np.abs(honest.values - truth) / honest.sigma) < 3.5
+    assert np.max(np.abs(white.values - truth) / white.sigma) > 6.0
+
+
+def test_a_perfect_orbit_costs_next_to_nothing(campaign, planted):
+    data = campaign(planted, passes=PASSES)
+    sizes = measured_pass_priors(lambda priors: fit_with(data, priors))
+    assert max(sizes.sigma) < 40.0
+    assert fit_with(data, sizes).sigma == pytest.approx(fit_with(data, None).sigma, rel=0.5)
+
+
+def test_a_white_sigma_is_doubted_when_the_orbit_is_off_and_only_then(campaign, planted, random):
+    clean = campaign(planted, passes=PASSES)
+    data = shifted(clean, random.normal(size=(PASSES, 3)) * [300.0, 0.0, 0.0])
+    assert doubts_of(fit_with(clean, None), clean) == ()
+    assert pass_correlation(fit_with(clean, None), clean) == pytest.approx(1.0, abs=0.2)
+    assert "the orbit of each pass is off" in doubts_of(fit_with(data, None), data)[0]
+
+
+def test_priors_that_are_too_narrow_are_doubted_by_name(campaign, planted, random):
+    data = shifted(campaign(planted, passes=PASSES), random.normal(size=(PASSES, 3)) * [300.0, 0.0, 0.0])
+    told = PassPriors(along_track_m=60.0, cross_track_m=60.0, radial_m=60.0)
+    (doubt,) = doubts_of(fit_with(data, told), data)
+    assert doubt.startswith("along_track_m of the passes is ")
+    assert doubts_of(fit_with(data, told.replace(along_track_m=300.0)), data) == ()
+
+
+def test_the_search_is_bounded(campaign, planted):
+    data, rounds = campaign(planted, passes=4), []
+
+    def counted(priors):
+        rounds.append(priors)
+        return fit_bias_model(
+            data, terms=TERMS, held=held_at_zero(TERMS), pass_priors=priors, options=FitOptions(edit_sigma=0.0)
+        )
+
+    start = PassPriors(along_track_m=500.0)
+    assert 0.5 <= measured_pass_priors(counted, start).along_track_m <= 500.0
+    assert len(rounds) <= 25
