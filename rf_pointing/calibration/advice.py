@@ -8,11 +8,13 @@ whatever will be measured.  Passes are taken greedily: the best one first, the n
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rf_pointing.calibration.angles import REFERENCE_TEMPERATURE_K
+from rf_pointing.calibration.campaign import Slew
 from rf_pointing.calibration.candidate_pass import CandidatePass
 from rf_pointing.calibration.fit import held_at_zero
 from rf_pointing.calibration.fit_problem import FitProblem
@@ -48,14 +50,17 @@ def next_best_passes(
     chosen: Sequence[str],
     count: int,
     pass_priors: PassPriors | None = None,
+    slew: Slew | None = None,
 ) -> list[PassAdvice]:
     """Return up to `count` passes, the best first, that most reduce the sigma of the `chosen` terms.
 
-    `covariance` (k, k) is that of the last fit, or `uninformed_covariance`.  Stops when no pass is left.
+    `covariance` (k, k) is that of the last fit, or `uninformed_covariance`.  Passes that overlap a better one, or begin before
+    the antenna can have slewed there, are left out.  Stops when no pass is left.
     """
     require_between("count", count, 1, None)
     places = _places(terms, chosen)
     gains = [_information(tuple(terms), candidate, pass_priors) for candidate in candidates]
+    reach = slew or Slew()
     left, present = list(range(len(candidates))), np.asarray(covariance, dtype=np.float64)
     advice: list[PassAdvice] = []
     while left and len(advice) < count:
@@ -63,7 +68,7 @@ def next_best_passes(
         best = min(left, key=lambda k: _factor(after[k], present, places))
         factor = _factor(after[best], present, places)
         present = after[best]
-        left.remove(best)
+        left = [k for k in left if k != best and reach.allows(candidates[k], candidates[best])]
         advice.append(PassAdvice(candidates[best].name, candidates[best].start_t_s, np.sqrt(np.diag(present)), factor))
     return advice
 
@@ -78,6 +83,8 @@ def _places(terms: Sequence[str], chosen: Sequence[str]) -> NDArray[np.int64]:
 def _information(terms: tuple[str, ...], candidate: CandidatePass, pass_priors: PassPriors | None) -> Array:
     """Return rows (m, k) whose squares are the information of a pass about the terms."""
     data = candidate.observations("planned", "planned", 0)
+    # As warm as the reference of the thermal terms, about which a plan says nothing.
+    data = replace(data, temperature_k=np.full(len(data), REFERENCE_TEMPERATURE_K))
     problem = FitProblem(data, terms, held_at_zero(terms), {}, pass_priors, "printed")
     one = np.ones(len(data))
     triangle, _ = problem.triangle(np.zeros(len(terms)), one.astype(bool), one)

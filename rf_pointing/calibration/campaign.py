@@ -62,6 +62,13 @@ class Slew(Params):
         time: Array = np.maximum(azimuth, elevation) / self.rate_rad_s + self.settle_s
         return time
 
+    def allows(self, one: CandidatePass, other: CandidatePass) -> bool:
+        """Return whether one antenna can track both."""
+        first, then = sorted((one, other), key=lambda candidate: candidate.start_t_s)
+        end = np.array([self.ends_rad(first.track.azimuth_rad)[1], first.track.elevation_rad[-1]])
+        start = np.array([self.ends_rad(then.track.azimuth_rad)[0], then.track.elevation_rad[0]])
+        return bool(then.start_t_s - first.end_t_s >= self.time_s(end, start))
+
 
 @dataclass(frozen=True, eq=False)
 class Campaign:

@@ -12,7 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from rf_pointing.calibration import (
+    TERM_NAMES,
     CandidatePass,
+    PassPriors,
     SectorRule,
     Slew,
     next_best_passes,
@@ -47,6 +49,8 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--improve", nargs="+", default=[], metavar="TERM", help="terms whose sigma shall shrink")
     parser.add_argument("--model", type=Path, metavar="FILE", help="last model, whose covariance is the starting point")
     parser.add_argument("--count", type=int, default=5, help="how many passes to advise (default: 5)")
+    parser.add_argument("--orbit-prior", type=float, default=200.0, metavar="M", help="orbit error of each pass that the "
+                        "next fit allows for (default: 200; 0: none)")  # fmt: skip
     return parser.parse_args(argv)
 
 
@@ -94,12 +98,19 @@ def advice(options: argparse.Namespace, candidates: list[CandidatePass]) -> int:
     """Print the passes that help most; return the exit code."""
     if options.model:
         file = read_model(options.model)
+        file.check_for(options.station, file.band, file.valid_from_t_s)
         terms, covariance = file.fitted, file.covariance
     else:
-        terms = tuple(options.improve)
+        # Of a station never calibrated no term is known, whichever are to be improved.
+        terms = tuple(dict.fromkeys((*TERM_NAMES, *options.improve)))
         covariance = uninformed_covariance(terms)
+    size = options.orbit_prior
+    orbit = PassPriors(along_track_m=size, cross_track_m=size, radial_m=size) if size != 0.0 else None
     before = dict(zip(terms, np.sqrt(np.diag(covariance)), strict=True))
-    found = next_best_passes(terms, covariance, candidates, chosen=options.improve, count=options.count)
+    found = next_best_passes(
+        terms, covariance, candidates, chosen=options.improve, count=options.count, pass_priors=orbit,
+        slew=Slew(settle_s=options.settle),
+    )  # fmt: skip
     for one in found:
         after = dict(zip(terms, one.sigma, strict=True))
         sigma = ", ".join(f"{name} {after[name] / before[name]:.3f}" for name in options.improve)

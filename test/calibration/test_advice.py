@@ -1,3 +1,5 @@
+import itertools
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from rf_pointing.calibration import (
     FitOptions,
     Observations,
     PassPriors,
+    Slew,
     fit_bias_model,
     next_best_passes,
     uninformed_covariance,
@@ -60,6 +63,34 @@ def test_a_high_pass_is_advised_for_collimation(candidates):
     assert advice[0].name in ("pass 0", "pass 1")
     assert len(advice) == 8
     assert all(item.factor <= 1.0 for item in advice)
+
+
+def test_no_advised_pass_overlaps_another_or_begins_before_the_antenna_is_there(track, random):
+    slew = Slew(rate_rad_s=0.03, settle_s=60.0)
+    crowd = [
+        CandidatePass(
+            name=f"pass {number}",
+            track=track(10.0, random.uniform(2e5, 2e6), random.uniform(0.0, 6.0), 2e9 + 350.0 * number),
+            sigma_azimuth_rad=1e-4,
+            sigma_elevation_rad=1e-4,
+        )
+        for number in range(12)
+    ]
+    start = uninformed_covariance(TERM_NAMES)
+    advice = next_best_passes(TERM_NAMES, start, crowd, chosen=("collimation",), count=12, slew=slew)
+    assert 2 <= len(advice) < 12
+    chosen = sorted((c for c in crowd if c.name in {a.name for a in advice}), key=lambda c: c.start_t_s)
+    for first, then in itertools.pairwise(chosen):
+        way = abs(np.angle(np.exp(1j * (then.track.azimuth_rad[0] - first.track.azimuth_rad[-1]))))
+        assert then.start_t_s - first.end_t_s >= 60.0 + way / 0.03
+
+
+def test_planned_passes_say_nothing_about_thermal_terms(candidates):
+    terms = ("azimuth_offset", "azimuth_temperature")
+    start = uninformed_covariance(terms)
+    advice = next_best_passes(terms, start, candidates, chosen=terms, count=1)[0]
+    assert advice.sigma[1] == pytest.approx(np.sqrt(start[1, 1]))
+    assert advice.sigma[0] < 0.1 * np.sqrt(start[0, 0])
 
 
 def test_terms_that_are_not_fitted_cannot_be_chosen(candidates):

@@ -200,3 +200,12 @@ def test_plans_say_what_stays_thin_and_which_passes_help(capsys):
         plan_calibration.main([*line, "--improve", "azimuth_velocity_lag", "--count", "2"])
     assert ended.value.code == 0
     assert capsys.readouterr().out.count("sigma times 0.") == 2
+
+
+def test_advice_from_a_model_of_another_station_is_refused(done, tmp_path, capsys):
+    write_model(tmp_path / "m.yaml", replace(read_model(done / "m.yaml"), station="gs2"))
+    line = ["--start", "2006-06-26T00:00:00", "--hours", "3", "--improve", "collimation", "--model"]
+    with pytest.raises(SystemExit) as ended:
+        plan_calibration.main([*line, str(tmp_path / "m.yaml")])
+    assert ended.value.code == 2
+    assert "is of station 'gs2', must be of 'Goldstone DSS-13'" in capsys.readouterr().err
