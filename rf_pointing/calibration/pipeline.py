@@ -80,7 +80,7 @@ def process_pass(
     keep, dropped = find_outliers(t_s, residuals, chosen.outlier_sigma)
     outliers = StageReport(stage="outliers", before=len(t_s), after=int(np.sum(keep)), dropped=dropped)
     stacked = np.stack([value[keep] for value in residuals.values()], axis=1)
-    thinned = thin(t_s[keep], stacked, second_s=chosen.thin_s, fewest=chosen.thin_fewest)
+    thinned = thin(t_s[keep], stacked, second_s=chosen.thin_s, fewest=chosen.thin_fewest, pool_s=chosen.piece_s)
     smoothed = smooth(
         thinned.t_s,
         thinned.residuals,

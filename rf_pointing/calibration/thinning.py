@@ -16,6 +16,9 @@ __all__ = ["Thinned", "smooth", "thin"]
 Array = NDArray[np.float64]
 
 
+_PARABOLAS_QUANTILE = 0.25
+
+
 @dataclass(frozen=True, eq=False)
 class Thinned:
     """Residuals (n, m) of m channels at `t_s` (n,), their sigma (n, m), and what was dropped and why.
@@ -30,11 +33,14 @@ class Thinned:
     dropped: dict[str, int]
 
 
-def thin(t_s: Array, residuals: Array, *, second_s: float, fewest: int) -> Thinned:
+def thin(t_s: Array, residuals: Array, *, second_s: float, fewest: int, pool_s: float) -> Thinned:
     """Return one point per `second_s`: the least-squares line through its samples at their mean time.
 
-    At the mean time the line is the mean; its residuals give the noise of a sample.
+    At the mean time the line is the mean; its residuals give the noise of a sample, for each `pool_s` by itself: noise on the
+    sky is 1/cos El times larger in azimuth.  Samples that come more slowly are not thinned.
     """
+    if len(t_s) > 1 and np.median(np.diff(t_s)) * max(fewest, 3) > 1.01 * second_s:
+        return _as_they_are(t_s, residuals, pool_s)
     first = np.flatnonzero(np.diff(np.floor(t_s / second_s), prepend=-np.inf))
     counts = np.diff(first, append=len(t_s))
     middle, value = _means(t_s, first, counts), _means(residuals, first, counts)
@@ -45,9 +51,9 @@ def thin(t_s: Array, residuals: Array, *, second_s: float, fewest: int) -> Thinn
     if not np.any(enough):
         raise ValueError(f"no {second_s:g}-s piece has the {max(fewest, 3)} samples it needs")
     squares = np.add.reduceat(apart**2, first)[enough] - slope_part[enough] / lever[enough]
-    noise = np.sqrt(np.sum(squares, axis=0) / np.sum(counts[enough] - 2))
+    noise, own = _noise(middle[enough], squares, counts[enough] - 2, pool_s)
     dropped = {f"in a {second_s:g}-s piece with fewer than {fewest} samples": int(np.sum(counts[~enough]))}
-    sigma = noise / np.sqrt(counts[enough])[:, np.newaxis]
+    sigma = own / np.sqrt(counts[enough])[:, np.newaxis]
     return Thinned(middle[enough], value[enough], sigma, noise, dropped)
 
 
@@ -57,22 +63,45 @@ def smooth(
     """Return `points` points per `piece_s`, evenly spaced: the parabola through the piece at those times.
 
     `sigma` (n, m) is that of the input points.  A piece that scatters more than `worst_scatter` times that about its
-    parabola does not follow one and is dropped.  Neighbouring points of a piece are correlated (0.25 in a full one);
-    their sigma is raised so that their mean has the right one when they are taken as independent.
+    parabola does not follow one and is dropped, unless most pieces do: noise that hangs together over seconds (wind, a
+    hunting servo, coarse encoders) scatters like that everywhere, and raises the sigma of all points instead.
+    Neighbouring points of a piece are correlated (0.25 in a full one); their sigma is raised so that their mean has the
+    right one when they are taken as independent.
     """
-    found, short, crooked = [], 0, 0
+    pieces, short = [], 0
     for rows in pieces_of(t_s, piece_s):
         if len(rows) < fewest:
             short += len(rows)
-            continue
-        piece = _Piece.of(t_s[rows], residuals[rows], 2, _spread_points(t_s[rows], piece_s, points))
-        if np.any(piece.scatter > worst_scatter * np.mean(sigma[rows], axis=0)):
-            crooked += len(rows)
         else:
-            found.append(piece)
-    noise = _pooled(found, f"no {piece_s:g}-s piece has {fewest} samples and follows a parabola")
+            wanted = _spread_points(t_s[rows], piece_s, points)
+            pieces.append(_Piece.of(t_s[rows], residuals[rows], 2, wanted, np.mean(sigma[rows], axis=0)))
+    if not pieces:
+        raise ValueError(f"no {piece_s:g}-s piece has {fewest} samples")
+    usual = np.maximum(np.quantile([piece.excess for piece in pieces], _PARABOLAS_QUANTILE, axis=0), 1.0)
+    found = [piece for piece in pieces if np.all(piece.excess <= worst_scatter * usual)]
+    if not found:
+        raise ValueError(f"no {piece_s:g}-s piece with {fewest} samples follows a parabola")
+    crooked = sum(piece.count for piece in pieces) - sum(piece.count for piece in found)
     reasons = {f"in a {piece_s:g}-s piece with fewer than {fewest} samples": short, "not along a parabola": crooked}
-    return _joined(found, noise, np.maximum(noise, np.sqrt(np.mean(sigma**2, axis=0))), reasons)
+    return _joined(found, reasons)
+
+
+def _as_they_are(t_s: Array, residuals: Array, pool_s: float) -> Thinned:
+    """Return the samples with the noise that their second differences show."""
+    if len(t_s) < 3:
+        raise ValueError(f"samples={len(t_s)} must be >= 3 to measure their noise")
+    bends = np.diff(residuals, 2, axis=0) ** 2 / 6.0
+    squares = np.concatenate([bends[:1], bends, bends[-1:]])
+    noise, own = _noise(t_s, squares, np.ones(len(t_s), dtype=np.int64), pool_s)
+    return Thinned(t_s, residuals, own, noise, {})
+
+
+def _noise(t_s: Array, squares: Array, freedom: NDArray[np.int64], pool_s: float) -> tuple[Array, Array]:
+    """Return the noise (m,) of all samples and for each row (n, m) that of the samples of its `pool_s`."""
+    first = np.flatnonzero(np.diff(np.floor(t_s / pool_s), prepend=-np.inf))
+    of_pool = np.add.reduceat(squares, first) / np.add.reduceat(freedom, first)[:, np.newaxis]
+    own = np.repeat(of_pool, np.diff(first, append=len(t_s)), axis=0)
+    return np.sqrt(np.sum(squares, axis=0) / np.sum(freedom)), np.sqrt(own)
 
 
 def _means(values: Array, first: NDArray[np.int64], counts: NDArray[np.int64]) -> Array:
@@ -83,40 +112,61 @@ def _means(values: Array, first: NDArray[np.int64], counts: NDArray[np.int64]) -
 
 @dataclass(frozen=True, eq=False)
 class _Piece:
+    """A parabola: its points, what multiplies the variance of a sample in theirs, and the sigma (m,) told of a sample.
+
+    `squares` and `products` (m,) are the sums of the residuals' squares and of the products of neighbours.
+    """
+
     t_s: Array
     values: Array
     factor: Array
     squares: Array
-    freedom: int
+    products: Array
+    told: Array
+    count: int
 
     @classmethod
-    def of(cls, t: Array, residuals: Array, degree: int, at: Array) -> "_Piece":
+    def of(cls, t: Array, residuals: Array, degree: int, at: Array, told: Array) -> "_Piece":
         values, left, covariance = fitted_piece(t, residuals, degree, at)
         together = max(1.0, float(np.sum(covariance) / np.trace(covariance)))
-        factor = np.diag(covariance) * together
-        return cls(at, values, factor, np.sum(left**2, axis=0), len(t) - degree - 1)
+        products = np.sum(left[1:] * left[:-1], axis=0)
+        return cls(at, values, np.diag(covariance) * together, np.sum(left**2, axis=0), products, told, len(t))
 
     @property
-    def scatter(self) -> Array:
-        return np.asarray(np.sqrt(self.squares / self.freedom))
+    def freedom(self) -> int:
+        return self.count - 3
+
+    @property
+    def excess(self) -> Array:
+        """Return the scatter about the parabola in units of the sigma told (m,)."""
+        return np.asarray(np.sqrt(self.squares / self.freedom) / np.maximum(self.told, 1e-300))
 
 
-def _pooled(pieces: list[_Piece], message: str) -> Array:
-    if not pieces:
-        raise ValueError(message)
-    squares = np.sum([piece.squares for piece in pieces], axis=0)
-    return np.asarray(np.sqrt(squares / sum(piece.freedom for piece in pieces)))
-
-
-def _joined(pieces: list[_Piece], noise: Array, one: Array, dropped: dict[str, int]) -> Thinned:
-    factor = np.concatenate([piece.factor for piece in pieces])
+def _joined(pieces: list[_Piece], dropped: dict[str, int]) -> Thinned:
+    freedom = np.array([piece.freedom for piece in pieces], dtype=np.float64)
+    raised = np.sqrt(np.average([np.square(piece.excess) for piece in pieces], axis=0, weights=freedom))
+    noise = np.sqrt(np.sum([piece.squares for piece in pieces], axis=0) / np.sum(freedom))
+    raised = np.maximum(raised, 1.0) * _hanging_together(pieces)
+    sigma = [np.sqrt(piece.factor)[:, np.newaxis] * piece.told * raised for piece in pieces]
     return Thinned(
         np.concatenate([piece.t_s for piece in pieces]),
         np.concatenate([piece.values for piece in pieces]),
-        np.sqrt(factor)[:, np.newaxis] * one,
+        np.concatenate(sigma),
         noise,
         dropped,
     )
+
+
+def _hanging_together(pieces: list[_Piece]) -> Array:
+    """Return by how much (m,) noise with the measured correlation rho of neighbours raises the sigma of a mean.
+
+    sqrt((1 + rho) / (1 - rho)) for a first-order process; the parabola takes three parts of n out of rho.
+    """
+    squares = np.sum([piece.squares / np.maximum(piece.told, 1e-300) ** 2 for piece in pieces], axis=0)
+    products = np.sum([piece.products / np.maximum(piece.told, 1e-300) ** 2 for piece in pieces], axis=0)
+    length = float(np.mean([piece.count for piece in pieces]))
+    rho = np.clip(products / np.maximum(squares, 1e-300) + 3.0 / length, 0.0, 0.98)
+    return np.asarray(np.sqrt((1.0 + rho) / (1.0 - rho)))
 
 
 def _spread_points(t: Array, length_s: float, points: int) -> Array:

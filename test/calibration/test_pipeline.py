@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from rf_pointing.calibration import (
     BiasModel,
@@ -137,3 +138,59 @@ def test_pipeline_and_fit_together_recover_the_planted_model(track, raw_pass, ta
     assert "of 36 sectors" in report.note
     with pytest.raises(ValueError, match="of 36 sectors have < 25"):
         coverage.require_full()
+
+
+def on_the_sky(raw, random, correlated_rad=0.0):
+    """Return the samples with noise that is as large across as up, and what hangs together over 3 s added to it."""
+    count, decay = len(raw), np.exp(-0.125 / 3.0)
+    noise = 5.0 * MDEG * random.standard_normal((2, count))
+    drift = lfilter([np.sqrt(1.0 - decay**2)], [1.0, -decay], random.standard_normal((2, count)))
+    noise += correlated_rad * drift
+    return replace(
+        raw,
+        azimuth_rad=raw.azimuth_rad + noise[0] / np.cos(raw.elevation_rad),
+        elevation_rad=raw.elevation_rad + noise[1],
+    )
+
+
+def test_noise_on_the_sky_gives_high_points_their_larger_azimuth_sigma_and_drops_none(track, raw_pass, table_1, random):
+    reference = track(5.0, miss_m=120e3)
+    raw = on_the_sky(raw_pass(reference, table_1, NONE, 1e-9), random)
+    processed = process_pass(raw, reference, 0, NONE, table_1)
+    assert processed.reports[3].dropped["not along a parabola"] == 0
+    points = processed.observations
+    high = points.true_elevation_rad > np.radians(75.0)
+    assert np.sum(high) >= 6
+    across = points.sigma_azimuth_rad * np.cos(points.true_elevation_rad)
+    assert np.median(across[high]) == pytest.approx(np.median(across[~high]), rel=0.25)
+    azimuth, elevation = pulls(processed, table_1)
+    assert 0.75 < np.std(azimuth) < 1.25
+    assert 0.75 < np.std(elevation) < 1.25
+
+
+def test_noise_that_hangs_together_raises_sigma_instead_of_emptying_the_pass(track, raw_pass, table_1, random):
+    reference = track(5.0)
+    raw = raw_pass(reference, table_1, NONE, 1e-9)
+    quiet = process_pass(on_the_sky(raw, random), reference, 0, NONE, table_1)
+    windy = process_pass(on_the_sky(raw, random, 5.0 * MDEG), reference, 0, NONE, table_1)
+    assert len(windy.observations) > 0.7 * len(quiet.observations)
+    ratio = np.median(windy.observations.sigma_elevation_rad) / np.median(quiet.observations.sigma_elevation_rad)
+    assert ratio > 3.0
+    azimuth, elevation = pulls(windy, table_1)
+    # Taken as independent the same noise has pulls of 2.5 to 2.9.
+    assert np.std(azimuth) < 2.0
+    assert np.std(elevation) < 2.0
+
+
+def test_samples_once_a_second_are_used_as_they_are(track, raw_pass, table_1, random):
+    reference = track(5.0)
+    raw = on_the_sky(raw_pass(reference, table_1, NONE, 1e-9), random)
+    columns = ("t_s", "azimuth_rad", "elevation_rad", "range_m", "range_rate_m_s", "good")
+    slow = replace(raw, **{name: getattr(raw, name)[::8] for name in columns})
+    processed = process_pass(slow, reference, 0, NONE, table_1)
+    assert processed.reports[2].before == processed.reports[2].after > 700
+    assert processed.noise["elevation_rad"] == pytest.approx(5.0 * MDEG, rel=0.1)
+    azimuth, elevation = pulls(processed, table_1)
+    # 0.88 is expected, the sigma of neighbours being raised; 78 points know it to 0.09.
+    assert 0.6 < np.std(azimuth) < 1.2
+    assert 0.6 < np.std(elevation) < 1.2
