@@ -1,7 +1,9 @@
 """CCSDS Tracking Data Message in KVN (503.0-B-2): angles, range and range rate of a station, read and written.
 
-ANGLE_TYPE must be AZEL and TIME_SYSTEM UTC.  The station is the last participant of PATH, the target the other one.
-RANGE is read for one-way paths in km; DOPPLER_INSTANTANEOUS is the range rate in km/s.  Errors name the line.
+ANGLE_TYPE must be AZEL, TIME_SYSTEM UTC, and the time tags those of reception.  The station is the last participant of PATH,
+the target the other one.  RANGE (km) and DOPPLER_INSTANTANEOUS (km/s) are read from one-way paths at the times of the angles
+and otherwise left out with a note: the angles of a two-way pass are as good, and implementations disagree on whether its range
+is halved.  Data of quality DEGRADED are not good.  Errors name the line.
 """
 
 import math
@@ -19,6 +21,7 @@ __all__ = ["read_tdm", "write_tdm"]
 
 _HEADER = ("CCSDS_TDM_VERS", "CREATION_DATE", "ORIGINATOR", "MESSAGE_ID")
 _ONE_WAY = ("2,1", "1,2")
+_ANGLES = ("ANGLE_1", "ANGLE_2")
 _SCALE = {
     "ANGLE_1": math.radians(1.0),
     "ANGLE_2": math.radians(1.0),
@@ -34,12 +37,15 @@ class _Segment:
     values: dict[str, dict[float, tuple[int, float]]] = field(default_factory=dict)
 
 
-def read_tdm(path: str | Path) -> list[RawTracking]:
-    """Return the tracking data of every segment; raises ValueError naming file and line."""
+def read_tdm(path: str | Path, *, band: str | None = None) -> list[RawTracking]:
+    """Return the tracking data of every segment; raises ValueError naming file and line.
+
+    `band` is that of segments which do not say in which band the station receives; None refuses them.
+    """
     source = Path(path)
     try:
         segments = _segments(source.read_text(encoding="ascii").splitlines())
-        return [_tracking(segment) for segment in segments]
+        return [_tracking(segment, band) for segment in segments]
     except UnicodeDecodeError as error:
         raise ValueError(f"{source}: byte {error.start} is not ASCII") from None
     except ValueError as error:
@@ -113,9 +119,15 @@ def _add_metadata(segment: _Segment, number: int, key: str, value: str) -> None:
         raise ValueError(f"line {number}: {key} is not a metadata keyword")
     if key in segment.metadata:
         raise ValueError(f"line {number}: {key} is given twice")
-    required = {"TIME_SYSTEM": ("UTC",), "ANGLE_TYPE": ("AZEL",), "RANGE_UNITS": ("km",), "MODE": ("SEQUENTIAL",)}
+    required = {
+        "TIME_SYSTEM": ("UTC",),
+        "ANGLE_TYPE": ("AZEL",),
+        "MODE": ("SEQUENTIAL",),
+        "TIMETAG_REF": ("RECEIVE",),
+        "DATA_QUALITY": ("RAW", "VALIDATED", "DEGRADED"),
+    }
     if key in required and value not in required[key]:
-        raise ValueError(f"line {number}: {key}={value} must be {required[key][0]}")
+        raise ValueError(f"line {number}: {key}={value} must be {' or '.join(required[key])}")
     segment.metadata[key] = value
 
 
@@ -124,8 +136,6 @@ def _add_value(segment: _Segment, number: int, key: str, value: str) -> None:
         raise ValueError(f"line {number}: {key} is not a data keyword")
     if key not in _SCALE:
         return
-    if key == "RANGE" and segment.metadata.get("PATH") not in _ONE_WAY:
-        raise ValueError(f"line {number}: RANGE with PATH={segment.metadata.get('PATH')}: only one-way is read")
     parts = value.split()
     if len(parts) != 2:
         raise ValueError(f"line {number}: {key} needs a time and a value, has {len(parts)} words")
@@ -141,35 +151,69 @@ def _add_value(segment: _Segment, number: int, key: str, value: str) -> None:
     series[t_s] = (number, measured * _SCALE[key])
 
 
-def _tracking(segment: _Segment) -> RawTracking:
+def _tracking(segment: _Segment, band: str | None) -> RawTracking:
     for key in ("TIME_SYSTEM", "PARTICIPANT_1", "PARTICIPANT_2", "PATH", "ANGLE_TYPE"):
         if key not in segment.metadata:
             raise ValueError(f"line {segment.line}: {key} is missing in the metadata")
     angles = segment.values.get("ANGLE_1", {})
     if not angles:
         raise ValueError(f"line {segment.line}: the segment has no ANGLE_1")
-    for key, series in segment.values.items():
-        _require_same_times(key, series, "ANGLE_1", angles)
-        _require_same_times("ANGLE_1", angles, key, series)
     if "ANGLE_2" not in segment.values:
         raise ValueError(f"line {segment.line}: the segment has no ANGLE_2")
+    _require_same_times("ANGLE_2", segment.values["ANGLE_2"], "ANGLE_1", angles)
+    _require_same_times("ANGLE_1", angles, "ANGLE_2", segment.values["ANGLE_2"])
+    station, target = _participants(segment)
+    left_out = {key: why for key in segment.values if (why := _unusable(segment, key))}
     columns = {
         key: np.array([series[t][1] for t in angles]) + _correction(segment, key)
         for key, series in segment.values.items()
+        if key not in left_out
     }
-    station = segment.metadata["PATH"].split(",")[-1]
-    target = "2" if station == "1" else "1"
     return RawTracking(
         station=segment.metadata[f"PARTICIPANT_{station}"],
-        band=segment.metadata.get("RECEIVE_BAND", segment.metadata.get("TRANSMIT_BAND", "S")),
+        band=_band(segment, band),
         target=segment.metadata[f"PARTICIPANT_{target}"],
         t_s=np.array(list(angles)),
         azimuth_rad=columns["ANGLE_1"],
         elevation_rad=columns["ANGLE_2"],
         range_m=columns.get("RANGE"),
         range_rate_m_s=columns.get("DOPPLER_INSTANTANEOUS"),
-        good=np.ones(len(angles), dtype=bool),
+        good=np.full(len(angles), segment.metadata.get("DATA_QUALITY") != "DEGRADED"),
+        notes=tuple(f"{key}: {why}" for key, why in left_out.items()),
     )
+
+
+def _participants(segment: _Segment) -> tuple[str, str]:
+    """Return the numbers of the station and of the target."""
+    path = [part.strip() for part in segment.metadata["PATH"].split(",")]
+    others = dict.fromkeys(part for part in path if part != path[-1])
+    target = next(iter(others), "")
+    if len(others) != 1 or any(f"PARTICIPANT_{number}" not in segment.metadata for number in (path[-1], target)):
+        raise ValueError(f"line {segment.line}: PATH={segment.metadata['PATH']} must join a station and its target")
+    return path[-1], target
+
+
+def _band(segment: _Segment, otherwise: str | None) -> str:
+    """Return the band that the station receives; what it transmits in says nothing of a two-way pass."""
+    one_way = segment.metadata["PATH"].replace(" ", "") in _ONE_WAY
+    named = segment.metadata.get("RECEIVE_BAND") or (segment.metadata.get("TRANSMIT_BAND") if one_way else None)
+    if named is None and otherwise is None:
+        raise ValueError(f"line {segment.line}: RECEIVE_BAND is missing in the metadata")
+    return named or str(otherwise)
+
+
+def _unusable(segment: _Segment, key: str) -> str:
+    """Return why a series beside the angles is left out, empty if it is not."""
+    if key in _ANGLES:
+        return ""
+    path, units = segment.metadata["PATH"].replace(" ", ""), segment.metadata.get("RANGE_UNITS", "km")
+    if path not in _ONE_WAY:
+        return f"left out of PATH={path}, only one-way is read"
+    if key == "RANGE" and units != "km":
+        return f"left out in RANGE_UNITS={units}, only km is read"
+    if segment.values[key].keys() != segment.values["ANGLE_1"].keys():
+        return "left out, its times are not those of the angles"
+    return ""
 
 
 def _require_same_times(

@@ -17,12 +17,15 @@ from rf_pointing.calibration import (
     read_observations,
     read_tdm,
     read_tracking,
+    split_passes,
 )
 from rf_pointing.ephemeris import Elements, Site, TopocentricTrack, find_elements
 
 __all__ = ["holds_points", "process_passes", "read_points", "read_raw", "reference_of"]
 
 REFERENCE_STEP_S = 2.0
+PASS_GAP_S = 1200.0
+"""Longer than any loss of signal within a pass, shorter than any time between two passes of a satellite."""
 APPARENT = Corrections(light_time=False, troposphere=None, ionosphere=None, range_delay_m=0.0)
 """No corrections: the reference is where the target appears, refraction and light time included."""
 
@@ -50,9 +53,10 @@ def renumbered(points: Observations, shift: int) -> Observations:
     return Observations(pass_id=points.pass_id + shift, **values)
 
 
-def read_raw(path: Path) -> list[RawTracking]:
-    """Return the passes of a CSV file or a CCSDS TDM."""
-    return [read_tracking(path)] if path.suffix == ".csv" else read_tdm(path)
+def read_raw(path: Path, band: str) -> list[RawTracking]:
+    """Return the passes of a CSV file or a CCSDS TDM; `band` is that of messages which do not say theirs."""
+    tracks = [read_tracking(path)] if path.suffix == ".csv" else read_tdm(path, band=band)
+    return [one for track in tracks for one in split_passes(track, PASS_GAP_S)]
 
 
 def reference_of(raw: RawTracking, elements: Sequence[Elements], site: Site, max_age_s: float) -> ReferenceTrack:
@@ -71,11 +75,12 @@ def reference_of(raw: RawTracking, elements: Sequence[Elements], site: Site, max
 def process_passes(
     passes: Sequence[tuple[RawTracking, ReferenceTrack]], model: BiasModel, first_pass: int
 ) -> tuple[list[Observations], list[StageReport], list[str]]:
-    """Return points and stage reports of raw passes, and why a pass gave none; `model` is the best known.
+    """Return points and stage reports of raw passes, and what was left out or why a pass gave none; `model` is the best known.
 
     The reports are summed over the passes.  Raises ValueError if no pass gives points.
     """
-    processed, empty = [], []
+    processed: list[ProcessedPass] = []
+    empty = list(dict.fromkeys(note for raw, _ in passes for note in raw.notes))
     for number, (raw, reference) in enumerate(passes, start=first_pass):
         try:
             processed.append(process_pass(raw, reference, number, APPARENT, model))

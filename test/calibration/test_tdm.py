@@ -1,3 +1,4 @@
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -53,7 +54,12 @@ def test_bad_samples_are_not_written(raw, tmp_path):
         (lambda t: t.replace("ANGLE_1 =", "ANGLE1 =", 1), r"line 19: ANGLE1 is not a data keyword"),
         (lambda t: t.replace("TIME_SYSTEM = UTC", "TIME_SYSTEM = TAI", 1), "line 6: TIME_SYSTEM=TAI must be UTC"),
         (lambda t: t.replace("ANGLE_TYPE = AZEL", "ANGLE_TYPE = RADEC", 1), "ANGLE_TYPE=RADEC must be AZEL"),
-        (lambda t: t.replace("PATH = 2,1", "PATH = 1,2,1", 1), "only one-way is read"),
+        (lambda t: t.replace("PATH = 2,1", "PATH = 2,2", 1), "PATH=2,2 must join a station and its target"),
+        (
+            lambda t: t.replace("PATH = 2,1", "TIMETAG_REF = TRANSMIT\nPATH = 2,1", 1),
+            "TIMETAG_REF=TRANSMIT must be RECEIVE",
+        ),
+        (lambda t: t.replace("RECEIVE_BAND = S\n", "", 1), "line 5: RECEIVE_BAND is missing"),
         (lambda t: t.replace("PARTICIPANT_2 = bird\n", "", 1), "line 5: PARTICIPANT_2 is missing"),
         (lambda t: t.replace("DATA_STOP", "", 1), "META_START does not belong here"),
         (lambda t: t.rsplit("DATA_STOP", 1)[0], "data section is not closed"),
@@ -84,6 +90,50 @@ def test_corrections_not_yet_applied_are_applied(raw, lines, tmp_path):
     assert back[1].elevation_rad == pytest.approx(raw.elevation_rad, abs=ROUNDING_RAD)
     with pytest.raises(ValueError, match="needs CORRECTIONS_APPLIED"):
         read_changed(tmp_path, text.replace("CORRECTIONS_APPLIED = NO\n", "").splitlines())
+
+
+def test_angles_of_a_two_way_pass_are_read_and_its_range_is_left_out_with_a_note(raw, lines, tmp_path):
+    text = "\n".join(lines).replace("PATH = 2,1", "PATH = 1,2,1", 1)
+    two_way, one_way = read_changed(tmp_path, text.splitlines())
+    assert (two_way.station, two_way.target) == ("gs1", "bird")
+    assert two_way.elevation_rad == pytest.approx(raw.elevation_rad, abs=ROUNDING_RAD)
+    assert (two_way.range_m, two_way.range_rate_m_s) == (None, None)
+    assert two_way.notes == tuple(
+        f"{key}: left out of PATH=1,2,1, only one-way is read" for key in ("RANGE", "DOPPLER_INSTANTANEOUS")
+    )
+    assert one_way.range_m is not None
+    assert one_way.notes == ()
+
+
+@pytest.mark.parametrize(
+    ("change", "note"),
+    [
+        (
+            lambda t: t.replace("RANGE_UNITS = km", "RANGE_UNITS = s", 1),
+            "RANGE: left out in RANGE_UNITS=s, only km is read",
+        ),
+        (
+            lambda t: re.sub(r"\nRANGE = [^\n]*", "", t, count=1),
+            "RANGE: left out, its times are not those of the angles",
+        ),
+    ],
+)
+def test_a_range_that_cannot_be_used_costs_no_angles(raw, lines, tmp_path, change, note):
+    first = read_changed(tmp_path, change("\n".join(lines)).splitlines())[0]
+    assert first.azimuth_rad.shape == raw.azimuth_rad.shape
+    assert first.range_m is None
+    assert first.range_rate_m_s == pytest.approx(raw.range_rate_m_s, abs=1e-8)
+    assert first.notes == (note,)
+
+
+def test_the_band_is_the_one_received_and_degraded_data_are_not_good(lines, tmp_path):
+    text = "\n".join(lines)
+    uplink = text.replace("RECEIVE_BAND = S", "TRANSMIT_BAND = X").replace("PATH = 2,1", "PATH = 1,2,1", 1)
+    (tmp_path / "b.tdm").write_text(uplink)
+    assert [one.band for one in read_tdm(tmp_path / "b.tdm", band="Ka")] == ["Ka", "X"]
+    first, second = read_changed(tmp_path, text.replace("MODE", "DATA_QUALITY = DEGRADED\nMODE", 1).splitlines())
+    assert not np.any(first.good)
+    assert np.all(second.good)
 
 
 def test_bytes_that_are_not_ascii_are_refused(tmp_path):

@@ -1,6 +1,7 @@
 """Raw tracking data of files become points with an apparent reference; what cannot be used is refused by name."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -32,7 +33,7 @@ def raw() -> RawTracking:
 
 def test_points_show_the_offset_against_the_elements(raw, tmp_path):
     write_tracking(tmp_path / "raw.csv", raw)
-    (back,) = read_raw(tmp_path / "raw.csv")
+    (back,) = read_raw(tmp_path / "raw.csv", "X")
     assert not holds_points(tmp_path / "raw.csv")
     reference = reference_of(back, ELEMENTS, STATION, 14.0 * 86400.0)
     (points,), stages, empty = process_passes([(back, reference)], BiasModel.zero(), 3)
@@ -57,3 +58,15 @@ def test_passes_without_points_are_named_and_none_at_all_is_refused(raw):
     assert "pass 1 of 28057" in empty[0]
     with pytest.raises(ValueError, match="no pass gives calibration points"):
         process_passes([(bad, reference)], BiasModel.zero(), 0)
+
+
+def test_a_day_of_passes_in_one_file_is_cut_at_the_gaps_and_one_wrong_time_cuts_nothing(raw, tmp_path):
+    later = replace(raw, t_s=raw.t_s + 6000.0)
+    spoiled = raw.t_s.copy()
+    spoiled[len(raw) // 2] += 1e7
+    columns = ("azimuth_rad", "elevation_rad", "good")
+    together = {name: np.concatenate([getattr(raw, name), getattr(later, name)]) for name in columns}
+    write_tracking(tmp_path / "day.csv", replace(raw, t_s=np.concatenate([spoiled, later.t_s]), **together))
+    parts = read_raw(tmp_path / "day.csv", "X")
+    assert [len(part) for part in parts] == [len(raw), len(raw)]
+    assert np.array_equal(parts[1].t_s, later.t_s)
