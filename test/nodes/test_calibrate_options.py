@@ -37,15 +37,19 @@ def points_of(one: CandidatePass, number: int) -> Observations:
 
 
 def in_sector(points: Observations, sector: int) -> Observations:
-    """Return the points all in the middle of one of the 36 sectors."""
+    """Return the points all at rest in the middle of one of the 36 sectors."""
     azimuth, low, high = (
         np.radians(30.0 * (sector % 12) + 15.0),
         *np.radians(((10, 30), (30, 60), (60, 80))[sector // 12]),
     )
     angles = {"azimuth_rad": np.full(len(points), azimuth), "elevation_rad": np.full(len(points), 0.5 * (low + high))}
-    return replace(
-        points, **{f"{kind}_{name}": value for kind in ("observed", "true") for name, value in angles.items()}
-    )
+    angles = {f"{kind}_{name}": value for kind in ("observed", "true") for name, value in angles.items()}
+    at_rest = {
+        f"{axis}_{name}": np.zeros(len(points))
+        for axis in ("azimuth", "elevation")
+        for name in ("rate_rad_s", "acceleration_rad_s2")
+    }
+    return replace(points, **angles, **at_rest)
 
 
 @pytest.mark.usefixtures("few_beacons")

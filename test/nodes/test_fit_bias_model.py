@@ -42,11 +42,17 @@ def points(passes: int = 12, **changes: object) -> Observations:
 
 
 def at_one_elevation() -> Observations:
-    """Return the same with every point of every pass at 40 deg of elevation."""
-    data = points()
-    flat = np.full(len(data), math.radians(40.0))
-    moved = data.observed_elevation_rad - data.true_elevation_rad + flat
-    return replace(data, true_elevation_rad=flat, observed_elevation_rad=moved)
+    """Return the same with every point of every pass within 0.1 deg of 40 deg of elevation."""
+    data, swing_rad, rate_s = points(), math.radians(0.1), 2.0 * math.pi / 60.0
+    phase = rate_s * data.t_s
+    flat = math.radians(40.0) + swing_rad * np.sin(phase)
+    return replace(
+        data,
+        true_elevation_rad=flat,
+        observed_elevation_rad=data.observed_elevation_rad - data.true_elevation_rad + flat,
+        elevation_rate_rad_s=swing_rad * rate_s * np.cos(phase),
+        elevation_acceleration_rad_s2=-swing_rad * rate_s**2 * np.sin(phase),
+    )
 
 
 @pytest.fixture(scope="module")
