@@ -85,7 +85,7 @@ class StepTracker:
         if fault:
             self.state = replace(self.state, rejected=self.state.rejected + 1, last_rejection=fault)
             return None
-        sample = (power.t_s - 0.5 * power.integration_s, power.power_w, power.sigma_w,
+        sample = (_middle_s(power), power.power_w, power.sigma_w,
         beam_offset_cross_elevation_rad,
                   beam_offset_elevation_rad, power.carrier_to_noise_db_hz)  # fmt: skip
         window = self.state.window.with_sample(sample, 10000, -math.inf)
@@ -105,6 +105,10 @@ class StepTracker:
             return "power, time and beam offset must be finite", -1
         if power.power_w <= 0.0:
             return f"power_w={power.power_w} must be > 0", -1
+        if power.sigma_w < 0.0:
+            return f"sigma_w={power.sigma_w} must be >= 0", -1
+        if len(self.state.window) and _middle_s(power) <= self.state.window.rows[-1, 0]:
+            return f"t_s={power.t_s} must be later than that of the sample before", -1
         if power.carrier_to_noise_db_hz < self.params.lock_db_hz:
             level = power.carrier_to_noise_db_hz
             return f"no lock: C/N0 {level:.1f} dB-Hz is below {self.params.lock_db_hz:.1f} dB-Hz", -1
@@ -120,8 +124,11 @@ class StepTracker:
         design = beam_design(window.beam_cross_elevation_rad, window.beam_elevation_rad, h)
         # First with a noise of unit size, whose misfit is the real size; then with that, which also sets the bias.
         noise = np.full(len(window), float(np.mean(window.power_w)))
-        scatter = max(float(fit_beam(design, window.power_w, noise).chi_squared), SMALLEST_SCATTER)
-        found = fit_beam(design, window.power_w, noise * scatter)
+        try:
+            scatter = max(float(fit_beam(design, window.power_w, noise).chi_squared), SMALLEST_SCATTER)
+            found = fit_beam(design, window.power_w, noise * scatter)
+        except np.linalg.LinAlgError:
+            return self._unsolved(window)
         error, limit = found.error_rad, self.params.valid_range_beamwidths
         beamwidths = float(np.hypot(error[0], error[1])) / h
         reason = f"error of {beamwidths:.2f} beamwidths is outside {limit:.2f} beamwidths" if beamwidths > limit else ""
@@ -135,3 +142,20 @@ class StepTracker:
             valid=not reason and bool(found.converged),
             reason=reason or ("" if found.converged else "the fit did not converge"),
         )
+
+    def _unsolved(self, window: ConscanWindow) -> PointingError:
+        least, most = float(np.min(window.power_w)), float(np.max(window.power_w))
+        return PointingError(
+            t_s=float(np.mean(window.t_s)),
+            sensor="steptrack",
+            cross_elevation_rad=0.0,
+            elevation_rad=0.0,
+            covariance_rad2=np.eye(2) * self.params.half_power_beamwidth_rad**2,
+            carrier_to_noise_db_hz=float(np.mean(window.carrier_to_noise_db_hz)),
+            valid=False,
+            reason=f"power_w from {least:.3g} to {most:.3g} W in one round: a sample outweighs the others",
+        )
+
+
+def _middle_s(power: CarrierPower) -> float:
+    return power.t_s - 0.5 * power.integration_s

@@ -1,6 +1,7 @@
 """Step-track with any power meter."""
 
 import copy
+import dataclasses
 import math
 
 import numpy as np
@@ -73,12 +74,37 @@ def test_samples_taken_between_two_points_do_not_count() -> None:
 @pytest.mark.parametrize(("sample", "reason"), [
     (meter(1.0, -1.0), "power_w=-1.0 must be > 0"),
     (meter(1.0, math.nan), "power, time and beam offset must be finite"),
+    (dataclasses.replace(meter(1.0, 1.0), sigma_w=-1.0), "sigma_w=-1.0 must be >= 0"),
     (meter(1.0, 1.0, 3.0), "no lock: C/N0 3.0 dB-Hz is below 10.0 dB-Hz"),
 ])  # fmt: skip
 def test_bad_sample_is_counted_with_its_reason(sample: CarrierPower, reason: str) -> None:
     tracker = StepTracker(StepTrackParams())
     assert tracker.add(sample, 0.2 * H, 0.0) is None
     assert tracker.state.last_rejection == reason
+
+
+@pytest.mark.parametrize("factor", [1e30, 1e200])
+def test_a_round_with_one_absurd_power_is_named_and_the_next_is_good(factor: float) -> None:
+    tracker, found = StepTracker(StepTrackParams()), []
+    for k in range(80):
+        beam = tracker.offset(0.5 * (k + 1) - 0.25)
+        u, v = beam.cross_elevation_rad, beam.elevation_rad
+        watts = 3e-17 * math.exp(-MU * ((10.0 * MDEG - u) ** 2 + v**2) / H**2)
+        error = tracker.add(meter(0.5 * (k + 1), watts * (factor if k == 7 else 1.0)), u, v)
+        found += [error] if error is not None else []
+    assert len(found) >= 2
+    assert not found[0].valid
+    assert "a sample outweighs the others" in found[0].reason
+    assert found[1].valid
+    assert found[1].cross_elevation_rad == pytest.approx(10.0 * MDEG, abs=1e-4 * MDEG)
+
+
+def test_a_sample_out_of_order_is_counted() -> None:
+    tracker = StepTracker(StepTrackParams())
+    assert tracker.add(meter(2.0, 1e-17), 0.2 * H, 0.0) is None
+    assert tracker.add(meter(2.0, 1e-17), 0.2 * H, 0.0) is None
+    assert tracker.state.counts == (1, 0, 0, 0)
+    assert tracker.state.last_rejection == "t_s=2.0 must be later than that of the sample before"
 
 
 def test_error_far_outside_is_reported_but_not_valid() -> None:
