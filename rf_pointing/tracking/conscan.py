@@ -139,6 +139,8 @@ class ConscanTracker:
 
     def _measure(self, window: ConscanWindow) -> PointingError:
         found = estimate_window(self.params, window)
+        if found.left_out is not None:
+            self._leave_out(window, found.left_out)
         mean = np.add.reduce(window.rows) / len(window)
         return PointingError(
             t_s=float(mean[0]),
@@ -150,3 +152,10 @@ class ConscanTracker:
             valid=not found.reason,
             reason=found.reason,
         )
+
+    def _leave_out(self, window: ConscanWindow, row: int) -> None:
+        """Count a sample that does not follow the beam as all others do, and let it leave the window."""
+        power_w, level = window.power_w[row], window.carrier_to_noise_db_hz[row]
+        kept = window.without(row) if len(self.state.window) else self.state.window
+        fault = f"power_w={power_w:.3g} at C/N0 {level:.1f} dB-Hz does not follow the beam as the other samples do"
+        self.state = ConscanState(window=kept, rejected=self.state.rejected + 1, last_rejection=fault)

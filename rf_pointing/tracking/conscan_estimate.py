@@ -19,14 +19,21 @@ Array = NDArray[np.float64]
 
 SMALLEST_SPREAD = 0.05  # rms motion along the weaker axis, in scan radii
 WORST_SPIN_INFLATION = 10.0
+LEFT_OVER = (
+    0.5  # of the misfit without the one sample that is to blame for it; a fading power is no single sample's fault
+)
 
 
 class WindowEstimate(NamedTuple):
-    """Target minus origin (2,), covariance (2, 2); `reason` is why it must not be used, empty if it may."""
+    """Target minus origin (2,), covariance (2, 2); `reason` is why it must not be used, empty if it may.
+
+    `left_out` is the row of the one sample without which the others follow the beam, None if all were used.
+    """
 
     error_rad: Array
     covariance_rad2: Array
     reason: str
+    left_out: int | None = None
 
 
 def estimate_window(params: ConscanParams, window: ConscanWindow) -> WindowEstimate:
@@ -60,6 +67,14 @@ def _likelihood(params: ConscanParams, window: ConscanWindow, design: BeamDesign
     found = fit_beam(design, power, noise)
     if not found.converged:
         return _unknown(params, "the likelihood did not converge")
+    if found.chi_squared > params.misfit_limit and not params.spin_periods_s:
+        worst = _farthest_off(params, window, found, noise)
+        others = fit_beam(_without(design, worst), np.delete(power, worst), np.delete(noise, worst))
+        explained = min(params.misfit_limit, LEFT_OVER * float(found.chi_squared))
+        if others.converged and others.chi_squared <= explained:
+            return WindowEstimate(
+                others.error_rad, others.covariance_rad2, _range_doubt(params, others.error_rad), worst
+            )
     if params.spin_periods_s:
         inflation = _spin_inflation(params, window, found, noise)
         if not 0.0 < inflation < WORST_SPIN_INFLATION:
@@ -88,6 +103,19 @@ def _flutter(params: ConscanParams, window: ConscanWindow, target_rad: Array) ->
     away = np.maximum(np.hypot(*(window.beam_rad - target_rad).T), params.radius_rad)
     relative = 2.0 * MU * away * params.unmodelled_rad / params.half_power_beamwidth_rad**2
     return np.asarray(float(np.mean(window.power_w)) * relative**2)
+
+
+def _farthest_off(params: ConscanParams, window: ConscanWindow, found: LikelihoodFit, noise_w: Array) -> int:
+    """Return the row whose power is farthest, in its own sigmas, from the beam at that direction; the median is its level."""
+    away = np.sum((window.beam_rad - found.error_rad) ** 2, axis=1)
+    shape = np.exp(-MU * away / params.half_power_beamwidth_rad**2)
+    expected = shape * float(np.median(window.power_w / shape))
+    return int(np.argmax((window.power_w - expected) ** 2 / (noise_w * expected)))
+
+
+def _without(design: BeamDesign, row: int) -> BeamDesign:
+    columns, products, loss = (np.delete(part, row, axis=0) for part in design[:3])
+    return BeamDesign(columns, products, loss, design.half_power_beamwidth_rad)
 
 
 def _spin_inflation(params: ConscanParams, window: ConscanWindow, found: LikelihoodFit, noise_w: Array) -> float:

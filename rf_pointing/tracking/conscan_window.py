@@ -70,6 +70,10 @@ class ConscanWindow:
             keep = keep[keep[:, 0] >= oldest_s]
         return ConscanWindow(np.concatenate([keep, np.array([sample])]))
 
+    def without(self, row: int) -> "ConscanWindow":
+        """Return the window without one of its samples."""
+        return ConscanWindow(np.delete(self.rows, row, axis=0))
+
     def moved(self, cross_elevation_rad: float, elevation_rad: float) -> "ConscanWindow":
         """Return the window seen from an origin moved by this much."""
         rows = self.rows.copy()

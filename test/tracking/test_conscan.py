@@ -149,6 +149,45 @@ def test_one_absurd_sample_is_rejected_and_the_window_goes_on(estimator: str, wa
     assert all(error is not None and error.valid for error in found[41:])
 
 
+@pytest.mark.parametrize("factor", [0.02, 0.5, 2.0, 100.0])
+def test_a_single_sample_that_does_not_follow_the_beam_leaves_the_window(factor: float) -> None:
+    """A burst in one sample had made every estimate of its window invalid, and the antenna search."""
+    tracker = ConscanTracker(params(estimator="likelihood", updates="sample"))
+    target, rng, errors = np.array([3.0, -2.0]) * MDEG, random_stream(5, "burst"), []
+    for k in range(80):
+        u, v = R * math.cos(0.2 * k), R * math.sin(0.2 * k)
+        watts = math.exp(-MU * ((target[0] - u) ** 2 + (target[1] - v) ** 2) / H**2)
+        watts += 5e-3 * math.sqrt(watts) * rng.standard_normal()
+        watts *= factor if k == 50 else 1.0
+        error = tracker.add(power(k + 1.0, watts, 5e-3 * math.sqrt(watts)), u, v)
+        if k >= 50:
+            assert error is not None
+            assert error.valid, error.reason
+            errors.append(np.array([error.cross_elevation_rad, error.elevation_rad]) - target)
+    assert tracker.state.rejected == 1
+    assert "does not follow the beam as the other samples do" in tracker.state.last_rejection
+    assert float(np.max(np.abs(errors))) < 0.2 * MDEG
+
+
+def test_a_power_that_fades_is_not_whittled_away_sample_by_sample() -> None:
+    tracker, found = ConscanTracker(params(estimator="likelihood", updates="sample")), []
+    for k in range(100):
+        watts = 1.0 + 0.018 * math.sin(2.0 * math.pi * k / 5.3)
+        found.append(tracker.add(power(k + 1.0, watts, 5e-3), R * math.cos(0.2 * k), R * math.sin(0.2 * k)))
+    assert tracker.state.rejected == 0
+    assert all(error is not None and not error.valid for error in found[31:])
+
+
+def test_two_bursts_in_one_window_are_still_a_misfit() -> None:
+    tracker = ConscanTracker(params(estimator="likelihood"))
+    for k in range(32):
+        angle = 2.0 * math.pi * k / 32
+        error = tracker.add(power(k + 1.0, 5.0 if k in (7, 20) else 1.0), R * math.cos(angle), R * math.sin(angle))
+    assert error is not None
+    assert not error.valid
+    assert error.reason.startswith("the power does not follow the beam: chi squared")
+
+
 @pytest.mark.parametrize("estimator", ["likelihood", "linear"])
 def test_a_window_that_one_sample_outweighs_is_named(estimator: str) -> None:
     """The absurd one is among the first: nothing yet says what is usual."""
