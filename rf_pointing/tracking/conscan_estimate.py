@@ -19,9 +19,8 @@ Array = NDArray[np.float64]
 
 SMALLEST_SPREAD = 0.05  # rms motion along the weaker axis, in scan radii
 WORST_SPIN_INFLATION = 10.0
-LEFT_OVER = (
-    0.5  # of the misfit without the one sample that is to blame for it; a fading power is no single sample's fault
-)
+LEFT_OVER = 0.5
+"""Of the misfit without the one sample that is to blame for it; no single one is for a power that fades."""
 
 
 class WindowEstimate(NamedTuple):
