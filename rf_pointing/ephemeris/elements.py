@@ -18,6 +18,8 @@ __all__ = ["Elements", "find_elements"]
 _DAYS_1949_TO_1970 = 7306.0
 """From 1949-12-31T00:00, where the propagator counts from, to 1970-01-01."""
 _LARGEST_LABEL = 339999
+MEAN_MOTIONS = (1e-3, 20.0)
+"""Revolutions a day that an orbit about the Earth may have: beyond the smallest it is lost, beyond the largest inside."""
 
 
 @dataclass(frozen=True, kw_only=True)

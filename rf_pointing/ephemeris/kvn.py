@@ -2,17 +2,23 @@
 
 import re
 
-__all__ = ["key_and_value"]
+__all__ = ["key_and_value", "without_unit"]
 
-_UNIT = re.compile(r"\s*\[[^\]]*\]\s*$")
+_WITH_UNIT = re.compile(r"(.*?)\s*\[([^\]]*)\]\s*", re.DOTALL)
+
+
+def without_unit(text: str) -> tuple[str, str]:
+    """Return a value and the unit behind it, as in 98.4 [deg]; "" for none."""
+    match = _WITH_UNIT.fullmatch(text)
+    return (match[1].strip(), match[2].strip()) if match else (text.strip(), "")
 
 
 def key_and_value(line: str, number: int) -> tuple[str, str] | None:
-    """Return the keyword and its value without unit; None for a blank line or a comment, an error for anything else."""
+    """Return the keyword and its value; None for a blank line or a comment, an error for anything else."""
     text = line.strip()
     if not text or text == "COMMENT" or text.startswith("COMMENT "):
         return None
     key, separator, value = text.partition("=")
     if not separator or not re.fullmatch(r"[A-Z0-9_]+", key.strip()):
         raise ValueError(f"line {number}: {text[:40]!r} must read KEYWORD = value")
-    return key.strip(), _UNIT.sub("", value).strip()
+    return key.strip(), value.strip()

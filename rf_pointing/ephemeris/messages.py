@@ -28,4 +28,8 @@ def _reader(content: str) -> Callable[[str], list[Elements]]:
         return read_omm_csv
     if content.startswith(("CCSDS_OMM_VERS", "COMMENT")):
         return read_omm_kvn
+    if content.startswith("CCSDS_"):
+        raise ValueError(
+            f"{first_line.split('=')[0].strip()} must be CCSDS_OMM_VERS, or CCSDS_OEM_VERS of an ephemeris"
+        )
     return read_tle

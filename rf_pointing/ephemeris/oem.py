@@ -1,25 +1,30 @@
 """Orbit ephemeris messages (CCSDS 502.0-B, KVN): reading the segments.
 
 Nothing is computed here; `OemTarget` interpolates.  Epochs are turned into TAI seconds, in which time runs evenly
-over a leap second.
+over a leap second.  Messages are taken for whole and in km: one that ends before its STOP_TIME, or whose states no body
+near the Earth can have, is refused.
 """
 
+import re
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import erfa
 import numpy as np
 from numpy.typing import NDArray
 
+from rf_pointing.ephemeris.celestial_frame import EARTH_RATE_RAD_S
 from rf_pointing.ephemeris.kvn import key_and_value
 from rf_pointing.ephemeris.time_scales import (
     DAY_S,
     POSIX_EPOCH_JD,
     TAI_MINUS_GPS_S,
     TT_MINUS_TAI_S,
-    leap_seconds,
     posix_from_calendar,
+    tai_from_utc_calendar,
 )
 from rf_pointing.geometry import require_choice
+from rf_pointing.geometry.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
 
 __all__ = ["OemSegment", "read_oem"]
 
@@ -29,6 +34,11 @@ METHODS = ("HERMITE", "LAGRANGE", "LINEAR")
 _SCALES = ("UTC", "TAI", "TT", "GPS", "TDB")
 _REQUIRED = ("OBJECT_NAME", "OBJECT_ID", "CENTER_NAME", "REF_FRAME", "TIME_SYSTEM", "START_TIME", "STOP_TIME")
 _MAX_DEGREE = 15
+_LEAST_DEGREE = {"HERMITE": 3, "LAGRANGE": 1, "LINEAR": 1}
+_FARTHEST_M = 3e9
+"""Twice as far as the Earth holds a satellite; states in metres taken for km would lie beyond it."""
+_FASTEST_ESCAPES = 3.0
+"""Speeds over that of escape which are no satellite's, with room for what turning axes add to them."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -55,9 +65,9 @@ def read_oem(text: str) -> list[OemSegment]:
     """Return the segments of a KVN message in file order; a malformed line is refused with its number."""
     found: list[OemSegment] = []
     meta: dict[str, str] | None = None
-    states: list[tuple[str, list[float]]] = []
+    states: list[_State] = []
     place = "header"
-    for number, raw in enumerate(text.splitlines(), start=1):
+    for number, raw in enumerate(text.removeprefix("\ufeff").splitlines(), start=1):
         line = raw.strip()
         if line == "META_START":
             if meta is not None:
@@ -74,6 +84,8 @@ def read_oem(text: str) -> list[OemSegment]:
         elif place in ("header", "meta"):
             pair = key_and_value(line, number)
             if pair and meta is not None:
+                if pair[0] in meta:
+                    raise ValueError(f"line {number}: {pair[0]} is given twice")
                 meta[pair[0]] = pair[1]
             elif pair and number == 1 and pair[0] != "CCSDS_OEM_VERS":
                 raise ValueError(f"line 1: {pair[0]} must be CCSDS_OEM_VERS")
@@ -83,7 +95,15 @@ def read_oem(text: str) -> list[OemSegment]:
     return found
 
 
-def _state(line: str, number: int) -> tuple[str, list[float]]:
+class _State(NamedTuple):
+    """One line of data; position and velocity in km and km/s."""
+
+    number: int
+    epoch: str
+    values: list[float]
+
+
+def _state(line: str, number: int) -> _State:
     fields = line.split()
     if len(fields) not in (7, 10):
         raise ValueError(f"line {number}: a state must have an epoch and 6 or 9 numbers, has {len(fields)} fields")
@@ -93,10 +113,10 @@ def _state(line: str, number: int) -> tuple[str, list[float]]:
         raise ValueError(f"line {number}: {line[:60]!r} holds something that is not a number") from None
     if not np.all(np.isfinite(values)):
         raise ValueError(f"line {number}: {line[:60]!r} must hold finite numbers")
-    return fields[0], values
+    return _State(number, fields[0], values)
 
 
-def _segment(meta: dict[str, str], states: list[tuple[str, list[float]]]) -> OemSegment:
+def _segment(meta: dict[str, str], states: list[_State]) -> OemSegment:
     missing = [key for key in _REQUIRED if not meta.get(key)]
     if missing:
         raise ValueError(f"OEM segment of {meta.get('OBJECT_NAME', 'an unnamed object')} lacks {', '.join(missing)}")
@@ -104,12 +124,17 @@ def _segment(meta: dict[str, str], states: list[tuple[str, list[float]]]) -> Oem
     if meta["CENTER_NAME"].upper() != "EARTH":
         raise ValueError(f"CENTER_NAME={meta['CENTER_NAME']!r} must be EARTH")
     method, degree = _interpolation(meta)
-    tai_s = np.array([tai_from_text(epoch, meta["TIME_SYSTEM"]) for epoch, _ in states])
-    if len(states) < 2 or np.any(np.diff(tai_s) <= 0.0):
-        raise ValueError(f"OEM segment of {meta['OBJECT_NAME']} must have 2 or more states in increasing time")
-    values = np.array([numbers for _, numbers in states]) * 1e3
-    start = meta.get("USEABLE_START_TIME", meta["START_TIME"])
-    stop = meta.get("USEABLE_STOP_TIME", meta["STOP_TIME"])
+    if len(states) < 2:
+        raise ValueError(f"OEM segment of {meta['OBJECT_NAME']} has {len(states)} states, must have 2 or more")
+    tai_s = np.array([_tai_of_line(state, meta["TIME_SYSTEM"]) for state in states])
+    later = np.flatnonzero(np.diff(tai_s) <= 0.0)
+    if len(later):
+        raise ValueError(
+            f"line {states[later[0] + 1].number}: {states[later[0] + 1].epoch} must be later than the state before"
+        )
+    values = np.array([state.values for state in states]) * 1e3
+    _require_near_the_earth(states, values)
+    usable_from_s, usable_to_s = _usable(meta, tai_s)
     return OemSegment(
         name=meta["OBJECT_NAME"],
         object_id=meta["OBJECT_ID"],
@@ -117,11 +142,51 @@ def _segment(meta: dict[str, str], states: list[tuple[str, list[float]]]) -> Oem
         tai_s=tai_s,
         position_m=values[:, :3],
         velocity_m_s=values[:, 3:],
-        usable_from_s=max(tai_from_text(start, meta["TIME_SYSTEM"]), float(tai_s[0])),
-        usable_to_s=min(tai_from_text(stop, meta["TIME_SYSTEM"]), float(tai_s[-1])),
+        usable_from_s=usable_from_s,
+        usable_to_s=usable_to_s,
         method=method,
         degree=degree,
     )
+
+
+def _tai_of_line(state: _State, scale: str) -> float:
+    try:
+        return tai_from_text(state.epoch, scale)
+    except ValueError as error:
+        raise ValueError(f"line {state.number}: {error}") from None
+
+
+def _require_near_the_earth(states: list[_State], values: Array) -> None:
+    """Refuse states that are no satellite's: those of another unit than km and km/s."""
+    distance, speed = (np.linalg.norm(part, axis=1) for part in (values[:, :3], values[:, 3:]))
+    turning = EARTH_RATE_RAD_S * distance
+    fastest = _FASTEST_ESCAPES * np.sqrt(2.0 * EARTH_MU_M3_S2 / np.maximum(distance, EARTH_RADIUS_M)) + turning
+    for state, far, fast, most in zip(states, distance, speed, fastest, strict=True):
+        if not 0.9 * EARTH_RADIUS_M <= far <= _FARTHEST_M:
+            raise ValueError(
+                f"line {state.number}: distance {1e-3 * far:.6g} km from the centre of the Earth must be in "
+                f"[{0.9e-3 * EARTH_RADIUS_M:.0f}, {1e-3 * _FARTHEST_M:.0f}] km"
+            )
+        if fast > most:
+            raise ValueError(
+                f"line {state.number}: speed {1e-3 * fast:.6g} km/s must be <= {1e-3 * most:.6g} km/s there"
+            )
+
+
+def _usable(meta: dict[str, str], tai_s: Array) -> tuple[float, float]:
+    """Return the usable span in TAI seconds; its ends may lie a step beyond the states, which then end it."""
+    keys = [f"USEABLE_{key}" if meta.get(f"USEABLE_{key}") else key for key in ("START_TIME", "STOP_TIME")]
+    first, last = (tai_from_text(meta[key], meta["TIME_SYSTEM"]) for key in keys)
+    if not first < last:
+        raise ValueError(f"{keys[0]}={meta[keys[0]]} must be before {keys[1]}={meta[keys[1]]}")
+    step_s = float(np.max(np.diff(tai_s)))
+    for key, short_s in zip(keys, (tai_s[0] - first, last - tai_s[-1]), strict=True):
+        if short_s > step_s:
+            raise ValueError(
+                f"{key}={meta[key]} of {meta['OBJECT_NAME']} lies {short_s:.0f} s beyond the states, must be <= {step_s:.0f} s "
+                "(one step): is the message whole?"
+            )
+    return max(first, float(tai_s[0])), min(last, float(tai_s[-1]))
 
 
 def _interpolation(meta: dict[str, str]) -> tuple[str, int]:
@@ -130,16 +195,19 @@ def _interpolation(meta: dict[str, str]) -> tuple[str, int]:
         return "", 0
     require_choice("INTERPOLATION", method, METHODS)
     text = meta.get("INTERPOLATION_DEGREE", "1" if method == "LINEAR" else "")
-    if not text.isdigit() or not 1 <= int(text) <= _MAX_DEGREE:
-        raise ValueError(f"INTERPOLATION_DEGREE={text!r} must be a whole number in [1, {_MAX_DEGREE}]")
+    least = _LEAST_DEGREE[method]
+    if not re.fullmatch(r"[0-9]+", text) or not least <= int(text) <= _MAX_DEGREE:
+        raise ValueError(
+            f"INTERPOLATION_DEGREE={text!r} must be a whole number in [{least}, {_MAX_DEGREE}] for {method}"
+        )
     return method, int(text)
 
 
 def tai_from_text(text: str, scale: str) -> float:
     """Return TAI seconds since 1970-01-01T00:00:00 TAI of a date written in `scale`."""
-    seconds = posix_from_calendar(text)
     if scale == "UTC":
-        return seconds + float(leap_seconds().tai_minus_utc_s(seconds))
+        return tai_from_utc_calendar(text)
+    seconds = posix_from_calendar(text)
     if scale == "TDB":
         whole, rest = divmod(seconds, DAY_S)
         seconds -= float(erfa.dtdb(POSIX_EPOCH_JD + whole, rest / DAY_S, 0.0, 0.0, 0.0, 0.0))

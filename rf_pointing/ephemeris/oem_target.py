@@ -140,11 +140,13 @@ def _window_size(segment: OemSegment, fallback: tuple[str, int] | None) -> tuple
     """Return whether velocities are used, how many states, and the degree."""
     method, degree = (segment.method, segment.degree) if segment.method else (fallback or ("", 0))
     if not method:
-        raise ValueError(f"OEM of {segment.name} declares no INTERPOLATION: give interpolation=(method, degree)")
+        raise ValueError(f"OEM of {segment.name} declares no INTERPOLATION: give interpolation and its degree")
     require_choice("interpolation", method, METHODS)
     hermite = method == "HERMITE"
-    if hermite and degree % 2 == 0:
-        raise ValueError(f"INTERPOLATION_DEGREE={degree} must be odd for HERMITE: it takes positions and velocities")
+    if hermite and (degree % 2 == 0 or degree < 3):
+        raise ValueError(
+            f"INTERPOLATION_DEGREE={degree} must be odd, 3 or more, for HERMITE: it takes positions and velocities"
+        )
     degree = 1 if method == "LINEAR" else degree
     size = (degree + 1) // 2 if hermite else degree + 1
     if len(segment.tai_s) < size:

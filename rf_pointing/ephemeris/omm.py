@@ -2,18 +2,23 @@
 
 Two dialects are in use: numbers written as numbers and numbers written as strings; both are read.  The catalogue
 number is a plain integer of up to nine digits.  Only elements of the SGP4 theory in TEME and UTC are accepted: the
-same numbers mean another orbit in any other theory.
+same numbers mean another orbit in any other theory.  So they do in other units than the standard's: a unit that is
+written beside a number must be that one.  What a message says twice is refused.
 """
 
 import json
 import math
 import re
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
-from rf_pointing.ephemeris.elements import Elements
-from rf_pointing.ephemeris.kvn import key_and_value
+from rf_pointing.ephemeris.elements import MEAN_MOTIONS, Elements
+from rf_pointing.ephemeris.kvn import key_and_value, without_unit
 from rf_pointing.ephemeris.time_scales import DAY_S, posix_from_calendar
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element
 
 __all__ = ["read_omm_csv", "read_omm_json", "read_omm_kvn", "read_omm_xml"]
 
@@ -27,12 +32,26 @@ _MUST_BE = {
     "EPHEMERIS_TYPE": ("0", "2", ""),
 }
 """What SGP4 needs; a message that leaves one out means the same (CelesTrak's JSON and CSV do)."""
+_UNITS = {
+    "MEAN_MOTION": "rev/day",
+    "INCLINATION": "deg",
+    "RA_OF_ASC_NODE": "deg",
+    "ARG_OF_PERICENTER": "deg",
+    "MEAN_ANOMALY": "deg",
+    "BSTAR": "1/ER",
+    "MEAN_MOTION_DOT": "rev/day**2",
+    "MEAN_MOTION_DDOT": "rev/day**3",
+}
+_LARGEST = 1e15
+"""Beyond any number of an OMM, and still a whole number of a float."""
+_MOST_ECCENTRIC = 0.9999999
+_TURN_DEG = (-360.0, 360.0)
 
 
 def read_omm_json(text: str) -> list[Elements]:
     """Return the elements of one JSON object or an array of them."""
     try:
-        parsed = json.loads(text, parse_constant=_no_constant)
+        parsed = json.loads(text, parse_constant=_no_constant, object_pairs_hook=partial(_once, "OMM JSON"))
     except json.JSONDecodeError as error:
         raise ValueError(f"OMM JSON is malformed: {error}") from None
     messages = parsed if isinstance(parsed, list) else [parsed]
@@ -51,7 +70,7 @@ def read_omm_xml(text: str) -> list[Elements]:
     except ElementTree.ParseError as error:
         raise ValueError(f"OMM XML is malformed: {error}") from None
     segments = [e for e in root.iter() if _local_name(e.tag) == "segment"]
-    messages = [{_local_name(leaf.tag): leaf.text or "" for leaf in s.iter() if len(leaf) == 0} for s in segments]
+    messages = [_once("OMM XML", [_key_and_text(leaf) for leaf in s.iter() if len(leaf) == 0]) for s in segments]
     return [_elements(number, message) for number, message in enumerate(messages, start=1)]
 
 
@@ -60,7 +79,12 @@ def read_omm_csv(text: str) -> list[Elements]:
     import csv
     import io
 
-    rows = list(csv.DictReader(io.StringIO(text.strip())))
+    try:
+        table = csv.DictReader(io.StringIO(text.strip(), newline=None))
+        rows = list(table)
+    except csv.Error as error:
+        raise ValueError(f"OMM CSV is malformed: {error}") from None
+    _once("OMM CSV", [(name, "") for name in table.fieldnames or ()])
     for number, row in enumerate(rows, start=1):
         if None in row or None in row.values():
             raise ValueError(f"OMM {number}: its line has not as many columns as the first line names")
@@ -85,6 +109,23 @@ def read_omm_kvn(text: str) -> list[Elements]:
     return [_elements(number, message) for number, message in enumerate(messages, start=1)]
 
 
+def _once(what: str, pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
+    """Return the fields of one message; a keyword that is given twice is refused, unless it says nothing here."""
+    fields: dict[str, Any] = {}
+    for key, value in pairs:
+        if key in fields and key not in ("COMMENT", "USER_DEFINED"):
+            of = fields.get("OBJECT_NAME") or fields.get("NORAD_CAT_ID")
+            raise ValueError(f"{what}{f' of {of}' if of else ''}: {key} is given twice")
+        fields[key] = value
+    return fields
+
+
+def _key_and_text(leaf: "Element") -> tuple[str, str]:
+    """Return keyword and text of an XML leaf, its unit behind it as in KVN."""
+    unit = leaf.get("units")
+    return _local_name(leaf.tag), f"{leaf.text or ''} [{unit}]" if unit else leaf.text or ""
+
+
 def _elements(number: int, fields: Fields) -> Elements:
     label = f"OMM {number} ({fields.get('OBJECT_NAME') or fields.get('NORAD_CAT_ID') or 'unnamed'})"
     try:
@@ -100,17 +141,17 @@ def _checked_elements(fields: Fields) -> Elements:
     per_day = 2.0 * math.pi / DAY_S
     catalogue_number = _integer(fields, "NORAD_CAT_ID")
     return Elements(
-        name=str(fields.get("OBJECT_NAME", "")).strip() or str(catalogue_number),
+        name=_text(fields, "OBJECT_NAME") or str(catalogue_number),
         catalogue_number=catalogue_number,
-        international_designator=str(fields.get("OBJECT_ID", "")).strip(),
-        classification=str(fields.get("CLASSIFICATION_TYPE", "")).strip() or "U",
+        international_designator=_text(fields, "OBJECT_ID"),
+        classification=_text(fields, "CLASSIFICATION_TYPE") or "U",
         epoch_t_s=posix_from_calendar(str(_present(fields, "EPOCH"))),
-        mean_motion_rad_s=_number(fields, "MEAN_MOTION") * per_day,
-        eccentricity=_number(fields, "ECCENTRICITY"),
-        inclination_rad=math.radians(_number(fields, "INCLINATION")),
-        ascending_node_rad=math.radians(_number(fields, "RA_OF_ASC_NODE")),
-        argument_of_perigee_rad=math.radians(_number(fields, "ARG_OF_PERICENTER")),
-        mean_anomaly_rad=math.radians(_number(fields, "MEAN_ANOMALY")),
+        mean_motion_rad_s=_number(fields, "MEAN_MOTION", *MEAN_MOTIONS) * per_day,
+        eccentricity=_number(fields, "ECCENTRICITY", 0.0, _MOST_ECCENTRIC),
+        inclination_rad=math.radians(_number(fields, "INCLINATION", 0.0, 180.0)),
+        ascending_node_rad=math.radians(_number(fields, "RA_OF_ASC_NODE", *_TURN_DEG)),
+        argument_of_perigee_rad=math.radians(_number(fields, "ARG_OF_PERICENTER", *_TURN_DEG)),
+        mean_anomaly_rad=math.radians(_number(fields, "MEAN_ANOMALY", *_TURN_DEG)),
         drag_per_earth_radius=_number(fields, "BSTAR"),
         # Publishers copy the columns of the TLE, which hold half and a sixth of the derivatives.
         mean_motion_dot_rad_s2=2.0 * _number(fields, "MEAN_MOTION_DOT") * per_day / DAY_S,
@@ -127,12 +168,25 @@ def _present(fields: Fields, key: str) -> Any:
     return value
 
 
-def _number(fields: Fields, key: str) -> float:
+def _text(fields: Fields, key: str) -> str:
+    """Return a text, empty where the message has none (JSON: null)."""
+    return str(fields.get(key) or "").strip()
+
+
+def _number(fields: Fields, key: str, low: float = -_LARGEST, high: float = _LARGEST) -> float:
     value = _present(fields, key)
-    if isinstance(value, (int, float)) and not isinstance(value, bool):
-        return float(value)
-    if not isinstance(value, str) or not re.fullmatch(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*", value):
+    if isinstance(value, str):
+        value, unit = without_unit(value)
+        wanted = _UNITS.get(key, "")
+        if unit and unit.casefold() != wanted.casefold():
+            raise ValueError(f"{key}={value} has the unit [{unit}], must have " + (f"[{wanted}]" if wanted else "none"))
+        if not re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", value):
+            raise ValueError(f"{key}={value!r} is not a number")
+        value = float(value)
+    elif not isinstance(value, (int, float)) or isinstance(value, bool):
         raise ValueError(f"{key}={value!r} is not a number")
+    if not low <= value <= high:
+        raise ValueError(f"{key}={value} must be in [{low:.9g}, {high:.9g}]")
     return float(value)
 
 

@@ -10,6 +10,7 @@ Source: IERS Conventions (2010) chapter 5; IS-GPS-200 for the 19 s.
 import math
 import re
 from bisect import bisect_right
+from calendar import isleap
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import lru_cache
@@ -31,6 +32,8 @@ __all__ = [
     "Utc",
     "leap_seconds",
     "posix_from_calendar",
+    "require_day_of_year",
+    "tai_from_utc_calendar",
     "utc_text",
 ]
 
@@ -176,20 +179,47 @@ _CALENDAR = re.compile(r"(\d{4})-(?:(\d\d)-(\d\d)|(\d{3}))T(\d\d):(\d\d):(\d\d(?
 def posix_from_calendar(text: str) -> float:
     """Return POSIX-style seconds of a CCSDS calendar or ordinal date, as 2026-11-21T03:30:00.5 or 2026-325T03:30:00.
 
-    The result counts seconds of the scale in which the text is written; only a UTC text gives a wire time.
+    The result counts seconds of the scale in which the text is written; only a UTC text gives a wire time.  A leap second
+    has no time of its own on the wire, so second 60 is refused; `tai_from_utc_calendar` reads it.
     """
+    minute_s, second = _minute_and_second(text)
+    if second >= 60.0:
+        raise ValueError(f"date={text!r} has second {second:g}, must be < 60")
+    return minute_s + second
+
+
+def tai_from_utc_calendar(text: str) -> float:
+    """Return TAI seconds since 1970-01-01T00:00:00 TAI of a UTC date; second 60 is read where there is one."""
+    minute_s, second = _minute_and_second(text)
+    table = leap_seconds()
+    before_s = float(table.tai_minus_utc_s(minute_s))
+    seconds = 60.0 + float(table.tai_minus_utc_s(minute_s + 60.0)) - before_s
+    if second >= seconds:
+        raise ValueError(f"date={text!r} has second {second:g}, must be < {seconds:g} in that minute")
+    return minute_s + second + before_s
+
+
+def _minute_and_second(text: str) -> tuple[float, float]:
+    """Return the POSIX-style seconds of a date's minute, and its second, which may be beyond the minute's end."""
     match = _CALENDAR.fullmatch(text.strip())
     if match is None:
         raise ValueError(f"date={text!r} must read YYYY-MM-DDThh:mm:ss or YYYY-DDDThh:mm:ss")
     year, month, day, ordinal, hour, minute, second = match.groups()
-    if float(second) >= 61.0:
-        raise ValueError(f"date={text!r} has second {second}, must be < 61")
     try:
         midnight = datetime(int(year), int(month or 1), int(day or 1), int(hour), int(minute), tzinfo=UTC)
     except ValueError as error:
         raise ValueError(f"date={text!r}: {error}") from None
-    start_s = midnight.timestamp() + (int(ordinal) - 1) * DAY_S if ordinal else midnight.timestamp()
-    return start_s + float(second)
+    if ordinal is None:
+        return midnight.timestamp(), float(second)
+    require_day_of_year(text, int(year), int(ordinal))
+    return midnight.timestamp() + (int(ordinal) - 1) * DAY_S, float(second)
+
+
+def require_day_of_year(text: str, year: int, day: float) -> None:
+    """Raise ValueError, naming the `text` that it comes from, unless the (fractional) day of a year lies in it."""
+    days = 366 if isleap(year) else 365
+    if not 1.0 <= day < days + 1:
+        raise ValueError(f"date={text!r} has day {day:g} of {year}, must be >= 1 and < {days + 1}")
 
 
 def utc_text(t_s: float) -> str:

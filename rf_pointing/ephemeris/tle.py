@@ -9,12 +9,13 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from rf_pointing.ephemeris.alpha5 import number_from_alpha5
-from rf_pointing.ephemeris.elements import Elements
-from rf_pointing.ephemeris.time_scales import DAY_S
+from rf_pointing.ephemeris.elements import MEAN_MOTIONS, Elements
+from rf_pointing.ephemeris.time_scales import DAY_S, require_day_of_year
 
 __all__ = ["read_tle", "verification_elements"]
 
 _LENGTH = 69
+_TURN_DEG = (0.0, 360.0)
 _BROKEN_ON_PURPOSE = {"33333", "33334", "33335"}
 """Objects of the verification file that provoke errors; their checksums were not kept up."""
 
@@ -102,20 +103,22 @@ def _elements(line1: str, line2: str, name: str) -> Elements:
         mean_motion_ddot_rad_s3=6.0 * _exponent("second derivative", line1[44:52]) * revolutions_per_day / DAY_S**2,
         drag_per_earth_radius=_exponent("B*", line1[53:61]),
         element_set_number=int(line1[64:68].strip() or 0),
-        inclination_rad=math.radians(_number("inclination", line2[8:16])),
-        ascending_node_rad=math.radians(_number("ascending node", line2[17:25])),
+        inclination_rad=math.radians(_number("inclination", line2[8:16], 0.0, 180.0)),
+        ascending_node_rad=math.radians(_number("ascending node", line2[17:25], *_TURN_DEG)),
         eccentricity=_number("eccentricity", "0." + line2[26:33].replace(" ", "0")),
-        argument_of_perigee_rad=math.radians(_number("argument of perigee", line2[34:42])),
-        mean_anomaly_rad=math.radians(_number("mean anomaly", line2[43:51])),
-        mean_motion_rad_s=_number("mean motion", line2[52:63]) * revolutions_per_day,
+        argument_of_perigee_rad=math.radians(_number("argument of perigee", line2[34:42], *_TURN_DEG)),
+        mean_anomaly_rad=math.radians(_number("mean anomaly", line2[43:51], *_TURN_DEG)),
+        mean_motion_rad_s=_number("mean motion", line2[52:63], *MEAN_MOTIONS) * revolutions_per_day,
         revolution_number=int(line2[63:68].strip() or 0),
     )
 
 
-def _number(what: str, columns: str) -> float:
+def _number(what: str, columns: str, low: float = -math.inf, high: float = math.inf) -> float:
     text = columns.strip()
     if not re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)", text):
         raise ValueError(f"{what} {columns!r} is not a number")
+    if not low <= float(text) <= high:
+        raise ValueError(f"{what} {text} must be in [{low:g}, {high:g}]")
     return float(text)
 
 
@@ -135,8 +138,7 @@ def _epoch(year: str, day: str) -> float:
         raise ValueError(f"epoch year {year!r} must be two digits")
     full_year = int(year) + (1900 if int(year) >= 57 else 2000)
     day_of_year = _number("epoch day", day)
-    if not 1.0 <= day_of_year < 367.0:
-        raise ValueError(f"epoch day {day!r} must be in [1, 367)")
+    require_day_of_year(f"{year}{day}", full_year, day_of_year)
     return datetime(full_year, 1, 1, tzinfo=UTC).timestamp() + (day_of_year - 1.0) * DAY_S
 
 

@@ -10,8 +10,10 @@ __all__ = ["add_target_options", "source_of", "start_of"]
 
 
 def add_target_options(parser: argparse.ArgumentParser) -> None:
-    """Add --elements, --satellite, --station, --start and --mask to a command line."""
+    """Add --elements, --interpolation, --satellite, --station, --start and --mask to a command line."""
     parser.add_argument("--elements", metavar="FILE", default="", help="elements (default: verification set of sgp4)")
+    parser.add_argument("--interpolation", nargs=2, metavar=("METHOD", "DEGREE"), default=("", "7"), help="HERMITE, LAGRANGE "
+                        "or LINEAR, for an OEM that declares none")  # fmt: skip
     parser.add_argument("--satellite", default="28057", help="catalogue number or name (default: 28057, CBERS-2)")
     parser.add_argument("--station", default="Goldstone DSS-13", help="station name (default: Goldstone DSS-13)")
     parser.add_argument("--start", metavar="UTC", help="look for passes after this time (default: the elements' epoch)")
@@ -22,7 +24,13 @@ def add_target_options(parser: argparse.ArgumentParser) -> None:
 
 def source_of(options: argparse.Namespace) -> SourceParams:
     """Return the satellite and the station."""
-    return SourceParams(elements_file=options.elements, satellite=options.satellite, station=options.station)
+    method, degree = options.interpolation
+    if not degree.isdecimal():
+        raise ValueError(f"interpolation={method} {degree!r}: the degree must be a whole number")
+    return SourceParams(
+        elements_file=options.elements, satellite=options.satellite, station=options.station,
+        interpolation=method.upper(), interpolation_degree=int(degree),
+    )  # fmt: skip
 
 
 def start_of(options: argparse.Namespace) -> float:

@@ -143,6 +143,8 @@ def overrides(options: argparse.Namespace, window: Pass, output: Path) -> dict[s
         "source.satellite": options.satellite,
         "source.station": options.station,
         "source.elements_file": str(Path(options.elements).resolve()) if options.elements else "",
+        "source.interpolation": source_of(options).interpolation,
+        "source.interpolation_degree": source_of(options).interpolation_degree,
     }
     mask, scan = _horizon(options), chosen_scan(options, window)
     scanned = {} if scan is None else {f"conscan.{name}": leaves(scan)[name][1] for name in SCAN_CHOICES}

@@ -21,6 +21,7 @@ from rf_pointing.ephemeris import (
     sun,
     verification_elements,
 )
+from rf_pointing.ephemeris.oem import METHODS
 from rf_pointing.geometry import Params, parameter
 from rf_pointing.geometry.refraction import RadioRefraction
 
@@ -48,6 +49,10 @@ class SourceParams(Params):
     station: str = parameter("Goldstone DSS-13", "station name")
     along_track_offset_s: float = parameter(0.0, "target ahead of its elements by", low=-60.0, high=60.0)
     cross_track_offset_rad: float = parameter(0.0, "target right of its elements by", low=-0.1, high=0.1)
+    interpolation: str = parameter(
+        "", "method for an OEM that declares none; empty: such an OEM is refused", choices=("", *METHODS)
+    )
+    interpolation_degree: int = parameter(7, "its degree", low=1, high=15)
     hold: bool = parameter(False, "the target stands still on the sky where it was when this was set")
     max_age_days: float = parameter(14.0, "age from the epoch at which elements are expired", low=0.01, high=3650.0)
     refraction: str = parameter(
@@ -67,10 +72,11 @@ def load_target(params: SourceParams) -> Elements | TargetSource:
     path = Path(params.elements_file)
     if not path.is_file():
         raise ValueError(f"elements_file={params.elements_file!r} does not exist")
-    text = path.read_text()
     try:
+        text = path.read_text(encoding="utf-8-sig")
         if text.lstrip().startswith("CCSDS_OEM_VERS"):
-            return _object_of_oem(text, params.satellite)
+            method = (params.interpolation, params.interpolation_degree) if params.interpolation else None
+            return _object_of_oem(text, params.satellite, method)
         return find_elements(read_elements(text), params.satellite)
     except ValueError as error:
         raise ValueError(f"{path.name}: {error}") from error
@@ -120,11 +126,11 @@ def first_time_s(params: SourceParams) -> float:
     raise ValueError(f"{target.name} has no epoch: say when to look for it (start)")
 
 
-def _object_of_oem(text: str, wanted: str) -> OemTarget:
+def _object_of_oem(text: str, wanted: str, interpolation: tuple[str, int] | None) -> OemTarget:
     segments = read_oem(text)
     key = wanted.strip().casefold()
     found = [segment for segment in segments if key in (segment.name.casefold(), segment.object_id.casefold())]
     if not found:
         names = sorted({f"{segment.name} ({segment.object_id})" for segment in segments})
         raise ValueError(f"satellite={wanted!r} is not among the objects of the ephemeris: {', '.join(names)}")
-    return OemTarget(found)
+    return OemTarget(found, interpolation=interpolation)

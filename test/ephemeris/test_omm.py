@@ -1,6 +1,7 @@
 """OMM in four notations and both dialects against the TLE of the same object, and refusals by field."""
 
 import json
+import re
 
 import pytest
 from sgp4 import omm
@@ -95,13 +96,60 @@ def test_several_messages_come_in_order() -> None:
         ({"EPOCH": "yesterday"}, "date='yesterday' must read"),
         ({"EPHEMERIS_TYPE": 4}, "EPHEMERIS_TYPE=.4.? must be one of 0, 2|EPHEMERIS_TYPE=4 must"),
         ({"MEAN_ELEMENT_THEORY": "SGP4-XP"}, "MEAN_ELEMENT_THEORY='SGP4-XP' must be one of SGP4"),
+        ({"INCLINATION": 198.4}, r"INCLINATION=198.4 must be in \[0, 180\]"),
+        ({"RA_OF_ASC_NODE": 1234}, r"RA_OF_ASC_NODE=1234.* must be in \[-360, 360\]"),
+        ({"MEAN_MOTION": 160.0}, r"MEAN_MOTION=160.0 must be in \[0.001, 20\]"),
+        ({"NORAD_CAT_ID": "1e999"}, "NORAD_CAT_ID=inf must be in"),
+        ({"EPOCH": "2006-06-26T18:52:60"}, "has second 60, must be < 60"),
+        ({"EPOCH": "2006-366T18:52:04"}, "has day 366 of 2006, must be >= 1 and < 366"),
         ({"CENTER_NAME": "MARS"}, "CENTER_NAME='MARS' must be one of EARTH"),
-        ({"ECCENTRICITY": 1.5}, "eccentricity=1.5"),
+        ({"ECCENTRICITY": 1.5}, r"ECCENTRICITY=1.5 must be in \[0, 0.9999999\]"),
     ],
 )
 def test_a_bad_field_is_named(notation: str, change: dict[str, object], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         read_elements(NOTATIONS[notation]({**FIELDS, **change}))
+
+
+UNITS = {"INCLINATION": ("deg", "rad"), "MEAN_MOTION": ("rev/day", "rad/min"), "BSTAR": ("1/ER", "m**2/kg")}
+
+
+@pytest.mark.parametrize("key", UNITS)
+def test_a_unit_beside_a_number_must_be_the_standards(key: str) -> None:
+    right, wrong = UNITS[key]
+    for unit in (right, right.upper()):
+        line = f"{key:20s} = {FIELDS[key]}"
+        in_kvn = as_kvn(FIELDS).replace(" [deg]", "").replace(line, f"{line} [{unit}]")
+        in_xml = as_xml(FIELDS).replace(f"<{key}>", f'<{key} units="{unit}">')
+        assert read_elements(in_kvn) == read_elements(in_xml) == read_elements(as_csv(FIELDS))
+    message = rf"{key}={FIELDS[key]} has the unit \[{re.escape(wrong)}\], must have \[{re.escape(right)}\]"
+    for text in (in_kvn.replace(f"[{unit}]", f"[{wrong}]"), in_xml.replace(f'"{unit}"', f'"{wrong}"')):
+        with pytest.raises(ValueError, match=message):
+            read_elements(text)
+
+
+def test_what_is_said_twice_is_refused() -> None:
+    twice = {
+        "json": json.dumps(FIELDS)[:-1] + ', "INCLINATION": 10.0}',
+        "xml": as_xml(FIELDS).replace("<INCLINATION>", "<INCLINATION>10.0</INCLINATION><INCLINATION>"),
+        "csv": as_csv(FIELDS).replace("OBJECT_ID", "INCLINATION"),
+        "kvn": as_kvn(FIELDS) + "\nINCLINATION = 10.0",
+    }
+    for text in twice.values():
+        with pytest.raises(ValueError, match="INCLINATION is given twice"):
+            read_elements(text)
+
+
+def test_an_object_without_a_name_goes_by_its_number_and_brackets_belong_to_a_name() -> None:
+    (unnamed,) = read_elements(json.dumps({**FIELDS, "OBJECT_NAME": None, "OBJECT_ID": None}))
+    assert (unnamed.name, unnamed.international_designator) == ("28057", "")
+    (bracketed,) = read_elements(as_kvn({**FIELDS, "OBJECT_NAME": "STARLINK-11072 [DTC]"}))
+    assert bracketed.name == "STARLINK-11072 [DTC]"
+
+
+def test_old_line_ends_and_a_byte_order_mark_change_nothing() -> None:
+    plain = read_elements(as_csv(FIELDS))
+    assert read_elements("\ufeff" + as_csv(FIELDS)) == read_elements(as_csv(FIELDS).replace("\r\n", "\r")) == plain
 
 
 @pytest.mark.parametrize("key", ["EPOCH", "MEAN_MOTION", "NORAD_CAT_ID", "BSTAR", "ECCENTRICITY"])
@@ -124,6 +172,8 @@ def test_a_missing_field_is_refused_never_zero(key: str) -> None:
         ("NORAD_CAT_ID,MEAN_MOTION\n1,5,6", "not as many columns"),
         ("CCSDS_OMM_VERS = 2.0\nEPOCH 2006", "line 2: 'EPOCH 2006' must read KEYWORD = value"),
         ("CCSDS_OMM_VERS = 2.0\nBSTAR = 1\nBSTAR = 2", "line 3: BSTAR is given twice"),
+        ("CCSDS_OPM_VERS = 2.0\nEPOCH = 1", "CCSDS_OPM_VERS must be CCSDS_OMM_VERS, or CCSDS_OEM_VERS"),
+        ('{"NORAD_CAT_ID": 1' + 400 * "0" + "}", "NORAD_CAT_ID=10{400} must be in"),
         ("COMMENT x\nBSTAR = 1", "line 2: BSTAR comes before CCSDS_OMM_VERS"),
     ],
 )

@@ -11,6 +11,7 @@ from rf_pointing.ephemeris.time_scales import (
     Utc,
     leap_seconds,
     posix_from_calendar,
+    tai_from_utc_calendar,
     utc_text,
 )
 
@@ -70,6 +71,16 @@ def test_an_expired_leap_second_table_says_so() -> None:
     assert "expired" in table.warnings(table.expires_t_s + 1.0)[0]
 
 
+def test_a_leap_second_is_read_where_there_is_one() -> None:
+    half = tai_from_utc_calendar("2016-12-31T23:59:60.5")
+    assert half - tai_from_utc_calendar("2016-12-31T23:59:59.5") == 1.0
+    assert tai_from_utc_calendar("2017-01-01T00:00:00.5") - half == 1.0
+    assert tai_from_utc_calendar("2016-366T23:59:60.5") == half
+    for text in ("2015-12-31T23:59:60", "2016-12-31T23:58:60", "2016-12-31T23:59:61"):
+        with pytest.raises(ValueError, match=r"has second 6., must be < 6. in that minute"):
+            tai_from_utc_calendar(text)
+
+
 def test_calendar_and_ordinal_dates_are_read() -> None:
     assert posix_from_calendar("2006-06-26T18:52:04.08Z") == pytest.approx(1151347924.08, abs=1e-6)
     assert posix_from_calendar("2006-177T18:52:04.08") == pytest.approx(1151347924.08, abs=1e-6)
@@ -77,7 +88,19 @@ def test_calendar_and_ordinal_dates_are_read() -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["2006-13-01T00:00:00", "2006-06-26", "2006-06-26T25:00:00", "nan", "2006-06-26T00:00:75"]
+    "text",
+    [
+        "2006-13-01T00:00:00",
+        "2006-06-26",
+        "2006-06-26T25:00:00",
+        "nan",
+        "2006-06-26T00:00:75",
+        "2016-12-31T23:59:60",
+        "06-06-26T00:00:00",
+        "2006-000T00:00:00",
+        "2006-366T00:00:00",
+        "2006-06-26T00:00:00+01:00",
+    ],
 )
 def test_malformed_dates_are_refused(text: str) -> None:
     with pytest.raises(ValueError, match="date="):

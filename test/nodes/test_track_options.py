@@ -73,6 +73,16 @@ def test_a_pass_begins_above_the_horizon_that_the_controller_is_given(tmp_path: 
     assert said["mask.elevation_deg"] == pytest.approx([0.0, 12.0, 0.0])
 
 
+def test_the_interpolation_of_an_ephemeris_reaches_every_node_that_reads_it(tmp_path: Path) -> None:
+    options = track_options.arguments(["--interpolation", "lagrange", "9"])
+    said = track_options.overrides(options, track_options.choose_pass(options), tmp_path)
+    for node in ("ephemeris_publisher", "rf_receiver"):
+        values = said[f"/**/{node}"]["ros__parameters"]
+        assert (values["source.interpolation"], values["source.interpolation_degree"]) == ("LAGRANGE", 9)
+    with pytest.raises(ValueError, match="interpolation=LAGRANGE 'x': the degree must be a whole number"):
+        track_options.choose_pass(track_options.arguments(["--interpolation", "LAGRANGE", "x"]))
+
+
 def scan_of(tmp_path: Path, *line: str) -> tuple[dict[str, float], dict[str, float]]:
     options = track_options.arguments(["--sensor", "conscan", "--band", "Ka", *line])
     sections = track_options.overrides(options, track_options.choose_pass(options), tmp_path)

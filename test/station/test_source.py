@@ -130,6 +130,24 @@ def test_passes_are_looked_for_where_the_ephemeris_is_usable_and_nowhere_beyond(
         find_passes(track, PASS_T_S + 5000.0, 1000.0, 0.1)
 
 
+def test_an_ephemeris_that_declares_no_interpolation_takes_the_operators(oem: SourceParams) -> None:
+    file, t_s = Path(oem.elements_file), PASS_T_S + 100.0
+    declared = load_track(oem).target_at(t_s)
+    lines = [line for line in file.read_text().splitlines() if not line.startswith("INTERPOLATION")]
+    file.write_text("\r\n".join(lines), encoding="utf-8-sig")
+    with pytest.raises(ValueError, match=r"cbers\.oem: OEM of CBERS 2 declares no INTERPOLATION"):
+        load_track(oem)
+    assert load_track(oem.replace(interpolation="LAGRANGE")).target_at(t_s) == declared
+    with pytest.raises(ValueError, match="has 41 states|must be odd"):
+        load_track(oem.replace(interpolation="HERMITE", interpolation_degree=6))
+
+
+def test_a_file_in_another_encoding_is_named(cbers_2: Path) -> None:
+    cbers_2.write_text(cbers_2.read_text(), encoding="utf-16")
+    with pytest.raises(ValueError, match=r"cbers\.tle: .*utf-8"):
+        load_elements(SourceParams(elements_file=str(cbers_2)))
+
+
 def test_an_unknown_object_of_an_ephemeris_is_refused_with_the_ones_it_holds(oem: SourceParams) -> None:
     with pytest.raises(ValueError, match=r"cbers\.oem: satellite='28057' is not among .*: CBERS 2 \(2003-049A\)"):
         load_track(oem.replace(satellite="28057"))
