@@ -30,7 +30,7 @@ def read_table(path: str | Path, notes: Sequence[str], needed: Sequence[str], op
     """Read a table that has all `notes` and `needed` columns and none beyond the `optional` ones."""
     source = Path(path)
     try:
-        return _parsed(source.read_text(encoding="utf-8").splitlines(), notes, needed, optional)
+        return _parsed(source.read_text(encoding="utf-8-sig").splitlines(), notes, needed, optional)
     except ValueError as error:
         raise ValueError(f"{source}: {error}") from None
 

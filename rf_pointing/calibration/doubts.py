@@ -1,4 +1,4 @@
-"""What speaks against the sigma of a fit: orbit errors that it did not allow for, or that are larger than it was told.
+"""What speaks against a fit: passes it threw away, orbit errors it did not allow for or that are larger than it was told.
 
 Without errors of the passes, independent residuals of a pass of n points sum up to sqrt(n) of their size.  A sum that is
 larger comes from something that the whole pass has in common, which the white covariance takes for n measurements.
@@ -16,7 +16,18 @@ _LARGER = 2.0
 
 
 def doubts_of(fit: FitResult, points: Observations) -> tuple[str, ...]:
-    """Return one sentence for each reason why the (white) sigma of `fit` to `points` is too small."""
+    """Return one sentence for each reason to doubt `fit` to `points`: passes left out whole, a (white) sigma too small."""
+    return (*_lost_passes(fit, points), *_small_sigma(fit, points))
+
+
+def _lost_passes(fit: FitResult, points: Observations) -> tuple[str, ...]:
+    lost = [number for number in points.passes.tolist() if not np.any(fit.used[points.pass_id == number])]
+    if not lost:
+        return ()
+    return (f"pass {', '.join(map(str, lost))} was edited out whole: another target, a wrong clock or orbit?",)
+
+
+def _small_sigma(fit: FitResult, points: Observations) -> tuple[str, ...]:
     if fit.pass_priors is not None:
         ratios = zip(
             fit.pass_priors.names, fit.pass_priors.sigma.tolist(), size_ratios(fit, fit.pass_priors), strict=True

@@ -32,7 +32,7 @@ APPARENT = Corrections(light_time=False, troposphere=None, ionosphere=None, rang
 
 def holds_points(path: Path) -> bool:
     """Return whether a CSV file holds calibration points (else raw tracking data)."""
-    with path.open(encoding="utf-8") as stream:
+    with path.open(encoding="utf-8-sig") as stream:
         header = next((line for line in stream if line.strip() and not line.startswith("#")), "")
     return "observed_azimuth_deg" in header
 

@@ -80,6 +80,14 @@ def test_priors_that_are_too_narrow_are_doubted_by_name(campaign, planted, rando
     assert doubts_of(fit_with(data, told.replace(along_track_m=300.0)), data) == ()
 
 
+def test_a_pass_that_was_edited_out_whole_is_named(campaign, planted):
+    data = campaign(planted, passes=PASSES)
+    observed = data.observed_azimuth_rad.copy()
+    observed[data.pass_id == 5] += 0.03
+    late = replace(data, observed_azimuth_rad=observed)
+    assert "pass 5 was edited out whole" in doubts_of(fit_with(late, None), late)[0]
+
+
 def test_the_search_is_bounded(campaign, planted):
     data, rounds = campaign(planted, passes=4), []
 

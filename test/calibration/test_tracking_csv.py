@@ -57,3 +57,10 @@ def test_a_damaged_table_is_refused_with_its_line(raw, tmp_path, change, message
     path.write_text(change(path.read_text()))
     with pytest.raises(ValueError, match=message):
         read_tracking(path)
+
+
+def test_a_byte_order_mark_of_a_spreadsheet_is_no_part_of_the_table(raw, tmp_path):
+    path = tmp_path / "a.csv"
+    write_tracking(path, raw)
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes().replace(b"\n", b"\r\n"))
+    assert np.array_equal(read_tracking(path).t_s, raw.t_s)
