@@ -26,6 +26,8 @@ __all__ = ["FORMAT", "ModelFile", "from_mapping", "read_model", "to_mapping", "w
 Array = NDArray[np.float64]
 
 FORMAT = "rf_pointing/bias_model/1"
+_ROUNDING = 1e-9
+_SIGMA_AGREES = 1e-3
 _KEYS = (
     "format",
     "name",
@@ -188,6 +190,8 @@ def from_mapping(mapping: Mapping[str, Any]) -> ModelFile:
     rms = ("rms_cross_elevation_deg", "rms_elevation_deg", "mean_azimuth_deg", "mean_elevation_deg")
     fit = top.section("fit", ("form", "condition", *rms))
     model, fitted = _read_terms(top)
+    _check_order(validity, "from_utc", "until_utc")
+    _check_order(data, "first_utc", "last_utc")
     return ModelFile(
         name=top.text("name"),
         station=top.text("station"),
@@ -277,4 +281,26 @@ def _read_covariance(top: Section, fitted: tuple[str, ...]) -> Array:
     matrix = np.array(section.numbers("matrix", len(order))).reshape(len(order), len(order)) / np.outer(scale, scale)
     if not np.allclose(matrix, matrix.T, rtol=1e-9, atol=0.0) or np.any(np.diag(matrix) <= 0.0):
         raise ValueError(f"{section.key('matrix')} must be symmetric with a positive diagonal")
+    sigma = np.sqrt(np.diag(matrix))
+    if np.min(np.linalg.eigvalsh(matrix / np.outer(sigma, sigma)), initial=1.0) < -_ROUNDING:
+        raise ValueError(f"{section.key('matrix')} must be positive semidefinite: no data have such a covariance")
+    _check_sigma(top, fitted, sigma * scale)
     return matrix
+
+
+def _check_sigma(top: Section, fitted: tuple[str, ...], sigma: Array) -> None:
+    """Refuse a term whose own sigma is not the one of the covariance (edge units)."""
+    known = all_terms()
+    terms = top.section("terms", (), tuple(known))
+    for name, expected in zip(fitted, sigma.tolist(), strict=True):
+        unit = _edge(known[name])[0]
+        entry = terms.section(name, (f"value_{unit}", "used", "fixed", f"sigma_{unit}"))
+        if not math.isclose(entry.number(f"sigma_{unit}"), expected, rel_tol=_SIGMA_AGREES):
+            raise ValueError(
+                f"{entry.key('sigma_' + unit)}={entry.number('sigma_' + unit)} contradicts the covariance: {expected:g}"
+            )
+
+
+def _check_order(section: Section, first: str, last: str) -> None:
+    if section.has(last) and section.time(last) < section.time(first):
+        raise ValueError(f"{section.key(last)}={section.text(last)} must not be before {first}={section.text(first)}")

@@ -23,7 +23,7 @@ from rf_pointing.calibration import (
     uninformed_covariance,
 )
 from rf_pointing.ephemeris import read_elements, site, utc_text, verification_elements
-from rf_pointing.geometry import MDEG
+from rf_pointing.geometry import MDEG, require_between
 from rf_pointing.nodes.utc import parse_utc
 from rf_pointing.station.calibration_plan import ArcRules, beacons, candidate_arcs
 
@@ -56,6 +56,7 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
 
 def candidates_of(options: argparse.Namespace) -> list[CandidatePass]:
     """Return what could be tracked."""
+    require_between("hours", options.hours, 0.01, 24.0 * 28.0)
     start_s = parse_utc(options.start)
     if options.beacons:
         elements = beacons(start_s)

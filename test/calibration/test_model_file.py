@@ -47,6 +47,22 @@ def test_values_in_the_file_are_degrees_and_seconds(file, tmp_path):
         (lambda m: m["terms"].update(squint={}), r"terms\.squint is not a known key"),
         (lambda m: m["covariance"]["matrix"].pop(), r"covariance\.matrix must be a list of 14"),
         (lambda m: m["covariance"]["matrix"][0].__setitem__(0, -1.0), "positive diagonal"),
+        (
+            lambda m: (
+                m["covariance"]["matrix"][0].__setitem__(1, 1.0) or m["covariance"]["matrix"][1].__setitem__(0, 1.0)
+            ),
+            "positive semidefinite",
+        ),
+        (
+            lambda m: m["terms"]["droop"].update(sigma_deg=1e-6),
+            r"terms\.droop\.sigma_deg=1e-06 contradicts the covariance",
+        ),
+        (lambda m: m["terms"]["droop"].pop("sigma_deg"), r"terms\.droop\.sigma_deg is missing"),
+        (
+            lambda m: m["validity"].update(until_utc="1999-01-01T00:00:00Z"),
+            r"validity\.until_utc=1999.* must not be before",
+        ),
+        (lambda m: m["data"].update(last_utc="1999-01-01T00:00:00Z"), r"data\.last_utc=1999.* must not be before"),
         (lambda m: m.update(created_utc="yesterday"), "created_utc='yesterday' must be a time"),
         (lambda m: m.update(format="other/1"), "format='other/1' must be one of"),
         (lambda m: m["fit"].update(condition=float("nan")), r"fit\.condition=nan must be finite"),
