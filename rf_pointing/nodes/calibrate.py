@@ -35,7 +35,7 @@ from rf_pointing.geometry import MDEG, require_between
 from rf_pointing.nodes.bias_calibrator import JOURNAL
 from rf_pointing.nodes.calibration_run import CalibrationRun, Outcome
 from rf_pointing.nodes.namespace_option import add_namespace_option
-from rf_pointing.nodes.number_option import between
+from rf_pointing.nodes.number_option import between, seed
 from rf_pointing.nodes.station_run import run_to_end
 from rf_pointing.nodes.track_options import DEFAULT_MODELS, output_folder, speed_factor
 from rf_pointing.nodes.utc import parse_utc
@@ -98,7 +98,7 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     )
     parser.add_argument("--models", metavar="DIR", default=str(DEFAULT_MODELS), help=f"(default: {DEFAULT_MODELS})")
     parser.add_argument("--speed", default="max", help="factor of real time, or max (default)")
-    parser.add_argument("--seed", type=int, default=1, help="seed of every noise source (default: 1)")
+    parser.add_argument("--seed", type=seed, default=1, help="seed of every noise source (default: 1)")
     add_namespace_option(parser)
     parser.add_argument("--params-file", action="append", default=[], help="further ROS parameter file")
     parser.add_argument(

@@ -25,7 +25,7 @@ from rf_pointing.nodes import convert_identification as convert
 from rf_pointing.nodes.managed import make_executor
 from rf_pointing.nodes.managed_graph import ManagedGraph, NotStartedError
 from rf_pointing.nodes.namespace_option import add_namespace_option
-from rf_pointing.nodes.number_option import between
+from rf_pointing.nodes.number_option import between, seed
 from rf_pointing.nodes.qos import EXPERIMENT
 from rf_pointing.report.identification_report import error_table, save_recordings, write_identification
 
@@ -56,7 +56,7 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument(
         "--idle-deg-s", type=float, default=IDLE_DEG_S, help=f"rate of the other axis (default: {IDLE_DEG_S})"
     )
-    parser.add_argument("--seed", type=int, default=1, help="seed of the random input (default: 1)")
+    parser.add_argument("--seed", type=seed, default=1, help="seed of the random input (default: 1)")
     parser.add_argument(
         "--tick", type=between(0.001, 0.1), default=usual.sample_s, help="control period in s (default: 0.02)"
     )

@@ -3,7 +3,7 @@
 import argparse
 from collections.abc import Callable
 
-__all__ = ["between"]
+__all__ = ["between", "seed"]
 
 
 def between(low: float, high: float) -> Callable[[str], float]:
@@ -19,3 +19,10 @@ def between(low: float, high: float) -> Callable[[str], float]:
         return value
 
     return parse
+
+
+def seed(text: str) -> int:
+    """Return the seed of a run; an argparse type with the range that the nodes' parameters have."""
+    if not text.isdecimal() or int(text) >= 2**31:
+        raise argparse.ArgumentTypeError(f"{text} must be a whole number from 0 to {2**31 - 1}")
+    return int(text)

@@ -18,6 +18,7 @@ from dataclasses import asdict
 from typing import Any
 
 from rf_pointing import reproduce
+from rf_pointing.nodes.number_option import seed
 from rf_pointing.reproduce import Row, as_table
 
 DASK_TIMEOUT_S = "10s"
@@ -34,7 +35,7 @@ def main(argv: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="reproduce", description="Print a paper's published numbers beside ours.")
     parser.add_argument("paper", choices=papers(), help="which paper's tables")
     parser.add_argument("--json", action="store_true", help="print the rows as JSON")
-    parser.add_argument("--seed", type=int, default=1, help="seed of every random number (default: 1)")
+    parser.add_argument("--seed", type=seed, default=1, help="seed of every random number (default: 1)")
     parser.add_argument("--workers", type=int, metavar="N", help="processes for the paper's sweeps (default: none)")
     parser.add_argument("--dask", metavar="ADDRESS", help="scheduler of a Dask cluster for the sweeps (extra `sweep`)")
     parser.add_argument("--trials", type=int, metavar="N", help="doa: trials of every row (the paper's: 200)")

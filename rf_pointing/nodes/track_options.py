@@ -13,7 +13,7 @@ from ament_index_python.packages import get_package_share_directory
 from rf_pointing.ephemeris import Pass, first_pass_above
 from rf_pointing.geometry import MDEG, leaves
 from rf_pointing.nodes.namespace_option import add_namespace_option
-from rf_pointing.nodes.number_option import between
+from rf_pointing.nodes.number_option import between, seed
 from rf_pointing.nodes.target_options import add_target_options, source_of, start_of
 from rf_pointing.planning import HorizonMask
 from rf_pointing.rf import HALF_POWER_BEAMWIDTH_RAD, LinkParams
@@ -79,7 +79,7 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
         default=str(DEFAULT_MODELS),
         help=f"folder of accepted pointing models (default: {DEFAULT_MODELS}); empty or none: the commissioning model",
     )
-    parser.add_argument("--seed", type=int, default=1, help="seed of every noise source (default: 1)")
+    parser.add_argument("--seed", type=seed, default=1, help="seed of every noise source (default: 1)")
     add_namespace_option(parser)
     parser.add_argument(
         "--params-file", action="append", default=[], help="further ROS parameter file, may be repeated"

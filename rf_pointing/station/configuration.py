@@ -40,8 +40,10 @@ def read_parameter_files(paths: Sequence[Path]) -> dict[str, NodeParameters]:
     for path in paths:
         try:
             content = yaml.safe_load(path.read_text())
-        except yaml.YAMLError as error:
+        except (yaml.YAMLError, UnicodeDecodeError) as error:
             raise ValueError(f"{path}: not YAML: {error}") from error
+        except OSError as error:
+            raise ValueError(f"parameter file {path}: {error.strerror}") from error
         if not isinstance(content, Mapping):
             raise ValueError(f"{path}: must map node names to ros__parameters")
         for key, section in content.items():

@@ -47,6 +47,16 @@ def test_a_start_that_is_no_time_is_refused(text: str) -> None:
         parse_utc(text)
 
 
+@pytest.mark.parametrize("text", ["-1", "1.5", "x", "2147483648"])
+def test_a_seed_that_the_nodes_would_refuse_is_refused_on_the_command_line(
+    text: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit):
+        track_options.arguments(["--seed", text])
+    assert f"argument --seed: {text} must be a whole number from 0 to 2147483647" in capsys.readouterr().err
+    assert track_options.arguments(["--seed", "2147483647"]).seed == 2**31 - 1
+
+
 def test_a_speed_is_a_factor_or_max() -> None:
     assert track_options.speed_factor("max") == 0.0
     assert track_options.speed_factor("2.5") == 2.5

@@ -62,6 +62,15 @@ def test_a_file_that_is_not_a_parameter_file_is_named(tmp_path: Path, text: str,
         read_parameter_files([written(tmp_path, text)])
 
 
+def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"^parameter file .*nowhere\.yaml: No such file or directory$"):
+        read_parameter_files([tmp_path / "nowhere.yaml"])
+    path = tmp_path / "binary.yaml"
+    path.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(ValueError, match=r"binary\.yaml: not YAML"):
+        read_parameter_files([path])
+
+
 @pytest.mark.parametrize(
     ("values", "complaint"),
     [
