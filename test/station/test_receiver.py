@@ -1,16 +1,26 @@
 """The simulated receiver: clusters of boresights against the satellite's direction computed for each instant."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from rf_pointing.ephemeris import Pass, TopocentricTrack
 from rf_pointing.geometry import MDEG, Boresight, sky_offset_rad
-from rf_pointing.rf import InterferenceParams, LinkParams, SpinParams
+from rf_pointing.rf import (
+    HALF_POWER_BEAMWIDTH_RAD,
+    AtmosphereParams,
+    InterferenceParams,
+    LinkParams,
+    NoiseParams,
+    SpinParams,
+)
+from rf_pointing.station.configuration import read_parameter_files
 from rf_pointing.station.receiver import BLOCK, Reception, SignalParams, SimulatedReceiver
 from rf_pointing.tracking import spin_period_s
 
+CONFIG = Path(__file__).parents[2] / "config"
 TICK_S = 0.02
 SAME_RAD = 1e-7
 """Times of a block are even to `TIME_TOLERANCE_S`, in which the target moves by 1e-7 rad (0.006 mdeg)."""
@@ -32,6 +42,15 @@ def received(receiver: SimulatedReceiver, track: TopocentricTrack, start_s: floa
         beam(track, round(start_s + k * TICK_S, 6), 8 * MDEG * math.sin(0.05 * k), -6 * MDEG) for k in range(count)
     ]
     return [reception for sample in beams if (reception := receiver.take(sample)) is not None]
+
+
+@pytest.mark.parametrize("band", ["S", "X", "Ka"])
+def test_every_band_hears_through_its_own_beam_amplifier_and_sky(band: str) -> None:
+    nodes = read_parameter_files([CONFIG / "dss13.yaml", CONFIG / f"band_{band.lower()}.yaml"])
+    signal = nodes["rf_receiver"].group("signal", SignalParams())
+    assert signal.beam.half_power_beamwidth_rad == pytest.approx(HALF_POWER_BEAMWIDTH_RAD[band])
+    assert signal.noise == NoiseParams.for_band(band)
+    assert signal.atmosphere == AtmosphereParams.for_band(band)
 
 
 def test_looking_ahead_in_blocks_gives_the_directions_of_the_instants(track: TopocentricTrack, window: Pass) -> None:
