@@ -118,7 +118,7 @@ class SimulatedAntenna:
         self.safety.wind.take(t_s, self.axes.hardware.anemometer_m_s())
         if self.safety.wind.step(t_s) and self.mode == "manual_rate":
             self.modes.stop()
-        if self.safety.wind.reason and self.mode in ("holding", "tracking", "paused", "parking"):
+        if self.safety.wind.reason and self.mode in ("holding", "tracking", "paused", "parking", "parked"):
             self.modes.stow()
 
     def _rates(self, t_s: float, measured: Array) -> Array:

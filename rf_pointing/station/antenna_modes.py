@@ -5,6 +5,7 @@
     holding --identify--> manual_rate --end of the experiment--> stopping
     any of these --stop--> stopping --at rest--> holding, or fault when the stop had a reason
     a movable one --park, stow, release--> parking, stowing, disabling --> parked, stowed, disabled --resume--> holding
+    parked --stow--> stowing
     fault --reset_fault--> holding
 
 A loop or a sensor that cannot be trusted leads to fault at once, with the brakes set.  Each request does what it says and
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 from rf_pointing.identification import IdentificationExperiment
 from rf_pointing.station.antenna_axes import AntennaAxes, pair
 from rf_pointing.station.antenna_safety import AntennaSafety
+from rf_pointing.station.course import NEW_COURSE_RAD
 from rf_pointing.station.manual_rate import ManualRate
 
 __all__ = ["AntennaModes"]
@@ -102,9 +104,11 @@ class AntennaModes:
     def resume(self) -> str:
         """Go on after a pause, or leave park, stow or disable and hold."""
         if self.mode == "paused":
-            self._axes.course.preprocessor.follow()
-            self.mode = "tracking"
-            return ""
+            refused = self._take_way_back()
+            if not refused:
+                self._axes.course.preprocessor.follow()
+                self.mode = "tracking"
+            return refused
         if self.mode not in RESTING.values():
             return f"nothing to resume, the antenna is {self.mode}"
         if self._safety.wind.reason:
@@ -118,7 +122,7 @@ class AntennaModes:
         return self._go("parking", (place.park_azimuth_rad, place.park_elevation_rad))
 
     def stow(self) -> str:
-        """Go to the stow elevation at the present azimuth and set the brakes there."""
+        """Go to the stow elevation at the present azimuth and set the brakes there; a parked antenna leaves its park for it."""
         return self._go("stowing", (float(self._axes.used_rad[0]), self._safety.params.stow_elevation_rad))
 
     def release(self) -> str:
@@ -185,6 +189,19 @@ class AntennaModes:
         if self.mode == "disabling" or (self.mode in ("parking", "stowing") and arrived):
             self.rest(RESTING[self.mode])
 
+    def _take_way_back(self) -> str:
+        """Find the way from where a pause has held the antenna to where the commands have come; return why there is none."""
+        axes, course = self._axes, self._axes.course
+        if course.table.empty:
+            return ""
+        goal = course.table.at(axes.t_s).position_rad
+        if float(np.max(np.abs(goal - axes.used_rad))) <= NEW_COURSE_RAD:
+            return ""
+        decision = self._safety.check("preset", axes.t_s, pair(axes.used_rad), goal[None, :])
+        if decision.allowed:
+            course.take_way(decision.way)
+        return decision.reason_of_refusal
+
     @property
     def _fault(self) -> str:
         return self._safety.latch.text
@@ -196,12 +213,16 @@ class AntennaModes:
         """Begin a motion of the antenna's own, through the gate."""
         if self._fault:
             return f"fault latched ({self._fault}); reset it first"
-        if self.mode not in MOVABLE:
-            return f"the antenna is {self.mode}"
         kind = "stow" if mode == "stowing" else "park"
+        if self.mode not in MOVABLE and (kind, self.mode) != ("stow", "parked"):
+            return f"the antenna is {self.mode}"
         decision = self._safety.check(kind, self._axes.t_s, pair(self._axes.used_rad), np.array([goal]))
         if not decision.allowed:
             return decision.reason
+        if self.mode == "parked":
+            self.enable()
+            if self._fault:
+                return self._fault
         self._safety.authority.release()
         self._axes.course.go(goal, decision.way)
         self.mode = mode

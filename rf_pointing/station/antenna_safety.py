@@ -107,7 +107,9 @@ class AntennaSafety:
         self._commanded_s = t_s
 
     def warning(self, t_s: float, mode: str, commanded: Pair) -> str:
-        """Return what is not yet a fault: a late command, a near limit."""
+        """Return what is not yet a fault: high wind that finds no stowed antenna, a late command, a near limit."""
+        if self.wind.reason and mode not in ("stowing", "stowed"):
+            return f"{self.wind.reason}: the antenna is not stowed ({mode})"
         late_s = t_s - self._commanded_s - COMMAND_PERIOD_S
         if mode == "tracking" and late_s > LATE_S:
             return f"no command for {late_s + COMMAND_PERIOD_S:.2f} s"

@@ -6,6 +6,7 @@ import pytest
 from rf_pointing.controllers import CommandPreprocessorParams
 from rf_pointing.geometry import MDEG
 from rf_pointing.station.antenna import LoopParams
+from rf_pointing.station.antenna_safety import SafetyParams
 from test.station.stepped_antenna import SETTLING_S, STANDING, START_S, TICK_S, enabled, hold_at, ramp
 
 
@@ -89,3 +90,27 @@ def test_a_fault_outlasts_deactivation() -> None:
     clock.antenna.modes.enable()
     assert clock.antenna.mode == "fault"
     assert "fault latched" in clock.antenna.commands.accept(ramp(clock.t_s), clock.t_s)
+
+
+def test_a_parked_antenna_is_stowed_in_high_wind_and_a_disabled_one_says_that_it_is_not() -> None:
+    near = SafetyParams(park_azimuth_rad=STANDING[0], park_elevation_rad=STANDING[1] + 0.03, stow_elevation_rad=1.15)
+    clock = enabled(safety=near)
+    assert clock.antenna.modes.park() == ""
+    clock.run(8.0)
+    assert clock.antenna.mode == "parked"
+    clock.antenna.injected.inject("gust", 40.0)
+    clock.run(12.0)
+    assert clock.antenna.mode == "stowed"
+    assert clock.antenna.reading(clock.t_s).position_rad[1] == pytest.approx(1.15, abs=1e-3)
+    assert clock.antenna.status(clock.t_s).warning == ""
+    assert "gust 40.0 m/s, limit 25.0 m/s" in clock.antenna.modes.resume()
+
+    other = enabled()
+    assert other.antenna.modes.release() == ""
+    other.run(1.0)
+    other.antenna.injected.inject("gust", 40.0)
+    other.run(5.0)
+    assert other.antenna.mode == "disabled"
+    assert (
+        other.antenna.status(other.t_s).warning == "gust 40.0 m/s, limit 25.0 m/s: the antenna is not stowed (disabled)"
+    )

@@ -10,7 +10,7 @@ import pytest
 from rf_pointing.calibration import BiasModel
 from rf_pointing.geometry import JointTrajectory
 from rf_pointing.identification import ExcitationParams, IdentificationExperiment
-from rf_pointing.planning import DriveWatchParams, GateParams, HorizonMask
+from rf_pointing.planning import DriveWatchParams, Gate, GateParams, HorizonMask
 from rf_pointing.planning.forbidden_sky import ForbiddenSky
 from rf_pointing.planning.gate import GUARD_RAD
 from rf_pointing.servo import WindParams, dss13_plant
@@ -243,3 +243,49 @@ def test_the_sun_is_renewed_and_what_is_not_known_is_said() -> None:
     assert SolarDirection(SunParams(station="")).at(START_S) is None
     with pytest.raises(ValueError, match="site='Atlantis' must be one of"):
         SolarDirection(dataclasses.replace(SunParams(), station="Atlantis"))
+
+
+def follow(station: Station, path: list[tuple[float, float]]) -> None:
+    for azimuth, elevation in path:
+        assert station.command(azimuth, elevation) == ""
+        station.run(0.1)
+
+
+def test_after_a_pause_the_antenna_goes_round_the_hill_that_the_commands_have_gone_over() -> None:
+    """Paused before the hill; the commands climb over it and come down behind: the straight way leads through it."""
+    station = Station(50.0, 20.0)
+    follow(station, [(50.0, 20.0)] * 5)
+    assert station.antenna.modes.pause() == ""
+    up = [(50.0, 20.0 + 0.4 * step) for step in range(61)]
+    across = [(50.0 + 0.4 * step, 44.0) for step in range(126)]
+    follow(station, [*up, *across, *((100.0, elevation) for _, elevation in reversed(up))])
+    np.testing.assert_allclose(station.axes_deg, [50.0, 20.0], atol=0.01)
+    assert station.antenna.modes.resume() == ""
+    follow(station, [(100.0, 20.0)] * 900)
+    assert station.antenna.safety.latch.text == ""
+    np.testing.assert_allclose(station.axes_deg, [100.0, 20.0], atol=0.01)
+    assert station.deepest <= 0.0
+
+
+def test_a_pause_does_not_end_where_no_way_leads_back() -> None:
+    """A wall to the zenith has come between: nothing moves and the pause goes on."""
+    walls = HorizonMask(
+        azimuth_rad=tuple(x * DEG for x in (0.0, 60.0, 61.0, 62.0, 240.0, 241.0, 242.0)),
+        elevation_rad=tuple(x * DEG for x in (0.0, 0.0, 85.5, 0.0, 0.0, 85.5, 0.0)),
+    )
+    station = Station(50.0, 20.0, mask=walls)
+    station.antenna.safety.gate = Gate(
+        station.antenna.safety.gate.params, station.antenna.safety.gate.limits.replace(elevation_max_rad=80.0 * DEG), walls,
+        station.antenna.safety.gate.axes,
+    )  # fmt: skip
+    follow(station, [(50.0, 20.0)] * 5)
+    assert station.antenna.modes.pause() == ""
+    follow(station, [(50.0 + 0.1 * step, 20.0) for step in range(90)])
+    table = station.antenna.axes.course.table
+    table.clear()
+    table.accept(
+        JointTrajectory(t_s=[station.t_s + 0.1], position_rad=np.array([[90.0, 20.0]]) * DEG, velocity_rad_s=np.zeros((1, 2)),
+                        acceleration_rad_s2=np.zeros((1, 2))), station.t_s,
+    )  # fmt: skip
+    assert "below the horizon mask on the way, and no detour is free" in station.antenna.modes.resume()
+    assert station.antenna.mode == "paused"
