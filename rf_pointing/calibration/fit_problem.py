@@ -13,6 +13,7 @@ from rf_pointing.calibration.fit_options import Prior
 from rf_pointing.calibration.fit_result import PassErrors
 from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.pass_errors import PassPriors, pass_partials
+from rf_pointing.calibration.separability import require_determined
 from rf_pointing.calibration.terms import terms_by_name
 from rf_pointing.calibration.triangle import Solution, Triangle
 from rf_pointing.geometry import wrap_rad
@@ -86,6 +87,7 @@ class FitProblem:
         for name, prior in self.priors.items():
             triangle.add_prior(name, prior.value, prior.sigma)
         solution = triangle.solve()
+        require_determined(self.names, solution.covariance, known=self.priors)
         offsets = self._pass_offsets(heads, solution)
         modelled = self._modelled(solution.values)
         residuals = (

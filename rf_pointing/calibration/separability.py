@@ -1,18 +1,27 @@
 """Which terms the data cannot tell apart, in the terms' names, and which data would."""
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.calibration.terms import all_terms
 
-__all__ = ["HIGH_CORRELATION", "advice_for", "inseparable_pairs", "null_space_message"]
+__all__ = [
+    "HIGH_CORRELATION",
+    "LARGEST_SIGMA_RAD",
+    "advice_for",
+    "inseparable_pairs",
+    "null_space_message",
+    "require_determined",
+]
 
 Array = NDArray[np.float64]
 
 HIGH_CORRELATION = 0.95
 """Correlation above which two fitted terms are reported as poorly separated."""
+LARGEST_SIGMA_RAD = 5e-3
+"""Sigma of an angle above which a fit is refused: the products of such errors exceed any noise, and no sigma is true then."""
 _SHARE = 0.05
 
 
@@ -35,6 +44,21 @@ def null_space_message(names: Sequence[str], directions: Array, scale: Array) ->
         f"the data cannot separate {'; '.join(sentences)}: "
         f"fix one of the terms, give a prior, or add {advice_for(everyone)}"
     )
+
+
+def require_determined(names: Sequence[str], covariance: Array, known: Container[str]) -> None:
+    """Raise ValueError naming angle terms whose sigma is beyond LARGEST_SIGMA_RAD, and the data that would bring it down.
+
+    Terms in `known` have a prior: how far they may be off is the user's word.
+    """
+    terms, sigma = all_terms(), dict(zip(names, np.sqrt(np.diag(covariance)).tolist(), strict=True))
+    lost = [n for n in names if n not in known and terms[n].unit == "rad" and sigma[n] > LARGEST_SIGMA_RAD]
+    if lost:
+        largest, limit = (np.degrees(value) for value in (max(sigma[name] for name in lost), LARGEST_SIGMA_RAD))
+        raise ValueError(
+            f"the data hardly separate {' + '.join(lost)} (sigma up to {largest:.2g} deg, must be <= {limit:.2g} deg): "
+            f"fix one of the terms, give a prior, or add {advice_for(lost)}"
+        )
 
 
 def inseparable_pairs(

@@ -148,6 +148,14 @@ def orbit_words(options: argparse.Namespace, result: FitResult) -> list[str]:
     return []
 
 
+def chosen_words(options: argparse.Namespace, result: FitResult) -> list[str]:
+    """Return which terms the data asked for, and which not."""
+    if not options.select:
+        return []
+    rest = [name for name in options.terms if name not in result.names]
+    return [f"chosen by BIC: {', '.join(result.names)}; not asked for by the data, zero: {', '.join(rest) or 'none'}"]
+
+
 def predicted(options: argparse.Namespace, points: Observations, result: FitResult) -> list[str]:
     """Return how well passes are predicted by fits without them, with the terms of `result` and with all that were offered."""
     if not options.held_out:
@@ -224,7 +232,7 @@ def run(options: argparse.Namespace) -> list[str]:
     if stages:
         points, stages, notes = collected(options, result.model)
         result = fitted(options, points, present)
-    said = [*orbit_words(options, result), *predicted(options, points, result)]
+    said = [*chosen_words(options, result), *orbit_words(options, result), *predicted(options, points, result)]
     name = options.name or f"fit-{result.last_t_s:.0f}"
     file = ModelFile.from_fit(result, name=name, software=f"rf_pointing {__version__}", created_t_s=time.time())
     write_model(options.output, file)

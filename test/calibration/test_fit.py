@@ -170,3 +170,16 @@ def test_passes_that_editing_has_left_out_do_not_count(campaign, table_1):
     held = {name: value for name, value in table_1.coefficients.items() if name not in terms}
     with pytest.raises(ValueError, match="passes=1 are left after editing, must be >= fewest_passes=3"):
         fit_bias_model(few, terms=terms, held=held)
+
+
+@pytest.mark.parametrize("form", ["printed", "rotation"])
+def test_data_in_a_narrow_band_of_elevation_are_refused_by_the_terms_they_hardly_separate(campaign, table_1, form):
+    # Nothing is singular here; the exact model's fit came out at 2.5 deg with level terms 29 sigma off.
+    data = campaign(table_1, passes=30, sigma_rad=4e-5, form=form)
+    narrow = data.select(np.abs(np.degrees(data.true_elevation_rad) - 13.0) < 1.0)
+    with pytest.raises(
+        ValueError, match=r"hardly separate .*azimuth_offset \+ .*\(sigma up to .* deg, must be <= 0.29 deg\)"
+    ):
+        fit_bias_model(narrow, options=FitOptions(form=form))
+    known = {name: Prior(value, 2e-3) for name, value in table_1.coefficients.items() if "lag" not in name}
+    fit_bias_model(narrow, priors=known, options=FitOptions(form=form))

@@ -91,6 +91,7 @@ def test_terms_are_chosen_and_passes_held_out_say_whether_that_was_right(done, t
     )
     assert set(read_model(tmp_path / "m.yaml").fitted) == {"azimuth_offset", "elevation_offset"}
     said = capsys.readouterr().out
+    assert "chosen by BIC: azimuth_offset, elevation_offset; not asked for by the data, zero: non_orthogonality, " in said
     chosen, offered = (
         float(re.search(rf"predicted to ([\d.]+) mdeg rms with {words}", said)[1])
         for words in ("these terms", "all terms offered")
@@ -99,6 +100,22 @@ def test_terms_are_chosen_and_passes_held_out_say_whether_that_was_right(done, t
     assert 1.1 < chosen < 1.5
     assert chosen < offered
     assert "passes held out are predicted" in (tmp_path / "m_report" / "report.html").read_text()
+
+
+def test_terms_that_are_not_offered_keep_their_known_values_while_others_are_chosen(done, tmp_path):
+    known = read_model(done / "m.yaml")
+    steep = replace(known, model=BiasModel.zero().replace(elevation_offset=-50.0 * MDEG, droop=0.3 * MDEG))
+    write_model(tmp_path / "known.yaml", steep)
+    offered = ["azimuth_offset", "collimation", "droop"]
+    fit_bias_model.main(
+        [str(done / "points.csv"), "--output", str(tmp_path / "m.yaml"), "--form", "printed", "--select",
+         "--start-model", str(tmp_path / "known.yaml"), "--terms", *offered]
+    )  # fmt: skip
+    found = read_model(tmp_path / "m.yaml")
+    # Droop would be chosen to stand for an elevation offset of which the search knew nothing; not chosen, it is zero.
+    assert found.fitted == ("azimuth_offset",)
+    assert found.model.coefficients["elevation_offset"] == pytest.approx(-50.0 * MDEG)
+    assert found.model.coefficients["droop"] == 0.0
 
 
 @pytest.mark.parametrize(
