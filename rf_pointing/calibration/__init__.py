@@ -6,6 +6,7 @@ from rf_pointing.calibration.campaign import Campaign, Slew, plan_campaign
 from rf_pointing.calibration.candidate_pass import CandidatePass
 from rf_pointing.calibration.corrections import Corrections, Ionosphere
 from rf_pointing.calibration.coverage import Coverage, SectorRule
+from rf_pointing.calibration.derivatives import require_derivatives
 from rf_pointing.calibration.doubts import doubts_of
 from rf_pointing.calibration.fit import fit_bias_model, held_at_zero
 from rf_pointing.calibration.fit_options import FitOptions, Prior
@@ -74,6 +75,7 @@ __all__ = [
     "read_observations",
     "read_tdm",
     "read_tracking",
+    "require_derivatives",
     "select_observations",
     "select_terms",
     "split_passes",

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.calibration.csv_table import Table, read_table, write_table
-from rf_pointing.calibration.derivatives import require_derivatives
 from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.raw_tracking import RawTracking
 from rf_pointing.geometry import from_degrees, to_degrees
@@ -73,9 +72,7 @@ def read_observations(path: str | Path) -> Observations:
         raise ValueError(f"{path}: column pass_id must hold whole numbers")
     pass_id = columns.pop("pass_id").astype(np.int64)
     try:
-        points = Observations(station=table.notes["station"], band=table.notes["band"], pass_id=pass_id, **columns)
-        require_derivatives(points)
-        return points
+        return Observations(station=table.notes["station"], band=table.notes["band"], pass_id=pass_id, **columns)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 

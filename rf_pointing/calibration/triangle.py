@@ -12,7 +12,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.calibration.separability import null_space_message
+from rf_pointing.calibration.separability import advice_for, null_space_message
 
 __all__ = ["RANK_TOLERANCE", "Solution", "Triangle", "triangle_of"]
 
@@ -97,8 +97,10 @@ class Triangle:
         matrix, right = self.factor[:, :count], self.factor[:, count]
         scale = np.sqrt(np.einsum("ij,ij->j", matrix, matrix))
         if len(matrix) < count or not scale.all():
-            empty = [name for name, length in zip(self.names, scale, strict=True) if length == 0.0]
-            raise ValueError(f"{self.rows} equations do not determine {', '.join(empty or self.names)}")
+            lost = [name for name, length in zip(self.names, scale, strict=True) if length == 0.0] or self.names
+            raise ValueError(
+                f"{self.rows} equations do not determine {', '.join(lost)}: fix them, give priors, or add {advice_for(lost)}"
+            )
         scaled = matrix[:count] / scale
         inverse = self._inverse(scaled, scale)
         root = inverse / scale[:, np.newaxis]

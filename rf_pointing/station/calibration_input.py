@@ -17,6 +17,7 @@ from rf_pointing.calibration import (
     read_observations,
     read_tdm,
     read_tracking,
+    require_derivatives,
     split_passes,
 )
 from rf_pointing.ephemeris import Elements, Site, TopocentricTrack, find_elements
@@ -42,6 +43,10 @@ def read_points(paths: Sequence[Path]) -> Observations | None:
     parts: list[Observations] = []
     for path in paths:
         points = read_observations(path)
+        try:
+            require_derivatives(points)
+        except ValueError as refusal:
+            raise ValueError(f"{path}: {refusal}") from None
         shift = int(np.max(parts[-1].pass_id)) + 1 - int(np.min(points.pass_id)) if parts else 0
         parts.append(renumbered(points, shift))
     return Observations.concatenate(parts) if parts else None

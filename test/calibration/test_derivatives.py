@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rf_pointing.calibration import fit_bias_model, read_observations, write_observations
-from rf_pointing.calibration.derivatives import require_derivatives
+from rf_pointing.calibration import fit_bias_model, require_derivatives, write_observations
+from rf_pointing.station.calibration_input import read_points
 
 WRONG = {
     "rad/s for deg/s": (lambda d: {"azimuth_rate_rad_s": np.radians(d.azimuth_rate_rad_s)}, "azimuth_rate_deg_s"),
@@ -36,7 +36,7 @@ def test_a_column_that_is_not_the_derivative_is_refused_by_its_name(campaign, ta
     with pytest.raises(
         ValueError, match=rf"p.csv: {name} is not the change of .* another unit, another sign or swapped"
     ):
-        read_observations(tmp_path / "p.csv")
+        read_points([tmp_path / "p.csv"])
 
 
 def test_true_rates_pass_at_any_spacing_and_in_any_order(campaign, table_1, random):

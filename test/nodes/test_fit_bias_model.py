@@ -8,7 +8,16 @@ import numpy as np
 import pytest
 
 pytest.importorskip("rclpy", reason="the executables live beside the nodes", exc_type=ImportError)
-from rf_pointing.calibration import BiasModel, ModelFile, Observations, read_model, write_model, write_observations
+from rf_pointing.calibration import (
+    TERMS,
+    BiasModel,
+    ModelFile,
+    Observations,
+    read_model,
+    write_model,
+    write_observations,
+)
+from rf_pointing.calibration.pass_errors import pass_partials
 from rf_pointing.geometry import MDEG
 from rf_pointing.nodes import fit_bias_model, plan_calibration
 
@@ -42,17 +51,12 @@ def points(passes: int = 12, **changes: object) -> Observations:
 
 
 def at_one_elevation() -> Observations:
-    """Return the same with every point of every pass within 0.1 deg of 40 deg of elevation."""
-    data, swing_rad, rate_s = points(), math.radians(0.1), 2.0 * math.pi / 60.0
-    phase = rate_s * data.t_s
-    flat = math.radians(40.0) + swing_rad * np.sin(phase)
-    return replace(
-        data,
-        true_elevation_rad=flat,
-        observed_elevation_rad=data.observed_elevation_rad - data.true_elevation_rad + flat,
-        elevation_rate_rad_s=swing_rad * rate_s * np.cos(phase),
-        elevation_acceleration_rad_s2=-swing_rad * rate_s**2 * np.sin(phase),
-    )
+    """Return the same with every point of every pass at 40 deg of elevation, and at rest there."""
+    data = points()
+    flat, rest = np.full(len(data), math.radians(40.0)), np.zeros(len(data))
+    moved = data.observed_elevation_rad - data.true_elevation_rad + flat
+    still = {"elevation_rate_rad_s": rest, "elevation_acceleration_rad_s2": rest}
+    return replace(data, true_elevation_rad=flat, observed_elevation_rad=moved, **still)
 
 
 @pytest.fixture(scope="module")
@@ -100,6 +104,29 @@ def test_terms_are_chosen_and_passes_held_out_say_whether_that_was_right(done, t
     assert 1.1 < chosen < 1.5
     assert chosen < offered
     assert "passes held out are predicted" in (tmp_path / "m_report" / "report.html").read_text()
+
+
+def test_errors_of_the_orbit_are_found_and_allowed_for_unless_that_is_forbidden(tmp_path, capsys):
+    data, random = points(24), np.random.default_rng(4)
+    data = replace(data, range_m=np.full(len(data), 1e6), range_rate_m_s=np.zeros(len(data)))
+    along = random.normal(0.0, 300.0, 24)[data.pass_id]
+    azimuth, elevation = (partial[:, 0] * along for partial in pass_partials(data, ("along_track_m",)))
+    moved = {"observed_azimuth_rad": data.observed_azimuth_rad + azimuth,
+             "observed_elevation_rad": data.observed_elevation_rad + elevation}  # fmt: skip
+    write_observations(tmp_path / "p.csv", replace(data, **moved))
+    line = [str(tmp_path / "p.csv"), "--output", str(tmp_path / "m.yaml")]
+    pulls = {}
+    for kind, options in (("measured", []), ("none", ["--orbit-prior", "0"])):
+        fit_bias_model.main([*line, *options])
+        file = read_model(tmp_path / "m.yaml")
+        error = [file.model.coefficients[name] - PLANTED.coefficients[name] for name in file.fitted]
+        pulls[kind] = np.max(np.abs(error) / np.sqrt(np.diag(file.covariance)))
+    said = capsys.readouterr().out
+    size = float(re.search(r"sigma allows for orbit errors of (\d+) m along-track, .* as the passes show them", said)[1])
+    assert size == pytest.approx(300.0, rel=0.35)
+    assert pulls["measured"] < 4.0 < pulls["none"]
+    assert "doubtful: the residuals of a pass hang together" in said
+    assert "hang together" in (tmp_path / "m_report" / "report.html").read_text()
 
 
 def test_terms_that_are_not_offered_keep_their_known_values_while_others_are_chosen(done, tmp_path):
@@ -161,7 +188,9 @@ def in_radians(line: str, header: list[str]) -> str:
     ("kind", "complaint"),
     [
         ("single pass", "passes=1 must be >= fewest_passes=3"),
-        ("one elevation", "the data cannot separate"),
+        ("one elevation", "do not determine elevation_velocity_lag, elevation_acceleration_lag: fix them, give priors"),
+        ("one elevation without lags", "the data cannot separate"),
+        ("rates in rad/s", "azimuth_rate_deg_s is not the change of true_azimuth_deg"),
         ("nan", "line 11: true_elevation_deg=nan must be finite"),
         ("a repeated time", "repeats t_s[7]"),
         ("swapped columns", "degrees given, or azimuth and elevation swapped?"),
@@ -175,10 +204,16 @@ def in_radians(line: str, header: list[str]) -> str:
 )
 def test_data_that_cannot_give_a_model_are_refused_and_nothing_is_written(done, tmp_path, capsys, kind, complaint):
     arguments = [str(tmp_path / "p.csv")]
-    write_observations(tmp_path / "p.csv", at_one_elevation() if kind == "one elevation" else
+    write_observations(tmp_path / "p.csv", at_one_elevation() if "one elevation" in kind else
                        points(passes=1 if kind == "single pass" else 4))  # fmt: skip
     lines = (tmp_path / "p.csv").read_text().splitlines()
     header = lines[2].split(",")
+    if kind == "one elevation without lags":
+        arguments += ["--terms", *(term.name for term in TERMS if term.kind != "lag")]
+    if kind == "rates in rad/s":
+        place = header.index("azimuth_rate_deg_s")
+        rows = [line.split(",") for line in lines[3:]]
+        lines[3:] = [",".join([*r[:place], repr(math.radians(float(r[place]))), *r[place + 1 :]]) for r in rows]
     if kind == "nan":
         cells(lines, 10, true_elevation_deg="nan")
     if kind == "a repeated time":
