@@ -95,7 +95,9 @@ def test_terms_are_chosen_and_passes_held_out_say_whether_that_was_right(done, t
     )
     assert set(read_model(tmp_path / "m.yaml").fitted) == {"azimuth_offset", "elevation_offset"}
     said = capsys.readouterr().out
-    assert "chosen by BIC: azimuth_offset, elevation_offset; not asked for by the data, zero: non_orthogonality, " in said
+    assert (
+        "chosen by BIC: azimuth_offset, elevation_offset; not asked for by the data, zero: non_orthogonality, " in said
+    )
     chosen, offered = (
         float(re.search(rf"predicted to ([\d.]+) mdeg rms with {words}", said)[1])
         for words in ("these terms", "all terms offered")
@@ -122,7 +124,9 @@ def test_errors_of_the_orbit_are_found_and_allowed_for_unless_that_is_forbidden(
         error = [file.model.coefficients[name] - PLANTED.coefficients[name] for name in file.fitted]
         pulls[kind] = np.max(np.abs(error) / np.sqrt(np.diag(file.covariance)))
     said = capsys.readouterr().out
-    size = float(re.search(r"sigma allows for orbit errors of (\d+) m along-track, .* as the passes show them", said)[1])
+    size = float(
+        re.search(r"sigma allows for orbit errors of (\d+) m along-track, .* as the passes show them", said)[1]
+    )
     assert size == pytest.approx(300.0, rel=0.35)
     assert pulls["measured"] < 4.0 < pulls["none"]
     assert "doubtful: the residuals of a pass hang together" in said
