@@ -7,13 +7,20 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).parents[1] / "rf_pointing"
+ARCHITECTURE = PACKAGE.parent / "docs" / "architecture.md"
+IMPORTED_AS = {
+    "erfa": "pyerfa",
+    "control": "python-control",
+    "astropy_iers_data": "astropy-iers-data",
+    "yaml": "PyYAML",
+}
 BASE = {"numpy"}
 SIBLING = BASE | {"scipy"}
 CONTROL = SIBLING | {"control"}
 SIBLINGS = {
     "ephemeris": SIBLING | {"sgp4", "erfa", "astropy_iers_data"},
-    "servo": CONTROL | {"numba"},
-    "controllers": CONTROL | {"numba"},
+    "servo": CONTROL,
+    "controllers": CONTROL,
     "rf": SIBLING,
     "tracking": SIBLING,
     "calibration": SIBLING | {"yaml"},
@@ -27,7 +34,7 @@ ALLOWED_THIRD_PARTY = {
     "geometry": BASE,
     **SIBLINGS,
     "station": COMPOSED | {"yaml"},
-    "simulation": COMPOSED,
+    "simulation": COMPOSED | {"numba"},
     "reproduce": COMPOSED | {"matplotlib"},
     "report": COMPOSED | {"matplotlib", "rosbags", "yaml"},
     "nodes": None,
@@ -74,3 +81,12 @@ def test_module_imports_only_what_its_folder_may(path: Path) -> None:
 def test_every_folder_is_in_the_table() -> None:
     folders = {path.relative_to(PACKAGE).parts[0] for path in modules()}
     assert folders <= set(ALLOWED_THIRD_PARTY)
+
+
+@pytest.mark.parametrize("folder", ["geometry", *SIBLINGS])
+def test_the_table_of_the_documentation_names_the_same_libraries(folder: str) -> None:
+    (row,) = (
+        line for line in ARCHITECTURE.read_text().splitlines() if line.startswith("| `") and f"`{folder}/`" in line
+    )
+    told = {name.strip() for name in row.strip("|").split("|")[2].split(",")} - {"geometry"}
+    assert told == {IMPORTED_AS.get(name, name) for name in ALLOWED_THIRD_PARTY[folder]}

@@ -26,6 +26,29 @@ def test_satellite_comes_back_to_nadir_and_stays() -> None:
     assert float(rotation_angle_between_rad(moving.state.quaternion, [0, 0, 0, 1])) < np.radians(0.2)
 
 
+def test_an_offset_decays_as_the_second_order_equation_of_the_hold_says() -> None:
+    """Small angles about each axis, orbital frame at rest, both signs of the quaternion."""
+    hold, offset_rad, step_s = NadirHoldParams(bandwidth_rad_s=0.02, damping=0.6), 1e-4, 0.2
+    silent = ProcessNoiseParams(attitude_rad2_s=0.0, rate_rad2_s3=0.0)
+    start = quaternion_from_rotation_vector(offset_rad * np.eye(3))
+    moving = SimulatedSatellite(
+        SatelliteParams(),
+        hold,
+        silent,
+        t_s=0.0,
+        quaternion=np.stack([start, -start]),
+        rate_rad_s=np.zeros((2, 3, 3)),
+        seed=1,
+    )
+    root = np.sqrt(1.0 - hold.damping**2)
+    for step in range(1, 601):
+        moving.step(step_s, moving.hold_torque(np.zeros(3)), np.zeros(3))
+        phase = hold.bandwidth_rad_s * step_s * step
+        decayed = np.exp(-hold.damping * phase) * (np.cos(root * phase) + hold.damping / root * np.sin(root * phase))
+        turn = 2.0 * moving.state.quaternion[..., :3] * np.sign(moving.state.quaternion[..., 3:])
+        np.testing.assert_allclose(turn / offset_rad, np.broadcast_to(decayed * np.eye(3), (2, 3, 3)), atol=2e-3)
+
+
 def test_noise_has_the_variances_asked_for() -> None:
     noise = ProcessNoiseParams(attitude_rad2_s=4e-8, rate_rad2_s3=1e-10)
     moving = satellite(noise, np.tile([0.0, 0.0, 0.0, 1.0], (40_000, 1)))
