@@ -90,3 +90,18 @@ def test_the_past_is_forgotten(track: TopocentricTrack, window: Pass) -> None:
     buffer = filled(track, times)
     assert buffer.covers(times[-1] - KEPT_S + 0.1, times[-1])
     assert not buffer.covers(times[0], times[0])
+
+
+def test_the_range_stays_in_step_with_the_samples_and_is_the_nearest_outside(
+    track: TopocentricTrack, window: Pass
+) -> None:
+    """Late, repeated and forgotten samples included; a straight line over 0.1 s is within centimetres."""
+    times = round(window.aos_t_s) + np.arange(0.0, KEPT_S + 3.01, 0.1)
+    buffer = filled(track, np.concatenate([times[10:11], times[:10], times[11:], times[-5:]]))
+    between = times[-40:-1] + 0.05
+    wanted = [track.target_at(float(t_s)).range_m for t_s in between]
+    np.testing.assert_allclose(buffer.range_m(between), wanted, atol=0.1)
+    first_s = next(t_s for t_s in times if buffer.covers(t_s, t_s))
+    assert first_s > times[0] + 2.0
+    for outside_s, nearest_s in ((times[0], first_s), (times[-1] + 60.0, times[-1])):
+        assert buffer.range_m([outside_s])[0] == pytest.approx(track.target_at(float(nearest_s)).range_m, abs=1e-6)
