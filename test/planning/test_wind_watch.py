@@ -55,3 +55,17 @@ def test_silence_is_high_wind_and_so_is_nonsense() -> None:
     for step in range(60):
         watch.take(t_s + 0.1 * step, (math.nan, -1.0, 1e9)[step % 3])
     assert "silent for 5." in watch.step(t_s + 5.5)
+
+
+def test_calm_must_last_for_the_release_time_and_begins_anew_with_every_gust() -> None:
+    watch = WindWatch(PARAMS)
+    t_s, _ = blow(watch, 0.0, 20.0, 5.0)
+    t_s, reason = blow(watch, t_s, 4.0, 26.0)
+    assert reason.startswith("gust ")
+    t_s, reason = blow(watch, t_s, 40.0, 5.0)
+    t_s, reason = blow(watch, t_s, 4.0, 26.0)
+    # The 3-s mean is below 20 m/s after 0.9 s of it.
+    t_s, reason = blow(watch, t_s, 60.5, 5.0)
+    assert reason.startswith("gust ")
+    _, reason = blow(watch, t_s, 1.0, 5.0)
+    assert reason == ""

@@ -114,3 +114,18 @@ def test_a_parked_antenna_is_stowed_in_high_wind_and_a_disabled_one_says_that_it
     assert (
         other.antenna.status(other.t_s).warning == "gust 40.0 m/s, limit 25.0 m/s: the antenna is not stowed (disabled)"
     )
+
+
+@pytest.mark.parametrize(("kind", "value"), [("encoder_nan", 0.0), ("encoder_lie", 0.03)])
+def test_a_fault_is_reset_only_when_its_cause_is_gone(kind: str, value: float) -> None:
+    clock = enabled()
+    clock.run(0.5)
+    clock.antenna.injected.inject(kind, value)
+    clock.run(0.5)
+    assert clock.antenna.mode == "fault"
+    assert clock.antenna.modes.reset_fault().startswith("the cause is still there: azimuth encoder")
+    assert (clock.antenna.mode, clock.antenna.axes.hardware.plant.powered) == ("fault", False)
+    clock.antenna.injected.inject("none", 0.0)
+    clock.run(0.5)
+    assert clock.antenna.modes.reset_fault() == ""
+    assert (clock.antenna.mode, clock.antenna.safety.latch.text) == ("holding", "")
