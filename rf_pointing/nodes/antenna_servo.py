@@ -74,6 +74,7 @@ class AntennaServo(ManagedNode):
         self._statuses = 0
         self._told_fault = ""
         self._wrap: WrapCount | None = None
+        self._wrap_problem = ""
         self._tick_wall_s: float | None = None
         self._lateness_s = 0.0
         self._ticked_s = math.inf
@@ -103,6 +104,7 @@ class AntennaServo(ManagedNode):
             self.serve(InjectFault, "~/inject_fault", self._on_inject)
         self.diagnostics.add("drive", self._health)
         self.diagnostics.add("oscillation", self._oscillation_health)
+        self.diagnostics.add("memory", self._memory_health)
 
     def activate(self) -> None:
         self._antenna.modes.enable()
@@ -123,7 +125,7 @@ class AntennaServo(ManagedNode):
     def _recover_wrap(self) -> None:
         """Check the kept turn against the encoder; the simulated one is absolute over all turns, a real one over one."""
         name = self.parameters.value("").wrap_file
-        self._wrap = WrapCount(Path(name)) if name else None
+        self._wrap, self._wrap_problem = WrapCount(Path(name)) if name else None, ""
         if self._wrap is None:
             return
         azimuth = float(self._antenna.reading(0.0).position_rad[0])
@@ -132,10 +134,20 @@ class AntennaServo(ManagedNode):
             doubt = "the wrap file names another turn than the encoder: look at the cables, then reset"
         if doubt:
             self._antenna.modes.stop(doubt)
+        self._keep_wrap()
+        if self._wrap_problem:
+            raise ValueError(self._wrap_problem)
 
     def _keep_wrap(self) -> None:
-        if self._wrap is not None and not self._antenna.status(self.now_s()).fault:
+        """Write the azimuth's turn; a disk that is full must not leave the antenna alone in the middle of a motion."""
+        if self._wrap is None or self._antenna.status(self.now_s()).fault:
+            return
+        try:
             self._wrap.keep(float(self._antenna.reading(0.0).position_rad[0]))
+        except OSError as error:
+            self._wrap_problem = f"wrap_file={self.parameters.value('').wrap_file} cannot be written: {error.strerror}"
+        else:
+            self._wrap_problem = ""
 
     def _tick(self, t_s: float) -> None:
         if self._schedule.jumped_s:
@@ -229,6 +241,10 @@ class AntennaServo(ManagedNode):
         before = {"fault_at": f"{fault.t_s:.3f}", "last_commands": " | ".join(fault.lines())} if fault else {}
         values = {"commands_accepted": status.commands_accepted, "commander": status.commander, **rejected, **before}
         return Health(level, status.fault or status.warning or status.mode, values)
+
+    def _memory_health(self) -> Health:
+        problems = "; ".join(filter(None, (self._memory.problem, self._wrap_problem)))
+        return Health(WARN if problems else OK, problems or "kept", {})
 
     def _oscillation_health(self) -> Health:
         watch = dict(zip(AXES, self._antenna.axes.loops.watch, strict=True))

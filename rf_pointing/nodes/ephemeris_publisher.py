@@ -157,7 +157,7 @@ class EphemerisPublisher(ManagedNode):
             self._memory.keep(source, self._peak_rad, self._track.hold_t_s)
 
     def _health(self) -> Health:
-        warnings = "; ".join(self._track.warnings(self.now_s()))
+        warnings = "; ".join(filter(None, (*self._track.warnings(self.now_s()), self._memory.problem)))
         values = {
             "passes": len(self._passes),
             "along_track_offset_s": self._track.along_track_offset_s,

@@ -55,4 +55,10 @@ class AntennaMemory:
         if was is not None and was[2:] == now[2:] and max(abs(azimuth - was[0]), abs(elevation - was[1])) < MOVED_RAD:
             return
         self._state.keep({"azimuth_rad": azimuth, "elevation_rad": elevation, "mode": rest, "fault": status.fault})
-        self._written = now
+        if not self.problem:
+            self._written = now
+
+    @property
+    def problem(self) -> str:
+        """Why the file does not hold what it should, empty when it does."""
+        return self._state.problem

@@ -1,15 +1,15 @@
 """Keeps every certificate as a JSON file, written whole or not at all."""
 
 import json
-import os
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
 from rf_pointing.geometry import Params, parameter
 from rf_pointing.planning import Certificate, certificate_values
+from rf_pointing.station.whole_file import write_whole
 
-__all__ = ["StoreParams", "store_certificate", "write_whole"]
+__all__ = ["StoreParams", "store_certificate"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,16 +28,5 @@ def store_certificate(params: StoreParams, certificate: Certificate) -> Path | N
         Path(params.certificate_folder)
         / f"{name}-{datetime.fromtimestamp(certificate.aos_t_s, UTC):%Y%m%dT%H%M%S}.json"
     )
-    path.parent.mkdir(parents=True, exist_ok=True)
     write_whole(path, json.dumps(certificate_values(certificate), indent=1) + "\n")
     return path
-
-
-def write_whole(path: Path, text: str) -> None:
-    """Replace a file so that a reader, or a crash at any instant, finds the old text or the new one."""
-    beside = path.with_name(f"{path.name}.new")
-    with beside.open("w") as file:
-        file.write(text)
-        file.flush()
-        os.fsync(file.fileno())
-    beside.replace(path)

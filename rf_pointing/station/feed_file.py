@@ -4,6 +4,7 @@ from pathlib import Path
 
 import yaml
 
+from rf_pointing.station.whole_file import write_whole
 from rf_pointing.tracking import MonopulseCalibration
 
 __all__ = ["read_calibration", "write_calibration"]
@@ -15,10 +16,7 @@ FIELDS = ("response_real", "response_imaginary", "offset_real", "offset_imaginar
 def write_calibration(path: Path, calibration: MonopulseCalibration) -> None:
     """Write the file; an existing one is replaced as a whole."""
     content = {"format": FORMAT} | {name: list(getattr(calibration, name)) for name in FIELDS}
-    path.parent.mkdir(parents=True, exist_ok=True)
-    fresh = path.with_name(path.name + ".new")
-    fresh.write_text(yaml.safe_dump(content, sort_keys=False))
-    fresh.replace(path)
+    write_whole(path, yaml.safe_dump(content, sort_keys=False))
 
 
 def read_calibration(path: Path) -> MonopulseCalibration:

@@ -46,3 +46,8 @@ class TargetMemory:
         configured = dataclasses.asdict(self._configured)
         self._kept = {"source": dataclasses.asdict(source), "peak_rad": peak_rad, "hold_t_s": hold_t_s}
         self._state.keep({"configured": configured, **self._kept})
+
+    @property
+    def problem(self) -> str:
+        """Why the file does not hold what it should, empty when it does."""
+        return self._state.problem

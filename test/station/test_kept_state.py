@@ -51,6 +51,30 @@ def test_a_file_that_cannot_be_read_is_refused_by_its_name(tmp_path: Path, text:
     assert str(path) in str(refusal.value)
 
 
+def test_a_file_that_can_never_be_written_is_refused_at_the_start(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ValueError, match=r"^state file .*/file/state\.json cannot be written: "):
+        KeptState(str(tmp_path / "file" / "state.json"))
+
+
+def test_a_file_that_cannot_be_written_any_more_is_told_and_tried_again(tmp_path: Path) -> None:
+    """A folder that becomes a file stands for a full disk, which root can write to no more than others."""
+    folder = tmp_path / "kept"
+    memory = AntennaMemory(str(folder / "antenna.json"))
+    subject = antenna(memory)
+    t_s = run(subject, memory, 0.1, START_S)
+    assert memory.problem == ""
+    folder.rename(tmp_path / "aside")
+    folder.write_text("")
+    subject.modes.stop("stop was requested")
+    t_s = run(subject, memory, 0.1, t_s)
+    assert "antenna.json cannot be written: " in memory.problem
+    folder.unlink()
+    run(subject, memory, 0.1, t_s)
+    assert memory.problem == ""
+    assert "stop was requested" in antenna(AntennaMemory(str(folder / "antenna.json"))).status(t_s).fault
+
+
 def test_no_name_keeps_nothing(tmp_path: Path) -> None:
     KeptState("").keep({"a": 1})
     assert KeptState("").recover() == {}

@@ -1,0 +1,65 @@
+"""The antenna's node where its surroundings fail: what cannot be written must not end it in the middle of a motion."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
+from rclpy.parameter import Parameter
+
+from rf_pointing.nodes.antenna_servo import WRAP_EVERY, AntennaServo
+from rf_pointing.nodes.diagnostics import OK, WARN
+
+ANY_STATE = LifecycleState(state_id=1, label="unconfigured")
+TICKS_A_STATUS = 5
+
+
+@pytest.fixture
+def servo(default_context: None) -> Any:
+    """Yield the node, unconfigured."""
+    node = AntennaServo()
+    yield node
+    node.end()
+    node.lock.release()
+    node.destroy_node()
+
+
+def configured(servo: AntennaServo, **files: Path) -> TransitionCallbackReturn:
+    servo.set_parameters([Parameter(name, value=str(path)) for name, path in files.items()])
+    return servo.on_configure(ANY_STATE)
+
+
+@pytest.mark.parametrize("name", ["wrap_file", "state_file"])
+def test_a_file_that_cannot_be_written_is_refused_before_the_antenna_moves(
+    servo: AntennaServo, tmp_path: Path, name: str
+) -> None:
+    (tmp_path / "file").write_text("")
+    path = tmp_path / "file" / "kept.json"
+    assert configured(servo, **{name: path}) == TransitionCallbackReturn.FAILURE
+    refusal = servo._state_health().message
+    assert f"{path} cannot be written" in refusal
+    assert configured(servo, **{name: tmp_path / "other" / "kept.json"}) == TransitionCallbackReturn.SUCCESS
+
+
+def test_an_antenna_whose_disk_fails_goes_on_and_says_so(servo: AntennaServo, tmp_path: Path) -> None:
+    folder = tmp_path / "kept"
+    files = {"wrap_file": folder / "wrap.json", "state_file": folder / "state.json"}
+    assert configured(servo, **files) == TransitionCallbackReturn.SUCCESS
+    assert servo.on_activate(ANY_STATE) == TransitionCallbackReturn.SUCCESS
+    assert servo._memory_health().level == OK
+    folder.rename(tmp_path / "aside")
+    folder.write_text("")
+    servo._antenna.modes.park()
+    start_s = servo.now_s()
+    for tick in range(300):
+        servo._tick(start_s + 0.02 * tick)
+    health = servo._memory_health()
+    assert health.level == WARN
+    for path in files.values():
+        assert f"{path} cannot be written" in health.message
+    assert servo._antenna.status(start_s).mode == "parking"
+    folder.unlink()
+    for tick in range(300, 300 + TICKS_A_STATUS * WRAP_EVERY):
+        servo._tick(start_s + 0.02 * tick)
+    assert (servo._memory_health().level, servo._memory_health().message) == (OK, "kept")
+    assert sorted(found.name for found in folder.iterdir()) == ["state.json", "wrap.json"]
