@@ -32,6 +32,7 @@ from rf_pointing.calibration import (
 )
 from rf_pointing.ephemeris import Elements, Pass, site, tle_lines, utc_text
 from rf_pointing.geometry import MDEG, require_between
+from rf_pointing.nodes import track_options
 from rf_pointing.nodes.bias_calibrator import JOURNAL
 from rf_pointing.nodes.calibration_run import CalibrationRun, Outcome
 from rf_pointing.nodes.namespace_option import add_namespace_option
@@ -64,7 +65,7 @@ ACQUISITION_S = 45.0
 
 
 def arguments(argv: list[str] | None = None) -> argparse.Namespace:
-    """Return the parsed command line."""
+    """Return the parsed command line, completed by what a run of `track` has by default."""
     parser = argparse.ArgumentParser(prog="calibrate", description="Calibrate the simulated station's pointing model.")
     parser.add_argument("--station", default="Goldstone DSS-13", help="station name (default: Goldstone DSS-13)")
     parser.add_argument("--band", choices=("S", "X", "Ka"), default="X", help="frequency band (default: X)")
@@ -104,10 +105,8 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument(
         "--output", metavar="DIR", help="folder of bag and report (default: runs/calibration-TIME-NUMBER)"
     )
-    options = parser.parse_args(argv)
-    options.satellite, options.mask, options.record, options.keep_observations = "90001", 5.0, None, True
-    options.scan_sigma = None
-    return options
+    beacons_and_journal = {"satellite": "90001", "keep_observations": True}
+    return argparse.Namespace(**vars(track_options.arguments([])) | vars(parser.parse_args(argv)) | beacons_and_journal)
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from rf_pointing.calibration import CandidatePass, Observations, SectorRule
-from rf_pointing.nodes import calibrate
+from rf_pointing.ephemeris import tle_lines
+from rf_pointing.nodes import calibrate, track_options
 from rf_pointing.nodes.utc import parse_utc
 
 
@@ -122,3 +123,20 @@ def test_wrong_options_are_refused_in_words_before_anything_starts(
 def test_without_observations_there_is_nothing_to_resume(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="no observations of Goldstone DSS-13 in band S to resume from"):
         calibrate.plan(options(tmp_path, "--resume", "--band", "S"))
+
+
+@pytest.mark.usefixtures("few_beacons")
+def test_its_options_are_all_that_a_run_of_the_station_asks_for(tmp_path: Path) -> None:
+    """The run is `track`'s: an option that only that one has must have a value here."""
+    given = options(tmp_path, "--band", "S", "--seed", "4")
+    schedule = calibrate.plan(given)
+    given.elements = str(tmp_path / "beacons.tle")
+    Path(given.elements).write_text(
+        "\n".join(line for one in schedule.elements for line in (one.name, *tle_lines(one)))
+    )
+    said = track_options.overrides(given, schedule.windows[0], tmp_path)
+    assert said["/**/rf_receiver"]["ros__parameters"]["signal.seed"] == 4
+    assert said["/**/bias_calibrator"]["ros__parameters"]["calibrator.keep_observations"]
+    assert track_options.parameter_files(given, said, tmp_path)[1].name == "band_s.yaml"
+    assert track_options.notes(given)["band"] == "S"
+    assert track_options.bag_folder(given, tmp_path) == tmp_path / "bag"
