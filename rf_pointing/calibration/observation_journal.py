@@ -5,7 +5,9 @@ again.  Any other damage is refused with the line's number, and nothing is overw
 `read_observations` reads.
 """
 
+import errno
 import os
+from io import FileIO
 from pathlib import Path
 
 from rf_pointing.calibration.observations import Observations
@@ -24,18 +26,30 @@ class ObservationJournal:
         self.points = self._recovered()
 
     def append(self, points: Observations) -> None:
-        """Add points; they are on the disk when this returns.  Another station or band is refused."""
+        """Add points; they are on the disk when this returns.
+
+        Raises
+        ------
+        ValueError
+            For points of another station or band.
+        OSError
+            When the disk does not take them; the file is then as it was.
+        """
         self._check_owner(points)
         columns = edge_columns(points)
-        fresh = not self.path.exists()
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        with self.path.open("a", encoding="utf-8", newline="") as stream:
-            if fresh:
-                stream.write(f"# station: {self.station}\n# band: {self.band}\n{','.join(columns)}\n")
-            for row in zip(*(values.tolist() for values in columns.values()), strict=True):
-                stream.write(",".join(map(repr, row)) + "\n")
-            stream.flush()
-            os.fsync(stream.fileno())
+        rows = zip(*(values.tolist() for values in columns.values()), strict=True)
+        lines = "".join(",".join(map(repr, row)) + "\n" for row in rows)
+        with self.path.open("ab", buffering=0) as stream:
+            end = stream.tell()
+            if end == 0:
+                lines = f"# station: {self.station}\n# band: {self.band}\n{','.join(columns)}\n" + lines
+            try:
+                _write_all(stream, lines.encode())
+                os.fsync(stream.fileno())
+            except OSError:
+                stream.truncate(end)
+                raise
 
     def set_aside(self, name: str) -> Path | None:
         """Rename the file, so that the next point begins a new one; return the old points' file, None without any.
@@ -75,3 +89,9 @@ class ObservationJournal:
                 raise ValueError(
                     f"{self.path}: points of {name} {getattr(points, name)!r}, must be of {getattr(self, name)!r}"
                 )
+
+
+def _write_all(stream: FileIO, content: bytes) -> None:
+    """Write without a buffer, which would try again when the file is closed."""
+    if stream.write(content) != len(content):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), stream.name)

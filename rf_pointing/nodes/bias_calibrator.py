@@ -123,6 +123,7 @@ class BiasCalibrator(ManagedNode):
     def deactivate(self) -> None:
         self._active = False
         self._runner.cancel()
+        self._log.write_waiting()
 
     def turn(self) -> float:
         """Go on with the campaign, and end its goal when it is over."""
@@ -261,8 +262,11 @@ class BiasCalibrator(ManagedNode):
             "candidate": keeper.candidate.name if keeper.candidate else "",
             "shadow": keeper.verdict_text(),
         }
+        problems = [self._log.problem] if self._log.problem else []
         if keeper.active is None:
-            return Health(WARN, "no model: commands are not corrected", values)
+            problems.append("no model: commands are not corrected")
+        if problems:
+            return Health(WARN, "; ".join(problems), values)
         return Health(OK, keeper.active.name, values)
 
 

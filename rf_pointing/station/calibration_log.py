@@ -39,7 +39,8 @@ class CalibrationLog:
     Errors beyond `largest_error_rad` are left out: off its axis a sensor is not calibrated, and 5 % of a beamwidth is a lot.
     Nothing is observed in the first `settle_s` with a valid sensor, nor in those after such an error: after a slew and after
     a search the lags are not steady yet.
-    With a `journal` every observation is on the disk before the next one, and those already in it count.
+    With a `journal` every observation is on the disk before the next one, and those already in it count.  What a disk does
+    not take stays here, is tried again with the next observation, and `problem` says so.
     """
 
     def __init__(
@@ -63,6 +64,8 @@ class CalibrationLog:
         self._target_name = ""
         self._joints: JointReading | None = None
         self._parts: list[Observations] = []
+        self._waiting: list[Observations] = []
+        self.problem = ""
         self._pass, self._last_s, self._new_pass = -1, -math.inf, True
         if journal is not None and journal.points is not None:
             self._parts = [journal.points]
@@ -98,14 +101,34 @@ class CalibrationLog:
             return None
         starts = self._new_pass or not 0.0 <= error.t_s - self._last_s <= PASS_GAP_S
         row = self._row(error, joints, self._pass + starts)
-        if self._journal is not None:
-            self._journal.append(row)
+        self._waiting.append(row)
+        self.write_waiting()
         self._pass, self._new_pass, self._last_s = self._pass + starts, False, error.t_s
         self._parts.append(row)
         return row
 
+    def write_waiting(self) -> None:
+        """Write what is not on the disk yet, if it takes it now; see `problem`."""
+        if self._journal is None or not self._waiting:
+            self._waiting.clear()
+            return
+        try:
+            self._journal.append(Observations.concatenate(self._waiting))
+        except OSError as error:
+            count, why = len(self._waiting), error.strerror or error
+            self.problem = f"{count} observations are in memory only: {self._journal.path} cannot be written: {why}"
+            return
+        self._waiting.clear()
+        self.problem = ""
+
     def begin_anew(self, name: str) -> None:
-        """Begin a new campaign; the old one's file is kept under its name with `name` added."""
+        """Begin a new campaign; the old one's file is kept under its name with `name` added.
+
+        Raises ValueError while observations of the old one are not on the disk: they would be lost.
+        """
+        self.write_waiting()
+        if self.problem:
+            raise ValueError(self.problem)
         if self._journal is not None:
             self._journal.set_aside(name)
         self._parts.clear()

@@ -74,3 +74,20 @@ def test_an_old_campaign_is_set_aside_and_never_overwritten(data, tmp_path):
     first.append(data)
     assert first.set_aside("old").name == "observations-old-2.csv"
     assert len(read_observations(first.path.with_name("observations-old.csv"))) == len(data)
+
+
+def test_a_disk_that_is_full_leaves_the_file_as_it_was(data, tmp_path, monkeypatch):
+    first = journal(tmp_path)
+    first.append(data.select(np.arange(3)))
+    before = first.path.read_bytes()
+
+    def full(_descriptor: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("rf_pointing.calibration.observation_journal.os.fsync", full)
+        with pytest.raises(OSError, match="No space left"):
+            first.append(data.select([3]))
+    assert first.path.read_bytes() == before
+    first.append(data.select([3, 4]))
+    assert journal(tmp_path).points.t_s == pytest.approx(data.t_s[:5])

@@ -1,11 +1,12 @@
 """From a tracked pass to calibration data: planted mount errors come back out of the fit."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from rf_pointing.calibration import BiasModel
+from rf_pointing.calibration import BiasModel, ObservationJournal, Observations
 from rf_pointing.ephemeris import Pass, TopocentricTrack, find_passes
 from rf_pointing.geometry import MDEG, JointReading, PointingError, Target
 from rf_pointing.station.calibration_log import CalibrationLog
@@ -111,3 +112,54 @@ def test_what_does_not_belong_together_is_no_observation(track: TopocentricTrack
         PointingError(t_s=t_s, sensor="monopulse", cross_elevation_rad=0.0, elevation_rad=0.0, valid=why != "invalid")
     )
     assert len(collected) == 0
+
+
+def test_a_full_disk_loses_no_observation_and_is_told(
+    track: TopocentricTrack, window: Pass, random: np.random.Generator, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What it does not take waits in memory, and follows in order when there is room again."""
+    place = tmp_path / "observations.csv"
+    kept = CalibrationLog(
+        "Goldstone DSS-13", "X", 5.0, 2.0 * MDEG, journal=ObservationJournal(place, "Goldstone DSS-13", "X")
+    )
+    whole = ObservationJournal.append
+    room = iter([True] * 4 + [False] * 3 + [True] * 1000)
+
+    def append(self: ObservationJournal, points: Observations) -> None:
+        if not next(room):
+            raise OSError(28, "No space left on device")
+        whole(self, points)
+
+    monkeypatch.setattr(ObservationJournal, "append", append)
+    problems = []
+    take = kept.take_error
+
+    def watched(error: PointingError) -> Observations | None:
+        row = take(error)
+        problems.append(kept.problem)
+        return row
+
+    monkeypatch.setattr(kept, "take_error", watched)
+    tracked(kept, track, window, BiasModel.zero(), random)
+    assert f"3 observations are in memory only: {place} cannot be written: No space left on device" in problems
+    assert problems[-1] == ""
+    written = ObservationJournal(place, "Goldstone DSS-13", "X").points
+    assert written is not None
+    np.testing.assert_allclose(written.t_s, kept.observations().t_s)
+
+
+def test_a_new_campaign_does_not_begin_over_observations_that_are_in_memory_only(
+    track: TopocentricTrack, window: Pass, random: np.random.Generator, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    journal = ObservationJournal(tmp_path / "observations.csv", "Goldstone DSS-13", "X")
+    kept = CalibrationLog("Goldstone DSS-13", "X", 5.0, 2.0 * MDEG, journal=journal)
+
+    def full(_points: Observations) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(journal, "append", full)
+    tracked(kept, track, window, BiasModel.zero(), random)
+    count = len(kept)
+    with pytest.raises(ValueError, match=f"{count} observations are in memory only"):
+        kept.begin_anew("old")
+    assert len(kept) == count > 0
