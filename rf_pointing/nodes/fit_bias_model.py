@@ -8,6 +8,7 @@ import argparse
 import sys
 import time
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -34,10 +35,12 @@ from rf_pointing.calibration import (
 )
 from rf_pointing.ephemeris import read_elements, site
 from rf_pointing.geometry import MDEG
+from rf_pointing.geometry.refraction import RadioRefraction
 from rf_pointing.station.calibration_input import holds_points, process_passes, read_points, read_raw, reference_of
 from rf_pointing.station.calibration_log import PRIOR_SIGMA
 
 DAY_S = 86400.0
+FREEZING_K = 273.15
 TABULAR = (".csv", ".tdm", ".kvn", ".txt")
 
 
@@ -50,6 +53,10 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--namespace", help="antenna, where a recording holds several")
     parser.add_argument("--elements", type=Path, metavar="FILE", help="elements of the targets of CSV and TDM data")
     parser.add_argument("--max-age", type=float, default=14.0, metavar="DAYS", help="of the elements (default: 14)")
+    air = parser.add_mutually_exclusive_group()
+    air.add_argument("--weather", nargs=3, type=float, metavar=("HPA", "CELSIUS", "PERCENT"), help="pressure, temperature and "
+                     "humidity during CSV and TDM data (default: the standard at the station's altitude)")  # fmt: skip
+    air.add_argument("--refraction-removed", action="store_true", help="the angles of CSV and TDM data are free of it")
     parser.add_argument("--largest-error", type=float, default=6.0, metavar="MDEG",
                         help="samples of recordings with a larger sensed error are left out (default: 6)")  # fmt: skip
     parser.add_argument("--allow-damage", action="store_true", help="use the sound part of damaged recordings")
@@ -108,7 +115,17 @@ def _reference(options: argparse.Namespace, raw: object) -> object:
     if options.elements is None:
         raise ValueError("elements: tracking data of CSV and TDM need --elements FILE for their reference")
     return reference_of(
-        raw, read_elements(options.elements.read_text()), site(options.station), options.max_age * DAY_S
+        raw, read_elements(options.elements.read_text()), site(options.station), options.max_age * DAY_S, refraction(options)
+    )
+
+
+def refraction(options: argparse.Namespace) -> RadioRefraction | Literal["standard"] | None:
+    """Return the air through which CSV and TDM data were taken."""
+    if options.weather is None:
+        return None if options.refraction_removed else "standard"
+    pressure_hpa, celsius, percent = options.weather
+    return RadioRefraction(
+        pressure_hpa=pressure_hpa, temperature_k=celsius + FREEZING_K, relative_humidity=percent / 100.0
     )
 
 

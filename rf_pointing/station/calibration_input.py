@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from rf_pointing.calibration import (
     split_passes,
 )
 from rf_pointing.ephemeris import Elements, Site, TopocentricTrack, find_elements
+from rf_pointing.geometry.refraction import RadioRefraction
 
 __all__ = ["holds_points", "process_passes", "read_points", "read_raw", "reference_of"]
 
@@ -64,9 +66,18 @@ def read_raw(path: Path, band: str) -> list[RawTracking]:
     return [one for track in tracks for one in split_passes(track, PASS_GAP_S)]
 
 
-def reference_of(raw: RawTracking, elements: Sequence[Elements], site: Site, max_age_s: float) -> ReferenceTrack:
-    """Return the apparent motion of the target of `raw` by its elements, over the time of the samples."""
-    track = TopocentricTrack(find_elements(elements, raw.target), site, max_age_s=max_age_s)
+def reference_of(
+    raw: RawTracking,
+    elements: Sequence[Elements],
+    site: Site,
+    max_age_s: float,
+    refraction: RadioRefraction | Literal["standard"] | None = "standard",
+) -> ReferenceTrack:
+    """Return the apparent motion of the target of `raw` by its elements, over the time of the samples.
+
+    `refraction` None is right for angles from which it has been taken off.
+    """
+    track = TopocentricTrack(find_elements(elements, raw.target), site, max_age_s=max_age_s, refraction=refraction)
     times = raw.t_s[np.isfinite(raw.t_s)]
     if len(times) == 0:
         raise ValueError(f"tracking data of {raw.target}: no finite time")

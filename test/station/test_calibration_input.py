@@ -9,6 +9,7 @@ import pytest
 from rf_pointing.calibration import BiasModel, RawTracking, write_tracking
 from rf_pointing.ephemeris import TopocentricTrack, find_elements, find_passes, site, verification_elements
 from rf_pointing.geometry import MDEG
+from rf_pointing.geometry.refraction import RadioRefraction
 from rf_pointing.station.calibration_input import holds_points, process_passes, read_raw, reference_of
 
 STATION = site("Goldstone DSS-13")
@@ -42,6 +43,17 @@ def test_points_show_the_offset_against_the_elements(raw, tmp_path):
     assert set(points.pass_id.tolist()) == {3}
     assert np.mean(points.residual_azimuth_rad) == pytest.approx(20.0 * MDEG, abs=1.0 * MDEG)
     assert np.mean(points.residual_elevation_rad) == pytest.approx(30.0 * MDEG, abs=1.0 * MDEG)
+
+
+def test_the_weather_of_the_day_and_angles_free_of_refraction_move_the_reference_by_what_the_air_bends(raw):
+    standard, vacuum, hot = (
+        reference_of(raw, ELEMENTS, STATION, 14.0 * 86400.0, air)
+        for air in ("standard", None, RadioRefraction(pressure_hpa=880.0, temperature_k=303.15, relative_humidity=0.9))
+    )
+    low = np.argmin(np.abs(vacuum.elevation_rad - math.radians(12.0)))
+    assert standard.elevation_rad[low] - vacuum.elevation_rad[low] == pytest.approx(70.0 * MDEG, abs=15.0 * MDEG)
+    # A hot and humid day bends a third more: left out it would be taken for droop.
+    assert hot.elevation_rad[low] - standard.elevation_rad[low] > 15.0 * MDEG
 
 
 def test_a_target_that_is_not_in_the_elements_is_named(raw):
