@@ -59,6 +59,35 @@ def test_even_ticks_do_not_deviate(swinging: Recording) -> None:
     assert servo(swinging).period_deviation_p99_ms == pytest.approx(0.0, abs=1e-9)
 
 
+def test_lateness_and_uneven_periods_are_told_in_milliseconds(
+    tmp_path: Path, types: Definitions, synthetic_run: type[Any]
+) -> None:
+    synthetic_run(seconds=2.0).write(tmp_path / "bag", types)
+    recording = read_recording(tmp_path / "bag")
+    antenna, joints = recording.topics["antenna_status"], recording.topics["joint_states"]
+    antenna.columns["tick_lateness"] = np.full(len(antenna), 0.001)
+    antenna.columns["tick_lateness"][-1] = 0.0042
+    # A reading that is late ends a period that is too long and begins one that is too short; an early one the other way.
+    period_ns = int(joints.log_time_ns[1] - joints.log_time_ns[0])
+    joints.log_time_ns[10] += period_ns // 4
+    joints.log_time_ns[20] -= period_ns // 2
+    told = servo(recording)
+    assert told.tick_lateness_max_ms == pytest.approx(4.2)
+    deviation_ms = np.zeros(len(joints) - 1)
+    deviation_ms[[9, 10]], deviation_ms[[19, 20]] = period_ns / 4e6, period_ns / 2e6
+    assert told.period_deviation_p99_ms == pytest.approx(np.percentile(deviation_ms, 99.0), rel=1e-3)
+    assert told.period_deviation_p99_ms > period_ns / 4e6
+
+
+def test_the_peak_of_an_axis_that_only_turns_back_is_its_speed(
+    tmp_path: Path, types: Definitions, synthetic_run: type[Any]
+) -> None:
+    synthetic_run(seconds=2.0, azel_deg=lambda t: (100.0 - 1.5 * t, 45.0 + 0.2 * t)).write(tmp_path / "bag", types)
+    azimuth, elevation = servo(read_recording(tmp_path / "bag")).axes
+    assert azimuth.peak_rate_deg_s == pytest.approx(1.5, rel=1e-6)
+    assert elevation.peak_rate_deg_s == pytest.approx(0.2, rel=1e-6)
+
+
 def test_fault_is_listed_once(tmp_path: Path, types: Definitions, synthetic_run: type[Any]) -> None:
     synthetic_run(seconds=2.0).write(tmp_path / "bag", types)
     recording = read_recording(tmp_path / "bag")

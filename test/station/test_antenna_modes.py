@@ -6,6 +6,7 @@ import pytest
 from rf_pointing.controllers import CommandPreprocessorParams
 from rf_pointing.geometry import MDEG
 from rf_pointing.station.antenna import LoopParams
+from rf_pointing.station.antenna_modes import ARRIVED_RAD, RESTING
 from rf_pointing.station.antenna_safety import SafetyParams
 from test.station.stepped_antenna import SETTLING_S, STANDING, START_S, TICK_S, enabled, hold_at, ramp
 
@@ -67,6 +68,38 @@ def test_a_latched_fault_refuses_commands_until_it_is_reset_at_rest() -> None:
     assert clock.antenna.modes.reset_fault() == ""
     assert clock.antenna.mode == "holding"
     assert clock.antenna.commands.accept(ramp(clock.t_s), clock.t_s) == ""
+
+
+def test_a_fault_that_cut_the_drives_is_not_reset_while_the_axes_still_turn() -> None:
+    clock = enabled()
+    clock.antenna.commands.accept(ramp(START_S, 2.0), START_S)
+    clock.run(1.0)
+    clock.antenna.modes.trip("an encoder is silent")
+    assert clock.antenna.mode == "fault"
+    assert clock.antenna.modes.reset_fault() == "the axes are still moving"
+    clock.run(3.0)
+    assert clock.antenna.modes.reset_fault() == ""
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_an_antenna_is_parked_only_when_both_encoders_have_arrived(axis: int, side: float) -> None:
+    antenna = enabled().antenna
+    modes, goal = antenna.modes, antenna.axes.course.goal_rad
+    modes.mode = "parking"
+    modes.settle(goal, goal + 1.01 * side * ARRIVED_RAD * np.eye(2)[axis])
+    assert modes.mode == "parking"
+    modes.settle(goal, goal + 0.99 * side * ARRIVED_RAD * np.eye(2)[axis])
+    assert modes.mode == "parked"
+
+
+@pytest.mark.parametrize("mode", [*RESTING, *RESTING.values()])
+def test_an_antenna_at_rest_or_on_its_way_there_takes_no_command(mode: str) -> None:
+    clock = enabled()
+    clock.antenna.modes.mode = mode
+    refused = clock.antenna.commands.accept(ramp(START_S, 2.0), START_S)
+    assert refused == f"the antenna is {mode}; resume it first"
+    assert clock.antenna.mode == mode
 
 
 def test_without_a_fault_there_is_nothing_to_reset() -> None:

@@ -10,7 +10,9 @@ ACCELERATION = 400 * MDEG
 TIMES = 100.0 + np.arange(0.0, 6.0, 0.01)
 
 
-@pytest.mark.parametrize(("right", "up", "rate"), [(200.0, -50.0, 150.0), (0.0, 0.0, 80.0), (3.0, 1.0, 0.0)])
+@pytest.mark.parametrize(
+    ("right", "up", "rate"), [(200.0, -50.0, 150.0), (150.0, 120.0, 30.0), (0.0, 0.0, 80.0), (3.0, 1.0, 0.0)]
+)
 def test_it_starts_as_given_ends_at_rest_and_stays_within_the_acceleration(
     right: float, up: float, rate: float
 ) -> None:
