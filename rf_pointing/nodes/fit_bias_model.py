@@ -115,7 +115,11 @@ def _reference(options: argparse.Namespace, raw: object) -> object:
     if options.elements is None:
         raise ValueError("elements: tracking data of CSV and TDM need --elements FILE for their reference")
     return reference_of(
-        raw, read_elements(options.elements.read_text()), site(options.station), options.max_age * DAY_S, refraction(options)
+        raw,
+        read_elements(options.elements.read_text()),
+        site(options.station),
+        options.max_age * DAY_S,
+        refraction(options),
     )
 
 

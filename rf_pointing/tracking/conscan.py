@@ -115,7 +115,7 @@ class ConscanTracker:
         offset = math.hypot(beam_cross_elevation_rad, beam_elevation_rad)
         if offset > 2.0 * self.params.half_power_beamwidth_rad:
             return f"beam offset {offset} rad must be <= {2.0 * self.params.half_power_beamwidth_rad}, two beamwidths"
-        if len(self.state.window) and self.beam_time_s(power) <= self.state.window.rows[-1, 0]:
+        if len(self.state.window) and self.beam_time_s(power) <= self.state.window.rows.item(-1, 0):
             return f"t_s={power.t_s} must be later than that of the sample before"
         return self._unlike_the_others(power)
 
@@ -125,11 +125,11 @@ class ConscanTracker:
         sigma^2 / power is 2 N0 / T (CONSCAN B-5), whatever the beam does.
         """
         rows = self.state.window.rows
-        if len(rows) < FEWEST_WITNESSES or rows[-1, 0] < self.beam_time_s(power) - self.params.max_age_s:
+        if len(rows) < FEWEST_WITNESSES or rows.item(-1, 0) < self.beam_time_s(power) - self.params.max_age_s:
             return ""
-        witnesses = rows[[0, len(rows) // 2, -1], 1:3].tolist()
+        witnesses = (0, len(rows) // 2, -1)
         noise = power.sigma_w * power.sigma_w / power.power_w
-        usual = sorted(sigma * sigma / watts for watts, sigma in witnesses)
+        usual = sorted(rows.item(row, 2) ** 2 / rows.item(row, 1) for row in witnesses)
         if usual[1] <= LARGEST_CHANGE * noise and noise <= LARGEST_CHANGE * usual[1]:
             return ""
         return (
@@ -141,14 +141,14 @@ class ConscanTracker:
         found = estimate_window(self.params, window)
         if found.left_out is not None:
             self._leave_out(window, found.left_out)
-        mean = np.add.reduce(window.rows) / len(window)
+        sums, right_up_rad = np.add.reduce(window.rows).tolist(), found.error_rad.tolist()
         return PointingError(
-            t_s=float(mean[0]),
+            t_s=sums[0] / len(window),
             sensor="conscan",
-            cross_elevation_rad=float(found.error_rad[0]),
-            elevation_rad=float(found.error_rad[1]),
+            cross_elevation_rad=right_up_rad[0],
+            elevation_rad=right_up_rad[1],
             covariance_rad2=found.covariance_rad2,
-            carrier_to_noise_db_hz=float(mean[5]),
+            carrier_to_noise_db_hz=sums[5] / len(window),
             valid=not found.reason,
             reason=found.reason,
         )

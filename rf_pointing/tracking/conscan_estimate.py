@@ -137,7 +137,7 @@ def _unknown(params: ConscanParams, reason: str) -> WindowEstimate:
 
 
 def _range_doubt(params: ConscanParams, error_rad: Array) -> str:
-    beamwidths = math.hypot(error_rad[0], error_rad[1]) / params.half_power_beamwidth_rad
+    beamwidths = math.hypot(*error_rad.tolist()) / params.half_power_beamwidth_rad
     if beamwidths > params.valid_range_beamwidths:
         return f"error of {beamwidths:.2f} beamwidths is outside {params.valid_range_beamwidths:.2f} beamwidths"
     return ""

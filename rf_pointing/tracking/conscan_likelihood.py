@@ -53,8 +53,9 @@ def beam_design(
     scale = 2.0 * MU / half_power_beamwidth_rad
     count, unknowns = len(beam_elevation_rad), 3 if spin_columns is None else 3 + spin_columns.shape[1]
     columns = np.empty((count, unknowns))
-    columns[:, 0], columns[:, 1], columns[:, 2] = 1.0, beam_cross_elevation_rad, beam_elevation_rad
-    columns[:, 1:3] *= scale
+    columns[:, 0] = 1.0
+    np.multiply(beam_cross_elevation_rad, scale, out=columns[:, 1])
+    np.multiply(beam_elevation_rad, scale, out=columns[:, 2])
     if spin_columns is not None:
         columns[:, 3:] = spin_columns
     products = (columns[:, :, None] * columns[:, None, :]).reshape(count, -1)
@@ -64,7 +65,9 @@ def beam_design(
 
 def least_spread_rad(design: BeamDesign) -> float:
     """Return the rms motion of the beam along the axis on which it moved least."""
-    (count, right, up), (_, xx, xy), (_, _, yy) = (design.columns[:, :3].T @ design.columns[:, :3]).tolist()
+    sums, unknowns = np.add.reduce(design.products).tolist(), design.columns.shape[1]
+    count, right, up = sums[:3]
+    xx, xy, yy = sums[unknowns + 1], sums[unknowns + 2], sums[2 * unknowns + 2]
     xx, xy, yy = xx - right * right / count, xy - right * up / count, yy - up * up / count
     least = 0.5 * (xx + yy) - math.hypot(0.5 * (xx - yy), xy)
     return math.sqrt(max(least, 0.0) / count) * design.half_power_beamwidth_rad / (2.0 * MU)
