@@ -32,7 +32,7 @@ def main(argv: list[str] | None = None) -> None:
     """Entry point of `ros2 run rf_pointing plan_passes`."""
     options = arguments(argv)
     try:
-        planned, limits = plan(options)
+        planned, rules = plan(options)
     except (ValueError, OSError) as error:
         print(f"plan_passes: {error}", file=sys.stderr)
         sys.exit(2)
@@ -47,7 +47,7 @@ def main(argv: list[str] | None = None) -> None:
     if options.picture:
         from rf_pointing.report.plan_picture import draw_plan
 
-        draw_plan(planned, limits, Path(options.picture))
+        draw_plan(planned, rules.limits, rules.mask, Path(options.picture))
         print(f"plan_passes: {options.picture}", file=sys.stderr)
 
 
@@ -64,8 +64,8 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     return parser.parse_args(argv)
 
 
-def plan(options: argparse.Namespace) -> tuple[list[PlannedPass], AxisLimits]:
-    """Return the planned passes, and the limits that they were held against."""
+def plan(options: argparse.Namespace) -> tuple[list[PlannedPass], PlanningRules]:
+    """Return the planned passes, and the antenna that they were planned for."""
     nodes = read_parameter_files([Path(name) for name in options.params_file])
     controller, servo = (nodes.get(name, NodeParameters(name, {})) for name in ("pointing_controller", "antenna_servo"))
     rules = PlanningRules(
@@ -81,7 +81,7 @@ def plan(options: argparse.Namespace) -> tuple[list[PlannedPass], AxisLimits]:
         load_track(source_of(options)), start_of(options), options.hours * 3600.0, antenna.start_rad, rules,
         math.radians(options.mask),
     )  # fmt: skip
-    return planned, rules.limits
+    return planned, rules
 
 
 def pass_values(item: PlannedPass) -> dict[str, Any]:

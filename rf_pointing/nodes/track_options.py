@@ -97,10 +97,23 @@ def choose_pass(options: argparse.Namespace) -> Pass:
     return first_pass_above(track, start_of(options), math.radians(options.min_peak), above, span_s)
 
 
+def _given(options: argparse.Namespace, node: str) -> NodeParameters:
+    """Return what the parameter files of the command line say to a node."""
+    nodes = read_parameter_files([Path(name) for name in options.params_file])
+    return nodes.get(node, NodeParameters(node, {}))
+
+
 def _horizon(options: argparse.Namespace) -> HorizonMask:
     """Return the horizon mask that the parameter files give the controller: passes begin and end above it."""
-    nodes = read_parameter_files([Path(name) for name in options.params_file])
-    return nodes.get("pointing_controller", NodeParameters("pointing_controller", {})).group("mask", HorizonMask())
+    return _given(options, "pointing_controller").group("mask", HorizonMask())
+
+
+def _horizon_of_servo(options: argparse.Namespace) -> dict[str, Any]:
+    """Return the controller's mask as the servo's, which holds it for every commander, unless it is given one of its own."""
+    if any(name.startswith("safety.mask.") for name in _given(options, "antenna_servo").values):
+        return {}
+    said = _given(options, "pointing_controller").values
+    return {f"safety.{name}": value for name, value in said.items() if name.startswith("mask.")}
 
 
 def chosen_scan(options: argparse.Namespace, window: Pass) -> ConscanParams | None:
@@ -164,7 +177,11 @@ def overrides(options: argparse.Namespace, window: Pass, output: Path) -> dict[s
             "mask.clearance_deg": math.degrees(mask.clearance_rad),
         },
         "rf_receiver": {**source, **real, "signal.seed": options.seed},
-        "antenna_servo": {"antenna.seed": options.seed, "safety.sun.station": options.station},
+        "antenna_servo": {
+            "antenna.seed": options.seed,
+            "safety.sun.station": options.station,
+            **_horizon_of_servo(options),
+        },
         "conscan_tracker": scanned,
         "pointing_controller": {
             **scanned,

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from rf_pointing.planning import AxisLimits
+from rf_pointing.planning import AxisLimits, HorizonMask
 from rf_pointing.report.picture_style import AXIS_COLOURS, DASHED, LIMIT_COLOUR, figure
 from rf_pointing.station.pass_planning import PlannedPass
 
@@ -15,22 +15,27 @@ __all__ = ["draw_plan"]
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#332288", "#882255", "#7f7f7f")
 
 
-def draw_plan(planned: list[PlannedPass], limits: AxisLimits, path: Path) -> None:
-    """Write the picture of `planned` to `path`; passes that no branch can track are drawn dotted."""
+def draw_plan(planned: list[PlannedPass], limits: AxisLimits, mask: HorizonMask, path: Path) -> None:
+    """Write the picture of `planned` to `path`; passes that no branch can track are drawn dotted, hills are grey."""
     with figure(path, 11.0, 6.4) as drawn:
         grid = drawn.add_gridspec(2, 2, width_ratios=[1.0, 1.35])
-        _draw_sky(drawn.add_subplot(grid[:, 0], projection="polar"), planned)
+        _draw_sky(drawn.add_subplot(grid[:, 0], projection="polar"), planned, mask)
         wrap, rates = drawn.add_subplot(grid[0, 1]), drawn.add_subplot(grid[1, 1])
         _draw_wrap(wrap, planned, limits)
         _draw_rates(rates, planned)
 
 
-def _draw_sky(axes: Any, planned: list[PlannedPass]) -> None:
+def _draw_sky(axes: Any, planned: list[PlannedPass], mask: HorizonMask) -> None:
     axes.set_theta_zero_location("N")
     axes.set_theta_direction(-1)
     axes.set_rlim(0.0, 90.0)
     axes.set_rgrids([30.0, 60.0, 90.0], ["60°", "30°", "0°"], angle=112.5, fontsize=8.5, color="#666666")
     axes.set_thetagrids(range(0, 360, 45), ["N", "NE", "E", "SE", "S", "SW", "W", "NW"])
+    around = np.radians(np.arange(0.0, 360.5, 0.5))
+    hills = np.degrees(mask.lowest_all(around))
+    axes.fill_between(
+        around, 90.0 - np.clip(hills, 0.0, 90.0), 90.0, where=hills > 0.0, color="#b0b4b8", lw=0.0, zorder=0.4
+    )
     for number, item in enumerate(planned):
         azimuth, elevation = item.profile.position_rad.T
         taken = item.certificate.chosen is not None
@@ -67,7 +72,8 @@ def _draw_wrap(axes: Any, planned: list[PlannedPass], limits: AxisLimits) -> Non
 
 def _draw_rates(axes: Any, planned: list[PlannedPass]) -> None:
     """Rates that the target asks for, thin, and those that the axes are given, thick, against the machine's."""
-    for number, (start, item) in enumerate(_beside(planned)):
+    labels = ["azimuth", "elevation"]
+    for start, item in _beside(planned):
         minutes = start + (item.profile.t_s - item.profile.t_s[0]) / 60.0
         asked = np.degrees(np.abs(item.profile.velocity_rad_s))
         for axis in (0, 1):
@@ -75,13 +81,14 @@ def _draw_rates(axes: Any, planned: list[PlannedPass]) -> None:
             taken = item.certificate.chosen
             if taken is not None and taken.axes_rad is not None:
                 given = np.abs(np.gradient(np.degrees(taken.axes_rad[:, axis]), item.profile.t_s))
-                label = ("azimuth", "elevation")[axis] if number == 0 else None
-                axes.plot(minutes, given, color=AXIS_COLOURS[axis], lw=1.8, label=label)
+                axes.plot(minutes, given, color=AXIS_COLOURS[axis], lw=1.8, label=labels[axis])
+                labels[axis] = "_"
     if planned:
         limit = math.degrees(planned[0].certificate.machine.rate_limit_rad_s[0])
         axes.axhline(limit, color=LIMIT_COLOUR, ls=DASHED, lw=1.0)
         axes.set_ylim(0.0, 1.5 * limit)
-        axes.legend(loc="upper right", ncols=2)
+        if any(item.certificate.chosen is not None for item in planned):
+            axes.legend(loc="upper right", ncols=2)
     axes.set_ylabel("rate, deg/s (thin: asked for)")
     _label_passes(axes, planned)
 

@@ -80,6 +80,9 @@ def test_a_pass_begins_above_the_horizon_that_the_controller_is_given(tmp_path: 
     said = track_options.overrides(options, cut, tmp_path)["/**/ephemeris_publisher"]["ros__parameters"]
     assert said["mask.azimuth_deg"] == pytest.approx([120.0, 147.0, 170.0])
     assert said["mask.clearance_deg"] == pytest.approx(1.0)
+    servo = track_options.overrides(options, cut, tmp_path)["/**/antenna_servo"]["ros__parameters"]
+    assert servo["safety.mask.azimuth_deg"] == [120.0, 147.0, 170.0]
+    assert servo["safety.mask.elevation_deg"] == [0.0, 12.0, 0.0]
     assert said["mask.elevation_deg"] == pytest.approx([0.0, 12.0, 0.0])
 
 
@@ -132,6 +135,17 @@ def test_an_accuracy_that_no_scan_has_is_refused(
     monkeypatch.setattr(track_options, "get_package_share_directory", lambda _: str(ROOT))
     with pytest.raises(ValueError, match=complaint):
         scan_of(tmp_path, "--scan-sigma", wanted)
+
+
+def test_a_horizon_of_the_servo_s_own_stays(tmp_path: Path) -> None:
+    both = tmp_path / "both.yaml"
+    both.write_text(
+        "/**/pointing_controller:\n  ros__parameters:\n    mask: {azimuth_deg: [0.0], elevation_deg: [3.0]}\n"
+        "/**/antenna_servo:\n  ros__parameters:\n    safety: {mask: {azimuth_deg: [0.0], elevation_deg: [2.0]}}\n"
+    )
+    options = track_options.arguments(["--params-file", str(both)])
+    said = track_options.overrides(options, track_options.choose_pass(options), tmp_path)
+    assert not [name for name in said["/**/antenna_servo"]["ros__parameters"] if name.startswith("safety.mask")]
 
 
 @pytest.mark.parametrize("text", ["fast", "0", "-1", "nan", "inf", "1e9"])
