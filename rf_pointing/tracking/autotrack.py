@@ -41,7 +41,8 @@ def _may_use(params: AutotrackParams, sensor: str) -> bool:
 
 
 def _monopulse_ready(params: AutotrackParams, state: AutotrackState, inputs: AutotrackInputs) -> bool:
-    return _may_use(params, "monopulse") and state.carrier and state.strong and inputs.monopulse_valid
+    doubted = params.sensor == "auto" and state.false_locks >= params.most_false_locks
+    return _may_use(params, "monopulse") and not doubted and state.carrier and state.strong and inputs.monopulse_valid
 
 
 def _scan_ready(sensor: str) -> Guard:
@@ -99,7 +100,7 @@ TRANSITIONS = (
     ),
     Transition(
         ("program_track", "search", "coast", "conscan"), "monopulse",
-        "the carrier is strong and the monopulse error valid", _monopulse_ready,
+        "the carrier is strong and the monopulse error valid, auto does not doubt it", _monopulse_ready,
     ),
     Transition(
         ("program_track", "coast"), "conscan", "there is a carrier for conscan, the target within the beam",
@@ -139,8 +140,10 @@ class Autotrack:
         for row in TRANSITIONS:
             if seen.mode in row.sources and row.guard(self.params, seen, inputs):
                 reason = inputs.fault if row.target == "hand_back" else row.when
+                false_locks = seen.false_locks + (row.target == "hand_back" and seen.mode == "monopulse")
                 return replace(
                     seen, mode=row.target, entered_s=inputs.t_s, reason=reason, invalid_since_s=None,
+                    false_locks=0 if row.target == "calibrate" else false_locks,
                     peak_db_hz=-math.inf if row.target == "search" else seen.peak_db_hz,
                     peak_s=None if row.target == "search" else seen.peak_s,
                 )  # fmt: skip

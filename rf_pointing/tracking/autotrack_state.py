@@ -35,6 +35,9 @@ class AutotrackParams(Params):
     search_s: float = parameter(60.0, "longest search", low=0.1, high=3600.0)
     calibrate_s: float = parameter(25.0, "time of a calibration scan", low=1.0, high=3600.0)
     hold_s: float = parameter(5.0, "time in hand back before the sensors are trusted again", low=0.0, high=600.0)
+    most_false_locks: int = parameter(
+        2, "false locks of monopulse after which auto leaves it alone until a calibration", low=1, high=1000
+    )
 
     def check_together(self) -> None:
         """Refuse a gate that closes above where it opens."""
@@ -82,7 +85,7 @@ class AutotrackState:
     """Mode, when and why it was entered, and what the gates remember.
 
     `peak_db_hz` is the largest C/N0 of the last search and `peak_s` its time: where the beam was then is where to go
-    when the search ends in coasting.
+    when the search ends in coasting.  `false_locks` counts those of monopulse since the pass began or the feed was calibrated.
     """
 
     mode: str = "idle"
@@ -94,6 +97,7 @@ class AutotrackState:
     invalid_since_s: float | None = None
     peak_db_hz: float = -math.inf
     peak_s: float | None = None
+    false_locks: int = 0
 
     @property
     def integrating(self) -> bool:

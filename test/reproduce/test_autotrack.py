@@ -79,3 +79,14 @@ def test_averaging_a_cluster_gains_seven_db_in_the_whole_station() -> None:
 def test_conscan_holds_a_weak_slow_target() -> None:
     row = weak_conscan_row(seed=1)
     assert row.holds, row
+
+
+def test_auto_holds_the_beam_with_conscan_when_the_feed_has_turned_its_sign_for_good() -> None:
+    """Two false locks of monopulse, and it is left alone until its feed is calibrated."""
+    flight = fly(Case("X", "auto", 120.0, {"rf_receiver": {"signal.sign_flip_after_s": 40.0}}), low_orbit_pass())
+    times = np.array(flight.t_s) - flight.t_s[0]
+    entered = [mode for mode, before in zip(flight.mode[1:], flight.mode, strict=False) if mode != before]
+    assert entered.count("hand_back") == 2
+    last = times > 100.0
+    assert {mode for mode, late in zip(flight.mode, last, strict=True) if late} == {"conscan"}
+    assert radial_rms_mdeg(flight, "conscan", flight.t_s[0] + 100.0) < 8.0

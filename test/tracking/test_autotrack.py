@@ -100,6 +100,26 @@ def test_sensor_fault_hands_back_for_the_hold_time() -> None:
     assert driver.run(0.5, 50.0, monopulse_valid=True) == "monopulse"
 
 
+def hand_back_twice(driver: Driver) -> Driver:
+    for _ in range(2):
+        assert driver.run(6.0, 50.0, monopulse_valid=True) == "monopulse"
+        assert driver.run(TICK_S, 50.0, monopulse_valid=True, fault="sign flip") == "hand_back"
+    return driver
+
+
+def test_after_two_false_locks_auto_tracks_with_conscan_until_the_feed_is_calibrated() -> None:
+    driver = hand_back_twice(Driver().on_monopulse())
+    assert driver.run(6.0, 50.0, monopulse_valid=True) == "conscan"
+    assert driver.run(600.0, 50.0, monopulse_valid=True) == "conscan"
+    assert driver.run(TICK_S, 50.0, monopulse_valid=True, request="calibrate") == "calibrate"
+    assert driver.run(27.0, 50.0, monopulse_valid=True) == "monopulse"
+
+
+def test_a_sensor_that_was_chosen_is_tried_again_however_often_it_locked_wrongly() -> None:
+    driver = hand_back_twice(Driver(sensor="monopulse").on_monopulse())
+    assert driver.run(6.0, 50.0, monopulse_valid=True) == "monopulse"
+
+
 def test_monopulse_errors_that_stay_invalid_are_left() -> None:
     driver = Driver(sensor="monopulse").on_monopulse()
     assert driver.run(0.9, 50.0) == "monopulse"
