@@ -14,7 +14,7 @@ import rclpy
 
 from rf_pointing.nodes.array_graph import ArrayGraph
 from rf_pointing.nodes.array_systems import ARRAY_SYSTEMS
-from rf_pointing.nodes.managed import make_executor
+from rf_pointing.nodes.main_loop import make_executor
 from rf_pointing.nodes.recorder import Recorder
 from rf_pointing.report.array_report import ArrayErrors, write_array_report
 

@@ -29,7 +29,8 @@ from rf_pointing.geometry import AXES, Params, parameter
 from rf_pointing.nodes import convert
 from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Health
 from rf_pointing.nodes.identification_server import IdentificationServer
-from rf_pointing.nodes.managed import ManagedNode, run
+from rf_pointing.nodes.main_loop import run
+from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.qos import COMMAND_INPUT, SAMPLES, STATUS, STREAM
 from rf_pointing.nodes.stamps import seconds_from_stamp
 from rf_pointing.planning import WrapCount

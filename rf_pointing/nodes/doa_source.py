@@ -20,7 +20,8 @@ from rf_pointing.attitude.sun_synchronous_orbit import SunSynchronousOrbitParams
 from rf_pointing.geometry import Params, parameter
 from rf_pointing.nodes import convert_arrays as convert
 from rf_pointing.nodes.intake import Intake
-from rf_pointing.nodes.managed import ManagedNode, run
+from rf_pointing.nodes.main_loop import run
+from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.qos import STREAM
 from rf_pointing.station.ground_network import GroundNetworkParams
 from rf_pointing.station.simulated_doa import DoaScenarioParams, SimulatedDoa

@@ -28,7 +28,8 @@ from rf_pointing.ephemeris import (
 from rf_pointing.geometry import Params, parameter
 from rf_pointing.nodes import convert, convert_planning
 from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Health
-from rf_pointing.nodes.managed import ManagedNode, run
+from rf_pointing.nodes.main_loop import run
+from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.qos import LATCHED, STREAM
 from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.planning import HorizonMask

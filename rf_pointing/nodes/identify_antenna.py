@@ -22,7 +22,7 @@ from rf_pointing_msgs.msg import ManualRate
 from rf_pointing.geometry import AXES
 from rf_pointing.identification import ExcitationParams, Recording, SampleCollector, study
 from rf_pointing.nodes import convert_identification as convert
-from rf_pointing.nodes.managed import make_executor
+from rf_pointing.nodes.main_loop import make_executor
 from rf_pointing.nodes.managed_graph import ManagedGraph, NotStartedError
 from rf_pointing.nodes.namespace_option import add_namespace_option
 from rf_pointing.nodes.number_option import between, seed

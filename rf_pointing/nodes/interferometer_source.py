@@ -21,7 +21,8 @@ from rf_pointing.arrays.interferometer.system import InterferometerSystem
 from rf_pointing.geometry import Params, parameter
 from rf_pointing.nodes import convert_arrays as convert
 from rf_pointing.nodes.intake import Intake
-from rf_pointing.nodes.managed import ManagedNode, run
+from rf_pointing.nodes.main_loop import run
+from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.qos import STREAM
 from rf_pointing.station.docking import SimulatedDocking, true_pose
 

@@ -1,4 +1,4 @@
-"""What every node of the graph shares: lifecycle, parameters, diagnostics, one instance per name, main loop.
+"""What every node of the graph shares: lifecycle, parameters, diagnostics, one instance per name.
 
 A subclass declares its parameter sets in `__init__`, builds its core and its topics in `configure`, starts its timers in
 `activate`.  Activation never moves an antenna.  A refused parameter or a refused start keeps the node unconfigured and
@@ -9,21 +9,13 @@ started again is then back without anybody's help: requests of a manager can go 
 services are still in the graph (20 s), and those that arrive wait for discovery.
 """
 
-import gc
-import re
-import signal
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-import rclpy
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.publisher import Publisher
-from rclpy.signals import SignalHandlerOptions
-from rclpy.utilities import remove_ros_args
 
 from rf_pointing.geometry import Params, parameter
 from rf_pointing.nodes.diagnostics import ERROR, OK, Diagnostics, Health
@@ -33,11 +25,7 @@ from rf_pointing.nodes.schedule import Schedule
 from rf_pointing.nodes.stamps import seconds_from_stamp
 from rf_pointing.nodes.streams import InputCounter, Latest, SequencedPublisher
 
-__all__ = ["ManagedNode", "make_executor", "run", "settle_garbage"]
-
-_USAGE = "usage: NAME --ros-args [-r __ns:=/gs1] [--params-file FILE] [-p NAME:=VALUE] ..."
-_IN_THE_SOURCE = re.compile(r"\s*, at \S+\.c(pp)?:\d+")
-"""Where in its own source rcl noticed what is wrong."""
+__all__ = ["ManagedNode"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -248,59 +236,3 @@ class ManagedNode(LifecycleNode):
     def _state_health(self) -> Health:
         refusals = "; ".join(self.parameters.refusals) or self._refusal
         return Health(ERROR if refusals else OK, refusals or self._state_name, {"state": self._state_name})
-
-
-def make_executor(context: Any = None) -> Any:
-    """Return the executor that costs least: events where this rclpy has it, else single-threaded.
-
-    It is driven by `spin_once` in a loop: `EventsExecutor.spin` burns a core without running a callback in some releases.
-    """
-    try:
-        from rclpy.experimental.events_executor import EventsExecutor
-    except ImportError:
-        return SingleThreadedExecutor(context=context)
-    return EventsExecutor(context=context)
-
-
-def settle_garbage() -> None:
-    """Take what was imported out of the garbage collector's rounds: it would be looked through again and again."""
-    gc.collect()
-    gc.freeze()
-
-
-def run(node_type: Callable[[], Any]) -> None:
-    """Run one node until SIGINT or SIGTERM; an active node is deactivated first, so that motion ends under control.
-
-    A refused start prints one line and exits with 2; `--help` prints the docstring of the node's module.
-    """
-    asked: list[int] = []
-    try:
-        _take_arguments(str(sys.modules[node_type.__module__].__doc__))
-        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-        for sign in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(sign, lambda number, _frame: asked.append(number))
-        node = node_type()
-    except (RuntimeError, ValueError) as error:
-        print(f"rf_pointing: not started: {_IN_THE_SOURCE.sub('', str(error))}", file=sys.stderr)
-        rclpy.try_shutdown()
-        sys.exit(2)
-    executor = make_executor()
-    executor.add_node(node)
-    settle_garbage()
-    while not asked:
-        node.bring_up()
-        executor.spin_once(timeout_sec=node.turn())
-    node.end()
-    executor.shutdown()
-    node.destroy_node()
-    rclpy.try_shutdown()
-
-
-def _take_arguments(description: str) -> None:
-    """Leave by SystemExit where help is asked for; ValueError for what is no argument of ROS, which nobody would heed."""
-    given = remove_ros_args(sys.argv)[1:]
-    if {"-h", "--help"} & set(given):
-        print(f"{description}\n{_USAGE}")
-        sys.exit(0)
-    if given:
-        raise ValueError(f"argument {given[0]!r} is not known; {_USAGE}")

@@ -19,7 +19,8 @@ from rosgraph_msgs.msg import Clock
 from rf_pointing.geometry import Params, parameter
 from rf_pointing.nodes.clock_memory import ClockMemory
 from rf_pointing.nodes.diagnostics import Health
-from rf_pointing.nodes.managed import ManagedNode, run
+from rf_pointing.nodes.main_loop import run
+from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.pacing import PacedStream, Pacer
 from rf_pointing.nodes.qos import STATUS, STREAM
 from rf_pointing.nodes.stamps import seconds_from_raw, seconds_from_stamp, stamp_from_seconds

@@ -12,7 +12,7 @@ import rclpy
 from rclpy.action import ActionClient
 
 from rf_pointing.ephemeris import Pass
-from rf_pointing.nodes.managed import make_executor, settle_garbage
+from rf_pointing.nodes.main_loop import make_executor, settle_garbage
 from rf_pointing.nodes.managed_graph import ManagedGraph, NotStartedError
 from rf_pointing.nodes.processes import SIMULATED_STATION
 from rf_pointing.nodes.recorder import Recorder

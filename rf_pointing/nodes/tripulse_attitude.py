@@ -10,7 +10,8 @@ from rf_pointing.attitude.geostationary_scene import GeostationaryParams
 from rf_pointing.attitude.station_attitude import StationAttitudeParams
 from rf_pointing.nodes import convert_arrays as convert
 from rf_pointing.nodes.intake import Intake
-from rf_pointing.nodes.managed import ManagedNode, run
+from rf_pointing.nodes.main_loop import run
+from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.qos import STREAM
 from rf_pointing.station.ground_network import GroundNetworkParams
 from rf_pointing.station.tripulse import EpochParams, TripulseAttitude, attitude_report

@@ -19,7 +19,7 @@ from rf_pointing.attitude.quaternion import (
 from rf_pointing.nodes import convert_arrays as convert
 from rf_pointing.nodes.array_graph import ArrayGraph
 from rf_pointing.nodes.array_systems import ARRAY_SYSTEMS
-from rf_pointing.nodes.managed import make_executor
+from rf_pointing.nodes.main_loop import make_executor
 from rf_pointing.nodes.qos import STREAM
 
 pytestmark = pytest.mark.graph

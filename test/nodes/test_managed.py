@@ -13,7 +13,8 @@ from rf_pointing_msgs.msg import PointingError, Target
 
 from rf_pointing.nodes import convert
 from rf_pointing.nodes.diagnostics import WARN
-from rf_pointing.nodes.managed import ManagedNode, run
+from rf_pointing.nodes.main_loop import run
+from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.qos import STREAM
 
 ANY_STATE = LifecycleState(state_id=1, label="unconfigured")

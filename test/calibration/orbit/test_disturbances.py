@@ -2,6 +2,7 @@
 
 import math
 
+import erfa
 import numpy as np
 import pytest
 
@@ -10,7 +11,6 @@ from rf_pointing.calibration.orbit.disturbances import MOON_MU_M3_S2, SUN_MU_M3_
 from rf_pointing.calibration.orbit.earth import EARTH_RATE_RAD_S
 from rf_pointing.geometry.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
 
-erfa = pytest.importorskip("erfa")
 EPOCH = 827385062.07
 ROUND = Gravity(j2=0.0, j3=0.0, j4=0.0)
 RADIUS_M = EARTH_RADIUS_M + 8.0e5
