@@ -12,8 +12,9 @@ from rf_pointing.calibration.fit import fit_bias_model, held_at_zero
 from rf_pointing.calibration.fit_options import FitOptions, Prior
 from rf_pointing.calibration.fit_result import FitResult
 from rf_pointing.calibration.lag_history import LagHistory, LagState, without_lags
-from rf_pointing.calibration.model_file import ModelFile, read_model, write_model
+from rf_pointing.calibration.model_file import read_model, write_model
 from rf_pointing.calibration.model_store import ModelStore
+from rf_pointing.calibration.model_version import ModelFile
 from rf_pointing.calibration.observation_journal import ObservationJournal
 from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.pass_error_size import measured_pass_priors

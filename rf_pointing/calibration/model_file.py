@@ -7,7 +7,6 @@ import json
 import math
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,13 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.calibration.bias_model import BiasModel
-from rf_pointing.calibration.fit_result import FitResult
+from rf_pointing.calibration.model_version import ModelFile, stamp_text
 from rf_pointing.calibration.schema import Section
 from rf_pointing.calibration.terms import Term, all_terms
-from rf_pointing.calibration.utc_text import to_utc_text
 from rf_pointing.geometry import require_choice
 
-__all__ = ["FORMAT", "ModelFile", "from_mapping", "read_model", "to_mapping", "write_model"]
+__all__ = ["FORMAT", "from_mapping", "read_model", "to_mapping", "write_model"]
 
 Array = NDArray[np.float64]
 
@@ -42,79 +40,6 @@ _KEYS = (
     "covariance",
 )
 _EDGE = {"rad": ("deg", math.degrees(1.0)), "s": ("s", 1.0), "s^2": ("s2", 1.0), "rad/K": ("deg_k", math.degrees(1.0))}
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ModelFile:
-    """A named version of a bias model and where it comes from; times are UTC seconds since 1970.
-
-    `fitted` are the terms that were estimated, in the order of `covariance` (k, k) in core units; the others were
-    fixed.  `valid_until_t_s` None: until replaced.
-    """
-
-    name: str
-    station: str
-    band: str
-    software: str
-    created_t_s: float
-    valid_from_t_s: float
-    valid_until_t_s: float | None
-    first_t_s: float
-    last_t_s: float
-    observations: int
-    rejected: int
-    passes: int
-    form: str
-    condition: float
-    rms_cross_elevation_rad: float
-    rms_elevation_rad: float
-    mean_azimuth_rad: float
-    mean_elevation_rad: float
-    model: BiasModel
-    fitted: tuple[str, ...]
-    covariance: Array
-
-    @classmethod
-    def from_fit(
-        cls, result: FitResult, *, name: str, software: str, created_t_s: float, valid_until_t_s: float | None = None
-    ) -> "ModelFile":
-        """Make the file of a fit; it is valid from its creation."""
-        rms, mean = result.rms_rad(), result.mean_rad()
-        return cls(
-            name=name,
-            station=result.station,
-            band=result.band,
-            software=software,
-            created_t_s=created_t_s,
-            valid_from_t_s=created_t_s,
-            valid_until_t_s=valid_until_t_s,
-            first_t_s=result.first_t_s,
-            last_t_s=result.last_t_s,
-            observations=int(np.sum(result.used)),
-            rejected=len(result.rejected),
-            passes=result.passes,
-            form=result.form,
-            condition=result.condition,
-            rms_cross_elevation_rad=rms[0],
-            rms_elevation_rad=rms[1],
-            mean_azimuth_rad=mean[0],
-            mean_elevation_rad=mean[1],
-            model=result.model,
-            fitted=result.names,
-            covariance=result.covariance,
-        )
-
-    def check_for(self, station: str, band: str, t_s: float) -> None:
-        """Raise ValueError if this model belongs to another station or band or is not valid at `t_s`."""
-        if self.station != station:
-            raise ValueError(f"model {self.name!r} is of station {self.station!r}, must be of {station!r}")
-        if self.band != band:
-            raise ValueError(f"model {self.name!r} is of band {self.band!r}, must be of {band!r}")
-        if t_s < self.valid_from_t_s or (self.valid_until_t_s is not None and t_s > self.valid_until_t_s):
-            until = "replaced" if self.valid_until_t_s is None else _stamp(self.valid_until_t_s)
-            raise ValueError(
-                f"model {self.name!r} is valid from {_stamp(self.valid_from_t_s)} until {until}, not at {_stamp(t_s)}"
-            )
 
 
 def write_model(path: str | Path, file: ModelFile) -> None:
@@ -146,18 +71,18 @@ def to_mapping(file: ModelFile) -> dict[str, Any]:
     known = all_terms()
     sigma = dict(zip(file.fitted, np.sqrt(np.diag(file.covariance)), strict=True))
     scale = np.array([_edge(known[name])[1] for name in file.fitted])
-    until = None if file.valid_until_t_s is None else _stamp(file.valid_until_t_s)
+    until = None if file.valid_until_t_s is None else stamp_text(file.valid_until_t_s)
     return {
         "format": FORMAT,
         "name": file.name,
         "station": file.station,
         "band": file.band,
         "software": file.software,
-        "created_utc": _stamp(file.created_t_s),
-        "validity": {"from_utc": _stamp(file.valid_from_t_s), "until_utc": until},
+        "created_utc": stamp_text(file.created_t_s),
+        "validity": {"from_utc": stamp_text(file.valid_from_t_s), "until_utc": until},
         "data": {
-            "first_utc": _stamp(file.first_t_s),
-            "last_utc": _stamp(file.last_t_s),
+            "first_utc": stamp_text(file.first_t_s),
+            "last_utc": stamp_text(file.last_t_s),
             "observations": file.observations,
             "rejected": file.rejected,
             "passes": file.passes,
@@ -230,10 +155,6 @@ def _parsed(source: Path, text: str) -> Any:
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         raise ValueError(f"line {mark.line + 1 if mark else '?'}: not readable as YAML") from None
-
-
-def _stamp(t_s: float) -> str:
-    return to_utc_text(t_s) + "Z"
 
 
 def _is_json(path: Path) -> bool:

@@ -8,7 +8,8 @@ import json
 import os
 from pathlib import Path
 
-from rf_pointing.calibration.model_file import ModelFile, read_model, write_model
+from rf_pointing.calibration.model_file import read_model, write_model
+from rf_pointing.calibration.model_version import ModelFile
 
 __all__ = ["ModelStore"]
 
