@@ -5,31 +5,38 @@ from glob import glob
 from setuptools import find_packages, setup
 
 PACKAGE = "rf_pointing"
-EXECUTABLES = [
-    "antenna_servo",
-    "bias_calibrator",
-    "calibrate",
-    "conscan_tracker",
-    "doa_attitude",
-    "doa_source",
-    "ephemeris_publisher",
-    "fit_bias_model",
-    "identify_antenna",
-    "interferometer_source",
-    "interferometer_tracker",
-    "monopulse_tracker",
-    "plan_calibration",
-    "plan_passes",
-    "pointing_controller",
-    "report",
-    "reproduce",
-    "rf_receiver",
-    "simulation_clock",
-    "track",
-    "tripulse_attitude",
-    "tripulse_receiver",
-    "tripulse_source",
-]
+EXECUTABLES = {
+    "nodes": [
+        "antenna_servo",
+        "bias_calibrator",
+        "conscan_tracker",
+        "ephemeris_publisher",
+        "monopulse_tracker",
+        "pointing_controller",
+        "rf_receiver",
+        "simulation_clock",
+    ],
+    "commands": [
+        "calibrate",
+        "fit_bias_model",
+        "identify_antenna",
+        "plan_calibration",
+        "plan_passes",
+        "report",
+        "track",
+    ],
+    "array_sensors.nodes": [
+        "doa_attitude",
+        "doa_source",
+        "interferometer_source",
+        "interferometer_tracker",
+        "tripulse_attitude",
+        "tripulse_receiver",
+        "tripulse_source",
+    ],
+    "papers": ["reproduce"],
+}
+"""Module `main` of each executable, by the package it is in."""
 
 setup(
     name=PACKAGE,
@@ -50,5 +57,10 @@ setup(
     install_requires=["setuptools"],
     extras_require={"fast": ["numba"], "sweep": ["dask", "distributed"]},
     zip_safe=False,
-    entry_points={"console_scripts": [f"{name} = {PACKAGE}.nodes.{name}:main" for name in EXECUTABLES]},
+    entry_points={
+        "console_scripts": [
+            f"{name} = {PACKAGE}.{room}.{name}:main" for room, names in EXECUTABLES.items() for name in names
+        ],
+        f"{PACKAGE}.reports": [f"array_sensors = {PACKAGE}.array_sensors.report.page:report_array_sensors"],
+    },
 )

@@ -28,16 +28,9 @@ from rf_pointing.calibration import (  # noqa: E402
     held_at_zero,
     process_pass,
 )
-from rf_pointing.calibration.orbit import Gravity, look, propagate, visits  # noqa: E402
-from rf_pointing.geometry import random_stream  # noqa: E402
-from rf_pointing.reproduce.satcal_data import (  # noqa: E402
-    APRIL_T_S,
-    IRS_P3_APRIL,
-    ORBIT_PRIORS,
-    PCMC_DEG,
-    SITES,
-    model_of,
-)
+from rf_pointing.core import random_stream  # noqa: E402
+from rf_pointing.papers.orbit import Gravity, look, propagate, visits  # noqa: E402
+from rf_pointing.papers.satcal_data import APRIL_T_S, IRS_P3_APRIL, ORBIT_PRIORS, PCMC_DEG, SITES, model_of  # noqa: E402
 
 CORRECTIONS = Corrections(light_time=True, troposphere=None, ionosphere=None, range_delay_m=0.0)
 TERMS = tuple(PCMC_DEG["PCMC-1"])

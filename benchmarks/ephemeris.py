@@ -16,6 +16,8 @@ from typing import Any
 
 import numpy as np
 
+from rf_pointing.core import random_stream
+from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
 from rf_pointing.ephemeris import (
     Elements,
     Site,
@@ -26,8 +28,6 @@ from rf_pointing.ephemeris import (
     site,
 )
 from rf_pointing.ephemeris.tle_writer import tle_lines
-from rf_pointing.geometry import random_stream
-from rf_pointing.geometry.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
 
 EPOCH_T_S = 1151347200.0
 DAY_S = 86400.0

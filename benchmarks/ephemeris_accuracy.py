@@ -16,6 +16,7 @@ import astropy_iers_data
 import numpy as np
 from numpy.typing import NDArray
 
+from rf_pointing.core import MDEG, angular_distance_rad
 from rf_pointing.ephemeris import (
     SITES,
     Elements,
@@ -29,7 +30,6 @@ from rf_pointing.ephemeris import (
 from rf_pointing.ephemeris.earth_orientation import EarthOrientation
 from rf_pointing.ephemeris.time_scales import DAY_S, posix_from_calendar
 from rf_pointing.ephemeris.tle_writer import tle_lines
-from rf_pointing.geometry import MDEG, angular_distance_rad
 
 Array = NDArray[np.float64]
 ORBITS = {"LEO 780 km": "28057", "LEO 230 km": "29238", "GPS": "28129", "HEO 12 h": "8195", "GEO": "24208"}

@@ -12,9 +12,9 @@ import math
 import numpy as np
 
 from rf_pointing.ephemeris import utc_text
-from rf_pointing.simulation.keyhole import KeyholeRun, fly
-from rf_pointing.simulation.keyhole_passes import high_passes, station_mount
-from rf_pointing.station.mount import MountParams
+from rf_pointing.papers.keyhole import KeyholeRun, fly
+from rf_pointing.papers.keyhole_passes import high_passes, station_mount
+from rf_pointing.station.antenna.mount import MountParams
 
 LOSSES = {"signal_s": "signal lost, s", "below_s": "below half power, s", "db_s": "loss, dB s"}
 

@@ -16,10 +16,10 @@ from scipy.optimize import minimize
 import rf_pointing.controllers.design_lqg as designer
 from benchmarks.servo_tuning import VARIATIONS
 from rf_pointing.controllers import TUNED_RADIO_BANDWIDTH_HZ, LqgDesign, LqgWeights, save_lqg_designs
-from rf_pointing.geometry import AXES
+from rf_pointing.core import AXES
 from rf_pointing.identification import STRAIGHT, ExcitationParams, StateSpace, identify
-from rf_pointing.reproduce.servo_identification import record
-from rf_pointing.reproduce.servo_sampled import AxisResponse, LawResponse, LoopQuality, loop_quality, published_radio
+from rf_pointing.papers.servo_identification import record
+from rf_pointing.papers.servo_sampled import AxisResponse, LawResponse, LoopQuality, loop_quality, published_radio
 from rf_pointing.servo import dss13_plant
 
 PEAK, HIGH_GAIN, HIGH_HZ = 1.95, 25.0, 5.0

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from rf_pointing.controllers import PositionLoopParams
-from rf_pointing.reproduce.servo_linear import stability_limit_hz
+from rf_pointing.papers.servo_linear import stability_limit_hz
 from rf_pointing.servo import PlantParams, dss13_plant
 
 PLAIN, NOTCH = PositionLoopParams(notch_enabled=False), PositionLoopParams()

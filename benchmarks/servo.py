@@ -17,11 +17,11 @@ import numpy as np
 
 from rf_pointing.calibration import BiasModel
 from rf_pointing.controllers import dss13_loops
-from rf_pointing.geometry import JointTrajectory
-from rf_pointing.reproduce.servo_trajectory import LowOrbitPass
+from rf_pointing.core import JointTrajectory
+from rf_pointing.papers.headless_servo import ServoRunSetup, run_servo, servo_monte_carlo
+from rf_pointing.papers.servo_trajectory import LowOrbitPass
 from rf_pointing.servo import BlockSimulator, WindParams, discretise, dss13_plant, linear_model
-from rf_pointing.simulation.headless_servo import ServoRunSetup, run_servo, servo_monte_carlo
-from rf_pointing.station.antenna import AntennaParams, LoopParams, SimulatedAntenna
+from rf_pointing.station.antenna.simulated_antenna import AntennaParams, LoopParams, SimulatedAntenna
 
 TICK_S, STEP_S = 0.02, 0.001
 PLAIN_RATIO, COMPILED_RATIO, LINEAR_RATIO, TICK_SHARE = 25.0, 1000.0, 10.0, 0.10

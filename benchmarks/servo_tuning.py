@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from rf_pointing.controllers import PositionLoopParams
-from rf_pointing.reproduce.servo_sampled import (
+from rf_pointing.papers.servo_sampled import (
     AxisResponse,
     LawResponse,
     LoopQuality,

@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rf_pointing.geometry import MDEG, MU, CarrierPower, MonopulseCluster, random_stream
+from rf_pointing.core import MDEG, MU, CarrierPower, MonopulseCluster, random_stream
 from rf_pointing.rf import Beam, BeamParams, MonopulseFeed, MonopulseFeedParams, Receiver, ReceiverParams
 from rf_pointing.tracking import (
     Autotrack,

@@ -20,7 +20,7 @@ from rf_pointing.controllers import (
     TrajectoryBuffer,
     TrajectoryBufferParams,
 )
-from rf_pointing.geometry import JointReading
+from rf_pointing.core import JointReading
 from rf_pointing.nodes import convert
 from rf_pointing.nodes.qos import COMMAND_INPUT, STREAM
 from rf_pointing.nodes.stamps import seconds_from_stamp

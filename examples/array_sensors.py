@@ -12,11 +12,11 @@ from pathlib import Path
 
 import rclpy
 
-from rf_pointing.nodes.array_graph import ArrayGraph
-from rf_pointing.nodes.array_systems import ARRAY_SYSTEMS
+from rf_pointing.array_sensors.nodes.array_graph import ArrayGraph
+from rf_pointing.array_sensors.nodes.array_systems import ARRAY_SYSTEMS
+from rf_pointing.array_sensors.report.page import ArrayErrors, write_array_report
+from rf_pointing.commands.recorder import Recorder
 from rf_pointing.nodes.main_loop import make_executor
-from rf_pointing.nodes.recorder import Recorder
-from rf_pointing.report.array_report import ArrayErrors, write_array_report
 
 SPEEDS = {"tripulse": 20.0, "doa": 10.0, "interferometer": 20.0}
 

@@ -22,9 +22,9 @@ from rf_pointing.calibration import (
     write_model,
 )
 from rf_pointing.calibration.utc_text import from_utc_text
-from rf_pointing.geometry import MDEG, random_stream
+from rf_pointing.core import MDEG, random_stream
 from rf_pointing.simulation import StationSetup
-from rf_pointing.station.mount import MountParams
+from rf_pointing.station.antenna.mount import MountParams
 
 CONFIG = Path(__file__).resolve().parents[1] / "config"
 ARCS, POINTS, STEP_S = 38, 43, 8.0

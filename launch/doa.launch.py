@@ -4,7 +4,7 @@ ros2 launch rf_pointing doa.launch.py namespace:=doa
 """
 
 from launch import LaunchDescription
-from rf_pointing.nodes.launching_arrays import array_description
+from rf_pointing.array_sensors.nodes.launching import array_description
 
 
 def generate_launch_description() -> LaunchDescription:

@@ -4,7 +4,7 @@ ros2 launch rf_pointing interferometer.launch.py namespace:=interferometer
 """
 
 from launch import LaunchDescription
-from rf_pointing.nodes.launching_arrays import array_description
+from rf_pointing.array_sensors.nodes.launching import array_description
 
 
 def generate_launch_description() -> LaunchDescription:

@@ -6,8 +6,9 @@ import importlib.util
 import os
 import tempfile
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,7 +21,7 @@ LOOPBACK = Path(__file__).parents[1] / "config" / "fastdds_loopback.xml"
 def pytest_report_header() -> str:
     """Say which tests are left out where there is no ROS."""
     found = importlib.util.find_spec("rclpy") is not None
-    return f"ROS 2: {'found' if found else 'not found, test/nodes and test/graph are left out'}"
+    return f"ROS 2: {'found' if found else 'not found, tests of nodes, commands and graphs are left out'}"
 
 
 @pytest.fixture
@@ -59,3 +60,45 @@ def ros_domain() -> Iterator[int]:
                 yield domain
             return
     pytest.fail(f"all {DOMAINS} ROS domains are taken by other test sessions")
+
+
+@pytest.fixture
+def ros_context(ros_domain: int) -> Iterator[Any]:
+    """Yield a private context."""
+    import rclpy
+    from rclpy.context import Context
+
+    context = Context()
+    rclpy.init(context=context, domain_id=ros_domain)
+    yield context
+    context.try_shutdown()
+
+
+@pytest.fixture
+def make_node(ros_context: Any) -> Iterator[Callable[..., Any]]:
+    """Yield a maker of plain nodes; keyword `given` holds parameter values as a file would give them."""
+    from rclpy.node import Node
+    from rclpy.parameter import Parameter
+
+    made: list[Any] = []
+
+    def make(name: str = "subject", given: dict[str, Any] | None = None) -> Any:
+        overrides = [Parameter(key, value=value) for key, value in (given or {}).items()]
+        node = Node(name, context=ros_context, namespace="/test", parameter_overrides=overrides)
+        made.append(node)
+        return node
+
+    yield make
+    for node in made:
+        node.destroy_node()
+
+
+@pytest.fixture
+def default_context(ros_domain: int) -> Iterator[None]:
+    """Initialise the default context, which managed nodes use."""
+    import rclpy
+    from rclpy.signals import SignalHandlerOptions
+
+    rclpy.init(domain_id=ros_domain, signal_handler_options=SignalHandlerOptions.NO)
+    yield
+    rclpy.try_shutdown()

@@ -13,11 +13,13 @@ from rf_pointing import __version__
 ROOT = Path(__file__).parents[1]
 
 
-def executables() -> list[str]:
+def executables() -> dict[str, str]:
+    """Return the package of each executable."""
     tree = ast.parse((ROOT / "setup.py").read_text())
     for node in tree.body:
         if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "EXECUTABLES":
-            return list(ast.literal_eval(node.value))
+            rooms = ast.literal_eval(node.value)
+            return {name: room for room, names in rooms.items() for name in names}
     raise AssertionError("setup.py has no EXECUTABLES")
 
 
@@ -28,9 +30,9 @@ def test_launch_file_compiles_and_offers_a_description(path: Path) -> None:
     assert "generate_launch_description" in {n.name for n in tree.body if isinstance(n, ast.FunctionDef)}
 
 
-@pytest.mark.parametrize("name", executables())
-def test_executable_has_a_main_in_the_node_of_its_name(name: str) -> None:
-    spec = importlib.util.find_spec(f"rf_pointing.nodes.{name}")
+@pytest.mark.parametrize(("name", "room"), executables().items())
+def test_executable_has_a_main_in_the_module_of_its_name(name: str, room: str) -> None:
+    spec = importlib.util.find_spec(f"rf_pointing.{room}.{name}")
     assert spec is not None
     assert spec.origin is not None
     assert re.search(r"^def main\(", Path(spec.origin).read_text(), re.MULTILINE)

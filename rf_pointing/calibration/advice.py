@@ -20,7 +20,7 @@ from rf_pointing.calibration.fit import held_at_zero
 from rf_pointing.calibration.fit_problem import FitProblem
 from rf_pointing.calibration.pass_errors import PassPriors
 from rf_pointing.calibration.terms import terms_by_name
-from rf_pointing.geometry import require_between
+from rf_pointing.core import require_between
 
 __all__ = ["PassAdvice", "next_best_passes", "uninformed_covariance"]
 

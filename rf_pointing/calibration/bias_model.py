@@ -20,7 +20,7 @@ from rf_pointing.calibration import taylor
 from rf_pointing.calibration.angles import ArrayAngles, SeriesAngles
 from rf_pointing.calibration.mount import Skew, axes_from_sky, sky_from_axes
 from rf_pointing.calibration.terms import TERM_NAMES, Term, terms_by_name
-from rf_pointing.geometry import require_between
+from rf_pointing.core import require_between
 
 __all__ = ["INVERSE_ITERATIONS", "INVERSE_TOLERANCE_RAD", "BiasModel"]
 

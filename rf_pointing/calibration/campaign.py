@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from rf_pointing.calibration.candidate_pass import CandidatePass
 from rf_pointing.calibration.coverage import Coverage, SectorRule
-from rf_pointing.geometry import Params, parameter
+from rf_pointing.core import Params, parameter
 
 __all__ = ["Campaign", "Slew", "plan_campaign"]
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.geometry import Params, parameter
-from rf_pointing.geometry.refraction import RadioRefraction
+from rf_pointing.core import Params, parameter
+from rf_pointing.core.refraction import RadioRefraction
 
 __all__ = ["Corrections", "Ionosphere"]
 

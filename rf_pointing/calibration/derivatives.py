@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.calibration.observations import Observations
-from rf_pointing.geometry import to_degrees, wrap_rad
+from rf_pointing.core import to_degrees, wrap_rad
 
 __all__ = ["require_derivatives"]
 

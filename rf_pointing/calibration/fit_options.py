@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from rf_pointing.geometry import Params, parameter, require_finite
+from rf_pointing.core import Params, parameter, require_finite
 
 __all__ = ["FitOptions", "Prior"]
 

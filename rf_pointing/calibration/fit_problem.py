@@ -16,7 +16,7 @@ from rf_pointing.calibration.pass_errors import PassPriors, pass_partials
 from rf_pointing.calibration.separability import require_determined
 from rf_pointing.calibration.terms import terms_by_name
 from rf_pointing.calibration.triangle import Solution, Triangle
-from rf_pointing.geometry import wrap_rad
+from rf_pointing.core import wrap_rad
 
 __all__ = ["FitProblem", "Round"]
 

@@ -17,7 +17,7 @@ from rf_pointing.calibration.bias_model import BiasModel
 from rf_pointing.calibration.model_version import ModelFile, stamp_text
 from rf_pointing.calibration.schema import Section
 from rf_pointing.calibration.terms import Term, all_terms
-from rf_pointing.geometry import require_choice
+from rf_pointing.core import require_choice
 
 __all__ = ["FORMAT", "from_mapping", "read_model", "to_mapping", "write_model"]
 

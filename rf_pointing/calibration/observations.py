@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rf_pointing.geometry import as_finite_array
+from rf_pointing.core import as_finite_array
 
 __all__ = ["LARGEST_BIAS_RAD", "Observations"]
 

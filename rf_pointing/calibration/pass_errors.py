@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.calibration.observations import Observations
-from rf_pointing.geometry import Params, parameter
+from rf_pointing.core import Params, parameter
 
 __all__ = ["PassPriors", "pass_partials", "track_axes"]
 

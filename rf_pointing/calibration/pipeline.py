@@ -23,7 +23,7 @@ from rf_pointing.calibration.raw_tracking import CHANNELS, RawTracking, StageRep
 from rf_pointing.calibration.reference import ReferenceTrack
 from rf_pointing.calibration.thinning import Thinned, smooth, thin
 from rf_pointing.calibration.validation import validate
-from rf_pointing.geometry import Params, parameter, wrap_rad
+from rf_pointing.core import Params, parameter, wrap_rad
 
 __all__ = ["PipelineOptions", "ProcessedPass", "process_pass", "select_observations"]
 

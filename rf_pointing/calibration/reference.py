@@ -9,8 +9,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rf_pointing.geometry import as_finite_array
-from rf_pointing.geometry.constants import SPEED_OF_LIGHT_M_S
+from rf_pointing.core import as_finite_array
+from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 
 __all__ = ["ReferenceTrack"]
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from rf_pointing.calibration.utc_text import from_utc_text
-from rf_pointing.geometry import require_finite
+from rf_pointing.core import require_finite
 
 __all__ = ["Section"]
 

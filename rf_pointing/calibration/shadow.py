@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rf_pointing.calibration.bias_model import BiasModel
 from rf_pointing.calibration.observations import Observations
-from rf_pointing.geometry import Params, parameter, wrap_rad
+from rf_pointing.core import Params, parameter, wrap_rad
 
 __all__ = ["ShadowRules", "ShadowScore", "Verdict"]
 

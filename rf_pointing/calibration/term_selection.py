@@ -19,7 +19,7 @@ from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.pass_errors import PassPriors
 from rf_pointing.calibration.terms import terms_by_name
 from rf_pointing.calibration.triangle import Triangle
-from rf_pointing.geometry import wrap_rad
+from rf_pointing.core import wrap_rad
 
 __all__ = ["HeldOut", "TermSelection", "held_out_passes", "select_terms"]
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from rf_pointing.calibration.csv_table import Table, read_table, write_table
 from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.raw_tracking import RawTracking
-from rf_pointing.geometry import from_degrees, to_degrees
+from rf_pointing.core import from_degrees, to_degrees
 
 __all__ = ["edge_columns", "read_observations", "read_tracking", "write_observations", "write_tracking"]
 

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from rf_pointing.calibration.raw_tracking import RawTracking, StageReport
 from rf_pointing.calibration.reference import ReferenceTrack
-from rf_pointing.geometry.constants import SPEED_OF_LIGHT_M_S
+from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 
 __all__ = ["validate"]
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.controllers.feasible_motion import AxisLimits, chase, halt, reachable
-from rf_pointing.geometry import Params, as_finite_array, as_finite_pair, parameter, require_between
+from rf_pointing.core import Params, as_finite_array, as_finite_pair, parameter, require_between
 
 __all__ = ["CommandPreprocessor", "CommandPreprocessorParams", "CommandPreprocessorState"]
 

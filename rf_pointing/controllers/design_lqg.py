@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from rf_pointing.controllers.lqg_design import LqgDesign, LqgWeights
 from rf_pointing.controllers.section import section_matrices
-from rf_pointing.geometry import as_finite_array, require_between
+from rf_pointing.core import as_finite_array, require_between
 
 __all__ = ["controller_system", "design_lqg", "drive_of"]
 

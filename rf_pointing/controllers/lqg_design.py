@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from rf_pointing.controllers.notch import NotchParams
 from rf_pointing.controllers.section import SectionParams
-from rf_pointing.geometry import Params, parameter
+from rf_pointing.core import Params, parameter
 
 __all__ = ["LqgDesign", "LqgWeights"]
 

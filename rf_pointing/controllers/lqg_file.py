@@ -9,7 +9,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from rf_pointing.controllers.lqg_design import LqgDesign
-from rf_pointing.geometry import AXES
+from rf_pointing.core import AXES
 
 __all__ = ["load_lqg_designs", "save_lqg_designs"]
 

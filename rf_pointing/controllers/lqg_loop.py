@@ -14,7 +14,7 @@ from rf_pointing.controllers.lqg_design import LqgDesign
 from rf_pointing.controllers.notch import Notch, NotchState
 from rf_pointing.controllers.rate_feedforward import FeedforwardState, RateFeedforward
 from rf_pointing.controllers.section import Section, SectionState
-from rf_pointing.geometry import Params, parameter, require_finite
+from rf_pointing.core import Params, parameter, require_finite
 
 __all__ = ["LqgLoop", "LqgLoopParams", "LqgLoopState"]
 

@@ -9,7 +9,7 @@ at 10 Hz would sit at 1.87 Hz.
 from dataclasses import dataclass
 
 from rf_pointing.controllers.section import Section, SectionParams, SectionState
-from rf_pointing.geometry import Params, parameter
+from rf_pointing.core import Params, parameter
 
 __all__ = ["Notch", "NotchParams", "NotchState"]
 

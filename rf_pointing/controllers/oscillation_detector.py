@@ -11,7 +11,7 @@ error, however large.
 import math
 from dataclasses import dataclass, field, replace
 
-from rf_pointing.geometry import Params, parameter, require_between, require_finite
+from rf_pointing.core import Params, parameter, require_between, require_finite
 
 __all__ = ["OscillationDetector", "OscillationDetectorParams", "OscillationDetectorState"]
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 from rf_pointing.controllers.notch import Notch, NotchParams, NotchState
 from rf_pointing.controllers.rate_feedforward import FeedforwardState, RateFeedforward
 from rf_pointing.controllers.section import Section, SectionParams, SectionState
-from rf_pointing.geometry import Params, parameter, require_between, require_finite
+from rf_pointing.core import Params, parameter, require_between, require_finite
 
 __all__ = ["PositionLoop", "PositionLoopParams", "PositionLoopState"]
 

@@ -12,7 +12,7 @@ import math
 from rf_pointing.controllers.lqg_file import load_lqg_designs
 from rf_pointing.controllers.lqg_loop import LqgLoopParams
 from rf_pointing.controllers.position_loop import PositionLoopParams
-from rf_pointing.geometry import require_choice
+from rf_pointing.core import require_choice
 
 __all__ = ["TUNED_RADIO_BANDWIDTH_HZ", "dss13_loops", "dss13_lqg_loops"]
 

@@ -6,7 +6,7 @@ The band limit w_b is part of the loop: it moves every stability limit of the ra
 import math
 from dataclasses import dataclass
 
-from rf_pointing.geometry import require_between
+from rf_pointing.core import require_between
 
 __all__ = ["FeedforwardState", "RateFeedforward"]
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.geometry import Params, parameter, require_between, require_finite
+from rf_pointing.core import Params, parameter, require_between, require_finite
 
 __all__ = ["Section", "SectionConstants", "SectionParams", "SectionState", "filter_sample", "section_matrices"]
 

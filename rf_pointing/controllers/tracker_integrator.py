@@ -19,7 +19,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rf_pointing.geometry import Params, as_finite_array, parameter, require_finite
+from rf_pointing.core import Params, as_finite_array, parameter, require_finite
 
 __all__ = ["TrackerIntegrator", "TrackerIntegratorParams", "TrackerIntegratorState"]
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.geometry import JointTrajectory, Motion, Params, Quintic, parameter, require_finite
+from rf_pointing.core import JointTrajectory, Motion, Params, Quintic, parameter, require_finite
 
 __all__ = ["TrajectoryAnswer", "TrajectoryBuffer", "TrajectoryBufferParams", "TrajectorySample"]
 

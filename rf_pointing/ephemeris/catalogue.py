@@ -14,6 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from sgp4.api import SGP4_ERRORS, Satrec, SatrecArray
 
+from rf_pointing.core import azel_from_unit_vector, require_between, require_choice
+from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
+from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource, IersEarthOrientation
 from rf_pointing.ephemeris.elements import Elements
 from rf_pointing.ephemeris.grid_passes import GridPasses, passes_on_grid
@@ -23,9 +26,6 @@ from rf_pointing.ephemeris.sampled_sky import MARGIN, SampledSky
 from rf_pointing.ephemeris.sgp4_orbit import GMST_RATE_RAD_S, earth_fixed_from_teme
 from rf_pointing.ephemeris.sites import Site
 from rf_pointing.ephemeris.time_scales import DAY_S, POSIX_EPOCH_JD, leap_seconds, utc_text
-from rf_pointing.geometry import azel_from_unit_vector, require_between, require_choice
-from rf_pointing.geometry.constants import SPEED_OF_LIGHT_M_S
-from rf_pointing.geometry.refraction import RadioRefraction
 
 __all__ = ["CataloguePass", "CatalogueSearch", "find_catalogue_passes"]
 

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 from sgp4.api import WGS72, Satrec
 
+from rf_pointing.core import require_between, require_finite
 from rf_pointing.ephemeris.time_scales import DAY_S
-from rf_pointing.geometry import require_between, require_finite
 
 __all__ = ["Elements", "find_elements"]
 

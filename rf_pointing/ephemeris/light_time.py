@@ -6,8 +6,8 @@ target and antenna are both moved to u in the non-rotating frame; moving the ant
 
 from typing import Any
 
+from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 from rf_pointing.ephemeris.motion import Motion, Vector, combined, dot, norm
-from rf_pointing.geometry.constants import SPEED_OF_LIGHT_M_S
 
 __all__ = ["SENSES", "delayed"]
 

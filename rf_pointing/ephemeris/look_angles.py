@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 from rf_pointing.ephemeris.motion import Motion, root
-from rf_pointing.geometry.constants import SPEED_OF_LIGHT_M_S
 
 __all__ = ["LookAngles", "angles_and_rates"]
 

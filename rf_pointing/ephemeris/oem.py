@@ -13,6 +13,8 @@ import erfa
 import numpy as np
 from numpy.typing import NDArray
 
+from rf_pointing.core import require_choice
+from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
 from rf_pointing.ephemeris.celestial_frame import EARTH_RATE_RAD_S
 from rf_pointing.ephemeris.kvn import key_and_value
 from rf_pointing.ephemeris.time_scales import (
@@ -23,8 +25,6 @@ from rf_pointing.ephemeris.time_scales import (
     posix_from_calendar,
     tai_from_utc_calendar,
 )
-from rf_pointing.geometry import require_choice
-from rf_pointing.geometry.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
 
 __all__ = ["OemSegment", "read_oem"]
 

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rf_pointing.core import require_between
 from rf_pointing.ephemeris.roots import roots_between
 from rf_pointing.ephemeris.time_scales import utc_text
 from rf_pointing.ephemeris.track import TopocentricTrack
-from rf_pointing.geometry import require_between
 
 __all__ = ["Horizon", "Pass", "find_passes", "first_pass_above", "passes_with_present"]
 

@@ -12,8 +12,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.geometry import Params, parameter, require_choice
-from rf_pointing.geometry.constants import EARTH_RADIUS_M
+from rf_pointing.core import Params, parameter, require_choice
+from rf_pointing.core.constants import EARTH_RADIUS_M
 
 __all__ = ["SITES", "Site", "site"]
 

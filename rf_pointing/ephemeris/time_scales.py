@@ -19,7 +19,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from rf_pointing.geometry import require_finite
+from rf_pointing.core import require_finite
 
 __all__ = [
     "DAY_S",

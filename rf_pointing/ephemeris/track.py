@@ -9,6 +9,9 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
+from rf_pointing.core import Target, nearest_turn_rad, require_between, require_choice, require_finite
+from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
+from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.ephemeris.cross_track import moved_across
 from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource, IersEarthOrientation
 from rf_pointing.ephemeris.elements import Elements
@@ -18,9 +21,6 @@ from rf_pointing.ephemeris.motion import Motion, combined, norm, rotated, seen_f
 from rf_pointing.ephemeris.sgp4_orbit import Sgp4Orbit
 from rf_pointing.ephemeris.sites import Site
 from rf_pointing.ephemeris.time_scales import DAY_S
-from rf_pointing.geometry import Target, nearest_turn_rad, require_between, require_choice, require_finite
-from rf_pointing.geometry.constants import SPEED_OF_LIGHT_M_S
-from rf_pointing.geometry.refraction import RadioRefraction
 
 __all__ = ["TargetSource", "TopocentricTrack"]
 

@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rf_pointing.core import Params, parameter
 from rf_pointing.ephemeris.elements import Elements
 from rf_pointing.ephemeris.motion import Motion, combined, cross, dot, norm, rotated
 from rf_pointing.ephemeris.time_scales import DAY_S
 from rf_pointing.ephemeris.track import TopocentricTrack
-from rf_pointing.geometry import Params, parameter
 
 __all__ = ["ElementUncertainty", "SkyUncertainty", "sky_uncertainty"]
 

@@ -7,7 +7,7 @@ and joined again, so only the stable part is reduced.
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.geometry import require_between
+from rf_pointing.core import require_between
 from rf_pointing.identification.model import StateSpace
 
 __all__ = ["balanced_reduction", "hankel_singular_values"]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.geometry import require_between
+from rf_pointing.core import require_between
 from rf_pointing.identification.model import StateSpace
 
 __all__ = ["Realization", "realize", "suggested_order"]

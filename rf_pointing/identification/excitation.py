@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.geometry import Params, parameter, require_between
+from rf_pointing.core import Params, parameter, require_between
 
 __all__ = ["ExcitationParams", "excitation_rad_s", "predicted_travel_rad"]
 

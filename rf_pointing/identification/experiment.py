@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rf_pointing.geometry import AXES, as_finite_array, require_between, require_choice
+from rf_pointing.core import AXES, as_finite_array, require_between, require_choice
 from rf_pointing.identification.excitation import ExcitationParams, excitation_rad_s, predicted_travel_rad
 
 __all__ = ["IdentificationExperiment", "Recording"]

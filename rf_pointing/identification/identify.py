@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rf_pointing.geometry import Params, parameter
+from rf_pointing.core import Params, parameter
 from rf_pointing.identification.balance import balanced_reduction
 from rf_pointing.identification.era import realize
 from rf_pointing.identification.modal import PoleResidue, refit_residues, restore_integrator

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from rf_pointing.geometry import AXES, require_choice
+from rf_pointing.core import AXES, require_choice
 from rf_pointing.identification.model import StateSpace
 
 __all__ = ["ModelRecord", "load_models", "save_models"]

@@ -6,7 +6,7 @@ A lost sample spoils its sequence, for the input is no longer known to be what t
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rf_pointing.geometry import AXES, as_finite_array, require_between, require_choice
+from rf_pointing.core import AXES, as_finite_array, require_between, require_choice
 from rf_pointing.identification.experiment import Recording
 
 __all__ = ["SampleCollector"]

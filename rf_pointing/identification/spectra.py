@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rf_pointing.geometry import require_between
+from rf_pointing.core import require_between
 
 __all__ = ["FrequencyResponse", "frequency_response", "peak_frequencies_hz"]
 

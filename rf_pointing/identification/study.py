@@ -7,7 +7,7 @@ response needs the straight model of the axis that was not driven.
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from rf_pointing.geometry import require_between
+from rf_pointing.core import require_between
 from rf_pointing.identification.experiment import Recording
 from rf_pointing.identification.identify import IdentificationParams, Identified, identify
 from rf_pointing.identification.model_file import ModelRecord

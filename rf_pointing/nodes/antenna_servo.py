@@ -25,7 +25,7 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
-from rf_pointing.geometry import AXES, Params, parameter
+from rf_pointing.core import AXES, Params, parameter
 from rf_pointing.nodes import convert
 from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Health
 from rf_pointing.nodes.identification_server import IdentificationServer
@@ -35,10 +35,10 @@ from rf_pointing.nodes.qos import COMMAND_INPUT, SAMPLES, STATUS, STREAM
 from rf_pointing.nodes.stamps import seconds_from_stamp
 from rf_pointing.planning import WrapCount
 from rf_pointing.servo import WindParams, dss13_plant
-from rf_pointing.station.antenna import AntennaParams, LoopParams, SimulatedAntenna
-from rf_pointing.station.antenna_memory import AntennaMemory
-from rf_pointing.station.antenna_safety import SafetyParams
-from rf_pointing.station.mount import MountParams
+from rf_pointing.station.antenna.memory import AntennaMemory
+from rf_pointing.station.antenna.mount import MountParams
+from rf_pointing.station.antenna.safety import SafetyParams
+from rf_pointing.station.antenna.simulated_antenna import AntennaParams, LoopParams, SimulatedAntenna
 
 STATUS_PERIOD_S = 0.1
 WRAP_EVERY = 10

@@ -31,7 +31,7 @@ from rf_pointing.calibration import (
     doubts_of,
     read_model,
 )
-from rf_pointing.geometry import MDEG, Params, parameter
+from rf_pointing.core import MDEG, Params, parameter
 from rf_pointing.nodes import convert, convert_calibration
 from rf_pointing.nodes.campaign_runner import CampaignRunner
 from rf_pointing.nodes.diagnostics import OK, WARN, Health
@@ -40,8 +40,8 @@ from rf_pointing.nodes.main_loop import run
 from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.qos import LATCHED, STREAM
 from rf_pointing.nodes.stamps import stamp_from_seconds
-from rf_pointing.station.calibration_log import CalibrationLog
-from rf_pointing.station.model_keeper import ModelKeeper, campaign_folder
+from rf_pointing.station.campaign.log import CalibrationLog
+from rf_pointing.station.campaign.model_keeper import ModelKeeper, campaign_folder
 
 JOURNAL = "observations.csv"
 SECTORS = SectorRule()

@@ -11,8 +11,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory as TrajectoryMessage
 from trajectory_msgs.msg import JointTrajectoryPoint
 
-from rf_pointing.ephemeris import SkyUncertainty
-from rf_pointing.geometry import (
+from rf_pointing.core import (
     AXES,
     Boresight,
     CarrierPower,
@@ -23,8 +22,9 @@ from rf_pointing.geometry import (
     Target,
     require_finite,
 )
+from rf_pointing.ephemeris import SkyUncertainty
 from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
-from rf_pointing.station.status import AntennaStatus, TrackingStatus
+from rf_pointing.station.pointing.status import AntennaStatus, TrackingStatus
 
 _TARGET_FIELDS = {
     "azimuth": "azimuth_rad",

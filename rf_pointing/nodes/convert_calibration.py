@@ -5,7 +5,7 @@ from rf_pointing_msgs.action import FitModel
 from rf_pointing_msgs.msg import PointingModel
 
 from rf_pointing.calibration import BiasModel, FitResult, ModelFile
-from rf_pointing.geometry import MDEG
+from rf_pointing.core import MDEG
 
 __all__ = ["fit_to_result", "model_from_message", "model_to_message", "no_model_to_message"]
 

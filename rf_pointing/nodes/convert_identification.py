@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 from rf_pointing_msgs import msg as ours
 from rf_pointing_msgs.action import Identify
 
-from rf_pointing.geometry import as_finite_array
+from rf_pointing.core import as_finite_array
 from rf_pointing.identification import ExcitationParams
 from rf_pointing.nodes.stamps import stamp_from_seconds
 

@@ -3,8 +3,8 @@
 import numpy as np
 from rf_pointing_msgs import msg as ours
 
+from rf_pointing.core import require_finite
 from rf_pointing.ephemeris import Pass
-from rf_pointing.geometry import require_finite
 from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.planning import Branch, Certificate, MachineParams, PassProfile
 

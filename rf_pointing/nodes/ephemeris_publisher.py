@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from rf_pointing_msgs.msg import PassList, PassProfileList, Target
 from rf_pointing_msgs.srv import SelectTarget
 
+from rf_pointing.core import Params, parameter
 from rf_pointing.ephemeris import (
     Elements,
     ElementUncertainty,
@@ -25,7 +26,8 @@ from rf_pointing.ephemeris import (
     sky_uncertainty,
     utc_text,
 )
-from rf_pointing.geometry import Params, parameter
+from rf_pointing.ephemeris.source import SourceParams, load_track, refraction_at
+from rf_pointing.ephemeris.target_memory import TargetMemory
 from rf_pointing.nodes import convert, convert_planning
 from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Health
 from rf_pointing.nodes.main_loop import run
@@ -33,9 +35,7 @@ from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.qos import LATCHED, STREAM
 from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.planning import HorizonMask
-from rf_pointing.station.pass_planning import pass_profile
-from rf_pointing.station.source import SourceParams, load_track, refraction_at
-from rf_pointing.station.target_memory import TargetMemory
+from rf_pointing.station.pointing.certificates import pass_profile
 
 LIVE_SOURCE = ("along_track_offset_s", "cross_track_offset_deg", "hold", "refraction", "weather")
 """What may change while the node is configured; ~/select_target takes another satellite."""

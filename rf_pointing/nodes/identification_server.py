@@ -10,13 +10,13 @@ from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rf_pointing_msgs.action import Identify
 from rf_pointing_msgs.msg import ManualRate
 
-from rf_pointing.geometry import AXES, random_stream
+from rf_pointing.core import AXES, random_stream
 from rf_pointing.identification import IdentificationExperiment
 from rf_pointing.nodes import convert_identification as convert
 from rf_pointing.nodes.goals import RESULT_TIMEOUT_S, conclude
 from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.qos import EXPERIMENT
-from rf_pointing.station.antenna import SimulatedAntenna
+from rf_pointing.station.antenna.simulated_antenna import SimulatedAntenna
 
 __all__ = ["IdentificationServer"]
 

@@ -17,7 +17,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.publisher import Publisher
 
-from rf_pointing.geometry import Params, parameter
+from rf_pointing.core import Params, parameter
 from rf_pointing.nodes.diagnostics import ERROR, OK, Diagnostics, Health
 from rf_pointing.nodes.instance_lock import InstanceLock
 from rf_pointing.nodes.params import ParameterGroups

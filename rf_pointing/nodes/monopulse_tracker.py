@@ -12,14 +12,14 @@ from rclpy.serialization import deserialize_message
 from rf_pointing_msgs.msg import Monopulse, PointingError, TrackingStatus
 from sensor_msgs.msg import JointState
 
-from rf_pointing.geometry import Params, parameter
+from rf_pointing.core import Params, parameter
 from rf_pointing.nodes import convert
 from rf_pointing.nodes.diagnostics import OK, WARN, Health
 from rf_pointing.nodes.main_loop import run
 from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.qos import STREAM
-from rf_pointing.station.cluster_tracker import ClusterTracker
 from rf_pointing.tracking import MonopulseParams, MonopulseScanParams
+from rf_pointing.tracking.cluster_tracker import ClusterTracker
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,7 +14,7 @@ from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValu
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from rf_pointing.geometry import Params, leaves, parameter_unit, to_degrees, with_leaves
+from rf_pointing.core import Params, leaves, parameter_unit, to_degrees, with_leaves
 
 __all__ = ["ParameterGroups"]
 

@@ -27,6 +27,7 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from rf_pointing.controllers import TrackerIntegratorParams
+from rf_pointing.ephemeris.solar import SunParams
 from rf_pointing.nodes import convert, convert_calibration, convert_planning
 from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Health
 from rf_pointing.nodes.goals import RESULT_TIMEOUT_S, conclude
@@ -35,11 +36,10 @@ from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.qos import COMMAND, LATCHED, STREAM
 from rf_pointing.planning import AxisLimits, GateParams, HorizonMask, MachineParams
 from rf_pointing.rf import LinkParams
-from rf_pointing.station.certificate_store import StoreParams, store_certificate
-from rf_pointing.station.pointing import PointingController
-from rf_pointing.station.pointing_params import PointingParams
-from rf_pointing.station.solar import SunParams
-from rf_pointing.station.status import TrackingStatus as Status
+from rf_pointing.station.pointing.certificate_store import StoreParams, store_certificate
+from rf_pointing.station.pointing.controller import PointingController
+from rf_pointing.station.pointing.params import PointingParams
+from rf_pointing.station.pointing.status import TrackingStatus as Status
 from rf_pointing.tracking import (
     AutotrackParams,
     ConscanParams,

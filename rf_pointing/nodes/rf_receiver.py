@@ -7,12 +7,12 @@ Parameters: source.* (the satellite, its real offset from its elements included)
 
 from rf_pointing_msgs.msg import Boresight, CarrierPower, Monopulse, PassList, PointingError
 
+from rf_pointing.ephemeris.source import SourceParams, load_track
 from rf_pointing.nodes import convert
 from rf_pointing.nodes.main_loop import run
 from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.qos import LATCHED, SAMPLES, STREAM
-from rf_pointing.station.receiver import SignalParams, SimulatedReceiver
-from rf_pointing.station.source import SourceParams, load_track
+from rf_pointing.station.antenna.receiver import SignalParams, SimulatedReceiver
 
 
 class RfReceiver(ManagedNode):

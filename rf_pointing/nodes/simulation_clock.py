@@ -16,7 +16,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rf_pointing_msgs.msg import AntennaStatus, PointingError, Target, TrackingStatus
 from rosgraph_msgs.msg import Clock
 
-from rf_pointing.geometry import Params, parameter
+from rf_pointing.core import Params, parameter
 from rf_pointing.nodes.clock_memory import ClockMemory
 from rf_pointing.nodes.diagnostics import Health
 from rf_pointing.nodes.main_loop import run

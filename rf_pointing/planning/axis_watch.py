@@ -8,7 +8,7 @@ import math
 from collections import deque
 from dataclasses import dataclass
 
-from rf_pointing.geometry import AXES, Params, parameter
+from rf_pointing.core import AXES, Params, parameter
 
 __all__ = ["AxisWatch", "AxisWatchParams"]
 

@@ -4,7 +4,7 @@ import dataclasses
 import math
 from typing import Any
 
-from rf_pointing.geometry import to_degrees
+from rf_pointing.core import to_degrees
 from rf_pointing.planning.certificate import Branch, Certificate
 from rf_pointing.planning.loss import DEEPEST_DB
 

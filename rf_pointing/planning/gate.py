@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.geometry import Params, parameter, require_choice, require_finite
+from rf_pointing.core import Params, parameter, require_choice, require_finite
 from rf_pointing.planning.forbidden_sky import ForbiddenSky
 from rf_pointing.planning.limits import AxisLimits
 from rf_pointing.planning.mask import HorizonMask

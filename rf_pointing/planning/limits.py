@@ -6,7 +6,7 @@ A position outside a limit is refused with the axis, the limit and by how much; 
 import math
 from dataclasses import dataclass
 
-from rf_pointing.geometry import Params, parameter, require_finite
+from rf_pointing.core import Params, parameter, require_finite
 
 __all__ = ["AxisLimits", "choose_turns", "refusal"]
 

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from rf_pointing.geometry import Params, parameter
+from rf_pointing.core import Params, parameter
 from rf_pointing.planning.slew import AxisRates
 
 __all__ = ["MachineParams"]

@@ -1,7 +1,5 @@
 """Recordings and reports: write a rosbag2 bag, read any, and make tables and pictures of one pass from it."""
 
-from rf_pointing.report.array_report import write_array_report
-from rf_pointing.report.array_series import array_sensors
 from rf_pointing.report.bag_writer import BagResult, BagWriter, TopicLoss
 from rf_pointing.report.definitions import Definitions, definitions
 from rf_pointing.report.offered_qos import offered_qos, qos_from_profile
@@ -17,11 +15,9 @@ __all__ = [
     "Summary",
     "TopicLoss",
     "antennas",
-    "array_sensors",
     "definitions",
     "offered_qos",
     "qos_from_profile",
     "read_recording",
-    "write_array_report",
     "write_report",
 ]

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rf_pointing.geometry import MDEG
+from rf_pointing.core import MDEG
 from rf_pointing.report.error_series import ErrorSeries, error_series
 from rf_pointing.report.recording import Pass, Recording
 from rf_pointing.report.summary import Acquisition

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.calibration import FitResult, Observations, SectorRule
-from rf_pointing.geometry import MDEG
+from rf_pointing.core import MDEG
 from rf_pointing.report.picture_style import AXIS_COLOURS, LIMIT_COLOUR, figure, legend_above
 
 __all__ = ["draw_correlation", "draw_coverage", "draw_histogram", "draw_residuals"]

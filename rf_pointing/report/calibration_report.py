@@ -15,7 +15,7 @@ from rf_pointing.calibration import (
     StageReport,
     doubts_of,
 )
-from rf_pointing.geometry import MDEG
+from rf_pointing.core import MDEG
 from rf_pointing.report.calibration_pictures import draw_correlation, draw_coverage, draw_histogram, draw_residuals
 from rf_pointing.report.html import Cell, document, figure, number, table, text
 

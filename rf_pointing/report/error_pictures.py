@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.geometry import MDEG, gaussian_loss_db
+from rf_pointing.core import MDEG, gaussian_loss_db
 from rf_pointing.report.analysis import Analysis
 from rf_pointing.report.error_series import ErrorSeries
 from rf_pointing.report.machine import link_series

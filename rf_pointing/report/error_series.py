@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.geometry import MDEG, gaussian_loss_db
+from rf_pointing.core import MDEG, gaussian_loss_db
 from rf_pointing.report.recording import Recording
 from rf_pointing.report.summary import ErrorStatistics, Spread
 from rf_pointing.report.timeline import TRACKING_MODES, Timeline

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.geometry import AXES
+from rf_pointing.core import AXES
 from rf_pointing.report.recording import Recording
 from rf_pointing.report.summary import AxisLimits, Commands, Link, Servo
 from rf_pointing.report.timeline import Timeline

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.geometry import AXES, azel_from_unit_vector, unit_vector_from_azel
+from rf_pointing.core import AXES, azel_from_unit_vector, unit_vector_from_azel
 from rf_pointing.report.analysis import Analysis
 from rf_pointing.report.machine import axis_motion
 from rf_pointing.report.picture_style import (

@@ -8,7 +8,7 @@ import numpy as np
 
 from rf_pointing.planning import AxisLimits, HorizonMask
 from rf_pointing.report.picture_style import AXIS_COLOURS, DASHED, LIMIT_COLOUR, figure
-from rf_pointing.station.pass_planning import PlannedPass
+from rf_pointing.station.pointing.certificates import PlannedPass
 
 __all__ = ["draw_plan"]
 

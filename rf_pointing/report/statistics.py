@@ -4,7 +4,7 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from rf_pointing.geometry import MDEG
+from rf_pointing.core import MDEG
 from rf_pointing.report.analysis import Analysis
 from rf_pointing.report.error_series import ErrorSeries, statistics_of
 from rf_pointing.report.machine import commands, link, servo

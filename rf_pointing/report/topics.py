@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from operator import attrgetter
 from typing import Any
 
-from rf_pointing.geometry import AXES
+from rf_pointing.core import AXES
 
 __all__ = ["TOPICS", "TopicLayout"]
 

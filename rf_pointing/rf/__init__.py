@@ -11,7 +11,6 @@ from rf_pointing.rf.disturbances import (
     spin_gain_db,
 )
 from rf_pointing.rf.feed import FeedVoltages, MonopulseFeed, MonopulseFeedParams
-from rf_pointing.rf.hemt import REFERENCE_K, HemtParams, TwoPortNoise, cascade_noise_k
 from rf_pointing.rf.link import EirpParams, Link, LinkParams, free_space_loss_db, zenith_carrier_to_noise_db_hz
 from rf_pointing.rf.noise import BOLTZMANN_J_K, NoiseParams, system_noise_k
 from rf_pointing.rf.receiver import Receiver, ReceiverParams, ReceiverState
@@ -19,7 +18,6 @@ from rf_pointing.rf.receiver import Receiver, ReceiverParams, ReceiverState
 __all__ = [
     "BOLTZMANN_J_K",
     "HALF_POWER_BEAMWIDTH_RAD",
-    "REFERENCE_K",
     "AtmosphereParams",
     "Beam",
     "BeamParams",
@@ -27,7 +25,6 @@ __all__ = [
     "Dropouts",
     "EirpParams",
     "FeedVoltages",
-    "HemtParams",
     "InterferenceParams",
     "Link",
     "LinkParams",
@@ -38,10 +35,8 @@ __all__ = [
     "ReceiverParams",
     "ReceiverState",
     "SpinParams",
-    "TwoPortNoise",
     "air_mass",
     "atmosphere_loss_db",
-    "cascade_noise_k",
     "free_space_loss_db",
     "interference_volts",
     "spin_gain_db",

@@ -11,7 +11,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rf_pointing.geometry import Params, parameter, require_choice
+from rf_pointing.core import Params, parameter, require_choice
 
 __all__ = ["AtmosphereParams", "air_mass", "atmosphere_loss_db"]
 

@@ -13,7 +13,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rf_pointing.geometry import MDEG, MU, Params, parameter, require_choice
+from rf_pointing.core import MDEG, MU, Params, parameter, require_choice
 from rf_pointing.rf.root import bracketed_root
 
 __all__ = ["HALF_POWER_BEAMWIDTH_RAD", "PATTERNS", "Beam", "BeamParams"]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rf_pointing.geometry import Params, parameter
+from rf_pointing.core import Params, parameter
 
 __all__ = ["DropoutParams", "Dropouts", "InterferenceParams", "SpinParams", "interference_volts", "spin_gain_db"]
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rf_pointing.geometry import Params, parameter
+from rf_pointing.core import Params, parameter
 from rf_pointing.rf.beam import BeamParams, normalised_voltage
 from rf_pointing.rf.root import bracketed_root
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rf_pointing.geometry import Params, parameter
-from rf_pointing.geometry.constants import SPEED_OF_LIGHT_M_S
+from rf_pointing.core import Params, parameter
+from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 from rf_pointing.rf.atmosphere import AtmosphereParams, atmosphere_loss_db
 from rf_pointing.rf.noise import BOLTZMANN_J_K, NoiseParams, system_noise_k
 

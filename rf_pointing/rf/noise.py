@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rf_pointing.geometry import Params, parameter, require_choice
+from rf_pointing.core import Params, parameter, require_choice
 from rf_pointing.rf.atmosphere import AtmosphereParams, atmosphere_loss_db
 
 __all__ = ["BOLTZMANN_J_K", "NOISE_PRESETS", "NoiseParams", "system_noise_k"]

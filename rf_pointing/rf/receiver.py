@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rf_pointing.geometry import CarrierPower, MonopulseCluster, Params, as_finite_array, parameter, require_between
+from rf_pointing.core import CarrierPower, MonopulseCluster, Params, as_finite_array, parameter, require_between
 from rf_pointing.rf.beam import Beam
 from rf_pointing.rf.disturbances import InterferenceParams, interference_volts
 from rf_pointing.rf.feed import MonopulseFeed

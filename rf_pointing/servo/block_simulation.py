@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rf_pointing.geometry import as_finite_array, require_between
+from rf_pointing.core import as_finite_array, require_between
 
 __all__ = ["BlockSimulator"]
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rf_pointing.geometry import require_between
+from rf_pointing.core import require_between
 
 __all__ = ["GustFilter", "davenport_psd"]
 

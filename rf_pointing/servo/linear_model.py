@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.geometry import require_between
+from rf_pointing.core import require_between
 from rf_pointing.servo.parameters import AxisParams, PlantParams
 
 __all__ = ["LinearModel", "discretise", "linear_model", "matrix_exponential"]

@@ -11,7 +11,7 @@ same bending.  A positive residue lags the drive as a tip mass does.
 import math
 from dataclasses import dataclass
 
-from rf_pointing.geometry import Params, parameter
+from rf_pointing.core import Params, parameter
 
 __all__ = ["AxisParams", "PlantParams"]
 

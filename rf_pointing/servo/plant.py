@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rf_pointing.geometry import as_finite_array, as_finite_pair, require_between
+from rf_pointing.core import as_finite_array, as_finite_pair, require_between
 from rf_pointing.servo.drive import DriveConstants, axis_inputs, drive_constants, gear_correction
 from rf_pointing.servo.linear_model import INPUTS, LinearModel, discretise, linear_model
 from rf_pointing.servo.parameters import PlantParams

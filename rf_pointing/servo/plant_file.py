@@ -7,7 +7,7 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
-from rf_pointing.geometry import Params, from_degrees, to_degrees
+from rf_pointing.core import Params, from_degrees, to_degrees
 from rf_pointing.servo.parameters import AxisParams, PlantParams
 
 __all__ = ["plant_from_mapping", "plant_to_mapping"]

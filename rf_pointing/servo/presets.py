@@ -7,7 +7,7 @@ floor.  Assumed: inertias, friction, play, limits, cross residues.  docs/math/pl
 
 import math
 
-from rf_pointing.geometry import require_choice
+from rf_pointing.core import require_choice
 from rf_pointing.servo.parameters import AxisParams, PlantParams
 
 __all__ = ["BENDING_FREQUENCY_HZ", "dss13_plant", "linear_axis"]

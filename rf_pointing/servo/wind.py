@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.geometry import Params, parameter, require_between
+from rf_pointing.core import Params, parameter, require_between
 from rf_pointing.servo.gust import GustFilter
 
 __all__ = ["Wind", "WindParams", "WindState", "gust_torque_n_m", "torque_constants", "wind_torque_n_m"]

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.calibration import BiasModel
+from rf_pointing.core import JointReading, Params, PointingError, parameter, sky_offset_rad
 from rf_pointing.ephemeris import Pass, TopocentricTrack
-from rf_pointing.geometry import JointReading, Params, PointingError, parameter, sky_offset_rad
-from rf_pointing.station.calibration_log import CalibrationLog
-from rf_pointing.station.mount import MountError, RateAverage
+from rf_pointing.station.antenna.mount import MountError, RateAverage
+from rf_pointing.station.campaign.log import CalibrationLog
 
 __all__ = ["KinematicParams", "KinematicStation"]
 

@@ -13,22 +13,21 @@ from numpy.typing import NDArray
 
 from rf_pointing.calibration import BiasModel, read_model
 from rf_pointing.controllers import TrackerIntegratorParams
+from rf_pointing.core import PointingError
+from rf_pointing.core.parameter_files import NodeParameters, read_parameter_files
 from rf_pointing.ephemeris import Pass
-from rf_pointing.geometry import PointingError
+from rf_pointing.ephemeris.solar import SunParams
+from rf_pointing.ephemeris.source import SourceParams, load_track
 from rf_pointing.planning import AxisLimits, Certificate, GateParams, HorizonMask, MachineParams
 from rf_pointing.rf import LinkParams
 from rf_pointing.servo import WindParams, dss13_plant
-from rf_pointing.station.antenna import AntennaParams, LoopParams, SimulatedAntenna
-from rf_pointing.station.antenna_safety import SafetyParams
-from rf_pointing.station.configuration import NodeParameters, read_parameter_files
-from rf_pointing.station.mount import MountParams
-from rf_pointing.station.pass_planning import pass_profile
-from rf_pointing.station.pointing import PointingController
-from rf_pointing.station.pointing_params import PointingParams
-from rf_pointing.station.power_tracker import PowerTracker
-from rf_pointing.station.receiver import Reception, SignalParams, SimulatedReceiver
-from rf_pointing.station.solar import SunParams
-from rf_pointing.station.source import SourceParams, load_track
+from rf_pointing.station.antenna.mount import MountParams
+from rf_pointing.station.antenna.receiver import Reception, SignalParams, SimulatedReceiver
+from rf_pointing.station.antenna.safety import SafetyParams
+from rf_pointing.station.antenna.simulated_antenna import AntennaParams, LoopParams, SimulatedAntenna
+from rf_pointing.station.pointing.certificates import pass_profile
+from rf_pointing.station.pointing.controller import PointingController
+from rf_pointing.station.pointing.params import PointingParams
 from rf_pointing.tracking import (
     AutotrackParams,
     ConscanParams,
@@ -40,6 +39,7 @@ from rf_pointing.tracking import (
     StepTrackParams,
     TrimParams,
 )
+from rf_pointing.tracking.power_tracker import PowerTracker
 
 __all__ = ["PassLog", "StationSetup", "simulate_pass"]
 

@@ -3,14 +3,13 @@
 import math
 from dataclasses import dataclass
 
-from rf_pointing.geometry import Params, parameter
+from rf_pointing.core import Mode, Params, parameter
 
 __all__ = ["MODES", "SENSORS", "AutotrackInputs", "AutotrackParams", "AutotrackState"]
 
-MODES = ("idle", "slew", "program_track", "search", "steptrack", "conscan", "monopulse", "calibrate", "coast", "hand_back",
-         "stow")  # fmt: skip
+MODES = tuple(Mode)
 SENSORS = ("auto", "monopulse", "conscan", "steptrack", "none")
-RF_MODES = ("steptrack", "conscan", "monopulse")
+RF_MODES = (Mode.STEPTRACK, Mode.CONSCAN, Mode.MONOPULSE)
 
 
 @dataclass(frozen=True, kw_only=True)

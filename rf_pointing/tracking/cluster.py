@@ -5,7 +5,7 @@ import operator
 
 import numpy as np
 
-from rf_pointing.geometry import MonopulseCluster
+from rf_pointing.core import MonopulseCluster
 
 __all__ = ["cluster_fault", "level_known"]
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.geometry import CarrierPower, PointingError
+from rf_pointing.core import CarrierPower, PointingError
 from rf_pointing.tracking.conscan_estimate import estimate_window
 from rf_pointing.tracking.conscan_parameters import ConscanParams
 from rf_pointing.tracking.conscan_window import ConscanWindow

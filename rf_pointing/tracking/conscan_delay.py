@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.geometry import Params, PointingError, parameter
+from rf_pointing.core import Params, PointingError, parameter
 from rf_pointing.tracking.response import ResponseSums
 
 __all__ = ["DelayEstimate", "DelayEstimator", "DelayParams", "DelayState"]

@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from rf_pointing.geometry import MDEG, MU, Params, parameter
+from rf_pointing.core import MDEG, MU, Params, parameter
 from rf_pointing.tracking.conscan_equations import conscan_loss, conscan_sigma_eq25_rad
 from rf_pointing.tracking.conscan_parameters import ConscanParams
 

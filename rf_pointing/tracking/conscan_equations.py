@@ -6,7 +6,7 @@ deviation of one carrier power sample; C/N0 in dB-Hz for the beam on the target.
 
 import math
 
-from rf_pointing.geometry import MU, require_between
+from rf_pointing.core import MU, require_between
 
 __all__ = [
     "conscan_loss",

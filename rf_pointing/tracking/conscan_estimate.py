@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.geometry import MU
+from rf_pointing.core import MU
 from rf_pointing.tracking.conscan_likelihood import BeamDesign, LikelihoodFit, beam_design, fit_beam, least_spread_rad
 from rf_pointing.tracking.conscan_linear import linear_estimate
 from rf_pointing.tracking.conscan_parameters import ConscanParams

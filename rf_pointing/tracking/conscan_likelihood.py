@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.geometry import MU
+from rf_pointing.core import MU
 
 __all__ = ["BeamDesign", "LikelihoodFit", "beam_design", "fit_beam", "least_spread_rad"]
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.geometry import MU
+from rf_pointing.core import MU
 from rf_pointing.tracking.conscan_window import ConscanWindow
 
 __all__ = ["ConscanEstimate", "linear_errors_rad", "linear_estimate"]

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from itertools import pairwise
 
-from rf_pointing.geometry import MDEG, Params, parameter
+from rf_pointing.core import MDEG, Params, parameter
 from rf_pointing.tracking.scan import ScanParams
 
 __all__ = ["ConscanParams"]

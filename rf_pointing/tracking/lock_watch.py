@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rf_pointing.geometry import PointingError
+from rf_pointing.core import PointingError
 from rf_pointing.tracking.lock_evidence import Evidence, EvidenceState
 from rf_pointing.tracking.lock_watch_parameters import LockWatchParams
 from rf_pointing.tracking.response import ResponseEstimate, ResponseSums

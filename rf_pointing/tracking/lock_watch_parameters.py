@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from rf_pointing.geometry import MDEG, Params, parameter
+from rf_pointing.core import MDEG, Params, parameter
 from rf_pointing.tracking.scan import ScanParams
 
 __all__ = ["LockWatchParams"]

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.geometry import MDEG, MonopulseCluster, Params, PointingError, parameter
+from rf_pointing.core import MDEG, MonopulseCluster, Params, PointingError, parameter
 from rf_pointing.tracking.cluster import cluster_fault, level_known
 from rf_pointing.tracking.monopulse_calibration import MonopulseCalibration
 

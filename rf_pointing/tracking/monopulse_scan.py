@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.geometry import MDEG, MonopulseCluster, Params, parameter
+from rf_pointing.core import MDEG, MonopulseCluster, Params, parameter
 from rf_pointing.tracking.cluster import cluster_fault
 from rf_pointing.tracking.conscan_likelihood import beam_design, fit_beam
 from rf_pointing.tracking.conscan_window import rank_fault

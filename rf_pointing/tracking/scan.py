@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from rf_pointing.geometry import MDEG, Params, parameter
+from rf_pointing.core import MDEG, Params, parameter
 
 __all__ = ["Offset", "ScanParams", "circle_offset"]
 

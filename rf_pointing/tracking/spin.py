@@ -9,7 +9,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.geometry import require_between
+from rf_pointing.core import require_between
 
 __all__ = ["spin_columns", "spin_period_s"]
 

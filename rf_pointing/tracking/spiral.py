@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.geometry import MDEG, Params, parameter
+from rf_pointing.core import MDEG, Params, parameter
 from rf_pointing.tracking.scan import Offset
 
 __all__ = ["SpiralParams", "SpiralSearch"]

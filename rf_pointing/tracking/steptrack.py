@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rf_pointing.geometry import MDEG, CarrierPower, Params, PointingError, parameter
+from rf_pointing.core import MDEG, CarrierPower, Params, PointingError, parameter
 from rf_pointing.tracking.conscan_likelihood import beam_design, fit_beam
 from rf_pointing.tracking.conscan_window import ConscanWindow
 from rf_pointing.tracking.scan import Offset

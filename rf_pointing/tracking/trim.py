@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rf_pointing.geometry import MDEG, Params, as_finite_array, parameter, require_between
+from rf_pointing.core import MDEG, Params, as_finite_array, parameter, require_between
 
 __all__ = ["SkyMotion", "Trim", "TrimFilter", "TrimParams", "TrimState", "direction_rows"]
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.calibration import BiasModel, Corrections, Observations, RawTracking, ReferenceTrack
-from rf_pointing.geometry import random_stream
+from rf_pointing.core import random_stream
 
 TABLE_1_DEG = {
     "azimuth_offset": 0.178,

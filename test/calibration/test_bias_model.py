@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.calibration import TERM_NAMES, TERMS, BiasModel
-from rf_pointing.geometry import MDEG, angular_distance_rad
+from rf_pointing.core import MDEG, angular_distance_rad
 
 CLOSURE_RAD = 1e-12
 STILL = (0.0, 0.0, 0.0, 0.0)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.calibration import Corrections, Ionosphere
-from rf_pointing.geometry import MDEG
+from rf_pointing.core import MDEG
 
 S_BAND = Ionosphere(electrons_per_m2=5e17, frequency_hz=2.25e9)
 

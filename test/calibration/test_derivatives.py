@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.calibration import fit_bias_model, require_derivatives, write_observations
-from rf_pointing.station.calibration_input import read_points
+from rf_pointing.station.campaign.recorded_input import read_points
 
 WRONG = {
     "rad/s for deg/s": (lambda d: {"azimuth_rate_rad_s": np.radians(d.azimuth_rate_rad_s)}, "azimuth_rate_deg_s"),

@@ -5,7 +5,7 @@ import pytest
 
 from rf_pointing.calibration import FitOptions, PassPriors, fit_bias_model, held_at_zero
 from rf_pointing.calibration.pass_errors import pass_partials, track_axes
-from rf_pointing.geometry import azel_from_unit_vector, unit_vector_from_azel
+from rf_pointing.core import azel_from_unit_vector, unit_vector_from_azel
 
 TABLE_1_TERMS = (
     "azimuth_offset",

@@ -14,8 +14,8 @@ from rf_pointing.calibration import (
     process_pass,
     select_observations,
 )
-from rf_pointing.geometry import MDEG
-from rf_pointing.geometry.refraction import RadioRefraction
+from rf_pointing.core import MDEG
+from rf_pointing.core.refraction import RadioRefraction
 
 NONE = Corrections(light_time=False, troposphere=None, ionosphere=None, range_delay_m=0.0)
 ALL = Corrections(

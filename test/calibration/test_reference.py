@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from rf_pointing.geometry.constants import SPEED_OF_LIGHT_M_S
+from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 
 
 def test_interpolated_track_agrees_with_the_closed_form_between_samples(track):

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.calibration import EXTENSION_TERMS, TERM_NAMES, held_out_passes, select_terms
-from rf_pointing.geometry import MDEG
+from rf_pointing.core import MDEG
 
 EXTENSIONS = tuple(term.name for term in EXTENSION_TERMS if not term.needs_temperature and "beyond" not in term.name)
 

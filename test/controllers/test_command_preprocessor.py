@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rf_pointing.controllers import CommandPreprocessor, CommandPreprocessorParams
-from rf_pointing.geometry import MDEG
+from rf_pointing.core import MDEG
 
 DT_S = 0.02
 RATE, ACCELERATION = math.radians(1.8), math.radians(0.8)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.controllers import TrajectoryBuffer, TrajectoryBufferParams
-from rf_pointing.geometry import MDEG, JointTrajectory
+from rf_pointing.core import MDEG, JointTrajectory
 
 NANORADIAN = 1e-9
 

@@ -7,6 +7,8 @@ import math
 import numpy as np
 import pytest
 
+from rf_pointing.core import random_stream
+from rf_pointing.core.constants import EARTH_MU_M3_S2
 from rf_pointing.ephemeris import (
     Elements,
     Site,
@@ -17,8 +19,6 @@ from rf_pointing.ephemeris import (
     verification_elements,
 )
 from rf_pointing.ephemeris.time_scales import posix_from_calendar
-from rf_pointing.geometry import random_stream
-from rf_pointing.geometry.constants import EARTH_MU_M3_S2
 
 START_T_S = 1151347200.0
 DAY_S = 86400.0

@@ -8,6 +8,7 @@ import erfa
 import numpy as np
 import pytest
 
+from rf_pointing.core import MDEG, angular_distance_rad
 from rf_pointing.ephemeris import (
     RADIO_SOURCES,
     IersEarthOrientation,
@@ -22,7 +23,6 @@ from rf_pointing.ephemeris import (
     sun,
 )
 from rf_pointing.ephemeris.celestial import CelestialTarget
-from rf_pointing.geometry import MDEG, angular_distance_rad
 
 ASTROPY = json.loads((Path(__file__).parent / "data" / "astropy.json").read_text())
 ASTROPY_MDEG = {"Sun": 0.03, "Moon": 0.001, "Cassiopeia A": 0.001, "3C 273": 0.001}

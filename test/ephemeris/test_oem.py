@@ -9,6 +9,7 @@ import sgp4
 from skyfield.api import EarthSatellite, load
 from skyfield.framelib import itrs
 
+from rf_pointing.core import MDEG, angular_distance_rad
 from rf_pointing.ephemeris import (
     Elements,
     FixedEarthOrientation,
@@ -19,7 +20,6 @@ from rf_pointing.ephemeris import (
     read_oem,
     utc_text,
 )
-from rf_pointing.geometry import MDEG, angular_distance_rad
 from test.ephemeris.oem_text import START_T_S, STEP_S, TIMES, teme_states, text_of
 
 INSIDE = np.linspace(TIMES[0], TIMES[-1], 333)

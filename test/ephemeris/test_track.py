@@ -12,6 +12,8 @@ import sgp4
 from skyfield.api import EarthSatellite, load, wgs84
 from skyfield.data import iers
 
+from rf_pointing.core import MDEG, angular_distance_rad, sky_offset_rad, unit_vector_from_azel, wrap_rad
+from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.ephemeris import (
     Elements,
     FixedEarthOrientation,
@@ -23,8 +25,6 @@ from rf_pointing.ephemeris import (
     verification_elements,
 )
 from rf_pointing.ephemeris.time_scales import posix_from_calendar
-from rf_pointing.geometry import MDEG, angular_distance_rad, sky_offset_rad, unit_vector_from_azel, wrap_rad
-from rf_pointing.geometry.refraction import RadioRefraction
 
 SKYFIELD_MDEG = 0.005
 ASTROPY = json.loads((Path(__file__).parent / "data" / "astropy.json").read_text())

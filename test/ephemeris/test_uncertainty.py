@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
+from rf_pointing.core import random_stream, sky_offset_rad
 from rf_pointing.ephemeris import ElementUncertainty, Site, TopocentricTrack, moon, sky_uncertainty
-from rf_pointing.geometry import random_stream, sky_offset_rad
 
 TCA_T_S = 1151384680.3
 

@@ -10,15 +10,15 @@ import pytest
 rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2", exc_type=ImportError)
 from rclpy.qos import QoSProfile
 
-from rf_pointing.attitude.quaternion import (
+from rf_pointing.array_sensors.attitude.quaternion import (
     conjugate,
     multiply,
     quaternion_from_matrix,
     quaternion_to_rotation_vector,
 )
-from rf_pointing.nodes import convert_arrays as convert
-from rf_pointing.nodes.array_graph import ArrayGraph
-from rf_pointing.nodes.array_systems import ARRAY_SYSTEMS
+from rf_pointing.array_sensors.nodes import convert
+from rf_pointing.array_sensors.nodes.array_graph import ArrayGraph
+from rf_pointing.array_sensors.nodes.array_systems import ARRAY_SYSTEMS
 from rf_pointing.nodes.main_loop import make_executor
 from rf_pointing.nodes.qos import STREAM
 

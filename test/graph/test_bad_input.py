@@ -14,7 +14,7 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from rf_pointing.nodes.processes import SIMULATED_STATION
+from rf_pointing.commands.processes import SIMULATED_STATION
 from rf_pointing.nodes.qos import COMMAND, STREAM
 
 from .conftest import ask, executable

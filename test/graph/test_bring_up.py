@@ -16,11 +16,11 @@ from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rf_pointing_msgs.msg import AntennaStatus
 from sensor_msgs.msg import JointState
 
+from rf_pointing.commands.processes import SIMULATED_STATION
 from rf_pointing.ephemeris import Pass, first_pass_above
-from rf_pointing.nodes.processes import SIMULATED_STATION
+from rf_pointing.ephemeris.source import SourceParams, load_elements, load_track
 from rf_pointing.nodes.qos import STATUS, STREAM
 from rf_pointing.nodes.topics import TOPICS
-from rf_pointing.station.source import SourceParams, load_elements, load_track
 
 from .conftest import ask, executable
 

@@ -16,7 +16,7 @@ from rf_pointing_msgs.msg import PointingError, PointingModel, Target
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-from rf_pointing.geometry import MDEG
+from rf_pointing.core import MDEG
 from rf_pointing.nodes.qos import LATCHED, STREAM
 from rf_pointing.nodes.stamps import stamp_from_seconds
 

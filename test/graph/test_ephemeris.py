@@ -13,12 +13,12 @@ from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rf_pointing_msgs.msg import Target
 from rf_pointing_msgs.srv import SelectTarget
 
+from rf_pointing.core import Target as SkyTarget
 from rf_pointing.ephemeris import ElementUncertainty, sky_uncertainty
-from rf_pointing.geometry import Target as SkyTarget
+from rf_pointing.ephemeris.source import SourceParams, load_track
 from rf_pointing.nodes import convert
 from rf_pointing.nodes.qos import STREAM
 from rf_pointing.nodes.stamps import seconds_from_stamp
-from rf_pointing.station.source import SourceParams, load_track
 from test.faults.clocks import ManualClock
 
 pytestmark = pytest.mark.graph

@@ -15,9 +15,9 @@ from rf_pointing_msgs.action import TrackPass
 from rf_pointing_msgs.msg import PassList, TrackingStatus
 from sensor_msgs.msg import JointState
 
+from rf_pointing.ephemeris.source import SourceParams, load_track
 from rf_pointing.nodes.qos import LATCHED, STREAM
 from rf_pointing.nodes.stamps import seconds_from_stamp
-from rf_pointing.station.source import SourceParams, load_track
 from test.faults.clocks import ManualClock
 
 pytestmark = pytest.mark.graph

@@ -16,8 +16,8 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.rosbag2 import Reader
 
-from rf_pointing.geometry import MDEG
-from rf_pointing.nodes import track_options
+from rf_pointing.commands import track_options
+from rf_pointing.core import MDEG
 from rf_pointing.report import read_recording
 from rf_pointing.simulation import PassLog, StationSetup, simulate_pass
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from rf_pointing.geometry import random_stream
+from rf_pointing.core import random_stream
 from rf_pointing.identification import ExcitationParams, IdentificationExperiment
 
 PARAMS = ExcitationParams(samples=256)

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from rf_pointing.calibration import CandidatePass, Observations, SectorRule
+from rf_pointing.commands import calibrate, track_options
+from rf_pointing.commands.utc import parse_utc
 from rf_pointing.ephemeris import tle_lines
-from rf_pointing.nodes import calibrate, track_options
-from rf_pointing.nodes.utc import parse_utc
 
 
 @pytest.fixture

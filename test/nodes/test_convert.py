@@ -10,8 +10,7 @@ import pytest
 from rf_pointing_msgs import msg as ours
 from sensor_msgs.msg import JointState
 
-from rf_pointing.ephemeris import SkyUncertainty
-from rf_pointing.geometry import (
+from rf_pointing.core import (
     Boresight,
     CarrierPower,
     JointReading,
@@ -20,8 +19,9 @@ from rf_pointing.geometry import (
     PointingError,
     Target,
 )
+from rf_pointing.ephemeris import SkyUncertainty
 from rf_pointing.nodes import convert
-from rf_pointing.station.status import AntennaStatus, TrackingStatus
+from rf_pointing.station.pointing.status import AntennaStatus, TrackingStatus
 
 T_S = 1_151_384_323.813083
 

@@ -9,7 +9,7 @@ import pytest
 from rcl_interfaces.msg import ParameterType
 from rclpy.parameter import Parameter
 
-from rf_pointing.geometry import Params, leaves, parameter
+from rf_pointing.core import Params, leaves, parameter
 from rf_pointing.nodes.params import ParameterGroups
 
 

@@ -10,11 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rf_pointing.arrays.array_source import SnapshotBlock
-from rf_pointing.arrays.interferometer import InterferometerMeasurement
-from rf_pointing.arrays.tripulse_signal import TripulseFrame
-from rf_pointing.attitude.rigid_body import KnownTorque
-from rf_pointing.geometry import (
+from rf_pointing.array_sensors.arrays.array_source import SnapshotBlock
+from rf_pointing.array_sensors.arrays.interferometer import InterferometerMeasurement
+from rf_pointing.array_sensors.arrays.tripulse_signal import TripulseFrame
+from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque
+from rf_pointing.array_sensors.nodes import convert as convert_arrays
+from rf_pointing.array_sensors.systems.attitude_report import AttitudeReport, RateReport
+from rf_pointing.array_sensors.systems.doa_signals import ChannelBlock, HeldTorque
+from rf_pointing.core import (
     Boresight,
     CarrierPower,
     JointReading,
@@ -24,11 +27,9 @@ from rf_pointing.geometry import (
     Target,
 )
 from rf_pointing.identification import ExcitationParams
-from rf_pointing.nodes import convert, convert_arrays, convert_identification, convert_planning
+from rf_pointing.nodes import convert, convert_identification, convert_planning
 from rf_pointing.planning import Branch, Certificate, MachineParams, PassProfile
-from rf_pointing.station.attitude_report import AttitudeReport, RateReport
-from rf_pointing.station.doa_signals import ChannelBlock, HeldTorque
-from rf_pointing.station.status import AntennaStatus, TrackingStatus
+from rf_pointing.station.pointing.status import AntennaStatus, TrackingStatus
 
 T_S, SEC, NANOSEC = 1_151_384_323.813083, 1_151_384_323, 813_083_000
 QUATERNION = np.array([0.1, 0.3, -0.5, 0.8062257748298549])

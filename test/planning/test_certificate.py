@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from rf_pointing.geometry import angular_distance_rad
+from rf_pointing.core import angular_distance_rad
 from rf_pointing.planning import (
     AxisLimits,
     Certificate,

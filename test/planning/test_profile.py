@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 
+from rf_pointing.core import MDEG, angular_distance_rad
 from rf_pointing.ephemeris import TopocentricTrack, find_elements, first_pass_above, site, verification_elements
-from rf_pointing.geometry import MDEG, angular_distance_rad
-from rf_pointing.station.pass_planning import pass_profile
+from rf_pointing.station.pointing.certificates import pass_profile
 
 
 def test_the_refined_table_is_the_propagators_motion_even_at_the_zenith() -> None:

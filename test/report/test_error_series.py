@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from rf_pointing.geometry import MDEG
+from rf_pointing.core import MDEG
 from rf_pointing.report.error_series import statistics_of
 
 

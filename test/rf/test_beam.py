@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rf_pointing.geometry import MDEG, MU
+from rf_pointing.core import MDEG, MU
 from rf_pointing.rf import HALF_POWER_BEAMWIDTH_RAD, Beam, BeamParams
 
 PATTERNS = ("gaussian", "uniform", "tapered")

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from rf_pointing.geometry import MDEG, random_stream
+from rf_pointing.core import MDEG, random_stream
 from rf_pointing.rf import (
     Beam,
     BeamParams,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rf_pointing.geometry import MDEG
+from rf_pointing.core import MDEG
 from rf_pointing.rf import BeamParams, MonopulseFeed, MonopulseFeedParams
 
 H = 65.0 * MDEG

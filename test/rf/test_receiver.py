@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from rf_pointing.geometry import MDEG, MonopulseCluster, random_stream
+from rf_pointing.core import MDEG, MonopulseCluster, random_stream
 from rf_pointing.rf import (
     BOLTZMANN_J_K,
     Beam,

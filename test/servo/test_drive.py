@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from rf_pointing.geometry import random_stream
+from rf_pointing.core import random_stream
 from rf_pointing.servo import AntennaPlant, AxisParams, dss13_plant
 from rf_pointing.servo.drive import axis_inputs, drive_constants, gear_correction
 

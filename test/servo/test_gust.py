@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rf_pointing.geometry import random_stream
+from rf_pointing.core import random_stream
 from rf_pointing.servo import GustFilter, davenport_psd
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from rf_pointing.geometry import MDEG, random_stream
+from rf_pointing.core import MDEG, random_stream
 from rf_pointing.servo import AntennaPlant, PlantParams, dss13_plant, linear_model
 
 CALM = (0.0, 0.0)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from rf_pointing.geometry import random_stream
+from rf_pointing.core import random_stream
 from rf_pointing.servo import Wind, WindParams, wind_torque_n_m
 
 PARAMS = WindParams(mean_speed_m_s=8.0, from_azimuth_rad=0.7)

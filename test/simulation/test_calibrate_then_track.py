@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from rf_pointing.calibration import PassPriors, SectorRule, Slew, plan_campaign, read_model
+from rf_pointing.core import MDEG, random_stream
 from rf_pointing.ephemeris import TopocentricTrack, first_pass_above, site
-from rf_pointing.geometry import MDEG, random_stream
+from rf_pointing.ephemeris.source import SourceParams, load_elements, load_track
 from rf_pointing.simulation import KinematicParams, KinematicStation, StationSetup
-from rf_pointing.station.calibration_log import CalibrationLog
-from rf_pointing.station.calibration_plan import ArcRules, beacons, candidate_arcs, window_of
-from rf_pointing.station.mount import MountParams
-from rf_pointing.station.source import SourceParams, load_elements, load_track
+from rf_pointing.station.antenna.mount import MountParams
+from rf_pointing.station.campaign.log import CalibrationLog
+from rf_pointing.station.campaign.plan import ArcRules, beacons, candidate_arcs, window_of
 
 CONFIG = Path(__file__).parents[2] / "config"
 STATION = site("Goldstone DSS-13")

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rf_pointing.core import MDEG
 from rf_pointing.ephemeris import Pass, first_pass_above
-from rf_pointing.geometry import MDEG
+from rf_pointing.ephemeris.source import SourceParams, load_elements, load_track
 from rf_pointing.simulation import PassLog, StationSetup, simulate_pass
-from rf_pointing.station.source import SourceParams, load_elements, load_track
 
 CONFIG = Path(__file__).parents[2] / "config"
 FILES = [CONFIG / "dss13.yaml", CONFIG / "band_x.yaml"]

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from rf_pointing.controllers import TrackerIntegratorParams
+from rf_pointing.core import JointReading, JointTrajectory, PointingError
 from rf_pointing.ephemeris import Pass, TopocentricTrack, first_pass_above
-from rf_pointing.geometry import JointReading, JointTrajectory, PointingError
+from rf_pointing.ephemeris.source import SourceParams, load_elements, load_track
 from rf_pointing.planning import AxisLimits
 from rf_pointing.rf import LinkParams
-from rf_pointing.station.pointing import PointingController
-from rf_pointing.station.pointing_params import PointingParams
-from rf_pointing.station.source import SourceParams, load_elements, load_track
-from rf_pointing.station.status import TrackingStatus
+from rf_pointing.station.pointing.controller import PointingController
+from rf_pointing.station.pointing.params import PointingParams
+from rf_pointing.station.pointing.status import TrackingStatus
 from rf_pointing.tracking import (
     AutotrackParams,
     ConscanParams,

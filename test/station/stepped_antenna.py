@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from rf_pointing.geometry import MDEG, JointTrajectory
+from rf_pointing.core import MDEG, JointTrajectory
 from rf_pointing.servo import WindParams, dss13_plant
-from rf_pointing.station.antenna import AntennaParams, LoopParams, SimulatedAntenna
-from rf_pointing.station.mount import MountParams
+from rf_pointing.station.antenna.mount import MountParams
+from rf_pointing.station.antenna.simulated_antenna import AntennaParams, LoopParams, SimulatedAntenna
 
 TICK_S = AntennaParams().tick_s
 START_S = 1_151_384_000.0

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from rf_pointing.calibration import BiasModel
+from rf_pointing.core import JointReading, JointTrajectory, PointingError
 from rf_pointing.ephemeris import Pass, TopocentricTrack
-from rf_pointing.geometry import JointReading, JointTrajectory, PointingError
+from rf_pointing.ephemeris.solar import SunParams
 from rf_pointing.identification import ExcitationParams, IdentificationExperiment
 from rf_pointing.planning import MOTIONS, Gate, HorizonMask
 from rf_pointing.servo import WindParams, dss13_plant
-from rf_pointing.station.antenna import AntennaParams, LoopParams, SimulatedAntenna
-from rf_pointing.station.pass_planning import pass_profile
-from rf_pointing.station.pointing import PointingController
-from rf_pointing.station.solar import SunParams
+from rf_pointing.station.antenna.simulated_antenna import AntennaParams, LoopParams, SimulatedAntenna
+from rf_pointing.station.pointing.certificates import pass_profile
+from rf_pointing.station.pointing.controller import PointingController
 
 DEG = math.pi / 180.0
 START_S = 1_151_384_000.0

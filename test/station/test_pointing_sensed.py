@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from rf_pointing.core import MDEG, MonopulseCluster, PointingError, sky_offset_rad
 from rf_pointing.ephemeris import Pass
-from rf_pointing.geometry import MDEG, MonopulseCluster, PointingError, sky_offset_rad
-from rf_pointing.station.pointing_params import PointingParams
+from rf_pointing.station.pointing.params import PointingParams
 from rf_pointing.tracking import MonopulseParams, MonopulseTracker
 
 STRONG_DB_HZ, WEAK_DB_HZ = 60.0, 5.0

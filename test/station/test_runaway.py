@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from rf_pointing.calibration import BiasModel
-from rf_pointing.geometry import JointTrajectory
+from rf_pointing.core import JointTrajectory
 from rf_pointing.identification import ExcitationParams, IdentificationExperiment
 from rf_pointing.planning import DriveWatchParams
 from rf_pointing.servo import WindParams, dss13_plant
-from rf_pointing.station.antenna import AntennaParams, LoopParams, SimulatedAntenna
+from rf_pointing.station.antenna.simulated_antenna import AntennaParams, LoopParams, SimulatedAntenna
 
 DEG = math.pi / 180.0
 START_S = 1_151_384_000.0

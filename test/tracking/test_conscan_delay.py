@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from rf_pointing.geometry import MDEG, MU, PointingError, random_stream
+from rf_pointing.core import MDEG, MU, PointingError, random_stream
 from rf_pointing.tracking import DelayEstimator, DelayParams, ScanParams, beam_design, circle_offset, fit_beam
 
 H, R, PERIOD_S = 17.0 * MDEG, 1.55 * MDEG, 20.0

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from rf_pointing.geometry import MDEG, MU, random_stream
+from rf_pointing.core import MDEG, MU, random_stream
 from rf_pointing.tracking import (
     ConscanParams,
     ScanDesignParams,

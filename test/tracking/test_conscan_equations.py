@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from rf_pointing.geometry import MDEG
+from rf_pointing.core import MDEG
 from rf_pointing.tracking import (
     conscan_loss,
     conscan_sigma_eq20_rad,

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from rf_pointing.geometry import random_stream
+from rf_pointing.core import random_stream
 from rf_pointing.tracking.innovation import InnovationBank
 
 STEP_S, NOISE, WALK, CHANGE, DRIFT = 0.1, 0.2, 0.3, 0.05, 0.5

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from rf_pointing.geometry import MDEG, PointingError, random_stream
+from rf_pointing.core import MDEG, PointingError, random_stream
 from rf_pointing.tracking import LockWatch, LockWatchParams, LockWatchState, circle_offset
 
 H = 17.0 * MDEG

@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from rf_pointing.geometry import MDEG
+from rf_pointing.core import MDEG
 from rf_pointing.tracking import Offset, ScanParams, SpiralParams, SpiralSearch, circle_offset
 
 STEP_S = 1e-4

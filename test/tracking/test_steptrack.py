@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from rf_pointing.geometry import MDEG, MU, CarrierPower, PointingError, random_stream
+from rf_pointing.core import MDEG, MU, CarrierPower, PointingError, random_stream
 from rf_pointing.tracking import StepTracker, StepTrackParams
 
 H = 65.0 * MDEG

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rf_pointing.geometry import MDEG
+from rf_pointing.core import MDEG
 from rf_pointing.tracking import StripSearch
 
 LENGTH, WIDTH, PITCH, RATE, ACCELERATION = 225 * MDEG, 50 * MDEG, 10 * MDEG, 60 * MDEG, 400 * MDEG

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from rf_pointing.geometry import MDEG, random_stream
+from rf_pointing.core import MDEG, random_stream
 from rf_pointing.tracking import SkyMotion, TrimFilter, TrimParams, direction_rows
 
 PARAMS = TrimParams(jitter_rad=0.1 * MDEG)

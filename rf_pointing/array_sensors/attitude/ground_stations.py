@@ -1,0 +1,112 @@
+"""Ground stations seen from the satellite: reference directions in the orbital frame and visibility (DOA (13)-(17)).
+
+S_o = D / |D| with D = G - S in the paper's vectors, which run from satellite and station to the Earth's centre; with
+places counted from the centre that is D = station - satellite (the printed order would turn the reference around).
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rf_pointing.array_sensors.attitude.circular_orbit import OrbitPoint
+from rf_pointing.array_sensors.attitude.sun_synchronous_orbit import SunSynchronousOrbitParams, orbit_point
+from rf_pointing.core import require_between
+from rf_pointing.core.constants import EARTH_RADIUS_M
+
+__all__ = [
+    "GroundStation",
+    "StationView",
+    "largest_nadir_angle_rad",
+    "stations_along_track",
+    "view_from",
+    "view_stations",
+]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GroundStation:
+    """A transmitter on the spherical Earth."""
+
+    name: str
+    latitude_rad: float
+    longitude_rad: float
+
+    def __post_init__(self) -> None:
+        require_between("latitude_rad", self.latitude_rad, -math.pi / 2.0, math.pi / 2.0)
+        require_between("longitude_rad", self.longitude_rad, -2.0 * math.pi, 2.0 * math.pi)
+
+    @property
+    def position_m(self) -> Array:
+        """Earth-fixed position (3,)."""
+        level = math.cos(self.latitude_rad)
+        return EARTH_RADIUS_M * np.array(
+            [
+                level * math.cos(self.longitude_rad),
+                level * math.sin(self.longitude_rad),
+                math.sin(self.latitude_rad),
+            ]
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StationView:
+    """Directions satellite to station in F_o (..., N, 3), elevation of the satellite there and range (..., N)."""
+
+    reference: Array
+    elevation_rad: Array
+    range_m: Array
+
+    def visible(self, elevation_min_rad: float) -> NDArray[np.bool_]:
+        """Return whether each station sees the satellite at or above `elevation_min_rad` (..., N)."""
+        return self.elevation_rad >= elevation_min_rad
+
+
+def view_stations(orbit: SunSynchronousOrbitParams, stations: list[GroundStation], t_s: ArrayLike) -> StationView:
+    """Return how the satellite sees `stations` at UTC times `t_s` (...)."""
+    return view_from(orbit_point(orbit, t_s), stations)
+
+
+def view_from(point: OrbitPoint, stations: list[GroundStation]) -> StationView:
+    """Return how a satellite at `point` sees `stations`."""
+    if not stations:
+        raise ValueError("stations is empty, must have at least 1")
+    places = np.stack([station.position_m for station in stations])
+    away = places - point.position_m[..., None, :]
+    distance = np.linalg.norm(away, axis=-1)
+    sine = -np.sum(away * places, axis=-1) / (distance * EARTH_RADIUS_M)
+    reference = np.einsum("...ij,...nj->...ni", point.frame, away) / distance[..., None]
+    return StationView(reference=reference, elevation_rad=np.arcsin(np.clip(sine, -1.0, 1.0)), range_m=distance)
+
+
+def largest_nadir_angle_rad(orbit: SunSynchronousOrbitParams, elevation_min_rad: float) -> float:
+    """Return the nadir angle of a station at `elevation_min_rad`: 61.05 deg (800 km, 10 deg), not the printed 62."""
+    ratio = EARTH_RADIUS_M / (EARTH_RADIUS_M + orbit.altitude_m)
+    return math.asin(ratio * math.cos(elevation_min_rad))
+
+
+def stations_along_track(
+    orbit: SunSynchronousOrbitParams,
+    start_s: float,
+    *,
+    count: int = 8,
+    spacing_s: float = 625.0,
+    aside_rad: float = 0.02,
+) -> list[GroundStation]:
+    """Return `count` stations under the orbit, passed every `spacing_s`, by turns `aside_rad` right and left of it.
+
+    The paper's eight stations are not published; these keep one in view all the time and are not under the track,
+    because stations on the track see pitch from one plane only.
+    """
+    stations = []
+    for index in range(count):
+        point = orbit_point(orbit, start_s + (index + 0.5) * spacing_s)
+        side = math.copysign(aside_rad, 0.5 - index % 2)
+        place = -point.frame[2] * math.cos(side) + point.frame[1] * math.sin(side)
+        latitude = math.asin(float(place[2]))
+        longitude = math.atan2(float(place[1]), float(place[0]))
+        stations.append(GroundStation(name=f"station_{index + 1}", latitude_rad=latitude, longitude_rad=longitude))
+    return stations

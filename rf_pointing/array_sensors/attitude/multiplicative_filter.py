@@ -1,0 +1,212 @@
+"""Attitude and rate of a satellite from directions to ground signals: multiplicative error-state Kalman filter.
+
+State: quaternion (body in orbital frame) and inertial body rate w.  Error: rotation e in the ORBITAL frame,
+C_true = exp([e x]) C, and rate error.  In this frame the reference direction S_o is known exactly, so the measured
+direction turned by the estimate, C m, misses S_o by
+
+    z = rotation vector that takes C m to S_o = e across S_o,     H = [E, 0], E two rows orthogonal to S_o:
+
+the observed and the unobserved axes never depend on the estimate (the invariant form of the extended Kalman filter,
+Barrau and Bonnabel 2017).  How it starts far from the truth: `attitude_start`.  The printed filter is `published_filter`.
+All functions accept leading batch axes.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.array_sensors.attitude.process_noise import ProcessNoiseParams
+from rf_pointing.array_sensors.attitude.quaternion import (
+    conjugate,
+    multiply,
+    quaternion_to_rotation_vector,
+    unit_quaternion,
+)
+from rf_pointing.array_sensors.attitude.rigid_body import (
+    KnownTorque,
+    RigidInertia,
+    gravity_jacobian,
+    propagate,
+    rate_jacobian,
+)
+from rf_pointing.core import Params, parameter
+from rf_pointing.core.rotations import (
+    cross_matrix,
+    cross_product,
+    matrix_from_quaternion,
+    quaternion_from_turn,
+    quaternion_product,
+    tangent_rows,
+)
+
+__all__ = [
+    "AttitudeState",
+    "DirectionObservation",
+    "GateParams",
+    "attitude_error",
+    "innovation",
+    "predict",
+    "rotation_between",
+    "start_state",
+    "update",
+]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class GateParams(Params):
+    """When a direction is taken for an outlier, and when the filter itself is."""
+
+    largest: float = parameter(
+        30.0, "largest normalised squared innovation, chi-square of 2 degrees", low=4.0, high=1e12
+    )
+    doubt_after: int = parameter(
+        8, "refusals in a row after which the filter doubts itself and listens", low=1, high=10**6
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class AttitudeState:
+    """State of one filter or of a batch of them.
+
+    quaternion (..., 4), rate_rad_s (..., 3), covariance (..., 6, 6) of [orbital-frame rotation, rate], refused (...):
+    directions outside the gate in a row, misfit (...): sum of the normalised squared innovations, each at most the gate.
+    """
+
+    quaternion: Array
+    rate_rad_s: Array
+    covariance: Array
+    refused: NDArray[np.int64]
+    misfit: Array
+
+
+@dataclass(frozen=True, slots=True)
+class DirectionObservation:
+    """Measured direction in the body (..., 3), its covariance (..., 3, 3), and the reference in the orbital frame."""
+
+    measured: Array
+    covariance_rad2: Array
+    reference: Array
+
+
+def start_state(
+    quaternion: Array, rate_rad_s: Array, attitude_sigma_rad: float, rate_sigma_rad_s: float, gate: GateParams
+) -> AttitudeState:
+    """Return the state starting at `quaternion` (..., 4), `rate_rad_s` (..., 3) with equal uncertainty of all axes.
+
+    A start may be wrong, so the filter begins in doubt: it listens until a direction falls into its gate.
+    """
+    lead = np.shape(quaternion)[:-1]
+    covariance = np.diag(np.repeat([attitude_sigma_rad**2, rate_sigma_rad_s**2], 3))
+    return AttitudeState(
+        unit_quaternion(quaternion),
+        np.array(rate_rad_s, dtype=np.float64),
+        np.broadcast_to(covariance, (*lead, 6, 6)).copy(),
+        np.full(lead, gate.doubt_after, dtype=np.int64),
+        np.zeros(lead),
+    )
+
+
+def predict(
+    inertia: RigidInertia,
+    noise: ProcessNoiseParams,
+    state: AttitudeState,
+    known: KnownTorque,
+    frame_rate: Array,
+    dt_s: float,
+) -> AttitudeState:
+    """Return the state `dt_s` later; `frame_rate` (..., 3) is the orbital frame's inertial rate in its own axes."""
+    rotation = matrix_from_quaternion(state.quaternion)
+    quaternion, rate = propagate(inertia, state.quaternion, state.rate_rad_s, known, frame_rate, dt_s, rotation)
+    by_rate = rate_jacobian(inertia, state.rate_rad_s, known.wheel_momentum_n_m_s)
+    by_attitude = inertia.inverse @ gravity_jacobian(inertia, rotation, frame_rate)
+    slope = np.zeros((*by_rate.shape[:-2], 6, 6))
+    slope[..., :3, :3] = -cross_matrix(frame_rate)
+    slope[..., :3, 3:] = 0.5 * (rotation + matrix_from_quaternion(quaternion))
+    slope[..., 3:, :3] = by_attitude @ _transposed(rotation)
+    slope[..., 3:, 3:] = by_rate
+    step = slope * dt_s
+    transition = np.eye(6) + step + 0.5 * step @ step
+    covariance = transition @ state.covariance @ _transposed(transition)
+    variance = np.einsum("...ii->...i", covariance)
+    variance += dt_s * np.repeat([noise.attitude_rad2_s, noise.rate_rad2_s3], 3)
+    return AttitudeState(quaternion, rate, covariance, state.refused, state.misfit)
+
+
+def innovation(state: AttitudeState, observation: DirectionObservation) -> tuple[Array, Array, Array]:
+    """Return z (..., 2), its covariance (..., 2, 2) and the rows E (..., 2, 3) orthogonal to the reference."""
+    rotation = matrix_from_quaternion(state.quaternion)
+    turned = np.einsum("...ij,...j->...i", rotation, observation.measured)
+    gap = rotation_between(turned, observation.reference)
+    rows = tangent_rows(observation.reference)
+    carried = rows @ matrix_from_quaternion(quaternion_from_turn(gap)) @ rotation
+    noise_map = carried @ cross_matrix(observation.measured)
+    noise = noise_map @ observation.covariance_rad2 @ _transposed(noise_map)
+    spread = rows @ state.covariance[..., :3, :3] @ _transposed(rows) + noise
+    return np.einsum("...ij,...j->...i", rows, gap), spread, rows
+
+
+def update(state: AttitudeState, observation: DirectionObservation, gate: GateParams) -> AttitudeState:
+    """Return the state after one direction.
+
+    A direction outside the gate is refused and counted.  After `gate.doubt_after` refusals in a row the filter is taken
+    to be wrong and not the sensor: it listens to everything until one direction falls inside the gate again.
+    """
+    z, spread, rows = innovation(state, observation)
+    inverse = _inverse_spread(spread)
+    squared = np.einsum("...i,...ij,...j->...", z, inverse, z)
+    inside = squared <= gate.largest
+    believed = inside | (state.refused >= gate.doubt_after)
+    crossed = state.covariance[..., :, :3] @ _transposed(rows)
+    gain = crossed @ inverse * believed[..., None, None]
+    change = np.einsum("...ij,...j->...i", gain, z)
+    # no reset of the covariance: what is left unknown is the turn about the reference itself, before and after
+    covariance = state.covariance - gain @ _transposed(crossed)
+    quaternion = quaternion_product(quaternion_from_turn(change[..., :3]), state.quaternion)
+    return AttitudeState(
+        quaternion / np.linalg.norm(quaternion, axis=-1, keepdims=True),
+        state.rate_rad_s + change[..., 3:],
+        0.5 * (covariance + covariance.swapaxes(-1, -2)),
+        np.where(inside, 0, state.refused + 1),
+        state.misfit + np.minimum(squared, gate.largest),
+    )
+
+
+def attitude_error(state: AttitudeState, quaternion: Array, rate_rad_s: Array) -> Array:
+    """Return the error (..., 6) of `state` against the truth, in the axes of its covariance."""
+    turn = quaternion_to_rotation_vector(multiply(quaternion, conjugate(state.quaternion)))
+    return np.concatenate([turn, rate_rad_s - state.rate_rad_s], axis=-1)
+
+
+def rotation_between(first: Array, second: Array) -> Array:
+    """Return the shortest rotation vector (..., 3) taking unit vector `first` to `second`.
+
+    At exactly opposite vectors every axis across them serves: one is chosen.
+    """
+    axis = cross_product(first, second)
+    sine = np.linalg.norm(axis, axis=-1)
+    angle = np.arctan2(sine, np.einsum("...i,...i->...", first, second))
+    vector = axis * np.divide(angle, sine, out=np.ones_like(sine), where=sine > 1e-12)[..., None]
+    opposite = (sine <= 1e-12) & (angle > 1.0)
+    if np.any(opposite):
+        vector[opposite] = np.pi * np.broadcast_to(tangent_rows(first)[..., 0, :], axis.shape)[opposite]
+    return np.asarray(vector)
+
+
+def _transposed(matrix: Array) -> Array:
+    """Return the transpose as a copy of its own: stacked products with a view take three times as long."""
+    return np.ascontiguousarray(matrix.swapaxes(-1, -2))
+
+
+def _inverse_spread(spread: Array) -> Array:
+    """Return the inverse (..., 2, 2) of innovation covariances; a singular one is refused."""
+    a, b, c = spread[..., 0, 0], spread[..., 0, 1], spread[..., 1, 1]
+    determinant = a * c - b * b
+    if not np.all(determinant > 0.0):
+        raise ValueError(f"innovation covariance has determinant {np.min(determinant)}, must be > 0: singular")
+    inverse = np.empty(spread.shape)
+    inverse[..., 0, 0], inverse[..., 1, 1] = c / determinant, a / determinant
+    inverse[..., 0, 1] = inverse[..., 1, 0] = -b / determinant
+    return inverse

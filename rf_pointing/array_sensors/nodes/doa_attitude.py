@@ -1,0 +1,100 @@
+"""Executable `doa_attitude`: attitude and rate of a satellite from the directions in which its array hears stations.
+
+Subscribes: array_snapshots, known_torque.  Publishes: attitude (one for every block; invalid ones carry their reason),
+attitude_rate (geometry_msgs/TwistWithCovarianceStamped, with every valid attitude).
+Parameters: array.*, estimator.*, orbit.*, stations.*, satellite.*, filter.*, start.*, noise.*, gate.*, chain.*.
+"""
+
+from geometry_msgs.msg import TwistWithCovarianceStamped
+from rf_pointing_msgs.msg import ArraySnapshots, Attitude, KnownTorque
+
+from rf_pointing.array_sensors.arrays.circular_array import CircularArrayParams
+from rf_pointing.array_sensors.arrays.doa_estimator import DoaEstimatorParams
+from rf_pointing.array_sensors.attitude.attitude_start import StartParams
+from rf_pointing.array_sensors.attitude.doa_attitude import DoaAttitudeParams
+from rf_pointing.array_sensors.attitude.multiplicative_filter import GateParams
+from rf_pointing.array_sensors.attitude.process_noise import ProcessNoiseParams
+from rf_pointing.array_sensors.attitude.rigid_body import SatelliteParams
+from rf_pointing.array_sensors.attitude.sun_synchronous_orbit import SunSynchronousOrbitParams
+from rf_pointing.array_sensors.nodes import convert
+from rf_pointing.array_sensors.systems.doa_attitude import DoaAttitude, DoaAttitudeReport, DoaChainParams
+from rf_pointing.array_sensors.systems.ground_network import GroundNetworkParams
+from rf_pointing.nodes.intake import Intake
+from rf_pointing.nodes.main_loop import run
+from rf_pointing.nodes.managed import ManagedNode
+from rf_pointing.nodes.qos import STREAM
+
+SILENCE_S = 2.0
+"""Without a block for this long, the attitude is carried on by the known torques and published all the same."""
+
+
+class DoaAttitudeNode(ManagedNode):
+    """Works on the stamps of what arrives; a timer only notices silence."""
+
+    def __init__(self) -> None:
+        super().__init__("doa_attitude")
+        array = {"array": CircularArrayParams(), "estimator": DoaEstimatorParams()}
+        scene = {
+            "orbit": SunSynchronousOrbitParams(),
+            "stations": GroundNetworkParams(),
+            "satellite": SatelliteParams(),
+        }
+        tuning = {"filter": DoaAttitudeParams(), "start": StartParams(), "noise": ProcessNoiseParams()}
+        for prefix, defaults in {**array, **scene, **tuning, "gate": GateParams(), "chain": DoaChainParams()}.items():
+            self.parameters.declare(prefix, defaults)
+        self._chain: DoaAttitude | None = None
+        self._blocks, self._torques = Intake(), Intake()
+
+    def configure(self) -> None:
+        value = self.parameters.value
+        self._chain = DoaAttitude(
+            value("array"),
+            value("estimator"),
+            value("orbit"),
+            value("stations").stations(),
+            value("satellite"),
+            (value("filter"), value("start"), value("noise"), value("gate")),
+            value("chain"),
+        )
+        self._attitudes = self.stream(Attitude, "attitude", STREAM)
+        self._rates = self.publisher(TwistWithCovarianceStamped, "attitude_rate", STREAM)
+        self.listen(KnownTorque, "known_torque", lambda m: self._torques.take(lambda: self._on_torque(m)), STREAM)
+        self.listen(ArraySnapshots, "array_snapshots", lambda m: self._blocks.take(lambda: self._on_block(m)), STREAM)
+        self.diagnostics.add("blocks", self._blocks.health)
+        self.diagnostics.add("torques", self._torques.health)
+
+    def activate(self) -> None:
+        self._blocks.open = self._torques.open = True
+        self.every(0.5 * SILENCE_S, lambda t_s: self._watch(t_s))
+
+    def deactivate(self) -> None:
+        self._blocks.open = self._torques.open = False
+
+    def _on_torque(self, message: KnownTorque) -> str:
+        self._chain.take_torque(convert.torque_from_message(message), self.now_s())
+        return ""
+
+    def _on_block(self, message: ArraySnapshots) -> str:
+        report = self._chain.take_block(convert.snapshots_from_message(message), self.now_s())
+        self._publish(report)
+        return "; ".join([*report.refused, report.attitude.reason]).strip("; ")
+
+    def _watch(self, t_s: float) -> None:
+        last_s = self._chain.time_s
+        if last_s is not None and t_s - last_s > SILENCE_S:
+            self._blocks.take(lambda: self._coast(t_s - SILENCE_S))
+
+    def _coast(self, t_s: float) -> str:
+        # Not up to now: a block that is late by less than the silence must still find the filter before it.
+        self._publish(self._chain.coast(t_s))
+        return f"no block for more than {SILENCE_S} s"
+
+    def _publish(self, report: DoaAttitudeReport) -> None:
+        self._attitudes.publish(convert.attitude_to_message(report.attitude, convert.BODY_FRAME))
+        if report.attitude.valid:
+            self._rates.publish(convert.rate_to_message(report.rate))
+
+
+def main() -> None:
+    """Entry point of `ros2 run rf_pointing doa_attitude`."""
+    run(DoaAttitudeNode)

@@ -1,0 +1,95 @@
+"""Executable `doa_source`: simulated satellite whose array hears ground stations.
+
+Publishes: array_snapshots (one block each period while a station is heard), known_torque (each period), sim/attitude
+(geometry_msgs/QuaternionStamped, truth), sim/attitude_rate (geometry_msgs/Vector3Stamped, truth).
+Parameters: source.* (period, seed), array.*, receiver.*, orbit.*, stations.*, satellite.*, and the truth that the filter
+does not know: scenario.* (link, access, true start), hold.* (attitude control), disturbance.*.
+"""
+
+from dataclasses import dataclass
+
+from geometry_msgs.msg import QuaternionStamped, Vector3Stamped
+from rf_pointing_msgs.msg import ArraySnapshots, KnownTorque
+
+from rf_pointing.array_sensors.arrays.array_source import ArraySourceParams
+from rf_pointing.array_sensors.arrays.circular_array import CircularArrayParams
+from rf_pointing.array_sensors.attitude.process_noise import ProcessNoiseParams
+from rf_pointing.array_sensors.attitude.rigid_body import SatelliteParams
+from rf_pointing.array_sensors.attitude.simulated_satellite import NadirHoldParams
+from rf_pointing.array_sensors.attitude.sun_synchronous_orbit import SunSynchronousOrbitParams
+from rf_pointing.array_sensors.nodes import convert
+from rf_pointing.array_sensors.systems.ground_network import GroundNetworkParams
+from rf_pointing.array_sensors.systems.simulated_doa import DoaScenarioParams, SimulatedDoa
+from rf_pointing.core import Params, parameter
+from rf_pointing.nodes.intake import Intake
+from rf_pointing.nodes.main_loop import run
+from rf_pointing.nodes.managed import ManagedNode
+from rf_pointing.nodes.qos import STREAM
+
+
+@dataclass(frozen=True, kw_only=True)
+class BlockParams(Params):
+    """When blocks are taken."""
+
+    period_s: float = parameter(0.25, "time between two blocks of snapshots", low=0.01, high=10.0)
+    seed: int = parameter(1, "seed of every noise source", low=0, high=2**31 - 1)
+
+
+class DoaSource(ManagedNode):
+    """Steps the satellite each period and publishes what it knows and what its array hears."""
+
+    def __init__(self) -> None:
+        super().__init__("doa_source")
+        array = {"array": CircularArrayParams(), "receiver": ArraySourceParams()}
+        scene = {
+            "orbit": SunSynchronousOrbitParams(),
+            "stations": GroundNetworkParams(),
+            "satellite": SatelliteParams(),
+        }
+        truth = {"scenario": DoaScenarioParams(), "hold": NadirHoldParams(), "disturbance": ProcessNoiseParams()}
+        for prefix, defaults in {"source": BlockParams(), **array, **scene, **truth}.items():
+            self.parameters.declare(prefix, defaults)
+        self._simulated: SimulatedDoa | None = None
+        self._blocks = Intake()
+
+    def configure(self) -> None:
+        value = self.parameters.value
+        self._simulated = SimulatedDoa(
+            value("array"),
+            value("receiver"),
+            value("orbit"),
+            value("stations").stations(),
+            value("satellite"),
+            value("hold"),
+            value("disturbance"),
+            value("scenario"),
+            value("source").seed,
+        )
+        self._snapshots = self.stream(ArraySnapshots, "array_snapshots", STREAM)
+        self._torques = self.stream(KnownTorque, "known_torque", STREAM)
+        self._true_attitude = self.publisher(QuaternionStamped, "sim/attitude", STREAM)
+        self._true_rate = self.publisher(Vector3Stamped, "sim/attitude_rate", STREAM)
+        self.diagnostics.add("blocks", self._blocks.health)
+
+    def activate(self) -> None:
+        self._blocks.open = True
+        self.every(self.parameters.value("source").period_s, lambda t_s: self._blocks.take(lambda: self._step(t_s)))
+
+    def deactivate(self) -> None:
+        self._blocks.open = False
+
+    def _step(self, t_s: float) -> str:
+        moment = self._simulated.step(t_s)
+        truth = moment.truth
+        self._true_attitude.publish(convert.orientation_to_message(t_s, truth.quaternion, convert.ORBIT_FRAME))
+        self._true_rate.publish(convert.vector_to_message(t_s, truth.rate_rad_s, convert.BODY_FRAME))
+        self._torques.publish(convert.torque_to_message(moment.torque))
+        if moment.heard is None:
+            return "no station is above its horizon and in front of the array"
+        self._snapshots.publish(convert.snapshots_to_message(moment.heard))
+        return ""
+
+
+def main() -> None:
+    """Entry point of `ros2 run rf_pointing doa_source`."""
+    run(DoaSource)

@@ -1,0 +1,97 @@
+"""Executable `interferometer_tracker`: relative pose and motion of the passive spacecraft in the active one's frame.
+
+Subscribes: interferometer_measurement.  Publishes: relative_pose (geometry_msgs/PoseWithCovarianceStamped) and
+relative_twist (geometry_msgs/TwistWithCovarianceStamped) while there is a pose, relative_pose_status always.
+Parameters: tracking.silence_s, arrays.*, plan.*, schedule.* (as the source sends), tracker.*, filter.*, floor.*.
+"""
+
+from dataclasses import dataclass
+
+from geometry_msgs.msg import PoseWithCovarianceStamped, TwistWithCovarianceStamped
+from rf_pointing_msgs.msg import InterferometerMeasurement, RelativePoseStatus
+
+from rf_pointing.array_sensors.arrays.interferometer.array_geometry import ArrayParams
+from rf_pointing.array_sensors.arrays.interferometer.carriers import CarrierPlan
+from rf_pointing.array_sensors.arrays.interferometer.rate_filter import FilterParams
+from rf_pointing.array_sensors.arrays.interferometer.reading import ErrorFloor
+from rf_pointing.array_sensors.arrays.interferometer.rep103 import rep103_pose
+from rf_pointing.array_sensors.arrays.interferometer.schedule import Schedule
+from rf_pointing.array_sensors.arrays.interferometer.system import InterferometerSystem
+from rf_pointing.array_sensors.arrays.interferometer.tracker import InterferometerTracker, TrackerOutput, TrackerParams
+from rf_pointing.array_sensors.nodes import convert
+from rf_pointing.array_sensors.systems.docking import RelativePoseTracker
+from rf_pointing.core import Params, parameter
+from rf_pointing.nodes.intake import Intake
+from rf_pointing.nodes.main_loop import run
+from rf_pointing.nodes.managed import ManagedNode
+from rf_pointing.nodes.qos import STREAM
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackingParams(Params):
+    """When silence is noticed."""
+
+    silence_s: float = parameter(5.0, "time without a measurement after which the pose coasts", low=0.1, high=600.0)
+
+
+class InterferometerTrackerNode(ManagedNode):
+    """Works on the stamps of what arrives; a timer only notices silence."""
+
+    def __init__(self) -> None:
+        super().__init__("interferometer_tracker")
+        system = {"arrays": ArrayParams(), "plan": CarrierPlan(), "schedule": Schedule()}
+        tuning = {"tracker": TrackerParams(), "filter": FilterParams(), "floor": ErrorFloor()}
+        for prefix, defaults in {"tracking": TrackingParams(), **system, **tuning}.items():
+            self.parameters.declare(prefix, defaults)
+        self._tracker: RelativePoseTracker | None = None
+        self._sequences = Intake()
+
+    def configure(self) -> None:
+        value = self.parameters.value
+        tracker = InterferometerTracker(
+            system=InterferometerSystem(arrays=value("arrays"), plan=value("plan"), schedule=value("schedule")),
+            params=value("tracker"),
+            filter_params=value("filter"),
+            floor=value("floor"),
+        )
+        self._tracker = RelativePoseTracker(tracker, value("tracking").silence_s)
+        self._poses = self.publisher(PoseWithCovarianceStamped, "relative_pose", STREAM)
+        self._twists = self.publisher(TwistWithCovarianceStamped, "relative_twist", STREAM)
+        self._status = self.stream(RelativePoseStatus, "relative_pose_status", STREAM)
+        self.listen(
+            InterferometerMeasurement,
+            "interferometer_measurement",
+            lambda message: self._sequences.take(lambda: self._track(message)),
+            STREAM,
+        )
+        self.diagnostics.add("sequences", self._sequences.health)
+
+    def activate(self) -> None:
+        self._sequences.open = True
+        self.every(0.5 * self.parameters.value("tracking").silence_s, self._watch)
+
+    def deactivate(self) -> None:
+        self._sequences.open = False
+
+    def _track(self, message: InterferometerMeasurement) -> str:
+        output = self._tracker.take(convert.sequence_from_message(message), self.now_s())
+        self._publish(output)
+        return output.reason
+
+    def _watch(self, t_s: float) -> None:
+        output = self._tracker.watch(t_s)
+        if output is not None:
+            self._publish(output)
+            self._sequences.take(lambda: output.reason)
+
+    def _publish(self, output: TrackerOutput) -> None:
+        self._status.publish(convert.status_to_message(output))
+        if output.estimate is not None:
+            pose, twist = convert.pose_to_messages(output.t_s, rep103_pose(output.estimate))
+            self._poses.publish(pose)
+            self._twists.publish(twist)
+
+
+def main() -> None:
+    """Entry point of `ros2 run rf_pointing interferometer_tracker`."""
+    run(InterferometerTrackerNode)

@@ -1,0 +1,60 @@
+"""Executable `tripulse_attitude`: attitude of the satellite's array from the lines of sight of its stations.
+
+Subscribes: <station>/tripulse_measurement.  Publishes: attitude (one for every epoch; invalid ones carry their reason).
+Parameters: attitude.*, epochs.*, orbit.*, stations.*.
+"""
+
+from rf_pointing_msgs.msg import Attitude, TripulseMeasurement
+
+from rf_pointing.array_sensors.attitude.geostationary_scene import GeostationaryParams
+from rf_pointing.array_sensors.attitude.station_attitude import StationAttitudeParams
+from rf_pointing.array_sensors.nodes import convert
+from rf_pointing.array_sensors.systems.ground_network import GroundNetworkParams
+from rf_pointing.array_sensors.systems.tripulse import EpochParams, TripulseAttitude, attitude_report
+from rf_pointing.nodes.intake import Intake
+from rf_pointing.nodes.main_loop import run
+from rf_pointing.nodes.managed import ManagedNode
+from rf_pointing.nodes.qos import STREAM
+
+
+class TripulseAttitudeNode(ManagedNode):
+    """Estimates once all stations have reported an epoch, or when it has waited too long for them."""
+
+    def __init__(self) -> None:
+        super().__init__("tripulse_attitude")
+        scene = {"orbit": GeostationaryParams(), "stations": GroundNetworkParams()}
+        for prefix, defaults in {"attitude": StationAttitudeParams(), "epochs": EpochParams(), **scene}.items():
+            self.parameters.declare(prefix, defaults)
+        self._solver: TripulseAttitude | None = None
+        self._lines = Intake()
+
+    def configure(self) -> None:
+        value = self.parameters.value
+        stations = value("stations").stations()
+        self._solver = TripulseAttitude(value("attitude"), value("epochs"), value("orbit"), stations)
+        self._attitudes = self.stream(Attitude, "attitude", STREAM)
+        for station in stations:
+            self.listen(
+                TripulseMeasurement,
+                f"{station.name}/tripulse_measurement",
+                lambda message: self._lines.take(lambda: self._observe(message)),
+                STREAM,
+            )
+        self.diagnostics.add("lines of sight", self._lines.health)
+
+    def activate(self) -> None:
+        self._lines.open = True
+
+    def deactivate(self) -> None:
+        self._lines.open = False
+
+    def _observe(self, message: TripulseMeasurement) -> str:
+        found = self._solver.take(convert.line_from_message(message), self.now_s())
+        for attitude in found:
+            self._attitudes.publish(convert.attitude_to_message(attitude_report(attitude), convert.ARRAY_FRAME))
+        return found[-1].reason if found else message.reason
+
+
+def main() -> None:
+    """Entry point of `ros2 run rf_pointing tripulse_attitude`."""
+    run(TripulseAttitudeNode)

@@ -1,0 +1,123 @@
+"""Report of the array sensors in a bag: a picture each, and their errors against the truth beside what they claim."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.array_sensors.report.pictures import draw_attitude, draw_pose
+from rf_pointing.array_sensors.report.series import ArraySeries, array_sensors, read_attitude_series, read_pose_series
+from rf_pointing.report.html import Cell, document, figure, table, text
+
+__all__ = ["ArrayErrors", "report_array_sensors", "write_array_report"]
+
+SCHEMA = "rf_pointing/array_summary/1"
+_CAPTION = (
+    "Estimates and truth of the same stamps on the left, errors in the band of three claimed deviations on the right."
+)
+_READ = {"attitude": read_attitude_series, "relative_pose": read_pose_series}
+_DRAW = {"attitude": draw_attitude, "relative_pose": draw_pose}
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArrayErrors:
+    """Errors of one quantity of a sensor over its valid epochs: rms and median claimed deviation (x, y, z) in `unit`.
+
+    `inside` is the share of all errors within three claimed deviations; without a valid epoch the three are None.
+    """
+
+    sensor: str
+    quantity: str
+    unit: str
+    epochs: int
+    valid: int
+    rms: tuple[float, ...] | None
+    claimed: tuple[float, ...] | None
+    inside: float | None
+
+
+def report_array_sensors(bag: Path, folder: Path) -> Path | None:
+    """Write the page of a bag that holds array sensors and return its path; None when it holds none.
+
+    The executable `report` finds this function through the entry point group `rf_pointing.reports`.
+    """
+    if not array_sensors(bag):
+        return None
+    write_array_report(bag, folder)
+    return folder / "array_report.html"
+
+
+def write_array_report(bag: Path | str, output_dir: Path | str) -> list[ArrayErrors]:
+    """Write `array_report.html`, `array_summary.json` and a picture of every array sensor; return the errors.
+
+    Raises
+    ------
+    ValueError
+        The recording cannot be read, holds no array sensor, or one without a stamp in common with its truth.
+    """
+    path, folder = Path(bag), Path(output_dir)
+    sensors = array_sensors(path)
+    if not sensors:
+        raise ValueError(f"path={path} holds no attitude or relative_pose with its truth below sim/")
+    folder.mkdir(parents=True, exist_ok=True)
+    errors: list[ArrayErrors] = []
+    figures = []
+    for namespace, what in sensors.items():
+        series = _READ[what](path, namespace)
+        name, title = namespace.strip("/").replace("/", "_") or "root", f"{namespace}/{what}"
+        picture = folder / f"{name}_{what}.png"
+        _DRAW[what](series, picture, title)
+        figures.append(figure(picture, title, _CAPTION))
+        errors += _errors(title, series)
+    heading = f"Array sensors of {path.name}"
+    parts = [f"<h1>{text(heading)}</h1>", _table(errors), *figures]
+    (folder / "array_report.html").write_text(document(heading, parts), encoding="utf-8")
+    summary = {"schema": SCHEMA, "bag": str(path), "errors": [asdict(each) for each in errors]}
+    (folder / "array_summary.json").write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
+    return errors
+
+
+def _errors(sensor: str, series: ArraySeries) -> list[ArrayErrors]:
+    found = []
+    if series.position_m is not None:
+        found.append(_line(sensor, "position", "m", series, series.position_error_m, series.position_sigma_m))
+    degrees = (np.degrees(series.rotation_error_rad), np.degrees(series.rotation_sigma_rad))
+    return [*found, _line(sensor, "attitude", "deg", series, *degrees)]
+
+
+def _line(
+    sensor: str, quantity: str, unit: str, series: ArraySeries, error: NDArray[np.float64], sigma: NDArray[np.float64]
+) -> ArrayErrors:
+    valid = series.valid
+    count = int(np.sum(valid))
+    some = count > 0
+    return ArrayErrors(
+        sensor=sensor,
+        quantity=quantity,
+        unit=unit,
+        epochs=len(valid),
+        valid=count,
+        rms=tuple(np.sqrt(np.mean(error[valid] ** 2, axis=0)).tolist()) if some else None,
+        claimed=tuple(np.median(sigma[valid], axis=0).tolist()) if some else None,
+        inside=float(np.mean(np.abs(error[valid]) <= 3.0 * sigma[valid])) if some else None,
+    )
+
+
+def _table(errors: Sequence[ArrayErrors]) -> str:
+    axes = [f"{what} {axis}" for what in ("rms", "claimed") for axis in "xyz"]
+    rows: list[list[Cell]] = [
+        [
+            each.sensor,
+            f"{each.quantity}, {each.unit}",
+            each.epochs,
+            each.valid,
+            *(each.rms or [None] * 3),
+            *(each.claimed or [None] * 3),
+            None if each.inside is None else 100.0 * each.inside,
+        ]
+        for each in errors
+    ]
+    return table(["sensor", "quantity", "epochs", "valid", *axes, "inside 3σ, %"], rows, words=(0, 1))

@@ -1,0 +1,137 @@
+"""True and estimated attitude or pose of an array sensor, from a bag, side by side.
+
+Estimates and truth belong together when they have the same stamp; what has no partner is left out.
+"""
+
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.typesys import Stores, get_typestore
+
+from rf_pointing.array_sensors.attitude.quaternion import conjugate, multiply, quaternion_to_rotation_vector
+from rf_pointing.report.bag_source import open_bag
+from rf_pointing.report.topic_data import types_of
+
+__all__ = ["ArraySeries", "array_sensors", "read_attitude_series", "read_pose_series"]
+
+Floats = NDArray[np.float64]
+Messages = dict[int, Any]
+
+
+@dataclass(frozen=True)
+class ArraySeries:
+    """n epochs: time from the first, vectors (n, 3) in m (None without positions), quaternions (n, 4), validity (n,).
+
+    `covariance` (n, k, k) is that of the errors: rotation (k = 3), or position and rotation (k = 6), in the reference axes.
+    """
+
+    t_s: Floats
+    true_position_m: Floats | None
+    position_m: Floats | None
+    true_quaternion: Floats
+    quaternion: Floats
+    covariance: Floats
+    valid: NDArray[np.bool_]
+
+    @property
+    def rotation_error_rad(self) -> Floats:
+        """Rotation vectors (n, 3) from true to estimated orientation, about the reference axes."""
+        return quaternion_to_rotation_vector(multiply(self.quaternion, conjugate(self.true_quaternion)))
+
+    @property
+    def rotation_sigma_rad(self) -> Floats:
+        """Standard deviations (n, 3) of the rotation error."""
+        return np.asarray(np.sqrt(np.diagonal(self.covariance[:, -3:, -3:], axis1=1, axis2=2)))
+
+    @property
+    def position_error_m(self) -> Floats:
+        """Errors (n, 3) of the position; ValueError without positions."""
+        if self.position_m is None or self.true_position_m is None:
+            raise ValueError("an attitude sensor has no position")
+        return self.position_m - self.true_position_m
+
+    @property
+    def position_sigma_m(self) -> Floats:
+        """Standard deviations (n, 3) of the position error."""
+        return np.asarray(np.sqrt(np.diagonal(self.covariance[:, :3, :3], axis1=1, axis2=2)))
+
+
+def array_sensors(bag: Path) -> dict[str, str]:
+    """Return what the array sensors of a bag measure, "attitude" or "relative_pose", by their namespaces."""
+    with ExitStack() as stack:
+        topics = {connection.topic for connection in open_bag(bag, stack).connections}
+    found = {}
+    for topic in sorted(topics):
+        namespace, _, what = topic.rpartition("/")
+        if what in ("attitude", "relative_pose") and f"{namespace}/sim/{what}" in topics:
+            found[namespace] = what
+    return found
+
+
+def read_attitude_series(bag: Path, namespace: str) -> ArraySeries:
+    """Return attitude against sim/attitude of one namespace; ValueError where a bag has no common stamp."""
+    estimates, truth = _read(bag, f"{namespace}/attitude", f"{namespace}/sim/attitude")
+    stamps = _common(estimates, truth, bag)
+    return ArraySeries(
+        t_s=_seconds(stamps),
+        true_position_m=None,
+        position_m=None,
+        true_quaternion=np.array([_components(truth[stamp].quaternion, "xyzw") for stamp in stamps]),
+        quaternion=np.array([_components(estimates[stamp].orientation, "xyzw") for stamp in stamps]),
+        covariance=np.array([estimates[stamp].covariance for stamp in stamps]).reshape(-1, 3, 3),
+        valid=np.array([estimates[stamp].valid for stamp in stamps]),
+    )
+
+
+def read_pose_series(bag: Path, namespace: str) -> ArraySeries:
+    """Return relative_pose against sim/relative_pose; a pose is published only while there is one, so all are valid."""
+    estimates, truth = _read(bag, f"{namespace}/relative_pose", f"{namespace}/sim/relative_pose")
+    stamps = _common(estimates, truth, bag)
+    found, true = ([messages[stamp].pose for stamp in stamps] for messages in (estimates, truth))
+    return ArraySeries(
+        t_s=_seconds(stamps),
+        true_position_m=np.array([_components(each.pose.position, "xyz") for each in true]),
+        position_m=np.array([_components(each.pose.position, "xyz") for each in found]),
+        true_quaternion=np.array([_components(each.pose.orientation, "xyzw") for each in true]),
+        quaternion=np.array([_components(each.pose.orientation, "xyzw") for each in found]),
+        covariance=np.array([each.covariance for each in found]).reshape(-1, 6, 6),
+        valid=np.ones(len(stamps), dtype=np.bool_),
+    )
+
+
+def _read(bag: Path, *topics: str) -> list[Messages]:
+    """Return the messages of each topic by stamp in nanoseconds; of several with one stamp the last."""
+    found: dict[str, Messages] = {topic: {} for topic in topics}
+    with ExitStack() as stack:
+        source = open_bag(bag, stack)
+        types = dict(get_typestore(Stores.ROS2_JAZZY).fielddefs)
+        for connection in source.connections:
+            types.update(types_of(connection.msgtype, connection.msgdef))
+        typestore = get_typestore(Stores.EMPTY)
+        typestore.register(types)
+        for reader in source.readers:
+            wanted = [connection for connection in reader.connections if connection.topic in found]
+            for connection, _, raw in reader.messages(wanted) if wanted else ():
+                message: Any = typestore.deserialize_cdr(raw, connection.msgtype)
+                stamp = message.header.stamp
+                found[connection.topic][stamp.sec * 10**9 + stamp.nanosec] = message
+    return [found[topic] for topic in topics]
+
+
+def _common(estimates: Messages, truth: Messages, bag: Path) -> list[int]:
+    stamps = sorted(estimates.keys() & truth.keys())
+    if not stamps:
+        raise ValueError(f"bag={bag}: {len(estimates)} estimates and {len(truth)} true values have no stamp in common")
+    return stamps
+
+
+def _seconds(stamps: list[int]) -> Floats:
+    return np.array([(stamp - stamps[0]) / 1e9 for stamp in stamps])
+
+
+def _components(message: Any, names: str) -> list[float]:
+    return [getattr(message, name) for name in names]

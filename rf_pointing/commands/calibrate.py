@@ -1,0 +1,266 @@
+"""Executable `calibrate`: a calibration campaign on the live simulated station, from the plan to the accepted model.
+
+The sky is filled with beacons, the campaign that fills the 36 sectors in the least time is planned, the graph is brought
+up as `track` does, the calibrator runs the campaign and fits; some more beacons are tracked with the new model in the shadow
+of the old one, and it is accepted if it did better there.  The report is written from the observations of the fit.
+Exit code 0: the better of the two models is in force; 1: interrupted, or no model to decide about; 2: not started.
+"""
+
+import argparse
+import math
+import sys
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+import yaml
+from ament_index_python.packages import get_package_share_directory
+from numpy.typing import NDArray
+
+from rf_pointing.calibration import (
+    Campaign,
+    FitResult,
+    ObservationJournal,
+    Observations,
+    PassPriors,
+    SectorRule,
+    ShadowRules,
+    Slew,
+    plan_campaign,
+    read_model,
+)
+from rf_pointing.commands import track_options
+from rf_pointing.commands.calibration_run import CalibrationRun, Outcome
+from rf_pointing.commands.namespace_option import add_namespace_option
+from rf_pointing.commands.number_option import between, seed
+from rf_pointing.commands.station_run import run_to_end
+from rf_pointing.commands.track_options import DEFAULT_MODELS, output_folder, speed_factor
+from rf_pointing.commands.utc import parse_utc
+from rf_pointing.core import MDEG, require_between
+from rf_pointing.ephemeris import Elements, Pass, site, tle_lines, utc_text
+from rf_pointing.nodes.bias_calibrator import JOURNAL
+from rf_pointing.planning import AxisLimits
+from rf_pointing.station.campaign.commissioning import commissioning_model
+from rf_pointing.station.campaign.log import CalibrationLog
+from rf_pointing.station.campaign.model_keeper import ModelKeeper, campaign_folder
+from rf_pointing.station.campaign.plan import ArcRules, beacons, candidate_arcs, window_of
+
+Counts = NDArray[np.int64]
+DEFAULT_START = "2006-06-25T00:00:00"
+"""Before the passes that `track` chooses by default, for which the model shall be valid."""
+ARCS_S = (60.0, 120.0, 240.0)
+"""Lengths of the pieces of passes that the plan chooses from."""
+SHADOW_ARCS_S = (60.0,)
+SHADOW_SPAN_S = 600.0
+"""Time in which a beacon is found for each pass in the shadow."""
+LARGEST_SLEW_S = 180.0
+"""From the end of a pass, or from the start, to the first point of the next one."""
+SPACING_S = 0.5
+SIGMA_RAD = 2.0 * MDEG
+SETTLE_S = 25.0
+"""Of valid errors before the first observation; the simulated lags follow a change of rate with two poles of 5 s."""
+ACQUISITION_S = 45.0
+"""From the begin of a pass until the search has found the signal and the lags of the mount have died down."""
+
+
+def arguments(argv: list[str] | None = None) -> argparse.Namespace:
+    """Return the parsed command line, completed by what a run of `track` has by default."""
+    parser = argparse.ArgumentParser(prog="calibrate", description="Calibrate the simulated station's pointing model.")
+    parser.add_argument("--station", default="Goldstone DSS-13", help="station name (default: Goldstone DSS-13)")
+    parser.add_argument("--band", choices=("S", "X", "Ka"), default="X", help="frequency band (default: X)")
+    parser.add_argument("--sensor", choices=("monopulse", "conscan"), default="monopulse", help="(default: monopulse)")
+    parser.add_argument(
+        "--start", metavar="UTC", default=DEFAULT_START, help=f"simulated time (default: {DEFAULT_START})"
+    )
+    parser.add_argument(
+        "--longest", metavar="S", type=float, default=4800.0, help="simulated time at most (default: 4800)"
+    )
+    parser.add_argument("--fewest", type=int, default=25, help="observations in each sector (default: 25)")
+    parser.add_argument(
+        "--ephemeris-error", metavar="S", type=between(-60.0, 60.0), default=0.0, help="of the beacons (default: 0)"
+    )
+    parser.add_argument(
+        "--orbit-prior",
+        metavar="M",
+        type=float,
+        default=5.0,
+        help="error of the beacons' orbits that the fit allows for in each pass (default: 5)",
+    )
+    parser.add_argument(
+        "--resume", action="store_true", help="go on with an interrupted campaign: only what its observations left thin"
+    )
+    parser.add_argument(
+        "--shadow",
+        metavar="N",
+        type=int,
+        default=3,
+        help="passes beside the new model before it is accepted (default: 3)",
+    )
+    parser.add_argument("--models", metavar="DIR", default=str(DEFAULT_MODELS), help=f"(default: {DEFAULT_MODELS})")
+    parser.add_argument("--speed", default="max", help="factor of real time, or max (default)")
+    parser.add_argument("--seed", type=seed, default=1, help="seed of every noise source (default: 1)")
+    add_namespace_option(parser)
+    parser.add_argument("--params-file", action="append", default=[], help="further ROS parameter file")
+    parser.add_argument(
+        "--output", metavar="DIR", help="folder of bag and report (default: runs/calibration-TIME-NUMBER)"
+    )
+    beacons_and_journal = {"satellite": "90001", "keep_observations": True}
+    return argparse.Namespace(**vars(track_options.arguments([])) | vars(parser.parse_args(argv)) | beacons_and_journal)
+
+
+@dataclass(frozen=True, eq=False)
+class Schedule:
+    """What is tracked: `windows` for the fit (none when all sectors are full already), then `shadow` beside its result."""
+
+    elements: list[Elements]
+    campaign: Campaign
+    windows: list[Pass]
+    shadow: list[Pass]
+
+
+def plan(options: argparse.Namespace) -> Schedule:
+    """Return the beacons and the passes to track; ValueError when nothing can be tracked."""
+    require_between("shadow", options.shadow, 2, 20)
+    require_between("longest", options.longest, 60.0, 86400.0)
+    require_between("orbit_prior", options.orbit_prior, 0.01, 1e6)
+    if not options.models:
+        raise ValueError("models='' must name a folder: a campaign keeps its observations there")
+    start_s = parse_utc(options.start)
+    elements, rule = beacons(start_s), SectorRule(fewest=options.fewest, most=max(30, options.fewest))
+    filled, last_s = progress_so_far(options, rule) if options.resume else (None, start_s)
+    begin_s = max(start_s, last_s) + LARGEST_SLEW_S
+    campaign = planned(options, elements, begin_s, options.longest, ARCS_S, rule, filled)
+    if not campaign.passes and campaign.coverage.thin:
+        raise ValueError(f"longest={options.longest} s leaves no beacon to track")
+    windows = windows_of(options, elements, campaign)
+    begin_s = (windows[-1].los_t_s if windows else begin_s) + LARGEST_SLEW_S
+    rest = planned(options, elements, begin_s, options.shadow * SHADOW_SPAN_S, SHADOW_ARCS_S, rule)
+    shadow = windows_of(options, elements, rest)[: options.shadow]
+    if len(shadow) < options.shadow:
+        raise ValueError(f"shadow={options.shadow}: only {len(shadow)} beacons can be tracked after the campaign")
+    return Schedule(elements, campaign, windows, shadow)
+
+
+def planned(
+    options: argparse.Namespace,
+    elements: list[Elements],
+    begin_s: float,
+    span_s: float,
+    arcs_s: tuple[float, ...],
+    rule: SectorRule,
+    filled: Counts | None = None,
+) -> Campaign:
+    """Return the campaign of pieces of passes within `span_s` that fills what `filled` leaves thin."""
+    rules = ArcRules(
+        arcs_s=arcs_s, every_s=60.0, spacing_s=SPACING_S, lowest_rad=math.radians(11.0), lead_s=ACQUISITION_S
+    )
+    candidates, _ = candidate_arcs(elements, site(options.station), begin_s, span_s, rules)
+    limits = AxisLimits()
+    travel = (limits.azimuth_min_rad, limits.azimuth_max_rad)
+    return plan_campaign(candidates, rule, Slew(settle_s=ACQUISITION_S + 10.0, travel_rad=travel), filled)
+
+
+def windows_of(options: argparse.Namespace, elements: list[Elements], campaign: Campaign) -> list[Pass]:
+    """Return the passes to track, each from its acquisition on."""
+    by_name, place = {one.name: one for one in elements}, site(options.station)
+    return [window_of(one, by_name[one.name], place, ACQUISITION_S) for one in campaign.passes]
+
+
+def progress_so_far(options: argparse.Namespace, rule: SectorRule) -> tuple[Counts, float]:
+    """Return the points in each sector that an interrupted campaign has taken, and when the last one was."""
+    points = journal_of(options).points
+    if points is None:
+        raise ValueError(
+            f"no observations of {options.station} in band {options.band} to resume from in {options.models}"
+        )
+    return rule.coverage(points.true_azimuth_rad, points.true_elevation_rad).counts, float(np.max(points.t_s))
+
+
+def journal_of(options: argparse.Namespace) -> ObservationJournal:
+    """Return the observations that the calibrator keeps for this station and band."""
+    folder = campaign_folder(options.models, options.station, options.band)
+    return ObservationJournal(folder / JOURNAL, options.station, options.band)
+
+
+def calibrator_parameters(path: Path, options: argparse.Namespace) -> Path:
+    """Write spacing, what the beacons' orbits may be wrong by and what the shadow decides on, and return the file."""
+    sections = {
+        "orbit": {f"{name}_m": options.orbit_prior for name in ("along_track", "cross_track", "radial")},
+        "calibrator": {"spacing_s": SPACING_S, "settle_s": SETTLE_S},
+        "shadow": {"fewest_passes": options.shadow, "accept": "better"},
+    }
+    path.write_text(yaml.safe_dump({"/**/bias_calibrator": {"ros__parameters": sections}}))
+    return path
+
+
+def fit_of(options: argparse.Namespace, output: Path) -> tuple[Observations, FitResult]:
+    """Return the observations on the disk and the fit that the calibrator makes of them beside the model in force."""
+    log = CalibrationLog(options.station, options.band, SPACING_S, SIGMA_RAD, journal=journal_of(options))
+    points = log.observations()
+    config = Path(get_package_share_directory("rf_pointing")) / "config"
+    start = read_model(commissioning_model(config, options.station, options.band, output))
+    keeper = ModelKeeper(options.station, options.band, options.models, start, ShadowRules())
+    keeper.begin(float(np.max(points.t_s)))
+    size = options.orbit_prior
+    return points, log.fit(keeper.model, pass_priors=PassPriors(along_track_m=size, cross_track_m=size, radial_m=size))
+
+
+def say(text: str) -> None:
+    """Tell the user, beside the data."""
+    print(f"calibrate: {text}", file=sys.stderr)
+
+
+def main(argv: list[str] | None = None) -> None:
+    """Entry point of `ros2 run rf_pointing calibrate`."""
+    options = arguments(argv)
+    try:
+        speed_factor(options.speed)
+        schedule = plan(options)
+        output = output_folder(options, f"calibration-{datetime.now(UTC):%Y%m%dT%H%M%S}")
+        options.elements = str(output / "beacons.tle")
+        lines = [line for one in schedule.elements for line in (one.name, *tle_lines(one))]
+        Path(options.elements).write_text("\n".join(lines) + "\n")
+        options.params_file.append(str(calibrator_parameters(output / "calibrator.yaml", options)))
+    except (ValueError, OSError) as error:
+        say(str(error))
+        sys.exit(2)
+    say(plan_text(schedule))
+    sys.exit(execute(options, schedule, output))
+
+
+def plan_text(schedule: Schedule) -> str:
+    """Return the plan in a line."""
+    coverage, windows = schedule.campaign.coverage, schedule.windows
+    filled = f"{coverage.rule.count - len(coverage.thin)} of {coverage.rule.count} sectors"
+    last = f"{len(schedule.shadow)} more in the shadow until {utc_text(schedule.shadow[-1].los_t_s)}"
+    if not windows:
+        return f"{filled} are full already; {last}"
+    first, end = utc_text(windows[0].aos_t_s), utc_text(windows[-1].los_t_s)
+    return f"{len(windows)} beacons from {first} to {end} fill {filled}; {last}"
+
+
+def execute(options: argparse.Namespace, schedule: Schedule, output: Path) -> int:
+    """Run the campaign and write the report; return the exit code."""
+    from rf_pointing.report.calibration_report import write_calibration_report
+
+    fits: list[tuple[Observations, FitResult]] = []
+    outcomes: list[Outcome] = []
+
+    def work(run: CalibrationRun) -> int:
+        outcomes.append(run.calibrate())
+        return 0 if outcomes[0].settled else 1
+
+    def make() -> CalibrationRun:
+        return CalibrationRun(
+            options, schedule.windows, schedule.shadow, output, lambda: fits.append(fit_of(options, output))
+        )
+
+    code = run_to_end("calibrate", make, work)
+    if not (outcomes and outcomes[0].settled) and journal_of(options).points is not None:
+        say(f"the observations are kept in {journal_of(options).path}: calibrate --resume goes on with them")
+    for (points, fit), outcome in zip(fits, outcomes, strict=False):
+        remarks = [f"Beside the model in force: {outcome.shadow}"] if outcome.shadow else []
+        page = write_calibration_report(output, points, fit, name=outcome.model, remarks=remarks)
+        say(f"report {page}")
+    return code

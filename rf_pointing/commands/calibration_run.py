@@ -1,0 +1,114 @@
+"""The live part of `calibrate`: campaign, fit, some passes with the new model in the shadow, acceptance.
+
+Simulated time stands still while nothing is tracked, so that the plan of the passes holds however long a fit takes.
+"""
+
+import argparse
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rclpy.action import ActionClient
+from rf_pointing_msgs.action import FitModel, RunCampaign
+from std_srvs.srv import Trigger
+
+from rf_pointing.commands.station_run import StationRun
+from rf_pointing.ephemeris import Pass
+from rf_pointing.nodes import convert_planning
+
+__all__ = ["CalibrationRun", "Outcome"]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a calibration ended: name of the fitted model (empty: none), whether it is in force, what the shadow said.
+
+    `settled` is True when the shadow decided, also against the new model: the better of the two is in force.
+    """
+
+    model: str = ""
+    accepted: bool = False
+    settled: bool = False
+    shadow: str = ""
+
+
+class CalibrationRun(StationRun):
+    """One calibration on the live graph: `windows` are tracked for the fit, `shadow` beside its result.
+
+    `on_fit` is called when a model has been fitted, before anything else is observed.
+    """
+
+    def __init__(
+        self,
+        options: argparse.Namespace,
+        windows: Sequence[Pass],
+        shadow: Sequence[Pass],
+        output: Path,
+        on_fit: Callable[[], None],
+    ) -> None:
+        super().__init__("calibrate", options, [*windows, *shadow][0], output)
+        self._options, self._windows, self._shadow, self._on_fit = options, windows, shadow, on_fit
+        self._shown, self._count = 0, 0
+        self._campaign = ActionClient(self.node, RunCampaign, "bias_calibrator/run_campaign")
+        self._fit = ActionClient(self.node, FitModel, "bias_calibrator/fit_model")
+
+    def calibrate(self) -> Outcome:
+        """Bring the graph up, run the campaign, fit, run the shadow and accept the model if it did better there."""
+        self.bring_up(self._campaign, self._fit)
+        if self._windows:
+            campaign = self._observe(self._windows, resume=self._options.resume)
+            if self.stopping:
+                self.say(f"interrupted with {campaign.observations} observations")
+                return Outcome()
+        fit = self.result(self.send(self._fit, FitModel.Goal(), "bias_calibrator"))
+        self.say(fit.message)
+        if not fit.success:
+            return Outcome()
+        self._on_fit()
+        shadow = self._observe(self._shadow, resume=True)
+        if self.stopping:
+            self.say(f"interrupted; {fit.model.name} is not in force")
+            return Outcome(fit.model.name)
+        if shadow.verdict != "better":
+            self.say(f"{self._call('bias_calibrator/reject').message}: the old model stays in force")
+            enough = shadow.verdict == "undecided" and shadow.passes_observed >= len(self._shadow)
+            return Outcome(fit.model.name, settled=enough, shadow=shadow.message)
+        answer = self._call("bias_calibrator/accept")
+        self.say(answer.message)
+        return Outcome(fit.model.name, answer.success, answer.success, shadow.message)
+
+    def _observe(self, windows: Sequence[Pass], *, resume: bool) -> RunCampaign.Result:
+        """Run a campaign of these passes; time runs only meanwhile."""
+        self._shown, self._count = 0, len(windows)
+        passes = [convert_planning.pass_to_message(window) for window in windows]
+        goal = RunCampaign.Goal(passes=passes, sensor=self._options.sensor, resume=resume)
+        handle = self.send(self._campaign, goal, "bias_calibrator", self._show)
+        self.run_time()
+        result = self.result(handle)
+        self.hold_time()
+        if sys.stderr.isatty():
+            print(file=sys.stderr)
+        self.say(result.message)
+        return result
+
+    def _call(self, name: str) -> Trigger.Response:
+        client = self.node.create_client(Trigger, name)
+        self.graph.wait_until(client.service_is_ready, name)
+        future = client.call_async(Trigger.Request())
+        self.graph.wait_until(future.done, f"an answer of {name}")
+        return future.result()
+
+    def _show(self, message: Any) -> None:
+        state = message.feedback
+        if not sys.stderr.isatty() and state.pass_number == self._shown:
+            return
+        self._shown = state.pass_number
+        text = (
+            f"pass {state.pass_number} of {self._count}, {state.target}: so far {state.observations} observations, "
+            f"{state.sectors_filled} of 36 sectors"
+        )
+        print(
+            f"\r{text:<78}" if sys.stderr.isatty() else text, end="" if sys.stderr.isatty() else "\n", file=sys.stderr
+        )

@@ -1,0 +1,299 @@
+"""Executable `fit_bias_model FILE...`: from recordings, tracking data or calibration points to a model file and a report.
+
+Input: rosbag2 recordings (folder or .mcap), CSV (calibration points, or raw tracking data of one pass), CCSDS TDM.  Raw data
+of CSV and TDM need --elements.  Exit code 0: the model was fitted; 2: it was not, and nothing was written.
+"""
+
+import argparse
+import sys
+import time
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from rf_pointing import __version__
+from rf_pointing.calibration import (
+    TERM_NAMES,
+    BiasModel,
+    FitOptions,
+    FitResult,
+    ModelFile,
+    Observations,
+    PassPriors,
+    Prior,
+    SectorRule,
+    StageReport,
+    doubts_of,
+    fit_bias_model,
+    held_out_passes,
+    measured_pass_priors,
+    read_model,
+    select_observations,
+    select_terms,
+    write_model,
+)
+from rf_pointing.core import MDEG
+from rf_pointing.core.refraction import RadioRefraction
+from rf_pointing.ephemeris import read_elements, site
+from rf_pointing.station.campaign.log import PRIOR_SIGMA
+from rf_pointing.station.campaign.recorded_input import (
+    holds_points,
+    process_passes,
+    read_points,
+    read_raw,
+    reference_of,
+)
+
+DAY_S = 86400.0
+FREEZING_K = 273.15
+TABULAR = (".csv", ".tdm", ".kvn", ".txt")
+
+
+def arguments(argv: list[str] | None = None) -> argparse.Namespace:
+    """Return the parsed command line."""
+    parser = argparse.ArgumentParser(prog="fit_bias_model", description="Fit the pointing model of an antenna.")
+    parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="recording, CSV or TDM")
+    parser.add_argument("--station", default="Goldstone DSS-13", help="station name (default: Goldstone DSS-13)")
+    parser.add_argument("--band", default="X", help="frequency band (default: X)")
+    parser.add_argument("--namespace", help="antenna, where a recording holds several")
+    parser.add_argument("--elements", type=Path, metavar="FILE", help="elements of the targets of CSV and TDM data")
+    parser.add_argument("--max-age", type=float, default=14.0, metavar="DAYS", help="of the elements (default: 14)")
+    air = parser.add_mutually_exclusive_group()
+    air.add_argument("--weather", nargs=3, type=float, metavar=("HPA", "CELSIUS", "PERCENT"), help="pressure, temperature and "
+                     "humidity during CSV and TDM data (default: the standard at the station's altitude)")  # fmt: skip
+    air.add_argument("--refraction-removed", action="store_true", help="the angles of CSV and TDM data are free of it")
+    parser.add_argument("--largest-error", type=float, default=6.0, metavar="MDEG",
+                        help="samples of recordings with a larger sensed error are left out (default: 6)")  # fmt: skip
+    parser.add_argument("--allow-damage", action="store_true", help="use the sound part of damaged recordings")
+    parser.add_argument("--start-model", type=Path, metavar="FILE", help="best model known, the prior of every term")
+    parser.add_argument(
+        "--terms", nargs="+", default=list(TERM_NAMES), metavar="TERM", help="terms to fit (default: all)"
+    )
+    parser.add_argument("--select", action="store_true", help="choose among the terms by BIC")
+    parser.add_argument("--held-out", action="store_true", help="say how each pass is predicted by a fit without it")
+    parser.add_argument("--form", choices=("printed", "rotation"), default="rotation", help="(default: rotation)")
+    parser.add_argument("--robust", action="store_true", help="Huber weights beyond 1.5 sigma instead of squares")
+    parser.add_argument("--orbit-prior", type=float, metavar="M", help="orbit error of each pass that the fit allows for, "
+                        "along, across and radially; 0: none (default: as large as the passes show it)")  # fmt: skip
+    parser.add_argument("--sectors", action="store_true", help="take 25 to 30 points of each of the 36 sectors")
+    parser.add_argument("--require-full", action="store_true", help="the same, and refuse a sky with empty sectors")
+    parser.add_argument("--name", default="", help="version of the model (default: made from the data's time)")
+    parser.add_argument("--output", type=Path, default=Path("bias_model.yaml"), help="(default: bias_model.yaml)")
+    parser.add_argument("--report", type=Path, metavar="DIR", help="folder of the report (default: beside the output)")
+    return parser.parse_args(argv)
+
+
+def collected(options: argparse.Namespace, model: BiasModel) -> tuple[Observations, list[StageReport], list[str]]:
+    """Return the points of all files, what the pipeline did to the raw ones, and which passes gave none."""
+    tables = [path for path in options.files if path.is_file() and path.suffix in TABULAR]
+    points = read_points([path for path in tables if path.suffix == ".csv" and holds_points(path)])
+    raw = [
+        one
+        for path in tables
+        if not (path.suffix == ".csv" and holds_points(path))
+        for one in read_raw(path, options.band)
+    ]
+    passes = [(one, _reference(options, one)) for one in raw]
+    for path in options.files:
+        if path not in tables:
+            passes += _recorded(options, path)
+    parts = [points] if points is not None else []
+    stages: list[StageReport] = []
+    notes: list[str] = []
+    if passes:
+        first = int(np.max(points.pass_id)) + 1 if points is not None else 0
+        made, stages, notes = process_passes(passes, model, first)
+        parts += made
+    together = Observations.concatenate(parts)
+    for name in ("station", "band"):
+        if getattr(together, name) != getattr(options, name):
+            raise ValueError(
+                f"the data are of {name} {getattr(together, name)!r}, must be of {getattr(options, name)!r}"
+            )
+    if options.sectors or options.require_full:
+        together, _, selection = select_observations([together], SectorRule(), require_full=options.require_full)
+        stages.append(selection)
+    return together, stages, notes
+
+
+def _reference(options: argparse.Namespace, raw: object) -> object:
+    if options.elements is None:
+        raise ValueError("elements: tracking data of CSV and TDM need --elements FILE for their reference")
+    return reference_of(
+        raw,
+        read_elements(options.elements.read_text()),
+        site(options.station),
+        options.max_age * DAY_S,
+        refraction(options),
+    )
+
+
+def refraction(options: argparse.Namespace) -> RadioRefraction | Literal["standard"] | None:
+    """Return the air through which CSV and TDM data were taken."""
+    if options.weather is None:
+        return None if options.refraction_removed else "standard"
+    pressure_hpa, celsius, percent = options.weather
+    return RadioRefraction(
+        pressure_hpa=pressure_hpa, temperature_k=celsius + FREEZING_K, relative_humidity=percent / 100.0
+    )
+
+
+def _recorded(options: argparse.Namespace, path: Path) -> list[tuple[object, object]]:
+    from rf_pointing.report.tracking_from_bag import tracking_from_bag
+
+    found = tracking_from_bag(
+        path, options.station, options.band, namespace=options.namespace,
+        largest_error_rad=options.largest_error * MDEG, allow_damage=options.allow_damage,
+    )  # fmt: skip
+    return [(one.raw, one.reference) for one in found]
+
+
+def orbit_priors(options: argparse.Namespace, points: Observations, present: ModelFile | None) -> PassPriors | None:
+    """Return what the fit allows for in the orbit of each pass: what was asked for, or what the passes show."""
+    size = options.orbit_prior
+    if size is not None:
+        return PassPriors(along_track_m=size, cross_track_m=size, radial_m=size) if size != 0.0 else None
+    if points.range_m is None or points.range_rate_m_s is None:
+        return None
+    return measured_pass_priors(lambda priors: fit_of(options, points, present, tuple(options.terms), priors))
+
+
+def orbit_words(options: argparse.Namespace, result: FitResult) -> list[str]:
+    """Return which errors of the orbit the sigma of `result` allows for."""
+    if result.pass_priors is not None:
+        sizes = ", ".join(
+            f"{size:.0f} m {name.removesuffix('_m').replace('_', '-')}"
+            for name, size in zip(result.pass_priors.names, result.pass_priors.sigma.tolist(), strict=True)
+        )
+        measured = " as the passes show them" if options.orbit_prior is None else ""
+        return [f"sigma allows for orbit errors of {sizes} in each pass{measured}"]
+    if options.orbit_prior is None:
+        return [
+            "sigma is that of an exact reference: the points have no range and range rate to tell an orbit's errors by"
+        ]
+    return []
+
+
+def chosen_words(options: argparse.Namespace, result: FitResult) -> list[str]:
+    """Return which terms the data asked for, and which not."""
+    if not options.select:
+        return []
+    rest = [name for name in options.terms if name not in result.names]
+    return [f"chosen by BIC: {', '.join(result.names)}; not asked for by the data, zero: {', '.join(rest) or 'none'}"]
+
+
+def predicted(options: argparse.Namespace, points: Observations, result: FitResult) -> list[str]:
+    """Return how well passes are predicted by fits without them, with the terms of `result` and with all that were offered."""
+    if not options.held_out:
+        return []
+    if len(points.passes) < 4:
+        raise ValueError(f"passes={len(points.passes)} must be >= 4 to hold one out and fit the others")
+    said = []
+    for words, names in (("these terms", result.names), ("all terms offered", tuple(options.terms))):
+        held = {name: value for name, value in result.coefficients.items() if name not in names}
+        if words == "these terms" or set(names) != set(result.names):
+            one = held_out_passes(points, names, held=held, pass_priors=result.pass_priors)
+            worst = int(np.argmax(one.rms_rad))
+            said.append(
+                f"passes held out are predicted to {one.total_rms_rad / MDEG:.2f} mdeg rms with {words}, the worst "
+                f"({one.pass_ids[worst]}) to {one.rms_rad[worst] / MDEG:.2f} mdeg"
+            )
+    return said
+
+
+def fitted(options: argparse.Namespace, points: Observations, present: ModelFile | None) -> FitResult:
+    """Return the fit of the chosen terms."""
+    names, orbit = tuple(options.terms), orbit_priors(options, points, present)
+    if options.select:
+        held = {name: value for name, value in _known(present).items() if name not in names}
+        names = select_terms(points, names, held=held, pass_priors=orbit).chosen
+    return fit_of(options, points, present, names, orbit)
+
+
+def fit_of(
+    options: argparse.Namespace,
+    points: Observations,
+    present: ModelFile | None,
+    names: tuple[str, ...],
+    orbit: PassPriors | None,
+) -> FitResult:
+    """Return the fit of `names`, the others held at the present model's values, with these errors of the orbit."""
+    known = _known(present)
+    base = BiasModel.zero().replace(**{**known, **{name: known.get(name, 0.0) for name in options.terms}})
+    priors = {
+        term.name: Prior(base.coefficients[term.name], PRIOR_SIGMA[term.unit])
+        for term in base.terms
+        if term.name in names
+    }
+    return fit_bias_model(
+        points,
+        terms=names,
+        # What was offered and not chosen is not there; what was not offered stays as it was.
+        held={name: 0.0 if name in options.terms else value for name, value in base.coefficients.items() if name not in names},
+        priors=priors if present else None,
+        pass_priors=orbit,
+        options=FitOptions(
+            form=options.form, scale_covariance=True,
+            huber_sigma=1.5 if options.robust else 0.0, edit_sigma=0.0 if options.robust else 3.0,
+        ),
+    )  # fmt: skip
+
+
+def _known(present: ModelFile | None) -> dict[str, float]:
+    return dict(present.model.coefficients) if present else dict.fromkeys(TERM_NAMES, 0.0)
+
+
+def run(options: argparse.Namespace) -> list[str]:
+    """Read, fit twice where there are raw data, write model and report; return what there is to say about them.
+
+    Nothing is written before the fit has held.
+    """
+    from rf_pointing.report.calibration_report import write_calibration_report
+
+    present = read_model(options.start_model) if options.start_model else None
+    if present is not None:
+        present.check_for(options.station, options.band, present.valid_from_t_s)
+    points, stages, notes = collected(options, present.model if present else BiasModel.zero())
+    result = fitted(options, points, present)
+    if stages:
+        points, stages, notes = collected(options, result.model)
+        result = fitted(options, points, present)
+    said = [*chosen_words(options, result), *orbit_words(options, result), *predicted(options, points, result)]
+    name = options.name or f"fit-{result.last_t_s:.0f}"
+    file = ModelFile.from_fit(result, name=name, software=f"rf_pointing {__version__}", created_t_s=time.time())
+    write_model(options.output, file)
+    folder = options.report or options.output.parent / f"{options.output.stem}_report"
+    report = write_calibration_report(folder, points, result, name=name, stages=stages, notes=notes, remarks=said)
+    return [
+        summary(points, result),
+        *said,
+        *(f"not separable: {advice}" for advice in result.separation_advice()),
+        *(f"doubtful: {doubt}" for doubt in doubts_of(result, points)),
+        *(f"left out: {note}" for note in notes),
+        f"model {options.output}, report {report}",
+    ]
+
+
+def summary(points: Observations, result: FitResult) -> str:
+    """Return the outcome in one line."""
+    rms = [value / MDEG for value in result.rms_rad()]
+    used = points.select(result.used)
+    rule = SectorRule()
+    full = rule.count - len(rule.coverage(used.true_azimuth_rad, used.true_elevation_rad).thin)
+    return (
+        f"{len(used)} observations of {result.passes} passes, {len(result.rejected)} edited out; residual rms {rms[0]:.2f} "
+        f"mdeg cross-elevation, {rms[1]:.2f} mdeg elevation; condition {result.condition:.0f}; {full} of {rule.count} "
+        f"sectors have {rule.fewest} observations"
+    )
+
+
+def main(argv: list[str] | None = None) -> None:
+    """Entry point of `ros2 run rf_pointing fit_bias_model`."""
+    options = arguments(argv)
+    try:
+        said = run(options)
+    except (ValueError, OSError) as error:
+        print(f"fit_bias_model: {error}", file=sys.stderr)
+        sys.exit(2)
+    print("\n".join(said))

@@ -1,0 +1,244 @@
+"""Executable `identify_antenna`: shake the running antenna axis by axis and leave models, pictures and an error table.
+
+Needs an active antenna that is holding (action `identify`, topic manual_rate); with --simulated it starts one of its own.
+Exit code 0: models were made; 1: the experiment ended early or the data do not carry a model; 2: it could not be started.
+"""
+
+import argparse
+import math
+import signal
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import rclpy
+import yaml
+from ament_index_python.packages import get_package_share_directory
+from rclpy.action import ActionClient
+from rf_pointing_msgs.action import Identify
+from rf_pointing_msgs.msg import ManualRate
+
+from rf_pointing.commands.managed_graph import ManagedGraph, NotStartedError
+from rf_pointing.commands.namespace_option import add_namespace_option
+from rf_pointing.commands.number_option import between, seed
+from rf_pointing.core import AXES
+from rf_pointing.identification import ExcitationParams, Recording, SampleCollector, study
+from rf_pointing.nodes import convert_identification as convert
+from rf_pointing.nodes.main_loop import make_executor
+from rf_pointing.nodes.qos import EXPERIMENT
+from rf_pointing.report.identification_report import error_table, save_recordings, write_identification
+
+BRING_UP_S = 30.0
+SIMULATED = ("simulation_clock", "antenna_servo")
+IDLE_DEG_S = 1.84e-4
+"""The offset of 0.0023 V that the published antenna had at both inputs: its friction stays constant."""
+LATE_SAMPLES_S = 2.0
+"""How long samples may arrive after the result of their experiment."""
+
+
+class EndedEarlyError(Exception):
+    """Why the experiment did not run to its end."""
+
+
+def arguments(argv: list[str] | None = None) -> argparse.Namespace:
+    """Return the parsed command line."""
+    usual = ExcitationParams()
+    parser = argparse.ArgumentParser(prog="identify_antenna", description="Identify the antenna from its own motion.")
+    parser.add_argument("--axes", nargs="+", choices=AXES, default=list(AXES), help="axes to drive (default: both)")
+    parser.add_argument("--sequences", type=int, default=8, help="sequences per axis (default: 8)")
+    parser.add_argument("--held-out", type=int, default=4, help="the last of them, kept for the check (default: 4)")
+    parser.add_argument("--samples", type=int, default=usual.samples, help="samples per sequence (default: 8192)")
+    parser.add_argument("--kind", choices=("white", "multisine"), default=usual.kind, help="(default: white)")
+    for name in ("mean", "rms", "peak"):
+        value = math.degrees(getattr(usual, f"{name}_rad_s"))
+        parser.add_argument(f"--{name}-deg-s", type=float, default=value, help=f"{name} of the rate ({value:.3f})")
+    parser.add_argument(
+        "--idle-deg-s", type=float, default=IDLE_DEG_S, help=f"rate of the other axis (default: {IDLE_DEG_S})"
+    )
+    parser.add_argument("--seed", type=seed, default=1, help="seed of the random input (default: 1)")
+    parser.add_argument(
+        "--tick", type=between(0.001, 0.1), default=usual.sample_s, help="control period in s (default: 0.02)"
+    )
+    add_namespace_option(parser)
+    parser.add_argument("--output", metavar="DIR", default="runs/identification", help="folder of the results")
+    parser.add_argument("--simulated", action="store_true", help="start a simulated antenna, in wind of 0.3 m/s")
+    parser.add_argument("--params-file", action="append", default=[], help="parameter file for it, may be repeated")
+    return parser.parse_args(argv)
+
+
+def excitation(options: argparse.Namespace) -> ExcitationParams:
+    """Return the excitation asked for; ValueError in the words of the parameter set."""
+    rates = {f"{name}_rad_s": math.radians(getattr(options, f"{name}_deg_s")) for name in ("mean", "rms", "peak")}
+    highest_hz = min(ExcitationParams().high_hz, 0.5 / options.tick)
+    params = ExcitationParams(
+        kind=options.kind,
+        samples=options.samples,
+        sample_s=options.tick,
+        high_hz=highest_hz,
+        idle_rate_rad_s=math.radians(options.idle_deg_s),
+        **rates,
+    )
+    if not 1 <= options.held_out < options.sequences:
+        raise ValueError(f"held_out={options.held_out} must be >= 1 and < sequences={options.sequences}")
+    return params
+
+
+class Experimenter:
+    """Sends the goals and collects the samples; brings up a simulated antenna where asked."""
+
+    def __init__(self, options: argparse.Namespace, params: ExcitationParams, output: Path) -> None:
+        self._options, self._params, self._output = options, params, output
+        self._node = rclpy.create_node("identify_antenna", namespace=options.namespace)
+        self._executor = make_executor()
+        self._executor.add_node(self._node)
+        self._client = ActionClient(self._node, Identify, "identify")
+        self._node.create_subscription(ManualRate, "manual_rate", self._on_sample, EXPERIMENT)
+        self._collector: SampleCollector | None = None
+        self._graph: ManagedGraph | None = None
+        self._stopping = False
+        self._told_s = 0.0
+
+    def interrupt(self, *_: object) -> None:
+        """Ask for the end; safe in a signal handler."""
+        self._stopping = True
+
+    def start(self) -> None:
+        """Have an antenna that offers the action."""
+        if self._options.simulated:
+            self._bring_up()
+        self._until(
+            lambda: self._client.server_is_ready() and self._node.count_publishers("manual_rate") > 0,
+            f"no antenna offers identify in {self._options.namespace}",
+        )
+
+    def record(self, axis: str) -> Recording:
+        """Drive one axis and return its complete sequences."""
+        options = self._options
+        self._collector = SampleCollector(axis, options.sequences, options.samples, options.tick)
+        goal = convert.excitation_to_goal(axis, options.sequences, options.seed, self._params)
+        sent = self._client.send_goal_async(goal, feedback_callback=lambda m: self._tell(axis, m.feedback.progress))
+        self._until(sent.done, "the antenna does not answer the goal")
+        if not sent.result().accepted:
+            raise NotStartedError(f"{axis}: the goal was rejected, another experiment runs")
+        result = self._finished(sent.result())
+        if not result.success:
+            started = result.samples_taken > 0
+            raise (EndedEarlyError if started else NotStartedError)(f"{axis}: {result.message}")
+        deadline_s = time.monotonic() + LATE_SAMPLES_S
+        while self._collector.heard < result.samples_taken and time.monotonic() < deadline_s:
+            self._executor.spin_once(timeout_sec=0.05)
+        recording, missing = self._collector.recording()
+        if missing:
+            say(f"{axis}: {missing} samples were lost, {len(recording.input_rad_s)} sequences are complete")
+        return recording
+
+    def close(self) -> None:
+        """End the processes that were started and the own node."""
+        if self._graph is not None:
+            self._graph.stop()
+        self._executor.shutdown()
+        self._node.destroy_node()
+
+    def _finished(self, handle: Any) -> Identify.Result:
+        result, cancelled = handle.get_result_async(), False
+        while not result.done():
+            self._executor.spin_once(timeout_sec=0.1)
+            self._check_alive()
+            if self._stopping and not cancelled:
+                cancelled = True
+                handle.cancel_goal_async()
+        return result.result().result
+
+    def _bring_up(self) -> None:
+        written = self._output / "run.yaml"
+        sections = {
+            "simulation_clock": {"start_s": 1.0e9, "speed": 0.0, "tick_s": 0.1},
+            "antenna_servo": {"wind.mean_speed_m_s": 0.3, "antenna.tick_s": self._options.tick},
+        }
+        written.write_text(yaml.safe_dump({f"/**/{k}": {"ros__parameters": v} for k, v in sections.items()}))
+        share = Path(get_package_share_directory("rf_pointing")) / "config"
+        files = [share / "dss13.yaml", written, *map(Path, self._options.params_file)]
+        self._graph = ManagedGraph(
+            self._node, self._options.namespace, files, self._output / "logs", self._spin, patience_s=BRING_UP_S
+        )
+        self._graph.start(SIMULATED)
+        self._graph.configure(SIMULATED)
+        self._graph.activate(SIMULATED[1:])
+        self._graph.change(SIMULATED[:1], "activate")
+
+    def _spin(self, timeout_s: float) -> None:
+        self._executor.spin_once(timeout_sec=timeout_s)
+
+    def _until(self, condition: Any, complaint: str) -> None:
+        deadline_s = time.monotonic() + BRING_UP_S
+        while not condition():
+            self._check_alive()
+            if self._stopping or time.monotonic() > deadline_s:
+                raise NotStartedError(complaint)
+            self._spin(0.05)
+
+    def _check_alive(self) -> None:
+        if self._graph is not None:
+            self._graph.check()
+
+    def _on_sample(self, message: ManualRate) -> None:
+        if self._collector is None:
+            return
+        try:
+            self._collector.take(*convert.manual_rate_from_message(message))
+        except ValueError as refusal:
+            self._node.get_logger().warning(f"sample ignored: {refusal}", throttle_duration_sec=1.0)
+
+    def _tell(self, axis: str, progress: float) -> None:
+        if time.monotonic() >= self._told_s:
+            self._told_s = time.monotonic() + 10.0
+            say(f"{axis}: {100.0 * progress:.0f} %")
+
+
+def say(text: str) -> None:
+    """Tell the user, beside the data."""
+    print(f"identify_antenna: {text}", file=sys.stderr, flush=True)
+
+
+def main(argv: list[str] | None = None) -> None:
+    """Entry point of `ros2 run rf_pointing identify_antenna`."""
+    options = arguments(argv)
+    try:
+        params = excitation(options)
+        output = Path(options.output)
+        output.mkdir(parents=True, exist_ok=True)
+    except (ValueError, OSError) as error:
+        say(str(error))
+        sys.exit(2)
+    sys.exit(execute(options, params, output))
+
+
+def execute(options: argparse.Namespace, params: ExcitationParams, output: Path) -> int:
+    """Run the experiments, make the models, and return the exit code."""
+    rclpy.init(signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
+    experimenter = Experimenter(options, params, output)
+    for sign in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(sign, experimenter.interrupt)
+    try:
+        experimenter.start()
+        recordings = {axis: experimenter.record(axis) for axis in options.axes}
+    except (NotStartedError, TimeoutError) as error:
+        say(str(error))
+        return 2
+    except (EndedEarlyError, ValueError) as error:
+        say(str(error))
+        return 1
+    finally:
+        experimenter.close()
+        rclpy.try_shutdown()
+    save_recordings(output / "recordings.npz", recordings)
+    try:
+        studies = study(recordings, options.held_out)
+    except ValueError as error:
+        say(f"no model: {error}")
+        return 1
+    write_identification(output, studies, f"{params.kind} input, {options.sequences} sequences of {options.samples}")
+    print(error_table(studies))
+    say(f"models {output / 'models.json'}, pictures and errors beside it")
+    return 0

@@ -1,0 +1,131 @@
+"""Executable `plan_calibration`: the campaign that fills the 36 sectors in the least time, or the passes that help most.
+
+Without --improve it prints the campaign.  With --improve TERM... it prints the passes that reduce the sigma of these terms
+most, given the covariance of --model.  Exit code 0: planned, every sector filled; 1: planned, sectors stay thin; 2: refused.
+"""
+
+import argparse
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from rf_pointing.calibration import (
+    TERM_NAMES,
+    CandidatePass,
+    PassPriors,
+    SectorRule,
+    Slew,
+    next_best_passes,
+    plan_campaign,
+    read_model,
+    uninformed_covariance,
+)
+from rf_pointing.commands.utc import parse_utc
+from rf_pointing.core import MDEG, require_between
+from rf_pointing.ephemeris import read_elements, site, utc_text, verification_elements
+from rf_pointing.station.campaign.plan import ArcRules, beacons, candidate_arcs
+
+HOUR_S = 3600.0
+
+
+def arguments(argv: list[str] | None = None) -> argparse.Namespace:
+    """Return the parsed command line."""
+    parser = argparse.ArgumentParser(prog="plan_calibration", description="Plan a calibration campaign.")
+    parser.add_argument("--elements", type=Path, metavar="FILE", help="catalogue (default: verification set of sgp4)")
+    parser.add_argument(
+        "--beacons", action="store_true", help="the simulated sky of `calibrate` instead of a catalogue"
+    )
+    parser.add_argument("--station", default="Goldstone DSS-13", help="station name (default: Goldstone DSS-13)")
+    parser.add_argument("--start", metavar="UTC", required=True, help="begin of the campaign")
+    parser.add_argument("--hours", type=float, default=24.0, help="how far ahead (default: 24)")
+    parser.add_argument("--arc", type=float, nargs="*", default=[], metavar="S", help="lengths of pieces of passes "
+                        "(default: whole passes)")  # fmt: skip
+    parser.add_argument("--spacing", type=float, default=10.0, metavar="S", help="time between points (default: 10)")
+    parser.add_argument("--settle", type=float, default=60.0, metavar="S", help="besides the slew (default: 60)")
+    parser.add_argument("--fewest", type=int, default=25, help="points in each sector (default: 25)")
+    parser.add_argument("--sigma", type=float, default=2.0, metavar="MDEG", help="of one point (default: 2)")
+    parser.add_argument("--improve", nargs="+", default=[], metavar="TERM", help="terms whose sigma shall shrink")
+    parser.add_argument("--model", type=Path, metavar="FILE", help="last model, whose covariance is the starting point")
+    parser.add_argument("--count", type=int, default=5, help="how many passes to advise (default: 5)")
+    parser.add_argument("--orbit-prior", type=float, default=200.0, metavar="M", help="orbit error of each pass that the "
+                        "next fit allows for (default: 200; 0: none)")  # fmt: skip
+    return parser.parse_args(argv)
+
+
+def candidates_of(options: argparse.Namespace) -> list[CandidatePass]:
+    """Return what could be tracked."""
+    require_between("hours", options.hours, 0.01, 24.0 * 28.0)
+    start_s = parse_utc(options.start)
+    if options.beacons:
+        elements = beacons(start_s)
+    elif options.elements:
+        elements = read_elements(options.elements.read_text())
+    else:
+        elements = verification_elements()
+    span_s = options.hours * HOUR_S
+    fresh = [one for one in elements if abs(start_s + 0.5 * span_s - one.epoch_t_s) < 14.0 * 86400.0 - 0.5 * span_s]
+    if not fresh:
+        raise ValueError(f"none of {len(elements)} elements is within 14 days of start={options.start}")
+    rules = ArcRules(arcs_s=tuple(options.arc), spacing_s=options.spacing, sigma_rad=options.sigma * MDEG)
+    found, refused = candidate_arcs(fresh, site(options.station), start_s, span_s, rules)
+    for reason in refused:
+        print(f"plan_calibration: left out: {reason}", file=sys.stderr)
+    if not found:
+        raise ValueError(f"no target rises above {math.degrees(rules.lowest_rad):.0f} deg in {options.hours:g} h")
+    return found
+
+
+def campaign(options: argparse.Namespace, candidates: list[CandidatePass]) -> int:
+    """Print the campaign; return the exit code."""
+    rule = SectorRule(fewest=options.fewest, most=max(30, options.fewest))
+    plan = plan_campaign(candidates, rule, Slew(settle_s=options.settle))
+    for one in plan.passes:
+        peak = math.degrees(float(np.max(one.track.elevation_rad)))
+        print(f"{utc_text(one.start_t_s)}  {one.end_t_s - one.start_t_s:6.0f} s  peak {peak:4.1f} deg  {one.name}")
+    filled = rule.count - len(plan.coverage.thin)
+    print(f"{len(plan.passes)} of {len(candidates)} candidates fill {filled} of {rule.count} sectors")
+    if plan.full_at_t_s is not None:
+        print(f"all filled at {utc_text(plan.full_at_t_s)}, {(plan.full_at_t_s - parse_utc(options.start)) / HOUR_S:.2f} h "
+              "after the start")  # fmt: skip
+        return 0
+    for sector in plan.coverage.thin:
+        print(f"thin: {rule.name(sector)} has {plan.coverage.counts[sector]} of {rule.fewest}")
+    return 1
+
+
+def advice(options: argparse.Namespace, candidates: list[CandidatePass]) -> int:
+    """Print the passes that help most; return the exit code."""
+    if options.model:
+        file = read_model(options.model)
+        file.check_for(options.station, file.band, file.valid_from_t_s)
+        terms, covariance = file.fitted, file.covariance
+    else:
+        # Of a station never calibrated no term is known, whichever are to be improved.
+        terms = tuple(dict.fromkeys((*TERM_NAMES, *options.improve)))
+        covariance = uninformed_covariance(terms)
+    size = options.orbit_prior
+    orbit = PassPriors(along_track_m=size, cross_track_m=size, radial_m=size) if size != 0.0 else None
+    before = dict(zip(terms, np.sqrt(np.diag(covariance)), strict=True))
+    found = next_best_passes(
+        terms, covariance, candidates, chosen=options.improve, count=options.count, pass_priors=orbit,
+        slew=Slew(settle_s=options.settle),
+    )  # fmt: skip
+    for one in found:
+        after = dict(zip(terms, one.sigma, strict=True))
+        sigma = ", ".join(f"{name} {after[name] / before[name]:.3f}" for name in options.improve)
+        print(f"{utc_text(one.start_t_s)}  {one.name}: sigma times {one.factor:.3f}; since the start: {sigma}")
+    return 0
+
+
+def main(argv: list[str] | None = None) -> None:
+    """Entry point of `ros2 run rf_pointing plan_calibration`."""
+    options = arguments(argv)
+    try:
+        candidates = candidates_of(options)
+        code = advice(options, candidates) if options.improve else campaign(options, candidates)
+    except (ValueError, OSError) as error:
+        print(f"plan_calibration: {error}", file=sys.stderr)
+        sys.exit(2)
+    sys.exit(code)

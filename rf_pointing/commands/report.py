@@ -1,0 +1,37 @@
+"""Executable `report BAG [--output DIR]`: report and summary of any recorded pass, ours or `ros2 bag record -a`.
+
+Other packages add pages of their own through the entry point group `rf_pointing.reports`: a function of bag and folder
+that writes its page and returns the path, or None where the bag holds nothing for it.
+"""
+
+import argparse
+import sys
+from importlib.metadata import entry_points
+from pathlib import Path
+
+from rf_pointing.report import antennas, write_report
+
+
+def main(argv: list[str] | None = None) -> None:
+    """Entry point of `ros2 run rf_pointing report`."""
+    parser = argparse.ArgumentParser(
+        prog="report", description="Write the HTML report and the summary of a recorded bag."
+    )
+    parser.add_argument("bag", type=Path, help="directory of a rosbag2 bag")
+    parser.add_argument("--output", type=Path, help="folder to write to (default: beside the bag)")
+    options = parser.parse_args(argv)
+    try:
+        written = _write(options.bag, options.output or options.bag.parent)
+    except (ValueError, OSError) as error:
+        print(f"report: {error}", file=sys.stderr)
+        sys.exit(2)
+    print(*written, sep="\n")
+
+
+def _write(bag: Path, folder: Path) -> list[Path]:
+    pages = [entry.load()(bag, folder) for entry in entry_points(group="rf_pointing.reports")]
+    written = [page for page in pages if page is not None]
+    if antennas(bag) or not written:
+        write_report(bag, folder)
+        written.append(folder / "report.html")
+    return written

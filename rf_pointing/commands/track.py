@@ -1,0 +1,119 @@
+"""Executable `track`: bring up a simulated antenna, track one pass, record it and report on it.
+
+Every node runs as a process of its own.  Exit code 0: the pass was tracked; 1: it was not; 2: it could not be started.
+"""
+
+import argparse
+import math
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+from rclpy.action import ActionClient
+from rf_pointing_msgs.action import TrackPass
+from rf_pointing_msgs.msg import PassCertificate
+
+from rf_pointing.commands.progress import ProgressLine
+from rf_pointing.commands.station_run import StationRun, run_to_end
+from rf_pointing.commands.track_options import (
+    arguments,
+    bag_folder,
+    choose_pass,
+    chosen_scan,
+    output_folder,
+    run_stem,
+    speed_factor,
+)
+from rf_pointing.core import MDEG
+from rf_pointing.ephemeris import Pass, utc_text
+from rf_pointing.nodes import convert_planning
+from rf_pointing.nodes.qos import LATCHED
+from rf_pointing.planning import certificate_lines
+
+CERTIFICATE_S = 10.0
+
+
+class PassRun(StationRun):
+    """One pass, with its certificate before anything moves."""
+
+    def __init__(self, options: argparse.Namespace, window: Pass, output: Path) -> None:
+        super().__init__("track", options, window, output)
+        self._sensor, self._window = options.sensor, window
+        self._client = ActionClient(self.node, TrackPass, "track_pass")
+        self._certificate: PassCertificate | None = None
+        self.node.create_subscription(PassCertificate, "pass_certificate", self._note_certificate, LATCHED)
+
+    def track(self) -> TrackPass.Result:
+        """Bring the graph up, track the pass, and return the result."""
+        self.bring_up(self._client)
+        progress = ProgressLine()
+        goal = TrackPass.Goal(target_pass=convert_planning.pass_to_message(self._window), sensor=self._sensor)
+        handle = self.send(self._client, goal, "pointing_controller", lambda m: progress.show(m.feedback))
+        self._show_certificate(handle)
+        self.run_time()
+        result = self.result(handle)
+        progress.end()
+        return result
+
+    def _note_certificate(self, message: PassCertificate) -> None:
+        self._certificate = message
+
+    def _show_certificate(self, handle: Any) -> None:
+        """Print the certificate of the accepted goal; time is still held, so nothing has moved."""
+        deadline_s, ended = time.monotonic() + CERTIFICATE_S, handle.get_result_async()
+        while self._certificate is None and not ended.done() and time.monotonic() < deadline_s:
+            self.spin(0.02)
+        if self._certificate is None:
+            self.say("no certificate was issued: the coming passes do not hold this one")
+            return
+        for line in certificate_lines(convert_planning.certificate_from_message(self._certificate)):
+            print(line, file=sys.stderr)
+
+
+def say(text: str) -> None:
+    """Tell the user, beside the data."""
+    print(f"track: {text}", file=sys.stderr)
+
+
+def main(argv: list[str] | None = None) -> None:
+    """Entry point of `ros2 run rf_pointing track`."""
+    options = arguments(argv)
+    try:
+        speed_factor(options.speed)
+        window = choose_pass(options)
+        scan = chosen_scan(options, window)
+        output = output_folder(options, run_stem(options, window))
+    except (ValueError, OSError) as error:
+        say(str(error))
+        sys.exit(2)
+    say(f"{window.name} over {options.station}: AOS {utc_text(window.aos_t_s)}, {window.duration_s:.0f} s, "
+        f"peak {math.degrees(window.peak_elevation_rad):.1f} deg")  # fmt: skip
+    if scan is not None:
+        say(f"scan of {scan.radius_rad / MDEG:.2f} mdeg in {scan.period_s:.1f} s, an estimate over "
+            f"{scan.window_samples * scan.sample_s:.1f} s")  # fmt: skip
+    sys.exit(execute(options, window, output))
+
+
+def execute(options: argparse.Namespace, window: Pass, output: Path) -> int:
+    """Run the pass and write the report; return the exit code."""
+    results: list[TrackPass.Result] = []
+
+    def work(run: PassRun) -> int:
+        results.append(run.track())
+        return 0 if results[0].success else 1
+
+    code = run_to_end("track", lambda: PassRun(options, window, output), work)
+    for result in results:
+        say(f"{'tracked' if code == 0 else 'NOT tracked'}: {result.message}, {result.seconds_tracked:.0f} s on target, "
+            f"{result.seconds_lost:.0f} s lost")  # fmt: skip
+        write(bag_folder(options, output), output)
+    return code
+
+
+def write(bag: Path, output: Path) -> None:
+    """Write the report of a recorded bag and say where it is."""
+    from rf_pointing.report import write_report
+
+    write_report(bag, output)
+    say(f"report {output / 'report.html'}, bag {bag}")

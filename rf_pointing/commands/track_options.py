@@ -1,0 +1,245 @@
+"""The command line of `track`, and what it makes of it: a pass, the parameters of the nodes, a folder for the results."""
+
+import argparse
+import math
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import yaml
+from ament_index_python.packages import get_package_share_directory
+
+from rf_pointing.commands.namespace_option import add_namespace_option
+from rf_pointing.commands.number_option import between, seed
+from rf_pointing.commands.target_options import add_target_options, source_of, start_of
+from rf_pointing.core import MDEG, leaves
+from rf_pointing.core.parameter_files import NodeParameters, read_parameter_files
+from rf_pointing.ephemeris import Pass, first_pass_above
+from rf_pointing.ephemeris.source import load_track
+from rf_pointing.planning import HorizonMask
+from rf_pointing.rf import HALF_POWER_BEAMWIDTH_RAD, LinkParams
+from rf_pointing.station.campaign.commissioning import commissioning_model
+from rf_pointing.station.pointing.carrier_watch import link_level_db_hz
+from rf_pointing.station.pointing.sensed_errors import SENSOR_CHOICES
+from rf_pointing.tracking import ConscanParams, ScanDesignParams, scan_for_accuracy
+
+__all__ = [
+    "DEFAULT_MODELS",
+    "SLEW_TIME_S",
+    "arguments",
+    "bag_folder",
+    "choose_pass",
+    "chosen_scan",
+    "in_real_time",
+    "notes",
+    "output_folder",
+    "overrides",
+    "parameter_files",
+    "run_stem",
+    "speed_factor",
+]
+
+DEFAULT_MODELS = Path("runs/models")
+"""Where `calibrate` leaves accepted models and `track` finds them."""
+REAL_TIME_SPEED = 3.0
+"""Up to this speed the clock ticks with the servo; above it only with the controller, five servo ticks at once."""
+LONGEST_TURN_S = 32.0
+"""Of a scan that is chosen: two of them still see one and the same error."""
+SCAN_CHOICES = ("radius_deg", "period_s", "window_samples", "fewest_samples", "bandwidth_hz")
+SLEW_TIME_S = 150.0
+"""Simulated time before acquisition: the largest slew at 1.8 deg/s, with most of a minute to settle."""
+
+
+def arguments(argv: list[str] | None = None) -> argparse.Namespace:
+    """Return the parsed command line."""
+    parser = argparse.ArgumentParser(prog="track", description="Track one satellite pass with the simulated station.")
+    add_target_options(parser)
+    parser.add_argument(
+        "--min-peak", type=between(0.0, 90.0), default=40.0, help="least peak elevation in deg (default: 40)"
+    )
+    parser.add_argument("--band", choices=("S", "X", "Ka"), default="X", help="frequency band (default: X)")
+    parser.add_argument("--sensor", choices=tuple(SENSOR_CHOICES), default="monopulse", help="(default: monopulse)")
+    parser.add_argument(
+        "--scan-sigma",
+        metavar="MDEG",
+        type=float,
+        help="accuracy of conscan per axis at the pass's weakest carrier: chooses radius and period (default: the files')",
+    )
+    parser.add_argument("--speed", default="max", help="factor of real time, or max (default)")
+    parser.add_argument(
+        "--ephemeris-error",
+        metavar="S",
+        type=between(-60.0, 60.0),
+        help="the satellite runs this much ahead of its elements (default: what the parameter files say, 0.15 s)",
+    )
+    parser.add_argument(
+        "--models",
+        metavar="DIR",
+        default=str(DEFAULT_MODELS),
+        help=f"folder of accepted pointing models (default: {DEFAULT_MODELS}); empty or none: the commissioning model",
+    )
+    parser.add_argument("--seed", type=seed, default=1, help="seed of every noise source (default: 1)")
+    add_namespace_option(parser)
+    parser.add_argument(
+        "--params-file", action="append", default=[], help="further ROS parameter file, may be repeated"
+    )
+    parser.add_argument("--record", metavar="DIR", help="bag directory (default: OUTPUT/bag)")
+    parser.add_argument("--output", metavar="DIR", help="folder of the report (default: runs/SATELLITE-AOS)")
+    parser.set_defaults(keep_observations=False)
+    return parser.parse_args(argv)
+
+
+def choose_pass(options: argparse.Namespace) -> Pass:
+    """Return the pass to track; ValueError when the satellite, the station or the time does not give one."""
+    above, span_s = _horizon(options).above(math.radians(options.mask)), 2.0 * 86400.0
+    track = load_track(source_of(options))
+    return first_pass_above(track, start_of(options), math.radians(options.min_peak), above, span_s)
+
+
+def _given(options: argparse.Namespace, node: str) -> NodeParameters:
+    """Return what the parameter files of the command line say to a node."""
+    nodes = read_parameter_files([Path(name) for name in options.params_file])
+    return nodes.get(node, NodeParameters(node, {}))
+
+
+def _horizon(options: argparse.Namespace) -> HorizonMask:
+    """Return the horizon mask that the parameter files give the controller: passes begin and end above it."""
+    return _given(options, "pointing_controller").group("mask", HorizonMask())
+
+
+def _horizon_of_servo(options: argparse.Namespace) -> dict[str, Any]:
+    """Return the controller's mask as the servo's, which holds it for every commander, unless it is given one of its own."""
+    if any(name.startswith("safety.mask.") for name in _given(options, "antenna_servo").values):
+        return {}
+    said = _given(options, "pointing_controller").values
+    return {f"safety.{name}": value for name, value in said.items() if name.startswith("mask.")}
+
+
+def chosen_scan(options: argparse.Namespace, window: Pass) -> ConscanParams | None:
+    """Return the scan for the accuracy asked for at the weakest carrier of the pass, None where none was asked for."""
+    if options.scan_sigma is None:
+        return None
+    if not 0.0 < options.scan_sigma < math.inf:
+        raise ValueError(f"scan-sigma={options.scan_sigma} mdeg must be > 0 and finite")
+    share = Path(get_package_share_directory("rf_pointing")) / "config"
+    files = [share / "dss13.yaml", share / f"band_{options.band.lower()}.yaml", *map(Path, options.params_file)]
+    node = read_parameter_files(files)["pointing_controller"]
+    track, ends = load_track(source_of(options)), (window.aos_t_s, window.los_t_s)
+    farthest_m = max(float(track.target_at(t_s).range_m) for t_s in ends)
+    level_db_hz = link_level_db_hz(node.group("link", LinkParams()), farthest_m)
+    limits = ScanDesignParams(longest_period_s=LONGEST_TURN_S)
+    return scan_for_accuracy(node.group("conscan", ConscanParams()), limits, level_db_hz, options.scan_sigma * MDEG)
+
+
+def speed_factor(text: str) -> float:
+    """Return the factor, 0 for max."""
+    if text == "max":
+        return 0.0
+    try:
+        factor = float(text)
+    except ValueError as error:
+        raise ValueError(f"speed={text!r} must be a factor or max") from error
+    if not 0.1 <= factor <= 1000.0:
+        raise ValueError(f"speed={factor} must be between 0.1 and 1000")
+    return factor
+
+
+def in_real_time(speed: str) -> bool:
+    """Whether the servo is to tick regularly, rather than to make up ticks as fast as possible."""
+    return 0.0 < speed_factor(speed) <= REAL_TIME_SPEED
+
+
+def overrides(options: argparse.Namespace, window: Pass, output: Path) -> dict[str, Any]:
+    """Return what the command line says to the nodes, as parameter sections; files they need are written to `output`."""
+    source = {
+        "source.satellite": options.satellite,
+        "source.station": options.station,
+        "source.elements_file": str(Path(options.elements).resolve()) if options.elements else "",
+        "source.interpolation": source_of(options).interpolation,
+        "source.interpolation_degree": source_of(options).interpolation_degree,
+    }
+    mask, scan = _horizon(options), chosen_scan(options, window)
+    scanned = {} if scan is None else {f"conscan.{name}": leaves(scan)[name][1] for name in SCAN_CHOICES}
+    real = {} if options.ephemeris_error is None else {"source.along_track_offset_s": options.ephemeris_error}
+    share = Path(get_package_share_directory("rf_pointing"))
+    sections = {
+        "simulation_clock": {
+            "start_s": math.floor(window.aos_t_s) - SLEW_TIME_S,
+            "speed": speed_factor(options.speed),
+            "tick_s": 0.02 if in_real_time(options.speed) else 0.1,
+        },
+        "ephemeris_publisher": {
+            **source,
+            "publisher.mask_deg": options.mask,
+            "mask.azimuth_deg": [math.degrees(angle) for angle in mask.azimuth_rad],
+            "mask.elevation_deg": [math.degrees(angle) for angle in mask.elevation_rad],
+            "mask.clearance_deg": math.degrees(mask.clearance_rad),
+        },
+        "rf_receiver": {**source, **real, "signal.seed": options.seed},
+        "antenna_servo": {
+            "antenna.seed": options.seed,
+            "safety.sun.station": options.station,
+            **_horizon_of_servo(options),
+        },
+        "conscan_tracker": scanned,
+        "pointing_controller": {
+            **scanned,
+            "sun.station": options.station,
+            "machine.half_power_beamwidth_deg": math.degrees(HALF_POWER_BEAMWIDTH_RAD[options.band]),
+            "certificate_folder": str(output.resolve()),
+        },
+        "bias_calibrator": {
+            "calibrator.model_file": str(
+                commissioning_model(share / "config", options.station, options.band, output).resolve()
+            ),
+            "calibrator.station": options.station,
+            "calibrator.band": options.band,
+            "calibrator.folder": str(Path(options.models).resolve()) if options.models else "",
+            "calibrator.keep_observations": options.keep_observations,
+        },
+    }
+    return {f"/**/{node}": {"ros__parameters": values} for node, values in sections.items() if values}
+
+
+def notes(options: argparse.Namespace) -> dict[str, str]:
+    """Return what the bag and the report should say of the run."""
+    return {name: str(getattr(options, name)) for name in ("station", "band", "sensor", "speed", "seed")}
+
+
+def parameter_files(options: argparse.Namespace, said: Mapping[str, Any], output: Path) -> list[Path]:
+    """Return the parameter files of a run, the later before the earlier; what is `said` is written to `output`."""
+    share = Path(get_package_share_directory("rf_pointing")) / "config"
+    written = output / "run.yaml"
+    written.write_text(yaml.safe_dump(said, sort_keys=False))
+    return [share / "dss13.yaml", share / f"band_{options.band.lower()}.yaml", *map(Path, options.params_file), written]
+
+
+def bag_folder(options: argparse.Namespace, output: Path) -> Path:
+    """Return where a run that writes its report to `output` records its bag."""
+    return Path(options.record or output / "bag")
+
+
+def run_stem(options: argparse.Namespace, window: Pass) -> str:
+    """Return what the folders of runs on this pass are called, but for a number."""
+    return f"{options.satellite}-{datetime.fromtimestamp(window.aos_t_s, UTC):%Y%m%dT%H%M%S}"
+
+
+def output_folder(options: argparse.Namespace, stem: str) -> Path:
+    """Return the folder of a run, by default a new one called `stem` and a number; refuses a bag that exists."""
+    if options.record and Path(options.record).exists():
+        raise ValueError(f"record={options.record} exists already")
+    if options.output:
+        folder = Path(options.output)
+        if (folder / "bag").exists() and not options.record:
+            raise ValueError(f"output={options.output} holds a bag already")
+        folder.mkdir(parents=True, exist_ok=True)
+        return folder
+    for number in range(1, 10000):
+        folder = Path("runs") / f"{stem}-{number:02d}"
+        try:
+            folder.mkdir(parents=True)
+        except FileExistsError:
+            continue
+        return folder
+    raise ValueError(f"runs/{stem}-* are all taken")

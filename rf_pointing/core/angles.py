@@ -1,0 +1,93 @@
+"""Angles on the sky and on the axes: wrapping, unwrapping, cross-elevation and unit vectors.
+
+Azimuth runs from true north through east, elevation from the horizon up.  Cross-elevation is measured on the sky:
+xel = azimuth difference * cos(elevation).
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rf_pointing.core.checks import require_finite
+
+__all__ = [
+    "MDEG",
+    "angular_distance_rad",
+    "azel_from_unit_vector",
+    "cosine_slopes",
+    "nearest_turn_rad",
+    "sky_offset_rad",
+    "unit_vector_from_azel",
+    "wrap_rad",
+]
+
+MDEG = math.radians(1e-3)
+"""One millidegree in radians, the unit in which pointing errors are reported."""
+
+
+def wrap_rad(angle_rad: ArrayLike) -> NDArray[np.float64]:
+    """Return the angle folded into [-pi, pi), elementwise."""
+    return np.mod(np.asarray(angle_rad, dtype=np.float64) + np.pi, 2.0 * np.pi) - np.pi
+
+
+def nearest_turn_rad(angle_rad: float, reference_rad: float) -> float:
+    """Return `angle_rad` plus the whole turns that bring it within half a turn of `reference_rad`."""
+    require_finite("angle_rad", angle_rad)
+    require_finite("reference_rad", reference_rad)
+    return angle_rad + 2.0 * math.pi * round((reference_rad - angle_rad) / (2.0 * math.pi))
+
+
+def unit_vector_from_azel(azimuth_rad: ArrayLike, elevation_rad: ArrayLike) -> NDArray[np.float64]:
+    """Return east, north, up components, shape (..., 3); the inverse is `azel_from_unit_vector`."""
+    azimuth, elevation = np.broadcast_arrays(
+        np.asarray(azimuth_rad, dtype=np.float64), np.asarray(elevation_rad, dtype=np.float64)
+    )
+    horizontal = np.cos(elevation)
+    return np.stack([horizontal * np.sin(azimuth), horizontal * np.cos(azimuth), np.sin(elevation)], axis=-1)
+
+
+def azel_from_unit_vector(enu: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return azimuth in [0, 2 pi) and elevation in [-pi/2, pi/2] of east-north-up vectors (..., 3)."""
+    east, north, up = np.moveaxis(np.asarray(enu, dtype=np.float64), -1, 0)
+    return np.mod(np.arctan2(east, north), 2.0 * np.pi), np.arctan2(up, np.hypot(east, north))
+
+
+def cosine_slopes(direction: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return ds/d(s_x, s_y) (..., 3, 2) of unit vectors (..., 3) with s_z > 0: how errors of two cosines move them."""
+    slopes = np.zeros((*direction.shape[:-1], 3, 2))
+    slopes[..., 0, 0] = slopes[..., 1, 1] = 1.0
+    slopes[..., 2, :] = -direction[..., :2] / direction[..., 2:]
+    return slopes
+
+
+def sky_offset_rad(
+    azimuth_rad: ArrayLike, elevation_rad: ArrayLike, from_azimuth_rad: ArrayLike, from_elevation_rad: ArrayLike
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the cross-elevation and elevation of a direction seen from a beam, in the beam's own frame.
+
+    Exact on the sphere and regular at the zenith: the components of the direction along the beam's right-hand and
+    upward axes, each turned into an angle.  Positive cross-elevation: the direction lies clockwise of the beam.
+    """
+    beam_azimuth = np.asarray(from_azimuth_rad, dtype=np.float64)
+    beam_elevation = np.asarray(from_elevation_rad, dtype=np.float64)
+    direction = unit_vector_from_azel(azimuth_rad, elevation_rad)
+    right = np.stack([np.cos(beam_azimuth), -np.sin(beam_azimuth), np.zeros_like(beam_azimuth)], axis=-1)
+    forward = unit_vector_from_azel(beam_azimuth, beam_elevation)
+    up = unit_vector_from_azel(beam_azimuth, beam_elevation + np.pi / 2.0)
+    along_right, along_up, along_forward = (np.sum(direction * axis, axis=-1) for axis in (right, up, forward))
+    separation = np.arctan2(np.hypot(along_right, along_up), along_forward)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        scale = np.where(separation > 0.0, separation / np.hypot(along_right, along_up), 1.0)
+    return along_right * scale, along_up * scale
+
+
+def angular_distance_rad(
+    azimuth_rad: ArrayLike, elevation_rad: ArrayLike, other_azimuth_rad: ArrayLike, other_elevation_rad: ArrayLike
+) -> NDArray[np.float64]:
+    """Return the angle between two directions, accurate for small and for large separations."""
+    a = unit_vector_from_azel(azimuth_rad, elevation_rad)
+    b = unit_vector_from_azel(other_azimuth_rad, other_elevation_rad)
+    sine: NDArray[np.float64] = np.linalg.norm(np.cross(a, b), axis=-1)
+    cosine: NDArray[np.float64] = np.sum(a * b, axis=-1)
+    return np.arctan2(sine, cosine)

@@ -1,0 +1,60 @@
+"""A few values of one node that outlive it: one JSON file, replaced whole or not at all.
+
+A killed process leaves either the old file or the new one.  Unreadable text is refused, not taken for an empty start.  A file
+that cannot be written is refused at the start; later, when a disk fills up, it ends nothing: `problem` says so, and every
+further call tries again.
+"""
+
+import json
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from rf_pointing.core.whole_file import write_whole
+
+__all__ = ["KeptState"]
+
+
+class KeptState:
+    """The file of one node; an empty name keeps nothing."""
+
+    def __init__(self, name: str) -> None:
+        self._path = Path(name) if name else None
+        self._kept: dict[str, Any] | None = None
+        self.problem = ""
+        """Why the latest values are not in the file, empty when they are."""
+        if self._path is not None:
+            self._require_writable(self._path)
+
+    def recover(self) -> dict[str, Any]:
+        """Return what was kept, empty when nothing was; ValueError names a file that cannot be read."""
+        if self._path is None or not self._path.exists():
+            return {}
+        try:
+            values = json.loads(self._path.read_text())
+        except ValueError as error:
+            raise ValueError(f"state file {self._path} cannot be read: {error}") from error
+        if not isinstance(values, dict):
+            raise ValueError(f"state file {self._path} holds {type(values).__name__}, must hold an object")
+        return values
+
+    def keep(self, values: Mapping[str, Any]) -> None:
+        """Write `values` if they are others than those written last; see `problem`."""
+        if self._path is None or values == self._kept:
+            return
+        try:
+            write_whole(self._path, json.dumps(values))
+        except OSError as error:
+            self.problem = f"state file {self._path} cannot be written: {error.strerror}"
+            return
+        self._kept, self.problem = dict(values), ""
+
+    @staticmethod
+    def _require_writable(path: Path) -> None:
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=path.parent):
+                pass
+        except OSError as error:
+            raise ValueError(f"state file {path} cannot be written: {error.strerror}") from error

@@ -1,0 +1,168 @@
+"""The nouns on the arrows of the graph: what the parts of a station say to each other.
+
+Times `t_s` are UTC seconds since 1970-01-01 (leap seconds not counted, as on the ROS wire).  Sky angles are
+apparent (refraction included).  Axis order is always azimuth, elevation; error order cross-elevation, elevation.
+Joint angles are mechanical and continuous: they are never folded into one turn.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.core.checks import as_finite_array, require_finite
+from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
+
+__all__ = [
+    "AXES",
+    "Boresight",
+    "CarrierPower",
+    "JointReading",
+    "JointTrajectory",
+    "MonopulseCluster",
+    "PointingError",
+    "Target",
+]
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+AXES = ("azimuth", "elevation")
+"""Joint names, in the order of every two-axis array."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Target:
+    """Where the target is on the sky at `t_s`; azimuth is continuous along a pass, elevation contains the refraction."""
+
+    t_s: float
+    name: str
+    azimuth_rad: float
+    elevation_rad: float
+    azimuth_rate_rad_s: float
+    elevation_rate_rad_s: float
+    azimuth_acceleration_rad_s2: float
+    elevation_acceleration_rad_s2: float
+    range_m: float
+    range_rate_m_s: float
+    refraction_rad: float
+
+    @property
+    def light_time_s(self) -> float:
+        """One-way travel time of the signal."""
+        return self.range_m / SPEED_OF_LIGHT_M_S
+
+    @property
+    def doppler_factor(self) -> float:
+        """Frequency received over frequency sent (without clock rates, below 1e-9)."""
+        return 1.0 - self.range_rate_m_s / SPEED_OF_LIGHT_M_S
+
+    def __post_init__(self) -> None:
+        for name in self.__slots__:
+            if name != "name":
+                require_finite(name, getattr(self, name))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointReading:
+    """Encoder angles and rates of both axes at `t_s`, shape (2,)."""
+
+    t_s: float
+    position_rad: Array
+    velocity_rad_s: Array
+
+    def __post_init__(self) -> None:
+        require_finite("t_s", self.t_s)
+        object.__setattr__(self, "position_rad", as_finite_array("position_rad", self.position_rad, (2,)))
+        object.__setattr__(self, "velocity_rad_s", as_finite_array("velocity_rad_s", self.velocity_rad_s, (2,)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointTrajectory:
+    """Time-tagged commands for both axes: `t_s` (n,) increasing, the rest (n, 2)."""
+
+    t_s: Array
+    position_rad: Array
+    velocity_rad_s: Array
+    acceleration_rad_s2: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "t_s", as_finite_array("t_s", self.t_s, (None,)))
+        for name in ("position_rad", "velocity_rad_s", "acceleration_rad_s2"):
+            object.__setattr__(self, name, as_finite_array(name, getattr(self, name), (len(self.t_s), 2)))
+        if len(self.t_s) == 0:
+            raise ValueError("t_s has 0 points, must have at least 1")
+        if np.any(np.diff(self.t_s) <= 0.0):
+            raise ValueError("t_s must increase from point to point")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Boresight:
+    """Where the radio beam of a simulated antenna really points on the sky (simulation truth)."""
+
+    t_s: float
+    azimuth_rad: float
+    elevation_rad: float
+
+    def __post_init__(self) -> None:
+        for name in self.__slots__:
+            require_finite(name, getattr(self, name))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MonopulseCluster:
+    """Complex sum and difference samples of one cluster, all of shape (n,), at the times `t_s` (n,).
+
+    `carrier_to_noise_db_hz` is the receiver's own estimate of C/N0 on the sum channel.
+    """
+
+    t_s: Array
+    sum: ComplexArray
+    difference_cross_elevation: ComplexArray
+    difference_elevation: ComplexArray
+    carrier_to_noise_db_hz: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CarrierPower:
+    """Carrier power measured over `integration_s` ending at `t_s`, with its standard deviation, both in watts."""
+
+    t_s: float
+    integration_s: float
+    power_w: float
+    sigma_w: float
+    carrier_to_noise_db_hz: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PointingError:
+    """Target minus beam at `t_s`: positive when the target is clockwise (right) of the beam or above it.
+
+    `covariance_rad2` is (2, 2) in the order cross-elevation, elevation.  An invalid error carries its reason and
+    must not move the antenna.
+    """
+
+    t_s: float
+    sensor: str
+    cross_elevation_rad: float
+    elevation_rad: float
+    covariance_rad2: Array = field(default_factory=lambda: np.zeros((2, 2)))
+    carrier_to_noise_db_hz: float = 0.0
+    valid: bool = True
+    reason: str = ""
+
+    def __post_init__(self) -> None:
+        for name in ("t_s", "cross_elevation_rad", "elevation_rad", "carrier_to_noise_db_hz"):
+            require_finite(name, getattr(self, name))
+        covariance = as_finite_array("covariance_rad2", self.covariance_rad2, (2, 2))
+        (right, both), (_, up) = covariance.tolist()
+        if min(right, up) < 0.0 or both**2 > (1.0 + 1e-9) * right * up:
+            raise ValueError(
+                f"covariance_rad2={covariance.tolist()} must be that of two real axes: no negative variance"
+            )
+        object.__setattr__(self, "covariance_rad2", covariance)
+
+    @property
+    def estimated(self) -> bool:
+        """Whether an error was estimated at all; a report without a covariance only carries the C/N0."""
+        return bool(self.covariance_rad2.any())

@@ -1,0 +1,43 @@
+"""Where the Sun is over a station, for the zone that the beam keeps from it; renewed often enough for a control tick."""
+
+import math
+from dataclasses import dataclass
+
+from rf_pointing.core import Params, parameter
+from rf_pointing.ephemeris import TopocentricTrack, site, sun
+
+__all__ = ["SolarDirection", "SunParams"]
+
+RENEWAL_S = 10.0
+"""The Sun moves 42 mdeg in this time."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SunParams(Params):
+    """Whose Sun it is."""
+
+    station: str = parameter("Goldstone DSS-13", "station over which the Sun stands; empty: the Sun is not looked at")
+
+
+class SolarDirection:
+    """Apparent azimuth and elevation of the Sun, None where it is not known; `unknown` says why."""
+
+    def __init__(self, params: SunParams) -> None:
+        self.station = params.station
+        self._track = TopocentricTrack(sun(), site(params.station)) if params.station else None
+        self.unknown = "" if params.station else "no station is named"
+        self._renewed_s = -math.inf
+        self._direction: tuple[float, float] | None = None
+
+    def at(self, t_s: float) -> tuple[float, float] | None:
+        """Return azimuth and elevation at `t_s`, at most `RENEWAL_S` old."""
+        if self._track is not None and not 0.0 <= t_s - self._renewed_s < RENEWAL_S:
+            self._renewed_s = t_s
+            try:
+                look = self._track.target_at(t_s)
+            except ValueError as error:
+                self._direction, self.unknown = None, str(error)
+            else:
+                self._direction = (look.azimuth_rad, look.elevation_rad)
+                self.unknown = ""
+        return self._direction

@@ -1,0 +1,136 @@
+"""From the operator's words to a track: which elements, ephemeris message or body of the sky, seen from which station."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from rf_pointing.core import Params, parameter
+from rf_pointing.core.refraction import RadioRefraction
+from rf_pointing.ephemeris import (
+    RADIO_SOURCES,
+    Elements,
+    OemTarget,
+    Site,
+    TargetSource,
+    TopocentricTrack,
+    find_elements,
+    moon,
+    radio_source,
+    read_elements,
+    read_oem,
+    site,
+    sun,
+    verification_elements,
+)
+from rf_pointing.ephemeris.oem import METHODS
+
+__all__ = ["SourceParams", "first_time_s", "load_elements", "load_target", "load_track", "refraction_at"]
+
+DAY_S = 86400.0
+BODIES: dict[str, Callable[[], TargetSource]] = {
+    "sun": sun,
+    "moon": moon,
+    **{name.casefold(): partial(radio_source, name) for name in RADIO_SOURCES},
+}
+"""Bodies of the sky by their names, case ignored."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SourceParams(Params):
+    """Target and station; the offsets move the target against its elements."""
+
+    elements_file: str = parameter(
+        "", "file of orbital elements (TLE, OMM) or ephemeris (OEM); empty: the verification set of the sgp4 package"
+    )
+    satellite: str = parameter(
+        "28057", "catalogue number or name of the satellite in the file, or Sun, Moon or a radio source"
+    )
+    station: str = parameter("Goldstone DSS-13", "station name")
+    along_track_offset_s: float = parameter(0.0, "target ahead of its elements by", low=-60.0, high=60.0)
+    cross_track_offset_rad: float = parameter(0.0, "target right of its elements by", low=-0.1, high=0.1)
+    interpolation: str = parameter(
+        "", "method for an OEM that declares none; empty: such an OEM is refused", choices=("", *METHODS)
+    )
+    interpolation_degree: int = parameter(7, "its degree", low=1, high=15)
+    hold: bool = parameter(False, "the target stands still on the sky where it was when this was set")
+    max_age_days: float = parameter(14.0, "age from the epoch at which elements are expired", low=0.01, high=3650.0)
+    refraction: str = parameter(
+        "standard", "weather of the refraction: mean of the altitude, measured, or a vacuum",
+        choices=("standard", "measured", "none"),
+    )  # fmt: skip
+    weather: RadioRefraction = parameter(RadioRefraction(), "weather measured at the antenna")
+
+
+def load_target(params: SourceParams) -> Elements | TargetSource:
+    """Return the wanted object; errors name the file or the object."""
+    body = BODIES.get(params.satellite.casefold())
+    if body is not None:
+        return body()
+    if not params.elements_file:
+        return find_elements(verification_elements(), params.satellite)
+    path = Path(params.elements_file)
+    if not path.is_file():
+        raise ValueError(f"elements_file={params.elements_file!r} does not exist")
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+        if text.lstrip().startswith("CCSDS_OEM_VERS"):
+            method = (params.interpolation, params.interpolation_degree) if params.interpolation else None
+            return _object_of_oem(text, params.satellite, method)
+        return find_elements(read_elements(text), params.satellite)
+    except ValueError as error:
+        raise ValueError(f"{path.name}: {error}") from error
+
+
+def load_elements(params: SourceParams) -> Elements:
+    """Return the wanted satellite's elements; what is not tracked from elements is refused by name."""
+    target = load_target(params)
+    if not isinstance(target, Elements):
+        raise ValueError(f"{target.name} is not tracked from mean elements")
+    return target
+
+
+def load_track(params: SourceParams, hold_t_s: float | None = None) -> TopocentricTrack:
+    """Return the object as seen from the station, standing still where it is at `hold_t_s` if that is given."""
+    station = site(params.station)
+    return TopocentricTrack(
+        load_target(params),
+        station,
+        along_track_offset_s=params.along_track_offset_s,
+        cross_track_offset_rad=params.cross_track_offset_rad,
+        hold_t_s=hold_t_s,
+        refraction=refraction_at(params, station),
+        max_age_s=params.max_age_days * DAY_S,
+    )
+
+
+def refraction_at(params: SourceParams, station: Site) -> RadioRefraction | None:
+    """Return the refraction that the parameters ask for."""
+    kinds: dict[str, RadioRefraction | None] = {"measured": params.weather, "none": None}
+    return kinds.get(params.refraction, RadioRefraction.standard(station.altitude_m))
+
+
+def first_time_s(params: SourceParams) -> float:
+    """Return the epoch of the elements or the beginning of the ephemeris; bodies of the sky have neither.
+
+    Raises
+    ------
+    ValueError
+        For a body of the sky.
+    """
+    target = load_target(params)
+    if isinstance(target, Elements):
+        return target.epoch_t_s
+    if isinstance(target, OemTarget):
+        return target.spans_t_s[0][0]
+    raise ValueError(f"{target.name} has no epoch: say when to look for it (start)")
+
+
+def _object_of_oem(text: str, wanted: str, interpolation: tuple[str, int] | None) -> OemTarget:
+    segments = read_oem(text)
+    key = wanted.strip().casefold()
+    found = [segment for segment in segments if key in (segment.name.casefold(), segment.object_id.casefold())]
+    if not found:
+        names = sorted({f"{segment.name} ({segment.object_id})" for segment in segments})
+        raise ValueError(f"satellite={wanted!r} is not among the objects of the ephemeris: {', '.join(names)}")
+    return OemTarget(found, interpolation=interpolation)

@@ -1,0 +1,146 @@
+"""Short passes of the whole simulated station, one per number asked of the radio loop.
+
+Every case is the station of the graph (`simulation.simulate_pass`): wind, servo, structure, receiver noise, tracker,
+state table, trim filter; only what the case is about differs from the configuration files.
+"""
+
+import dataclasses
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.calibration import read_model
+from rf_pointing.ephemeris import Pass, first_pass_above
+from rf_pointing.ephemeris.source import SourceParams, load_elements, load_track
+from rf_pointing.simulation import PassLog, StationSetup, simulate_pass
+from rf_pointing.station.antenna.mount import MountParams
+from rf_pointing.station.antenna.receiver import Reception
+from rf_pointing.station.campaign.commissioning import COMMON, FILES
+
+__all__ = [
+    "KA_45_DB_HZ",
+    "LINK_45_DB_HZ",
+    "Case",
+    "acquired_s",
+    "command_accelerations_rad_s2",
+    "config_folder",
+    "first_time_s",
+    "fly",
+    "low_orbit_pass",
+    "model_file",
+    "moved_mount",
+    "reacquisitions_s",
+]
+
+Array = NDArray[np.float64]
+Changes = Mapping[str, Mapping[str, object]]
+LEAD_S = 5.0
+COMMAND_S = 0.1
+RADIO_MODES = ("monopulse", "conscan", "steptrack")
+LINK_45_DB_HZ = {"link.zenith_carrier_to_noise_db_hz": 45.0, "link.reference_range_m": 1.1e6}
+"""45 dB-Hz at about the distance of the satellite at the top of its pass; what the controller is told."""
+KA_45_DB_HZ = {f"signal.{name}": value for name, value in LINK_45_DB_HZ.items()}
+"""The same for the receiver."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """Band, sensor, seconds from the start of the pass, and changes per node over the configuration files."""
+
+    band: str
+    sensor: str
+    seconds: float
+    changes: Changes = dataclasses.field(default_factory=dict)
+    seed: int = 1
+
+
+def model_file(band: str) -> Path:
+    """Return the pointing model that the station uses in a band."""
+    return config_folder() / FILES.get(band, COMMON)
+
+
+def moved_mount(band: str, right_rad: float, up_rad: float) -> dict[str, object]:
+    """Return parameters of the antenna whose mount is that of the model but for its collimation and elevation offset.
+
+    The beam misses a target that is where its elements say by `right_rad` in cross-elevation and `up_rad` in elevation.
+    """
+    known = read_model(model_file(band)).model
+    mount = {item.name: known.coefficients[item.name.rsplit("_", 1)[0]] for item in dataclasses.fields(MountParams)}
+    mount["collimation_rad"] += right_rad
+    mount["elevation_offset_rad"] += up_rad
+    degrees = {name: (name.removesuffix("_rad") + "_deg", math.degrees(value)) for name, value in mount.items()}
+    return {
+        f"mount.{as_degrees if name.endswith('_rad') else name}": in_degrees if name.endswith("_rad") else mount[name]
+        for name, (as_degrees, in_degrees) in degrees.items()
+    }
+
+
+def low_orbit_pass(peak_deg: float = 40.0, mask_deg: float = 40.0) -> Pass:
+    """Return a pass of CBERS-2 over DSS-13 above the mask; the default is its top, where the rates are largest."""
+    source = SourceParams()
+    begin_s = load_elements(source).epoch_t_s
+    return first_pass_above(load_track(source), begin_s, math.radians(peak_deg), math.radians(mask_deg), 2.0 * 86400.0)
+
+
+def fly(case: Case, window: Pass, heard: Callable[[Reception], object] | None = None) -> PassLog:
+    """Return the log of a case, at most to the end of the pass; `heard` gets everything from the receiver."""
+    config = config_folder()
+    short = dataclasses.replace(window, los_t_s=min(window.aos_t_s + case.seconds, window.los_t_s))
+    changes: dict[str, dict[str, object]] = {node: dict(values) for node, values in case.changes.items()}
+    changes.setdefault("antenna_servo", {}).update(
+        {
+            "antenna.start_azimuth_deg": math.degrees(window.aos_azimuth_rad),
+            "antenna.start_elevation_deg": math.degrees(window.aos_elevation_rad),
+            "antenna.seed": case.seed,
+        }
+    )
+    changes.setdefault("rf_receiver", {})["signal.seed"] = case.seed
+    files = [config / "dss13.yaml", config / f"band_{case.band.lower()}.yaml"]
+    setup = StationSetup(files, model_file(case.band), changes)
+    return simulate_pass(setup, short, math.floor(window.aos_t_s) - LEAD_S, case.sensor, heard)
+
+
+def config_folder() -> Path:
+    """Return the folder of the configuration files, in the source tree or where the package is installed."""
+    for parent in Path(__file__).resolve().parents:
+        for folder in (parent / "config", parent / "share" / "rf_pointing" / "config"):
+            if (folder / "dss13.yaml").is_file():
+                return folder
+    raise ValueError(f"no config/dss13.yaml above {__file__}")
+
+
+def first_time_s(log: PassLog, mode: str) -> float:
+    """Return the time at which a mode was first entered, infinite if never."""
+    return next((t_s for t_s, name in zip(log.t_s, log.mode, strict=True) if name == mode), math.inf)
+
+
+def acquired_s(log: PassLog, within_rad: float) -> float:
+    """Return the time from which a radio mode holds the true error below `within_rad` to the end, infinite if it never does."""
+    held = (np.hypot(*log.errors_rad().T) < within_rad) & np.isin(log.mode, RADIO_MODES)
+    lost = np.flatnonzero(~held)
+    if not len(held) or not held[-1]:
+        return math.inf
+    return log.t_s[int(lost[-1]) + 1] if len(lost) else log.t_s[0]
+
+
+def command_accelerations_rad_s2(log: PassLog, from_s: float) -> Array:
+    """Return the second differences (n, 2) of the commands of successive periods, from a time on."""
+    late = np.array(log.command_t_s)[1:-1] > from_s
+    found: Array = np.diff(np.array(log.command_rad), 2, axis=0)[late] / COMMAND_S**2
+    return found
+
+
+def reacquisitions_s(log: PassLog, mode: str) -> Array:
+    """Return, for every time the carrier came back, how long it took until `mode` tracked again, infinite if it never did.
+
+    A dropout that was over before the mode was left took no time.
+    """
+    level, times = np.array(log.carrier_to_noise_db_hz), np.array(log.t_s)
+    silent = level <= 0.0
+    back = times[1:][silent[:-1] & ~silent[1:]]
+    tracking = times[np.array(log.mode) == mode]
+    return np.array([float(np.min(tracking[tracking >= t_s], initial=math.inf)) - t_s for t_s in back])

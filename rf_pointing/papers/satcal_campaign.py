@@ -1,0 +1,145 @@
+"""Simulated calibration data for SATCAL: real pass geometry, an orbit off by 200 m, noise, and fits of many runs.
+
+Orbit errors are those of a neighbouring orbit (Clohessy-Wiltshire): within a pass they change as they would, between
+passes they are independent.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.calibration import (
+    BiasModel,
+    FitResult,
+    Observations,
+    PassPriors,
+    SectorRule,
+    fit_bias_model,
+    held_at_zero,
+    select_observations,
+)
+from rf_pointing.calibration.pass_errors import pass_partials
+from rf_pointing.papers.orbit import Elements, Gravity, Look, Site, visits
+
+__all__ = ["Runs", "many_runs", "observed", "orbit_error", "orbit_error_m", "points_of", "sky_filling_points"]
+
+Array = NDArray[np.float64]
+
+_ORBIT_RATE_RAD_S = 2.0 * np.pi / 6080.0
+_ELLIPSE_M, _AHEAD_M, _ACROSS_M = 40.0, 165.0, 92.0
+_GRAVITY = Gravity()
+
+
+def points_of(passes: Sequence[Look], sigma_rad: float) -> Observations:
+    """Return noise-free, unbiased points of passes, 80 deg of elevation and below."""
+    parts = []
+    for number, seen in enumerate(passes):
+        low = seen.elevation_rad <= np.radians(80.0)
+        count = int(np.sum(low))
+        if count == 0:
+            continue
+        parts.append(
+            Observations(
+                station="simulated",
+                band="S",
+                t_s=seen.t_s[low],
+                pass_id=np.full(count, number),
+                observed_azimuth_rad=seen.azimuth_rad[low],
+                observed_elevation_rad=seen.elevation_rad[low],
+                true_azimuth_rad=seen.azimuth_rad[low],
+                true_elevation_rad=seen.elevation_rad[low],
+                azimuth_rate_rad_s=seen.azimuth_rate_rad_s[low],
+                elevation_rate_rad_s=seen.elevation_rate_rad_s[low],
+                azimuth_acceleration_rad_s2=seen.azimuth_acceleration_rad_s2[low],
+                elevation_acceleration_rad_s2=seen.elevation_acceleration_rad_s2[low],
+                sigma_azimuth_rad=np.full(count, sigma_rad),
+                sigma_elevation_rad=np.full(count, sigma_rad),
+                range_m=seen.range_m[low],
+                range_rate_m_s=seen.range_rate_m_s[low],
+            )
+        )
+    return Observations.concatenate(parts)
+
+
+def sky_filling_points(
+    site: Site, satellites: Sequence[Elements], epoch_t_s: float, days: float, sigma_rad: float
+) -> Observations:
+    """Return 25 to 30 points, 10 s apart, in each of the 36 sectors; refuses if `days` do not fill them."""
+    passes = [
+        seen
+        for satellite in satellites
+        for seen in visits(site, satellite, epoch_t_s, days, _GRAVITY, step_s=10.0, lowest_rad=np.radians(10.0))
+    ]
+    return select_observations([points_of(passes, sigma_rad)], SectorRule(), require_full=True)[0]
+
+
+def orbit_error(points: Observations, random: np.random.Generator) -> tuple[Array, Array]:
+    """Return shifts of azimuth and elevation (n,) from an orbit error of 200 m rms."""
+    shift = orbit_error_m(points, random)
+    azimuth, elevation = pass_partials(points, ("along_track_m", "cross_track_m", "radial_m"))
+    return np.sum(azimuth * shift, axis=1), np.sum(elevation * shift, axis=1)
+
+
+def orbit_error_m(points: Observations, random: np.random.Generator) -> Array:
+    """Return the displacement (n, 3) along, across and up of the reference orbit: 200 m rms."""
+    place = np.searchsorted(points.passes, points.pass_id)
+    count = len(points.passes)
+    first = np.array([points.t_s[points.pass_id == number][0] for number in points.passes])
+    phase = _ORBIT_RATE_RAD_S * (points.t_s - first[place])
+    a, b, c, d = (random.normal(0.0, _ELLIPSE_M / np.sqrt(2.0), count)[place] for _ in range(4))
+    across = (_ACROSS_M / _ELLIPSE_M) * (c * np.cos(phase) + d * np.sin(phase)) * np.sqrt(2.0)
+    radial = a * np.cos(phase) + b * np.sin(phase)
+    along = 2.0 * (b * np.cos(phase) - a * np.sin(phase)) + random.normal(0.0, _AHEAD_M, count)[place]
+    return np.stack([along, across, radial], axis=1)
+
+
+def observed(
+    points: Observations, model: BiasModel, random: np.random.Generator, shift: tuple[Array, Array]
+) -> Observations:
+    """Return the points seen through `model` with noise of their sigma and the orbit's `shift`."""
+    offset = model.offset_rad(*points.motion())
+    noise = random.standard_normal((2, len(points)))
+    return replace(
+        points,
+        observed_azimuth_rad=points.true_azimuth_rad + offset[0] + shift[0] + points.sigma_azimuth_rad * noise[0],
+        observed_elevation_rad=points.true_elevation_rad + offset[1] + shift[1] + points.sigma_elevation_rad * noise[1],
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Runs:
+    """Fits of many simulated campaigns: estimates and stated sigma (runs, k), the truth (k,) and the first fit."""
+
+    names: tuple[str, ...]
+    truth: Array
+    values: Array
+    sigma: Array
+    first: FitResult
+
+    def within_three_sigma(self) -> NDArray[np.bool_]:
+        """Return which estimates (runs, k) lie within three of their own sigma of the truth."""
+        return np.abs(self.values - self.truth) <= 3.0 * self.sigma
+
+    def spread_over_sigma(self) -> Array:
+        """Return the actual spread of the estimates over the stated sigma (k,)."""
+        spread = np.sqrt(np.mean((self.values - self.truth) ** 2, axis=0))
+        return np.asarray(spread / np.sqrt(np.mean(self.sigma**2, axis=0)))
+
+
+def many_runs(
+    points: Observations,
+    model: BiasModel,
+    names: tuple[str, ...],
+    runs: int,
+    random: np.random.Generator,
+    pass_priors: PassPriors | None,
+) -> Runs:
+    """Simulate and fit `runs` campaigns at the same points."""
+    fits = []
+    for _ in range(runs):
+        data = observed(points, model, random, orbit_error(points, random))
+        fits.append(fit_bias_model(data, terms=names, held=held_at_zero(names), pass_priors=pass_priors))
+    truth = np.array([model.coefficients[name] for name in names])
+    return Runs(names, truth, np.array([f.values for f in fits]), np.array([f.sigma for f in fits]), fits[0])

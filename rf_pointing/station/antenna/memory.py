@@ -1,0 +1,64 @@
+"""What an antenna is after its control unit has died and come back: the same one.
+
+The structure stands where it stood, a latched fault is still latched, and an antenna that was parked, stowed or disabled
+keeps its brakes set until somebody resumes it.  Written as it moves, and before a change of fault or rest is told to anybody.
+"""
+
+import math
+
+from rf_pointing.core.kept_state import KeptState
+from rf_pointing.station.antenna.simulated_antenna import AntennaParams, SimulatedAntenna
+
+__all__ = ["AntennaMemory"]
+
+MOVED_RAD = math.radians(0.5)
+AT_REST = ("parked", "stowed", "disabled")
+SINCE = " (since before the restart)"
+
+
+class AntennaMemory:
+    """The state file of one antenna; an empty name remembers nothing."""
+
+    def __init__(self, name: str) -> None:
+        self._state = KeptState(name)
+        self._kept = self._state.recover()
+        missing = {"azimuth_rad", "elevation_rad", "mode", "fault"} - set(self._kept)
+        if self._kept and missing:
+            raise ValueError(f"state file {name} lacks {', '.join(sorted(missing))}")
+        self._written: tuple[float, float, str, str] | None = None
+
+    def start(self, params: AntennaParams) -> AntennaParams:
+        """Return the parameters with the angles at which the structure was left, if it is known."""
+        if not self._kept:
+            return params
+        return params.replace(
+            start_azimuth_rad=float(self._kept["azimuth_rad"]), start_elevation_rad=float(self._kept["elevation_rad"])
+        )
+
+    def restore(self, antenna: SimulatedAntenna) -> None:
+        """Give an antenna that has just been enabled the fault and the rest of before; only once."""
+        kept, self._kept = self._kept, {}
+        if not kept:
+            return
+        if fault := kept["fault"]:
+            antenna.modes.stop(fault if fault.endswith(SINCE) else fault + SINCE)
+        elif kept["mode"] in AT_REST:
+            antenna.modes.rest(kept["mode"])
+
+    def keep(self, antenna: SimulatedAntenna, t_s: float) -> None:
+        """Write what has changed enough to matter."""
+        azimuth, elevation = antenna.reading(t_s).position_rad.tolist()
+        status = antenna.status(t_s)
+        rest = status.mode if status.mode in AT_REST else ""
+        now = (azimuth, elevation, rest, status.fault)
+        was = self._written
+        if was is not None and was[2:] == now[2:] and max(abs(azimuth - was[0]), abs(elevation - was[1])) < MOVED_RAD:
+            return
+        self._state.keep({"azimuth_rad": azimuth, "elevation_rad": elevation, "mode": rest, "fault": status.fault})
+        if not self.problem:
+            self._written = now
+
+    @property
+    def problem(self) -> str:
+        """Why the file does not hold what it should, empty when it does."""
+        return self._state.problem

@@ -1,0 +1,197 @@
+"""The simulated receiver: the one part, with the antenna, that knows where the satellite really is.
+
+The real satellite runs ahead of or behind its elements by `along_track_offset_s`.  Boresights come in, one per control
+tick; every `cluster_samples` of them give a cluster of sum and difference samples, a carrier power and the true error.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.core import (
+    Boresight,
+    CarrierPower,
+    MonopulseCluster,
+    Params,
+    PointingError,
+    parameter,
+    random_stream,
+    sky_offset_rad,
+)
+from rf_pointing.ephemeris import TopocentricTrack
+from rf_pointing.rf import (
+    AtmosphereParams,
+    Beam,
+    BeamParams,
+    DropoutParams,
+    Dropouts,
+    InterferenceParams,
+    Link,
+    LinkParams,
+    MonopulseFeed,
+    MonopulseFeedParams,
+    NoiseParams,
+    Receiver,
+    ReceiverParams,
+    SpinParams,
+    spin_gain_db,
+)
+
+__all__ = ["Reception", "SignalParams", "SimulatedReceiver"]
+
+Array = NDArray[np.float64]
+BLOCK = 50
+NO_LINE_DB_HZ = -40.0
+TIME_TOLERANCE_S = 1e-5
+
+
+@dataclass(frozen=True, kw_only=True)
+class SignalParams(Params):
+    """Satellite signal, feed and receiver of the simulation."""
+
+    link: LinkParams = parameter(LinkParams(), "strength of the signal")
+    atmosphere: AtmosphereParams = parameter(AtmosphereParams(), "loss in the air")
+    noise: NoiseParams = parameter(NoiseParams(), "parts of the system noise")
+    beam: BeamParams = parameter(BeamParams(), "beam of the antenna")
+    feed: MonopulseFeedParams = parameter(MonopulseFeedParams(), "monopulse feed")
+    receiver: ReceiverParams = parameter(ReceiverParams(), "receiver")
+    dropouts: DropoutParams = parameter(DropoutParams(count=0), "interruptions of the carrier")
+    spin: SpinParams = parameter(SpinParams(depth=0.0), "modulation of the power by the satellite's spin")
+    interference: InterferenceParams = parameter(
+        InterferenceParams(level_db_hz=NO_LINE_DB_HZ), "line beside the carrier; at the lowest level there is none"
+    )
+    dropouts_after_s: float = parameter(40.0, "time after the first reception before the first one", low=0.0, high=1e5)
+    dropouts_within_s: float = parameter(600.0, "time in which all of them fall", low=1.0, high=1e5)
+    sign_flip_after_s: float = parameter(
+        0.0, "time after the first reception at which both differences are turned over; 0: never", low=0.0, high=1e5
+    )
+    cluster_samples: int = parameter(5, "samples in one cluster", low=3, high=100)
+    sample_s: float = parameter(0.02, "time between two samples, that of the boresights", low=0.001, high=0.1)
+    seed: int = parameter(1, "seed of every noise source", low=0, high=2**31 - 1)
+
+
+class Reception(NamedTuple):
+    """What one cluster of boresights gives; `truth` is target minus beam, known to a simulation only."""
+
+    cluster: MonopulseCluster
+    power: CarrierPower
+    truth: PointingError
+
+
+class _Ahead:
+    """Look angles of a grid of coming times, computed a second at a time: one vectorised call instead of many."""
+
+    def __init__(self, track: TopocentricTrack) -> None:
+        self.track = track
+        self._times: Array = np.zeros(0)
+        self._rows: Array = np.zeros((0, 3))
+
+    def at(self, t_s: Array) -> Array:
+        """Return azimuth, elevation and range (n, 3) at evenly spaced times (n,)."""
+        first = int(np.searchsorted(self._times, t_s[0] - TIME_TOLERANCE_S))
+        found = self._times[first : first + len(t_s)]
+        if len(found) < len(t_s) or float(np.max(np.abs(found - t_s))) > TIME_TOLERANCE_S:
+            step_s = float(t_s[-1] - t_s[0]) / (len(t_s) - 1)
+            self._times = t_s[0] + step_s * np.arange(max(BLOCK, len(t_s)))
+            look = self.track.sample(self._times)
+            self._rows = np.column_stack([look.azimuth_rad, look.elevation_rad, look.range_m])
+            first = 0
+        rows: Array = self._rows[first : first + len(t_s)]
+        return rows
+
+
+class SimulatedReceiver:
+    """Collects boresights; `take` returns a `Reception` for every full cluster."""
+
+    def __init__(self, params: SignalParams, real_track: TopocentricTrack) -> None:
+        self.params = params
+        self._ahead = _Ahead(real_track)
+        self._link = Link(params.link, params.atmosphere, params.noise)
+        feed = MonopulseFeed(params.feed, params.beam)
+        random = random_stream(params.seed, "receiver")
+        line = params.interference if params.interference.level_db_hz > NO_LINE_DB_HZ else None
+        self._receiver = Receiver(params.receiver, Beam(params.beam), feed, random, line)
+        self._boresights: list[Boresight] = []
+        self._newest = -1
+        self._first_s: float | None = None
+        self._dropouts: Dropouts | None = None
+        self._flipped = MonopulseFeed(_turned_over(params.feed), params.beam)
+
+    @property
+    def target(self) -> str:
+        """Name of the satellite that is heard."""
+        return self._ahead.track.name
+
+    def tune(self, real_track: TopocentricTrack) -> None:
+        """Hear another satellite from the next cluster on."""
+        self._ahead = _Ahead(real_track)
+
+    def take(self, boresight: Boresight) -> Reception | None:
+        """Take one boresight; a cluster ends on the grid of `cluster_samples` times `sample_s` and needs every sample.
+
+        After a gap or a step back in time the next complete cluster counts.
+        """
+        index = round(boresight.t_s / self.params.sample_s)
+        if self._boresights and index != self._newest + 1:
+            self._boresights.clear()
+        if index <= self._newest:
+            self._receiver.state = replace(self._receiver.state, t_s=None)
+        self._newest = index
+        self._boresights.append(boresight)
+        if index % self.params.cluster_samples:
+            return None
+        cluster, self._boresights = self._boresights, []
+        return self._receive(cluster) if len(cluster) == self.params.cluster_samples else None
+
+    def _receive(self, cluster: list[Boresight]) -> Reception:
+        t_s = np.array([sample.t_s for sample in cluster])
+        azimuth, elevation, range_m = self._ahead.at(t_s).T
+        right, up = sky_offset_rad(
+            azimuth,
+            elevation,
+            [sample.azimuth_rad for sample in cluster],
+            [sample.elevation_rad for sample in cluster],
+        )
+        level = np.where(elevation > 0.0, self._link.carrier_to_noise_db_hz(range_m, np.abs(elevation)), -np.inf)
+        level = self._disturbed(t_s, level)
+        sample_s = float(t_s[-1] - t_s[0]) / (len(t_s) - 1)
+        truth = PointingError(
+            t_s=float(t_s[-1]),
+            sensor="truth",
+            cross_elevation_rad=float(right[-1]),
+            elevation_rad=float(up[-1]),
+            carrier_to_noise_db_hz=max(float(level[-1]), 0.0),
+        )
+        return Reception(
+            self._receiver.cluster(t_s, right, up, level, sample_s),
+            self._receiver.carrier_power(float(t_s[-1]), sample_s * len(t_s), right, up, level),
+            truth,
+        )
+
+    def _disturbed(self, t_s: Array, level_db_hz: Array) -> Array:
+        """Return the C/N0 with the spin in it and the dropouts taken out.
+
+        All but the spin, and so the turned feed, count from the first reception.
+        """
+        params = self.params
+        if params.spin.depth > 0.0:
+            level_db_hz = level_db_hz + spin_gain_db(params.spin, t_s)
+        if self._first_s is None and float(level_db_hz[0]) > -np.inf:
+            self._first_s = float(t_s[0])
+            begin_s = self._first_s + params.dropouts_after_s
+            random = random_stream(params.seed, "dropouts")
+            self._dropouts = Dropouts(params.dropouts, begin_s, begin_s + params.dropouts_within_s, random)
+        if self._first_s is None or self._dropouts is None:
+            return level_db_hz
+        if 0.0 < params.sign_flip_after_s <= float(t_s[0]) - self._first_s:
+            self._receiver.feed = self._flipped
+        return self._dropouts.level_db_hz(t_s, level_db_hz) if params.dropouts.count else level_db_hz
+
+
+def _turned_over(feed: MonopulseFeedParams) -> MonopulseFeedParams:
+    """Return the feed with both differences negated."""
+    right, up = (phase - math.copysign(math.pi, phase) for phase in feed.difference_phase_rad)
+    return feed.replace(difference_phase_rad=(right, up))

@@ -1,0 +1,138 @@
+"""What keeps an antenna whole, beside its loops: limits, sensor watch, wind, authority and latched faults.
+
+The gate here is the last one before the drives.  It trusts no commander: a command must pass it when it comes, and so must
+every tick of the motion that follows from it.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.controllers import CommandPreprocessorParams
+from rf_pointing.core import Params, parameter
+from rf_pointing.ephemeris.solar import SolarDirection, SunParams
+from rf_pointing.planning import (
+    Authority,
+    AxisLimits,
+    AxisRates,
+    AxisWatch,
+    AxisWatchParams,
+    Decision,
+    DriveWatch,
+    DriveWatchParams,
+    FaultLatch,
+    Gate,
+    GateParams,
+    HorizonMask,
+    WindWatch,
+    WindWatchParams,
+)
+
+__all__ = ["AntennaSafety", "SafetyParams"]
+
+Array = NDArray[np.float64]
+Pair = tuple[float, float]
+LATE_S = 0.1
+COMMAND_PERIOD_S = 0.1
+
+
+@dataclass(frozen=True, kw_only=True)
+class SafetyParams(Params):
+    """Limits of trust, and where the antenna goes when it is not used."""
+
+    watch: AxisWatchParams = parameter(AxisWatchParams(), "watch over the encoders")
+    drive: DriveWatchParams = parameter(DriveWatchParams(), "watch over the drives")
+    wind: WindWatchParams = parameter(WindWatchParams(), "wind in which the antenna is stowed")
+    gate: GateParams = parameter(GateParams(), "tiers of the limits")
+    mask: HorizonMask = parameter(HorizonMask(), "horizon that the antenna does not look below")
+    sun: SunParams = parameter(SunParams(), "the Sun that the antenna does not look into")
+    park_azimuth_rad: float = parameter(0.0, "azimuth of the park position", low=-20.0, high=20.0)
+    park_elevation_rad: float = parameter(math.radians(45.0), "elevation of the park position", low=0.0, high=3.2)
+    stow_elevation_rad: float = parameter(
+        math.radians(90.0), "elevation at which the wind does least", low=0.0, high=3.2
+    )
+    authority_s: float = parameter(1.0, "silence after which another may command", low=0.1, high=60.0)
+
+
+class AntennaSafety:
+    """One antenna's guards; what they say is carried out by the antenna."""
+
+    def __init__(self, params: SafetyParams, motion: CommandPreprocessorParams, tick_s: float) -> None:
+        self.params = params
+        self.gate = self._gate(motion)
+        self.sun = SolarDirection(params.sun)
+        self.watch, self.drive = AxisWatch(params.watch, tick_s), DriveWatch(params.drive, tick_s)
+        self.wind = WindWatch(params.wind)
+        self.latch = FaultLatch()
+        self.authority = Authority(params.authority_s)
+        self._commanded_s, self._tick_s = -math.inf, tick_s
+        self._stood: Pair | None = None
+
+    def retune(self, motion: CommandPreprocessorParams) -> None:
+        """Take new limits of motion."""
+        self.gate = self._gate(motion)
+
+    def release(self, joint: Pair) -> None:
+        """Trust the sensors as they are, and note where the axes stand when their brakes are released."""
+        self.watch.reset()
+        self.drive.reset()
+        self._stood = joint
+
+    def tick(self, encoder: Pair, joint: Pair, rate: Pair, command: Pair) -> tuple[Pair, str]:
+        """Return the angles to use and "" or why the drives must be cut.
+
+        `joint` is where the limit switches are: they do not look at the encoders.
+        """
+        used, encoders = self.watch.step(encoder, rate)
+        drives = self.drive.step(rate, command)
+        return used, encoders or drives or self.gate.hard(joint, rate, self._stood)
+
+    def check(self, kind: str, t_s: float, present: Pair, positions: Array) -> Decision:
+        """Answer for a motion that is asked for at `t_s`, from `present` through `positions` (n, 2)."""
+        return self.gate.check(kind, present, positions, sun_rad=self.sun.at(t_s), high_wind=self.wind.reason)
+
+    def guard(self, kind: str, t_s: float, position: Pair, rate: Pair, acceleration: Pair = (0.0, 0.0)) -> str:
+        """Return "" or why a motion must be stopped now, on the way to whatever it was allowed for."""
+        if rate == (0.0, 0.0):
+            return ""
+        tick_s = self._tick_s
+        then = position[0] + tick_s * rate[0], position[1] + tick_s * rate[1]
+        faster = rate[0] + tick_s * acceleration[0], rate[1] + tick_s * acceleration[1]
+        return self.gate.guard(kind, position, then, faster, self.sun.at(t_s))
+
+    def note_command(self, t_s: float) -> None:
+        """Note that a command was taken."""
+        self._commanded_s = t_s
+
+    def warning(self, t_s: float, mode: str, commanded: Pair) -> str:
+        """Return what is not yet a fault: high wind that finds no stowed antenna, a late command, a near limit."""
+        if self.wind.reason and mode not in ("stowing", "stowed"):
+            return f"{self.wind.reason}: the antenna is not stowed ({mode})"
+        late_s = t_s - self._commanded_s - COMMAND_PERIOD_S
+        if mode == "tracking" and late_s > LATE_S:
+            return f"no command for {late_s + COMMAND_PERIOD_S:.2f} s"
+        return self.gate.warning(*commanded)
+
+    def transmit_inhibit(self, mode: str, elevation_rad: float) -> str:
+        """Return "" when the transmitter may be on, else why not."""
+        if mode not in ("tracking", "holding"):
+            return f"the antenna is {mode}"
+        return self.gate.transmit_inhibit(elevation_rad)
+
+    def lasting_cause(self) -> str:
+        """Return the cause of a fault that is still there, "" when there is none."""
+        return self.watch.cause or self.drive.reason
+
+    def _gate(self, motion: CommandPreprocessorParams) -> Gate:
+        limits = AxisLimits(
+            azimuth_min_rad=motion.travel_min_rad[0],
+            azimuth_max_rad=motion.travel_max_rad[0],
+            elevation_min_rad=motion.travel_min_rad[1],
+            elevation_max_rad=motion.travel_max_rad[1],
+        )
+        return Gate(
+            self.params.gate, limits, self.params.mask,
+            AxisRates(motion.rate_limit_rad_s, motion.acceleration_limit_rad_s2),
+        )  # fmt: skip

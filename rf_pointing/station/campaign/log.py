@@ -1,0 +1,214 @@
+"""From a tracked pass to calibration data: encoder angles corrected by the sensed error against the ephemeris.
+
+An observation is where the encoders would stand with the beam exactly on the target; its true angles are the ephemeris'.
+"""
+
+import math
+from collections import deque
+
+import numpy as np
+
+from rf_pointing.calibration import (
+    BiasModel,
+    Coverage,
+    FitOptions,
+    FitResult,
+    ObservationJournal,
+    Observations,
+    PassPriors,
+    Prior,
+    SectorRule,
+    fit_bias_model,
+)
+from rf_pointing.core import JointReading, PointingError, Target, nearest_turn_rad
+from rf_pointing.station.pointing.target_buffer import TargetBuffer
+
+__all__ = ["CalibrationLog"]
+
+PRIOR_SIGMA = {"rad": math.radians(0.2), "rad/K": math.radians(0.02), "s": 0.5, "s^2": 10.0}
+"""How far a term may have moved from the present model; acceleration lags are rarely known at all."""
+PASS_GAP_S = 120.0
+LARGEST_JOINT_AGE_S = 0.1
+KEPT_RANGES = 64
+FEWEST = 30
+
+
+class CalibrationLog:
+    """Collects one observation every `spacing_s` while a sensor gives valid errors, and fits the 14 terms to them.
+
+    Errors beyond `largest_error_rad` are left out: off its axis a sensor is not calibrated, and 5 % of a beamwidth is a lot.
+    Nothing is observed in the first `settle_s` with a valid sensor, nor in those after such an error: after a slew and after
+    a search the lags are not steady yet.
+    With a `journal` every observation is on the disk before the next one, and those already in it count.  What a disk does
+    not take stays here, is tried again with the next observation, and `problem` says so.
+    """
+
+    def __init__(
+        self,
+        station: str,
+        band: str,
+        spacing_s: float,
+        sigma_rad: float,
+        *,
+        largest_error_rad: float = math.inf,
+        settle_s: float = 0.0,
+        journal: ObservationJournal | None = None,
+    ) -> None:
+        self.station, self.band = station, band
+        self._spacing_s, self._sigma_rad, self._journal = spacing_s, sigma_rad, journal
+        self._largest_error_rad, self._settle_s = largest_error_rad, settle_s
+        self._sensed_since_s: float | None = None
+        self._sensed_s = -math.inf
+        self._target = TargetBuffer()
+        self._ranges: deque[tuple[float, float, float]] = deque(maxlen=KEPT_RANGES)
+        self._target_name = ""
+        self._joints: JointReading | None = None
+        self._parts: list[Observations] = []
+        self._waiting: list[Observations] = []
+        self.problem = ""
+        self._pass, self._last_s, self._new_pass = -1, -math.inf, True
+        if journal is not None and journal.points is not None:
+            self._parts = [journal.points]
+            self._pass = int(np.max(journal.points.pass_id))
+
+    def __len__(self) -> int:
+        return sum(map(len, self._parts))
+
+    def take_target(self, target: Target) -> None:
+        """Note where the ephemeris puts the target; another target starts another pass."""
+        if target.name != self._target_name:
+            self._target_name, self._new_pass, self._sensed_since_s = target.name, True, None
+            self._target.clear()
+            self._ranges.clear()
+        self._target.add(target)
+        self._ranges.append((target.t_s, target.range_m, target.range_rate_m_s))
+
+    def take_joints(self, reading: JointReading) -> None:
+        """Note the encoder angles."""
+        self._joints = reading
+
+    def take_error(self, error: PointingError) -> Observations | None:
+        """Turn a valid error into an observation (one row) if one is due and the readings belong together.
+
+        Raises ValueError for readings that no antenna can have, such as a target far from the beam.
+        """
+        joints = self._joints
+        if joints is None or not error.valid or abs(joints.t_s - error.t_s) > LARGEST_JOINT_AGE_S:
+            return None
+        if not self._settled(error):
+            return None
+        if 0.0 <= error.t_s - self._last_s < self._spacing_s or not self._target.covers(error.t_s, error.t_s):
+            return None
+        starts = self._new_pass or not 0.0 <= error.t_s - self._last_s <= PASS_GAP_S
+        row = self._row(error, joints, self._pass + starts)
+        self._waiting.append(row)
+        self.write_waiting()
+        self._pass, self._new_pass, self._last_s = self._pass + starts, False, error.t_s
+        self._parts.append(row)
+        return row
+
+    def write_waiting(self) -> None:
+        """Write what is not on the disk yet, if it takes it now; see `problem`."""
+        if self._journal is None or not self._waiting:
+            self._waiting.clear()
+            return
+        try:
+            self._journal.append(Observations.concatenate(self._waiting))
+        except OSError as error:
+            count, why = len(self._waiting), error.strerror or error
+            self.problem = f"{count} observations are in memory only: {self._journal.path} cannot be written: {why}"
+            return
+        self._waiting.clear()
+        self.problem = ""
+
+    def begin_anew(self, name: str) -> None:
+        """Begin a new campaign; the old one's file is kept under its name with `name` added.
+
+        Raises ValueError while observations of the old one are not on the disk: they would be lost.
+        """
+        self.write_waiting()
+        if self.problem:
+            raise ValueError(self.problem)
+        if self._journal is not None:
+            self._journal.set_aside(name)
+        self._parts.clear()
+        self._pass, self._last_s, self._new_pass = -1, -math.inf, True
+
+    def fit(
+        self,
+        present: BiasModel,
+        *,
+        terms: tuple[str, ...] = (),
+        pass_priors: PassPriors | None = None,
+        form: str = "rotation",
+    ) -> FitResult:
+        """Return the fit of `terms` (empty: those of `present`), the others held at its values.
+
+        Terms are held near the present model where the passes cannot tell.  Raises ValueError for too few or unusable
+        observations.
+        """
+        if len(self) < FEWEST:
+            raise ValueError(f"{len(self)} observations, must have at least {FEWEST}: track a pass with a sensor first")
+        chosen = terms or tuple(present.coefficients)
+        known = {**present.coefficients, **dict.fromkeys((t for t in chosen if t not in present.coefficients), 0.0)}
+        priors = {
+            term.name: Prior(known[term.name], PRIOR_SIGMA[term.unit])
+            for term in present.replace(**known).terms
+            if term.name in chosen
+        }
+        held = {name: value for name, value in known.items() if name not in chosen}
+        return fit_bias_model(
+            self.observations(),
+            terms=chosen,
+            held=held,
+            priors=priors,
+            pass_priors=pass_priors,
+            options=FitOptions(form=form, scale_covariance=True),
+        )
+
+    def observations(self) -> Observations:
+        """Return what was collected."""
+        self._parts = [Observations.concatenate(self._parts)]
+        return self._parts[0]
+
+    def coverage(self, rule: SectorRule) -> Coverage:
+        """Return how the sectors of the sky are filled."""
+        if not self._parts:
+            return Coverage(rule, np.zeros(rule.count, dtype=np.int64))
+        points = self.observations()
+        return rule.coverage(points.true_azimuth_rad, points.true_elevation_rad)
+
+    def _settled(self, error: PointingError) -> bool:
+        """Note a valid error; return whether the beam has been near the target for long enough."""
+        if self._sensed_since_s is None or not 0.0 <= error.t_s - self._sensed_s <= PASS_GAP_S:
+            self._sensed_since_s = error.t_s
+        self._sensed_s = error.t_s
+        if math.hypot(error.cross_elevation_rad, error.elevation_rad) > self._largest_error_rad:
+            self._sensed_since_s = None
+            return False
+        return error.t_s - self._sensed_since_s >= self._settle_s
+
+    def _row(self, error: PointingError, joints: JointReading, pass_id: int) -> Observations:
+        position = joints.position_rad + (error.t_s - joints.t_s) * joints.velocity_rad_s
+        true = self._target.at([error.t_s])
+        azimuth = float(position[0] + error.cross_elevation_rad / math.cos(position[1]))
+        elevation = float(true.position[0, 1])
+        times, ranges, rates = np.array(sorted(self._ranges)).T
+        sigma = np.sqrt(np.maximum(np.diag(error.covariance_rad2), 0.0) + self._sigma_rad**2)
+        single = {
+            "t_s": error.t_s,
+            "observed_azimuth_rad": azimuth,
+            "observed_elevation_rad": position[1] + error.elevation_rad,
+            "true_azimuth_rad": nearest_turn_rad(float(true.position[0, 0]), azimuth),
+            "true_elevation_rad": elevation,
+            "azimuth_rate_rad_s": true.velocity[0, 0],
+            "elevation_rate_rad_s": true.velocity[0, 1],
+            "azimuth_acceleration_rad_s2": true.acceleration[0, 0],
+            "elevation_acceleration_rad_s2": true.acceleration[0, 1],
+            "sigma_azimuth_rad": sigma[0] / math.cos(elevation),
+            "sigma_elevation_rad": sigma[1],
+            "range_m": np.interp(error.t_s, times, ranges),
+            "range_rate_m_s": np.interp(error.t_s, times, rates),
+        }
+        columns = {name: np.array([value], dtype=np.float64) for name, value in single.items()}
+        return Observations(station=self.station, band=self.band, pass_id=np.array([pass_id]), **columns)

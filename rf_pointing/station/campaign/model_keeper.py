@@ -1,0 +1,137 @@
+"""The model in force, the candidate beside it, and the way from one to the other.
+
+A candidate runs in the shadow of the active model: every new observation scores both, and it is accepted only if it did
+what the rules ask for.  Nothing but `accept` and `roll_back` changes what is in force.  With a folder all versions are kept
+in it (`ModelStore`), one store for each station and band, and the accepted one is found again after a restart.
+"""
+
+import re
+from pathlib import Path
+
+from rf_pointing.calibration import BiasModel, ModelFile, ModelStore, Observations, ShadowRules, ShadowScore, Verdict
+from rf_pointing.core import MDEG
+
+__all__ = ["ModelKeeper", "campaign_folder"]
+
+
+def campaign_folder(folder: str | Path, station: str, band: str) -> Path:
+    """Return where models and observations of a station and band are kept below `folder`."""
+    return Path(folder) / re.sub(r"[^a-z0-9]+", "_", station.lower()).strip("_") / band
+
+
+class ModelKeeper:
+    """`active` is in force (None: no correction), `candidate` waits for a decision; `start` is the model before any fit."""
+
+    def __init__(self, station: str, band: str, folder: str, start: ModelFile | None, rules: ShadowRules) -> None:
+        self._station, self._band, self.rules = station, band, rules
+        self._store = ModelStore(campaign_folder(folder, station, band) / "models", station, band) if folder else None
+        self._start = start
+        self._before: list[ModelFile | None] = []
+        self.active: ModelFile | None = None
+        self.candidate: ModelFile | None = None
+        self._shadow: ShadowScore | None = None
+
+    @property
+    def model(self) -> BiasModel:
+        """Return the model in force, that of a perfect antenna if there is none."""
+        return self.active.model if self.active else BiasModel.zero()
+
+    def retune(self, rules: ShadowRules) -> None:
+        """Judge by other rules from now on; what was observed in the shadow counts on."""
+        self.rules = rules
+        if self._shadow is not None:
+            self._shadow.rules = rules
+
+    def begin(self, t_s: float) -> None:
+        """Put the newest accepted model that is valid at `t_s` in force, or else the start model.
+
+        Raises ValueError if the start model belongs elsewhere or is not valid.
+        """
+        self.active = self._store.active_at(t_s) if self._store else None
+        if self.active is None and self._start is not None:
+            self._start.check_for(self._station, self._band, t_s)
+            self.active = self._start
+
+    def free_name(self, stem: str) -> str:
+        """Return `stem`, with a number behind it if a version of that name is kept already."""
+        taken = self._store.names() if self._store is not None else ()
+        return next(name for k in range(1, len(taken) + 2) if (name := stem if k == 1 else f"{stem}-{k}") not in taken)
+
+    def propose(self, file: ModelFile) -> None:
+        """Make `file` the candidate in place of an earlier one, and begin to score it."""
+        file.check_for(self._station, self._band, file.valid_from_t_s)
+        if self._store is not None:
+            self._store.add(file)
+        self.candidate = file
+        self._shadow = ShadowScore(self.model, file.model, self.rules)
+
+    def observe(self, row: Observations) -> None:
+        """Score the candidate and the active model on a new observation."""
+        if self._shadow is not None:
+            self._shadow.add(row)
+
+    def verdict(self) -> Verdict | None:
+        """Return how the candidate does beside the active model, None before its first observation."""
+        try:
+            return self._shadow.verdict() if self._shadow else None
+        except ValueError:
+            return None
+
+    def verdict_text(self) -> str:
+        """Return the verdict in words, empty without a candidate."""
+        verdict = self.verdict()
+        if self.candidate is None:
+            return ""
+        if verdict is None:
+            return "not yet observed in shadow"
+        return (
+            f"{verdict.word} after {verdict.passes} passes in shadow: rms {verdict.candidate_rms_rad / MDEG:.2f} mdeg, "
+            f"active {verdict.active_rms_rad / MDEG:.2f} mdeg"
+        )
+
+    def accept(self, t_s: float) -> ModelFile:
+        """Put the candidate in force; refused without one, when it is not valid, and when the shadow speaks against it."""
+        if self.candidate is None:
+            raise ValueError("no model has been fitted")
+        verdict = self.verdict()
+        word = verdict.word if verdict else "unknown"
+        if word == "worse":
+            raise ValueError(f"candidate {self.candidate.name!r} is {self.verdict_text()}; reject it")
+        if word != "better" and self.rules.accept == "better":
+            raise ValueError(
+                f"candidate {self.candidate.name!r} is {self.verdict_text()}; it must be better after "
+                f"fewest_passes={self.rules.fewest_passes}: track more passes beside it, or reject it"
+            )
+        self.candidate.check_for(self._station, self._band, t_s)
+        if self._store is not None:
+            self._keep_way_back(self._store, t_s)
+            self._store.accept(self.candidate.name, t_s)
+        self._before.append(self.active)
+        self.active, self.candidate, self._shadow = self.candidate, None, None
+        return self.active
+
+    def reject(self) -> str:
+        """Drop the candidate and return its name; its file stays among the versions."""
+        if self.candidate is None:
+            raise ValueError("no model has been fitted")
+        name, self.candidate, self._shadow = self.candidate.name, None, None
+        return name
+
+    def roll_back(self) -> ModelFile | None:
+        """Put the model before the active one in force again and return it (None: no correction)."""
+        if self._store is not None:
+            self.active = self._store.roll_back()
+        elif self._before:
+            self.active = self._before.pop()
+        else:
+            raise ValueError("no model has been accepted: there is nothing to roll back to")
+        if self.candidate is not None:
+            self._shadow = ShadowScore(self.model, self.candidate.model, self.rules)
+        return self.active
+
+    def _keep_way_back(self, store: ModelStore, t_s: float) -> None:
+        """Enter the start model as the first version, so that the first fit can be rolled back too."""
+        if store.active() is None and self._start is not None and self.active is self._start:
+            if self._start.name not in store.names():
+                store.add(self._start)
+            store.accept(self._start.name, t_s)

@@ -1,0 +1,138 @@
+"""Which passes, or pieces of them, a calibration campaign tracks: candidates from elements, and a sky full of beacons.
+
+Real catalogues give a few passes an hour, so a campaign lasts days.  `beacons` are the elements of a made-up constellation
+dense enough to fill the 36 sectors in about an hour: fast ones at 600 km for the lags, slow ones at 3000 km.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.calibration import CandidatePass, ReferenceTrack
+from rf_pointing.core import MDEG, Params, parameter
+from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
+from rf_pointing.core.refraction import RadioRefraction
+from rf_pointing.ephemeris import Elements, Pass, Site, TopocentricTrack, find_passes
+
+__all__ = ["ArcRules", "beacons", "candidate_arcs", "window_of"]
+
+Array = NDArray[np.float64]
+
+LEAST_MASK_RAD = math.radians(1.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArcRules(Params):
+    """How passes are cut into candidates."""
+
+    arcs_s: tuple[float, ...] = parameter((), "lengths of candidates; none: whole passes", low=1.0, high=1e5)
+    every_s: float = parameter(20.0, "time between the starts of two candidates of a pass", low=1.0, high=3600.0)
+    spacing_s: float = parameter(1.0, "time between two points", low=0.1, high=600.0)
+    lowest_rad: float = parameter(math.radians(10.0), "lowest elevation of a candidate", low=0.0, high=1.5)
+    highest_rad: float = parameter(math.radians(89.0), "highest elevation of a candidate", low=0.1, high=1.5707)
+    sigma_rad: float = parameter(2.0 * MDEG, "standard deviation of one point on the sky", low=1e-7, high=0.01)
+    fastest_rad_s: float = parameter(
+        math.radians(1.5), "azimuth rate in no piece of a pass, which the antenna would not follow", low=1e-5, high=10.0
+    )
+    lead_s: float = parameter(
+        0.0, "time before the first point in which the target is followed too", low=0.0, high=600.0
+    )
+
+
+def candidate_arcs(
+    elements: Sequence[Elements], site: Site, start_t_s: float, duration_s: float, rules: ArcRules
+) -> tuple[list[CandidatePass], list[str]]:
+    """Return every candidate in the `duration_s` after `start_t_s`, named after its satellite, and what was refused."""
+    found: list[CandidatePass] = []
+    refused: list[str] = []
+    # One for all: its coefficients cost more than the track of a satellite.
+    air = RadioRefraction.standard(site.altitude_m)
+    for one in elements:
+        try:
+            found += _arcs_of(TopocentricTrack(one, site, refraction=air), start_t_s, duration_s, rules)
+        except ValueError as refusal:
+            refused.append(str(refusal))
+    return found, refused
+
+
+def _arcs_of(track: TopocentricTrack, start_t_s: float, duration_s: float, rules: ArcRules) -> list[CandidatePass]:
+    found: list[CandidatePass] = []
+    for begin, end in _visible(track, start_t_s, duration_s, rules):
+        look = track.sample(np.arange(begin - rules.lead_s, end + 0.5 * rules.spacing_s, rules.spacing_s))
+        whole = ReferenceTrack(**{item.name: getattr(look, item.name) for item in fields(ReferenceTrack)})
+        fast_s = whole.t_s[np.abs(whole.azimuth_rate_rad_s) > rules.fastest_rad_s]
+        found += [
+            _candidate(track.name, whole, a, b, rules)
+            for a, b in _cut(begin, end, rules)
+            if not rules.arcs_s or not np.any((fast_s >= a - rules.lead_s) & (fast_s <= b))
+        ]
+    return found
+
+
+def window_of(candidate: CandidatePass, elements: Elements, site: Site, acquisition_s: float) -> Pass:
+    """Return the pass to track for a candidate: it begins `acquisition_s` before the first point is wanted."""
+    begin = candidate.start_t_s - acquisition_s
+    track = TopocentricTrack(elements, site)
+    found = find_passes(track, begin, candidate.end_t_s - begin, LEAST_MASK_RAD)
+    if not found:
+        raise ValueError(f"{candidate.name} is below the horizon from {begin:.0f} s on")
+    return found[0]
+
+
+def beacons(epoch_t_s: float) -> list[Elements]:
+    """Return 225 satellites at 600 km and 225 at 3000 km in evenly spaced planes, named BEACON 001 onwards."""
+    shells = ((15, 15, 6.0e5, math.radians(50.0)), (15, 15, 3.0e6, math.radians(50.0)))
+    orbits = [orbit for shell in shells for orbit in _shell(*shell)]
+    return [
+        Elements(
+            name=f"BEACON {number:03d}",
+            catalogue_number=90000 + number,
+            epoch_t_s=epoch_t_s,
+            inclination_rad=inclination,
+            ascending_node_rad=node,
+            eccentricity=0.001,
+            argument_of_perigee_rad=0.0,
+            mean_anomaly_rad=anomaly,
+            mean_motion_rad_s=math.sqrt(EARTH_MU_M3_S2 / (EARTH_RADIUS_M + height) ** 3),
+            drag_per_earth_radius=0.0,
+            international_designator="06001A",
+        )
+        for number, (height, inclination, node, anomaly) in enumerate(orbits, start=1)
+    ]
+
+
+def _shell(planes: int, per_plane: int, height_m: float, inclination_rad: float) -> Iterator[tuple[float, ...]]:
+    for plane in range(planes):
+        for place in range(per_plane):
+            node = 2.0 * math.pi * plane / planes
+            # Neighbouring planes are staggered by a third of the spacing, or all would cross a latitude together.
+            anomaly = 2.0 * math.pi * ((place + plane / 3.0) / per_plane % 1.0)
+            yield height_m, inclination_rad, node, anomaly
+
+
+def _visible(
+    track: TopocentricTrack, start_t_s: float, duration_s: float, rules: ArcRules
+) -> list[tuple[float, float]]:
+    """Return the stretches above the lowest elevation, without what is above the highest."""
+    step_s = min(rules.every_s, 30.0)
+    t_s = start_t_s + step_s * np.arange(int(duration_s / step_s) + 1, dtype=np.float64)
+    elevation = track.sample(t_s).elevation_rad
+    inside = (elevation >= rules.lowest_rad) & (elevation <= rules.highest_rad)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], inside.astype(np.int8), [0]])))
+    return [(float(t_s[a]), float(t_s[b - 1])) for a, b in edges.reshape(-1, 2) if b - 1 > a]
+
+
+def _cut(begin: float, end: float, rules: ArcRules) -> list[tuple[float, float]]:
+    if not rules.arcs_s:
+        return [(begin, end)]
+    starts = np.arange(begin, end, rules.every_s).tolist()
+    return [(start, start + arc_s) for arc_s in rules.arcs_s for start in starts if start + arc_s <= end]
+
+
+def _candidate(name: str, whole: ReferenceTrack, begin: float, end: float, rules: ArcRules) -> CandidatePass:
+    rows = (whole.t_s >= begin - 1e-3) & (whole.t_s <= end + 1e-3)
+    part = ReferenceTrack(**{item.name: getattr(whole, item.name)[rows] for item in fields(ReferenceTrack)})
+    return CandidatePass(name=name, track=part, sigma_azimuth_rad=rules.sigma_rad, sigma_elevation_rad=rules.sigma_rad)

@@ -1,0 +1,126 @@
+"""What a calibration is made from: files of points or of raw tracking data, and the reference they are compared with."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from rf_pointing.calibration import (
+    BiasModel,
+    Corrections,
+    Observations,
+    ProcessedPass,
+    RawTracking,
+    ReferenceTrack,
+    StageReport,
+    process_pass,
+    read_observations,
+    read_tdm,
+    read_tracking,
+    require_derivatives,
+    split_passes,
+)
+from rf_pointing.core.refraction import RadioRefraction
+from rf_pointing.ephemeris import Elements, Site, TopocentricTrack, find_elements
+
+__all__ = ["holds_points", "process_passes", "read_points", "read_raw", "reference_of"]
+
+REFERENCE_STEP_S = 2.0
+PASS_GAP_S = 1200.0
+"""Longer than any loss of signal within a pass, shorter than any time between two passes of a satellite."""
+APPARENT = Corrections(light_time=False, troposphere=None, ionosphere=None, range_delay_m=0.0)
+"""No corrections: the reference is where the target appears, refraction and light time included."""
+
+
+def holds_points(path: Path) -> bool:
+    """Return whether a CSV file holds calibration points (else raw tracking data)."""
+    with path.open(encoding="utf-8-sig") as stream:
+        header = next((line for line in stream if line.strip() and not line.startswith("#")), "")
+    return "observed_azimuth_deg" in header
+
+
+def read_points(paths: Sequence[Path]) -> Observations | None:
+    """Return the points of all files, their passes numbered on from file to file; None without files."""
+    parts: list[Observations] = []
+    for path in paths:
+        points = read_observations(path)
+        try:
+            require_derivatives(points)
+        except ValueError as refusal:
+            raise ValueError(f"{path}: {refusal}") from None
+        shift = int(np.max(parts[-1].pass_id)) + 1 - int(np.min(points.pass_id)) if parts else 0
+        parts.append(renumbered(points, shift))
+    return Observations.concatenate(parts) if parts else None
+
+
+def renumbered(points: Observations, shift: int) -> Observations:
+    """Return the same points with `shift` added to the numbers of their passes."""
+    values = {name: value for name, value in vars(points).items() if name != "pass_id"}
+    return Observations(pass_id=points.pass_id + shift, **values)
+
+
+def read_raw(path: Path, band: str) -> list[RawTracking]:
+    """Return the passes of a CSV file or a CCSDS TDM; `band` is that of messages which do not say theirs."""
+    tracks = [read_tracking(path)] if path.suffix == ".csv" else read_tdm(path, band=band)
+    return [one for track in tracks for one in split_passes(track, PASS_GAP_S)]
+
+
+def reference_of(
+    raw: RawTracking,
+    elements: Sequence[Elements],
+    site: Site,
+    max_age_s: float,
+    refraction: RadioRefraction | Literal["standard"] | None = "standard",
+) -> ReferenceTrack:
+    """Return the apparent motion of the target of `raw` by its elements, over the time of the samples.
+
+    `refraction` None is right for angles from which it has been taken off.
+    """
+    track = TopocentricTrack(find_elements(elements, raw.target), site, max_age_s=max_age_s, refraction=refraction)
+    times = raw.t_s[np.isfinite(raw.t_s)]
+    if len(times) == 0:
+        raise ValueError(f"tracking data of {raw.target}: no finite time")
+    # The middle of the times, not their ends: one time tag in the far future must not stretch the reference.
+    low, high = np.percentile(times, [2.0, 98.0])
+    margin = 0.1 * (high - low) + 30.0
+    look = track.sample(np.arange(low - margin, high + margin, REFERENCE_STEP_S))
+    return ReferenceTrack(**{name: getattr(look, name) for name in ReferenceTrack.__dataclass_fields__})
+
+
+def process_passes(
+    passes: Sequence[tuple[RawTracking, ReferenceTrack]], model: BiasModel, first_pass: int
+) -> tuple[list[Observations], list[StageReport], list[str]]:
+    """Return points and stage reports of raw passes, and what was left out or why a pass gave none; `model` is the best known.
+
+    The reports are summed over the passes.  Raises ValueError if no pass gives points.
+    """
+    processed: list[ProcessedPass] = []
+    empty = list(dict.fromkeys(note for raw, _ in passes for note in raw.notes))
+    for number, (raw, reference) in enumerate(passes, start=first_pass):
+        try:
+            processed.append(process_pass(raw, reference, number, APPARENT, model))
+        except ValueError as error:
+            empty.append(f"pass {number} of {raw.target}: {error}")
+    if not processed:
+        raise ValueError(f"no pass gives calibration points: {'; '.join(empty[:3])}")
+    return [one.observations for one in processed], _summed(processed), empty
+
+
+def _summed(processed: Sequence[ProcessedPass]) -> list[StageReport]:
+    total = []
+    for stage in zip(*(one.reports for one in processed), strict=True):
+        dropped: dict[str, int] = {}
+        for report in stage:
+            for why, count in report.dropped.items():
+                dropped[why] = dropped.get(why, 0) + count
+        total.append(
+            StageReport(
+                stage=stage[0].stage,
+                before=sum(report.before for report in stage),
+                after=sum(report.after for report in stage),
+                dropped=dropped,
+                note=stage[0].note if len(stage) == 1 else f"{len(stage)} passes",
+            )
+        )
+    return total

@@ -1,0 +1,130 @@
+"""A branch as the controller carries it out: which side of the zenith the dish stands on, and when it leaves the target.
+
+The controller thinks in direct axis angles.  While the dish is over the top its angles are turned on the way out and back on
+the way in; on a branch that goes over in the middle of the pass that begins at one instant, `crossing.over_t_s`.
+"""
+
+import dataclasses
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.core import JointReading, JointTrajectory, Motion, Quintic
+from rf_pointing.planning import Branch, plunged, unplunged
+
+__all__ = ["BranchCourse"]
+
+Array = NDArray[np.float64]
+MIRROR = np.array([1.0, -1.0])
+
+
+class BranchCourse:
+    """The course of one branch; without one the dish stands direct and follows the target."""
+
+    def __init__(self, branch: Branch | None = None) -> None:
+        self._branch, self._found = branch, branch.crossing if branch else None
+
+    @property
+    def turns_rad(self) -> float:
+        """Whole turns of the branch."""
+        return 2.0 * math.pi * self._branch.turns if self._branch else 0.0
+
+    def plunge_at(self, t_s: float) -> bool:
+        """Whether the dish is over the top at `t_s`."""
+        return self._branch is not None and self._branch.plunge != self._has_gone_over(t_s)
+
+    def turned_rad(self, t_s: float) -> float:
+        """Return the whole turns by which the azimuth has moved on because the dish went over the top before `t_s`."""
+        return self._found.turn_rad if self._found and self._has_gone_over(t_s) else 0.0
+
+    def crossing(self, t_s: float) -> bool:
+        """Whether the antenna leaves the target at `t_s` because its axes are too slow for it."""
+        return self._found is not None and bool(self._found.t_s[0] <= t_s <= self._found.t_s[-1])
+
+    def signs(self, times: Array) -> Array:
+        """Return what turns rates (n, 2) in direct angles at these times into those of the axes, and back."""
+        over = np.array([self.plunge_at(float(t)) for t in times])
+        return np.where(over[:, None], MIRROR, 1.0)
+
+    def to_axes(self, trajectory: JointTrajectory) -> JointTrajectory:
+        """Return a trajectory in direct angles as the axes must move."""
+        over = np.array([self.plunge_at(float(t)) for t in trajectory.t_s])[:, None]
+        if not over.any():
+            return trajectory
+        own = (trajectory.position_rad, trajectory.velocity_rad_s, trajectory.acceleration_rad_s2)
+        position, velocity, acceleration = (
+            np.where(over, there, here) for here, there in zip(own, plunged(*own), strict=True)
+        )
+        return dataclasses.replace(
+            trajectory, position_rad=position, velocity_rad_s=velocity, acceleration_rad_s2=acceleration
+        )
+
+    def from_axes(self, reading: JointReading) -> JointReading:
+        """Return a reading of the axes in direct angles; undoes `to_axes`."""
+        if not self.plunge_at(reading.t_s):
+            return reading
+        position, velocity, _ = unplunged(reading.position_rad, reading.velocity_rad_s, np.zeros(2))
+        return dataclasses.replace(reading, position_rad=position, velocity_rad_s=velocity)
+
+    def detour(self, times: Array, motion: Motion) -> Motion:
+        """Return the motion of the beam (n, 2) in direct angles with the crossing in place of the target's while it lasts."""
+        rows = [part.copy() for part in motion]
+        for index in self._inside(times):
+            for row, part in zip(rows, self._table_at(float(times[index])), strict=True):
+                row[index] = part
+        return Motion(*rows)
+
+    def carry(
+        self, times: Array, predicted: Motion, centre: Motion, beside: Callable[[Motion, NDArray[np.bool_]], Array]
+    ) -> Motion:
+        """Return `centre` (n, 2), and while the crossing lasts `predicted` with the offsets carried through it.
+
+        `beside` tells by how much (m, 2) the axes have to stand off a predicted motion (m, 2), over the top or not (m,).  It
+        is asked at both ends of the crossing only and goes over from one to the other: close to the zenith an offset on the
+        sky would be any azimuth.
+        """
+        inside = self._inside(times)
+        if self._found is None or len(inside) == 0:
+            return centre
+        ends = self._found.t_s[[0, -1]]
+        table = [self._table_at(float(t)) for t in ends]
+        over = np.array([self.plunge_at(float(t)) for t in ends])
+        first, last = beside(Motion(*(np.array(rows) for rows in zip(*table, strict=True))), over) * self.signs(ends)
+        begin_s, duration_s = float(ends[0]), self._found.duration_s
+        signs = self.signs(times)
+        rows = [part.copy() for part in centre]
+        for index in inside:
+            eased = _eased((float(times[index]) - begin_s) / duration_s, duration_s)
+            for order, (row, part, gone) in enumerate(zip(rows, predicted, eased, strict=True)):
+                row[index] = part[index] + signs[index] * (gone * (last - first) + (first if order == 0 else 0.0))
+        return Motion(*rows)
+
+    def _inside(self, times: Array) -> NDArray[np.intp]:
+        if self._found is None:
+            return np.zeros(0, dtype=np.intp)
+        return np.flatnonzero((times >= self._found.t_s[0]) & (times <= self._found.t_s[-1]))
+
+    def _has_gone_over(self, t_s: float) -> bool:
+        return self._found is not None and self._found.over_t_s is not None and t_s >= self._found.over_t_s
+
+    def _table_at(self, t_s: float) -> Motion:
+        """Return the motion (2,) of the crossing at one instant, in direct angles."""
+        assert self._found is not None
+        known = self._found
+        step_s = float(known.t_s[1] - known.t_s[0])
+        row = min(int((t_s - float(known.t_s[0])) / step_s), len(known.t_s) - 2)
+        table = (known.position_rad, known.velocity_rad_s, known.acceleration_rad_s2)
+        start, end = (Motion(*(part[index] for part in table)) for index in (row, row + 1))
+        here = Quintic(start, end, step_s).at(t_s - float(known.t_s[row]))
+        return Motion(*unplunged(*here)) if self.plunge_at(t_s) else here
+
+
+def _eased(share: float, duration_s: float) -> tuple[float, float, float]:
+    """Return the step from 0 to 1 without a jump of its rate, 3 x^2 - 2 x^3, and its two derivatives in time."""
+    return (
+        share**2 * (3.0 - 2.0 * share),
+        6.0 * share * (1.0 - share) / duration_s,
+        6.0 * (1.0 - 2.0 * share) / duration_s**2,
+    )

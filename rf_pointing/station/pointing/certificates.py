@@ -1,0 +1,129 @@
+"""From a track and a station to pass certificates: the sky's motion, the bias model, the beam, and the planner."""
+
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.calibration import BiasModel, LagHistory, without_lags
+from rf_pointing.core import Motion, gaussian_gain
+from rf_pointing.ephemeris import Pass, TopocentricTrack, find_passes, sun
+from rf_pointing.planning import (
+    AxisLimits,
+    Certificate,
+    Gate,
+    GateParams,
+    HorizonMask,
+    MachineParams,
+    PassProfile,
+    certify,
+)
+from rf_pointing.planning.certificate import STEP_S, Slew
+from rf_pointing.planning.course import Lag, no_lag
+from rf_pointing.station.pointing.axis_motion import axis_motion
+
+__all__ = ["PlannedPass", "PlanningRules", "certificate_of", "pass_profile", "plan_passes"]
+
+Array = NDArray[np.float64]
+SAMPLE_S = 1.0
+SUN_STEP_S = 60.0
+MOST_SAMPLES = 4000
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanningRules:
+    """The antenna that passes are planned for: its errors, what its axes can do, and where they may not go."""
+
+    model: BiasModel
+    machine: MachineParams
+    limits: AxisLimits
+    mask: HorizonMask
+    gate: GateParams
+    lag_averaging_s: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlannedPass:
+    """One coming pass: its motion on the sky, and its certificate."""
+
+    window: Pass
+    profile: PassProfile
+    certificate: Certificate
+
+
+def plan_passes(
+    track: TopocentricTrack,
+    start_t_s: float,
+    span_s: float,
+    present_rad: tuple[float, float],
+    rules: PlanningRules,
+    least_rad: float,
+) -> list[PlannedPass]:
+    """Return every pass of a span with its certificate; each starts from where the one before has left the axes."""
+    planned, free_t_s = [], start_t_s
+    gate = Gate(rules.gate, rules.limits, rules.mask, rules.machine.axes)
+    for window in find_passes(track, start_t_s, span_s, rules.mask.above(least_rad)):
+        profile = pass_profile(track, window)
+        azimuth, elevation = _sun_at(np.array([free_t_s, free_t_s + SUN_STEP_S]), track)[0].tolist()
+        certificate = certificate_of(
+            profile, rules.model, free_t_s, present_rad, rules.machine, rules.limits, rules.mask,
+            lag_averaging_s=rules.lag_averaging_s, slew=partial(gate.slew, sun_rad=(azimuth, elevation)),
+        )  # fmt: skip
+        fine, chosen = profile.resampled(STEP_S), certificate.chosen
+        if chosen is not None:
+            present_rad, free_t_s = chosen.end_rad, window.los_t_s
+        planned.append(PlannedPass(window=window, profile=fine, certificate=certificate))
+    return planned
+
+
+def pass_profile(track: TopocentricTrack, window: Pass, step_s: float = SAMPLE_S) -> PassProfile:
+    """Return the pass sampled at even steps of at most `step_s`, in no more than `MOST_SAMPLES` rows."""
+    count = min(MOST_SAMPLES, max(2, int(np.ceil(window.duration_s / step_s)) + 1))
+    times = np.linspace(window.aos_t_s, window.los_t_s, count)
+    looks = track.sample(times)
+    return PassProfile(
+        name=window.name,
+        t_s=times,
+        position_rad=np.column_stack([looks.azimuth_rad, looks.elevation_rad]),
+        velocity_rad_s=np.column_stack([looks.azimuth_rate_rad_s, looks.elevation_rate_rad_s]),
+        acceleration_rad_s2=np.column_stack([looks.azimuth_acceleration_rad_s2, looks.elevation_acceleration_rad_s2]),
+        sun_rad=_sun_at(times, track),
+    )
+
+
+def _sun_at(times: Array, track: TopocentricTrack) -> Array:
+    """Return the Sun's azimuth and elevation (n, 2), interpolated between minutes: its ephemeris is slow, and so is it."""
+    minutes = np.linspace(times[0], times[-1], max(2, int(np.ceil((times[-1] - times[0]) / SUN_STEP_S)) + 1))
+    solar = TopocentricTrack(sun(), track.site, refraction=track.refraction).sample(minutes)
+    azimuth = np.unwrap(solar.azimuth_rad)
+    return np.column_stack([np.interp(times, minutes, azimuth), np.interp(times, minutes, solar.elevation_rad)])
+
+
+def certificate_of(
+    profile: PassProfile,
+    model: BiasModel,
+    issued_t_s: float,
+    present_rad: tuple[float, float],
+    machine: MachineParams,
+    limits: AxisLimits,
+    mask: HorizonMask,
+    *,
+    plunge_allowed: bool = True,
+    lag_averaging_s: float = 0.0,
+    slew: Slew | None = None,
+) -> Certificate:
+    """Return the certificate of a pass for the beam of the machine's parameters (Gaussian, CONSCAN eq. 1).
+
+    Lags that build up over `lag_averaging_s` are those of the motion that the beam makes, crossing included; with 0 they
+    are those of the target's own.
+    """
+    fine = profile.resampled(STEP_S)
+    gain = partial(gaussian_gain, beamwidth_rad=machine.half_power_beamwidth_rad)
+    ways = (False, True) if plunge_allowed else (False,)
+    sky = Motion(fine.position_rad, fine.velocity_rad_s, fine.acceleration_rad_s2)
+    history = LagHistory(model, lag_averaging_s) if lag_averaging_s > 0.0 and model.has_lags else None
+    held = without_lags(model) if history else model
+    sides: dict[bool, tuple[Array, Array, Array]] = {way: axis_motion(sky, held, plunge=way) for way in ways}
+    lag: Lag = (lambda t_s, rate, bend: history.along(t_s, rate, bend)[0]) if history else no_lag
+    return certify(fine, sides, issued_t_s, present_rad, machine, limits, mask, gain, lag, slew)

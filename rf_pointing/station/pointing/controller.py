@@ -1,0 +1,236 @@
+"""The pointing controller: the only author of motion.
+
+It follows one pass at a time, from its start over the turn that is chosen to the controlled stop at its end.  At every
+period it asks the state table for the mode (`tracking_mode.py`), tells the offsets what was sensed (`sky_offsets.py`) and
+issues the trajectory that starts `transport_s` from now (`commanded_motion.py`), if the gate allows it (`pass_plan.py`).
+Only errors stamped before the period are used, so the result does not depend on how fast messages travel within it.
+"""
+
+import math
+
+from rf_pointing.calibration import BiasModel
+from rf_pointing.controllers import TrackerIntegratorParams
+from rf_pointing.core import JointReading, JointTrajectory, PointingError, Target, require_choice
+from rf_pointing.ephemeris import Pass
+from rf_pointing.ephemeris.solar import SolarDirection, SunParams
+from rf_pointing.planning import AxisLimits, GateParams, HorizonMask, MachineParams, choose_turns, refusal
+from rf_pointing.rf import LinkParams
+from rf_pointing.station.pointing.carrier_watch import CarrierWatch
+from rf_pointing.station.pointing.corrections import SkyOffsets
+from rf_pointing.station.pointing.mode import TrackingMode
+from rf_pointing.station.pointing.motion import CommandedMotion
+from rf_pointing.station.pointing.params import PointingParams
+from rf_pointing.station.pointing.plan import PassPlan
+from rf_pointing.station.pointing.scan_patterns import ScanParams
+from rf_pointing.station.pointing.sensed_errors import SENSOR_CHOICES
+from rf_pointing.station.pointing.statistics import Tally
+from rf_pointing.station.pointing.status import TrackingStatus
+from rf_pointing.tracking import (
+    AutotrackParams,
+    AutotrackState,
+    ConscanParams,
+    LockWatchParams,
+    MonopulseScanParams,
+    SpiralParams,
+    StepTrackParams,
+    TrimParams,
+)
+
+__all__ = ["PointingController"]
+
+MOTION_OF_MODE = {"search": "scan", "conscan": "scan", "steptrack": "scan", "calibrate": "calibration"}
+"""What the gate calls the motion of a mode; the others track."""
+PREDICTION_PATIENCE_S = 5.0
+"""How long a pass that is going on already may be started without knowing the target's coming motion."""
+
+
+class PointingController:
+    """Follows one pass at a time; `step` once a period, between them the inputs as they come."""
+
+    def __init__(
+        self,
+        params: PointingParams,
+        limits: AxisLimits,
+        autotrack: AutotrackParams,
+        integrator: TrackerIntegratorParams,
+        spiral: SpiralParams,
+        conscan: ConscanParams,
+        machine: MachineParams | None = None,
+        mask: HorizonMask | None = None,
+        steptrack: StepTrackParams | None = None,
+        calibration: MonopulseScanParams | None = None,
+        trim: TrimParams | None = None,
+        watch: LockWatchParams | None = None,
+        link: LinkParams | None = None,
+        gate: GateParams | None = None,
+        sun: SunParams | None = None,
+    ) -> None:
+        self.params, self.limits = params, limits
+        self.plan = PassPlan(
+            machine or MachineParams(), mask or HorizonMask(), gate or GateParams(), limits,
+            SolarDirection(sun or SunParams()),
+        )  # fmt: skip
+        watch = watch or LockWatchParams()
+        scans = ScanParams(
+            spiral, conscan, steptrack or StepTrackParams(), calibration or MonopulseScanParams(), watch.probe
+        )
+        self.offsets = SkyOffsets(integrator, scans, trim or TrimParams())
+        self.carrier = CarrierWatch(watch, link or LinkParams())
+        self._mode = TrackingMode(autotrack, self.carrier)
+        self._motion = CommandedMotion(params, self.plan, self.offsets)
+        self._pass: Pass | None = None
+        self._turns_rad: float | None = None
+        self._stopping, self._moved, self._sensor = "", False, "program"
+        self.tally = Tally()
+
+    @property
+    def busy(self) -> bool:
+        """Whether a pass is being tracked, or waited for at its start."""
+        return self._pass is not None
+
+    @property
+    def state(self) -> AutotrackState:
+        """Where the state table stands."""
+        return self._mode.state
+
+    def retune(self, params: PointingParams, limits: AxisLimits, autotrack: AutotrackParams) -> None:
+        """Take new parameters between two periods."""
+        self.params, self.limits = params, limits
+        self.plan.take_limits(limits)
+        self._motion.retune(params)
+        self._mode.retune(autotrack)
+
+    def take_model(self, model: BiasModel) -> None:
+        """Use `model` from the next trajectory on."""
+        self._motion.take_model(model)
+
+    def take_joints(self, reading: JointReading) -> None:
+        """Note where the axes are."""
+        self._motion.take_joints(reading)
+
+    def take_target(self, target: Target) -> None:
+        """Note where the target will be; other targets are ignored."""
+        if self._pass is not None and target.name == self._pass.name:
+            self._motion.targets.add(target)
+
+    def take_error(self, error: PointingError) -> None:
+        """Note what a sensor measured; only those that the pass may use count."""
+        self._mode.take_error(error)
+
+    def awaits_error(self, t_s: float) -> bool:
+        """Whether a sensor that reports every period has not reported yet what this period should use."""
+        return self._pass is not None and self._mode.awaits_error(t_s, self.params)
+
+    def calibrate(self) -> str:
+        """Ask for a calibration scan of the monopulse feed; return why not, "" when it will begin."""
+        return self._mode.calibrate()
+
+    def start(self, t_s: float, window: Pass, sensor: str) -> None:
+        """Begin to track a pass; the antenna moves to its start at the next period that knows the axes' position.
+
+        Raises
+        ------
+        ValueError
+            When the pass is over, another one is tracked, it does not fit the limits, or its carrier is too weak.
+        """
+        require_choice("sensor", sensor, SENSOR_CHOICES)
+        if self._pass is not None:
+            raise ValueError(f"{self._pass.name} is being tracked until its loss of signal; cancel that first")
+        if t_s >= window.los_t_s:
+            raise ValueError(f"the pass of {window.name} ended {t_s - window.los_t_s:.0f} s ago")
+        self.carrier.require_level(window, sensor, self._mode.params)
+        axes = self._motion.axes
+        self._turns_rad = None if axes is None else self._choose_turn(t_s, window, axes, sensor)
+        self._sensor = sensor
+        self._pass, self._stopping, self._moved = window, "", False
+        self._motion.restart()
+        self.offsets.restart(t_s)
+        self._mode.restart(t_s, sensor)
+        self.tally = Tally()
+
+    def stop(self, reason: str) -> None:
+        """End the pass at the next period with a controlled stop."""
+        if self._pass is not None:
+            self._stopping = reason
+
+    def step(self, t_s: float) -> tuple[JointTrajectory | None, TrackingStatus]:
+        """Return the trajectory issued at `t_s`, None when nothing is commanded, and the status at `t_s`."""
+        window = self._pass
+        if window is None:
+            return None, self._status(t_s)
+        if not self._stopping and t_s >= window.los_t_s:
+            self._stopping = "loss of signal"
+        if self._turns_rad is None and not self._stopping:
+            if self._motion.axes is None:
+                return None, self._status(t_s)
+            try:
+                self._turns_rad = self._choose_turn(t_s, window, self._motion.axes, self._sensor)
+            except ValueError as refused:
+                self._stopping = str(refused)
+        self._advance_mode(t_s, window)
+        self._moved = self._moved or self.state.mode != "idle"
+        if not self._stopping and self.state.mode == "idle":
+            if not self._moved and t_s - self.state.entered_s <= PREDICTION_PATIENCE_S:
+                return None, self._status(t_s)
+            self._stopping = self.state.reason if self._moved else "no prediction of the target has arrived"
+        trajectory = None
+        if not self._stopping:
+            kind = MOTION_OF_MODE.get(self.state.mode, "track")
+            trajectory, self._stopping = self._motion.follow(t_s, window, self._turns_rad or 0.0, kind)
+        if self._stopping:
+            return self._finish(t_s)
+        status = self._status(t_s)
+        error = self._mode.fresh_error(t_s, self.params)
+        self.tally.count(self.params.period_s, status.mode, error, t_s >= window.aos_t_s)
+        return trajectory, status
+
+    def _choose_turn(self, t_s: float, window: Pass, joints: JointReading, sensor: str) -> float:
+        """Return the turns (rad) to track on: those of the certificate, or of the summary when there is no profile."""
+        if self.plan.choose(t_s, window, joints, self._motion.model, sensor, self.params.lag_averaging_s):
+            self.take_joints(joints)
+            return self.plan.course.turns_rad
+        low, high, present = window.azimuth_min_rad, window.azimuth_max_rad, float(joints.position_rad[0])
+        turns_rad = 2.0 * math.pi * choose_turns(self.limits, low, high, present)
+        refused = refusal(self.limits, window.aos_azimuth_rad + turns_rad, window.peak_elevation_rad)
+        if refused:
+            raise ValueError(refused)
+        return turns_rad
+
+    def _advance_mode(self, t_s: float, window: Pass) -> None:
+        """Let the table decide and the offsets hear of it; while the antenna crosses the zenith it senses nothing."""
+        if self.plan.course.crossing(t_s) and not self._stopping:
+            return
+        before, arriving = self.state.mode, self.offsets.arriving(t_s)
+        error, beam = self._mode.advance(t_s, window, self._motion, arriving=arriving, ended=bool(self._stopping))
+        self.offsets.listen(t_s + self.params.transport_s, before, self.state, error, beam)
+
+    def _finish(self, t_s: float) -> tuple[JointTrajectory | None, TrackingStatus]:
+        reason = self._stopping
+        self.tally.end(reason, self.state.mode)
+        self._pass = None
+        self.plan.clear()
+        self._mode.end(t_s, reason)
+        return self._motion.halt(t_s), self._status(t_s)
+
+    def _status(self, t_s: float) -> TrackingStatus:
+        error, window = self._mode.fresh_error(t_s, self.params), self._pass
+        sensed = error is not None and error.valid and self.state.integrating and error.sensor == self.state.mode
+        sky, trim = self._motion.sky_rad(t_s, window), self.offsets.trim(t_s)
+        return TrackingStatus(
+            t_s=t_s,
+            mode=self.state.mode,
+            sensor=self._mode.sensor,
+            target=window.name if window else "",
+            reason=self.state.reason,
+            los_t_s=window.los_t_s if window else 0.0,
+            azimuth_rad=float(sky[0]),
+            elevation_rad=float(sky[1]),
+            scan_centre_rad=self._motion.centre_rad(t_s),
+            cross_elevation_error_rad=error.cross_elevation_rad if sensed and error else 0.0,
+            elevation_error_rad=error.elevation_rad if sensed and error else 0.0,
+            cross_elevation_offset_rad=float(trim[0]),
+            elevation_offset_rad=float(trim[1]),
+            carrier_to_noise_db_hz=error.carrier_to_noise_db_hz if error else 0.0,
+            half_power_beamwidth_rad=self.offsets.half_power_beamwidth_rad,
+            command_lead_s=self.params.horizon_s if window else 0.0,
+        )

@@ -1,0 +1,38 @@
+"""Timing of the commands and tolerances of the pointing controller."""
+
+import math
+from dataclasses import dataclass
+
+from rf_pointing.core import Params, parameter
+
+__all__ = ["PointingParams"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PointingParams(Params):
+    """Timing of the commands and tolerances of the controller."""
+
+    period_s: float = parameter(0.1, "time between two trajectories", low=0.02, high=2.0)
+    transport_s: float = parameter(0.1, "first commanded point after the issue", low=0.0, high=2.0)
+    horizon_s: float = parameter(1.0, "last commanded point after the issue", low=0.2, high=10.0)
+    on_target_rad: float = parameter(math.radians(0.05), "axis error below which the slew is over", low=1e-6, high=0.1)
+    error_age_s: float = parameter(0.5, "age from which a sensed error is not used", low=0.05, high=10.0)
+    stop_deceleration_rad_s2: float = parameter(
+        math.radians(0.5), "deceleration of a controlled stop", low=1e-5, high=1.0
+    )
+    lag_averaging_s: float = parameter(
+        0.0, "time in which the lags of the mount build up after a start from rest (0: at once)", low=0.0, high=100.0
+    )
+
+    def check_together(self) -> None:
+        """Refuse a horizon that ends before the next trajectory can take over, and first points off the grid of periods.
+
+        On the grid, the first point of one period is the direction that the axes are compared with at a later one.
+        """
+        periods = self.transport_s / self.period_s
+        if round(periods) < 1 or abs(periods - round(periods)) > 1e-6:
+            raise ValueError(f"transport_s={self.transport_s} must be a whole number of period_s={self.period_s}")
+        if self.horizon_s < self.transport_s + 2.0 * self.period_s:
+            raise ValueError(
+                f"horizon_s={self.horizon_s} must be >= transport_s + 2 period_s = {self.transport_s + 2 * self.period_s}"
+            )

@@ -1,0 +1,166 @@
+"""The plan of the pass in hand: its certificate, the course of the chosen branch, and the way to its start."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.calibration import BiasModel
+from rf_pointing.core import JointReading, Motion
+from rf_pointing.ephemeris import Pass
+from rf_pointing.ephemeris.solar import SolarDirection
+from rf_pointing.planning import (
+    AxisLimits,
+    Branch,
+    Certificate,
+    Gate,
+    GateParams,
+    HorizonMask,
+    MachineParams,
+    PassProfile,
+    Way,
+    motion_between,
+    plunged,
+    unplunged,
+)
+from rf_pointing.planning.forbidden_sky import ForbiddenSky
+from rf_pointing.station.pointing.axis_motion import axis_motion
+from rf_pointing.station.pointing.branch import BranchCourse
+from rf_pointing.station.pointing.certificates import certificate_of
+
+__all__ = ["PassPlan"]
+
+Array = NDArray[np.float64]
+SAME_PASS_S = 30.0
+SAME_SUN_RAD = math.radians(0.5)
+NEW_GOAL_RAD = math.radians(0.1)
+"""How far the start of a pass must move, by another bias model, for the way to it to be looked for again."""
+NEITHER_WAY = ("conscan", "auto")
+"""Sensors whose scan is laid out in axis angles: not used over the top."""
+
+
+class PassPlan:
+    """Profiles of the coming passes, and the branch of the one that is tracked."""
+
+    def __init__(
+        self, machine: MachineParams, mask: HorizonMask, gate: GateParams, limits: AxisLimits, sun: SolarDirection
+    ) -> None:
+        self.machine, self.mask, self._gate_params, self.sun = machine, mask, gate, sun
+        self._way, self._goal = Way(), np.full(2, math.inf)
+        self.take_limits(limits)
+        self._profiles: list[PassProfile] = []
+        self.certificate: Certificate | None = None
+        self.branch: Branch | None = None
+        self.course = BranchCourse()
+
+    def take_limits(self, limits: AxisLimits) -> None:
+        """Use these limits of travel from now on."""
+        self._limits, self.gate = limits, Gate(self._gate_params, limits, self.mask, self.machine.axes)
+
+    def take_profiles(self, profiles: list[PassProfile]) -> None:
+        """Note the motion of the coming passes, in place of those before."""
+        self._profiles = profiles
+
+    def clear(self) -> None:
+        """Forget the branch: direct, without a crossing."""
+        self.branch, self.course = None, BranchCourse()
+        self._way, self._goal = Way(), np.full(2, math.inf)
+
+    def choose(
+        self,
+        t_s: float,
+        window: Pass,
+        joints: JointReading,
+        model: BiasModel,
+        sensor: str,
+        lag_averaging_s: float = 0.0,
+    ) -> bool:
+        """Issue the certificate of a pass and take its branch; False when the pass has no profile.
+
+        Raises
+        ------
+        ValueError
+            When no branch works, with the numbers.
+        """
+        self.clear()
+        self.certificate = None
+        profile = self._profile_of(window)
+        if profile is None:
+            return False
+        self._check_sun(profile)
+        azimuth, elevation = joints.position_rad.tolist()
+        self.certificate = certificate_of(
+            profile, model, t_s, (azimuth, elevation), self.machine, self._limits, self.mask,
+            plunge_allowed=sensor not in NEITHER_WAY, lag_averaging_s=lag_averaging_s,
+            slew=lambda start, end: self.gate.slew(start, end, self.sun.at(t_s)),
+        )  # fmt: skip
+        self.branch = self.certificate.chosen
+        if self.branch is None:
+            raise ValueError(self.certificate.refusal)
+        try:
+            self.approach(t_s, joints, np.array(self.branch.start_rad))
+        except ValueError:
+            self.branch = None
+            raise
+        self.course = BranchCourse(self.branch)
+        return True
+
+    def refusal(self, kind: str, t_s: float, present_rad: tuple[float, float] | None, positions: Array) -> str:
+        """Return "" when the gate lets the axes move through `positions` (n, 2), else why not."""
+        here = present_rad if present_rad is not None else (float(positions[0, 0]), float(positions[0, 1]))
+        return self.gate.check(kind, here, positions, sun_rad=self.sun.at(t_s)).reason_of_refusal
+
+    def approach(self, t_s: float, axes: JointReading, goal_rad: Array) -> Array | None:
+        """Return the corner (2,) by which to go to a goal, None when the way is free; both as the axes stand.
+
+        Raises
+        ------
+        ValueError
+            When the gate knows no way, with its reason.
+        """
+        azimuth, elevation = axes.position_rad.tolist()
+        if not float(np.max(np.abs(goal_rad - self._goal))) <= NEW_GOAL_RAD:
+            goal = (float(goal_rad[0]), float(goal_rad[1]))
+            kind = motion_between((azimuth, elevation), goal)
+            found = self.gate.check(kind, (azimuth, elevation), np.array([goal]), sun_rad=self.sun.at(t_s))
+            if not found.allowed:
+                raise ValueError(f"no {kind} to the start of the pass: {found.reason}")
+            self._goal, self._way = goal_rad.copy(), Way(found.way)
+        corner = self._way.next((azimuth, elevation))
+        return None if corner is None else np.array(corner)
+
+    def to_start(self, t_s: float, axes: JointReading | None, start_rad: Array) -> Array:
+        """Return where to go now (2,) on the way to the start of the pass, in direct angles; errors as of `approach`."""
+        if axes is None:
+            return start_rad
+        still = np.zeros(2)
+        plunge = self.course.plunge_at(t_s)
+        corner = self.approach(t_s, axes, plunged(start_rad, still, still)[0] if plunge else start_rad)
+        if corner is None:
+            return start_rad
+        return unplunged(corner, still, still)[0] if plunge else corner
+
+    def model_motion(self, t_s: float, sky: Motion, model: BiasModel) -> Motion:
+        """Return the direct angles that hold the beam on `sky` (n, 2) at `t_s`: the model sees the axes as they stand."""
+        plunge = self.course.plunge_at(t_s)
+        motion = axis_motion(sky, model, plunge=plunge)
+        return Motion(*unplunged(*motion)) if plunge else motion
+
+    def _check_sun(self, profile: PassProfile) -> None:
+        """Refuse a pass that was predicted for another station than the one whose Sun is kept clear of."""
+        here = self.sun.at(float(profile.t_s[0]))
+        if here is None or self._gate_params.sun_radius_rad == 0.0:
+            return
+        apart = ForbiddenSky.sun_distance(*here, (float(profile.sun_rad[0, 0]), float(profile.sun_rad[0, 1])))
+        if apart > SAME_SUN_RAD:
+            raise ValueError(
+                f"sun.station={self.sun.station}: its Sun stands {math.degrees(apart):.1f} deg from the one that the pass was "
+                f"predicted with, must be <= {math.degrees(SAME_SUN_RAD):.1f} deg: another station"
+            )
+
+    def _profile_of(self, window: Pass) -> PassProfile | None:
+        for profile in self._profiles:
+            begins = abs(float(profile.t_s[0]) - window.aos_t_s) <= SAME_PASS_S
+            if profile.name == window.name and begins and abs(float(profile.t_s[-1]) - window.los_t_s) <= SAME_PASS_S:
+                return profile
+        return None

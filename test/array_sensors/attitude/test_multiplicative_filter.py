@@ -1,0 +1,203 @@
+"""Multiplicative filter: transition and update against differences, consistency, gate, start from half a turn."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rf_pointing.array_sensors.attitude.consistency import nees, nees_band
+from rf_pointing.array_sensors.attitude.ground_stations import stations_along_track, view_stations
+from rf_pointing.array_sensors.attitude.multiplicative_filter import (
+    AttitudeState,
+    DirectionObservation,
+    GateParams,
+    attitude_error,
+    innovation,
+    predict,
+    start_state,
+    update,
+)
+from rf_pointing.array_sensors.attitude.process_noise import ProcessNoiseParams
+from rf_pointing.array_sensors.attitude.quaternion import (
+    multiply,
+    quaternion_from_rotation_vector,
+    quaternion_to_matrix,
+    rotation_angle_between_rad,
+)
+from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque, SatelliteParams, propagate, rigid_inertia
+from rf_pointing.array_sensors.attitude.simulated_satellite import NadirHoldParams, SimulatedSatellite
+from rf_pointing.array_sensors.attitude.sun_synchronous_orbit import SunSynchronousOrbitParams, orbit_point
+from rf_pointing.core.rotations import cross_matrix
+
+INERTIA = rigid_inertia(SatelliteParams())
+ORBIT_RATE = np.array([0.0, -1.038e-3, 0.0])
+KNOWN = KnownTorque(
+    control_n_m=np.array([1e-4, 2e-4, -1e-4]),
+    wheel_momentum_n_m_s=np.array([0.3, -0.2, 0.4]),
+    wheel_momentum_rate_n_m=np.zeros(3),
+)
+SILENT = ProcessNoiseParams(attitude_rad2_s=0.0, rate_rad2_s3=0.0)
+GATE = GateParams()
+
+
+@pytest.fixture
+def stream() -> np.random.Generator:
+    return np.random.default_rng(614)
+
+
+def unit(stream: np.random.Generator, *shape: int) -> np.ndarray:
+    v = stream.standard_normal(shape)
+    return v / np.linalg.norm(v, axis=-1, keepdims=True)
+
+
+def across(direction: np.ndarray, sigma: float) -> np.ndarray:
+    return sigma**2 * (np.eye(3) - direction[..., :, None] * direction[..., None, :])
+
+
+def test_transition_is_the_derivative_of_the_motion(stream: np.random.Generator) -> None:
+    q, w, h = unit(stream, 4), 0.02 * stream.standard_normal(3), 1e-6
+    state = AttitudeState(q, w, np.eye(6), np.array(0), np.array(0.0))
+    moved = predict(INERTIA, SILENT, state, KNOWN, ORBIT_RATE, 0.25)
+
+    def shifted(e: np.ndarray) -> np.ndarray:
+        start = multiply(quaternion_from_rotation_vector(e[:3]), q)
+        end = propagate(INERTIA, start, w + e[3:], KNOWN, ORBIT_RATE, 0.25)
+        return attitude_error(moved, *end)
+
+    transition = np.array([(shifted(h * e) - shifted(-h * e)) / (2 * h) for e in np.eye(6)]).T
+    assert moved.covariance == pytest.approx(transition @ transition.T, abs=2e-4)
+
+
+def test_one_exact_direction_aligns_the_estimate_whatever_the_start(stream: np.random.Generator) -> None:
+    truth, start, reference = unit(stream, 200, 4), unit(stream, 200, 4), unit(stream, 200, 3)
+    measured = np.einsum("nji,nj->ni", quaternion_to_matrix(truth), reference)
+    state = start_state(start, np.zeros((200, 3)), 1.0, 1e-3, GATE)
+    after = update(state, DirectionObservation(measured, across(measured, 1e-6), reference), GATE)
+    turned = np.einsum("nij,nj->ni", quaternion_to_matrix(after.quaternion), measured)
+    assert np.linalg.norm(turned - reference, axis=1).max() < 1e-9
+
+
+def test_rotation_about_the_line_of_sight_stays_unknown(stream: np.random.Generator) -> None:
+    reference = unit(stream, 3)
+    state = start_state(unit(stream, 4), np.zeros(3), 0.8, 1e-3, GATE)
+    measured = quaternion_to_matrix(unit(stream, 4)).T @ reference
+    for _ in range(50):
+        state = update(state, DirectionObservation(measured, across(measured, 0.005), reference), GATE)
+    assert np.sqrt(reference @ state.covariance[:3, :3] @ reference) == pytest.approx(0.8, rel=1e-6)
+    rest = np.eye(3) - np.outer(reference, reference)
+    assert np.sqrt(np.trace(rest @ state.covariance[:3, :3] @ rest) / 2) == pytest.approx(0.005 / np.sqrt(50), rel=0.01)
+
+
+def test_opposite_directions_do_not_stop_the_filter() -> None:
+    state = start_state(np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(3), 1.0, 1e-3, GATE)
+    measured, reference = np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, -1.0])
+    after = update(state, DirectionObservation(measured, across(measured, 1e-6), reference), GATE)
+    assert quaternion_to_matrix(after.quaternion) @ measured == pytest.approx(reference, abs=1e-6)
+    assert np.all(np.isfinite(after.covariance))
+
+
+def test_innovation_covariance_is_that_of_the_innovations(stream: np.random.Generator) -> None:
+    count, sigma = 20_000, 0.01
+    truth, reference = unit(stream, 4), unit(stream, 3)
+    direction = quaternion_to_matrix(truth).T @ reference
+    error = 0.02 * stream.standard_normal((count, 3))
+    estimate = multiply(quaternion_from_rotation_vector(-error), np.broadcast_to(truth, (count, 4)))
+    noise = sigma * stream.standard_normal((count, 3))
+    measured = direction + noise - np.outer(noise @ direction, direction)
+    measured /= np.linalg.norm(measured, axis=1, keepdims=True)
+    state = start_state(estimate, np.zeros((count, 3)), 0.02, 1e-3, GATE)
+    z, spread, _ = innovation(
+        state, DirectionObservation(measured, across(measured, sigma), np.tile(reference, (count, 1)))
+    )
+    assert np.mean(z[:, :, None] * z[:, None, :], axis=0) == pytest.approx(spread.mean(axis=0), abs=2e-5)
+
+
+def test_outlier_is_refused_and_counted_and_leaves_the_state(stream: np.random.Generator) -> None:
+    state = start_state(np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(3), 0.01, 1e-4, GATE)
+    fresh = replace(state, refused=np.array(0))
+    measured = unit(stream, 3)
+    wrong = DirectionObservation(measured, across(measured, 0.005), cross_matrix(measured)[0] / np.hypot(*measured[1:]))
+    after = update(fresh, wrong, GATE)
+    assert int(after.refused) == 1
+    assert after.quaternion == pytest.approx(fresh.quaternion)
+    assert after.covariance == pytest.approx(fresh.covariance)
+
+
+def test_filter_that_is_wrong_listens_after_enough_refusals() -> None:
+    truth, reference = quaternion_from_rotation_vector([0.5, 0.0, 0.0]), np.array([0.0, 0.6, 0.8])
+    measured = quaternion_to_matrix(truth).T @ reference
+    start = start_state(np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(3), 0.003, 1e-5, GATE)
+    state = replace(start, refused=np.array(0))
+    counts = []
+    for _ in range(200):
+        state = update(state, DirectionObservation(measured, across(measured, 0.005), reference), GATE)
+        counts.append(int(state.refused))
+    assert max(counts) > GATE.doubt_after
+    assert counts[-1] == 0
+    assert np.linalg.norm(quaternion_to_matrix(state.quaternion) @ measured - reference) < 0.03
+
+
+def test_mean_nees_of_100_runs_lies_in_its_95_percent_band() -> None:
+    """A pass and a hand-off, truth driven by the filter's process noise, start drawn from its covariance."""
+    runs, steps, sigma, dt_s = 100, 800, 0.005, 0.5
+    orbit, stream = SunSynchronousOrbitParams(), np.random.default_rng(3)
+    t_s = 400.0 + dt_s * np.arange(steps)
+    view = view_stations(orbit, stations_along_track(orbit, 0.0), t_s)
+    reference = view.reference[np.arange(steps), np.argmax(view.elevation_rad, axis=1)]
+    rate = orbit_point(orbit, t_s).frame_rate_rad_s
+    noise = ProcessNoiseParams()
+    satellite = SimulatedSatellite(
+        SatelliteParams(),
+        NadirHoldParams(),
+        noise,
+        t_s=t_s[0],
+        quaternion=np.tile([0.0, 0.0, 0.0, 1.0], (runs, 1)),
+        rate_rad_s=np.tile(rate[0], (runs, 1)),
+        seed=4,
+    )
+    truth = satellite.state
+    start = multiply(quaternion_from_rotation_vector(0.01 * stream.standard_normal((runs, 3))), truth.quaternion)
+    state = start_state(start, truth.rate_rad_s + 1e-4 * stream.standard_normal((runs, 3)), 0.01, 1e-4, GATE)
+    scores = []
+    for k in range(steps):
+        if k:
+            known = satellite.hold_torque(rate[k - 1])
+            satellite.step(dt_s, known, rate[k - 1])
+            state = predict(INERTIA, noise, state, known, rate[k - 1], dt_s)
+        truth = satellite.state
+        expected = np.einsum("nji,j->ni", quaternion_to_matrix(truth.quaternion), reference[k])
+        error = sigma * stream.standard_normal((runs, 3))
+        measured = expected + error - np.sum(error * expected, axis=1, keepdims=True) * expected
+        measured /= np.linalg.norm(measured, axis=1, keepdims=True)
+        seen = DirectionObservation(measured, across(measured, sigma), np.broadcast_to(reference[k], (runs, 3)))
+        state = update(state, seen, GATE)
+        if k % 40 == 39:
+            scores.append(np.mean(nees(attitude_error(state, truth.quaternion, truth.rate_rad_s), state.covariance)))
+    low, high = nees_band(6, runs)
+    inside = np.mean([(low <= score <= high) for score in scores])
+    assert inside >= 0.9
+    assert np.mean(scores) == pytest.approx(6.0, abs=0.3)
+
+
+def test_batch_updates_as_its_members_do(stream: np.random.Generator) -> None:
+    q, w = unit(stream, 4, 4), 1e-3 * stream.standard_normal((4, 3))
+    measured, reference = unit(stream, 4, 3), unit(stream, 4, 3)
+    together = update(
+        start_state(q, w, 0.5, 0.01, GATE), DirectionObservation(measured, across(measured, 0.01), reference), GATE
+    )
+    for k in range(4):
+        alone = update(
+            start_state(q[k], w[k], 0.5, 0.01, GATE),
+            DirectionObservation(measured[k], across(measured[k], 0.01), reference[k]),
+            GATE,
+        )
+        assert float(rotation_angle_between_rad(together.quaternion[k], alone.quaternion)) < 1e-12
+        assert together.covariance[k] == pytest.approx(alone.covariance, abs=1e-14)
+
+
+def test_certainty_on_both_sides_is_refused_and_not_divided_by() -> None:
+    state = start_state(np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(3), 0.01, 1e-4, GATE)
+    sure = replace(state, covariance=np.zeros((6, 6)))
+    seen = DirectionObservation(np.array([0.0, 0.0, 1.0]), np.zeros((3, 3)), np.array([0.0, 0.0, 1.0]))
+    with pytest.raises(ValueError, match="innovation covariance has determinant 0.0, must be > 0: singular"):
+        update(sure, seen, GATE)

@@ -1,0 +1,209 @@
+"""Attitudes and poses of a bag beside the truth of the same stamp, their pictures and their report."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from rf_pointing.array_sensors.attitude.quaternion import (
+    multiply,
+    quaternion_from_roll_pitch_yaw,
+    quaternion_from_rotation_vector,
+)
+from rf_pointing.array_sensors.report.page import write_array_report
+from rf_pointing.array_sensors.report.pictures import draw_attitude, draw_pose
+from rf_pointing.array_sensors.report.series import ArraySeries, array_sensors, read_attitude_series, read_pose_series
+from rf_pointing.commands.report import main as report_main
+from rf_pointing.report.bag_writer import BagWriter
+from rf_pointing.report.definitions import Definitions
+
+START_NS = 1_767_225_600 * 10**9
+EPOCHS = 60
+ERROR_RAD = np.array([2e-4, -1e-4, 5e-4])
+ERROR_M = np.array([0.02, -0.3, 0.1])
+SIGMA_RAD, SIGMA_M = 3e-4, 0.2
+
+Plan = Callable[[int], dict[str, bytes]]
+
+
+@pytest.fixture
+def bag_of(tmp_path: Path, types: Definitions) -> Callable[[dict[str, str], Plan, int], Path]:
+    def write(topics: dict[str, str], plan: Plan, count: int = EPOCHS) -> Path:
+        path = tmp_path / "bag"
+        with BagWriter(path, types) as bag:
+            for topic, type_name in topics.items():
+                bag.register(topic, type_name)
+            for epoch in range(count):
+                for topic, data in plan(epoch).items():
+                    bag.write(topic, START_NS + epoch, data)
+        return path
+
+    return write
+
+
+def truth_at(epoch: int) -> np.ndarray:
+    return quaternion_from_roll_pitch_yaw([0.02 * epoch, 0.1 * np.sin(0.2 * epoch), 3.0 + 0.02 * epoch])
+
+
+@pytest.fixture
+def attitude_bag(maker: Any, bag_of: Any) -> Path:
+    """Truth at 60 epochs; estimates, off by ERROR_RAD, of all but the first; valid from the tenth on."""
+
+    def quaternion(values: np.ndarray) -> Any:
+        return maker.message("geometry_msgs/msg/Quaternion", **dict(zip("xyzw", map(float, values), strict=True)))
+
+    def plan(epoch: int) -> dict[str, bytes]:
+        header = maker.header(START_NS + epoch * 10**9)
+        found = multiply(quaternion_from_rotation_vector(ERROR_RAD), truth_at(epoch))
+        truth = maker.serialized(
+            "geometry_msgs/msg/QuaternionStamped", header=header, quaternion=quaternion(truth_at(epoch))
+        )
+        estimate = maker.serialized(
+            "rf_pointing_msgs/msg/Attitude",
+            header=header,
+            valid=epoch >= 10,
+            reason="",
+            orientation=quaternion(found),
+            covariance=(SIGMA_RAD**2 * np.eye(3)).ravel(),
+        )
+        return {"/sat/sim/attitude": truth} | ({"/sat/attitude": estimate} if epoch else {})
+
+    topics = {
+        "/sat/attitude": "rf_pointing_msgs/msg/Attitude",
+        "/sat/sim/attitude": "geometry_msgs/msg/QuaternionStamped",
+    }
+    return bag_of(topics, plan)
+
+
+@pytest.fixture
+def pose_bag(maker: Any, bag_of: Any) -> Path:
+    """Truth and estimates, off by ERROR_M and ERROR_RAD."""
+
+    def pose(epoch: int, offset_m: np.ndarray, turn_rad: np.ndarray) -> bytes:
+        q = multiply(quaternion_from_rotation_vector(turn_rad), truth_at(epoch))
+        place = np.array([100.0 - epoch, 3.0, -2.0]) + offset_m
+        inner = maker.message(
+            "geometry_msgs/msg/Pose",
+            position=maker.message("geometry_msgs/msg/Point", **dict(zip("xyz", map(float, place), strict=True))),
+            orientation=maker.message("geometry_msgs/msg/Quaternion", **dict(zip("xyzw", map(float, q), strict=True))),
+        )
+        covariance = np.diag(np.repeat([SIGMA_M**2, SIGMA_RAD**2], 3)).ravel()
+        full = maker.message("geometry_msgs/msg/PoseWithCovariance", pose=inner, covariance=covariance)
+        header = maker.header(START_NS + epoch * 2 * 10**9)
+        return maker.serialized("geometry_msgs/msg/PoseWithCovarianceStamped", header=header, pose=full)
+
+    def plan(epoch: int) -> dict[str, bytes]:
+        none = np.zeros(3)
+        return {
+            "/dock/relative_pose": pose(epoch, ERROR_M, ERROR_RAD),
+            "/dock/sim/relative_pose": pose(epoch, none, none),
+        }
+
+    return bag_of(dict.fromkeys(plan(0), "geometry_msgs/msg/PoseWithCovarianceStamped"), plan)
+
+
+def test_attitude_error_is_the_rotation_from_truth_to_estimate(attitude_bag: Path) -> None:
+    series = read_attitude_series(attitude_bag, "/sat")
+    assert series.t_s.tolist() == list(range(EPOCHS - 1))
+    assert series.valid.tolist() == [False] * 9 + [True] * 50
+    np.testing.assert_allclose(series.rotation_error_rad, np.tile(ERROR_RAD, (EPOCHS - 1, 1)), atol=1e-12)
+    np.testing.assert_allclose(series.rotation_sigma_rad, SIGMA_RAD)
+
+
+def test_pose_error_is_estimate_minus_truth(pose_bag: Path) -> None:
+    series = read_pose_series(pose_bag, "/dock")
+    assert series.t_s.tolist() == [2.0 * k for k in range(EPOCHS)]
+    np.testing.assert_allclose(series.position_error_m, np.tile(ERROR_M, (EPOCHS, 1)), atol=1e-12)
+    np.testing.assert_allclose(series.rotation_error_rad, np.tile(ERROR_RAD, (EPOCHS, 1)), atol=1e-12)
+    np.testing.assert_allclose(series.position_sigma_m, SIGMA_M)
+    np.testing.assert_allclose(series.rotation_sigma_rad, SIGMA_RAD)
+
+
+def test_bag_without_common_stamps_is_refused(attitude_bag: Path) -> None:
+    with pytest.raises(ValueError, match="0 estimates and 0 true values have no stamp in common"):
+        read_attitude_series(attitude_bag, "/elsewhere")
+
+
+def test_attitude_has_no_position(attitude_bag: Path) -> None:
+    with pytest.raises(ValueError, match="no position"):
+        _ = read_attitude_series(attitude_bag, "/sat").position_error_m
+
+
+def holds_colour(path: Path, colour: str) -> bool:
+    pixels = np.round(imread(path)[:, :, :3] * 255.0).astype(np.uint8)
+    return bool(np.any(np.all(pixels == np.array(list(bytes.fromhex(colour)), dtype=np.uint8), axis=-1)))
+
+
+@pytest.mark.parametrize("kind", ["attitude", "pose"])
+def test_picture_shows_truth_estimate_and_error(kind: str, request: pytest.FixtureRequest, tmp_path: Path) -> None:
+    path = tmp_path / "picture.png"
+    if kind == "attitude":
+        draw_attitude(read_attitude_series(request.getfixturevalue("attitude_bag"), "/sat"), path, "Title")
+    else:
+        draw_pose(read_pose_series(request.getfixturevalue("pose_bag"), "/dock"), path, "Title")
+    for colour in ("0072b2", "d55e00", "333333"):
+        assert holds_colour(path, colour), colour
+
+
+def test_picture_of_a_run_that_never_became_valid_is_drawn(attitude_bag: Path, tmp_path: Path) -> None:
+    found = read_attitude_series(attitude_bag, "/sat")
+    never = ArraySeries(
+        t_s=found.t_s,
+        true_position_m=None,
+        position_m=None,
+        true_quaternion=found.true_quaternion,
+        quaternion=found.quaternion,
+        covariance=found.covariance,
+        valid=np.zeros(len(found.t_s), dtype=np.bool_),
+    )
+    path = tmp_path / "picture.png"
+    draw_attitude(never, path, "Title")
+    assert holds_colour(path, "8a8a8a")
+
+
+def test_sensors_of_a_bag_are_known_by_their_truth(attitude_bag: Path) -> None:
+    assert array_sensors(attitude_bag) == {"/sat": "attitude"}
+
+
+def test_report_of_an_attitude_counts_only_valid_epochs(attitude_bag: Path, tmp_path: Path) -> None:
+    (found,) = write_array_report(attitude_bag, tmp_path / "report")
+    assert (found.sensor, found.quantity, found.unit, found.epochs, found.valid) == (
+        "/sat/attitude",
+        "attitude",
+        "deg",
+        59,
+        50,
+    )
+    np.testing.assert_allclose(found.rms, np.degrees(np.abs(ERROR_RAD)), rtol=1e-9)
+    np.testing.assert_allclose(found.claimed, np.degrees(SIGMA_RAD))
+    assert found.inside == 1.0
+
+
+def test_report_of_a_pose_has_its_picture_numbers_and_page(pose_bag: Path, tmp_path: Path) -> None:
+    position, attitude = write_array_report(pose_bag, tmp_path / "report")
+    np.testing.assert_allclose(position.rms, np.abs(ERROR_M), rtol=1e-9)
+    assert (position.unit, attitude.unit, attitude.valid) == ("m", "deg", EPOCHS)
+    folder = tmp_path / "report"
+    assert holds_colour(folder / "dock_relative_pose.png", "d55e00")
+    summary = json.loads((folder / "array_summary.json").read_text())
+    assert [row["quantity"] for row in summary["errors"]] == ["position", "attitude"]
+    page = (folder / "array_report.html").read_text()
+    assert page.count("data:image/png;base64,") == 1
+    assert "/dock/relative_pose" in page
+
+
+def test_executable_reports_the_sensors_of_a_bag_without_antenna(
+    attitude_bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    report_main([str(attitude_bag), "--output", str(tmp_path / "report")])
+    assert capsys.readouterr().out.split() == [str(tmp_path / "report" / "array_report.html")]
+
+
+def test_bag_without_sensors_is_refused(tmp_path: Path, types: Definitions, bag_of: Any) -> None:
+    path = bag_of({"/sat/attitude": "rf_pointing_msgs/msg/Attitude"}, lambda _: {}, 1)
+    with pytest.raises(ValueError, match="holds no attitude or relative_pose with its truth"):
+        write_array_report(path, tmp_path / "report")

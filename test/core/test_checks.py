@@ -1,0 +1,95 @@
+"""Refusals carry the name, the value and the bound."""
+
+import math
+
+import numpy as np
+import pytest
+
+from rf_pointing.core import as_finite_array, require_between, require_choice, require_finite, require_rotation
+
+NOT_FINITE = [math.nan, math.inf, -math.inf]
+
+
+@pytest.mark.parametrize("bad", NOT_FINITE)
+def test_a_number_that_is_not_finite_is_refused_by_name(bad: float) -> None:
+    with pytest.raises(ValueError, match=r"^gain=-?(nan|inf) must be finite$"):
+        require_finite("gain", bad)
+
+
+@pytest.mark.parametrize("bad", NOT_FINITE)
+def test_one_bad_element_refuses_the_array(bad: float, random: np.random.Generator) -> None:
+    values = random.standard_normal((3, 4))
+    require_finite("table", values)
+    values[2, 1] = bad
+    with pytest.raises(ValueError, match=r"(?s)^table=.* must be finite$"):
+        require_finite("table", values)
+
+
+@pytest.mark.parametrize("value", [1.0, 1.5, 2.0])
+def test_a_value_on_or_between_the_bounds_passes(value: float) -> None:
+    require_between("rate", value, 1.0, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("value", "low", "high", "complaint"),
+    [
+        (0.999, 1.0, 2.0, r"rate=0\.999 must be >= 1\.0"),
+        (2.001, 1.0, 2.0, r"rate=2\.001 must be <= 2\.0"),
+        (-1e300, 0.0, None, r"rate=-1e\+300 must be >= 0\.0"),
+        (1e300, None, 0.0, r"rate=1e\+300 must be <= 0\.0"),
+        (math.nan, None, None, r"rate=nan must be finite"),
+        (math.inf, 0.0, None, r"rate=inf must be finite"),
+    ],
+)
+def test_a_value_outside_is_refused_with_the_bound(
+    value: float, low: float | None, high: float | None, complaint: str
+) -> None:
+    with pytest.raises(ValueError, match=f"^{complaint}$"):
+        require_between("rate", value, low, high)
+
+
+def test_an_unknown_choice_is_refused_with_the_known_ones() -> None:
+    require_choice("band", "X", ("S", "X"))
+    with pytest.raises(ValueError, match=r"^band='Q' must be one of S, X$"):
+        require_choice("band", "Q", (name for name in ("S", "X")))
+
+
+def test_as_finite_array_converts_and_checks_the_shape() -> None:
+    array = as_finite_array("position_rad", [[1, 2], [3, 4], [5, 6]], (None, 2))
+    assert array.dtype == np.float64
+    assert array.tolist() == [[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]]
+
+
+@pytest.mark.parametrize("value", [1.0, [1.0], [1.0, 2.0, 3.0], [[1.0, 2.0]]])
+def test_another_shape_is_refused_with_both_shapes(value: object) -> None:
+    with pytest.raises(ValueError, match=r"^position_rad has shape \(.*\), must be \(2,\)$"):
+        as_finite_array("position_rad", value, (2,))
+
+
+def test_an_open_dimension_is_named_n() -> None:
+    with pytest.raises(ValueError, match=r"must be \('n', 2\)$"):
+        as_finite_array("position_rad", [1.0, 2.0], (None, 2))
+
+
+def test_an_array_with_a_bad_element_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"^position_rad=.* must be finite$"):
+        as_finite_array("position_rad", [1.0, math.nan], (2,))
+
+
+@pytest.mark.parametrize(
+    ("matrix", "complaint"),
+    [
+        (np.diag([1.0, 1.0, -1.0]), "attitude has determinant -1: a reflection, not a rotation"),
+        ([np.eye(3), 1.01 * np.eye(3)], r"attitude misses orthonormality by 0\.0201, must be <= 1e-06"),
+        (np.full((3, 3), math.nan), r"attitude=[^=]* must be finite"),
+        (np.eye(4), r"attitude has shape \(4, 4\), must be \(\.\.\., 3, 3\)"),
+    ],
+)
+def test_a_matrix_that_is_no_rotation_is_refused(matrix: object, complaint: str) -> None:
+    with pytest.raises(ValueError, match=f"^{complaint}$"):
+        require_rotation("attitude", matrix)
+
+
+def test_rotations_pass_unchanged() -> None:
+    turns = np.array([np.eye(3), np.diag([1.0, -1.0, -1.0])])
+    assert np.array_equal(require_rotation("attitude", turns), turns)

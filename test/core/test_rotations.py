@@ -1,0 +1,65 @@
+"""Rotations: against scipy and numpy, at half a turn, near zero, and in stacks that broadcast."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from rf_pointing.core.rotations import (
+    cross_matrix,
+    cross_product,
+    matrix_from_quaternion,
+    quaternion_from_matrix,
+    quaternion_from_turn,
+    quaternion_product,
+    tangent_rows,
+    turn_from_quaternion,
+)
+
+ROUNDING = 1e-15
+
+
+@pytest.fixture
+def quaternions() -> np.ndarray:
+    drawn = np.random.default_rng(31).standard_normal((200, 4))
+    return drawn / np.linalg.norm(drawn, axis=-1, keepdims=True)
+
+
+def test_cross_product_and_matrix_are_numpys(quaternions: np.ndarray) -> None:
+    a, b = quaternions[:100, :3], quaternions[100:, :3]
+    np.testing.assert_allclose(cross_product(a, b), np.cross(a, b), atol=ROUNDING)
+    np.testing.assert_allclose(cross_product(a, b[0]), np.cross(a, b[0]), atol=ROUNDING)
+    np.testing.assert_allclose(np.einsum("nij,nj->ni", cross_matrix(a), b), np.cross(a, b), atol=ROUNDING)
+
+
+def test_tangent_rows_complete_any_direction_to_a_right_handed_frame(quaternions: np.ndarray) -> None:
+    directions = np.concatenate([np.eye(3), -np.eye(3), matrix_from_quaternion(quaternions)[:, 0]])
+    frames = np.concatenate([directions[:, None, :], tangent_rows(directions)], axis=1)
+    np.testing.assert_allclose(frames @ frames.swapaxes(1, 2), np.broadcast_to(np.eye(3), frames.shape), atol=1e-14)
+    np.testing.assert_allclose(np.linalg.det(frames), 1.0, atol=1e-14)
+
+
+def test_product_and_matrix_are_scipys(quaternions: np.ndarray) -> None:
+    a, b = quaternions[:100], quaternions[100:]
+    expected = (Rotation(a) * Rotation(b)).as_matrix()
+    np.testing.assert_allclose(matrix_from_quaternion(quaternion_product(a, b)), expected, atol=4 * ROUNDING)
+
+
+def test_turns_are_scipys_and_lose_the_sign_of_the_quaternion(quaternions: np.ndarray) -> None:
+    turns = Rotation(quaternions).as_rotvec()
+    np.testing.assert_allclose(turn_from_quaternion(quaternions), turns, atol=1e-13)
+    np.testing.assert_array_equal(turn_from_quaternion(-quaternions), turn_from_quaternion(quaternions))
+    np.testing.assert_allclose(Rotation(quaternion_from_turn(turns)).as_rotvec(), turns, atol=1e-13)
+
+
+@pytest.mark.parametrize("axis", [[1.0, 0, 0], [0, -1.0, 0], [0.6, 0.0, -0.8], [-0.48, 0.6, 0.64]])
+@pytest.mark.parametrize("angle_rad", [np.pi, np.pi - 1e-9, np.pi + 1e-9, 1e-9, 0.0])
+def test_matrix_gives_its_quaternion_back_up_to_half_a_turn(axis: list[float], angle_rad: float) -> None:
+    matrix = matrix_from_quaternion(quaternion_from_turn(angle_rad * np.asarray(axis)))
+    again = matrix_from_quaternion(quaternion_from_matrix(matrix))
+    np.testing.assert_allclose(again, matrix, atol=4 * ROUNDING)
+
+
+@pytest.mark.parametrize("length_rad", [0.0, 1e-300, 1e-160, 1e-12, 1e-4, 3.0])
+def test_small_turns_keep_their_relative_precision(length_rad: float) -> None:
+    turn = length_rad * np.array([0.48, -0.6, 0.64])
+    np.testing.assert_allclose(turn_from_quaternion(quaternion_from_turn(turn)), turn, rtol=1e-13)

@@ -1,0 +1,107 @@
+"""The nouns on the arrows refuse what no part of a station could use."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rf_pointing.core import Boresight, JointReading, JointTrajectory, PointingError, Target
+
+TARGET: dict[str, Any] = {
+    "t_s": 10.0,
+    "name": "bird",
+    "azimuth_rad": 1.0,
+    "elevation_rad": 0.5,
+    "azimuth_rate_rad_s": 0.01,
+    "elevation_rate_rad_s": -0.002,
+    "azimuth_acceleration_rad_s2": 1e-4,
+    "elevation_acceleration_rad_s2": -1e-5,
+    "range_m": 9e5,
+    "range_rate_m_s": -3e3,
+    "refraction_rad": 1e-4,
+}
+
+
+def trajectory(**changes: Any) -> JointTrajectory:
+    values = {"t_s": [1.0, 2.0, 3.0], **{name: np.ones((3, 2)) for name in ("position_rad", "velocity_rad_s")}}
+    return JointTrajectory(**{**values, "acceleration_rad_s2": np.ones((3, 2)), **changes})
+
+
+@pytest.mark.parametrize("name", [name for name in TARGET if name != "name"])
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+def test_a_target_with_a_number_that_is_not_finite_is_refused_by_its_name(name: str, bad: float) -> None:
+    Target(**TARGET)
+    with pytest.raises(ValueError, match=f"^{name}={bad} must be finite$"):
+        Target(**{**TARGET, name: bad})
+
+
+@pytest.mark.parametrize("name", ["position_rad", "velocity_rad_s"])
+@pytest.mark.parametrize(("value", "complaint"), [([1.0], "has shape"), ([1.0, math.nan], "must be finite")])
+def test_a_reading_needs_two_finite_values_each(name: str, value: list[float], complaint: str) -> None:
+    good = {"t_s": 1.0, "position_rad": [0.1, 0.2], "velocity_rad_s": [0.0, 0.0]}
+    assert JointReading(**good).position_rad.dtype == np.float64
+    with pytest.raises(ValueError, match=f"^{name}.*{complaint}"):
+        JointReading(**{**good, name: value})
+
+
+def test_a_reading_without_a_time_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"^t_s=nan must be finite$"):
+        JointReading(t_s=math.nan, position_rad=[0.0, 0.0], velocity_rad_s=[0.0, 0.0])
+
+
+@pytest.mark.parametrize("name", ["position_rad", "velocity_rad_s", "acceleration_rad_s2"])
+@pytest.mark.parametrize(
+    ("value", "complaint"),
+    [
+        (np.ones((2, 2)), r"has shape \(2, 2\), must be \(3, 2\)"),
+        (np.ones((3, 3)), r"has shape \(3, 3\), must be \(3, 2\)"),
+        (np.full((3, 2), np.inf), "must be finite"),
+    ],
+)
+def test_a_trajectory_needs_two_finite_values_per_point(name: str, value: np.ndarray, complaint: str) -> None:
+    trajectory()
+    with pytest.raises(ValueError, match=f"^{name}(.|\n)*{complaint}"):
+        trajectory(**{name: value})
+
+
+@pytest.mark.parametrize("t_s", [[1.0, 1.0, 2.0], [1.0, 3.0, 2.0]])
+def test_the_times_of_a_trajectory_must_increase(t_s: list[float]) -> None:
+    with pytest.raises(ValueError, match="t_s must increase from point to point"):
+        trajectory(t_s=t_s)
+
+
+def test_a_trajectory_without_points_is_refused() -> None:
+    empty = np.zeros((0, 2))
+    with pytest.raises(ValueError, match="t_s has 0 points, must have at least 1"):
+        trajectory(t_s=[], position_rad=empty, velocity_rad_s=empty, acceleration_rad_s2=empty)
+
+
+@pytest.mark.parametrize("name", ["t_s", "cross_elevation_rad", "elevation_rad", "carrier_to_noise_db_hz"])
+@pytest.mark.parametrize("bad", [math.nan, -math.inf])
+def test_a_pointing_error_with_a_number_that_is_not_finite_is_refused(name: str, bad: float) -> None:
+    good = {"t_s": 1.0, "sensor": "monopulse", "cross_elevation_rad": 0.0, "elevation_rad": 0.0}
+    with pytest.raises(ValueError, match=f"^{name}={bad} must be finite$"):
+        PointingError(**{**good, name: bad})
+
+
+@pytest.mark.parametrize("covariance", [np.zeros(4), np.zeros((3, 3)), [[math.nan, 0.0], [0.0, 1.0]]])
+def test_a_pointing_error_needs_a_finite_covariance_of_two_axes(covariance: Any) -> None:
+    with pytest.raises(ValueError, match=r"(?s)^covariance_rad2"):
+        PointingError(
+            t_s=1.0, sensor="monopulse", cross_elevation_rad=0.0, elevation_rad=0.0, covariance_rad2=covariance
+        )
+
+
+@pytest.mark.parametrize("name", ["t_s", "azimuth_rad", "elevation_rad"])
+def test_a_boresight_that_is_not_finite_is_refused(name: str) -> None:
+    with pytest.raises(ValueError, match=f"^{name}=nan must be finite$"):
+        Boresight(**{"t_s": 1.0, "azimuth_rad": 0.0, "elevation_rad": 0.5, name: math.nan})
+
+
+def test_signals_cannot_be_changed_and_share_no_default() -> None:
+    error = PointingError(t_s=1.0, sensor="monopulse", cross_elevation_rad=0.0, elevation_rad=0.0)
+    with pytest.raises(AttributeError):
+        error.t_s = 2.0  # type: ignore[misc]
+    other = PointingError(t_s=1.0, sensor="monopulse", cross_elevation_rad=0.0, elevation_rad=0.0)
+    assert error.covariance_rad2 is not other.covariance_rad2

@@ -1,0 +1,37 @@
+"""A sweep gives the same results in order wherever it runs: here, on threads, on processes, on a Dask cluster."""
+
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import AbstractContextManager
+
+import pytest
+
+from rf_pointing.core import random_stream, sweep
+
+CASES = list(range(8))
+
+
+def task(case: int) -> float:
+    return float(random_stream(case, "sweep").standard_normal())
+
+
+def failing(case: int) -> int:
+    if case == 3:
+        raise ValueError(f"case={case} must not be 3")
+    return case
+
+
+@pytest.mark.parametrize("pool", [ThreadPoolExecutor, ProcessPoolExecutor])
+def test_executors_of_the_standard_library_change_no_number(pool: type[AbstractContextManager[Executor]]) -> None:
+    with pool(2) as executor:  # type: ignore[call-arg]
+        assert sweep(task, CASES, executor) == sweep(task, CASES)
+
+
+def test_first_failure_is_raised() -> None:
+    with ThreadPoolExecutor(2) as executor, pytest.raises(ValueError, match="case=3"):
+        sweep(failing, CASES, executor)
+
+
+def test_a_dask_cluster_changes_no_number() -> None:
+    distributed = pytest.importorskip("distributed", reason="the extra `sweep` is not installed")
+    with distributed.Client(processes=False, n_workers=1, threads_per_worker=2, dashboard_address=None) as client:
+        assert sweep(task, CASES, client.get_executor()) == sweep(task, CASES)

@@ -1,0 +1,175 @@
+"""From the operator's words to a track; what cannot be found or used is named."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rf_pointing.core import MDEG
+from rf_pointing.core.refraction import RadioRefraction
+from rf_pointing.ephemeris import (
+    find_elements,
+    find_passes,
+    site,
+    sun_angle_rad,
+    tle_lines,
+    utc_text,
+    verification_elements,
+)
+from rf_pointing.ephemeris.source import SourceParams, first_time_s, load_elements, load_track
+
+PASS_T_S = 1151384323.8
+"""AOS of the first pass above 40 deg, 12 minutes long."""
+
+
+@pytest.fixture
+def cbers_2(tmp_path: Path) -> Path:
+    """Return a file with the elements of CBERS-2."""
+    path = tmp_path / "cbers.tle"
+    path.write_text("CBERS 2\n" + "\n".join(tle_lines(find_elements(verification_elements(), "28057"))) + "\n")
+    return path
+
+
+def test_the_default_is_cbers_2_over_dss_13() -> None:
+    track = load_track(SourceParams())
+    assert track.name == "CBERS 2"
+    assert track.site == site("Goldstone DSS-13")
+
+
+def test_a_file_gives_the_same_track_as_the_verification_set(cbers_2: Path) -> None:
+    ours, theirs = load_track(SourceParams(elements_file=str(cbers_2))), load_track(SourceParams())
+    t_s = load_elements(SourceParams()).epoch_t_s + 4000.0
+    assert ours.target_at(t_s).azimuth_rad == pytest.approx(theirs.target_at(t_s).azimuth_rad, abs=1e-6)
+
+
+def test_offsets_move_the_target_against_its_elements() -> None:
+    t_s = load_elements(SourceParams()).epoch_t_s + 4000.0
+    ahead = load_track(SourceParams(along_track_offset_s=10.0)).target_at(t_s)
+    later = load_track(SourceParams()).target_at(t_s + 10.0)
+    # Ten seconds of the Earth's turning remain.
+    assert ahead.elevation_rad == pytest.approx(later.elevation_rad, abs=1e-3)
+
+
+def test_a_missing_file_is_named() -> None:
+    with pytest.raises(ValueError, match=r"elements_file='/nowhere/x.tle' does not exist"):
+        load_elements(SourceParams(elements_file="/nowhere/x.tle"))
+
+
+def test_malformed_elements_name_the_file(cbers_2: Path) -> None:
+    lines = cbers_2.read_text().splitlines()
+    lines[1] = lines[1][:-1] + str((int(lines[1][-1]) + 1) % 10)
+    cbers_2.write_text("\n".join(lines))
+    with pytest.raises(ValueError, match=r"^cbers\.tle: .*checksum"):
+        load_elements(SourceParams(elements_file=str(cbers_2)))
+
+
+def test_an_unknown_satellite_is_refused_with_near_names(cbers_2: Path) -> None:
+    with pytest.raises(ValueError, match=r"satellite='CBERS 3' is not among 1 elements; nearest: CBERS 2"):
+        load_elements(SourceParams(elements_file=str(cbers_2), satellite="CBERS 3"))
+    with pytest.raises(ValueError, match=r"satellite='99999' is not among"):
+        load_elements(SourceParams(satellite="99999"))
+
+
+def test_an_unknown_station_is_refused() -> None:
+    with pytest.raises(ValueError, match="Atlantis"):
+        load_track(SourceParams(station="Atlantis"))
+
+
+def test_expired_elements_are_refused() -> None:
+    track = load_track(SourceParams(max_age_days=2.0))
+    epoch_t_s = load_elements(SourceParams()).epoch_t_s
+    track.target_at(epoch_t_s + 1.9 * 86400.0)
+    with pytest.raises(ValueError, match=r"(?i)2\.\d* ?d"):
+        track.target_at(epoch_t_s + 2.1 * 86400.0)
+
+
+@pytest.fixture
+def oem(tmp_path: Path) -> SourceParams:
+    """Return an ephemeris file of 20 minutes about a pass of CBERS-2, states in TEME every 30 s."""
+    record = find_elements(verification_elements(), "28057").satrec()
+    times = PASS_T_S - 240.0 + 30.0 * np.arange(41)
+    rows = []
+    for t_s in times:
+        minutes = (t_s - load_elements(SourceParams()).epoch_t_s) / 60.0
+        positions = [np.array(record.sgp4_tsince(minutes + k / 60.0)[1]) for k in (-1, 0, 1)]
+        state = np.concatenate([positions[1], 0.5 * (positions[2] - positions[0])])
+        rows.append(f"{utc_text(t_s)[:-1]} " + " ".join(f"{x:.9f}" for x in state))
+    head = [
+        "CCSDS_OEM_VERS = 2.0", "ORIGINATOR = TEST", "META_START", "OBJECT_NAME = CBERS 2", "OBJECT_ID = 2003-049A",
+        "CENTER_NAME = EARTH", "REF_FRAME = TEME", "TIME_SYSTEM = UTC", f"START_TIME = {utc_text(times[0])[:-1]}",
+        f"STOP_TIME = {utc_text(times[-1])[:-1]}", f"USEABLE_STOP_TIME = {utc_text(times[-5])[:-1]}",
+        "INTERPOLATION = LAGRANGE", "INTERPOLATION_DEGREE = 7", "META_STOP",
+    ]  # fmt: skip
+    path = tmp_path / "cbers.oem"
+    path.write_text("\n".join([*head, *rows]))
+    return SourceParams(elements_file=str(path), satellite="cbers 2")
+
+
+def test_an_ephemeris_message_is_a_source_like_elements(oem: SourceParams) -> None:
+    """The file's derivatives are coarse; its positions are SGP4's to a nanometre, so the directions agree."""
+    by_message, by_elements = load_track(oem), load_track(SourceParams())
+    times = PASS_T_S + np.linspace(0.0, 700.0, 71)
+    ours, theirs = by_message.sample(times), by_elements.sample(times)
+    assert np.max(np.abs(ours.elevation_rad - theirs.elevation_rad)) < 0.01 * MDEG
+    assert np.max(np.abs(ours.azimuth_rad - theirs.azimuth_rad)) < 0.01 * MDEG
+    assert load_track(oem.replace(satellite="2003-049a")).name == "CBERS 2"
+
+
+def test_passes_are_looked_for_where_the_ephemeris_is_usable_and_nowhere_beyond(oem: SourceParams) -> None:
+    track = load_track(oem)
+    assert first_time_s(oem) == pytest.approx(PASS_T_S - 239.0, abs=1e-3)
+    (window,) = find_passes(track, first_time_s(oem), 86400.0, math.radians(5.0))
+    assert window.aos_t_s == pytest.approx(PASS_T_S, abs=0.05)
+    assert window.los_t_s == pytest.approx(PASS_T_S + 714.7, abs=0.1)
+    (cut,) = find_passes(track, first_time_s(oem), 86400.0, 0.0)
+    assert cut.los_t_s <= PASS_T_S - 240.0 + 30.0 * 36
+    with pytest.raises(ValueError, match="outside the usable span"):
+        track.target_at(PASS_T_S + 900.0)
+    with pytest.raises(ValueError, match="outside the usable span"):
+        find_passes(track, PASS_T_S + 5000.0, 1000.0, 0.1)
+
+
+def test_an_ephemeris_that_declares_no_interpolation_takes_the_operators(oem: SourceParams) -> None:
+    file, t_s = Path(oem.elements_file), PASS_T_S + 100.0
+    declared = load_track(oem).target_at(t_s)
+    lines = [line for line in file.read_text().splitlines() if not line.startswith("INTERPOLATION")]
+    file.write_text("\r\n".join(lines), encoding="utf-8-sig")
+    with pytest.raises(ValueError, match=r"cbers\.oem: OEM of CBERS 2 declares no INTERPOLATION"):
+        load_track(oem)
+    assert load_track(oem.replace(interpolation="LAGRANGE")).target_at(t_s) == declared
+    with pytest.raises(ValueError, match="has 41 states|must be odd"):
+        load_track(oem.replace(interpolation="HERMITE", interpolation_degree=6))
+
+
+def test_a_file_in_another_encoding_is_named(cbers_2: Path) -> None:
+    cbers_2.write_text(cbers_2.read_text(), encoding="utf-16")
+    with pytest.raises(ValueError, match=r"cbers\.tle: .*utf-8"):
+        load_elements(SourceParams(elements_file=str(cbers_2)))
+
+
+def test_an_unknown_object_of_an_ephemeris_is_refused_with_the_ones_it_holds(oem: SourceParams) -> None:
+    with pytest.raises(ValueError, match=r"cbers\.oem: satellite='28057' is not among .*: CBERS 2 \(2003-049A\)"):
+        load_track(oem.replace(satellite="28057"))
+
+
+def test_bodies_of_the_sky_are_targets_by_name() -> None:
+    sun = load_track(SourceParams(satellite="sun"))
+    assert float(sun_angle_rad(sun, [PASS_T_S])[0]) < 1e-9
+    for name in ("Moon", "Cassiopeia A", "3c 84"):
+        track = load_track(SourceParams(satellite=name))
+        assert track.name.casefold() == name.casefold()
+        (day,) = find_passes(track, PASS_T_S, 86400.0, math.radians(20.0))[:1]
+        assert day.duration_s > 3600.0
+        with pytest.raises(ValueError, match="has no epoch: say when"):
+            first_time_s(SourceParams(satellite=name))
+        with pytest.raises(ValueError, match="not tracked from mean elements"):
+            load_elements(SourceParams(satellite=name))
+
+
+def test_measured_weather_and_a_vacuum_take_the_place_of_the_standard() -> None:
+    low_s = PASS_T_S + 2.0
+    lifted = {kind: load_track(SourceParams(refraction=kind, weather=RadioRefraction(relative_humidity=0.9))).target_at(low_s)
+              .elevation_rad for kind in ("standard", "measured", "none")}  # fmt: skip
+    assert lifted["measured"] - lifted["standard"] > 10.0 * MDEG
+    assert lifted["standard"] - lifted["none"] > 100.0 * MDEG

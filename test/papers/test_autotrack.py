@@ -1,0 +1,88 @@
+"""The simulated station at Ka band: found after a search, held in the wind, and again after the carrier was gone."""
+
+import numpy as np
+import pytest
+
+from rf_pointing.controllers import CommandPreprocessorParams
+from rf_pointing.core import MDEG
+from rf_pointing.papers.autotrack import acquisition_s, radial_rms_mdeg, weak_conscan_row
+from rf_pointing.papers.autotrack_averaging import averaging_rows
+from rf_pointing.papers.autotrack_cases import (
+    KA_45_DB_HZ,
+    LINK_45_DB_HZ,
+    Case,
+    first_time_s,
+    fly,
+    low_orbit_pass,
+    reacquisitions_s,
+)
+from rf_pointing.simulation import PassLog
+
+DROPOUTS = {"signal.dropouts.count": 2, "signal.dropouts.longest_s": 3.0, "signal.dropouts.gap_s": 2.0,
+            "signal.dropouts_after_s": 22.0, "signal.dropouts_within_s": 18.0}  # fmt: skip
+LARGEST_ACCELERATION_RAD_S2 = min(CommandPreprocessorParams().acceleration_limit_rad_s2)
+
+
+@pytest.fixture(scope="module")
+def aos_t_s() -> float:
+    return low_orbit_pass().aos_t_s
+
+
+@pytest.fixture(scope="module")
+def log() -> PassLog:
+    changes = {"rf_receiver": {**KA_45_DB_HZ, **DROPOUTS}, "pointing_controller": LINK_45_DB_HZ}
+    return fly(Case("Ka", "monopulse", 42.0, changes), low_orbit_pass())
+
+
+def test_a_target_four_beamwidths_off_is_found_along_its_track(log: PassLog, aos_t_s: float) -> None:
+    before = log.errors_rad()[np.searchsorted(log.t_s, aos_t_s + 3.0)]
+    assert np.hypot(*before) > 2.0 * 17.0 * MDEG
+    assert first_time_s(log, "monopulse") - aos_t_s < 15.0
+
+
+def test_it_is_held_within_two_millidegrees_in_wind(log: PassLog, aos_t_s: float) -> None:
+    assert radial_rms_mdeg(log, "monopulse", aos_t_s + 12.0) < 2.0
+
+
+def test_every_dropout_is_coasted_and_reacquired(log: PassLog) -> None:
+    times = reacquisitions_s(log, "monopulse")
+    assert len(times) == 2
+    assert np.all(times < 2.0)
+    silent = np.array(log.carrier_to_noise_db_hz) == 0.0
+    late = np.flatnonzero(silent & (np.array(log.t_s) > log.t_s[0] + 20.0))
+    modes = np.array(log.mode)[late]
+    # The cluster in which it goes, and the period that has not heard of it yet.
+    assert np.mean(modes == "coast") > 0.7
+    assert float(np.max(np.hypot(*log.errors_rad()[late].T))) < 3.0 * MDEG
+
+
+def test_the_command_never_asks_for_more_than_the_preprocessor_allows(log: PassLog, aos_t_s: float) -> None:
+    late = np.array(log.command_t_s)[1:-1] > aos_t_s + 1.0
+    accelerations = np.diff(np.array(log.command_rad), 2, axis=0) / 0.01
+    assert float(np.max(np.abs(accelerations[late]))) < LARGEST_ACCELERATION_RAD_S2
+
+
+@pytest.mark.parametrize(("mask_deg", "angle"), [(5.0, 3.2), (40.0, 5.1)])
+def test_three_beamwidths_off_is_acquired_in_thirty_seconds(mask_deg: float, angle: float) -> None:
+    assert acquisition_s(low_orbit_pass(40.0, mask_deg), angle, seed=3) <= 30.0
+
+
+def test_averaging_a_cluster_gains_seven_db_in_the_whole_station() -> None:
+    row = averaging_rows(seed=2)[0]
+    assert row.holds, row
+
+
+def test_conscan_holds_a_weak_slow_target() -> None:
+    row = weak_conscan_row(seed=1)
+    assert row.holds, row
+
+
+def test_auto_holds_the_beam_with_conscan_when_the_feed_has_turned_its_sign_for_good() -> None:
+    """Two false locks of monopulse, and it is left alone until its feed is calibrated."""
+    flight = fly(Case("X", "auto", 120.0, {"rf_receiver": {"signal.sign_flip_after_s": 40.0}}), low_orbit_pass())
+    times = np.array(flight.t_s) - flight.t_s[0]
+    entered = [mode for mode, before in zip(flight.mode[1:], flight.mode, strict=False) if mode != before]
+    assert entered.count("hand_back") == 2
+    last = times > 100.0
+    assert {mode for mode, late in zip(flight.mode, last, strict=True) if late} == {"conscan"}
+    assert radial_rms_mdeg(flight, "conscan", flight.t_s[0] + 100.0) < 8.0

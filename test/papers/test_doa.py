@@ -1,0 +1,109 @@
+"""`reproduce doa`: the printed tables, which entries are contradicted, and rows built from short runs."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from rf_pointing.papers.doa import run_tables, table_cases
+from rf_pointing.papers.doa_study.accuracy import accuracy_curve
+from rf_pointing.papers.doa_study.attitude_runs import CaseResult, RunTask
+from rf_pointing.papers.doa_study.direction_errors import DirectionCase
+from rf_pointing.papers.doa_study.direction_rows import PRINTED, direction_rows, scene_rows
+from rf_pointing.papers.doa_study.filter_rows import attitude_rows, settling_time_s
+
+
+def tables(theta_deg: float, axis_deg: float, outliers: float = 0.0) -> dict[DirectionCase, CaseResult]:
+    quiet = np.zeros((10, 2), dtype=np.float32)
+    return {
+        case: CaseResult(
+            case=case,
+            theta_deg=theta_deg,
+            phi_deg=theta_deg,
+            roll_deg=axis_deg,
+            pitch_deg=axis_deg,
+            yaw_deg=axis_deg,
+            sigma_deg=axis_deg,
+            outliers=outliers,
+            history_deg=quiet,
+            rate_history_deg_s=quiet,
+        )
+        for case in table_cases()
+    }
+
+
+def test_every_printed_row_has_its_case() -> None:
+    for refined in (True, False):
+        assert {case.level for case in table_cases() if case.refined is refined} == set(PRINTED)
+
+
+def test_exactly_six_theta_entries_contradict_the_stated_model() -> None:
+    rows = direction_rows(tables(0.5, 0.1))
+    found = {
+        row.quantity for row in rows if row.quantity.startswith("RMSE of theta") and "contradicted: " in row.remark
+    }
+    expected = ["L=100, -6 dB", "L=100, -2 dB", "L=100, 0 dB", "L=10, 0 dB", "L=20, 0 dB", "L=50, 0 dB"]
+    assert found == {f"RMSE of theta, {name}, 1-deg grid" for name in expected}
+
+
+def test_two_more_rows_contradict_it_by_theta_and_phi_together() -> None:
+    rows = direction_rows(tables(0.5, 0.1))
+    found = {row.quantity for row in rows if "contradicted together" in row.remark}
+    assert found == {
+        "RMSE of theta, L=100, -10 dB, 1-deg grid",
+        "RMSE of phi, L=100, -10 dB, 1-deg grid",
+        "RMSE of theta, L=100, -8 dB, 1-deg grid",
+    }
+
+
+def test_direction_that_misses_its_theory_is_not_accepted() -> None:
+    rows = [row for row in direction_rows(tables(3.0, 0.1)) if row.quantity.startswith("RMSE of theta, L=100, 0 dB")]
+    assert [row.accepted for row in rows] == [False]
+
+
+def test_attitude_far_from_the_paper_is_not_accepted_without_a_reason() -> None:
+    rows = attitude_rows(tables(0.5, 1.0))
+    assert not any(row.accepted for row in rows if row.quantity.startswith("RMSE of yaw, L=100, 0 dB"))
+    excused = attitude_rows(tables(0.5, 1.0, outliers=0.1))
+    assert all(row.accepted for row in excused if row.quantity.startswith("RMSE of yaw"))
+
+
+def test_scene_rows_hold_or_explain() -> None:
+    assert all(row.accepted for row in scene_rows())
+
+
+def test_settling_time_is_the_last_crossing_of_the_running_mean_of_any_trial() -> None:
+    history = np.ones((500, 2), dtype=np.float32)
+    history[120:, 0] = 0.1
+    history[200:, 1] = 0.1
+    assert settling_time_s(history, 0.5, 1) == 200.0
+    assert settling_time_s(history, 0.5, 100) == pytest.approx(254.0, abs=2.0)
+    assert settling_time_s(history, 2.0, 100) == 0.0
+
+
+def test_executor_changes_where_not_what() -> None:
+    here = accuracy_curve(50, (-2.0, 3.0), estimates=300, seed=5)
+    with ThreadPoolExecutor(2) as pool:
+        assert accuracy_curve(50, (-2.0, 3.0), estimates=300, seed=5, executor=pool) == here
+
+
+@pytest.mark.parametrize("music_inside", [False, True])
+def test_tables_are_shared_out_with_one_row_the_other_way_round(
+    monkeypatch: pytest.MonkeyPatch, music_inside: bool
+) -> None:
+    seen: list[RunTask] = []
+
+    def record(task: RunTask) -> list[CaseResult]:
+        seen.append(task)
+        return [tables(0.5, 0.1)[table_cases()[0]]] * len(task.cases)
+
+    monkeypatch.setattr("rf_pointing.papers.doa.run", record)
+    run_tables(1, 200, music_inside=music_inside)
+    other, printed, *rows = seen
+    assert (other.trials, other.music_inside) == (40, not music_inside)
+    assert printed.published
+    assert [case for task in rows for case in task.cases] == list(table_cases())
+    assert {(task.trials, task.music_inside, len(task.cases)) for task in rows} == {
+        (200, music_inside, 6),
+        (200, music_inside, 2),
+    }

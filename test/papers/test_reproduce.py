@@ -1,0 +1,101 @@
+"""`reproduce`: its options reach the papers that have use for them, and are refused by the others."""
+
+import importlib
+import sys
+from concurrent.futures import Executor
+from contextlib import nullcontext
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+pytest.importorskip("rclpy", reason="nodes need ROS 2", exc_type=ImportError)
+
+from rf_pointing.papers.reproduce import PAPERS, main
+from rf_pointing.papers.row import Row
+
+
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """Replace doa's computation by one that holds, and return what it was asked."""
+    seen: dict[str, Any] = {}
+
+    def rows(
+        seed: int = 1, *, trials: int = 2, executor: Executor | None = None, music_inside: bool = False
+    ) -> list[Row]:
+        seen.update(seed=seed, trials=trials, executor=executor, music_inside=music_inside)
+        return [Row(quantity="one", source="here", paper=1.0, ours=1.0, unit="1", tolerance=0.0)]
+
+    monkeypatch.setattr("rf_pointing.papers.doa.rows", rows)
+    return seen
+
+
+def run(*words: str) -> int | str | None:
+    with pytest.raises(SystemExit) as ended:
+        main(list(words))
+    return ended.value.code
+
+
+@pytest.mark.parametrize("paper", PAPERS)
+def test_every_paper_has_rows(paper: str) -> None:
+    assert callable(importlib.import_module(f"rf_pointing.papers.{paper}").rows)
+
+
+def test_full_tables_are_asked_for_by_options(asked: dict[str, Any]) -> None:
+    assert run("doa", "--trials", "200", "--workers", "2", "--music-inside", "--seed", "7") == 0
+    assert isinstance(asked.pop("executor"), Executor)
+    assert asked == {"seed": 7, "trials": 200, "music_inside": True}
+
+
+def test_without_options_a_paper_runs_by_its_own_defaults(asked: dict[str, Any]) -> None:
+    assert run("doa") == 0
+    assert asked == {"seed": 1, "trials": 2, "executor": None, "music_inside": False}
+
+
+def test_sweeps_go_to_the_dask_scheduler_asked_for(asked: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    clients: list[str] = []
+
+    class Client(nullcontext["Client"]):
+        def __init__(self, *where: str, **_: str) -> None:
+            super().__init__(self)
+            clients.extend(where)
+
+        def get_executor(self) -> str:
+            return "the cluster's executor"
+
+    monkeypatch.setitem(sys.modules, "distributed", SimpleNamespace(Client=Client))
+    assert run("doa", "--dask", "tcp://host:8786") == 0
+    assert (asked["executor"], clients) == ("the cluster's executor", ["tcp://host:8786"])
+
+
+def test_missing_extra_and_unreachable_scheduler_are_named(
+    asked: dict[str, Any], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def unreachable(address: str, **_: str) -> None:
+        raise OSError(f"timed out connecting to {address}")
+
+    for module, message in (
+        (None, "--dask needs the extra `sweep`"),
+        (SimpleNamespace(Client=unreachable), "--dask=tcp://host:1: timed out connecting to tcp://host:1"),
+    ):
+        monkeypatch.setitem(sys.modules, "distributed", module)
+        assert run("doa", "--dask", "tcp://host:1") == 2
+        assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("satcal", "--workers", "2"), "satcal has no use for --workers"),
+        (("satcal", "--dask", "tcp://host:8786"), "satcal has no use for --dask"),
+        (("doa", "--dask", "tcp://host:8786", "--workers", "2"), "choose one"),
+        (("tripulse", "--trials", "3"), "tripulse has no use for --trials"),
+        (("doa", "--trials", "0"), "--trials=0 must be >= 1"),
+        (("doa", "--workers", "-1"), "--workers=-1 must be >= 1"),
+    ],
+)
+def test_options_without_meaning_are_refused(
+    words: tuple[str, ...], message: str, capsys: pytest.CaptureFixture[str], asked: dict[str, Any]
+) -> None:
+    assert run(*words) == 2
+    assert message in capsys.readouterr().err

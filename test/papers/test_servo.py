@@ -1,0 +1,165 @@
+"""The parts the servo rows are made of, against closed forms and each other."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rf_pointing.controllers import PositionLoopParams, dss13_loops, law_matrices, load_lqg_designs
+from rf_pointing.core import MDEG, random_stream
+from rf_pointing.papers.servo_linear import closed_loop, peak_sensitivity, respond, stability_limit_hz
+from rf_pointing.papers.servo_monopulse import NOTCH, PLAIN
+from rf_pointing.papers.servo_noise import averaging_gain
+from rf_pointing.papers.servo_pass import PassSetup, fly
+from rf_pointing.papers.servo_sampled import (
+    AxisResponse,
+    LawResponse,
+    RadioLoop,
+    Variation,
+    loop_quality,
+    published_radio,
+    station_radio,
+)
+from rf_pointing.papers.servo_trajectory import LowOrbitPass
+from rf_pointing.servo import GustFilter, discretise, dss13_plant
+
+
+@pytest.fixture(scope="module")
+def plant():
+    return dss13_plant(ideal=True)
+
+
+def test_pass_rates_are_the_derivatives_of_its_angles() -> None:
+    orbit, step = LowOrbitPass(), 1e-3
+    time = np.array([-400.0, -90.0, -3.0, 0.0, 12.0, 250.0])
+    here, after, before = orbit.at(time), orbit.at(time + step), orbit.at(time - step)
+    rate = (after.position_rad - before.position_rad) / (2.0 * step)
+    acceleration = (after.velocity_rad_s - before.velocity_rad_s) / (2.0 * step)
+    np.testing.assert_allclose(here.velocity_rad_s, rate, atol=1e-10)
+    np.testing.assert_allclose(here.acceleration_rad_s2, acceleration, atol=1e-10)
+
+
+def test_pass_culminates_where_it_says() -> None:
+    culmination = LowOrbitPass(culmination_rad=0.9).at([0.0])
+    assert culmination.position_rad[0, 1] == pytest.approx(0.9, abs=1e-12)
+    assert culmination.velocity_rad_s[0, 1] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_closed_loop_response_to_a_ramp_has_the_steady_error_of_the_theory(plant) -> None:
+    """Without feedforward a constant acceleration leaves r''/k_i."""
+    loop = PLAIN.replace(feedforward_gain=0.0)
+    system = closed_loop(plant, (loop, loop))
+    time = 0.02 * np.arange(6000)
+    inputs = np.zeros((6000, 8))
+    inputs[:, 1], inputs[:, 3] = 5e-6 * time**2, 1e-5 * time
+    beam = respond(system, inputs, 0.02, system.beam, np.zeros(len(system.a)))
+    assert inputs[-1, 1] - beam[-1, 1] == pytest.approx(1e-5 / 1.8, rel=0.01)
+
+
+def test_stability_limit_is_where_the_loop_turns_unstable(plant) -> None:
+    limit = stability_limit_hz(plant, (PLAIN, PLAIN), 1)
+    assert closed_loop(plant, (PLAIN, PLAIN), (0.0, 0.999 * limit)).stable()
+    assert not closed_loop(plant, (PLAIN, PLAIN), (0.0, 1.001 * limit)).stable()
+
+
+@pytest.mark.parametrize(("loop", "low", "high"), [(PLAIN, 0.060, 0.067), (NOTCH, 0.4, 0.6)])
+def test_monopulse_limits_are_the_published_ones(plant, loop: PositionLoopParams, low: float, high: float) -> None:
+    assert low < stability_limit_hz(plant, (loop, loop), 1) < high
+
+
+def test_sensitivity_peak_grows_without_bound_towards_the_limit(plant) -> None:
+    peaks = [peak_sensitivity(plant, (NOTCH, NOTCH), 1, f_m) for f_m in (0.2, 0.3, 0.4)]
+    assert peaks == sorted(peaks)
+    assert peaks[0] < 2.0 < 5.0 < peaks[2]
+
+
+def test_averaging_white_noise_gains_the_cluster_size() -> None:
+    assert averaging_gain(0.0) == pytest.approx(5.0, rel=1e-12)
+
+
+def test_averaging_gain_of_high_frequency_noise_agrees_with_simulated_noise() -> None:
+    random, count = random_stream(4, "coloured"), 2**20
+    spectrum = np.fft.rfft(random.standard_normal(count))
+    spectrum[np.fft.rfftfreq(count, 0.02) < 8.0] = 0.0
+    noise = np.fft.irfft(spectrum, count)
+    means = noise[: count // 5 * 5].reshape(-1, 5).mean(axis=1)
+    assert np.var(noise) / np.var(means) == pytest.approx(averaging_gain(8.0), rel=0.03)
+
+
+def test_flown_pass_agrees_with_the_exact_linear_response(plant) -> None:
+    setup = PassSetup(plant=plant, loops=(PLAIN, PLAIN), start_s=-400.0, end_s=-370.0, settled=False)
+    flown = fly(setup)
+    motion = setup.orbit.at(-400.0 + 0.02 * np.arange(1501))
+    system = closed_loop(plant, (PLAIN, PLAIN))
+    inputs = np.zeros((1501, 8))
+    inputs[:, :2], inputs[:, 2:4] = motion.position_rad, motion.velocity_rad_s
+    start = np.zeros(len(system.a))
+    start[:2] = motion.position_rad[0]
+    exact = motion.position_rad - respond(system, inputs, 0.02, system.beam, start)
+    largest = np.max(np.abs(exact[:, 1]))
+    np.testing.assert_allclose(flown.beam_rad[:, 1], exact[1:, 1], atol=0.06 * largest)
+
+
+@pytest.mark.parametrize("gains", ["published", "tuned"])
+def test_wind_error_of_the_frequency_domain_is_that_of_the_covariance_equation(plant, gains: str) -> None:
+    """Same loop, two methods: integral over the spectrum, and the stationary covariance of the sampled system."""
+    import scipy.linalg
+
+    law = dss13_loops(gains)[1]
+    response = AxisResponse(plant, 1, Variation())
+    quality = loop_quality(response, LawResponse(law), None, 8.0)
+    gust = GustFilter.davenport(8.0, 0.005)
+    decay, factor = gust.step_matrices(0.02)
+    step = discretise(response._a, np.hstack([response._command, response._wind]), 0.02)
+    size = len(response._a)
+    a, command, wind = step[:, :size], step[:, size : size + 1], step[:, size + 1 :]
+    la, lb, lc, ld = law_matrices(law, 0.02)
+    shown = response._outputs[:1]
+    closed = np.block([[a - command @ ld @ shown, command @ lc], [-lb @ shown, la]])
+    total = len(closed)
+    whole = np.zeros((total + 4, total + 4))
+    whole[:total, :total], whole[:size, total:] = closed, wind @ gust.residues[None]
+    whole[total:, total:] = np.diag(decay)
+    noise = np.zeros_like(whole)
+    noise[total:, total:] = factor @ factor.T
+    covariance = scipy.linalg.solve_discrete_lyapunov(whole, noise)
+    beam = np.concatenate([response._outputs[1], np.zeros(total + 4 - size)])
+    assert math.sqrt(beam @ covariance @ beam) == pytest.approx(quality.rms_s2_per_m_s, rel=0.04)
+
+
+LATE = [replace(station_radio(0.2), wait_s=wait_s) for wait_s in (0.06, 0.13, 0.2)]
+OFF = ((0.9, 1.3), (0.97, 1.3), (1.0, 1.0), (1.04, 0.7), (1.1, 1.3))
+
+
+@pytest.mark.parametrize("radio_loop", [published_radio(0.2), *LATE], ids=str)
+def test_tuned_loops_keep_their_sensitivity_below_two_with_modes_and_residues_off(plant, radio_loop: RadioLoop) -> None:
+    for axis, law in enumerate(dss13_loops("tuned")):
+        for frequency, residue in OFF:
+            response = AxisResponse(plant, axis, Variation(frequency, residue))
+            quality = loop_quality(response, LawResponse(law), radio_loop, 8.0)
+            assert quality.stable
+            assert max(quality.encoder_peak, quality.radio_peak) < 2.0
+
+
+@pytest.mark.parametrize("radio_loop", [published_radio(0.2), *LATE], ids=str)
+def test_packaged_lqg_designs_keep_the_same_bounds_on_the_antenna_itself(plant, radio_loop: RadioLoop) -> None:
+    for axis, design in enumerate(load_lqg_designs()):
+        assert design.drive_bandwidth_rad_s == pytest.approx(20.0, rel=0.03)
+        for frequency, residue in OFF:
+            response = AxisResponse(plant, axis, Variation(frequency, residue))
+            quality = loop_quality(response, LawResponse(design), radio_loop, 8.0)
+            assert quality.stable
+            assert max(quality.encoder_peak, quality.radio_peak) < 2.0
+
+
+def test_without_the_mean_the_delay_of_the_station_turns_both_laws_against_the_elevation_modes(plant) -> None:
+    newest = replace(station_radio(0.2), mean_of=1)
+    nominal, off = AxisResponse(plant, 1, Variation()), AxisResponse(plant, 1, Variation(0.93, 1.3))
+    assert loop_quality(nominal, LawResponse(load_lqg_designs()[1]), newest, 8.0).radio_peak > 4.0
+    assert loop_quality(off, LawResponse(dss13_loops("tuned")[1]), newest, 8.0).radio_peak > 4.0
+
+
+def test_settled_pass_with_feedforward_stays_far_below_the_published_error(plant) -> None:
+    error = fly(PassSetup(plant=plant, loops=(PLAIN, PLAIN), start_s=-60.0, end_s=20.0)).after(-20.0).beam_rad
+    assert np.max(np.abs(error)) < 0.05 * MDEG

@@ -1,0 +1,155 @@
+"""Manual-rate mode: an experiment drives one axis, commands are refused meanwhile, and every end is a controlled stop."""
+
+import math
+
+import numpy as np
+import pytest
+
+from rf_pointing.controllers import CommandPreprocessorParams
+from rf_pointing.core import MDEG, JointTrajectory, random_stream
+from rf_pointing.identification import ExcitationParams, IdentificationExperiment
+from rf_pointing.servo import WindParams, dss13_plant
+from rf_pointing.station.antenna.mount import MountParams
+from rf_pointing.station.antenna.simulated_antenna import AntennaParams, LoopParams, SimulatedAntenna
+
+TICK_S = 0.02
+PARAMS = ExcitationParams(samples=256)
+
+
+def antenna() -> SimulatedAntenna:
+    made = SimulatedAntenna(AntennaParams(), dss13_plant(), LoopParams(), WindParams(), MountParams().model())
+    made.modes.enable()
+    return made
+
+
+def experiment(made: SimulatedAntenna, sequences: int = 2, **changes: object) -> IdentificationExperiment:
+    start = float(made.reading(0.0).position_rad[1])
+    options = {
+        "params": PARAMS,
+        "axis": "elevation",
+        "sequences": sequences,
+        "start_rad": start,
+        "travel_rad": made.axes.travel_rad[1],
+        "random": random_stream(1, "excitation"),
+    }
+    return IdentificationExperiment(**(options | changes))
+
+
+def run(made: SimulatedAntenna, ticks: int, start: int = 0) -> int:
+    for tick in range(start, start + ticks):
+        made.step(round(1e9 + tick * TICK_S, 6))
+    return start + ticks
+
+
+def hold_here(made: SimulatedAntenna, t_s: float) -> JointTrajectory:
+    zero, here = np.zeros((1, 2)), made.reading(t_s).position_rad[None]
+    return JointTrajectory(t_s=[t_s + 0.2], position_rad=here, velocity_rad_s=zero, acceleration_rad_s2=zero)
+
+
+def test_the_experiment_commands_the_rates_and_records_the_encoders() -> None:
+    made = antenna()
+    tick = run(made, 50)
+    running = experiment(made)
+    assert made.modes.identify(running) == ""
+    assert made.mode == "manual_rate"
+    for _ in range(512):
+        before = made.reading(0.0).position_rad
+        tick = run(made, 1, tick)
+        rate, position = running.newest
+        np.testing.assert_array_equal(position, before)
+        np.testing.assert_array_equal(made.status(0.0).rate_command_rad_s, rate)
+        assert rate[0] == 0.0
+    assert running.finished
+    assert running.recording().input_rad_s.shape == (2, 256)
+
+
+def test_the_end_of_the_experiment_is_a_controlled_stop_without_a_jump() -> None:
+    made = antenna()
+    running = experiment(made, 1, params=PARAMS.replace(mean_rad_s=math.radians(0.15), rms_rad_s=math.radians(0.01)))
+    made.modes.identify(running)
+    tick = run(made, 256)
+    given = made.status(0.0).rate_command_rad_s[1]
+    tick = run(made, 1, tick)
+    assert made.mode == "stopping"
+    limit = CommandPreprocessorParams().acceleration_limit_rad_s2[1]
+    # The first command of the loops may differ from the last manual one by what the stop asks for, and by the noise.
+    assert abs(made.status(0.0).rate_command_rad_s[1] - given) < 3.0 * limit * TICK_S
+    tick = run(made, 250, tick)
+    assert made.mode == "holding"
+    assert made.status(0.0).fault == ""
+    rest = made.reading(0.0).position_rad
+    run(made, 250, tick)
+    np.testing.assert_allclose(made.reading(0.0).position_rad, rest, atol=2.0 * MDEG)
+
+
+def test_commands_are_rejected_while_it_runs() -> None:
+    made = antenna()
+    made.modes.identify(experiment(made))
+    run(made, 10)
+    assert made.commands.accept(hold_here(made, 1e9), 1e9) == "an identification drives the antenna"
+    assert made.mode == "manual_rate"
+
+
+@pytest.mark.parametrize(("reason", "after"), [("stop was requested", "fault"), ("", "holding")])
+def test_a_stop_aborts_it(reason: str, after: str) -> None:
+    made = antenna()
+    running = experiment(made)
+    made.modes.identify(running)
+    tick = run(made, 100)
+    made.modes.stop(reason)
+    assert running.abort_reason == "stop was requested"
+    assert made.mode == "stopping"
+    run(made, 250, tick)
+    assert made.mode == after
+
+
+def test_an_abort_from_outside_ends_it_at_the_next_tick() -> None:
+    made = antenna()
+    running = experiment(made)
+    made.modes.identify(running)
+    tick = run(made, 100)
+    running.abort("the goal was cancelled")
+    run(made, 250, tick)
+    assert made.mode == "holding"
+    assert running.samples_taken == 100
+
+
+def test_deactivation_ends_it_with_the_brakes_set() -> None:
+    made = antenna()
+    running = experiment(made)
+    made.modes.identify(running)
+    run(made, 100)
+    made.disable()
+    assert made.mode == "inactive"
+    assert running.abort_reason != ""
+
+
+def test_only_a_holding_antenna_can_be_identified() -> None:
+    made = SimulatedAntenna(AntennaParams(), dss13_plant(), LoopParams(), WindParams(), MountParams().model())
+    running = experiment(made)
+    assert made.modes.identify(running) == "the antenna is inactive, must be holding"
+    made.modes.enable()
+    made.modes.stop("stop was requested")
+    assert made.modes.identify(running) == "the antenna is stop was requested, must be holding"
+    assert running.samples_taken == 0
+
+
+def test_axes_that_still_slew_are_not_handed_to_an_experiment() -> None:
+    """One position commanded far away: the antenna holds it, and is on its way there."""
+    made = antenna()
+    zero = np.zeros((1, 2))
+    far = made.reading(1e9).position_rad[None] - 0.1
+    goal = JointTrajectory(t_s=[1e9 + 0.2], position_rad=far, velocity_rad_s=zero, acceleration_rad_s2=zero)
+    assert made.commands.accept(goal, 1e9) == ""
+    run(made, 100)
+    assert made.mode == "holding"
+    assert made.modes.identify(experiment(made)) == "the axes are still moving"
+
+
+def test_another_sampling_time_and_too_large_a_rate_are_refused() -> None:
+    made = antenna()
+    assert "sample_s=0.01 must be 0.02" in made.modes.identify(experiment(made, params=PARAMS.replace(sample_s=0.01)))
+    slow = math.radians(0.05)
+    made.axes.retune(dss13_plant(), LoopParams(preprocessor=CommandPreprocessorParams(rate_limit_rad_s=(slow, slow))))
+    assert "the rate limit" in made.modes.identify(experiment(made))
+    assert made.mode == "holding"

@@ -1,0 +1,80 @@
+"""The simulated sky is dense enough for a campaign within the hour, and its pieces become passes that can be tracked."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from rf_pointing.calibration import SectorRule, Slew, plan_campaign
+from rf_pointing.ephemeris import TopocentricTrack, site, verification_elements
+from rf_pointing.station.campaign.plan import ArcRules, beacons, candidate_arcs, window_of
+
+START_S = 1.15e9
+STATION = site("Goldstone DSS-13")
+RULES = ArcRules(arcs_s=(60.0, 120.0), every_s=30.0, spacing_s=5.0)
+
+
+@pytest.fixture(scope="module")
+def sky():
+    return beacons(START_S)
+
+
+@pytest.fixture(scope="module")
+def candidates(sky):
+    return candidate_arcs(sky[::3], STATION, START_S, 1200.0, RULES)[0]
+
+
+def test_pieces_lie_within_the_elevations_asked_for(candidates):
+    assert len(candidates) > 100
+    for one in candidates:
+        assert np.all(one.track.elevation_rad > RULES.lowest_rad - 1e-9)
+        assert np.all(one.track.elevation_rad < RULES.highest_rad + 1e-9)
+        assert one.end_t_s - one.start_t_s in (60.0, 120.0)
+
+
+def test_no_piece_nor_the_way_into_it_is_faster_than_the_antenna(sky):
+    some, wanted = sky[::9], math.radians(0.6)
+    rules = RULES.replace(fastest_rad_s=wanted, lead_s=60.0)
+    slow = candidate_arcs(some, STATION, START_S, 1200.0, rules)[0]
+    whole = candidate_arcs(some, STATION, START_S, 1200.0, RULES)[0]
+    assert 0 < len(slow) < len(whole)
+    by_name = {one.name: TopocentricTrack(one, STATION) for one in some}
+    for one in slow:
+        times = np.arange(one.start_t_s - 60.0, one.end_t_s + 0.5, 5.0)
+        assert np.max(np.abs(by_name[one.name].sample(times).azimuth_rate_rad_s)) <= wanted
+    assert max(float(np.max(np.abs(one.track.azimuth_rate_rad_s))) for one in whole) > wanted
+
+
+def test_the_antenna_has_time_to_slew_between_the_passes_of_a_plan(candidates):
+    slew = Slew(rate_rad_s=math.radians(1.8), settle_s=40.0)
+    plan = plan_campaign(candidates, SectorRule(fewest=5), slew).passes
+    assert len(plan) > 5
+    for before, after in itertools.pairwise(plan):
+        turn = after.track.azimuth_rad[0] - before.track.azimuth_rad[-1]
+        azimuth = abs((turn + math.pi) % (2.0 * math.pi) - math.pi)
+        assert after.start_t_s - before.end_t_s >= 40.0 + azimuth / math.radians(1.8) - 1e-6
+
+
+def test_a_piece_becomes_a_pass_that_begins_in_time_for_the_acquisition(sky, candidates):
+    one = candidates[17]
+    elements = next(e for e in sky if e.name == one.name)
+    window = window_of(one, elements, STATION, 20.0)
+    assert window.name == one.name
+    assert window.aos_t_s == pytest.approx(one.start_t_s - 20.0, abs=1e-3)
+    assert window.los_t_s == pytest.approx(one.end_t_s, abs=1e-3)
+
+
+def test_without_lengths_whole_passes_are_candidates():
+    elements = [e for e in verification_elements() if e.catalogue_number == 28057]
+    whole, refused = candidate_arcs(elements, STATION, elements[0].epoch_t_s, 86400.0, ArcRules(spacing_s=10.0))
+    assert refused == []
+    assert 2 <= len(whole) <= 8
+    assert all(one.end_t_s - one.start_t_s > 60.0 for one in whole)
+
+
+def test_what_cannot_be_propagated_is_left_out_and_named():
+    decayed = [e for e in verification_elements() if e.catalogue_number in (28350, 28057)]
+    found, refused = candidate_arcs(decayed, STATION, 1_151_280_000.0, 6.0 * 3600.0, ArcRules(spacing_s=10.0))
+    assert all(one.name != "COSMOS 2405" for one in found)
+    assert [reason.split(":")[0] for reason in refused] == ["COSMOS 2405 cannot be propagated"]

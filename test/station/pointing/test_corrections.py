@@ -1,0 +1,272 @@
+"""What is added to the target on the sky: it goes on from where it is whatever the mode, and a coast knows what was learned."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from rf_pointing.controllers import TrackerIntegratorParams
+from rf_pointing.core import MDEG, Motion, PointingError, sky_offset_rad
+from rf_pointing.station.pointing.corrections import STEEPEST_RAD, SkyOffsets, added
+from rf_pointing.station.pointing.scan_patterns import ScanParams
+from rf_pointing.tracking import (
+    AutotrackState,
+    ConscanParams,
+    MonopulseScanParams,
+    SkyMotion,
+    SpiralParams,
+    StepTrackParams,
+    TrimParams,
+    direction_rows,
+)
+from rf_pointing.tracking import ScanParams as CircleParams
+
+T_S = 1_151_384_000.0
+PERIOD_S = 0.1
+RANGE_M = 1e6
+ROUNDING_RAD = 1e-9
+"""A float resolves UTC seconds to 0.24 microseconds: an offset that moves is known to that share of it."""
+PROBE = CircleParams(radius_rad=0.2 * MDEG, period_s=1.0, ramp_s=1.0)
+MODES = ("monopulse", "conscan", "steptrack", "calibrate", "search", "coast", "hand_back", "program_track")
+CONSCAN = ConscanParams(period_s=4.0, ramp_s=2.0, updates="sample", sample_s=0.1, window_samples=40, fewest_samples=20)
+
+
+def climbing(times: np.ndarray, elevation_rad: float = 0.9) -> Motion:
+    azimuth_rate, climb, bend = 0.004, 0.003, np.array([3e-5, -4e-5])
+    since = (times - T_S)[:, None]
+    rate = np.array([azimuth_rate, climb])
+    position = np.array([1.0, elevation_rad]) + rate * since + 0.5 * bend * since**2
+    return Motion(position, rate + bend * since, np.tile(bend, (len(times), 1)))
+
+
+class Loop:
+    """Steps the offsets once a period, as the pointing controller does, with a beam that is where it is commanded."""
+
+    def __init__(self, probe: CircleParams | None = None) -> None:
+        scans = ScanParams(SpiralParams(), CONSCAN, StepTrackParams(), MonopulseScanParams(), probe)
+        self.offsets = SkyOffsets(TrackerIntegratorParams(bandwidth_hz=0.2), scans, TrimParams())
+        self.offsets.restart(T_S)
+        self.mode, self.t_s = "program_track", T_S
+        self.rows: list[np.ndarray] = []
+        self.step("program_track")
+
+    def step(self, mode: str, error: PointingError | None = None, beam: np.ndarray | None = None) -> np.ndarray:
+        """Return offset and rate (10, 4) on the sky of the trajectory that this period issues."""
+        self.t_s = round(self.t_s + PERIOD_S, 6)
+        times = np.round(self.t_s + PERIOD_S * np.arange(1, 11), 6)
+        state = AutotrackState(mode=mode, entered_s=self.t_s, carrier=True, strong=True)
+        self.offsets.listen(float(times[0]), self.mode, state, error, beam)
+        self.mode = mode
+        sky = climbing(times)
+        moved = self.offsets.add_scan(times, self.offsets.add_trim(times, sky, np.full(10, RANGE_M)))
+        cosine = np.cos(sky.position[:, 1])
+        offset = (moved.position - sky.position) * np.column_stack([cosine, np.ones(10)])
+        self.rows.append(offset[0])
+        return np.column_stack([offset, (moved.velocity - sky.velocity) * np.column_stack([cosine, np.ones(10)])])
+
+    def run(self, mode: str, seconds: float, truth: Callable[[float], np.ndarray] | None = None) -> np.ndarray:
+        """Step through `seconds`; `truth(t_s)` is target minus prediction (2,) for a perfect sensor."""
+        for _ in range(round(seconds / PERIOD_S)):
+            error = beam = None
+            if truth is not None:
+                stamp_s = round(self.t_s - PERIOD_S, 6)
+                # The last row is that of the next instant; the error is about the one before the present.
+                beam = self.rows[-3] if len(self.rows) >= 3 else np.zeros(2)
+                right, up = truth(stamp_s) - beam
+                error = heard(stamp_s, float(right), float(up))
+            out = self.step(mode, error, beam)
+        return out
+
+
+def heard(t_s: float, right_rad: float, up_rad: float, **changes: object) -> PointingError:
+    values = {"t_s": t_s, "sensor": "monopulse", "cross_elevation_rad": right_rad, "elevation_rad": up_rad,
+              "covariance_rad2": np.eye(2) * (0.2 * MDEG) ** 2, "carrier_to_noise_db_hz": 50.0}  # fmt: skip
+    return PointingError(**{**values, **changes})
+
+
+def beside(right_mdeg: float, up_mdeg: float) -> Callable[[float], np.ndarray]:
+    return lambda _t_s: np.array([right_mdeg, up_mdeg]) * MDEG
+
+
+def late(t_s: float) -> np.ndarray:
+    """A target 50 ms ahead of its elements."""
+    motion = climbing(np.array([t_s]))
+    rate = motion.velocity[0] * np.array([math.cos(motion.position[0, 1]), 1.0])
+    return np.asarray(direction_rows(SkyMotion(rate[0], rate[1], RANGE_M)) @ np.array([0.05, 0.0, 0.0, 0.0]))
+
+
+def test_a_perfect_sensor_brings_the_offset_to_the_target() -> None:
+    loop = Loop()
+    loop.run("monopulse", 10.0, beside(5.0, -3.0))
+    np.testing.assert_allclose(loop.rows[-1], [5 * MDEG, -3 * MDEG], atol=0.05 * MDEG)
+
+
+def test_offsets_are_measured_on_the_sky() -> None:
+    sky = climbing(np.array([T_S]))
+    moved = added(sky, np.array([[5 * MDEG, -3 * MDEG]]), np.zeros((1, 2)))
+    right, up = sky_offset_rad(*moved.position[0], *sky.position[0])
+    assert float(right) == pytest.approx(5 * MDEG, abs=0.001 * MDEG)
+    assert float(up) == pytest.approx(-3 * MDEG, abs=0.001 * MDEG)
+
+
+@pytest.mark.parametrize("elevation_rad", [0.1, 0.9, 1.4])
+def test_rates_of_the_sum_are_the_derivatives_of_its_positions(elevation_rad: float) -> None:
+    step_s = 0.01
+    times = T_S + 3.0 + step_s * np.arange(-1, 2)
+    offset = np.column_stack([2e-4 * (times - T_S), -1e-4 * (times - T_S)])
+    moved = added(climbing(times, elevation_rad), offset, np.tile([2e-4, -1e-4], (3, 1)))
+    slope = (moved.position[2] - moved.position[0]) / (2.0 * step_s)
+    np.testing.assert_allclose(moved.velocity[1], slope, atol=2e-6)
+
+
+def test_close_to_the_zenith_the_azimuth_correction_stays_bounded() -> None:
+    at_zenith = Motion(np.array([[1.0, math.radians(89.99)]]), np.zeros((1, 2)), np.zeros((1, 2)))
+    moved = added(at_zenith, np.array([[5 * MDEG, 0.0]]), np.zeros((1, 2)))
+    assert abs(moved.position[0, 0] - 1.0) <= 5 * MDEG / math.cos(STEEPEST_RAD) + 1e-12
+
+
+@pytest.mark.parametrize("mode", MODES[1:])
+@pytest.mark.parametrize("before", ["monopulse", "conscan", "search", "steptrack"])
+def test_no_change_of_mode_makes_the_command_jump(before: str, mode: str) -> None:
+    """The rate that a trajectory states is that of its positions, across every change, and changes by no more than 0.5
+    deg/s^2 allow."""
+    loop = Loop(PROBE)
+    loop.run("monopulse", 3.0, beside(9.0, -6.0))
+    loop.run(before, 2.3)
+    loop.run(mode, 4.0)
+    offsets = np.array(loop.rows)
+    rates = np.diff(offsets, axis=0) / PERIOD_S
+    assert float(np.max(np.abs(np.diff(rates, axis=0)))) / PERIOD_S < math.radians(0.5)
+
+
+def test_trajectories_agree_where_they_overlap() -> None:
+    loop = Loop()
+    first = loop.run("search", 5.0)
+    second = loop.step("search")
+    np.testing.assert_allclose(second[:-1], first[1:], atol=ROUNDING_RAD)
+
+
+def test_a_coast_follows_the_ephemeris_error_that_was_learned() -> None:
+    loop = Loop()
+    loop.run("monopulse", 40.0, late)
+    held, grown = late(loop.t_s), late(loop.t_s + 10.0)
+    loop.run("coast", 10.0)
+    assert np.linalg.norm(loop.rows[-1] - grown) < 0.25 * np.linalg.norm(held - grown)
+
+
+def test_the_filter_moves_trim_and_residual_but_not_their_sum() -> None:
+    loop = Loop()
+    out = loop.run("monopulse", 8.0, late)
+    same = loop.step("monopulse", None, None)
+    assert loop.offsets.filter.state.used > 0
+    np.testing.assert_allclose(same[0, :2], out[1, :2], atol=0.05 * MDEG)
+
+
+def test_the_error_of_the_period_in_which_the_mode_changes_is_not_integrated() -> None:
+    loop = Loop()
+    loop.step("monopulse", heard(loop.t_s, 9 * MDEG, 9 * MDEG), np.zeros(2))
+    loop.step("monopulse")
+    np.testing.assert_array_equal(loop.rows[-1], [0.0, 0.0])
+
+
+def test_one_error_is_used_once() -> None:
+    loop, same = Loop(), heard(T_S, 1 * MDEG, 0.0)
+    loop.step("monopulse")
+    for _ in range(8):
+        loop.step("monopulse", same, None)
+    assert loop.rows[-1][0] == pytest.approx(2.0 * math.pi * 0.2 * PERIOD_S * MDEG, rel=1e-3)
+
+
+def test_hand_back_forgets_what_a_false_lock_taught() -> None:
+    loop = Loop()
+    loop.run("monopulse", 10.0, beside(5.0, -3.0))
+    loop.run("hand_back", 6.0)
+    np.testing.assert_allclose(loop.rows[-1], [0.0, 0.0], atol=ROUNDING_RAD)
+    assert loop.offsets.filter.state.used == 0
+
+
+def test_deliberate_displacement_is_not_taken_for_an_error() -> None:
+    """From a search the beam is brought to the target in a blend: the loop does not fight it and does not overshoot."""
+    loop, truth = Loop(), beside(40.0, 25.0)
+    loop.run("search", 2.0)
+    loop.run("search", 0.5, truth)
+    loop.run("monopulse", 6.0, truth)
+    away = np.array(loop.rows[-60:]) - np.array([40.0, 25.0]) * MDEG
+    assert float(np.max(np.hypot(*away[25:].T))) < 1.5 * MDEG
+
+
+@pytest.mark.parametrize("mode", ["monopulse", "conscan", "steptrack", "coast"])
+def test_a_search_hands_over_the_place_of_the_strongest_carrier(mode: str) -> None:
+    loop = Loop()
+    loop.run("search", 1.0)
+    for k, level_db_hz in enumerate((30.0, 45.0, 40.0)):
+        weak = heard(loop.t_s, 0.0, 0.0, valid=False, reason="off the axis", carrier_to_noise_db_hz=level_db_hz)
+        loop.step("search", weak, np.array([k * 10 * MDEG, -k * 5 * MDEG]))
+    loop.step(mode)
+    loop.step(mode)
+    np.testing.assert_allclose(loop.offsets.trim(loop.t_s), [10 * MDEG, -5 * MDEG], atol=0.2 * MDEG)
+
+
+def test_a_search_without_a_carrier_leaves_the_offset() -> None:
+    loop = Loop()
+    loop.run("monopulse", 12.0, beside(5.0, -3.0))
+    loop.run("search", 3.0)
+    loop.run("program_track", 12.0)
+    np.testing.assert_allclose(loop.rows[-1], [5 * MDEG, -3 * MDEG], atol=1.0 * MDEG)
+
+
+def test_the_conscan_circle_has_its_radius_and_period() -> None:
+    loop = Loop()
+    loop.run("conscan", CONSCAN.ramp_s + 0.5)
+    start = len(loop.rows)
+    loop.run("conscan", CONSCAN.period_s)
+    turn = np.array(loop.rows[start:])
+    np.testing.assert_allclose(np.hypot(*turn.T), CONSCAN.radius_rad, rtol=1e-6)
+    np.testing.assert_allclose(turn[-1], loop.rows[start - 1], atol=1e-8)
+
+
+def test_the_probe_of_a_lock_is_circled_and_the_loop_does_not_fight_it() -> None:
+    """Taken for an error of the centre, the circle would be followed by a seventh of itself."""
+    loop = Loop(PROBE)
+    loop.run("monopulse", 20.0, beside(0.0, 0.0))
+    turn = np.array(loop.rows[-10:])
+    np.testing.assert_allclose(np.hypot(*turn.T), PROBE.radius_rad, rtol=0.01)
+    np.testing.assert_allclose(turn.mean(axis=0), [0.0, 0.0], atol=0.002 * MDEG)
+    np.testing.assert_allclose(loop.offsets.trim(loop.t_s), [0.0, 0.0], atol=0.002 * MDEG)
+
+
+def test_the_probe_ends_with_the_mode() -> None:
+    loop = Loop(PROBE)
+    loop.run("monopulse", 3.0)
+    loop.run("coast", 1.0)
+    np.testing.assert_allclose(loop.rows[-1], [0.0, 0.0], atol=ROUNDING_RAD)
+
+
+def test_a_new_pass_begins_without_an_offset_or_scan() -> None:
+    loop = Loop()
+    loop.run("monopulse", 5.0, beside(5.0, -3.0))
+    loop.run("search", 1.0)
+    loop.offsets.restart(loop.t_s)
+    loop.mode = "program_track"
+    np.testing.assert_array_equal(loop.step("program_track")[:, :2], np.zeros((10, 2)))
+
+
+def test_over_the_top_the_errors_of_the_dish_turn_with_it_and_those_of_the_ephemeris_do_not() -> None:
+    """What was learned as a bias changes its sign in elevation, as the axis does; there and back is what it was."""
+    loop = Loop()
+    loop.run("monopulse", 20.0, lambda _t_s: np.array([30.0, 50.0]) * MDEG)
+    offsets, here = loop.offsets, climbing(np.array([loop.t_s]))
+    before, other = offsets.beside(here, np.array([False]), RANGE_M), offsets.beside(here, np.array([True]), RANGE_M)
+    mean = offsets.filter.state.mean.copy()
+    offsets.stand(True)
+    np.testing.assert_allclose(offsets.beside(here, np.array([True]), RANGE_M), other, atol=1e-12)
+    np.testing.assert_allclose(offsets.filter.state.mean, mean * [1.0, 1.0, 1.0, -1.0])
+    ephemeris = (direction_rows(SkyMotion(*sky_rates(here), np.array([RANGE_M]))) @ (mean * [1.0, 1.0, 0.0, 0.0]))[0]
+    assert before[0, 1] - ephemeris[1] == pytest.approx(ephemeris[1] - other[0, 1], abs=1e-9)
+    offsets.stand(False)
+    np.testing.assert_allclose(offsets.beside(here, np.array([False]), RANGE_M), before, atol=1e-12)
+
+
+def sky_rates(motion: Motion) -> np.ndarray:
+    return (motion.velocity * np.column_stack([np.cos(motion.position[:, 1]), np.ones(len(motion.position))])).T

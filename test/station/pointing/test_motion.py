@@ -1,0 +1,137 @@
+"""What is commanded ahead of time: the target through the bias model, within the limits, and rest at the end."""
+
+import dataclasses
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rf_pointing.core import nearest_turn_rad
+from rf_pointing.ephemeris import Pass, TopocentricTrack
+from rf_pointing.planning import AxisLimits
+from rf_pointing.station.antenna.mount import MountParams
+from rf_pointing.station.pointing.params import PointingParams
+from rf_pointing.tracking import AutotrackParams
+
+SAME_RAD = 1e-9
+
+Rig = Any
+MakeRig = Callable[..., Rig]
+
+
+def on_sky(track: TopocentricTrack, t_s: float, near_rad: float) -> np.ndarray:
+    target = track.target_at(t_s)
+    return np.array([nearest_turn_rad(target.azimuth_rad, near_rad), target.elevation_rad])
+
+
+def test_program_track_commands_the_target_ahead_of_time(rig: MakeRig, window: Pass, track: TopocentricTrack) -> None:
+    """Points from transport to horizon after the issue, a period apart; on the target to a nanoradian."""
+    params = PointingParams()
+    for t_s, trajectory, status in rig().run(window.aos_t_s, 8.0):
+        assert trajectory is not None
+        np.testing.assert_allclose(trajectory.t_s, t_s + np.arange(1, 11) * 0.1, atol=1e-6)
+        assert trajectory.t_s[-1] - t_s == pytest.approx(params.horizon_s)
+        assert status.command_lead_s >= 0.5
+        for instant, position in zip(trajectory.t_s, trajectory.position_rad, strict=True):
+            np.testing.assert_allclose(position, on_sky(track, float(instant), position[0]), atol=SAME_RAD)
+    assert status.mode == "program_track"
+
+
+def test_rates_and_accelerations_are_the_targets_own(rig: MakeRig, window: Pass, track: TopocentricTrack) -> None:
+    *_, (t_s, trajectory, _) = rig().run(window.aos_t_s, 3.0)
+    target = track.target_at(float(trajectory.t_s[4]))
+    np.testing.assert_allclose(
+        trajectory.velocity_rad_s[4], [target.azimuth_rate_rad_s, target.elevation_rate_rad_s], atol=1e-9
+    )
+    np.testing.assert_allclose(
+        trajectory.acceleration_rad_s2[4],
+        [target.azimuth_acceleration_rad_s2, target.elevation_acceleration_rad_s2],
+        atol=1e-9,
+    )
+    assert t_s < trajectory.t_s[0]
+
+
+def test_before_the_pass_the_antenna_waits_where_it_begins(rig: MakeRig, window: Pass) -> None:
+    made = rig(start_s=window.aos_t_s - 60.0)
+    for _, trajectory, status in made.run(window.aos_t_s - 60.0, 2.0):
+        np.testing.assert_allclose(
+            trajectory.position_rad, [[window.aos_azimuth_rad, window.aos_elevation_rad]] * 10, atol=SAME_RAD
+        )
+        assert not np.any(trajectory.velocity_rad_s)
+        assert status.mode == "slew"
+
+
+def test_the_pointing_model_in_force_is_added_to_the_command(
+    rig: MakeRig, window: Pass, track: TopocentricTrack
+) -> None:
+    model = MountParams(azimuth_offset_rad=3e-3, droop_rad=-1e-3, elevation_velocity_lag_s=-1.5).model()
+    made = rig()
+    made.controller.take_model(model)
+    *_, (_, trajectory, _) = made.run(window.aos_t_s, 2.0)
+    target = track.target_at(float(trajectory.t_s[3]))
+    wanted = model.apply(
+        target.azimuth_rad, target.elevation_rad, target.azimuth_rate_rad_s, target.elevation_rate_rad_s,
+        target.azimuth_acceleration_rad_s2, target.elevation_acceleration_rad_s2,
+    )  # fmt: skip
+    np.testing.assert_allclose(trajectory.position_rad[3, 1], wanted[1], atol=SAME_RAD)
+    assert math.remainder(trajectory.position_rad[3, 0] - float(wanted[0]), 2.0 * math.pi) == pytest.approx(
+        0.0, abs=SAME_RAD
+    )
+
+
+def test_predictions_of_another_satellite_are_ignored(rig: MakeRig, window: Pass) -> None:
+    made = rig()
+    list(made.run(window.aos_t_s, 2.0))
+    other = dataclasses.replace(made.track.target_at(window.aos_t_s + 4.2), name="OTHER", elevation_rad=1.2)
+    made.controller.take_target(other)
+    trajectory, _ = made.period(round(window.aos_t_s + 2.1, 6))
+    assert np.all(trajectory.position_rad[:, 1] < 0.2)
+
+
+def test_a_limit_reached_in_the_middle_of_the_pass_ends_it_with_a_controlled_stop(rig: MakeRig, window: Pass) -> None:
+    made, limit_rad = rig(), math.radians(6.0)
+    stopped, last = None, None
+    for t_s, trajectory, status in made.run(window.aos_t_s, 60.0):
+        if t_s < window.aos_t_s + 5.0:
+            continue
+        if made.controller.busy:
+            made.controller.retune(PointingParams(), AxisLimits(elevation_max_rad=limit_rad), AutotrackParams())
+            assert np.all(trajectory.position_rad[:, 1] <= limit_rad)
+            continue
+        stopped, last = trajectory, status
+        break
+    assert stopped is not None
+    assert last is not None
+    assert "past the limit 6.000 deg" in last.reason
+    assert last.mode == "idle"
+    assert made.controller.tally.reason == last.reason
+    assert stopped.position_rad.shape == (1, 2)
+    assert not np.any(stopped.velocity_rad_s)
+    assert stopped.position_rad[0, 1] < limit_rad
+
+
+def test_an_antenna_just_outside_its_limit_is_not_deadlocked(rig: MakeRig, window: Pass) -> None:
+    """It stands 0.0003 deg below the limit, on a rising pass: it tracks upwards and out of it."""
+    made = rig()
+    list(made.run(window.aos_t_s, 2.0))
+    limit_rad = float(made.latest.position_rad[0, 1]) + math.radians(0.0003)
+    made.controller.retune(PointingParams(), AxisLimits(elevation_min_rad=limit_rad), AutotrackParams())
+    *_, (_, trajectory, _) = made.run(window.aos_t_s + 2.0, 2.0)
+    assert made.controller.busy
+    assert trajectory.position_rad[0, 1] > limit_rad
+
+
+def test_a_stop_commands_rest_where_the_axes_can_come_to_it(rig: MakeRig, window: Pass) -> None:
+    made = rig()
+    list(made.run(window.aos_t_s, 5.0))
+    made.controller.stop("stop was requested")
+    moving = made.latest.velocity_rad_s[0].copy()
+    trajectory, status = made.period(round(window.aos_t_s + 5.1, 6))
+    way = trajectory.position_rad[0] - made.position_rad
+    deceleration = PointingParams().stop_deceleration_rad_s2
+    np.testing.assert_allclose(way, moving * np.abs(moving) / (2.0 * deceleration), rtol=1e-3)
+    assert not np.any(trajectory.velocity_rad_s)
+    assert (status.mode, status.reason) == ("idle", "stop was requested")
+    assert not made.controller.busy

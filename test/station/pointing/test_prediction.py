@@ -1,0 +1,134 @@
+"""Blocks of axis motion against the motion computed for the instants themselves."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from rf_pointing.calibration import BiasModel, without_lags
+from rf_pointing.core import Motion, nearest_turn_rad
+from rf_pointing.ephemeris import Pass, TopocentricTrack
+from rf_pointing.station.antenna.mount import MountParams, RateAverage
+from rf_pointing.station.pointing.axis_motion import axis_motion
+from rf_pointing.station.pointing.prediction import AxisPath
+from rf_pointing.station.pointing.target_buffer import TargetBuffer
+
+PERIOD_S = 0.1
+SAME_RAD = 1e-12
+
+
+@pytest.fixture
+def model() -> BiasModel:
+    """Return a model with every kind of term: rotations, encoders, flexure, lags."""
+    return MountParams(
+        azimuth_offset_rad=3e-3,
+        non_orthogonality_rad=1e-3,
+        collimation_rad=-2e-4,
+        mislevel_east_rad=7e-4,
+        azimuth_velocity_lag_s=-1.0,
+        droop_rad=-1.5e-3,
+        elevation_velocity_lag_s=-1.9,
+    ).model()
+
+
+def held(sky: Motion, model: BiasModel, near_azimuth_rad: float) -> Motion:
+    """The motion of the axes at every instant alone, on the turn next to an azimuth."""
+    position, velocity, acceleration = axis_motion(sky, model)
+    first = float(position[0, 0])
+    near = nearest_turn_rad(first, near_azimuth_rad)
+    return Motion(position + np.array([near - first, 0.0]), velocity, acceleration)
+
+
+def targets_at(track: TopocentricTrack, start_s: float, seconds: float) -> TargetBuffer:
+    buffer = TargetBuffer()
+    for step in range(round(seconds / PERIOD_S) + 1):
+        buffer.add(track.target_at(round(start_s + step * PERIOD_S, 6)))
+    return buffer
+
+
+def test_every_period_gets_the_motion_computed_for_its_own_instants(
+    track: TopocentricTrack, window: Pass, model: BiasModel
+) -> None:
+    start_s, near_rad = round(window.tca_t_s, 1), math.pi
+    path, buffer = AxisPath(PERIOD_S), targets_at(track, start_s, 4.0)
+    for step in range(30):
+        times = start_s + PERIOD_S * step + PERIOD_S * np.arange(1, 11)
+        got, wanted = path.at(times, buffer, model, near_rad), held(buffer.at(times), model, near_rad)
+        for part, direct in zip(got, wanted, strict=True):
+            np.testing.assert_allclose(part, direct, rtol=0.0, atol=SAME_RAD)
+
+
+def test_the_model_is_applied_to_the_targets_motion(track: TopocentricTrack, window: Pass, model: BiasModel) -> None:
+    t_s = round(window.tca_t_s, 1)
+    sky = targets_at(track, t_s, 1.0).at([t_s, t_s + 0.5])
+    for row in range(2):
+        azimuth, elevation = model.apply(*sky.position[row], *sky.velocity[row], *sky.acceleration[row])
+        motion = held(sky, model, float(sky.position[0, 0]))
+        np.testing.assert_allclose(motion.position[row], [azimuth, elevation], atol=1e-14)
+
+
+@pytest.mark.parametrize("turns", [-1, 0, 2])
+def test_the_azimuth_lies_on_the_turn_that_was_asked_for(track: TopocentricTrack, window: Pass, turns: int) -> None:
+    t_s = round(window.tca_t_s, 1)
+    buffer, near_rad = targets_at(track, t_s, 1.0), 1.0 + 2.0 * math.pi * turns
+    motion = AxisPath(PERIOD_S).at(np.array([t_s]), buffer, BiasModel.zero(), near_rad)
+    wanted = track.target_at(t_s).azimuth_rad
+    assert motion.position[0, 0] == pytest.approx(wanted + 2.0 * math.pi * turns, abs=SAME_RAD)
+
+
+def test_after_clear_a_new_model_is_used(track: TopocentricTrack, window: Pass, model: BiasModel) -> None:
+    t_s = round(window.tca_t_s, 1)
+    times, path, buffer = np.array([t_s]), AxisPath(PERIOD_S), targets_at(track, t_s, 1.0)
+    before = path.at(times, buffer, BiasModel.zero(), math.pi)
+    assert np.array_equal(path.at(times, buffer, model, math.pi).position, before.position)
+    path.clear()
+    assert not np.allclose(path.at(times, buffer, model, math.pi).position, before.position, atol=1e-4)
+
+
+def test_instants_that_are_not_covered_are_refused(track: TopocentricTrack, window: Pass) -> None:
+    t_s = round(window.tca_t_s, 1)
+    with pytest.raises(ValueError, match="is outside the known motion"):
+        AxisPath(PERIOD_S).at(np.array([t_s + 5.0]), targets_at(track, t_s, 1.0), BiasModel.zero(), math.pi)
+
+
+def test_lags_are_those_of_a_mount_that_makes_the_same_motion_from_rest(
+    track: TopocentricTrack, window: Pass, model: BiasModel
+) -> None:
+    """The simulated mount's average, stepped a thousand times as finely, fed with the rates that the beam has."""
+    start_s, averaging_s, near_rad = round(window.tca_t_s, 1), 0.5, math.pi
+    path, buffer = AxisPath(PERIOD_S, lag_averaging_s=averaging_s), targets_at(track, start_s, 4.9)
+    times = np.round(start_s + PERIOD_S * np.arange(1, 46), 6)
+    parts = [path.at(times[k : k + 10], buffer, model, near_rad) for k in range(0, 36, 5)]
+    got = np.concatenate([part.position[:5] for part in parts])
+    rates, mount, steps = buffer.at(times).velocity, RateAverage(averaging_s), 1000
+    velocity_s = np.array([model.coefficients[f"{axis}_velocity_lag"] for axis in ("azimuth", "elevation")])
+    lags = [velocity_s * mount.rate_rad_s]
+    for before, after in itertools.pairwise(rates):
+        for step in range(steps):
+            mount.update(PERIOD_S / steps, before + (after - before) * (step + 0.5) / steps)
+        lags.append(velocity_s * mount.rate_rad_s)
+    assert np.max(np.abs(lags)) > math.radians(0.2)
+    still = held(buffer.at(times), without_lags(model), near_rad).position
+    np.testing.assert_allclose(got[0], still[0], atol=1e-12)
+    np.testing.assert_allclose(got, (still + np.array(lags))[: len(got)], atol=1e-4 * float(np.max(np.abs(lags))))
+    # Position, velocity and acceleration belong to one motion (Hermite's rule of the fifth order).
+    motion = path.at(times[30:45], buffer, model, near_rad)
+    steps_rad = 0.5 * PERIOD_S * (motion.velocity[1:] + motion.velocity[:-1])
+    steps_rad += PERIOD_S**2 / 12.0 * (motion.acceleration[:-1] - motion.acceleration[1:])
+    np.testing.assert_allclose(np.diff(motion.position, axis=0), steps_rad, atol=5e-8)
+
+
+def test_a_new_model_in_the_middle_of_a_pass_does_not_start_the_lags_again(
+    track: TopocentricTrack, window: Pass, model: BiasModel
+) -> None:
+    start_s, near_rad = round(window.tca_t_s, 1), math.pi
+    path, buffer = AxisPath(PERIOD_S, lag_averaging_s=0.1), targets_at(track, start_s, 4.0)
+    late = np.round(start_s + PERIOD_S * np.arange(1, 30), 6)
+    before = path.at(late, buffer, model, near_rad).position[-1]
+    path.clear()
+    np.testing.assert_allclose(path.at(late[-1:], buffer, model, near_rad).position[0], before, atol=1e-12)
+    path.restart()
+    resting = held(buffer.at(late[-1:]), without_lags(model), near_rad).position[0]
+    np.testing.assert_allclose(path.at(late[-1:], buffer, model, near_rad).position[0], resting, atol=1e-12)
+    assert np.max(np.abs(before - resting)) > math.radians(0.2)
