@@ -15,7 +15,7 @@ from rf_pointing import __version__
 from rf_pointing.calibration import (
     TERM_NAMES,
     FitOptions,
-    ModelFile,
+    ModelVersion,
     Observations,
     fit_bias_model,
     held_at_zero,
@@ -68,13 +68,13 @@ def observations() -> Observations:
     )
 
 
-def fitted() -> ModelFile:
+def fitted() -> ModelVersion:
     """Return the model with its covariance."""
     terms = [name for name in TERM_NAMES if name not in LAGS]
     found = fit_bias_model(
         observations(), terms=terms, held=held_at_zero(terms), options=FitOptions(covariance="sandwich", edit_sigma=0.0)
     )
-    return ModelFile.from_fit(
+    return ModelVersion.from_fit(
         found, name="dss13-ka", software=f"rf_pointing {__version__}", created_t_s=from_utc_text(CREATED_UTC)
     )
 

@@ -14,7 +14,7 @@ from rf_pointing.calibration.fit_result import FitResult
 from rf_pointing.calibration.lag_history import LagHistory, LagState, without_lags
 from rf_pointing.calibration.model_file import read_model, write_model
 from rf_pointing.calibration.model_store import ModelStore
-from rf_pointing.calibration.model_version import ModelFile
+from rf_pointing.calibration.model_version import ModelVersion
 from rf_pointing.calibration.observation_journal import ObservationJournal
 from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.pass_error_size import measured_pass_priors
@@ -44,8 +44,8 @@ __all__ = [
     "Ionosphere",
     "LagHistory",
     "LagState",
-    "ModelFile",
     "ModelStore",
+    "ModelVersion",
     "ObservationJournal",
     "Observations",
     "PassAdvice",

@@ -25,7 +25,7 @@ from rf_pointing.core import require_between
 __all__ = ["INVERSE_ITERATIONS", "INVERSE_TOLERANCE_RAD", "BiasModel"]
 
 Array = NDArray[np.float64]
-Series = tuple[Array, Array]
+TimeBuffer = tuple[Array, Array]
 
 INVERSE_TOLERANCE_RAD = 1e-12
 """`remove` stops when two iterations agree this well (per axis, rates per second)."""
@@ -204,7 +204,7 @@ class BiasModel:
         observed = _series_of(position_rad, velocity_rad_s, acceleration_rad_s2, jerk_rad_s3)
         return _motion(self._inverse(observed, 3, _optional(temperature_k)))
 
-    def _true_series(self, azimuth: ArrayLike, elevation: ArrayLike, *rates: ArrayLike) -> Series:
+    def _true_series(self, azimuth: ArrayLike, elevation: ArrayLike, *rates: ArrayLike) -> TimeBuffer:
         position = np.stack(np.broadcast_arrays(azimuth, elevation), axis=-1)
         velocity = np.stack(np.broadcast_arrays(rates[0], rates[1]), axis=-1)
         acceleration = np.stack(np.broadcast_arrays(rates[2], rates[3]), axis=-1)
@@ -212,12 +212,12 @@ class BiasModel:
         full = _series_of(position, velocity, acceleration, 0.0)
         return full[0][:length], full[1][:length]
 
-    def _observed(self, true: Series, temperature_k: Array | None) -> Series:
+    def _observed(self, true: TimeBuffer, temperature_k: Array | None) -> TimeBuffer:
         axes = axes_from_sky(*true, self.skew)
         shift = self._shift(axes, ("additive", "lag"), temperature_k)
         return axes[0] + shift[0], axes[1] + shift[1]
 
-    def _shift(self, axes: Series, kinds: tuple[str, ...], temperature_k: Array | None) -> Series:
+    def _shift(self, axes: TimeBuffer, kinds: tuple[str, ...], temperature_k: Array | None) -> TimeBuffer:
         angles = SeriesAngles(*axes, temperature_k)
         azimuth, elevation = np.zeros_like(axes[0]), np.zeros_like(axes[1])
         for term, value in self._acting:
@@ -227,7 +227,7 @@ class BiasModel:
                 elevation += value * term.elevation(angles)
         return azimuth, elevation
 
-    def _inverse(self, observed: Series, kept: int, temperature_k: Array | None) -> Series:
+    def _inverse(self, observed: TimeBuffer, kept: int, temperature_k: Array | None) -> TimeBuffer:
         """Solve for the first `kept` elements of the true motion; the rest of `observed` already is the true one."""
         true, axes = observed, (observed[0][:kept], observed[1][:kept])
         for _ in range(INVERSE_ITERATIONS):
@@ -247,7 +247,7 @@ class BiasModel:
             f"<= {INVERSE_TOLERANCE_RAD}; the lags are too long for the azimuth rates this close to the zenith"
         )
 
-    def _without_encoders(self, target: Series, start: Series, temperature_k: Array | None) -> Series:
+    def _without_encoders(self, target: TimeBuffer, start: TimeBuffer, temperature_k: Array | None) -> TimeBuffer:
         axes = start
         for _ in range(INVERSE_ITERATIONS):
             shift = self._shift(axes, ("additive",), temperature_k)
@@ -267,7 +267,7 @@ def _optional(temperature_k: ArrayLike | None) -> Array | None:
     return None if temperature_k is None else np.asarray(temperature_k, dtype=np.float64)
 
 
-def _series_of(position: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike, jerk: ArrayLike) -> Series:
+def _series_of(position: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike, jerk: ArrayLike) -> TimeBuffer:
     parts = np.broadcast_arrays(*(np.asarray(p, dtype=np.float64) for p in (position, velocity, acceleration, jerk)))
     for name, part in zip(("position_rad", "velocity_rad_s", "acceleration_rad_s2", "jerk_rad_s3"), parts, strict=True):
         if part.ndim == 0 or part.shape[-1] != 2:
@@ -278,10 +278,10 @@ def _series_of(position: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike
     return series[..., 0], series[..., 1]
 
 
-def _motion(series: Series) -> tuple[Array, Array, Array]:
+def _motion(series: TimeBuffer) -> tuple[Array, Array, Array]:
     both = np.stack(series, axis=-1)
     return both[0], both[1], 2.0 * both[2]
 
 
-def _no_shift(series: Series) -> Series:
+def _no_shift(series: TimeBuffer) -> TimeBuffer:
     return np.zeros_like(series[0]), np.zeros_like(series[1])

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.calibration.bias_model import BiasModel
-from rf_pointing.calibration.model_version import ModelFile, stamp_text
+from rf_pointing.calibration.model_version import ModelVersion, stamp_text
 from rf_pointing.calibration.schema import Section
 from rf_pointing.calibration.terms import Term, all_terms
 from rf_pointing.core import require_choice
@@ -42,7 +42,7 @@ _KEYS = (
 _EDGE = {"rad": ("deg", math.degrees(1.0)), "s": ("s", 1.0), "s^2": ("s2", 1.0), "rad/K": ("deg_k", math.degrees(1.0))}
 
 
-def write_model(path: str | Path, file: ModelFile) -> None:
+def write_model(path: str | Path, file: ModelVersion) -> None:
     """Write the file in one step, so that a reader sees the old one or the new one; `read_model` is the inverse."""
     target, mapping = Path(path), to_mapping(file)
     if _is_json(target):
@@ -56,7 +56,7 @@ def write_model(path: str | Path, file: ModelFile) -> None:
     os.replace(part, target)
 
 
-def read_model(path: str | Path) -> ModelFile:
+def read_model(path: str | Path) -> ModelVersion:
     """Read and check a model file; raises ValueError naming file and key."""
     source = Path(path)
     text = source.read_text(encoding="utf-8")
@@ -66,7 +66,7 @@ def read_model(path: str | Path) -> ModelFile:
         raise ValueError(f"{source}: {error}") from None
 
 
-def to_mapping(file: ModelFile) -> dict[str, Any]:
+def to_mapping(file: ModelVersion) -> dict[str, Any]:
     """Return the file's content in edge units (degrees, seconds); `from_mapping` is the inverse."""
     known = all_terms()
     sigma = dict(zip(file.fitted, np.sqrt(np.diag(file.covariance)), strict=True))
@@ -106,7 +106,7 @@ def to_mapping(file: ModelFile) -> dict[str, Any]:
     }
 
 
-def from_mapping(mapping: Mapping[str, Any]) -> ModelFile:
+def from_mapping(mapping: Mapping[str, Any]) -> ModelVersion:
     """Build from the content of a file; raises ValueError naming the key."""
     top = Section(mapping, "", _KEYS)
     require_choice("format", top.text("format"), (FORMAT,))
@@ -117,7 +117,7 @@ def from_mapping(mapping: Mapping[str, Any]) -> ModelFile:
     model, fitted = _read_terms(top)
     _check_order(validity, "from_utc", "until_utc")
     _check_order(data, "first_utc", "last_utc")
-    return ModelFile(
+    return ModelVersion(
         name=top.text("name"),
         station=top.text("station"),
         band=top.text("band"),

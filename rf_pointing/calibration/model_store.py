@@ -9,7 +9,7 @@ import os
 from pathlib import Path
 
 from rf_pointing.calibration.model_file import read_model, write_model
-from rf_pointing.calibration.model_version import ModelFile
+from rf_pointing.calibration.model_version import ModelVersion
 
 __all__ = ["ModelStore"]
 
@@ -23,7 +23,7 @@ class ModelStore:
         self.folder, self.station, self.band = Path(folder), station, band
         self.folder.mkdir(parents=True, exist_ok=True)
 
-    def add(self, file: ModelFile) -> None:
+    def add(self, file: ModelVersion) -> None:
         """Keep a new version, not yet active; another station, another band or a used name is refused."""
         file.check_for(self.station, self.band, file.valid_from_t_s)
         if not file.name or any(sign in file.name for sign in '/\\:*?"<>|') or file.name.startswith("."):
@@ -36,7 +36,7 @@ class ModelStore:
         """Return the names of all versions."""
         return tuple(sorted(path.stem for path in self.folder.glob("*.yaml")))
 
-    def read(self, name: str) -> ModelFile:
+    def read(self, name: str) -> ModelVersion:
         """Return one version."""
         if name not in self.names():
             raise ValueError(f"name={name!r} must be one of {', '.join(self.names()) or 'none'}")
@@ -46,12 +46,12 @@ class ModelStore:
         """Return the names of the accepted versions, the active one last."""
         return tuple(self._history())
 
-    def active(self) -> ModelFile | None:
+    def active(self) -> ModelVersion | None:
         """Return the active version, None before the first one is accepted."""
         history = self._history()
         return self.read(history[-1]) if history else None
 
-    def active_at(self, t_s: float) -> ModelFile | None:
+    def active_at(self, t_s: float) -> ModelVersion | None:
         """Return the newest accepted version that is valid at `t_s`, None if there is none."""
         for name in reversed(self._history()):
             file = self.read(name)
@@ -59,7 +59,7 @@ class ModelStore:
                 return file
         return None
 
-    def accept(self, name: str, t_s: float) -> ModelFile:
+    def accept(self, name: str, t_s: float) -> ModelVersion:
         """Make a version active and return it; it must be valid at `t_s`."""
         file = self.read(name)
         file.check_for(self.station, self.band, t_s)
@@ -68,7 +68,7 @@ class ModelStore:
             self._write_history([*history, name])
         return file
 
-    def roll_back(self) -> ModelFile:
+    def roll_back(self) -> ModelVersion:
         """Make the version before the active one active again and return it."""
         history = self._history()
         if len(history) < 2:

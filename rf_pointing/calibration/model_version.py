@@ -9,13 +9,13 @@ from rf_pointing.calibration.bias_model import BiasModel
 from rf_pointing.calibration.fit_result import FitResult
 from rf_pointing.calibration.utc_text import to_utc_text
 
-__all__ = ["ModelFile", "stamp_text"]
+__all__ = ["ModelVersion", "stamp_text"]
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ModelFile:
+class ModelVersion:
     """A named version of a bias model and where it comes from; times are UTC seconds since 1970.
 
     `fitted` are the terms that were estimated, in the order of `covariance` (k, k) in core units; the others were
@@ -47,7 +47,7 @@ class ModelFile:
     @classmethod
     def from_fit(
         cls, result: FitResult, *, name: str, software: str, created_t_s: float, valid_until_t_s: float | None = None
-    ) -> "ModelFile":
+    ) -> "ModelVersion":
         """Make the file of a fit; it is valid from its creation."""
         rms, mean = result.rms_rad(), result.mean_rad()
         return cls(

@@ -18,7 +18,7 @@ from rf_pointing.calibration import (
     BiasModel,
     FitOptions,
     FitResult,
-    ModelFile,
+    ModelVersion,
     Observations,
     PassPriors,
     Prior,
@@ -149,7 +149,7 @@ def _recorded(options: argparse.Namespace, path: Path) -> list[tuple[object, obj
     return [(one.raw, one.reference) for one in found]
 
 
-def orbit_priors(options: argparse.Namespace, points: Observations, present: ModelFile | None) -> PassPriors | None:
+def orbit_priors(options: argparse.Namespace, points: Observations, present: ModelVersion | None) -> PassPriors | None:
     """Return what the fit allows for in the orbit of each pass: what was asked for, or what the passes show."""
     size = options.orbit_prior
     if size is not None:
@@ -202,7 +202,7 @@ def predicted(options: argparse.Namespace, points: Observations, result: FitResu
     return said
 
 
-def fitted(options: argparse.Namespace, points: Observations, present: ModelFile | None) -> FitResult:
+def fitted(options: argparse.Namespace, points: Observations, present: ModelVersion | None) -> FitResult:
     """Return the fit of the chosen terms."""
     names, orbit = tuple(options.terms), orbit_priors(options, points, present)
     if options.select:
@@ -214,7 +214,7 @@ def fitted(options: argparse.Namespace, points: Observations, present: ModelFile
 def fit_of(
     options: argparse.Namespace,
     points: Observations,
-    present: ModelFile | None,
+    present: ModelVersion | None,
     names: tuple[str, ...],
     orbit: PassPriors | None,
 ) -> FitResult:
@@ -240,7 +240,7 @@ def fit_of(
     )  # fmt: skip
 
 
-def _known(present: ModelFile | None) -> dict[str, float]:
+def _known(present: ModelVersion | None) -> dict[str, float]:
     return dict(present.model.coefficients) if present else dict.fromkeys(TERM_NAMES, 0.0)
 
 
@@ -261,7 +261,7 @@ def run(options: argparse.Namespace) -> list[str]:
         result = fitted(options, points, present)
     said = [*chosen_words(options, result), *orbit_words(options, result), *predicted(options, points, result)]
     name = options.name or f"fit-{result.last_t_s:.0f}"
-    file = ModelFile.from_fit(result, name=name, software=f"rf_pointing {__version__}", created_t_s=time.time())
+    file = ModelVersion.from_fit(result, name=name, software=f"rf_pointing {__version__}", created_t_s=time.time())
     write_model(options.output, file)
     folder = options.report or options.output.parent / f"{options.output.stem}_report"
     report = write_calibration_report(folder, points, result, name=name, stages=stages, notes=notes, remarks=said)

@@ -6,14 +6,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Series"]
+__all__ = ["TimeBuffer"]
 
 Array = NDArray[np.float64]
 KEPT_S = 2.0
 
 
 @dataclass
-class Series:
+class TimeBuffer:
     """Values of any one shape in order of time; those older than `kept_s` are dropped."""
 
     kept_s: float = KEPT_S

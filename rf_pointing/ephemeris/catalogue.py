@@ -21,10 +21,10 @@ from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource, Iers
 from rf_pointing.ephemeris.elements import Elements
 from rf_pointing.ephemeris.grid_passes import GridPasses, passes_on_grid
 from rf_pointing.ephemeris.light_time import SENSES
-from rf_pointing.ephemeris.motion import Motion
 from rf_pointing.ephemeris.sampled_sky import MARGIN, SampledSky
 from rf_pointing.ephemeris.sgp4_orbit import GMST_RATE_RAD_S, earth_fixed_from_teme
 from rf_pointing.ephemeris.sites import Site
+from rf_pointing.ephemeris.state_vector import StateVector
 from rf_pointing.ephemeris.time_scales import DAY_S, POSIX_EPOCH_JD, leap_seconds, utc_text
 
 __all__ = ["CataloguePass", "CatalogueSearch", "find_catalogue_passes"]
@@ -150,11 +150,11 @@ def _sampled(
     codes, position_km, velocity_km_s = records.sgp4(POSIX_EPOCH_JD + days, (t_s - days * DAY_S) / DAY_S)
     (x, y, z), (vx, vy, vz) = np.moveaxis(position_km, -1, 0) * 1e3, np.moveaxis(velocity_km_s, -1, 0) * 1e3
     none = (0.0, 0.0, 0.0)
-    orbit = earth_fixed_from_teme(Motion((x, y, z), (vx, vy, vz), none, none), t_s, orientation)
+    orbit = earth_fixed_from_teme(StateVector((x, y, z), (vx, vy, vz), none, none), t_s, orientation)
     return SampledSky(_seen(orbit, site, sense) @ site.rotation.T, start_t_s, step_s), codes.max(axis=1)
 
 
-def _seen(orbit: Motion, site: Site, sense: float) -> Array:
+def _seen(orbit: StateVector, site: Site, sense: float) -> Array:
     """Return the Earth-fixed vector (objects, times, 3) from the antenna to where each object is seen through light.
 
     To first order in the light time; the second is 2 mm at the distance of a geostationary satellite.

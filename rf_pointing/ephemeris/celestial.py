@@ -18,7 +18,7 @@ from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 from rf_pointing.ephemeris.celestial_frame import EARTH_RATE_RAD_S, earth_fixed_from_gcrs, tt_parts
 from rf_pointing.ephemeris.differences import OFFSETS, motion_from_positions
 from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource, IersEarthOrientation
-from rf_pointing.ephemeris.motion import Motion, Vector
+from rf_pointing.ephemeris.state_vector import StateVector, Vector
 from rf_pointing.ephemeris.time_scales import DAY_S
 
 __all__ = ["RADIO_SOURCES", "CelestialTarget", "RadioSource", "moon", "radio_source", "sun"]
@@ -50,7 +50,7 @@ class CelestialTarget:
         self._unit_m = unit_m
         self._orientation: EarthOrientationSource = orientation or IersEarthOrientation()
 
-    def motion_at(self, t_s: Any, ahead_s: float = 0.0) -> Motion:
+    def motion_at(self, t_s: Any, ahead_s: float = 0.0) -> StateVector:
         """Return the inertial motion [m] in Earth-fixed axes at UTC times."""
         positions = [self._position(t_s + ahead_s + k * _STEP_S) for k in OFFSETS]
         return earth_fixed_from_gcrs(motion_from_positions(positions, _STEP_S, self._unit_m), t_s, self._orientation)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource
-from rf_pointing.ephemeris.motion import Motion, Vector, dot, turned_about_z
+from rf_pointing.ephemeris.state_vector import StateVector, Vector, dot, turned_about_z
 from rf_pointing.ephemeris.time_scales import DAY_S, POSIX_EPOCH_JD, TT_MINUS_TAI_S, leap_seconds
 
 __all__ = ["EARTH_RATE_RAD_S", "earth_fixed_from_gcrs", "tt_parts"]
@@ -34,10 +34,10 @@ def tt_parts(t_s: Any) -> tuple[Any, Any]:
     return POSIX_EPOCH_JD + days, seconds / DAY_S
 
 
-def earth_fixed_from_gcrs(motion: Motion, t_s: Any, orientation: EarthOrientationSource) -> Motion:
+def earth_fixed_from_gcrs(motion: StateVector, t_s: Any, orientation: EarthOrientationSource) -> StateVector:
     """Return the inertial motion in Earth-fixed axes at UTC times, from components in the GCRS."""
     rows = _intermediate_axes(t_s)
-    intermediate = Motion(*((dot(rows[0], v), dot(rows[1], v), dot(rows[2], v)) for v in motion.derivatives()))
+    intermediate = StateVector(*((dot(rows[0], v), dot(rows[1], v), dot(rows[2], v)) for v in motion.derivatives()))
     earth = orientation.at(t_s)
     days = t_s // DAY_S
     angle = erfa.era00(POSIX_EPOCH_JD + days, (t_s - days * DAY_S + earth.ut1_minus_utc_s) / DAY_S)

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from rf_pointing.ephemeris.motion import Motion, Vector, combined, cross, dot, norm
+from rf_pointing.ephemeris.state_vector import StateVector, Vector, combined, cross, dot, norm
 
 __all__ = ["moved_across"]
 
 
-def moved_across(motion: Motion, offset_rad: float) -> Motion:
+def moved_across(motion: StateVector, offset_rad: float) -> StateVector:
     """Return the motion (rotating axes) of the target moved by `offset_rad`; its range stays the same.
 
     Raises ValueError for a target that stands still on the sky: it has no across.
@@ -31,7 +31,7 @@ def moved_across(motion: Motion, offset_rad: float) -> Motion:
     position = combined((c, r), (s * rho, m))
     velocity = combined((c, v), (s * rho1, m), (s * rho, m1))
     acceleration = combined((c, a), (s * rho2, m), (2.0 * s * rho1, m1), (s * rho, m2))
-    return Motion(position, velocity, acceleration, j)
+    return StateVector(position, velocity, acceleration, j)
 
 
 def _length(r: Vector, v: Vector, a: Vector) -> tuple[Any, Any, Any]:

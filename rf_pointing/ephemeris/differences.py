@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from rf_pointing.ephemeris.motion import Motion, Vector
+from rf_pointing.ephemeris.state_vector import StateVector, Vector
 
 __all__ = ["OFFSETS", "motion_from_positions"]
 
@@ -17,11 +17,11 @@ _STENCILS = (
 )
 
 
-def motion_from_positions(positions: list[Vector], step_s: float, unit_m: float) -> Motion:
+def motion_from_positions(positions: list[Vector], step_s: float, unit_m: float) -> StateVector:
     """Return the motion in metres of five positions in `unit_m`; errors of order h^4, the jerk h^2."""
     orders = (_weighted(positions, weights, unit_m / step_s**k) for k, weights in enumerate(_STENCILS))
     position, velocity, acceleration, jerk = orders
-    return Motion(position, velocity, acceleration, jerk)
+    return StateVector(position, velocity, acceleration, jerk)
 
 
 def _weighted(positions: list[Vector], weights: tuple[float, ...], scale: Any) -> Vector:

@@ -7,14 +7,14 @@ target and antenna are both moved to u in the non-rotating frame; moving the ant
 from typing import Any
 
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
-from rf_pointing.ephemeris.motion import Motion, Vector, combined, dot, norm
+from rf_pointing.ephemeris.state_vector import StateVector, Vector, combined, dot, norm
 
 __all__ = ["SENSES", "delayed"]
 
 SENSES = {"receive": 1.0, "transmit": -1.0, "none": 0.0}
 
 
-def delayed(relative: Motion, sense: float) -> tuple[Motion, Any, Any]:
+def delayed(relative: StateVector, sense: float) -> tuple[StateVector, Any, Any]:
     """Return the inertial motion as seen through light, with range c tau [m] and its rate [m/s].
 
     `relative` is target minus antenna with inertial derivatives.  The third order of the series, v^3 tau^3 / rho^2,
@@ -33,7 +33,7 @@ def delayed(relative: Motion, sense: float) -> tuple[Motion, Any, Any]:
     return _with_clock(position, velocity, acceleration, j, sense)
 
 
-def _with_clock(r: Vector, v: Vector, a: Vector, j: Vector, sense: float) -> tuple[Motion, Any, Any]:
+def _with_clock(r: Vector, v: Vector, a: Vector, j: Vector, sense: float) -> tuple[StateVector, Any, Any]:
     """Turn derivatives by u into derivatives by t: du/dt = 1 - sigma tau'."""
     distance = norm(r)
     rate = dot(r, v) / distance
@@ -43,4 +43,4 @@ def _with_clock(r: Vector, v: Vector, a: Vector, j: Vector, sense: float) -> tup
     tau_acceleration = curvature * clock**3 / SPEED_OF_LIGHT_M_S
     velocity = combined((clock, v))
     acceleration = combined((clock * clock, a), (-sense * tau_acceleration, v))
-    return Motion(r, velocity, acceleration, j), distance, tau_rate * SPEED_OF_LIGHT_M_S
+    return StateVector(r, velocity, acceleration, j), distance, tau_rate * SPEED_OF_LIGHT_M_S

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
-from rf_pointing.ephemeris.motion import Motion, root
+from rf_pointing.ephemeris.state_vector import StateVector, root
 
 __all__ = ["LookAngles", "angles_and_rates"]
 
@@ -52,7 +52,7 @@ class LookAngles:
         return 1.0 - self.range_rate_m_s / SPEED_OF_LIGHT_M_S
 
 
-def angles_and_rates(enu: Motion) -> tuple[Any, Any, Any, Any, Any, Any]:
+def angles_and_rates(enu: StateVector) -> tuple[Any, Any, Any, Any, Any, Any]:
     """Return azimuth in (-pi, pi], elevation, their rates [rad/s] and accelerations [rad/s^2] of rotating motion."""
     (e, n, u), (e1, n1, u1), (e2, n2, u2) = enu.position, enu.velocity, enu.acceleration
     h = root(e * e + n * n + _LEAST_HORIZONTAL_M**2)

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from rf_pointing.core import require_choice
 from rf_pointing.ephemeris.celestial_frame import EARTH_RATE_RAD_S, earth_fixed_from_gcrs, tt_parts
 from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource, IersEarthOrientation
-from rf_pointing.ephemeris.motion import Motion, Vector, rotated, seen_from_rotating_axes
 from rf_pointing.ephemeris.oem import METHODS, OemSegment
 from rf_pointing.ephemeris.sgp4_orbit import GMST_RATE_RAD_S, earth_fixed_from_teme
+from rf_pointing.ephemeris.state_vector import StateVector, Vector, rotated, seen_from_rotating_axes
 from rf_pointing.ephemeris.time_scales import DAY_S, POSIX_EPOCH_JD, Tai, leap_seconds, utc_text
 
 __all__ = ["OemTarget"]
@@ -31,7 +31,7 @@ EDGE_S = 1.0
 
 
 class OemTarget:
-    """Motion from the segments of one object.
+    """StateVector from the segments of one object.
 
     `interpolation` (method, degree) serves segments that declare none; without it such a message is refused.
     """
@@ -73,7 +73,7 @@ class OemTarget:
         inside = [(first + EDGE_S, last - EDGE_S) for first, last in joined if last - first > 2.0 * EDGE_S]
         return tuple((_utc_s(first), _utc_s(last)) for first, last in inside)
 
-    def motion_at(self, t_s: Any, ahead_s: float = 0.0) -> Motion:
+    def motion_at(self, t_s: Any, ahead_s: float = 0.0) -> StateVector:
         """Return the inertial motion [m] in Earth-fixed axes; a time outside the usable spans raises ValueError."""
         tai_s = t_s + leap_seconds().tai_minus_utc_s(t_s) + ahead_s
         if isinstance(t_s, float):
@@ -82,13 +82,13 @@ class OemTarget:
             each = [self._derivatives(float(time)) for time in tai_s]
             derivatives = np.moveaxis(np.array(each).reshape(-1, 4, 3), 0, -1)
         position, velocity, acceleration, jerk = ((v[0], v[1], v[2]) for v in derivatives)
-        return self._earth_fixed(Motion(position, velocity, acceleration, jerk), t_s)
+        return self._earth_fixed(StateVector(position, velocity, acceleration, jerk), t_s)
 
     def warnings(self, t_s: float) -> tuple[str, ...]:
         """Return what makes the position at `t_s` less certain than the message."""
         return self._orientation.warnings(t_s)
 
-    def _earth_fixed(self, motion: Motion, t_s: Any) -> Motion:
+    def _earth_fixed(self, motion: StateVector, t_s: Any) -> StateVector:
         if self._frame == _TEME:
             return earth_fixed_from_teme(motion, t_s, self._orientation)
         if self._frame.startswith("ITRF"):

@@ -16,7 +16,7 @@ from sgp4.api import SGP4_ERRORS, Satrec
 from rf_pointing.ephemeris.differences import OFFSETS, motion_from_positions
 from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource
 from rf_pointing.ephemeris.elements import Elements
-from rf_pointing.ephemeris.motion import Motion, Vector, turned_about_z
+from rf_pointing.ephemeris.state_vector import StateVector, Vector, turned_about_z
 from rf_pointing.ephemeris.time_scales import DAY_S, POSIX_EPOCH_JD, leap_seconds, utc_text
 
 __all__ = ["GMST_RATE_RAD_S", "Sgp4Orbit", "earth_fixed_from_teme"]
@@ -28,7 +28,7 @@ _KM = 1e3
 
 
 class Sgp4Orbit:
-    """Motion of one object; refuses times further than `max_age_s` from the epoch of its elements."""
+    """StateVector of one object; refuses times further than `max_age_s` from the epoch of its elements."""
 
     rotation_rate_rad_s = GMST_RATE_RAD_S
     at_infinity = False
@@ -46,7 +46,7 @@ class Sgp4Orbit:
         if self._record.error:
             raise ValueError(f"elements of {self.name}: {SGP4_ERRORS[self._record.error]}")
 
-    def motion_at(self, t_s: Any, ahead_s: float = 0.0) -> Motion:
+    def motion_at(self, t_s: Any, ahead_s: float = 0.0) -> StateVector:
         """Return the inertial motion [m] in Earth-fixed axes at UTC `t_s` (float or array).
 
         `ahead_s` moves the object along its orbit without turning the Earth: an along-track error in time.
@@ -71,7 +71,7 @@ class Sgp4Orbit:
             )
 
 
-def earth_fixed_from_teme(motion: Motion, t_s: Any, orientation: EarthOrientationSource) -> Motion:
+def earth_fixed_from_teme(motion: StateVector, t_s: Any, orientation: EarthOrientationSource) -> StateVector:
     """Return the inertial motion in Earth-fixed axes at UTC times, from components in TEME of date."""
     earth = orientation.at(t_s)
     days = t_s // DAY_S

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.ephemeris.celestial import sun
-from rf_pointing.ephemeris.motion import Vector, cross, dot, norm
 from rf_pointing.ephemeris.passes import Pass
+from rf_pointing.ephemeris.state_vector import Vector, cross, dot, norm
 from rf_pointing.ephemeris.track import TopocentricTrack
 
 __all__ = ["smallest_sun_angle_rad", "sun_angle_rad"]

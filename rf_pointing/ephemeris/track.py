@@ -17,9 +17,9 @@ from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource, Iers
 from rf_pointing.ephemeris.elements import Elements
 from rf_pointing.ephemeris.light_time import SENSES, delayed
 from rf_pointing.ephemeris.look_angles import LookAngles, angles_and_rates
-from rf_pointing.ephemeris.motion import Motion, combined, norm, rotated, seen_from_rotating_axes
 from rf_pointing.ephemeris.sgp4_orbit import Sgp4Orbit
 from rf_pointing.ephemeris.sites import Site
+from rf_pointing.ephemeris.state_vector import StateVector, combined, norm, rotated, seen_from_rotating_axes
 from rf_pointing.ephemeris.time_scales import DAY_S
 
 __all__ = ["TargetSource", "TopocentricTrack"]
@@ -38,7 +38,7 @@ class TargetSource(Protocol):
     def spans_t_s(self) -> tuple[tuple[float, float], ...]:
         """First and last UTC times of the parts of an ephemeris; infinite where times are refused for their age only."""
 
-    def motion_at(self, t_s: Any, ahead_s: float = 0.0) -> Motion:
+    def motion_at(self, t_s: Any, ahead_s: float = 0.0) -> StateVector:
         """Return inertial derivatives in Earth-fixed axes, metres, at UTC times; refuse times outside its span."""
 
     def warnings(self, t_s: float) -> tuple[str, ...]:
@@ -173,7 +173,7 @@ class TopocentricTrack:
         """Return what makes the direction at `t_s` less certain (expired tables, predicted or assumed UT1)."""
         return self.target.warnings(t_s)
 
-    def relative_motion_at(self, t_s: Any) -> tuple[Motion, Any, Any]:
+    def relative_motion_at(self, t_s: Any) -> tuple[StateVector, Any, Any]:
         """Return the true motion seen from the site in east-north-up axes, range c tau [m] and its rate [m/s].
 
         Components are floats for a float time and arrays for an array.  Offsets are included, refraction is not.
@@ -183,7 +183,7 @@ class TopocentricTrack:
             seen, range_m, range_rate_m_s = self._direction_only(motion)
         else:
             pairs = zip(motion.derivatives(), self._antenna.derivatives(), strict=True)
-            relative = Motion(*(combined((1.0, of_target), (-1.0, of_antenna)) for of_target, of_antenna in pairs))
+            relative = StateVector(*(combined((1.0, of_target), (-1.0, of_antenna)) for of_target, of_antenna in pairs))
             inertial, range_m, range_rate_m_s = delayed(relative, SENSES[self.light_time])
             seen = seen_from_rotating_axes(inertial, self.target.rotation_rate_rad_s)
         enu = rotated(seen, self.site.axes)
@@ -191,13 +191,13 @@ class TopocentricTrack:
             enu = moved_across(enu, self.cross_track_offset_rad)
         return enu, range_m, range_rate_m_s
 
-    def _direction_only(self, motion: Motion) -> tuple[Motion, Any, Any]:
+    def _direction_only(self, motion: StateVector) -> tuple[StateVector, Any, Any]:
         """No parallax; the antenna's own speed shifts the direction by up to 0.09 mdeg (diurnal aberration)."""
         seen = seen_from_rotating_axes(motion, self.target.rotation_rate_rad_s)
         length = norm(seen.position)
         aberration = SENSES[self.light_time] / SPEED_OF_LIGHT_M_S * length
         position = combined((1.0, seen.position), (aberration, self._antenna.velocity))
-        return Motion(position, seen.velocity, seen.acceleration, seen.jerk), length, 0.0 * length
+        return StateVector(position, seen.velocity, seen.acceleration, seen.jerk), length, 0.0 * length
 
     def _look(self, t_s: Any) -> tuple[Any, ...]:
         """Azimuth, elevation, their rates, their accelerations, range, range rate and true elevation."""
@@ -216,8 +216,8 @@ class TopocentricTrack:
         return azimuth, elevation, azimuth_rate, rate, azimuth_acceleration, acceleration, range_m, range_rate_m_s, true
 
 
-def _inertial_motion_of(site: Site, rate_rad_s: float) -> Motion:
-    """Motion of the antenna with the turning Earth, in Earth-fixed axes."""
+def _inertial_motion_of(site: Site, rate_rad_s: float) -> StateVector:
+    """StateVector of the antenna with the turning Earth, in Earth-fixed axes."""
     x, y, z = site.position_m
     w = rate_rad_s
-    return Motion((x, y, z), (-w * y, w * x, 0.0), (-(w**2) * x, -(w**2) * y, 0.0), (w**3 * y, -(w**3) * x, 0.0))
+    return StateVector((x, y, z), (-w * y, w * x, 0.0), (-(w**2) * x, -(w**2) * y, 0.0), (w**3 * y, -(w**3) * x, 0.0))

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from rf_pointing.core import Params, parameter
 from rf_pointing.ephemeris.elements import Elements
-from rf_pointing.ephemeris.motion import Motion, combined, cross, dot, norm, rotated
+from rf_pointing.ephemeris.state_vector import StateVector, combined, cross, dot, norm, rotated
 from rf_pointing.ephemeris.time_scales import DAY_S
 from rf_pointing.ephemeris.track import TopocentricTrack
 
@@ -86,7 +86,7 @@ def sky_uncertainty(track: TopocentricTrack, t_s: float, model: ElementUncertain
     )
 
 
-def _orbit_axes(orbit: Motion) -> tuple[Any, Any, Any]:
+def _orbit_axes(orbit: StateVector) -> tuple[Any, Any, Any]:
     """Along the velocity, along the orbit normal, and the third, upward (unit vectors, east-north-up components)."""
     along = combined((1.0 / norm(orbit.velocity), orbit.velocity))
     normal = cross(orbit.position, orbit.velocity)
@@ -94,7 +94,7 @@ def _orbit_axes(orbit: Motion) -> tuple[Any, Any, Any]:
     return along, normal, cross(along, normal)
 
 
-def _sky_axes(seen: Motion) -> tuple[Any, Any]:
+def _sky_axes(seen: StateVector) -> tuple[Any, Any]:
     """Unit vectors to the right (cross-elevation) and up (elevation) of the line of sight."""
     east, north, _ = seen.position
     horizontal = float(np.hypot(east, north))

@@ -23,7 +23,7 @@ from std_srvs.srv import Trigger
 
 from rf_pointing import __version__
 from rf_pointing.calibration import (
-    ModelFile,
+    ModelVersion,
     ObservationJournal,
     PassPriors,
     SectorRule,
@@ -214,7 +214,7 @@ class BiasCalibrator(ManagedNode):
             fit = self._log.fit(
                 self._keeper.model, terms=tuple(request.terms), pass_priors=self.parameters.value("orbit")
             )
-            file = ModelFile.from_fit(
+            file = ModelVersion.from_fit(
                 fit,
                 name=request.name or self._keeper.free_name(f"fit-{now_s:.0f}"),
                 software=f"rf_pointing {__version__}",

@@ -4,13 +4,13 @@ import numpy as np
 from rf_pointing_msgs.action import FitModel
 from rf_pointing_msgs.msg import PointingModel
 
-from rf_pointing.calibration import BiasModel, FitResult, ModelFile
+from rf_pointing.calibration import BiasModel, FitResult, ModelVersion
 from rf_pointing.core import MDEG
 
 __all__ = ["fit_to_result", "model_from_message", "model_to_message", "no_model_to_message"]
 
 
-def model_to_message(file: ModelFile) -> PointingModel:
+def model_to_message(file: ModelVersion) -> PointingModel:
     names = list(file.model.coefficients)
     covariance = np.zeros((len(names), len(names)))
     places = [names.index(term) for term in file.fitted]
@@ -29,7 +29,7 @@ def model_from_message(message: PointingModel) -> BiasModel:
     return BiasModel(dict(zip(message.terms, message.values, strict=True)))
 
 
-def fit_to_result(fit: FitResult, file: ModelFile, doubts: tuple[str, ...]) -> FitModel.Result:
+def fit_to_result(fit: FitResult, file: ModelVersion, doubts: tuple[str, ...]) -> FitModel.Result:
     rms = fit.rms_rad()
     return FitModel.Result(
         success=True,

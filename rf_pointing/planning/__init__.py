@@ -4,6 +4,7 @@ from rf_pointing.planning.authority import Authority
 from rf_pointing.planning.axis_watch import AxisWatch, AxisWatchParams
 from rf_pointing.planning.certificate import Branch, Certificate, certify
 from rf_pointing.planning.certificate_text import certificate_lines, certificate_values
+from rf_pointing.planning.corner_path import CornerPath
 from rf_pointing.planning.crossing import AxisMotionLimits, Crossing, cross
 from rf_pointing.planning.drive_watch import DriveWatch, DriveWatchParams
 from rf_pointing.planning.fault_latch import FaultLatch, LatchedFault
@@ -14,7 +15,6 @@ from rf_pointing.planning.mask import HorizonMask
 from rf_pointing.planning.plunge import plunged, unplunged
 from rf_pointing.planning.profile import PassProfile
 from rf_pointing.planning.slew import AxisRates
-from rf_pointing.planning.way import Way
 from rf_pointing.planning.wind_watch import WindWatch, WindWatchParams
 from rf_pointing.planning.wrap_count import WrapCount
 
@@ -28,6 +28,7 @@ __all__ = [
     "AxisWatchParams",
     "Branch",
     "Certificate",
+    "CornerPath",
     "Crossing",
     "Decision",
     "DriveWatch",
@@ -39,7 +40,6 @@ __all__ = [
     "LatchedFault",
     "MachineParams",
     "PassProfile",
-    "Way",
     "WindWatch",
     "WindWatchParams",
     "WrapCount",

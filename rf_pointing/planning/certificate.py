@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.planning.course import Course, Lag, courses, no_lag
+from rf_pointing.planning.branch_motion import BranchMotion, Lag, branch_motions, no_lag
 from rf_pointing.planning.crossing import Crossing, Gain
 from rf_pointing.planning.forbidden_sky import ForbiddenSky
 from rf_pointing.planning.limits import AxisLimits
@@ -132,7 +132,7 @@ def certify(
     certified = _Certifier(profile, sky, issued_t_s, present_rad, machine, limits, gain, way)
     branches = [
         certified.branch(course, turns)
-        for course in courses(profile.t_s, axes, machine, limits, gain, lag)
+        for course in branch_motions(profile.t_s, axes, machine, limits, gain, lag)
         for turns in _turns(course.axes_rad[:, 0], limits)
     ]
     return Certificate(
@@ -167,7 +167,7 @@ class _Certifier:
     gain: Gain
     slew: Slew
 
-    def branch(self, course: Course, turns: int) -> Branch:
+    def branch(self, course: BranchMotion, turns: int) -> Branch:
         """Return one branch, on a course moved by whole turns."""
         shift = np.array([turns * TURN, 0.0])
         position, crossing = course.axes_rad + shift, _moved(course.crossing, shift)

@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.core import Params, parameter, require_choice, require_finite
+from rf_pointing.planning.corner_path import WayFinder
 from rf_pointing.planning.forbidden_sky import ForbiddenSky
 from rf_pointing.planning.limits import AxisLimits
 from rf_pointing.planning.mask import HorizonMask
 from rf_pointing.planning.slew import HALTING_SHARES, AxisRates
-from rf_pointing.planning.way import WayFinder
 
 __all__ = ["MOTIONS", "Decision", "Gate", "GateParams", "motion_between"]
 

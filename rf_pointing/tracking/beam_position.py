@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.core import JointReading
-from rf_pointing.core.time_buffer import Series
+from rf_pointing.core.time_buffer import TimeBuffer
 
 __all__ = ["BeamPosition"]
 
@@ -20,7 +20,7 @@ class BeamPosition:
     """Offset of the beam from the commanded direction, on the sky, over the last seconds."""
 
     def __init__(self) -> None:
-        self._joints, self._centre = Series(), Series()
+        self._joints, self._centre = TimeBuffer(), TimeBuffer()
 
     def clear(self) -> None:
         """Forget everything, for a new pass."""

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.core import CarrierPower, JointReading, PointingError
-from rf_pointing.core.time_buffer import Series
+from rf_pointing.core.time_buffer import TimeBuffer
 from rf_pointing.tracking import (
     ConscanParams,
     ConscanTracker,
@@ -47,7 +47,7 @@ class PowerTracker:
 
     def __init__(self, conscan: ConscanParams, steptrack: StepTrackParams) -> None:
         self.conscan, self.steptrack = ConscanTracker(conscan), StepTracker(steptrack)
-        self._beam, self._centre = BeamPosition(), Series()
+        self._beam, self._centre = BeamPosition(), TimeBuffer()
         self._waiting: list[CarrierPower] = []
         self._mode, self._wanted = "", True
         self._idle = 0

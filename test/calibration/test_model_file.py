@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 import yaml
 
-from rf_pointing.calibration import ModelFile, fit_bias_model, read_model, write_model
+from rf_pointing.calibration import ModelVersion, fit_bias_model, read_model, write_model
 
 
 @pytest.fixture
 def file(campaign, table_1):
-    return ModelFile.from_fit(
+    return ModelVersion.from_fit(
         fit_bias_model(campaign(table_1)),
         name="2026-a",
         software="rf_pointing 0",

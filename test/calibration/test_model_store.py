@@ -2,12 +2,12 @@ from dataclasses import replace
 
 import pytest
 
-from rf_pointing.calibration import ModelFile, ModelStore, fit_bias_model
+from rf_pointing.calibration import ModelStore, ModelVersion, fit_bias_model
 
 
 @pytest.fixture
 def file(campaign, table_1):
-    return ModelFile.from_fit(fit_bias_model(campaign(table_1)), name="a", software="test", created_t_s=1.7e9)
+    return ModelVersion.from_fit(fit_bias_model(campaign(table_1)), name="a", software="test", created_t_s=1.7e9)
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ pytest.importorskip("rclpy", reason="the executables live beside the nodes", exc
 from rf_pointing.calibration import (
     TERMS,
     BiasModel,
-    ModelFile,
+    ModelVersion,
     Observations,
     read_model,
     write_model,
@@ -68,7 +68,7 @@ def done(tmp_path_factory):
 
 
 def test_the_model_file_holds_the_planted_coefficients_within_their_sigma(done):
-    file: ModelFile = read_model(done / "m.yaml")
+    file: ModelVersion = read_model(done / "m.yaml")
     assert (file.name, file.station, file.band) == ("test", STATION, "X")
     sigma = dict(zip(file.fitted, np.sqrt(np.diag(file.covariance)), strict=True))
     for name, value in PLANTED.coefficients.items():

@@ -15,7 +15,7 @@ from rf_pointing.servo import PlantParams, WindParams
 from rf_pointing.station.antenna.hardware import AntennaHardware, AntennaParams
 from rf_pointing.station.antenna.loops import AxisLoops, LoopParams
 from rf_pointing.station.antenna.safety import AntennaSafety
-from rf_pointing.station.antenna.slew_path import Course
+from rf_pointing.station.antenna.slew_path import SlewPath
 
 __all__ = ["AntennaAxes", "pair"]
 
@@ -41,7 +41,7 @@ class AntennaAxes:
     ) -> None:
         self._safety = safety
         self.hardware = AntennaHardware(params, plant, wind, mount)
-        self.course = Course(loops, params.start_rad)
+        self.course = SlewPath(loops, params.start_rad)
         self.loops = AxisLoops(loops, plant, params.tick_s)
         self.used_rad = self.hardware.plant.encoder_rad
         self.rate_command_rad_s = np.zeros(2)

@@ -5,10 +5,10 @@ from rf_pointing.station.antenna.axes import AntennaAxes, pair
 from rf_pointing.station.antenna.modes import AntennaModes
 from rf_pointing.station.antenna.safety import AntennaSafety
 
-__all__ = ["CommandIntake"]
+__all__ = ["CommandHandler"]
 
 
-class CommandIntake:
+class CommandHandler:
     """The commands of one antenna: how many were `accepted` and `rejected`, and why the `last_rejection` was."""
 
     def __init__(self, axes: AntennaAxes, modes: AntennaModes, safety: AntennaSafety) -> None:

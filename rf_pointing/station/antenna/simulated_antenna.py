@@ -14,7 +14,7 @@ from rf_pointing.controllers import TrajectorySample
 from rf_pointing.core import Boresight, JointReading, Motion
 from rf_pointing.servo import PlantParams, WindParams
 from rf_pointing.station.antenna.axes import AntennaAxes, pair
-from rf_pointing.station.antenna.command_handler import CommandIntake
+from rf_pointing.station.antenna.command_handler import CommandHandler
 from rf_pointing.station.antenna.hardware import AntennaParams
 from rf_pointing.station.antenna.injected_faults import InjectedFaults
 from rf_pointing.station.antenna.loops import LoopParams
@@ -53,7 +53,7 @@ class SimulatedAntenna:
         self.axes = AntennaAxes(params, plant, loops, wind, mount, self.safety)
         self._manual = ManualRate(params.tick_s)
         self.modes = AntennaModes(self.axes, self.safety, self._manual)
-        self.commands = CommandIntake(self.axes, self.modes, self.safety)
+        self.commands = CommandHandler(self.axes, self.modes, self.safety)
         self._ticks = 0
 
     @property

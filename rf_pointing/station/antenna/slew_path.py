@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from rf_pointing.controllers import CommandPreprocessor, TrajectoryBuffer, TrajectorySample
 from rf_pointing.core import JointTrajectory
-from rf_pointing.planning import Way
+from rf_pointing.planning import CornerPath
 from rf_pointing.station.antenna.loops import LoopParams
 
-__all__ = ["NEW_COURSE_RAD", "Course"]
+__all__ = ["NEW_COURSE_RAD", "SlewPath"]
 
 Array = NDArray[np.float64]
 Pair = tuple[float, float]
@@ -23,7 +23,7 @@ NEW_COURSE_RAD = math.radians(0.5)
 """A command this far from the present course is a position to go to, by a way that the gate must find."""
 
 
-class Course:
+class SlewPath:
     """The command of both axes; begins at rest at `start_rad`."""
 
     def __init__(self, loops: LoopParams, start_rad: Pair) -> None:
@@ -31,25 +31,25 @@ class Course:
         self.preprocessor = CommandPreprocessor(loops.preprocessor)
         self.preprocessor.reset(start_rad)
         self.goal_rad = np.array(start_rad)
-        self._way = Way()
+        self._way = CornerPath()
 
     def stand(self, position_rad: Array) -> None:
         """Make this position the command, with nothing left of earlier ones."""
         self.goal_rad = position_rad.copy()
         self.preprocessor.reset(self.goal_rad)
         self.table.clear()
-        self._way = Way()
+        self._way = CornerPath()
 
     def stop(self) -> None:
         """Forget the commands and decelerate at the limits."""
         self.table.clear()
-        self._way = Way()
+        self._way = CornerPath()
         self.preprocessor.stop()
 
     def go(self, goal_rad: Pair, way: Corners) -> None:
         """Go to a position by these corners."""
         self.table.clear()
-        self.goal_rad, self._way = np.array(goal_rad), Way(way)
+        self.goal_rad, self._way = np.array(goal_rad), CornerPath(way)
         self.preprocessor.follow()
 
     def leaves(self, trajectory: JointTrajectory, present_rad: Array, following: bool) -> bool:
@@ -60,7 +60,7 @@ class Course:
 
     def take_way(self, way: Corners) -> None:
         """Reach the next table by these corners."""
-        self._way = Way(way)
+        self._way = CornerPath(way)
 
     def ends_at_rest(self, t_s: float) -> bool:
         """Return whether the table's last point stands."""

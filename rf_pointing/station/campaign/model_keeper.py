@@ -8,7 +8,7 @@ in it (`ModelStore`), one store for each station and band, and the accepted one 
 import re
 from pathlib import Path
 
-from rf_pointing.calibration import BiasModel, ModelFile, ModelStore, Observations, ShadowRules, ShadowScore, Verdict
+from rf_pointing.calibration import BiasModel, ModelStore, ModelVersion, Observations, ShadowRules, ShadowScore, Verdict
 from rf_pointing.core import MDEG
 
 __all__ = ["ModelKeeper", "campaign_folder"]
@@ -22,13 +22,13 @@ def campaign_folder(folder: str | Path, station: str, band: str) -> Path:
 class ModelKeeper:
     """`active` is in force (None: no correction), `candidate` waits for a decision; `start` is the model before any fit."""
 
-    def __init__(self, station: str, band: str, folder: str, start: ModelFile | None, rules: ShadowRules) -> None:
+    def __init__(self, station: str, band: str, folder: str, start: ModelVersion | None, rules: ShadowRules) -> None:
         self._station, self._band, self.rules = station, band, rules
         self._store = ModelStore(campaign_folder(folder, station, band) / "models", station, band) if folder else None
         self._start = start
-        self._before: list[ModelFile | None] = []
-        self.active: ModelFile | None = None
-        self.candidate: ModelFile | None = None
+        self._before: list[ModelVersion | None] = []
+        self.active: ModelVersion | None = None
+        self.candidate: ModelVersion | None = None
         self._shadow: ShadowScore | None = None
 
     @property
@@ -57,7 +57,7 @@ class ModelKeeper:
         taken = self._store.names() if self._store is not None else ()
         return next(name for k in range(1, len(taken) + 2) if (name := stem if k == 1 else f"{stem}-{k}") not in taken)
 
-    def propose(self, file: ModelFile) -> None:
+    def propose(self, file: ModelVersion) -> None:
         """Make `file` the candidate in place of an earlier one, and begin to score it."""
         file.check_for(self._station, self._band, file.valid_from_t_s)
         if self._store is not None:
@@ -89,7 +89,7 @@ class ModelKeeper:
             f"active {verdict.active_rms_rad / MDEG:.2f} mdeg"
         )
 
-    def accept(self, t_s: float) -> ModelFile:
+    def accept(self, t_s: float) -> ModelVersion:
         """Put the candidate in force; refused without one, when it is not valid, and when the shadow speaks against it."""
         if self.candidate is None:
             raise ValueError("no model has been fitted")
@@ -117,7 +117,7 @@ class ModelKeeper:
         name, self.candidate, self._shadow = self.candidate.name, None, None
         return name
 
-    def roll_back(self) -> ModelFile | None:
+    def roll_back(self) -> ModelVersion | None:
         """Put the model before the active one in force again and return it (None: no correction)."""
         if self._store is not None:
             self.active = self._store.roll_back()

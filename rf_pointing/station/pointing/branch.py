@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from rf_pointing.core import JointReading, JointTrajectory, Motion, Quintic
 from rf_pointing.planning import Branch, plunged, unplunged
 
-__all__ = ["BranchCourse"]
+__all__ = ["TrackingBranch"]
 
 Array = NDArray[np.float64]
 MIRROR = np.array([1.0, -1.0])
 
 
-class BranchCourse:
+class TrackingBranch:
     """The course of one branch; without one the dish stands direct and follows the target."""
 
     def __init__(self, branch: Branch | None = None) -> None:

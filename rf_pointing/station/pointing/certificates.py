@@ -19,8 +19,8 @@ from rf_pointing.planning import (
     PassProfile,
     certify,
 )
+from rf_pointing.planning.branch_motion import Lag, no_lag
 from rf_pointing.planning.certificate import STEP_S, Slew
-from rf_pointing.planning.course import Lag, no_lag
 from rf_pointing.station.pointing.axis_motion import axis_motion
 
 __all__ = ["PlannedPass", "PlanningRules", "certificate_of", "pass_profile", "plan_passes"]

@@ -16,14 +16,14 @@ from rf_pointing.ephemeris.solar import SolarDirection, SunParams
 from rf_pointing.planning import AxisLimits, GateParams, HorizonMask, MachineParams, choose_turns, refusal
 from rf_pointing.rf import LinkParams
 from rf_pointing.station.pointing.carrier_watch import CarrierWatch
-from rf_pointing.station.pointing.corrections import SkyOffsets
+from rf_pointing.station.pointing.corrections import PointingCorrections
 from rf_pointing.station.pointing.mode import TrackingMode
 from rf_pointing.station.pointing.motion import CommandedMotion
 from rf_pointing.station.pointing.params import PointingParams
 from rf_pointing.station.pointing.plan import PassPlan
 from rf_pointing.station.pointing.scan_patterns import ScanParams
 from rf_pointing.station.pointing.sensed_errors import SENSOR_CHOICES
-from rf_pointing.station.pointing.statistics import Tally
+from rf_pointing.station.pointing.statistics import PassStatistics
 from rf_pointing.station.pointing.status import TrackingStatus
 from rf_pointing.tracking import (
     AutotrackParams,
@@ -74,14 +74,14 @@ class PointingController:
         scans = ScanParams(
             spiral, conscan, steptrack or StepTrackParams(), calibration or MonopulseScanParams(), watch.probe
         )
-        self.offsets = SkyOffsets(integrator, scans, trim or TrimParams())
+        self.offsets = PointingCorrections(integrator, scans, trim or TrimParams())
         self.carrier = CarrierWatch(watch, link or LinkParams())
         self._mode = TrackingMode(autotrack, self.carrier)
         self._motion = CommandedMotion(params, self.plan, self.offsets)
         self._pass: Pass | None = None
         self._turns_rad: float | None = None
         self._stopping, self._moved, self._sensor = "", False, "program"
-        self.tally = Tally()
+        self.tally = PassStatistics()
 
     @property
     def busy(self) -> bool:
@@ -146,7 +146,7 @@ class PointingController:
         self._motion.restart()
         self.offsets.restart(t_s)
         self._mode.restart(t_s, sensor)
-        self.tally = Tally()
+        self.tally = PassStatistics()
 
     def stop(self, reason: str) -> None:
         """End the pass at the next period with a controlled stop."""

@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 
 from rf_pointing.controllers import TrackerIntegrator, TrackerIntegratorParams
 from rf_pointing.core import Motion, PointingError
-from rf_pointing.core.time_buffer import Series
+from rf_pointing.core.time_buffer import TimeBuffer
 from rf_pointing.station.pointing.scan_patterns import ScanParams, ScanPatterns
-from rf_pointing.station.pointing.transition import Blend
+from rf_pointing.station.pointing.transition import OffsetTransition
 from rf_pointing.tracking import AutotrackState, SkyMotion, TrimFilter, TrimParams, direction_rows
 
-__all__ = ["SkyOffsets"]
+__all__ = ["PointingCorrections"]
 
 Array = NDArray[np.float64]
 STEP_GAIN = 0.7
@@ -52,7 +52,7 @@ class _Found:
     level_db_hz: float
 
 
-class SkyOffsets:
+class PointingCorrections:
     """Offsets of one pass; times are command times unless an error's own is meant."""
 
     def __init__(self, integrator: TrackerIntegratorParams, scans: ScanParams, trim: TrimParams) -> None:
@@ -78,8 +78,8 @@ class SkyOffsets:
         self._over = False
         self._filter = TrimFilter(self._trim_params)
         self._scans = ScanPatterns(self._scan_params)
-        self._blend = Blend()
-        self._past = Series(kept_s=self._scan_params.memory_s)
+        self._blend = OffsetTransition()
+        self._past = TimeBuffer(kept_s=self._scan_params.memory_s)
         self._ahead: tuple[Array, Array] | None = None
         self._fade_s: float | None = None
         self._used_s = self._learned_s = -math.inf
@@ -208,10 +208,10 @@ class SkyOffsets:
             # Where a search heard the carrier is kept until a sensor has looked at it.
             self._fade_s = command_s if self._filter.state.used and not self._unseen else None
         self._scans.begin(mode, command_s, self._filter, self._sky_at(now))
-        self._blend = Blend()
+        self._blend = OffsetTransition()
         after = [a + b for a, b in zip(self._centre(now), self._scan(now), strict=True)]
         left = [(b - a)[0] for a, b in zip(after, before, strict=True)]
-        self._blend = Blend.within(command_s, left[0], left[1], self._scan_params.spiral.acceleration_rad_s2)
+        self._blend = OffsetTransition.within(command_s, left[0], left[1], self._scan_params.spiral.acceleration_rad_s2)
 
     def _consider(self, error: PointingError, beam: Array) -> None:
         """Keep where the carrier was strongest during a search; a valid error says how far the target was from there."""

@@ -15,10 +15,10 @@ from rf_pointing.calibration import BiasModel
 from rf_pointing.core import JointReading, JointTrajectory, Motion
 from rf_pointing.ephemeris import Pass
 from rf_pointing.station.pointing.correction_lag import CorrectionLag
-from rf_pointing.station.pointing.corrections import SkyOffsets, added
+from rf_pointing.station.pointing.corrections import PointingCorrections, added
 from rf_pointing.station.pointing.params import PointingParams
 from rf_pointing.station.pointing.plan import PassPlan
-from rf_pointing.station.pointing.prediction import AxisPath
+from rf_pointing.station.pointing.prediction import Prediction
 from rf_pointing.station.pointing.target_buffer import TargetBuffer
 from rf_pointing.tracking.beam_position import BeamPosition
 
@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 class CommandedMotion:
     """The trajectories of one pass; `model` is the bias model in force, `axes` where the axes were last, if it is known."""
 
-    def __init__(self, params: PointingParams, plan: PassPlan, offsets: SkyOffsets) -> None:
+    def __init__(self, params: PointingParams, plan: PassPlan, offsets: PointingCorrections) -> None:
         self.params = params
         self.model = BiasModel.zero()
         self.axes: JointReading | None = None
@@ -38,7 +38,7 @@ class CommandedMotion:
         self.beam = BeamPosition()
         self._plan, self._offsets = plan, offsets
         self._direct: JointReading | None = None
-        self._path = AxisPath(params.period_s, plan, params.lag_averaging_s)
+        self._path = Prediction(params.period_s, plan, params.lag_averaging_s)
         self._lag = CorrectionLag(params.lag_averaging_s)
         self._centre: dict[int, Array] = {}
         self._last_sky = np.zeros(2)

@@ -13,19 +13,19 @@ from rf_pointing.planning import (
     AxisLimits,
     Branch,
     Certificate,
+    CornerPath,
     Gate,
     GateParams,
     HorizonMask,
     MachineParams,
     PassProfile,
-    Way,
     motion_between,
     plunged,
     unplunged,
 )
 from rf_pointing.planning.forbidden_sky import ForbiddenSky
 from rf_pointing.station.pointing.axis_motion import axis_motion
-from rf_pointing.station.pointing.branch import BranchCourse
+from rf_pointing.station.pointing.branch import TrackingBranch
 from rf_pointing.station.pointing.certificates import certificate_of
 
 __all__ = ["PassPlan"]
@@ -46,12 +46,12 @@ class PassPlan:
         self, machine: MachineParams, mask: HorizonMask, gate: GateParams, limits: AxisLimits, sun: SolarDirection
     ) -> None:
         self.machine, self.mask, self._gate_params, self.sun = machine, mask, gate, sun
-        self._way, self._goal = Way(), np.full(2, math.inf)
+        self._way, self._goal = CornerPath(), np.full(2, math.inf)
         self.take_limits(limits)
         self._profiles: list[PassProfile] = []
         self.certificate: Certificate | None = None
         self.branch: Branch | None = None
-        self.course = BranchCourse()
+        self.course = TrackingBranch()
 
     def take_limits(self, limits: AxisLimits) -> None:
         """Use these limits of travel from now on."""
@@ -63,8 +63,8 @@ class PassPlan:
 
     def clear(self) -> None:
         """Forget the branch: direct, without a crossing."""
-        self.branch, self.course = None, BranchCourse()
-        self._way, self._goal = Way(), np.full(2, math.inf)
+        self.branch, self.course = None, TrackingBranch()
+        self._way, self._goal = CornerPath(), np.full(2, math.inf)
 
     def choose(
         self,
@@ -102,7 +102,7 @@ class PassPlan:
         except ValueError:
             self.branch = None
             raise
-        self.course = BranchCourse(self.branch)
+        self.course = TrackingBranch(self.branch)
         return True
 
     def refusal(self, kind: str, t_s: float, present_rad: tuple[float, float] | None, positions: Array) -> str:
@@ -125,7 +125,7 @@ class PassPlan:
             found = self.gate.check(kind, (azimuth, elevation), np.array([goal]), sun_rad=self.sun.at(t_s))
             if not found.allowed:
                 raise ValueError(f"no {kind} to the start of the pass: {found.reason}")
-            self._goal, self._way = goal_rad.copy(), Way(found.way)
+            self._goal, self._way = goal_rad.copy(), CornerPath(found.way)
         corner = self._way.next((azimuth, elevation))
         return None if corner is None else np.array(corner)
 

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from rf_pointing.calibration import BiasModel, LagHistory, LagState, without_lags
 from rf_pointing.core import JointReading, Motion, nearest_turn_rad
 from rf_pointing.station.pointing.axis_motion import axis_motion
-from rf_pointing.station.pointing.branch import BranchCourse
+from rf_pointing.station.pointing.branch import TrackingBranch
 from rf_pointing.station.pointing.target_buffer import TargetBuffer
 
-__all__ = ["AxisPath", "Plan", "StandingPlan"]
+__all__ = ["Plan", "Prediction", "StandingPlan"]
 
 Array = NDArray[np.float64]
 LONGEST_BLOCK_S = 2.0
@@ -29,7 +29,7 @@ LONGEST_BLOCK_S = 2.0
 class Plan(Protocol):
     """How the pass is tracked: the course of its branch, and how a motion on the sky becomes one of the axes there."""
 
-    course: BranchCourse
+    course: TrackingBranch
 
     def model_motion(self, t_s: float, sky: Motion, model: BiasModel) -> Motion:
         """Return the direct axis angles that hold the beam on `sky` (n, 2)."""
@@ -39,14 +39,14 @@ class StandingPlan:
     """Direct, without a crossing."""
 
     def __init__(self) -> None:
-        self.course = BranchCourse()
+        self.course = TrackingBranch()
 
     def model_motion(self, _t_s: float, sky: Motion, model: BiasModel) -> Motion:
         """Return the motion through the model."""
         return axis_motion(sky, model)
 
 
-class AxisPath:
+class Prediction:
     """Axis motion (n, 2) at instants `period_s` apart, azimuth on the turn next to `near_azimuth_rad`."""
 
     def __init__(self, period_s: float, plan: Plan | None = None, lag_averaging_s: float = 0.0) -> None:

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 from rf_pointing.core import PointingError
 
-__all__ = ["Tally"]
+__all__ = ["PassStatistics"]
 
 
 @dataclass
-class Tally:
+class PassStatistics:
     """Sums over the periods of a pass, from acquisition to loss of signal."""
 
     tracked_s: float = 0.0

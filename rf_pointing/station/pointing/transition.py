@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rf_pointing.core import Motion, Quintic
 
-__all__ = ["Blend"]
+__all__ = ["OffsetTransition"]
 
 Array = NDArray[np.float64]
 SHORTEST_S = 0.5
@@ -21,7 +21,7 @@ NOWHERE = np.zeros(2)
 
 
 @dataclass(frozen=True)
-class Blend:
+class OffsetTransition:
     """Offset (2,) and rate (2,) at `start_s`, gone `duration_s` later."""
 
     start_s: float = 0.0

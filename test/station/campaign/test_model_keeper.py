@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rf_pointing.calibration import BiasModel, ModelFile, Observations, ShadowRules
+from rf_pointing.calibration import BiasModel, ModelVersion, Observations, ShadowRules
 from rf_pointing.core import MDEG
 from rf_pointing.station.campaign.model_keeper import ModelKeeper
 
 NOW_S = 1.7e9
 
 
-def model_file(name: str, offset_rad: float = 0.0) -> ModelFile:
-    return ModelFile(
+def model_file(name: str, offset_rad: float = 0.0) -> ModelVersion:
+    return ModelVersion(
         name=name, station="gs1", band="X", software="test", created_t_s=NOW_S, valid_from_t_s=NOW_S, valid_until_t_s=None,
         first_t_s=NOW_S, last_t_s=NOW_S, observations=50, rejected=0, passes=3, form="rotation", condition=10.0,
         rms_cross_elevation_rad=1e-5, rms_elevation_rad=1e-5, mean_azimuth_rad=0.0, mean_elevation_rad=0.0,
@@ -33,7 +33,7 @@ def seen(pass_id: int, azimuth_offset_rad: float) -> Observations:
     )  # fmt: skip
 
 
-def keeper(folder: str = "", start: ModelFile | None = None, accept: str = "not worse") -> ModelKeeper:
+def keeper(folder: str = "", start: ModelVersion | None = None, accept: str = "not worse") -> ModelKeeper:
     made = ModelKeeper("gs1", "X", folder, start, ShadowRules(accept=accept))
     made.begin(NOW_S)
     return made

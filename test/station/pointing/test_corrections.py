@@ -8,7 +8,7 @@ import pytest
 
 from rf_pointing.controllers import TrackerIntegratorParams
 from rf_pointing.core import MDEG, Motion, PointingError, sky_offset_rad
-from rf_pointing.station.pointing.corrections import STEEPEST_RAD, SkyOffsets, added
+from rf_pointing.station.pointing.corrections import STEEPEST_RAD, PointingCorrections, added
 from rf_pointing.station.pointing.scan_patterns import ScanParams
 from rf_pointing.tracking import (
     AutotrackState,
@@ -45,7 +45,7 @@ class Loop:
 
     def __init__(self, probe: CircleParams | None = None) -> None:
         scans = ScanParams(SpiralParams(), CONSCAN, StepTrackParams(), MonopulseScanParams(), probe)
-        self.offsets = SkyOffsets(TrackerIntegratorParams(bandwidth_hz=0.2), scans, TrimParams())
+        self.offsets = PointingCorrections(TrackerIntegratorParams(bandwidth_hz=0.2), scans, TrimParams())
         self.offsets.restart(T_S)
         self.mode, self.t_s = "program_track", T_S
         self.rows: list[np.ndarray] = []

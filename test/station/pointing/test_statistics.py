@@ -5,7 +5,7 @@ import math
 import pytest
 
 from rf_pointing.core import PointingError
-from rf_pointing.station.pointing.statistics import Tally
+from rf_pointing.station.pointing.statistics import PassStatistics
 
 
 def error(right_rad: float = 0.0, up_rad: float = 0.0, valid: bool = True) -> PointingError:
@@ -13,7 +13,7 @@ def error(right_rad: float = 0.0, up_rad: float = 0.0, valid: bool = True) -> Po
 
 
 def test_before_the_pass_nothing_counts() -> None:
-    tally = Tally()
+    tally = PassStatistics()
     tally.count(0.1, "slew", None, False)
     assert (tally.tracked_s, tally.lost_s, tally.share) == (0.0, 0.0, 0.0)
 
@@ -32,13 +32,13 @@ def test_before_the_pass_nothing_counts() -> None:
     ],
 )
 def test_what_counts_as_tracked(mode: str, sensed: PointingError | None, tracked: bool) -> None:
-    tally = Tally()
+    tally = PassStatistics()
     tally.count(0.1, mode, sensed, True)
     assert (tally.tracked_s, tally.lost_s) == ((0.1, 0.0) if tracked else (0.0, 0.1))
 
 
 def test_share_and_rms_over_a_pass() -> None:
-    tally = Tally()
+    tally = PassStatistics()
     for k in range(100):
         tally.count(0.1, "monopulse", error(0.003 if k % 2 else -0.003, 0.004), True)
     for _ in range(25):
@@ -50,5 +50,5 @@ def test_share_and_rms_over_a_pass() -> None:
 
 
 def test_without_samples_the_rms_is_zero() -> None:
-    assert Tally().rms_rad == (0.0, 0.0)
-    assert not math.isnan(Tally().share)
+    assert PassStatistics().rms_rad == (0.0, 0.0)
+    assert not math.isnan(PassStatistics().share)

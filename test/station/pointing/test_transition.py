@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.core import MDEG
-from rf_pointing.station.pointing.transition import Blend
+from rf_pointing.station.pointing.transition import OffsetTransition
 
 ACCELERATION = 400 * MDEG
 TIMES = 100.0 + np.arange(0.0, 6.0, 0.01)
@@ -17,7 +17,7 @@ def test_it_starts_as_given_ends_at_rest_and_stays_within_the_acceleration(
     right: float, up: float, rate: float
 ) -> None:
     offset, speed = np.array([right, up]) * MDEG, np.array([0.6, 0.8]) * rate * MDEG
-    blend = Blend.within(100.0, offset, speed, ACCELERATION)
+    blend = OffsetTransition.within(100.0, offset, speed, ACCELERATION)
     position, velocity = blend.at(TIMES)
     np.testing.assert_allclose(position[0], offset, atol=1e-12)
     np.testing.assert_allclose(velocity[0], speed, atol=1e-12)
@@ -27,6 +27,6 @@ def test_it_starts_as_given_ends_at_rest_and_stays_within_the_acceleration(
 
 
 def test_nothing_left_over_is_nothing_added() -> None:
-    position, velocity = Blend().at(TIMES)
+    position, velocity = OffsetTransition().at(TIMES)
     assert not position.any()
     assert not velocity.any()

@@ -1,4 +1,4 @@
-"""The courses that the axes may take through a pass: on one side of the zenith or over the top, each with its crossing.
+"""The motions that the axes may take through a pass: on one side of the zenith or over the top, each with its crossing.
 
 A course is planned for the beam, in the angles of axes that stand still for it; the lags of the mount are then added along
 the motion that the beam makes.  Where axes would have to do more than they can for both together, the crossing is planned
@@ -19,7 +19,7 @@ from rf_pointing.planning.machine import MachineParams
 from rf_pointing.planning.over_the_top import cross_over
 from rf_pointing.planning.plunge import plunged, unplunged
 
-__all__ = ["Course", "Lag", "courses", "no_lag"]
+__all__ = ["BranchMotion", "Lag", "branch_motions", "no_lag"]
 
 Array = NDArray[np.float64]
 Triple = tuple[Array, Array, Array]
@@ -39,7 +39,7 @@ def no_lag(_t_s: Array, rate: Array, acceleration: Array) -> Triple:
 
 
 @dataclass(frozen=True)
-class Course:
+class BranchMotion:
     """One way of moving through a pass: `plunge` at its rise, `asked` what the target asks, `axes_rad` (n, 2) what is done."""
 
     plunge: bool
@@ -48,9 +48,9 @@ class Course:
     axes_rad: Array
 
 
-def courses(
+def branch_motions(
     t_s: Array, sides: dict[bool, Triple], machine: MachineParams, limits: AxisLimits, gain: Gain, lag: Lag
-) -> list[Course]:
+) -> list[BranchMotion]:
     """Return every course through a pass whose beam motion is `sides` by whether the axes are plunged."""
     found = []
     for plunge, motion in sides.items():
@@ -58,14 +58,14 @@ def courses(
         most_rad = math.inf if plunge else limits.elevation_max_rad
         planner = _Planner(t_s, motion, motion, machine, most_rad, lag)
         crossing, axes = planner.plan(partial(_aside, t_s, motion, gain))
-        found.append(Course(plunge, motion, crossing, axes))
+        found.append(BranchMotion(plunge, motion, crossing, axes))
     leans = len(sides) == 2 and limits.elevation_max_rad > 0.5 * math.pi
     for plunge in sides if leans and any(one.crossing for one in found) else ():
         first, second = sides[plunge], sides[not plunge]
         planner = _Planner(t_s, first, second, machine, math.inf, lag)
         crossing, axes = planner.plan(partial(_over, t_s, plunge, first, second, gain))
         if crossing is not None:
-            found.append(Course(plunge, first, crossing, axes))
+            found.append(BranchMotion(plunge, first, crossing, axes))
     return found
 
 

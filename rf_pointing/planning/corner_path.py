@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rf_pointing.planning.forbidden_sky import ForbiddenSky
 from rf_pointing.planning.slew import AxisRates, halting_points, slew_path
 
-__all__ = ["Way", "WayFinder"]
+__all__ = ["CornerPath", "WayFinder"]
 
 Array = NDArray[np.float64]
 Pair = tuple[float, float]
@@ -58,7 +58,7 @@ class WayFinder:
         return self._sky.reason_of_path(points, start, end, sun, self._axes.slew_s(start, end))
 
 
-class Way:
+class CornerPath:
     """The corners that are still ahead of a slew."""
 
     def __init__(self, corners: Sequence[Pair] = ()) -> None:

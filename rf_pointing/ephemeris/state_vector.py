@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 __all__ = [
-    "Motion",
+    "StateVector",
     "Vector",
     "combined",
     "cross",
@@ -30,7 +30,7 @@ Vector = tuple[Any, Any, Any]
 
 
 @dataclass(frozen=True, slots=True)
-class Motion:
+class StateVector:
     """Position [m] with velocity, acceleration and jerk, in the axes its maker states."""
 
     position: Vector
@@ -72,7 +72,7 @@ def combined(*terms: tuple[Any, Vector]) -> Vector:
     return x, y, z
 
 
-def turned_about_z(motion: Motion, angle_rad: Any, pole_x_rad: Any, pole_y_rad: Any) -> Motion:
+def turned_about_z(motion: StateVector, angle_rad: Any, pole_x_rad: Any, pole_y_rad: Any) -> StateVector:
     """Return the components in axes turned by the Earth's angle and then tilted to the pole (ITRF from TEME/CIRS).
 
     The tilt is linear in the pole's coordinates: their squares are 1e-12, 7 micrometres on the ground.
@@ -81,7 +81,7 @@ def turned_about_z(motion: Motion, angle_rad: Any, pole_x_rad: Any, pole_y_rad: 
         c, s = math.cos(angle_rad), math.sin(angle_rad)
     else:
         c, s = np.cos(angle_rad), np.sin(angle_rad)
-    return Motion(*(_earth_fixed(v, c, s, pole_x_rad, pole_y_rad) for v in motion.derivatives()))
+    return StateVector(*(_earth_fixed(v, c, s, pole_x_rad, pole_y_rad) for v in motion.derivatives()))
 
 
 def _earth_fixed(v: Vector, c: Any, s: Any, pole_x: Any, pole_y: Any) -> Vector:
@@ -89,13 +89,13 @@ def _earth_fixed(v: Vector, c: Any, s: Any, pole_x: Any, pole_y: Any) -> Vector:
     return x + pole_x * z, y - pole_y * z, z - pole_x * x + pole_y * y
 
 
-def rotated(motion: Motion, axes: tuple[Vector, Vector, Vector]) -> Motion:
+def rotated(motion: StateVector, axes: tuple[Vector, Vector, Vector]) -> StateVector:
     """Return the components along three fixed unit vectors."""
     first, second, third = axes
-    return Motion(*((dot(first, v), dot(second, v), dot(third, v)) for v in motion.derivatives()))
+    return StateVector(*((dot(first, v), dot(second, v), dot(third, v)) for v in motion.derivatives()))
 
 
-def seen_from_rotating_axes(motion: Motion, rate_rad_s: float) -> Motion:
+def seen_from_rotating_axes(motion: StateVector, rate_rad_s: float) -> StateVector:
     """Return the derivatives seen in axes that turn about z, from inertial derivatives in the same axes."""
     w, w2, w3 = rate_rad_s, rate_rad_s**2, rate_rad_s**3
     a0, a1, a2, a3 = motion.derivatives()
@@ -106,4 +106,4 @@ def seen_from_rotating_axes(motion: Motion, rate_rad_s: float) -> Motion:
         a3[1] - 3.0 * w * a2[0] - 3.0 * w2 * a1[1] + w3 * a0[0],
         a3[2],
     )
-    return Motion(a0, velocity, acceleration, jerk)
+    return StateVector(a0, velocity, acceleration, jerk)
