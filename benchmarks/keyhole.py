@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from rf_pointing.ephemeris import utc_text
+from rf_pointing.core.dates import utc_text
 from rf_pointing.papers.keyhole import KeyholeRun, fly
 from rf_pointing.papers.keyhole_passes import high_passes, station_mount
 from rf_pointing.station.antenna.mount import MountParams

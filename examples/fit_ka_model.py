@@ -21,8 +21,8 @@ from rf_pointing.calibration import (
     held_at_zero,
     write_model,
 )
-from rf_pointing.calibration.utc_text import from_utc_text
 from rf_pointing.core import MDEG, random_stream
+from rf_pointing.core.dates import from_utc_text
 from rf_pointing.simulation import StationSetup
 from rf_pointing.station.antenna.mount import MountParams
 

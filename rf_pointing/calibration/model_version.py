@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from rf_pointing.calibration.bias_model import BiasModel
 from rf_pointing.calibration.fit_result import FitResult
-from rf_pointing.calibration.utc_text import to_utc_text
+from rf_pointing.core.dates import to_utc_text
 
 __all__ = ["ModelVersion", "stamp_text"]
 

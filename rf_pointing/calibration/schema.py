@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from typing import Any
 
-from rf_pointing.calibration.utc_text import from_utc_text
 from rf_pointing.core import require_finite
+from rf_pointing.core.dates import from_utc_text
 
 __all__ = ["Section"]
 

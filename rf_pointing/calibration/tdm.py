@@ -15,7 +15,7 @@ import numpy as np
 
 from rf_pointing.calibration.raw_tracking import RawTracking
 from rf_pointing.calibration.tdm_keywords import DATA_KEYWORDS, METADATA_KEYWORDS
-from rf_pointing.calibration.utc_text import from_utc_text, to_utc_text
+from rf_pointing.core.dates import from_utc_text, to_utc_text
 
 __all__ = ["read_tdm", "write_tdm"]
 

@@ -36,9 +36,9 @@ from rf_pointing.commands.namespace_option import add_namespace_option
 from rf_pointing.commands.number_option import between, seed
 from rf_pointing.commands.station_run import run_to_end
 from rf_pointing.commands.track_options import DEFAULT_MODELS, output_folder, speed_factor
-from rf_pointing.commands.utc import parse_utc
 from rf_pointing.core import MDEG, require_between
-from rf_pointing.ephemeris import Elements, Pass, site, tle_lines, utc_text
+from rf_pointing.core.dates import parse_utc, utc_text
+from rf_pointing.ephemeris import Elements, Pass, site, tle_lines
 from rf_pointing.nodes.bias_calibrator import JOURNAL
 from rf_pointing.planning import AxisLimits
 from rf_pointing.station.campaign.commissioning import commissioning_model

@@ -22,9 +22,9 @@ from rf_pointing.calibration import (
     read_model,
     uninformed_covariance,
 )
-from rf_pointing.commands.utc import parse_utc
 from rf_pointing.core import MDEG, require_between
-from rf_pointing.ephemeris import read_elements, site, utc_text, verification_elements
+from rf_pointing.core.dates import parse_utc, utc_text
+from rf_pointing.ephemeris import read_elements, site, verification_elements
 from rf_pointing.station.campaign.plan import ArcRules, beacons, candidate_arcs
 
 HOUR_S = 3600.0

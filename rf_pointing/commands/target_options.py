@@ -3,7 +3,7 @@
 import argparse
 
 from rf_pointing.commands.number_option import between
-from rf_pointing.commands.utc import parse_utc
+from rf_pointing.core.dates import parse_utc
 from rf_pointing.ephemeris.source import SourceParams, first_time_s
 
 __all__ = ["add_target_options", "source_of", "start_of"]

@@ -26,7 +26,8 @@ from rf_pointing.commands.track_options import (
     speed_factor,
 )
 from rf_pointing.core import MDEG
-from rf_pointing.ephemeris import Pass, utc_text
+from rf_pointing.core.dates import utc_text
+from rf_pointing.ephemeris import Pass
 from rf_pointing.nodes import convert_planning
 from rf_pointing.nodes.qos import LATCHED
 from rf_pointing.planning import certificate_lines

@@ -11,7 +11,7 @@ from rf_pointing.ephemeris.oem_target import OemTarget
 from rf_pointing.ephemeris.passes import Pass, find_passes, first_pass_above, passes_with_present
 from rf_pointing.ephemeris.sites import SITES, Site, site
 from rf_pointing.ephemeris.sun_angle import smallest_sun_angle_rad, sun_angle_rad
-from rf_pointing.ephemeris.time_scales import Gps, Tai, Tt, Ut1, Utc, leap_seconds, utc_text
+from rf_pointing.ephemeris.time_scales import Gps, Tai, Tt, Ut1, Utc, leap_seconds
 from rf_pointing.ephemeris.tle import verification_elements
 from rf_pointing.ephemeris.tle_writer import tle_lines
 from rf_pointing.ephemeris.track import TargetSource, TopocentricTrack
@@ -58,6 +58,5 @@ __all__ = [
     "sun",
     "sun_angle_rad",
     "tle_lines",
-    "utc_text",
     "verification_elements",
 ]

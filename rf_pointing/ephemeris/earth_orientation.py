@@ -12,8 +12,9 @@ from typing import Any, Protocol
 import numpy as np
 
 from rf_pointing.core import Params, parameter
+from rf_pointing.core.dates import utc_text
 from rf_pointing.ephemeris.iers_tables import block_number, last_measured_t_s, orientation_block, table_span_t_s
-from rf_pointing.ephemeris.time_scales import DAY_S, leap_seconds, utc_text
+from rf_pointing.ephemeris.time_scales import DAY_S, leap_seconds
 
 __all__ = ["EarthOrientation", "EarthOrientationSource", "FixedEarthOrientation", "IersEarthOrientation"]
 

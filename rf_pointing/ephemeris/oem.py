@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from rf_pointing.core import require_choice
 from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
+from rf_pointing.core.kvn import key_and_value
 from rf_pointing.ephemeris.celestial_frame import EARTH_RATE_RAD_S
-from rf_pointing.ephemeris.kvn import key_and_value
 from rf_pointing.ephemeris.time_scales import (
     DAY_S,
     POSIX_EPOCH_JD,

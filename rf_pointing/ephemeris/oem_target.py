@@ -14,12 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.core import require_choice
+from rf_pointing.core.dates import utc_text
 from rf_pointing.ephemeris.celestial_frame import EARTH_RATE_RAD_S, earth_fixed_from_gcrs, tt_parts
 from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource, IersEarthOrientation
 from rf_pointing.ephemeris.oem import METHODS, OemSegment
 from rf_pointing.ephemeris.sgp4_orbit import GMST_RATE_RAD_S, earth_fixed_from_teme
 from rf_pointing.ephemeris.state_vector import StateVector, Vector, rotated, seen_from_rotating_axes
-from rf_pointing.ephemeris.time_scales import DAY_S, POSIX_EPOCH_JD, Tai, leap_seconds, utc_text
+from rf_pointing.ephemeris.time_scales import DAY_S, POSIX_EPOCH_JD, Tai, leap_seconds
 
 __all__ = ["OemTarget"]
 

@@ -13,8 +13,8 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from rf_pointing.core.kvn import key_and_value, without_unit
 from rf_pointing.ephemeris.elements import MEAN_MOTIONS, Elements
-from rf_pointing.ephemeris.kvn import key_and_value, without_unit
 from rf_pointing.ephemeris.time_scales import DAY_S, posix_from_calendar
 
 if TYPE_CHECKING:

@@ -7,7 +7,6 @@ repeats the second before it).  Leap seconds come from the packaged IERS list, w
 Source: IERS Conventions (2010) chapter 5; IS-GPS-200 for the 19 s.
 """
 
-import math
 import re
 from bisect import bisect_right
 from calendar import isleap
@@ -20,6 +19,7 @@ from typing import Any, Self
 import numpy as np
 
 from rf_pointing.core import require_finite
+from rf_pointing.core.dates import utc_text
 
 __all__ = [
     "DAY_S",
@@ -34,7 +34,6 @@ __all__ = [
     "posix_from_calendar",
     "require_day_of_year",
     "tai_from_utc_calendar",
-    "utc_text",
 ]
 
 DAY_S = 86400.0
@@ -220,11 +219,3 @@ def require_day_of_year(text: str, year: int, day: float) -> None:
     days = 366 if isleap(year) else 365
     if not 1.0 <= day < days + 1:
         raise ValueError(f"date={text!r} has day {day:g} of {year}, must be >= 1 and < {days + 1}")
-
-
-def utc_text(t_s: float) -> str:
-    """Return a wire time as 2006-06-26T17:03:12.345Z."""
-    require_finite("t_s", t_s)
-    milliseconds = round(t_s * 1e3)
-    stamp = datetime.fromtimestamp(math.floor(milliseconds / 1000), tz=UTC)
-    return f"{stamp:%Y-%m-%dT%H:%M:%S}.{milliseconds % 1000:03d}Z"

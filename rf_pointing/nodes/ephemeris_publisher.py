@@ -16,6 +16,7 @@ from rf_pointing_msgs.msg import PassList, PassProfileList, Target
 from rf_pointing_msgs.srv import SelectTarget
 
 from rf_pointing.core import Params, parameter
+from rf_pointing.core.dates import utc_text
 from rf_pointing.ephemeris import (
     Elements,
     ElementUncertainty,
@@ -24,7 +25,6 @@ from rf_pointing.ephemeris import (
     TopocentricTrack,
     passes_with_present,
     sky_uncertainty,
-    utc_text,
 )
 from rf_pointing.ephemeris.source import SourceParams, load_track, refraction_at
 from rf_pointing.ephemeris.target_memory import TargetMemory

@@ -1,10 +1,9 @@
 """From a recording to its table: how well the beam was on the target, and how well the graph ran."""
 
-from datetime import UTC, datetime
-
 import numpy as np
 
 from rf_pointing.core import MDEG
+from rf_pointing.core.dates import utc_text
 from rf_pointing.report.analysis import Analysis
 from rf_pointing.report.error_series import ErrorSeries, statistics_of
 from rf_pointing.report.machine import commands, link, servo
@@ -23,7 +22,7 @@ from rf_pointing.report.summary import (
 from rf_pointing.report.timeline import TRACKING_MODES, Timeline
 from rf_pointing.report.traffic import latencies, topic_traffic
 
-__all__ = ["summarize", "utc"]
+__all__ = ["summarize"]
 
 
 def summarize(analysis: Analysis) -> Summary:
@@ -45,18 +44,12 @@ def summarize(analysis: Analysis) -> Summary:
         topics=traffic,
         latency=latencies(recording),
         not_recorded=[
-            NotRecorded(topic=i.topic, count=i.count, first_lost_utc=utc(i.first_log_time_ns))
+            NotRecorded(topic=i.topic, count=i.count, first_lost_utc=utc_text(i.first_log_time_ns * 1e-9))
             for i in recording.not_recorded
         ],
         warnings=[Complaint(component=name, message=text, count=count) for name, text, count in recording.warnings],
         problems=[*recording.problems, *_missing(recording, errors)],
     )
-
-
-def utc(time_ns: int) -> str:
-    """Return nanoseconds since 1970 as ISO 8601 UTC to the millisecond."""
-    moment = datetime.fromtimestamp(time_ns // 10**9, UTC)
-    return f"{moment:%Y-%m-%dT%H:%M:%S}.{time_ns % 10**9 // 10**6:03d}Z"
 
 
 def _bag(recording: Recording) -> BagInfo:
@@ -70,7 +63,7 @@ def _bag(recording: Recording) -> BagInfo:
     return BagInfo(
         path=str(recording.path),
         namespace=recording.namespace or "/",
-        start_utc=utc(start) if start is not None else None,
+        start_utc=utc_text(start * 1e-9) if start is not None else None,
         simulated_s=simulated,
         wall_s=wall,
         speed=simulated / wall if simulated is not None and wall else None,
@@ -82,9 +75,9 @@ def _bag(recording: Recording) -> BagInfo:
 def _pass_info(item: Pass) -> PassInfo:
     return PassInfo(
         target=item.target,
-        aos_utc=utc(item.aos_ns),
-        tca_utc=utc(item.tca_ns),
-        los_utc=utc(item.los_ns),
+        aos_utc=utc_text(item.aos_ns * 1e-9),
+        tca_utc=utc_text(item.tca_ns * 1e-9),
+        los_utc=utc_text(item.los_ns * 1e-9),
         peak_elevation_deg=float(np.degrees(item.peak_elevation_rad)),
     )
 

@@ -9,7 +9,7 @@ import yaml
 
 from rf_pointing.calibration import read_model
 from rf_pointing.commands import track_options
-from rf_pointing.commands.utc import parse_utc
+from rf_pointing.core.dates import parse_utc
 from rf_pointing.ephemeris import find_elements, tle_lines, verification_elements
 
 ROOT = Path(__file__).parents[2]

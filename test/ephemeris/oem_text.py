@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from rf_pointing.ephemeris import Elements, utc_text
+from rf_pointing.core.dates import utc_text
+from rf_pointing.ephemeris import Elements
 
 START_T_S = 1151384300.0
 STEP_S = 60.0

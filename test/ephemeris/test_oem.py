@@ -10,6 +10,7 @@ from skyfield.api import EarthSatellite, load
 from skyfield.framelib import itrs
 
 from rf_pointing.core import MDEG, angular_distance_rad
+from rf_pointing.core.dates import utc_text
 from rf_pointing.ephemeris import (
     Elements,
     FixedEarthOrientation,
@@ -18,7 +19,6 @@ from rf_pointing.ephemeris import (
     TopocentricTrack,
     find_passes,
     read_oem,
-    utc_text,
 )
 from test.ephemeris.oem_text import START_T_S, STEP_S, TIMES, teme_states, text_of
 

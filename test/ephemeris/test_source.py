@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.core import MDEG
+from rf_pointing.core.dates import utc_text
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.ephemeris import (
     find_elements,
@@ -14,7 +15,6 @@ from rf_pointing.ephemeris import (
     site,
     sun_angle_rad,
     tle_lines,
-    utc_text,
     verification_elements,
 )
 from rf_pointing.ephemeris.source import SourceParams, first_time_s, load_elements, load_track

@@ -4,6 +4,7 @@ import erfa
 import numpy as np
 import pytest
 
+from rf_pointing.core.dates import utc_text
 from rf_pointing.ephemeris.time_scales import (
     Gps,
     Tai,
@@ -12,7 +13,6 @@ from rf_pointing.ephemeris.time_scales import (
     leap_seconds,
     posix_from_calendar,
     tai_from_utc_calendar,
-    utc_text,
 )
 
 T_2006_S = 1151347924.0

@@ -8,7 +8,7 @@ import pytest
 
 from rf_pointing.calibration import CandidatePass, Observations, SectorRule
 from rf_pointing.commands import calibrate, track_options
-from rf_pointing.commands.utc import parse_utc
+from rf_pointing.core.dates import parse_utc
 from rf_pointing.ephemeris import tle_lines
 
 

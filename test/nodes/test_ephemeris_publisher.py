@@ -8,7 +8,8 @@ import pytest
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
-from rf_pointing.ephemeris import find_elements, utc_text, verification_elements
+from rf_pointing.core.dates import utc_text
+from rf_pointing.ephemeris import find_elements, verification_elements
 from rf_pointing.nodes.diagnostics import ERROR, OK
 from rf_pointing.nodes.ephemeris_publisher import EphemerisPublisher
 

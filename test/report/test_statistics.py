@@ -10,7 +10,7 @@ import pytest
 from rf_pointing.report.analysis import analyse, tracked_pass
 from rf_pointing.report.definitions import Definitions
 from rf_pointing.report.recording import Recording, read_recording
-from rf_pointing.report.statistics import summarize, utc
+from rf_pointing.report.statistics import summarize
 from rf_pointing.report.summary import ErrorStatistics, Summary, to_json
 from rf_pointing.report.timeline import timeline
 
@@ -275,7 +275,3 @@ def test_pass_that_overlaps_the_tracking_is_chosen(recording: Recording) -> None
     found = tracked_pass(recording, timeline(recording))
     assert found == recording.passes[0]
     assert tracked_pass(recording, None) is None
-
-
-def test_times_are_written_in_utc_to_the_millisecond() -> None:
-    assert utc(1_700_000_000_123_999_999) == "2023-11-14T22:13:20.123Z"

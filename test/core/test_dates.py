@@ -1,6 +1,6 @@
 import pytest
 
-from rf_pointing.calibration.utc_text import from_utc_text, to_utc_text
+from rf_pointing.core.dates import from_utc_text, to_utc_text, utc_text
 
 
 def test_text_and_seconds_are_inverses_to_the_microsecond():
@@ -17,3 +17,8 @@ def test_ordinal_and_calendar_texts_of_one_instant_agree():
 def test_other_texts_are_refused(text):
     with pytest.raises(ValueError, match="time"):
         from_utc_text(text)
+
+
+def test_times_for_people_are_rounded_to_the_millisecond() -> None:
+    assert utc_text(1_700_000_000.1234) == "2023-11-14T22:13:20.123Z"
+    assert utc_text(1_700_000_000.9996) == "2023-11-14T22:13:21.000Z"
