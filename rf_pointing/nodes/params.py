@@ -64,6 +64,14 @@ class ParameterGroups:
         """Return the present set under `prefix`, as the core's frozen dataclass."""
         return self._groups[prefix]
 
+    def declared(self) -> dict[str, Params]:
+        """Return the sets by prefix, as they are now, in the order of their declaration."""
+        return dict(self._groups)
+
+    def is_live(self, name: str) -> bool:
+        """Return whether the parameter of this full name may change while the node is configured."""
+        return name in self._live
+
     def put(self, prefix: str, wanted: Params) -> None:
         """Set the parameters of the set under `prefix` to those of `wanted`, which the node has in force already."""
         present, configured = leaves(self._groups[prefix]), self.configured
