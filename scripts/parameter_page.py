@@ -27,15 +27,16 @@ EVERY_NODE = ("lifecycle",)
 HEADER = """\
 # Parameters
 
-Every ROS parameter of every node. A name is written as in a parameter file below `ros__parameters`: its
-prefix, a dot, and its own name, which ends in its unit. Angles are in degrees. A number outside its
-range is refused with the name and the bound, and every other value stays as it was.
+Every ROS parameter of every node. A name is written as in a parameter file below
+`ros__parameters`: its prefix, a dot, and its own name, which ends in its unit. Angles are in
+degrees. A number outside its range is refused; the message states the name and the bound, and every
+other value stays as it was.
 
-*Takes effect* says when a change counts: **at once** while the node runs, or **configure**: only before
-the node is configured, so deactivate it and clean it up first.
+*Takes effect* says when a change counts: **at once** while the node runs, or **configure**: only
+before the node is configured, so deactivate it and clean it up first.
 
-This page is made by `scripts/run-python scripts/parameter_page.py > docs/parameters.md`; a test compares
-it with what the nodes declare.
+This page is made by `scripts/run-python scripts/parameter_page.py > docs/parameters.md`; a test
+compares it with what the nodes declare.
 """
 ROW = "| {name} | {unit} | {default} | {bounds} | {effect} | {description} |"
 COLUMNS = ["Parameter", "Unit", "Default", "Range", "Takes effect", "Meaning"]
