@@ -23,7 +23,6 @@ from rf_pointing.calibration.pipeline import PipelineOptions, ProcessedPass, pro
 from rf_pointing.calibration.raw_tracking import RawTracking, StageReport, split_passes
 from rf_pointing.calibration.reference import ReferenceTrack
 from rf_pointing.calibration.shadow import ShadowRules, ShadowScore, Verdict
-from rf_pointing.calibration.streaming import StreamingFit
 from rf_pointing.calibration.tdm import read_tdm, write_tdm
 from rf_pointing.calibration.term_selection import HeldOut, TermSelection, held_out_passes, select_terms
 from rf_pointing.calibration.terms import EXTENSION_TERMS, TERM_NAMES, TERMS, Term, terms_by_name
@@ -60,7 +59,6 @@ __all__ = [
     "ShadowScore",
     "Slew",
     "StageReport",
-    "StreamingFit",
     "Term",
     "TermSelection",
     "Verdict",

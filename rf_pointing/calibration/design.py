@@ -14,7 +14,7 @@ from rf_pointing.calibration.angles import ArrayAngles
 from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.term import Partial, Term
 
-__all__ = ["Acting", "Block", "acting_on", "angles_of", "design_blocks", "term_matrix", "weighted_rows"]
+__all__ = ["Acting", "Block", "acting_on", "angles_of", "design_blocks", "weighted_rows"]
 
 Array = NDArray[np.float64]
 
@@ -74,16 +74,6 @@ def design_blocks(angles: ArrayAngles, terms: Sequence[Term]) -> tuple[Block, Bl
         Block(azimuth.columns, weighted_rows(angles, azimuth, nothing, one)),
         Block(elevation.columns, weighted_rows(angles, elevation, nothing, one)),
     )
-
-
-def term_matrix(angles: ArrayAngles, terms: Sequence[Term]) -> tuple[Array, Array]:
-    """Return the full partial derivatives (n, len(terms)) of azimuth and of elevation offsets."""
-    full = []
-    for block in design_blocks(angles, terms):
-        matrix = np.zeros((len(angles.azimuth_rad), len(terms)))
-        matrix[:, block.columns] = block.matrix
-        full.append(matrix)
-    return full[0], full[1]
 
 
 def _acting(partials: Sequence[Partial | None]) -> Acting:

@@ -47,7 +47,7 @@ class Solution:
 
 @dataclass
 class Triangle:
-    """The square-root state; `copy` before adding rows that may have to be taken back."""
+    """The square-root state: `factor` [R | z] of all rows that were folded in, and how many equations they were."""
 
     names: tuple[str, ...]
     factor: Array = field(default_factory=lambda: np.zeros((0, 0)))
@@ -59,10 +59,6 @@ class Triangle:
             self.factor = np.zeros((0, width))
         if self.factor.shape[1] != width:
             raise ValueError(f"factor has {self.factor.shape[1]} columns, must be {width}")
-
-    def copy(self) -> "Triangle":
-        """Return an independent copy."""
-        return Triangle(self.names, self.factor.copy(), self.rows)
 
     def add_blocks(self, blocks: Iterable[tuple[Array, NDArray[np.int64]]]) -> None:
         """Fold in blocks of rows [matrix | right] (n, m + 1), divided by sigma, for the unknowns `columns` (m,).

@@ -1,6 +1,6 @@
 """Synthetic passes: straight fly-bys whose angles and derivatives are closed form, biased by a planted model."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
@@ -96,6 +96,19 @@ def random() -> np.random.Generator:
 def table_1() -> BiasModel:
     """Return the coefficients of SATCAL Table 1."""
     return BiasModel.from_degrees(TABLE_1_DEG)
+
+
+@pytest.fixture
+def partials() -> Callable[..., tuple[np.ndarray, np.ndarray]]:
+    """Return the derivatives (n, k) of both offsets by the named terms: the offset is linear in them."""
+
+    def matrices(motion: Sequence[np.ndarray], names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+        size = 0.0625
+        ones = [BiasModel.zero().replace(**{name: size}).offset_rad(*motion) for name in names]
+        azimuth, elevation = (np.stack([one[axis] / size for one in ones], axis=-1) for axis in (0, 1))
+        return azimuth, elevation
+
+    return matrices
 
 
 @pytest.fixture
