@@ -1,23 +1,26 @@
 """What to add to hit it: the bias model of an antenna, its data, its fit and its check on an orbit."""
 
-from rf_pointing.calibration.advice import PassAdvice, next_best_passes, uninformed_covariance
 from rf_pointing.calibration.bias_model import BiasModel
-from rf_pointing.calibration.campaign import Campaign, Slew, plan_campaign
-from rf_pointing.calibration.candidate_pass import CandidatePass
+from rf_pointing.calibration.campaign import (
+    Campaign,
+    CandidatePass,
+    PassAdvice,
+    Slew,
+    next_best_passes,
+    plan_campaign,
+    uninformed_covariance,
+)
 from rf_pointing.calibration.corrections import Corrections, Ionosphere
 from rf_pointing.calibration.coverage import Coverage, SectorRule
-from rf_pointing.calibration.derivatives import require_derivatives
-from rf_pointing.calibration.doubts import doubts_of
-from rf_pointing.calibration.fit import fit_bias_model, held_at_zero
-from rf_pointing.calibration.fit_options import FitOptions, Prior
+from rf_pointing.calibration.doubts import doubts_of, measured_pass_priors
+from rf_pointing.calibration.fit import FitOptions, fit_bias_model, held_at_zero
+from rf_pointing.calibration.fit_problem import Prior
 from rf_pointing.calibration.fit_result import FitResult
 from rf_pointing.calibration.lag_history import LagHistory, LagState, without_lags
-from rf_pointing.calibration.model_file import read_model, write_model
+from rf_pointing.calibration.model_file import ModelVersion, read_model, write_model
 from rf_pointing.calibration.model_store import ModelStore
-from rf_pointing.calibration.model_version import ModelVersion
 from rf_pointing.calibration.observation_journal import ObservationJournal
-from rf_pointing.calibration.observations import Observations
-from rf_pointing.calibration.pass_error_size import measured_pass_priors
+from rf_pointing.calibration.observations import Observations, require_derivatives
 from rf_pointing.calibration.pass_errors import PassPriors
 from rf_pointing.calibration.pipeline import PipelineOptions, ProcessedPass, process_pass, select_observations
 from rf_pointing.calibration.raw_tracking import RawTracking, StageReport, split_passes

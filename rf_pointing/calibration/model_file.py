@@ -1,4 +1,8 @@
-"""The file in which a fitted bias model lives: readable YAML or JSON, degrees and seconds, complete with covariance.
+"""Reading a nested mapping with errors that name the key: the checks behind the model file.
+
+A fitted bias model with all that an operator must know of it: where it comes from, how certain it is, when it holds.
+
+The file in which a fitted bias model lives: readable YAML or JSON, degrees and seconds, complete with covariance.
 
 The suffix decides the format (.yaml, .yml, .json).  Reading checks every key; an error names it.
 """
@@ -7,6 +11,7 @@ import json
 import math
 import os
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,14 +19,180 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.calibration.bias_model import BiasModel
-from rf_pointing.calibration.model_version import ModelVersion, stamp_text
-from rf_pointing.calibration.schema import Section
+from rf_pointing.calibration.fit_result import FitResult
 from rf_pointing.calibration.terms import Term, all_terms
-from rf_pointing.core import require_choice
+from rf_pointing.core import require_choice, require_finite
+from rf_pointing.core.dates import from_utc_text, to_utc_text
 
-__all__ = ["FORMAT", "from_mapping", "read_model", "to_mapping", "write_model"]
+__all__ = ["FORMAT", "ModelVersion", "Section", "from_mapping", "read_model", "stamp_text", "to_mapping", "write_model"]
+
+
+class Section:
+    """One mapping of a file: every key must be known, every needed key present, every value of its type."""
+
+    def __init__(self, value: Any, path: str, needed: tuple[str, ...], optional: tuple[str, ...] = ()) -> None:
+        if not isinstance(value, Mapping):
+            raise ValueError(f"{path or 'file'} must be a mapping of keys to values")
+        self.path, self.values = path, value
+        unknown = [str(key) for key in value if key not in needed + optional]
+        if unknown:
+            raise ValueError(f"{self.key(unknown[0])} is not a known key; known: {', '.join(needed + optional)}")
+        missing = [key for key in needed if key not in value]
+        if missing:
+            raise ValueError(f"{self.key(missing[0])} is missing")
+
+    def key(self, name: str) -> str:
+        """Return the full path of a key."""
+        return f"{self.path}.{name}" if self.path else name
+
+    def has(self, name: str) -> bool:
+        """Return whether an optional key is given and not null."""
+        return self.values.get(name) is not None
+
+    def section(self, name: str, needed: tuple[str, ...], optional: tuple[str, ...] = ()) -> "Section":
+        """Return a nested mapping."""
+        return Section(self.values[name], self.key(name), needed, optional)
+
+    def text(self, name: str) -> str:
+        """Return a non-empty text."""
+        value = self.values[name]
+        if not isinstance(value, str) or not value:
+            raise ValueError(f"{self.key(name)}={value!r} must be a text")
+        return value
+
+    def flag(self, name: str) -> bool:
+        """Return true or false."""
+        value = self.values[name]
+        if not isinstance(value, bool):
+            raise ValueError(f"{self.key(name)}={value!r} must be true or false")
+        return value
+
+    def number(self, name: str) -> float:
+        """Return a finite number."""
+        value = self.values[name]
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
+            raise ValueError(f"{self.key(name)}={value!r} must be a number")
+        require_finite(self.key(name), value)
+        return float(value)
+
+    def whole(self, name: str) -> int:
+        """Return a whole number >= 0."""
+        value = self.values[name]
+        if isinstance(value, bool) or not isinstance(value, int) or value < 0:
+            raise ValueError(f"{self.key(name)}={value!r} must be a whole number >= 0")
+        return value
+
+    def time(self, name: str) -> float:
+        """Return UTC seconds since 1970 of an ISO text ending in Z."""
+        text = self.text(name)
+        if not text.endswith("Z"):
+            raise ValueError(f"{self.key(name)}={text!r} must be a time like 2026-03-21T05:11:02Z")
+        try:
+            return from_utc_text(text)
+        except ValueError as error:
+            raise ValueError(f"{self.key(name)}: {error}") from None
+
+    def texts(self, name: str) -> tuple[str, ...]:
+        """Return a list of texts."""
+        value = self.values[name]
+        if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
+            raise ValueError(f"{self.key(name)} must be a list of texts")
+        return tuple(value)
+
+    def numbers(self, name: str, count: int) -> list[list[float]]:
+        """Return a square matrix of finite numbers."""
+        value = self.values[name]
+        square = isinstance(value, list) and len(value) == count
+        if not square or not all(isinstance(row, list) and len(row) == count for row in value):
+            raise ValueError(f"{self.key(name)} must be a list of {count} lists of {count} numbers")
+        for i, row in enumerate(value):
+            for j, item in enumerate(row):
+                if isinstance(item, bool) or not isinstance(item, (int, float)):
+                    raise ValueError(f"{self.key(name)}[{i}][{j}]={item!r} must be a number")
+                require_finite(f"{self.key(name)}[{i}][{j}]", item)
+        return [[float(item) for item in row] for row in value]
+
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ModelVersion:
+    """A named version of a bias model and where it comes from; times are UTC seconds since 1970.
+
+    `fitted` are the terms that were estimated, in the order of `covariance` (k, k) in core units; the others were
+    fixed.  `valid_until_t_s` None: until replaced.
+    """
+
+    name: str
+    station: str
+    band: str
+    software: str
+    created_t_s: float
+    valid_from_t_s: float
+    valid_until_t_s: float | None
+    first_t_s: float
+    last_t_s: float
+    observations: int
+    rejected: int
+    passes: int
+    form: str
+    condition: float
+    rms_cross_elevation_rad: float
+    rms_elevation_rad: float
+    mean_azimuth_rad: float
+    mean_elevation_rad: float
+    model: BiasModel
+    fitted: tuple[str, ...]
+    covariance: Array
+
+    @classmethod
+    def from_fit(
+        cls, result: FitResult, *, name: str, software: str, created_t_s: float, valid_until_t_s: float | None = None
+    ) -> "ModelVersion":
+        """Make the file of a fit; it is valid from its creation."""
+        rms, mean = result.rms_rad(), result.mean_rad()
+        return cls(
+            name=name,
+            station=result.station,
+            band=result.band,
+            software=software,
+            created_t_s=created_t_s,
+            valid_from_t_s=created_t_s,
+            valid_until_t_s=valid_until_t_s,
+            first_t_s=result.first_t_s,
+            last_t_s=result.last_t_s,
+            observations=int(np.sum(result.used)),
+            rejected=len(result.rejected),
+            passes=result.passes,
+            form=result.form,
+            condition=result.condition,
+            rms_cross_elevation_rad=rms[0],
+            rms_elevation_rad=rms[1],
+            mean_azimuth_rad=mean[0],
+            mean_elevation_rad=mean[1],
+            model=result.model,
+            fitted=result.names,
+            covariance=result.covariance,
+        )
+
+    def check_for(self, station: str, band: str, t_s: float) -> None:
+        """Raise ValueError if this model belongs to another station or band or is not valid at `t_s`."""
+        if self.station != station:
+            raise ValueError(f"model {self.name!r} is of station {self.station!r}, must be of {station!r}")
+        if self.band != band:
+            raise ValueError(f"model {self.name!r} is of band {self.band!r}, must be of {band!r}")
+        if t_s < self.valid_from_t_s or (self.valid_until_t_s is not None and t_s > self.valid_until_t_s):
+            until = "replaced" if self.valid_until_t_s is None else stamp_text(self.valid_until_t_s)
+            raise ValueError(
+                f"model {self.name!r} is valid from {stamp_text(self.valid_from_t_s)} until {until}, not at {stamp_text(t_s)}"
+            )
+
+
+def stamp_text(t_s: float) -> str:
+    """Return a time as model files have it: ISO 8601 with a Z."""
+    return to_utc_text(t_s) + "Z"
+
 
 FORMAT = "rf_pointing/bias_model/1"
 _ROUNDING = 1e-9

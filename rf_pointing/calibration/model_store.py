@@ -8,8 +8,7 @@ import json
 import os
 from pathlib import Path
 
-from rf_pointing.calibration.model_file import read_model, write_model
-from rf_pointing.calibration.model_version import ModelVersion
+from rf_pointing.calibration.model_file import ModelVersion, read_model, write_model
 
 __all__ = ["ModelStore"]
 
