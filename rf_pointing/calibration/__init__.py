@@ -19,7 +19,6 @@ from rf_pointing.calibration.fit_result import FitResult
 from rf_pointing.calibration.lag_history import LagHistory, LagState, without_lags
 from rf_pointing.calibration.model_file import ModelVersion, read_model, write_model
 from rf_pointing.calibration.model_store import ModelStore
-from rf_pointing.calibration.observation_journal import ObservationJournal
 from rf_pointing.calibration.observations import Observations, require_derivatives
 from rf_pointing.calibration.pass_errors import PassPriors
 from rf_pointing.calibration.pipeline import PipelineOptions, ProcessedPass, process_pass, select_observations
@@ -29,7 +28,12 @@ from rf_pointing.calibration.shadow import ShadowRules, ShadowScore, Verdict
 from rf_pointing.calibration.tdm import read_tdm, write_tdm
 from rf_pointing.calibration.term_selection import HeldOut, TermSelection, held_out_passes, select_terms
 from rf_pointing.calibration.terms import EXTENSION_TERMS, TERM_NAMES, TERMS, Term, terms_by_name
-from rf_pointing.calibration.tracking_csv import read_observations, read_tracking, write_observations, write_tracking
+from rf_pointing.calibration.tracking_csv import (
+    ObservationJournal,
+    read_observations,
+    read_tracking,
+    write_observations,
+)
 
 __all__ = [
     "EXTENSION_TERMS",
@@ -87,5 +91,4 @@ __all__ = [
     "write_model",
     "write_observations",
     "write_tdm",
-    "write_tracking",
 ]

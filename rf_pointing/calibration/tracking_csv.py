@@ -1,15 +1,18 @@
-"""Comma-separated tables whose column names carry their units, read with errors that name the line.
+"""Raw tracking and calibration points as CSV: angles in degrees in the file, radians inside.
 
-Lines "# name: value" before the header hold what is the same for all rows (station, band, target).
+Column names carry their units.  Lines "# name: value" before the header hold what is the same for all rows (station,
+band, target).  An error names the line.
 
-Raw tracking and calibration points as CSV: angles in degrees at this edge, radians inside.
+`ObservationJournal` writes points as they are taken, each on the disk before the next one (docs/decisions/0062): a
+killed process loses at most the line it was writing.  Its file is the one that `read_observations` reads.
 """
 
 import csv
+import errno
 import math
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -18,66 +21,206 @@ from numpy.typing import NDArray
 from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.raw_tracking import RawTracking
 from rf_pointing.core import from_degrees, to_degrees
+from rf_pointing.core.whole_file import write_whole
 
-__all__ = [
-    "Table",
-    "edge_columns",
-    "read_observations",
-    "read_table",
-    "read_tracking",
-    "write_observations",
-    "write_table",
-    "write_tracking",
-]
-
+__all__ = ["ObservationJournal", "read_observations", "read_tracking", "write_observations"]
 
 Array = NDArray[np.float64]
+Table = tuple[Mapping[str, str], Mapping[str, Array]]
+
+MOST_OF_A_NAME = 1000
+_NOTES = ("station", "band", "target")
+_NEEDED = ("t_s", "azimuth_deg", "elevation_deg")
+_OPTIONAL = ("range_m", "range_rate_m_s", "good")
+_POINT_OPTIONAL = ("range_m", "range_rate_m_s", "temperature_k")
 
 
-@dataclass(frozen=True, eq=False)
-class Table:
-    """Column values (n,) by name, and the notes before the header."""
+def read_tracking(path: str | Path) -> RawTracking:
+    """Read the samples of one pass (`t_s` UTC seconds since 1970); without a column `good` all are good."""
+    notes, column = _read_table(path, _NOTES, _NEEDED, _OPTIONAL)
+    good = column.get("good", np.ones(len(column["t_s"])))
+    if not np.all(np.isin(good, (0.0, 1.0))):
+        raise ValueError(f"{path}: column good must hold 0 or 1")
+    _refuse_radians(path, column, "")
+    return RawTracking(
+        station=notes["station"],
+        band=notes["band"],
+        target=notes["target"],
+        t_s=column["t_s"],
+        azimuth_rad=np.radians(column["azimuth_deg"]),
+        elevation_rad=np.radians(column["elevation_deg"]),
+        range_m=column.get("range_m"),
+        range_rate_m_s=column.get("range_rate_m_s"),
+        good=good == 1.0,
+    )
 
-    notes: Mapping[str, str]
-    columns: Mapping[str, Array]
+
+def read_observations(path: str | Path) -> Observations:
+    """Read calibration points; raises ValueError naming the file, and the line of a damaged one."""
+    needed = [_edge(name) for name in _point_columns() if name not in _POINT_OPTIONAL]
+    notes, table = _read_table(path, _NOTES[:2], needed, _POINT_OPTIONAL)
+    for kind in ("observed_", "true_"):
+        _refuse_radians(path, table, kind)
+    columns = {}
+    for name, value in table.items():
+        core, _ = from_degrees(name, 0.0)
+        columns[core] = np.radians(value) if core != name else value
+    if not np.all(columns["pass_id"] == np.round(columns["pass_id"])):
+        raise ValueError(f"{path}: column pass_id must hold whole numbers")
+    pass_id = columns.pop("pass_id").astype(np.int64)
+    try:
+        return Observations(station=notes["station"], band=notes["band"], pass_id=pass_id, **columns)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
 
 
-def read_table(path: str | Path, notes: Sequence[str], needed: Sequence[str], optional: Sequence[str]) -> Table:
-    """Read a table that has all `notes` and `needed` columns and none beyond the `optional` ones."""
+def write_observations(path: str | Path, points: Observations) -> None:
+    """Write calibration points, all digits kept; `read_observations` is the inverse."""
+    columns = _edge_columns(points)
+    write_whole(Path(path), _head(points.station, points.band, columns) + _lines(columns))
+
+
+class ObservationJournal:
+    """The points of one station and band in `path`; `points` are those that were in it when it was opened.
+
+    Opening cuts off a last line without its end.  Other damage raises ValueError with the line's number, and nothing
+    is overwritten.
+    """
+
+    def __init__(self, path: str | Path, station: str, band: str) -> None:
+        self.path, self.station, self.band = Path(path), station, band
+        self.points = self._recovered()
+
+    def append(self, points: Observations) -> None:
+        """Add points; they are on the disk when this returns.
+
+        Raises
+        ------
+        ValueError
+            For points of another station or band.
+        OSError
+            When the disk does not take them; the file is then as it was.
+        """
+        self._check_owner(points)
+        columns = _edge_columns(points)
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        # Without a buffer: a buffer would try again, unnoticed, when the file is closed.
+        with self.path.open("ab", buffering=0) as stream:
+            end = stream.tell()
+            head = _head(self.station, self.band, columns) if end == 0 else ""
+            content = (head + _lines(columns)).encode()
+            try:
+                if stream.write(content) != len(content):
+                    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), stream.name)
+                os.fsync(stream.fileno())
+            except OSError:
+                stream.truncate(end)
+                raise
+
+    def set_aside(self, name: str) -> Path | None:
+        """Rename the file, so that the next point begins a new one; return the old points' file, None without any.
+
+        Nothing is overwritten: where `name` is taken a number follows it.
+        """
+        if not self.path.exists():
+            return None
+        stems = (f"{self.path.stem}-{name}{tail}" for tail in ("", *(f"-{k}" for k in range(2, MOST_OF_A_NAME))))
+        free = (place for stem in stems if not (place := self.path.with_name(stem + self.path.suffix)).exists())
+        old = next(free, None)
+        if old is None:
+            raise ValueError(f"{self.path.stem}-{name}-* are all taken; observations are never overwritten")
+        os.rename(self.path, old)
+        self.points = None
+        return old
+
+    def _recovered(self) -> Observations | None:
+        if not self.path.exists():
+            return None
+        content = self.path.read_bytes()
+        whole = content[: content.rfind(b"\n") + 1]
+        if len(whole) < len(content):
+            with self.path.open("rb+") as stream:
+                stream.truncate(len(whole))
+                os.fsync(stream.fileno())
+        # A process that was killed in the header has observed nothing: the next point writes the header again.
+        if len([line for line in whole.splitlines() if not line.startswith(b"#")]) < 2:
+            self.path.unlink()
+            return None
+        points = read_observations(self.path)
+        self._check_owner(points)
+        return points
+
+    def _check_owner(self, points: Observations) -> None:
+        for name in ("station", "band"):
+            if getattr(points, name) != getattr(self, name):
+                raise ValueError(
+                    f"{self.path}: points of {name} {getattr(points, name)!r}, must be of {getattr(self, name)!r}"
+                )
+
+
+def _refuse_radians(path: str | Path, columns: Mapping[str, Array], kind: str) -> None:
+    """Refuse angles that make sense as radians only: no antenna is calibrated below 2 deg next to north."""
+    azimuth, elevation = columns[f"{kind}azimuth_deg"], columns[f"{kind}elevation_deg"]
+    if np.all(np.abs(elevation) <= 0.5 * np.pi) and np.all(np.abs(azimuth) <= 3.0 * np.pi):
+        raise ValueError(
+            f"{path}: {kind}elevation_deg is at most {np.max(elevation):.3f} and {kind}azimuth_deg at most "
+            f"{np.max(azimuth):.3f} in all {len(azimuth)} rows; radians given where degrees are expected?"
+        )
+
+
+def _point_columns() -> tuple[str, ...]:
+    return tuple(item.name for item in fields(Observations) if item.name not in ("station", "band"))
+
+
+def _edge(name: str) -> str:
+    return to_degrees(name, 0.0)[0]
+
+
+def _edge_columns(points: Observations) -> dict[str, Array]:
+    """Return the columns of the file by name, angles in degrees."""
+    columns = {}
+    for name in _point_columns():
+        value = getattr(points, name)
+        if value is not None:
+            edge = _edge(name)
+            columns[edge] = np.degrees(value) if edge != name else value.astype(np.float64)
+    return columns
+
+
+def _head(station: str, band: str, columns: Mapping[str, Array]) -> str:
+    return f"# station: {station}\n# band: {band}\n{','.join(columns)}\n"
+
+
+def _lines(columns: Mapping[str, Array]) -> str:
+    rows = zip(*(values.tolist() for values in columns.values()), strict=True)
+    return "".join(",".join(map(repr, row)) + "\n" for row in rows)
+
+
+def _read_table(path: str | Path, notes: Sequence[str], needed: Sequence[str], optional: Sequence[str]) -> Table:
+    """Return the notes and the columns (n,) of a table that has all `notes` and `needed` columns.
+
+    A column that is neither needed nor `optional` is an error: a typing error would otherwise go unnoticed.
+    """
     source = Path(path)
     try:
-        return _parsed(source.read_text(encoding="utf-8-sig").splitlines(), notes, needed, optional)
+        # Spreadsheets write a byte-order mark, which "utf-8-sig" takes off.
+        lines = source.read_text(encoding="utf-8-sig").splitlines()
+        found, start = _read_notes(lines, notes)
+        header = [name.strip() for name in next(csv.reader([lines[start]]))] if start < len(lines) else []
+        _check_header(start + 1, header, needed, optional)
+        rows = [
+            _numbers(number, header, cells)
+            for number, cells in enumerate(csv.reader(lines[start + 1 :]), start=start + 2)
+            if cells
+        ]
+        if not rows:
+            raise ValueError(f"line {len(lines)}: no rows after the header")
     except ValueError as error:
         raise ValueError(f"{source}: {error}") from None
+    return found, dict(zip(header, np.array(rows).T, strict=True))
 
 
-def write_table(path: str | Path, table: Table) -> None:
-    """Write a table that `read_table` reads back; all digits are kept, and it appears complete or not at all."""
-    target = Path(path)
-    part = target.with_name(target.name + ".part")
-    with part.open("w", encoding="utf-8", newline="") as stream:
-        for name, value in table.notes.items():
-            stream.write(f"# {name}: {value}\n")
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(table.columns)
-        writer.writerows([repr(value) for value in row] for row in np.stack(list(table.columns.values()), 1).tolist())
-    os.replace(part, target)
-
-
-def _parsed(lines: Sequence[str], notes: Sequence[str], needed: Sequence[str], optional: Sequence[str]) -> Table:
-    found, start = _notes(lines, notes)
-    header = [name.strip() for name in next(csv.reader([lines[start]]))] if start < len(lines) else []
-    _check_header(start + 1, header, needed, optional)
-    rows = []
-    for number, cells in enumerate(csv.reader(lines[start + 1 :]), start=start + 2):
-        if cells:
-            rows.append(_numbers(number, header, cells))
-    if not rows:
-        raise ValueError(f"line {len(lines)}: no rows after the header")
-    return Table(found, dict(zip(header, np.array(rows).T, strict=True)))
-
-
-def _notes(lines: Sequence[str], wanted: Sequence[str]) -> tuple[dict[str, str], int]:
+def _read_notes(lines: Sequence[str], wanted: Sequence[str]) -> tuple[dict[str, str], int]:
     found, start = {}, 0
     while start < len(lines) and (lines[start].startswith("#") or not lines[start].strip()):
         name, colon, value = lines[start].lstrip("# ").partition(":")
@@ -114,98 +257,3 @@ def _numbers(number: int, header: Sequence[str], cells: Sequence[str]) -> list[f
             raise ValueError(f"line {number}: {name}={cell.strip()} must be finite")
         values.append(value)
     return values
-
-
-_NOTES = ("station", "band", "target")
-_NEEDED = ("t_s", "azimuth_deg", "elevation_deg")
-_OPTIONAL = ("range_m", "range_rate_m_s", "good")
-_POINT_OPTIONAL = ("range_m", "range_rate_m_s", "temperature_k")
-
-
-def read_tracking(path: str | Path) -> RawTracking:
-    """Read the samples of one pass (`t_s` UTC seconds since 1970); without a column `good` all are good."""
-    table = read_table(path, _NOTES, _NEEDED, _OPTIONAL)
-    column = table.columns
-    good = column.get("good", np.ones(len(column["t_s"])))
-    if not np.all(np.isin(good, (0.0, 1.0))):
-        raise ValueError(f"{path}: column good must hold 0 or 1")
-    _refuse_radians(path, column, "")
-    return RawTracking(
-        station=table.notes["station"],
-        band=table.notes["band"],
-        target=table.notes["target"],
-        t_s=column["t_s"],
-        azimuth_rad=np.radians(column["azimuth_deg"]),
-        elevation_rad=np.radians(column["elevation_deg"]),
-        range_m=column.get("range_m"),
-        range_rate_m_s=column.get("range_rate_m_s"),
-        good=good == 1.0,
-    )
-
-
-def write_tracking(path: str | Path, raw: RawTracking) -> None:
-    """Write the samples of one pass; `read_tracking` is the inverse."""
-    columns = {
-        "t_s": raw.t_s,
-        "azimuth_deg": np.degrees(raw.azimuth_rad),
-        "elevation_deg": np.degrees(raw.elevation_rad),
-    }
-    if raw.range_m is not None:
-        columns["range_m"] = raw.range_m
-    if raw.range_rate_m_s is not None:
-        columns["range_rate_m_s"] = raw.range_rate_m_s
-    columns["good"] = raw.good.astype(np.float64)
-    write_table(path, Table({name: getattr(raw, name) for name in _NOTES}, columns))
-
-
-def read_observations(path: str | Path) -> Observations:
-    """Read calibration points; raises ValueError naming the file, and the line of a damaged one."""
-    needed = [_edge(name) for name in _point_columns() if name not in _POINT_OPTIONAL]
-    table = read_table(path, _NOTES[:2], needed, _POINT_OPTIONAL)
-    for kind in ("observed_", "true_"):
-        _refuse_radians(path, table.columns, kind)
-    columns = {}
-    for name, value in table.columns.items():
-        core, _ = from_degrees(name, 0.0)
-        columns[core] = np.radians(value) if core != name else value
-    if not np.all(columns["pass_id"] == np.round(columns["pass_id"])):
-        raise ValueError(f"{path}: column pass_id must hold whole numbers")
-    pass_id = columns.pop("pass_id").astype(np.int64)
-    try:
-        return Observations(station=table.notes["station"], band=table.notes["band"], pass_id=pass_id, **columns)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
-
-
-def write_observations(path: str | Path, points: Observations) -> None:
-    """Write calibration points; `read_observations` is the inverse."""
-    write_table(path, Table({"station": points.station, "band": points.band}, edge_columns(points)))
-
-
-def edge_columns(points: Observations) -> dict[str, Array]:
-    """Return the columns of the file by name, angles in degrees."""
-    columns = {}
-    for name in _point_columns():
-        value = getattr(points, name)
-        if value is not None:
-            edge = _edge(name)
-            columns[edge] = np.degrees(value) if edge != name else value.astype(np.float64)
-    return columns
-
-
-def _refuse_radians(path: str | Path, columns: Mapping[str, Array], kind: str) -> None:
-    """Refuse angles that make sense as radians only: no antenna is calibrated below 2 deg next to north."""
-    azimuth, elevation = columns[f"{kind}azimuth_deg"], columns[f"{kind}elevation_deg"]
-    if np.all(np.abs(elevation) <= 0.5 * np.pi) and np.all(np.abs(azimuth) <= 3.0 * np.pi):
-        raise ValueError(
-            f"{path}: {kind}elevation_deg is at most {np.max(elevation):.3f} and {kind}azimuth_deg at most "
-            f"{np.max(azimuth):.3f} in all {len(azimuth)} rows; radians given where degrees are expected?"
-        )
-
-
-def _point_columns() -> tuple[str, ...]:
-    return tuple(item.name for item in fields(Observations) if item.name not in ("station", "band"))
-
-
-def _edge(name: str) -> str:
-    return to_degrees(name, 0.0)[0]

@@ -1,6 +1,7 @@
 """Synthetic passes: straight fly-bys whose angles and derivatives are closed form, biased by a planted model."""
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -55,6 +56,20 @@ def fly_by(miss_m: float, heading_rad: float, t_s: np.ndarray) -> dict[str, np.n
         "range_m": np.sqrt(distance2),
         "range_rate_m_s": closing / np.sqrt(distance2),
     }
+
+
+def write_tracking(path: Path, raw: RawTracking) -> None:
+    """Write samples of one pass as the CSV that `read_tracking` reads."""
+    columns = {
+        "t_s": raw.t_s,
+        "azimuth_deg": np.degrees(raw.azimuth_rad),
+        "elevation_deg": np.degrees(raw.elevation_rad),
+        **{name: raw.channels[name] for name in ("range_m", "range_rate_m_s") if name in raw.channels},
+        "good": raw.good.astype(np.float64),
+    }
+    rows = [",".join(map(repr, row)) for row in np.stack(list(columns.values()), axis=1).tolist()]
+    notes = [f"# {name}: {getattr(raw, name)}" for name in ("station", "band", "target")]
+    path.write_text("\n".join([*notes, ",".join(columns), *rows]) + "\n")
 
 
 def one_pass(
