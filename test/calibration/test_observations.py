@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rf_pointing.calibration import Observations, fit_bias_model, require_derivatives, write_observations
+from rf_pointing.calibration import Observations, fit_bias_model, require_derivatives
+from rf_pointing.calibration.tracking_csv import write_observations
 from rf_pointing.station.campaign.recorded_input import read_points
 
 

@@ -4,7 +4,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rf_pointing.calibration import Corrections, read_tdm, write_tdm
+from rf_pointing.calibration import Corrections, read_tdm
+from rf_pointing.calibration.tdm import write_tdm
 
 NONE = Corrections(light_time=False, troposphere=None, ionosphere=None, range_delay_m=0.0)
 ROUNDING_RAD = 1e-11

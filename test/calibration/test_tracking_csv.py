@@ -5,13 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rf_pointing.calibration import (
-    Corrections,
-    ObservationJournal,
-    read_observations,
-    read_tracking,
-    write_observations,
-)
+from rf_pointing.calibration import Corrections, ObservationJournal, read_observations, read_tracking
+from rf_pointing.calibration.tracking_csv import write_observations
 from test.calibration.conftest import write_tracking
 
 NONE = Corrections(light_time=False, troposphere=None, ionosphere=None, range_delay_m=0.0)
