@@ -1,33 +1,33 @@
-"""What to add to hit it: the bias model of an antenna, its data, its fit and its check on an orbit."""
+"""The bias model of an antenna: its terms, its data, its fit, and the files of all three."""
 
-from rf_pointing.calibration.advice import PassAdvice, next_best_passes, uninformed_covariance
 from rf_pointing.calibration.bias_model import BiasModel
-from rf_pointing.calibration.campaign import Campaign, Slew, plan_campaign
-from rf_pointing.calibration.candidate_pass import CandidatePass
-from rf_pointing.calibration.corrections import Corrections, Ionosphere
+from rf_pointing.calibration.campaign import (
+    Campaign,
+    CandidatePass,
+    Slew,
+    next_best_passes,
+    plan_campaign,
+    uninformed_covariance,
+)
+from rf_pointing.calibration.corrections import Corrections
 from rf_pointing.calibration.coverage import Coverage, SectorRule
-from rf_pointing.calibration.derivatives import require_derivatives
-from rf_pointing.calibration.doubts import doubts_of
-from rf_pointing.calibration.fit import fit_bias_model, held_at_zero
-from rf_pointing.calibration.fit_options import FitOptions, Prior
+from rf_pointing.calibration.doubts import doubts_of, measured_pass_priors
+from rf_pointing.calibration.fit import FitOptions, fit_bias_model, held_at_zero
+from rf_pointing.calibration.fit_problem import Prior
 from rf_pointing.calibration.fit_result import FitResult
 from rf_pointing.calibration.lag_history import LagHistory, LagState, without_lags
-from rf_pointing.calibration.model_file import read_model, write_model
+from rf_pointing.calibration.model_file import ModelVersion, read_model, write_model
 from rf_pointing.calibration.model_store import ModelStore
-from rf_pointing.calibration.model_version import ModelVersion
-from rf_pointing.calibration.observation_journal import ObservationJournal
-from rf_pointing.calibration.observations import Observations
-from rf_pointing.calibration.pass_error_size import measured_pass_priors
+from rf_pointing.calibration.observations import Observations, require_derivatives
 from rf_pointing.calibration.pass_errors import PassPriors
-from rf_pointing.calibration.pipeline import PipelineOptions, ProcessedPass, process_pass, select_observations
+from rf_pointing.calibration.pipeline import ProcessedPass, process_pass, select_observations
 from rf_pointing.calibration.raw_tracking import RawTracking, StageReport, split_passes
 from rf_pointing.calibration.reference import ReferenceTrack
 from rf_pointing.calibration.shadow import ShadowRules, ShadowScore, Verdict
-from rf_pointing.calibration.streaming import StreamingFit
-from rf_pointing.calibration.tdm import read_tdm, write_tdm
-from rf_pointing.calibration.term_selection import HeldOut, TermSelection, held_out_passes, select_terms
-from rf_pointing.calibration.terms import EXTENSION_TERMS, TERM_NAMES, TERMS, Term, terms_by_name
-from rf_pointing.calibration.tracking_csv import read_observations, read_tracking, write_observations, write_tracking
+from rf_pointing.calibration.tdm import read_tdm
+from rf_pointing.calibration.term_selection import held_out_passes, select_terms
+from rf_pointing.calibration.terms import EXTENSION_TERMS, TERM_NAMES, TERMS, terms_by_name
+from rf_pointing.calibration.tracking_csv import ObservationJournal, read_observations, read_tracking
 
 __all__ = [
     "EXTENSION_TERMS",
@@ -40,17 +40,13 @@ __all__ = [
     "Coverage",
     "FitOptions",
     "FitResult",
-    "HeldOut",
-    "Ionosphere",
     "LagHistory",
     "LagState",
     "ModelStore",
     "ModelVersion",
     "ObservationJournal",
     "Observations",
-    "PassAdvice",
     "PassPriors",
-    "PipelineOptions",
     "Prior",
     "ProcessedPass",
     "RawTracking",
@@ -60,9 +56,6 @@ __all__ = [
     "ShadowScore",
     "Slew",
     "StageReport",
-    "StreamingFit",
-    "Term",
-    "TermSelection",
     "Verdict",
     "doubts_of",
     "fit_bias_model",
@@ -84,7 +77,4 @@ __all__ = [
     "uninformed_covariance",
     "without_lags",
     "write_model",
-    "write_observations",
-    "write_tdm",
-    "write_tracking",
 ]

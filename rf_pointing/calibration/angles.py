@@ -1,19 +1,47 @@
-"""The two carriers on which the terms are evaluated: plain arrays (printed form) and Taylor series (exact form)."""
+"""The angles on which the terms are evaluated: plain arrays (printed form) or Taylor series (exact form)."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.calibration import taylor
 
-__all__ = ["REFERENCE_TEMPERATURE_K", "ArrayAngles", "SeriesAngles"]
+__all__ = ["REFERENCE_TEMPERATURE_K", "Angles", "ArrayAngles", "SeriesAngles"]
 
 Array = NDArray[np.float64]
 
 REFERENCE_TEMPERATURE_K = 288.15
 """Temperature at which the thermal terms vanish (ISA sea level)."""
+
+
+class Angles(Protocol):
+    """What a term may depend on."""
+
+    @property
+    def one(self) -> Array: ...
+    @property
+    def tan_elevation(self) -> Array: ...
+    @property
+    def sec_elevation(self) -> Array: ...
+    @property
+    def azimuth_rate(self) -> Array: ...
+    @property
+    def azimuth_acceleration(self) -> Array: ...
+    @property
+    def elevation_rate(self) -> Array: ...
+    @property
+    def elevation_acceleration(self) -> Array: ...
+    @property
+    def beyond_zenith(self) -> Array: ...
+    @property
+    def temperature_difference(self) -> Array: ...
+    def sin_azimuth(self, multiple: int) -> Array: ...
+    def cos_azimuth(self, multiple: int) -> Array: ...
+    def sin_elevation(self, multiple: int) -> Array: ...
+    def cos_elevation(self, multiple: int) -> Array: ...
 
 
 @dataclass(frozen=True)

@@ -118,18 +118,6 @@ class BiasModel:
                 elevation += value * term.elevation(angles)
         return azimuth, elevation
 
-    def partials(self, *motion: ArrayLike, temperature_k: ArrayLike | None = None) -> tuple[Array, Array]:
-        """Return the derivatives (..., k) of both offsets by the coefficients, in the order of `terms`.
-
-        `motion` are the six arguments of `offset_rad`, which is linear: offset = partials @ coefficients.
-        """
-        az, el, az_rate, el_rate, az_acceleration, el_acceleration = motion
-        angles = ArrayAngles.of(az, el, az_rate, el_rate, az_acceleration, el_acceleration, temperature_k)
-        zero = np.zeros_like(angles.one)
-        azimuth = [zero if term.azimuth is None else term.azimuth(angles) for term in self.terms]
-        elevation = [zero if term.elevation is None else term.elevation(angles) for term in self.terms]
-        return np.stack(azimuth, axis=-1), np.stack(elevation, axis=-1)
-
     def apply(
         self,
         azimuth_rad: ArrayLike,

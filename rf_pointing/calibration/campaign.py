@@ -1,23 +1,87 @@
-"""A campaign: passes, or pieces of them, that fill every sector of the sky in the least time.
+"""Which passes to track: those that fill the sky in the least time, or those that shrink chosen sigmas most.
 
-Two greedy plans are made and the one that ends first is taken.  One goes through the candidates in order of time and, of
-those that overlap, keeps the one with more points where they are still missing: good for few passes.  The other goes on
-with the candidate that brings most missing points per second from the end of the last one, slew included: good for many.
-When the last sector is full, passes whose points others make up for are struck out again, the poorest first.
+`plan_campaign` makes two greedy plans and takes the one that ends first.  One goes through the candidates in order of
+time and, of those that overlap, keeps the one with more points in thin sectors: good for few passes.  The other
+continues with the candidate that brings most of the missing points per second after the last one, slew included: good
+for many.  When the last sector is full, passes that the others make up for are removed again, the poorest first.
+
+`next_best_passes` needs no measurement: a pass with weighted partials A, its own orbit and clock errors eliminated,
+turns the covariance C of the terms into
+
+    C' = C - C A' (1 + A C A')^-1 A C
+
+It takes the best pass first, then the best one given the first, and so on.
 """
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.calibration.candidate_pass import CandidatePass
+from rf_pointing.calibration.angles import REFERENCE_TEMPERATURE_K
 from rf_pointing.calibration.coverage import Coverage, SectorRule
-from rf_pointing.core import Params, parameter
+from rf_pointing.calibration.fit import held_at_zero
+from rf_pointing.calibration.fit_problem import FitProblem
+from rf_pointing.calibration.observations import Observations
+from rf_pointing.calibration.pass_errors import PassPriors
+from rf_pointing.calibration.reference import ReferenceTrack
+from rf_pointing.calibration.terms import terms_by_name
+from rf_pointing.core import Params, parameter, require_between
 
-__all__ = ["Campaign", "Slew", "plan_campaign"]
+__all__ = [
+    "Campaign",
+    "CandidatePass",
+    "PassAdvice",
+    "Slew",
+    "next_best_passes",
+    "plan_campaign",
+    "uninformed_covariance",
+]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CandidatePass:
+    """A predicted pass: `track` at the times at which points would be taken, one sigma for each axis."""
+
+    name: str
+    track: ReferenceTrack
+    sigma_azimuth_rad: float
+    sigma_elevation_rad: float
+
+    @property
+    def start_t_s(self) -> float:
+        """Return the time of the first point."""
+        return float(self.track.t_s[0])
+
+    @property
+    def end_t_s(self) -> float:
+        """Return the time of the last point."""
+        return float(self.track.t_s[-1])
+
+    def observations(self, station: str, band: str, pass_id: int) -> Observations:
+        """Return the points as they would come without noise and bias, for the fit's partial derivatives."""
+        track, count = self.track, len(self.track.t_s)
+        return Observations(
+            station=station,
+            band=band,
+            t_s=track.t_s,
+            pass_id=np.full(count, pass_id),
+            observed_azimuth_rad=track.azimuth_rad,
+            observed_elevation_rad=track.elevation_rad,
+            true_azimuth_rad=track.azimuth_rad,
+            true_elevation_rad=track.elevation_rad,
+            azimuth_rate_rad_s=track.azimuth_rate_rad_s,
+            elevation_rate_rad_s=track.elevation_rate_rad_s,
+            azimuth_acceleration_rad_s2=track.azimuth_acceleration_rad_s2,
+            elevation_acceleration_rad_s2=track.elevation_acceleration_rad_s2,
+            sigma_azimuth_rad=np.full(count, self.sigma_azimuth_rad),
+            sigma_elevation_rad=np.full(count, self.sigma_elevation_rad),
+            range_m=track.range_m,
+            range_rate_m_s=track.range_rate_m_s,
+        )
+
 
 Array = NDArray[np.float64]
 Counts = NDArray[np.int64]
@@ -166,3 +230,78 @@ class _Table:
         missing = np.maximum(self._rule.fewest - filled, 0)
         gains: Counts = np.sum(np.minimum(more, missing), axis=-1)
         return gains
+
+
+@dataclass(frozen=True, eq=False)
+class PassAdvice:
+    """One pass worth tracking: sigma of all terms (k,) after it, and the mean factor on the chosen ones' sigma."""
+
+    name: str
+    start_t_s: float
+    sigma: Array
+    factor: float
+
+
+def uninformed_covariance(terms: Sequence[str]) -> Array:
+    """Return the covariance of a station never calibrated: the largest believable magnitude of each term as sigma."""
+    return np.diag([term.limit**2 for term in terms_by_name(terms)])
+
+
+def next_best_passes(
+    terms: Sequence[str],
+    covariance: Array,
+    candidates: Sequence[CandidatePass],
+    *,
+    chosen: Sequence[str],
+    count: int,
+    pass_priors: PassPriors | None = None,
+    slew: Slew | None = None,
+) -> list[PassAdvice]:
+    """Return up to `count` passes, the best first, that most reduce the sigma of the `chosen` terms.
+
+    `covariance` (k, k) is that of the last fit, or `uninformed_covariance`.  Passes that overlap a better one, or begin before
+    the antenna can have slewed there, are left out.  Stops when no pass is left.
+    """
+    require_between("count", count, 1, None)
+    places = _places(terms, chosen)
+    gains = [_information(tuple(terms), candidate, pass_priors) for candidate in candidates]
+    reach = slew or Slew()
+    left, present = list(range(len(candidates))), np.asarray(covariance, dtype=np.float64)
+    advice: list[PassAdvice] = []
+    while left and len(advice) < count:
+        after = {k: _updated(present, gains[k]) for k in left}
+        best = min(left, key=lambda k: _factor(after[k], present, places))
+        factor = _factor(after[best], present, places)
+        present = after[best]
+        left = [k for k in left if k != best and reach.allows(candidates[k], candidates[best])]
+        advice.append(PassAdvice(candidates[best].name, candidates[best].start_t_s, np.sqrt(np.diag(present)), factor))
+    return advice
+
+
+def _places(terms: Sequence[str], chosen: Sequence[str]) -> NDArray[np.int64]:
+    astray = [name for name in chosen if name not in terms]
+    if astray or not chosen:
+        raise ValueError(f"chosen={', '.join(chosen) or 'nothing'} must name terms among {', '.join(terms)}")
+    return np.array([list(terms).index(name) for name in chosen], dtype=np.int64)
+
+
+def _information(terms: tuple[str, ...], candidate: CandidatePass, pass_priors: PassPriors | None) -> Array:
+    """Return rows (m, k) whose squares are the information of a pass about the terms."""
+    data = candidate.observations("planned", "planned", 0)
+    # As warm as the reference of the thermal terms, about which a plan says nothing.
+    data = replace(data, temperature_k=np.full(len(data), REFERENCE_TEMPERATURE_K))
+    problem = FitProblem(data, terms, held_at_zero(terms), {}, pass_priors, "printed")
+    one = np.ones(len(data))
+    triangle, _ = problem.triangle(np.zeros(len(terms)), one.astype(bool), one)
+    return triangle.factor[:, :-1]
+
+
+def _updated(covariance: Array, rows: Array) -> Array:
+    seen = covariance @ rows.T
+    inner = np.eye(len(rows)) + rows @ seen
+    return np.asarray(covariance - seen @ np.linalg.solve(inner, seen.T))
+
+
+def _factor(after: Array, before: Array, places: NDArray[np.int64]) -> float:
+    ratio = np.diag(after)[places] / np.diag(before)[places]
+    return float(np.mean(np.sqrt(np.maximum(ratio, 0.0))))

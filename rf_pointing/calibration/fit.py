@@ -3,27 +3,71 @@
 One round of the loop: linearise about the current coefficients, solve, edit.  With the printed form the equations are
 linear and only the editing iterates; with the rotation form the loop is Gauss-Newton on the exact model, which is the
 paper's "updated iteratively".
+
+The covariance is that of independent noise, or the cluster sandwich, which stays honest when the errors of one pass
+are correlated:
+
+    cov = C [ sum_g u_g u_g' ] C,    C = (A'WA)^-1,    u_g = (1 - M_g C)^-1 s_g,    M_g = A_g'W A_g,  s_g = A_g'W r_g
+
+The sums run over passes.  The factor (1 - M_g C)^-1 undoes the pull of a pass on its own residuals (Bell and
+McCaffrey's third correction, the delete-one-pass jackknife): without it few passes give far too small a sigma.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from rf_pointing.calibration.editing import huber_weights, normalised_size, within_limit
-from rf_pointing.calibration.fit_options import FitOptions, Prior
-from rf_pointing.calibration.fit_problem import FitProblem, Round
+from rf_pointing.calibration.fit_problem import FitProblem, Prior, Round
 from rf_pointing.calibration.fit_result import FitResult, Rejected
 from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.pass_errors import PassPriors
-from rf_pointing.calibration.sandwich import sandwich_covariance
 from rf_pointing.calibration.terms import TERM_NAMES, terms_by_name
+from rf_pointing.core import Params, parameter
 
-__all__ = ["check_names", "fit_bias_model", "held_at_zero"]
+__all__ = ["FitOptions", "fit_bias_model", "held_at_zero"]
+
+Array = NDArray[np.float64]
 
 _CONVERGED_SIGMA = 1e-6
 _WEIGHTS_SETTLED = 1e-4
 _FREE_ROUNDS = 8
 """Rounds in which rejected observations may come back; afterwards editing only removes, so that it must end."""
+_MEDIAN_TO_SIGMA = 1.4826
+_FEWEST_SANDWICH_PASSES = 5
+_ALONE = 1e-8
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitOptions(Params):
+    """How the fit treats its data.
+
+    `covariance` "white" takes the stated sigmas as independent noise; "sandwich" measures how the errors of a pass
+    hang together (it needs many passes, edited beforehand).
+    """
+
+    form: str = parameter("printed", "model form: SATCAL (1)-(2) or exact rotations", choices=("printed", "rotation"))
+    edit_sigma: float = parameter(3.0, "residuals beyond this many sigma are left out; 0: none", low=0.0, high=100.0)
+    huber_sigma: float = parameter(0.0, "residuals beyond this many sigma count linearly; 0: squared", low=0.0, high=10)
+    max_iterations: int = parameter(40, "bound of the editing and linearisation loop", low=1, high=1000)
+    covariance: str = parameter("white", "how sigma is computed", choices=("white", "sandwich"))
+    fewest_passes: int = parameter(3, "fewer passes are refused unless every term has a prior", low=1, high=1000)
+    most_edited: float = parameter(
+        0.33,
+        "largest share of the observations that may be edited out; beyond it the data are refused",
+        low=0.0,
+        high=1.0,
+    )
+    scale_covariance: bool = parameter(False, "multiply the white covariance by the measured residual variance")
+
+    def check_together(self) -> None:
+        """Refuse editing before a sandwich: it cuts off the correlated errors that the sandwich has to measure."""
+        if self.covariance == "sandwich" and self.edit_sigma > 0.0:
+            raise ValueError(
+                f"edit_sigma={self.edit_sigma} must be 0 with covariance='sandwich': edit in the pipeline beforehand, "
+                "or sigma comes out up to 1.7 times too small"
+            )
 
 
 def held_at_zero(fitted: Iterable[str]) -> dict[str, float]:
@@ -48,7 +92,7 @@ def fit_bias_model(
     `options.max_iterations`.
     """
     names, chosen = tuple(terms), options or FitOptions()
-    check_names(names, held or {}, priors or {})
+    _check_names(names, held or {}, priors or {})
     if pass_priors is not None and chosen.covariance == "sandwich":
         raise ValueError("covariance='sandwich' with pass_priors counts the errors of a pass twice: choose one")
     backed = all(name in (priors or {}) for name in names)
@@ -142,7 +186,7 @@ def _result(problem: FitProblem, last: Round, options: FitOptions) -> FitResult:
     )
 
 
-def check_names(names: tuple[str, ...], held: Mapping[str, float], priors: Mapping[str, Prior]) -> None:
+def _check_names(names: tuple[str, ...], held: Mapping[str, float], priors: Mapping[str, Prior]) -> None:
     """Raise ValueError unless every one of the 14 terms is either fitted or held and all names are known."""
     if not names:
         raise ValueError("terms is empty, must name at least one term to fit")
@@ -157,3 +201,46 @@ def check_names(names: tuple[str, ...], held: Mapping[str, float], priors: Mappi
     astray = [name for name in priors if name not in names]
     if astray:
         raise ValueError(f"prior of {', '.join(astray)}: not a fitted term")
+
+
+def normalised_size(residuals: tuple[Array, Array], sigmas: tuple[Array, Array], used: NDArray[np.bool_]) -> Array:
+    """Return the larger of the azimuth and elevation residuals (n,) in units of their spread among `used` rows."""
+    sizes = []
+    for residual, sigma in zip(residuals, sigmas, strict=True):
+        size = np.abs(residual) / sigma
+        sizes.append(size / max(1.0, _MEDIAN_TO_SIGMA * float(np.median(size[used]))))
+    return np.maximum(*sizes)
+
+
+def within_limit(size: Array, limit: float, used: NDArray[np.bool_], *, may_return: bool) -> NDArray[np.bool_]:
+    """Return the rows that count next; limit 0 keeps all, `may_return` lets rejected rows come back."""
+    if limit == 0.0:
+        return used
+    keep = size <= limit
+    return keep if may_return else keep & used
+
+
+def huber_weights(size: Array, limit: float) -> Array:
+    """Return weights (n,) that make residuals beyond `limit` count linearly; limit 0: all one."""
+    return np.ones_like(size) if limit == 0.0 else np.minimum(1.0, limit / np.maximum(size, limit))
+
+
+def sandwich_covariance(names: Sequence[str], covariance: Array, passes: Sequence[tuple[int, Array, Array]]) -> Array:
+    """Return the covariance (k, k) from the white-noise one and per pass (number, rows (m, k), residuals (m,)).
+
+    Rows and residuals are divided by sigma.  Raises ValueError for fewer than _FEWEST_SANDWICH_PASSES passes and where one
+    pass alone determines a term.
+    """
+    if len(passes) < _FEWEST_SANDWICH_PASSES:
+        raise ValueError(f"passes={len(passes)} must be >= {_FEWEST_SANDWICH_PASSES} for a sandwich covariance")
+    meat = np.zeros_like(covariance)
+    for number, rows, residuals in passes:
+        remaining = np.eye(len(names)) - (rows.T @ rows) @ covariance
+        values, vectors = np.linalg.eig(remaining.T)
+        if np.min(np.abs(values)) < _ALONE:
+            weak = np.abs(vectors[:, int(np.argmin(np.abs(values)))]) * np.sqrt(np.diag(covariance)) ** -1
+            name = names[int(np.argmax(weak))]
+            raise ValueError(f"pass {number} alone determines {name}: add passes that see it too")
+        score = np.linalg.solve(remaining, rows.T @ residuals)
+        meat += np.outer(score, score)
+    return np.asarray(covariance @ meat @ covariance)

@@ -1,4 +1,8 @@
-"""The data of one fit, prepared once, and one linear solution of it."""
+"""The observation equations of one fit (SATCAL eqs. 3-7), and one linear solution of them.
+
+Azimuth and elevation are kept apart: most terms act on one axis only, and two QRs of half the columns are half the
+work of the full matrix.
+"""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -6,22 +10,65 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from rf_pointing.calibration.angles import Angles, ArrayAngles
 from rf_pointing.calibration.bias_model import BiasModel
-from rf_pointing.calibration.design import angles_of, design_blocks
-from rf_pointing.calibration.elimination import PassHeads, eliminate
-from rf_pointing.calibration.fit_options import Prior
 from rf_pointing.calibration.fit_result import PassErrors
 from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.pass_errors import PassPriors, pass_partials
-from rf_pointing.calibration.separability import require_determined
-from rf_pointing.calibration.terms import terms_by_name
-from rf_pointing.calibration.triangle import Solution, Triangle
-from rf_pointing.core import wrap_rad
+from rf_pointing.calibration.terms import Partial, terms_by_name
+from rf_pointing.calibration.triangle import PassHeads, Solution, Triangle, eliminate, require_determined
+from rf_pointing.core import require_finite, wrap_rad
 
-__all__ = ["FitProblem", "Round"]
+__all__ = ["FitProblem", "Prior", "Round"]
 
 Array = NDArray[np.float64]
 Pair = tuple[Array, Array]
+
+
+@dataclass(frozen=True)
+class Prior:
+    """Knowledge of one term before the data: value and standard deviation in the term's unit."""
+
+    value: float
+    sigma: float
+
+    def __post_init__(self) -> None:
+        require_finite("prior value", self.value)
+        require_finite("prior sigma", self.sigma)
+        if self.sigma <= 0.0:
+            raise ValueError(f"prior sigma={self.sigma} must be > 0")
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Partial derivatives of one axis by the unknowns `columns` (m,) that act on it, not yet weighted.
+
+    `padded` (n, m + 1) has room for the right side in its last column.
+    """
+
+    columns: NDArray[np.int64]
+    padded: Array
+
+    @classmethod
+    def of(cls, angles: Angles, partials: list[Partial | None]) -> "Block":
+        """Evaluate the partials of all unknowns; None is an unknown that does not act on this axis."""
+        acting = [(column, partial) for column, partial in enumerate(partials) if partial is not None]
+        # Column by column in memory: LAPACK wants it so, and each partial is written in one go.
+        padded = np.zeros((len(angles.one), len(acting) + 1), order="F")
+        for place, (_, partial) in enumerate(acting):
+            padded[:, place] = partial(angles)
+        return cls(np.array([column for column, _ in acting], dtype=np.int64), padded)
+
+    @property
+    def matrix(self) -> Array:
+        """Return the partial derivatives (n, m)."""
+        return self.padded[:, :-1]
+
+    def rows(self, right: Array, weight: Array) -> Array:
+        """Return new rows [matrix | right] (n, m + 1), each times its weight."""
+        rows = self.padded * weight[:, np.newaxis]
+        rows[:, -1] = right * weight
+        return rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +98,11 @@ class FitProblem:
     ) -> None:
         self.data, self.names, self.held, self.priors, self.pass_priors = data, names, held, priors, pass_priors
         self.linear = form == "printed"
-        self.blocks = design_blocks(angles_of(data), terms_by_name(names))
+        angles, terms = ArrayAngles(*data.motion(), temperature_k=data.temperature_k), terms_by_name(names)
+        self.blocks = (
+            Block.of(angles, [term.azimuth for term in terms]),
+            Block.of(angles, [term.elevation for term in terms]),
+        )
         self.sigmas = (data.sigma_azimuth_rad, data.sigma_elevation_rad)
         self.measured = (data.residual_azimuth_rad, data.residual_elevation_rad)
         self.own = None if pass_priors is None else pass_partials(data, pass_priors.names)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from rf_pointing.calibration.bias_model import BiasModel
 from rf_pointing.calibration.pass_errors import PassPriors
-from rf_pointing.calibration.separability import HIGH_CORRELATION, advice_for, inseparable_pairs
+from rf_pointing.calibration.triangle import HIGH_CORRELATION, advice_for, inseparable_pairs
 
 __all__ = ["FitResult", "PassErrors", "Rejected"]
 

@@ -1,15 +1,14 @@
-"""The named models of one station and band, which of them is active, and the way back.
+"""The versions of the model of one station and band, which of them is active, and the way back.
 
 A folder holds one file per version and `history.json`, the names in the order they were accepted; the last one is
-active.  Every file appears complete or not at all.
+active.  Nothing but the history says what is active, and it is replaced in one step: a crash leaves the old or the new.
 """
 
 import json
-import os
 from pathlib import Path
 
-from rf_pointing.calibration.model_file import read_model, write_model
-from rf_pointing.calibration.model_version import ModelVersion
+from rf_pointing.calibration.model_file import ModelVersion, read_model, write_model
+from rf_pointing.core.whole_file import write_whole
 
 __all__ = ["ModelStore"]
 
@@ -23,14 +22,17 @@ class ModelStore:
         self.folder, self.station, self.band = Path(folder), station, band
         self.folder.mkdir(parents=True, exist_ok=True)
 
-    def add(self, file: ModelVersion) -> None:
-        """Keep a new version, not yet active; another station, another band or a used name is refused."""
-        file.check_for(self.station, self.band, file.valid_from_t_s)
-        if not file.name or any(sign in file.name for sign in '/\\:*?"<>|') or file.name.startswith("."):
-            raise ValueError(f"name={file.name!r} must be usable as a file name")
-        if self._path(file.name).exists():
-            raise ValueError(f"name={file.name!r} is taken; versions are never overwritten")
-        write_model(self._path(file.name), file)
+    def add(self, version: ModelVersion) -> None:
+        """Keep a new version, not yet active.
+
+        Raises ValueError for another station or band, for a name that is taken and for one that is no file name.
+        """
+        version.check_for(self.station, self.band, version.valid_from_t_s)
+        if not version.name or any(sign in version.name for sign in '/\\:*?"<>|') or version.name.startswith("."):
+            raise ValueError(f"name={version.name!r} must be usable as a file name")
+        if self._path(version.name).exists():
+            raise ValueError(f"name={version.name!r} is taken; versions are never overwritten")
+        write_model(self._path(version.name), version)
 
     def names(self) -> tuple[str, ...]:
         """Return the names of all versions."""
@@ -54,19 +56,19 @@ class ModelStore:
     def active_at(self, t_s: float) -> ModelVersion | None:
         """Return the newest accepted version that is valid at `t_s`, None if there is none."""
         for name in reversed(self._history()):
-            file = self.read(name)
-            if file.valid_from_t_s <= t_s and (file.valid_until_t_s is None or t_s <= file.valid_until_t_s):
-                return file
+            version = self.read(name)
+            if version.is_valid_at(t_s):
+                return version
         return None
 
     def accept(self, name: str, t_s: float) -> ModelVersion:
         """Make a version active and return it; it must be valid at `t_s`."""
-        file = self.read(name)
-        file.check_for(self.station, self.band, t_s)
+        version = self.read(name)
+        version.check_for(self.station, self.band, t_s)
         history = self._history()
         if not history or history[-1] != name:
             self._write_history([*history, name])
-        return file
+        return version
 
     def roll_back(self) -> ModelVersion:
         """Make the version before the active one active again and return it."""
@@ -89,6 +91,4 @@ class ModelStore:
         return names
 
     def _write_history(self, names: list[str]) -> None:
-        part = self.folder / (_HISTORY + ".part")
-        part.write_text(json.dumps(names), encoding="utf-8")
-        os.replace(part, self.folder / _HISTORY)
+        write_whole(self.folder / _HISTORY, json.dumps(names))

@@ -18,11 +18,9 @@ from rf_pointing.calibration.bias_model import BiasModel
 from rf_pointing.calibration.corrections import Corrections
 from rf_pointing.calibration.coverage import Coverage, SectorRule, select_by_sector
 from rf_pointing.calibration.observations import Observations
-from rf_pointing.calibration.outliers import find_outliers
-from rf_pointing.calibration.raw_tracking import CHANNELS, RawTracking, StageReport
+from rf_pointing.calibration.raw_tracking import CHANNELS, RawTracking, StageReport, validate
 from rf_pointing.calibration.reference import ReferenceTrack
-from rf_pointing.calibration.thinning import Thinned, smooth, thin
-from rf_pointing.calibration.validation import validate
+from rf_pointing.calibration.thinning import Thinned, find_outliers, smooth, thin
 from rf_pointing.core import Params, parameter, wrap_rad
 
 __all__ = ["PipelineOptions", "ProcessedPass", "process_pass", "select_observations"]

@@ -1,9 +1,9 @@
 """CCSDS Tracking Data Message in KVN (503.0-B-2): angles, range and range rate of a station, read and written.
 
-ANGLE_TYPE must be AZEL, TIME_SYSTEM UTC, and the time tags those of reception.  The station is the last participant of PATH,
-the target the other one.  RANGE (km) and DOPPLER_INSTANTANEOUS (km/s) are read from one-way paths at the times of the angles
-and otherwise left out with a note: the angles of a two-way pass are as good, and implementations disagree on whether its range
-is halved.  Data of quality DEGRADED are not good.  Errors name the line.
+ANGLE_TYPE must be AZEL, TIME_SYSTEM UTC, and the time tags those of reception.  The station is the last participant
+of PATH, the target the other one.  RANGE (km) and DOPPLER_INSTANTANEOUS (km/s) are read from one-way paths at the
+times of the angles and otherwise left out with a note: the angles of a two-way pass are as good, and implementations
+disagree on whether its range is halved.  Data of quality DEGRADED are not good.  Errors name the line.
 """
 
 import math
@@ -14,11 +14,38 @@ from pathlib import Path
 import numpy as np
 
 from rf_pointing.calibration.raw_tracking import RawTracking
-from rf_pointing.calibration.tdm_keywords import DATA_KEYWORDS, METADATA_KEYWORDS
 from rf_pointing.core.dates import from_utc_text, to_utc_text
+from rf_pointing.core.kvn import key_and_value
+from rf_pointing.core.whole_file import write_whole
 
 __all__ = ["read_tdm", "write_tdm"]
 
+_METADATA = """
+TRACK_ID DATA_TYPES TIME_SYSTEM START_TIME STOP_TIME MODE PATH PATH_1 PATH_2 TRANSMIT_BAND RECEIVE_BAND
+TURNAROUND_NUMERATOR TURNAROUND_DENOMINATOR TIMETAG_REF INTEGRATION_INTERVAL INTEGRATION_REF FREQ_OFFSET RANGE_MODE
+RANGE_MODULUS RANGE_UNITS ANGLE_TYPE REFERENCE_FRAME INTERPOLATION INTERPOLATION_DEGREE DOPPLER_COUNT_BIAS
+DOPPLER_COUNT_SCALE DOPPLER_COUNT_ROLLOVER DATA_QUALITY CORRECTION_ANGLE_1 CORRECTION_ANGLE_2 CORRECTION_DOPPLER
+CORRECTION_MAG CORRECTION_RANGE CORRECTION_RCS CORRECTION_RECEIVE CORRECTION_TRANSMIT CORRECTION_ABERRATION_YEARLY
+CORRECTION_ABERRATION_DIURNAL CORRECTIONS_APPLIED
+"""
+_NUMBERED_METADATA = ("PARTICIPANT", "EPHEMERIS_NAME", "TRANSMIT_DELAY", "RECEIVE_DELAY")
+_DATA = """
+RECEIVE_FREQ ANGLE_1 ANGLE_2 CARRIER_POWER CLOCK_BIAS CLOCK_DRIFT DOPPLER_COUNT DOPPLER_INSTANTANEOUS
+DOPPLER_INTEGRATED DOR MAG PC_N0 PR_N0 PRESSURE RANGE RCS RECEIVE_PHASE_CT_1 RHUMIDITY STEC TEMPERATURE
+TRANSMIT_PHASE_CT_1 TROPO_DRY TROPO_WET VLBI_DELAY
+"""
+_NUMBERED_DATA = ("TRANSMIT_FREQ", "TRANSMIT_FREQ_RATE", "RECEIVE_FREQ")
+
+
+def _keywords(text: str, numbered: tuple[str, ...]) -> frozenset[str]:
+    """Return the words of `text` and the numbered ones, for up to five participants."""
+    return frozenset([*text.split(), *(f"{stem}_{k}" for stem in numbered for k in range(1, 6))])
+
+
+# All keywords of CCSDS 503.0-B-2: one that is not here is a typing error, and no extension of the format.
+METADATA_KEYWORDS = _keywords(_METADATA, _NUMBERED_METADATA)
+DATA_KEYWORDS = _keywords(_DATA, _NUMBERED_DATA)
+_SECTIONS = ("META_START", "META_STOP", "DATA_START", "DATA_STOP")
 _HEADER = ("CCSDS_TDM_VERS", "CREATION_DATE", "ORIGINATOR", "MESSAGE_ID")
 _ONE_WAY = ("2,1", "1,2")
 _ANGLES = ("ANGLE_1", "ANGLE_2")
@@ -57,14 +84,17 @@ def write_tdm(path: str | Path, tracks: Sequence[RawTracking], *, originator: st
     lines = ["CCSDS_TDM_VERS = 2.0", f"CREATION_DATE = {to_utc_text(created_t_s)}", f"ORIGINATOR = {originator}"]
     for track in tracks:
         lines += ["", *_metadata_lines(track), "", *_data_lines(track)]
-    Path(path).write_text("\n".join(lines) + "\n", encoding="ascii")
+    text = "\n".join(lines) + "\n"
+    if not text.isascii():
+        raise ValueError(f"{path}: names of stations, targets and bands in a TDM must be ASCII")
+    write_whole(Path(path), text)
 
 
 def _segments(lines: Sequence[str]) -> list[_Segment]:
     segments: list[_Segment] = []
     place, header = "header", {}
     for number, key, value in _statements(lines):
-        if key in ("META_START", "META_STOP", "DATA_START", "DATA_STOP"):
+        if key in _SECTIONS:
             place = _next_place(place, key, number)
             if key == "META_START":
                 segments.append(_Segment(number))
@@ -89,16 +119,12 @@ def _segments(lines: Sequence[str]) -> list[_Segment]:
 
 def _statements(lines: Sequence[str]) -> Iterator[tuple[int, str, str]]:
     for number, line in enumerate(lines, start=1):
-        text = line.strip()
-        if not text or text.startswith("COMMENT"):
-            continue
-        if text in ("META_START", "META_STOP", "DATA_START", "DATA_STOP"):
-            yield number, text, ""
-            continue
-        key, equals, value = text.partition("=")
-        if not equals or not value.strip():
-            raise ValueError(f"line {number}: {text[:40]!r} must be KEYWORD = value")
-        yield number, key.strip(), value.strip()
+        if line.strip() in _SECTIONS:
+            yield number, line.strip(), ""
+        elif (pair := key_and_value(line, number)) is not None:
+            if not pair[1]:
+                raise ValueError(f"line {number}: {pair[0]} has no value")
+            yield number, *pair
 
 
 def _next_place(place: str, key: str, number: int) -> str:
@@ -203,7 +229,7 @@ def _band(segment: _Segment, otherwise: str | None) -> str:
 
 
 def _unusable(segment: _Segment, key: str) -> str:
-    """Return why a series beside the angles is left out, empty if it is not."""
+    """Return why the values of a keyword are left out, empty if they are not."""
     if key in _ANGLES:
         return ""
     path, units = segment.metadata["PATH"].replace(" ", ""), segment.metadata.get("RANGE_UNITS", "km")

@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.calibration.fit import fit_bias_model, held_at_zero
-from rf_pointing.calibration.fit_options import FitOptions
+from rf_pointing.calibration.fit import FitOptions, fit_bias_model, held_at_zero
 from rf_pointing.calibration.fit_problem import FitProblem
 from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.pass_errors import PassPriors

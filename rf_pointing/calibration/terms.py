@@ -1,154 +1,98 @@
-"""The terms of the bias model (SATCAL eqs. 1-2) and the registry of named extensions.
+"""The terms of the bias model (SATCAL eqs. 1-2) and the extensions that may be added by name.
 
-Each term adds coefficient * azimuth(...) to the azimuth and coefficient * elevation(...) to the elevation:
+A term adds coefficient * azimuth(...) to the azimuth and coefficient * elevation(...) to the elevation:
 
-    Az_o = Az_t + x1 + x2 tan El + x3 sec El + x4 sin Az + x5 cos Az + x6 Az' + x7 Az'' + (x8 sin Az - x9 cos Az) tan El
+    Az_o = Az_t + x1 + x2 tan El + x3 sec El + x4 sin Az + x5 cos Az + x6 Az' + x7 Az''
+                + (x8 sin Az - x9 cos Az) tan El
     El_o = El_t + x8 cos Az + x9 sin Az + x10 + x11 cos El + x12 sin El + x13 El' + x14 El''
 
-The four terms that tilt or skew an axis (x2, x3, x8, x9) are rotations; the printed form is their first order.
+The four terms that tilt or skew an axis (x2, x3, x8, x9) are rotations: the printed form is their first order.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Literal
 
-from rf_pointing.calibration.extension_terms import EXTENSION_TERMS
-from rf_pointing.calibration.term import ALL_AZIMUTHS, LOW_AND_HIGH, RISE_AND_SET, Term
+import numpy as np
+from numpy.typing import NDArray
 
-__all__ = ["EXTENSION_TERMS", "TERMS", "TERM_NAMES", "Term", "all_terms", "terms_by_name"]
+from rf_pointing.calibration.angles import Angles
+
+__all__ = ["EXTENSION_TERMS", "TERMS", "TERM_NAMES", "Partial", "Term", "all_terms", "terms_by_name"]
+
+Partial = Callable[[Angles], NDArray[np.float64]]
+_LIMITS = {"rad": 0.1, "s": 10.0, "s^2": 100.0, "rad/K": 0.01}
+
+
+@dataclass(frozen=True)
+class Term:
+    """One coefficient of the model and its partial derivatives, None for an axis on which it does not act.
+
+    `number` is the index of SATCAL's x, 0 for an extension.  A "rotation" tilts or skews an axis, a "lag" is
+    proportional to a rate or an acceleration, an "additive" term is an encoder or flexure shift of one axis.
+    `separated_by` names the data that make the term observable, in the words of the error messages.
+    """
+
+    name: str
+    number: int
+    unit: str
+    kind: Literal["rotation", "lag", "additive"]
+    separated_by: str
+    azimuth: Partial | None = None
+    elevation: Partial | None = None
+
+    @property
+    def limit(self) -> float:
+        """Return the largest credible magnitude in the term's unit; a larger one was given in degrees."""
+        return _LIMITS[self.unit]
+
+
+_ALL_AZIMUTHS = "passes on all sides of the sky"
+_LOW_AND_HIGH = "passes at low and at high elevation (above 60 deg)"
+_RISE_AND_SET = "fast passes on both sides, rising and setting, at several rates"
+_TEMPERATURES = "passes at several temperatures"
 
 TERMS: tuple[Term, ...] = (
+    Term("azimuth_offset", 1, "rad", "additive", _LOW_AND_HIGH, lambda a: a.one),
+    Term("non_orthogonality", 2, "rad", "rotation", _LOW_AND_HIGH, lambda a: a.tan_elevation),
+    Term("collimation", 3, "rad", "rotation", _LOW_AND_HIGH, lambda a: a.sec_elevation),
+    Term("azimuth_encoder_sine", 4, "rad", "additive", _ALL_AZIMUTHS, lambda a: a.sin_azimuth(1)),
+    Term("azimuth_encoder_cosine", 5, "rad", "additive", _ALL_AZIMUTHS, lambda a: a.cos_azimuth(1)),
+    Term("azimuth_velocity_lag", 6, "s", "lag", _RISE_AND_SET, lambda a: a.azimuth_rate),
+    Term("azimuth_acceleration_lag", 7, "s^2", "lag", _RISE_AND_SET, lambda a: a.azimuth_acceleration),
     Term(
-        name="azimuth_offset",
-        number=1,
-        unit="rad",
-        kind="additive",
-        formula="dAz = x1",
-        separated_by=LOW_AND_HIGH,
-        azimuth=lambda a: a.one,
+        "mislevel_east", 8, "rad", "rotation", _ALL_AZIMUTHS,
+        azimuth=lambda a: a.sin_azimuth(1) * a.tan_elevation, elevation=lambda a: a.cos_azimuth(1),
     ),
     Term(
-        name="non_orthogonality",
-        number=2,
-        unit="rad",
-        kind="rotation",
-        formula="dAz = x2 tan El",
-        separated_by=LOW_AND_HIGH,
-        azimuth=lambda a: a.tan_elevation,
+        "mislevel_north", 9, "rad", "rotation", _ALL_AZIMUTHS,
+        azimuth=lambda a: -a.cos_azimuth(1) * a.tan_elevation, elevation=lambda a: a.sin_azimuth(1),
     ),
-    Term(
-        name="collimation",
-        number=3,
-        unit="rad",
-        kind="rotation",
-        formula="dAz = x3 sec El",
-        separated_by=LOW_AND_HIGH,
-        azimuth=lambda a: a.sec_elevation,
-    ),
-    Term(
-        name="azimuth_encoder_sine",
-        number=4,
-        unit="rad",
-        kind="additive",
-        formula="dAz = x4 sin Az",
-        separated_by=ALL_AZIMUTHS,
-        azimuth=lambda a: a.sin_azimuth(1),
-    ),
-    Term(
-        name="azimuth_encoder_cosine",
-        number=5,
-        unit="rad",
-        kind="additive",
-        formula="dAz = x5 cos Az",
-        separated_by=ALL_AZIMUTHS,
-        azimuth=lambda a: a.cos_azimuth(1),
-    ),
-    Term(
-        name="azimuth_velocity_lag",
-        number=6,
-        unit="s",
-        kind="lag",
-        formula="dAz = x6 dAz/dt",
-        separated_by=RISE_AND_SET,
-        azimuth=lambda a: a.azimuth_rate,
-    ),
-    Term(
-        name="azimuth_acceleration_lag",
-        number=7,
-        unit="s^2",
-        kind="lag",
-        formula="dAz = x7 d2Az/dt2",
-        separated_by=RISE_AND_SET,
-        azimuth=lambda a: a.azimuth_acceleration,
-    ),
-    Term(
-        name="mislevel_east",
-        number=8,
-        unit="rad",
-        kind="rotation",
-        formula="dAz = x8 sin Az tan El, dEl = x8 cos Az",
-        separated_by=ALL_AZIMUTHS,
-        azimuth=lambda a: a.sin_azimuth(1) * a.tan_elevation,
-        elevation=lambda a: a.cos_azimuth(1),
-    ),
-    Term(
-        name="mislevel_north",
-        number=9,
-        unit="rad",
-        kind="rotation",
-        formula="dAz = -x9 cos Az tan El, dEl = x9 sin Az",
-        separated_by=ALL_AZIMUTHS,
-        azimuth=lambda a: -a.cos_azimuth(1) * a.tan_elevation,
-        elevation=lambda a: a.sin_azimuth(1),
-    ),
-    Term(
-        name="elevation_offset",
-        number=10,
-        unit="rad",
-        kind="additive",
-        formula="dEl = x10",
-        separated_by=LOW_AND_HIGH,
-        elevation=lambda a: a.one,
-    ),
-    Term(
-        name="droop",
-        number=11,
-        unit="rad",
-        kind="additive",
-        formula="dEl = x11 cos El",
-        separated_by=LOW_AND_HIGH,
-        elevation=lambda a: a.cos_elevation(1),
-    ),
-    Term(
-        name="elevation_encoder_sine",
-        number=12,
-        unit="rad",
-        kind="additive",
-        formula="dEl = x12 sin El",
-        separated_by=LOW_AND_HIGH,
-        elevation=lambda a: a.sin_elevation(1),
-    ),
-    Term(
-        name="elevation_velocity_lag",
-        number=13,
-        unit="s",
-        kind="lag",
-        formula="dEl = x13 dEl/dt",
-        separated_by=RISE_AND_SET,
-        elevation=lambda a: a.elevation_rate,
-    ),
-    Term(
-        name="elevation_acceleration_lag",
-        number=14,
-        unit="s^2",
-        kind="lag",
-        formula="dEl = x14 d2El/dt2",
-        separated_by=RISE_AND_SET,
-        elevation=lambda a: a.elevation_acceleration,
-    ),
-)
+    Term("elevation_offset", 10, "rad", "additive", _LOW_AND_HIGH, elevation=lambda a: a.one),
+    Term("droop", 11, "rad", "additive", _LOW_AND_HIGH, elevation=lambda a: a.cos_elevation(1)),
+    Term("elevation_encoder_sine", 12, "rad", "additive", _LOW_AND_HIGH, elevation=lambda a: a.sin_elevation(1)),
+    Term("elevation_velocity_lag", 13, "s", "lag", _RISE_AND_SET, elevation=lambda a: a.elevation_rate),
+    Term("elevation_acceleration_lag", 14, "s^2", "lag", _RISE_AND_SET, elevation=lambda a: a.elevation_acceleration),
+)  # fmt: skip
 """The 14 terms of SATCAL eqs. (1)-(2), in the paper's order."""
 
 TERM_NAMES: tuple[str, ...] = tuple(term.name for term in TERMS)
 
+EXTENSION_TERMS: tuple[Term, ...] = (
+    Term("azimuth_second_sine", 0, "rad", "additive", _ALL_AZIMUTHS, lambda a: a.sin_azimuth(2)),
+    Term("azimuth_second_cosine", 0, "rad", "additive", _ALL_AZIMUTHS, lambda a: a.cos_azimuth(2)),
+    Term("elevation_azimuth_second_sine", 0, "rad", "additive", _ALL_AZIMUTHS, elevation=lambda a: a.sin_azimuth(2)),
+    Term("elevation_azimuth_second_cosine", 0, "rad", "additive", _ALL_AZIMUTHS, elevation=lambda a: a.cos_azimuth(2)),
+    Term("elevation_second_sine", 0, "rad", "additive", _LOW_AND_HIGH, elevation=lambda a: a.sin_elevation(2)),
+    Term("elevation_second_cosine", 0, "rad", "additive", _LOW_AND_HIGH, elevation=lambda a: a.cos_elevation(2)),
+    Term(
+        "droop_beyond_zenith", 0, "rad", "additive", "plunged passes (elevation above 90 deg)",
+        elevation=lambda a: a.cos_elevation(1) * a.beyond_zenith,
+    ),
+    Term("azimuth_temperature", 0, "rad/K", "additive", _TEMPERATURES, lambda a: a.temperature_difference),
+    Term("elevation_temperature", 0, "rad/K", "additive", _TEMPERATURES, elevation=lambda a: a.temperature_difference),
+)  # fmt: skip
+"""Terms that may be added to the 14: harmonics, flexure beyond the zenith, temperature."""
 
 _KNOWN = {term.name: term for term in TERMS + EXTENSION_TERMS}
 
@@ -159,7 +103,7 @@ def all_terms() -> dict[str, Term]:
 
 
 def terms_by_name(names: Iterable[str]) -> tuple[Term, ...]:
-    """Return the terms of `names` in that order; an unknown or repeated name is an error."""
+    """Return the terms of `names` in that order; raises ValueError for an unknown or repeated name."""
     chosen = list(names)
     unknown = [name for name in chosen if name not in _KNOWN]
     if unknown:

@@ -1,19 +1,88 @@
-"""Thinning to one sample per second and smoothing to three points per 30 s (SATCAL 3), by least squares.
+"""From samples to points, by least squares on pieces: outliers, one point a second, three per 30 s (SATCAL 3).
 
-Both work on observed minus reference: what is left after subtracting the orbit is so smooth that a line per second
-and a parabola per 30 s take nothing of the signal away.
+All of it works on observed minus reference: what is left after subtracting the orbit is so smooth that a line per
+second and a parabola per 30 s take nothing of the signal away.
 """
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.calibration.pieces import fitted_piece, pieces_of
+__all__ = ["Thinned", "find_outliers", "fitted_piece", "pieces_of", "smooth", "spread_of", "thin"]
 
-__all__ = ["Thinned", "smooth", "thin"]
 
 Array = NDArray[np.float64]
+
+_MEDIAN_TO_SIGMA = 1.4826
+
+
+def pieces_of(t_s: Array, length_s: float) -> Iterator[NDArray[np.int64]]:
+    """Yield the rows of each piece [k, k + 1) * `length_s` of increasing times that has any."""
+    number = np.floor(t_s / length_s)
+    cuts = np.flatnonzero(np.diff(number) != 0) + 1
+    yield from np.split(np.arange(len(t_s)), cuts)
+
+
+def fitted_piece(t: Array, values: Array, degree: int, at: Array) -> tuple[Array, Array, Array]:
+    """Return the polynomial through (n, m) values at `at` (p,), its residuals, and its covariance factor (p, p).
+
+    The covariance of the fitted values is the factor times the variance of one sample.
+    """
+    middle, half = 0.5 * (t[0] + t[-1]), max(0.5 * (t[-1] - t[0]), 1e-9)
+    basis = np.vander((t - middle) / half, degree + 1)
+    wanted = np.vander((at - middle) / half, degree + 1)
+    orthogonal, factor = np.linalg.qr(basis)
+    coefficients = np.linalg.solve(factor, orthogonal.T @ values)
+    spread = np.linalg.solve(factor.T, wanted.T)
+    return wanted @ coefficients, values - basis @ coefficients, spread.T @ spread
+
+
+def spread_of(residuals: Array) -> float:
+    """Return the standard deviation of residuals from their median size, insensitive to outliers."""
+    return _MEDIAN_TO_SIGMA * float(np.median(np.abs(residuals)))
+
+
+_PIECE_S, _DEGREE, _FEWEST, _ROUNDS = 30.0, 2, 8, 10
+_GROSS_NEIGHBOURS, _GROSS_SIGMA = 4, 8.0
+
+
+def find_outliers(
+    t_s: Array, residuals: Mapping[str, Array], limit_sigma: float
+) -> tuple[NDArray[np.bool_], dict[str, int]]:
+    """Return which samples to keep (n,) and how many each channel rejected; residuals are observed minus ephemeris."""
+    keep, dropped = np.ones(len(t_s), dtype=bool), {}
+    for name, residual in residuals.items():
+        wrong = _gross(residual)
+        for rows in pieces_of(t_s, _PIECE_S):
+            wrong[rows] |= _beyond(t_s[rows], residual[rows], wrong[rows], limit_sigma)
+        dropped[f"{name} beyond {limit_sigma:g} sigma"] = int(np.sum(keep & wrong))
+        keep &= ~wrong
+    return keep, dropped
+
+
+def _gross(residual: Array) -> NDArray[np.bool_]:
+    width = 2 * _GROSS_NEIGHBOURS + 1
+    if len(residual) < width:
+        return np.zeros(len(residual), dtype=bool)
+    padded = np.pad(residual, _GROSS_NEIGHBOURS, mode="reflect")
+    smooth = np.median(np.lib.stride_tricks.sliding_window_view(padded, width), axis=1)
+    deviation = residual - smooth
+    return np.asarray(np.abs(deviation) > _GROSS_SIGMA * max(spread_of(deviation), 1e-12))
+
+
+def _beyond(t: Array, residual: Array, wrong: NDArray[np.bool_], limit_sigma: float) -> NDArray[np.bool_]:
+    for _ in range(_ROUNDS):
+        good = np.flatnonzero(~wrong)
+        if len(good) < _FEWEST:
+            return wrong
+        fitted, inner, _ = fitted_piece(t[good], residual[good, np.newaxis], _DEGREE, t)
+        found = np.abs(residual - fitted[:, 0]) > limit_sigma * max(spread_of(inner), 1e-12)
+        if np.array_equal(found | wrong, wrong):
+            return wrong
+        wrong = wrong | found
+    return wrong
 
 
 _PARABOLAS_QUANTILE = 0.25

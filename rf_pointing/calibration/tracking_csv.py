@@ -1,21 +1,34 @@
-"""Raw tracking and calibration points as CSV: angles in degrees at this edge, radians inside."""
+"""Raw tracking and calibration points as CSV: angles in degrees in the file, radians inside.
 
-from collections.abc import Mapping
+Column names carry their units.  Lines "# name: value" before the header hold what is the same for all rows (station,
+band, target).  An error names the line.
+
+`ObservationJournal` writes points as they are taken, each on the disk before the next one (docs/decisions/0062): a
+killed process loses at most the line it was writing.  Its file is the one that `read_observations` reads.
+"""
+
+import csv
+import errno
+import math
+import os
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.calibration.csv_table import Table, read_table, write_table
 from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.raw_tracking import RawTracking
 from rf_pointing.core import from_degrees, to_degrees
+from rf_pointing.core.whole_file import write_whole
 
-__all__ = ["edge_columns", "read_observations", "read_tracking", "write_observations", "write_tracking"]
+__all__ = ["ObservationJournal", "read_observations", "read_tracking", "write_observations"]
 
 Array = NDArray[np.float64]
+Table = tuple[Mapping[str, str], Mapping[str, Array]]
 
+MOST_OF_A_NAME = 1000
 _NOTES = ("station", "band", "target")
 _NEEDED = ("t_s", "azimuth_deg", "elevation_deg")
 _OPTIONAL = ("range_m", "range_rate_m_s", "good")
@@ -24,16 +37,15 @@ _POINT_OPTIONAL = ("range_m", "range_rate_m_s", "temperature_k")
 
 def read_tracking(path: str | Path) -> RawTracking:
     """Read the samples of one pass (`t_s` UTC seconds since 1970); without a column `good` all are good."""
-    table = read_table(path, _NOTES, _NEEDED, _OPTIONAL)
-    column = table.columns
+    notes, column = _read_table(path, _NOTES, _NEEDED, _OPTIONAL)
     good = column.get("good", np.ones(len(column["t_s"])))
     if not np.all(np.isin(good, (0.0, 1.0))):
         raise ValueError(f"{path}: column good must hold 0 or 1")
     _refuse_radians(path, column, "")
     return RawTracking(
-        station=table.notes["station"],
-        band=table.notes["band"],
-        target=table.notes["target"],
+        station=notes["station"],
+        band=notes["band"],
+        target=notes["target"],
         t_s=column["t_s"],
         azimuth_rad=np.radians(column["azimuth_deg"]),
         elevation_rad=np.radians(column["elevation_deg"]),
@@ -43,54 +55,107 @@ def read_tracking(path: str | Path) -> RawTracking:
     )
 
 
-def write_tracking(path: str | Path, raw: RawTracking) -> None:
-    """Write the samples of one pass; `read_tracking` is the inverse."""
-    columns = {
-        "t_s": raw.t_s,
-        "azimuth_deg": np.degrees(raw.azimuth_rad),
-        "elevation_deg": np.degrees(raw.elevation_rad),
-    }
-    if raw.range_m is not None:
-        columns["range_m"] = raw.range_m
-    if raw.range_rate_m_s is not None:
-        columns["range_rate_m_s"] = raw.range_rate_m_s
-    columns["good"] = raw.good.astype(np.float64)
-    write_table(path, Table({name: getattr(raw, name) for name in _NOTES}, columns))
-
-
 def read_observations(path: str | Path) -> Observations:
     """Read calibration points; raises ValueError naming the file, and the line of a damaged one."""
     needed = [_edge(name) for name in _point_columns() if name not in _POINT_OPTIONAL]
-    table = read_table(path, _NOTES[:2], needed, _POINT_OPTIONAL)
+    notes, table = _read_table(path, _NOTES[:2], needed, _POINT_OPTIONAL)
     for kind in ("observed_", "true_"):
-        _refuse_radians(path, table.columns, kind)
+        _refuse_radians(path, table, kind)
     columns = {}
-    for name, value in table.columns.items():
+    for name, value in table.items():
         core, _ = from_degrees(name, 0.0)
         columns[core] = np.radians(value) if core != name else value
     if not np.all(columns["pass_id"] == np.round(columns["pass_id"])):
         raise ValueError(f"{path}: column pass_id must hold whole numbers")
     pass_id = columns.pop("pass_id").astype(np.int64)
     try:
-        return Observations(station=table.notes["station"], band=table.notes["band"], pass_id=pass_id, **columns)
+        return Observations(station=notes["station"], band=notes["band"], pass_id=pass_id, **columns)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 
 
 def write_observations(path: str | Path, points: Observations) -> None:
-    """Write calibration points; `read_observations` is the inverse."""
-    write_table(path, Table({"station": points.station, "band": points.band}, edge_columns(points)))
+    """Write calibration points, all digits kept; `read_observations` is the inverse."""
+    columns = _edge_columns(points)
+    write_whole(Path(path), _head(points.station, points.band, columns) + _lines(columns))
 
 
-def edge_columns(points: Observations) -> dict[str, Array]:
-    """Return the columns of the file by name, angles in degrees."""
-    columns = {}
-    for name in _point_columns():
-        value = getattr(points, name)
-        if value is not None:
-            edge = _edge(name)
-            columns[edge] = np.degrees(value) if edge != name else value.astype(np.float64)
-    return columns
+class ObservationJournal:
+    """The points of one station and band in `path`; `points` are those that were in it when it was opened.
+
+    Opening cuts off a last line without its end.  Other damage raises ValueError with the line's number, and nothing
+    is overwritten.
+    """
+
+    def __init__(self, path: str | Path, station: str, band: str) -> None:
+        self.path, self.station, self.band = Path(path), station, band
+        self.points = self._recovered()
+
+    def append(self, points: Observations) -> None:
+        """Add points; they are on the disk when this returns.
+
+        Raises
+        ------
+        ValueError
+            For points of another station or band.
+        OSError
+            When the disk does not take them; the file is then as it was.
+        """
+        self._check_owner(points)
+        columns = _edge_columns(points)
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        # Without a buffer: a buffer would try again, unnoticed, when the file is closed.
+        with self.path.open("ab", buffering=0) as stream:
+            end = stream.tell()
+            head = _head(self.station, self.band, columns) if end == 0 else ""
+            content = (head + _lines(columns)).encode()
+            try:
+                if stream.write(content) != len(content):
+                    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), stream.name)
+                os.fsync(stream.fileno())
+            except OSError:
+                stream.truncate(end)
+                raise
+
+    def set_aside(self, name: str) -> Path | None:
+        """Rename the file, so that the next point begins a new one; return the old points' file, None without any.
+
+        Nothing is overwritten: where `name` is taken a number follows it.
+        """
+        if not self.path.exists():
+            return None
+        stems = (f"{self.path.stem}-{name}{tail}" for tail in ("", *(f"-{k}" for k in range(2, MOST_OF_A_NAME))))
+        free = (place for stem in stems if not (place := self.path.with_name(stem + self.path.suffix)).exists())
+        old = next(free, None)
+        if old is None:
+            raise ValueError(f"{self.path.stem}-{name}-* are all taken; observations are never overwritten")
+        os.rename(self.path, old)
+        self.points = None
+        return old
+
+    def _recovered(self) -> Observations | None:
+        if not self.path.exists():
+            return None
+        content = self.path.read_bytes()
+        whole = content[: content.rfind(b"\n") + 1]
+        if len(whole) < len(content):
+            with self.path.open("rb+") as stream:
+                stream.truncate(len(whole))
+                os.fsync(stream.fileno())
+        # A process that was killed in the header has observed nothing: the next point writes the header again.
+        if len([line for line in whole.splitlines() if not line.startswith(b"#")]) < 2:
+            self.path.unlink()
+            return None
+        points = read_observations(self.path)
+        self._check_owner(points)
+        return points
+
+    def _check_owner(self, points: Observations) -> None:
+        for name in ("station", "band"):
+            if getattr(points, name) != getattr(self, name):
+                raise ValueError(
+                    f"{self.path}: points of {name} {getattr(points, name)!r}, must be of {getattr(self, name)!r}"
+                )
 
 
 def _refuse_radians(path: str | Path, columns: Mapping[str, Array], kind: str) -> None:
@@ -109,3 +174,86 @@ def _point_columns() -> tuple[str, ...]:
 
 def _edge(name: str) -> str:
     return to_degrees(name, 0.0)[0]
+
+
+def _edge_columns(points: Observations) -> dict[str, Array]:
+    """Return the columns of the file by name, angles in degrees."""
+    columns = {}
+    for name in _point_columns():
+        value = getattr(points, name)
+        if value is not None:
+            edge = _edge(name)
+            columns[edge] = np.degrees(value) if edge != name else value.astype(np.float64)
+    return columns
+
+
+def _head(station: str, band: str, columns: Mapping[str, Array]) -> str:
+    return f"# station: {station}\n# band: {band}\n{','.join(columns)}\n"
+
+
+def _lines(columns: Mapping[str, Array]) -> str:
+    rows = zip(*(values.tolist() for values in columns.values()), strict=True)
+    return "".join(",".join(map(repr, row)) + "\n" for row in rows)
+
+
+def _read_table(path: str | Path, notes: Sequence[str], needed: Sequence[str], optional: Sequence[str]) -> Table:
+    """Return the notes and the columns (n,) of a table that has all `notes` and `needed` columns.
+
+    A column that is neither needed nor `optional` is an error: a typing error would otherwise go unnoticed.
+    """
+    source = Path(path)
+    try:
+        # Spreadsheets write a byte-order mark, which "utf-8-sig" takes off.
+        lines = source.read_text(encoding="utf-8-sig").splitlines()
+        found, start = _read_notes(lines, notes)
+        header = [name.strip() for name in next(csv.reader([lines[start]]))] if start < len(lines) else []
+        _check_header(start + 1, header, needed, optional)
+        rows = [
+            _numbers(number, header, cells)
+            for number, cells in enumerate(csv.reader(lines[start + 1 :]), start=start + 2)
+            if cells
+        ]
+        if not rows:
+            raise ValueError(f"line {len(lines)}: no rows after the header")
+    except ValueError as error:
+        raise ValueError(f"{source}: {error}") from None
+    return found, dict(zip(header, np.array(rows).T, strict=True))
+
+
+def _read_notes(lines: Sequence[str], wanted: Sequence[str]) -> tuple[dict[str, str], int]:
+    found, start = {}, 0
+    while start < len(lines) and (lines[start].startswith("#") or not lines[start].strip()):
+        name, colon, value = lines[start].lstrip("# ").partition(":")
+        if colon:
+            found[name.strip()] = value.strip()
+        start += 1
+    missing = [name for name in wanted if not found.get(name)]
+    if missing:
+        raise ValueError(f"line {start + 1}: the note '# {missing[0]}: ...' is missing before the header")
+    return found, start
+
+
+def _check_header(number: int, header: Sequence[str], needed: Sequence[str], optional: Sequence[str]) -> None:
+    unknown = [name for name in header if name not in needed and name not in optional]
+    if unknown:
+        raise ValueError(f"line {number}: unknown column {unknown[0]!r}; known: {', '.join([*needed, *optional])}")
+    missing = [name for name in needed if name not in header]
+    if missing:
+        raise ValueError(f"line {number}: column {missing[0]} is missing")
+    if len(set(header)) != len(header):
+        raise ValueError(f"line {number}: a column is given twice")
+
+
+def _numbers(number: int, header: Sequence[str], cells: Sequence[str]) -> list[float]:
+    if len(cells) != len(header):
+        raise ValueError(f"line {number}: {len(cells)} values, must be {len(header)}")
+    values = []
+    for name, cell in zip(header, cells, strict=True):
+        try:
+            value = float(cell)
+        except ValueError:
+            raise ValueError(f"line {number}: {name}={cell.strip()!r} must be a number") from None
+        if not math.isfinite(value):
+            raise ValueError(f"line {number}: {name}={cell.strip()} must be finite")
+        values.append(value)
+    return values

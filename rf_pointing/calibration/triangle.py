@@ -1,10 +1,14 @@
-"""Least squares in square-root form: a triangle R with |R x - z| = |A x - b|, updated by orthogonal steps.
+"""Least squares in square-root form: a triangle R with |R x - z| = |A x - b|, made by orthogonal steps.
 
-Blocks of rows are folded in one after the other, so any number of observations fits in the memory of one block, and
-no normal equations are formed (their condition number is the square).
+Blocks of rows are folded in one after the other; no normal equations are formed, as their condition number is the
+square.  Parameters that belong to one pass only are eliminated first: the rows [P | A | b] of a pass and the prior
+rows [1/sigma | 0 | 0] of its own parameters p become a triangle; what lies below the rows of p is free of p and goes
+on to the common terms, and the rows of p give p once the terms are known.
+
+What the data do not determine is reported by the names of the terms, with the data that would separate them.
 """
 
-from collections.abc import Iterable
+from collections.abc import Container, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cache, cached_property
 from typing import Any, cast
@@ -12,15 +16,31 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.calibration.separability import advice_for, null_space_message
+from rf_pointing.calibration.terms import all_terms
 
-__all__ = ["RANK_TOLERANCE", "Solution", "Triangle", "triangle_of"]
+__all__ = [
+    "HIGH_CORRELATION",
+    "PassHeads",
+    "Solution",
+    "Triangle",
+    "advice_for",
+    "eliminate",
+    "inseparable_pairs",
+    "require_determined",
+    "triangle_of",
+]
 
 Array = NDArray[np.float64]
+Places = NDArray[np.int64]
 
-_WORK_PER_COLUMN = 32
+HIGH_CORRELATION = 0.95
+"""Correlation above which two fitted terms are reported as poorly separated."""
+LARGEST_SIGMA_RAD = 5e-3
+"""Sigma of an angle above which a fit is refused: the products of such errors exceed any noise."""
 RANK_TOLERANCE = 1e-9
 """Smallest ratio of singular values of the column-scaled matrix that still counts as full rank."""
+_SHARE = 0.05
+_WORK_PER_COLUMN = 32
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +67,7 @@ class Solution:
 
 @dataclass
 class Triangle:
-    """The square-root state; `copy` before adding rows that may have to be taken back."""
+    """The square-root state: `factor` [R | z] of all rows that were folded in, and how many equations they were."""
 
     names: tuple[str, ...]
     factor: Array = field(default_factory=lambda: np.zeros((0, 0)))
@@ -59,10 +79,6 @@ class Triangle:
             self.factor = np.zeros((0, width))
         if self.factor.shape[1] != width:
             raise ValueError(f"factor has {self.factor.shape[1]} columns, must be {width}")
-
-    def copy(self) -> "Triangle":
-        """Return an independent copy."""
-        return Triangle(self.names, self.factor.copy(), self.rows)
 
     def add_blocks(self, blocks: Iterable[tuple[Array, NDArray[np.int64]]]) -> None:
         """Fold in blocks of rows [matrix | right] (n, m + 1), divided by sigma, for the unknowns `columns` (m,).
@@ -120,8 +136,103 @@ class Triangle:
             _, singular, rotation = np.linalg.svd(scaled)
             lost = singular < RANK_TOLERANCE * singular[0]
             if inverse is None or np.any(lost):
-                raise ValueError(null_space_message(self.names, rotation[lost] / scale, scale))
+                raise ValueError(_null_space_message(self.names, rotation[lost] / scale, scale))
         return inverse
+
+
+@dataclass(frozen=True, eq=False)
+class PassHeads:
+    """The rows of the passes' own parameters: own (g, p, p) @ p + common (g, p, k) @ x = right (g, p).
+
+    `passes` (g,) says which pass each belongs to, ascending.
+    """
+
+    passes: Places
+    own: Array
+    common: Array
+    right: Array
+
+    def values(self, solution: Solution) -> Array:
+        """Return the passes' parameters (g, p) that go with the common solution."""
+        right = self.right - self.common @ solution.values
+        return np.asarray(np.linalg.solve(self.own, right[..., np.newaxis])[..., 0])
+
+    def sigma(self, solution: Solution) -> Array:
+        """Return their standard deviations (g, p), the uncertainty of the terms included."""
+        inverse = np.linalg.inv(self.own)
+        across = inverse @ self.common
+        variance = np.sum(inverse**2, axis=2) + np.sum((across @ solution.covariance) * across, axis=2)
+        return np.asarray(np.sqrt(variance))
+
+
+def eliminate(rows: Array, passes: Places, prior_sigma: Array) -> tuple[PassHeads, Array]:
+    """Return the rows of the passes' own parameters and, free of them, rows (m, k + 1) for the common triangle.
+
+    `rows` (n, p + k + 1) holds the pass's own partials, the common ones and the right side, divided by sigma; `passes`
+    (n,) the pass that each belongs to.
+    """
+    numbers, group, lengths = np.unique(passes, return_inverse=True, return_counts=True)
+    order = np.argsort(group, kind="stable")
+    first = np.concatenate([[0], np.cumsum(lengths)[:-1]])
+    rank = np.arange(len(rows)) - np.repeat(first, lengths)
+    size_class = np.ceil(np.log2(lengths)).astype(np.int64)
+    own = len(prior_sigma)
+    heads, rest = np.zeros((len(numbers), own, rows.shape[1])), []
+    for size in np.unique(size_class):
+        members = np.flatnonzero(size_class == size)
+        chosen = size_class[group[order]] == size
+        place = np.searchsorted(members, group[order][chosen])
+        triangles = _triangles(rows[order[chosen]], place, rank[chosen], len(members), prior_sigma)
+        heads[members] = triangles[:, :own]
+        rest.append(triangles[:, own:, own:].reshape(-1, rows.shape[1] - own))
+    return PassHeads(numbers, heads[:, :, :own], heads[:, :, own:-1], heads[:, :, -1]), np.concatenate(rest)
+
+
+def _triangles(rows: Array, place: Places, rank: Places, count: int, prior_sigma: Array) -> Array:
+    """Return the triangles (count, ., w) of groups of rows; row i is the `rank[i]`-th of group `place[i]`.
+
+    Shorter groups are filled up with zeros, which change no triangle.
+    """
+    own = len(prior_sigma)
+    stack = np.zeros((count, own + int(np.max(rank)) + 1, rows.shape[1]))
+    stack[:, np.arange(own), np.arange(own)] = 1.0 / prior_sigma
+    stack[place, own + rank] = rows
+    return np.asarray(np.linalg.qr(stack, mode="r"))
+
+
+def require_determined(names: Sequence[str], covariance: Array, known: Container[str]) -> None:
+    """Raise ValueError naming angle terms whose sigma is beyond LARGEST_SIGMA_RAD, and the data that would bring it down.
+
+    Terms in `known` have a prior: how far they may be off is the user's word.
+    """
+    terms, sigma = all_terms(), dict(zip(names, np.sqrt(np.diag(covariance)).tolist(), strict=True))
+    lost = [n for n in names if n not in known and terms[n].unit == "rad" and sigma[n] > LARGEST_SIGMA_RAD]
+    if lost:
+        largest, limit = (np.degrees(value) for value in (max(sigma[name] for name in lost), LARGEST_SIGMA_RAD))
+        raise ValueError(
+            f"the data hardly separate {' + '.join(lost)} (sigma up to {largest:.2g} deg, must be <= {limit:.2g} deg): "
+            f"fix one of the terms, give a prior, or add {advice_for(lost)}"
+        )
+
+
+def inseparable_pairs(
+    names: Sequence[str], correlation: Array, threshold: float = HIGH_CORRELATION
+) -> tuple[tuple[str, str, float], ...]:
+    """Return the pairs of terms with |correlation| >= threshold, the worst first."""
+    rows, columns = np.triu_indices(len(names), 1)
+    pairs = [
+        (names[i], names[j], float(correlation[i, j]))
+        for i, j in zip(rows.tolist(), columns.tolist(), strict=True)
+        if abs(correlation[i, j]) >= threshold
+    ]
+    return tuple(sorted(pairs, key=lambda pair: -abs(pair[2])))
+
+
+def advice_for(names: Sequence[str]) -> str:
+    """Return which data would separate `names`."""
+    known = all_terms()
+    wanted = dict.fromkeys(known[name].separated_by for name in names if name in known)
+    return "; ".join(wanted) if wanted else "a prior on one of them"
 
 
 def triangle_of(rows: Array) -> Array:
@@ -152,3 +263,17 @@ def _inverse_of(triangle: Array) -> Array | None:
     """Return the inverse, None where a diagonal element is exactly zero."""
     inverse, info = _lapack().dtrtri(triangle)
     return cast(Array, inverse) if info == 0 else None
+
+
+def _null_space_message(names: Sequence[str], directions: Array, scale: Array) -> str:
+    """Return the refusal for null directions (m, k) of the matrix whose columns have norm `scale` (k,)."""
+    sentences = []
+    for direction in directions:
+        effect = np.abs(direction * scale)
+        involved = [name for name, share in zip(names, effect / np.max(effect), strict=True) if share > _SHARE]
+        sentences.append(" + ".join(involved))
+    everyone = list(dict.fromkeys(name for sentence in sentences for name in sentence.split(" + ")))
+    return (
+        f"the data cannot separate {'; '.join(sentences)}: "
+        f"fix one of the terms, give a prior, or add {advice_for(everyone)}"
+    )

@@ -1,6 +1,7 @@
 """Synthetic passes: straight fly-bys whose angles and derivatives are closed form, biased by a planted model."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -57,6 +58,20 @@ def fly_by(miss_m: float, heading_rad: float, t_s: np.ndarray) -> dict[str, np.n
     }
 
 
+def write_tracking(path: Path, raw: RawTracking) -> None:
+    """Write samples of one pass as the CSV that `read_tracking` reads."""
+    columns = {
+        "t_s": raw.t_s,
+        "azimuth_deg": np.degrees(raw.azimuth_rad),
+        "elevation_deg": np.degrees(raw.elevation_rad),
+        **{name: raw.channels[name] for name in ("range_m", "range_rate_m_s") if name in raw.channels},
+        "good": raw.good.astype(np.float64),
+    }
+    rows = [",".join(map(repr, row)) for row in np.stack(list(columns.values()), axis=1).tolist()]
+    notes = [f"# {name}: {getattr(raw, name)}" for name in ("station", "band", "target")]
+    path.write_text("\n".join([*notes, ",".join(columns), *rows]) + "\n")
+
+
 def one_pass(
     number: int, model: BiasModel, sigma_rad: float, random: np.random.Generator, form: str = "printed"
 ) -> Observations:
@@ -96,6 +111,19 @@ def random() -> np.random.Generator:
 def table_1() -> BiasModel:
     """Return the coefficients of SATCAL Table 1."""
     return BiasModel.from_degrees(TABLE_1_DEG)
+
+
+@pytest.fixture
+def partials() -> Callable[..., tuple[np.ndarray, np.ndarray]]:
+    """Return the derivatives (n, k) of both offsets by the named terms: the offset is linear in them."""
+
+    def matrices(motion: Sequence[np.ndarray], names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+        size = 0.0625
+        ones = [BiasModel.zero().replace(**{name: size}).offset_rad(*motion) for name in names]
+        azimuth, elevation = (np.stack([one[axis] / size for one in ones], axis=-1) for axis in (0, 1))
+        return azimuth, elevation
+
+    return matrices
 
 
 @pytest.fixture

@@ -1,7 +1,23 @@
+"""Campaigns fill the sky in the least time; advised passes shrink the sigma by what is promised."""
+
+import itertools
+
 import numpy as np
 import pytest
 
-from rf_pointing.calibration import CandidatePass, SectorRule, Slew, plan_campaign
+from rf_pointing.calibration import (
+    TERM_NAMES,
+    CandidatePass,
+    FitOptions,
+    Observations,
+    PassPriors,
+    SectorRule,
+    Slew,
+    fit_bias_model,
+    next_best_passes,
+    plan_campaign,
+    uninformed_covariance,
+)
 
 SLEW = Slew(rate_rad_s=1.0, settle_s=60.0)
 SMALL = SectorRule(azimuth_sectors=4, elevation_edges_rad=(0.17, 0.5, 1.2), fewest=5, most=8)
@@ -95,3 +111,86 @@ def test_the_way_between_two_directions_does_not_lead_through_the_ends_of_the_tr
     assert limited.time_s(a, b) == pytest.approx(np.radians(340.0))
     with pytest.raises(ValueError, match="at least a turn apart"):
         Slew(travel_rad=(-1.0, 1.0))
+
+
+ORBIT = PassPriors(along_track_m=180.0, cross_track_m=70.0, radial_m=50.0)
+
+
+@pytest.fixture
+def on_offer(track, random):
+    found = []
+    for number in range(8):
+        miss = (-1) ** number * (2e5 + 2.5e5 * number)
+        start = 2e9 + 6000.0 * number
+        found.append(
+            CandidatePass(
+                name=f"pass {number}",
+                track=track(10.0, miss, random.uniform(0.0, 6.0), start),
+                sigma_azimuth_rad=1e-4,
+                sigma_elevation_rad=1e-4,
+            )
+        )
+    return found
+
+
+def test_promised_sigma_is_the_sigma_of_the_fit_with_that_pass(campaign, table_1, on_offer):
+    data = campaign(table_1)
+    options = FitOptions(edit_sigma=0.0)
+    before = fit_bias_model(data, pass_priors=ORBIT, options=options)
+    advice = next_best_passes(
+        TERM_NAMES, before.covariance, on_offer, chosen=("collimation",), count=1, pass_priors=ORBIT
+    )[0]
+    best = next(c for c in on_offer if c.name == advice.name)
+    more = Observations.concatenate([data, best.observations("gs1", "S", 100)])
+    after = fit_bias_model(more, pass_priors=ORBIT, options=options)
+    assert advice.sigma == pytest.approx(after.sigma, rel=1e-6)
+    assert advice.factor == pytest.approx(after.sigma_of("collimation") / before.sigma_of("collimation"), rel=1e-6)
+
+
+def test_the_best_pass_beats_every_other_one(campaign, table_1, on_offer):
+    before = fit_bias_model(campaign(table_1, passes=6))
+    chosen = ("collimation", "non_orthogonality")
+    best = next_best_passes(TERM_NAMES, before.covariance, on_offer, chosen=chosen, count=1)[0]
+    each = [next_best_passes(TERM_NAMES, before.covariance, [c], chosen=chosen, count=1)[0].factor for c in on_offer]
+    assert best.factor == pytest.approx(min(each))
+
+
+def test_a_high_pass_is_advised_for_collimation(on_offer):
+    start = uninformed_covariance(TERM_NAMES)
+    advice = next_best_passes(TERM_NAMES, start, on_offer, chosen=("collimation",), count=8)
+    assert advice[0].name in ("pass 0", "pass 1")
+    assert len(advice) == 8
+    assert all(item.factor <= 1.0 for item in advice)
+
+
+def test_no_advised_pass_overlaps_another_or_begins_before_the_antenna_is_there(track, random):
+    slew = Slew(rate_rad_s=0.03, settle_s=60.0)
+    crowd = [
+        CandidatePass(
+            name=f"pass {number}",
+            track=track(10.0, random.uniform(2e5, 2e6), random.uniform(0.0, 6.0), 2e9 + 350.0 * number),
+            sigma_azimuth_rad=1e-4,
+            sigma_elevation_rad=1e-4,
+        )
+        for number in range(12)
+    ]
+    start = uninformed_covariance(TERM_NAMES)
+    advice = next_best_passes(TERM_NAMES, start, crowd, chosen=("collimation",), count=12, slew=slew)
+    assert 2 <= len(advice) < 12
+    chosen = sorted((c for c in crowd if c.name in {a.name for a in advice}), key=lambda c: c.start_t_s)
+    for first, then in itertools.pairwise(chosen):
+        way = abs(np.angle(np.exp(1j * (then.track.azimuth_rad[0] - first.track.azimuth_rad[-1]))))
+        assert then.start_t_s - first.end_t_s >= 60.0 + way / 0.03
+
+
+def test_planned_passes_say_nothing_about_thermal_terms(on_offer):
+    terms = ("azimuth_offset", "azimuth_temperature")
+    start = uninformed_covariance(terms)
+    advice = next_best_passes(terms, start, on_offer, chosen=terms, count=1)[0]
+    assert advice.sigma[1] == pytest.approx(np.sqrt(start[1, 1]))
+    assert advice.sigma[0] < 0.1 * np.sqrt(start[0, 0])
+
+
+def test_terms_that_are_not_fitted_cannot_be_chosen(on_offer):
+    with pytest.raises(ValueError, match="chosen=squint must name terms"):
+        next_best_passes(TERM_NAMES, np.eye(14), on_offer, chosen=("squint",), count=1)

@@ -3,7 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from rf_pointing.calibration import Corrections, Ionosphere
+from rf_pointing.calibration import Corrections
+from rf_pointing.calibration.corrections import Ionosphere
 from rf_pointing.core import MDEG
 
 S_BAND = Ionosphere(electrons_per_m2=5e17, frequency_hz=2.25e9)

@@ -1,3 +1,5 @@
+"""The fit gives planted terms back within its stated sigma, and refuses by name what the data cannot determine."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +14,7 @@ from rf_pointing.calibration import (
     fit_bias_model,
     held_at_zero,
 )
+from rf_pointing.calibration.fit import huber_weights, normalised_size, sandwich_covariance, within_limit
 
 TABLE_1_TERMS = tuple(n for n in TERM_NAMES if not n.endswith("acceleration_lag"))
 
@@ -41,12 +44,9 @@ def test_planted_terms_are_recovered_within_their_stated_sigma(campaign, table_1
     assert 0.9 < result.variance_azimuth < 1.1
 
 
-def test_parameters_agree_with_numpy_least_squares(campaign, table_1):
-    from rf_pointing.calibration.design import angles_of, term_matrix
-    from rf_pointing.calibration.terms import TERMS
-
+def test_parameters_agree_with_numpy_least_squares(campaign, table_1, partials):
     data = campaign(table_1)
-    a_az, a_el = term_matrix(angles_of(data), TERMS)
+    a_az, a_el = partials(data.motion(), TERM_NAMES)
     matrix = np.vstack([a_az, a_el]) / 1e-4
     right = np.concatenate([data.residual_azimuth_rad, data.residual_elevation_rad]) / 1e-4
     expected = np.linalg.lstsq(matrix, right, rcond=None)[0]
@@ -183,3 +183,87 @@ def test_data_in_a_narrow_band_of_elevation_are_refused_by_the_terms_they_hardly
         fit_bias_model(narrow, options=FitOptions(form=form))
     known = {name: Prior(value, 2e-3) for name, value in table_1.coefficients.items() if "lag" not in name}
     fit_bias_model(narrow, priors=known, options=FitOptions(form=form))
+
+
+ALL = np.ones(200, dtype=bool)
+
+
+def test_sizes_are_in_stated_sigma_where_the_data_are_as_good_as_stated(random):
+    residual = random.standard_normal((2, 200))
+    size = normalised_size((residual[0], residual[1]), (np.ones(200), np.ones(200)), ALL)
+    assert size == pytest.approx(np.max(np.abs(residual), axis=0), rel=0.25)
+
+
+def test_data_worse_than_stated_are_measured_by_their_own_spread(random):
+    residual = 10.0 * random.standard_normal((2, 200))
+    residual[0, 7] = 90.0
+    size = normalised_size((residual[0], residual[1]), (np.ones(200), np.ones(200)), ALL)
+    assert 6.0 < size[7] < 12.0
+    assert np.sum(size > 3.0) < 6
+
+
+def test_rejected_rows_come_back_only_while_they_may():
+    size, used = np.array([1.0, 5.0, 2.0]), np.array([True, True, False])
+    assert within_limit(size, 3.0, used, may_return=True).tolist() == [True, False, True]
+    assert within_limit(size, 3.0, used, may_return=False).tolist() == [True, False, False]
+    assert within_limit(size, 0.0, used, may_return=True) is used
+
+
+def test_huber_weight_is_the_limit_over_the_size_beyond_the_limit():
+    assert huber_weights(np.array([0.0, 1.5, 3.0]), 1.5) == pytest.approx([1.0, 1.0, 0.5])
+    assert huber_weights(np.array([9.0]), 0.0) == pytest.approx([1.0])
+
+
+TERMS = ("azimuth_offset", "elevation_offset", "mislevel_east", "mislevel_north", "droop")
+SANDWICH = FitOptions(covariance="sandwich", edit_sigma=0.0)
+
+
+def test_sandwich_is_the_spread_of_fits_without_one_pass(campaign, table_1):
+    data = campaign(table_1, passes=15)
+    held = {name: table_1.coefficients[name] for name in held_at_zero(TERMS)}
+    plain = FitOptions(edit_sigma=0.0)
+    full = fit_bias_model(data, terms=TERMS, held=held, options=SANDWICH)
+    left_out = [
+        fit_bias_model(data.select(data.pass_id != p), terms=TERMS, held=held, options=plain).values for p in range(15)
+    ]
+    jackknife = (np.array(left_out) - full.values).T @ (np.array(left_out) - full.values)
+    assert np.allclose(full.covariance, jackknife, rtol=1e-6)
+
+
+def test_sandwich_sigma_is_honest_where_white_sigma_is_not(campaign, table_1, random):
+    clean = campaign(table_1, passes=40)
+    held = {name: table_1.coefficients[name] for name in held_at_zero(TERMS)}
+    values, white, sandwich = [], [], []
+    for _ in range(60):
+        common = 3e-4 * random.standard_normal((2, 40))[:, clean.pass_id]
+        noise = 1e-4 * random.standard_normal((2, len(clean)))
+        offset = table_1.offset_rad(*clean.motion())
+        data = replace(
+            clean,
+            observed_azimuth_rad=clean.true_azimuth_rad + offset[0] + common[0] + noise[0],
+            observed_elevation_rad=clean.true_elevation_rad + offset[1] + common[1] + noise[1],
+        )
+        fit = fit_bias_model(data, terms=TERMS, held=held, options=SANDWICH)
+        values.append(fit.values)
+        sandwich.append(fit.sigma)
+        white.append(fit_bias_model(data, terms=TERMS, held=held, options=FitOptions(edit_sigma=0.0)).sigma)
+    spread = np.std(values, axis=0)
+    assert np.all(spread > 3.0 * np.mean(white, axis=0))
+    assert np.mean(spread / np.mean(sandwich, axis=0)) == pytest.approx(1.0, abs=0.15)
+
+
+def test_editing_before_a_sandwich_is_refused():
+    with pytest.raises(ValueError, match=r"edit_sigma=3\.0 must be 0"):
+        FitOptions(covariance="sandwich")
+
+
+def test_too_few_passes_are_refused(campaign, table_1):
+    with pytest.raises(ValueError, match="passes=4 must be >= 5"):
+        fit_bias_model(campaign(table_1, passes=4), options=SANDWICH)
+
+
+def test_a_pass_that_alone_determines_a_term_is_named():
+    rows = [(k, np.array([[1.0, 1.0 if k == 3 else 0.0], [1.0, 0.0]]), np.array([0.1, -0.1])) for k in range(6)]
+    matrix = np.concatenate([r for _, r, _ in rows])
+    with pytest.raises(ValueError, match="pass 3 alone determines tilt"):
+        sandwich_covariance(("offset", "tilt"), np.linalg.inv(matrix.T @ matrix), rows)

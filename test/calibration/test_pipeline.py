@@ -7,13 +7,13 @@ from scipy.signal import lfilter
 from rf_pointing.calibration import (
     BiasModel,
     Corrections,
-    Ionosphere,
     SectorRule,
     fit_bias_model,
     held_at_zero,
     process_pass,
     select_observations,
 )
+from rf_pointing.calibration.corrections import Ionosphere
 from rf_pointing.core import MDEG
 from rf_pointing.core.refraction import RadioRefraction
 

@@ -4,7 +4,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rf_pointing.calibration import Corrections, read_tdm, write_tdm
+from rf_pointing.calibration import Corrections, read_tdm
+from rf_pointing.calibration.tdm import write_tdm
 
 NONE = Corrections(light_time=False, troposphere=None, ionosphere=None, range_delay_m=0.0)
 ROUNDING_RAD = 1e-11
@@ -65,7 +66,7 @@ def test_bad_samples_are_not_written(raw, tmp_path):
         (lambda t: t.rsplit("DATA_STOP", 1)[0], "data section is not closed"),
         (lambda t: t.replace("CCSDS_TDM_VERS = 2.0", "CCSDS_TDM_VERS = 9.0"), "CCSDS_TDM_VERS=9.0 must be"),
         (lambda t: t.replace("ANGLE_2 = 2001", "COMMENT 2001", 1), "line 19: ANGLE_1 at .* has no ANGLE_2"),
-        (lambda t: t.replace("META_STOP", "META_STOP extra", 1), "must be KEYWORD = value"),
+        (lambda t: t.replace("META_STOP", "META_STOP extra", 1), "must read KEYWORD = value"),
         (lambda t: t.replace("DATA_START", "DATA_START\nANGLE_1 = 2001-13-01T00:00:00 5.0", 1), "line 19: .*time"),
         (lambda t: t.replace("DATA_START", "DATA_START\nANGLE_1 = 2001-01-01T00:00:00 nan", 1), "must be finite"),
         (lambda t: t.replace("MODE = SEQ", "TIME_SYSTEM = UTC\nMODE = SEQ", 1), "TIME_SYSTEM is given twice"),
@@ -134,6 +135,12 @@ def test_the_band_is_the_one_received_and_degraded_data_are_not_good(lines, tmp_
     first, second = read_changed(tmp_path, text.replace("MODE", "DATA_QUALITY = DEGRADED\nMODE", 1).splitlines())
     assert not np.any(first.good)
     assert np.all(second.good)
+
+
+def test_names_that_a_message_cannot_hold_are_refused(raw, tmp_path):
+    with pytest.raises(ValueError, match="must be ASCII"):
+        write_tdm(tmp_path / "a.tdm", [replace(raw, station="Kårholmen")], originator="test", created_t_s=1.7e9)
+    assert not (tmp_path / "a.tdm").exists()
 
 
 def test_bytes_that_are_not_ascii_are_refused(tmp_path):

@@ -8,16 +8,9 @@ import numpy as np
 import pytest
 
 pytest.importorskip("rclpy", reason="the executables live beside the nodes", exc_type=ImportError)
-from rf_pointing.calibration import (
-    TERMS,
-    BiasModel,
-    ModelVersion,
-    Observations,
-    read_model,
-    write_model,
-    write_observations,
-)
+from rf_pointing.calibration import TERMS, BiasModel, ModelVersion, Observations, read_model, write_model
 from rf_pointing.calibration.pass_errors import pass_partials
+from rf_pointing.calibration.tracking_csv import write_observations
 from rf_pointing.commands import fit_bias_model, plan_calibration
 from rf_pointing.core import MDEG
 

@@ -6,11 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rf_pointing.calibration import BiasModel, RawTracking, write_tracking
+from rf_pointing.calibration import BiasModel, RawTracking
 from rf_pointing.core import MDEG
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.ephemeris import TopocentricTrack, find_elements, find_passes, site, verification_elements
 from rf_pointing.station.campaign.recorded_input import holds_points, process_passes, read_raw, reference_of
+from test.calibration.conftest import write_tracking
 
 STATION = site("Goldstone DSS-13")
 ELEMENTS = verification_elements()
