@@ -55,7 +55,7 @@ setup(
     ],
     python_requires=">=3.11",
     install_requires=["setuptools"],
-    extras_require={"fast": ["numba"], "sweep": ["dask", "distributed"]},
+    extras_require={"sweep": ["dask", "distributed"]},
     zip_safe=False,
     entry_points={
         "console_scripts": [

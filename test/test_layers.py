@@ -40,7 +40,7 @@ ALLOWED_THIRD_PARTY = {
     **dict.fromkeys(CORE_OF_ARRAYS, SIBLING),
     "array_sensors/report": COMPOSED | {"matplotlib", "rosbags"},
     "array_sensors/nodes": None,
-    "papers": COMPOSED | {"matplotlib", "numba"},
+    "papers": COMPOSED | {"matplotlib"},
 }
 STATION = {"core", *SIBLINGS, "station", "simulation", "report"}
 """What runs the station without ROS: none of it may import array sensors or papers, nor may nodes and commands."""

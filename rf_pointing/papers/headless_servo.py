@@ -1,15 +1,14 @@
 """Plant, wind and position loops alone, without messages: long runs and many of them.
 
-Per control tick: command table, position loops on the encoders, wind, plant.  `run_servo` steps the very classes the
-antenna node uses; with `compiled=True` the same equations run as one compiled loop (extra `[fast]`), with the same
-random numbers and the same result to rounding.
+Per control tick: command table, position loops on the encoders, wind, plant, all of the classes that the antenna's node
+uses.
 """
 
+import math
 import os
-from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 from rf_pointing.controllers import PositionLoop, PositionLoopParams
 from rf_pointing.core import as_finite_array, random_stream, require_between
 from rf_pointing.servo import AntennaPlant, PlantParams, Wind, WindParams, dss13_plant
+from rf_pointing.simulation.closed_loop import BareAntenna, LawsOnCommand, ticks
 
 __all__ = ["ServoRun", "ServoRunSetup", "error_statistics", "run_servo", "servo_monte_carlo"]
 
@@ -52,54 +52,31 @@ class ServoRun:
     beam_rad: Array
 
 
-def run_servo(setup: ServoRunSetup, *, compiled: bool = False) -> ServoRun:
-    """Return one run.
-
-    Raises
-    ------
-    ModuleNotFoundError
-        With `compiled` if numba is not installed (extra `[fast]`).
-    """
-    if compiled:
-        from rf_pointing.papers.compiled_servo import CompiledServo
-
-        return ServoRun(*CompiledServo(setup).run(setup.seed))
+def run_servo(setup: ServoRunSetup) -> ServoRun:
+    """Return one run."""
     plant = AntennaPlant(setup.plant, random_stream(setup.seed, "encoder"), setup.position_rad[0])
-    wind = Wind(setup.wind, random_stream(setup.seed, "wind"))
-    loops = [PositionLoop(params, setup.tick_s) for params in setup.loops]
-    count = len(setup.position_rad)
-    rates, encoder, beam = (np.zeros((count, 2)) for _ in range(3))
-    commands = (setup.position_rad.tolist(), setup.velocity_rad_s.tolist(), setup.acceleration_rad_s2.tolist())
-    for k, (position, velocity, acceleration) in enumerate(zip(*commands, strict=True)):
-        measured = plant.encoder_rad.tolist()
-        applied = [loop.output(position[i], velocity[i], measured[i], acceleration[i]) for i, loop in enumerate(loops)]
-        plant.step(applied, wind.step(setup.tick_s, measured[0], measured[1]), setup.tick_s)
-        for loop, rate in zip(loops, applied, strict=True):
-            loop.update(setup.tick_s, rate)
-        rates[k], encoder[k], beam[k] = applied, plant.encoder_rad, plant.beam_rad
+    laws = LawsOnCommand(
+        [PositionLoop(params, setup.tick_s) for params in setup.loops],
+        setup.tick_s,
+        lambda k: (setup.position_rad[k], setup.velocity_rad_s[k], setup.acceleration_rad_s2[k]),
+    )
+    antenna = BareAntenna(plant, Wind(setup.wind, random_stream(setup.seed, "wind")), setup.tick_s, laws)
+    rates, encoder, beam = (np.zeros_like(setup.position_rad) for _ in range(3))
+    for k, command in ticks(antenna, len(setup.position_rad)):
+        rates[k], encoder[k], beam[k] = command, plant.encoder_rad, plant.beam_rad
     return ServoRun(rates, encoder, beam)
 
 
-def servo_monte_carlo(
-    setup: ServoRunSetup, seeds: Sequence[int], *, compiled: bool = False, workers: int | None = None
-) -> Array:
-    """Return `error_statistics` (runs, 2) of one run per seed, spread over `workers` (None: all cores).
-
-    Compiled runs share one preparation and go to threads, as the compiled loop needs no interpreter; the others to
-    processes.
-    """
+def servo_monte_carlo(setup: ServoRunSetup, seeds: Sequence[int], *, workers: int | None = None) -> Array:
+    """Return `error_statistics` (runs, 2) of one run per seed, spread over `workers` processes (None: one per core)."""
     count = workers or os.cpu_count() or 1
     require_between("workers", count, 1, 256)
-    batch = _compiled_batch(setup) if compiled else partial(_batch, setup)
-    shares = [list(seeds[start::count]) for start in range(count)]
+    cases = [replace(setup, seed=seed) for seed in seeds]
     if count == 1:
-        return batch(shares[0])
-    with ThreadPoolExecutor(count) if compiled else ProcessPoolExecutor(count) as pool:
-        parts = list(pool.map(batch, shares))
-    result = np.empty((len(seeds), 2))
-    for start, part in enumerate(parts):
-        result[start::count] = part
-    return result
+        return np.array([_statistics(case) for case in cases])
+    with ProcessPoolExecutor(count) as pool:
+        # One share a worker: the setup with its tables is sent with every run, which costs more than the result.
+        return np.array(list(pool.map(_statistics, cases, chunksize=math.ceil(len(cases) / count))))
 
 
 def error_statistics(setup: ServoRunSetup, run: ServoRun) -> Array:
@@ -111,22 +88,5 @@ def error_statistics(setup: ServoRunSetup, run: ServoRun) -> Array:
     return rms
 
 
-def _batch(setup: ServoRunSetup, seeds: Sequence[int]) -> Array:
-    results = np.empty((len(seeds), 2))
-    for index, seed in enumerate(seeds):
-        results[index] = error_statistics(setup, run_servo(replace(setup, seed=seed)))
-    return results
-
-
-def _compiled_batch(setup: ServoRunSetup) -> Callable[[Sequence[int]], Array]:
-    from rf_pointing.papers.compiled_servo import CompiledServo
-
-    servo = CompiledServo(setup)
-
-    def batch(seeds: Sequence[int]) -> Array:
-        results = np.empty((len(seeds), 2))
-        for index, seed in enumerate(seeds):
-            results[index] = error_statistics(setup, ServoRun(*servo.run(seed)))
-        return results
-
-    return batch
+def _statistics(setup: ServoRunSetup) -> Array:
+    return error_statistics(setup, run_servo(setup))

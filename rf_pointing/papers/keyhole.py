@@ -13,6 +13,7 @@ from rf_pointing.planning import GateParams, MachineParams
 from rf_pointing.planning.loss import DEEPEST_DB, HALF_POWER_DB
 from rf_pointing.planning.plunge import plunged
 from rf_pointing.servo import WindParams, dss13_plant
+from rf_pointing.simulation.closed_loop import TARGET_LEAD_S, PointedAntenna, ticks
 from rf_pointing.station.antenna.safety import SafetyParams
 from rf_pointing.station.antenna.simulated_antenna import AntennaParams, LoopParams, SimulatedAntenna
 from rf_pointing.station.pointing.certificates import pass_profile
@@ -25,7 +26,6 @@ __all__ = ["KeyholeRun", "Loss", "fly"]
 Array = NDArray[np.float64]
 BEFORE_S, AFTER_S = 30.0, 15.0
 """How long before and after the crossing a pass is flown: the lags of the mount build up before."""
-TARGET_LEAD_S = 2.0
 NO_SUN = GateParams(sun_radius_rad=0.0)
 """The crossing alone is compared: a pass that the Sun forbids is as good as any."""
 
@@ -154,22 +154,16 @@ def _flown(
     case: KeyholeCase, controller: PointingController, antenna: SimulatedAntenna, start_s: float, end_s: float
 ) -> tuple[Array, Array]:
     """Return times (n,) and angles (n,) between beam and target."""
-    every = round(controller.params.period_s / antenna.params.tick_s)
-    for step in range(round(TARGET_LEAD_S / controller.params.period_s)):
-        controller.take_target(case.track.target_at(round(start_s + step * controller.params.period_s, 6)))
+    period_s = controller.params.period_s
+    for step in range(round(TARGET_LEAD_S / period_s)):
+        controller.take_target(case.track.target_at(round(start_s + step * period_s, 6)))
     antenna.modes.enable()
+    pointed = PointedAntenna(antenna, controller, case.track, start_s)
+    count = round((min(end_s, case.window.los_t_s - 3.0) - start_s) / antenna.params.tick_s) - 1
     times, beam = [], []
-    for tick in range(1, round((min(end_s, case.window.los_t_s - 3.0) - start_s) / antenna.params.tick_s)):
-        t_s = round(start_s + tick * antenna.params.tick_s, 6)
-        reading, boresight = antenna.step(t_s)
-        if tick % every == 0:
-            controller.take_joints(reading)
-            controller.take_target(case.track.target_at(round(t_s + TARGET_LEAD_S, 6)))
-            trajectory, _ = controller.step(t_s)
-            if trajectory is not None:
-                antenna.commands.accept(trajectory, t_s)
-        times.append(t_s)
-        beam.append((boresight.azimuth_rad, boresight.elevation_rad))
+    for _, tick in ticks(pointed, count, first=1):
+        times.append(tick.t_s)
+        beam.append((tick.boresight.azimuth_rad, tick.boresight.elevation_rad))
     looks = case.track.sample(np.array(times))
     pointing = np.array(beam)
     angles = angular_distance_rad(looks.azimuth_rad, looks.elevation_rad, pointing[:, 0], pointing[:, 1])

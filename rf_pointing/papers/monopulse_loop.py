@@ -19,10 +19,11 @@ from rf_pointing.controllers import (
     TrackerIntegrator,
     TrackerIntegratorParams,
 )
-from rf_pointing.core import random_stream
+from rf_pointing.core import AXES, random_stream
 from rf_pointing.papers.servo_trajectory import LowOrbitPass, MotionTable
 from rf_pointing.rf import Beam, BeamParams, MonopulseFeed, MonopulseFeedParams, Receiver, ReceiverParams
 from rf_pointing.servo import AntennaPlant, PlantParams, Wind, WindParams, dss13_plant
+from rf_pointing.simulation.closed_loop import BareAntenna, LawsOnCommand, ticks
 from rf_pointing.tracking import LockWatch, LockWatchParams, MonopulseParams, MonopulseTracker
 
 __all__ = ["CLUSTER", "TICK_S", "MonopulsePass", "PassLog", "PlainRadio", "Radio", "fly", "ka_receiver"]
@@ -137,18 +138,17 @@ def fly(setup: MonopulsePass, radio: Radio) -> PassLog:
     plant = AntennaPlant(setup.plant, random_stream(setup.seed, "encoder"), ephemeris.position_rad[0])
     wind = Wind(WindParams(mean_speed_m_s=setup.wind_m_s), random_stream(setup.seed, "wind"))
     preprocessor = CommandPreprocessor(CommandPreprocessorParams())
-    loops = [PositionLoop(setup.loop, TICK_S) for _ in (0, 1)]
-    _start(plant, preprocessor, loops, ephemeris)
+
+    def command(k: int) -> tuple[Array, Array, Array]:
+        """Return what the axes can do of ephemeris plus radio offset."""
+        return preprocessor.step(*_command(ephemeris, k, *radio.offset(k)), TICK_S)
+
+    laws = LawsOnCommand([PositionLoop(setup.loop, TICK_S) for _ in AXES], TICK_S, command)
+    preprocessor.reset(ephemeris.position_rad[0], ephemeris.velocity_rad_s[0])
+    laws.settle(plant, ephemeris.position_rad[0], ephemeris.velocity_rad_s[0])
     errors, velocities, transparent = np.empty((count, 2)), np.empty((count, 2)), np.empty(count, dtype=bool)
-    for k in range(count):
-        position, velocity, acceleration = preprocessor.step(*_command(ephemeris, k, *radio.offset(k)), TICK_S)
-        velocities[k], transparent[k] = velocity, all(preprocessor.transparent)
-        measured = plant.encoder_rad
-        applied = [loop.output(position[i], velocity[i], measured[i], acceleration[i]) for i, loop in enumerate(loops)]
-        torque = wind.step(TICK_S, ephemeris.position_rad[k, 0], ephemeris.position_rad[k, 1])
-        plant.step(applied, torque, TICK_S)
-        for loop, got in zip(loops, applied, strict=True):
-            loop.update(TICK_S, got)
+    for k, _ in ticks(BareAntenna(plant, wind, TICK_S, laws, lambda k: ephemeris.position_rad[k]), count):
+        velocities[k], transparent[k] = preprocessor.state.velocity_rad_s, all(preprocessor.transparent)
         sky = np.array([math.cos(truth.position_rad[k + 1, 1]), 1.0])
         errors[k] = (truth.position_rad[k + 1] - plant.beam_rad) * sky
         radio.sample(k + 1, errors[k], (plant.encoder_rad - ephemeris.position_rad[k + 1]) * sky)
@@ -167,16 +167,3 @@ def _command(ephemeris: MotionTable, k: int, offset: Array, rate: Array) -> tupl
         velocity + np.array([turn / cosine, rate[1]]),
         ephemeris.acceleration_rad_s2[k],
     )
-
-
-def _start(
-    plant: AntennaPlant, preprocessor: CommandPreprocessor, loops: list[PositionLoop], ephemeris: MotionTable
-) -> None:
-    """Put everything into steady motion with the ephemeris."""
-    position, velocity = ephemeris.position_rad[0], ephemeris.velocity_rad_s[0]
-    state = plant.state
-    state.x[2:4] = velocity
-    plant.state = state
-    preprocessor.reset(position, velocity)
-    for axis, loop in enumerate(loops):
-        loop.reset(position[axis], velocity[axis], position[axis], velocity[axis])

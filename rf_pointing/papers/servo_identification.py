@@ -23,6 +23,7 @@ from rf_pointing.identification import (
 )
 from rf_pointing.papers.row import Row
 from rf_pointing.servo import AntennaPlant, Wind, WindParams, dss13_plant
+from rf_pointing.simulation.closed_loop import BareAntenna, ticks
 
 __all__ = ["identification_rows", "record"]
 
@@ -65,10 +66,10 @@ def record(axis: str, sequences: int, seed: int, params: ExcitationParams, bendi
         random_stream(seed, f"excitation {axis}"),
     )
     bias = BIAS_V * RATE_PER_VOLT_RAD_S
-    while not run.finished:
-        encoder = plant.encoder_rad
-        command = run.command(encoder) + bias
-        plant.step(command, wind.step(params.sample_s, encoder[0], encoder[1]), params.sample_s)
+    antenna = BareAntenna(plant, wind, params.sample_s, lambda _k, encoder_rad: run.command(encoder_rad) + bias)
+    for _ in ticks(antenna):
+        if run.finished:
+            break
     return run.recording()
 
 

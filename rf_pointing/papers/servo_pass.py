@@ -5,7 +5,6 @@ its own period and acts after its delay (BWG Fig. 12).
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -23,6 +22,7 @@ from rf_pointing.controllers import (
 from rf_pointing.core import random_stream
 from rf_pointing.papers.servo_trajectory import LowOrbitPass
 from rf_pointing.servo import AntennaPlant, PlantParams, Wind, WindParams, dss13_plant
+from rf_pointing.simulation.closed_loop import BareAntenna, LawsOnCommand, ticks
 
 __all__ = ["PassErrors", "PassSetup", "fly"]
 
@@ -89,41 +89,30 @@ def fly(setup: PassSetup) -> PassErrors:
     radio = _Radio(setup)
     plant = AntennaPlant(setup.plant, random_stream(setup.seed, "encoder"), ephemeris.position_rad[0])
     wind = Wind(setup.wind, random_stream(setup.seed, "wind"))
-    loops = [PositionLoop(law, TICK_S) if isinstance(law, PositionLoopParams) else LqgLoop(*law) for law in setup.loops]
-    if setup.settled:
-        _settle(plant, loops, ephemeris.position_rad[0], ephemeris.velocity_rad_s[0])
-    beam, encoder = np.zeros((count, 2)), np.zeros((count, 2))
-    commands = (ephemeris.position_rad, ephemeris.velocity_rad_s, ephemeris.acceleration_rad_s2)
-    rows = zip(*(part.tolist() for part in commands), strict=True)
-    for k, (position, velocity, acceleration) in zip(range(count), rows, strict=False):
-        measured = plant.encoder_rad.tolist()
-        radio.tick(k, truth[k] - plant.beam_rad, math.cos(position[1]))
+
+    def command(k: int) -> tuple[Array, Array, Array]:
+        """Return ephemeris plus radio offset in axis angles, after the radio has measured at this tick."""
+        radio.tick(k, truth[k] - plant.beam_rad, math.cos(ephemeris.position_rad[k, 1]))
         offset, rate = radio.at(k)
-        applied = [
-            loop.output(position[i] + offset[i], velocity[i] + rate[i], measured[i], acceleration[i])
-            for i, loop in enumerate(loops)
-        ]
-        torque = wind.step(TICK_S, position[0], position[1])
-        plant.step(applied, torque, TICK_S)
-        for loop, command in zip(loops, applied, strict=True):
-            loop.update(TICK_S, command)
+        return ephemeris.position_rad[k] + offset, ephemeris.velocity_rad_s[k] + rate, ephemeris.acceleration_rad_s2[k]
+
+    laws = LawsOnCommand(
+        [PositionLoop(law, TICK_S) if isinstance(law, PositionLoopParams) else LqgLoop(*law) for law in setup.loops],
+        TICK_S,
+        command,
+    )
+    if setup.settled:
+        laws.settle(plant, ephemeris.position_rad[0], ephemeris.velocity_rad_s[0])
+    beam, encoder = np.zeros((count, 2)), np.zeros((count, 2))
+    for k, _ in ticks(BareAntenna(plant, wind, TICK_S, laws, lambda k: ephemeris.position_rad[k]), count):
         beam[k] = truth[k + 1] - plant.beam_rad
-        encoder[k] = ephemeris.position_rad[k + 1] - plant.joint_rad
+        encoder[k] = ephemeris.position_rad[k + 1] - plant.true_joint_rad
     later = slice(1, count + 1)
     sky = np.column_stack([np.cos(truth[later, 1]), np.ones(count)])
     deviation = (truth - ephemeris.position_rad)[later]
     return PassErrors(
         np.asarray(times[later]), beam * sky, encoder * sky, deviation * sky, np.array(radio.taken).reshape(-1, 2)
     )
-
-
-def _settle(plant: AntennaPlant, loops: Sequence[PositionLoop | LqgLoop], position: Array, velocity: Array) -> None:
-    """Put plant and loops into steady motion: drives at the target's rate, commands equal to it."""
-    state = plant.state
-    state.x[2:4] = velocity
-    plant.state = state
-    for axis, loop in enumerate(loops):
-        loop.reset(position[axis], velocity[axis], position[axis], velocity[axis])
 
 
 class _Radio:
@@ -161,9 +150,6 @@ class _Radio:
             self.taken.append(error)
             self._integrator.update(k * TICK_S, error)
 
-    def at(self, k: int) -> tuple[list[float], list[float]]:
-        """Return the offsets and their rates of both axes at tick `k`."""
-        if not self._on:
-            return [0.0, 0.0], [0.0, 0.0]
-        offset, rate = self._integrator.at(k * TICK_S)
-        return offset.tolist(), rate.tolist()
+    def at(self, k: int) -> tuple[Array, Array]:
+        """Return the offsets (2,) and their rates (2,) of both axes at tick `k`."""
+        return self._integrator.at(k * TICK_S) if self._on else (np.zeros(2), np.zeros(2))

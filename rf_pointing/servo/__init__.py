@@ -1,12 +1,10 @@
 """How the antenna moves: drives, gears, flexible modes, friction, limits, encoders and wind; the DSS-13 preset."""
 
-from rf_pointing.servo.block_simulation import BlockSimulator
 from rf_pointing.servo.drive import axis_inputs, drive_constants, gear_correction, tooth_wind
 from rf_pointing.servo.gust import GustFilter, davenport_psd
 from rf_pointing.servo.linear_model import LinearModel, discretise, linear_model, matrix_exponential
 from rf_pointing.servo.parameters import AxisParams, PlantParams
 from rf_pointing.servo.plant import AntennaPlant
-from rf_pointing.servo.plant_file import plant_from_mapping, plant_to_mapping
 from rf_pointing.servo.presets import BENDING_FREQUENCY_HZ, dss13_plant, linear_axis
 from rf_pointing.servo.state import PlantState
 from rf_pointing.servo.wind import (
@@ -22,7 +20,6 @@ __all__ = [
     "BENDING_FREQUENCY_HZ",
     "AntennaPlant",
     "AxisParams",
-    "BlockSimulator",
     "GustFilter",
     "LinearModel",
     "PlantParams",
@@ -40,8 +37,6 @@ __all__ = [
     "linear_axis",
     "linear_model",
     "matrix_exponential",
-    "plant_from_mapping",
-    "plant_to_mapping",
     "tooth_wind",
     "torque_constants",
     "wind_torque_n_m",

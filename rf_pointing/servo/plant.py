@@ -71,7 +71,7 @@ class AntennaPlant:
         return self._output(self._model.beam)
 
     @property
-    def joint_rad(self) -> Array:
+    def true_joint_rad(self) -> Array:
         """Angles (2,) at the encoders without their steps and noise (truth)."""
         return self._output(self._model.encoder)
 

@@ -21,6 +21,7 @@ from rf_pointing.ephemeris.source import SourceParams, load_track
 from rf_pointing.planning import AxisLimits, Certificate, GateParams, HorizonMask, MachineParams
 from rf_pointing.rf import LinkParams
 from rf_pointing.servo import WindParams, dss13_plant
+from rf_pointing.simulation.closed_loop import PointedAntenna, ticks
 from rf_pointing.station.antenna.mount import MountParams
 from rf_pointing.station.antenna.receiver import Reception, SignalParams, SimulatedReceiver
 from rf_pointing.station.antenna.safety import SafetyParams
@@ -44,7 +45,8 @@ from rf_pointing.tracking.power_tracker import PowerTracker
 __all__ = ["PassLog", "StationSetup", "simulate_pass"]
 
 Array = NDArray[np.float64]
-TARGET_LEAD_S = 2.0
+EARLY_TARGET_S = 5.0
+"""How long before the acquisition of signal the first target is: it is predicted below the horizon already."""
 
 
 @dataclass
@@ -95,7 +97,7 @@ class StationSetup:
         )
 
     def receiver(self) -> SimulatedReceiver:
-        """Return the simulated receiver, which hears the satellite where it really is."""
+        """Return the simulated receiver, which receives the satellite where it really is."""
         node = self.node("rf_receiver")
         return SimulatedReceiver(node.group("signal", SignalParams()), load_track(node.group("source", SourceParams())))
 
@@ -133,51 +135,40 @@ def simulate_pass(
     window: Pass,
     start_t_s: float,
     sensor: str,
-    heard: Callable[[Reception], object] | None = None,
+    on_reception: Callable[[Reception], object] | None = None,
 ) -> PassLog:
     """Return the log of one pass, from `start_t_s` (time to slew included) to loss of signal.
 
-    `heard` is called with everything that the receiver gives.
+    `on_reception` is called with every reception.
     """
     track = load_track(setup.node("ephemeris_publisher").group("source", SourceParams()))
     antenna, receiver, controller = setup.antenna(), setup.receiver(), setup.controller()
     monopulse = MonopulseTracker(setup.node("monopulse_tracker").group("monopulse", MonopulseParams()))
     conscan = setup.power_tracker()
-    tick_s, period_s = antenna.params.tick_s, controller.params.period_s
-    every = round(period_s / tick_s)
     antenna.modes.enable()
     log = PassLog()
-    known = antenna.reading(start_t_s)
-    controller.take_joints(known)
+    pointed = PointedAntenna(antenna, controller, track, start_t_s, window.aos_t_s - EARLY_TARGET_S)
     controller.plan.take_profiles([pass_profile(track, window)])
     controller.start(start_t_s, window, sensor)
     log.certificate = controller.plan.certificate
     mode = controller.state.mode
-    for tick in range(1, round((window.los_t_s - start_t_s) / tick_s)):
-        t_s = round(start_t_s + tick * tick_s, 6)
-        reading, boresight = antenna.step(t_s)
-        if tick % every == 0:
-            # As on the graph, a period knows where the axes were when the one before began.
-            controller.take_joints(known)
-            known = reading
-            if t_s + TARGET_LEAD_S >= window.aos_t_s - 5.0:
-                controller.take_target(track.target_at(round(t_s + TARGET_LEAD_S, 6)))
-            trajectory, status = controller.step(t_s)
+    for _, tick in ticks(pointed, round((window.los_t_s - start_t_s) / antenna.params.tick_s) - 1, first=1):
+        status, trajectory = tick.status, tick.trajectory
+        if status is not None:
             mode = status.mode
             conscan.take_status(status.t_s, status.scan_centre_rad, status.offset_rad, status.mode, status.sensor)
-            if trajectory is not None:
-                antenna.commands.accept(trajectory, t_s)
-                log.command_t_s.append(float(trajectory.t_s[0]))
-                log.command_rad.append((float(trajectory.position_rad[0, 0]), float(trajectory.position_rad[0, 1])))
-        conscan.take_joints(reading)
-        reception = receiver.take(boresight)
+        if trajectory is not None:
+            log.command_t_s.append(float(trajectory.t_s[0]))
+            log.command_rad.append((float(trajectory.position_rad[0, 0]), float(trajectory.position_rad[0, 1])))
+        conscan.take_joints(tick.reading)
+        reception = receiver.take(tick.boresight)
         if reception is not None:
             controller.take_error(monopulse.measure(reception.cluster))
             for error in conscan.take_power(reception.power):
                 controller.take_error(error)
             _note(log, reception.truth, mode)
-            if heard is not None:
-                heard(reception)
+            if on_reception is not None:
+                on_reception(reception)
     return log
 
 

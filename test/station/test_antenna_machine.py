@@ -91,7 +91,7 @@ class AntennaMachine(RuleBasedStateMachine):
 
     def check_motion(self, mode_before: str) -> None:
         antenna, limits = self.antenna, self.limits
-        truth = antenna.axes.hardware.plant.joint_rad
+        truth = antenna.axes.hardware.plant.true_joint_rad
         reach = antenna.safety.params.gate.hard_rad + BRAKING_RAD
         assert np.all(truth >= np.array(limits.travel_min_rad) - reach)
         assert np.all(truth <= np.array(limits.travel_max_rad) + reach)
@@ -156,11 +156,11 @@ class AntennaMachine(RuleBasedStateMachine):
     def ask(self, name: str) -> None:
         if name == "enable" and self.antenna.mode != "inactive":
             return
-        position = self.antenna.axes.hardware.plant.joint_rad
+        position = self.antenna.axes.hardware.plant.true_joint_rad
         asked = self.antenna if name == "disable" else self.antenna.modes
         getattr(asked, name)()
         if name != "disable":
-            np.testing.assert_array_equal(self.antenna.axes.hardware.plant.joint_rad, position)
+            np.testing.assert_array_equal(self.antenna.axes.hardware.plant.true_joint_rad, position)
         self.run(2)
 
     @rule(reason=st.sampled_from(["", "stop was requested"]))

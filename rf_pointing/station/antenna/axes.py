@@ -115,7 +115,10 @@ class AntennaAxes:
         """Look at the sensors after a tick: bridge what cannot be, and return why the drives must be cut, "" if not."""
         plant = self.hardware.plant
         used, reason = self._safety.tick(
-            self.hardware.encoders(), pair(plant.joint_rad), pair(plant.velocity_rad_s), pair(self.rate_command_rad_s)
+            self.hardware.encoders(),
+            pair(plant.true_joint_rad),
+            pair(plant.velocity_rad_s),
+            pair(self.rate_command_rad_s),
         )
         self.used_rad = np.array(used)
         return reason if plant.powered else ""

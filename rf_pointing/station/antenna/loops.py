@@ -4,6 +4,7 @@ A change of gains or of the law is taken as a whole, between two ticks and witho
 would be unstable on the antenna is refused and changes nothing.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -28,9 +29,10 @@ from rf_pointing.core import AXES, Motion, Params, parameter
 from rf_pointing.servo import PlantParams
 from rf_pointing.station.antenna.loop_stability import require_stable
 
-__all__ = ["AxisLoops", "LoopParams"]
+__all__ = ["AxisLoops", "LoopParams", "PositionLaw", "law_rates"]
 
 Array = NDArray[np.float64]
+PositionLaw = PositionLoop | LqgLoop
 
 AT_REST = np.zeros(2)
 _PI, _LQG = "pi", "lqg"
@@ -51,6 +53,21 @@ class LoopParams(Params):
     oscillation: OscillationDetectorParams = parameter(OscillationDetectorParams(), "what counts as an oscillation")
     preprocessor: CommandPreprocessorParams = parameter(CommandPreprocessorParams(), "limits of the commands")
     table: TrajectoryBufferParams = parameter(TrajectoryBufferParams(), "trust in the command table")
+
+
+def law_rates(
+    laws: Sequence[PositionLaw], command: Sequence[Sequence[float]], encoder_rad: Sequence[float], tick_s: float
+) -> list[float]:
+    """Return the rate commands (2,) of both laws for one tick of `tick_s`, and advance the laws to the next one.
+
+    `command` is position (rad), velocity (rad/s) and acceleration (rad/s^2) of azimuth and elevation.
+    """
+    position, velocity, acceleration = command
+    rates = []
+    for axis, law in enumerate(laws):
+        rates.append(law.output(position[axis], velocity[axis], encoder_rad[axis], acceleration[axis]))
+        law.update(tick_s, rates[axis])
+    return rates
 
 
 class AxisLoops:
@@ -114,14 +131,10 @@ class AxisLoops:
 
     def rates(self, command: Motion, measured_rad: Array) -> Array:
         """Return the rate commands (2,) for a feasible command and the encoders of this tick."""
-        rates = [0.0, 0.0]
-        position, velocity, acceleration = (part.tolist() for part in command)
         measured = measured_rad.tolist()
-        for axis, law in enumerate(self._laws):
-            rates[axis] = law.output(position[axis], velocity[axis], measured[axis], acceleration[axis])
-            law.update(self._tick_s, rates[axis])
-            self._watch[axis].update(position[axis] - measured[axis], self._tick_s)
-        given = np.array(rates)
+        given = np.array(law_rates(self._laws, [part.tolist() for part in command], measured, self._tick_s))
+        for watch, position, shown in zip(self._watch, command.position.tolist(), measured, strict=True):
+            watch.update(position - shown, self._tick_s)
         self._newest = (command.position, command.velocity, measured_rad, given)
         return given
 
@@ -131,7 +144,7 @@ class AxisLoops:
         for law, row in zip(self._laws, rows, strict=True):
             law.reset(*row)
 
-    def _build(self, params: LoopParams) -> list[PositionLoop | LqgLoop]:
+    def _build(self, params: LoopParams) -> list[PositionLaw]:
         if params.law == _PI:
             return [PositionLoop(params.azimuth, self._tick_s), PositionLoop(params.elevation, self._tick_s)]
         azimuth, elevation = self._designs_of(params.lqg_file)

@@ -46,7 +46,7 @@ class AntennaModes:
     def enable(self) -> None:
         """Release the brakes and hold where the axes are; nothing moves.  After an oscillation they stay set."""
         axes = self._axes
-        self._safety.release(pair(axes.hardware.plant.joint_rad))
+        self._safety.release(pair(axes.hardware.plant.true_joint_rad))
         axes.rate_command_rad_s = np.zeros(2)
         self.watch()
         self._hold_or_fault()
