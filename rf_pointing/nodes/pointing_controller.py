@@ -26,6 +26,7 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
+from rf_pointing.core import Mode
 from rf_pointing.nodes import convert, convert_calibration, convert_planning
 from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Health
 from rf_pointing.nodes.goals import RESULT_TIMEOUT_S, conclude
@@ -36,6 +37,7 @@ from rf_pointing.station.pointing.certificate_store import StoreParams, store_ce
 from rf_pointing.station.pointing.controller import PointingController
 from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.station.pointing.status import TrackingStatus as Status
+from rf_pointing.tracking.sensors import load_trackers
 
 LIVE = {
     "limits": True,
@@ -54,6 +56,8 @@ class PointingControllerNode(ManagedNode):
 
     def __init__(self) -> None:
         super().__init__("pointing_controller")
+        # Before the declarations: `autotrack.sensor` takes their names.
+        load_trackers()
         for prefix, defaults in ControllerParams().sets().items():
             self.parameters.declare(prefix, defaults, live=LIVE.get(prefix, False))
         self.parameters.declare("", StoreParams(), live=True)
@@ -249,12 +253,14 @@ class PointingControllerNode(ManagedNode):
             "last_false_lock": core.carrier.last_fault,
             "along_track_s": round(float(learned.mean[0]), 5),
             "cross_track_m": round(float(learned.mean[1]), 2),
+            "unknown_sensors": core.errors.unknown,
+            "last_unknown_sensor": core.errors.last_unknown,
             "trim_used": learned.used,
             "trim_refused": learned.refused,
         }
         if self._refusal:
             return Health(ERROR, self._refusal, values)
-        if state.mode == "hand_back":
+        if state.mode == Mode.HOLD_OFF:
             return Health(WARN, state.reason, values)
         return Health(OK, state.mode, values)
 

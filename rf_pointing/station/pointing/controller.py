@@ -9,26 +9,23 @@ Only errors stamped before the period are used, so the result does not depend on
 import math
 
 from rf_pointing.calibration import BiasModel
-from rf_pointing.core import JointReading, JointTrajectory, PointingError, Target, require_choice
+from rf_pointing.core import JointReading, JointTrajectory, Mode, PointingError, Sensor, Target, require_choice
 from rf_pointing.ephemeris import Pass
 from rf_pointing.ephemeris.solar import SolarDirection
 from rf_pointing.planning import choose_turns, refusal
-from rf_pointing.station.pointing.carrier_watch import CarrierWatch
 from rf_pointing.station.pointing.corrections import PointingCorrections
-from rf_pointing.station.pointing.mode import TrackingMode
+from rf_pointing.station.pointing.mode import CarrierWatch, SensedErrors, TrackingMode, newest
 from rf_pointing.station.pointing.motion import CommandedMotion
 from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.station.pointing.plan import PassPlan
-from rf_pointing.station.pointing.scan_patterns import ScanParams
-from rf_pointing.station.pointing.sensed_errors import SENSOR_CHOICES
+from rf_pointing.station.pointing.scan_patterns import Scans
 from rf_pointing.station.pointing.statistics import PassStatistics
 from rf_pointing.station.pointing.status import TrackingStatus
 from rf_pointing.tracking import AutotrackState
+from rf_pointing.tracking.sensors import SENSOR_CHOICES, SENSORS
 
 __all__ = ["PointingController"]
 
-MOTION_OF_MODE = {"search": "scan", "conscan": "scan", "steptrack": "scan", "calibrate": "calibration"}
-"""What the gate calls the motion of a mode; the others track."""
 PREDICTION_PATIENCE_S = 5.0
 """How long a pass that is going on already may be started without knowing the target's coming motion."""
 
@@ -39,14 +36,14 @@ class PointingController:
     def __init__(self, params: ControllerParams) -> None:
         self.params = params
         self.plan = PassPlan(params.machine, params.mask, params.gate, params.limits, SolarDirection(params.sun))
-        scans = ScanParams(params.spiral, params.conscan, params.steptrack, params.calibration, params.watch.probe)
+        scans = Scans.of(params.spiral, params.calibration.scan, params.watch.probe, params)
         self.offsets = PointingCorrections(params.integrator, scans, params.trim)
         self.carrier = CarrierWatch(params.watch, params.link)
         self._mode = TrackingMode(params.autotrack, self.carrier)
         self._motion = CommandedMotion(params.pointing, self.plan, self.offsets)
         self._pass: Pass | None = None
         self._turns_rad: float | None = None
-        self._stopping, self._moved, self._sensor = "", False, "program"
+        self._stopping, self._moved, self._sensor = "", False, Sensor.PROGRAM.value
         self.tally = PassStatistics()
 
     @property
@@ -58,6 +55,11 @@ class PointingController:
     def state(self) -> AutotrackState:
         """Where the state table stands."""
         return self._mode.state
+
+    @property
+    def errors(self) -> SensedErrors:
+        """The errors of the pass, and how many came from a sensor that is not registered."""
+        return self._mode.errors
 
     def retune(self, params: ControllerParams) -> None:
         """Use new `pointing`, `limits` and `autotrack` parameters from the next period on.
@@ -84,11 +86,14 @@ class PointingController:
 
     def take_error(self, error: PointingError) -> None:
         """Note what a sensor measured; only those that the pass may use count."""
-        self._mode.take_error(error)
+        self._mode.errors.take(error)
 
     def awaits_error(self, t_s: float) -> bool:
         """Whether a sensor that reports every period has not reported yet what this period should use."""
-        return self._pass is not None and self._mode.awaits_error(t_s, self.params.pointing)
+        timing = self.params.pointing
+        return self._pass is not None and self._mode.errors.awaited(
+            t_s, self.state.mode, timing.period_s, timing.error_age_s
+        )
 
     def calibrate(self) -> str:
         """Ask for a calibration scan of the monopulse feed; return why not, "" when it will begin."""
@@ -137,14 +142,14 @@ class PointingController:
             except ValueError as refused:
                 self._stopping = str(refused)
         self._advance_mode(t_s, window)
-        self._moved = self._moved or self.state.mode != "idle"
-        if not self._stopping and self.state.mode == "idle":
+        self._moved = self._moved or self.state.mode != Mode.IDLE
+        if not self._stopping and self.state.mode == Mode.IDLE:
             if not self._moved and t_s - self.state.entered_s <= PREDICTION_PATIENCE_S:
                 return None, self._status(t_s)
             self._stopping = self.state.reason if self._moved else "no prediction of the target has arrived"
         trajectory = None
         if not self._stopping:
-            kind = MOTION_OF_MODE.get(self.state.mode, "track")
+            kind = _motion_of(self.state.mode)
             trajectory, self._stopping = self._motion.follow(t_s, window, self._turns_rad or 0.0, kind)
         if self._stopping:
             return self._finish(t_s)
@@ -170,8 +175,12 @@ class PointingController:
         if self.plan.course.crossing(t_s) and not self._stopping:
             return
         before, arriving = self.state.mode, self.offsets.arriving(t_s)
-        error, beam = self._mode.advance(t_s, window, self._motion, arriving=arriving, ended=bool(self._stopping))
-        self.offsets.listen(t_s + self.params.pointing.transport_s, before, self.state, error, beam)
+        timing = self.params.pointing
+        errors = self._mode.usable_errors(t_s, timing)
+        error = newest(errors, before)
+        motion = self._motion.snapshot(t_s, window, error.t_s if error else None)
+        self._mode.advance(t_s, errors, motion, arriving=arriving, ended=bool(self._stopping))
+        self.offsets.update(t_s + timing.transport_s, before, self.state, error, motion.beam_rad)
 
     def _finish(self, t_s: float) -> tuple[JointTrajectory | None, TrackingStatus]:
         reason = self._stopping
@@ -203,3 +212,10 @@ class PointingController:
             half_power_beamwidth_rad=self.offsets.half_power_beamwidth_rad,
             command_lead_s=self.params.pointing.horizon_s if window else 0.0,
         )
+
+
+def _motion_of(mode: str) -> str:
+    """Return what the safety gate calls the motion of a mode."""
+    if mode == Mode.CALIBRATE:
+        return "calibration"
+    return "scan" if mode == Mode.SEARCH or (mode in SENSORS and SENSORS[mode].scans) else "track"
