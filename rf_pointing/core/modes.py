@@ -6,7 +6,10 @@ __all__ = ["Mode", "Sensor"]
 
 
 class Mode(StrEnum):
-    """Modes of the state table (`tracking/autotrack.py`); the values travel in `tracking_status`."""
+    """Modes of the state table (`tracking/autotrack.py`); the values travel in `tracking_status`.
+
+    While a sensor tracks, the mode bears the sensor's name; that of a registered tracker is no member.
+    """
 
     IDLE = "idle"
     SLEW = "slew"
@@ -17,8 +20,8 @@ class Mode(StrEnum):
     MONOPULSE = "monopulse"
     CALIBRATE = "calibrate"
     COAST = "coast"
-    HAND_BACK = "hand_back"
-    STOW = "stow"
+    # The value is on the wire and in recordings, so it keeps its first name.
+    HOLD_OFF = "hand_back"
 
 
 class Sensor(StrEnum):

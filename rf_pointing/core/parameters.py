@@ -10,7 +10,7 @@ numeric core (radians), YAML files and ROS parameters (degrees: `_rad` becomes `
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any, Self, TypeVar, get_args, get_origin
 
 import numpy as np
@@ -53,7 +53,7 @@ def parameter(
     *,
     low: float | None = None,
     high: float | None = None,
-    choices: tuple[str, ...] | None = None,
+    choices: Collection[str] | None = None,
 ) -> Any:
     """Declare one field of a `Params` class; `low` and `high` are in the field's own unit."""
     if not description:

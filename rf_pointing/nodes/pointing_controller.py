@@ -26,47 +26,19 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
-from rf_pointing.controllers import TrackerIntegratorParams
-from rf_pointing.ephemeris.solar import SunParams
+from rf_pointing.core import Mode
 from rf_pointing.nodes import convert, convert_calibration, convert_planning
 from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Health
 from rf_pointing.nodes.goals import RESULT_TIMEOUT_S, conclude
 from rf_pointing.nodes.main_loop import run
 from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.qos import COMMAND, LATCHED, STREAM
-from rf_pointing.planning import AxisLimits, GateParams, HorizonMask, MachineParams
-from rf_pointing.rf import LinkParams
 from rf_pointing.station.pointing.certificate_store import StoreParams, store_certificate
 from rf_pointing.station.pointing.controller import PointingController
-from rf_pointing.station.pointing.params import PointingParams
+from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.station.pointing.status import TrackingStatus as Status
-from rf_pointing.tracking import (
-    AutotrackParams,
-    ConscanParams,
-    LockWatchParams,
-    MonopulseScanParams,
-    SpiralParams,
-    StepTrackParams,
-    TrimParams,
-)
+from rf_pointing.tracking.sensors import load_trackers
 
-GROUPS = {
-    "pointing": PointingParams(),
-    "limits": AxisLimits(),
-    "autotrack": AutotrackParams(),
-    "integrator": TrackerIntegratorParams(),
-    "spiral": SpiralParams(),
-    "conscan": ConscanParams(),
-    "machine": MachineParams(),
-    "mask": HorizonMask(),
-    "steptrack": StepTrackParams(),
-    "calibration": MonopulseScanParams(),
-    "trim": TrimParams(),
-    "watch": LockWatchParams(),
-    "link": LinkParams(),
-    "gate": GateParams(),
-    "sun": SunParams(),
-}
 LIVE = {
     "limits": True,
     "autotrack": True,
@@ -84,7 +56,9 @@ class PointingControllerNode(ManagedNode):
 
     def __init__(self) -> None:
         super().__init__("pointing_controller")
-        for prefix, defaults in GROUPS.items():
+        # Before the declarations: `autotrack.sensor` takes their names.
+        load_trackers()
+        for prefix, defaults in ControllerParams().sets().items():
             self.parameters.declare(prefix, defaults, live=LIVE.get(prefix, False))
         self.parameters.declare("", StoreParams(), live=True)
         self.parameters.on_change(self._retune)
@@ -100,10 +74,7 @@ class PointingControllerNode(ManagedNode):
         )  # fmt: skip
 
     def configure(self) -> None:
-        self._controller = PointingController(**{
-            name: self.parameters.value(prefix)
-            for name, prefix in zip(("params", *list(GROUPS)[1:]), GROUPS, strict=True)
-        })  # fmt: skip
+        self._controller = PointingController(self._params())
         self._commands = self.publisher(JointTrajectory, "joint_trajectory", COMMAND)
         self._status = self.stream(TrackingStatus, "tracking_status", STREAM)
         self._certificates = self.stream(PassCertificate, "pass_certificate", LATCHED)
@@ -126,7 +97,7 @@ class PointingControllerNode(ManagedNode):
 
     def activate(self) -> None:
         self._active = True
-        self.every(self._controller.params.period_s, self._due)
+        self.every(self._controller.params.pointing.period_s, self._due)
 
     def deactivate(self) -> None:
         self._active = False
@@ -160,7 +131,7 @@ class PointingControllerNode(ManagedNode):
 
     def _step(self, t_s: float) -> None:
         # Those of the period that ends now may have arrived already, or not: they belong to the next one.
-        self._read_joints(t_s - self._controller.params.period_s)
+        self._read_joints(t_s - self._controller.params.pointing.period_s)
         busy = self._controller.busy
         trajectory, status = self._controller.step(t_s)
         self._show_certificate()
@@ -264,10 +235,13 @@ class PointingControllerNode(ManagedNode):
         response.success, response.message = not refused, refused or "calibrating"
         return response
 
+    def _params(self) -> ControllerParams:
+        present = self.parameters.declared()
+        return ControllerParams().replace(**{name: present[name] for name in ControllerParams().sets()})
+
     def _retune(self) -> None:
         if self._controller is not None:
-            value = self.parameters.value
-            self._controller.retune(value("pointing"), value("limits"), value("autotrack"))
+            self._controller.retune(self._params())
 
     def _health(self) -> Health:
         core, state = self._controller, self._controller.state
@@ -279,12 +253,14 @@ class PointingControllerNode(ManagedNode):
             "last_false_lock": core.carrier.last_fault,
             "along_track_s": round(float(learned.mean[0]), 5),
             "cross_track_m": round(float(learned.mean[1]), 2),
+            "unknown_sensors": core.errors.unknown,
+            "last_unknown_sensor": core.errors.last_unknown,
             "trim_used": learned.used,
             "trim_refused": learned.refused,
         }
         if self._refusal:
             return Health(ERROR, self._refusal, values)
-        if state.mode == "hand_back":
+        if state.mode == Mode.HOLD_OFF:
             return Health(WARN, state.reason, values)
         return Health(OK, state.mode, values)
 

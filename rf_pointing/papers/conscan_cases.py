@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.core import MDEG, MU
+from rf_pointing.core import MDEG, MU, Sensor
 from rf_pointing.rf import HALF_POWER_BEAMWIDTH_RAD, Beam, BeamParams, MonopulseFeed, MonopulseFeedParams, Receiver
 from rf_pointing.rf import ReceiverParams as RxParams
 from rf_pointing.tracking import (
@@ -156,7 +156,7 @@ def search_time_s(direction_rad: float, level_db_hz: float, rng: np.random.Gener
             AutotrackInputs(
                 t_s=float(times[-1]), request="track", target_available=True, on_target=True,
                 carrier_to_noise_db_hz=error.carrier_to_noise_db_hz, axis_db_hz=level_db_hz,
-                monopulse_valid=error.valid,
+                valid=frozenset({Sensor.MONOPULSE, Sensor.CONSCAN} if error.valid else {Sensor.CONSCAN}),
             ),
         )  # fmt: skip
         if before.mode == "search" and state.mode != "search":

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.controllers import TrackerIntegratorParams
 from rf_pointing.core import JointReading, angular_distance_rad, gaussian_loss_db
 from rf_pointing.papers.keyhole_passes import AVERAGING_S, KeyholeCase
 from rf_pointing.planning import GateParams, MachineParams
@@ -18,8 +17,7 @@ from rf_pointing.station.antenna.safety import SafetyParams
 from rf_pointing.station.antenna.simulated_antenna import AntennaParams, LoopParams, SimulatedAntenna
 from rf_pointing.station.pointing.certificates import pass_profile
 from rf_pointing.station.pointing.controller import PointingController
-from rf_pointing.station.pointing.params import PointingParams
-from rf_pointing.tracking import AutotrackParams, ConscanParams, SpiralParams
+from rf_pointing.station.pointing.params import ControllerParams, PointingParams
 
 __all__ = ["KeyholeRun", "Loss", "fly"]
 
@@ -96,20 +94,11 @@ def fly(case: KeyholeCase) -> KeyholeRun | None:
 
 
 def _controller(case: KeyholeCase) -> PointingController:
-    params, machine = (
-        PointingParams(lag_averaging_s=AVERAGING_S),
-        MachineParams(half_power_beamwidth_rad=case.beamwidth_rad, least_share=0.0, sun_radius_rad=0.0),
+    machine = MachineParams(half_power_beamwidth_rad=case.beamwidth_rad, least_share=0.0, sun_radius_rad=0.0)
+    params = ControllerParams(
+        pointing=PointingParams(lag_averaging_s=AVERAGING_S), limits=case.limits, machine=machine, gate=NO_SUN
     )
-    controller = PointingController(
-        params,
-        case.limits,
-        AutotrackParams(),
-        TrackerIntegratorParams(),
-        SpiralParams(),
-        ConscanParams(),
-        machine,
-        gate=NO_SUN,
-    )
+    controller = PointingController(params)
     controller.take_model(case.calibrated)
     return controller
 
@@ -154,7 +143,7 @@ def _flown(
     case: KeyholeCase, controller: PointingController, antenna: SimulatedAntenna, start_s: float, end_s: float
 ) -> tuple[Array, Array]:
     """Return times (n,) and angles (n,) between beam and target."""
-    period_s = controller.params.period_s
+    period_s = controller.params.pointing.period_s
     for step in range(round(TARGET_LEAD_S / period_s)):
         controller.take_target(case.track.target_at(round(start_s + step * period_s, 6)))
     antenna.modes.enable()

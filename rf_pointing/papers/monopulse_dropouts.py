@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.controllers import TrackerIntegrator, TrackerIntegratorParams
-from rf_pointing.core import MDEG, PointingError, random_stream
+from rf_pointing.core import MDEG, PointingError, Sensor, random_stream
 from rf_pointing.papers.monopulse_loop import CLUSTER, TICK_S, MonopulsePass, ka_receiver
 from rf_pointing.rf import HALF_POWER_BEAMWIDTH_RAD, DropoutParams, Dropouts
 from rf_pointing.tracking import (
@@ -90,7 +90,8 @@ class AutotrackRadio:
     def _decide(self, k: int, error: PointingError) -> None:
         inputs = AutotrackInputs(
             t_s=float(self._ephemeris.t_s[k]), request="track", target_available=True, on_target=True,
-            carrier_to_noise_db_hz=error.carrier_to_noise_db_hz, monopulse_valid=error.valid,
+            carrier_to_noise_db_hz=error.carrier_to_noise_db_hz,
+            valid=frozenset({Sensor.MONOPULSE, Sensor.CONSCAN} if error.valid else {Sensor.CONSCAN}),
         )  # fmt: skip
         before, total = self.state, self.offset(k)[0]
         self.state = self._table.step(before, inputs)

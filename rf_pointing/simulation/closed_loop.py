@@ -79,7 +79,7 @@ class PointedAntenna:
     ) -> None:
         self.antenna, self.controller = antenna, controller
         self._track, self._start_s, self._targets_from_s = track, start_s, targets_from_s
-        self._every = round(controller.params.period_s / antenna.params.tick_s)
+        self._every = round(controller.params.pointing.period_s / antenna.params.tick_s)
         self._known = antenna.reading(start_s)
         controller.take_joints(self._known)
 

@@ -12,14 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.calibration import BiasModel, read_model
-from rf_pointing.controllers import TrackerIntegratorParams
 from rf_pointing.core import PointingError
 from rf_pointing.core.parameter_files import NodeParameters, read_parameter_files
 from rf_pointing.ephemeris import Pass
-from rf_pointing.ephemeris.solar import SunParams
 from rf_pointing.ephemeris.source import SourceParams, load_track
-from rf_pointing.planning import AxisLimits, Certificate, GateParams, HorizonMask, MachineParams
-from rf_pointing.rf import LinkParams
+from rf_pointing.planning import Certificate
 from rf_pointing.servo import WindParams, dss13_plant
 from rf_pointing.simulation.closed_loop import PointedAntenna, ticks
 from rf_pointing.station.antenna.mount import MountParams
@@ -28,17 +25,12 @@ from rf_pointing.station.antenna.safety import SafetyParams
 from rf_pointing.station.antenna.simulated_antenna import AntennaParams, LoopParams, SimulatedAntenna
 from rf_pointing.station.pointing.certificates import pass_profile
 from rf_pointing.station.pointing.controller import PointingController
-from rf_pointing.station.pointing.params import PointingParams
+from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.tracking import (
-    AutotrackParams,
     ConscanParams,
-    LockWatchParams,
     MonopulseParams,
-    MonopulseScanParams,
     MonopulseTracker,
-    SpiralParams,
     StepTrackParams,
-    TrimParams,
 )
 from rf_pointing.tracking.power_tracker import PowerTracker
 
@@ -104,23 +96,9 @@ class StationSetup:
     def controller(self) -> PointingController:
         """Return the pointing controller with its model."""
         node = self.node("pointing_controller")
-        controller = PointingController(
-            node.group("pointing", PointingParams()),
-            node.group("limits", AxisLimits()),
-            node.group("autotrack", AutotrackParams()),
-            node.group("integrator", TrackerIntegratorParams()),
-            node.group("spiral", SpiralParams()),
-            node.group("conscan", ConscanParams()),
-            machine=node.group("machine", MachineParams()),
-            mask=node.group("mask", HorizonMask()),
-            gate=node.group("gate", GateParams()),
-            steptrack=node.group("steptrack", StepTrackParams()),
-            calibration=node.group("calibration", MonopulseScanParams()),
-            trim=node.group("trim", TrimParams()),
-            watch=node.group("watch", LockWatchParams()),
-            link=node.group("link", LinkParams()),
-            sun=node.group("sun", SunParams()),
-        )
+        sets = ControllerParams().sets()
+        read = {name: node.group(name, defaults) for name, defaults in sets.items()}
+        controller = PointingController(ControllerParams().replace(**read))
         controller.take_model(self.model)
         return controller
 

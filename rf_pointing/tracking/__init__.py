@@ -1,7 +1,14 @@
 """How far the target is off the beam, and what to do about it: monopulse, conscan, search and the autotrack table."""
 
-from rf_pointing.tracking.autotrack import TRANSITIONS, Autotrack, transition_diagram, transition_table
-from rf_pointing.tracking.autotrack_state import AutotrackInputs, AutotrackParams, AutotrackState
+from rf_pointing.tracking.autotrack import (
+    TRANSITIONS,
+    Autotrack,
+    AutotrackInputs,
+    AutotrackParams,
+    AutotrackState,
+    transition_diagram,
+    transition_table,
+)
 from rf_pointing.tracking.conscan import ConscanState, ConscanTracker
 from rf_pointing.tracking.conscan_delay import DelayEstimate, DelayEstimator, DelayParams, DelayState
 from rf_pointing.tracking.conscan_design import (

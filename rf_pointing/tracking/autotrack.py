@@ -1,25 +1,128 @@
 """Autotrack state table: when the antenna slews, follows the ephemeris, searches, or trusts a radio sensor.
 
 All transitions and their guards are the rows of `TRANSITIONS`, tried from the top; the first row whose guard holds is
-taken, one per tick.  `step` is pure: the same state and inputs give the same state.
+taken, one per tick.  The rows name no sensor: what differs between sensors are their traits (`tracking/sensors.py`), so
+that a registered tracker gets the rows of its kind.  `step` is pure: the same state and inputs give the same state.
 """
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 
-from rf_pointing.tracking.autotrack_state import (
-    MODES,
-    RF_MODES,
-    AutotrackInputs,
-    AutotrackParams,
-    AutotrackState,
-)
+from rf_pointing.core import Mode, Params, Sensor, parameter
+from rf_pointing.tracking.sensors import NO_SENSOR, SENSORS, SensorTraits, sensors_of, table_words
 
-__all__ = ["TRANSITIONS", "Autotrack", "Transition", "transition_diagram", "transition_table"]
+__all__ = [
+    "TRANSITIONS",
+    "Autotrack",
+    "AutotrackInputs",
+    "AutotrackParams",
+    "AutotrackState",
+    "Transition",
+    "transition_diagram",
+    "transition_table",
+]
+
+REQUESTS = ("idle", "track", "calibrate")
+
+
+@dataclass(frozen=True, kw_only=True)
+class AutotrackParams(Params):
+    """C/N0 thresholds and times of the state table; each threshold has a hysteresis, from `_on` to `_off`."""
+
+    sensor: str = parameter(Sensor.AUTO, "which sensor may track (none: ephemeris only)", choices=table_words())
+    carrier_on_db_hz: float = parameter(22.0, "C/N0 from which there is a carrier", low=0.0, high=120.0)
+    carrier_off_db_hz: float = parameter(18.0, "C/N0 below which the carrier is lost", low=0.0, high=120.0)
+    monopulse_on_db_hz: float = parameter(36.0, "C/N0 from which monopulse is chosen", low=0.0, high=120.0)
+    monopulse_off_db_hz: float = parameter(32.0, "C/N0 below which monopulse is left", low=0.0, high=120.0)
+    beam_drop_db: float = parameter(
+        10.0, "C/N0 below that on the beam's axis at which the target is outside the beam", low=3.0, high=60.0
+    )
+    confirm_s: float = parameter(0.3, "time a carrier must last before it counts", low=0.0, high=60.0)
+    patience_s: float = parameter(1.0, "time of invalid errors after which monopulse is left", low=0.0, high=60.0)
+    coast_s: float = parameter(5.0, "time on the trimmed ephemeris before a search", low=0.0, high=600.0)
+    settle_s: float = parameter(3.0, "time on program track without a carrier before a search", low=0.0, high=600.0)
+    search_turn_s: float = parameter(
+        8.0, "time without a higher C/N0 after which a search has seen the target: one turn", low=0.1, high=600.0
+    )
+    search_s: float = parameter(60.0, "longest search", low=0.1, high=3600.0)
+    calibrate_s: float = parameter(25.0, "time of a calibration scan", low=1.0, high=3600.0)
+    hold_s: float = parameter(5.0, "time in hand back before the sensors are trusted again", low=0.0, high=600.0)
+    most_false_locks: int = parameter(
+        2, "false locks of monopulse after which auto leaves it alone until a calibration", low=1, high=1000
+    )
+
+    def check_together(self) -> None:
+        """Refuse a threshold without hysteresis."""
+        for stem in ("carrier", Sensor.MONOPULSE):
+            on, off = getattr(self, f"{stem}_on_db_hz"), getattr(self, f"{stem}_off_db_hz")
+            if off >= on:
+                raise ValueError(f"{stem}_off_db_hz={off} must be < {stem}_on_db_hz={on}")
+        if self.monopulse_off_db_hz < self.carrier_off_db_hz:
+            raise ValueError(
+                f"monopulse_off_db_hz={self.monopulse_off_db_hz} must be >= carrier_off_db_hz={self.carrier_off_db_hz}"
+            )
+
+
+def _scanning_sensors() -> frozenset[str]:
+    return frozenset(name for name, traits in SENSORS.items() if traits.scans)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AutotrackInputs:
+    """What is known at one tick.
+
+    `request` is idle, track or calibrate.
+    `carrier_to_noise_db_hz` is the receiver's own, -inf for none or a stale one.
+    `axis_db_hz` is the C/N0 that the link would give on the beam's axis, -inf where it is not known.
+    `valid` names the sensors whose newest estimate may be used; a sensor that scans is in it until its first estimate.
+    `arriving`: the beam is still on its way to where it was sent, so that invalid errors mean nothing yet.
+    `fault` is why the sensor in use must not be trusted (sidelobe, sign flip), empty if it may be.
+    """
+
+    t_s: float
+    request: str
+    target_available: bool
+    on_target: bool
+    carrier_to_noise_db_hz: float = -math.inf
+    axis_db_hz: float = -math.inf
+    valid: frozenset[str] = field(default_factory=_scanning_sensors)
+    arriving: bool = False
+    fault: str = ""
+
+    def __post_init__(self) -> None:
+        if self.request not in REQUESTS:
+            raise ValueError(f"request={self.request!r} must be one of {', '.join(REQUESTS)}")
+        if not math.isfinite(self.t_s):
+            raise ValueError(f"t_s={self.t_s} must be finite")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AutotrackState:
+    """Mode, when and why it was entered, and what the C/N0 thresholds remember.
+
+    `peak_db_hz` is the largest C/N0 of the last search and `peak_s` its time: where the beam was then is where to go
+    when the search ends in coasting.  `false_locks` counts those since the pass began or the feed was calibrated.
+    """
+
+    mode: str = Mode.IDLE
+    entered_s: float = 0.0
+    reason: str = "start"
+    carrier: bool = False
+    strong: bool = False
+    carrier_since_s: float | None = None
+    invalid_since_s: float | None = None
+    peak_db_hz: float = -math.inf
+    peak_s: float | None = None
+    false_locks: int = 0
+
+    @property
+    def integrating(self) -> bool:
+        """Whether a sensed error may move the antenna or the trim: only while tracking a carrier that is there."""
+        return self.mode in SENSORS and self.carrier
+
 
 Guard = Callable[[AutotrackParams, AutotrackState, AutotrackInputs], bool]
-ON_SKY = ("slew", "program_track", "search", *RF_MODES, "calibrate", "coast", "hand_back")
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,24 +137,6 @@ class Transition:
 
 def _elapsed(state: AutotrackState, inputs: AutotrackInputs) -> float:
     return inputs.t_s - state.entered_s
-
-
-def _may_use(params: AutotrackParams, sensor: str) -> bool:
-    return params.sensor in ("auto", sensor) and (sensor != "steptrack" or params.sensor == "steptrack")
-
-
-def _monopulse_ready(params: AutotrackParams, state: AutotrackState, inputs: AutotrackInputs) -> bool:
-    doubted = params.sensor == "auto" and state.false_locks >= params.most_false_locks
-    return _may_use(params, "monopulse") and not doubted and state.carrier and state.strong and inputs.monopulse_valid
-
-
-def _scan_ready(sensor: str) -> Guard:
-    """Return the guard of a sensor with a single beam: a carrier alone may be heard from far outside of it."""
-
-    def ready(params: AutotrackParams, state: AutotrackState, inputs: AutotrackInputs) -> bool:
-        return _may_use(params, sensor) and state.carrier and _within_beam(params, state, inputs)
-
-    return ready
 
 
 def _within_beam(params: AutotrackParams, state: AutotrackState, inputs: AutotrackInputs) -> bool:
@@ -71,98 +156,132 @@ def _impatient(params: AutotrackParams, state: AutotrackState, inputs: Autotrack
     return state.invalid_since_s is not None and inputs.t_s - state.invalid_since_s > params.patience_s
 
 
-TRANSITIONS = (
-    Transition((*ON_SKY, "idle"), "stow", "stow is requested", lambda _p, _s, i: i.request == "stow"),
-    Transition(("stow",), "idle", "stow is no longer requested", lambda _p, _s, i: i.request != "stow"),
-    Transition(ON_SKY, "idle", "tracking is no longer requested", lambda _p, _s, i: i.request == "idle"),
-    Transition(ON_SKY, "idle", "the target is no longer available", lambda _p, _s, i: not i.target_available),
-    Transition(
-        ("idle",), "slew", "a target is requested and available",
-        lambda _p, _s, i: i.request in ("track", "calibrate") and i.target_available,
-    ),
-    Transition(("slew",), "program_track", "the axes are on the target", lambda _p, _s, i: i.on_target),
-    Transition(RF_MODES, "hand_back", "the sensor reports a fault", lambda _p, _s, i: bool(i.fault)),
-    Transition((*RF_MODES, "calibrate"), "coast", "the carrier is lost", lambda _p, s, _i: not s.carrier),
-    Transition(
-        (*RF_MODES, "program_track", "coast"), "calibrate", "a calibration is requested and the carrier strong",
-        lambda _p, s, i: i.request == "calibrate" and s.carrier and s.strong,
-    ),
-    Transition(
-        ("calibrate",), "coast", "the calibration scan is over", lambda p, s, i: _elapsed(s, i) > p.calibrate_s,
-    ),
-    Transition(
-        ("monopulse",), "conscan", "the carrier is too weak for monopulse, conscan may be used",
-        lambda p, s, _i: not s.strong and _may_use(p, "conscan"),
-    ),
-    Transition(("monopulse",), "coast", "the errors stay invalid", _impatient),
-    Transition(
-        ("conscan", "steptrack"), "search", "the errors stay invalid, or the target outside the beam", _impatient,
-    ),
-    Transition(
-        ("program_track", "search", "coast", "conscan"), "monopulse",
-        "the carrier is strong and the monopulse error valid, auto does not doubt it", _monopulse_ready,
-    ),
-    Transition(
-        ("program_track", "coast"), "conscan", "there is a carrier for conscan, the target within the beam",
-        _scan_ready("conscan"),
-    ),
-    Transition(
-        ("program_track", "coast"), "steptrack", "there is a carrier for steptrack, the target within the beam",
-        _scan_ready("steptrack"),
-    ),
-    Transition(("search",), "coast", "the search has passed a carrier: back to where it was strongest", _peaked),
-    Transition(
-        ("coast",), "search", "the coasting time is over", lambda p, s, i: _elapsed(s, i) > p.coast_s,
-    ),
-    Transition(
-        ("program_track",), "search", "no sensor has taken over in the settling time",
-        lambda p, s, i: p.sensor != "none" and _elapsed(s, i) > p.settle_s,
-    ),
-    Transition(
-        ("search",), "program_track", "the search found nothing", lambda p, s, i: _elapsed(s, i) > p.search_s,
-    ),
-    Transition(
-        ("hand_back",), "program_track", "the hold time is over", lambda p, s, i: _elapsed(s, i) > p.hold_s,
-    ),
-)  # fmt: skip
-"""The whole state machine, in order of priority."""
+def _take_over(traits: SensorTraits) -> Transition:
+    """Return the row that leads to a sensor."""
+
+    def allowed(params: AutotrackParams, state: AutotrackState) -> bool:
+        # A sensor that was chosen is tried again however often it locked wrongly; auto has others.
+        doubted = traits.watched and params.sensor == Sensor.AUTO and state.false_locks >= params.most_false_locks
+        return traits in sensors_of(params.sensor) and not doubted
+
+    def scan_ready(params: AutotrackParams, state: AutotrackState, inputs: AutotrackInputs) -> bool:
+        # With a single beam the carrier alone may come from far outside of it, where no scan finds the way back.
+        return state.carrier and allowed(params, state) and _within_beam(params, state, inputs)
+
+    def error_ready(params: AutotrackParams, state: AutotrackState, inputs: AutotrackInputs) -> bool:
+        enough = state.carrier and (state.strong or not traits.needs_strong_carrier)
+        return enough and traits.name in inputs.valid and allowed(params, state)
+
+    if traits.scans:
+        words = f"there is a carrier for {traits.name}, the target within the beam"
+        return Transition((Mode.PROGRAM_TRACK, Mode.COAST), traits.name, words, scan_ready)
+    carrier = "the carrier is strong" if traits.needs_strong_carrier else "there is a carrier"
+    doubt = ", auto does not doubt it" if traits.watched else ""
+    sources = (Mode.PROGRAM_TRACK, Mode.SEARCH, Mode.COAST, *((traits.weaker,) if traits.weaker else ()))
+    return Transition(sources, traits.name, f"{carrier} and the {traits.name} error valid{doubt}", error_ready)
+
+
+def _too_weak(traits: SensorTraits) -> Transition:
+    """Return the row from a sensor to the one that needs less of a carrier."""
+    return Transition(
+        (traits.name,), traits.weaker, f"the carrier is too weak for {traits.name}, {traits.weaker} may be used",
+        lambda p, s, _i: not s.strong and SENSORS[traits.weaker] in sensors_of(p.sensor),
+    )  # fmt: skip
+
+
+def transitions(sensors: Sequence[SensorTraits]) -> tuple[Transition, ...]:
+    """Return the whole state machine for these sensors, in order of priority."""
+    tracking = tuple(traits.name for traits in sensors)
+    scanning = tuple(traits.name for traits in sensors if traits.scans)
+    staring = tuple(traits.name for traits in sensors if not traits.scans)
+    on_sky = (
+        Mode.SLEW, Mode.PROGRAM_TRACK, Mode.SEARCH, *tracking, Mode.CALIBRATE, Mode.COAST, Mode.HOLD_OFF,
+    )  # fmt: skip
+    return (
+        Transition(on_sky, Mode.IDLE, "tracking is no longer requested", lambda _p, _s, i: i.request == "idle"),
+        Transition(on_sky, Mode.IDLE, "the target is no longer available", lambda _p, _s, i: not i.target_available),
+        Transition(
+            (Mode.IDLE,), Mode.SLEW, "a target is requested and available",
+            lambda _p, _s, i: i.request != "idle" and i.target_available,
+        ),
+        Transition((Mode.SLEW,), Mode.PROGRAM_TRACK, "the axes are on the target", lambda _p, _s, i: i.on_target),
+        Transition(tracking, Mode.HOLD_OFF, "the sensor reports a fault", lambda _p, _s, i: bool(i.fault)),
+        Transition((*tracking, Mode.CALIBRATE), Mode.COAST, "the carrier is lost", lambda _p, s, _i: not s.carrier),
+        Transition(
+            (*tracking, Mode.PROGRAM_TRACK, Mode.COAST), Mode.CALIBRATE,
+            "a calibration is requested and the carrier strong",
+            lambda _p, s, i: i.request == "calibrate" and s.carrier and s.strong,
+        ),
+        Transition(
+            (Mode.CALIBRATE,), Mode.COAST, "the calibration scan is over", lambda p, s, i: _elapsed(s, i) > p.calibrate_s,
+        ),
+        *(_too_weak(traits) for traits in sensors if traits.weaker),
+        Transition(staring, Mode.COAST, "the errors stay invalid", _impatient),
+        Transition(scanning, Mode.SEARCH, "the errors stay invalid, or the target outside the beam", _impatient),
+        *(_take_over(traits) for traits in sensors if not traits.scans),
+        *(_take_over(traits) for traits in sensors if traits.scans),
+        Transition(
+            (Mode.SEARCH,), Mode.COAST, "the search has passed a carrier: back to where it was strongest", _peaked,
+        ),
+        Transition(
+            (Mode.COAST,), Mode.SEARCH, "the coasting time is over", lambda p, s, i: _elapsed(s, i) > p.coast_s,
+        ),
+        Transition(
+            (Mode.PROGRAM_TRACK,), Mode.SEARCH, "no sensor has taken over in the settling time",
+            lambda p, s, i: p.sensor != NO_SENSOR and _elapsed(s, i) > p.settle_s,
+        ),
+        Transition(
+            (Mode.SEARCH,), Mode.PROGRAM_TRACK, "the search found nothing", lambda p, s, i: _elapsed(s, i) > p.search_s,
+        ),
+        Transition(
+            (Mode.HOLD_OFF,), Mode.PROGRAM_TRACK, "the hold time is over", lambda p, s, i: _elapsed(s, i) > p.hold_s,
+        ),
+    )  # fmt: skip
+
+
+TRANSITIONS = transitions(tuple(SENSORS.values()))
+"""The whole state machine of the sensors of the package, in order of priority."""
 
 
 class Autotrack:
-    """Runs the table with `params`."""
+    """Runs the table with `params`, for the sensors that are registered when it is made."""
 
     def __init__(self, params: AutotrackParams) -> None:
         self.params = params
+        self._rows = transitions(tuple(SENSORS.values()))
 
     def step(self, state: AutotrackState, inputs: AutotrackInputs) -> AutotrackState:
-        """Return the state after one tick: gates first, then at most one transition."""
+        """Return the state after one tick: thresholds first, then at most one transition."""
         seen = _observe(self.params, state, inputs)
-        for row in TRANSITIONS:
+        for row in self._rows:
             if seen.mode in row.sources and row.guard(self.params, seen, inputs):
-                reason = inputs.fault if row.target == "hand_back" else row.when
-                false_locks = seen.false_locks + (row.target == "hand_back" and seen.mode == "monopulse")
+                held_off = row.target == Mode.HOLD_OFF
+                watched = seen.mode in SENSORS and SENSORS[seen.mode].watched
+                false_locks = seen.false_locks + (held_off and watched)
                 return replace(
-                    seen, mode=row.target, entered_s=inputs.t_s, reason=reason, invalid_since_s=None,
-                    false_locks=0 if row.target == "calibrate" else false_locks,
-                    peak_db_hz=-math.inf if row.target == "search" else seen.peak_db_hz,
-                    peak_s=None if row.target == "search" else seen.peak_s,
+                    seen, mode=row.target, entered_s=inputs.t_s, reason=inputs.fault if held_off else row.when,
+                    invalid_since_s=None, false_locks=0 if row.target == Mode.CALIBRATE else false_locks,
+                    peak_db_hz=-math.inf if row.target == Mode.SEARCH else seen.peak_db_hz,
+                    peak_s=None if row.target == Mode.SEARCH else seen.peak_s,
                 )  # fmt: skip
         return seen
 
 
 def _observe(params: AutotrackParams, state: AutotrackState, inputs: AutotrackInputs) -> AutotrackState:
-    """Update the gates: a carrier is lost at once, but must last to be there."""
+    """Update the thresholds: a carrier is lost at once, but must last to be there."""
     level = inputs.carrier_to_noise_db_hz
     present = level >= (params.carrier_off_db_hz if state.carrier else params.carrier_on_db_hz)
     since = (inputs.t_s if state.carrier_since_s is None else state.carrier_since_s) if present else None
     carrier = since is not None and (state.carrier or inputs.t_s - since >= params.confirm_s)
     strong = carrier and level >= (params.monopulse_off_db_hz if state.strong else params.monopulse_on_db_hz)
-    within = _within_beam(params, state, inputs)
-    usable = {"monopulse": inputs.monopulse_valid, "conscan": inputs.conscan_valid and within, "steptrack": within}
-    valid = usable.get(state.mode, True) or inputs.arriving
+    valid = True
+    sensor = SENSORS.get(state.mode)
+    if sensor is not None and not inputs.arriving:
+        valid = sensor.once_a_round or sensor.name in inputs.valid
+        valid = valid and (not sensor.scans or _within_beam(params, state, inputs))
     invalid = (inputs.t_s if state.invalid_since_s is None else state.invalid_since_s) if not valid else None
     seen = replace(state, carrier=carrier, strong=strong, carrier_since_s=since, invalid_since_s=invalid)
-    if state.mode == "search" and level > state.peak_db_hz:
+    if state.mode == Mode.SEARCH and level > state.peak_db_hz:
         return replace(seen, peak_db_hz=level, peak_s=inputs.t_s)
     return seen
 
@@ -176,4 +295,4 @@ def transition_table() -> str:
 def transition_diagram() -> str:
     """Return the table as a Mermaid state diagram."""
     lines = [f"    {source} --> {row.target}: {row.when}" for row in TRANSITIONS for source in row.sources]
-    return "\n".join(["stateDiagram-v2", *(f"    {mode}" for mode in MODES), *lines])
+    return "\n".join(["stateDiagram-v2", *(f"    {mode}" for mode in Mode), *lines])

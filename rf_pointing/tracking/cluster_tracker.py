@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.core import JointReading, MonopulseCluster, PointingError
+from rf_pointing.core import JointReading, Mode, MonopulseCluster, PointingError
 from rf_pointing.tracking import MonopulseCalibrator, MonopulseParams, MonopulseScanParams, MonopulseTracker
 from rf_pointing.tracking.beam_position import BeamPosition
 from rf_pointing.tracking.feed_file import read_calibration, write_calibration
@@ -67,11 +67,11 @@ class ClusterTracker:
 
     def take_status(self, t_s: float, scan_centre_rad: Array, _offset_rad: Array, mode: str) -> None:
         """Note the scan centre (2,), axis angles, and whether the calibration scan runs."""
-        if mode == "calibrate" and self._calibrator is None:
+        if mode == Mode.CALIBRATE and self._calibrator is None:
             self._calibrator = MonopulseCalibrator(self._scan)
             self._beam.clear()
             self._waiting.clear()
-        elif mode != "calibrate" and self._calibrator is not None:
+        elif mode != Mode.CALIBRATE and self._calibrator is not None:
             self._conclude(self._calibrator)
             self._calibrator = None
         if self.calibrating:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.core import CarrierPower, PointingError
+from rf_pointing.core import CarrierPower, PointingError, Sensor
 from rf_pointing.tracking.conscan_estimate import estimate_window
 from rf_pointing.tracking.conscan_parameters import ConscanParams
 from rf_pointing.tracking.conscan_window import ConscanWindow
@@ -144,7 +144,7 @@ class ConscanTracker:
         sums, right_up_rad = np.add.reduce(window.rows).tolist(), found.error_rad.tolist()
         return PointingError(
             t_s=sums[0] / len(window),
-            sensor="conscan",
+            sensor=Sensor.CONSCAN,
             cross_elevation_rad=right_up_rad[0],
             elevation_rad=right_up_rad[1],
             covariance_rad2=found.covariance_rad2,

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from rf_pointing.core import MDEG, Params, parameter
-from rf_pointing.tracking.scan import ScanParams
+from rf_pointing.tracking.scan import ONCE_A_ROUND, LoopRate, Pattern, ScanParams
 
 __all__ = ["ConscanParams"]
 
@@ -65,6 +65,15 @@ class ConscanParams(Params):
     def age_s(self) -> float:
         """How long before the newest sample those of a full window lie on average."""
         return 0.5 * self.window_samples * self.sample_s
+
+    @property
+    def loop(self) -> LoopRate:
+        """How the tracking loop follows the estimates."""
+        return LoopRate(self.bandwidth_hz) if self.updates == "sample" else ONCE_A_ROUND
+
+    def pattern(self) -> Pattern:
+        """Return the motion of the beam."""
+        return self.scan.pattern()
 
     @property
     def scan(self) -> ScanParams:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.core import MDEG, MonopulseCluster, Params, PointingError, parameter
+from rf_pointing.core import MDEG, MonopulseCluster, Params, PointingError, Sensor, parameter
 from rf_pointing.tracking.cluster import cluster_fault, level_known
 from rf_pointing.tracking.monopulse_calibration import MonopulseCalibration
 
@@ -89,7 +89,7 @@ class MonopulseTracker:
         reason = self._doubt(cluster.carrier_to_noise_db_hz, error, ratio, linear, noise.diagonal().real)
         return PointingError(
             t_s=float(np.mean(cluster.t_s)),
-            sensor="monopulse",
+            sensor=Sensor.MONOPULSE,
             cross_elevation_rad=float(error[0]),
             elevation_rad=float(error[1]),
             covariance_rad2=covariance,
@@ -133,7 +133,7 @@ class MonopulseTracker:
         level_db_hz = cluster.carrier_to_noise_db_hz
         return PointingError(
             t_s=float(known[-1]) if len(known) else 0.0,
-            sensor="monopulse",
+            sensor=Sensor.MONOPULSE,
             cross_elevation_rad=0.0,
             elevation_rad=0.0,
             covariance_rad2=np.eye(2) * self.params.half_power_beamwidth_rad**2,

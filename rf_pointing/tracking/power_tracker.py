@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.core import CarrierPower, JointReading, PointingError
+from rf_pointing.core import CarrierPower, JointReading, PointingError, Sensor
 from rf_pointing.core.time_buffer import TimeBuffer
 from rf_pointing.tracking import (
     ConscanParams,
@@ -27,8 +27,8 @@ from rf_pointing.tracking.beam_position import BeamPosition
 __all__ = ["PowerTracker"]
 
 Array = NDArray[np.float64]
-MODES = ("conscan", "steptrack")
-SENSORS = ("conscan", "steptrack", "auto")
+TRACKED = (Sensor.CONSCAN, Sensor.STEPTRACK)
+"""Sensors that are measured here, and the modes of the same names."""
 IDLE_EVERY = 2
 """While nothing is scanned, every second power is passed on for its C/N0."""
 DELAY_SIGMAS = 4.0
@@ -84,8 +84,8 @@ class PowerTracker:
         `scan_centre_rad` (2,), axis angles, and its `offset_rad` (2,) on the sky from the prediction; the mode; the sensor
         that the pass may use.
         """
-        self._wanted = sensor in SENSORS
-        scanned = mode if mode in MODES else ""
+        self._wanted = sensor in (*TRACKED, Sensor.AUTO)
+        scanned = mode if mode in TRACKED else ""
         if scanned != self._mode:
             self._mode = scanned
             self._waiting.clear()
@@ -112,7 +112,7 @@ class PowerTracker:
         if not self.scanning:
             self._idle += 1
             wanted = self._wanted and self._idle % IDLE_EVERY == 0
-            return [_not_usable(power, "conscan", "nothing is scanned")] if wanted else []
+            return [_not_usable(power, Sensor.CONSCAN, "nothing is scanned")] if wanted else []
         self._waiting.append(power)
         errors = []
         while self._waiting:
@@ -126,7 +126,7 @@ class PowerTracker:
             before = self.rejections[0]
             errors.append(self._measure(self._waiting.pop(0), beam_s, away, centre))
             if self.rejections[0] > before:
-                state = self.steptrack.state if self._mode == "steptrack" else self.conscan.state
+                state = self.steptrack.state if self._mode == Sensor.STEPTRACK else self.conscan.state
                 self._last_refusal = state.last_rejection
         del self._waiting[: max(0, len(self._waiting) - self.conscan.params.window_samples)]
         return errors
@@ -146,11 +146,11 @@ class PowerTracker:
 
     def _measure(self, power: CarrierPower, beam_s: float, away: Array, centre: Array) -> PointingError:
         """Return the error of the centre at `beam_s`, the beam being `away` (2,) from it."""
-        if self._mode == "steptrack":
+        if self._mode == Sensor.STEPTRACK:
             error = self.steptrack.add(power, float(away[0]), float(away[1]))
             counts = self.steptrack.state.counts
             if error is None:
-                return _not_usable(power, "steptrack", f"round holds {min(counts)} samples on its poorest point")
+                return _not_usable(power, Sensor.STEPTRACK, f"round holds {min(counts)} samples on its poorest point")
             return replace(error, t_s=beam_s)
         self._follow_centre(centre)
         beam = away + centre - self._origin
@@ -158,7 +158,7 @@ class PowerTracker:
         if error is None:
             filled = len(self.conscan.state.samples)
             return _not_usable(
-                power, "conscan", f"window holds {filled} of {self.conscan.params.fewest_samples} samples"
+                power, Sensor.CONSCAN, f"window holds {filled} of {self.conscan.params.fewest_samples} samples"
             )
         error = replace(
             error,

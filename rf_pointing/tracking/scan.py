@@ -1,15 +1,17 @@
-"""The circle that conscan adds to the command: angle and rate at a time since the start.
+"""The circle that conscan adds to the command, and what every scan of the beam must say of itself.
 
 x = r cos(w t), y = r sin(w t), w = 2 pi / period; the radius grows smoothly over `ramp_s`, so the command never jumps.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from functools import partial
+from typing import NamedTuple, Protocol
 
 from rf_pointing.core import MDEG, Params, parameter
 
-__all__ = ["Offset", "ScanParams", "circle_offset"]
+__all__ = ["ONCE_A_ROUND", "LoopRate", "Offset", "Pattern", "Scan", "ScanParams", "circle_offset"]
 
 
 class Offset(NamedTuple):
@@ -21,6 +23,36 @@ class Offset(NamedTuple):
     elevation_rate_rad_s: float
 
 
+Pattern = Callable[[float], tuple[float, ...]]
+"""From the time since its start to an `Offset`."""
+
+
+class LoopRate(NamedTuple):
+    """How the tracking loop follows the results of a scan; `sample_s` None: as the integrator is configured."""
+
+    bandwidth_hz: float
+    sample_s: float | None = None
+
+
+ONCE_A_ROUND = LoopRate(0.7 / (2.0 * math.pi), 1.0)
+"""A result that comes once a round moves the beam by 0.7 of itself, spread over 1 s: all at once would shake it."""
+
+
+class Scan(Protocol):
+    """How a sensor moves the beam, and what the controller must know of the errors that this gives."""
+
+    @property
+    def age_s(self) -> float:
+        """How long before the stamp of an error its samples lie on average."""
+
+    @property
+    def loop(self) -> LoopRate:
+        """How the tracking loop follows the errors."""
+
+    def pattern(self) -> Pattern:
+        """Return the motion of the beam, from its start."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class ScanParams(Params):
     """Radius and period of the conical scan."""
@@ -28,6 +60,10 @@ class ScanParams(Params):
     radius_rad: float = parameter(5.93 * MDEG, "scan radius; 0.0912 beamwidths cost 0.1 dB", low=1e-8, high=0.1)
     period_s: float = parameter(32.0, "time of one turn", low=0.1, high=3600.0)
     ramp_s: float = parameter(4.0, "time over which the radius grows from zero", low=0.0, high=600.0)
+
+    def pattern(self) -> Pattern:
+        """Return the circle, from its start."""
+        return partial(circle_offset, self)
 
 
 def circle_offset(params: ScanParams, t_since_start_s: float) -> Offset:

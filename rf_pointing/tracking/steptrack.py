@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rf_pointing.core import MDEG, CarrierPower, Params, PointingError, parameter
+from rf_pointing.core import MDEG, CarrierPower, Params, PointingError, Sensor, parameter
 from rf_pointing.tracking.conscan_likelihood import beam_design, fit_beam
 from rf_pointing.tracking.conscan_window import ConscanWindow
-from rf_pointing.tracking.scan import Offset
+from rf_pointing.tracking.scan import ONCE_A_ROUND, LoopRate, Offset, Pattern
 
 __all__ = ["StepTrackParams", "StepTrackState", "StepTracker"]
 
@@ -40,6 +40,15 @@ class StepTrackParams(Params):
     def age_s(self) -> float:
         """How long before the end of a round its samples lie on average."""
         return 2.0 * (self.move_s + self.dwell_s)
+
+    @property
+    def loop(self) -> LoopRate:
+        """How the tracking loop follows the rounds."""
+        return ONCE_A_ROUND
+
+    def pattern(self) -> Pattern:
+        """Return the motion of the beam."""
+        return StepTracker(self).offset
 
     @property
     def step_rad(self) -> float:
@@ -134,7 +143,7 @@ class StepTracker:
         reason = f"error of {beamwidths:.2f} beamwidths is outside {limit:.2f} beamwidths" if beamwidths > limit else ""
         return PointingError(
             t_s=float(np.mean(window.t_s)),
-            sensor="steptrack",
+            sensor=Sensor.STEPTRACK,
             cross_elevation_rad=float(error[0]),
             elevation_rad=float(error[1]),
             covariance_rad2=np.asarray(found.covariance_rad2),
@@ -147,7 +156,7 @@ class StepTracker:
         least, most = float(np.min(window.power_w)), float(np.max(window.power_w))
         return PointingError(
             t_s=float(np.mean(window.t_s)),
-            sensor="steptrack",
+            sensor=Sensor.STEPTRACK,
             cross_elevation_rad=0.0,
             elevation_rad=0.0,
             covariance_rad2=np.eye(2) * self.params.half_power_beamwidth_rad**2,

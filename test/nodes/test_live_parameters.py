@@ -41,7 +41,9 @@ def test_a_live_parameter_is_in_force_and_another_is_refused(subject: Any) -> No
     assert taken.successful, taken.reason
     in_force = {
         AntennaServo: lambda: subject._antenna.axes.loops.params.azimuth.proportional_gain,
-        PointingControllerNode: lambda: pytest.approx(math.degrees(subject._controller.limits.elevation_min_rad)),
+        PointingControllerNode: lambda: pytest.approx(
+            math.degrees(subject._controller.params.limits.elevation_min_rad)
+        ),
         EphemerisPublisher: lambda: subject._track.along_track_offset_s,
     }
     assert in_force[type(subject)]() == heeded

@@ -12,35 +12,12 @@ from rf_pointing.controllers import TrackerIntegratorParams
 from rf_pointing.core import JointReading, JointTrajectory, PointingError
 from rf_pointing.ephemeris import Pass, TopocentricTrack, first_pass_above
 from rf_pointing.ephemeris.source import SourceParams, load_elements, load_track
-from rf_pointing.planning import AxisLimits
-from rf_pointing.rf import LinkParams
 from rf_pointing.station.pointing.controller import PointingController
-from rf_pointing.station.pointing.params import PointingParams
+from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.station.pointing.status import TrackingStatus
-from rf_pointing.tracking import (
-    AutotrackParams,
-    ConscanParams,
-    LockWatchParams,
-    MonopulseScanParams,
-    SpiralParams,
-    StepTrackParams,
-    TrimParams,
-)
 
 LEAD_S = 2.0
-DEFAULTS: dict[str, Any] = {
-    "params": PointingParams(),
-    "limits": AxisLimits(),
-    "autotrack": AutotrackParams(),
-    "integrator": TrackerIntegratorParams(bandwidth_hz=0.2, offset_limit_rad=math.radians(0.6)),
-    "spiral": SpiralParams(),
-    "conscan": ConscanParams(),
-    "steptrack": StepTrackParams(),
-    "calibration": MonopulseScanParams(),
-    "trim": TrimParams(),
-    "watch": LockWatchParams(),
-    "link": LinkParams(),
-}
+DEFAULTS = ControllerParams(integrator=TrackerIntegratorParams(bandwidth_hz=0.2, offset_limit_rad=math.radians(0.6)))
 
 
 @pytest.fixture(scope="session")
@@ -100,7 +77,7 @@ class Rig:
 @pytest.fixture
 def make_controller() -> Callable[..., PointingController]:
     """Return a maker of controllers; keywords replace single parameter sets."""
-    return lambda **changes: PointingController(**{**DEFAULTS, **changes})
+    return lambda **changes: PointingController(DEFAULTS.replace(**changes))
 
 
 @pytest.fixture

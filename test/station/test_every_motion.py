@@ -55,7 +55,7 @@ def controller_motions(rig: Callable[..., Any], window: Pass) -> None:
     assert approach(START_S, standing((-170.0, 40.0)), np.array([170.0, 20.0]) * DEG) is None
     made.controller.plan.clear()
     made.controller.plan.gate = Gate(
-        made.controller.plan.gate.params, made.controller.limits.replace(elevation_max_rad=176.0 * DEG),
+        made.controller.plan.gate.params, made.controller.params.limits.replace(elevation_max_rad=176.0 * DEG),
         HorizonMask(), made.controller.plan.machine.axes,
     )  # fmt: skip
     assert approach(START_S, standing((10.0, 40.0)), np.array([30.0, 150.0]) * DEG) is None

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from rf_pointing.core import Mode
 from rf_pointing.tracking import (
     TRANSITIONS,
     Autotrack,
@@ -14,7 +15,7 @@ from rf_pointing.tracking import (
     transition_diagram,
     transition_table,
 )
-from rf_pointing.tracking.autotrack_state import MODES
+from rf_pointing.tracking.sensors import SENSORS
 
 TICK_S = 0.1
 
@@ -28,8 +29,17 @@ class Driver:
         self.modes = ["idle"]
         self.t_s = 0.0
 
-    def run(self, seconds: float, level_db_hz: float = -math.inf, **inputs: object) -> str:
-        values = {"request": "track", "target_available": True, "on_target": True, **inputs}
+    def run(
+        self,
+        seconds: float,
+        level_db_hz: float = -math.inf,
+        monopulse_valid: bool = False,
+        conscan_valid: bool = True,
+        **inputs: object,
+    ) -> str:
+        sensors = {"monopulse": monopulse_valid, "conscan": conscan_valid}
+        valid = frozenset(name for name, usable in sensors.items() if usable)
+        values = {"request": "track", "target_available": True, "on_target": True, "valid": valid, **inputs}
         for _ in range(max(round(seconds / TICK_S), 1)):
             self.t_s += TICK_S
             given = AutotrackInputs(t_s=self.t_s, carrier_to_noise_db_hz=level_db_hz, **values)
@@ -175,16 +185,10 @@ def test_auto_never_uses_steptrack() -> None:
     driver.run(5.0, 25.0)
     assert "steptrack" not in driver.modes
     assert driver.state.mode == "conscan"
-    assert driver.state.scanning
+    assert SENSORS[driver.state.mode].scans
 
 
-@pytest.mark.parametrize("mode", [m for m in MODES if m != "stow"])
-def test_stow_is_reached_from_every_mode_in_one_tick(mode: str) -> None:
-    inputs = AutotrackInputs(t_s=1.0, request="stow", target_available=False, on_target=False)
-    assert Autotrack(AutotrackParams()).step(AutotrackState(mode=mode), inputs).mode == "stow"
-
-
-@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("mode", Mode)
 def test_idle_is_reached_from_every_mode_in_one_tick(mode: str) -> None:
     inputs = AutotrackInputs(t_s=1.0, request="idle", target_available=True, on_target=True)
     assert Autotrack(AutotrackParams()).step(AutotrackState(mode=mode), inputs).mode == "idle"
@@ -201,8 +205,8 @@ def test_step_is_pure() -> None:
 
 
 def test_every_mode_can_be_entered_and_left() -> None:
-    assert {row.target for row in TRANSITIONS} == set(MODES)
-    assert {source for row in TRANSITIONS for source in row.sources} == set(MODES)
+    assert {row.target for row in TRANSITIONS} == set(Mode)
+    assert {source for row in TRANSITIONS for source in row.sources} == set(Mode)
 
 
 def test_drawing_and_table_show_every_transition() -> None:
@@ -223,7 +227,7 @@ def test_gates_without_hysteresis_are_refused(change: dict[str, object], message
 
 
 def test_unknown_request_is_refused() -> None:
-    with pytest.raises(ValueError, match="request='fly' must be one of idle, track, calibrate, stow"):
+    with pytest.raises(ValueError, match="request='fly' must be one of idle, track, calibrate"):
         AutotrackInputs(t_s=0.0, request="fly", target_available=True, on_target=True)
 
 

@@ -9,37 +9,23 @@ Only errors stamped before the period are used, so the result does not depend on
 import math
 
 from rf_pointing.calibration import BiasModel
-from rf_pointing.controllers import TrackerIntegratorParams
-from rf_pointing.core import JointReading, JointTrajectory, PointingError, Target, require_choice
+from rf_pointing.core import JointReading, JointTrajectory, Mode, PointingError, Sensor, Target, require_choice
 from rf_pointing.ephemeris import Pass
-from rf_pointing.ephemeris.solar import SolarDirection, SunParams
-from rf_pointing.planning import AxisLimits, GateParams, HorizonMask, MachineParams, choose_turns, refusal
-from rf_pointing.rf import LinkParams
-from rf_pointing.station.pointing.carrier_watch import CarrierWatch
+from rf_pointing.ephemeris.solar import SolarDirection
+from rf_pointing.planning import choose_turns, refusal
 from rf_pointing.station.pointing.corrections import PointingCorrections
-from rf_pointing.station.pointing.mode import TrackingMode
+from rf_pointing.station.pointing.mode import CarrierWatch, SensedErrors, TrackingMode, newest
 from rf_pointing.station.pointing.motion import CommandedMotion
-from rf_pointing.station.pointing.params import PointingParams
+from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.station.pointing.plan import PassPlan
-from rf_pointing.station.pointing.scan_patterns import ScanParams
-from rf_pointing.station.pointing.sensed_errors import SENSOR_CHOICES
+from rf_pointing.station.pointing.scan_patterns import Scans
 from rf_pointing.station.pointing.statistics import PassStatistics
 from rf_pointing.station.pointing.status import TrackingStatus
-from rf_pointing.tracking import (
-    AutotrackParams,
-    AutotrackState,
-    ConscanParams,
-    LockWatchParams,
-    MonopulseScanParams,
-    SpiralParams,
-    StepTrackParams,
-    TrimParams,
-)
+from rf_pointing.tracking import AutotrackState
+from rf_pointing.tracking.sensors import SENSOR_CHOICES, SENSORS
 
 __all__ = ["PointingController"]
 
-MOTION_OF_MODE = {"search": "scan", "conscan": "scan", "steptrack": "scan", "calibrate": "calibration"}
-"""What the gate calls the motion of a mode; the others track."""
 PREDICTION_PATIENCE_S = 5.0
 """How long a pass that is going on already may be started without knowing the target's coming motion."""
 
@@ -47,40 +33,17 @@ PREDICTION_PATIENCE_S = 5.0
 class PointingController:
     """Follows one pass at a time; `step` once a period, between them the inputs as they come."""
 
-    def __init__(
-        self,
-        params: PointingParams,
-        limits: AxisLimits,
-        autotrack: AutotrackParams,
-        integrator: TrackerIntegratorParams,
-        spiral: SpiralParams,
-        conscan: ConscanParams,
-        machine: MachineParams | None = None,
-        mask: HorizonMask | None = None,
-        steptrack: StepTrackParams | None = None,
-        calibration: MonopulseScanParams | None = None,
-        trim: TrimParams | None = None,
-        watch: LockWatchParams | None = None,
-        link: LinkParams | None = None,
-        gate: GateParams | None = None,
-        sun: SunParams | None = None,
-    ) -> None:
-        self.params, self.limits = params, limits
-        self.plan = PassPlan(
-            machine or MachineParams(), mask or HorizonMask(), gate or GateParams(), limits,
-            SolarDirection(sun or SunParams()),
-        )  # fmt: skip
-        watch = watch or LockWatchParams()
-        scans = ScanParams(
-            spiral, conscan, steptrack or StepTrackParams(), calibration or MonopulseScanParams(), watch.probe
-        )
-        self.offsets = PointingCorrections(integrator, scans, trim or TrimParams())
-        self.carrier = CarrierWatch(watch, link or LinkParams())
-        self._mode = TrackingMode(autotrack, self.carrier)
-        self._motion = CommandedMotion(params, self.plan, self.offsets)
+    def __init__(self, params: ControllerParams) -> None:
+        self.params = params
+        self.plan = PassPlan(params.machine, params.mask, params.gate, params.limits, SolarDirection(params.sun))
+        scans = Scans.of(params.spiral, params.calibration.scan, params.watch.probe, params)
+        self.offsets = PointingCorrections(params.integrator, scans, params.trim)
+        self.carrier = CarrierWatch(params.watch, params.link)
+        self._mode = TrackingMode(params.autotrack, self.carrier)
+        self._motion = CommandedMotion(params.pointing, self.plan, self.offsets)
         self._pass: Pass | None = None
         self._turns_rad: float | None = None
-        self._stopping, self._moved, self._sensor = "", False, "program"
+        self._stopping, self._moved, self._sensor = "", False, Sensor.PROGRAM.value
         self.tally = PassStatistics()
 
     @property
@@ -93,12 +56,20 @@ class PointingController:
         """Where the state table stands."""
         return self._mode.state
 
-    def retune(self, params: PointingParams, limits: AxisLimits, autotrack: AutotrackParams) -> None:
-        """Take new parameters between two periods."""
-        self.params, self.limits = params, limits
-        self.plan.take_limits(limits)
-        self._motion.retune(params)
-        self._mode.retune(autotrack)
+    @property
+    def errors(self) -> SensedErrors:
+        """The errors of the pass, and how many came from a sensor that is not registered."""
+        return self._mode.errors
+
+    def retune(self, params: ControllerParams) -> None:
+        """Use new `pointing`, `limits` and `autotrack` parameters from the next period on.
+
+        All other sets are read once, when the controller is made: a new one of them has no effect.
+        """
+        self.params = params
+        self.plan.take_limits(params.limits)
+        self._motion.retune(params.pointing)
+        self._mode.retune(params.autotrack)
 
     def take_model(self, model: BiasModel) -> None:
         """Use `model` from the next trajectory on."""
@@ -115,11 +86,14 @@ class PointingController:
 
     def take_error(self, error: PointingError) -> None:
         """Note what a sensor measured; only those that the pass may use count."""
-        self._mode.take_error(error)
+        self._mode.errors.take(error)
 
     def awaits_error(self, t_s: float) -> bool:
         """Whether a sensor that reports every period has not reported yet what this period should use."""
-        return self._pass is not None and self._mode.awaits_error(t_s, self.params)
+        timing = self.params.pointing
+        return self._pass is not None and self._mode.errors.awaited(
+            t_s, self.state.mode, timing.period_s, timing.error_age_s
+        )
 
     def calibrate(self) -> str:
         """Ask for a calibration scan of the monopulse feed; return why not, "" when it will begin."""
@@ -168,30 +142,30 @@ class PointingController:
             except ValueError as refused:
                 self._stopping = str(refused)
         self._advance_mode(t_s, window)
-        self._moved = self._moved or self.state.mode != "idle"
-        if not self._stopping and self.state.mode == "idle":
+        self._moved = self._moved or self.state.mode != Mode.IDLE
+        if not self._stopping and self.state.mode == Mode.IDLE:
             if not self._moved and t_s - self.state.entered_s <= PREDICTION_PATIENCE_S:
                 return None, self._status(t_s)
             self._stopping = self.state.reason if self._moved else "no prediction of the target has arrived"
         trajectory = None
         if not self._stopping:
-            kind = MOTION_OF_MODE.get(self.state.mode, "track")
+            kind = _motion_of(self.state.mode)
             trajectory, self._stopping = self._motion.follow(t_s, window, self._turns_rad or 0.0, kind)
         if self._stopping:
             return self._finish(t_s)
         status = self._status(t_s)
-        error = self._mode.fresh_error(t_s, self.params)
-        self.tally.count(self.params.period_s, status.mode, error, t_s >= window.aos_t_s)
+        error = self._mode.fresh_error(t_s, self.params.pointing)
+        self.tally.count(self.params.pointing.period_s, status.mode, error, t_s >= window.aos_t_s)
         return trajectory, status
 
     def _choose_turn(self, t_s: float, window: Pass, joints: JointReading, sensor: str) -> float:
         """Return the turns (rad) to track on: those of the certificate, or of the summary when there is no profile."""
-        if self.plan.choose(t_s, window, joints, self._motion.model, sensor, self.params.lag_averaging_s):
+        if self.plan.choose(t_s, window, joints, self._motion.model, sensor, self.params.pointing.lag_averaging_s):
             self.take_joints(joints)
             return self.plan.course.turns_rad
         low, high, present = window.azimuth_min_rad, window.azimuth_max_rad, float(joints.position_rad[0])
-        turns_rad = 2.0 * math.pi * choose_turns(self.limits, low, high, present)
-        refused = refusal(self.limits, window.aos_azimuth_rad + turns_rad, window.peak_elevation_rad)
+        turns_rad = 2.0 * math.pi * choose_turns(self.params.limits, low, high, present)
+        refused = refusal(self.params.limits, window.aos_azimuth_rad + turns_rad, window.peak_elevation_rad)
         if refused:
             raise ValueError(refused)
         return turns_rad
@@ -201,8 +175,12 @@ class PointingController:
         if self.plan.course.crossing(t_s) and not self._stopping:
             return
         before, arriving = self.state.mode, self.offsets.arriving(t_s)
-        error, beam = self._mode.advance(t_s, window, self._motion, arriving=arriving, ended=bool(self._stopping))
-        self.offsets.listen(t_s + self.params.transport_s, before, self.state, error, beam)
+        timing = self.params.pointing
+        errors = self._mode.usable_errors(t_s, timing)
+        error = newest(errors, before)
+        motion = self._motion.snapshot(t_s, window, error.t_s if error else None)
+        self._mode.advance(t_s, errors, motion, arriving=arriving, ended=bool(self._stopping))
+        self.offsets.update(t_s + timing.transport_s, before, self.state, error, motion.beam_rad)
 
     def _finish(self, t_s: float) -> tuple[JointTrajectory | None, TrackingStatus]:
         reason = self._stopping
@@ -213,7 +191,7 @@ class PointingController:
         return self._motion.halt(t_s), self._status(t_s)
 
     def _status(self, t_s: float) -> TrackingStatus:
-        error, window = self._mode.fresh_error(t_s, self.params), self._pass
+        error, window = self._mode.fresh_error(t_s, self.params.pointing), self._pass
         sensed = error is not None and error.valid and self.state.integrating and error.sensor == self.state.mode
         sky, trim = self._motion.sky_rad(t_s, window), self.offsets.trim(t_s)
         return TrackingStatus(
@@ -232,5 +210,12 @@ class PointingController:
             elevation_offset_rad=float(trim[1]),
             carrier_to_noise_db_hz=error.carrier_to_noise_db_hz if error else 0.0,
             half_power_beamwidth_rad=self.offsets.half_power_beamwidth_rad,
-            command_lead_s=self.params.horizon_s if window else 0.0,
+            command_lead_s=self.params.pointing.horizon_s if window else 0.0,
         )
+
+
+def _motion_of(mode: str) -> str:
+    """Return what the safety gate calls the motion of a mode."""
+    if mode == Mode.CALIBRATE:
+        return "calibration"
+    return "scan" if mode == Mode.SEARCH or (mode in SENSORS and SENSORS[mode].scans) else "track"

@@ -15,18 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.controllers import TrackerIntegrator, TrackerIntegratorParams
-from rf_pointing.core import Motion, PointingError
+from rf_pointing.core import Mode, Motion, PointingError
 from rf_pointing.core.time_buffer import TimeBuffer
-from rf_pointing.station.pointing.scan_patterns import ScanParams, ScanPatterns
+from rf_pointing.station.pointing.scan_patterns import ScanPatterns, Scans
 from rf_pointing.station.pointing.transition import OffsetTransition
 from rf_pointing.tracking import AutotrackState, SkyMotion, TrimFilter, TrimParams, direction_rows
+from rf_pointing.tracking.sensors import SENSORS
 
 __all__ = ["PointingCorrections"]
 
 Array = NDArray[np.float64]
-STEP_GAIN = 0.7
-STEP_RAMP_S = 1.0
-"""A result that comes once a round moves the beam by this share of itself, spread over this time."""
 OVER = np.array([1.0, -1.0])
 """What becomes of an error of the dish (cross-elevation, elevation) on the sky when it goes over the top: encoders and
 elevation axis point the other way.  That of the azimuth axis stays."""
@@ -38,7 +36,6 @@ UNDERWAY_S = 0.5
 """Time from a command's to the errors that the beam then has: transport, servo, cluster and the period of the controller."""
 STEEPEST_RAD = math.radians(88.0)
 """Elevation above which cross-elevation is no longer turned into ever larger azimuth."""
-RF_MODES = ("monopulse", "conscan", "steptrack")
 
 
 @dataclass(frozen=True)
@@ -55,15 +52,15 @@ class _Found:
 class PointingCorrections:
     """Offsets of one pass; times are command times unless an error's own is meant."""
 
-    def __init__(self, integrator: TrackerIntegratorParams, scans: ScanParams, trim: TrimParams) -> None:
-        self._loops = _loops(integrator, scans)
+    def __init__(self, integrator: TrackerIntegratorParams, scans: Scans, trim: TrimParams) -> None:
+        self._loop, self._loops = integrator, _loops(integrator, scans)
         self._trim_params, self._scan_params = trim, scans
         self.restart(0.0)
 
     @property
     def half_power_beamwidth_rad(self) -> float:
         """Beamwidth that the scans are laid out for."""
-        return self._scan_params.conscan.half_power_beamwidth_rad
+        return self._scan_params.spiral.half_power_beamwidth_rad
 
     @property
     def filter(self) -> TrimFilter:
@@ -72,7 +69,7 @@ class PointingCorrections:
 
     def restart(self, t_s: float) -> None:
         """Begin without any offset."""
-        self._integrator = TrackerIntegrator(self._loops["monopulse"])
+        self._integrator = TrackerIntegrator(self._loop)
         self._integrator.reset(t_s)
         self._integrator.freeze(t_s)
         self._over = False
@@ -90,7 +87,7 @@ class PointingCorrections:
         """Whether the errors of `t_s` may still be those of the way to where the last change of mode sent the beam."""
         return t_s < self._blend.end_s + UNDERWAY_S
 
-    def listen(
+    def update(
         self, command_s: float, mode_before: str, state: AutotrackState, error: PointingError | None, beam: Array | None
     ) -> None:
         """Take what the period brought, for commands from `command_s` on: the mode, and the newest error.
@@ -100,7 +97,7 @@ class PointingCorrections:
         fresh = error is not None and error.t_s > self._used_s
         if fresh and error is not None:
             self._used_s = error.t_s
-            if mode_before == "search" and beam is not None:
+            if mode_before == Mode.SEARCH and beam is not None:
                 self._consider(error, beam)
         if state.mode != mode_before:
             self._change_mode(command_s, state.mode)
@@ -164,7 +161,7 @@ class PointingCorrections:
         """Let one valid error act: on the loop at once, on the filter with the weight that it deserves."""
         self._unseen = False
         past, sensed = self._past.at(error.t_s), _measured(error)
-        if error.sensor == "monopulse":
+        if not SENSORS[error.sensor].scans:
             self._integrator.update(command_s, sensed + self._displaced(command_s, error.t_s, past, beam))
             direction, age_s, pause_s = None if beam is None else beam + sensed, 0.0, 0.0
         else:
@@ -191,19 +188,19 @@ class PointingCorrections:
         now = np.array([command_s])
         before = [a + b for a, b in zip(self._centre(now), self._scan(now), strict=True)]
         residual = self._residual(now)[0][0]
-        if mode == "hand_back":
+        if mode == Mode.HOLD_OFF:
             self._filter, residual = TrimFilter(self._trim_params), np.zeros(2)
-        found = self._found if self._scans.running == "search" and mode in (*RF_MODES, "coast") else None
+        found = self._found if self._scans.running == Mode.SEARCH and (mode in SENSORS or mode == Mode.COAST) else None
         if found is not None:
             # The filter may never have heard a sensor before: then this is all it knows.
             self._filter.update(found.t_s, found.direction_rad, found.covariance_rad2, found.sky)
             residual = found.direction_rad - direction_rows(found.sky) @ self._filter.state.mean
             self._unseen = True
         self._found = None
-        self._integrator.retune(self._loops.get(mode, self._integrator.params))
+        self._integrator.retune(self._loop_of(mode))
         self._integrator.reset(command_s, residual)
         self._fade_s = None
-        if mode not in RF_MODES:
+        if mode not in SENSORS:
             self._integrator.freeze(command_s)
             # Where a search heard the carrier is kept until a sensor has looked at it.
             self._fade_s = command_s if self._filter.state.used and not self._unseen else None
@@ -212,6 +209,11 @@ class PointingCorrections:
         after = [a + b for a, b in zip(self._centre(now), self._scan(now), strict=True)]
         left = [(b - a)[0] for a, b in zip(after, before, strict=True)]
         self._blend = OffsetTransition.within(command_s, left[0], left[1], self._scan_params.spiral.acceleration_rad_s2)
+
+    def _loop_of(self, mode: str) -> TrackerIntegratorParams:
+        if mode not in SENSORS:
+            return self._integrator.params
+        return self._loops.get(mode, self._loop)
 
     def _consider(self, error: PointingError, beam: Array) -> None:
         """Keep where the carrier was strongest during a search; a valid error says how far the target was from there."""
@@ -262,16 +264,15 @@ class PointingCorrections:
         return SkyMotion(*_interpolated(times, *self._ahead).T)
 
 
-def _loops(integrator: TrackerIntegratorParams, scans: ScanParams) -> dict[str, TrackerIntegratorParams]:
-    """Return the integrator of each sensor: continuous errors, or one a round."""
-    single = integrator.replace(mean_of=1)
-    rounds = single.replace(bandwidth_hz=STEP_GAIN / (2.0 * math.pi * STEP_RAMP_S), sample_s=STEP_RAMP_S)
-    sliding = single.replace(bandwidth_hz=scans.conscan.bandwidth_hz)
-    return {
-        "monopulse": integrator,
-        "conscan": sliding if scans.conscan.updates == "sample" else rounds,
-        "steptrack": rounds,
-    }
+def _loops(integrator: TrackerIntegratorParams, scans: Scans) -> dict[str, TrackerIntegratorParams]:
+    """Return the integrator of each sensor that scans; the others have the one that is configured."""
+    loops = {}
+    for name, scan in scans.sensors.items():
+        bandwidth_hz, sample_s = scan.loop
+        kept = integrator.sample_s if sample_s is None else sample_s
+        # A scan's estimates are means of many samples already.
+        loops[name] = integrator.replace(mean_of=1, bandwidth_hz=bandwidth_hz, sample_s=kept)
+    return loops
 
 
 def _measured(error: PointingError) -> Array:

@@ -1,21 +1,162 @@
-"""The mode of the pass in hand: what the state table is told of target, axes, carrier and sensors once a period."""
+"""The mode of the pass in hand: the errors that the trackers sent, the watch on the carrier, and the state table over both.
+
+Only errors about the time before the last period are used, so the result does not depend on how fast messages travel.
+"""
 
 import math
+from collections import deque
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.core import PointingError
+from rf_pointing.core import Mode, PointingError, Sensor
 from rf_pointing.ephemeris import Pass
-from rf_pointing.station.pointing.carrier_watch import CarrierWatch
-from rf_pointing.station.pointing.motion import CommandedMotion
+from rf_pointing.rf import LinkParams
 from rf_pointing.station.pointing.params import PointingParams
-from rf_pointing.station.pointing.sensed_errors import SENSOR_CHOICES, SensedErrors, newest, trusted
-from rf_pointing.tracking import Autotrack, AutotrackInputs, AutotrackParams, AutotrackState
+from rf_pointing.tracking import Autotrack, AutotrackInputs, AutotrackParams, AutotrackState, LockWatch, LockWatchParams
+from rf_pointing.tracking.sensors import SENSOR_CHOICES, SENSORS, sensors_of
 
-__all__ = ["TrackingMode"]
+__all__ = ["CarrierWatch", "MotionSnapshot", "SensedErrors", "TrackingMode", "link_level_db_hz"]
 
 Array = NDArray[np.float64]
+KEPT_ERRORS = 20
+LEAST_AGE_PERIODS = 0.75
+"""Age from which an error is used: older than any of the period that ends, whether stamped at its middle or its end."""
+
+
+@dataclass(frozen=True, slots=True)
+class MotionSnapshot:
+    """What the state table must know of target and axes; `range_m` is None while the target's motion is not known.
+
+    Attributes
+    ----------
+    target_available, on_target : whether there is motion to command, and whether the slew to it is over.
+    range_m : distance of the target now, m.
+    beam_rad : where the beam was from the prediction when the newest error was measured (2,), None where not known.
+    error_range_m : distance of the target at that time, m.
+    """
+
+    target_available: bool
+    on_target: bool
+    range_m: float | None = None
+    beam_rad: Array | None = None
+    error_range_m: float | None = None
+
+
+class SensedErrors:
+    """The latest errors of the sensors that a pass may use; those of a sensor that nothing registered are counted."""
+
+    def __init__(self) -> None:
+        self._errors: deque[PointingError] = deque(maxlen=KEPT_ERRORS)
+        self._accepted: frozenset[str] = frozenset()
+        self.unknown, self.last_unknown = 0, ""
+
+    def restart(self, choice: str) -> None:
+        """Forget the errors of the last pass; `choice` is the sensor of the new one, in the state table's words."""
+        self._errors.clear()
+        self._accepted = frozenset(name for traits in sensors_of(choice) for name in (traits.name, *traits.level_from))
+
+    def take(self, error: PointingError) -> None:
+        """Note what a sensor measured; only those that the pass may use count."""
+        if error.sensor in self._accepted:
+            self._errors.append(error)
+        elif error.sensor not in SENSORS:
+            self.unknown, self.last_unknown = self.unknown + 1, error.sensor
+
+    def awaited(self, t_s: float, mode: str, period_s: float, oldest_s: float) -> bool:
+        """Whether a sensor that reports every period has not reported yet what the period at `t_s` should use."""
+        last_s = {error.sensor: error.t_s for error in self._errors}
+        tracking = SENSORS.get(mode)
+        # While the beam is scanned for one sensor, what the others report does not matter to this period.
+        waited = [tracking] if tracking and tracking.scans else [t for t in SENSORS.values() if not t.scans]
+        return any(
+            traits.every_period and 2.0 * period_s <= t_s - last_s.get(traits.name, -math.inf) < oldest_s
+            for traits in waited
+        )
+
+    def usable(self, t_s: float, period_s: float, oldest_s: float) -> list[PointingError]:
+        """Return the errors that are about the time before the last period, the newest first, none older than `oldest_s`.
+
+        One about the period that ends now may have arrived already, or not: it belongs to the next period in any case.
+        """
+        newest_t_s = t_s - LEAST_AGE_PERIODS * period_s
+        return [error for error in reversed(self._errors) if t_s - oldest_s <= error.t_s <= newest_t_s]
+
+
+def newest(errors: list[PointingError], mode: str) -> PointingError | None:
+    """Return the newest of usable errors, that of the sensor in use as long as it reports."""
+    in_use = (error for error in errors if error.sensor == mode)
+    return next(in_use, next(iter(errors), None))
+
+
+def valid_sensors(errors: list[PointingError]) -> frozenset[str]:
+    """Return the sensors whose newest estimate may be used; one that scans may until its first estimate."""
+    latest = {error.sensor: error for error in reversed(errors)}
+    found = []
+    for name, traits in SENSORS.items():
+        error = latest.get(name)
+        waiting = error is None or not error.estimated
+        if (error is not None and error.valid) or (traits.scans and waiting):
+            found.append(name)
+    return frozenset(found)
+
+
+class CarrierWatch:
+    """Compares the carrier with the link; `faults` false locks of the pass so far, `last_fault` in words."""
+
+    def __init__(self, watch: LockWatchParams, link: LinkParams) -> None:
+        self._watch, self._link = LockWatch(watch), link
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin a pass."""
+        self.faults, self.last_fault = 0, ""
+        self._watched_s = -math.inf
+        self._watch.reset()
+
+    def forget(self) -> None:
+        """Begin with a new mode."""
+        self._watch.reset()
+
+    def level_db_hz(self, range_m: float) -> float:
+        """Return the C/N0 of a beam on the target: the link's at the zenith over this distance."""
+        return link_level_db_hz(self._link, range_m)
+
+    def require_level(self, window: Pass, sensor: str, thresholds: AutotrackParams) -> None:
+        """Refuse a sensor whose C/N0 threshold the carrier of a pass never reaches, even with the beam on the target.
+
+        A pass that does not say how near it comes is not refused.
+        """
+        nearest_m = window.smallest_range_m
+        if nearest_m <= 0.0 or sensor == Sensor.PROGRAM:
+            return
+        strong = sensor in SENSORS and SENSORS[sensor].needs_strong_carrier
+        needed = thresholds.monopulse_on_db_hz if strong else thresholds.carrier_on_db_hz
+        level = self.level_db_hz(nearest_m)
+        if level < needed:
+            raise ValueError(
+                f"sensor={sensor} needs a carrier of {needed:.1f} dB-Hz; the link gives at most {level:.1f} dB-Hz on this "
+                f"pass, {nearest_m / 1e3:.0f} km away"
+            )
+
+    def false_lock(self, error: PointingError, beam_rad: Array, range_m: float, faint_db_hz: float) -> str:
+        """Return why an error must not be followed, empty while it may.
+
+        `beam_rad` (2,) is how far the beam was from the prediction then; below `faint_db_hz` nothing is judged.
+        """
+        if error.carrier_to_noise_db_hz < faint_db_hz or error.t_s <= self._watched_s:
+            return ""
+        self._watched_s = error.t_s
+        fault = self._watch.add(error, float(beam_rad[0]), float(beam_rad[1]), self.level_db_hz(range_m))
+        if fault:
+            self.faults, self.last_fault = self.faults + 1, fault
+        return fault
+
+
+def link_level_db_hz(link: LinkParams, range_m: float) -> float:
+    """Return the C/N0 of a beam on the target: the link's at the zenith over this distance."""
+    return link.zenith_carrier_to_noise_db_hz - 20.0 * math.log10(range_m / link.reference_range_m)
 
 
 class TrackingMode:
@@ -24,10 +165,11 @@ class TrackingMode:
     def __init__(self, params: AutotrackParams, carrier: CarrierWatch) -> None:
         self.params = params
         self.state = AutotrackState()
+        self.errors = SensedErrors()
         self._table = Autotrack(params)
         self._carrier = carrier
-        self._errors = SensedErrors()
         self._calibrating = False
+        self.errors.restart(self.sensor)
 
     @property
     def sensor(self) -> str:
@@ -35,16 +177,16 @@ class TrackingMode:
         return self._table.params.sensor
 
     def retune(self, params: AutotrackParams) -> None:
-        """Take new gates and times between two periods; the sensor of the pass stays."""
+        """Take new thresholds and times between two periods; the sensor of the pass stays."""
         self.params = params
         self._table = Autotrack(params.replace(sensor=self.sensor))
 
     def restart(self, t_s: float, sensor: str) -> None:
         """Begin a pass with a sensor as the operator names it."""
-        self._errors.clear()
         self._carrier.restart()
         self._calibrating = False
         self._table = Autotrack(self.params.replace(sensor=SENSOR_CHOICES[sensor]))
+        self.errors.restart(self.sensor)
         self.state = AutotrackState(entered_s=t_s)
 
     def end(self, t_s: float, reason: str) -> None:
@@ -52,59 +194,53 @@ class TrackingMode:
         self.state = AutotrackState(entered_s=t_s, reason=reason)
 
     def calibrate(self) -> str:
-        """Ask for a calibration scan of the monopulse feed; return why not, "" when it will begin."""
-        if self.state.mode not in ("monopulse", "conscan", "program_track", "coast"):
+        """Request a calibration scan of the monopulse feed; return why not, "" when it will begin."""
+        automatic = [traits.name for traits in SENSORS.values() if traits.automatic]
+        if self.state.mode not in (*automatic, Mode.PROGRAM_TRACK, Mode.COAST):
             return f"the mode is {self.state.mode}: a calibration needs a target that is tracked"
         if not self.state.strong:
             return "a calibration needs a carrier strong enough for monopulse"
         self._calibrating = True
         return ""
 
-    def take_error(self, error: PointingError) -> None:
-        """Note what a sensor measured; only those that the pass may use count."""
-        self._errors.take(error, self.sensor)
-
-    def awaits_error(self, t_s: float, timing: PointingParams) -> bool:
-        """Whether a sensor that reports every period has not reported yet what the period at `t_s` should use."""
-        return self._errors.awaited(t_s, self.state.mode, timing.period_s, timing.error_age_s)
+    def usable_errors(self, t_s: float, timing: PointingParams) -> list[PointingError]:
+        """Return the errors that the period at `t_s` may use, the newest first."""
+        return self.errors.usable(t_s, timing.period_s, timing.error_age_s)
 
     def fresh_error(self, t_s: float, timing: PointingParams) -> PointingError | None:
         """Return the newest usable error, that of the sensor in use as long as it reports."""
-        return newest(self._usable(t_s, timing), self.state.mode)
+        return newest(self.usable_errors(t_s, timing), self.state.mode)
 
     def advance(
-        self, t_s: float, window: Pass, motion: CommandedMotion, *, arriving: bool, ended: bool
-    ) -> tuple[PointingError | None, Array | None]:
-        """Decide the mode of the period at `t_s`; return the error that counted and where the beam was then (2,).
+        self, t_s: float, errors: list[PointingError], motion: MotionSnapshot, *, arriving: bool, ended: bool
+    ) -> None:
+        """Decide the mode of the period at `t_s` from its usable errors and the motion.
 
-        `arriving`: the errors of now may still be those of the way to where the last mode began; `ended`: the pass is over.
+        `arriving`: the beam is still on its way to where the last mode began; `ended`: the pass is over.
         """
-        errors = self._usable(t_s, motion.params)
-        error = newest(errors, self.state.mode)
-        before, beam = self.state, motion.beam.offset(error.t_s) if error else None
-        known = motion.targets.covers(t_s, t_s)
+        error, before = newest(errors, self.state.mode), self.state
+        request = "calibrate" if self._calibrating else "track"
         inputs = AutotrackInputs(
             t_s=t_s,
-            request="idle" if ended else "calibrate" if self._calibrating else "track",
-            target_available=motion.target_known(t_s, window),
-            on_target=motion.on_target(t_s, window),
+            request="idle" if ended else request,
+            target_available=motion.target_available,
+            on_target=motion.on_target,
             carrier_to_noise_db_hz=error.carrier_to_noise_db_hz if error else -math.inf,
-            axis_db_hz=self._carrier.level_db_hz(motion.range_m(t_s)) if known else -math.inf,
-            monopulse_valid=trusted(errors, "monopulse"),
-            conscan_valid=trusted(errors, "conscan"),
+            axis_db_hz=self._carrier.level_db_hz(motion.range_m) if motion.range_m is not None else -math.inf,
+            valid=valid_sensors(errors),
             arriving=arriving,
-            fault=self._false_lock(error, beam, motion),
+            fault=self._false_lock(error, motion),
         )
         self.state = self._table.step(before, inputs)
         if self.state.mode != before.mode:
             self._carrier.forget()
-            self._calibrating = self._calibrating and self.state.mode != "calibrate"
-        return error, beam
+            self._calibrating = self._calibrating and self.state.mode != Mode.CALIBRATE
 
-    def _usable(self, t_s: float, timing: PointingParams) -> list[PointingError]:
-        return self._errors.usable(t_s, timing.period_s, timing.error_age_s)
-
-    def _false_lock(self, error: PointingError | None, beam: Array | None, motion: CommandedMotion) -> str:
-        if self.state.mode != "monopulse" or error is None or beam is None or error.sensor != "monopulse":
+    def _false_lock(self, error: PointingError | None, motion: MotionSnapshot) -> str:
+        sensor = SENSORS.get(self.state.mode)
+        if sensor is None or not sensor.watched or error is None or error.sensor != sensor.name:
             return ""
-        return self._carrier.false_lock(error, beam, motion.range_m(error.t_s), self._table.params.carrier_off_db_hz)
+        if motion.beam_rad is None or motion.error_range_m is None:
+            return ""
+        faint_db_hz = self._table.params.carrier_off_db_hz
+        return self._carrier.false_lock(error, motion.beam_rad, motion.error_range_m, faint_db_hz)

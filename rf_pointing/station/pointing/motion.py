@@ -6,6 +6,7 @@ The prediction goes through the bias model (`axis_path.py`); what is added to it
 quickly, and the lags of the mount that it would meet are led (`correction_lag.py`).
 """
 
+import math
 from functools import partial
 
 import numpy as np
@@ -16,6 +17,7 @@ from rf_pointing.core import JointReading, JointTrajectory, Motion
 from rf_pointing.ephemeris import Pass
 from rf_pointing.station.pointing.correction_lag import CorrectionLag
 from rf_pointing.station.pointing.corrections import PointingCorrections, added
+from rf_pointing.station.pointing.mode import MotionSnapshot
 from rf_pointing.station.pointing.params import PointingParams
 from rf_pointing.station.pointing.plan import PassPlan
 from rf_pointing.station.pointing.prediction import Prediction
@@ -80,8 +82,21 @@ class CommandedMotion:
         apart = centre - self._direct.position_rad - lag_s * self._direct.velocity_rad_s
         return float(np.max(np.abs(apart))) < self.params.on_target_rad
 
-    def range_m(self, t_s: float) -> float:
-        """Return the distance of the target at `t_s`."""
+    def snapshot(self, t_s: float, window: Pass, error_t_s: float | None) -> MotionSnapshot:
+        """Return what the state table must know at `t_s`; `error_t_s` is the time of the newest error."""
+        known = self.targets.covers(t_s, t_s)
+        # Before the first sample of the target there is nothing to compare the beam with.
+        sensed = error_t_s is not None and math.isfinite(self.targets.known_until_s)
+        beam = self.beam.offset(error_t_s) if sensed and error_t_s is not None else None
+        return MotionSnapshot(
+            target_available=self.target_known(t_s, window),
+            on_target=self.on_target(t_s, window),
+            range_m=self._range_m(t_s) if known else None,
+            beam_rad=beam,
+            error_range_m=None if beam is None or error_t_s is None else self._range_m(error_t_s),
+        )
+
+    def _range_m(self, t_s: float) -> float:
         return float(self.targets.range_m([t_s])[0])
 
     def centre_rad(self, t_s: float) -> Array:

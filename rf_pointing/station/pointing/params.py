@@ -1,11 +1,28 @@
-"""Timing of the commands and tolerances of the pointing controller."""
+"""The parameters of the pointing controller: its timing and tolerances, and the tree of all its sets.
 
+The names of the tree's fields are the prefixes of the ROS parameters and the keys of the YAML files.
+"""
+
+import dataclasses
 import math
 from dataclasses import dataclass
 
+from rf_pointing.controllers import TrackerIntegratorParams
 from rf_pointing.core import Params, parameter
+from rf_pointing.ephemeris.solar import SunParams
+from rf_pointing.planning import AxisLimits, GateParams, HorizonMask, MachineParams
+from rf_pointing.rf import LinkParams
+from rf_pointing.tracking import (
+    AutotrackParams,
+    ConscanParams,
+    LockWatchParams,
+    MonopulseScanParams,
+    SpiralParams,
+    StepTrackParams,
+    TrimParams,
+)
 
-__all__ = ["PointingParams"]
+__all__ = ["ControllerParams", "PointingParams"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,3 +53,28 @@ class PointingParams(Params):
             raise ValueError(
                 f"horizon_s={self.horizon_s} must be >= transport_s + 2 period_s = {self.transport_s + 2 * self.period_s}"
             )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControllerParams(Params):
+    """Everything that the pointing controller is configured with, one set per concern."""
+
+    pointing: PointingParams = parameter(PointingParams(), "timing of the commands, tolerances")
+    limits: AxisLimits = parameter(AxisLimits(), "travel of the axes")
+    autotrack: AutotrackParams = parameter(AutotrackParams(), "thresholds and times of the state table")
+    integrator: TrackerIntegratorParams = parameter(TrackerIntegratorParams(), "tracking loop")
+    spiral: SpiralParams = parameter(SpiralParams(), "search")
+    conscan: ConscanParams = parameter(ConscanParams(), "conical scan")
+    machine: MachineParams = parameter(MachineParams(), "what the axes can do, for the certificate")
+    mask: HorizonMask = parameter(HorizonMask(), "horizon of the site")
+    steptrack: StepTrackParams = parameter(StepTrackParams(), "step-track")
+    calibration: MonopulseScanParams = parameter(MonopulseScanParams(), "calibration scan of the feed")
+    trim: TrimParams = parameter(TrimParams(), "filter of the ephemeris error")
+    watch: LockWatchParams = parameter(LockWatchParams(), "watch on the monopulse lock")
+    link: LinkParams = parameter(LinkParams(), "carrier to expect")
+    gate: GateParams = parameter(GateParams(), "safety gate")
+    sun: SunParams = parameter(SunParams(), "site from which the Sun is computed")
+
+    def sets(self) -> dict[str, Params]:
+        """Return the sets by name, as the nodes declare them and the files group them."""
+        return {item.name: getattr(self, item.name) for item in dataclasses.fields(self)}

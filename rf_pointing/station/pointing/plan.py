@@ -27,6 +27,7 @@ from rf_pointing.planning.forbidden_sky import ForbiddenSky
 from rf_pointing.station.pointing.axis_motion import axis_motion
 from rf_pointing.station.pointing.branch import TrackingBranch
 from rf_pointing.station.pointing.certificates import certificate_of
+from rf_pointing.tracking.sensors import sensors_of
 
 __all__ = ["PassPlan"]
 
@@ -35,8 +36,6 @@ SAME_PASS_S = 30.0
 SAME_SUN_RAD = math.radians(0.5)
 NEW_GOAL_RAD = math.radians(0.1)
 """How far the start of a pass must move, by another bias model, for the way to it to be looked for again."""
-NEITHER_WAY = ("conscan", "auto")
-"""Sensors whose scan is laid out in axis angles: not used over the top."""
 
 
 class PassPlan:
@@ -91,7 +90,7 @@ class PassPlan:
         azimuth, elevation = joints.position_rad.tolist()
         self.certificate = certificate_of(
             profile, model, t_s, (azimuth, elevation), self.machine, self._limits, self.mask,
-            plunge_allowed=sensor not in NEITHER_WAY, lag_averaging_s=lag_averaging_s,
+            plunge_allowed=all(traits.over_the_top for traits in sensors_of(sensor)), lag_averaging_s=lag_averaging_s,
             slew=lambda start, end: self.gate.slew(start, end, self.sun.at(t_s)),
         )  # fmt: skip
         self.branch = self.certificate.chosen

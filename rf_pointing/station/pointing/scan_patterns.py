@@ -5,32 +5,27 @@ too long and the target is far likelier early or late than beside its track: the
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rf_pointing.core import Mode
 from rf_pointing.tracking import (
-    ConscanParams,
-    MonopulseScanParams,
     SkyMotion,
     SpiralParams,
     SpiralSearch,
-    StepTracker,
-    StepTrackParams,
     StripSearch,
     TrimFilter,
-    circle_offset,
     direction_rows,
 )
-from rf_pointing.tracking import ScanParams as CircleParams
+from rf_pointing.tracking.scan import Pattern, Scan, ScanParams
+from rf_pointing.tracking.sensors import SENSORS
 
-__all__ = ["ScanParams", "ScanPatterns"]
+__all__ = ["ScanPatterns", "Scans"]
 
 Array = NDArray[np.float64]
-Pattern = Callable[[float], tuple[float, ...]]
 LONGEST_SPIRAL_S = 30.0
 LEAST_SIGMA_BEAMWIDTHS = 0.25
 SLOWEST_RAD_S = 1e-5
@@ -39,30 +34,42 @@ SPARE_S = 2.0
 
 
 @dataclass(frozen=True)
-class ScanParams:
-    """Parameter sets of the patterns; `probe` is the circle that tests a monopulse lock, None for none."""
+class Scans:
+    """The search, the scan of every sensor that has one, and the circles of other modes, by mode."""
 
     spiral: SpiralParams
-    conscan: ConscanParams
-    steptrack: StepTrackParams
-    calibration: MonopulseScanParams
-    probe: CircleParams | None = None
+    sensors: Mapping[str, Scan]
+    circles: Mapping[str, ScanParams]
+
+    @classmethod
+    def of(cls, spiral: SpiralParams, calibration: ScanParams, probe: ScanParams | None, sets: object) -> "Scans":
+        """Return the scans of all registered sensors.
+
+        A sensor's own is that of its traits, else the parameter set of its name in `sets`.  `probe` is the circle that
+        tests the lock of a watched sensor, None for none.
+        """
+        scanning = [traits for traits in SENSORS.values() if traits.scans]
+        watched = [traits.name for traits in SENSORS.values() if traits.watched]
+        circles: dict[str, ScanParams] = {Mode.CALIBRATE: calibration}
+        if probe is not None:
+            circles |= dict.fromkeys(watched, probe)
+        return cls(spiral, {traits.name: traits.scan or getattr(sets, traits.name) for traits in scanning}, circles)
 
     def age_s(self, sensor: str) -> float:
         """Return how long before its stamp the samples of an error of this sensor lie, on average."""
-        return {"conscan": self.conscan.age_s, "steptrack": self.steptrack.age_s}.get(sensor, 0.0)
+        return self.sensors[sensor].age_s if sensor in self.sensors else 0.0
 
     @property
     def memory_s(self) -> float:
         """Time for which the offsets of the past must be known."""
-        return SPARE_S + max(self.age_s("conscan"), self.age_s("steptrack"))
+        return SPARE_S + max((scan.age_s for scan in self.sensors.values()), default=0.0)
 
 
 class ScanPatterns:
     """The pattern of the mode in force; `running` is that mode, "" while nothing is added."""
 
-    def __init__(self, params: ScanParams) -> None:
-        self._params = params
+    def __init__(self, scans: Scans) -> None:
+        self._scans = scans
         self.running = ""
         self._start_s = 0.0
         self._pattern: Pattern | None = None
@@ -71,17 +78,13 @@ class ScanPatterns:
     def begin(self, mode: str, start_s: float, known: TrimFilter, sky: SkyMotion | None) -> None:
         """Begin what `mode` needs, for command times from `start_s` on; `sky` (1,) is the target's motion there."""
         self._start_s, self._per_track = start_s, None
-        self._pattern = self._search(start_s, known, sky) if mode == "search" else self._fixed(mode)
+        self._pattern = self._search(start_s, known, sky) if mode == Mode.SEARCH else self._fixed(mode)
         self.running = mode if self._pattern is not None else ""
 
     def _fixed(self, mode: str) -> Pattern | None:
         """Return the pattern that depends on parameters only, None where the mode adds nothing."""
-        if mode == "steptrack":
-            return StepTracker(self._params.steptrack).offset
-        params = self._params
-        circles = {"conscan": params.conscan.scan, "calibrate": params.calibration.scan, "monopulse": params.probe}
-        circle = circles.get(mode)
-        return None if circle is None else partial(circle_offset, circle)
+        scan = self._scans.sensors.get(mode) or self._scans.circles.get(mode)
+        return None if scan is None else scan.pattern()
 
     def at(self, times: Array, sky: SkyMotion | None) -> tuple[Array, Array]:
         """Return offset and rate (n, 2) at `times` (n,), `sky` (n,) the target's motion there."""
@@ -97,7 +100,7 @@ class ScanPatterns:
         return offset, rate
 
     def _search(self, t_s: float, known: TrimFilter, sky: SkyMotion | None) -> Pattern:
-        params = self._params.spiral
+        params = self._scans.spiral
         beamwidth = params.half_power_beamwidth_rad
         if known.state.used and sky is not None:
             sigma = math.sqrt(float(np.max(np.linalg.eigvalsh(known.trim(t_s, _first(sky)).covariance_rad2))))
@@ -112,7 +115,7 @@ class ScanPatterns:
     def _strips(self, t_s: float, known: TrimFilter, sky: SkyMotion) -> Pattern | None:
         """Return the search along the track, in the filter's own terms: seconds along it and metres beside it."""
         right, up, range_m = _values(sky)
-        speed, params = math.hypot(right, up), self._params.spiral
+        speed, params = math.hypot(right, up), self._scans.spiral
         if speed < SLOWEST_RAD_S:
             return None
         covariance, least = known.trim(t_s, sky).covariance_rad2, LEAST_SIGMA_BEAMWIDTHS

@@ -3,7 +3,8 @@
 import math
 from dataclasses import dataclass
 
-from rf_pointing.core import PointingError
+from rf_pointing.core import Mode, PointingError
+from rf_pointing.tracking.sensors import SENSORS
 
 __all__ = ["PassStatistics"]
 
@@ -24,11 +25,12 @@ class PassStatistics:
         """Add one period; while a sensor tracks, time without a valid error is lost time."""
         if not risen:
             return
-        if mode == "program_track":
+        sensor = SENSORS.get(mode)
+        # A scan goes on through an invalid estimate; a continuous sensor without a valid error holds nothing.
+        held = sensor is not None and (sensor.scans or (error is not None and error.valid))
+        if mode == Mode.PROGRAM_TRACK:
             self.tracked_s += period_s
-        elif mode in ("conscan", "steptrack", "calibrate") or (
-            mode == "monopulse" and error is not None and error.valid
-        ):
+        elif held or mode == Mode.CALIBRATE:
             self.tracked_s += period_s
             self._add(error)
         else:

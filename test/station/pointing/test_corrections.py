@@ -9,14 +9,12 @@ import pytest
 from rf_pointing.controllers import TrackerIntegratorParams
 from rf_pointing.core import MDEG, Motion, PointingError, sky_offset_rad
 from rf_pointing.station.pointing.corrections import STEEPEST_RAD, PointingCorrections, added
-from rf_pointing.station.pointing.scan_patterns import ScanParams
+from rf_pointing.station.pointing.params import ControllerParams
+from rf_pointing.station.pointing.scan_patterns import Scans
 from rf_pointing.tracking import (
     AutotrackState,
     ConscanParams,
-    MonopulseScanParams,
     SkyMotion,
-    SpiralParams,
-    StepTrackParams,
     TrimParams,
     direction_rows,
 )
@@ -44,7 +42,8 @@ class Loop:
     """Steps the offsets once a period, as the pointing controller does, with a beam that is where it is commanded."""
 
     def __init__(self, probe: CircleParams | None = None) -> None:
-        scans = ScanParams(SpiralParams(), CONSCAN, StepTrackParams(), MonopulseScanParams(), probe)
+        sets = ControllerParams(conscan=CONSCAN)
+        scans = Scans.of(sets.spiral, sets.calibration.scan, probe, sets)
         self.offsets = PointingCorrections(TrackerIntegratorParams(bandwidth_hz=0.2), scans, TrimParams())
         self.offsets.restart(T_S)
         self.mode, self.t_s = "program_track", T_S
@@ -56,7 +55,7 @@ class Loop:
         self.t_s = round(self.t_s + PERIOD_S, 6)
         times = np.round(self.t_s + PERIOD_S * np.arange(1, 11), 6)
         state = AutotrackState(mode=mode, entered_s=self.t_s, carrier=True, strong=True)
-        self.offsets.listen(float(times[0]), self.mode, state, error, beam)
+        self.offsets.update(float(times[0]), self.mode, state, error, beam)
         self.mode = mode
         sky = climbing(times)
         moved = self.offsets.add_scan(times, self.offsets.add_trim(times, sky, np.full(10, RANGE_M)))

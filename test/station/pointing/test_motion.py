@@ -13,7 +13,6 @@ from rf_pointing.ephemeris import Pass, TopocentricTrack
 from rf_pointing.planning import AxisLimits
 from rf_pointing.station.antenna.mount import MountParams
 from rf_pointing.station.pointing.params import PointingParams
-from rf_pointing.tracking import AutotrackParams
 
 SAME_RAD = 1e-9
 
@@ -97,7 +96,7 @@ def test_a_limit_reached_in_the_middle_of_the_pass_ends_it_with_a_controlled_sto
         if t_s < window.aos_t_s + 5.0:
             continue
         if made.controller.busy:
-            made.controller.retune(PointingParams(), AxisLimits(elevation_max_rad=limit_rad), AutotrackParams())
+            made.controller.retune(made.controller.params.replace(limits=AxisLimits(elevation_max_rad=limit_rad)))
             assert np.all(trajectory.position_rad[:, 1] <= limit_rad)
             continue
         stopped, last = trajectory, status
@@ -117,7 +116,7 @@ def test_an_antenna_just_outside_its_limit_is_not_deadlocked(rig: MakeRig, windo
     made = rig()
     list(made.run(window.aos_t_s, 2.0))
     limit_rad = float(made.latest.position_rad[0, 1]) + math.radians(0.0003)
-    made.controller.retune(PointingParams(), AxisLimits(elevation_min_rad=limit_rad), AutotrackParams())
+    made.controller.retune(made.controller.params.replace(limits=AxisLimits(elevation_min_rad=limit_rad)))
     *_, (_, trajectory, _) = made.run(window.aos_t_s + 2.0, 2.0)
     assert made.controller.busy
     assert trajectory.position_rad[0, 1] > limit_rad
