@@ -27,7 +27,7 @@ from rf_pointing.ephemeris import (
     read_elements,
     site,
 )
-from rf_pointing.ephemeris.tle_writer import tle_lines
+from rf_pointing.ephemeris.tle import tle_lines
 
 EPOCH_T_S = 1151347200.0
 DAY_S = 86400.0

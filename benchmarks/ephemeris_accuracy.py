@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.core import MDEG, angular_distance_rad
+from rf_pointing.core.dates import from_utc_text
 from rf_pointing.ephemeris import (
     SITES,
     Elements,
@@ -28,8 +29,8 @@ from rf_pointing.ephemeris import (
     verification_elements,
 )
 from rf_pointing.ephemeris.earth_orientation import EarthOrientation
-from rf_pointing.ephemeris.time_scales import DAY_S, posix_from_calendar
-from rf_pointing.ephemeris.tle_writer import tle_lines
+from rf_pointing.ephemeris.time_scales import DAY_S
+from rf_pointing.ephemeris.tle import tle_lines
 
 Array = NDArray[np.float64]
 ORBITS = {"LEO 780 km": "28057", "LEO 230 km": "29238", "GPS": "28129", "HEO 12 h": "8195", "GEO": "24208"}
@@ -130,7 +131,7 @@ def largest_mdeg(other: Any, epoch: str, orientation: Any = None, later_s: float
     """
     found = []
     for number in ORBITS.values():
-        elements = moved(number, posix_from_calendar(epoch))
+        elements = moved(number, from_utc_text(epoch))
         t_s = elements.epoch_t_s + np.arange(DAY_S if later_s else 0.0, SPAN_S, STEP_S)[::every]
         ours = dataclasses.replace(elements, epoch_t_s=elements.epoch_t_s + later_s)
         worst = 0.0

@@ -2,14 +2,25 @@
 
 import math
 import re
+from calendar import isleap
 from datetime import UTC, datetime, timedelta
 
 from rf_pointing.core.checks import require_finite
 
-__all__ = ["from_utc_text", "parse_utc", "to_utc_text", "utc_text"]
+__all__ = [
+    "DAY_S",
+    "from_utc_text",
+    "minute_and_second",
+    "parse_utc",
+    "require_day_of_year",
+    "to_utc_text",
+    "utc_text",
+]
 
-_CALENDAR = re.compile(r"(\d{4})-(\d{2})-(\d{2})T(\d{2}):(\d{2}):(\d{2})(\.\d+)?Z?$")
-_ORDINAL = re.compile(r"(\d{4})-(\d{3})T(\d{2}):(\d{2}):(\d{2})(\.\d+)?Z?$")
+DAY_S = 86400.0
+
+# What CCSDS writes: a calendar or an ordinal date, any number of decimals, Z or nothing.
+_DATE = re.compile(r"(\d{4})-(?:(\d\d)-(\d\d)|(\d{3}))T(\d\d):(\d\d):(\d\d(?:\.\d*)?)Z?")
 
 
 def to_utc_text(t_s: float) -> str:
@@ -21,23 +32,38 @@ def to_utc_text(t_s: float) -> str:
 
 
 def from_utc_text(text: str) -> float:
-    """Return the seconds of a calendar (YYYY-MM-DD) or ordinal (YYYY-DDD) text; a final Z is allowed."""
-    calendar, ordinal = _CALENDAR.match(text), _ORDINAL.match(text)
+    """Return the seconds of a calendar (YYYY-MM-DD) or ordinal (YYYY-DDD) text; a final Z is allowed.
+
+    A text in another scale gives the seconds of that scale.  A leap second has no time of its own
+    in POSIX seconds, so second 60 raises ValueError; `minute_and_second` reads it.
+    """
+    minute_s, second = minute_and_second(text)
+    if second >= 60.0:
+        raise ValueError(f"date={text!r} has second {second:g}, must be < 60")
+    return minute_s + second
+
+
+def minute_and_second(text: str) -> tuple[float, float]:
+    """Return the seconds since 1970 of a date's minute and its second, which may lie beyond the minute."""
+    match = _DATE.fullmatch(text.strip())
+    if match is None:
+        raise ValueError(f"date={text!r} must read like the time 1996-03-21T05:11:02.07 or 1996-081T05:11:02.07")
+    year, month, day, ordinal, hour, minute, second = match.groups()
     try:
-        if calendar:
-            year, month, day, hour, minute, second = (int(calendar.group(k)) for k in range(1, 7))
-            moment, fraction = datetime(year, month, day, hour, minute, second, tzinfo=UTC), calendar.group(7)
-        elif ordinal:
-            year, days, hour, minute, second = (int(ordinal.group(k)) for k in range(1, 6))
-            moment = datetime(year, 1, 1, hour, minute, second, tzinfo=UTC) + timedelta(days=days - 1)
-            if moment.year != year:
-                raise ValueError(f"{text!r}: the year {year} has no day {days}")
-            fraction = ordinal.group(6)
-        else:
-            raise ValueError(f"{text!r} must be a time like 1996-03-21T05:11:02.070")
+        whole = datetime(int(year), int(month or 1), int(day or 1), int(hour), int(minute), tzinfo=UTC)
     except ValueError as error:
-        raise ValueError(f"{text!r} is not a time: {error}") from None
-    return moment.timestamp() + (float(fraction) if fraction else 0.0)
+        raise ValueError(f"date={text!r}: {error}") from None
+    if ordinal is None:
+        return whole.timestamp(), float(second)
+    require_day_of_year(text, int(year), int(ordinal))
+    return whole.timestamp() + (int(ordinal) - 1) * DAY_S, float(second)
+
+
+def require_day_of_year(text: str, year: int, day: float) -> None:
+    """Raise ValueError with the `text` it comes from unless the (fractional) day lies in that year."""
+    days = 366 if isleap(year) else 365
+    if not 1.0 <= day < days + 1:
+        raise ValueError(f"date={text!r} has day {day:g} of {year}, must be >= 1 and < {days + 1}")
 
 
 def parse_utc(text: str) -> float:

@@ -2,18 +2,14 @@
 
 from rf_pointing.ephemeris.catalogue import CataloguePass, CatalogueSearch, find_catalogue_passes
 from rf_pointing.ephemeris.celestial import RADIO_SOURCES, CelestialTarget, RadioSource, moon, radio_source, sun
-from rf_pointing.ephemeris.earth_orientation import EarthOrientation, FixedEarthOrientation, IersEarthOrientation
+from rf_pointing.ephemeris.earth_orientation import EarthOrientation, IersEarthOrientation
+from rf_pointing.ephemeris.element_messages import read_elements
 from rf_pointing.ephemeris.elements import Elements, find_elements
 from rf_pointing.ephemeris.look_angles import LookAngles
-from rf_pointing.ephemeris.messages import read_elements
-from rf_pointing.ephemeris.oem import OemSegment, read_oem
-from rf_pointing.ephemeris.oem_target import OemTarget
+from rf_pointing.ephemeris.oem import OemSegment, OemTarget, read_oem
 from rf_pointing.ephemeris.passes import Pass, find_passes, first_pass_above, passes_with_present
 from rf_pointing.ephemeris.sites import SITES, Site, site
-from rf_pointing.ephemeris.sun_angle import smallest_sun_angle_rad, sun_angle_rad
-from rf_pointing.ephemeris.time_scales import Gps, Tai, Tt, Ut1, Utc, leap_seconds
-from rf_pointing.ephemeris.tle import verification_elements
-from rf_pointing.ephemeris.tle_writer import tle_lines
+from rf_pointing.ephemeris.tle import tle_lines, verification_elements
 from rf_pointing.ephemeris.track import TargetSource, TopocentricTrack
 from rf_pointing.ephemeris.uncertainty import ElementUncertainty, SkyUncertainty, sky_uncertainty
 
@@ -26,8 +22,6 @@ __all__ = [
     "EarthOrientation",
     "ElementUncertainty",
     "Elements",
-    "FixedEarthOrientation",
-    "Gps",
     "IersEarthOrientation",
     "LookAngles",
     "OemSegment",
@@ -36,17 +30,12 @@ __all__ = [
     "RadioSource",
     "Site",
     "SkyUncertainty",
-    "Tai",
     "TargetSource",
     "TopocentricTrack",
-    "Tt",
-    "Ut1",
-    "Utc",
     "find_catalogue_passes",
     "find_elements",
     "find_passes",
     "first_pass_above",
-    "leap_seconds",
     "moon",
     "passes_with_present",
     "radio_source",
@@ -54,9 +43,7 @@ __all__ = [
     "read_oem",
     "site",
     "sky_uncertainty",
-    "smallest_sun_angle_rad",
     "sun",
-    "sun_angle_rad",
     "tle_lines",
     "verification_elements",
 ]

@@ -20,9 +20,8 @@ from rf_pointing.core.dates import utc_text
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource, IersEarthOrientation
 from rf_pointing.ephemeris.elements import Elements
-from rf_pointing.ephemeris.grid_passes import GridPasses, passes_on_grid
-from rf_pointing.ephemeris.light_time import SENSES
-from rf_pointing.ephemeris.sampled_sky import MARGIN, SampledSky
+from rf_pointing.ephemeris.grid_passes import MARGIN, GridPasses, SampledSky, passes_on_grid
+from rf_pointing.ephemeris.look_angles import SENSES
 from rf_pointing.ephemeris.sgp4_orbit import GMST_RATE_RAD_S, earth_fixed_from_teme
 from rf_pointing.ephemeris.sites import Site
 from rf_pointing.ephemeris.state_vector import StateVector

@@ -16,9 +16,8 @@ import numpy as np
 from rf_pointing.core import require_between, require_choice
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 from rf_pointing.ephemeris.celestial_frame import EARTH_RATE_RAD_S, earth_fixed_from_gcrs, tt_parts
-from rf_pointing.ephemeris.differences import OFFSETS, motion_from_positions
 from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource, IersEarthOrientation
-from rf_pointing.ephemeris.state_vector import StateVector, Vector
+from rf_pointing.ephemeris.state_vector import OFFSETS, StateVector, Vector, motion_from_positions
 from rf_pointing.ephemeris.time_scales import DAY_S
 
 __all__ = ["RADIO_SOURCES", "CelestialTarget", "RadioSource", "moon", "radio_source", "sun"]

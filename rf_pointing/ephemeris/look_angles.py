@@ -1,8 +1,16 @@
-"""Azimuth, elevation and range with two derivatives, from the motion relative to the antenna in east-north-up axes.
+"""From the motion of a target relative to the antenna to what the antenna sees.
+
+Light time.  With sigma = +1 (receive) or -1 (transmit) the target is taken at u = t - sigma tau,
+tau = rho(u) / c.  Positions of target and antenna are both moved to u in the non-rotating frame;
+moving the antenna too is the diurnal aberration.
+
+Cross-track offset.  With the sky normal m = rho x rho' / |rho x rho'| the moved target is
+rho cos(q) - |rho| sin(q) m; the derivatives of m are carried along, so the rates stay the
+derivatives of the angles.
+
+Angles, from east-north-up components; the accelerations by differentiating once more:
 
     az' = (n e' - e n') / h^2,   el' = (h u' - u h') / rho^2,   h^2 = e^2 + n^2
-
-and the second derivatives by differentiating once more.
 """
 
 import math
@@ -13,9 +21,83 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
-from rf_pointing.ephemeris.state_vector import StateVector, root
+from rf_pointing.ephemeris.state_vector import StateVector, Vector, combined, cross, dot, norm, root
 
-__all__ = ["LookAngles", "angles_and_rates"]
+__all__ = ["SENSES", "LookAngles", "angles_and_rates", "delayed", "moved_across"]
+
+
+SENSES = {"receive": 1.0, "transmit": -1.0, "none": 0.0}
+
+
+def delayed(relative: StateVector, sense: float) -> tuple[StateVector, Any, Any]:
+    """Return the inertial motion as seen through light, with range c tau [m] and its rate [m/s].
+
+    `relative` is target minus antenna with inertial derivatives.  The third order of the series, v^3 tau^3 / rho^2,
+    is below a millimetre to the Moon's distance; for a planet use a source that is apparent already.
+    """
+    r, v, a, j = relative.derivatives()
+    distance = norm(r)
+    rate = dot(r, v) / distance
+    if sense == 0.0:
+        return relative, distance, rate
+    tau = distance / (SPEED_OF_LIGHT_M_S + sense * rate)
+    shift = -sense * tau
+    position = combined((1.0, r), (shift, v), (0.5 * shift * shift, a))
+    velocity = combined((1.0, v), (shift, a), (0.5 * shift * shift, j))
+    acceleration = combined((1.0, a), (shift, j))
+    return _with_clock(position, velocity, acceleration, j, sense)
+
+
+def _with_clock(r: Vector, v: Vector, a: Vector, j: Vector, sense: float) -> tuple[StateVector, Any, Any]:
+    """Turn derivatives by u into derivatives by t: du/dt = 1 - sigma tau'."""
+    distance = norm(r)
+    rate = dot(r, v) / distance
+    curvature = (dot(v, v) + dot(r, a) - rate * rate) / distance
+    tau_rate = rate / (SPEED_OF_LIGHT_M_S + sense * rate)
+    clock = 1.0 - sense * tau_rate
+    tau_acceleration = curvature * clock**3 / SPEED_OF_LIGHT_M_S
+    velocity = combined((clock, v))
+    acceleration = combined((clock * clock, a), (-sense * tau_acceleration, v))
+    return StateVector(r, velocity, acceleration, j), distance, tau_rate * SPEED_OF_LIGHT_M_S
+
+
+def moved_across(motion: StateVector, offset_rad: float) -> StateVector:
+    """Return the motion (rotating axes) of the target moved by `offset_rad`; its range stays the same.
+
+    Raises ValueError for a target that stands still on the sky: it has no across.
+    """
+    r, v, a, j = motion.derivatives()
+    normal = combined((-1.0, cross(r, v)))
+    normal1 = combined((-1.0, cross(r, a)))
+    normal2 = combined((-1.0, cross(v, a)), (-1.0, cross(r, j)))
+    if np.any(norm(normal) == 0.0):
+        raise ValueError(f"cross_track_offset_rad={offset_rad} needs a target that moves on the sky")
+    m, m1, m2 = _unit(normal, normal1, normal2)
+    rho, rho1, rho2 = _length(r, v, a)
+    c, s = math.cos(offset_rad), math.sin(offset_rad)
+    position = combined((c, r), (s * rho, m))
+    velocity = combined((c, v), (s * rho1, m), (s * rho, m1))
+    acceleration = combined((c, a), (s * rho2, m), (2.0 * s * rho1, m1), (s * rho, m2))
+    return StateVector(position, velocity, acceleration, j)
+
+
+def _length(r: Vector, v: Vector, a: Vector) -> tuple[Any, Any, Any]:
+    """Return |r| and its two derivatives."""
+    length = norm(r)
+    rate = dot(r, v) / length
+    return length, rate, (dot(v, v) + dot(r, a) - rate * rate) / length
+
+
+def _unit(r: Vector, v: Vector, a: Vector) -> tuple[Vector, Vector, Vector]:
+    """Return r/|r| and its two derivatives."""
+    length, rate, curvature = _length(r, v, a)
+    inverse = 1.0 / length
+    inverse1 = -rate / length**2
+    inverse2 = -curvature / length**2 + 2.0 * rate**2 / length**3
+    unit = combined((inverse, r))
+    unit1 = combined((inverse, v), (inverse1, r))
+    return unit, unit1, combined((inverse, a), (2.0 * inverse1, v), (inverse2, r))
+
 
 Array = NDArray[np.float64]
 

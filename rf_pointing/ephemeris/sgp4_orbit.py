@@ -14,10 +14,9 @@ import numpy as np
 from sgp4.api import SGP4_ERRORS, Satrec
 
 from rf_pointing.core.dates import utc_text
-from rf_pointing.ephemeris.differences import OFFSETS, motion_from_positions
 from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource
 from rf_pointing.ephemeris.elements import Elements
-from rf_pointing.ephemeris.state_vector import StateVector, Vector, turned_about_z
+from rf_pointing.ephemeris.state_vector import OFFSETS, StateVector, Vector, motion_from_positions, turned_about_z
 from rf_pointing.ephemeris.time_scales import DAY_S, POSIX_EPOCH_JD, leap_seconds
 
 __all__ = ["GMST_RATE_RAD_S", "Sgp4Orbit", "earth_fixed_from_teme"]

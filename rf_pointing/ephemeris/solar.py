@@ -1,12 +1,15 @@
-"""Where the Sun is over a station, for the zone that the beam keeps from it; renewed often enough for a control tick."""
+"""The direction of the Sun over a station, for the exclusion zone of the beam, renewed often enough for a control tick."""
 
 import math
 from dataclasses import dataclass
 
 from rf_pointing.core import Params, parameter
-from rf_pointing.ephemeris import TopocentricTrack, site, sun
+from rf_pointing.ephemeris.celestial import sun
+from rf_pointing.ephemeris.sites import site
+from rf_pointing.ephemeris.track import TopocentricTrack
 
 __all__ = ["SolarDirection", "SunParams"]
+
 
 RENEWAL_S = 10.0
 """The Sun moves 42 mdeg in this time."""

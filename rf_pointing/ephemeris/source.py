@@ -1,11 +1,20 @@
-"""From the operator's words to a track: which elements, ephemeris message or body of the sky, seen from which station."""
+"""From the operator's words to a track: elements, ephemeris message or body of the sky, and the station.
 
+`TargetMemory` keeps what was chosen over a restart of the publisher.  Its file belongs to one
+configuration (elements, satellite, station, offsets at the start): when that has changed, the file
+is out of date and the configuration counts.
+"""
+
+import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from rf_pointing.core import Params, parameter
+from rf_pointing.core.dates import DAY_S
+from rf_pointing.core.kept_state import KeptState
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.ephemeris import (
     RADIO_SOURCES,
@@ -25,9 +34,17 @@ from rf_pointing.ephemeris import (
 )
 from rf_pointing.ephemeris.oem import METHODS
 
-__all__ = ["SourceParams", "first_time_s", "load_elements", "load_target", "load_track", "refraction_at"]
+__all__ = [
+    "SourceParams",
+    "TargetMemory",
+    "first_time_s",
+    "load_elements",
+    "load_target",
+    "load_track",
+    "refraction_at",
+]
 
-DAY_S = 86400.0
+
 BODIES: dict[str, Callable[[], TargetSource]] = {
     "sun": sun,
     "moon": moon,
@@ -134,3 +151,43 @@ def _object_of_oem(text: str, wanted: str, interpolation: tuple[str, int] | None
         names = sorted({f"{segment.name} ({segment.object_id})" for segment in segments})
         raise ValueError(f"satellite={wanted!r} is not among the objects of the ephemeris: {', '.join(names)}")
     return OemTarget(found, interpolation=interpolation)
+
+
+class TargetMemory:
+    """The state file of one publisher; an empty name remembers nothing."""
+
+    def __init__(self, name: str, configured: SourceParams) -> None:
+        self._state, self._configured = KeptState(name), configured
+        kept = self._state.recover()
+        mine = kept.get("configured") == dataclasses.asdict(configured)
+        self._kept: dict[str, Any] = kept if mine else {}
+
+    @property
+    def source(self) -> SourceParams:
+        """The source as it was last, or as configured."""
+        kept = dict(self._kept.get("source", {}))
+        if "weather" in kept:
+            kept["weather"] = self._configured.weather.replace(**kept["weather"])
+        return self._configured.replace(**kept)
+
+    @property
+    def peak_rad(self) -> float:
+        """Least peak of the passes that were asked for."""
+        return float(self._kept.get("peak_rad", 0.0))
+
+    @property
+    def hold_t_s(self) -> float | None:
+        """Instant at which the target is held, None when it moves."""
+        held_s = self._kept.get("hold_t_s")
+        return None if held_s is None else float(held_s)
+
+    def keep(self, source: SourceParams, peak_rad: float, hold_t_s: float | None) -> None:
+        """Write what has changed."""
+        configured = dataclasses.asdict(self._configured)
+        self._kept = {"source": dataclasses.asdict(source), "peak_rad": peak_rad, "hold_t_s": hold_t_s}
+        self._state.keep({"configured": configured, **self._kept})
+
+    @property
+    def problem(self) -> str:
+        """Why the file does not hold what it should, empty when it does."""
+        return self._state.problem

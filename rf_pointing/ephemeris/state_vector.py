@@ -1,9 +1,12 @@
-"""Position and its derivatives, as plain components: one code for a float (fast) and for arrays of times.
+"""Position and its derivatives as plain components: one code for a float (fast) and arrays of times.
 
-Two bookkeepings of a derivative are needed.  An *inertial* motion holds d^k r/dt^k of a non-rotating frame, written in
-Earth-fixed axes; light time shifts it.  A *rotating* motion holds the derivatives an observer on the ground sees:
+Two kinds of derivative are needed.  An *inertial* motion holds d^k r/dt^k of a non-rotating frame,
+written in Earth-fixed axes; light time shifts it.  A *rotating* motion holds the derivatives that
+an observer on the ground sees:
 
-    X' = A1 - w x A0,   X'' = A2 - 2 w x A1 + w x (w x A0),   X''' = A3 - 3 w x A2 + 3 w x (w x A1) - w x (w x (w x A0))
+    X'   = A1 - w x A0
+    X''  = A2 - 2 w x A1 + w x (w x A0)
+    X''' = A3 - 3 w x A2 + 3 w x (w x A1) - w x (w x (w x A0))
 """
 
 import math
@@ -13,17 +16,20 @@ from typing import Any
 import numpy as np
 
 __all__ = [
+    "OFFSETS",
     "StateVector",
     "Vector",
     "combined",
     "cross",
     "dot",
+    "motion_from_positions",
     "norm",
     "root",
     "rotated",
     "seen_from_rotating_axes",
     "turned_about_z",
 ]
+
 
 Vector = tuple[Any, Any, Any]
 """Components x, y, z: floats, or arrays of one shape."""
@@ -107,3 +113,31 @@ def seen_from_rotating_axes(motion: StateVector, rate_rad_s: float) -> StateVect
         a3[2],
     )
     return StateVector(a0, velocity, acceleration, jerk)
+
+
+OFFSETS = (-2.0, -1.0, 0.0, 1.0, 2.0)
+"""Where the five positions are, in steps from the time asked for."""
+
+_STENCILS = (
+    (0.0, 0.0, 1.0, 0.0, 0.0),
+    (1.0 / 12.0, -2.0 / 3.0, 0.0, 2.0 / 3.0, -1.0 / 12.0),
+    (-1.0 / 12.0, 4.0 / 3.0, -2.5, 4.0 / 3.0, -1.0 / 12.0),
+    (-0.5, 1.0, 0.0, -1.0, 0.5),
+)
+
+
+def motion_from_positions(positions: list[Vector], step_s: float, unit_m: float) -> StateVector:
+    """Return the motion in metres of five positions in `unit_m`; errors of order h^4, the jerk h^2."""
+    orders = (_weighted(positions, weights, unit_m / step_s**k) for k, weights in enumerate(_STENCILS))
+    position, velocity, acceleration, jerk = orders
+    return StateVector(position, velocity, acceleration, jerk)
+
+
+def _weighted(positions: list[Vector], weights: tuple[float, ...], scale: Any) -> Vector:
+    (ax, ay, az), (bx, by, bz), (x, y, z), (cx, cy, cz), (dx, dy, dz) = positions
+    a, b, o, c, d = (weight * scale for weight in weights)
+    return (
+        a * ax + b * bx + o * x + c * cx + d * dx,
+        a * ay + b * by + o * y + c * cy + d * dy,
+        a * az + b * bz + o * z + c * cz + d * dz,
+    )

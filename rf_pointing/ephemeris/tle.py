@@ -1,6 +1,11 @@
-"""Two-line and three-line elements (TLE, 3LE): columns as in Spacetrack Report 3 and the CelesTrak FAQ.
+"""Two-line and three-line elements (TLE, 3LE), read and written.
 
-Comment lines start with '#'.  Text after column 69 is ignored (the SGP4 verification file keeps its time grid there).
+Columns as in Spacetrack Report 3 and the CelesTrak FAQ.  Comment lines start with '#'.  Text after
+column 69 is ignored (the SGP4 verification file keeps its time grid there).  What does not fit the
+columns is an error with its name; nothing is cut off.
+
+Catalogue numbers above 99999 are written in Alpha-5: the first of the five characters stands for
+the two leading digits, A = 10 ... Z = 33 without I and O, so 339999 (Z9999) is the largest.
 """
 
 import math
@@ -8,16 +13,22 @@ import re
 from datetime import UTC, datetime
 from pathlib import Path
 
-from rf_pointing.ephemeris.alpha5 import number_from_alpha5
-from rf_pointing.ephemeris.elements import MEAN_MOTIONS, Elements
-from rf_pointing.ephemeris.time_scales import DAY_S, require_day_of_year
+from sgp4.alpha5 import from_alpha5, to_alpha5
 
-__all__ = ["read_tle", "verification_elements"]
+from rf_pointing.core.dates import DAY_S, require_day_of_year
+from rf_pointing.ephemeris.elements import MEAN_MOTIONS, Elements
+
+__all__ = ["alpha5_from_number", "number_from_alpha5", "read_tle", "tle_lines", "verification_elements"]
+
 
 _LENGTH = 69
 _TURN_DEG = (0.0, 360.0)
+# Objects of the verification file that provoke errors; their checksums were not kept up.
 _BROKEN_ON_PURPOSE = {"33333", "33334", "33335"}
-"""Objects of the verification file that provoke errors; their checksums were not kept up."""
+
+
+_ALPHA5 = re.compile(r"[0-9]{1,5}|[A-HJ-NP-Z][0-9]{4}")
+_LARGEST_ALPHA5 = 339999
 
 
 def read_tle(text: str) -> list[Elements]:
@@ -44,6 +55,26 @@ def read_tle(text: str) -> list[Elements]:
             f"line {first[0] or len(text.splitlines())}: the text ends before line 2 of {name or first[1]!r}"
         )
     return found
+
+
+def number_from_alpha5(text: str) -> int:
+    """Return the catalogue number of the five columns; the inverse is `alpha5_from_number`."""
+    columns = text.strip()
+    # sgp4's decoder takes I, O and lower case as letters too: it would follow another object.
+    if not _ALPHA5.fullmatch(columns):
+        raise ValueError(
+            f"catalogue number {text!r} is neither digits nor Alpha-5 (a letter except I and O, four digits)"
+        )
+    number: int = from_alpha5(columns)
+    return number
+
+
+def alpha5_from_number(number: int) -> str:
+    """Return the five columns of a catalogue number in [0, 339999]; ValueError for another."""
+    if not 0 <= number <= _LARGEST_ALPHA5:
+        raise ValueError(f"catalogue_number={number} must be in [0, {_LARGEST_ALPHA5}] to fit a TLE; use OMM")
+    columns: str = to_alpha5(number)
+    return columns
 
 
 def elements_from_tle(line1: str, line2: str, *, name: str = "", line_number: int = 1) -> Elements:
@@ -97,11 +128,14 @@ def _elements(line1: str, line2: str, name: str) -> Elements:
         name=name or str(catalogue_number),
         catalogue_number=catalogue_number,
         classification=line1[7].strip() or "U",
-        international_designator=_designator(line1[9:17].strip()),
-        epoch_t_s=_epoch(line1[18:20], line1[20:32]),
+        international_designator=_read_designator(line1[9:17].strip()),
+        epoch_t_s=_read_epoch(line1[18:20], line1[20:32]),
         mean_motion_dot_rad_s2=2.0 * _number("mean motion derivative", line1[33:43]) * revolutions_per_day / DAY_S,
-        mean_motion_ddot_rad_s3=6.0 * _exponent("second derivative", line1[44:52]) * revolutions_per_day / DAY_S**2,
-        drag_per_earth_radius=_exponent("B*", line1[53:61]),
+        mean_motion_ddot_rad_s3=6.0
+        * _read_exponent("second derivative", line1[44:52])
+        * revolutions_per_day
+        / DAY_S**2,
+        drag_per_earth_radius=_read_exponent("B*", line1[53:61]),
         element_set_number=int(line1[64:68].strip() or 0),
         inclination_rad=math.radians(_number("inclination", line2[8:16], 0.0, 180.0)),
         ascending_node_rad=math.radians(_number("ascending node", line2[17:25], *_TURN_DEG)),
@@ -122,7 +156,7 @@ def _number(what: str, columns: str, low: float = -math.inf, high: float = math.
     return float(text)
 
 
-def _exponent(what: str, columns: str) -> float:
+def _read_exponent(what: str, columns: str) -> float:
     """Return a number with assumed decimal point, as ' 28098-4' for 0.28098e-4; blank is zero."""
     match = re.fullmatch(r"\s*([+-]?)\s*(\d{5})\s*([+-]?)\s*(\d)", columns)
     if not match:
@@ -133,7 +167,7 @@ def _exponent(what: str, columns: str) -> float:
     return float(f"{sign}0.{digits}e{exponent_sign}{exponent}")
 
 
-def _epoch(year: str, day: str) -> float:
+def _read_epoch(year: str, day: str) -> float:
     if not year.strip().isdigit():
         raise ValueError(f"epoch year {year!r} must be two digits")
     full_year = int(year) + (1900 if int(year) >= 57 else 2000)
@@ -142,8 +176,75 @@ def _epoch(year: str, day: str) -> float:
     return datetime(full_year, 1, 1, tzinfo=UTC).timestamp() + (day_of_year - 1.0) * DAY_S
 
 
-def _designator(columns: str) -> str:
+def _read_designator(columns: str) -> str:
     """Return 1998-067A for 98067A; other text as it stands."""
     if not re.fullmatch(r"\d{5}[A-Z]{1,3}", columns):
         return columns
     return f"{1900 + int(columns[:2]) + (100 if int(columns[:2]) < 57 else 0)}-{columns[2:]}"
+
+
+def tle_lines(elements: Elements) -> tuple[str, str]:
+    """Return both lines; the inverse is `read_elements`.
+
+    Raises ValueError for a catalogue number above 339999, an epoch outside 1957-2056 and numbers
+    too large for their columns.
+    """
+    # Not `sgp4.exporter`: it widens a line silently when a number does not fit, writes 360.0000 for
+    # an angle just below a turn, and knows no label above 339999.
+    number = alpha5_from_number(elements.catalogue_number)
+    day = DAY_S / (2.0 * math.pi)
+    first = (
+        f"1 {number}{elements.classification:1.1s} {_write_designator(elements.international_designator):8.8s} "
+        f"{_write_epoch(elements.epoch_t_s)} {_write_fraction(0.5 * elements.mean_motion_dot_rad_s2 * day * DAY_S)} "
+        f"{_write_exponent('mean_motion_ddot_rad_s3', elements.mean_motion_ddot_rad_s3 * day * DAY_S**2 / 6.0)} "
+        f"{_write_exponent('drag_per_earth_radius', elements.drag_per_earth_radius)} 0 {elements.element_set_number:4d}"
+    )
+    second = (
+        f"2 {number} {math.degrees(elements.inclination_rad):8.4f} {_write_degrees(elements.ascending_node_rad)} "
+        f"{round(elements.eccentricity * 1e7):07d} {_write_degrees(elements.argument_of_perigee_rad)} "
+        f"{_write_degrees(elements.mean_anomaly_rad)} {elements.mean_motion_rad_s * day:11.8f}"
+        f"{elements.revolution_number:5d}"
+    )
+    for line in (first, second):
+        if len(line) != 68:
+            raise ValueError(f"elements of {elements.name} do not fit the columns of a TLE: {line!r}")
+    return first + str(checksum(first)), second + str(checksum(second))
+
+
+def _write_degrees(angle_rad: float) -> str:
+    degrees = round(math.degrees(angle_rad) % 360.0, 4) % 360.0
+    return f"{degrees:8.4f}"
+
+
+def _write_epoch(t_s: float) -> str:
+    stamp = datetime.fromtimestamp(t_s, tz=UTC)
+    if not 1957 <= stamp.year <= 2056:
+        raise ValueError(f"epoch_t_s={t_s} is in {stamp.year}, must be in 1957 to 2056 to fit a TLE")
+    day = 1.0 + (t_s - datetime(stamp.year, 1, 1, tzinfo=UTC).timestamp()) / DAY_S
+    return f"{stamp.year % 100:02d}{day:012.8f}"
+
+
+def _write_fraction(value: float) -> str:
+    if not abs(value) < 0.999999995:
+        raise ValueError(f"mean_motion_dot_rad_s2 is {value} rev/day^2, must be below 1 to fit a TLE")
+    return f"{value:+.8f}".replace("+0.", " .").replace("-0.", "-.")
+
+
+def _write_exponent(name: str, value: float) -> str:
+    """Return ' 28098-4' for 0.28098e-4; what is below the smallest exponent is zero."""
+    if value == 0.0:
+        return " 00000-0"
+    mantissa, exponent = f"{abs(value):.4e}".split("e")
+    power = int(exponent) + 1
+    if power > 9:
+        raise ValueError(f"{name}={value} must be below 1e9 to fit a TLE")
+    if power < -9:
+        return " 00000-0"
+    digits = mantissa.replace(".", "")
+    return f"{'-' if value < 0.0 else ' '}{digits}{'+' if power > 0 else '-'}{abs(power)}"
+
+
+def _write_designator(designator: str) -> str:
+    """Return 98067A for 1998-067A; other text as it stands."""
+    year, separator, rest = designator.partition("-")
+    return f"{year[2:]}{rest}" if separator and len(year) == 4 else designator

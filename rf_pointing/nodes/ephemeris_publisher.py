@@ -26,8 +26,7 @@ from rf_pointing.ephemeris import (
     passes_with_present,
     sky_uncertainty,
 )
-from rf_pointing.ephemeris.source import SourceParams, load_track, refraction_at
-from rf_pointing.ephemeris.target_memory import TargetMemory
+from rf_pointing.ephemeris.source import SourceParams, TargetMemory, load_track, refraction_at
 from rf_pointing.nodes import convert, convert_planning
 from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Health
 from rf_pointing.nodes.main_loop import run

@@ -15,7 +15,7 @@ def test_ordinal_and_calendar_texts_of_one_instant_agree():
 
 @pytest.mark.parametrize("text", ["1996-03-21", "1996-13-01T00:00:00", "1995-366T00:00:00", "21/03/1996T00:00:00", ""])
 def test_other_texts_are_refused(text):
-    with pytest.raises(ValueError, match="time"):
+    with pytest.raises(ValueError, match="date="):
         from_utc_text(text)
 
 

@@ -7,8 +7,7 @@ import pytest
 
 from rf_pointing.calibration import BiasModel
 from rf_pointing.core.kept_state import KeptState
-from rf_pointing.ephemeris.source import SourceParams
-from rf_pointing.ephemeris.target_memory import TargetMemory
+from rf_pointing.ephemeris.source import SourceParams, TargetMemory
 from rf_pointing.servo import WindParams, dss13_plant
 from rf_pointing.station.antenna.memory import AntennaMemory
 from rf_pointing.station.antenna.simulated_antenna import AntennaParams, LoopParams, SimulatedAntenna

@@ -1,8 +1,19 @@
 """The satellites and the stations that several ephemeris tests share."""
 
+from dataclasses import dataclass
+from typing import Any
+
 import pytest
 
-from rf_pointing.ephemeris import Elements, Site, TopocentricTrack, find_elements, site, verification_elements
+from rf_pointing.ephemeris import (
+    EarthOrientation,
+    Elements,
+    Site,
+    TopocentricTrack,
+    find_elements,
+    site,
+    verification_elements,
+)
 
 
 @pytest.fixture(scope="session")
@@ -18,3 +29,17 @@ def goldstone() -> Site:
 @pytest.fixture(scope="session")
 def track(cbers: Elements, goldstone: Site) -> TopocentricTrack:
     return TopocentricTrack(cbers, goldstone)
+
+
+@dataclass(frozen=True)
+class AssumedOrientation:
+    """An Earth whose orientation is given instead of read from tables."""
+
+    ut1_minus_utc_s: float = 0.0
+
+    def at(self, t_s: Any) -> EarthOrientation:
+        zeros = 0.0 * t_s
+        return EarthOrientation(zeros + self.ut1_minus_utc_s, zeros, zeros)
+
+    def warnings(self, _t_s: float) -> tuple[str, ...]:
+        return ()

@@ -9,6 +9,7 @@ import pytest
 
 from rf_pointing.core import random_stream
 from rf_pointing.core.constants import EARTH_MU_M3_S2
+from rf_pointing.core.dates import from_utc_text
 from rf_pointing.ephemeris import (
     Elements,
     Site,
@@ -18,7 +19,6 @@ from rf_pointing.ephemeris import (
     site,
     verification_elements,
 )
-from rf_pointing.ephemeris.time_scales import posix_from_calendar
 
 START_T_S = 1151347200.0
 DAY_S = 86400.0
@@ -120,8 +120,8 @@ def test_an_empty_catalogue_has_no_passes(goldstone: Site) -> None:
 
 def test_elements_from_before_a_leap_second_are_moved_by_it(cbers: Elements, goldstone: Site) -> None:
     """Epoch 2005-12-31, search on 2006-01-04: the second of 2006-01-01 lies between."""
-    before = dataclasses.replace(cbers, epoch_t_s=posix_from_calendar("2005-12-31T12:00:00"))
-    start = posix_from_calendar("2006-01-04T00:00:00")
+    before = dataclasses.replace(cbers, epoch_t_s=from_utc_text("2005-12-31T12:00:00"))
+    start = from_utc_text("2006-01-04T00:00:00")
     ours = find_catalogue_passes([before], goldstone, start, DAY_S, MASK_RAD).passes
     wanted = find_passes(TopocentricTrack(before, goldstone), start, DAY_S, MASK_RAD)
     np.testing.assert_allclose([p.aos_t_s for p in ours], [p.aos_t_s for p in wanted], rtol=0.0, atol=EVENT_S)

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from rf_pointing.ephemeris.grid_passes import passes_on_grid
-from rf_pointing.ephemeris.sampled_sky import MARGIN, SampledSky
+from rf_pointing.ephemeris.grid_passes import MARGIN, SampledSky, passes_on_grid
 
 STEP_S, COUNT = 60.0, 24
 MIDDLE_S = STEP_S * (COUNT / 2 + 0.5)

@@ -10,10 +10,11 @@ from rf_pointing.core import MDEG
 from rf_pointing.core.dates import utc_text
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.ephemeris import (
+    TopocentricTrack,
     find_elements,
     find_passes,
     site,
-    sun_angle_rad,
+    sun,
     tle_lines,
     verification_elements,
 )
@@ -154,8 +155,9 @@ def test_an_unknown_object_of_an_ephemeris_is_refused_with_the_ones_it_holds(oem
 
 
 def test_bodies_of_the_sky_are_targets_by_name() -> None:
-    sun = load_track(SourceParams(satellite="sun"))
-    assert float(sun_angle_rad(sun, [PASS_T_S])[0]) < 1e-9
+    solar = load_track(SourceParams(satellite="sun"))
+    seen, wanted = solar.target_at(PASS_T_S), TopocentricTrack(sun(), solar.site).target_at(PASS_T_S)
+    assert (seen.azimuth_rad, seen.elevation_rad) == (wanted.azimuth_rad, wanted.elevation_rad)
     for name in ("Moon", "Cassiopeia A", "3c 84"):
         track = load_track(SourceParams(satellite=name))
         assert track.name.casefold() == name.casefold()

@@ -1,5 +1,12 @@
-"""TLE: the verification file of AIAA 2006-6753, field by field against the sgp4 reader, and malformed text."""
+"""TLE: the verification file of AIAA 2006-6753, field by field against the sgp4 reader, and malformed text.
 
+Alpha-5: the published corner values, closure over the whole range, and refusals instead of zero.
+
+Writing TLE: the verification file comes back column by column, and what does not fit is refused.
+"""
+
+import dataclasses
+import math
 from pathlib import Path
 
 import numpy as np
@@ -7,8 +14,8 @@ import pytest
 import sgp4
 from sgp4.api import Satrec
 
-from rf_pointing.ephemeris import read_elements, verification_elements
-from rf_pointing.ephemeris.tle import read_tle
+from rf_pointing.ephemeris import Elements, read_elements, tle_lines, verification_elements
+from rf_pointing.ephemeris.tle import alpha5_from_number, number_from_alpha5, read_tle
 
 LINE1 = "1 28057U 03049A   06177.78615833  .00000060  00000-0  35940-4 0  1836"
 LINE2 = "2 28057  98.4283 247.6961 0000884  88.1964 271.9322 14.35478080140550"
@@ -103,3 +110,72 @@ def test_a_bad_field_is_named_even_when_the_checksum_is_right(
         lines[index] = "".join(changed) + str(digit)
     with pytest.raises(ValueError, match=message):
         read_tle("\n".join(lines))
+
+
+@pytest.mark.parametrize(
+    ("text", "number"), [("00005", 5), ("99999", 99999), ("A0000", 100000), ("H9999", 179999), ("J0000", 180000),
+                         ("N9999", 229999), ("P0000", 230000), ("T0002", 270002), ("Z9999", 339999)]
+)  # fmt: skip
+def test_space_tracks_examples(text: str, number: int) -> None:
+    assert number_from_alpha5(text) == number
+    assert alpha5_from_number(number) == text
+
+
+def test_every_step_of_the_range_closes() -> None:
+    for number in range(0, 340000, 313):
+        assert number_from_alpha5(alpha5_from_number(number)) == number
+
+
+@pytest.mark.parametrize("text", ["I0000", "O1234", "a0000", "0A000", "A 000", "", "AAAAA", "123456", "٣٤٥٦٧"])
+def test_what_it_cannot_represent_is_refused_never_zero(text: str) -> None:
+    with pytest.raises(ValueError, match="neither digits nor Alpha-5"):
+        number_from_alpha5(text)
+
+
+@pytest.mark.parametrize("number", [-1, 340000, 799500000])
+def test_numbers_that_do_not_fit_are_refused(number: int) -> None:
+    with pytest.raises(ValueError, match=f"catalogue_number={number} must be in .*use OMM"):
+        alpha5_from_number(number)
+
+
+ODD = {"09998", "11801", "20413"}
+"""Written by other hands: a blank ephemeris type, and +0 for the exponent of zero."""
+
+
+def test_the_verification_file_comes_back_column_by_column() -> None:
+    lines = [
+        line[:69]
+        for line in (Path(sgp4.__file__).parent / "SGP4-VER.TLE").read_text().splitlines()
+        if line[0] in "12" and line[2:7] not in ("33333", "33334", "33335")
+    ]
+    for elements, line1, line2 in zip(verification_elements(), lines[::2], lines[1::2], strict=True):
+        first, second = tle_lines(elements)
+        assert second == line2
+        assert line1[2:7] in ODD or first == line1
+
+
+def test_numbers_up_to_339999_are_written_in_alpha5(cbers: Elements) -> None:
+    large = dataclasses.replace(cbers, catalogue_number=271828)
+    assert tle_lines(large)[0][2:7] == "T1828"
+    assert read_elements("\n".join(tle_lines(large)))[0].catalogue_number == 271828
+
+
+def test_angles_that_round_to_a_full_turn_become_zero(cbers: Elements) -> None:
+    lines = tle_lines(dataclasses.replace(cbers, ascending_node_rad=2.0 * math.pi - 1e-9, mean_anomaly_rad=-1e-9))
+    (back,) = read_elements("\n".join(lines))
+    assert (back.ascending_node_rad, back.mean_anomaly_rad) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"catalogue_number": 340000}, "catalogue_number=340000 must be in"),
+        ({"epoch_t_s": 3.0e9}, "is in 2065, must be in 1957 to 2056"),
+        ({"mean_motion_dot_rad_s2": 3e-9}, "mean_motion_dot_rad_s2 is .* must be below 1"),
+        ({"drag_per_earth_radius": 2e9}, "drag_per_earth_radius=2000000000.0 must be below 1e9"),
+        ({"revolution_number": 123456}, "do not fit the columns"),
+    ],
+)
+def test_what_does_not_fit_is_refused(cbers: Elements, change: dict[str, float], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        tle_lines(dataclasses.replace(cbers, **change))

@@ -13,10 +13,10 @@ from skyfield.api import EarthSatellite, load, wgs84
 from skyfield.data import iers
 
 from rf_pointing.core import MDEG, angular_distance_rad, sky_offset_rad, unit_vector_from_azel, wrap_rad
+from rf_pointing.core.dates import from_utc_text
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.ephemeris import (
     Elements,
-    FixedEarthOrientation,
     LookAngles,
     Site,
     TopocentricTrack,
@@ -24,7 +24,7 @@ from rf_pointing.ephemeris import (
     site,
     verification_elements,
 )
-from rf_pointing.ephemeris.time_scales import posix_from_calendar
+from test.ephemeris.conftest import AssumedOrientation
 
 SKYFIELD_MDEG = 0.005
 ASTROPY = json.loads((Path(__file__).parent / "data" / "astropy.json").read_text())
@@ -120,7 +120,7 @@ def test_one_time_and_many_times_give_the_same_target(track: TopocentricTrack, c
 
 def test_an_inserted_leap_second_is_a_second_of_flight(cbers: Elements, goldstone: Site) -> None:
     """From 23:59:59.5 to 00:00:00.5 of 2016-12-31 two seconds pass, although the wire time counts one."""
-    leap_t_s = posix_from_calendar("2017-01-01T00:00:00")
+    leap_t_s = from_utc_text("2017-01-01T00:00:00")
     track = TopocentricTrack(dataclasses.replace(cbers, epoch_t_s=leap_t_s - 7200.0), goldstone, light_time="none")
     position = [track.target.motion_at(leap_t_s + k).position for k in (-0.5, 0.5, 1.5)]
     speed_m_s = math.dist(position[1], position[2])
@@ -161,7 +161,7 @@ def test_doppler_factor_is_the_derivative_of_the_time_of_departure(track: Topoce
 
 def test_along_track_offset_is_an_earlier_arrival_while_the_earth_waits(cbers: Elements, goldstone: Site) -> None:
     t_s, ahead_s = 1151384680.0, 0.5
-    frozen = {"orientation": FixedEarthOrientation(), "refraction": None}
+    frozen = {"orientation": AssumedOrientation(), "refraction": None}
     plain = TopocentricTrack(cbers, goldstone, **frozen)
     ahead = TopocentricTrack(cbers, goldstone, along_track_offset_s=ahead_s, **frozen).target_at(t_s)
     later = plain.target_at(t_s + ahead_s)

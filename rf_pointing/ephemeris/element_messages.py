@@ -1,26 +1,30 @@
-"""Orbit mean-elements messages (CCSDS 502.0-B): JSON, XML, CSV and KVN.
+"""Mean elements read from text: TLE, or orbit mean-elements messages (OMM, CCSDS 502.0-B).
 
-Two dialects are in use: numbers written as numbers and numbers written as strings; both are read.  The catalogue
-number is a plain integer of up to nine digits.  Only elements of the SGP4 theory in TEME and UTC are accepted: the
-same numbers mean another orbit in any other theory.  So they do in other units than the standard's: a unit that is
-written beside a number must be that one.  What a message says twice is refused.
+An OMM comes as JSON, XML, CSV or KVN; the form is recognised from the text.  Two dialects are in
+use, numbers written as numbers and numbers written as strings; both are read.  The catalogue number
+is a plain integer of up to nine digits.  Only elements of the SGP4 theory in TEME and UTC are
+accepted: the same numbers mean another orbit in any other theory.  A unit that is written with a
+number must be the standard's, and a keyword that is given twice is an error.
 """
 
 import json
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from rf_pointing.core.dates import from_utc_text
 from rf_pointing.core.kvn import key_and_value, without_unit
 from rf_pointing.ephemeris.elements import MEAN_MOTIONS, Elements
-from rf_pointing.ephemeris.time_scales import DAY_S, posix_from_calendar
+from rf_pointing.ephemeris.time_scales import DAY_S
+from rf_pointing.ephemeris.tle import read_tle
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
-__all__ = ["read_omm_csv", "read_omm_json", "read_omm_kvn", "read_omm_xml"]
+__all__ = ["read_elements", "read_omm_csv", "read_omm_json", "read_omm_kvn", "read_omm_xml"]
+
 
 Fields = Mapping[str, Any]
 
@@ -46,6 +50,32 @@ _LARGEST = 1e15
 """Beyond any number of an OMM, and still a whole number of a float."""
 _MOST_ECCENTRIC = 0.9999999
 _TURN_DEG = (-360.0, 360.0)
+
+
+def read_elements(text: str) -> list[Elements]:
+    """Return all elements in TLE, 3LE or OMM (JSON, XML, CSV, KVN) text; a text that holds none is refused."""
+    content = text.removeprefix("\ufeff").strip()
+    found = _reader(content)(content)
+    if not found:
+        raise ValueError(f"text holds no elements; it starts with {content[:40]!r}")
+    return found
+
+
+def _reader(content: str) -> Callable[[str], list[Elements]]:
+    first_line = content.split("\n", 1)[0]
+    if content.startswith(("{", "[")):
+        return read_omm_json
+    if content.startswith("<"):
+        return read_omm_xml
+    if "," in first_line and "MEAN_MOTION" in first_line:
+        return read_omm_csv
+    if content.startswith(("CCSDS_OMM_VERS", "COMMENT")):
+        return read_omm_kvn
+    if content.startswith("CCSDS_"):
+        raise ValueError(
+            f"{first_line.split('=')[0].strip()} must be CCSDS_OMM_VERS, or CCSDS_OEM_VERS of an ephemeris"
+        )
+    return read_tle
 
 
 def read_omm_json(text: str) -> list[Elements]:
@@ -145,7 +175,7 @@ def _checked_elements(fields: Fields) -> Elements:
         catalogue_number=catalogue_number,
         international_designator=_text(fields, "OBJECT_ID"),
         classification=_text(fields, "CLASSIFICATION_TYPE") or "U",
-        epoch_t_s=posix_from_calendar(str(_present(fields, "EPOCH"))),
+        epoch_t_s=from_utc_text(str(_present(fields, "EPOCH"))),
         mean_motion_rad_s=_number(fields, "MEAN_MOTION", *MEAN_MOTIONS) * per_day,
         eccentricity=_number(fields, "ECCENTRICITY", 0.0, _MOST_ECCENTRIC),
         inclination_rad=math.radians(_number(fields, "INCLINATION", 0.0, 180.0)),
