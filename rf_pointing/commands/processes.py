@@ -14,21 +14,9 @@ from pathlib import Path
 
 from ament_index_python.packages import get_package_prefix
 
-from rf_pointing.nodes.instance_lock import last_holder
+from rf_pointing.nodes.main_loop import last_holder
 
-__all__ = ["SIMULATED_STATION", "NodeProcesses"]
-
-SIMULATED_STATION = (
-    "simulation_clock",
-    "antenna_servo",
-    "rf_receiver",
-    "monopulse_tracker",
-    "conscan_tracker",
-    "bias_calibrator",
-    "ephemeris_publisher",
-    "pointing_controller",
-)
-"""Executables of a simulated antenna; the first one is activated last, since it lets time run."""
+__all__ = ["NodeProcesses"]
 
 NICENESS = 10
 

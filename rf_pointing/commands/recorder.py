@@ -9,7 +9,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
-from rf_pointing.nodes.topics import TOPICS, Topic
+from rf_pointing.nodes.graph import TOPICS, Topic
 from rf_pointing.report.bag_writer import BagResult, BagWriter
 from rf_pointing.report.definitions import definitions
 from rf_pointing.report.offered_qos import qos_from_profile

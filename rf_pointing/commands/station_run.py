@@ -12,10 +12,10 @@ import rclpy
 from rclpy.action import ActionClient
 
 from rf_pointing.commands.managed_graph import ManagedGraph, NotStartedError
-from rf_pointing.commands.processes import SIMULATED_STATION
 from rf_pointing.commands.recorder import Recorder
 from rf_pointing.commands.track_options import bag_folder, in_real_time, notes, overrides, parameter_files
 from rf_pointing.ephemeris import Pass
+from rf_pointing.nodes.graph import NODES
 from rf_pointing.nodes.main_loop import make_executor, settle_garbage
 
 __all__ = ["InterruptedRunError", "StationRun", "run_to_end"]
@@ -27,7 +27,7 @@ LOOK_PERIOD_S = 0.2
 """How often it is looked whether every node still runs."""
 PUNCTUAL = ("simulation_clock", "antenna_servo")
 """In real time the servo's 50 Hz go first: every 0.1 s all nodes wake at once, and the others can wait their milliseconds."""
-CLOCK, OTHERS = SIMULATED_STATION[:1], SIMULATED_STATION[1:]
+CLOCK, OTHERS = NODES[:1], NODES[1:]
 
 
 class InterruptedRunError(Exception):
@@ -75,7 +75,7 @@ class StationRun:
     def bring_up(self, *actions: ActionClient) -> None:
         """Start every node and take it to active, time held, until `actions` are offered and every topic is recorded."""
         began_s = time.monotonic()
-        self.graph.start(SIMULATED_STATION)
+        self.graph.start(NODES)
         # The clock first, alone: while the others still start, its held time finds the way to them.
         self.graph.configure(CLOCK)
         self.graph.configure(OTHERS)
@@ -83,7 +83,7 @@ class StationRun:
         self.graph.wait_until(lambda: all(client.server_is_ready() for client in actions), "the actions")
         self.graph.wait_until(lambda: not self._recorder.unmatched(), "every topic")
         self.graph.wait(SETTLE_S)
-        self.say(f"{len(SIMULATED_STATION)} nodes matched and active in {time.monotonic() - began_s:.1f} s")
+        self.say(f"{len(NODES)} nodes matched and active in {time.monotonic() - began_s:.1f} s")
 
     def run_time(self) -> None:
         """Let time run."""

@@ -30,9 +30,8 @@ from rf_pointing.controllers import TrackerIntegratorParams
 from rf_pointing.ephemeris.solar import SunParams
 from rf_pointing.nodes import convert, convert_calibration, convert_planning
 from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Health
-from rf_pointing.nodes.goals import RESULT_TIMEOUT_S, conclude
 from rf_pointing.nodes.main_loop import run
-from rf_pointing.nodes.managed import ManagedNode
+from rf_pointing.nodes.managed import RESULT_TIMEOUT_S, ManagedNode, conclude
 from rf_pointing.nodes.qos import COMMAND, LATCHED, STREAM
 from rf_pointing.planning import AxisLimits, GateParams, HorizonMask, MachineParams
 from rf_pointing.rf import LinkParams
