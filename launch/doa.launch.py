@@ -1,4 +1,4 @@
-"""DOA: a simulated satellite whose array hears ground stations, and its attitude.
+"""DOA: a simulated satellite whose array receives ground stations, and its attitude.
 
 ros2 launch rf_pointing doa.launch.py namespace:=doa
 """

@@ -2,13 +2,14 @@
 
     ros2 launch rf_pointing simulated_station.launch.py namespace:=gs1 start_s:=1151384173.0 speed:=1.0
 
-Time runs when simulation_clock is activated, which is last.  Send the track_pass goal then (or with `track`).
+Time runs when simulation_clock is active, which is last.  Then send the track_pass goal.
 """
 
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 
 from launch import LaunchDescription
-from rf_pointing.nodes.launching import SIMULATION_NODES, STATION_NODES, common_arguments, managed_nodes
+from rf_pointing.nodes.graph import NODES
+from rf_pointing.nodes.launching import common_arguments, managed_nodes
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -20,6 +21,6 @@ def generate_launch_description() -> LaunchDescription:
                 "start_s", default_value="1151384173.0", description="UTC seconds at which time starts"
             ),
             DeclareLaunchArgument("speed", default_value="1.0", description="factor of real time, 0 for max"),
-            OpaqueFunction(function=managed_nodes, args=[(*SIMULATION_NODES, *STATION_NODES)]),
+            OpaqueFunction(function=managed_nodes, args=[NODES]),
         ]
     )

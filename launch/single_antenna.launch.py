@@ -2,13 +2,15 @@
 
     ros2 launch rf_pointing single_antenna.launch.py namespace:=gs1 params_file:=/path/to/station.yaml
 
-Every node is configured and activated as soon as it runs; a station that manages lifecycles itself passes autostart:=false.
+Every node configures and activates itself; a station that manages lifecycles itself passes
+autostart:=false.
 """
 
 from launch.actions import OpaqueFunction
 
 from launch import LaunchDescription
-from rf_pointing.nodes.launching import STATION_NODES, common_arguments, managed_nodes
+from rf_pointing.nodes.graph import STATION_NODES
+from rf_pointing.nodes.launching import common_arguments, managed_nodes
 
 
 def generate_launch_description() -> LaunchDescription:

@@ -1,4 +1,7 @@
-"""Draw docs/pictures/graph.png, the picture of the node graph in the README: scripts/run-python docs/pictures/draw_graph.py."""
+"""Draw docs/pictures/graph.png, the picture of the node graph: scripts/run-python docs/pictures/draw_graph.py.
+
+The nodes, their colours and what they publish are those of `GRAPH`; the places are chosen here.
+"""
 
 from pathlib import Path
 
@@ -8,17 +11,19 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt
 from matplotlib.patches import FancyBboxPatch
 
+from rf_pointing.nodes.graph import GRAPH
+
 KEPT, SIMULATED, INK = "#dbe9f6", "#fde8cf", "#1b2733"
 WIDTH, HEIGHT = 2.5, 0.62
-NODES = {
-    "ephemeris_publisher": (1.5, 6.2, KEPT),
-    "bias_calibrator": (1.5, 3.6, KEPT),
-    "pointing_controller": (5.6, 6.2, KEPT),
-    "antenna_servo": (9.9, 6.2, SIMULATED),
-    "rf_receiver": (9.9, 3.6, SIMULATED),
-    "monopulse_tracker": (5.6, 4.1, KEPT),
-    "conscan_tracker": (5.6, 3.0, KEPT),
-    "simulation_clock": (9.9, 1.9, SIMULATED),
+PLACES = {
+    "ephemeris_publisher": (1.5, 6.2),
+    "bias_calibrator": (1.5, 3.6),
+    "pointing_controller": (5.6, 6.2),
+    "antenna_servo": (9.9, 6.2),
+    "rf_receiver": (9.9, 3.6),
+    "monopulse_tracker": (5.6, 4.1),
+    "conscan_tracker": (5.6, 3.0),
+    "simulation_clock": (9.9, 1.9),
 }
 ARROWS = [
     # from, to, label, start offset, end offset, label position, curvature
@@ -55,16 +60,22 @@ ARROWS = [
 def main() -> None:
     """Draw and save."""
     figure, axes = plt.subplots(figsize=(11.6, 5.6), dpi=130)
-    for name, (x, y, colour) in NODES.items():
+    for node in GRAPH:
+        x, y = PLACES[node.name]
+        colour = SIMULATED if node.simulated else KEPT
         box = FancyBboxPatch(
             (x - WIDTH / 2, y - HEIGHT / 2), WIDTH, HEIGHT,
             boxstyle="round,pad=0.02,rounding_size=0.12", facecolor=colour, edgecolor=INK, linewidth=1.1,
         )  # fmt: skip
         axes.add_patch(box)
-        axes.text(x, y, name, ha="center", va="center", fontsize=10.5, family="monospace", color=INK)
+        axes.text(x, y, node.name, ha="center", va="center", fontsize=10.5, family="monospace", color=INK)
+    published = {(node.name, topic.name) for node in GRAPH for topic in node.topics}
     for start, end, label, leave, arrive, place, curve in ARROWS:
-        first = (NODES[start][0] + leave[0], NODES[start][1] + leave[1])
-        last = (NODES[end][0] + arrive[0], NODES[end][1] + arrive[1])
+        # The first line names the topic; "(latched)" and a second source follow it.
+        topic = label.split("\n")[0].rstrip(",")
+        assert not topic or (start, topic) in published, f"{start} does not publish {topic}"
+        first = (PLACES[start][0] + leave[0], PLACES[start][1] + leave[1])
+        last = (PLACES[end][0] + arrive[0], PLACES[end][1] + arrive[1])
         style = {"arrowstyle": "-|>", "color": INK, "linewidth": 1.1, "connectionstyle": f"arc3,rad={curve}"}
         axes.annotate("", xy=last, xytext=first, arrowprops=style)
         axes.text(*place, label, ha="center", va="center", fontsize=9, color=INK,

@@ -32,8 +32,7 @@ from rf_pointing.calibration import (
 )
 from rf_pointing.commands import track_options
 from rf_pointing.commands.calibration_run import CalibrationRun, Outcome
-from rf_pointing.commands.namespace_option import add_namespace_option
-from rf_pointing.commands.number_option import between, seed
+from rf_pointing.commands.options import add_namespace_option, between, seed
 from rf_pointing.commands.station_run import run_to_end
 from rf_pointing.commands.track_options import DEFAULT_MODELS, output_folder, speed_factor
 from rf_pointing.core import MDEG, require_between

@@ -20,8 +20,7 @@ from rf_pointing_msgs.action import Identify
 from rf_pointing_msgs.msg import ManualRate
 
 from rf_pointing.commands.managed_graph import ManagedGraph, NotStartedError
-from rf_pointing.commands.namespace_option import add_namespace_option
-from rf_pointing.commands.number_option import between, seed
+from rf_pointing.commands.options import add_namespace_option, between, seed
 from rf_pointing.core import AXES
 from rf_pointing.identification import ExcitationParams, Recording, SampleCollector, study
 from rf_pointing.nodes import convert_identification as convert

@@ -1,28 +1,177 @@
-"""The managed nodes of one namespace, each as a process of its own: start them, take them through their lifecycle, end them."""
+"""The managed nodes of one namespace, each a process of its own: start them, take them through their lifecycle, end them.
 
+The executables are those that `ros2 run` starts; each writes its own log.  If this process dies, the
+kernel ends its children.
+"""
+
+import ctypes
+import os
+import signal
+import subprocess
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
+from ament_index_python.packages import get_package_prefix
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 from rclpy.node import Node
 
-from rf_pointing.commands.lifecycle_client import LifecycleClient
-from rf_pointing.commands.processes import NodeProcesses
+from rf_pointing.nodes.main_loop import last_holder
 
-__all__ = ["ManagedGraph", "NotStartedError"]
+__all__ = ["LifecycleClient", "ManagedGraph", "NodeProcesses", "NotStartedError"]
 
 ACTIVATION_S = 5.0
-"""How long a refused activation is tried again: the held time reaches the nodes one by one."""
+"""How long a refused activation is repeated: the held time reaches one node after the other."""
 ACTIVATION_PERIOD_S = 0.1
 LOOK_S = 0.02
+NICENESS = 10
+"""Of nodes in the background, so that those on time go first."""
+_PR_SET_PDEATHSIG = 1
+_ENDINGS = ((signal.SIGINT, 4.0), (signal.SIGTERM, 2.0), (signal.SIGKILL, 2.0))
+"""Signals that end a process, one after the other, each with the wall time in s that it may take."""
+
+
+class NodeProcesses:
+    """The running executables of one namespace; if some must be `on_time`, the others run in the background."""
+
+    def __init__(
+        self, namespace: str, parameter_files: Sequence[Path], log_folder: Path, on_time: Sequence[str] = ()
+    ) -> None:
+        self.namespace, self._files, self._logs = namespace, list(parameter_files), log_folder
+        self._on_time = on_time
+        self._running: dict[str, subprocess.Popen[bytes]] = {}
+
+    def start(self, names: Sequence[str], simulated_time: bool = True, *, autostart: bool = False) -> None:
+        """Start every executable of `names`; `below/executable` starts it in a namespace below.
+
+        With `autostart` the nodes configure and activate themselves.
+        """
+        folder = Path(get_package_prefix("rf_pointing")) / "lib" / "rf_pointing"
+        self._logs.mkdir(parents=True, exist_ok=True)
+        for name in names:
+            *below, executable = name.split("/")
+            arguments = ["--ros-args", "-r", f"__ns:={'/'.join([self.namespace, *below])}"]
+            for path in self._files:
+                arguments += ["--params-file", str(path)]
+            if simulated_time and name != "simulation_clock":
+                arguments += ["-r", f"/clock:={self.namespace}/clock", "-p", "use_sim_time:=true"]
+            if autostart:
+                arguments += ["-p", "lifecycle.autostart:=true"]
+            urgent = not self._on_time or executable in self._on_time
+            with self._log(name).open("wb") as log:
+                self._running[name] = subprocess.Popen(
+                    [str(folder / executable), *arguments],
+                    stdin=subprocess.DEVNULL,
+                    stdout=log,
+                    stderr=subprocess.STDOUT,
+                    env=_environment(),
+                    preexec_fn=_bind_to_parent if urgent else _bind_in_the_background,
+                )
+
+    def ended(self) -> Mapping[str, int]:
+        """Return name and exit code of every process that has ended by itself."""
+        return {name: code for name, process in self._running.items() if (code := process.poll()) is not None}
+
+    def nameless(self, names: Sequence[str]) -> list[str]:
+        """Return the nodes whose process does not hold its name yet: it still starts, or another graph has the name."""
+        return [name for name in names if last_holder(f"{self.namespace}/{name}") != self._running[name].pid]
+
+    def complaint(self, name: str) -> str:
+        """Return the last line of a node's log, which states why it refused."""
+        lines = self._log(name).read_text(errors="replace").strip().splitlines()
+        return lines[-1] if lines else "no message"
+
+    def process_id(self, name: str) -> int:
+        """Return the process id of a running executable."""
+        return self._running[name].pid
+
+    def stop(self) -> None:
+        """Interrupt every process, then terminate and finally kill those that do not end."""
+        for sign, grace_s in _ENDINGS:
+            alive = [process for process in self._running.values() if process.poll() is None]
+            for process in alive:
+                process.send_signal(sign)
+            deadline_s = time.monotonic() + grace_s
+            for process in alive:
+                with suppress(subprocess.TimeoutExpired):
+                    process.wait(max(0.01, deadline_s - time.monotonic()))
+        self._running.clear()
+
+    def _log(self, name: str) -> Path:
+        return self._logs / f"{name.replace('/', '.')}.log"
+
+
+def _environment() -> dict[str, str]:
+    """Return the environment of the nodes."""
+    # UDP instead of shared memory: as fast for messages this small, and a killed node leaves no port
+    # for which a restarted one would wait.  One thread: the matrices are small.
+    return {"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4", "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"} | os.environ
+
+
+def _bind_to_parent() -> None:
+    # A group of its own: Ctrl-C in a terminal reaches this process only, which ends the nodes in order.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    os.setpgid(0, 0)
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+
+
+def _bind_in_the_background() -> None:
+    _bind_to_parent()
+    os.nice(NICENESS)
+
+
+TRANSITIONS = {
+    "configure": Transition.TRANSITION_CONFIGURE,
+    "activate": Transition.TRANSITION_ACTIVATE,
+    "deactivate": Transition.TRANSITION_DEACTIVATE,
+}
+
+
+class LifecycleClient:
+    """Calls change_state of the nodes of one namespace.
+
+    `spin(timeout_s)` must run the executor of `node` once; `alive` raises when waiting is in vain.
+    """
+
+    def __init__(self, node: Node, namespace: str, spin: Callable[[float], None], alive: Callable[[], None]) -> None:
+        self._node, self._namespace, self._spin, self._alive = node, namespace, spin, alive
+        self._clients: dict[str, Any] = {}
+
+    def wait_for(self, names: Sequence[str], timeout_s: float) -> None:
+        """Wait until every node offers its lifecycle service."""
+        self._clients |= {
+            name: self._node.create_client(ChangeState, f"{self._namespace}/{name}/change_state") for name in names
+        }
+        deadline_s = time.monotonic() + timeout_s
+        while missing := [name for name in names if not self._clients[name].service_is_ready()]:
+            self._alive()
+            if time.monotonic() > deadline_s:
+                raise TimeoutError(f"{', '.join(missing)} did not appear within {timeout_s:.0f} s")
+            self._spin(LOOK_S)
+
+    def change(self, names: Sequence[str], transition: str, timeout_s: float) -> list[str]:
+        """Take all nodes through `transition` at once; return those that refused."""
+        request = ChangeState.Request(transition=Transition(id=TRANSITIONS[transition]))
+        waiting = {name: self._clients[name].call_async(request) for name in names}
+        deadline_s = time.monotonic() + timeout_s
+        while not all(future.done() for future in waiting.values()):
+            self._alive()
+            if time.monotonic() > deadline_s:
+                late = [name for name, future in waiting.items() if not future.done()]
+                raise TimeoutError(f"{', '.join(late)} did not {transition} within {timeout_s:.0f} s")
+            self._spin(LOOK_S)
+        return [name for name, future in waiting.items() if not future.result().success]
 
 
 class NotStartedError(Exception):
-    """Why the graph could not be brought up, or what ended."""
+    """The graph could not be brought up, or a process of it ended."""
 
 
 class ManagedGraph:
-    """The nodes of `namespace`, with `parameter_files`; those `on_time` go before the others.
+    """The nodes of `namespace`, with `parameter_files`; those `on_time` have priority.
 
     `spin(timeout_s)` must run the executor of `node` once; `patience_s` is wall time to wait for any answer.
     """
@@ -47,16 +196,15 @@ class ManagedGraph:
         self._processes.start(names)
 
     def configure(self, names: Sequence[str]) -> None:
-        """Wait until the nodes are there, and configure them.
-
-        Another graph's nodes of the same names offer the same services, and must not be taken for the own ones.
-        """
+        """Wait until the nodes run, and configure them."""
+        # Another graph's nodes of the same names offer the same services; only the holder of the
+        # name is ours.
         self.wait_until(lambda: not self._processes.nameless(names), ", ".join(names))
         self._lifecycle.wait_for(names, self._patience_s)
         self.change(names, "configure")
 
     def activate(self, names: Sequence[str]) -> None:
-        """Activate; a refusal is tried again for a moment."""
+        """Activate the nodes; those that refuse get the request again for `ACTIVATION_S`."""
         deadline_s = time.monotonic() + ACTIVATION_S
         while time.monotonic() < deadline_s:
             names = self._lifecycle.change(names, "activate", self._patience_s)
@@ -66,7 +214,7 @@ class ManagedGraph:
         self.change(names, "activate")
 
     def change(self, names: Sequence[str], transition: str) -> None:
-        """Take all through one transition at once; NotStartedError in the words of those that refuse."""
+        """Take all through one transition at once; NotStartedError states why a node refuses."""
         refused = self._lifecycle.change(names, transition, self._patience_s)
         if refused:
             reasons = "; ".join(f"{name}: {self.complaint(name)}" for name in refused)
@@ -78,7 +226,7 @@ class ManagedGraph:
             raise NotStartedError("; ".join(f"{name} ended: {self.complaint(name)}" for name in ended))
 
     def complaint(self, name: str) -> str:
-        """Return the last line of a node's log, which says why it refused."""
+        """Return the last line of a node's log, which states why it refused."""
         return self._processes.complaint(name)
 
     def wait(self, duration_s: float) -> None:
@@ -88,7 +236,7 @@ class ManagedGraph:
             self._spin(LOOK_S)
 
     def wait_until(self, condition: Callable[[], bool], what: str) -> None:
-        """Spin until `condition`; TimeoutError naming `what` when it does not come."""
+        """Spin until `condition`; TimeoutError with `what` is missing when it takes too long."""
         deadline_s = time.monotonic() + self._patience_s
         while not condition():
             self.check()

@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from rf_pointing.calibration import BiasModel, read_model
-from rf_pointing.commands.number_option import between
-from rf_pointing.commands.target_options import add_target_options, source_of, start_of
+from rf_pointing.commands.options import add_target_options, between, source_of, start_of
 from rf_pointing.core import to_degrees
 from rf_pointing.core.dates import utc_text
 from rf_pointing.core.parameter_files import NodeParameters, read_parameter_files

@@ -1,4 +1,4 @@
-"""Record every topic of an antenna into a bag, as it came over the wire; nothing is decoded."""
+"""Record every topic of an antenna into a bag, as it was received; nothing is decoded."""
 
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -9,7 +9,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
-from rf_pointing.nodes.topics import TOPICS, Topic
+from rf_pointing.nodes.graph import TOPICS, Topic
 from rf_pointing.report.bag_writer import BagResult, BagWriter
 from rf_pointing.report.definitions import definitions
 from rf_pointing.report.offered_qos import qos_from_profile
@@ -17,11 +17,11 @@ from rf_pointing.report.offered_qos import qos_from_profile
 __all__ = ["Recorder"]
 
 QUEUE = 2000
-"""Depth of the recorder's own queues: deep enough for a pause of its process at any speed."""
+"""Depth of the recorder's queues: enough for a pause of its process at any speed."""
 
 
 class Recorder:
-    """Subscribes to all `topics` of `namespace` and writes them with the wall time of their arrival."""
+    """Subscribes to all `topics` of `namespace` and writes their messages with the wall time of arrival."""
 
     def __init__(
         self,
@@ -40,14 +40,14 @@ class Recorder:
         return [item.topic_name for item in self._subscriptions if item.get_publisher_count() == 0]
 
     def close(self) -> BagResult:
-        """End the recording; the result says what is missing from the bag, if anything."""
+        """End the recording; the result lists what is missing from the bag."""
         for subscription in self._subscriptions:
             self._node.destroy_subscription(subscription)
         return self._writer.close()
 
     @property
     def problem(self) -> str:
-        """Why recording has stopped, empty while it goes on."""
+        """Why recording has stopped, empty while it continues."""
         return self._writer.problem
 
     def _subscribe(self, topic: Topic, name: str) -> Subscription:

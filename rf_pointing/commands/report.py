@@ -1,7 +1,7 @@
 """Executable `report BAG [--output DIR]`: report and summary of any recorded pass, ours or `ros2 bag record -a`.
 
-Other packages add pages of their own through the entry point group `rf_pointing.reports`: a function of bag and folder
-that writes its page and returns the path, or None where the bag holds nothing for it.
+Other packages add pages through the entry point group `rf_pointing.reports`: a function of bag and
+folder that writes its page and returns the path, or None if the bag has no data for it.
 """
 
 import argparse
@@ -18,7 +18,7 @@ def main(argv: list[str] | None = None) -> None:
         prog="report", description="Write the HTML report and the summary of a recorded bag."
     )
     parser.add_argument("bag", type=Path, help="directory of a rosbag2 bag")
-    parser.add_argument("--output", type=Path, help="folder to write to (default: beside the bag)")
+    parser.add_argument("--output", type=Path, help="folder to write to (default: the folder of the bag)")
     options = parser.parse_args(argv)
     try:
         written = _write(options.bag, options.output or options.bag.parent)

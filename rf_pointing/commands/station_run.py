@@ -1,4 +1,4 @@
-"""One run of the simulated station on the live graph: its nodes, its recording, and an end that leaves nothing behind."""
+"""One run of the simulated station on the live graph: its nodes, its recording, and an orderly end."""
 
 import argparse
 import signal
@@ -12,32 +12,32 @@ import rclpy
 from rclpy.action import ActionClient
 
 from rf_pointing.commands.managed_graph import ManagedGraph, NotStartedError
-from rf_pointing.commands.processes import SIMULATED_STATION
 from rf_pointing.commands.recorder import Recorder
 from rf_pointing.commands.track_options import bag_folder, in_real_time, notes, overrides, parameter_files
 from rf_pointing.ephemeris import Pass
+from rf_pointing.nodes.graph import NODES
 from rf_pointing.nodes.main_loop import make_executor, settle_garbage
 
 __all__ = ["InterruptedRunError", "StationRun", "run_to_end"]
 
 PATIENCE_S = 20.0
 SETTLE_S = 0.2
-"""Publishers and subscribers that are known to the graph still take a moment to match each other."""
+"""Publishers and subscribers that the graph knows still need a moment to match each other."""
 LOOK_PERIOD_S = 0.2
-"""How often it is looked whether every node still runs."""
+"""Time between two checks that every node still runs."""
 PUNCTUAL = ("simulation_clock", "antenna_servo")
-"""In real time the servo's 50 Hz go first: every 0.1 s all nodes wake at once, and the others can wait their milliseconds."""
-CLOCK, OTHERS = SIMULATED_STATION[:1], SIMULATED_STATION[1:]
+"""In real time these have priority: all nodes wake at once every 0.1 s, and only the servo's 50 Hz cannot wait."""
+CLOCK, OTHERS = NODES[:1], NODES[1:]
 
 
 class InterruptedRunError(Exception):
-    """The user asked to stop."""
+    """The user stopped the run before the graph was up."""
 
 
 class StationRun:
-    """The simulated station in the namespace of the options, recorded, for something to be done with it.
+    """The simulated station in the namespace of the options, with its recording.
 
-    `options` are those of `track`; `window` is the first pass, shortly before which time begins.
+    `options` are those of `track`; time begins shortly before `window`, the first pass.
     """
 
     def __init__(self, program: str, options: argparse.Namespace, window: Pass, output: Path) -> None:
@@ -45,58 +45,57 @@ class StationRun:
         self._stopping = self._begun = False
         self._program, self._executor = program, make_executor()
         self._executor.add_node(self.node)
-        said = overrides(options, window, output)
         on_time = PUNCTUAL if in_real_time(options.speed) else ()
-        files = parameter_files(options, said, output)
+        files = parameter_files(options, overrides(options, window, output), output)
         self.graph = ManagedGraph(
             self.node, options.namespace, files, output / "logs", self.spin, patience_s=PATIENCE_S, on_time=on_time
         )
         self._recorder = Recorder(self.node, options.namespace, bag_folder(options, output), notes=notes(options))
 
     def say(self, text: str) -> None:
-        """Tell the user, beside the data."""
+        """Report to the user on stderr; stdout is for data."""
         print(f"{self._program}: {text}", file=sys.stderr)
 
     def spin(self, timeout_s: float) -> None:
-        """Handle one event, or wait for one; InterruptedRunError when the user asks to stop before time runs."""
+        """Handle one event, or wait for one; InterruptedRunError if the user stops the run before time runs."""
         if self._stopping and not self._begun:
             raise InterruptedRunError
         self._executor.spin_once(timeout_sec=timeout_s)
 
     @property
     def stopping(self) -> bool:
-        """Whether the user has asked to stop."""
+        """Whether the user has requested the end of the run."""
         return self._stopping
 
     def interrupt(self, *_: object) -> None:
-        """Ask for the end of the run; safe in a signal handler."""
+        """Request the end of the run; safe in a signal handler."""
         self._stopping = True
 
     def bring_up(self, *actions: ActionClient) -> None:
-        """Start every node and take it to active, time held, until `actions` are offered and every topic is recorded."""
+        """Start and activate every node while time is held, until `actions` are offered and every topic is recorded."""
         began_s = time.monotonic()
-        self.graph.start(SIMULATED_STATION)
-        # The clock first, alone: while the others still start, its held time finds the way to them.
+        self.graph.start(NODES)
+        # The clock first: while the others start, its held time reaches them.
         self.graph.configure(CLOCK)
         self.graph.configure(OTHERS)
         self.graph.activate(OTHERS)
         self.graph.wait_until(lambda: all(client.server_is_ready() for client in actions), "the actions")
         self.graph.wait_until(lambda: not self._recorder.unmatched(), "every topic")
         self.graph.wait(SETTLE_S)
-        self.say(f"{len(SIMULATED_STATION)} nodes matched and active in {time.monotonic() - began_s:.1f} s")
+        self.say(f"{len(NODES)} nodes matched and active in {time.monotonic() - began_s:.1f} s")
 
     def run_time(self) -> None:
-        """Let time run."""
+        """Start time."""
         self.graph.change(CLOCK, "activate")
         self._begun = True
         settle_garbage()
 
     def hold_time(self) -> None:
-        """Let time stand still."""
+        """Stop time."""
         self.graph.change(CLOCK, "deactivate")
 
     def send(self, client: ActionClient, goal: Any, owner: str, feedback: Callable[[Any], None] | None = None) -> Any:
-        """Send a goal and return its handle; NotStartedError in the words of its `owner` when that refuses it."""
+        """Send a goal and return its handle; NotStartedError with the reason if its `owner` refuses it."""
         future = client.send_goal_async(goal, feedback_callback=feedback)
         self.graph.wait_until(future.done, f"an answer of {owner}")
         if not future.result().accepted:
@@ -104,7 +103,7 @@ class StationRun:
         return future.result()
 
     def result(self, handle: Any) -> Any:
-        """Return the result of an accepted goal, which is cancelled when the user asks to stop."""
+        """Return the result of an accepted goal, which is cancelled when the user stops the run."""
         result, cancelled, look_s = handle.get_result_async(), False, 0.0
         while not result.done():
             self.spin(0.1)
@@ -117,7 +116,7 @@ class StationRun:
         return result.result().result
 
     def close(self) -> None:
-        """End every process, close the bag and say what it lacks, give up the own node."""
+        """End every process, close the bag and report what it lacks, destroy the run's own node."""
         self.graph.stop()
         recorded = self._recorder.close()
         if recorded.problem:
@@ -131,9 +130,9 @@ RunType = TypeVar("RunType", bound=StationRun)
 
 
 def run_to_end(program: str, make: Callable[[], RunType], work: Callable[[RunType], int]) -> int:
-    """Do `work` with the run that `make` returns and take everything down again, whatever happens.
+    """Do `work` with the run that `make` returns and end the run, whatever happens.
 
-    Return the exit code: that of `work`, 1 for a run that was interrupted, 2 for one that could not be started.
+    Return the exit code: that of `work`, 1 for a run that was interrupted, 2 for one that did not start.
     """
     rclpy.init(signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
     try:

@@ -1,6 +1,8 @@
 """Executable `track`: bring up a simulated antenna, track one pass, record it and report on it.
 
-Every node runs as a process of its own.  Exit code 0: the pass was tracked; 1: it was not; 2: it could not be started.
+Every node runs as a process of its own.  While the pass lasts, one line shows what the antenna does:
+redrawn in place on a terminal, or repeated every ten seconds in a log.
+Exit code 0: the pass was tracked; 1: it was not; 2: it could not be started.
 """
 
 import argparse
@@ -8,13 +10,12 @@ import math
 import sys
 import time
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 from rclpy.action import ActionClient
 from rf_pointing_msgs.action import TrackPass
 from rf_pointing_msgs.msg import PassCertificate
 
-from rf_pointing.commands.progress import ProgressLine
 from rf_pointing.commands.station_run import StationRun, run_to_end
 from rf_pointing.commands.track_options import (
     arguments,
@@ -30,9 +31,49 @@ from rf_pointing.core.dates import utc_text
 from rf_pointing.ephemeris import Pass
 from rf_pointing.nodes import convert_planning
 from rf_pointing.nodes.qos import LATCHED
+from rf_pointing.nodes.stamps import seconds_from_stamp
 from rf_pointing.planning import certificate_lines
 
 CERTIFICATE_S = 10.0
+"""How long to wait for the certificate of an accepted goal."""
+BAR = 24
+"""Characters of the progress bar."""
+
+
+class ProgressLine:
+    """Shows the feedback of a track_pass goal in one line."""
+
+    def __init__(self, stream: TextIO = sys.stderr) -> None:
+        self._stream = stream
+        self._live = stream.isatty()
+        self._next_s = 0.0
+
+    def show(self, feedback: TrackPass.Feedback) -> None:
+        """Draw the line, at most five times a second on a terminal and every ten seconds otherwise."""
+        if time.monotonic() < self._next_s:
+            return
+        self._next_s = time.monotonic() + (0.2 if self._live else 10.0)
+        line = describe(feedback)
+        self._stream.write(f"\r\x1b[2K{line}" if self._live else f"{line}\n")
+        self._stream.flush()
+
+    def end(self) -> None:
+        """Leave the line as it is and go on below it."""
+        if self._live:
+            self._stream.write("\n")
+
+
+def describe(feedback: TrackPass.Feedback) -> str:
+    """Return the line for one feedback."""
+    status = feedback.status
+    done = round(BAR * feedback.progress)
+    to_los_s = max(0.0, seconds_from_stamp(status.los) - seconds_from_stamp(status.header.stamp))
+    error = math.degrees(math.hypot(status.cross_elevation_error, status.elevation_error)) * 1e3
+    return (
+        f"[{'#' * done}{'.' * (BAR - done)}] LOS in {to_los_s:4.0f} s  {status.mode:<13}"
+        f" az {math.degrees(status.azimuth) % 360.0:6.2f} el {math.degrees(status.elevation):5.2f} deg"
+        f"  error {error:6.2f} mdeg  C/N0 {status.carrier_to_noise:4.1f} dB-Hz  lead {status.command_lead:.2f} s"
+    )
 
 
 class PassRun(StationRun):
@@ -66,14 +107,14 @@ class PassRun(StationRun):
         while self._certificate is None and not ended.done() and time.monotonic() < deadline_s:
             self.spin(0.02)
         if self._certificate is None:
-            self.say("no certificate was issued: the coming passes do not hold this one")
+            self.say("no certificate was issued: this pass is not in the list of coming passes")
             return
         for line in certificate_lines(convert_planning.certificate_from_message(self._certificate)):
             print(line, file=sys.stderr)
 
 
 def say(text: str) -> None:
-    """Tell the user, beside the data."""
+    """Report to the user on stderr; stdout is for data."""
     print(f"track: {text}", file=sys.stderr)
 
 

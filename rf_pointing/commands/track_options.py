@@ -1,4 +1,4 @@
-"""The command line of `track`, and what it makes of it: a pass, the parameters of the nodes, a folder for the results."""
+"""The command line of `track`, and what follows from it: a pass, the parameters of the nodes, the folder of the run."""
 
 import argparse
 import math
@@ -10,10 +10,9 @@ from typing import Any
 import yaml
 from ament_index_python.packages import get_package_share_directory
 
-from rf_pointing.commands.namespace_option import add_namespace_option
-from rf_pointing.commands.number_option import between, seed
-from rf_pointing.commands.target_options import add_target_options, source_of, start_of
+from rf_pointing.commands.options import add_namespace_option, add_target_options, between, seed, source_of, start_of
 from rf_pointing.core import MDEG, leaves
+from rf_pointing.core.modes import Sensor
 from rf_pointing.core.parameter_files import NodeParameters, read_parameter_files
 from rf_pointing.ephemeris import Pass, first_pass_above
 from rf_pointing.ephemeris.source import load_track
@@ -43,12 +42,12 @@ __all__ = [
 DEFAULT_MODELS = Path("runs/models")
 """Where `calibrate` leaves accepted models and `track` finds them."""
 REAL_TIME_SPEED = 3.0
-"""Up to this speed the clock ticks with the servo; above it only with the controller, five servo ticks at once."""
+"""Up to this speed the clock ticks at the servo's 50 Hz, above it at the controller's 10 Hz."""
 LONGEST_TURN_S = 32.0
-"""Of a scan that is chosen: two of them still see one and the same error."""
+"""Longest period of a chosen scan: over two periods the error must stay the same."""
 SCAN_CHOICES = ("radius_deg", "period_s", "window_samples", "fewest_samples", "bandwidth_hz")
 SLEW_TIME_S = 150.0
-"""Simulated time before acquisition: the largest slew at 1.8 deg/s, with most of a minute to settle."""
+"""Simulated time before acquisition: the largest slew at 1.8 deg/s, and most of a minute to settle."""
 
 
 def arguments(argv: list[str] | None = None) -> argparse.Namespace:
@@ -59,7 +58,9 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
         "--min-peak", type=between(0.0, 90.0), default=40.0, help="least peak elevation in deg (default: 40)"
     )
     parser.add_argument("--band", choices=("S", "X", "Ka"), default="X", help="frequency band (default: X)")
-    parser.add_argument("--sensor", choices=tuple(SENSOR_CHOICES), default="monopulse", help="(default: monopulse)")
+    parser.add_argument(
+        "--sensor", choices=tuple(SENSOR_CHOICES), default=str(Sensor.MONOPULSE), help="(default: monopulse)"
+    )
     parser.add_argument(
         "--scan-sigma",
         metavar="MDEG",
@@ -71,7 +72,7 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
         "--ephemeris-error",
         metavar="S",
         type=between(-60.0, 60.0),
-        help="the satellite runs this much ahead of its elements (default: what the parameter files say, 0.15 s)",
+        help="time by which the satellite is ahead of its elements (default: that of the parameter files, 0.15 s)",
     )
     parser.add_argument(
         "--models",
@@ -91,33 +92,34 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
 
 
 def choose_pass(options: argparse.Namespace) -> Pass:
-    """Return the pass to track; ValueError when the satellite, the station or the time does not give one."""
+    """Return the pass to track; ValueError if satellite, station and time do not give one."""
     above, span_s = _horizon(options).above(math.radians(options.mask)), 2.0 * 86400.0
     track = load_track(source_of(options))
     return first_pass_above(track, start_of(options), math.radians(options.min_peak), above, span_s)
 
 
 def _given(options: argparse.Namespace, node: str) -> NodeParameters:
-    """Return what the parameter files of the command line say to a node."""
+    """Return the parameters of a node in the parameter files of the command line."""
     nodes = read_parameter_files([Path(name) for name in options.params_file])
     return nodes.get(node, NodeParameters(node, {}))
 
 
 def _horizon(options: argparse.Namespace) -> HorizonMask:
-    """Return the horizon mask that the parameter files give the controller: passes begin and end above it."""
+    """Return the controller's horizon mask: passes begin and end above it."""
     return _given(options, "pointing_controller").group("mask", HorizonMask())
 
 
 def _horizon_of_servo(options: argparse.Namespace) -> dict[str, Any]:
-    """Return the controller's mask as the servo's, which holds it for every commander, unless it is given one of its own."""
+    """Return the controller's mask as parameters of the servo, none if the servo has a mask of its own."""
+    # The servo holds the mask against every commander, not only against our controller.
     if any(name.startswith("safety.mask.") for name in _given(options, "antenna_servo").values):
         return {}
-    said = _given(options, "pointing_controller").values
-    return {f"safety.{name}": value for name, value in said.items() if name.startswith("mask.")}
+    values = _given(options, "pointing_controller").values
+    return {f"safety.{name}": value for name, value in values.items() if name.startswith("mask.")}
 
 
 def chosen_scan(options: argparse.Namespace, window: Pass) -> ConscanParams | None:
-    """Return the scan for the accuracy asked for at the weakest carrier of the pass, None where none was asked for."""
+    """Return the scan for the requested accuracy at the weakest carrier of the pass, None if none is requested."""
     if options.scan_sigma is None:
         return None
     if not 0.0 < options.scan_sigma < math.inf:
@@ -146,12 +148,12 @@ def speed_factor(text: str) -> float:
 
 
 def in_real_time(speed: str) -> bool:
-    """Whether the servo is to tick regularly, rather than to make up ticks as fast as possible."""
+    """Return whether the servo ticks one by one, rather than five ticks at once."""
     return 0.0 < speed_factor(speed) <= REAL_TIME_SPEED
 
 
 def overrides(options: argparse.Namespace, window: Pass, output: Path) -> dict[str, Any]:
-    """Return what the command line says to the nodes, as parameter sections; files they need are written to `output`."""
+    """Return the nodes' parameters that follow from the command line; files they need are written to `output`."""
     source = {
         "source.satellite": options.satellite,
         "source.station": options.station,
@@ -203,30 +205,30 @@ def overrides(options: argparse.Namespace, window: Pass, output: Path) -> dict[s
 
 
 def notes(options: argparse.Namespace) -> dict[str, str]:
-    """Return what the bag and the report should say of the run."""
+    """Return the notes on the run for the bag and the report."""
     return {name: str(getattr(options, name)) for name in ("station", "band", "sensor", "speed", "seed")}
 
 
-def parameter_files(options: argparse.Namespace, said: Mapping[str, Any], output: Path) -> list[Path]:
-    """Return the parameter files of a run, the later before the earlier; what is `said` is written to `output`."""
+def parameter_files(options: argparse.Namespace, sections: Mapping[str, Any], output: Path) -> list[Path]:
+    """Return the parameter files of a run, a later one overrides an earlier; `sections` are written to `output`."""
     share = Path(get_package_share_directory("rf_pointing")) / "config"
     written = output / "run.yaml"
-    written.write_text(yaml.safe_dump(said, sort_keys=False))
+    written.write_text(yaml.safe_dump(sections, sort_keys=False))
     return [share / "dss13.yaml", share / f"band_{options.band.lower()}.yaml", *map(Path, options.params_file), written]
 
 
 def bag_folder(options: argparse.Namespace, output: Path) -> Path:
-    """Return where a run that writes its report to `output` records its bag."""
+    """Return the folder of the bag of a run that writes its report to `output`."""
     return Path(options.record or output / "bag")
 
 
 def run_stem(options: argparse.Namespace, window: Pass) -> str:
-    """Return what the folders of runs on this pass are called, but for a number."""
+    """Return the name of the folders of runs on this pass, without their number."""
     return f"{options.satellite}-{datetime.fromtimestamp(window.aos_t_s, UTC):%Y%m%dT%H%M%S}"
 
 
 def output_folder(options: argparse.Namespace, stem: str) -> Path:
-    """Return the folder of a run, by default a new one called `stem` and a number; refuses a bag that exists."""
+    """Return the folder of a run, by default a new one with the name `stem` and a number; ValueError if it has a bag."""
     if options.record and Path(options.record).exists():
         raise ValueError(f"record={options.record} exists already")
     if options.output:

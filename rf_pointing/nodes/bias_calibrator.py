@@ -35,9 +35,8 @@ from rf_pointing.core import MDEG, Params, parameter
 from rf_pointing.nodes import convert, convert_calibration
 from rf_pointing.nodes.campaign_runner import CampaignRunner
 from rf_pointing.nodes.diagnostics import OK, WARN, Health
-from rf_pointing.nodes.goals import RESULT_TIMEOUT_S, conclude
 from rf_pointing.nodes.main_loop import run
-from rf_pointing.nodes.managed import ManagedNode
+from rf_pointing.nodes.managed import RESULT_TIMEOUT_S, ManagedNode, conclude
 from rf_pointing.nodes.qos import LATCHED, STREAM
 from rf_pointing.nodes.stamps import stamp_from_seconds
 from rf_pointing.station.campaign.log import CalibrationLog

@@ -24,12 +24,13 @@ class Health:
 
 
 class Diagnostics:
-    """Publishes every registered check; the period is wall time, so that a stopped clock is seen."""
+    """Publishes every registered check once a `period_s` of wall time."""
 
     def __init__(self, node: Node, period_s: float = 1.0) -> None:
         self._node = node
         self._checks: dict[str, Callable[[], Health]] = {}
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", STREAM)
+        # Wall time, so that a stopped simulation clock shows.
         self._timer = node.create_timer(period_s, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def add(self, name: str, check: Callable[[], Health]) -> None:
@@ -51,7 +52,7 @@ class Diagnostics:
 
 
 def _checked(check: Callable[[], Health]) -> Health:
-    """Run a check; one that cannot be made is an error of its subject, not of the node."""
+    """Run a check; if it raises, that is an error of its subject, not of the node."""
     try:
         return check()
     except ValueError as error:

@@ -13,8 +13,7 @@ from rf_pointing_msgs.msg import ManualRate
 from rf_pointing.core import AXES, random_stream
 from rf_pointing.identification import IdentificationExperiment
 from rf_pointing.nodes import convert_identification as convert
-from rf_pointing.nodes.goals import RESULT_TIMEOUT_S, conclude
-from rf_pointing.nodes.managed import ManagedNode
+from rf_pointing.nodes.managed import RESULT_TIMEOUT_S, ManagedNode, conclude
 from rf_pointing.nodes.qos import EXPERIMENT
 from rf_pointing.station.antenna.simulated_antenna import SimulatedAntenna
 

@@ -1,4 +1,4 @@
-"""What the launch files share: arguments, and managed nodes that bring themselves up, at the start and after a crash.
+"""What the launch files share: arguments, and managed nodes that start again and bring themselves up.
 
 Imported by launch files only, so `launch` and `launch_ros` are needed nowhere else.
 """
@@ -12,17 +12,9 @@ from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import LifecycleNode
 
-__all__ = ["RESPAWN_DELAY_S", "SIMULATION_NODES", "STATION_NODES", "common_arguments", "managed_nodes"]
+__all__ = ["RESPAWN_DELAY_S", "common_arguments", "managed_nodes"]
 
-STATION_NODES = (
-    "monopulse_tracker",
-    "conscan_tracker",
-    "bias_calibrator",
-    "ephemeris_publisher",
-    "pointing_controller",
-)
 RESPAWN_DELAY_S = 0.5
-SIMULATION_NODES = ("simulation_clock", "antenna_servo", "rf_receiver")
 
 
 def common_arguments(*, simulated: bool = False) -> list[DeclareLaunchArgument]:

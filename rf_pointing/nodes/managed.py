@@ -1,14 +1,13 @@
-"""What every node of the graph shares: lifecycle, parameters, diagnostics, one instance per name.
+"""What every node of the graph shares: lifecycle, parameters, diagnostics, periodic work, one instance per name.
 
-A subclass declares its parameter sets in `__init__`, builds its core and its topics in `configure`, starts its timers in
-`activate`.  Activation never moves an antenna.  A refused parameter or a refused start keeps the node unconfigured and
-says why in the log and on /diagnostics.
+A subclass declares its parameter sets in `__init__`, builds its core and its topics in `configure`,
+and starts its timers in `activate`.  Activation never moves an antenna.  If a parameter or a
+transition is refused, the node stays in its state; the reason is in the log and on /diagnostics.
 
-With `lifecycle.autostart` a node takes itself through its lifecycle as soon as it knows the time.  A killed node that is
-started again is then back without anybody's help: requests of a manager can go astray for as long as the dead one's
-services are still in the graph (20 s), and those that arrive wait for discovery.
+With `lifecycle.autostart` a node configures and activates itself as soon as it knows the time.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -19,13 +18,12 @@ from rclpy.publisher import Publisher
 
 from rf_pointing.core import Params, parameter
 from rf_pointing.nodes.diagnostics import ERROR, OK, Diagnostics, Health
-from rf_pointing.nodes.instance_lock import InstanceLock
+from rf_pointing.nodes.main_loop import InstanceLock
 from rf_pointing.nodes.params import ParameterGroups
-from rf_pointing.nodes.schedule import Schedule
 from rf_pointing.nodes.stamps import seconds_from_stamp
 from rf_pointing.nodes.streams import InputCounter, Latest, SequencedPublisher
 
-__all__ = ["ManagedNode"]
+__all__ = ["RESULT_TIMEOUT_S", "ManagedNode", "Schedule", "conclude"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,6 +31,43 @@ class LifecycleParams(Params):
     """Who brings a node up."""
 
     autostart: bool = parameter(False, "whether the node configures and activates itself, now and after a restart")
+
+
+class Schedule:
+    """The times at which periodic work is due: the whole multiples of `period_s` after `start_s`.
+
+    The work is done once for every instant of the grid, in order.  A clock that jumps by more than
+    `longest_gap_s` starts a new grid.
+    """
+
+    # A timer may fire late, or twice at one time when the clock moves in steps.  Whole multiples let
+    # two nodes of one period work at the same time.
+
+    def __init__(self, start_s: float, period_s: float, longest_gap_s: float = 0.5) -> None:
+        self._period_s = period_s
+        self._longest_gap_s = max(longest_gap_s, 2.0 * period_s)
+        self._origin_s, self._count = self._on_grid(start_s), 1
+        self.jumped_s = 0.0
+
+    def due(self, now_s: float) -> list[float]:
+        """Return the instants up to `now_s` that have not been returned yet; `jumped_s` is not 0 at a new grid."""
+        self.jumped_s = 0.0
+        late_s = now_s - self._next_s
+        if abs(late_s) > self._longest_gap_s:
+            self.jumped_s = late_s
+            self._origin_s, self._count = self._on_grid(now_s), 0
+        times = []
+        while self._next_s <= now_s + 1e-3 * self._period_s:
+            times.append(self._next_s)
+            self._count += 1
+        return times
+
+    def _on_grid(self, t_s: float) -> float:
+        return math.floor(t_s / self._period_s + 1e-4) * self._period_s
+
+    @property
+    def _next_s(self) -> float:
+        return round(self._origin_s + self._count * self._period_s, 6)
 
 
 class ManagedNode(LifecycleNode):
@@ -49,7 +84,7 @@ class ManagedNode(LifecycleNode):
         self.diagnostics.add("state", self._state_health)
         self.diagnostics.add("inputs", self.inputs.health)
         self._state_name = "unconfigured"
-        self._refusal = ""
+        self._reason = ""
         self._active_timers: list[Any] = []
         self._inputs: list[Any] = []
         self._outputs: list[Publisher] = []
@@ -70,7 +105,7 @@ class ManagedNode(LifecycleNode):
         return seconds_from_stamp(self.get_clock().now().to_msg())
 
     def knows_time(self) -> bool:
-        """Return whether the node clock runs, or has run: simulated time has to be heard first."""
+        """Return whether the node clock has a time: simulated time has to be received first."""
         return not self.get_parameter("use_sim_time").value or self.get_clock().now().nanoseconds != 0
 
     def ready(self) -> bool:
@@ -89,20 +124,20 @@ class ManagedNode(LifecycleNode):
         return schedule
 
     def listen_latest(self, message_type: Any, topic: str, convert: Callable[[Any], Any], qos: Any) -> Latest:
-        """Subscribe until cleanup to a stream of which only the newest message counts, now and then."""
+        """Subscribe until cleanup to a fast stream of which only the newest message counts."""
         latest = Latest(message_type, convert)
         self.listen(message_type, topic, latest.note, qos, raw=True)
         return latest
 
     def turn(self) -> float:
-        """Do what is due between two events; return how many seconds to wait for the next event at most.
-
-        A signal is noticed between two events, so the wait bounds the time to react to it.
-        """
+        """Do what is due between two events; return how many seconds to wait at most for the next event."""
+        # A signal is noticed between two events, so the wait bounds the time to react to it.
         return 0.2
 
     def bring_up(self) -> None:
-        """Take the steps of `lifecycle.autostart` that are possible by now; each is tried once."""
+        """Take the steps of `lifecycle.autostart` that are possible now; each is tried once."""
+        # A manager's requests can go to a killed node alone for as long as its services stay in the
+        # graph (20 s), and the others wait for discovery: a node that acts itself is back within 3 s.
         if not self.brings_itself_up:
             return
         if self._state_name == "unconfigured":
@@ -130,14 +165,15 @@ class ManagedNode(LifecycleNode):
         self._inputs.append(self.create_subscription(message_type, topic, guarded, qos, raw=raw))
 
     def _guarded(self, topic: str, callback: Callable[[Any], None]) -> Callable[[Any], None]:
-        """Return `callback` behind a guard: an exception that left a callback would end the process."""
+        """Return `callback` with its ValueError counted and logged."""
 
         def take(message: Any) -> None:
+            # An exception that leaves a callback ends the process.
             try:
                 callback(message)
-            except ValueError as refusal:
-                self.inputs.note_refusal(topic, str(refusal))
-                self.get_logger().warning(f"{topic} ignored: {refusal}", throttle_duration_sec=1.0)
+            except ValueError as error:
+                self.inputs.note_refusal(topic, str(error))
+                self.get_logger().warning(f"{topic} ignored: {error}", throttle_duration_sec=1.0)
 
         return take
 
@@ -158,15 +194,15 @@ class ManagedNode(LifecycleNode):
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         self.parameters.refuse_unknown()
         try:
-            if self.parameters.refusals:
-                raise ValueError("; ".join(self.parameters.refusals))
+            if self.parameters.reasons:
+                raise ValueError("; ".join(self.parameters.reasons))
             self.configure()
         except (ValueError, OSError) as error:
-            self._refusal = str(error)
+            self._reason = str(error)
             self.get_logger().error(f"not configured: {error}")
             self._clear()
             return TransitionCallbackReturn.FAILURE
-        self._state_name, self._refusal, self.parameters.configured = "inactive", "", True
+        self._state_name, self._reason, self.parameters.configured = "inactive", "", True
         return super().on_configure(state)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -175,11 +211,11 @@ class ManagedNode(LifecycleNode):
                 raise ValueError("use_sim_time is set, but no time has been received on the clock topic")
             self.activate()
         except ValueError as error:
-            self._refusal = str(error)
+            self._reason = str(error)
             self.get_logger().error(f"not activated: {error}")
             self._stop_timers()
             return TransitionCallbackReturn.FAILURE
-        self._state_name, self._refusal = "active", ""
+        self._state_name, self._reason = "active", ""
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -199,13 +235,10 @@ class ManagedNode(LifecycleNode):
         return super().on_shutdown(state)
 
     def _refusing_the_impossible(self, change_state: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
-        """Return the service's callback behind a guard.
-
-        A transition that the present state does not have, such as a second activation, raises in rclpy, and an exception
-        that left a callback would end the process.
-        """
+        """Return the service's callback, with a transition refused that the present state does not have."""
 
         def change(request: Any, response: Any) -> Any:
+            # A second activation, for example, raises in rclpy, which would end the process.
             try:
                 return change_state(request, response)
             except rclpy_implementation.RCLError:
@@ -234,5 +267,22 @@ class ManagedNode(LifecycleNode):
         self._services_offered.clear()
 
     def _state_health(self) -> Health:
-        refusals = "; ".join(self.parameters.refusals) or self._refusal
-        return Health(ERROR if refusals else OK, refusals or self._state_name, {"state": self._state_name})
+        reasons = "; ".join(self.parameters.reasons) or self._reason
+        return Health(ERROR if reasons else OK, reasons or self._state_name, {"state": self._state_name})
+
+
+RESULT_TIMEOUT_S = 1e8
+"""How long an action server keeps the result of a goal, in node time: as good as forever, at 1 kB each."""
+# When results expire (by default after 900 s), the events executor can lose the event of a timer on
+# simulated time.  Time then waits in vain for that timer's work, and the antenna runs out of commands.
+
+
+def conclude(goal: Any, result: Any) -> Any:
+    """End `goal` as canceled if that was requested, else by the `success` of its `result`; return the result."""
+    if goal.is_cancel_requested:
+        goal.canceled()
+    elif result.success:
+        goal.succeed()
+    else:
+        goal.abort()
+    return result

@@ -1,9 +1,9 @@
-"""When simulation time may go on: not before the wall clock says so, and never far ahead of the graph.
+"""When simulation time may advance: not before the wall clock does, and never far ahead of the graph.
 
-Every paced stream states by how much its newest stamp may lag the next tick.  A stream that stays silent for longer than
-the patience is no longer waited for until it is heard again, nor is one whose messages are further apart than expected of
-it; at full speed, where nobody waits for the clock, the patience is long.  The essential stream is the antenna's: while it
-is silent, time runs no faster than the wall clock.
+Each paced stream states by how much its newest stamp may lag the next tick.  A stream that stays
+silent for longer than the patience is no longer waited for until its next message; nor is a stream
+whose messages are further apart than expected.  The essential stream is the antenna's: while it is
+silent, time runs no faster than the wall clock.
 """
 
 from dataclasses import dataclass, field
@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 __all__ = ["PacedStream", "Pacer"]
 
 LARGEST_SPACING_S = 0.25
+"""Usual streams have a period of 0.1 s; conscan, once a scan, has seconds."""
 
 
 @dataclass
@@ -29,8 +30,8 @@ class PacedStream:
     waits: int = 0
     abandoned: int = 0
 
-    def heard(self, stamp_s: float) -> None:
-        """Note a message; what matters of it is its stamp."""
+    def received(self, stamp_s: float) -> None:
+        """Note the stamp of a message."""
         sparse = self.newest_s is not None and stamp_s - self.newest_s > self.spacing_s
         self.newest_s = stamp_s if self.newest_s is None else max(self.newest_s, stamp_s)
         self.waited_for, self.waiting_since_s = not sparse, None
@@ -56,12 +57,11 @@ class Pacer:
         return self.start_s + self.ticks * self.tick_s
 
     def begin(self, wall_s: float) -> None:
-        """Let time run from `wall_s` on.
-
-        What follows the clock has nothing to say before its first period is over, so it counts as heard now; what is sent
-        ahead of time counts once it is heard.
-        """
+        """Let time run from `wall_s` on."""
         for stream in self.streams.values():
+            # A node that follows the clock publishes nothing before its first period is over, so its
+            # stream counts as received now; one that is published ahead of time counts from its
+            # first message.
             if stream.newest_s is None and stream.allowed_lag_s > 0.0:
                 stream.newest_s = self.now_s
             elif stream.newest_s is None:
@@ -79,11 +79,12 @@ class Pacer:
         return max((self._hold_s(stream, wall_s) for stream in self.streams.values()), default=0.0)
 
     def advance(self, wall_s: float) -> float:
-        """Take the next tick and return its time; a pace lost to the graph is not made up in a rush."""
+        """Take the next tick and return its time."""
         self.ticks += 1
         self._ticked_wall_s = wall_s
         if self.speed and self._origin_wall_s is not None:
             due_s = self._origin_wall_s + self.ticks * self.tick_s / self.speed
+            # Time lost to a slow graph is not made up: a burst of ticks would slow it further.
             if wall_s - due_s > self.patience_s:
                 self._origin_wall_s += wall_s - due_s
         return self.now_s
@@ -98,6 +99,7 @@ class Pacer:
         if stream.waiting_since_s is None:
             stream.waiting_since_s = wall_s
             stream.waits += 1
+        # At full speed nobody waits for the clock, so it can wait longer for the graph.
         patience_s = self.long_patience_s if stream.essential or not self.speed else self.patience_s
         left_s = stream.waiting_since_s + patience_s - wall_s
         if left_s > 0.0:

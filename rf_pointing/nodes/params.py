@@ -1,8 +1,8 @@
-"""ROS parameters that mirror the core's parameter sets: description, unit and range on every one, set atomically.
+"""ROS parameters that mirror the core's parameter sets: description, unit and range on each, set atomically.
 
-A set of the core in radians appears under its prefix in degrees: `limits.rate_rad_s` is the parameter
-`limits.rate_deg_s`.  A change is tried on a copy of the whole set first; a refused key leaves every set as it was.
-What a node reads only when it is configured can be changed only before: taken later, it would be shown and not in force.
+A set of the core in radians appears under its prefix in degrees: `limits.rate_rad_s` is the
+parameter `limits.rate_deg_s`.  A change is tried on a copy of the whole set first; a refused key
+leaves every set as it was.  What a node reads only when it is configured can be changed only before.
 """
 
 import dataclasses
@@ -26,7 +26,7 @@ _STANDARD = ("use_sim_time", "start_type_description_service", "qos_overrides.")
 class ParameterGroups:
     """The parameter sets of one node, each under a prefix ("" for none).
 
-    `configured` says whether the node has read them: from then on only the live ones may change.
+    Once the node is `configured` it has read them, and only the live ones may change.
     """
 
     def __init__(self, node: Node) -> None:
@@ -36,29 +36,30 @@ class ParameterGroups:
         self._listeners: list[Callable[[], None]] = []
         self._checks: list[Callable[[Mapping[str, Any]], None]] = []
         self._live: set[str] = set()
-        self.refusals: list[str] = []
+        self.reasons: list[str] = []
         self.configured = False
         node.add_on_set_parameters_callback(self._try)
         node.add_post_set_parameters_callback(self._apply)
 
     def declare(self, prefix: str, defaults: Params, *, live: bool | Collection[str] = False) -> None:
-        """Declare every field below `defaults`; a value from YAML that is refused goes to `refusals`.
+        """Declare every field below `defaults`; why a value from YAML is refused goes to `reasons`.
 
-        `live` says whether the node heeds changes while it is configured, or of which fields (a set in the set: all of it).
+        `live`: whether changes take effect while the node is configured, or the names of the fields
+        for which they do (a nested set counts as a whole).
         """
         self._groups[prefix] = defaults
         given: list[Parameter] = []
         for edge, (item, value) in leaves(defaults).items():
             name = f"{prefix}.{edge}" if prefix else edge
-            heeded = live if isinstance(live, bool) else edge.partition(".")[0] in live
-            given.append(self._declare_one(name, value, _descriptor(item, edge, heeded)))
+            at_once = live if isinstance(live, bool) else edge.partition(".")[0] in live
+            given.append(self._declare_one(name, value, _descriptor(item, edge, at_once)))
             self._owner[name] = (prefix, edge)
-            if heeded:
+            if at_once:
                 self._live.add(name)
         try:
             self._groups.update(self._candidates(given))
         except ValueError as error:
-            self.refusals.append(str(error))
+            self.reasons.append(str(error))
 
     def value(self, prefix: str) -> Any:
         """Return the present set under `prefix`, as the core's frozen dataclass."""
@@ -92,17 +93,18 @@ class ParameterGroups:
         self._listeners.append(listener)
 
     def check_with(self, check: Callable[[Mapping[str, Any]], None]) -> None:
-        """Ask `check(sets by prefix)` before every change; its ValueError refuses the change with its message."""
+        """Call `check(sets by prefix)` before every change; its ValueError refuses the change with its message."""
         self._checks.append(check)
 
     def refuse_unknown(self) -> None:
-        """Note every key that was given to this node and that nothing declared."""
+        """Note every key that was given to this node and that it does not declare."""
+        # rclpy has no public way to read the overrides; without this a misspelt key is ignored silently.
         given = getattr(self._node, "_parameter_overrides", {})
         for name in given:
-            refusal = f"{name}: no such parameter of {self._node.get_name()}"
+            reason = f"{name}: no such parameter of {self._node.get_name()}"
             known = self._node.has_parameter(name) or name.startswith(_STANDARD)
-            if not known and refusal not in self.refusals:
-                self.refusals.append(refusal)
+            if not known and reason not in self.reasons:
+                self.reasons.append(reason)
 
     def _declare_one(self, name: str, default: Any, descriptor: ParameterDescriptor) -> Parameter:
         if default == ():
@@ -111,11 +113,12 @@ class ParameterGroups:
         try:
             return self._node.declare_parameter(name, default, descriptor)
         except (InvalidParameterTypeException, InvalidParameterValueException) as error:
-            self.refusals.append(f"{name}: {error}")
+            self.reasons.append(f"{name}: {error}")
             return self._node.declare_parameter(name, default, descriptor, ignore_override=True)
 
     def _declare_empty(self, name: str, descriptor: ParameterDescriptor) -> Parameter:
-        """Declare an array of doubles without elements; rclpy would take an empty list for an array of bytes."""
+        """Declare an array of doubles without elements."""
+        # rclpy takes an empty list for an array of bytes, which no list of doubles could replace.
         declared = self._declare_one(name, (0.0,), descriptor)
         if name in getattr(self._node, "_parameter_overrides", {}):
             return declared
@@ -149,7 +152,7 @@ class ParameterGroups:
         return SetParametersResult(successful=True)
 
     def _refuse_late(self, changes: list[Parameter]) -> None:
-        """Raise ValueError for a change of what the configured node has read and will not look at again."""
+        """Raise ValueError for a change of what the configured node has read and will not read again."""
         for change in changes if self.configured else ():
             if change.name in self._owner and change.name not in self._live:
                 present = self._node.get_parameter(change.name).value

@@ -29,9 +29,8 @@ from trajectory_msgs.msg import JointTrajectory
 from rf_pointing.core import Mode
 from rf_pointing.nodes import convert, convert_calibration, convert_planning
 from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Health
-from rf_pointing.nodes.goals import RESULT_TIMEOUT_S, conclude
 from rf_pointing.nodes.main_loop import run
-from rf_pointing.nodes.managed import ManagedNode
+from rf_pointing.nodes.managed import RESULT_TIMEOUT_S, ManagedNode, conclude
 from rf_pointing.nodes.qos import COMMAND, LATCHED, STREAM
 from rf_pointing.station.pointing.certificate_store import StoreParams, store_certificate
 from rf_pointing.station.pointing.controller import PointingController

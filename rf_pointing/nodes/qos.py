@@ -1,8 +1,4 @@
-"""Quality of service of every topic, by the role of what it carries.
-
-A publisher offers a deadline and a lifespan on commands, so that a driver may ask for them; our own subscribers ask for
-neither, so that a plain `ros2 topic pub` reaches them, and guard freshness by the stamps and a steady watchdog.
-"""
+"""Quality of service of every topic, by the role of what it carries."""
 
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
@@ -18,7 +14,7 @@ STATUS = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
-"""What a node that paces others does: its first words are kept for a receiver that is matched after they were said."""
+"""Status that others wait for: the first messages are kept for a subscriber that is matched late."""
 
 SAMPLES = QoSProfile(
     depth=100,
@@ -26,11 +22,13 @@ SAMPLES = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
-"""Samples of which a missing one spoils its neighbours: two seconds of them, kept for a receiver that is matched late."""
+"""Samples that are used together, so that none may be missing: two seconds, kept for a late subscriber."""
 
 EXPERIMENT = QoSProfile(depth=1000, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.RELIABLE)
-"""Samples of an experiment that is lost with any one of them: twenty seconds of them."""
+"""Samples of an experiment, which fails without any one of them: twenty seconds."""
 
+# Commands offer a deadline and a lifespan, so that a driver may request them.  Our own subscribers
+# request neither, so that a plain `ros2 topic pub` reaches them; they check the stamps instead.
 COMMAND = QoSProfile(
     depth=1,
     history=HistoryPolicy.KEEP_LAST,
@@ -41,7 +39,7 @@ COMMAND = QoSProfile(
 """What moves an antenna: only the newest counts, and an old one is worse than none."""
 
 COMMAND_INPUT = QoSProfile(depth=10, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.RELIABLE)
-"""The same, as our driver subscribes to it: commands carry their times, so one that waited a moment is merged, not lost."""
+"""The same for our driver: commands carry their times, so one that waited in the queue is still useful."""
 
 LATCHED = QoSProfile(
     depth=1,
@@ -49,4 +47,4 @@ LATCHED = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
-"""Models, limits and pass lists: a late joiner gets the last one."""
+"""Models, limits and pass lists: a late subscriber gets the last one."""

@@ -1,51 +1,48 @@
-"""Executable `simulation_clock`: simulation time for one antenna's graph, at a given speed or as fast as the graph follows.
+"""Executable `simulation_clock`: simulation time of one antenna, at a given speed or as fast as the graph follows.
 
-Inactive, it holds time at the start; active, time runs.  So every node can be brought up before the first tick, and a run
-does not depend on how long that took.  One that brings itself up goes on where a killed one stood (`clock_memory.py`), else
-from the time that the nodes of its namespace state.
+While inactive it holds time at the start; while active, time runs.  So every node can be brought up
+before the first tick, and a run does not depend on how long that took.
+
+A clock that brings itself up continues from the time at which a killed clock was (`ClockMemory`),
+else from the newest time that the nodes of its namespace report on /diagnostics.
+
 Publishes: clock (rosgraph_msgs/Clock), to which the nodes' /clock is remapped.
-Subscribes: antenna_status, sim/pointing_error, pointing_error, tracking_status, target, /diagnostics (their stamps only).
+Subscribes: the topics of `GRAPH` that time waits for, and /diagnostics; it reads their stamps only.
 Parameters: start_s, speed (0: as fast as the graph follows), tick_s.
 """
 
 import math
+import os
+import struct
 import time
 from dataclasses import dataclass
+from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticArray
-from rf_pointing_msgs.msg import AntennaStatus, PointingError, Target, TrackingStatus
 from rosgraph_msgs.msg import Clock
 
 from rf_pointing.core import Params, parameter
-from rf_pointing.nodes.clock_memory import ClockMemory
 from rf_pointing.nodes.diagnostics import Health
+from rf_pointing.nodes.graph import ESSENTIAL, TOPICS, Topic
 from rf_pointing.nodes.main_loop import run
 from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.pacing import PacedStream, Pacer
-from rf_pointing.nodes.qos import STATUS, STREAM
+from rf_pointing.nodes.qos import STREAM
 from rf_pointing.nodes.stamps import seconds_from_raw, seconds_from_stamp, stamp_from_seconds
 
-PACED = {
-    "antenna_status": (AntennaStatus, STATUS, 0.19),
-    "sim/pointing_error": (PointingError, STREAM, 0.19),
-    "pointing_error": (PointingError, STREAM, 0.23),
-    "tracking_status": (TrackingStatus, STREAM, 0.19),
-    "target": (Target, STREAM, -1.0),
-}
-"""Stream, its type, its quality of service, and by how much its newest stamp may lag the next tick.
+__all__ = ["ClockMemory"]
 
-The antenna reports every 0.1 s; the receiver, the tracker and the controller work every 0.1 s on what is older than
-their own instant.  A lag of one period less a tick lets time reach the next such instant only when the previous one's
-work has arrived, so a run gives the same result at any speed; the errors of monopulse are stamped in the middle of their
-cluster, 0.04 s before its end.  Of each node it is the stream that the node writes last in a period: when it is heard
-here, what the node wrote before (the command, the samples) has reached those who need it, and the tick cannot overtake it.
-"""
-
-ESSENTIAL = "antenna_status"
 HELD_PERIOD_S = 0.1
-LISTEN_S, LONGEST_LISTEN_S, SETTLE_S = 1.5, 5.0, 0.2
-"""How long a clock that brings itself up holds: every node states its time once a second, and is waited for if it is seen.
-Once a time is heard the others have a moment to state a newer one."""
+"""Wall time between two repetitions of the time while it is held."""
+LISTEN_S = 1.5
+"""A clock that brings itself up waits so long for the time of a running graph: a node reports it once a second."""
+LONGEST_LISTEN_S = 5.0
+"""The same while other nodes are seen, of which none has reported its time yet."""
+SETTLE_S = 0.2
+"""After the first report: time for the other nodes to report a newer time."""
+RESUME_S = 20.0
+"""A graph waits no longer than this for a killed clock."""
+_RECORD = struct.Struct("<3d")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,50 +54,82 @@ class ClockParams(Params):
     tick_s: float = parameter(0.02, "step of simulation time", low=0.001, high=1.0)
 
 
+class ClockMemory:
+    """The newest time of one clock, in a file next to the instance lock, so that a killed clock continues from it.
+
+    `start_s` is where the clock's time begins, `wall_s` a steady clock of the machine.  A clock that
+    ends in order leaves no file.
+    """
+
+    def __init__(self, path: Path, start_s: float) -> None:
+        self._path, self._start_s = path, start_s
+        self._file: int | None = None
+
+    def recover(self, wall_s: float) -> float | None:
+        """Return where a clock with the same start was killed less than `RESUME_S` ago, None if there is none."""
+        try:
+            start_s, kept_wall_s, t_s = _RECORD.unpack(self._path.read_bytes())
+        except (OSError, struct.error):
+            return None
+        return t_s if start_s == self._start_s and 0.0 <= wall_s - kept_wall_s <= RESUME_S else None
+
+    def keep(self, t_s: float, wall_s: float) -> None:
+        """Write the time of a tick, before it is published."""
+        if self._file is None:
+            self._file = os.open(self._path, os.O_CREAT | os.O_WRONLY | os.O_TRUNC, 0o600)
+        # Written in place, 24 bytes: the kernel keeps them when the process dies.
+        os.pwrite(self._file, _RECORD.pack(self._start_s, wall_s, t_s), 0)
+
+    def forget(self) -> None:
+        """Remove the file."""
+        if self._file is not None:
+            os.close(self._file)
+            self._file = None
+        self._path.unlink(missing_ok=True)
+
+
 class SimulationClock(ManagedNode):
-    """Publishes time; paced by the wall clock and by the stamps that come back."""
+    """Publishes time at the pace of the wall clock and of the stamps that come back."""
 
     def __init__(self) -> None:
         super().__init__("simulation_clock")
         self.parameters.declare("", ClockParams())
         self._pacer: Pacer | None = None
         self._running = False
-        self._told_wall_s = 0.0
+        self._published_wall_s = 0.0
         self._memory: ClockMemory | None = None
-        self._resumed = self._spoken = False
-        self._heard_wall_s = math.inf
+        self._resumed = self._reported = False
+        self._reported_wall_s = math.inf
 
     def configure(self) -> None:
         params: ClockParams = self.parameters.value("")
-        streams = {
-            topic: PacedStream(allowed_lag_s=lag_s, essential=topic == ESSENTIAL)
-            for topic, (_, _, lag_s) in PACED.items()
-        }
-        self._pacer = Pacer(start_s=params.start_s, tick_s=params.tick_s, speed=params.speed, streams=streams)
         self._output = self.publisher(Clock, "clock", STREAM)
-        for topic, (message_type, qos, _) in PACED.items():
-            self.listen(
-                message_type,
-                topic,
-                lambda raw, stream=streams[topic]: stream.heard(seconds_from_raw(raw)),
-                qos,
-                raw=True,
-            )
+        streams = {topic.name: self._paced(topic) for topic in TOPICS if topic.allowed_lag_s is not None}
+        self._pacer = Pacer(start_s=params.start_s, tick_s=params.tick_s, speed=params.speed, streams=streams)
         if self.brings_itself_up:
             self._memory = ClockMemory(self.lock.path.with_suffix(".time"), params.start_s)
-            stood_s = self._memory.recover(time.monotonic())
-            self._resumed = stood_s is not None
-            self._pacer.start_s = stood_s if stood_s is not None else params.start_s
+            recovered_s = self._memory.recover(time.monotonic())
+            self._resumed = recovered_s is not None
+            self._pacer.start_s = params.start_s if recovered_s is None else recovered_s
             self.listen(DiagnosticArray, "/diagnostics", self._on_diagnostics, STREAM)
         self.diagnostics.add("pacing", self._health)
         self._configured_wall_s = time.perf_counter()
 
+    def _paced(self, topic: Topic) -> PacedStream:
+        """Subscribe to a topic that time waits for."""
+        assert topic.allowed_lag_s is not None
+        stream = PacedStream(allowed_lag_s=topic.allowed_lag_s, essential=topic.name == ESSENTIAL)
+        self.listen(
+            topic.message_type, topic.name, lambda raw: stream.received(seconds_from_raw(raw)), topic.qos, raw=True
+        )
+        return stream
+
     def ready(self) -> bool:
-        """Hold until the time of a graph that is already there is known: to begin anew would take it back."""
+        """Return whether the time of a running graph is known: a new start would set its time back."""
         wall_s = time.perf_counter()
-        if self._resumed or wall_s - self._heard_wall_s >= SETTLE_S:
+        if self._resumed or wall_s - self._reported_wall_s >= SETTLE_S:
             return True
-        patience_s = LONGEST_LISTEN_S if self._neighbours() and not self._spoken else LISTEN_S
+        patience_s = LONGEST_LISTEN_S if self._neighbours() and not self._reported else LISTEN_S
         return wall_s - self._configured_wall_s >= patience_s
 
     def _neighbours(self) -> bool:
@@ -118,15 +147,15 @@ class SimulationClock(ManagedNode):
             self._memory.forget()
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        """Go on from the newest time of the graph: going back would be a jump to all of its nodes."""
+        """Continue from the newest time of the graph: an older one would be a jump back for all of its nodes."""
         whose = message.status[0].hardware_id if message.status else ""
         mine = whose.startswith(self.get_namespace().rstrip("/") + "/") and whose != self.get_fully_qualified_name()
         if not mine or self._pacer.ticks > 0:
             return
-        stated_s, self._spoken = seconds_from_stamp(message.header.stamp), True
+        stated_s, self._reported = seconds_from_stamp(message.header.stamp), True
         self._pacer.start_s = max(self._pacer.start_s, stated_s)
         if stated_s > 0.0:
-            self._heard_wall_s = min(self._heard_wall_s, time.perf_counter())
+            self._reported_wall_s = min(self._reported_wall_s, time.perf_counter())
 
     def turn(self) -> float:
         """Publish what is due; return how long to wait for the next event."""
@@ -143,18 +172,18 @@ class SimulationClock(ManagedNode):
         return 0.0
 
     def _hold(self, wall_s: float) -> float:
-        """Hold time; while it is still being learned, the first of it could be a jump back."""
+        """Hold time, silently while the time of a running graph is not known: a first message could be a jump back."""
         if not self.brings_itself_up:
             self._repeat(wall_s)
         return HELD_PERIOD_S
 
     def _repeat(self, wall_s: float) -> None:
-        """Repeat the time for those who come: one that missed it would keep the clock waiting for its work."""
-        if wall_s - self._told_wall_s >= HELD_PERIOD_S:
+        """Repeat the time for nodes that start late: one that missed it would keep the clock waiting for its work."""
+        if wall_s - self._published_wall_s >= HELD_PERIOD_S:
             self._publish(self._pacer.now_s)
 
     def _publish(self, t_s: float) -> None:
-        self._told_wall_s = time.perf_counter()
+        self._published_wall_s = time.perf_counter()
         if self._memory is not None:
             self._memory.keep(t_s, time.monotonic())
         self._output.publish(Clock(clock=stamp_from_seconds(t_s)))

@@ -1,7 +1,7 @@
 """ROS time and the core's UTC seconds.
 
-A float holds today's UTC seconds to 0.24 microseconds, so stamps are kept on whole microseconds: a time that came from a
-stamp goes back to the same stamp.
+A float holds today's UTC seconds to 0.24 microseconds, so stamps are kept on whole microseconds: a
+time that was read from a stamp gives the same stamp again.
 """
 
 import struct
@@ -18,6 +18,7 @@ def seconds_from_stamp(stamp: Time) -> float:
 
 def seconds_from_raw(raw: bytes) -> float:
     """Return the stamp of a serialised message that begins with its header, without decoding the rest."""
+    # CDR: 4 bytes of encapsulation, then the header's stamp.
     seconds, nanoseconds = struct.unpack_from("<iI", raw, 4)
     return float(seconds + nanoseconds * 1e-9)
 

@@ -1,4 +1,8 @@
-"""What a node's streams have in common: numbers on what is sent, counts of what was lost or refused, the newest only."""
+"""The streams of a node: numbers on what it publishes, and counts of what became of its input.
+
+A gap in the numbers is a loss.  A message that a node receives is used, used but found invalid, or
+rejected; the counts and the last reason are on /diagnostics.
+"""
 
 import math
 from collections import Counter, deque
@@ -11,19 +15,21 @@ from rclpy.serialization import deserialize_message
 from rf_pointing.nodes.diagnostics import OK, WARN, Health
 from rf_pointing.nodes.stamps import seconds_from_raw
 
-__all__ = ["InputCounter", "Latest", "SequencedPublisher"]
+__all__ = ["InputCounter", "InputOutcomes", "Latest", "SequencedPublisher"]
 
 KEPT = 100
+"""Messages of a fast stream that wait to be used: two seconds at 50 Hz."""
 STAMP_RESOLUTION_S = 1e-6
 
 
 def _source(message: Any) -> str:
-    """Return whose count a message belongs to: sensors share a topic, and a node may speak for two of them."""
+    """Return the sensor that a message is numbered for, "" where it has none."""
+    # Several trackers share a topic, and one node can publish for two of them.
     return str(getattr(message, "sensor", ""))
 
 
 class SequencedPublisher:
-    """Numbers every message of a stream, those of each sensor on their own, so that a recording shows what was lost."""
+    """Numbers every message of a stream, for each sensor separately, so that a recording shows what was lost."""
 
     def __init__(self, publisher: Publisher) -> None:
         self._publisher = publisher
@@ -38,7 +44,7 @@ class SequencedPublisher:
 
 
 class InputCounter:
-    """Counts what was lost, by gaps in the sequence numbers, and what was refused of the streams a node listens to."""
+    """Counts what was lost of the streams a node subscribes to, by gaps in their numbers, and what was refused."""
 
     def __init__(self) -> None:
         self._newest: dict[tuple[str, str], int] = {}
@@ -47,7 +53,7 @@ class InputCounter:
         self.last_refusal = ""
 
     def watching(self, topic: str, callback: Callable[[Any], None]) -> Callable[[Any], None]:
-        """Return `callback` with the count in front of it; a publisher that starts again at 1 is not a loss."""
+        """Return `callback` with the count before it; a publisher that starts again at 1 is not a loss."""
         self.lost[topic] = 0
 
         def counted(message: Any) -> None:
@@ -77,7 +83,7 @@ class InputCounter:
 
 
 class Latest:
-    """Keeps the newest messages of a fast stream undecoded; `take` decodes the one that is wanted."""
+    """Keeps the newest messages of a fast stream undecoded; `take` decodes one of them."""
 
     def __init__(self, message_type: Any, convert: Callable[[Any], Any]) -> None:
         self._type, self._convert = message_type, convert
@@ -88,11 +94,38 @@ class Latest:
         self._raw.append(raw)
 
     def take(self, until_s: float = math.inf) -> Any | None:
-        """Return what the newest message up to the stamp `until_s` says; ValueError if it cannot be used.
+        """Return the converted newest message up to the stamp `until_s`, None if there is none since the last call.
 
-        None if there is no such message since the last call; later ones are kept.
+        Later messages are kept.  ValueError if the message cannot be used.
         """
         raw = None
         while self._raw and seconds_from_raw(self._raw[0]) <= until_s + STAMP_RESOLUTION_S:
             raw = self._raw.popleft()
         return None if raw is None else self._convert(deserialize_message(raw, self._type))
+
+
+class InputOutcomes:
+    """Counts messages while it is open; the last rejection stays visible, the level follows the newest message."""
+
+    def __init__(self) -> None:
+        self.open = False
+        self._counts = {"valid": 0, "invalid": 0, "rejected": 0}
+        self._reason = "nothing received yet"
+        self._last_rejection = ""
+
+    def take(self, work: Callable[[], str]) -> None:
+        """Do `work` for one message; it returns why its result is not valid ("" if it is) and raises to reject."""
+        if not self.open:
+            return
+        try:
+            self._reason = work()
+        except ValueError as error:
+            self._reason = self._last_rejection = str(error)
+            self._counts["rejected"] += 1
+            return
+        self._counts["invalid" if self._reason else "valid"] += 1
+
+    def health(self) -> Health:
+        """Return the counts, as a warning while the newest message could not be used."""
+        values = {**self._counts, "last_rejection": self._last_rejection}
+        return Health(WARN if self._reason else OK, self._reason or "input is used", values)

@@ -16,7 +16,7 @@ from contextlib import ExitStack
 from dataclasses import asdict
 from typing import Any
 
-from rf_pointing.commands.number_option import seed
+from rf_pointing.commands.options import seed
 from rf_pointing.papers import Row, as_table
 
 DASK_TIMEOUT_S = "10s"

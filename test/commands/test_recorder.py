@@ -12,8 +12,8 @@ from rf_pointing_msgs.msg import PassList, Target
 from rosbags.rosbag2 import Reader
 
 from rf_pointing.commands.recorder import Recorder
+from rf_pointing.nodes.graph import TOPICS
 from rf_pointing.nodes.qos import LATCHED, STREAM
-from rf_pointing.nodes.topics import TOPICS
 
 DEADLINE_S = 20.0
 COUNT = 300

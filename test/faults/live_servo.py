@@ -15,7 +15,7 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from rf_pointing.commands.processes import NodeProcesses
+from rf_pointing.commands.managed_graph import NodeProcesses
 from rf_pointing.nodes.qos import COMMAND, STREAM
 from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
 from test.faults.clocks import ManualClock

@@ -14,8 +14,7 @@ import pytest
 rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2", exc_type=ImportError)
 from ament_index_python.packages import get_package_prefix, get_package_share_directory
 
-from rf_pointing.commands.lifecycle_client import LifecycleClient
-from rf_pointing.commands.processes import NodeProcesses
+from rf_pointing.commands.managed_graph import LifecycleClient, NodeProcesses
 from rf_pointing.nodes.main_loop import make_executor
 
 DEADLINE_S = 60.0

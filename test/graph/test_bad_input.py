@@ -6,6 +6,8 @@ from types import SimpleNamespace
 
 import pytest
 
+from rf_pointing.nodes.graph import NODES
+
 rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2", exc_type=ImportError)
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParametersAtomically
@@ -14,7 +16,6 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from rf_pointing.commands.processes import SIMULATED_STATION
 from rf_pointing.nodes.qos import COMMAND, STREAM
 
 from .conftest import ask, executable
@@ -95,7 +96,7 @@ def test_commands_that_run_dry_while_moving_end_in_a_controlled_stop_and_a_fault
 
 
 def test_every_parameter_says_what_it_is_and_a_refused_set_changes_none(live: SimpleNamespace) -> None:
-    names = [name for name in SIMULATED_STATION if name in ("antenna_servo", "pointing_controller")]
+    names = [name for name in NODES if name in ("antenna_servo", "pointing_controller")]
     live.start(names, state="configure")
     for node in names:
         listed = ask(live, ListParameters, f"{node}/list_parameters", ListParameters.Request()).result.names

@@ -16,11 +16,10 @@ from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rf_pointing_msgs.msg import AntennaStatus
 from sensor_msgs.msg import JointState
 
-from rf_pointing.commands.processes import SIMULATED_STATION
 from rf_pointing.ephemeris import Pass, first_pass_above
 from rf_pointing.ephemeris.source import SourceParams, load_elements, load_track
+from rf_pointing.nodes.graph import NODES, TOPICS
 from rf_pointing.nodes.qos import STATUS, STREAM
-from rf_pointing.nodes.topics import TOPICS
 
 from .conftest import ask, executable
 
@@ -42,7 +41,7 @@ def station(live: SimpleNamespace) -> Any:
     """Every node of a simulated station, its clock held a minute before a pass."""
     start_s = round(first_pass().aos_t_s) - 60.0
     text = f"/**/simulation_clock: {{ros__parameters: {{start_s: {start_s}, speed: 1.0}}}}"
-    names = list(SIMULATED_STATION)
+    names = list(NODES)
     started = live.start(names, text, state="configure", simulated=True)
     assert started.refused == []
     # The held time reaches the nodes one by one, and a node without a time refuses to become active.
@@ -68,7 +67,7 @@ def endpoints(node: Any, name: str, namespace: str) -> Iterator[str]:
 
 
 def test_every_node_is_found_active_described_and_inside_its_namespace(live: SimpleNamespace, station: Any) -> None:
-    for name in SIMULATED_STATION:
+    for name in NODES:
         state = ask(live, GetState, f"{name}/get_state", GetState.Request()).current_state.label
         assert state == ("inactive" if name == "simulation_clock" else "active"), name
         outside = {

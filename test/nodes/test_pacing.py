@@ -41,11 +41,11 @@ def test_at_full_speed_the_next_tick_is_due_at_once() -> None:
 def test_time_never_gets_further_ahead_of_a_stream_than_its_lag() -> None:
     stream = PacedStream(allowed_lag_s=0.11)
     clock = pacer(joints=stream)
-    stream.heard(START_S)
+    stream.received(START_S)
     while clock.wait_s(0.0) == 0.0:
         clock.advance(0.0)
     assert clock.now_s == pytest.approx(START_S + 0.10)
-    stream.heard(START_S + 0.02)
+    stream.received(START_S + 0.02)
     assert clock.wait_s(0.0) == 0.0
     assert clock.advance(0.0) == pytest.approx(START_S + 0.12)
     assert clock.wait_s(0.0) > 0.0
@@ -54,9 +54,9 @@ def test_time_never_gets_further_ahead_of_a_stream_than_its_lag() -> None:
 def test_a_stream_that_must_be_ahead_holds_time_until_it_is() -> None:
     stream = PacedStream(allowed_lag_s=-1.0)
     clock = pacer(target=stream)
-    stream.heard(START_S + 1.0)
+    stream.received(START_S + 1.0)
     assert clock.wait_s(0.0) > 0.0
-    stream.heard(START_S + 1.1)
+    stream.received(START_S + 1.1)
     assert clock.wait_s(0.0) == 0.0
 
 
@@ -81,7 +81,7 @@ def test_a_silent_stream_is_given_up_after_the_patience_and_waited_for_again_whe
     stream = PacedStream(allowed_lag_s=0.05)
     clock = pacer(speed, joints=stream)
     patience_s = clock.patience_s if speed else clock.long_patience_s
-    stream.heard(START_S)
+    stream.received(START_S)
     wall_s = 0.01
     while clock.wait_s(wall_s) == 0.0:
         clock.advance(wall_s)
@@ -94,8 +94,8 @@ def test_a_silent_stream_is_given_up_after_the_patience_and_waited_for_again_whe
         wall_s += 0.001
         assert clock.wait_s(wall_s) == 0.0
         clock.advance(wall_s)
-    stream.heard(clock.now_s - 0.2)
-    stream.heard(clock.now_s - 0.1)
+    stream.received(clock.now_s - 0.2)
+    stream.received(clock.now_s - 0.1)
     assert clock.wait_s(wall_s) > 0.0
 
 
@@ -103,8 +103,8 @@ def test_a_sparse_stream_is_not_waited_for() -> None:
     """Conscan gives an error every few seconds; time must not stop for it."""
     stream = PacedStream(allowed_lag_s=0.2)
     clock = pacer(errors=stream)
-    stream.heard(START_S)
-    stream.heard(START_S + LARGEST_SPACING_S + 1.0)
+    stream.received(START_S)
+    stream.received(START_S + LARGEST_SPACING_S + 1.0)
     for _ in range(200):
         assert clock.wait_s(0.0) == 0.0
         clock.advance(0.0)
@@ -114,7 +114,7 @@ def test_a_stream_known_to_be_slow_is_waited_for() -> None:
     stream = PacedStream(allowed_lag_s=2.5, spacing_s=2.5)
     clock = pacer(poses=stream)
     for k in (0.0, 2.0):
-        stream.heard(START_S + k)
+        stream.received(START_S + k)
     while clock.wait_s(0.0) == 0.0:
         clock.advance(0.0)
     assert clock.now_s == pytest.approx(START_S + 4.5)
@@ -123,7 +123,7 @@ def test_a_stream_known_to_be_slow_is_waited_for() -> None:
 def test_without_the_antenna_time_runs_no_faster_than_the_wall_clock() -> None:
     stream = PacedStream(allowed_lag_s=0.05, essential=True)
     clock = pacer(joints=stream)
-    stream.heard(START_S)
+    stream.received(START_S)
     while clock.wait_s(0.0) == 0.0:
         clock.advance(0.0)
     wall_s = clock.long_patience_s + 0.1
@@ -141,7 +141,7 @@ def test_the_antenna_is_waited_for_longer_than_the_others_in_real_time() -> None
     for stream in (essential, other):
         clock = pacer(1.0, joints=stream)
         wall_s = 0.0
-        stream.heard(START_S)
+        stream.received(START_S)
         while (wait_s := clock.wait_s(wall_s)) <= 2.0 * TICK_S:
             wall_s += wait_s
             if wait_s == 0.0:
@@ -165,8 +165,8 @@ def test_a_short_delay_is_made_up() -> None:
 def test_several_streams_all_hold_time() -> None:
     first, second = PacedStream(allowed_lag_s=0.05), PacedStream(allowed_lag_s=0.05)
     clock = pacer(first=first, second=second)
-    first.heard(START_S + 10.0)
-    second.heard(START_S)
+    first.received(START_S + 10.0)
+    second.received(START_S)
     while clock.wait_s(0.0) == 0.0:
         clock.advance(0.0)
     assert clock.now_s == pytest.approx(START_S + 0.04)

@@ -90,7 +90,7 @@ def test_every_number_has_a_range_in_edge_units(make_node: MakeNode) -> None:
 def test_given_values_reach_the_core_in_radians(make_node: MakeNode) -> None:
     made = groups(make_node(given={"axis.high_deg": 45.0, "axis.rates_deg_s": [1.0, 2.0], "axis.loop.gain": 7.0}))
     axis = made.value("axis")
-    assert made.refusals == []
+    assert made.reasons == []
     assert axis.high_rad == pytest.approx(math.pi / 4.0)
     assert axis.rates_rad_s == pytest.approx((math.radians(1.0), math.radians(2.0)))
     assert axis.loop.gain == 7.0
@@ -98,7 +98,7 @@ def test_given_values_reach_the_core_in_radians(make_node: MakeNode) -> None:
 
 def test_values_that_fit_only_together_are_taken_together(make_node: MakeNode) -> None:
     made = groups(make_node(given={"axis.low_deg": 60.0, "axis.high_deg": 80.0}))
-    assert made.refusals == []
+    assert made.reasons == []
     assert made.value("axis").low_rad == pytest.approx(math.radians(60.0))
 
 
@@ -122,7 +122,7 @@ def test_a_refused_value_of_a_file_is_noted_with_key_and_bound(
     make_node: MakeNode, given: dict[str, Any], words: list[str]
 ) -> None:
     made = groups(make_node(given=given))
-    text = "; ".join(made.refusals)
+    text = "; ".join(made.reasons)
     assert all(word in text for word in words), text
     assert unchanged(made)
 
@@ -130,14 +130,14 @@ def test_a_refused_value_of_a_file_is_noted_with_key_and_bound(
 def test_unknown_keys_are_noted_and_standard_ones_are_not(make_node: MakeNode) -> None:
     made = groups(make_node(given={"axis.hihg_deg": 1.0, "use_sim_time": False}))
     made.refuse_unknown()
-    assert made.refusals == ["axis.hihg_deg: no such parameter of subject"]
+    assert made.reasons == ["axis.hihg_deg: no such parameter of subject"]
 
 
 def test_asking_twice_notes_an_unknown_key_once(make_node: MakeNode) -> None:
     made = groups(make_node(given={"axis.hihg_deg": 1.0}))
     made.refuse_unknown()
     made.refuse_unknown()
-    assert len(made.refusals) == 1
+    assert len(made.reasons) == 1
 
 
 def test_a_change_reaches_core_and_listeners_once(make_node: MakeNode) -> None:

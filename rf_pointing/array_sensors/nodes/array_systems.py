@@ -12,8 +12,8 @@ from geometry_msgs.msg import (
 from rf_pointing_msgs import msg as ours
 from rosgraph_msgs.msg import Clock
 
+from rf_pointing.nodes.graph import Topic
 from rf_pointing.nodes.qos import STREAM
-from rf_pointing.nodes.topics import Topic
 
 __all__ = ["ARRAY_SYSTEMS", "CLOCK", "ArraySystem"]
 

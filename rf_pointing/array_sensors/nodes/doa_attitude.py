@@ -19,10 +19,10 @@ from rf_pointing.array_sensors.attitude.sun_synchronous_orbit import SunSynchron
 from rf_pointing.array_sensors.nodes import convert
 from rf_pointing.array_sensors.systems.doa_attitude import DoaAttitude, DoaAttitudeReport, DoaChainParams
 from rf_pointing.array_sensors.systems.ground_network import GroundNetworkParams
-from rf_pointing.nodes.intake import Intake
 from rf_pointing.nodes.main_loop import run
 from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.qos import STREAM
+from rf_pointing.nodes.streams import InputOutcomes
 
 SILENCE_S = 2.0
 """Without a block for this long, the attitude is carried on by the known torques and published all the same."""
@@ -43,7 +43,7 @@ class DoaAttitudeNode(ManagedNode):
         for prefix, defaults in {**array, **scene, **tuning, "gate": GateParams(), "chain": DoaChainParams()}.items():
             self.parameters.declare(prefix, defaults)
         self._chain: DoaAttitude | None = None
-        self._blocks, self._torques = Intake(), Intake()
+        self._blocks, self._torques = InputOutcomes(), InputOutcomes()
 
     def configure(self) -> None:
         value = self.parameters.value

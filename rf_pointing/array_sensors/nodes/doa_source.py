@@ -21,10 +21,10 @@ from rf_pointing.array_sensors.nodes import convert
 from rf_pointing.array_sensors.systems.ground_network import GroundNetworkParams
 from rf_pointing.array_sensors.systems.simulated_doa import DoaScenarioParams, SimulatedDoa
 from rf_pointing.core import Params, parameter
-from rf_pointing.nodes.intake import Intake
 from rf_pointing.nodes.main_loop import run
 from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.qos import STREAM
+from rf_pointing.nodes.streams import InputOutcomes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,7 +50,7 @@ class DoaSource(ManagedNode):
         for prefix, defaults in {"source": BlockParams(), **array, **scene, **truth}.items():
             self.parameters.declare(prefix, defaults)
         self._simulated: SimulatedDoa | None = None
-        self._blocks = Intake()
+        self._blocks = InputOutcomes()
 
     def configure(self) -> None:
         value = self.parameters.value

@@ -21,10 +21,10 @@ from rf_pointing.array_sensors.arrays.interferometer.tracker import Interferomet
 from rf_pointing.array_sensors.nodes import convert
 from rf_pointing.array_sensors.systems.docking import RelativePoseTracker
 from rf_pointing.core import Params, parameter
-from rf_pointing.nodes.intake import Intake
 from rf_pointing.nodes.main_loop import run
 from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.qos import STREAM
+from rf_pointing.nodes.streams import InputOutcomes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,7 +44,7 @@ class InterferometerTrackerNode(ManagedNode):
         for prefix, defaults in {"tracking": TrackingParams(), **system, **tuning}.items():
             self.parameters.declare(prefix, defaults)
         self._tracker: RelativePoseTracker | None = None
-        self._sequences = Intake()
+        self._sequences = InputOutcomes()
 
     def configure(self) -> None:
         value = self.parameters.value

@@ -11,10 +11,10 @@ from rf_pointing.array_sensors.attitude.station_attitude import StationAttitudeP
 from rf_pointing.array_sensors.nodes import convert
 from rf_pointing.array_sensors.systems.ground_network import GroundNetworkParams
 from rf_pointing.array_sensors.systems.tripulse import EpochParams, TripulseAttitude, attitude_report
-from rf_pointing.nodes.intake import Intake
 from rf_pointing.nodes.main_loop import run
 from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.qos import STREAM
+from rf_pointing.nodes.streams import InputOutcomes
 
 
 class TripulseAttitudeNode(ManagedNode):
@@ -26,7 +26,7 @@ class TripulseAttitudeNode(ManagedNode):
         for prefix, defaults in {"attitude": StationAttitudeParams(), "epochs": EpochParams(), **scene}.items():
             self.parameters.declare(prefix, defaults)
         self._solver: TripulseAttitude | None = None
-        self._lines = Intake()
+        self._lines = InputOutcomes()
 
     def configure(self) -> None:
         value = self.parameters.value

@@ -15,10 +15,10 @@ from rf_pointing.array_sensors.arrays.tripulse_signal import TripulseSignalParam
 from rf_pointing.array_sensors.arrays.tripulse_tracker import TrackerParams
 from rf_pointing.array_sensors.nodes import convert
 from rf_pointing.core import Params, parameter
-from rf_pointing.nodes.intake import Intake
 from rf_pointing.nodes.main_loop import run
 from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.qos import STREAM
+from rf_pointing.nodes.streams import InputOutcomes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +38,7 @@ class TripulseReceiverNode(ManagedNode):
             self.parameters.declare(prefix, defaults)
         self._receiver: TripulseReceiver | None = None
         self._station = ""
-        self._frames = Intake()
+        self._frames = InputOutcomes()
 
     def configure(self) -> None:
         value = self.parameters.value

@@ -17,10 +17,10 @@ from rf_pointing.array_sensors.nodes import convert
 from rf_pointing.array_sensors.systems.ground_network import GroundNetworkParams
 from rf_pointing.array_sensors.systems.tripulse import SimulatedTripulse
 from rf_pointing.core import Params, parameter
-from rf_pointing.nodes.intake import Intake
 from rf_pointing.nodes.main_loop import run
 from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.qos import STREAM
+from rf_pointing.nodes.streams import InputOutcomes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +41,7 @@ class TripulseSourceNode(ManagedNode):
         for prefix, defaults in {"source": SendingParams(), **groups, **scene}.items():
             self.parameters.declare(prefix, defaults)
         self._simulated: SimulatedTripulse | None = None
-        self._sending = Intake()
+        self._sending = InputOutcomes()
 
     def configure(self) -> None:
         value = self.parameters.value

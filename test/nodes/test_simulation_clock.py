@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from rf_pointing.nodes.clock_memory import ClockMemory
+from rf_pointing.nodes.simulation_clock import ClockMemory
 
 START_S = 1_151_384_000.0
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from rf_pointing.nodes.instance_lock import InstanceLock, last_holder
+from rf_pointing.nodes.main_loop import InstanceLock, last_holder
 
 
 @pytest.fixture(autouse=True)
@@ -46,7 +46,7 @@ def test_other_names_namespaces_and_domains_are_free(monkeypatch: pytest.MonkeyP
 
 def test_a_killed_holder_leaves_no_lock_behind() -> None:
     code = (
-        "import sys, time; from rf_pointing.nodes.instance_lock import InstanceLock;"
+        "import sys, time; from rf_pointing.nodes.main_loop import InstanceLock;"
         "lock = InstanceLock('/gs1/antenna_servo'); print('held', flush=True); sys.stdin.read()"
     )
     holder = subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)

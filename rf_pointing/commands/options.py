@@ -1,0 +1,82 @@
+"""The options that several executables share, and the argparse types of their numbers."""
+
+import argparse
+from collections.abc import Callable
+
+from rf_pointing.core.dates import parse_utc
+from rf_pointing.ephemeris.source import SourceParams, first_time_s
+
+__all__ = ["add_namespace_option", "add_target_options", "between", "seed", "source_of", "start_of"]
+
+
+def between(low: float, high: float) -> Callable[[str], float]:
+    """Return an argparse type: a number from `low` to `high`."""
+
+    def parse(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError as error:
+            raise argparse.ArgumentTypeError(f"{text!r} must be a number") from error
+        if not low <= value <= high:
+            raise argparse.ArgumentTypeError(f"{text} must be between {low:g} and {high:g}")
+        return value
+
+    return parse
+
+
+def seed(text: str) -> int:
+    """Return the seed of a run; an argparse type with the range of the nodes' parameters."""
+    if not text.isdecimal() or int(text) >= 2**31:
+        raise argparse.ArgumentTypeError(f"{text} must be a whole number from 0 to {2**31 - 1}")
+    return int(text)
+
+
+def add_namespace_option(parser: argparse.ArgumentParser) -> None:
+    """Add --namespace to a command line; its first slash may be omitted."""
+    parser.add_argument("--namespace", type=_namespace, default="/gs1", help="namespace of the antenna (default: /gs1)")
+
+
+def _namespace(text: str) -> str:
+    # Executables without a node use the other options where there is no ROS.
+    from rclpy.exceptions import InvalidNamespaceException
+    from rclpy.validate_namespace import validate_namespace
+
+    name = text if text.startswith("/") else f"/{text}"
+    if name == "/":
+        raise argparse.ArgumentTypeError(f"{text!r} must name the antenna, as /gs1 does")
+    # Without this check ROS itself would refuse the name, later and with a traceback.
+    try:
+        validate_namespace(name)
+    except InvalidNamespaceException as error:
+        reason = str(error).splitlines()[0]
+        raise argparse.ArgumentTypeError(f"{text!r} is no ROS namespace: {reason}") from error
+    return name
+
+
+def add_target_options(parser: argparse.ArgumentParser) -> None:
+    """Add --elements, --interpolation, --satellite, --station, --start and --mask to a command line."""
+    parser.add_argument("--elements", metavar="FILE", default="", help="elements (default: verification set of sgp4)")
+    parser.add_argument("--interpolation", nargs=2, metavar=("METHOD", "DEGREE"), default=("", "7"), help="HERMITE, LAGRANGE "
+                        "or LINEAR, for an OEM that declares none")  # fmt: skip
+    parser.add_argument("--satellite", default="28057", help="catalogue number or name (default: 28057, CBERS-2)")
+    parser.add_argument("--station", default="Goldstone DSS-13", help="station name (default: Goldstone DSS-13)")
+    parser.add_argument("--start", metavar="UTC", help="look for passes after this time (default: the elements' epoch)")
+    parser.add_argument(
+        "--mask", type=between(0.0, 89.0), default=5.0, help="elevation of AOS and LOS in deg (default: 5)"
+    )
+
+
+def source_of(options: argparse.Namespace) -> SourceParams:
+    """Return the satellite and the station."""
+    method, degree = options.interpolation
+    if not degree.isdecimal():
+        raise ValueError(f"interpolation={method} {degree!r}: the degree must be a whole number")
+    return SourceParams(
+        elements_file=options.elements, satellite=options.satellite, station=options.station,
+        interpolation=method.upper(), interpolation_degree=int(degree),
+    )  # fmt: skip
+
+
+def start_of(options: argparse.Namespace) -> float:
+    """Return the time after which passes are looked for, UTC in s since 1970."""
+    return parse_utc(options.start) if options.start else first_time_s(source_of(options))

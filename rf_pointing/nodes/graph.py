@@ -1,0 +1,131 @@
+"""The graph of one antenna: its nodes, what each publishes, and which topics simulation time waits for.
+
+`GRAPH` is the one table of nodes and topics.  The launch files, the recorder, the simulation clock,
+the picture of the graph and the table of topics in the documentation are made from it.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.qos import QoSProfile
+from rf_pointing_msgs import msg as ours
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory
+
+from rf_pointing.nodes.qos import COMMAND, EXPERIMENT, LATCHED, SAMPLES, STATUS, STREAM
+
+__all__ = ["ESSENTIAL", "GRAPH", "NODES", "STATION_NODES", "TOPICS", "GraphNode", "Topic"]
+
+
+@dataclass(frozen=True)
+class Topic:
+    """One topic, relative to the antenna's namespace unless it begins with a slash.
+
+    Simulation time waits for a topic with an `allowed_lag_s`: the newest stamp may lag the next
+    tick by so much, a negative one must be ahead of it.
+    """
+
+    name: str
+    message_type: Any
+    qos: QoSProfile
+    rate: str
+    publisher: str = ""
+    meaning: str = ""
+    allowed_lag_s: float | None = None
+
+    @property
+    def type_name(self) -> str:
+        """Package and type, as in `sensor_msgs/JointState`."""
+        return f"{self.message_type.__module__.partition('.')[0]}/{self.message_type.__name__}"
+
+
+@dataclass(frozen=True)
+class GraphNode:
+    """One executable and the topics it publishes; a station replaces the `simulated` ones by its own drivers."""
+
+    name: str
+    topics: tuple[Topic, ...]
+    simulated: bool = False
+
+
+# A lag of one period (0.1 s) less a tick lets time reach the next instant of work only when the
+# previous instant's work has arrived, so a run gives the same result at any speed.
+_ONE_PERIOD_S = 0.19
+# The error of monopulse is stamped in the middle of its cluster, 0.04 s before the cluster's end.
+_ONE_CLUSTER_S = _ONE_PERIOD_S + 0.04
+# The target is published 2 s ahead; one second of that may be used up while time waits.
+_AHEAD_S = -1.0
+
+ESSENTIAL = "antenna_status"
+"""While this topic is silent, time runs no faster than the wall clock."""
+
+_POINTING_ERROR = Topic(
+    "pointing_error", ours.PointingError, STREAM, "10 Hz, conscan once a scan", allowed_lag_s=_ONE_CLUSTER_S
+)
+_TARGET_MEANING = "direction, rates, range, Doppler, light time, refraction, covariance"
+
+# Of each node the clock waits for the topic that the node publishes last in a period.  What the node
+# published before (the command, the samples) has then reached its receivers, and the tick cannot
+# overtake it: with a topic published earlier it did, once in some minutes on a busy machine.
+GRAPH = (
+    GraphNode("simulation_clock", (Topic("clock", Clock, STREAM, "50 Hz (10 Hz above 3×)"),), simulated=True),
+    GraphNode(
+        "antenna_servo",
+        (
+            Topic("joint_states", JointState, STREAM, "50 Hz"),
+            Topic("sim/boresight", ours.Boresight, SAMPLES, "50 Hz", meaning="truth of the simulation"),
+            Topic("manual_rate", ours.ManualRate, EXPERIMENT, "50 Hz while identifying"),
+            Topic(ESSENTIAL, ours.AntennaStatus, STATUS, "10 Hz", allowed_lag_s=_ONE_PERIOD_S),
+        ),
+        simulated=True,
+    ),
+    GraphNode(
+        "rf_receiver",
+        (
+            Topic("monopulse", ours.Monopulse, STREAM, "10 Hz, 5 samples each"),
+            Topic("carrier_power", ours.CarrierPower, STREAM, "10 Hz"),
+            Topic("sim/pointing_error", ours.PointingError, STREAM, "10 Hz", meaning="truth of the simulation",
+                  allowed_lag_s=_ONE_PERIOD_S),
+        ),
+        simulated=True,
+    ),
+    GraphNode("monopulse_tracker", (_POINTING_ERROR,)),
+    GraphNode("conscan_tracker", (_POINTING_ERROR,)),
+    GraphNode("bias_calibrator", (Topic("pointing_model", ours.PointingModel, LATCHED, "latched"),)),
+    GraphNode(
+        "ephemeris_publisher",
+        (
+            Topic("target", ours.Target, STREAM, "10 Hz, 2 s ahead", meaning=_TARGET_MEANING, allowed_lag_s=_AHEAD_S),
+            Topic("passes", ours.PassList, LATCHED, "latched"),
+            Topic("pass_profiles", ours.PassProfileList, LATCHED, "latched"),
+        ),
+    ),
+    GraphNode(
+        "pointing_controller",
+        (
+            Topic("pass_certificate", ours.PassCertificate, LATCHED, "latched"),
+            Topic("joint_trajectory", JointTrajectory, COMMAND, "10 Hz, 0.1 to 1 s ahead"),
+            Topic("tracking_status", ours.TrackingStatus, STREAM, "10 Hz", allowed_lag_s=_ONE_PERIOD_S),
+        ),
+    ),
+)  # fmt: skip
+"""The nodes in the order of their start; the clock first, so that its held time reaches each of the others."""
+
+
+def _topics() -> tuple[Topic, ...]:
+    """Return each topic of the graph once, with the names of all nodes that publish it."""
+    found: dict[str, Topic] = {}
+    for node in GRAPH:
+        for topic in node.topics:
+            others = f"{found[topic.name].publisher}, " if topic.name in found else ""
+            found[topic.name] = replace(topic, publisher=others + node.name)
+    return (*found.values(), Topic("/diagnostics", DiagnosticArray, STREAM, "1 Hz", "every node"))
+
+
+TOPICS = _topics()
+NODES = tuple(node.name for node in GRAPH)
+"""Executables of a simulated antenna."""
+STATION_NODES = tuple(node.name for node in GRAPH if not node.simulated)
+"""Executables that a station with an antenna and a receiver of its own keeps."""
