@@ -35,8 +35,7 @@ def advice_for(names: Sequence[str]) -> str:
 def null_space_message(names: Sequence[str], directions: Array, scale: Array) -> str:
     """Return the refusal for null directions (m, k) of the matrix whose columns have norm `scale` (k,)."""
     sentences = []
-    for direction in directions:
-        effect = np.abs(direction * scale)
+    for effect in np.abs(_echelon(directions * scale)):
         involved = [name for name, share in zip(names, effect / np.max(effect), strict=True) if share > _SHARE]
         sentences.append(" + ".join(involved))
     everyone = list(dict.fromkeys(name for sentence in sentences for name in sentence.split(" + ")))
@@ -44,6 +43,20 @@ def null_space_message(names: Sequence[str], directions: Array, scale: Array) ->
         f"the data cannot separate {'; '.join(sentences)}: "
         f"fix one of the terms, give a prior, or add {advice_for(everyone)}"
     )
+
+
+def _echelon(rows: Array) -> Array:
+    """Return the reduced basis of the space that `rows` (m, k) span: which basis an SVD gives is up to the last bits."""
+    rows = rows.copy()
+    for index in range(len(rows)):
+        size = np.max(np.abs(rows[index:]), axis=0)
+        column = int(np.argmax(size > _SHARE * np.max(size)))
+        pivot = index + int(np.argmax(np.abs(rows[index:, column])))
+        rows[[index, pivot]] = rows[[pivot, index]]
+        rows[index] /= rows[index, column]
+        others = np.arange(len(rows)) != index
+        rows[others] -= np.outer(rows[others, column], rows[index])
+    return rows
 
 
 def require_determined(names: Sequence[str], covariance: Array, known: Container[str]) -> None:

@@ -116,7 +116,8 @@ class Triangle:
     def _inverse(self, scaled: Array, scale: Array) -> Array:
         inverse = _inverse_of(scaled)
         # The Frobenius norms bound the condition number from above: only a suspect matrix pays for its SVD.
-        if inverse is None or np.vdot(inverse, inverse) * len(scaled) > RANK_TOLERANCE**-2:
+        # "not <=" and not ">": the bound of an inverse that overflowed is not a number.
+        if inverse is None or not np.vdot(inverse, inverse) * len(scaled) <= RANK_TOLERANCE**-2:
             _, singular, rotation = np.linalg.svd(scaled)
             lost = singular < RANK_TOLERANCE * singular[0]
             if inverse is None or np.any(lost):
