@@ -1,4 +1,4 @@
-"""Print the features of this processor that numpy may be told to do without (NPY_DISABLE_CPU_FEATURES)."""
+"""Print the features of this processor that numpy can do without (NPY_DISABLE_CPU_FEATURES)."""
 
 try:
     from numpy._core import _multiarray_umath as core

@@ -43,7 +43,8 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-SMALLEST_DETERMINANT = 1e-12  # of an innovation covariance scaled to a unit diagonal; rounding leaves 1e-16 of zero
+SMALLEST_DETERMINANT = 1e-12
+"""Of an innovation covariance scaled to a unit diagonal; rounding leaves 1e-16 of an exact zero."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -46,7 +46,10 @@ def null_space_message(names: Sequence[str], directions: Array, scale: Array) ->
 
 
 def _echelon(rows: Array) -> Array:
-    """Return the reduced basis of the space that `rows` (m, k) span: which basis an SVD gives is up to the last bits."""
+    """Return the reduced basis of the space that `rows` (m, k) span.
+
+    It is unique; which basis an SVD gives depends on the last bits.
+    """
     rows = rows.copy()
     for index in range(len(rows)):
         size = np.max(np.abs(rows[index:]), axis=0)

@@ -27,9 +27,9 @@ Array = NDArray[np.float64]
 
 _MOST_STEPS = 100
 _NOTHING = 1e-13
-"""Of the longest column: a term whose effect is shorter acts by rounding (the sine of pi is 1e-16) and not at all."""
+"""Of the longest column: a shorter one is rounding (the sine of pi is 1e-16)."""
 _SAME_BIC = 1e-4
-"""Criteria closer than this are the same: chi squared is a difference of sums whose rounding may reach 1e-6."""
+"""Criteria this close are equal: chi squared is a difference of sums whose rounding may reach 1e-6."""
 
 
 @dataclass(frozen=True)
@@ -151,7 +151,7 @@ class _Search:
 
 
 def _least(moves: list[tuple[float, str]]) -> tuple[str, float]:
-    """Return the move to the least criterion; of those as good but for rounding (terms not to be separated) by name."""
+    """Return the move to the least criterion; of inseparable terms, equal but for rounding, the first by name."""
     least = min(moves)[0]
     name, bic = min((name, bic) for bic, name in moves if bic <= least + _SAME_BIC)
     return name, bic

@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 _EDGE = 1e-9
 _RANK_TOLERANCE = 1e-7
-"""Of the largest Hankel singular value: the roots of the Gramians carry the root of their rounding, 1.5e-8."""
+"""Of the largest Hankel singular value: the roots of the Gramians have the root of their rounding, 1.5e-8."""
 
 
 def balanced_reduction(model: StateSpace, order: int) -> StateSpace:

@@ -16,7 +16,7 @@ __all__ = ["Realization", "realize", "suggested_order"]
 Array = NDArray[np.float64]
 
 RANK_TOLERANCE = 1e-12
-"""Of the largest singular value; rounding leaves up to 1e-14 of an exact zero in matrices of some hundred rows."""
+"""Of the largest singular value; in some hundred rows rounding leaves up to 1e-14 of an exact zero."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -135,7 +135,7 @@ def _singular_reason(params: ConscanParams, window: ConscanWindow, design: BeamD
     """Return why the estimate has no solution although the beam moved in both axes."""
     if not columns_independent(design):
         if not params.spin_periods_s:
-            return "the drift of the power cannot be told from the motion of the beam"
+            return "the drift of the power cannot be separated from the motion of the beam"
         return f"the spin cannot be told from the scan: spin_periods_s={params.spin_periods_s}"
     least, most = float(np.min(window.sigma_w)), float(np.max(window.sigma_w))
     return f"sigma_w from {least:.3g} to {most:.3g} W in one window: the samples outweigh each other"

@@ -84,8 +84,8 @@ def columns_independent(design: BeamDesign) -> bool:
 def fit_beam(design: BeamDesign, power_w: Array, noise_w: Array) -> LikelihoodFit:
     """Return the maximum-likelihood direction for powers (..., n) of variance `noise_w` (..., n) times their mean.
 
-    Leading dimensions are independent runs at the same beam positions.  A run that does not converge says so.  Raises
-    LinAlgError, a ValueError, where the powers do not determine every unknown.
+    Leading dimensions are independent runs at the same beam positions.  A run that does not converge says so.
+    Raises LinAlgError, a ValueError, where the powers do not determine every unknown.
     """
     columns, products = design.columns, design.products
     unknowns = columns.shape[1]
@@ -139,7 +139,7 @@ def _dot(a: Array, b: Array) -> Array:
 def _inverse(flat: Array) -> Array:
     """Return the inverses of symmetric matrices given as rows (..., k * k); 3 x 3 alone by cofactors, 3 times faster.
 
-    Raises LinAlgError for a singular one; 3 x 3 the determinant, a product of eigenvalues, stands for the least of them.
+    Raises LinAlgError for a singular one.  3 x 3 the determinant, the product of the eigenvalues, is judged.
     """
     if flat.shape != (9,):
         matrix = _square(flat)

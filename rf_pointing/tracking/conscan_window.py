@@ -11,10 +11,10 @@ __all__ = ["SMALLEST_INFORMATION", "ConscanWindow", "is_singular", "rank_fault",
 Array = NDArray[np.float64]
 
 SMALLEST_INFORMATION = 1e-13
-"""Least eigenvalue of an information matrix whose diagonal is scaled to one; below it the unknowns are not determined.
+"""Least eigenvalue of an information matrix, its diagonal scaled to one, that determines the unknowns.
 
-Rounding makes 1e-15 of an exact zero, of either sign and different on every processor, so an inverse must not be tried
-first and judged after.  At 1e-13 the inverse is still good to 1 %.
+Rounding makes 1e-15 of an exact zero, of either sign and different on every processor.  To invert first
+and judge the result afterwards would leave the verdict to it.  At 1e-13 the inverse is good to 1 %.
 """
 
 
@@ -90,7 +90,7 @@ class ConscanWindow:
 
 
 def is_singular(information: Array) -> bool:
-    """Return whether one of these symmetric matrices (..., k, k) leaves an unknown undetermined, whatever their units."""
+    """Return whether one of these symmetric matrices (..., k, k) leaves an unknown undetermined."""
     scale = np.sqrt(np.diagonal(information, axis1=-2, axis2=-1))
     if not (np.all(scale > 0.0) and np.all(np.isfinite(scale))):
         return True

@@ -76,7 +76,7 @@ def test_a_source_140_db_below_another_is_not_taken_for_the_same() -> None:
 
 def test_two_sources_in_one_direction_are_refused() -> None:
     same = np.stack([direction_from_polar(0.5, 0.2)] * 2)
-    with pytest.raises(ValueError, match="cannot be told apart"):
+    with pytest.raises(ValueError, match="cannot be separated"):
         direction_bound_rad2(ARRAY, same, np.diag([1.0 + 0j, 1.0]), 100)
 
 

@@ -210,7 +210,7 @@ def test_a_spin_as_long_as_the_scan_is_named() -> None:
     assert error.reason == "the spin cannot be told from the scan: spin_periods_s=(32.0,)"
 
 
-def test_the_last_bits_do_not_decide_whether_the_spin_can_be_told_from_the_scan() -> None:
+def test_the_last_bits_do_not_decide_whether_the_spin_is_separable_from_the_scan() -> None:
     """An exact zero is one only up to rounding, which is another on every processor."""
     rng = random_stream(5, "last bits")
     for _ in range(20):
@@ -225,7 +225,7 @@ def test_a_drift_like_the_motion_of_the_beam_is_named() -> None:
     for k in range(32):
         error = tracker.add(power(k + 1.0, 1.0), float(across[k]), R * math.cos(0.4 * k))
     assert error is not None
-    assert error.reason == "the drift of the power cannot be told from the motion of the beam"
+    assert error.reason == "the drift of the power cannot be separated from the motion of the beam"
 
 
 def test_radius_beyond_half_the_beam_is_refused() -> None:
