@@ -25,6 +25,10 @@ __all__ = ["HeldOut", "TermSelection", "held_out_passes", "select_terms"]
 Array = NDArray[np.float64]
 
 _MOST_STEPS = 100
+_NOTHING = 1e-13
+"""Of the longest column: a shorter one is rounding (the sine of pi is 1e-16)."""
+_SAME_BIC = 1e-4
+"""Criteria this close are equal: chi squared is a difference of sums whose rounding may reach 1e-6."""
 
 
 @dataclass(frozen=True)
@@ -121,7 +125,9 @@ class _Search:
         matrix, right = self.triangle.factor[:, columns], self.triangle.factor[:, -1]
         if not columns:
             return float(right @ right)
-        scaled = matrix / np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
+        lengths = np.linalg.norm(matrix, axis=0)
+        # A column of rounding alone, scaled to one, would explain some noise: it stays zero.
+        scaled = np.where(lengths > _NOTHING * np.max(lengths), matrix / np.maximum(lengths, 1e-300), 0.0)
         left, singular, _ = np.linalg.svd(scaled, full_matrices=False)
         left = left[:, singular > 1e-9 * singular[0]]
         return float(right @ right - np.sum((left.T @ right) ** 2))
@@ -136,8 +142,15 @@ class _Search:
         """Return the removal that lowers the BIC, else the addition that lowers it most by enough, else None."""
         removals = [(self.bic(chosen - {name}), name) for name in chosen - always]
         if removals and min(removals)[0] < bic:
-            return "remove", min(removals)[1], min(removals)[0]
+            return "remove", *_least(removals)
         additions = [(self.bic(chosen | {name}), name) for name in self.triangle.names if name not in chosen]
         if additions and min(additions)[0] < bic - improvement:
-            return "add", min(additions)[1], min(additions)[0]
+            return "add", *_least(additions)
         return None
+
+
+def _least(moves: list[tuple[float, str]]) -> tuple[str, float]:
+    """Return the move to the least criterion; of inseparable terms, equal but for rounding, the first by name."""
+    least = min(moves)[0]
+    name, bic = min((name, bic) for bic, name in moves if bic <= least + _SAME_BIC)
+    return name, bic

@@ -132,7 +132,8 @@ class Triangle:
     def _inverse(self, scaled: Array, scale: Array) -> Array:
         inverse = _inverse_of(scaled)
         # The Frobenius norms bound the condition number from above: only a suspect matrix pays for its SVD.
-        if inverse is None or np.vdot(inverse, inverse) * len(scaled) > RANK_TOLERANCE**-2:
+        # "not <=" and not ">": the bound of an inverse that overflowed is not a number.
+        if inverse is None or not np.vdot(inverse, inverse) * len(scaled) <= RANK_TOLERANCE**-2:
             _, singular, rotation = np.linalg.svd(scaled)
             lost = singular < RANK_TOLERANCE * singular[0]
             if inverse is None or np.any(lost):
@@ -268,8 +269,7 @@ def _inverse_of(triangle: Array) -> Array | None:
 def _null_space_message(names: Sequence[str], directions: Array, scale: Array) -> str:
     """Return the refusal for null directions (m, k) of the matrix whose columns have norm `scale` (k,)."""
     sentences = []
-    for direction in directions:
-        effect = np.abs(direction * scale)
+    for effect in np.abs(_echelon(directions * scale)):
         involved = [name for name, share in zip(names, effect / np.max(effect), strict=True) if share > _SHARE]
         sentences.append(" + ".join(involved))
     everyone = list(dict.fromkeys(name for sentence in sentences for name in sentence.split(" + ")))
@@ -277,3 +277,20 @@ def _null_space_message(names: Sequence[str], directions: Array, scale: Array) -
         f"the data cannot separate {'; '.join(sentences)}: "
         f"fix one of the terms, give a prior, or add {advice_for(everyone)}"
     )
+
+
+def _echelon(rows: Array) -> Array:
+    """Return the reduced basis of the space that `rows` (m, k) span.
+
+    It is unique; which basis an SVD gives depends on the last bits.
+    """
+    rows = rows.copy()
+    for index in range(len(rows)):
+        size = np.max(np.abs(rows[index:]), axis=0)
+        column = int(np.argmax(size > _SHARE * np.max(size)))
+        pivot = index + int(np.argmax(np.abs(rows[index:, column])))
+        rows[[index, pivot]] = rows[[pivot, index]]
+        rows[index] /= rows[index, column]
+        others = np.arange(len(rows)) != index
+        rows[others] -= np.outer(rows[others, column], rows[index])
+    return rows

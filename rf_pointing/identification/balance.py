@@ -15,6 +15,8 @@ __all__ = ["balanced_reduction", "hankel_singular_values"]
 Array = NDArray[np.float64]
 
 _EDGE = 1e-9
+_RANK_TOLERANCE = 1e-7
+"""Of the largest Hankel singular value: the roots of the Gramians have the root of their rounding, 1.5e-8."""
 
 
 def balanced_reduction(model: StateSpace, order: int) -> StateSpace:
@@ -23,12 +25,16 @@ def balanced_reduction(model: StateSpace, order: int) -> StateSpace:
     Raises
     ------
     ValueError
-        If a pole lies outside the unit circle, or fewer states are asked for than there are integrators.
+        If a pole lies outside the unit circle, or `order` is below the number of integrators or above that of the
+        states that respond to the input and show in the output.
     """
     kept, stable = _split(model)
     require_between("order", order, max(1, kept.order), model.order)
-    transform, inverse, _ = _balancing(stable)
+    transform, inverse, singular = _balancing(stable)
     size = order - kept.order
+    rank = int(np.count_nonzero(singular > _RANK_TOLERANCE * np.max(singular, initial=0.0)))
+    if size > rank:
+        raise ValueError(f"order={order} must be <= {kept.order + rank}, the states that respond and show")
     a = (inverse @ stable.a @ transform)[:size, :size]
     b, c = (inverse @ stable.b)[:size], (stable.c @ transform)[:, :size]
     zeros = np.zeros((kept.order, size))
@@ -47,7 +53,7 @@ def _split(model: StateSpace) -> tuple[StateSpace, StateSpace]:
 
     largest = float(np.max(np.abs(np.linalg.eigvals(model.a))))
     if largest > 1.0 + _EDGE:
-        raise ValueError(f"largest pole magnitude {largest} must be <= 1")
+        raise ValueError(f"largest pole magnitude {largest:.12g} must be <= 1")
     upper, basis, count = scipy.linalg.schur(model.a, sort=lambda re, im: np.hypot(re, im) > 1.0 - _EDGE)
     coupling = scipy.linalg.solve_sylvester(upper[:count, :count], -upper[count:, count:], -upper[:count, count:])
     b = basis.T @ model.b

@@ -263,5 +263,5 @@ def _cost(branch: Branch) -> tuple[object, ...]:
     distance = max(0.0, -branch.limit_margin_rad)
     return (
         not branch.works, len(branch.refusals), distance, round(branch.lost_signal_s + branch.late_s, 1),
-        branch.preposition_s + branch.unwind_s,
+        round(branch.preposition_s + branch.unwind_s, 6),  # equally long ones keep their order
     )  # fmt: skip

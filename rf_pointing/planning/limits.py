@@ -10,6 +10,8 @@ from rf_pointing.core import Params, parameter, require_finite
 
 __all__ = ["AxisLimits", "choose_turns", "refusal"]
 
+SAME_RAD = 1e-9
+
 
 @dataclass(frozen=True, kw_only=True)
 class AxisLimits(Params):
@@ -63,4 +65,7 @@ def choose_turns(limits: AxisLimits, azimuth_min_rad: float, azimuth_max_rad: fl
             f"the travel {math.degrees(limits.azimuth_min_rad):.1f} to {math.degrees(limits.azimuth_max_rad):.1f} deg"
         )
     middle = 0.5 * (azimuth_min_rad + azimuth_max_rad)
-    return min(range(first, last + 1), key=lambda turns: abs(middle + turns * turn - present_rad))
+    away = {turns: abs(middle + turns * turn - present_rad) for turns in range(first, last + 1)}
+    nearest = min(away.values())
+    # Half a turn either way is a tie: the lower one, not the one that the last bits prefer.
+    return next(turns for turns in away if away[turns] <= nearest + SAME_RAD)

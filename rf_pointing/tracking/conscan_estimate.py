@@ -7,7 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.core import MU
-from rf_pointing.tracking.conscan_likelihood import BeamDesign, LikelihoodFit, beam_design, fit_beam, least_spread_rad
+from rf_pointing.tracking.conscan_likelihood import (
+    BeamDesign,
+    LikelihoodFit,
+    beam_design,
+    columns_independent,
+    fit_beam,
+    least_spread_rad,
+)
 from rf_pointing.tracking.conscan_linear import linear_estimate
 from rf_pointing.tracking.conscan_parameters import ConscanParams
 from rf_pointing.tracking.conscan_window import ConscanWindow, rank_reason
@@ -126,7 +133,9 @@ def _spin_inflation(params: ConscanParams, window: ConscanWindow, found: Likelih
 
 def _singular_reason(params: ConscanParams, window: ConscanWindow, design: BeamDesign) -> str:
     """Return why the estimate has no solution although the beam moved in both axes."""
-    if np.linalg.matrix_rank(design.columns) < design.columns.shape[1]:
+    if not columns_independent(design):
+        if not params.spin_periods_s:
+            return "the drift of the power cannot be separated from the motion of the beam"
         return f"the spin cannot be told from the scan: spin_periods_s={params.spin_periods_s}"
     least, most = float(np.min(window.sigma_w)), float(np.max(window.sigma_w))
     return f"sigma_w from {least:.3g} to {most:.3g} W in one window: the samples outweigh each other"

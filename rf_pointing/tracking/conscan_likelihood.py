@@ -14,15 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.core import MU
+from rf_pointing.tracking.conscan_window import SMALLEST_INFORMATION, is_singular
 
-__all__ = ["BeamDesign", "LikelihoodFit", "beam_design", "fit_beam", "least_spread_rad"]
+__all__ = ["BeamDesign", "LikelihoodFit", "beam_design", "columns_independent", "fit_beam", "least_spread_rad"]
 
 Array = NDArray[np.float64]
 
 MAX_ITERATIONS = 25
 LOSS = -0.25 / MU  # -mu u^2 / h^2 from the columns 2 mu u / h
+_SINGULAR = "the powers do not determine the direction: one outweighs the others, or the beam moved on a line"
 STEP_TOLERANCE = 2e-3  # of a beamwidth; what is left after that step is below 1e-5
 FRESH_STEP = 1e-2  # after a smaller step the information matrix of the step before still serves
+LARGEST_LOGARITHM = 600.0  # of the power: Newton may overshoot, and exp overflows at 709
 
 
 class BeamDesign(NamedTuple):
@@ -73,10 +76,16 @@ def least_spread_rad(design: BeamDesign) -> float:
     return math.sqrt(max(least, 0.0) / count) * design.half_power_beamwidth_rad / (2.0 * MU)
 
 
+def columns_independent(design: BeamDesign) -> bool:
+    """Return whether equally good samples at these positions determine every unknown."""
+    return not is_singular(_square(np.add.reduce(design.products)))
+
+
 def fit_beam(design: BeamDesign, power_w: Array, noise_w: Array) -> LikelihoodFit:
     """Return the maximum-likelihood direction for powers (..., n) of variance `noise_w` (..., n) times their mean.
 
     Leading dimensions are independent runs at the same beam positions.  A run that does not converge says so.
+    Raises LinAlgError, a ValueError, where the powers do not determine every unknown.
     """
     columns, products = design.columns, design.products
     unknowns = columns.shape[1]
@@ -86,7 +95,7 @@ def fit_beam(design: BeamDesign, power_w: Array, noise_w: Array) -> LikelihoodFi
     solution = _logarithmic_start(design, power_w, weighted, bound)
     size2 = math.inf
     for _ in range(MAX_ITERATIONS):
-        weight = np.exp(solution @ columns.T + design.loss) / noise_w
+        weight = np.exp(_bounded(solution @ columns.T + design.loss)) / noise_w
         moments = weight @ products
         if size2 > FRESH_STEP**2:
             bound = _inverse(moments)
@@ -113,6 +122,10 @@ def _logarithmic_start(design: BeamDesign, power_w: Array, weighted: Array, boun
     return _apply(bound, (weighted * (np.log(power_w) - design.loss)) @ design.columns)
 
 
+def _bounded(logarithm: Array) -> Array:
+    return np.minimum(np.maximum(logarithm, -LARGEST_LOGARITHM), LARGEST_LOGARITHM)
+
+
 def _apply(matrix: Array, vector: Array) -> Array:
     product: Array = matrix @ vector if vector.ndim == 1 else (matrix @ vector[..., None])[..., 0]
     return product
@@ -124,15 +137,25 @@ def _dot(a: Array, b: Array) -> Array:
 
 
 def _inverse(flat: Array) -> Array:
-    """Return the inverses of symmetric matrices given as rows (..., k * k); 3 x 3 alone by cofactors, 3 times faster."""
+    """Return the inverses of symmetric matrices given as rows (..., k * k); 3 x 3 alone by cofactors, 3 times faster.
+
+    Raises LinAlgError for a singular one.  3 x 3 the determinant, the product of the eigenvalues, is judged.
+    """
     if flat.shape != (9,):
-        size = math.isqrt(flat.shape[-1])
-        return np.asarray(np.linalg.inv(flat.reshape(*flat.shape[:-1], size, size)))
+        matrix = _square(flat)
+        if is_singular(matrix):
+            raise np.linalg.LinAlgError(_SINGULAR)
+        return np.asarray(np.linalg.inv(matrix))
     a, b, c, _, d, e, _, _, f = flat.tolist()
     ca, cb, cc = d * f - e * e, c * e - b * f, b * e - c * d
     determinant = a * ca + b * cb + c * cc
-    if not determinant > 0.0:
-        raise np.linalg.LinAlgError(f"determinant={determinant} must be > 0")
+    if not determinant > SMALLEST_INFORMATION * (a * d * f):
+        raise np.linalg.LinAlgError(_SINGULAR)
     ce = b * c - a * e
     adjugate = np.array((ca, cb, cc, cb, a * f - c * c, ce, cc, ce, a * d - b * b))
     return np.asarray(adjugate / determinant).reshape(3, 3)
+
+
+def _square(flat: Array) -> Array:
+    size = math.isqrt(flat.shape[-1])
+    return flat.reshape(*flat.shape[:-1], size, size)

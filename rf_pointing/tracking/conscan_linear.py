@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.core import MU
-from rf_pointing.tracking.conscan_window import ConscanWindow
+from rf_pointing.tracking.conscan_window import ConscanWindow, is_singular
 
 __all__ = ["ConscanEstimate", "linear_errors_rad", "linear_estimate"]
 
@@ -27,10 +27,16 @@ class ConscanEstimate(NamedTuple):
 
 
 def linear_estimate(window: ConscanWindow, half_power_beamwidth_rad: float, radius_rad: float) -> ConscanEstimate:
-    """Return the weighted least-squares estimate of eqs. (13)-(18); it means something only where the power is > 0."""
+    """Return the weighted least-squares estimate of eqs. (13)-(18); it means something only where the power is > 0.
+
+    Raises LinAlgError where the samples do not determine both axes and the power.
+    """
     rows = _rows(window, half_power_beamwidth_rad, radius_rad)
     weighted = rows / window.sigma_w**2
-    variance = np.linalg.inv(weighted @ rows.T)
+    information = weighted @ rows.T
+    if is_singular(information):
+        raise np.linalg.LinAlgError("the samples do not determine the direction: one outweighs the others")
+    variance = np.linalg.inv(information)
     mean, right, up = variance @ (weighted @ window.power_w)
     scale = half_power_beamwidth_rad**2 / (2.0 * MU * radius_rad)
     jacobian = scale / mean * np.array([[-right / mean, 1.0, 0.0], [-up / mean, 0.0, 1.0]])

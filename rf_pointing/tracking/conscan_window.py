@@ -6,9 +6,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["ConscanWindow", "rank_fault", "rank_reason"]
+__all__ = ["SMALLEST_INFORMATION", "ConscanWindow", "is_singular", "rank_fault", "rank_reason"]
 
 Array = NDArray[np.float64]
+
+SMALLEST_INFORMATION = 1e-13
+"""Least eigenvalue of an information matrix, its diagonal scaled to one, that determines the unknowns.
+
+Rounding makes 1e-15 of an exact zero, of either sign and different on every processor.  To invert first
+and judge the result afterwards would leave the verdict to it.  At 1e-13 the inverse is good to 1 %.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +87,15 @@ class ConscanWindow:
         rows[:, 3] -= cross_elevation_rad
         rows[:, 4] -= elevation_rad
         return ConscanWindow(rows)
+
+
+def is_singular(information: Array) -> bool:
+    """Return whether one of these symmetric matrices (..., k, k) leaves an unknown undetermined."""
+    scale = np.sqrt(np.diagonal(information, axis1=-2, axis2=-1))
+    if not (np.all(scale > 0.0) and np.all(np.isfinite(scale))):
+        return True
+    least = np.linalg.eigvalsh(information / (scale[..., :, None] * scale[..., None, :]))[..., 0]
+    return not bool(np.all(least > SMALLEST_INFORMATION))
 
 
 def rank_fault(positions_rad: Array, smallest_spread_rad: float) -> str:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from rf_pointing.core import MDEG, MonopulseCluster, Params, parameter
 from rf_pointing.tracking.cluster import cluster_fault
 from rf_pointing.tracking.conscan_likelihood import beam_design, fit_beam
-from rf_pointing.tracking.conscan_window import rank_fault
+from rf_pointing.tracking.conscan_window import is_singular, rank_fault
 from rf_pointing.tracking.monopulse import CURVES, difference_ratio, sample_period_s
 from rf_pointing.tracking.monopulse_calibration import MonopulseCalibration
 from rf_pointing.tracking.scan import ScanParams
@@ -130,7 +130,12 @@ class MonopulseCalibrator:
         solution, covariances, misfit = np.empty((3, 2), dtype=complex), [], 0.0
         for channel in (0, 1):
             weighted = columns * weight[:, channel, None]
-            covariances.append(np.linalg.inv(weighted.T @ columns))
+            information = weighted.T @ columns
+            if is_singular(information):
+                raise ValueError(
+                    "calibration scan: one cluster outweighs the others, or all lie beyond the feed's curve"
+                )
+            covariances.append(np.linalg.inv(information))
             solution[:, channel] = covariances[-1] @ (weighted.T @ ratios[:, channel])
             residual = ratios[:, channel] - columns @ solution[:, channel]
             misfit += float(np.sum(weight[:, channel] * np.abs(residual) ** 2))

@@ -47,7 +47,18 @@ def test_full_order_changes_nothing(planted: StateSpace) -> None:
     np.testing.assert_allclose(same.response(FREQUENCY_HZ), planted.response(FREQUENCY_HZ), rtol=1e-6)
 
 
+def test_an_order_beyond_the_states_that_respond_and_show_is_refused(stable: StateSpace) -> None:
+    """Two states that the input does not reach: their singular values are rounding."""
+    a = np.block([[stable.a, np.ones((7, 2))], [np.zeros((2, 7)), 0.5 * np.eye(2)]])
+    b, c = np.vstack([stable.b, np.zeros((2, 1))]), np.hstack([stable.c, np.ones((1, 2))])
+    turn, _ = np.linalg.qr(np.random.default_rng(7).standard_normal((9, 9)))
+    idle = StateSpace(turn @ a @ turn.T, turn @ b, c @ turn.T, stable.d, stable.sample_s)
+    assert balanced_reduction(idle, 7).order == 7
+    with pytest.raises(ValueError, match="order=8 must be <= 7"):
+        balanced_reduction(idle, 8)
+
+
 def test_an_unstable_pole_is_refused(stable: StateSpace) -> None:
     unstable = StateSpace(1.2 * stable.a / 0.93, stable.b, stable.c, stable.d, 0.02)
-    with pytest.raises(ValueError, match=r"largest pole magnitude 1\.1999"):
+    with pytest.raises(ValueError, match=r"largest pole magnitude 1\.2 must be <= 1"):
         balanced_reduction(unstable, 3)

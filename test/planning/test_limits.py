@@ -98,3 +98,10 @@ def test_a_pass_longer_than_the_travel_fits_no_turn() -> None:
         ValueError, match=r"azimuth 0\.0 to 441\.0 deg fits no turn within the travel -220\.0 to 220\.0"
     ):
         choose_turns(LIMITS, 0.0, math.radians(441.0), 0.0)
+
+
+def test_half_a_turn_either_way_is_not_decided_by_the_last_bits(random: np.random.Generator) -> None:
+    for middle in random.uniform(-0.6, 0.6, 50).tolist():
+        present = middle + math.pi * (1.0 + 1e-15 * random.standard_normal())
+        wide = LIMITS.replace(azimuth_min_rad=-12.0, azimuth_max_rad=12.0)
+        assert choose_turns(wide, middle - 0.1, middle + 0.1, present) == 0

@@ -200,7 +200,7 @@ def test_a_window_that_one_sample_outweighs_is_named(estimator: str) -> None:
         error = tracker.add(power(k + 1.0, 1.0, sigma), R * math.cos(angle), R * math.sin(angle))
     assert error is not None
     assert not error.valid
-    assert error.reason
+    assert error.reason == "sigma_w from 1e-30 to 0.001 W in one window: the samples outweigh each other"
 
 
 def test_a_spin_as_long_as_the_scan_is_named() -> None:
@@ -208,6 +208,24 @@ def test_a_spin_as_long_as_the_scan_is_named() -> None:
     error = run(tracker, 2.0 * np.pi * np.arange(1, 33) / 32, 0.0, 0.0)
     assert not error.valid
     assert error.reason == "the spin cannot be told from the scan: spin_periods_s=(32.0,)"
+
+
+def test_the_last_bits_do_not_decide_whether_the_spin_is_separable_from_the_scan() -> None:
+    """An exact zero is one only up to rounding, which is another on every processor."""
+    rng = random_stream(5, "last bits")
+    for _ in range(20):
+        tracker = ConscanTracker(params(estimator="likelihood", spin_periods_s=(32.0,)))
+        angles = 2.0 * np.pi * np.arange(1, 33) / 32 * (1.0 + 1e-15 * rng.standard_normal(32))
+        assert run(tracker, angles, 0.0, 0.0).reason == "the spin cannot be told from the scan: spin_periods_s=(32.0,)"
+
+
+def test_a_drift_like_the_motion_of_the_beam_is_named() -> None:
+    tracker = ConscanTracker(params(estimator="likelihood", drift=True))
+    across = np.linspace(-R, R, 32)
+    for k in range(32):
+        error = tracker.add(power(k + 1.0, 1.0), float(across[k]), R * math.cos(0.4 * k))
+    assert error is not None
+    assert error.reason == "the drift of the power cannot be separated from the motion of the beam"
 
 
 def test_radius_beyond_half_the_beam_is_refused() -> None:

@@ -99,6 +99,19 @@ def test_a_round_with_one_absurd_power_is_named_and_the_next_is_good(factor: flo
     assert found[1].cross_elevation_rad == pytest.approx(10.0 * MDEG, abs=1e-4 * MDEG)
 
 
+@pytest.mark.parametrize("factor", [1e16, 1e30, 1e200])
+def test_the_last_bits_do_not_decide_whether_a_round_is_solved(factor: float) -> None:
+    rng = random_stream(5, "last bits")
+    for _ in range(20):
+        tracker, error = StepTracker(StepTrackParams()), None
+        watts = np.where(np.arange(8) == 3, factor, 1.0) * 3e-17 * (1.0 + 1e-15 * rng.standard_normal(8))
+        for k in range(8):
+            u, v = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[k // 2]
+            error = tracker.add(meter(k + 1.0, float(watts[k])), 0.2 * H * u, 0.2 * H * v)
+        assert error is not None
+        assert "a sample outweighs the others" in error.reason
+
+
 def test_a_sample_out_of_order_is_counted() -> None:
     tracker = StepTracker(StepTrackParams())
     assert tracker.add(meter(2.0, 1e-17), 0.2 * H, 0.0) is None

@@ -85,9 +85,14 @@ def _linearise(
 
 
 def _require_rank(jacobian: ComplexArray, elements: int) -> None:
-    _, values, vectors = np.linalg.svd(jacobian, full_matrices=False)
-    if len(values) < jacobian.shape[1] or values[-1] * LARGEST_CONDITION < values[0]:
-        worst = int(np.argmax(np.abs(vectors[-1])))
+    _, values, vectors = np.linalg.svd(jacobian, full_matrices=len(jacobian) < jacobian.shape[1])
+    values = np.append(values, np.zeros(jacobian.shape[1] - len(values)))
+    lost = values * LARGEST_CONDITION < values[0]
+    if np.any(lost):
+        # The basis of the undetermined space, and ties within it, depend on the last bits: of the worst
+        # unknowns the first is named.
+        share = np.linalg.norm(vectors[lost], axis=0)
+        worst = int(np.argmax(share > 0.999 * np.max(share)))
         name = f"gain[{worst + 1}]" if worst < elements - 1 else f"coupling[{worst - elements + 1}]"
         raise ValueError(
             f"pilots do not determine {name}: condition {values[0] / max(values[-1], 1e-300):.3g} "
@@ -109,7 +114,7 @@ def _fit(response: ArrayResponse, residual: ComplexArray, jacobian: ComplexArray
         covariance=covariance,
         correlation=covariance / np.outer(sigma, sigma),
         residual=residual,
-        rank=int(np.linalg.matrix_rank(jacobian)),
+        rank=int(np.count_nonzero(values * LARGEST_CONDITION >= values[0])),
         condition=float(values[0] / values[-1]),
         iterations=iterations,
     )

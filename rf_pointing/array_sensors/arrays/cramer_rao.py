@@ -30,6 +30,11 @@ __all__ = ["cosine_sigma_rad", "direction_bound_rad2", "effective_snr", "polar_s
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
+SMALLEST_SEPARATION = 1e-9
+"""Ratio of the singular values of the responses below which two directions are one."""
+SMALLEST_INFORMATION = 1e-13
+"""Eigenvalue of the information matrix scaled to a unit diagonal; rounding leaves 1e-15 of a zero."""
+
 
 def cosine_sigma_rad(array: CircularArrayParams, snapshots: int, snr: float) -> float:
     """Return the bound on the standard deviation of each direction cosine, one source, `snr` per element (ratio)."""
@@ -89,10 +94,15 @@ def direction_bound_rad2(
     taylor = steering_taylor(array)
     received = (matrix @ ideal.T).astype(np.complex128)
     slopes = np.concatenate([matrix @ (ideal * taylor[:, i]).T for i in (1, 2)], axis=1)
+    values = np.linalg.svd(received, compute_uv=False)
+    if values[-1] < SMALLEST_SEPARATION * values[0]:
+        raise ValueError(f"directions cannot be separated: {directions.tolist()}")
     covariance = received @ source_covariance @ received.conj().T + np.eye(array.elements)
     off = slopes - received @ np.linalg.lstsq(received, slopes, rcond=None)[0]
     weight = source_covariance @ received.conj().T @ np.linalg.solve(covariance, received) @ source_covariance
     information = 2.0 * snapshots * np.real((off.conj().T @ off) * np.tile(weight, (2, 2)).T)
-    if np.linalg.cond(information) > 1e14:
-        raise ValueError("directions cannot be told apart: the information matrix is singular")
+    scale = np.sqrt(np.maximum(np.diag(information), 0.0))
+    # Scaled to a unit diagonal: sources of very different power are no reason to refuse.
+    if not np.all(scale > 0.0) or np.linalg.eigvalsh(information / np.outer(scale, scale))[0] < SMALLEST_INFORMATION:
+        raise ValueError("directions cannot be separated: the information matrix is singular")
     return np.asarray(np.linalg.inv(information), dtype=np.float64)

@@ -10,6 +10,8 @@ from rf_pointing.array_sensors.arrays.covariance import eigen
 
 __all__ = ["count_sources"]
 
+ROUNDING = 1e-12  # of the largest eigenvalue
+
 
 def count_sources(covariance: NDArray[np.complex128], snapshots: int) -> NDArray[np.intp]:
     """Return the number of sources (n,) in covariances (n, M, M), 0 to M - 1.
@@ -22,7 +24,9 @@ def count_sources(covariance: NDArray[np.complex128], snapshots: int) -> NDArray
     elements = covariance.shape[-1]
     if snapshots < elements:
         raise ValueError(f"snapshots={snapshots} must be >= elements={elements} to count sources")
-    values = np.maximum(eigen(covariance, elements).values, 1e-300)
+    values = eigen(covariance, elements).values
+    # Without noise the smallest are rounding of either sign: their logarithms would decide the count.
+    values = np.maximum(values, ROUNDING * values[..., :1])
     scores = []
     for sources in range(elements):
         rest = values[..., sources:]

@@ -29,6 +29,8 @@ GRID_POINTS = 25
 GRID_SIGMAS = 5.0
 REFINEMENTS = 6
 CHUNK = 2000
+SMALLEST_PART = 1e-12
+"""Least part of the sum beam in the principal eigenvector, of unit length."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,7 +63,8 @@ def total_least_squares_ratios(matrix: ArrayLike, noise_variances: ArrayLike) ->
     """
     vector = np.linalg.eigh(np.asarray(matrix, dtype=np.float64))[1][..., -1]
     scaled = vector * np.sqrt(_noise(noise_variances))
-    if np.any(scaled[..., 0] == 0.0):
+    # A vector of unit length: what should be zero is 1e-17 or so, and would be divided by.
+    if np.any(np.abs(vector[..., 0]) < SMALLEST_PART):
         raise ValueError("the signals have no part in the sum beam: the ratios are not defined")
     return np.asarray(scaled[..., 1:] / scaled[..., :1])
 

@@ -54,6 +54,9 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
+SMALLEST_DETERMINANT = 1e-12
+"""Of an innovation covariance scaled to a unit diagonal; rounding leaves 1e-16 of an exact zero."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class GateParams(Params):
@@ -204,7 +207,7 @@ def _inverse_spread(spread: Array) -> Array:
     """Return the inverse (..., 2, 2) of innovation covariances; a singular one is refused."""
     a, b, c = spread[..., 0, 0], spread[..., 0, 1], spread[..., 1, 1]
     determinant = a * c - b * b
-    if not np.all(determinant > 0.0):
+    if not np.all(determinant > SMALLEST_DETERMINANT * a * c):
         raise ValueError(f"innovation covariance has determinant {np.min(determinant)}, must be > 0: singular")
     inverse = np.empty(spread.shape)
     inverse[..., 0, 0], inverse[..., 1, 1] = c / determinant, a / determinant

@@ -34,6 +34,8 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
+_ROUNDING = 1e-9
+
 
 @dataclass(frozen=True, kw_only=True)
 class SatelliteParams(Params):
@@ -49,7 +51,8 @@ class SatelliteParams(Params):
     def check_together(self) -> None:
         """Refuse an inertia that no body has: principal moments break the triangle inequality."""
         low, middle, high = np.linalg.eigvalsh(_inertia_matrix(self))
-        if low <= 0.0 or low + middle < high:
+        # A flat body has low + middle = high, a thin rod low = 0: neither is left to the last bits.
+        if low <= _ROUNDING * high or low + middle < (1.0 - _ROUNDING) * high:
             raise ValueError(f"principal moments {low}, {middle}, {high} kg m^2: none may exceed the sum of the others")
 
 

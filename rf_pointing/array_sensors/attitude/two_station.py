@@ -15,6 +15,7 @@ __all__ = ["bisector_rotation", "direction_covariances", "directions_from_projec
 Array = NDArray[np.float64]
 
 SMALLEST_HEIGHT = 1e-3
+SMALLEST_EIGENVALUE = 1e-12  # of the largest: rounding leaves 1e-16 of an exact zero, of either sign
 """Of T_z: nearer to the plane of the array its error grows beyond every bound."""
 
 
@@ -60,7 +61,8 @@ def direction_covariances(projections: ArrayLike, covariances: ArrayLike) -> Arr
     if c.shape[-2:] != (2, 2):
         raise ValueError(f"covariances has shape {c.shape}, must be (..., 2, 2)")
     require_finite("covariances", c)
-    if np.any(np.linalg.eigvalsh(c)[..., 0] <= 0.0):
+    values = np.linalg.eigvalsh(c)
+    if np.any(values[..., 0] <= SMALLEST_EIGENVALUE * values[..., 1]):
         raise ValueError(f"covariances={c} must be positive definite: singular covariance")
     slopes = cosine_slopes(t)
     return np.asarray(slopes @ c @ np.swapaxes(slopes, -1, -2))

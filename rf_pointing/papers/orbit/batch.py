@@ -129,7 +129,7 @@ def _pseudo_inverse(matrix: Array) -> tuple[Array, Array, float]:
         raise ValueError(f"{len(matrix)} measurements do not determine {', '.join(silent or _STATE_NAMES)}")
     left, singular, rotation = np.linalg.svd(matrix / scale, full_matrices=False)
     if singular[-1] < _RANK_TOLERANCE * singular[0]:
-        direction = np.abs(rotation[-1])
+        direction = np.linalg.norm(rotation[singular < _RANK_TOLERANCE * singular[0]], axis=0)
         names = [n for n, share in zip(_STATE_NAMES, direction / direction.max(), strict=True) if share > 0.1]
         raise ValueError(f"the measurements cannot separate {', '.join(names)} of the orbit")
     root = (rotation.T / singular) / scale[:, np.newaxis]

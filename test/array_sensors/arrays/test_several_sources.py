@@ -71,3 +71,10 @@ def test_description_length_counts_the_sources(sources: int, stream: np.random.G
 def test_counting_needs_as_many_snapshots_as_elements() -> None:
     with pytest.raises(ValueError, match="snapshots=11 must be >= elements=12"):
         count_sources(np.eye(12, dtype=complex)[None], 11)
+
+
+@pytest.mark.parametrize("sources", [1, 2])
+def test_without_noise_the_count_is_not_made_from_rounding(sources: int, stream: np.random.Generator) -> None:
+    a = steering(ARRAY, TWO[:sources]).T
+    waves = stream.normal(size=(20, sources, 100)) + 1j * stream.normal(size=(20, sources, 100))
+    assert np.all(count_sources(sample_covariance(a @ waves), 100) == sources)

@@ -128,5 +128,16 @@ def test_inertia_that_no_body_has_is_refused() -> None:
         SatelliteParams(izz_kg_m2=20.0)
 
 
+def test_a_flat_body_is_accepted_whatever_its_last_bits(stream: np.random.Generator) -> None:
+    """Its two small moments sum up to the third; turned axes leave no eigenvalue exact."""
+    for _ in range(20):
+        axes, _ = np.linalg.qr(stream.normal(size=(3, 3)))
+        i = axes @ np.diag([1.0, 2.0, 3.0]) @ axes.T
+        SatelliteParams(
+            ixx_kg_m2=i[0, 0], iyy_kg_m2=i[1, 1], izz_kg_m2=i[2, 2],
+            ixy_kg_m2=i[0, 1], ixz_kg_m2=i[0, 2], iyz_kg_m2=i[1, 2],
+        )  # fmt: skip
+
+
 def test_cross_matrix_agrees_with_the_printed_equation_7() -> None:
     assert pytest.approx(np.array([[0, -3, 2], [3, 0, -1], [-2, 1, 0.0]])) == cross_matrix(np.array([1.0, 2.0, 3.0]))

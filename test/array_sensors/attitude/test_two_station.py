@@ -74,6 +74,13 @@ def test_projections_without_a_direction_in_front_of_the_array_are_refused(proje
         directions_from_projections(projection)
 
 
+def test_a_covariance_singular_but_for_rounding_is_refused() -> None:
+    rng = random_stream(2, "singular covariance")
+    for line in rng.normal(size=(50, 2, 1)):
+        with pytest.raises(ValueError, match="singular covariance"):
+            direction_covariances([0.0, 0.0], line @ line.T)
+
+
 @pytest.mark.parametrize("covariance", [np.zeros((2, 2)), [[1.0, 1.0], [1.0, 1.0]], [[1.0, 2.0], [2.0, 1.0]]])
 def test_singular_covariance_is_refused(covariance: np.ndarray) -> None:
     with pytest.raises(ValueError, match="singular covariance"):

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 __all__ = ["minimum_variance_step"]
 
 Array = NDArray[np.float64]
-_SMALLEST_RECIPROCAL_CONDITION = 1e-12
+_SMALLEST_EIGENVALUE = 1e-12  # of a matrix scaled to a unit diagonal; rounding leaves 1e-15 of an exact zero
 
 
 def minimum_variance_step(
@@ -28,7 +28,7 @@ def minimum_variance_step(
     if np.any(scale == 0.0) or not np.all(np.isfinite(scale)):
         raise ValueError("gradient has a zero or undefined column: a parameter is not determined")
     scaled = information / (scale[..., :, None] * scale[..., None, :])
-    if np.any(np.linalg.eigvalsh(scaled)[..., 0] < _SMALLEST_RECIPROCAL_CONDITION):
+    if np.any(np.linalg.eigvalsh(scaled)[..., 0] < _SMALLEST_EIGENVALUE):
         raise ValueError("gradient is rank deficient: the measurements do not determine all parameters")
     h = np.linalg.inv(scaled) / (scale[..., :, None] * scale[..., None, :])
     projected = np.einsum("...mn,...m->...n", weighted, np.asarray(innovation, dtype=np.float64))
@@ -36,8 +36,16 @@ def minimum_variance_step(
 
 
 def _weighted(gradient: Array, covariance: Array) -> Array:
-    try:
-        np.linalg.cholesky(covariance)
-    except np.linalg.LinAlgError:
-        raise ValueError("covariance is singular or not positive definite: a measurement is certain or NaN") from None
+    if not _is_positive_definite(covariance):
+        raise ValueError("covariance is singular or not positive definite: a measurement is certain or NaN")
     return np.asarray(np.linalg.solve(covariance, gradient))
+
+
+def _is_positive_definite(covariance: Array) -> bool:
+    # Not by Cholesky: whether it succeeds on a singular matrix is up to the last bits.
+    variance = np.einsum("...kk->...k", covariance)
+    if not (np.all(np.isfinite(covariance)) and np.all(variance > 0.0)):
+        return False
+    sigma = np.sqrt(variance)
+    least = np.linalg.eigvalsh(covariance / (sigma[..., :, None] * sigma[..., None, :]))[..., 0]
+    return bool(np.all(least > _SMALLEST_EIGENVALUE))

@@ -34,6 +34,13 @@ def test_undetermined_parameters_are_refused(gradient, message: str) -> None:
         minimum_variance_step(gradient, np.ones(3))
 
 
+def test_a_covariance_singular_but_for_rounding_is_refused(rng) -> None:
+    """A Cholesky factor exists or not by the last bits."""
+    for root in rng.normal(size=(50, 3, 2)):
+        with pytest.raises(ValueError, match="covariance is singular or not positive definite"):
+            minimum_variance_step(np.array([[1.0], [2.0], [3.0]]), np.ones(3), root @ root.T)
+
+
 @pytest.mark.parametrize("covariance", [np.ones((3, 3)), np.diag([1.0, -1.0, 1.0]), np.diag([1.0, 0.0, 1.0])])
 def test_a_singular_covariance_is_refused(covariance) -> None:
     with pytest.raises(ValueError, match="covariance is singular or not positive definite"):
