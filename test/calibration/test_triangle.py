@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
+from rf_pointing.calibration.triangle import _null_space_message as null_space_message
 
-from rf_pointing.calibration.separability import null_space_message
 from rf_pointing.calibration.triangle import Triangle, triangle_of
 
 NAMES = ("azimuth_offset", "collimation", "droop")
