@@ -14,6 +14,10 @@ PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *DOCS.rglob("*.md"
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 CODE = re.compile(r"```.*?```", re.DOTALL)
 SPAN = re.compile(r"`([^`\n]+)`")
+CITED = re.compile(
+    r"(?<![\w/])([A-Z][A-Z0-9]+(?:-[A-Z0-9]+)?),? (?:eqs?\.|equations?|[Tt]ables?|[Ss]ections?|Figs?\.) \(?[\dIV]"
+)
+"""A source by its short name: capitals, followed by the number of an equation, table, section or figure."""
 FOLDERS = "benchmarks|config|docs|examples|launch|msg_defs|requirements|rf_pointing|scripts|test"
 PATH = re.compile(rf"(?<![\w/.~-])(?:{FOLDERS})/[\w./-]*\w")
 """A path of the tree in a code span or a code block; `runs/` and other results are not part of it."""
@@ -112,6 +116,15 @@ def test_the_first_steps_print_what_the_page_states() -> None:
         [sys.executable, "examples/first_steps.py"], cwd=ROOT, capture_output=True, text=True, check=True, timeout=120
     )
     assert run.stdout == block("output")
+
+
+def test_every_source_that_is_cited_by_equation_or_table_is_in_the_bibliography() -> None:
+    listed = " ".join(re.findall(r"^\*\*(.+?)\*\*", (DOCS / "bibliography.md").read_text(), re.MULTILINE))
+    cited = set()
+    for path in [*(ROOT / "rf_pointing").rglob("*.py"), *DOCS.rglob("*.md")]:
+        cited.update(CITED.findall(path.read_text()))
+    assert cited
+    assert not {name for name in cited if name not in listed}
 
 
 def test_glossary_is_in_alphabetical_order() -> None:
