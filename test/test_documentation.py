@@ -1,5 +1,7 @@
 """The documents agree with the tree: links lead somewhere, indexes are complete, examples print what they state."""
 
+import ast
+import importlib
 import re
 import subprocess
 import sys
@@ -7,6 +9,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
+from rf_pointing.core.parameter_files import read_parameter_files
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -125,6 +129,31 @@ def test_every_source_that_is_cited_by_equation_or_table_is_in_the_bibliography(
         cited.update(CITED.findall(path.read_text()))
     assert cited
     assert not {name for name in cited if name not in listed}
+
+
+def declared_parameters() -> dict[str, set[str]]:
+    """Return the names of the generated parameter page, by node."""
+    sections = re.split(r"^## ", (DOCS / "parameters.md").read_text(), flags=re.MULTILINE)[1:]
+    return {text.split()[0]: set(re.findall(r"^\| `([\w.]+)` \|", text, re.MULTILINE)) for text in sections}
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if "```yaml" in page.read_text()], ids=shown)
+def test_parameters_of_an_example_file_are_declared(page: Path, tmp_path: Path) -> None:
+    declared = declared_parameters()
+    for number, text in enumerate(re.findall(r"```yaml\n(.*?)```", page.read_text(), re.DOTALL)):
+        (file := tmp_path / f"{number}.yaml").write_text(text)
+        for node, given in read_parameter_files([file]).items():
+            assert not set(given.values) - declared[node], node
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if "```python" in page.read_text()], ids=shown)
+def test_python_in_a_page_imports_names_that_exist(page: Path) -> None:
+    for text in re.findall(r"```python\n(.*?)```", page.read_text(), re.DOTALL):
+        imports = [node for node in ast.parse(text).body if isinstance(node, ast.ImportFrom)]
+        for node in imports:
+            if node.module and node.module.startswith("rf_pointing"):
+                module = importlib.import_module(node.module)
+                assert not [name.name for name in node.names if not hasattr(module, name.name)]
 
 
 def test_glossary_is_in_alphabetical_order() -> None:
