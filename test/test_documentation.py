@@ -1,0 +1,161 @@
+"""The documents agree with the tree: links lead somewhere, indexes are complete, examples print what they state."""
+
+import ast
+import importlib
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from rf_pointing.core.parameter_files import read_parameter_files
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *DOCS.rglob("*.md")])
+LINK = re.compile(r"\]\(([^)\s]+)\)")
+CODE = re.compile(r"```.*?```", re.DOTALL)
+SPAN = re.compile(r"`([^`\n]+)`")
+CITED = re.compile(
+    r"(?<![\w/])([A-Z][A-Z0-9]+(?:-[A-Z0-9]+)?),? (?:eqs?\.|equations?|[Tt]ables?|[Ss]ections?|Figs?\.) \(?[\dIV]"
+)
+"""A source by its short name: capitals, followed by the number of an equation, table, section or figure."""
+FOLDERS = "benchmarks|config|docs|examples|launch|msg_defs|requirements|rf_pointing|scripts|test"
+PATH = re.compile(rf"(?<![\w/.~-])(?:{FOLDERS})/[\w./-]*\w")
+"""A path of the tree in a code span or a code block; `runs/` and other results are not part of it."""
+
+
+def shown(page: Path) -> str:
+    return str(page.relative_to(ROOT))
+
+
+def targets(page: Path) -> Iterator[str]:
+    """Yield the targets of the relative links of a page."""
+    for target in LINK.findall(CODE.sub("", page.read_text())):
+        if not target.startswith(("http://", "https://", "mailto:")):
+            yield target
+
+
+def named_paths(page: Path) -> Iterator[str]:
+    """Yield the paths that code spans and code blocks of a page name."""
+    text = page.read_text()
+    for code in [*CODE.findall(text), *SPAN.findall(CODE.sub("", text))]:
+        yield from PATH.findall(code)
+
+
+def anchor(heading: str) -> str:
+    """Return the anchor that GitHub gives a heading."""
+    kept = re.sub(r"[^\w\- ]", "", heading.replace("`", "").strip().lower())
+    return kept.replace(" ", "-")
+
+
+def anchors(page: Path) -> set[str]:
+    return {anchor(title) for title in re.findall(r"^#+ (.+)$", CODE.sub("", page.read_text()), re.MULTILINE)}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=shown)
+def test_links_lead_to_a_file_and_a_heading(page: Path) -> None:
+    broken = []
+    for target in targets(page):
+        path, _, heading = target.partition("#")
+        found = (page.parent / path).resolve() if path else page
+        if not found.exists() or (heading and found.suffix == ".md" and heading not in anchors(found)):
+            broken.append(target)
+    assert not broken
+
+
+@pytest.mark.parametrize("page", PAGES, ids=shown)
+def test_paths_that_are_named_exist(page: Path) -> None:
+    # A file may be named by its stem: `benchmarks/lqg_tuning` has a .py and a .txt.
+    missing = [path for path in set(named_paths(page)) if not (ROOT / path).exists()]
+    assert not missing
+
+
+@pytest.mark.parametrize(
+    ("folder", "index"), [("decisions", "decisions/README.md"), ("math", "math/README.md"), (".", "README.md")]
+)
+def test_every_page_is_in_its_index(folder: str, index: str) -> None:
+    page = DOCS / index
+    linked = {(page.parent / target.partition("#")[0]).resolve() for target in targets(page)}
+    pages = {path.resolve() for path in (DOCS / folder).glob("*.md")} - {page.resolve()}
+    assert not {path.name for path in pages - linked}
+
+
+def test_every_page_can_be_reached_from_the_readme() -> None:
+    reached, left = set(), [ROOT / "README.md"]
+    while left:
+        page = left.pop()
+        if page not in reached:
+            reached.add(page)
+            found = ((page.parent / target.partition("#")[0]).resolve() for target in targets(page))
+            left += [path for path in found if path.suffix == ".md" and path.exists()]
+    assert not {shown(page) for page in PAGES if page.resolve() not in reached}
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if page.name != "parameters.md"], ids=shown)
+def test_lines_of_prose_are_at_most_100_columns(page: Path) -> None:
+    lines = CODE.sub(lambda match: "\n" * match[0].count("\n"), page.read_text()).splitlines()
+    # A row of a table, a formula and a picture cannot be wrapped.
+    free = ("|", "  ", "![")
+    long = [number for number, line in enumerate(lines, 1) if len(line) > 100 and not line.startswith(free)]
+    assert not long
+
+
+def block(name: str) -> str:
+    """Return the code block between two marker comments of the page of first steps."""
+    text = (DOCS / "getting_started.md").read_text()
+    found = re.search(rf"<!-- {name} -->\n```\w*\n(.*?)```\n<!-- /{name} -->", text, re.DOTALL)
+    assert found is not None
+    return found[1]
+
+
+def test_the_first_steps_are_the_example() -> None:
+    assert block("first steps") == (ROOT / "examples/first_steps.py").read_text()
+
+
+def test_the_first_steps_print_what_the_page_states() -> None:
+    run = subprocess.run(
+        [sys.executable, "examples/first_steps.py"], cwd=ROOT, capture_output=True, text=True, check=True, timeout=120
+    )
+    assert run.stdout == block("output")
+
+
+def test_every_source_that_is_cited_by_equation_or_table_is_in_the_bibliography() -> None:
+    listed = " ".join(re.findall(r"^\*\*(.+?)\*\*", (DOCS / "bibliography.md").read_text(), re.MULTILINE))
+    cited = set()
+    for path in [*(ROOT / "rf_pointing").rglob("*.py"), *DOCS.rglob("*.md")]:
+        cited.update(CITED.findall(path.read_text()))
+    assert cited
+    assert not {name for name in cited if name not in listed}
+
+
+def declared_parameters() -> dict[str, set[str]]:
+    """Return the names of the generated parameter page, by node."""
+    sections = re.split(r"^## ", (DOCS / "parameters.md").read_text(), flags=re.MULTILINE)[1:]
+    return {text.split()[0]: set(re.findall(r"^\| `([\w.]+)` \|", text, re.MULTILINE)) for text in sections}
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if "```yaml" in page.read_text()], ids=shown)
+def test_parameters_of_an_example_file_are_declared(page: Path, tmp_path: Path) -> None:
+    declared = declared_parameters()
+    for number, text in enumerate(re.findall(r"```yaml\n(.*?)```", page.read_text(), re.DOTALL)):
+        (file := tmp_path / f"{number}.yaml").write_text(text)
+        for node, given in read_parameter_files([file]).items():
+            assert not set(given.values) - declared[node], node
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if "```python" in page.read_text()], ids=shown)
+def test_python_in_a_page_imports_names_that_exist(page: Path) -> None:
+    for text in re.findall(r"```python\n(.*?)```", page.read_text(), re.DOTALL):
+        imports = [node for node in ast.parse(text).body if isinstance(node, ast.ImportFrom)]
+        for node in imports:
+            if node.module and node.module.startswith("rf_pointing"):
+                module = importlib.import_module(node.module)
+                assert not [name.name for name in node.names if not hasattr(module, name.name)]
+
+
+def test_glossary_is_in_alphabetical_order() -> None:
+    terms = re.findall(r"^\*\*(.+?)\*\*", (DOCS / "glossary.md").read_text(), re.MULTILINE)
+    assert terms == sorted(terms, key=str.casefold)
