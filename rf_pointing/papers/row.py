@@ -1,9 +1,16 @@
-"""One published number beside ours: the line every `reproduce` command prints."""
+"""One published number beside ours: the line every `reproduce` command prints.
+
+The rows as a table for a terminal: numbers in columns, the remark below the row it belongs to.
+"""
 
 import math
+import textwrap
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-__all__ = ["Row"]
+__all__ = ["Row", "as_table"]
+WIDTH = 118
+HEAD = ("quantity", "source", "paper", "ours", "unit", "tolerance", "holds")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,3 +54,29 @@ class Row:
     def accepted(self) -> bool:
         """Whether the row holds or carries its measured explanation."""
         return self.holds or self.explained
+
+
+def as_table(rows: Sequence[Row]) -> str:
+    """Return the table of `rows`; `holds` reads yes, no, or explained."""
+    cells = [HEAD, *(_cells(row) for row in rows)]
+    widths = [max(len(cell[column]) for cell in cells) for column in range(len(HEAD))]
+    lines = [_line(HEAD, widths), "  ".join("-" * width for width in widths)]
+    for row, cell in zip(rows, cells[1:], strict=True):
+        lines.append(_line(cell, widths))
+        if row.remark:
+            lines += textwrap.wrap(row.remark, WIDTH, initial_indent="    ", subsequent_indent="    ")
+    kept = sum(row.holds for row in rows)
+    explained = sum(row.explained and not row.holds for row in rows)
+    lines.append(f"{kept} of {len(rows)} rows hold, {explained} explained, {len(rows) - kept - explained} open")
+    return "\n".join(lines)
+
+
+def _cells(row: Row) -> tuple[str, ...]:
+    sign = "" if row.bound == "==" else f"{row.bound} "
+    verdict = "yes" if row.holds else "explained" if row.explained else "NO"
+    numbers = (f"{sign}{row.paper:.6g}", f"{row.ours:.6g}")
+    return row.quantity, row.source, *numbers, row.unit, f"{row.tolerance:.3g}", verdict
+
+
+def _line(cells: Sequence[str], widths: Sequence[int]) -> str:
+    return "  ".join(cell.ljust(width) for cell, width in zip(cells, widths, strict=True)).rstrip()
