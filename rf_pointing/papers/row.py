@@ -1,7 +1,4 @@
-"""One published number beside ours: the line every `reproduce` command prints.
-
-The rows as a table for a terminal: numbers in columns, the remark below the row it belongs to.
-"""
+"""A published number and ours: the row that every `reproduce` command prints, and its table."""
 
 import math
 import textwrap
@@ -9,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 __all__ = ["Row", "as_table"]
+
 WIDTH = 118
 HEAD = ("quantity", "source", "paper", "ours", "unit", "tolerance", "holds")
 
@@ -17,8 +15,14 @@ HEAD = ("quantity", "source", "paper", "ours", "unit", "tolerance", "holds")
 class Row:
     """A published number, ours, and whether ours lies within the tolerance.
 
-    `tolerance` is absolute, in `unit`.  With `bound` "<=" or ">=" the paper's number is a one-sided limit.  A row that
-    does not hold needs a `remark` with the measured reason; `explained` says that it carries one.
+    `tolerance` is absolute, in `unit`.  With `bound` "<=" or ">=" the paper's number is a limit on
+    one side.  `explained` accepts a row that does not hold; its `remark` gives the measured reason.
+
+    Raises
+    ------
+    ValueError
+        If `bound` is unknown, `tolerance` is negative or not finite, or an explained row has no
+        remark.
     """
 
     quantity: str
@@ -32,6 +36,11 @@ class Row:
     explained: bool = False
 
     def __post_init__(self) -> None:
+        # Papers compute with numpy, whose scalars pass for float here.  Comparing them gives
+        # numpy.bool_, which json refuses to write: plain Python from here on.
+        for name in ("paper", "ours", "tolerance"):
+            object.__setattr__(self, name, float(getattr(self, name)))
+        object.__setattr__(self, "explained", bool(self.explained))
         if self.bound not in ("==", "<=", ">="):
             raise ValueError(f"bound={self.bound!r} must be one of ==, <=, >=")
         if not (math.isfinite(self.tolerance) and self.tolerance >= 0.0):
