@@ -23,23 +23,22 @@ from contextlib import contextmanager
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.array_sensors.arrays.circular_array import CircularArrayParams, steering
-from rf_pointing.array_sensors.arrays.covariance import sample_covariance
-from rf_pointing.array_sensors.arrays.music import estimate_directions
-from rf_pointing.array_sensors.arrays.polar_direction import direction_from_polar, polar_errors_rad
-from rf_pointing.array_sensors.arrays.search_grid import grid_search
-from rf_pointing.array_sensors.arrays.snapshots import draw_covariances, draw_snapshots
-from rf_pointing.array_sensors.arrays.tripulse_array import TripulseArrayParams
-from rf_pointing.array_sensors.arrays.tripulse_beams import closed_form_signals
-from rf_pointing.array_sensors.arrays.tripulse_montecarlo import failed_element_errors
-from rf_pointing.array_sensors.arrays.tripulse_receiver import TripulseReceiver
-from rf_pointing.array_sensors.arrays.tripulse_robust import posterior_projection_error, signal_matrix
-from rf_pointing.array_sensors.arrays.tripulse_signal import TripulseSignalParams
-from rf_pointing.array_sensors.arrays.tripulse_source import StationLine, TripulseSource, TripulseSourceParams
-from rf_pointing.array_sensors.attitude.two_station import bisector_rotation
 from rf_pointing.array_sensors.attitude.wahba import fit_rotation
+from rf_pointing.array_sensors.doa.array import CircularArrayParams, steering
+from rf_pointing.array_sensors.doa.covariance import sample_covariance
+from rf_pointing.array_sensors.doa.music import estimate_directions
+from rf_pointing.array_sensors.doa.snapshots import draw_covariances, draw_snapshots
+from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams
+from rf_pointing.array_sensors.tripulse.beams import closed_form_signals
+from rf_pointing.array_sensors.tripulse.receiver import TripulseReceiver
+from rf_pointing.array_sensors.tripulse.robust import posterior_projection_error, signal_matrix
+from rf_pointing.array_sensors.tripulse.signal import TripulseSignalParams
+from rf_pointing.array_sensors.tripulse.source import StationLine, TripulseSource, TripulseSourceParams
+from rf_pointing.array_sensors.tripulse.station_attitude import bisector_rotation
 from rf_pointing.core import random_stream
 from rf_pointing.papers.doa import run_tables
+from rf_pointing.papers.doa_study.directions import direction_from_polar, grid_search, polar_errors_rad
+from rf_pointing.papers.tripulse_noise import failed_element_errors
 
 ARRAY = CircularArrayParams()
 TRIPULSE = TripulseArrayParams()
@@ -198,8 +197,7 @@ def best_us(task, count: int, runs: int = 3) -> tuple[float, NDArray[np.float64]
 
 def residual_rad(covariance: NDArray[np.complex128], found: NDArray[np.float64]) -> float:
     """Return the largest step that one more refinement would take."""
-    from rf_pointing.array_sensors.arrays.music import principal_eigenvectors
-    from rf_pointing.array_sensors.arrays.peak_refinement import refine_peaks
+    from rf_pointing.array_sensors.doa.music import principal_eigenvectors, refine_peaks
 
     again = refine_peaks(ARRAY, principal_eigenvectors(covariance, ARRAY.elements)[:, :, None], found)
     return float(np.max(np.linalg.norm(again.direction - found, axis=-1)))

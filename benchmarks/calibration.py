@@ -29,8 +29,9 @@ from rf_pointing.calibration import (  # noqa: E402
     process_pass,
 )
 from rf_pointing.core import random_stream  # noqa: E402
-from rf_pointing.papers.orbit import Gravity, look, propagate, visits  # noqa: E402
-from rf_pointing.papers.satcal_data import APRIL_T_S, IRS_P3_APRIL, ORBIT_PRIORS, PCMC_DEG, SITES, model_of  # noqa: E402
+from rf_pointing.papers.orbit.measurements import look, visits  # noqa: E402
+from rf_pointing.papers.orbit.motion import Gravity, propagate  # noqa: E402
+from rf_pointing.papers.satcal_campaign import APRIL_T_S, IRS_P3_APRIL, ORBIT_PRIORS, PCMC_DEG, SITES, model_of  # noqa: E402
 
 CORRECTIONS = Corrections(light_time=True, troposphere=None, ionosphere=None, range_delay_m=0.0)
 TERMS = tuple(PCMC_DEG["PCMC-1"])

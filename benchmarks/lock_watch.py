@@ -9,7 +9,7 @@ two minutes a pass.  The exit status says whether a lock was doubted.
 import sys
 
 from rf_pointing.core import MDEG
-from rf_pointing.papers.autotrack_watch import doubted_passes, flip_found_s
+from rf_pointing.papers.autotrack import doubted_passes, flip_found_s
 
 FIRST_SEED = 101
 

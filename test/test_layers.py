@@ -28,7 +28,7 @@ SIBLINGS = {
     "identification": CONTROL,
 }
 COMPOSED = set().union(*SIBLINGS.values())
-CORE_OF_ARRAYS = {f"array_sensors/{room}" for room in ("arrays", "attitude", "systems")}
+CORE_OF_ARRAYS = {f"array_sensors/{room}" for room in ("attitude", "doa", "interferometer", "tripulse")}
 ALLOWED_THIRD_PARTY = {
     "core": BASE | {"yaml"},
     **SIBLINGS,

@@ -6,10 +6,9 @@ scripts/run-python docs/pictures/draw_doa.py
 
 from pathlib import Path
 
-from rf_pointing.papers.doa_study.accuracy import accuracy_curve
+from rf_pointing.papers.doa_study.accuracy import accuracy_curve, draw_accuracy, draw_convergence
 from rf_pointing.papers.doa_study.attitude_runs import RunTask, run
-from rf_pointing.papers.doa_study.direction_errors import DirectionCase
-from rf_pointing.papers.doa_study.figures import draw_accuracy, draw_convergence
+from rf_pointing.papers.doa_study.directions import DirectionCase
 
 FOLDER = Path(__file__).parents[1] / "math"
 SNAPSHOTS = 100

@@ -1,41 +1,56 @@
-"""What the text of PI83 says: design chain of chapters 7 and 8, estimators of chapter 4, links of chapter 5."""
+"""What the text of PI83 says: design chain of chapters 7 and 8, estimators of chapter 4, links of chapter 5.
+
+The direction estimator that PI83 tried first: nine separate ranges instead of three sums (p. 35).
+"""
 
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
-from rf_pointing.array_sensors.arrays.interferometer import (
-    ArrayParams,
-    Geometry,
-    LinkParams,
-    Requirements,
-    SequenceParams,
-    carrier_tracking_design,
-    coupling_amplitudes,
-    difference_tracking_design,
+from rf_pointing.array_sensors.interferometer.coupling import coupling_amplitudes
+from rf_pointing.array_sensors.interferometer.frames import (
+    attitude_from_euler,
     direction_from_angles,
-    direction_requirement_m,
-    minimum_difference_hz,
-    mixed_snr,
-    nonlinear_reflector,
-    range_requirement_m,
-    roll_variance,
-    simple_repeater,
-    track,
-    two_way_ranges,
+    euler_from_attitude,
+    forward_angles,
 )
-from rf_pointing.array_sensors.arrays.interferometer.ambiguity_probability import required_ratio
-from rf_pointing.array_sensors.arrays.interferometer.sensitivity import (
+from rf_pointing.array_sensors.interferometer.initializer import Geometry
+from rf_pointing.array_sensors.interferometer.radio import LinkParams
+from rf_pointing.array_sensors.interferometer.relative_pose import attitude_from_directions, reverse_direction
+from rf_pointing.array_sensors.interferometer.sequence import (
+    SequenceParams,
+    minimum_variance_step,
+    track,
+    turned_direction,
+)
+from rf_pointing.array_sensors.interferometer.system import ArrayParams, two_way_ranges
+from rf_pointing.papers.interferometer_accuracy import (
     direction_variance_from_gradients,
     range_variance_from_gradients,
+    roll_variance,
 )
-from rf_pointing.papers.interferometer_nine import settled_error_deg
+from rf_pointing.papers.interferometer_design import (
+    Requirements,
+    carrier_tracking_design,
+    difference_tracking_design,
+    direction_requirement_m,
+    minimum_difference_hz,
+    range_requirement_m,
+    required_ratio,
+)
+from rf_pointing.papers.interferometer_transponder import mixed_snr, nonlinear_reflector, simple_repeater
 from rf_pointing.papers.row import Row
 
-__all__ = ["chain_rows", "estimator_rows", "link_rows"]
+__all__ = ["chain_rows", "estimator_rows", "link_rows", "settled_error_deg"]
+
 
 _AHEAD = np.array([1.0, 0.0, 0.0])
 _DOUBLE_DB = 10.0 * math.log10(2.0)
+Array = NDArray[np.float64]
+_RANGE_M = 1e4
+_DITHER_RAD = 0.01
+_PASSES = 20
 
 
 def _db(ratio: float) -> float:
@@ -198,3 +213,31 @@ def _repeater_rows() -> list[Row]:
         _row("repeater 3 GHz, 1 W, 1 MHz, 120 dB at 100 km", "Fig. 5-9", 10.0,
              back_db(1.0, 1e5, 120.0, 3e9, 1e6), "dB", 0.0, bound="<="),
     ]  # fmt: skip
+
+
+def settled_error_deg(attitude_error_deg: float) -> tuple[float, float]:
+    """Return the attitude and direction errors that remain after 20 passes; the truth is 10 deg of direction."""
+    truth, arrays = math.radians(10.0), ArrayParams()
+    ranges = two_way_ranges(_RANGE_M * direction_from_angles(truth, 0.0), np.eye(3), arrays)
+    attitude = attitude_from_euler(math.radians(attitude_error_deg), 0.0, 0.0)
+    forward = direction_from_angles(truth, 0.0)
+    reverse = reverse_direction(forward, attitude)
+    for _ in range(_PASSES):
+        forward = _nine_range_step(ranges, forward, attitude, arrays)
+        reverse = _nine_range_step(ranges.T, reverse, attitude.T, arrays.swapped())
+        attitude = attitude_from_directions(forward, reverse, 0.0)
+    return _degrees_off(euler_from_attitude(attitude)[0], 0.0), _degrees_off(forward_angles(forward)[0], truth)
+
+
+def _degrees_off(found_rad: Array, truth_rad: float) -> float:
+    return abs(math.degrees(float(found_rad) - truth_rad))
+
+
+def _nine_range_step(ranges: Array, direction: Array, attitude: Array, arrays: ArrayParams) -> Array:
+    predicted = two_way_ranges(_RANGE_M * direction, attitude, arrays)
+    gradient = []
+    for dither in ((_DITHER_RAD, 0.0), (0.0, _DITHER_RAD)):
+        moved = two_way_ranges(_RANGE_M * turned_direction(direction, *dither), attitude, arrays)
+        gradient.append((moved - predicted).ravel() / _DITHER_RAD)
+    step, _ = minimum_variance_step(np.stack(gradient, axis=-1), (ranges - predicted).ravel())
+    return turned_direction(direction, step[0], step[1])

@@ -1,17 +1,28 @@
-"""One published number beside ours: the line every `reproduce` command prints."""
+"""A published number and ours: the row that every `reproduce` command prints, and its table."""
 
 import math
+import textwrap
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-__all__ = ["Row"]
+__all__ = ["Row", "as_table"]
+
+WIDTH = 118
+HEAD = ("quantity", "source", "paper", "ours", "unit", "tolerance", "holds")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
     """A published number, ours, and whether ours lies within the tolerance.
 
-    `tolerance` is absolute, in `unit`.  With `bound` "<=" or ">=" the paper's number is a one-sided limit.  A row that
-    does not hold needs a `remark` with the measured reason; `explained` says that it carries one.
+    `tolerance` is absolute, in `unit`.  With `bound` "<=" or ">=" the paper's number is a limit on
+    one side.  `explained` accepts a row that does not hold; its `remark` gives the measured reason.
+
+    Raises
+    ------
+    ValueError
+        If `bound` is unknown, `tolerance` is negative or not finite, or an explained row has no
+        remark.
     """
 
     quantity: str
@@ -25,6 +36,11 @@ class Row:
     explained: bool = False
 
     def __post_init__(self) -> None:
+        # Papers compute with numpy, whose scalars pass for float here.  Comparing them gives
+        # numpy.bool_, which json refuses to write: plain Python from here on.
+        for name in ("paper", "ours", "tolerance"):
+            object.__setattr__(self, name, float(getattr(self, name)))
+        object.__setattr__(self, "explained", bool(self.explained))
         if self.bound not in ("==", "<=", ">="):
             raise ValueError(f"bound={self.bound!r} must be one of ==, <=, >=")
         if not (math.isfinite(self.tolerance) and self.tolerance >= 0.0):
@@ -47,3 +63,29 @@ class Row:
     def accepted(self) -> bool:
         """Whether the row holds or carries its measured explanation."""
         return self.holds or self.explained
+
+
+def as_table(rows: Sequence[Row]) -> str:
+    """Return the table of `rows`; `holds` reads yes, no, or explained."""
+    cells = [HEAD, *(_cells(row) for row in rows)]
+    widths = [max(len(cell[column]) for cell in cells) for column in range(len(HEAD))]
+    lines = [_line(HEAD, widths), "  ".join("-" * width for width in widths)]
+    for row, cell in zip(rows, cells[1:], strict=True):
+        lines.append(_line(cell, widths))
+        if row.remark:
+            lines += textwrap.wrap(row.remark, WIDTH, initial_indent="    ", subsequent_indent="    ")
+    kept = sum(row.holds for row in rows)
+    explained = sum(row.explained and not row.holds for row in rows)
+    lines.append(f"{kept} of {len(rows)} rows hold, {explained} explained, {len(rows) - kept - explained} open")
+    return "\n".join(lines)
+
+
+def _cells(row: Row) -> tuple[str, ...]:
+    sign = "" if row.bound == "==" else f"{row.bound} "
+    verdict = "yes" if row.holds else "explained" if row.explained else "NO"
+    numbers = (f"{sign}{row.paper:.6g}", f"{row.ours:.6g}")
+    return row.quantity, row.source, *numbers, row.unit, f"{row.tolerance:.3g}", verdict
+
+
+def _line(cells: Sequence[str], widths: Sequence[int]) -> str:
+    return "  ".join(cell.ljust(width) for cell, width in zip(cells, widths, strict=True)).rstrip()

@@ -8,21 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.calibration import BiasModel
-from rf_pointing.papers.orbit import (
-    Arc,
-    Elements,
-    Gravity,
-    Look,
-    OrbitResult,
-    Site,
-    fit_orbit,
-    look,
-    preliminary_orbit,
-    propagate,
-    times_of,
-)
-from rf_pointing.papers.orbit.measurements import measured
-from rf_pointing.papers.satcal_data import APRIL_T_S, INJECTION_T_S, IRS_P3, IRS_P3_APRIL, SITES
+from rf_pointing.papers.orbit.batch import Arc, OrbitResult, fit_orbit, preliminary_orbit, times_of
+from rf_pointing.papers.orbit.measurements import Elements, Look, look, measured
+from rf_pointing.papers.orbit.motion import Gravity, Site, propagate
+from rf_pointing.papers.satcal_campaign import APRIL_T_S, INJECTION_T_S, IRS_P3, IRS_P3_APRIL, SITES
 
 __all__ = ["BatchCheck", "PreliminaryCheck", "batch_check", "preliminary_check"]
 

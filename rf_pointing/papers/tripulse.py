@@ -10,19 +10,19 @@ from functools import partial
 
 import numpy as np
 
-from rf_pointing.array_sensors.arrays.tripulse_array import TripulseArrayParams
-from rf_pointing.array_sensors.arrays.tripulse_montecarlo import (
+from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams
+from rf_pointing.core import sweep
+from rf_pointing.papers.row import Row
+from rf_pointing.papers.tripulse_attitude import attitude_rows, signal_rows
+from rf_pointing.papers.tripulse_noise import (
     ErrorStatistics,
+    beyond_rows,
     failed_element_errors,
+    noise_rows,
     phase_error_errors,
     quantiser_errors,
 )
-from rf_pointing.array_sensors.arrays.tripulse_theory import integration_time_s
-from rf_pointing.core import sweep
-from rf_pointing.papers.row import Row
-from rf_pointing.papers.tripulse_attitude import attitude_rows
-from rf_pointing.papers.tripulse_noise import beyond_rows, noise_rows
-from rf_pointing.papers.tripulse_signal import signal_rows
+from rf_pointing.papers.tripulse_theory import integration_time_s
 
 __all__ = ["failed_share_at_limit", "rows"]
 

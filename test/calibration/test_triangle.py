@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
-from rf_pointing.calibration.triangle import _null_space_message as null_space_message
 
 from rf_pointing.calibration.triangle import Triangle, triangle_of
+from rf_pointing.calibration.triangle import _null_space_message as null_space_message
 
 NAMES = ("azimuth_offset", "collimation", "droop")
 ALL = np.arange(3)

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rf_pointing.array_sensors.arrays.array_source import SnapshotBlock
-from rf_pointing.array_sensors.arrays.interferometer import InterferometerMeasurement
-from rf_pointing.array_sensors.arrays.tripulse_signal import TripulseFrame
+from rf_pointing.array_sensors.attitude.attitude_report import AttitudeReport, RateReport
 from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque
+from rf_pointing.array_sensors.doa.array_source import SnapshotBlock
+from rf_pointing.array_sensors.doa.attitude_chain import ChannelBlock, HeldTorque
+from rf_pointing.array_sensors.interferometer.measurement import InterferometerMeasurement
 from rf_pointing.array_sensors.nodes import convert as convert_arrays
-from rf_pointing.array_sensors.systems.attitude_report import AttitudeReport, RateReport
-from rf_pointing.array_sensors.systems.doa_signals import ChannelBlock, HeldTorque
+from rf_pointing.array_sensors.tripulse.signal import TripulseFrame
 from rf_pointing.core import (
     Boresight,
     CarrierPower,

@@ -5,8 +5,7 @@ import pytest
 
 from rf_pointing.controllers import CommandPreprocessorParams
 from rf_pointing.core import MDEG
-from rf_pointing.papers.autotrack import acquisition_s, radial_rms_mdeg, weak_conscan_row
-from rf_pointing.papers.autotrack_averaging import averaging_rows
+from rf_pointing.papers.autotrack import acquisition_s, averaging_rows, radial_rms_mdeg, weak_conscan_row
 from rf_pointing.papers.autotrack_cases import (
     KA_45_DB_HZ,
     LINK_45_DB_HZ,

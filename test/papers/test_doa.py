@@ -8,8 +8,8 @@ import pytest
 from rf_pointing.papers.doa import run_tables, table_cases
 from rf_pointing.papers.doa_study.accuracy import accuracy_curve
 from rf_pointing.papers.doa_study.attitude_runs import CaseResult, RunTask
-from rf_pointing.papers.doa_study.direction_errors import DirectionCase
 from rf_pointing.papers.doa_study.direction_rows import PRINTED, direction_rows, scene_rows
+from rf_pointing.papers.doa_study.directions import DirectionCase
 from rf_pointing.papers.doa_study.filter_rows import attitude_rows, settling_time_s
 
 

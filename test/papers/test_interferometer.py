@@ -1,7 +1,7 @@
 import pytest
 
 from rf_pointing.papers.interferometer import rows
-from rf_pointing.papers.interferometer_nine import settled_error_deg
+from rf_pointing.papers.interferometer_claims import settled_error_deg
 from rf_pointing.papers.row import Row
 
 

@@ -1,12 +1,14 @@
 """`reproduce`: its options reach the papers that have use for them, and are refused by the others."""
 
 import importlib
+import json
 import sys
 from concurrent.futures import Executor
 from contextlib import nullcontext
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 pytest.importorskip("rclpy", reason="nodes need ROS 2", exc_type=ImportError)
@@ -99,3 +101,20 @@ def test_options_without_meaning_are_refused(
 ) -> None:
     assert run(*words) == 2
     assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("number", [float, np.float64, np.float32, np.int64, int])
+@pytest.mark.parametrize("bound", ["==", "<=", ">="])
+def test_rows_of_numpy_numbers_are_printed_as_json(
+    number: Any, bound: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    row = Row(
+        quantity="one", source="here", paper=number(2), ours=number(2), unit="1", tolerance=number(0), bound=bound,
+        remark="measured", explained=np.bool_(True),
+    )  # fmt: skip
+    monkeypatch.setattr("rf_pointing.papers.doa.rows", lambda _seed: [row])
+    assert run("doa", "--json") == 0
+    (printed,) = json.loads(capsys.readouterr().out)
+    assert printed["ours"] == 2.0
+    assert printed["holds"] is True
+    assert printed["explained"] is True

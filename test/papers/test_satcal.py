@@ -3,9 +3,18 @@ import pytest
 
 from rf_pointing.core import random_stream
 from rf_pointing.papers import satcal
-from rf_pointing.papers.orbit import Gravity, visits
-from rf_pointing.papers.satcal_campaign import observed, orbit_error, orbit_error_m, points_of
-from rf_pointing.papers.satcal_data import APRIL_T_S, IRS_P3_APRIL, MAURITIUS, SITES
+from rf_pointing.papers.orbit.measurements import visits
+from rf_pointing.papers.orbit.motion import Gravity
+from rf_pointing.papers.satcal_campaign import (
+    APRIL_T_S,
+    IRS_P3_APRIL,
+    MAURITIUS,
+    SITES,
+    observed,
+    orbit_error,
+    orbit_error_m,
+    points_of,
+)
 
 
 @pytest.fixture(scope="module")

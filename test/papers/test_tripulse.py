@@ -3,11 +3,11 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from rf_pointing.array_sensors.arrays.tripulse_signal import TripulseSignalParams
-from rf_pointing.array_sensors.arrays.tripulse_source import TripulseSourceParams
+from rf_pointing.array_sensors.tripulse.signal import TripulseSignalParams
+from rf_pointing.array_sensors.tripulse.source import TripulseSourceParams
 from rf_pointing.papers import tripulse
 from rf_pointing.papers.row import Row
-from rf_pointing.papers.tripulse_signal import run_tripulse
+from rf_pointing.papers.tripulse_attitude import run_tripulse
 
 
 @pytest.fixture(scope="module")

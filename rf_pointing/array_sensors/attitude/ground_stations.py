@@ -2,20 +2,23 @@
 
 S_o = D / |D| with D = G - S in the paper's vectors, which run from satellite and station to the Earth's centre; with
 places counted from the centre that is D = station - satellite (the printed order would turn the reference around).
+
+The ground stations of a satellite, by name and place: parameters of every node that knows them.
 """
 
 import math
+import re
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rf_pointing.array_sensors.attitude.circular_orbit import OrbitPoint
-from rf_pointing.array_sensors.attitude.sun_synchronous_orbit import SunSynchronousOrbitParams, orbit_point
-from rf_pointing.core import require_between
+from rf_pointing.array_sensors.attitude.orbits import OrbitPoint, SunSynchronousOrbitParams, orbit_point
+from rf_pointing.core import Params, parameter, require_between
 from rf_pointing.core.constants import EARTH_RADIUS_M
 
 __all__ = [
+    "GroundNetworkParams",
     "GroundStation",
     "StationView",
     "largest_nadir_angle_rad",
@@ -24,7 +27,9 @@ __all__ = [
     "view_stations",
 ]
 
+
 Array = NDArray[np.float64]
+_NAME = re.compile(r"[a-z][a-z0-9_]*")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,3 +115,34 @@ def stations_along_track(
         longitude = math.atan2(float(place[1]), float(place[0]))
         stations.append(GroundStation(name=f"station_{index + 1}", latitude_rad=latitude, longitude_rad=longitude))
     return stations
+
+
+@dataclass(frozen=True, kw_only=True)
+class GroundNetworkParams(Params):
+    """Stations on the spherical Earth; the defaults are 12 deg apart as seen from 19 deg E in GEO."""
+
+    names: tuple[str, ...] = parameter(("usingen", "hartebeesthoek"), "stations; each name is a namespace")
+    latitude_rad: tuple[float, ...] = parameter(
+        (math.radians(50.33), math.radians(-25.89)), "latitude of each", low=-math.pi / 2.0, high=math.pi / 2.0
+    )
+    longitude_rad: tuple[float, ...] = parameter(
+        (math.radians(8.48), math.radians(27.69)), "longitude of each, east", low=-2.0 * math.pi, high=2.0 * math.pi
+    )
+
+    def check_together(self) -> None:
+        """Refuse names that are no namespaces, double names, and places without a name."""
+        for name in self.names:
+            if not isinstance(name, str) or not _NAME.fullmatch(name):
+                raise ValueError(f"names has {name!r}, must be lower-case letters, digits and underscores")
+        if len(set(self.names)) != len(self.names) or not self.names:
+            raise ValueError(f"names={self.names} must be different, and at least one")
+        for field in ("latitude_rad", "longitude_rad"):
+            if len(getattr(self, field)) != len(self.names):
+                raise ValueError(
+                    f"{field} has {len(getattr(self, field))} values, must be one for each of {len(self.names)} names"
+                )
+
+    def stations(self) -> list[GroundStation]:
+        """Return the stations in their order."""
+        places = zip(self.names, self.latitude_rad, self.longitude_rad, strict=True)
+        return [GroundStation(name=name, latitude_rad=lat, longitude_rad=lon) for name, lat, lon in places]

@@ -1,4 +1,10 @@
-"""Attitude and rate of a satellite from directions to ground signals: multiplicative error-state Kalman filter.
+"""Process noise of attitude motion, shared by the simulated satellite and the filters.
+
+DOA adds Q = q E_6 at every 250-ms step, to the rate (rad/s)^2 and to the vector part of the quaternion.  A rotation is
+twice the vector part, so per second that is 4 q / dt on the attitude and q / dt on the rate.  The printed q = 1e-9
+makes the filter itself predict degrees; q = 1e-12 gives the paper's tables in kind.
+
+Attitude and rate of a satellite from directions to ground signals: multiplicative error-state Kalman filter.
 
 State: quaternion (body in orbital frame) and inertial body rate w.  Error: rotation e in the ORBITAL frame,
 C_true = exp([e x]) C, and rate error.  In this frame the reference direction S_o is known exactly, so the measured
@@ -16,7 +22,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.array_sensors.attitude.process_noise import ProcessNoiseParams
 from rf_pointing.array_sensors.attitude.quaternion import (
     conjugate,
     multiply,
@@ -30,7 +35,7 @@ from rf_pointing.array_sensors.attitude.rigid_body import (
     propagate,
     rate_jacobian,
 )
-from rf_pointing.core import Params, parameter
+from rf_pointing.core import Params, parameter, require_between
 from rf_pointing.core.rotations import (
     cross_matrix,
     cross_product,
@@ -41,21 +46,43 @@ from rf_pointing.core.rotations import (
 )
 
 __all__ = [
+    "PRINTED_Q",
+    "TABLE_Q",
     "AttitudeState",
     "DirectionObservation",
     "GateParams",
+    "ProcessNoiseParams",
     "attitude_error",
     "innovation",
     "predict",
+    "process_noise_from_q",
     "rotation_between",
     "start_state",
     "update",
 ]
 
+
+PRINTED_Q = 1e-9
+TABLE_Q = 1e-12
 Array = NDArray[np.float64]
 
 SMALLEST_DETERMINANT = 1e-12
 """Of an innovation covariance scaled to a unit diagonal; rounding leaves 1e-16 of an exact zero."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProcessNoiseParams(Params):
+    """Random walk added per second to the attitude and to the rate, each axis."""
+
+    attitude_rad2_s: float = parameter(1.6e-11, "variance of the attitude per second, rad^2/s", low=0.0, high=1.0)
+    rate_rad2_s3: float = parameter(4e-12, "variance of the rate per second, rad^2/s^3", low=0.0, high=1.0)
+
+
+def process_noise_from_q(q: float, dt_s: float = 0.25) -> ProcessNoiseParams:
+    """Return the noise equal to DOA's Q = q E_6 added every `dt_s`."""
+    require_between("q", q, 0.0, 1e-3)
+    require_between("dt_s", dt_s, 1e-6, 10.0)
+    return ProcessNoiseParams(attitude_rad2_s=4.0 * q / dt_s, rate_rad2_s3=q / dt_s)
 
 
 @dataclass(frozen=True, kw_only=True)

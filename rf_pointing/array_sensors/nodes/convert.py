@@ -17,16 +17,16 @@ from geometry_msgs.msg import (
 from numpy.typing import NDArray
 from rf_pointing_msgs import msg as ours
 
-from rf_pointing.array_sensors.arrays.array_source import SnapshotBlock
-from rf_pointing.array_sensors.arrays.interferometer.measurement import InterferometerMeasurement
-from rf_pointing.array_sensors.arrays.interferometer.rep103 import Rep103Pose
-from rf_pointing.array_sensors.arrays.interferometer.tracker import TrackerOutput
-from rf_pointing.array_sensors.arrays.tripulse_receiver import TripulseMeasurement
-from rf_pointing.array_sensors.arrays.tripulse_signal import TripulseFrame
+from rf_pointing.array_sensors.attitude.attitude_report import AttitudeReport, RateReport, require_covariance
 from rf_pointing.array_sensors.attitude.quaternion import quaternion_from_matrix, quaternion_to_matrix, unit_quaternion
 from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque
-from rf_pointing.array_sensors.systems.attitude_report import AttitudeReport, RateReport, require_covariance
-from rf_pointing.array_sensors.systems.doa_signals import ChannelBlock, HeldTorque
+from rf_pointing.array_sensors.doa.array_source import SnapshotBlock
+from rf_pointing.array_sensors.doa.attitude_chain import ChannelBlock, HeldTorque
+from rf_pointing.array_sensors.interferometer.docking import Rep103Pose
+from rf_pointing.array_sensors.interferometer.measurement import InterferometerMeasurement
+from rf_pointing.array_sensors.interferometer.tracker import TrackerOutput
+from rf_pointing.array_sensors.tripulse.receiver import TripulseMeasurement
+from rf_pointing.array_sensors.tripulse.signal import TripulseFrame
 from rf_pointing.core import as_finite_array, require_between, require_finite
 from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
 

@@ -8,17 +8,16 @@ Parameters: array.*, estimator.*, orbit.*, stations.*, satellite.*, filter.*, st
 from geometry_msgs.msg import TwistWithCovarianceStamped
 from rf_pointing_msgs.msg import ArraySnapshots, Attitude, KnownTorque
 
-from rf_pointing.array_sensors.arrays.circular_array import CircularArrayParams
-from rf_pointing.array_sensors.arrays.doa_estimator import DoaEstimatorParams
-from rf_pointing.array_sensors.attitude.attitude_start import StartParams
-from rf_pointing.array_sensors.attitude.doa_attitude import DoaAttitudeParams
-from rf_pointing.array_sensors.attitude.multiplicative_filter import GateParams
-from rf_pointing.array_sensors.attitude.process_noise import ProcessNoiseParams
+from rf_pointing.array_sensors.attitude.ground_stations import GroundNetworkParams
+from rf_pointing.array_sensors.attitude.multiplicative_filter import GateParams, ProcessNoiseParams
+from rf_pointing.array_sensors.attitude.orbits import SunSynchronousOrbitParams
 from rf_pointing.array_sensors.attitude.rigid_body import SatelliteParams
-from rf_pointing.array_sensors.attitude.sun_synchronous_orbit import SunSynchronousOrbitParams
+from rf_pointing.array_sensors.doa.array import CircularArrayParams
+from rf_pointing.array_sensors.doa.attitude_chain import DoaAttitude, DoaAttitudeReport, DoaChainParams
+from rf_pointing.array_sensors.doa.attitude_filter import DoaAttitudeParams
+from rf_pointing.array_sensors.doa.attitude_start import StartParams
+from rf_pointing.array_sensors.doa.estimator import DoaEstimatorParams
 from rf_pointing.array_sensors.nodes import convert
-from rf_pointing.array_sensors.systems.doa_attitude import DoaAttitude, DoaAttitudeReport, DoaChainParams
-from rf_pointing.array_sensors.systems.ground_network import GroundNetworkParams
 from rf_pointing.nodes.main_loop import run
 from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.qos import STREAM

@@ -11,15 +11,15 @@ from dataclasses import dataclass
 from geometry_msgs.msg import QuaternionStamped, Vector3Stamped
 from rf_pointing_msgs.msg import ArraySnapshots, KnownTorque
 
-from rf_pointing.array_sensors.arrays.array_source import ArraySourceParams
-from rf_pointing.array_sensors.arrays.circular_array import CircularArrayParams
-from rf_pointing.array_sensors.attitude.process_noise import ProcessNoiseParams
+from rf_pointing.array_sensors.attitude.ground_stations import GroundNetworkParams
+from rf_pointing.array_sensors.attitude.multiplicative_filter import ProcessNoiseParams
+from rf_pointing.array_sensors.attitude.orbits import SunSynchronousOrbitParams
 from rf_pointing.array_sensors.attitude.rigid_body import SatelliteParams
-from rf_pointing.array_sensors.attitude.simulated_satellite import NadirHoldParams
-from rf_pointing.array_sensors.attitude.sun_synchronous_orbit import SunSynchronousOrbitParams
+from rf_pointing.array_sensors.doa.array import CircularArrayParams
+from rf_pointing.array_sensors.doa.array_source import ArraySourceParams
+from rf_pointing.array_sensors.doa.simulated_doa import DoaScenarioParams, SimulatedDoa
+from rf_pointing.array_sensors.doa.simulated_satellite import NadirHoldParams
 from rf_pointing.array_sensors.nodes import convert
-from rf_pointing.array_sensors.systems.ground_network import GroundNetworkParams
-from rf_pointing.array_sensors.systems.simulated_doa import DoaScenarioParams, SimulatedDoa
 from rf_pointing.core import Params, parameter
 from rf_pointing.nodes.main_loop import run
 from rf_pointing.nodes.managed import ManagedNode

@@ -11,15 +11,11 @@ from dataclasses import dataclass
 from geometry_msgs.msg import PoseWithCovarianceStamped, TwistWithCovarianceStamped
 from rf_pointing_msgs.msg import InterferometerMeasurement
 
-from rf_pointing.array_sensors.arrays.interferometer.array_geometry import ArrayParams
-from rf_pointing.array_sensors.arrays.interferometer.carriers import CarrierPlan
-from rf_pointing.array_sensors.arrays.interferometer.link import LinkParams
-from rf_pointing.array_sensors.arrays.interferometer.motion import DockingApproach
-from rf_pointing.array_sensors.arrays.interferometer.rf_simulation import RadioParams
-from rf_pointing.array_sensors.arrays.interferometer.schedule import Schedule
-from rf_pointing.array_sensors.arrays.interferometer.system import InterferometerSystem
+from rf_pointing.array_sensors.interferometer.docking import SimulatedDocking, true_pose
+from rf_pointing.array_sensors.interferometer.motion import DockingApproach
+from rf_pointing.array_sensors.interferometer.radio import LinkParams, RadioParams
+from rf_pointing.array_sensors.interferometer.system import ArrayParams, CarrierPlan, InterferometerSystem, Schedule
 from rf_pointing.array_sensors.nodes import convert
-from rf_pointing.array_sensors.systems.docking import SimulatedDocking, true_pose
 from rf_pointing.core import Params, parameter
 from rf_pointing.nodes.main_loop import run
 from rf_pointing.nodes.managed import ManagedNode

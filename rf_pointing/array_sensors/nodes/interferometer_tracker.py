@@ -10,16 +10,12 @@ from dataclasses import dataclass
 from geometry_msgs.msg import PoseWithCovarianceStamped, TwistWithCovarianceStamped
 from rf_pointing_msgs.msg import InterferometerMeasurement, RelativePoseStatus
 
-from rf_pointing.array_sensors.arrays.interferometer.array_geometry import ArrayParams
-from rf_pointing.array_sensors.arrays.interferometer.carriers import CarrierPlan
-from rf_pointing.array_sensors.arrays.interferometer.rate_filter import FilterParams
-from rf_pointing.array_sensors.arrays.interferometer.reading import ErrorFloor
-from rf_pointing.array_sensors.arrays.interferometer.rep103 import rep103_pose
-from rf_pointing.array_sensors.arrays.interferometer.schedule import Schedule
-from rf_pointing.array_sensors.arrays.interferometer.system import InterferometerSystem
-from rf_pointing.array_sensors.arrays.interferometer.tracker import InterferometerTracker, TrackerOutput, TrackerParams
+from rf_pointing.array_sensors.interferometer.docking import RelativePoseTracker, rep103_pose
+from rf_pointing.array_sensors.interferometer.rate_filter import FilterParams
+from rf_pointing.array_sensors.interferometer.reading import ErrorFloor
+from rf_pointing.array_sensors.interferometer.system import ArrayParams, CarrierPlan, InterferometerSystem, Schedule
+from rf_pointing.array_sensors.interferometer.tracker import InterferometerTracker, TrackerOutput, TrackerParams
 from rf_pointing.array_sensors.nodes import convert
-from rf_pointing.array_sensors.systems.docking import RelativePoseTracker
 from rf_pointing.core import Params, parameter
 from rf_pointing.nodes.main_loop import run
 from rf_pointing.nodes.managed import ManagedNode

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 
 from rf_pointing_msgs.msg import TripulseFrame, TripulseMeasurement
 
-from rf_pointing.array_sensors.arrays.tripulse_array import TripulseArrayParams
-from rf_pointing.array_sensors.arrays.tripulse_receiver import TripulseReceiver, TripulseReceiverParams
-from rf_pointing.array_sensors.arrays.tripulse_signal import TripulseSignalParams
-from rf_pointing.array_sensors.arrays.tripulse_tracker import TrackerParams
 from rf_pointing.array_sensors.nodes import convert
+from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams
+from rf_pointing.array_sensors.tripulse.receiver import TripulseReceiver, TripulseReceiverParams
+from rf_pointing.array_sensors.tripulse.signal import TripulseSignalParams
+from rf_pointing.array_sensors.tripulse.tracker import TrackerParams
 from rf_pointing.core import Params, parameter
 from rf_pointing.nodes.main_loop import run
 from rf_pointing.nodes.managed import ManagedNode

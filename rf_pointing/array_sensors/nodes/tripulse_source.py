@@ -9,13 +9,13 @@ from dataclasses import dataclass
 from geometry_msgs.msg import QuaternionStamped
 from rf_pointing_msgs.msg import TripulseFrame
 
-from rf_pointing.array_sensors.arrays.tripulse_array import TripulseArrayParams
-from rf_pointing.array_sensors.arrays.tripulse_signal import TripulseSignalParams
-from rf_pointing.array_sensors.arrays.tripulse_source import TripulseSourceParams
-from rf_pointing.array_sensors.attitude.geostationary_scene import GeostationaryParams, WobbleParams
+from rf_pointing.array_sensors.attitude.ground_stations import GroundNetworkParams
 from rf_pointing.array_sensors.nodes import convert
-from rf_pointing.array_sensors.systems.ground_network import GroundNetworkParams
-from rf_pointing.array_sensors.systems.tripulse import SimulatedTripulse
+from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams
+from rf_pointing.array_sensors.tripulse.geostationary_scene import GeostationaryParams, WobbleParams
+from rf_pointing.array_sensors.tripulse.signal import TripulseSignalParams
+from rf_pointing.array_sensors.tripulse.source import TripulseSourceParams
+from rf_pointing.array_sensors.tripulse.system import SimulatedTripulse
 from rf_pointing.core import Params, parameter
 from rf_pointing.nodes.main_loop import run
 from rf_pointing.nodes.managed import ManagedNode

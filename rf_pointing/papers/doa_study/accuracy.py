@@ -1,21 +1,32 @@
-"""RMSE of MUSIC against the Cramer-Rao bound over SNR: where it follows, and where its threshold lies."""
+"""RMSE of MUSIC against the Cramer-Rao bound over SNR: where it follows, and where its threshold lies.
+
+Pictures of the DOA study: RMSE of theta and phi beside the Cramer-Rao bound, and the convergence of the attitude.
+"""
 
 import math
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 
-from rf_pointing.array_sensors.arrays.circular_array import CircularArrayParams
-from rf_pointing.array_sensors.arrays.cramer_rao import effective_snr, polar_sigma_rad
-from rf_pointing.array_sensors.arrays.polar_direction import direction_from_polar, polar_errors_rad
-from rf_pointing.array_sensors.arrays.search_grid import nearest_node
+from rf_pointing.array_sensors.doa.array import CircularArrayParams
+from rf_pointing.array_sensors.doa.cramer_rao import effective_snr, polar_sigma_rad
 from rf_pointing.core import random_stream, sweep
-from rf_pointing.papers.doa_study.direction_errors import GRID_RAD, DirectionCase, measure_directions
+from rf_pointing.papers.doa_study.attitude_runs import CaseResult
+from rf_pointing.papers.doa_study.directions import (
+    GRID_RAD,
+    DirectionCase,
+    direction_from_polar,
+    measure_directions,
+    nearest_node,
+    polar_errors_rad,
+)
 
-__all__ = ["AccuracyPoint", "accuracy_curve", "accuracy_point", "threshold"]
+__all__ = ["AccuracyPoint", "accuracy_curve", "accuracy_point", "draw_accuracy", "draw_convergence", "threshold"]
+
 
 ARRAY = CircularArrayParams()
 OUTLIER_RAD = math.radians(20.0)
@@ -93,3 +104,38 @@ def threshold(curve: Sequence[AccuracyPoint], excess: float = 0.05) -> tuple[flo
     snr_db = points[low].snr_db + share * (points[high].snr_db - points[low].snr_db)
     snapshots_effective = np.log([points[low].effective_snr, points[high].effective_snr])
     return float(snr_db), float(np.exp(np.interp(share, [0.0, 1.0], snapshots_effective)))
+
+
+def draw_accuracy(curve: Sequence[AccuracyPoint], snapshots: int, path: Path) -> None:
+    """Write theta and phi over SNR: refined, 1-deg grid, bound; and the share of outliers, which shows the threshold."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(11.0, 4.0), layout="constrained")
+    axes = figure.subplots(1, 3)
+    snr_db = [point.snr_db for point in curve]
+    for panel, angle in zip(axes[:2], ("theta", "phi"), strict=True):
+        panel.semilogy(snr_db, [getattr(p, f"{angle}_bound_deg") for p in curve], "k-", label="Cramér-Rao bound")
+        panel.semilogy(snr_db, [getattr(p, f"{angle}_deg") for p in curve], "o", label="MUSIC, refined peak")
+        panel.semilogy(snr_db, [getattr(p, f"grid_{angle}_deg") for p in curve], "x", label="MUSIC, 1° grid")
+        panel.set(xlabel="SNR per element (dB)", ylabel=f"RMSE of {angle} (deg)", title=f"{angle}, L = {snapshots}")
+        panel.grid(visible=True, which="both", alpha=0.3)
+    axes[0].legend()
+    axes[2].plot(snr_db, [100.0 * p.outliers for p in curve], "o-")
+    axes[2].set(xlabel="SNR per element (dB)", ylabel="errors beyond 20° (%)", title="outliers: the threshold")
+    axes[2].grid(visible=True, alpha=0.3)
+    figure.savefig(path, dpi=110)
+
+
+def draw_convergence(results: Sequence[CaseResult], path: Path) -> None:
+    """Write the total attitude error of every trial over time, one panel per case."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(11.0, 3.6), layout="constrained")
+    axes = figure.subplots(1, len(results), squeeze=False)[0]
+    for panel, result in zip(axes, results, strict=True):
+        panel.semilogy(np.arange(len(result.history_deg)), result.history_deg, lw=0.8)
+        found = "refined" if result.case.refined else "1° grid"
+        panel.set(title=f"L = {result.case.snapshots}, {result.case.snr_db:g} dB, {found}", xlabel="time (s)")
+        panel.set_ylabel("total attitude error (deg)")
+        panel.grid(visible=True, which="both", alpha=0.3)
+    figure.savefig(path, dpi=110)

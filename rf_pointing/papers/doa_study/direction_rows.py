@@ -5,18 +5,17 @@ from concurrent.futures import Executor
 
 import numpy as np
 
-from rf_pointing.array_sensors.arrays.circular_array import CircularArrayParams
-from rf_pointing.array_sensors.arrays.cramer_rao import cosine_sigma_rad, effective_snr, search_grid_rmse
-from rf_pointing.array_sensors.arrays.polar_direction import polar_from_direction
 from rf_pointing.array_sensors.attitude.ground_stations import (
     largest_nadir_angle_rad,
     stations_along_track,
     view_stations,
 )
-from rf_pointing.array_sensors.attitude.sun_synchronous_orbit import SunSynchronousOrbitParams, period_s
+from rf_pointing.array_sensors.attitude.orbits import SunSynchronousOrbitParams, period_s
+from rf_pointing.array_sensors.doa.array import CircularArrayParams
+from rf_pointing.array_sensors.doa.cramer_rao import cosine_sigma_rad, effective_snr, search_grid_rmse
 from rf_pointing.papers.doa_study.accuracy import accuracy_curve, threshold
 from rf_pointing.papers.doa_study.attitude_runs import CaseResult
-from rf_pointing.papers.doa_study.direction_errors import DirectionCase
+from rf_pointing.papers.doa_study.directions import DirectionCase, polar_from_direction
 from rf_pointing.papers.doa_study.scene import ELEVATION_MIN_RAD, nadir_scene
 from rf_pointing.papers.row import Row
 

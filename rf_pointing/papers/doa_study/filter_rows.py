@@ -5,12 +5,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.array_sensors.arrays.circular_array import CircularArrayParams
-from rf_pointing.array_sensors.arrays.cramer_rao import cosine_sigma_rad
-from rf_pointing.array_sensors.attitude.process_noise import PRINTED_Q
+from rf_pointing.array_sensors.attitude.multiplicative_filter import PRINTED_Q
+from rf_pointing.array_sensors.doa.array import CircularArrayParams
+from rf_pointing.array_sensors.doa.cramer_rao import cosine_sigma_rad
 from rf_pointing.papers.doa_study.attitude_runs import CaseResult
-from rf_pointing.papers.doa_study.direction_errors import DirectionCase
 from rf_pointing.papers.doa_study.direction_rows import FLOOR_DEG, PRINTED, case_name, table_of
+from rf_pointing.papers.doa_study.directions import DirectionCase
 from rf_pointing.papers.row import Row
 
 __all__ = ["attitude_rows", "convergence_rows", "filter_rows", "settling_time_s"]

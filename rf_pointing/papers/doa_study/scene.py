@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.array_sensors.attitude.ground_stations import stations_along_track, view_stations
+from rf_pointing.array_sensors.attitude.orbits import SunSynchronousOrbitParams, orbit_point
 from rf_pointing.array_sensors.attitude.rigid_body import (
     RigidInertia,
     SatelliteParams,
     gravity_gradient_n_m,
     rigid_inertia,
 )
-from rf_pointing.array_sensors.attitude.sun_synchronous_orbit import SunSynchronousOrbitParams, orbit_point
 from rf_pointing.core import require_between
 
 __all__ = ["ELEVATION_MIN_RAD", "STEP_S", "Scene", "nadir_scene"]

@@ -9,7 +9,7 @@ from rf_pointing.array_sensors.attitude.ground_stations import (
     stations_along_track,
     view_stations,
 )
-from rf_pointing.array_sensors.attitude.sun_synchronous_orbit import SunSynchronousOrbitParams, orbit_point
+from rf_pointing.array_sensors.attitude.orbits import SunSynchronousOrbitParams, orbit_point
 
 ORBIT = SunSynchronousOrbitParams()
 LOWEST_RAD = np.radians(10.0)

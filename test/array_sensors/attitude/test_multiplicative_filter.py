@@ -1,23 +1,28 @@
-"""Multiplicative filter: transition and update against differences, consistency, gate, start from half a turn."""
+"""Process noise: the paper's Q per step and ours per second are the same random walk.
+
+Multiplicative filter: transition and update against differences, consistency, gate, start from half a turn.
+"""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from rf_pointing.array_sensors.attitude.consistency import nees, nees_band
 from rf_pointing.array_sensors.attitude.ground_stations import stations_along_track, view_stations
 from rf_pointing.array_sensors.attitude.multiplicative_filter import (
+    TABLE_Q,
     AttitudeState,
     DirectionObservation,
     GateParams,
+    ProcessNoiseParams,
     attitude_error,
     innovation,
     predict,
+    process_noise_from_q,
     start_state,
     update,
 )
-from rf_pointing.array_sensors.attitude.process_noise import ProcessNoiseParams
+from rf_pointing.array_sensors.attitude.orbits import SunSynchronousOrbitParams, orbit_point
 from rf_pointing.array_sensors.attitude.quaternion import (
     multiply,
     quaternion_from_rotation_vector,
@@ -25,9 +30,9 @@ from rf_pointing.array_sensors.attitude.quaternion import (
     rotation_angle_between_rad,
 )
 from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque, SatelliteParams, propagate, rigid_inertia
-from rf_pointing.array_sensors.attitude.simulated_satellite import NadirHoldParams, SimulatedSatellite
-from rf_pointing.array_sensors.attitude.sun_synchronous_orbit import SunSynchronousOrbitParams, orbit_point
+from rf_pointing.array_sensors.doa.simulated_satellite import NadirHoldParams, SimulatedSatellite
 from rf_pointing.core.rotations import cross_matrix
+from rf_pointing.papers.doa_study.beyond import nees, nees_band
 
 INERTIA = rigid_inertia(SatelliteParams())
 ORBIT_RATE = np.array([0.0, -1.038e-3, 0.0])
@@ -38,6 +43,21 @@ KNOWN = KnownTorque(
 )
 SILENT = ProcessNoiseParams(attitude_rad2_s=0.0, rate_rad2_s3=0.0)
 GATE = GateParams()
+
+
+def test_table_value_is_the_default() -> None:
+    assert process_noise_from_q(TABLE_Q) == ProcessNoiseParams()
+
+
+def test_q_on_the_vector_part_is_four_q_on_the_rotation() -> None:
+    noise = process_noise_from_q(3e-10, dt_s=0.5)
+    assert noise.attitude_rad2_s * 0.5 == pytest.approx(4 * 3e-10)
+    assert noise.rate_rad2_s3 * 0.5 == pytest.approx(3e-10)
+
+
+def test_negative_noise_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"q=-1e-12 must be >= 0.0"):
+        process_noise_from_q(-1e-12)
 
 
 @pytest.fixture

@@ -10,15 +10,17 @@ import pytest
 pytest.importorskip("rclpy", reason="messages need ROS 2", exc_type=ImportError)
 from rclpy.serialization import deserialize_message, serialize_message
 
-from rf_pointing.array_sensors.arrays.array_source import SnapshotBlock
-from rf_pointing.array_sensors.arrays.interferometer import InterferometerMeasurement, Rep103Pose, TrackerOutput
-from rf_pointing.array_sensors.arrays.tripulse_receiver import TripulseMeasurement
-from rf_pointing.array_sensors.arrays.tripulse_signal import TripulseFrame
+from rf_pointing.array_sensors.attitude.attitude_report import AttitudeReport, RateReport
 from rf_pointing.array_sensors.attitude.quaternion import quaternion_from_rotation_vector, quaternion_to_matrix
 from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque
+from rf_pointing.array_sensors.doa.array_source import SnapshotBlock
+from rf_pointing.array_sensors.doa.attitude_chain import ChannelBlock, HeldTorque
+from rf_pointing.array_sensors.interferometer.docking import Rep103Pose
+from rf_pointing.array_sensors.interferometer.measurement import InterferometerMeasurement
+from rf_pointing.array_sensors.interferometer.tracker import TrackerOutput
 from rf_pointing.array_sensors.nodes import convert
-from rf_pointing.array_sensors.systems.attitude_report import AttitudeReport, RateReport
-from rf_pointing.array_sensors.systems.doa_signals import ChannelBlock, HeldTorque
+from rf_pointing.array_sensors.tripulse.receiver import TripulseMeasurement
+from rf_pointing.array_sensors.tripulse.signal import TripulseFrame
 
 pytestmark = pytest.mark.usefixtures("ros_domain")
 
@@ -27,6 +29,24 @@ RATE_HZ = 4e6
 SLOTS = 16
 QUATERNION = quaternion_from_rotation_vector([0.4, -1.2, 2.0])
 RNG = np.random.Generator(np.random.PCG64(7))
+TORQUE = HeldTorque(
+    t_s=T_S,
+    known=KnownTorque(
+        control_n_m=np.array([1e-4, 2e-4, -3e-4]),
+        wheel_momentum_n_m_s=np.array([0.1, 0.2, 0.3]),
+        wheel_momentum_rate_n_m=np.array([-1.0, 0.5, 0.25]),
+    ),
+)
+SEQUENCE = InterferometerMeasurement(
+    t_s=T_S,
+    phase_rad=RNG.uniform(0.0, 6.28, (SLOTS, 3, 3)),
+    phase_rate_rad_s=RNG.normal(size=(SLOTS, 3, 3)),
+    amplitudes=RNG.normal(size=(2, 2)),
+    amplitude_sigma=0.01,
+    snr_forward=RNG.uniform(20.0, 90.0, SLOTS),
+    snr_return=RNG.uniform(20.0, 90.0, (SLOTS, 3, 3)),
+    locked=RNG.uniform(size=(SLOTS, 3, 3)) > 0.3,
+)
 
 
 def covariance(size: int) -> np.ndarray:
@@ -54,28 +74,10 @@ LINE = TripulseMeasurement(
     reason="lost lock",
 )
 HEARD = ChannelBlock(transmitters=("a", "b"), block=SnapshotBlock(t_s=T_S, snapshots=complex_normal(12, 5)))
-TORQUE = HeldTorque(
-    t_s=T_S,
-    known=KnownTorque(
-        control_n_m=np.array([1e-4, 2e-4, -3e-4]),
-        wheel_momentum_n_m_s=np.array([0.1, 0.2, 0.3]),
-        wheel_momentum_rate_n_m=np.array([-1.0, 0.5, 0.25]),
-    ),
-)
 ATTITUDE = AttitudeReport(
     t_s=T_S, quaternion=QUATERNION, covariance_rad2=covariance(3), valid=False, reason="one station"
 )
 RATE = RateReport(t_s=T_S, rate_rad_s=np.array([1e-3, -2e-3, 3e-3]), covariance_rad2_s2=covariance(3))
-SEQUENCE = InterferometerMeasurement(
-    t_s=T_S,
-    phase_rad=RNG.uniform(0.0, 6.28, (SLOTS, 3, 3)),
-    phase_rate_rad_s=RNG.normal(size=(SLOTS, 3, 3)),
-    amplitudes=RNG.normal(size=(2, 2)),
-    amplitude_sigma=0.01,
-    snr_forward=RNG.uniform(20.0, 90.0, SLOTS),
-    snr_return=RNG.uniform(20.0, 90.0, (SLOTS, 3, 3)),
-    locked=RNG.uniform(size=(SLOTS, 3, 3)) > 0.3,
-)
 POSE = Rep103Pose(
     position_m=np.array([100.0, -3.0, 4.0]),
     orientation=quaternion_to_matrix(QUATERNION),

@@ -1,9 +1,24 @@
-"""The threshold: found where a planted curve crosses, refused where it does not."""
+"""The threshold: found where a planted curve crosses, refused where it does not.
+
+Pictures are written.
+"""
+
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from rf_pointing.papers.doa_study.accuracy import AccuracyPoint, accuracy_curve, threshold
+from rf_pointing.papers.doa_study.accuracy import (
+    AccuracyPoint,
+    accuracy_curve,
+    draw_accuracy,
+    draw_convergence,
+    threshold,
+)
+from rf_pointing.papers.doa_study.attitude_runs import CaseResult
+from rf_pointing.papers.doa_study.directions import DirectionCase
+
+PNG = b"\x89PNG"
 
 
 def planted(ratios: dict[float, float]) -> list[AccuracyPoint]:
@@ -39,3 +54,38 @@ def test_measured_curve_has_its_threshold_between_minus_11_and_minus_8_decibel()
     assert -11.0 < threshold(curve)[0] < -7.5
     assert curve[0].outliers > 1e-3 > curve[2].outliers
     assert np.degrees(0.005) < curve[-1].theta_bound_deg < 1.0
+
+
+def test_accuracy_and_convergence_become_pictures(tmp_path: Path) -> None:
+    points = [
+        AccuracyPoint(
+            snr_db=snr_db,
+            effective_snr=100.0,
+            theta_deg=1.0,
+            phi_deg=1.2,
+            theta_bound_deg=0.9,
+            phi_bound_deg=1.1,
+            grid_theta_deg=1.1,
+            grid_phi_deg=1.3,
+            outliers=0.01,
+        )
+        for snr_db in (-10.0, 0.0)
+    ]
+    draw_accuracy(points, 100, tmp_path / "accuracy.png")
+    case = DirectionCase(snapshots=100, snr_db=0.0)
+    history = np.geomspace(50.0, 0.1, 40, dtype=np.float32)[:, None]
+    result = CaseResult(
+        case=case,
+        theta_deg=1.0,
+        phi_deg=1.0,
+        roll_deg=0.1,
+        pitch_deg=0.1,
+        yaw_deg=0.1,
+        sigma_deg=0.1,
+        outliers=0.0,
+        history_deg=history,
+        rate_history_deg_s=history,
+    )
+    draw_convergence([result], tmp_path / "convergence.png")
+    for name in ("accuracy.png", "convergence.png"):
+        assert (tmp_path / name).read_bytes().startswith(PNG)

@@ -1,16 +1,117 @@
-"""The batch of filters: converges as promised, says what it ran, and refuses a mixture it cannot run."""
+"""The filter as printed: what agrees with a multiplicative error, what does not, and where it equals ours.
+
+The batch of filters: converges as promised, says what it ran, and refuses a mixture it cannot run.
+"""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from rf_pointing.array_sensors.attitude.process_noise import PRINTED_Q
-from rf_pointing.papers.doa_study.attitude_runs import RunTask, run
-from rf_pointing.papers.doa_study.direction_errors import DirectionCase
+from rf_pointing.array_sensors.attitude.multiplicative_filter import (
+    PRINTED_Q,
+    DirectionObservation,
+    GateParams,
+    start_state,
+    update,
+)
+from rf_pointing.array_sensors.attitude.quaternion import (
+    multiply,
+    quaternion_from_rotation_vector,
+    quaternion_to_matrix,
+    rotation_angle_between_rad,
+)
+from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque, SatelliteParams, rigid_inertia
+from rf_pointing.core.rotations import cross_matrix
+from rf_pointing.papers.doa_study.attitude_runs import PublishedState, RunTask, published_predict, published_update, run
+from rf_pointing.papers.doa_study.directions import DirectionCase
 
+INERTIA = rigid_inertia(SatelliteParams())
+NONE = KnownTorque(control_n_m=np.zeros(3), wheel_momentum_n_m_s=np.zeros(3), wheel_momentum_rate_n_m=np.zeros(3))
+REFERENCE = np.array([0.48, -0.36, 0.8])
 CLEAR = DirectionCase(snapshots=100, snr_db=0.0)
 GRID = DirectionCase(snapshots=100, snr_db=0.0, refined=False)
+
+
+def printed_c_bo(vector: np.ndarray, scalar: float) -> np.ndarray:
+    """Equation (6)."""
+    inner = (scalar**2 - vector @ vector) * np.eye(3) + 2 * np.outer(vector, vector)
+    return inner - 2 * scalar * cross_matrix(vector)
+
+
+def test_printed_attitude_matrix_is_the_transpose_of_the_quaternions() -> None:
+    q = quaternion_from_rotation_vector([0.3, -0.8, 0.5])
+    assert printed_c_bo(q[:3], q[3]) == pytest.approx(quaternion_to_matrix(q).T)
+
+
+def test_factor_two_of_33_is_the_derivative_by_a_multiplicative_error() -> None:
+    q, h = quaternion_from_rotation_vector([0.4, -0.9, 0.7]), 1e-6
+    expected = printed_c_bo(q[:3], q[3]) @ REFERENCE
+
+    def seen(error: np.ndarray) -> np.ndarray:
+        turned = multiply(q, np.array([*error, np.sqrt(1 - error @ error)]))
+        return printed_c_bo(turned[:3], turned[3]) @ REFERENCE
+
+    slope = np.array([(seen(h * e) - seen(-h * e)) / (2 * h) for e in np.eye(3)]).T
+    assert slope == pytest.approx(2 * cross_matrix(expected), abs=1e-8)
+
+
+def test_factor_two_of_33_is_not_the_derivative_of_6_by_q() -> None:
+    """The additive update is consistent with (33) at q = 0 only: half a unit off at 50 deg."""
+    vector, h = quaternion_from_rotation_vector([0.4, -0.9, 0.7])[:3], 1e-6
+
+    def seen(v: np.ndarray) -> np.ndarray:
+        return printed_c_bo(v, np.sqrt(1 - v @ v)) @ REFERENCE
+
+    slope = np.array([(seen(vector + h * e) - seen(vector - h * e)) / (2 * h) for e in np.eye(3)]).T
+    assert np.abs(slope - 2 * cross_matrix(seen(vector))).max() > 0.5
+    at_zero = np.array([(seen(h * e) - seen(-h * e)) / (2 * h) for e in np.eye(3)]).T
+    assert at_zero == pytest.approx(2 * cross_matrix(REFERENCE), abs=1e-8)
+
+
+def test_transition_is_unit_plus_slope_times_step() -> None:
+    rate, dt_s = np.array([0.01, -0.02, 0.03]), 0.25
+    state = PublishedState(rate, np.array([0.0, 0.0, 0.0, 1.0]), np.eye(6))
+    moved = published_predict(INERTIA, 1e-9 * np.eye(6), state, NONE, np.zeros(3), dt_s)
+    momentum = INERTIA.matrix @ rate
+    upper = np.linalg.inv(INERTIA.matrix) @ (cross_matrix(momentum) - cross_matrix(rate) @ INERTIA.matrix)
+    phi = np.eye(6) + dt_s * np.block([[upper, np.zeros((3, 3))], [0.5 * np.eye(3), -cross_matrix(rate)]])
+    assert moved.covariance == pytest.approx(phi @ phi.T + 1e-9 * np.eye(6), abs=1e-12)
+
+
+def test_published_and_multiplicative_updates_agree_near_the_identity() -> None:
+    sigma, spread = 0.005, 0.02
+    truth = quaternion_from_rotation_vector([1e-3, -2e-3, 1.5e-3])
+    measured = quaternion_to_matrix(truth).T @ REFERENCE
+    ours = update(
+        start_state(np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(3), spread, 1e-3, GateParams()),
+        DirectionObservation(measured, sigma**2 * (np.eye(3) - np.outer(measured, measured)), REFERENCE),
+        GateParams(),
+    )
+    start = np.diag([1e-6] * 3 + [spread**2 / 4] * 3)
+    printed = published_update(
+        PublishedState(np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]), start), measured, sigma**2 * np.eye(3), REFERENCE
+    )
+    assert float(rotation_angle_between_rad(ours.quaternion, printed.quaternion)) < 2e-5
+
+
+def test_update_beyond_half_a_turn_is_clamped_to_a_unit_quaternion() -> None:
+    q = quaternion_from_rotation_vector([3.0, 0.2, -0.1])
+    state = PublishedState(np.zeros(3), q, np.diag([1e-6] * 3 + [4.0] * 3))
+    after = published_update(state, -REFERENCE, 1e-6 * np.eye(3), REFERENCE)
+    assert np.linalg.norm(after.quaternion) == pytest.approx(1.0, abs=1e-12)
+    assert after.quaternion[3] >= 0.0
+
+
+def test_negative_scalar_part_does_not_turn_the_update_around() -> None:
+    q = quaternion_from_rotation_vector([0.02, 0.01, 0.0])
+    covariance = np.diag([1e-6] * 3 + [1e-4] * 3)
+    measured = quaternion_to_matrix(quaternion_from_rotation_vector([0.03, 0.0, 0.01])).T @ REFERENCE
+    positive, negative = (
+        published_update(PublishedState(np.zeros(3), sign * q, covariance), measured, 1e-5 * np.eye(3), REFERENCE)
+        for sign in (1.0, -1.0)
+    )
+    assert float(rotation_angle_between_rad(positive.quaternion, negative.quaternion)) < 1e-12
 
 
 def test_filters_converge_from_50_degrees_at_the_first_hand_off() -> None:

@@ -3,19 +3,18 @@
 import numpy as np
 import pytest
 
-from rf_pointing.array_sensors.arrays.array_source import ArraySource, ArraySourceParams
-from rf_pointing.array_sensors.arrays.circular_array import CircularArrayParams
-from rf_pointing.array_sensors.arrays.doa_estimator import DoaEstimator, DoaEstimatorParams
-from rf_pointing.array_sensors.attitude.attitude_start import StartParams
-from rf_pointing.array_sensors.attitude.doa_attitude import DoaAttitudeFilter, DoaAttitudeParams, StationDirection
 from rf_pointing.array_sensors.attitude.ground_stations import stations_along_track, view_stations
-from rf_pointing.array_sensors.attitude.match_directions import match_directions
-from rf_pointing.array_sensors.attitude.multiplicative_filter import GateParams
-from rf_pointing.array_sensors.attitude.process_noise import ProcessNoiseParams
+from rf_pointing.array_sensors.attitude.multiplicative_filter import GateParams, ProcessNoiseParams
+from rf_pointing.array_sensors.attitude.orbits import SunSynchronousOrbitParams, orbit_point
 from rf_pointing.array_sensors.attitude.quaternion import quaternion_to_matrix, rotation_angle_between_rad
 from rf_pointing.array_sensors.attitude.rigid_body import SatelliteParams
-from rf_pointing.array_sensors.attitude.simulated_satellite import NadirHoldParams, SimulatedSatellite
-from rf_pointing.array_sensors.attitude.sun_synchronous_orbit import SunSynchronousOrbitParams, orbit_point
+from rf_pointing.array_sensors.doa.array import CircularArrayParams
+from rf_pointing.array_sensors.doa.array_source import ArraySource, ArraySourceParams
+from rf_pointing.array_sensors.doa.attitude_chain import match_directions
+from rf_pointing.array_sensors.doa.attitude_filter import DoaAttitudeFilter, DoaAttitudeParams, StationDirection
+from rf_pointing.array_sensors.doa.attitude_start import StartParams
+from rf_pointing.array_sensors.doa.estimator import DoaEstimator, DoaEstimatorParams
+from rf_pointing.array_sensors.doa.simulated_satellite import NadirHoldParams, SimulatedSatellite
 
 ORBIT = SunSynchronousOrbitParams()
 DT_S = 0.25

@@ -1,15 +1,63 @@
+""" """
+
 import math
 
 import erfa
 import numpy as np
 import pytest
 
-from rf_pointing.papers.orbit import Elements, Gravity, Site, look, propagate
-from rf_pointing.papers.orbit.earth import sidereal_angle_rad, to_earth_fixed, to_inertial
-from rf_pointing.papers.orbit.measurements import measured, partials
+from rf_pointing.core.constants import EARTH_MU_M3_S2
+from rf_pointing.papers.orbit.measurements import Elements, look, measured, partials, secular_states, visits
+from rf_pointing.papers.orbit.motion import Gravity, Site, propagate, sidereal_angle_rad, to_earth_fixed, to_inertial
 
 MAURITIUS = Site(name="Mauritius", latitude_rad=math.radians(-20.34), longitude_rad=math.radians(57.45), height_m=50.0)
 EPOCH = 827385062.07
+EPOCH, GRAVITY = 827385062.07, Gravity()
+SEA_LEVEL = Site(name="Mauritius", latitude_rad=math.radians(-20.34), longitude_rad=math.radians(57.45))
+ORBIT = Elements(
+    semi_major_axis_m=7195e3,
+    eccentricity=0.0012,
+    inclination_rad=math.radians(98.7),
+    node_rad=math.radians(156.6),
+    perigee_rad=math.radians(243.5),
+    mean_anomaly_rad=math.radians(325.0),
+)
+LOWEST_RAD = math.radians(10.0)
+
+
+def test_elements_and_state_are_inverses_for_random_orbits(random):
+    for _ in range(50):
+        given = Elements(
+            semi_major_axis_m=random.uniform(6.8e6, 4.2e7),
+            eccentricity=random.uniform(0.001, 0.7),
+            inclination_rad=random.uniform(0.05, 3.0),
+            node_rad=random.uniform(0.0, 6.28),
+            perigee_rad=random.uniform(0.0, 6.28),
+            mean_anomaly_rad=random.uniform(0.0, 6.28),
+        )
+        back = Elements.from_state(given.state())
+        assert np.allclose(back.state(), given.state(), rtol=1e-11)
+        assert back.semi_major_axis_m == pytest.approx(given.semi_major_axis_m, rel=1e-12)
+        assert back.node_rad == pytest.approx(given.node_rad, abs=1e-10)
+
+
+def test_perigee_speed_is_that_of_the_vis_viva_equation():
+    a, e = 7.2e6, 0.1
+    state = Elements(
+        semi_major_axis_m=a,
+        eccentricity=e,
+        inclination_rad=1.0,
+        node_rad=0.3,
+        perigee_rad=0.7,
+        mean_anomaly_rad=0.0,
+    ).state()
+    assert np.linalg.norm(state[:3]) == pytest.approx(a * (1 - e), rel=1e-13)
+    assert np.linalg.norm(state[3:]) == pytest.approx(math.sqrt(EARTH_MU_M3_S2 / a * (1 + e) / (1 - e)), rel=1e-13)
+
+
+def test_an_open_orbit_is_refused():
+    with pytest.raises(ValueError, match="not a closed orbit"):
+        Elements.from_state([7e6, 0.0, 0.0, 0.0, 12000.0, 100.0])
 
 
 @pytest.fixture(scope="module")
@@ -71,3 +119,36 @@ def test_partials_are_the_differences_of_the_measurements(orbit):
         forward = measured(orbit.t_s, orbit.states + step, MAURITIUS)
         numeric = (forward - measured(orbit.t_s, orbit.states - step, MAURITIUS)) / (2.0 * size)
         assert np.allclose(numeric, analytic[:, :, j], rtol=1e-6, atol=1e-12)
+
+
+@pytest.fixture(scope="module")
+def found():
+    return visits(SEA_LEVEL, ORBIT, EPOCH, 1.0, GRAVITY, step_s=10.0, lowest_rad=LOWEST_RAD)
+
+
+def test_every_pass_of_the_integrated_orbit_is_found(found):
+    times = EPOCH + np.arange(0.0, 86400.0, 30.0)
+    seen = look(times, propagate(EPOCH, ORBIT.state(), times, GRAVITY).states, SEA_LEVEL, GRAVITY)
+    up = np.flatnonzero(seen.elevation_rad > LOWEST_RAD + math.radians(2.0))
+    groups = np.split(up, np.flatnonzero(np.diff(up) > 1) + 1)
+    assert len(groups) >= 3
+    for rows in groups:
+        middle = float(np.mean(times[rows]))
+        assert any(p.t_s[0] - 60.0 < middle < p.t_s[-1] + 60.0 for p in found)
+
+
+def test_passes_lie_above_the_limit_and_have_consistent_rates(found):
+    for one in found:
+        assert np.min(one.elevation_rad) >= LOWEST_RAD
+        slope = np.gradient(one.elevation_rad, one.t_s)[1:-1]
+        assert np.max(np.abs(slope - one.elevation_rate_rad_s[1:-1])) < 5e-4
+
+
+def test_secular_states_start_at_the_elements():
+    assert secular_states(ORBIT, np.array([0.0]), GRAVITY)[0] == pytest.approx(ORBIT.state(), rel=1e-12)
+
+
+def test_a_satellite_that_never_rises_has_no_passes():
+    equatorial = ORBIT.replace(inclination_rad=0.01)
+    pole = SEA_LEVEL.replace(latitude_rad=1.5)
+    assert visits(pole, equatorial, EPOCH, 0.5, GRAVITY, step_s=10.0, lowest_rad=LOWEST_RAD) == []

@@ -1,3 +1,0 @@
-"""Antenna arrays as attitude and direction sensors."""
-
-__all__: list[str] = []

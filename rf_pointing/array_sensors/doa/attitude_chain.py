@@ -1,0 +1,242 @@
+"""What a satellite with a direction-finding array says of itself: snapshots of a channel, and known torques.
+
+Which measured direction belongs to which station: the assignment with the least total angle.
+
+From snapshots of an array and the known torques to attitude and rate: directions, stations, filter, verdict.
+
+The filter starts at the first direction, with the guess that the satellite points to the nadir and turns with its orbit, and
+anew after a long gap or when direction after direction contradicts it: what it believed is then not true any more.
+Torques are held from their stamps on; between two blocks the filter is carried on by them.
+"""
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.array_sensors.attitude.attitude_report import AttitudeReport, RateReport, require_arrived
+from rf_pointing.array_sensors.attitude.ground_stations import GroundStation, view_stations
+from rf_pointing.array_sensors.attitude.multiplicative_filter import GateParams, ProcessNoiseParams
+from rf_pointing.array_sensors.attitude.orbits import SunSynchronousOrbitParams, orbit_point
+from rf_pointing.array_sensors.attitude.quaternion import quaternion_to_matrix
+from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque, SatelliteParams
+from rf_pointing.array_sensors.doa.array import CircularArrayParams
+from rf_pointing.array_sensors.doa.array_source import SnapshotBlock
+from rf_pointing.array_sensors.doa.attitude_filter import DoaAttitudeFilter, DoaAttitudeParams, StationDirection
+from rf_pointing.array_sensors.doa.attitude_start import StartParams
+from rf_pointing.array_sensors.doa.estimator import DirectionEstimate, DoaEstimator, DoaEstimatorParams
+from rf_pointing.core import Params, as_finite_array, parameter, require_between
+
+__all__ = ["ChannelBlock", "DoaAttitude", "DoaAttitudeReport", "DoaChainParams", "HeldTorque", "match_directions"]
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChannelBlock:
+    """Snapshots of one channel, and the stations that are known to send in it."""
+
+    transmitters: tuple[str, ...]
+    block: SnapshotBlock
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeldTorque:
+    """Torques that the satellite knows, from `t_s` on."""
+
+    t_s: float
+    known: KnownTorque
+
+
+def match_directions(
+    measured: NDArray[np.float64], expected: NDArray[np.float64], largest_rad: float
+) -> list[tuple[int, int]]:
+    """Return pairs (measured index, expected index), each used once, no pair farther apart than `largest_rad`.
+
+    `measured` (n, 3) and `expected` (m, 3) are unit vectors in one frame; unmatched ones do not appear.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    require_between("largest_rad", largest_rad, 0.0, np.pi)
+    first = as_finite_array("measured", measured, (None, 3))
+    second = as_finite_array("expected", expected, (None, 3))
+    cross = np.linalg.norm(np.cross(first[:, None, :], second[None, :, :]), axis=-1)
+    angle = np.arctan2(cross, first @ second.T)
+    # a pair that is out of reach costs more than leaving both alone ever could
+    rows, columns = linear_sum_assignment(np.where(angle <= largest_rad, angle, 1e3))
+    return [(int(i), int(j)) for i, j in zip(rows, columns, strict=True) if angle[i, j] <= largest_rad]
+
+
+@dataclass(frozen=True, kw_only=True)
+class DoaChainParams(Params):
+    """What keeps the filter's inputs together."""
+
+    torque_age_max_s: float = parameter(5.0, "oldest known torque that the filter is carried on by", low=0.1, high=1e4)
+    gap_max_s: float = parameter(300.0, "longest time without blocks before the filter starts anew", low=1.0, high=1e5)
+    lost_after: int = parameter(
+        16, "directions in a row outside the gate after which the filter starts anew", low=1, high=10**6
+    )
+    match_rad: float = parameter(
+        0.35, "largest angle between a direction and its station in a shared channel", low=1e-3, high=3.14
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DoaAttitudeReport:
+    """Attitude and rate after one block; `refused` says which of its directions were not used, and why."""
+
+    attitude: AttitudeReport
+    rate: RateReport
+    refused: tuple[str, ...] = ()
+
+
+class DoaAttitude:
+    """`take_torque` and `take_block` what arrives; `coast` where no block comes."""
+
+    def __init__(
+        self,
+        array: CircularArrayParams,
+        estimator: DoaEstimatorParams,
+        orbit: SunSynchronousOrbitParams,
+        stations: list[GroundStation],
+        satellite: SatelliteParams,
+        filtering: tuple[DoaAttitudeParams, StartParams, ProcessNoiseParams, GateParams],
+        params: DoaChainParams,
+    ) -> None:
+        self._array, self._estimator, self._orbit = array, estimator, orbit
+        self._stations = {station.name: station for station in stations}
+        self._satellite, self._filtering, self._params = satellite, filtering, params
+        self._torques: deque[HeldTorque] = deque()
+        self._filter: DoaAttitudeFilter | None = None
+
+    def take_torque(self, torque: HeldTorque, now_s: float) -> None:
+        """Note what the satellite knows of its torques; ValueError if it is not newer than the last."""
+        require_arrived(torque.t_s, now_s)
+        if self._torques and torque.t_s <= self._torques[-1].t_s:
+            raise ValueError(f"torque of t_s={torque.t_s} must be > the last one's {self._torques[-1].t_s}")
+        self._torques.append(torque)
+
+    def take_block(self, heard: ChannelBlock, now_s: float) -> DoaAttitudeReport:
+        """Return attitude and rate after one block.
+
+        Raises
+        ------
+        ValueError
+            If a transmitter is unknown, the block is late or ahead of the clock, no torque is known for the time up to
+            it, or its snapshots are refused.  The attitude is as before then, at most carried on in time.
+        """
+        t_s = heard.block.t_s
+        require_arrived(t_s, now_s)
+        self._require_known(heard.transmitters)
+        found = self._directions(heard)
+        running = self._carried_on(t_s)
+        pairs, refused = self._identified(running, heard.transmitters, found, t_s)
+        for name, reference, seen in pairs:
+            if not seen.valid:
+                refused.append(f"{name}: {seen.reason}")
+            elif not running.observe(
+                StationDirection(
+                    station=name, measured=seen.direction, covariance_rad2=seen.covariance_rad2, reference=reference
+                )
+            ):
+                refused.append(f"{name}: outside the gate")
+        return _report(running, tuple(refused))
+
+    def coast(self, t_s: float) -> DoaAttitudeReport | None:
+        """Return attitude and rate carried on to `t_s` without a block, None before the first block."""
+        if self._filter is None or t_s <= self._filter.state.t_s:
+            return None
+        return _report(self._carried_on(t_s))
+
+    @property
+    def time_s(self) -> float | None:
+        """The filter's time, None before the first block."""
+        return None if self._filter is None else self._filter.state.t_s
+
+    def _require_known(self, transmitters: tuple[str, ...]) -> None:
+        unknown = [name for name in transmitters if name not in self._stations]
+        if unknown or not transmitters or len(set(transmitters)) != len(transmitters):
+            known = ", ".join(self._stations)
+            raise ValueError(f"transmitters={transmitters} must be different stations, and at least one, of {known}")
+
+    def _directions(self, heard: ChannelBlock) -> list[DirectionEstimate]:
+        params = self._estimator.replace(sources=len(heard.transmitters))
+        if heard.block.snapshots.shape[0] != self._array.elements:
+            raise ValueError(f"snapshots of {heard.block.snapshots.shape[0]} elements, must be {self._array.elements}")
+        return DoaEstimator(self._array, params).estimate(heard.block)
+
+    def _identified(
+        self, running: DoaAttitudeFilter, transmitters: tuple[str, ...], found: list[DirectionEstimate], t_s: float
+    ) -> tuple[list[tuple[str, Array, DirectionEstimate]], list[str]]:
+        """Return station, reference and direction of what was found, and what was not; a sole station needs no search."""
+        view = view_stations(self._orbit, [self._stations[name] for name in transmitters], t_s)
+        if len(transmitters) == 1 and len(found) == 1:
+            return [(transmitters[0], view.reference[0], found[0])], []
+        expected = view.reference @ quaternion_to_matrix(running.output().quaternion)
+        measured = np.array([each.direction for each in found]).reshape(len(found), 3)
+        pairs = match_directions(measured, expected, self._params.match_rad)
+        missing = [name for k, name in enumerate(transmitters) if k not in [second for _, second in pairs]]
+        reasons = [
+            f"{name}: no direction within {self._params.match_rad} rad of where it is expected" for name in missing
+        ]
+        return [(transmitters[k], view.reference[k], found[i]) for i, k in pairs], reasons
+
+    def _carried_on(self, t_s: float) -> DoaAttitudeFilter:
+        """Return the filter at `t_s`, started there if there is none, it was silent for too long, or it is lost."""
+        if self._filter is not None and t_s < self._filter.state.t_s:
+            raise ValueError(f"t_s={t_s} is late: the filter is at {self._filter.state.t_s}")
+        if (
+            self._filter is None
+            or t_s - self._filter.state.t_s > self._params.gap_max_s
+            or self._filter.refused >= self._params.lost_after
+        ):
+            self._filter = self._started(t_s)
+            return self._filter
+        for until_s, known in self._pieces(self._filter.state.t_s, t_s):
+            self._filter.predict_to(until_s, known, orbit_point(self._orbit, until_s).frame_rate_rad_s)
+        return self._filter
+
+    def _started(self, t_s: float) -> DoaAttitudeFilter:
+        params, start, noise, gate = self._filtering
+        return DoaAttitudeFilter(
+            self._satellite,
+            params,
+            start,
+            noise,
+            gate,
+            t_s=t_s,
+            quaternion=np.array([0.0, 0.0, 0.0, 1.0]),
+            rate_rad_s=orbit_point(self._orbit, t_s).frame_rate_rad_s,
+        )
+
+    def _pieces(self, from_s: float, to_s: float) -> list[tuple[float, KnownTorque]]:
+        """Return the torques held between the two times, each with its end; forget those before."""
+        if from_s >= to_s:
+            return []
+        while len(self._torques) > 1 and self._torques[1].t_s <= from_s:
+            self._torques.popleft()
+        held = [torque for torque in self._torques if torque.t_s < to_s]
+        if not held or held[0].t_s > from_s:
+            raise ValueError(f"no torque is known at {from_s} s: the attitude cannot be carried on")
+        ends = [torque.t_s for torque in held[1:]] + [to_s]
+        for torque, end_s in zip(held, ends, strict=True):
+            if end_s - torque.t_s > self._params.torque_age_max_s:
+                raise ValueError(
+                    f"the torque of {torque.t_s} s is {end_s - torque.t_s:.6g} s old, "
+                    f"must be <= {self._params.torque_age_max_s} s"
+                )
+        return [(end_s, torque.known) for torque, end_s in zip(held, ends, strict=True) if end_s > from_s]
+
+
+def _report(running: DoaAttitudeFilter, refused: tuple[str, ...] = ()) -> DoaAttitudeReport:
+    found = running.output()
+    covariance = 0.5 * (found.covariance + found.covariance.T)
+    attitude = AttitudeReport(
+        t_s=found.t_s,
+        quaternion=found.quaternion,
+        covariance_rad2=covariance[:3, :3],
+        valid=found.valid,
+        reason=found.reason,
+    )
+    rate = RateReport(t_s=found.t_s, rate_rad_s=found.rate_rad_s, covariance_rad2_s2=covariance[3:, 3:])
+    return DoaAttitudeReport(attitude=attitude, rate=rate, refused=refused)

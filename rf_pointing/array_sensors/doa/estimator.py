@@ -1,0 +1,143 @@
+"""Directions with covariance from one block of snapshots: covariance, MUSIC, power, Cramer-Rao bound, verdict.
+
+The covariance of a direction is the Cramer-Rao bound at the estimated power: rank two, in the tangent plane, regular at
+theta = 0.  MUSIC attains it above its threshold (see docs/math/doa.md), so below the threshold an estimate is marked
+invalid with its reason instead of carrying a covariance that is not true; so is one from a channel that holds more
+signals than are looked for: it may be another transmitter's.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.array_sensors.doa.array import ArrayResponse, CircularArrayParams, phase_radius_rad, steering
+from rf_pointing.array_sensors.doa.array_source import SnapshotBlock
+from rf_pointing.array_sensors.doa.covariance import count_sources, eigen, sample_covariance
+from rf_pointing.array_sensors.doa.cramer_rao import direction_bound_rad2
+from rf_pointing.array_sensors.doa.music import estimate_directions
+from rf_pointing.array_sensors.doa.several_sources import estimate_several
+from rf_pointing.core import Params, cosine_slopes, parameter
+
+__all__ = ["DirectionEstimate", "DoaEstimator", "DoaEstimatorParams"]
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, kw_only=True)
+class DoaEstimatorParams(Params):
+    """How many sources to look for and when to believe the result."""
+
+    sources: int = parameter(1, "number of simultaneous sources", low=1, high=16)
+    effective_snr_min: float = parameter(60.0, "smallest kappa = L (M SNR)^2 / (1 + M SNR)", low=0.0, high=1e9)
+    boresight_cosine_min: float = parameter(
+        0.1, "smallest cos(theta): no accuracy in the array plane", low=1e-3, high=1
+    )
+    count_signals: bool = parameter(True, "refuse a channel with more signals than sources (white receiver noise)")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DirectionEstimate:
+    """Direction of one source in the array frame at `t_s`.
+
+    `direction` (3,) unit vector; `covariance_rad2` (3, 3) of its error, rank two, orthogonal to it; `snr_db` per
+    element; `effective_snr` kappa as a ratio.  An invalid estimate carries its reason and must not move a filter.
+    """
+
+    t_s: float
+    direction: Array
+    covariance_rad2: Array
+    snr_db: float
+    effective_snr: float
+    valid: bool
+    reason: str
+
+
+class DoaEstimator:
+    """Stateless estimator for one array; `response` is its calibrated coupling and gain."""
+
+    def __init__(
+        self, array: CircularArrayParams, params: DoaEstimatorParams, *, response: ArrayResponse | None = None
+    ) -> None:
+        if params.sources >= array.elements:
+            raise ValueError(f"sources={params.sources} must be < elements={array.elements}")
+        self.array = array
+        self.params = params
+        self._matrix = None if response is None else response.matrix
+
+    def estimate(self, block: SnapshotBlock) -> list[DirectionEstimate]:
+        """Return one estimate per source found, strongest spectrum first; an unresolved source is missing from it.
+
+        Raises
+        ------
+        ValueError
+            If the block has no more snapshots than sources (the noise cannot be told from the signals), or its
+            covariance is refused.
+        """
+        sources, count = self.params.sources, block.snapshots.shape[-1]
+        if count <= sources:
+            raise ValueError(f"snapshots={count} must be > sources={sources} to tell the noise from the signals")
+        covariance = sample_covariance(block.snapshots, sources)
+        if sources == 1:
+            peaks = estimate_directions(self.array, covariance[None], self._matrix)
+            directions, flaw = peaks.direction, "" if peaks.converged[0] else "peak refinement did not converge"
+        else:
+            several = estimate_several(self.array, covariance, sources, self._matrix)
+            directions, flaw = several.direction, several.reason
+        if not len(directions):
+            return []
+        flaw = "; ".join(reason for reason in (flaw, self._crowded(covariance, count)) if reason)
+        noise, powers = self._powers(covariance, directions, count)
+        return self._judge(block.t_s, directions, powers / noise, count, flaw)
+
+    def _crowded(self, covariance: ComplexArray, count: int) -> str:
+        """Return what speaks against the number of sources; it cannot be counted with fewer snapshots than elements."""
+        if not self.params.count_signals or count < self.array.elements:
+            return ""
+        held = int(count_sources(covariance, count))
+        return (
+            f"{held} signals in the channel, must be <= sources={self.params.sources}"
+            if held > self.params.sources
+            else ""
+        )
+
+    def _powers(self, covariance: ComplexArray, directions: Array, count: int) -> tuple[float, ComplexArray]:
+        """Return the noise power and the source covariance (k, k): least squares on R - noise I."""
+        sources = self.params.sources
+        values = eigen(covariance, self.array.elements, sources).values
+        rest = float(np.sum(values[sources:]))
+        noise = rest / (self.array.elements - sources) * count / (count - sources)
+        if noise <= 1e-12 * values[0]:
+            raise ValueError(
+                f"noise power {noise} must be > 0: the covariance has rank {sources}, no noise to judge by"
+            )
+        manifold = steering(self.array, directions).T
+        inverse = np.linalg.pinv(manifold if self._matrix is None else self._matrix @ manifold)
+        return noise, inverse @ (covariance - noise * np.eye(self.array.elements)) @ inverse.conj().T
+
+    def _judge(
+        self, t_s: float, directions: Array, snr: ComplexArray, count: int, flaw: str
+    ) -> list[DirectionEstimate]:
+        powers = np.maximum(np.diag(snr).real, 1e-6)
+        bound = direction_bound_rad2(self.array, directions, np.diag(powers).astype(complex), count, self._matrix)
+        found = len(directions)
+        return [self._one(t_s, directions[k], bound[k::found, k::found], float(powers[k]), flaw) for k in range(found)]
+
+    def _one(self, t_s: float, direction: Array, cosines: Array, snr: float, flaw: str) -> DirectionEstimate:
+        effective = 2.0 / (phase_radius_rad(self.array) ** 2 * float(np.trace(cosines)))
+        slopes = cosine_slopes(np.append(direction[:2], max(float(direction[2]), 1e-9)))
+        reasons = [flaw] if flaw else []
+        if effective < self.params.effective_snr_min:
+            reasons.append(f"effective_snr={effective:.3g} must be >= {self.params.effective_snr_min:g}")
+        if direction[2] < self.params.boresight_cosine_min:
+            reasons.append(f"cos(theta)={direction[2]:.3g} must be >= {self.params.boresight_cosine_min:g}")
+        return DirectionEstimate(
+            t_s=t_s,
+            direction=direction,
+            covariance_rad2=slopes @ cosines @ slopes.T,
+            snr_db=10.0 * float(np.log10(snr)),
+            effective_snr=effective,
+            valid=not reasons,
+            reason="; ".join(reasons),
+        )

@@ -1,0 +1,215 @@
+"""Tracker of the relative pose: acquires without prior knowledge, tracks, flags what it refuses, coasts, gives up.
+
+A reading is refused, with its reason, when loops lost lock or have less than 10 dB, when a lane decision was a toss,
+when repeated phases disagree, when ranges and couplings contradict each other (wrong lane of a path) or when they
+contradict the prediction (wrong lane of all paths).  Refused readings change nothing; the pose coasts on its rates
+with growing covariance until the coasting limit, then it is dropped and acquired anew.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.array_sensors.interferometer.initializer import Geometry, geometry_from_pose
+from rf_pointing.array_sensors.interferometer.measurement import InterferometerMeasurement
+from rf_pointing.array_sensors.interferometer.measurement_model import (
+    TrackedMotion,
+    cartesian_jacobian,
+    expected_path_rates_m_s,
+)
+from rf_pointing.array_sensors.interferometer.motion import RelativeMotion
+from rf_pointing.array_sensors.interferometer.radio import LOWEST_SNR
+from rf_pointing.array_sensors.interferometer.rate_filter import FilterParams, FilterState, predict, start, update
+from rf_pointing.array_sensors.interferometer.reading import ErrorFloor, Reading, read_ranges
+from rf_pointing.array_sensors.interferometer.sequence import SequenceParams
+from rf_pointing.array_sensors.interferometer.snapshot import Snapshot, chi_square_limit, coarse_geometry, refine
+from rf_pointing.array_sensors.interferometer.system import InterferometerSystem
+from rf_pointing.core import Params, parameter
+
+__all__ = ["InterferometerTracker", "PoseEstimate", "TrackerOutput", "TrackerParams", "TrackerState"]
+
+Array = NDArray[np.float64]
+ACQUIRING, TRACKING, COASTING = "acquiring", "tracking", "coasting"
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackerParams(Params):
+    """Gates and limits of the tracker."""
+
+    lane_guard: float = parameter(0.35, "largest distance of a lane from a whole number", low=0.05, high=0.5)
+    visit_agreement: float = parameter(0.7, "smallest resultant of repeated phases", low=0.0, high=1.0)
+    gate_sigma: float = parameter(5.0, "residual gates, in normal deviates", low=1.0, high=20.0)
+    coast_limit_s: float = parameter(20.0, "longest time without an accepted reading", low=0.1, high=1e4)
+    most_rejected: int = parameter(5, "readings refused in a row before acquiring anew", low=1, high=1000)
+    widest_angle_rad: float = parameter(1.4, "largest angle off boresight of either array", low=0.1, high=1.55)
+    acquisition_iterations: int = parameter(8, "passes of the sequence without prior", low=2, high=50)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PoseEstimate:
+    """Relative motion and its covariance (12, 12): position, velocity, rotation vector, angular rate.
+
+    Position and velocity in the active frame, rotation vector (of A) and rate in the passive frame.
+    """
+
+    t_s: float
+    motion: RelativeMotion
+    covariance: Array
+    excitation: Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackerOutput:
+    """Status acquiring, tracking or coasting; the reason whenever the reading was refused; the pose if there is one."""
+
+    t_s: float
+    status: str
+    reason: str
+    estimate: PoseEstimate | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackerState:
+    """Complete state: the filter (None while acquiring), time of the last accepted reading, refusals in a row."""
+
+    filter: FilterState | None = None
+    accepted_t_s: float = 0.0
+    rejected: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class InterferometerTracker:
+    """Pure function of state and measurement: `step` returns the next state and what to publish."""
+
+    system: InterferometerSystem = field(default_factory=InterferometerSystem)
+    params: TrackerParams = field(default_factory=TrackerParams)
+    filter_params: FilterParams = field(default_factory=FilterParams)
+    floor: ErrorFloor = field(default_factory=ErrorFloor)
+
+    def step(self, state: TrackerState, measurement: InterferometerMeasurement) -> tuple[TrackerState, TrackerOutput]:
+        """Return the state after `measurement` and the output at its epoch."""
+        if state.filter is not None and measurement.t_s <= state.filter.t_s:
+            reason = f"t_s={measurement.t_s} must be > the last epoch {state.filter.t_s}"
+            return state, self._output(state.filter, COASTING, reason)
+        predicted = None if state.filter is None else predict(state.filter, measurement.t_s, self.filter_params)
+        try:
+            accepted = self._accepted(predicted, measurement)
+        except ValueError as refusal:
+            return self._refused(state, predicted, measurement.t_s, str(refusal))
+        after = TrackerState(filter=accepted, accepted_t_s=measurement.t_s, rejected=0)
+        return after, self._output(accepted, TRACKING, "")
+
+    def coast(self, state: TrackerState, t_s: float, reason: str) -> tuple[TrackerState, TrackerOutput]:
+        """Return the state and output at `t_s` when no measurement came, or none that could be read."""
+        if state.filter is not None and t_s < state.filter.t_s:
+            raise ValueError(f"t_s={t_s} must be >= the last epoch {state.filter.t_s}")
+        predicted = None if state.filter is None else predict(state.filter, t_s, self.filter_params)
+        return self._refused(state, predicted, t_s, reason)
+
+    def _accepted(self, predicted: FilterState | None, measurement: InterferometerMeasurement) -> FilterState:
+        self._check_loops(measurement)
+        reading = self._reading(predicted, measurement)
+        snapshot = self._snapshot(reading, predicted)
+        if predicted is None:
+            prior = start(measurement.t_s, snapshot, self.filter_params)
+            return update(prior, reading, self.system).state
+        return self._corrected(predicted, reading, snapshot)
+
+    def _reading(self, predicted: FilterState | None, measurement: InterferometerMeasurement) -> Reading:
+        # Predicted path rates resolve cycles at lower power; after a manoeuvre only the measured ones are right.
+        if predicted is not None:
+            aiding = expected_path_rates_m_s(predicted.tracked, self.system)
+            reading = read_ranges(measurement, self.system, self.floor, aiding)
+            if not self._doubt(reading):
+                return reading
+        reading = read_ranges(measurement, self.system, self.floor)
+        if doubt := self._doubt(reading):
+            raise ValueError(doubt)
+        return reading
+
+    def _check_loops(self, measurement: InterferometerMeasurement) -> None:
+        if not np.all(measurement.locked):
+            slot, active, passive = np.argwhere(~measurement.locked)[0]
+            lost = int(np.sum(~measurement.locked))
+            raise ValueError(f"{lost} loops without lock, first: slot {slot}, path A{active + 1}-P{passive + 1}")
+        for name, snr in (("forward", measurement.snr_forward), ("return", measurement.snr_return)):
+            if np.min(snr) < LOWEST_SNR:
+                raise ValueError(f"{name} link snr={float(np.min(snr)):.3g} must be >= {LOWEST_SNR}")
+
+    def _doubt(self, reading: Reading) -> str:
+        if reading.visit_agreement < self.params.visit_agreement:
+            return (
+                f"repeated phases agree to {reading.visit_agreement:.3g}, must be >= {self.params.visit_agreement}: "
+                "path rate wrong or changing"
+            )
+        if reading.worst_lane > self.params.lane_guard:
+            return f"lane residual {reading.worst_lane:.3g} must be <= {self.params.lane_guard}: cycle not resolved"
+        return ""
+
+    def _snapshot(self, reading: Reading, predicted: FilterState | None) -> Snapshot:
+        prior = None if predicted is None else _seen(predicted.tracked)
+        fit = self.filter_params.track_excitation
+        passes = self.params.acquisition_iterations if predicted is None else 2
+        sequence = SequenceParams(iterations=passes, estimate_excitation=fit)
+        geometry, excitation = coarse_geometry(reading, prior, self.system, sequence)
+        snapshot = refine(geometry, excitation, reading, self.system, fit)
+        self._gate("ranges and couplings contradict each other", snapshot.chi_square, snapshot.degrees_of_freedom)
+        if np.min(snapshot.tracked.excitation) <= 0.0:
+            raise ValueError(f"excitation={snapshot.tracked.excitation} must be > 0")
+        self._check_angles(snapshot)
+        return snapshot
+
+    def _check_angles(self, snapshot: Snapshot) -> None:
+        seen = _seen(snapshot.tracked)
+        for side, cosine in (("active", seen.forward[0]), ("passive", -seen.reverse[0])):
+            angle = float(np.arccos(np.clip(cosine, -1.0, 1.0)))
+            if angle > self.params.widest_angle_rad:
+                raise ValueError(
+                    f"{side} array sees the other {np.degrees(angle):.4g} deg off boresight, "
+                    f"must be <= {np.degrees(self.params.widest_angle_rad):.4g} deg"
+                )
+
+    def _corrected(self, predicted: FilterState, reading: Reading, snapshot: Snapshot) -> FilterState:
+        motion = RelativeMotion(
+            position_m=snapshot.tracked.motion.position_m,
+            velocity_m_s=predicted.tracked.motion.velocity_m_s,
+            attitude=snapshot.tracked.motion.attitude,
+            rate_rad_s=predicted.tracked.motion.rate_rad_s,
+        )
+        around = TrackedMotion(motion=motion, excitation=snapshot.tracked.excitation)
+        result = update(predicted, reading, self.system, around)
+        self._gate("reading contradicts the prediction", result.chi_square, result.degrees_of_freedom)
+        return result.state
+
+    def _gate(self, what: str, chi_square: float, degrees_of_freedom: int) -> None:
+        limit = chi_square_limit(degrees_of_freedom, self.params.gate_sigma)
+        if not chi_square <= limit:
+            raise ValueError(f"{what} (wrong lane?): chi-square {chi_square:.4g} must be <= {limit:.4g}")
+
+    def _refused(
+        self, state: TrackerState, predicted: FilterState | None, t_s: float, reason: str
+    ) -> tuple[TrackerState, TrackerOutput]:
+        if predicted is None:
+            return state, TrackerOutput(t_s=t_s, status=ACQUIRING, reason=reason, estimate=None)
+        rejected = state.rejected + 1
+        silent_s = t_s - state.accepted_t_s
+        if silent_s > self.params.coast_limit_s or rejected > self.params.most_rejected:
+            reason = f"dropped after {silent_s:.4g} s and {rejected} refused readings, last: {reason}"
+            return TrackerState(), TrackerOutput(t_s=t_s, status=ACQUIRING, reason=reason, estimate=None)
+        after = TrackerState(filter=predicted, accepted_t_s=state.accepted_t_s, rejected=rejected)
+        return after, self._output(predicted, COASTING, reason)
+
+    def _output(self, state: FilterState, status: str, reason: str) -> TrackerOutput:
+        jacobian = cartesian_jacobian(state.tracked.motion)
+        estimate = PoseEstimate(
+            t_s=state.t_s,
+            motion=state.tracked.motion,
+            covariance=jacobian @ state.covariance[:12, :12] @ jacobian.T,
+            excitation=state.tracked.excitation,
+        )
+        return TrackerOutput(t_s=state.t_s, status=status, reason=reason, estimate=estimate)
+
+
+def _seen(tracked: TrackedMotion) -> Geometry:
+    return geometry_from_pose(tracked.motion.position_m, tracked.motion.attitude)

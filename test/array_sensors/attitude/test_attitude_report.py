@@ -1,0 +1,82 @@
+"""What attitude sensors say is finite, of unit length and with a covariance; stamps lie not ahead of the clock."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rf_pointing.array_sensors.attitude.attitude_report import (
+    LARGEST_LEAD_S,
+    AttitudeReport,
+    RateReport,
+    require_arrived,
+)
+from rf_pointing.array_sensors.attitude.ground_stations import GroundNetworkParams
+
+SOUND: dict[str, Any] = {
+    "t_s": 1.0,
+    "quaternion": np.array([0.0, 0.0, 0.6, 0.8]),
+    "covariance_rad2": np.diag([1.0, 2.0, 3.0]),
+    "valid": True,
+    "reason": "",
+}
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"t_s": np.inf}, "t_s=inf must be finite"),
+        ({"quaternion": np.array([0.0, 0.0, 0.0, 2.0])}, "norm"),
+        ({"quaternion": np.array([0.0, 0.0, np.nan, 1.0])}, "quaternion"),
+        ({"quaternion": np.zeros(3)}, "shape"),
+        ({"covariance_rad2": np.diag([1.0, 2.0, -3.0])}, "eigenvalue"),
+        ({"covariance_rad2": np.diag([1.0, 2.0, np.nan])}, "covariance_rad2"),
+        ({"covariance_rad2": np.triu(np.ones((3, 3)))}, "symmetric"),
+        ({"valid": False}, "must say why"),
+    ],
+)
+def test_unsound_attitude_is_refused(changes: dict[str, Any], words: str) -> None:
+    AttitudeReport(**SOUND)
+    with pytest.raises(ValueError, match=words):
+        AttitudeReport(**{**SOUND, **changes})
+
+
+def test_unsound_rate_is_refused() -> None:
+    with pytest.raises(ValueError, match="rate_rad_s"):
+        RateReport(t_s=0.0, rate_rad_s=np.array([0.0, np.nan, 0.0]), covariance_rad2_s2=np.eye(3))
+    with pytest.raises(ValueError, match="eigenvalue"):
+        RateReport(t_s=0.0, rate_rad_s=np.zeros(3), covariance_rad2_s2=-np.eye(3))
+
+
+def test_stamp_ahead_of_the_clock_is_refused_and_one_from_the_past_is_not() -> None:
+    require_arrived(100.0, 100.0 - LARGEST_LEAD_S)
+    require_arrived(0.0, 100.0)
+    with pytest.raises(ValueError, match="ahead of the clock"):
+        require_arrived(100.0, 99.9 - LARGEST_LEAD_S)
+    with pytest.raises(ValueError, match="finite"):
+        require_arrived(float("nan"), 0.0)
+
+
+def test_stations_keep_names_and_places_together() -> None:
+    network = GroundNetworkParams(names=("a", "b_2"), latitude_rad=(0.1, -0.2), longitude_rad=(1.0, 2.0))
+    assert [(s.name, s.latitude_rad, s.longitude_rad) for s in network.stations()] == [
+        ("a", 0.1, 1.0),
+        ("b_2", -0.2, 2.0),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"names": ("a", "a")}, "different"),
+        ({"names": ("a", "B")}, "'B'"),
+        ({"names": ("a", "x/y")}, "'x/y'"),
+        ({"names": ()}, "at least one"),
+        ({"latitude_rad": (0.1,)}, "latitude_rad has 1 values, must be one for each of 2 names"),
+        ({"latitude_rad": (0.1, 1.6)}, r"latitude_rad\[1\]=1.6"),
+        ({"longitude_rad": (0.1, np.nan)}, r"longitude_rad\[1\]"),
+    ],
+)
+def test_stations_that_are_no_namespaces_or_no_places_are_refused(changes: dict[str, Any], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        GroundNetworkParams().replace(**changes)

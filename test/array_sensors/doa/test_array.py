@@ -1,0 +1,163 @@
+"""Circular array: steering against the printed equation, derivatives against differences, refusals.
+
+Mutual coupling: the symmetric model, the planted response recovered, and what an uncalibrated array costs.
+"""
+
+import numpy as np
+import pytest
+
+from rf_pointing.array_sensors.doa.array import (
+    ArrayResponse,
+    CircularArrayParams,
+    coupling_matrix,
+    element_positions_m,
+    phase_radius_rad,
+    steering,
+    steering_taylor,
+)
+from rf_pointing.array_sensors.doa.covariance import sample_covariance
+from rf_pointing.array_sensors.doa.cramer_rao import direction_bound_rad2
+from rf_pointing.array_sensors.doa.music import estimate_directions
+from rf_pointing.array_sensors.doa.several_sources import estimate_several
+from rf_pointing.array_sensors.doa.snapshots import complex_normal, draw_snapshots
+from rf_pointing.papers.doa_study.beyond import fit_response
+from rf_pointing.papers.doa_study.directions import direction_from_polar
+
+ARRAY = CircularArrayParams()
+COUPLING = np.array([0.25 * np.exp(1.1j), 0.12 * np.exp(-2j), 0.06 * np.exp(0.4j), 0.04, 0.02j, 0.02])
+
+
+def test_steering_is_the_printed_equation_21() -> None:
+    theta, phi = 0.61, 2.37
+    m = np.arange(12)
+    printed = np.exp(1j * 2 * np.pi / 0.15 * 0.15 * np.sin(theta) * np.cos(phi - 2 * np.pi / 12 * m))
+    assert steering(ARRAY, direction_from_polar(theta, phi)) == pytest.approx(printed, abs=1e-12)
+
+
+def test_published_array_has_radius_of_one_wavelength() -> None:
+    assert phase_radius_rad(ARRAY) == pytest.approx(2 * np.pi)
+    assert np.linalg.norm(element_positions_m(ARRAY), axis=1) == pytest.approx(0.15)
+
+
+def test_turning_the_source_by_one_element_shifts_the_steering_vector() -> None:
+    first = steering(ARRAY, direction_from_polar(0.4, 0.3))
+    turned = steering(ARRAY, direction_from_polar(0.4, 0.3 + 2 * np.pi / 12))
+    assert turned == pytest.approx(np.roll(first, 1), abs=1e-12)
+
+
+def test_taylor_columns_are_the_derivatives_in_the_direction_cosines() -> None:
+    array = CircularArrayParams(elements=7, radius_m=0.21, wavelength_m=0.13)
+    h = 1e-4
+
+    def at(u: float, v: float) -> np.ndarray:
+        return steering(array, np.array([u, v, np.sqrt(1 - u * u - v * v)]))
+
+    u, v = 0.23, -0.41
+    a = at(u, v)[:, None] * steering_taylor(array)
+    assert a[:, 1] == pytest.approx((at(u + h, v) - at(u - h, v)) / (2 * h), rel=1e-5, abs=1e-4)
+    assert a[:, 2] == pytest.approx((at(u, v + h) - at(u, v - h)) / (2 * h), rel=1e-5, abs=1e-4)
+    mixed = (at(u + h, v + h) - at(u + h, v - h) - at(u - h, v + h) + at(u - h, v - h)) / (4 * h * h)
+    assert a[:, 4] == pytest.approx(mixed, rel=1e-4, abs=1e-2)
+    assert a[:, 5] == pytest.approx((at(u, v + h) - 2 * at(u, v) + at(u, v - h)) / h**2, rel=1e-4, abs=1e-2)
+
+
+@pytest.mark.parametrize("direction", [[0.0, 0.0, 1.1], [0.0, 0.0, 0.0], [np.nan, 0.0, 1.0]])
+def test_direction_that_is_no_unit_vector_is_refused(direction: list[float]) -> None:
+    with pytest.raises(ValueError, match="direction"):
+        steering(ARRAY, np.array(direction))
+
+
+def test_fewer_than_five_elements_are_refused() -> None:
+    with pytest.raises(ValueError, match="elements=4 must be >= 5"):
+        CircularArrayParams(elements=4)
+
+
+@pytest.fixture
+def stream() -> np.random.Generator:
+    return np.random.default_rng(1102)
+
+
+@pytest.fixture
+def response(stream: np.random.Generator) -> ArrayResponse:
+    gain = 1 + 0.1 * complex_normal(stream, (12,))
+    return ArrayResponse(gain=gain / gain[0], coupling=COUPLING)
+
+
+def covariances(stream: np.random.Generator, towards: np.ndarray, snr: float, matrix: np.ndarray) -> np.ndarray:
+    x = draw_snapshots(ARRAY, towards[:, None], np.array([[snr + 0j]]), 100, stream, response=matrix)
+    return sample_covariance(x)
+
+
+def scattered(stream: np.random.Generator, count: int) -> np.ndarray:
+    return direction_from_polar(stream.uniform(0.2, 1.0, count), stream.uniform(0, 2 * np.pi, count))
+
+
+def test_coupling_depends_on_the_distance_round_the_circle() -> None:
+    c = coupling_matrix(12, COUPLING)
+    assert c == pytest.approx(c.T)
+    assert c == pytest.approx(np.roll(np.roll(c, 5, axis=0), 5, axis=1))
+    assert (c[0, 0], c[0, 1], c[0, 11], c[3, 9]) == (1.0, COUPLING[0], COUPLING[0], COUPLING[5])
+
+
+def test_planted_response_comes_back_within_its_covariance(
+    response: ArrayResponse, stream: np.random.Generator
+) -> None:
+    towards = scattered(stream, 30)
+    fit = fit_response(ARRAY, towards, covariances(stream, towards, 1000.0, response.matrix))
+    error = np.concatenate([fit.response.gain[1:] - response.gain[1:], fit.response.coupling - response.coupling])
+    assert np.abs(error).max() < 0.01
+    assert np.sqrt(np.mean(np.abs(error) ** 2 / np.diag(fit.covariance).real)) == pytest.approx(1.0, abs=0.4)
+    assert (fit.rank, fit.covariance.shape) == (17, (17, 17))
+
+
+def test_exact_pilots_give_the_response_to_rounding(response: ArrayResponse, stream: np.random.Generator) -> None:
+    towards = scattered(stream, 8)
+    a = steering(ARRAY, towards) @ response.matrix.T
+    fit = fit_response(ARRAY, towards, a[:, :, None] * a[:, None, :].conj())
+    assert fit.response.matrix == pytest.approx(response.matrix, abs=1e-9)
+
+
+def test_calibration_takes_the_error_from_a_degree_to_the_bound(
+    response: ArrayResponse, stream: np.random.Generator
+) -> None:
+    pilots, truth = scattered(stream, 24), scattered(stream, 300)
+    fit = fit_response(ARRAY, pilots, covariances(stream, pilots, 1000.0, response.matrix))
+    received = covariances(stream, truth, 10.0, response.matrix)
+    bare = np.linalg.norm(estimate_directions(ARRAY, received).direction - truth, axis=1)
+    matched = estimate_directions(ARRAY, received, fit.response.matrix).direction - truth
+    power = np.array([[10.0 + 0j]])
+    bound = np.mean([np.trace(direction_bound_rad2(ARRAY, s[None], power, 100, response.matrix)) for s in truth])
+    assert np.degrees(np.sqrt(np.mean(bare**2))) > 0.5
+    assert np.sqrt(np.mean(np.sum(matched[:, :2] ** 2, axis=1)) / bound) == pytest.approx(1.0, abs=0.08)
+
+
+def test_several_sources_are_found_through_a_coupled_array(response: ArrayResponse) -> None:
+    truth = direction_from_polar([0.5, 0.8], [0.3, 2.0])
+    a = response.matrix @ steering(ARRAY, truth).T
+    found = estimate_several(ARRAY, a @ a.conj().T + 0.01 * np.eye(12), 2, response.matrix)
+    assert np.linalg.norm(found.direction[:, None] - truth[None], axis=-1).min(axis=0).max() < 1e-8
+
+
+def test_pilots_in_one_direction_are_refused_by_the_name_of_the_unknown(stream: np.random.Generator) -> None:
+    towards = direction_from_polar(np.zeros(24), 0.0)
+    with pytest.raises(ValueError, match=r"pilots do not determine (gain|coupling)\[\d+\]"):
+        fit_response(ARRAY, towards, covariances(stream, towards, 100.0, np.eye(12)))
+
+
+def test_one_pilot_is_refused(stream: np.random.Generator) -> None:
+    towards = scattered(stream, 1)
+    with pytest.raises(ValueError, match="pilots"):
+        fit_response(ARRAY, towards, covariances(stream, towards, 100.0, np.eye(12)))
+
+
+@pytest.mark.parametrize(
+    ("gain", "coupling", "words"),
+    [
+        (np.zeros(12, complex), COUPLING, "failed element"),
+        (np.ones(12, complex), COUPLING[:5], "must be \\(6,\\)"),
+        (np.ones(12, complex), COUPLING * np.nan, "coupling=.* must be finite"),
+    ],
+)
+def test_response_that_no_array_has_is_refused(gain: np.ndarray, coupling: np.ndarray, words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        ArrayResponse(gain=gain, coupling=coupling)

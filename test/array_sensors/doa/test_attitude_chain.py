@@ -1,0 +1,226 @@
+"""Matching of directions to stations.
+
+Snapshots and known torques become attitude and rate; what does not fit together is refused with its reason.
+"""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rf_pointing.array_sensors.attitude.ground_stations import GroundStation, stations_along_track
+from rf_pointing.array_sensors.attitude.multiplicative_filter import GateParams, ProcessNoiseParams
+from rf_pointing.array_sensors.attitude.orbits import SunSynchronousOrbitParams
+from rf_pointing.array_sensors.attitude.quaternion import conjugate, multiply, quaternion_to_rotation_vector
+from rf_pointing.array_sensors.attitude.rigid_body import SatelliteParams
+from rf_pointing.array_sensors.doa.array import CircularArrayParams
+from rf_pointing.array_sensors.doa.array_source import ArraySourceParams, SnapshotBlock
+from rf_pointing.array_sensors.doa.attitude_chain import (
+    ChannelBlock,
+    DoaAttitude,
+    DoaAttitudeReport,
+    DoaChainParams,
+    match_directions,
+)
+from rf_pointing.array_sensors.doa.attitude_filter import DoaAttitudeParams
+from rf_pointing.array_sensors.doa.attitude_start import StartParams
+from rf_pointing.array_sensors.doa.estimator import DoaEstimatorParams
+from rf_pointing.array_sensors.doa.simulated_doa import DoaMoment, DoaScenarioParams, SimulatedDoa
+from rf_pointing.array_sensors.doa.simulated_satellite import NadirHoldParams
+
+START_S = 1_767_225_600.0
+ARRAY, ORBIT = CircularArrayParams(), SunSynchronousOrbitParams()
+STATIONS = stations_along_track(ORBIT, START_S - 600.0, spacing_s=300.0, aside_rad=0.06)
+SIGMAS = 4.5
+
+
+@pytest.fixture
+def expected() -> np.ndarray:
+    v = np.random.default_rng(2).standard_normal((4, 3))
+    return v / np.linalg.norm(v, axis=1, keepdims=True)
+
+
+def test_shuffled_directions_find_their_stations(expected: np.ndarray) -> None:
+    order = [2, 0, 3, 1]
+    noisy = expected[order] + 0.01
+    noisy /= np.linalg.norm(noisy, axis=1, keepdims=True)
+    assert sorted(match_directions(noisy, expected, 0.2)) == [(i, j) for i, j in enumerate(order)]
+
+
+def test_direction_without_a_station_in_reach_stays_unmatched(expected: np.ndarray) -> None:
+    stray = np.concatenate([expected[:2], -expected[2:3]])
+    assert sorted(match_directions(stray, expected[:2], 0.1)) == [(0, 0), (1, 1)]
+
+
+def test_total_angle_decides_where_the_nearest_would_collide() -> None:
+    def at(angle: float) -> list[float]:
+        return [np.cos(angle), np.sin(angle), 0.0]
+
+    measured, expected = np.array([at(0.0), at(0.10)]), np.array([at(0.06), at(0.20)])
+    assert match_directions(measured, expected, 0.5) == [(0, 0), (1, 1)]
+
+
+def test_vectors_of_the_wrong_shape_are_refused(expected: np.ndarray) -> None:
+    with pytest.raises(ValueError, match="measured has shape"):
+        match_directions(expected[0], expected, 0.1)
+
+
+def simulated(stations: list[GroundStation] = STATIONS, **scenario: Any) -> SimulatedDoa:
+    return SimulatedDoa(
+        ARRAY,
+        ArraySourceParams(),
+        ORBIT,
+        stations,
+        SatelliteParams(),
+        NadirHoldParams(),
+        ProcessNoiseParams(),
+        DoaScenarioParams(**scenario),
+        5,
+    )
+
+
+def chain(stations: list[GroundStation] = STATIONS, **params: Any) -> DoaAttitude:
+    filtering = (DoaAttitudeParams(), StartParams(settle_s=10.0), ProcessNoiseParams(), GateParams())
+    return DoaAttitude(
+        ARRAY, DoaEstimatorParams(), ORBIT, stations, SatelliteParams(), filtering, DoaChainParams(**params)
+    )
+
+
+def moments(seconds: int, **scenario: Any) -> list[DoaMoment]:
+    satellite = simulated(**scenario)
+    return [satellite.step(START_S + k) for k in range(seconds)]
+
+
+def run(running: DoaAttitude, lived: list[DoaMoment]) -> list[DoaAttitudeReport]:
+    found = []
+    for moment in lived:
+        running.take_torque(moment.torque, moment.truth.t_s)
+        found.append(running.take_block(moment.heard, moment.truth.t_s))
+    return found
+
+
+@pytest.fixture(scope="module")
+def lived() -> list[DoaMoment]:
+    return moments(60)
+
+
+@pytest.mark.parametrize("access", ["in_turn", "together"])
+def test_attitude_and_rate_agree_with_the_truth_from_any_start(access: str) -> None:
+    lived = moments(60, access=access)
+    assert {len(moment.heard.transmitters) for moment in lived} == ({1} if access == "in_turn" else {2})
+    found = run(chain(), lived)
+    assert found[-1].attitude.valid
+    for report, moment in zip(found[20:], lived[20:], strict=True):
+        turn = quaternion_to_rotation_vector(multiply(moment.truth.quaternion, conjugate(report.attitude.quaternion)))
+        assert np.all(np.abs(turn) < SIGMAS * np.sqrt(np.diag(report.attitude.covariance_rad2)))
+        drift = moment.truth.rate_rad_s - report.rate.rate_rad_s
+        assert np.all(np.abs(drift) < SIGMAS * np.sqrt(np.diag(report.rate.covariance_rad2_s2)))
+
+
+def test_coasting_carries_the_attitude_on_by_the_known_torques(lived: list[DoaMoment]) -> None:
+    running = chain()
+    assert running.coast(START_S) is None
+    run(running, lived[:40])
+    for moment in lived[40:44]:
+        running.take_torque(moment.torque, moment.truth.t_s)
+    report = running.coast(START_S + 43.0)
+    assert report is not None
+    assert report.attitude.valid
+    turn = quaternion_to_rotation_vector(multiply(lived[43].truth.quaternion, conjugate(report.attitude.quaternion)))
+    assert np.all(np.abs(turn) < SIGMAS * np.sqrt(np.diag(report.attitude.covariance_rad2)))
+
+
+def test_missing_torques_stop_the_filter_with_a_reason(lived: list[DoaMoment]) -> None:
+    running = chain()
+    run(running, lived[:20])
+    with pytest.raises(ValueError, match=r"is 10 s old, must be <= 5\.0 s"):
+        running.take_block(lived[29].heard, START_S + 29.0)
+    unaware = chain()
+    unaware.take_block(lived[0].heard, START_S)
+    with pytest.raises(ValueError, match="no torque is known"):
+        unaware.take_block(lived[1].heard, START_S + 1.0)
+
+
+def test_filter_that_every_direction_contradicts_starts_anew_and_finds_the_truth(lived: list[DoaMoment]) -> None:
+    running = chain()
+    assert run(running, lived[:30])[-1].attitude.valid
+    elsewhere = moments(75, roll_rad=-0.5, yaw_rad=-2.4)[30:]
+    found = run(running, elsewhere)
+    assert "outside the gate" in found[0].refused[0]
+    assert not any(report.attitude.valid for report in found[8:26])
+    assert "attitude in doubt" in found[8].attitude.reason
+    assert found[-1].attitude.valid
+    turn = quaternion_to_rotation_vector(
+        multiply(elsewhere[-1].truth.quaternion, conjugate(found[-1].attitude.quaternion))
+    )
+    assert np.all(np.abs(turn) < SIGMAS * np.sqrt(np.diag(found[-1].attitude.covariance_rad2)))
+
+
+def test_filter_starts_anew_after_a_long_gap(lived: list[DoaMoment]) -> None:
+    running = chain(gap_max_s=5.0)
+    assert run(running, lived[:20])[-1].attitude.valid
+    report = running.take_block(lived[40].heard, START_S + 40.0)
+    assert not report.attitude.valid
+    assert "hypotheses" in report.attitude.reason
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"transmitters": ("nobody",)}, "transmitters="),
+        ({"transmitters": ()}, "at least one"),
+        ({"transmitters": ("station_2", "station_2")}, "different"),
+        ({"block": SnapshotBlock(t_s=START_S + 20.0, snapshots=np.ones((5, 100), complex))}, "5 elements, must be 12"),
+        ({"block": SnapshotBlock(t_s=START_S + 20.0, snapshots=np.ones((12, 1), complex))}, "snapshots=1 must be > "),
+        ({"block": SnapshotBlock(t_s=START_S + 5.0, snapshots=np.ones((12, 100), complex))}, "."),
+        ({"block": SnapshotBlock(t_s=START_S + 1e4, snapshots=np.ones((12, 100), complex))}, "ahead of the clock"),
+    ],
+)
+def test_unusable_block_is_refused_and_the_next_is_used(lived: list[DoaMoment], changes: Any, words: str) -> None:
+    running = chain()
+    run(running, lived[:20])
+    running.take_torque(lived[20].torque, START_S + 20.0)
+    with pytest.raises(ValueError, match=words):
+        running.take_block(replace(lived[20].heard, **changes), START_S + 20.0)
+    assert running.take_block(lived[20].heard, START_S + 20.0).attitude.valid
+
+
+def test_late_block_and_late_torque_are_refused(lived: list[DoaMoment]) -> None:
+    running = chain()
+    run(running, lived[:20])
+    with pytest.raises(ValueError, match="is late"):
+        running.take_block(lived[10].heard, START_S + 20.0)
+    with pytest.raises(ValueError, match="must be > the last one"):
+        running.take_torque(lived[10].torque, START_S + 20.0)
+
+
+def test_weak_signals_are_named_and_change_nothing(lived: list[DoaMoment]) -> None:
+    running = chain()
+    before = run(running, lived[:20])[-1]
+    noise = np.random.Generator(np.random.PCG64(1)).normal(size=(12, 100, 2)) @ [1.0, 1j]
+    block = SnapshotBlock(t_s=lived[19].truth.t_s, snapshots=noise)
+    report = running.take_block(ChannelBlock(transmitters=("station_2",), block=block), START_S + 19.0)
+    assert "station_2: effective_snr" in report.refused[0]
+    assert np.array_equal(report.attitude.quaternion, before.attitude.quaternion)
+
+
+def test_station_where_none_is_expected_is_not_matched_in_a_shared_channel() -> None:
+    lived = moments(30, access="together")
+    running = chain(match_rad=1e-3)
+    run(running, lived[:20])
+    report = running.take_block(lived[20].heard, START_S + 20.0)
+    assert all("no direction within 0.001 rad" in reason for reason in report.refused)
+
+
+def test_stations_below_their_horizon_or_behind_the_array_are_not_heard() -> None:
+    far = [GroundStation(name="antipode", latitude_rad=0.9, longitude_rad=2.0)]
+    assert simulated(far).step(START_S).heard is None
+    assert simulated(roll_rad=3.0, pitch_rad=0.0, yaw_rad=0.0).step(START_S).heard is None
+
+
+def test_simulation_refuses_time_that_does_not_advance() -> None:
+    satellite = simulated()
+    satellite.step(START_S)
+    with pytest.raises(ValueError, match="must be > the last step's"):
+        satellite.step(START_S)

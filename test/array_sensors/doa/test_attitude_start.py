@@ -1,0 +1,106 @@
+"""Start of the filter: alignment, the bank of turns, and convergence from any attitude at the first hand-off."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rf_pointing.array_sensors.attitude.ground_stations import stations_along_track, view_stations
+from rf_pointing.array_sensors.attitude.multiplicative_filter import (
+    DirectionObservation,
+    GateParams,
+    ProcessNoiseParams,
+    attitude_error,
+    predict,
+    rotation_between,
+    update,
+)
+from rf_pointing.array_sensors.attitude.orbits import SunSynchronousOrbitParams, orbit_point
+from rf_pointing.array_sensors.attitude.quaternion import (
+    quaternion_from_rotation_vector,
+    quaternion_to_matrix,
+    rotation_angle_between_rad,
+)
+from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque, SatelliteParams, propagate, rigid_inertia
+from rf_pointing.array_sensors.doa.attitude_start import StartParams, aligned_start, best_of_bank, start_bank
+
+GATE, START = GateParams(), StartParams()
+SIGMA = 0.005
+
+
+@pytest.fixture
+def stream() -> np.random.Generator:
+    return np.random.default_rng(31)
+
+
+def unit(stream: np.random.Generator, *shape: int) -> np.ndarray:
+    v = stream.standard_normal(shape)
+    return v / np.linalg.norm(v, axis=-1, keepdims=True)
+
+
+def seen(measured: np.ndarray, reference: np.ndarray) -> DirectionObservation:
+    return DirectionObservation(measured, SIGMA**2 * (np.eye(3) - np.outer(measured, measured)), reference)
+
+
+def test_rotation_between_is_the_shortest_one(stream: np.random.Generator) -> None:
+    first, second = unit(stream, 300, 3), unit(stream, 300, 3)
+    turn = rotation_between(first, second)
+    moved = np.einsum("nij,nj->ni", quaternion_to_matrix(quaternion_from_rotation_vector(turn)), first)
+    assert moved == pytest.approx(second, abs=1e-12)
+    assert np.linalg.norm(turn, axis=1) == pytest.approx(np.arccos(np.sum(first * second, axis=1)), abs=1e-7)
+
+
+def test_aligned_start_puts_the_first_direction_where_it_belongs(stream: np.random.Generator) -> None:
+    measured, reference = unit(stream, 3), unit(stream, 3)
+    state = aligned_start(START, GATE, unit(stream, 4), np.zeros(3), seen(measured, reference))
+    assert quaternion_to_matrix(state.quaternion) @ measured == pytest.approx(reference, abs=1e-12)
+
+
+def test_bank_holds_a_member_within_15_degrees_of_any_attitude(stream: np.random.Generator) -> None:
+    for _ in range(50):
+        truth, reference = unit(stream, 4), unit(stream, 3)
+        measured = quaternion_to_matrix(truth).T @ reference
+        bank = start_bank(START, GATE, unit(stream, 4), np.zeros(3), seen(measured, reference))
+        assert np.degrees(rotation_angle_between_rad(bank.quaternion, truth)).min() <= 15.0 + 1e-6
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_bank_converges_from_any_attitude_within_30_seconds_of_the_first_hand_off(seed: int) -> None:
+    orbit, stream, dt_s = SunSynchronousOrbitParams(), np.random.default_rng(seed), 0.5
+    t_s = np.arange(250.0, 655.0, dt_s)
+    view = view_stations(orbit, stations_along_track(orbit, 0.0), t_s)
+    reference = view.reference[np.arange(len(t_s)), np.argmax(view.elevation_rad, axis=1)]
+    frame_rate = orbit_point(orbit, t_s).frame_rate_rad_s
+    inertia = rigid_inertia(SatelliteParams())
+    known = KnownTorque(control_n_m=np.zeros(3), wheel_momentum_n_m_s=np.zeros(3), wheel_momentum_rate_n_m=np.zeros(3))
+    quaternion = quaternion_from_rotation_vector(0.05 * stream.standard_normal(3))
+    rate = quaternion_to_matrix(quaternion).T @ frame_rate[0]
+    guess = rate + np.radians(0.5) * stream.standard_normal(3)
+    first = quaternion_to_matrix(quaternion).T @ reference[0]
+    bank = start_bank(START, GATE, unit(stream, 4), guess, seen(first, reference[0]))
+    for k in range(1, len(t_s)):
+        quaternion, rate = propagate(inertia, quaternion, rate, known, frame_rate[k - 1], dt_s)
+        bank = predict(inertia, ProcessNoiseParams(), bank, known, frame_rate[k - 1], dt_s)
+        measured = quaternion_to_matrix(quaternion).T @ reference[k] + SIGMA * stream.standard_normal(3)
+        bank = update(bank, seen(measured / np.linalg.norm(measured), reference[k]), GATE)
+    best = best_of_bank(bank)
+    error = attitude_error(best, quaternion[None], rate[None])[0]
+    assert np.degrees(np.linalg.norm(error[:3])) < 1.0
+    assert np.degrees(np.linalg.norm(error[3:])) < 0.01
+
+
+def test_banks_of_many_filters_are_those_of_each_one(stream: np.random.Generator) -> None:
+    guesses, measured, reference = unit(stream, 5, 4), unit(stream, 5, 3), unit(stream, 3)
+    first = [seen(each, reference) for each in measured]
+    together = DirectionObservation(
+        measured, np.stack([each.covariance_rad2 for each in first]), np.broadcast_to(reference, (5, 3))
+    )
+    banks = start_bank(START, GATE, guesses, np.zeros((5, 3)), together)
+    assert banks.quaternion.shape == (5, START.hypotheses, 4)
+    banks = replace(banks, misfit=stream.uniform(size=banks.misfit.shape))
+    best = best_of_bank(banks)
+    for k, each in enumerate(first):
+        alone = start_bank(START, GATE, guesses[k], np.zeros(3), each)
+        np.testing.assert_allclose(np.abs(np.sum(alone.quaternion * banks.quaternion[k], axis=-1)), 1.0, atol=1e-12)
+        chosen = best_of_bank(replace(alone, misfit=banks.misfit[k]))
+        assert float(rotation_angle_between_rad(chosen.quaternion[0], best.quaternion[k, 0])) < 1e-7

@@ -1,0 +1,124 @@
+"""MUSIC for one source: exact without noise, at the Cramer-Rao bound with it, threshold where the page says."""
+
+import numpy as np
+import pytest
+
+from rf_pointing.array_sensors.doa.array import CircularArrayParams, steering
+from rf_pointing.array_sensors.doa.cramer_rao import cosine_sigma_rad, effective_snr, polar_sigma_rad
+from rf_pointing.array_sensors.doa.music import estimate_directions, lattice
+from rf_pointing.array_sensors.doa.snapshots import draw_covariances
+from rf_pointing.papers.doa_study.directions import azimuth_rmse_rad, direction_from_polar, polar_errors_rad
+
+ARRAY = CircularArrayParams()
+EXACT_RAD = 1e-9
+
+
+@pytest.fixture
+def stream() -> np.random.Generator:
+    return np.random.default_rng(62)
+
+
+def directions(stream: np.random.Generator, count: int, theta_max: float) -> np.ndarray:
+    return direction_from_polar(stream.uniform(0.0, theta_max, count), stream.uniform(0.0, 2 * np.pi, count))
+
+
+@pytest.mark.parametrize("elements", [7, 12, 15])
+def test_noise_free_direction_is_found_to_a_billionth_of_a_radian(elements: int, stream: np.random.Generator) -> None:
+    array = CircularArrayParams(elements=elements, radius_m=0.10)
+    truth = np.concatenate([directions(stream, 300, 1.5), [[0.0, 0.0, 1.0]]])
+    a = steering(array, truth)
+    covariance = a[:, :, None] * a[:, None, :].conj() + 0.1 * np.eye(elements)
+    peaks = estimate_directions(array, covariance)
+    assert np.linalg.norm(peaks.direction - truth, axis=1).max() < EXACT_RAD
+    assert peaks.converged.all()
+    assert peaks.fraction == pytest.approx(1.0)
+
+
+def test_source_in_the_array_plane_is_found_at_the_horizon() -> None:
+    truth = direction_from_polar(np.pi / 2, np.linspace(0.0, 6.0, 7))
+    a = steering(ARRAY, truth)
+    peaks = estimate_directions(ARRAY, a[:, :, None] * a[:, None, :].conj())
+    assert np.linalg.norm(peaks.direction[:, :2] - truth[:, :2], axis=1).max() < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("snapshots", "snr_db", "theta_deg"), [(100, 0.0, 20.0), (100, 14.0, 60.0), (1000, -10.0, 40.0), (10, 3.0, 40.0)]
+)
+def test_rmse_follows_the_bound_within_5_percent_above_threshold(
+    snapshots: int, snr_db: float, theta_deg: float, stream: np.random.Generator
+) -> None:
+    count = 6000
+    snr = 10 ** (snr_db / 10)
+    truth = direction_from_polar(np.full(count, np.radians(theta_deg)), stream.uniform(0, 2 * np.pi, count))
+    covariance = draw_covariances(ARRAY, truth, snr, snapshots, stream, waveform="constant_modulus")
+    theta, phi, _ = polar_errors_rad(estimate_directions(ARRAY, covariance).direction, truth)
+    theta_bound, phi_bound = polar_sigma_rad(ARRAY, np.radians(theta_deg), snapshots, snr)
+    assert np.sqrt(np.mean(theta**2)) == pytest.approx(float(theta_bound), rel=0.05)
+    assert np.sqrt(np.mean(phi**2)) == pytest.approx(float(phi_bound), rel=0.05)
+
+
+def test_a_single_snapshot_reaches_the_bound_too(stream: np.random.Generator) -> None:
+    truth = direction_from_polar(np.full(6000, 0.7), stream.uniform(0, 2 * np.pi, 6000))
+    covariance = draw_covariances(ARRAY, truth, 30.0, 1, stream, waveform="constant_modulus")
+    theta, _, _ = polar_errors_rad(estimate_directions(ARRAY, covariance).direction, truth)
+    assert np.sqrt(np.mean(theta**2)) == pytest.approx(float(polar_sigma_rad(ARRAY, 0.7, 1, 30.0)[0]), rel=0.05)
+
+
+@pytest.mark.parametrize("theta_over_sigma", [0.0, 1.0, 4.0])
+def test_azimuth_near_the_normal_follows_the_projected_normal_law(
+    theta_over_sigma: float, stream: np.random.Generator
+) -> None:
+    count = 6000
+    sigma = cosine_sigma_rad(ARRAY, 100, 1.0)
+    theta = np.arcsin(theta_over_sigma * sigma)
+    truth = direction_from_polar(np.full(count, theta), np.full(count, 0.4))
+    _, phi, _ = polar_errors_rad(
+        estimate_directions(ARRAY, draw_covariances(ARRAY, truth, 1.0, 100, stream)).direction,
+        direction_from_polar(max(theta, 1e-9), 0.4),
+    )
+    assert np.sqrt(np.mean(phi**2)) == pytest.approx(azimuth_rmse_rad(theta, sigma), rel=0.05)
+
+
+@pytest.mark.parametrize(("snr_db", "low", "high"), [(-10.0, 0.0, 0.001), (-12.0, 0.006, 0.016), (-14.0, 0.14, 0.19)])
+def test_outliers_appear_below_the_threshold(
+    snr_db: float, low: float, high: float, stream: np.random.Generator
+) -> None:
+    truth = direction_from_polar(np.full(8000, np.radians(40.0)), stream.uniform(0, 2 * np.pi, 8000))
+    covariance = draw_covariances(ARRAY, truth, 10 ** (snr_db / 10), 100, stream, waveform="constant_modulus")
+    cosine = np.sum(estimate_directions(ARRAY, covariance).direction * truth, axis=1)
+    assert low <= np.mean(cosine < np.cos(np.radians(20.0))) <= high
+
+
+def test_threshold_belongs_to_the_effective_ratio_not_to_l_m_snr(stream: np.random.Generator) -> None:
+    """L M SNR = 48 in both cases; only the case with the small effective ratio has outliers."""
+    truth = direction_from_polar(np.full(4000, np.radians(40.0)), stream.uniform(0, 2 * np.pi, 4000))
+    shares = {}
+    for snapshots, snr in ((100, 0.04), (10, 0.4)):
+        covariance = draw_covariances(ARRAY, truth, snr, snapshots, stream, waveform="constant_modulus")
+        cosine = np.sum(estimate_directions(ARRAY, covariance).direction * truth, axis=1)
+        shares[round(effective_snr(ARRAY, snapshots, snr))] = np.mean(cosine < np.cos(np.radians(20.0)))
+    assert shares[16] > 0.1
+    assert shares[40] < 0.002
+
+
+def test_refinement_converges_from_every_noise_peak(stream: np.random.Generator) -> None:
+    truth = directions(stream, 5000, 1.5)
+    peaks = estimate_directions(ARRAY, draw_covariances(ARRAY, truth, 0.01, 12, stream))
+    assert peaks.converged.all()
+    assert np.all(peaks.direction[:, 2] >= 0.0)
+
+
+def test_refined_value_is_never_below_the_best_of_the_search_lattice(stream: np.random.Generator) -> None:
+    from rf_pointing.array_sensors.doa.music import principal_eigenvectors
+
+    covariance = draw_covariances(ARRAY, directions(stream, 500, 1.2), 0.05, 30, stream)
+    peaks = estimate_directions(ARRAY, covariance)
+    fine = steering(ARRAY, lattice(0.03))
+    best = np.max(np.abs(principal_eigenvectors(covariance, 12).conj() @ fine.T) ** 2, axis=1) / 12
+    assert np.mean(peaks.fraction >= best - 1e-9) > 0.98
+
+
+@pytest.mark.parametrize("bad", [np.zeros((1, 12, 12)), np.full((1, 12, 12), np.nan), np.eye(12)])
+def test_unusable_covariance_is_refused(bad: np.ndarray) -> None:
+    with pytest.raises(ValueError, match="covariance"):
+        estimate_directions(ARRAY, bad.astype(complex))

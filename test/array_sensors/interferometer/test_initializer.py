@@ -1,0 +1,110 @@
+""" """
+
+import numpy as np
+import pytest
+
+from rf_pointing.array_sensors.interferometer.coupling import coupling_amplitudes
+from rf_pointing.array_sensors.interferometer.frames import forward_angles, reverse_angles
+from rf_pointing.array_sensors.interferometer.initializer import (
+    aperture_excess,
+    direction_cosines,
+    forward_direction,
+    geometry_from_pose,
+    initialize,
+    range_from_sum,
+    reverse_direction_from_ranges,
+    two_element_angle,
+    two_element_phase,
+)
+from rf_pointing.array_sensors.interferometer.relative_pose import reverse_direction
+from rf_pointing.array_sensors.interferometer.system import ArrayParams, two_way_ranges
+
+UNEQUAL_ARRAYS = ArrayParams(radius_active_m=0.8, radius_passive_m=1.2, transponder_delay_m=7.0)
+ARRAYS = ArrayParams()
+TOLERANCE = 1e-5
+
+
+def test_range_and_both_directions_of_far_poses(poses) -> None:
+    directions, attitudes = poses
+    facing = reverse_direction(directions, attitudes)[:, 0] < -0.2
+    directions, attitudes, distance = directions[facing], attitudes[facing], 5e4
+    ranges = two_way_ranges(distance * directions, attitudes, UNEQUAL_ARRAYS)
+    found = range_from_sum(ranges, UNEQUAL_ARRAYS)
+    np.testing.assert_allclose(found, distance, atol=1e-4)
+    bias = 5.0 * 1.2 / distance
+    np.testing.assert_allclose(forward_direction(ranges, found, UNEQUAL_ARRAYS), directions, atol=bias)
+    expected = reverse_direction(directions, attitudes)
+    np.testing.assert_allclose(reverse_direction_from_ranges(ranges, found, UNEQUAL_ARRAYS), expected, atol=bias)
+
+
+def test_two_elements_return_the_angle_of_their_phase(rng) -> None:
+    angles = rng.uniform(-1.5, 1.5, 50)
+    phase = two_element_phase(angles, 0.4, 0.12)
+    np.testing.assert_allclose(two_element_angle(phase, 0.4, 0.12), angles, atol=1e-12)
+
+
+def test_a_phase_beyond_the_baseline_is_refused() -> None:
+    with pytest.raises(ValueError, match="must be <= 1: wrong cycle"):
+        two_element_angle(2.0 * np.pi * 0.41 / 0.12, 0.4, 0.12)
+
+
+def test_ranges_that_belong_to_no_direction_show_a_negative_square() -> None:
+    *_, square = direction_cosines([1.5, -0.5, -1.0], 1.0)
+    assert square < 0.0
+    assert direction_cosines([0.1, 0.0, 0.2], 1.0)[2] > 0.9
+
+
+def degrees(geometry) -> list[float]:
+    angles = (*forward_angles(geometry.forward), *reverse_angles(geometry.reverse), geometry.roll_rad)
+    return [float(np.degrees(angle)) for angle in angles]
+
+
+def estimate(range_m: float, example):
+    xi, attitude = example
+    ranges = two_way_ranges(range_m * xi, attitude, ARRAYS)
+    return initialize(ranges, coupling_amplitudes(xi, attitude), ARRAYS)
+
+
+def test_worked_example_at_ten_metres_shows_the_parallel_path_bias(worked_example) -> None:
+    found = estimate(10.0, worked_example)
+    assert found.range_m == pytest.approx(10.0407844, abs=1e-7)
+    expected = [29.07029, 19.56861, -175.94747, -38.76870, 23.80774]
+    np.testing.assert_allclose(degrees(found), expected, atol=TOLERANCE)
+
+
+@pytest.mark.parametrize(
+    ("range_m", "azimuth", "elevation", "roll"),
+    [(1e4, 29.999401, 19.999842, 24.424504), (1e5, 29.999940, 19.999984, 24.424828)],
+)
+def test_worked_example_far_away_holds_to_the_fifth_digit(
+    worked_example, range_m: float, azimuth: float, elevation: float, roll: float
+) -> None:
+    found = degrees(estimate(range_m, worked_example))
+    np.testing.assert_allclose([found[0], found[1], found[4]], [azimuth, elevation, roll], atol=TOLERANCE)
+
+
+def test_bias_falls_with_distance(poses) -> None:
+    directions, attitudes = poses
+    errors = []
+    for distance in (1e3, 1e5):
+        ranges = two_way_ranges(distance * directions, attitudes, ARRAYS)
+        found = initialize(ranges, coupling_amplitudes(directions, attitudes), ARRAYS)
+        truth = geometry_from_pose(distance * directions, attitudes)
+        errors.append(np.max(np.abs(found.forward - truth.forward)))
+    assert errors[1] < errors[0] / 90.0
+
+
+def test_a_wrong_lane_of_one_element_lies_outside_the_unit_circle(worked_example) -> None:
+    xi, attitude = worked_example
+    ranges = two_way_ranges(1e4 * xi, attitude, ARRAYS)
+    assert max(aperture_excess(ranges, ARRAYS)) < 0.0
+    ranges[0] += 3 * 0.7359
+    expected = (xi[2] + 2.0 * 0.7359) ** 2 + xi[1] ** 2 - 1.0
+    assert expected > 0.4
+    assert aperture_excess(ranges, ARRAYS)[0] == pytest.approx(expected, abs=1e-3)
+
+
+def test_negative_distance_is_refused(worked_example) -> None:
+    xi, attitude = worked_example
+    with pytest.raises(ValueError, match=r"from the nine ranges must be > 0"):
+        initialize(-np.ones((3, 3)), coupling_amplitudes(xi, attitude), ARRAYS)

@@ -1,0 +1,139 @@
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from rf_pointing.array_sensors.interferometer.frames import attitude_from_euler
+from rf_pointing.array_sensors.interferometer.measurement_model import TrackedMotion, local_difference
+from rf_pointing.array_sensors.interferometer.motion import RelativeMotion, moved
+from rf_pointing.array_sensors.interferometer.radio import LinkParams, RadioParams
+from rf_pointing.array_sensors.interferometer.rate_filter import FilterParams, FilterState, predict, start, update
+from rf_pointing.array_sensors.interferometer.reading import ErrorFloor, read_ranges
+from rf_pointing.array_sensors.interferometer.sequence import SequenceParams
+from rf_pointing.array_sensors.interferometer.snapshot import coarse_geometry, refine
+from rf_pointing.array_sensors.interferometer.source import InterferometerSource
+from rf_pointing.array_sensors.interferometer.system import InterferometerSystem, Schedule
+from rf_pointing.core import random_stream
+
+NO_FLOOR = ErrorFloor(phase_rad=0.0, phase_rate_rad_s=0.0, amplitude=0.0, path_acceleration_m_s2=0.0)
+STEADY = FilterParams(
+    acceleration_density_m_s2=1e-9,
+    angular_acceleration_density_rad_s2=1e-12,
+    first_velocity_m_s=0.5,
+    first_rate_rad_s=2e-3,
+)
+STEP_S = 2.0
+
+
+def drawn_truth(rng: np.random.Generator) -> RelativeMotion:
+    return RelativeMotion(
+        position_m=np.array([6e4, 4e3, -3e3]) + rng.normal(size=3),
+        velocity_m_s=rng.normal(0.0, STEADY.first_velocity_m_s, 3),
+        attitude=attitude_from_euler(*rng.uniform(-0.3, 0.3, 3)),
+        rate_rad_s=rng.normal(0.0, STEADY.first_rate_rad_s, 3),
+    )
+
+
+def run(system: InterferometerSystem, seed: int, steps: int, params: FilterParams = STEADY):
+    """Return truth and filter after `steps` readings, and the innovations' chi-squares."""
+    truth = drawn_truth(random_stream(seed, "truth"))
+    source = InterferometerSource(system, RadioParams(), LinkParams(), seed)
+    state, squares = None, []
+    for step in range(steps):
+        t_s = STEP_S * step
+        reading = read_ranges(source.measure(t_s, moved(truth, t_s)), system, NO_FLOOR)
+        if state is None:
+            geometry, factors = coarse_geometry(reading, None, system, SequenceParams(iterations=8))
+            state = update(start(t_s, refine(geometry, factors, reading, system, False), params), reading, system).state
+            continue
+        result = update(predict(state, t_s, params), reading, system)
+        state = result.state
+        squares.append(result.chi_square)
+    return moved(truth, STEP_S * (steps - 1)), state, squares
+
+
+@pytest.mark.parametrize("order", ["nested", "ascending"])
+def test_error_of_pose_and_rates_is_consistent_with_the_covariance(order: str) -> None:
+    system, runs = InterferometerSystem(schedule=Schedule(order=order)), 24
+    squares, innovations = [], []
+    for seed in range(runs):
+        truth, state, chi_squares = run(system, seed, 4)
+        off = local_difference(TrackedMotion(motion=truth, excitation=np.ones(2)), state.tracked)[:12]
+        squares.append(off @ np.linalg.solve(state.covariance[:12, :12], off))
+        innovations += chi_squares
+    low, high = chi2.ppf([0.001, 0.999], 12 * runs) / runs
+    assert low < np.mean(squares) < high
+    low, high = chi2.ppf([0.001, 0.999], 22 * len(innovations)) / len(innovations)
+    assert low < np.mean(innovations) < high
+
+
+def test_filter_knows_velocity_and_attitude_rate_far_better_than_differences() -> None:
+    _, state, _ = run(InterferometerSystem(), 1, 8)
+    sigma = np.sqrt(np.diag(state.covariance))
+    _, first, _ = run(InterferometerSystem(), 1, 1)
+    pose = np.sqrt(np.diag(first.covariance))
+    assert np.all(sigma[3:6] < 0.3 * np.sqrt(2.0) * pose[0:3] / STEP_S)
+    assert np.all(sigma[9:12] < 0.3 * np.sqrt(2.0) * pose[6:9] / STEP_S)
+
+
+def test_first_update_gives_the_pose_of_the_snapshot_and_not_twice_its_information() -> None:
+    system = InterferometerSystem()
+    truth = drawn_truth(random_stream(3, "truth"))
+    reading = read_ranges(
+        InterferometerSource(system, RadioParams(), LinkParams(), 3).measure(0.0, truth), system, NO_FLOOR
+    )
+    geometry, factors = coarse_geometry(reading, None, system, SequenceParams(iterations=8))
+    snapshot = refine(geometry, factors, reading, system, False)
+    state = update(start(0.0, snapshot, STEADY), reading, system).state
+    pose = [0, 1, 2, 6, 7, 8]
+    np.testing.assert_allclose(
+        np.sqrt(np.diag(state.covariance)[pose]), np.sqrt(np.diag(snapshot.covariance)), rtol=1e-3
+    )
+
+
+def test_prediction_moves_and_grows() -> None:
+    _, state, _ = run(InterferometerSystem(), 2, 2)
+    params = STEADY.replace(acceleration_density_m_s2=0.1, angular_acceleration_density_rad_s2=1e-3)
+    later = predict(state, state.t_s + 5.0, params)
+    np.testing.assert_allclose(later.tracked.motion.position_m, moved(state.tracked.motion, 5.0).position_m)
+    growth = np.diag(later.covariance) - np.diag(predict(state, state.t_s + 5.0, STEADY).covariance)
+    np.testing.assert_allclose(growth[:3], 0.01 * 125.0 / 3.0, rtol=1e-6)
+    np.testing.assert_allclose(growth[9:12], 1e-6 * 5.0, rtol=1e-6)
+    assert np.all(np.linalg.eigvalsh(later.covariance[:12, :12]) > 0.0)
+
+
+def test_linearising_at_a_given_motion_corrects_a_prediction_that_is_degrees_off() -> None:
+    system = InterferometerSystem()
+    truth = drawn_truth(random_stream(4, "truth"))
+    source = InterferometerSource(system, RadioParams(), LinkParams(), 4)
+    reading = read_ranges(source.measure(0.0, truth), system, NO_FLOOR)
+    geometry, factors = coarse_geometry(reading, None, system, SequenceParams(iterations=8))
+    snapshot = refine(geometry, factors, reading, system, False)
+    turned = RelativeMotion(
+        position_m=truth.position_m,
+        velocity_m_s=truth.velocity_m_s,
+        attitude=attitude_from_euler(0.08, -0.06, 0.1) @ truth.attitude,
+        rate_rad_s=truth.rate_rad_s,
+    )
+    covariance = np.diag(np.r_[[1.0, 500.0, 500.0], [0.5] * 3, [0.2] * 3, [2e-3] * 3, 0.0, 0.0] ** 2)
+    prior = FilterState(t_s=0.0, tracked=TrackedMotion(motion=turned, excitation=np.ones(2)), covariance=covariance)
+    around = TrackedMotion(
+        motion=RelativeMotion(
+            position_m=snapshot.tracked.motion.position_m,
+            velocity_m_s=turned.velocity_m_s,
+            attitude=snapshot.tracked.motion.attitude,
+            rate_rad_s=turned.rate_rad_s,
+        ),
+        excitation=np.ones(2),
+    )
+    errors = []
+    for linearised in (None, around):
+        state = update(prior, reading, system, linearised).state
+        off = local_difference(TrackedMotion(motion=truth, excitation=np.ones(2)), state.tracked)[:12]
+        errors.append(off @ np.linalg.solve(state.covariance[:12, :12], off))
+    assert errors[1] < 40.0 < errors[0]
+
+
+def test_prediction_back_in_time_is_refused() -> None:
+    _, state, _ = run(InterferometerSystem(), 2, 1)
+    with pytest.raises(ValueError, match=r"t_s=-1.0 must be >= the state's t_s=0.0"):
+        predict(state, -1.0, STEADY)

@@ -1,0 +1,244 @@
+import copy
+import dataclasses
+
+import numpy as np
+import pytest
+
+from rf_pointing.array_sensors.interferometer.frames import attitude_from_euler, rotation_vector
+from rf_pointing.array_sensors.interferometer.motion import DockingApproach, RelativeMotion, moved
+from rf_pointing.array_sensors.interferometer.radio import LinkParams, RadioParams
+from rf_pointing.array_sensors.interferometer.rate_filter import FilterParams
+from rf_pointing.array_sensors.interferometer.source import InterferometerSource
+from rf_pointing.array_sensors.interferometer.system import InterferometerSystem
+from rf_pointing.array_sensors.interferometer.tracker import InterferometerTracker, TrackerParams, TrackerState
+
+SYSTEM = InterferometerSystem()
+TRACKER = InterferometerTracker(system=SYSTEM)
+STEP_S = 2.0
+
+
+def source(seed: int = 1, radio: RadioParams | None = None, **options) -> InterferometerSource:
+    return InterferometerSource(SYSTEM, radio or RadioParams(), LinkParams(), seed, **options)
+
+
+def drifting(roll: float = 0.3) -> RelativeMotion:
+    return RelativeMotion(
+        position_m=np.array([5e3, 300.0, -200.0]),
+        velocity_m_s=np.array([-0.8, 0.1, 0.05]),
+        attitude=attitude_from_euler(0.1, -0.15, roll),
+        rate_rad_s=np.array([5e-3, 1e-3, -1e-3]),
+    )
+
+
+def run(maker, truth, steps, state=None, first=0, tracker=TRACKER):
+    """Return the state and all outputs over `steps` sequences from number `first` on."""
+    state, outputs = state or TrackerState(), []
+    for step in range(first, first + steps):
+        t_s = STEP_S * step
+        state, output = tracker.step(state, maker.measure(t_s, moved(truth, t_s)))
+        outputs.append(output)
+    return state, outputs
+
+
+def normalised_errors(output, truth: RelativeMotion):
+    estimate = output.estimate
+    off = np.concatenate(
+        [
+            truth.position_m - estimate.motion.position_m,
+            truth.velocity_m_s - estimate.motion.velocity_m_s,
+            rotation_vector(truth.attitude @ estimate.motion.attitude.T),
+            truth.rate_rad_s - estimate.motion.rate_rad_s,
+        ]
+    )
+    return off / np.sqrt(np.diag(estimate.covariance))
+
+
+def with_wrong_lane(measurement, paths=(Ellipsis,)):
+    plan = SYSTEM.plan
+    shift = 2.0 * np.pi * plan.ambiguities_m[-1] * plan.offsets_hz / plan.speed_of_light_m_s
+    phases = measurement.phase_rad.copy()
+    selected = phases[(slice(None), *paths)]
+    phases[(slice(None), *paths)] = selected + shift[SYSTEM.schedule.carriers(plan)].reshape(
+        (-1,) + (1,) * (selected.ndim - 1)
+    )
+    return dataclasses.replace(measurement, phase_rad=phases)
+
+
+@pytest.mark.parametrize(("start_m", "constant_s"), [(9e4, 3e4), (2e3, 1200.0), (30.0, 600.0)])
+def test_an_approach_is_acquired_at_once_and_tracked_within_the_covariance(start_m: float, constant_s: float) -> None:
+    approach = DockingApproach(start_range_m=start_m, time_constant_s=constant_s)
+    maker, state = source(), TrackerState()
+    for step in range(20):
+        truth = approach.motion_at(STEP_S * step)
+        state, output = TRACKER.step(state, maker.measure(STEP_S * step, truth))
+        assert output.status == "tracking", output.reason
+        assert np.max(np.abs(normalised_errors(output, truth))) < 5.0
+
+
+def test_roll_through_half_a_turn_is_tracked_without_a_break() -> None:
+    truth = dataclasses.replace(drifting(roll=np.pi - 0.05), rate_rad_s=np.array([0.01, 0.0, 0.0]))
+    state, outputs = run(source(), truth, 8)
+    assert all(output.status == "tracking" for output in outputs)
+    for step, output in enumerate(outputs):
+        assert np.max(np.abs(normalised_errors(output, moved(truth, STEP_S * step)))) < 5.0
+    assert state.rejected == 0
+
+
+def test_unknown_excitation_is_tracked_along() -> None:
+    tracker = InterferometerTracker(system=SYSTEM, filter_params=FilterParams(track_excitation=True))
+    truth = drifting()
+    _, outputs = run(source(excitation=(0.7, 1.2)), truth, 5, tracker=tracker)
+    assert [output.status for output in outputs] == ["tracking"] * 5
+    np.testing.assert_allclose(outputs[-1].estimate.excitation, [0.7, 1.2], atol=5e-3)
+    assert np.max(np.abs(normalised_errors(outputs[-1], moved(truth, 8.0)))) < 5.0
+
+
+def test_excitation_taken_as_known_but_wrong_is_refused_not_turned_into_roll() -> None:
+    _, (output,) = run(source(excitation=(0.7, 1.2)), drifting(), 1)
+    assert output.status == "acquiring"
+    assert "contradict each other" in output.reason
+
+
+def test_stopped_copied_and_resumed_tracker_gives_identical_output() -> None:
+    truth, maker = drifting(), source()
+    state, _ = run(maker, truth, 3)
+    kept, noise = copy.deepcopy(state), copy.deepcopy(maker.state)
+    _, straight = run(maker, truth, 3, state, first=3)
+    other = source()
+    other.restore(noise)
+    _, resumed = run(other, truth, 3, kept, first=3)
+    for one, two in zip(straight, resumed, strict=True):
+        np.testing.assert_array_equal(one.estimate.motion.position_m, two.estimate.motion.position_m)
+        np.testing.assert_array_equal(one.estimate.covariance, two.estimate.covariance)
+
+
+def test_wrong_lane_of_one_path_is_refused_with_its_reason_and_changes_nothing() -> None:
+    truth, maker = drifting(), source()
+    state, _ = run(maker, truth, 4)
+    measurement = with_wrong_lane(maker.measure(8.0, moved(truth, 8.0)), (0, 1))
+    after, output = TRACKER.step(state, measurement)
+    assert output.status == "coasting"
+    assert "contradict each other (wrong lane?)" in output.reason
+    assert after.rejected == 1
+    assert np.max(np.abs(normalised_errors(output, moved(truth, 8.0)))) < 5.0
+    _, outputs = run(maker, truth, 1, after, first=5)
+    assert outputs[0].status == "tracking"
+
+
+def test_wrong_lane_of_all_paths_contradicts_the_prediction() -> None:
+    truth, maker = drifting(), source()
+    state, _ = run(maker, truth, 4)
+    _, output = TRACKER.step(state, with_wrong_lane(maker.measure(8.0, moved(truth, 8.0))))
+    assert output.status == "coasting"
+    assert "contradicts the prediction (wrong lane?)" in output.reason
+
+
+def test_acquisition_on_a_wrong_lane_of_all_paths_is_left_again() -> None:
+    truth, maker = drifting(), source()
+    state, output = TRACKER.step(TrackerState(), with_wrong_lane(maker.measure(0.0, truth)))
+    assert output.status == "tracking"
+    # Refused while the covariance excludes 0.37 m of motion, then believed; in the end the pose is right again.
+    _, outputs = run(maker, truth, 12, state, first=1)
+    assert [o.status for o in outputs[:3]] == ["coasting"] * 3
+    assert outputs[-1].status == "tracking"
+    assert np.max(np.abs(normalised_errors(outputs[-1], moved(truth, STEP_S * 12)))) < 5.0
+
+
+def test_lost_lock_coasts_with_growing_covariance_then_gives_up_and_acquires_anew() -> None:
+    truth, maker = drifting(), source()
+    state, outputs = run(maker, truth, 4)
+    sizes = [np.trace(outputs[-1].estimate.covariance)]
+    for step in range(4, 4 + TRACKER.params.most_rejected):
+        measured = maker.measure(STEP_S * step, moved(truth, STEP_S * step))
+        locked = measured.locked.copy()
+        locked[3, 1, 2] = False
+        state, output = TRACKER.step(state, dataclasses.replace(measured, locked=locked))
+        assert output.status == "coasting"
+        assert output.reason == "1 loops without lock, first: slot 3, path A2-P3"
+        sizes.append(np.trace(output.estimate.covariance))
+    assert np.all(np.diff(sizes) > 0.0)
+    state, output = TRACKER.coast(state, STEP_S * (step + 1), "no measurement")
+    assert output.status == "acquiring"
+    assert output.estimate is None
+    assert output.reason == "dropped after 12 s and 6 refused readings, last: no measurement"
+    _, outputs = run(maker, truth, 1, state, first=step + 2)
+    assert outputs[0].status == "tracking"
+
+
+def test_coasting_ends_at_its_time_limit() -> None:
+    state, _ = run(source(), drifting(), 2)
+    state, output = TRACKER.coast(state, 2.0 + TRACKER.params.coast_limit_s + 0.1, "no measurement")
+    assert output.status == "acquiring"
+    assert state == TrackerState()
+    with pytest.raises(ValueError, match=r"t_s=1.0 must be >= the last epoch 2.0"):
+        TRACKER.coast(run(source(), drifting(), 2)[0], 1.0, "late")
+
+
+def test_arrays_that_do_not_face_each_other_are_never_acquired() -> None:
+    away = dataclasses.replace(drifting(), attitude=attitude_from_euler(np.pi, 0.0, 0.0))
+    state, outputs = run(source(), away, 3)
+    assert state == TrackerState()
+    assert {o.status for o in outputs} == {"acquiring"}
+    assert "162 loops without lock" in outputs[0].reason
+
+
+def test_a_false_lock_without_signal_is_refused() -> None:
+    away = dataclasses.replace(drifting(), attitude=attitude_from_euler(np.pi, 0.0, 0.0))
+    for seed in range(20):
+        measured = source(seed).measure(0.0, away)
+        claimed = dataclasses.replace(measured, locked=np.ones_like(measured.locked))
+        _, output = TRACKER.step(TrackerState(), claimed)
+        assert output.status == "acquiring"
+        assert output.reason
+
+
+def test_weak_links_are_refused_even_if_the_loops_claim_lock() -> None:
+    far = dataclasses.replace(drifting(), position_m=np.array([9e4, 0.0, 0.0]))
+    measured = source(radio=RadioParams(return_power_w=5e-4)).measure(0.0, far)
+    _, output = TRACKER.step(TrackerState(), dataclasses.replace(measured, locked=np.ones_like(measured.locked)))
+    assert "return link snr=" in output.reason
+
+
+def test_phases_turned_by_a_manoeuvre_within_the_sequence_are_refused() -> None:
+    measured = source().measure(0.0, drifting())
+    jumped = measured.phase_rad.copy()
+    jumped[9:] += np.linspace(1.0, 3.0, 9)[:, None, None]
+    _, output = TRACKER.step(TrackerState(), dataclasses.replace(measured, phase_rad=jumped))
+    assert "repeated phases agree to" in output.reason
+
+
+def test_an_unresolved_cycle_is_refused() -> None:
+    measured = source().measure(0.0, drifting())
+    biased = measured.phase_rad.copy()
+    biased[SYSTEM.schedule.carriers(SYSTEM.plan) == 4, 0, 0] += 2.0 * np.pi * 0.42
+    _, output = TRACKER.step(TrackerState(), dataclasses.replace(measured, phase_rad=biased))
+    assert output.reason.startswith("lane residual 0.4")
+
+
+def test_a_grazing_view_is_refused() -> None:
+    tracker = InterferometerTracker(system=SYSTEM, params=TrackerParams(widest_angle_rad=0.5))
+    turned = dataclasses.replace(drifting(), attitude=attitude_from_euler(0.7, 0.0, 0.0))
+    _, (output,) = run(source(), turned, 1, tracker=tracker)
+    assert output.reason.startswith("passive array sees the other ")
+    assert "deg off boresight" in output.reason
+
+
+def test_a_measurement_out_of_order_is_flagged_and_leaves_the_state() -> None:
+    maker, truth = source(), drifting()
+    state, _ = run(maker, truth, 3)
+    after, output = TRACKER.step(state, maker.measure(4.0, moved(truth, 4.0)))
+    assert after is state
+    assert output.reason == "t_s=4.0 must be > the last epoch 4.0"
+
+
+def test_predicted_path_rates_hold_track_at_a_power_where_measured_ones_fail() -> None:
+    weak = RadioParams(forward_power_w=0.02, return_power_w=0.01)
+    truth = dataclasses.replace(drifting(), position_m=np.array([9e4, 2e3, 1e3]))
+    state, _ = run(source(2), truth, 10)
+    maker, held, cold = source(3, weak), 0, 0
+    for step in range(10, 25):
+        measurement = maker.measure(STEP_S * step, moved(truth, STEP_S * step))
+        state, output = TRACKER.step(state, measurement)
+        held += output.status == "tracking"
+        cold += TRACKER.step(TrackerState(), measurement)[1].status == "tracking"
+    assert held >= cold + 5

@@ -1,0 +1,134 @@
+""" """
+
+import numpy as np
+import pytest
+
+from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams, element_weights
+from rf_pointing.array_sensors.tripulse.beams import (
+    beam_signals,
+    beam_signs,
+    closed_form_signals,
+    direction_projections,
+    invert_ratios,
+    invert_with_weights,
+    monopulse_ratios,
+    polar_angles_rad,
+)
+from rf_pointing.core import random_stream
+
+ROUNDING = 1e-11
+EXACT = 1e-12
+
+
+def arrays() -> list[TripulseArrayParams]:
+    return [
+        TripulseArrayParams(n_x=n_x, n_y=n_y, spacing_x_wavelengths=d_x, spacing_y_wavelengths=d_y)
+        for n_x, n_y, d_x, d_y in [(2, 2, 0.5, 0.5), (4, 6, 0.7, 3.0), (16, 16, 3.0, 3.0), (18, 10, 2.3, 1.1)]
+    ]
+
+
+@pytest.mark.parametrize("params", arrays(), ids=str)
+def test_quadrant_sums_equal_the_closed_form_8(params: TripulseArrayParams) -> None:
+    rng = random_stream(1, "beams")
+    steering = rng.uniform(-0.3, 0.3, size=(200, 2))
+    direction = rng.uniform(-0.6, 0.6, size=(200, 2))
+    signals = beam_signals(params, element_weights(params, steering), direction)
+    np.testing.assert_allclose(signals, closed_form_signals(params, direction - steering), atol=ROUNDING * 256)
+
+
+@pytest.mark.parametrize("params", arrays(), ids=str)
+def test_closed_form_has_its_limits_on_the_axes_and_in_the_grating_lobes(params: TripulseArrayParams) -> None:
+    lobe_x, lobe_y = 2.0 * np.pi / params.kd
+    for error in ([0.0, 0.0], [0.0, 0.01], [0.01, 0.0], [lobe_x, 0.0], [lobe_x, 0.01], [-3 * lobe_x, 2 * lobe_y]):
+        expected = beam_signals(params, element_weights(params, [0.0, 0.0]), error)
+        np.testing.assert_allclose(closed_form_signals(params, error), expected, atol=ROUNDING * 256)
+
+
+@pytest.mark.parametrize("params", arrays(), ids=str)
+def test_ratios_are_the_tangents_of_9_inside_the_main_lobe(params: TripulseArrayParams) -> None:
+    error = random_stream(1, "ratios").uniform(-0.95, 0.95, size=(200, 2)) * params.unambiguous_projection
+    ratios = monopulse_ratios(closed_form_signals(params, error))
+    quarter_phase = error * params.kd * np.array([params.n_x, params.n_y]) / 4.0
+    np.testing.assert_allclose(ratios, np.tan(quarter_phase), rtol=1e-10)
+
+
+def test_delta_beams_stay_in_quadrature_under_a_symmetric_taper() -> None:
+    params = TripulseArrayParams(taper_edge=0.2)
+    signals = beam_signals(params, element_weights(params, [0.05, -0.02]), [0.051, -0.0185])
+    np.testing.assert_allclose((signals[1:] / signals[0]).real, 0.0, atol=1e-12)
+
+
+def test_beam_signs_split_the_array_into_equal_halves() -> None:
+    signs = beam_signs(TripulseArrayParams(n_x=4, n_y=6))
+    np.testing.assert_array_equal(np.sum(signs, axis=(1, 2)), [24.0, 0.0, 0.0])
+    assert signs[1, 0, 0] == signs[2, 0, 0] == 1.0
+    assert signs[1, -1, 0] == signs[2, 0, -1] == -1.0
+
+
+def test_engineers_time_convention_gives_the_same_ratios_from_conjugate_signals() -> None:
+    signals = closed_form_signals(TripulseArrayParams(), [1e-3, -2e-3])
+    ratios = monopulse_ratios(signals)
+    np.testing.assert_allclose(monopulse_ratios(signals.conj(), "exp(+jwt)"), ratios)
+    np.testing.assert_allclose(monopulse_ratios(signals.conj(), "exp(-jwt)"), -ratios)
+
+
+@pytest.mark.parametrize(
+    ("signals", "message"),
+    [([0.0, 1.0, 1.0], "sum signal is 0"), ([1.0, np.nan, 0.0], "finite")],
+)
+def test_signals_without_a_ratio_are_refused(signals: list[float], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        monopulse_ratios(signals)
+
+
+@pytest.mark.parametrize(("n_x", "n_y"), [(2, 4), (16, 16), (18, 6)])
+def test_uniform_aperture_is_inverted_exactly_up_to_lambda_over_n_d(n_x: int, n_y: int) -> None:
+    params = TripulseArrayParams(n_x=n_x, n_y=n_y, spacing_y_wavelengths=2.2)
+    steering = np.array([0.03, -0.04])
+    error = random_stream(1, "inversion").uniform(-0.98, 0.98, size=(300, 2)) * params.unambiguous_projection
+    signals = beam_signals(params, element_weights(params, steering), steering + error)
+    np.testing.assert_allclose(invert_ratios(params, monopulse_ratios(signals)), error, atol=EXACT)
+
+
+def test_error_beyond_lambda_over_n_d_aliases_into_the_main_lobe() -> None:
+    params = TripulseArrayParams()
+    error = 1.2 * params.unambiguous_projection
+    signals = beam_signals(params, element_weights(params, [0.0, 0.0]), error)
+    found = invert_ratios(params, monopulse_ratios(signals))
+    np.testing.assert_allclose(found, error - 2.0 * params.unambiguous_projection, atol=EXACT)
+
+
+@pytest.mark.parametrize("taper_edge", [0.0, 0.3, 1.0])
+def test_any_known_aperture_is_inverted_exactly(taper_edge: float) -> None:
+    params = TripulseArrayParams(n_x=12, n_y=16, taper_edge=taper_edge, phase_bits=4)
+    rng = random_stream(1, "known aperture")
+    steering = np.array([0.0213, -0.0447])
+    weights = element_weights(params, steering, failed=rng.uniform(size=(12, 16)) < 0.1)
+    error = rng.uniform(-0.6, 0.6, size=(50, 2)) * params.unambiguous_projection
+    ratios = monopulse_ratios(beam_signals(params, weights, steering + error))
+    np.testing.assert_allclose(invert_with_weights(params, weights, steering, ratios), error, atol=EXACT)
+
+
+def test_newton_refuses_ratios_outside_the_aperture() -> None:
+    params = TripulseArrayParams(n_x=4, n_y=4)
+    with pytest.raises(ValueError, match="ratios"):
+        invert_with_weights(params, element_weights(params, [0.0, 0.0]), [0.0, 0.0], [np.nan, 0.0])
+    weights = element_weights(params, [0.0, 0.0])
+    weights[:, 1:] = 0.0
+    with pytest.raises(ValueError, match="half of it is dead"):
+        invert_with_weights(params, weights, [0.0, 0.0], [0.5, 0.5])
+
+
+@pytest.mark.parametrize("phi_deg", [-179.0, -100.0, -10.0, 0.0, 45.0, 91.0, 180.0])
+@pytest.mark.parametrize("theta_deg", [0.001, 5.0, 60.0, 89.9])
+def test_polar_angles_keep_their_quadrant(theta_deg: float, phi_deg: float) -> None:
+    theta, phi = np.radians([theta_deg, phi_deg])
+    projections = np.sin(theta) * np.array([np.cos(phi), np.sin(phi)])
+    found_theta, found_phi = polar_angles_rad(projections)
+    assert found_theta == pytest.approx(theta, rel=1e-9)
+    assert found_phi == pytest.approx(phi, abs=1e-12)
+
+
+def test_projections_longer_than_one_are_no_direction() -> None:
+    with pytest.raises(ValueError, match="not a direction"):
+        direction_projections([0.9, 0.4], [0.0, 0.1])

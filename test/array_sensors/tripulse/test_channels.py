@@ -1,0 +1,139 @@
+""" """
+
+import numpy as np
+import pytest
+
+from rf_pointing.array_sensors.tripulse.channels import (
+    channelise,
+    detect_with_references,
+    find_shift_hz,
+    reference_phase,
+)
+from rf_pointing.array_sensors.tripulse.signal import TripulseSignalParams, segment_beams
+from rf_pointing.core import random_stream
+
+LARGEST_HZ = 5e4
+CARRIER_HZ, SEPARATION_HZ, RATE_HZ = 12e9, 4e5, 4e6
+COUNT = 900
+BEAMS = np.repeat(np.array([3.0, 0.4j, -0.2j]), 300)
+
+
+def composite(signal: TripulseSignalParams, shift_hz: float, beams: np.ndarray) -> np.ndarray:
+    time_s = np.arange(signal.samples) / signal.sample_rate_hz
+    sent = np.repeat(beams[segment_beams(signal)], signal.samples_per_segment)
+    offsets = np.exp(2j * np.pi * signal.tone_separation_hz * time_s)
+    references = offsets + offsets.conj() if signal.scheme == "two_tone" else 0.0
+    return np.asarray((sent + references) * np.exp(2j * np.pi * shift_hz * time_s))
+
+
+def noise(signal: TripulseSignalParams, variance: float) -> np.ndarray:
+    return np.sqrt(variance / 2.0) * random_stream(1, "channels").normal(size=(signal.samples, 2)) @ [1.0, 1j]
+
+
+@pytest.mark.parametrize("shift_hz", [-31234.5, 0.0, 17.0, 45000.0])
+def test_tones_are_separated_exactly_under_any_shift(shift_hz: float) -> None:
+    signal, beams = TripulseSignalParams(), np.array([2.0, 0.3j, -0.1j])
+    found = channelise(signal, composite(signal, shift_hz, beams) + noise(signal, 1e-16), LARGEST_HZ)
+    assert found.shift_hz == pytest.approx(shift_hz, abs=1e-3)
+    np.testing.assert_allclose(np.abs(found.tone), np.abs(beams[segment_beams(signal)]), atol=1e-6)
+    np.testing.assert_allclose(np.abs(found.lower_reference), 1.0, atol=1e-6)
+    np.testing.assert_allclose(np.abs(found.upper_reference), 1.0, atol=1e-6)
+
+
+def test_tripulse_tone_14_db_above_the_references_does_not_pass_for_a_reference() -> None:
+    signal = TripulseSignalParams()
+    samples = composite(signal, 12e3, np.array([5.0, 0.5, 0.5]))
+    assert find_shift_hz(signal, samples, 1.9e5) == pytest.approx(12e3, abs=500.0)
+
+
+def test_interleaved_frames_are_found_by_their_sum_segments() -> None:
+    signal = TripulseSignalParams(scheme="interleaved", pattern="SxSy")
+    samples = composite(signal, -23e3, np.array([1.0, 0.1j, 0.1j]))
+    assert find_shift_hz(signal, samples, LARGEST_HZ) == pytest.approx(-23e3, abs=500.0)
+
+
+def test_noise_density_is_measured_beside_the_tones() -> None:
+    signal = TripulseSignalParams(cycles=400)
+    variance = 0.04
+    found = channelise(signal, composite(signal, 8e3, np.ones(3)) + noise(signal, variance), LARGEST_HZ)
+    # 4800 complex values: 1.4 % each.
+    assert found.noise_density == pytest.approx(variance / signal.sample_rate_hz, rel=0.06)
+
+
+@pytest.mark.parametrize(
+    ("samples", "message"),
+    [
+        (np.ones(10, dtype=complex), "shape"),
+        (np.full(960, np.nan, dtype=complex), "finite"),
+        (np.zeros(960, dtype=complex), "no noise"),
+    ],
+)
+def test_frames_that_cannot_be_real_are_refused(samples: np.ndarray, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        channelise(TripulseSignalParams(), samples, LARGEST_HZ)
+
+
+def test_search_wider_than_the_tone_spacing_is_refused() -> None:
+    with pytest.raises(ValueError, match="largest_shift_hz"):
+        find_shift_hz(TripulseSignalParams(), np.ones(960, dtype=complex), 3e5)
+
+
+def tones(travel_s: np.ndarray, satellite_rad: np.ndarray, station_rad: np.ndarray) -> list[np.ndarray]:
+    """Return f_r1, f_t, f_r2 with phases linear in frequency and a constant phase of their own each."""
+    return [
+        np.exp(1j * (start - 2.0 * np.pi * f_hz * travel_s + f_hz / CARRIER_HZ * satellite_rad - station_rad))
+        for start, f_hz in zip(
+            (0.4, -1.1, 2.9), (CARRIER_HZ - SEPARATION_HZ, CARRIER_HZ, CARRIER_HZ + SEPARATION_HZ), strict=True
+        )
+    ]
+
+
+def test_doppler_with_acceleration_and_independent_clock_noise_cancel_exactly() -> None:
+    rng, t = random_stream(1, "clocks"), np.arange(COUNT) / RATE_HZ
+    travel_s = (300.0 * t + 0.5 * 4e6 * t**2) / 299792458.0
+    satellite, station = np.cumsum(0.03 * rng.normal(size=(2, COUNT)), axis=1)
+    lower, tone, upper = tones(travel_s, satellite, station)
+    values, lost = detect_with_references(BEAMS * tone, lower, upper, 1e-6)
+    assert lost == ""
+    constant = values / BEAMS
+    # Phases of 2 pi f tau reach 3e2 rad: rounding 1e-13 rad per operation.
+    np.testing.assert_allclose(constant, constant[0], atol=1e-10)
+
+
+def test_without_references_the_same_clocks_spoil_the_phase() -> None:
+    rng = random_stream(1, "clocks")
+    satellite, station = np.cumsum(0.03 * rng.normal(size=(2, COUNT)), axis=1)
+    _, tone, _ = tones(np.zeros(COUNT), satellite, station)
+    assert np.ptp(np.unwrap(np.angle(tone))) > 0.5
+
+
+def test_half_phase_is_followed_through_whole_turns() -> None:
+    turn = np.linspace(0.0, 40.0, 200)
+    found = reference_phase(np.exp(1j * turn), np.exp(1j * turn), 1e-6)
+    np.testing.assert_allclose(found.phase_rad - found.phase_rad[0], turn, atol=1e-12)
+
+
+def test_a_slipped_reference_is_reported_as_lost_lock_between_its_segments() -> None:
+    lower, upper = np.ones(20, dtype=complex), np.ones(20, dtype=complex)
+    lower[7:] *= -1.0
+    assert "between segments 6 and 7" in detect_with_references(lower, lower, upper, 1e-3)[1]
+
+
+def test_a_fading_reference_is_reported() -> None:
+    lower, upper = np.ones(20, dtype=complex), np.ones(20, dtype=complex)
+    upper[11] = 0.1
+    lost = detect_with_references(lower, lower, upper, 1e-3)[1]
+    assert "lost lock in segment 11" in lost
+    assert "upper reference" in lost
+
+
+def test_references_below_10_db_are_reported() -> None:
+    values = np.ones(20, dtype=complex)
+    assert "lower reference has SNR" in reference_phase(values, values, 0.2).lost
+
+
+def test_ratio_keeps_its_sign_whatever_branch_the_half_phase_starts_on() -> None:
+    for start in np.linspace(-3.0, 3.0, 13):
+        lower = np.exp(1j * start) * np.ones(3)
+        values, _ = detect_with_references(np.array([3.0, 0.3j, 0.2j]), lower, np.ones(3, dtype=complex), 1e-3)
+        assert values[1] / values[0] == pytest.approx(0.1j)

@@ -1,0 +1,126 @@
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams
+from rf_pointing.array_sensors.tripulse.receiver import TripulseMeasurement, TripulseReceiver
+from rf_pointing.array_sensors.tripulse.signal import TripulseSignalParams
+from rf_pointing.array_sensors.tripulse.source import StationLine, TripulseSource, TripulseSourceParams
+from rf_pointing.core import random_stream
+from rf_pointing.papers.tripulse_noise import random_failures
+from rf_pointing.papers.tripulse_theory import projection_variance
+
+ARRAY = TripulseArrayParams()
+DIRECTION = np.array([0.05, -0.03, math.sqrt(1.0 - 0.05**2 - 0.03**2)])
+LINE = StationLine(name="usingen", direction=DIRECTION, range_rate_m_s=-240.0, elevation_rad=0.7)
+SIGNALS = {
+    "two_tone": TripulseSignalParams(),
+    "interleaved": TripulseSignalParams(scheme="interleaved", pattern="SxSy"),
+}
+
+
+def run(
+    signal: TripulseSignalParams,
+    frames: int,
+    array: TripulseArrayParams = ARRAY,
+    failed: np.ndarray | None = None,
+    **changes: float,
+) -> tuple[list[TripulseMeasurement], np.ndarray]:
+    """Return measurements and true projections for attitudes drawn from the initial sensor's errors."""
+    sender = TripulseSource(array, signal, TripulseSourceParams(**changes), seed=1, failed=failed)
+    receiver = TripulseReceiver(array=array, signal=signal, failed=failed)
+    rng, found, truth = random_stream(1, "receiver test"), [], []
+    for index in range(frames):
+        rotation = Rotation.from_rotvec(np.radians(0.1) / 3.0 * rng.normal(size=3)).as_matrix()
+        (frame,) = sender.step(float(index), rotation, [LINE])
+        found.append(receiver.measure(frame))
+        truth.append((rotation @ DIRECTION)[:2])
+    return found, np.array(truth)
+
+
+def scores(found: list[TripulseMeasurement], truth: np.ndarray) -> np.ndarray:
+    errors = np.array([m.projections for m in found]) - truth
+    return np.array([e @ np.linalg.solve(m.covariance, e) for e, m in zip(errors, found, strict=True)])
+
+
+@pytest.mark.parametrize("scheme", ["two_tone", "interleaved"])
+def test_frames_under_doppler_and_phase_noise_follow_18_with_honest_covariance(scheme: str) -> None:
+    signal = SIGNALS[scheme]
+    found, truth = run(signal, 300)
+    assert all(m.valid and m.estimator == "ratio" for m in found)
+    errors = np.array([m.projections for m in found]) - truth
+    element_snr = 10.0**3.7 * signal.beam_time_s(1)
+    # 300 frames, two axes: 2.9 % of the standard deviation.
+    assert np.sqrt(np.mean(errors**2)) == pytest.approx(math.sqrt(projection_variance(ARRAY, element_snr)[0]), rel=0.1)
+    assert np.mean(scores(found, truth)) == pytest.approx(2.0, abs=0.4)
+    doppler_hz = 240.0 / 299792458.0 * 12e9
+    assert found[0].shift_hz == pytest.approx(doppler_hz, abs=600.0)
+
+
+def test_below_12_db_the_posterior_takes_over_and_stays_honest() -> None:
+    found, truth = run(SIGNALS["two_tone"], 200, element_carrier_to_noise_db_hz=3.0)
+    kept = [(m, t) for m, t in zip(found, truth, strict=True) if m.valid and m.estimator == "posterior"]
+    assert len(kept) > 150
+    measurements, truths = [m for m, _ in kept], np.array([t for _, t in kept])
+    assert np.mean(scores(measurements, truths)) == pytest.approx(2.0, abs=0.5)
+    errors = np.array([m.projections for m in measurements]) - truths
+    assert np.sqrt(np.mean(errors**2)) < 1.1 * np.radians(0.1) / 3.0
+
+
+def test_known_dead_elements_quantiser_and_taper_leave_no_bias() -> None:
+    array = TripulseArrayParams(n_x=12, n_y=14, taper_edge=0.6, phase_bits=4)
+    failed = random_failures(random_stream(1, "dead"), array, 20, 1)[0]
+    found, truth = run(SIGNALS["two_tone"], 100, array, failed)
+    assert all(m.valid for m in found)
+    assert np.mean(scores(found, truth)) == pytest.approx(2.0, abs=0.6)
+
+
+def test_no_signal_is_invalid_with_the_prior_and_its_reason() -> None:
+    (measured,), _ = run(SIGNALS["two_tone"], 1, element_carrier_to_noise_db_hz=-20.0)
+    assert not measured.valid
+    assert "sum SNR" in measured.reason
+    np.testing.assert_allclose(measured.projections, DIRECTION[:2])
+    np.testing.assert_allclose(np.diag(measured.covariance), (np.radians(0.1) / 3.0) ** 2)
+
+
+def test_weak_references_are_reported_before_anything_is_measured() -> None:
+    (measured,), _ = run(SIGNALS["two_tone"], 1, reference_carrier_to_noise_db_hz=55.0)
+    assert not measured.valid
+    assert "reference" in measured.reason
+
+
+@pytest.mark.parametrize("scheme", ["two_tone", "interleaved"])
+def test_lock_lost_between_pulses_is_reported(scheme: str) -> None:
+    signal = SIGNALS[scheme]
+    sender = TripulseSource(ARRAY, signal, TripulseSourceParams(), seed=1)
+    (frame,) = sender.step(0.0, np.eye(3), [LINE])
+    samples = frame.samples.copy()
+    samples[signal.samples // 2 :] *= np.exp(1.5j if scheme == "two_tone" else 2.5j)
+    broken = TripulseReceiver(array=ARRAY, signal=signal).measure(dataclasses.replace(frame, samples=samples))
+    assert not broken.valid
+    assert "lost lock" in broken.reason
+
+
+def test_error_near_the_first_null_is_not_believed() -> None:
+    tilt = Rotation.from_rotvec([0.0, 0.9 * ARRAY.unambiguous_projection[0], 0.0]).as_matrix()
+    straight = StationLine(name="a", direction=np.array([0.0, 0.0, 1.0]), range_rate_m_s=0.0, elevation_rad=1.0)
+    sender = TripulseSource(ARRAY, SIGNALS["two_tone"], TripulseSourceParams(), seed=1)
+    (frame,) = sender.step(0.0, tilt, [straight])
+    measured = TripulseReceiver(array=ARRAY, signal=SIGNALS["two_tone"]).measure(frame)
+    assert not measured.valid
+    assert "lobe away" in measured.reason
+
+
+def test_frames_of_another_length_or_with_nan_are_refused() -> None:
+    sender = TripulseSource(ARRAY, SIGNALS["two_tone"], TripulseSourceParams(), seed=1)
+    (frame,) = sender.step(0.0, np.eye(3), [LINE])
+    receiver = TripulseReceiver(array=ARRAY, signal=SIGNALS["two_tone"])
+    with pytest.raises(ValueError, match="shape"):
+        receiver.measure(dataclasses.replace(frame, samples=frame.samples[:-1]))
+    samples = frame.samples.copy()
+    samples[5] = np.nan
+    with pytest.raises(ValueError, match="finite"):
+        receiver.measure(dataclasses.replace(frame, samples=samples))

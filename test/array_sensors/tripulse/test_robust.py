@@ -1,0 +1,117 @@
+import numpy as np
+import pytest
+
+from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams
+from rf_pointing.array_sensors.tripulse.beams import closed_form_signals, invert_ratios, monopulse_ratios
+from rf_pointing.array_sensors.tripulse.robust import (
+    posterior_projection_error,
+    signal_matrix,
+    total_least_squares_ratios,
+)
+from rf_pointing.core import random_stream
+
+PARAMS = TripulseArrayParams()
+PRIOR = np.full(2, np.radians(0.1) / 3.0)
+EQUAL = np.ones(3)
+
+
+def noisy(rng: np.random.Generator, error: np.ndarray, snr_db: float, cycles: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return signals (trials, cycles, 3) with a phase of their own in every cycle, and the noise variances."""
+    variance = PARAMS.n_total**2 / 10.0 ** (snr_db / 10.0)
+    turns = np.exp(2j * np.pi * rng.uniform(size=(len(error), cycles, 1)))
+    signals = closed_form_signals(PARAMS, error)[:, None, :] * turns
+    noise = np.sqrt(variance / 2.0) * (rng.normal(size=signals.shape) + 1j * rng.normal(size=signals.shape))
+    return signals + noise, variance * EQUAL
+
+
+def test_noise_free_eigenvector_is_the_exact_ratio_whatever_the_phases_and_noises() -> None:
+    rng = random_stream(1, "robust exact")
+    error = rng.uniform(-0.9, 0.9, size=(100, 2)) * PARAMS.unambiguous_projection
+    turns = np.exp(2j * np.pi * rng.uniform(size=(100, 3, 1)))
+    signals = closed_form_signals(PARAMS, error)[:, None, :] * turns
+    noises = np.array([1.0, 0.3, 2.0])
+    ratios = total_least_squares_ratios(signal_matrix(signals, noises), noises)
+    np.testing.assert_allclose(invert_ratios(PARAMS, ratios), error, atol=1e-11)
+
+
+def test_total_least_squares_is_unbiased_at_0_db_where_the_cross_product_ratio_loses_half() -> None:
+    rng, truth = random_stream(1, "robust bias"), np.array([8e-4, -5e-4])
+    signals, noises = noisy(rng, np.broadcast_to(truth, (300, 2)), 0.0, 2000)
+    found = invert_ratios(PARAMS, total_least_squares_ratios(signal_matrix(signals, noises), noises))
+    assert np.all(np.abs(np.mean(found, axis=0) - truth) < 4.0 * np.std(found, axis=0) / np.sqrt(300))
+    products = np.sum(signals[..., 1:] * signals[..., :1].conj(), axis=1)
+    powers = np.sum(np.abs(signals[..., :1]) ** 2, axis=1)
+    crossed = invert_ratios(PARAMS, np.imag(products / powers))
+    np.testing.assert_allclose(np.mean(crossed, axis=0), truth / 2.0, rtol=0.1)
+
+
+def test_at_20_db_it_equals_the_plain_ratio_and_its_theory() -> None:
+    rng = random_stream(1, "robust 20 dB")
+    error = np.broadcast_to([2e-4, 1e-4], (20_000, 2))
+    signals, noises = noisy(rng, error, 20.0, 1)
+    robust = invert_ratios(PARAMS, total_least_squares_ratios(signal_matrix(signals, noises), noises))
+    plain = invert_ratios(PARAMS, monopulse_ratios(signals[:, 0]))
+    np.testing.assert_allclose(np.std(robust, axis=0), np.std(plain, axis=0), rtol=0.01)
+
+
+@pytest.mark.parametrize(("snr_db", "cycles"), [(-10.0, 1), (0.0, 1), (10.0, 1), (0.0, 300), (20.0, 5)])
+def test_posterior_covariance_is_honest_and_never_worse_than_the_prior(snr_db: float, cycles: int) -> None:
+    rng = random_stream(1, f"posterior {snr_db} {cycles}")
+    truth = PRIOR * rng.normal(size=(3000, 2))
+    signals, noises = noisy(rng, truth, snr_db, cycles)
+    found = posterior_projection_error(PARAMS, signal_matrix(signals, noises), cycles, noises, PRIOR)
+    error = found.projection_error - truth
+    nees = np.einsum("ni,nij,nj->n", error, np.linalg.inv(found.covariance), error)
+    # Mean of 3000 chi-square values of two degrees of freedom: 2 +- 0.036.
+    assert np.mean(nees) == pytest.approx(2.0, abs=0.15)
+    assert np.all(np.sqrt(np.mean(error**2, axis=0)) < 1.04 * PRIOR)
+
+
+def test_posterior_beats_the_plain_ratio_ninefold_at_0_db() -> None:
+    rng = random_stream(1, "posterior gain")
+    truth = PRIOR * rng.normal(size=(3000, 2))
+    signals, noises = noisy(rng, truth, 0.0, 1)
+    found = posterior_projection_error(PARAMS, signal_matrix(signals, noises), 1, noises, PRIOR)
+    robust = found.projection_error - truth
+    plain = invert_ratios(PARAMS, monopulse_ratios(signals[:, 0])) - truth
+    widths = [np.diff(np.percentile(error[:, 0], [16.0, 84.0]))[0] / 2.0 for error in (plain, robust)]
+    assert widths[0] > 9.0 * widths[1]
+
+
+def test_posterior_resolves_errors_far_below_the_prior() -> None:
+    truth = np.array([[4.2e-4, -3.1e-4]])
+    noises = 1e-4 * EQUAL
+    matrix = signal_matrix(closed_form_signals(PARAMS, truth)[:, None, :], noises)
+    found = posterior_projection_error(PARAMS, matrix, 1, noises, PRIOR)
+    sigma = np.sqrt(np.diagonal(found.covariance[0]))
+    np.testing.assert_allclose(found.projection_error, truth, atol=3e-7)
+    snr = PARAMS.n_total**2 / 1e-4
+    np.testing.assert_allclose(sigma, 4.0 / (16 * PARAMS.kd) / np.sqrt(2.0 * snr), rtol=0.05)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"prior_sigma": [0.0, 1.0]}, "prior_sigma"),
+        ({"cycles": 0}, "cycles=0"),
+        ({"noise_variances": [1.0, 0.0, 1.0]}, "noise_variances"),
+        ({"matrix": np.full((3, 3), np.nan)}, "finite"),
+        ({"matrix": np.eye(2)}, "shape"),
+    ],
+)
+def test_bad_input_is_refused(changes: dict[str, object], message: str) -> None:
+    arguments: dict[str, object] = {
+        "matrix": np.eye(3),
+        "cycles": 1,
+        "noise_variances": EQUAL,
+        "prior_sigma": PRIOR,
+    } | changes
+    with pytest.raises(ValueError, match=message):
+        posterior_projection_error(PARAMS, **arguments)  # type: ignore[arg-type]
+
+
+def test_signals_that_are_not_finite_or_empty_are_refused() -> None:
+    with pytest.raises(ValueError, match="finite"):
+        signal_matrix([[1.0, np.nan, 0.0]], EQUAL)
+    with pytest.raises(ValueError, match="at least 1 cycle"):
+        signal_matrix(np.empty((0, 3)), EQUAL)

@@ -1,0 +1,104 @@
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams, element_weights
+from rf_pointing.array_sensors.tripulse.beams import beam_signals
+from rf_pointing.array_sensors.tripulse.signal import TripulseSignalParams, segment_beams
+from rf_pointing.array_sensors.tripulse.source import StationLine, TripulseSource, TripulseSourceParams
+
+ARRAY, SIGNAL = TripulseArrayParams(), TripulseSignalParams()
+TRUE = Rotation.from_rotvec([1e-3, -5e-4, 2e-3]).as_matrix()
+
+
+def line(x: float = 0.05, y: float = -0.03, *, elevation_rad: float = 0.7, behind: bool = False) -> StationLine:
+    z = np.sqrt(1.0 - x * x - y * y) * (-1.0 if behind else 1.0)
+    return StationLine(name="usingen", direction=np.array([x, y, z]), range_rate_m_s=12.0, elevation_rad=elevation_rad)
+
+
+def source(**changes: float) -> TripulseSource:
+    return TripulseSource(ARRAY, SIGNAL, TripulseSourceParams(**changes), seed=3)
+
+
+def test_noise_free_frame_holds_the_conjugate_beams_of_the_true_direction() -> None:
+    quiet = source(
+        element_carrier_to_noise_db_hz=120.0,
+        reference_carrier_to_noise_db_hz=-20.0,
+        satellite_linewidth_hz=0.0,
+        station_linewidth_hz=0.0,
+    )
+    station = StationLine(name="a", direction=line().direction, range_rate_m_s=0.0, elevation_rad=0.7)
+    (frame,) = quiet.step(0.0, TRUE, [station])
+    weights = element_weights(ARRAY, frame.steering)
+    beams = beam_signals(ARRAY, weights, (TRUE @ station.direction)[:2]).conj()
+    means = frame.samples.reshape(SIGNAL.segments, -1).mean(axis=1)
+    found = np.array([means[segment_beams(SIGNAL) == beam].mean() for beam in range(3)])
+    np.testing.assert_allclose(found[1:] / found[0], beams[1:] / beams[0], atol=1e-5)
+
+
+def test_beams_are_steered_by_the_prior_attitude() -> None:
+    steered = source()
+    np.testing.assert_allclose(steered.step(0.0, TRUE, [line()])[0].steering, [0.05, -0.03])
+    steered.steer(TRUE)
+    np.testing.assert_allclose(steered.step(1.0, TRUE, [line()])[0].steering, (TRUE @ line().direction)[:2])
+
+
+def test_noise_has_density_one() -> None:
+    weak = source(element_carrier_to_noise_db_hz=-20.0, reference_carrier_to_noise_db_hz=-20.0)
+    power = np.mean([np.mean(np.abs(weak.step(float(k), TRUE, [line()])[0].samples) ** 2) for k in range(100)])
+    # The array's own 655 Hz beside 4 MHz of noise, 96000 samples.
+    assert power == pytest.approx(SIGNAL.sample_rate_hz, rel=0.015)
+
+
+def test_resumed_source_sends_the_identical_frames() -> None:
+    first = source()
+    first.step(0.0, TRUE, [line()])
+    state = first.state
+    expected = first.step(1.0, TRUE, [line(), line(0.02, 0.01)])
+    other = source()
+    other.restore(state)
+    for a, b in zip(expected, other.step(1.0, TRUE, [line(), line(0.02, 0.01)]), strict=True):
+        np.testing.assert_array_equal(a.samples, b.samples)
+        assert a.sequence == b.sequence == 2
+
+
+def test_same_seed_sends_the_same_and_another_seed_another() -> None:
+    (a,), (b,) = source().step(0.0, TRUE, [line()]), source().step(0.0, TRUE, [line()])
+    np.testing.assert_array_equal(a.samples, b.samples)
+    (c,) = TripulseSource(ARRAY, SIGNAL, TripulseSourceParams(), seed=4).step(0.0, TRUE, [line()])
+    assert np.max(np.abs(a.samples - c.samples)) > 1.0
+
+
+@pytest.mark.parametrize(
+    ("station", "message"),
+    [
+        (line(elevation_rad=-0.1), "sees the satellite at elevation_rad=-0.1"),
+        (line(behind=True), "behind the array"),
+    ],
+)
+def test_stations_that_cannot_be_reached_are_refused(station: StationLine, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        source().step(0.0, TRUE, [station])
+
+
+def test_time_must_advance_and_rotations_must_be_rotations() -> None:
+    running = source()
+    running.step(1.0, TRUE, [line()])
+    with pytest.raises(ValueError, match="t_s"):
+        running.step(1.0, TRUE, [line()])
+    with pytest.raises(ValueError, match="rotation misses orthonormality"):
+        running.step(2.0, 1.1 * np.eye(3), [line()])
+    with pytest.raises(ValueError, match="prior"):
+        running.steer(np.diag([1.0, 1.0, -1.0]))
+    with pytest.raises(ValueError, match="finite"):
+        running.step(2.0, np.full((3, 3), np.nan), [line()])
+
+
+def test_array_without_elements_is_refused_at_the_start() -> None:
+    with pytest.raises(ValueError, match="all 256"):
+        TripulseSource(ARRAY, SIGNAL, TripulseSourceParams(), seed=1, failed=np.ones((16, 16), dtype=bool))
+
+
+def test_direction_that_is_not_unit_is_refused() -> None:
+    with pytest.raises(ValueError, match="length of direction"):
+        StationLine(name="a", direction=np.array([0.0, 0.0, 1.1]), range_rate_m_s=0.0, elevation_rad=0.5)

@@ -1,0 +1,100 @@
+import numpy as np
+import pytest
+
+from rf_pointing.array_sensors.tripulse.tracker import TrackerParams, TrackerState, predict, start, update
+from rf_pointing.core import random_stream
+
+PARAMS = TrackerParams()
+STEP_S = 2e-5
+
+
+def planted(
+    rng: np.random.Generator, count: int, snr: float, frequency_hz: float, linewidth_hz: float = 20.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return noisy sum segments of amplitude 1 and their true phases."""
+    steps = np.sqrt(2.0 * np.pi * linewidth_hz * STEP_S) * rng.normal(size=count)
+    phase = 0.7 + 2.0 * np.pi * frequency_hz * STEP_S * np.arange(count) + np.cumsum(steps)
+    noise = np.sqrt(0.5 / snr) * (rng.normal(size=(count, 2)) @ [1.0, 1j])
+    return np.exp(1j * phase) + noise, phase
+
+
+def run(values: np.ndarray, snr: float, params: TrackerParams = PARAMS) -> list[TrackerState]:
+    states = [start(params, 0.0, complex(values[0]), 1.0 / snr)]
+    for index, value in enumerate(values[1:], 1):
+        states.append(update(params, predict(params, states[-1], index * STEP_S), complex(value), 1.0 / snr))
+        if states[-1].lost:
+            break
+    return states
+
+
+def test_planted_amplitude_phase_and_frequency_are_recovered_with_honest_covariance() -> None:
+    rng, snr, frequency_hz = random_stream(1, "tracker"), 100.0, 600.0
+    scores = []
+    for _ in range(200):
+        values, phase = planted(rng, 60, snr, frequency_hz)
+        last = run(values, snr)[-1]
+        error = last.estimate[:2] - [1.0, phase[-1]]
+        scores.append(error @ np.linalg.solve(last.covariance[:2, :2], error))
+        assert last.estimate[2] / (2.0 * np.pi) == pytest.approx(frequency_hz, abs=500.0)
+    # Mean of 200 chi-square values of two degrees of freedom: 2 +- 0.14.
+    assert np.mean(scores) == pytest.approx(2.0, abs=0.6)
+
+
+def test_innovations_are_white_and_match_their_covariance() -> None:
+    rng, snr = random_stream(1, "tracker innovations"), 50.0
+    values, phase = planted(rng, 400, snr, 100.0)
+    states = run(values, snr)
+    assert states[-1].lost == ""
+    errors = np.array([state.estimate[1] for state in states[50:]]) - phase[50:]
+    predicted = np.sqrt([state.covariance[1, 1] for state in states[50:]])
+    assert np.std(errors / predicted) == pytest.approx(1.0, abs=0.2)
+
+
+def test_amplitude_follows_an_unstable_atmosphere() -> None:
+    rng, snr = random_stream(1, "tracker amplitude"), 1000.0
+    values, _ = planted(rng, 500, snr, 0.0)
+    fade = 1.0 + 0.3 * np.sin(np.arange(500) / 80.0)
+    params = PARAMS.replace(amplitude_walk_s=20.0)
+    states = run(values * fade, snr, params)
+    found = np.array([state.estimate[0] for state in states])
+    np.testing.assert_allclose(found[50:], fade[50:], atol=0.1)
+
+
+def test_one_bad_segment_is_left_out_and_two_in_a_row_are_a_lost_lock() -> None:
+    values, _ = planted(random_stream(1, "tracker loss"), 60, 1000.0, 50.0)
+    once = values.copy()
+    once[30] *= -1.0
+    assert run(once, 1000.0)[-1].lost == ""
+    slipped = values.copy()
+    slipped[30:] *= -1.0
+    states = run(slipped, 1000.0)
+    assert len(states) == 32
+    assert "lost lock" in states[-1].lost
+
+
+def test_a_tracker_that_lost_lock_does_not_go_on() -> None:
+    values, _ = planted(random_stream(1, "tracker loss"), 60, 1000.0, 50.0)
+    values[30:] *= -1.0
+    lost = run(values, 1000.0)[-1]
+    with pytest.raises(ValueError, match="start it anew"):
+        update(PARAMS, lost, 1.0 + 0j, 1e-3)
+
+
+def test_stopped_and_resumed_tracker_gives_identical_output() -> None:
+    values, _ = planted(random_stream(1, "tracker resume"), 40, 100.0, 50.0)
+    whole = run(values, 100.0)
+    resumed = whole[20]
+    for index in range(21, 40):
+        resumed = update(PARAMS, predict(PARAMS, resumed, index * STEP_S), complex(values[index]), 0.01)
+    np.testing.assert_array_equal(resumed.estimate, whole[-1].estimate)
+    np.testing.assert_array_equal(resumed.covariance, whole[-1].covariance)
+
+
+def test_bad_input_is_refused() -> None:
+    state = start(PARAMS, 0.0, 1.0 + 0j, 0.01)
+    with pytest.raises(ValueError, match="finite"):
+        update(PARAMS, state, complex(np.nan, 0.0), 0.01)
+    with pytest.raises(ValueError, match="t_s"):
+        predict(PARAMS, state, -1.0)
+    with pytest.raises(ValueError, match="no signal"):
+        start(PARAMS, 0.0, 0j, 0.01)
