@@ -9,7 +9,7 @@ from rf_pointing.calibration.campaign import (
     plan_campaign,
     uninformed_covariance,
 )
-from rf_pointing.calibration.corrections import Corrections
+from rf_pointing.calibration.corrections import Corrections, Ionosphere
 from rf_pointing.calibration.coverage import Coverage, SectorRule
 from rf_pointing.calibration.doubts import doubts_of, measured_pass_priors
 from rf_pointing.calibration.fit import FitOptions, fit_bias_model, held_at_zero
@@ -24,10 +24,15 @@ from rf_pointing.calibration.pipeline import ProcessedPass, process_pass, select
 from rf_pointing.calibration.raw_tracking import RawTracking, StageReport, split_passes
 from rf_pointing.calibration.reference import ReferenceTrack
 from rf_pointing.calibration.shadow import ShadowRules, ShadowScore, Verdict
-from rf_pointing.calibration.tdm import read_tdm
+from rf_pointing.calibration.tdm import read_tdm, write_tdm
 from rf_pointing.calibration.term_selection import held_out_passes, select_terms
 from rf_pointing.calibration.terms import EXTENSION_TERMS, TERM_NAMES, TERMS, terms_by_name
-from rf_pointing.calibration.tracking_csv import ObservationJournal, read_observations, read_tracking
+from rf_pointing.calibration.tracking_csv import (
+    ObservationJournal,
+    read_observations,
+    read_tracking,
+    write_observations,
+)
 
 __all__ = [
     "EXTENSION_TERMS",
@@ -40,6 +45,7 @@ __all__ = [
     "Coverage",
     "FitOptions",
     "FitResult",
+    "Ionosphere",
     "LagHistory",
     "LagState",
     "ModelStore",
@@ -77,4 +83,6 @@ __all__ = [
     "uninformed_covariance",
     "without_lags",
     "write_model",
+    "write_observations",
+    "write_tdm",
 ]

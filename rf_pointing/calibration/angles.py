@@ -115,6 +115,7 @@ class ArrayAngles:
     def cos_elevation(self, multiple: int) -> Array:
         return self._keep("cos_elevation", multiple, np.cos, self.elevation_rad)
 
+    # Several terms share a sine; each is computed once for a million rows.
     def _keep(self, name: str, multiple: int, function: np.ufunc, angle: Array) -> Array:
         key = (name, multiple)
         if key not in self._kept:
@@ -159,6 +160,7 @@ class SeriesAngles:
     def elevation_acceleration(self) -> Array:
         return taylor.derivative(self.elevation, 2)
 
+    # A step in elevation: its derivatives are zero where they exist, so one value is enough for the series.
     @property
     def beyond_zenith(self) -> Array:
         return np.asarray(self.elevation[0] > np.pi / 2.0, dtype=np.float64)
@@ -187,6 +189,7 @@ class SeriesAngles:
 
 
 def _temperature_difference(temperature_k: Array | None) -> Array:
+    # No default: a model fitted with temperatures would be wrong without them, by mdeg and unnoticed.
     if temperature_k is None:
         raise ValueError("temperature_k=None must be given: the model has a temperature term")
     return temperature_k - REFERENCE_TEMPERATURE_K

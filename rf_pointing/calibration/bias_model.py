@@ -22,7 +22,7 @@ from rf_pointing.calibration.mount import Skew, axes_from_sky, sky_from_axes
 from rf_pointing.calibration.terms import TERM_NAMES, Term, terms_by_name
 from rf_pointing.core import require_between
 
-__all__ = ["INVERSE_ITERATIONS", "INVERSE_TOLERANCE_RAD", "BiasModel"]
+__all__ = ["BiasModel"]
 
 Array = NDArray[np.float64]
 TimeBuffer = tuple[Array, Array]
@@ -31,6 +31,7 @@ INVERSE_TOLERANCE_RAD = 1e-12
 """`remove` stops when two iterations agree this well (per axis, rates per second)."""
 INVERSE_ITERATIONS = 60
 """`remove` raises if it has not converged after this many iterations."""
+# Position to jerk, and one more: the acceleration of an acceleration lag is the fourth derivative.
 _MOVING_ORDER = 5
 
 
@@ -49,12 +50,15 @@ class BiasModel:
         missing = [name for name in TERM_NAMES if name not in self.coefficients]
         if missing:
             raise ValueError(f"the bias model needs {', '.join(missing)}")
+        # Degrees given for radians are 57 times too large: the limits are what shows them.
         for term in terms:
             require_between(term.name, self.coefficients[term.name], -term.limit, term.limit)
         ordered = {term.name: float(self.coefficients[term.name]) for term in terms}
         object.__setattr__(self, "coefficients", MappingProxyType(ordered))
+        # Terms that are zero cost time in every period of the controller and change nothing.
         object.__setattr__(self, "_acting", tuple((t, ordered[t.name]) for t in terms if ordered[t.name] != 0.0))
 
+    # A MappingProxyType cannot be pickled, and the fits of a Monte Carlo run in several processes.
     def __reduce__(self) -> tuple[type[Self], tuple[dict[str, float]]]:
         return type(self), (dict(self.coefficients),)
 
@@ -100,7 +104,11 @@ class BiasModel:
         *,
         temperature_k: ArrayLike | None = None,
     ) -> tuple[Array, Array]:
-        """Return observed minus true azimuth and elevation by the printed form, at the true angles (broadcast)."""
+        """Return observed minus true azimuth and elevation (rad) by the printed form, SATCAL eqs. (1)-(2).
+
+        The arguments are the true angles (rad), rates and accelerations; they are broadcast to one shape.  Raises
+        ValueError if the model has a temperature term and `temperature_k` is None.
+        """
         angles = ArrayAngles.of(
             azimuth_rad,
             elevation_rad,
@@ -129,9 +137,9 @@ class BiasModel:
         *,
         temperature_k: ArrayLike | None = None,
     ) -> tuple[Array, Array]:
-        """Return the observed angles of a true motion, exact; `remove` is the inverse.
+        """Return the observed azimuth and elevation (rad) of a true motion, exact; `remove` is the inverse.
 
-        Raises ValueError for a direction in the hole about the mount's zenith (`mount.Skew.hole_rad`).
+        Raises ValueError for a direction in the exclusion cone of the mount (`mount.Skew.cone_rad`).
         """
         rates = (azimuth_rate_rad_s, elevation_rate_rad_s, azimuth_acceleration_rad_s2, elevation_acceleration_rad_s2)
         true = self._true_series(azimuth_rad, elevation_rad, *rates)
@@ -149,14 +157,13 @@ class BiasModel:
         *,
         temperature_k: ArrayLike | None = None,
     ) -> tuple[Array, Array]:
-        """Return the true angles of observed ones; the rates are those of the TRUE motion (the reference orbit).
+        """Return the true angles (rad) of observed ones; the rates are those of the TRUE motion (the reference orbit).
 
         Raises ValueError if INVERSE_ITERATIONS do not reach INVERSE_TOLERANCE_RAD.
         """
         rates = (azimuth_rate_rad_s, elevation_rate_rad_s, azimuth_acceleration_rad_s2, elevation_acceleration_rad_s2)
         observed = self._true_series(azimuth_rad, elevation_rad, *rates)
-        kept = 1
-        azimuth, elevation = self._inverse(observed, kept, _optional(temperature_k))
+        azimuth, elevation = self._inverse(observed, 1, _optional(temperature_k))
         return azimuth[0], elevation[0]
 
     def apply_moving(
@@ -196,11 +203,13 @@ class BiasModel:
         position = np.stack(np.broadcast_arrays(azimuth, elevation), axis=-1)
         velocity = np.stack(np.broadcast_arrays(rates[0], rates[1]), axis=-1)
         acceleration = np.stack(np.broadcast_arrays(rates[2], rates[3]), axis=-1)
+        # Without lags no derivative is needed, and shorter series are cheaper.
         length = 3 if self.has_lags else 1
         full = _series_of(position, velocity, acceleration, 0.0)
         return full[0][:length], full[1][:length]
 
     def _observed(self, true: TimeBuffer, temperature_k: Array | None) -> TimeBuffer:
+        # Encoder, flexure and lag terms act at the axes: the mount's rotations come first.
         axes = axes_from_sky(*true, self.skew)
         shift = self._shift(axes, ("additive", "lag"), temperature_k)
         return axes[0] + shift[0], axes[1] + shift[1]
@@ -224,6 +233,7 @@ class BiasModel:
             axes = self._without_encoders(target, axes, temperature_k)
             found = sky_from_axes(*axes, self.skew)
             change = max(float(np.max(np.abs(f - t[:kept]))) for f, t in zip(found, true, strict=True))
+            # The higher derivatives were given as those of the true motion: only the first elements are unknown.
             true = (
                 np.concatenate([found[0], observed[0][kept:]]),
                 np.concatenate([found[1], observed[1][kept:]]),
@@ -242,6 +252,7 @@ class BiasModel:
             found = (target[0] - shift[0], target[1] - shift[1])
             change = max(float(np.max(np.abs(f - a))) for f, a in zip(found, axes, strict=True))
             axes = found
+            # Tighter than the outer loop, which would otherwise see this loop's rest as its own change.
             if change <= 0.01 * INVERSE_TOLERANCE_RAD:
                 return axes
         raise ValueError(f"remove: encoder terms change {change:.3e} rad after {INVERSE_ITERATIONS} iterations")

@@ -70,16 +70,9 @@ class CandidatePass:
             pass_id=np.full(count, pass_id),
             observed_azimuth_rad=track.azimuth_rad,
             observed_elevation_rad=track.elevation_rad,
-            true_azimuth_rad=track.azimuth_rad,
-            true_elevation_rad=track.elevation_rad,
-            azimuth_rate_rad_s=track.azimuth_rate_rad_s,
-            elevation_rate_rad_s=track.elevation_rate_rad_s,
-            azimuth_acceleration_rad_s2=track.azimuth_acceleration_rad_s2,
-            elevation_acceleration_rad_s2=track.elevation_acceleration_rad_s2,
             sigma_azimuth_rad=np.full(count, self.sigma_azimuth_rad),
             sigma_elevation_rad=np.full(count, self.sigma_elevation_rad),
-            range_m=track.range_m,
-            range_rate_m_s=track.range_rate_m_s,
+            **track.truth(),
         )
 
 

@@ -1,4 +1,4 @@
-"""What lies between the geometric direction and the measured one: troposphere, ionosphere, range delays.
+"""Propagation and delays between the geometric direction and the measured one: troposphere, ionosphere, range.
 
 The ionosphere, a thin spherical shell of electron content TEC, advances the phase by
 
@@ -20,7 +20,9 @@ __all__ = ["Corrections", "Ionosphere"]
 
 Array = NDArray[np.float64]
 
-_EARTH_RADIUS_M, _SHELL_HEIGHT_M = 6.371e6, 3.5e5
+_EARTH_RADIUS_M = 6.371e6
+# Height of the densest part of the F layer, the usual one for a thin shell.
+_SHELL_HEIGHT_M = 3.5e5
 _DELAY_M3_S2 = 40.3
 
 
@@ -32,7 +34,8 @@ class Ionosphere(Params):
     frequency_hz: float = parameter(description="carrier frequency", low=1e8, high=1e11)
 
     def bending(self, elevation_rad: Array, range_m: Array) -> Array:
-        """Return apparent minus true elevation for a target above the shell, rad."""
+        """Return apparent minus true elevation (rad) for a target above the shell, at `range_m` (m)."""
+        # The phase advances with electrons, so that the gradient bends the ray up as the troposphere does.
         sine = np.sin(elevation_rad)
         return -self._slope(elevation_rad) * (1.0 / range_m + 1.0 / (_EARTH_RADIUS_M * sine))
 
@@ -54,7 +57,7 @@ class Ionosphere(Params):
 
 @dataclass(frozen=True, kw_only=True)
 class Corrections:
-    """What to take off the observations so that they compare with the reference.
+    """What is taken off the observations so that they compare with the reference.
 
     None switches a correction off: right where the reference already is apparent, or another system has corrected.
     """

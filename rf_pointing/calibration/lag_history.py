@@ -1,12 +1,13 @@
-"""The lags of a mount that act on averaged rates of the beam, along the motion that the beam really makes.
+"""The lags of a mount that act on averaged rates of the beam, along the motion that the beam makes.
 
-A bias model's lags x_v (s) and x_a (s^2) are those of steady motion.  A mount whose rates build up over T = `averaging_s`,
+A bias model's lags x_v (s) and x_a (s^2) are those of steady motion.  A mount whose rates are averaged over
+T = `averaging_s`,
 
     m = r / (1 + T s + T^2 s^2),      lag = x_v m + d m',      d = x_a + T x_v,
 
-has them once its motion is steady (m = r - T r' + ...), has none when it starts from rest, and carries a fast turn on for
-several T.  A model without an acceleration lag leaves that to the average: d = 0.  Between samples r is a straight line, for
-which the average is known exactly: m = r - T r', m' = r' and a decaying swing.
+has them once its motion is steady (m = r - T r' + ...), has none when it starts from rest, and keeps those of a fast
+turn for several T.  A model without an acceleration lag leaves that to the average: d = 0.  Between samples r is a
+straight line, for which the average is known exactly: m = r - T r', m' = r' and a decaying oscillation.
 """
 
 import math
@@ -36,7 +37,7 @@ class LagState:
 
 
 class LagHistory:
-    """Lags of one mount; azimuth and elevation are those of the axes."""
+    """Lags of one mount, in its axis angles; raises ValueError for `averaging_s` <= 0."""
 
     def __init__(self, model: BiasModel, averaging_s: float) -> None:
         if not averaging_s > 0.0:
@@ -45,12 +46,13 @@ class LagHistory:
         self._time_s = averaging_s
         self._velocity_s = np.array([known[name] for name in VELOCITY])
         acceleration_s2 = np.array([known[name] for name in ACCELERATION])
+        # x_a = 0 says "not fitted": adding T x_v to it would plan a lag that nobody has measured.
         self._damping_s2 = np.where(acceleration_s2 == 0.0, 0.0, acceleration_s2 + averaging_s * self._velocity_s)
 
     def along(
         self, t_s: Array, rate_rad_s: Array, acceleration_rad_s2: Array, before: LagState | None = None
     ) -> tuple[tuple[Array, Array, Array], list[LagState]]:
-        """Return what the axes have to stand ahead of a beam that moves like this, and the state at every time.
+        """Return by what the axes must lead a beam that moves like this, and the state at every time.
 
         Parameters
         ----------
@@ -69,7 +71,7 @@ class LagHistory:
         return (x * mean + d * slope, x * slope + d * bend, x * bend + d * jerk), states
 
     def dragged(self, t_s: float, axis_rate_rad_s: Array, before: LagState | None) -> LagState:
-        """Return the state at `t_s` of a beam whose axes have moved at this rate (2,): it drags behind by x_v m'."""
+        """Return the state at `t_s` of a beam whose axes move at this rate (2,): the beam's rate is lower by x_v m'."""
         slope = np.array(before.slope) if before else np.zeros(2)
         east, up = (axis_rate_rad_s - self._velocity_s * slope).tolist()
         if before is None:
@@ -81,6 +83,7 @@ class LagHistory:
         here = before or LagState(rows[0][0], (rows[0][1][0], rows[0][1][1]))
         found, step = [], self._step(0.0)
         for t, rate in rows:
+            # Plans are evenly spaced: the exponentials of one step serve all.
             if abs(t - here.t_s - step[0]) > 1e-9:
                 step = self._step(t - here.t_s)
             here = self._advanced(here, (rate[0], rate[1]), t, step)
@@ -88,7 +91,8 @@ class LagHistory:
         return found
 
     def _step(self, dt_s: float) -> tuple[float, float, float, float, float]:
-        """Return the step and the four factors of the decaying swing over it."""
+        """Return the step and the four factors of the decaying oscillation over it."""
+        # Poles of 1 + T s + T^2 s^2 are (-1 +- j sqrt 3) / 2T; two poles, as one would leave a term in s^2 (0063).
         decay, swing = 0.5 / self._time_s, math.sqrt(0.75) / self._time_s
         size = math.exp(-decay * dt_s)
         cosine, sine = size * math.cos(swing * dt_s), size * math.sin(swing * dt_s) / swing

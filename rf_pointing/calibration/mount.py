@@ -29,13 +29,14 @@ class Skew:
     mislevel_north: float
 
     @property
-    def hole_rad(self) -> float:
-        """Return the radius of the cone about the mount's zenith that no pair of axis angles reaches."""
+    def cone_rad(self) -> float:
+        """Return the radius of the exclusion cone: the directions about the mount's zenith that no axis angles reach."""
         return abs(self.non_orthogonality + self.collimation)
 
     def tilt(self) -> Array:
         """Return the rotation (3, 3) from mount axes to east-north-up; its last column is the azimuth axis."""
         angle = math.hypot(self.mislevel_east, self.mislevel_north)
+        # No lean has no direction to lean to.
         if angle == 0.0:
             return np.eye(3)
         east, north = -self.mislevel_east / angle, self.mislevel_north / angle
@@ -47,19 +48,22 @@ class Skew:
 def axes_from_sky(azimuth: Array, elevation: Array, skew: Skew) -> tuple[Array, Array]:
     """Return the axis angles that put the beam on a direction; `sky_from_axes` is the inverse.
 
-    An elevation above pi/2 asks for the plunged branch.  The axis azimuth is the turn nearest to `azimuth`.
-    Raises ValueError where no axis angles reach the direction (within `hole_rad` of the mount's zenith).
+    An elevation above pi/2 selects the plunged branch.  The axis azimuth is the turn nearest to `azimuth`.
+    Raises ValueError where no axis angles reach the direction (within `cone_rad` of the mount's zenith).
     """
     east, north, up = _rotated(skew.tilt().T, _direction(azimuth, elevation))
+    # SATCAL's x2 and x3 turn the other way about these axes, hence the signs.
     sin_c, sin_n = -math.sin(skew.collimation), -math.sin(skew.non_orthogonality)
     cos_n = math.cos(skew.non_orthogonality)
     right = (sin_n * up + sin_c * taylor.constant(1.0, up)) / cos_n
     forward_squared = taylor.multiply(east, east) + taylor.multiply(north, north) - taylor.multiply(right, right)
+    # A controller holds its last command here; a guessed azimuth would be any azimuth.
     if np.any(forward_squared[0] <= 0.0):
         raise ValueError(
-            f"a direction lies within {math.degrees(skew.hole_rad):.4f} deg of the mount's zenith: "
+            f"a direction lies within {math.degrees(skew.cone_rad):.4f} deg of the mount's zenith: "
             "no axis angles reach it"
         )
+    # The sign of the root is the branch: over the top the beam looks back along the dish's forward axis.
     branch = np.where(elevation[0] > np.pi / 2.0, -1.0, 1.0)
     forward = branch * taylor.square_root(forward_squared)
     axis_elevation = taylor.angle_of((up + sin_c * sin_n * taylor.constant(1.0, up)) / cos_n, forward)
@@ -98,6 +102,7 @@ def _rotated(matrix: Array, vector: tuple[Array, Array, Array]) -> tuple[Array, 
 
 
 def _near(angle: Array, reference: Array) -> Array:
+    # atan2 knows no turns: a joint's azimuth must continue, or the antenna would turn by 360 deg.
     moved = angle.copy()
     moved[0] += 2.0 * np.pi * np.round((reference[0] - angle[0]) / (2.0 * np.pi))
     return moved

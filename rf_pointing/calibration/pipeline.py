@@ -1,7 +1,7 @@
 """From raw samples of a pass to calibration points, in the paper's order (SATCAL 3, Figure 1).
 
 validation -> 3-sigma outliers against the ephemeris -> one sample per second -> three points per 30 s -> corrections;
-then all passes together -> 25 to 30 points in each of the 36 sectors.  Every stage says what it dropped and why.
+then all passes together -> 25 to 30 points in each of the 36 sectors.  Every stage reports what it dropped and why.
 
 Lines and parabolas are fitted to what the reference orbit AND the model known so far leave over: a lag of one second
 makes the bias of a high pass bend far more within 30 s than a parabola can.  Start with BiasModel.zero() and run the
@@ -18,98 +18,76 @@ from rf_pointing.calibration.bias_model import BiasModel
 from rf_pointing.calibration.corrections import Corrections
 from rf_pointing.calibration.coverage import Coverage, SectorRule, select_by_sector
 from rf_pointing.calibration.observations import Observations
-from rf_pointing.calibration.raw_tracking import CHANNELS, RawTracking, StageReport, validate
+from rf_pointing.calibration.raw_tracking import RawTracking, StageReport, validate
 from rf_pointing.calibration.reference import ReferenceTrack
 from rf_pointing.calibration.thinning import Thinned, find_outliers, smooth, thin
-from rf_pointing.core import Params, parameter, wrap_rad
+from rf_pointing.core import wrap_rad
 
-__all__ = ["PipelineOptions", "ProcessedPass", "process_pass", "select_observations"]
+__all__ = ["ProcessedPass", "process_pass", "select_observations"]
 
 Array = NDArray[np.float64]
 
-
-@dataclass(frozen=True, kw_only=True)
-class PipelineOptions(Params):
-    """The numbers of SATCAL 3."""
-
-    outlier_sigma: float = parameter(3.0, "samples beyond this many sigma off their neighbours go", low=2.0, high=20.0)
-    thin_s: float = parameter(1.0, "length of a thinned sample", low=0.1, high=10.0)
-    thin_fewest: int = parameter(4, "raw samples a thinned one needs", low=3, high=1000)
-    piece_s: float = parameter(30.0, "length of a smoothing piece", low=3.0, high=600.0)
-    piece_points: int = parameter(3, "points taken from a piece", low=1, high=100)
-    piece_fewest: int = parameter(15, "thinned samples a piece needs", low=4, high=1000)
-    piece_scatter: float = parameter(
-        1.6, "pieces whose points scatter this many times more than their sigma go", low=1.0, high=100.0
-    )
-    least_sigma_rad: float = parameter(1e-6, "sigma of a point is never below this", low=1e-9, high=0.01)
+# SATCAL 3: 3 sigma, one sample a second, three points of every 30 s.
+_OUTLIER_SIGMA = 3.0
+_THIN_S, _THIN_FEWEST = 1.0, 4
+_PIECE_S, _PIECE_POINTS, _PIECE_FEWEST = 30.0, 3, 15
+# White noise scatters by 1.0 +- 0.15 in a piece of 30 points: 1.6 drops what bends and spares what is only noisy.
+_PIECE_SCATTER = 1.6
+# Angles of a perfect simulation scatter by nothing; a sigma of zero would divide by zero in the fit.
+_LEAST_SIGMA_RAD = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class ProcessedPass:
-    """Calibration points of one pass and the stage reports; `ranges` are the smoothed range channels by name.
-
-    Each entry of `ranges` is (t_s, corrected value, sigma), for the orbit check.
-    """
+    """Calibration points of one pass, and what each stage reports of it."""
 
     observations: Observations
-    ranges: dict[str, tuple[Array, Array, Array]]
-    noise: dict[str, float]
     reports: tuple[StageReport, ...]
 
 
 def process_pass(
-    raw: RawTracking,
-    reference: ReferenceTrack,
-    pass_id: int,
-    corrections: Corrections,
-    model: BiasModel,
-    options: PipelineOptions | None = None,
+    raw: RawTracking, reference: ReferenceTrack, pass_id: int, corrections: Corrections, model: BiasModel
 ) -> ProcessedPass:
     """Run the stages on one pass.  Raises ValueError if nothing is left, naming the stage.
 
     `model` is the best known so far; it is taken off before the fits to pieces and put back on the points.
     """
-    chosen = options or PipelineOptions()
     sound, validation = validate(raw, reference)
     if not np.any(sound):
         raise ValueError(f"pass {pass_id}: {validation.text()}")
     t_s = raw.t_s[sound]
     residuals = _residuals(raw, sound, reference, corrections, model)
-    keep, dropped = find_outliers(t_s, residuals, chosen.outlier_sigma)
+    keep, dropped = find_outliers(t_s, residuals, _OUTLIER_SIGMA)
     outliers = StageReport(stage="outliers", before=len(t_s), after=int(np.sum(keep)), dropped=dropped)
+    # Range and range rate go through all stages: where they are wrong, so is the time or the target of the angles.
     stacked = np.stack([value[keep] for value in residuals.values()], axis=1)
-    thinned = thin(t_s[keep], stacked, second_s=chosen.thin_s, fewest=chosen.thin_fewest, pool_s=chosen.piece_s)
+    thinned = thin(t_s[keep], stacked, second_s=_THIN_S, fewest=_THIN_FEWEST, pool_s=_PIECE_S)
     smoothed = smooth(
         thinned.t_s,
         thinned.residuals,
         thinned.sigma,
-        piece_s=chosen.piece_s,
-        points=chosen.piece_points,
-        fewest=chosen.piece_fewest,
-        worst_scatter=chosen.piece_scatter,
+        piece_s=_PIECE_S,
+        points=_PIECE_POINTS,
+        fewest=_PIECE_FEWEST,
+        worst_scatter=_PIECE_SCATTER,
     )
     names = tuple(residuals)
-    observations, ranges = _points(raw, reference, smoothed, names, pass_id, corrections, model, chosen)
+    observations = _points(raw, reference, smoothed, names, pass_id, corrections, model)
+    count = len(observations)
     reports = (
         validation,
         outliers,
         _piece_report("thinning", outliers.after, thinned, names),
         _piece_report("smoothing", len(thinned.t_s), smoothed, names),
-        StageReport(
-            stage="corrections",
-            before=len(observations),
-            after=len(observations),
-            dropped={},
-            note=corrections.text(),
-        ),
+        StageReport(stage="corrections", before=count, after=count, dropped={}, note=corrections.text()),
     )
-    return ProcessedPass(observations, ranges, dict(zip(names, thinned.noise.tolist(), strict=True)), reports)
+    return ProcessedPass(observations, reports)
 
 
 def select_observations(
     passes: Sequence[Observations], rule: SectorRule, *, require_full: bool
 ) -> tuple[Observations, Coverage, StageReport]:
-    """Group all passes and choose the points of each sector; `require_full` refuses a sky with empty sectors."""
+    """Choose the points of each sector from all passes; `require_full` refuses a sky with thin sectors."""
     together = Observations.concatenate(list(passes))
     selection = select_by_sector(together.true_azimuth_rad, together.true_elevation_rad, together.pass_id, rule)
     if require_full:
@@ -133,13 +111,10 @@ def _residuals(
     corrections: Corrections,
     model: BiasModel,
 ) -> dict[str, Array]:
-    t_s = raw.t_s[sound]
-    track = _track(reference, t_s, corrections)
+    track = _track(reference, raw.t_s[sound], corrections)
     known = model.offset_rad(*track.motion())
-    found = {}
-    for name, value in raw.channels.items():
-        difference = value[sound] - getattr(track, name)
-        found[name] = difference
+    found = {name: value[sound] - getattr(track, name) for name, value in raw.channels.items()}
+    # Encoders count turns: only the azimuth difference folded into half a turn is a residual.
     found["azimuth_rad"] = wrap_rad(found["azimuth_rad"] - known[0])
     found["elevation_rad"] -= known[1] + corrections.bending(track.elevation_rad, track.range_m)
     if "range_m" in found:
@@ -159,36 +134,22 @@ def _points(
     pass_id: int,
     corrections: Corrections,
     model: BiasModel,
-    options: PipelineOptions,
-) -> tuple[Observations, dict[str, tuple[Array, Array, Array]]]:
+) -> Observations:
     track = _track(reference, smoothed.t_s, corrections)
     residual = dict(zip(names, smoothed.residuals.T, strict=True))
     sigma = dict(zip(names, smoothed.sigma.T, strict=True))
     known = model.offset_rad(*track.motion())
-    observations = Observations(
+    return Observations(
         station=raw.station,
         band=raw.band,
         t_s=smoothed.t_s,
         pass_id=np.full(len(smoothed.t_s), pass_id),
         observed_azimuth_rad=track.azimuth_rad + known[0] + residual["azimuth_rad"],
         observed_elevation_rad=track.elevation_rad + known[1] + residual["elevation_rad"],
-        true_azimuth_rad=track.azimuth_rad,
-        true_elevation_rad=track.elevation_rad,
-        azimuth_rate_rad_s=track.azimuth_rate_rad_s,
-        elevation_rate_rad_s=track.elevation_rate_rad_s,
-        azimuth_acceleration_rad_s2=track.azimuth_acceleration_rad_s2,
-        elevation_acceleration_rad_s2=track.elevation_acceleration_rad_s2,
-        sigma_azimuth_rad=np.maximum(sigma["azimuth_rad"], options.least_sigma_rad),
-        sigma_elevation_rad=np.maximum(sigma["elevation_rad"], options.least_sigma_rad),
-        range_m=track.range_m,
-        range_rate_m_s=track.range_rate_m_s,
+        sigma_azimuth_rad=np.maximum(sigma["azimuth_rad"], _LEAST_SIGMA_RAD),
+        sigma_elevation_rad=np.maximum(sigma["elevation_rad"], _LEAST_SIGMA_RAD),
+        **track.truth(),
     )
-    ranges = {
-        name: (smoothed.t_s, getattr(track, name) + residual[name], sigma[name])
-        for name in CHANNELS[2:]
-        if name in residual
-    }
-    return observations, ranges
 
 
 def _piece_report(stage: str, before: int, result: Thinned, names: tuple[str, ...]) -> StageReport:

@@ -1,7 +1,7 @@
 """The reference track: where the orbit says the satellite was, at any time within the samples.
 
 Between samples azimuth and elevation follow the quintic through position, rate and acceleration, range the cubic
-through range and range rate.
+through range and range rate.  All times are UTC seconds since 1970, all angles rad.
 """
 
 from dataclasses import dataclass, fields
@@ -19,7 +19,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ReferenceTrack:
-    """True motion of the target over the station, every array (n,) at increasing `t_s`; azimuth continuous."""
+    """True motion of the target over the station, every array (n,) at increasing `t_s`; azimuth continuous.
+
+    Raises ValueError for arrays of unequal length, values that are not finite and times that do not increase.
+    """
 
     t_s: Array
     azimuth_rad: Array
@@ -49,11 +52,13 @@ class ReferenceTrack:
         if not np.all(self.covers(times)):
             outside = times[~self.covers(times)][0]
             raise ValueError(f"t_s={outside} must be within the reference {self.t_s[0]}..{self.t_s[-1]}")
+        # The last sample belongs to the last interval, or there would be no interval to its right.
         left = np.clip(np.searchsorted(self.t_s, times, side="right") - 1, 0, len(self.t_s) - 2)
         step, elapsed = self.t_s[left + 1] - self.t_s[left], times - self.t_s[left]
         azimuth = _quintic(self._axis("azimuth"), left, step, elapsed)
         elevation = _quintic(self._axis("elevation"), left, step, elapsed)
         distance = _cubic(self.range_m, self.range_rate_m_s, left, step, elapsed)
+        # A cubic would do for the angles; the quintic also meets the accelerations, which the lag terms x7 and x14 need.
         return ReferenceTrack(
             t_s=times,
             azimuth_rad=azimuth[0],
@@ -72,6 +77,7 @@ class ReferenceTrack:
         The turning of the station during that time is left out (0.5 km/s for 8 ms: 4 m, below 0.4 mdeg).
         """
         times = as_finite_array("t_s", t_s, (None,))
+        # The range of a low satellite changes by 60 m in a light time: the one at reception is good enough here.
         now = self.at(np.clip(times, self.t_s[0], self.t_s[-1]))
         return self.at(times - now.range_m / SPEED_OF_LIGHT_M_S)
 
@@ -86,6 +92,19 @@ class ReferenceTrack:
             self.elevation_acceleration_rad_s2,
         )
 
+    def truth(self) -> dict[str, Array]:
+        """Return the columns of `Observations` that hold the true motion, by name."""
+        return {
+            "true_azimuth_rad": self.azimuth_rad,
+            "true_elevation_rad": self.elevation_rad,
+            "azimuth_rate_rad_s": self.azimuth_rate_rad_s,
+            "elevation_rate_rad_s": self.elevation_rate_rad_s,
+            "azimuth_acceleration_rad_s2": self.azimuth_acceleration_rad_s2,
+            "elevation_acceleration_rad_s2": self.elevation_acceleration_rad_s2,
+            "range_m": self.range_m,
+            "range_rate_m_s": self.range_rate_m_s,
+        }
+
     def _axis(self, name: str) -> tuple[Array, Array, Array]:
         return (
             getattr(self, f"{name}_rad"),
@@ -97,6 +116,7 @@ class ReferenceTrack:
 def _quintic(
     samples: tuple[Array, Array, Array], left: NDArray[np.int64], step: Array, elapsed: Array
 ) -> tuple[Array, Array, Array]:
+    # Coefficients about the left sample, from what the Taylor series there leaves over at the right one.
     (p0, v0, a0), (p1, v1, a1) = ([part[side] for part in samples] for side in (left, left + 1))
     gap = (p1 - p0 - v0 * step - 0.5 * a0 * step**2) / step**3
     slip = (v1 - v0 - a0 * step) / step**2

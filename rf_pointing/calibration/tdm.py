@@ -80,9 +80,14 @@ def read_tdm(path: str | Path, *, band: str | None = None) -> list[RawTracking]:
 
 
 def write_tdm(path: str | Path, tracks: Sequence[RawTracking], *, originator: str, created_t_s: float) -> None:
-    """Write one segment per pass, good samples only; `read_tdm` is the inverse."""
+    """Write one segment for each pass with good samples, and only those; `read_tdm` is the inverse.
+
+    Raises ValueError if no sample is good, and for names that are not ASCII.
+    """
+    if not any(np.any(track.good) for track in tracks):
+        raise ValueError(f"{path}: no good sample to write in {len(tracks)} passes")
     lines = ["CCSDS_TDM_VERS = 2.0", f"CREATION_DATE = {to_utc_text(created_t_s)}", f"ORIGINATOR = {originator}"]
-    for track in tracks:
+    for track in (one for one in tracks if np.any(one.good)):
         lines += ["", *_metadata_lines(track), "", *_data_lines(track)]
     text = "\n".join(lines) + "\n"
     if not text.isascii():

@@ -1,7 +1,10 @@
 """Executable `fit_bias_model FILE...`: from recordings, tracking data or calibration points to a model file and a report.
 
-Input: rosbag2 recordings (folder or .mcap), CSV (calibration points, or raw tracking data of one pass), CCSDS TDM.  Raw data
-of CSV and TDM need --elements.  Exit code 0: the model was fitted; 2: it was not, and nothing was written.
+Input: rosbag2 recordings (folder or .mcap), CSV (calibration points, or raw tracking data of one pass), CCSDS TDM.
+Raw data of CSV and TDM need --elements.  With --points and --tdm it also writes the points of the fit as CSV and the
+raw data as a CCSDS message, for other software.
+
+Exit code 0: the model was fitted; 2: it was not, and nothing was written.
 """
 
 import argparse
@@ -18,10 +21,13 @@ from rf_pointing.calibration import (
     BiasModel,
     FitOptions,
     FitResult,
+    Ionosphere,
     ModelVersion,
     Observations,
     PassPriors,
     Prior,
+    RawTracking,
+    ReferenceTrack,
     SectorRule,
     StageReport,
     doubts_of,
@@ -32,6 +38,8 @@ from rf_pointing.calibration import (
     select_observations,
     select_terms,
     write_model,
+    write_observations,
+    write_tdm,
 )
 from rf_pointing.core import MDEG
 from rf_pointing.core.refraction import RadioRefraction
@@ -45,8 +53,11 @@ from rf_pointing.station.campaign.recorded_input import (
     reference_of,
 )
 
+Pass = tuple[RawTracking, ReferenceTrack]
+
 DAY_S = 86400.0
 FREEZING_K = 273.15
+ELECTRONS_PER_TECU = 1e16
 TABULAR = (".csv", ".tdm", ".kvn", ".txt")
 
 
@@ -63,6 +74,8 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     air.add_argument("--weather", nargs=3, type=float, metavar=("HPA", "CELSIUS", "PERCENT"), help="pressure, temperature and "
                      "humidity during CSV and TDM data (default: the standard at the station's altitude)")  # fmt: skip
     air.add_argument("--refraction-removed", action="store_true", help="the angles of CSV and TDM data are free of it")
+    parser.add_argument("--ionosphere", nargs=2, type=float, metavar=("TECU", "GHZ"), help="vertical electron content and "
+                        "carrier frequency during the raw data (default: no ionosphere)")  # fmt: skip
     parser.add_argument("--largest-error", type=float, default=6.0, metavar="MDEG",
                         help="samples of recordings with a larger sensed error are left out (default: 6)")  # fmt: skip
     parser.add_argument("--allow-damage", action="store_true", help="use the sound part of damaged recordings")
@@ -71,7 +84,7 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
         "--terms", nargs="+", default=list(TERM_NAMES), metavar="TERM", help="terms to fit (default: all)"
     )
     parser.add_argument("--select", action="store_true", help="choose among the terms by BIC")
-    parser.add_argument("--held-out", action="store_true", help="say how each pass is predicted by a fit without it")
+    parser.add_argument("--held-out", action="store_true", help="predict each pass by a fit without it")
     parser.add_argument("--form", choices=("printed", "rotation"), default="rotation", help="(default: rotation)")
     parser.add_argument("--robust", action="store_true", help="Huber weights beyond 1.5 sigma instead of squares")
     parser.add_argument("--orbit-prior", type=float, metavar="M", help="orbit error of each pass that the fit allows for, "
@@ -80,30 +93,35 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--require-full", action="store_true", help="the same, and refuse a sky with empty sectors")
     parser.add_argument("--name", default="", help="version of the model (default: made from the data's time)")
     parser.add_argument("--output", type=Path, default=Path("bias_model.yaml"), help="(default: bias_model.yaml)")
-    parser.add_argument("--report", type=Path, metavar="DIR", help="folder of the report (default: beside the output)")
+    parser.add_argument("--report", type=Path, metavar="DIR", help="folder of the report (default: next to the output)")
+    parser.add_argument("--points", type=Path, metavar="FILE", help="write the points of the fit as CSV too")
+    parser.add_argument("--tdm", type=Path, metavar="FILE", help="write the good samples of the raw data as a TDM too")
     return parser.parse_args(argv)
 
 
-def collected(options: argparse.Namespace, model: BiasModel) -> tuple[Observations, list[StageReport], list[str]]:
-    """Return the points of all files, what the pipeline did to the raw ones, and which passes gave none."""
+def read_files(options: argparse.Namespace) -> tuple[Observations | None, list[Pass]]:
+    """Return the calibration points of all files (None without any), and the raw passes with their references."""
     tables = [path for path in options.files if path.is_file() and path.suffix in TABULAR]
-    points = read_points([path for path in tables if path.suffix == ".csv" and holds_points(path)])
-    raw = [
-        one
-        for path in tables
-        if not (path.suffix == ".csv" and holds_points(path))
-        for one in read_raw(path, options.band)
-    ]
+    of_points = [path for path in tables if path.suffix == ".csv" and holds_points(path)]
+    points = read_points(of_points)
+    raw = [one for path in tables if path not in of_points for one in read_raw(path, options.band)]
     passes = [(one, _reference(options, one)) for one in raw]
     for path in options.files:
         if path not in tables:
             passes += _recorded(options, path)
+    return points, passes
+
+
+def collected(
+    options: argparse.Namespace, points: Observations | None, passes: list[Pass], model: BiasModel
+) -> tuple[Observations, list[StageReport], list[str]]:
+    """Return all points, what the pipeline did to the raw passes given `model`, and which passes gave none."""
     parts = [points] if points is not None else []
     stages: list[StageReport] = []
     notes: list[str] = []
     if passes:
         first = int(np.max(points.pass_id)) + 1 if points is not None else 0
-        made, stages, notes = process_passes(passes, model, first)
+        made, stages, notes = process_passes(passes, model, first, ionosphere(options))
         parts += made
     together = Observations.concatenate(parts)
     for name in ("station", "band"):
@@ -117,16 +135,11 @@ def collected(options: argparse.Namespace, model: BiasModel) -> tuple[Observatio
     return together, stages, notes
 
 
-def _reference(options: argparse.Namespace, raw: object) -> object:
+def _reference(options: argparse.Namespace, raw: RawTracking) -> ReferenceTrack:
     if options.elements is None:
         raise ValueError("elements: tracking data of CSV and TDM need --elements FILE for their reference")
-    return reference_of(
-        raw,
-        read_elements(options.elements.read_text()),
-        site(options.station),
-        options.max_age * DAY_S,
-        refraction(options),
-    )
+    elements = read_elements(options.elements.read_text())
+    return reference_of(raw, elements, site(options.station), options.max_age * DAY_S, refraction(options))
 
 
 def refraction(options: argparse.Namespace) -> RadioRefraction | Literal["standard"] | None:
@@ -139,18 +152,26 @@ def refraction(options: argparse.Namespace) -> RadioRefraction | Literal["standa
     )
 
 
-def _recorded(options: argparse.Namespace, path: Path) -> list[tuple[object, object]]:
+def ionosphere(options: argparse.Namespace) -> Ionosphere | None:
+    """Return the ionosphere through which raw data were taken."""
+    if options.ionosphere is None:
+        return None
+    content, frequency_ghz = options.ionosphere
+    return Ionosphere(electrons_per_m2=content * ELECTRONS_PER_TECU, frequency_hz=1e9 * frequency_ghz)
+
+
+def _recorded(options: argparse.Namespace, path: Path) -> list[Pass]:
+    # Reading a recording loads a ROS message library, which CSV and TDM do without.
     from rf_pointing.report.tracking_from_bag import tracking_from_bag
 
-    found = tracking_from_bag(
+    return tracking_from_bag(
         path, options.station, options.band, namespace=options.namespace,
         largest_error_rad=options.largest_error * MDEG, allow_damage=options.allow_damage,
     )  # fmt: skip
-    return [(one.raw, one.reference) for one in found]
 
 
 def orbit_priors(options: argparse.Namespace, points: Observations, present: ModelVersion | None) -> PassPriors | None:
-    """Return what the fit allows for in the orbit of each pass: what was asked for, or what the passes show."""
+    """Return the orbit errors that the fit allows for in each pass: as given, or as the passes show them."""
     size = options.orbit_prior
     if size is not None:
         return PassPriors(along_track_m=size, cross_track_m=size, radial_m=size) if size != 0.0 else None
@@ -159,7 +180,7 @@ def orbit_priors(options: argparse.Namespace, points: Observations, present: Mod
     return measured_pass_priors(lambda priors: fit_of(options, points, present, tuple(options.terms), priors))
 
 
-def orbit_words(options: argparse.Namespace, result: FitResult) -> list[str]:
+def orbit_remarks(options: argparse.Namespace, result: FitResult) -> list[str]:
     """Return which errors of the orbit the sigma of `result` allows for."""
     if result.pass_priors is not None:
         sizes = ", ".join(
@@ -169,37 +190,35 @@ def orbit_words(options: argparse.Namespace, result: FitResult) -> list[str]:
         measured = " as the passes show them" if options.orbit_prior is None else ""
         return [f"sigma allows for orbit errors of {sizes} in each pass{measured}"]
     if options.orbit_prior is None:
-        return [
-            "sigma is that of an exact reference: the points have no range and range rate to tell an orbit's errors by"
-        ]
+        return ["sigma is that of an exact reference: without range and range rate orbit errors cannot be estimated"]
     return []
 
 
-def chosen_words(options: argparse.Namespace, result: FitResult) -> list[str]:
-    """Return which terms the data asked for, and which not."""
+def choice_remarks(options: argparse.Namespace, result: FitResult) -> list[str]:
+    """Return which of the offered terms the data support, and which not."""
     if not options.select:
         return []
     rest = [name for name in options.terms if name not in result.names]
-    return [f"chosen by BIC: {', '.join(result.names)}; not asked for by the data, zero: {', '.join(rest) or 'none'}"]
+    return [f"chosen by BIC: {', '.join(result.names)}; not supported by the data, zero: {', '.join(rest) or 'none'}"]
 
 
-def predicted(options: argparse.Namespace, points: Observations, result: FitResult) -> list[str]:
-    """Return how well passes are predicted by fits without them, with the terms of `result` and with all that were offered."""
+def prediction_remarks(options: argparse.Namespace, points: Observations, result: FitResult) -> list[str]:
+    """Return how well fits without a pass predict it, with the terms of `result` and with all that were offered."""
     if not options.held_out:
         return []
     if len(points.passes) < 4:
         raise ValueError(f"passes={len(points.passes)} must be >= 4 to hold one out and fit the others")
-    said = []
+    remarks = []
     for words, names in (("these terms", result.names), ("all terms offered", tuple(options.terms))):
         held = {name: value for name, value in result.coefficients.items() if name not in names}
         if words == "these terms" or set(names) != set(result.names):
             one = held_out_passes(points, names, held=held, pass_priors=result.pass_priors)
             worst = int(np.argmax(one.rms_rad))
-            said.append(
+            remarks.append(
                 f"passes held out are predicted to {one.total_rms_rad / MDEG:.2f} mdeg rms with {words}, the worst "
                 f"({one.pass_ids[worst]}) to {one.rms_rad[worst] / MDEG:.2f} mdeg"
             )
-    return said
+    return remarks
 
 
 def fitted(options: argparse.Namespace, points: Observations, present: ModelVersion | None) -> FitResult:
@@ -229,7 +248,7 @@ def fit_of(
     return fit_bias_model(
         points,
         terms=names,
-        # What was offered and not chosen is not there; what was not offered stays as it was.
+        # A term that was offered and not chosen is zero; one that was not offered keeps its known value.
         held={name: 0.0 if name in options.terms else value for name, value in base.coefficients.items() if name not in names},
         priors=priors if present else None,
         pass_priors=orbit,
@@ -245,29 +264,40 @@ def _known(present: ModelVersion | None) -> dict[str, float]:
 
 
 def run(options: argparse.Namespace) -> list[str]:
-    """Read, fit twice where there are raw data, write model and report; return what there is to say about them.
+    """Read, fit, write model and report; return the lines that describe the result.
 
-    Nothing is written before the fit has held.
+    Nothing is written before the fit has succeeded.
     """
     from rf_pointing.report.calibration_report import write_calibration_report
 
     present = read_model(options.start_model) if options.start_model else None
     if present is not None:
         present.check_for(options.station, options.band, present.valid_from_t_s)
-    points, stages, notes = collected(options, present.model if present else BiasModel.zero())
+    files = read_files(options)
+    if options.tdm and not files[1]:
+        raise ValueError(f"tdm={options.tdm}: the files hold calibration points only, no raw data to write")
+    points, stages, notes = collected(options, *files, present.model if present else BiasModel.zero())
     result = fitted(options, points, present)
     if stages:
-        points, stages, notes = collected(options, result.model)
+        # The pipeline fits parabolas to what the model leaves over: with the first fit, high passes come back.
+        points, stages, notes = collected(options, *files, result.model)
         result = fitted(options, points, present)
-    said = [*chosen_words(options, result), *orbit_words(options, result), *predicted(options, points, result)]
-    name = options.name or f"fit-{result.last_t_s:.0f}"
-    file = ModelVersion.from_fit(result, name=name, software=f"rf_pointing {__version__}", created_t_s=time.time())
-    write_model(options.output, file)
+    remarks = [
+        *choice_remarks(options, result),
+        *orbit_remarks(options, result),
+        *prediction_remarks(options, points, result),
+    ]
+    name, software, now_s = options.name or f"fit-{result.last_t_s:.0f}", f"rf_pointing {__version__}", time.time()
+    write_model(options.output, ModelVersion.from_fit(result, name=name, software=software, created_t_s=now_s))
+    if options.points:
+        write_observations(options.points, points)
+    if options.tdm:
+        write_tdm(options.tdm, [raw for raw, _ in files[1]], originator=software, created_t_s=now_s)
     folder = options.report or options.output.parent / f"{options.output.stem}_report"
-    report = write_calibration_report(folder, points, result, name=name, stages=stages, notes=notes, remarks=said)
+    report = write_calibration_report(folder, points, result, name=name, stages=stages, notes=notes, remarks=remarks)
     return [
         summary(points, result),
-        *said,
+        *remarks,
         *(f"not separable: {advice}" for advice in result.separation_advice()),
         *(f"doubtful: {doubt}" for doubt in doubts_of(result, points)),
         *(f"left out: {note}" for note in notes),
@@ -292,8 +322,8 @@ def main(argv: list[str] | None = None) -> None:
     """Entry point of `ros2 run rf_pointing fit_bias_model`."""
     options = arguments(argv)
     try:
-        said = run(options)
+        lines = run(options)
     except (ValueError, OSError) as error:
         print(f"fit_bias_model: {error}", file=sys.stderr)
         sys.exit(2)
-    print("\n".join(said))
+    print("\n".join(lines))

@@ -1,20 +1,20 @@
 """Raw tracking data of a recorded run: encoder angles corrected by the sensed error, and the ephemeris it followed.
 
-One `RawTracking` for each stay of monopulse on a target, at the rate of the errors; the reference is the recorded target,
-which is apparent already.  A damaged recording is refused with what is wrong with it, unless its sound part is asked for.
+Each pass is one stay of monopulse on a target, at the rate of the errors.  Its reference is the recorded target, which
+is apparent already.  A damaged recording is refused with its damage, unless `allow_damage` takes its sound part.
 """
 
-from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.calibration import RawTracking, ReferenceTrack
+from rf_pointing.core.modes import Sensor
 from rf_pointing.report.recording import Recording, read_recording
 from rf_pointing.report.topic_data import TopicData
 
-__all__ = ["RecordedPass", "tracking_from_bag"]
+__all__ = ["tracking_from_bag"]
 
 Array = NDArray[np.float64]
 
@@ -32,14 +32,6 @@ _REFERENCE_COLUMNS = {
 }
 
 
-@dataclass(frozen=True, eq=False)
-class RecordedPass:
-    """Samples of one pass and the motion that the ephemeris gave for it."""
-
-    raw: RawTracking
-    reference: ReferenceTrack
-
-
 def tracking_from_bag(
     path: Path | str,
     station: str,
@@ -48,17 +40,17 @@ def tracking_from_bag(
     namespace: str | None = None,
     largest_error_rad: float = np.inf,
     allow_damage: bool = False,
-) -> list[RecordedPass]:
-    """Return the passes of a recording in order of time.
+) -> list[tuple[RawTracking, ReferenceTrack]]:
+    """Return the passes of a recording in order of time, each with the motion that the ephemeris gave for it.
 
     Parameters
     ----------
     path
         Any rosbag2 recording: a bag directory, or one MCAP or sqlite3 file.
     station, band
-        What the data are of; refused if the recording's notes say otherwise.
+        The owner of the data; refused if the recording's notes contradict it.
     namespace
-        Which antenna, needed when the bag holds several.
+        Name of the antenna, needed when the bag holds several.
     largest_error_rad
         Samples with a larger sensed error are marked not good: off its axis a sensor is not calibrated.
     allow_damage
@@ -106,7 +98,6 @@ def _stretches(targets: TopicData) -> list[tuple[str, ReferenceTrack]]:
         if len(times) >= 2:
             columns = {core: targets[name][chosen].astype(np.float64) for core, name in _REFERENCE_COLUMNS.items()}
             columns["azimuth_rad"] = np.unwrap(columns["azimuth_rad"])
-            assert {"t_s", *columns} == {item.name for item in fields(ReferenceTrack)}
             found.append((str(names[chosen[0]]), ReferenceTrack(t_s=times, **columns)))
     return found
 
@@ -119,12 +110,12 @@ def _recorded(
     station: str,
     band: str,
     largest_error_rad: float,
-) -> RecordedPass | None:
+) -> tuple[RawTracking, ReferenceTrack] | None:
     t_s, joint_s = _seconds(errors), _seconds(joints)
     position = np.array(joints["position"].tolist(), dtype=np.float64)
     order = np.argsort(joint_s, kind="stable")
     within = reference.covers(t_s) & (t_s >= joint_s[order[0]]) & (t_s <= joint_s[order[-1]])
-    rows = np.flatnonzero(within & (errors["sensor"] == "monopulse"))
+    rows = np.flatnonzero(within & (errors["sensor"] == Sensor.MONOPULSE))
     if len(rows) < FEWEST_SAMPLES:
         return None
     t_s = t_s[rows]
@@ -144,7 +135,7 @@ def _recorded(
         range_rate_m_s=None,
         good=good,
     )
-    return RecordedPass(raw, reference)
+    return raw, reference
 
 
 def _seconds(data: TopicData) -> Array:

@@ -1,3 +1,4 @@
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -25,6 +26,11 @@ ALL = Corrections(
     range_delay_m=30.0,
 )
 NOISE_RAD = 20.0 * MDEG
+
+
+def scatter(processed, channel):
+    """Return the noise of a sample that the thinning reports."""
+    return float(re.search(rf"{channel} ([\d.e-]+)", processed.reports[2].note)[1])
 
 
 def pulls(processed, model):
@@ -56,7 +62,7 @@ def test_points_are_10_s_apart_and_their_sigma_is_that_of_30_averaged_seconds(tr
     # correlated by 0.25, -0.08 and 0.25, which raises the variance of their mean by 1.28.
     expected = NOISE_RAD * np.sqrt(1.28 * 2.40 / 240.0)
     assert np.median(processed.observations.sigma_elevation_rad) == pytest.approx(expected, rel=0.08)
-    assert processed.noise["elevation_rad"] == pytest.approx(NOISE_RAD, rel=0.05)
+    assert scatter(processed, "elevation_rad") == pytest.approx(NOISE_RAD, rel=0.05)
 
 
 def test_every_stage_reports_what_it_dropped_and_why(track, raw_pass, table_1):
@@ -100,16 +106,6 @@ def test_pieces_bent_by_a_one_second_lag_are_dropped_and_come_back_with_the_mode
     assert smoothing.dropped["not along a parabola"] > 0
     assert informed.reports[3].dropped["not along a parabola"] == 0
     assert len(informed.observations) > len(blind.observations)
-
-
-def test_range_comes_out_free_of_delays(track, raw_pass, table_1):
-    reference = track(5.0)
-    processed = process_pass(raw_pass(reference, table_1, ALL, NOISE_RAD), reference, 0, ALL, table_1)
-    times, values, sigma = processed.ranges["range_m"]
-    truth = reference.delayed(times).range_m
-    assert np.std((values - truth) / sigma) == pytest.approx(1.0, abs=0.3)
-    assert abs(np.mean(values - truth)) < 1.0
-    assert set(processed.ranges) == {"range_m", "range_rate_m_s"}
 
 
 def test_a_pass_without_one_sound_sample_is_refused_with_the_reasons(track, raw_pass, table_1):
@@ -189,7 +185,7 @@ def test_samples_once_a_second_are_used_as_they_are(track, raw_pass, table_1, ra
     slow = replace(raw, **{name: getattr(raw, name)[::8] for name in columns})
     processed = process_pass(slow, reference, 0, NONE, table_1)
     assert processed.reports[2].before == processed.reports[2].after > 700
-    assert processed.noise["elevation_rad"] == pytest.approx(5.0 * MDEG, rel=0.1)
+    assert scatter(processed, "elevation_rad") == pytest.approx(5.0 * MDEG, rel=0.1)
     azimuth, elevation = pulls(processed, table_1)
     # 0.88 is expected, the sigma of neighbours being raised; 78 points know it to 0.09.
     assert 0.6 < np.std(azimuth) < 1.2

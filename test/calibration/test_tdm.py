@@ -49,6 +49,14 @@ def test_bad_samples_are_not_written(raw, tmp_path):
     assert len(read_tdm(tmp_path / "a.tdm")[0]) == 18
 
 
+def test_a_pass_without_a_good_sample_is_left_out_and_a_message_without_any_is_refused(raw, tmp_path):
+    bad = replace(raw, good=np.zeros(len(raw), dtype=bool))
+    write_tdm(tmp_path / "a.tdm", [bad, raw], originator="test", created_t_s=1.7e9)
+    assert len(read_tdm(tmp_path / "a.tdm")) == 1
+    with pytest.raises(ValueError, match="no good sample to write in 1 passes"):
+        write_tdm(tmp_path / "b.tdm", [bad], originator="test", created_t_s=1.7e9)
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [

@@ -8,11 +8,29 @@ import numpy as np
 import pytest
 
 pytest.importorskip("rclpy", reason="the executables live beside the nodes", exc_type=ImportError)
-from rf_pointing.calibration import TERMS, BiasModel, ModelVersion, Observations, read_model, write_model
+from rf_pointing.calibration import (
+    TERMS,
+    BiasModel,
+    Ionosphere,
+    ModelVersion,
+    Observations,
+    RawTracking,
+    read_model,
+    write_model,
+)
 from rf_pointing.calibration.pass_errors import pass_partials
 from rf_pointing.calibration.tracking_csv import write_observations
 from rf_pointing.commands import fit_bias_model, plan_calibration
 from rf_pointing.core import MDEG
+from rf_pointing.ephemeris import (
+    TopocentricTrack,
+    find_elements,
+    find_passes,
+    site,
+    tle_lines,
+    verification_elements,
+)
+from test.calibration.conftest import write_tracking
 
 STATION = "Goldstone DSS-13"
 PLANTED = BiasModel.zero().replace(azimuth_offset=100.0 * MDEG, elevation_offset=-50.0 * MDEG)
@@ -89,7 +107,7 @@ def test_terms_are_chosen_and_passes_held_out_say_whether_that_was_right(done, t
     assert set(read_model(tmp_path / "m.yaml").fitted) == {"azimuth_offset", "elevation_offset"}
     said = capsys.readouterr().out
     assert (
-        "chosen by BIC: azimuth_offset, elevation_offset; not asked for by the data, zero: non_orthogonality, " in said
+        "chosen by BIC: azimuth_offset, elevation_offset; not supported by the data, zero: non_orthogonality, " in said
     )
     chosen, offered = (
         float(re.search(rf"predicted to ([\d.]+) mdeg rms with {words}", said)[1])
@@ -140,6 +158,49 @@ def test_terms_that_are_not_offered_keep_their_known_values_while_others_are_cho
     assert found.fitted == ("azimuth_offset",)
     assert found.model.coefficients["elevation_offset"] == pytest.approx(-50.0 * MDEG)
     assert found.model.coefficients["droop"] == 0.0
+
+
+@pytest.fixture(scope="module")
+def raw_files(tmp_path_factory):
+    """Return CSV files of four passes of CBERS-2 at 2 samples/s, seen through the planted model and an ionosphere."""
+    folder, seen = tmp_path_factory.mktemp("raw"), Ionosphere(electrons_per_m2=5e17, frequency_hz=2.25e9)
+    elements, place = find_elements(verification_elements(), "28057"), site(STATION)
+    (folder / "elements.tle").write_text("\n".join([elements.name, *tle_lines(elements)]) + "\n")
+    track, random = TopocentricTrack(elements, place), np.random.default_rng(5)
+    windows = find_passes(track, elements.epoch_t_s, 86400.0, math.radians(15.0))[:4]
+    for number, window in enumerate(windows):
+        look = track.sample(np.arange(window.aos_t_s, window.los_t_s, 0.5))
+        bent = look.elevation_rad + seen.bending(look.elevation_rad, look.range_m)
+        noise = random.normal(0.0, 2.0 * MDEG, (2, len(bent)))
+        raw = RawTracking(
+            station=STATION, band="X", target="28057", t_s=look.t_s, azimuth_rad=look.azimuth_rad + 100.0 * MDEG + noise[0],
+            elevation_rad=bent - 50.0 * MDEG + noise[1], range_m=None, range_rate_m_s=None,
+            good=np.arange(len(bent)) > 9,
+        )  # fmt: skip
+        write_tracking(folder / f"{number}.csv", raw)
+    return folder
+
+
+def test_points_and_raw_data_are_written_for_other_software_and_give_the_same_model(raw_files, tmp_path, capsys):
+    common = ["--elements", str(raw_files / "elements.tle"), "--terms", "azimuth_offset", "elevation_offset"]
+    first = [*(str(path) for path in sorted(raw_files.glob("*.csv"))), *common, "--ionosphere", "50", "2.25"]
+    out = {
+        name: str(tmp_path / f"{name}") for name in ("a.yaml", "points.csv", "raw.tdm", "b.yaml", "c.yaml", "d.yaml")
+    }
+    fit_bias_model.main([*first, "--output", out["a.yaml"], "--points", out["points.csv"], "--tdm", out["raw.tdm"]])
+    fit_bias_model.main([out["raw.tdm"], *common, "--ionosphere", "50", "2.25", "--output", out["b.yaml"]])
+    fit_bias_model.main([out["points.csv"], *common, "--output", out["c.yaml"]])
+    fit_bias_model.main([out["raw.tdm"], *common, "--output", out["d.yaml"]])
+    a, b, c, d = (read_model(out[name]) for name in ("a.yaml", "b.yaml", "c.yaml", "d.yaml"))
+    for name, sigma in zip(a.fitted, np.sqrt(np.diag(a.covariance)), strict=True):
+        assert a.model.coefficients[name] == pytest.approx(PLANTED.coefficients[name], abs=5.0 * sigma)
+        assert b.model.coefficients[name] == pytest.approx(a.model.coefficients[name], abs=1e-3 * sigma)
+        assert c.model.coefficients[name] == pytest.approx(a.model.coefficients[name], abs=1e-3 * sigma)
+    # Without it, what the ionosphere bends ends in the elevation offset.
+    assert d.model.coefficients["elevation_offset"] - a.model.coefficients["elevation_offset"] > 0.3 * MDEG
+    with pytest.raises(SystemExit):
+        fit_bias_model.main([out["points.csv"], *common, "--output", out["d.yaml"], "--tdm", out["raw.tdm"]])
+    assert "the files hold calibration points only, no raw data to write" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ import numpy as np
 from rf_pointing.calibration import (
     BiasModel,
     Corrections,
+    Ionosphere,
     Observations,
     ProcessedPass,
     RawTracking,
@@ -29,8 +30,6 @@ __all__ = ["holds_points", "process_passes", "read_points", "read_raw", "referen
 REFERENCE_STEP_S = 2.0
 PASS_GAP_S = 1200.0
 """Longer than any loss of signal within a pass, shorter than any time between two passes of a satellite."""
-APPARENT = Corrections(light_time=False, troposphere=None, ionosphere=None, range_delay_m=0.0)
-"""No corrections: the reference is where the target appears, refraction and light time included."""
 
 
 def holds_points(path: Path) -> bool:
@@ -89,17 +88,22 @@ def reference_of(
 
 
 def process_passes(
-    passes: Sequence[tuple[RawTracking, ReferenceTrack]], model: BiasModel, first_pass: int
+    passes: Sequence[tuple[RawTracking, ReferenceTrack]],
+    model: BiasModel,
+    first_pass: int,
+    ionosphere: Ionosphere | None = None,
 ) -> tuple[list[Observations], list[StageReport], list[str]]:
     """Return points and stage reports of raw passes, and what was left out or why a pass gave none; `model` is the best known.
 
     The reports are summed over the passes.  Raises ValueError if no pass gives points.
     """
+    # The reference is apparent: refraction and light time are in it, so that only the ionosphere is left to correct.
+    corrections = Corrections(light_time=False, troposphere=None, ionosphere=ionosphere, range_delay_m=0.0)
     processed: list[ProcessedPass] = []
     empty = list(dict.fromkeys(note for raw, _ in passes for note in raw.notes))
     for number, (raw, reference) in enumerate(passes, start=first_pass):
         try:
-            processed.append(process_pass(raw, reference, number, APPARENT, model))
+            processed.append(process_pass(raw, reference, number, corrections, model))
         except ValueError as error:
             empty.append(f"pass {number} of {raw.target}: {error}")
     if not processed:
