@@ -31,10 +31,11 @@ from rf_pointing.report.identification_report import error_table, save_recording
 
 BRING_UP_S = 30.0
 SIMULATED = ("simulation_clock", "antenna_servo")
+# The offset of 0.0023 V that the published antenna had at both inputs: its friction stays
+# constant.
 IDLE_DEG_S = 1.84e-4
-"""The offset of 0.0023 V that the published antenna had at both inputs: its friction stays constant."""
+# How long samples may arrive after the result of their experiment.
 LATE_SAMPLES_S = 2.0
-"""How long samples may arrive after the result of their experiment."""
 
 
 class EndedEarlyError(Exception):

@@ -1,7 +1,7 @@
 """Balanced reduction: keep the states that both respond to the input and show in the output.
 
-Poles on the unit circle (the integrator) have no Gramians; they are split off by their invariant subspace, kept whole
-and joined again, so only the stable part is reduced.
+Poles on the unit circle (the integrator) have no Gramians; they are split off by their invariant
+subspace, kept whole and joined again, so only the stable part is reduced.
 """
 
 import numpy as np

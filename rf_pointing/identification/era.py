@@ -1,6 +1,7 @@
 """Eigensystem realization: a state-space model from Markov parameters, its Hankel singular values showing the order.
 
-H(0) = R S V',   A = S^-1/2 R' H(1) V S^-1/2,   B = first column of S^1/2 V',   C = first row of R S^1/2
+H(0) = R S V',   A = S^-1/2 R' H(1) V S^-1/2,   B = first column of S^1/2 V',   C = first row of R
+S^1/2
 """
 
 from dataclasses import dataclass

@@ -1,8 +1,9 @@
 """Rate inputs that shake the antenna: white noise and multisine, bounded in amplitude and in travel.
 
-The published experiment drove one axis with white noise between 0.1 and 1.3 V, always to one side: the friction never
-reverses and the travel limits the number of sequences (DSS13-ID Sec. II-C).  `mean_rad_s` is that one-sided part.  The
-travel is known before the antenna moves: the input's own integral tells where a perfect antenna would go.
+The published experiment drove one axis with white noise between 0.1 and 1.3 V, always to one side:
+the friction never reverses and the travel limits the number of sequences (DSS13-ID Sec. II-C).
+`mean_rad_s` is that one-sided part.  The travel is known before the antenna moves: the input's own
+integral tells where a perfect antenna would go.
 """
 
 import math

@@ -1,8 +1,9 @@
 """The identification experiment, one control tick at a time: what to command, what was measured, when to stop.
 
-One axis is driven in manual-rate mode while both encoders are recorded.  The whole input is made, and its travel
-checked, before anything moves; sequences run to alternating sides so that the axis stays near its start.  On the way
-the measured travel is watched as well, and `abort` ends the motion at once.
+One axis is driven in manual-rate mode while both encoders are recorded.  The whole input is made,
+and its travel checked, before anything moves; sequences run to alternating sides so that the axis
+stays near its start.  On the way the measured travel is watched as well, and `abort` ends the
+motion at once.
 """
 
 from dataclasses import dataclass

@@ -1,7 +1,8 @@
 """From recorded sequences to a model: high-pass, OKID, realization, integrator, balanced reduction, residue fit.
 
-One input and one output at a time, as in DSS13-ID Sec. III-D: the straight responses keep the drive's integrator, the
-cross responses are high-passed first, because a small unmeasured rate at the other axis drowns them at low frequency.
+One input and one output at a time, as in DSS13-ID Sec. III-D: the straight responses keep the
+drive's integrator, the cross responses are high-passed first, because a small unmeasured rate at
+the other axis drowns them at low frequency.
 """
 
 from dataclasses import dataclass

@@ -2,8 +2,9 @@
 
     T(z) = d + sum_i r_i / (z - p_i)
 
-Noise splits the drive's pole at zero frequency into small poles near z = 1.  They are put back to one exact integrator
-with the sum of their residues (DSS13-ID Sec. IV-B sets the two very small eigenvalues to zero).
+Noise splits the drive's pole at zero frequency into small poles near z = 1.  They are put back to
+one exact integrator with the sum of their residues (DSS13-ID Sec. IV-B sets the two very small
+eigenvalues to zero).
 """
 
 from dataclasses import dataclass
@@ -77,8 +78,9 @@ def restore_integrator(model: PoleResidue, below_hz: float = 0.03) -> PoleResidu
 def refit_residues(model: PoleResidue, inputs: ArrayLike, outputs: ArrayLike) -> PoleResidue:
     """Return the model with residues and direct term fitted to sequences (sequences, samples) by output error.
 
-    Each sequence has its own start of every mode, which is no part of the model.  High-pass both sides first: the
-    integrated wind and an unmeasured small rate at the input would otherwise set the gain of the integrator.
+    Each sequence has its own start of every mode, which is no part of the model.  High-pass both
+    sides first: the integrated wind and an unmeasured small rate at the input would otherwise set
+    the gain of the integrator.
     """
     u, y = np.atleast_2d(inputs).astype(np.float64), np.atleast_2d(outputs).astype(np.float64)
     own = [_filtered(model, sequence) for sequence in u]

@@ -23,7 +23,8 @@ _FORMAT = "rf_pointing identified models 1"
 class ModelRecord:
     """One response: rate command of axis `input` (rad/s) to encoder of axis `output` (rad).
 
-    `error` is the relative error on held-out sequences, `provenance` says from which data and how it was made.
+    `error` is the relative error on held-out sequences, `provenance` says from which data and how
+    it was made.
     """
 
     input: str

@@ -3,7 +3,8 @@
     y(k) = D u(k) + sum_{i=1..p} ( b_i u(k-i) + a_i y(k-i) )       observer Markov parameters, by least squares
     Y(0) = D,   Y(k) = b_k + sum_{i=1..k} a_i Y(k-i)               system Markov parameters (a_i, b_i = 0 for i > p)
 
-Juang, Phan, Horta and Longman 1991 (the method behind SOCIT's "okid", DSS13-ID Sec. III-D), one input and one output.
+Juang, Phan, Horta and Longman 1991 (the method behind SOCIT's "okid", DSS13-ID Sec. III-D), one
+input and one output.
 """
 
 from dataclasses import dataclass

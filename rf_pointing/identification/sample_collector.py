@@ -1,6 +1,7 @@
 """Puts a recording together from samples that arrive one by one, and knows which are missing.
 
-A lost sample spoils its sequence, for the input is no longer known to be what the antenna was given: nothing is filled in.
+A lost sample spoils its sequence, for the input is no longer known to be what the antenna was
+given: nothing is filled in.
 """
 
 import numpy as np

@@ -1,7 +1,7 @@
 """From the recordings of one or both axes to models, their errors on held-out sequences, and where they can be believed.
 
-The straight response of every recorded axis, and the cross responses where both were recorded: the check of a cross
-response needs the straight model of the axis that was not driven.
+The straight response of every recorded axis, and the cross responses where both were recorded: the
+check of a cross response needs the straight model of the axis that was not driven.
 """
 
 from collections.abc import Mapping
@@ -16,8 +16,8 @@ from rf_pointing.identification.validate import CrossCheck, StraightCheck, check
 
 __all__ = ["CROSS", "STRAIGHT", "ResponseStudy", "study"]
 
+# A drive with its integrator, three modes and the gear.
 STRAIGHT = IdentificationParams(order=10)
-"""A drive with its integrator, three modes and the gear."""
 CROSS = IdentificationParams(order=12, realization_order=16, observer_order=200, integrator=False, high_pass_hz=0.3)
 
 

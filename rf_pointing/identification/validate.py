@@ -2,8 +2,8 @@
 
     error(k) = |y_m - k y_s| / |y_m|                                                          (DSS13-ID eq. 8, 9)
 
-with the gain k that makes it smallest; delta = |k - 1| (eq. 10).  In the cross responses a small constant rate at the
-input of the other axis is fitted as well (eq. 7).
+with the gain k that makes it smallest; delta = |k - 1| (eq. 10).  In the cross responses a small
+constant rate at the input of the other axis is fitted as well (eq. 7).
 """
 
 from dataclasses import dataclass
@@ -49,7 +49,8 @@ def check_straight(model: StateSpace, inputs: ArrayLike, outputs: ArrayLike) -> 
 def check_cross(cross: StateSpace, straight: StateSpace, inputs: ArrayLike, outputs: ArrayLike) -> CrossCheck:
     """Return the error of one sequence (samples,) of a cross response.
 
-    `straight` is the model of the axis that was not driven: its response to one constant rate is fitted and added.
+    `straight` is the model of the axis that was not driven: its response to one constant rate is
+    fitted and added.
     """
     measured = np.asarray(outputs, dtype=np.float64)
     simulated = cross.simulate(inputs)[:, 0]

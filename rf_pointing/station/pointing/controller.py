@@ -13,7 +13,7 @@ from rf_pointing.controllers import TrackerIntegratorParams
 from rf_pointing.core import JointReading, JointTrajectory, PointingError, Target, require_choice
 from rf_pointing.ephemeris import Pass
 from rf_pointing.ephemeris.solar import SolarDirection, SunParams
-from rf_pointing.planning import AxisLimits, GateParams, HorizonMask, MachineParams, choose_turns, refusal
+from rf_pointing.planning import AxisLimits, GateParams, HorizonMask, MachineParams, choose_turns
 from rf_pointing.rf import LinkParams
 from rf_pointing.station.pointing.carrier_watch import CarrierWatch
 from rf_pointing.station.pointing.corrections import PointingCorrections
@@ -191,7 +191,7 @@ class PointingController:
             return self.plan.course.turns_rad
         low, high, present = window.azimuth_min_rad, window.azimuth_max_rad, float(joints.position_rad[0])
         turns_rad = 2.0 * math.pi * choose_turns(self.limits, low, high, present)
-        refused = refusal(self.limits, window.aos_azimuth_rad + turns_rad, window.peak_elevation_rad)
+        refused = self.limits.reason(window.aos_azimuth_rad + turns_rad, window.peak_elevation_rad)
         if refused:
             raise ValueError(refused)
         return turns_rad
