@@ -127,7 +127,7 @@ class Experimenter:
             started = result.samples_taken > 0
             raise (EndedEarlyError if started else NotStartedError)(f"{axis}: {result.message}")
         deadline_s = time.monotonic() + LATE_SAMPLES_S
-        while self._collector.heard < result.samples_taken and time.monotonic() < deadline_s:
+        while self._collector.received < result.samples_taken and time.monotonic() < deadline_s:
             self._executor.spin_once(timeout_sec=0.05)
         recording, missing = self._collector.recording()
         if missing:
