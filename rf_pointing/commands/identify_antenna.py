@@ -30,10 +30,11 @@ from rf_pointing.report.identification_report import error_table, save_recording
 
 BRING_UP_S = 30.0
 SIMULATED = ("simulation_clock", "antenna_servo")
+# The offset of 0.0023 V that the published antenna had at both inputs: its friction stays
+# constant.
 IDLE_DEG_S = 1.84e-4
-"""The offset of 0.0023 V that the published antenna had at both inputs: its friction stays constant."""
+# How long samples may arrive after the result of their experiment.
 LATE_SAMPLES_S = 2.0
-"""How long samples may arrive after the result of their experiment."""
 
 
 class EndedEarlyError(Exception):
@@ -125,7 +126,7 @@ class Experimenter:
             started = result.samples_taken > 0
             raise (EndedEarlyError if started else NotStartedError)(f"{axis}: {result.message}")
         deadline_s = time.monotonic() + LATE_SAMPLES_S
-        while self._collector.heard < result.samples_taken and time.monotonic() < deadline_s:
+        while self._collector.received < result.samples_taken and time.monotonic() < deadline_s:
             self._executor.spin_once(timeout_sec=0.05)
         recording, missing = self._collector.recording()
         if missing:

@@ -1,7 +1,7 @@
 """Angles on the sky and on the axes: wrapping, unwrapping, cross-elevation and unit vectors.
 
-Azimuth runs from true north through east, elevation from the horizon up.  Cross-elevation is measured on the sky:
-xel = azimuth difference * cos(elevation).
+Azimuth runs from true north through east, elevation from the horizon up.  Cross-elevation is
+measured on the sky: xel = azimuth difference * cos(elevation).
 """
 
 import math
@@ -22,8 +22,8 @@ __all__ = [
     "wrap_rad",
 ]
 
+# One millidegree in radians, the unit in which pointing errors are reported.
 MDEG = math.radians(1e-3)
-"""One millidegree in radians, the unit in which pointing errors are reported."""
 
 
 def wrap_rad(angle_rad: ArrayLike) -> NDArray[np.float64]:
@@ -66,8 +66,9 @@ def sky_offset_rad(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the cross-elevation and elevation of a direction seen from a beam, in the beam's own frame.
 
-    Exact on the sphere and regular at the zenith: the components of the direction along the beam's right-hand and
-    upward axes, each turned into an angle.  Positive cross-elevation: the direction lies clockwise of the beam.
+    Exact on the sphere and regular at the zenith: the components of the direction along the beam's
+    right-hand and upward axes, each turned into an angle.  Positive cross-elevation: the direction
+    lies clockwise of the beam.
     """
     beam_azimuth = np.asarray(from_azimuth_rad, dtype=np.float64)
     beam_elevation = np.asarray(from_elevation_rad, dtype=np.float64)

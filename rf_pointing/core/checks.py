@@ -16,8 +16,8 @@ __all__ = [
     "require_rotation",
 ]
 
+# Largest accepted departure of C C^T from the unit matrix.
 ROTATION_TOLERANCE = 1e-6
-"""Largest accepted departure of C C^T from the unit matrix."""
 
 
 def require_finite(name: str, value: ArrayLike) -> None:

@@ -1,7 +1,8 @@
 """Parameter sets: one frozen dataclass per block, with description and range on every field.
 
-The unit is the end of the field's name (`_rad`, `_rad_s`, `_s`, `_hz`, `_db` ...).  The same fields serve the
-numeric core (radians), YAML files and ROS parameters (degrees: `_rad` becomes `_deg`), so a range is written once.
+The unit is the end of the field's name (`_rad`, `_rad_s`, `_s`, `_hz`, `_db` ...).  The same fields
+serve the numeric core (radians), YAML files and ROS parameters (degrees: `_rad` becomes `_deg`), so
+a range is written once.
 
     @dataclass(frozen=True, kw_only=True)
     class RateLimits(Params):
@@ -115,7 +116,8 @@ def leaves(params: Params, prefix: str = "") -> "dict[str, tuple[dataclasses.Fie
 def with_leaves(params: P, values: Mapping[str, Any]) -> P:
     """Return `params` with the fields named by dotted edge names (degrees) replaced, checked as a whole.
 
-    The inverse of `leaves`.  Raises ValueError naming the key for an unknown one or a refused value.
+    The inverse of `leaves`.  Raises ValueError naming the key for an unknown one or a refused
+    value.
     """
     known = {to_degrees(item.name, None)[0]: item for item in dataclasses.fields(params)}
     changes: dict[str, Any] = {}

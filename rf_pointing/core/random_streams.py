@@ -1,6 +1,7 @@
 """One seed for a whole run: every noise source draws from its own stream, named after itself.
 
-The stream depends on the seed and on the name only, so adding a noise source changes none of the others.
+The stream depends on the seed and on the name only, so adding a noise source changes none of the
+others.
 """
 
 import zlib

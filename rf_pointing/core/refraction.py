@@ -4,11 +4,12 @@ The bending R of a ray that arrives at the apparent elevation E (s = sin E, c = 
 
     R(E) = N0 c / (s + (p1 s + p0) / (s^2 + q1 s + q0)),        true = E - R(E)
 
-whose four coefficients are fitted once, on construction, to rays traced through a spherical atmosphere of two
-exponentials (dry and wet) that has the refractivity N0 of ITU-R P.453 at the antenna.  The form is exactly zero at the
-zenith and changes sign there, so a plunged antenna (elevation above 90 deg) sees the same sky.  Below the horizon no
-ray arrives: from 0 to -1 deg of apparent elevation R levels off smoothly to a constant, so that a target that has not
-risen yet still has continuous rates.
+whose four coefficients are fitted once, on construction, to rays traced through a spherical
+atmosphere of two exponentials (dry and wet) that has the refractivity N0 of ITU-R P.453 at the
+antenna.  The form is exactly zero at the zenith and changes sign there, so a plunged antenna
+(elevation above 90 deg) sees the same sky.  Below the horizon no ray arrives: from 0 to -1 deg of
+apparent elevation R levels off smoothly to a constant, so that a target that has not risen yet
+still has continuous rates.
 """
 
 import math
@@ -26,16 +27,19 @@ __all__ = ["RadioRefraction"]
 Array = NDArray[np.float64]
 
 _EARTH_RADIUS_M = 6.371e6
+# Scale height of dry air per kelvin, R/(M g): it gives the zenith delay of 2.28 mm/hPa that the
+# pressure fixes.
 _DRY_HEIGHT_M_PER_K = 29.27
-"""Scale height of dry air per kelvin, R/(M g): it gives the zenith delay of 2.28 mm/hPa that the pressure fixes."""
 _WET_HEIGHT_M = 2000.0
 _TOP_M = 1.2e5
+# Refractivity gradient in N units per metre at which rays near the horizon follow the ground
+# (0.157, less 5 %).
 _DUCTING_PER_M = 0.150
-"""Refractivity gradient in N units per metre at which rays near the horizon follow the ground (0.157, less 5 %)."""
 _LEVEL_MIDDLE_RAD = math.radians(-0.5)
 _LEVEL_HALF_WIDTH_RAD = math.radians(0.5)
+# Newton squares the error in each step: after a step this small the next would be below 1e-15
+# rad.
 _TOLERANCE_RAD = 1e-9
-"""Newton squares the error in each step: after a step this small the next would be below 1e-15 rad."""
 _MAX_ITERATIONS = 30
 
 
@@ -79,7 +83,8 @@ class RadioRefraction(Params):
     def apply(self, elevation_rad: Any) -> Any:
         """Return the apparent elevation of true elevations; float gives float, array gives array of the same shape.
 
-        Defined over [-pi/2, 3 pi/2]: beyond pi/2 the antenna is plunged and the correction still lifts the ray.
+        Defined over [-pi/2, 3 pi/2]: beyond pi/2 the antenna is plunged and the correction still
+        lifts the ray.
         """
         return self.apply_with_rates(elevation_rad, 0.0, 0.0)[0]
 

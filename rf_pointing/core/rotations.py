@@ -1,8 +1,8 @@
 """Rotations in space as arithmetic on stacks (..., 3) and (..., 4): what attitudes and frames are built on.
 
-v' = C v turns a vector actively.  Quaternions are scalar last (x, y, z, w), Hamilton products: C(a b) = C(a) C(b).
-Filters step these tens of thousands of times, so nothing here checks its input; `attitude.quaternion` and
-`arrays.interferometer.frames` are the doors with checks.
+v' = C v turns a vector actively.  Quaternions are scalar last (x, y, z, w), Hamilton products: C(a
+b) = C(a) C(b). Filters step these tens of thousands of times, so nothing here checks its input;
+`attitude.quaternion` and `arrays.interferometer.frames` are the doors with checks.
 """
 
 import numpy as np

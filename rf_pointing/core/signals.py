@@ -1,8 +1,9 @@
 """The nouns on the arrows of the graph: what the parts of a station say to each other.
 
-Times `t_s` are UTC seconds since 1970-01-01 (leap seconds not counted, as on the ROS wire).  Sky angles are
-apparent (refraction included).  Axis order is always azimuth, elevation; error order cross-elevation, elevation.
-Joint angles are mechanical and continuous: they are never folded into one turn.
+Times `t_s` are UTC seconds since 1970-01-01 (leap seconds not counted, as on the ROS wire).  Sky
+angles are apparent (refraction included).  Axis order is always azimuth, elevation; error order
+cross-elevation, elevation. Joint angles are mechanical and continuous: they are never folded into
+one turn.
 """
 
 from dataclasses import dataclass, field
@@ -27,8 +28,8 @@ __all__ = [
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
+# Joint names, in the order of every two-axis array.
 AXES = ("azimuth", "elevation")
-"""Joint names, in the order of every two-axis array."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -138,8 +139,8 @@ class CarrierPower:
 class PointingError:
     """Target minus beam at `t_s`: positive when the target is clockwise (right) of the beam or above it.
 
-    `covariance_rad2` is (2, 2) in the order cross-elevation, elevation.  An invalid error carries its reason and
-    must not move the antenna.
+    `covariance_rad2` is (2, 2) in the order cross-elevation, elevation.  An invalid error carries
+    its reason and must not move the antenna.
     """
 
     t_s: float

@@ -1,7 +1,8 @@
 """Run a task over many cases here, on other processes or on other machines: whatever a standard executor reaches.
 
-`concurrent.futures.ProcessPoolExecutor(2)`, or Dask's `Client("tcp://host:8786").get_executor()` (extra `sweep`).
-Task, cases and results must be picklable; each case carries its own seed, so that the place changes no number.
+`concurrent.futures.ProcessPoolExecutor(2)`, or Dask's `Client("tcp://host:8786").get_executor()`
+(extra `sweep`). Task, cases and results must be picklable; each case carries its own seed, so that
+the place changes no number.
 """
 
 from collections.abc import Callable, Sequence

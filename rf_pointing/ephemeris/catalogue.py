@@ -1,7 +1,8 @@
 """Passes of a whole catalogue over one site.
 
-Objects of similar speed are propagated together on a coarse grid, turned into the site's axes and searched together
-by `passes_on_grid`.  Accurate to a millisecond in low orbits; `find_passes` gives the rates of a chosen pass.
+Objects of similar speed are propagated together on a coarse grid, turned into the site's axes and
+searched together by `passes_on_grid`.  Accurate to a millisecond in low orbits; `find_passes` gives
+the rates of a chosen pass.
 """
 
 import dataclasses
@@ -32,8 +33,9 @@ __all__ = ["CataloguePass", "CatalogueSearch", "find_catalogue_passes"]
 Array = NDArray[np.float64]
 
 _CIRCULAR_STEP_RAD, _ECCENTRIC_STEP_RAD = 0.45, 0.25
+# Largest eccentricity of the long step: the series of an eccentric orbit around its perigee
+# converges slower.
 _CIRCULAR = 0.05
-"""Largest eccentricity of the long step: the series of an eccentric orbit around its perigee converges slower."""
 _LADDER_S = (60, 90, 120, 150, 180, 210, 240, 270, 300, 330, 360, 390, 420, 450, 480, 600, 900, 1200, 1800, 2700)
 _CHUNK = 256
 
@@ -76,7 +78,8 @@ def find_catalogue_passes(
 ) -> CatalogueSearch:
     """Return the passes of all `elements` in the `duration_s` after `start_t_s`; options as for `TopocentricTrack`.
 
-    Objects that are too old or cannot be propagated through the interval are listed, not skipped silently.
+    Objects that are too old or cannot be propagated through the interval are listed, not skipped
+    silently.
     """
     require_between("duration_s", duration_s, 60.0, 31.0 * DAY_S)
     require_between("min_elevation_rad", min_elevation_rad, -0.01, math.pi / 2)
@@ -157,7 +160,8 @@ def _sampled(
 def _seen(orbit: StateVector, site: Site, sense: float) -> Array:
     """Return the Earth-fixed vector (objects, times, 3) from the antenna to where each object is seen through light.
 
-    To first order in the light time; the second is 2 mm at the distance of a geostationary satellite.
+    To first order in the light time; the second is 2 mm at the distance of a geostationary
+    satellite.
     """
     east, north, _ = antenna = np.array(site.position_m)
     relative: Array = np.stack(orbit.position, axis=-1) - antenna

@@ -1,8 +1,9 @@
 """Sun, Moon and radio sources as targets, for calibration and for keeping the beam off the Sun.
 
-Sun: SOFA epv00 (VSOP2000, better than 0.01 arcsec).  Moon: SOFA moon98 (Meeus, 10 arcsec in longitude, 3 mdeg).  Both
-are true positions; the track applies light time, which to first order in v/c is also the annual aberration.  Radio
-sources: ICRS places, deflected at the Sun and aberrated here (SOFA ld, ab), without parallax.
+Sun: SOFA epv00 (VSOP2000, better than 0.01 arcsec).  Moon: SOFA moon98 (Meeus, 10 arcsec in
+longitude, 3 mdeg).  Both are true positions; the track applies light time, which to first order in
+v/c is also the annual aberration.  Radio sources: ICRS places, deflected at the Sun and aberrated
+here (SOFA ld, ab), without parallax.
 """
 
 import math
@@ -111,6 +112,8 @@ def _source(name: str, hours: tuple[int, int, float], degrees: tuple[int, int, f
     return RadioSource(name, math.radians(right_ascension), math.radians(declination))
 
 
+# Strong sources used to calibrate antennas; places from the NASA/IPAC Extragalactic Database and
+# SIMBAD, ICRS.
 RADIO_SOURCES = {
     source.name: source
     for source in (
@@ -124,7 +127,6 @@ RADIO_SOURCES = {
         _source("3C 286", (13, 31, 8.288), (30, 30, 32.96)),
     )
 }
-"""Strong sources used to calibrate antennas; places from the NASA/IPAC Extragalactic Database and SIMBAD, ICRS."""
 
 
 def radio_source(name: str, orientation: EarthOrientationSource | None = None) -> CelestialTarget:

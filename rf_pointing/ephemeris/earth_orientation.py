@@ -35,8 +35,8 @@ Array = NDArray[np.float64]
 BLOCK_DAYS = 32
 _ARCSEC = math.radians(1.0 / 3600.0)
 _MJD_OF_POSIX_EPOCH = 40587
+# 1972-01-01: UT1 - TAI is not defined by whole leap seconds before.
 _FIRST_LEAP_MJD = 41317
-"""1972-01-01: UT1 - TAI is not defined by whole leap seconds before."""
 _C04_LINE, _FINALS_LINE = 219, 188
 _FINALS_FIRST_MJD = 41684
 
@@ -219,7 +219,8 @@ class IersEarthOrientation:
     def warnings(self, t_s: float) -> tuple[str, ...]:
         """Return that the leap seconds have expired or that UT1 is a long prediction, where so.
 
-        Predictions are part of daily work: 60 days ahead they are good to 6 ms, 3 m on the equator (Bulletin A).
+        Predictions are part of daily work: 60 days ahead they are good to 6 ms, 3 m on the equator
+        (Bulletin A).
         """
         _block_number(t_s)
         found = leap_seconds().warnings(t_s)

@@ -28,6 +28,7 @@ __all__ = ["read_elements", "read_omm_csv", "read_omm_json", "read_omm_kvn", "re
 
 Fields = Mapping[str, Any]
 
+# What SGP4 needs; a message that leaves one out means the same (CelesTrak's JSON and CSV do).
 _MUST_BE = {
     "CENTER_NAME": ("EARTH",),
     "REF_FRAME": ("TEME",),
@@ -35,7 +36,6 @@ _MUST_BE = {
     "MEAN_ELEMENT_THEORY": ("SGP4", "SGP/SGP4", "SGP"),
     "EPHEMERIS_TYPE": ("0", "2", ""),
 }
-"""What SGP4 needs; a message that leaves one out means the same (CelesTrak's JSON and CSV do)."""
 _UNITS = {
     "MEAN_MOTION": "rev/day",
     "INCLINATION": "deg",
@@ -46,8 +46,8 @@ _UNITS = {
     "MEAN_MOTION_DOT": "rev/day**2",
     "MEAN_MOTION_DDOT": "rev/day**3",
 }
+# Beyond any number of an OMM, and still a whole number of a float.
 _LARGEST = 1e15
-"""Beyond any number of an OMM, and still a whole number of a float."""
 _MOST_ECCENTRIC = 0.9999999
 _TURN_DEG = (-360.0, 360.0)
 

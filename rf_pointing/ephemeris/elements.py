@@ -1,7 +1,8 @@
 """Mean orbital elements of one object for SGP4, whatever message they came in.
 
-The catalogue number is an integer of up to nine digits.  The number handed to the propagator is only a label there;
-the sgp4 library refuses labels above 339999, so those get 0 inside the propagator and keep their number here.
+The catalogue number is an integer of up to nine digits.  The number handed to the propagator is
+only a label there; the sgp4 library refuses labels above 339999, so those get 0 inside the
+propagator and keep their number here.
 """
 
 import math
@@ -15,11 +16,12 @@ from rf_pointing.ephemeris.time_scales import DAY_S
 
 __all__ = ["Elements", "find_elements"]
 
+# From 1949-12-31T00:00, where the propagator counts from, to 1970-01-01.
 _DAYS_1949_TO_1970 = 7306.0
-"""From 1949-12-31T00:00, where the propagator counts from, to 1970-01-01."""
 _LARGEST_LABEL = 339999
+# Revolutions a day that an orbit about the Earth may have: beyond the smallest it is lost, beyond
+# the largest inside.
 MEAN_MOTIONS = (1e-3, 20.0)
-"""Revolutions a day that an orbit about the Earth may have: beyond the smallest it is lost, beyond the largest inside."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,7 +95,8 @@ _FINITE = (
 def find_elements(elements: Sequence[Elements], wanted: str) -> Elements:
     """Return the newest set of the object with that catalogue number or name (case ignored).
 
-    An unknown object is refused with the nearest names, a name shared by several objects with their numbers.
+    An unknown object is refused with the nearest names, a name shared by several objects with their
+    numbers.
     """
     key = wanted.strip().casefold()
     found = [e for e in elements if e.name.casefold() == key or (key.isdigit() and e.catalogue_number == int(key))]

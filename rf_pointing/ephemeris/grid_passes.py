@@ -24,10 +24,12 @@ Flags = NDArray[np.bool_]
 
 _TOLERANCE_S = 1e-3
 _COARSE_S = 60.0
+# Golden section ends up to this close to the end of an interval over which the elevation only
+# rises or falls.
 _CLOSE_S = 2.0
-"""Golden section ends up to this close to the end of an interval over which the elevation only rises or falls."""
+# Grid points before the first and after the last searched instant, for the interpolation to lean
+# on.
 MARGIN = 5
-"""Grid points before the first and after the last searched instant, for the interpolation to lean on."""
 
 _NODES = np.arange(-4.0, 6.0)
 _DENOMINATORS = np.array([np.prod([a - b for b in _NODES if b != a]) for a in _NODES])
@@ -95,7 +97,8 @@ class SampledSky:
     def turning_times(self, row: Index, low_s: Array, high_s: Array, sign: float) -> Array:
         """Return where the elevation is highest (sign = 1) or lowest (-1) inside each interval.
 
-        Golden section to a second, then the vertex of a parabola: good to 10 ms where the elevation peaks sharply.
+        Golden section to a second, then the vertex of a parabola: good to 10 ms where the elevation
+        peaks sharply.
         """
         a, b = self.narrowed(row, low_s, high_s, sign, _NARROW_S)
         return np.clip(self._vertex(row, 0.5 * (a + b)), low_s, high_s)

@@ -32,8 +32,9 @@ SENSES = {"receive": 1.0, "transmit": -1.0, "none": 0.0}
 def delayed(relative: StateVector, sense: float) -> tuple[StateVector, Any, Any]:
     """Return the inertial motion as seen through light, with range c tau [m] and its rate [m/s].
 
-    `relative` is target minus antenna with inertial derivatives.  The third order of the series, v^3 tau^3 / rho^2,
-    is below a millimetre to the Moon's distance; for a planet use a source that is apparent already.
+    `relative` is target minus antenna with inertial derivatives.  The third order of the series,
+    v^3 tau^3 / rho^2, is below a millimetre to the Moon's distance; for a planet use a source that
+    is apparent already.
     """
     r, v, a, j = relative.derivatives()
     distance = norm(r)
@@ -101,8 +102,8 @@ def _unit(r: Vector, v: Vector, a: Vector) -> tuple[Vector, Vector, Vector]:
 
 Array = NDArray[np.float64]
 
+# Azimuth is undefined at the zenith; a millimetre added in quadrature keeps its rates finite.
 _LEAST_HORIZONTAL_M = 1e-3
-"""Azimuth is undefined at the zenith; a millimetre added in quadrature keeps its rates finite."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

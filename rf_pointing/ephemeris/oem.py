@@ -49,18 +49,19 @@ _TEME = "TEME"
 EDGE_S = 1.0
 _MAX_DEGREE = 15
 _LEAST_DEGREE = {"HERMITE": 3, "LAGRANGE": 1, "LINEAR": 1}
+# Twice as far as the Earth holds a satellite; states in metres taken for km would lie beyond it.
 _FARTHEST_M = 3e9
-"""Twice as far as the Earth holds a satellite; states in metres taken for km would lie beyond it."""
+# Speeds over that of escape which are no satellite's, with room for what turning axes add to
+# them.
 _FASTEST_ESCAPES = 3.0
-"""Speeds over that of escape which are no satellite's, with room for what turning axes add to them."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class OemSegment:
     """One segment: states at `tai_s` (n,) [TAI s since 1970], `position_m` and `velocity_m_s` (n, 3) in `frame`.
 
-    Interpolation may use every state, but only times in [`usable_from_s`, `usable_to_s`] (TAI) may be asked for.
-    `method` is empty where the message declares none.
+    Interpolation may use every state, but only times in [`usable_from_s`, `usable_to_s`] (TAI) may
+    be asked for. `method` is empty where the message declares none.
     """
 
     name: str
@@ -231,7 +232,8 @@ def tai_from_text(text: str, scale: str) -> float:
 class OemTarget:
     """StateVector from the segments of one object.
 
-    `interpolation` (method, degree) serves segments that declare none; without it such a message is refused.
+    `interpolation` (method, degree) serves segments that declare none; without it such a message is
+    refused.
     """
 
     at_infinity = False

@@ -1,9 +1,9 @@
 """Passes of a target over a site: rise, closest approach, set, and what the antenna must be able to do.
 
-Elevation is cut at its turning points, which are the roots of the elevation rate; between two of them it is monotonic,
-so each crossing of the mask is bracketed and none is missed that the step of the search resolves.  A horizon that depends on
-the azimuth cuts the stays above its lowest point again, at a step of a second (longer in stays of hours): every stay above
-it is a pass.
+Elevation is cut at its turning points, which are the roots of the elevation rate; between two of
+them it is monotonic, so each crossing of the mask is bracketed and none is missed that the step of
+the search resolves.  A horizon that depends on the azimuth cuts the stays above its lowest point
+again, at a step of a second (longer in stays of hours): every stay above it is a pass.
 """
 
 import itertools
@@ -21,23 +21,24 @@ from rf_pointing.ephemeris.track import TopocentricTrack
 __all__ = ["Horizon", "Pass", "find_passes", "first_pass_above", "passes_with_present"]
 
 Array = NDArray[np.float64]
+# Lowest elevation (n,) at azimuths (n,) on any turn.
 Horizon = Callable[[Array], Array]
-"""Lowest elevation (n,) at azimuths (n,) on any turn."""
 
 _STEP_S = 30.0
 _TIME_TOLERANCE_S = 1e-4
 _PROFILE_STEP_S = 1.0
 _PROFILE_POINTS = 5000
 _HORIZON_POINTS, _HORIZON_MARGIN_RAD = 3601, 0.01
+# How far back the rise of a pass that is going on is looked for: a low orbit's, then any other's.
 _LOOK_BACK_S = (3600.0, 43200.0)
-"""How far back the rise of a pass that is going on is looked for: a low orbit's, then any other's."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pass:
     """One stay above the mask; angles apparent, azimuths continuous over the pass.
 
-    `rises_before` and `sets_after` tell that the pass runs on beyond the searched interval, where it is cut off.
+    `rises_before` and `sets_after` tell that the pass runs on beyond the searched interval, where
+    it is cut off.
     """
 
     name: str
@@ -73,8 +74,9 @@ def find_passes(
 ) -> list[Pass]:
     """Return the passes above an elevation or a horizon (apparent) in the `duration_s` after `start_t_s`, in time order.
 
-    Times are found to 0.1 ms.  A pass that is going on at either end is cut off there and says so.  An ephemeris is searched
-    where it is usable, its gaps left out; a search that lies wholly beside it is refused.
+    Times are found to 0.1 ms.  A pass that is going on at either end is cut off there and says so.
+    An ephemeris is searched where it is usable, its gaps left out; a search that lies wholly beside
+    it is refused.
     """
     require_between("duration_s", duration_s, 1.0, None)
     parts = _within(track.spans_t_s, start_t_s, duration_s)

@@ -1,7 +1,8 @@
 """Many roots at once, one array call of the function per iteration (Chandrupatla 1997).
 
-Inverse quadratic interpolation where the last three points are known to make it safe, bisection elsewhere: never
-slower than bisection by more than a factor, and about eight calls for smooth functions.
+Inverse quadratic interpolation where the last three points are known to make it safe, bisection
+elsewhere: never slower than bisection by more than a factor, and about eight calls for smooth
+functions.
 """
 
 from collections.abc import Callable

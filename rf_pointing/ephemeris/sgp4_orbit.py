@@ -2,8 +2,9 @@
 
     r_ITRF = W(x_p, y_p) R3(GMST82(UT1)) r_TEME        (Vallado et al., AIAA 2006-6753, appendix C)
 
-All derivatives are differences of five SGP4 positions.  The velocity that SGP4 returns is not the derivative of its
-positions: it lacks the change of the periodic terms, 0.02 m/s in a low orbit and more than 1 m/s in a 12-hour one.
+All derivatives are differences of five SGP4 positions.  The velocity that SGP4 returns is not the
+derivative of its positions: it lacks the change of the periodic terms, 0.02 m/s in a low orbit and
+more than 1 m/s in a 12-hour one.
 """
 
 import math
@@ -21,8 +22,8 @@ from rf_pointing.ephemeris.time_scales import DAY_S, POSIX_EPOCH_JD, leap_second
 
 __all__ = ["GMST_RATE_RAD_S", "Sgp4Orbit", "earth_fixed_from_teme"]
 
+# Derivative of Greenwich mean sidereal time per second of UT1 (Aoki et al. 1982).
 GMST_RATE_RAD_S = 7.2921158553e-5
-"""Derivative of Greenwich mean sidereal time per second of UT1 (Aoki et al. 1982)."""
 _STEP_S = 2.0
 _KM = 1e3
 
@@ -49,7 +50,8 @@ class Sgp4Orbit:
     def motion_at(self, t_s: Any, ahead_s: float = 0.0) -> StateVector:
         """Return the inertial motion [m] in Earth-fixed axes at UTC `t_s` (float or array).
 
-        `ahead_s` moves the object along its orbit without turning the Earth: an along-track error in time.
+        `ahead_s` moves the object along its orbit without turning the Earth: an along-track error
+        in time.
         """
         elapsed_s = t_s - self.elements.epoch_t_s + ahead_s
         self._check_age(t_s, elapsed_s)

@@ -1,8 +1,8 @@
 """Where the antenna stands: geodetic coordinates on WGS 84, and a catalogue of stations by name.
 
-Sources: DSN 810-005 module 301 for the Deep Space Stations (mean pole, to 0.1 m).  For the
-ISTRAC stations no survey is public: they are placed to about 0.1 deg on the map, which moves a satellite at 500 km by
-a degree.  Survey your antenna and make its own `Site`.
+Sources: DSN 810-005 module 301 for the Deep Space Stations (mean pole, to 0.1 m).  For the ISTRAC
+stations no survey is public: they are placed to about 0.1 deg on the map, which moves a satellite
+at 500 km by a degree.  Survey your antenna and make its own `Site`.
 """
 
 import math

@@ -11,8 +11,8 @@ from rf_pointing.ephemeris.track import TopocentricTrack
 __all__ = ["SolarDirection", "SunParams"]
 
 
+# The Sun moves 42 mdeg in this time.
 RENEWAL_S = 10.0
-"""The Sun moves 42 mdeg in this time."""
 
 
 @dataclass(frozen=True, kw_only=True)

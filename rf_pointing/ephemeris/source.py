@@ -14,8 +14,8 @@ from typing import Any
 
 from rf_pointing.core import Params, parameter
 from rf_pointing.core.dates import DAY_S
-from rf_pointing.core.kept_state import KeptState
 from rf_pointing.core.refraction import RadioRefraction
+from rf_pointing.core.whole_file import KeptState
 from rf_pointing.ephemeris import (
     RADIO_SOURCES,
     Elements,
@@ -45,12 +45,12 @@ __all__ = [
 ]
 
 
+# Bodies of the sky by their names, case ignored.
 BODIES: dict[str, Callable[[], TargetSource]] = {
     "sun": sun,
     "moon": moon,
     **{name.casefold(): partial(radio_source, name) for name in RADIO_SOURCES},
 }
-"""Bodies of the sky by their names, case ignored."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -31,8 +31,8 @@ __all__ = [
 ]
 
 
+# Components x, y, z: floats, or arrays of one shape.
 Vector = tuple[Any, Any, Any]
-"""Components x, y, z: floats, or arrays of one shape."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +81,8 @@ def combined(*terms: tuple[Any, Vector]) -> Vector:
 def turned_about_z(motion: StateVector, angle_rad: Any, pole_x_rad: Any, pole_y_rad: Any) -> StateVector:
     """Return the components in axes turned by the Earth's angle and then tilted to the pole (ITRF from TEME/CIRS).
 
-    The tilt is linear in the pole's coordinates: their squares are 1e-12, 7 micrometres on the ground.
+    The tilt is linear in the pole's coordinates: their squares are 1e-12, 7 micrometres on the
+    ground.
     """
     if isinstance(angle_rad, float):
         c, s = math.cos(angle_rad), math.sin(angle_rad)
@@ -115,8 +116,8 @@ def seen_from_rotating_axes(motion: StateVector, rate_rad_s: float) -> StateVect
     return StateVector(a0, velocity, acceleration, jerk)
 
 
+# Where the five positions are, in steps from the time asked for.
 OFFSETS = (-2.0, -1.0, 0.0, 1.0, 2.0)
-"""Where the five positions are, in steps from the time asked for."""
 
 _STENCILS = (
     (0.0, 0.0, 1.0, 0.0, 0.0),

@@ -29,8 +29,8 @@ __all__ = [
     "utc_from_tai_s",
 ]
 
+# Julian date of 1970-01-01T00:00:00.
 POSIX_EPOCH_JD = 2440587.5
-"""Julian date of 1970-01-01T00:00:00."""
 TT_MINUS_TAI_S = 32.184
 TAI_MINUS_GPS_S = 19.0
 _MJD_OF_POSIX_EPOCH = 40587.0

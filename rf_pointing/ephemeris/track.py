@@ -1,6 +1,7 @@
 """Where to point the antenna: apparent azimuth and elevation of a target, with rates, accelerations and range.
 
-elements -> SGP4 (TEME) -> Earth-fixed -> minus the antenna -> light time -> east-north-up -> offsets -> refraction
+elements -> SGP4 (TEME) -> Earth-fixed -> minus the antenna -> light time -> east-north-up ->
+offsets -> refraction
 """
 
 import math
@@ -174,7 +175,8 @@ class TopocentricTrack:
     def relative_motion_at(self, t_s: Any) -> tuple[StateVector, Any, Any]:
         """Return the true motion seen from the site in east-north-up axes, range c tau [m] and its rate [m/s].
 
-        Components are floats for a float time and arrays for an array.  Offsets are included, refraction is not.
+        Components are floats for a float time and arrays for an array.  Offsets are included,
+        refraction is not.
         """
         motion = self.target.motion_at(t_s, self.along_track_offset_s)
         if self.target.at_infinity:

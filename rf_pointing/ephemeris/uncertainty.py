@@ -2,10 +2,11 @@
 
     sigma_along = a0 + a1 |age| + a2 age^2,   sigma_cross = c0 + c1 |age|,   sigma_radial = r0 + r1 |age|
 
-in metres along the velocity, along the orbit normal and upward in the orbit; projected at right angles to the line
-of sight and divided by the range.  The along-track error grows fastest because drag errors change the period.
-Source of the default size: Vallado and Cefola, "Two-line element sets: practice and use", IAC-12 (2012): about 1 km
-at epoch, growing by 1 to 3 km a day in low orbits.  Fit your own from passes you have tracked.
+in metres along the velocity, along the orbit normal and upward in the orbit; projected at right
+angles to the line of sight and divided by the range.  The along-track error grows fastest because
+drag errors change the period. Source of the default size: Vallado and Cefola, "Two-line element
+sets: practice and use", IAC-12 (2012): about 1 km at epoch, growing by 1 to 3 km a day in low
+orbits.  Fit your own from passes you have tracked.
 """
 
 from dataclasses import dataclass

@@ -1,26 +1,107 @@
-"""The identification experiment, one control tick at a time: what to command, what was measured, when to stop.
+"""The identification experiment: its rate input, its ticks, and its recording.
 
-One axis is driven in manual-rate mode while both encoders are recorded.  The whole input is made, and its travel
-checked, before anything moves; sequences run to alternating sides so that the axis stays near its start.  On the way
-the measured travel is watched as well, and `abort` ends the motion at once.
+The input is white noise or a multisine, bounded in amplitude and travel.  The published experiment
+drove one axis with white noise between 0.1 and 1.3 V, always to one side: the friction never
+reverses and the travel limits the number of sequences (DSS13-ID Sec. II-C).  `mean_rad_s` is that
+one-sided part.
+
+One axis is driven in manual-rate mode while both encoders are recorded.  The whole input is made,
+and its travel checked, before anything moves: the integral of the input tells where a perfect
+antenna would go.  Sequences run to alternating sides so that the axis stays near its start.  The
+measured travel is watched as well, and `abort` ends the motion at once.
+
+A sample lost on its way spoils its sequence, for the input is no longer known to be what the
+antenna was given: nothing is filled in.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rf_pointing.core import AXES, as_finite_array, require_between, require_choice
-from rf_pointing.identification.excitation import ExcitationParams, excitation_rad_s, predicted_travel_rad
+from rf_pointing.core import AXES, Params, as_finite_array, parameter, require_between, require_choice
 
-__all__ = ["IdentificationExperiment", "Recording"]
+__all__ = [
+    "ExcitationParams",
+    "IdentificationExperiment",
+    "Recording",
+    "SampleCollector",
+    "excitation_rad_s",
+    "predicted_travel_rad",
+]
+
 
 Array = NDArray[np.float64]
 
 
+@dataclass(frozen=True, kw_only=True)
+class ExcitationParams(Params):
+    """One sequence of rate input."""
+
+    kind: str = parameter("white", "white noise or multisine", choices=("white", "multisine"))
+    samples: int = parameter(8192, "samples per sequence", low=64, high=1_048_576)
+    sample_s: float = parameter(0.02, "time between samples", low=1e-3, high=1.0)
+    mean_rad_s: float = parameter(math.radians(0.056), "mean of the rate input", low=-0.1, high=0.1)
+    rms_rad_s: float = parameter(math.radians(0.028), "rms of the rate input about its mean", low=1e-9, high=0.1)
+    peak_rad_s: float = parameter(
+        math.radians(0.2), "largest rate input; what exceeds it is clipped", low=1e-9, high=0.2
+    )
+    # Friction at rest sticks and slips with the driven axis, which is not linear.
+    idle_rate_rad_s: float = parameter(
+        0.0, "constant rate of the other axis, which keeps its friction from sticking", low=-1e-3, high=1e-3
+    )
+    low_hz: float = parameter(0.01, "lowest frequency of the multisine", low=1e-5, high=100.0)
+    high_hz: float = parameter(12.0, "highest frequency of the multisine", low=1e-4, high=500.0)
+
+    def check_together(self) -> None:
+        """Refuse a mean beyond the peak and a multisine band empty or above half the sampling rate."""
+        if abs(self.mean_rad_s) + self.rms_rad_s > self.peak_rad_s:
+            raise ValueError(
+                f"mean_rad_s={self.mean_rad_s} and rms_rad_s={self.rms_rad_s} together must be <= {self.peak_rad_s}"
+            )
+        if self.low_hz >= self.high_hz:
+            raise ValueError(f"low_hz={self.low_hz} must be < high_hz={self.high_hz}")
+        if self.kind == "multisine" and self.high_hz > 0.5 / self.sample_s:
+            raise ValueError(f"high_hz={self.high_hz} must be <= {0.5 / self.sample_s} (half the sampling rate)")
+
+    @property
+    def duration_s(self) -> float:
+        """Length of one sequence."""
+        return self.samples * self.sample_s
+
+
+def excitation_rad_s(params: ExcitationParams, random: np.random.Generator) -> Array:
+    """Return one sequence (samples,) in rad/s; white noise is uniform, within sqrt(3) times its rms."""
+    if params.kind == "white":
+        sequence = random.uniform(-1.0, 1.0, params.samples)
+    else:
+        sequence = _multisine(params, random)
+    # The drawn mean and rms differ from the wanted by chance; the travel must not.
+    sequence = sequence - np.mean(sequence)
+    sequence *= params.rms_rad_s / np.sqrt(np.mean(sequence**2))
+    return np.clip(params.mean_rad_s + sequence, -params.peak_rad_s, params.peak_rad_s)
+
+
+def predicted_travel_rad(rate_rad_s: Array, sample_s: float) -> tuple[float, float]:
+    """Return how far a rate input carries the axis below and above its start, (<= 0, >= 0)."""
+    require_between("sample_s", sample_s, 1e-6, None)
+    path = np.cumsum(rate_rad_s) * sample_s
+    return min(0.0, float(np.min(path))), max(0.0, float(np.max(path)))
+
+
+def _multisine(params: ExcitationParams, random: np.random.Generator) -> Array:
+    """Return equal amplitudes on every line of the band with random phases, periodic."""
+    frequency = np.fft.rfftfreq(params.samples, params.sample_s)
+    spectrum = np.zeros(len(frequency), dtype=np.complex128)
+    band = (frequency >= params.low_hz) & (frequency <= params.high_hz)
+    spectrum[band] = np.exp(2j * np.pi * random.random(int(np.count_nonzero(band))))
+    return np.fft.irfft(spectrum, params.samples)
+
+
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """Rate input (sequences, samples) of the driven `axis` and encoder angles (sequences, samples, 2), in radians."""
+    """Rate input (sequences, samples) of `axis` and encoder angles (sequences, samples, 2), rad."""
 
     axis: str
     sample_s: float
@@ -34,7 +115,7 @@ class Recording:
 
 
 class IdentificationExperiment:
-    """Call `command` once per sample until `finished`; then `recording` holds the complete sequences.
+    """Call `command` once per sample until `finished`; then `recording` holds the sequences.
 
     `travel_rad` (low, high) bounds the driven axis; `margin_rad` is kept from both ends.
     """
@@ -53,6 +134,7 @@ class IdentificationExperiment:
         require_between("sequences", sequences, 1, 1000)
         require_between("margin_rad", margin_rad, 0.0, None)
         self._params, self._axis = params, AXES.index(axis)
+        # The published antenna was driven back between sequences; alternating sides saves that.
         signs = np.where(np.arange(sequences) % 2 == 0, 1.0, -1.0)
         self._input = np.array([sign * excitation_rad_s(params, random) for sign in signs])
         self._low, self._high = travel_rad[0] + margin_rad, travel_rad[1] - margin_rad
@@ -118,11 +200,13 @@ class IdentificationExperiment:
             self._abort = reason
 
     def command(self, encoder_rad: ArrayLike) -> Array:
-        """Take the encoder angles (2,) of this sample and return the rate command (2,) to hold until the next one."""
+        """Take the encoder angles (2,) of this sample; return the rate command (2,) until the next."""
         encoder = as_finite_array("encoder_rad", encoder_rad, (2,))
+        # The predicted travel is that of a perfect antenna: wind or a slipping drive may leave it.
         if not self._low <= encoder[self._axis] <= self._high:
             self.abort(f"{AXES[self._axis]} {encoder[self._axis]:.6f} rad left {self._low:.6f} to {self._high:.6f} rad")
         rate = np.zeros(2)
+        # After the end the antenna is commanded to rest, not to its last rate.
         if self.finished:
             return rate
         where = divmod(self._sample, self._input.shape[1])
@@ -138,6 +222,7 @@ class IdentificationExperiment:
         ValueError
             If not even one was.
         """
+        # A sequence that was cut off has lost its spectrum: only complete ones count.
         complete = self._sample // self._input.shape[1]
         if complete == 0:
             raise ValueError(f"no sequence is complete: {self._sample} of {self._input.shape[1]} samples taken")
@@ -158,3 +243,55 @@ class IdentificationExperiment:
                 f"{axis} would run from {start_rad + below:.4f} to {start_rad + above:.4f} rad, "
                 f"must stay within {self._low:.4f} and {self._high:.4f} rad"
             )
+
+
+class SampleCollector:
+    """Samples of one experiment on `axis`: `sequences` of `samples`, `sample_s` apart."""
+
+    def __init__(self, axis: str, sequences: int, samples: int, sample_s: float) -> None:
+        require_choice("axis", axis, AXES)
+        require_between("sequences", sequences, 1, 1000)
+        require_between("samples", samples, 1, None)
+        self._axis, self._sample_s = axis, sample_s
+        self._input = np.zeros((sequences, samples))
+        self._encoder = np.zeros((sequences, samples, 2))
+        self._received = np.zeros((sequences, samples), dtype=bool)
+
+    @property
+    def received(self) -> int:
+        """Number of samples taken."""
+        return int(np.count_nonzero(self._received))
+
+    def take(self, axis: str, sample: int, rate_rad_s: ArrayLike, position_rad: ArrayLike) -> None:
+        """Take sample number `sample` (from 0): rate command (2,) and encoder angles (2,).
+
+        Raises
+        ------
+        ValueError
+            For another axis, a number that is outside or was taken before, or a non-finite value.
+        """
+        if axis != self._axis:
+            raise ValueError(f"axis={axis!r} must be {self._axis!r}, the axis of this experiment")
+        require_between("sample", sample, 0, self._received.size - 1)
+        where = divmod(sample, self._received.shape[1])
+        # A sample may come twice over the wire; the second would hide a wrong number.
+        if self._received[where]:
+            raise ValueError(f"sample={sample} was taken before")
+        rate = as_finite_array("rate_rad_s", rate_rad_s, (2,))
+        self._encoder[where] = as_finite_array("position_rad", position_rad, (2,))
+        self._input[where] = rate[AXES.index(axis)]
+        self._received[where] = True
+
+    def recording(self) -> tuple[Recording, int]:
+        """Return the complete sequences, and how many samples are missing from the others.
+
+        Raises
+        ------
+        ValueError
+            If no sequence is complete.
+        """
+        complete = np.all(self._received, axis=1)
+        if not np.any(complete):
+            raise ValueError(f"no sequence is complete: {self.received} of {self._received.size} samples taken")
+        missing = int(np.count_nonzero(~self._received))
+        return Recording(self._axis, self._sample_s, self._input[complete], self._encoder[complete]), missing

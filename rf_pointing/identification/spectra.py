@@ -1,6 +1,6 @@
 """Transfer function and coherence from measured sequences, averaged, detrended and Hann-windowed.
 
-    T(f) = P_uy / P_uu,   gamma(f) = |P_uy|^2 / (P_uu P_yy)                                  (DSS13-ID eq. 4, 5)
+    T(f) = P_uy / P_uu,   gamma(f) = |P_uy|^2 / (P_uu P_yy)                (DSS13-ID eq. 4, 5)
 
 Eq. (5) as printed has P_uy in the denominator twice; the coherence has P_yy.
 """
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.core import require_between
 
-__all__ = ["FrequencyResponse", "frequency_response", "peak_frequencies_hz"]
+__all__ = ["FrequencyResponse", "frequency_response"]
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -20,7 +20,7 @@ ComplexArray = NDArray[np.complex128]
 
 @dataclass(frozen=True, slots=True)
 class FrequencyResponse:
-    """Averaged response (f,) at `frequency_hz` with its coherence; `sequences` is the number of averages."""
+    """Averaged response (f,) at `frequency_hz` with its coherence, over `sequences`."""
 
     frequency_hz: Array
     response: ComplexArray
@@ -28,7 +28,7 @@ class FrequencyResponse:
     sequences: int
 
     def valid(self, least_coherence: float = 0.8) -> NDArray[np.bool_]:
-        """Return where the coherence is at least `least_coherence`: the band in which the data can be believed."""
+        """Return where the coherence is high enough for the data to be believed."""
         require_between("least_coherence", least_coherence, 0.0, 1.0)
         return np.asarray(self.coherence >= least_coherence)
 
@@ -43,6 +43,7 @@ class FrequencyResponse:
         good = np.flatnonzero(self.valid(least_coherence) & (self.frequency_hz > 0.0))
         if len(good) == 0:
             raise ValueError(f"least_coherence={least_coherence} is reached at no frequency")
+        # On a logarithmic scale, as resonances are: a decade counts the same wherever it is.
         stretches = np.split(good, np.flatnonzero(np.diff(good) > 1) + 1)
         ends = [(self.frequency_hz[part[0]], self.frequency_hz[part[-1]]) for part in stretches]
         low, high = max(ends, key=lambda pair: pair[1] / pair[0])
@@ -56,6 +57,7 @@ def frequency_response(inputs: ArrayLike, outputs: ArrayLike, sample_s: float) -
     u, y = np.atleast_2d(inputs), np.atleast_2d(outputs)
     if u.shape != y.shape:
         raise ValueError(f"inputs has shape {u.shape}, outputs has {y.shape}: must be equal")
+    # Hann: the leakage of the integrator's 1/f would cover the modes.
     window = np.hanning(u.shape[1])
     spectra_u = np.fft.rfft(scipy.signal.detrend(u, axis=1) * window, axis=1)
     spectra_y = np.fft.rfft(scipy.signal.detrend(y, axis=1) * window, axis=1)
@@ -64,13 +66,3 @@ def frequency_response(inputs: ArrayLike, outputs: ArrayLike, sample_s: float) -
     p_uy = np.mean(np.conj(spectra_u) * spectra_y, axis=0)
     frequency: Array = np.asarray(np.fft.rfftfreq(u.shape[1], sample_s), dtype=np.float64)
     return FrequencyResponse(frequency, p_uy / p_uu, np.abs(p_uy) ** 2 / (p_uu * p_yy), len(u))
-
-
-def peak_frequencies_hz(response: FrequencyResponse, low_hz: float, high_hz: float, prominence_db: float) -> Array:
-    """Return the frequencies of the peaks of |f T| (the integrator taken out) that stand out by `prominence_db`."""
-    import scipy.signal
-
-    band = (response.frequency_hz >= low_hz) & (response.frequency_hz <= high_hz)
-    level = 20.0 * np.log10(np.abs(response.response[band]) * response.frequency_hz[band])
-    peaks, _ = scipy.signal.find_peaks(level, prominence=prominence_db)
-    return np.asarray(response.frequency_hz[band][peaks])

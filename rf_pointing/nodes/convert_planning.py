@@ -104,7 +104,7 @@ def certificate_to_message(certificate: Certificate) -> ours.PassCertificate:
         aos=stamp_from_seconds(certificate.aos_t_s),
         los=stamp_from_seconds(certificate.los_t_s),
         accepted=certificate.chosen is not None,
-        refusal=certificate.refusal,
+        refusal=certificate.reason,
         sky_peak=certificate.sky_peak_rad,
         branches=[_branch_to_message(branch) for branch in certificate.branches],
     )
@@ -136,7 +136,7 @@ def _branch_to_message(branch: Branch) -> ours.PassBranch:
         plunge=branch.plunge,
         over=branch.over,
         works=branch.works,
-        refusals=list(branch.refusals),
+        refusals=list(branch.reasons),
         closest_limit=branch.closest_limit,
         **{wire: float(getattr(branch, core)) for wire, core in _NUMBERS.items()},
     )
@@ -150,7 +150,7 @@ def _branch_from_message(message: ours.PassBranch) -> Branch:
         turns=message.turns,
         plunge=message.plunge,
         over=message.over,
-        refusals=tuple(message.refusals),
+        reasons=tuple(message.refusals),
         closest_limit=message.closest_limit,
         **{core: tuple(getattr(message, wire).tolist()) for wire, core in _PAIRS.items()},
         **{core: getattr(message, wire) for wire, core in _NUMBERS.items()},

@@ -36,8 +36,8 @@ from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.planning import HorizonMask
 from rf_pointing.station.pointing.certificates import pass_profile
 
+# What may change while the node is configured; ~/select_target takes another satellite.
 LIVE_SOURCE = ("along_track_offset_s", "cross_track_offset_deg", "hold", "refraction", "weather")
-"""What may change while the node is configured; ~/select_target takes another satellite."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from rf_pointing.core import JointReading, angular_distance_rad, gaussian_loss_db
 from rf_pointing.papers.keyhole_passes import AVERAGING_S, KeyholeCase
 from rf_pointing.planning import GateParams, MachineParams
-from rf_pointing.planning.loss import DEEPEST_DB, HALF_POWER_DB
-from rf_pointing.planning.plunge import plunged
+from rf_pointing.planning.crossing import DEEPEST_DB, HALF_POWER_DB
+from rf_pointing.planning.over_the_top import plunged
 from rf_pointing.servo import WindParams, dss13_plant
 from rf_pointing.simulation.closed_loop import TARGET_LEAD_S, PointedAntenna, ticks
 from rf_pointing.station.antenna.safety import SafetyParams

@@ -1,22 +1,23 @@
-"""What the machine may do: limits of travel, the pass certificate with its branches, the gate of every motion."""
+"""What the machine may do: limits, the certificate of a pass, the safety gate, watches."""
 
-from rf_pointing.planning.authority import Authority
-from rf_pointing.planning.axis_watch import AxisWatch, AxisWatchParams
 from rf_pointing.planning.certificate import Branch, Certificate, certify
 from rf_pointing.planning.certificate_text import certificate_lines, certificate_values
-from rf_pointing.planning.corner_path import CornerPath
-from rf_pointing.planning.crossing import AxisMotionLimits, Crossing, cross
-from rf_pointing.planning.drive_watch import DriveWatch, DriveWatchParams
-from rf_pointing.planning.fault_latch import FaultLatch, LatchedFault
+from rf_pointing.planning.crossing import AxisMotionLimits, cross
+from rf_pointing.planning.forbidden_sky import HorizonMask
 from rf_pointing.planning.gate import MOTIONS, Decision, Gate, GateParams, motion_between
-from rf_pointing.planning.limits import AxisLimits, choose_turns, refusal
-from rf_pointing.planning.machine import MachineParams
-from rf_pointing.planning.mask import HorizonMask
-from rf_pointing.planning.plunge import plunged, unplunged
+from rf_pointing.planning.interlocks import Authority, FaultLatch, WrapCount
+from rf_pointing.planning.limits import AxisLimits, AxisRates, MachineParams, choose_turns
+from rf_pointing.planning.over_the_top import plunged, unplunged
 from rf_pointing.planning.profile import PassProfile
-from rf_pointing.planning.slew import AxisRates
-from rf_pointing.planning.wind_watch import WindWatch, WindWatchParams
-from rf_pointing.planning.wrap_count import WrapCount
+from rf_pointing.planning.slew import CornerPath
+from rf_pointing.planning.watches import (
+    AxisWatch,
+    AxisWatchParams,
+    DriveWatch,
+    DriveWatchParams,
+    WindWatch,
+    WindWatchParams,
+)
 
 __all__ = [
     "MOTIONS",
@@ -29,7 +30,6 @@ __all__ = [
     "Branch",
     "Certificate",
     "CornerPath",
-    "Crossing",
     "Decision",
     "DriveWatch",
     "DriveWatchParams",
@@ -37,7 +37,6 @@ __all__ = [
     "Gate",
     "GateParams",
     "HorizonMask",
-    "LatchedFault",
     "MachineParams",
     "PassProfile",
     "WindWatch",
@@ -50,6 +49,5 @@ __all__ = [
     "cross",
     "motion_between",
     "plunged",
-    "refusal",
     "unplunged",
 ]

@@ -1,8 +1,8 @@
-"""The motions that the axes may take through a pass: on one side of the zenith or over the top, each with its crossing.
+"""The motions that the axes may take through a pass: on one side of the zenith or over the top.
 
-A course is planned for the beam, in the angles of axes that stand still for it; the lags of the mount are then added along
-the motion that the beam makes.  Where axes would have to do more than they can for both together, the crossing is planned
-again with what the lags leave.
+A motion is planned for the beam, in the angles of axes that point it without lags.  The lags of the
+mount are then added along the motion that the beam makes.  Where the axes would exceed their limits
+with both together, the crossing is planned again with what the lags leave.
 """
 
 import math
@@ -14,22 +14,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.planning.crossing import AxisMotionLimits, Crossing, Gain, cross
-from rf_pointing.planning.limits import AxisLimits
-from rf_pointing.planning.machine import MachineParams
-from rf_pointing.planning.over_the_top import cross_over
-from rf_pointing.planning.plunge import plunged, unplunged
+from rf_pointing.planning.limits import AxisLimits, MachineParams
+from rf_pointing.planning.over_the_top import cross_over, plunged, unplunged
 
 __all__ = ["BranchMotion", "Lag", "branch_motions", "no_lag"]
 
 Array = NDArray[np.float64]
 Triple = tuple[Array, Array, Array]
+# What axes stand ahead of a beam: position, velocity, acceleration (n, 2) from times (n,), rates
+# and accelerations (n, 2).
 Lag = Callable[[Array, Array, Array], Triple]
-"""What axes stand ahead of a beam: position, velocity, acceleration (n, 2) from times (n,), rates and accelerations (n, 2)."""
+# The lags depend on the motion and the motion on what the lags leave: a fixed point, not always
+# reached, so the rounds are bounded.
 ROUNDS = 4
 SLACK = 0.01
+# An elevation above its limit by less than this is the arithmetic's.
 ROUNDING_RAD = 1e-6
+# Lags that leave less of the axes than this are left to the loss.
 LEAST_SHARE = 0.5
-"""Lags that leave less of the axes than this are left to the loss."""
 
 
 def no_lag(_t_s: Array, rate: Array, acceleration: Array) -> Triple:
@@ -40,10 +42,13 @@ def no_lag(_t_s: Array, rate: Array, acceleration: Array) -> Triple:
 
 @dataclass(frozen=True)
 class BranchMotion:
-    """One way of moving through a pass: `plunge` at its rise, `asked` what the target asks, `axes_rad` (n, 2) what is done."""
+    """One motion through a pass: `required` by the target, `axes_rad` (n, 2) as done.
+
+    `plunge` is how the dish is at the rise.
+    """
 
     plunge: bool
-    asked: Triple
+    required: Triple
     crossing: Crossing | None
     axes_rad: Array
 
@@ -51,14 +56,17 @@ class BranchMotion:
 def branch_motions(
     t_s: Array, sides: dict[bool, Triple], machine: MachineParams, limits: AxisLimits, gain: Gain, lag: Lag
 ) -> list[BranchMotion]:
-    """Return every course through a pass whose beam motion is `sides` by whether the axes are plunged."""
+    """Return every motion through a pass; `sides` is the beam's, by whether the axes are plunged."""
     found = []
     for plunge, motion in sides.items():
-        # Over the top the whole pass lies beyond the zenith: an end of travel there is a refusal, not a detour.
+        # Over the top the whole pass lies beyond the zenith: an end of travel there rules the
+        # branch out and is no reason for a detour.
         most_rad = math.inf if plunge else limits.elevation_max_rad
         planner = _Planner(t_s, motion, motion, machine, most_rad, lag)
         crossing, axes = planner.plan(partial(_aside, t_s, motion, gain))
         found.append(BranchMotion(plunge, motion, crossing, axes))
+    # An axis that ends at 95 or 100 deg cannot finish a pass over the top; the branch is made anyway
+    # and shown with that reason.
     leans = len(sides) == 2 and limits.elevation_max_rad > 0.5 * math.pi
     for plunge in sides if leans and any(one.crossing for one in found) else ():
         first, second = sides[plunge], sides[not plunge]
@@ -76,7 +84,7 @@ def _aside(t_s: Array, motion: Triple, gain: Gain, limits: AxisMotionLimits) -> 
 def _over(
     t_s: Array, plunge: bool, first: Triple, second: Triple, gain: Gain, limits: AxisMotionLimits
 ) -> Crossing | None:
-    """Return the crossing over the top; one that begins plunged is the same seen with the dish turned."""
+    """Return the crossing over the top; one that begins plunged is it with the dish turned."""
     if not plunge:
         return cross_over(t_s, first, second, limits, gain)
     found = cross_over(t_s, unplunged(*first), unplunged(*second), limits, gain)
@@ -115,6 +123,7 @@ class _Planner:
             high_rad = float(axes[0][inside, 1].max()) - self._top_rad
             if not (dragged.any() or high_rad > ROUNDING_RAD) or float(left.min()) < LEAST_SHARE:
                 break
+            # Only axes that the lags drag over their limits get less; the others keep all they have.
             left = np.where(dragged, left * alone / asked, left)
             top_rad -= max(high_rad, 0.0)
         return crossing, axes[0]

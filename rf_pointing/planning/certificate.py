@@ -1,8 +1,9 @@
-"""The pass certificate: before a pass, what every way of tracking it asks of the machine, and which way is taken.
+"""The pass certificate: before a pass, what each way of tracking it requires of the machine.
 
-A branch is a whole number of azimuth turns and a course (`course.py`): direct, plunged, or over the top in the middle of the
-pass.  Each branch is followed through the whole pass: travel, rates, accelerations, horizon mask, Sun, the crossing of the
-zenith with its loss, and the way to its start.
+A branch is a whole number of azimuth turns and a motion (`branch_motion.py`): direct, plunged, or
+over the top in the middle of the pass.  Each branch is followed through the whole pass: travel,
+rates, accelerations, horizon mask, Sun, the crossing of the zenith with its loss, and the slew to
+its start.  The best branch that works is taken.
 """
 
 import dataclasses
@@ -14,29 +15,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.planning.branch_motion import BranchMotion, Lag, branch_motions, no_lag
-from rf_pointing.planning.crossing import Crossing, Gain
-from rf_pointing.planning.forbidden_sky import ForbiddenSky
-from rf_pointing.planning.limits import AxisLimits
-from rf_pointing.planning.loss import PassLoss
-from rf_pointing.planning.machine import MachineParams
-from rf_pointing.planning.mask import HorizonMask
+from rf_pointing.planning.crossing import Crossing, Gain, PassLoss
+from rf_pointing.planning.forbidden_sky import ForbiddenSky, HorizonMask, angle_between
+from rf_pointing.planning.limits import AxisLimits, MachineParams
 from rf_pointing.planning.profile import PassProfile
 
 __all__ = ["STEP_S", "Branch", "Certificate", "certify"]
 
 Array = NDArray[np.float64]
 Pair = tuple[float, float]
+# Time of a slew between two positions of the axes by the way that is free, and why there is none.
 Slew = Callable[[Pair, Pair], tuple[float, str]]
-"""Time of a slew between two positions of the axes by the way that is free, and why there is none."""
 TURN = 2.0 * math.pi
 STEP_S = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
 class Branch:
-    """One way to track a pass; angles are those of the axes, `refusals` say with numbers why it cannot be.
+    """One way to track a pass; angles are those of the axes, `reasons` why it cannot be.
 
-    `plunge` is how the dish stands at the rise, `over` whether it goes over to the other side in the middle of the pass.
+    `plunge` is how the dish stands at the rise, `over` whether it goes over to the other side in
+    the middle of the pass.
     """
 
     turns: int
@@ -60,7 +59,8 @@ class Branch:
     preposition_s: float
     unwind_s: float
     late_s: float
-    refusals: tuple[str, ...]
+    reasons: tuple[str, ...]
+    # Arrays do not compare to one truth value, and a certificate from the wire has none.
     crossing: Crossing | None = field(default=None, compare=False)
     axes_rad: Array | None = field(default=None, compare=False)
     """Positions (n, 2) of the axes at the times of the profile."""
@@ -68,7 +68,7 @@ class Branch:
     @property
     def works(self) -> bool:
         """Whether the pass can be tracked this way."""
-        return not self.refusals
+        return not self.reasons
 
     @property
     def label(self) -> str:
@@ -79,7 +79,7 @@ class Branch:
 
 @dataclass(frozen=True, kw_only=True)
 class Certificate:
-    """All branches of one pass, best first among those that work; `machine` is what they were held against."""
+    """All branches of one pass on `machine`, best first among those that work."""
 
     name: str
     issued_t_s: float
@@ -95,19 +95,19 @@ class Certificate:
         return next((branch for branch in self.branches if branch.works), None)
 
     @property
-    def refusal(self) -> str:
-        """Why no branch works, with the numbers of the one that comes closest; "" when one works."""
+    def reason(self) -> str:
+        """Why no branch works, with the numbers of the nearest one; "" when one works."""
         if self.chosen is not None:
             return ""
         first = self.branches[0]
-        return f"no branch works; the nearest, {first.label}: " + "; ".join(first.refusals)
+        return f"no branch works; the nearest, {first.label}: " + "; ".join(first.reasons)
 
 
 def certify(
     profile: PassProfile,
     axes: dict[bool, tuple[Array, Array, Array]],
     issued_t_s: float,
-    present_rad: Pair,
+    encoder_rad: Pair,
     machine: MachineParams,
     limits: AxisLimits,
     mask: HorizonMask,
@@ -120,20 +120,20 @@ def certify(
     Parameters
     ----------
     profile : the pass on the sky, at even steps of `STEP_S` or less.
-    axes : position, velocity, acceleration (n, 2) of the axes that hold the beam on it, azimuth continuous, by whether
-        they are plunged; a way that is not there is not considered.
-    issued_t_s, present_rad : now, and where the axes stand.
+    axes : position, velocity, acceleration (n, 2) of the axes that hold the beam on the target,
+        azimuth continuous, by whether they are plunged; a side that is missing is not considered.
+    issued_t_s, encoder_rad : now, and where the axes are.
     gain : power received relative to the peak at angles off the beam axis.
-    lag : what the axes have to stand ahead of the beam because of how it moves.
+    lag : what the axes must lead the beam by because of how it moves.
     slew : the way to the start; without one it is straight.
     """
     way = slew or (lambda start, end: (machine.slew_s(start, end), ""))
     sky = ForbiddenSky(mask, machine.sun_radius_rad)
-    certified = _Certifier(profile, sky, issued_t_s, present_rad, machine, limits, gain, way)
+    certified = _Certifier(profile, sky, issued_t_s, encoder_rad, machine, limits, gain, way)
     branches = [
-        certified.branch(course, turns)
-        for course in branch_motions(profile.t_s, axes, machine, limits, gain, lag)
-        for turns in _turns(course.axes_rad[:, 0], limits)
+        certified.branch(motion, turns)
+        for motion in branch_motions(profile.t_s, axes, machine, limits, gain, lag)
+        for turns in _turns(motion.axes_rad[:, 0], limits)
     ]
     return Certificate(
         name=profile.name,
@@ -147,7 +147,7 @@ def certify(
 
 
 def _turns(azimuth: Array, limits: AxisLimits) -> list[int]:
-    """Return the turns with which some of the pass lies within the travel; the nearest one when none does."""
+    """Return the turns with which some of the pass lies within the travel, else the nearest one."""
     low, high = float(azimuth.min()), float(azimuth.max())
     first = math.ceil((limits.azimuth_min_rad - high) / TURN)
     last = math.floor((limits.azimuth_max_rad - low) / TURN)
@@ -161,36 +161,38 @@ class _Certifier:
     profile: PassProfile
     sky: ForbiddenSky
     issued_t_s: float
-    present_rad: Pair
+    encoder_rad: Pair
     machine: MachineParams
     limits: AxisLimits
     gain: Gain
     slew: Slew
 
-    def branch(self, course: BranchMotion, turns: int) -> Branch:
-        """Return one branch, on a course moved by whole turns."""
+    def branch(self, motion: BranchMotion, turns: int) -> Branch:
+        """Return one branch, a motion moved by whole turns."""
         shift = np.array([turns * TURN, 0.0])
-        position, crossing = course.axes_rad + shift, _moved(course.crossing, shift)
+        position, crossing = motion.axes_rad + shift, _moved(motion.crossing, shift)
         (low, high), (bottom, top) = ((float(part.min()), float(part.max())) for part in position.T)
         closest, margin = _closest(self.limits, low, high, bottom, top)
         start, end = (float(position[0, 0]), float(position[0, 1])), (float(position[-1, 0]), float(position[-1, 1]))
-        preposition_s, barred = self.slew(self.present_rad, self._meeting_point(position))
+        # Late is what the slew takes beyond the rise; the pass may have begun already.
+        preposition_s, barred = self.slew(self.encoder_rad, self._meeting_point(position))
         loss = PassLoss.of(crossing, self.profile.duration_s, self.gain)
         late_s = max(0.0, self.issued_t_s + preposition_s - float(self.profile.t_s[0]))
         above = -float(np.max(self.sky.under_mask_all(position)))
-        sun = float(np.min(self.sky.sun_distance_all(position, self.profile.sun_rad))) - self.machine.sun_radius_rad
+        sun = float(np.min(angle_between(position, self.profile.sun_rad))) - self.machine.sun_radius_rad
+        # Signal lost on the way to the pass counts like signal lost at the zenith.
         lost_s, duration_s = loss.below_s + late_s, self.profile.duration_s
-        refusals = _refusals(closest, margin, above, sun, lost_s, duration_s, self.machine)
+        reasons = _reasons_against(closest, margin, above, sun, lost_s, duration_s, self.machine)
         return Branch(
             turns=turns,
-            plunge=course.plunge,
+            plunge=motion.plunge,
             over=crossing is not None and crossing.over_t_s is not None,
             start_rad=start,
             end_rad=end,
             azimuth_range_rad=(low, high),
             elevation_range_rad=(bottom, top),
-            peak_rate_rad_s=_peaks(course.asked[1]),
-            peak_acceleration_rad_s2=_peaks(course.asked[2]),
+            peak_rate_rad_s=_peaks(motion.required[1]),
+            peak_acceleration_rad_s2=_peaks(motion.required[2]),
             closest_limit=closest,
             limit_margin_rad=margin,
             mask_margin_rad=above,
@@ -198,7 +200,7 @@ class _Certifier:
             preposition_s=preposition_s,
             unwind_s=self.machine.slew_s((end[0], 0.0), (math.remainder(end[0], TURN), 0.0)),
             late_s=late_s,
-            refusals=(*refusals, *((f"no way to the start: {barred}",) if barred and margin >= 0.0 else ())),
+            reasons=(*reasons, *((f"no way to the start: {barred}",) if barred and margin >= 0.0 else ())),
             crossing=crossing,
             axes_rad=position,
             keyhole_s=loss.off_s,
@@ -209,7 +211,8 @@ class _Certifier:
         )
 
     def _meeting_point(self, position: Array) -> Pair:
-        """Return where the axes have to go: to the start of the pass, or where a pass that is going on already has come."""
+        """Return where the axes meet the pass: at its start, or where one going on has come to."""
+        # A pass that is going on is met where it is now, not at its rise behind the antenna.
         row = int(np.searchsorted(self.profile.t_s, self.issued_t_s))
         azimuth, elevation = position[min(row, len(position) - 1)].tolist()
         return azimuth, elevation
@@ -225,7 +228,7 @@ def _peaks(values: Array) -> tuple[float, float]:
 
 
 def _closest(limits: AxisLimits, low: float, high: float, bottom: float, top: float) -> tuple[str, float]:
-    """Return the limit that the motion comes nearest to, and by how much it stays inside (negative: past it)."""
+    """Return the limit that the motion comes nearest to, and the margin (negative: past it)."""
     margins = {
         f"azimuth {math.degrees(limits.azimuth_min_rad):.1f} deg": low - limits.azimuth_min_rad,
         f"azimuth {math.degrees(limits.azimuth_max_rad):.1f} deg": limits.azimuth_max_rad - high,
@@ -236,7 +239,7 @@ def _closest(limits: AxisLimits, low: float, high: float, bottom: float, top: fl
     return name, margins[name]
 
 
-def _refusals(
+def _reasons_against(
     closest: str, margin: float, above: float, sun: float, lost_s: float, duration_s: float, machine: MachineParams
 ) -> tuple[str, ...]:
     found = []
@@ -259,9 +262,9 @@ def _refusals(
 
 
 def _cost(branch: Branch) -> tuple[object, ...]:
-    """Order: works; least signal lost, to a tenth of a second; then the least time to get there and to unwind."""
+    """Order: works; least signal lost, to 0.1 s; then the least time to get there and to unwind."""
     distance = max(0.0, -branch.limit_margin_rad)
     return (
-        not branch.works, len(branch.refusals), distance, round(branch.lost_signal_s + branch.late_s, 1),
+        not branch.works, len(branch.reasons), distance, round(branch.lost_signal_s + branch.late_s, 1),
         round(branch.preposition_s + branch.unwind_s, 6),  # equally long ones keep their order
     )  # fmt: skip

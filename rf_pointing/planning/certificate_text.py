@@ -6,7 +6,7 @@ from typing import Any
 
 from rf_pointing.core import to_degrees
 from rf_pointing.planning.certificate import Branch, Certificate
-from rf_pointing.planning.loss import DEEPEST_DB
+from rf_pointing.planning.crossing import DEEPEST_DB
 
 __all__ = ["certificate_lines", "certificate_values"]
 
@@ -14,11 +14,12 @@ COLUMNS = (
     f"  {'branch':<17}{'azimuth deg':>17}{'elevation deg':>16}{'rate az el deg/s':>18}{'closest limit':>35}"
     f"{'mask':>7}{'Sun':>7}{'keyhole':>9}{'lost':>8}{'slew':>7}{'unwind':>8}"
 )
-NOT_PLAIN = ("crossing", "axes_rad", "branches", "machine")
+# What is left out or, `reasons`, goes under the name that it has in the file and on the wire.
+NOT_PLAIN = ("crossing", "axes_rad", "branches", "machine", "reasons")
 
 
 def certificate_lines(certificate: Certificate) -> list[str]:
-    """Return the certificate as lines of text: the machine, one line for every branch, and the verdict."""
+    """Return the certificate as text: the machine, one line for every branch, and the verdict."""
     rate, acceleration = certificate.machine.rate_limit_rad_s, certificate.machine.acceleration_limit_rad_s2
     machine = (
         f"machine: {_pair(rate)} deg/s, {_pair(acceleration)} deg/s^2; "
@@ -28,12 +29,13 @@ def certificate_lines(certificate: Certificate) -> list[str]:
     for branch in certificate.branches:
         mark = ">" if branch is certificate.chosen else " " if branch.works else "x"
         lines.append(f"{mark} {_row(branch)}")
-        lines += [f"    refused: {reason}" for reason in branch.refusals]
+        lines += [f"    refused: {reason}" for reason in branch.reasons]
     chosen = certificate.chosen
     if chosen is None:
-        return [*lines, f"REFUSED: {certificate.refusal}"]
+        return [*lines, f"REFUSED: {certificate.reason}"]
     verdict = f"taken: {chosen.label}, start at azimuth {math.degrees(chosen.start_rad[0]):.1f} deg"
     if chosen.keyhole_s > 0.0:
+        # A Gaussian beam has no sidelobes: below DEEPEST_DB its number means nothing.
         deep = "more than " if chosen.peak_loss_db >= DEEPEST_DB else ""
         verdict += (
             f"; crosses the zenith at its limits: {chosen.keyhole_s:.1f} s off target, {chosen.lost_s:.1f} s below half "
@@ -47,9 +49,14 @@ def certificate_lines(certificate: Certificate) -> list[str]:
 def certificate_values(certificate: Certificate) -> dict[str, Any]:
     """Return the certificate as names and plain values, angles in degrees."""
     values = _plain(certificate)
-    values["accepted"], values["refusal"] = certificate.chosen is not None, certificate.refusal
+    values["accepted"], values["refusal"] = certificate.chosen is not None, certificate.reason
     values["branches"] = [
-        {**_plain(branch), "works": branch.works, "chosen": branch is certificate.chosen}
+        {
+            **_plain(branch),
+            "refusals": list(branch.reasons),
+            "works": branch.works,
+            "chosen": branch is certificate.chosen,
+        }
         for branch in certificate.branches
     ]
     values["machine"] = _plain(certificate.machine)

@@ -1,15 +1,16 @@
-"""Crossing the zenith with an azimuth axis that is too slow for it, with the least signal lost.
+"""Crossing the zenith with an azimuth axis that is too slow for it, and what the crossing costs.
 
-An azimuth-elevation mount sees a pass near the zenith turn its azimuth by half a turn faster than the axis can.  Clipping
-the rate makes the beam lag through the whole crossing and far beyond.  The best motion follows the target, leaves it
-early at full acceleration and rate, lets it overtake, and comes back onto it at the limits: follow - bang - follow, the
-structure that the maximum principle gives for a loss that grows with the error.  With departure (t_a, az_a, v_a) the
-return t_b solves
+An azimuth-elevation mount sees a pass near the zenith turn its azimuth by half a turn faster than
+the axis can.  Clipping the rate makes the beam lag through the whole crossing and far beyond.  The
+best motion follows the target, leaves it early at full acceleration and rate, lets it overtake, and
+comes back onto it at the limits: follow - bang - follow, the structure that the maximum principle
+gives for a loss that grows with the error.  With departure (t_a, az_a, v_a) the return t_b solves
 
     az_a + V (t_b - t_a) - (V - v_a)^2 / 2A - (V - v_b)^2 / 2A = az(t_b)
 
-so one number, t_a, is left, and the signal lost, the integral of 1 - g(error), is minimised over it.  The elevation
-axis helps: for an azimuth error D the nearest elevation to a target at e is atan2(sin e, cos e cos D).
+so one number, t_a, is left.  It minimises the signal lost, the integral of 1 - g(error).  The
+elevation axis helps: for an azimuth error D the nearest elevation to a target at e is
+atan2(sin e, cos e cos D).
 """
 
 import math
@@ -19,23 +20,36 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["AxisMotionLimits", "Crossing", "Gain", "cross"]
+from rf_pointing.planning.forbidden_sky import angle_between
+
+__all__ = ["DEEPEST_DB", "HALF_POWER_DB", "AxisMotionLimits", "Crossing", "Gain", "PassLoss", "cross"]
+
 
 Array = NDArray[np.float64]
+# Power received relative to the beam's peak at angles (n,) from its axis.
 Gain = Callable[[Array], Array]
-"""Power received relative to the beam's peak at angles (n,) from its axis."""
 
+HALF_POWER_DB = 3.0
+# Loss beyond which only "more than" is meant; a Gaussian beam has no sidelobes.
+DEEPEST_DB = 60.0
+# Share of the largest error from which the beam counts as off the target.
+# Relative to the largest error, so that the time off target does not depend on the beam.
+OFF_TARGET = 0.05
+# No antenna gains by leaving the target earlier than four minutes before the zenith; the search
+# then narrows around the best of COARSE starts.
 EARLIEST_S = 240.0
 COARSE = 32
 REFINEMENTS = 4
+# Widths of the elevation's smoothing that are tried: the nearest elevation has a corner where the
+# target overtakes the beam.
 SMOOTHINGS_S = (0.5, 1.0, 2.0, 4.0)
+# A crossing begins and ends so long before and after the axes leave the target by more than this.
 ON_TARGET_RAD, MARGIN_S = 1e-5, 4.0
-"""A crossing begins and ends so long before and after the axes leave the target by more than this."""
 
 
 @dataclass(frozen=True, slots=True)
 class AxisMotionLimits:
-    """Largest rates and accelerations (azimuth, elevation) and the highest elevation of the axes."""
+    """Largest rates and accelerations (azimuth, elevation) and highest elevation of the axes."""
 
     rate_rad_s: tuple[float, float]
     acceleration_rad_s2: tuple[float, float]
@@ -44,7 +58,7 @@ class AxisMotionLimits:
 
 @dataclass(frozen=True, slots=True)
 class Crossing:
-    """Axis motion (n, 2) to follow instead of the target's from `t_s[0]` to `t_s[-1]`; `error_rad` (n,) what is left."""
+    """Axis motion (n, 2) that replaces the target's in `t_s` (n,); `error_rad` (n,) is left."""
 
     t_s: Array
     position_rad: Array
@@ -65,11 +79,12 @@ class Crossing:
 def cross(
     t_s: Array, position: Array, velocity: Array, acceleration: Array, limits: AxisMotionLimits, gain: Gain
 ) -> Crossing | None:
-    """Return the crossing of least loss of a path (n, 2) at even times, None when the axes can follow all of it.
+    """Return the crossing of least loss of a path (n, 2) at even times, None when none is needed.
 
     The path is as the axes would have to move, azimuth continuous.
     """
     rate, limit = limits.rate_rad_s[0], limits.acceleration_rad_s2[0]
+    # Rate and acceleration count apart: either may exceed its limit where the other does not.
     fast = (np.abs(velocity[:, 0]) > rate) | (np.abs(acceleration[:, 0]) > limit)
     high = position[:, 1] > limits.elevation_max_rad
     if not fast.any() and not high.any():
@@ -78,11 +93,13 @@ def cross(
     first, last = int(inside[0]), int(inside[-1])
     step_s = float(t_s[1] - t_s[0])
     path = _Path(t_s, position, velocity, limits, math.copysign(1.0, position[last, 0] - position[first, 0]))
+    # Only the elevation's travel is too short: the azimuth follows the target.
     if not fast.any():
         return _finish(path, position[:, 0], first, last, gain, acceleration)
     earliest = max(0, first - round(EARLIEST_S / step_s))
     best = (math.inf, first, last, position[:, 0])
     candidates = np.unique(np.linspace(earliest, first, COARSE).astype(int))
+    # The loss over t_a is smooth but has no derivative at hand: a grid around the best, ever finer.
     for _ in range(REFINEMENTS):
         for start in candidates:
             azimuth, end = path.bang(int(start), last)
@@ -105,9 +122,10 @@ class _Path:
         self.step_s = float(t_s[1] - t_s[0])
 
     def bang(self, start: int, last: int) -> tuple[Array, int]:
-        """Return the azimuth (n,) that leaves the path at `start`, and the index at which it is back on it."""
+        """Return the azimuth (n,) that leaves the path at `start`, and the index of its return."""
         rate, limit = self.limits.rate_rad_s[0], self.limits.acceleration_rad_s2[0]
         ahead = self.side * self.position[:, 0]
+        # A target that is already too fast is left at the axis's own rate.
         speed = np.minimum(self.side * self.velocity[:, 0], rate)
         lead = (rate - speed[start]) ** 2 / (2.0 * limit)
         tail = (rate - speed) ** 2 / (2.0 * limit)
@@ -124,7 +142,8 @@ class _Path:
     def _bang_positions(self, start: int, end: int, ahead: Array, speed: Array, returns: bool) -> Array:
         """Accelerate to the limit, run, decelerate to the path's own rate at `end`.
 
-        The exact return lies between two samples; what the run is too far at the later one comes off it smoothly.
+        The exact return lies between two samples; what the run is too far at the later one comes
+        off it smoothly.
         """
         rate, limit = self.limits.rate_rad_s[0], self.limits.acceleration_rad_s2[0]
         t: Array = self.t_s[start : end + 1] - self.t_s[start]
@@ -137,7 +156,7 @@ class _Path:
         return np.asarray(out - (out[-1] - ahead[end]) * share**2 * (3.0 - 2.0 * share))
 
     def error_rad(self, azimuth: Array, elevation: Array, part: slice) -> Array:
-        """Return the angle between target and a beam at azimuth (n,) and, within `part`, this elevation."""
+        """Return the angle between target and beam at azimuth (n,) and `elevation` in `part`."""
         return angle_between(np.column_stack([azimuth[part], elevation]), self.position[part])
 
     def lost_s(self, azimuth: Array, start: int, end: int, gain: Gain, elevation: Array | None = None) -> float:
@@ -152,20 +171,13 @@ class _Path:
         return np.asarray(np.minimum(best, self.limits.elevation_max_rad))
 
 
-def angle_between(beam: Array, target: Array) -> Array:
-    """Return the angle (n,) between two directions (n, 2), over the top or not."""
-    half, rise = 0.5 * (beam - target).T
-    haversine = np.sin(rise) ** 2 + np.cos(beam[:, 1]) * np.cos(target[:, 1]) * np.sin(half) ** 2
-    return np.asarray(2.0 * np.arcsin(np.sqrt(np.clip(haversine, 0.0, 1.0))))
-
-
 def nearest_elevation(off_rad: Array, elevation_rad: Array) -> Array:
-    """Return the elevation at which a beam `off_rad` (n,) in azimuth comes nearest to a target, over the top if need be."""
+    """Return the elevation at which a beam `off_rad` (n,) in azimuth comes nearest to a target."""
     return np.asarray(np.arctan2(np.sin(elevation_rad), np.cos(elevation_rad) * np.cos(off_rad)))
 
 
 def _finish(path: _Path, azimuth: Array, start: int, end: int, gain: Gain, acceleration: Array) -> Crossing:
-    """Choose the elevation that the axis can do and that loses least, and return the window of the crossing."""
+    """Choose the elevation that the axis can do and that loses least; return the crossing."""
     margin = round(4.0 * max(SMOOTHINGS_S) / path.step_s)
     first, last = max(0, start - margin), min(len(path.t_s) - 1, end + margin)
     part = slice(first, last + 1)
@@ -181,6 +193,7 @@ def _finish(path: _Path, azimuth: Array, start: int, end: int, gain: Gain, accel
         lost = path.lost_s(azimuth, first, last, gain, elevation) if possible else math.inf
         if best is None or lost < best[0]:
             best = lost, elevation
+    # The target's own elevation is always a candidate, so there is one.
     assert best is not None
     moved = np.column_stack([azimuth, best[1]])
     off = first + np.flatnonzero(np.max(np.abs(moved - path.position)[part], axis=1) > ON_TARGET_RAD)
@@ -189,6 +202,7 @@ def _finish(path: _Path, azimuth: Array, start: int, end: int, gain: Gain, accel
     first, last = max(first, start - beside), min(last, end + beside)
     part = slice(first, last + 1)
     velocity = np.gradient(moved, path.step_s, axis=0)
+    # Outside the window the motion is the target's own, not its difference quotient.
     velocity[:first], velocity[last + 1 :] = path.velocity[:first], path.velocity[last + 1 :]
     bend = np.gradient(velocity, path.step_s, axis=0)
     error = path.error_rad(azimuth, best[1][part], part)
@@ -197,7 +211,7 @@ def _finish(path: _Path, azimuth: Array, start: int, end: int, gain: Gain, accel
 
 
 def _elevations(path: _Path, azimuth: Array) -> list[Array]:
-    """Return elevations to choose from: the target's own, and both it and the nearest one smoothed over some time."""
+    """Return elevations to choose from: the target's own, and the nearest one, smoothed."""
     own = np.minimum(path.position[:, 1], path.limits.elevation_max_rad)
     wanted = path.nearest_elevation(azimuth, slice(None)) - path.position[:, 1]
     choices = [own]
@@ -209,3 +223,33 @@ def _elevations(path: _Path, azimuth: Array) -> list[Array]:
         choices += [path.position[:, 1] + share * soft for share in (0.5, 1.0)]
         choices.append(np.convolve(np.pad(own, reach, mode="edge"), kernel, mode="valid"))
     return choices
+
+
+@dataclass(frozen=True, slots=True)
+class PassLoss:
+    """Seconds off the target, below half power and of signal lost; peak and mean loss in dB.
+
+    Signal lost is the integral of 1 - gain.
+    """
+
+    off_s: float = 0.0
+    below_s: float = 0.0
+    signal_s: float = 0.0
+    peak_db: float = 0.0
+    mean_db: float = 0.0
+
+    @classmethod
+    def of(cls, crossing: Crossing | None, duration_s: float, gain: Gain) -> "PassLoss":
+        """Return the loss of a pass of this duration."""
+        if crossing is None:
+            return cls()
+        step_s = float(crossing.t_s[1] - crossing.t_s[0])
+        received = gain(crossing.error_rad)
+        signal_s = float(np.sum(1.0 - received) * step_s)
+        return cls(
+            off_s=float(np.sum(crossing.error_rad > OFF_TARGET * np.max(crossing.error_rad)) * step_s),
+            below_s=float(np.sum(received < 10.0 ** (-HALF_POWER_DB / 10.0)) * step_s),
+            signal_s=signal_s,
+            peak_db=-10.0 * math.log10(max(float(received.min()), 10.0 ** (-DEEPEST_DB / 10.0))),
+            mean_db=-10.0 * math.log10(max(1.0 - signal_s / duration_s, 1e-6)),
+        )

@@ -1,21 +1,90 @@
 """Where the antenna must not look although its axes could: below the horizon mask and near the Sun.
 
-Single directions are plain floats, for a control tick; whole paths are arrays.  Over the top (elevation above 90 deg) the
-other side of the horizon counts.
+The mask is the lowest elevation at every azimuth: straight lines between surveyed points, closed
+over north.  Over the top (elevation above 90 deg) the other side of the horizon counts.  Single
+directions are plain floats, for a control tick; whole paths are arrays.
 """
 
+import bisect
 import math
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from rf_pointing.planning.mask import HorizonMask
+from rf_pointing.core import Params, parameter
 
-__all__ = ["ForbiddenSky"]
+__all__ = ["ForbiddenSky", "HorizonMask"]
+
 
 Array = NDArray[np.float64]
+TURN = 2.0 * math.pi
+# How fast the Sun moves over the sky at most.
+EARTH_RATE_RAD_S = 2.0 * math.pi / 86400.0
 Pair = tuple[float, float]
+# A motion along the edge of a zone must not be stopped by the last bits of its own position.
 ROUNDING_RAD = 1e-9
+
+
+@dataclass(frozen=True, kw_only=True)
+class HorizonMask(Params):
+    """Surveyed points of the horizon; one point is a flat horizon.
+
+    The gate holds the axes above the points themselves.  Passes begin and end `clearance_rad` above
+    them, so that the errors of the mount, a search at the rise and the last commands before the set
+    stay above them too.
+    """
+
+    azimuth_rad: tuple[float, ...] = parameter((0.0,), "azimuths of the horizon's points, rising", low=0.0, high=TURN)
+    elevation_rad: tuple[float, ...] = parameter(
+        (math.radians(-10.0),), "lowest elevation at each of them", low=-0.2, high=1.5
+    )
+    clearance_rad: float = parameter(
+        math.radians(1.0), "passes begin and end this far above the horizon", low=math.radians(0.01), high=0.2
+    )
+
+    def check_together(self) -> None:
+        """Refuse lists of different lengths and azimuths that do not rise within one turn."""
+        if len(self.azimuth_rad) != len(self.elevation_rad) or not self.azimuth_rad:
+            raise ValueError(
+                f"azimuth_rad has {len(self.azimuth_rad)} points and elevation_rad {len(self.elevation_rad)}, "
+                "must have the same number, at least 1"
+            )
+        steps = np.diff(self.azimuth_rad)
+        if np.any(steps <= 0.0) or self.azimuth_rad[-1] - self.azimuth_rad[0] >= TURN:
+            raise ValueError(f"azimuth_rad={self.azimuth_rad} must rise from point to point within one turn")
+
+    def lowest_rad(self, azimuth_rad: float) -> float:
+        """Return the horizon's elevation at an azimuth on any turn; plain floats."""
+        points, heights = self.azimuth_rad, self.elevation_rad
+        count = len(points)
+        if count == 1:
+            return heights[0]
+        azimuth = (azimuth_rad - points[0]) % TURN + points[0]
+        after = bisect.bisect_right(points, azimuth)
+        low, high = after - 1, after % count
+        width = points[high] - points[low] + (TURN if high == 0 else 0.0)
+        return heights[low] + (heights[high] - heights[low]) * (azimuth - points[low]) / width
+
+    def above(self, least_rad: float) -> Callable[[Array], Array]:
+        """Return where passes begin and end, (n,) over azimuths (n,), nowhere below `least_rad`."""
+        return lambda azimuth_rad: np.maximum(self.lowest_all(azimuth_rad) + self.clearance_rad, least_rad)
+
+    def lowest_all(self, azimuth_rad: ArrayLike) -> Array:
+        """Return the horizon's elevation at azimuths of any shape."""
+        points = np.array([*self.azimuth_rad, self.azimuth_rad[0] + TURN])
+        heights = np.array([*self.elevation_rad, self.elevation_rad[0]])
+        folded = (np.asarray(azimuth_rad, dtype=np.float64) - points[0]) % TURN + points[0]
+        return np.asarray(np.interp(folded, points, heights))
+
+
+def angle_between(points: Array, others: Array) -> Array:
+    """Return the angles (n,) between directions (n, 2) and others, (2,) or (n, 2), over the top or not."""
+    # Not the arc cosine of the scalar product: it loses half the digits of a small angle.
+    rise, turn = 0.5 * (points - others).T[::-1]
+    half = np.sin(rise) ** 2 + np.cos(points[:, 1]) * np.cos(others[..., 1]) * np.sin(turn) ** 2
+    return np.asarray(2.0 * np.arcsin(np.sqrt(np.clip(half, 0.0, 1.0))))
 
 
 class ForbiddenSky:
@@ -26,7 +95,8 @@ class ForbiddenSky:
         self._highest_rad = max(mask.elevation_rad)
 
     def clear(self, low_rad: float, high_rad: float, sun: Pair | None) -> bool:
-        """Return whether nothing is forbidden at any azimuth between these elevations: most of the sky at no cost."""
+        """Return whether nothing is forbidden between these elevations, whatever the azimuth."""
+        # Most of the sky costs a tick 9 us this way instead of 33.
         if low_rad < self._highest_rad or high_rad > 0.5 * math.pi:
             return False
         return sun is None or low_rad > sun[1] + self.sun_radius_rad or high_rad < sun[1] - self.sun_radius_rad
@@ -34,11 +104,11 @@ class ForbiddenSky:
     def reason(
         self, azimuth: float, elevation: float, present: Pair | None, sun: Pair | None, tolerance_rad: float = 0.0
     ) -> str:
-        """Return "" or what is wrong with a direction; from inside a zone all that does not lead further in is right."""
+        """Return "" or why a direction is forbidden; a motion out of a zone is always allowed."""
         under = self.under_mask(azimuth, elevation)
         if under > tolerance_rad and (present is None or under > self.under_mask(*present) + ROUNDING_RAD):
             return self._below(azimuth, elevation, under)
-        # Two directions are never nearer than their elevations: most are far from the Sun without a sine.
+        # Two directions are never nearer than their elevations: this spares most ticks a sine.
         if sun is None or (abs(elevation - sun[1]) > self.sun_radius_rad and elevation < 0.5 * math.pi):
             return ""
         near = self.sun_distance(azimuth, elevation, sun)
@@ -48,9 +118,10 @@ class ForbiddenSky:
         return "" if outward else self._near_sun(near)
 
     def reason_of_path(self, points: Array, start: Pair, end: Pair, sun: Pair | None, duration_s: float) -> str:
-        """Return "" or what is wrong with the worst of `points` (n, 2), reached on the way from `start` to `end`.
+        """Return "" or why the worst of `points` (n, 2) from `start` to `end` is forbidden.
 
-        Within the duration the Sun moves on, so the way keeps as much more from it, unless an end is nearer.
+        Within the duration the Sun moves on, so the way keeps as much more from it, unless an end
+        is nearer.
         """
         under = self.under_mask_all(points)
         worst = int(np.argmax(under))
@@ -58,9 +129,10 @@ class ForbiddenSky:
             return self._below(float(points[worst, 0]), float(points[worst, 1]), float(under[worst]))
         if sun is None or self.sun_radius_rad == 0.0:
             return ""
+        # A start or a goal inside the zone must not forbid the way out of it.
         kept = self.sun_radius_rad + EARTH_RATE_RAD_S * duration_s
         ends = min(self.sun_distance(*start, sun), self.sun_distance(*end, sun))
-        nearest = float(np.min(self.sun_distance_all(points, np.array(sun))))
+        nearest = float(np.min(angle_between(points, np.array(sun))))
         return self._near_sun(nearest) if nearest < min(kept, ends) - ROUNDING_RAD else ""
 
     def under_mask(self, azimuth: float, elevation: float) -> float:
@@ -84,13 +156,6 @@ class ForbiddenSky:
         return np.asarray(self.mask.lowest_all(np.where(over, azimuth + math.pi, azimuth)) - low)
 
     @staticmethod
-    def sun_distance_all(points: Array, sun: Array) -> Array:
-        """Return the angles (n,) between directions (n, 2) and the Sun, (2,) or (n, 2)."""
-        rise, turn = 0.5 * (points - sun).T[::-1]
-        half = np.sin(rise) ** 2 + np.cos(points[:, 1]) * np.cos(sun[..., 1]) * np.sin(turn) ** 2
-        return np.asarray(2.0 * np.arcsin(np.sqrt(np.clip(half, 0.0, 1.0))))
-
-    @staticmethod
     def _below(azimuth: float, elevation: float, under: float) -> str:
         return (
             f"elevation {math.degrees(elevation):.3f} deg at azimuth {math.degrees(azimuth):.1f} deg is "
@@ -99,7 +164,3 @@ class ForbiddenSky:
 
     def _near_sun(self, near: float) -> str:
         return f"{math.degrees(near):.3f} deg from the Sun, must be >= {math.degrees(self.sun_radius_rad):.3f} deg"
-
-
-EARTH_RATE_RAD_S = 2.0 * math.pi / 86400.0
-"""How fast the Sun moves over the sky at most."""

@@ -1,9 +1,10 @@
-"""The gate: one function says of every motion that it is allowed, or which limit it breaks and by how much.
+"""The safety gate: whether a motion is allowed, or which limit it breaks and by how much.
 
-Tiers of the travel: the warning begins `warning_rad` inside a soft limit, commands end at the soft limit, the drives are cut
-`hard_rad` beyond it.  From outside, every motion that does not go further out stays allowed.  Along the way to a position the
-axes move side by side, each at its own rate, so the path between two points bends; the horizon mask and the Sun are held
-against that path, not against its ends.
+The travel has tiers: the warning begins `warning_rad` inside a soft limit, commands end at the soft
+limit, the drives are cut `hard_rad` beyond it.  From outside, every motion that does not go further
+out stays allowed.  On the path to a position both axes move at once, each at its own rate, so the
+path between two points bends; the horizon mask and the Sun are checked along that path, not at its
+ends.
 """
 
 import math
@@ -12,26 +13,28 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.core import Params, parameter, require_choice, require_finite
-from rf_pointing.planning.corner_path import WayFinder
-from rf_pointing.planning.forbidden_sky import ForbiddenSky
-from rf_pointing.planning.limits import AxisLimits
-from rf_pointing.planning.mask import HorizonMask
-from rf_pointing.planning.slew import HALTING_SHARES, AxisRates
+from rf_pointing.core import AXES, Params, parameter, require_choice, require_finite
+from rf_pointing.planning.forbidden_sky import ForbiddenSky, HorizonMask
+from rf_pointing.planning.limits import AxisLimits, AxisRates
+from rf_pointing.planning.slew import HALTING_SHARES, PathFinder
 
 __all__ = ["MOTIONS", "Decision", "Gate", "GateParams", "motion_between"]
 
 Array = NDArray[np.float64]
 Pair = tuple[float, float]
 
+# The words that a motion may be called by, on the wire too.
 MOTIONS = ("track", "slew", "preset", "unwind", "park", "stow", "scan", "flip", "calibration", "manual")
+# Motions that go on in high wind and through the Sun's zone: to leave the antenna out would do
+# more harm.
 TO_SAFETY = ("stow",)
-"""Motions that go on in high wind and through the Sun's zone: to leave the antenna out would do more harm."""
+# The antenna finds the path of these itself; the others come as tables, checked point by point.
 BETWEEN_POINTS = ("slew", "preset", "unwind", "park", "stow", "flip")
-AXES = ("azimuth", "elevation")
+# A profile that brakes exactly at the limit must not fail by its rounding.
 ROUNDING_RAD = 1e-9
+# What a control tick lets pass beyond a limit before it stops the axes: rounding, and the
+# corrections of a loop.
 GUARD_RAD = math.radians(0.05)
-"""What a control tick lets pass beyond a limit before it stops the axes: rounding, and the corrections of a loop."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,26 +51,27 @@ class GateParams(Params):
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """Whether a motion may be made; if not, `reason` names the limit and by how much, else it may carry a warning.
+    """What the safety gate decides: the `reason` why a motion may not be made, with the excess.
 
-    `way` are the corners (n, 2) by which a slew must go, empty for the straight way.
+    A motion without a reason against it may carry a `warning` of a limit nearby.  `way` holds the
+    corners (n, 2) by which a slew must go, empty for the straight path.
     """
 
-    allowed: bool
     reason: str = ""
+    warning: str = ""
     way: tuple[Pair, ...] = ()
 
     @property
-    def reason_of_refusal(self) -> str:
-        """The reason of a motion that is not allowed, "" of one that is."""
-        return "" if self.allowed else self.reason
+    def allowed(self) -> bool:
+        """Whether the motion may be made."""
+        return not self.reason
 
 
-def motion_between(present_rad: Pair, goal_rad: Pair) -> str:
-    """Return what a slew between two positions is: a flip over the top, an unwinding of the cables, or a slew."""
-    if (present_rad[1] > 0.5 * math.pi) != (goal_rad[1] > 0.5 * math.pi):
+def motion_between(encoder_rad: Pair, goal_rad: Pair) -> str:
+    """Return what a slew is: a flip over the top, an unwinding of the cables, or a plain slew."""
+    if (encoder_rad[1] > 0.5 * math.pi) != (goal_rad[1] > 0.5 * math.pi):
         return "flip"
-    return "unwind" if abs(goal_rad[0] - present_rad[0]) > math.pi else "slew"
+    return "unwind" if abs(goal_rad[0] - encoder_rad[0]) > math.pi else "slew"
 
 
 class Gate:
@@ -75,73 +79,70 @@ class Gate:
 
     def __init__(self, params: GateParams, limits: AxisLimits, mask: HorizonMask, axes: AxisRates) -> None:
         self.params, self.limits, self.mask, self.axes = params, limits, mask, axes
-        self._low = (limits.azimuth_min_rad, limits.elevation_min_rad)
-        self._high = (limits.azimuth_max_rad, limits.elevation_max_rad)
+        self._low, self._high = limits.lowest_rad, limits.highest_rad
         self._sky = ForbiddenSky(mask, params.sun_radius_rad)
-        self._ways = WayFinder(self._sky, axes, (self._low[1], self._high[1]))
+        self._paths = PathFinder(self._sky, axes, (self._low[1], self._high[1]))
 
     def check(
         self,
         kind: str,
-        present_rad: Pair,
+        encoder_rad: Pair,
         positions: Array,
         velocities: Array | None = None,
         sun_rad: Pair | None = None,
         high_wind: str = "",
     ) -> Decision:
-        """Answer for a motion of one of `MOTIONS` from `present_rad` through `positions` (n, 2).
+        """Answer for a motion of one of `MOTIONS` from `encoder_rad` through `positions` (n, 2).
 
-        A motion between points is taken from the present position to each of them in turn, with a detour where the
-        straight way is barred; another one must be allowed at every position and rate (n, 2) that it names.
+        A motion between points is taken from the present position to each of them in turn, with a
+        detour where the straight way is barred; another one must be allowed at every position and
+        rate (n, 2) that it names.
         """
         require_choice("kind", kind, MOTIONS)
         require_finite("positions", positions)
+        # In high wind nothing but the way to stow is allowed, however safe it is otherwise.
         if high_wind and kind not in TO_SAFETY:
-            return Decision(False, high_wind)
+            return Decision(high_wind)
         sun = None if kind in TO_SAFETY else sun_rad
         for index, (azimuth, elevation) in enumerate(positions.tolist()):
-            reason = self.position(azimuth, elevation, present_rad, sun)
+            reason = self.position(azimuth, elevation, encoder_rad, sun)
             if not reason and velocities is not None:
-                reason = self._rates(azimuth, elevation, velocities[index].tolist(), present_rad)
+                reason = self._rates(azimuth, elevation, velocities[index].tolist(), encoder_rad)
             if reason:
-                return Decision(False, reason)
+                return Decision(reason)
         if kind in BETWEEN_POINTS:
-            return self._between(present_rad, positions, sun)
-        return Decision(True, self.warning(float(positions[-1, 0]), float(positions[-1, 1])))
+            return self._between(encoder_rad, positions, sun)
+        return Decision(warning=self.warning(float(positions[-1, 0]), float(positions[-1, 1])))
 
-    def slew(self, present_rad: Pair, goal_rad: Pair, sun_rad: Pair | None = None) -> tuple[float, str]:
-        """Return the time from rest to rest by the way that is free, round the mask and the Sun, and why there is none."""
-        found = self._ways.find(present_rad, goal_rad, sun_rad)
+    def slew(self, encoder_rad: Pair, goal_rad: Pair, sun_rad: Pair | None = None) -> tuple[float, str]:
+        """Return the time from rest to rest by a free path, and "" or why there is none."""
+        found = self._paths.find(encoder_rad, goal_rad, sun_rad)
         corners = [goal_rad] if isinstance(found, str) else found
-        legs = zip([present_rad, *corners[:-1]], corners, strict=True)
+        # Without a free path the straight time is still the best guess for a certificate's table.
+        legs = zip([encoder_rad, *corners[:-1]], corners, strict=True)
         return sum(self.axes.slew_s(a, b) for a, b in legs), found if isinstance(found, str) else ""
 
     def position(
         self,
         azimuth_rad: float,
         elevation_rad: float,
-        present_rad: Pair | None = None,
+        encoder_rad: Pair | None = None,
         sun_rad: Pair | None = None,
         tolerance_rad: float = 0.0,
     ) -> str:
-        """Return "" when the position may be commanded, else which limit it breaks and by how much; plain floats."""
-        for axis, wanted in enumerate((azimuth_rad, elevation_rad)):
-            low, high = self._low[axis], self._high[axis]
-            if present_rad is not None:
-                low, high = min(low, present_rad[axis]), max(high, present_rad[axis])
-            if not low - tolerance_rad <= wanted <= high + tolerance_rad:
-                bound, past = (low, low - wanted) if wanted < low else (high, wanted - high)
-                return (
-                    f"{AXES[axis]} {math.degrees(wanted):.3f} deg is {math.degrees(past):.3f} deg "
-                    f"past the limit {math.degrees(bound):.3f} deg"
-                )
-        return self._sky.reason(azimuth_rad, elevation_rad, present_rad, sun_rad, tolerance_rad)
+        """Return "" when the position may be commanded, else the reason; plain floats."""
+        return self.limits.reason(azimuth_rad, elevation_rad, encoder_rad, tolerance_rad) or self._sky.reason(
+            azimuth_rad, elevation_rad, encoder_rad, sun_rad, tolerance_rad
+        )
 
-    def guard(self, kind: str, present_rad: Pair, next_rad: Pair, rate_rad_s: Pair, sun_rad: Pair | None = None) -> str:
-        """Return "" or what axes that will be at `next_rad` a tick from now at these rates would then run into.
+    def guard(self, kind: str, encoder_rad: Pair, next_rad: Pair, rate_rad_s: Pair, sun_rad: Pair | None = None) -> str:
+        """Return "" or what axes at `next_rad` after this tick, at these rates, would run into.
 
-        The deceleration cone of travel, horizon and Sun: v |v| / 2a ahead of the axes must still be allowed.  Plain floats.
+        The deceleration cone of travel, horizon and Sun: v |v| / 2a ahead of the axes must still be
+        allowed.  Plain floats.
         """
+        # A check when a command arrives is not what moves: a table is carried on for a second, or
+        # followed late.  So every tick looks at where the axes would come to rest.
         stop = [rate * abs(rate) / (2.0 * limit) for rate, limit in zip(rate_rad_s, self.axes[1], strict=True)]
         sun = None if kind in TO_SAFETY else sun_rad
         inside = all(
@@ -151,15 +152,16 @@ class Gate:
         heights = next_rad[1], next_rad[1] + stop[1]
         if inside and self._sky.clear(min(heights), max(heights), sun):
             return ""
+        # Both axes brake at once, each from its own rate, so the path to rest bends.
         for share in HALTING_SHARES:
             azimuth, elevation = next_rad[0] + share * stop[0], next_rad[1] + share * stop[1]
-            reason = self.position(azimuth, elevation, present_rad, sun, GUARD_RAD)
+            reason = self.position(azimuth, elevation, encoder_rad, sun, GUARD_RAD)
             if reason:
                 return f"{kind} would not come to rest in time: {reason}"
         return ""
 
     def warning(self, azimuth_rad: float, elevation_rad: float) -> str:
-        """Return "" or how near to which limit the position is; plain floats, for a control tick."""
+        """Return "" or how near to which limit the position is; plain floats."""
         for axis, angle in enumerate((azimuth_rad, elevation_rad)):
             left = min(angle - self._low[axis], self._high[axis] - angle)
             if left < self.params.warning_rad:
@@ -169,15 +171,17 @@ class Gate:
                 return f"{AXES[axis]} {near} its limit"
         return ""
 
-    def hard(self, joint_rad: Pair, rate_rad_s: Pair, stood_rad: Pair | None = None) -> str:
-        """Return "" or which hard limit the axes are past and still running out of; plain floats, for a control tick.
+    def hard(self, joint_rad: Pair, rate_rad_s: Pair, released_rad: Pair | None = None) -> str:
+        """Return "" or the hard limit that the axes are past and still leaving; plain floats.
 
-        Axes that `stood_rad` beyond it when they were released may swing there, and leave by themselves.
+        Axes that `released_rad` beyond it when they were released may swing there, and leave by
+        themselves.
         """
         for axis, (angle, rate) in enumerate(zip(joint_rad, rate_rad_s, strict=True)):
             low, high = self._low[axis] - self.params.hard_rad, self._high[axis] + self.params.hard_rad
-            if stood_rad is not None:
-                low, high = min(low, stood_rad[axis] - GUARD_RAD), max(high, stood_rad[axis] + GUARD_RAD)
+            # Brakes that let go beyond a limit would otherwise trip on the swing they cause.
+            if released_rad is not None:
+                low, high = min(low, released_rad[axis] - GUARD_RAD), max(high, released_rad[axis] + GUARD_RAD)
             if (angle > high and rate > 0.0) or (angle < low and rate < 0.0):
                 bound = high if angle > high else low
                 return (
@@ -189,31 +193,32 @@ class Gate:
     def transmit_inhibit(self, elevation_rad: float) -> str:
         """Return "" when the transmitter may be on at this elevation, else why not."""
         lowest = self.params.transmit_elevation_rad
+        # Over the top the horizon is as near as on this side.
         over = min(elevation_rad, math.pi - elevation_rad)
         if over >= lowest:
             return ""
         return f"elevation {math.degrees(over):.2f} deg is below the {math.degrees(lowest):.2f} deg for transmitting"
 
-    def _between(self, present_rad: Pair, positions: Array, sun_rad: Pair | None) -> Decision:
+    def _between(self, encoder_rad: Pair, positions: Array, sun_rad: Pair | None) -> Decision:
         way: list[Pair] = []
-        here, detour = present_rad, False
+        here, detour = encoder_rad, False
         for goal in positions.tolist():
-            found = self._ways.find(here, (goal[0], goal[1]), sun_rad)
+            found = self._paths.find(here, (goal[0], goal[1]), sun_rad)
             if isinstance(found, str):
-                return Decision(False, found)
+                return Decision(found)
             detour = detour or len(found) > 1
             way += found
             here = (goal[0], goal[1])
-        return Decision(True, self.warning(*here), tuple(way) if detour else ())
+        return Decision(warning=self.warning(*here), way=tuple(way) if detour else ())
 
-    def _rates(self, azimuth: float, elevation: float, rates: list[float], present_rad: Pair) -> str:
-        """Refuse a rate above the axis's, or one from which the axis cannot stop before its limit: v^2 <= 2 a d."""
+    def _rates(self, azimuth: float, elevation: float, rates: list[float], encoder_rad: Pair) -> str:
+        """Return why a rate is too fast for the axis, or to stop in time: v^2 <= 2 a d."""
         for axis, (angle, rate) in enumerate(zip((azimuth, elevation), rates, strict=True)):
             limit = self.axes.rate_rad_s[axis]
             if abs(rate) > limit:
                 fast, most = math.degrees(rate), math.degrees(limit)
                 return f"{AXES[axis]} rate {fast:.3f} deg/s exceeds the axis limit {most:.3f} deg/s"
-            bound = max(self._high[axis], present_rad[axis]) if rate > 0.0 else min(self._low[axis], present_rad[axis])
+            bound = max(self._high[axis], encoder_rad[axis]) if rate > 0.0 else min(self._low[axis], encoder_rad[axis])
             needed = rate**2 / (2.0 * self.axes.acceleration_rad_s2[axis])
             left = abs(bound - angle)
             if needed > left + ROUNDING_RAD:

@@ -1,7 +1,8 @@
 """The motion of one pass on the sky, as a table that can be made finer without losing the zenith.
 
-Azimuth has a spike near the zenith that no interpolation of azimuths survives; the direction as a unit vector has none.
-So the table is refined on the vector u(t) (quintic through position, rate and acceleration) and turned back into angles.
+Azimuth has a spike near the zenith that no interpolation of azimuths survives; the direction as a
+unit vector has none.  So the table is refined on the vector u(t), a quintic through position, rate
+and acceleration, and turned back into angles.
 """
 
 from dataclasses import dataclass
@@ -9,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.core import as_finite_array
+from rf_pointing.core import angular_distance_rad, as_finite_array, unit_vector_from_azel
 
 __all__ = ["PassProfile"]
 
@@ -18,7 +19,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class PassProfile:
-    """Apparent direction (n, 2) of a target at the times `t_s` (n,), azimuth continuous, and the Sun's (n, 2).
+    """Apparent direction (n, 2) of a target at `t_s` (n,), azimuth continuous, and of the Sun.
 
     Columns are azimuth, elevation; units rad, rad/s, rad/s^2.
     """
@@ -48,9 +49,11 @@ class PassProfile:
         motion = _interpolated(times, self.t_s, self._vectors())
         position, velocity, acceleration = _angles(*motion)
         turn = 2.0 * np.pi
+        # The refined azimuth starts on the turn of the table, wherever arctan2 puts it.
         azimuth = np.unwrap(position[:, 0])
         position[:, 0] = azimuth + turn * np.round((self.position_rad[0, 0] - azimuth[0]) / turn)
-        sun = _unit(self.sun_rad)
+        sun = unit_vector_from_azel(*self.sun_rad.T)
+        # The Sun moves 0.25 deg in a minute: straight lines between its directions do.
         here = np.column_stack([np.interp(times, self.t_s, part) for part in sun.T])
         return PassProfile(
             name=self.name,
@@ -63,8 +66,7 @@ class PassProfile:
 
     def sun_angle_rad(self) -> Array:
         """Return the angle (n,) between target and Sun."""
-        a, b = _unit(self.position_rad), _unit(self.sun_rad)
-        return np.asarray(np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), np.sum(a * b, axis=1)))
+        return angular_distance_rad(*self.position_rad.T, *self.sun_rad.T)
 
     def _vectors(self) -> tuple[Array, Array, Array]:
         """Return the unit vector (n, 3) of the direction with its first two derivatives."""
@@ -83,11 +85,6 @@ class PassProfile:
             axis=1,
         )
         return u, du, ddu
-
-
-def _unit(angles: Array) -> Array:
-    level = np.cos(angles[:, 1])
-    return np.column_stack([np.sin(angles[:, 0]) * level, np.cos(angles[:, 0]) * level, np.sin(angles[:, 1])])
 
 
 def _interpolated(times: Array, knots: Array, motion: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
@@ -110,6 +107,7 @@ def _interpolated(times: Array, knots: Array, motion: tuple[Array, Array, Array]
 def _angles(u: Array, du: Array, ddu: Array) -> tuple[Array, Array, Array]:
     """Return azimuth and elevation (n, 2) of a moving vector, their rates and accelerations."""
     (x, y, z), (dx, dy, dz), (ddx, ddy, ddz) = u.T, du.T, ddu.T
+    # At the zenith itself azimuth is undefined; a nanoradian keeps its rates finite.
     level2 = np.maximum(x**2 + y**2, 1e-18)
     level = np.sqrt(level2)
     azimuth, elevation = np.arctan2(x, y), np.arctan2(z, level)

@@ -1,7 +1,8 @@
 """Loss and noise of the clear atmosphere along the line of sight.
 
-Loss in dB = zenith loss * air mass; the air mass of a homogeneous spherical shell of height H above a sphere R is
-m = sqrt((R/H sin e)^2 + 2R/H + 1) - R/H sin e: 1 at the zenith, 1/sin e high up, finite on the horizon.
+Loss in dB = zenith loss * air mass; the air mass of a homogeneous spherical shell of height H above
+a sphere R is m = sqrt((R/H sin e)^2 + 2R/H + 1) - R/H sin e: 1 at the zenith, 1/sin e high up,
+finite on the horizon.
 """
 
 import math
@@ -17,8 +18,8 @@ __all__ = ["AtmosphereParams", "air_mass", "atmosphere_loss_db"]
 
 MEAN_EARTH_RADIUS_M = 6_371_000.0
 
+# Clear dry sky at the zenith, about what Goldstone sees.
 ZENITH_LOSS_DB = {"S": 0.035, "X": 0.04, "Ka": 0.14}
-"""Clear dry sky at the zenith, about what Goldstone sees."""
 
 
 @dataclass(frozen=True, kw_only=True)

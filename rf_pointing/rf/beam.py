@@ -1,8 +1,9 @@
 """Power pattern of the antenna's beam: Gaussian, or a circular aperture with its true sidelobes.
 
 Gaussian: P/P_nom = exp(-mu eps^2 / h^2), mu = 4 ln 2, h the half-power beamwidth (CONSCAN eq. 1).
-Aperture: voltage C L_1(u) + (1-C)/(p+1) L_{p+1}(u), normalised, with L_v(u) = 2^v v! J_v(u) / u^v, for the illumination
-C + (1-C)(1-rho^2)^p; u is scaled so that the pattern has the same half-power beamwidth h.
+Aperture: voltage C L_1(u) + (1-C)/(p+1) L_{p+1}(u), normalised, with L_v(u) = 2^v v! J_v(u) / u^v,
+for the illumination C + (1-C)(1-rho^2)^p; u is scaled so that the pattern has the same half-power
+beamwidth h.
 """
 
 import math
@@ -18,8 +19,8 @@ from rf_pointing.rf.root import bracketed_root
 
 __all__ = ["HALF_POWER_BEAMWIDTH_RAD", "PATTERNS", "Beam", "BeamParams"]
 
+# Half-power beamwidths of a 34-m dish (CONSCAN section IV for X and Ka).
 HALF_POWER_BEAMWIDTH_RAD = {"S": 264.0 * MDEG, "X": 65.0 * MDEG, "Ka": 17.0 * MDEG}
-"""Half-power beamwidths of a 34-m dish (CONSCAN section IV for X and Ka)."""
 
 PATTERNS = ("gaussian", "uniform", "tapered")
 

@@ -1,9 +1,10 @@
 """Monopulse feed: complex sum and difference voltages from four squinted beams.
 
-The four beams look at (+-s, +-s); sum = all four, difference = right minus left and upper minus lower, so a target to
-the right or above gives a positive real difference.  For Gaussian beams difference/sum = tanh(k x / h).  The squint s
-and the width of the four beams follow from the two numbers a user knows: the half-power beamwidth h of the sum and the
-slope k = h d(difference/sum)/dx on the axis.
+The four beams look at (+-s, +-s); sum = all four, difference = right minus left and upper minus
+lower, so a target to the right or above gives a positive real difference.  For Gaussian beams
+difference/sum = tanh(k x / h).  The squint s and the width of the four beams follow from the two
+numbers a user knows: the half-power beamwidth h of the sum and the slope k = h d(difference/sum)/dx
+on the axis.
 """
 
 import math

@@ -1,8 +1,9 @@
 """Carrier-to-noise density along a pass, for a beam that points straight at the target.
 
-C/N0 = C/N0 at the zenith at the reference range - 20 log(range/reference) - extra atmosphere - extra system noise.
-The zenith figure comes from a test, or from EIRP, gain and noise: EIRP + G - L_fs - L_atm - L_pol - 10 log(k T_sys).
-The loss of the beam pattern is not in here: the receiver applies it from where the beam really points.
+C/N0 = C/N0 at the zenith at the reference range - 20 log(range/reference) - extra atmosphere -
+extra system noise. The zenith figure comes from a test, or from EIRP, gain and noise: EIRP + G -
+L_fs - L_atm - L_pol - 10 log(k T_sys). The loss of the beam pattern is not in here: the receiver
+applies it from where the beam really points.
 """
 
 import math

@@ -1,6 +1,7 @@
 """System noise temperature from its parts, referred to the input of the low-noise amplifier.
 
-T_sys = T_cosmic / L + T_air (1 - 1/L) + T_ground + T_dichroic + T_lna, L the loss of the atmosphere there.
+T_sys = T_cosmic / L + T_air (1 - 1/L) + T_ground + T_dichroic + T_lna, L the loss of the atmosphere
+there.
 """
 
 from dataclasses import dataclass

@@ -1,8 +1,9 @@
 """Simulated tracking receiver: complex sum and difference samples, and carrier power, with physical noise.
 
-Samples integrate over `sample_s`: s = A v(offset) exp(j phase) + n, E|n|^2 = N0 / sample_s, independent on each of the
-three channels; A^2 = C.  One AGC gain serves all three.  Internally N0 = 1, so A^2 is C/N0 in hertz.
-Carrier power follows CONSCAN appendix B: the in-phase arm gives (A + n_I)^2, whose variance is 2 (Pc/N0) / T (B-3).
+Samples integrate over `sample_s`: s = A v(offset) exp(j phase) + n, E|n|^2 = N0 / sample_s,
+independent on each of the three channels; A^2 = C.  One AGC gain serves all three.  Internally N0 =
+1, so A^2 is C/N0 in hertz. Carrier power follows CONSCAN appendix B: the in-phase arm gives (A +
+n_I)^2, whose variance is 2 (Pc/N0) / T (B-3).
 """
 
 import math
@@ -75,8 +76,9 @@ class Receiver:
     ) -> MonopulseCluster:
         """Return the samples of one cluster.
 
-        Offsets (n,) are target minus beam at the times `t_s` (n,), n >= 3; the C/N0 (scalar or (n,)) is that of a beam
-        on the target, -inf for no carrier.  The pattern loss is applied here.
+        Offsets (n,) are target minus beam at the times `t_s` (n,), n >= 3; the C/N0 (scalar or
+        (n,)) is that of a beam on the target, -inf for no carrier.  The pattern loss is applied
+        here.
         """
         times = as_finite_array("t_s", t_s, (None,))
         if len(times) < 3:
@@ -109,7 +111,8 @@ class Receiver:
     ) -> CarrierPower:
         """Return the carrier power over `integration_s` ending at `t_s` (CONSCAN B-1 to B-5).
 
-        The offsets (scalar or (n,)) and C/N0 are those during the integration; the carrier integrates coherently.
+        The offsets (scalar or (n,)) and C/N0 are those during the integration; the carrier
+        integrates coherently.
         """
         require_between("integration_s", integration_s, 1e-6, None)
         pattern = np.sqrt(self.beam.power_gain(offset_cross_elevation_rad, offset_elevation_rad))
@@ -171,9 +174,9 @@ class Receiver:
 def noise_variance(channels: ComplexArray) -> float:
     """Return the noise variance of the samples (3, n), from what the differences do not share with the sum.
 
-    Each difference is fitted with the sum and the sum times time: carrier phase and amplitude are common to all
-    channels and drop out, and so does a steady motion of the beam.  What is left is noise of the
-    difference and |ratio|^2 of the sum's.
+    Each difference is fitted with the sum and the sum times time: carrier phase and amplitude are
+    common to all channels and drop out, and so does a steady motion of the beam.  What is left is
+    noise of the difference and |ratio|^2 of the sum's.
     """
     total, differences = channels[0], channels[1:].T
     count = len(total)

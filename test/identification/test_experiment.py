@@ -1,4 +1,9 @@
-"""The experiment on the antenna: bounded before it starts, watched while it runs, abortable."""
+"""The inputs keep to amplitude, band and travel.
+
+The experiment on the antenna: bounded before it starts, watched while it runs, abortable.
+
+Samples of an experiment, put together as they come; a sequence with a hole is not used.
+"""
 
 import math
 
@@ -6,7 +11,51 @@ import numpy as np
 import pytest
 
 from rf_pointing.core import random_stream
-from rf_pointing.identification import ExcitationParams, IdentificationExperiment
+from rf_pointing.identification import (
+    ExcitationParams,
+    IdentificationExperiment,
+    SampleCollector,
+    excitation_rad_s,
+    predicted_travel_rad,
+)
+
+
+def test_white_sequence_has_the_stated_mean_and_rms_and_stays_one_sided() -> None:
+    params = ExcitationParams()
+    sequence = excitation_rad_s(params, random_stream(1, "excitation"))
+    assert np.mean(sequence) == pytest.approx(params.mean_rad_s, rel=1e-9)
+    assert np.std(sequence) == pytest.approx(params.rms_rad_s, rel=1e-9)
+    assert np.min(sequence) > 0.0
+
+
+def test_multisine_has_its_power_in_the_band_only() -> None:
+    params = ExcitationParams(kind="multisine", low_hz=0.5, high_hz=8.0, mean_rad_s=0.0)
+    sequence = excitation_rad_s(params, random_stream(1, "excitation"))
+    power = np.abs(np.fft.rfft(sequence)) ** 2
+    frequency = np.fft.rfftfreq(params.samples, params.sample_s)
+    outside = (frequency < 0.49) | (frequency > 8.01)
+    assert np.sum(power[outside]) < 1e-20 * np.sum(power)
+
+
+def test_peak_is_never_exceeded() -> None:
+    params = ExcitationParams(kind="multisine", mean_rad_s=0.0, rms_rad_s=4e-4, peak_rad_s=7e-4)
+    assert np.max(np.abs(excitation_rad_s(params, random_stream(1, "excitation")))) <= 7e-4
+
+
+def test_predicted_travel_is_the_integral_of_the_rate() -> None:
+    rate = np.array([1.0, 1.0, -4.0, 1.0])
+    assert predicted_travel_rad(rate, 0.5) == (-1.0, 1.0)
+
+
+def test_rms_beyond_the_peak_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"together must be <= 0\.001"):
+        ExcitationParams(mean_rad_s=math.radians(0.05), rms_rad_s=math.radians(0.03), peak_rad_s=0.001)
+
+
+def test_a_band_above_half_the_sampling_rate_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"high_hz=30\.0 must be <= 25\.0"):
+        ExcitationParams(kind="multisine", high_hz=30.0)
+
 
 PARAMS = ExcitationParams(samples=256)
 
@@ -88,3 +137,49 @@ def test_the_other_axis_runs_at_the_idle_rate_while_the_experiment_lasts() -> No
     run = experiment(params=PARAMS.replace(idle_rate_rad_s=3e-6), sequences=1)
     np.testing.assert_array_equal(follow(run, 256)[:, 0], 3e-6)
     np.testing.assert_array_equal(run.command((0.3, 0.8)), 0.0)
+
+
+def filled(skip: tuple[int, ...] = ()) -> SampleCollector:
+    collector = SampleCollector("elevation", 3, 4, 0.02)
+    for sample in range(12):
+        if sample not in skip:
+            collector.take("elevation", sample, (0.0, 0.1 * sample), (sample, 2.0 * sample))
+    return collector
+
+
+def test_samples_take_their_places_in_any_order() -> None:
+    collector = SampleCollector("azimuth", 2, 3, 0.02)
+    for sample in (3, 1, 0, 5, 2, 4):
+        collector.take("azimuth", sample, (float(sample), 0.0), (10.0 + sample, 20.0 + sample))
+    recording, missing = collector.recording()
+    assert missing == 0
+    np.testing.assert_array_equal(recording.input_rad_s, [[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]])
+    np.testing.assert_array_equal(recording.output_rad("elevation"), [[20.0, 21.0, 22.0], [23.0, 24.0, 25.0]])
+
+
+def test_a_lost_sample_costs_its_sequence_and_no_other() -> None:
+    recording, missing = filled(skip=(5, 6)).recording()
+    assert missing == 2
+    np.testing.assert_allclose(recording.input_rad_s, [[0.0, 0.1, 0.2, 0.3], [0.8, 0.9, 1.0, 1.1]])
+
+
+def test_without_a_complete_sequence_there_is_no_recording() -> None:
+    with pytest.raises(ValueError, match="no sequence is complete: 9 of 12 samples taken"):
+        filled(skip=(0, 4, 8)).recording()
+
+
+@pytest.mark.parametrize(
+    ("sample", "words"),
+    [
+        (("azimuth", 5, (0.0, 0.0), (0.0, 0.0)), "axis='azimuth' must be 'elevation'"),
+        (("elevation", 12, (0.0, 0.0), (0.0, 0.0)), "sample=12 must be <= 11"),
+        (("elevation", 3, (0.0, 0.0), (0.0, 0.0)), "sample=3 was taken before"),
+        (("elevation", 5, (0.0, math.nan), (0.0, 0.0)), "rate_rad_s"),
+        (("elevation", 5, (0.0, 0.0), (math.inf, 0.0)), "position_rad"),
+    ],
+)
+def test_a_sample_that_does_not_belong_is_refused_and_not_counted(sample: tuple, words: str) -> None:
+    collector = filled(skip=(5,))
+    with pytest.raises(ValueError, match=words):
+        collector.take(*sample)
+    assert collector.received == 11

@@ -290,4 +290,4 @@ def branch() -> Branch:
              "peak_loss_db", "mean_loss_db", "preposition_s", "unwind_s", "late_s")
         )
     }  # fmt: skip
-    return Branch(turns=-1, plunge=True, over=True, refusals=(), closest_limit="azimuth", **pairs, **numbers)
+    return Branch(turns=-1, plunge=True, over=True, reasons=(), closest_limit="azimuth", **pairs, **numbers)

@@ -101,14 +101,14 @@ def test_without_a_branch_the_refusal_says_by_how_much() -> None:
     narrow = AxisLimits(azimuth_min_rad=-100.0 * DEG, azimuth_max_rad=100.0 * DEG)
     found = certificate(arc(90.0, 130.0), narrow)
     assert found.chosen is None
-    assert "30.000 deg past the limit azimuth 100.0 deg" in found.refusal
-    assert certificate_lines(found)[-1] == f"REFUSED: {found.refusal}"
+    assert "30.000 deg past the limit azimuth 100.0 deg" in found.reason
+    assert certificate_lines(found)[-1] == f"REFUSED: {found.reason}"
 
 
 def test_a_pass_behind_the_horizon_is_refused_with_the_angle() -> None:
     hill = HorizonMask(azimuth_rad=(0.0, 1.9, 2.0, 2.1), elevation_rad=(0.0, 0.0, 60.0 * DEG, 0.0))
     found = certificate(arc(60.0, 180.0), mask=hill)
-    assert "deg below the horizon mask" in found.refusal
+    assert "deg below the horizon mask" in found.reason
     assert found.branches[0].mask_margin_rad < -5.0 * DEG
 
 
@@ -116,7 +116,7 @@ def test_a_pass_through_the_sun_is_refused_with_the_angle() -> None:
     profile = arc(60.0, 180.0)
     middle = profile.position_rad[len(profile.t_s) // 2] + np.array([0.0, 0.4 * DEG])
     sunny = dataclasses.replace(profile, sun_rad=np.tile(middle, (len(profile.t_s), 1)))
-    assert "0.400 deg from the Sun, must be >= 1.000 deg" in certificate(sunny).refusal
+    assert "0.400 deg from the Sun, must be >= 1.000 deg" in certificate(sunny).reason
     assert certificate(sunny, machine=MACHINE.replace(sun_radius_rad=0.0)).chosen is not None
 
 
@@ -131,7 +131,7 @@ def test_the_sun_is_kept_from_where_a_detour_leads_not_from_the_target_alone() -
     sunny = dataclasses.replace(profile, sun_rad=np.tile(beam, (len(profile.t_s), 1)))
     assert float(np.min(sunny.sun_angle_rad())) > 3.0 * machine.sun_radius_rad
     refused = next(one for one in certificate(sunny, machine=machine).branches if one.label == clear.label)
-    assert any("deg from the Sun" in reason for reason in refused.refusals)
+    assert any("deg from the Sun" in reason for reason in refused.reasons)
 
 
 def test_prepositioning_counts_against_the_pass_when_it_comes_too_late() -> None:
@@ -141,7 +141,7 @@ def test_prepositioning_counts_against_the_pass_when_it_comes_too_late() -> None
     assert early.preposition_s == pytest.approx(180.0 / 1.8 + 2.25, rel=1e-3)
     late = certificate(arc(-60.0, 0.0), now_s=995.0).chosen
     assert late.late_s == pytest.approx(early.preposition_s - 5.0)
-    assert "would be lost" in certificate(arc(-60.0, 0.0, seconds=200.0), now_s=995.0).refusal
+    assert "would be lost" in certificate(arc(-60.0, 0.0, seconds=200.0), now_s=995.0).reason
 
 
 def test_in_the_middle_of_a_pass_the_way_is_to_where_it_has_come() -> None:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from rf_pointing.planning import AxisLimits, choose_turns, refusal
+from rf_pointing.planning import AxisLimits, choose_turns
 
 LIMITS = AxisLimits(
     azimuth_min_rad=math.radians(-220.0),
@@ -18,7 +18,7 @@ TURN_RAD = 2.0 * math.pi
 
 def refused(azimuth_deg: float, elevation_deg: float, present_deg: tuple[float, float] | None = None) -> str:
     present = None if present_deg is None else (math.radians(present_deg[0]), math.radians(present_deg[1]))
-    return refusal(LIMITS, math.radians(azimuth_deg), math.radians(elevation_deg), present)
+    return LIMITS.reason(math.radians(azimuth_deg), math.radians(elevation_deg), present)
 
 
 @pytest.mark.parametrize("axis", ["azimuth", "elevation"])
@@ -34,7 +34,7 @@ def test_every_position_inside_may_be_commanded_and_none_outside(random: np.rand
             LIMITS.azimuth_min_rad <= azimuth <= LIMITS.azimuth_max_rad
             and LIMITS.elevation_min_rad <= elevation <= LIMITS.elevation_max_rad
         )
-        assert (refusal(LIMITS, azimuth, elevation) == "") == inside
+        assert (LIMITS.reason(azimuth, elevation) == "") == inside
 
 
 @pytest.mark.parametrize(
@@ -53,7 +53,7 @@ def test_a_refusal_says_which_limit_and_by_how_much(azimuth_deg: float, elevatio
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
 def test_a_position_that_is_not_finite_is_an_error_not_a_refusal(bad: float) -> None:
     with pytest.raises(ValueError, match=r"^elevation=.* must be finite$"):
-        refusal(LIMITS, 0.0, bad)
+        LIMITS.reason(0.0, bad)
 
 
 def test_an_axis_a_hair_outside_its_limit_may_still_move() -> None:

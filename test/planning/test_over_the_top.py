@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from rf_pointing.planning import AxisMotionLimits, plunged
-from rf_pointing.planning.crossing import angle_between, cross
+from rf_pointing.planning.crossing import cross
+from rf_pointing.planning.forbidden_sky import angle_between
 from rf_pointing.planning.over_the_top import cross_over
 from test.planning.test_crossing import LIMITS, STEP_S, beam, overhead
 

@@ -46,7 +46,7 @@ class CommandHandler:
         """Pass a command through the gate and note the way to it; return "" or the refusal: then nothing has changed."""
         course, used = self._axes.course, self._axes.used_rad
         present, positions = pair(used), trajectory.position_rad
-        refused = self._safety.check("track", now_s, present, positions).reason_of_refusal
+        refused = self._safety.check("track", now_s, present, positions).reason
         if refused:
             return refused
         if course.leaves(trajectory, used, following=self._modes.mode in ("tracking", "paused")):

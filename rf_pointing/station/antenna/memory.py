@@ -6,7 +6,7 @@ keeps its brakes set until somebody resumes it.  Written as it moves, and before
 
 import math
 
-from rf_pointing.core.kept_state import KeptState
+from rf_pointing.core.whole_file import KeptState
 from rf_pointing.station.antenna.simulated_antenna import AntennaParams, SimulatedAntenna
 
 __all__ = ["AntennaMemory"]

@@ -141,10 +141,7 @@ class AntennaModes:
         if axes.moving:
             return "the axes are still moving"
         refused = self._manual.refusal(experiment, axes.limits)
-        refused = (
-            refused
-            or self._safety.check("manual", axes.t_s, pair(axes.used_rad), axes.used_rad[None, :]).reason_of_refusal
-        )
+        refused = refused or self._safety.check("manual", axes.t_s, pair(axes.used_rad), axes.used_rad[None, :]).reason
         if refused:
             return refused
         self._manual.begin(experiment)
@@ -200,7 +197,7 @@ class AntennaModes:
         decision = self._safety.check("preset", axes.t_s, pair(axes.used_rad), goal[None, :])
         if decision.allowed:
             course.take_way(decision.way)
-        return decision.reason_of_refusal
+        return decision.reason
 
     @property
     def _fault(self) -> str:

@@ -12,7 +12,7 @@ from rf_pointing.calibration import BiasModel
 from rf_pointing.core import JointReading, JointTrajectory, Mode, PointingError, Sensor, Target, require_choice
 from rf_pointing.ephemeris import Pass
 from rf_pointing.ephemeris.solar import SolarDirection
-from rf_pointing.planning import choose_turns, refusal
+from rf_pointing.planning import choose_turns
 from rf_pointing.station.pointing.corrections import PointingCorrections
 from rf_pointing.station.pointing.mode import CarrierWatch, SensedErrors, TrackingMode, newest
 from rf_pointing.station.pointing.motion import CommandedMotion
@@ -165,7 +165,7 @@ class PointingController:
             return self.plan.course.turns_rad
         low, high, present = window.azimuth_min_rad, window.azimuth_max_rad, float(joints.position_rad[0])
         turns_rad = 2.0 * math.pi * choose_turns(self.params.limits, low, high, present)
-        refused = refusal(self.params.limits, window.aos_azimuth_rad + turns_rad, window.peak_elevation_rad)
+        refused = self.params.limits.reason(window.aos_azimuth_rad + turns_rad, window.peak_elevation_rad)
         if refused:
             raise ValueError(refused)
         return turns_rad

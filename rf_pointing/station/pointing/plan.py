@@ -95,7 +95,7 @@ class PassPlan:
         )  # fmt: skip
         self.branch = self.certificate.chosen
         if self.branch is None:
-            raise ValueError(self.certificate.refusal)
+            raise ValueError(self.certificate.reason)
         try:
             self.approach(t_s, joints, np.array(self.branch.start_rad))
         except ValueError:
@@ -107,7 +107,7 @@ class PassPlan:
     def refusal(self, kind: str, t_s: float, present_rad: tuple[float, float] | None, positions: Array) -> str:
         """Return "" when the gate lets the axes move through `positions` (n, 2), else why not."""
         here = present_rad if present_rad is not None else (float(positions[0, 0]), float(positions[0, 1]))
-        return self.gate.check(kind, here, positions, sun_rad=self.sun.at(t_s)).reason_of_refusal
+        return self.gate.check(kind, here, positions, sun_rad=self.sun.at(t_s)).reason
 
     def approach(self, t_s: float, axes: JointReading, goal_rad: Array) -> Array | None:
         """Return the corner (2,) by which to go to a goal, None when the way is free; both as the axes stand.

@@ -52,11 +52,11 @@ def test_passes_over_a_surveyed_horizon_can_be_tracked_by_a_mount_with_errors(tr
     for item in planned:
         assert item.window.aos_elevation_rad > float(horizon.lowest_all(item.window.aos_azimuth_rad)) + 0.99 * DEG
         chosen = item.certificate.chosen
-        assert chosen is not None, item.certificate.refusal
+        assert chosen is not None, item.certificate.reason
         assert 0.5 * DEG < chosen.mask_margin_rad < 0.9 * DEG
     low = plan_passes(track, track.target.elements.epoch_t_s, 86400.0, (2.0, 1.0),
                       dataclasses.replace(rules, mask=horizon.replace(clearance_rad=0.1 * DEG)), 5.0 * DEG)  # fmt: skip
-    assert "deg below the horizon mask" in low[0].certificate.refusal
+    assert "deg below the horizon mask" in low[0].certificate.reason
 
 
 def test_lags_of_the_mount_are_part_of_the_axes_path(track: TopocentricTrack, window: Pass) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from rf_pointing.calibration import BiasModel
-from rf_pointing.core.kept_state import KeptState
+from rf_pointing.core.whole_file import KeptState
 from rf_pointing.ephemeris.source import SourceParams, TargetMemory
 from rf_pointing.servo import WindParams, dss13_plant
 from rf_pointing.station.antenna.memory import AntennaMemory

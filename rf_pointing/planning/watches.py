@@ -1,0 +1,332 @@
+"""Watches of the antenna's own sensors, drives and wind: each gives "" or the reason to stop.
+
+Encoders.  The tachometer carries the last trusted angle on.  A sample off that prediction is
+bridged by it.  The fourth in a row, or a difference that grows within the window, is a fault.
+
+Drives.  The model is a rate loop of first order with bounded acceleration, held over each tick:
+
+    w' = clip((command - w) b, -a, a)
+
+A sound drive changes its rate by something between nothing and that, plus what the wind gives: the
+slow mean of what the model leaves while it is linear, at most `disturbance_rad_s2`.  What a drive
+gains beyond is summed, less a slack (CUSUM, Page 1954), and must exceed the limit one sample after
+it has begun to grow.  A reading that no drive could reach is bridged.  A drive at full acceleration
+is found at the second sample, whatever its rate.  A drive weaker or slower than the model is sound.
+
+Wind.  The 3-s gust and the 10-min mean (WMO No. 8), with hysteresis.  A silent anemometer counts as
+high wind.
+"""
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+from rf_pointing.core import AXES, Params, parameter
+
+__all__ = ["AxisWatch", "AxisWatchParams", "DriveWatch", "DriveWatchParams", "WindWatch", "WindWatchParams"]
+
+
+Pair = tuple[float, float]
+
+
+# A rate that changes by so many times what the drive can give in a tick is a wrong reading.
+JUMP = 3.0
+# A runaway has gained this share of the limit one sample before it has gained all of it.
+BEGUN = 0.2
+GUST_S = 3.0
+MEAN_S = 600.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class AxisWatchParams(Params):
+    """What differences between encoder and tachometer are no longer the machine's own."""
+
+    jump_rad: float = parameter(math.radians(0.03), "encoder off its prediction in one tick", low=1e-6, high=1.0)
+    bridged_samples: int = parameter(3, "samples in a row that are bridged", low=0, high=50)
+    drift_rad: float = parameter(
+        math.radians(0.03), "encoder off the integrated rate within the window", low=1e-6, high=1.0
+    )
+    frozen_rad: float = parameter(
+        math.radians(0.008), "motion by the tachometer during which the encoder must change", low=1e-7, high=1.0
+    )
+    window_s: float = parameter(0.16, "window of the comparison", low=0.02, high=2.0)
+
+
+class _Axis:
+    """One axis: trusted angle, and the last window of encoder and integrated rate."""
+
+    def __init__(self, samples: int) -> None:
+        self.trusted: float | None = None
+        self.raw = math.nan
+        self.bad = 0
+        self.travel = 0.0
+        self.frozen_travel = 0.0
+        self.window: deque[tuple[float, float]] = deque(maxlen=samples)
+        self.shown: deque[tuple[float, float]] = deque(maxlen=samples)
+
+
+class AxisWatch:
+    """Both axes; `step` once a tick, in plain floats."""
+
+    def __init__(self, params: AxisWatchParams, tick_s: float) -> None:
+        self.params, self._tick_s = params, tick_s
+        # The window holds at least one difference.
+        self._samples = max(2, round(params.window_s / tick_s) + 1)
+        self.reset()
+
+    def reset(self) -> None:
+        """Trust the next encoder samples as they come."""
+        self._axes = (_Axis(self._samples), _Axis(self._samples))
+        self.reason = ""
+
+    def step(self, encoder_rad: Pair, rate_rad_s: Pair) -> tuple[Pair, str]:
+        """Return the angles to use, bridged where a sample is not trusted, and "" or the reason."""
+        reasons, used = [], []
+        for index, axis in enumerate(self._axes):
+            angle, reason = self._angle(axis, encoder_rad[index], rate_rad_s[index])
+            used.append(angle)
+            if reason:
+                reasons.append(f"{AXES[index]} {reason}")
+        self.reason = "; ".join(reasons)
+        return (used[0], used[1]), self.reason
+
+    @property
+    def cause(self) -> str:
+        """What is still wrong by the last window alone, "" once the sensors agree again."""
+        found = []
+        for name, axis in zip(AXES, self._axes, strict=True):
+            shown = list(axis.shown)
+            drift = (shown[-1][0] - shown[0][0]) - (shown[-1][1] - shown[0][1]) if shown else 0.0
+            if not all(math.isfinite(encoder) for encoder, _ in shown):
+                found.append(f"{name} encoder gives no number")
+            elif abs(drift) > self.params.drift_rad:
+                found.append(f"{name} encoder moved {math.degrees(drift):.3f} deg more than the drive")
+        return "; ".join(found)
+
+    def _angle(self, axis: _Axis, encoder: float, rate: float) -> tuple[float, str]:
+        params = self.params
+        if axis.trusted is None:
+            if not math.isfinite(encoder):
+                return 0.0, "encoder gives no number"
+            axis.trusted, axis.raw = encoder, encoder
+            return encoder, ""
+        # A tachometer without a number leaves the encoder on its own for this tick.
+        moved = rate * self._tick_s if math.isfinite(rate) else 0.0
+        predicted = axis.trusted + moved
+        axis.travel += moved
+        axis.shown.append((encoder, axis.travel))
+        off = encoder - predicted
+        # Written so that NaN counts as a jump.
+        if not abs(off) <= params.jump_rad:
+            axis.bad += 1
+            axis.trusted = predicted
+            text = f"encoder jumped by {math.degrees(off):.3f} deg" if math.isfinite(off) else "encoder gives no number"
+            return predicted, text if axis.bad > params.bridged_samples else ""
+        axis.bad = 0
+        # An encoder that repeats its value to the last bit while the drive moves has frozen.
+        axis.frozen_travel = axis.frozen_travel + moved if encoder == axis.raw else 0.0
+        axis.trusted = axis.raw = encoder
+        axis.window.append((encoder, axis.travel))
+        if abs(axis.frozen_travel) > params.frozen_rad:
+            return encoder, f"encoder stands still while the drive moved {math.degrees(axis.frozen_travel):.3f} deg"
+        first = axis.window[0]
+        drift = (encoder - first[0]) - (axis.travel - first[1])
+        if abs(drift) > params.drift_rad:
+            return encoder, f"encoder moved {math.degrees(drift):.3f} deg more than the drive"
+        return encoder, ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriveWatchParams(Params):
+    """What is known of both drives, and how far one may differ from it."""
+
+    bandwidth_hz: float = parameter(20.0 / (2.0 * math.pi), "bandwidth of the rate loops", low=0.01, high=100.0)
+    acceleration_limit_rad_s2: float = parameter(
+        math.radians(2.0), "largest acceleration of the drives", low=1e-6, high=100.0
+    )
+    rate_limit_rad_s: float = parameter(math.radians(2.0), "largest rate of the drives", low=1e-6, high=10.0)
+    delay_s: float = parameter(0.0, "time that a command may take to act", low=0.0, high=1.0)
+    margin: float = parameter(1.3, "a drive may follow its command so many times faster", low=1.0, high=10.0)
+    disturbance_rad_s2: float = parameter(
+        math.radians(1.5), "largest steady acceleration by the wind", low=0.0, high=10.0
+    )
+    disturbance_time_s: float = parameter(0.3, "time in which it becomes known", low=0.02, high=60.0)
+    slack_rad_s2: float = parameter(math.radians(0.3), "unexplained acceleration that is no fault", low=0.0, high=10.0)
+    gained_rad_s: float = parameter(
+        math.radians(0.02), "rate gained without a command that is a runaway; twice it at first", low=1e-6, high=1.0
+    )
+    excess_rad_s: float = parameter(
+        math.radians(0.5), "rate beyond the commanded one that is a runaway, however it came", low=1e-5, high=1.0
+    )
+    bridged_samples: int = parameter(3, "impossible readings in a row that are bridged", low=0, high=50)
+    overspeed: float = parameter(1.1, "rate over the drives' largest that is a runaway", low=1.0, high=3.0)
+
+
+class _Drive:
+    """One drive: its last rate, the commands that may act by now, wind, and what it gained."""
+
+    def __init__(self, commands: int) -> None:
+        self.rate: float | None = None
+        self.commands: deque[float] = deque(maxlen=commands)
+        self.wind = 0.0
+        self.gained = (0.0, 0.0)
+        self.fast, self.bridged, self.samples = False, 0, 0
+
+
+class DriveWatch:
+    """Both drives; `step` once a tick, in plain floats."""
+
+    def __init__(self, params: DriveWatchParams, tick_s: float) -> None:
+        self.params, self._tick_s = params, tick_s
+        self._bandwidth = 2.0 * math.pi * params.bandwidth_hz
+        self._jump = JUMP * params.acceleration_limit_rad_s2 * tick_s
+        self._linear = params.acceleration_limit_rad_s2 / self._bandwidth
+        self._follow = 1.0 - math.exp(-tick_s / params.disturbance_time_s)
+        self._unknown = params.disturbance_time_s / tick_s
+        self._wind, self._slack = params.disturbance_rad_s2 * tick_s, params.slack_rad_s2 * tick_s
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin with the drives as they are: none has run away, and no wind is known."""
+        commands = 1 + math.ceil(self.params.delay_s / self._tick_s - 1e-9)
+        self._drives = (_Drive(commands), _Drive(commands))
+        self.reason = ""
+
+    def step(self, rate_rad_s: Pair, command_rad_s: Pair) -> str:
+        """Return "" or which drive runs away, after a tick that ended at these rates."""
+        found = []
+        for name, drive, rate, command in zip(AXES, self._drives, rate_rad_s, command_rad_s, strict=True):
+            if not math.isfinite(rate):
+                found.append(f"{name} tachometer gives no number")
+            elif self._runs_away(drive, rate, command):
+                found.append(
+                    f"{name} drive runs at {math.degrees(rate):.2f} deg/s, commanded {math.degrees(command):.2f} deg/s"
+                )
+        self.reason = "; ".join(found)
+        return self.reason
+
+    def _runs_away(self, drive: _Drive, rate: float, command: float) -> bool:
+        params, before = self.params, drive.rate
+        drive.commands.append(command)
+        drive.rate, drive.samples = rate, drive.samples + 1
+        if before is None:
+            return False
+        # Twice in a row: one wrong reading of the tachometer is no runaway.
+        fast, drive.fast = drive.fast, self._fast(before, rate, command)
+        up, down = drive.gained
+        if abs(rate - before) < self._jump:
+            drive.gained, drive.bridged = self._gained(drive, before, rate), 0
+        # A change that no drive can make is a fault of the tachometer, for a few samples.
+        elif drive.bridged < self.params.bridged_samples:
+            drive.rate, drive.bridged = before, drive.bridged + 1
+        # Until the wind is known it counts as gained, so the limit is twice as wide.
+        limit = params.gained_rad_s * (1.0 if drive.samples > self._unknown else 2.0)
+        gained = any(now > limit and then > BEGUN * limit for now, then in zip(drive.gained, (up, down), strict=True))
+        return gained or (fast and drive.fast)
+
+    def _gained(self, drive: _Drive, before: float, rate: float) -> Pair:
+        """Return the rates gained up and down so far; learn the wind from what the model leaves."""
+        expected = [self._expected(before, each) for each in drive.commands]
+        change = rate - before - drive.wind
+        (up, down), margin = drive.gained, self.params.margin
+        # Only a linear loop tells wind from saturation.
+        if max(abs(each - before) for each in drive.commands) < self._linear:
+            unexplained = rate - before - 0.5 * (min(expected) + max(expected))
+            wind = drive.wind + self._follow * (unexplained - drive.wind)
+            drive.wind = min(max(wind, -self._wind), self._wind)
+        return (
+            max(0.0, up + change - margin * max(0.0, *expected) - self._slack),
+            max(0.0, down - change + margin * min(0.0, *expected) - self._slack),
+        )
+
+    def _fast(self, before: float, rate: float, command: float) -> bool:
+        """Return whether a drive exceeds its largest rate, or its command without slowing down."""
+        if abs(rate) > self.params.overspeed * self.params.rate_limit_rad_s:
+            return True
+        beyond = abs(rate - command) > self.params.excess_rad_s and abs(rate) > abs(command)
+        return beyond and (rate - before) * (command - rate) <= 0.0
+
+    def _expected(self, rate: float, command: float) -> float:
+        """Return the model's change of rate in a tick: full acceleration, then exponential."""
+        limit, bandwidth = self.params.rate_limit_rad_s, self._bandwidth
+        gap = min(max(command, -limit), limit) - rate
+        left, hard = abs(gap), self.params.acceleration_limit_rad_s2
+        full_s = min(self._tick_s, max(0.0, left / hard - 1.0 / bandwidth))
+        left -= hard * full_s
+        moved = abs(gap) - left * math.exp(-bandwidth * (self._tick_s - full_s))
+        return math.copysign(moved, gap)
+
+
+@dataclass(frozen=True, kw_only=True)
+class WindWatchParams(Params):
+    """Speeds at which the antenna is stowed, and how it comes out again."""
+
+    gust_limit_m_s: float = parameter(25.0, "3-s gust from which the antenna is stowed", low=1.0, high=100.0)
+    mean_limit_m_s: float = parameter(18.0, "10-min mean from which the antenna is stowed", low=1.0, high=100.0)
+    release_share: float = parameter(0.8, "share of both below which it may come out", low=0.1, high=1.0)
+    release_s: float = parameter(60.0, "time for which both must stay below", low=0.0, high=7200.0)
+    silence_s: float = parameter(5.0, "time without a reading that counts as high wind", low=0.1, high=600.0)
+
+
+class WindWatch:
+    """Takes readings of wind speed and says why the antenna must be stowed."""
+
+    def __init__(self, params: WindWatchParams) -> None:
+        self.params = params
+        self._second: deque[tuple[float, float]] = deque()
+        self._minute: deque[tuple[float, float]] = deque()
+        self._sums = [0.0, 0.0]
+        self._newest_s = -math.inf
+        self._low_since_s: float | None = None
+        self.reason = ""
+
+    @property
+    def gust_m_s(self) -> float:
+        """Mean of the last 3 s."""
+        return self._sums[0] / len(self._second) if self._second else 0.0
+
+    @property
+    def mean_m_s(self) -> float:
+        """Mean of the last 10 min, or of what is known of them."""
+        return self._sums[1] / len(self._minute) if self._minute else 0.0
+
+    def take(self, t_s: float, speed_m_s: float) -> None:
+        """Note a reading; one that is no finite speed is no reading."""
+        if not (math.isfinite(speed_m_s) and 0.0 <= speed_m_s < 150.0):
+            return
+        # Time went back: a simulation began again, and its old readings mean nothing.
+        if t_s <= self._newest_s:
+            self._second.clear()
+            self._minute.clear()
+            self._sums = [0.0, 0.0]
+        self._newest_s = t_s
+        for index, (kept, span_s) in enumerate(((self._second, GUST_S), (self._minute, MEAN_S))):
+            kept.append((t_s, speed_m_s))
+            self._sums[index] += speed_m_s
+            while kept[0][0] < t_s - span_s:
+                self._sums[index] -= kept.popleft()[1]
+
+    def step(self, t_s: float) -> str:
+        """Return why the antenna must be stowed at `t_s`, "" when it may be used."""
+        params = self.params
+        silent_s = t_s - self._newest_s
+        if silent_s > params.silence_s:
+            known = "has not been received" if math.isinf(silent_s) else f"has been silent for {silent_s:.1f} s"
+            self.reason, self._low_since_s = f"anemometer {known}: taken for high wind", None
+            return self.reason
+        highs = ((self.gust_m_s, params.gust_limit_m_s, "gust"), (self.mean_m_s, params.mean_limit_m_s, "10-min mean"))
+        for speed, limit, name in highs:
+            if speed >= limit:
+                self.reason, self._low_since_s = f"{name} {speed:.1f} m/s, limit {limit:.1f} m/s", None
+                return self.reason
+        # Out of high wind only after `release_s` well below both limits: a gust must not move the
+        # antenna in and out of stow.
+        if self.reason:
+            calm = all(speed < params.release_share * limit for speed, limit, _ in highs)
+            if not calm:
+                self._low_since_s = None
+            elif self._low_since_s is None:
+                self._low_since_s = t_s
+            elif t_s - self._low_since_s >= params.release_s:
+                self.reason = ""
+        return self.reason

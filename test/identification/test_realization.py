@@ -1,0 +1,139 @@
+"""Markov parameters and realization recover a planted system.
+
+Balanced reduction against the definition of the singular values and its own error bound.
+"""
+
+import control
+import numpy as np
+import pytest
+import scipy.linalg
+
+from rf_pointing.identification import (
+    StateSpace,
+    balanced_reduction,
+    modes_of,
+    observer_markov,
+    realize,
+    system_markov,
+)
+from rf_pointing.identification.realization import hankel_singular_values
+
+SAMPLE_S = 0.02
+
+
+def planted_markov(planted: StateSpace, count: int) -> np.ndarray:
+    impulse = np.zeros(count)
+    impulse[0] = 1.0
+    return planted.simulate(impulse)[:, 0]
+
+
+def test_markov_parameters_are_the_impulse_response(
+    planted: StateSpace, sequences: tuple[np.ndarray, np.ndarray]
+) -> None:
+    observer = observer_markov(*sequences, 5)
+    np.testing.assert_allclose(system_markov(observer, 300), planted_markov(planted, 300), atol=1e-9)
+
+
+def test_realization_has_the_planted_modes(sequences: tuple[np.ndarray, np.ndarray]) -> None:
+    found = modes_of(realize(system_markov(observer_markov(*sequences, 5), 400), 5, SAMPLE_S).model)
+    np.testing.assert_allclose(found.frequency_hz, (2.01, 5.22), rtol=1e-6)
+    np.testing.assert_allclose(found.damping, (0.0082, 0.01), rtol=1e-4)
+    np.testing.assert_allclose(found.real_poles, (1.0,), atol=1e-9)
+
+
+def test_realization_agrees_with_python_controls_era(planted: StateSpace) -> None:
+    markov = planted_markov(planted, 201)
+    ours = realize(markov, 5, SAMPLE_S)
+    theirs, _ = control.eigensys_realization(markov, r=5, dt=SAMPLE_S)
+    frequency = np.array([0.3, 1.0, 2.5, 7.0])
+    per_sample = theirs(np.exp(2j * np.pi * frequency * SAMPLE_S)) / SAMPLE_S
+    np.testing.assert_allclose(ours.model.response(frequency)[:, 0, 0], per_sample, rtol=1e-6)
+
+
+def test_hankel_singular_values_show_the_order(planted: StateSpace) -> None:
+    hankel = realize(planted_markov(planted, 301), 5, SAMPLE_S).hankel
+    assert np.count_nonzero(hankel > 1e-6 * hankel[1]) == 5
+
+
+def test_noise_leaves_the_frequencies_within_a_fifth_of_a_percent(
+    sequences: tuple[np.ndarray, np.ndarray],
+) -> None:
+    inputs, outputs = sequences
+    noisy = outputs + 2e-3 * np.random.default_rng(2).standard_normal(outputs.shape)
+    found = modes_of(realize(system_markov(observer_markov(inputs, noisy, 80), 600), 5, SAMPLE_S).model)
+    np.testing.assert_allclose(found.frequency_hz[:2], (2.01, 5.22), rtol=0.002)
+
+
+def test_input_that_does_not_excite_is_refused() -> None:
+    inputs = np.ones((1, 400))
+    inputs[0, 0] = 0.0
+    with pytest.raises(ValueError, match="order=20 needs 41 independent regressors, the data excite"):
+        observer_markov(inputs, np.cumsum(inputs, axis=1), 20)
+
+
+def test_silent_data_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"inputs have rms 0\.0"):
+        observer_markov(np.zeros((1, 400)), np.zeros((1, 400)), 4)
+
+
+def test_an_order_beyond_the_rank_is_refused() -> None:
+    with pytest.raises(ValueError, match="order=20 exceeds the rank"):
+        realize(1e3 * np.ones(101), 20, SAMPLE_S)
+
+
+FREQUENCY_HZ = np.geomspace(0.05, 24.0, 200)
+
+
+@pytest.fixture
+def stable() -> StateSpace:
+    random = np.random.default_rng(6)
+    a = random.standard_normal((7, 7))
+    a *= 0.93 / np.max(np.abs(np.linalg.eigvals(a)))
+    return StateSpace(a, random.standard_normal((7, 1)), random.standard_normal((1, 7)), np.ones((1, 1)), 0.02)
+
+
+def test_hankel_singular_values_are_the_roots_of_the_gramian_product(stable: StateSpace) -> None:
+    reach = scipy.linalg.solve_discrete_lyapunov(stable.a, stable.b @ stable.b.T)
+    show = scipy.linalg.solve_discrete_lyapunov(stable.a.T, stable.c.T @ stable.c)
+    expected = np.sort(np.sqrt(np.linalg.eigvals(reach @ show).real))[::-1]
+    np.testing.assert_allclose(hankel_singular_values(stable), expected, rtol=1e-5)
+
+
+@pytest.mark.parametrize("order", [1, 3, 5])
+def test_error_stays_within_twice_the_sum_of_the_dropped_singular_values(stable: StateSpace, order: int) -> None:
+    reduced = balanced_reduction(stable, order)
+    error = np.max(np.abs(reduced.response(FREQUENCY_HZ) - stable.response(FREQUENCY_HZ)))
+    assert reduced.order == order
+    assert error <= 2.0 * np.sum(hankel_singular_values(stable)[order:]) * (1.0 + 1e-9)
+
+
+def test_the_integrator_survives_exactly_and_the_strong_mode_stays(planted: StateSpace) -> None:
+    reduced = balanced_reduction(planted, 3)
+    poles = np.linalg.eigvals(reduced.a)
+    assert np.min(np.abs(poles - 1.0)) < 1e-10
+    bound = 2.0 * np.sum(hankel_singular_values(planted)[2:])
+    error = np.abs(reduced.response(FREQUENCY_HZ) - planted.response(FREQUENCY_HZ))
+    assert np.max(error) <= bound * (1.0 + 1e-9)
+    assert bound < 0.11 * np.max(np.abs(planted.response(np.array([2.01]))))
+
+
+def test_full_order_changes_nothing(planted: StateSpace) -> None:
+    same = balanced_reduction(planted, planted.order)
+    np.testing.assert_allclose(same.response(FREQUENCY_HZ), planted.response(FREQUENCY_HZ), rtol=1e-6)
+
+
+def test_an_order_beyond_the_states_that_respond_and_show_is_refused(stable: StateSpace) -> None:
+    """Two states that the input does not reach: their singular values are rounding."""
+    a = np.block([[stable.a, np.ones((7, 2))], [np.zeros((2, 7)), 0.5 * np.eye(2)]])
+    b, c = np.vstack([stable.b, np.zeros((2, 1))]), np.hstack([stable.c, np.ones((1, 2))])
+    turn, _ = np.linalg.qr(np.random.default_rng(7).standard_normal((9, 9)))
+    idle = StateSpace(turn @ a @ turn.T, turn @ b, c @ turn.T, stable.d, stable.sample_s)
+    assert balanced_reduction(idle, 7).order == 7
+    with pytest.raises(ValueError, match="order=8 must be <= 7"):
+        balanced_reduction(idle, 8)
+
+
+def test_an_unstable_pole_is_refused(stable: StateSpace) -> None:
+    unstable = StateSpace(1.2 * stable.a / 0.93, stable.b, stable.c, stable.d, 0.02)
+    with pytest.raises(ValueError, match=r"largest pole magnitude 1\.2 must be <= 1"):
+        balanced_reduction(unstable, 3)

@@ -1,0 +1,267 @@
+"""Sensors held against each other: how soon a fault is seen, and that a sound antenna has none.
+
+A drive held against its model: how soon one that runs away is found, and what a sound one may do.
+
+High wind: gust, mean, hysteresis, and an anemometer that says nothing.
+"""
+
+import math
+
+import numpy as np
+import pytest
+
+from rf_pointing.planning import AxisWatch, AxisWatchParams, DriveWatch, DriveWatchParams, WindWatch, WindWatchParams
+
+DEG = math.pi / 180.0
+TICK_S = 0.02
+AXIS_PARAMS = AxisWatchParams()
+
+
+class Axis:
+    """An azimuth that moves at a steady rate under watch; the elevation stands."""
+
+    def __init__(self, rate_deg_s: float) -> None:
+        self.watch = AxisWatch(AXIS_PARAMS, TICK_S)
+        self.rate, self.ticks = rate_deg_s * DEG, 0
+
+    @property
+    def angle(self) -> float:
+        return 1.0 + self.rate * self.ticks * TICK_S
+
+    def tick(self, shown: float | None = None) -> tuple[float, str]:
+        self.ticks += 1
+        used, reason = self.watch.step((self.angle if shown is None else shown, 0.5), (self.rate, 0.0))
+        return used[0], reason
+
+
+def moving(rate_deg_s: float) -> Axis:
+    axis = Axis(rate_deg_s)
+    for _ in range(50):
+        assert axis.tick()[1] == ""
+    return axis
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, 30.0 * DEG, -0.05 * DEG])
+def test_up_to_three_wrong_samples_are_bridged(count: int, wrong: float) -> None:
+    axis = moving(0.5)
+    for _ in range(count):
+        used, reason = axis.tick(axis.angle + wrong)
+        assert reason == ""
+        assert used == pytest.approx(axis.angle, abs=1e-9)
+    for _ in range(20):
+        assert axis.tick()[1] == ""
+
+
+@pytest.mark.parametrize(("wrong", "words"), [(5.0 * DEG, "encoder jumped by"), (math.nan, "gives no number")])
+def test_the_fourth_wrong_sample_is_a_fault(wrong: float, words: str) -> None:
+    axis = moving(0.5)
+    said = [axis.tick(axis.angle + wrong)[1] for _ in range(4)]
+    assert said[:3] == ["", "", ""]
+    assert words in said[3]
+
+
+@pytest.mark.parametrize("rate_deg_s", [0.05, 0.3, -2.0])
+def test_a_frozen_encoder_is_seen_within_200_ms(rate_deg_s: float) -> None:
+    axis = moving(rate_deg_s)
+    frozen = axis.angle
+    said = [axis.tick(frozen)[1] for _ in range(10)]
+    assert any("encoder stands still" in words or "jumped" in words for words in said)
+
+
+@pytest.mark.parametrize("lie_deg_s", [0.3, -1.0])
+def test_a_lying_encoder_is_seen_within_200_ms(lie_deg_s: float) -> None:
+    axis = moving(0.2)
+    said = [axis.tick(axis.angle + axis.rate * TICK_S + lie_deg_s * DEG * TICK_S * (tick + 1))[1] for tick in range(10)]
+    assert any("more than the drive" in words for words in said)
+
+
+def test_encoder_noise_is_no_fault(random: np.random.Generator) -> None:
+    watch = AxisWatch(AXIS_PARAMS, TICK_S)
+    angle = 0.0
+    for tick in range(5000):
+        rate = 2.0 * DEG * math.sin(0.3 * tick * TICK_S)
+        angle += rate * TICK_S
+        assert watch.step((angle + 2e-6 * random.standard_normal(), 0.0), (rate, 0.0))[1] == ""
+
+
+def test_the_cause_is_gone_when_the_sensors_agree_again() -> None:
+    axis = moving(0.5)
+    for _ in range(6):
+        axis.tick(math.nan)
+    assert axis.watch.cause == "azimuth encoder gives no number"
+    for _ in range(10):
+        axis.tick()
+    assert axis.watch.cause == ""
+    jumped = moving(0.5)
+    for _ in range(4):
+        jumped.tick(jumped.angle + 5.0 * DEG)
+    assert "more than the drive" in jumped.watch.cause
+
+
+DRIVE_PARAMS = DriveWatchParams()
+SUBSTEPS = 20
+
+
+class Drive:
+    """A first-order rate loop with bounded acceleration, integrated finely; watched in azimuth, standing in elevation."""
+
+    def __init__(self, params: DriveWatchParams = DRIVE_PARAMS, gain: float = 1.0, strength: float = 1.0) -> None:
+        self.watch = DriveWatch(params, TICK_S)
+        self.bandwidth = gain * 2.0 * math.pi * DRIVE_PARAMS.bandwidth_hz
+        self.hard = strength * DRIVE_PARAMS.acceleration_limit_rad_s2
+        self.rate = 0.0
+
+    def tick(self, command: float, obeys: float | None = None, wind: float = 0.0, tachometer: float = 0.0) -> str:
+        """Follow `command`, or run to `obeys` instead; return what the watch says of what the tachometer shows."""
+        goal = command if obeys is None else obeys
+        for _ in range(SUBSTEPS):
+            pull = min(max((goal - self.rate) * self.bandwidth, -self.hard), self.hard)
+            self.rate += (pull + wind) * TICK_S / SUBSTEPS
+        return self.watch.step((self.rate + tachometer, 0.0), (command, 0.0))
+
+
+def settled(command: float, wind: float = 0.0, **drive: float) -> Drive:
+    made = Drive(**drive)
+    made.rate = command
+    for _ in range(250):
+        assert made.tick(command, wind=wind) == ""
+    return made
+
+
+@pytest.mark.parametrize("command_deg_s", [0.0, 0.004, 0.3, -1.2])
+@pytest.mark.parametrize("wind_deg_s2", [0.0, 0.6])
+@pytest.mark.parametrize("beyond_deg_s", [0.5, 2.5, -0.5, -2.5])
+def test_a_runaway_is_found_at_its_second_sample(command_deg_s: float, wind_deg_s2: float, beyond_deg_s: float) -> None:
+    drive = settled(command_deg_s * DEG, math.copysign(wind_deg_s2, beyond_deg_s) * DEG)
+    obeys = (command_deg_s + beyond_deg_s) * DEG
+    wind = math.copysign(wind_deg_s2, beyond_deg_s) * DEG
+    assert drive.tick(command_deg_s * DEG, obeys, wind) == ""
+    assert f"commanded {command_deg_s:.2f} deg/s" in drive.tick(command_deg_s * DEG, obeys, wind)
+
+
+def test_a_runaway_against_the_wind_is_found_within_100_ms() -> None:
+    drive = settled(0.0, -0.6 * DEG)
+    said = [drive.tick(0.0, 2.0 * DEG, -0.6 * DEG) for _ in range(5)]
+    assert any(said)
+
+
+def test_a_drive_that_creeps_away_is_found_when_it_is_half_a_degree_per_second_off() -> None:
+    drive = settled(0.1 * DEG)
+    for tick in range(400):
+        words = drive.tick(0.1 * DEG, (0.1 + 0.002 * tick) * DEG)
+        if words:
+            break
+    assert 0.5 < drive.rate / DEG - 0.1 < 0.53
+
+
+def test_a_drive_above_its_largest_rate_has_run_away_whatever_was_commanded() -> None:
+    drive = settled(1.9 * DEG)
+    said = []
+    for _ in range(40):
+        drive.rate += 0.012 * DEG
+        said.append(drive.watch.step((drive.rate, 0.0), (5.0 * DEG, 0.0)))
+    assert drive.rate > 2.2 * DEG
+    assert said[-1]
+
+
+@pytest.mark.parametrize(("gain", "strength"), [(1.0, 1.0), (0.7, 1.0), (1.4, 1.0), (1.0, 0.5), (1.0, 1.2)])
+def test_no_command_makes_a_sound_drive_a_runaway(gain: float, strength: float, random: np.random.Generator) -> None:
+    """Steps up to the limit and back, white noise, ramps; the drive faster, slower, weaker, stronger than its model."""
+    drive = Drive(gain=gain, strength=strength)
+    for block in range(60):
+        size, base = random.uniform(0.0, 1.0) * DEG, random.uniform(-2.0, 2.0) * DEG
+        for tick in range(60):
+            command = (base, size * random.standard_normal(), base * tick / 60.0)[block % 3]
+            assert drive.tick(command) == "", (block, tick)
+
+
+def test_a_noisy_tachometer_and_a_single_wrong_reading_are_no_runaway(random: np.random.Generator) -> None:
+    drive = settled(0.3 * DEG)
+    for _ in range(2000):
+        assert drive.tick(0.3 * DEG, tachometer=0.003 * DEG * random.standard_normal()) == ""
+    for spike in (1.5, -1.5):
+        assert drive.tick(0.3 * DEG, tachometer=spike * DEG) == ""
+        for _ in range(50):
+            assert drive.tick(0.3 * DEG) == ""
+
+
+def test_a_dead_time_is_allowed_for_when_it_is_known() -> None:
+    for delay_s, sound in ((0.1, True), (0.0, False)):
+        drive = Drive(DRIVE_PARAMS.replace(delay_s=delay_s))
+        commands = [0.0] * 50 + [0.6 * DEG, -0.6 * DEG] * 1
+        commands += [(-0.6 if step // 10 % 2 else 0.6) * DEG for step in range(200)]
+        said = [drive.tick(commands[index], commands[max(0, index - 5)]) for index in range(len(commands))]
+        assert (not any(said)) == sound
+
+
+def test_a_tachometer_that_gives_no_number_is_a_fault() -> None:
+    drive = settled(0.3 * DEG)
+    assert "azimuth tachometer gives no number" in drive.tick(0.3 * DEG, tachometer=math.nan)
+
+
+WIND_PARAMS = WindWatchParams(
+    gust_limit_m_s=25.0, mean_limit_m_s=18.0, release_share=0.8, release_s=60.0, silence_s=5.0
+)
+
+
+def blow(watch: WindWatch, start_s: float, seconds: float, speed: float) -> tuple[float, str]:
+    for t_s in np.arange(start_s, start_s + seconds, 0.1).tolist():
+        watch.take(t_s, speed)
+        reason = watch.step(t_s)
+    return start_s + seconds, reason
+
+
+def test_a_spike_shorter_than_a_gust_is_no_high_wind_and_a_gust_is() -> None:
+    watch = WindWatch(WIND_PARAMS)
+    t_s, reason = blow(watch, 0.0, 30.0, 10.0)
+    t_s, reason = blow(watch, t_s, 0.5, 40.0)
+    assert reason == ""
+    t_s, reason = blow(watch, t_s, 3.0, 30.0)
+    assert reason.startswith("gust ")
+
+
+def test_a_steady_wind_below_the_gust_limit_stows_by_its_mean() -> None:
+    watch = WindWatch(WIND_PARAMS)
+    t_s, reason = blow(watch, 0.0, 600.0, 10.0)
+    t_s, reason = blow(watch, t_s, 300.0, 20.0)
+    assert reason == ""
+    t_s, reason = blow(watch, t_s, 170.0, 20.0)
+    assert reason == "", "480 s of it make a mean of 18 m/s"
+    _, reason = blow(watch, t_s, 15.0, 20.0)
+    assert reason.startswith("10-min mean 18.")
+
+
+def test_the_antenna_comes_out_only_after_a_minute_well_below() -> None:
+    watch = WindWatch(WIND_PARAMS)
+    t_s, _ = blow(watch, 0.0, 10.0, 26.0)
+    t_s, reason = blow(watch, t_s, 590.0, 21.0)
+    assert reason, "between release and limit it stays in"
+    t_s, reason = blow(watch, t_s, 400.0, 5.0)
+    t_s, reason = blow(watch, t_s, 100.0, 5.0)
+    assert reason == ""
+
+
+def test_silence_is_high_wind_and_so_is_nonsense() -> None:
+    watch = WindWatch(WIND_PARAMS)
+    assert "has not been received" in watch.step(0.0)
+    watch = WindWatch(WIND_PARAMS)
+    t_s, reason = blow(watch, 0.0, 20.0, 3.0)
+    assert reason == ""
+    for step in range(60):
+        watch.take(t_s + 0.1 * step, (math.nan, -1.0, 1e9)[step % 3])
+    assert "silent for 5." in watch.step(t_s + 5.5)
+
+
+def test_calm_must_last_for_the_release_time_and_begins_anew_with_every_gust() -> None:
+    watch = WindWatch(WIND_PARAMS)
+    t_s, _ = blow(watch, 0.0, 20.0, 5.0)
+    t_s, reason = blow(watch, t_s, 4.0, 26.0)
+    assert reason.startswith("gust ")
+    t_s, reason = blow(watch, t_s, 40.0, 5.0)
+    t_s, reason = blow(watch, t_s, 4.0, 26.0)
+    # The 3-s mean is below 20 m/s after 0.9 s of it.
+    t_s, reason = blow(watch, t_s, 60.5, 5.0)
+    assert reason.startswith("gust ")
+    _, reason = blow(watch, t_s, 1.0, 5.0)
+    assert reason == ""
