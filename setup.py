@@ -46,7 +46,7 @@ setup(
     maintainer="rf_pointing maintainers",
     maintainer_email="maintainers@rf-pointing.example",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
-    package_data={f"{PACKAGE}.controllers": ["*.json"]},
+    package_data={f"{PACKAGE}.controllers": ["*.json"], f"{PACKAGE}.report": ["templates/*"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),

@@ -34,7 +34,7 @@ ALLOWED_THIRD_PARTY = {
     **SIBLINGS,
     "station": COMPOSED,
     "simulation": COMPOSED,
-    "report": COMPOSED | {"matplotlib", "rosbags"},
+    "report": COMPOSED | {"matplotlib", "rosbags", "jinja2", "markupsafe"},
     "nodes": None,
     "commands": None,
     **dict.fromkeys(CORE_OF_ARRAYS, SIBLING),

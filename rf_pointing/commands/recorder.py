@@ -11,8 +11,7 @@ from rclpy.subscription import Subscription
 
 from rf_pointing.nodes.graph import TOPICS, Topic
 from rf_pointing.report.bag_writer import BagResult, BagWriter
-from rf_pointing.report.definitions import definitions
-from rf_pointing.report.offered_qos import qos_from_profile
+from rf_pointing.report.definitions import definitions, qos_from_profile
 
 __all__ = ["Recorder"]
 

@@ -1,8 +1,7 @@
 """Recordings and reports: write a rosbag2 bag, read any, and make tables and pictures of one pass from it."""
 
 from rf_pointing.report.bag_writer import BagResult, BagWriter, TopicLoss
-from rf_pointing.report.definitions import Definitions, definitions
-from rf_pointing.report.offered_qos import offered_qos, qos_from_profile
+from rf_pointing.report.definitions import Definitions, definitions, offered_qos, qos_from_profile
 from rf_pointing.report.recording import Recording, antennas, read_recording
 from rf_pointing.report.summary import Summary
 from rf_pointing.report.write_report import write_report

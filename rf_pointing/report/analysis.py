@@ -1,19 +1,200 @@
-"""What table and pictures share: modes, errors, the tracked pass and when the beam was acquired."""
+"""What is derived from a recording once: modes, errors, the tracked pass, and when the beam was acquired.
+
+    error = target - beam
+    alone = error + offset                                          (program track alone)
+    loss  = -10 log10 exp(-4 ln 2 (error / beamwidth)^2)            (Gaussian beam)
+
+The tracking loop moves the beam by its offset; without it the error would have been larger by that
+offset.  The table and the pictures of a report share this.
+"""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from rf_pointing.core import MDEG
-from rf_pointing.report.error_series import ErrorSeries, error_series
+from rf_pointing.core import MDEG, gaussian_loss_db
+from rf_pointing.core.modes import Mode
 from rf_pointing.report.recording import Pass, Recording
-from rf_pointing.report.summary import Acquisition
-from rf_pointing.report.timeline import RF_MODES, TRACKING_MODES, Timeline, timeline
+from rf_pointing.report.summary import Acquisition, ErrorStatistics, Spread
 
-__all__ = ["Analysis", "analyse", "tracked_pass"]
+__all__ = [
+    "RF_MODES",
+    "TRACKING_MODES",
+    "Analysis",
+    "ErrorSeries",
+    "Interval",
+    "Timeline",
+    "analyse",
+    "error_series",
+    "statistics_of",
+    "timeline",
+    "tracked_pass",
+]
+
+RF_MODES = (Mode.MONOPULSE, Mode.CONSCAN, Mode.STEPTRACK)
+"""Modes in which a sensor closes the loop."""
+TRACKING_MODES = (Mode.PROGRAM_TRACK, Mode.SEARCH, *RF_MODES, Mode.COAST)
+"""Modes in which the beam is meant to be on the target."""
+Ints = NDArray[np.int64]
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Interval:
+    """One stretch of one mode, stamps in nanoseconds."""
+
+    mode: str
+    start_ns: int
+    end_ns: int
+    reason: str
+
+    @property
+    def seconds(self) -> float:
+        """Length in simulated seconds."""
+        return (self.end_ns - self.start_ns) * 1e-9
+
+
+@dataclass(frozen=True)
+class Timeline:
+    """Status of the controller in order of its stamps; a mode holds from one stamp to the next."""
+
+    stamp_ns: Ints
+    columns: dict[str, NDArray[Any]]
+
+    def mode_at(self, stamp_ns: Ints) -> NDArray[np.str_]:
+        """Return the mode at each stamp, "" before the first status."""
+        modes = self._held("mode", stamp_ns)
+        return np.where(stamp_ns < self.stamp_ns[0], "", modes)
+
+    def beamwidth_rad_at(self, stamp_ns: Ints) -> Floats:
+        """Return the half-power beamwidth at each stamp; NaN where the controller gave none."""
+        width = self._held("beamwidth", stamp_ns).astype(np.float64)
+        return np.where(width > 0.0, width, np.nan)
+
+    def offset_rad_at(self, stamp_ns: Ints) -> Floats:
+        """Return the tracking offset (n, 2) in cross-elevation and elevation, interpolated between statuses."""
+        # Stamps differ from the first one by seconds: subtracting first keeps nanoseconds in a float.
+        at, known = ((s - self.stamp_ns[0]) * 1e-9 for s in (stamp_ns, self.stamp_ns))
+        names = ("cross_elevation_offset", "elevation_offset")
+        return np.stack([np.interp(at, known, self.columns[name]) for name in names], axis=-1)
+
+    def intervals(self) -> list[Interval]:
+        """Return the stretches of equal mode in order; the last status holds for one usual period."""
+        mode = self.columns["mode"]
+        starts = np.flatnonzero(np.concatenate([[True], mode[1:] != mode[:-1]]))
+        period = int(np.median(np.diff(self.stamp_ns))) if len(self.stamp_ns) > 1 else 0
+        edges = [*(int(self.stamp_ns[i]) for i in starts), int(self.stamp_ns[-1]) + period]
+        reasons = self.columns["reason"]
+        return [
+            Interval(str(mode[i]), start, end, str(reasons[i]))
+            for i, start, end in zip(starts, edges[:-1], edges[1:], strict=True)
+        ]
+
+    def is_tracking_at(self, stamp_ns: Ints) -> NDArray[np.bool_]:
+        """Return whether the beam was meant to be on the target at each stamp."""
+        return np.isin(self.mode_at(stamp_ns), TRACKING_MODES)
+
+    def _held(self, column: str, stamp_ns: Ints) -> NDArray[Any]:
+        index = np.searchsorted(self.stamp_ns, stamp_ns, side="right") - 1
+        return self.columns[column][np.maximum(index, 0)]
+
+
+def timeline(recording: Recording) -> Timeline | None:
+    """Return the timeline of `recording`, None when it holds no tracking status."""
+    status = recording.get("tracking_status")
+    if status is None or status.stamp_ns is None:
+        return None
+    stamps, index = np.unique(status.stamp_ns, return_index=True)
+    return Timeline(stamps, {name: values[index] for name, values in status.columns.items()})
+
+
+@dataclass(frozen=True)
+class ErrorSeries:
+    """Samples of the error in order of stamp; `error_rad` and `alone_rad` are (n, 2), the rest (n,).
+
+    `source` is "true" or "sensed"; `alone_rad` is NaN outside the tracking modes, `loss_db` where no beam is known or
+    the beam is not meant to be on the target; `dropped` counts the samples that were not finite.
+    """
+
+    source: str
+    stamp_ns: Ints
+    error_rad: Floats
+    alone_rad: Floats
+    mode: NDArray[np.str_]
+    beamwidth_rad: Floats
+    dropped: int
+
+    @property
+    def radial_rad(self) -> Floats:
+        """Angle between target and beam."""
+        return np.hypot(self.error_rad[:, 0], self.error_rad[:, 1])
+
+    @property
+    def loss_db(self) -> Floats:
+        """Pointing loss, positive."""
+        return gaussian_loss_db(self.radial_rad, self.beamwidth_rad)
+
+
+def error_series(recording: Recording, modes: Timeline | None) -> ErrorSeries | None:
+    """Return the true error, else the sensed one, else None."""
+    for name, source in (("sim/pointing_error", "true"), ("pointing_error", "sensed")):
+        data = recording.get(name)
+        if data is None or data.stamp_ns is None or not np.any(data["valid"]):
+            continue
+        order = np.flatnonzero(data["valid"])
+        order = order[np.argsort(data.stamp_ns[order], kind="stable")]
+        error = np.stack([data["cross_elevation"], data["elevation"]], axis=-1)[order]
+        finite = np.all(np.isfinite(error), axis=1)
+        return _series(source, data.stamp_ns[order][finite], error[finite], modes, int(np.sum(~finite)))
+    return None
+
+
+def _series(source: str, stamp_ns: Ints, error_rad: Floats, modes: Timeline | None, dropped: int) -> ErrorSeries:
+    n = len(stamp_ns)
+    mode = np.full(n, "", dtype=np.str_)
+    width, alone = np.full(n, np.nan), np.full((n, 2), np.nan)
+    if modes is not None:
+        mode = modes.mode_at(stamp_ns)
+        tracking = np.isin(mode, TRACKING_MODES)
+        width = np.where(tracking, modes.beamwidth_rad_at(stamp_ns), np.nan)
+        alone = np.where(tracking[:, None], error_rad + modes.offset_rad_at(stamp_ns), np.nan)
+    return ErrorSeries(source, stamp_ns, error_rad, alone, mode, width, dropped)
+
+
+def statistics_of(error_rad: Floats, beamwidth_rad: Floats) -> ErrorStatistics:
+    """Return the statistics of errors (n, 2) seen by beams (n,), all null when n is 0."""
+    radial = np.hypot(error_rad[:, 0], error_rad[:, 1])
+    loss = gaussian_loss_db(radial, beamwidth_rad)
+    loss = loss[np.isfinite(loss)]
+    inside = (radial <= 0.5 * beamwidth_rad)[np.isfinite(beamwidth_rad)]
+    return ErrorStatistics(
+        samples=len(radial),
+        cross_elevation=_spread(error_rad[:, 0]),
+        elevation=_spread(error_rad[:, 1]),
+        radial=_spread(radial),
+        mean_loss_db=float(np.mean(loss)) if len(loss) else None,
+        max_loss_db=float(np.max(loss)) if len(loss) else None,
+        inside_half_power_percent=100.0 * float(np.mean(inside)) if len(inside) else None,
+    )
+
+
+def _spread(error_rad: Floats) -> Spread:
+    if len(error_rad) == 0:
+        return Spread(rms_mdeg=None, p95_mdeg=None, max_mdeg=None)
+    magnitude = np.abs(error_rad) / MDEG
+    return Spread(
+        rms_mdeg=float(np.sqrt(np.mean(np.square(magnitude)))),
+        p95_mdeg=float(np.percentile(magnitude, 95.0)),
+        max_mdeg=float(np.max(magnitude)),
+    )
+
 
 _SETTLED_BEAMWIDTHS = 0.1
+"""A tenth of a beamwidth costs 0.12 dB."""
 _SETTLED_IN_A_ROW = 5
+"""A beam that swings through the target is within the limit too, but not so long."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +227,7 @@ def analyse(recording: Recording) -> Analysis:
 
 
 def tracked_pass(recording: Recording, modes: Timeline | None) -> Pass | None:
-    """Return the announced pass that overlaps the tracking most, None when no announced one does."""
+    """Return the announced pass that overlaps the tracking most, None if none does."""
     if modes is None:
         return None
     spans = [(i.start_ns, i.end_ns) for i in modes.intervals() if i.mode in TRACKING_MODES]

@@ -1,7 +1,7 @@
-"""Open a rosbag2 recording, whole or cut short: MCAP or sqlite3, with or without `metadata.yaml`.
+"""Open a rosbag2 recording, intact or cut short: MCAP or sqlite3, with or without `metadata.yaml`.
 
-A recorder that was killed leaves an MCAP file without its end.  Such a file is copied, closed by `mcap_tail.complete`
-and read from the copy; the recording itself is never changed.
+A recorder that was killed leaves an MCAP file without its end.  Such a file is copied, closed by
+`mcap_tail.complete` and read from the copy; the recording itself is never changed.
 """
 
 import shutil
@@ -20,12 +20,12 @@ from rf_pointing.report.mcap_tail import complete
 __all__ = ["READ_ERRORS", "BagSource", "open_bag"]
 
 READ_ERRORS = (ReaderError, OSError, ValueError, TypeError, KeyError, IndexError, AssertionError, struct.error)
-"""What reading damaged files may raise."""
+"""Errors of reading damaged files: rosbags checks little before it indexes into the data."""
 
 
 @dataclass
 class BagSource:
-    """Open readers of one recording, its notes, and what is wrong with it in the user's words."""
+    """Open readers of one recording, its notes, and what is wrong with it in words for the user."""
 
     readers: list[Reader] = field(default_factory=list)
     notes: dict[str, str] = field(default_factory=dict)

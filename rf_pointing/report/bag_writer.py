@@ -1,24 +1,25 @@
 """Record serialized messages into a rosbag2 MCAP bag that `ros2 bag info`, `ros2 bag play` and `rosbags` read.
 
-A disk that fills does not disturb the caller: writing stops, what is lost from then on is counted per topic, and
-`close` leaves a bag of everything that reached the disk.
+A full disk does not disturb the caller: writing stops, later messages are counted per topic as lost,
+and `close` leaves a bag of everything that reached the disk.
 """
 
 import json
 import shutil
 from array import array
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
-from rosbags.interfaces import Connection, Qos
+import yaml
+from rosbags.interfaces import Connection, ConnectionExtRosbag2, Qos
 from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.rosbag2.metadata import dump_qos_v9
 
-from rf_pointing.report.bag_metadata import write_metadata
 from rf_pointing.report.definitions import Definitions
 from rf_pointing.report.mcap_tail import McapTail, complete
 
@@ -29,6 +30,7 @@ LOST_NOTE = "rf_pointing.lost"
 PROBLEM_NOTE = "rf_pointing.problem"
 """Key in the bag's custom data: why recording stopped."""
 _RESERVE_BYTES = 512 * 1024
+"""Size of a file that keeps room for the index of a bag that fills the disk."""
 
 
 @dataclass(frozen=True)
@@ -153,7 +155,7 @@ class BagWriter:
             self._stop(error)
 
     def close(self) -> BagResult:
-        """Finish the bag and say what is in it; never raises for a disk problem, and may be called again."""
+        """Finish the bag and return what is in it; may be called again, and never raises for a disk problem."""
         if self._result is None:
             with suppress(OSError):
                 self._reserve.unlink()
@@ -166,7 +168,6 @@ class BagWriter:
             writer.set_custom_data(key, value)
         writer.open()
         try:
-            # Room for the index of a bag that fills the disk: freed when it is needed.
             self._reserve.write_bytes(bytes(_RESERVE_BYTES))
         except OSError:
             with suppress(OSError):
@@ -187,7 +188,7 @@ class BagWriter:
 
     def _stop(self, error: OSError) -> None:
         self._problem = f"recording stopped: {error.strerror or error}"
-        # The writer's half-written chunk stays in its buffer; closing tries once more to write it, and may fail again.
+        # The half-written chunk is still in the buffer; closing writes it again, and may fail again.
         with suppress(OSError):
             self._writer.abort()
         with suppress(OSError):
@@ -204,7 +205,7 @@ class BagWriter:
         lost = tuple(self._losses(counts))
         try:
             times = (min(tail.times, default=0), max(tail.times, default=0))
-            write_metadata(data, self._connections.values(), counts, times, self._notes | _loss_notes(problem, lost))
+            _write_metadata(data, self._connections.values(), counts, times, self._notes | _loss_notes(problem, lost))
             readable = tail.usable_bytes > 0
         except OSError as error:
             problem, readable = f"{problem}; metadata.yaml could not be written: {error}", False
@@ -221,3 +222,54 @@ class BagWriter:
 
 def _loss_notes(problem: str, lost: Sequence[TopicLoss]) -> dict[str, str]:
     return {PROBLEM_NOTE: problem, LOST_NOTE: json.dumps([vars(item) for item in lost])}
+
+
+def _write_metadata(
+    mcap: Path,
+    connections: Iterable[Connection],
+    counts: Mapping[str, int],
+    times_ns: tuple[int, int],
+    notes: Mapping[str, str],
+) -> None:
+    """Write the `metadata.yaml` of a bag whose file had to be closed by `mcap_tail.complete`.
+
+    `counts` are the messages in the file by topic, `times_ns` the first and the last log time.
+    """
+    # Fields and names of rosbag2 metadata version 9 (Jazzy), as rosbags writes it for an intact bag.
+    start = {"nanoseconds_since_epoch": times_ns[0]}
+    duration = {"nanoseconds": times_ns[1] - times_ns[0]}
+    total = sum(counts.values())
+    information = {
+        "version": 9,
+        "storage_identifier": "mcap",
+        "duration": duration,
+        "starting_time": start,
+        "message_count": total,
+        "topics_with_message_count": [_topic(item, counts.get(item.topic, 0)) for item in connections],
+        "compression_format": "",
+        "compression_mode": "",
+        "relative_file_paths": [mcap.name],
+        "files": [{"path": mcap.name, "starting_time": start, "duration": duration, "message_count": total}],
+        "custom_data": dict(notes) or None,
+        "ros_distro": "rosbags",
+    }
+    text = yaml.dump({"rosbag2_bagfile_information": information}, Dumper=_PlainDumper, sort_keys=False)
+    (mcap.parent / "metadata.yaml").write_text(text, encoding="utf-8")
+
+
+class _PlainDumper(yaml.SafeDumper):  # type: ignore[misc]
+    def ignore_aliases(self, data: Any) -> bool:  # noqa: ARG002
+        return True
+
+
+def _topic(connection: Connection, count: int) -> dict[str, Any]:
+    ext = connection.ext
+    assert isinstance(ext, ConnectionExtRosbag2)
+    metadata = {
+        "name": connection.topic,
+        "type": connection.msgtype,
+        "serialization_format": ext.serialization_format,
+        "offered_qos_profiles": dump_qos_v9(ext.offered_qos_profiles),
+        "type_description_hash": connection.digest,
+    }
+    return {"topic_metadata": metadata, "message_count": count}

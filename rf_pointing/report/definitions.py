@@ -1,24 +1,27 @@
-"""Message definitions by name: the types of a Jazzy install plus the `.msg` files of interface packages.
+"""What a bag stores about its topics: the definitions of their types, and the quality of service they offer.
 
-A bag carries, for every topic, the full text of its type and the type's RIHS01 hash, so that it can be read where the
-package is not installed.  Our own types keep their comments (units and signs) in that text.
+A bag has, for every topic, the full text of its type and the type's RIHS01 hash, so that it can be
+read where the package is not installed.  Our own types keep their comments (units and signs) in that
+text.  With the profiles, `ros2 bag play` offers what the recorded publisher offered.
 """
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
+from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-__all__ = ["Definitions", "definitions"]
+__all__ = ["Definitions", "definitions", "offered_qos", "qos_from_profile"]
 
 _SEPARATOR = "=" * 80 + "\n"
 
 
 @dataclass(frozen=True)
 class Definitions:
-    """Known message types: `texts` holds the `.msg` text of the types that were read from files."""
+    """Known message types; `texts` is the `.msg` text of those that were read from files."""
 
     typestore: Typestore
     texts: dict[str, str]
@@ -79,3 +82,48 @@ def _package_texts(folder: Path) -> dict[str, str]:
         raise ValueError(f"folder={folder} is no interface package: it needs package.xml and msg/*.msg")
     package = (ElementTree.parse(manifest).findtext("name") or "").strip()
     return {f"{package}/msg/{path.stem}": path.read_text(encoding="utf-8") for path in files}
+
+
+_INFINITE = QosTime(9223372036, 854775807)
+
+
+def offered_qos(
+    *,
+    depth: int = 10,
+    reliability: str = "reliable",
+    durability: str = "volatile",
+    history: str = "keep_last",
+    deadline_ns: int | None = None,
+    lifespan_ns: int | None = None,
+) -> Qos:
+    """Return one offered profile; durations of None are infinite, the names are those of `ros2 topic info -v`."""
+    return Qos(
+        history=QosHistory[history.upper()],
+        depth=depth,
+        reliability=QosReliability[reliability.upper()],
+        durability=QosDurability[durability.upper()],
+        deadline=_duration(deadline_ns),
+        lifespan=_duration(lifespan_ns),
+        liveliness=QosLiveliness.AUTOMATIC,
+        liveliness_lease_duration=_INFINITE,
+        avoid_ros_namespace_conventions=False,
+    )
+
+
+def qos_from_profile(profile: Any) -> Qos:
+    """Return the offered profile of a QoS profile object with rclpy's attributes (read by name, no ROS needed)."""
+    return offered_qos(
+        depth=profile.depth,
+        reliability=profile.reliability.name,
+        durability=profile.durability.name,
+        history=profile.history.name,
+        deadline_ns=profile.deadline.nanoseconds,
+        lifespan_ns=profile.lifespan.nanoseconds,
+    )
+
+
+def _duration(nanoseconds: int | None) -> QosTime:
+    # A profile has 0 for "not set"; the graph and the recorder of ROS write that as infinite.
+    if not nanoseconds or nanoseconds >= _INFINITE.sec * 10**9:
+        return _INFINITE
+    return QosTime(nanoseconds // 10**9, nanoseconds % 10**9)

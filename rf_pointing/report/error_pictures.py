@@ -7,14 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.core import MDEG, gaussian_loss_db
-from rf_pointing.report.analysis import Analysis
-from rf_pointing.report.error_series import ErrorSeries
+from rf_pointing.core.modes import Mode
+from rf_pointing.report.analysis import TRACKING_MODES, Analysis, ErrorSeries
 from rf_pointing.report.machine import link_series
 from rf_pointing.report.picture_style import (
     ALONE_COLOUR,
     DASHED,
     LIMIT_COLOUR,
     MODE_COLOURS,
+    OTHER_MODE_COLOUR,
     TimeAxis,
     figure,
     legend_above,
@@ -23,7 +24,6 @@ from rf_pointing.report.picture_style import (
     per_second,
     plain_log_scale,
 )
-from rf_pointing.report.timeline import TRACKING_MODES
 
 __all__ = ["draw_beam", "draw_error", "draw_link"]
 
@@ -42,7 +42,7 @@ def draw_error(analysis: Analysis, path: Path) -> None:
         _strong(axes, time, errors, alone, ALONE_COLOUR, "program track alone", 1.0)
         radial = errors.radial_rad / MDEG
         for mode, part, first in mode_runs(analysis, errors.stamp_ns):
-            colour = MODE_COLOURS.get(mode, MODE_COLOURS["stopped"])
+            colour = MODE_COLOURS.get(mode, OTHER_MODE_COLOUR)
             axes.plot(time.minutes(errors.stamp_ns[part]), radial[part], color=colour, lw=0.4, alpha=0.35)
             _strong(axes, time, errors, radial, colour, mode.replace("_", " ") if first else None, 1.6, part)
         if analysis.modes is None:
@@ -149,7 +149,7 @@ def draw_beam(analysis: Analysis, path: Path) -> None:
 
 
 def _draw_middle(axes: Any, error_mdeg: Floats, half_mdeg: float, acquired: bool) -> None:
-    axes.plot(error_mdeg[:, 0], error_mdeg[:, 1], ".", color=MODE_COLOURS["monopulse"], ms=1.5, alpha=0.4)
+    axes.plot(error_mdeg[:, 0], error_mdeg[:, 1], ".", color=MODE_COLOURS[Mode.MONOPULSE], ms=1.5, alpha=0.4)
     rms = np.sqrt(np.mean(np.square(error_mdeg), axis=0)) if len(error_mdeg) else np.zeros(2)
     _ellipse(axes, rms[0], rms[1], LIMIT_COLOUR, "-", f"rms {rms[0]:.2f}, {rms[1]:.2f} mdeg")
     reach = float(np.percentile(np.abs(error_mdeg), 99.8)) if len(error_mdeg) else 1.0

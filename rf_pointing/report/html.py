@@ -1,74 +1,83 @@
-"""Small pieces of HTML: escaped text, numbers with a sensible number of digits, tables, pictures, and the page around them."""
+"""Pages of a report as HTML that needs no other file, from the templates in `templates/`.
+
+Values that a template shows are escaped; numbers have a fixed number of significant digits.
+"""
 
 import base64
 from collections.abc import Iterable, Sequence
-from html import escape
 from pathlib import Path
+from typing import Any
 
-from rf_pointing.report.page_style import STYLE_SHEET
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup, escape
 
-__all__ = ["Cell", "document", "figure", "number", "table", "text"]
+from rf_pointing.report.summary import ErrorStatistics
+
+__all__ = ["Cell", "document", "figure", "number", "render", "table", "text"]
 
 Cell = str | float | int | None
 _ABSENT = "–"
 
 
+def render(template: str, **values: Any) -> str:
+    """Return the page of a template."""
+    return _TEMPLATES.get_template(template).render(**values)
+
+
 def document(title: str, parts: Iterable[str]) -> str:
-    """Return a whole page of `parts`, empty ones left out, that needs no other file."""
-    return (
-        f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{text(title)}</title>'
-        f'<meta name="viewport" content="width=device-width, initial-scale=1"><style>{STYLE_SHEET}</style></head>\n'
-        f"<body>\n{''.join(part + chr(10) for part in parts if part)}</body></html>\n"
-    )
+    """Return a whole page of `parts` of HTML, empty ones omitted."""
+    return render("page.html", title=title, parts=[Markup(part) for part in parts])
 
 
 def figure(path: Path, title: str, caption: str, *, narrow: bool = False) -> str:
     """Return the PNG at `path`, embedded, between its title and its caption."""
-    data = base64.b64encode(path.read_bytes()).decode("ascii")
-    narrowed = ' class="narrow"' if narrow else ""
-    return (
-        f"<figure{narrowed}><h3>{text(title)}</h3>"
-        f'<div class="scroll"><img alt="{text(title)}" src="data:image/png;base64,{data}"></div>'
-        f"<figcaption>{text(caption)}</figcaption></figure>"
-    )
+    return str(_PARTS.figure(path, title, caption, narrow))
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[Cell]], *, words: Sequence[int] = (0,)) -> str:
+    """Return a table that scrolls sideways on a narrow page; columns in `words` hold text, the others numbers."""
+    return str(_PARTS.table(head, rows, words))
 
 
 def text(value: object) -> str:
     """Return `value` escaped for HTML."""
-    return escape(str(value))
+    return str(escape(str(value)))
 
 
 def number(value: float | int | None, digits: int = 3) -> str:
-    """Return a number with `digits` significant figures, never in powers of ten; a dash where there is none."""
+    """Return a number with `digits` significant figures, never in powers of ten; a dash for None."""
     if value is None:
         return _ABSENT
     if isinstance(value, int):
         return f"{value:,}".replace(",", "\u202f")
     if value == 0.0:
         return "0"
+    # Round first: 0.9996 has one digit before the point only after it.
     shown = float(f"{value:.{digits}g}")
-    decimals = max(0, digits - 1 - _exponent(shown))
+    exponent = int(f"{abs(shown):e}".partition("e")[2])
+    decimals = max(0, digits - 1 - exponent)
     return f"{shown:,.{min(decimals, 9)}f}".replace(",", "\u202f")
 
 
-def _exponent(value: float) -> int:
-    return int(f"{abs(value):e}".partition("e")[2])
+def _rms(error: ErrorStatistics) -> str:
+    return f"{number(error.cross_elevation.rms_mdeg)} / {number(error.elevation.rms_mdeg)}"
 
 
-def table(head: Sequence[str], rows: Iterable[Sequence[Cell]], *, words: Sequence[int] = (0,)) -> str:
-    """Return a table that scrolls sideways on a narrow page; columns in `words` hold text, the others numbers."""
-    body = "".join(f"<tr>{''.join(_cell(value, i in words) for i, value in enumerate(row))}</tr>" for row in rows)
-    titles = "".join(f"<th{_kind(i in words)}>{text(title)}</th>" for i, title in enumerate(head))
-    return f'<div class="scroll"><table><thead><tr>{titles}</tr></thead><tbody>{body}</tbody></table></div>'
+def _clock(utc: str) -> str:
+    return utc.replace("T", " ").removesuffix("Z").partition(".")[0]
 
 
-def _cell(value: Cell, words: bool) -> str:
-    if isinstance(value, str) or value is None:
-        shown = text(value) if value else _ABSENT
-        return f"<td{_kind(words, long=len(shown) > 40)}>{shown}</td>"
-    return f"<td>{number(value)}</td>"
+def _base64(path: Path) -> str:
+    return base64.b64encode(path.read_bytes()).decode("ascii")
 
 
-def _kind(words: bool, *, long: bool = False) -> str:
-    names = [name for name, wanted in (("text", words), ("long", long)) if wanted]
-    return f' class="{" ".join(names)}"' if names else ""
+_TEMPLATES = Environment(
+    loader=FileSystemLoader(Path(__file__).with_name("templates")),
+    autoescape=True,
+    trim_blocks=True,
+    lstrip_blocks=True,
+    # A misspelt name in a template is an error, not an empty place in the page.
+    undefined=StrictUndefined,
+)
+_TEMPLATES.filters |= {"number": number, "rms": _rms, "clock": _clock, "base64": _base64}
+_PARTS: Any = _TEMPLATES.get_template("parts.html").module

@@ -7,16 +7,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.core import AXES
+from rf_pointing.report.analysis import Timeline
 from rf_pointing.report.recording import Recording
 from rf_pointing.report.summary import AxisLimits, Commands, Link, Servo
-from rf_pointing.report.timeline import Timeline
-from rf_pointing.report.topic_data import TopicData
+from rf_pointing.report.topics import TopicData
 
 __all__ = ["AxisMotion", "axis_motion", "commands", "link", "link_series", "servo"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 _ACCELERATION_SPAN_S = 0.5
+"""Over a shorter span the steps of the encoders dominate."""
 
 
 def link_series(recording: Recording) -> tuple[str, Ints, Floats] | None:
@@ -68,7 +69,7 @@ def commands(recording: Recording, modes: Timeline | None) -> Commands:
 class AxisMotion:
     """Rates of both axes (n, 2) and accelerations (m, 2) at stamps in nanoseconds, from `joint_states`.
 
-    An acceleration is the change of rate over half a second: the encoders' steps drown a shorter one.
+    An acceleration is the change of rate over half a second.
     """
 
     def __init__(self, joints: TopicData) -> None:

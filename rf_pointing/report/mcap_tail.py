@@ -1,8 +1,8 @@
-"""Close an MCAP file that was cut short: by a full disk, or because its recorder was killed.
+"""Close an MCAP file that was cut short by a full disk or a killed recorder (MCAP specification, version 0).
 
-An MCAP file is a row of records (opcode, 8-byte length, content) between two magic words; messages sit in chunks, each
-followed by its message indexes, and an index of the chunks stands at the end.  Without that end most readers refuse the
-file.  `complete` drops what is not whole and writes the end from what is left (MCAP specification, version 0).
+An MCAP file is a sequence of records (opcode, 8-byte length, content) between two magic words.  Messages
+are in chunks, each followed by its message indexes; an index of the chunks is at the end.  Without that
+end most readers refuse the file.  `complete` drops what is cut and writes the end for what is left.
 """
 
 import struct
@@ -26,7 +26,7 @@ Record = tuple[int, int, bytes]
 
 @dataclass
 class McapTail:
-    """What was found whole in a file: message counts and times, and where the usable part ends."""
+    """The intact part of a file: where it ends, its message counts and times, and what its index needs."""
 
     usable_bytes: int = 0
     dropped_bytes: int = 0
@@ -43,7 +43,7 @@ class McapTail:
 
 
 def complete(path: Path) -> McapTail:
-    """Cut `path` after its last whole chunk and write index and footer.
+    """Cut `path` after its last intact chunk and write index and footer, in place.
 
     Raises
     ------
@@ -52,6 +52,7 @@ def complete(path: Path) -> McapTail:
     OSError
         There is no room even for the index.
     """
+    # In place: a disk that is full has no room for a repaired copy.
     with path.open("r+b") as file:
         if file.read(len(_MAGIC)) != _MAGIC:
             raise ValueError(f"{path} does not begin as an MCAP file")
@@ -88,7 +89,7 @@ class _OpenChunk:
 
 
 def _scan(file: BinaryIO, tail: McapTail) -> _OpenChunk | None:
-    """Fill `tail` from the whole records; return the last chunk when its indexes are still to be written."""
+    """Fill `tail` from the intact records; return the last chunk if its indexes are not complete."""
     chunk: _OpenChunk | None = None
     for opcode, start, content in _records(file):
         if opcode in (_FOOTER, _DATA_END):
@@ -121,6 +122,7 @@ def _records(file: BinaryIO) -> Iterator[Record]:
         opcode, length = struct.unpack("<BQ", head)
         start = file.tell() - _HEAD
         content = file.read(length)
+        # Opcode 0 is no record: a file system that crashed leaves blocks of zeros.
         if opcode == 0 or len(content) < length:
             return
         yield opcode, start, content

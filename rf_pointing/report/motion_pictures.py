@@ -1,4 +1,4 @@
-"""Pictures of the motion: the track over the sky, and the axes against their limits."""
+"""Pictures of how antenna and graph work: the track over the sky, axes against their limits, timing."""
 
 from pathlib import Path
 from typing import Any
@@ -7,24 +7,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.core import AXES, azel_from_unit_vector, unit_vector_from_azel
-from rf_pointing.report.analysis import Analysis
+from rf_pointing.core.modes import Mode
+from rf_pointing.report.analysis import TRACKING_MODES, Analysis
 from rf_pointing.report.machine import axis_motion
 from rf_pointing.report.picture_style import (
     AXIS_COLOURS,
     DASHED,
     LIMIT_COLOUR,
     MODE_COLOURS,
+    OTHER_MODE_COLOUR,
     TimeAxis,
     figure,
     legend_above,
     mode_runs,
+    plain_log_scale,
 )
-from rf_pointing.report.timeline import TRACKING_MODES
+from rf_pointing.report.traffic import latencies
 
-__all__ = ["draw_axes", "draw_sky"]
+__all__ = ["draw_axes", "draw_sky", "draw_timing"]
+
 
 Floats = NDArray[np.float64]
 _SKY_POINTS = 4_000
+"""More are not visible, and take seconds to draw."""
 _MARK_REACH_NS = 2 * 10**9
 
 
@@ -62,7 +67,7 @@ def _draw_actual(axes: Any, analysis: Analysis) -> None:
     if analysis.modes is None:
         axes.plot(theta, radius, color=AXIS_COLOURS[0], lw=4.0, alpha=0.6, label="actual")
     for mode, part, first in mode_runs(analysis, stamp_ns):
-        colour = MODE_COLOURS.get(mode, MODE_COLOURS["stopped"])
+        colour = MODE_COLOURS.get(mode, OTHER_MODE_COLOUR)
         label = mode.replace("_", " ") if first else None
         axes.plot(theta[part], radius[part], color=colour, lw=4.5, alpha=0.75, solid_capstyle="butt", label=label)
 
@@ -122,3 +127,43 @@ def _draw_limits(axes: Any, analysis: Analysis, column: str) -> None:
         for sign in (-1.0, 1.0):
             label = "limit" if number == 0 and sign > 0.0 else None
             axes.axhline(sign * limit, color=LIMIT_COLOUR, lw=1.0, ls=DASHED, label=label)
+
+
+def draw_timing(analysis: Analysis, path: Path) -> None:
+    """Command lead over time at the left, latency of each hop (median to 99th percentile) at the right."""
+    with figure(path, 10.0, 3.8) as drawn:
+        left, right = drawn.subplots(1, 2, width_ratios=(1.0, 1.1))
+        _draw_lead(left, analysis)
+        _draw_hops(right, analysis)
+
+
+def _draw_lead(axes: Any, analysis: Analysis) -> None:
+    time = TimeAxis(analysis)
+    antenna = analysis.recording.get("antenna_status")
+    if analysis.modes is not None:
+        chosen = analysis.modes.is_tracking_at(analysis.modes.stamp_ns)
+        lead = np.where(chosen, analysis.modes.columns["command_lead"], np.nan)
+        axes.plot(time.minutes(analysis.modes.stamp_ns), lead, color=AXIS_COLOURS[0], label="sent by the controller")
+    if antenna is not None and antenna.stamp_ns is not None:
+        lead = np.where(antenna["mode"] == "tracking", antenna["command_lead"], np.nan)
+        axes.plot(time.minutes(antenna.stamp_ns), lead, color=AXIS_COLOURS[1], lw=0.8, label="left in the servo")
+    axes.set_ylim(0.0, 1.1 * axes.get_ylim()[1])
+    axes.set(xlabel=time.label, ylabel="command lead, s")
+    if axes.lines:
+        axes.legend(loc="lower right")
+
+
+def _draw_hops(axes: Any, analysis: Analysis) -> None:
+    rows = [row for row in latencies(analysis.recording) if row.count]
+    for number, row in enumerate(reversed(rows)):
+        ends = np.maximum(np.array([row.median_ms, row.p99_ms], dtype=np.float64), 0.01)
+        axes.plot(ends, [number, number], color=MODE_COLOURS[Mode.MONOPULSE], lw=5.0, alpha=0.35, solid_capstyle="butt")
+        axes.plot(ends[0], number, "o", color=MODE_COLOURS[Mode.MONOPULSE], ms=6.0)
+        axes.plot(ends[1], number, "|", color=MODE_COLOURS[Mode.MONOPULSE], ms=12.0, mew=2.0)
+    axes.set_yticks(range(len(rows)), [f"{row.cause} → {row.effect}" for row in reversed(rows)], fontsize=8.5)
+    axes.set_ylim(-0.6, max(len(rows), 1) - 0.4)
+    drawn = [ends for line in axes.lines for ends in line.get_xdata()]
+    axes.set_xlim(min([0.1, *drawn]) / 1.5, 1.5 * max([10.0, *drawn]))
+    plain_log_scale(axes.xaxis)
+    axes.set(xlabel="wall time, ms: median (dot) to 99th percentile (bar)")
+    axes.grid(visible=False, axis="y")

@@ -1,4 +1,4 @@
-"""One look for all pictures: colours the colour-blind can tell apart (Okabe and Ito), light grids, minutes from AOS.
+"""The common style of all pictures: colours, light grids, minutes from AOS.
 
 Figures are made without pyplot: no global state, no window, drawn by Agg.
 """
@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rf_pointing.core.modes import Mode
 from rf_pointing.report.analysis import Analysis
 
 __all__ = [
@@ -19,6 +20,7 @@ __all__ = [
     "DASHED",
     "LIMIT_COLOUR",
     "MODE_COLOURS",
+    "OTHER_MODE_COLOUR",
     "TimeAxis",
     "figure",
     "legend_above",
@@ -28,18 +30,20 @@ __all__ = [
     "plain_log_scale",
 ]
 
-MODE_COLOURS = {
-    "monopulse": "#0072b2",
-    "conscan": "#009e73",
-    "steptrack": "#5f4b8b",
-    "program_track": "#e69f00",
-    "search": "#cc79a7",
-    "coast": "#d55e00",
-    "slew": "#56b4e9",
-    "idle": "#b0b4b8",
-    "stopped": "#4a4a4a",
+# Colours that the colour-blind can distinguish (Okabe and Ito).
+MODE_COLOURS: dict[str, str] = {
+    Mode.MONOPULSE: "#0072b2",
+    Mode.CONSCAN: "#009e73",
+    Mode.STEPTRACK: "#5f4b8b",
+    Mode.PROGRAM_TRACK: "#e69f00",
+    Mode.SEARCH: "#cc79a7",
+    Mode.COAST: "#d55e00",
+    Mode.SLEW: "#56b4e9",
+    Mode.IDLE: "#b0b4b8",
 }
-"""Colour by tracking mode; other modes are drawn like "stopped"."""
+"""Colour by mode of the controller."""
+OTHER_MODE_COLOUR = "#4a4a4a"
+"""Of the modes without a colour of their own."""
 AXIS_COLOURS = ("#0072b2", "#d55e00")
 """Azimuth (or cross-elevation) and elevation."""
 ALONE_COLOUR = "#8a8a8a"

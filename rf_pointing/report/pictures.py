@@ -1,4 +1,4 @@
-"""The pictures of a report, each drawn only when the recording holds what it shows."""
+"""The pictures of a report; each is drawn only if the recording has its data."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -6,12 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from rf_pointing.report.analysis import Analysis
+from rf_pointing.report.analysis import TRACKING_MODES, Analysis
 from rf_pointing.report.error_pictures import draw_beam, draw_error, draw_link
 from rf_pointing.report.machine import link_series
-from rf_pointing.report.motion_pictures import draw_axes, draw_sky
-from rf_pointing.report.timeline import TRACKING_MODES
-from rf_pointing.report.timing_picture import draw_timing
+from rf_pointing.report.motion_pictures import draw_axes, draw_sky, draw_timing
 
 __all__ = ["Picture", "draw_pictures"]
 

@@ -4,8 +4,7 @@ import numpy as np
 
 from rf_pointing.core import MDEG
 from rf_pointing.core.dates import utc_text
-from rf_pointing.report.analysis import Analysis
-from rf_pointing.report.error_series import ErrorSeries, statistics_of
+from rf_pointing.report.analysis import TRACKING_MODES, Analysis, ErrorSeries, Timeline, statistics_of
 from rf_pointing.report.machine import commands, link, servo
 from rf_pointing.report.recording import Pass, Recording
 from rf_pointing.report.summary import (
@@ -19,14 +18,13 @@ from rf_pointing.report.summary import (
     PassInfo,
     Summary,
 )
-from rf_pointing.report.timeline import TRACKING_MODES, Timeline
 from rf_pointing.report.traffic import latencies, topic_traffic
 
 __all__ = ["summarize"]
 
 
 def summarize(analysis: Analysis) -> Summary:
-    """Return the table of a recording; what it cannot tell is None and named in `problems`."""
+    """Return the table of a recording; what the recording does not give is None and listed in `problems`."""
     recording, modes, errors = analysis.recording, analysis.modes, analysis.errors
     traffic = topic_traffic(recording)
     lost = sum(row.lost or 0 for row in traffic) + sum(item.count for item in recording.not_recorded)

@@ -1,4 +1,4 @@
-"""The table of a report: what `summary.json` holds, with units in the names.
+"""The table of a report, as in `summary.json`, with units in the names.
 
 Every key is always present; a value that the recording does not give is null, never NaN.
 """
@@ -115,7 +115,7 @@ class Acquisition:
 
 @dataclass(frozen=True, kw_only=True)
 class Headline:
-    """What one asks first.
+    """The main results.
 
     `error_source` is "true" (simulation truth) or "sensed"; `over` names the samples: "after acquisition", or
     "tracking" where no RF loop was used or it never settled.
@@ -135,7 +135,7 @@ class Headline:
 class TopicTraffic:
     """One topic: `rate_hz` in simulation time, `lost` counted by sequence numbers or by gaps between stamps.
 
-    `sensor` tells the rows of a topic apart on which several sensors publish, each at its own rate.
+    A topic on which several sensors publish, each at its own rate, has one row per `sensor`.
     """
 
     topic: str
@@ -182,7 +182,7 @@ class Commands:
 
 @dataclass(frozen=True, kw_only=True)
 class AxisLimits:
-    """Largest rate and acceleration of one axis beside its limits; acceleration is a mean over half a second."""
+    """Largest rate and acceleration of one axis, and its limits; acceleration is a mean over half a second."""
 
     axis: str
     peak_rate_deg_s: Number
@@ -224,7 +224,7 @@ class NotRecorded:
 
 @dataclass(frozen=True, kw_only=True)
 class Complaint:
-    """What a component said on /diagnostics above OK; messages that differ in numbers only count as one, the last."""
+    """A report of a component on /diagnostics above OK; messages that differ only in numbers count as one."""
 
     component: str
     message: str

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rf_pointing.calibration import RawTracking, ReferenceTrack
 from rf_pointing.core.modes import Sensor
 from rf_pointing.report.recording import Recording, read_recording
-from rf_pointing.report.topic_data import TopicData
+from rf_pointing.report.topics import TopicData
 
 __all__ = ["tracking_from_bag"]
 

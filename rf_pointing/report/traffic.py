@@ -1,4 +1,4 @@
-"""How the messages travelled: rates, losses, and the wall time from one node's message to the next one's."""
+"""Traffic on the topics: rates, losses, and the wall time from one node's message to the next node's."""
 
 from dataclasses import dataclass
 
@@ -7,14 +7,15 @@ from numpy.typing import NDArray
 
 from rf_pointing.report.recording import Recording
 from rf_pointing.report.summary import Latency, TopicTraffic
-from rf_pointing.report.topic_data import TopicData
-from rf_pointing.report.topics import TOPICS
+from rf_pointing.report.topics import TOPICS, TopicData
 
 __all__ = ["HOPS", "Hop", "latencies", "topic_traffic"]
 
 Ints = NDArray[np.int64]
 _PAUSE_PERIODS = 10
+"""A longer gap is a pause of the publisher, not a loss."""
 _STAMP_TOLERANCE_NS = 2_000
+"""Stamps are kept on whole microseconds."""
 
 
 @dataclass(frozen=True)
@@ -43,8 +44,8 @@ HOPS = (
 def topic_traffic(recording: Recording) -> list[TopicTraffic]:
     """Return one row per topic of the antenna, and per sensor where several share a topic.
 
-    Messages with a sequence number are counted per publisher; a counter that falls back is a restart.  Messages without
-    one are counted by gaps in their stamps; a gap of more than ten periods is a pause of the publisher, not a loss.
+    Losses are counted by sequence numbers where there are any; a number that falls back is a restart.
+    Otherwise they are counted by gaps in the stamps.
     """
     missing = {item.topic: item.count for item in recording.not_recorded}
     return [
@@ -55,7 +56,7 @@ def topic_traffic(recording: Recording) -> list[TopicTraffic]:
 
 
 def _by_sensor(name: str, data: TopicData) -> list[tuple[str | None, TopicData]]:
-    """Several trackers publish errors on one topic, each at its own rate and with its own counter."""
+    """Return the messages of each sensor: trackers share a topic, each with its own rate and counter."""
     sensors = data.columns.get("sensor")
     if name.startswith("sim/") or sensors is None or len(data) == 0:
         return [(None, data)]
@@ -97,7 +98,7 @@ def _losses(data: TopicData, steps: Ints, period_ns: float | None) -> tuple[int 
 def latencies(recording: Recording) -> list[Latency]:
     """Return one row per hop of which both ends were recorded; times are those of the recorder's reception.
 
-    A hop whose effect arrived first shows as a negative time: the recorder hears every topic by a path of its own.
+    A time is negative if the effect arrived first: every topic reaches the recorder by a path of its own.
     """
     rows = []
     for hop in HOPS:
@@ -113,10 +114,10 @@ def latencies(recording: Recording) -> list[Latency]:
 def _transit_ns(cause: TopicData, effect: TopicData) -> Ints:
     """Reception of each effect after that of the cause with the same stamp.
 
-    Where no stamps are the same, the last cause received before the effect counts, if it is less than a period away.
-    (Otherwise not: a servo answers one tick of the clock with several readings, and only that of the tick's own time
-    waited for nothing else.)
+    Without equal stamps, the last cause received before the effect counts, if it is less than a period away.
     """
+    # With equal stamps only those count: the servo answers one tick of the clock with several
+    # readings, and only the reading at the tick's own time waited for nothing else.
     assert cause.stamp_ns is not None
     assert effect.stamp_ns is not None
     order = np.argsort(cause.stamp_ns, kind="stable")

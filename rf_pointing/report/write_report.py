@@ -1,15 +1,18 @@
-"""From a bag to a report: `report.html`, `summary.json` and the pictures beside them."""
+"""From a bag to a report: `report.html`, and next to it `summary.json` and the pictures."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from rf_pointing.report.analysis import analyse
-from rf_pointing.report.page import page
-from rf_pointing.report.pictures import draw_pictures
+from rf_pointing.report.html import Cell, number, render
+from rf_pointing.report.pictures import Picture, draw_pictures
 from rf_pointing.report.recording import read_recording
 from rf_pointing.report.statistics import summarize
-from rf_pointing.report.summary import Summary, to_json
+from rf_pointing.report.summary import ErrorStatistics, Summary, to_json
 
-__all__ = ["write_report"]
+__all__ = ["page", "write_report"]
+
+Row = Sequence[Cell]
 
 
 def write_report(bag_path: Path | str, output_dir: Path | str, *, namespace: str | None = None) -> Summary:
@@ -37,3 +40,94 @@ def write_report(bag_path: Path | str, output_dir: Path | str, *, namespace: str
     (folder / "report.html").write_text(page(summary, pictures), encoding="utf-8")
     (folder / "summary.json").write_text(to_json(summary), encoding="utf-8")
     return summary
+
+
+def page(summary: Summary, pictures: Sequence[Picture]) -> str:
+    """Return the HTML text of the report; pictures are embedded."""
+    found = summary.target_pass
+    lost = [
+        f"{number(item.count)} messages of {item.topic} were not recorded, from {item.first_lost_utc} (wall clock) on"
+        for item in summary.not_recorded
+    ]
+    return render(
+        "pass.html",
+        title=f"Pass of {found.target}" if found is not None else f"Recording of {summary.bag.namespace}",
+        summary=summary,
+        pictures=pictures,
+        complaints=[*summary.problems, *lost],
+        tables=_tables(summary),
+    )
+
+
+def _tables(summary: Summary) -> dict[str, list[Row]]:
+    """Return the rows of each table of the page by name."""
+    return {
+        "errors": _error_rows(summary),
+        "modes": [
+            (f"{int(i.start_s) // 60}:{i.start_s % 60:04.1f}", i.mode.replace("_", " "), i.seconds, i.reason)
+            for i in summary.timeline
+        ],
+        "axes": [
+            (i.axis, i.peak_rate_deg_s, i.rate_limit_deg_s, i.peak_acceleration_deg_s2, i.acceleration_limit_deg_s2,
+             i.at_limit_s)
+            for i in summary.servo.axes
+        ],
+        "quantities": _quantities(summary),
+        "topics": [
+            (i.topic if i.sensor is None else f"{i.topic} ({i.sensor})", i.count, i.rate_hz, i.wall_rate_hz, i.lost,
+             i.not_recorded, i.restarts, i.longest_gap_s, i.counted_by)
+            for i in summary.topics
+        ],
+        "latency": [
+            (i.cause, i.effect, i.kind, i.count, i.median_ms, i.p99_ms, i.max_ms) for i in summary.latency
+        ],
+        "warnings": [(i.component, i.message, i.count) for i in summary.warnings],
+    }  # fmt: skip
+
+
+def _error_rows(summary: Summary) -> list[Row]:
+    headline = summary.headline
+    rows: list[tuple[str, float | None, ErrorStatistics, ErrorStatistics | None]] = [
+        (mode.mode.replace("_", " "), mode.seconds, mode.error, mode.program_track_alone) for mode in summary.modes
+    ]
+    if headline.error is not None:
+        rows.insert(0, (headline.over, headline.seconds, headline.error, headline.program_track_alone))
+    found: list[Row] = []
+    for name, seconds, error, alone in rows:
+        found.append(_error_row(name, seconds, error))
+        if alone is not None and alone.samples:
+            found.append(_error_row("\u2003program track alone", None, alone))
+    return found
+
+
+def _error_row(name: str, seconds: float | None, error: ErrorStatistics) -> Row:
+    across, along, radial = error.cross_elevation, error.elevation, error.radial
+    return (
+        name,
+        seconds,
+        *(across.rms_mdeg, across.p95_mdeg, across.max_mdeg),
+        *(along.rms_mdeg, along.p95_mdeg, along.max_mdeg),
+        *(radial.rms_mdeg, radial.max_mdeg),
+        *(error.mean_loss_db, error.max_loss_db, error.inside_half_power_percent),
+    )
+
+
+def _quantities(summary: Summary) -> list[Row]:
+    servo, commands, link = summary.servo, summary.commands, summary.link
+    carrier = f"C/N0 from {link.source or 'no topic'}, {link.over}"
+    return [
+        ("command lead, smallest, s", commands.lead_min_s),
+        ("command lead, median, s", commands.lead_median_s),
+        ("commands left in the servo, smallest, s", commands.servo_lead_min_s),
+        (
+            "commands sent / accepted / rejected",
+            " / ".join(number(count) for count in (commands.sent, commands.accepted, commands.rejected)),
+        ),
+        ("last rejection", commands.last_rejection),
+        ("servo tick late, 99th percentile, ms", servo.tick_lateness_p99_ms),
+        ("servo tick late, largest, ms", servo.tick_lateness_max_ms),
+        ("servo period deviation at the recorder, 99th percentile, ms", servo.period_deviation_p99_ms),
+        ("faults", "; ".join(servo.faults) or "none"),
+        (f"{carrier}, smallest, dB-Hz", link.carrier_to_noise_min_db_hz),
+        (f"{carrier}, median, dB-Hz", link.carrier_to_noise_median_db_hz),
+    ]

@@ -11,8 +11,7 @@ import pytest
 from rosbags.interfaces import Nodetype
 
 from rf_pointing.report.bag_writer import BagResult, BagWriter
-from rf_pointing.report.definitions import Definitions, definitions
-from rf_pointing.report.offered_qos import offered_qos
+from rf_pointing.report.definitions import Definitions, definitions, offered_qos
 
 MSG_DEFS = Path(__file__).parents[2] / "msg_defs"
 MDEG = math.radians(1e-3)

@@ -15,8 +15,7 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 
 from rf_pointing.report.bag_writer import LOST_NOTE, PROBLEM_NOTE, BagWriter
-from rf_pointing.report.definitions import Definitions
-from rf_pointing.report.offered_qos import offered_qos
+from rf_pointing.report.definitions import Definitions, offered_qos
 
 JOINTS = "sensor_msgs/msg/JointState"
 BORESIGHT = "rf_pointing_msgs/msg/Boresight"
@@ -220,7 +219,7 @@ def test_bag_that_cannot_even_be_closed_says_so(
     bag.write("/a", 1, maker.serialized(JOINTS))
     monkeypatch.setattr(Writer, "close", full)
     monkeypatch.setattr("rf_pointing.report.bag_writer.complete", full)
-    monkeypatch.setattr("rf_pointing.report.bag_writer.write_metadata", full)
+    monkeypatch.setattr("rf_pointing.report.bag_writer._write_metadata", full)
     result = bag.close()
     assert not result.readable
     assert "not readable: [Errno 28] No space left on device" in result.problem

@@ -7,12 +7,11 @@ from typing import Any
 
 import pytest
 
-from rf_pointing.report.analysis import analyse, tracked_pass
+from rf_pointing.report.analysis import analyse, timeline, tracked_pass
 from rf_pointing.report.definitions import Definitions
 from rf_pointing.report.recording import Recording, read_recording
 from rf_pointing.report.statistics import summarize
 from rf_pointing.report.summary import ErrorStatistics, Summary, to_json
-from rf_pointing.report.timeline import timeline
 
 EXACT = 1e-9
 """Relative: angles pass through radians in 64-bit floats."""

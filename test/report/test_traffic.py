@@ -8,7 +8,7 @@ import pytest
 from rf_pointing.report.bag_writer import TopicLoss
 from rf_pointing.report.recording import Recording
 from rf_pointing.report.summary import TopicTraffic
-from rf_pointing.report.topic_data import TopicData
+from rf_pointing.report.topics import TopicData
 from rf_pointing.report.traffic import latencies, topic_traffic
 
 MS = 1_000_000

@@ -12,10 +12,10 @@ from rf_pointing.report import BagWriter, write_report
 from rf_pointing.report.analysis import analyse
 from rf_pointing.report.bag_writer import LOST_NOTE, PROBLEM_NOTE
 from rf_pointing.report.definitions import Definitions
-from rf_pointing.report.page import page
 from rf_pointing.report.recording import read_recording
 from rf_pointing.report.statistics import summarize
 from rf_pointing.report.summary import to_json
+from rf_pointing.report.write_report import page
 
 VOID = {"meta", "img", "br"}
 

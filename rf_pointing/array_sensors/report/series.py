@@ -14,7 +14,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from rf_pointing.array_sensors.attitude.quaternion import conjugate, multiply, quaternion_to_rotation_vector
 from rf_pointing.report.bag_source import open_bag
-from rf_pointing.report.topic_data import types_of
+from rf_pointing.report.topics import types_of
 
 __all__ = ["ArraySeries", "array_sensors", "read_attitude_series", "read_pose_series"]
 
