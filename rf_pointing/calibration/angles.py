@@ -1,4 +1,4 @@
-"""The angles on which the terms are evaluated: plain arrays (printed form) or Taylor series (exact form)."""
+"""The angles on which the terms are evaluated: arrays (printed form) or Taylor series (exact)."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -46,7 +46,7 @@ class Angles(Protocol):
 
 @dataclass(frozen=True)
 class ArrayAngles:
-    """Angles and their rates as arrays of one shape; sines and cosines are computed once and kept."""
+    """Angles and their rates as arrays of one shape; sines and cosines are computed once."""
 
     azimuth_rad: Array
     elevation_rad: Array
@@ -125,7 +125,7 @@ class ArrayAngles:
 
 @dataclass(frozen=True)
 class SeriesAngles:
-    """Angles as Taylor series (m, ...); rates and accelerations are the derivatives of the series themselves."""
+    """Angles as Taylor series (m, ...), whose derivatives are rates and accelerations."""
 
     azimuth: Array
     elevation: Array
@@ -160,7 +160,8 @@ class SeriesAngles:
     def elevation_acceleration(self) -> Array:
         return taylor.derivative(self.elevation, 2)
 
-    # A step in elevation: its derivatives are zero where they exist, so one value is enough for the series.
+    # A step in elevation: its derivatives are zero where they exist, so one value is enough for the
+    # series.
     @property
     def beyond_zenith(self) -> Array:
         return np.asarray(self.elevation[0] > np.pi / 2.0, dtype=np.float64)
@@ -189,7 +190,8 @@ class SeriesAngles:
 
 
 def _temperature_difference(temperature_k: Array | None) -> Array:
-    # No default: a model fitted with temperatures would be wrong without them, by mdeg and unnoticed.
+    # No default: a model fitted with temperatures would be wrong without them, by mdeg and
+    # unnoticed.
     if temperature_k is None:
         raise ValueError("temperature_k=None must be given: the model has a temperature term")
     return temperature_k - REFERENCE_TEMPERATURE_K

@@ -1,10 +1,11 @@
 """The bias model of SATCAL eqs. (1)-(2): observed angles = true angles + model(true angles).
 
-Two forms share the coefficients.  `offset_rad` is the printed first-order az/el form: linear, for fits and reports.
-`apply` and `remove` (and their moving versions) treat the tilt, skew and collimation terms as exact rotations
-(`mount`), add the encoder and flexure terms at the axis angles and the lags at the axis rates; they stay regular at
-the zenith and are inverses of each other.  With SATCAL Table 1 the two forms differ by less than 0.25 mdeg on the sky
-below 80 deg of elevation and by more than 1 mdeg above 87.7 deg.
+Two forms share the coefficients.  `offset_rad` is the printed first-order az/el form: linear, for
+fits and reports. `apply` and `remove` (and their moving versions) treat the tilt, skew and
+collimation terms as exact rotations (`mount`), add the encoder and flexure terms at the axis angles
+and the lags at the axis rates; they stay regular at the zenith and are inverses of each other.
+With SATCAL Table 1 the two forms differ by less than 0.25 mdeg on the sky below 80 deg of elevation
+and by more than 1 mdeg above 87.7 deg.
 """
 
 import math
@@ -104,10 +105,10 @@ class BiasModel:
         *,
         temperature_k: ArrayLike | None = None,
     ) -> tuple[Array, Array]:
-        """Return observed minus true azimuth and elevation (rad) by the printed form, SATCAL eqs. (1)-(2).
+        """Return observed minus true azimuth and elevation (rad), SATCAL eqs. (1)-(2) as printed.
 
-        The arguments are the true angles (rad), rates and accelerations; they are broadcast to one shape.  Raises
-        ValueError if the model has a temperature term and `temperature_k` is None.
+        The arguments are the true angles (rad), rates and accelerations; they are broadcast to one
+        shape.  Raises ValueError if the model has a temperature term and `temperature_k` is None.
         """
         angles = ArrayAngles.of(
             azimuth_rad,
@@ -137,9 +138,10 @@ class BiasModel:
         *,
         temperature_k: ArrayLike | None = None,
     ) -> tuple[Array, Array]:
-        """Return the observed azimuth and elevation (rad) of a true motion, exact; `remove` is the inverse.
+        """Return observed azimuth and elevation (rad) of a true motion; `remove` is the inverse.
 
-        Raises ValueError for a direction in the exclusion cone of the mount (`mount.Skew.cone_rad`).
+        Raises ValueError for a direction in the exclusion cone of the mount
+        (`mount.Skew.cone_rad`).
         """
         rates = (azimuth_rate_rad_s, elevation_rate_rad_s, azimuth_acceleration_rad_s2, elevation_acceleration_rad_s2)
         true = self._true_series(azimuth_rad, elevation_rad, *rates)
@@ -157,7 +159,7 @@ class BiasModel:
         *,
         temperature_k: ArrayLike | None = None,
     ) -> tuple[Array, Array]:
-        """Return the true angles (rad) of observed ones; the rates are those of the TRUE motion (the reference orbit).
+        """Return the true angles (rad) of observed ones; the rates are those of the TRUE motion.
 
         Raises ValueError if INVERSE_ITERATIONS do not reach INVERSE_TOLERANCE_RAD.
         """
@@ -175,10 +177,11 @@ class BiasModel:
         jerk_rad_s3: ArrayLike = 0.0,
         temperature_k: ArrayLike | None = None,
     ) -> tuple[Array, Array, Array]:
-        """Return joint position, velocity and acceleration (..., 2) that hold the beam on a moving true target.
+        """Return the joint motion (..., 2) that keeps the beam on a moving true target.
 
-        Columns are azimuth, elevation.  Without `jerk_rad_s3` the target's motion is taken to end at its acceleration:
-        the position is unaffected, the velocity lacks x7 * jerk and the acceleration x6 * jerk.
+        Columns are azimuth, elevation.  Without `jerk_rad_s3` the target's motion is taken to end
+        at its acceleration: the position is unaffected, the velocity lacks x7 * jerk and the
+        acceleration x6 * jerk.
         """
         true = _series_of(position_rad, velocity_rad_s, acceleration_rad_s2, jerk_rad_s3)
         return _motion(self._observed(true, _optional(temperature_k)))
@@ -225,7 +228,7 @@ class BiasModel:
         return azimuth, elevation
 
     def _inverse(self, observed: TimeBuffer, kept: int, temperature_k: Array | None) -> TimeBuffer:
-        """Solve for the first `kept` elements of the true motion; the rest of `observed` already is the true one."""
+        """Solve for the first `kept` elements of the true motion; the others are the true ones."""
         true, axes = observed, (observed[0][:kept], observed[1][:kept])
         for _ in range(INVERSE_ITERATIONS):
             lag = self._shift(axes_from_sky(*true, self.skew), ("lag",), None) if self.has_lags else _no_shift(true)
@@ -233,7 +236,8 @@ class BiasModel:
             axes = self._without_encoders(target, axes, temperature_k)
             found = sky_from_axes(*axes, self.skew)
             change = max(float(np.max(np.abs(f - t[:kept]))) for f, t in zip(found, true, strict=True))
-            # The higher derivatives were given as those of the true motion: only the first elements are unknown.
+            # The higher derivatives were given as those of the true motion: only the first elements
+            # are unknown.
             true = (
                 np.concatenate([found[0], observed[0][kept:]]),
                 np.concatenate([found[1], observed[1][kept:]]),
@@ -252,7 +256,8 @@ class BiasModel:
             found = (target[0] - shift[0], target[1] - shift[1])
             change = max(float(np.max(np.abs(f - a))) for f, a in zip(found, axes, strict=True))
             axes = found
-            # Tighter than the outer loop, which would otherwise see this loop's rest as its own change.
+            # Tighter than the outer loop, which would otherwise see this loop's rest as its own
+            # change.
             if change <= 0.01 * INVERSE_TOLERANCE_RAD:
                 return axes
         raise ValueError(f"remove: encoder terms change {change:.3e} rad after {INVERSE_ITERATIONS} iterations")

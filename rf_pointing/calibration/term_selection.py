@@ -1,9 +1,11 @@
-"""Which terms the data ask for: forward selection by BIC with pruning, and prediction of passes left out.
+"""Which terms the data support: selection by BIC, and prediction of passes left out.
 
-    BIC = chi^2 / v + k ln(n)        v = max(1, reduced chi^2 of all candidates), n equations, k terms
+    BIC = chi^2 / v + k ln(n)        v = max(1, reduced chi^2 of all candidates), n equations, k
+    terms
 
-All subsets are solved from one triangle, so the data are read once.  A term enters when it lowers the BIC by at least
-`improvement` (6 is "strong evidence", Kass and Raftery 1995), and leaves when the BIC falls without it.
+All subsets are solved from one triangle, so the data are read once.  A term enters when it lowers
+the BIC by at least `improvement` (6 is "strong evidence", Kass and Raftery 1995), and leaves when
+the BIC falls without it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,12 +26,13 @@ __all__ = ["HeldOut", "TermSelection", "held_out_passes", "select_terms"]
 
 Array = NDArray[np.float64]
 
+# Terms that enter and leave in turn would go on for ever.
 _MOST_STEPS = 100
 
 
 @dataclass(frozen=True)
 class TermSelection:
-    """The chosen terms, in the order of the candidates, and how the search went: (action, term, BIC after it)."""
+    """The chosen terms, in the candidates' order, and the steps: (action, term, BIC after it)."""
 
     chosen: tuple[str, ...]
     bic: float
@@ -38,7 +41,7 @@ class TermSelection:
 
 @dataclass(frozen=True, eq=False)
 class HeldOut:
-    """How well a model predicts a pass it has not seen: on-sky rms per pass (passes,) and of all."""
+    """How well a model predicts a pass it has not seen: on-sky rms per pass and of all."""
 
     pass_ids: NDArray[np.int64]
     rms_rad: Array
@@ -56,7 +59,8 @@ def select_terms(
 ) -> TermSelection:
     """Choose among `candidates`; those in `always` stay.  Terms that are not chosen count as zero.
 
-    Terms that are no candidates have the values in `held`, zero without it.
+    Terms that are no candidates have the values in `held`, zero without it.  Raises ValueError for
+    unknown names and a search that has not settled.
     """
     terms_by_name(candidates)
     astray = [name for name in always if name not in candidates]
@@ -85,6 +89,8 @@ def held_out_passes(
     options: FitOptions | None = None,
 ) -> HeldOut:
     """Fit without each pass in turn and return how far off the fit is on the pass left out."""
+    # Passes, not rows, are left out: the rows of a pass share its orbit error, and would predict
+    # each other too well.
     fixed = held_at_zero(terms) if held is None else held
     rms, squares, count = [], 0.0, 0
     for number in observations.passes:
@@ -112,6 +118,8 @@ class _Search:
         everything, one = np.ones(len(data), dtype=bool), np.ones(len(data))
         triangle, _ = problem.triangle(np.zeros(len(names)), everything, one)
         full = cls(triangle, 1.0)
+        # Where sigma is stated too small any term lowers chi-square by enough: scale by what all
+        # terms leave over.
         freedom = max(triangle.rows - len(names), 1)
         return cls(triangle, max(1.0, full.chi_square(set(names)) / freedom))
 
@@ -133,7 +141,8 @@ class _Search:
     def best_move(
         self, chosen: set[str], always: frozenset[str], bic: float, improvement: float
     ) -> tuple[str, str, float] | None:
-        """Return the removal that lowers the BIC, else the addition that lowers it most by enough, else None."""
+        """Return the removal that lowers the BIC, else the best addition that pays, else None."""
+        # Removal first: a term that came in early may be made needless by a later one.
         removals = [(self.bic(chosen - {name}), name) for name in chosen - always]
         if removals and min(removals)[0] < bic:
             return "remove", min(removals)[1], min(removals)[0]
