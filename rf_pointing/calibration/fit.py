@@ -7,12 +7,11 @@ Gauss-Newton on the exact model, which is the paper's "updated iteratively".
 The covariance is that of independent noise, or the cluster sandwich, which stays honest when the
 errors of one pass are correlated:
 
-    cov = C [ sum_g u_g u_g' ] C,    C = (A'WA)^-1,    u_g = (1 - M_g C)^-1 s_g,    M_g = A_g'W A_g,
-    s_g = A_g'W r_g
+    cov = C [ sum_g u_g u_g' ] C,    C = (A'WA)^-1,    u_g = (1 - M_g C)^-1 s_g
 
-The sums run over passes.  The factor (1 - M_g C)^-1 undoes the pull of a pass on its own residuals
-(Bell and McCaffrey's third correction, the delete-one-pass jackknife): without it few passes give
-far too small a sigma.
+with M_g = A_g'W A_g and s_g = A_g'W r_g, summed over passes.  The factor (1 - M_g C)^-1 undoes the
+pull of a pass on its own residuals (Bell and McCaffrey's third correction, the delete-one-pass
+jackknife): without it few passes give far too small a sigma.
 """
 
 from collections.abc import Iterable, Mapping, Sequence

@@ -98,7 +98,7 @@ class FitProblem:
     ) -> None:
         self.data, self.names, self.held, self.priors, self.pass_priors = data, names, held, priors, pass_priors
         self.linear = form == "printed"
-        angles, terms = ArrayAngles(*data.motion(), temperature_k=data.temperature_k), terms_by_name(names)
+        angles, terms = ArrayAngles.of(data.motion(), data.temperature_k), terms_by_name(names)
         self.blocks = (
             Block.of(angles, [term.azimuth for term in terms]),
             Block.of(angles, [term.elevation for term in terms]),

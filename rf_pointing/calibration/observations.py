@@ -14,7 +14,6 @@ from rf_pointing.core import as_finite_array, to_degrees, wrap_rad
 
 __all__ = ["LARGEST_BIAS_RAD", "Observations", "require_derivatives"]
 
-
 Array = NDArray[np.float64]
 
 LARGEST_BIAS_RAD = 0.2
@@ -22,18 +21,15 @@ LARGEST_BIAS_RAD = 0.2
 # Cable wraps allow a turn and a half; degrees taken for radians are far beyond.
 _LARGEST_AZIMUTH_RAD = 3.0 * np.pi
 _TURN = 2.0 * np.pi
-_REQUIRED = (
-    "observed_azimuth_rad",
-    "observed_elevation_rad",
+_MOTION = (
     "true_azimuth_rad",
     "true_elevation_rad",
     "azimuth_rate_rad_s",
     "elevation_rate_rad_s",
     "azimuth_acceleration_rad_s2",
     "elevation_acceleration_rad_s2",
-    "sigma_azimuth_rad",
-    "sigma_elevation_rad",
 )
+_OBSERVED = ("observed_azimuth_rad", "observed_elevation_rad", "sigma_azimuth_rad", "sigma_elevation_rad")
 _OPTIONAL = ("range_m", "range_rate_m_s", "temperature_k")
 # Rows farther apart than this say little of a derivative: the remainder grows with the cube of
 # their distance.
@@ -86,7 +82,7 @@ class Observations:
         object.__setattr__(self, "t_s", _finite("t_s", self.t_s, None))
         if len(self.t_s) == 0:
             raise ValueError("observations: 0 rows, must have at least 1")
-        for name in _REQUIRED:
+        for name in (*_OBSERVED, *_MOTION):
             object.__setattr__(self, name, _finite(name, getattr(self, name), len(self.t_s)))
         for name in _OPTIONAL:
             if getattr(self, name) is not None:
@@ -127,16 +123,9 @@ class Observations:
         }
         return replace(self, **changed)
 
-    def motion(self) -> tuple[Array, Array, Array, Array, Array, Array]:
+    def motion(self) -> tuple[Array, ...]:
         """Return true azimuth, elevation, rates and accelerations, as the bias model takes them."""
-        return (
-            self.true_azimuth_rad,
-            self.true_elevation_rad,
-            self.azimuth_rate_rad_s,
-            self.elevation_rate_rad_s,
-            self.azimuth_acceleration_rad_s2,
-            self.elevation_acceleration_rad_s2,
-        )
+        return tuple(getattr(self, name) for name in _MOTION)
 
     @staticmethod
     def concatenate(parts: "Sequence[Observations]") -> "Observations":

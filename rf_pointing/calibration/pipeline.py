@@ -29,13 +29,6 @@ __all__ = ["ProcessedPass", "process_pass", "select_observations"]
 
 Array = NDArray[np.float64]
 
-# SATCAL 3: 3 sigma, one sample a second, three points of every 30 s.
-_OUTLIER_SIGMA = 3.0
-_THIN_S, _THIN_FEWEST = 1.0, 4
-_PIECE_S, _PIECE_POINTS, _PIECE_FEWEST = 30.0, 3, 15
-# White noise scatters by 1.0 +- 0.15 in a piece of 30 points: 1.6 drops what bends and spares what
-# is only noisy.
-_PIECE_SCATTER = 1.6
 # Angles of a perfect simulation scatter by nothing; a sigma of zero would divide by zero in the
 # fit.
 _LEAST_SIGMA_RAD = 1e-6
@@ -62,21 +55,13 @@ def process_pass(
         raise ValueError(f"pass {pass_id}: {validation.text()}")
     t_s = raw.t_s[sound]
     residuals = _residuals(raw, sound, reference, corrections, model)
-    keep, dropped = find_outliers(t_s, residuals, _OUTLIER_SIGMA)
+    keep, dropped = find_outliers(t_s, residuals)
     outliers = StageReport(stage="outliers", before=len(t_s), after=int(np.sum(keep)), dropped=dropped)
     # Range and range rate go through all stages: where they are wrong, so is the time or the target
     # of the angles.
     stacked = np.stack([value[keep] for value in residuals.values()], axis=1)
-    thinned = thin(t_s[keep], stacked, second_s=_THIN_S, fewest=_THIN_FEWEST, pool_s=_PIECE_S)
-    smoothed = smooth(
-        thinned.t_s,
-        thinned.residuals,
-        thinned.sigma,
-        piece_s=_PIECE_S,
-        points=_PIECE_POINTS,
-        fewest=_PIECE_FEWEST,
-        worst_scatter=_PIECE_SCATTER,
-    )
+    thinned = thin(t_s[keep], stacked)
+    smoothed = smooth(thinned.t_s, thinned.residuals, thinned.sigma)
     names = tuple(residuals)
     observations = _points(raw, reference, smoothed, names, pass_id, corrections, model)
     count = len(observations)

@@ -85,16 +85,9 @@ class ReferenceTrack:
         now = self.at(np.clip(times, self.t_s[0], self.t_s[-1]))
         return self.at(times - now.range_m / SPEED_OF_LIGHT_M_S)
 
-    def motion(self) -> tuple[Array, Array, Array, Array, Array, Array]:
+    def motion(self) -> tuple[Array, ...]:
         """Return azimuth, elevation, rates and accelerations, as the bias model takes them."""
-        return (
-            self.azimuth_rad,
-            self.elevation_rad,
-            self.azimuth_rate_rad_s,
-            self.elevation_rate_rad_s,
-            self.azimuth_acceleration_rad_s2,
-            self.elevation_acceleration_rad_s2,
-        )
+        return tuple(self.truth().values())[:6]
 
     def truth(self) -> dict[str, Array]:
         """Return the columns of `Observations` that hold the true motion, by name."""

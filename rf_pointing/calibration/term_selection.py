@@ -1,11 +1,11 @@
 """Which terms the data support: selection by BIC, and prediction of passes left out.
 
-    BIC = chi^2 / v + k ln(n)        v = max(1, reduced chi^2 of all candidates), n equations, k
-    terms
+    BIC = chi^2 / v + k ln(n),    v = max(1, reduced chi^2 of all candidates)
+
+with n equations and k terms.
 
 All subsets are solved from one triangle, so the data are read once.  A term enters when it lowers
-the BIC by at least `improvement` (6 is "strong evidence", Kass and Raftery 1995), and leaves when
-the BIC falls without it.
+the BIC by at least 6 and leaves when the BIC falls without it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,21 +22,14 @@ from rf_pointing.calibration.terms import terms_by_name
 from rf_pointing.calibration.triangle import Triangle
 from rf_pointing.core import wrap_rad
 
-__all__ = ["HeldOut", "TermSelection", "held_out_passes", "select_terms"]
+__all__ = ["HeldOut", "held_out_passes", "select_terms"]
 
 Array = NDArray[np.float64]
 
 # Terms that enter and leave in turn would go on for ever.
 _MOST_STEPS = 100
-
-
-@dataclass(frozen=True)
-class TermSelection:
-    """The chosen terms, in the candidates' order, and the steps: (action, term, BIC after it)."""
-
-    chosen: tuple[str, ...]
-    bic: float
-    steps: tuple[tuple[str, str, float], ...]
+# "Strong evidence" (Kass and Raftery 1995).
+_IMPROVEMENT = 6.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,31 +45,24 @@ def select_terms(
     observations: Observations,
     candidates: Sequence[str],
     *,
-    always: Sequence[str] = (),
     held: Mapping[str, float] | None = None,
     pass_priors: PassPriors | None = None,
-    improvement: float = 6.0,
-) -> TermSelection:
-    """Choose among `candidates`; those in `always` stay.  Terms that are not chosen count as zero.
+) -> tuple[str, ...]:
+    """Return the `candidates` that the data support, in their order; the others count as zero.
 
     Terms that are no candidates have the values in `held`, zero without it.  Raises ValueError for
     unknown names and a search that has not settled.
     """
     terms_by_name(candidates)
-    astray = [name for name in always if name not in candidates]
-    if astray:
-        raise ValueError(f"always={', '.join(astray)} must be among the candidates")
     search = _Search.of(observations, tuple(candidates), held or {}, pass_priors)
-    chosen = set(always)
-    steps: list[tuple[str, str, float]] = []
+    chosen: set[str] = set()
     bic = search.bic(chosen)
     for _ in range(_MOST_STEPS):
-        move = search.best_move(chosen, frozenset(always), bic, improvement)
+        move = search.best_move(chosen, bic)
         if move is None:
-            return TermSelection(tuple(name for name in candidates if name in chosen), bic, tuple(steps))
-        action, name, bic = move
+            return tuple(name for name in candidates if name in chosen)
+        name, bic = move
         chosen ^= {name}
-        steps.append((action, name, bic))
     raise ValueError(f"term selection has not settled after {_MOST_STEPS} steps")
 
 
@@ -138,15 +124,13 @@ class _Search:
         """Return the criterion of a set of terms."""
         return self.chi_square(chosen) / self.scale + len(chosen) * float(np.log(self.triangle.rows))
 
-    def best_move(
-        self, chosen: set[str], always: frozenset[str], bic: float, improvement: float
-    ) -> tuple[str, str, float] | None:
+    def best_move(self, chosen: set[str], bic: float) -> tuple[str, float] | None:
         """Return the removal that lowers the BIC, else the best addition that pays, else None."""
         # Removal first: a term that came in early may be made needless by a later one.
-        removals = [(self.bic(chosen - {name}), name) for name in chosen - always]
+        removals = [(self.bic(chosen - {name}), name) for name in chosen]
         if removals and min(removals)[0] < bic:
-            return "remove", min(removals)[1], min(removals)[0]
+            return min(removals)[1], min(removals)[0]
         additions = [(self.bic(chosen | {name}), name) for name in self.triangle.names if name not in chosen]
-        if additions and min(additions)[0] < bic - improvement:
-            return "add", min(additions)[1], min(additions)[0]
+        if additions and min(additions)[0] < bic - _IMPROVEMENT:
+            return min(additions)[1], min(additions)[0]
         return None

@@ -12,11 +12,16 @@ from numpy.typing import NDArray
 
 __all__ = ["Thinned", "find_outliers", "smooth", "thin"]
 
-
 Array = NDArray[np.float64]
 
 _MEDIAN_TO_SIGMA = 1.4826
-_PIECE_S, _DEGREE, _FEWEST, _ROUNDS = 30.0, 2, 8, 10
+# SATCAL 3: 3 sigma, one sample a second, three points of every 30 s.
+_OUTLIER_SIGMA = 3.0
+_THIN_S, _THIN_FEWEST = 1.0, 4
+_PIECE_S, _POINTS, _PIECE_FEWEST = 30.0, 3, 15
+# White noise scatters by 1.0 +- 0.15 in a piece: this drops what bends and spares what is noisy.
+_WORST_SCATTER = 1.6
+_DEGREE, _FEWEST, _ROUNDS = 2, 8, 10
 _GROSS_NEIGHBOURS, _GROSS_SIGMA = 4, 8.0
 # The quietest quarter of the pieces tells noise from bends: it is quiet unless the noise is
 # everywhere.
@@ -64,9 +69,7 @@ def _spread_of(residuals: Array) -> float:
     return _MEDIAN_TO_SIGMA * float(np.median(np.abs(residuals)))
 
 
-def find_outliers(
-    t_s: Array, residuals: Mapping[str, Array], limit_sigma: float
-) -> tuple[NDArray[np.bool_], dict[str, int]]:
+def find_outliers(t_s: Array, residuals: Mapping[str, Array]) -> tuple[NDArray[np.bool_], dict[str, int]]:
     """Return the samples to keep (n,) and how many each channel of `residuals` rejected.
 
     A sample is judged by a parabola through its 30-s piece and by the robust spread about it.
@@ -76,8 +79,8 @@ def find_outliers(
     for name, residual in residuals.items():
         wrong = _gross(residual)
         for rows in _pieces_of(t_s, _PIECE_S):
-            wrong[rows] |= _beyond(t_s[rows], residual[rows], wrong[rows], limit_sigma)
-        dropped[f"{name} beyond {limit_sigma:g} sigma"] = int(np.sum(keep & wrong))
+            wrong[rows] |= _beyond(t_s[rows], residual[rows], wrong[rows])
+        dropped[f"{name} beyond {_OUTLIER_SIGMA:g} sigma"] = int(np.sum(keep & wrong))
         keep &= ~wrong
     return keep, dropped
 
@@ -93,51 +96,49 @@ def _gross(residual: Array) -> NDArray[np.bool_]:
     return np.asarray(np.abs(deviation) > _GROSS_SIGMA * max(_spread_of(deviation), 1e-12))
 
 
-def _beyond(t: Array, residual: Array, wrong: NDArray[np.bool_], limit_sigma: float) -> NDArray[np.bool_]:
+def _beyond(t: Array, residual: Array, wrong: NDArray[np.bool_]) -> NDArray[np.bool_]:
     for _ in range(_ROUNDS):
         good = np.flatnonzero(~wrong)
         if len(good) < _FEWEST:
             return wrong
         fitted, inner, _ = _fitted_piece(t[good], residual[good, np.newaxis], _DEGREE, t)
-        found = np.abs(residual - fitted[:, 0]) > limit_sigma * max(_spread_of(inner), 1e-12)
+        found = np.abs(residual - fitted[:, 0]) > _OUTLIER_SIGMA * max(_spread_of(inner), 1e-12)
         if np.array_equal(found | wrong, wrong):
             return wrong
         wrong = wrong | found
     return wrong
 
 
-def thin(t_s: Array, residuals: Array, *, second_s: float, fewest: int, pool_s: float) -> Thinned:
-    """Return one point per `second_s`: the line through its samples at their mean time.
+def thin(t_s: Array, residuals: Array) -> Thinned:
+    """Return one point a second: the line through its samples at their mean time.
 
     At the mean time the line is the mean; its residuals give the noise of a sample, for each
-    `pool_s` by itself. Samples that come more slowly are not thinned.  Raises ValueError if no
-    second has `fewest` samples.
+    piece by itself.  Samples that come more slowly are not thinned.  Raises ValueError if no second
+    has enough samples.
     """
     # Pooled over 30 s and not over the pass: noise on the sky is 1/cos El times larger in azimuth.
-    if len(t_s) > 1 and np.median(np.diff(t_s)) * max(fewest, 3) > 1.01 * second_s:
-        return _as_they_are(t_s, residuals, pool_s)
-    first = np.flatnonzero(np.diff(np.floor(t_s / second_s), prepend=-np.inf))
+    if len(t_s) > 1 and np.median(np.diff(t_s)) * _THIN_FEWEST > 1.01 * _THIN_S:
+        return _as_they_are(t_s, residuals)
+    first = np.flatnonzero(np.diff(np.floor(t_s / _THIN_S), prepend=-np.inf))
     counts = np.diff(first, append=len(t_s))
     middle, value = _means(t_s, first, counts), _means(residuals, first, counts)
     off, apart = t_s - np.repeat(middle, counts), residuals - np.repeat(value, counts, axis=0)
     slope_part = np.add.reduceat(off[:, np.newaxis] * apart, first) ** 2
     lever = np.add.reduceat(off**2, first)[:, np.newaxis]
-    enough = (counts >= max(fewest, 3)) & (lever[:, 0] > 0.0)
+    enough = (counts >= _THIN_FEWEST) & (lever[:, 0] > 0.0)
     if not np.any(enough):
-        raise ValueError(f"no {second_s:g}-s piece has the {max(fewest, 3)} samples it needs")
+        raise ValueError(f"no {_THIN_S:g}-s piece has the {_THIN_FEWEST} samples it needs")
     squares = np.add.reduceat(apart**2, first)[enough] - slope_part[enough] / lever[enough]
-    noise, own = _noise(middle[enough], squares, counts[enough] - 2, pool_s)
-    dropped = {f"in a {second_s:g}-s piece with fewer than {fewest} samples": int(np.sum(counts[~enough]))}
+    noise, own = _noise(middle[enough], squares, counts[enough] - 2)
+    dropped = {f"in a {_THIN_S:g}-s piece with fewer than {_THIN_FEWEST} samples": int(np.sum(counts[~enough]))}
     sigma = own / np.sqrt(counts[enough])[:, np.newaxis]
     return Thinned(middle[enough], value[enough], sigma, noise, dropped)
 
 
-def smooth(
-    t_s: Array, residuals: Array, sigma: Array, *, piece_s: float, points: int, fewest: int, worst_scatter: float
-) -> Thinned:
-    """Return `points` points per `piece_s`, evenly spaced, of the parabola through the piece.
+def smooth(t_s: Array, residuals: Array, sigma: Array) -> Thinned:
+    """Return three points of every piece, evenly spaced: the parabola through it at those times.
 
-    `sigma` (n, m) is that of the input points.  A piece that scatters more than `worst_scatter`
+    `sigma` (n, m) is that of the input points.  A piece that scatters more than `_WORST_SCATTER`
     times as much about its parabola does not follow one and is dropped.  Raises ValueError if no
     piece is left.
     """
@@ -145,36 +146,39 @@ def smooth(
     # encoders) scatters like that everywhere.  It raises the sigma of all points instead; dropping
     # had left 19 points of 5386.
     pieces, short = [], 0
-    for rows in _pieces_of(t_s, piece_s):
-        if len(rows) < fewest:
+    for rows in _pieces_of(t_s, _PIECE_S):
+        if len(rows) < _PIECE_FEWEST:
             short += len(rows)
         else:
-            wanted = _spread_points(t_s[rows], piece_s, points)
+            wanted = _spread_points(t_s[rows], _PIECE_S, _POINTS)
             pieces.append(_Piece.of(t_s[rows], residuals[rows], 2, wanted, np.mean(sigma[rows], axis=0)))
     if not pieces:
-        raise ValueError(f"no {piece_s:g}-s piece has {fewest} samples")
+        raise ValueError(f"no {_PIECE_S:g}-s piece has {_PIECE_FEWEST} samples")
     usual = np.maximum(np.quantile([piece.excess for piece in pieces], _PARABOLAS_QUANTILE, axis=0), 1.0)
-    found = [piece for piece in pieces if np.all(piece.excess <= worst_scatter * usual)]
+    found = [piece for piece in pieces if np.all(piece.excess <= _WORST_SCATTER * usual)]
     if not found:
-        raise ValueError(f"no {piece_s:g}-s piece with {fewest} samples follows a parabola")
+        raise ValueError(f"no {_PIECE_S:g}-s piece with {_PIECE_FEWEST} samples follows a parabola")
     bent = sum(piece.count for piece in pieces) - sum(piece.count for piece in found)
-    reasons = {f"in a {piece_s:g}-s piece with fewer than {fewest} samples": short, "not along a parabola": bent}
+    reasons = {
+        f"in a {_PIECE_S:g}-s piece with fewer than {_PIECE_FEWEST} samples": short,
+        "not along a parabola": bent,
+    }
     return _joined(found, reasons)
 
 
-def _as_they_are(t_s: Array, residuals: Array, pool_s: float) -> Thinned:
+def _as_they_are(t_s: Array, residuals: Array) -> Thinned:
     """Return the samples with the noise of their second differences, of six times its variance."""
     if len(t_s) < 3:
         raise ValueError(f"samples={len(t_s)} must be >= 3 to measure their noise")
     bends = np.diff(residuals, 2, axis=0) ** 2 / 6.0
     squares = np.concatenate([bends[:1], bends, bends[-1:]])
-    noise, own = _noise(t_s, squares, np.ones(len(t_s), dtype=np.int64), pool_s)
+    noise, own = _noise(t_s, squares, np.ones(len(t_s), dtype=np.int64))
     return Thinned(t_s, residuals, own, noise, {})
 
 
-def _noise(t_s: Array, squares: Array, freedom: NDArray[np.int64], pool_s: float) -> tuple[Array, Array]:
-    """Return the noise (m,) of all samples, and for each row (n, m) that of its `pool_s`."""
-    first = np.flatnonzero(np.diff(np.floor(t_s / pool_s), prepend=-np.inf))
+def _noise(t_s: Array, squares: Array, freedom: NDArray[np.int64]) -> tuple[Array, Array]:
+    """Return the noise (m,) of all samples, and for each row (n, m) that of its piece."""
+    first = np.flatnonzero(np.diff(np.floor(t_s / _PIECE_S), prepend=-np.inf))
     of_pool = np.add.reduceat(squares, first) / np.add.reduceat(freedom, first)[:, np.newaxis]
     own = np.repeat(of_pool, np.diff(first, append=len(t_s)), axis=0)
     return np.sqrt(np.sum(squares, axis=0) / np.sum(freedom)), np.sqrt(own)

@@ -226,7 +226,7 @@ def fitted(options: argparse.Namespace, points: Observations, present: ModelVers
     names, orbit = tuple(options.terms), orbit_priors(options, points, present)
     if options.select:
         held = {name: value for name, value in _known(present).items() if name not in names}
-        names = select_terms(points, names, held=held, pass_priors=orbit).chosen
+        names = select_terms(points, names, held=held, pass_priors=orbit)
     return fit_of(options, points, present, names, orbit)
 
 
