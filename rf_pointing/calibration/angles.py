@@ -1,8 +1,8 @@
-"""The angles on which the terms are evaluated: plain arrays (printed form) or Taylor series (exact form)."""
+"""The angles on which the terms are evaluated: arrays (printed form) or Taylor series (exact)."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,36 +17,9 @@ REFERENCE_TEMPERATURE_K = 288.15
 """Temperature at which the thermal terms vanish (ISA sea level)."""
 
 
-class Angles(Protocol):
-    """What a term may depend on."""
-
-    @property
-    def one(self) -> Array: ...
-    @property
-    def tan_elevation(self) -> Array: ...
-    @property
-    def sec_elevation(self) -> Array: ...
-    @property
-    def azimuth_rate(self) -> Array: ...
-    @property
-    def azimuth_acceleration(self) -> Array: ...
-    @property
-    def elevation_rate(self) -> Array: ...
-    @property
-    def elevation_acceleration(self) -> Array: ...
-    @property
-    def beyond_zenith(self) -> Array: ...
-    @property
-    def temperature_difference(self) -> Array: ...
-    def sin_azimuth(self, multiple: int) -> Array: ...
-    def cos_azimuth(self, multiple: int) -> Array: ...
-    def sin_elevation(self, multiple: int) -> Array: ...
-    def cos_elevation(self, multiple: int) -> Array: ...
-
-
 @dataclass(frozen=True)
 class ArrayAngles:
-    """Angles and their rates as arrays of one shape; sines and cosines are computed once and kept."""
+    """Angles and their rates as arrays of one shape; sines and cosines are computed once."""
 
     azimuth_rad: Array
     elevation_rad: Array
@@ -58,30 +31,12 @@ class ArrayAngles:
     _kept: dict[tuple[str, int], Array] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
-    def of(
-        cls,
-        azimuth_rad: ArrayLike,
-        elevation_rad: ArrayLike,
-        azimuth_rate_rad_s: ArrayLike,
-        elevation_rate_rad_s: ArrayLike,
-        azimuth_acceleration_rad_s2: ArrayLike,
-        elevation_acceleration_rad_s2: ArrayLike,
-        temperature_k: ArrayLike | None = None,
-    ) -> "ArrayAngles":
-        """Broadcast the six motions to one shape."""
-        six = (
-            azimuth_rad,
-            elevation_rad,
-            azimuth_rate_rad_s,
-            elevation_rate_rad_s,
-            azimuth_acceleration_rad_s2,
-            elevation_acceleration_rad_s2,
-        )
+    def of(cls, motion: Sequence[ArrayLike], temperature_k: Array | None) -> "ArrayAngles":
+        """Broadcast azimuth, elevation, their rates and their accelerations to one shape."""
         az, el, az_rate, el_rate, az_acceleration, el_acceleration = np.broadcast_arrays(
-            *(np.asarray(value, dtype=np.float64) for value in six)
+            *(np.asarray(value, dtype=np.float64) for value in motion)
         )
-        temperature = None if temperature_k is None else np.asarray(temperature_k, dtype=np.float64)
-        return cls(az, el, az_rate, el_rate, az_acceleration, el_acceleration, temperature)
+        return cls(az, el, az_rate, el_rate, az_acceleration, el_acceleration, temperature_k)
 
     @cached_property
     def one(self) -> Array:
@@ -125,7 +80,7 @@ class ArrayAngles:
 
 @dataclass(frozen=True)
 class SeriesAngles:
-    """Angles as Taylor series (m, ...); rates and accelerations are the derivatives of the series themselves."""
+    """Angles as Taylor series (m, ...), whose derivatives are rates and accelerations."""
 
     azimuth: Array
     elevation: Array
@@ -160,7 +115,8 @@ class SeriesAngles:
     def elevation_acceleration(self) -> Array:
         return taylor.derivative(self.elevation, 2)
 
-    # A step in elevation: its derivatives are zero where they exist, so one value is enough for the series.
+    # A step in elevation: its derivatives are zero where they exist, so one value is enough for the
+    # series.
     @property
     def beyond_zenith(self) -> Array:
         return np.asarray(self.elevation[0] > np.pi / 2.0, dtype=np.float64)
@@ -189,7 +145,12 @@ class SeriesAngles:
 
 
 def _temperature_difference(temperature_k: Array | None) -> Array:
-    # No default: a model fitted with temperatures would be wrong without them, by mdeg and unnoticed.
+    # No default: a model fitted with temperatures would be wrong without them, by mdeg and
+    # unnoticed.
     if temperature_k is None:
         raise ValueError("temperature_k=None must be given: the model has a temperature term")
     return temperature_k - REFERENCE_TEMPERATURE_K
+
+
+Angles = ArrayAngles | SeriesAngles
+"""What a term is evaluated on."""

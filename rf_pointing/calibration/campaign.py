@@ -1,12 +1,13 @@
-"""Which passes to track: those that fill the sky in the least time, or those that shrink chosen sigmas most.
+"""Which passes to track: those that fill the sky soonest, or those that shrink chosen sigmas most.
 
-`plan_campaign` makes two greedy plans and takes the one that ends first.  One goes through the candidates in order of
-time and, of those that overlap, keeps the one with more points in thin sectors: good for few passes.  The other
-continues with the candidate that brings most of the missing points per second after the last one, slew included: good
-for many.  When the last sector is full, passes that the others make up for are removed again, the poorest first.
+`plan_campaign` makes two greedy plans and takes the one that ends first.  One goes through the
+candidates in order of time and, of those that overlap, keeps the one with more points in thin
+sectors: good for few passes.  The other continues with the candidate that brings most of the
+missing points per second after the last one, slew included: good for many.  When the last sector is
+full, passes that the others make up for are removed again, the poorest first.
 
-`next_best_passes` needs no measurement: a pass with weighted partials A, its own orbit and clock errors eliminated,
-turns the covariance C of the terms into
+`next_best_passes` needs no measurement: a pass with weighted partials A, its own orbit and clock
+errors eliminated, turns the covariance C of the terms into
 
     C' = C - C A' (1 + A C A')^-1 A C
 
@@ -43,7 +44,7 @@ __all__ = [
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CandidatePass:
-    """A predicted pass: `track` at the times at which points would be taken, one sigma for each axis."""
+    """A predicted pass: `track` at the times of its points, and one sigma for each axis."""
 
     name: str
     track: ReferenceTrack
@@ -61,7 +62,7 @@ class CandidatePass:
         return float(self.track.t_s[-1])
 
     def observations(self, station: str, band: str, pass_id: int) -> Observations:
-        """Return the points as they would come without noise and bias, for the fit's partial derivatives."""
+        """Return the points without noise and bias, for the fit's partial derivatives."""
         track, count = self.track, len(self.track.t_s)
         return Observations(
             station=station,
@@ -85,15 +86,16 @@ _TURN = 2.0 * math.pi
 
 @dataclass(frozen=True, kw_only=True)
 class Slew(Params):
-    """Time from the last point of a pass to the first point of the next: travel of the slower axis, and the rest.
+    """Time from the last point of a pass to the first of the next: the slower axis, and the rest.
 
-    `travel_rad` are the ends of the azimuth travel: cables that cannot turn on may make the shorter way impossible.
+    `travel_rad` are the ends of the azimuth travel: cables may make the shorter direction
+    impossible.
     """
 
     rate_rad_s: float = parameter(math.radians(1.8), "mean axis rate of a slew", low=1e-5, high=10.0)
     settle_s: float = parameter(30.0, "stop, settling and acquisition", low=0.0, high=3600.0)
     travel_rad: tuple[float, ...] = parameter(
-        (), "lower and upper end of the azimuth travel; none: it turns without end", low=-20.0, high=20.0
+        (), "lower and upper end of the azimuth travel; none: unlimited", low=-20.0, high=20.0
     )
 
     def check_together(self) -> None:
@@ -102,7 +104,7 @@ class Slew(Params):
             raise ValueError(f"travel_rad={self.travel_rad} must be two ends at least a turn apart")
 
     def ends_rad(self, azimuth_rad: Array) -> tuple[float, float]:
-        """Return first and last azimuth of a pass (n,) on the turn on which most of it lies within the travel."""
+        """Return first and last azimuth of a pass (n,) on the turn that fits the travel best."""
         path = np.unwrap(azimuth_rad)
         if self.travel_rad:
             low, high = self.travel_rad
@@ -112,7 +114,7 @@ class Slew(Params):
         return float(path[0]), float(path[-1])
 
     def time_s(self, ends_rad: Array, starts_rad: Array) -> Array:
-        """Return the time between directions (..., 2), azimuth and elevation; without ends azimuth by the shorter way."""
+        """Return the time between directions (..., 2); without limits by the shorter azimuth."""
         azimuth, elevation = np.moveaxis(np.abs(starts_rad - ends_rad), -1, 0)
         if not self.travel_rad:
             azimuth = np.abs(np.mod(azimuth + np.pi, _TURN) - np.pi)
@@ -129,7 +131,7 @@ class Slew(Params):
 
 @dataclass(frozen=True, eq=False)
 class Campaign:
-    """Passes to track in order of time, what they fill, and when the last sector is full (None: never)."""
+    """Passes to track in order of time, what they fill, and when the sky is full (None: never)."""
 
     passes: tuple[CandidatePass, ...]
     coverage: Coverage
@@ -141,14 +143,15 @@ def plan_campaign(
 ) -> Campaign:
     """Return the campaign; candidates may be whole passes or pieces of them.
 
-    `already` (sectors,) are the points that an interrupted campaign has taken; the coverage counts them.  Where the
-    candidates cannot fill the sky, all useful passes are returned, `full_at_t_s` is None and the coverage names the thin
-    sectors.
+    `already` (sectors,) are the points that an interrupted campaign has taken; the coverage counts
+    them.  Where the candidates cannot fill the sky, all useful passes are returned, `full_at_t_s`
+    is None and the coverage names the thin sectors.
     """
     begun = np.zeros(rule.count, dtype=np.int64) if already is None else already
     if not candidates:
         return Campaign((), Coverage(rule, begun), None)
     table = _Table(sorted(candidates, key=lambda c: c.end_t_s), rule, slew, begun)
+    # Neither plan is always the better one, and both cost little next to the candidates' tracks.
     plans = [table.by_exchange(), table.by_rate()]
     taken, filled, full_at = min(plans, key=lambda plan: (plan[2] or math.inf, -table.gain(begun, plan[1] - begun)))
     if full_at is not None:
@@ -157,7 +160,7 @@ def plan_campaign(
 
 
 class _Table:
-    """Times, directions at both ends, and points per sector of all candidates, in order of their end."""
+    """Times, directions at both ends and points per sector of all candidates, by their end."""
 
     def __init__(self, candidates: Sequence[CandidatePass], rule: SectorRule, slew: Slew, begun: Counts) -> None:
         self._begun = begun
@@ -192,11 +195,13 @@ class _Table:
         return taken, filled, None
 
     def by_rate(self) -> Plan:
-        """Go on with the candidate that brings most missing points per second."""
+        """Continue with the candidate that brings most missing points per second."""
         taken: list[int] = []
         filled = self._begun
         now_s, ready = float(np.min(self._start)), np.full(len(self.candidates), -np.inf)
         while not self._full(filled):
+            # Per second until its end, so that waiting for a rich pass is weighed against a poor
+            # one now.
             rate = self._gains(filled, self._counts) / np.maximum(self._end - now_s, 1e-9)
             rate[self._start < ready] = 0.0
             best = int(np.argmax(rate))
@@ -209,7 +214,7 @@ class _Table:
         return taken, filled, now_s
 
     def without_needless(self, taken: list[int], filled: Counts) -> tuple[list[int], Counts]:
-        """Strike out what the others make up for."""
+        """Remove what the others make up for, the poorest first."""
         for k in sorted(taken, key=lambda k: int(np.sum(self._counts[k]))):
             reduced = filled - self._counts[k]
             if self._full(reduced):
@@ -227,7 +232,7 @@ class _Table:
 
 @dataclass(frozen=True, eq=False)
 class PassAdvice:
-    """One pass worth tracking: sigma of all terms (k,) after it, and the mean factor on the chosen ones' sigma."""
+    """One pass worth tracking: sigma (k,) of all terms after it, mean factor on the chosen ones."""
 
     name: str
     start_t_s: float
@@ -236,7 +241,7 @@ class PassAdvice:
 
 
 def uninformed_covariance(terms: Sequence[str]) -> Array:
-    """Return the covariance of a station never calibrated: the largest believable magnitude of each term as sigma."""
+    """Return the covariance before any calibration: the largest credible sizes as sigma."""
     return np.diag([term.limit**2 for term in terms_by_name(terms)])
 
 
@@ -250,10 +255,11 @@ def next_best_passes(
     pass_priors: PassPriors | None = None,
     slew: Slew | None = None,
 ) -> list[PassAdvice]:
-    """Return up to `count` passes, the best first, that most reduce the sigma of the `chosen` terms.
+    """Return up to `count` passes, the best first, that most reduce the `chosen` terms' sigma.
 
-    `covariance` (k, k) is that of the last fit, or `uninformed_covariance`.  Passes that overlap a better one, or begin before
-    the antenna can have slewed there, are left out.  Stops when no pass is left.
+    `covariance` (k, k) is that of the last fit, or `uninformed_covariance`.  Passes that overlap a
+    better one, or begin before the antenna can have slewed there, are left out.  Raises ValueError
+    for `chosen` that are not in `terms`.
     """
     require_between("count", count, 1, None)
     places = _places(terms, chosen)
@@ -281,7 +287,7 @@ def _places(terms: Sequence[str], chosen: Sequence[str]) -> NDArray[np.int64]:
 def _information(terms: tuple[str, ...], candidate: CandidatePass, pass_priors: PassPriors | None) -> Array:
     """Return rows (m, k) whose squares are the information of a pass about the terms."""
     data = candidate.observations("planned", "planned", 0)
-    # As warm as the reference of the thermal terms, about which a plan says nothing.
+    # At the reference of the thermal terms, of which a plan can promise nothing.
     data = replace(data, temperature_k=np.full(len(data), REFERENCE_TEMPERATURE_K))
     problem = FitProblem(data, terms, held_at_zero(terms), {}, pass_priors, "printed")
     one = np.ones(len(data))

@@ -1,10 +1,11 @@
-"""Propagation and delays between the geometric direction and the measured one: troposphere, ionosphere, range.
+"""Propagation and delays between the geometric direction and the measured one.
 
 The ionosphere, a thin spherical shell of electron content TEC, advances the phase by
 
     I(E) = 40.3 TEC / f^2 * M(E),    M(E) = 1 / sqrt(1 - (R cos E / (R + h))^2)
 
-The apparent elevation follows from the phase gradient along the ground: dE = -I'(E) (1 / rho + 1 / (R sin E)).
+The apparent elevation follows from the phase gradient along the ground: dE = -I'(E) (1 / rho + 1 /
+(R sin E)).
 """
 
 import math
@@ -34,8 +35,9 @@ class Ionosphere(Params):
     frequency_hz: float = parameter(description="carrier frequency", low=1e8, high=1e11)
 
     def bending(self, elevation_rad: Array, range_m: Array) -> Array:
-        """Return apparent minus true elevation (rad) for a target above the shell, at `range_m` (m)."""
-        # The phase advances with electrons, so that the gradient bends the ray up as the troposphere does.
+        """Return apparent minus true elevation (rad) of a target above the shell, at `range_m`."""
+        # The phase advances with electrons, so that the gradient bends the ray up as the
+        # troposphere does.
         sine = np.sin(elevation_rad)
         return -self._slope(elevation_rad) * (1.0 / range_m + 1.0 / (_EARTH_RADIUS_M * sine))
 
@@ -59,7 +61,8 @@ class Ionosphere(Params):
 class Corrections:
     """What is taken off the observations so that they compare with the reference.
 
-    None switches a correction off: right where the reference already is apparent, or another system has corrected.
+    None switches a correction off: right where the reference already is apparent, or another system
+    has corrected.
     """
 
     light_time: bool
@@ -79,7 +82,7 @@ class Corrections:
         return np.asarray(seen if self.troposphere is None else self.troposphere.apply(seen))
 
     def bending(self, elevation_rad: Array, range_m: Array) -> Array:
-        """Return what to subtract from observed elevations of a target at a geometric elevation, rad."""
+        """Return what to subtract from observed elevations (rad), at a geometric elevation."""
         return self.apparent_elevation(elevation_rad, range_m) - elevation_rad
 
     def extra_range_m(self, elevation_rad: Array) -> Array:

@@ -1,6 +1,7 @@
-"""The 36 sectors of the sky that a campaign must fill (SATCAL 3): 12 of 30 deg in azimuth, 3 in elevation.
+"""The 36 sectors of the sky that a campaign must fill (SATCAL 3): 12 in azimuth, 3 in elevation.
 
-Below 10 deg refraction is uncertain, above 80 deg collimation and non-orthogonality grow without bound.
+Below 10 deg refraction is uncertain, above 80 deg collimation and non-orthogonality grow without
+bound.
 """
 
 import math
@@ -44,12 +45,13 @@ class SectorRule(Params):
         return self.azimuth_sectors * (len(self.elevation_edges_rad) - 1)
 
     def sector_of(self, azimuth_rad: ArrayLike, elevation_rad: ArrayLike) -> NDArray[np.int64]:
-        """Return the sector (0 .. count - 1, elevation band by band) of each direction, -1 outside the bands."""
+        """Return the sector (0 .. count - 1, band by band) of each direction, -1 outside."""
         width = 2.0 * np.pi / self.azimuth_sectors
         column = np.floor(np.mod(np.asarray(azimuth_rad, dtype=np.float64), 2.0 * np.pi) / width).astype(np.int64)
         edges = np.array(self.elevation_edges_rad)
         band = np.searchsorted(edges, np.asarray(elevation_rad, dtype=np.float64), side="right") - 1
-        # An azimuth a rounding below 2 pi divides to the number of sectors: `minimum` keeps it in the last one.
+        # An azimuth a rounding below 2 pi divides to the number of sectors: `minimum` keeps it in
+        # the last one.
         inside = (band >= 0) & (band < len(edges) - 1)
         return np.where(inside, band * self.azimuth_sectors + np.minimum(column, self.azimuth_sectors - 1), -1)
 
@@ -98,7 +100,7 @@ class Selection:
 def select_by_sector(
     azimuth_rad: Array, elevation_rad: Array, pass_id: NDArray[np.int64], rule: SectorRule
 ) -> Selection:
-    """Choose at most `rule.most` rows per sector, spread evenly over its passes and within each pass."""
+    """Choose at most `rule.most` rows per sector, spread evenly over and within its passes."""
     sectors = rule.sector_of(azimuth_rad, elevation_rad)
     chosen = np.zeros(len(sectors), dtype=bool)
     for sector in range(rule.count):
@@ -118,7 +120,8 @@ def _shared_out(rows: NDArray[np.int64], pass_id: NDArray[np.int64], most: int) 
     """Return up to `most` rows, one from each pass in turn, spread within the pass."""
     if len(rows) <= most:
         return rows
-    # In turn, as the orbit error of a pass does not average out within it: thirty points of one pass count as few.
+    # In turn, as the orbit error of a pass does not average out within it: thirty points of one
+    # pass count as few.
     ranked = []
     for number in np.unique(pass_id):
         own = rows[pass_id == number]
@@ -128,7 +131,7 @@ def _shared_out(rows: NDArray[np.int64], pass_id: NDArray[np.int64], most: int) 
 
 
 def _spread_rank(count: int) -> NDArray[np.int64]:
-    """Return ranks 0 .. count - 1 such that the first ranks lie spread over the range (bit-reversed order)."""
+    """Return ranks 0 .. count - 1 of which the first lie spread over the range (bit-reversed)."""
     bits = max(1, (count - 1).bit_length())
     reversed_bits = [int(format(k, f"0{bits}b")[::-1], 2) for k in range(count)]
     return np.argsort(np.argsort(reversed_bits, kind="stable"), kind="stable")

@@ -1,15 +1,16 @@
 """What makes a fit doubtful, and how large the orbit errors of its passes are.
 
-With the errors v_g of the passes g estimated under a prior of size s, and their posterior sigma p_g,
+With the errors v_g of the passes g estimated under a prior of size s, and their posterior sigma
+p_g,
 
     s^2  <-  sum_g v_g^2 / sum_g (1 - p_g^2 / s^2)
 
-has its fixed point where the prior's size has the greatest likelihood (MacKay 1992, eq. 4.9).  An error that the
-angles hardly show (the sum below is less than one pass) keeps its size.
+has its fixed point where the prior's size has the greatest likelihood (MacKay 1992, eq. 4.9).  An
+error that the angles hardly show (the sum below is less than one pass) keeps its size.
 
-Without errors of the passes, independent residuals of a pass of n points add up to sqrt(n) times their size.  A
-larger sum comes from something that the whole pass has in common, which the white covariance counts as n
-measurements.
+Without errors of the passes, independent residuals of a pass of n points add up to sqrt(n) times
+their size.  A larger sum comes from something that the whole pass has in common, which the white
+covariance counts as n measurements.
 """
 
 from collections.abc import Callable
@@ -23,18 +24,21 @@ from rf_pointing.calibration.pass_errors import PassPriors
 
 __all__ = ["MEASURABLE_FROM", "doubts_of", "measured_pass_priors", "pass_correlation", "size_ratios"]
 
-
 Array = NDArray[np.float64]
 
+# Elements a few days old; a start that is too small finds errors too small to be seen, and stays.
 MEASURABLE_FROM = PassPriors(along_track_m=1000.0, cross_track_m=1000.0, radial_m=1000.0)
-"""Sizes from which the search starts: those of elements a few days old."""
+# Sizes need no more than 10 %: sigma depends on them weakly, and every round is a fit.
 _ROUNDS, _SETTLED = 25, 0.1
 _FEWEST_SEEN = 1.0
+# A size of zero would divide by zero; a thousandth of the start has no effect any more.
 _LEAST = 1e-3
+# The measured size of few passes is itself uncertain: below a factor of two it contradicts nothing.
+_LARGER = 2.0
 
 
 def size_ratios(fit: FitResult, priors: PassPriors) -> Array:
-    """Return, for each error in `priors`, how many times larger its measured size is; 1 where it cannot be measured."""
+    """Return measured over assumed size of each error in `priors`, 1 where it is not measurable."""
     values = np.array([[one.values[name] for name in priors.names] for one in fit.pass_errors])
     sigma = np.array([[one.sigma[name] for name in priors.names] for one in fit.pass_errors])
     seen = np.sum(np.clip(1.0 - (sigma / priors.sigma) ** 2, 0.0, 1.0), axis=0)
@@ -43,10 +47,9 @@ def size_ratios(fit: FitResult, priors: PassPriors) -> Array:
 
 
 def measured_pass_priors(fit: Callable[[PassPriors], FitResult], start: PassPriors = MEASURABLE_FROM) -> PassPriors:
-    """Return the priors whose sizes are those that the passes show, beginning at `start`; `fit` fits with given ones.
+    """Return the priors whose sizes are those that the passes show; `fit` fits with given priors.
 
-    Sizes settle to 10 % within 25 rounds or stay where the last round left them; they shrink to a thousandth of `start`
-    at most.
+    Sizes settle to 10 % within 25 rounds, or are those of the last round.
     """
     priors = start
     least = dict(zip(start.names, _LEAST * start.sigma, strict=True))
@@ -60,11 +63,8 @@ def measured_pass_priors(fit: Callable[[PassPriors], FitResult], start: PassPrio
     return priors
 
 
-_LARGER = 2.0
-
-
 def doubts_of(fit: FitResult, points: Observations) -> tuple[str, ...]:
-    """Return one sentence for each reason to doubt `fit` to `points`: passes left out whole, a (white) sigma too small."""
+    """Return one sentence for each reason to doubt `fit`: lost passes, a sigma that is small."""
     return (*_lost_passes(fit, points), *_small_sigma(fit, points))
 
 
@@ -81,7 +81,7 @@ def _small_sigma(fit: FitResult, points: Observations) -> tuple[str, ...]:
             fit.pass_priors.names, fit.pass_priors.sigma.tolist(), size_ratios(fit, fit.pass_priors), strict=True
         )
         return tuple(
-            f"{name} of the passes is {ratio:.1f} times what the fit was told ({size:.3g}): sigma is too small"
+            f"{name} of the passes is {ratio:.1f} times the prior of the fit ({size:.3g}): sigma is too small"
             for name, size, ratio in ratios
             if ratio > _LARGER
         )
@@ -89,13 +89,13 @@ def _small_sigma(fit: FitResult, points: Observations) -> tuple[str, ...]:
     if larger <= _LARGER:
         return ()
     return (
-        f"the residuals of a pass hang together, their sums are {larger:.1f} times those of independent ones: the orbit of "
-        "each pass is off, and sigma is too small by about as much",
+        f"the residuals of a pass are correlated, their sums are {larger:.1f} times those of independent ones: the orbit "
+        "of each pass is off, and sigma is too small by about as much",
     )
 
 
 def pass_correlation(fit: FitResult, points: Observations) -> float:
-    """Return how many times larger than sqrt(n) of their size the sums of the residuals of passes of n points are (rms)."""
+    """Return the rms sum of the residuals of a pass of n points, over sqrt(n) times their rms."""
     squares, count = 0.0, 0
     for residual, sigma in (
         (fit.residual_azimuth_rad, points.sigma_azimuth_rad),

@@ -1,16 +1,17 @@
-"""Least-squares fit of the bias model (SATCAL eqs. 3-8), by orthogonal triangles instead of (A'A)^-1.
+"""Least-squares fit of the bias model (SATCAL eqs. 3-8), by orthogonal triangles, not (A'A)^-1.
 
-One round of the loop: linearise about the current coefficients, solve, edit.  With the printed form the equations are
-linear and only the editing iterates; with the rotation form the loop is Gauss-Newton on the exact model, which is the
-paper's "updated iteratively".
+One round of the loop: linearise about the current coefficients, solve, edit.  With the printed form
+the equations are linear and only the editing iterates; with the rotation form the loop is
+Gauss-Newton on the exact model, which is the paper's "updated iteratively".
 
-The covariance is that of independent noise, or the cluster sandwich, which stays honest when the errors of one pass
-are correlated:
+The covariance is that of independent noise, or the cluster sandwich, which stays honest when the
+errors of one pass are correlated:
 
-    cov = C [ sum_g u_g u_g' ] C,    C = (A'WA)^-1,    u_g = (1 - M_g C)^-1 s_g,    M_g = A_g'W A_g,  s_g = A_g'W r_g
+    cov = C [ sum_g u_g u_g' ] C,    C = (A'WA)^-1,    u_g = (1 - M_g C)^-1 s_g
 
-The sums run over passes.  The factor (1 - M_g C)^-1 undoes the pull of a pass on its own residuals (Bell and
-McCaffrey's third correction, the delete-one-pass jackknife): without it few passes give far too small a sigma.
+with M_g = A_g'W A_g and s_g = A_g'W r_g, summed over passes.  The factor (1 - M_g C)^-1 undoes the
+pull of a pass on its own residuals (Bell and McCaffrey's third correction, the delete-one-pass
+jackknife): without it few passes give far too small a sigma.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -30,11 +31,15 @@ __all__ = ["FitOptions", "fit_bias_model", "held_at_zero"]
 
 Array = NDArray[np.float64]
 
+# A step of a millionth of sigma: below it rounding, not the data, moves the terms.
 _CONVERGED_SIGMA = 1e-6
 _WEIGHTS_SETTLED = 1e-4
+# Rounds in which rejected observations may come back; afterwards editing only removes, so that it
+# must end.
 _FREE_ROUNDS = 8
-"""Rounds in which rejected observations may come back; afterwards editing only removes, so that it must end."""
+# Of a normal distribution.
 _MEDIAN_TO_SIGMA = 1.4826
+# Fewer passes give a matrix of scores that says more about these passes than about their errors.
 _FEWEST_SANDWICH_PASSES = 5
 _ALONE = 1e-8
 
@@ -43,8 +48,8 @@ _ALONE = 1e-8
 class FitOptions(Params):
     """How the fit treats its data.
 
-    `covariance` "white" takes the stated sigmas as independent noise; "sandwich" measures how the errors of a pass
-    hang together (it needs many passes, edited beforehand).
+    `covariance` "white" takes the stated sigmas as independent noise; "sandwich" measures how the
+    errors of a pass are correlated (it needs many passes, edited beforehand).
     """
 
     form: str = parameter("printed", "model form: SATCAL (1)-(2) or exact rotations", choices=("printed", "rotation"))
@@ -62,7 +67,8 @@ class FitOptions(Params):
     scale_covariance: bool = parameter(False, "multiply the white covariance by the measured residual variance")
 
     def check_together(self) -> None:
-        """Refuse editing before a sandwich: it cuts off the correlated errors that the sandwich has to measure."""
+        """Refuse editing before a sandwich."""
+        # Editing cuts off the correlated errors that the sandwich has to measure.
         if self.covariance == "sandwich" and self.edit_sigma > 0.0:
             raise ValueError(
                 f"edit_sigma={self.edit_sigma} must be 0 with covariance='sandwich': edit in the pipeline beforehand, "
@@ -85,11 +91,22 @@ def fit_bias_model(
     pass_priors: PassPriors | None = None,
     options: FitOptions | None = None,
 ) -> FitResult:
-    """Fit `terms` to observed minus true angles; every other one of the 14 must be in `held` with its value.
+    """Fit `terms` to observed minus true angles (SATCAL eqs. 3-8).
 
-    `pass_priors` adds orbit and clock errors of every pass to the unknowns.  Raises ValueError naming the terms that
-    the data cannot separate, terms that are neither fitted nor held, and a fit that has not settled after
-    `options.max_iterations`.
+    Parameters
+    ----------
+    terms, held
+        Terms to fit, by name; every other one of the 14 must be in `held` with its value.
+    priors
+        Value and sigma of terms that are known before the data.
+    pass_priors
+        Sizes of orbit and clock errors, which are then estimated for every pass.
+
+    Raises
+    ------
+    ValueError
+        Naming terms that the data cannot separate or that are neither fitted nor held; for too few
+        passes, too many rejected observations, and a fit that has not settled.
     """
     names, chosen = tuple(terms), options or FitOptions()
     _check_names(names, held or {}, priors or {})
@@ -119,6 +136,7 @@ def _iterate(problem: FitProblem, options: FitOptions) -> Round:
         keep = within_limit(size, options.edit_sigma, used, may_return=number <= _FREE_ROUNDS)
         lighter = huber_weights(size, options.huber_sigma)
         settled = np.array_equal(keep, used) and np.allclose(lighter, weight, rtol=0.0, atol=_WEIGHTS_SETTLED)
+        # The covariance of a round that was not the last one would belong to other rows.
         if settled and (problem.linear or step < _CONVERGED_SIGMA):
             return now
         used, weight = keep, lighter
@@ -126,7 +144,7 @@ def _iterate(problem: FitProblem, options: FitOptions) -> Round:
 
 
 def _check_left(data: Observations, last: Round, options: FitOptions, backed: bool) -> None:
-    """Refuse a fit whose editing has thrown away what it was to be fitted to."""
+    """Refuse a fit that rejects too much: what is left agrees with itself, not with the antenna."""
     out = ~last.used
     numbers, counts = np.unique(data.pass_id[out], return_counts=True)
     worst = ", ".join(str(number) for number in numbers[np.argsort(-counts, kind="stable")][:4].tolist())
@@ -146,6 +164,7 @@ def _check_left(data: Observations, last: Round, options: FitOptions, backed: bo
 
 def _result(problem: FitProblem, last: Round, options: FitOptions) -> FitResult:
     data, solution, used = problem.data, last.solution, last.used
+    # A prior is an equation more.
     freedom = 2 * int(np.sum(used)) - len(problem.names) + len(problem.priors)
     variance = [float(np.mean((r[used] / s[used]) ** 2)) for r, s in zip(last.residuals, problem.sigmas, strict=True)]
     covariance = solution.covariance
@@ -187,7 +206,7 @@ def _result(problem: FitProblem, last: Round, options: FitOptions) -> FitResult:
 
 
 def _check_names(names: tuple[str, ...], held: Mapping[str, float], priors: Mapping[str, Prior]) -> None:
-    """Raise ValueError unless every one of the 14 terms is either fitted or held and all names are known."""
+    """Raise ValueError for unknown names and terms of the 14 that are not fitted or held once."""
     if not names:
         raise ValueError("terms is empty, must name at least one term to fit")
     terms_by_name(names)
@@ -204,7 +223,9 @@ def _check_names(names: tuple[str, ...], held: Mapping[str, float], priors: Mapp
 
 
 def normalised_size(residuals: tuple[Array, Array], sigmas: tuple[Array, Array], used: NDArray[np.bool_]) -> Array:
-    """Return the larger of the azimuth and elevation residuals (n,) in units of their spread among `used` rows."""
+    """Return the larger of the axes' residuals (n,), divided by their spread among `used` rows."""
+    # By the measured spread where it exceeds the stated sigma: an orbit error must not cost the
+    # whole pass.
     sizes = []
     for residual, sigma in zip(residuals, sigmas, strict=True):
         size = np.abs(residual) / sigma
@@ -213,7 +234,7 @@ def normalised_size(residuals: tuple[Array, Array], sigmas: tuple[Array, Array],
 
 
 def within_limit(size: Array, limit: float, used: NDArray[np.bool_], *, may_return: bool) -> NDArray[np.bool_]:
-    """Return the rows that count next; limit 0 keeps all, `may_return` lets rejected rows come back."""
+    """Return the rows that count next; limit 0 keeps all, with `may_return` rejected rows too."""
     if limit == 0.0:
         return used
     keep = size <= limit
@@ -226,13 +247,15 @@ def huber_weights(size: Array, limit: float) -> Array:
 
 
 def sandwich_covariance(names: Sequence[str], covariance: Array, passes: Sequence[tuple[int, Array, Array]]) -> Array:
-    """Return the covariance (k, k) from the white-noise one and per pass (number, rows (m, k), residuals (m,)).
+    """Return the covariance (k, k), from that of white noise and each pass's rows and residuals.
 
-    Rows and residuals are divided by sigma.  Raises ValueError for fewer than _FEWEST_SANDWICH_PASSES passes and where one
-    pass alone determines a term.
+    Rows and residuals are divided by sigma.  Raises ValueError for fewer than
+    _FEWEST_SANDWICH_PASSES passes and where one pass alone determines a term.
     """
     if len(passes) < _FEWEST_SANDWICH_PASSES:
         raise ValueError(f"passes={len(passes)} must be >= {_FEWEST_SANDWICH_PASSES} for a sandwich covariance")
+    # A pass without which a term is not determined has no residual of its own to measure its errors
+    # by.
     meat = np.zeros_like(covariance)
     for number, rows, residuals in passes:
         remaining = np.eye(len(names)) - (rows.T @ rows) @ covariance

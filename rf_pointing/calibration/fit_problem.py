@@ -1,7 +1,7 @@
 """The observation equations of one fit (SATCAL eqs. 3-7), and one linear solution of them.
 
-Azimuth and elevation are kept apart: most terms act on one axis only, and two QRs of half the columns are half the
-work of the full matrix.
+Azimuth and elevation are kept apart: most terms act on one axis only, and two QRs of half the
+columns are half the work of the full matrix.
 """
 
 from dataclasses import dataclass
@@ -41,7 +41,7 @@ class Prior:
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """Partial derivatives of one axis by the unknowns `columns` (m,) that act on it, not yet weighted.
+    """Partial derivatives of one axis by the unknowns `columns` (m,) that act on it, unweighted.
 
     `padded` (n, m + 1) has room for the right side in its last column.
     """
@@ -51,7 +51,7 @@ class Block:
 
     @classmethod
     def of(cls, angles: Angles, partials: list[Partial | None]) -> "Block":
-        """Evaluate the partials of all unknowns; None is an unknown that does not act on this axis."""
+        """Evaluate the partials of all unknowns, None for those that do not act on this axis."""
         acting = [(column, partial) for column, partial in enumerate(partials) if partial is not None]
         # Column by column in memory: LAPACK wants it so, and each partial is written in one go.
         padded = np.zeros((len(angles.one), len(acting) + 1), order="F")
@@ -73,7 +73,7 @@ class Block:
 
 @dataclass(frozen=True, eq=False)
 class Round:
-    """One linear solution: residuals and pass offsets (azimuth, elevation) of all rows, used or not."""
+    """One linear solution; residuals and pass offsets (azimuth, elevation) are of all rows."""
 
     number: int
     solution: Solution
@@ -98,7 +98,7 @@ class FitProblem:
     ) -> None:
         self.data, self.names, self.held, self.priors, self.pass_priors = data, names, held, priors, pass_priors
         self.linear = form == "printed"
-        angles, terms = ArrayAngles(*data.motion(), temperature_k=data.temperature_k), terms_by_name(names)
+        angles, terms = ArrayAngles.of(data.motion(), data.temperature_k), terms_by_name(names)
         self.blocks = (
             Block.of(angles, [term.azimuth for term in terms]),
             Block.of(angles, [term.elevation for term in terms]),
@@ -109,18 +109,19 @@ class FitProblem:
 
     @cached_property
     def passes(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Return the pass numbers, ascending, and for each row (n,) the place of its own among them."""
+        """Return the pass numbers, ascending, and for each row (n,) its place among them."""
         numbers, place = np.unique(self.data.pass_id, return_inverse=True)
         return numbers, place
 
     def start(self) -> Array:
-        """Return the values from which the first linearisation starts."""
+        """Return the values of the first linearisation: those of the priors, else zero."""
         return np.array([self.priors[name].value if name in self.priors else 0.0 for name in self.names])
 
     def triangle(self, values: Array, used: NDArray[np.bool_], weight: Array) -> tuple[Triangle, PassHeads | None]:
-        """Return the equations linearised about `values`, reduced to a triangle, and what belongs to single passes."""
+        """Return the triangle of the equations linearised about `values`, and the passes' rows."""
         triangle = Triangle(self.names)
         right = self._right(values)
+        # Pass errors act on both axes, so the blocks can no longer be reduced each by itself.
         if self.pass_priors is not None:
             heads, common = self._eliminate(used, right, weight)
             triangle.add_triangle(common, 2 * int(np.sum(used)))
@@ -133,11 +134,12 @@ class FitProblem:
         return triangle, None
 
     def solve(self, values: Array, used: NDArray[np.bool_], weight: Array, number: int) -> Round:
-        """Return the solution linearised about `values` with the `used` rows, each weighted by `weight`."""
+        """Return the solution linearised about `values`, from the `used` rows and `weight`."""
         triangle, heads = self.triangle(values, used, weight)
         for name, prior in self.priors.items():
             triangle.add_prior(name, prior.value, prior.sigma)
         solution = triangle.solve()
+        # Full rank is not enough: a sigma of degrees has made the linearisation itself wrong.
         require_determined(self.names, solution.covariance, known=self.priors)
         offsets = self._pass_offsets(heads, solution)
         modelled = self._modelled(solution.values)
@@ -176,12 +178,16 @@ class FitProblem:
     def _modelled(self, values: Array) -> Pair:
         model = BiasModel({**self.held, **dict(zip(self.names, values.tolist(), strict=True))})
         motion, temperature = self.data.motion(), self.data.temperature_k
+        # The printed form is linear: one round is the solution, and the exact rotations would never
+        # enter it.
         if self.linear:
             return model.offset_rad(*motion, temperature_k=temperature)
         azimuth, elevation = model.apply(*motion, temperature_k=temperature)
         return azimuth - motion[0], elevation - motion[1]
 
     def _right(self, values: Array) -> Pair:
+        # Right side of the Gauss-Newton step: measured minus modelled, plus what the partials make
+        # of the values.
         modelled = self._modelled(values)
         return (
             wrap_rad(self.measured[0] - modelled[0]) + self.blocks[0].matrix @ values[self.blocks[0].columns],
@@ -189,7 +195,7 @@ class FitProblem:
         )
 
     def _all_rows(self, right: Pair, weight: Array) -> Array:
-        """Return the rows (2 n, k + 1) of common partials and right side, azimuth first, divided by sigma."""
+        """Return rows (2 n, k + 1) of partials and right side, azimuth first, divided by sigma."""
         count = len(self.data)
         rows = np.zeros((2 * count, len(self.names) + 1))
         rows[:count, self.blocks[0].columns] = self.blocks[0].matrix

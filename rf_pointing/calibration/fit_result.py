@@ -1,4 +1,4 @@
-"""What a fit hands back: the terms with their uncertainty, and what the data could not say."""
+"""The result of a fit: terms, uncertainty, residuals, and the terms that stay correlated."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -37,13 +37,14 @@ class PassErrors:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FitResult:
-    """Result of `fit_bias_model`.
+    """Result of `fit_bias_model`; angles in rad, lags in s and s^2, times in UTC seconds.
 
-    `names` are the fitted terms, in the order of `values`, `sigma` (k,) and `covariance` (k, k); `held` are the fixed
-    ones.  Residuals (n,) are observed minus modelled for every input row, the rejected ones included, after the pass
-    errors `pass_azimuth_rad` and `pass_elevation_rad` (zero if none were estimated); `used` (n,) says which rows
-    counted.  `variance_azimuth` and `variance_elevation` are the mean squared residuals over sigma, 1 where
-    the stated sigmas are right.
+    `names` are the fitted terms, in the order of `values`, `sigma` (k,) and `covariance` (k, k);
+    `held` are the fixed ones.  Residuals (n,) are observed minus modelled for every input row, the
+    rejected ones included, after the pass errors `pass_azimuth_rad` and `pass_elevation_rad` (zero
+    if none were estimated); `used` (n,) says which rows counted.  `variance_azimuth` and
+    `variance_elevation` are the mean squared residuals over sigma, 1 where the stated sigmas are
+    right.
     """
 
     names: tuple[str, ...]
@@ -101,7 +102,7 @@ class FitResult:
         return inseparable_pairs(self.names, self.correlation, threshold)
 
     def separation_advice(self, threshold: float = HIGH_CORRELATION) -> tuple[str, ...]:
-        """Return one sentence per poorly separated pair: how bad it is and which data would separate it."""
+        """Return one sentence per poorly separated pair, with the data that would separate it."""
         return tuple(
             f"{first} and {second} (correlation {value:+.3f}): add {advice_for((first, second))}"
             for first, second, value in self.inseparable(threshold)
@@ -109,6 +110,7 @@ class FitResult:
 
     def rms_rad(self) -> tuple[float, float]:
         """Return the rms residual of the used rows on the sky: cross-elevation, elevation."""
+        # On the sky: a degree of azimuth at 80 deg of elevation moves the beam by 0.17 deg.
         across = (self.residual_azimuth_rad * self.cos_elevation)[self.used]
         return float(np.sqrt(np.mean(across**2))), float(np.sqrt(np.mean(self.residual_elevation_rad[self.used] ** 2)))
 

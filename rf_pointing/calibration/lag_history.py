@@ -1,13 +1,14 @@
 """The lags of a mount that act on averaged rates of the beam, along the motion that the beam makes.
 
-A bias model's lags x_v (s) and x_a (s^2) are those of steady motion.  A mount whose rates are averaged over
-T = `averaging_s`,
+A bias model's lags x_v (s) and x_a (s^2) are those of steady motion.  A mount whose rates are
+averaged over T = `averaging_s`,
 
     m = r / (1 + T s + T^2 s^2),      lag = x_v m + d m',      d = x_a + T x_v,
 
-has them once its motion is steady (m = r - T r' + ...), has none when it starts from rest, and keeps those of a fast
-turn for several T.  A model without an acceleration lag leaves that to the average: d = 0.  Between samples r is a
-straight line, for which the average is known exactly: m = r - T r', m' = r' and a decaying oscillation.
+has them once its motion is steady (m = r - T r' + ...), has none when it starts from rest, and
+keeps those of a fast turn for several T.  A model without an acceleration lag leaves that to the
+average: d = 0.  Between samples r is a straight line, for which the average is known exactly: m = r
+- T r', m' = r' and a decaying oscillation.
 """
 
 import math
@@ -52,12 +53,14 @@ class LagHistory:
     def along(
         self, t_s: Array, rate_rad_s: Array, acceleration_rad_s2: Array, before: LagState | None = None
     ) -> tuple[tuple[Array, Array, Array], list[LagState]]:
-        """Return by what the axes must lead a beam that moves like this, and the state at every time.
+        """Return by what the axes must lead a beam that moves like this, and the states.
 
         Parameters
         ----------
-        t_s, rate_rad_s, acceleration_rad_s2 : rising times (n,) and the motion of the beam (n, 2) at them.
-        before : the state at the first time or earlier; None for a beam that was at rest until then.
+        t_s, rate_rad_s, acceleration_rad_s2
+            Rising times (n,) and the motion of the beam (n, 2) at them.
+        before
+            State at the first time or earlier; None for a beam that was at rest until then.
 
         Returns
         -------
@@ -71,7 +74,7 @@ class LagHistory:
         return (x * mean + d * slope, x * slope + d * bend, x * bend + d * jerk), states
 
     def dragged(self, t_s: float, axis_rate_rad_s: Array, before: LagState | None) -> LagState:
-        """Return the state at `t_s` of a beam whose axes move at this rate (2,): the beam's rate is lower by x_v m'."""
+        """Return the state at `t_s` from the rate (2,) of the axes; the beam's is lower by x_v m'."""
         slope = np.array(before.slope) if before else np.zeros(2)
         east, up = (axis_rate_rad_s - self._velocity_s * slope).tolist()
         if before is None:
@@ -92,7 +95,8 @@ class LagHistory:
 
     def _step(self, dt_s: float) -> tuple[float, float, float, float, float]:
         """Return the step and the four factors of the decaying oscillation over it."""
-        # Poles of 1 + T s + T^2 s^2 are (-1 +- j sqrt 3) / 2T; two poles, as one would leave a term in s^2 (0063).
+        # Poles of 1 + T s + T^2 s^2 are (-1 +- j sqrt 3) / 2T; two poles, as one would leave a term
+        # in s^2 (0063).
         decay, swing = 0.5 / self._time_s, math.sqrt(0.75) / self._time_s
         size = math.exp(-decay * dt_s)
         cosine, sine = size * math.cos(swing * dt_s), size * math.sin(swing * dt_s) / swing

@@ -1,4 +1,4 @@
-"""A version of the bias model and its file: YAML or JSON in degrees and seconds, complete with covariance.
+"""A version of the bias model and its file: YAML or JSON in degrees and seconds, with covariance.
 
 The suffix decides the format (.yaml, .yml, .json).  Reading checks every key; an error names it.
 """
@@ -48,8 +48,8 @@ _EDGE = {"rad": ("deg", math.degrees(1.0)), "s": ("s", 1.0), "s^2": ("s2", 1.0),
 class ModelVersion:
     """A named version of a bias model and where it comes from; times are UTC seconds since 1970.
 
-    `fitted` are the terms that were estimated, in the order of `covariance` (k, k) in core units; the others were
-    fixed.  `valid_until_t_s` None: until replaced.
+    `fitted` are the terms that were estimated, in the order of `covariance` (k, k) in core units;
+    the others were fixed.  `valid_until_t_s` None: until replaced.
     """
 
     name: str
@@ -105,7 +105,7 @@ class ModelVersion:
         )
 
     def check_for(self, station: str, band: str, t_s: float) -> None:
-        """Raise ValueError if this model belongs to another station or band or is not valid at `t_s`."""
+        """Raise ValueError if the model is of another station or band or not valid at `t_s`."""
         if self.station != station:
             raise ValueError(f"model {self.name!r} is of station {self.station!r}, must be of {station!r}")
         if self.band != band:
@@ -122,7 +122,7 @@ class ModelVersion:
 
 
 def write_model(path: str | Path, version: ModelVersion) -> None:
-    """Write the file in one step, so that a reader sees the old one or the new one; `read_model` is the inverse."""
+    """Write the file, the old or the new one at any instant; `read_model` is the inverse."""
     target, mapping = Path(path), _to_mapping(version)
     if _is_json(target):
         text = json.dumps(mapping, indent=2) + "\n"
@@ -251,7 +251,7 @@ def _term_entry(name: str, value: float, sigma: float | None) -> dict[str, Any]:
 
 
 def _read_terms(top: "_Section") -> tuple[BiasModel, dict[str, tuple[str, float]]]:
-    """Return the model and, of each fitted term, the key of its sigma and the sigma in the unit of the file."""
+    """Return the model, and key and sigma (unit of the file) of each fitted term."""
     values, sigma = {}, {}
     terms = top.section("terms", (), tuple(all_terms()))
     for name in terms.values:
@@ -296,7 +296,7 @@ def _check_order(section: "_Section", first: str, last: str) -> None:
 
 
 class _Section:
-    """One mapping of a file: every key must be known, every needed key present, every value of its type."""
+    """One mapping of a file: keys known and complete, every value of its type."""
 
     def __init__(self, value: Any, path: str, needed: tuple[str, ...], optional: tuple[str, ...] = ()) -> None:
         if not isinstance(value, Mapping):

@@ -1,7 +1,8 @@
 """The versions of the model of one station and band, which of them is active, and the way back.
 
-A folder holds one file per version and `history.json`, the names in the order they were accepted; the last one is
-active.  Nothing but the history says what is active, and it is replaced in one step: a crash leaves the old or the new.
+A folder holds one file per version and `history.json`, the names in the order they were accepted;
+the last one is active.  Nothing but the history says what is active, and it is replaced in one
+step: a crash leaves the old or the new.
 """
 
 import json
@@ -16,7 +17,7 @@ _HISTORY = "history.json"
 
 
 class ModelStore:
-    """Versions of the bias model of `station` in `band` below `folder`; the state is what is on disk."""
+    """Versions of the model of `station` in `band` below `folder`; the state is on disk."""
 
     def __init__(self, folder: str | Path, station: str, band: str) -> None:
         self.folder, self.station, self.band = Path(folder), station, band
@@ -25,9 +26,12 @@ class ModelStore:
     def add(self, version: ModelVersion) -> None:
         """Keep a new version, not yet active.
 
-        Raises ValueError for another station or band, for a name that is taken and for one that is no file name.
+        Raises ValueError for another station or band, for a name that is taken and for one that is
+        no file name.
         """
         version.check_for(self.station, self.band, version.valid_from_t_s)
+        # Names of files on any system: a folder of models is copied to whatever the operator works
+        # on.
         if not version.name or any(sign in version.name for sign in '/\\:*?"<>|') or version.name.startswith("."):
             raise ValueError(f"name={version.name!r} must be usable as a file name")
         if self._path(version.name).exists():

@@ -1,9 +1,10 @@
 """Exact geometry of an elevation-over-azimuth mount with tilted, skewed and miscollimated axes.
 
-The beam of a mount at the axis angles (A, E) points along  T Rz(A) Rn(x2) Re(E) c(x3):  T leans the azimuth axis by
-x8 to the north and x9 to the east, Rn skews the elevation axis, c is the beam off the plane normal to that axis.
-To first order in x2, x3, x8, x9 this is the printed tan/sec form of SATCAL eqs. (1)-(2); unlike it, it stays finite
-at the zenith.  All angles are Taylor series (m, ...), see `taylor`.
+The beam of a mount at the axis angles (A, E) points along  T Rz(A) Rn(x2) Re(E) c(x3):  T leans the
+azimuth axis by x8 to the north and x9 to the east, Rn skews the elevation axis, c is the beam off
+the plane normal to that axis. To first order in x2, x3, x8, x9 this is the printed tan/sec form of
+SATCAL eqs. (1)-(2); unlike it, it stays finite at the zenith.  All angles are Taylor series (m,
+...), see `taylor`.
 """
 
 import math
@@ -30,11 +31,11 @@ class Skew:
 
     @property
     def cone_rad(self) -> float:
-        """Return the radius of the exclusion cone: the directions about the mount's zenith that no axis angles reach."""
+        """Return the radius of the exclusion cone about the mount's zenith, out of any reach."""
         return abs(self.non_orthogonality + self.collimation)
 
     def tilt(self) -> Array:
-        """Return the rotation (3, 3) from mount axes to east-north-up; its last column is the azimuth axis."""
+        """Return the rotation (3, 3) from mount axes to east-north-up, the axis last."""
         angle = math.hypot(self.mislevel_east, self.mislevel_north)
         # No lean has no direction to lean to.
         if angle == 0.0:
@@ -48,8 +49,9 @@ class Skew:
 def axes_from_sky(azimuth: Array, elevation: Array, skew: Skew) -> tuple[Array, Array]:
     """Return the axis angles that put the beam on a direction; `sky_from_axes` is the inverse.
 
-    An elevation above pi/2 selects the plunged branch.  The axis azimuth is the turn nearest to `azimuth`.
-    Raises ValueError where no axis angles reach the direction (within `cone_rad` of the mount's zenith).
+    An elevation above pi/2 selects the plunged branch.  The axis azimuth is the turn nearest to
+    `azimuth`. Raises ValueError where no axis angles reach the direction (within `cone_rad` of the
+    mount's zenith).
     """
     east, north, up = _rotated(skew.tilt().T, _direction(azimuth, elevation))
     # SATCAL's x2 and x3 turn the other way about these axes, hence the signs.
@@ -63,7 +65,8 @@ def axes_from_sky(azimuth: Array, elevation: Array, skew: Skew) -> tuple[Array, 
             f"a direction lies within {math.degrees(skew.cone_rad):.4f} deg of the mount's zenith: "
             "no axis angles reach it"
         )
-    # The sign of the root is the branch: over the top the beam looks back along the dish's forward axis.
+    # The sign of the root is the branch: over the top the beam looks back along the dish's forward
+    # axis.
     branch = np.where(elevation[0] > np.pi / 2.0, -1.0, 1.0)
     forward = branch * taylor.square_root(forward_squared)
     axis_elevation = taylor.angle_of((up + sin_c * sin_n * taylor.constant(1.0, up)) / cos_n, forward)
@@ -72,7 +75,7 @@ def axes_from_sky(azimuth: Array, elevation: Array, skew: Skew) -> tuple[Array, 
 
 
 def sky_from_axes(axis_azimuth: Array, axis_elevation: Array, skew: Skew) -> tuple[Array, Array]:
-    """Return the direction of the beam at the axis angles; above pi/2 in plunged form (az + pi, pi - el)."""
+    """Return the beam's direction at the axis angles; above pi/2 plunged (az + pi, pi - el)."""
     sin_a, cos_a = taylor.sine_cosine(axis_azimuth)
     sin_e, cos_e = taylor.sine_cosine(axis_elevation)
     sin_c, cos_c = -math.sin(skew.collimation), math.cos(skew.collimation)

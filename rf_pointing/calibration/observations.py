@@ -1,6 +1,7 @@
 """Observed and true angles of one station, checked before anything is fitted to them.
 
-The true angles, rates and accelerations come from a reference orbit; the bias model explains observed minus true.
+The true angles, rates and accelerations come from a reference orbit; the bias model explains
+observed minus true.
 """
 
 from collections.abc import Sequence
@@ -13,36 +14,48 @@ from rf_pointing.core import as_finite_array, to_degrees, wrap_rad
 
 __all__ = ["LARGEST_BIAS_RAD", "Observations", "require_derivatives"]
 
-
 Array = NDArray[np.float64]
 
 LARGEST_BIAS_RAD = 0.2
-"""On-sky difference of observed and true direction above which the data are refused as wrong, not biased."""
+"""Difference on the sky of observed and true direction above which the data must be wrong."""
+# Cable wraps allow a turn and a half; degrees taken for radians are far beyond.
 _LARGEST_AZIMUTH_RAD = 3.0 * np.pi
 _TURN = 2.0 * np.pi
-_REQUIRED = (
-    "observed_azimuth_rad",
-    "observed_elevation_rad",
+_MOTION = (
     "true_azimuth_rad",
     "true_elevation_rad",
     "azimuth_rate_rad_s",
     "elevation_rate_rad_s",
     "azimuth_acceleration_rad_s2",
     "elevation_acceleration_rad_s2",
-    "sigma_azimuth_rad",
-    "sigma_elevation_rad",
 )
+_OBSERVED = ("observed_azimuth_rad", "observed_elevation_rad", "sigma_azimuth_rad", "sigma_elevation_rad")
 _OPTIONAL = ("range_m", "range_rate_m_s", "temperature_k")
+# Rows farther apart than this say little of a derivative: the remainder grows with the cube of
+# their distance.
+_NEIGHBOURS_S = 20.0
+_FEWEST_JUDGED = 10
+_LARGEST_SHARE = 0.5
+# Changes from one row to the next below which nothing is judged: files carry few digits.
+_MOVES = {"rad": np.radians(0.02), "rad_s": np.radians(0.001), "m": 1000.0}
+_DERIVATIVES = (
+    ("true_azimuth_rad", "azimuth_rate_rad_s", "rad"),
+    ("true_elevation_rad", "elevation_rate_rad_s", "rad"),
+    ("azimuth_rate_rad_s", "azimuth_acceleration_rad_s2", "rad_s"),
+    ("elevation_rate_rad_s", "elevation_acceleration_rad_s2", "rad_s"),
+    ("range_m", "range_rate_m_s", "m"),
+)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Observations:
     """Angle observations of one station in one band; every array has shape (n,).
 
-    `t_s` are UTC seconds; `pass_id` numbers the pass an observation belongs to, times increase within a pass.
-    Rates and accelerations are those of the true motion.  `sigma_azimuth_rad` is in azimuth, not on the sky (the
-    on-sky sigma divided by cos El).  `range_m` and `range_rate_m_s` are needed for orbit-error parameters,
-    `temperature_k` for thermal terms.  Raises ValueError for anything that cannot be such data.
+    `t_s` are UTC seconds; `pass_id` numbers the pass an observation belongs to, times increase
+    within a pass. Rates and accelerations are those of the true motion.  `sigma_azimuth_rad` is in
+    azimuth, not on the sky (the on-sky sigma divided by cos El).  `range_m` and `range_rate_m_s`
+    are needed for orbit-error parameters, `temperature_k` for thermal terms.  Raises ValueError for
+    anything that cannot be such data.
     """
 
     station: str
@@ -69,11 +82,12 @@ class Observations:
         object.__setattr__(self, "t_s", _finite("t_s", self.t_s, None))
         if len(self.t_s) == 0:
             raise ValueError("observations: 0 rows, must have at least 1")
-        for name in _REQUIRED:
+        for name in (*_OBSERVED, *_MOTION):
             object.__setattr__(self, name, _finite(name, getattr(self, name), len(self.t_s)))
         for name in _OPTIONAL:
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, _finite(name, getattr(self, name), len(self.t_s)))
+        # A cast of floats would turn pass 1.5 into pass 1 and join two passes.
         object.__setattr__(self, "pass_id", _pass_numbers(self.pass_id, len(self.t_s)))
         _check_times(self.t_s, self.pass_id)
         _check_angles(self)
@@ -109,20 +123,13 @@ class Observations:
         }
         return replace(self, **changed)
 
-    def motion(self) -> tuple[Array, Array, Array, Array, Array, Array]:
-        """Return the true azimuth, elevation, their rates and accelerations, in the order the bias model takes."""
-        return (
-            self.true_azimuth_rad,
-            self.true_elevation_rad,
-            self.azimuth_rate_rad_s,
-            self.elevation_rate_rad_s,
-            self.azimuth_acceleration_rad_s2,
-            self.elevation_acceleration_rad_s2,
-        )
+    def motion(self) -> tuple[Array, ...]:
+        """Return true azimuth, elevation, rates and accelerations, as the bias model takes them."""
+        return tuple(getattr(self, name) for name in _MOTION)
 
     @staticmethod
     def concatenate(parts: "Sequence[Observations]") -> "Observations":
-        """Return all parts as one; parts of several stations, bands or kinds of columns are refused."""
+        """Return all parts as one; raises ValueError for mixed stations, bands or columns."""
         if not parts:
             raise ValueError("observations: 0 parts, must have at least 1")
         for name in ("station", "band"):
@@ -135,6 +142,8 @@ class Observations:
             if item.name in ("station", "band"):
                 joined[item.name] = values[0]
             elif any(value is None for value in values):
+                # Filling the gap with zeros would be a range of zero, and an orbit error seen at
+                # infinite angles.
                 if not all(value is None for value in values):
                     raise ValueError(f"{item.name} is given for some parts only")
             else:
@@ -158,6 +167,7 @@ def _pass_numbers(value: ArrayLike, length: int) -> NDArray[np.int64]:
 
 
 def _check_times(t_s: Array, pass_id: NDArray[np.int64]) -> None:
+    # By pass, in the order of the rows: passes may be interleaved, as two antennas' files are.
     order = np.lexsort((np.arange(len(t_s)), pass_id))
     step = np.diff(t_s[order])
     same_pass = np.diff(pass_id[order]) == 0
@@ -202,53 +212,39 @@ def _refuse_where(wrong: NDArray[np.bool_], name: str, value: Array, reason: str
         raise ValueError(f"{name}[{row}]={value[row]:.6g} {reason} ({int(np.sum(wrong))} of {len(value)} rows)")
 
 
-_NEIGHBOURS_S = 20.0
-_FEWEST = 10
-_LARGEST_SHARE = 0.5
-_MOVES = {"rad": np.radians(0.02), "rad_s": np.radians(0.001), "m": 1000.0}
-"""Changes from one row to the next below which nothing is judged: files carry few digits."""
-_PAIRS = (
-    ("true_azimuth_rad", "azimuth_rate_rad_s", "rad"),
-    ("true_elevation_rad", "elevation_rate_rad_s", "rad"),
-    ("azimuth_rate_rad_s", "azimuth_acceleration_rad_s2", "rad_s"),
-    ("elevation_rate_rad_s", "elevation_acceleration_rad_s2", "rad_s"),
-    ("range_m", "range_rate_m_s", "m"),
-)
-
-
 def require_derivatives(points: Observations) -> None:
-    """Raise ValueError naming a column that is not the derivative of the one it should be, in most of its rows."""
+    """Raise ValueError naming a column that is not the derivative of its partner in most rows.
+
+    Between two neighbours of a pass  x(t + h) - x(t) = h (x'(t) + x'(t + h)) / 2 + O(h^3).
+    """
+    # Nothing else shows such an error: a rate in rad/s where deg/s are expected, or with its sign
+    # turned, gives a fit as good as any, with lags that are wrong by the same factor.
     rows = np.lexsort((points.t_s, points.pass_id))
     step = np.diff(points.t_s[rows])
     near = (np.diff(points.pass_id[rows]) == 0) & (step <= _NEIGHBOURS_S)
-    for name, rate_name, unit in _PAIRS:
+    for name, rate_name, unit in _DERIVATIVES:
         value, rate = getattr(points, name), getattr(points, rate_name)
         if value is None or rate is None:
             continue
         moved = np.diff(value[rows])
         moved = wrap_rad(moved) if name == "true_azimuth_rad" else moved
-        told = 0.5 * step * (rate[rows][1:] + rate[rows][:-1])
-        larger = np.maximum(np.abs(moved), np.abs(told))
+        expected = 0.5 * step * (rate[rows][1:] + rate[rows][:-1])
+        larger = np.maximum(np.abs(moved), np.abs(expected))
         judged = near & (larger > _MOVES[unit])
-        wrong = judged & (np.abs(moved - told) > _LARGEST_SHARE * larger)
-        if np.sum(judged) >= _FEWEST and np.sum(wrong) > 0.5 * np.sum(judged):
-            raise ValueError(_refusal(name, rate_name, points, rows, int(np.flatnonzero(wrong)[0]), wrong, judged))
+        wrong = judged & (np.abs(moved - expected) > _LARGEST_SHARE * larger)
+        # Most rows must be wrong: single ones may be outliers, which the fit edits out.
+        if np.sum(judged) >= _FEWEST_JUDGED and np.sum(wrong) > 0.5 * np.sum(judged):
+            first = int(np.flatnonzero(wrong)[0])
+            share = f"{int(np.sum(wrong))} of {int(np.sum(judged))} rows"
+            raise ValueError(_not_the_change(points, rows[first : first + 2], name, rate_name, share))
 
 
-def _refusal(
-    name: str,
-    rate_name: str,
-    points: Observations,
-    rows: NDArray[np.int64],
-    place: int,
-    wrong: NDArray[np.bool_],
-    judged: NDArray[np.bool_],
-) -> str:
-    pair = rows[place : place + 2]
+def _not_the_change(points: Observations, pair: NDArray[np.int64], name: str, rate_name: str, share: str) -> str:
+    # In the units of the file, which the reader of the message has before them.
     edge, values = to_degrees(name, getattr(points, name)[pair].tolist())
     rate_edge, rates = to_degrees(rate_name, getattr(points, rate_name)[pair].tolist())
     return (
         f"{rate_edge} is not the change of {edge}: rows {pair[0]} and {pair[1]}, {np.diff(points.t_s[pair])[0]:g} s apart, "
         f"have {edge} {values[0]:.6g}, {values[1]:.6g} and {rate_edge} {rates[0]:.6g}, {rates[1]:.6g} "
-        f"({int(np.sum(wrong))} of {int(np.sum(judged))} rows); another unit, another sign or swapped columns?"
+        f"({share}); another unit, another sign or swapped columns?"
     )

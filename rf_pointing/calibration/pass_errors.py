@@ -5,9 +5,10 @@ A satellite displaced by d (along its track, across it, radially) is seen displa
     dAz = (cos Az, -sin Az, 0) . d / (rho cos El)
     dEl = (-sin El sin Az, -sin El cos Az, cos El) . d / rho
 
-and a clock error tau by (Az', El') tau.  Without these parameters an orbit error of 200 m, the same all through a
-pass, ends in the mount terms while the residuals look fine.  They need priors: a clock error free in every pass is
-exactly the velocity lags, and free along, cross and radial offsets leave the lags nothing to explain.
+and a clock error tau by (Az', El') tau.  Without these parameters an orbit error of 200 m, the same
+all through a pass, ends in the mount terms while the residuals look fine.  They need priors: a
+clock error free in every pass is exactly the velocity lags, and free along, cross and radial
+offsets leave the lags nothing to explain.
 """
 
 from dataclasses import dataclass, fields
@@ -28,7 +29,7 @@ _EARTH_RADIUS_M = 6.371e6
 
 @dataclass(frozen=True, kw_only=True)
 class PassPriors(Params):
-    """Standard deviations of one pass's errors before the data; zero leaves an error out of the fit.
+    """Standard deviations of one pass's errors before the data; zero leaves an error out.
 
     The drifts let an error change through the pass, linearly from its middle.
     """
@@ -58,7 +59,10 @@ class PassPriors(Params):
 
 
 def pass_partials(observations: Observations, names: tuple[str, ...]) -> tuple[Array, Array]:
-    """Return the partials (n, len(names)) of azimuth and of elevation, metres or seconds to radians."""
+    """Return the partials (n, len(names)) of azimuth and of elevation, radians per metre or second.
+
+    Raises ValueError if an orbit error is named and the observations have no range or range rate.
+    """
     columns = {}
     if any(not name.startswith("clock") for name in names):
         columns = _orbit_columns(observations)
@@ -68,9 +72,11 @@ def pass_partials(observations: Observations, names: tuple[str, ...]) -> tuple[A
 
 
 def track_axes(observations: Observations) -> tuple[Array, Array, Array]:
-    """Return unit vectors along, across and radial to the Earth-fixed track, east-north-up (n, 3) each."""
+    """Return unit vectors (n, 3) along, across and radial to the track, east-north-up."""
     position, velocity = _topocentric_motion(observations)
     up = position + np.array([0.0, 0.0, _EARTH_RADIUS_M])
+    # From the centre of a spherical Earth: an ellipsoid turns the axes by 0.2 deg, and the prior by
+    # as much.
     radial = up / np.linalg.norm(up, axis=1, keepdims=True)
     across = np.cross(radial, velocity)
     across /= np.linalg.norm(across, axis=1, keepdims=True)
@@ -117,6 +123,7 @@ def _seen(data: Observations, displacement: Array) -> Array:
 
 
 def _middle_of_pass(data: Observations) -> Array:
+    # Drifts count from here: from the first point they would be correlated with the offsets.
     numbers, place = np.unique(data.pass_id, return_inverse=True)
     first, last = np.full(len(numbers), np.inf), np.full(len(numbers), -np.inf)
     np.minimum.at(first, place, data.t_s)

@@ -1,11 +1,13 @@
 """From raw samples of a pass to calibration points, in the paper's order (SATCAL 3, Figure 1).
 
-validation -> 3-sigma outliers against the ephemeris -> one sample per second -> three points per 30 s -> corrections;
-then all passes together -> 25 to 30 points in each of the 36 sectors.  Every stage reports what it dropped and why.
+validation -> 3-sigma outliers against the ephemeris -> one sample per second -> three points per 30
+s -> corrections; then all passes together -> 25 to 30 points in each of the 36 sectors.  Every
+stage reports what it dropped and why.
 
-Lines and parabolas are fitted to what the reference orbit AND the model known so far leave over: a lag of one second
-makes the bias of a high pass bend far more within 30 s than a parabola can.  Start with BiasModel.zero() and run the
-pipeline again with the first fit; pieces that did not follow a parabola then come back.
+Lines and parabolas are fitted to what the reference orbit AND the model known so far leave over: a
+lag of one second makes the bias of a high pass bend far more within 30 s than a parabola can.
+Start with BiasModel.zero() and run the pipeline again with the first fit; pieces that did not
+follow a parabola then come back.
 """
 
 from collections.abc import Sequence
@@ -27,13 +29,8 @@ __all__ = ["ProcessedPass", "process_pass", "select_observations"]
 
 Array = NDArray[np.float64]
 
-# SATCAL 3: 3 sigma, one sample a second, three points of every 30 s.
-_OUTLIER_SIGMA = 3.0
-_THIN_S, _THIN_FEWEST = 1.0, 4
-_PIECE_S, _PIECE_POINTS, _PIECE_FEWEST = 30.0, 3, 15
-# White noise scatters by 1.0 +- 0.15 in a piece of 30 points: 1.6 drops what bends and spares what is only noisy.
-_PIECE_SCATTER = 1.6
-# Angles of a perfect simulation scatter by nothing; a sigma of zero would divide by zero in the fit.
+# Angles of a perfect simulation scatter by nothing; a sigma of zero would divide by zero in the
+# fit.
 _LEAST_SIGMA_RAD = 1e-6
 
 
@@ -50,27 +47,21 @@ def process_pass(
 ) -> ProcessedPass:
     """Run the stages on one pass.  Raises ValueError if nothing is left, naming the stage.
 
-    `model` is the best known so far; it is taken off before the fits to pieces and put back on the points.
+    `model` is the best known so far; it is taken off before the fits to pieces and put back on the
+    points.
     """
     sound, validation = validate(raw, reference)
     if not np.any(sound):
         raise ValueError(f"pass {pass_id}: {validation.text()}")
     t_s = raw.t_s[sound]
     residuals = _residuals(raw, sound, reference, corrections, model)
-    keep, dropped = find_outliers(t_s, residuals, _OUTLIER_SIGMA)
+    keep, dropped = find_outliers(t_s, residuals)
     outliers = StageReport(stage="outliers", before=len(t_s), after=int(np.sum(keep)), dropped=dropped)
-    # Range and range rate go through all stages: where they are wrong, so is the time or the target of the angles.
+    # Range and range rate go through all stages: where they are wrong, so is the time or the target
+    # of the angles.
     stacked = np.stack([value[keep] for value in residuals.values()], axis=1)
-    thinned = thin(t_s[keep], stacked, second_s=_THIN_S, fewest=_THIN_FEWEST, pool_s=_PIECE_S)
-    smoothed = smooth(
-        thinned.t_s,
-        thinned.residuals,
-        thinned.sigma,
-        piece_s=_PIECE_S,
-        points=_PIECE_POINTS,
-        fewest=_PIECE_FEWEST,
-        worst_scatter=_PIECE_SCATTER,
-    )
+    thinned = thin(t_s[keep], stacked)
+    smoothed = smooth(thinned.t_s, thinned.residuals, thinned.sigma)
     names = tuple(residuals)
     observations = _points(raw, reference, smoothed, names, pass_id, corrections, model)
     count = len(observations)
@@ -87,7 +78,7 @@ def process_pass(
 def select_observations(
     passes: Sequence[Observations], rule: SectorRule, *, require_full: bool
 ) -> tuple[Observations, Coverage, StageReport]:
-    """Choose the points of each sector from all passes; `require_full` refuses a sky with thin sectors."""
+    """Choose the points of each sector from all passes; `require_full` refuses a thin sector."""
     together = Observations.concatenate(list(passes))
     selection = select_by_sector(together.true_azimuth_rad, together.true_elevation_rad, together.pass_id, rule)
     if require_full:

@@ -1,4 +1,4 @@
-"""Samples of one pass from the station, and which of them are sound: angles, range, range rate at the full rate."""
+"""Samples of one pass as the station delivers them, and which of them are sound."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -11,19 +11,24 @@ from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 
 __all__ = ["CHANNELS", "RawTracking", "StageReport", "split_passes", "validate"]
 
-
 Array = NDArray[np.float64]
 
+# Two on each side: a median of five takes two wrong time tags in a row.
 _NEIGHBOURS = 2
+_JUMP_STEPS = 2.5
+# The orbit must cover one light time before a sample too, and somewhat more: its range is not known
+# exactly.
+_MARGIN_S = 0.1
 CHANNELS = ("azimuth_rad", "elevation_rad", "range_m", "range_rate_m_s")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RawTracking:
-    """Samples of one pass of `target` over `station`, arrays (n,); values may still be wrong in any way.
+    """Samples of one pass of `target` over `station`, arrays (n,); any value may be wrong.
 
-    `good` is the station's own flag for transmission and quality.  Range and range rate may be absent (None); `notes` say
-    what of the message they come from was left out.
+    `t_s` are UTC seconds since 1970.  `good` is the station's own flag for transmission and
+    quality.  Range and range rate may be absent (None); `notes` name what was left out of the
+    message they come from.
     """
 
     station: str
@@ -81,6 +86,7 @@ def split_passes(raw: RawTracking, gap_s: float) -> list[RawTracking]:
 
     Orbit errors belong to one pass: a day of passes in one file must not share them.
     """
+    # The medians of the neighbours jump where a pass ends, and do not where one time tag is wrong.
     rows = np.flatnonzero(np.isfinite(raw.t_s))
     if len(rows) < 2 * _NEIGHBOURS + 1:
         return [raw]
@@ -99,16 +105,8 @@ def _column(name: str, value: ArrayLike, length: int | None) -> Array:
     return array
 
 
-_JUMP_STEPS = 2.5
-_MARGIN_S = 0.1
-
-
 def validate(raw: RawTracking, reference: ReferenceTrack) -> tuple[NDArray[np.bool_], StageReport]:
-    """Return which samples are sound (n,) and why the others are not; each sample counts under one reason only.
-
-    A time is a jump when it is far from the median of its neighbours: one wrong time tag does not condemn the
-    samples after it, as a plain "must increase" would.
-    """
+    """Return which samples are sound (n,); the others have one reason each (SATCAL 3)."""
     keep, dropped = np.ones(len(raw), dtype=bool), {}
     finite = np.isfinite(raw.t_s) & np.all([np.isfinite(value) for value in raw.channels.values()], axis=0)
     checks = (
@@ -134,6 +132,7 @@ def validate(raw: RawTracking, reference: ReferenceTrack) -> tuple[NDArray[np.bo
 
 
 def _out_of_range(raw: RawTracking) -> NDArray[np.bool_]:
+    # NaN compares as False and is counted under its own reason.
     with np.errstate(invalid="ignore"):
         wrong: NDArray[np.bool_] = np.abs(raw.azimuth_rad) > 3.0 * np.pi
         wrong |= (raw.elevation_rad < -np.pi / 2.0) | (raw.elevation_rad > np.pi)
@@ -143,6 +142,8 @@ def _out_of_range(raw: RawTracking) -> NDArray[np.bool_]:
 
 
 def _jumps(t_s: Array) -> NDArray[np.bool_]:
+    # Far from the median of its neighbours: after one time tag in the future, "must increase" would
+    # condemn the rest.
     if len(t_s) < 2 * _NEIGHBOURS + 1:
         return np.zeros(len(t_s), dtype=bool)
     padded = np.concatenate([t_s[:_NEIGHBOURS][::-1], t_s, t_s[-_NEIGHBOURS:][::-1]])

@@ -1,7 +1,7 @@
 """The reference track: where the orbit says the satellite was, at any time within the samples.
 
-Between samples azimuth and elevation follow the quintic through position, rate and acceleration, range the cubic
-through range and range rate.  All times are UTC seconds since 1970, all angles rad.
+Between samples azimuth and elevation follow the quintic through position, rate and acceleration,
+range the cubic through range and range rate.  All times are UTC seconds since 1970, all angles rad.
 """
 
 from dataclasses import dataclass, fields
@@ -19,9 +19,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ReferenceTrack:
-    """True motion of the target over the station, every array (n,) at increasing `t_s`; azimuth continuous.
+    """True motion of the target over the station, arrays (n,) at rising `t_s`, azimuth continuous.
 
-    Raises ValueError for arrays of unequal length, values that are not finite and times that do not increase.
+    Raises ValueError for arrays of unequal length, values that are not finite and times that do not
+    increase.
     """
 
     t_s: Array
@@ -58,7 +59,8 @@ class ReferenceTrack:
         azimuth = _quintic(self._axis("azimuth"), left, step, elapsed)
         elevation = _quintic(self._axis("elevation"), left, step, elapsed)
         distance = _cubic(self.range_m, self.range_rate_m_s, left, step, elapsed)
-        # A cubic would do for the angles; the quintic also meets the accelerations, which the lag terms x7 and x14 need.
+        # A cubic would do for the angles; the quintic also meets the accelerations, which the lag
+        # terms x7 and x14 need.
         return ReferenceTrack(
             t_s=times,
             azimuth_rad=azimuth[0],
@@ -74,23 +76,18 @@ class ReferenceTrack:
     def delayed(self, t_s: ArrayLike) -> "ReferenceTrack":
         """Return the track as it is received at `t_s`: evaluated one light time earlier.
 
-        The turning of the station during that time is left out (0.5 km/s for 8 ms: 4 m, below 0.4 mdeg).
+        The turning of the station during that time is left out (0.5 km/s for 8 ms: 4 m, below 0.4
+        mdeg).
         """
         times = as_finite_array("t_s", t_s, (None,))
-        # The range of a low satellite changes by 60 m in a light time: the one at reception is good enough here.
+        # The range of a low satellite changes by 60 m in a light time: the one at reception is good
+        # enough here.
         now = self.at(np.clip(times, self.t_s[0], self.t_s[-1]))
         return self.at(times - now.range_m / SPEED_OF_LIGHT_M_S)
 
-    def motion(self) -> tuple[Array, Array, Array, Array, Array, Array]:
-        """Return azimuth, elevation, their rates and accelerations, in the order the bias model takes."""
-        return (
-            self.azimuth_rad,
-            self.elevation_rad,
-            self.azimuth_rate_rad_s,
-            self.elevation_rate_rad_s,
-            self.azimuth_acceleration_rad_s2,
-            self.elevation_acceleration_rad_s2,
-        )
+    def motion(self) -> tuple[Array, ...]:
+        """Return azimuth, elevation, rates and accelerations, as the bias model takes them."""
+        return tuple(self.truth().values())[:6]
 
     def truth(self) -> dict[str, Array]:
         """Return the columns of `Observations` that hold the true motion, by name."""
@@ -116,7 +113,8 @@ class ReferenceTrack:
 def _quintic(
     samples: tuple[Array, Array, Array], left: NDArray[np.int64], step: Array, elapsed: Array
 ) -> tuple[Array, Array, Array]:
-    # Coefficients about the left sample, from what the Taylor series there leaves over at the right one.
+    # Coefficients about the left sample, from what the Taylor series there leaves over at the right
+    # one.
     (p0, v0, a0), (p1, v1, a1) = ([part[side] for part in samples] for side in (left, left + 1))
     gap = (p1 - p0 - v0 * step - 0.5 * a0 * step**2) / step**3
     slip = (v1 - v0 - a0 * step) / step**2

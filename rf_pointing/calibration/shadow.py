@@ -1,7 +1,7 @@
-"""Shadow running: a new model scored on live passes beside the active one before anybody accepts it.
+"""Shadow running: a new model is scored on live passes, with the active one, before it is accepted.
 
-Per pass the rms miss on the sky of both models is kept; the verdict is a paired t test of its difference over passes,
-because the errors within one pass hang together and count as one.
+Per pass the rms miss on the sky of both models is kept; the verdict is a paired t test of its
+difference over passes (docs/decisions/0064).
 """
 
 import math
@@ -27,14 +27,14 @@ class ShadowRules(Params):
     t_limit: float = parameter(2.0, "paired t value beyond which a model is better or worse", low=0.5, high=10.0)
     accept: str = parameter(
         "better",
-        "what a candidate must have been found to be accepted; one that is not worse need not have been observed",
+        "verdict that a candidate needs to be accepted; with 'not worse' it need not have been observed",
         choices=("better", "not worse"),
     )
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """Outcome so far: `word` is "better", "worse" or "undecided" (of the candidate), with the numbers behind it."""
+    """Outcome so far: `word` (better, worse, undecided) for the candidate, and its numbers."""
 
     word: str
     passes: int
@@ -45,7 +45,7 @@ class Verdict:
 
 @dataclass(eq=False)
 class ShadowScore:
-    """Running score of `candidate` against `active`; `copy` gives an independent state that continues identically."""
+    """Running score of `candidate` against `active`; `copy` gives an independent state."""
 
     active: BiasModel
     candidate: BiasModel
@@ -73,6 +73,8 @@ class ShadowScore:
         if not self._sums:
             raise ValueError("observations=0: the shadow score has nothing to judge yet")
         counts, active, candidate = np.array(list(self._sums.values())).T
+        # Over passes, as the errors within one are correlated; rms, as misses of 80 and 200 mdeg
+        # are the same finding, which mean squares would call scatter.
         t_value = _paired_t(np.sqrt(active / counts) - np.sqrt(candidate / counts))
         word = "undecided"
         if len(counts) >= self.rules.fewest_passes and abs(t_value) >= self.rules.t_limit:
@@ -88,7 +90,8 @@ class ShadowScore:
 
 
 def _paired_t(gain: Array) -> float:
-    """Return the t value of the mean of `gain` (n,) against zero; nothing can be said of one value."""
+    """Return the t value of the mean of `gain` (n,); 0 for one value, which decides nothing."""
+    # Without spread any gain is certain; a model against itself has neither and stays undecided.
     mean, spread = float(np.mean(gain)), float(np.std(gain))
     if len(gain) < 2 or mean == 0.0:
         return 0.0

@@ -1,8 +1,8 @@
 """Truncated Taylor series in time: a motion and its derivatives pass through a formula together.
 
-A series is an array of shape (m, ...): element k is the k-th time derivative divided by k!.  The rules are the
-textbook recurrences (Cauchy product and its inverses), so velocities and accelerations of the joints are exact, not
-finite differences.
+A series is an array of shape (m, ...): element k is the k-th time derivative divided by k!.  The
+rules are the textbook recurrences (Cauchy product and its inverses), so velocities and
+accelerations of the joints are exact, not finite differences.
 """
 
 import math
@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 def from_derivatives(*derivatives: Array | float) -> Array:
-    """Return the series whose value, first, second ... derivatives are given (broadcast together)."""
+    """Return the series of the given value, first, second ... derivatives (broadcast)."""
     stacked = np.stack(np.broadcast_arrays(*(np.asarray(d, dtype=np.float64) for d in derivatives)))
     for k in range(2, len(stacked)):
         stacked[k] /= math.factorial(k)
@@ -24,7 +24,7 @@ def from_derivatives(*derivatives: Array | float) -> Array:
 
 
 def derivative(series: Array, times: int = 1) -> Array:
-    """Return the series of the time derivative; what lies beyond the known order is taken as zero."""
+    """Return the series of the time derivative; beyond the known order it is zero."""
     result = np.zeros_like(series)
     for k in range(len(series) - times):
         result[k] = series[k + times] * (math.factorial(k + times) / math.factorial(k))
@@ -81,7 +81,8 @@ def sine_cosine(a: Array) -> tuple[Array, Array]:
 
 def angle_of(y: Array, x: Array) -> Array:
     """Return the series of atan2(y, x), its value in (-pi, pi]."""
-    # d atan2(y, x) = (x y' - y x') / (x^2 + y^2) stays finite where y / x does not: due east and due west.
+    # d atan2(y, x) = (x y' - y x') / (x^2 + y^2) stays finite where y / x does not: due east and
+    # due west.
     value: Array = np.expand_dims(np.arctan2(y[0], x[0]), 0)
     if len(y) == 1:
         return value

@@ -1,9 +1,10 @@
-"""CCSDS Tracking Data Message in KVN (503.0-B-2): angles, range and range rate of a station, read and written.
+"""CCSDS Tracking Data Message in KVN (503.0-B-2): angles, range and range rate of a station.
 
-ANGLE_TYPE must be AZEL, TIME_SYSTEM UTC, and the time tags those of reception.  The station is the last participant
-of PATH, the target the other one.  RANGE (km) and DOPPLER_INSTANTANEOUS (km/s) are read from one-way paths at the
-times of the angles and otherwise left out with a note: the angles of a two-way pass are as good, and implementations
-disagree on whether its range is halved.  Data of quality DEGRADED are not good.  Errors name the line.
+ANGLE_TYPE must be AZEL, TIME_SYSTEM UTC, and the time tags those of reception.  The station is the
+last participant of PATH, the target the other one.  RANGE (km) and DOPPLER_INSTANTANEOUS (km/s) are
+read from one-way paths at the times of the angles and otherwise left out with a note: the angles of
+a two-way pass are as good, and implementations disagree on whether its range is halved.  Data of
+quality DEGRADED are not good.  Errors name the line.
 """
 
 import math
@@ -42,7 +43,8 @@ def _keywords(text: str, numbered: tuple[str, ...]) -> frozenset[str]:
     return frozenset([*text.split(), *(f"{stem}_{k}" for stem in numbered for k in range(1, 6))])
 
 
-# All keywords of CCSDS 503.0-B-2: one that is not here is a typing error, and no extension of the format.
+# All keywords of CCSDS 503.0-B-2: one that is not here is a typing error, and no extension of the
+# format.
 METADATA_KEYWORDS = _keywords(_METADATA, _NUMBERED_METADATA)
 DATA_KEYWORDS = _keywords(_DATA, _NUMBERED_DATA)
 _SECTIONS = ("META_START", "META_STOP", "DATA_START", "DATA_STOP")
@@ -67,7 +69,8 @@ class _Segment:
 def read_tdm(path: str | Path, *, band: str | None = None) -> list[RawTracking]:
     """Return the tracking data of every segment; raises ValueError naming file and line.
 
-    `band` is that of segments which do not say in which band the station receives; None refuses them.
+    `band` is that of segments which do not say in which band the station receives; None refuses
+    them.
     """
     source = Path(path)
     try:
@@ -150,6 +153,8 @@ def _add_metadata(segment: _Segment, number: int, key: str, value: str) -> None:
         raise ValueError(f"line {number}: {key} is not a metadata keyword")
     if key in segment.metadata:
         raise ValueError(f"line {number}: {key} is given twice")
+    # Times of TAI or TT taken for UTC would be off by 37 or 69 s, degrees of a low pass; transmit
+    # times by a light time.
     required = {
         "TIME_SYSTEM": ("UTC",),
         "ANGLE_TYPE": ("AZEL",),
@@ -165,6 +170,7 @@ def _add_metadata(segment: _Segment, number: int, key: str, value: str) -> None:
 def _add_value(segment: _Segment, number: int, key: str, value: str) -> None:
     if key not in DATA_KEYWORDS:
         raise ValueError(f"line {number}: {key} is not a data keyword")
+    # Frequencies, weather and clocks are valid in a message and of no use here.
     if key not in _SCALE:
         return
     parts = value.split()
@@ -216,6 +222,7 @@ def _tracking(segment: _Segment, band: str | None) -> RawTracking:
 
 def _participants(segment: _Segment) -> tuple[str, str]:
     """Return the numbers of the station and of the target."""
+    # The last participant of a path receives; of a two-way path it is the first one too.
     path = [part.strip() for part in segment.metadata["PATH"].split(",")]
     others = dict.fromkeys(part for part in path if part != path[-1])
     target = next(iter(others), "")
@@ -225,7 +232,7 @@ def _participants(segment: _Segment) -> tuple[str, str]:
 
 
 def _band(segment: _Segment, otherwise: str | None) -> str:
-    """Return the band that the station receives; what it transmits in says nothing of a two-way pass."""
+    """Return the band in which the station receives; a two-way uplink band says nothing of it."""
     one_way = segment.metadata["PATH"].replace(" ", "") in _ONE_WAY
     named = segment.metadata.get("RECEIVE_BAND") or (segment.metadata.get("TRANSMIT_BAND") if one_way else None)
     if named is None and otherwise is None:
@@ -288,6 +295,7 @@ def _metadata_lines(track: RawTracking) -> list[str]:
 
 
 def _data_lines(track: RawTracking) -> list[str]:
+    # Joints count turns, messages do not: an azimuth of 370 deg is not allowed.
     keys = {
         "ANGLE_1": (np.mod(track.azimuth_rad, 2.0 * np.pi), 9),
         "ANGLE_2": (track.elevation_rad, 9),

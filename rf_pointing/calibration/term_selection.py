@@ -1,9 +1,11 @@
-"""Which terms the data ask for: forward selection by BIC with pruning, and prediction of passes left out.
+"""Which terms the data support: selection by BIC, and prediction of passes left out.
 
-    BIC = chi^2 / v + k ln(n)        v = max(1, reduced chi^2 of all candidates), n equations, k terms
+    BIC = chi^2 / v + k ln(n),    v = max(1, reduced chi^2 of all candidates)
 
-All subsets are solved from one triangle, so the data are read once.  A term enters when it lowers the BIC by at least
-`improvement` (6 is "strong evidence", Kass and Raftery 1995), and leaves when the BIC falls without it.
+with n equations and k terms.
+
+All subsets are solved from one triangle, so the data are read once.  A term enters when it lowers
+the BIC by at least 6 and leaves when the BIC falls without it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,29 +22,23 @@ from rf_pointing.calibration.terms import terms_by_name
 from rf_pointing.calibration.triangle import Triangle
 from rf_pointing.core import wrap_rad
 
-__all__ = ["HeldOut", "TermSelection", "held_out_passes", "select_terms"]
+__all__ = ["HeldOut", "held_out_passes", "select_terms"]
 
 Array = NDArray[np.float64]
 
+# Terms that enter and leave in turn would go on for ever.
 _MOST_STEPS = 100
+# Of the longest column: a shorter one is rounding (the sine of pi is 1e-16).
 _NOTHING = 1e-13
-"""Of the longest column: a shorter one is rounding (the sine of pi is 1e-16)."""
+# Criteria this close are equal: chi squared is a difference of sums whose rounding may reach 1e-6.
 _SAME_BIC = 1e-4
-"""Criteria this close are equal: chi squared is a difference of sums whose rounding may reach 1e-6."""
-
-
-@dataclass(frozen=True)
-class TermSelection:
-    """The chosen terms, in the order of the candidates, and how the search went: (action, term, BIC after it)."""
-
-    chosen: tuple[str, ...]
-    bic: float
-    steps: tuple[tuple[str, str, float], ...]
+# "Strong evidence" (Kass and Raftery 1995).
+_IMPROVEMENT = 6.0
 
 
 @dataclass(frozen=True, eq=False)
 class HeldOut:
-    """How well a model predicts a pass it has not seen: on-sky rms per pass (passes,) and of all."""
+    """How well a model predicts a pass it has not seen: on-sky rms per pass and of all."""
 
     pass_ids: NDArray[np.int64]
     rms_rad: Array
@@ -53,30 +49,24 @@ def select_terms(
     observations: Observations,
     candidates: Sequence[str],
     *,
-    always: Sequence[str] = (),
     held: Mapping[str, float] | None = None,
     pass_priors: PassPriors | None = None,
-    improvement: float = 6.0,
-) -> TermSelection:
-    """Choose among `candidates`; those in `always` stay.  Terms that are not chosen count as zero.
+) -> tuple[str, ...]:
+    """Return the `candidates` that the data support, in their order; the others count as zero.
 
-    Terms that are no candidates have the values in `held`, zero without it.
+    Terms that are no candidates have the values in `held`, zero without it.  Raises ValueError for
+    unknown names and a search that has not settled.
     """
     terms_by_name(candidates)
-    astray = [name for name in always if name not in candidates]
-    if astray:
-        raise ValueError(f"always={', '.join(astray)} must be among the candidates")
     search = _Search.of(observations, tuple(candidates), held or {}, pass_priors)
-    chosen = set(always)
-    steps: list[tuple[str, str, float]] = []
+    chosen: set[str] = set()
     bic = search.bic(chosen)
     for _ in range(_MOST_STEPS):
-        move = search.best_move(chosen, frozenset(always), bic, improvement)
+        move = search.best_move(chosen, bic)
         if move is None:
-            return TermSelection(tuple(name for name in candidates if name in chosen), bic, tuple(steps))
-        action, name, bic = move
+            return tuple(name for name in candidates if name in chosen)
+        name, bic = move
         chosen ^= {name}
-        steps.append((action, name, bic))
     raise ValueError(f"term selection has not settled after {_MOST_STEPS} steps")
 
 
@@ -89,6 +79,8 @@ def held_out_passes(
     options: FitOptions | None = None,
 ) -> HeldOut:
     """Fit without each pass in turn and return how far off the fit is on the pass left out."""
+    # Passes, not rows, are left out: the rows of a pass share its orbit error, and would predict
+    # each other too well.
     fixed = held_at_zero(terms) if held is None else held
     rms, squares, count = [], 0.0, 0
     for number in observations.passes:
@@ -116,6 +108,8 @@ class _Search:
         everything, one = np.ones(len(data), dtype=bool), np.ones(len(data))
         triangle, _ = problem.triangle(np.zeros(len(names)), everything, one)
         full = cls(triangle, 1.0)
+        # Where sigma is stated too small any term lowers chi-square by enough: scale by what all
+        # terms leave over.
         freedom = max(triangle.rows - len(names), 1)
         return cls(triangle, max(1.0, full.chi_square(set(names)) / freedom))
 
@@ -136,16 +130,15 @@ class _Search:
         """Return the criterion of a set of terms."""
         return self.chi_square(chosen) / self.scale + len(chosen) * float(np.log(self.triangle.rows))
 
-    def best_move(
-        self, chosen: set[str], always: frozenset[str], bic: float, improvement: float
-    ) -> tuple[str, str, float] | None:
-        """Return the removal that lowers the BIC, else the addition that lowers it most by enough, else None."""
-        removals = [(self.bic(chosen - {name}), name) for name in chosen - always]
+    def best_move(self, chosen: set[str], bic: float) -> tuple[str, float] | None:
+        """Return the removal that lowers the BIC, else the best addition that pays, else None."""
+        # Removal first: a term that came in early may be made needless by a later one.
+        removals = [(self.bic(chosen - {name}), name) for name in chosen]
         if removals and min(removals)[0] < bic:
-            return "remove", *_least(removals)
+            return _least(removals)
         additions = [(self.bic(chosen | {name}), name) for name in self.triangle.names if name not in chosen]
-        if additions and min(additions)[0] < bic - improvement:
-            return "add", *_least(additions)
+        if additions and min(additions)[0] < bic - _IMPROVEMENT:
+            return _least(additions)
         return None
 
 

@@ -1,12 +1,14 @@
 """The terms of the bias model (SATCAL eqs. 1-2) and the extensions that may be added by name.
 
-A term adds coefficient * azimuth(...) to the azimuth and coefficient * elevation(...) to the elevation:
+A term adds coefficient * azimuth(...) to the azimuth and coefficient * elevation(...) to the
+elevation:
 
     Az_o = Az_t + x1 + x2 tan El + x3 sec El + x4 sin Az + x5 cos Az + x6 Az' + x7 Az''
                 + (x8 sin Az - x9 cos Az) tan El
     El_o = El_t + x8 cos Az + x9 sin Az + x10 + x11 cos El + x12 sin El + x13 El' + x14 El''
 
-The four terms that tilt or skew an axis (x2, x3, x8, x9) are rotations: the printed form is their first order.
+The four terms that tilt or skew an axis (x2, x3, x8, x9) are rotations: the printed form is their
+first order.
 """
 
 from collections.abc import Callable, Iterable
@@ -26,11 +28,12 @@ _LIMITS = {"rad": 0.1, "s": 10.0, "s^2": 100.0, "rad/K": 0.01}
 
 @dataclass(frozen=True)
 class Term:
-    """One coefficient of the model and its partial derivatives, None for an axis on which it does not act.
+    """One coefficient of the model and its partials, None for an axis on which it does not act.
 
-    `number` is the index of SATCAL's x, 0 for an extension.  A "rotation" tilts or skews an axis, a "lag" is
-    proportional to a rate or an acceleration, an "additive" term is an encoder or flexure shift of one axis.
-    `separated_by` names the data that make the term observable, in the words of the error messages.
+    `number` is the index of SATCAL's x, 0 for an extension.  A "rotation" tilts or skews an axis, a
+    "lag" is proportional to a rate or an acceleration, an "additive" term is an encoder or flexure
+    shift of one axis. `separated_by` names the data that make the term observable, in the words of
+    the error messages.
     """
 
     name: str
@@ -43,7 +46,7 @@ class Term:
 
     @property
     def limit(self) -> float:
-        """Return the largest credible magnitude in the term's unit; a larger one was given in degrees."""
+        """Return the largest credible magnitude in the term's unit; a larger one is in degrees."""
         return _LIMITS[self.unit]
 
 
@@ -103,7 +106,7 @@ def all_terms() -> dict[str, Term]:
 
 
 def terms_by_name(names: Iterable[str]) -> tuple[Term, ...]:
-    """Return the terms of `names` in that order; raises ValueError for an unknown or repeated name."""
+    """Return the terms of `names` in order; raises ValueError for an unknown or repeated one."""
     chosen = list(names)
     unknown = [name for name in chosen if name not in _KNOWN]
     if unknown:

@@ -1,7 +1,7 @@
-"""From samples to points, by least squares on pieces: outliers, one point a second, three per 30 s (SATCAL 3).
+"""From samples to points, by least squares: outliers, one a second, three per 30 s (SATCAL 3).
 
-All of it works on observed minus reference: what is left after subtracting the orbit is so smooth that a line per
-second and a parabola per 30 s take nothing of the signal away.
+All of it works on observed minus reference: what is left after subtracting the orbit is so smooth
+that a line per second and a parabola per 30 s take nothing of the signal away.
 """
 
 from collections.abc import Iterator, Mapping
@@ -10,87 +10,27 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Thinned", "find_outliers", "fitted_piece", "pieces_of", "smooth", "spread_of", "thin"]
-
+__all__ = ["Thinned", "find_outliers", "smooth", "thin"]
 
 Array = NDArray[np.float64]
 
 _MEDIAN_TO_SIGMA = 1.4826
-
-
-def pieces_of(t_s: Array, length_s: float) -> Iterator[NDArray[np.int64]]:
-    """Yield the rows of each piece [k, k + 1) * `length_s` of increasing times that has any."""
-    number = np.floor(t_s / length_s)
-    cuts = np.flatnonzero(np.diff(number) != 0) + 1
-    yield from np.split(np.arange(len(t_s)), cuts)
-
-
-def fitted_piece(t: Array, values: Array, degree: int, at: Array) -> tuple[Array, Array, Array]:
-    """Return the polynomial through (n, m) values at `at` (p,), its residuals, and its covariance factor (p, p).
-
-    The covariance of the fitted values is the factor times the variance of one sample.
-    """
-    middle, half = 0.5 * (t[0] + t[-1]), max(0.5 * (t[-1] - t[0]), 1e-9)
-    basis = np.vander((t - middle) / half, degree + 1)
-    wanted = np.vander((at - middle) / half, degree + 1)
-    orthogonal, factor = np.linalg.qr(basis)
-    coefficients = np.linalg.solve(factor, orthogonal.T @ values)
-    spread = np.linalg.solve(factor.T, wanted.T)
-    return wanted @ coefficients, values - basis @ coefficients, spread.T @ spread
-
-
-def spread_of(residuals: Array) -> float:
-    """Return the standard deviation of residuals from their median size, insensitive to outliers."""
-    return _MEDIAN_TO_SIGMA * float(np.median(np.abs(residuals)))
-
-
-_PIECE_S, _DEGREE, _FEWEST, _ROUNDS = 30.0, 2, 8, 10
+# SATCAL 3: 3 sigma, one sample a second, three points of every 30 s.
+_OUTLIER_SIGMA = 3.0
+_THIN_S, _THIN_FEWEST = 1.0, 4
+_PIECE_S, _POINTS, _PIECE_FEWEST = 30.0, 3, 15
+# White noise scatters by 1.0 +- 0.15 in a piece: this drops what bends and spares what is noisy.
+_WORST_SCATTER = 1.6
+_DEGREE, _FEWEST, _ROUNDS = 2, 8, 10
 _GROSS_NEIGHBOURS, _GROSS_SIGMA = 4, 8.0
-
-
-def find_outliers(
-    t_s: Array, residuals: Mapping[str, Array], limit_sigma: float
-) -> tuple[NDArray[np.bool_], dict[str, int]]:
-    """Return which samples to keep (n,) and how many each channel rejected; residuals are observed minus ephemeris."""
-    keep, dropped = np.ones(len(t_s), dtype=bool), {}
-    for name, residual in residuals.items():
-        wrong = _gross(residual)
-        for rows in pieces_of(t_s, _PIECE_S):
-            wrong[rows] |= _beyond(t_s[rows], residual[rows], wrong[rows], limit_sigma)
-        dropped[f"{name} beyond {limit_sigma:g} sigma"] = int(np.sum(keep & wrong))
-        keep &= ~wrong
-    return keep, dropped
-
-
-def _gross(residual: Array) -> NDArray[np.bool_]:
-    width = 2 * _GROSS_NEIGHBOURS + 1
-    if len(residual) < width:
-        return np.zeros(len(residual), dtype=bool)
-    padded = np.pad(residual, _GROSS_NEIGHBOURS, mode="reflect")
-    smooth = np.median(np.lib.stride_tricks.sliding_window_view(padded, width), axis=1)
-    deviation = residual - smooth
-    return np.asarray(np.abs(deviation) > _GROSS_SIGMA * max(spread_of(deviation), 1e-12))
-
-
-def _beyond(t: Array, residual: Array, wrong: NDArray[np.bool_], limit_sigma: float) -> NDArray[np.bool_]:
-    for _ in range(_ROUNDS):
-        good = np.flatnonzero(~wrong)
-        if len(good) < _FEWEST:
-            return wrong
-        fitted, inner, _ = fitted_piece(t[good], residual[good, np.newaxis], _DEGREE, t)
-        found = np.abs(residual - fitted[:, 0]) > limit_sigma * max(spread_of(inner), 1e-12)
-        if np.array_equal(found | wrong, wrong):
-            return wrong
-        wrong = wrong | found
-    return wrong
-
-
+# The quietest quarter of the pieces tells noise from bends: it is quiet unless the noise is
+# everywhere.
 _PARABOLAS_QUANTILE = 0.25
 
 
 @dataclass(frozen=True, eq=False)
 class Thinned:
-    """Residuals (n, m) of m channels at `t_s` (n,), their sigma (n, m), and what was dropped and why.
+    """Residuals (n, m) of m channels at `t_s` (n,), their sigma (n, m), and drops by reason.
 
     `noise` (m,) is the standard deviation of one input sample, measured from its scatter.
     """
@@ -102,72 +42,143 @@ class Thinned:
     dropped: dict[str, int]
 
 
-def thin(t_s: Array, residuals: Array, *, second_s: float, fewest: int, pool_s: float) -> Thinned:
-    """Return one point per `second_s`: the least-squares line through its samples at their mean time.
+def _pieces_of(t_s: Array, length_s: float) -> Iterator[NDArray[np.int64]]:
+    """Yield the rows of each piece [k, k + 1) * `length_s` of increasing times that has any."""
+    number = np.floor(t_s / length_s)
+    cuts = np.flatnonzero(np.diff(number) != 0) + 1
+    yield from np.split(np.arange(len(t_s)), cuts)
 
-    At the mean time the line is the mean; its residuals give the noise of a sample, for each `pool_s` by itself: noise on the
-    sky is 1/cos El times larger in azimuth.  Samples that come more slowly are not thinned.
+
+def _fitted_piece(t: Array, values: Array, degree: int, at: Array) -> tuple[Array, Array, Array]:
+    """Return the polynomial of (n, m) values at `at` (p,), residuals, covariance factor (p, p).
+
+    The covariance of the fitted values is the factor times the variance of one sample.
     """
-    if len(t_s) > 1 and np.median(np.diff(t_s)) * max(fewest, 3) > 1.01 * second_s:
-        return _as_they_are(t_s, residuals, pool_s)
-    first = np.flatnonzero(np.diff(np.floor(t_s / second_s), prepend=-np.inf))
+    # Scaled to -1..1: powers of seconds since 1970 have no common digits left.
+    middle, half = 0.5 * (t[0] + t[-1]), max(0.5 * (t[-1] - t[0]), 1e-9)
+    basis = np.vander((t - middle) / half, degree + 1)
+    wanted = np.vander((at - middle) / half, degree + 1)
+    orthogonal, factor = np.linalg.qr(basis)
+    coefficients = np.linalg.solve(factor, orthogonal.T @ values)
+    spread = np.linalg.solve(factor.T, wanted.T)
+    return wanted @ coefficients, values - basis @ coefficients, spread.T @ spread
+
+
+def _spread_of(residuals: Array) -> float:
+    """Return the standard deviation by the median size, which outliers hardly move."""
+    return _MEDIAN_TO_SIGMA * float(np.median(np.abs(residuals)))
+
+
+def find_outliers(t_s: Array, residuals: Mapping[str, Array]) -> tuple[NDArray[np.bool_], dict[str, int]]:
+    """Return the samples to keep (n,) and how many each channel of `residuals` rejected.
+
+    A sample is judged by a parabola through its 30-s piece and by the robust spread about it.
+    """
+    # By pieces: the antenna's own bias is part of the residuals and changes through the pass.
+    keep, dropped = np.ones(len(t_s), dtype=bool), {}
+    for name, residual in residuals.items():
+        wrong = _gross(residual)
+        for rows in _pieces_of(t_s, _PIECE_S):
+            wrong[rows] |= _beyond(t_s[rows], residual[rows], wrong[rows])
+        dropped[f"{name} beyond {_OUTLIER_SIGMA:g} sigma"] = int(np.sum(keep & wrong))
+        keep &= ~wrong
+    return keep, dropped
+
+
+def _gross(residual: Array) -> NDArray[np.bool_]:
+    # A running median first: one error of degrees would bend the parabola that is to find it.
+    width = 2 * _GROSS_NEIGHBOURS + 1
+    if len(residual) < width:
+        return np.zeros(len(residual), dtype=bool)
+    padded = np.pad(residual, _GROSS_NEIGHBOURS, mode="reflect")
+    smooth = np.median(np.lib.stride_tricks.sliding_window_view(padded, width), axis=1)
+    deviation = residual - smooth
+    return np.asarray(np.abs(deviation) > _GROSS_SIGMA * max(_spread_of(deviation), 1e-12))
+
+
+def _beyond(t: Array, residual: Array, wrong: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    for _ in range(_ROUNDS):
+        good = np.flatnonzero(~wrong)
+        if len(good) < _FEWEST:
+            return wrong
+        fitted, inner, _ = _fitted_piece(t[good], residual[good, np.newaxis], _DEGREE, t)
+        found = np.abs(residual - fitted[:, 0]) > _OUTLIER_SIGMA * max(_spread_of(inner), 1e-12)
+        if np.array_equal(found | wrong, wrong):
+            return wrong
+        wrong = wrong | found
+    return wrong
+
+
+def thin(t_s: Array, residuals: Array) -> Thinned:
+    """Return one point a second: the line through its samples at their mean time.
+
+    At the mean time the line is the mean; its residuals give the noise of a sample, for each
+    piece by itself.  Samples that come more slowly are not thinned.  Raises ValueError if no second
+    has enough samples.
+    """
+    # Pooled over 30 s and not over the pass: noise on the sky is 1/cos El times larger in azimuth.
+    if len(t_s) > 1 and np.median(np.diff(t_s)) * _THIN_FEWEST > 1.01 * _THIN_S:
+        return _as_they_are(t_s, residuals)
+    first = np.flatnonzero(np.diff(np.floor(t_s / _THIN_S), prepend=-np.inf))
     counts = np.diff(first, append=len(t_s))
     middle, value = _means(t_s, first, counts), _means(residuals, first, counts)
     off, apart = t_s - np.repeat(middle, counts), residuals - np.repeat(value, counts, axis=0)
     slope_part = np.add.reduceat(off[:, np.newaxis] * apart, first) ** 2
     lever = np.add.reduceat(off**2, first)[:, np.newaxis]
-    enough = (counts >= max(fewest, 3)) & (lever[:, 0] > 0.0)
+    enough = (counts >= _THIN_FEWEST) & (lever[:, 0] > 0.0)
     if not np.any(enough):
-        raise ValueError(f"no {second_s:g}-s piece has the {max(fewest, 3)} samples it needs")
+        raise ValueError(f"no {_THIN_S:g}-s piece has the {_THIN_FEWEST} samples it needs")
     squares = np.add.reduceat(apart**2, first)[enough] - slope_part[enough] / lever[enough]
-    noise, own = _noise(middle[enough], squares, counts[enough] - 2, pool_s)
-    dropped = {f"in a {second_s:g}-s piece with fewer than {fewest} samples": int(np.sum(counts[~enough]))}
+    noise, own = _noise(middle[enough], squares, counts[enough] - 2)
+    dropped = {f"in a {_THIN_S:g}-s piece with fewer than {_THIN_FEWEST} samples": int(np.sum(counts[~enough]))}
     sigma = own / np.sqrt(counts[enough])[:, np.newaxis]
     return Thinned(middle[enough], value[enough], sigma, noise, dropped)
 
 
-def smooth(
-    t_s: Array, residuals: Array, sigma: Array, *, piece_s: float, points: int, fewest: int, worst_scatter: float
-) -> Thinned:
-    """Return `points` points per `piece_s`, evenly spaced: the parabola through the piece at those times.
+def smooth(t_s: Array, residuals: Array, sigma: Array) -> Thinned:
+    """Return three points of every piece, evenly spaced: the parabola through it at those times.
 
-    `sigma` (n, m) is that of the input points.  A piece that scatters more than `worst_scatter` times that about its
-    parabola does not follow one and is dropped, unless most pieces do: noise that hangs together over seconds (wind, a
-    hunting servo, coarse encoders) scatters like that everywhere, and raises the sigma of all points instead.
-    Neighbouring points of a piece are correlated (0.25 in a full one); their sigma is raised so that their mean has the
-    right one when they are taken as independent.
+    `sigma` (n, m) is that of the input points.  A piece that scatters more than `_WORST_SCATTER`
+    times as much about its parabola does not follow one and is dropped.  Raises ValueError if no
+    piece is left.
     """
+    # Unless most pieces do: noise that is correlated over seconds (wind, a hunting servo, coarse
+    # encoders) scatters like that everywhere.  It raises the sigma of all points instead; dropping
+    # had left 19 points of 5386.
     pieces, short = [], 0
-    for rows in pieces_of(t_s, piece_s):
-        if len(rows) < fewest:
+    for rows in _pieces_of(t_s, _PIECE_S):
+        if len(rows) < _PIECE_FEWEST:
             short += len(rows)
         else:
-            wanted = _spread_points(t_s[rows], piece_s, points)
+            wanted = _spread_points(t_s[rows], _PIECE_S, _POINTS)
             pieces.append(_Piece.of(t_s[rows], residuals[rows], 2, wanted, np.mean(sigma[rows], axis=0)))
     if not pieces:
-        raise ValueError(f"no {piece_s:g}-s piece has {fewest} samples")
+        raise ValueError(f"no {_PIECE_S:g}-s piece has {_PIECE_FEWEST} samples")
     usual = np.maximum(np.quantile([piece.excess for piece in pieces], _PARABOLAS_QUANTILE, axis=0), 1.0)
-    found = [piece for piece in pieces if np.all(piece.excess <= worst_scatter * usual)]
+    found = [piece for piece in pieces if np.all(piece.excess <= _WORST_SCATTER * usual)]
     if not found:
-        raise ValueError(f"no {piece_s:g}-s piece with {fewest} samples follows a parabola")
-    crooked = sum(piece.count for piece in pieces) - sum(piece.count for piece in found)
-    reasons = {f"in a {piece_s:g}-s piece with fewer than {fewest} samples": short, "not along a parabola": crooked}
+        raise ValueError(f"no {_PIECE_S:g}-s piece with {_PIECE_FEWEST} samples follows a parabola")
+    bent = sum(piece.count for piece in pieces) - sum(piece.count for piece in found)
+    reasons = {
+        f"in a {_PIECE_S:g}-s piece with fewer than {_PIECE_FEWEST} samples": short,
+        "not along a parabola": bent,
+    }
     return _joined(found, reasons)
 
 
-def _as_they_are(t_s: Array, residuals: Array, pool_s: float) -> Thinned:
-    """Return the samples with the noise that their second differences show."""
+def _as_they_are(t_s: Array, residuals: Array) -> Thinned:
+    """Return the samples with the noise of their second differences, of six times its variance."""
     if len(t_s) < 3:
         raise ValueError(f"samples={len(t_s)} must be >= 3 to measure their noise")
     bends = np.diff(residuals, 2, axis=0) ** 2 / 6.0
     squares = np.concatenate([bends[:1], bends, bends[-1:]])
-    noise, own = _noise(t_s, squares, np.ones(len(t_s), dtype=np.int64), pool_s)
+    noise, own = _noise(t_s, squares, np.ones(len(t_s), dtype=np.int64))
     return Thinned(t_s, residuals, own, noise, {})
 
 
-def _noise(t_s: Array, squares: Array, freedom: NDArray[np.int64], pool_s: float) -> tuple[Array, Array]:
-    """Return the noise (m,) of all samples and for each row (n, m) that of the samples of its `pool_s`."""
-    first = np.flatnonzero(np.diff(np.floor(t_s / pool_s), prepend=-np.inf))
+def _noise(t_s: Array, squares: Array, freedom: NDArray[np.int64]) -> tuple[Array, Array]:
+    """Return the noise (m,) of all samples, and for each row (n, m) that of its piece."""
+    first = np.flatnonzero(np.diff(np.floor(t_s / _PIECE_S), prepend=-np.inf))
     of_pool = np.add.reduceat(squares, first) / np.add.reduceat(freedom, first)[:, np.newaxis]
     own = np.repeat(of_pool, np.diff(first, append=len(t_s)), axis=0)
     return np.sqrt(np.sum(squares, axis=0) / np.sum(freedom)), np.sqrt(own)
@@ -181,9 +192,10 @@ def _means(values: Array, first: NDArray[np.int64], counts: NDArray[np.int64]) -
 
 @dataclass(frozen=True, eq=False)
 class _Piece:
-    """A parabola: its points, what multiplies the variance of a sample in theirs, and the sigma (m,) told of a sample.
+    """A parabola: its points, their variance over a sample's, and the stated sigma of a sample.
 
-    `squares` and `products` (m,) are the sums of the residuals' squares and of the products of neighbours.
+    `squares` and `products` (m,) are the sums of the residuals' squares and of the products of
+    neighbours.
     """
 
     t_s: Array
@@ -191,15 +203,17 @@ class _Piece:
     factor: Array
     squares: Array
     products: Array
-    told: Array
+    stated: Array
     count: int
 
     @classmethod
-    def of(cls, t: Array, residuals: Array, degree: int, at: Array, told: Array) -> "_Piece":
-        values, left, covariance = fitted_piece(t, residuals, degree, at)
+    def of(cls, t: Array, residuals: Array, degree: int, at: Array, stated: Array) -> "_Piece":
+        values, left, covariance = _fitted_piece(t, residuals, degree, at)
+        # Neighbouring points are correlated by 0.25: a raised sigma makes their mean right as if
+        # independent.
         together = max(1.0, float(np.sum(covariance) / np.trace(covariance)))
         products = np.sum(left[1:] * left[:-1], axis=0)
-        return cls(at, values, np.diag(covariance) * together, np.sum(left**2, axis=0), products, told, len(t))
+        return cls(at, values, np.diag(covariance) * together, np.sum(left**2, axis=0), products, stated, len(t))
 
     @property
     def freedom(self) -> int:
@@ -207,16 +221,16 @@ class _Piece:
 
     @property
     def excess(self) -> Array:
-        """Return the scatter about the parabola in units of the sigma told (m,)."""
-        return np.asarray(np.sqrt(self.squares / self.freedom) / np.maximum(self.told, 1e-300))
+        """Return the scatter about the parabola, divided by the stated sigma (m,)."""
+        return np.asarray(np.sqrt(self.squares / self.freedom) / np.maximum(self.stated, 1e-300))
 
 
 def _joined(pieces: list[_Piece], dropped: dict[str, int]) -> Thinned:
     freedom = np.array([piece.freedom for piece in pieces], dtype=np.float64)
     raised = np.sqrt(np.average([np.square(piece.excess) for piece in pieces], axis=0, weights=freedom))
     noise = np.sqrt(np.sum([piece.squares for piece in pieces], axis=0) / np.sum(freedom))
-    raised = np.maximum(raised, 1.0) * _hanging_together(pieces)
-    sigma = [np.sqrt(piece.factor)[:, np.newaxis] * piece.told * raised for piece in pieces]
+    raised = np.maximum(raised, 1.0) * _correlation_factor(pieces)
+    sigma = [np.sqrt(piece.factor)[:, np.newaxis] * piece.stated * raised for piece in pieces]
     return Thinned(
         np.concatenate([piece.t_s for piece in pieces]),
         np.concatenate([piece.values for piece in pieces]),
@@ -226,13 +240,14 @@ def _joined(pieces: list[_Piece], dropped: dict[str, int]) -> Thinned:
     )
 
 
-def _hanging_together(pieces: list[_Piece]) -> Array:
-    """Return by how much (m,) noise with the measured correlation rho of neighbours raises the sigma of a mean.
+def _correlation_factor(pieces: list[_Piece]) -> Array:
+    """Return the factor (m,) by which noise of correlation rho raises the sigma of a mean.
 
-    sqrt((1 + rho) / (1 - rho)) for a first-order process; the parabola takes three parts of n out of rho.
+    sqrt((1 + rho) / (1 - rho)) for a first-order process; the parabola takes three parts of n out
+    of rho.
     """
-    squares = np.sum([piece.squares / np.maximum(piece.told, 1e-300) ** 2 for piece in pieces], axis=0)
-    products = np.sum([piece.products / np.maximum(piece.told, 1e-300) ** 2 for piece in pieces], axis=0)
+    squares = np.sum([piece.squares / np.maximum(piece.stated, 1e-300) ** 2 for piece in pieces], axis=0)
+    products = np.sum([piece.products / np.maximum(piece.stated, 1e-300) ** 2 for piece in pieces], axis=0)
     length = float(np.mean([piece.count for piece in pieces]))
     rho = np.clip(products / np.maximum(squares, 1e-300) + 3.0 / length, 0.0, 0.98)
     return np.asarray(np.sqrt((1.0 + rho) / (1.0 - rho)))

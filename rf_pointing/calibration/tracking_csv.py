@@ -1,10 +1,11 @@
 """Raw tracking and calibration points as CSV: angles in degrees in the file, radians inside.
 
-Column names carry their units.  Lines "# name: value" before the header hold what is the same for all rows (station,
-band, target).  An error names the line.
+Column names carry their units.  Lines "# name: value" before the header hold what is the same for
+all rows (station, band, target).  An error names the line.
 
-`ObservationJournal` writes points as they are taken, each on the disk before the next one (docs/decisions/0062): a
-killed process loses at most the line it was writing.  Its file is the one that `read_observations` reads.
+`ObservationJournal` writes points as they are taken, each on the disk before the next one
+(docs/decisions/0062): a killed process loses at most the line it was writing.  Its file is the one
+that `read_observations` reads.
 """
 
 import csv
@@ -28,7 +29,7 @@ __all__ = ["ObservationJournal", "read_observations", "read_tracking", "write_ob
 Array = NDArray[np.float64]
 Table = tuple[Mapping[str, str], Mapping[str, Array]]
 
-MOST_OF_A_NAME = 1000
+_MOST_OF_A_NAME = 1000
 _NOTES = ("station", "band", "target")
 _NEEDED = ("t_s", "azimuth_deg", "elevation_deg")
 _OPTIONAL = ("range_m", "range_rate_m_s", "good")
@@ -36,7 +37,7 @@ _POINT_OPTIONAL = ("range_m", "range_rate_m_s", "temperature_k")
 
 
 def read_tracking(path: str | Path) -> RawTracking:
-    """Read the samples of one pass (`t_s` UTC seconds since 1970); without a column `good` all are good."""
+    """Read the samples of one pass (`t_s` UTC seconds); without a column `good` all are good."""
     notes, column = _read_table(path, _NOTES, _NEEDED, _OPTIONAL)
     good = column.get("good", np.ones(len(column["t_s"])))
     if not np.all(np.isin(good, (0.0, 1.0))):
@@ -63,6 +64,7 @@ def read_observations(path: str | Path) -> Observations:
         _refuse_radians(path, table, kind)
     columns = {}
     for name, value in table.items():
+        # `from_degrees` knows which names end in degrees; the values are converted as an array.
         core, _ = from_degrees(name, 0.0)
         columns[core] = np.radians(value) if core != name else value
     if not np.all(columns["pass_id"] == np.round(columns["pass_id"])):
@@ -81,10 +83,10 @@ def write_observations(path: str | Path, points: Observations) -> None:
 
 
 class ObservationJournal:
-    """The points of one station and band in `path`; `points` are those that were in it when it was opened.
+    """The points of one station and band in `path`; `points` were in it when it was opened.
 
-    Opening cuts off a last line without its end.  Other damage raises ValueError with the line's number, and nothing
-    is overwritten.
+    Opening cuts off a last line without its end.  Other damage raises ValueError with the line's
+    number, and nothing is overwritten.
     """
 
     def __init__(self, path: str | Path, station: str, band: str) -> None:
@@ -118,13 +120,13 @@ class ObservationJournal:
                 raise
 
     def set_aside(self, name: str) -> Path | None:
-        """Rename the file, so that the next point begins a new one; return the old points' file, None without any.
+        """Rename the file, so that the next point begins a new one; return it, None without any.
 
         Nothing is overwritten: where `name` is taken a number follows it.
         """
         if not self.path.exists():
             return None
-        stems = (f"{self.path.stem}-{name}{tail}" for tail in ("", *(f"-{k}" for k in range(2, MOST_OF_A_NAME))))
+        stems = (f"{self.path.stem}-{name}{tail}" for tail in ("", *(f"-{k}" for k in range(2, _MOST_OF_A_NAME))))
         free = (place for stem in stems if not (place := self.path.with_name(stem + self.path.suffix)).exists())
         old = next(free, None)
         if old is None:
@@ -142,7 +144,8 @@ class ObservationJournal:
             with self.path.open("rb+") as stream:
                 stream.truncate(len(whole))
                 os.fsync(stream.fileno())
-        # A process that was killed in the header has observed nothing: the next point writes the header again.
+        # A process that was killed in the header has observed nothing: the next point writes the
+        # header again.
         if len([line for line in whole.splitlines() if not line.startswith(b"#")]) < 2:
             self.path.unlink()
             return None
@@ -159,7 +162,7 @@ class ObservationJournal:
 
 
 def _refuse_radians(path: str | Path, columns: Mapping[str, Array], kind: str) -> None:
-    """Refuse angles that make sense as radians only: no antenna is calibrated below 2 deg next to north."""
+    """Refuse angles that make sense in radians only: no antenna is calibrated below 2 deg."""
     azimuth, elevation = columns[f"{kind}azimuth_deg"], columns[f"{kind}elevation_deg"]
     if np.all(np.abs(elevation) <= 0.5 * np.pi) and np.all(np.abs(azimuth) <= 3.0 * np.pi):
         raise ValueError(
@@ -199,7 +202,8 @@ def _lines(columns: Mapping[str, Array]) -> str:
 def _read_table(path: str | Path, notes: Sequence[str], needed: Sequence[str], optional: Sequence[str]) -> Table:
     """Return the notes and the columns (n,) of a table that has all `notes` and `needed` columns.
 
-    A column that is neither needed nor `optional` is an error: a typing error would otherwise go unnoticed.
+    A column that is neither needed nor `optional` is an error: a typing error would otherwise go
+    unnoticed.
     """
     source = Path(path)
     try:

@@ -1,11 +1,13 @@
-"""Least squares in square-root form: a triangle R with |R x - z| = |A x - b|, made by orthogonal steps.
+"""Least squares in square-root form: a triangle R with |R x - z| = |A x - b|, by orthogonal steps.
 
-Blocks of rows are folded in one after the other; no normal equations are formed, as their condition number is the
-square.  Parameters that belong to one pass only are eliminated first: the rows [P | A | b] of a pass and the prior
-rows [1/sigma | 0 | 0] of its own parameters p become a triangle; what lies below the rows of p is free of p and goes
-on to the common terms, and the rows of p give p once the terms are known.
+Blocks of rows are folded in one after the other; no normal equations are formed, as their condition
+number is the square.  Parameters that belong to one pass only are eliminated first: the rows [P | A
+| b] of a pass and the prior rows [1/sigma | 0 | 0] of its own parameters p become a triangle; what
+lies below the rows of p is free of p and goes on to the common terms, and the rows of p give p once
+the terms are known.
 
-What the data do not determine is reported by the names of the terms, with the data that would separate them.
+What the data do not determine is reported by the names of the terms, with the data that would
+separate them.
 """
 
 from collections.abc import Container, Iterable, Sequence
@@ -35,17 +37,20 @@ Places = NDArray[np.int64]
 
 HIGH_CORRELATION = 0.95
 """Correlation above which two fitted terms are reported as poorly separated."""
+# At one elevation the exact fit went to angles of 2.5 deg, and their products put good terms 29
+# sigma off.
 LARGEST_SIGMA_RAD = 5e-3
-"""Sigma of an angle above which a fit is refused: the products of such errors exceed any noise."""
 RANK_TOLERANCE = 1e-9
 """Smallest ratio of singular values of the column-scaled matrix that still counts as full rank."""
+# A term with less of the null direction than this is there by rounding, and no use to the reader.
 _SHARE = 0.05
+# LAPACK's block size: without work space for blocks it takes the slow, unblocked way.
 _WORK_PER_COLUMN = 32
 
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Minimum of |A x - b|: `values` (k,), `covariance` (k, k) for unit row sigma, and how well it is determined.
+    """Minimum of |A x - b|: `values` (k,), `covariance` (k, k) for unit row sigma, rank.
 
     `scaled` (k, k) is the triangle of A with columns of unit length.
     """
@@ -67,7 +72,7 @@ class Solution:
 
 @dataclass
 class Triangle:
-    """The square-root state: `factor` [R | z] of all rows that were folded in, and how many equations they were."""
+    """The square-root state: `factor` [R | z] of all rows so far, and how many they were."""
 
     names: tuple[str, ...]
     factor: Array = field(default_factory=lambda: np.zeros((0, 0)))
@@ -81,10 +86,11 @@ class Triangle:
             raise ValueError(f"factor has {self.factor.shape[1]} columns, must be {width}")
 
     def add_blocks(self, blocks: Iterable[tuple[Array, NDArray[np.int64]]]) -> None:
-        """Fold in blocks of rows [matrix | right] (n, m + 1), divided by sigma, for the unknowns `columns` (m,).
+        """Fold in blocks of rows [matrix | right] (n, m + 1), divided by sigma, of some unknowns.
 
         Each block is reduced by itself first.  The arrays are used as work space.
         """
+        # Most terms act on one axis: two QRs of half the columns are half the work of one of all.
         reduced = [(triangle_of(rows), columns, len(rows)) for rows, columns in blocks]
         stacked = np.zeros((sum(len(part) for part, _, _ in reduced), len(self.names) + 1), order="F")
         start = 0
@@ -95,7 +101,7 @@ class Triangle:
         self.add_triangle(stacked, sum(count for _, _, count in reduced))
 
     def add_triangle(self, rows: Array, count: int) -> None:
-        """Fold in rows (m, k + 1) of matrix and right side together that stand for `count` equations."""
+        """Fold in rows (m, k + 1), matrix and right side, that stand for `count` equations."""
         self.factor = triangle_of(np.concatenate([self.factor, rows]) if len(self.factor) else rows)
         self.rows += count
 
@@ -108,7 +114,7 @@ class Triangle:
         self.add_triangle(row, 1)
 
     def solve(self) -> Solution:
-        """Return the least-squares solution; raises ValueError naming the terms the data cannot separate."""
+        """Return the solution; raises ValueError naming the terms the data cannot separate."""
         count = len(self.names)
         matrix, right = self.factor[:, :count], self.factor[:, count]
         scale = np.sqrt(np.einsum("ij,ij->j", matrix, matrix))
@@ -117,6 +123,8 @@ class Triangle:
             raise ValueError(
                 f"{self.rows} equations do not determine {', '.join(lost)}: fix them, give priors, or add {advice_for(lost)}"
             )
+        # Rank and condition are judged on columns of unit length: radians and seconds differ by
+        # orders of magnitude.
         scaled = matrix[:count] / scale
         inverse = self._inverse(scaled, scale)
         root = inverse / scale[:, np.newaxis]
@@ -131,8 +139,8 @@ class Triangle:
 
     def _inverse(self, scaled: Array, scale: Array) -> Array:
         inverse = _inverse_of(scaled)
-        # The Frobenius norms bound the condition number from above: only a suspect matrix pays for its SVD.
-        # "not <=" and not ">": the bound of an inverse that overflowed is not a number.
+        # The Frobenius norms bound the condition number from above: only a suspect matrix pays for
+        # its SVD.  "not <=" and not ">": the bound of an inverse that overflowed is not a number.
         if inverse is None or not np.vdot(inverse, inverse) * len(scaled) <= RANK_TOLERANCE**-2:
             _, singular, rotation = np.linalg.svd(scaled)
             lost = singular < RANK_TOLERANCE * singular[0]
@@ -143,7 +151,7 @@ class Triangle:
 
 @dataclass(frozen=True, eq=False)
 class PassHeads:
-    """The rows of the passes' own parameters: own (g, p, p) @ p + common (g, p, k) @ x = right (g, p).
+    """The rows of the passes' own parameters: own (g, p, p) @ p + common @ x = right (g, p).
 
     `passes` (g,) says which pass each belongs to, ascending.
     """
@@ -167,15 +175,17 @@ class PassHeads:
 
 
 def eliminate(rows: Array, passes: Places, prior_sigma: Array) -> tuple[PassHeads, Array]:
-    """Return the rows of the passes' own parameters and, free of them, rows (m, k + 1) for the common triangle.
+    """Return the rows of the passes' own parameters, and rows (m, k + 1) free of them.
 
-    `rows` (n, p + k + 1) holds the pass's own partials, the common ones and the right side, divided by sigma; `passes`
-    (n,) the pass that each belongs to.
+    `rows` (n, p + k + 1) holds the pass's own partials, the common ones and the right side, divided
+    by sigma; `passes` (n,) the pass that each belongs to.
     """
     numbers, group, lengths = np.unique(passes, return_inverse=True, return_counts=True)
     order = np.argsort(group, kind="stable")
     first = np.concatenate([[0], np.cumsum(lengths)[:-1]])
     rank = np.arange(len(rows)) - np.repeat(first, lengths)
+    # Passes of about the same length are stacked and reduced together: a QR for each pass costs
+    # mostly its call.
     size_class = np.ceil(np.log2(lengths)).astype(np.int64)
     own = len(prior_sigma)
     heads, rest = np.zeros((len(numbers), own, rows.shape[1])), []
@@ -190,11 +200,9 @@ def eliminate(rows: Array, passes: Places, prior_sigma: Array) -> tuple[PassHead
 
 
 def _triangles(rows: Array, place: Places, rank: Places, count: int, prior_sigma: Array) -> Array:
-    """Return the triangles (count, ., w) of groups of rows; row i is the `rank[i]`-th of group `place[i]`.
-
-    Shorter groups are filled up with zeros, which change no triangle.
-    """
+    """Return triangles (count, ., w) of groups; row i is the `rank[i]`-th of group `place[i]`."""
     own = len(prior_sigma)
+    # Shorter groups are filled up with zeros, which change no triangle.
     stack = np.zeros((count, own + int(np.max(rank)) + 1, rows.shape[1]))
     stack[:, np.arange(own), np.arange(own)] = 1.0 / prior_sigma
     stack[place, own + rank] = rows
@@ -202,10 +210,8 @@ def _triangles(rows: Array, place: Places, rank: Places, count: int, prior_sigma
 
 
 def require_determined(names: Sequence[str], covariance: Array, known: Container[str]) -> None:
-    """Raise ValueError naming angle terms whose sigma is beyond LARGEST_SIGMA_RAD, and the data that would bring it down.
-
-    Terms in `known` have a prior: how far they may be off is the user's word.
-    """
+    """Raise ValueError naming angles of a sigma beyond LARGEST_SIGMA_RAD, and data for them."""
+    # Terms in `known` have a prior: the user has stated how far they may be off.
     terms, sigma = all_terms(), dict(zip(names, np.sqrt(np.diag(covariance)).tolist(), strict=True))
     lost = [n for n in names if n not in known and terms[n].unit == "rad" and sigma[n] > LARGEST_SIGMA_RAD]
     if lost:
@@ -237,10 +243,8 @@ def advice_for(names: Sequence[str]) -> str:
 
 
 def triangle_of(rows: Array) -> Array:
-    """Return R (min(n, m), m) of the QR factors of `rows` (n, m), which serves as work space.
-
-    LAPACK is called directly: numpy's wrapper costs more than the work for a few hundred rows.
-    """
+    """Return R (min(n, m), m) of the QR factors of `rows` (n, m), which serves as work space."""
+    # LAPACK is called directly: numpy's wrapper costs more than the work for a few hundred rows.
     height, width = min(rows.shape), rows.shape[1]
     factor, _, _, info = _lapack().dgeqrf(rows, lwork=_WORK_PER_COLUMN * width, overwrite_a=True)
     if info != 0:
@@ -250,6 +254,7 @@ def triangle_of(rows: Array) -> Array:
 
 @cache
 def _lapack() -> Any:
+    # Loaded by the first fit: a node that only applies a model starts without scipy.
     from scipy.linalg import lapack
 
     return lapack
@@ -267,7 +272,7 @@ def _inverse_of(triangle: Array) -> Array | None:
 
 
 def _null_space_message(names: Sequence[str], directions: Array, scale: Array) -> str:
-    """Return the refusal for null directions (m, k) of the matrix whose columns have norm `scale` (k,)."""
+    """Return the message for null directions (m, k) of a matrix of column norms `scale` (k,)."""
     sentences = []
     for effect in np.abs(_echelon(directions * scale)):
         involved = [name for name, share in zip(names, effect / np.max(effect), strict=True) if share > _SHARE]

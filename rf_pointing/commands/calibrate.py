@@ -1,9 +1,10 @@
-"""Executable `calibrate`: a calibration campaign on the live simulated station, from the plan to the accepted model.
+"""Executable `calibrate`: a campaign on the live simulated station, from plan to accepted model.
 
-The sky is filled with beacons, the campaign that fills the 36 sectors in the least time is planned, the graph is brought
-up as `track` does, the calibrator runs the campaign and fits; some more beacons are tracked with the new model in the shadow
-of the old one, and it is accepted if it did better there.  The report is written from the observations of the fit.
-Exit code 0: the better of the two models is in force; 1: interrupted, or no model to decide about; 2: not started.
+The sky is filled with beacons, the campaign that fills the 36 sectors in the least time is planned,
+the graph is brought up as `track` does, the calibrator runs the campaign and fits; some more
+beacons are tracked with the new model in the shadow of the old one, and it is accepted if it did
+better there.  The report is written from the observations of the fit. Exit code 0: the better of
+the two models is in force; 1: interrupted, or no model to decide about; 2: not started.
 """
 
 import argparse
@@ -58,9 +59,9 @@ LARGEST_SLEW_S = 180.0
 SPACING_S = 0.5
 SIGMA_RAD = 2.0 * MDEG
 SETTLE_S = 25.0
-"""Of valid errors before the first observation; the simulated lags follow a change of rate with two poles of 5 s."""
+"""Of valid errors before the first observation: the lags follow changes of rate over 10 s."""
 ACQUISITION_S = 45.0
-"""From the begin of a pass until the search has found the signal and the lags of the mount have died down."""
+"""From the start of a pass until the search is over and the lags of the mount have settled."""
 
 
 def arguments(argv: list[str] | None = None) -> argparse.Namespace:
@@ -110,7 +111,7 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
 
 @dataclass(frozen=True, eq=False)
 class Schedule:
-    """What is tracked: `windows` for the fit (none when all sectors are full already), then `shadow` beside its result."""
+    """What is tracked: `windows` for the fit (none when the sky is full), then `shadow`."""
 
     elements: list[Elements]
     campaign: Campaign
@@ -150,7 +151,7 @@ def planned(
     rule: SectorRule,
     filled: Counts | None = None,
 ) -> Campaign:
-    """Return the campaign of pieces of passes within `span_s` that fills what `filled` leaves thin."""
+    """Return the campaign of pieces within `span_s` that fills what `filled` leaves thin."""
     rules = ArcRules(
         arcs_s=arcs_s, every_s=60.0, spacing_s=SPACING_S, lowest_rad=math.radians(11.0), lead_s=ACQUISITION_S
     )
@@ -167,7 +168,7 @@ def windows_of(options: argparse.Namespace, elements: list[Elements], campaign: 
 
 
 def progress_so_far(options: argparse.Namespace, rule: SectorRule) -> tuple[Counts, float]:
-    """Return the points in each sector that an interrupted campaign has taken, and when the last one was."""
+    """Return the points per sector of an interrupted campaign, and when the last was taken."""
     points = journal_of(options).points
     if points is None:
         raise ValueError(
@@ -183,7 +184,7 @@ def journal_of(options: argparse.Namespace) -> ObservationJournal:
 
 
 def calibrator_parameters(path: Path, options: argparse.Namespace) -> Path:
-    """Write spacing, what the beacons' orbits may be wrong by and what the shadow decides on, and return the file."""
+    """Write the calibrator's parameters for this campaign and return the file."""
     sections = {
         "orbit": {f"{name}_m": options.orbit_prior for name in ("along_track", "cross_track", "radial")},
         "calibrator": {"spacing_s": SPACING_S, "settle_s": SETTLE_S},
@@ -194,7 +195,7 @@ def calibrator_parameters(path: Path, options: argparse.Namespace) -> Path:
 
 
 def fit_of(options: argparse.Namespace, output: Path) -> tuple[Observations, FitResult]:
-    """Return the observations on the disk and the fit that the calibrator makes of them beside the model in force."""
+    """Return the observations on the disk and the fit that the calibrator makes of them."""
     log = CalibrationLog(options.station, options.band, SPACING_S, SIGMA_RAD, journal=journal_of(options))
     points = log.observations()
     config = Path(get_package_share_directory("rf_pointing")) / "config"

@@ -1,6 +1,7 @@
-"""The live part of `calibrate`: campaign, fit, some passes with the new model in the shadow, acceptance.
+"""The live part of `calibrate`: campaign, fit, passes in the shadow, acceptance.
 
-Simulated time stands still while nothing is tracked, so that the plan of the passes holds however long a fit takes.
+Simulated time stands still while nothing is tracked, so that the plan of the passes holds however
+long a fit takes.
 """
 
 import argparse
@@ -23,9 +24,10 @@ __all__ = ["CalibrationRun", "Outcome"]
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a calibration ended: name of the fitted model (empty: none), whether it is in force, what the shadow said.
+    """How a calibration ended: the fitted model (empty: none), and the verdict of the shadow.
 
-    `settled` is True when the shadow decided, also against the new model: the better of the two is in force.
+    `settled` is True when the shadow decided, also against the new model: the better of the two is
+    in force.
     """
 
     model: str = ""
@@ -35,7 +37,7 @@ class Outcome:
 
 
 class CalibrationRun(StationRun):
-    """One calibration on the live graph: `windows` are tracked for the fit, `shadow` beside its result.
+    """One calibration on the live graph: `windows` are for the fit, `shadow` for the verdict.
 
     `on_fit` is called when a model has been fitted, before anything else is observed.
     """
@@ -55,7 +57,7 @@ class CalibrationRun(StationRun):
         self._fit = ActionClient(self.node, FitModel, "bias_calibrator/fit_model")
 
     def calibrate(self) -> Outcome:
-        """Bring the graph up, run the campaign, fit, run the shadow and accept the model if it did better there."""
+        """Bring the graph up, run campaign, fit and shadow; accept the model if it is better."""
         self.bring_up(self._campaign, self._fit)
         if self._windows:
             campaign = self._observe(self._windows, resume=self._options.resume)

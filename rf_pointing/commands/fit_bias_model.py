@@ -1,8 +1,8 @@
-"""Executable `fit_bias_model FILE...`: from recordings, tracking data or calibration points to a model file and a report.
+"""Executable `fit_bias_model FILE...`: from recorded data to a model file and a report.
 
-Input: rosbag2 recordings (folder or .mcap), CSV (calibration points, or raw tracking data of one pass), CCSDS TDM.
-Raw data of CSV and TDM need --elements.  With --points and --tdm it also writes the points of the fit as CSV and the
-raw data as a CCSDS message, for other software.
+Input: rosbag2 recordings (folder or .mcap), CSV (calibration points, or raw tracking data of one
+pass), CCSDS TDM. Raw data of CSV and TDM need --elements.  With --points and --tdm it also writes
+the points of the fit as CSV and the raw data as a CCSDS message, for other software.
 
 Exit code 0: the model was fitted; 2: it was not, and nothing was written.
 """
@@ -100,7 +100,7 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
 
 
 def read_files(options: argparse.Namespace) -> tuple[Observations | None, list[Pass]]:
-    """Return the calibration points of all files (None without any), and the raw passes with their references."""
+    """Return the calibration points of all files (None without any), and the raw passes."""
     tables = [path for path in options.files if path.is_file() and path.suffix in TABULAR]
     of_points = [path for path in tables if path.suffix == ".csv" and holds_points(path)]
     points = read_points(of_points)
@@ -115,7 +115,7 @@ def read_files(options: argparse.Namespace) -> tuple[Observations | None, list[P
 def collected(
     options: argparse.Namespace, points: Observations | None, passes: list[Pass], model: BiasModel
 ) -> tuple[Observations, list[StageReport], list[str]]:
-    """Return all points, what the pipeline did to the raw passes given `model`, and which passes gave none."""
+    """Return all points, the reports of the pipeline, and which raw passes gave none."""
     parts = [points] if points is not None else []
     stages: list[StageReport] = []
     notes: list[str] = []
@@ -171,7 +171,7 @@ def _recorded(options: argparse.Namespace, path: Path) -> list[Pass]:
 
 
 def orbit_priors(options: argparse.Namespace, points: Observations, present: ModelVersion | None) -> PassPriors | None:
-    """Return the orbit errors that the fit allows for in each pass: as given, or as the passes show them."""
+    """Return the orbit errors that the fit allows for: as given, or as the passes show them."""
     size = options.orbit_prior
     if size is not None:
         return PassPriors(along_track_m=size, cross_track_m=size, radial_m=size) if size != 0.0 else None
@@ -203,7 +203,7 @@ def choice_remarks(options: argparse.Namespace, result: FitResult) -> list[str]:
 
 
 def prediction_remarks(options: argparse.Namespace, points: Observations, result: FitResult) -> list[str]:
-    """Return how well fits without a pass predict it, with the terms of `result` and with all that were offered."""
+    """Return how well fits without a pass predict it, with the result's terms and with all."""
     if not options.held_out:
         return []
     if len(points.passes) < 4:
@@ -226,7 +226,7 @@ def fitted(options: argparse.Namespace, points: Observations, present: ModelVers
     names, orbit = tuple(options.terms), orbit_priors(options, points, present)
     if options.select:
         held = {name: value for name, value in _known(present).items() if name not in names}
-        names = select_terms(points, names, held=held, pass_priors=orbit).chosen
+        names = select_terms(points, names, held=held, pass_priors=orbit)
     return fit_of(options, points, present, names, orbit)
 
 
@@ -237,7 +237,7 @@ def fit_of(
     names: tuple[str, ...],
     orbit: PassPriors | None,
 ) -> FitResult:
-    """Return the fit of `names`, the others held at the present model's values, with these errors of the orbit."""
+    """Return the fit of `names`, the others held at the present model's values."""
     known = _known(present)
     base = BiasModel.zero().replace(**{**known, **{name: known.get(name, 0.0) for name in options.terms}})
     priors = {
@@ -248,7 +248,8 @@ def fit_of(
     return fit_bias_model(
         points,
         terms=names,
-        # A term that was offered and not chosen is zero; one that was not offered keeps its known value.
+        # A term that was offered and not chosen is zero; one that was not offered keeps its known
+        # value.
         held={name: 0.0 if name in options.terms else value for name, value in base.coefficients.items() if name not in names},
         priors=priors if present else None,
         pass_priors=orbit,
@@ -279,7 +280,8 @@ def run(options: argparse.Namespace) -> list[str]:
     points, stages, notes = collected(options, *files, present.model if present else BiasModel.zero())
     result = fitted(options, points, present)
     if stages:
-        # The pipeline fits parabolas to what the model leaves over: with the first fit, high passes come back.
+        # The pipeline fits parabolas to what the model leaves over: with the first fit, high passes
+        # come back.
         points, stages, notes = collected(options, *files, result.model)
         result = fitted(options, points, present)
     remarks = [

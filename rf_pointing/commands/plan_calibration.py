@@ -1,7 +1,8 @@
-"""Executable `plan_calibration`: the campaign that fills the 36 sectors in the least time, or the passes that help most.
+"""Executable `plan_calibration`: the campaign that fills the sky, or the passes that help most.
 
-Without --improve it prints the campaign.  With --improve TERM... it prints the passes that reduce the sigma of these terms
-most, given the covariance of --model.  Exit code 0: planned, every sector filled; 1: planned, sectors stay thin; 2: refused.
+Without --improve it prints the campaign.  With --improve TERM... it prints the passes that reduce
+the sigma of these terms most, given the covariance of --model.  Exit code 0: planned, every sector
+filled; 1: planned, sectors stay thin; 2: refused.
 """
 
 import argparse

@@ -1,14 +1,15 @@
 """Executable `bias_calibrator`: keeps the pointing model, and fits a new one to what was tracked.
 
-Subscribes: target, joint_states, pointing_error.  Publishes: pointing_model (latched, with covariance).
-Actions: ~/run_campaign (RunCampaign) tracks passes and takes observations, ~/fit_model (FitModel) makes a candidate.
-Services: ~/accept, ~/reject, ~/rollback (std_srvs/Trigger).  Until it is accepted a candidate only runs in the shadow, and
-it is accepted only when it was found better there (shadow.accept).
-Parameters: calibrator.* (models, station, band, spacing and noise of the observations), shadow.* (when a verdict is given,
-and which one is needed), orbit.* (errors of the reference orbit that the fit estimates with every pass).
+Subscribes: target, joint_states, pointing_error.  Publishes: pointing_model (latched, with
+covariance). Actions: ~/run_campaign (RunCampaign) tracks passes and takes observations, ~/fit_model
+(FitModel) makes a candidate. Services: ~/accept, ~/reject, ~/rollback (std_srvs/Trigger).  Until it
+is accepted a candidate only runs in the shadow, and it is accepted only when it was found better
+there (shadow.accept). Parameters: calibrator.* (models, station, band, spacing and noise of the
+observations), shadow.* (when a verdict is given, and which one is needed), orbit.* (errors of the
+reference orbit that the fit estimates with every pass).
 
-With `calibrator.folder` every observation is on the disk before the next one is taken, one file and one set of models
-for each station and band: a killed node goes on where it was.
+With `calibrator.folder` every observation is on the disk before the next one is taken, one file and
+one set of models for each station and band: a killed node goes on where it was.
 """
 
 from collections.abc import Callable

@@ -1,8 +1,8 @@
-"""A campaign on the live graph: one pass after the other, selected at the ephemeris and tracked by the controller.
+"""A campaign on the live graph: pass after pass, selected at the ephemeris and tracked.
 
-A pass has served its purpose when it gave observations; whether the controller calls it tracked does not matter: most of a
-short piece of a pass goes into the search.  Nothing waits inside a callback: `poll` looks between two events at what is
-under way.
+A pass has served its purpose when it gave observations; whether the controller calls it tracked
+does not matter: most of a short piece of a pass goes into the search.  Nothing waits inside a
+callback: `poll` looks between two events at what is under way.
 """
 
 import time
@@ -22,11 +22,11 @@ __all__ = ["CampaignRunner"]
 ANSWER_S = 20.0
 """Wall time after which a service or an action server that does not answer is given up."""
 LOOK_BACK_S = 7200.0
-"""Passes are asked for from this long before the wanted one: it may have risen long before the piece of it begins."""
+"""Passes are selected from this long before: they may rise long before the wanted piece."""
 
 
 class CampaignRunner:
-    """Runs the passes of one campaign; `observed` counts those that gave observations, `failures` says why others did not.
+    """Runs the passes of one campaign; `failures` are the reasons of passes without observations.
 
     `observations` returns how many have been taken in all.
     """

@@ -1,4 +1,4 @@
-"""Messages of the bias calibrator, made from what the core returns, and the pointing model both ways."""
+"""Messages of the bias calibrator, made from core types, and the pointing model both ways."""
 
 import numpy as np
 from rf_pointing_msgs.action import FitModel

@@ -1,4 +1,4 @@
-"""Pictures of a calibration: sky coverage, residuals before and after, their histogram, and the correlation of the terms."""
+"""Pictures of a calibration: sky coverage, residuals, their histogram, correlations."""
 
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ THIN_COLOUR = "#f4c9b8"
 
 
 def draw_coverage(points: Observations, used: NDArray[np.bool_], rule: SectorRule, path: Path) -> None:
-    """Sky with zenith in the middle: the sectors with their counts, thin ones tinted, and the points."""
+    """Sky with zenith in the middle: sectors with their counts, thin ones tinted, and points."""
     coverage = rule.coverage(points.true_azimuth_rad, points.true_elevation_rad)
     with figure(path, 7.0, 7.0) as drawn:
         axes = drawn.add_subplot(projection="polar")
@@ -42,7 +42,7 @@ def draw_coverage(points: Observations, used: NDArray[np.bool_], rule: SectorRul
 
 
 def draw_residuals(points: Observations, fit: FitResult, path: Path) -> None:
-    """Observed minus ephemeris above, what the fit leaves over below, on the sky, over azimuth, elevation and time."""
+    """Residuals before the fit above, after it below, over azimuth, elevation and time."""
     hours = (points.t_s - points.t_s.min()) / 3600.0
     over = (
         (np.degrees(np.mod(points.true_azimuth_rad, 2.0 * np.pi)), "azimuth, deg"),
@@ -67,7 +67,7 @@ def draw_residuals(points: Observations, fit: FitResult, path: Path) -> None:
 
 
 def draw_histogram(points: Observations, fit: FitResult, path: Path) -> None:
-    """Distribution of the residuals before and after, with the normal curve of the same rms after."""
+    """Distribution of the residuals before and after, with the normal curve of that rms."""
     with figure(path, 10.0, 3.8) as drawn:
         left, right = drawn.subplots(1, 2)
         for axes, values, name in ((left, _before(points), "before"), (right, _after(fit), "after")):

@@ -1,4 +1,4 @@
-"""The report of a calibration: one HTML file with headline numbers, pictures and tables, and what the data do not tell."""
+"""The report of a calibration: one HTML file with numbers, pictures, tables and doubts."""
 
 import math
 from collections.abc import Sequence
@@ -38,8 +38,8 @@ def write_calibration_report(
 ) -> Path:
     """Write `report.html` with its pictures beside it and return the file.
 
-    `points` are the observations of `fit`, in the same order; `stages` are the reports of the pipeline, `remarks` say how
-    the model did on passes that it was not fitted to.
+    `points` are the observations of `fit`, in the same order; `stages` are the reports of the
+    pipeline, `remarks` say how the model did on passes that it was not fitted to.
     """
     if len(points) != len(fit.used):
         raise ValueError(f"points={len(points)} must be the {len(fit.used)} observations of the fit")

@@ -1,7 +1,8 @@
-"""Raw tracking data of a recorded run: encoder angles corrected by the sensed error, and the ephemeris it followed.
+"""Raw tracking data of a recorded run, and the ephemeris that it followed.
 
-Each pass is one stay of monopulse on a target, at the rate of the errors.  Its reference is the recorded target, which
-is apparent already.  A damaged recording is refused with its damage, unless `allow_damage` takes its sound part.
+Each pass is one stay of monopulse on a target, at the rate of the errors.  Its reference is the
+recorded target, which is apparent already.  A damaged recording is refused with its damage, unless
+`allow_damage` takes its sound part.
 """
 
 from pathlib import Path
@@ -41,7 +42,7 @@ def tracking_from_bag(
     largest_error_rad: float = np.inf,
     allow_damage: bool = False,
 ) -> list[tuple[RawTracking, ReferenceTrack]]:
-    """Return the passes of a recording in order of time, each with the motion that the ephemeris gave for it.
+    """Return the passes of a recording in order of time, each with its ephemeris' motion.
 
     Parameters
     ----------
@@ -52,7 +53,7 @@ def tracking_from_bag(
     namespace
         Name of the antenna, needed when the bag holds several.
     largest_error_rad
-        Samples with a larger sensed error are marked not good: off its axis a sensor is not calibrated.
+        Samples of a larger sensed error are not good: off its axis a sensor is not calibrated.
     allow_damage
         Use what could be read of a damaged recording.
 

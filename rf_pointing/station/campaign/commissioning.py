@@ -1,7 +1,8 @@
-"""The model a simulated station begins with: that of the simulated antenna, wherever it stands and in whatever band it works.
+"""The first model of a simulated station: that of the simulated antenna, wherever it stands.
 
-The node refuses a model of another station or band, as it must.  The simulated antenna is the same one everywhere, so what
-was measured when it was commissioned is written down once more, under the station and band that are asked for.
+The node refuses a model of another station or band, as it must.  The simulated antenna is the same
+one everywhere, so what was measured when it was commissioned is written down once more, under the
+station and band that are asked for.
 """
 
 import dataclasses
@@ -17,7 +18,7 @@ COMMON = "bias_model_dss13.yaml"
 
 
 def commissioning_model(config: Path, station: str, band: str, folder: Path) -> Path:
-    """Return the model file in `config` for a station and band; a copy of their own in `folder` where there is none."""
+    """Return the model file in `config` for a station and band, else a copy in `folder`."""
     source = config / FILES.get(band, COMMON)
     file = read_model(source)
     if (file.station, file.band) == (station, band):

@@ -1,6 +1,7 @@
-"""From a tracked pass to calibration data: encoder angles corrected by the sensed error against the ephemeris.
+"""From a tracked pass to calibration data: encoder angles plus the sensed error.
 
-An observation is where the encoders would stand with the beam exactly on the target; its true angles are the ephemeris'.
+An observation is where the encoders would stand with the beam exactly on the target; its true
+angles are the ephemeris'.
 """
 
 import math
@@ -26,7 +27,7 @@ from rf_pointing.station.pointing.target_buffer import TargetBuffer
 __all__ = ["CalibrationLog"]
 
 PRIOR_SIGMA = {"rad": math.radians(0.2), "rad/K": math.radians(0.02), "s": 0.5, "s^2": 10.0}
-"""How far a term may have moved from the present model; acceleration lags are rarely known at all."""
+"""How far a term may have moved from the present model; acceleration lags are hardly known."""
 PASS_GAP_S = 120.0
 LARGEST_JOINT_AGE_S = 0.1
 KEPT_RANGES = 64
@@ -34,13 +35,14 @@ FEWEST = 30
 
 
 class CalibrationLog:
-    """Collects one observation every `spacing_s` while a sensor gives valid errors, and fits the 14 terms to them.
+    """Collects an observation every `spacing_s` while a sensor is valid, and fits the terms to them.
 
-    Errors beyond `largest_error_rad` are left out: off its axis a sensor is not calibrated, and 5 % of a beamwidth is a lot.
-    Nothing is observed in the first `settle_s` with a valid sensor, nor in those after such an error: after a slew and after
-    a search the lags are not steady yet.
-    With a `journal` every observation is on the disk before the next one, and those already in it count.  What a disk does
-    not take stays here, is tried again with the next observation, and `problem` says so.
+    Errors beyond `largest_error_rad` are left out: off its axis a sensor is not calibrated, and 5 %
+    of a beamwidth is a lot. Nothing is observed in the first `settle_s` with a valid sensor, nor in
+    those after such an error: after a slew and after a search the lags are not steady yet. With a
+    `journal` every observation is on the disk before the next one, and those already in it count.
+    What a disk does not take stays here, is tried again with the next observation, and `problem`
+    says so.
     """
 
     def __init__(
@@ -88,7 +90,7 @@ class CalibrationLog:
         self._joints = reading
 
     def take_error(self, error: PointingError) -> Observations | None:
-        """Turn a valid error into an observation (one row) if one is due and the readings belong together.
+        """Turn a valid error into an observation (one row) if one is due, and return it.
 
         Raises ValueError for readings that no antenna can have, such as a target far from the beam.
         """
@@ -144,8 +146,8 @@ class CalibrationLog:
     ) -> FitResult:
         """Return the fit of `terms` (empty: those of `present`), the others held at its values.
 
-        Terms are held near the present model where the passes cannot tell.  Raises ValueError for too few or unusable
-        observations.
+        Terms are held near the present model where the passes cannot tell.  Raises ValueError for
+        too few or unusable observations.
         """
         if len(self) < FEWEST:
             raise ValueError(f"{len(self)} observations, must have at least {FEWEST}: track a pass with a sensor first")

@@ -1,8 +1,9 @@
 """The model in force, the candidate beside it, and the way from one to the other.
 
-A candidate runs in the shadow of the active model: every new observation scores both, and it is accepted only if it did
-what the rules ask for.  Nothing but `accept` and `roll_back` changes what is in force.  With a folder all versions are kept
-in it (`ModelStore`), one store for each station and band, and the accepted one is found again after a restart.
+A candidate runs in the shadow of the active model: every new observation scores both, and it is
+accepted only if it did what the rules ask for.  Nothing but `accept` and `roll_back` changes what
+is in force.  With a folder all versions are kept in it (`ModelStore`), one store for each station
+and band, and the accepted one is found again after a restart.
 """
 
 import re
@@ -20,7 +21,7 @@ def campaign_folder(folder: str | Path, station: str, band: str) -> Path:
 
 
 class ModelKeeper:
-    """`active` is in force (None: no correction), `candidate` waits for a decision; `start` is the model before any fit."""
+    """`active` is in force (None: no correction), `candidate` waits for a decision."""
 
     def __init__(self, station: str, band: str, folder: str, start: ModelVersion | None, rules: ShadowRules) -> None:
         self._station, self._band, self.rules = station, band, rules
@@ -71,7 +72,7 @@ class ModelKeeper:
             self._shadow.add(row)
 
     def verdict(self) -> Verdict | None:
-        """Return how the candidate does beside the active model, None before its first observation."""
+        """Return the verdict on the candidate, None before its first observation."""
         try:
             return self._shadow.verdict() if self._shadow else None
         except ValueError:
@@ -90,7 +91,7 @@ class ModelKeeper:
         )
 
     def accept(self, t_s: float) -> ModelVersion:
-        """Put the candidate in force; refused without one, when it is not valid, and when the shadow speaks against it."""
+        """Put the candidate in force and return it."""
         if self.candidate is None:
             raise ValueError("no model has been fitted")
         verdict = self.verdict()
@@ -118,7 +119,7 @@ class ModelKeeper:
         return name
 
     def roll_back(self) -> ModelVersion | None:
-        """Put the model before the active one in force again and return it (None: no correction)."""
+        """Put the model before the active one in force again; return it (None: no correction)."""
         if self._store is not None:
             self.active = self._store.roll_back()
         elif self._before:
@@ -130,7 +131,7 @@ class ModelKeeper:
         return self.active
 
     def _keep_way_back(self, store: ModelStore, t_s: float) -> None:
-        """Enter the start model as the first version, so that the first fit can be rolled back too."""
+        """Enter the start model as first version, so that the first fit can be rolled back too."""
         if store.active() is None and self._start is not None and self.active is self._start:
             if self._start.name not in store.names():
                 store.add(self._start)

@@ -1,7 +1,8 @@
-"""Which passes, or pieces of them, a calibration campaign tracks: candidates from elements, and a sky full of beacons.
+"""Which passes, or pieces of them, a campaign can track: from elements, or a sky full of beacons.
 
-Real catalogues give a few passes an hour, so a campaign lasts days.  `beacons` are the elements of a made-up constellation
-dense enough to fill the 36 sectors in about an hour: fast ones at 600 km for the lags, slow ones at 3000 km.
+Real catalogues give a few passes an hour, so a campaign lasts days.  `beacons` are the elements of
+a made-up constellation dense enough to fill the 36 sectors in about an hour: fast ones at 600 km
+for the lags, slow ones at 3000 km.
 """
 
 import math
@@ -45,7 +46,7 @@ class ArcRules(Params):
 def candidate_arcs(
     elements: Sequence[Elements], site: Site, start_t_s: float, duration_s: float, rules: ArcRules
 ) -> tuple[list[CandidatePass], list[str]]:
-    """Return every candidate in the `duration_s` after `start_t_s`, named after its satellite, and what was refused."""
+    """Return every candidate, named after its satellite, and the reasons of what is left out."""
     found: list[CandidatePass] = []
     refused: list[str] = []
     # One for all: its coefficients cost more than the track of a satellite.
@@ -73,7 +74,7 @@ def _arcs_of(track: TopocentricTrack, start_t_s: float, duration_s: float, rules
 
 
 def window_of(candidate: CandidatePass, elements: Elements, site: Site, acquisition_s: float) -> Pass:
-    """Return the pass to track for a candidate: it begins `acquisition_s` before the first point is wanted."""
+    """Return the pass to track for a candidate, from `acquisition_s` before its first point."""
     begin = candidate.start_t_s - acquisition_s
     track = TopocentricTrack(elements, site)
     found = find_passes(track, begin, candidate.end_t_s - begin, LEAST_MASK_RAD)
@@ -83,7 +84,7 @@ def window_of(candidate: CandidatePass, elements: Elements, site: Site, acquisit
 
 
 def beacons(epoch_t_s: float) -> list[Elements]:
-    """Return 225 satellites at 600 km and 225 at 3000 km in evenly spaced planes, named BEACON 001 onwards."""
+    """Return 225 satellites at 600 km and 225 at 3000 km, named BEACON 001 onwards."""
     shells = ((15, 15, 6.0e5, math.radians(50.0)), (15, 15, 3.0e6, math.radians(50.0)))
     orbits = [orbit for shell in shells for orbit in _shell(*shell)]
     return [
@@ -108,7 +109,8 @@ def _shell(planes: int, per_plane: int, height_m: float, inclination_rad: float)
     for plane in range(planes):
         for place in range(per_plane):
             node = 2.0 * math.pi * plane / planes
-            # Neighbouring planes are staggered by a third of the spacing, or all would cross a latitude together.
+            # Neighbouring planes are staggered by a third of the spacing, or all would cross a
+            # latitude together.
             anomaly = 2.0 * math.pi * ((place + plane / 3.0) / per_plane % 1.0)
             yield height_m, inclination_rad, node, anomaly
 

@@ -1,4 +1,4 @@
-"""What a calibration is made from: files of points or of raw tracking data, and the reference they are compared with."""
+"""The input of a calibration: files of points or raw tracking data, and their reference."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -29,7 +29,7 @@ __all__ = ["holds_points", "process_passes", "read_points", "read_raw", "referen
 
 REFERENCE_STEP_S = 2.0
 PASS_GAP_S = 1200.0
-"""Longer than any loss of signal within a pass, shorter than any time between two passes of a satellite."""
+"""Longer than any loss of signal within a pass, shorter than the time between two passes."""
 
 
 def holds_points(path: Path) -> bool:
@@ -40,7 +40,7 @@ def holds_points(path: Path) -> bool:
 
 
 def read_points(paths: Sequence[Path]) -> Observations | None:
-    """Return the points of all files, their passes numbered on from file to file; None without files."""
+    """Return the points of all files, passes numbered from file to file; None without files."""
     parts: list[Observations] = []
     for path in paths:
         points = read_observations(path)
@@ -60,7 +60,7 @@ def renumbered(points: Observations, shift: int) -> Observations:
 
 
 def read_raw(path: Path, band: str) -> list[RawTracking]:
-    """Return the passes of a CSV file or a CCSDS TDM; `band` is that of messages which do not say theirs."""
+    """Return the passes of a CSV file or a TDM; `band` is that of messages that name none."""
     tracks = [read_tracking(path)] if path.suffix == ".csv" else read_tdm(path, band=band)
     return [one for track in tracks for one in split_passes(track, PASS_GAP_S)]
 
@@ -72,7 +72,7 @@ def reference_of(
     max_age_s: float,
     refraction: RadioRefraction | Literal["standard"] | None = "standard",
 ) -> ReferenceTrack:
-    """Return the apparent motion of the target of `raw` by its elements, over the time of the samples.
+    """Return the apparent motion of the target of `raw` by its elements, over its samples.
 
     `refraction` None is right for angles from which it has been taken off.
     """
@@ -80,7 +80,8 @@ def reference_of(
     times = raw.t_s[np.isfinite(raw.t_s)]
     if len(times) == 0:
         raise ValueError(f"tracking data of {raw.target}: no finite time")
-    # The middle of the times, not their ends: one time tag in the far future must not stretch the reference.
+    # The middle of the times, not their ends: one time tag in the far future must not stretch the
+    # reference.
     low, high = np.percentile(times, [2.0, 98.0])
     margin = 0.1 * (high - low) + 30.0
     look = track.sample(np.arange(low - margin, high + margin, REFERENCE_STEP_S))
@@ -93,11 +94,12 @@ def process_passes(
     first_pass: int,
     ionosphere: Ionosphere | None = None,
 ) -> tuple[list[Observations], list[StageReport], list[str]]:
-    """Return points and stage reports of raw passes, and what was left out or why a pass gave none; `model` is the best known.
+    """Return points and stage reports of raw passes, and why others gave none.
 
     The reports are summed over the passes.  Raises ValueError if no pass gives points.
     """
-    # The reference is apparent: refraction and light time are in it, so that only the ionosphere is left to correct.
+    # The reference is apparent: refraction and light time are in it, so that only the ionosphere is
+    # left to correct.
     corrections = Corrections(light_time=False, troposphere=None, ionosphere=ionosphere, range_delay_m=0.0)
     processed: list[ProcessedPass] = []
     empty = list(dict.fromkeys(note for raw, _ in passes for note in raw.notes))
