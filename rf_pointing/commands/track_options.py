@@ -14,7 +14,7 @@ from rf_pointing.commands.namespace_option import add_namespace_option
 from rf_pointing.commands.number_option import between, seed
 from rf_pointing.commands.target_options import add_target_options, source_of, start_of
 from rf_pointing.core import MDEG, leaves
-from rf_pointing.core.parameter_files import NodeParameters, read_parameter_files
+from rf_pointing.core.parameters import NodeParameters, read_parameter_files
 from rf_pointing.ephemeris import Pass, first_pass_above
 from rf_pointing.ephemeris.source import load_track
 from rf_pointing.planning import HorizonMask
