@@ -12,7 +12,7 @@ from rf_pointing.calibration import BiasModel, read_model
 from rf_pointing.commands.options import add_target_options, between, source_of, start_of
 from rf_pointing.core import to_degrees
 from rf_pointing.core.dates import utc_text
-from rf_pointing.core.parameter_files import NodeParameters, read_parameter_files
+from rf_pointing.core.parameters import NodeParameters, read_parameter_files
 from rf_pointing.ephemeris.source import load_track
 from rf_pointing.planning import (
     AxisLimits,

@@ -13,7 +13,7 @@ from ament_index_python.packages import get_package_share_directory
 from rf_pointing.commands.options import add_namespace_option, add_target_options, between, seed, source_of, start_of
 from rf_pointing.core import MDEG, leaves
 from rf_pointing.core.modes import Sensor
-from rf_pointing.core.parameter_files import NodeParameters, read_parameter_files
+from rf_pointing.core.parameters import NodeParameters, read_parameter_files
 from rf_pointing.ephemeris import Pass, first_pass_above
 from rf_pointing.ephemeris.source import load_track
 from rf_pointing.planning import HorizonMask

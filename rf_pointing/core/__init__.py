@@ -1,4 +1,4 @@
-"""Bottom layer: angles, checks, parameter sets, random streams and the signals between the parts of a station."""
+"""Bottom layer: angles, checks, parameter sets, random streams, and the signals of a station."""
 
 from rf_pointing.core.angles import (
     MDEG,

@@ -32,7 +32,7 @@ def wrap_rad(angle_rad: ArrayLike) -> NDArray[np.float64]:
 
 
 def nearest_turn_rad(angle_rad: float, reference_rad: float) -> float:
-    """Return `angle_rad` plus the whole turns that bring it within half a turn of `reference_rad`."""
+    """Return `angle_rad` plus the whole turns that bring it within half a turn of the reference."""
     require_finite("angle_rad", angle_rad)
     require_finite("reference_rad", reference_rad)
     return angle_rad + 2.0 * math.pi * round((reference_rad - angle_rad) / (2.0 * math.pi))
@@ -48,13 +48,13 @@ def unit_vector_from_azel(azimuth_rad: ArrayLike, elevation_rad: ArrayLike) -> N
 
 
 def azel_from_unit_vector(enu: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return azimuth in [0, 2 pi) and elevation in [-pi/2, pi/2] of east-north-up vectors (..., 3)."""
+    """Return azimuth in [0, 2 pi) and elevation in [-pi/2, pi/2] of ENU vectors (..., 3)."""
     east, north, up = np.moveaxis(np.asarray(enu, dtype=np.float64), -1, 0)
     return np.mod(np.arctan2(east, north), 2.0 * np.pi), np.arctan2(up, np.hypot(east, north))
 
 
 def cosine_slopes(direction: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return ds/d(s_x, s_y) (..., 3, 2) of unit vectors (..., 3) with s_z > 0: how errors of two cosines move them."""
+    """Return ds/d(s_x, s_y) (..., 3, 2) of unit vectors (..., 3) with s_z > 0."""
     slopes = np.zeros((*direction.shape[:-1], 3, 2))
     slopes[..., 0, 0] = slopes[..., 1, 1] = 1.0
     slopes[..., 2, :] = -direction[..., :2] / direction[..., 2:]
@@ -64,7 +64,7 @@ def cosine_slopes(direction: NDArray[np.float64]) -> NDArray[np.float64]:
 def sky_offset_rad(
     azimuth_rad: ArrayLike, elevation_rad: ArrayLike, from_azimuth_rad: ArrayLike, from_elevation_rad: ArrayLike
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the cross-elevation and elevation of a direction seen from a beam, in the beam's own frame.
+    """Return cross-elevation and elevation of a direction seen from a beam, in the beam's frame.
 
     Exact on the sphere and regular at the zenith: the components of the direction along the beam's
     right-hand and upward axes, each turned into an angle.  Positive cross-elevation: the direction
@@ -77,8 +77,10 @@ def sky_offset_rad(
     forward = unit_vector_from_azel(beam_azimuth, beam_elevation)
     up = unit_vector_from_azel(beam_azimuth, beam_elevation + np.pi / 2.0)
     along_right, along_up, along_forward = (np.sum(direction * axis, axis=-1) for axis in (right, up, forward))
+    # Not the arc cosine: it has no digits left for a small separation.
     separation = np.arctan2(np.hypot(along_right, along_up), along_forward)
     with np.errstate(invalid="ignore", divide="ignore"):
+        # On the axis itself direction and scale are 0/0; there the offset is zero.
         scale = np.where(separation > 0.0, separation / np.hypot(along_right, along_up), 1.0)
     return along_right * scale, along_up * scale
 
@@ -89,6 +91,7 @@ def angular_distance_rad(
     """Return the angle between two directions, accurate for small and for large separations."""
     a = unit_vector_from_azel(azimuth_rad, elevation_rad)
     b = unit_vector_from_azel(other_azimuth_rad, other_elevation_rad)
+    # Sine and cosine together are accurate for small and for large angles alike.
     sine: NDArray[np.float64] = np.linalg.norm(np.cross(a, b), axis=-1)
     cosine: NDArray[np.float64] = np.sum(a * b, axis=-1)
     return np.arctan2(sine, cosine)

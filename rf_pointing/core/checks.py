@@ -1,4 +1,4 @@
-"""Refusals in the user's words: every message carries the name, the value and the bound."""
+"""Checks of values: the message of every error carries the name, the value and the bound."""
 
 import math
 from collections.abc import Iterable
@@ -22,7 +22,8 @@ ROTATION_TOLERANCE = 1e-6
 
 def require_finite(name: str, value: ArrayLike) -> None:
     """Raise ValueError unless every element of `value` is a finite number."""
-    # Loops call this for single numbers thousands of times a second; numpy takes twenty times longer for one.
+    # Loops call this for single numbers thousands of times a second; numpy takes twenty times
+    # longer for one.
     finite = math.isfinite(value) if isinstance(value, (float, int)) else _all_finite(np.asarray(value))
     if not finite:
         raise ValueError(f"{name}={np.asarray(value)} must be finite")
@@ -47,6 +48,7 @@ def require_choice(name: str, value: str, choices: Iterable[str]) -> None:
 def as_finite_array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> NDArray[np.float64]:
     """Return `value` as a float array of `shape` (None: any length), or raise ValueError."""
     array = np.asarray(value, dtype=np.float64)
+    # The first comparison settles nearly all calls.
     fits = array.shape == shape or (
         array.ndim == len(shape)
         and all(want is None or want == have for want, have in zip(shape, array.shape, strict=True))
@@ -59,7 +61,7 @@ def as_finite_array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) 
 
 
 def as_finite_pair(name: str, value: ArrayLike) -> tuple[float, float]:
-    """Return `value` (2,) as two plain floats, or raise ValueError; what control loops use a thousand times a second."""
+    """Return `value` (2,) as two plain floats, or raise ValueError; fast, for control loops."""
     if isinstance(value, np.ndarray) and value.shape == (2,):
         first, second = value.tolist()
     elif isinstance(value, (tuple, list)) and len(value) == 2:
@@ -72,7 +74,7 @@ def as_finite_pair(name: str, value: ArrayLike) -> tuple[float, float]:
 
 
 def require_rotation(name: str, matrix: ArrayLike) -> NDArray[np.float64]:
-    """Return `matrix` (..., 3, 3) as floats; refuse one that is not orthonormal or is a reflection."""
+    """Return `matrix` (..., 3, 3) as floats; ValueError unless it is a proper rotation."""
     c = np.asarray(matrix, dtype=np.float64)
     if c.shape[-2:] != (3, 3):
         raise ValueError(f"{name} has shape {c.shape}, must be (..., 3, 3)")

@@ -24,7 +24,8 @@ _DATE = re.compile(r"(\d{4})-(?:(\d\d)-(\d\d)|(\d{3}))T(\d\d):(\d\d):(\d\d(?:\.\
 
 
 def to_utc_text(t_s: float) -> str:
-    """Return a time for files, to the microsecond, like 1996-03-21T05:11:02.070000; `from_utc_text` is the inverse."""
+    """Return a time for files, like 1996-03-21T05:11:02.070000; `from_utc_text` is the inverse."""
+    # Whole seconds apart: a float of 2026 holds microseconds, its product with 1e6 does not.
     whole = int(t_s // 1.0)
     micro = round((t_s - whole) * 1e6)
     moment = datetime.fromtimestamp(whole, UTC) + timedelta(microseconds=micro)
@@ -32,7 +33,7 @@ def to_utc_text(t_s: float) -> str:
 
 
 def from_utc_text(text: str) -> float:
-    """Return the seconds of a calendar (YYYY-MM-DD) or ordinal (YYYY-DDD) text; a final Z is allowed.
+    """Return the seconds of a calendar (YYYY-MM-DD) or ordinal (YYYY-DDD) text, Z or not.
 
     A text in another scale gives the seconds of that scale.  A leap second has no time of its own
     in POSIX seconds, so second 60 raises ValueError; `minute_and_second` reads it.
@@ -44,7 +45,7 @@ def from_utc_text(text: str) -> float:
 
 
 def minute_and_second(text: str) -> tuple[float, float]:
-    """Return the seconds since 1970 of a date's minute and its second, which may lie beyond the minute."""
+    """Return seconds since 1970 of a date's minute, and its second, which may lie beyond it."""
     match = _DATE.fullmatch(text.strip())
     if match is None:
         raise ValueError(f"date={text!r} must read like the time 1996-03-21T05:11:02.07 or 1996-081T05:11:02.07")
@@ -60,7 +61,7 @@ def minute_and_second(text: str) -> tuple[float, float]:
 
 
 def require_day_of_year(text: str, year: int, day: float) -> None:
-    """Raise ValueError with the `text` it comes from unless the (fractional) day lies in that year."""
+    """Raise ValueError with the `text` unless the (fractional) day lies in that year."""
     days = 366 if isleap(year) else 365
     if not 1.0 <= day < days + 1:
         raise ValueError(f"date={text!r} has day {day:g} of {year}, must be >= 1 and < {days + 1}")
@@ -78,6 +79,7 @@ def parse_utc(text: str) -> float:
 def utc_text(t_s: float) -> str:
     """Return a time for people, to the millisecond, like 2006-06-26T17:03:12.345Z."""
     require_finite("t_s", t_s)
+    # Rounded before it is split, so that 0.9996 s becomes the next second and not 1000 ms.
     milliseconds = round(t_s * 1e3)
     stamp = datetime.fromtimestamp(math.floor(milliseconds / 1000), tz=UTC)
     return f"{stamp:%Y-%m-%dT%H:%M:%S}.{milliseconds % 1000:03d}Z"

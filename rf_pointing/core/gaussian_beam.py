@@ -1,4 +1,7 @@
-"""The Gaussian beam of every radio part: P/P_nom = exp(-MU eps^2 / h^2), h the half-power beamwidth (CONSCAN eq. 1)."""
+"""The Gaussian beam of every radio part: P/P_nom = exp(-MU eps^2 / h^2) (CONSCAN eq. 1).
+
+h is the half-power beamwidth.
+"""
 
 import math
 
@@ -14,10 +17,10 @@ _DB_AT_ONE_BEAMWIDTH = 10.0 * MU / math.log(10.0)
 
 
 def gaussian_gain(error_rad: ArrayLike, beamwidth_rad: ArrayLike) -> NDArray[np.float64]:
-    """Return the power received at angles off the beam axis, relative to that on it, for a half-power width."""
+    """Return the power at angles off the beam axis over that on it, for a half-power width."""
     return np.asarray(np.exp(-MU * np.square(np.divide(error_rad, beamwidth_rad))))
 
 
 def gaussian_loss_db(error_rad: ArrayLike, beamwidth_rad: ArrayLike) -> NDArray[np.float64]:
-    """Return what an offset costs a beam of this half-power width, in dB: -10 log10 of `gaussian_gain`."""
+    """Return the loss of an offset in dB for a half-power width: -10 log10 of `gaussian_gain`."""
     return np.asarray(_DB_AT_ONE_BEAMWIDTH * np.square(np.divide(error_rad, beamwidth_rad)))

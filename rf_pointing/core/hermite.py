@@ -1,4 +1,4 @@
-"""Quintic Hermite interpolation: the curve through two states of position, velocity and acceleration.
+"""Quintic Hermite interpolation: the curve through two states with velocity and acceleration.
 
 Exact for polynomials of degree five; works on scalars and on arrays of axes alike.
 """
@@ -22,7 +22,7 @@ class Motion(NamedTuple):
 
 
 class Quintic:
-    """The curve from `start` to `end`, states of shape (axes,) or scalars, after `duration_s` > 0."""
+    """The curve from `start` to `end`, each (axes,) or scalars, after `duration_s` > 0."""
 
     def __init__(self, start: Motion, end: Motion, duration_s: float) -> None:
         if not duration_s > 0.0:
@@ -51,8 +51,9 @@ class Quintic:
         )
 
     def at(self, t_s: ArrayLike) -> Motion:
-        """Return the motion `t_s` after the start: (axes,) for a scalar, (n, axes) for an array (n,)."""
+        """Return the motion `t_s` after the start: (axes,) for a scalar, (n, axes) for (n,)."""
         count = self._axes
+        # A control tick needs one time: a plain float saves the broadcasting.
         t = t_s if isinstance(t_s, float) else np.asarray(t_s, dtype=np.float64)[..., None]
         c = self._coefficients
         values = c[0] + t * (c[1] + t * (c[2] + t * (c[3] + t * (c[4] + t * c[5]))))

@@ -7,18 +7,38 @@ a range is written once.
     @dataclass(frozen=True, kw_only=True)
     class RateLimits(Params):
         rate_rad_s: float = parameter(0.014, "largest axis rate", low=0.0, high=0.2)
+
+`read_parameter_files` reads the YAML files of the nodes without ROS, so that the same file drives
+the graph and the simulation:
+
+    /**/antenna_servo:
+      ros__parameters:
+        wind: {mean_speed_m_s: 8.0}
 """
 
 import dataclasses
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
 from typing import Any, Self, TypeVar, get_args, get_origin
 
 import numpy as np
+import yaml
 
 from rf_pointing.core.checks import require_between, require_choice
 
-__all__ = ["Params", "from_degrees", "leaves", "parameter", "parameter_unit", "to_degrees", "with_leaves"]
+__all__ = [
+    "NodeParameters",
+    "Params",
+    "from_degrees",
+    "leaves",
+    "parameter",
+    "parameter_unit",
+    "read_parameter_files",
+    "to_degrees",
+    "with_leaves",
+]
+
 
 P = TypeVar("P", bound="Params")
 
@@ -84,7 +104,7 @@ class Params:
         """Refuse combinations of fields; subclasses override, each message naming both fields."""
 
     def replace(self, **changes: Any) -> Self:
-        """Return a checked copy with `changes`; the original stays as it is if a value is refused."""
+        """Return a checked copy with `changes`; the original stays as it is."""
         return dataclasses.replace(self, **changes)
 
     @classmethod
@@ -101,7 +121,7 @@ class Params:
 
 
 def leaves(params: Params, prefix: str = "") -> "dict[str, tuple[dataclasses.Field[Any], Any]]":
-    """Return every field below `params` by its dotted edge name (degrees), with its declaration and edge value."""
+    """Return every field below `params` by dotted edge name (degrees), declaration and value."""
     found: dict[str, tuple[dataclasses.Field[Any], Any]] = {}
     for item in dataclasses.fields(params):
         value = getattr(params, item.name)
@@ -114,7 +134,7 @@ def leaves(params: Params, prefix: str = "") -> "dict[str, tuple[dataclasses.Fie
 
 
 def with_leaves(params: P, values: Mapping[str, Any]) -> P:
-    """Return `params` with the fields named by dotted edge names (degrees) replaced, checked as a whole.
+    """Return `params` with the fields of dotted edge names (degrees) replaced, checked together.
 
     The inverse of `leaves`.  Raises ValueError naming the key for an unknown one or a refused
     value.
@@ -174,7 +194,7 @@ def _check(item: "dataclasses.Field[Any]", value: Any) -> None:
 
 
 def _from_edge(item: "dataclasses.Field[Any]", edge: str, value: Any) -> Any:
-    """Return the core form of a value from outside, or refuse it in the outside's own words: name and bounds in degrees.
+    """Return the core form of a value from outside; errors name value and bounds in degrees.
 
     A value on a bound stays on it: degrees to radians and back is off by a rounding error.
     """
@@ -227,3 +247,50 @@ def _check_range(name: str, value: Any, low: float | None, high: float | None) -
     for element_name, element in elements:
         if isinstance(element, (int, float)) and not isinstance(element, bool):
             require_between(element_name, element, low, high)
+
+
+class NodeParameters:
+    """What the files say to one node: dotted names and values, as on the edge (degrees)."""
+
+    def __init__(self, node: str, values: Mapping[str, Any]) -> None:
+        self.node, self.values = node, dict(values)
+
+    def group(self, prefix: str, defaults: P) -> P:
+        """Return `defaults` with the values under `prefix`; errors name node and key."""
+        start = f"{prefix}." if prefix else ""
+        chosen = {k.removeprefix(start): v for k, v in self.values.items() if k.startswith(start)}
+        try:
+            return with_leaves(defaults, chosen)
+        except ValueError as error:
+            raise ValueError(f"{self.node}: {start}{error}") from error
+
+
+def read_parameter_files(paths: Sequence[Path]) -> dict[str, NodeParameters]:
+    """Return the parameters of every node, later files over earlier ones."""
+    merged: dict[str, dict[str, Any]] = {}
+    for path in paths:
+        try:
+            content = yaml.safe_load(path.read_text())
+        except (yaml.YAMLError, UnicodeDecodeError) as error:
+            raise ValueError(f"{path}: not YAML: {error}") from error
+        except OSError as error:
+            raise ValueError(f"parameter file {path}: {error.strerror}") from error
+        if not isinstance(content, Mapping):
+            raise ValueError(f"{path}: must map node names to ros__parameters")
+        for key, section in content.items():
+            if not isinstance(section, Mapping) or set(section) != {"ros__parameters"}:
+                raise ValueError(f"{path}: {key} must hold ros__parameters and nothing else")
+            if not isinstance(section["ros__parameters"], Mapping):
+                raise ValueError(f"{path}: ros__parameters of {key} must map names to values")
+            merged.setdefault(str(key).rsplit("/", 1)[-1], {}).update(_flat(section["ros__parameters"]))
+    return {node: NodeParameters(node, values) for node, values in merged.items()}
+
+
+def _flat(section: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    flat: dict[str, Any] = {}
+    for key, value in section.items():
+        if isinstance(value, Mapping):
+            flat |= _flat(value, f"{prefix}{key}.")
+        else:
+            flat[f"{prefix}{key}"] = value
+    return flat

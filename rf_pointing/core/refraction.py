@@ -45,7 +45,7 @@ _MAX_ITERATIONS = 30
 
 @dataclass(frozen=True, kw_only=True)
 class RadioRefraction(Params):
-    """Refraction from the weather measured at the antenna; `standard` gives the mean weather at an altitude."""
+    """Refraction from the weather at the antenna; `standard` gives the mean of an altitude."""
 
     pressure_hpa: float = parameter(
         1013.25, "air pressure at the antenna, not reduced to sea level", low=300.0, high=1100
@@ -65,7 +65,7 @@ class RadioRefraction(Params):
 
     @classmethod
     def standard(cls, altitude_m: float) -> Self:
-        """Return the refraction of the ICAO standard troposphere at `altitude_m` with half saturated air."""
+        """Return the refraction of the ICAO standard troposphere with half saturated air."""
         temperature_k = 288.15 - 6.5e-3 * altitude_m
         return cls(pressure_hpa=1013.25 * (temperature_k / 288.15) ** 5.2559, temperature_k=temperature_k)
 
@@ -81,7 +81,7 @@ class RadioRefraction(Params):
         return 72.0 * vapour_hpa / self.temperature_k + 3.75e5 * vapour_hpa / self.temperature_k**2
 
     def apply(self, elevation_rad: Any) -> Any:
-        """Return the apparent elevation of true elevations; float gives float, array gives array of the same shape.
+        """Return the apparent elevation of true elevations, float for float, array for array.
 
         Defined over [-pi/2, 3 pi/2]: beyond pi/2 the antenna is plunged and the correction still
         lifts the ray.
@@ -93,7 +93,7 @@ class RadioRefraction(Params):
         return apparent_rad - self._bending(apparent_rad)[0]
 
     def apply_with_rates(self, elevation_rad: Any, rate_rad_s: Any, acceleration_rad_s2: Any) -> tuple[Any, Any, Any]:
-        """Return the apparent elevation with its rate and acceleration (Newton on the explicit inverse)."""
+        """Return the apparent elevation with rate and acceleration (Newton on the inverse)."""
         apparent = elevation_rad + self._bending(elevation_rad)[0]
         for _ in range(_MAX_ITERATIONS):
             bending, slope, curvature = self._bending(apparent)
@@ -112,7 +112,7 @@ class RadioRefraction(Params):
 
     @cached_property
     def _coefficients(self) -> tuple[float, float, float, float, float]:
-        """N0 and p1, p0, q1, q0 by linear least squares on traced rays, each weighted by its own bending."""
+        """N0 and p1, p0, q1, q0 by least squares on traced rays, each weighted by its bending."""
         n0 = 1e-6 * (self.refractivity_dry + self.refractivity_wet)
         elevation = np.radians(np.concatenate([np.linspace(0.0, 3.0, 40), np.linspace(3.5, 85.0, 60)]))
         bending = self._traced_bending(elevation)
@@ -124,7 +124,7 @@ class RadioRefraction(Params):
         return n0, float(p1), float(p0), float(q1), float(q0)
 
     def _traced_bending(self, apparent_rad: Array) -> Array:
-        """Bending integral of -(dn/dr) c / (n sqrt(n^2 r^2 - c^2)) dr with c = n0 r0 cos E and r = r0 + x^2."""
+        """Bending integral of -(dn/dr) c / (n sqrt(n^2 r^2 - c^2)) dr, r = r0 + x^2."""
         node, weight = np.polynomial.legendre.leggauss(200)
         x = 0.5 * math.sqrt(_TOP_M) * (node + 1.0)
         height = x**2
@@ -142,7 +142,7 @@ class RadioRefraction(Params):
         return traced
 
     def _bending(self, apparent_rad: Any) -> tuple[Any, Any, Any]:
-        """Return R, dR/dE and d2R/dE2, mirrored at the zenith and levelled off below the horizon."""
+        """Return R, dR/dE and d2R/dE2, mirrored at the zenith, level below the horizon."""
         plain = isinstance(apparent_rad, float)
         # Plain floats through the math module: a pointing loop asks for one elevation at a time.
         sin, cos, copysign = (math.sin, math.cos, math.copysign) if plain else (np.sin, np.cos, np.copysign)

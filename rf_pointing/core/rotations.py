@@ -1,4 +1,4 @@
-"""Rotations in space as arithmetic on stacks (..., 3) and (..., 4): what attitudes and frames are built on.
+"""Rotations in space as arithmetic on stacks (..., 3) and (..., 4).
 
 v' = C v turns a vector actively.  Quaternions are scalar last (x, y, z, w), Hamilton products: C(a
 b) = C(a) C(b). Filters step these tens of thousands of times, so nothing here checks its input;
@@ -40,7 +40,7 @@ def cross_matrix(vector: Array) -> Array:
 
 
 def tangent_rows(direction: Array) -> Array:
-    """Return two orthonormal rows (..., 2, 3) across unit vectors (..., 3); the three are right-handed.
+    """Return two orthonormal rows (..., 2, 3) across unit vectors (..., 3), right-handed with them.
 
     Smooth on either side of z = 0 (Duff et al., Building an orthonormal basis, revisited, 2017).
     """
@@ -67,7 +67,7 @@ def quaternion_product(left: Array, right: Array) -> Array:
 
 
 def matrix_from_quaternion(quaternion: Array) -> Array:
-    """Return C (..., 3, 3) of unit quaternions (..., 4); the inverse is `quaternion_from_matrix`."""
+    """Return C (..., 3, 3) of unit quaternions (..., 4); inverse: `quaternion_from_matrix`."""
     x, y, z, w = (quaternion[..., i] for i in range(4))
     x2, y2, z2 = 2.0 * x, 2.0 * y, 2.0 * z
     xx, yy, zz = x * x2, y * y2, z * z2
@@ -81,9 +81,10 @@ def matrix_from_quaternion(quaternion: Array) -> Array:
 
 
 def quaternion_from_matrix(matrix: Array) -> Array:
-    """Return a unit quaternion (..., 4), of either sign, of C (..., 3, 3); regular at half a turn (Shepperd's choice)."""
+    """Return a unit quaternion (..., 4), of either sign, of C (..., 3, 3) (Shepperd's choice)."""
     trace = np.einsum("...kk->...", matrix)
-    # Four times the outer product q q^T; its largest diagonal entry names the row that divides without loss.
+    # Four times the outer product q q^T; its largest diagonal entry names the row that divides
+    # without loss, at half a turn too.
     outer = np.empty((*matrix.shape[:-2], 4, 4))
     outer[..., :3, :3] = matrix + np.swapaxes(matrix, -1, -2) + (1.0 - trace)[..., None, None] * np.eye(3)
     for index, (i, j) in enumerate(((2, 1), (0, 2), (1, 0))):
@@ -105,7 +106,7 @@ def quaternion_from_turn(turn_rad: Array) -> Array:
 
 
 def turn_from_quaternion(quaternion: Array) -> Array:
-    """Return the rotation vector (..., 3), at most pi long, of unit quaternions of either sign; exact near zero."""
+    """Return the rotation vector (..., 3), at most pi long, of unit quaternions of either sign."""
     x, y, z, w = (quaternion[..., i] for i in range(4))
     sine = np.sqrt(x * x + y * y + z * z)
     angle = 2.0 * np.arctan2(sine, np.abs(w))

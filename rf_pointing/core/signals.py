@@ -34,7 +34,7 @@ AXES = ("azimuth", "elevation")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Target:
-    """Where the target is on the sky at `t_s`; azimuth is continuous along a pass, elevation contains the refraction."""
+    """Where the target is at `t_s`; azimuth continuous along a pass, elevation with refraction."""
 
     t_s: float
     name: str
@@ -112,7 +112,7 @@ class Boresight:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MonopulseCluster:
-    """Complex sum and difference samples of one cluster, all of shape (n,), at the times `t_s` (n,).
+    """Complex sum and difference samples of one cluster, all (n,), at the times `t_s` (n,).
 
     `carrier_to_noise_db_hz` is the receiver's own estimate of C/N0 on the sum channel.
     """
@@ -126,7 +126,7 @@ class MonopulseCluster:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CarrierPower:
-    """Carrier power measured over `integration_s` ending at `t_s`, with its standard deviation, both in watts."""
+    """Carrier power over `integration_s` ending at `t_s`, with its sigma, both in watts."""
 
     t_s: float
     integration_s: float
@@ -137,7 +137,7 @@ class CarrierPower:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PointingError:
-    """Target minus beam at `t_s`: positive when the target is clockwise (right) of the beam or above it.
+    """Target minus beam at `t_s`, positive for a target clockwise (right) of the beam or above.
 
     `covariance_rad2` is (2, 2) in the order cross-elevation, elevation.  An invalid error carries
     its reason and must not move the antenna.
@@ -165,5 +165,5 @@ class PointingError:
 
     @property
     def estimated(self) -> bool:
-        """Whether an error was estimated at all; a report without a covariance only carries the C/N0."""
+        """Whether an error was estimated; a report without a covariance only carries the C/N0."""
         return bool(self.covariance_rad2.any())

@@ -39,7 +39,7 @@ class KeptState:
             self._require_writable(self._path)
 
     def recover(self) -> dict[str, Any]:
-        """Return what was kept, empty when nothing was; ValueError names a file that cannot be read."""
+        """Return what was kept, empty when nothing was; ValueError when the file cannot be read."""
         if self._path is None or not self._path.exists():
             return {}
         try:
@@ -52,6 +52,7 @@ class KeptState:
 
     def keep(self, values: Mapping[str, Any]) -> None:
         """Write `values` if they differ from those written last; see `problem`."""
+        # Equal values spare a write a second for the whole life of a node.
         if self._path is None or values == self._kept:
             return
         try:
@@ -65,6 +66,7 @@ class KeptState:
     def _require_writable(path: Path) -> None:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
+            # Permission bits do not tell of a full disk or a read-only mount; a file does.
             with tempfile.TemporaryFile(dir=path.parent):
                 pass
         except OSError as error:

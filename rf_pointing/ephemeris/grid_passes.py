@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.ephemeris.roots import roots_between
+from rf_pointing.core.roots import roots_between
 
 __all__ = ["MARGIN", "GridPasses", "SampledSky", "passes_on_grid"]
 

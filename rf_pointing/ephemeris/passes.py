@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from rf_pointing.core import require_between
 from rf_pointing.core.dates import utc_text
-from rf_pointing.ephemeris.roots import roots_between
+from rf_pointing.core.roots import roots_between
 from rf_pointing.ephemeris.track import TopocentricTrack
 
 __all__ = ["Horizon", "Pass", "find_passes", "first_pass_above", "passes_with_present"]

@@ -55,7 +55,7 @@ class ExcitationParams(Params):
     high_hz: float = parameter(12.0, "highest frequency of the multisine", low=1e-4, high=500.0)
 
     def check_together(self) -> None:
-        """Refuse a mean beyond the peak and a multisine band empty or above half the sampling rate."""
+        """Refuse a mean beyond the peak and a multisine band that is empty or too high."""
         if abs(self.mean_rad_s) + self.rms_rad_s > self.peak_rad_s:
             raise ValueError(
                 f"mean_rad_s={self.mean_rad_s} and rms_rad_s={self.rms_rad_s} together must be <= {self.peak_rad_s}"
@@ -72,7 +72,7 @@ class ExcitationParams(Params):
 
 
 def excitation_rad_s(params: ExcitationParams, random: np.random.Generator) -> Array:
-    """Return one sequence (samples,) in rad/s; white noise is uniform, within sqrt(3) times its rms."""
+    """Return one sequence (samples,) in rad/s; white noise is uniform, so bounded."""
     if params.kind == "white":
         sequence = random.uniform(-1.0, 1.0, params.samples)
     else:
@@ -200,7 +200,7 @@ class IdentificationExperiment:
             self._abort = reason
 
     def command(self, encoder_rad: ArrayLike) -> Array:
-        """Take the encoder angles (2,) of this sample; return the rate command (2,) until the next."""
+        """Take the encoder angles (2,) and return the rate command (2,) until the next sample."""
         encoder = as_finite_array("encoder_rad", encoder_rad, (2,))
         # The predicted travel is that of a perfect antenna: wind or a slipping drive may leave it.
         if not self._low <= encoder[self._axis] <= self._high:

@@ -108,15 +108,15 @@ def refit_residues(model: PoleResidue, inputs: ArrayLike, outputs: ArrayLike) ->
         reduced = columns - orthonormal @ (orthonormal.T @ columns)
         normal += reduced.T @ reduced
         right += reduced.T @ (target - orthonormal @ (orthonormal.T @ target))
-    # Residues of slow and fast modes differ by orders of magnitude; scaled, the rank is decided by a
-    # stated tolerance.
+    # Residues of slow and fast modes differ by orders of magnitude; scaled, the rank is decided by
+    # a stated tolerance.
     scale = np.sqrt(np.diag(normal))
     solution = np.linalg.lstsq(normal / np.outer(scale, scale), right / scale, rcond=1e-13)[0] / scale
     return _with(model, solution)
 
 
 def _filtered(model: PoleResidue, u: Array) -> Array:
-    """Return columns (samples, n + 1) weighted by the residues (real, imaginary) and the direct term."""
+    """Return columns (samples, n + 1) for the residues (real, imaginary) and the direct term."""
     import scipy.signal
 
     columns = []

@@ -23,7 +23,7 @@ ComplexArray = NDArray[np.complex128]
 
 @dataclass(frozen=True, slots=True)
 class StateSpace:
-    """x(k+1) = a x + b u, y = c x + d u every `sample_s`; a (n, n), b (n, m), c (q, n), d (q, m)."""
+    """x(k+1) = a x + b u, y = c x + d u; a (n, n), b (n, m), c (q, n), d (q, m)."""
 
     a: Array
     b: Array
@@ -53,7 +53,7 @@ class StateSpace:
         return np.asarray(self.c @ solved + self.d)
 
     def simulate(self, inputs: ArrayLike, start: ArrayLike | None = None) -> Array:
-        """Return the outputs (samples, q) for `inputs` (samples, m) from `start` (n,), zero if None."""
+        """Return the outputs (samples, q) for `inputs` (samples, m) from state `start` (n,) or zero."""
         u = np.asarray(inputs, dtype=np.float64).reshape(-1, self.b.shape[1])
         state = np.zeros(self.order) if start is None else np.asarray(start, dtype=np.float64)
         states = np.zeros((len(u), self.order))

@@ -65,7 +65,7 @@ def observer_markov(inputs: ArrayLike, outputs: ArrayLike, order: int) -> Observ
     if u.shape != y.shape:
         raise ValueError(f"inputs has shape {u.shape}, outputs has {y.shape}: must be equal")
     require_between("order", order, 1, u.shape[1] // 4)
-    # Radians per second and radians differ by 1e3: unscaled, the smaller set would be lost to rcond.
+    # Radians per second and radians differ by 1e3: unscaled, rcond would cut the smaller.
     scale_u, scale_y = float(np.std(u)), float(np.std(y))
     if scale_u == 0.0 or scale_y == 0.0:
         raise ValueError(f"inputs have rms {scale_u} and outputs {scale_y}: both must be > 0")

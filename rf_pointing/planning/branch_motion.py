@@ -56,7 +56,7 @@ class BranchMotion:
 def branch_motions(
     t_s: Array, sides: dict[bool, Triple], machine: MachineParams, limits: AxisLimits, gain: Gain, lag: Lag
 ) -> list[BranchMotion]:
-    """Return every motion through a pass; `sides` is the beam's, by whether the axes are plunged."""
+    """Return every motion through a pass; `sides`: the beam's, by plunged or not."""
     found = []
     for plunge, motion in sides.items():
         # Over the top the whole pass lies beyond the zenith: an end of travel there rules the
@@ -65,8 +65,8 @@ def branch_motions(
         planner = _Planner(t_s, motion, motion, machine, most_rad, lag)
         crossing, axes = planner.plan(partial(_aside, t_s, motion, gain))
         found.append(BranchMotion(plunge, motion, crossing, axes))
-    # An axis that ends at 95 or 100 deg cannot finish a pass over the top; the branch is made anyway
-    # and shown with that reason.
+    # An axis that ends at 95 or 100 deg cannot finish a pass over the top; the branch is
+    # made anyway and shown with that reason.
     leans = len(sides) == 2 and limits.elevation_max_rad > 0.5 * math.pi
     for plunge in sides if leans and any(one.crossing for one in found) else ():
         first, second = sides[plunge], sides[not plunge]
@@ -123,7 +123,7 @@ class _Planner:
             high_rad = float(axes[0][inside, 1].max()) - self._top_rad
             if not (dragged.any() or high_rad > ROUNDING_RAD) or float(left.min()) < LEAST_SHARE:
                 break
-            # Only axes that the lags drag over their limits get less; the others keep all they have.
+            # Only axes that the lags drag over their limits get less; the others keep theirs.
             left = np.where(dragged, left * alone / asked, left)
             top_rad -= max(high_rad, 0.0)
         return crossing, axes[0]

@@ -80,7 +80,7 @@ class HorizonMask(Params):
 
 
 def angle_between(points: Array, others: Array) -> Array:
-    """Return the angles (n,) between directions (n, 2) and others, (2,) or (n, 2), over the top or not."""
+    """Return the angles (n,) between directions (n, 2) and others, (2,) or (n, 2)."""
     # Not the arc cosine of the scalar product: it loses half the digits of a small angle.
     rise, turn = 0.5 * (points - others).T[::-1]
     half = np.sin(rise) ** 2 + np.cos(points[:, 1]) * np.cos(others[..., 1]) * np.sin(turn) ** 2

@@ -91,8 +91,8 @@ class PathFinder:
 
     def _barred(self, start: Pair, end: Pair, sun: Pair | None) -> str:
         positions, rates = slew_path(start, end, self._axes)
-        # The axis with the shorter way arrives first.  A stop in the middle bends otherwise: behind a
-        # hill it lands up to 2 deg elsewhere at 1.8 deg/s and 0.8 deg/s^2.  Keeping 2 deg of clearance
+        # The axis with the shorter way arrives first.  A stop in the middle bends otherwise: behind
+        # a hill it lands up to 2 deg elsewhere at 1.8 deg/s and 0.8 deg/s^2.  Keeping that clearance
         # everywhere would close narrow valleys instead.
         points = np.concatenate([positions, halting_points(positions, rates, self._axes.acceleration_rad_s2)])
         return self._sky.reason_of_path(points, start, end, sun, self._axes.slew_s(start, end))

@@ -1,6 +1,5 @@
-"""Beam, link and receiver: what the radio signal of a target looks like from where the beam really points."""
+"""Beam, link and receiver: the radio signal of a target from where the beam really points."""
 
-from rf_pointing.rf.atmosphere import AtmosphereParams, air_mass, atmosphere_loss_db
 from rf_pointing.rf.beam import HALF_POWER_BEAMWIDTH_RAD, Beam, BeamParams
 from rf_pointing.rf.disturbances import (
     DropoutParams,
@@ -12,7 +11,14 @@ from rf_pointing.rf.disturbances import (
 )
 from rf_pointing.rf.feed import FeedVoltages, MonopulseFeed, MonopulseFeedParams
 from rf_pointing.rf.link import EirpParams, Link, LinkParams, free_space_loss_db, zenith_carrier_to_noise_db_hz
-from rf_pointing.rf.noise import BOLTZMANN_J_K, NoiseParams, system_noise_k
+from rf_pointing.rf.noise import (
+    BOLTZMANN_J_K,
+    AtmosphereParams,
+    NoiseParams,
+    air_mass,
+    atmosphere_loss_db,
+    system_noise_k,
+)
 from rf_pointing.rf.receiver import Receiver, ReceiverParams, ReceiverState
 
 __all__ = [

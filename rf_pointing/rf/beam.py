@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.core import MDEG, MU, Params, parameter, require_choice
-from rf_pointing.rf.root import bracketed_root
+from rf_pointing.core.roots import bracketed_root
 
 __all__ = ["HALF_POWER_BEAMWIDTH_RAD", "PATTERNS", "Beam", "BeamParams"]
 
@@ -50,12 +50,12 @@ class Beam:
         self.params = params
 
     def voltage(self, cross_elevation_rad: ArrayLike, elevation_rad: ArrayLike) -> NDArray[np.float64]:
-        """Return the signed voltage for a target at this offset from the beam axis, 1 on the axis."""
+        """Return the signed voltage at this offset from the beam axis, 1 on the axis."""
         angle = np.hypot(np.asarray(cross_elevation_rad, dtype=np.float64), np.asarray(elevation_rad, dtype=np.float64))
         return normalised_voltage(self.params, angle / self.params.half_power_beamwidth_rad)
 
     def power_gain(self, cross_elevation_rad: ArrayLike, elevation_rad: ArrayLike) -> NDArray[np.float64]:
-        """Return the received power relative to the target on the beam axis (CONSCAN eq. 1 for the Gaussian)."""
+        """Return the power relative to the target on the axis (CONSCAN eq. 1 for the Gaussian)."""
         return self.voltage(cross_elevation_rad, elevation_rad) ** 2
 
 

@@ -77,8 +77,9 @@ class InterferenceParams(Params):
 
 
 def interference_volts(params: InterferenceParams, t_s: Array, sample_s: float) -> ComplexArray:
-    """Return the line in sum and both differences (3, n), in units of sqrt(N0); `t_s` ends each sample."""
-    # A sample integrates over sample_s: a line off the carrier is weakened by the sinc of that window.
+    """Return the line in sum and both differences (3, n), in sqrt(N0); `t_s` ends each sample."""
+    # A sample integrates over sample_s: a line off the carrier is weakened by the sinc of that
+    # window.
     weakened = np.sinc(params.frequency_offset_hz * sample_s)
     middle = t_s - 0.5 * sample_s
     line = 10.0 ** (params.level_db_hz / 20.0) * weakened * np.exp(2j * math.pi * params.frequency_offset_hz * middle)

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.core import Params, parameter
+from rf_pointing.core.roots import bracketed_root
 from rf_pointing.rf.beam import BeamParams, normalised_voltage
-from rf_pointing.rf.root import bracketed_root
 
 __all__ = ["FeedVoltages", "MonopulseFeed", "MonopulseFeedParams"]
 
@@ -34,7 +34,7 @@ class FeedVoltages(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class MonopulseFeedParams(Params):
-    """What the feed and its comparator do to the differences; pairs are cross-elevation, elevation."""
+    """What the feed and its comparator do; pairs are cross-elevation, elevation."""
 
     slope: float = parameter(1.57, "h d(difference/sum)/dx on the axis, per half-power beamwidth", low=0.1, high=2.5)
     difference_gain_db: tuple[float, float] = parameter(
@@ -68,7 +68,7 @@ class MonopulseFeed:
         self._leakage = np.array([_phasor(params.sum_leakage[i], params.sum_leakage_phase_rad[i]) for i in (0, 1)])
 
     def voltages(self, cross_elevation_rad: ArrayLike, elevation_rad: ArrayLike) -> FeedVoltages:
-        """Return the three channels for a target at this offset from the beam axis (target minus beam)."""
+        """Return the three channels for a target at this offset (target minus beam)."""
         beamwidth = self.beam.half_power_beamwidth_rad
         x, y = np.broadcast_arrays(
             np.asarray(cross_elevation_rad, dtype=np.float64) / beamwidth,
@@ -100,7 +100,7 @@ def _mixing_matrix(params: MonopulseFeedParams) -> ComplexArray:
 def _comparator(
     beam: BeamParams, squint: float, width: float, x: NDArray[np.float64], y: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return sum, right minus left, upper minus lower of four beams at +-squint, all over the sum on the axis."""
+    """Return sum, right minus left, upper minus lower of four beams at +-squint, over the sum."""
 
     def beam_at(sign_x: float, sign_y: float) -> NDArray[np.float64]:
         angle = np.hypot(x - sign_x * squint, y - sign_y * squint) / width
@@ -120,7 +120,8 @@ def _squint_and_width(beam: BeamParams, slope: float) -> tuple[float, float]:
     def slope_error(ratio: float) -> float:
         return _sum_beamwidth(beam, ratio) * _slope_per_width(beam, ratio) - slope
 
-    # Beyond 0.6 of its beamwidth the sum splits into four peaks; there the slope is above 3 for every pattern.
+    # Beyond 0.6 of its beamwidth the sum splits into four peaks; there the slope is above 3 for
+    # every pattern.
     ratio = bracketed_root(slope_error, 1e-6, 0.6)
     width = 1.0 / _sum_beamwidth(beam, ratio)
     return ratio * width, width

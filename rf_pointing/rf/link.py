@@ -14,8 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.core import Params, parameter
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
-from rf_pointing.rf.atmosphere import AtmosphereParams, atmosphere_loss_db
-from rf_pointing.rf.noise import BOLTZMANN_J_K, NoiseParams, system_noise_k
+from rf_pointing.rf.noise import BOLTZMANN_J_K, AtmosphereParams, NoiseParams, atmosphere_loss_db, system_noise_k
 
 __all__ = ["EirpParams", "Link", "LinkParams", "free_space_loss_db", "zenith_carrier_to_noise_db_hz"]
 
@@ -24,7 +23,7 @@ ZENITH_RAD = 0.5 * math.pi
 
 @dataclass(frozen=True, kw_only=True)
 class LinkParams(Params):
-    """Strength of the signal: its C/N0 at the zenith at a reference range, the beam on the target."""
+    """Strength of the signal: C/N0 at the zenith at a reference range, beam on the target."""
 
     zenith_carrier_to_noise_db_hz: float = parameter(60.0, "C/N0 at the zenith", low=0.0, high=140.0)
     reference_range_m: float = parameter(500e3, "range at which that C/N0 is received", low=1.0, high=1e16)

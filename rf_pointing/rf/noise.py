@@ -1,9 +1,17 @@
-"""System noise temperature from its parts, referred to the input of the low-noise amplifier.
+"""System noise temperature from its parts, and the loss of the clear atmosphere.
 
-T_sys = T_cosmic / L + T_air (1 - 1/L) + T_ground + T_dichroic + T_lna, L the loss of the atmosphere
-there.
+Noise is referred to the input of the low-noise amplifier; L is the loss of the atmosphere:
+
+    T_sys = T_cosmic / L + T_air (1 - 1/L) + T_ground + T_dichroic + T_lna
+
+L in dB = zenith loss * air mass.  The air mass of a homogeneous shell of height H above a sphere R,
+
+    m = sqrt((R/H sin e)^2 + 2R/H + 1) - R/H sin e,
+
+is 1 at the zenith, 1/sin e high up and finite on the horizon.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Self
 
@@ -11,17 +19,63 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.core import Params, parameter, require_choice
-from rf_pointing.rf.atmosphere import AtmosphereParams, atmosphere_loss_db
 
-__all__ = ["BOLTZMANN_J_K", "NOISE_PRESETS", "NoiseParams", "system_noise_k"]
+__all__ = [
+    "BOLTZMANN_J_K",
+    "NOISE_PRESETS",
+    "AtmosphereParams",
+    "NoiseParams",
+    "air_mass",
+    "atmosphere_loss_db",
+    "system_noise_k",
+]
+
+
+MEAN_EARTH_RADIUS_M = 6_371_000.0
+
+# Clear dry sky at the zenith, about what Goldstone sees.
+ZENITH_LOSS_DB = {"S": 0.035, "X": 0.04, "Ka": 0.14}
+
+
+@dataclass(frozen=True, kw_only=True)
+class AtmosphereParams(Params):
+    """Clear atmosphere as one absorbing layer."""
+
+    zenith_loss_db: float = parameter(0.04, "loss at the zenith", low=0.0, high=20.0)
+    physical_temperature_k: float = parameter(275.0, "mean temperature of the absorbing air", low=150.0, high=330.0)
+    height_m: float = parameter(6000.0, "height of the equivalent homogeneous layer", low=500.0, high=20000.0)
+
+    @classmethod
+    def for_band(cls, band: str) -> Self:
+        """Return a clear dry sky in band S, X or Ka."""
+        require_choice("band", band, ZENITH_LOSS_DB)
+        return cls(zenith_loss_db=ZENITH_LOSS_DB[band])
+
+
+def air_mass(elevation_rad: ArrayLike, height_m: float) -> NDArray[np.float64]:
+    """Return the path through the layer over its height; `elevation_rad` within [0, pi]."""
+    elevation = np.asarray(elevation_rad, dtype=np.float64)
+    if np.any(elevation < 0.0) or np.any(elevation > math.pi):
+        raise ValueError(f"elevation_rad={elevation} must be >= 0 and <= pi")
+    ratio = MEAN_EARTH_RADIUS_M / height_m
+    rise = ratio * np.sin(elevation)
+    return np.asarray(np.sqrt(rise**2 + 2.0 * ratio + 1.0) - rise)
+
+
+def atmosphere_loss_db(params: AtmosphereParams, elevation_rad: ArrayLike) -> NDArray[np.float64]:
+    """Return the loss of the signal at this elevation."""
+    return params.zenith_loss_db * air_mass(elevation_rad, params.height_m)
+
 
 BOLTZMANN_J_K = 1.380649e-23
 
 NOISE_PRESETS = {
-    # 8.4-GHz HEMT in liquid helium 5.45 K (HEMT section II); S band scaled from it, noise falling with frequency.
+    # 8.4-GHz HEMT in liquid helium 5.45 K (HEMT section II); S band scaled from it, noise falling
+    # with frequency.
     "S": {"lna_k": 4.0, "dichroic_k": 0.0},
     "X": {"lna_k": 5.45, "dichroic_k": 0.0},
-    # Four-stage radiometer at 32 GHz 45 K (HEMT section VII); dichroic plate 1.34 K calculated (dichroic section V).
+    # Four-stage radiometer at 32 GHz 45 K (HEMT section VII); dichroic plate 1.34 K calculated
+    # (dichroic section V).
     "Ka": {"lna_k": 45.0, "dichroic_k": 1.34},
     # The same amplifier at 33.7 GHz; plate measured in DSS-13: 11 K (dichroic table 3).
     "KABLE": {"lna_k": 45.0, "dichroic_k": 11.0},

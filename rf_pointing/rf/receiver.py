@@ -1,4 +1,4 @@
-"""Simulated tracking receiver: complex sum and difference samples, and carrier power, with physical noise.
+"""Simulated tracking receiver: complex sum and difference samples, and carrier power.
 
 Samples integrate over `sample_s`: s = A v(offset) exp(j phase) + n, E|n|^2 = N0 / sample_s,
 independent on each of the three channels; A^2 = C.  One AGC gain serves all three.  Internally N0 =
@@ -49,7 +49,7 @@ class ReceiverState:
 
 
 class Receiver:
-    """Sum and difference channels behind `feed`, carrier power behind `beam`; all noise comes from `rng`."""
+    """Sum and difference channels behind `feed`, carrier power behind `beam`; noise from `rng`."""
 
     def __init__(
         self,
@@ -158,7 +158,7 @@ class Receiver:
         return gain
 
     def _measure_carrier_to_noise(self, channels: ComplexArray, sample_s: float) -> float:
-        """Estimate C/N0 of the sum: power per cluster over a noise density averaged over many clusters."""
+        """Estimate C/N0 of the sum: power per cluster over a noise density of many clusters."""
         scaled = channels.copy()
         scaled[1:] *= 10.0 ** (-self.params.difference_noise_db / 20.0)
         density = noise_variance(scaled) * sample_s
@@ -172,7 +172,7 @@ class Receiver:
 
 
 def noise_variance(channels: ComplexArray) -> float:
-    """Return the noise variance of the samples (3, n), from what the differences do not share with the sum.
+    """Return the noise variance of the samples (3, n), from the part not shared with the sum.
 
     Each difference is fitted with the sum and the sum times time: carrier phase and amplitude are
     common to all channels and drop out, and so does a steady motion of the beam.  What is left is
@@ -201,6 +201,6 @@ def _db(ratio: float) -> float:
 
 
 def _power_sigma_w(ratio_hz: float, noise_w_hz: float, noise_sigma: float, integration_s: float) -> float:
-    """CONSCAN B-2 with B-3 scaled from 1 s; the last term of B-3' keeps the variance of noise alone."""
+    """CONSCAN B-2 with B-3 scaled from 1 s; the last term keeps the variance of noise alone."""
     ratio_variance = 2.0 * ratio_hz / integration_s + 0.5 / integration_s**2
     return math.sqrt(noise_sigma**2 * ratio_hz**2 + ratio_variance * noise_w_hz**2 + noise_sigma**2 * ratio_variance)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rf_pointing.calibration import BiasModel, read_model
 from rf_pointing.core import PointingError
-from rf_pointing.core.parameter_files import NodeParameters, read_parameter_files
+from rf_pointing.core.parameters import NodeParameters, read_parameter_files
 from rf_pointing.ephemeris import Pass
 from rf_pointing.ephemeris.source import SourceParams, load_track
 from rf_pointing.planning import Certificate

@@ -16,7 +16,7 @@ from rosgraph_msgs.msg import Clock
 
 from rf_pointing.array_sensors.nodes.array_systems import CLOCK, ArraySystem
 from rf_pointing.commands.managed_graph import ManagedGraph
-from rf_pointing.core.parameter_files import read_parameter_files
+from rf_pointing.core.parameters import read_parameter_files
 from rf_pointing.nodes.pacing import PacedStream, Pacer
 from rf_pointing.nodes.qos import STREAM
 from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds

@@ -9,7 +9,7 @@ import pytest
 
 from rf_pointing.calibration import TERMS, BiasModel
 from rf_pointing.core import MDEG, sky_offset_rad
-from rf_pointing.core.parameter_files import read_parameter_files
+from rf_pointing.core.parameters import read_parameter_files
 from rf_pointing.ephemeris import Pass, TopocentricTrack
 from rf_pointing.station.antenna.mount import RENEWAL_S, MountError, MountParams, RateAverage
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.core import MDEG, Boresight, sky_offset_rad
-from rf_pointing.core.parameter_files import read_parameter_files
+from rf_pointing.core.parameters import read_parameter_files
 from rf_pointing.ephemeris import Pass, TopocentricTrack
 from rf_pointing.rf import (
     HALF_POWER_BEAMWIDTH_RAD,
