@@ -1,4 +1,4 @@
-"""The nodes that a station keeps when its own antenna and receiver drivers take the place of the simulated ones.
+"""The nodes that a station with drivers of its own for antenna and receiver keeps.
 
     ros2 launch rf_pointing single_antenna.launch.py namespace:=gs1 params_file:=/path/to/station.yaml
 

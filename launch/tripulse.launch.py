@@ -1,4 +1,4 @@
-"""Tripulse: the simulated satellite, a receiver in the namespace of each of its two stations, and the attitude.
+"""Tripulse: the simulated satellite, a receiver in the namespace of each station, and the attitude.
 
 ros2 launch rf_pointing tripulse.launch.py namespace:=tripulse
 """

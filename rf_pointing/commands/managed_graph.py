@@ -1,7 +1,7 @@
-"""The managed nodes of one namespace, each a process of its own: start them, take them through their lifecycle, end them.
+"""The managed nodes of one namespace, each a process of its own, from start to end.
 
-The executables are those that `ros2 run` starts; each writes its own log.  If this process dies, the
-kernel ends its children.
+The executables are those that `ros2 run` starts; each writes its own log.  If this process dies,
+the kernel ends its children.
 """
 
 import ctypes
@@ -31,11 +31,11 @@ NICENESS = 10
 """Of nodes in the background, so that those on time go first."""
 _PR_SET_PDEATHSIG = 1
 _ENDINGS = ((signal.SIGINT, 4.0), (signal.SIGTERM, 2.0), (signal.SIGKILL, 2.0))
-"""Signals that end a process, one after the other, each with the wall time in s that it may take."""
+"""Signals that end a process, in this order, each with the wall time in s that it may take."""
 
 
 class NodeProcesses:
-    """The running executables of one namespace; if some must be `on_time`, the others run in the background."""
+    """The running executables of one namespace; those not `on_time` get a lower priority."""
 
     def __init__(
         self, namespace: str, parameter_files: Sequence[Path], log_folder: Path, on_time: Sequence[str] = ()
@@ -76,7 +76,8 @@ class NodeProcesses:
         return {name: code for name, process in self._running.items() if (code := process.poll()) is not None}
 
     def nameless(self, names: Sequence[str]) -> list[str]:
-        """Return the nodes whose process does not hold its name yet: it still starts, or another graph has the name."""
+        """Return the nodes whose process does not hold its name yet."""
+        # A process that still starts, or whose name another graph has.
         return [name for name in names if last_holder(f"{self.namespace}/{name}") != self._running[name].pid]
 
     def complaint(self, name: str) -> str:
@@ -106,13 +107,14 @@ class NodeProcesses:
 
 def _environment() -> dict[str, str]:
     """Return the environment of the nodes."""
-    # UDP instead of shared memory: as fast for messages this small, and a killed node leaves no port
-    # for which a restarted one would wait.  One thread: the matrices are small.
+    # UDP instead of shared memory: as fast for messages this small, and a killed node leaves no
+    # port for which a restarted one would wait.  One thread: the matrices are small.
     return {"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4", "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"} | os.environ
 
 
 def _bind_to_parent() -> None:
-    # A group of its own: Ctrl-C in a terminal reaches this process only, which ends the nodes in order.
+    # A group of its own: Ctrl-C in a terminal reaches only this process, which ends the nodes
+    # in order.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     os.setpgid(0, 0)
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
@@ -173,7 +175,8 @@ class NotStartedError(Exception):
 class ManagedGraph:
     """The nodes of `namespace`, with `parameter_files`; those `on_time` have priority.
 
-    `spin(timeout_s)` must run the executor of `node` once; `patience_s` is wall time to wait for any answer.
+    `spin(timeout_s)` must run the executor of `node` once; `patience_s` is how long to wait for an
+    answer, in wall time.
     """
 
     def __init__(

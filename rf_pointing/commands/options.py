@@ -54,7 +54,7 @@ def _namespace(text: str) -> str:
 
 
 def add_target_options(parser: argparse.ArgumentParser) -> None:
-    """Add --elements, --interpolation, --satellite, --station, --start and --mask to a command line."""
+    """Add the options of satellite, station, start and mask to a command line."""
     parser.add_argument("--elements", metavar="FILE", default="", help="elements (default: verification set of sgp4)")
     parser.add_argument("--interpolation", nargs=2, metavar=("METHOD", "DEGREE"), default=("", "7"), help="HERMITE, LAGRANGE "
                         "or LINEAR, for an OEM that declares none")  # fmt: skip

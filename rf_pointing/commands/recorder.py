@@ -20,7 +20,7 @@ QUEUE = 2000
 
 
 class Recorder:
-    """Subscribes to all `topics` of `namespace` and writes their messages with the wall time of arrival."""
+    """Subscribes to all `topics` of `namespace` and writes their messages with the wall time."""
 
     def __init__(
         self,

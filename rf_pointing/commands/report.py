@@ -1,4 +1,6 @@
-"""Executable `report BAG [--output DIR]`: report and summary of any recorded pass, ours or `ros2 bag record -a`.
+"""Executable `report BAG [--output DIR]`: the report of any recorded pass.
+
+The bag is one of ours, or of `ros2 bag record -a`.
 
 Other packages add pages through the entry point group `rf_pointing.reports`: a function of bag and
 folder that writes its page and returns the path, or None if the bag has no data for it.

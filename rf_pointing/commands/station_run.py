@@ -1,4 +1,4 @@
-"""One run of the simulated station on the live graph: its nodes, its recording, and an orderly end."""
+"""One run of the simulated station on the live graph: nodes, recording, and an orderly end."""
 
 import argparse
 import signal
@@ -26,7 +26,8 @@ SETTLE_S = 0.2
 LOOK_PERIOD_S = 0.2
 """Time between two checks that every node still runs."""
 PUNCTUAL = ("simulation_clock", "antenna_servo")
-"""In real time these have priority: all nodes wake at once every 0.1 s, and only the servo's 50 Hz cannot wait."""
+"""These have priority in real time."""
+# All nodes wake at once every 0.1 s; only the servo's 50 Hz cannot wait some milliseconds.
 CLOCK, OTHERS = NODES[:1], NODES[1:]
 
 
@@ -57,7 +58,7 @@ class StationRun:
         print(f"{self._program}: {text}", file=sys.stderr)
 
     def spin(self, timeout_s: float) -> None:
-        """Handle one event, or wait for one; InterruptedRunError if the user stops the run before time runs."""
+        """Handle one event, or wait for one; InterruptedRunError if stopped before time runs."""
         if self._stopping and not self._begun:
             raise InterruptedRunError
         self._executor.spin_once(timeout_sec=timeout_s)
@@ -72,7 +73,7 @@ class StationRun:
         self._stopping = True
 
     def bring_up(self, *actions: ActionClient) -> None:
-        """Start and activate every node while time is held, until `actions` are offered and every topic is recorded."""
+        """Start and activate all nodes while time is held, until all topics and `actions` match."""
         began_s = time.monotonic()
         self.graph.start(NODES)
         # The clock first: while the others start, its held time reaches them.
@@ -95,7 +96,7 @@ class StationRun:
         self.graph.change(CLOCK, "deactivate")
 
     def send(self, client: ActionClient, goal: Any, owner: str, feedback: Callable[[Any], None] | None = None) -> Any:
-        """Send a goal and return its handle; NotStartedError with the reason if its `owner` refuses it."""
+        """Send a goal and return its handle; NotStartedError with the reason if it is refused."""
         future = client.send_goal_async(goal, feedback_callback=feedback)
         self.graph.wait_until(future.done, f"an answer of {owner}")
         if not future.result().accepted:
@@ -132,7 +133,7 @@ RunType = TypeVar("RunType", bound=StationRun)
 def run_to_end(program: str, make: Callable[[], RunType], work: Callable[[RunType], int]) -> int:
     """Do `work` with the run that `make` returns and end the run, whatever happens.
 
-    Return the exit code: that of `work`, 1 for a run that was interrupted, 2 for one that did not start.
+    Return the exit code: that of `work`, 1 for an interrupted run, 2 for one that did not start.
     """
     rclpy.init(signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
     try:

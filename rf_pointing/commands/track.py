@@ -1,6 +1,6 @@
 """Executable `track`: bring up a simulated antenna, track one pass, record it and report on it.
 
-Every node runs as a process of its own.  While the pass lasts, one line shows what the antenna does:
+Every node runs as a process of its own.  During the pass one line shows what the antenna does:
 redrawn in place on a terminal, or repeated every ten seconds in a log.
 Exit code 0: the pass was tracked; 1: it was not; 2: it could not be started.
 """
@@ -49,7 +49,7 @@ class ProgressLine:
         self._next_s = 0.0
 
     def show(self, feedback: TrackPass.Feedback) -> None:
-        """Draw the line, at most five times a second on a terminal and every ten seconds otherwise."""
+        """Draw the line, five times a second on a terminal, every ten seconds otherwise."""
         if time.monotonic() < self._next_s:
             return
         self._next_s = time.monotonic() + (0.2 if self._live else 10.0)

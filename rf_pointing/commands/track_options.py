@@ -1,4 +1,4 @@
-"""The command line of `track`, and what follows from it: a pass, the parameters of the nodes, the folder of the run."""
+"""The command line of `track`, and the pass, parameters and folders that follow from it."""
 
 import argparse
 import math
@@ -47,7 +47,7 @@ LONGEST_TURN_S = 32.0
 """Longest period of a chosen scan: over two periods the error must stay the same."""
 SCAN_CHOICES = ("radius_deg", "period_s", "window_samples", "fewest_samples", "bandwidth_hz")
 SLEW_TIME_S = 150.0
-"""Simulated time before acquisition: the largest slew at 1.8 deg/s, and most of a minute to settle."""
+"""Simulated time before acquisition: the largest slew at 1.8 deg/s, and time to settle."""
 
 
 def arguments(argv: list[str] | None = None) -> argparse.Namespace:
@@ -110,7 +110,7 @@ def _horizon(options: argparse.Namespace) -> HorizonMask:
 
 
 def _horizon_of_servo(options: argparse.Namespace) -> dict[str, Any]:
-    """Return the controller's mask as parameters of the servo, none if the servo has a mask of its own."""
+    """Return the controller's mask as that of the servo, unless the servo has its own."""
     # The servo holds the mask against every commander, not only against our controller.
     if any(name.startswith("safety.mask.") for name in _given(options, "antenna_servo").values):
         return {}
@@ -119,7 +119,7 @@ def _horizon_of_servo(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def chosen_scan(options: argparse.Namespace, window: Pass) -> ConscanParams | None:
-    """Return the scan for the requested accuracy at the weakest carrier of the pass, None if none is requested."""
+    """Return the scan for the requested accuracy at the weakest carrier, None without one."""
     if options.scan_sigma is None:
         return None
     if not 0.0 < options.scan_sigma < math.inf:
@@ -153,7 +153,7 @@ def in_real_time(speed: str) -> bool:
 
 
 def overrides(options: argparse.Namespace, window: Pass, output: Path) -> dict[str, Any]:
-    """Return the nodes' parameters that follow from the command line; files they need are written to `output`."""
+    """Return the nodes' parameters from the command line; their files go to `output`."""
     source = {
         "source.satellite": options.satellite,
         "source.station": options.station,
@@ -210,7 +210,7 @@ def notes(options: argparse.Namespace) -> dict[str, str]:
 
 
 def parameter_files(options: argparse.Namespace, sections: Mapping[str, Any], output: Path) -> list[Path]:
-    """Return the parameter files of a run, a later one overrides an earlier; `sections` are written to `output`."""
+    """Return the parameter files of a run; `sections`, in `output`, come last and override."""
     share = Path(get_package_share_directory("rf_pointing")) / "config"
     written = output / "run.yaml"
     written.write_text(yaml.safe_dump(sections, sort_keys=False))
@@ -228,7 +228,7 @@ def run_stem(options: argparse.Namespace, window: Pass) -> str:
 
 
 def output_folder(options: argparse.Namespace, stem: str) -> Path:
-    """Return the folder of a run, by default a new one with the name `stem` and a number; ValueError if it has a bag."""
+    """Return the folder of a run, by default a new one; ValueError if it has a bag."""
     if options.record and Path(options.record).exists():
         raise ValueError(f"record={options.record} exists already")
     if options.output:

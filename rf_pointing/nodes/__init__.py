@@ -1,1 +1,1 @@
-"""The ROS 2 graph: one module per executable, and the few things they share.  The only code that imports rclpy."""
+"""The ROS 2 graph: one module per executable, and what they share."""

@@ -1,7 +1,7 @@
-"""Messages from and to the core's signals, as pairs; nothing else makes or reads a message's fields.
+"""Messages from and to the core's signals, as pairs; no other module makes or reads a message.
 
-Wire data is not trusted: what is not finite, of the wrong length or of an unknown joint raises ValueError in the signal's
-own words.
+Wire data is not trusted: a number that is not finite, an array of the wrong length or an unknown
+joint raises the ValueError of the signal.
 """
 
 import numpy as np
@@ -240,7 +240,7 @@ def tracking_status_to_message(status: TrackingStatus) -> ours.TrackingStatus:
 def scan_centre_from_message(
     message: ours.TrackingStatus,
 ) -> tuple[float, NDArray[np.float64], NDArray[np.float64], str, str]:
-    """Return time, scan centre (2,), its offset from the prediction (2,), mode and sensor: what a scanning tracker needs."""
+    """Return time, scan centre (2,), its offset from the prediction (2,), mode and sensor."""
     offset = np.array([message.cross_elevation_offset, message.elevation_offset])
     centre = np.array(message.scan_centre)
     if not (np.all(np.isfinite(offset)) and np.all(np.isfinite(centre))):

@@ -1,4 +1,4 @@
-"""The graph of one antenna: its nodes, what each publishes, and which topics simulation time waits for.
+"""The graph of one antenna: its nodes, their topics, and the topics that time waits for.
 
 `GRAPH` is the one table of nodes and topics.  The launch files, the recorder, the simulation clock,
 the picture of the graph and the table of topics in the documentation are made from it.
@@ -43,7 +43,7 @@ class Topic:
 
 @dataclass(frozen=True)
 class GraphNode:
-    """One executable and the topics it publishes; a station replaces the `simulated` ones by its own drivers."""
+    """One executable and its topics; a station replaces the `simulated` ones by its own drivers."""
 
     name: str
     topics: tuple[Topic, ...]
@@ -66,9 +66,9 @@ _POINTING_ERROR = Topic(
 )
 _TARGET_MEANING = "direction, rates, range, Doppler, light time, refraction, covariance"
 
-# Of each node the clock waits for the topic that the node publishes last in a period.  What the node
-# published before (the command, the samples) has then reached its receivers, and the tick cannot
-# overtake it: with a topic published earlier it did, once in some minutes on a busy machine.
+# Of each node the clock waits for the topic that the node publishes last in a period.  What the
+# node published before (the command, the samples) has then reached its receivers, and the tick
+# cannot overtake it: with a topic published earlier it did, once in some minutes on a busy machine.
 GRAPH = (
     GraphNode("simulation_clock", (Topic("clock", Clock, STREAM, "50 Hz (10 Hz above 3×)"),), simulated=True),
     GraphNode(
@@ -111,7 +111,8 @@ GRAPH = (
         ),
     ),
 )  # fmt: skip
-"""The nodes in the order of their start; the clock first, so that its held time reaches each of the others."""
+"""The nodes in the order of their start."""
+# The clock first: its held time reaches each of the others while they start.
 
 
 def _topics() -> tuple[Topic, ...]:

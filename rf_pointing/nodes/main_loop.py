@@ -1,7 +1,7 @@
 """The process of a node: its arguments, its name, its executor, and a loop that ends under control.
 
-Every executable of a managed node is `run(NodeType)`.  A second node of the same name, namespace and
-ROS domain on a machine is refused: two controllers would fight over one antenna.
+Every executable of a managed node is `run(NodeType)`.  A second node of the same name, namespace
+and ROS domain on a machine is refused: two controllers would fight over one antenna.
 """
 
 import fcntl
@@ -28,9 +28,9 @@ _IN_THE_SOURCE = re.compile(r"\s*, at \S+\.c(pp)?:\d+")
 
 
 def make_executor(context: Any = None) -> Any:
-    """Return the executor that costs least: `EventsExecutor` where this rclpy has it, else the single-threaded one.
+    """Return the executor that costs least.
 
-    Call `spin_once` in a loop: in rclpy 7.1 `EventsExecutor.spin` burns a core without running a callback.
+    Call `spin_once` in a loop: `EventsExecutor.spin` of rclpy 7.1 burns a core without a callback.
     """
     # Six nodes at 100 Hz cost 10 % of a core with events and 67 % without.
     try:
@@ -41,7 +41,8 @@ def make_executor(context: Any = None) -> Any:
 
 
 def settle_garbage() -> None:
-    """Exempt what was imported from garbage collection: each round would search it again in vain."""
+    """Exempt what was imported from garbage collection."""
+    # Each round would search it again in vain.
     gc.collect()
     gc.freeze()
 
@@ -49,12 +50,12 @@ def settle_garbage() -> None:
 def run(node_type: Callable[[], Any]) -> None:
     """Run one node until SIGINT or SIGTERM; an active node is deactivated before it ends.
 
-    A start that fails prints one line and exits with 2; `--help` prints the docstring of the node's module.
+    A start that fails prints one line and exits with 2; `--help` prints the module's docstring.
     """
     signals: list[int] = []
     try:
         _take_arguments(str(sys.modules[node_type.__module__].__doc__))
-        # The handlers of rclpy would shut the context down before the motion has ended under control.
+        # The handlers of rclpy would shut the context down before the motion has ended.
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         for sign in (signal.SIGINT, signal.SIGTERM):
             signal.signal(sign, lambda number, _frame: signals.append(number))
@@ -76,7 +77,7 @@ def run(node_type: Callable[[], Any]) -> None:
 
 
 def _take_arguments(description: str) -> None:
-    """Print the help and exit if it is requested; ValueError for an argument that is not one of ROS."""
+    """Print the help and exit if requested; ValueError for an argument that is not one of ROS."""
     given = remove_ros_args(sys.argv)[1:]
     if {"-h", "--help"} & set(given):
         print(f"{description}\n{_USAGE}")
@@ -88,8 +89,8 @@ def _take_arguments(description: str) -> None:
 class InstanceLock:
     """Holds the name `full_name` (for example /gs1/antenna_servo) in the present ROS domain."""
 
-    # A lock of the kernel, which goes with the process however that ends.  The ROS graph would still
-    # show a node that was killed 15 s ago.
+    # A lock of the kernel, which goes with the process however that ends.  The ROS graph would
+    # still show a node that was killed 15 s ago.
 
     def __init__(self, full_name: str) -> None:
         self.path = _path(full_name)

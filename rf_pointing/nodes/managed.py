@@ -1,4 +1,4 @@
-"""What every node of the graph shares: lifecycle, parameters, diagnostics, periodic work, one instance per name.
+"""What every node of the graph shares: lifecycle, parameters, diagnostics, periodic work.
 
 A subclass declares its parameter sets in `__init__`, builds its core and its topics in `configure`,
 and starts its timers in `activate`.  Activation never moves an antenna.  If a parameter or a
@@ -40,8 +40,8 @@ class Schedule:
     `longest_gap_s` starts a new grid.
     """
 
-    # A timer may fire late, or twice at one time when the clock moves in steps.  Whole multiples let
-    # two nodes of one period work at the same time.
+    # A timer may fire late, or twice at one time when the clock moves in steps.  Whole multiples
+    # let two nodes of one period work at the same time.
 
     def __init__(self, start_s: float, period_s: float, longest_gap_s: float = 0.5) -> None:
         self._period_s = period_s
@@ -50,7 +50,7 @@ class Schedule:
         self.jumped_s = 0.0
 
     def due(self, now_s: float) -> list[float]:
-        """Return the instants up to `now_s` that have not been returned yet; `jumped_s` is not 0 at a new grid."""
+        """Return the instants until `now_s` not returned yet; `jumped_s` is not 0 at a new grid."""
         self.jumped_s = 0.0
         late_s = now_s - self._next_s
         if abs(late_s) > self._longest_gap_s:
@@ -71,7 +71,7 @@ class Schedule:
 
 
 class ManagedNode(LifecycleNode):
-    """A lifecycle node with parameter sets, diagnostics and timers that run only while it is active."""
+    """A lifecycle node with parameter sets, diagnostics, and timers that run while it is active."""
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
@@ -113,7 +113,7 @@ class ManagedNode(LifecycleNode):
         return self.knows_time()
 
     def every(self, period_s: float, callback: Callable[[float], None]) -> Schedule:
-        """Call `callback(t_s)` for every instant of a grid of node time until deactivation; return the grid."""
+        """Call `callback(t_s)` at every instant of a grid of node time until deactivation."""
         schedule = Schedule(self.now_s(), period_s)
 
         def fire() -> None:
@@ -130,14 +130,14 @@ class ManagedNode(LifecycleNode):
         return latest
 
     def turn(self) -> float:
-        """Do what is due between two events; return how many seconds to wait at most for the next event."""
+        """Do what is due between two events; return the longest wait in s for the next event."""
         # A signal is noticed between two events, so the wait bounds the time to react to it.
         return 0.2
 
     def bring_up(self) -> None:
         """Take the steps of `lifecycle.autostart` that are possible now; each is tried once."""
         # A manager's requests can go to a killed node alone for as long as its services stay in the
-        # graph (20 s), and the others wait for discovery: a node that acts itself is back within 3 s.
+        # graph (20 s), and its discovery takes time: a node that acts itself is back within 3 s.
         if not self.brings_itself_up:
             return
         if self._state_name == "unconfigured":
@@ -158,7 +158,7 @@ class ManagedNode(LifecycleNode):
     def listen(
         self, message_type: Any, topic: str, callback: Callable[[Any], None], qos: Any, *, raw: bool = False
     ) -> None:
-        """Subscribe until cleanup; gaps of a numbered stream and messages refused by ValueError show on /diagnostics."""
+        """Subscribe until cleanup; lost messages, and those refused by ValueError, are counted."""
         if not raw and hasattr(message_type, "sequence"):
             callback = self.inputs.watching(topic, callback)
         guarded = self._guarded(topic, callback)
@@ -235,7 +235,7 @@ class ManagedNode(LifecycleNode):
         return super().on_shutdown(state)
 
     def _refusing_the_impossible(self, change_state: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
-        """Return the service's callback, with a transition refused that the present state does not have."""
+        """Return the service's callback, which refuses a transition that the state lacks."""
 
         def change(request: Any, response: Any) -> Any:
             # A second activation, for example, raises in rclpy, which would end the process.
@@ -272,13 +272,14 @@ class ManagedNode(LifecycleNode):
 
 
 RESULT_TIMEOUT_S = 1e8
-"""How long an action server keeps the result of a goal, in node time: as good as forever, at 1 kB each."""
+"""How long an action server keeps the result of a goal, in node time: as good as forever."""
 # When results expire (by default after 900 s), the events executor can lose the event of a timer on
-# simulated time.  Time then waits in vain for that timer's work, and the antenna runs out of commands.
+# simulated time.  Time then waits in vain for that timer's work, and the antenna runs out of
+# commands.  A kept result takes 1 kB.
 
 
 def conclude(goal: Any, result: Any) -> Any:
-    """End `goal` as canceled if that was requested, else by the `success` of its `result`; return the result."""
+    """End `goal` as canceled if that was requested, else by the `success` of its `result`."""
     if goal.is_cancel_requested:
         goal.canceled()
     elif result.success:

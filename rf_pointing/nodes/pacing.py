@@ -1,4 +1,4 @@
-"""When simulation time may advance: not before the wall clock does, and never far ahead of the graph.
+"""When simulation time may advance: never ahead of the wall clock, never far ahead of the graph.
 
 Each paced stream states by how much its newest stamp may lag the next tick.  A stream that stays
 silent for longer than the patience is no longer waited for until its next message; nor is a stream
@@ -16,7 +16,7 @@ LARGEST_SPACING_S = 0.25
 
 @dataclass
 class PacedStream:
-    """Newest stamp of one stream, and by how much it may lag the next tick (negative: it must be ahead).
+    """Newest stamp of one stream, and by how much it may lag the next tick (below 0: lead it).
 
     Messages further apart than `spacing_s` make it a sparse stream, for which time does not wait.
     """
@@ -59,9 +59,9 @@ class Pacer:
     def begin(self, wall_s: float) -> None:
         """Let time run from `wall_s` on."""
         for stream in self.streams.values():
-            # A node that follows the clock publishes nothing before its first period is over, so its
-            # stream counts as received now; one that is published ahead of time counts from its
-            # first message.
+            # A node that follows the clock publishes nothing before its first period is over, so
+            # its stream counts as received now; one that is published ahead of time counts from
+            # its first message.
             if stream.newest_s is None and stream.allowed_lag_s > 0.0:
                 stream.newest_s = self.now_s
             elif stream.newest_s is None:

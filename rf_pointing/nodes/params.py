@@ -1,8 +1,8 @@
-"""ROS parameters that mirror the core's parameter sets: description, unit and range on each, set atomically.
+"""ROS parameters that mirror the core's parameter sets: description, unit and range on each.
 
 A set of the core in radians appears under its prefix in degrees: `limits.rate_rad_s` is the
 parameter `limits.rate_deg_s`.  A change is tried on a copy of the whole set first; a refused key
-leaves every set as it was.  What a node reads only when it is configured can be changed only before.
+leaves every set as it was.  What a node reads only when it is configured can change only before.
 """
 
 import dataclasses
@@ -70,11 +70,11 @@ class ParameterGroups:
         return dict(self._groups)
 
     def is_live(self, name: str) -> bool:
-        """Return whether the parameter of this full name may change while the node is configured."""
+        """Return whether the parameter of this name may change while the node is configured."""
         return name in self._live
 
     def put(self, prefix: str, wanted: Params) -> None:
-        """Set the parameters of the set under `prefix` to those of `wanted`, which the node has in force already."""
+        """Set the parameters under `prefix` to those of `wanted`, which the node uses already."""
         present, configured = leaves(self._groups[prefix]), self.configured
         changed = {edge: value for edge, (_, value) in leaves(wanted).items() if value != present[edge][1]}
         self.configured = False
@@ -93,12 +93,12 @@ class ParameterGroups:
         self._listeners.append(listener)
 
     def check_with(self, check: Callable[[Mapping[str, Any]], None]) -> None:
-        """Call `check(sets by prefix)` before every change; its ValueError refuses the change with its message."""
+        """Call `check(sets by prefix)` before every change, which its ValueError refuses."""
         self._checks.append(check)
 
     def refuse_unknown(self) -> None:
         """Note every key that was given to this node and that it does not declare."""
-        # rclpy has no public way to read the overrides; without this a misspelt key is ignored silently.
+        # rclpy has no public way to read the overrides; without this a misspelt key is ignored.
         given = getattr(self._node, "_parameter_overrides", {})
         for name in given:
             reason = f"{name}: no such parameter of {self._node.get_name()}"
@@ -152,7 +152,7 @@ class ParameterGroups:
         return SetParametersResult(successful=True)
 
     def _refuse_late(self, changes: list[Parameter]) -> None:
-        """Raise ValueError for a change of what the configured node has read and will not read again."""
+        """Raise ValueError for a change of what the configured node will not read again."""
         for change in changes if self.configured else ():
             if change.name in self._owner and change.name not in self._live:
                 present = self._node.get_parameter(change.name).value

@@ -14,7 +14,7 @@ STATUS = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
-"""Status that others wait for: the first messages are kept for a subscriber that is matched late."""
+"""Status that others wait for: the first messages are kept for a late subscriber."""
 
 SAMPLES = QoSProfile(
     depth=100,
@@ -22,7 +22,7 @@ SAMPLES = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
-"""Samples that are used together, so that none may be missing: two seconds, kept for a late subscriber."""
+"""Samples that are used together, so none may be missing: two seconds, kept for late ones."""
 
 EXPERIMENT = QoSProfile(depth=1000, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.RELIABLE)
 """Samples of an experiment, which fails without any one of them: twenty seconds."""
@@ -39,7 +39,7 @@ COMMAND = QoSProfile(
 """What moves an antenna: only the newest counts, and an old one is worse than none."""
 
 COMMAND_INPUT = QoSProfile(depth=10, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.RELIABLE)
-"""The same for our driver: commands carry their times, so one that waited in the queue is still useful."""
+"""The same for our driver: commands carry their times, so one that waited is still useful."""
 
 LATCHED = QoSProfile(
     depth=1,

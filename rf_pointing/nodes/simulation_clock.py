@@ -1,4 +1,4 @@
-"""Executable `simulation_clock`: simulation time of one antenna, at a given speed or as fast as the graph follows.
+"""Executable `simulation_clock`: simulation time of one antenna, at a given or at full speed.
 
 While inactive it holds time at the start; while active, time runs.  So every node can be brought up
 before the first tick, and a run does not depend on how long that took.
@@ -35,7 +35,8 @@ __all__ = ["ClockMemory"]
 HELD_PERIOD_S = 0.1
 """Wall time between two repetitions of the time while it is held."""
 LISTEN_S = 1.5
-"""A clock that brings itself up waits so long for the time of a running graph: a node reports it once a second."""
+"""How long a clock that brings itself up waits for the time of a running graph."""
+# Every node reports its time once a second.
 LONGEST_LISTEN_S = 5.0
 """The same while other nodes are seen, of which none has reported its time yet."""
 SETTLE_S = 0.2
@@ -55,10 +56,10 @@ class ClockParams(Params):
 
 
 class ClockMemory:
-    """The newest time of one clock, in a file next to the instance lock, so that a killed clock continues from it.
+    """The newest time of one clock, in a file next to the instance lock.
 
-    `start_s` is where the clock's time begins, `wall_s` a steady clock of the machine.  A clock that
-    ends in order leaves no file.
+    A killed clock continues from it; `start_s` is where the clock's time begins, `wall_s` a steady
+    clock of the machine.  A clock that ends in order leaves no file.
     """
 
     def __init__(self, path: Path, start_s: float) -> None:
@@ -66,7 +67,7 @@ class ClockMemory:
         self._file: int | None = None
 
     def recover(self, wall_s: float) -> float | None:
-        """Return where a clock with the same start was killed less than `RESUME_S` ago, None if there is none."""
+        """Return where a clock of the same start was killed at most `RESUME_S` ago, else None."""
         try:
             start_s, kept_wall_s, t_s = _RECORD.unpack(self._path.read_bytes())
         except (OSError, struct.error):
@@ -125,7 +126,7 @@ class SimulationClock(ManagedNode):
         return stream
 
     def ready(self) -> bool:
-        """Return whether the time of a running graph is known: a new start would set its time back."""
+        """Return whether the time of a running graph is known: a new start would set it back."""
         wall_s = time.perf_counter()
         if self._resumed or wall_s - self._reported_wall_s >= SETTLE_S:
             return True
@@ -147,7 +148,8 @@ class SimulationClock(ManagedNode):
             self._memory.forget()
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        """Continue from the newest time of the graph: an older one would be a jump back for all of its nodes."""
+        """Continue from the newest time of the graph."""
+        # An older one would be a jump back for all of its nodes.
         whose = message.status[0].hardware_id if message.status else ""
         mine = whose.startswith(self.get_namespace().rstrip("/") + "/") and whose != self.get_fully_qualified_name()
         if not mine or self._pacer.ticks > 0:
@@ -172,13 +174,15 @@ class SimulationClock(ManagedNode):
         return 0.0
 
     def _hold(self, wall_s: float) -> float:
-        """Hold time, silently while the time of a running graph is not known: a first message could be a jump back."""
+        """Hold time, silently while the time of a running graph is not known."""
+        # A first message could be a jump back.
         if not self.brings_itself_up:
             self._repeat(wall_s)
         return HELD_PERIOD_S
 
     def _repeat(self, wall_s: float) -> None:
-        """Repeat the time for nodes that start late: one that missed it would keep the clock waiting for its work."""
+        """Repeat the time for nodes that start late."""
+        # One that missed it would keep the clock waiting for its work.
         if wall_s - self._published_wall_s >= HELD_PERIOD_S:
             self._publish(self._pacer.now_s)
 

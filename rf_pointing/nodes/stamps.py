@@ -17,7 +17,7 @@ def seconds_from_stamp(stamp: Time) -> float:
 
 
 def seconds_from_raw(raw: bytes) -> float:
-    """Return the stamp of a serialised message that begins with its header, without decoding the rest."""
+    """Return the stamp of a serialised message that begins with its header, undecoded."""
     # CDR: 4 bytes of encapsulation, then the header's stamp.
     seconds, nanoseconds = struct.unpack_from("<iI", raw, 4)
     return float(seconds + nanoseconds * 1e-9)

@@ -29,7 +29,7 @@ def _source(message: Any) -> str:
 
 
 class SequencedPublisher:
-    """Numbers every message of a stream, for each sensor separately, so that a recording shows what was lost."""
+    """Numbers every message of a stream, for each sensor separately: a recording shows losses."""
 
     def __init__(self, publisher: Publisher) -> None:
         self._publisher = publisher
@@ -44,7 +44,7 @@ class SequencedPublisher:
 
 
 class InputCounter:
-    """Counts what was lost of the streams a node subscribes to, by gaps in their numbers, and what was refused."""
+    """Counts lost messages of a node's inputs, by gaps in their numbers, and refused ones."""
 
     def __init__(self) -> None:
         self._newest: dict[tuple[str, str], int] = {}
@@ -53,7 +53,7 @@ class InputCounter:
         self.last_refusal = ""
 
     def watching(self, topic: str, callback: Callable[[Any], None]) -> Callable[[Any], None]:
-        """Return `callback` with the count before it; a publisher that starts again at 1 is not a loss."""
+        """Return `callback` with the count before it; a publisher that restarts is no loss."""
         self.lost[topic] = 0
 
         def counted(message: Any) -> None:
@@ -94,7 +94,7 @@ class Latest:
         self._raw.append(raw)
 
     def take(self, until_s: float = math.inf) -> Any | None:
-        """Return the converted newest message up to the stamp `until_s`, None if there is none since the last call.
+        """Return the converted newest message up to the stamp `until_s`, None without a new one.
 
         Later messages are kept.  ValueError if the message cannot be used.
         """
@@ -105,7 +105,7 @@ class Latest:
 
 
 class InputOutcomes:
-    """Counts messages while it is open; the last rejection stays visible, the level follows the newest message."""
+    """Counts messages while it is open; the level follows the newest message."""
 
     def __init__(self) -> None:
         self.open = False
@@ -114,7 +114,7 @@ class InputOutcomes:
         self._last_rejection = ""
 
     def take(self, work: Callable[[], str]) -> None:
-        """Do `work` for one message; it returns why its result is not valid ("" if it is) and raises to reject."""
+        """Do `work` for one message: it returns why its result is invalid, or raises to reject."""
         if not self.open:
             return
         try:

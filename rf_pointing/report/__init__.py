@@ -1,4 +1,4 @@
-"""Recordings and reports: write a rosbag2 bag, read any, and make tables and pictures of one pass from it."""
+"""Recordings and reports: write a bag, read any, and make tables and pictures of one pass."""
 
 from rf_pointing.report.bag_writer import BagResult, BagWriter, TopicLoss
 from rf_pointing.report.definitions import Definitions, definitions, offered_qos, qos_from_profile

@@ -1,4 +1,4 @@
-"""What is derived from a recording once: modes, errors, the tracked pass, and when the beam was acquired.
+"""What is derived from a recording once: modes, errors, the tracked pass, and the acquisition.
 
     error = target - beam
     alone = error + offset                                          (program track alone)
@@ -65,6 +65,7 @@ class Timeline:
 
     def mode_at(self, stamp_ns: Ints) -> NDArray[np.str_]:
         """Return the mode at each stamp, "" before the first status."""
+        # Before the first status nothing is known, not the mode of that status.
         modes = self._held("mode", stamp_ns)
         return np.where(stamp_ns < self.stamp_ns[0], "", modes)
 
@@ -74,16 +75,17 @@ class Timeline:
         return np.where(width > 0.0, width, np.nan)
 
     def offset_rad_at(self, stamp_ns: Ints) -> Floats:
-        """Return the tracking offset (n, 2) in cross-elevation and elevation, interpolated between statuses."""
-        # Stamps differ from the first one by seconds: subtracting first keeps nanoseconds in a float.
+        """Return the interpolated tracking offset (n, 2) in cross-elevation and elevation."""
+        # Stamps differ from the first one by seconds: the difference keeps nanoseconds in a float.
         at, known = ((s - self.stamp_ns[0]) * 1e-9 for s in (stamp_ns, self.stamp_ns))
         names = ("cross_elevation_offset", "elevation_offset")
         return np.stack([np.interp(at, known, self.columns[name]) for name in names], axis=-1)
 
     def intervals(self) -> list[Interval]:
-        """Return the stretches of equal mode in order; the last status holds for one usual period."""
+        """Return the stretches of equal mode in order; the last status holds for a usual period."""
         mode = self.columns["mode"]
         starts = np.flatnonzero(np.concatenate([[True], mode[1:] != mode[:-1]]))
+        # The median: the controller may have paused.
         period = int(np.median(np.diff(self.stamp_ns))) if len(self.stamp_ns) > 1 else 0
         edges = [*(int(self.stamp_ns[i]) for i in starts), int(self.stamp_ns[-1]) + period]
         reasons = self.columns["reason"]
@@ -106,16 +108,17 @@ def timeline(recording: Recording) -> Timeline | None:
     status = recording.get("tracking_status")
     if status is None or status.stamp_ns is None:
         return None
+    # A controller that was restarted may have stamped a period twice.
     stamps, index = np.unique(status.stamp_ns, return_index=True)
     return Timeline(stamps, {name: values[index] for name, values in status.columns.items()})
 
 
 @dataclass(frozen=True)
 class ErrorSeries:
-    """Samples of the error in order of stamp; `error_rad` and `alone_rad` are (n, 2), the rest (n,).
+    """Samples of the error by stamp; `error_rad` and `alone_rad` are (n, 2), the rest (n,).
 
-    `source` is "true" or "sensed"; `alone_rad` is NaN outside the tracking modes, `loss_db` where no beam is known or
-    the beam is not meant to be on the target; `dropped` counts the samples that were not finite.
+    `source` is "true" or "sensed"; `alone_rad` is NaN outside the tracking modes, `loss_db` also
+    where no beam is known; `dropped` counts the samples that were not finite.
     """
 
     source: str
@@ -143,6 +146,7 @@ def error_series(recording: Recording, modes: Timeline | None) -> ErrorSeries | 
         data = recording.get(name)
         if data is None or data.stamp_ns is None or not np.any(data["valid"]):
             continue
+        # By stamp, not by reception: errors of several sensors overtake each other.
         order = np.flatnonzero(data["valid"])
         order = order[np.argsort(data.stamp_ns[order], kind="stable")]
         error = np.stack([data["cross_elevation"], data["elevation"]], axis=-1)[order]
@@ -158,6 +162,7 @@ def _series(source: str, stamp_ns: Ints, error_rad: Floats, modes: Timeline | No
     if modes is not None:
         mode = modes.mode_at(stamp_ns)
         tracking = np.isin(mode, TRACKING_MODES)
+        # Outside the tracking modes the beam is not meant to be on the target: no loss.
         width = np.where(tracking, modes.beamwidth_rad_at(stamp_ns), np.nan)
         alone = np.where(tracking[:, None], error_rad + modes.offset_rad_at(stamp_ns), np.nan)
     return ErrorSeries(source, stamp_ns, error_rad, alone, mode, width, dropped)
@@ -168,6 +173,7 @@ def statistics_of(error_rad: Floats, beamwidth_rad: Floats) -> ErrorStatistics:
     radial = np.hypot(error_rad[:, 0], error_rad[:, 1])
     loss = gaussian_loss_db(radial, beamwidth_rad)
     loss = loss[np.isfinite(loss)]
+    # Without a known beam nothing is inside or outside of it.
     inside = (radial <= 0.5 * beamwidth_rad)[np.isfinite(beamwidth_rad)]
     return ErrorStatistics(
         samples=len(radial),
@@ -199,7 +205,7 @@ _SETTLED_IN_A_ROW = 5
 
 @dataclass(frozen=True)
 class Analysis:
-    """A recording and what was derived from it once; a part is None where the recording does not give it.
+    """A recording and what is derived from it; a part is None if the recording does not give it.
 
     `acquired_ns` is the stamp at which the RF loop had settled.
     """
@@ -235,6 +241,7 @@ def tracked_pass(recording: Recording, modes: Timeline | None) -> Pass | None:
     def overlap_ns(item: Pass) -> int:
         return sum(max(0, min(end, item.los_ns) - max(start, item.aos_ns)) for start, end in spans)
 
+    # Several passes are announced in advance; only one was tracked.
     best = max(recording.passes, key=overlap_ns, default=None)
     return best if best is not None and overlap_ns(best) > 0 else None
 
@@ -242,7 +249,8 @@ def tracked_pass(recording: Recording, modes: Timeline | None) -> Pass | None:
 def _acquisition(recording: Recording, modes: Timeline | None) -> tuple[int | None, Acquisition]:
     """Return the stamp of the first settled sensor error, and the times from AOS.
 
-    Settled: while a sensor closes the loop, the first of five successive valid errors below a tenth of a beamwidth.
+    Settled: while a sensor closes the loop, the first of five successive valid errors below a tenth
+    of a beamwidth.
     """
     sensed = recording.get("pointing_error")
     begin, name = _begin(recording, modes)
@@ -255,6 +263,7 @@ def _acquisition(recording: Recording, modes: Timeline | None) -> tuple[int | No
     limit = _SETTLED_BEAMWIDTHS * modes.beamwidth_rad_at(stamps)
     small = np.hypot(sensed["cross_elevation"], sensed["elevation"])[order] < limit
     small &= np.isin(modes.mode_at(stamps), RF_MODES)
+    # 5 in a window of 5: all of them are small.
     run = np.convolve(small, np.ones(_SETTLED_IN_A_ROW, dtype=np.int64), mode="valid") if len(small) else small
     settled = stamps[np.flatnonzero(run == _SETTLED_IN_A_ROW)[:1]]
     return (int(settled[0]) if len(settled) else None), Acquisition(

@@ -48,6 +48,7 @@ def open_bag(path: Path, stack: ExitStack) -> BagSource:
     if not path.exists():
         raise ValueError(f"path={path} does not exist")
     source = BagSource()
+    # A damaged or missing metadata.yaml costs nothing: the data files have all of it but the notes.
     if path.is_dir() and not _open_directory(path, source, stack):
         for file in _data_files(path):
             _open_file(file, source, stack)
@@ -88,6 +89,7 @@ def _open_file(file: Path, source: BagSource, stack: ExitStack) -> None:
 
 def _open_completed(file: Path, source: BagSource, stack: ExitStack) -> bool:
     folder = stack.enter_context(TemporaryDirectory(prefix="rf_pointing_report_"))
+    # The recording of the user is never changed, not even to repair it.
     copy = Path(shutil.copy(file, folder))
     try:
         tail = complete(copy)

@@ -1,7 +1,7 @@
-"""Record serialized messages into a rosbag2 MCAP bag that `ros2 bag info`, `ros2 bag play` and `rosbags` read.
+"""Record serialized messages into a rosbag2 MCAP bag.
 
-A full disk does not disturb the caller: writing stops, later messages are counted per topic as lost,
-and `close` leaves a bag of everything that reached the disk.
+A full disk does not disturb the caller: writing stops, later messages are counted per topic as
+lost, and `close` leaves a bag of everything that reached the disk.
 """
 
 import json
@@ -88,6 +88,7 @@ class BagWriter:
         self._writer = self._opened()
         self._connections: dict[str, Connection] = {}
         self._late: set[str] = set()
+        # Log times of every message, 8 bytes each: what is lost is known only when the file is cut.
         self._accepted: dict[str, array[int]] = defaultdict(lambda: array("q"))
         self._rejected: dict[str, array[int]] = defaultdict(lambda: array("q"))
         self._problem = ""
@@ -148,6 +149,7 @@ class BagWriter:
         if self._problem:
             self._rejected[topic].append(log_time_ns)
             return
+        # Counted before it is written: a message whose writing fails is in no bag, and is lost.
         self._accepted[topic].append(log_time_ns)
         try:
             self._writer.write(self._connections[topic], log_time_ns, data)
@@ -155,7 +157,7 @@ class BagWriter:
             self._stop(error)
 
     def close(self) -> BagResult:
-        """Finish the bag and return what is in it; may be called again, and never raises for a disk problem."""
+        """Finish the bag and return what is in it; never raises for a disk problem."""
         if self._result is None:
             with suppress(OSError):
                 self._reserve.unlink()
@@ -172,6 +174,7 @@ class BagWriter:
         except OSError:
             with suppress(OSError):
                 writer.abort()
+            # A disk that is full from the start leaves no empty bag.
             shutil.rmtree(self.path, ignore_errors=True)
             raise
         return writer
@@ -188,7 +191,7 @@ class BagWriter:
 
     def _stop(self, error: OSError) -> None:
         self._problem = f"recording stopped: {error.strerror or error}"
-        # The half-written chunk is still in the buffer; closing writes it again, and may fail again.
+        # The half-written chunk is still in the buffer; closing writes it again, or fails again.
         with suppress(OSError):
             self._writer.abort()
         with suppress(OSError):
@@ -196,6 +199,7 @@ class BagWriter:
 
     def _rescued(self) -> BagResult:
         data = self.path / f"{self.path.name}.mcap"
+        # The writer of rosbags leaves no index when it fails, so the file is closed by hand.
         tail, problem = McapTail(), self._problem
         try:
             tail = complete(data)
@@ -214,6 +218,7 @@ class BagWriter:
     def _losses(self, counts: Mapping[str, int]) -> list[TopicLoss]:
         losses = []
         for topic in (*self._connections, *sorted(self._late)):
+            # Accepted is not written: the last chunk may have been lost with everything in it.
             missing = self._accepted[topic][counts.get(topic, 0) :] + self._rejected[topic]
             if missing:
                 losses.append(TopicLoss(topic=topic, count=len(missing), first_log_time_ns=missing[0]))
@@ -235,7 +240,7 @@ def _write_metadata(
 
     `counts` are the messages in the file by topic, `times_ns` the first and the last log time.
     """
-    # Fields and names of rosbag2 metadata version 9 (Jazzy), as rosbags writes it for an intact bag.
+    # Fields and names of rosbag2 metadata version 9 (Jazzy), as rosbags writes them.
     start = {"nanoseconds_since_epoch": times_ns[0]}
     duration = {"nanoseconds": times_ns[1] - times_ns[0]}
     total = sum(counts.values())

@@ -1,8 +1,8 @@
-"""What a bag stores about its topics: the definitions of their types, and the quality of service they offer.
+"""What a bag stores about its topics: definitions of their types, and quality of service.
 
 A bag has, for every topic, the full text of its type and the type's RIHS01 hash, so that it can be
-read where the package is not installed.  Our own types keep their comments (units and signs) in that
-text.  With the profiles, `ros2 bag play` offers what the recorded publisher offered.
+read where the package is not installed.  Our own types keep their comments (units and signs).
+With the profiles, `ros2 bag play` offers what the recorded publisher offered.
 """
 
 from dataclasses import dataclass
@@ -31,8 +31,9 @@ class Definitions:
         self.schema(type_name)
 
     def schema(self, type_name: str) -> str:
-        """Return the definition of `type_name` followed by those it contains, as rosbag2 stores it."""
+        """Return the definition of `type_name` and of those it contains, as rosbag2 stores it."""
         try:
+            # Generated text has no comments; ours have the units, so they replace it part by part.
             generated, _ = self.typestore.generate_msgdef(type_name, ros_version=2)
         except (TypesysError, KeyError, AssertionError) as error:
             raise ValueError(f"type_name={type_name!r} has no complete message definition: {error}") from None
@@ -43,6 +44,7 @@ class Definitions:
 
     def type_hash(self, type_name: str) -> str:
         """Return the RIHS01 hash of `type_name`, the one that the middleware announces."""
+        # The hash of an incomplete type would be wrong without an error.
         self.require(type_name)
         return self.typestore.hash_rihs01(type_name)
 
@@ -58,7 +60,7 @@ def definitions(*folders: Path | str) -> Definitions:
     Parameters
     ----------
     folders
-        Package folders with `package.xml` and `msg/*.msg`: a source folder or an installed `share/<package>`.
+        Folders with `package.xml` and `msg/*.msg`: a source or an installed `share/<package>`.
 
     Raises
     ------
@@ -96,7 +98,7 @@ def offered_qos(
     deadline_ns: int | None = None,
     lifespan_ns: int | None = None,
 ) -> Qos:
-    """Return one offered profile; durations of None are infinite, the names are those of `ros2 topic info -v`."""
+    """Return one offered profile, in the names of `ros2 topic info -v`; None is infinite."""
     return Qos(
         history=QosHistory[history.upper()],
         depth=depth,
@@ -111,7 +113,7 @@ def offered_qos(
 
 
 def qos_from_profile(profile: Any) -> Qos:
-    """Return the offered profile of a QoS profile object with rclpy's attributes (read by name, no ROS needed)."""
+    """Return the offered profile of a QoS profile of rclpy, read by the names of its attributes."""
     return offered_qos(
         depth=profile.depth,
         reliability=profile.reliability.name,

@@ -1,4 +1,4 @@
-"""Pictures of the pointing error: over time, what it costs, and where in the beam the target was."""
+"""Pictures of the pointing error: over time, its loss, and the place of the target in the beam."""
 
 from pathlib import Path
 from typing import Any
@@ -33,12 +33,13 @@ _SMALLEST_MDEG = 1e-3
 
 
 def draw_error(analysis: Analysis, path: Path) -> None:
-    """Radial error over time by mode: every sample light, the rms of each second strong; needs errors."""
+    """Draw the radial error over time by mode: samples light, rms of each second strong."""
     errors = _required(analysis)
     time = TimeAxis(analysis)
     with figure(path, 10.0, 4.4) as drawn:
         axes = drawn.subplots()
         alone = np.hypot(errors.alone_rad[:, 0], errors.alone_rad[:, 1]) / MDEG
+        # Drawn first, below the others: it is the background to compare with.
         _strong(axes, time, errors, alone, ALONE_COLOUR, "program track alone", 1.0)
         radial = errors.radial_rad / MDEG
         for mode, part, first in mode_runs(analysis, errors.stamp_ns):
@@ -64,6 +65,7 @@ def _strong(
     width: float,
     part: slice = slice(None),
 ) -> None:
+    # The rms of a second, not its mean: errors of both signs would cancel.
     stamps, mean_square, _ = per_second(errors.stamp_ns[part], np.square(values[part]))
     if len(stamps):
         axes.plot(time.minutes(stamps), np.sqrt(mean_square), color=colour, lw=width, label=label)
@@ -82,8 +84,10 @@ def _median_beamwidth_mdeg(errors: ErrorSeries) -> float | None:
 
 
 def _decades(radial: Floats, alone: Floats, beamwidth_mdeg: float | None) -> tuple[float, float]:
-    """Range of the drawing: that of the tracking modes and of the beam; a slew's degrees would squeeze the rest."""
+    """Return the range of the drawing: that of the tracking modes and of the beam."""
+    # A slew's degrees would squeeze the rest.
     tracking = np.isfinite(alone) if np.any(np.isfinite(alone)) else np.isfinite(radial)
+    # A percentile: on a logarithmic axis one error of almost 0 would take all the room.
     seen = np.concatenate([radial[tracking], alone[tracking]])
     seen = seen[np.isfinite(seen) & (seen > 0.0)]
     low = 0.5 * float(np.percentile(seen, 1.0)) if len(seen) else 0.1
@@ -92,7 +96,7 @@ def _decades(radial: Floats, alone: Floats, beamwidth_mdeg: float | None) -> tup
 
 
 def draw_link(analysis: Analysis, path: Path) -> None:
-    """C/N0 above, pointing loss below (mean of each second, largest light); needs errors or a link."""
+    """Draw C/N0, and below it the pointing loss: mean of each second strong, largest light."""
     time = TimeAxis(analysis)
     with figure(path, 10.0, 5.0) as drawn:
         above, below = drawn.subplots(2, 1, sharex=True, height_ratios=(1.0, 1.2))
@@ -127,11 +131,12 @@ def _draw_losses(axes: Any, time: TimeAxis, analysis: Analysis) -> None:
 
 
 def draw_beam(analysis: Analysis, path: Path) -> None:
-    """Where in the beam the target was while tracking: the whole beam, and its middle enlarged; needs errors."""
+    """Draw where in the beam the target was while tracking: the whole beam, and its middle."""
     errors = _required(analysis)
     tracking = np.isin(errors.mode, TRACKING_MODES) if analysis.modes is not None else np.ones(len(errors.mode), bool)
     width = errors.beamwidth_rad[tracking] / MDEG
     half = 0.5 * float(np.nanmedian(width)) if np.any(np.isfinite(width)) else 0.0
+    # With the search in it, the enlarged picture would show a dot.
     settled = tracking & (errors.stamp_ns >= (analysis.acquired_ns or 0))
     with figure(path, 10.0, 5.0) as drawn:
         whole, middle = drawn.subplots(1, 2)
@@ -152,6 +157,7 @@ def _draw_middle(axes: Any, error_mdeg: Floats, half_mdeg: float, acquired: bool
     axes.plot(error_mdeg[:, 0], error_mdeg[:, 1], ".", color=MODE_COLOURS[Mode.MONOPULSE], ms=1.5, alpha=0.4)
     rms = np.sqrt(np.mean(np.square(error_mdeg), axis=0)) if len(error_mdeg) else np.zeros(2)
     _ellipse(axes, rms[0], rms[1], LIMIT_COLOUR, "-", f"rms {rms[0]:.2f}, {rms[1]:.2f} mdeg")
+    # Not the largest: a single error would shrink the cloud.
     reach = float(np.percentile(np.abs(error_mdeg), 99.8)) if len(error_mdeg) else 1.0
     _frame(
         axes,

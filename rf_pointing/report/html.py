@@ -35,7 +35,7 @@ def figure(path: Path, title: str, caption: str, *, narrow: bool = False) -> str
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[Cell]], *, words: Sequence[int] = (0,)) -> str:
-    """Return a table that scrolls sideways on a narrow page; columns in `words` hold text, the others numbers."""
+    """Return a table; its columns in `words` hold text, the others numbers."""
     return str(_PARTS.table(head, rows, words))
 
 
@@ -45,7 +45,7 @@ def text(value: object) -> str:
 
 
 def number(value: float | int | None, digits: int = 3) -> str:
-    """Return a number with `digits` significant figures, never in powers of ten; a dash for None."""
+    """Return a number with `digits` significant figures and no powers of ten; a dash for None."""
     if value is None:
         return _ABSENT
     if isinstance(value, int):

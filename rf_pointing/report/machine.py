@@ -1,4 +1,4 @@
-"""The machine behind the beam: link quality, command lead, servo timing, axis rates against their limits."""
+"""The machine behind the beam: link quality, command lead, servo timing, axis rates, limits."""
 
 from collections.abc import Callable
 from typing import Any
@@ -21,7 +21,8 @@ _ACCELERATION_SPAN_S = 0.5
 
 
 def link_series(recording: Recording) -> tuple[str, Ints, Floats] | None:
-    """Return source, stamps and C/N0 in dB-Hz (finite values only) of the best topic that has it."""
+    """Return source, stamps and finite C/N0 in dB-Hz of the best topic that has it."""
+    # Best first: the receiver measures more often than the controller reports.
     for name in ("monopulse", "carrier_power", "tracking_status"):
         data = recording.get(name)
         if data is not None and data.stamp_ns is not None:
@@ -33,7 +34,7 @@ def link_series(recording: Recording) -> tuple[str, Ints, Floats] | None:
 
 
 def link(recording: Recording, modes: Timeline | None, acquired_ns: int | None) -> Link:
-    """Return C/N0 after acquisition, else while tracking, else over the whole recording where no mode is known."""
+    """Return C/N0 after acquisition, else while tracking, else of the whole recording."""
     series = link_series(recording)
     over = "recording" if modes is None else "tracking" if acquired_ns is None else "after acquisition"
     if series is None:
@@ -53,6 +54,7 @@ def commands(recording: Recording, modes: Timeline | None) -> Commands:
     status, antenna = recording.get("tracking_status"), recording.get("antenna_status")
     lead = np.zeros(0)
     if status is not None and modes is not None:
+        # Before and after tracking the controller sends no commands that could lead.
         lead = modes.columns["command_lead"][modes.is_tracking_at(modes.stamp_ns)]
     buffered = antenna["command_lead"][antenna["mode"] == "tracking"] if antenna is not None else np.zeros(0)
     return Commands(
@@ -67,7 +69,7 @@ def commands(recording: Recording, modes: Timeline | None) -> Commands:
 
 
 class AxisMotion:
-    """Rates of both axes (n, 2) and accelerations (m, 2) at stamps in nanoseconds, from `joint_states`.
+    """Rates (n, 2) and accelerations (m, 2) of both axes at stamps in ns, from `joint_states`.
 
     An acceleration is the change of rate over half a second.
     """
@@ -93,7 +95,9 @@ def servo(recording: Recording) -> Servo:
     """Return tick lateness, deviation of the servo's period, faults and axes."""
     antenna, joints = recording.get("antenna_status"), recording.get("joint_states")
     lateness = antenna["tick_lateness"] * 1e3 if antenna is not None else np.zeros(0)
+    # By the recorder's clock: the stamps are exact whatever the servo does.
     period = np.diff(joints.log_time_ns) * 1e-6 if joints is not None else np.zeros(0)
+    # Of the median period: the recorder does not know the nominal one.
     deviation = np.abs(period - np.median(period)) if len(period) else period
     faults = dict.fromkeys(str(text) for text in antenna["fault"] if text) if antenna is not None else {}
     return Servo(
@@ -109,6 +113,7 @@ def _axis(recording: Recording, index: int) -> AxisLimits:
     motion, antenna = axis_motion(recording), recording.get("antenna_status")
     rate = motion.rate_rad_s[:, index] if motion is not None else np.zeros(0)
     acceleration = motion.acceleration_rad_s2[:, index] if motion is not None else np.zeros(0)
+    # Unknown, not 0: without status the limits are not known.
     at_limit_s = None
     if antenna is not None and antenna.stamp_ns is not None and len(antenna) > 1:
         at_limit_s = float(np.sum(antenna["at_limit"][:, index]) * np.median(np.diff(antenna.stamp_ns)) * 1e-9)

@@ -1,8 +1,9 @@
-"""Close an MCAP file that was cut short by a full disk or a killed recorder (MCAP specification, version 0).
+"""Close an MCAP file that was cut short by a full disk or a killed recorder.
 
-An MCAP file is a sequence of records (opcode, 8-byte length, content) between two magic words.  Messages
-are in chunks, each followed by its message indexes; an index of the chunks is at the end.  Without that
-end most readers refuse the file.  `complete` drops what is cut and writes the end for what is left.
+An MCAP file (specification, version 0) is a sequence of records (opcode, 8-byte length, content)
+between two magic words.  Messages are in chunks, each followed by its message indexes; an index of
+the chunks is at the end.  Without that end most readers refuse the file.  `complete` drops what is
+cut and writes the end for what is left.
 """
 
 import struct
@@ -26,7 +27,7 @@ Record = tuple[int, int, bytes]
 
 @dataclass
 class McapTail:
-    """The intact part of a file: where it ends, its message counts and times, and what its index needs."""
+    """The intact part of a file: its end, its message counts and times, and its index."""
 
     usable_bytes: int = 0
     dropped_bytes: int = 0
@@ -89,7 +90,7 @@ class _OpenChunk:
 
 
 def _scan(file: BinaryIO, tail: McapTail) -> _OpenChunk | None:
-    """Fill `tail` from the intact records; return the last chunk if its indexes are not complete."""
+    """Fill `tail` from the intact records; return the last chunk if its indexes are incomplete."""
     chunk: _OpenChunk | None = None
     for opcode, start, content in _records(file):
         if opcode in (_FOOTER, _DATA_END):
@@ -102,6 +103,7 @@ def _scan(file: BinaryIO, tail: McapTail) -> _OpenChunk | None:
                 continue
             tail.chunk_indexes.append(chunk.chunk_index())
             chunk = None
+        # Another record before the indexes are complete: the file was cut or damaged here.
         elif chunk is not None:
             break
         elif opcode == _CHUNK:
@@ -129,6 +131,7 @@ def _records(file: BinaryIO) -> Iterator[Record]:
 
 
 def _open_chunk(start: int, content: bytes, tail: McapTail) -> _OpenChunk | None:
+    # Start and end time, size before compression, checksum; then name and data of the compression.
     _, _, size, crc = struct.unpack_from("<QQQI", content)
     name_end = 32 + int.from_bytes(content[28:32], "little")
     compression = content[32:name_end].decode()
@@ -140,6 +143,7 @@ def _open_chunk(start: int, content: bytes, tail: McapTail) -> _OpenChunk | None
             if opcode == _MESSAGE:
                 channel, _, log_time = struct.unpack_from("<HIQ", record)
                 messages[channel].append((log_time, offset))
+    # A chunk that does not decompress or fails its checksum ends the usable part.
     except (ReaderError, RuntimeError, ValueError, OSError, struct.error):
         return None
     for opcode, _, record in records:
@@ -177,7 +181,9 @@ def _close_chunk(file: BinaryIO, chunk: _OpenChunk) -> bytes:
 
 
 def _write_end(file: BinaryIO, tail: McapTail) -> None:
+    # Checksums of 0 mean "not available".
     _write(file, _DATA_END, bytes(4))
+    # Readers need schemas and channels once more here, before the indexes that refer to them.
     summary_start = file.tell()
     for opcode, records in (
         (_SCHEMA, tail.schemas.values()),

@@ -1,4 +1,4 @@
-"""Pictures of how antenna and graph work: the track over the sky, axes against their limits, timing."""
+"""Pictures of antenna and graph at work: track over the sky, axes and their limits, timing."""
 
 from pathlib import Path
 from typing import Any
@@ -34,7 +34,7 @@ _MARK_REACH_NS = 2 * 10**9
 
 
 def draw_sky(analysis: Analysis, path: Path) -> None:
-    """Track over the sky, north up and east right: commanded as a thin line, actual coloured by mode."""
+    """Draw the track over the sky, north up: commanded thin, actual coloured by mode."""
     with figure(path, 6.0, 6.6) as drawn:
         # The layout does not count the compass letters outside the circle.
         drawn.get_layout_engine().set(rect=(0.0, 0.04, 1.0, 0.92))
@@ -61,6 +61,7 @@ def _draw_actual(axes: Any, analysis: Analysis) -> None:
         stamp_ns, (azimuth, elevation) = joints.stamp_ns, joints["position"].T
     else:
         return
+    # More points are not visible, and take seconds to draw.
     step = max(1, len(stamp_ns) // _SKY_POINTS)
     stamp_ns = stamp_ns[::step]
     theta, radius = _polar(azimuth[::step], elevation[::step])
@@ -92,7 +93,8 @@ def _draw_commanded(axes: Any, analysis: Analysis) -> None:
 
 
 def _polar(azimuth_rad: Floats, elevation_rad: Floats) -> tuple[Floats, Floats]:
-    """Angle and zenith distance in degrees; elevations beyond the zenith come down on the other side."""
+    """Return angle and zenith distance in degrees, also of elevations beyond the zenith."""
+    # By way of the vector: past the zenith the antenna looks to the other side.
     theta, elevation = azel_from_unit_vector(unit_vector_from_azel(azimuth_rad, elevation_rad))
     return np.unwrap(theta), 90.0 - np.degrees(elevation)
 
@@ -130,7 +132,7 @@ def _draw_limits(axes: Any, analysis: Analysis, column: str) -> None:
 
 
 def draw_timing(analysis: Analysis, path: Path) -> None:
-    """Command lead over time at the left, latency of each hop (median to 99th percentile) at the right."""
+    """Draw the command lead over time, and the latency of each hop (median to 99th percentile)."""
     with figure(path, 10.0, 3.8) as drawn:
         left, right = drawn.subplots(1, 2, width_ratios=(1.0, 1.1))
         _draw_lead(left, analysis)
@@ -154,8 +156,10 @@ def _draw_lead(axes: Any, analysis: Analysis) -> None:
 
 
 def _draw_hops(axes: Any, analysis: Analysis) -> None:
+    # A hop that nothing passed has no place on a logarithmic axis.
     rows = [row for row in latencies(analysis.recording) if row.count]
     for number, row in enumerate(reversed(rows)):
+        # A time can be negative when the effect reached the recorder first.
         ends = np.maximum(np.array([row.median_ms, row.p99_ms], dtype=np.float64), 0.01)
         axes.plot(ends, [number, number], color=MODE_COLOURS[Mode.MONOPULSE], lw=5.0, alpha=0.35, solid_capstyle="butt")
         axes.plot(ends[0], number, "o", color=MODE_COLOURS[Mode.MONOPULSE], ms=6.0)

@@ -70,7 +70,7 @@ Ints = NDArray[np.int64]
 
 
 def plain_log_scale(axis: Any) -> None:
-    """Make `axis` (an x or y axis) logarithmic, with plain numbers at 1 and, where there is room, at 2 and 5."""
+    """Make `axis` (x or y) logarithmic, with plain numbers at 1 and, where possible, 2 and 5."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     axis.axes.set(**{f"{axis.axis_name}scale": "log"})
@@ -78,6 +78,7 @@ def plain_log_scale(axis: Any) -> None:
     axis.set_minor_locator(LogLocator(subs=(2.0, 5.0), numticks=12))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     low, high = axis.get_view_interval()
+    # On more than 2.5 decades the labels at 2 and 5 would overlap.
     narrow = high / low < 300.0
     axis.set_minor_formatter(FuncFormatter(lambda value, _: f"{value:g}") if narrow else NullFormatter())
 
@@ -85,6 +86,7 @@ def plain_log_scale(axis: Any) -> None:
 @contextmanager
 def figure(path: Path, width_in: float, height_in: float) -> Iterator[Any]:
     """Give an empty figure in the common style, and save it as PNG at `path`."""
+    # Imported late: matplotlib takes long to import, and recorders draw nothing.
     from matplotlib import rc_context
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -104,7 +106,7 @@ def legend_above(axes: Any, *others: Any) -> None:
 
 
 def marked_level(axes: Any, level: float, label: str) -> None:
-    """Draw a dashed line across `axes` at `level` with its label at the right end, if it is within the range."""
+    """Draw a dashed line across `axes` at `level`, with its label if it is within the range."""
     axes.axhline(level, color=LIMIT_COLOUR, lw=0.9, ls=DASHED)
     axes.annotate(
         label,
@@ -121,9 +123,10 @@ def marked_level(axes: Any, level: float, label: str) -> None:
 
 
 class TimeAxis:
-    """Minutes from the acquisition of signal, or from the start of the recording where no pass is known."""
+    """Minutes from the acquisition of signal, or from the start of a recording without a pass."""
 
     def __init__(self, analysis: Analysis) -> None:
+        # Without a pass, the origin is the first stamp of any topic.
         stamps = [data.stamp_ns for data in analysis.recording.topics.values() if data.stamp_ns is not None]
         first = [int(np.min(known)) for known in stamps if len(known)]
         known = analysis.target_pass
@@ -136,9 +139,10 @@ class TimeAxis:
 
 
 def mode_runs(analysis: Analysis, stamp_ns: Ints) -> Iterator[tuple[str, slice, bool]]:
-    """Give mode, samples, and whether the mode comes for the first time, for each stretch of one mode.
+    """Give mode, samples, and whether the mode comes for the first time, for each stretch.
 
-    Stretches share their border sample, so that lines drawn along them have no gaps; stamps must be in order.
+    Stretches share their border sample, so that lines along them have no gaps; stamps must be in
+    order.
     """
     spans = analysis.modes.intervals() if analysis.modes is not None else []
     seen: set[str] = set()
@@ -150,7 +154,8 @@ def mode_runs(analysis: Analysis, stamp_ns: Ints) -> Iterator[tuple[str, slice, 
 
 
 def per_second(stamp_ns: Ints, values: Floats) -> tuple[Ints, Floats, Floats]:
-    """Return stamp (middle), mean and maximum of finite `values` in each whole second that holds any."""
+    """Return middle stamp, mean and maximum of the finite `values` in each second that has any."""
+    # NaN means "not known" in a column; it must not spoil its second.
     good = np.isfinite(values)
     stamp_ns, values = stamp_ns[good], values[good]
     second, index = np.unique(stamp_ns // 10**9, return_inverse=True)

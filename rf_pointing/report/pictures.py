@@ -100,9 +100,10 @@ _PLANS = (
 
 
 def draw_pictures(analysis: Analysis, folder: Path) -> list[Picture]:
-    """Draw what the recording allows as PNG files into `folder` and return them in the order of the report."""
+    """Draw what the recording allows as PNG files into `folder`, in the order of the report."""
     drawn = []
     for plan in _PLANS:
+        # A picture without data would look like a fault of the antenna.
         if plan.possible(analysis):
             path = folder / f"{plan.name}.png"
             plan.draw(analysis, path)

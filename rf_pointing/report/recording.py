@@ -1,7 +1,7 @@
-"""A recorded run of one antenna as numpy arrays, from any rosbag2 bag (ours, or `ros2 bag record -a`).
+"""A recorded run of one antenna as numpy arrays, from any rosbag2 bag.
 
-The bag is read once; each message of the antenna becomes a row of its topic.  Types come from the bag
-itself.  Stamps are simulation time, log times the wall clock of the recorder, both integer
+The bag is read once; each message of the antenna becomes a row of its topic.  Types come from the
+bag itself.  Stamps are simulation time, log times the wall clock of the recorder, both integer
 nanoseconds.  A message that cannot be decoded is counted; NaN values are kept.
 """
 
@@ -50,9 +50,11 @@ class _Rows:
     def take(self, log_time_ns: int, raw: bytes) -> None:
         layout = self.layout
         try:
+            # A topic without columns (clock, commands) is not decoded: only its stamps are used.
             head = self.head(raw)
             row = layout.row(self.typestore.deserialize_cdr(raw, layout.type_name)) if layout.columns else ()
         except _DECODE_ERRORS as error:
+            # One damaged message must not cost the report; the first error is enough for the user.
             self.unreadable += 1
             self.first_error = self.first_error or str(error)
             return
@@ -61,6 +63,7 @@ class _Rows:
         self.rows.append(row)
 
     def data(self) -> TopicData:
+        # Without messages the array still needs its columns.
         heads = np.array(self.heads, dtype=np.int64).reshape(len(self.heads), self.head_length)
         names = self.layout.columns
         values = list(zip(*self.rows, strict=True)) or [()] * len(names)
@@ -92,7 +95,7 @@ class _Collector:
             self._read(reader)
 
     def topics(self) -> dict[str, TopicData]:
-        """Return the topics of the antenna by relative name, in the order of the table of topics."""
+        """Return the topics of the antenna by relative name, in the order of `TOPICS`."""
         return {name: self._rows[name].data() for name in TOPICS if name in self._rows}
 
     def all_problems(self) -> tuple[str, ...]:
@@ -112,6 +115,7 @@ class _Collector:
             except (TypesysError, *READ_ERRORS) as error:
                 self.problems.append(f"the definition of {connection.msgtype} cannot be used: {error}")
         # A bag without definitions still has standard types, which are known here.
+        # The types of the bag come first: the recorded version may differ from the installed one.
         typestore = get_typestore(Stores.EMPTY)
         typestore.register(
             {**get_typestore(Stores.ROS2_JAZZY).fielddefs, **types} if _undefined(source, types) else types
@@ -119,6 +123,7 @@ class _Collector:
         return typestore
 
     def _read(self, reader: Any) -> None:
+        # Decided once per connection, not once per message: a pass has some 160 000 of them.
         takers = {item.id: self._taker(item) for item in reader.connections}
         count = 0
         try:
@@ -156,10 +161,12 @@ class _Collector:
             return
         for status in message.status:
             if status.level:
+                # A message with a count in it changes every second, but is one warning.
                 key = (status.name, _NUMBER.sub("#", status.message))
                 self.warnings[key] = (status.message, self.warnings.get(key, ("", 0))[1] + 1)
 
 
+# "sim/pointing_error" also ends with "pointing_error".
 _LONGEST_FIRST = sorted(TOPICS, key=len, reverse=True)
 
 
@@ -176,11 +183,11 @@ class Pass:
 
 @dataclass(frozen=True)
 class Recording:
-    """All topics of one antenna namespace, by name relative to it, and what is wrong with the recording.
+    """All topics of one antenna, by name relative to its namespace, and what is wrong with them.
 
-    `others` counts the messages of topics that belong to no antenna or to another.  `warnings` are the
-    reports on `/diagnostics` above OK as (component, last message, count); messages that differ only in
-    numbers count as one.  `not_recorded` is what the recorder itself reported as lost.
+    `others` counts the messages of topics that belong to no antenna or to another.  `warnings` are
+    the reports on `/diagnostics` above OK as (component, last message, count); messages that differ
+    only in numbers count as one.  `not_recorded` is what the recorder itself reported as lost.
     """
 
     path: Path
@@ -229,7 +236,8 @@ def read_recording(path: Path | str, *, namespace: str | None = None) -> Recordi
     Raises
     ------
     ValueError
-        Nothing readable at `path`, no antenna in it, several and `namespace` is None, or not the one requested.
+        Nothing readable at `path`, no antenna in it, several and no `namespace`, or not the
+        requested one.
     """
     path = Path(path)
     with ExitStack() as stack:
@@ -255,6 +263,7 @@ def read_recording(path: Path | str, *, namespace: str | None = None) -> Recordi
 
 
 def _antennas(source: BagSource) -> list[str]:
+    # The types of our own topics are a safer sign than names such as joint_states.
     ours = {item.topic for item in source.connections if item.msgtype.startswith("rf_pointing_msgs/")}
     return namespaces(ours or {item.topic for item in source.connections})
 
@@ -276,6 +285,7 @@ def _passes(data: TopicData | None) -> tuple[Pass, ...]:
     """Return every announced pass in its newest version, in order of acquisition."""
     found: list[Pass] = []
     for new in (_pass(item) for entry in (data["passes"] if data is not None else ()) for item in entry):
+        # A list that is published again has better times of the same pass.
         found = [old for old in found if not _overlap(old, new)] + [new]
     return tuple(sorted(found, key=lambda item: item.aos_ns))
 

@@ -1,4 +1,4 @@
-"""From a recording to its table: how well the beam was on the target, and how well the graph ran."""
+"""From a recording to its table: how well the beam was on the target, how well the graph ran."""
 
 import numpy as np
 
@@ -24,7 +24,7 @@ __all__ = ["summarize"]
 
 
 def summarize(analysis: Analysis) -> Summary:
-    """Return the table of a recording; what the recording does not give is None and listed in `problems`."""
+    """Return the table of a recording; what it does not give is None and listed in `problems`."""
     recording, modes, errors = analysis.recording, analysis.modes, analysis.errors
     traffic = topic_traffic(recording)
     lost = sum(row.lost or 0 for row in traffic) + sum(item.count for item in recording.not_recorded)
@@ -52,7 +52,9 @@ def summarize(analysis: Analysis) -> Summary:
 
 def _bag(recording: Recording) -> BagInfo:
     filled = [data for data in recording.topics.values() if len(data)]
+    # First and last only; latched topics have one message.
     logs = np.concatenate([data.log_time_ns[[0, -1]] for data in filled]) if filled else np.zeros(0, dtype=np.int64)
+    # Topics stamped "now": targets and commands are stamped in the future.
     clock = [recording.get(name) for name in ("joint_states", "tracking_status", "sim/pointing_error")]
     stamps = [data.stamp_ns for data in clock if data is not None and data.stamp_ns is not None]
     start = min((int(np.min(s)) for s in stamps), default=None)
@@ -81,6 +83,7 @@ def _pass_info(item: Pass) -> PassInfo:
 
 
 def _headline(errors: ErrorSeries | None, acquired_ns: int | None, lost: int) -> Headline:
+    # The search is no fault of the loop, so the headline begins when the loop has settled.
     over = "tracking" if acquired_ns is None else "after acquisition"
     if errors is None:
         return Headline(
@@ -96,6 +99,7 @@ def _headline(errors: ErrorSeries | None, acquired_ns: int | None, lost: int) ->
     chosen = np.isin(errors.mode, TRACKING_MODES) & (errors.stamp_ns >= (acquired_ns or 0))
     width = errors.beamwidth_rad[chosen]
     error = statistics_of(errors.error_rad[chosen], width)
+    # Held means always: one sample outside half power is a lost beam.
     inside = error.inside_half_power_percent
     return Headline(
         error_source=errors.source,
@@ -120,6 +124,7 @@ def _mode_rows(errors: ErrorSeries | None, modes: Timeline | None) -> list[ModeS
     for mode in dict.fromkeys(span.mode for span in spans):
         chosen = errors.mode == mode if errors is not None else np.zeros(0, dtype=np.bool_)
         tracking = mode in TRACKING_MODES
+        # A mode without samples still has its row, with its time.
         none = np.zeros((0, 2))
         rows.append(
             ModeStatistics(

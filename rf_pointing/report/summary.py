@@ -71,7 +71,7 @@ class Spread:
 
 @dataclass(frozen=True, kw_only=True)
 class ErrorStatistics:
-    """Errors of the beam over some samples; the loss is that of a Gaussian beam, null outside tracking."""
+    """Errors of the beam over some samples; the loss (Gaussian) is null outside tracking."""
 
     samples: int
     cross_elevation: Spread
@@ -84,7 +84,7 @@ class ErrorStatistics:
 
 @dataclass(frozen=True, kw_only=True)
 class ModeStatistics:
-    """One tracking mode: time in it, the error made, and the error of program track alone over the same samples."""
+    """One tracking mode: time in it, its error, and that of program track alone meanwhile."""
 
     mode: str
     seconds: float
@@ -105,7 +105,7 @@ class ModeInterval:
 
 @dataclass(frozen=True, kw_only=True)
 class Acquisition:
-    """Seconds from `measured_from` to the first valid sensor error, and to the first settled one."""
+    """Seconds from `measured_from` to the first valid sensor error, and to the first settled."""
 
     measured_from: str
     first_valid_s: Number
@@ -117,8 +117,8 @@ class Acquisition:
 class Headline:
     """The main results.
 
-    `error_source` is "true" (simulation truth) or "sensed"; `over` names the samples: "after acquisition", or
-    "tracking" where no RF loop was used or it never settled.
+    `error_source` is "true" (simulation truth) or "sensed"; `over` names the samples: "after
+    acquisition", or "tracking" where no RF loop was used or it never settled.
     """
 
     error_source: str | None
@@ -133,7 +133,7 @@ class Headline:
 
 @dataclass(frozen=True, kw_only=True)
 class TopicTraffic:
-    """One topic: `rate_hz` in simulation time, `lost` counted by sequence numbers or by gaps between stamps.
+    """One topic: `rate_hz` in simulation time, `lost` counted by sequence numbers or stamps.
 
     A topic on which several sensors publish, each at its own rate, has one row per `sensor`.
     """
@@ -155,7 +155,8 @@ class TopicTraffic:
 class Latency:
     """Wall time between the reception of two causally linked messages.
 
-    `kind` "transit": equal or adjacent stamps; "reaction": the first message out after one in, waiting included.
+    `kind` "transit": equal or adjacent stamps; "reaction": the first message out after one in, with
+    its wait for the next tick.
     """
 
     cause: str
@@ -182,7 +183,7 @@ class Commands:
 
 @dataclass(frozen=True, kw_only=True)
 class AxisLimits:
-    """Largest rate and acceleration of one axis, and its limits; acceleration is a mean over half a second."""
+    """Largest rate and acceleration (mean over half a second) of one axis, and its limits."""
 
     axis: str
     peak_rate_deg_s: Number
@@ -205,7 +206,7 @@ class Servo:
 
 @dataclass(frozen=True, kw_only=True)
 class Link:
-    """Carrier-to-noise density over the same time as the headline, and the topic it was read from."""
+    """Carrier-to-noise density over the time of the headline, and the topic it was read from."""
 
     source: str | None
     over: str
@@ -224,7 +225,7 @@ class NotRecorded:
 
 @dataclass(frozen=True, kw_only=True)
 class Complaint:
-    """A report of a component on /diagnostics above OK; messages that differ only in numbers count as one."""
+    """A report on /diagnostics above OK; messages that differ only in numbers count as one."""
 
     component: str
     message: str
@@ -262,6 +263,7 @@ def _plain(value: Any) -> Any:
         return {key: _plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
         return [_plain(item) for item in value]
+    # NaN is no JSON; most readers refuse a file that has one.
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     return value

@@ -1,6 +1,6 @@
 """What a report reads of each topic of an antenna, and the messages of one topic as arrays.
 
-A column is a name and the attribute of the message it comes from; the other attributes are not read.
+A column is a name and the attribute of the message it comes from; no other attribute is read.
 """
 
 import math
@@ -61,8 +61,9 @@ class TopicData:
 
 
 def head_reader(type_name: str, typestore: Typestore) -> tuple[Callable[[bytes], Head], int]:
-    """Return a function from serialized bytes to (stamp in ns, sequence), and how many of the two the type has."""
+    """Return a function from serialized bytes to (stamp in ns, sequence), and how many it gives."""
     fields = typestore.fielddefs[type_name][1]
+    # Every message of ours begins with header and sequence; clock with its time.
     names = [name for name, _ in fields[:2]]
     if names == ["header", "sequence"]:
         return _stamp_and_sequence, 2
@@ -79,6 +80,7 @@ def _stamp(raw: bytes) -> Head:
 
 def _stamp_and_sequence(raw: bytes) -> Head:
     order = "<" if raw[1] else ">"
+    # A string (the frame) is between stamp and counter.
     (length,) = struct.unpack_from(f"{order}I", raw, 12)
     # CDR aligns the counter to 8 bytes, counted from behind the 4-byte encapsulation.
     start = (12 + length + 7) // 8 * 8 + 4
@@ -87,7 +89,8 @@ def _stamp_and_sequence(raw: bytes) -> Head:
 
 
 def as_column(values: Sequence[Any]) -> NDArray[Any]:
-    """Return an array with one entry per message: numbers, booleans, text, or the lists of messages themselves."""
+    """Return an array with one entry per message: a number, a boolean, text, or a list."""
+    # Lists of messages differ in length; numpy would refuse to make them one array.
     if values and isinstance(values[0], list) and not all(v and isinstance(v[0], (int, float)) for v in values):
         column = np.empty(len(values), dtype=object)
         column[:] = values
@@ -135,7 +138,9 @@ def _own(name: str, *columns: str, period_s: float = 0.1) -> TopicLayout:
 
 
 def _joint_row(message: Any) -> Row:
+    # The order of the joints is the publisher's choice.
     order = [message.name.index(axis) for axis in AXES]
+    # A driver need not publish rates; a report then has no axis rates.
     velocity = [message.velocity[i] for i in order] if len(message.velocity) else [math.nan, math.nan]
     return [message.position[i] for i in order], velocity
 

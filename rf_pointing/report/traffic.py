@@ -1,4 +1,4 @@
-"""Traffic on the topics: rates, losses, and the wall time from one node's message to the next node's."""
+"""Traffic on the topics: rates, losses, and wall time from one node's message to the next."""
 
 from dataclasses import dataclass
 
@@ -20,7 +20,7 @@ _STAMP_TOLERANCE_NS = 2_000
 
 @dataclass(frozen=True)
 class Hop:
-    """One arrow of the graph; `kind` as in `Latency`, `sensor` chooses among errors of several trackers."""
+    """One arrow of the graph; `kind` as in `Latency`, `sensor` chooses one of several trackers."""
 
     cause: str
     effect: str
@@ -44,7 +44,7 @@ HOPS = (
 def topic_traffic(recording: Recording) -> list[TopicTraffic]:
     """Return one row per topic of the antenna, and per sensor where several share a topic.
 
-    Losses are counted by sequence numbers where there are any; a number that falls back is a restart.
+    Losses are counted by sequence numbers where there are any; a number that falls is a restart.
     Otherwise they are counted by gaps in the stamps.
     """
     missing = {item.topic: item.count for item in recording.not_recorded}
@@ -56,7 +56,7 @@ def topic_traffic(recording: Recording) -> list[TopicTraffic]:
 
 
 def _by_sensor(name: str, data: TopicData) -> list[tuple[str | None, TopicData]]:
-    """Return the messages of each sensor: trackers share a topic, each with its own rate and counter."""
+    """Return the messages of each sensor: trackers share a topic, each with its own counter."""
     sensors = data.columns.get("sensor")
     if name.startswith("sim/") or sensors is None or len(data) == 0:
         return [(None, data)]
@@ -65,8 +65,10 @@ def _by_sensor(name: str, data: TopicData) -> list[tuple[str | None, TopicData]]
 
 def _traffic(name: str, sensor: str | None, data: TopicData, not_recorded: int) -> TopicTraffic:
     periodic = TOPICS[name].period_s > 0.0
+    # A repeated stamp (the clock while time is held) is no step.
     stamps = np.unique(data.stamp_ns) if data.stamp_ns is not None else np.zeros(0, dtype=np.int64)
     steps: Ints = stamps[1:] - stamps[:-1]
+    # The measured period: a receiver or a scan may have been set to another one.
     period_ns = float(np.median(steps)) if periodic and len(steps) else None
     lost, counted_by, restarts = _losses(data, steps, period_ns)
     wall_s = (data.log_time_ns[-1] - data.log_time_ns[0]) * 1e-9 if len(data) > 1 else 0.0
@@ -87,6 +89,7 @@ def _traffic(name: str, sensor: str | None, data: TopicData, not_recorded: int) 
 
 def _losses(data: TopicData, steps: Ints, period_ns: float | None) -> tuple[int | None, str | None, int]:
     if data.sequence is not None:
+        # In order of reception: the numbers of one publisher never fall but at a restart.
         jumps = np.diff(data.sequence)
         return int(np.sum(jumps[jumps > 1] - 1)), "sequence numbers", int(np.sum(jumps <= 0))
     if period_ns is None:
@@ -96,9 +99,9 @@ def _losses(data: TopicData, steps: Ints, period_ns: float | None) -> tuple[int 
 
 
 def latencies(recording: Recording) -> list[Latency]:
-    """Return one row per hop of which both ends were recorded; times are those of the recorder's reception.
+    """Return one row per hop of which both ends were recorded, in times of the reception.
 
-    A time is negative if the effect arrived first: every topic reaches the recorder by a path of its own.
+    A time is negative if the effect arrived first: every topic has a path of its own.
     """
     rows = []
     for hop in HOPS:
@@ -114,7 +117,8 @@ def latencies(recording: Recording) -> list[Latency]:
 def _transit_ns(cause: TopicData, effect: TopicData) -> Ints:
     """Reception of each effect after that of the cause with the same stamp.
 
-    Without equal stamps, the last cause received before the effect counts, if it is less than a period away.
+    Without equal stamps, the last cause received before the effect counts, if it is less than a
+    period away.
     """
     # With equal stamps only those count: the servo answers one tick of the clock with several
     # readings, and only the reading at the tick's own time waited for nothing else.
@@ -134,11 +138,12 @@ def _transit_ns(cause: TopicData, effect: TopicData) -> Ints:
 
 
 def _reaction_ns(cause: TopicData, effect: TopicData) -> Ints:
-    """Reception of the first effect after that of each cause, pauses of the effect's publisher left out."""
+    """Return the time from each cause to the reception of the first effect, without pauses."""
     logs = np.sort(effect.log_time_ns)
     index = np.searchsorted(logs, cause.log_time_ns, side="right")
     answered = index < len(logs)
     waited = logs[index[answered]] - cause.log_time_ns[answered]
+    # A pause of the publisher is no slow reaction.
     usual = float(np.median(logs[1:] - logs[:-1])) if len(logs) > 1 else np.inf
     return waited[waited < _PAUSE_PERIODS * usual]
 
