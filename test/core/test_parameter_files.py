@@ -8,7 +8,7 @@ import pytest
 from rf_pointing.core.parameter_files import read_parameter_files
 from rf_pointing.planning import AxisLimits
 from rf_pointing.servo import WindParams
-from rf_pointing.station.antenna.simulated_antenna import LoopParams
+from rf_pointing.station.antenna.loops import LoopParams
 
 CONFIG = Path(__file__).parents[2] / "config"
 
