@@ -15,7 +15,8 @@ from scipy.optimize import minimize
 
 import rf_pointing.controllers.design_lqg as designer
 from benchmarks.servo_tuning import VARIATIONS
-from rf_pointing.controllers import TUNED_RADIO_BANDWIDTH_HZ, LqgDesign, LqgWeights, save_lqg_designs
+from rf_pointing.controllers import TUNED_RADIO_BANDWIDTH_HZ, LqgDesign, save_lqg_designs
+from rf_pointing.controllers.lqg import LqgWeights
 from rf_pointing.core import AXES
 from rf_pointing.identification import STRAIGHT, ExcitationParams, StateSpace, identify
 from rf_pointing.papers.servo_identification import record

@@ -15,13 +15,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from rf_pointing.calibration import BiasModel
 from rf_pointing.controllers import dss13_loops
 from rf_pointing.core import JointTrajectory
 from rf_pointing.papers.headless_servo import ServoRunSetup, run_servo, servo_monte_carlo
 from rf_pointing.papers.servo_trajectory import LowOrbitPass
 from rf_pointing.servo import WindParams, dss13_plant
-from rf_pointing.station.antenna.simulated_antenna import AntennaParams, LoopParams, SimulatedAntenna
+from rf_pointing.station.antenna.simulated_antenna import AntennaParams, SimulatedAntenna
 
 TICK_S, STEP_S = 0.02, 0.001
 PLAIN_RATIO, TICK_SHARE = 25.0, 0.10
@@ -86,13 +85,9 @@ def monte_carlo(runs: int, workers: int) -> bool:
 
 def tick() -> bool:
     """What the simulated antenna spends per 50-Hz tick while it follows commands in wind, as the node runs it."""
-    antenna = SimulatedAntenna(
-        AntennaParams(), dss13_plant(), LoopParams(), WindParams(mean_speed_m_s=8.0), BiasModel.zero()
-    )
-    antenna.modes.enable()
-    return tick_lines(
-        "antenna", lambda k: antenna.step(TICK_S * k), lambda k: antenna.commands.accept(ramp(k), TICK_S * k)
-    )
+    antenna = SimulatedAntenna(AntennaParams(wind=WindParams(mean_speed_m_s=8.0)))
+    antenna.enable()
+    return tick_lines("antenna", lambda k: antenna.step(TICK_S * k), lambda k: antenna.accept(ramp(k), TICK_S * k))
 
 
 def node_tick() -> bool:
@@ -114,7 +109,7 @@ def node_tick() -> bool:
         return tick_lines(
             "node",
             lambda k: node._tick(start + TICK_S * k),
-            lambda k: node._antenna.commands.accept(ramp(k, start), start + TICK_S * k),
+            lambda k: node._antenna.accept(ramp(k, start), start + TICK_S * k),
         )
     finally:
         node.destroy_node()

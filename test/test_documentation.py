@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-
 from rf_pointing.core.parameter_files import read_parameter_files
 
 ROOT = Path(__file__).parents[1]

@@ -22,7 +22,7 @@ from rf_pointing.planning import (
     certificate_lines,
     certificate_values,
 )
-from rf_pointing.station.antenna.simulated_antenna import AntennaParams
+from rf_pointing.station.antenna.simulated_antenna import SimulationParams
 from rf_pointing.station.pointing.certificates import PlannedPass, PlanningRules, plan_passes
 from rf_pointing.station.pointing.params import PointingParams
 
@@ -75,7 +75,7 @@ def plan(options: argparse.Namespace) -> tuple[list[PlannedPass], PlanningRules]
         gate=controller.group("gate", GateParams()),
         lag_averaging_s=controller.group("pointing", PointingParams()).lag_averaging_s,
     )
-    antenna = servo.group("antenna", AntennaParams())
+    antenna = servo.group("antenna", SimulationParams())
     planned = plan_passes(
         load_track(source_of(options)), start_of(options), options.hours * 3600.0, antenna.start_rad, rules,
         math.radians(options.mask),

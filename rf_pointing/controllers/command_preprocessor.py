@@ -1,8 +1,12 @@
 """Makes any command feasible from past and present samples only: steps, gaps and mode changes become slews.
 
-A command that the axis can follow passes through unchanged.  Otherwise the output chases it (`feasible_motion.py`)
+A command that the axis can follow passes through unchanged.  Otherwise the output chases it
 within the rate, acceleration and, if given, jerk limits; the rule v = sqrt(2 a d) guards the ends of the travel.  From
-outside the travel every motion that does not lead further out is made as it is asked for.
+outside the travel every motion that does not lead further out is made as it is commanded.
+
+Without a jerk limit an axis chases with the largest rate from which it can still stop in the distance that is left, the
+sampled form of v = sqrt(2 a d).  With one, the same curve is followed with less deceleration and ends in a straight line,
+along which the deceleration fades within the jerk limit.
 """
 
 import math
@@ -11,7 +15,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rf_pointing.controllers.feasible_motion import AxisLimits, chase, halt, reachable
 from rf_pointing.core import Params, as_finite_array, as_finite_pair, parameter, require_between
 
 __all__ = ["CommandPreprocessor", "CommandPreprocessorParams", "CommandPreprocessorState"]
@@ -19,6 +22,12 @@ __all__ = ["CommandPreprocessor", "CommandPreprocessorParams", "CommandPreproces
 Array = NDArray[np.float64]
 
 _FOLLOW, _STOP = "follow", "stop"
+_MARGIN = 0.8
+_JERK_MARGIN = 0.6
+_ROUNDING = 1e-9
+
+_AxisMotion = tuple[float, float, float]
+"""Position (rad), velocity (rad/s) and acceleration (rad/s^2) of one axis."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,6 +73,17 @@ class CommandPreprocessorState:
     acceleration_rad_s2: Array = field(default_factory=lambda: np.zeros(2))
     mode: str = _FOLLOW
     transparent: tuple[bool, bool] = (False, False)
+
+
+@dataclass(frozen=True, slots=True)
+class _AxisLimits:
+    """Limits of one axis; a jerk of 0 stands for no jerk limit."""
+
+    rate: float
+    acceleration: float
+    jerk: float
+    low: float
+    high: float
 
 
 class CommandPreprocessor:
@@ -143,10 +163,10 @@ class CommandPreprocessor:
                 # Beside its travel an axis stays where it is, or comes in; it never starts by itself.
                 limits = replace(limits, low=min(limits.low, now[0]), high=max(limits.high, now[0]))
             if state.mode == _STOP:
-                moved.append(halt(now, limits, dt_s))
+                moved.append(_halt(now, limits, dt_s))
             else:
-                transparent[axis] = reachable(now, target, limits, dt_s)
-                moved.append(target if transparent[axis] else chase(now, target, limits, dt_s))
+                transparent[axis] = _reachable(now, target, limits, dt_s)
+                moved.append(target if transparent[axis] else _chase(now, target, limits, dt_s))
         motion = np.array(moved).T
         state.position_rad, state.velocity_rad_s, state.acceleration_rad_s2 = motion
         state.transparent = (transparent[0], transparent[1])
@@ -154,7 +174,7 @@ class CommandPreprocessor:
         return motion[0], motion[1], motion[2]
 
 
-def _axis_limits(params: CommandPreprocessorParams) -> tuple[AxisLimits, AxisLimits]:
+def _axis_limits(params: CommandPreprocessorParams) -> tuple[_AxisLimits, _AxisLimits]:
     rows = zip(
         params.rate_limit_rad_s,
         params.acceleration_limit_rad_s2,
@@ -163,7 +183,7 @@ def _axis_limits(params: CommandPreprocessorParams) -> tuple[AxisLimits, AxisLim
         params.travel_max_rad,
         strict=True,
     )
-    azimuth, elevation = (AxisLimits(*row) for row in rows)
+    azimuth, elevation = (_AxisLimits(*row) for row in rows)
     return azimuth, elevation
 
 
@@ -174,3 +194,98 @@ def _copy(state: CommandPreprocessorState) -> CommandPreprocessorState:
         velocity_rad_s=state.velocity_rad_s.copy(),
         acceleration_rad_s2=state.acceleration_rad_s2.copy(),
     )
+
+
+def _reachable(now: _AxisMotion, target: _AxisMotion, limits: _AxisLimits, dt_s: float) -> bool:
+    """Say whether a cubic leads to the target within this step and all limits, with room to stop before the travel."""
+    if not limits.low <= target[0] <= limits.high or abs(target[1]) > limits.rate:
+        return False
+    moved = 6.0 * (target[0] - now[0])
+    first = (moved - (4.0 * now[1] + 2.0 * target[1]) * dt_s) / dt_s**2
+    last = ((2.0 * now[1] + 4.0 * target[1]) * dt_s - moved) / dt_s**2
+    if max(abs(first), abs(last), abs(target[2])) > limits.acceleration + _ROUNDING:
+        return False
+    room = limits.high - target[0] if target[1] > 0.0 else target[0] - limits.low
+    if _stop_distance(target[1], limits, dt_s) > room:
+        return False
+    return limits.jerk == 0.0 or abs(target[2] - now[2]) <= limits.jerk * dt_s + _ROUNDING
+
+
+def _chase(now: _AxisMotion, target: _AxisMotion, limits: _AxisLimits, dt_s: float) -> _AxisMotion:
+    """Return the motion after one step towards a target that cannot be reached in it."""
+    if not limits.low <= target[0] <= limits.high:
+        target = (min(max(target[0], limits.low), limits.high), 0.0, 0.0)
+    braking = _MARGIN * max(limits.acceleration - abs(target[2]), (1.0 - _MARGIN) * limits.acceleration)
+    gap = target[0] - target[1] * dt_s - now[0]
+    side = math.copysign(1.0, gap)
+    if limits.jerk > 0.0:
+        return _advance(now, _soft_acceleration(now, target, gap, braking, limits, dt_s), limits, dt_s)
+    closing = _stoppable_rate(abs(gap), side * (now[1] - target[1]), braking, dt_s)
+    return _advance(now, (target[1] + side * closing - now[1]) / dt_s, limits, dt_s)
+
+
+def _halt(now: _AxisMotion, limits: _AxisLimits, dt_s: float) -> _AxisMotion:
+    """Return the motion after one step of a controlled stop."""
+    if limits.jerk == 0.0:
+        return _advance(now, -now[1] / dt_s, limits, dt_s)
+    settle = min(abs(now[1]) / dt_s, math.sqrt(2.0 * _JERK_MARGIN * limits.jerk * abs(now[1])))
+    return _advance(now, -math.copysign(settle, now[1]), limits, dt_s)
+
+
+def _advance(now: _AxisMotion, wanted: float, limits: _AxisLimits, dt_s: float) -> _AxisMotion:
+    """Apply the acceleration `wanted` within the limits; the end of the travel comes before the jerk limit."""
+    acceleration = min(max(wanted, -limits.acceleration), limits.acceleration)
+    if limits.jerk > 0.0:
+        change = limits.jerk * dt_s
+        acceleration = min(max(acceleration, now[2] - change), now[2] + change)
+    velocity = min(max(now[1] + acceleration * dt_s, -limits.rate), limits.rate)
+    velocity = min(velocity, _stoppable_rate(limits.high - now[0], now[1], limits.acceleration, dt_s))
+    velocity = max(velocity, -_stoppable_rate(now[0] - limits.low, -now[1], limits.acceleration, dt_s))
+    change = limits.acceleration * dt_s
+    velocity = min(max(velocity, now[1] - change), now[1] + change)
+    return now[0] + 0.5 * (now[1] + velocity) * dt_s, velocity, (velocity - now[1]) / dt_s
+
+
+def _stop_distance(velocity: float, limits: _AxisLimits, dt_s: float) -> float:
+    """Return the way to rest with one constant acceleration per step: whole steps at the limit, then a weaker one."""
+    speed, brake = abs(velocity), limits.acceleration * dt_s
+    whole = math.floor(speed / brake)
+    rest = speed - whole * brake
+    return dt_s * (0.5 * whole * whole * brake + whole * rest + 0.5 * rest)
+
+
+def _stoppable_rate(distance: float, rate: float, braking: float, dt_s: float) -> float:
+    """Return the largest rate at the end of this step from which the axis can still stop within `distance`.
+
+    With k whole steps of braking and a weaker last one, this step and the stop together take
+    v dt/2 + a dt^2 k (k + 1)/2 + (k + 1) dt rest: piecewise linear in the rate, solved for it.
+    """
+    left = (distance - 0.5 * rate * dt_s) / (braking * dt_s * dt_s)
+    if left <= 0.0:
+        return 0.0
+    whole = math.floor(0.5 * (math.sqrt(1.0 + 8.0 * left) - 1.0))
+    return braking * dt_s * (whole + (left - 0.5 * whole * (whole + 1)) / (whole + 1))
+
+
+def _soft_acceleration(
+    now: _AxisMotion, target: _AxisMotion, gap: float, braking: float, limits: _AxisLimits, dt_s: float
+) -> float:
+    """Return the acceleration that follows the soft approach curve: its own slope plus a pull back onto it."""
+    braking *= _JERK_MARGIN
+    steepness = 0.25 * limits.jerk / braking
+    knee = braking / steepness**2
+    distance = abs(gap)
+    if distance < knee:
+        closing, slope = steepness * distance, steepness
+    else:
+        closing = math.sqrt(2.0 * braking * (distance - 0.5 * knee))
+        slope = braking / closing
+    wanted = target[1] + math.copysign(closing, gap)
+    along = target[2] - (now[1] - target[1]) * slope if abs(wanted) < limits.rate else 0.0
+    error = min(max(wanted, -limits.rate), limits.rate) - now[1]
+    pull = min(3.0 * steepness, 0.45 / dt_s)
+    strength = _JERK_MARGIN * limits.jerk
+    turn = strength / pull**2
+    size = abs(error)
+    back = pull * size if size < turn else math.sqrt(2.0 * strength * (size - 0.5 * turn))
+    return along + math.copysign(back, error)

@@ -12,8 +12,8 @@ import control
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.controllers.lqg_design import LqgDesign, LqgWeights
-from rf_pointing.controllers.section import section_matrices
+from rf_pointing.controllers.filters import section_matrices
+from rf_pointing.controllers.lqg import LqgDesign, LqgWeights
 from rf_pointing.core import as_finite_array, require_between
 
 __all__ = ["controller_system", "design_lqg", "drive_of"]
@@ -78,9 +78,7 @@ def controller_system(
     """Return the law from error to rate command, notch included, as a python-control system."""
     a, b, c = law
     core = control.ss(a - b @ state_gain - observer_gain @ c, -observer_gain, -state_gain, [[0.0]], sample_s)
-    filters = [
-        control.ss(*section_matrices(part, sample_s), sample_s) for part in (weights.notch.section, weights.shaping)
-    ]
+    filters = [control.ss(*section_matrices(part, sample_s), sample_s) for part in (weights.notch, weights.shaping)]
     return filters[0] * filters[1] * core
 
 
@@ -106,7 +104,7 @@ def _margins(
 def _design_plant(bandwidth: float, gain: float, sample_s: float, weights: LqgWeights) -> tuple[Array, Array, Array]:
     """Return the sampled drive behind notch and section: angle, drive rate, then band and low of both filters."""
     drive, entry = _drive(bandwidth, gain, sample_s)
-    na, nb, nc, nd = section_matrices(weights.notch.section, sample_s)
+    na, nb, nc, nd = section_matrices(weights.notch, sample_s)
     sa, sb, sc, sd = section_matrices(weights.shaping, sample_s)
     plant, command = np.zeros((6, 6)), np.zeros((6, 1))
     plant[:2, :2], plant[:2, _NOTCH], plant[:2, _SHAPING] = drive, entry @ nc, entry @ nd @ sc

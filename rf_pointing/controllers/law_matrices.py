@@ -8,9 +8,9 @@ The feedforward lies outside the loop and is not part of it.
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.controllers.lqg_design import LqgDesign
+from rf_pointing.controllers.filters import section_matrices
+from rf_pointing.controllers.lqg import LqgDesign
 from rf_pointing.controllers.position_loop import PositionLoopParams
-from rf_pointing.controllers.section import section_matrices
 
 __all__ = ["LawMatrices", "law_matrices"]
 
@@ -32,11 +32,11 @@ def law_matrices(law: PositionLoopParams | LqgDesign, sample_s: float) -> LawMat
             raise ValueError(f"sample_s={sample_s} must be {law.sample_s}, the sampling time of the LQG design")
         core = law.a - law.b @ law.state_gain - law.observer_gain @ law.c
         chain = core, -law.observer_gain, -law.state_gain, np.zeros((1, 1))
-        filters = [law.weights.shaping, law.weights.notch.section]
+        filters = [law.weights.shaping, law.weights.notch]
     else:
         gain = np.array([[law.proportional_gain]])
         chain = np.eye(1), np.array([[sample_s]]), np.array([[law.integral_gain]]), gain
-        filters = [law.shaping, law.notch.section]
+        filters = [law.shaping, law.notch]
     for params in filters:
         if params.enabled:
             chain = _series(chain, section_matrices(params, sample_s))

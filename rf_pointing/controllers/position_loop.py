@@ -12,9 +12,14 @@ with the command the drive really got.
 import math
 from dataclasses import dataclass, field, replace
 
-from rf_pointing.controllers.notch import Notch, NotchParams, NotchState
-from rf_pointing.controllers.rate_feedforward import FeedforwardState, RateFeedforward
-from rf_pointing.controllers.section import Section, SectionParams, SectionState
+from rf_pointing.controllers.filters import (
+    FeedforwardState,
+    RateFeedforward,
+    Section,
+    SectionParams,
+    SectionState,
+    notch_section,
+)
 from rf_pointing.core import Params, parameter, require_between, require_finite
 
 __all__ = ["PositionLoop", "PositionLoopParams", "PositionLoopState"]
@@ -67,9 +72,9 @@ class PositionLoopParams(Params):
         )
 
     @property
-    def notch(self) -> NotchParams:
+    def notch(self) -> SectionParams:
         """The notch's own parameter set."""
-        return NotchParams(enabled=self.notch_enabled, frequency_hz=self.notch_frequency_hz, damping=self.notch_damping)
+        return notch_section(self.notch_frequency_hz, self.notch_damping, enabled=self.notch_enabled)
 
 
 @dataclass(slots=True)
@@ -81,7 +86,7 @@ class PositionLoopState:
     command_rad_s: float = 0.0
     feedforward: FeedforwardState = field(default_factory=FeedforwardState)
     shaping: SectionState = field(default_factory=SectionState)
-    notch: NotchState = field(default_factory=NotchState)
+    notch: SectionState = field(default_factory=SectionState)
 
 
 class PositionLoop:
@@ -89,7 +94,7 @@ class PositionLoop:
 
     def __init__(self, params: PositionLoopParams, dt_s: float = 0.02) -> None:
         self._params = params
-        self._shaping, self._notch = Section(params.shaping, dt_s), Notch(params.notch, dt_s)
+        self._shaping, self._notch = Section(params.shaping, dt_s), Section(params.notch, dt_s)
         self._feedforward = RateFeedforward(params.feedforward_band_hz, dt_s)
         self._state = PositionLoopState()
 
@@ -110,7 +115,10 @@ class PositionLoop:
 
     @state.setter
     def state(self, state: PositionLoopState) -> None:
-        shaping, notch = Section(self._params.shaping, state.shaping.dt_s), Notch(self._params.notch, state.notch.dt_s)
+        shaping, notch = (
+            Section(self._params.shaping, state.shaping.dt_s),
+            Section(self._params.notch, state.notch.dt_s),
+        )
         shaping.state, notch.state = replace(state.shaping), replace(state.notch)
         self._feedforward.state = replace(state.feedforward)
         self._shaping, self._notch, self._state = shaping, notch, replace(state)
@@ -124,7 +132,7 @@ class PositionLoop:
         before = self._shaping.params
         self._shaping.retune(params.shaping)
         try:
-            self._notch.retune_notch(params.notch)
+            self._notch.retune(params.notch)
         except ValueError:
             self._shaping.retune(before)
             raise

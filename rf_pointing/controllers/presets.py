@@ -9,8 +9,7 @@ Tuning: benchmarks/servo_tuning.py, its output beside it; what it buys: docs/mat
 
 import math
 
-from rf_pointing.controllers.lqg_file import load_lqg_designs
-from rf_pointing.controllers.lqg_loop import LqgLoopParams
+from rf_pointing.controllers.lqg import LqgLoopParams, load_lqg_designs
 from rf_pointing.controllers.position_loop import PositionLoopParams
 from rf_pointing.core import require_choice
 
@@ -60,7 +59,7 @@ def dss13_loops(gains: str) -> tuple[PositionLoopParams, PositionLoopParams]:
 def dss13_lqg_loops() -> tuple[LqgLoopParams, LqgLoopParams]:
     """Return what runs beside the LQG designs for DSS-13 (azimuth, elevation): feedforward with its lead."""
     notches = [design.weights.notch for design in load_lqg_designs()]
-    azimuth, elevation = (LqgLoopParams(feedforward_lead_s=_lag_s(n.damping, n.frequency_hz)) for n in notches)
+    azimuth, elevation = (LqgLoopParams(feedforward_lead_s=_lag_s(n.pole_damping, n.pole_hz)) for n in notches)
     return azimuth, elevation
 
 

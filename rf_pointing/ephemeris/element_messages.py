@@ -15,8 +15,8 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from rf_pointing.core.dates import from_utc_text
+from rf_pointing.core.kvn import key_and_value, without_unit
 from rf_pointing.ephemeris.elements import MEAN_MOTIONS, Elements
-from rf_pointing.ephemeris.kvn import key_and_value, without_unit
 from rf_pointing.ephemeris.time_scales import DAY_S
 from rf_pointing.ephemeris.tle import read_tle
 

@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from rf_pointing.core import require_choice
 from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
 from rf_pointing.core.dates import from_utc_text, utc_text
+from rf_pointing.core.kvn import key_and_value
 from rf_pointing.ephemeris.celestial_frame import EARTH_RATE_RAD_S, earth_fixed_from_gcrs, tt_parts
 from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource, IersEarthOrientation
-from rf_pointing.ephemeris.kvn import key_and_value
 from rf_pointing.ephemeris.sgp4_orbit import GMST_RATE_RAD_S, earth_fixed_from_teme
 from rf_pointing.ephemeris.state_vector import StateVector, Vector, rotated, seen_from_rotating_axes
 from rf_pointing.ephemeris.time_scales import (

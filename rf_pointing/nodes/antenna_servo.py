@@ -34,12 +34,11 @@ from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.qos import COMMAND_INPUT, SAMPLES, STATUS, STREAM
 from rf_pointing.nodes.stamps import seconds_from_stamp
 from rf_pointing.planning import WrapCount
-from rf_pointing.servo import WindParams, dss13_plant
 from rf_pointing.station.antenna.memory import AntennaMemory
-from rf_pointing.station.antenna.mount import MountParams
-from rf_pointing.station.antenna.safety import SafetyParams
-from rf_pointing.station.antenna.simulated_antenna import AntennaParams, LoopParams, SimulatedAntenna
+from rf_pointing.station.antenna.simulated_antenna import AntennaParams, SimulatedAntenna
 
+LIVE = ("plant", "loops")
+"""Parameter sets that may change while the antenna moves."""
 STATUS_PERIOD_S = 0.1
 WRAP_EVERY = 10
 """Statuses between two looks at whether the azimuth's turn should be written."""
@@ -62,11 +61,8 @@ class AntennaServo(ManagedNode):
     def __init__(self) -> None:
         super().__init__("antenna_servo")
         self.parameters.declare("", ServoNodeParams())
-        self.parameters.declare("safety", SafetyParams())
-        for prefix, defaults in {"plant": dss13_plant(), "loops": LoopParams()}.items():
-            self.parameters.declare(prefix, defaults, live=True)
-        for prefix, defaults in {"antenna": AntennaParams(), "wind": WindParams(), "mount": MountParams()}.items():
-            self.parameters.declare(prefix, defaults)
+        for prefix, defaults in AntennaParams().sets().items():
+            self.parameters.declare(prefix, defaults, live=prefix in LIVE)
         self.parameters.check_with(self._check)
         self.parameters.on_change(self._retune)
         self._antenna: SimulatedAntenna | None = None
@@ -84,10 +80,8 @@ class AntennaServo(ManagedNode):
     def configure(self) -> None:
         value = self.parameters.value
         self._memory = AntennaMemory(value("").state_file)
-        self._antenna = SimulatedAntenna(
-            self._memory.start(value("antenna")), value("plant"), value("loops"), value("wind"), value("mount").model(),
-            value("safety"),
-        )  # fmt: skip
+        params = AntennaParams(**{prefix: value(prefix) for prefix in AntennaParams().sets()})
+        self._antenna = SimulatedAntenna(self._memory.start(params))
         self._status_every = max(1, round(STATUS_PERIOD_S / self._antenna.params.tick_s))
         self._joints = self.publisher(JointState, "joint_states", STREAM)
         self._boresight = self.stream(Boresight, "sim/boresight", SAMPLES)
@@ -96,9 +90,9 @@ class AntennaServo(ManagedNode):
         self.listen(JointTrajectory, "joint_trajectory", self._on_trajectory, COMMAND_INPUT)
         self.serve(Trigger, "~/stop", self._on_stop)
         self._recover_wrap()
-        modes = self._antenna.modes
-        actions = {"reset_fault": modes.reset_fault, "pause": modes.pause, "resume": modes.resume,
-                   "park": modes.park, "stow": modes.stow, "disable": modes.release}  # fmt: skip
+        antenna = self._antenna
+        actions = {"reset_fault": antenna.reset_fault, "pause": antenna.pause, "resume": antenna.resume,
+                   "park": antenna.park, "stow": antenna.stow, "disable": antenna.disable}  # fmt: skip
         for name, action in actions.items():
             self.serve(Trigger, f"~/{name}", self._answering(name, action))
         if value("").enable_fault_injection:
@@ -108,7 +102,7 @@ class AntennaServo(ManagedNode):
         self.diagnostics.add("memory", self._memory_health)
 
     def activate(self) -> None:
-        self._antenna.modes.enable()
+        self._antenna.enable()
         self._memory.restore(self._antenna)
         self._tick_wall_s = None
         self._ticked_s = self.now_s()
@@ -119,7 +113,7 @@ class AntennaServo(ManagedNode):
 
     def deactivate(self) -> None:
         self._ticked_s = math.inf
-        self._antenna.disable()
+        self._antenna.deactivate()
         self._identification.end()
         self._keep_wrap()
 
@@ -134,7 +128,7 @@ class AntennaServo(ManagedNode):
         if not doubt and abs(recovered - azimuth) > 1e-6:
             doubt = "the wrap file names another turn than the encoder: look at the cables, then reset"
         if doubt:
-            self._antenna.modes.stop(doubt)
+            self._antenna.stop(doubt)
         self._keep_wrap()
         if self._wrap_problem:
             raise ValueError(self._wrap_problem)
@@ -152,7 +146,7 @@ class AntennaServo(ManagedNode):
 
     def _tick(self, t_s: float) -> None:
         if self._schedule.jumped_s:
-            self._antenna.modes.stop(f"the clock jumped by {self._schedule.jumped_s:+.2f} s")
+            self._antenna.stop(f"the clock jumped by {self._schedule.jumped_s:+.2f} s")
         self._measure_lateness(self._antenna.params.tick_s)
         self._ticked_s = t_s
         reading, boresight = self._antenna.step(t_s)
@@ -193,16 +187,16 @@ class AntennaServo(ManagedNode):
 
     def _take(self, message: JointTrajectory) -> None:
         try:
-            refused = self._antenna.commands.accept(
+            refused = self._antenna.accept(
                 convert.trajectory_from_message(message), self.now_s(), message.header.frame_id
             )
         except ValueError as error:
-            refused = self._antenna.commands.reject(str(error))
+            refused = self._antenna.reject(str(error))
         if refused:
             self.get_logger().warning(f"command rejected: {refused}", throttle_duration_sec=1.0)
 
     def _on_stop(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self._antenna.modes.stop("stop was requested")
+        self._antenna.stop("stop was requested")
         response.success, response.message = True, "stopping; reset_fault allows motion again"
         return response
 
@@ -223,16 +217,16 @@ class AntennaServo(ManagedNode):
         except ValueError as refusal:
             response.success, response.message = False, str(refusal)
             return response
-        response.success, response.message = True, f"{request.fault} injected at {self._antenna.axes.t_s:.3f}"
+        response.success, response.message = True, f"{request.fault} injected at {self._antenna.t_s:.3f}"
         return response
 
     def _check(self, sets: Mapping[str, Any]) -> None:
         if self._antenna is not None:
-            self._antenna.axes.check(sets["plant"], sets["loops"])
+            self._antenna.check(sets["plant"], sets["loops"])
 
     def _retune(self) -> None:
         if self._antenna is not None:
-            self._antenna.axes.retune(self.parameters.value("plant"), self.parameters.value("loops"))
+            self._antenna.retune(self.parameters.value("plant"), self.parameters.value("loops"))
 
     def _health(self) -> Health:
         status = self._antenna.status(self.now_s())

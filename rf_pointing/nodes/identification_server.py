@@ -74,7 +74,7 @@ class IdentificationServer:
         self._told, self._experiment = 0, None
         try:
             experiment = self._made(goal.request)
-            self._refusal = self._antenna.modes.identify(experiment)
+            self._refusal = self._antenna.identify(experiment)
         except ValueError as refusal:
             self._refusal = str(refusal)
         if self._refusal:

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from rf_pointing.controllers import PositionLoop, PositionLoopParams
 from rf_pointing.core import as_finite_array, random_stream, require_between
+from rf_pointing.papers.bare_antenna import BareAntenna, LawsOnCommand
 from rf_pointing.servo import AntennaPlant, PlantParams, Wind, WindParams, dss13_plant
-from rf_pointing.simulation.closed_loop import BareAntenna, LawsOnCommand, ticks
+from rf_pointing.simulation.closed_loop import ticks
 
 __all__ = ["ServoRun", "ServoRunSetup", "error_statistics", "run_servo", "servo_monte_carlo"]
 

@@ -11,10 +11,11 @@ from rf_pointing.papers.keyhole_passes import AVERAGING_S, KeyholeCase
 from rf_pointing.planning import GateParams, MachineParams
 from rf_pointing.planning.crossing import DEEPEST_DB, HALF_POWER_DB
 from rf_pointing.planning.over_the_top import plunged
-from rf_pointing.servo import WindParams, dss13_plant
+from rf_pointing.servo import dss13_plant
 from rf_pointing.simulation.closed_loop import TARGET_LEAD_S, PointedAntenna, ticks
+from rf_pointing.station.antenna.loops import LoopParams
 from rf_pointing.station.antenna.safety import SafetyParams
-from rf_pointing.station.antenna.simulated_antenna import AntennaParams, LoopParams, SimulatedAntenna
+from rf_pointing.station.antenna.simulated_antenna import AntennaParams, SimulatedAntenna, SimulationParams
 from rf_pointing.station.pointing.certificates import pass_profile
 from rf_pointing.station.pointing.controller import PointingController
 from rf_pointing.station.pointing.params import ControllerParams, PointingParams
@@ -129,10 +130,16 @@ def _antenna(controller: PointingController, case: KeyholeCase, start_s: float) 
         elevation=plant.elevation.replace(travel_max_rad=3.3),
     )
     return SimulatedAntenna(
-        AntennaParams(start_azimuth_rad=azimuth, start_elevation_rad=elevation, lag_averaging_s=AVERAGING_S),
-        plant, loops.replace(preprocessor=preprocessor), WindParams(mean_speed_m_s=0.0), case.mount.model(),
-        SafetyParams(gate=NO_SUN),
-    )  # fmt: skip
+        AntennaParams(
+            antenna=SimulationParams(
+                start_azimuth_rad=azimuth, start_elevation_rad=elevation, lag_averaging_s=AVERAGING_S
+            ),
+            plant=plant,
+            loops=loops.replace(preprocessor=preprocessor),
+            mount=case.mount,
+            safety=SafetyParams(gate=NO_SUN),
+        )
+    )
 
 
 def _near(controller: PointingController, case: KeyholeCase) -> float:
@@ -146,7 +153,7 @@ def _flown(
     period_s = controller.params.pointing.period_s
     for step in range(round(TARGET_LEAD_S / period_s)):
         controller.take_target(case.track.target_at(round(start_s + step * period_s, 6)))
-    antenna.modes.enable()
+    antenna.enable()
     pointed = PointedAntenna(antenna, controller, case.track, start_s)
     count = round((min(end_s, case.window.los_t_s - 3.0) - start_s) / antenna.params.tick_s) - 1
     times, beam = [], []

@@ -21,9 +21,10 @@ from rf_pointing.identification import (
     modes_of,
     study,
 )
+from rf_pointing.papers.bare_antenna import BareAntenna
 from rf_pointing.papers.row import Row
 from rf_pointing.servo import AntennaPlant, Wind, WindParams, dss13_plant
-from rf_pointing.simulation.closed_loop import BareAntenna, ticks
+from rf_pointing.simulation.closed_loop import ticks
 
 __all__ = ["identification_rows", "record"]
 

@@ -20,9 +20,10 @@ from rf_pointing.controllers import (
     TrackerIntegratorParams,
 )
 from rf_pointing.core import random_stream
+from rf_pointing.papers.bare_antenna import BareAntenna, LawsOnCommand
 from rf_pointing.papers.servo_trajectory import LowOrbitPass
 from rf_pointing.servo import AntennaPlant, PlantParams, Wind, WindParams, dss13_plant
-from rf_pointing.simulation.closed_loop import BareAntenna, LawsOnCommand, ticks
+from rf_pointing.simulation.closed_loop import ticks
 
 __all__ = ["PassErrors", "PassSetup", "fly"]
 

@@ -187,6 +187,6 @@ def _notch_response(law: PositionLoopParams | LqgDesign, z: ComplexArray) -> Com
     notch = law.weights.notch if isinstance(law, LqgDesign) else law.notch
     if not notch.enabled:
         return np.ones_like(z)
-    omega = 2.0 * math.pi * notch.frequency_hz
+    omega = 2.0 * math.pi * notch.pole_hz
     s = omega / math.tan(0.5 * omega * SAMPLE_S) * (z - 1.0) / (z + 1.0)
-    return np.asarray((s**2 + omega**2) / (s**2 + 2.0 * notch.damping * omega * s + omega**2))
+    return np.asarray((s**2 + omega**2) / (s**2 + 2.0 * notch.pole_damping * omega * s + omega**2))

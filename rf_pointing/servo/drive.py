@@ -1,44 +1,63 @@
 """The nonlinear part of one axis over one substep, in plain floats: limits, friction, brakes and gear play.
 
 All of it enters the exact linear step as inputs held over the substep: the rate command the drive can follow, the
-friction that may at most stop the axis, and the difference between the true gear torque and a linear spring.  The same
-functions run interpreted and compiled.
+friction that may at most stop the axis, and the difference between the true gear torque and a linear spring.
 """
 
 import math
+from typing import NamedTuple
 
 from rf_pointing.servo.parameters import AxisParams
 
-__all__ = ["DriveConstants", "axis_inputs", "drive_constants", "gear_correction", "tooth_wind"]
+__all__ = ["DriveConstants", "axis_inputs", "drive_constants", "gear_correction"]
 
-DriveConstants = tuple[float, float, float, float, float, float, float, float, float, float, float, float, float]
+
+class DriveConstants(NamedTuple):
+    """What the functions below need of one axis for one substep; torques are divided by the inertia."""
+
+    rate_decay: float
+    """Share of a rate that is left after the substep."""
+    response_s: float
+    """Rate after the substep over an acceleration held during it."""
+    rate_limit: float
+    rate_gap: float
+    """Largest difference between commanded and present rate that the motors can follow at full torque."""
+    friction: float
+    breakaway_excess: float
+    """Breakaway torque over friction torque, less one."""
+    stribeck_rate: float
+    brake: float
+    gear_stiffness: float
+    """In 1/s^2."""
+    gear_damping: float
+    """In 1/s."""
+    gear_preload: float
+    gear_play: float
+    step_s: float
 
 
 def drive_constants(axis: AxisParams, step_s: float) -> DriveConstants:
-    """Return what `axis_inputs` needs of one axis for substeps of `step_s`; torques become accelerations.
-
-    Order: rate decay over the step, response to a held acceleration (s), rate limit, drive rate gap at full torque,
-    friction, breakaway excess ratio, Stribeck rate, brake, gear stiffness (1/s^2) and damping (1/s),
-    gear preload and play (rad), step (s).
-    """
+    """Return the constants of one axis for substeps of `step_s`."""
     bandwidth, inertia = axis.drive_bandwidth_rad_s, axis.inertia_kg_m2
     decay = math.exp(-bandwidth * step_s)
     stiffness = axis.gear_frequency_rad_s**2
-    preload = axis.countertorque_n_m / inertia / stiffness if axis.countertorque_n_m > 0.0 else -axis.backlash_rad
-    return (
-        decay,
-        (1.0 - decay) / bandwidth,
-        axis.rate_limit_rad_s,
-        axis.acceleration_limit_rad_s2 / bandwidth,
-        axis.coulomb_friction_n_m / inertia,
-        axis.static_friction_ratio - 1.0,
-        axis.stribeck_rate_rad_s,
-        axis.brake_torque_n_m / inertia,
-        stiffness,
-        2.0 * axis.gear_damping * axis.gear_frequency_rad_s,
-        preload,
-        axis.backlash_rad,
-        step_s,
+    return DriveConstants(
+        rate_decay=decay,
+        response_s=(1.0 - decay) / bandwidth,
+        rate_limit=axis.rate_limit_rad_s,
+        rate_gap=axis.acceleration_limit_rad_s2 / bandwidth,
+        friction=axis.coulomb_friction_n_m / inertia,
+        breakaway_excess=axis.static_friction_ratio - 1.0,
+        stribeck_rate=axis.stribeck_rate_rad_s,
+        brake=axis.brake_torque_n_m / inertia,
+        gear_stiffness=stiffness,
+        gear_damping=2.0 * axis.gear_damping * axis.gear_frequency_rad_s,
+        # Without countertorque both trains float in the middle of their play.
+        gear_preload=axis.countertorque_n_m / inertia / stiffness
+        if axis.countertorque_n_m > 0.0
+        else -axis.backlash_rad,
+        gear_play=axis.backlash_rad,
+        step_s=step_s,
     )
 
 
@@ -51,8 +70,10 @@ def axis_inputs(
     which makes sticking exact at any step.  Without power the motors give no torque: the command follows the rate, and
     the accelerations are scaled so that the rate loop of the linear model, which still acts, takes nothing away.
     """
+    # Unpacked once: this runs for every axis in every substep, and attributes of a tuple are slow.
     decay, response, rate_limit, rate_gap, friction, excess, stribeck, brake, _, _, _, _, step = drive
     if powered:
+        # The rate limit first: a command beyond it must not ask for more torque than one at it.
         command = min(max(command, -rate_limit), rate_limit)
         command = min(max(command, rate - rate_gap), rate + rate_gap)
     else:
@@ -61,6 +82,7 @@ def axis_inputs(
     holding = brake if braked else 0.0
     if friction > 0.0:
         ratio = rate / stribeck
+        # exp(-26^2) is zero in doubles already, and a ratio that overflows would raise.
         holding += friction * (1.0 + excess * math.exp(-ratio * ratio)) if abs(ratio) < 26.0 else friction
     free = decay * rate + (1.0 - decay) * command + gain * wind
     opposing = min(max(-free / gain, -holding), holding)
@@ -72,17 +94,17 @@ def gear_correction(deflection: float, rate: float, drive: DriveConstants) -> fl
 
     Each train has half the stiffness and half the damping while its teeth touch, is wound up by the preload and has a
     play of twice the half width; without countertorque the preload is minus the half width: both float mid-play.
-    Evaluated where the gear will be in mid-step; at the start of the step it would brake a load that floats freely.
     """
     stiffness, damping, preload, play, step = drive[8:]
+    # Evaluated where the gear will be in mid-step; at the start it would brake a load that floats freely.
     deflection += 0.5 * step * rate
     if abs(deflection) <= preload:
         return 0.0
-    forward, backward = tooth_wind(preload + deflection, play), tooth_wind(preload - deflection, play)
+    forward, backward = _tooth_wind(preload + deflection, play), _tooth_wind(preload - deflection, play)
     touching = 0.5 * (forward != 0.0) + 0.5 * (backward != 0.0)
     return stiffness * (deflection - 0.5 * (forward - backward)) + damping * rate * (1.0 - touching)
 
 
-def tooth_wind(wound: float, play: float) -> float:
+def _tooth_wind(wound: float, play: float) -> float:
     """Return how far a train is pressed when wound by `wound`: nothing while its tooth crosses the play."""
     return max(wound, 0.0) + min(wound + 2.0 * play, 0.0)

@@ -6,6 +6,9 @@ gear play enter as inputs held over each substep (`drive.py`).  Angles are conti
 
 import copy
 import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,15 +17,34 @@ from rf_pointing.core import as_finite_array, as_finite_pair, require_between
 from rf_pointing.servo.drive import DriveConstants, axis_inputs, drive_constants, gear_correction
 from rf_pointing.servo.linear_model import INPUTS, LinearModel, discretise, linear_model
 from rf_pointing.servo.parameters import PlantParams
-from rf_pointing.servo.state import PlantState
 
-__all__ = ["AntennaPlant"]
+__all__ = ["AntennaPlant", "PlantState"]
 
 Array = NDArray[np.float64]
 Pair = tuple[float, float]
 
 _GRID_S = 1e-4
 _LONGEST_STEP_S = 1.0
+
+
+@dataclass(slots=True)
+class PlantState:
+    """Everything that `AntennaPlant` remembers: copy it, put it back, and the run goes on identically.
+
+    `x` (n,) is the state of the linear model, `debt_s` the part of the elapsed time (below 0.1 ms) that is not yet
+    integrated; `commands` are (time, azimuth, elevation) rate commands still inside the dead time; `encoder_rad` (2,) is
+    the latest reading, `random` the state of the noise generator.
+    """
+
+    x: Array
+    time_s: float
+    debt_s: float
+    powered: bool
+    braked: bool
+    at_stop: tuple[bool, bool]
+    encoder_rad: Array
+    commands: tuple[tuple[float, float, float], ...]
+    random: Mapping[str, Any] = field(repr=False)
 
 
 class AntennaPlant:

@@ -1,4 +1,10 @@
-"""Wind on the dish: mean speed, Davenport gusts along and across it, torque on both axes by attitude.
+"""Wind on the dish: mean speed, gusts along and across it, torque on both axes by attitude.
+
+Gusts have Davenport's spectrum (Davenport 1961, V the mean speed at 10 m height),
+
+    S(f) = 4 kappa V^2 / f * x^2 / (1 + x^2)^(4/3),   x = 1200 m * f / V
+
+approximated by white noise through G s (s + z1)(s + z2) / ((s + p1)...(s + p4)), exact at any time step.
 
     torque = rho/2 * V^2 * A * D * (c0 + c1 n.f) * (n x f)
 
@@ -14,17 +20,21 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.core import Params, parameter, require_between
-from rf_pointing.servo.gust import GustFilter
 
-__all__ = ["Wind", "WindParams", "WindState", "gust_torque_n_m", "torque_constants", "wind_torque_n_m"]
+__all__ = ["GustFilter", "Wind", "WindParams", "WindState", "davenport_psd", "wind_torque_n_m"]
 
 Array = NDArray[np.float64]
 
 _GUST_STEP_S = 0.02
 _CALM_M_S = 1e-3
+# Fitted in x, so that one fit serves all speeds: within 0.3 dB for 0.3 < x < 1000, that is 2 mHz to 6.7 Hz at 8 m/s.
+_LENGTH_M = 1200.0
+_LEVEL = 39.5379847
+_ZEROS = np.array([15.9230820, 202.318487])
+_POLES = np.array([0.275876131, 1.82643308, 24.2825212, 313.564259])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,33 +69,82 @@ def wind_torque_n_m(
 
     `along_m_s` is mean plus gust along the mean direction, `across_m_s` the gust to the right of it.
     """
-    return gust_torque_n_m(along_m_s, across_m_s, azimuth_rad, elevation_rad, torque_constants(params))
-
-
-def torque_constants(params: WindParams) -> tuple[float, float, float, float]:
-    """Return what `gust_torque_n_m` needs: azimuth blown to, rho/2 A D, moment coefficients c0 and c1."""
     area = 0.25 * math.pi * params.dish_diameter_m**2
     lever = 0.5 * params.air_density * area * params.dish_diameter_m
-    return params.from_azimuth_rad + math.pi, lever, params.moment_base, params.moment_incidence
-
-
-def gust_torque_n_m(
-    along_m_s: float,
-    across_m_s: float,
-    azimuth_rad: float,
-    elevation_rad: float,
-    constants: tuple[float, float, float, float],
-) -> tuple[float, float]:
-    """Return the torques of `wind_torque_n_m` from plain floats; also compiled."""
-    blown_to, lever, base, incidence = constants
     pressure = lever * (along_m_s * along_m_s + across_m_s * across_m_s)
-    off = blown_to + math.atan2(across_m_s, along_m_s) - azimuth_rad
+    # The wind is named by where it comes from; the torque needs where it blows to.
+    off = params.from_azimuth_rad + math.pi + math.atan2(across_m_s, along_m_s) - azimuth_rad
     level, facing = math.cos(elevation_rad), math.cos(off)
-    coefficient = base - incidence * level * facing
+    coefficient = params.moment_base - params.moment_incidence * level * facing
     return (
         pressure * coefficient * level * math.sin(off),
         -pressure * coefficient * math.sin(elevation_rad) * facing,
     )
+
+
+def davenport_psd(frequency_hz: ArrayLike, mean_speed_m_s: float, drag_coefficient: float) -> Array:
+    """Return the one-sided spectrum of the gust speed in (m/s)^2/Hz at `frequency_hz` > 0."""
+    frequency = np.asarray(frequency_hz, dtype=np.float64)
+    x = _LENGTH_M * frequency / mean_speed_m_s
+    psd: Array = 4.0 * drag_coefficient * mean_speed_m_s**2 / frequency * x**2 / (1.0 + x**2) ** (4.0 / 3.0)
+    return psd
+
+
+@dataclass(frozen=True, slots=True)
+class GustFilter:
+    """Shaping filter in diagonal form: states decay at `poles_rad_s` (4,), share one white noise, sum by `residues`."""
+
+    poles_rad_s: Array
+    residues: Array
+
+    @classmethod
+    def davenport(cls, mean_speed_m_s: float, drag_coefficient: float) -> "GustFilter":
+        """Return the filter of Davenport's spectrum at `mean_speed_m_s` (m/s) and surface drag coefficient."""
+        require_between("mean_speed_m_s", mean_speed_m_s, 1e-3, None)
+        require_between("drag_coefficient", drag_coefficient, 0.0, 0.1)
+        scale = 2.0 * math.pi * mean_speed_m_s / _LENGTH_M
+        gain = scale * math.sqrt(0.5 * drag_coefficient * mean_speed_m_s * _LENGTH_M * _LEVEL)
+        return cls(scale * _POLES, gain * _residues())
+
+    @property
+    def variance_m2_s2(self) -> float:
+        """Variance of the gust speed."""
+        return float(self.residues @ self._covariance(None) @ self.residues)
+
+    def psd(self, frequency_hz: ArrayLike) -> Array:
+        """Return the one-sided spectrum of the filter's output in (m/s)^2/Hz."""
+        s = 2j * np.pi * np.asarray(frequency_hz, dtype=np.float64)[..., None]
+        psd: Array = 2.0 * np.abs((self.residues / (s + self.poles_rad_s)).sum(axis=-1)) ** 2
+        return psd
+
+    def stationary_factor(self) -> Array:
+        """Return L (4, 4) such that L times unit normal numbers is a state in the stationary distribution."""
+        return _factor(self._covariance(None))
+
+    def step_matrices(self, dt_s: float) -> tuple[Array, Array]:
+        """Return the decay (4,) and the noise factor (4, 4) of a step of `dt_s`."""
+        require_between("dt_s", dt_s, 1e-6, None)
+        return np.exp(-self.poles_rad_s * dt_s), _factor(self._covariance(dt_s))
+
+    def _covariance(self, dt_s: float | None) -> Array:
+        sums = np.add.outer(self.poles_rad_s, self.poles_rad_s)
+        grown = np.ones_like(sums) if dt_s is None else -np.expm1(-sums * dt_s)
+        return grown / sums
+
+
+def _residues() -> Array:
+    """Return the residues of s (s + z1)(s + z2) / prod(s + p) at its poles."""
+    values = [
+        -pole * np.prod(_ZEROS - pole) / np.prod(np.delete(_POLES, index) - pole) for index, pole in enumerate(_POLES)
+    ]
+    return np.array(values)
+
+
+def _factor(covariance: Array) -> Array:
+    """Return a square root of a covariance that is close to singular (a Cholesky factor may not exist)."""
+    values, vectors = np.linalg.eigh(covariance)
+    factor: Array = vectors * np.sqrt(np.maximum(values, 0.0))
+    return factor
 
 
 class Wind:
@@ -93,7 +152,6 @@ class Wind:
 
     def __init__(self, params: WindParams, random: np.random.Generator) -> None:
         self._params, self._random = params, random
-        self._torque = torque_constants(params)
         self._blows = params.mean_speed_m_s > _CALM_M_S
         speed = params.mean_speed_m_s if self._blows else 1.0
         self._filter = GustFilter.davenport(speed, params.drag_coefficient)
@@ -136,4 +194,4 @@ class Wind:
             self._state.filters = self._state.filters * self._decay + noise @ self._noise.T
             self._state.left_s += _GUST_STEP_S
         along, across = self.speed_m_s
-        return np.array(gust_torque_n_m(along, across, azimuth_rad, elevation_rad, self._torque))
+        return np.array(wind_torque_n_m(self._params, along, across, azimuth_rad, elevation_rad))

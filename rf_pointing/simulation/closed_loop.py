@@ -1,31 +1,22 @@
 """The time loop of every simulation: an antenna moves through a tick, then everything else acts on what came of it.
 
-`ticks` is the loop.  It runs the station's antenna with the controller that points it (`PointedAntenna`), or drives,
-structure and wind alone under the rate commands of position laws or of an experiment (`BareAntenna`).
+`ticks` is the loop.  The simulations of the station run an antenna with the controller that points it, `PointedAntenna`.
 """
 
 import itertools
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
-
 from rf_pointing.core import Boresight, JointReading, JointTrajectory
 from rf_pointing.ephemeris import TopocentricTrack
-from rf_pointing.servo import AntennaPlant, Wind
-from rf_pointing.station.antenna.loops import PositionLaw, law_rates
 from rf_pointing.station.antenna.simulated_antenna import SimulatedAntenna
 from rf_pointing.station.pointing.controller import PointingController
 from rf_pointing.station.pointing.status import TrackingStatus
 
-__all__ = ["BareAntenna", "LawsOnCommand", "PointedAntenna", "PointedTick", "ticks"]
+__all__ = ["TARGET_LEAD_S", "PointedAntenna", "PointedTick", "ticks"]
 
-Array = NDArray[np.float64]
-Command = tuple[Array, Array, Array]
-"""Position (rad), velocity (rad/s) and acceleration (rad/s^2) of azimuth and elevation, each (2,)."""
 Output = TypeVar("Output", covariant=True)
 
 TARGET_LEAD_S = 2.0
@@ -97,53 +88,5 @@ class PointedAntenna:
             self.controller.take_target(self._track.target_at(round(t_s + TARGET_LEAD_S, 6)))
         trajectory, status = self.controller.step(t_s)
         if trajectory is not None:
-            self.antenna.commands.accept(trajectory, t_s)
+            self.antenna.accept(trajectory, t_s)
         return PointedTick(t_s, reading, boresight, status, trajectory)
-
-
-class BareAntenna:
-    """Drives, structure and wind without control unit and mount, under rate commands (2,) that `rates` gives.
-
-    `rates(k, encoder_rad)` is called once a tick with the encoder angles (2,) at its beginning; the wind meets the dish
-    at the attitude (azimuth, elevation) that `attitude(k)` returns, at the encoder angles without it.
-    """
-
-    def __init__(
-        self,
-        plant: AntennaPlant,
-        wind: Wind,
-        tick_s: float,
-        rates: Callable[[int, Array], Sequence[float] | Array],
-        attitude: Callable[[int], Sequence[float]] | None = None,
-    ) -> None:
-        self.plant = plant
-        self._wind, self._tick_s, self._rates, self._attitude = wind, tick_s, rates, attitude
-
-    def step(self, k: int) -> Sequence[float] | Array:
-        """Move through tick `k` and return the rate commands (2,) in force during it."""
-        encoder_rad = self.plant.encoder_rad
-        rates = self._rates(k, encoder_rad)
-        azimuth_rad, elevation_rad = encoder_rad.tolist() if self._attitude is None else self._attitude(k)
-        self.plant.step(rates, self._wind.step(self._tick_s, azimuth_rad, elevation_rad), self._tick_s)
-        return rates
-
-
-class LawsOnCommand:
-    """Position laws of azimuth and elevation that follow what `command(k)` returns: rate commands for `BareAntenna`."""
-
-    def __init__(self, laws: Sequence[PositionLaw], tick_s: float, command: Callable[[int], Command]) -> None:
-        self._laws, self._tick_s, self._command = laws, tick_s, command
-
-    def __call__(self, k: int, encoder_rad: Array) -> list[float]:
-        """Return the rate commands of tick `k`."""
-        command = [part.tolist() for part in self._command(k)]
-        return law_rates(self._laws, command, encoder_rad.tolist(), self._tick_s)
-
-    def settle(self, plant: AntennaPlant, position_rad: Array, velocity_rad_s: Array) -> None:
-        """Put drives and laws into steady motion (2,) through this position (2,), as after a long approach."""
-        state = plant.state
-        state.x[2:4] = velocity_rad_s
-        plant.state = state
-        rows = zip(self._laws, position_rad.tolist(), velocity_rad_s.tolist(), strict=True)
-        for law, position, velocity in rows:
-            law.reset(position, velocity, position, velocity)

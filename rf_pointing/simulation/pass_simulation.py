@@ -17,12 +17,9 @@ from rf_pointing.core.parameters import NodeParameters, read_parameter_files
 from rf_pointing.ephemeris import Pass
 from rf_pointing.ephemeris.source import SourceParams, load_track
 from rf_pointing.planning import Certificate
-from rf_pointing.servo import WindParams, dss13_plant
 from rf_pointing.simulation.closed_loop import PointedAntenna, ticks
-from rf_pointing.station.antenna.mount import MountParams
 from rf_pointing.station.antenna.receiver import Reception, SignalParams, SimulatedReceiver
-from rf_pointing.station.antenna.safety import SafetyParams
-from rf_pointing.station.antenna.simulated_antenna import AntennaParams, LoopParams, SimulatedAntenna
+from rf_pointing.station.antenna.simulated_antenna import AntennaParams, SimulatedAntenna
 from rf_pointing.station.pointing.certificates import pass_profile
 from rf_pointing.station.pointing.controller import PointingController
 from rf_pointing.station.pointing.params import ControllerParams
@@ -79,13 +76,9 @@ class StationSetup:
     def antenna(self) -> SimulatedAntenna:
         """Return the simulated antenna."""
         node = self.node("antenna_servo")
+        sets = AntennaParams().sets()
         return SimulatedAntenna(
-            node.group("antenna", AntennaParams()),
-            node.group("plant", dss13_plant()),
-            node.group("loops", LoopParams()),
-            node.group("wind", WindParams()),
-            node.group("mount", MountParams()).model(),
-            node.group("safety", SafetyParams()),
+            AntennaParams().replace(**{name: node.group(name, defaults) for name, defaults in sets.items()})
         )
 
     def receiver(self) -> SimulatedReceiver:
@@ -123,7 +116,7 @@ def simulate_pass(
     antenna, receiver, controller = setup.antenna(), setup.receiver(), setup.controller()
     monopulse = MonopulseTracker(setup.node("monopulse_tracker").group("monopulse", MonopulseParams()))
     conscan = setup.power_tracker()
-    antenna.modes.enable()
+    antenna.enable()
     log = PassLog()
     pointed = PointedAntenna(antenna, controller, track, start_t_s, window.aos_t_s - EARLY_TARGET_S)
     controller.plan.take_profiles([pass_profile(track, window)])

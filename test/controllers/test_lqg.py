@@ -6,8 +6,9 @@ import control
 import numpy as np
 import pytest
 
-from rf_pointing.controllers import LqgDesign, LqgLoop, LqgLoopParams, LqgWeights
+from rf_pointing.controllers import LqgDesign, LqgLoop, LqgLoopParams
 from rf_pointing.controllers.design_lqg import controller_system, design_lqg, drive_of
+from rf_pointing.controllers.lqg import LqgWeights
 
 SAMPLE_S = 0.02
 WEIGHTS = LqgWeights(

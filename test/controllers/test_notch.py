@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 import scipy.signal
 
-from rf_pointing.controllers import Notch, NotchParams
+from rf_pointing.controllers.filters import Section, notch_section
+
+PUBLISHED = notch_section(2.12, 0.2)
 
 
-def respond(notch: Notch, values: np.ndarray, dt_s: float) -> np.ndarray:
+def respond(notch: Section, values: np.ndarray, dt_s: float) -> np.ndarray:
     out = []
     for value in values:
         out.append(notch.output(float(value)))
@@ -26,19 +28,19 @@ def test_impulse_response_is_the_prewarped_bilinear_transform_of_eq_8(dt_s: floa
     b, a = scipy.signal.bilinear([1.0, 0.0, omega**2], [1.0, 0.4 * omega, omega**2], fs=0.5 * warp)
     impulse = np.zeros(80)
     impulse[0] = 1.0
-    ours = respond(Notch(NotchParams(), dt_s), impulse, dt_s)
+    ours = respond(Section(PUBLISHED, dt_s), impulse, dt_s)
     np.testing.assert_allclose(ours, scipy.signal.lfilter(b, a, impulse), atol=1e-12)
 
 
 def test_the_zero_stays_at_the_notch_frequency_at_ten_hertz() -> None:
-    notch = Notch(NotchParams(), 0.1)
+    notch = Section(PUBLISHED, 0.1)
     wave = np.cos(2.0 * math.pi * 2.12 * 0.1 * np.arange(600))
     assert np.max(np.abs(respond(notch, wave, 0.1)[300:])) < 1e-10
 
 
 def test_response_below_the_notch_follows_eq_8() -> None:
     dt_s, frequency = 0.02, 0.5
-    notch = Notch(NotchParams(), dt_s)
+    notch = Section(PUBLISHED, dt_s)
     time = dt_s * np.arange(3000)
     out = respond(notch, np.cos(2.0 * math.pi * frequency * time), dt_s)[1500:]
     phasor = np.exp(-2j * math.pi * frequency * time[1500:])
@@ -50,35 +52,35 @@ def test_response_below_the_notch_follows_eq_8() -> None:
 
 
 def test_retuning_while_running_makes_no_jump() -> None:
-    notch = Notch(NotchParams())
+    notch = Section(PUBLISHED)
     notch.reset(0.3)
     before = notch.output(0.3)
     notch.update(0.02)
-    notch.retune_notch(NotchParams(frequency_hz=1.8, damping=0.35))
+    notch.retune(notch_section(1.8, 0.35))
     assert notch.output(0.3) == pytest.approx(before, abs=1e-15)
 
 
 def test_switching_off_and_on_while_steady_makes_no_jump() -> None:
-    notch = Notch(NotchParams())
+    notch = Section(PUBLISHED)
     notch.reset(0.3)
     for enabled in (False, True, False):
         notch.output(0.3)
         notch.update(0.02)
-        notch.retune_notch(NotchParams(enabled=enabled))
+        notch.retune(notch_section(2.12, 0.2, enabled=enabled))
         assert notch.output(0.3) == pytest.approx(0.3, abs=1e-15)
 
 
 def test_a_notch_above_half_the_sampling_rate_is_refused_and_the_old_one_stays() -> None:
-    notch = Notch(NotchParams())
+    notch = Section(PUBLISHED)
     with pytest.raises(ValueError, match=r"zero_hz=30\.0 must be < 25\.0"):
-        notch.retune_notch(NotchParams(frequency_hz=30.0))
-    assert notch.notch == NotchParams()
+        notch.retune(notch_section(30.0, 0.2))
+    assert notch.params == PUBLISHED
 
 
 def test_copied_state_continues_identically() -> None:
     values = np.random.default_rng(8).standard_normal(60)
-    first = Notch(NotchParams())
+    first = Section(PUBLISHED)
     respond(first, values[:30], 0.02)
-    second = Notch(NotchParams())
+    second = Section(PUBLISHED)
     second.state = replace(first.state)
     np.testing.assert_array_equal(respond(first, values[30:], 0.02), respond(second, values[30:], 0.02))

@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rf_pointing.controllers import PositionLoop, PositionLoopParams, Section
+from rf_pointing.controllers import PositionLoop, PositionLoopParams
+from rf_pointing.controllers.filters import Section
 
 PLAIN = PositionLoopParams(notch_enabled=False)
 

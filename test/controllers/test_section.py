@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.signal
 
-from rf_pointing.controllers import Section, SectionParams
+from rf_pointing.controllers.filters import Section, SectionParams
 
 PARAMS = SectionParams(zero_hz=2.04, zero_damping=0.03, pole_hz=4.0, pole_damping=0.6)
 

@@ -16,7 +16,7 @@ from rf_pointing.core import Params, from_degrees, leaves, parameter, parameter_
 from rf_pointing.core.parameters import read_parameter_files
 from rf_pointing.planning import AxisLimits
 from rf_pointing.servo import WindParams
-from rf_pointing.station.antenna.simulated_antenna import LoopParams
+from rf_pointing.station.antenna.loops import LoopParams
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,22 +5,18 @@ from pathlib import Path
 
 import pytest
 
-from rf_pointing.calibration import BiasModel
 from rf_pointing.core.whole_file import KeptState
 from rf_pointing.ephemeris.source import SourceParams, TargetMemory
-from rf_pointing.servo import WindParams, dss13_plant
 from rf_pointing.station.antenna.memory import AntennaMemory
-from rf_pointing.station.antenna.simulated_antenna import AntennaParams, LoopParams, SimulatedAntenna
+from rf_pointing.station.antenna.simulated_antenna import AntennaParams, SimulatedAntenna
 
 START_S = 1_151_384_000.0
 DEG = math.pi / 180.0
 
 
 def antenna(memory: AntennaMemory) -> SimulatedAntenna:
-    made = SimulatedAntenna(
-        memory.start(AntennaParams()), dss13_plant(), LoopParams(), WindParams(mean_speed_m_s=0.0), BiasModel.zero()
-    )
-    made.modes.enable()
+    made = SimulatedAntenna(memory.start(AntennaParams()))
+    made.enable()
     memory.restore(made)
     return made
 
@@ -65,7 +61,7 @@ def test_a_file_that_cannot_be_written_any_more_is_told_and_tried_again(tmp_path
     assert memory.problem == ""
     folder.rename(tmp_path / "aside")
     folder.write_text("")
-    subject.modes.stop("stop was requested")
+    subject.stop("stop was requested")
     t_s = run(subject, memory, 0.1, t_s)
     assert "antenna.json cannot be written: " in memory.problem
     folder.unlink()
@@ -83,7 +79,7 @@ def test_an_antenna_killed_while_it_moves_stands_where_it_was_within_the_half_de
     name = str(tmp_path / "antenna.json")
     memory = AntennaMemory(name)
     subject = antenna(memory)
-    assert subject.modes.park() == ""
+    assert subject.park() == ""
     t_s = run(subject, memory, 6.0, START_S)
     left = subject.reading(t_s).position_rad
     assert abs(left - [120.0 * DEG, 60.0 * DEG]).max() > 3.0 * DEG
@@ -96,13 +92,13 @@ def test_brakes_that_were_set_stay_set_until_resumed(tmp_path: Path) -> None:
     name = str(tmp_path / "antenna.json")
     memory = AntennaMemory(name)
     subject = antenna(memory)
-    assert subject.modes.release() == ""
+    assert subject.disable() == ""
     t_s = run(subject, memory, 1.0, START_S)
     assert subject.mode == "disabled"
     again = antenna(AntennaMemory(name))
     assert again.mode == "disabled"
     assert "disabled" in again.status(t_s).transmit_inhibit
-    assert again.modes.resume() == ""
+    assert again.resume() == ""
     assert again.mode == "holding"
 
 
@@ -110,7 +106,7 @@ def test_a_latched_fault_survives_two_restarts_and_is_reset_then(tmp_path: Path)
     name = str(tmp_path / "antenna.json")
     memory = AntennaMemory(name)
     subject = antenna(memory)
-    subject.modes.stop("stop was requested")
+    subject.stop("stop was requested")
     run(subject, memory, 0.1, START_S)
     for _ in range(2):
         memory = AntennaMemory(name)
@@ -118,7 +114,7 @@ def test_a_latched_fault_survives_two_restarts_and_is_reset_then(tmp_path: Path)
         t_s = run(subject, memory, 0.1, START_S)
         assert subject.status(t_s).fault == "stop was requested (since before the restart)"
         assert subject.mode == "fault"
-    assert subject.modes.reset_fault() == ""
+    assert subject.reset_fault() == ""
     run(subject, memory, 0.1, t_s)
     assert antenna(AntennaMemory(name)).mode == "holding"
 

@@ -49,7 +49,7 @@ def test_an_antenna_whose_disk_fails_goes_on_and_says_so(servo: AntennaServo, tm
     assert servo._memory_health().level == OK
     folder.rename(tmp_path / "aside")
     folder.write_text("")
-    servo._antenna.modes.park()
+    servo._antenna.park()
     start_s = servo.now_s()
     for tick in range(300):
         servo._tick(start_s + 0.02 * tick)

@@ -10,10 +10,11 @@ from rf_pointing.calibration import PassPriors, SectorRule, Slew, plan_campaign,
 from rf_pointing.core import MDEG, random_stream
 from rf_pointing.ephemeris import TopocentricTrack, first_pass_above, site
 from rf_pointing.ephemeris.source import SourceParams, load_elements, load_track
-from rf_pointing.simulation import KinematicParams, KinematicStation, StationSetup
+from rf_pointing.simulation import StationSetup
 from rf_pointing.station.antenna.mount import MountParams
 from rf_pointing.station.campaign.log import CalibrationLog
 from rf_pointing.station.campaign.plan import ArcRules, beacons, candidate_arcs, window_of
+from test.simulation.kinematic_station import KinematicParams, KinematicStation
 
 CONFIG = Path(__file__).parents[2] / "config"
 STATION = site("Goldstone DSS-13")

@@ -6,11 +6,10 @@ from typing import Any
 import numpy as np
 
 from rf_pointing.core import MDEG, JointTrajectory
-from rf_pointing.servo import WindParams, dss13_plant
-from rf_pointing.station.antenna.mount import MountParams
-from rf_pointing.station.antenna.simulated_antenna import AntennaParams, LoopParams, SimulatedAntenna
+from rf_pointing.servo import WindParams
+from rf_pointing.station.antenna.simulated_antenna import AntennaParams, SimulatedAntenna, SimulationParams
 
-TICK_S = AntennaParams().tick_s
+TICK_S = SimulationParams().tick_s
 START_S = 1_151_384_000.0
 STANDING = np.radians([120.0, 60.0])
 CALM = WindParams(mean_speed_m_s=0.0)
@@ -21,9 +20,8 @@ SETTLING_S = 30.0
 
 
 def antenna(wind: WindParams = CALM, **changes: Any) -> SimulatedAntenna:
-    params = AntennaParams(start_azimuth_rad=STANDING[0], start_elevation_rad=STANDING[1])
-    values = {"params": params, "plant": dss13_plant(), "loops": LoopParams(), "mount": MountParams().model()}
-    return SimulatedAntenna(**{**values, "wind": wind, **changes})
+    start = SimulationParams(start_azimuth_rad=STANDING[0], start_elevation_rad=STANDING[1])
+    return SimulatedAntenna(AntennaParams(**{"antenna": start, "wind": wind, **changes}))
 
 
 class Clock:
@@ -72,5 +70,5 @@ def hold_at(t_s: float, position: np.ndarray) -> JointTrajectory:
 
 def enabled(**changes: Any) -> Clock:
     clock = Clock(antenna(**changes))
-    clock.antenna.modes.enable()
+    clock.antenna.enable()
     return clock

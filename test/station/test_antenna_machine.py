@@ -13,17 +13,16 @@ from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
-from rf_pointing.calibration import BiasModel
 from rf_pointing.core import JointTrajectory
 from rf_pointing.ephemeris.solar import SolarDirection
 from rf_pointing.identification import ExcitationParams, IdentificationExperiment
 from rf_pointing.planning import GateParams, HorizonMask
 from rf_pointing.planning.forbidden_sky import ForbiddenSky
 from rf_pointing.planning.gate import GUARD_RAD
-from rf_pointing.servo import WindParams, dss13_plant
-from rf_pointing.station.antenna.injected_faults import FAULTS
+from rf_pointing.servo import WindParams
+from rf_pointing.station.antenna.loops import LoopParams
 from rf_pointing.station.antenna.safety import SafetyParams
-from rf_pointing.station.antenna.simulated_antenna import AntennaParams, LoopParams, SimulatedAntenna
+from rf_pointing.station.antenna.simulated_antenna import FAULTS, AntennaParams, SimulatedAntenna, SimulationParams
 
 DEG = math.pi / 180.0
 START_S = 1_151_384_000.0 + 12.0 * 3600.0
@@ -51,9 +50,9 @@ class AntennaMachine(RuleBasedStateMachine):
         azimuth=st.floats(-215.0, 215.0), elevation=st.floats(5.0, 89.0), wind=st.sampled_from([0.0, 8.0, 16.0])
     )
     def begin(self, azimuth: float, elevation: float, wind: float) -> None:
-        params = AntennaParams(start_azimuth_rad=azimuth * DEG, start_elevation_rad=elevation * DEG)
+        params = SimulationParams(start_azimuth_rad=azimuth * DEG, start_elevation_rad=elevation * DEG)
         self.antenna = SimulatedAntenna(
-            params, dss13_plant(), LoopParams(), WindParams(mean_speed_m_s=wind), BiasModel.zero(), SAFETY
+            AntennaParams(antenna=params, wind=WindParams(mean_speed_m_s=wind), safety=SAFETY)
         )
         self.sky, self.sun = ForbiddenSky(MASK, SAFETY.gate.sun_radius_rad), SolarDirection(SAFETY.sun)
         self.tick_s, self.ticks = params.tick_s, 0
@@ -95,7 +94,7 @@ class AntennaMachine(RuleBasedStateMachine):
         reach = antenna.safety.params.gate.hard_rad + BRAKING_RAD
         assert np.all(truth >= np.array(limits.travel_min_rad) - reach)
         assert np.all(truth <= np.array(limits.travel_max_rad) + reach)
-        state = antenna.axes.course.preprocessor.state
+        state = antenna.axes.path.preprocessor.state
         assert np.all(np.abs(state.velocity_rad_s) <= np.array(limits.rate_limit_rad_s) * (1.0 + 1e-9))
         assert np.all(np.abs(state.acceleration_rad_s2) <= np.array(limits.acceleration_limit_rad_s2) * (1.0 + 1e-6))
         if antenna.mode == mode_before and antenna.mode in BRAKED:
@@ -124,7 +123,7 @@ class AntennaMachine(RuleBasedStateMachine):
         )  # fmt: skip
         fault, mode = self.antenna.safety.latch.text, self.antenna.mode
         holder, since_s = self.authority
-        refused = self.antenna.commands.accept(trajectory, self.t_s, who)
+        refused = self.antenna.accept(trajectory, self.t_s, who)
         if fault or mode in (*BRAKED, "manual_rate"):
             assert refused
         elif mode in ("tracking", "paused") and who != holder and self.t_s - since_s <= SAFETY.authority_s:
@@ -147,25 +146,24 @@ class AntennaMachine(RuleBasedStateMachine):
             experiment = IdentificationExperiment(shake, axis, 1, float(start), travel, np.random.default_rng(seed))
         except ValueError:
             return
-        refused = self.antenna.modes.identify(experiment)
+        refused = self.antenna.identify(experiment)
         if mode != "holding" or self.antenna.safety.latch.text:
             assert refused
         self.run(ticks)
 
-    @rule(name=st.sampled_from(["pause", "resume", "park", "stow", "release", "reset_fault", "enable", "disable"]))
+    @rule(name=st.sampled_from(["pause", "resume", "park", "stow", "disable", "reset_fault", "enable", "deactivate"]))
     def ask(self, name: str) -> None:
         if name == "enable" and self.antenna.mode != "inactive":
             return
         position = self.antenna.axes.hardware.plant.true_joint_rad
-        asked = self.antenna if name == "disable" else self.antenna.modes
-        getattr(asked, name)()
-        if name != "disable":
+        getattr(self.antenna, name)()
+        if name != "deactivate":
             np.testing.assert_array_equal(self.antenna.axes.hardware.plant.true_joint_rad, position)
         self.run(2)
 
     @rule(reason=st.sampled_from(["", "stop was requested"]))
     def stop(self, reason: str) -> None:
-        self.antenna.modes.stop(reason)
+        self.antenna.stop(reason)
         self.run(5)
 
     @rule(kind=st.sampled_from(FAULTS), value=st.floats(-0.1, 0.1))

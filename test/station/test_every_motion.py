@@ -7,20 +7,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rf_pointing.calibration import BiasModel
 from rf_pointing.core import JointReading, JointTrajectory, PointingError
 from rf_pointing.ephemeris import Pass, TopocentricTrack
 from rf_pointing.ephemeris.solar import SunParams
 from rf_pointing.identification import ExcitationParams, IdentificationExperiment
 from rf_pointing.planning import MOTIONS, Gate, HorizonMask
-from rf_pointing.servo import WindParams, dss13_plant
-from rf_pointing.station.antenna.simulated_antenna import AntennaParams, LoopParams, SimulatedAntenna
+from rf_pointing.station.antenna.simulated_antenna import SimulatedAntenna, SimulationParams
 from rf_pointing.station.pointing.certificates import pass_profile
 from rf_pointing.station.pointing.controller import PointingController
 
 DEG = math.pi / 180.0
 START_S = 1_151_384_000.0
-TICK_S = AntennaParams().tick_s
+TICK_S = SimulationParams().tick_s
 
 
 @pytest.fixture
@@ -62,27 +60,25 @@ def controller_motions(rig: Callable[..., Any], window: Pass) -> None:
 
 
 def servo_motions(random: np.random.Generator) -> None:
-    antenna = SimulatedAntenna(
-        AntennaParams(), dss13_plant(), LoopParams(), WindParams(mean_speed_m_s=0.0), BiasModel.zero()
-    )
-    antenna.modes.enable()
+    antenna = SimulatedAntenna()
+    antenna.enable()
     t_s = START_S
     goal = JointTrajectory(t_s=[t_s + 0.1], position_rad=np.array([[130.0, 50.0]]) * DEG, velocity_rad_s=np.zeros((1, 2)),
                            acceleration_rad_s2=np.zeros((1, 2)))  # fmt: skip
-    assert antenna.commands.accept(goal, t_s, "operator") == ""
-    antenna.modes.stop()
+    assert antenna.accept(goal, t_s, "operator") == ""
+    antenna.stop()
     for _ in range(50):
         t_s = round(t_s + TICK_S, 6)
         antenna.step(t_s)
     excitation = ExcitationParams(sample_s=TICK_S)
     here = float(antenna.reading(t_s).position_rad[1])
-    assert antenna.modes.identify(IdentificationExperiment(excitation, "elevation", 1, here, (0.04, 1.6), random)) == ""
-    antenna.modes.stop()
+    assert antenna.identify(IdentificationExperiment(excitation, "elevation", 1, here, (0.04, 1.6), random)) == ""
+    antenna.stop()
     for _ in range(50):
         t_s = round(t_s + TICK_S, 6)
         antenna.step(t_s)
-    assert antenna.modes.park() == ""
-    assert antenna.modes.stow() == ""
+    assert antenna.park() == ""
+    assert antenna.stow() == ""
 
 
 def test_every_kind_of_motion_passes_the_gate_where_it_is_made(

@@ -7,21 +7,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rf_pointing.calibration import BiasModel
 from rf_pointing.core import JointTrajectory
 from rf_pointing.ephemeris.solar import SolarDirection, SunParams
 from rf_pointing.identification import ExcitationParams, IdentificationExperiment
 from rf_pointing.planning import DriveWatchParams, Gate, GateParams, HorizonMask
 from rf_pointing.planning.forbidden_sky import ForbiddenSky
 from rf_pointing.planning.gate import GUARD_RAD
-from rf_pointing.servo import WindParams, dss13_plant
+from rf_pointing.servo import dss13_plant
+from rf_pointing.station.antenna.loops import LoopParams
 from rf_pointing.station.antenna.safety import SafetyParams
-from rf_pointing.station.antenna.simulated_antenna import AntennaParams, LoopParams, SimulatedAntenna
+from rf_pointing.station.antenna.simulated_antenna import AntennaParams, SimulatedAntenna, SimulationParams
 
 DEG = math.pi / 180.0
 START_S = 1_151_384_000.0 + 12.0 * 3600.0
 """Morning at Goldstone: the Sun stands at 50 deg."""
-TICK_S = AntennaParams().tick_s
+TICK_S = SimulationParams().tick_s
 HILL = HorizonMask(
     azimuth_rad=(0.0, 60.0 * DEG, 70.0 * DEG, 80.0 * DEG, 90.0 * DEG),
     elevation_rad=(0.0, 0.0, 35.0 * DEG, 35.0 * DEG, 0.0),
@@ -34,20 +34,13 @@ class Station:
     """An antenna with a hill in the east and the real Sun, stepped tick by tick."""
 
     def __init__(self, azimuth_deg: float, elevation_deg: float, **safety: Any) -> None:
-        params = AntennaParams(start_azimuth_rad=azimuth_deg * DEG, start_elevation_rad=elevation_deg * DEG)
+        params = SimulationParams(start_azimuth_rad=azimuth_deg * DEG, start_elevation_rad=elevation_deg * DEG)
         chosen = {"mask": HILL, "sun": SunParams(station=""), **safety}
-        self.antenna = SimulatedAntenna(
-            params,
-            dss13_plant(),
-            LoopParams(),
-            WindParams(mean_speed_m_s=0.0),
-            BiasModel.zero(),
-            SafetyParams(**chosen),
-        )
+        self.antenna = SimulatedAntenna(AntennaParams(antenna=params, safety=SafetyParams(**chosen)))
         self.sky = ForbiddenSky(chosen["mask"], self.antenna.safety.params.gate.sun_radius_rad)
         self.sun = SolarDirection(chosen["sun"])
         self.ticks, self.deepest, self.deepest_command, self.nearest = 0, -math.inf, -math.inf, math.inf
-        self.antenna.modes.enable()
+        self.antenna.enable()
 
     @property
     def t_s(self) -> float:
@@ -75,7 +68,7 @@ class Station:
         times = self.t_s + 0.1 * np.arange(1, points + 1)
         rates = np.tile(np.array(rate_deg_s) * DEG, (points, 1))
         position = np.array([azimuth_deg, elevation_deg]) * DEG + rates * 0.1 * np.arange(points)[:, None]
-        return self.antenna.commands.accept(JointTrajectory(
+        return self.antenna.accept(JointTrajectory(
             t_s=times, position_rad=position, velocity_rad_s=rates, acceleration_rad_s2=np.zeros_like(rates)
         ), self.t_s, "foreign")  # fmt: skip
 
@@ -148,7 +141,7 @@ def test_an_antenna_cut_off_at_its_hard_limit_is_released_where_it_stands_and_co
     station.run(0.1)
     loops = LoopParams()
     narrow = loops.replace(preprocessor=loops.preprocessor.replace(travel_max_rad=(120.5 * DEG, 91.0 * DEG)))
-    station.antenna.axes.retune(dss13_plant(), narrow)
+    station.antenna.retune(dss13_plant(), narrow)
     station.antenna.injected.inject("runaway", 0.2 * DEG)
     while station.antenna.mode != "fault":
         station.run(TICK_S)
@@ -157,7 +150,7 @@ def test_an_antenna_cut_off_at_its_hard_limit_is_released_where_it_stands_and_co
     station.run(1.0)
     outside = station.axes_deg[0]
     assert 120.75 <= outside < 121.0
-    assert station.antenna.modes.reset_fault() == ""
+    assert station.antenna.reset_fault() == ""
     station.run(10.0)
     assert station.antenna.mode == "holding"
     assert station.axes_deg[0] == pytest.approx(outside, abs=0.01), "a reset moves nothing"
@@ -196,7 +189,7 @@ def test_a_steady_motion_towards_the_sun_is_stopped_at_its_zone() -> None:
 
 def test_parking_goes_over_the_hill_too() -> None:
     station = Station(40.0, 8.0, park_azimuth_rad=120.0 * DEG, park_elevation_rad=8.0 * DEG)
-    assert station.antenna.modes.park() == ""
+    assert station.antenna.park() == ""
     station.run(130.0)
     assert station.antenna.mode == "parked"
     assert station.axes_deg == pytest.approx([120.0, 8.0], abs=0.05)
@@ -209,7 +202,7 @@ def test_an_identification_is_ended_before_the_hill(random: np.random.Generator)
     shake = ExcitationParams(sample_s=TICK_S)
     experiment = IdentificationExperiment(shake, "elevation", 4, 35.3 * DEG, (2.0 * DEG, 89.0 * DEG), random)
     station.run(0.1)
-    assert station.antenna.modes.identify(experiment) == ""
+    assert station.antenna.identify(experiment) == ""
     experiment._input = -np.abs(experiment._input) - 0.2 * DEG
     station.run(20.0)
     assert "manual would not come to rest in time" in experiment.abort_reason
@@ -221,7 +214,7 @@ def test_a_commander_whose_commands_are_refused_holds_nobody_up() -> None:
     station = Station(40.0, 10.0)
     assert "below the horizon mask" in station.go(75.0, 10.0, 0.3)
     assert station.antenna.status(station.t_s).commander == ""
-    still = station.antenna.commands.accept(
+    still = station.antenna.accept(
         JointTrajectory(
             t_s=[station.t_s + 0.1], position_rad=np.array([[40.0, 10.0]]) * DEG, velocity_rad_s=np.zeros((1, 2)),
             acceleration_rad_s2=np.zeros((1, 2)),
@@ -255,12 +248,12 @@ def test_after_a_pause_the_antenna_goes_round_the_hill_that_the_commands_have_go
     """Paused before the hill; the commands climb over it and come down behind: the straight way leads through it."""
     station = Station(50.0, 20.0)
     follow(station, [(50.0, 20.0)] * 5)
-    assert station.antenna.modes.pause() == ""
+    assert station.antenna.pause() == ""
     up = [(50.0, 20.0 + 0.4 * step) for step in range(61)]
     across = [(50.0 + 0.4 * step, 44.0) for step in range(126)]
     follow(station, [*up, *across, *((100.0, elevation) for _, elevation in reversed(up))])
     np.testing.assert_allclose(station.axes_deg, [50.0, 20.0], atol=0.01)
-    assert station.antenna.modes.resume() == ""
+    assert station.antenna.resume() == ""
     follow(station, [(100.0, 20.0)] * 900)
     assert station.antenna.safety.latch.text == ""
     np.testing.assert_allclose(station.axes_deg, [100.0, 20.0], atol=0.01)
@@ -279,13 +272,13 @@ def test_a_pause_does_not_end_where_no_way_leads_back() -> None:
         station.antenna.safety.gate.axes,
     )  # fmt: skip
     follow(station, [(50.0, 20.0)] * 5)
-    assert station.antenna.modes.pause() == ""
+    assert station.antenna.pause() == ""
     follow(station, [(50.0 + 0.1 * step, 20.0) for step in range(90)])
-    table = station.antenna.axes.course.table
+    table = station.antenna.axes.path.table
     table.clear()
     table.accept(
         JointTrajectory(t_s=[station.t_s + 0.1], position_rad=np.array([[90.0, 20.0]]) * DEG, velocity_rad_s=np.zeros((1, 2)),
                         acceleration_rad_s2=np.zeros((1, 2))), station.t_s,
     )  # fmt: skip
-    assert "below the horizon mask on the way, and no detour is free" in station.antenna.modes.resume()
+    assert "below the horizon mask on the way, and no detour is free" in station.antenna.resume()
     assert station.antenna.mode == "paused"

@@ -5,16 +5,15 @@ import math
 import numpy as np
 import pytest
 
-from rf_pointing.calibration import BiasModel
 from rf_pointing.core import JointTrajectory
 from rf_pointing.identification import ExcitationParams, IdentificationExperiment
 from rf_pointing.planning import DriveWatchParams
-from rf_pointing.servo import WindParams, dss13_plant
-from rf_pointing.station.antenna.simulated_antenna import AntennaParams, LoopParams, SimulatedAntenna
+from rf_pointing.servo import WindParams
+from rf_pointing.station.antenna.simulated_antenna import AntennaParams, SimulatedAntenna, SimulationParams
 
 DEG = math.pi / 180.0
 START_S = 1_151_384_000.0
-TICK_S = AntennaParams().tick_s
+TICK_S = SimulationParams().tick_s
 WITHIN_S = 0.05
 
 
@@ -22,11 +21,13 @@ class Subject:
     """An antenna in wind under a commander that gives it something else to do every few seconds."""
 
     def __init__(self, wind_m_s: float, random: np.random.Generator) -> None:
-        params = AntennaParams(start_azimuth_rad=0.0, start_elevation_rad=40.0 * DEG, seed=int(random.integers(1000)))
+        params = SimulationParams(
+            start_azimuth_rad=0.0, start_elevation_rad=40.0 * DEG, seed=int(random.integers(1000))
+        )
         wind = WindParams(mean_speed_m_s=wind_m_s, from_azimuth_rad=random.uniform(-3.0, 3.0))
-        self.antenna = SimulatedAntenna(params, dss13_plant(), LoopParams(), wind, BiasModel.zero())
+        self.antenna = SimulatedAntenna(AntennaParams(antenna=params, wind=wind))
         self.random, self.ticks, self.most_gained = random, 0, 0.0
-        self.antenna.modes.enable()
+        self.antenna.enable()
         self.turn("stop")
 
     @property
@@ -40,10 +41,10 @@ class Subject:
         self.goal = np.array([random.uniform(-200.0, 200.0), random.uniform(10.0, 85.0)]) * DEG
         self.pace, self.size = (3.0, 0.03 * DEG) if what == "scan" else (random.uniform(0.1, 1.0), 0.5 * DEG)
         if what == "stop":
-            self.antenna.modes.stop()
+            self.antenna.stop()
         if what == "identify":
             shake = ExcitationParams(sample_s=TICK_S)
-            self.antenna.modes.identify(
+            self.antenna.identify(
                 IdentificationExperiment(
                     shake, "elevation", 1, float(self.start[1]), self.antenna.axes.travel_rad[1], random
                 )
@@ -56,7 +57,7 @@ class Subject:
             angle = self.pace * (times - self.since_s)
             position = self.start + self.size * np.stack([np.sin(angle), 1.0 - np.cos(angle)], axis=1)
             rate = self.size * self.pace * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        self.antenna.commands.accept(JointTrajectory(
+        self.antenna.accept(JointTrajectory(
             t_s=times, position_rad=position, velocity_rad_s=rate, acceleration_rad_s2=np.zeros((8, 2))
         ), self.t_s, "test")  # fmt: skip
 
@@ -103,4 +104,4 @@ def test_brakes_are_set_within_50_ms_of_a_runaways_first_motion(
         assert abs(plant.true_joint_rad[0] / DEG - where - before * took_s) < 0.003
         subject.antenna.injected.inject("none", 0.0)
         subject.run(2.0)
-        assert subject.antenna.modes.reset_fault() == ""
+        assert subject.antenna.reset_fault() == ""

@@ -1,51 +1,134 @@
 """The axes of the antenna in closed loop: what they follow, the laws that follow it, and the drives; no mode is known here.
 
-`look` begins a tick, `drive` ends it and `watch` looks at the sensors after it.
+    commander's table, own goal or rest -> next free corner -> preprocessor -> position laws -> drives
+
+The preprocessor makes any command feasible: a step becomes a slew, a stop decelerates at the limits.
 """
 
 import math
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.calibration import BiasModel
-from rf_pointing.controllers import CommandPreprocessorParams
-from rf_pointing.core import Boresight
-from rf_pointing.servo import PlantParams, WindParams
-from rf_pointing.station.antenna.hardware import AntennaHardware, AntennaParams
+from rf_pointing.controllers import CommandPreprocessor, CommandPreprocessorParams, TrajectoryBuffer, TrajectorySample
+from rf_pointing.core import JointTrajectory, Motion
+from rf_pointing.planning import CornerPath
+from rf_pointing.servo import PlantParams
 from rf_pointing.station.antenna.loops import AxisLoops, LoopParams
 from rf_pointing.station.antenna.safety import AntennaSafety
-from rf_pointing.station.antenna.slew_path import SlewPath
 
-__all__ = ["AntennaAxes", "pair"]
+__all__ = ["NEW_PATH_RAD", "AntennaAxes", "Hardware", "SlewPath", "pair"]
 
 Array = NDArray[np.float64]
+Pair = tuple[float, float]
+Corners = tuple[Pair, ...]
 MOVING_RAD_S = math.radians(0.1)
+REST_RAD_S = math.radians(1e-3)
+NEW_PATH_RAD = math.radians(0.5)
+"""A command this far from the present path is a position to go to, by a path that the safety gate must find."""
+
+
+class Hardware(Protocol):
+    """What a control unit needs of drives, brakes and sensors, in the order azimuth, elevation.
+
+    `velocity_rad_s` (2,) are the tachometer rates and `switch_rad` (2,) the angles at the limit switches, which do not
+    depend on the encoders; `at_stop` says which axis touches a hard stop.  `encoders` and `anemometer_m_s` read a sensor,
+    NaN from one that is silent; `move` gives the drives their rate commands (2,) for one tick; `brake` cuts the drives too.
+    """
+
+    @property
+    def velocity_rad_s(self) -> Array: ...
+    @property
+    def switch_rad(self) -> Array: ...
+    @property
+    def powered(self) -> bool: ...
+    @property
+    def at_stop(self) -> tuple[bool, bool]: ...
+
+    def encoders(self) -> Pair: ...
+    def anemometer_m_s(self) -> float: ...
+    def move(self, rate_command_rad_s: Array) -> None: ...
+    def brake(self) -> None: ...
+    def release_brake(self) -> None: ...
+
+
+class SlewPath:
+    """What both axes follow: a commander's table, a position of the antenna's own, or rest; begins at `start_rad`."""
+
+    def __init__(self, loops: LoopParams, start_rad: Pair) -> None:
+        self.table = TrajectoryBuffer(loops.table)
+        self.preprocessor = CommandPreprocessor(loops.preprocessor)
+        self.preprocessor.reset(start_rad)
+        self.goal_rad = np.array(start_rad)
+        self._corners = CornerPath()
+
+    def hold(self, position_rad: Array) -> None:
+        """Make this position (2,) the command, with nothing left of earlier ones."""
+        self.goal_rad = position_rad.copy()
+        self.preprocessor.reset(self.goal_rad)
+        self.table.clear()
+        self._corners = CornerPath()
+
+    def stop(self) -> None:
+        """Forget the commands and decelerate at the limits."""
+        self.table.clear()
+        self._corners = CornerPath()
+        self.preprocessor.stop()
+
+    def go(self, goal_rad: Pair, corners: Corners) -> None:
+        """Go to a position by these corners."""
+        self.table.clear()
+        self.goal_rad, self._corners = np.array(goal_rad), CornerPath(corners)
+        self.preprocessor.follow()
+
+    def leaves(self, trajectory: JointTrajectory, encoder_rad: Array, following: bool) -> bool:
+        """Return whether a table begins away from the present path: it then needs corners of its own."""
+        follows = following and not self.table.empty
+        present_rad = self.table.at(float(trajectory.t_s[0])).position_rad if follows else encoder_rad
+        return float(np.max(np.abs(trajectory.position_rad[0] - present_rad))) > NEW_PATH_RAD
+
+    def go_round(self, corners: Corners) -> None:
+        """Reach the next table by these corners."""
+        self._corners = CornerPath(corners)
+
+    def ends_at_rest(self, t_s: float) -> bool:
+        """Return whether the table's last point is at rest."""
+        last = self.table.at(t_s + self.table.lead_s(t_s))
+        return float(np.max(np.abs(last.velocity_rad_s))) < REST_RAD_S
+
+    def step(self, sample: TrajectorySample | None, encoder_rad: Pair, tick_s: float) -> Motion:
+        """Return the feasible motion towards the next corner, the table's sample or the goal, after one tick."""
+        corner = self._corners.next(encoder_rad)
+        if corner is None and sample is not None:
+            command = sample.position_rad, sample.velocity_rad_s, sample.acceleration_rad_s2
+        else:
+            command = self.goal_rad if corner is None else np.array(corner), np.zeros(2), np.zeros(2)
+        return Motion(*self.preprocessor.step(*command, tick_s))
 
 
 class AntennaAxes:
-    """Hardware, course and position laws of both axes.
+    """Path, position laws and hardware of both axes.
 
-    `used_rad` (2,) are the encoder angles with impossible readings bridged, `rate_command_rad_s` (2,) what the drives
-    were told last, `t_s` the time of the latest tick.
+    `encoder_rad` (2,) are the encoder angles with impossible readings bridged, `rate_command_rad_s` (2,) the latest
+    commands of the drives.
     """
 
     def __init__(
         self,
-        params: AntennaParams,
-        plant: PlantParams,
+        hardware: Hardware,
         loops: LoopParams,
-        wind: WindParams,
-        mount: BiasModel,
+        plant: PlantParams,
         safety: AntennaSafety,
+        tick_s: float,
+        start: Pair,
     ) -> None:
         self._safety = safety
-        self.hardware = AntennaHardware(params, plant, wind, mount)
-        self.course = SlewPath(loops, params.start_rad)
-        self.loops = AxisLoops(loops, plant, params.tick_s)
-        self.used_rad = self.hardware.plant.encoder_rad
+        self.hardware = hardware
+        self.path = SlewPath(loops, start)
+        self.loops = AxisLoops(loops, plant, tick_s)
+        self.encoder_rad = np.array(hardware.encoders())
         self.rate_command_rad_s = np.zeros(2)
-        self.t_s = 0.0
 
     @property
     def limits(self) -> CommandPreprocessorParams:
@@ -53,7 +136,7 @@ class AntennaAxes:
         return self.loops.params.preprocessor
 
     @property
-    def travel_rad(self) -> tuple[tuple[float, float], tuple[float, float]]:
+    def travel_rad(self) -> tuple[Pair, Pair]:
         """Lower and upper end of the commanded travel of azimuth and elevation."""
         azimuth, elevation = zip(self.limits.travel_min_rad, self.limits.travel_max_rad, strict=True)
         return azimuth, elevation
@@ -61,50 +144,37 @@ class AntennaAxes:
     @property
     def moving(self) -> bool:
         """Whether an axis turns too fast to be left to its brakes or to an experiment."""
-        return float(np.max(np.abs(self.hardware.plant.velocity_rad_s))) > MOVING_RAD_S
+        return float(np.max(np.abs(self.hardware.velocity_rad_s))) > MOVING_RAD_S
 
-    def check(self, plant: PlantParams, loops: LoopParams) -> None:
-        """Raise ValueError, saying why, if `retune` would refuse these; changes nothing."""
-        self.hardware.plant.check(plant)
+    def check(self, loops: LoopParams, plant: PlantParams) -> None:
+        """Raise ValueError, saying why, if `retune` would refuse these laws on this plant; changes nothing."""
         if loops != self.loops.params:
             self.loops.check(loops, plant)
 
-    def retune(self, plant: PlantParams, loops: LoopParams) -> None:
-        """Take new laws, gains and limits between two ticks, without a jump; refused as a whole if one is impossible.
-
-        Another plant stands for an antenna that changes in the middle of its motion: laws that were in force before stay
-        in force, and how they take it is theirs to find out.
-        """
-        self.check(plant, loops)
-        if plant != self.hardware.plant.params:
-            self.hardware.plant.reconfigure(plant)
+    def retune(self, loops: LoopParams, plant: PlantParams) -> None:
+        """Take new laws, gains and limits between two ticks, without a jump."""
         if loops != self.loops.params:
             self.loops.retune(loops, plant)
-            self.course.preprocessor.retune(loops.preprocessor)
+            self.path.preprocessor.retune(loops.preprocessor)
             self._safety.retune(loops.preprocessor)
 
     def hold(self) -> None:
         """Make the present angles the command, with the laws at rest and nothing left of earlier commands."""
-        self.course.stand(self.used_rad)
-        self.loops.reset(self.used_rad, self.used_rad)
+        self.path.hold(self.encoder_rad)
+        self.loops.reset(self.encoder_rad, self.encoder_rad)
 
     def take_over(self) -> None:
-        """Hand axes that rate commands have moved back to the laws without a jump, and bring them to rest."""
-        position, velocity = self.hardware.plant.encoder_rad, self.hardware.plant.velocity_rad_s
-        self.course.preprocessor.reset(position, velocity)
-        self.course.stop()
-        self.loops.reset(position, position, velocity, self.rate_command_rad_s)
+        """Return axes that rate commands have moved to the laws without a jump, and bring them to rest."""
+        velocity = self.hardware.velocity_rad_s
+        self.path.preprocessor.reset(self.encoder_rad, velocity)
+        self.path.stop()
+        self.loops.reset(self.encoder_rad, self.encoder_rad, velocity, self.rate_command_rad_s)
 
     def cut(self) -> None:
         """Cut the drives and set the brakes at once."""
-        self.hardware.plant.brake()
-        self.course.stop()
+        self.hardware.brake()
+        self.path.stop()
         self.rate_command_rad_s = np.zeros(2)
-
-    def look(self, t_s: float) -> Boresight:
-        """Begin the tick at `t_s` and return the true direction of the beam."""
-        self.t_s = t_s
-        return self.hardware.look(t_s)
 
     def drive(self, rates_rad_s: Array) -> None:
         """Move the axes through this tick at these rate commands (2,)."""
@@ -112,19 +182,20 @@ class AntennaAxes:
         self.hardware.move(rates_rad_s)
 
     def watch(self) -> str:
-        """Look at the sensors after a tick: bridge what cannot be, and return why the drives must be cut, "" if not."""
-        plant = self.hardware.plant
-        used, reason = self._safety.tick(
-            self.hardware.encoders(),
-            pair(plant.true_joint_rad),
-            pair(plant.velocity_rad_s),
+        """Check the sensors after a tick: bridge impossible readings, return why the drives must be cut, "" if not."""
+        hardware = self.hardware
+        bridged, reason = self._safety.tick(
+            hardware.encoders(),
+            pair(hardware.switch_rad),
+            pair(hardware.velocity_rad_s),
             pair(self.rate_command_rad_s),
         )
-        self.used_rad = np.array(used)
-        return reason if plant.powered else ""
+        self.encoder_rad = np.array(bridged)
+        # With the brakes set there is nothing left to cut, and a sensor under repair must not latch a fault.
+        return reason if hardware.powered else ""
 
 
-def pair(values: Array) -> tuple[float, float]:
+def pair(values: Array) -> Pair:
     """Return the azimuth and elevation of an array (2,)."""
     azimuth, elevation = values.tolist()
     return azimuth, elevation

@@ -1,18 +1,21 @@
-"""What an antenna is after its control unit has died and come back: the same one.
+"""What a restarted control unit remembers of its antenna, from a state file.
 
-The structure stands where it stood, a latched fault is still latched, and an antenna that was parked, stowed or disabled
-keeps its brakes set until somebody resumes it.  Written as it moves, and before a change of fault or rest is told to anybody.
+The structure is where it was left, a latched fault is still latched, and an antenna that was parked, stowed or disabled
+keeps its brakes set until `resume`.  The file is written as the antenna moves, and before a change of fault or rest is
+published.
 """
 
 import math
 
 from rf_pointing.core.whole_file import KeptState
+from rf_pointing.station.antenna.modes import AntennaMode
 from rf_pointing.station.antenna.simulated_antenna import AntennaParams, SimulatedAntenna
 
 __all__ = ["AntennaMemory"]
 
 MOVED_RAD = math.radians(0.5)
-AT_REST = ("parked", "stowed", "disabled")
+"""Motion after which the file is written anew: a restart that is this far off is far from any turn of the cables."""
+AT_REST = (AntennaMode.PARKED, AntennaMode.STOWED, AntennaMode.DISABLED)
 SINCE = " (since before the restart)"
 
 
@@ -31,19 +34,20 @@ class AntennaMemory:
         """Return the parameters with the angles at which the structure was left, if it is known."""
         if not self._kept:
             return params
-        return params.replace(
+        start = params.antenna.replace(
             start_azimuth_rad=float(self._kept["azimuth_rad"]), start_elevation_rad=float(self._kept["elevation_rad"])
         )
+        return params.replace(antenna=start)
 
     def restore(self, antenna: SimulatedAntenna) -> None:
-        """Give an antenna that has just been enabled the fault and the rest of before; only once."""
+        """Give an antenna that has just been enabled its earlier fault and rest; only once."""
         kept, self._kept = self._kept, {}
         if not kept:
             return
         if fault := kept["fault"]:
-            antenna.modes.stop(fault if fault.endswith(SINCE) else fault + SINCE)
+            antenna.stop(fault if fault.endswith(SINCE) else fault + SINCE)
         elif kept["mode"] in AT_REST:
-            antenna.modes.rest(kept["mode"])
+            antenna.rest(AntennaMode(kept["mode"]))
 
     def keep(self, antenna: SimulatedAntenna, t_s: float) -> None:
         """Write what has changed enough to matter."""

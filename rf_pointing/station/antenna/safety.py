@@ -1,7 +1,7 @@
-"""What keeps an antenna whole, beside its loops: limits, sensor watch, wind, authority and latched faults.
+"""What protects an antenna: safety gate, sensor and drive watches, wind, authority and latched faults.
 
-The gate here is the last one before the drives.  It trusts no commander: a command must pass it when it comes, and so must
-every tick of the motion that follows from it.
+The safety gate here is the last one before the drives.  It trusts no commander: a command must pass it when it arrives, and
+so must every tick of the motion that follows from it.
 """
 
 import math
@@ -29,13 +29,15 @@ from rf_pointing.planning import (
     WindWatch,
     WindWatchParams,
 )
+from rf_pointing.station.antenna.modes import MODES, AntennaMode
 
 __all__ = ["AntennaSafety", "SafetyParams"]
 
 Array = NDArray[np.float64]
 Pair = tuple[float, float]
-LATE_S = 0.1
 COMMAND_PERIOD_S = 0.1
+LATE_S = 0.1
+"""How much later than its period a command may be before a warning; commands reach a second ahead, so it is no fault."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +47,7 @@ class SafetyParams(Params):
     watch: AxisWatchParams = parameter(AxisWatchParams(), "watch over the encoders")
     drive: DriveWatchParams = parameter(DriveWatchParams(), "watch over the drives")
     wind: WindWatchParams = parameter(WindWatchParams(), "wind in which the antenna is stowed")
-    gate: GateParams = parameter(GateParams(), "tiers of the limits")
+    gate: GateParams = parameter(GateParams(), "margins of the limits")
     mask: HorizonMask = parameter(HorizonMask(), "horizon that the antenna does not look below")
     sun: SunParams = parameter(SunParams(), "the Sun that the antenna does not look into")
     park_azimuth_rad: float = parameter(0.0, "azimuth of the park position", low=-20.0, high=20.0)
@@ -57,7 +59,7 @@ class SafetyParams(Params):
 
 
 class AntennaSafety:
-    """One antenna's guards; what they say is carried out by the antenna."""
+    """One antenna's guards; the control unit carries out what they decide."""
 
     def __init__(self, params: SafetyParams, motion: CommandPreprocessorParams, tick_s: float) -> None:
         self.params = params
@@ -68,34 +70,36 @@ class AntennaSafety:
         self.latch = FaultLatch()
         self.authority = Authority(params.authority_s)
         self._commanded_s, self._tick_s = -math.inf, tick_s
-        self._stood: Pair | None = None
+        self._released_rad: Pair | None = None
 
     def retune(self, motion: CommandPreprocessorParams) -> None:
         """Take new limits of motion."""
         self.gate = self._gate(motion)
 
-    def release(self, joint: Pair) -> None:
-        """Trust the sensors as they are, and note where the axes stand when their brakes are released."""
+    def release(self, switch_rad: Pair) -> None:
+        """Trust the sensors as they are, and note where the axes are when their brakes are released."""
         self.watch.reset()
         self.drive.reset()
-        self._stood = joint
+        # An antenna found beyond a hard limit may move back: only motion further out from here is a fault.
+        self._released_rad = switch_rad
 
-    def tick(self, encoder: Pair, joint: Pair, rate: Pair, command: Pair) -> tuple[Pair, str]:
-        """Return the angles to use and "" or why the drives must be cut.
+    def tick(self, encoder_rad: Pair, switch_rad: Pair, rate: Pair, command: Pair) -> tuple[Pair, str]:
+        """Return the encoder angles with impossible readings bridged, and why the drives must be cut, "" if not.
 
-        `joint` is where the limit switches are: they do not look at the encoders.
+        `switch_rad` are the angles at the limit switches, which do not depend on the encoders.
         """
-        used, encoders = self.watch.step(encoder, rate)
+        used, encoders = self.watch.step(encoder_rad, rate)
         drives = self.drive.step(rate, command)
-        return used, encoders or drives or self.gate.hard(joint, rate, self._stood)
+        return used, encoders or drives or self.gate.hard(switch_rad, rate, self._released_rad)
 
     def check(self, kind: str, t_s: float, present: Pair, positions: Array) -> Decision:
-        """Answer for a motion that is asked for at `t_s`, from `present` through `positions` (n, 2)."""
+        """Decide on a motion requested at `t_s`, from `present` through `positions` (n, 2)."""
         return self.gate.check(kind, present, positions, sun_rad=self.sun.at(t_s), high_wind=self.wind.reason)
 
     def guard(self, kind: str, t_s: float, position: Pair, rate: Pair, acceleration: Pair = (0.0, 0.0)) -> str:
-        """Return "" or why a motion must be stopped now, on the way to whatever it was allowed for."""
+        """Return "" or why a motion must be stopped now, wherever it was allowed to go."""
         if rate == (0.0, 0.0):
+            # At rest nothing is to be stopped, not even inside a forbidden region that has moved over the antenna.
             return ""
         tick_s = self._tick_s
         then = position[0] + tick_s * rate[0], position[1] + tick_s * rate[1]
@@ -106,18 +110,18 @@ class AntennaSafety:
         """Note that a command was taken."""
         self._commanded_s = t_s
 
-    def warning(self, t_s: float, mode: str, commanded: Pair) -> str:
-        """Return what is not yet a fault: high wind that finds no stowed antenna, a late command, a near limit."""
-        if self.wind.reason and mode not in ("stowing", "stowed"):
+    def warning(self, t_s: float, mode: AntennaMode, commanded: Pair) -> str:
+        """Return what is not yet a fault: high wind on an antenna that is not stowed, a late command, a near limit."""
+        if self.wind.reason and mode not in (AntennaMode.STOWING, AntennaMode.STOWED):
             return f"{self.wind.reason}: the antenna is not stowed ({mode})"
         late_s = t_s - self._commanded_s - COMMAND_PERIOD_S
-        if mode == "tracking" and late_s > LATE_S:
+        if mode == AntennaMode.TRACKING and late_s > LATE_S:
             return f"no command for {late_s + COMMAND_PERIOD_S:.2f} s"
         return self.gate.warning(*commanded)
 
-    def transmit_inhibit(self, mode: str, elevation_rad: float) -> str:
+    def transmit_inhibit(self, mode: AntennaMode, elevation_rad: float) -> str:
         """Return "" when the transmitter may be on, else why not."""
-        if mode not in ("tracking", "holding"):
+        if not MODES[mode].transmits:
             return f"the antenna is {mode}"
         return self.gate.transmit_inhibit(elevation_rad)
 

@@ -1,160 +1,232 @@
-"""The simulated antenna as its control unit shows it: commands in, encoder angles and status out, truth beside.
+"""The simulated antenna: a control unit in front of simulated drives, structure, wind, mount and sensors.
 
-Per control tick: command table -> preprocessor -> position law of each axis -> rate command -> plant with wind.  In
-manual-rate mode an identification experiment gives the rate commands instead.  A loop that oscillates has its drives cut
-and the brakes set, and the fault latches.  Which mode it is in and what may be asked for is `antenna_modes.py`, what
-becomes of a command `command_intake.py`, what closes the loops `antenna_axes.py`, what must not happen `antenna_safety.py`.
+The encoders read the true direction plus the mount's own errors.  Faults of drives and sensors can be injected.  Only this
+module knows where the beam really points.
 """
+
+import dataclasses
+import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.calibration import BiasModel
-from rf_pointing.controllers import TrajectorySample
-from rf_pointing.core import Boresight, JointReading, Motion
-from rf_pointing.servo import PlantParams, WindParams
-from rf_pointing.station.antenna.axes import AntennaAxes, pair
-from rf_pointing.station.antenna.command_handler import CommandHandler
-from rf_pointing.station.antenna.hardware import AntennaParams
-from rf_pointing.station.antenna.injected_faults import InjectedFaults
+from rf_pointing.core import Boresight, JointReading, Params, parameter, random_stream, require_choice, require_finite
+from rf_pointing.servo import AntennaPlant, PlantParams, Wind, WindParams, dss13_plant
+from rf_pointing.station.antenna.control_unit import ControlUnit
 from rf_pointing.station.antenna.loops import LoopParams
-from rf_pointing.station.antenna.manual_rate import ManualRate
-from rf_pointing.station.antenna.modes import AntennaModes
-from rf_pointing.station.antenna.safety import AntennaSafety, SafetyParams
-from rf_pointing.station.pointing.status import AntennaStatus
+from rf_pointing.station.antenna.modes import AntennaMode
+from rf_pointing.station.antenna.mount import MountError, MountParams, RateAverage
+from rf_pointing.station.antenna.safety import SafetyParams
 
-__all__ = ["AntennaParams", "LoopParams", "SimulatedAntenna"]
+__all__ = ["FAULTS", "AntennaParams", "InjectedFaults", "SimulatedAntenna", "SimulatedHardware", "SimulationParams"]
 
 Array = NDArray[np.float64]
+Pair = tuple[float, float]
 LONGEST_STOP_S = 30.0
-WIND_EVERY = 5
-"""Ticks between two readings of the anemometer."""
-KINDS = {"tracking": "track", "parking": "park", "stowing": "stow", "holding": "preset"}
-"""What the gate calls the motion of a mode that follows a command."""
+SPIKE_TICKS = 2
+"""Ticks that an injected spike lasts: short enough to be bridged, where a jump is not."""
+FAULTS = ("none", "encoder_frozen", "encoder_jump", "encoder_spike", "encoder_lie", "encoder_nan", "runaway", "gust",
+          "anemometer_silent")  # fmt: skip
 
 
-class SimulatedAntenna:
-    """One antenna: ask its `modes` to enable it, give its `commands` trajectories, and `step` it once a tick.
+@dataclass(frozen=True, kw_only=True)
+class SimulationParams(Params):
+    """Tick, start and randomness of the simulated antenna."""
 
-    Outputs of `step` are those at the tick's beginning.
-    """
-
-    def __init__(
-        self,
-        params: AntennaParams,
-        plant: PlantParams,
-        loops: LoopParams,
-        wind: WindParams,
-        mount: BiasModel,
-        safety: SafetyParams | None = None,
-    ) -> None:
-        self.params = params
-        self.safety = AntennaSafety(safety or SafetyParams(), loops.preprocessor, params.tick_s)
-        self.axes = AntennaAxes(params, plant, loops, wind, mount, self.safety)
-        self._manual = ManualRate(params.tick_s)
-        self.modes = AntennaModes(self.axes, self.safety, self._manual)
-        self.commands = CommandHandler(self.axes, self.modes, self.safety)
-        self._ticks = 0
+    tick_s: float = parameter(0.02, "control period", low=0.001, high=0.1)
+    lag_averaging_s: float = parameter(
+        5.0, "time over which rates are averaged for the mount's lag terms", low=0.1, high=100.0
+    )
+    start_azimuth_rad: float = parameter(math.radians(120.0), "azimuth at the start", low=-20.0, high=20.0)
+    start_elevation_rad: float = parameter(math.radians(60.0), "elevation at the start", low=-0.2, high=3.3)
+    seed: int = parameter(1, "seed of every noise source", low=0, high=2**31 - 1)
 
     @property
-    def mode(self) -> str:
-        """The mode that the antenna is in, see `AntennaModes`."""
-        return self.modes.mode
+    def start_rad(self) -> Pair:
+        """Azimuth and elevation at the start."""
+        return self.start_azimuth_rad, self.start_elevation_rad
+
+
+@dataclass(frozen=True, kw_only=True)
+class AntennaParams(Params):
+    """Everything that a simulated antenna is configured with, one set per concern; the names are the ROS prefixes."""
+
+    antenna: SimulationParams = parameter(SimulationParams(), "tick, start and randomness")
+    plant: PlantParams = parameter(dss13_plant(), "drives and structure")
+    loops: LoopParams = parameter(LoopParams(), "position laws and limits of the commands")
+    wind: WindParams = parameter(WindParams(), "wind at the dish")
+    mount: MountParams = parameter(MountParams(), "errors of the mount")
+    safety: SafetyParams = parameter(SafetyParams(), "limits of trust, park and stow position")
+
+    def sets(self) -> dict[str, Params]:
+        """Return the sets by name, as the nodes declare them and the files group them."""
+        return {item.name: getattr(self, item.name) for item in dataclasses.fields(self)}
+
+
+class InjectedFaults:
+    """At most one fault at a time, all of the azimuth axis; `value` in rad, rad/s or m/s."""
+
+    def __init__(self) -> None:
+        self.kind, self._value = "none", 0.0
+        self._frozen: Pair | None = None
+        self._ticks = 0
+
+    def inject(self, kind: str, value: float) -> None:
+        """Put in a fault in place of the one before; "none" takes it out.
+
+        Raises
+        ------
+        ValueError
+            For a fault that is not in `FAULTS`, or a value that is not finite.
+        """
+        require_choice("fault", kind, FAULTS)
+        require_finite("value", value)
+        self.kind, self._value, self._frozen, self._ticks = kind, value, None, 0
+
+    def encoder(self, angles: Pair, tick_s: float) -> Pair:
+        """Return what the encoders show instead of `angles`."""
+        self._ticks += 1
+        azimuth, elevation = angles
+        if self.kind == "encoder_frozen":
+            self._frozen = self._frozen or angles
+            return self._frozen
+        if self.kind == "encoder_jump" or (self.kind == "encoder_spike" and self._ticks <= SPIKE_TICKS):
+            return azimuth + self._value, elevation
+        if self.kind == "encoder_lie":
+            return azimuth + self._value * self._ticks * tick_s, elevation
+        return (math.nan if self.kind == "encoder_nan" else azimuth), elevation
+
+    def rate_command(self, rates: Pair) -> Pair:
+        """Return what the drives follow instead of `rates`."""
+        return (self._value, rates[1]) if self.kind == "runaway" else rates
+
+    def wind_speed(self, speed_m_s: float) -> float:
+        """Return what the anemometer shows, NaN when it is silent."""
+        if self.kind == "anemometer_silent":
+            return math.nan
+        return speed_m_s + self._value if self.kind == "gust" else speed_m_s
+
+
+class SimulatedHardware:
+    """Drives, brakes and sensors for a control unit; once a tick `look` comes first.  It begins with its brakes set."""
+
+    def __init__(self, params: AntennaParams) -> None:
+        seed, self._tick_s = params.antenna.seed, params.antenna.tick_s
+        self.plant = AntennaPlant(params.plant, random_stream(seed, "encoder"), params.antenna.start_rad)
+        self.plant.brake()
+        self.injected = InjectedFaults()
+        self._wind = Wind(params.wind, random_stream(seed, "wind"))
+        self._torque = np.zeros(2)
+        self._mean = RateAverage(params.antenna.lag_averaging_s)
+        self._mount_error = MountError(params.mount.model())
+
+    @property
+    def velocity_rad_s(self) -> Array:
+        """Tachometer rates (2,) of the drives."""
+        return self.plant.velocity_rad_s
+
+    @property
+    def switch_rad(self) -> Array:
+        """Angles (2,) at the limit switches: the true ones, whatever the encoders show."""
+        return self.plant.true_joint_rad
+
+    @property
+    def powered(self) -> bool:
+        """Whether the drives have power."""
+        return self.plant.powered
+
+    @property
+    def at_stop(self) -> tuple[bool, bool]:
+        """Which axis touches a hard stop."""
+        return self.plant.at_stop
+
+    def brake(self) -> None:
+        """Cut the drives and set the brakes."""
+        self.plant.brake()
+
+    def release_brake(self) -> None:
+        """Release the brakes and power the drives."""
+        self.plant.release_brake()
+
+    def look(self, t_s: float) -> Boresight:
+        """Return the true direction of the beam, and let the wind blow on it for this tick."""
+        boresight = self._boresight(t_s, self.plant.velocity_rad_s)
+        self._torque = self._wind.step(self._tick_s, boresight.azimuth_rad, boresight.elevation_rad)
+        return boresight
+
+    def anemometer_m_s(self) -> float:
+        """Return the speed of the wind as it is measured, NaN when it is not."""
+        return self.injected.wind_speed(math.hypot(*self._wind.speed_m_s))
+
+    def move(self, rate_command_rad_s: Array) -> None:
+        """Drive the axes through this tick at these rate commands (2,); a drive that runs away ignores them."""
+        if self.injected.kind == "runaway":
+            azimuth, elevation = rate_command_rad_s.tolist()
+            rate_command_rad_s = np.array(self.injected.rate_command((azimuth, elevation)))
+        self.plant.step(rate_command_rad_s, self._torque, self._tick_s)
+
+    def encoders(self) -> Pair:
+        """Return the angles that the encoders show."""
+        azimuth, elevation = self.plant.encoder_rad.tolist()
+        if self.injected.kind == "none":
+            return azimuth, elevation
+        return self.injected.encoder((azimuth, elevation), self._tick_s)
+
+    def _boresight(self, t_s: float, velocity: Array) -> Boresight:
+        """Return the true direction of the beam; the mount's lags act on averaged rates."""
+        mean = self._mean
+        sky = self._mount_error.remove(t_s, self.plant.beam_rad, mean.rate_rad_s, mean.acceleration_rad_s2)
+        mean.update(self._tick_s, velocity + self._mount_error.drift_rad_s)
+        azimuth, elevation = sky.tolist()
+        if elevation > 0.5 * math.pi:
+            # Over its back the dish points to the other side: a direction on the sky has no elevation above 90 deg.
+            azimuth, elevation = azimuth - math.pi, math.pi - elevation
+        return Boresight(t_s=t_s, azimuth_rad=azimuth, elevation_rad=elevation)
+
+
+class SimulatedAntenna(ControlUnit):
+    """One antenna: `enable` it, `accept` trajectories, and `step` it once a tick."""
+
+    def __init__(self, params: AntennaParams | None = None) -> None:
+        params = params or AntennaParams()
+        self.params = params.antenna
+        self.hardware = SimulatedHardware(params)
+        super().__init__(
+            self.hardware, params.loops, params.plant, params.safety, params.antenna.tick_s, params.antenna.start_rad
+        )
 
     @property
     def injected(self) -> InjectedFaults:
         """The faults put into drives and sensors."""
-        return self.axes.hardware.injected
-
-    def disable(self) -> None:
-        """Decelerate at the limits, then set the brakes; the seconds that this takes pass at once."""
-        self.modes.stop()
-        for _ in range(round(LONGEST_STOP_S / self.params.tick_s)):
-            if self.mode != "stopping":
-                break
-            self.step(self.axes.t_s + self.params.tick_s)
-        self.modes.rest("inactive")
-
-    def reading(self, t_s: float) -> JointReading:
-        """Return the encoders as they stand, stamped `t_s`."""
-        velocity = self.axes.hardware.plant.velocity_rad_s
-        return JointReading(t_s=t_s, position_rad=self.axes.used_rad.copy(), velocity_rad_s=velocity)
+        return self.hardware.injected
 
     def step(self, t_s: float) -> tuple[JointReading, Boresight]:
         """Return encoder reading and true boresight at `t_s`, then advance by one tick."""
-        reading, boresight = self.reading(t_s), self.axes.look(t_s)
-        self._watch_wind(t_s)
-        powered = self.axes.hardware.plant.powered
-        self.axes.drive(self._rates(t_s, reading.position_rad) if powered else np.zeros(2))
-        self.modes.watch()
-        return reading, boresight
+        boresight = self.hardware.look(t_s)
+        return self.tick(t_s), boresight
 
-    def status(self, t_s: float) -> AntennaStatus:
-        """Return the status at `t_s`."""
-        axes, course, safety, commands = self.axes, self.axes.course, self.safety, self.commands
-        commanded = course.preprocessor.state.position_rad
-        return AntennaStatus(
-            t_s=t_s,
-            mode=self.mode,
-            fault=safety.latch.text,
-            commanded_rad=commanded,
-            rate_command_rad_s=axes.rate_command_rad_s,
-            rate_limit_rad_s=np.array(axes.limits.rate_limit_rad_s),
-            acceleration_limit_rad_s2=np.array(axes.limits.acceleration_limit_rad_s2),
-            at_limit=axes.hardware.plant.at_stop,
-            command_lead_s=0.0 if course.table.empty else course.table.lead_s(t_s),
-            commands_accepted=commands.accepted,
-            commands_rejected=commands.rejected,
-            last_rejection=commands.last_rejection,
-            warning=safety.warning(t_s, self.mode, pair(commanded)),
-            transmit_inhibit=safety.transmit_inhibit(self.mode, float(axes.used_rad[1])),
-            commander=safety.authority.holder,
-        )
+    def deactivate(self) -> None:
+        """Decelerate at the limits, then set the brakes; the seconds that this takes pass at once."""
+        self.stop()
+        for _ in range(round(LONGEST_STOP_S / self.params.tick_s)):
+            if self.mode != AntennaMode.STOPPING:
+                break
+            self.step(self.t_s + self.params.tick_s)
+        self.rest(AntennaMode.INACTIVE)
 
-    def _watch_wind(self, t_s: float) -> None:
-        self._ticks += 1
-        if self._ticks % WIND_EVERY:
-            return
-        self.safety.wind.take(t_s, self.axes.hardware.anemometer_m_s())
-        if self.safety.wind.step(t_s) and self.mode == "manual_rate":
-            self.modes.stop()
-        if self.safety.wind.reason and self.mode in ("holding", "tracking", "paused", "parking", "parked"):
-            self.modes.stow()
+    def check(self, plant: PlantParams, loops: LoopParams) -> None:
+        """Raise ValueError, saying why, if `retune` would refuse these; changes nothing."""
+        self.hardware.plant.check(plant)
+        self.axes.check(loops, plant)
 
-    def _rates(self, t_s: float, measured: Array) -> Array:
-        """Return the rate commands (2,) of this tick: those of an experiment, or of the laws on a guarded course."""
-        if self.mode == "manual_rate":
-            velocity = self.axes.hardware.plant.velocity_rad_s
-            barred = self.safety.guard("manual", t_s, pair(measured), pair(velocity))
-            rates, ended = self._manual.rates(measured, barred)
-            if not ended:
-                return rates
-            self.modes.leave_manual_rate(ended)
-        axes = self.axes
-        feasible = axes.course.step(self._followed(t_s), pair(axes.used_rad), self.params.tick_s)
-        if self.mode in KINDS:
-            barred = self.safety.guard(KINDS[self.mode], t_s, *map(pair, feasible))
-            if barred:
-                self.modes.stop(barred)
-        if self.mode not in ("tracking", "holding") and float(np.max(np.abs(feasible[1]))) == 0.0:
-            self.modes.settle(feasible[0], measured)
-        rates = axes.loops.rates(Motion(*feasible), measured)
-        if not axes.loops.oscillation:
-            return rates
-        axes.course.preprocessor.reset(measured)
-        self.modes.trip(f"drives cut: {axes.loops.oscillation}")
-        return np.zeros(2)
+    def retune(self, plant: PlantParams, loops: LoopParams) -> None:
+        """Take new laws, gains and limits between two ticks, without a jump; refused as a whole if one is impossible.
 
-    def _followed(self, t_s: float) -> TrajectorySample | None:
-        """Return what the commands say for `t_s`, None where there are none: then the goal is kept."""
-        if self.mode != "tracking":
-            return None
-        course = self.axes.course
-        sample = course.table.at(t_s)
-        if sample.source != "dry":
-            return sample
-        if course.ends_at_rest(sample.t_s):
-            self.modes.come_to_rest(sample.position_rad)
-        else:
-            self.modes.stop(f"commands ran dry {-course.table.lead_s(t_s):.1f} s ago while moving")
-        return None
+        Another plant means an antenna that changes in the middle of its motion: the laws in force stay in force, even
+        where they are unstable on it.
+        """
+        self.check(plant, loops)
+        if plant != self.hardware.plant.params:
+            self.hardware.plant.reconfigure(plant)
+        self.axes.retune(loops, plant)

@@ -1,4 +1,7 @@
-"""Laws of both axes: exchanged without a jump, refused as a whole, and watched for oscillation."""
+"""Laws of both axes: exchanged without a jump, refused as a whole, and watched for oscillation.
+
+Gains that the antenna could not live with are refused before they run.
+"""
 
 import math
 from pathlib import Path
@@ -6,14 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rf_pointing.controllers import PositionLoopParams, dss13_loops, load_lqg_designs, save_lqg_designs
-from rf_pointing.core import MDEG, Motion, Params
+from rf_pointing.controllers import PositionLoop, PositionLoopParams, dss13_loops, load_lqg_designs, save_lqg_designs
+from rf_pointing.core import MDEG, Motion, Params, random_stream
 from rf_pointing.planning import DriveWatchParams, WindWatchParams
-from rf_pointing.servo import WindParams, dss13_plant
-from rf_pointing.station.antenna.loops import AxisLoops
-from rf_pointing.station.antenna.mount import MountParams
+from rf_pointing.servo import AntennaPlant, PlantParams, WindParams, dss13_plant
+from rf_pointing.station.antenna.loops import AxisLoops, LoopParams, closed_loop_pole, require_stable
 from rf_pointing.station.antenna.safety import SafetyParams
-from rf_pointing.station.antenna.simulated_antenna import AntennaParams, LoopParams, SimulatedAntenna
+from rf_pointing.station.antenna.simulated_antenna import AntennaParams, SimulatedAntenna
 
 TICK_S = 0.02
 PLANT = dss13_plant()
@@ -94,11 +96,9 @@ def test_designs_come_from_the_file_that_is_named(tmp_path: Path) -> None:
 
 
 def hold(loops: LoopParams = LoopParams(), wind_m_s: float = 0.0, **safety: Params) -> SimulatedAntenna:  # noqa: B008
-    antenna = SimulatedAntenna(
-        AntennaParams(), dss13_plant(), loops, WindParams(mean_speed_m_s=wind_m_s), MountParams().model(),
-        SafetyParams(**safety),
-    )  # fmt: skip
-    antenna.modes.enable()
+    wind = WindParams(mean_speed_m_s=wind_m_s)
+    antenna = SimulatedAntenna(AntennaParams(loops=loops, wind=wind, safety=SafetyParams(**safety)))
+    antenna.enable()
     return antenna
 
 
@@ -131,7 +131,7 @@ def test_an_oscillation_cuts_the_drives_and_latches_with_its_reason(delay_s: flo
     """
     antenna = hold(wind_m_s=8.0, drive=DriveWatchParams(delay_s=0.4, excess_rad_s=1.0))
     tick = run(antenna, 5.0)
-    antenna.axes.retune(slow_drive(delay_s), LoopParams())
+    antenna.retune(slow_drive(delay_s), LoopParams())
     swings = []
     for _ in range(round(60.0 / TICK_S)):
         tick = run(antenna, TICK_S, tick)
@@ -149,12 +149,12 @@ def test_an_oscillation_cuts_the_drives_and_latches_with_its_reason(delay_s: flo
     np.testing.assert_array_equal(antenna.status(0.0).rate_command_rad_s, 0.0)
     assert np.max(np.abs(antenna.reading(0.0).velocity_rad_s)) < 1e-9, "the brakes hold"
 
-    antenna.disable()
-    antenna.modes.enable()
+    antenna.deactivate()
+    antenna.enable()
     assert antenna.mode == "fault"
     assert antenna.status(0.0).fault == status.fault, "latched over deactivation"
-    antenna.axes.retune(slow_drive(0.0), LoopParams())
-    assert antenna.modes.reset_fault() == ""
+    antenna.retune(slow_drive(0.0), LoopParams())
+    assert antenna.reset_fault() == ""
     assert antenna.mode == "holding"
     before = antenna.reading(0.0).position_rad
     run(antenna, 20.0, tick)
@@ -167,7 +167,7 @@ def test_an_lqg_loop_is_cut_at_half_a_degree_whatever_the_phase_at_which_its_dri
     """Saturated, it swings ever more slowly and unlike; its period is not waited for."""
     antenna = hold(LoopParams(law="lqg"), 4.0, drive=DriveWatchParams(delay_s=0.4, excess_rad_s=1.0))
     tick = run(antenna, 5.0 + 0.74 * phase)
-    antenna.axes.retune(slow_drive(0.3), antenna.axes.loops.params)
+    antenna.retune(slow_drive(0.3), antenna.axes.loops.params)
     largest = 0.0
     for _ in range(round(15.0 / TICK_S)):
         tick = run(antenna, TICK_S, tick)
@@ -196,4 +196,76 @@ def test_a_plant_with_another_number_of_modes_is_refused_while_running() -> None
         mode_frequency_hz=(2.0,), mode_damping=(0.01,), mode_encoder_residue=(0.1,), mode_beam_residue=(0.1,)
     )
     with pytest.raises(ValueError, match=r"elevation\.mode_frequency_hz has 1 modes, must keep 3"):
-        antenna.axes.check(plant.replace(elevation=one, elevation_modes_in_azimuth=(0.001,)), LoopParams())
+        antenna.check(plant.replace(elevation=one, elevation_modes_in_azimuth=(0.001,)), LoopParams())
+
+
+EDGE_LOW, EDGE_HIGH = 0.98, 1.02
+"""A gain this far from the computed edge decays or grows visibly within the simulated time."""
+
+
+@pytest.fixture(scope="module")
+def plant() -> PlantParams:
+    return dss13_plant(ideal=True)
+
+
+def gains(proportional: float) -> PositionLoopParams:
+    return PositionLoopParams(proportional_gain=proportional, integral_gain=0.5)
+
+
+def swing(plant: PlantParams, loop: PositionLoopParams) -> tuple[float, float]:
+    """Return the largest elevation error of two spans of 50 s, 100 s apart, after a step of 0.1 mrad."""
+    antenna = AntennaPlant(plant, random_stream(1, "encoder"))
+    loops = [PositionLoop(loop, TICK_S) for _ in range(2)]
+    start = antenna.encoder_rad
+    errors = []
+    for _ in range(round(200.0 / TICK_S)):
+        measured = antenna.encoder_rad
+        rates = [each.output(start[i] + 1e-4 * i, 0.0, measured[i]) for i, each in enumerate(loops)]
+        antenna.step(rates, (0.0, 0.0), TICK_S)
+        for each, rate in zip(loops, rates, strict=True):
+            each.update(TICK_S, rate)
+        errors.append(abs(measured[1] - start[1] - 1e-4))
+    span = round(50.0 / TICK_S)
+    return max(errors[span : 2 * span]), max(errors[3 * span :])
+
+
+def test_the_computed_edge_is_where_the_simulated_loop_begins_to_grow(plant: PlantParams) -> None:
+    def radius(proportional: float) -> float:
+        return abs(closed_loop_pole(plant, (PositionLoopParams(), gains(proportional)), TICK_S))
+
+    low, high = 0.5, 50.0
+    assert radius(low) < 1.0 < radius(high)
+    for _ in range(40):
+        middle = math.sqrt(low * high)
+        low, high = (middle, high) if radius(middle) < 1.0 else (low, middle)
+    wide = plant.replace(
+        elevation=plant.elevation.replace(rate_limit_rad_s=10.0, acceleration_limit_rad_s2=100.0),
+        azimuth=plant.azimuth.replace(rate_limit_rad_s=10.0, acceleration_limit_rad_s2=100.0),
+    )
+    early, late = swing(wide, gains(EDGE_LOW * low))
+    assert late < early
+    early, late = swing(wide, gains(EDGE_HIGH * low))
+    assert late > early
+
+
+@pytest.mark.parametrize("laws", [dss13_loops("published"), dss13_loops("tuned"), load_lqg_designs()])
+def test_the_laws_that_come_with_the_package_are_accepted(laws: tuple) -> None:
+    require_stable(dss13_plant(), laws, TICK_S)
+
+
+def test_a_refusal_names_axis_gains_frequency_and_bound(plant: PlantParams) -> None:
+    with pytest.raises(ValueError, match=r"^elevation\.proportional_gain=40\.0.* elevation is unstable.* must be <= 1"):
+        require_stable(plant, (gains(0.5), gains(40.0)), TICK_S)
+
+
+def test_a_dead_time_counts(plant: PlantParams) -> None:
+    late = plant.replace(azimuth=plant.azimuth.replace(drive_delay_s=0.3))
+    laws = dss13_loops("tuned")
+    assert abs(closed_loop_pole(plant, laws, TICK_S)) < 1.0 < abs(closed_loop_pole(late, laws, TICK_S))
+    with pytest.raises(ValueError, match=r"^azimuth"):
+        require_stable(late, laws, TICK_S)
+
+
+def test_a_loop_without_gains_is_no_instability(plant: PlantParams) -> None:
+    dead = PositionLoopParams(proportional_gain=0.0, integral_gain=0.0, feedforward_gain=0.0)
+    require_stable(plant, (dead, gains(0.5)), TICK_S)

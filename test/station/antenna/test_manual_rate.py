@@ -8,17 +8,17 @@ import pytest
 from rf_pointing.controllers import CommandPreprocessorParams
 from rf_pointing.core import MDEG, JointTrajectory, random_stream
 from rf_pointing.identification import ExcitationParams, IdentificationExperiment
-from rf_pointing.servo import WindParams, dss13_plant
-from rf_pointing.station.antenna.mount import MountParams
-from rf_pointing.station.antenna.simulated_antenna import AntennaParams, LoopParams, SimulatedAntenna
+from rf_pointing.servo import dss13_plant
+from rf_pointing.station.antenna.loops import LoopParams
+from rf_pointing.station.antenna.simulated_antenna import SimulatedAntenna
 
 TICK_S = 0.02
 PARAMS = ExcitationParams(samples=256)
 
 
 def antenna() -> SimulatedAntenna:
-    made = SimulatedAntenna(AntennaParams(), dss13_plant(), LoopParams(), WindParams(), MountParams().model())
-    made.modes.enable()
+    made = SimulatedAntenna()
+    made.enable()
     return made
 
 
@@ -50,7 +50,7 @@ def test_the_experiment_commands_the_rates_and_records_the_encoders() -> None:
     made = antenna()
     tick = run(made, 50)
     running = experiment(made)
-    assert made.modes.identify(running) == ""
+    assert made.identify(running) == ""
     assert made.mode == "manual_rate"
     for _ in range(512):
         before = made.reading(0.0).position_rad
@@ -66,7 +66,7 @@ def test_the_experiment_commands_the_rates_and_records_the_encoders() -> None:
 def test_the_end_of_the_experiment_is_a_controlled_stop_without_a_jump() -> None:
     made = antenna()
     running = experiment(made, 1, params=PARAMS.replace(mean_rad_s=math.radians(0.15), rms_rad_s=math.radians(0.01)))
-    made.modes.identify(running)
+    made.identify(running)
     tick = run(made, 256)
     given = made.status(0.0).rate_command_rad_s[1]
     tick = run(made, 1, tick)
@@ -84,9 +84,9 @@ def test_the_end_of_the_experiment_is_a_controlled_stop_without_a_jump() -> None
 
 def test_commands_are_rejected_while_it_runs() -> None:
     made = antenna()
-    made.modes.identify(experiment(made))
+    made.identify(experiment(made))
     run(made, 10)
-    assert made.commands.accept(hold_here(made, 1e9), 1e9) == "an identification drives the antenna"
+    assert made.accept(hold_here(made, 1e9), 1e9) == "an identification drives the antenna"
     assert made.mode == "manual_rate"
 
 
@@ -94,9 +94,9 @@ def test_commands_are_rejected_while_it_runs() -> None:
 def test_a_stop_aborts_it(reason: str, after: str) -> None:
     made = antenna()
     running = experiment(made)
-    made.modes.identify(running)
+    made.identify(running)
     tick = run(made, 100)
-    made.modes.stop(reason)
+    made.stop(reason)
     assert running.abort_reason == "stop was requested"
     assert made.mode == "stopping"
     run(made, 250, tick)
@@ -106,7 +106,7 @@ def test_a_stop_aborts_it(reason: str, after: str) -> None:
 def test_an_abort_from_outside_ends_it_at_the_next_tick() -> None:
     made = antenna()
     running = experiment(made)
-    made.modes.identify(running)
+    made.identify(running)
     tick = run(made, 100)
     running.abort("the goal was cancelled")
     run(made, 250, tick)
@@ -117,20 +117,20 @@ def test_an_abort_from_outside_ends_it_at_the_next_tick() -> None:
 def test_deactivation_ends_it_with_the_brakes_set() -> None:
     made = antenna()
     running = experiment(made)
-    made.modes.identify(running)
+    made.identify(running)
     run(made, 100)
-    made.disable()
+    made.deactivate()
     assert made.mode == "inactive"
     assert running.abort_reason != ""
 
 
 def test_only_a_holding_antenna_can_be_identified() -> None:
-    made = SimulatedAntenna(AntennaParams(), dss13_plant(), LoopParams(), WindParams(), MountParams().model())
+    made = SimulatedAntenna()
     running = experiment(made)
-    assert made.modes.identify(running) == "the antenna is inactive, must be holding"
-    made.modes.enable()
-    made.modes.stop("stop was requested")
-    assert made.modes.identify(running) == "the antenna is stop was requested, must be holding"
+    assert made.identify(running) == "the antenna is inactive, must be holding"
+    made.enable()
+    made.stop("stop was requested")
+    assert made.identify(running) == "the antenna is stop was requested, must be holding"
     assert running.samples_taken == 0
 
 
@@ -140,16 +140,16 @@ def test_axes_that_still_slew_are_not_handed_to_an_experiment() -> None:
     zero = np.zeros((1, 2))
     far = made.reading(1e9).position_rad[None] - 0.1
     goal = JointTrajectory(t_s=[1e9 + 0.2], position_rad=far, velocity_rad_s=zero, acceleration_rad_s2=zero)
-    assert made.commands.accept(goal, 1e9) == ""
+    assert made.accept(goal, 1e9) == ""
     run(made, 100)
     assert made.mode == "holding"
-    assert made.modes.identify(experiment(made)) == "the axes are still moving"
+    assert made.identify(experiment(made)) == "the axes are still moving"
 
 
 def test_another_sampling_time_and_too_large_a_rate_are_refused() -> None:
     made = antenna()
-    assert "sample_s=0.01 must be 0.02" in made.modes.identify(experiment(made, params=PARAMS.replace(sample_s=0.01)))
+    assert "sample_s=0.01 must be 0.02" in made.identify(experiment(made, params=PARAMS.replace(sample_s=0.01)))
     slow = math.radians(0.05)
-    made.axes.retune(dss13_plant(), LoopParams(preprocessor=CommandPreprocessorParams(rate_limit_rad_s=(slow, slow))))
-    assert "the rate limit" in made.modes.identify(experiment(made))
+    made.retune(dss13_plant(), LoopParams(preprocessor=CommandPreprocessorParams(rate_limit_rad_s=(slow, slow))))
+    assert "the rate limit" in made.identify(experiment(made))
     assert made.mode == "holding"

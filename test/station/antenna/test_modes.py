@@ -5,17 +5,18 @@ import pytest
 
 from rf_pointing.controllers import CommandPreprocessorParams
 from rf_pointing.core import MDEG
-from rf_pointing.station.antenna.modes import ARRIVED_RAD, RESTING
+from rf_pointing.station.antenna.control_unit import ARRIVED_RAD
+from rf_pointing.station.antenna.loops import LoopParams
+from rf_pointing.station.antenna.modes import MODES, AntennaMode
 from rf_pointing.station.antenna.safety import SafetyParams
-from rf_pointing.station.antenna.simulated_antenna import LoopParams
 from test.station.stepped_antenna import SETTLING_S, STANDING, START_S, TICK_S, enabled, hold_at, ramp
 
 
 def test_deactivation_stops_the_axes_under_control_before_it_sets_the_brakes() -> None:
     clock = enabled()
-    clock.antenna.commands.accept(ramp(START_S, 3.0), START_S)
+    clock.antenna.accept(ramp(START_S, 3.0), START_S)
     clock.run(2.0)
-    clock.antenna.disable()
+    clock.antenna.deactivate()
     clock.run(0.2)
     braked = clock.antenna.reading(clock.t_s)
     assert np.max(np.abs(braked.velocity_rad_s)) < 1e-12
@@ -29,7 +30,7 @@ def test_deactivation_stops_the_axes_under_control_before_it_sets_the_brakes() -
 def test_commands_that_stop_in_motion_end_in_a_controlled_stop_and_a_latched_fault() -> None:
     limits = CommandPreprocessorParams()
     clock = enabled()
-    clock.antenna.commands.accept(ramp(START_S, 1.0), START_S)
+    clock.antenna.accept(ramp(START_S, 1.0), START_S)
     clock.run(8.0)
     order = list(dict.fromkeys(clock.modes))
     assert order == ["tracking", "stopping", "fault"]
@@ -46,7 +47,7 @@ def test_commands_that_stop_in_motion_end_in_a_controlled_stop_and_a_latched_fau
 def test_commands_that_end_at_rest_are_no_fault() -> None:
     clock = enabled()
     goal = STANDING + np.radians([0.2, 0.1])
-    clock.antenna.commands.accept(hold_at(START_S + 0.1, goal), START_S)
+    clock.antenna.accept(hold_at(START_S + 0.1, goal), START_S)
     clock.run(SETTLING_S)
     assert clock.modes[-1] == "holding"
     assert clock.antenna.status(clock.t_s).fault == ""
@@ -55,80 +56,77 @@ def test_commands_that_end_at_rest_are_no_fault() -> None:
 
 def test_a_latched_fault_refuses_commands_until_it_is_reset_at_rest() -> None:
     clock = enabled()
-    clock.antenna.commands.accept(ramp(START_S, 2.0), START_S)
+    clock.antenna.accept(ramp(START_S, 2.0), START_S)
     clock.run(1.0)
-    clock.antenna.modes.stop("stop was requested")
-    assert clock.antenna.modes.reset_fault() == "the axes are still moving"
-    assert (
-        clock.antenna.commands.accept(ramp(clock.t_s), clock.t_s)
-        == "fault latched (stop was requested); reset it first"
-    )
+    clock.antenna.stop("stop was requested")
+    assert clock.antenna.reset_fault() == "the axes are still moving"
+    assert clock.antenna.accept(ramp(clock.t_s), clock.t_s) == "fault latched (stop was requested); reset it first"
     clock.run(5.0)
     assert clock.antenna.mode == "fault"
-    assert clock.antenna.modes.reset_fault() == ""
+    assert clock.antenna.reset_fault() == ""
     assert clock.antenna.mode == "holding"
-    assert clock.antenna.commands.accept(ramp(clock.t_s), clock.t_s) == ""
+    assert clock.antenna.accept(ramp(clock.t_s), clock.t_s) == ""
 
 
 def test_a_fault_that_cut_the_drives_is_not_reset_while_the_axes_still_turn() -> None:
     clock = enabled()
-    clock.antenna.commands.accept(ramp(START_S, 2.0), START_S)
+    clock.antenna.accept(ramp(START_S, 2.0), START_S)
     clock.run(1.0)
-    clock.antenna.modes.trip("an encoder is silent")
+    clock.antenna.trip("an encoder is silent")
     assert clock.antenna.mode == "fault"
-    assert clock.antenna.modes.reset_fault() == "the axes are still moving"
+    assert clock.antenna.reset_fault() == "the axes are still moving"
     clock.run(3.0)
-    assert clock.antenna.modes.reset_fault() == ""
+    assert clock.antenna.reset_fault() == ""
 
 
 @pytest.mark.parametrize("axis", [0, 1])
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_an_antenna_is_parked_only_when_both_encoders_have_arrived(axis: int, side: float) -> None:
     antenna = enabled().antenna
-    modes, goal = antenna.modes, antenna.axes.course.goal_rad
-    modes.mode = "parking"
-    modes.settle(goal, goal + 1.01 * side * ARRIVED_RAD * np.eye(2)[axis])
-    assert modes.mode == "parking"
-    modes.settle(goal, goal + 0.99 * side * ARRIVED_RAD * np.eye(2)[axis])
-    assert modes.mode == "parked"
+    goal = antenna.axes.path.goal_rad
+    antenna.modes.mode = AntennaMode.PARKING
+    for share, mode in ((1.01, AntennaMode.PARKING), (0.99, AntennaMode.PARKED)):
+        antenna.axes.encoder_rad = goal + share * side * ARRIVED_RAD * np.eye(2)[axis]
+        antenna._settle(goal)
+        assert antenna.mode == mode
 
 
-@pytest.mark.parametrize("mode", [*RESTING, *RESTING.values()])
-def test_an_antenna_at_rest_or_on_its_way_there_takes_no_command(mode: str) -> None:
+@pytest.mark.parametrize("mode", [mode for mode, traits in MODES.items() if traits.ends_in or traits.at_rest])
+def test_an_antenna_at_rest_or_on_its_way_there_takes_no_command(mode: AntennaMode) -> None:
     clock = enabled()
     clock.antenna.modes.mode = mode
-    refused = clock.antenna.commands.accept(ramp(START_S, 2.0), START_S)
+    refused = clock.antenna.accept(ramp(START_S, 2.0), START_S)
     assert refused == f"the antenna is {mode}; resume it first"
     assert clock.antenna.mode == mode
 
 
 def test_without_a_fault_there_is_nothing_to_reset() -> None:
-    assert enabled().antenna.modes.reset_fault() == "no fault is latched"
+    assert enabled().antenna.reset_fault() == "no fault is latched"
 
 
 def test_a_stop_without_a_reason_leaves_no_fault() -> None:
     clock = enabled()
-    clock.antenna.commands.accept(ramp(START_S, 2.0), START_S)
+    clock.antenna.accept(ramp(START_S, 2.0), START_S)
     clock.run(1.0)
-    clock.antenna.modes.stop()
+    clock.antenna.stop()
     clock.run(5.0)
     assert list(dict.fromkeys(clock.modes)) == ["tracking", "stopping", "holding"]
 
 
 def test_a_fault_outlasts_deactivation() -> None:
     clock = enabled()
-    clock.antenna.modes.stop("stop was requested")
+    clock.antenna.stop("stop was requested")
     clock.run(1.0)
-    clock.antenna.disable()
-    clock.antenna.modes.enable()
+    clock.antenna.deactivate()
+    clock.antenna.enable()
     assert clock.antenna.mode == "fault"
-    assert "fault latched" in clock.antenna.commands.accept(ramp(clock.t_s), clock.t_s)
+    assert "fault latched" in clock.antenna.accept(ramp(clock.t_s), clock.t_s)
 
 
 def test_a_parked_antenna_is_stowed_in_high_wind_and_a_disabled_one_says_that_it_is_not() -> None:
     near = SafetyParams(park_azimuth_rad=STANDING[0], park_elevation_rad=STANDING[1] + 0.03, stow_elevation_rad=1.15)
     clock = enabled(safety=near)
-    assert clock.antenna.modes.park() == ""
+    assert clock.antenna.park() == ""
     clock.run(8.0)
     assert clock.antenna.mode == "parked"
     clock.antenna.injected.inject("gust", 40.0)
@@ -136,10 +134,10 @@ def test_a_parked_antenna_is_stowed_in_high_wind_and_a_disabled_one_says_that_it
     assert clock.antenna.mode == "stowed"
     assert clock.antenna.reading(clock.t_s).position_rad[1] == pytest.approx(1.15, abs=1e-3)
     assert clock.antenna.status(clock.t_s).warning == ""
-    assert "gust 40.0 m/s, limit 25.0 m/s" in clock.antenna.modes.resume()
+    assert "gust 40.0 m/s, limit 25.0 m/s" in clock.antenna.resume()
 
     other = enabled()
-    assert other.antenna.modes.release() == ""
+    assert other.antenna.disable() == ""
     other.run(1.0)
     other.antenna.injected.inject("gust", 40.0)
     other.run(5.0)
@@ -156,9 +154,9 @@ def test_a_fault_is_reset_only_when_its_cause_is_gone(kind: str, value: float) -
     clock.antenna.injected.inject(kind, value)
     clock.run(0.5)
     assert clock.antenna.mode == "fault"
-    assert clock.antenna.modes.reset_fault().startswith("the cause is still there: azimuth encoder")
+    assert clock.antenna.reset_fault().startswith("the cause is still there: azimuth encoder")
     assert (clock.antenna.mode, clock.antenna.axes.hardware.plant.powered) == ("fault", False)
     clock.antenna.injected.inject("none", 0.0)
     clock.run(0.5)
-    assert clock.antenna.modes.reset_fault() == ""
+    assert clock.antenna.reset_fault() == ""
     assert (clock.antenna.mode, clock.antenna.safety.latch.text) == ("holding", "")

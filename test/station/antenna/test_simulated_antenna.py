@@ -8,8 +8,9 @@ import pytest
 from rf_pointing.controllers import CommandPreprocessorParams, PositionLoopParams
 from rf_pointing.core import MDEG
 from rf_pointing.servo import WindParams, dss13_plant
+from rf_pointing.station.antenna.loops import LoopParams
 from rf_pointing.station.antenna.mount import MountParams
-from rf_pointing.station.antenna.simulated_antenna import AntennaParams, LoopParams
+from rf_pointing.station.antenna.simulated_antenna import SimulationParams
 from test.station.stepped_antenna import (
     ENCODER_RAD,
     SETTLING_S,
@@ -27,7 +28,7 @@ from test.station.stepped_antenna import (
 def test_activation_does_not_move_the_antenna() -> None:
     clock = Clock(antenna())
     before = clock.antenna.reading(START_S).position_rad
-    clock.antenna.modes.enable()
+    clock.antenna.enable()
     clock.run(5.0)
     assert np.max(np.abs(np.array(clock.position) - before)) < ENCODER_RAD
     assert set(clock.modes) == {"holding"}
@@ -43,7 +44,7 @@ def test_wind_shakes_the_held_antenna_by_millidegrees_only() -> None:
 def test_a_steady_command_is_followed_within_a_millidegree() -> None:
     clock = enabled()
     for step in range(round(SETTLING_S * 10)):
-        assert clock.antenna.commands.accept(ramp(clock.t_s), clock.t_s) == ""
+        assert clock.antenna.accept(ramp(clock.t_s), clock.t_s) == ""
         clock.run(0.1)
         assert clock.antenna.mode == "tracking", step
     wanted = STANDING + np.radians([0.3, -0.3]) * (clock.t_s + TICK_S - START_S)
@@ -54,10 +55,10 @@ def test_a_steady_command_is_followed_within_a_millidegree() -> None:
 def test_a_far_command_becomes_a_slew_within_the_limits() -> None:
     limits = CommandPreprocessorParams()
     clock = enabled()
-    clock.antenna.commands.accept(hold_at(START_S + 0.1, STANDING + np.radians([20.0, -10.0])), START_S)
+    clock.antenna.accept(hold_at(START_S + 0.1, STANDING + np.radians([20.0, -10.0])), START_S)
     clock.run(1.0)
     for _ in range(round(12.0 + SETTLING_S)):
-        clock.antenna.commands.accept(hold_at(clock.t_s + 0.1, STANDING + np.radians([20.0, -10.0])), clock.t_s)
+        clock.antenna.accept(hold_at(clock.t_s + 0.1, STANDING + np.radians([20.0, -10.0])), clock.t_s)
         clock.run(1.0)
     rates = clock.rates()
     assert np.max(np.abs(rates)) <= limits.rate_limit_rad_s[0] * (1.0 + 1e-9)
@@ -73,15 +74,15 @@ def test_an_impossible_set_of_loops_is_refused_as_a_whole() -> None:
 def test_new_limits_hold_from_the_next_tick_on() -> None:
     clock = enabled()
     for _ in range(30):
-        clock.antenna.commands.accept(hold_at(clock.t_s + 0.1, STANDING + np.radians([20.0, -10.0])), clock.t_s)
+        clock.antenna.accept(hold_at(clock.t_s + 0.1, STANDING + np.radians([20.0, -10.0])), clock.t_s)
         clock.run(0.1)
     slow = math.radians(0.5)
-    clock.antenna.axes.retune(
+    clock.antenna.retune(
         dss13_plant(), LoopParams(preprocessor=CommandPreprocessorParams(rate_limit_rad_s=(slow, slow)))
     )
-    clock.antenna.commands.accept(hold_at(clock.t_s + 0.1, STANDING + np.radians([20.0, -10.0])), clock.t_s)
+    clock.antenna.accept(hold_at(clock.t_s + 0.1, STANDING + np.radians([20.0, -10.0])), clock.t_s)
     clock.run(1.0)
-    clock.antenna.commands.accept(hold_at(clock.t_s + 0.1, STANDING + np.radians([20.0, -10.0])), clock.t_s)
+    clock.antenna.accept(hold_at(clock.t_s + 0.1, STANDING + np.radians([20.0, -10.0])), clock.t_s)
     clock.run(1.0)
     assert np.max(np.abs(clock.rates()[-10:])) <= slow * (1.0 + 1e-9)
     assert tuple(clock.antenna.status(clock.t_s).rate_limit_rad_s) == (slow, slow)
@@ -90,8 +91,8 @@ def test_new_limits_hold_from_the_next_tick_on() -> None:
 def test_one_seed_gives_one_run_and_another_seed_another() -> None:
     runs = []
     for seed in (1, 1, 2):
-        params = AntennaParams(start_azimuth_rad=STANDING[0], start_elevation_rad=STANDING[1], seed=seed)
-        clock = enabled(params=params, wind=WindParams(mean_speed_m_s=8.0))
+        params = SimulationParams(start_azimuth_rad=STANDING[0], start_elevation_rad=STANDING[1], seed=seed)
+        clock = enabled(antenna=params, wind=WindParams(mean_speed_m_s=8.0))
         clock.run(2.0)
         runs.append(np.array(clock.position))
     np.testing.assert_array_equal(runs[0], runs[1])
@@ -102,7 +103,7 @@ def test_each_axis_has_its_own_loop() -> None:
     """A late-binding closure would give both axes the last one's gains."""
     dead = PositionLoopParams(proportional_gain=0.0, integral_gain=0.0, feedforward_gain=0.0)
     clock = enabled(loops=LoopParams(azimuth=dead))
-    clock.antenna.commands.accept(hold_at(START_S + 0.1, STANDING + np.radians([0.2, 0.2])), START_S)
+    clock.antenna.accept(hold_at(START_S + 0.1, STANDING + np.radians([0.2, 0.2])), START_S)
     clock.run(3.0)
     azimuth, elevation = clock.position[-1] - STANDING
     assert abs(azimuth) < ENCODER_RAD
@@ -110,8 +111,8 @@ def test_each_axis_has_its_own_loop() -> None:
 
 
 def test_the_boresight_is_the_encoder_direction_without_the_mounts_errors() -> None:
-    model = MountParams(azimuth_offset_rad=3e-3, non_orthogonality_rad=1e-3, elevation_offset_rad=-2e-3).model()
-    clock = enabled(mount=model)
+    mount = MountParams(azimuth_offset_rad=3e-3, non_orthogonality_rad=1e-3, elevation_offset_rad=-2e-3)
+    clock, model = enabled(mount=mount), mount.model()
     reading, boresight = clock.antenna.step(START_S + TICK_S)
     zero = (0.0, 0.0, 0.0, 0.0)
     azimuth, elevation = model.remove(*reading.position_rad, *zero)
@@ -125,7 +126,7 @@ def test_the_longest_slew_is_no_oscillation() -> None:
     clock = enabled(wind=WindParams(mean_speed_m_s=12.0))
     goal = STANDING - np.radians([184.0, 47.0])
     for _ in range(110):
-        assert clock.antenna.commands.accept(hold_at(clock.t_s + 1.0, goal), clock.t_s) == ""
+        assert clock.antenna.accept(hold_at(clock.t_s + 1.0, goal), clock.t_s) == ""
         clock.run(1.0)
     assert not any(watch.oscillating for watch in clock.antenna.axes.loops.watch)
     assert clock.antenna.mode == "tracking"

@@ -7,13 +7,13 @@ import pytest
 
 from rf_pointing.controllers import CommandPreprocessorParams
 from rf_pointing.servo import WindParams
-from rf_pointing.station.antenna.simulated_antenna import LoopParams
+from rf_pointing.station.antenna.loops import LoopParams
 from test.station.stepped_antenna import ENCODER_RAD, STANDING, START_S, Clock, antenna, enabled, hold_at, ramp
 
 
 def test_brakes_hold_an_inactive_antenna_and_commands_are_rejected() -> None:
     clock = Clock(antenna(wind=WindParams(mean_speed_m_s=8.0)))
-    assert clock.antenna.commands.accept(ramp(START_S), START_S) == "the antenna is not active"
+    assert clock.antenna.accept(ramp(START_S), START_S) == "the antenna is not active"
     clock.run(3.0)
     status = clock.antenna.status(clock.t_s)
     assert (status.mode, status.commands_accepted, status.commands_rejected) == ("inactive", 0, 1)
@@ -23,7 +23,7 @@ def test_brakes_hold_an_inactive_antenna_and_commands_are_rejected() -> None:
 def test_a_command_beyond_the_travel_is_refused_with_the_limit_and_moves_nothing() -> None:
     loops = LoopParams(preprocessor=CommandPreprocessorParams(travel_max_rad=(3.9, STANDING[1] + 0.05)))
     clock = enabled(loops=loops)
-    refused = clock.antenna.commands.accept(hold_at(clock.t_s + 0.1, STANDING + np.array([0.0, 0.5])), clock.t_s)
+    refused = clock.antenna.accept(hold_at(clock.t_s + 0.1, STANDING + np.array([0.0, 0.5])), clock.t_s)
     assert refused == "elevation 88.648 deg is 25.783 deg past the limit 62.865 deg"
     assert clock.antenna.status(clock.t_s).last_rejection == refused
     clock.run(2.0)
@@ -33,7 +33,7 @@ def test_a_command_beyond_the_travel_is_refused_with_the_limit_and_moves_nothing
 def test_the_status_shows_how_long_the_commands_last() -> None:
     clock = enabled()
     assert clock.antenna.status(START_S).command_lead_s == 0.0
-    clock.antenna.commands.accept(ramp(START_S, 1.0), START_S)
+    clock.antenna.accept(ramp(START_S, 1.0), START_S)
     assert clock.antenna.status(START_S).command_lead_s == pytest.approx(1.0)
 
 
@@ -43,15 +43,13 @@ def test_rejected_commands_change_nothing_but_the_count() -> None:
     for step in range(30):
         for clock in (calm, pestered):
             good = ramp(clock.t_s)
-            assert clock.antenna.commands.accept(good, clock.t_s) == ""
+            assert clock.antenna.accept(good, clock.t_s) == ""
             if clock is pestered:
                 far = dataclasses.replace(good, position_rad=good.position_rad + 1.0)
                 for shift_s in (-5.0, 100.0, -0.05):
-                    assert (
-                        clock.antenna.commands.accept(dataclasses.replace(far, t_s=far.t_s + shift_s), clock.t_s) != ""
-                    )
-                assert clock.antenna.commands.accept(good, clock.t_s) == "duplicate of the latest message"
-                clock.antenna.commands.reject("position_rad must be finite")
+                    assert clock.antenna.accept(dataclasses.replace(far, t_s=far.t_s + shift_s), clock.t_s) != ""
+                assert clock.antenna.accept(good, clock.t_s) == "duplicate of the latest message"
+                clock.antenna.reject("position_rad must be finite")
             clock.run(0.1)
         np.testing.assert_array_equal(pestered.position[-1], calm.position[-1], err_msg=f"step {step}")
     assert calm.antenna.status(calm.t_s).commands_rejected == 0
@@ -71,7 +69,7 @@ def test_rejected_commands_change_nothing_but_the_count() -> None:
 def test_commands_out_of_time_are_rejected_with_the_reason(shift_s: float, words: str) -> None:
     clock = enabled()
     good = ramp(START_S)
-    clock.antenna.commands.accept(good, START_S)
-    reason = clock.antenna.commands.accept(dataclasses.replace(good, t_s=good.t_s + shift_s), START_S)
+    clock.antenna.accept(good, START_S)
+    reason = clock.antenna.accept(dataclasses.replace(good, t_s=good.t_s + shift_s), START_S)
     assert words in reason
     assert clock.antenna.status(START_S).last_rejection == reason

@@ -1,10 +1,14 @@
-"""Second-order section of a loop, retunable while it runs.
+"""Filters of the position laws, retunable while they run: second-order section, notch, low-pass of the fed-forward rate.
 
-    G(s) = (s^2/w_z^2 + 2 d_z s/w_z + 1) / (s^2/w_p^2 + 2 d_p s/w_p + 1)
+    section      G(s) = (s^2/w_z^2 + 2 d_z s/w_z + 1) / (s^2/w_p^2 + 2 d_p s/w_p + 1)
+    notch        G(s) = (s^2 + w^2) / (s^2 + 2 delta w s + w^2)                                 (BWG eq. 8)
+    feedforward  F(s) = 1 / (1 + s / w_b)
 
-by the bilinear transform prewarped at the zeros, which thus stay at w_z at any sampling rate.  The two states are the
-band-pass and low-pass outputs of a state-variable filter at w_p: they keep their meaning when frequency, damping or
-step change, so a retune makes no jump.
+by the bilinear transform.  The section is prewarped at its zeros, which thus stay at w_z at any sampling rate: unwarped, a
+2.12-Hz notch sampled at 10 Hz would sit at 1.87 Hz.  Its two states are the band-pass and low-pass outputs of a
+state-variable filter at w_p: they keep their meaning when frequency, damping or step change, so a retune makes no jump.
+
+Use: `output(x)` at a sample, then `update(dt_s)` with the time to the next one.
 """
 
 import math
@@ -15,7 +19,17 @@ from numpy.typing import NDArray
 
 from rf_pointing.core import Params, parameter, require_between, require_finite
 
-__all__ = ["Section", "SectionConstants", "SectionParams", "SectionState", "filter_sample", "section_matrices"]
+__all__ = [
+    "FeedforwardState",
+    "RateFeedforward",
+    "Section",
+    "SectionConstants",
+    "SectionParams",
+    "SectionState",
+    "filter_sample",
+    "notch_section",
+    "section_matrices",
+]
 
 Array = NDArray[np.float64]
 
@@ -32,6 +46,14 @@ class SectionParams(Params):
     zero_damping: float = parameter(0.0, "damping of the zeros, 0 for a notch to the ground", low=0.0, high=5.0)
     pole_hz: float = parameter(2.12, "frequency of the poles", low=0.01, high=500.0)
     pole_damping: float = parameter(0.2, "damping of the poles", low=0.001, high=5.0)
+
+
+def notch_section(frequency_hz: float, damping: float, *, enabled: bool = True) -> SectionParams:
+    """Return the notch as a section: undamped zeros at the frequency of its poles.
+
+    The -3 dB band is 2 `damping` times the frequency wide.
+    """
+    return SectionParams(enabled=enabled, zero_hz=frequency_hz, pole_hz=frequency_hz, pole_damping=damping)
 
 
 @dataclass(slots=True)
@@ -102,8 +124,50 @@ class Section:
         self.state.dt_s = dt_s
 
 
+@dataclass(slots=True)
+class FeedforwardState:
+    """Filtered rate and input of the sample before, the same of the present sample, and the step between them."""
+
+    filtered: float = 0.0
+    input: float = 0.0
+    pending_filtered: float = 0.0
+    pending_input: float = 0.0
+    dt_s: float = 0.02
+
+
+class RateFeedforward:
+    """Low-pass of the rate: `output` at a sample, then `update` with the time to the next one."""
+
+    def __init__(self, band_hz: float, dt_s: float = 0.02) -> None:
+        self.state = FeedforwardState(dt_s=dt_s)
+        self.retune(band_hz)
+
+    def retune(self, band_hz: float) -> None:
+        """Take a new band limit from the next sample on."""
+        require_between("band_hz", band_hz, 1e-3, 1e4)
+        self._band_hz = band_hz
+
+    def reset(self, rate_rad_s: float) -> None:
+        """Settle on a constant rate."""
+        self.state = FeedforwardState(rate_rad_s, rate_rad_s, rate_rad_s, rate_rad_s, self.state.dt_s)
+
+    def output(self, rate_rad_s: float) -> float:
+        """Return the filtered rate of this sample."""
+        state = self.state
+        half = math.pi * self._band_hz * state.dt_s
+        total = state.input + rate_rad_s
+        state.pending_filtered = ((1.0 - half) * state.filtered + half * total) / (1.0 + half)
+        state.pending_input = rate_rad_s
+        return state.pending_filtered
+
+    def update(self, dt_s: float) -> None:
+        """Commit the sample; the next one comes `dt_s` later."""
+        state = self.state
+        state.filtered, state.input, state.dt_s = state.pending_filtered, state.pending_input, dt_s
+
+
 def filter_sample(value: float, band: float, low: float, constants: SectionConstants) -> tuple[float, float, float]:
-    """Return output, next band-pass and next low-pass memory for one sample; plain floats, also compiled."""
+    """Return output, next band-pass and next low-pass memory for one sample."""
     g, h, twice_damping, band_share, high_share = constants
     inner = (g * (value - low) + band) * h
     passed = low + g * inner

@@ -1,6 +1,6 @@
 """A station whose axes follow every command exactly: mount, lags and sensor noise of the simulated antenna, no dynamics.
 
-For what hangs on the geometry alone, such as a calibration campaign, at a thousandth of the cost of `simulate_pass`.  One
+For what depends on the geometry alone, such as a calibration campaign, at a thousandth of the cost of `simulate_pass`.  One
 step is one period of the controller: the beam is where the mount's errors put it, the sensor reports target minus beam with
 noise, and an integrator of the first order takes the error out of the next commands.
 """

@@ -1,0 +1,288 @@
+"""LQG law of one axis with integral action: what a design consists of, its file, and the loop that runs it.
+
+    v(k) = -K x(k),   x(k+1) = A x(k) + B v(k) + L (-e(k) - C x(k)),   u = N(z) [ S(z) v + F r' ]
+
+x holds the axis angle and drive rate (as deviations from the command), the states of the notch N and of the shaping
+section S, and a slow rate disturbance; the last makes the integral action.  e is command minus encoder.
+
+A design is made by `design_lqg.py` from an identified model.  The package brings those for DSS-13, which
+`benchmarks/lqg_tuning.py` made; its output lies next to it.
+"""
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.controllers.filters import (
+    FeedforwardState,
+    RateFeedforward,
+    Section,
+    SectionParams,
+    SectionState,
+    notch_section,
+)
+from rf_pointing.core import AXES, Params, parameter, require_finite
+
+__all__ = [
+    "LqgDesign",
+    "LqgLoop",
+    "LqgLoopParams",
+    "LqgLoopState",
+    "LqgWeights",
+    "load_lqg_designs",
+    "save_lqg_designs",
+]
+
+Array = NDArray[np.float64]
+
+_MATRICES = ("a", "b", "c", "state_gain", "observer_gain", "model_a", "model_b", "model_c", "model_d")
+_FORMAT = "rf_pointing LQG designs 1"
+_PACKAGED = "dss13_lqg.json"
+
+
+@dataclass(frozen=True, kw_only=True)
+class LqgWeights(Params):
+    """The choices of the designer: the notch and the section in series, and three ratios."""
+
+    notch_frequency_hz: float = parameter(description="notch in the rate command", low=0.01, high=100.0)
+    notch_damping: float = parameter(description="width of the notch", low=0.01, high=3.0)
+    shaping_zero_hz: float = parameter(description="zeros of the section", low=0.01, high=100.0)
+    shaping_zero_damping: float = parameter(description="damping of its zeros", low=0.0, high=5.0)
+    shaping_pole_hz: float = parameter(description="poles of the section", low=0.01, high=100.0)
+    shaping_pole_damping: float = parameter(description="damping of its poles", low=0.001, high=5.0)
+    control_weight: float = parameter(description="price of rate over price of angle", low=1e-9, high=1e6)
+    disturbance_intensity: float = parameter(
+        description="variance per step of the rate disturbance over encoder variance", low=1e-12, high=1e6
+    )
+    rate_intensity: float = parameter(
+        description="variance per step of the drive rate over encoder variance", low=0.0, high=1e6
+    )
+
+    @property
+    def notch(self) -> SectionParams:
+        """The notch's own parameter set."""
+        return notch_section(self.notch_frequency_hz, self.notch_damping)
+
+    @property
+    def shaping(self) -> SectionParams:
+        """The section's own parameter set."""
+        return SectionParams(
+            zero_hz=self.shaping_zero_hz,
+            zero_damping=self.shaping_zero_damping,
+            pole_hz=self.shaping_pole_hz,
+            pole_damping=self.shaping_pole_damping,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class LqgDesign:
+    """Matrices of the law, the drive it was made for and the margins found on the full model.
+
+    `a` (7, 7), `b` (7, 1), `c` (1, 7), `state_gain` (1, 7), `observer_gain` (7, 1); `model_a` (n, n) to `model_d` (1, 1)
+    is the identified model from rate command to encoder, `drive_bandwidth_rad_s` and `drive_gain` what was read off it;
+    `peak_sensitivity`, `gain_margin_db`, `phase_margin_rad` are of the encoder loop on it.
+    """
+
+    a: Array
+    b: Array
+    c: Array
+    state_gain: Array
+    observer_gain: Array
+    model_a: Array
+    model_b: Array
+    model_c: Array
+    model_d: Array
+    sample_s: float
+    drive_bandwidth_rad_s: float
+    drive_gain: float
+    weights: LqgWeights
+    peak_sensitivity: float
+    gain_margin_db: float
+    phase_margin_rad: float
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Return plain numbers and lists for a file."""
+        values = {name: getattr(self, name) for name in self.__slots__}
+        plain = {name: value.tolist() if name in _MATRICES else value for name, value in values.items()}
+        plain["weights"] = {name: getattr(self.weights, name) for name in self.weights.__dataclass_fields__}
+        return plain
+
+    @classmethod
+    def from_mapping(cls, values: Mapping[str, Any]) -> "LqgDesign":
+        """Return the design in `values`; an unknown or missing key is an error."""
+        unknown, missing = sorted(set(values) - set(cls.__slots__)), sorted(set(cls.__slots__) - set(values))
+        if unknown or missing:
+            raise ValueError(f"LQG design has unknown keys {unknown} and lacks {missing}")
+        parts: dict[str, Any] = {name: np.array(values[name], dtype=np.float64) for name in _MATRICES}
+        numbers = {name: values[name] for name in cls.__slots__ if name not in _MATRICES and name != "weights"}
+        return cls(**parts, **numbers, weights=LqgWeights.from_mapping(values["weights"]))
+
+
+def save_lqg_designs(path: Path, azimuth: LqgDesign, elevation: LqgDesign) -> None:
+    """Write both designs to `path`."""
+    content = {"format": _FORMAT, "azimuth": azimuth.to_mapping(), "elevation": elevation.to_mapping()}
+    path.write_text(json.dumps(content, indent=1) + "\n")
+
+
+def load_lqg_designs(path: Path | None = None) -> tuple[LqgDesign, LqgDesign]:
+    """Return the designs (azimuth, elevation) in `path`, those for DSS-13 without one.
+
+    Raises
+    ------
+    ValueError
+        For an unreadable file, another format, or an unknown or missing key.
+    """
+    source = files("rf_pointing.controllers").joinpath(_PACKAGED) if path is None else path
+    try:
+        content = json.loads(source.read_text())
+    except (OSError, json.JSONDecodeError) as error:
+        raise ValueError(f"{source}: no LQG designs: {error}") from error
+    if not isinstance(content, Mapping) or content.get("format") != _FORMAT:
+        raise ValueError(f"{source}: format must be {_FORMAT!r}")
+    unknown, missing = sorted(set(content) - {"format", *AXES}), sorted(set(AXES) - set(content))
+    if unknown or missing:
+        raise ValueError(f"{source}: unknown keys {unknown}, lacks {missing}")
+    azimuth, elevation = (LqgDesign.from_mapping(content[axis]) for axis in AXES)
+    return azimuth, elevation
+
+
+@dataclass(frozen=True, kw_only=True)
+class LqgLoopParams(Params):
+    """What may be changed while the law runs; the law itself is the design."""
+
+    feedforward_gain: float = parameter(1.0, "share of the command's rate fed forward", low=0.0, high=1.2)
+    feedforward_band_hz: float = parameter(10.0, "low-pass of the feedforward", low=0.1, high=100.0)
+    feedforward_lead_s: float = parameter(0.0, "acceleration fed forward: lag to make up for", low=0.0, high=1.0)
+    rate_limit_rad_s: float = parameter(math.radians(2.0), "largest rate command", low=1e-6, high=10.0)
+
+
+@dataclass(slots=True)
+class LqgLoopState:
+    """Estimate (7,), latest error, regulator output and command, feedforward filter, section, notch."""
+
+    estimate: Array
+    error_rad: float = 0.0
+    regulator_rad_s: float = 0.0
+    command_rad_s: float = 0.0
+    feedforward: FeedforwardState = field(default_factory=FeedforwardState)
+    shaping: SectionState = field(default_factory=SectionState)
+    notch: SectionState = field(default_factory=SectionState)
+
+
+class LqgLoop:
+    """One axis' LQG law; starts from a zero estimate."""
+
+    def __init__(self, design: LqgDesign, params: LqgLoopParams) -> None:
+        self._design, self._params = design, params
+        self._shaping = Section(design.weights.shaping, design.sample_s)
+        self._notch = Section(design.weights.notch, design.sample_s)
+        self._feedforward = RateFeedforward(params.feedforward_band_hz, design.sample_s)
+        self._state = LqgLoopState(np.zeros(len(design.a)))
+        self._update = np.hstack([design.a - design.observer_gain @ design.c, design.b, -design.observer_gain])
+
+    @property
+    def design(self) -> LqgDesign:
+        """The design that runs."""
+        return self._design
+
+    @property
+    def params(self) -> LqgLoopParams:
+        """The parameter set in force."""
+        return self._params
+
+    @property
+    def state(self) -> LqgLoopState:
+        """A copy of the complete state."""
+        return replace(
+            self._state,
+            estimate=self._state.estimate.copy(),
+            feedforward=replace(self._feedforward.state),
+            shaping=replace(self._shaping.state),
+            notch=replace(self._notch.state),
+        )
+
+    @state.setter
+    def state(self, state: LqgLoopState) -> None:
+        self._notch.state, self._shaping.state = replace(state.notch), replace(state.shaping)
+        self._feedforward.state = replace(state.feedforward)
+        self._state = replace(state, estimate=state.estimate.copy())
+
+    def retune(self, params: LqgLoopParams) -> None:
+        """Take new parameters from the next sample on, without a jump: the estimate of the disturbance takes over."""
+        taken = (self._params.feedforward_gain - params.feedforward_gain) * self._feedforward.state.filtered
+        self._feedforward.retune(params.feedforward_band_hz)
+        self._state.estimate += taken * self._constant_output()
+        self._shaping.shift(taken)
+        self._params = params
+
+    def _constant_output(self) -> Array:
+        """Return the change of the estimate (7,) with which the law gives one unit more, for good.
+
+        Both filters of the estimate hold the unit; the disturbance, which acts where the rate does, explains it.
+        """
+        change = np.zeros(len(self._design.a))
+        change[[3, 5]] = 1.0
+        change[-1] = -(1.0 + float(self._design.state_gain[0] @ change)) / self._design.state_gain[0, -1]
+        return change
+
+    def reset(self, position_rad: float, velocity_rad_s: float, measured_rad: float, command_rad_s: float) -> None:
+        """Start as if the law had been giving `command_rad_s` all along: the next output equals it (bumpless)."""
+        for name, value in (("position_rad", position_rad), ("measured_rad", measured_rad)):
+            require_finite(name, value)
+        error = position_rad - measured_rad
+        wanted = command_rad_s - self._params.feedforward_gain * velocity_rad_s
+        gain = self._design.state_gain[0]
+        estimate = wanted * self._constant_output()
+        estimate[0] = -error
+        estimate[-1] += gain[0] * error / gain[-1]
+        self._state = LqgLoopState(estimate, error, wanted, command_rad_s)
+        self._feedforward.reset(velocity_rad_s)
+        self._shaping.reset(wanted)
+        self._notch.reset(command_rad_s)
+
+    def output(
+        self, position_rad: float, velocity_rad_s: float, measured_rad: float, acceleration_rad_s2: float = 0.0
+    ) -> float:
+        """Return the rate command in rad/s, within the rate limit.
+
+        Raises
+        ------
+        ValueError
+            For a non-finite input.
+        """
+        for name, value in (("position_rad", position_rad), ("velocity_rad_s", velocity_rad_s)):
+            require_finite(name, value)
+        require_finite("measured_rad", measured_rad)
+        require_finite("acceleration_rad_s2", acceleration_rad_s2)
+        params, state = self._params, self._state
+        state.error_rad = position_rad - measured_rad
+        state.regulator_rad_s = -float(self._design.state_gain[0] @ state.estimate)
+        fed = self._feedforward.output(velocity_rad_s + params.feedforward_lead_s * acceleration_rad_s2)
+        shaped = self._shaping.output(state.regulator_rad_s)
+        state.command_rad_s = self._notch.output(shaped + params.feedforward_gain * fed)
+        return min(max(state.command_rad_s, -params.rate_limit_rad_s), params.rate_limit_rad_s)
+
+    def update(self, dt_s: float, applied_rad_s: float) -> None:
+        """Advance to the next sample; `applied_rad_s` is the command that really went out.
+
+        Raises
+        ------
+        ValueError
+            If `dt_s` is not the sampling time of the design.
+        """
+        require_finite("applied_rad_s", applied_rad_s)
+        if abs(dt_s - self._design.sample_s) > 1e-6:
+            raise ValueError(f"dt_s={dt_s} must be {self._design.sample_s}, the sampling time of the design")
+        state = self._state
+        really = state.regulator_rad_s + applied_rad_s - state.command_rad_s
+        state.estimate = self._update @ np.concatenate([state.estimate, (really, state.error_rad)])
+        self._feedforward.update(dt_s)
+        self._shaping.update(dt_s)
+        self._notch.update(dt_s)

@@ -1,0 +1,376 @@
+"""The control unit of an antenna: commands and requests in, encoder angles and status out, in front of any hardware.
+
+Per control tick: command table -> preprocessor -> position law of each axis -> rate command -> drives.  In manual-rate
+mode an identification experiment gives the rate commands instead.  A loop that oscillates has its drives cut and the
+brakes set, and the fault latches.
+
+`modes.py` rules what may be requested in which mode, `safety.py` what must not happen, `axes.py` closes the loops.  This
+module alone carries anything out: it gives the others what they need to know and acts on their answers.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.controllers import TrajectorySample
+from rf_pointing.core import JointReading, JointTrajectory
+from rf_pointing.identification import IdentificationExperiment
+from rf_pointing.servo import PlantParams
+from rf_pointing.station.antenna.axes import NEW_PATH_RAD, AntennaAxes, Hardware, pair
+from rf_pointing.station.antenna.loops import LoopParams
+from rf_pointing.station.antenna.modes import AntennaMode, AntennaModes, MotionSnapshot, Request
+from rf_pointing.station.antenna.safety import AntennaSafety, SafetyParams
+from rf_pointing.station.pointing.status import AntennaStatus
+
+__all__ = ["ControlUnit"]
+
+Array = NDArray[np.float64]
+Pair = tuple[float, float]
+ARRIVED_RAD = math.radians(0.02)
+SAME_S = 1e-9
+WIND_EVERY = 5
+"""Ticks between two readings of the anemometer."""
+
+
+class ControlUnit:
+    """One antenna's control unit; it begins inactive, with the brakes set.
+
+    `enable`, `park` and the other requests do what they say and return "", or change nothing and return why not.
+    `t_s` is the time of the latest tick.
+    """
+
+    def __init__(
+        self,
+        hardware: Hardware,
+        loops: LoopParams,
+        plant: PlantParams,
+        safety: SafetyParams,
+        tick_s: float,
+        start_rad: Pair,
+    ) -> None:
+        self.safety = AntennaSafety(safety, loops.preprocessor, tick_s)
+        self.axes = AntennaAxes(hardware, loops, plant, self.safety, tick_s, start_rad)
+        self.modes = AntennaModes()
+        self.t_s = 0.0
+        self._tick_s = tick_s
+        self._ticks = 0
+        self._experiment: IdentificationExperiment | None = None
+        self._accepted = self._rejected = 0
+        self._last_rejection = ""
+
+    @property
+    def mode(self) -> AntennaMode:
+        """The mode that the antenna is in."""
+        return self.modes.mode
+
+    # Commands
+
+    def accept(self, trajectory: JointTrajectory, now_s: float, commander: str = "") -> str:
+        """Take a command of `commander`; return "" or why it was rejected: then only the count has changed."""
+        table, safety = self.axes.path.table, self.safety
+        reason = (
+            self.modes.reason_against(Request.COMMAND, self._motion())
+            or safety.authority.conflict(commander, now_s)
+            or table.refusal(trajectory, now_s)
+            or self._find_path(trajectory, now_s)
+        )
+        if reason:
+            return self.reject(reason)
+        table.accept(trajectory, now_s)
+        safety.authority.claim(commander, now_s)
+        self._accepted += 1
+        safety.note_command(now_s)
+        safety.latch.note_command((now_s, commander, *pair(trajectory.position_rad[-1])))
+        self.modes.follow()
+        if self.mode == AntennaMode.TRACKING:
+            self.axes.path.preprocessor.follow()
+        return ""
+
+    def reject(self, reason: str) -> str:
+        """Count a command that could not be used, and return the reason."""
+        self._rejected += 1
+        self._last_rejection = reason
+        return reason
+
+    def _find_path(self, trajectory: JointTrajectory, now_s: float) -> str:
+        """Pass a command through the gate and note the path to it; return "" or the reason: then nothing has changed."""
+        path, encoder_rad = self.axes.path, self.axes.encoder_rad
+        present, positions = pair(encoder_rad), trajectory.position_rad
+        reason = self.safety.check("track", now_s, present, positions).reason
+        if reason:
+            return reason
+        following = self.mode in (AntennaMode.TRACKING, AntennaMode.PAUSED)
+        if path.leaves(trajectory, encoder_rad, following):
+            decision = self.safety.check("preset", now_s, present, positions[:1])
+            if not decision.allowed:
+                return decision.reason
+            path.go_round(decision.way)
+        return ""
+
+    # Requests
+
+    def enable(self) -> None:
+        """Release the brakes and hold where the axes are; nothing moves.  After an oscillation they stay set."""
+        axes = self.axes
+        self.safety.release(pair(axes.hardware.switch_rad))
+        axes.rate_command_rad_s = np.zeros(2)
+        self._watch_sensors()
+        self.modes.hold(self._motion())
+        if not axes.loops.oscillation:
+            axes.hold()
+            axes.hardware.release_brake()
+
+    def rest(self, mode: AntennaMode) -> None:
+        """Set the brakes and stay in a rest mode: inactive, which `enable` ends, or those that `resume` ends."""
+        self.axes.hardware.brake()
+        self.modes.mode = mode
+
+    def stop(self, reason: str = "") -> None:
+        """Decelerate both axes at their limits; with a reason the stop latches as a fault."""
+        self.axes.path.stop()
+        self.safety.authority.release()
+        if reason:
+            self.safety.latch.latch(reason, self.t_s)
+        if self.mode == AntennaMode.MANUAL_RATE:
+            self._end_experiment(reason or "stop was requested")
+        self.modes.stop()
+
+    def trip(self, reason: str) -> None:
+        """Cut the drives and set the brakes at once, and latch why."""
+        self.safety.latch.latch(reason, self.t_s)
+        self.axes.cut()
+        self.modes.mode = AntennaMode.FAULT
+
+    def reset_fault(self) -> str:
+        """Clear a latched fault."""
+        reason = self.modes.reason_against(Request.RESET_FAULT, self._motion())
+        reason = reason or self.safety.latch.reset(self.safety.lasting_cause())
+        if reason:
+            return reason
+        if self.axes.loops.oscillation:
+            # Holding forgets what the detectors have seen; `enable` keeps the brakes set until they have.
+            self.axes.hold()
+        if self.mode == AntennaMode.FAULT:
+            self.enable()
+        return ""
+
+    def pause(self) -> str:
+        """Stop where the axes are and keep taking commands; `resume` goes on with them."""
+        reason = self.modes.reason_against(Request.PAUSE, self._motion())
+        if not reason:
+            self.axes.path.preprocessor.stop()
+            self.modes.mode = AntennaMode.PAUSED
+        return reason
+
+    def resume(self) -> str:
+        """Go on after a pause, or leave park, stow or disable and hold."""
+        reason = self.modes.reason_against(Request.RESUME, self._motion())
+        if reason:
+            return reason
+        if self.mode != AntennaMode.PAUSED:
+            self.enable()
+            return ""
+        reason = self._find_path_back()
+        if not reason:
+            self.axes.path.preprocessor.follow()
+            self.modes.mode = AntennaMode.TRACKING
+        return reason
+
+    def park(self) -> str:
+        """Go to the park position and set the brakes there."""
+        place = self.safety.params
+        return self._go(Request.PARK, (place.park_azimuth_rad, place.park_elevation_rad))
+
+    def stow(self) -> str:
+        """Go to the stow elevation at the present azimuth and set the brakes there; a parked antenna leaves its park."""
+        return self._go(Request.STOW, (float(self.axes.encoder_rad[0]), self.safety.params.stow_elevation_rad))
+
+    def disable(self) -> str:
+        """Stop under control and set the brakes where the axes then are."""
+        reason = self.modes.reason_against(Request.DISABLE, self._motion())
+        if not reason:
+            self.stop()
+            self.modes.mode = AntennaMode.DISABLING
+        return reason
+
+    def identify(self, experiment: IdentificationExperiment) -> str:
+        """Let an experiment give the rate commands until it has finished or `stop`."""
+        encoder_rad = self.axes.encoder_rad
+        reason = (
+            self.modes.reason_against(Request.IDENTIFY, self._motion())
+            or self._unsuitable(experiment)
+            or self.safety.check("manual", self.t_s, pair(encoder_rad), encoder_rad[None, :]).reason
+        )
+        if not reason:
+            self._experiment = experiment
+            self.modes.mode = AntennaMode.MANUAL_RATE
+        return reason
+
+    def _unsuitable(self, experiment: IdentificationExperiment) -> str:
+        """Return why an experiment does not suit this antenna, "" if it does."""
+        if abs(experiment.sample_s - self._tick_s) > SAME_S:
+            return f"sample_s={experiment.sample_s} must be {self._tick_s}, the control period"
+        limit = min(self.axes.limits.rate_limit_rad_s)
+        if experiment.peak_rad_s > limit:
+            return f"peak_rad_s={experiment.peak_rad_s} must be <= {limit}, the rate limit"
+        return ""
+
+    def _find_path_back(self) -> str:
+        """Find the path from where a pause has held the antenna to where the commands are; return why there is none."""
+        encoder_rad, path = self.axes.encoder_rad, self.axes.path
+        if path.table.empty:
+            return ""
+        goal = path.table.at(self.t_s).position_rad
+        if float(np.max(np.abs(goal - encoder_rad))) <= NEW_PATH_RAD:
+            return ""
+        decision = self.safety.check("preset", self.t_s, pair(encoder_rad), goal[None, :])
+        if decision.allowed:
+            path.go_round(decision.way)
+        return decision.reason
+
+    def _go(self, request: Request, goal: Pair) -> str:
+        """Begin a motion of the antenna's own to rest at `goal`, through the gate."""
+        reason = self.modes.reason_against(request, self._motion())
+        if reason:
+            return reason
+        decision = self.safety.check(str(request), self.t_s, pair(self.axes.encoder_rad), np.array([goal]))
+        if not decision.allowed:
+            return decision.reason
+        if self.mode == AntennaMode.PARKED:
+            self.enable()
+            if self.safety.latch.text:
+                return self.safety.latch.text
+        self.safety.authority.release()
+        self.axes.path.go(goal, decision.way)
+        self.modes.mode = AntennaMode.STOWING if request == Request.STOW else AntennaMode.PARKING
+        return ""
+
+    # One tick
+
+    def reading(self, t_s: float) -> JointReading:
+        """Return the encoders' present angles, stamped `t_s`."""
+        velocity = self.axes.hardware.velocity_rad_s
+        return JointReading(t_s=t_s, position_rad=self.axes.encoder_rad.copy(), velocity_rad_s=velocity)
+
+    def tick(self, t_s: float) -> JointReading:
+        """Return the encoder reading at `t_s`, then drive the hardware through one tick."""
+        self.t_s = t_s
+        reading = self.reading(t_s)
+        self._watch_wind(t_s)
+        powered = self.axes.hardware.powered
+        self.axes.drive(self._rates(t_s, reading.position_rad) if powered else np.zeros(2))
+        self._watch_sensors()
+        return reading
+
+    def status(self, t_s: float) -> AntennaStatus:
+        """Return the status at `t_s`."""
+        axes, path, safety = self.axes, self.axes.path, self.safety
+        commanded = path.preprocessor.state.position_rad
+        return AntennaStatus(
+            t_s=t_s,
+            mode=self.mode,
+            fault=safety.latch.text,
+            commanded_rad=commanded,
+            rate_command_rad_s=axes.rate_command_rad_s,
+            rate_limit_rad_s=np.array(axes.limits.rate_limit_rad_s),
+            acceleration_limit_rad_s2=np.array(axes.limits.acceleration_limit_rad_s2),
+            at_limit=axes.hardware.at_stop,
+            command_lead_s=0.0 if path.table.empty else path.table.lead_s(t_s),
+            commands_accepted=self._accepted,
+            commands_rejected=self._rejected,
+            last_rejection=self._last_rejection,
+            warning=safety.warning(t_s, self.mode, pair(commanded)),
+            transmit_inhibit=safety.transmit_inhibit(self.mode, float(axes.encoder_rad[1])),
+            commander=safety.authority.holder,
+        )
+
+    def _motion(self) -> MotionSnapshot:
+        """Return what the mode machine may know of the motion now."""
+        away_rad = float(np.max(np.abs(self.axes.encoder_rad - self.axes.path.goal_rad)))
+        return MotionSnapshot(
+            fault=self.safety.latch.text,
+            high_wind=self.safety.wind.reason,
+            moving=self.axes.moving,
+            arrived=away_rad < ARRIVED_RAD,
+        )
+
+    def _watch_wind(self, t_s: float) -> None:
+        self._ticks += 1
+        if self._ticks % WIND_EVERY:
+            return
+        self.safety.wind.take(t_s, self.axes.hardware.anemometer_m_s())
+        if self.safety.wind.step(t_s) and self.mode == AntennaMode.MANUAL_RATE:
+            self.stop()
+        if self.safety.wind.reason and self.modes.traits.leaves_wind:
+            self.stow()
+
+    def _watch_sensors(self) -> None:
+        """Check the sensors after a tick, and trip on what cannot be bridged."""
+        reason = self.axes.watch()
+        if reason:
+            self.trip(reason)
+
+    def _rates(self, t_s: float, encoder_rad: Array) -> Array:
+        """Return the rate commands (2,) of this tick: those of an experiment, or of the laws on a guarded path."""
+        if self.mode == AntennaMode.MANUAL_RATE:
+            rates = self._experiment_rates(t_s, encoder_rad)
+            if rates is not None:
+                return rates
+        axes = self.axes
+        feasible = axes.path.step(self._followed(t_s), pair(axes.encoder_rad), self._tick_s)
+        if self.modes.traits.motion:
+            reason = self.safety.guard(self.modes.traits.motion, t_s, *map(pair, feasible))
+            if reason:
+                self.stop(reason)
+        standing = float(np.max(np.abs(feasible.velocity))) == 0.0
+        if standing and self.mode not in (AntennaMode.TRACKING, AntennaMode.HOLDING):
+            self._settle(feasible.position)
+        rates = axes.loops.rates(feasible, encoder_rad)
+        if not axes.loops.oscillation:
+            return rates
+        axes.path.preprocessor.reset(encoder_rad)
+        self.trip(f"drives cut: {axes.loops.oscillation}")
+        return np.zeros(2)
+
+    def _settle(self, position_rad: Array) -> None:
+        """End a mode whose commanded motion stands still at `position_rad`."""
+        if self.mode == AntennaMode.STOPPING:
+            self.axes.path.goal_rad = position_rad
+        if self.modes.settle(self._motion()):
+            self.axes.hardware.brake()
+
+    def _experiment_rates(self, t_s: float, encoder_rad: Array) -> Array | None:
+        """Return the experiment's rate commands (2,), None when it ends here."""
+        experiment = self._experiment
+        assert experiment is not None
+        barred = self.safety.guard("manual", t_s, pair(encoder_rad), pair(self.axes.hardware.velocity_rad_s))
+        if not experiment.finished and not barred:
+            rates = experiment.command(encoder_rad)
+            if not experiment.abort_reason:
+                return rates
+        self._end_experiment(experiment.abort_reason or barred or "complete")
+        return None
+
+    def _end_experiment(self, reason: str) -> None:
+        """End the experiment, aborted when it has not finished, and bring the axes that it has moved to rest."""
+        if self._experiment is not None and not self._experiment.finished:
+            self._experiment.abort(reason)
+        self._experiment = None
+        self.axes.take_over()
+        self.modes.mode = AntennaMode.STOPPING
+
+    def _followed(self, t_s: float) -> TrajectorySample | None:
+        """Return the commanded motion at `t_s`, None where there is none: then the goal is kept."""
+        if self.mode != AntennaMode.TRACKING:
+            return None
+        path = self.axes.path
+        sample = path.table.at(t_s)
+        if sample.source != "dry":
+            return sample
+        if path.ends_at_rest(sample.t_s):
+            path.goal_rad = sample.position_rad
+            self.modes.hold(self._motion())
+        else:
+            self.stop(f"commands ran dry {-path.table.lead_s(t_s):.1f} s ago while moving")
+        return None
