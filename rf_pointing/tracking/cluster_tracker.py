@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.core import JointReading, Mode, MonopulseCluster, PointingError
+from rf_pointing.core.time_buffer import BeamPosition
 from rf_pointing.tracking import MonopulseCalibrator, MonopulseParams, MonopulseScanParams, MonopulseTracker
-from rf_pointing.tracking.beam_position import BeamPosition
 from rf_pointing.tracking.feed_file import read_calibration, write_calibration
 
 __all__ = ["CalibrationOutcome", "ClusterTracker"]

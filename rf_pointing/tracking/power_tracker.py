@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.core import CarrierPower, JointReading, PointingError, Sensor
-from rf_pointing.core.time_buffer import TimeBuffer
+from rf_pointing.core.time_buffer import BeamPosition, TimeBuffer
 from rf_pointing.tracking import (
     ConscanParams,
     ConscanTracker,
@@ -22,7 +22,6 @@ from rf_pointing.tracking import (
     StepTracker,
     StepTrackParams,
 )
-from rf_pointing.tracking.beam_position import BeamPosition
 
 __all__ = ["PowerTracker"]
 
