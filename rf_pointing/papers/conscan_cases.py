@@ -13,15 +13,14 @@ from rf_pointing.tracking import (
     AutotrackInputs,
     AutotrackParams,
     AutotrackState,
-    ConscanParams,
-    ConscanTracker,
-    ConscanWindow,
     MonopulseParams,
     MonopulseTracker,
     SpiralParams,
     SpiralSearch,
-    linear_errors_rad,
 )
+from rf_pointing.tracking.beam_fit import PowerWindow
+from rf_pointing.tracking.conscan import ConscanTracker
+from rf_pointing.tracking.conscan_estimate import ConscanParams, linear_errors_rad
 
 __all__ = [
     "BEAM_KA_RAD",
@@ -68,7 +67,7 @@ def constant_noise_estimates(
     rows = np.zeros((samples, 6))
     rows[:, 2], rows[:, 3], rows[:, 4] = sigma_hz, x, y
     power = mean_hz + sigma_hz * rng.standard_normal((runs, samples))
-    return linear_errors_rad(ConscanWindow(rows), power, beamwidth_rad, RADIUS_RAD)
+    return linear_errors_rad(PowerWindow(rows), power, beamwidth_rad, RADIUS_RAD)
 
 
 def receiver_powers_hz(mean_hz: Array, runs: int, rng: np.random.Generator) -> tuple[Array, Array]:

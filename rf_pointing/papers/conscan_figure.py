@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from rf_pointing.core import MDEG, MU, random_stream
 from rf_pointing.papers.conscan_cases import BEAM_KA_RAD, RADIUS_RAD, circle, mean_power_hz, receiver_powers_hz
-from rf_pointing.tracking import ConscanWindow, beam_design, fit_beam, linear_errors_rad
+from rf_pointing.tracking.beam_fit import PowerWindow, beam_design, fit_beam
+from rf_pointing.tracking.conscan_estimate import linear_errors_rad
 
 __all__ = ["EstimatorCurves", "draw", "estimator_curves"]
 
@@ -44,7 +45,7 @@ def estimator_curves(level_db_hz: float, runs: int, seed: int, points: int = 12)
     for error in errors:
         mean = mean_power_hz(level_db_hz, BEAM_KA_RAD, np.array([error, 0.0]), x, y)
         power, noise = receiver_powers_hz(mean, runs, random_stream(seed, f"figure {level_db_hz} {error}"))
-        linear = linear_errors_rad(ConscanWindow(rows), power, BEAM_KA_RAD, RADIUS_RAD)[:, 0] - error
+        linear = linear_errors_rad(PowerWindow(rows), power, BEAM_KA_RAD, RADIUS_RAD)[:, 0] - error
         exact = fit_beam(design, power, noise).error_rad[:, 0] - error
         found.append((linear.mean(), linear.std(), exact.mean(), exact.std(), _bound_rad(mean, x, y)))
     return EstimatorCurves(errors / MDEG, *(np.array(column) / MDEG for column in zip(*found, strict=True)))

@@ -13,15 +13,9 @@ from numpy.typing import NDArray
 
 from rf_pointing.core import CarrierPower, JointReading, PointingError, Sensor
 from rf_pointing.core.time_buffer import BeamPosition, TimeBuffer
-from rf_pointing.tracking import (
-    ConscanParams,
-    ConscanTracker,
-    DelayEstimate,
-    DelayEstimator,
-    DelayParams,
-    StepTracker,
-    StepTrackParams,
-)
+from rf_pointing.tracking.conscan import ConscanTracker, DelayEstimate, DelayEstimator, DelayParams
+from rf_pointing.tracking.conscan_estimate import ConscanParams
+from rf_pointing.tracking.steptrack import StepTracker, StepTrackParams
 
 __all__ = ["PowerTracker"]
 

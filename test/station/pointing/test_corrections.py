@@ -14,14 +14,9 @@ from rf_pointing.core import MDEG, Motion, PointingError, sky_offset_rad
 from rf_pointing.station.pointing.corrections import STEEPEST_RAD, OffsetTransition, PointingCorrections, added
 from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.station.pointing.scan_patterns import Scans
-from rf_pointing.tracking import (
-    AutotrackState,
-    ConscanParams,
-    SkyMotion,
-    TrimParams,
-    direction_rows,
-)
-from rf_pointing.tracking import ScanParams as CircleParams
+from rf_pointing.tracking import AutotrackState, SkyMotion, TrimParams, direction_rows
+from rf_pointing.tracking.conscan_estimate import ConscanParams
+from rf_pointing.tracking.scan import ScanParams as CircleParams
 
 T_S = 1_151_384_000.0
 PERIOD_S = 0.1
