@@ -20,8 +20,6 @@ from rf_pointing.tracking import (
     AutotrackInputs,
     AutotrackParams,
     AutotrackState,
-    ConscanParams,
-    ConscanTracker,
     LockWatch,
     LockWatchParams,
     MonopulseParams,
@@ -29,9 +27,10 @@ from rf_pointing.tracking import (
     SkyMotion,
     TrimFilter,
     TrimParams,
-    beam_design,
-    fit_beam,
 )
+from rf_pointing.tracking.beam_fit import beam_design, fit_beam
+from rf_pointing.tracking.conscan import ConscanTracker
+from rf_pointing.tracking.conscan_estimate import ConscanParams
 
 UPDATE_LIMIT_S = 100e-6
 MONTE_CARLO_LIMIT_S = 5.0

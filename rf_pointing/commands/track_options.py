@@ -20,7 +20,8 @@ from rf_pointing.planning import HorizonMask
 from rf_pointing.rf import HALF_POWER_BEAMWIDTH_RAD, LinkParams
 from rf_pointing.station.campaign.commissioning import commissioning_model
 from rf_pointing.station.pointing.mode import link_level_db_hz
-from rf_pointing.tracking import ConscanParams, ScanDesignParams, scan_for_accuracy
+from rf_pointing.tracking.conscan_design import ScanDesignParams, scan_for_accuracy
+from rf_pointing.tracking.conscan_estimate import ConscanParams
 from rf_pointing.tracking.sensors import SENSOR_CHOICES
 
 __all__ = [

@@ -138,6 +138,11 @@ class TrackerIntegrator:
                 rates[axis] = rate
         return np.array(offsets), np.array(rates)
 
+    def along(self, t_s: Array) -> tuple[Array, Array]:
+        """Return offsets and rates (n, 2) at times (n,); those before the latest update get its own."""
+        pairs = np.array([self.at(max(float(t), self._state.t_s)) for t in t_s])
+        return pairs[:, 0], pairs[:, 1]
+
     def _settle(self, t_s: float) -> None:
         require_finite("t_s", t_s)
         self._state.offset_rad = self.at(t_s)[0]

@@ -14,7 +14,8 @@ from rf_pointing.nodes.diagnostics import OK, WARN, Health
 from rf_pointing.nodes.main_loop import run
 from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.qos import STREAM
-from rf_pointing.tracking import ConscanParams, StepTrackParams
+from rf_pointing.tracking import StepTrackParams
+from rf_pointing.tracking.conscan_estimate import ConscanParams
 from rf_pointing.tracking.power_tracker import PowerTracker
 
 

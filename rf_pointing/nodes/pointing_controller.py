@@ -32,7 +32,7 @@ from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Health
 from rf_pointing.nodes.main_loop import run
 from rf_pointing.nodes.managed import RESULT_TIMEOUT_S, ManagedNode, conclude
 from rf_pointing.nodes.qos import COMMAND, LATCHED, STREAM
-from rf_pointing.station.pointing.certificate_store import StoreParams, store_certificate
+from rf_pointing.station.pointing.certificates import StoreParams, store_certificate
 from rf_pointing.station.pointing.controller import PointingController
 from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.station.pointing.status import TrackingStatus as Status
@@ -215,12 +215,12 @@ class PointingControllerNode(ManagedNode):
         return CancelResponse.ACCEPT
 
     def _conclude(self, goal: Any) -> TrackPass.Result:
-        tally = self._controller.tally
-        result = TrackPass.Result(message=self._refusal or tally.reason)
+        statistics = self._controller.statistics
+        result = TrackPass.Result(message=self._refusal or statistics.reason)
         if not self._refusal:
-            result.seconds_tracked, result.seconds_lost = tally.tracked_s, tally.lost_s
-            result.rms_cross_elevation_error, result.rms_elevation_error = tally.rms_rad
-            result.success = tally.reason == "loss of signal" and tally.share >= LEAST_TRACKED_SHARE
+            result.seconds_tracked, result.seconds_lost = statistics.tracked_s, statistics.lost_s
+            result.rms_cross_elevation_error, result.rms_elevation_error = statistics.rms_rad
+            result.success = statistics.reason == "loss of signal" and statistics.share >= LEAST_TRACKED_SHARE
         return conclude(goal, result)
 
     def _on_stop(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -244,7 +244,7 @@ class PointingControllerNode(ManagedNode):
 
     def _health(self) -> Health:
         core, state = self._controller, self._controller.state
-        learned = core.offsets.filter.state
+        learned = core.corrections.filter.state
         values = {
             "mode": state.mode,
             "reason": state.reason,

@@ -20,16 +20,15 @@ from rf_pointing.papers.conscan_cases import (
     sigma_after,
 )
 from rf_pointing.papers.row import Row
-from rf_pointing.tracking import (
+from rf_pointing.tracking.beam_fit import beam_design, fit_beam
+from rf_pointing.tracking.conscan_design import (
     ScanDesignParams,
-    beam_design,
     conscan_loss,
     conscan_sigma_eq20_rad,
     conscan_sigma_eq21_rad,
     conscan_sigma_eq25_rad,
     conscan_slope,
     design_scan,
-    fit_beam,
 )
 
 __all__ = ["rows"]

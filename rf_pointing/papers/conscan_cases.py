@@ -21,17 +21,14 @@ from rf_pointing.tracking import (
     AutotrackInputs,
     AutotrackParams,
     AutotrackState,
-    ConscanParams,
-    ConscanTracker,
-    ConscanWindow,
     MonopulseParams,
     MonopulseTracker,
     SpiralParams,
     SpiralSearch,
-    beam_design,
-    fit_beam,
-    linear_errors_rad,
 )
+from rf_pointing.tracking.beam_fit import PowerWindow, beam_design, fit_beam
+from rf_pointing.tracking.conscan import ConscanTracker
+from rf_pointing.tracking.conscan_estimate import ConscanParams, linear_errors_rad
 
 __all__ = [
     "BEAM_KA_RAD",
@@ -83,7 +80,7 @@ def constant_noise_estimates(
     rows = np.zeros((samples, 6))
     rows[:, 2], rows[:, 3], rows[:, 4] = sigma_hz, x, y
     power = mean_hz + sigma_hz * rng.standard_normal((runs, samples))
-    return linear_errors_rad(ConscanWindow(rows), power, beamwidth_rad, RADIUS_RAD)
+    return linear_errors_rad(PowerWindow(rows), power, beamwidth_rad, RADIUS_RAD)
 
 
 def receiver_powers_hz(mean_hz: Array, runs: int, rng: np.random.Generator) -> tuple[Array, Array]:
@@ -206,7 +203,7 @@ def estimator_curves(level_db_hz: float, runs: int, seed: int, points: int = 12)
     for error in errors:
         mean = mean_power_hz(level_db_hz, BEAM_KA_RAD, np.array([error, 0.0]), x, y)
         power, noise = receiver_powers_hz(mean, runs, random_stream(seed, f"figure {level_db_hz} {error}"))
-        linear = linear_errors_rad(ConscanWindow(rows), power, BEAM_KA_RAD, RADIUS_RAD)[:, 0] - error
+        linear = linear_errors_rad(PowerWindow(rows), power, BEAM_KA_RAD, RADIUS_RAD)[:, 0] - error
         exact = fit_beam(design, power, noise).error_rad[:, 0] - error
         found.append((linear.mean(), linear.std(), exact.mean(), exact.std(), _bound_rad(mean, x, y)))
     return EstimatorCurves(errors / MDEG, *(np.array(column) / MDEG for column in zip(*found, strict=True)))

@@ -24,10 +24,10 @@ from rf_pointing.tracking import (
     SkyMotion,
     SpiralParams,
     SpiralSearch,
-    Trim,
     TrimFilter,
     TrimParams,
 )
+from rf_pointing.tracking.trim import Trim
 
 __all__ = ["AutotrackRadio", "draw_dropouts", "reacquisition_times_s"]
 

@@ -104,7 +104,9 @@ class Gate:
         if high_wind and kind not in TO_SAFETY:
             return Decision(high_wind)
         sun = None if kind in TO_SAFETY else sun_rad
-        for index, (azimuth, elevation) in enumerate(positions.tolist()):
+        # Most trajectories are far from every limit: one comparison instead of one per point.
+        suspects = [] if velocities is None and self._all_clear(positions, sun) else positions.tolist()
+        for index, (azimuth, elevation) in enumerate(suspects):
             reason = self.position(azimuth, elevation, encoder_rad, sun)
             if not reason and velocities is not None:
                 reason = self._rates(azimuth, elevation, velocities[index].tolist(), encoder_rad)
@@ -113,6 +115,13 @@ class Gate:
         if kind in BETWEEN_POINTS:
             return self._between(encoder_rad, positions, sun)
         return Decision(warning=self.warning(float(positions[-1, 0]), float(positions[-1, 1])))
+
+    def _all_clear(self, positions: Array, sun_rad: Pair | None) -> bool:
+        """Whether all positions (n, 2) are within the limits, at elevations where nothing is forbidden at any azimuth."""
+        least, most = positions.min(axis=0).tolist(), positions.max(axis=0).tolist()
+        within = least[0] >= self._low[0] and most[0] <= self._high[0]
+        within = within and least[1] >= self._low[1] and most[1] <= self._high[1]
+        return within and self._sky.clear(least[1], most[1], sun_rad)
 
     def slew(self, encoder_rad: Pair, goal_rad: Pair, sun_rad: Pair | None = None) -> tuple[float, str]:
         """Return the time from rest to rest by a free path, and "" or why there is none."""

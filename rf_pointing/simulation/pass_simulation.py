@@ -23,12 +23,8 @@ from rf_pointing.station.antenna.simulated_antenna import AntennaParams, Simulat
 from rf_pointing.station.pointing.certificates import pass_profile
 from rf_pointing.station.pointing.controller import PointingController
 from rf_pointing.station.pointing.params import ControllerParams
-from rf_pointing.tracking import (
-    ConscanParams,
-    MonopulseParams,
-    MonopulseTracker,
-    StepTrackParams,
-)
+from rf_pointing.tracking import MonopulseParams, MonopulseTracker, StepTrackParams
+from rf_pointing.tracking.conscan_estimate import ConscanParams
 from rf_pointing.tracking.power_tracker import PowerTracker
 
 __all__ = ["PassLog", "StationSetup", "simulate_pass"]

@@ -8,6 +8,7 @@ that a registered tracker gets the rows of its kind.  `step` is pure: the same s
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from enum import StrEnum
 
 from rf_pointing.core import Mode, Params, Sensor, parameter
 from rf_pointing.tracking.sensors import NO_SENSOR, SENSORS, SensorTraits, sensors_of, table_words
@@ -18,12 +19,19 @@ __all__ = [
     "AutotrackInputs",
     "AutotrackParams",
     "AutotrackState",
+    "Request",
     "Transition",
     "transition_diagram",
     "transition_table",
 ]
 
-REQUESTS = ("idle", "track", "calibrate")
+
+class Request(StrEnum):
+    """What the pass wants of the table."""
+
+    IDLE = "idle"
+    TRACK = "track"
+    CALIBRATE = "calibrate"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,8 +99,8 @@ class AutotrackInputs:
     fault: str = ""
 
     def __post_init__(self) -> None:
-        if self.request not in REQUESTS:
-            raise ValueError(f"request={self.request!r} must be one of {', '.join(REQUESTS)}")
+        if self.request not in set(Request):
+            raise ValueError(f"request={self.request!r} must be one of {', '.join(Request)}")
         if not math.isfinite(self.t_s):
             raise ValueError(f"t_s={self.t_s} must be finite")
 
@@ -198,11 +206,11 @@ def transitions(sensors: Sequence[SensorTraits]) -> tuple[Transition, ...]:
         Mode.SLEW, Mode.PROGRAM_TRACK, Mode.SEARCH, *tracking, Mode.CALIBRATE, Mode.COAST, Mode.HOLD_OFF,
     )  # fmt: skip
     return (
-        Transition(on_sky, Mode.IDLE, "tracking is no longer requested", lambda _p, _s, i: i.request == "idle"),
+        Transition(on_sky, Mode.IDLE, "tracking is no longer requested", lambda _p, _s, i: i.request == Request.IDLE),
         Transition(on_sky, Mode.IDLE, "the target is no longer available", lambda _p, _s, i: not i.target_available),
         Transition(
             (Mode.IDLE,), Mode.SLEW, "a target is requested and available",
-            lambda _p, _s, i: i.request != "idle" and i.target_available,
+            lambda _p, _s, i: i.request != Request.IDLE and i.target_available,
         ),
         Transition((Mode.SLEW,), Mode.PROGRAM_TRACK, "the axes are on the target", lambda _p, _s, i: i.on_target),
         Transition(tracking, Mode.HOLD_OFF, "the sensor reports a fault", lambda _p, _s, i: bool(i.fault)),
@@ -210,7 +218,7 @@ def transitions(sensors: Sequence[SensorTraits]) -> tuple[Transition, ...]:
         Transition(
             (*tracking, Mode.PROGRAM_TRACK, Mode.COAST), Mode.CALIBRATE,
             "a calibration is requested and the carrier strong",
-            lambda _p, s, i: i.request == "calibrate" and s.carrier and s.strong,
+            lambda _p, s, i: i.request == Request.CALIBRATE and s.carrier and s.strong,
         ),
         Transition(
             (Mode.CALIBRATE,), Mode.COAST, "the calibration scan is over", lambda p, s, i: _elapsed(s, i) > p.calibrate_s,

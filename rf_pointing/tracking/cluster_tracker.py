@@ -1,4 +1,6 @@
-"""The monopulse tracker of a station: measures clusters, and calibrates its feed on the circle that the controller runs.
+"""The file that keeps the calibration of a monopulse feed: YAML, with the numbers of `MonopulseCalibration`.
+
+The monopulse tracker of a station: measures clusters, and calibrates its feed on the circle that the controller runs.
 
 A cluster of the calibration scan waits until encoders and scan centre are known on either side of its middle.  The scan is
 over when the mode is; what it found is used from then on and kept in the file.  A scan that does not determine the feed
@@ -9,14 +11,41 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import yaml
 from numpy.typing import NDArray
 
 from rf_pointing.core import JointReading, Mode, MonopulseCluster, PointingError
-from rf_pointing.tracking import MonopulseCalibrator, MonopulseParams, MonopulseScanParams, MonopulseTracker
-from rf_pointing.tracking.beam_position import BeamPosition
-from rf_pointing.tracking.feed_file import read_calibration, write_calibration
+from rf_pointing.core.time_buffer import BeamPosition
+from rf_pointing.core.whole_file import write_whole
+from rf_pointing.tracking.monopulse import MonopulseCalibration, MonopulseParams, MonopulseTracker
+from rf_pointing.tracking.monopulse_scan import MonopulseCalibrator, MonopulseScanParams
 
-__all__ = ["CalibrationOutcome", "ClusterTracker"]
+__all__ = ["CalibrationOutcome", "ClusterTracker", "read_calibration", "write_calibration"]
+
+
+FORMAT = "rf_pointing/monopulse_calibration/1"
+FIELDS = ("response_real", "response_imaginary", "offset_real", "offset_imaginary")
+
+
+def write_calibration(path: Path, calibration: MonopulseCalibration) -> None:
+    """Write the file; an existing one is replaced as a whole."""
+    content = {"format": FORMAT} | {name: list(getattr(calibration, name)) for name in FIELDS}
+    write_whole(path, yaml.safe_dump(content, sort_keys=False))
+
+
+def read_calibration(path: Path) -> MonopulseCalibration:
+    """Return the calibration of a file; ValueError names the file and what is wrong with it."""
+    try:
+        content = yaml.safe_load(path.read_text())
+    except yaml.YAMLError as error:
+        raise ValueError(f"{path}: not YAML: {error}") from error
+    if not isinstance(content, dict) or content.get("format") != FORMAT:
+        raise ValueError(f"{path}: format must be {FORMAT}")
+    try:
+        return MonopulseCalibration.from_mapping({name: content.get(name) for name in FIELDS})
+    except (ValueError, TypeError) as error:
+        raise ValueError(f"{path}: {error}") from error
+
 
 Array = NDArray[np.float64]
 MOST_WAITING = 20

@@ -1,28 +1,161 @@
-"""One conscan estimate from one window, by either estimator, with the reason where it must not be used."""
+"""Parameters of the conscan tracker: beam, scan, window and what is believed.
+
+Conscan by weighted least squares on the linearised power (CONSCAN eqs. 8-18).
+
+P_i = g_i (C1 + C2 x_i/r + C3 y_i/r), (x, y) the beam's offset from the scan centre;
+g_i = exp(-mu (x^2 + y^2 - r^2) / h^2) is 1 on the circle and lets the beam leave it.  Error =
+h C_{2,3} / (k_s C1), covariance by the Jacobian of that ratio.
+
+One conscan estimate from one window, by either estimator, with the reason where it must not be used.
+"""
 
 import math
+from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.core import MU
-from rf_pointing.tracking.conscan_likelihood import (
+from rf_pointing.core import MDEG, MU, Params, parameter
+from rf_pointing.tracking.beam_fit import (
     BeamDesign,
     LikelihoodFit,
+    PowerWindow,
     beam_design,
     columns_independent,
     fit_beam,
+    is_singular,
     least_spread_rad,
+    rank_reason,
+    spin_columns,
 )
-from rf_pointing.tracking.conscan_linear import linear_estimate
-from rf_pointing.tracking.conscan_parameters import ConscanParams
-from rf_pointing.tracking.conscan_window import ConscanWindow, rank_reason
-from rf_pointing.tracking.spin import spin_columns
+from rf_pointing.tracking.scan import ONCE_A_ROUND, LoopRate, Pattern, ScanParams
 
-__all__ = ["WindowEstimate", "estimate_window"]
+__all__ = [
+    "ConscanEstimate",
+    "ConscanParams",
+    "WindowEstimate",
+    "estimate_window",
+    "linear_errors_rad",
+    "linear_estimate",
+]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ConscanParams(Params):
+    """Beam, scan and window of the estimate."""
+
+    half_power_beamwidth_rad: float = parameter(65.0 * MDEG, "half-power beamwidth", low=1e-6, high=0.5)
+    radius_rad: float = parameter(5.93 * MDEG, "scan radius", low=1e-8, high=0.1)
+    period_s: float = parameter(32.0, "time of one turn of the scan", low=0.1, high=3600.0)
+    ramp_s: float = parameter(4.0, "time over which the radius grows from zero", low=0.0, high=600.0)
+    estimator: str = parameter(
+        "likelihood", "exact beam, or the paper's weighted least squares", choices=("likelihood", "linear")
+    )
+    window_samples: int = parameter(32, "carrier power samples of one estimate", low=4, high=10000)
+    updates: str = parameter(
+        "window", "one estimate per separate window, or one per sample (sliding)", choices=("window", "sample")
+    )
+    fewest_samples: int = parameter(32, "samples from which a sliding window gives estimates", low=4, high=10000)
+    sample_s: float = parameter(1.0, "time between two carrier powers", low=1e-3, high=60.0)
+    bandwidth_hz: float = parameter(
+        0.05, "bandwidth of the loop on the estimates of a sliding window", low=0.0, high=5.0
+    )
+    drift: bool = parameter(False, "whether a steady change of the power is estimated along")
+    unmodelled_rad: float = parameter(0.0, "motion of the beam that the encoders do not see, rms", low=0.0, high=0.01)
+    max_age_s: float = parameter(120.0, "age at which samples leave the window", low=0.1, high=36000.0)
+    delay_s: float = parameter(0.0, "time from the beam's position to the power it gives", low=-60.0, high=60.0)
+    spin_periods_s: tuple[float, ...] = parameter(
+        (), "periods of power modulation to take out, harmonics included", low=0.01, high=36000.0
+    )
+    valid_range_beamwidths: float = parameter(1.0, "largest error that is believed", low=0.05, high=2.0)
+    lock_db_hz: float = parameter(15.0, "smallest C/N0 of a sample that is used", low=0.0, high=120.0)
+    misfit_limit: float = parameter(
+        6.0, "largest chi squared per degree of freedom of the power about the beam", low=1.5, high=1e6
+    )
+
+    def check_together(self) -> None:
+        """Refuse a scan that leaves the beam, and windows that cannot be filled or solved."""
+        if self.radius_rad > 0.5 * self.half_power_beamwidth_rad:
+            raise ValueError(
+                f"radius_rad={self.radius_rad} must be <= {0.5 * self.half_power_beamwidth_rad}, half of "
+                "half_power_beamwidth_rad: the scan leaves the beam"
+            )
+        if self.spin_periods_s and self.estimator == "linear":
+            raise ValueError(f"spin_periods_s={self.spin_periods_s} needs estimator=likelihood, not linear")
+        ordered = sorted(self.spin_periods_s)
+        if any(later < 1.01 * earlier for earlier, later in pairwise(ordered)):
+            raise ValueError(f"spin_periods_s={self.spin_periods_s} must differ by at least 1 %")
+        if self.drift and self.estimator == "linear":
+            raise ValueError("drift=True needs estimator=likelihood, not linear")
+        unknowns = 3 + self.drift + 2 * len(self.spin_periods_s)
+        for name in ("window_samples", "fewest_samples"):
+            if getattr(self, name) <= unknowns:
+                raise ValueError(f"{name}={getattr(self, name)} must be > {unknowns}, the number of unknowns")
+
+    @property
+    def age_s(self) -> float:
+        """How long before the newest sample those of a full window lie on average."""
+        return 0.5 * self.window_samples * self.sample_s
+
+    @property
+    def loop(self) -> LoopRate:
+        """How the tracking loop follows the estimates."""
+        return LoopRate(self.bandwidth_hz) if self.updates == "sample" else ONCE_A_ROUND
+
+    def pattern(self) -> Pattern:
+        """Return the motion of the beam."""
+        return self.scan.pattern()
+
+    @property
+    def scan(self) -> ScanParams:
+        """The circle to command."""
+        return ScanParams(radius_rad=self.radius_rad, period_s=self.period_s, ramp_s=self.ramp_s)
+
 
 Array = NDArray[np.float64]
+
+
+class ConscanEstimate(NamedTuple):
+    """Target minus scan centre (2,) with covariance (2, 2) and the mean carrier power on the circle."""
+
+    error_rad: Array
+    covariance_rad2: Array
+    power_w: float
+
+
+def linear_estimate(window: PowerWindow, half_power_beamwidth_rad: float, radius_rad: float) -> ConscanEstimate:
+    """Return the weighted least-squares estimate of eqs. (13)-(18); usable only where the power is > 0.
+
+    Raises LinAlgError where the samples do not determine both axes and the power.
+    """
+    rows = _rows(window, half_power_beamwidth_rad, radius_rad)
+    weighted = rows / window.sigma_w**2
+    information = weighted @ rows.T
+    if is_singular(information):
+        raise np.linalg.LinAlgError("the samples do not determine the direction: one outweighs the others")
+    variance = np.linalg.inv(information)
+    mean, right, up = variance @ (weighted @ window.power_w)
+    scale = half_power_beamwidth_rad**2 / (2.0 * MU * radius_rad)
+    jacobian = scale / mean * np.array([[-right / mean, 1.0, 0.0], [-up / mean, 0.0, 1.0]])
+    return ConscanEstimate(scale / mean * np.array([right, up]), jacobian @ variance @ jacobian.T, float(mean))
+
+
+def linear_errors_rad(window: PowerWindow, power_w: Array, half_power_beamwidth_rad: float, radius_rad: float) -> Array:
+    """Return the errors (runs, 2) of many runs `power_w` (runs, n) at the positions and sigmas of one window."""
+    rows = _rows(window, half_power_beamwidth_rad, radius_rad)
+    weighted = rows / window.sigma_w**2
+    solution = power_w @ (np.linalg.inv(weighted @ rows.T) @ weighted).T
+    scale = half_power_beamwidth_rad**2 / (2.0 * MU * radius_rad)
+    return np.asarray(scale * solution[:, 1:] / solution[:, :1])
+
+
+def _rows(window: PowerWindow, half_power_beamwidth_rad: float, radius_rad: float) -> Array:
+    x, y = window.beam_cross_elevation_rad / radius_rad, window.beam_elevation_rad / radius_rad
+    shape = MU * (radius_rad / half_power_beamwidth_rad) ** 2
+    return np.asarray(np.exp(-shape * (x**2 + y**2 - 1.0)) * np.stack([np.ones_like(x), x, y]))
+
 
 SMALLEST_SPREAD = 0.05  # rms motion along the weaker axis, in scan radii
 WORST_SPIN_INFLATION = 10.0
@@ -42,7 +175,7 @@ class WindowEstimate(NamedTuple):
     left_out: int | None = None
 
 
-def estimate_window(params: ConscanParams, window: ConscanWindow) -> WindowEstimate:
+def estimate_window(params: ConscanParams, window: PowerWindow) -> WindowEstimate:
     """Return the direction of the target from the samples of one window."""
     x, y = window.beam_cross_elevation_rad, window.beam_elevation_rad
     design = beam_design(x, y, params.half_power_beamwidth_rad, _nuisance_columns(params, window))
@@ -55,14 +188,14 @@ def estimate_window(params: ConscanParams, window: ConscanWindow) -> WindowEstim
         return _unknown(params, _singular_reason(params, window, design))
 
 
-def _linear(params: ConscanParams, window: ConscanWindow) -> WindowEstimate:
+def _linear(params: ConscanParams, window: PowerWindow) -> WindowEstimate:
     found = linear_estimate(window, params.half_power_beamwidth_rad, params.radius_rad)
     if found.power_w <= 0.0:
         return _unknown(params, f"mean carrier power {found.power_w:.3g} W must be > 0")
     return WindowEstimate(found.error_rad, found.covariance_rad2, _range_doubt(params, found.error_rad))
 
 
-def _likelihood(params: ConscanParams, window: ConscanWindow, design: BeamDesign) -> WindowEstimate:
+def _likelihood(params: ConscanParams, window: PowerWindow, design: BeamDesign) -> WindowEstimate:
     power = window.power_w
     noise = window.sigma_w**2 / power
     if params.unmodelled_rad > 0.0:
@@ -91,7 +224,7 @@ def _likelihood(params: ConscanParams, window: ConscanWindow, design: BeamDesign
     return WindowEstimate(found.error_rad, found.covariance_rad2, doubt)
 
 
-def _nuisance_columns(params: ConscanParams, window: ConscanWindow) -> Array | None:
+def _nuisance_columns(params: ConscanParams, window: PowerWindow) -> Array | None:
     """Return what else may change the logarithm of the power: its drift over the window, the spin."""
     columns = []
     if params.drift:
@@ -101,7 +234,7 @@ def _nuisance_columns(params: ConscanParams, window: ConscanWindow) -> Array | N
     return np.concatenate(columns, axis=1) if columns else None
 
 
-def _flutter(params: ConscanParams, window: ConscanWindow, target_rad: Array) -> Array:
+def _flutter(params: ConscanParams, window: PowerWindow, target_rad: Array) -> Array:
     """Return what unseen motion of the beam adds to each variance over its power: P (2 mu |u - theta| sigma / h^2)^2.
 
     At least the slope at the scan radius counts.
@@ -111,7 +244,7 @@ def _flutter(params: ConscanParams, window: ConscanWindow, target_rad: Array) ->
     return np.asarray(float(np.mean(window.power_w)) * relative**2)
 
 
-def _farthest_off(params: ConscanParams, window: ConscanWindow, found: LikelihoodFit, noise_w: Array) -> int:
+def _farthest_off(params: ConscanParams, window: PowerWindow, found: LikelihoodFit, noise_w: Array) -> int:
     """Return the row whose power is farthest, in its own sigmas, from the beam at that direction; the median is its level."""
     away = np.sum((window.beam_rad - found.error_rad) ** 2, axis=1)
     shape = np.exp(-MU * away / params.half_power_beamwidth_rad**2)
@@ -124,14 +257,14 @@ def _without(design: BeamDesign, row: int) -> BeamDesign:
     return BeamDesign(columns, products, loss, design.half_power_beamwidth_rad)
 
 
-def _spin_inflation(params: ConscanParams, window: ConscanWindow, found: LikelihoodFit, noise_w: Array) -> float:
+def _spin_inflation(params: ConscanParams, window: PowerWindow, found: LikelihoodFit, noise_w: Array) -> float:
     """Return how many times the spin terms raise the variance of the worse axis."""
     x, y = window.beam_cross_elevation_rad, window.beam_elevation_rad
     without = fit_beam(beam_design(x, y, params.half_power_beamwidth_rad), window.power_w, noise_w)
     return float(np.max(np.diag(found.covariance_rad2) / np.diag(without.covariance_rad2)))
 
 
-def _singular_reason(params: ConscanParams, window: ConscanWindow, design: BeamDesign) -> str:
+def _singular_reason(params: ConscanParams, window: PowerWindow, design: BeamDesign) -> str:
     """Return why the estimate has no solution although the beam moved in both axes."""
     if not columns_independent(design):
         if not params.spin_periods_s:

@@ -1,4 +1,24 @@
-"""Detects within 2 s that monopulse follows the wrong thing: a flipped sign, phases that have turned, a sidelobe.
+"""Parameters of the watch on monopulse: what the right lock may show, and how sure a verdict must be.
+
+What beam and sensed error do beyond what could be expected: innovations under a Kalman filter of the target's motion.
+
+target = beam + error.  Against the prediction the target moves at a velocity that changes slowly (acceleration noise), the
+wind moves the beam unseen by the encoders (random walk of strength q), receiver and vibration add white noise R.  For every
+response of unit size the gains are the same, so the filter runs on beam and error apart; whatever the loop made of earlier
+errors, their innovations are white.  How strong wind and vibration are nobody knows: a bank of filters tries several.
+
+Evidence that the sensor's response is not the right one: flipped in one axis or both, or turned.
+
+A beam that does b beyond expectation changes the error by -b if the sensor is right, by something else in a false lock.
+Both are known: the beam from the encoders, the error from the receiver (`innovation.py`).  Every false response is held
+against the right one by the logarithm of the likelihood ratio, summed from cluster to cluster and never below zero (E. S.
+Page, Continuous Inspection Schemes, Biometrika 41, 1954): as long as the response is right and moves as the model has it, a
+sum passes x at most once in e^x clusters on average.
+
+How strong wind and vibration are nobody knows.  Each response keeps its own probabilities of every weather, which changes
+now and then; so gusts that look like a flip to a model of calm air do not to one that has learned of the gusts.
+
+Detects within 2 s that monopulse follows the wrong thing: a flipped sign, phases that have turned, a sidelobe.
 
 * Signs and phases: what the beam does and what the error does about it, weighed as evidence (`lock_evidence.py`).
 * Steepness: over a sliding window the error is regressed on where the encoders say the beam was, e = e0 - G d; the false
@@ -6,16 +26,237 @@
 * Level: on a sidelobe C/N0 is far below the link's while the error is small.
 """
 
+import cmath
+import itertools
+import math
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from rf_pointing.core import PointingError
-from rf_pointing.tracking.lock_evidence import Evidence, EvidenceState
-from rf_pointing.tracking.lock_watch_parameters import LockWatchParams
+from rf_pointing.core import MDEG, Params, PointingError, parameter
 from rf_pointing.tracking.response import ResponseEstimate, ResponseSums
+from rf_pointing.tracking.scan import ScanParams
 
-__all__ = ["LockWatch", "LockWatchState"]
+__all__ = [
+    "RESPONSES",
+    "Evidence",
+    "EvidenceState",
+    "InnovationBank",
+    "Innovations",
+    "LockWatch",
+    "LockWatchParams",
+    "LockWatchState",
+]
+
+
+LARGEST_PROBE_BEAMWIDTHS = 0.1
+
+
+@dataclass(frozen=True, kw_only=True)
+class LockWatchParams(Params):
+    """Weather and drift of the right lock, the probe of it, certainty of the verdicts, limits of steepness and level."""
+
+    half_power_beamwidth_rad: float = parameter(65.0 * MDEG, "half-power beamwidth", low=1e-6, high=0.5)
+    evidence: float = parameter(
+        8.0, "logarithm of the likelihood ratio from which a lock is a false one", low=2.0, high=100.0
+    )
+    fade_s: float = parameter(30.0, "time in which evidence fades", low=0.1, high=3600.0)
+    gust_rad: tuple[float, ...] = parameter(
+        (0.1 * MDEG, 0.2 * MDEG, 0.4 * MDEG, 0.8 * MDEG),
+        "strengths of gusts: motion of the beam in 1 s that the encoders do not see, rms per axis", low=1e-9, high=0.1,
+    )  # fmt: skip
+    vibration_rad: tuple[float, ...] = parameter(
+        (0.0, 0.2 * MDEG, 0.6 * MDEG), "strengths of such motion from one cluster to the next", low=0.0, high=0.1
+    )
+    weather_s: float = parameter(10.0, "time for which gusts and vibration keep their strength", low=0.1, high=3600.0)
+    drift_rad_s: float = parameter(
+        0.5 * MDEG, "velocity of the target against the prediction, rms per axis", low=1e-9, high=0.1
+    )
+    drift_change_rad_s: tuple[float, ...] = parameter(
+        (0.05 * MDEG, 4.0 * MDEG),
+        "strengths of the change of that velocity in 1 s, rms: mostly the first, the others while lags of the mount settle",
+        low=1e-9, high=0.1,
+    )  # fmt: skip
+    settling_share: float = parameter(0.01, "share of the time of each of those others", low=1e-6, high=0.5)
+    probe_rad: float = parameter(
+        0.0, "radius of the circle of the beam while monopulse tracks, 0: none", low=0.0, high=0.01
+    )
+    probe_period_s: float = parameter(1.0, "time of one turn of that circle", low=0.4, high=60.0)
+    probe_ramp_s: float = parameter(1.0, "time over which its radius grows from zero", low=0.1, high=60.0)
+    window_s: float = parameter(2.0, "time over which the steepness is measured", low=0.1, high=60.0)
+    unmodelled_beamwidths: float = parameter(
+        0.03, "motion of the beam that the encoders do not see, for the steepness", low=0.0, high=0.5
+    )
+    sigmas: float = parameter(4.0, "certainty of the steepness in standard deviations", low=1.0, high=10.0)
+    steepest: float = parameter(2.0, "response above which it is a sidelobe", low=1.1, high=10.0)
+    level_clusters: int = parameter(3, "clusters in a row for which it must be", low=1, high=100)
+    level_drop_db: float = parameter(10.0, "C/N0 below the link's that is a sidelobe", low=3.0, high=30.0)
+
+    def check_together(self) -> None:
+        """Refuse a watch that knows no weather, and a probe that leaves the middle of the beam."""
+        for name in ("gust_rad", "vibration_rad", "drift_change_rad_s"):
+            if not getattr(self, name):
+                raise ValueError(f"{name} has 0 strengths, must have at least 1")
+        largest_rad = LARGEST_PROBE_BEAMWIDTHS * self.half_power_beamwidth_rad
+        if self.probe_rad > largest_rad:
+            raise ValueError(
+                f"probe_rad={self.probe_rad} must be <= {largest_rad}, {LARGEST_PROBE_BEAMWIDTHS} half_power_beamwidth_rad"
+            )
+
+    @property
+    def probe(self) -> ScanParams | None:
+        """The circle to command while monopulse tracks, None for none."""
+        if self.probe_rad == 0.0:
+            return None
+        return ScanParams(radius_rad=self.probe_rad, period_s=self.probe_period_s, ramp_s=self.probe_ramp_s)
+
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+
+class Innovations(NamedTuple):
+    """Of n filters (n,): beam and error, complex as cross-elevation + j elevation; variance per axis of their sum."""
+
+    beam_rad: ComplexArray
+    error_rad: ComplexArray
+    variance_rad2: Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InnovationBank:
+    """Filters after a measurement: position and velocity (2, n) of beam and error, covariance per axis (3, n)."""
+
+    t_s: float
+    position_rad: ComplexArray
+    velocity_rad_s: ComplexArray
+    covariance: Array
+
+    @classmethod
+    def begin(
+        cls, t_s: float, beam_rad: complex, error_rad: complex, noise_rad2: Array, velocity_rad_s: Array | float
+    ) -> "InnovationBank":
+        """Return filters after a first measurement with R (n,); `velocity_rad_s` is what the target's may be (1 sigma)."""
+        start = np.repeat(np.array([[beam_rad], [error_rad]]), len(noise_rad2), axis=1)
+        still = np.zeros_like(noise_rad2)
+        covariance = np.array([noise_rad2, still, still + velocity_rad_s**2])
+        return cls(t_s=t_s, position_rad=start, velocity_rad_s=np.zeros_like(start), covariance=covariance)
+
+    def step(
+        self,
+        t_s: float,
+        beam_rad: complex,
+        error_rad: complex,
+        noise_rad2: Array,
+        walk: Array,
+        acceleration: Array | float,
+    ) -> tuple["InnovationBank", Innovations]:
+        """Return the bank after a later measurement, and what was new in it.
+
+        `noise_rad2` (n,) is R per axis, `walk` (n,) q in rad/sqrt(s), `acceleration` (n,) or one for all
+        the density of the noise that changes the velocity, rad/s^1.5.
+        """
+        dt, power = t_s - self.t_s, acceleration**2
+        position, mixed, speed = self.covariance
+        position = position + dt * (2.0 * mixed + dt * speed + walk**2 + power * dt**2 / 3.0)
+        mixed = mixed + dt * (speed + 0.5 * power * dt)
+        variance = position + noise_rad2
+        gain, rate_gain = position / variance, mixed / variance
+        expected = self.position_rad + dt * self.velocity_rad_s
+        new = np.array([[beam_rad], [error_rad]]) - expected
+        bank = InnovationBank(
+            t_s=t_s,
+            position_rad=expected + gain * new,
+            velocity_rad_s=self.velocity_rad_s + rate_gain * new,
+            covariance=np.array(
+                [(1.0 - gain) * position, (1.0 - gain) * mixed, speed + dt * power - rate_gain * mixed]
+            ),
+        )
+        return bank, Innovations(new[0], new[1], variance)
+
+
+LONGEST_GAP_S = 1.0
+"""Between two errors; after a longer one everything begins again."""
+SETTLED_S = 1.0
+"""For so long its velocity has changed when a target that wanders is first seen."""
+TURN = cmath.exp(2j * math.pi / 3.0)
+"""Explains the errors better than the right response does if they are turned by more than half of it."""
+
+
+class Response(NamedTuple):
+    """A motion b of the beam changes the error by -(direct b + mirrored b*); `fault` is what is wrong with that."""
+
+    direct: complex
+    mirrored: complex
+    fault: str
+
+
+SIGN_FLIP = "sign flip: the error grows while it is corrected, in {}"
+RESPONSES = (
+    Response(1.0, 0.0, ""),
+    Response(0.0, -1.0, SIGN_FLIP.format("cross-elevation")),
+    Response(0.0, 1.0, SIGN_FLIP.format("elevation")),
+    Response(-1.0, 0.0, SIGN_FLIP.format("both axes")),
+    Response(TURN, 0.0, "phase: the error is turned by more than 60 deg"),
+    Response(TURN.conjugate(), 0.0, "phase: the error is turned by more than -60 deg"),
+)
+"""The right one first; all of unit size, so that one filter serves them all."""
+DIRECT = np.array([[response.direct] for response in RESPONSES])
+MIRRORED = np.array([[response.mirrored] for response in RESPONSES])
+
+
+@dataclass(frozen=True, slots=True)
+class EvidenceState:
+    """Filters; probability of every weather under every response; sum against the right one for every response."""
+
+    bank: InnovationBank | None = None
+    weather: tuple[tuple[float, ...], ...] = ()
+    sums: tuple[float, ...] = (0.0,) * len(RESPONSES)
+
+
+class Evidence:
+    """Compares the responses; the state is the caller's."""
+
+    def __init__(self, params: LockWatchParams) -> None:
+        self.params = params
+        weathers = itertools.product(params.gust_rad, params.vibration_rad, params.drift_change_rad_s)
+        self._walk, self._shake, self._wander = np.array(list(weathers)).T
+        usual = np.where(self._wander == params.drift_change_rad_s[0], 1.0, params.settling_share)
+        self._usual = usual / usual.sum()
+        self._drift = np.maximum(params.drift_rad_s, self._wander * SETTLED_S)
+
+    def fault(self, state: EvidenceState) -> str:
+        """Return what is wrong with the response, empty as long as nothing is certain."""
+        most = int(np.argmax(state.sums))
+        return RESPONSES[most].fault if state.sums[most] >= self.params.evidence else ""
+
+    def with_measurement(
+        self, state: EvidenceState, t_s: float, error_rad: complex, beam_rad: complex, noise_rad2: float
+    ) -> EvidenceState:
+        """Return the state after one more error and the beam's position at its time (cross-elevation + j elevation)."""
+        params = self.params
+        noise = noise_rad2 + self._shake**2
+        if state.bank is None or not 0.0 < t_s - state.bank.t_s <= LONGEST_GAP_S:
+            bank = InnovationBank.begin(t_s, beam_rad, error_rad, noise, self._drift)
+            return EvidenceState(bank=bank, weather=(tuple(self._usual.tolist()),) * len(RESPONSES))
+        gap_s = t_s - state.bank.t_s
+        bank, new = state.bank.step(t_s, beam_rad, error_rad, noise, self._walk, self._wander)
+        joint = np.log(state.weather) + _log_likelihoods(new)
+        explained = np.logaddexp.reduce(joint, axis=1)
+        stays = math.exp(-gap_s / params.weather_s)
+        weather = stays * np.exp(joint - explained[:, None]) + (1.0 - stays) * self._usual
+        # No single cluster decides.
+        says = np.minimum(explained - explained[0], params.evidence / 3.0)
+        sums = np.maximum(0.0, math.exp(-gap_s / params.fade_s) * np.array(state.sums) + says)
+        return EvidenceState(bank=bank, weather=tuple(map(tuple, weather.tolist())), sums=tuple(sums.tolist()))
+
+
+def _log_likelihoods(new: Innovations) -> Array:
+    """Return the logarithm of the likelihood of one measurement under every response (rows) in every weather (columns)."""
+    left = new.error_rad + DIRECT * new.beam_rad + MIRRORED * np.conj(new.beam_rad)
+    return np.asarray(-0.5 * np.abs(left) ** 2 / new.variance_rad2 - np.log(new.variance_rad2))
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,11 @@
-"""Monopulse: the pointing error from the ratio difference/sum of one cluster.
+"""What makes a cluster of monopulse samples unusable, in the user's words.
+
+Calibration of a monopulse receiver: the complex response of both difference/sum ratios to an offset.
+
+rho = offset + M theta: the columns of M are what 1 rad of cross-elevation and of elevation do to the two ratios.  Slope
+and phase of each channel are the diagonal, cross-talk the rest, `offset` the shift of the null.
+
+Monopulse: the pointing error from the ratio difference/sum of one cluster.
 
 Ratio: rho = sum_k d_k conj(s_k) / (sum_k |s_k|^2 - noise), coherent, so noise in the sum does not shrink it. Inverse:
 rho = offset + M theta with the calibrated complex 2 x 2 response M; theta is the least-squares solution over the real
@@ -8,16 +15,106 @@ receiver measured it; the noise of the sum channel is common to both ratios.
 """
 
 import math
+import operator
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.core import MDEG, MonopulseCluster, Params, PointingError, Sensor, parameter
-from rf_pointing.tracking.cluster import cluster_fault, level_known
-from rf_pointing.tracking.monopulse_calibration import MonopulseCalibration
 
-__all__ = ["CURVES", "MonopulseParams", "MonopulseTracker"]
+__all__ = ["CURVES", "MonopulseCalibration", "MonopulseParams", "MonopulseTracker", "cluster_fault", "level_known"]
+
+
+CHANNELS = ("difference_cross_elevation", "difference_elevation", "sum")
+LEVEL_RANGE_DB_HZ = -60.0, 200.0
+"""What a receiver can mean by C/N0; its power of ten must be a number."""
+
+
+def cluster_fault(cluster: MonopulseCluster) -> str:
+    """Return why the cluster must be rejected, empty if it may be used."""
+    times = np.asarray(cluster.t_s)
+    if times.ndim != 1 or len(times) < 2:
+        return f"t_s has shape {times.shape}, must have at least 2 samples"
+    for name in CHANNELS:
+        samples = np.asarray(getattr(cluster, name))
+        if samples.shape != times.shape:
+            return f"{name} has shape {samples.shape}, must be {times.shape}"
+        size = np.vdot(samples, samples).real
+        if not math.isfinite(size):
+            return f"{name} is too large to be squared" if np.all(np.isfinite(samples)) else f"{name} must be finite"
+        if name == "sum" and size <= 0.0:
+            return "sum is too small to be squared" if np.any(samples) else "sum is zero in every sample"
+    clock = times.tolist()
+    if not all(map(math.isfinite, (*clock, cluster.carrier_to_noise_db_hz))):
+        return "t_s and carrier_to_noise_db_hz must be finite"
+    if not all(map(operator.lt, clock, clock[1:])):
+        return "t_s must increase from sample to sample"
+    if not level_known(cluster.carrier_to_noise_db_hz):
+        low, high = LEVEL_RANGE_DB_HZ
+        return f"carrier_to_noise_db_hz={cluster.carrier_to_noise_db_hz} must be between {low} and {high}"
+    return ""
+
+
+def level_known(carrier_to_noise_db_hz: float) -> bool:
+    """Return whether that is a C/N0 at all."""
+    low, high = LEVEL_RANGE_DB_HZ
+    return low <= carrier_to_noise_db_hz <= high
+
+
+WORST_CONDITION_NUMBER = 20.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class MonopulseCalibration(Params):
+    """Rows: cross-elevation and elevation channel; columns: cross-elevation and elevation, per radian."""
+
+    response_real: tuple[float, float, float, float] = parameter(description="real part of M, row by row, per radian")
+    response_imaginary: tuple[float, float, float, float] = parameter(
+        description="imaginary part of M, row by row, per radian"
+    )
+    offset_real: tuple[float, float] = parameter((0.0, 0.0), "real part of the ratios on the beam axis")
+    offset_imaginary: tuple[float, float] = parameter((0.0, 0.0), "imaginary part of the ratios on the beam axis")
+
+    @classmethod
+    def ideal(cls, half_power_beamwidth_rad: float, slope: float) -> Self:
+        """Return the response of a feed without imbalance or cross-talk."""
+        per_rad = slope / half_power_beamwidth_rad
+        return cls(response_real=(per_rad, 0.0, 0.0, per_rad), response_imaginary=(0.0,) * 4)
+
+    @classmethod
+    def from_response(cls, response_per_rad: NDArray[np.complex128], offset: NDArray[np.complex128]) -> Self:
+        """Build from M (2, 2) and offset (2,); the inverse is `response_per_rad` and `offset`."""
+        flat = np.asarray(response_per_rad).ravel()
+        a, b, c, d = (complex(value) for value in flat)
+        e, f = (complex(value) for value in offset)
+        return cls(
+            response_real=(a.real, b.real, c.real, d.real),
+            response_imaginary=(a.imag, b.imag, c.imag, d.imag),
+            offset_real=(e.real, f.real),
+            offset_imaginary=(e.imag, f.imag),
+        )
+
+    def response_per_rad(self) -> NDArray[np.complex128]:
+        """Return M, shape (2, 2)."""
+        return (np.array(self.response_real) + 1j * np.array(self.response_imaginary)).reshape(2, 2)
+
+    def offset(self) -> NDArray[np.complex128]:
+        """Return the ratios on the beam axis, shape (2,)."""
+        return np.array(self.offset_real) + 1j * np.array(self.offset_imaginary)
+
+    def check_together(self) -> None:
+        """Refuse a response from which the two axes cannot be told apart."""
+        response = self.response_per_rad()
+        values = np.linalg.svd(np.vstack([response.real, response.imag]), compute_uv=False)
+        condition = float(values[0] / values[1]) if values[1] > 0.0 else math.inf
+        if condition > WORST_CONDITION_NUMBER:
+            raise ValueError(
+                f"the calibration does not separate cross-elevation from elevation: condition number {condition:.1f} "
+                f"must be <= {WORST_CONDITION_NUMBER:.0f}"
+            )
+
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

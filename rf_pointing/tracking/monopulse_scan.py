@@ -13,11 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.core import MDEG, MonopulseCluster, Params, parameter
-from rf_pointing.tracking.cluster import cluster_fault
-from rf_pointing.tracking.conscan_likelihood import beam_design, fit_beam
-from rf_pointing.tracking.conscan_window import is_singular, rank_fault
-from rf_pointing.tracking.monopulse import CURVES, difference_ratio, sample_period_s
-from rf_pointing.tracking.monopulse_calibration import MonopulseCalibration
+from rf_pointing.tracking.beam_fit import beam_design, fit_beam, is_singular, rank_fault
+from rf_pointing.tracking.monopulse import (
+    CURVES,
+    MonopulseCalibration,
+    cluster_fault,
+    difference_ratio,
+    sample_period_s,
+)
 from rf_pointing.tracking.scan import ScanParams
 
 __all__ = ["CalibrationFit", "MonopulseCalibrator", "MonopulseScanParams", "MonopulseScanState"]

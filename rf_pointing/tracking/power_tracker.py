@@ -12,17 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.core import CarrierPower, JointReading, PointingError, Sensor
-from rf_pointing.core.time_buffer import TimeBuffer
-from rf_pointing.tracking import (
-    ConscanParams,
-    ConscanTracker,
-    DelayEstimate,
-    DelayEstimator,
-    DelayParams,
-    StepTracker,
-    StepTrackParams,
-)
-from rf_pointing.tracking.beam_position import BeamPosition
+from rf_pointing.core.time_buffer import BeamPosition, TimeBuffer
+from rf_pointing.tracking.conscan import ConscanTracker, DelayEstimate, DelayEstimator, DelayParams
+from rf_pointing.tracking.conscan_estimate import ConscanParams
+from rf_pointing.tracking.steptrack import StepTracker, StepTrackParams
 
 __all__ = ["PowerTracker"]
 

@@ -11,8 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rf_pointing.core import MDEG, CarrierPower, Params, PointingError, Sensor, parameter
-from rf_pointing.tracking.conscan_likelihood import beam_design, fit_beam
-from rf_pointing.tracking.conscan_window import ConscanWindow
+from rf_pointing.tracking.beam_fit import PowerWindow, beam_design, fit_beam
 from rf_pointing.tracking.scan import ONCE_A_ROUND, LoopRate, Offset, Pattern
 
 __all__ = ["StepTrackParams", "StepTrackState", "StepTracker"]
@@ -60,7 +59,7 @@ class StepTrackParams(Params):
 class StepTrackState:
     """Samples of this round, how many on each point, and the rejections."""
 
-    window: ConscanWindow
+    window: PowerWindow
     counts: tuple[int, ...] = (0, 0, 0, 0)
     rejected: int = 0
     last_rejection: str = ""
@@ -71,7 +70,7 @@ class StepTracker:
 
     def __init__(self, params: StepTrackParams) -> None:
         self.params = params
-        self.state = StepTrackState(window=ConscanWindow.empty())
+        self.state = StepTrackState(window=PowerWindow.empty())
 
     def offset(self, t_since_start_s: float) -> Offset:
         """Return where the beam must be, relative to the centre, and its rates; the moves are quintic."""
@@ -107,7 +106,7 @@ class StepTracker:
 
     def reset(self) -> None:
         """Begin a new round, as after a correction."""
-        self.state = replace(self.state, window=ConscanWindow.empty(), counts=(0, 0, 0, 0))
+        self.state = replace(self.state, window=PowerWindow.empty(), counts=(0, 0, 0, 0))
 
     def _place(self, power: CarrierPower, x_rad: float, y_rad: float) -> tuple[str, int]:
         if not all(map(math.isfinite, (power.t_s, power.power_w, power.carrier_to_noise_db_hz, x_rad, y_rad))):
@@ -128,7 +127,7 @@ class StepTracker:
             return "the beam moves between two points", -1
         return "", nearest
 
-    def _measure(self, window: ConscanWindow) -> PointingError:
+    def _measure(self, window: PowerWindow) -> PointingError:
         h = self.params.half_power_beamwidth_rad
         design = beam_design(window.beam_cross_elevation_rad, window.beam_elevation_rad, h)
         # First with a noise of unit size, whose misfit is the real size; then with that, which also sets the bias.
@@ -152,7 +151,7 @@ class StepTracker:
             reason=reason or ("" if found.converged else "the fit did not converge"),
         )
 
-    def _unsolved(self, window: ConscanWindow) -> PointingError:
+    def _unsolved(self, window: PowerWindow) -> PointingError:
         least, most = float(np.min(window.power_w)), float(np.max(window.power_w))
         return PointingError(
             t_s=float(np.mean(window.t_s)),

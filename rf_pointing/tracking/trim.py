@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rf_pointing.core import MDEG, Params, as_finite_array, parameter, require_between
+from rf_pointing.core import MDEG, Params, as_finite_array, parameter
 
 __all__ = ["SkyMotion", "Trim", "TrimFilter", "TrimParams", "TrimState", "direction_rows"]
 
@@ -140,7 +140,10 @@ class TrimFilter:
 def direction_rows(sky: SkyMotion) -> Array:
     """Return d(direction) / d(state), shape (..., 2, 4); without motion on the sky there is no cross-track direction."""
     right, up, range_m = (np.asarray(part, dtype=np.float64) for part in sky)
-    require_between("range_m", float(np.min(range_m)), 1.0, None)
+    nearest_m = float(np.min(range_m))
+    # A comparison of its own: this runs several times a period, and NaN fails it too.
+    if not nearest_m >= 1.0:
+        raise ValueError(f"range_m={nearest_m} must be >= 1.0")
     speed = np.hypot(right, up)
     across = np.where(speed > SLOWEST_RAD_S, 1.0, 0.0) / (np.maximum(speed, SLOWEST_RAD_S) * range_m)
     rows = np.zeros((*right.shape, 2, 4))

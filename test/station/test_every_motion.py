@@ -134,7 +134,7 @@ def test_a_pass_whose_start_cannot_be_reached_is_ended_with_the_reason(
     trajectory, _ = controller.step(t_s)
     assert trajectory is not None
     assert len(trajectory.t_s) == 1, "a controlled stop"
-    assert "below the horizon mask" in controller.tally.reason
+    assert "below the horizon mask" in controller.statistics.reason
     assert not controller.busy
 
 
@@ -144,7 +144,7 @@ def test_a_pass_predicted_for_another_station_is_refused_by_its_sun(
     controller = make_controller(sun=SunParams(station="Canberra DSS-43"))
     controller.plan.take_profiles([pass_profile(track, window)])
     controller.take_joints(standing((120.0, 60.0)))
-    with pytest.raises(ValueError, match=r"sun\.station=Canberra DSS-43: its Sun stands .* another station"):
+    with pytest.raises(ValueError, match=r"sun\.station=Canberra DSS-43: its Sun is .* another station"):
         controller.start(window.aos_t_s - 100.0, window, "program")
     right = make_controller()
     right.plan.take_profiles([pass_profile(track, window)])

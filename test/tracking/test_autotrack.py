@@ -6,15 +6,8 @@ from pathlib import Path
 import pytest
 
 from rf_pointing.core import Mode
-from rf_pointing.tracking import (
-    TRANSITIONS,
-    Autotrack,
-    AutotrackInputs,
-    AutotrackParams,
-    AutotrackState,
-    transition_diagram,
-    transition_table,
-)
+from rf_pointing.tracking import Autotrack, AutotrackInputs, AutotrackParams, AutotrackState
+from rf_pointing.tracking.autotrack import TRANSITIONS, transition_diagram, transition_table
 from rf_pointing.tracking.sensors import SENSORS
 
 TICK_S = 0.1

@@ -8,9 +8,9 @@ import pytest
 
 from rf_pointing.core import MDEG, JointReading, MonopulseCluster, random_stream
 from rf_pointing.rf import Beam, BeamParams, MonopulseFeed, MonopulseFeedParams, Receiver, ReceiverParams
-from rf_pointing.tracking import MonopulseCalibration, MonopulseParams, MonopulseScanParams
-from rf_pointing.tracking.cluster_tracker import ClusterTracker
-from rf_pointing.tracking.feed_file import read_calibration, write_calibration
+from rf_pointing.tracking import MonopulseParams, MonopulseScanParams
+from rf_pointing.tracking.cluster_tracker import ClusterTracker, read_calibration, write_calibration
+from rf_pointing.tracking.monopulse import MonopulseCalibration
 
 BEAM = BeamParams()
 H = BEAM.half_power_beamwidth_rad

@@ -8,7 +8,8 @@ import pytest
 
 from rf_pointing.core import MDEG, MonopulseCluster, random_stream
 from rf_pointing.rf import BeamParams, MonopulseFeed, MonopulseFeedParams
-from rf_pointing.tracking import MonopulseCalibration, MonopulseParams, MonopulseTracker
+from rf_pointing.tracking import MonopulseParams, MonopulseTracker
+from rf_pointing.tracking.monopulse import MonopulseCalibration
 
 H = 17.0 * MDEG
 SLOPE = 1.57

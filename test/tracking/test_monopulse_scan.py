@@ -8,13 +8,9 @@ import numpy as np
 import pytest
 
 from rf_pointing.core import MDEG, MonopulseCluster, random_stream
-from rf_pointing.tracking import (
-    MonopulseCalibrator,
-    MonopulseParams,
-    MonopulseScanParams,
-    MonopulseTracker,
-    circle_offset,
-)
+from rf_pointing.tracking import MonopulseParams, MonopulseScanParams, MonopulseTracker
+from rf_pointing.tracking.monopulse_scan import MonopulseCalibrator
+from rf_pointing.tracking.scan import circle_offset
 
 H, SLOPE, SAMPLE_S = 17.0 * MDEG, 1.57, 0.02
 MIXING = np.array([[1.2 * np.exp(0.5j), 0.15 * np.exp(1.0j)], [0.1 * np.exp(-0.4j), 0.8 * np.exp(-1.2j)]])

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from rf_pointing.core import CarrierPower, JointReading, PointingError
-from rf_pointing.tracking import ConscanParams, StepTrackParams
+from rf_pointing.tracking import StepTrackParams
+from rf_pointing.tracking.conscan_estimate import ConscanParams
 from rf_pointing.tracking.power_tracker import PowerTracker
 
 CENTRE = np.array([1.0, 0.8])

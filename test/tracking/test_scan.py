@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from rf_pointing.core import MDEG
-from rf_pointing.tracking import Offset, ScanParams, SpiralParams, SpiralSearch, circle_offset
+from rf_pointing.tracking import SpiralParams, SpiralSearch
+from rf_pointing.tracking.scan import Offset, ScanParams, circle_offset
 
 STEP_S = 1e-4
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from rf_pointing.core import MDEG, MU, CarrierPower, PointingError, random_stream
-from rf_pointing.tracking import StepTracker, StepTrackParams
+from rf_pointing.tracking import StepTrackParams
+from rf_pointing.tracking.steptrack import StepTracker
 
 H = 65.0 * MDEG
 

@@ -22,7 +22,7 @@ from rf_pointing.calibration import (
     fit_bias_model,
 )
 from rf_pointing.core import JointReading, PointingError, Target, nearest_turn_rad
-from rf_pointing.station.pointing.target_buffer import TargetBuffer
+from rf_pointing.station.pointing.prediction import TargetBuffer
 
 __all__ = ["CalibrationLog"]
 

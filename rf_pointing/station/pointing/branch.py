@@ -6,7 +6,6 @@ the way in; on a branch that goes over in the middle of the pass that begins at 
 
 import dataclasses
 import math
-from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +24,8 @@ class TrackingBranch:
 
     def __init__(self, branch: Branch | None = None) -> None:
         self._branch, self._found = branch, branch.crossing if branch else None
+        self.direct = branch is None or (not branch.plunge and branch.crossing is None)
+        """Whether the dish is never over the top and never leaves the target: angles stay what they are."""
 
     @property
     def turns_rad(self) -> float:
@@ -76,26 +77,31 @@ class TrackingBranch:
                 row[index] = part
         return Motion(*rows)
 
-    def carry(
-        self, times: Array, predicted: Motion, centre: Motion, beside: Callable[[Motion, NDArray[np.bool_]], Array]
-    ) -> Motion:
-        """Return `centre` (n, 2), and while the crossing lasts `predicted` with the offsets carried through it.
+    def ends_of_crossing(self, times: Array) -> tuple[Motion, NDArray[np.bool_]] | None:
+        """Return the motion (2, 2) at both ends of the crossing and whether the dish is over the top there (2,).
 
-        `beside` tells by how much (m, 2) the axes have to stand off a predicted motion (m, 2), over the top or not (m,).  It
-        is asked at both ends of the crossing only and goes over from one to the other: close to the zenith an offset on the
-        sky would be any azimuth.
+        None when none of the times (n,) lies within the crossing.
         """
-        inside = self._inside(times)
-        if self._found is None or len(inside) == 0:
-            return centre
+        if self._found is None or len(self._inside(times)) == 0:
+            return None
         ends = self._found.t_s[[0, -1]]
         table = [self._table_at(float(t)) for t in ends]
         over = np.array([self.plunge_at(float(t)) for t in ends])
-        first, last = beside(Motion(*(np.array(rows) for rows in zip(*table, strict=True))), over) * self.signs(ends)
+        return Motion(*(np.array(rows) for rows in zip(*table, strict=True))), over
+
+    def carry(self, times: Array, predicted: Motion, corrected: Motion, offsets_rad: Array) -> Motion:
+        """Return `corrected` (n, 2), and while the crossing lasts `predicted` with the offsets carried through it.
+
+        `offsets_rad` (2, 2) is by how much the axes must be off the predicted motion at its two ends; they go over from
+        one to the other.  Close to the zenith an offset on the sky would be any azimuth.
+        """
+        assert self._found is not None
+        ends = self._found.t_s[[0, -1]]
+        first, last = offsets_rad * self.signs(ends)
         begin_s, duration_s = float(ends[0]), self._found.duration_s
         signs = self.signs(times)
-        rows = [part.copy() for part in centre]
-        for index in inside:
+        rows = [part.copy() for part in corrected]
+        for index in self._inside(times):
             eased = _eased((float(times[index]) - begin_s) / duration_s, duration_s)
             for order, (row, part, gone) in enumerate(zip(rows, predicted, eased, strict=True)):
                 row[index] = part[index] + signs[index] * (gone * (last - first) + (first if order == 0 else 0.0))

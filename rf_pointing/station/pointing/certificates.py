@@ -1,13 +1,20 @@
-"""From a track and a station to pass certificates: the sky's motion, the bias model, the beam, and the planner."""
+"""From a track and a station to pass certificates: the sky's motion, the bias model, the beam, and the planner.
 
+Every certificate may be kept as a JSON file.
+"""
+
+import json
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.calibration import BiasModel, LagHistory, without_lags
-from rf_pointing.core import Motion, gaussian_gain
+from rf_pointing.core import Motion, Params, gaussian_gain, parameter
+from rf_pointing.core.whole_file import write_whole
 from rf_pointing.ephemeris import Pass, TopocentricTrack, find_passes, sun
 from rf_pointing.planning import (
     AxisLimits,
@@ -17,13 +24,22 @@ from rf_pointing.planning import (
     HorizonMask,
     MachineParams,
     PassProfile,
+    certificate_values,
     certify,
 )
 from rf_pointing.planning.branch_motion import Lag, no_lag
 from rf_pointing.planning.certificate import STEP_S, Slew
-from rf_pointing.station.pointing.axis_motion import axis_motion
+from rf_pointing.station.pointing.prediction import axis_motion
 
-__all__ = ["PlannedPass", "PlanningRules", "certificate_of", "pass_profile", "plan_passes"]
+__all__ = [
+    "PlannedPass",
+    "PlanningRules",
+    "StoreParams",
+    "certificate_of",
+    "pass_profile",
+    "plan_passes",
+    "store_certificate",
+]
 
 Array = NDArray[np.float64]
 SAMPLE_S = 1.0
@@ -120,10 +136,30 @@ def certificate_of(
     """
     fine = profile.resampled(STEP_S)
     gain = partial(gaussian_gain, beamwidth_rad=machine.half_power_beamwidth_rad)
-    ways = (False, True) if plunge_allowed else (False,)
+    plunges = (False, True) if plunge_allowed else (False,)
     sky = Motion(fine.position_rad, fine.velocity_rad_s, fine.acceleration_rad_s2)
     history = LagHistory(model, lag_averaging_s) if lag_averaging_s > 0.0 and model.has_lags else None
     held = without_lags(model) if history else model
-    sides: dict[bool, tuple[Array, Array, Array]] = {way: axis_motion(sky, held, plunge=way) for way in ways}
+    sides: dict[bool, tuple[Array, Array, Array]] = {over: axis_motion(sky, held, plunge=over) for over in plunges}
     lag: Lag = (lambda t_s, rate, bend: history.along(t_s, rate, bend)[0]) if history else no_lag
     return certify(fine, sides, issued_t_s, present_rad, machine, limits, mask, gain, lag, slew)
+
+
+@dataclass(frozen=True, kw_only=True)
+class StoreParams(Params):
+    """Where certificates are kept."""
+
+    certificate_folder: str = parameter("", "folder of the stored certificates; empty: they are only published")
+
+
+def store_certificate(params: StoreParams, certificate: Certificate) -> Path | None:
+    """Write the certificate to the folder, named after target and acquisition; return the file, None without a folder."""
+    if not params.certificate_folder:
+        return None
+    name = "".join(letter if letter.isalnum() else "_" for letter in certificate.name)
+    path = (
+        Path(params.certificate_folder)
+        / f"{name}-{datetime.fromtimestamp(certificate.aos_t_s, UTC):%Y%m%dT%H%M%S}.json"
+    )
+    write_whole(path, json.dumps(certificate_values(certificate), indent=1) + "\n")
+    return path

@@ -14,12 +14,17 @@ from rf_pointing.ephemeris import Pass
 from rf_pointing.ephemeris.solar import SolarDirection
 from rf_pointing.planning import choose_turns
 from rf_pointing.station.pointing.corrections import PointingCorrections
-from rf_pointing.station.pointing.mode import CarrierWatch, SensedErrors, TrackingMode, newest
+from rf_pointing.station.pointing.mode import (
+    CarrierWatch,
+    PassStatistics,
+    SensedErrors,
+    TrackingMode,
+    newest,
+)
 from rf_pointing.station.pointing.motion import CommandedMotion
 from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.station.pointing.plan import PassPlan
 from rf_pointing.station.pointing.scan_patterns import Scans
-from rf_pointing.station.pointing.statistics import PassStatistics
 from rf_pointing.station.pointing.status import TrackingStatus
 from rf_pointing.tracking import AutotrackState
 from rf_pointing.tracking.sensors import SENSOR_CHOICES, SENSORS
@@ -37,14 +42,14 @@ class PointingController:
         self.params = params
         self.plan = PassPlan(params.machine, params.mask, params.gate, params.limits, SolarDirection(params.sun))
         scans = Scans.of(params.spiral, params.calibration.scan, params.watch.probe, params)
-        self.offsets = PointingCorrections(params.integrator, scans, params.trim)
+        self.corrections = PointingCorrections(params.integrator, scans, params.trim)
         self.carrier = CarrierWatch(params.watch, params.link)
-        self._mode = TrackingMode(params.autotrack, self.carrier)
-        self._motion = CommandedMotion(params.pointing, self.plan, self.offsets)
+        self._mode = TrackingMode(params.autotrack, params.pointing, self.carrier)
+        self._motion = CommandedMotion(params.pointing, self.plan, self.corrections)
         self._pass: Pass | None = None
         self._turns_rad: float | None = None
         self._stopping, self._moved, self._sensor = "", False, Sensor.PROGRAM.value
-        self.tally = PassStatistics()
+        self.statistics = PassStatistics()
 
     @property
     def busy(self) -> bool:
@@ -69,7 +74,7 @@ class PointingController:
         self.params = params
         self.plan.take_limits(params.limits)
         self._motion.retune(params.pointing)
-        self._mode.retune(params.autotrack)
+        self._mode.retune(params.autotrack, params.pointing)
 
     def take_model(self, model: BiasModel) -> None:
         """Use `model` from the next trajectory on."""
@@ -90,10 +95,7 @@ class PointingController:
 
     def awaits_error(self, t_s: float) -> bool:
         """Whether a sensor that reports every period has not reported yet what this period should use."""
-        timing = self.params.pointing
-        return self._pass is not None and self._mode.errors.awaited(
-            t_s, self.state.mode, timing.period_s, timing.error_age_s
-        )
+        return self._pass is not None and self._mode.awaits_error(t_s)
 
     def calibrate(self) -> str:
         """Ask for a calibration scan of the monopulse feed; return why not, "" when it will begin."""
@@ -118,9 +120,9 @@ class PointingController:
         self._sensor = sensor
         self._pass, self._stopping, self._moved = window, "", False
         self._motion.restart()
-        self.offsets.restart(t_s)
+        self.corrections.restart(t_s)
         self._mode.restart(t_s, sensor)
-        self.tally = PassStatistics()
+        self.statistics = PassStatistics()
 
     def stop(self, reason: str) -> None:
         """End the pass at the next period with a controlled stop."""
@@ -131,12 +133,12 @@ class PointingController:
         """Return the trajectory issued at `t_s`, None when nothing is commanded, and the status at `t_s`."""
         window = self._pass
         if window is None:
-            return None, self._status(t_s)
+            return None, self._status(t_s, self._mode.fresh_error(t_s))
         if not self._stopping and t_s >= window.los_t_s:
             self._stopping = "loss of signal"
         if self._turns_rad is None and not self._stopping:
             if self._motion.axes is None:
-                return None, self._status(t_s)
+                return None, self._status(t_s, self._mode.fresh_error(t_s))
             try:
                 self._turns_rad = self._choose_turn(t_s, window, self._motion.axes, self._sensor)
             except ValueError as refused:
@@ -145,7 +147,7 @@ class PointingController:
         self._moved = self._moved or self.state.mode != Mode.IDLE
         if not self._stopping and self.state.mode == Mode.IDLE:
             if not self._moved and t_s - self.state.entered_s <= PREDICTION_PATIENCE_S:
-                return None, self._status(t_s)
+                return None, self._status(t_s, self._mode.fresh_error(t_s))
             self._stopping = self.state.reason if self._moved else "no prediction of the target has arrived"
         trajectory = None
         if not self._stopping:
@@ -153,10 +155,9 @@ class PointingController:
             trajectory, self._stopping = self._motion.follow(t_s, window, self._turns_rad or 0.0, kind)
         if self._stopping:
             return self._finish(t_s)
-        status = self._status(t_s)
-        error = self._mode.fresh_error(t_s, self.params.pointing)
-        self.tally.count(self.params.pointing.period_s, status.mode, error, t_s >= window.aos_t_s)
-        return trajectory, status
+        error = self._mode.fresh_error(t_s)
+        self.statistics.count(self.params.pointing.period_s, self._mode.state.mode, error, t_s >= window.aos_t_s)
+        return trajectory, self._status(t_s, error)
 
     def _choose_turn(self, t_s: float, window: Pass, joints: JointReading, sensor: str) -> float:
         """Return the turns (rad) to track on: those of the certificate, or of the summary when there is no profile."""
@@ -171,45 +172,47 @@ class PointingController:
         return turns_rad
 
     def _advance_mode(self, t_s: float, window: Pass) -> None:
-        """Let the table decide and the offsets hear of it; while the antenna crosses the zenith it senses nothing."""
-        if self.plan.course.crossing(t_s) and not self._stopping:
+        """Decide the mode and update the corrections; while the antenna crosses the zenith no sensor sees the target."""
+        course = self.plan.course
+        if not course.direct and course.crossing(t_s) and not self._stopping:
             return
-        before, arriving = self.state.mode, self.offsets.arriving(t_s)
-        timing = self.params.pointing
-        errors = self._mode.usable_errors(t_s, timing)
+        before, arriving = self.state.mode, self.corrections.arriving(t_s)
+        errors = self._mode.usable_errors(t_s)
         error = newest(errors, before)
         motion = self._motion.snapshot(t_s, window, error.t_s if error else None)
         self._mode.advance(t_s, errors, motion, arriving=arriving, ended=bool(self._stopping))
-        self.offsets.update(t_s + timing.transport_s, before, self.state, error, motion.beam_rad)
+        command_s = t_s + self.params.pointing.transport_s
+        self.corrections.update(command_s, before, self._mode.state, error, motion.beam_rad)
 
     def _finish(self, t_s: float) -> tuple[JointTrajectory | None, TrackingStatus]:
         reason = self._stopping
-        self.tally.end(reason, self.state.mode)
+        self.statistics.end(reason, self.state.mode)
         self._pass = None
         self.plan.clear()
         self._mode.end(t_s, reason)
-        return self._motion.halt(t_s), self._status(t_s)
+        return self._motion.halt(t_s), self._status(t_s, self._mode.fresh_error(t_s))
 
-    def _status(self, t_s: float) -> TrackingStatus:
-        error, window = self._mode.fresh_error(t_s, self.params.pointing), self._pass
-        sensed = error is not None and error.valid and self.state.integrating and error.sensor == self.state.mode
-        sky, trim = self._motion.sky_rad(t_s, window), self.offsets.trim(t_s)
+    def _status(self, t_s: float, error: PointingError | None) -> TrackingStatus:
+        state, window = self._mode.state, self._pass
+        sensed = error is not None and error.valid and state.carrier and error.sensor == state.mode
+        correction = self.corrections.correction_rad(t_s)
+        sky = self._motion.sky_rad(t_s, window, correction)
         return TrackingStatus(
             t_s=t_s,
-            mode=self.state.mode,
+            mode=state.mode,
             sensor=self._mode.sensor,
             target=window.name if window else "",
-            reason=self.state.reason,
+            reason=state.reason,
             los_t_s=window.los_t_s if window else 0.0,
             azimuth_rad=float(sky[0]),
             elevation_rad=float(sky[1]),
             scan_centre_rad=self._motion.centre_rad(t_s),
             cross_elevation_error_rad=error.cross_elevation_rad if sensed and error else 0.0,
             elevation_error_rad=error.elevation_rad if sensed and error else 0.0,
-            cross_elevation_offset_rad=float(trim[0]),
-            elevation_offset_rad=float(trim[1]),
+            cross_elevation_offset_rad=float(correction[0]),
+            elevation_offset_rad=float(correction[1]),
             carrier_to_noise_db_hz=error.carrier_to_noise_db_hz if error else 0.0,
-            half_power_beamwidth_rad=self.offsets.half_power_beamwidth_rad,
+            half_power_beamwidth_rad=self.corrections.half_power_beamwidth_rad,
             command_lead_s=self.params.pointing.horizon_s if window else 0.0,
         )
 

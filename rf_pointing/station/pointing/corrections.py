@@ -1,35 +1,38 @@
 """What is added to the target's direction on the sky: what was learned of the ephemeris, the tracking loop, the scans.
 
-    offset = trim(t) + residual(t) + scan(t) + blend(t)
+    offset = ephemeris correction + tracking correction + scan + transition
 
-The trim is the Kalman filter's along-track, cross-track and bias error, carried along the target's own motion; the
-residual is what the fast loop found beyond it, and fades while no sensor tracks, so that a coast follows what was learned.
-A new estimate of the filter moves trim and residual against each other and nothing else.  Offsets are cross-elevation and
-elevation; azimuth = cross-elevation / cos(elevation), with the rates that belong to it.
+The ephemeris correction is the Kalman filter's along-track, cross-track and bias error (`tracking/trim.py`), carried
+along the target's own motion.  The tracking correction is what the fast loop found beyond it; it fades while no sensor
+tracks, so that a coast follows what was learned.  A new estimate of the filter moves the two against each other and
+nothing else.  Offsets are cross-elevation and elevation; azimuth = cross-elevation / cos(elevation), with the rates
+that belong to it.
 """
 
 import math
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.controllers import TrackerIntegrator, TrackerIntegratorParams
-from rf_pointing.core import Mode, Motion, PointingError
+from rf_pointing.core import Mode, Motion, PointingError, Quintic
 from rf_pointing.core.time_buffer import TimeBuffer
 from rf_pointing.station.pointing.scan_patterns import ScanPatterns, Scans
-from rf_pointing.station.pointing.transition import OffsetTransition
 from rf_pointing.tracking import AutotrackState, SkyMotion, TrimFilter, TrimParams, direction_rows
 from rf_pointing.tracking.sensors import SENSORS
 
-__all__ = ["PointingCorrections"]
+__all__ = ["OffsetTransition", "PointingCorrections", "added"]
 
 Array = NDArray[np.float64]
+SHORTEST_TRANSITION_S = 0.5
+AT_REST = np.zeros(2)
 OVER = np.array([1.0, -1.0])
 """What becomes of an error of the dish (cross-elevation, elevation) on the sky when it goes over the top: encoders and
 elevation axis point the other way.  That of the azimuth axis stays."""
 FADE_S = 3.0
-"""Time in which a coast forgets what the trim does not explain."""
+"""Time in which a coast forgets what the filter does not explain."""
 FOUND_SIGMA_BEAMWIDTHS = 0.25
 """How well the strongest carrier of a search says where the target is."""
 UNDERWAY_S = 0.5
@@ -39,8 +42,43 @@ STEEPEST_RAD = math.radians(88.0)
 
 
 @dataclass(frozen=True)
+class OffsetTransition:
+    """Offset (2,) and rate (2,) left over at `start_s`, taken out by a quintic that ends at rest `duration_s` later.
+
+    A mode that ends leaves the beam off its new path, and moving.  The duration is such that |acceleration| <=
+    4 v/T + 5.8 d/T^2 stays below a bound, d and v the distance and the speed left over.
+    """
+
+    start_s: float = 0.0
+    duration_s: float = SHORTEST_TRANSITION_S
+    offset_rad: Array | None = None
+    rate_rad_s: Array | None = None
+
+    @classmethod
+    def within(cls, start_s: float, offset_rad: Array, rate_rad_s: Array, acceleration_rad_s2: float) -> Self:
+        """Return the transition that needs no more than this acceleration."""
+        distance, speed = float(np.hypot(*offset_rad)), float(np.hypot(*rate_rad_s))
+        bound = 4.0 * speed + math.sqrt(16.0 * speed**2 + 23.2 * acceleration_rad_s2 * distance)
+        return cls(start_s, max(SHORTEST_TRANSITION_S, bound / (2.0 * acceleration_rad_s2)), offset_rad, rate_rad_s)
+
+    @property
+    def end_s(self) -> float:
+        """When nothing is left of it; the infinite past for nothing at all."""
+        return -math.inf if self.offset_rad is None else self.start_s + self.duration_s
+
+    def at(self, t_s: Array) -> tuple[Array, Array]:
+        """Return offset and rate (n, 2) at the times (n,), none of them before the start."""
+        if self.offset_rad is None or self.rate_rad_s is None or t_s[0] >= self.start_s + self.duration_s:
+            return np.zeros((len(t_s), 2)), np.zeros((len(t_s), 2))
+        since = np.clip(t_s - self.start_s, 0.0, self.duration_s)
+        start, end = Motion(self.offset_rad, self.rate_rad_s, AT_REST), Motion(AT_REST, AT_REST, AT_REST)
+        motion = Quintic(start, end, self.duration_s).at(since)
+        return motion.position, motion.velocity
+
+
+@dataclass(frozen=True)
 class _Found:
-    """Where a search heard the carrier: target minus prediction (2,), its variance, the target's motion, the level."""
+    """Strongest carrier of a search: target minus prediction (2,), its variance, the target's motion, the level."""
 
     t_s: float
     direction_rad: Array
@@ -49,23 +87,23 @@ class _Found:
     level_db_hz: float
 
 
+@dataclass(frozen=True)
+class _Ahead:
+    """The trajectory issued last: times (n,), the target's motion (n, 3), and what the filter's state adds (n, 2, 4)."""
+
+    t_s: Array
+    sky: Array
+    rows: Array
+
+
 class PointingCorrections:
     """Offsets of one pass; times are command times unless an error's own is meant."""
 
     def __init__(self, integrator: TrackerIntegratorParams, scans: Scans, trim: TrimParams) -> None:
         self._loop, self._loops = integrator, _loops(integrator, scans)
         self._trim_params, self._scan_params = trim, scans
+        self.half_power_beamwidth_rad = scans.spiral.half_power_beamwidth_rad
         self.restart(0.0)
-
-    @property
-    def half_power_beamwidth_rad(self) -> float:
-        """Beamwidth that the scans are laid out for."""
-        return self._scan_params.spiral.half_power_beamwidth_rad
-
-    @property
-    def filter(self) -> TrimFilter:
-        """What was learned of the ephemeris."""
-        return self._filter
 
     def restart(self, t_s: float) -> None:
         """Begin without any offset."""
@@ -73,11 +111,11 @@ class PointingCorrections:
         self._integrator.reset(t_s)
         self._integrator.freeze(t_s)
         self._over = False
-        self._filter = TrimFilter(self._trim_params)
+        self.filter = TrimFilter(self._trim_params)
         self._scans = ScanPatterns(self._scan_params)
-        self._blend = OffsetTransition()
+        self._transition = OffsetTransition()
         self._past = TimeBuffer(kept_s=self._scan_params.memory_s)
-        self._ahead: tuple[Array, Array] | None = None
+        self._ahead: _Ahead | None = None
         self._fade_s: float | None = None
         self._used_s = self._learned_s = -math.inf
         self._found: _Found | None = None
@@ -85,12 +123,12 @@ class PointingCorrections:
 
     def arriving(self, t_s: float) -> bool:
         """Whether the errors of `t_s` may still be those of the way to where the last change of mode sent the beam."""
-        return t_s < self._blend.end_s + UNDERWAY_S
+        return t_s < self._transition.end_s + UNDERWAY_S
 
     def update(
         self, command_s: float, mode_before: str, state: AutotrackState, error: PointingError | None, beam: Array | None
     ) -> None:
-        """Take what the period brought, for commands from `command_s` on: the mode, and the newest error.
+        """Use what the period brought for commands from `command_s` on: the mode, and the newest error.
 
         `beam` (2,) is where the beam really was from the prediction when that error was measured.
         """
@@ -101,114 +139,125 @@ class PointingCorrections:
                 self._consider(error, beam)
         if state.mode != mode_before:
             self._change_mode(command_s, state.mode)
-        elif fresh and error is not None and error.valid and state.integrating and error.sensor == state.mode:
+            return
+        follow = error is not None and error.valid and error.sensor == state.mode and state.carrier
+        if fresh and follow and error is not None:
             self._correct(command_s, error, beam)
         elif not state.integrating and not self._integrator.frozen:
             self._integrator.freeze(max(command_s, self._integrator.state.t_s))
 
-    def trim(self, t_s: float) -> Array:
+    def correction_rad(self, t_s: float) -> Array:
         """Return what is added to the prediction at `t_s` without the scans (2,), zero where that is not known."""
         past = self._past.at(t_s)
         return np.zeros(2) if past is None else past[3:5]
 
-    def _displaced(self, command_s: float, t_s: float, past: Array | None, beam: Array | None) -> Array:
-        """Return where the beam was from the centre on purpose (2,) at `t_s`: no error of the centre, nothing to correct.
-
-        While it is on its way the encoders tell; once there, what they see is the wind, which is to be corrected, and only
-        the circle that tests the lock was meant.
-        """
-        if past is not None and beam is not None and self.arriving(command_s):
-            return np.asarray(beam - past[3:5])
-        return self._scans.at(np.array([t_s]), None)[0][0] if self._scans.running else np.zeros(2)
-
-    def add_trim(self, times: Array, target: Motion, range_m: Array) -> Motion:
-        """Return the target's motion (n, 2) with trim and residual added; `range_m` (n,) is its distance."""
+    def add_corrections(self, times: Array, target: Motion, range_m: Array) -> Motion:
+        """Return the target's motion (n, 2) with both corrections added; `range_m` (n,) is its distance."""
         rates = target.velocity * np.column_stack([np.cos(target.position[:, 1]), np.ones(len(times))])
-        self._ahead = (times, np.column_stack([rates, range_m]))
-        offset, rate = self._centre(times)
-        self._past.add(float(times[0]), np.concatenate([self._ahead[1][0], offset[0]]))
+        sky = np.column_stack([rates, range_m])
+        self._ahead = _Ahead(times, sky, direction_rows(SkyMotion(*sky.T)))
+        offset, rate = self._corrections(times)
+        self._past.add(float(times[0]), np.concatenate([sky[0], offset[0]]))
         return added(target, offset, rate)
-
-    def stand(self, over: bool) -> None:
-        """Note whether the dish stands over the top; when it has gone over, what was learned of the dish is turned with it."""
-        if over == self._over:
-            return
-        self._over = over
-        self._filter.turn(OVER)
-        state = self._integrator.state
-        state.offset_rad, state.rate_rad_s = state.offset_rad * OVER, state.rate_rad_s * OVER
-        self._integrator.state = state
-
-    def beside(self, target: Motion, over: Array, range_m: float) -> Array:
-        """Return by how much (n, 2) trim and residual move the axes off the target's motion (n, 2); nothing is noted.
-
-        `over` (n,) says where the dish then stands over the top.
-        """
-        rates = target.velocity * np.column_stack([np.cos(target.position[:, 1]), np.ones(len(target.position))])
-        sky = SkyMotion(*np.column_stack([rates, np.full(len(rates), range_m)]).T)
-        turned = np.where((over != self._over)[:, None], OVER, 1.0)
-        learned = self._filter.state.mean * np.column_stack([np.ones_like(turned), turned])
-        residual = self._residual(np.array([self._integrator.state.t_s]))[0] * turned
-        offset = residual + np.einsum("nij,nj->ni", direction_rows(sky), learned)
-        moved: Array = added(target, offset, np.zeros_like(offset)).position - target.position
-        return moved
 
     def add_scan(self, times: Array, sky: Motion) -> Motion:
         """Return the motion (n, 2) with the running scan added, and what is left of the one before."""
         return added(sky, *self._scan(times))
 
+    def turn_over(self, over: bool) -> None:
+        """Note which side of the zenith the dish is on; what was learned of the dish is turned when that changes."""
+        if over == self._over:
+            return
+        self._over = over
+        self.filter.turn(OVER)
+        state = self._integrator.state
+        state.offset_rad, state.rate_rad_s = state.offset_rad * OVER, state.rate_rad_s * OVER
+        self._integrator.state = state
+
+    def axis_offsets_rad(self, target: Motion, over: NDArray[np.bool_], range_m: float) -> Array:
+        """Return by how much (n, 2) the corrections move the axes off the target's motion (n, 2); nothing is noted.
+
+        `over` (n,) says where the dish is then over the top.
+        """
+        rates = target.velocity * np.column_stack([np.cos(target.position[:, 1]), np.ones(len(target.position))])
+        sky = SkyMotion(*np.column_stack([rates, np.full(len(rates), range_m)]).T)
+        turned = np.where((over != self._over)[:, None], OVER, 1.0)
+        learned = self.filter.state.mean * np.column_stack([np.ones_like(turned), turned])
+        tracking = self._tracking_correction(np.array([self._integrator.state.t_s]))[0] * turned
+        offset = tracking + np.einsum("nij,nj->ni", direction_rows(sky), learned)
+        moved: Array = added(target, offset, np.zeros_like(offset)).position - target.position
+        return moved
+
+    def _displaced(self, command_s: float, t_s: float, past: Array | None, beam: Array | None) -> Array:
+        """Return where the beam was from the centre on purpose (2,) at `t_s`: no error of the centre, nothing to correct.
+
+        While it is on its way the encoders show that.  Once there, what they show is the wind, which is to be
+        corrected, and only the circle that tests the lock was meant.
+        """
+        if past is not None and beam is not None and self.arriving(command_s):
+            return np.asarray(beam - past[3:5])
+        return self._scans.at(np.array([t_s]), None)[0][0] if self._scans.running else np.zeros(2)
+
     def _correct(self, command_s: float, error: PointingError, beam: Array | None) -> None:
-        """Let one valid error act: on the loop at once, on the filter with the weight that it deserves."""
+        """Use one valid error: at once in the loop, in the filter with the weight that it deserves."""
         self._unseen = False
         past, sensed = self._past.at(error.t_s), _measured(error)
-        if not SENSORS[error.sensor].scans:
-            self._integrator.update(command_s, sensed + self._displaced(command_s, error.t_s, past, beam))
-            direction, age_s, pause_s = None if beam is None else beam + sensed, 0.0, 0.0
-        else:
+        scans = SENSORS[error.sensor].scans
+        age_s = self._scan_params.age_s(error.sensor) if scans else 0.0
+        then = self._past.at(error.t_s - age_s) if scans else past
+        direction: Array | None = None
+        if scans:
             self._integrator.update(command_s, sensed)
-            age_s = self._scan_params.age_s(error.sensor)
-            direction, pause_s = None if past is None else past[3:5] + sensed, 2.0 * age_s
-        then = self._past.at(error.t_s - age_s)
-        if direction is not None and then is not None and error.t_s - self._learned_s >= pause_s:
+            direction = None if past is None else past[3:5] + sensed
+        else:
+            self._integrator.update(command_s, sensed + self._displaced(command_s, error.t_s, past, beam))
+            direction = None if beam is None else beam + sensed
+        # Estimates of a sliding scan share their samples: the filter gets one per window.
+        rested = error.t_s - self._learned_s >= 2.0 * age_s
+        if direction is not None and then is not None and rested:
             self._learned_s = error.t_s
             self._learn(command_s, error.t_s - age_s, direction, error.covariance_rad2, _sky(then))
 
     def _learn(self, command_s: float, t_s: float, direction: Array, covariance: Array, sky: SkyMotion) -> None:
-        """Update the filter; what the trim gains at `command_s` the residual loses."""
-        if self._filter.state.t_s is not None and t_s < self._filter.state.t_s:
+        """Update the filter; what the ephemeris correction gains at `command_s` the tracking correction loses."""
+        if self.filter.state.t_s is not None and t_s < self.filter.state.t_s:
             return
-        before = self._trim_at(np.array([command_s]))[0]
-        self._filter.update(t_s, direction, covariance, sky)
+        now = np.array([command_s])
+        before = self._ephemeris_correction(now)[0]
+        self.filter.update(t_s, direction, covariance, sky)
+        after = self._ephemeris_correction(now)[0]
         state = self._integrator.state
-        state.offset_rad = state.offset_rad + (before - self._trim_at(np.array([command_s]))[0])[0]
+        state.offset_rad = state.offset_rad + (before - after)[0]
         self._integrator.state = state
 
     def _change_mode(self, command_s: float, mode: str) -> None:
         """Begin and end what belongs to the modes; the command goes on from where it is, at the speed it has."""
         now = np.array([command_s])
-        before = [a + b for a, b in zip(self._centre(now), self._scan(now), strict=True)]
-        residual = self._residual(now)[0][0]
+        before = [a + b for a, b in zip(self._corrections(now), self._scan(now), strict=True)]
+        tracking = self._tracking_correction(now)[0][0]
         if mode == Mode.HOLD_OFF:
-            self._filter, residual = TrimFilter(self._trim_params), np.zeros(2)
+            # What a false lock taught is wrong, all of it.
+            self.filter, tracking = TrimFilter(self._trim_params), np.zeros(2)
         found = self._found if self._scans.running == Mode.SEARCH and (mode in SENSORS or mode == Mode.COAST) else None
         if found is not None:
-            # The filter may never have heard a sensor before: then this is all it knows.
-            self._filter.update(found.t_s, found.direction_rad, found.covariance_rad2, found.sky)
-            residual = found.direction_rad - direction_rows(found.sky) @ self._filter.state.mean
+            # The filter may have had no sensor yet: then this is all it knows.
+            self.filter.update(found.t_s, found.direction_rad, found.covariance_rad2, found.sky)
+            tracking = found.direction_rad - direction_rows(found.sky) @ self.filter.state.mean
             self._unseen = True
         self._found = None
         self._integrator.retune(self._loop_of(mode))
-        self._integrator.reset(command_s, residual)
+        self._integrator.reset(command_s, tracking)
         self._fade_s = None
         if mode not in SENSORS:
             self._integrator.freeze(command_s)
-            # Where a search heard the carrier is kept until a sensor has looked at it.
-            self._fade_s = command_s if self._filter.state.used and not self._unseen else None
-        self._scans.begin(mode, command_s, self._filter, self._sky_at(now))
-        self._blend = OffsetTransition()
-        after = [a + b for a, b in zip(self._centre(now), self._scan(now), strict=True)]
+            # The direction that a search found is kept until a sensor has looked at it.
+            self._fade_s = command_s if self.filter.state.used and not self._unseen else None
+        self._scans.begin(mode, command_s, self.filter, self._sky_at(now))
+        self._transition = OffsetTransition()
+        after = [a + b for a, b in zip(self._corrections(now), self._scan(now), strict=True)]
         left = [(b - a)[0] for a, b in zip(after, before, strict=True)]
-        self._blend = OffsetTransition.within(command_s, left[0], left[1], self._scan_params.spiral.acceleration_rad_s2)
+        acceleration = self._scan_params.spiral.acceleration_rad_s2
+        self._transition = OffsetTransition.within(command_s, left[0], left[1], acceleration)
 
     def _loop_of(self, mode: str) -> TrackerIntegratorParams:
         if mode not in SENSORS:
@@ -226,33 +275,35 @@ class PointingCorrections:
             direction, covariance = beam + _measured(error), error.covariance_rad2
         self._found = _Found(error.t_s, direction, covariance, _sky(past), error.carrier_to_noise_db_hz)
 
-    def _centre(self, times: Array) -> tuple[Array, Array]:
-        """Return trim and residual (n, 2), and their rates."""
-        (trim, trim_rate), (residual, residual_rate) = self._trim_at(times), self._residual(times)
-        return trim + residual, trim_rate + residual_rate
+    def _corrections(self, times: Array) -> tuple[Array, Array]:
+        """Return the sum of both corrections (n, 2), and its rate."""
+        ephemeris, ephemeris_rate = self._ephemeris_correction(times)
+        tracking, tracking_rate = self._tracking_correction(times)
+        return ephemeris + tracking, ephemeris_rate + tracking_rate
 
-    def _trim_at(self, times: Array) -> tuple[Array, Array]:
-        still = np.zeros((len(times), 2))
-        if self._ahead is None or self._filter.state.used == 0:
+    def _ephemeris_correction(self, times: Array) -> tuple[Array, Array]:
+        """Return what the filter learned (n, 2), and its rate; zero before its first measurement."""
+        if self._ahead is None or self.filter.state.used == 0:
+            still = np.zeros((len(times), 2))
             return still, still
-        known, motion = self._ahead
-        offsets = direction_rows(SkyMotion(*motion.T)) @ self._filter.state.mean
+        known = self._ahead.t_s
+        offsets = self._ahead.rows @ self.filter.state.mean
         rates = np.gradient(offsets, known, axis=0, edge_order=2)
         if len(times) == len(known) and times[0] == known[0]:
             return offsets, rates
         return _interpolated(times, known, offsets), _interpolated(times, known, rates)
 
-    def _residual(self, times: Array) -> tuple[Array, Array]:
-        known_s = self._integrator.state.t_s
-        pairs = np.array([self._integrator.at(max(float(t), known_s)) for t in times])
+    def _tracking_correction(self, times: Array) -> tuple[Array, Array]:
+        """Return what the loop found (n, 2), and its rate."""
+        offset, rate = self._integrator.along(times)
         if self._fade_s is None:
-            return pairs[:, 0], pairs[:, 1]
+            return offset, rate
         left = np.exp(-np.maximum(times - self._fade_s, 0.0) / FADE_S)[:, None]
-        return pairs[:, 0] * left, pairs[:, 0] * left * (-1.0 / FADE_S)
+        return offset * left, offset * left * (-1.0 / FADE_S)
 
     def _scan(self, times: Array) -> tuple[Array, Array]:
         """Return the running scan and what is left of an earlier one (n, 2), and their rates."""
-        offset, rate = self._blend.at(times)
+        offset, rate = self._transition.at(times)
         if not self._scans.running:
             return offset, rate
         rows = self._scans.at(times, self._sky_at(times))
@@ -261,7 +312,7 @@ class PointingCorrections:
     def _sky_at(self, times: Array) -> SkyMotion | None:
         if self._ahead is None:
             return None
-        return SkyMotion(*_interpolated(times, *self._ahead).T)
+        return SkyMotion(*_interpolated(times, self._ahead.t_s, self._ahead.sky).T)
 
 
 def _loops(integrator: TrackerIntegratorParams, scans: Scans) -> dict[str, TrackerIntegratorParams]:

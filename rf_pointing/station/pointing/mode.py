@@ -13,35 +13,18 @@ from numpy.typing import NDArray
 from rf_pointing.core import Mode, PointingError, Sensor
 from rf_pointing.ephemeris import Pass
 from rf_pointing.rf import LinkParams
+from rf_pointing.station.pointing.motion import MotionSnapshot
 from rf_pointing.station.pointing.params import PointingParams
 from rf_pointing.tracking import Autotrack, AutotrackInputs, AutotrackParams, AutotrackState, LockWatch, LockWatchParams
+from rf_pointing.tracking.autotrack import Request
 from rf_pointing.tracking.sensors import SENSOR_CHOICES, SENSORS, sensors_of
 
-__all__ = ["CarrierWatch", "MotionSnapshot", "SensedErrors", "TrackingMode", "link_level_db_hz"]
+__all__ = ["CarrierWatch", "PassStatistics", "SensedErrors", "TrackingMode", "link_level_db_hz"]
 
 Array = NDArray[np.float64]
 KEPT_ERRORS = 20
 LEAST_AGE_PERIODS = 0.75
 """Age from which an error is used: older than any of the period that ends, whether stamped at its middle or its end."""
-
-
-@dataclass(frozen=True, slots=True)
-class MotionSnapshot:
-    """What the state table must know of target and axes; `range_m` is None while the target's motion is not known.
-
-    Attributes
-    ----------
-    target_available, on_target : whether there is motion to command, and whether the slew to it is over.
-    range_m : distance of the target now, m.
-    beam_rad : where the beam was from the prediction when the newest error was measured (2,), None where not known.
-    error_range_m : distance of the target at that time, m.
-    """
-
-    target_available: bool
-    on_target: bool
-    range_m: float | None = None
-    beam_rad: Array | None = None
-    error_range_m: float | None = None
 
 
 class SensedErrors:
@@ -96,8 +79,8 @@ def valid_sensors(errors: list[PointingError]) -> frozenset[str]:
     found = []
     for name, traits in SENSORS.items():
         error = latest.get(name)
-        waiting = error is None or not error.estimated
-        if (error is not None and error.valid) or (traits.scans and waiting):
+        valid = traits.scans if error is None else error.valid or (traits.scans and not error.estimated)
+        if valid:
             found.append(name)
     return frozenset(found)
 
@@ -159,11 +142,61 @@ def link_level_db_hz(link: LinkParams, range_m: float) -> float:
     return link.zenith_carrier_to_noise_db_hz - 20.0 * math.log10(range_m / link.reference_range_m)
 
 
+@dataclass
+class PassStatistics:
+    """How long a sensor held the target, and its errors; sums over the periods from acquisition to loss of signal."""
+
+    tracked_s: float = 0.0
+    lost_s: float = 0.0
+    samples: int = 0
+    square_cross_elevation_rad2: float = 0.0
+    square_elevation_rad2: float = 0.0
+    reason: str = ""
+    last_mode: str = ""
+
+    def count(self, period_s: float, mode: str, error: PointingError | None, risen: bool) -> None:
+        """Add one period; while a sensor tracks, time without a valid error is lost time."""
+        if not risen:
+            return
+        sensor = SENSORS.get(mode)
+        # A scan goes on through an invalid estimate; a continuous sensor without a valid error holds nothing.
+        held = sensor is not None and (sensor.scans or (error is not None and error.valid))
+        if mode == Mode.PROGRAM_TRACK:
+            self.tracked_s += period_s
+        elif held or mode == Mode.CALIBRATE:
+            self.tracked_s += period_s
+            self._add(error)
+        else:
+            self.lost_s += period_s
+
+    def end(self, reason: str, mode: str) -> None:
+        """Note why the pass ended and in which mode."""
+        self.reason, self.last_mode = reason, mode
+
+    @property
+    def share(self) -> float:
+        """Share of the risen time that was tracked."""
+        total = self.tracked_s + self.lost_s
+        return self.tracked_s / total if total > 0.0 else 0.0
+
+    @property
+    def rms_rad(self) -> tuple[float, float]:
+        """Root mean square of the sensed errors, cross-elevation and elevation; zero without any."""
+        count = max(self.samples, 1)
+        return math.sqrt(self.square_cross_elevation_rad2 / count), math.sqrt(self.square_elevation_rad2 / count)
+
+    def _add(self, error: PointingError | None) -> None:
+        if error is not None and error.valid:
+            self.samples += 1
+            self.square_cross_elevation_rad2 += error.cross_elevation_rad**2
+            self.square_elevation_rad2 += error.elevation_rad**2
+
+
 class TrackingMode:
     """The state table of one pass after another; `state` is where it stands."""
 
-    def __init__(self, params: AutotrackParams, carrier: CarrierWatch) -> None:
-        self.params = params
+    def __init__(self, params: AutotrackParams, timing: PointingParams, carrier: CarrierWatch) -> None:
+        self.params, self.timing = params, timing
         self.state = AutotrackState()
         self.errors = SensedErrors()
         self._table = Autotrack(params)
@@ -176,9 +209,9 @@ class TrackingMode:
         """Sensor that the table uses, in its own words."""
         return self._table.params.sensor
 
-    def retune(self, params: AutotrackParams) -> None:
-        """Take new thresholds and times between two periods; the sensor of the pass stays."""
-        self.params = params
+    def retune(self, params: AutotrackParams, timing: PointingParams) -> None:
+        """Use new thresholds and times from the next period on; the sensor of the pass stays."""
+        self.params, self.timing = params, timing
         self._table = Autotrack(params.replace(sensor=self.sensor))
 
     def restart(self, t_s: float, sensor: str) -> None:
@@ -203,13 +236,17 @@ class TrackingMode:
         self._calibrating = True
         return ""
 
-    def usable_errors(self, t_s: float, timing: PointingParams) -> list[PointingError]:
-        """Return the errors that the period at `t_s` may use, the newest first."""
-        return self.errors.usable(t_s, timing.period_s, timing.error_age_s)
+    def awaits_error(self, t_s: float) -> bool:
+        """Whether a sensor that reports every period has not reported yet what the period at `t_s` should use."""
+        return self.errors.awaited(t_s, self.state.mode, self.timing.period_s, self.timing.error_age_s)
 
-    def fresh_error(self, t_s: float, timing: PointingParams) -> PointingError | None:
+    def usable_errors(self, t_s: float) -> list[PointingError]:
+        """Return the errors that the period at `t_s` may use, the newest first."""
+        return self.errors.usable(t_s, self.timing.period_s, self.timing.error_age_s)
+
+    def fresh_error(self, t_s: float) -> PointingError | None:
         """Return the newest usable error, that of the sensor in use as long as it reports."""
-        return newest(self.usable_errors(t_s, timing), self.state.mode)
+        return newest(self.usable_errors(t_s), self.state.mode)
 
     def advance(
         self, t_s: float, errors: list[PointingError], motion: MotionSnapshot, *, arriving: bool, ended: bool
@@ -219,10 +256,10 @@ class TrackingMode:
         `arriving`: the beam is still on its way to where the last mode began; `ended`: the pass is over.
         """
         error, before = newest(errors, self.state.mode), self.state
-        request = "calibrate" if self._calibrating else "track"
+        request = Request.CALIBRATE if self._calibrating else Request.TRACK
         inputs = AutotrackInputs(
             t_s=t_s,
-            request="idle" if ended else request,
+            request=Request.IDLE if ended else request,
             target_available=motion.target_available,
             on_target=motion.on_target,
             carrier_to_noise_db_hz=error.carrier_to_noise_db_hz if error else -math.inf,

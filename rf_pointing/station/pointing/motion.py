@@ -1,44 +1,99 @@
-"""What is commanded ahead of time, and where the axes stand against it.
+"""What is commanded ahead of time, and how far the axes are from it.
 
-    axis angles = model(target) + trim and residual + scan + lead of what is added
+    axis angles = model(target) + corrections + scan + lead of what is added
 
-The prediction goes through the bias model (`axis_path.py`); what is added to it on the sky (`sky_offsets.py`) moves
-quickly, and the lags of the mount that it would meet are led (`correction_lag.py`).
+The prediction goes through the bias model (`prediction.py`).  What is added to it on the sky (`corrections.py`) moves
+quickly; the lags of the mount that it would meet are led (`CorrectionLag`).
 """
 
 import math
-from functools import partial
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.calibration import BiasModel
+from rf_pointing.calibration import BiasModel, LagHistory, LagState
 from rf_pointing.core import JointReading, JointTrajectory, Motion
+from rf_pointing.core.time_buffer import BeamPosition
 from rf_pointing.ephemeris import Pass
-from rf_pointing.station.pointing.correction_lag import CorrectionLag
 from rf_pointing.station.pointing.corrections import PointingCorrections, added
-from rf_pointing.station.pointing.mode import MotionSnapshot
 from rf_pointing.station.pointing.params import PointingParams
 from rf_pointing.station.pointing.plan import PassPlan
-from rf_pointing.station.pointing.prediction import Prediction
-from rf_pointing.station.pointing.target_buffer import TargetBuffer
-from rf_pointing.tracking.beam_position import BeamPosition
+from rf_pointing.station.pointing.prediction import Prediction, TargetBuffer
 
-__all__ = ["CommandedMotion"]
+__all__ = ["CommandedMotion", "CorrectionLag", "MotionSnapshot"]
 
 Array = NDArray[np.float64]
+
+
+class CorrectionLag:
+    """Leads what the mount's lags make of corrections: the beam lags behind an offset as it does behind the target.
+
+    For the target's own motion the prediction contains the lags.  An offset o that the loop or a search adds is commanded
+    as o + lag(o), with the history of its own rates.  Without that the beam is off by up to a fifth of o for a lag of
+    1.9 s and T = 5 s, and swings for half a minute.  The encoders are read against the prediction with lag(o) in it.  The
+    rates are averaged over T, so that no quick correction shakes the antenna; T = 0 leads nothing.
+    """
+
+    def __init__(self, averaging_s: float) -> None:
+        self._averaging_s = averaging_s
+        self._model: BiasModel | None = None
+        self._history: LagHistory | None = None
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin a pass: the axes wait on the prediction."""
+        self._commanded: LagState | None = None
+
+    def retune(self, averaging_s: float) -> None:
+        """Average over another time from now on."""
+        self._averaging_s, self._model = averaging_s, None
+
+    def lead(self, times: Array, rate_rad_s: Array, model: BiasModel) -> Motion:
+        """Return what to add (n, 2) to the axes' motion for offsets that move at these rates (n, 2) at `times` (n,).
+
+        The rate at the first time is what will be commanded then; the others may change with the next call.
+        """
+        if model is not self._model:
+            lagging = self._averaging_s > 0.0 and model.has_lags
+            self._model, self._history = model, LagHistory(model, self._averaging_s) if lagging else None
+        still = np.zeros_like(rate_rad_s)
+        if self._history is None:
+            return Motion(still, still, still)
+        parts, states = self._history.along(times, rate_rad_s, still, self._commanded)
+        self._commanded = states[0]
+        return Motion(*parts)
+
+
+@dataclass(frozen=True, slots=True)
+class MotionSnapshot:
+    """What the state table must know of target and axes at one instant.
+
+    Attributes
+    ----------
+    target_available, on_target : whether there is motion to command, and whether the slew to it is over.
+    range_m : distance of the target now in m, None while its motion is not known.
+    beam_rad : where the beam was from the prediction when the newest error was measured (2,), None where not known.
+    error_range_m : distance of the target at that time, m.
+    """
+
+    target_available: bool
+    on_target: bool
+    range_m: float | None = None
+    beam_rad: Array | None = None
+    error_range_m: float | None = None
 
 
 class CommandedMotion:
     """The trajectories of one pass; `model` is the bias model in force, `axes` where the axes were last, if it is known."""
 
-    def __init__(self, params: PointingParams, plan: PassPlan, offsets: PointingCorrections) -> None:
+    def __init__(self, params: PointingParams, plan: PassPlan, corrections: PointingCorrections) -> None:
         self.params = params
         self.model = BiasModel.zero()
         self.axes: JointReading | None = None
         self.targets = TargetBuffer()
         self.beam = BeamPosition()
-        self._plan, self._offsets = plan, offsets
+        self._plan, self._corrections = plan, corrections
         self._direct: JointReading | None = None
         self._path = Prediction(params.period_s, plan, params.lag_averaging_s)
         self._lag = CorrectionLag(params.lag_averaging_s)
@@ -48,7 +103,8 @@ class CommandedMotion:
     def retune(self, params: PointingParams) -> None:
         """Take new timing and tolerances between two periods."""
         self.params = params
-        self._path.lag_averaging_s = self._lag.averaging_s = params.lag_averaging_s
+        self._path.lag_averaging_s = params.lag_averaging_s
+        self._lag.retune(params.lag_averaging_s)
 
     def restart(self) -> None:
         """Forget the last pass."""
@@ -69,11 +125,25 @@ class CommandedMotion:
         self.beam.take_joints(self._direct)
         self._path.take_axes(reading, self.model)
 
-    def target_known(self, t_s: float, window: Pass) -> bool:
-        """Whether a trajectory issued at `t_s` has a target all the way: before the pass that is its start."""
-        return t_s < window.aos_t_s or self.targets.covers(t_s, t_s + self.params.horizon_s)
+    def snapshot(self, t_s: float, window: Pass, error_t_s: float | None) -> MotionSnapshot:
+        """Return what the state table must know at `t_s`; `error_t_s` is the time of the newest error."""
+        beam = None if error_t_s is None else self.beam.offset(error_t_s)
+        ahead = self.targets.covers(t_s, t_s + self.params.horizon_s)
+        known = ahead or self.targets.covers(t_s, t_s)
+        ranges = (None, None)
+        # Before the first sample of the target no distance is known, and nothing to compare the beam with.
+        if math.isfinite(self.targets.known_until_s):
+            ranges = self.targets.range_m([t_s, t_s if error_t_s is None else error_t_s]).tolist()
+        return MotionSnapshot(
+            # Before the pass the axes wait where it begins, which is always known.
+            target_available=ahead or t_s < window.aos_t_s,
+            on_target=self._on_target(t_s, window),
+            range_m=ranges[0] if known else None,
+            beam_rad=beam,
+            error_range_m=ranges[1],
+        )
 
-    def on_target(self, t_s: float, window: Pass) -> bool:
+    def _on_target(self, t_s: float, window: Pass) -> bool:
         """Whether the slew to the pass is over: the axes are within the tolerance of the command."""
         centre = self._centre.get(_key(t_s))
         if t_s < window.aos_t_s or centre is None or self._direct is None:
@@ -82,61 +152,56 @@ class CommandedMotion:
         apart = centre - self._direct.position_rad - lag_s * self._direct.velocity_rad_s
         return float(np.max(np.abs(apart))) < self.params.on_target_rad
 
-    def snapshot(self, t_s: float, window: Pass, error_t_s: float | None) -> MotionSnapshot:
-        """Return what the state table must know at `t_s`; `error_t_s` is the time of the newest error."""
-        known = self.targets.covers(t_s, t_s)
-        # Before the first sample of the target there is nothing to compare the beam with.
-        sensed = error_t_s is not None and math.isfinite(self.targets.known_until_s)
-        beam = self.beam.offset(error_t_s) if sensed and error_t_s is not None else None
-        return MotionSnapshot(
-            target_available=self.target_known(t_s, window),
-            on_target=self.on_target(t_s, window),
-            range_m=self._range_m(t_s) if known else None,
-            beam_rad=beam,
-            error_range_m=None if beam is None or error_t_s is None else self._range_m(error_t_s),
-        )
-
-    def _range_m(self, t_s: float) -> float:
-        return float(self.targets.range_m([t_s])[0])
-
     def centre_rad(self, t_s: float) -> Array:
         """Return the commanded direct angles (2,) at `t_s` without the scan, zero where that is not known."""
         return self._centre.get(_key(t_s), np.zeros(2))
 
-    def sky_rad(self, t_s: float, window: Pass | None) -> Array:
-        """Return the commanded apparent direction (2,) at `t_s`: the pass's start before it, the last one after it."""
+    def sky_rad(self, t_s: float, window: Pass | None, correction_rad: Array) -> Array:
+        """Return the commanded apparent direction (2,) at `t_s`: the pass's start before it, the last one after it.
+
+        `correction_rad` (2,) is what is added to the prediction then.
+        """
         if window is not None and t_s < window.aos_t_s:
             self._last_sky = np.array([window.aos_azimuth_rad, window.aos_elevation_rad])
         elif window is not None and self.targets.covers(t_s, t_s):
-            trim = self._offsets.trim(t_s)[None, :]
-            self._last_sky = added(self.targets.at([t_s]), trim, np.zeros((1, 2))).position[0]
+            self._last_sky = added(self.targets.at([t_s]), correction_rad[None, :], np.zeros((1, 2))).position[0]
         return self._last_sky
 
     def follow(self, t_s: float, window: Pass, turns_rad: float, kind: str) -> tuple[JointTrajectory | None, str]:
-        """Return the trajectory issued at `t_s`, or None and why the gate refuses this kind of motion."""
-        params = self.params
+        """Return the trajectory issued at `t_s`, or None and why the safety gate refuses this kind of motion."""
+        params, plan = self.params, self._plan
         count = round((params.horizon_s - params.transport_s) / params.period_s) + 1
         # On whole microseconds, as on the wire: one instant is one number in every trajectory that has it.  Else the old
         # point would stay a rounding error before the new one, and the axes would follow it to the end.
         times = np.round(t_s + params.transport_s + params.period_s * np.arange(count, dtype=np.float64), 6)
+        near_rad = 0.5 * (window.azimuth_min_rad + window.azimuth_max_rad) + turns_rad
         try:
-            predicted = self._prediction(t_s, times, window, turns_rad)
+            if t_s < window.aos_t_s:
+                predicted = self._waiting(t_s, count, window, near_rad)
+            else:
+                predicted = self._path.at(times, self.targets, self.model, near_rad)
         except ValueError as refused:
             return None, str(refused)
-        centre, moved = predicted, np.zeros_like(predicted.velocity)
+        centre, added_rates = predicted, np.zeros_like(predicted.velocity)
         if t_s >= window.aos_t_s:
-            centre, moved = self._corrected(times, predicted)
-        scanned = self._offsets.add_scan(times, centre)
-        lead = self._lag.lead(times, moved + scanned.velocity - centre.velocity, self.model)
+            centre, added_rates = self._corrected(times, predicted)
+        scanned = self._corrections.add_scan(times, centre)
+        lead = self._lag.lead(times, added_rates + scanned.velocity - centre.velocity, self.model)
         self._note_centre(t_s, float(times[0]), centre.position[0] + lead.position[0])
         self.beam.take_centre(float(times[0]), predicted.position[0] + lead.position[0])
-        position, velocity, acceleration = (a + b for a, b in zip(scanned, lead, strict=True))
-        trajectory = self._plan.course.to_axes(
-            JointTrajectory(t_s=times, position_rad=position, velocity_rad_s=velocity, acceleration_rad_s2=acceleration)
+        position, velocity, acceleration = scanned
+        trajectory = JointTrajectory(
+            t_s=times,
+            position_rad=position + lead.position,
+            velocity_rad_s=velocity + lead.velocity,
+            acceleration_rad_s2=acceleration + lead.acceleration,
         )
-        present = None if self.axes is None else (float(self.axes.position_rad[0]), float(self.axes.position_rad[1]))
-        refusal = self._plan.refusal(kind, t_s, present, trajectory.position_rad)
-        return (None, refusal) if refusal else (trajectory, "")
+        if not plan.course.direct:
+            trajectory = plan.course.to_axes(trajectory)
+        encoder_rad = trajectory.position_rad[0] if self.axes is None else self.axes.position_rad
+        here = (float(encoder_rad[0]), float(encoder_rad[1]))
+        decision = plan.gate.check(kind, here, trajectory.position_rad, sun_rad=plan.sun.at(t_s))
+        return (trajectory, "") if decision.allowed else (None, decision.reason)
 
     def halt(self, t_s: float) -> JointTrajectory | None:
         """Return one point at rest, where the axes can stop; None when their motion is unknown."""
@@ -151,27 +216,25 @@ class CommandedMotion:
             t_s=times, position_rad=position[None, :], velocity_rad_s=still, acceleration_rad_s2=still
         )
 
-    def _prediction(self, t_s: float, times: Array, window: Pass, turns_rad: float) -> Motion:
-        """Return the axis motion that would hold the target if it were where it is predicted.
-
-        The bias model sees the target's own motion: its lags stand for steady rates, and fed with the small quick
-        corrections of the tracking loop they would shake the antenna.
-        """
-        near_rad = 0.5 * (window.azimuth_min_rad + window.azimuth_max_rad) + turns_rad
-        if t_s < window.aos_t_s:
-            start = np.array([window.aos_azimuth_rad, window.aos_elevation_rad])
-            waiting = self._path.waiting(len(times), t_s, start, self.model, near_rad)
-            next_rad = self._plan.to_start(t_s, self.axes, waiting.position[0])
-            return waiting._replace(position=np.tile(next_rad, (len(times), 1)))
-        return self._path.at(times, self.targets, self.model, near_rad)
+    def _waiting(self, t_s: float, count: int, window: Pass, near_rad: float) -> Motion:
+        """Return the motion before the pass: on the way to where it begins, or at rest there."""
+        start = np.array([window.aos_azimuth_rad, window.aos_elevation_rad])
+        waiting = self._path.waiting(count, t_s, start, self.model, near_rad)
+        next_rad = self._plan.to_start(t_s, self.axes, waiting.position[0])
+        return waiting._replace(position=np.tile(next_rad, (count, 1)))
 
     def _corrected(self, times: Array, predicted: Motion) -> tuple[Motion, Array]:
-        """Return the motion with trim and residual, carried through a crossing, and the rates (n, 2) that they add."""
+        """Return the motion with the corrections, carried through a crossing, and the rates (n, 2) that they add."""
         course, range_m = self._plan.course, self.targets.range_m(times)
-        self._offsets.stand(course.plunge_at(float(times[0])))
-        trimmed = self._offsets.add_trim(times, predicted, range_m)
-        beside = partial(self._offsets.beside, range_m=float(range_m[0]))
-        return course.carry(times, predicted, trimmed, beside), trimmed.velocity - predicted.velocity
+        if not course.direct:
+            self._corrections.turn_over(course.plunge_at(float(times[0])))
+        corrected = self._corrections.add_corrections(times, predicted, range_m)
+        added_rates = corrected.velocity - predicted.velocity
+        ends = None if course.direct else course.ends_of_crossing(times)
+        if ends is not None:
+            offsets = self._corrections.axis_offsets_rad(*ends, float(range_m[0]))
+            corrected = course.carry(times, predicted, corrected, offsets)
+        return corrected, added_rates
 
     def _note_centre(self, t_s: float, first_s: float, centre: Array) -> None:
         """Note where the axes are to be at `first_s`; what was noted for times before `t_s` is forgotten."""

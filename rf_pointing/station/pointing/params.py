@@ -14,13 +14,13 @@ from rf_pointing.planning import AxisLimits, GateParams, HorizonMask, MachinePar
 from rf_pointing.rf import LinkParams
 from rf_pointing.tracking import (
     AutotrackParams,
-    ConscanParams,
     LockWatchParams,
     MonopulseScanParams,
     SpiralParams,
     StepTrackParams,
     TrimParams,
 )
+from rf_pointing.tracking.conscan_estimate import ConscanParams
 
 __all__ = ["ControllerParams", "PointingParams"]
 

@@ -1,4 +1,4 @@
-"""The plan of the pass in hand: its certificate, the course of the chosen branch, and the way to its start."""
+"""The plan of the pass in hand: its certificate, the branch that was chosen, and the slew to its start."""
 
 import math
 
@@ -24,18 +24,20 @@ from rf_pointing.planning import (
     unplunged,
 )
 from rf_pointing.planning.forbidden_sky import ForbiddenSky
-from rf_pointing.station.pointing.axis_motion import axis_motion
 from rf_pointing.station.pointing.branch import TrackingBranch
 from rf_pointing.station.pointing.certificates import certificate_of
+from rf_pointing.station.pointing.prediction import axis_motion
 from rf_pointing.tracking.sensors import sensors_of
 
 __all__ = ["PassPlan"]
 
 Array = NDArray[np.float64]
 SAME_PASS_S = 30.0
+"""Times of a pass and of its profile differ by less: they may have been computed from other elements."""
 SAME_SUN_RAD = math.radians(0.5)
+"""More than the Sun's parallax and refraction, less than what any other station would give."""
 NEW_GOAL_RAD = math.radians(0.1)
-"""How far the start of a pass must move, by another bias model, for the way to it to be looked for again."""
+"""How far another bias model must move the start of a pass before the slew to it is planned again."""
 
 
 class PassPlan:
@@ -45,7 +47,7 @@ class PassPlan:
         self, machine: MachineParams, mask: HorizonMask, gate: GateParams, limits: AxisLimits, sun: SolarDirection
     ) -> None:
         self.machine, self.mask, self._gate_params, self.sun = machine, mask, gate, sun
-        self._way, self._goal = CornerPath(), np.full(2, math.inf)
+        self._slew, self._goal = CornerPath(), np.full(2, math.inf)
         self.take_limits(limits)
         self._profiles: list[PassProfile] = []
         self.certificate: Certificate | None = None
@@ -57,13 +59,13 @@ class PassPlan:
         self._limits, self.gate = limits, Gate(self._gate_params, limits, self.mask, self.machine.axes)
 
     def take_profiles(self, profiles: list[PassProfile]) -> None:
-        """Note the motion of the coming passes, in place of those before."""
+        """Replace the profiles of the coming passes."""
         self._profiles = profiles
 
     def clear(self) -> None:
         """Forget the branch: direct, without a crossing."""
         self.branch, self.course = None, TrackingBranch()
-        self._way, self._goal = CornerPath(), np.full(2, math.inf)
+        self._slew, self._goal = CornerPath(), np.full(2, math.inf)
 
     def choose(
         self,
@@ -104,18 +106,13 @@ class PassPlan:
         self.course = TrackingBranch(self.branch)
         return True
 
-    def refusal(self, kind: str, t_s: float, present_rad: tuple[float, float] | None, positions: Array) -> str:
-        """Return "" when the gate lets the axes move through `positions` (n, 2), else why not."""
-        here = present_rad if present_rad is not None else (float(positions[0, 0]), float(positions[0, 1]))
-        return self.gate.check(kind, here, positions, sun_rad=self.sun.at(t_s)).reason
-
     def approach(self, t_s: float, axes: JointReading, goal_rad: Array) -> Array | None:
-        """Return the corner (2,) by which to go to a goal, None when the way is free; both as the axes stand.
+        """Return the corner (2,) by which to go to a goal, None when the straight slew is free; both are encoder angles.
 
         Raises
         ------
         ValueError
-            When the gate knows no way, with its reason.
+            When the safety gate finds no slew, with its reason.
         """
         azimuth, elevation = axes.position_rad.tolist()
         if not float(np.max(np.abs(goal_rad - self._goal))) <= NEW_GOAL_RAD:
@@ -124,12 +121,12 @@ class PassPlan:
             found = self.gate.check(kind, (azimuth, elevation), np.array([goal]), sun_rad=self.sun.at(t_s))
             if not found.allowed:
                 raise ValueError(f"no {kind} to the start of the pass: {found.reason}")
-            self._goal, self._way = goal_rad.copy(), CornerPath(found.way)
-        corner = self._way.next((azimuth, elevation))
+            self._goal, self._slew = goal_rad.copy(), CornerPath(found.way)
+        corner = self._slew.next((azimuth, elevation))
         return None if corner is None else np.array(corner)
 
     def to_start(self, t_s: float, axes: JointReading | None, start_rad: Array) -> Array:
-        """Return where to go now (2,) on the way to the start of the pass, in direct angles; errors as of `approach`."""
+        """Return where to go now (2,) on the slew to the start of the pass, in direct angles; errors as of `approach`."""
         if axes is None:
             return start_rad
         still = np.zeros(2)
@@ -140,7 +137,7 @@ class PassPlan:
         return unplunged(corner, still, still)[0] if plunge else corner
 
     def model_motion(self, t_s: float, sky: Motion, model: BiasModel) -> Motion:
-        """Return the direct angles that hold the beam on `sky` (n, 2) at `t_s`: the model sees the axes as they stand."""
+        """Return the direct angles that hold the beam on `sky` (n, 2) at `t_s`; the model acts on the encoders' angles."""
         plunge = self.course.plunge_at(t_s)
         motion = axis_motion(sky, model, plunge=plunge)
         return Motion(*unplunged(*motion)) if plunge else motion
@@ -153,7 +150,7 @@ class PassPlan:
         apart = ForbiddenSky.sun_distance(*here, (float(profile.sun_rad[0, 0]), float(profile.sun_rad[0, 1])))
         if apart > SAME_SUN_RAD:
             raise ValueError(
-                f"sun.station={self.sun.station}: its Sun stands {math.degrees(apart):.1f} deg from the one that the pass was "
+                f"sun.station={self.sun.station}: its Sun is {math.degrees(apart):.1f} deg from the one that the pass was "
                 f"predicted with, must be <= {math.degrees(SAME_SUN_RAD):.1f} deg: another station"
             )
 

@@ -1,4 +1,4 @@
-"""What the controller and the antenna say of themselves."""
+"""What the controller and the antenna publish about themselves."""
 
 from dataclasses import dataclass
 

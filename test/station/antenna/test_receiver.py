@@ -18,7 +18,7 @@ from rf_pointing.rf import (
     SpinParams,
 )
 from rf_pointing.station.antenna.receiver import BLOCK, Reception, SignalParams, SimulatedReceiver
-from rf_pointing.tracking import spin_period_s
+from rf_pointing.tracking.beam_fit import spin_period_s
 
 CONFIG = Path(__file__).parents[3] / "config"
 TICK_S = 0.02

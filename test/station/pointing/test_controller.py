@@ -118,7 +118,7 @@ def test_the_pass_ends_at_loss_of_signal(rig: MakeRig, window: Pass) -> None:
     assert made.controller.busy
     reasons = [status.reason for t_s, _, status in made.run(window.los_t_s - 8.0, 8.2) if t_s >= window.los_t_s]
     assert reasons[0] == "loss of signal"
-    assert made.controller.tally.reason == "loss of signal"
+    assert made.controller.statistics.reason == "loss of signal"
 
 
 def test_without_a_prediction_the_pass_is_given_up(rig: MakeRig, window: Pass) -> None:

@@ -1,4 +1,7 @@
-"""What is added to the target on the sky: it goes on from where it is whatever the mode, and a coast knows what was learned."""
+"""What is added to the target on the sky: it goes on from where it is whatever the mode, and a coast knows what was learned.
+
+From one path to another without a step, within the acceleration.
+"""
 
 import math
 from collections.abc import Callable
@@ -8,17 +11,12 @@ import pytest
 
 from rf_pointing.controllers import TrackerIntegratorParams
 from rf_pointing.core import MDEG, Motion, PointingError, sky_offset_rad
-from rf_pointing.station.pointing.corrections import STEEPEST_RAD, PointingCorrections, added
+from rf_pointing.station.pointing.corrections import STEEPEST_RAD, OffsetTransition, PointingCorrections, added
 from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.station.pointing.scan_patterns import Scans
-from rf_pointing.tracking import (
-    AutotrackState,
-    ConscanParams,
-    SkyMotion,
-    TrimParams,
-    direction_rows,
-)
-from rf_pointing.tracking import ScanParams as CircleParams
+from rf_pointing.tracking import AutotrackState, SkyMotion, TrimParams, direction_rows
+from rf_pointing.tracking.conscan_estimate import ConscanParams
+from rf_pointing.tracking.scan import ScanParams as CircleParams
 
 T_S = 1_151_384_000.0
 PERIOD_S = 0.1
@@ -58,7 +56,7 @@ class Loop:
         self.offsets.update(float(times[0]), self.mode, state, error, beam)
         self.mode = mode
         sky = climbing(times)
-        moved = self.offsets.add_scan(times, self.offsets.add_trim(times, sky, np.full(10, RANGE_M)))
+        moved = self.offsets.add_scan(times, self.offsets.add_corrections(times, sky, np.full(10, RANGE_M)))
         cosine = np.cos(sky.position[:, 1])
         offset = (moved.position - sky.position) * np.column_stack([cosine, np.ones(10)])
         self.rows.append(offset[0])
@@ -204,7 +202,7 @@ def test_a_search_hands_over_the_place_of_the_strongest_carrier(mode: str) -> No
         loop.step("search", weak, np.array([k * 10 * MDEG, -k * 5 * MDEG]))
     loop.step(mode)
     loop.step(mode)
-    np.testing.assert_allclose(loop.offsets.trim(loop.t_s), [10 * MDEG, -5 * MDEG], atol=0.2 * MDEG)
+    np.testing.assert_allclose(loop.offsets.correction_rad(loop.t_s), [10 * MDEG, -5 * MDEG], atol=0.2 * MDEG)
 
 
 def test_a_search_without_a_carrier_leaves_the_offset() -> None:
@@ -232,7 +230,7 @@ def test_the_probe_of_a_lock_is_circled_and_the_loop_does_not_fight_it() -> None
     turn = np.array(loop.rows[-10:])
     np.testing.assert_allclose(np.hypot(*turn.T), PROBE.radius_rad, rtol=0.01)
     np.testing.assert_allclose(turn.mean(axis=0), [0.0, 0.0], atol=0.002 * MDEG)
-    np.testing.assert_allclose(loop.offsets.trim(loop.t_s), [0.0, 0.0], atol=0.002 * MDEG)
+    np.testing.assert_allclose(loop.offsets.correction_rad(loop.t_s), [0.0, 0.0], atol=0.002 * MDEG)
 
 
 def test_the_probe_ends_with_the_mode() -> None:
@@ -256,16 +254,45 @@ def test_over_the_top_the_errors_of_the_dish_turn_with_it_and_those_of_the_ephem
     loop = Loop()
     loop.run("monopulse", 20.0, lambda _t_s: np.array([30.0, 50.0]) * MDEG)
     offsets, here = loop.offsets, climbing(np.array([loop.t_s]))
-    before, other = offsets.beside(here, np.array([False]), RANGE_M), offsets.beside(here, np.array([True]), RANGE_M)
+    before, other = (
+        offsets.axis_offsets_rad(here, np.array([False]), RANGE_M),
+        offsets.axis_offsets_rad(here, np.array([True]), RANGE_M),
+    )
     mean = offsets.filter.state.mean.copy()
-    offsets.stand(True)
-    np.testing.assert_allclose(offsets.beside(here, np.array([True]), RANGE_M), other, atol=1e-12)
+    offsets.turn_over(True)
+    np.testing.assert_allclose(offsets.axis_offsets_rad(here, np.array([True]), RANGE_M), other, atol=1e-12)
     np.testing.assert_allclose(offsets.filter.state.mean, mean * [1.0, 1.0, 1.0, -1.0])
     ephemeris = (direction_rows(SkyMotion(*sky_rates(here), np.array([RANGE_M]))) @ (mean * [1.0, 1.0, 0.0, 0.0]))[0]
     assert before[0, 1] - ephemeris[1] == pytest.approx(ephemeris[1] - other[0, 1], abs=1e-9)
-    offsets.stand(False)
-    np.testing.assert_allclose(offsets.beside(here, np.array([False]), RANGE_M), before, atol=1e-12)
+    offsets.turn_over(False)
+    np.testing.assert_allclose(offsets.axis_offsets_rad(here, np.array([False]), RANGE_M), before, atol=1e-12)
 
 
 def sky_rates(motion: Motion) -> np.ndarray:
     return (motion.velocity * np.column_stack([np.cos(motion.position[:, 1]), np.ones(len(motion.position))])).T
+
+
+ACCELERATION = 400 * MDEG
+TIMES = 100.0 + np.arange(0.0, 6.0, 0.01)
+
+
+@pytest.mark.parametrize(
+    ("right", "up", "rate"), [(200.0, -50.0, 150.0), (150.0, 120.0, 30.0), (0.0, 0.0, 80.0), (3.0, 1.0, 0.0)]
+)
+def test_it_starts_as_given_ends_at_rest_and_stays_within_the_acceleration(
+    right: float, up: float, rate: float
+) -> None:
+    offset, speed = np.array([right, up]) * MDEG, np.array([0.6, 0.8]) * rate * MDEG
+    blend = OffsetTransition.within(100.0, offset, speed, ACCELERATION)
+    position, velocity = blend.at(TIMES)
+    np.testing.assert_allclose(position[0], offset, atol=1e-12)
+    np.testing.assert_allclose(velocity[0], speed, atol=1e-12)
+    np.testing.assert_allclose(position[-1], [0.0, 0.0], atol=1e-15)
+    acceleration = np.diff(velocity, axis=0) / 0.01
+    assert float(np.max(np.hypot(*acceleration.T))) <= 1.01 * ACCELERATION
+
+
+def test_nothing_left_over_is_nothing_added() -> None:
+    position, velocity = OffsetTransition().at(TIMES)
+    assert not position.any()
+    assert not velocity.any()

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from rf_pointing.core import PointingError
-from rf_pointing.station.pointing.statistics import PassStatistics
+from rf_pointing.station.pointing.mode import PassStatistics
 
 
 def error(right_rad: float = 0.0, up_rad: float = 0.0, valid: bool = True) -> PointingError:

@@ -1,0 +1,332 @@
+"""One window of conscan samples: carrier power, and where the beam really was when it was measured.
+
+Conscan by maximum likelihood on the exact Gaussian beam, without the paper's linearisation.
+
+Model: P_i = exp(a + 2 mu u_i.theta / h^2 - mu |u_i|^2 / h^2 + spin terms), u_i the beam's offset, theta the target's.
+The unknown power and |theta|^2 are both in a, so the model is log-linear in (a, theta) for any theta.  The receiver's
+variance is alpha_i P_i (CONSCAN B-5: alpha = 2 N0/T).  Score: sum_i x_i (measured P_i - P_i) / alpha_i = 0, concave,
+solved by Newton; it is linear in the measured power, and the bias -1/2 sum_i x_i w_i q_i that the maximum keeps is
+removed in closed form (Cordeiro and McCullagh 1991).  The inverse Hessian is the Cramer-Rao bound.
+
+Power modulation of a spinning spacecraft: regressors that take it out of the conscan estimate, and its period.
+
+A spin multiplies the power by a slowly varying factor; its logarithm over one period is a cos + b sin for every period
+(or harmonic) given.  A period too close to that of the scan cannot be told from a pointing error.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.core import MU, require_between
+
+__all__ = [
+    "BeamDesign",
+    "LikelihoodFit",
+    "PowerWindow",
+    "beam_design",
+    "columns_independent",
+    "fit_beam",
+    "is_singular",
+    "least_spread_rad",
+    "rank_fault",
+    "rank_reason",
+    "spin_columns",
+    "spin_period_s",
+]
+
+
+Array = NDArray[np.float64]
+
+SMALLEST_INFORMATION = 1e-13
+"""Least eigenvalue of an information matrix, its diagonal scaled to one, that determines the unknowns.
+
+Rounding makes 1e-15 of an exact zero, of either sign and different on every processor.  To invert
+first and judge the result afterwards would leave the verdict to it.  At 1e-13 the inverse is good
+to 1 %.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class PowerWindow:
+    """Samples of one estimate: rows (n, 6) of time, power, sigma, beam cross-elevation, beam elevation, C/N0.
+
+    Time is the middle of the integration; beam offsets are from the scan's origin.
+    """
+
+    rows: Array
+
+    @classmethod
+    def empty(cls) -> "PowerWindow":
+        """Return a window without samples."""
+        return cls(np.empty((0, 6)))
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @property
+    def t_s(self) -> Array:
+        """Times (n,)."""
+        return self.rows[:, 0]
+
+    @property
+    def power_w(self) -> Array:
+        """Carrier powers (n,)."""
+        return self.rows[:, 1]
+
+    @property
+    def sigma_w(self) -> Array:
+        """Standard deviations of the powers (n,)."""
+        return self.rows[:, 2]
+
+    @property
+    def beam_cross_elevation_rad(self) -> Array:
+        """Cross-elevation of the beam (n,)."""
+        return self.rows[:, 3]
+
+    @property
+    def beam_elevation_rad(self) -> Array:
+        """Elevation of the beam (n,)."""
+        return self.rows[:, 4]
+
+    @property
+    def beam_rad(self) -> Array:
+        """Beam positions (n, 2), cross-elevation and elevation."""
+        return self.rows[:, 3:5]
+
+    @property
+    def carrier_to_noise_db_hz(self) -> Array:
+        """C/N0 of the samples (n,)."""
+        return self.rows[:, 5]
+
+    def with_sample(self, sample: tuple[float, ...], most: int, oldest_s: float) -> "PowerWindow":
+        """Return the window with `sample` added, at most `most` samples and none before `oldest_s`."""
+        keep = self.rows[-(most - 1) :]
+        if len(keep) and keep[0, 0] < oldest_s:
+            keep = keep[keep[:, 0] >= oldest_s]
+        return PowerWindow(np.concatenate([keep, np.array([sample])]))
+
+    def without(self, row: int) -> "PowerWindow":
+        """Return the window without one of its samples."""
+        return PowerWindow(np.delete(self.rows, row, axis=0))
+
+    def moved(self, cross_elevation_rad: float, elevation_rad: float) -> "PowerWindow":
+        """Return the window seen from an origin moved by this much."""
+        rows = self.rows.copy()
+        rows[:, 3] -= cross_elevation_rad
+        rows[:, 4] -= elevation_rad
+        return PowerWindow(rows)
+
+
+def is_singular(information: Array) -> bool:
+    """Return whether one of these symmetric matrices (..., k, k) leaves an unknown undetermined."""
+    scale = np.sqrt(np.diagonal(information, axis1=-2, axis2=-1))
+    if not (np.all(scale > 0.0) and np.all(np.isfinite(scale))):
+        return True
+    least = np.linalg.eigvalsh(information / (scale[..., :, None] * scale[..., None, :]))[..., 0]
+    return not bool(np.all(least > SMALLEST_INFORMATION))
+
+
+def rank_fault(positions_rad: Array, smallest_spread_rad: float) -> str:
+    """Return why these beam positions (n, 2) do not determine both axes, empty if they do.
+
+    Both axes and the power need three distinct positions that do not lie on a line: along the axis of least spread the
+    beam must have moved by at least `smallest_spread_rad` rms.
+    """
+    least = math.sqrt(max(float(np.linalg.eigvalsh(np.cov(positions_rad.T, bias=True))[0]), 0.0))
+    return "" if least >= smallest_spread_rad else rank_reason(positions_rad, smallest_spread_rad)
+
+
+def rank_reason(positions_rad: Array, smallest_spread_rad: float) -> str:
+    """Name what beam positions (n, 2) that lie on a line, or on two points, leave undetermined."""
+    centred = positions_rad - positions_rad.mean(axis=0)
+    distinct = len(np.unique(np.round(centred / smallest_spread_rad), axis=0))
+    if distinct < 3:
+        return f"{distinct} distinct beam positions, must be at least 3"
+    (xx, xy), (_, yy) = centred.T @ centred
+    blind = 0.5 * math.atan2(2.0 * xy, xx - yy) + 0.5 * math.pi
+    name = {0: "cross-elevation", 2: "elevation"}.get(round(blind / (0.25 * math.pi)) % 4, "one diagonal")
+    return f"{name} is not determined: the beam positions lie on a line"
+
+
+MAX_ITERATIONS = 25
+LOSS = -0.25 / MU  # -mu u^2 / h^2 from the columns 2 mu u / h
+_SINGULAR = "the powers do not determine the direction: one outweighs the others, or the beam moved on a line"
+STEP_TOLERANCE = 2e-3  # of a beamwidth; what is left after that step is below 1e-5
+FRESH_STEP = 1e-2  # after a smaller step the information matrix of the step before still serves
+LARGEST_LOGARITHM = 600.0  # of the power: Newton may overshoot, and exp overflows at 709
+
+
+class BeamDesign(NamedTuple):
+    """Regressors of n beam positions, shared by every run of a batch."""
+
+    columns: Array  # (n, k): 1, cross-elevation, elevation, spin terms
+    products: Array  # (n, k * k): the outer products of each row, the row itself first
+    loss: Array  # (n,): -mu |u|^2 / h^2
+    half_power_beamwidth_rad: float
+
+
+class LikelihoodFit(NamedTuple):
+    """Target minus scan origin (..., 2), covariance (..., 2, 2), mean chi squared per degree of freedom (...)."""
+
+    error_rad: Array
+    covariance_rad2: Array
+    chi_squared: Array
+    converged: NDArray[np.bool_]
+
+
+def beam_design(
+    beam_cross_elevation_rad: Array,
+    beam_elevation_rad: Array,
+    half_power_beamwidth_rad: float,
+    spin_columns: Array | None = None,
+) -> BeamDesign:
+    """Prepare the positions (n,) of the beam; `spin_columns` (n, m) enter the logarithm of the power."""
+    scale = 2.0 * MU / half_power_beamwidth_rad
+    count, unknowns = len(beam_elevation_rad), 3 if spin_columns is None else 3 + spin_columns.shape[1]
+    columns = np.empty((count, unknowns))
+    columns[:, 0] = 1.0
+    np.multiply(beam_cross_elevation_rad, scale, out=columns[:, 1])
+    np.multiply(beam_elevation_rad, scale, out=columns[:, 2])
+    if spin_columns is not None:
+        columns[:, 3:] = spin_columns
+    products = (columns[:, :, None] * columns[:, None, :]).reshape(count, -1)
+    loss = LOSS * (products[:, unknowns + 1] + products[:, 2 * unknowns + 2])
+    return BeamDesign(columns, products, loss, half_power_beamwidth_rad)
+
+
+def least_spread_rad(design: BeamDesign) -> float:
+    """Return the rms motion of the beam along the axis on which it moved least."""
+    sums, unknowns = np.add.reduce(design.products).tolist(), design.columns.shape[1]
+    count, right, up = sums[:3]
+    xx, xy, yy = sums[unknowns + 1], sums[unknowns + 2], sums[2 * unknowns + 2]
+    xx, xy, yy = xx - right * right / count, xy - right * up / count, yy - up * up / count
+    least = 0.5 * (xx + yy) - math.hypot(0.5 * (xx - yy), xy)
+    return math.sqrt(max(least, 0.0) / count) * design.half_power_beamwidth_rad / (2.0 * MU)
+
+
+def columns_independent(design: BeamDesign) -> bool:
+    """Return whether equally good samples at these positions determine every unknown."""
+    return not is_singular(_square(np.add.reduce(design.products)))
+
+
+def fit_beam(design: BeamDesign, power_w: Array, noise_w: Array) -> LikelihoodFit:
+    """Return the maximum-likelihood direction for powers (..., n) of variance `noise_w` (..., n) times their mean.
+
+    Leading dimensions are independent runs at the same beam positions.  A run that does not converge says so.
+    Raises LinAlgError, a ValueError, where the powers do not determine every unknown.
+    """
+    columns, products = design.columns, design.products
+    unknowns = columns.shape[1]
+    weighted = power_w / noise_w
+    moments = weighted @ products
+    score, bound = moments[..., :unknowns], _inverse(moments)
+    solution = _logarithmic_start(design, power_w, weighted, bound)
+    size2 = math.inf
+    for _ in range(MAX_ITERATIONS):
+        weight = np.exp(_bounded(solution @ columns.T + design.loss)) / noise_w
+        moments = weight @ products
+        if size2 > FRESH_STEP**2:
+            bound = _inverse(moments)
+        step = _apply(bound, score - moments[..., :unknowns])
+        solution = solution + step
+        length2 = _dot(step, step)
+        size2 = float(length2 if length2.ndim == 0 else length2.max())
+        if size2 < STEP_TOLERANCE**2:
+            break
+    leverage = bound.reshape(*weight.shape[:-1], -1) @ products.T
+    bias = _apply(bound, (weight * leverage) @ columns)
+    scale = design.half_power_beamwidth_rad
+    misfit = weighted - weight
+    return LikelihoodFit(
+        scale * (solution + 0.5 * bias)[..., 1:3],
+        scale**2 * bound[..., 1:3, 1:3],
+        _dot(misfit, misfit / weight) / (len(columns) - unknowns),
+        np.asarray(length2 < STEP_TOLERANCE**2),
+    )
+
+
+def _logarithmic_start(design: BeamDesign, power_w: Array, weighted: Array, bound: Array) -> Array:
+    """Return the least-squares solution for the logarithm of the power, biased by the noise but close."""
+    return _apply(bound, (weighted * (np.log(power_w) - design.loss)) @ design.columns)
+
+
+def _bounded(logarithm: Array) -> Array:
+    return np.minimum(np.maximum(logarithm, -LARGEST_LOGARITHM), LARGEST_LOGARITHM)
+
+
+def _apply(matrix: Array, vector: Array) -> Array:
+    product: Array = matrix @ vector if vector.ndim == 1 else (matrix @ vector[..., None])[..., 0]
+    return product
+
+
+def _dot(a: Array, b: Array) -> Array:
+    product: Array = a @ b if a.ndim == 1 else np.sum(a * b, axis=-1)
+    return product
+
+
+def _inverse(flat: Array) -> Array:
+    """Return the inverses of symmetric matrices given as rows (..., k * k); 3 x 3 alone by cofactors, 3 times faster.
+
+    Raises LinAlgError for a singular one.  3 x 3 the determinant, the product of the eigenvalues, is judged.
+    """
+    if flat.shape != (9,):
+        matrix = _square(flat)
+        if is_singular(matrix):
+            raise np.linalg.LinAlgError(_SINGULAR)
+        return np.asarray(np.linalg.inv(matrix))
+    a, b, c, _, d, e, _, _, f = flat.tolist()
+    ca, cb, cc = d * f - e * e, c * e - b * f, b * e - c * d
+    determinant = a * ca + b * cb + c * cc
+    if not determinant > SMALLEST_INFORMATION * (a * d * f):
+        raise np.linalg.LinAlgError(_SINGULAR)
+    ce = b * c - a * e
+    adjugate = np.array((ca, cb, cc, cb, a * f - c * c, ce, cc, ce, a * d - b * b))
+    return np.asarray(adjugate / determinant).reshape(3, 3)
+
+
+def _square(flat: Array) -> Array:
+    size = math.isqrt(flat.shape[-1])
+    return flat.reshape(*flat.shape[:-1], size, size)
+
+
+COARSE_STEPS_PER_CYCLE = 4
+
+
+def spin_columns(t_s: Array, periods_s: tuple[float, ...]) -> Array:
+    """Return cosine and sine of every spin period at the times (n,), shape (n, 2 * periods)."""
+    phase = 2.0 * math.pi * np.outer(t_s - t_s[0], 1.0 / np.array(periods_s))
+    return np.concatenate([np.cos(phase), np.sin(phase)], axis=1)
+
+
+def spin_period_s(t_s: Array, power_w: Array, shortest_s: float, longest_s: float) -> tuple[float, float]:
+    """Return the period that explains most of the power's modulation, and the share of the variance it explains.
+
+    Times and powers (n,) of a beam that rests on the target, not necessarily uniform.  The frequency is searched on a
+    grid of a quarter cycle over the record and refined by a parabola.  Raises ValueError for fewer than 8 samples or a
+    record shorter than `longest_s`.
+    """
+    span = float(t_s[-1] - t_s[0])
+    require_between("samples", len(t_s), 8, None)
+    require_between("longest_s", longest_s, shortest_s, span)
+    lowest, highest = 1.0 / longest_s, 1.0 / shortest_s
+    count = max(math.ceil(COARSE_STEPS_PER_CYCLE * span * (highest - lowest)), 4)
+    grid = np.linspace(lowest, highest, count + 1)
+    signal = power_w / np.mean(power_w) - 1.0
+    shares = np.array([_explained_share(t_s, signal, frequency) for frequency in grid])
+    best = int(np.argmax(shares))
+    if best in (0, count):
+        return float(1.0 / grid[best]), float(shares[best])
+    left, centre, right = shares[best - 1 : best + 2]
+    shift = 0.5 * (left - right) / (left - 2.0 * centre + right)
+    frequency = float(grid[best] + shift * (grid[1] - grid[0]))
+    return 1.0 / frequency, _explained_share(t_s, signal, frequency)
+
+
+def _explained_share(t_s: Array, signal: Array, frequency_hz: float) -> float:
+    columns = np.column_stack([np.ones_like(t_s), spin_columns(t_s, (1.0 / frequency_hz,))])
+    fit = np.linalg.lstsq(columns, signal, rcond=None)[0]
+    return 1.0 - float(np.sum((signal - columns @ fit) ** 2) / np.sum((signal - np.mean(signal)) ** 2))
