@@ -1,8 +1,9 @@
-"""Executable `reproduce PAPER [--json]`: the paper's published numbers beside ours; needs no running graph.
+"""Executable `reproduce PAPER [--json]`: the paper's published numbers beside ours.
 
-`--workers N` shares a paper's sweeps out to N processes, `--dask ADDRESS` to the cluster of that scheduler; `--trials N`
-and `--music-inside` are doa's, whose tables are printed from two trials a row unless asked for all 200.  Exit code 0 only
-if every row holds or carries a measured explanation.
+Needs no running graph.  `--workers N` shares a paper's sweeps out to N processes, `--dask ADDRESS`
+to the cluster of that scheduler; `--trials N` and `--music-inside` are doa's, whose tables are
+printed from two trials a row unless asked for all 200.  Exit code 0 only if every row holds or
+carries a measured explanation.
 """
 
 import argparse
@@ -70,7 +71,9 @@ def _rows(parser: argparse.ArgumentParser, options: argparse.Namespace) -> list[
 
 
 def _refuse_misuse(parser: argparse.ArgumentParser, options: argparse.Namespace, understood: set[str]) -> None:
-    """End with exit code 2 on numbers below one, two places for the sweeps, or options the paper has no use for."""
+    """End with exit code 2 on numbers below one, two places for the sweeps, or options the paper
+    has no use for.
+    """
     for name in ("workers", "trials"):
         value = getattr(options, name)
         if value is not None and value < 1:

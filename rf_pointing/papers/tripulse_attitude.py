@@ -1,12 +1,14 @@
 """TRIPULSE end to end, at the level of samples: satellite, two stations, attitude.
 
-Two reference tones under Doppler and two independent clocks, 80 microseconds per beam at 37 dB-Hz per element; the
-satellite steers by its nominal attitude, and is off by what the initial sensors leave.
+Two reference tones under Doppler and two independent clocks, 80 microseconds per beam at 37 dB-Hz
+per element; the satellite steers by its nominal attitude, and is off by what the initial sensors
+leave.
 
-TRIPULSE section 5 recomputed: attitude of two stations in the Y-Z plane about +Z, 2.5, 5 and 10 deg apart.
+TRIPULSE section 5 recomputed: attitude of two stations in the Y-Z plane about +Z, 2.5, 5 and 10 deg
+apart.
 
-Gaussian noise on T_x and T_y of each station; errors are the rotation vector of R_hat R^T in the array frame, rms over
-all trials.
+Gaussian noise on T_x and T_y of each station; errors are the rotation vector of R_hat R^T in the
+array frame, rms over all trials.
 """
 
 import math
@@ -79,7 +81,9 @@ class TripulseRun:
 
     @property
     def attitude_errors_rad(self) -> Array:
-        """Rotation vectors (epochs, 3) from true to estimated orientation, about the reference axes."""
+        """Rotation vectors (epochs, 3) from true to estimated orientation, about the reference
+        axes.
+        """
         return np.array(
             [
                 quaternion_to_rotation_vector(multiply(attitude.quaternion, conjugate(moment.quaternion)))
@@ -96,7 +100,9 @@ def run_tripulse(
     source: TripulseSourceParams | None = None,
     step_s: float = 10.0,
 ) -> TripulseRun:
-    """Return a run of `epochs` measurements, one every `step_s`, of a geosynchronous satellite by two stations."""
+    """Return a run of `epochs` measurements, one every `step_s`, of a geosynchronous satellite by
+    two stations.
+    """
     array, signal = TripulseArrayParams(), signal or TripulseSignalParams()
     orbit, stations = GeostationaryParams(), GroundNetworkParams().stations()
     sender = SimulatedTripulse(array, signal, source or TripulseSourceParams(), orbit, WobbleParams(), stations, seed)
@@ -148,7 +154,9 @@ def signal_rows(seed: int = 1) -> list[Row]:
 
 
 def _phase_left_rad(seed: int) -> float:
-    """Return the largest phase that remains on f_t, samples of the three tones apart, without receiver noise."""
+    """Return the largest phase that remains on f_t, samples of the three tones apart, without
+    receiver noise.
+    """
     count, carrier_hz, separation_hz = 2000, 12e9, 4e5
     rng, time_s = random_stream(seed, "tripulse tones"), np.arange(count) / 4e6
     travel_s = (300.0 * time_s + 0.5 * 4e6 * time_s**2) / SPEED_OF_LIGHT_M_S

@@ -112,7 +112,7 @@ def test_rows_of_numpy_numbers_are_printed_as_json(
         quantity="one", source="here", paper=number(2), ours=number(2), unit="1", tolerance=number(0), bound=bound,
         remark="measured", explained=np.bool_(True),
     )  # fmt: skip
-    monkeypatch.setattr("rf_pointing.papers.doa.rows", lambda seed: [row])
+    monkeypatch.setattr("rf_pointing.papers.doa.rows", lambda seed: [row])  # noqa: ARG005
     assert run("doa", "--json") == 0
     (printed,) = json.loads(capsys.readouterr().out)
     assert printed["ours"] == 2.0

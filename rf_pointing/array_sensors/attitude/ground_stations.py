@@ -1,9 +1,8 @@
-"""Ground stations seen from the satellite: reference directions in the orbital frame and visibility (DOA (13)-(17)).
+"""Ground stations as the satellite sees them, and the network of stations by name (DOA (13)-(17)).
 
-S_o = D / |D| with D = G - S in the paper's vectors, which run from satellite and station to the Earth's centre; with
-places counted from the centre that is D = station - satellite (the printed order would turn the reference around).
-
-The ground stations of a satellite, by name and place: parameters of every node that knows them.
+S_o = D / |D| with D = station - satellite, both places counted from the Earth's centre.  DOA prints
+D = G - S, but its vectors run from station and satellite to the centre: in the printed order the
+reference would point the other way.
 """
 
 import math
@@ -59,7 +58,9 @@ class GroundStation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StationView:
-    """Directions satellite to station in F_o (..., N, 3), elevation of the satellite there and range (..., N)."""
+    """Directions satellite to station in F_o (..., N, 3), elevation of the satellite there and
+    range (..., N).
+    """
 
     reference: Array
     elevation_rad: Array
@@ -88,7 +89,10 @@ def view_from(point: OrbitPoint, stations: list[GroundStation]) -> StationView:
 
 
 def largest_nadir_angle_rad(orbit: SunSynchronousOrbitParams, elevation_min_rad: float) -> float:
-    """Return the nadir angle of a station at `elevation_min_rad`: 61.05 deg (800 km, 10 deg), not the printed 62."""
+    """Return the nadir angle of a station at `elevation_min_rad`.
+
+    61.05 deg (800 km, 10 deg), not the printed 62.
+    """
     ratio = EARTH_RADIUS_M / (EARTH_RADIUS_M + orbit.altitude_m)
     return math.asin(ratio * math.cos(elevation_min_rad))
 
@@ -101,10 +105,11 @@ def stations_along_track(
     spacing_s: float = 625.0,
     aside_rad: float = 0.02,
 ) -> list[GroundStation]:
-    """Return `count` stations under the orbit, passed every `spacing_s`, by turns `aside_rad` right and left of it.
+    """Return `count` stations under the orbit, passed every `spacing_s`, by turns `aside_rad` right
+    and left of it.
 
-    The paper's eight stations are not published; these keep one in view all the time and are not under the track,
-    because stations on the track see pitch from one plane only.
+    The paper's eight stations are not published; these keep one in view all the time and are not
+    under the track, because stations on the track see pitch from one plane only.
     """
     stations = []
     for index in range(count):
@@ -119,7 +124,10 @@ def stations_along_track(
 
 @dataclass(frozen=True, kw_only=True)
 class GroundNetworkParams(Params):
-    """Stations on the spherical Earth; the defaults are 12 deg apart as seen from 19 deg E in GEO."""
+    """Stations on the spherical Earth.
+
+    The defaults are 12 deg apart as seen from 19 deg E in GEO.
+    """
 
     names: tuple[str, ...] = parameter(("usingen", "hartebeesthoek"), "stations; each name is a namespace")
     latitude_rad: tuple[float, ...] = parameter(

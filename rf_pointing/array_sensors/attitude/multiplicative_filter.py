@@ -1,20 +1,19 @@
-"""Process noise of attitude motion, shared by the simulated satellite and the filters.
+"""Attitude and rate from directions to ground signals: multiplicative error-state Kalman filter.
 
-DOA adds Q = q E_6 at every 250-ms step, to the rate (rad/s)^2 and to the vector part of the quaternion.  A rotation is
-twice the vector part, so per second that is 4 q / dt on the attitude and q / dt on the rate.  The printed q = 1e-9
-makes the filter itself predict degrees; q = 1e-12 gives the paper's tables in kind.
+State: quaternion (body in orbital frame) and inertial body rate w.  Error: rotation e in the
+ORBITAL frame, C_true = exp([e x]) C, and rate error.  In this frame the reference direction S_o is
+known exactly, so the measured direction turned by the estimate, C m, misses S_o by
 
-Attitude and rate of a satellite from directions to ground signals: multiplicative error-state Kalman filter.
+    z = rotation vector that takes C m to S_o = e across S_o,   H = [E, 0],
 
-State: quaternion (body in orbital frame) and inertial body rate w.  Error: rotation e in the ORBITAL frame,
-C_true = exp([e x]) C, and rate error.  In this frame the reference direction S_o is known exactly, so the measured
-direction turned by the estimate, C m, misses S_o by
+with E two rows orthogonal to S_o.  The observed and the unobserved axes never depend on the
+estimate (the invariant form of the extended Kalman filter, Barrau and Bonnabel 2017).  `doa`
+contains its start from any attitude, `papers.doa_study` the filter as DOA prints it.  All functions
+accept leading batch axes.
 
-    z = rotation vector that takes C m to S_o = e across S_o,     H = [E, 0], E two rows orthogonal to S_o:
-
-the observed and the unobserved axes never depend on the estimate (the invariant form of the extended Kalman filter,
-Barrau and Bonnabel 2017).  How it starts far from the truth: `attitude_start`.  The printed filter is `published_filter`.
-All functions accept leading batch axes.
+Process noise: DOA adds Q = q E_6 every 250 ms to the rate (rad/s)^2 and to the vector part of the
+quaternion.  A rotation is twice the vector part, so per second that is 4 q / dt on the attitude and
+q / dt on the rate.
 """
 
 from dataclasses import dataclass
@@ -63,6 +62,8 @@ __all__ = [
 
 
 PRINTED_Q = 1e-9
+# With the printed q the filter itself predicts an error of degrees; this one gives tables of the
+# size that DOA prints.
 TABLE_Q = 1e-12
 Array = NDArray[np.float64]
 
@@ -98,8 +99,9 @@ class GateParams(Params):
 class AttitudeState:
     """State of one filter or of a batch of them.
 
-    quaternion (..., 4), rate_rad_s (..., 3), covariance (..., 6, 6) of [orbital-frame rotation, rate], refused (...):
-    directions outside the gate in a row, misfit (...): sum of the normalised squared innovations, each at most the gate.
+    quaternion (..., 4), rate_rad_s (..., 3), covariance (..., 6, 6) of [orbital-frame rotation,
+    rate], refused (...): directions outside the gate in a row, misfit (...): sum of the normalised
+    squared innovations, each at most the gate.
     """
 
     quaternion: Array
@@ -111,7 +113,9 @@ class AttitudeState:
 
 @dataclass(frozen=True, slots=True)
 class DirectionObservation:
-    """Measured direction in the body (..., 3), its covariance (..., 3, 3), and the reference in the orbital frame."""
+    """Measured direction in the body (..., 3), its covariance (..., 3, 3), and the reference in the
+    orbital frame.
+    """
 
     measured: Array
     covariance_rad2: Array
@@ -121,9 +125,11 @@ class DirectionObservation:
 def start_state(
     quaternion: Array, rate_rad_s: Array, attitude_sigma_rad: float, rate_sigma_rad_s: float, gate: GateParams
 ) -> AttitudeState:
-    """Return the state starting at `quaternion` (..., 4), `rate_rad_s` (..., 3) with equal uncertainty of all axes.
+    """Return the state starting at `quaternion` (..., 4), `rate_rad_s` (..., 3) with equal
+    uncertainty of all axes.
 
-    A start may be wrong, so the filter begins in doubt: it listens until a direction falls into its gate.
+    A start may be wrong, so the filter begins in doubt: it listens until a direction falls into its
+    gate.
     """
     lead = np.shape(quaternion)[:-1]
     covariance = np.diag(np.repeat([attitude_sigma_rad**2, rate_sigma_rad_s**2], 3))
@@ -144,7 +150,10 @@ def predict(
     frame_rate: Array,
     dt_s: float,
 ) -> AttitudeState:
-    """Return the state `dt_s` later; `frame_rate` (..., 3) is the orbital frame's inertial rate in its own axes."""
+    """Return the state `dt_s` later.
+
+    `frame_rate` (..., 3) is the orbital frame's inertial rate in its own axes.
+    """
     rotation = matrix_from_quaternion(state.quaternion)
     quaternion, rate = propagate(inertia, state.quaternion, state.rate_rad_s, known, frame_rate, dt_s, rotation)
     by_rate = rate_jacobian(inertia, state.rate_rad_s, known.wheel_momentum_n_m_s)
@@ -163,7 +172,9 @@ def predict(
 
 
 def innovation(state: AttitudeState, observation: DirectionObservation) -> tuple[Array, Array, Array]:
-    """Return z (..., 2), its covariance (..., 2, 2) and the rows E (..., 2, 3) orthogonal to the reference."""
+    """Return z (..., 2), its covariance (..., 2, 2) and the rows E (..., 2, 3) orthogonal to the
+    reference.
+    """
     rotation = matrix_from_quaternion(state.quaternion)
     turned = np.einsum("...ij,...j->...i", rotation, observation.measured)
     gap = rotation_between(turned, observation.reference)
@@ -178,8 +189,9 @@ def innovation(state: AttitudeState, observation: DirectionObservation) -> tuple
 def update(state: AttitudeState, observation: DirectionObservation, gate: GateParams) -> AttitudeState:
     """Return the state after one direction.
 
-    A direction outside the gate is refused and counted.  After `gate.doubt_after` refusals in a row the filter is taken
-    to be wrong and not the sensor: it listens to everything until one direction falls inside the gate again.
+    A direction outside the gate is refused and counted.  After `gate.doubt_after` refusals in a row
+    the filter is taken to be wrong and not the sensor: it listens to everything until one direction
+    falls inside the gate again.
     """
     z, spread, rows = innovation(state, observation)
     inverse = _inverse_spread(spread)
@@ -189,7 +201,8 @@ def update(state: AttitudeState, observation: DirectionObservation, gate: GatePa
     crossed = state.covariance[..., :, :3] @ _transposed(rows)
     gain = crossed @ inverse * believed[..., None, None]
     change = np.einsum("...ij,...j->...i", gain, z)
-    # no reset of the covariance: what is left unknown is the turn about the reference itself, before and after
+    # no reset of the covariance: what is left unknown is the turn about the reference itself,
+    # before and after
     covariance = state.covariance - gain @ _transposed(crossed)
     quaternion = quaternion_product(quaternion_from_turn(change[..., :3]), state.quaternion)
     return AttitudeState(
@@ -223,7 +236,10 @@ def rotation_between(first: Array, second: Array) -> Array:
 
 
 def _transposed(matrix: Array) -> Array:
-    """Return the transpose as a copy of its own: stacked products with a view take three times as long."""
+    """Return the transpose as a copy of its own.
+
+    Stacked products with a view take three times as long.
+    """
     return np.ascontiguousarray(matrix.swapaxes(-1, -2))
 
 

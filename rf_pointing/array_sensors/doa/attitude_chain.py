@@ -1,12 +1,9 @@
-"""What a satellite with a direction-finding array says of itself: snapshots of a channel, and known torques.
+"""From snapshots of an array and the known torques to attitude and rate of the satellite.
 
-Which measured direction belongs to which station: the assignment with the least total angle.
-
-From snapshots of an array and the known torques to attitude and rate: directions, stations, filter, verdict.
-
-The filter starts at the first direction, with the guess that the satellite points to the nadir and turns with its orbit, and
-anew after a long gap or when direction after direction contradicts it: what it believed is then not true any more.
-Torques are held from their stamps on; between two blocks the filter is carried on by them.
+The filter starts at the first direction, with the guess that the satellite points to the nadir and
+turns with its orbit.  It starts anew after a long gap, and when direction after direction
+contradicts it.  Each torque holds from its stamp on; between two blocks the torques carry the
+filter on.
 """
 
 from collections import deque
@@ -51,9 +48,11 @@ class HeldTorque:
 def match_directions(
     measured: NDArray[np.float64], expected: NDArray[np.float64], largest_rad: float
 ) -> list[tuple[int, int]]:
-    """Return pairs (measured index, expected index), each used once, no pair farther apart than `largest_rad`.
+    """Return pairs (measured index, expected index), each used once, no pair farther apart than
+    `largest_rad`.
 
-    `measured` (n, 3) and `expected` (m, 3) are unit vectors in one frame; unmatched ones do not appear.
+    `measured` (n, 3) and `expected` (m, 3) are unit vectors in one frame; unmatched ones do not
+    appear.
     """
     from scipy.optimize import linear_sum_assignment
 
@@ -83,7 +82,10 @@ class DoaChainParams(Params):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DoaAttitudeReport:
-    """Attitude and rate after one block; `refused` says which of its directions were not used, and why."""
+    """Attitude and rate after one block.
+
+    `refused` says which of its directions were not used, and why.
+    """
 
     attitude: AttitudeReport
     rate: RateReport
@@ -110,7 +112,10 @@ class DoaAttitude:
         self._filter: DoaAttitudeFilter | None = None
 
     def take_torque(self, torque: HeldTorque, now_s: float) -> None:
-        """Note what the satellite knows of its torques; ValueError if it is not newer than the last."""
+        """Note what the satellite knows of its torques.
+
+        ValueError if it is not newer than the last.
+        """
         require_arrived(torque.t_s, now_s)
         if self._torques and torque.t_s <= self._torques[-1].t_s:
             raise ValueError(f"torque of t_s={torque.t_s} must be > the last one's {self._torques[-1].t_s}")
@@ -122,8 +127,9 @@ class DoaAttitude:
         Raises
         ------
         ValueError
-            If a transmitter is unknown, the block is late or ahead of the clock, no torque is known for the time up to
-            it, or its snapshots are refused.  The attitude is as before then, at most carried on in time.
+            If a transmitter is unknown, the block is late or ahead of the clock, no torque
+            is known for the time up to it, or its snapshots are refused.  The attitude is as before
+            then, at most carried on in time.
         """
         t_s = heard.block.t_s
         require_arrived(t_s, now_s)
@@ -143,7 +149,9 @@ class DoaAttitude:
         return _report(running, tuple(refused))
 
     def coast(self, t_s: float) -> DoaAttitudeReport | None:
-        """Return attitude and rate carried on to `t_s` without a block, None before the first block."""
+        """Return attitude and rate carried on to `t_s` without a block, None before the first
+        block.
+        """
         if self._filter is None or t_s <= self._filter.state.t_s:
             return None
         return _report(self._carried_on(t_s))
@@ -168,7 +176,10 @@ class DoaAttitude:
     def _identified(
         self, running: DoaAttitudeFilter, transmitters: tuple[str, ...], found: list[DirectionEstimate], t_s: float
     ) -> tuple[list[tuple[str, Array, DirectionEstimate]], list[str]]:
-        """Return station, reference and direction of what was found, and what was not; a sole station needs no search."""
+        """Return station, reference and direction of what was found, and what was not.
+
+        a sole station needs no search.
+        """
         view = view_stations(self._orbit, [self._stations[name] for name in transmitters], t_s)
         if len(transmitters) == 1 and len(found) == 1:
             return [(transmitters[0], view.reference[0], found[0])], []
@@ -182,7 +193,9 @@ class DoaAttitude:
         return [(transmitters[k], view.reference[k], found[i]) for i, k in pairs], reasons
 
     def _carried_on(self, t_s: float) -> DoaAttitudeFilter:
-        """Return the filter at `t_s`, started there if there is none, it was silent for too long, or it is lost."""
+        """Return the filter at `t_s`, started there if there is none, it was silent for too long,
+        or it is lost.
+        """
         if self._filter is not None and t_s < self._filter.state.t_s:
             raise ValueError(f"t_s={t_s} is late: the filter is at {self._filter.state.t_s}")
         if (

@@ -1,7 +1,8 @@
-"""Attitude of a satellite from directions of arrival, stepped by time: the filter a node wraps.
+"""Attitude of a satellite from directions of arrival, stepped by time: the filter that a node wraps.
 
-Predicts in steps of at most 250 ms with the torques the satellite knows, takes directions with covariance, and says
-with every output whether to believe it and, if not, why.  A value that is not finite never enters the state.
+Predicts in steps of at most 250 ms with the torques the satellite knows, accepts directions with
+covariance, and states with every output whether it is valid and, if not, why.  A value that is not
+finite never enters the state.
 """
 
 from dataclasses import dataclass, replace
@@ -43,7 +44,9 @@ class DoaAttitudeParams(Params):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StationDirection:
-    """Direction to one station: measured in the body (3,), its covariance (3, 3), and expected in the orbital frame."""
+    """Direction to one station: measured in the body (3,), its covariance (3, 3), and expected in
+    the orbital frame.
+    """
 
     station: str
     measured: Array
@@ -53,9 +56,11 @@ class StationDirection:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AttitudeEstimate:
-    """Orientation of the body in the orbital frame (x, y, z, w), inertial body rate and covariance at `t_s`.
+    """Orientation of the body in the orbital frame (x, y, z, w), inertial body rate and covariance
+    at `t_s`.
 
-    `covariance` (6, 6): rotation about the axes of the orbital frame (rad^2), then rate in the body ((rad/s)^2).
+    `covariance` (6, 6): rotation about the axes of the orbital frame (rad^2), then rate in the body
+    ((rad/s)^2).
     """
 
     t_s: float
@@ -70,8 +75,8 @@ class AttitudeEstimate:
 class DoaAttitudeState:
     """Everything the next output depends on.
 
-    `bank` holds one filter or the hypotheses of the start; before the first direction it is the guess (1,).
-    `choose_s` is the time from which one hypothesis is kept.
+    `bank` holds one filter or the hypotheses of the start; before the first direction it is the
+    guess (1,). `choose_s` is the time from which one hypothesis is kept.
     """
 
     t_s: float
@@ -84,7 +89,8 @@ class DoaAttitudeState:
 class DoaAttitudeFilter:
     """Multiplicative filter with its start, its clock, its memory of stations and its verdict.
 
-    `quaternion` and `rate_rad_s` are a guess at the time of the first direction; the attitude may be anything.
+    `quaternion` and `rate_rad_s` are a guess at the time of the first direction; the attitude may
+    be anything.
     """
 
     def __init__(
@@ -122,7 +128,8 @@ class DoaAttitudeFilter:
         return 0 if self._state.heard_s is None else int(best_of_bank(self._state.bank).refused[0])
 
     def predict_to(self, t_s: float, known: KnownTorque, frame_rate: Array) -> None:
-        """Advance to `t_s`; `frame_rate` (3,) is the inertial rate of the orbital frame in its own axes.
+        """Advance to `t_s`; `frame_rate` (3,) is the inertial rate of the orbital frame in its own
+        axes.
 
         Raises
         ------
@@ -151,7 +158,8 @@ class DoaAttitudeFilter:
         Raises
         ------
         ValueError
-            If a direction is not a unit vector or its covariance is not positive across it; nothing is changed then.
+            If a direction is not a unit vector or its covariance is not positive across it;
+            nothing is changed then.
         """
         seen = _checked(direction)
         state = self._state
@@ -167,12 +175,15 @@ class DoaAttitudeFilter:
         return inside
 
     def start_from_directions(self, directions: list[StationDirection], rate_rad_s: Array) -> None:
-        """Begin again from two or more simultaneous directions (Wahba's problem): there is nothing to converge.
+        """Begin again from two or more simultaneous directions (Wahba's problem).
+
+        There is nothing to converge.
 
         Raises
         ------
         ValueError
-            If the directions are collinear or fewer than two (see `wahba.fit_rotation`); nothing is changed then.
+            If the directions are collinear or fewer than two (see `wahba.fit_rotation`);
+            nothing is changed then.
         """
         checked = [_checked(each) for each in directions]
         fit = fit_rotation(
@@ -202,7 +213,9 @@ class DoaAttitudeFilter:
         )
 
     def _heard(self, state: DoaAttitudeState, station: str, inside: bool) -> DoaAttitudeState:
-        """Return `state` with the station remembered, reduced to one hypothesis once that can be told."""
+        """Return `state` with the station remembered, reduced to one hypothesis once that can be
+        told.
+        """
         if station not in state.stations and (inside or not state.stations):
             state = replace(state, stations=(*state.stations, station))
             if len(state.stations) == 2:

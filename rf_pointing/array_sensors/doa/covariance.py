@@ -1,11 +1,12 @@
-"""Spatial covariance of an array from its snapshots, and its eigenvectors (DOA eqs. (9), (10)).
+"""Spatial covariance of an array, its eigenvectors (DOA eqs. (9), (10)) and the number of sources.
 
-R = 1/L sum_l x_l x_l^H.  A covariance that is empty, not finite, not Hermitian or without any power is refused here,
-once, so that nothing behind it has to guess.
+R = 1/L sum_l x_l x_l^H.  A covariance that is empty, not finite, not Hermitian or without power is
+rejected here, once, so that the estimators need not check again.
 
-How many sources a covariance holds: the minimum description length of Wax and Kailath (1985).
+Number of sources k: the minimum description length of Wax and Kailath (1985),
 
-MDL(k) = L (M - k) ln(arithmetic / geometric mean of the M - k smallest eigenvalues) + k (2 M - k) ln(L) / 2.
+    MDL(k) = L (M - k) ln(arithmetic / geometric mean of the M - k smallest eigenvalues)
+             + k (2 M - k) ln(L) / 2.
 """
 
 from dataclasses import dataclass
@@ -34,7 +35,8 @@ def sample_covariance(snapshots: ComplexArray, sources: int = 1) -> ComplexArray
     Raises
     ------
     ValueError
-        If there are fewer snapshots than sources (the signal subspace cannot be filled) or a sample is not finite.
+        If there are fewer snapshots than sources (the signal subspace cannot be filled) or a
+        sample is not finite.
     """
     if snapshots.ndim < 2:
         raise ValueError(f"snapshots has shape {snapshots.shape}, must be (..., elements, snapshots)")
@@ -76,7 +78,8 @@ def count_sources(covariance: NDArray[np.complex128], snapshots: int) -> NDArray
     Raises
     ------
     ValueError
-        If there are fewer snapshots than elements: the smallest eigenvalues are then zero and say nothing.
+        If there are fewer snapshots than elements: the smallest eigenvalues are then zero
+        and say nothing.
     """
     elements = covariance.shape[-1]
     if snapshots < elements:

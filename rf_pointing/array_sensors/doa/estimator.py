@@ -1,9 +1,10 @@
-"""Directions with covariance from one block of snapshots: covariance, MUSIC, power, Cramer-Rao bound, verdict.
+"""Directions with covariance from one block of snapshots.
 
-The covariance of a direction is the Cramer-Rao bound at the estimated power: rank two, in the tangent plane, regular at
-theta = 0.  MUSIC attains it above its threshold (see docs/math/doa.md), so below the threshold an estimate is marked
-invalid with its reason instead of carrying a covariance that is not true; so is one from a channel that holds more
-signals than are looked for: it may be another transmitter's.
+Steps: covariance, MUSIC, power, Cramer-Rao bound, verdict.  The covariance of a direction is the
+bound at the estimated power: rank two, in the tangent plane, regular at theta = 0.  MUSIC attains
+it above its threshold (docs/math/doa.md).  Below the threshold the covariance would not be true, so
+the estimate is invalid and carries its reason.  So is an estimate from a channel with more signals
+than expected: it may belong to another transmitter.
 """
 
 from dataclasses import dataclass
@@ -41,8 +42,9 @@ class DoaEstimatorParams(Params):
 class DirectionEstimate:
     """Direction of one source in the array frame at `t_s`.
 
-    `direction` (3,) unit vector; `covariance_rad2` (3, 3) of its error, rank two, orthogonal to it; `snr_db` per
-    element; `effective_snr` kappa as a ratio.  An invalid estimate carries its reason and must not move a filter.
+    `direction` (3,) unit vector; `covariance_rad2` (3, 3) of its error, rank two, orthogonal to it;
+    `snr_db` per element; `effective_snr` kappa as a ratio.  An invalid estimate carries its reason
+    and must not move a filter.
     """
 
     t_s: float
@@ -67,13 +69,15 @@ class DoaEstimator:
         self._matrix = None if response is None else response.matrix
 
     def estimate(self, block: SnapshotBlock) -> list[DirectionEstimate]:
-        """Return one estimate per source found, strongest spectrum first; an unresolved source is missing from it.
+        """Return one estimate per source found, strongest spectrum first.
+
+        An unresolved source is missing from it.
 
         Raises
         ------
         ValueError
-            If the block has no more snapshots than sources (the noise cannot be told from the signals), or its
-            covariance is refused.
+            If the block has no more snapshots than sources (the noise cannot be told from
+            the signals), or its covariance is refused.
         """
         sources, count = self.params.sources, block.snapshots.shape[-1]
         if count <= sources:
@@ -92,7 +96,10 @@ class DoaEstimator:
         return self._judge(block.t_s, directions, powers / noise, count, flaw)
 
     def _crowded(self, covariance: ComplexArray, count: int) -> str:
-        """Return what speaks against the number of sources; it cannot be counted with fewer snapshots than elements."""
+        """Return what speaks against the number of sources.
+
+        It cannot be counted with fewer snapshots than elements.
+        """
         if not self.params.count_signals or count < self.array.elements:
             return ""
         held = int(count_sources(covariance, count))

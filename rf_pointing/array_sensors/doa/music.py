@@ -1,15 +1,12 @@
-"""Refine a peak of the MUSIC spectrum to the floating-point maximum: Newton's method on the unit sphere.
+"""MUSIC for one source, batched: coarse search, then Newton's method to the exact peak.
 
-Signal fraction g(s) = |V^H C a(s)|^2 / |C a(s)|^2, V the signal eigenvectors: DOA eq. (11) is 1 / (|C a|^2 (1 - g)), so
-its peaks are the maxima of g.  log g has closed derivatives in the direction cosines (u, v); on the sphere the gradient
-is E^T d and the Hessian E^T H E - (s . d) I with E an orthonormal tangent basis.  Neither theta = 0 nor the array plane
-(where the spectrum mirrors itself) is a special place, and no step needs a search grid.
+Signal fraction g(s) = |V^H C a(s)|^2 / |C a(s)|^2, V the signal eigenvectors: DOA eq. (11) is
+1 / (|C a|^2 (1 - g)), so its peaks are the maxima of g.  With one source V is the principal
+eigenvector; this holds for a single snapshot too, where the covariance has rank one.
 
-MUSIC for one source, batched: coarse search over the front half sphere, then Newton to the exact peak.
-
-With one source the MUSIC spectrum (DOA eq. (11)) peaks where |v_1^H a| does, v_1 the principal eigenvector: this holds
-for a single snapshot too, where the covariance has rank one.  The coarse lattice is spaced 0.5 / (k r) in the direction
-cosines, a sixth of the main lobe's width, so the start lies in the lobe of the global maximum.
+log g has closed derivatives in the direction cosines (u, v); on the sphere the gradient is E^T d
+and the Hessian E^T H E - (s . d) I with E an orthonormal tangent basis.  Neither theta = 0 nor the
+array plane (where the spectrum mirrors itself) is a special place, and no step needs a search grid.
 """
 
 from dataclasses import dataclass
@@ -44,7 +41,9 @@ CHUNK = 2048
 
 @dataclass(frozen=True, slots=True)
 class Peaks:
-    """Refined directions (n, 3), signal fraction there (n,), and whether Newton's method converged (n,)."""
+    """Refined directions (n, 3), signal fraction there (n,), and whether Newton's method converged
+    (n,).
+    """
 
     direction: Array
     fraction: Array
@@ -64,7 +63,9 @@ def signal_fraction(
 def refine_peaks(
     array: CircularArrayParams, signal: ComplexArray, start: Array, response: ComplexArray | None = None
 ) -> Peaks:
-    """Return the maxima of g reached from `start` (n, 3); a start that does not converge is flagged, never hidden.
+    """Return the maxima of g reached from `start` (n, 3).
+
+    A start that does not converge is flagged.
 
     Parameters
     ----------
@@ -109,7 +110,9 @@ def _log_fraction(
 
 
 def _log_derivatives(y: ComplexArray) -> tuple[Array, Array, Array]:
-    """Return p = sum |y_0|^2 and the gradient (n, 2) and Hessian (n, 2, 2) of log p from Taylor columns y (n, K, 6)."""
+    """Return p = sum |y_0|^2 and the gradient (n, 2) and Hessian (n, 2, 2) of log p from Taylor
+    columns y (n, K, 6).
+    """
     power = np.maximum(np.sum(np.abs(y[..., 0]) ** 2, axis=-1), 1e-300)
     base = y[..., :1].conj()
     slope = 2.0 * np.sum(base * y[..., 1:3], axis=1).real / power[:, None]
@@ -138,7 +141,9 @@ def _newton_step(direction: Array, gradient: Array, hessian: Array, limit: float
 
 
 def _climb(a: Array, b: Array, c: Array, slope: Array, floor: float) -> Array:
-    """Return the Newton step of the Hessian [[a, b], [b, c]], turned uphill where the surface is a saddle or valley."""
+    """Return the Newton step of the Hessian [[a, b], [b, c]], turned uphill where the surface is a
+    saddle or valley.
+    """
     turn = 0.5 * np.arctan2(2.0 * b, a - c)
     cosine, sine = np.cos(turn), np.sin(turn)
     middle, half = 0.5 * (a + c), np.hypot(0.5 * (a - c), b)
@@ -148,7 +153,9 @@ def _climb(a: Array, b: Array, c: Array, slope: Array, floor: float) -> Array:
 
 
 def lattice(spacing: float) -> Array:
-    """Return unit vectors (n, 3) of the front half sphere, on a square lattice of direction cosines."""
+    """Return unit vectors (n, 3) of the front half sphere, on a square lattice of direction
+    cosines.
+    """
     line = np.arange(-np.floor(1.0 / spacing), np.floor(1.0 / spacing) + 1.0) * spacing
     u, v = (axis.ravel() for axis in np.meshgrid(line, line, indexing="ij"))
     inside = u * u + v * v <= 1.0

@@ -1,7 +1,8 @@
-"""MUSIC for several simultaneous sources: the K largest maxima of the spectrum, each refined by Newton's method.
+"""MUSIC for several simultaneous sources: the K largest maxima, each refined by Newton's method.
 
-Signal fraction g = |V^H C a|^2 / |C a|^2 with V the K principal eigenvectors.  MUSIC needs the sources less than fully
-correlated and farther apart than the noise blurs them; where fewer than K separate maxima exist the result says so.
+Signal fraction g = |V^H C a|^2 / |C a|^2 with V the K principal eigenvectors.  MUSIC needs sources
+that are less than fully correlated and farther apart than the noise blurs them; the result states
+where fewer than K separate maxima exist.
 """
 
 from dataclasses import dataclass
@@ -23,7 +24,8 @@ ComplexArray = NDArray[np.complex128]
 class SeveralDirections:
     """Directions (k, 3) found for one covariance, best first, with k <= sources asked for.
 
-    `fraction` (k,) is 1 for a perfect source; `reason` is empty when all were found, else says what is missing.
+    `fraction` (k,) is 1 for a perfect source; `reason` is empty when all were found, else says what
+    is missing.
     """
 
     direction: Array
@@ -45,7 +47,8 @@ def estimate_several(
     Raises
     ------
     ValueError
-        If `sources` is not below the number of elements, or the covariance has lower rank than that.
+        If `sources` is not below the number of elements, or the covariance has lower rank
+        than that.
     """
     signal = eigen(covariance, array.elements, sources).vectors[:, :sources]
     spacing = 0.2 / phase_radius_rad(array)
@@ -68,7 +71,9 @@ def estimate_several(
 def _lattice_maxima(
     array: CircularArrayParams, signal: ComplexArray, spacing: float, response: ComplexArray | None
 ) -> Array:
-    """Return the lattice points (n, 3) that no neighbour exceeds, on a square lattice of direction cosines."""
+    """Return the lattice points (n, 3) that no neighbour exceeds, on a square lattice of direction
+    cosines.
+    """
     points, received = steered_lattice(array, spacing)
     if response is not None:
         received = received @ response.T

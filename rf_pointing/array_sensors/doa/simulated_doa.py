@@ -1,7 +1,8 @@
-"""A simulated satellite whose circular array hears ground stations: the truth behind the DOA attitude filter.
+"""A simulated satellite whose circular array receives ground stations: truth of the DOA filter.
 
-The satellite holds nadir by a torque that it knows and tells; stations above their horizon and in front of the array
-send in turn, one block of snapshots each period, or all together in one channel.
+The satellite holds nadir by a torque that it knows and publishes.  Stations above their horizon and
+in front of the array transmit in turn, one block of snapshots each period, or all together in one
+channel.
 """
 
 import math
@@ -45,7 +46,9 @@ class DoaScenarioParams(Params):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DoaMoment:
-    """Truth at one instant, the torque held from then on, and the snapshots if any station is heard."""
+    """Truth at one instant, the torque held from then on, and the snapshots if any station is
+    heard.
+    """
 
     truth: SatelliteTruth
     torque: HeldTorque

@@ -1,10 +1,13 @@
 """Simulated satellite holding nadir: the truth behind the attitude filters.
 
-With the inertia of DOA eq. (25) gravity gradient alone is unstable (iyy < izz), so a torque must hold the satellite:
+With the inertia of DOA eq. (25) gravity gradient alone is unstable (iyy < izz), so a torque must
+hold the satellite:
 
-    T = -I (f^2 2 q + 2 z f w_bo),    f bandwidth, z damping, q vector part, w_bo rate against the orbital frame,
+    T = -I (f^2 2 q + 2 z f w_bo),    f bandwidth, z damping, q vector part, w_bo rate against the
+    orbital frame,
 
-which the filter is told.  Random torque makes the rate a random walk; a filter can be given the same process noise.
+which the filter knows.  Random torque makes the rate a random walk; a filter can be given the
+same process noise.
 """
 
 import copy
@@ -39,7 +42,9 @@ class NadirHoldParams(Params):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SatelliteTruth:
-    """Complete state: orientation of the body in the orbital frame, inertial body rate, and the noise generator."""
+    """Complete state: orientation of the body in the orbital frame, inertial body rate, and the
+    noise generator.
+    """
 
     t_s: float
     quaternion: Array
@@ -48,7 +53,9 @@ class SatelliteTruth:
 
 
 class SimulatedSatellite:
-    """One satellite, or a batch where `quaternion` (..., 4) and `rate_rad_s` (..., 3) have leading axes."""
+    """One satellite, or a batch where `quaternion` (..., 4) and `rate_rad_s` (..., 3) have leading
+    axes.
+    """
 
     def __init__(
         self,
@@ -98,7 +105,10 @@ class SimulatedSatellite:
         )
 
     def step(self, dt_s: float, known: KnownTorque, frame_rate: Array) -> None:
-        """Advance the truth by `dt_s` under `known`; `frame_rate` (3,) is the orbital frame's inertial rate in F_o."""
+        """Advance the truth by `dt_s` under `known`.
+
+        `frame_rate` (3,) is the orbital frame's inertial rate in F_o.
+        """
         require_between("dt_s", dt_s, 1e-6, 10.0)
         quaternion, rate = propagate(self._inertia, self._quaternion, self._rate, known, frame_rate, dt_s)
         shape = rate.shape

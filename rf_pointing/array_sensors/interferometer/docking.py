@@ -1,9 +1,8 @@
-"""Pose estimate in REP-103 axes (x forward, y left, z up), ready for standard geometry messages.
+"""Docking by the interferometer: simulated approach, tracker with a clock, pose in REP-103 axes.
 
-Position and velocity in the active body frame; the orientation turns vectors of the passive body frame into it; the
-covariance's rotations are about the active frame's fixed axes, as pose messages define it.
-
-Two spacecraft that find each other by the polarized interferometer: the simulated approach, and the pose with a clock.
+REP-103: x forward, y left, z up.  Position and velocity are in the active body frame; the
+orientation turns vectors of the passive body frame into it.  Rotations of the covariance are about
+the active frame's fixed axes, as pose messages define it.
 """
 
 from dataclasses import dataclass
@@ -34,9 +33,10 @@ _FLIP = np.diag([1.0, -1.0, -1.0])
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rep103Pose:
-    """Position (3,), orientation (3, 3), their covariance (6, 6); linear and angular velocity (3,), covariance (6, 6).
+    """Position (3,), orientation (3, 3), their covariance (6, 6).
 
-    Angular velocity of the passive body relative to the active one, in the active frame like the linear one.
+    Linear and angular velocity (3,), covariance (6, 6).  Angular velocity of the passive body
+    relative to the active one, in the active frame like the linear one.
     """
 
     position_m: Array
@@ -106,8 +106,8 @@ class SimulatedDocking:
 class RelativePoseTracker:
     """The tracker with its state: `take` each measurement, `watch` the clock where none comes.
 
-    What `watch` gives is a forecast and leaves the state where the last measurement put it, so that a measurement that
-    was only delayed still counts, however late the silence was noticed.
+    What `watch` gives is a forecast and leaves the state where the last measurement put it, so that
+    a measurement that was only delayed still counts, however late the silence was noticed.
     """
 
     def __init__(self, tracker: InterferometerTracker, silence_s: float) -> None:
@@ -117,7 +117,10 @@ class RelativePoseTracker:
         self._latest_s: float | None = None
 
     def take(self, measurement: InterferometerMeasurement, now_s: float) -> TrackerOutput:
-        """Return the output after `measurement`; ValueError if it is late, repeated or ahead of the clock."""
+        """Return the output after `measurement`.
+
+        ValueError if it is late, repeated or ahead of the clock.
+        """
         require_arrived(measurement.t_s, now_s)
         if self._latest_s is not None and measurement.t_s <= self._latest_s:
             raise ValueError(f"t_s={measurement.t_s} is late: the pose is already at {self._latest_s}")
@@ -126,7 +129,10 @@ class RelativePoseTracker:
         return output
 
     def watch(self, t_s: float) -> TrackerOutput | None:
-        """Return the output carried on to `t_s` if nothing came for too long, else None; past the limit drop the pose."""
+        """Return the output carried on to `t_s` if nothing came for too long, else None.
+
+        Past the limit drop the pose.
+        """
         if self._latest_s is None or t_s - self._latest_s <= self._silence_s:
             return None
         reason = f"no measurement for {t_s - self._latest_s:.6g} s, must be <= {self._silence_s} s"

@@ -1,12 +1,9 @@
-"""Range and directions from the nine two-way ranges, without prior knowledge, for parallel paths.
+"""First estimate without prior knowledge, for parallel paths (PI83 chapter 3, program FHR-209).
 
-Range is the symmetric sum, rho = sum_ij (R_ij - delay)/18 (PI83 eqs. 3-2 to 3-7, listing ERANGE); the differences of
-the row means give the direction at the active array (eqs. 3-13 to 3-26, DFACT), those of the column means the
-direction at the passive array (eqs. 3-27 to 3-30, DFPAS).  The bias is of the order of radius/range.
-
-First estimate without prior knowledge: range, both directions, then roll (PI83 chapter 3, program FHR-209).
-
-The estimate holds for parallel paths, so its error is about radius/range radians; tracking removes it.
+Range: rho = sum_ij (R_ij - delay)/18 (eqs. 3-2 to 3-7, listing ERANGE).  Directions: differences of
+the row means at the active array (eqs. 3-13 to 3-26, DFACT), of the column means at the passive one
+(eqs. 3-27 to 3-30, DFPAS).  Roll: from the polarisation couplings.  The error is about radius/range
+radians; tracking removes it.
 """
 
 import math
@@ -41,7 +38,9 @@ Array = NDArray[np.float64]
 
 
 def two_element_phase(angle_rad: ArrayLike, baseline_m: float, wavelength_m: float) -> Array:
-    """Return the phase difference 2 pi |b| sin(angle)/lambda of two elements (PI83 eq. 3-11), not folded."""
+    """Return the phase difference 2 pi |b| sin(angle)/lambda of two elements (PI83 eq. 3-11), not
+    folded.
+    """
     return 2.0 * np.pi * baseline_m * np.sin(np.asarray(angle_rad, dtype=np.float64)) / wavelength_m
 
 
@@ -63,9 +62,10 @@ def range_from_sum(ranges_m: ArrayLike, arrays: ArrayParams) -> Array:
 
 
 def direction_cosines(centre_ranges_m: ArrayLike, radius_m: float) -> tuple[Array, Array, Array]:
-    """Return s_y, s_z and 1 - s_y^2 - s_z^2 from the one-way ranges to elements 1, 2, 3, (..., 3) (eqs. 3-22, 3-24).
+    """Return s_y, s_z and 1 - s_y^2 - s_z^2 (...) from the one-way ranges (..., 3).
 
-    The third value is s_x^2; negative, the ranges belong to no direction (noise at grazing, or a wrong lane).
+    Ranges to elements 1, 2, 3 (PI83 eqs. 3-22, 3-24).  The third value
+    is s_x^2; negative, the ranges belong to no direction (noise at grazing, or a wrong lane).
     """
     first, second, third = np.moveaxis(np.asarray(centre_ranges_m, dtype=np.float64), -1, 0)
     along_y = (second - third) / (math.sqrt(3.0) * radius_m)
@@ -74,12 +74,16 @@ def direction_cosines(centre_ranges_m: ArrayLike, radius_m: float) -> tuple[Arra
 
 
 def forward_direction(ranges_m: ArrayLike, range_m: ArrayLike, arrays: ArrayParams) -> Array:
-    """Return xi (..., 3), x >= 0, of the passive array seen by the active one (PI83 eqs. 3-13 to 3-26)."""
+    """Return xi (..., 3), x >= 0, of the passive array seen by the active one (PI83 eqs. 3-13 to
+    3-26).
+    """
     return _direction(ranges_m, range_m, arrays, -1, arrays.radius_active_m, 1.0)
 
 
 def reverse_direction_from_ranges(ranges_m: ArrayLike, range_m: ArrayLike, arrays: ArrayParams) -> Array:
-    """Return eta (..., 3), x <= 0, of the active array seen by the passive one (PI83 eqs. 3-27 to 3-30)."""
+    """Return eta (..., 3), x <= 0, of the active array seen by the passive one (PI83 eqs. 3-27 to
+    3-30).
+    """
     return _direction(ranges_m, range_m, arrays, -2, arrays.radius_passive_m, -1.0)
 
 
@@ -95,7 +99,10 @@ def _direction(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Geometry:
-    """Range (...), unit vectors xi and eta (..., 3), relative roll (...): one state or a stack of them."""
+    """Range (...), unit vectors xi and eta (..., 3), relative roll (...).
+
+    One state or a stack of them.
+    """
 
     range_m: Array
     forward: Array
@@ -124,9 +131,11 @@ def geometry_from_pose(position_m: ArrayLike, attitude: ArrayLike) -> Geometry:
 
 
 def initialize(ranges_m: ArrayLike, amplitudes: ArrayLike, arrays: ArrayParams) -> Geometry:
-    """Return the geometry from two-way ranges (..., 3, 3) and couplings (..., 2, 2), no prior needed.
+    """Return the geometry from two-way ranges (..., 3, 3) and couplings (..., 2, 2), no prior
+    needed.
 
-    Directions outside the unit circle are put on its edge, as in the listing: ask `aperture_excess` first.
+    Directions outside the unit circle are put on its edge, as in the listing: ask `aperture_excess`
+    first.
     """
     distance = range_from_sum(ranges_m, arrays)
     if np.any(distance <= 0.0):
@@ -141,7 +150,10 @@ def initialize(ranges_m: ArrayLike, amplitudes: ArrayLike, arrays: ArrayParams) 
 
 
 def aperture_excess(ranges_m: ArrayLike, arrays: ArrayParams) -> tuple[Array, Array]:
-    """Return s_y^2 + s_z^2 - 1 (...) for the active and the passive array: positive belongs to no direction."""
+    """Return s_y^2 + s_z^2 - 1 (...) for the active and the passive array.
+
+    Positive belongs to no direction.
+    """
     ranges = np.asarray(ranges_m, dtype=np.float64)
     distance = range_from_sum(ranges, arrays)
     sides = ((-1, arrays.radius_active_m), (-2, arrays.radius_passive_m))

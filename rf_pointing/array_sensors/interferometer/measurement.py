@@ -1,9 +1,7 @@
-"""What the active spacecraft's receiver hands to the tracker for one sequence of carriers.
+"""What the receiver of the active spacecraft measures in one sequence, and its phase noise.
 
-What the links' signal-to-noise ratios do to phases, ranges and the distance.
-
-sigma_phi^2 = 1/(2R) per link, 1/(2RF) + 1/(2RR) for the way out and back; sigma_rho = c sigma_phi/(2 pi f) (PI83
-eqs. 7-2 to 7-12).  Noise of the forward link is common to all nine paths.
+sigma_phi^2 = 1/(2R) per link (PI83 eq. 7-3), 1/(2RF) + 1/(2RR) for the way out and back.  Noise of
+the forward link is common to all nine paths.
 """
 
 from dataclasses import dataclass
@@ -23,9 +21,10 @@ Array = NDArray[np.float64]
 class InterferometerMeasurement:
     """Phases of S slots over nine paths around the epoch `t_s`, and the four couplings.
 
-    `phase_rad` and `phase_rate_rad_s` (S, 3, 3) hold at each slot's middle; `amplitudes` (2, 2) are normalised to the
-    expected maximum and averaged over the carriers, of standard deviation `amplitude_sigma`; `snr_forward` (S,) and
-    `snr_return` (S, 3, 3) are the receiver's own power ratios; `locked` (S, 3, 3) says which loops held lock.
+    `phase_rad` and `phase_rate_rad_s` (S, 3, 3) hold at each slot's middle; `amplitudes` (2, 2) are
+    normalised to the expected maximum and averaged over the carriers, of standard deviation
+    `amplitude_sigma`; `snr_forward` (S,) and `snr_return` (S, 3, 3) are the receiver's own power
+    ratios; `locked` (S, 3, 3) says which loops held lock.
     """
 
     t_s: float
@@ -69,8 +68,9 @@ def phase_variance(snr: ArrayLike) -> Array:
 
 
 def phase_rate_sigma_rad_s(phase_sigma_rad: ArrayLike, dwell_s: float) -> Array:
-    """Return sqrt(12) sigma_phi/T: the Cramer-Rao bound of a tone's frequency, phase held at the dwell's middle.
+    """Return sqrt(12) sigma_phi/T.
 
-    The power ratio counts for the whole dwell, as if the bandwidth were 1/T: pessimistic when it is wider.
+    The Cramer-Rao bound of a tone's frequency, phase held at the dwell's middle.  The power ratio
+    counts for the whole dwell, as if the bandwidth were 1/T: pessimistic when it is wider.
     """
     return np.asarray(np.sqrt(12.0) * np.asarray(phase_sigma_rad, dtype=np.float64) / dwell_s)

@@ -1,10 +1,10 @@
-"""Small changes of a relative motion, in coordinates in which the measurements are nearly linear.
+"""Expected reading of a relative motion and its gradient in local coordinates.
 
-Fourteen numbers: range and two cross-track lengths (angle times range), velocity in the line-of-sight frame turned
-along with the direction, rotation vector of A in the passive frame, angular rate, and the two excitation factors.
-Cartesian changes would not do: at 100 km a cross-track error of 70 m lengthens the range by 25 mm, forty sigma.
-
-Expected ranges, path rates and couplings of a relative motion, and their gradients in local coordinates.
+Local coordinates are fourteen small changes in which the measurements are nearly linear: range and
+two cross-track lengths (angle times range), velocity in the line-of-sight frame turned along with
+the direction, rotation vector of A in the passive frame, angular rate, two excitation factors.
+Cartesian changes are not linear enough: at 100 km a cross-track error of 70 m lengthens the range
+by 25 mm, forty sigma.
 """
 
 from collections.abc import Callable
@@ -51,7 +51,9 @@ class TrackedMotion:
 
 
 def sight_axes(position_m: Array) -> Array:
-    """Return the matrix (..., 3, 3) whose columns are the direction and two axes across it, right-handed."""
+    """Return the matrix (..., 3, 3) whose columns are the direction and two axes across it,
+    right-handed.
+    """
     forward = position_m / np.linalg.norm(position_m, axis=-1, keepdims=True)
     rows = np.concatenate([forward[..., None, :], tangent_rows(forward)], axis=-2)
     return np.swapaxes(rows, -1, -2)
@@ -115,7 +117,9 @@ def _vector_rotation(vector_rad: Array) -> Array:
 
 
 def expected_path_rates_m_s(tracked: TrackedMotion, system: InterferometerSystem) -> Array:
-    """Return w (..., 3, 3) = g_F d rho_00/dt + g_R d rho_ij/dt, what the phase rates show of each path."""
+    """Return w (..., 3, 3) = g_F d rho_00/dt + g_R d rho_ij/dt, what the phase rates show of each
+    path.
+    """
     motion = tracked.motion
     rates = path_rates_m_s(motion.position_m, motion.velocity_m_s, motion.attitude, motion.rate_rad_s, system.arrays)
     forward, back = rate_weights(system)
@@ -123,7 +127,10 @@ def expected_path_rates_m_s(tracked: TrackedMotion, system: InterferometerSystem
 
 
 def expected_reading(tracked: TrackedMotion, reading: Reading, system: InterferometerSystem) -> Array:
-    """Return the expected vector (..., 22) of `reading`: ranges as its phases were treated, path rates, couplings."""
+    """Return the expected vector (..., 22) of `reading`.
+
+    Ranges as its phases were treated, path rates, couplings.
+    """
     motion = tracked.motion
     rates = expected_path_rates_m_s(tracked, system)
     ranges = two_way_ranges(motion.position_m, motion.attitude, system.arrays)
@@ -137,7 +144,9 @@ def expected_reading(tracked: TrackedMotion, reading: Reading, system: Interfero
 def local_gradient(
     tracked: TrackedMotion, change: Array, reading: Reading, system: InterferometerSystem
 ) -> tuple[Array, Array]:
-    """Return the expected vector (22,) at `tracked` displaced by `change` (14,), and its gradient (22, 14) there."""
+    """Return the expected vector (22,) at `tracked` displaced by `change` (14,), and its gradient
+    (22, 14) there.
+    """
     steps = local_steps(tracked)
     moves = np.diag(steps)
     values = expected_reading(
@@ -156,7 +165,10 @@ def local_steps(tracked: TrackedMotion) -> Array:
 
 
 def numerical_jacobian(function: Callable[[Array], Array], steps: Array) -> Array:
-    """Return d function/d x at zero, (m, n), by central differences; `function` takes a stack (2n, n) at once."""
+    """Return d function/d x at zero, (m, n), by central differences.
+
+    `function` takes a stack (2n, n) at once.
+    """
     moves = np.diag(steps)
     values = function(np.concatenate([moves, -moves]))
     return ((values[: len(steps)] - values[len(steps) :]) / (2.0 * steps[:, None])).T

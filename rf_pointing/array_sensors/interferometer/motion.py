@@ -1,7 +1,7 @@
 """Relative motion of the two spacecraft: pose with its rates, and a simulated docking approach.
 
-Position and velocity are in the active frame; the angular rate turns the passive frame relative to the active one
-and is given in the passive frame: A(t + dt) = frame_rotation(rate dt) A(t).
+Position and velocity are in the active frame; the angular rate turns the passive frame relative to
+the active one and is given in the passive frame: A(t + dt) = frame_rotation(rate dt) A(t).
 """
 
 import math
@@ -26,7 +26,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RelativeMotion:
-    """Position (..., 3), velocity (..., 3), A (..., 3, 3) and angular rate (..., 3): one motion or a stack."""
+    """Position (..., 3), velocity (..., 3), A (..., 3, 3) and angular rate (..., 3).
+
+    One motion or a stack.
+    """
 
     position_m: Array
     velocity_m_s: Array
@@ -35,7 +38,9 @@ class RelativeMotion:
 
 
 def require_motion(motion: RelativeMotion) -> RelativeMotion:
-    """Return a single, finite motion with a proper rotation, else raise ValueError naming the field."""
+    """Return a single, finite motion with a proper rotation, else raise ValueError naming the
+    field.
+    """
     pose = RelativePose(position_m=motion.position_m, attitude=motion.attitude)
     return RelativeMotion(
         position_m=pose.position_m,
@@ -57,7 +62,10 @@ def moved(motion: RelativeMotion, dt_s: ArrayLike) -> RelativeMotion:
 
 
 def crude_velocity(earlier_m: ArrayLike, later_m: ArrayLike, dt_s: float) -> Array:
-    """Return the velocity (3,) as the difference of two positions (PI83 p. 38); refuses dt_s <= 0."""
+    """Return the velocity (3,) as the difference of two positions (PI83 p. 38).
+
+    Refuses dt_s <= 0.
+    """
     _require_positive(dt_s)
     return (as_finite_array("later_m", later_m, (3,)) - as_finite_array("earlier_m", earlier_m, (3,))) / dt_s
 
@@ -65,7 +73,8 @@ def crude_velocity(earlier_m: ArrayLike, later_m: ArrayLike, dt_s: float) -> Arr
 def crude_attitude_rate(earlier: ArrayLike, later: ArrayLike, dt_s: float) -> Array:
     """Return the angular rate (3,) from A(k) A(k-1)^T (PI83 p. 38).
 
-    Raises ValueError when the attitude changed by more than 90 deg: the turn may have gone the other way round.
+    Raises ValueError when the attitude changed by more than 90 deg: the turn may have gone the
+    other way round.
     """
     _require_positive(dt_s)
     turn = rotation_vector(np.asarray(later, dtype=np.float64) @ np.asarray(earlier, dtype=np.float64).T)
@@ -83,7 +92,10 @@ def _require_positive(dt_s: float) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class DockingApproach(Params):
-    """A straight approach slowing down to the docking range, both bodies swaying slowly: a source's demonstration."""
+    """A straight approach slowing down to the docking range, both bodies swaying slowly.
+
+    The demonstration of the simulated source.
+    """
 
     start_range_m: float = parameter(2000.0, "range at time zero", low=1.0, high=1e5)
     dock_range_m: float = parameter(5.0, "range approached in the end", low=0.1, high=1e4)

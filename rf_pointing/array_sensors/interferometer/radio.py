@@ -1,11 +1,6 @@
-"""Power budgets: free-space links, nonlinear reflector, simple repeater, active transponder.
+"""Radio links of the interferometer: power budget, power ratios of all paths, coupling noise.
 
-R = Pt Gt Gr/(Lp Pn), Lp = (4 pi rho f/c)^2, Pn = k T B F (PI83 eqs. 5-38 to 5-51, 8-17 to 8-19).
-
-The radio part, simulated: phases of nine carriers over nine paths and four couplings, with receiver noise.
-
-One draw of forward-link noise per carrier, shared by the nine paths (the return elements differ by frequency), one of
-return-link noise per carrier and path; Gaussian, so each link needs 10 dB (PI83 section 8.3, listing RF).
+R = Pt Gt Gr/(Lp Pn), Lp = (4 pi rho f/c)^2, Pn = k T B F (PI83 eqs. 5-38 to 5-48, 8-17 to 8-19).
 """
 
 from dataclasses import dataclass
@@ -39,7 +34,10 @@ LOWEST_SNR = 10.0
 
 @dataclass(frozen=True, kw_only=True)
 class LinkParams(Params):
-    """Receiver and antennas of one link; the constants are those that Tables 8-2 and 8-3 were computed with."""
+    """Receiver and antennas of one link.
+
+    The constants are those that Tables 8-2 and 8-3 were computed with.
+    """
 
     bandwidth_hz: float = parameter(100.0, "noise bandwidth", low=1e-3, high=1e10)
     noise_figure_db: float = parameter(10.0, "receiver noise figure", low=0.0, high=60.0)
@@ -60,7 +58,8 @@ def path_loss(
 ) -> Array:
     """Return Lp as a power ratio (PI83 eq. 8-19).
 
-    "published": (8 pi rho/lambda)^2 as eq. (5-39) reads, four times too much; (8-19) and the tables have 4 pi.
+    "published": (8 pi rho/lambda)^2 as eq. (5-39) reads, four times too much; (8-19) and the tables
+    have 4 pi.
     """
     turns = 8.0 if is_published(variant) else 4.0
     distance = np.asarray(range_m, dtype=np.float64)
@@ -82,7 +81,10 @@ def received_power_w(
 
 
 def link_snr(power_w: ArrayLike, range_m: ArrayLike, frequency_hz: ArrayLike, link: LinkParams) -> Array:
-    """Return the power ratio of signal and noise (PI83 eqs. 5-42, 8-17); inverse of `required_power_w`."""
+    """Return the power ratio of signal and noise (PI83 eqs. 5-42, 8-17).
+
+    Inverse of `required_power_w`.
+    """
     return received_power_w(power_w, range_m, frequency_hz, link) / noise_power_w(link)
 
 
@@ -116,8 +118,9 @@ def amplitude_sigma(
 ) -> Array:
     """Return the noise sigma (...) of one coupling, largest coupling one, from K carriers.
 
-    "corrected": mean over the carriers, return power; "published": what the listing computes - only the last
-    carrier's draw survives, is divided by nine all the same, and the forward power stands for the return power.
+    "corrected": mean over the carriers, return power; "published": what the listing computes - only
+    the last carrier's draw survives, is divided by nine all the same, and the forward power stands
+    for the return power.
     """
     distance = np.asarray(range_m, dtype=np.float64)[..., None]
     if is_published(variant):

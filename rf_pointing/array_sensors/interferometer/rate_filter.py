@@ -1,8 +1,9 @@
-"""Rate-aided filter: pose, velocity and attitude rate from successive readings (Kalman, error in local coordinates).
+"""Rate-aided Kalman filter: pose, velocity and attitude rate from successive readings.
 
-Constant velocity and constant attitude rate, driven by white accelerations; the attitude is a matrix and only its
-small error is a vector.  Ranges, path rates (Doppler) and couplings are used together.  The filter gives the report's
-wish of section 4.2: smoothed velocity and attitude rate instead of differences.
+Constant velocity and constant attitude rate, driven by white accelerations.  The attitude is a
+matrix; only its small error, in local coordinates, is a vector.  Ranges, path rates (Doppler) and
+couplings are used together.  The filter gives the report's wish of section 4.2: smoothed velocity
+and attitude rate instead of differences.
 """
 
 from dataclasses import dataclass
@@ -67,9 +68,11 @@ class FilterUpdate:
 
 
 def start(t_s: float, snapshot: Snapshot, params: FilterParams) -> FilterState:
-    """Return a state around `snapshot` that knows almost nothing, ready for the update with its reading.
+    """Return a state around `snapshot` that knows almost nothing, ready for the update with its
+    reading.
 
-    The pose is given a hundred times the snapshot's sigma, so that the same reading is not counted twice.
+    The pose is given a hundred times the snapshot's sigma, so that the same reading is not counted
+    twice.
     """
     covariance = np.zeros((SIZE, SIZE))
     pose = np.ix_([0, 1, 2, 6, 7, 8], [0, 1, 2, 6, 7, 8])
@@ -113,9 +116,11 @@ def _process_noise(dt_s: float, params: FilterParams) -> Array:
 def update(
     state: FilterState, reading: Reading, system: InterferometerSystem, around: TrackedMotion | None = None
 ) -> FilterUpdate:
-    """Return the state corrected by `reading`, linearised at `around` (default: the predicted motion).
+    """Return the state corrected by `reading`, linearised at `around` (default: the predicted
+    motion).
 
-    `around` from the snapshot keeps the update right when the prediction is degrees off after a gap.
+    `around` from the snapshot keeps the update right when the prediction is degrees off after a
+    gap.
     """
     change = np.zeros(SIZE) if around is None else local_difference(around, state.tracked)
     expected, gradient = local_gradient(state.tracked, change, reading, system)
@@ -133,7 +138,8 @@ def update(
 
 
 def _recentred(state: FilterState, correction: Array, covariance: Array) -> FilterState:
-    # The local axes move with the direction: express the covariance in those of the corrected motion.
+    # The local axes move with the direction: express the covariance in those of the corrected
+    # motion.
     tracked = displaced(state.tracked, correction)
     turning = numerical_jacobian(
         lambda change: local_difference(displaced(state.tracked, correction + change), tracked),

@@ -1,13 +1,16 @@
-"""Two-way ranges from wrapped carrier phases, cycle by cycle.
+"""From one sequence of wrapped phases to nine ranges and nine path rates, with their covariance.
 
-The phase difference of carriers 2 and 1 is unambiguous over c/f0; each next difference is nu times finer and its lane
-is the whole number nearest to (coarse range - fine range)/lane length (PI83 eqs. 7-14 to 7-25, listings ERD, AMBRES).
-How far the unrounded lane was from a whole number is kept: near 0.5 the decision was a toss.
+1. path rates w from the phase rates: omega_ij = (2 pi/c) fT w_ij;
+2. phases brought to the epoch with w;
+3. visits of the same carrier averaged;
+4. cycles resolved.
 
-From one sequence of wrapped phases to nine ranges and nine path rates at the epoch, with their covariance.
+A range then errs by kappa (w - w_used), which the measurement model knows.
 
-1. path rates w from the phase rates: omega_ij = (2 pi/c) fT w_ij; 2. phases brought to the epoch with w; 3. visits of
-the same carrier averaged; 4. cycles resolved.  A range then errs by kappa (w - w_used), which the model knows.
+Cycles: the phase difference of carriers 2 and 1 is unambiguous over c/f0.  Each next difference is
+nu times finer; its lane is the whole number nearest to (coarse range - fine range)/lane length
+(PI83 eqs. 7-14 to 7-25, listings ERD, AMBRES).  The distance of the unrounded lane from a whole
+number is kept: near 0.5 the decision is arbitrary.
 """
 
 from dataclasses import dataclass
@@ -48,7 +51,9 @@ RANGES, RATES, COUPLINGS = slice(0, 9), slice(9, 18), slice(18, 22)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ResolvedRanges:
-    """Two-way ranges (..., n, n), lane numbers and distances to them in lanes, both (..., K - 2, n, n)."""
+    """Two-way ranges (..., n, n), lane numbers and distances to them in lanes, both (..., K - 2, n,
+    n).
+    """
 
     ranges_m: Array
     lanes: Array
@@ -61,10 +66,12 @@ class ResolvedRanges:
 
 
 def resolve_ranges(phases_rad: ArrayLike, plan: CarrierPlan, variant: str = CORRECTED) -> ResolvedRanges:
-    """Return the ranges of difference-frequency tracking from carrier phases (..., K, n, n), wrapped or not.
+    """Return the ranges of difference-frequency tracking from carrier phases (..., K, n, n),
+    wrapped or not.
 
-    "published": the coarsest phase is taken in [0, 2 pi) and lanes below zero are refused as in the listing, so that
-    noise at zero range wraps to c/f0; "corrected": in [-pi/nu, 2 pi - pi/nu), which f0 < f_min leaves free.
+    "published": the coarsest phase is taken in [0, 2 pi) and lanes below zero are refused as in the
+    listing, so that noise at zero range wraps to c/f0; "corrected": in [-pi/nu, 2 pi - pi/nu),
+    which f0 < f_min leaves free.
     """
     phases = np.asarray(phases_rad, dtype=np.float64)
     published = is_published(variant)
@@ -84,7 +91,10 @@ def resolve_ranges(phases_rad: ArrayLike, plan: CarrierPlan, variant: str = CORR
 
 @dataclass(frozen=True, kw_only=True)
 class ErrorFloor(Params):
-    """Errors beside receiver noise, which close up is far below them: sigmas added to the reading's covariance."""
+    """Errors beside receiver noise, which close up is far below them.
+
+    Sigmas added to the reading's covariance.
+    """
 
     phase_rad: float = parameter(0.002, "hardware phase of a carrier on a path", low=0.0, high=1.0)
     phase_rate_rad_s: float = parameter(0.02, "drift of a path's phase", low=0.0, high=100.0)
@@ -96,8 +106,9 @@ class ErrorFloor(Params):
 class Reading:
     """Nine ranges, nine path rates, four couplings (22,) with covariance (22, 22).
 
-    `used_rates_m_s` (3, 3) and `lever_s` say how the ranges depend on the path rates; `worst_lane` is the largest
-    distance of a lane decision from a whole number, `visit_agreement` the smallest resultant of repeated phases.
+    `used_rates_m_s` (3, 3) and `lever_s` say how the ranges depend on the path rates; `worst_lane`
+    is the largest distance of a lane decision from a whole number, `visit_agreement` the smallest
+    resultant of repeated phases.
     """
 
     vector: Array
@@ -120,7 +131,9 @@ def read_ranges(
     floor: ErrorFloor,
     expected_rates_m_s: Array | None = None,
 ) -> Reading:
-    """Return the reading; `expected_rates_m_s` (3, 3) of a filter aid the phases, else the measured rates do."""
+    """Return the reading; `expected_rates_m_s` (3, 3) of a filter aid the phases, else the measured
+    rates do.
+    """
     carriers = system.schedule.carriers(system.plan)
     if len(carriers) != len(measurement.snr_forward):
         raise ValueError(f"phase_rad has {len(measurement.snr_forward)} slots, the schedule has {len(carriers)}")
@@ -145,7 +158,9 @@ def read_ranges(
 
 
 def rate_weights(system: InterferometerSystem) -> tuple[float, float]:
-    """Return g_F, g_R of w = g_F d rho_00/dt + g_R d rho_ij/dt, the mean over the slots of f/f_T of each link."""
+    """Return g_F, g_R of w = g_F d rho_00/dt + g_R d rho_ij/dt, the mean over the slots of f/f_T of
+    each link.
+    """
     carriers = system.schedule.carriers(system.plan)
     forward, back = system.plan.forward_carriers_hz[carriers], system.plan.return_carriers_hz[carriers]
     mean = 0.5 * (forward + back)
@@ -176,7 +191,8 @@ def _path_rates(
 
 
 def _phase_rates(rates: Array, plan: CarrierPlan) -> Array:
-    # Split w into way out and way back: far away the mean return path changes like the way out (sum of elements zero).
+    # Split w into way out and way back: far away the mean return path changes like the way out (sum
+    # of elements zero).
     mean_wave = 0.5 * (plan.forward_wave_rad_m + plan.return_wave_rad_m)
     share = np.mean(plan.return_wave_rad_m / mean_wave)
     outward = 0.5 * np.mean(rates)

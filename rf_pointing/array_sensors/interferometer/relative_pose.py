@@ -1,6 +1,7 @@
-"""Relative pose of two spacecraft, one-way (position and A) and two-way (what each array sees, and roll).
+"""Relative pose of two spacecraft: one-way (position and A) and two-way (what each array sees).
 
-A = Tz(pi - a2) Ty(b2) Tx(roll) Ty(b1) Tz(a1), PI83 eq. (2-2); the direction back is eta = -A xi, eq. (4-14).
+A = Tz(pi - a2) Ty(b2) Tx(roll) Ty(b1) Tz(a1), PI83 eq. (2-2); the direction back is eta = -A xi,
+eq. (4-14).
 """
 
 from dataclasses import dataclass
@@ -62,7 +63,9 @@ class RelativePose:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TwoWayPose:
-    """Range, direction seen by the active array (1) and by the passive array (2), and relative roll."""
+    """Range, direction seen by the active array (1) and by the passive array (2), and relative
+    roll.
+    """
 
     range_m: float
     azimuth1_rad: float
@@ -106,9 +109,12 @@ def attitude_from_directions(forward: ArrayLike, reverse: ArrayLike, roll_rad: A
 def two_way_from_attitude(
     azimuth1_rad: ArrayLike, elevation1_rad: ArrayLike, attitude: ArrayLike
 ) -> tuple[Array, Array, Array]:
-    """Return azimuth 2, elevation 2 and relative roll of A seen along (a1, b1); inverse of `attitude_from_two_way`.
+    """Return azimuth 2, elevation 2 and relative roll of A seen along (a1, b1).
 
-    Raises ValueError where the passive array sees the active one at elevation +-90 deg: roll is undefined there.
+    Inverse of `attitude_from_two_way`.
+
+    Raises ValueError where the passive array sees the active one at elevation +-90 deg: roll is
+    undefined there.
     """
     forward = direction_from_angles(azimuth1_rad, elevation1_rad)
     reverse = reverse_direction(forward, attitude)

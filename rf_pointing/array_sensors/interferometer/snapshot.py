@@ -1,8 +1,9 @@
 """Pose from one reading alone, with covariance and a test of its own consistency.
 
-Sequenced estimators from far away, then joint weighted least squares of nine ranges and four couplings on the six
-pose coordinates (and two excitations): the residual has seven (five) degrees of freedom and shows a wrong lane of a
-path, a disturbed loop or a wrong amplitude without any prediction.
+Sequenced estimators from far away, then joint weighted least squares of nine ranges and four
+couplings on the six pose coordinates (and two excitations): the residual has seven (five) degrees
+of freedom and shows a wrong lane of a path, a disturbed loop or a wrong amplitude without any
+prediction.
 """
 
 import math
@@ -27,7 +28,9 @@ _REFINEMENTS = 2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Snapshot:
-    """Motion with its pose from one reading (rates only along the sight), pose covariance and residual chi-square."""
+    """Motion with its pose from one reading (rates only along the sight), pose covariance and
+    residual chi-square.
+    """
 
     tracked: TrackedMotion
     covariance: Array
@@ -40,7 +43,8 @@ def coarse_geometry(
 ) -> tuple[Geometry, Array]:
     """Return geometry and excitation of `reading` by the sequence, from `start` or from nothing.
 
-    Raises ValueError if the ranges belong to no direction (beyond five sigma outside the unit circle).
+    Raises ValueError if the ranges belong to no direction (beyond five sigma outside the unit
+    circle).
     """
     ranges, covariance = reading.standalone_ranges()
     if start is None:
@@ -64,7 +68,9 @@ def _require_inside(ranges: Array, path_variance_m2: float, system: Interferomet
 def refine(
     geometry: Geometry, excitation: Array, reading: Reading, system: InterferometerSystem, fit_excitation: bool
 ) -> Snapshot:
-    """Return the joint weighted least-squares pose of the ranges and couplings, started at `geometry`."""
+    """Return the joint weighted least-squares pose of the ranges and couplings, started at
+    `geometry`.
+    """
     columns = [*_POSE, 12, 13] if fit_excitation else _POSE
     measured, covariance = _pose_measurement(reading)
     tracked = _started(geometry, excitation, reading)
@@ -115,7 +121,8 @@ def _pose_model(tracked: TrackedMotion, reading: Reading, system: Interferometer
 def chi_square_limit(degrees_of_freedom: int, gate_sigma: float) -> float:
     """Return the chi-square value exceeded as rarely as `gate_sigma` normal deviates, one-sided.
 
-    Wilson and Hilferty's cube: the tail is right to a tenth at three deviates, to a factor of three at five.
+    Wilson and Hilferty's cube: the tail is right to a tenth at three deviates, to a factor of three
+    at five.
     """
     spread = 2.0 / (9.0 * degrees_of_freedom)
     return degrees_of_freedom * (1.0 - spread + gate_sigma * math.sqrt(spread)) ** 3

@@ -1,8 +1,9 @@
 """Simulated interferometer: from the true relative motion to what the receiver measures.
 
-Every slot is simulated at its own time, so motion during the sequence is in the phases.  The transponder is coherent
-(its oscillator keeps phase over the sequence).  A loop holds lock while its links have 10 dB and both arrays face each
-other; a loop without lock reports a random phase and rate, as a real one would, and `locked` False.
+Every slot is simulated at its own time, so motion during the sequence is in the phases.  The
+transponder is coherent (its oscillator keeps phase over the sequence).  A loop holds lock while its
+links have 10 dB and both arrays face each other; a loop without lock reports a random phase and
+rate, as a real one would, and `locked` False.
 """
 
 from typing import Any
@@ -37,7 +38,8 @@ _LOST_RATE_RAD_S = 1e3
 class InterferometerSource:
     """Seeded source of measurements; `state` and `restore` make a stopped run continue identically.
 
-    `excitation`: amplitudes of the passive y and z dipoles, one as designed.  Fixed hardware phases follow the seed.
+    `excitation`: amplitudes of the passive y and z dipoles, one as designed.  Fixed hardware phases
+    follow the seed.
     """
 
     def __init__(
@@ -68,7 +70,9 @@ class InterferometerSource:
         self._rng.bit_generator.state = state
 
     def measure(self, t_s: float, motion: RelativeMotion) -> InterferometerMeasurement:
-        """Return the measurement of the sequence centred on `t_s`, `motion` being the truth at that time."""
+        """Return the measurement of the sequence centred on `t_s`, `motion` being the truth at that
+        time.
+        """
         require_finite("t_s", t_s)
         motion = require_motion(motion)
         slots = moved(motion, self.system.schedule.offsets_s(self.system.plan))
@@ -110,7 +114,8 @@ class InterferometerSource:
         return np.where(locked, phases, lost_phases), np.where(locked, rates, lost_rates)
 
     def _of_paths(self, outward: Array, back: Array) -> Array:
-        # Phase from lengths, phase rate from rates: both links' wave numbers of each slot's carrier.
+        # Phase from lengths, phase rate from rates: both links' wave numbers of each slot's
+        # carrier.
         forward_wave = self.system.plan.forward_wave_rad_m[self._carriers, None, None]
         return_wave = self.system.plan.return_wave_rad_m[self._carriers, None, None]
         return forward_wave * outward[:, None, None] + return_wave * back

@@ -1,23 +1,20 @@
-"""The two arrays and the paths between their elements.
+"""The interferometer that source and tracker both know: arrays, carriers and their schedule.
 
-Element 0 sits in the centre, elements 1, 2, 3 on a circle of the array's radius, 120 deg apart, in the y-z plane
-(PI83 eqs. 2-6 to 2-13).  A two-way range is the path out from the active centre to the passive centre and back from
-passive element j to active element i: R_ij = rho_ij + rho_00 + delay, eq. (3-1).
+Arrays: element 0 sits in the centre, elements 1, 2, 3 on a circle of the array's radius, 120 deg
+apart, in the y-z plane (PI83 eqs. 2-6 to 2-13).  A two-way range is the path out from the active
+centre to the passive centre and back from passive element j to active element i:
+R_ij = rho_ij + rho_00 + delay, eq. (3-1).
 
-Frequency plan of the nine carriers and the phases that the paths give them.
+Carriers: f_1, f_1 + f0, f_1 + nu f0, ... f_1 + nu^(K-2) f0 on both links, shifted by the
+transponder's fixed offset (eq. 7-1, listing FCOMP).  The phase back at the active array is
+phi = (2 pi/c)(fF rho_00 + fR rho_ij), eq. (7-7); that of a difference against carrier 1 is exactly
+(2 pi/c) f_n1 R_ij, because both links are shifted alike.
 
-f_1, f_1 + f0, f_1 + nu f0, ... f_1 + nu^(K-2) f0 on both links, shifted by the transponder's fixed offset (PI83
-eq. 7-1, listing FCOMP).  Phase back at the active array: phi = (2 pi/c)(fF rho_00 + fR rho_ij), eq. (7-7); of a
-difference against carrier 1 it is exactly (2 pi/c) f_n1 R_ij, because both links are shifted alike.
-
-When each carrier is on the air: one after the other, so that a moving target shifts their phases.
-
-"simultaneous" is the report's static simulation.  "ascending" sends f1 ... fK once: a path rate w looks like a range
-offset kappa w with kappa = 5 s, so millimetres per second cost centimetres.  "nested" sends f2 ... fK-1, f1, fK and the
-same backwards: every carrier has the same mean time, kappa is zero, and as f1 and fK, which make the range, lie
-innermost, an acceleration hardly matters either.
-
-What source and tracker both know: the arrays, the carriers and their timing.
+Schedule: one carrier after the other, so a moving target shifts their phases.  "simultaneous" is
+the report's static simulation.  "ascending" sends f1 ... fK once: a path rate w looks like a range
+offset kappa w with kappa = 5 s, so millimetres per second cost centimetres.  "nested" sends
+f2 ... fK-1, f1, fK and the same backwards: every carrier has the same mean time and kappa is zero.
+f1 and fK, which make the range, lie innermost, so an acceleration hardly matters either.
 """
 
 import math
@@ -83,7 +80,10 @@ def path_vectors(position_m: ArrayLike, attitude: ArrayLike, arrays: ArrayParams
 
 
 def path_lengths(position_m: ArrayLike, attitude: ArrayLike, arrays: ArrayParams) -> Array:
-    """Return the sixteen one-way lengths rho_ij, (..., 4, 4): active element i, passive element j (listing PATH2)."""
+    """Return the sixteen one-way lengths rho_ij, (..., 4, 4).
+
+    Active element i, passive element j (listing PATH2).
+    """
     return np.asarray(np.linalg.norm(path_vectors(position_m, attitude, arrays), axis=-1))
 
 
@@ -140,7 +140,9 @@ class CarrierPlan(Params):
 
     @property
     def ambiguities_m(self) -> Array:
-        """Two-way length of one cycle of each difference against carrier 1, longest first, (K - 1,) (eq. 7-17)."""
+        """Two-way length of one cycle of each difference against carrier 1, longest first, (K - 1,)
+        (eq. 7-17).
+        """
         return self.speed_of_light_m_s / self.offsets_hz[1:]
 
     @property
@@ -166,7 +168,10 @@ class CarrierPlan(Params):
 
 @dataclass(frozen=True, kw_only=True)
 class Schedule(Params):
-    """Order of the carriers and how long each is on; the measurement's epoch is the middle of the sequence."""
+    """Order of the carriers and how long each is on.
+
+    The measurement's epoch is the middle of the sequence.
+    """
 
     order: str = parameter("nested", "order of transmission", choices=ORDERS)
     dwell_s: float = parameter(0.1, "time on one carrier (PI83: 0.1 to 0.5 s)", low=1e-3, high=10.0)
@@ -199,7 +204,8 @@ class Schedule(Params):
 def range_rate_lever_s(schedule: Schedule, plan: CarrierPlan) -> float:
     """Return kappa: the range error per error of the path rate w used to bring phases to the epoch.
 
-    kappa = (f_TK tau_K - f_T1 tau_1)/f_K1, f_T the mean of both links' frequencies, tau the carriers' mean times.
+    kappa = (f_TK tau_K - f_T1 tau_1)/f_K1, f_T the mean of both links' frequencies, tau the
+    carriers' mean times.
     """
     return _lever(schedule, plan, 1)
 

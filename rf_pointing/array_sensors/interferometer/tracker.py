@@ -1,9 +1,15 @@
-"""Tracker of the relative pose: acquires without prior knowledge, tracks, flags what it refuses, coasts, gives up.
+"""Tracker of the relative pose: acquires without prior knowledge, tracks, coasts, starts anew.
 
-A reading is refused, with its reason, when loops lost lock or have less than 10 dB, when a lane decision was a toss,
-when repeated phases disagree, when ranges and couplings contradict each other (wrong lane of a path) or when they
-contradict the prediction (wrong lane of all paths).  Refused readings change nothing; the pose coasts on its rates
-with growing covariance until the coasting limit, then it is dropped and acquired anew.
+A reading is rejected, with its reason, when
+
+* loops lost lock or have less than 10 dB,
+* a lane decision was arbitrary,
+* repeated phases disagree,
+* ranges and couplings contradict each other (wrong lane of a path),
+* they contradict the prediction (wrong lane of all paths).
+
+A rejected reading changes nothing.  The pose coasts on its rates with growing covariance until the
+coasting limit; then the tracker drops it and acquires anew.
 """
 
 from dataclasses import dataclass, field
@@ -48,9 +54,10 @@ class TrackerParams(Params):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PoseEstimate:
-    """Relative motion and its covariance (12, 12): position, velocity, rotation vector, angular rate.
+    """Relative motion and its covariance (12, 12).
 
-    Position and velocity in the active frame, rotation vector (of A) and rate in the passive frame.
+    Position, velocity, rotation vector, angular rate.  Position and velocity in the active frame,
+    rotation vector (of A) and rate in the passive frame.
     """
 
     t_s: float
@@ -61,7 +68,10 @@ class PoseEstimate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackerOutput:
-    """Status acquiring, tracking or coasting; the reason whenever the reading was refused; the pose if there is one."""
+    """Status acquiring, tracking or coasting.
+
+    The reason whenever the reading was refused; the pose if there is one.
+    """
 
     t_s: float
     status: str
@@ -71,7 +81,9 @@ class TrackerOutput:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackerState:
-    """Complete state: the filter (None while acquiring), time of the last accepted reading, refusals in a row."""
+    """Complete state: the filter (None while acquiring), time of the last accepted reading,
+    refusals in a row.
+    """
 
     filter: FilterState | None = None
     accepted_t_s: float = 0.0
@@ -101,7 +113,9 @@ class InterferometerTracker:
         return after, self._output(accepted, TRACKING, "")
 
     def coast(self, state: TrackerState, t_s: float, reason: str) -> tuple[TrackerState, TrackerOutput]:
-        """Return the state and output at `t_s` when no measurement came, or none that could be read."""
+        """Return the state and output at `t_s` when no measurement came, or none that could be
+        read.
+        """
         if state.filter is not None and t_s < state.filter.t_s:
             raise ValueError(f"t_s={t_s} must be >= the last epoch {state.filter.t_s}")
         predicted = None if state.filter is None else predict(state.filter, t_s, self.filter_params)
@@ -117,7 +131,8 @@ class InterferometerTracker:
         return self._corrected(predicted, reading, snapshot)
 
     def _reading(self, predicted: FilterState | None, measurement: InterferometerMeasurement) -> Reading:
-        # Predicted path rates resolve cycles at lower power; after a manoeuvre only the measured ones are right.
+        # Predicted path rates resolve cycles at lower power; after a manoeuvre only the measured
+        # ones are right.
         if predicted is not None:
             aiding = expected_path_rates_m_s(predicted.tracked, self.system)
             reading = read_ranges(measurement, self.system, self.floor, aiding)

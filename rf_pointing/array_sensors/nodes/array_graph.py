@@ -1,7 +1,8 @@
-"""Bring up the simulated graph of one array sensor, each node as its own process, and let its time run.
+"""Bring up the simulated graph of one array sensor, each node as a process, and let its time run.
 
-Time comes from here and not from `simulation_clock`, which waits for an antenna's streams: it goes on once the system's
-estimates have caught up, so that a busy machine makes the run slower and changes nothing else.
+This module publishes the clock: `simulation_clock` waits for an antenna's streams.  Time goes on
+once the system's estimates have caught up, so a busy machine makes the run slower and changes
+nothing else.
 """
 
 import time
@@ -26,7 +27,8 @@ __all__ = ["ArrayGraph"]
 TICK_S = 0.25
 HELD_PERIOD_S = 0.1
 PATIENCE_S = 5.0
-"""How long time waits for estimates that do not come, such as those of a satellite that hears no station."""
+"""How long time waits for estimates that do not come, such as those of a satellite that hears no
+station."""
 
 
 class ArrayGraph:

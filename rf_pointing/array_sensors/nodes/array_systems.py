@@ -1,4 +1,7 @@
-"""The graphs of the array sensors: nodes, and type and quality of service of each topic; recorders read these lists."""
+"""The graphs of the array sensors: nodes, and type and quality of service of each topic.
+
+Recorders read these lists.
+"""
 
 from dataclasses import dataclass
 
@@ -29,9 +32,10 @@ _COMMON = (
 
 @dataclass(frozen=True)
 class ArraySystem:
-    """One graph: its name is its usual namespace and that of its parameter file; a node of a station is `station/node`.
+    """One graph: its name is its usual namespace and that of its parameter file.
 
-    Simulation time waits for the stream `paced`, whose newest stamp may lag it by `lag_s`: two of its periods.
+    a node of a station is `station/node`.  Simulation time waits for the stream `paced`, whose
+    newest stamp may lag it by `lag_s`: two of its periods.
     """
 
     name: str

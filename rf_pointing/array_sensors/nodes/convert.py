@@ -1,6 +1,7 @@
-"""Messages of the array sensors from and to the core's signals, as pairs; nothing else makes or reads their fields.
+"""Messages of the array sensors from and to the core's signals, as pairs.
 
-Wire data is not trusted: what is not finite, of the wrong length, or no rotation raises ValueError in the signal's words.
+Nothing else makes or reads their fields.  Wire data is not trusted: what is not finite, of the
+wrong length, or no rotation raises ValueError in the signal's words.
 """
 
 from typing import Any
@@ -142,7 +143,10 @@ def attitude_from_message(message: ours.Attitude) -> AttitudeReport:
 
 
 def rate_to_message(report: RateReport) -> TwistWithCovarianceStamped:
-    """Return the angular velocity; the linear one is zero by definition, since the body turns about its own origin."""
+    """Return the angular velocity.
+
+    The linear one is zero by definition, since the body turns about its own origin.
+    """
     message = TwistWithCovarianceStamped()
     message.header.stamp, message.header.frame_id = stamp_from_seconds(report.t_s), BODY_FRAME
     message.twist.twist.angular = _vector(report.rate_rad_s)

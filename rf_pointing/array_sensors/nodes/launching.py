@@ -17,7 +17,9 @@ __all__ = ["array_description"]
 
 
 def array_description(name: str) -> LaunchDescription:
-    """Return the simulated graph `name` of ARRAY_SYSTEMS, with simulation time of its own that runs at real speed."""
+    """Return the simulated graph `name` of ARRAY_SYSTEMS, with simulation time of its own that runs
+    at real speed.
+    """
     parameters = Path(get_package_share_directory("rf_pointing")) / "config" / f"{name}.yaml"
     return LaunchDescription(
         [

@@ -1,6 +1,7 @@
-"""Executable `tripulse_attitude`: attitude of the satellite's array from the lines of sight of its stations.
+"""Executable `tripulse_attitude`: attitude of the satellite's array from its stations' measurements.
 
-Subscribes: <station>/tripulse_measurement.  Publishes: attitude (one for every epoch; invalid ones carry their reason).
+Subscribes: <station>/tripulse_measurement.
+Publishes: attitude (one for every epoch; invalid ones carry their reason).
 Parameters: attitude.*, epochs.*, orbit.*, stations.*.
 """
 

@@ -1,8 +1,9 @@
-"""The transmitting array of Tripulse: element grid, taper, steering phases, phase quantiser and failed elements.
+"""The transmitting array of Tripulse: elements, taper, steering, phase quantiser, dead elements.
 
-Element (m, n) sits at (c(m) d_x, c(n) d_y) with c(m) = m - (N_x + 1)/2 (TRIPULSE (5)); x runs with m and y with n, so
-"(1, 1) in the upper left corner" draws y downwards and z = x x y away from the reader.  A direction is its pair of
-projections T = (sin(theta) cos(phi), sin(theta) sin(phi)) on x and y (TRIPULSE (2)).
+Element (m, n) sits at (c(m) d_x, c(n) d_y) with c(m) = m - (N_x + 1)/2 (TRIPULSE (5)); x runs with
+m and y with n.  With "(1, 1) in the upper left corner" y points down and z = x x y away from the
+reader.  A direction is its pair of projections T = (sin(theta) cos(phi), sin(theta) sin(phi)) on x
+and y (TRIPULSE (2)).
 """
 
 import math
@@ -28,7 +29,10 @@ ComplexArray = NDArray[np.complex128]
 
 @dataclass(frozen=True, kw_only=True)
 class TripulseArrayParams(Params):
-    """Rectangular array of N_x x N_y elements, both even; the defaults are the paper's Ku-band example."""
+    """Rectangular array of N_x x N_y elements, both even.
+
+    The defaults are the paper's Ku-band example.
+    """
 
     n_x: int = parameter(16, "elements along x, even", low=2, high=512)
     n_y: int = parameter(16, "elements along y, even", low=2, high=512)
@@ -70,7 +74,10 @@ def centred_indices(count: int) -> Array:
 
 
 def amplitude_taper(params: TripulseArrayParams) -> Array:
-    """Return element amplitudes (N_x, N_y): a cosine-squared arch on a pedestal along both axes, one at the centre."""
+    """Return element amplitudes (N_x, N_y).
+
+    a cosine-squared arch on a pedestal along both axes, one at the centre.
+    """
 
     def along(count: int) -> Array:
         arch = np.cos(np.pi * centred_indices(count) / count) ** 2
@@ -80,7 +87,9 @@ def amplitude_taper(params: TripulseArrayParams) -> Array:
 
 
 def steering_phase_rad(params: TripulseArrayParams, steering: ArrayLike) -> Array:
-    """Return the phases (..., N_x, N_y) that steer to the projections `steering` (..., 2), unquantised."""
+    """Return the phases (..., N_x, N_y) that steer to the projections `steering` (..., 2),
+    unquantised.
+    """
     t = np.asarray(steering, dtype=np.float64)
     require_finite("steering", t)
     phase_x = params.kd[0] * t[..., 0, None] * centred_indices(params.n_x)
@@ -114,8 +123,9 @@ def element_weights(
     steering : projections (..., 2) the beam is steered to
     failed : True where an element is dead, shape (..., N_x, N_y)
     phase_errors_rad : added after the quantiser, shape (..., N_x, N_y)
-    common_phase_rad : added to all phases before the quantiser.  Steering phases are odd in the element's position,
-        so without it the rounding errors of mirrored elements are equal and opposite and add up in the delta beams.
+    common_phase_rad : added to all phases before the quantiser.  Steering phases are odd in the
+        element's position, so without it the rounding errors of mirrored elements are equal and
+        opposite and add up in the delta beams.
 
     Raises
     ------

@@ -1,7 +1,8 @@
-"""A ground station's Tripulse receiver: one frame of samples in, the satellite's line of sight with covariance out.
+"""A ground station's Tripulse receiver: from a frame of samples to the satellite's line of sight.
 
-Channels, coherent detection (two tones or the tracker), one complex value per beam, ratios, exact inversion.  At 12 dB
-or more in the sum beam the ratios (9) with the variance (17); below, the posterior that does not divide by it.
+Channels, coherent detection (two tones or the tracker), one complex value per beam, ratios, exact
+inversion.  From 12 dB in the sum beam on it uses the ratios (9) with the variance (17); below, the
+posterior that does not divide by the sum beam.
 """
 
 import math
@@ -51,10 +52,12 @@ class TripulseReceiverParams(Params):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TripulseMeasurement:
-    """Projections (2,) of the station's direction on the array axes, with covariance (2, 2), at `t_s`.
+    """Projections (2,) of the station's direction on the array axes, with covariance (2, 2), at
+    `t_s`.
 
-    An invalid measurement carries its reason, and the steering with the prior's covariance, so that it adds nothing.
-    `estimator` is "ratio" or "posterior"; `sum_snr_db` that of the coherent sum of a frame's sum segments.
+    An invalid measurement carries its reason, and the steering with the prior's covariance, so that
+    it adds nothing. `estimator` is "ratio" or "posterior"; `sum_snr_db` that of the coherent sum of
+    a frame's sum segments.
     """
 
     t_s: float
@@ -71,7 +74,9 @@ class TripulseMeasurement:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Detected:
-    """Segments (n,) with the phase taken out, noise variance of one segment, and the reason of a lost lock."""
+    """Segments (n,) with the phase taken out, noise variance of one segment, and the reason of a
+    lost lock.
+    """
 
     values: ComplexArray
     noise_variance: float
@@ -80,9 +85,11 @@ class _Detected:
 
 @dataclass(frozen=True, kw_only=True)
 class TripulseReceiver:
-    """Stateless: every frame is acquired anew, so that a lost frame or a lost lock costs nothing later.
+    """Stateless: every frame is acquired anew, so that a lost frame or a lost lock costs nothing
+    later.
 
-    `failed` marks elements that the satellite reports as dead; their effect is then inverted exactly.
+    `failed` marks elements that the satellite reports as dead; their effect is then inverted
+    exactly.
     """
 
     array: TripulseArrayParams

@@ -1,8 +1,9 @@
 """The Tripulse signal on the air: tones, order of the beams, and one received frame of samples.
 
-A tripulse tone at f_t steps through the beams segment by segment in the order of `pattern`, `cycles` times over.  With
-the scheme "two_tone" two reference tones at f_t -+ separation, f_r1 + f_r2 = 2 f_t, run on a static beam through the
-whole frame; with "interleaved" the sum segments themselves are the reference (TRIPULSE section 1).
+A tripulse tone at f_t steps through the beams segment by segment in the order of `pattern`,
+`cycles` times over.  With the scheme "two_tone" two reference tones at f_t -+ separation, f_r1 +
+f_r2 = 2 f_t, run on a static beam through the whole frame; with "interleaved" the sum segments
+themselves are the reference (TRIPULSE section 1).
 """
 
 import math
@@ -69,10 +70,10 @@ class TripulseSignalParams(Params):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TripulseFrame:
-    """One frame as received at a station: complex baseband samples (n,) centred on f_t, from `t_s` on.
+    """One frame as received at a station.
 
-    `steering` (2,) are the projections that the satellite's beams were steered to (telemetry); phases count
-    exp(+j w t).
+    Complex baseband samples (n,) centred on f_t, from `t_s` on.  `steering` (2,) are the
+    projections that the satellite's beams were steered to (telemetry); phases count exp(+j w t).
     """
 
     t_s: float

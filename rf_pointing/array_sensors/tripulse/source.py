@@ -3,8 +3,9 @@
 y(t) = A beam*(T) exp(j phi(f_t, t)) + A_r (exp(j phi(f_r1, t)) + exp(j phi(f_r2, t))) + noise,
 phi(f, t) = 2 pi (f - f_t) t - 2 pi f rho'(t) / c + (f / f_t) phi_satellite(t) - phi_station(t),
 
-with random walks for the two clocks.  Everything but the noise is linear in f, which is what the two-tone scheme relies
-on.  The conjugate of the beam stands because the receiver counts exp(+j w t).  N_0 = 1, so A^2 is C/N_0 in hertz.
+with random walks for the two clocks.  Everything but the noise is linear in f, which is what the
+two-tone scheme relies on.  The conjugate of the beam stands because the receiver counts exp(+j w
+t).  N_0 = 1, so A^2 is C/N_0 in hertz.
 """
 
 import copy
@@ -50,7 +51,10 @@ class TripulseSourceParams(Params):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StationLine:
-    """Line of sight to a station: unit vector (3,) in the reference frame, range rate, elevation at the station."""
+    """Line of sight to a station.
+
+    Unit vector (3,) in the reference frame, range rate, elevation at the station.
+    """
 
     name: str
     direction: Array
@@ -78,7 +82,8 @@ class TripulseSourceState:
 class TripulseSource:
     """Satellite array that sends one frame to every station in each step.
 
-    `prior` (3, 3) is the rotation, reference to array frame, that the satellite believes and steers its beams by.
+    `prior` (3, 3) is the rotation, reference to array frame, that the satellite believes and steers
+    its beams by.
     """
 
     def __init__(
@@ -120,8 +125,8 @@ class TripulseSource:
 
         Raises
         ------
-        ValueError : if time does not advance, the satellite is below a station's lowest elevation, or a station lies
-            behind the array.
+        ValueError : if time does not advance, the satellite is below a station's lowest elevation,
+            or a station lies behind the array.
         """
         require_finite("t_s", t_s)
         if self._t_s is not None and t_s <= self._t_s:

@@ -1,13 +1,13 @@
-"""Attitude from two stations by the bisector construction (TRIPULSE 5.2), and directions from their projections.
+"""Attitude of a satellite array from the lines of sight that its ground stations measured.
 
-A = [A1 A2 A3], A1 the bisector of the two directions, A2 their normal, A3 = A1 x A2; likewise A' of the reference
-directions; R = A A'^T.  Equal weights; the same rotation as `fit_rotation`, in closed form.
+Keeps the newest observation of each station, turns those of one epoch into a weighted Wahba fit
+with the covariance (31) of TRIPULSE, and tests the residual: two stations over-determine the
+attitude by one, L stations by 2 L - 3.  An observation a lobe away does not fit the known angle
+between the stations, and shows there.
 
-Attitude of a satellite array from the lines of sight that its ground stations measured.
-
-Keeps the newest observation of each station, turns those of one epoch into a weighted Wahba fit with the covariance
-(31) of TRIPULSE, and tests the residual: two stations over-determine the attitude by one, L stations by 2 L - 3.  An
-observation a lobe away does not fit the known angle between the stations, and shows there.
+Two stations have a closed form too (`bisector_rotation`, TRIPULSE 5.2): A = [A1 A2 A3], A1 the
+bisector of the two directions, A2 their normal, A3 = A1 x A2, likewise A' of the reference
+directions, R = A A'^T.
 """
 
 import math
@@ -47,7 +47,8 @@ SMALLEST_HEIGHT = 1e-3
 def bisector_rotation(
     reference: ArrayLike, measured: ArrayLike, *, smallest_separation_rad: float = SMALLEST_SEPARATION_RAD
 ) -> Array:
-    """Return R (..., 3, 3) with `measured` = R `reference` in the least-squares sense, unit vectors (..., 2, 3).
+    """Return R (..., 3, 3) with `measured` = R `reference` in the least-squares sense, unit vectors
+    (..., 2, 3).
 
     Raises
     ------
@@ -80,7 +81,9 @@ def directions_from_projections(projections: ArrayLike) -> Array:
 
 
 def direction_covariances(projections: ArrayLike, covariances: ArrayLike) -> Array:
-    """Return the covariances (..., 3, 3) of the directions, to first order in those of the projections (..., 2, 2)."""
+    """Return the covariances (..., 3, 3) of the directions, to first order in those of the
+    projections (..., 2, 2).
+    """
     t = directions_from_projections(projections)
     c = np.asarray(covariances, dtype=np.float64)
     if c.shape[-2:] != (2, 2):
@@ -112,9 +115,11 @@ class StationAttitudeParams(Params):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StationObservation:
-    """Projections (2,) of one station on the array axes with covariance (2, 2), and its known direction (3,).
+    """Projections (2,) of one station on the array axes with covariance (2, 2), and its known
+    direction (3,).
 
-    `reference` is the unit vector to the station in the reference frame.  An invalid observation carries its reason.
+    `reference` is the unit vector to the station in the reference frame.  An invalid observation
+    carries its reason.
     """
 
     t_s: float
@@ -137,10 +142,11 @@ class StationObservation:
 class StationAttitude:
     """Orientation of the array in the reference frame at `t_s`, the mean time of the observations.
 
-    `quaternion` (x, y, z, w) takes array components to reference components; its sign continues that of the last one.
-    `covariance_rad2` (3, 3): of the small rotation between true and estimated orientation, about the reference axes;
-    `covariance_array_rad2`: the same about the array axes.  `residual` is the normalised sum of squared residuals, with
-    2 L - 3 degrees of freedom.  An invalid attitude carries its reason, the last quaternion and a useless covariance.
+    `quaternion` (x, y, z, w) takes array components to reference components; its sign continues
+    that of the last one. `covariance_rad2` (3, 3): of the small rotation between true and estimated
+    orientation, about the reference axes; `covariance_array_rad2`: the same about the array axes.
+    `residual` is the normalised sum of squared residuals, with 2 L - 3 degrees of freedom.  An
+    invalid attitude carries its reason, the last quaternion and a useless covariance.
     """
 
     t_s: float
@@ -188,7 +194,9 @@ class StationAttitudeEstimator:
         self._newest[observation.station] = observation
 
     def estimate(self, t_s: float) -> StationAttitude:
-        """Return the attitude from the observations that are recent at `t_s`, or an invalid one with its reason."""
+        """Return the attitude from the observations that are recent at `t_s`, or an invalid one
+        with its reason.
+        """
         require_finite("t_s", t_s)
         used, refused = [], []
         for observation in self._newest.values():

@@ -1,4 +1,4 @@
-"""Tripulse from satellite to attitude: what the simulated satellite sends, and what is made of the stations' reports."""
+"""Tripulse from satellite to attitude: simulated transmission, and epochs of the stations."""
 
 import math
 from dataclasses import dataclass
@@ -46,7 +46,10 @@ class TripulseTransmission:
 
 
 class SimulatedTripulse:
-    """Geosynchronous satellite over its stations; it steers by a nadir-pointing attitude and is off by the wobble."""
+    """Geosynchronous satellite over its stations.
+
+    It steers by a nadir-pointing attitude and is off by the wobble.
+    """
 
     def __init__(
         self,
@@ -62,7 +65,10 @@ class SimulatedTripulse:
         self.source = TripulseSource(array, signal, link, seed=seed)
 
     def step(self, t_s: float) -> TripulseTransmission:
-        """Return what is sent and received at `t_s`; ValueError if a station does not see the satellite."""
+        """Return what is sent and received at `t_s`.
+
+        ValueError if a station does not see the satellite.
+        """
         moment = scene_moment(self._orbit, self._wobble, self._stations, t_s)
         frames = self.source.step(t_s, moment.rotation, self._lines_of_sight(moment))
         return TripulseTransmission(moment=moment, frames=frames)
@@ -89,7 +95,10 @@ class EpochParams(Params):
 
 
 class TripulseAttitude:
-    """Gathers the stations' measurements by epoch; an epoch is closed when all have reported, or it waited too long."""
+    """Gathers the stations' measurements by epoch.
+
+    An epoch is closed when all have reported, or it waited too long.
+    """
 
     def __init__(
         self,
@@ -109,7 +118,8 @@ class TripulseAttitude:
 
         Raises
         ------
-        ValueError : if the station is unknown, or the measurement is late, repeated or ahead of the clock.
+        ValueError : if the station is unknown, or the measurement is late, repeated or ahead of the
+            clock.
         """
         require_arrived(measured.t_s, now_s)
         if measured.station not in self._stations:

@@ -1,9 +1,9 @@
-"""Kalman tracker of amplitude, phase and frequency on the sum segments of interleaved pulses (TRIPULSE section 1).
+"""Kalman tracker of amplitude, phase and frequency on the sum segments (TRIPULSE section 1).
 
-State (A, phi, omega), random walks on all three.  A sum segment y = A exp(j phi) + n is turned by the predicted
-phase: its real part measures A, its imaginary part A times the phase error.  Between sum segments the state is
-predicted, which gives the delta segments their reference.  A segment that does not fit is left out and counted: a few
-in a row are a lost lock, after which the filter does not go on.
+State (A, phi, omega), random walks on all three.  A sum segment y = A exp(j phi) + n is turned by
+the predicted phase: its real part measures A, its imaginary part A times the phase error.  Between
+sum segments the state is predicted, which gives the delta segments their reference.  A segment that
+does not fit is left out and counted.  Several in a row are a lost lock, which ends the filter.
 """
 
 import math
@@ -35,7 +35,9 @@ class TrackerParams(Params):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackerState:
-    """Estimate (amplitude, phase, angular frequency) (3,) at `t_s` with covariance (3, 3), and the state of lock."""
+    """Estimate (amplitude, phase, angular frequency) (3,) at `t_s` with covariance (3, 3), and the
+    state of lock.
+    """
 
     t_s: float
     estimate: Array
@@ -50,7 +52,10 @@ class TrackerState:
 
 
 def start(params: TrackerParams, t_s: float, value: complex, noise_variance: float) -> TrackerState:
-    """Return the state after the first sum segment, at zero frequency; refuse one without signal."""
+    """Return the state after the first sum segment, at zero frequency.
+
+    Refuse one without signal.
+    """
     require_finite("value", value)
     amplitude = abs(value)
     if amplitude == 0.0:
