@@ -1,7 +1,7 @@
-"""Short passes of the whole simulated station, one per number asked of the radio loop.
+"""Short passes of the whole simulated station, one per requirement on the radio loop.
 
 Every case is the station of the graph (`simulation.simulate_pass`): wind, servo, structure,
-receiver noise, tracker, state table, trim filter; only what the case is about differs from the
+receiver noise, tracker, state table, trim filter.  Only the subject of the case differs from the
 configuration files.
 """
 
@@ -43,8 +43,7 @@ LEAD_S = 5.0
 COMMAND_S = 0.1
 RADIO_MODES = ("monopulse", "conscan", "steptrack")
 LINK_45_DB_HZ = {"link.zenith_carrier_to_noise_db_hz": 45.0, "link.reference_range_m": 1.1e6}
-"""45 dB-Hz at about the distance of the satellite at the top of its pass; what the controller is
-told."""
+"""45 dB-Hz at about the distance of the satellite at the top of its pass, for the controller."""
 KA_45_DB_HZ = {f"signal.{name}": value for name, value in LINK_45_DB_HZ.items()}
 """The same for the receiver."""
 
@@ -144,7 +143,7 @@ def acquired_s(log: PassLog, within_rad: float) -> float:
 
 
 def command_accelerations_rad_s2(log: PassLog, from_s: float) -> Array:
-    """Return the second differences (n, 2) of the commands of successive periods, from a time on."""
+    """Return the second differences (n, 2) of the commands of the periods from a time on."""
     late = np.array(log.command_t_s)[1:-1] > from_s
     found: Array = np.diff(np.array(log.command_rad), 2, axis=0)[late] / COMMAND_S**2
     return found

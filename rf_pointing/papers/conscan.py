@@ -1,6 +1,4 @@
-"""CONSCAN recomputed: slope and loss, accuracy against error and period, and what the exact
-estimator adds.
-"""
+"""CONSCAN recomputed: slope and loss, accuracy against error and period, the exact estimator."""
 
 import math
 
@@ -48,7 +46,7 @@ DSN_SHORTEST_PERIOD_S = 32.0
 
 
 def rows(seed: int = 1) -> list[Row]:
-    """Return the published numbers of CONSCAN beside ours."""
+    """Return the published numbers of CONSCAN and ours."""
     return [
         *_slope_and_loss(),
         *_error_rows(seed),
@@ -163,9 +161,7 @@ def _deviation_row(name: str, deviations: Array) -> Row:
 
 
 def _exact_estimator_rows(seed: int) -> list[Row]:
-    """Bias and spread of the exact estimator at 30 dB-Hz, half a beamwidth off, and the linear one
-    beside it.
-    """
+    """Bias and spread of the exact and the linear estimator at 30 dB-Hz, half a beamwidth off."""
     x, y = circle(32)
     biases, ratios, remarks = [], [], []
     for error in np.array([[0.0, 0.0], [6.0, -6.0], [8.5, 0.0]]) * MDEG:

@@ -1,9 +1,7 @@
 """The conscan experiments behind the published rows: Monte Carlo runs and small closed loops.
 
-Bias and spread of both conscan estimators against the pointing error: the picture of
-docs/math/conscan.md.
-
-Run: python -m rf_pointing.papers.conscan_cases docs/math/conscan.svg
+The picture of docs/math/conscan.md shows bias and spread of both estimators against the pointing
+error.  Run: python -m rf_pointing.papers.conscan_cases docs/math/conscan.svg
 """
 
 import math

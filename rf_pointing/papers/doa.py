@@ -1,12 +1,11 @@
-"""DOA recomputed: Tables 1 and 2 row by row, the scene, the accuracy of MUSIC, the filters, and
-what lies beyond.
+"""DOA recomputed: Tables 1 and 2, the scene, the accuracy of MUSIC, the filters, open questions.
 
-The paper's stations, process noise and grid of truths are not published.  Ours, beside every
-result: eight stations along the track (`nadir_scene`), Q = 1e-12 E_6, RMSE (34) from 2000 s on,
-because with the transient it would only measure the start.  By default every row stands on two
-trials of 20 000 steps and on 20 000 real MUSIC estimates, which takes a minute; `reproduce doa
---trials 200 --workers 2` runs the paper's 200 trials, and `--music-inside` replaces the pools of
-estimates by MUSIC at every step of every trial.
+The paper's stations, process noise and grid of truths are not published.  Ours: eight stations
+along the track (`nadir_scene`), Q = 1e-12 E_6, RMSE (34) from 2000 s on, because with the transient
+it would only measure the start.  By default every row rests on two trials of 20 000 steps and on
+20 000 real MUSIC estimates, which takes a minute.  `reproduce doa --trials 200 --workers 2` runs
+the paper's 200 trials; `--music-inside` replaces the pools of estimates by MUSIC at every step of
+every trial.
 """
 
 from concurrent.futures import Executor
@@ -48,7 +47,7 @@ class DoaTables:
 
 
 def rows(seed: int = 1, *, trials: int = 2, executor: Executor | None = None, music_inside: bool = False) -> list[Row]:
-    """Return the published numbers of DOA beside ours, contradicted entries included."""
+    """Return the published numbers of DOA and ours, contradicted entries included."""
     tables = run_tables(seed, trials, executor, music_inside=music_inside)
     here = tables.rows[CHECKED]
     inside, drawn = (here, tables.other_way) if music_inside else (tables.other_way, here)

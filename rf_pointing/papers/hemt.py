@@ -1,10 +1,11 @@
-"""Noise temperature of a two-port such as a HEMT amplifier, from its noise parameters (HEMT section
-III).
+"""Noise temperature of a two-port such as a HEMT amplifier (HEMT section III).
 
-T_n = T_min + T_0 (g_n / R_g) |Z_g - Z_opt|^2, with R_opt = sqrt(R_n/g_n - X_opt^2), X_opt = Im C /
-g_n, T_min = 2 T_0 (g_n R_opt + Re C), C = r sqrt(R_n g_n), r = <e* i> / sqrt(<e^2> <i^2>). The
-article prints |Z_g - Z_opt|^2 below the fraction line, which would make T_n infinite at the best
-match; it belongs above it: T_n is the noise <|e + Z_g i|^2> over that of R_g.
+    T_n = T_min + T_0 (g_n / R_g) |Z_g - Z_opt|^2,   T_min = 2 T_0 (g_n R_opt + Re C),
+    R_opt = sqrt(R_n/g_n - X_opt^2),   X_opt = Im C / g_n,
+    C = r sqrt(R_n g_n),   r = <e* i> / sqrt(<e^2> <i^2>).
+
+The article prints |Z_g - Z_opt|^2 below the fraction line, which would make T_n infinite at the
+best match.  It belongs above: T_n is the noise <|e + Z_g i|^2> over that of R_g.
 """
 
 import math
@@ -89,7 +90,7 @@ class TwoPortNoise:
 
 
 def cascade_noise_k(stages: list[tuple[float, float]]) -> float:
-    """Return the noise temperature of stages (noise temperature K, gain dB) in their order (Friis)."""
+    """Return the noise temperature of stages (noise temperature K, gain dB) in order (Friis)."""
     total, gain = 0.0, 1.0
     for noise_k, gain_db in stages:
         require_between("noise_k", noise_k, 0.0, None)

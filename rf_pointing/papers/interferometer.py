@@ -1,10 +1,7 @@
-"""PI83 recomputed: Tables 7-1, 8-1, 8-2 and 8-3, the design chain, the links and the simulated
-errors.
+"""PI83 recomputed: Tables 7-1 and 8-1 to 8-3, the design chain, the links, the simulated errors.
 
-Numbers printed in PI83: the legible cells of Table 7-1, and Table 8-1.
-
-Table 7-1 lies on its side in the scan; only cells are kept whose seven digits can be read without
-doubt.
+Table 7-1 lies on its side in the scan; the module has only those cells whose seven digits are
+legible without doubt.
 """
 
 from concurrent.futures import Executor
@@ -62,7 +59,7 @@ is illegible)."""
 
 
 def rows(seed: int = 1, *, executor: Executor | None = None) -> list[Row]:
-    """Return the published numbers of the polarized interferometer beside ours.
+    """Return the published numbers of the polarized interferometer and ours.
 
     Trials run on `executor`.
     """

@@ -1,10 +1,8 @@
-"""TODO.
+"""How noise becomes phase, range, direction and roll error (PI83 sections 4.3 and 7).
 
-How measurement noise becomes range, direction and roll error (PI83 section 4.3).
-
-Per unit variance of one two-way range: distance 1/36; direction (4/9)/(R cos theta)^2 as the sum of
-the variances of the rotations about the array's z and y axes; roll 1/(g^T g) per unit variance of
-one coupling.
+sigma_rho = c sigma_phi/(2 pi f) (eqs. 7-2 to 7-12).  Per unit variance of one two-way range:
+distance 1/36; direction (4/9)/(R cos theta)^2 as the sum of the variances of the rotations about
+the array's z and y axes.  Roll: 1/(g^T g) per unit variance of one coupling.
 """
 
 import math
@@ -91,7 +89,7 @@ def range_variance_from_nine(common_m2: float, path_m2: float, variant: str = CO
 def direction_variance(off_boresight_rad: float, radius_m: float = 1.0, variant: str = CORRECTED) -> float:
     """Return V^2 in rad^2 per m^2: variance of both rotation increments together (PI83 eq. 4-21).
 
-    "published" 0.4448/cos^2 for any array (the report speaks of 1 m diameter, its listing has 1 m
+    "published" 0.4448/cos^2 for any array (the report states 1 m diameter, its listing has 1 m
     radius); "corrected" 4/9/(R cos)^2 - the 0.4448 is the residue of the listing's finite dither.
     """
     require_between("off_boresight_rad", off_boresight_rad, 0.0, math.radians(89.9))
@@ -113,7 +111,7 @@ def chord_variance(off_boresight_rad: float, radius_m: float = 1.0) -> float:
 def direction_variance_from_gradients(
     range_m: float, direction: ArrayLike, attitude: ArrayLike, arrays: ArrayParams, dither_rad: float = 0.01
 ) -> float:
-    """Return V^2 = 3 trace(H) of the direction estimator (three ranges in each sum), rad^2 per m^2."""
+    """Return V^2 = 3 trace(H) of the direction estimator (three ranges a sum), rad^2 per m^2."""
     ranges = np.zeros((3, 3))
     _, covariance = direction_step(ranges, range_m, direction, attitude, arrays, dither_rad)
     return 3.0 * float(np.trace(covariance))

@@ -1,7 +1,7 @@
-"""What the text of PI83 says.
+"""Statements in the text of PI83: design chain of chapters 7 and 8, estimators, links.
 
-Design chain of chapters 7 and 8, estimators of chapter 4, links of chapter 5.  The direction
-estimator that PI83 tried first: nine separate ranges instead of three sums (p. 35).
+Also the direction estimator that PI83 tried first: nine separate ranges instead of three sums
+(p. 35).
 """
 
 import math

@@ -1,18 +1,12 @@
-"""How often a cycle is resolved wrongly, and the signal-to-noise ratio that prevents it.
-
-Error of the unrounded lane: variance (nu^2 - nu + 1)/(2 pi^2 R); wrong when beyond half a lane, p =
-1 - erf(1/(2 sqrt(2) sigma)) (PI83 eqs. 7-26 to 7-34).  R is the power ratio of each link alone.
-
-From accuracy requirements to radiated power (PI83 chapter 8).
+"""Design of the interferometer: from requirements to carriers and powers (PI83 chapters 7, 8).
 
 requirement -> sigma of a two-way range -> sigma of phase -> power ratio -> power, for
 carrier-frequency tracking (CFT: range from the carrier's own phase) and difference-frequency
 tracking (DFT: from the widest difference).
 
-The report's design tables, computed: cycle errors (7-1), carriers against power ratio (8-1), powers
-(8-2, 8-3).
-
-TODO.
+Wrong cycles limit the power ratio R of each link.  The error of the unrounded lane has variance
+(nu^2 - nu + 1)/(2 pi^2 R) and is wrong beyond half a lane, p = 1 - erf(1/(2 sqrt(2) sigma)) (eqs.
+7-26 to 7-34).  Tables: cycle errors (7-1), carriers against power ratio (8-1), powers (8-2, 8-3).
 """
 
 import math
@@ -187,7 +181,7 @@ def phase_sigma_rad(range_sigma_m: float, wavelength_m: float) -> float:
 
 
 def roll_requirement_snr(requirements: Requirements) -> float:
-    """Return the power ratio that the roll requirement asks for (PI83 eqs. 8-12, 8-13)."""
+    """Return the power ratio that meets the roll requirement (PI83 eqs. 8-12, 8-13)."""
     amplitude_sigma = requirements.roll_sigma_rad / math.sqrt(requirements.roll_variance)
     return 1.0 / (2.0 * amplitude_sigma**2)
 
@@ -253,7 +247,7 @@ def _design(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CarrierCountRow:
-    """One row of Table 8-1: cycles per step and the power ratio of each link that K carriers need."""
+    """A row of Table 8-1: cycles per step and the power ratio of each link for K carriers."""
 
     carriers: int
     step_probability: float

@@ -1,14 +1,10 @@
-"""Monte-Carlo trials of the whole sensor at one relative pose.
+"""Figures 8-3 and 8-4 of PI83 by their text: rms errors against range and against roll.
 
-Root-mean-square errors and wrong lanes.  Errors of PI83 section 8.3 (program FHR-321C): distance,
-chords |xi - xi_true| and |eta - eta_true|, roll.  A trial with a two-way range off by more than
-half the fine lane is tallied and discarded (the listing's 0.72 m lets pass a wrong lane of 0.736 m
-with 16 mm of noise the other way).  All trials run as one stack.
-
-TODO.
-
-Figures 8-3 and 8-4 of PI83 by their text: 100 trials per point, rms errors against range and
-against roll.
+Monte Carlo trials of the whole sensor at one relative pose (section 8.3, program FHR-321C): phases
+with receiver noise, cycles, sequenced estimators.  Errors: distance, chords |xi - xi_true| and
+|eta - eta_true|, roll.  A trial with a two-way range off by more than half the fine lane is counted
+and discarded: the listing's 0.72 m accepts a wrong lane of 0.736 m with 16 mm of noise the other
+way.  All trials run as one stack.
 """
 
 import math

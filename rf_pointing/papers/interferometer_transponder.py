@@ -1,18 +1,14 @@
-"""Spectral lines of two biphase-modulated carriers through a square-law or an exponential device.
+"""The passive spacecraft of PI83: mixers, reflector and repeater links, choice of a transponder.
 
-Input s0 + a1 m1 cos(w1 t + phi1) + a2 m2 cos(w2 t + phi2), m = +-1.  Square law c v^2 (PI83 eqs.
-5-4 to 5-6); diode or bipolar c exp(q v/kT), whose lines are products of modified Bessel functions
-(eqs. 5-10 to 5-16).  The difference line carries the product code m1 m2.
+Lines: input s0 + a1 m1 cos(w1 t + phi1) + a2 m2 cos(w2 t + phi2), m = +-1, through a square law
+c v^2 (eqs. 5-4 to 5-6) or a diode c exp(q v/kT), whose lines are products of modified Bessel
+functions (eqs. 5-10 to 5-16).  The difference line carries the product code m1 m2.
 
-Signal-to-noise ratio after multiplying two noisy narrowband signals (PI83 eqs. 5-17 to 5-37).
+Noise: power ratio after multiplying two noisy narrowband signals (eqs. 5-17 to 5-37), and of the
+signal that a nonlinear reflector or a repeater returns (eqs. 5-38 to 5-51).
 
-TODO.
-
-Choices around the passive spacecraft's transponder: configuration, antennas, frequencies to avoid,
-Doppler.
-
-PI83 chapter 6 in a form that a design can ask: each candidate with the bandwidth its receiver must
-accept, whether it needs acquisition of a code, and the report's verdict.
+Choices (chapter 6): each candidate with the bandwidth its receiver must accept, whether it needs
+acquisition of a code, and the report's verdict.
 """
 
 import math
@@ -280,11 +276,10 @@ ANTENNAS = (
 
 
 def choose_transponder(interference: bool, widest_input_hz: float = 1e3) -> Transponder:
-    """Return the simplest configuration in reach of technology that fits the link (PI83 section
-    6.2, conclusions).
+    """Return the simplest feasible configuration that fits the link (PI83 section 6.2).
 
     `widest_input_hz` is the input bandwidth that the forward link can still carry; `interference`
-    asks for a code.
+    requires a code.
     """
     require_between("widest_input_hz", widest_input_hz, 1e-3, None)
     fitting = [

@@ -1,7 +1,6 @@
-"""The monopulse experiments behind the published rows.
+"""BWG sections III and V with the real receiver and tracker, and radio-loop requirements.
 
-Averaging in the tracker, honesty, false locks.  BWG sections III and V recomputed with the real
-receiver and tracker, and the numbers asked of the radio loop.
+The experiments: averaging in the tracker, honesty of its covariance, false locks, dropouts.
 """
 
 import math
@@ -137,7 +136,7 @@ def sidelobe_lock_s(rng: np.random.Generator) -> tuple[str, float]:
 
 
 def rows(seed: int = 1) -> list[Row]:
-    """Return the published numbers of monopulse beside ours."""
+    """Return the published numbers of monopulse and ours."""
     return [
         *_averaging_rows(seed),
         _honesty_row(seed),

@@ -1,9 +1,8 @@
-"""A Ka-band pass with random carrier dropouts.
+"""A Ka-band pass with random carrier dropouts: state table, trim filter, coast, search, monopulse.
 
-State table, trim filter, coast, search, and monopulse again.  While the carrier is there the
-integrator of the sensed error carries the whole offset, and the trim filter learns from it.
-Without it the offset follows the filter, from where the integrator stood: offset = trim + (last -
-trim) e^(-t/3 s).
+While the carrier is there the integrator of the sensed error carries the whole offset, and the trim
+filter learns from it.  Without a carrier the offset follows the filter, from the integrator's last
+value: offset = trim + (last - trim) e^(-t/3 s).
 """
 
 import math

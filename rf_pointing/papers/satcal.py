@@ -1,10 +1,8 @@
-"""Rows made from many fitted campaigns.
-
-Coefficients, honesty of their sigma, residuals (SATCAL Tables 1, 3, 5).  SATCAL recomputed: planted
-coefficients recovered, residuals after correction, orbits with corrected angles.
+"""SATCAL recomputed: planted coefficients, corrected residuals, orbits from corrected angles.
 
 K. Nageswara Rao and P. Soma, "Estimation of systematic errors in angles of tracking antennae",
-ISTRAC/ISRO.
+ISTRAC/ISRO.  Rows from many fitted campaigns: coefficients, honesty of their sigma, residuals
+(Tables 1, 3, 5); rows from orbits: Tables 2 and 6.
 """
 
 import math
@@ -186,7 +184,7 @@ def residual_rows(name: str, points: Observations, runs: Runs) -> list[Row]:
 
 
 def order_row(quantity: str, paper: float, ours: float, unit: str, remark: str) -> Row:
-    """Return a row that asks for the same order of magnitude: within a factor of 3."""
+    """Return a row that holds within a factor of 3: the same order of magnitude."""
     return Row(
         quantity=f"{quantity}, decades from the paper's {paper:g} {unit} (ours {ours:.3g} {unit})",
         source="Table 2",
@@ -224,7 +222,7 @@ class Effort:
 
 
 def rows(seed: int = 1, effort: Effort | None = None) -> list[Row]:
-    """Return the published numbers of SATCAL beside ours.
+    """Return the published numbers of SATCAL and ours.
 
     Less `effort` makes the statistics poorer, not the claims.
     """

@@ -1,10 +1,8 @@
-"""SATCAL's published numbers and the simulated station they are held against.
+"""Simulated calibration campaigns for SATCAL, and the published numbers they plant.
 
-Simulated calibration data for SATCAL: real pass geometry, an orbit off by 200 m, noise, and fits of
-many runs.
-
-Orbit errors are those of a neighbouring orbit (Clohessy-Wiltshire): within a pass they change as
-they would, between passes they are independent.
+Real pass geometry, an orbit off by 200 m, noise, and fits of many runs.  Orbit errors are those of
+a neighbouring orbit (Clohessy-Wiltshire): within a pass they change as they would, between passes
+they are independent.
 """
 
 import math

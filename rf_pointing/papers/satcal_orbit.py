@@ -1,6 +1,4 @@
-"""The orbit half of SATCAL: preliminary orbit from one station (Table 2), batch orbit with radar
-angles (Table 6).
-"""
+"""The orbits of SATCAL: one station (Table 2), batch with radar angles (Table 6)."""
 
 import math
 from collections.abc import Sequence
@@ -30,7 +28,7 @@ _WEIGHT_ROUNDS = 60
 
 @dataclass(frozen=True, eq=False)
 class PreliminaryCheck:
-    """Errors (runs, 2) of semi-major axis (km) and inclination (deg) against the reference orbit."""
+    """Errors (runs, 2) of semi-major axis (km) and inclination (deg) against the reference."""
 
     uncorrected: Array
     corrected: Array

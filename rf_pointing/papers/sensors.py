@@ -1,9 +1,8 @@
-"""Every sensor of `track` in every band, on the simulated station.
+"""Every sensor of `track` in every band, on the simulated station: one low pass each.
 
-One pass of a low satellite each.  CBERS-2 at up to 40 deg, 0.15 s ahead of its elements, wind 8
-m/s, the station of the configuration files.  What is asked is the DSN's pointing accuracy: 28, 8
-and 2 mdeg at S, X and Ka band.  A scan is part of the error of the beam: the remark tells the error
-of its centre, and what both cost.
+CBERS-2 at up to 40 deg, 0.15 s ahead of its elements, wind 8 m/s, the station of the configuration
+files.  The requirement is the DSN's pointing accuracy: 28, 8 and 2 mdeg at S, X and Ka band.  A
+scan is part of the error of the beam: the remark gives the error of its centre, and what both cost.
 """
 
 import math

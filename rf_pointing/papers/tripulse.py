@@ -1,8 +1,8 @@
 """TRIPULSE recomputed: measurement time, noise, phase bits and dead elements of the 16 x 16 array.
 
 Every standard deviation is measured over seeded trials; its tolerance is four of its own standard
-errors unless said. "3 sigma" of 4.3 and 4.4 is 3 sqrt(var eps_x + var eps_y), the initial error is
-0.1 deg along x, steering at boresight.
+errors unless stated.  "3 sigma" of 4.3 and 4.4 is 3 sqrt(var eps_x + var eps_y), the initial error
+is 0.1 deg along x, steering at boresight.
 """
 
 import math
@@ -38,7 +38,7 @@ TRIALS = 20_000
 
 
 def rows(seed: int = 1, *, executor: Executor | None = None) -> list[Row]:
-    """Return the published numbers of TRIPULSE beside ours, contradicted statements included.
+    """Return the published numbers of TRIPULSE and ours, contradicted statements included.
 
     Sweeps on `executor`.
     """

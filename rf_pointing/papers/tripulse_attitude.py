@@ -1,14 +1,12 @@
-"""TRIPULSE end to end, at the level of samples: satellite, two stations, attitude.
+"""TRIPULSE from samples to attitude: the detection chain, and the statements of section 5.
 
-Two reference tones under Doppler and two independent clocks, 80 microseconds per beam at 37 dB-Hz
-per element; the satellite steers by its nominal attitude, and is off by what the initial sensors
-leave.
+Chain: satellite, two stations, attitude.  Two reference tones under Doppler and two independent
+clocks, 80 microseconds per beam at 37 dB-Hz per element.  The satellite steers by its nominal
+attitude and is off by the error of the initial sensors.
 
-TRIPULSE section 5 recomputed: attitude of two stations in the Y-Z plane about +Z, 2.5, 5 and 10 deg
-apart.
-
-Gaussian noise on T_x and T_y of each station; errors are the rotation vector of R_hat R^T in the
-array frame, rms over all trials.
+Section 5: two stations in the Y-Z plane about +Z, 2.5, 5 and 10 deg apart, Gaussian noise on T_x
+and T_y of each.  Errors are the rotation vector of R_hat R^T in the array frame, rms over all
+trials.
 """
 
 import math
@@ -120,7 +118,7 @@ def run_tripulse(
 
 
 def signal_rows(seed: int = 1) -> list[Row]:
-    """Return the coherent detection and the whole chain beside the paper's statements."""
+    """Return the coherent detection and the whole chain against the paper's statements."""
     run = run_tripulse(FRAMES, seed)
     errors = run.attitude_errors_rad
     scores = [float(e @ np.linalg.solve(a.covariance_rad2, e)) for e, a in zip(errors, run.attitudes, strict=True)]
@@ -174,7 +172,7 @@ def _phase_left_rad(seed: int) -> float:
 
 
 def attitude_rows(seed: int = 1) -> list[Row]:
-    """Return the statements of section 5 beside ours."""
+    """Return the statements of section 5 and ours."""
     return [*_roll_pitch_rows(seed), *_yaw_rows(seed), *_method_rows(seed)]
 
 

@@ -1,12 +1,9 @@
-"""Monte Carlo of Tripulse: receiver noise, failed elements, phase errors.
+"""TRIPULSE under noise and faults: Figure 2, variances (17), (18), (21), dead elements, phases.
 
-The estimator is always the exact inversion (9) of the uniform array, unaware of the faults.  Every
-case draws from a stream named after itself, so a sweep over cases may run anywhere (`core.sweep`).
-
-TRIPULSE under receiver noise: Figure 2, the variances (17), (18), (21), and what lies beyond the
-paper.
-
-Ours: the shortest pulses that meet the specification, and the estimator for weak signals.
+Rows of our own: the shortest pulses that meet the specification, and the estimator for weak
+signals.  In the Monte Carlo the estimator is always the exact inversion (9) of the uniform array,
+unaware of the faults.  Every case draws from a stream named after itself, so a sweep over cases may
+run anywhere (`core.sweep`).
 """
 
 import math
@@ -218,7 +215,7 @@ def _chunks(trials: int) -> list[int]:
 
 
 def noise_rows(seed: int = 1) -> list[Row]:
-    """Return Figure 2 and the variances beside ours."""
+    """Return Figure 2 and the variances against ours."""
     return [*_figure_2_rows(seed), *_variance_rows(seed)]
 
 
@@ -312,9 +309,7 @@ def _second_order(seed: int) -> tuple[float, float, float]:
 
 
 def beyond_rows(seed: int = 1) -> list[Row]:
-    """Return the time-optimal pulses and the weak-signal estimator beside what the paper's would
-    give.
-    """
+    """Return time-optimal pulses and the weak-signal estimator against the paper's methods."""
     best = allocate_pulses(ARRAY, CN0_DB_HZ, SPECIFICATION, (OFFSET_RAD, OFFSET_RAD))
     equal = equal_pulses(ARRAY, CN0_DB_HZ, SPECIFICATION, (OFFSET_RAD, OFFSET_RAD))
     plain, robust, prior = _widths_at_0_db(seed)

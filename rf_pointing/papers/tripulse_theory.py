@@ -1,17 +1,15 @@
-"""What noise does to Tripulse: variances (17), (18), (21) and the integration time (22).
+"""What noise does to Tripulse: variances (17), (18), (21), integration time (22), shortest pulses.
 
-SNR is |S|^2 / sigma^2 with sigma^2 = N_0 W the *total* variance of a complex noise sample.  gamma =
-|Delta / Sigma|. `variant` is "published" for the printed formula, "corrected" for the one that the
-model gives: (17) second coefficient (1 + 2 gamma^2) instead of (1 - gamma^2); (21) sigma_T^2 /
-cos^2(theta) instead of 2 sigma_T^2 / cos(2 theta), which is the mean square of the total angle at
-boresight.
+SNR is |S|^2 / sigma^2 with sigma^2 = N_0 W the *total* variance of a complex noise sample;
+gamma = |Delta / Sigma|.  `variant` is "published" for the printed formula, "corrected" for the one
+that follows from the model: (17) second coefficient (1 + 2 gamma^2) instead of (1 - gamma^2); (21)
+sigma_T^2 / cos^2(theta) instead of 2 sigma_T^2 / cos(2 theta), which is the mean square of the
+total angle at boresight.
 
-How long each of the three pulses should last: the shortest total time that meets a specification.
-
-The variance of R_x is half of gamma_x^2 (a + 2 a^2) + b_x (1 + a), with a and b_x the
-noise-to-signal ratios c/T_sum and c/T_x of the two pulses (second order in the noise, TRIPULSE (17)
-with unequal noise).  Near the steering direction gamma is small, so the sum pulse may be short: to
-first order T_sum / T_x -> sqrt(gamma_x^2 + gamma_y^2).
+Shortest pulses: the variance of R_x is half of gamma_x^2 (a + 2 a^2) + b_x (1 + a), with a and b_x
+the noise-to-signal ratios c/T_sum and c/T_x of the two pulses (second order in the noise, (17) with
+unequal noise).  Near the steering direction gamma is small, so the sum pulse may be short: to first
+order T_sum / T_x -> sqrt(gamma_x^2 + gamma_y^2).
 """
 
 import math

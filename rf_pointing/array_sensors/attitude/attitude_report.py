@@ -18,6 +18,8 @@ LARGEST_LEAD_S = 5.0
 """Simulation time reaches the nodes one by one, so a stamp may be ahead of a node's clock by some
 of its steps."""
 Array = NDArray[np.float64]
+# Relative to the largest element: a covariance that crossed the wire as float64 is symmetric only
+# to rounding.
 _ROUNDING = 1e-9
 
 
@@ -45,8 +47,12 @@ class AttitudeReport:
 
     def __post_init__(self) -> None:
         require_finite("t_s", self.t_s)
+        # Wire data: a quaternion that is not of unit length is a fault of the sender, not rounding
+        # to repair silently.
         object.__setattr__(self, "quaternion", unit_quaternion(as_finite_array("quaternion", self.quaternion, (4,))))
         object.__setattr__(self, "covariance_rad2", require_covariance("covariance_rad2", self.covariance_rad2, 3))
+        # A consumer that rejects an attitude must be able to log why; an empty reason looks like a
+        # valid one.
         if not self.valid and not self.reason:
             raise ValueError("reason='' must say why the attitude is not valid")
 

@@ -28,6 +28,7 @@ __all__ = [
 
 
 Array = NDArray[np.float64]
+# A name becomes a ROS namespace, whose grammar allows no more.
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 
 
@@ -67,7 +68,7 @@ class StationView:
     range_m: Array
 
     def visible(self, elevation_min_rad: float) -> NDArray[np.bool_]:
-        """Return whether each station sees the satellite at or above `elevation_min_rad` (..., N)."""
+        """Return whether each station sees the satellite above `elevation_min_rad`, (..., N)."""
         return self.elevation_rad >= elevation_min_rad
 
 
@@ -83,8 +84,11 @@ def view_from(point: OrbitPoint, stations: list[GroundStation]) -> StationView:
     places = np.stack([station.position_m for station in stations])
     away = places - point.position_m[..., None, :]
     distance = np.linalg.norm(away, axis=-1)
+    # The line of sight seen from the station is -away; the spherical Earth makes its zenith the
+    # place itself.
     sine = -np.sum(away * places, axis=-1) / (distance * EARTH_RADIUS_M)
     reference = np.einsum("...ij,...nj->...ni", point.frame, away) / distance[..., None]
+    # Straight overhead rounding gives a sine of 1 + 1e-16, and arcsin would return NaN.
     return StationView(reference=reference, elevation_rad=np.arcsin(np.clip(sine, -1.0, 1.0)), range_m=distance)
 
 
@@ -114,6 +118,8 @@ def stations_along_track(
     stations = []
     for index in range(count):
         point = orbit_point(orbit, start_s + (index + 0.5) * spacing_s)
+        # By turns right and left: stations on the track show pitch from one plane only, and yaw
+        # stays weak.
         side = math.copysign(aside_rad, 0.5 - index % 2)
         place = -point.frame[2] * math.cos(side) + point.frame[1] * math.sin(side)
         latitude = math.asin(float(place[2]))

@@ -87,12 +87,13 @@ def process_noise_from_q(q: float, dt_s: float = 0.25) -> ProcessNoiseParams:
 class GateParams(Params):
     """When a direction is taken for an outlier, and when the filter itself is."""
 
+    # 30 is wide for two degrees of freedom (3e-7): a start that is still wrong must not lose good
+    # directions.
     largest: float = parameter(
         30.0, "largest normalised squared innovation, chi-square of 2 degrees", low=4.0, high=1e12
     )
-    doubt_after: int = parameter(
-        8, "refusals in a row after which the filter doubts itself and listens", low=1, high=10**6
-    )
+    # Eight directions are 2 s at one each 250 ms: an outlier or two must not open the gate.
+    doubt_after: int = parameter(8, "rejections in a row after which the filter doubts itself", low=1, high=10**6)
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,8 +129,8 @@ def start_state(
     """Return the state starting at `quaternion` (..., 4), `rate_rad_s` (..., 3) with equal
     uncertainty of all axes.
 
-    A start may be wrong, so the filter begins in doubt: it listens until a direction falls into its
-    gate.
+    A start may be wrong, so the filter begins in doubt: it accepts every direction until one falls
+    into its gate.
     """
     lead = np.shape(quaternion)[:-1]
     covariance = np.diag(np.repeat([attitude_sigma_rad**2, rate_sigma_rad_s**2], 3))
@@ -159,13 +160,20 @@ def predict(
     by_rate = rate_jacobian(inertia, state.rate_rad_s, known.wheel_momentum_n_m_s)
     by_attitude = inertia.inverse @ gravity_jacobian(inertia, rotation, frame_rate)
     slope = np.zeros((*by_rate.shape[:-2], 6, 6))
+    # The error is kept in the orbital frame, which itself turns: hence minus the frame rate, not
+    # the body rate.
     slope[..., :3, :3] = -cross_matrix(frame_rate)
+    # Mean of the rotations at both ends: the body turns by degrees in a step of 250 ms right after
+    # a bad start.
     slope[..., :3, 3:] = 0.5 * (rotation + matrix_from_quaternion(quaternion))
     slope[..., 3:, :3] = by_attitude @ _transposed(rotation)
     slope[..., 3:, 3:] = by_rate
     step = slope * dt_s
+    # Second order of the exponential: in a step of 250 ms the first alone would leave rate and
+    # attitude uncorrelated.
     transition = np.eye(6) + step + 0.5 * step @ step
     covariance = transition @ state.covariance @ _transposed(transition)
+    # A writable view of the diagonal: the noise is added in place.
     variance = np.einsum("...ii->...i", covariance)
     variance += dt_s * np.repeat([noise.attitude_rad2_s, noise.rate_rad2_s3], 3)
     return AttitudeState(quaternion, rate, covariance, state.refused, state.misfit)
@@ -180,6 +188,8 @@ def innovation(state: AttitudeState, observation: DirectionObservation) -> tuple
     gap = rotation_between(turned, observation.reference)
     rows = tangent_rows(observation.reference)
     carried = rows @ matrix_from_quaternion(quaternion_from_turn(gap)) @ rotation
+    # The sensor's covariance belongs to the direction in the body; z belongs to the rotation that
+    # carries it onto the reference.
     noise_map = carried @ cross_matrix(observation.measured)
     noise = noise_map @ observation.covariance_rad2 @ _transposed(noise_map)
     spread = rows @ state.covariance[..., :3, :3] @ _transposed(rows) + noise
@@ -189,14 +199,18 @@ def innovation(state: AttitudeState, observation: DirectionObservation) -> tuple
 def update(state: AttitudeState, observation: DirectionObservation, gate: GateParams) -> AttitudeState:
     """Return the state after one direction.
 
-    A direction outside the gate is refused and counted.  After `gate.doubt_after` refusals in a row
-    the filter is taken to be wrong and not the sensor: it listens to everything until one direction
+    A direction outside the gate is rejected and counted.  After `gate.doubt_after` rejections in a
+    row the filter is taken to be wrong and not the sensor: it accepts every direction until one
     falls inside the gate again.
     """
     z, spread, rows = innovation(state, observation)
     inverse = _inverse_spread(spread)
+    # Normalised squared innovation, chi-square of two degrees of freedom where the filter is
+    # consistent.
     squared = np.einsum("...i,...ij,...j->...", z, inverse, z)
     inside = squared <= gate.largest
+    # A filter that rejects everything would never recover: in doubt it lets the direction in and
+    # stays marked.
     believed = inside | (state.refused >= gate.doubt_after)
     crossed = state.covariance[..., :, :3] @ _transposed(rows)
     gain = crossed @ inverse * believed[..., None, None]
@@ -210,6 +224,8 @@ def update(state: AttitudeState, observation: DirectionObservation, gate: GatePa
         state.rate_rad_s + change[..., 3:],
         0.5 * (covariance + covariance.swapaxes(-1, -2)),
         np.where(inside, 0, state.refused + 1),
+        # Bounded per direction, so that one outlier does not decide between the hypotheses of a
+        # start.
         state.misfit + np.minimum(squared, gate.largest),
     )
 
@@ -229,6 +245,8 @@ def rotation_between(first: Array, second: Array) -> Array:
     sine = np.linalg.norm(axis, axis=-1)
     angle = np.arctan2(sine, np.einsum("...i,...i->...", first, second))
     vector = axis * np.divide(angle, sine, out=np.ones_like(sine), where=sine > 1e-12)[..., None]
+    # The cross product vanishes at half a turn too; without this case the filter would stand still
+    # at exactly the wrong attitude.
     opposite = (sine <= 1e-12) & (angle > 1.0)
     if np.any(opposite):
         vector[opposite] = np.pi * np.broadcast_to(tangent_rows(first)[..., 0, :], axis.shape)[opposite]
@@ -246,6 +264,8 @@ def _transposed(matrix: Array) -> Array:
 def _inverse_spread(spread: Array) -> Array:
     """Return the inverse (..., 2, 2) of innovation covariances; a singular one is refused."""
     a, b, c = spread[..., 0, 0], spread[..., 0, 1], spread[..., 1, 1]
+    # Written out: a stack of 2 x 2 matrices is inverted at every step of every trial, where the
+    # general routine costs most of the time.
     determinant = a * c - b * b
     if not np.all(determinant > 0.0):
         raise ValueError(f"innovation covariance has determinant {np.min(determinant)}, must be > 0: singular")

@@ -24,6 +24,7 @@ __all__ = ["OrbitPoint", "SunSynchronousOrbitParams", "circular_frame", "inclina
 
 
 Array = NDArray[np.float64]
+# Only the precession of the node needs it; the motion along the orbit is Keplerian.
 EARTH_J2 = 1.08262668e-3
 YEAR_S = 365.24219 * 86400.0
 
@@ -46,6 +47,7 @@ def circular_frame(along_rad: ArrayLike, node_rad: ArrayLike, inclination_rad: f
     along = np.asarray(along_rad, dtype=np.float64)
     outward = _turned(np.cos(along), np.sin(along), node_rad, inclination_rad)
     forward = _turned(-np.sin(along), np.cos(along), node_rad, inclination_rad)
+    # y against the momentum, z down: (forward, -normal, -outward) is right-handed as (x, y, z).
     return np.stack([forward, -cross_product(outward, forward), -outward], axis=-2)
 
 
@@ -93,6 +95,8 @@ def orbit_point(orbit: SunSynchronousOrbitParams, t_s: ArrayLike) -> OrbitPoint:
     along = mean_motion_rad_s(orbit) * (time - orbit.ascending_node_time_s)
     node = 2.0 * np.pi * ((orbit.descending_node_local_time_h + 12.0) / 24.0 - time / 86400.0)
     frame = circular_frame(along, node, inclination_rad(orbit))
+    # The node's turn is about the Earth's axis: its components in F_o are the third column of the
+    # frame.
     precession = 2.0 * np.pi / YEAR_S * frame[..., :, 2]
     rate = precession + np.array([0.0, -mean_motion_rad_s(orbit), 0.0])
     return OrbitPoint(

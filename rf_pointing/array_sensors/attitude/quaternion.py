@@ -47,6 +47,7 @@ def unit_quaternion(quaternion: ArrayLike, name: str = "quaternion") -> Array:
     return np.asarray(q / norm)
 
 
+# q and -q are one rotation; without one choice of sign a recorded attitude would jump between them.
 def canonical(quaternion: ArrayLike) -> Array:
     """Return q or -q, whichever has w > 0 (at w = 0: a positive first non-zero component)."""
     q = unit_quaternion(quaternion)

@@ -92,6 +92,8 @@ def rate_slope_rad_s2(inertia: RigidInertia, rate: Array, torque: Array, momentu
     return np.asarray((torque - cross_product(rate, rate @ inertia.matrix + momentum)) @ inertia.inverse)
 
 
+# The quaternion and the rate are stepped apart because the attitude has a closed form under a
+# constant rate, the rate has not.
 def propagate(
     inertia: RigidInertia,
     quaternion: Array,

@@ -18,6 +18,7 @@ __all__ = ["WahbaFit", "attitude_covariance", "beam_covariance", "fit_rotation",
 
 Array = NDArray[np.float64]
 
+# Larger than the rounding of a float32 sensor, smaller than any beam error that matters.
 DIRECTION_TOLERANCE = 1e-6
 SMALLEST_SEPARATION_RAD = 1e-6
 """Below this spread of the directions the rotation about them is lost in double precision."""
@@ -69,7 +70,10 @@ def fit_rotation(
     # H = sum w t' t^T and R = V U^T: the transposed H would give R^T.
     h = np.einsum("...l,...li,...lj->...ij", w, t_reference, t_measured)
     u, singular_values, vt = np.linalg.svd(h)
+    # The plain SVD solution may be a reflection; turning its last axis over gives the best proper
+    # rotation.
     turn = np.sign(np.linalg.det(u) * np.linalg.det(vt))
+    # Equal singular values with opposite sign leave a whole circle of equally good rotations.
     gap = singular_values[..., 1] + turn * singular_values[..., 2]
     if np.any(gap <= 1e-14 * singular_values[..., 0]):
         raise ValueError("measured directions mirror the reference directions: the best rotation is not unique")
@@ -92,6 +96,8 @@ def separation_rad(directions: ArrayLike, weights: ArrayLike | None = None) -> A
     t = unit_directions("directions", directions)
     w = _weights(weights, t)
     scaled = t * np.sqrt(w / np.sum(w, axis=-1, keepdims=True))[..., None]
+    # Singular values of t itself: forming sum t t^T first would lose directions closer than 1e-8
+    # rad to rounding.
     spread = np.linalg.svd(scaled, compute_uv=False)[..., 1:]
     return np.asarray(2.0 * np.arcsin(np.minimum(1.0, np.sqrt(np.sum(spread**2, axis=-1)))))
 
@@ -115,6 +121,8 @@ def attitude_covariance(
     require_finite("direction_covariances", covariances)
     w = _weights(weights, t)
     _require_separated("directions", t, w, SMALLEST_SEPARATION_RAD)
+    # Normal matrix of the rotation error: a direction says nothing about the turn about itself,
+    # hence I - t t^T.
     normal = np.einsum("...l,...lij->...ij", w, np.eye(3) - t[..., :, None] * t[..., None, :])
     cross = cross_matrix(t)
     middle = np.einsum("...l,...lij,...ljk,...lmk->...im", w**2, cross, covariances, cross)

@@ -38,6 +38,7 @@ ComplexArray = NDArray[np.complex128]
 class CircularArrayParams(Params):
     """Elements evenly spaced on a circle in the x-y plane; boresight is +z (DOA section 4.1)."""
 
+    # Below five elements the second moments of the circle depend on azimuth, and so does the bound.
     elements: int = parameter(12, "number of elements; below 5 the accuracy depends on azimuth", low=5, high=512)
     radius_m: float = parameter(0.15, "radius of the circle", low=1e-6, high=1e3)
     wavelength_m: float = parameter(0.15, "wavelength of the received signal", low=1e-6, high=1e3)
@@ -67,6 +68,8 @@ def steering(array: CircularArrayParams, direction: Array) -> ComplexArray:
     """
     require_finite("direction", direction)
     length = np.linalg.norm(direction, axis=-1)
+    # Directions come over the wire or from angles; a length off by more is a wrong frame, not
+    # rounding.
     if np.any(np.abs(length - 1.0) > 1e-6):
         raise ValueError(
             f"|direction|={length[np.unravel_index(np.argmax(np.abs(length - 1.0)), length.shape)]} must be 1"
@@ -101,6 +104,7 @@ class ArrayResponse:
             raise ValueError(
                 f"coupling has shape {self.coupling.shape}, must be ({len(self.gain) // 2},) for the gains"
             )
+        # A zero gain makes the response singular: the estimators would invert it without noticing.
         dead = np.flatnonzero(np.abs(self.gain) < 1e-6)
         if len(dead):
             raise ValueError(f"gain[{dead[0]}]={self.gain[dead[0]]} must not be zero: a failed element")
@@ -117,6 +121,7 @@ def coupling_basis(elements: int) -> NDArray[np.float64]:
     Ones where two elements are d places apart on the circle, for d = 0, 1 ...
     """
     apart = np.abs(np.subtract.outer(np.arange(elements), np.arange(elements)))
+    # Neighbours round the circle: element 0 is next to element M - 1.
     apart = np.minimum(apart, elements - apart)
     return np.asarray(apart == np.arange(elements // 2 + 1)[:, None, None], dtype=np.float64)
 

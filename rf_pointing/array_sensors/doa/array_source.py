@@ -100,9 +100,12 @@ class ArraySource:
             raise ValueError(f"t_s={t_s} must be > the last block's {self._t_s}")
         towards = as_finite_array("directions", directions, (None, 3))
         power_db = as_finite_array("snr_db", snr_db, (len(towards),))
+        # A planar array cannot tell front and back: a source behind would be measured as one in
+        # front.
         behind = np.flatnonzero(towards[:, 2] <= 0.0)
         if len(behind):
             raise ValueError(f"directions[{behind[0]}] has z={towards[behind[0], 2]}, must be > 0: behind the array")
+        # Diagonal: the stations are independent transmitters.
         powers = np.diag(10.0 ** (power_db / 10.0)).astype(np.complex128)
         samples = draw_snapshots(
             self.array,

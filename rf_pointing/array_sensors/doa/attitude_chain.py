@@ -59,6 +59,7 @@ def match_directions(
     require_between("largest_rad", largest_rad, 0.0, np.pi)
     first = as_finite_array("measured", measured, (None, 3))
     second = as_finite_array("expected", expected, (None, 3))
+    # atan2 of cross and dot product: arccos alone loses angles below 1e-8 rad.
     cross = np.linalg.norm(np.cross(first[:, None, :], second[None, :, :]), axis=-1)
     angle = np.arctan2(cross, first @ second.T)
     # a pair that is out of reach costs more than leaving both alone ever could
@@ -70,8 +71,11 @@ def match_directions(
 class DoaChainParams(Params):
     """What keeps the filter's inputs together."""
 
+    # The torque changes with the attitude error; held longer it would carry the filter off its
+    # course.
     torque_age_max_s: float = parameter(5.0, "oldest known torque that the filter is carried on by", low=0.1, high=1e4)
     gap_max_s: float = parameter(300.0, "longest time without blocks before the filter starts anew", low=1.0, high=1e5)
+    # Twice the filter's own doubt: a filter that accepts everything and still fits nothing is lost.
     lost_after: int = parameter(
         16, "directions in a row outside the gate after which the filter starts anew", low=1, high=10**6
     )
@@ -135,6 +139,8 @@ class DoaAttitude:
         require_arrived(t_s, now_s)
         self._require_known(heard.transmitters)
         found = self._directions(heard)
+        # After the directions, so that a block of unusable snapshots leaves the filter's time
+        # alone.
         running = self._carried_on(t_s)
         pairs, refused = self._identified(running, heard.transmitters, found, t_s)
         for name, reference, seen in pairs:
@@ -178,9 +184,10 @@ class DoaAttitude:
     ) -> tuple[list[tuple[str, Array, DirectionEstimate]], list[str]]:
         """Return station, reference and direction of what was found, and what was not.
 
-        a sole station needs no search.
+        A sole station needs no search.
         """
         view = view_stations(self._orbit, [self._stations[name] for name in transmitters], t_s)
+        # No search for a sole station: it must also work while the attitude is still wrong.
         if len(transmitters) == 1 and len(found) == 1:
             return [(transmitters[0], view.reference[0], found[0])], []
         expected = view.reference @ quaternion_to_matrix(running.output().quaternion)
@@ -226,6 +233,7 @@ class DoaAttitude:
         """Return the torques held between the two times, each with its end; forget those before."""
         if from_s >= to_s:
             return []
+        # The torque in force at the filter's time stays: it is the last one before it.
         while len(self._torques) > 1 and self._torques[1].t_s <= from_s:
             self._torques.popleft()
         held = [torque for torque in self._torques if torque.t_s < to_s]
@@ -243,6 +251,7 @@ class DoaAttitude:
 
 def _report(running: DoaAttitudeFilter, refused: tuple[str, ...] = ()) -> DoaAttitudeReport:
     found = running.output()
+    # The report is checked for symmetry on the wire; propagation leaves rounding in it.
     covariance = 0.5 * (found.covariance + found.covariance.T)
     attitude = AttitudeReport(
         t_s=found.t_s,

@@ -63,10 +63,13 @@ def eigen(covariance: ComplexArray, elements: int, sources: int = 1) -> Eigen:
     if not np.all(np.isfinite(covariance)):
         raise ValueError("covariance contains values that are not finite")
     scale = np.abs(covariance).max(axis=(-1, -2), keepdims=True)
+    # Relative to the largest element: a covariance is symmetric to rounding, and eigh reads one
+    # triangle only.
     if np.any(np.abs(covariance - covariance.conj().swapaxes(-1, -2)) > 1e-9 * scale):
         raise ValueError("covariance is not Hermitian")
     values, vectors = np.linalg.eigh(covariance)
     values, vectors = values[..., ::-1], vectors[..., ::-1]
+    # Below this the signal subspace is filled by rounding, and MUSIC points anywhere.
     if np.any(values[..., sources - 1] <= 1e-12 * np.maximum(values[..., 0], 1e-300)):
         raise ValueError(f"covariance has rank below sources={sources}: no power, or too few independent snapshots")
     return Eigen(values, vectors)
@@ -84,10 +87,14 @@ def count_sources(covariance: NDArray[np.complex128], snapshots: int) -> NDArray
     elements = covariance.shape[-1]
     if snapshots < elements:
         raise ValueError(f"snapshots={snapshots} must be >= elements={elements} to count sources")
+    # Rounding makes the smallest eigenvalues of a noise-free test negative; their logarithm must
+    # exist.
     values = np.maximum(eigen(covariance, elements).values, 1e-300)
     scores = []
     for sources in range(elements):
         rest = values[..., sources:]
+        # Arithmetic over geometric mean: one for equal eigenvalues, which is what noise alone would
+        # give.
         ratio = np.log(np.mean(rest, axis=-1)) - np.mean(np.log(rest), axis=-1)
         penalty = 0.5 * sources * (2 * elements - sources) * np.log(snapshots)
         scores.append(snapshots * (elements - sources) * ratio + penalty)

@@ -58,6 +58,7 @@ def polar_sigma_rad(
     """
     sigma = cosine_sigma_rad(array, snapshots, snr)
     theta = np.asarray(theta_rad, dtype=np.float64)
+    # On the normal the bound on phi is infinite; that is the answer and no accident.
     with np.errstate(divide="ignore"):
         return np.asarray(sigma / np.cos(theta)), np.asarray(sigma / np.abs(np.sin(theta)))
 
@@ -90,7 +91,7 @@ def direction_bound_rad2(
     Raises
     ------
     ValueError
-        If the sources cannot be told apart (singular information).
+        If the sources cannot be separated (singular information).
     """
     matrix = np.eye(array.elements, dtype=np.complex128) if response is None else response
     ideal = steering(array, directions)
@@ -98,9 +99,13 @@ def direction_bound_rad2(
     received = (matrix @ ideal.T).astype(np.complex128)
     slopes = np.concatenate([matrix @ (ideal * taylor[:, i]).T for i in (1, 2)], axis=1)
     covariance = received @ source_covariance @ received.conj().T + np.eye(array.elements)
+    # The part of the derivatives that the sources themselves cannot imitate: P D with P the
+    # projector off A.
     off = slopes - received @ np.linalg.lstsq(received, slopes, rcond=None)[0]
     weight = source_covariance @ received.conj().T @ np.linalg.solve(covariance, received) @ source_covariance
     information = 2.0 * snapshots * np.real((off.conj().T @ off) * np.tile(weight, (2, 2)).T)
+    # A stated limit instead of waiting for inv to fail: near-singular information gives a bound of
+    # noise.
     if np.linalg.cond(information) > 1e14:
-        raise ValueError("directions cannot be told apart: the information matrix is singular")
+        raise ValueError("directions cannot be separated: the information matrix is singular")
     return np.asarray(np.linalg.inv(information), dtype=np.float64)

@@ -31,10 +31,16 @@ class DoaEstimatorParams(Params):
     """How many sources to look for and when to believe the result."""
 
     sources: int = parameter(1, "number of simultaneous sources", low=1, high=16)
+    # The threshold of MUSIC: outliers set in below kappa = 30 to 50, whatever the number of
+    # snapshots.
     effective_snr_min: float = parameter(60.0, "smallest kappa = L (M SNR)^2 / (1 + M SNR)", low=0.0, high=1e9)
+    # The bound in theta grows as 1/cos(theta); near the plane of the array the linear covariance is
+    # no longer true.
     boresight_cosine_min: float = parameter(
         0.1, "smallest cos(theta): no accuracy in the array plane", low=1e-3, high=1
     )
+    # With a second transmitter in the channel the direction may be that one's, without any other
+    # sign of it.
     count_signals: bool = parameter(True, "refuse a channel with more signals than sources (white receiver noise)")
 
 
@@ -76,12 +82,12 @@ class DoaEstimator:
         Raises
         ------
         ValueError
-            If the block has no more snapshots than sources (the noise cannot be told from
-            the signals), or its covariance is refused.
+            If the block has no more snapshots than sources (noise and signals cannot be
+            separated), or its covariance is refused.
         """
         sources, count = self.params.sources, block.snapshots.shape[-1]
         if count <= sources:
-            raise ValueError(f"snapshots={count} must be > sources={sources} to tell the noise from the signals")
+            raise ValueError(f"snapshots={count} must be > sources={sources} to separate noise and signals")
         covariance = sample_covariance(block.snapshots, sources)
         if sources == 1:
             peaks = estimate_directions(self.array, covariance[None], self._matrix)
@@ -96,9 +102,9 @@ class DoaEstimator:
         return self._judge(block.t_s, directions, powers / noise, count, flaw)
 
     def _crowded(self, covariance: ComplexArray, count: int) -> str:
-        """Return what speaks against the number of sources.
+        """Return why the number of sources is too small, or "".
 
-        It cannot be counted with fewer snapshots than elements.
+        Signals cannot be counted with fewer snapshots than elements.
         """
         if not self.params.count_signals or count < self.array.elements:
             return ""
@@ -114,7 +120,10 @@ class DoaEstimator:
         sources = self.params.sources
         values = eigen(covariance, self.array.elements, sources).values
         rest = float(np.sum(values[sources:]))
+        # The principal eigenvectors take a share of the noise with them; count / (count - sources)
+        # restores it.
         noise = rest / (self.array.elements - sources) * count / (count - sources)
+        # Identical snapshots or a simulation without noise: every power ratio would be infinite.
         if noise <= 1e-12 * values[0]:
             raise ValueError(
                 f"noise power {noise} must be > 0: the covariance has rank {sources}, no noise to judge by"
@@ -126,6 +135,8 @@ class DoaEstimator:
     def _judge(
         self, t_s: float, directions: Array, snr: ComplexArray, count: int, flaw: str
     ) -> list[DirectionEstimate]:
+        # Least squares may make a weak source's power negative; the bound needs a positive one and
+        # rejects it as weak.
         powers = np.maximum(np.diag(snr).real, 1e-6)
         bound = direction_bound_rad2(self.array, directions, np.diag(powers).astype(complex), count, self._matrix)
         found = len(directions)
@@ -133,6 +144,8 @@ class DoaEstimator:
 
     def _one(self, t_s: float, direction: Array, cosines: Array, snr: float, flaw: str) -> DirectionEstimate:
         effective = 2.0 / (phase_radius_rad(self.array) ** 2 * float(np.trace(cosines)))
+        # z is floored so that a direction in the array plane still has a covariance to be rejected
+        # with.
         slopes = cosine_slopes(np.append(direction[:2], max(float(direction[2]), 1e-9)))
         reasons = [flaw] if flaw else []
         if effective < self.params.effective_snr_min:

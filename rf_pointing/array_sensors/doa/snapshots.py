@@ -84,10 +84,12 @@ def draw_covariances(
     require_between("snapshots", snapshots, 1, None)
     require_choice("waveform", waveform, ("gaussian", "constant_modulus"))
     count = len(direction)
+    # Sum of |s|^2 over the snapshots: the only property of the waveform that the covariance keeps.
     energy = stream.gamma(snapshots, size=count) if waveform == "gaussian" else np.full(count, float(snapshots))
     first = np.sqrt(snr * energy)[:, None] * steering(array, direction) + complex_normal(
         stream, (count, array.elements)
     )
+    # Bartlett's decomposition draws the covariance of the noise without drawing its snapshots.
     rest = _wishart_root(count, array.elements, snapshots - 1, stream)
     outer = first[:, :, None] * first[:, None, :].conj()
     return np.asarray((outer + rest @ rest.conj().swapaxes(-1, -2)) / snapshots, dtype=np.complex128)

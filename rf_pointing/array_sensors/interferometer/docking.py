@@ -28,6 +28,7 @@ __all__ = ["DockingMoment", "RelativePoseTracker", "Rep103Pose", "SimulatedDocki
 
 
 Array = NDArray[np.float64]
+# From the report's axes (x boresight, y right, z down) to REP-103: y and z change their sign.
 _FLIP = np.diag([1.0, -1.0, -1.0])
 
 
@@ -51,6 +52,8 @@ def rep103_pose(estimate: PoseEstimate) -> Rep103Pose:
     """Return the estimate in REP-103 axes."""
     motion = estimate.motion
     position, orientation = rep103_from_spacecraft(motion.position_m, motion.attitude)
+    # The filter's rotation error and rate are in the passive frame; pose messages want the active
+    # one.
     to_active = _FLIP @ motion.attitude.T
     pose = _block(_FLIP, to_active)
     rows, twist_rows = np.r_[0:3, 6:9], np.r_[3:6, 9:12]
@@ -136,6 +139,8 @@ class RelativePoseTracker:
         if self._latest_s is None or t_s - self._latest_s <= self._silence_s:
             return None
         reason = f"no measurement for {t_s - self._latest_s:.6g} s, must be <= {self._silence_s} s"
+        # A forecast: the state is kept only when the pose is dropped, or a delayed measurement
+        # would be late for good.
         state, output = self.tracker.coast(self.state, t_s, reason)
         if output.estimate is None:
             self.state = state

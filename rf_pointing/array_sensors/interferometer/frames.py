@@ -36,6 +36,8 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
+# At elevation +-90 deg azimuth and roll are about one axis: refusing is better than an arbitrary
+# split.
 _GIMBAL_COSINE = 1e-9
 _AXES = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}
 _REP103 = np.array([1.0, -1.0, -1.0])
@@ -76,6 +78,7 @@ def small_rotation(
     to the old one.
     """
     angles = np.broadcast_arrays(*(np.asarray(a, dtype=np.float64) for a in (roll_rad, elevation_rad, azimuth_rad)))
+    # Frames turn, not vectors: hence the minus sign.
     skew = -cross_matrix(np.stack(angles, axis=-1))
     return skew if is_published(variant) else skew + np.eye(3)
 
@@ -119,6 +122,7 @@ def euler_from_attitude(attitude: ArrayLike, variant: str = CORRECTED) -> tuple[
     roll = np.arctan2(matrix[..., 1, 2], matrix[..., 2, 2])
     if is_published(variant):
         return azimuth, np.arctan(matrix[..., 0, 2] * np.cos(azimuth) / matrix[..., 0, 0]), roll
+    # Mean of two expressions for cos(elevation): a common gain error of A cancels in the ratio.
     cosine = 0.5 * (
         matrix[..., 0, 0] * np.cos(azimuth)
         + matrix[..., 0, 1] * np.sin(azimuth)

@@ -29,35 +29,14 @@ __all__ = [
     "initialize",
     "range_from_sum",
     "reverse_direction_from_ranges",
-    "two_element_angle",
-    "two_element_phase",
 ]
 
 
 Array = NDArray[np.float64]
 
 
-def two_element_phase(angle_rad: ArrayLike, baseline_m: float, wavelength_m: float) -> Array:
-    """Return the phase difference 2 pi |b| sin(angle)/lambda of two elements (PI83 eq. 3-11), not
-    folded.
-    """
-    return 2.0 * np.pi * baseline_m * np.sin(np.asarray(angle_rad, dtype=np.float64)) / wavelength_m
-
-
-def two_element_angle(phase_rad: ArrayLike, baseline_m: float, wavelength_m: float) -> Array:
-    """Return the off-boresight angle of an unfolded phase difference (PI83 eq. 3-12).
-
-    Raises ValueError when the phase belongs to no angle: |lambda phase / (2 pi |b|)| > 1.
-    """
-    sine = wavelength_m * np.asarray(phase_rad, dtype=np.float64) / (2.0 * np.pi * baseline_m)
-    if np.any(np.abs(sine) > 1.0):
-        worst = float(np.max(np.abs(sine)))
-        raise ValueError(f"phase difference gives sine {worst:.6g} of the angle, must be <= 1: wrong cycle or noise")
-    return np.arcsin(sine)
-
-
 def range_from_sum(ranges_m: ArrayLike, arrays: ArrayParams) -> Array:
-    """Return the distance (...) from the nine two-way ranges (..., 3, 3) (PI83 eq. 3-7, all nine)."""
+    """Return the distance (...) from all nine two-way ranges (..., 3, 3) (PI83 eq. 3-7)."""
     return np.asarray(np.sum(np.asarray(ranges_m, dtype=np.float64) - arrays.transponder_delay_m, axis=(-2, -1)) / 18.0)
 
 
@@ -90,9 +69,12 @@ def reverse_direction_from_ranges(ranges_m: ArrayLike, range_m: ArrayLike, array
 def _direction(
     ranges_m: ArrayLike, range_m: ArrayLike, arrays: ArrayParams, axis: int, radius_m: float, side: float
 ) -> Array:
+    # Averaging over the other array's elements leaves paths to its centre: their sum of positions
+    # is zero.
     two_way = np.mean(np.asarray(ranges_m, dtype=np.float64), axis=axis)
     to_centre = two_way - arrays.transponder_delay_m - np.asarray(range_m)[..., None]
     along_y, along_z, square = direction_cosines(to_centre, radius_m)
+    # The sign of x is not in the ranges: the arrays are known to face each other.
     direction = np.stack([side * np.sqrt(np.maximum(0.0, square)), along_y, along_z], axis=-1)
     return np.asarray(direction / np.linalg.norm(direction, axis=-1, keepdims=True))
 

@@ -42,6 +42,8 @@ class InterferometerMeasurement:
         if self.amplitude_sigma <= 0.0:
             raise ValueError(f"amplitude_sigma={self.amplitude_sigma} must be > 0")
         slots = len(np.atleast_1d(self.snr_forward))
+        # Shapes are checked at the entry: a message with paths in another order would otherwise
+        # give a plausible pose.
         shapes = {
             "phase_rad": (slots, 3, 3),
             "phase_rate_rad_s": (slots, 3, 3),
@@ -52,6 +54,8 @@ class InterferometerMeasurement:
         for name, shape in shapes.items():
             object.__setattr__(self, name, as_finite_array(name, getattr(self, name), shape))
         locked = np.asarray(self.locked)
+        # numpy would take numbers for truth values: a loop that reports 0.4 is a fault of the
+        # sender.
         if locked.shape != (slots, 3, 3) or locked.dtype != np.bool_:
             raise ValueError(
                 f"locked has shape {locked.shape} and type {locked.dtype}, must be {(slots, 3, 3)} of bool"
@@ -62,6 +66,7 @@ class InterferometerMeasurement:
 def phase_variance(snr: ArrayLike) -> Array:
     """Return the phase variance 1/(2R) in rad^2 of one link (PI83 eq. 7-3); refuses R <= 0."""
     ratio = np.asarray(snr, dtype=np.float64)
+    # Written so that NaN is rejected too.
     if not np.all(ratio > 0.0):
         raise ValueError(f"snr={float(np.min(ratio))} must be > 0")
     return 0.5 / ratio

@@ -64,6 +64,8 @@ def displaced(tracked: TrackedMotion, change: Array) -> TrackedMotion:
     motion = tracked.motion
     axes = sight_axes(motion.position_m)
     distance = np.linalg.norm(motion.position_m, axis=-1)
+    # Cross-track lengths over the distance are angles about the other two axes: hence the exchange
+    # and the sign.
     turn = np.stack([np.zeros_like(change[..., 0]), -change[..., 2], change[..., 1]], axis=-1) / distance[..., None]
     turning = _vector_rotation(_apply(axes, turn))
     velocity = motion.velocity_m_s + _apply(axes, change[..., VELOCITY])
@@ -86,10 +88,14 @@ def local_difference(tracked: TrackedMotion, reference: TrackedMotion) -> Array:
     unit = there.position_m / np.linalg.norm(there.position_m, axis=-1, keepdims=True)
     cross = cross_product(axes[..., 0], unit)
     sine, cosine = np.linalg.norm(cross, axis=-1), np.sum(axes[..., 0] * unit, axis=-1)
+    # Angle over sine, one in the limit: the vector stays exact for large angles and regular at
+    # zero.
     scale = np.where(sine > 0.0, np.arctan2(sine, cosine) / np.where(sine > 0.0, sine, 1.0), 1.0)
     turn = cross * scale[..., None]
     back = np.swapaxes(axes, -1, -2)
     local_turn = _apply(back, turn)
+    # The velocity is compared in the line-of-sight frame of the reference: turned back with the
+    # direction.
     velocity = _apply(_vector_rotation(-turn), there.velocity_m_s) - here.velocity_m_s
     along = np.linalg.norm(there.position_m, axis=-1) - distance
     position = np.stack([along, distance * local_turn[..., 2], -distance * local_turn[..., 1]], axis=-1)
@@ -99,7 +105,7 @@ def local_difference(tracked: TrackedMotion, reference: TrackedMotion) -> Array:
 
 
 def cartesian_jacobian(motion: RelativeMotion) -> Array:
-    """Return d(position, velocity, rotation vector, rate)/d(local), (12, 12), of a single motion."""
+    """Return d(position, velocity, rotation vector, rate)/d(local), (12, 12), of one motion."""
     axes = sight_axes(motion.position_m)
     jacobian = np.eye(12)
     jacobian[POSITION, POSITION] = jacobian[VELOCITY, VELOCITY] = axes
@@ -134,6 +140,8 @@ def expected_reading(tracked: TrackedMotion, reading: Reading, system: Interfero
     motion = tracked.motion
     rates = expected_path_rates_m_s(tracked, system)
     ranges = two_way_ranges(motion.position_m, motion.attitude, system.arrays)
+    # The reading brought its phases to the epoch with its own rates: a wrong rate shows in the
+    # range through the lever.
     ranges = ranges + reading.lever_s * (rates - reading.used_rates_m_s)
     forward = motion.position_m / np.linalg.norm(motion.position_m, axis=-1, keepdims=True)
     couplings = coupling_amplitudes(forward, motion.attitude) * tracked.excitation[..., None, :]
@@ -149,6 +157,7 @@ def local_gradient(
     """
     steps = local_steps(tracked)
     moves = np.diag(steps)
+    # One call for all displacements: 29 stacked evaluations cost little more than one.
     values = expected_reading(
         displaced(tracked, change + np.concatenate([np.zeros((1, SIZE)), moves, -moves])), reading, system
     )
@@ -159,7 +168,10 @@ def local_steps(tracked: TrackedMotion) -> Array:
     """Return the step of each local coordinate for numerical gradients, (14,)."""
     distance = float(np.linalg.norm(tracked.motion.position_m))
     steps = np.full(SIZE, _ANGLE_STEP_RAD)
+    # Cross-track steps of one angle at every range; a fixed length would be no change at 100 km and
+    # a large one at 5 m.
     steps[:3] *= distance
+    # Path rates are linear in the velocity, so the step is free: large against rounding.
     steps[3:6] = 0.1
     return steps
 

@@ -44,6 +44,7 @@ class LinkParams(Params):
     transmit_gain_db: float = parameter(3.0, "transmitting antenna gain", low=-30.0, high=60.0)
     receive_gain_db: float = parameter(3.0, "receiving antenna gain", low=-30.0, high=60.0)
     temperature_k: float = parameter(300.0, "reference temperature", low=1.0, high=1e4)
+    # Rounded as in the report, whose tables hold to four digits only with these constants.
     boltzmann: float = parameter(1.38e-23, "Boltzmann constant in J/K", low=1.3e-23, high=1.5e-23)
     speed_of_light_m_s: float = parameter(3.0e8, "speed of light", low=2.9e8, high=3.1e8)
 
@@ -63,6 +64,8 @@ def path_loss(
     """
     turns = 8.0 if is_published(variant) else 4.0
     distance = np.asarray(range_m, dtype=np.float64)
+    # Zero range would give an infinite ratio, which the noise model takes for a perfect
+    # measurement.
     if not np.all(distance > 0.0):
         raise ValueError(f"range_m={float(np.min(distance))} must be > 0")
     return (turns * np.pi * distance * np.asarray(frequency_hz, dtype=np.float64) / speed_of_light_m_s) ** 2
@@ -106,7 +109,7 @@ class RadioParams(Params):
 def signal_to_noise_ratios(
     outward_m: ArrayLike, back_m: ArrayLike, radio: RadioParams, plan: CarrierPlan, link: LinkParams
 ) -> tuple[Array, Array]:
-    """Return the power ratios of the forward link (..., K) and of the return links (..., K, n, n)."""
+    """Return the power ratios of forward link (..., K) and return links (..., K, n, n)."""
     out = np.asarray(outward_m, dtype=np.float64)[..., None]
     back = np.asarray(back_m, dtype=np.float64)[..., None, :, :]
     forward = link_snr(radio.forward_power_w, out, plan.forward_carriers_hz, link)
@@ -124,7 +127,9 @@ def amplitude_sigma(
     """
     distance = np.asarray(range_m, dtype=np.float64)[..., None]
     if is_published(variant):
+        # The listing's slip, kept for comparison: forward power on the return link.
         snr = link_snr(radio.forward_power_w, distance, plan.return_carriers_hz, link)
         return np.sqrt(phase_variance(snr[..., -1])) / plan.count
     snr = link_snr(radio.return_power_w, distance, plan.return_carriers_hz, link)
+    # An amplitude relative to the carrier has the same variance as its phase, 1/(2R).
     return np.asarray(np.sqrt(np.sum(phase_variance(snr), axis=-1)) / plan.count)

@@ -46,6 +46,7 @@ __all__ = [
 
 
 Array = NDArray[np.float64]
+# Rows of the reading's vector; the measurement model and the snapshot index with them.
 RANGES, RATES, COUPLINGS = slice(0, 9), slice(9, 18), slice(18, 22)
 
 
@@ -77,11 +78,14 @@ def resolve_ranges(phases_rad: ArrayLike, plan: CarrierPlan, variant: str = CORR
     published = is_published(variant)
     differences = np.mod(phases[..., 1:, :, :] - phases[..., :1, :, :], 2.0 * np.pi)
     fine = differences * plan.ambiguities_m[:, None, None] / (2.0 * np.pi)
+    # Noise at zero range would wrap to 240 km: f0 is below f_min, which leaves the room for a
+    # negative window.
     window = 0.0 if published else plan.ambiguities_m[0] / (2.0 * plan.ratio)
     ranges = np.mod(fine[..., 0, :, :] + window, plan.ambiguities_m[0]) - window
     lanes, residuals = [], []
     for step in range(1, plan.count - 1):
         unrounded = (ranges - fine[..., step, :, :]) / plan.ambiguities_m[step]
+        # The listing refuses negative lanes; near zero range noise needs them.
         lane = np.maximum(np.rint(unrounded), 0.0) if published else np.rint(unrounded)
         ranges = fine[..., step, :, :] + lane * plan.ambiguities_m[step]
         lanes.append(lane)
@@ -91,7 +95,7 @@ def resolve_ranges(phases_rad: ArrayLike, plan: CarrierPlan, variant: str = CORR
 
 @dataclass(frozen=True, kw_only=True)
 class ErrorFloor(Params):
-    """Errors beside receiver noise, which close up is far below them.
+    """Errors in addition to receiver noise, which is far below them at short range.
 
     Sigmas added to the reading's covariance.
     """
@@ -119,7 +123,7 @@ class Reading:
     visit_agreement: float
 
     def standalone_ranges(self) -> tuple[Array, Array]:
-        """Return ranges (3, 3) corrected by the measured rates alone, and their covariance (9, 9)."""
+        """Return ranges (3, 3) corrected by the measured rates, and their covariance (9, 9)."""
         correction = self.lever_s * (self.vector[RATES] - self.used_rates_m_s.ravel())
         spread = self.covariance[RANGES, RANGES] + self.lever_s**2 * self.covariance[RATES, RATES]
         return (self.vector[RANGES] - correction).reshape(3, 3), spread
@@ -138,8 +142,11 @@ def read_ranges(
     if len(carriers) != len(measurement.snr_forward):
         raise ValueError(f"phase_rad has {len(measurement.snr_forward)} slots, the schedule has {len(carriers)}")
     rates, rate_covariance = _path_rates(measurement, system, carriers, floor)
+    # Predicted rates are quieter than measured ones, as long as the prediction holds.
     used = rates if expected_rates_m_s is None else expected_rates_m_s
     offsets = system.schedule.offsets_s(system.plan)[:, None, None]
+    # The phases of one carrier are taken seconds apart: compared without their rates they would be
+    # different lanes.
     at_epoch = measurement.phase_rad - offsets * _phase_rates(used, system.plan)[carriers]
     phases, agreement = _folded(at_epoch, carriers, system.plan.count)
     resolved = resolve_ranges(phases, system.plan)
@@ -186,6 +193,7 @@ def _path_rates(
     )
     common = np.sum(scale**2 * forward) / len(carriers) ** 2
     single = np.sum(scale[:, None, None] ** 2 * back, axis=0) / len(carriers) ** 2
+    # The same hardware drift stays over the sequence: it does not average down with the slots.
     drift = (np.mean(scale) * floor.phase_rate_rad_s) ** 2
     return rates, np.diag(single.ravel() + drift) + common
 
@@ -202,6 +210,7 @@ def _phase_rates(rates: Array, plan: CarrierPlan) -> Array:
 
 def _folded(phases: Array, carriers: NDArray[np.intp], count: int) -> tuple[Array, float]:
     resultants = np.zeros((count, 3, 3), dtype=np.complex128)
+    # Mean of unit phasors: phases near 0 and 2 pi must not average to pi.
     np.add.at(resultants, carriers, np.exp(1j * phases))
     visits = np.bincount(carriers, minlength=count)[:, None, None]
     return np.angle(resultants), float(np.min(np.abs(resultants) / visits))
@@ -215,11 +224,13 @@ def _range_covariance(
 ) -> Array:
     visits = np.bincount(carriers)
     forward, back = phase_variance(measurement.snr_forward), phase_variance(measurement.snr_return)
+    # Only carriers 1 and K make the fine range; the others resolve its cycles and add no noise.
     common, single = 0.0, np.full((3, 3), 2.0 * floor.phase_rad**2)
     for carrier in (0, system.plan.count - 1):
         mine = carriers == carrier
         common += float(np.sum(forward[mine])) / visits[carrier] ** 2
         single += np.sum(back[mine], axis=0) / visits[carrier] ** 2
     scale = (system.plan.ambiguities_m[-1] / (2.0 * np.pi)) ** 2
+    # An acceleration during the sequence looks like a range offset that no rate removes.
     bent = range_acceleration_lever_s2(system.schedule, system.plan) * floor.path_acceleration_m_s2
     return np.asarray(scale * (np.diag(single.ravel()) + common) + bent**2)

@@ -32,6 +32,7 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
+# Elevation 2 of +-90 deg: azimuth 2 and roll turn about one axis there.
 _POLE_COSINE = 1e-9
 
 
@@ -44,6 +45,7 @@ class RelativePose:
 
     def __post_init__(self) -> None:
         position = as_finite_array("position_m", self.position_m, (3,))
+        # The direction to the other array would be undefined, and every estimator starts from it.
         if not np.any(position):
             raise ValueError(f"position_m={position} must be away from the active array")
         object.__setattr__(self, "position_m", position)
@@ -96,6 +98,7 @@ def attitude_from_two_way(
     roll_rad: ArrayLike,
 ) -> Array:
     """Return A (..., 3, 3) (PI83 eq. 2-2, listing A2COMP); inverse of `two_way_from_attitude`."""
+    # pi - a2: facing each other, the passive array sees the active one at azimuth 180 deg.
     seen_by_passive = azimuth_rotation(np.pi - np.asarray(azimuth2_rad)) @ elevation_rotation(elevation2_rad)
     seen_by_active = elevation_rotation(elevation1_rad) @ azimuth_rotation(azimuth1_rad)
     return seen_by_passive @ roll_rotation(roll_rad) @ seen_by_active

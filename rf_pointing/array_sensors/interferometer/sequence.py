@@ -36,6 +36,7 @@ __all__ = [
 
 
 Array = NDArray[np.float64]
+# Of the scaled information matrix, so that it does not depend on the units of the parameters.
 _SMALLEST_RECIPROCAL_CONDITION = 1e-12
 _SMALLEST_COUPLING = 1e-6
 _UNIT_EXCITATION = np.ones(2)
@@ -56,6 +57,7 @@ def minimum_variance_step(
     scale = np.sqrt(np.einsum("...kk->...k", information))
     if np.any(scale == 0.0) or not np.all(np.isfinite(scale)):
         raise ValueError("gradient has a zero or undefined column: a parameter is not determined")
+    # Scaled to a unit diagonal first: metres and radians would make a sound problem look singular.
     scaled = information / (scale[..., :, None] * scale[..., None, :])
     if np.any(np.linalg.eigvalsh(scaled)[..., 0] < _SMALLEST_RECIPROCAL_CONDITION):
         raise ValueError("gradient is rank deficient: the measurements do not determine all parameters")
@@ -66,6 +68,7 @@ def minimum_variance_step(
 
 def _weighted(gradient: Array, covariance: Array) -> Array:
     try:
+        # solve alone returns numbers for an indefinite covariance too.
         np.linalg.cholesky(covariance)
     except np.linalg.LinAlgError:
         raise ValueError("covariance is singular or not positive definite: a measurement is certain or NaN") from None
@@ -119,6 +122,7 @@ def direction_step(
 
     direction = np.asarray(direction, dtype=np.float64)
     predicted = sums(direction)
+    # The listing's finite dither of 10 mrad, kept so that our numbers compare with the report's.
     dithered = (turned_direction(direction, dither_rad, 0.0), turned_direction(direction, 0.0, dither_rad))
     gradient = np.stack([(sums(moved) - predicted) / dither_rad for moved in dithered], axis=-1)
     increment, covariance = minimum_variance_step(gradient, np.sum(np.asarray(ranges_m), axis=-1) - predicted)
@@ -236,6 +240,8 @@ def track_once(
     distance, range_variance = range_step(
         ranges, geometry.range_m, geometry.forward, attitude, arrays, params.range_estimator
     )
+    # A negative distance turns every direction round; the following steps would converge to the
+    # mirror image.
     if np.any(distance <= 0.0):
         raise ValueError(f"range_m={float(np.min(distance))} after the range step must be > 0: measurements disagree")
     forward, forward_covariance = direction_step(
@@ -245,10 +251,13 @@ def track_once(
         np.swapaxes(ranges, -1, -2),
         distance,
         geometry.reverse,
+        # The listing passes A where the reverse direction needs its transpose: a slip that equal
+        # attitudes hide.
         attitude if is_published(params.reverse_attitude) else np.swapaxes(attitude, -1, -2),
         arrays.swapped(),
         params.dither_rad,
     )
+    # Last, because both directions enter the couplings.
     roll, roll_variance = roll_step(amplitudes, forward, reverse, geometry.roll_rad, excitation, params.dither_rad)
     if params.estimate_excitation:
         excitation, _ = excitation_step(amplitudes, forward, reverse, roll)

@@ -22,7 +22,10 @@ from rf_pointing.array_sensors.interferometer.system import InterferometerSystem
 __all__ = ["Snapshot", "chi_square_limit", "coarse_geometry", "refine"]
 
 Array = NDArray[np.float64]
+# Position and attitude among the fourteen local coordinates; one reading does not show the
+# velocities.
 _POSE = [0, 1, 2, 6, 7, 8]
+# The sequence ends within the linear range; the second pass removes the rest of the curvature.
 _REFINEMENTS = 2
 
 
@@ -57,6 +60,7 @@ def coarse_geometry(
 def _require_inside(ranges: Array, path_variance_m2: float, system: InterferometerSystem) -> None:
     radii = (system.arrays.radius_active_m, system.arrays.radius_passive_m)
     for side, excess, radius in zip(("active", "passive"), aperture_excess(ranges, system.arrays), radii, strict=True):
+        # Five sigma of s_y^2 + s_z^2 at the rim, where its slope by the ranges is 2 / radius.
         allowed = 10.0 * math.sqrt(path_variance_m2) / radius
         if float(excess) > allowed:
             raise ValueError(
@@ -77,6 +81,7 @@ def refine(
     for _ in range(_REFINEMENTS):
         expected, gradient = _pose_model(tracked, reading, system)
         step, h = minimum_variance_step(gradient[:, columns], measured - expected, covariance)
+        # Residual of the linear step: its chi-square needs no further evaluation of the model.
         residual = measured - expected - gradient[:, columns] @ step
         change = np.zeros(SIZE)
         change[columns] = step
@@ -98,7 +103,7 @@ def _pose_measurement(reading: Reading) -> tuple[Array, Array]:
 
 
 def _started(geometry: Geometry, excitation: Array, reading: Reading) -> TrackedMotion:
-    # Only the range rate can be told from one reading: w = 2 d rho/dt along the sight.
+    # One reading shows only the range rate: w = 2 d rho/dt along the sight.
     radial = 0.5 * float(np.mean(reading.vector[RATES]))
     motion = RelativeMotion(
         position_m=geometry.position_m,

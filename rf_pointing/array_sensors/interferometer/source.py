@@ -32,6 +32,7 @@ from rf_pointing.core import random_stream, require_finite
 __all__ = ["InterferometerSource"]
 
 Array = NDArray[np.float64]
+# Any rate a free-running loop may report; far outside of what a docking gives.
 _LOST_RATE_RAD_S = 1e3
 
 
@@ -56,6 +57,8 @@ class InterferometerSource:
         self.excitation = np.array(excitation)
         self._carriers = system.schedule.carriers(system.plan)
         shape = (system.plan.count, 3, 3)
+        # A stream of its own: hardware phases do not change with the number of measurements drawn
+        # before.
         fixed = random_stream(seed, "interferometer hardware").normal(size=shape) * radio.hardware_phase_rad
         self._hardware_rad = fixed[self._carriers]
         self._rng = random_stream(seed, "interferometer")
@@ -109,6 +112,7 @@ class InterferometerSource:
         rates = self._of_paths(path_rates[:, 0, 0], path_rates[:, 1:, 1:])
         phases = phases + self._hardware_rad + self._noise(forward, back)
         rates = rates + self._noise(*(phase_rate_sigma_rad_s(sigma, dwell_s) for sigma in (forward, back)))
+        # Drawn always, whether a loop lost lock or not: later noise must not depend on it.
         lost_phases = self._rng.uniform(0.0, 2.0 * np.pi, phases.shape)
         lost_rates = self._rng.normal(0.0, _LOST_RATE_RAD_S, rates.shape)
         return np.where(locked, phases, lost_phases), np.where(locked, rates, lost_rates)

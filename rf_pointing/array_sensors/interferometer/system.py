@@ -63,6 +63,7 @@ class ArrayParams(Params):
 
 def element_positions(radius_m: float) -> Array:
     """Return elements 0 to 3 in their own array's frame, (4, 3) (PI83 eqs. 2-6 to 2-9)."""
+    # Element 1 is up (z points down), 2 is left, 3 is right of the centre.
     half_root3 = math.sqrt(3.0) / 2.0
     unit = [[0.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, -half_root3, 0.5], [0.0, half_root3, 0.5]]
     return radius_m * np.array(unit)
@@ -98,6 +99,7 @@ def path_rates_m_s(
 ) -> Array:
     """Return d rho_ij/dt of all sixteen pairs, (..., 4, 4): u_ij . (v + A^T (omega x p_j))."""
     vectors = path_vectors(position_m, attitude, arrays)
+    # A length changes only by the motion along it: the rate is the velocity's part along the path.
     units = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
     rate = np.asarray(rate_rad_s, dtype=np.float64)[..., None, :]
     swing = cross_product(rate, element_positions(arrays.radius_passive_m)) @ np.asarray(attitude, dtype=np.float64)
@@ -128,12 +130,16 @@ class CarrierPlan(Params):
     ratio: float = parameter(6.1324, "nu, cycles resolved per step", low=1.01, high=1e4)
     forward_hz: float = parameter(3.0e9, "carrier 1 from active to passive", low=1e6, high=1e12)
     return_hz: float = parameter(2.0e9, "carrier 1 from passive to active", low=1e6, high=1e12)
+    # A parameter because the report computes with 3e8 m/s, and its tables are compared to the last
+    # digit.
     speed_of_light_m_s: float = parameter(SPEED_OF_LIGHT_M_S, "speed of light", low=2.9e8, high=3.1e8)
     exponents: str = parameter(CORRECTED, "published: first difference nu f0, as (7-1) reads", choices=VARIANTS)
 
     @property
     def offsets_hz(self) -> Array:
         """Carrier n minus carrier 1, (K,)."""
+        # As (7-1) reads the first difference is nu f0, which resolves only a range nu times
+        # shorter.
         first = 1 if is_published(self.exponents) else 0
         powers = self.ratio ** np.arange(first, first + self.count - 1)
         return np.concatenate([[0.0], self.minimum_difference_hz * powers])
@@ -181,6 +187,8 @@ class Schedule(Params):
         up = np.arange(plan.count)
         if self.order != "nested":
             return up
+        # Carriers 1 and K in the middle: their mean time from the epoch, and its square, are
+        # smallest.
         inward = np.concatenate([up[1:-1], up[:1], up[-1:]])
         return np.concatenate([inward, inward[::-1]])
 

@@ -43,11 +43,15 @@ ACQUIRING, TRACKING, COASTING = "acquiring", "tracking", "coasting"
 class TrackerParams(Params):
     """Gates and limits of the tracker."""
 
+    # Noise moves a lane by far less when the power is right; 0.5 would accept every decision.
     lane_guard: float = parameter(0.35, "largest distance of a lane from a whole number", low=0.05, high=0.5)
     visit_agreement: float = parameter(0.7, "smallest resultant of repeated phases", low=0.0, high=1.0)
+    # A wrong lane is hundreds of sigma: the gate can be wide and never reject a sound reading.
     gate_sigma: float = parameter(5.0, "residual gates, in normal deviates", low=1.0, high=20.0)
     coast_limit_s: float = parameter(20.0, "longest time without an accepted reading", low=0.1, high=1e4)
+    # Five sequences, some ten seconds: a short interference must not end a docking.
     most_rejected: int = parameter(5, "readings refused in a row before acquiring anew", low=1, high=1000)
+    # At grazing directions s_x is the root of a small difference of noisy squares.
     widest_angle_rad: float = parameter(1.4, "largest angle off boresight of either array", low=0.1, high=1.55)
     acquisition_iterations: int = parameter(8, "passes of the sequence without prior", low=2, high=50)
 
@@ -82,7 +86,7 @@ class TrackerOutput:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackerState:
     """Complete state: the filter (None while acquiring), time of the last accepted reading,
-    refusals in a row.
+    rejections in a row.
     """
 
     filter: FilterState | None = None
@@ -107,8 +111,8 @@ class InterferometerTracker:
         predicted = None if state.filter is None else predict(state.filter, measurement.t_s, self.filter_params)
         try:
             accepted = self._accepted(predicted, measurement)
-        except ValueError as refusal:
-            return self._refused(state, predicted, measurement.t_s, str(refusal))
+        except ValueError as reason:
+            return self._refused(state, predicted, measurement.t_s, str(reason))
         after = TrackerState(filter=accepted, accepted_t_s=measurement.t_s, rejected=0)
         return after, self._output(accepted, TRACKING, "")
 
@@ -126,6 +130,8 @@ class InterferometerTracker:
         reading = self._reading(predicted, measurement)
         snapshot = self._snapshot(reading, predicted)
         if predicted is None:
+            # The first reading both starts and updates the filter: the inflated start leaves the
+            # weight to the update.
             prior = start(measurement.t_s, snapshot, self.filter_params)
             return update(prior, reading, self.system).state
         return self._corrected(predicted, reading, snapshot)
@@ -165,6 +171,8 @@ class InterferometerTracker:
     def _snapshot(self, reading: Reading, predicted: FilterState | None) -> Snapshot:
         prior = None if predicted is None else _seen(predicted.tracked)
         fit = self.filter_params.track_excitation
+        # Without prior the first direction is radius/range off; two passes are enough from a
+        # prediction.
         passes = self.params.acquisition_iterations if predicted is None else 2
         sequence = SequenceParams(iterations=passes, estimate_excitation=fit)
         geometry, excitation = coarse_geometry(reading, prior, self.system, sequence)
@@ -188,6 +196,8 @@ class InterferometerTracker:
     def _corrected(self, predicted: FilterState, reading: Reading, snapshot: Snapshot) -> FilterState:
         motion = RelativeMotion(
             position_m=snapshot.tracked.motion.position_m,
+            # Pose from the reading, rates from the prediction: the reading alone has no transverse
+            # velocity.
             velocity_m_s=predicted.tracked.motion.velocity_m_s,
             attitude=snapshot.tracked.motion.attitude,
             rate_rad_s=predicted.tracked.motion.rate_rad_s,
@@ -199,6 +209,7 @@ class InterferometerTracker:
 
     def _gate(self, what: str, chi_square: float, degrees_of_freedom: int) -> None:
         limit = chi_square_limit(degrees_of_freedom, self.params.gate_sigma)
+        # Written so that NaN is rejected.
         if not chi_square <= limit:
             raise ValueError(f"{what} (wrong lane?): chi-square {chi_square:.4g} must be <= {limit:.4g}")
 

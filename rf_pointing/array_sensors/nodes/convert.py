@@ -51,6 +51,8 @@ def frame_to_message(frame: TripulseFrame, sample_rate_hz: float) -> ours.Tripul
 
 def frame_from_message(message: ours.TripulseFrame, sample_rate_hz: float) -> TripulseFrame:
     """Return the frame; `sample_rate_hz` is the rate that the receiver works at."""
+    # At another rate every tone would be found at a wrong frequency: a configuration error, not
+    # noise.
     if message.sample_rate != sample_rate_hz:
         raise ValueError(f"sample_rate={message.sample_rate} Hz, must be {sample_rate_hz} Hz")
     return TripulseFrame(
@@ -231,6 +233,7 @@ def pose_from_messages(
     where: PoseWithCovarianceStamped, moving: TwistWithCovarianceStamped
 ) -> tuple[float, Rep103Pose]:
     """Return time and pose of two messages of one stamp."""
+    # Pose and twist come from one estimate; stamps that differ mean that one message was lost.
     if where.header.stamp != moving.header.stamp:
         raise ValueError("pose and twist must have one stamp")
     quaternion = unit_quaternion(_components(where.pose.pose.orientation))
@@ -259,6 +262,7 @@ def status_from_message(message: ours.RelativePoseStatus) -> tuple[float, str, s
 def _complex(message: Any, count: int | None) -> NDArray[np.complex128]:
     """Return the I and Q samples of a message, `count` of them where that is known."""
     in_phase, quadrature = np.array(message.samples_i), np.array(message.samples_q)
+    # A cut message must not be padded: it would shift Q against I.
     if len(in_phase) != len(quadrature) or (count is not None and len(in_phase) != count):
         wanted = "as many" if count is None else f"{count} of each"
         raise ValueError(f"samples: {len(in_phase)} I and {len(quadrature)} Q, must be {wanted}")

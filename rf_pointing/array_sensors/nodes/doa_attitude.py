@@ -1,4 +1,4 @@
-"""Executable `doa_attitude`: a satellite's attitude and rate from the directions of ground stations.
+"""Executable `doa_attitude`: attitude and rate of a satellite from directions of ground stations.
 
 Subscribes: array_snapshots, known_torque.
 Publishes: attitude (one for every block; invalid ones carry their reason), attitude_rate
@@ -67,6 +67,7 @@ class DoaAttitudeNode(ManagedNode):
 
     def activate(self) -> None:
         self._blocks.open = self._torques.open = True
+        # Half of it: the silence is noticed at most 1.5 times its length after the last block.
         self.every(0.5 * SILENCE_S, lambda t_s: self._watch(t_s))
 
     def deactivate(self) -> None:

@@ -38,7 +38,7 @@ class BlockParams(Params):
 
 
 class DoaSource(ManagedNode):
-    """Steps the satellite each period and publishes what it knows and what its array hears."""
+    """Steps the satellite each period and publishes what it knows and what its array receives."""
 
     def __init__(self) -> None:
         super().__init__("doa_source")

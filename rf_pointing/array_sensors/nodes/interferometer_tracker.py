@@ -1,4 +1,4 @@
-"""Executable `interferometer_tracker`: pose and motion of the passive spacecraft in the active frame.
+"""Executable `interferometer_tracker`: pose and motion of the passive spacecraft.
 
 Subscribes: interferometer_measurement.
 Publishes: relative_pose (geometry_msgs/PoseWithCovarianceStamped) and relative_twist

@@ -10,7 +10,7 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import LifecycleNode
 
 from launch import LaunchDescription
-from rf_pointing.array_sensors.nodes.array_systems import ARRAY_SYSTEMS, CLOCK
+from rf_pointing.array_sensors.nodes.array_graph import ARRAY_SYSTEMS, CLOCK
 from rf_pointing.nodes.launching import RESPAWN_DELAY_S
 
 __all__ = ["array_description"]
@@ -46,6 +46,8 @@ def _nodes(context: Any, names: Sequence[str]) -> list[Any]:
             name=executable,
             namespace="/".join([namespace, *below]),
             parameters=[parameters, {"use_sim_time": executable != CLOCK, "lifecycle.autostart": start == "true"}],
+            # Every graph has a clock of its own, so two graphs may run at different times on one
+            # machine.
             remappings=[("/clock", f"/{namespace.strip('/')}/clock")],
             respawn=start == "true",
             respawn_delay=RESPAWN_DELAY_S,

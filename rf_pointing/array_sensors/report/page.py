@@ -46,6 +46,7 @@ def report_array_sensors(bag: Path, folder: Path) -> Path | None:
     None when it holds none.  The executable `report` finds this function through the entry point
     group `rf_pointing.reports`.
     """
+    # A bag of the antenna is no error: every report writer is called for every bag.
     if not array_sensors(bag):
         return None
     write_array_report(bag, folder)
@@ -105,6 +106,7 @@ def _line(
         epochs=len(valid),
         valid=count,
         rms=tuple(np.sqrt(np.mean(error[valid] ** 2, axis=0)).tolist()) if some else None,
+        # Median, not mean: the first epochs after a start claim degrees.
         claimed=tuple(np.median(sigma[valid], axis=0).tolist()) if some else None,
         inside=float(np.mean(np.abs(error[valid]) <= 3.0 * sigma[valid])) if some else None,
     )

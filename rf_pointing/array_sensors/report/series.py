@@ -97,7 +97,7 @@ def read_attitude_series(bag: Path, namespace: str) -> ArraySeries:
 def read_pose_series(bag: Path, namespace: str) -> ArraySeries:
     """Return relative_pose against sim/relative_pose.
 
-    a pose is published only while there is one, so all are valid.
+    A pose is published only while there is one, so all are valid.
     """
     estimates, truth = _read(bag, f"{namespace}/relative_pose", f"{namespace}/sim/relative_pose")
     stamps = _common(estimates, truth, bag)
@@ -123,6 +123,7 @@ def _read(bag: Path, *topics: str) -> list[Messages]:
         source = open_bag(bag, stack)
         types = dict(get_typestore(Stores.ROS2_JAZZY).fielddefs)
         for connection in source.connections:
+            # The bag carries its own definitions: a recording of an older release stays readable.
             types.update(types_of(connection.msgtype, connection.msgdef))
         typestore = get_typestore(Stores.EMPTY)
         typestore.register(types)
@@ -131,6 +132,7 @@ def _read(bag: Path, *topics: str) -> list[Messages]:
             for connection, _, raw in reader.messages(wanted) if wanted else ():
                 message: Any = typestore.deserialize_cdr(raw, connection.msgtype)
                 stamp = message.header.stamp
+                # In whole nanoseconds: stamps compared as floats would miss their partners.
                 found[connection.topic][stamp.sec * 10**9 + stamp.nanosec] = message
     return [found[topic] for topic in topics]
 

@@ -76,10 +76,12 @@ def centred_indices(count: int) -> Array:
 def amplitude_taper(params: TripulseArrayParams) -> Array:
     """Return element amplitudes (N_x, N_y).
 
-    a cosine-squared arch on a pedestal along both axes, one at the centre.
+    A cosine-squared arch on a pedestal along both axes, one at the centre.
     """
 
     def along(count: int) -> Array:
+        # The arch reaches zero one half spacing outside of the last element, so every element
+        # radiates.
         arch = np.cos(np.pi * centred_indices(count) / count) ** 2
         return params.taper_edge + (1.0 - params.taper_edge) * arch
 
@@ -105,6 +107,8 @@ def quantised_phase_rad(phase_rad: ArrayLike, bits: int) -> Array:
     if bits == 0:
         return phase
     step_rad = 2.0 * math.pi / 2**bits
+    # Rounding to multiples of the step: pi stays a state, so the three beams share their phase
+    # errors.
     return np.asarray(step_rad * np.round(phase / step_rad))
 
 
@@ -140,6 +144,8 @@ def element_weights(
         return np.asarray(weights)
     if failed.shape[-2:] != (params.n_x, params.n_y):
         raise ValueError(f"failed has shape {failed.shape}, must be (..., {params.n_x}, {params.n_y})")
+    # An array without any beam is no measurement of attitude; zero weights would divide by zero
+    # later.
     if np.any(np.all(failed, axis=(-2, -1))):
         raise ValueError(f"failed marks all {params.n_total} elements: the array has no beam")
     return np.where(failed, 0.0, weights)

@@ -39,8 +39,11 @@ Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 TIME_CONVENTIONS = ("exp(-jwt)", "exp(+jwt)")
+# A few steps are typical; thirty means that the ratios belong to no direction of this aperture.
 NEWTON_STEPS = 30
 PROJECTION_TOLERANCE = 1e-13
+# Of the healthy aperture's slope: an aperture half dead has delta beams that do not move with
+# direction.
 SMALLEST_SLOPE = 1e-6
 
 
@@ -67,6 +70,7 @@ def beam_signals(params: TripulseArrayParams, weights: ArrayLike, direction: Arr
     """Return Sigma, Delta_x, Delta_y, eq. (7), shape (..., 3), for any element weights (..., N_x,
     N_y).
     """
+    # Rows are the signs of the quadrants in Sigma, Delta_x, Delta_y.
     combine = np.array([[1.0, 1.0, 1.0, 1.0], [1.0, -1.0, -1.0, 1.0], [1.0, 1.0, -1.0, -1.0]])
     return np.asarray(quadrant_signals(params, weights, direction) @ combine.T)
 
@@ -97,6 +101,7 @@ def monopulse_ratios(signals: ArrayLike, time_convention: str = "exp(-jwt)") -> 
     require_finite("signals", s)
     if np.any(s[..., 0] == 0.0):
         raise ValueError("sum signal is 0: the ratios are not defined")
+    # Delta and Sigma are 90 deg apart: the real part is noise and phase error.
     ratio = np.imag(s[..., 1:] / s[..., :1])
     return np.asarray(ratio if time_convention == "exp(-jwt)" else -ratio)
 
@@ -146,10 +151,14 @@ def invert_with_weights(
     """
     target = np.arctan(np.asarray(ratios, dtype=np.float64))
     require_finite("ratios", target)
+    # Beyond lambda/(N d) the ratio repeats: a step that leaves the region would converge a lobe
+    # away.
     limit = 1.5 * params.unambiguous_projection
+    # The uniform aperture is the start: taper and dead elements change the slope, not the sign.
     error = invert_ratios(params, ratios)
     for _ in range(NEWTON_STEPS):
         ratio, ratio_slope = ratio_and_slope(params, weights, np.asarray(steering, dtype=np.float64) + error)
+        # atan of the ratio is nearly linear in the direction, the ratio itself has a pole.
         value, slope = np.arctan(ratio), ratio_slope / (1.0 + ratio[..., None] ** 2)
         if np.any(np.abs(np.linalg.det(slope)) < SMALLEST_SLOPE * np.prod(params.kd)):
             raise ValueError("the delta beams of this aperture do not respond to the direction: half of it is dead")
@@ -168,6 +177,7 @@ def direction_projections(steering: ArrayLike, projection_error: ArrayLike) -> A
     """
     t = np.asarray(steering, dtype=np.float64) + np.asarray(projection_error, dtype=np.float64)
     length = np.hypot(t[..., 0], t[..., 1])
+    # Negated so that NaN is rejected too.
     if np.any(~(length <= 1.0)):
         raise ValueError(f"projections have length {np.max(length)}, must be <= 1: not a direction")
     return np.asarray(t)

@@ -32,7 +32,9 @@ __all__ = [
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
+# Zero padding of the spectrum: the line is found to an eighth of a bin, the segments refine it.
 PADDING = 8
+# Each pass removes the shift that the spectrum and the pass before left over.
 REFINEMENTS = 2
 QUIET = (-3, -2, 2, 3)
 """Channels without a tone, in tone separations from f_t."""
@@ -48,7 +50,7 @@ SMALLEST_SNR = 10.0
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Channels:
     """Averages over each segment (n,) at f_t and at both references, and the noise density found
-    beside them.
+    next to them.
 
     `noise_density` is N_0 in units of sample power times seconds; the variance of a segment's
     average is N_0 / segment.
@@ -72,9 +74,12 @@ def channelise(signal: TripulseSignalParams, samples: ComplexArray, largest_shif
     shift_hz = find_shift_hz(signal, samples, largest_shift_hz)
     for _ in range(REFINEMENTS if signal.scheme == "two_tone" else 0):
         lower, upper = channel_values(signal, samples, shift_hz, (-1, 1)).T
+        # The product of both references turns with twice the common shift and is free of the
+        # modulation.
         shift_hz += _slope_hz(lower * upper, signal.segment_s) / 2.0
     lower, tone, upper, *quiet = channel_values(signal, samples, shift_hz, (-1, 0, 1, *QUIET)).T
     noise_density = float(np.mean(np.abs(quiet) ** 2)) * signal.segment_s
+    # Every covariance divides by it; a receiver without any noise is not connected.
     if not noise_density > 0.0:
         raise ValueError("the frame holds no noise: a receiver that is connected always has some")
     return Channels(
@@ -109,6 +114,8 @@ def find_shift_hz(signal: TripulseSignalParams, samples: ComplexArray, largest_s
     if not 0.0 < largest_shift_hz < 0.5 * signal.tone_separation_hz:
         raise ValueError(f"largest_shift_hz={largest_shift_hz} must be > 0 and < {0.5 * signal.tone_separation_hz}")
     two_tone = signal.scheme == "two_tone"
+    # Only the sum segments: with the delta segments the line would have sidelobes at the switching
+    # rate.
     gate = np.repeat(segment_beams(signal) == 0, signal.samples_per_segment)
     length = PADDING * 2 ** int(np.ceil(np.log2(signal.samples)))
     power = np.abs(np.fft.fft(samples if two_tone else samples * gate, length)) ** 2
@@ -117,6 +124,8 @@ def find_shift_hz(signal: TripulseSignalParams, samples: ComplexArray, largest_s
     shifts = np.arange(-reach, reach + 1)
     if two_tone:
         apart = round(signal.tone_separation_hz / bin_hz)
+        # The weaker of both references decides, so that the tripulse tone cannot pass for one of
+        # them.
         score = np.minimum(power[(shifts - apart) % length], power[(shifts + apart) % length])
     else:
         score = power[shifts % length]
@@ -171,6 +180,7 @@ def _first_loss(lower: ComplexArray, upper: ComplexArray, steps: Array, noise_va
     for name, values in (("lower", lower), ("upper", upper)):
         amplitude = np.abs(values)
         median = float(np.median(amplitude))
+        # Below it the phase of a segment may slip by pi unseen, and the ratio changes its sign.
         if median**2 < SMALLEST_SNR * noise_variance:
             return f"{name} reference has SNR {median**2 / noise_variance} in a segment, must be >= {SMALLEST_SNR}"
         faded = np.flatnonzero(amplitude < SMALLEST_AMPLITUDE * median)

@@ -34,6 +34,7 @@ Array = NDArray[np.float64]
 
 ORBIT_RADIUS_M = 42164172.0
 EARTH_RATE_RAD_S = 7.2921159e-5
+# Central difference of the range: over 2 s a geosynchronous orbit is straight to 1e-9 of the rate.
 RATE_STEP_S = 1.0
 
 
@@ -50,7 +51,7 @@ class GeostationaryParams(Params):
 class WobbleParams(Params):
     """Attitude error of the array.
 
-    a constant and a slow oscillation about each axis, a third of a turn apart.
+    A constant and a slow oscillation about each axis, a third of a turn apart.
     """
 
     roll_rad: float = parameter(math.radians(0.03), "constant roll", low=-0.2, high=0.2)
@@ -93,6 +94,7 @@ def geostationary_point(orbit: GeostationaryParams, t_s: float) -> OrbitPoint:
 
 def wobble_quaternion(wobble: WobbleParams, t_s: float) -> Array:
     """Return the orientation (4,) of the array in the orbital frame at `t_s`."""
+    # A third of a turn apart, so that no two axes are at zero together.
     phases = 2.0 * math.pi * (t_s / wobble.period_s + np.arange(3) / 3.0)
     constant = np.array([wobble.roll_rad, wobble.pitch_rad, wobble.yaw_rad])
     return quaternion_from_roll_pitch_yaw(constant + wobble.amplitude_rad * np.sin(phases))

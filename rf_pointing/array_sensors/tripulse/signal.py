@@ -37,11 +37,14 @@ class TripulseSignalParams(Params):
         if set(self.pattern) != set(SEGMENT_BEAMS):
             raise ValueError(f"pattern={self.pattern!r} must contain S, x and y and nothing else")
         turns = self.tone_separation_hz * self.segment_s
+        # Whole turns per segment: otherwise every tone leaks into the channels of the others.
         if turns < 0.5 or not math.isclose(turns, round(turns), abs_tol=1e-6):
             raise ValueError(
                 f"tone_separation_hz={self.tone_separation_hz} times the segment of {self.segment_s} s gives {turns} "
                 "turns, must be a whole number >= 1: the segment does not separate the tones"
             )
+        # Quiet channels lie up to three separations on either side of f_t; beyond Nyquist they
+        # would alias.
         if 6.0 * self.tone_separation_hz >= self.sample_rate_hz:
             raise ValueError(
                 f"sample_rate_hz={self.sample_rate_hz} must be > 6 tone_separation_hz={self.tone_separation_hz}: "

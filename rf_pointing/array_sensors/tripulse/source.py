@@ -97,6 +97,8 @@ class TripulseSource:
         prior: ArrayLike | None = None,
     ) -> None:
         self.array, self.signal, self.params, self.failed = array, signal, params, failed
+        # Only to check: an array without a living element is refused when it is made, not at the
+        # first frame.
         element_weights(array, [0.0, 0.0], failed=failed)
         self._stream = random_stream(seed, "tripulse_source")
         self._sequence = 0
@@ -143,6 +145,7 @@ class TripulseSource:
             raise ValueError(
                 f"station {line.name} sees the satellite at elevation_rad={line.elevation_rad}, must be >= {lowest_rad}"
             )
+        # Both: steering behind the array is as impossible as radiating there.
         for name, frame in (("attitude", rotation), ("prior attitude", self._prior)):
             height = float((frame @ line.direction)[2])
             if height <= 0.0:
@@ -164,6 +167,7 @@ class TripulseSource:
         def tone(offset_hz: float) -> ComplexArray:
             frequency_hz = signal.carrier_hz + offset_hz
             travel_rad = 2.0 * math.pi * frequency_hz * range_rate_m_s / SPEED_OF_LIGHT_M_S * time_s
+            # Tones start at unknown phases: the receiver must not rely on their relation.
             start_rad = self._stream.uniform(0.0, 2.0 * math.pi)
             clock_rad = frequency_hz / signal.carrier_hz * satellite_rad - station_rad
             return np.asarray(np.exp(1j * (2.0 * math.pi * offset_hz * time_s - travel_rad + clock_rad + start_rad)))
@@ -173,9 +177,11 @@ class TripulseSource:
         if signal.scheme == "two_tone":
             reference = 10.0 ** (params.reference_carrier_to_noise_db_hz / 20.0)
             total = total + reference * (tone(-signal.tone_separation_hz) + tone(signal.tone_separation_hz))
+        # N_0 = 1 per hertz, so the samples have the variance of the sample rate.
         noise = math.sqrt(signal.sample_rate_hz) * complex_normal(self._stream, (signal.samples,))
         return np.asarray(total + noise)
 
     def _clock_rad(self, linewidth_hz: float) -> Array:
+        # A Lorentzian line of this width is a random walk of 2 pi times the width per second.
         step_rad = math.sqrt(2.0 * math.pi * linewidth_hz / self.signal.sample_rate_hz)
         return np.cumsum(self._stream.normal(scale=step_rad, size=self.signal.samples))

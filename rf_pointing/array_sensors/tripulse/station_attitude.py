@@ -106,10 +106,12 @@ def _bisector_frame(first: Array, second: Array) -> Array:
 class StationAttitudeParams(Params):
     """When observations make an attitude."""
 
+    # Two periods of the frames: an older observation belongs to another attitude.
     age_max_s: float = parameter(2.0, "oldest observation used", low=1e-3, high=1e4)
     separation_min_rad: float = parameter(
         math.radians(0.5), "smallest angle between stations as the satellite sees them", low=1e-6, high=1.5
     )
+    # At one epoch a second this rejects a sound attitude every twelve days.
     false_alarm: float = parameter(1e-6, "probability that a sound residual is refused", low=1e-12, high=0.1)
 
 
@@ -135,6 +137,8 @@ class StationObservation:
         object.__setattr__(self, "projections", as_finite_array("projections", self.projections, (2,)))
         object.__setattr__(self, "covariance", as_finite_array("covariance", self.covariance, (2, 2)))
         object.__setattr__(self, "reference", unit_directions("reference", self.reference))
+        # Only to check: a singular covariance is refused with the observation and not at the next
+        # estimate.
         direction_covariances(self.projections, self.covariance)
 
 
@@ -229,6 +233,8 @@ class StationAttitudeEstimator:
             return self._invalid(t_s, used, str(refused))
         residual, freedom = _normalised_residual(projections, used, fit.rotation), 2 * len(used) - 3
         limit = _chi_square_limit(freedom, self.params.false_alarm)
+        # Two stations know the angle between them: a station a lobe away misses it by far more than
+        # noise.
         if residual > limit:
             return self._invalid(
                 t_s,
@@ -244,10 +250,12 @@ class StationAttitudeEstimator:
         self, used: list[StationObservation], rotation: Array, covariance: Array, residual: float
     ) -> StationAttitude:
         quaternion = quaternion_from_matrix(rotation.T)
+        # Consumers interpolate: the sign must not jump between two epochs.
         if float(quaternion @ self._quaternion) < 0.0:
             quaternion = -quaternion
         self._quaternion = quaternion
         return StationAttitude(
+            # The observations may differ by their age; their mean time is when the attitude holds.
             t_s=float(np.mean([observation.t_s for observation in used])),
             quaternion=quaternion.copy(),
             covariance_rad2=rotation.T @ covariance @ rotation,
@@ -262,6 +270,7 @@ class StationAttitudeEstimator:
     def _invalid(
         self, t_s: float, used: list[StationObservation], reason: str, residual: float = 0.0
     ) -> StationAttitude:
+        # Half a turn about every axis: says nothing, and is finite for a consumer that inverts it.
         useless = math.pi**2 * np.eye(3)
         return StationAttitude(
             t_s=t_s,

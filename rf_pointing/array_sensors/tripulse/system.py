@@ -33,6 +33,7 @@ __all__ = [
     "attitude_report",
 ]
 
+# Frames of one epoch differ by the rounding of their stamps only.
 SAME_EPOCH_S = 1e-3
 """Frames of one epoch leave the satellite within less than this."""
 
@@ -138,6 +139,8 @@ class TripulseAttitude:
     def _due(self) -> list[float]:
         """Return the open epochs that are complete or too old, and those before them."""
         times = sorted(self._open)
+        # An epoch waits in the time of the frames, not of the clock: a slow machine loses no
+        # station.
         ended = [
             t_s for t_s in times if len(self._open[t_s]) == len(self._stations) or times[-1] - t_s > self._epochs.wait_s
         ]
@@ -147,6 +150,7 @@ class TripulseAttitude:
         reports = self._open.pop(t_s).values()
         for seen in reports:
             self.estimator.observe(seen)
+        # The newest stamp, so that a repeated report of a closed epoch is recognised as late.
         self._closed_s = max(seen.t_s for seen in reports)
         return self.estimator.estimate(self._closed_s)
 

@@ -1,8 +1,4 @@
-"""RMSE of MUSIC against the Cramer-Rao bound over SNR.
-
-Where it follows, and where its threshold lies.  Pictures of the DOA study: RMSE of theta and phi
-beside the Cramer-Rao bound, and the convergence of the attitude.
-"""
+"""RMSE of MUSIC against the Cramer-Rao bound over SNR, its threshold, and the pictures of both."""
 
 import math
 from collections.abc import Sequence
@@ -35,8 +31,9 @@ OUTLIER_RAD = math.radians(20.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AccuracyPoint:
-    """RMSE (degrees) of refined and 1-deg-grid estimates at one SNR, all estimates counted, beside
-    the bound.
+    """RMSE (degrees) of refined and 1-deg-grid estimates at one SNR, and the bound.
+
+    All estimates count, outliers too.
     """
 
     snr_db: float

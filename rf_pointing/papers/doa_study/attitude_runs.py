@@ -1,20 +1,17 @@
-"""The attitude filter as printed: DOA eqs. (26)-(33), kept beside ours for comparison.
-
-State x = [w, q] with q the vector part of the quaternion; P belongs to it.  A = (29), Phi = E + A
-dt (28), H = [0, 2 [S x]] (33) with S = C_bo S_o, additive update of q.  What the paper leaves open
-is fixed here:
-
-* (29) and the 2 in (33) are the derivatives by a multiplicative error, but the update adds to q:
-  exact near q = 0 only.
-* Six states hold no scalar part: it is carried by the propagation (27) and, after an update, set to
-  sqrt(1 - |q|^2); an update that leaves |q| > 1 is scaled back to 1 with scalar 0.
-* R_W is diagonal, though the error of a unit vector has rank two.
-All functions accept leading batch axes.
-
-Many attitude filters at once through the scene: cases x trials in one batch, 20 000 steps each.
+"""Many attitude filters at once through the scene: cases x trials in one batch, 20 000 steps each.
 
 Every filter starts 50 deg wrong in yaw, roll and pitch and 0.5 deg/s in each rate.  Errors are
 rotation vectors of the estimate against the truth, in the body: x roll, y pitch, z yaw.
+
+The filter as printed, DOA eqs. (26)-(33), runs for comparison.  State x = [w, q] with q the vector
+part of the quaternion; P belongs to it.  A = (29), Phi = E + A dt (28), H = [0, 2 [S x]] (33) with
+S = C_bo S_o, additive update of q.  What the paper leaves open is fixed here:
+
+* (29) and the 2 in (33) are the derivatives by a multiplicative error, but the update adds to q:
+  exact near q = 0 only.
+* Six states have no scalar part: the propagation (27) carries it, and an update sets it to
+  sqrt(1 - |q|^2); an update that leaves |q| > 1 is scaled back to 1 with scalar 0.
+* R_W is diagonal, though the error of a unit vector has rank two.
 """
 
 from dataclasses import dataclass

@@ -1,23 +1,16 @@
-"""Calibrate gains and mutual coupling from sources in known directions.
+"""What DOA leaves to future work, measured: consistency, any start, two sources, mutual coupling.
 
-A covariance taken with one source at a known s_i has the principal eigenvector v_i ~ diag(g) C(c)
-a(s_i), so the part of the model off v_i must vanish:
+Consistency: e^T P^-1 e (NEES) has mean n for an n-dimensional Gaussian error of covariance P; its
+average over independent runs is chi-square with runs * n degrees of freedom, divided by runs
+(Bar-Shalom, Li, Kirubarajan 2001, section 5.4).
+
+Calibration of gains g and coupling c: a covariance with one source at a known s_i has the principal
+eigenvector v_i ~ diag(g) C(c) a(s_i), so the part of the model off v_i must vanish:
 
     r_i = (I - v_i v_i^H) diag(g) C(c) a(s_i) = 0,   g_0 = 1, c_0 = 1.
 
-Bilinear in g and c, holomorphic in both: Gauss-Newton on complex unknowns, started at no coupling
-and equal gains.
-
-Is a filter's covariance true: normalised estimation error squared (NEES) and its chi-square band.
-
-e^T P^-1 e has mean n for an n-dimensional Gaussian error of covariance P; its average over
-independent runs is chi-square with runs * n degrees of freedom, divided by runs (Bar-Shalom, Li,
-Kirubarajan 2001, section 5.4).
-
-What DOA leaves to future work, measured: consistency, any starting attitude, two sources at once,
-mutual coupling.
-
-Rows on what DOA leaves open: consistency, any start, two sources, mutual coupling.
+Bilinear in g and c, holomorphic in both: Gauss-Newton on complex unknowns, from no coupling and
+equal gains.
 """
 
 from dataclasses import dataclass
@@ -333,7 +326,7 @@ def _observe(expected: Array, reference: Array, sigma: float, stream: np.random.
 
 
 def beyond_rows(seed: int) -> list[Row]:
-    """Return the measured numbers beside their theory."""
+    """Return the measured numbers and their theory."""
     scores = mean_nees(RUNS, seed, duration_s=300.0)
     low, high = nees_band(6, RUNS)
     inside = np.mean((scores >= low) & (scores <= high))

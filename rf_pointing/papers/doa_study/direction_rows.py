@@ -1,7 +1,4 @@
-"""Rows on the scene and on the direction of arrival.
-
-DOA sections 4 and 6, columns theta and phi of Tables 1 and 2.
-"""
+"""Rows on the scene and on the direction of arrival: DOA sections 4 and 6, Tables 1 and 2."""
 
 import math
 from concurrent.futures import Executor
@@ -126,10 +123,7 @@ def accuracy_rows(seed: int, executor: Executor | None = None) -> list[Row]:
 
 
 def direction_rows(tables: dict[DirectionCase, CaseResult]) -> list[Row]:
-    """Return the theta and phi columns.
-
-    1-deg grid beside the paper, then both searches beside their theory.
-    """
+    """Return the theta and phi columns: grid and paper, then both searches and their theory."""
     theta, _ = polar_from_direction(nadir_scene().reference[8000:])
     found: list[Row] = []
     for (snapshots, snr_db), printed in PRINTED.items():
@@ -182,7 +176,7 @@ def _pair_share(sigma: float, theta: float, phi: float) -> float:
 def _reason(angle: str, grid: CaseResult, paper: float, least: float, theory: float, pair: float) -> str:
     """Return why ours is not the paper's.
 
-    a bound it breaks, outliers it does not share, or stations it does not name.
+    A bound it breaks, outliers it does not share, or stations it does not name.
     """
     if paper < 0.95 * least:
         place = "theta = 0" if angle == "theta" else "the largest theta"

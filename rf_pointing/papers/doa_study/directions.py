@@ -1,29 +1,21 @@
-"""Direction of arrival as unit vector and as polar angles, and what azimuth means near theta = 0.
+"""Measured directions of the DOA study: polar angles, the published grid search, error pools.
 
 DOA eq. (1): s = (sin theta cos phi, sin theta sin phi, cos theta); theta from the array normal +z,
-phi from +x to +y.
+phi from +x to +y.  The unit vector is the estimate.  At theta = 0 azimuth is undefined: phi is
+atan2(s_y, s_x), zero by definition on the normal itself.  `cross` = sin(theta) * (phi error) is the
+angle on the sky and stays regular.  The RMSE of phi itself follows the projected normal law
+(`azimuth_rmse_rad`): the Cramer-Rao bound where sin(theta) >> sigma, 180/sqrt(3) = 103.9 deg on the
+normal.
 
-At theta = 0 azimuth is undefined.  The unit vector is the estimate; phi is atan2(s_y, s_x), zero by
-definition on the normal itself.  Its error is finite only as a rotation about the normal: `cross` =
-sin(theta) * (phi error) is the angle on the sky and stays regular, and the RMSE of phi itself
-follows the projected normal law (`azimuth_rmse_rad`), which is the Cramer-Rao bound where
-sin(theta) >> sigma and saturates at 180/sqrt(3) = 103.9 deg on the normal.
+Grid search (section 3.1): the step becomes a floor of step / sqrt(12) in both angles, 0.289 deg at
+1 deg, whatever the signal.  The floor repeats with the direction, so it is not white: a filter
+cannot average it away.  `nearest_node` gives the full search's result in 97 of 100 cases from the
+refined peak alone; in the others the peak lies half way between two nodes.
 
-The published search: the largest MUSIC value on a grid of theta and phi, without refinement (DOA
-section 3.1).
-
-The grid step becomes a floor of step / sqrt(12) in both angles, 0.289 deg at 1 deg, whatever the
-signal; and because the floor repeats with the direction it is not white: a filter behind it cannot
-average it away. `nearest_node` gives what the full search would in 97 of 100 cases from the refined
-peak alone; in the others the peak lies half way between two nodes.
-
-Measured directions along the scene: drawn from a pool of real MUSIC estimates, or MUSIC at every
-step.
-
-The pool holds one MUSIC estimate per direction of the scene, in the local frame (e_theta, e_phi, s)
-of its true direction.  For another true direction an entry of nearly the same theta is drawn and
-turned into that direction's frame: the array is isotropic in azimuth, so this is the error that
-MUSIC would make, outliers included.
+Pool: one MUSIC estimate per direction of the scene, in the local frame (e_theta, e_phi, s) of its
+true direction.  For another true direction an entry of nearly the same theta is drawn and turned
+into that direction's frame.  The array is isotropic in azimuth, so this is the error that MUSIC
+would make, outliers included.
 """
 
 import math

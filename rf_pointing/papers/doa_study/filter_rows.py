@@ -1,6 +1,4 @@
-"""Rows on the attitude: yaw, roll and pitch of Tables 1 and 2, convergence, process noise, the
-printed filter.
-"""
+"""Rows on the attitude: Tables 1 and 2, convergence, process noise, the filter as printed."""
 
 import math
 
@@ -25,7 +23,7 @@ FINE = [(100, -2.0), (100, 0.0), (50, 0.0)]
 
 
 def attitude_rows(tables: dict[DirectionCase, CaseResult]) -> list[Row]:
-    """Return yaw, roll and pitch beside the paper, and what any station geometry should give."""
+    """Return yaw, roll and pitch of the paper and ours, and of any station geometry."""
     found: list[Row] = []
     for (snapshots, snr_db), printed in PRINTED.items():
         grid = tables[DirectionCase(snapshots=snapshots, snr_db=snr_db, refined=False)]
@@ -76,9 +74,7 @@ def convergence_rows(tables: dict[DirectionCase, CaseResult]) -> list[Row]:
 
 
 def filter_rows(inside: CaseResult, drawn: CaseResult, published: list[CaseResult]) -> list[Row]:
-    """Return the printed filter, the printed process noise, and the pool beside MUSIC inside the
-    loop.
-    """
+    """Return filter and process noise as printed, and the pool against MUSIC in the loop."""
     trials = min(found.history_deg.shape[1] for found in (inside, drawn))
     ours_q, printed_q = published
     found = [

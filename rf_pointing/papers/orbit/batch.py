@@ -1,16 +1,12 @@
-"""Preliminary orbit from one station.
-
-100 to 200 s of range and angles right after injection (SATCAL 4.1, Table 2).  First a start:
-measured positions are fitted by r0 + v0 t + the twice-integrated attraction along the path, which
-is the f and g series summed by iteration.  Then batch least squares on the measurements with their
-own weights.
-
-Orbit from range, range rate and angles of several stations: batch weighted least squares (SATCAL
-2.2, Table 6).
+"""Orbit from range, range rate and angles: batch weighted least squares (SATCAL 2.2, Table 6).
 
 Gauss-Newton on the state at the epoch; the partials are those of the integrated orbit.
-`OrbitResult.shift_from` gives what linear theory says a set of measurement errors does to the
-orbit: dx = C A' W e.
+`OrbitResult.shift_from` gives the effect of measurement errors on the orbit by linear theory:
+dx = C A' W e.
+
+The preliminary orbit (SATCAL 4.1, Table 2) uses 100 to 200 s of range and angles of one station
+right after injection.  Its start fits the measured positions by r0 + v0 t + the twice-integrated
+attraction along the path, which is the f and g series summed by iteration.
 """
 
 from collections.abc import Sequence

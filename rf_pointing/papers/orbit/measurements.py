@@ -1,15 +1,11 @@
-"""What a station measures of a satellite.
+"""What a station measures of a satellite, and the passes at which it can.
 
 Azimuth, elevation, range and range rate, with derivatives and partials.  Geometric: no light time
 and no refraction, which `corrections` removes from real data beforehand.
 
-Keplerian elements and the state they stand for (two-body, exact both ways).
-
-Passes of a satellite over a station for planning: mean elements carried along by the secular drift
-of J2.
-
-Good to some kilometres over weeks, which is ample to know which sectors of the sky a pass will
-fill; the shape of each pass (rates, accelerations) is integrated numerically and exact.
+Passes: mean Keplerian elements carried along by the secular drift of J2.  Good to some kilometres
+over weeks, enough to know which sectors of the sky a pass fills; the shape of each pass (rates,
+accelerations) is integrated numerically and exact.
 """
 
 import math

@@ -1,25 +1,19 @@
-"""The turning Earth under the orbit: sidereal angle, and a station's place and axes.
+"""Orbital motion by numerical integration, and the turning Earth under it.
 
-Precession, nutation, polar motion and UT1-UTC are left out: inertial axes here are "true equator,
-mean equinox of date" to a few arc seconds, the same for simulated and estimated orbits.
-
-Accelerations besides the Earth's attraction, each optional: air drag, and the tides of Sun and
-Moon.
-
+    Earth   a = -GM r / r^3 + J2, J3, J4 in closed form
     drag    a = -1/2 rho(h) B |v_r| v_r,   v_r = v - w x r,   rho = rho_0 exp(-(h - h_0) / H)
     tide    a = GM [(s - r) / |s - r|^3 - s / s^3]
 
-Vallado, Fundamentals of Astrodynamics, 8.6 (air of table 8-4, 800 km) and 8.7; places of Sun and
-Moon to a few minutes of arc from the leading terms of their theories (Montenbruck and Gill,
-Satellite Orbits, 3.3.2): a tide of 1e-6 m/s^2 needs no better.
-
-Orbital motion under the Earth's two-body and zonal attraction (J2 to J4), by numerical integration;
-drag and tides besides.
-
-    a = -GM r / r^3 + J2, J3, J4 in closed form (Vallado, Fundamentals of Astrodynamics, 9.7)
+Vallado, Fundamentals of Astrodynamics, 8.6 (air of table 8-4, 800 km), 8.7 and 9.7.  Drag and tides
+are optional.  Places of Sun and Moon are good to a few minutes of arc, from the leading terms of
+their theories (Montenbruck and Gill, Satellite Orbits, 3.3.2): a tide of 1e-6 m/s^2 needs no
+better.
 
 Neighbouring trajectories are integrated together with the nominal one, so that partial derivatives
 with respect to the starting state are differences of orbits that took the same steps.
+
+Precession, nutation, polar motion and UT1-UTC are left out: inertial axes here are "true equator,
+mean equinox of date" to a few arc seconds, the same for simulated and estimated orbits.
 """
 
 import math
@@ -233,9 +227,7 @@ class Gravity(Params):
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """States (n, 6) at `t_s` (n,) and, if asked for, their partials (n, 6, 6) with respect to the
-    first state.
-    """
+    """States (n, 6) at `t_s` (n,); partials (n, 6, 6) by the first state, if requested."""
 
     t_s: Array
     states: Array

@@ -69,7 +69,7 @@ def test_search_grid_of_one_degree_has_a_floor_of_0289_degrees() -> None:
 
 def test_two_sources_in_one_direction_are_refused() -> None:
     same = np.stack([direction_from_polar(0.5, 0.2)] * 2)
-    with pytest.raises(ValueError, match="cannot be told apart"):
+    with pytest.raises(ValueError, match="cannot be separated"):
         direction_bound_rad2(ARRAY, same, np.diag([1.0 + 0j, 1.0]), 100)
 
 
