@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Run the array sensors on a live graph, record them, and report what they found beside the truth.
+"""Run the array sensors on a live graph, record them, and report estimates and truth.
 
     scripts/run-python examples/array_sensors.py [--system tripulse] [--seconds 25] [--output runs/array_sensors]
 
@@ -12,8 +12,7 @@ from pathlib import Path
 
 import rclpy
 
-from rf_pointing.array_sensors.nodes.array_graph import ArrayGraph
-from rf_pointing.array_sensors.nodes.array_systems import ARRAY_SYSTEMS
+from rf_pointing.array_sensors.nodes.array_graph import ARRAY_SYSTEMS, ArrayGraph
 from rf_pointing.array_sensors.report.page import ArrayErrors, write_array_report
 from rf_pointing.commands.recorder import Recorder
 from rf_pointing.nodes.main_loop import make_executor
@@ -50,7 +49,7 @@ def record(name: str, seconds: float, output: Path) -> Path:
     return recorded.path
 
 
-def told(found: ArrayErrors) -> str:
+def summary(found: ArrayErrors) -> str:
     """Return one line on the errors of a sensor."""
     if found.rms is None:
         return f"{found.sensor} {found.quantity}: none of {found.epochs} epochs is valid"
@@ -77,7 +76,7 @@ def main() -> None:
     for name in options.system or ARRAY_SYSTEMS:
         bag = record(name, options.seconds, options.output)
         for errors in write_array_report(bag, options.output / name):
-            print(told(errors))
+            print(summary(errors))
         print(options.output / name / "array_report.html")
     rclpy.shutdown()
 

@@ -1,1 +1,1 @@
-"""array_sensors."""
+"""Array sensors: Tripulse, direction of arrival (DOA) and the polarized interferometer."""

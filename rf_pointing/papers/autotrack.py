@@ -1,14 +1,14 @@
-"""What averaging a cluster of five samples gains in the whole station: the tracker's errors beside those of single samples.
+"""Requirements on monopulse, search and coast, measured on the simulated station.
 
-One flight, the same samples for both: the tracker's error of every cluster, and the tracker's error of each of its samples
-alone, each less the true error at its time.  White is the receiver's own noise; coloured is a line between 8 and 25 Hz in it.
+The station is the parts of `track` without ROS.  Three groups of rows have a method of their own:
 
-The watch on false locks in the whole station: how fast it sees a flipped sign, and how often it doubts a right lock.
-
-The beam rests on its target when both differences are turned over, in wind of 8 m/s: the error is that of wind and receiver
-noise, some tenths of a millidegree, and grows by the loop's own corrections.
-
-What is asked of monopulse, search and coast, measured on the simulated station: the parts of `track` without ROS.
+* Averaging: one flight; the tracker's error of every cluster of five samples, and of each of its
+  samples alone, each less the true error at its time.  White is the receiver's own noise, coloured
+  a line between 8 and 25 Hz in it.
+* Watch on false locks: both differences are turned over while the beam rests on its target in wind
+  of 8 m/s.  The error is that of wind and receiver noise, some tenths of a millidegree, and grows
+  by the loop's own corrections.
+* Dropouts: time from the end of each carrier dropout until monopulse tracks again.
 """
 
 import math
@@ -60,7 +60,8 @@ SECONDS, SETTLED_S = 100.0, 10.0
 TOLERANCE_DB = 0.5
 """Three standard errors of the ratio from both axes of 800 clusters."""
 LINE_HZ, LINE_DB_HZ = 12.0, 27.0
-"""10 dB above the noise of a sample; the tracker refuses differences turned against the sum by a line of 32 dB-Hz."""
+"""10 dB above the noise of a sample; the tracker refuses differences turned against the sum by a
+line of 32 dB-Hz."""
 FLIP_S, AFTER_S = 40.0, 6.0
 FLIPS = (("Ka", 5), ("X", 3))
 LONG_PASSES = 2
@@ -77,7 +78,7 @@ DROPOUTS, DROPOUT_RUNS = 10, 3
 
 
 def averaging_rows(seed: int) -> list[Row]:
-    """Return both gains beside the published ones."""
+    """Return both gains and the published ones."""
     line = {"interference.level_db_hz": LINE_DB_HZ, "interference.frequency_offset_hz": LINE_HZ}
     white = station_gain_db({"rf_receiver": KA_45_DB_HZ, "pointing_controller": LINK_45_DB_HZ}, seed)
     coloured = station_gain_db({"rf_receiver": _signal(line)}, seed)
@@ -93,13 +94,15 @@ def averaging_rows(seed: int) -> list[Row]:
             quantity=f"the same with a line at {LINE_HZ:.0f} Hz", source="BWG Fig. 27", paper=17.0, ours=coloured,
             unit="dB", tolerance=1.0, explained=True,
             remark=f"the mean of five takes out {limit:.1f} dB of a line there; receiver noise and the motion of the structure "
-            "stay beside it",
+            "remain",
         ),
     ]  # fmt: skip
 
 
 def station_gain_db(changes: Changes, seed: int) -> float:
-    """Return the fall of the error's variance from single samples to the tracker's errors of clusters."""
+    """Return the fall of the error's variance from single samples to the tracker's errors of
+    clusters.
+    """
     heard: list[Reception] = []
     log = fly(Case("Ka", "monopulse", SECONDS, changes, seed), low_orbit_pass(), heard.append)
     begun_s = first_time_s(log, "monopulse") + SETTLED_S
@@ -122,7 +125,10 @@ def _measured(tracker: MonopulseTracker, cluster: MonopulseCluster) -> Array:
 
 
 def _alone(cluster: MonopulseCluster, k: int) -> MonopulseCluster:
-    """Return a cluster of one sample, given twice: a tracker needs two to know their distance in time."""
+    """Return a cluster of one sample, given twice.
+
+    A tracker needs two to know their distance in time.
+    """
     twice = [k, k]
     return replace(
         cluster, t_s=cluster.t_s[k] + np.array([0.0, SAMPLE_S]), sum=cluster.sum[twice],
@@ -142,20 +148,20 @@ def watch_rows(seed: int) -> list[Row]:
     kinds = " and ".join(f"{count} at {band}" for band, count in FLIPS)
     return [
         Row(
-            quantity=f"both differences turned over in flight, slowest of {len(found)}: time to hand back", source="required",
+            quantity=f"both differences turned over in flight, slowest of {len(found)}: time to hold-off", source="required",
             paper=2.0, ours=float(found[slowest, 0]), unit="s", tolerance=0.0, bound="<=",
             remark=f"{kinds}; {np.mean(found[:, 0] <= 2.0):.0%} within 2 s, median {np.median(found[:, 0]):.1f} s; the error "
             f"was at most {found[slowest, 1] / MDEG:.1f} mdeg until then: nothing shows a flip under a beam without error",
         ),
         Row(
-            quantity=f"right locks handed back, Ka, 45 dB-Hz, wind 8 m/s, {LONG_PASSES} passes of 10 min", source="required",
+            quantity=f"right locks held off, Ka, 45 dB-Hz, wind 8 m/s, {LONG_PASSES} passes of 10 min", source="required",
             paper=0.0, ours=float(doubted_passes(range(seed, seed + LONG_PASSES))), unit="1", tolerance=0.0,
         ),
     ]  # fmt: skip
 
 
 def flip_found_s(band: str, seed: int) -> tuple[float, float]:
-    """Return when a flip was found, seconds after it, and the largest true error (rad) until then."""
+    """Return when a flip was found, s after it, and the largest true error (rad) until then."""
     changes = _ka_45_db_hz() if band == "Ka" else {}
     receiver = {**changes.get("rf_receiver", {}), "signal.sign_flip_after_s": FLIP_S}
     log = fly(Case(band, "monopulse", FLIP_S + AFTER_S, {**changes, "rf_receiver": receiver}, seed), low_orbit_pass())
@@ -168,7 +174,9 @@ def flip_found_s(band: str, seed: int) -> tuple[float, float]:
 
 
 def doubted_passes(seeds: Iterable[int]) -> int:
-    """Return in how many passes of ten minutes, one for each seed, a right lock at Ka was handed back."""
+    """Return in how many passes of ten minutes, one for each seed, a right lock at Ka was held
+    off.
+    """
     window = low_orbit_pass(40.0, LONG_MASK_DEG)
     logs = (fly(Case("Ka", "monopulse", LONG_S, _ka_45_db_hz(), seed), window) for seed in seeds)
     return sum("hand_back" in log.mode for log in logs)
@@ -179,7 +187,7 @@ def _ka_45_db_hz() -> Changes:
 
 
 def rows(seed: int = 1) -> list[Row]:
-    """Return the numbers asked of monopulse, search and coast beside ours."""
+    """Return the requirements on monopulse, search and coast, and ours."""
     return [
         _ka_row(seed),
         *_acquisition_rows(seed),
@@ -210,7 +218,10 @@ def _ka_row(seed: int) -> Row:
 
 
 def _acquisition_rows(seed: int) -> list[Row]:
-    """Random directions three beamwidths off; the second pass begins at 40 deg, where the antenna starts at full speed."""
+    """Random directions three beamwidths off.
+
+    The second pass begins at 40 deg, where the antenna starts at full speed.
+    """
     found = []
     for mask_deg, name in ((5.0, "rising"), (40.0, "beginning at 40 deg")):
         window, random = low_orbit_pass(40.0, mask_deg), random_stream(seed, f"acquisition {mask_deg}")
@@ -230,7 +241,9 @@ def _acquisition_rows(seed: int) -> list[Row]:
 
 
 def acquisition_s(window: Pass, angle_rad: float, seed: int) -> float:
-    """Return the time from the start of the pass until the target is held, three beamwidths off in this direction."""
+    """Return the time from the start of the pass until the target is held, three beamwidths off in
+    this direction.
+    """
     right, up = 3.0 * BEAM_X_RAD * math.cos(angle_rad), 3.0 * BEAM_X_RAD * math.sin(angle_rad)
     changes: dict[str, dict[str, object]] = {
         "antenna_servo": moved_mount("X", right, up),
@@ -245,7 +258,8 @@ def weak_conscan_row(seed: int) -> Row:
     source = SourceParams(satellite=SLOW_SATELLITE)
     begin_s = load_elements(source).epoch_t_s
     whole = first_pass_above(load_track(source), begin_s, math.radians(45.0), math.radians(40.0), 2.0 * 86400.0)
-    # Its first minutes: half a degree of azimuth, where the whole stay of five hours would need a turn of its own.
+    # Its first minutes: half a degree of azimuth, where the whole stay of five hours would need a
+    # turn of its own.
     start_rad, spare_rad = whole.aos_azimuth_rad, math.radians(1.0)
     window = replace(whole, azimuth_min_rad=start_rad - spare_rad, azimuth_max_rad=start_rad + spare_rad)
     changes: dict[str, dict[str, object]] = {

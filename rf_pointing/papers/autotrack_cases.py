@@ -1,7 +1,8 @@
-"""Short passes of the whole simulated station, one per number asked of the radio loop.
+"""Short passes of the whole simulated station, one per requirement on the radio loop.
 
-Every case is the station of the graph (`simulation.simulate_pass`): wind, servo, structure, receiver noise, tracker,
-state table, trim filter; only what the case is about differs from the configuration files.
+Every case is the station of the graph (`simulation.simulate_pass`): wind, servo, structure,
+receiver noise, tracker, state table, trim filter.  Only the subject of the case differs from the
+configuration files.
 """
 
 import dataclasses
@@ -42,14 +43,16 @@ LEAD_S = 5.0
 COMMAND_S = 0.1
 RADIO_MODES = ("monopulse", "conscan", "steptrack")
 LINK_45_DB_HZ = {"link.zenith_carrier_to_noise_db_hz": 45.0, "link.reference_range_m": 1.1e6}
-"""45 dB-Hz at about the distance of the satellite at the top of its pass; what the controller is told."""
+"""45 dB-Hz at about the distance of the satellite at the top of its pass, for the controller."""
 KA_45_DB_HZ = {f"signal.{name}": value for name, value in LINK_45_DB_HZ.items()}
 """The same for the receiver."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """Band, sensor, seconds from the start of the pass, and changes per node over the configuration files."""
+    """Band, sensor, seconds from the start of the pass, and changes per node over the configuration
+    files.
+    """
 
     band: str
     sensor: str
@@ -64,9 +67,11 @@ def model_file(band: str) -> Path:
 
 
 def moved_mount(band: str, right_rad: float, up_rad: float) -> dict[str, object]:
-    """Return parameters of the antenna whose mount is that of the model but for its collimation and elevation offset.
+    """Return parameters of the antenna whose mount is that of the model but for its collimation and
+    elevation offset.
 
-    The beam misses a target that is where its elements say by `right_rad` in cross-elevation and `up_rad` in elevation.
+    The beam misses a target that is where its elements say by `right_rad` in cross-elevation and
+    `up_rad` in elevation.
     """
     known = read_model(model_file(band)).model
     mount = {item.name: known.coefficients[item.name.rsplit("_", 1)[0]] for item in dataclasses.fields(MountParams)}
@@ -80,14 +85,20 @@ def moved_mount(band: str, right_rad: float, up_rad: float) -> dict[str, object]
 
 
 def low_orbit_pass(peak_deg: float = 40.0, mask_deg: float = 40.0) -> Pass:
-    """Return a pass of CBERS-2 over DSS-13 above the mask; the default is its top, where the rates are largest."""
+    """Return a pass of CBERS-2 over DSS-13 above the mask.
+
+    The default is its top, where the rates are largest.
+    """
     source = SourceParams()
     begin_s = load_elements(source).epoch_t_s
     return first_pass_above(load_track(source), begin_s, math.radians(peak_deg), math.radians(mask_deg), 2.0 * 86400.0)
 
 
 def fly(case: Case, window: Pass, heard: Callable[[Reception], object] | None = None) -> PassLog:
-    """Return the log of a case, at most to the end of the pass; `heard` gets everything from the receiver."""
+    """Return the log of a case, at most to the end of the pass.
+
+    `heard` gets everything from the receiver.
+    """
     config = config_folder()
     short = dataclasses.replace(window, los_t_s=min(window.aos_t_s + case.seconds, window.los_t_s))
     changes: dict[str, dict[str, object]] = {node: dict(values) for node, values in case.changes.items()}
@@ -105,7 +116,9 @@ def fly(case: Case, window: Pass, heard: Callable[[Reception], object] | None = 
 
 
 def config_folder() -> Path:
-    """Return the folder of the configuration files, in the source tree or where the package is installed."""
+    """Return the folder of the configuration files, in the source tree or where the package is
+    installed.
+    """
     for parent in Path(__file__).resolve().parents:
         for folder in (parent / "config", parent / "share" / "rf_pointing" / "config"):
             if (folder / "dss13.yaml").is_file():
@@ -119,7 +132,9 @@ def first_time_s(log: PassLog, mode: str) -> float:
 
 
 def acquired_s(log: PassLog, within_rad: float) -> float:
-    """Return the time from which a radio mode holds the true error below `within_rad` to the end, infinite if it never does."""
+    """Return the time from which a radio mode holds the true error below `within_rad` to the end,
+    infinite if it never does.
+    """
     held = (np.hypot(*log.errors_rad().T) < within_rad) & np.isin(log.mode, RADIO_MODES)
     lost = np.flatnonzero(~held)
     if not len(held) or not held[-1]:
@@ -128,14 +143,15 @@ def acquired_s(log: PassLog, within_rad: float) -> float:
 
 
 def command_accelerations_rad_s2(log: PassLog, from_s: float) -> Array:
-    """Return the second differences (n, 2) of the commands of successive periods, from a time on."""
+    """Return the second differences (n, 2) of the commands of the periods from a time on."""
     late = np.array(log.command_t_s)[1:-1] > from_s
     found: Array = np.diff(np.array(log.command_rad), 2, axis=0)[late] / COMMAND_S**2
     return found
 
 
 def reacquisitions_s(log: PassLog, mode: str) -> Array:
-    """Return, for every time the carrier came back, how long it took until `mode` tracked again, infinite if it never did.
+    """Return, for every time the carrier came back, how long it took until `mode` tracked again,
+    infinite if it never did.
 
     A dropout that was over before the mode was left took no time.
     """

@@ -1,4 +1,4 @@
-"""CONSCAN recomputed: slope and loss, accuracy against error and period, and what the exact estimator adds."""
+"""CONSCAN recomputed: slope and loss, accuracy against error and period, the exact estimator."""
 
 import math
 
@@ -45,7 +45,7 @@ DSN_SHORTEST_PERIOD_S = 32.0
 
 
 def rows(seed: int = 1) -> list[Row]:
-    """Return the published numbers of CONSCAN beside ours."""
+    """Return the published numbers of CONSCAN and ours."""
     return [
         *_slope_and_loss(),
         *_error_rows(seed),
@@ -69,7 +69,10 @@ def _slope_and_loss() -> list[Row]:
 
 
 def _error_rows(seed: int) -> list[Row]:
-    """Sigma at 8.5 mdeg over that at no error: the formula, and runs with the paper's constant noise."""
+    """Sigma at 8.5 mdeg over that at no error.
+
+    The formula, and runs with the paper's constant noise.
+    """
     on_axis = conscan_sigma_eq21_rad(BEAM_KA_RAD, RADIUS_RAD, 32, 0.01, 0.0, 0.0)
     off_axis = conscan_sigma_eq21_rad(BEAM_KA_RAD, RADIUS_RAD, 32, 0.01, 0.0, 8.5 * MDEG)
     found = []
@@ -99,7 +102,9 @@ def _error_rows(seed: int) -> list[Row]:
 
 
 def _period_rows(seed: int) -> list[Row]:
-    """Shortest period with sigma below the radius, designed from eq. (25) and confirmed by the exact estimator."""
+    """Shortest period with sigma below the radius, designed from eq. (25) and confirmed by the
+    exact estimator.
+    """
     params = ScanDesignParams(half_power_beamwidth_rad=BEAM_KA_RAD, shortest_period_s=1.0)
     found = []
     for level in (25.0, 30.0, 35.0, 40.0, 45.0):
@@ -155,7 +160,7 @@ def _deviation_row(name: str, deviations: Array) -> Row:
 
 
 def _exact_estimator_rows(seed: int) -> list[Row]:
-    """Bias and spread of the exact estimator at 30 dB-Hz, half a beamwidth off, and the linear one beside it."""
+    """Bias and spread of the exact and the linear estimator at 30 dB-Hz, half a beamwidth off."""
     x, y = circle(32)
     biases, ratios, remarks = [], [], []
     for error in np.array([[0.0, 0.0], [6.0, -6.0], [8.5, 0.0]]) * MDEG:
@@ -185,7 +190,10 @@ def _exact_estimator_rows(seed: int) -> list[Row]:
 
 
 def _bound_rad(mean_hz: Array, x: Array, y: Array) -> Array:
-    """Cramer-Rao bound per axis: Fisher information P / (2 N0) per second in the logarithm of the power."""
+    """Cramer-Rao bound per axis.
+
+    Fisher information P / (2 N0) per second in the logarithm of the power.
+    """
     rows_ = np.stack([np.ones_like(x), 2.0 * MU * x / BEAM_KA_RAD**2, 2.0 * MU * y / BEAM_KA_RAD**2])
     return np.asarray(np.sqrt(np.diag(np.linalg.inv(0.5 * mean_hz * rows_ @ rows_.T))[1:]))
 

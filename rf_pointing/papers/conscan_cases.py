@@ -1,8 +1,7 @@
 """The conscan experiments behind the published rows: Monte Carlo runs and small closed loops.
 
-Bias and spread of both conscan estimators against the pointing error: the picture of docs/math/conscan.md.
-
-Run: python -m rf_pointing.papers.conscan_cases docs/math/conscan.svg
+The picture of docs/math/conscan.md shows bias and spread of both estimators against the pointing
+error.  Run: python -m rf_pointing.papers.conscan_cases docs/math/conscan.svg
 """
 
 import math
@@ -66,7 +65,9 @@ def circle(samples: int, radius_rad: float = RADIUS_RAD) -> tuple[Array, Array]:
 
 
 def mean_power_hz(level_db_hz: float, beamwidth_rad: float, error_rad: Array, x: Array, y: Array) -> Array:
-    """Return the carrier power over N0 at the beam offsets for a target at `error_rad` (2,) (CONSCAN eq. 1)."""
+    """Return the carrier power over N0 at the beam offsets for a target at `error_rad` (2,)
+    (CONSCAN eq. 1).
+    """
     distance2 = (error_rad[0] - x) ** 2 + (error_rad[1] - y) ** 2
     return np.asarray(10.0 ** (level_db_hz / 10.0) * np.exp(-MU * distance2 / beamwidth_rad**2))
 
@@ -74,7 +75,9 @@ def mean_power_hz(level_db_hz: float, beamwidth_rad: float, error_rad: Array, x:
 def constant_noise_estimates(
     sigma_hz: float, mean_hz: Array, beamwidth_rad: float, runs: int, rng: np.random.Generator
 ) -> Array:
-    """Return the paper's estimates (runs, 2) of one turn whose samples all have the same noise (eqs. 13-15)."""
+    """Return the paper's estimates (runs, 2) of one turn whose samples all have the same noise
+    (eqs. 13-15).
+    """
     samples = len(mean_hz)
     x, y = circle(samples)
     rows = np.zeros((samples, 6))
@@ -84,7 +87,9 @@ def constant_noise_estimates(
 
 
 def receiver_powers_hz(mean_hz: Array, runs: int, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Return 1-s powers of the Block V receiver (runs, n) over N0, and their variance over the power (B-3)."""
+    """Return 1-s powers of the Block V receiver (runs, n) over N0, and their variance over the
+    power (B-3).
+    """
     arm = np.sqrt(mean_hz) + math.sqrt(0.5) * rng.standard_normal((runs, len(mean_hz)))
     power = np.maximum(arm**2 - 0.5, 1e-9)
     return power, (2.0 * power + 0.5) / power
@@ -103,7 +108,10 @@ def _receiver(beam: BeamParams, rng: np.random.Generator) -> Receiver:
 def _turn(
     tracker: ConscanTracker, receiver: Receiver, start: int, offset: Array, level_db_hz: float
 ) -> tuple[Array, Array] | None:
-    """Run one window; `offset` is target minus scan centre.  Return error and covariance if valid."""
+    """Run one window; `offset` is target minus scan centre.
+
+    Return error and covariance if valid.
+    """
     for k in range(start, start + tracker.params.window_samples):
         scan = tracker.scan_offset(k + 0.5)
         x, y = scan.cross_elevation_rad, scan.elevation_rad
@@ -115,7 +123,9 @@ def _turn(
 
 
 def conscan_normalised_errors(level_db_hz: float, error_rad: Array, runs: int, rng: np.random.Generator) -> Array:
-    """Return e^T C^-1 e / 2 of `runs` estimates of the live tracker on the live receiver at Ka band."""
+    """Return e^T C^-1 e / 2 of `runs` estimates of the live tracker on the live receiver at Ka
+    band.
+    """
     params = ConscanParams(half_power_beamwidth_rad=BEAM_KA_RAD, radius_rad=RADIUS_RAD, ramp_s=0.0)
     tracker, receiver = ConscanTracker(params), _receiver(BeamParams.for_band("Ka"), rng)
     values = []
@@ -130,7 +140,8 @@ def conscan_normalised_errors(level_db_hz: float, error_rad: Array, runs: int, r
 def pull_in_rms_rad(level_db_hz: float, start_rad: Array, periods: int, rng: np.random.Generator) -> float:
     """Return the rms radial error of the scan centre over 30 periods after the first `periods`.
 
-    Ka band, an antenna that follows at once, a target at rest; every estimate moves the scan centre onto the target.
+    Ka band, an antenna that follows at once, a target at rest; every estimate moves the scan centre
+    onto the target.
     """
     params = ConscanParams(half_power_beamwidth_rad=BEAM_KA_RAD, radius_rad=RADIUS_RAD)
     tracker, receiver = ConscanTracker(params), _receiver(BeamParams.for_band("Ka"), rng)
@@ -145,10 +156,11 @@ def pull_in_rms_rad(level_db_hz: float, start_rad: Array, periods: int, rng: np.
 
 
 def search_time_s(direction_rad: float, level_db_hz: float, rng: np.random.Generator) -> float:
-    """Return the time from the start of a search at X band until monopulse holds a target three beamwidths away.
+    """Return the time from the start of a search at X band until monopulse holds a target three
+    beamwidths away.
 
-    The live spiral, receiver, tracker and state table; the antenna follows at once; the integrator runs at 0.3 Hz.
-    Held: the error is below a tenth of the beamwidth.
+    The live spiral, receiver, tracker and state table; the antenna follows at once; the integrator
+    runs at 0.3 Hz. Held: the error is below a tenth of the beamwidth.
     """
     beam = BeamParams.for_band("X")
     target = 3.0 * BEAM_X_RAD * np.array([math.cos(direction_rad), math.sin(direction_rad)])
@@ -182,7 +194,9 @@ def search_time_s(direction_rad: float, level_db_hz: float, rng: np.random.Gener
 
 @dataclass(frozen=True, slots=True)
 class EstimatorCurves:
-    """Per pointing error (n,): bias and standard deviation along it, all in mdeg, and the Cramer-Rao bound."""
+    """Per pointing error (n,): bias and standard deviation along it, all in mdeg, and the
+    Cramer-Rao bound.
+    """
 
     error_mdeg: Array
     linear_bias: Array
@@ -193,7 +207,9 @@ class EstimatorCurves:
 
 
 def estimator_curves(level_db_hz: float, runs: int, seed: int, points: int = 12) -> EstimatorCurves:
-    """Return both estimators at Ka band on `runs` noisy windows of 32 s, from no error to 0.6 beamwidths."""
+    """Return both estimators at Ka band on `runs` noisy windows of 32 s, from no error to 0.6
+    beamwidths.
+    """
     x, y = circle(SAMPLES)
     design = beam_design(x, y, BEAM_KA_RAD)
     rows = np.zeros((SAMPLES, 6))

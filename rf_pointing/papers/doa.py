@@ -1,10 +1,11 @@
-"""DOA recomputed: Tables 1 and 2 row by row, the scene, the accuracy of MUSIC, the filters, and what lies beyond.
+"""DOA recomputed: Tables 1 and 2, the scene, the accuracy of MUSIC, the filters, open questions.
 
-The paper's stations, process noise and grid of truths are not published.  Ours, beside every result: eight stations
-along the track (`nadir_scene`), Q = 1e-12 E_6, RMSE (34) from 2000 s on, because with the transient it would only measure
-the start.  By default every row stands on two trials of 20 000 steps and on 20 000 real MUSIC estimates, which takes a
-minute; `reproduce doa --trials 200 --workers 2` runs the paper's 200 trials, and `--music-inside` replaces the pools of
-estimates by MUSIC at every step of every trial.
+The paper's stations, process noise and grid of truths are not published.  Ours: eight stations
+along the track (`nadir_scene`), Q = 1e-12 E_6, RMSE (34) from 2000 s on, because with the transient
+it would only measure the start.  By default every row rests on two trials of 20 000 steps and on
+20 000 real MUSIC estimates, which takes a minute.  `reproduce doa --trials 200 --workers 2` runs
+the paper's 200 trials; `--music-inside` replaces the pools of estimates by MUSIC at every step of
+every trial.
 """
 
 from concurrent.futures import Executor
@@ -24,7 +25,8 @@ __all__ = ["DoaTables", "rows", "run_tables", "table_cases"]
 TABLE_1_DB = (-14.0, -12.0, -10.0, -8.0, -6.0, -2.0, 0.0, 14.0)
 TABLE_2_SNAPSHOTS = (1, 10, 20, 50, 1000)
 CASES_PER_TASK = 6
-"""Refined and grid of three rows: 1200 filters of 200 trials still fit into the processor's cache."""
+"""Refined and grid of three rows: 1200 filters of 200 trials still fit into the processor's
+cache."""
 FEW_TRIALS = 10
 CHECKED_TRIALS = 40
 CHECKED = DirectionCase(snapshots=100, snr_db=0.0)
@@ -32,9 +34,11 @@ CHECKED = DirectionCase(snapshots=100, snr_db=0.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DoaTables:
-    """Every row of Tables 1 and 2 by its case, the row at 0 dB the other way round, the printed filter with two Q.
+    """Every row of Tables 1 and 2 by its case, the row at 0 dB the other way round, the printed
+    filter with two Q.
 
-    `other_way` is the row with MUSIC inside the loop where the tables draw from pools, and drawn where they do not.
+    `other_way` is the row with MUSIC inside the loop where the tables draw from pools, and drawn
+    where they do not.
     """
 
     rows: dict[DirectionCase, CaseResult]
@@ -43,7 +47,7 @@ class DoaTables:
 
 
 def rows(seed: int = 1, *, trials: int = 2, executor: Executor | None = None, music_inside: bool = False) -> list[Row]:
-    """Return the published numbers of DOA beside ours, contradicted entries included."""
+    """Return the published numbers of DOA and ours, contradicted entries included."""
     tables = run_tables(seed, trials, executor, music_inside=music_inside)
     here = tables.rows[CHECKED]
     inside, drawn = (here, tables.other_way) if music_inside else (tables.other_way, here)
@@ -59,7 +63,9 @@ def rows(seed: int = 1, *, trials: int = 2, executor: Executor | None = None, mu
 
 
 def table_cases() -> tuple[DirectionCase, ...]:
-    """Return the 13 different rows of Tables 1 and 2, each refined and on the grid (0 dB, L = 100 stands in both)."""
+    """Return the 13 different rows of Tables 1 and 2, each refined and on the grid (0 dB, L = 100
+    stands in both).
+    """
     levels = [*((100, snr_db) for snr_db in TABLE_1_DB), *((count, 0.0) for count in TABLE_2_SNAPSHOTS)]
     return tuple(
         DirectionCase(snapshots=snapshots, snr_db=snr_db, refined=refined)
@@ -71,7 +77,8 @@ def table_cases() -> tuple[DirectionCase, ...]:
 def run_tables(seed: int, trials: int, executor: Executor | None = None, *, music_inside: bool = False) -> DoaTables:
     """Return every row, in tasks that any executor can share out.
 
-    `music_inside` runs MUSIC at every step of every trial instead of drawing from pools of 20 000 estimates.
+    `music_inside` runs MUSIC at every step of every trial instead of drawing from pools of 20 000
+    estimates.
     """
     cases = table_cases()
     size = len(cases) // 2 if trials <= FEW_TRIALS else CASES_PER_TASK

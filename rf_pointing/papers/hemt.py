@@ -1,9 +1,11 @@
-"""Noise temperature of a two-port such as a HEMT amplifier, from its noise parameters (HEMT section III).
+"""Noise temperature of a two-port such as a HEMT amplifier (HEMT section III).
 
-T_n = T_min + T_0 (g_n / R_g) |Z_g - Z_opt|^2, with R_opt = sqrt(R_n/g_n - X_opt^2), X_opt = Im C / g_n,
-T_min = 2 T_0 (g_n R_opt + Re C), C = r sqrt(R_n g_n), r = <e* i> / sqrt(<e^2> <i^2>).
-The article prints |Z_g - Z_opt|^2 below the fraction line, which would make T_n infinite at the best match; it belongs
-above it: T_n is the noise <|e + Z_g i|^2> over that of R_g.
+    T_n = T_min + T_0 (g_n / R_g) |Z_g - Z_opt|^2,   T_min = 2 T_0 (g_n R_opt + Re C),
+    R_opt = sqrt(R_n/g_n - X_opt^2),   X_opt = Im C / g_n,
+    C = r sqrt(R_n g_n),   r = <e* i> / sqrt(<e^2> <i^2>).
+
+The article prints |Z_g - Z_opt|^2 below the fraction line, which would make T_n infinite at the
+best match.  It belongs above: T_n is the noise <|e + Z_g i|^2> over that of R_g.
 """
 
 import math
@@ -19,7 +21,9 @@ REFERENCE_K = 290.0
 
 @dataclass(frozen=True, kw_only=True)
 class HemtParams(Params):
-    """Small-signal circuit of a HEMT chip and its two equivalent temperatures (Pospieszalski's model)."""
+    """Small-signal circuit of a HEMT chip and its two equivalent temperatures (Pospieszalski's
+    model).
+    """
 
     transition_hz: float = parameter(70e9, "transit frequency g_m / (2 pi C_gs)", low=1e8, high=2e12)
     gate_resistance_ohm: float = parameter(2.5, "intrinsic gate-to-source resistance", low=1e-3, high=1e3)
@@ -31,7 +35,10 @@ class HemtParams(Params):
 
 @dataclass(frozen=True, slots=True)
 class TwoPortNoise:
-    """Noise of a linear two-port: equivalent resistance R_n, conductance g_n, and their correlation r (complex)."""
+    """Noise of a linear two-port.
+
+    Equivalent resistance R_n, conductance g_n, and their correlation r (complex).
+    """
 
     resistance_ohm: float
     conductance_s: float
@@ -44,10 +51,11 @@ class TwoPortNoise:
 
     @classmethod
     def of_hemt(cls, params: HemtParams, frequency_hz: float) -> Self:
-        """Return the noise of an intrinsic chip at `frequency_hz`: thermal noise of r_gs at T_g and g_ds at T_d.
+        """Return the noise of an intrinsic chip at `frequency_hz`.
 
-        The drain current referred to the input is i = i_d f/f_t; it also drops e = (r_gs + 1/jwC) i across the gate,
-        fully correlated.  Valid at any frequency; the paper's expressions are the limit of low ones.
+        Thermal noise of r_gs at T_g and g_ds at T_d.  The drain current referred to the input is i
+        = i_d f/f_t; it also drops e = (r_gs + 1/jwC) i across the gate, fully correlated.  Valid at
+        any frequency; the paper's expressions are the limit of low ones.
         """
         ratio = frequency_hz / params.transition_hz
         gate, drain = params.gate_k / REFERENCE_K, params.drain_k / REFERENCE_K
@@ -82,7 +90,7 @@ class TwoPortNoise:
 
 
 def cascade_noise_k(stages: list[tuple[float, float]]) -> float:
-    """Return the noise temperature of stages (noise temperature K, gain dB) in their order (Friis)."""
+    """Return the noise temperature of stages (noise temperature K, gain dB) in order (Friis)."""
     total, gain = 0.0, 1.0
     for noise_k, gain_db in stages:
         require_between("noise_k", noise_k, 0.0, None)

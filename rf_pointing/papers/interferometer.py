@@ -1,8 +1,7 @@
-"""PI83 recomputed: Tables 7-1, 8-1, 8-2 and 8-3, the design chain, the links and the simulated errors.
+"""PI83 recomputed: Tables 7-1 and 8-1 to 8-3, the design chain, the links, the simulated errors.
 
-Numbers printed in PI83: the legible cells of Table 7-1, and Table 8-1.
-
-Table 7-1 lies on its side in the scan; only cells are kept whose seven digits can be read without doubt.
+Table 7-1 lies on its side in the scan; the module has only those cells whose seven digits are
+legible without doubt.
 """
 
 from concurrent.futures import Executor
@@ -55,11 +54,15 @@ TABLE_8_1: dict[int, tuple[float, float, float, float | None]] = {
     24: (1.864, 10.0, 1.621, 13.0),
     25: (1.817, 10.0, 1.589, 13.0),
 }
-"""Carriers -> cycles per step and dB of the CFT system, then of the DFT system (its 14-carrier dB is illegible)."""
+"""Carriers -> cycles per step and dB of the CFT system, then of the DFT system (its 14-carrier dB
+is illegible)."""
 
 
 def rows(seed: int = 1, *, executor: Executor | None = None) -> list[Row]:
-    """Return the published numbers of the polarized interferometer beside ours; trials run on `executor`."""
+    """Return the published numbers of the polarized interferometer and ours.
+
+    Trials run on `executor`.
+    """
     return [
         *_table_7_1(),
         *_table_8_1(),
@@ -108,7 +111,8 @@ def _ratio_row(system: str, carriers: int, printed: float) -> Row:
 
 
 def _snr_row(system: str, carriers: int, printed_db: float) -> Row:
-    # The two-carrier row is printed at the limit of the author's iteration: ask for the formula without that limit.
+    # The two-carrier row is printed at the limit of the author's iteration: ask for the formula
+    # without that limit.
     two = system == "CFT" and carriers == 2
     ours = carrier_count_row(carriers, system, variant="corrected" if two else "published").snr_db
     return Row(

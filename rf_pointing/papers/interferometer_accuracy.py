@@ -1,9 +1,8 @@
-"""TODO.
+"""How noise becomes phase, range, direction and roll error (PI83 sections 4.3 and 7).
 
-How measurement noise becomes range, direction and roll error (PI83 section 4.3).
-
-Per unit variance of one two-way range: distance 1/36; direction (4/9)/(R cos theta)^2 as the sum of the variances of
-the rotations about the array's z and y axes; roll 1/(g^T g) per unit variance of one coupling.
+sigma_rho = c sigma_phi/(2 pi f) (eqs. 7-2 to 7-12).  Per unit variance of one two-way range:
+distance 1/36; direction (4/9)/(R cos theta)^2 as the sum of the variances of the rotations about
+the array's z and y axes.  Roll: 1/(g^T g) per unit variance of one coupling.
 """
 
 import math
@@ -41,7 +40,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RangeNoise:
-    """Variances of the two-way ranges: the part common to all nine, and the part of each path (3, 3)."""
+    """Variances of the two-way ranges.
+
+    The part common to all nine, and the part of each path (3, 3).
+    """
 
     common_m2: float
     path_m2: Array
@@ -59,7 +61,9 @@ def two_way_range_sigma(frequency_hz: float, phase_variance_rad2: ArrayLike, spe
 
 
 def range_noise(snr_forward: ArrayLike, snr_return: ArrayLike, plan: CarrierPlan) -> RangeNoise:
-    """Return the noise of ranges from carriers 1 and K, `snr_forward` (K,) and `snr_return` (K, 3, 3)."""
+    """Return the noise of ranges from carriers 1 and K, `snr_forward` (K,) and `snr_return` (K, 3,
+    3).
+    """
     scale = (plan.ambiguities_m[-1] / (2.0 * np.pi)) ** 2
     forward, back = phase_variance(snr_forward), phase_variance(snr_return)
     return RangeNoise(common_m2=float(scale * (forward[0] + forward[-1])), path_m2=scale * (back[0] + back[-1]))
@@ -73,8 +77,9 @@ def range_covariance(noise: RangeNoise) -> Array:
 def range_variance_from_nine(common_m2: float, path_m2: float, variant: str = CORRECTED) -> float:
     """Return the variance of the distance estimated from nine ranges of variance common + path.
 
-    "published": PI83 eq. (4-20) as printed, 0.278 times the variance of one range - 1/36 with the decimal point
-    slipped, and for independent noise; "corrected": (common + path/9)/4, the forward noise being shared.
+    "published": PI83 eq. (4-20) as printed, 0.278 times the variance of one range - 1/36 with the
+    decimal point slipped, and for independent noise; "corrected": (common + path/9)/4, the forward
+    noise being shared.
     """
     if is_published(variant):
         return 0.278 * (common_m2 + path_m2)
@@ -84,8 +89,8 @@ def range_variance_from_nine(common_m2: float, path_m2: float, variant: str = CO
 def direction_variance(off_boresight_rad: float, radius_m: float = 1.0, variant: str = CORRECTED) -> float:
     """Return V^2 in rad^2 per m^2: variance of both rotation increments together (PI83 eq. 4-21).
 
-    "published" 0.4448/cos^2 for any array (the report speaks of 1 m diameter, its listing has 1 m radius);
-    "corrected" 4/9/(R cos)^2 - the 0.4448 is the residue of the listing's finite dither.
+    "published" 0.4448/cos^2 for any array (the report states 1 m diameter, its listing has 1 m
+    radius); "corrected" 4/9/(R cos)^2 - the 0.4448 is the residue of the listing's finite dither.
     """
     require_between("off_boresight_rad", off_boresight_rad, 0.0, math.radians(89.9))
     if is_published(variant):
@@ -96,7 +101,8 @@ def direction_variance(off_boresight_rad: float, radius_m: float = 1.0, variant:
 def chord_variance(off_boresight_rad: float, radius_m: float = 1.0) -> float:
     """Return the variance in rad^2 per m^2 of the pointing error itself, (2/9)(1 + 1/cos^2)/R^2.
 
-    Less than `direction_variance` off boresight: a rotation about the z or y axis moves the direction by its cosine.
+    Less than `direction_variance` off boresight: a rotation about the z or y axis moves the
+    direction by its cosine.
     """
     require_between("off_boresight_rad", off_boresight_rad, 0.0, math.radians(89.9))
     return 2.0 / 9.0 * (1.0 + 1.0 / math.cos(off_boresight_rad) ** 2) / radius_m**2
@@ -105,7 +111,7 @@ def chord_variance(off_boresight_rad: float, radius_m: float = 1.0) -> float:
 def direction_variance_from_gradients(
     range_m: float, direction: ArrayLike, attitude: ArrayLike, arrays: ArrayParams, dither_rad: float = 0.01
 ) -> float:
-    """Return V^2 = 3 trace(H) of the direction estimator (three ranges in each sum), rad^2 per m^2."""
+    """Return V^2 = 3 trace(H) of the direction estimator (three ranges a sum), rad^2 per m^2."""
     ranges = np.zeros((3, 3))
     _, covariance = direction_step(ranges, range_m, direction, attitude, arrays, dither_rad)
     return 3.0 * float(np.trace(covariance))
@@ -119,9 +125,11 @@ def range_variance_from_gradients(
 
 
 def roll_variance(azimuth1_rad: float, azimuth2_offset_rad: float, roll_rad: float = 0.0) -> float:
-    """Return V_psi^2 for offsets in azimuth only, 1/[(ca^2 + cb^2) cos^2 + (1 + ca^2 cb^2) sin^2] of the roll.
+    """Return V_psi^2 for offsets in azimuth only, 1/[(ca^2 + cb^2) cos^2 + (1 + ca^2 cb^2) sin^2]
+    of the roll.
 
-    `azimuth2_offset_rad` counts from the passive array's boresight.  Below 2 while one of the two is within 45 deg.
+    `azimuth2_offset_rad` counts from the passive array's boresight.  Below 2 while one of the two
+    is within 45 deg.
     """
     ca, cb = math.cos(azimuth1_rad) ** 2, math.cos(azimuth2_offset_rad) ** 2
     return 1.0 / ((ca + cb) * math.cos(roll_rad) ** 2 + (1.0 + ca * cb) * math.sin(roll_rad) ** 2)
@@ -130,7 +138,9 @@ def roll_variance(azimuth1_rad: float, azimuth2_offset_rad: float, roll_rad: flo
 def roll_variance_from_gradients(
     azimuth1_rad: float, azimuth2_offset_rad: float, roll_rad: float = 0.0, dither_rad: float = 1e-4
 ) -> float:
-    """Return V_psi^2 of the roll estimator, per unit variance of one coupling (largest coupling one)."""
+    """Return V_psi^2 of the roll estimator, per unit variance of one coupling (largest coupling
+    one).
+    """
     forward = direction_from_angles(azimuth1_rad, 0.0)
     reverse = direction_from_angles(math.pi + azimuth2_offset_rad, 0.0)
     return float(roll_step(np.zeros((2, 2)), forward, reverse, roll_rad, dither_rad=dither_rad)[1])

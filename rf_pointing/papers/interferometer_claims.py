@@ -1,6 +1,7 @@
-"""What the text of PI83 says: design chain of chapters 7 and 8, estimators of chapter 4, links of chapter 5.
+"""Statements in the text of PI83: design chain of chapters 7 and 8, estimators, links.
 
-The direction estimator that PI83 tried first: nine separate ranges instead of three sums (p. 35).
+Also the direction estimator that PI83 tried first: nine separate ranges instead of three sums
+(p. 35).
 """
 
 import math
@@ -216,7 +217,10 @@ def _repeater_rows() -> list[Row]:
 
 
 def settled_error_deg(attitude_error_deg: float) -> tuple[float, float]:
-    """Return the attitude and direction errors that remain after 20 passes; the truth is 10 deg of direction."""
+    """Return the attitude and direction errors that remain after 20 passes.
+
+    The truth is 10 deg of direction.
+    """
     truth, arrays = math.radians(10.0), ArrayParams()
     ranges = two_way_ranges(_RANGE_M * direction_from_angles(truth, 0.0), np.eye(3), arrays)
     attitude = attitude_from_euler(math.radians(attitude_error_deg), 0.0, 0.0)

@@ -1,16 +1,12 @@
-"""How often a cycle is resolved wrongly, and the signal-to-noise ratio that prevents it.
+"""Design of the interferometer: from requirements to carriers and powers (PI83 chapters 7, 8).
 
-Error of the unrounded lane: variance (nu^2 - nu + 1)/(2 pi^2 R); wrong when beyond half a lane, p = 1 - erf(1/(2
-sqrt(2) sigma)) (PI83 eqs. 7-26 to 7-34).  R is the power ratio of each link alone.
+requirement -> sigma of a two-way range -> sigma of phase -> power ratio -> power, for
+carrier-frequency tracking (CFT: range from the carrier's own phase) and difference-frequency
+tracking (DFT: from the widest difference).
 
-From accuracy requirements to radiated power (PI83 chapter 8).
-
-requirement -> sigma of a two-way range -> sigma of phase -> power ratio -> power, for carrier-frequency tracking
-(CFT: range from the carrier's own phase) and difference-frequency tracking (DFT: from the widest difference).
-
-The report's design tables, computed: cycle errors (7-1), carriers against power ratio (8-1), powers (8-2, 8-3).
-
-TODO.
+Wrong cycles limit the power ratio R of each link.  The error of the unrounded lane has variance
+(nu^2 - nu + 1)/(2 pi^2 R) and is wrong beyond half a lane, p = 1 - erf(1/(2 sqrt(2) sigma)) (eqs.
+7-26 to 7-34).  Tables: cycle errors (7-1), carriers against power ratio (8-1), powers (8-2, 8-3).
 """
 
 import math
@@ -64,8 +60,9 @@ Array = NDArray[np.float64]
 def lane_sigma(cycle_ratio: float, snr: float, step: str = "difference") -> float:
     """Return the standard deviation of the unrounded lane number, in lanes (PI83 eq. 7-30).
 
-    `step` "difference": from one difference to the next; "carrier": from the finest difference to the carrier itself,
-    which the report treats alike but which is (2 nu^2 + 2 nu + 1)/(4 pi^2 R), 1.37 dB worse at nu = 6.
+    `step` "difference": from one difference to the next; "carrier": from the finest difference to
+    the carrier itself, which the report treats alike but which is (2 nu^2 + 2 nu + 1)/(4 pi^2 R),
+    1.37 dB worse at nu = 6.
     """
     require_choice("step", step, STEPS)
     require_between("cycle_ratio", cycle_ratio, 1.0, None)
@@ -87,7 +84,10 @@ def total_error_probability(cycle_ratio: float, snr: float, steps: int) -> float
 
 
 def required_ratio(cycle_ratio: float, probability: float, step: str = "difference") -> float:
-    """Return the power ratio R at which one step errs with `probability`; inverse of `step_error_probability`."""
+    """Return the power ratio R at which one step errs with `probability`.
+
+    Inverse of `step_error_probability`.
+    """
     require_between("probability", probability, 1e-15, 1.0 - 1e-12)
     allowed = 0.5 / -NormalDist().inv_cdf(0.5 * probability)
     return (lane_sigma(cycle_ratio, 1.0, step) / allowed) ** 2
@@ -96,7 +96,8 @@ def required_ratio(cycle_ratio: float, probability: float, step: str = "differen
 def chain_error_rate(
     cycle_ratio: float, snr: float, carriers: int, trials: int, rng: np.random.Generator
 ) -> tuple[float, float]:
-    """Return the measured rate of a wrong lane in any step of a K-carrier chain, and its standard error.
+    """Return the measured rate of a wrong lane in any step of a K-carrier chain, and its standard
+    error.
 
     Phase errors of variance 1/R per carrier (both links); a chain errs when any rounding does.
     """
@@ -145,7 +146,9 @@ class SystemDesign:
 
 
 def minimum_difference_hz(range_m: float, ratio: float, speed_of_light_m_s: float = 3.0e8) -> tuple[float, float]:
-    """Return f_min that resolves the two-way length of `range_m`, and f0 with room for noise (eqs. 8-1, 8-2)."""
+    """Return f_min that resolves the two-way length of `range_m`, and f0 with room for noise (eqs.
+    8-1, 8-2).
+    """
     require_between("range_m", range_m, 1e-3, None)
     require_between("ratio", ratio, 1.001, None)
     lowest = speed_of_light_m_s / (2.0 * range_m)
@@ -153,10 +156,11 @@ def minimum_difference_hz(range_m: float, ratio: float, speed_of_light_m_s: floa
 
 
 def range_requirement_m(requirements: Requirements, variant: str = CORRECTED) -> float:
-    """Return the sigma of one two-way range that the distance requirement allows (PI83 eqs. 8-4, 8-5).
+    """Return the sigma of one two-way range that the distance requirement allows (PI83 eqs. 8-4,
+    8-5).
 
-    "published" reaches its 0.1095 m with the slipped decimal of 1/36 and without squaring sigma; "corrected" is six
-    times the requirement (independent noise in the nine ranges).
+    "published" reaches its 0.1095 m with the slipped decimal of 1/36 and without squaring sigma;
+    "corrected" is six times the requirement (independent noise in the nine ranges).
     """
     if is_published(variant):
         return math.sqrt(requirements.range_sigma_m / 0.278)
@@ -164,7 +168,9 @@ def range_requirement_m(requirements: Requirements, variant: str = CORRECTED) ->
 
 
 def direction_requirement_m(requirements: Requirements, variant: str = CORRECTED) -> float:
-    """Return the sigma of one two-way range that the direction requirement allows (PI83 eqs. 8-6, 8-7)."""
+    """Return the sigma of one two-way range that the direction requirement allows (PI83 eqs. 8-6,
+    8-7).
+    """
     sensitivity = direction_variance(requirements.half_cone_rad, requirements.radius_m, variant)
     return requirements.direction_sigma_rad / math.sqrt(sensitivity)
 
@@ -175,7 +181,7 @@ def phase_sigma_rad(range_sigma_m: float, wavelength_m: float) -> float:
 
 
 def roll_requirement_snr(requirements: Requirements) -> float:
-    """Return the power ratio that the roll requirement asks for (PI83 eqs. 8-12, 8-13)."""
+    """Return the power ratio that meets the roll requirement (PI83 eqs. 8-12, 8-13)."""
     amplitude_sigma = requirements.roll_sigma_rad / math.sqrt(requirements.roll_variance)
     return 1.0 / (2.0 * amplitude_sigma**2)
 
@@ -186,7 +192,9 @@ def amplitude_ripple_db(requirements: Requirements) -> float:
 
 
 def largest_phase_bias_rad(ratio: float) -> float:
-    """Return the unknown hardware phase that still resolves cycles, pi/(nu + 1) (PI83 eqs. 8-15, 8-16)."""
+    """Return the unknown hardware phase that still resolves cycles, pi/(nu + 1) (PI83 eqs. 8-15,
+    8-16).
+    """
     require_between("ratio", ratio, 1.0, None)
     return math.pi / (ratio + 1.0)
 
@@ -213,7 +221,9 @@ def difference_tracking_design(
     variant: str = CORRECTED,
     speed_of_light_m_s: float = 3.0e8,
 ) -> SystemDesign:
-    """Return the DFT design: two phases are differenced, so twice the power ratio (PI83 section 8.2)."""
+    """Return the DFT design: two phases are differenced, so twice the power ratio (PI83 section
+    8.2).
+    """
     return _design(requirements, speed_of_light_m_s / largest_difference_hz, 2.0, ratio, steps, variant)
 
 
@@ -237,7 +247,7 @@ def _design(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CarrierCountRow:
-    """One row of Table 8-1: cycles per step and the power ratio of each link that K carriers need."""
+    """A row of Table 8-1: cycles per step and the power ratio of each link for K carriers."""
 
     carriers: int
     step_probability: float
@@ -255,9 +265,10 @@ def carrier_count_row(
 ) -> CarrierCountRow:
     """Return the row of Table 8-1 for K carriers of the "CFT" or "DFT" system.
 
-    "published": K - 1 steps for both systems, the ratio limited to 110 dB, where the author's iteration stopped.
-    "corrected": DFT climbs from difference to difference in K - 2 steps (K >= 3), no limit.  DFT needs 3.01 dB more
-    because two phases are differenced; neither goes below 10 dB per phase, the model's own assumption.
+    "published": K - 1 steps for both systems, the ratio limited to 110 dB, where the author's
+    iteration stopped. "corrected": DFT climbs from difference to difference in K - 2 steps (K >=
+    3), no limit.  DFT needs 3.01 dB more because two phases are differenced; neither goes below 10
+    dB per phase, the model's own assumption.
     """
     require_choice("system", system, SYSTEMS)
     published = is_published(variant)
@@ -288,7 +299,9 @@ def link_powers_w(
 
 
 def frequency_ratio(highest_hz: float, lowest_hz: float, steps: int) -> float:
-    """Return nu that climbs from the lowest to the highest difference in `steps` equal ratios (Table 8-1)."""
+    """Return nu that climbs from the lowest to the highest difference in `steps` equal ratios
+    (Table 8-1).
+    """
     require_between("steps", steps, 1, None)
     require_between("lowest_hz", lowest_hz, 1e-6, highest_hz)
     return float((highest_hz / lowest_hz) ** (1.0 / steps))

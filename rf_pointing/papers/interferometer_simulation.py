@@ -1,12 +1,10 @@
-"""Monte-Carlo trials of the whole sensor at one relative pose: root-mean-square errors and wrong lanes.
+"""Figures 8-3 and 8-4 of PI83 by their text: rms errors against range and against roll.
 
-Errors of PI83 section 8.3 (program FHR-321C): distance, chords |xi - xi_true| and |eta - eta_true|, roll.  A trial
-with a two-way range off by more than half the fine lane is tallied and discarded (the listing's 0.72 m lets pass a
-wrong lane of 0.736 m with 16 mm of noise the other way).  All trials run as one stack.
-
-TODO.
-
-Figures 8-3 and 8-4 of PI83 by their text: 100 trials per point, rms errors against range and against roll.
+Monte Carlo trials of the whole sensor at one relative pose (section 8.3, program FHR-321C): phases
+with receiver noise, cycles, sequenced estimators.  Errors: distance, chords |xi - xi_true| and
+|eta - eta_true|, roll.  A trial with a two-way range off by more than half the fine lane is counted
+and discarded: the listing's 0.72 m accepts a wrong lane of 0.736 m with 16 mm of noise the other
+way.  All trials run as one stack.
 """
 
 import math
@@ -95,10 +93,11 @@ def run_trials(
     amplitude_noise: str = CORRECTED,
     sharpen: bool = False,
 ) -> TrialErrors:
-    """Return the errors of `trials` independent measurements of `pose`, the estimator starting at the truth.
+    """Return the errors of `trials` independent measurements of `pose`, the estimator starting at
+    the truth.
 
-    `sharpen` takes the differences between paths from the return carriers, the report's further work.  Raises
-    ValueError if every trial has a wrong lane.
+    `sharpen` takes the differences between paths from the return carriers, the report's further
+    work.  Raises ValueError if every trial has a wrong lane.
     """
     require_between("trials", trials, 1, None)
     phases = simulate_phases(pose.position_m, pose.attitude, arrays, radio, plan, link, rng, trials)
@@ -156,10 +155,12 @@ def simulate_amplitudes(amplitudes: ArrayLike, sigma: float, rng: np.random.Gene
 
 
 def carrier_range(phases_rad: ArrayLike, ranges_m: ArrayLike, plan: CarrierPlan) -> tuple[Array, Array]:
-    """Return two-way ranges (..., n, n) from carrier 1 itself, and the residuals in lanes of the step to it.
+    """Return two-way ranges (..., n, n) from carrier 1 itself, and the residuals in lanes of the
+    step to it.
 
-    Carrier-frequency tracking, PI83 eqs. (7-8) to (7-13).  Exact only if out and back are equally long: the bias is
-    (fF - fR)/(fF + fR) (rho_00 - rho_ij), up to a fifth of the radius at 3 and 2 GHz.
+    Carrier-frequency tracking, PI83 eqs. (7-8) to (7-13).  Exact only if out and back are equally
+    long: the bias is (fF - fR)/(fF + fR) (rho_00 - rho_ij), up to a fifth of the radius at 3 and 2
+    GHz.
     """
     wavelength = 2.0 * plan.speed_of_light_m_s / (plan.forward_hz + plan.return_hz)
     phase = np.mod(np.asarray(phases_rad, dtype=np.float64)[..., 0, :, :], 2.0 * np.pi)
@@ -169,11 +170,13 @@ def carrier_range(phases_rad: ArrayLike, ranges_m: ArrayLike, plan: CarrierPlan)
 
 
 def sharpened_ranges(phases_rad: ArrayLike, ranges_m: ArrayLike, plan: CarrierPlan) -> tuple[Array, Array]:
-    """Return the ranges (..., n, n) with their mutual differences taken from the return carriers, and residuals.
+    """Return the ranges (..., n, n) with their mutual differences taken from the return carriers,
+    and residuals.
 
-    Between paths of one carrier the way out is common, so phase differences are exactly (2 pi fR/c)(rho_ij - mean):
-    the range-difference direction finding that the report recommends as further work.  The mean over the paths stays
-    that of `ranges_m`; the residuals (..., K, n, n) are in lanes of the return carrier.
+    Between paths of one carrier the way out is common, so phase differences are exactly (2 pi
+    fR/c)(rho_ij - mean): the range-difference direction finding that the report recommends as
+    further work.  The mean over the paths stays that of `ranges_m`; the residuals (..., K, n, n)
+    are in lanes of the return carrier.
     """
     ranges = np.asarray(ranges_m, dtype=np.float64)
     phases = np.asarray(phases_rad, dtype=np.float64)
@@ -187,7 +190,9 @@ def sharpened_ranges(phases_rad: ArrayLike, ranges_m: ArrayLike, plan: CarrierPl
 
 
 def carrier_phases(outward_m: ArrayLike, back_m: ArrayLike, plan: CarrierPlan) -> Array:
-    """Return the phases (..., K, n, n), not folded, of the paths out (...) and back (..., n, n) (eq. 7-7)."""
+    """Return the phases (..., K, n, n), not folded, of the paths out (...) and back (..., n, n)
+    (eq. 7-7).
+    """
     forward = plan.forward_wave_rad_m * np.asarray(outward_m, dtype=np.float64)[..., None]
     back = plan.return_wave_rad_m[:, None, None] * np.asarray(back_m, dtype=np.float64)[..., None, :, :]
     return forward[..., None, None] + back

@@ -1,17 +1,14 @@
-"""Spectral lines of two biphase-modulated carriers through a square-law or an exponential device.
+"""The passive spacecraft of PI83: mixers, reflector and repeater links, choice of a transponder.
 
-Input s0 + a1 m1 cos(w1 t + phi1) + a2 m2 cos(w2 t + phi2), m = +-1.  Square law c v^2 (PI83 eqs. 5-4 to 5-6); diode or
-bipolar c exp(q v/kT), whose lines are products of modified Bessel functions (eqs. 5-10 to 5-16).  The difference line
-carries the product code m1 m2.
+Lines: input s0 + a1 m1 cos(w1 t + phi1) + a2 m2 cos(w2 t + phi2), m = +-1, through a square law
+c v^2 (eqs. 5-4 to 5-6) or a diode c exp(q v/kT), whose lines are products of modified Bessel
+functions (eqs. 5-10 to 5-16).  The difference line carries the product code m1 m2.
 
-Signal-to-noise ratio after multiplying two noisy narrowband signals (PI83 eqs. 5-17 to 5-37).
+Noise: power ratio after multiplying two noisy narrowband signals (eqs. 5-17 to 5-37), and of the
+signal that a nonlinear reflector or a repeater returns (eqs. 5-38 to 5-51).
 
-TODO.
-
-Choices around the passive spacecraft's transponder: configuration, antennas, frequencies to avoid, Doppler.
-
-PI83 chapter 6 in a form that a design can ask: each candidate with the bandwidth its receiver must accept, whether it
-needs acquisition of a code, and the report's verdict.
+Choices (chapter 6): each candidate with the bandwidth its receiver must accept, whether it needs
+acquisition of a code, and the report's verdict.
 """
 
 import math
@@ -61,7 +58,10 @@ AVOIDED_BANDS_HZ = {
 
 
 def square_law_lines(bias: float, amplitude1: float, amplitude2: float) -> dict[str, float]:
-    """Return the amplitude of each line of v^2 (PI83 eq. 5-6): dc, difference, f1, f2, 2f1, 2f2, sum."""
+    """Return the amplitude of each line of v^2 (PI83 eq. 5-6).
+
+    Dc, difference, f1, f2, 2f1, 2f2, sum.
+    """
     return {
         "dc": bias**2 + 0.5 * amplitude1**2 + 0.5 * amplitude2**2,
         "difference": amplitude1 * amplitude2,
@@ -76,10 +76,11 @@ def square_law_lines(bias: float, amplitude1: float, amplitude2: float) -> dict[
 def exponential_line(
     order1: int, order2: int, drive1: float, drive2: float, code1: int = 1, code2: int = 1, bias: float = 0.0
 ) -> float:
-    """Return the amplitude of cos(order1 w1 t +- order2 w2 t) of exp(x), x = q v/kT (PI83 eq. 5-16).
+    """Return the amplitude of cos(order1 w1 t +- order2 w2 t) of exp(x), x = q v/kT (PI83 eq.
+    5-16).
 
-    `drive` y = q a/kT, `code` the biphase value +-1 (seen only by odd orders, eq. 5-15), `bias` q s0/kT.  With both
-    orders above zero the sum and the difference line have this amplitude each.
+    `drive` y = q a/kT, `code` the biphase value +-1 (seen only by odd orders, eq. 5-15), `bias` q
+    s0/kT.  With both orders above zero the sum and the difference line have this amplitude each.
     """
     line = math.exp(bias)
     for order, drive, code in ((order1, drive1, code1), (order2, drive2, code2)):
@@ -99,7 +100,10 @@ def modified_bessel(order: int, argument: float) -> float:
 
 
 def product_code(code1: ArrayLike, code2: ArrayLike) -> Array:
-    """Return the code m1 m2 on the reradiated signal (PI83 eq. 5-7); equal codes give a bare carrier."""
+    """Return the code m1 m2 on the reradiated signal (PI83 eq. 5-7).
+
+    Equal codes give a bare carrier.
+    """
     first, second = np.asarray(code1, dtype=np.float64), np.asarray(code2, dtype=np.float64)
     if first.shape != second.shape or not np.all(np.isin(np.stack([first, second]), (-1.0, 1.0))):
         raise ValueError("code1 and code2 must be equally long and of values -1 and 1")
@@ -107,17 +111,20 @@ def product_code(code1: ArrayLike, code2: ArrayLike) -> Array:
 
 
 def signal_to_noise(amplitude: ArrayLike, noise_sigma: ArrayLike) -> Array:
-    """Return the power ratio a^2/(2 sigma^2) of a sinusoid in narrowband noise (PI83 eqs. 5-22 to 5-24)."""
+    """Return the power ratio a^2/(2 sigma^2) of a sinusoid in narrowband noise (PI83 eqs. 5-22 to
+    5-24).
+    """
     return np.asarray(amplitude, dtype=np.float64) ** 2 / (2.0 * np.asarray(noise_sigma, dtype=np.float64) ** 2)
 
 
 def mixed_powers_w(
     signal1_w: float, noise1_w: float, signal2_w: float, noise2_w: float, variant: str = CORRECTED
 ) -> tuple[float, float]:
-    """Return the signal and noise power at the difference frequency of the product (PI83 eqs. 5-29 to 5-33).
+    """Return the signal and noise power at the difference frequency of the product (PI83 eqs. 5-29
+    to 5-33).
 
-    "published" (5-33) counts half of each signal x noise product: it takes the in-phase one and leaves out the
-    quadrature one of the same power.
+    "published" (5-33) counts half of each signal x noise product: it takes the in-phase one and
+    leaves out the quadrature one of the same power.
     """
     share = 0.25 if is_published(variant) else 0.5
     noise = share * (signal1_w * noise2_w + signal2_w * noise1_w) + 0.5 * noise1_w * noise2_w
@@ -125,9 +132,10 @@ def mixed_powers_w(
 
 
 def mixed_snr(snr1: ArrayLike, snr2: ArrayLike, variant: str = CORRECTED) -> Array:
-    """Return the power ratio after mixing: 2 R1 R2/(R1 + R2 + 2) published, R1 R2/(R1 + R2 + 1) corrected.
+    """Return the power ratio after mixing.
 
-    For equal inputs R^2/(R + 1), PI83 eq. (5-36), against R^2/(2R + 1): 3 dB apart at high ratios.
+    2 R1 R2/(R1 + R2 + 2) published, R1 R2/(R1 + R2 + 1) corrected.  For equal inputs R^2/(R + 1),
+    PI83 eq. (5-36), against R^2/(2R + 1): 3 dB apart at high ratios.
     """
     first, second = np.asarray(snr1, dtype=np.float64), np.asarray(snr2, dtype=np.float64)
     if is_published(variant):
@@ -137,7 +145,9 @@ def mixed_snr(snr1: ArrayLike, snr2: ArrayLike, variant: str = CORRECTED) -> Arr
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReturnLink:
-    """Power ratios at the transponder's input, at its output, and of the signal back at the active spacecraft."""
+    """Power ratios at the transponder's input, at its output, and of the signal back at the active
+    spacecraft.
+    """
 
     snr_input: Array
     snr_output: Array
@@ -155,10 +165,12 @@ def nonlinear_reflector(
     loss: str = CORRECTED,
     mixing: str = PUBLISHED,
 ) -> ReturnLink:
-    """Return the ratios of a mixer that multiplies two equal signals and reradiates (PI83 eqs. 5-38 to 5-48).
+    """Return the ratios of a mixer that multiplies two equal signals and reradiates (PI83 eqs. 5-38
+    to 5-48).
 
-    `gain_db` is Gp in the report's sense: output power Gp Ps^2/2 with powers in watts.  `mixing` "corrected" counts
-    all signal x noise products (see `mixed_snr`); the report's figures use "published".
+    `gain_db` is Gp in the report's sense: output power Gp Ps^2/2 with powers in watts.  `mixing`
+    "corrected" counts all signal x noise products (see `mixed_snr`); the report's figures use
+    "published".
     """
     signal, noise = received_power_w(power_w, range_m, outward_hz, forward, loss), noise_power_w(forward)
     gain = 10.0 ** (0.1 * gain_db)
@@ -177,7 +189,9 @@ def simple_repeater(
     back: LinkParams,
     loss: str = CORRECTED,
 ) -> ReturnLink:
-    """Return the ratios of a repeater whose local oscillator adds no noise (PI83 eqs. 5-49 to 5-51)."""
+    """Return the ratios of a repeater whose local oscillator adds no noise (PI83 eqs. 5-49 to
+    5-51).
+    """
     signal = received_power_w(power_w, range_m, outward_hz, forward, loss)
     snr = signal / noise_power_w(forward)
     return _returned(snr, snr, 10.0 ** (0.1 * gain_db) * signal, range_m, back_hz, back, loss)
@@ -192,7 +206,8 @@ def _returned(
     back: LinkParams,
     loss: str,
 ) -> ReturnLink:
-    # Eqs. (5-46) to (5-48): the repeated noise keeps its ratio to the signal, thermal noise comes on top.
+    # Eqs. (5-46) to (5-48): the repeated noise keeps its ratio to the signal, thermal noise comes
+    # on top.
     signal = received_power_w(retransmitted_w, range_m, back_hz, back, loss)
     returned = signal / (signal / snr_output + noise_power_w(back))
     return ReturnLink(snr_input=snr_input, snr_output=snr_output, snr_return=returned)
@@ -261,9 +276,10 @@ ANTENNAS = (
 
 
 def choose_transponder(interference: bool, widest_input_hz: float = 1e3) -> Transponder:
-    """Return the simplest configuration in reach of technology that fits the link (PI83 section 6.2, conclusions).
+    """Return the simplest feasible configuration that fits the link (PI83 section 6.2).
 
-    `widest_input_hz` is the input bandwidth that the forward link can still carry; `interference` asks for a code.
+    `widest_input_hz` is the input bandwidth that the forward link can still carry; `interference`
+    requires a code.
     """
     require_between("widest_input_hz", widest_input_hz, 1e-3, None)
     fitting = [
@@ -277,7 +293,9 @@ def choose_transponder(interference: bool, widest_input_hz: float = 1e3) -> Tran
 
 
 def antennas_for_cone(half_cone_deg: float, flush: bool = False) -> tuple[Antenna, ...]:
-    """Return the element types whose pattern covers the cone, only flush ones if they must be stowed."""
+    """Return the element types whose pattern covers the cone, only flush ones if they must be
+    stowed.
+    """
     return tuple(a for a in ANTENNAS if a.half_cone_deg >= half_cone_deg and not (flush and a.protrudes))
 
 
@@ -298,8 +316,9 @@ def frequency_conflicts(plan: CarrierPlan) -> tuple[str, ...]:
 def range_rate_from_offsets(offsets_hz: ArrayLike, plan: CarrierPlan) -> tuple[float, float]:
     """Return two-way path rate in m/s and the transponder's oscillator offset in Hz.
 
-    `offsets_hz` (K,) are received minus nominal frequencies: offset_n = oscillator - (fF_n + fR_n) rate/(2c).  All
-    share the oscillator's offset, so differencing them against frequency leaves the Doppler shift (PI83 section 6.2).
+    `offsets_hz` (K,) are received minus nominal frequencies: offset_n = oscillator - (fF_n + fR_n)
+    rate/(2c).  All share the oscillator's offset, so differencing them against frequency leaves the
+    Doppler shift (PI83 section 6.2).
     """
     received = as_finite_array("offsets_hz", offsets_hz, (plan.count,))
     mean_hz = 0.5 * (plan.forward_carriers_hz + plan.return_carriers_hz)

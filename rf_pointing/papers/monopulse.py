@@ -1,6 +1,6 @@
-"""The monopulse experiments behind the published rows: averaging in the tracker, honesty, false locks.
+"""BWG sections III and V with the real receiver and tracker, and radio-loop requirements.
 
-BWG sections III and V recomputed with the real receiver and tracker, and the numbers asked of the radio loop.
+The experiments: averaging in the tracker, honesty of its covariance, false locks, dropouts.
 """
 
 import math
@@ -41,9 +41,11 @@ DROPOUTS = 10
 
 
 def averaging_gain_db(cutoff_hz: float, clusters: int, rng: np.random.Generator) -> float:
-    """Return the fall of the error's variance from the last sample of a cluster to the tracker's average of it.
+    """Return the fall of the error's variance from the last sample of a cluster to the tracker's
+    average of it.
 
-    The noise is flat from `cutoff_hz` to the Nyquist frequency of 25 Hz (BWG Fig. 25); 20 dB below the sum.
+    The noise is flat from `cutoff_hz` to the Nyquist frequency of 25 Hz (BWG Fig. 25); 20 dB below
+    the sum.
     """
     count = clusters * CLUSTER
     spectrum = np.fft.rfft(rng.standard_normal(count))
@@ -57,7 +59,10 @@ def averaging_gain_db(cutoff_hz: float, clusters: int, rng: np.random.Generator)
 
 
 def averaging_limit_db(cutoff_hz: float) -> float:
-    """Return that gain in closed form: 1 / mean |sin(5 x) / (5 sin x)|^2, x = pi f T, over the band of the noise."""
+    """Return that gain in closed form.
+
+    1 / mean |sin(5 x) / (5 sin x)|^2, x = pi f T, over the band of the noise.
+    """
     x = math.pi * SAMPLE_S * np.linspace(max(cutoff_hz, 1e-3), 0.5 / SAMPLE_S, 20001)
     passed = (np.sin(CLUSTER * x) / (CLUSTER * np.sin(x))) ** 2
     return -10.0 * math.log10(float(np.mean(passed)))
@@ -74,7 +79,9 @@ def _clean_cluster(difference: Array) -> MonopulseCluster:
 
 
 def monopulse_normalised_errors(level_db_hz: float, error_rad: Array, runs: int, rng: np.random.Generator) -> Array:
-    """Return e^T C^-1 e / 2 of `runs` clusters of the live receiver and tracker, after 20 s for its noise estimate."""
+    """Return e^T C^-1 e / 2 of `runs` clusters of the live receiver and tracker, after 20 s for its
+    noise estimate.
+    """
     beam = BeamParams.for_band("Ka")
     receiver = Receiver(ReceiverParams(), Beam(beam), MonopulseFeed(MonopulseFeedParams(), beam), rng)
     tracker = MonopulseTracker(MonopulseParams(half_power_beamwidth_rad=BEAM_RAD))
@@ -90,7 +97,10 @@ def monopulse_normalised_errors(level_db_hz: float, error_rad: Array, runs: int,
 
 
 def false_null_rad() -> float:
-    """Return the offset of the first false null of a uniform aperture: difference zero, sum a sidelobe."""
+    """Return the offset of the first false null of a uniform aperture.
+
+    Difference zero, sum a sidelobe.
+    """
     feed = MonopulseFeed(MonopulseFeedParams(), BeamParams.for_band("Ka", "uniform"))
     angle = np.linspace(1.05, 1.8, 3001) * BEAM_RAD
     volts = feed.voltages(angle, np.zeros_like(angle))
@@ -100,10 +110,12 @@ def false_null_rad() -> float:
 
 
 def sidelobe_lock_s(rng: np.random.Generator) -> tuple[str, float]:
-    """Return what the watch says of a loop that sits on the sidelobe of a uniform aperture, and when.
+    """Return what the watch says of a loop that sits on the sidelobe of a uniform aperture, and
+    when.
 
-    Ka band, 60 dB-Hz on the main beam, integrator of 0.1 Hz, starting 0.5 mdeg from the false null; an antenna that
-    follows at once.  The watch compares C/N0 with the link's: the false null is so steep that the beam hardly moves.
+    Ka band, 60 dB-Hz on the main beam, integrator of 0.1 Hz, starting 0.5 mdeg from the false null;
+    an antenna that follows at once.  The watch compares C/N0 with the link's: the false null is so
+    steep that the beam hardly moves.
     """
     beam = BeamParams.for_band("Ka", "uniform")
     receiver = Receiver(ReceiverParams(), Beam(beam), MonopulseFeed(MonopulseFeedParams(), beam), rng)
@@ -124,7 +136,7 @@ def sidelobe_lock_s(rng: np.random.Generator) -> tuple[str, float]:
 
 
 def rows(seed: int = 1) -> list[Row]:
-    """Return the published numbers of monopulse beside ours."""
+    """Return the published numbers of monopulse and ours."""
     return [
         *_averaging_rows(seed),
         _honesty_row(seed),

@@ -1,8 +1,8 @@
-"""A Ka-band pass with random carrier dropouts: state table, trim filter, coast, search, and monopulse again.
+"""A Ka-band pass with random carrier dropouts: state table, trim filter, coast, search, monopulse.
 
-While the carrier is there the integrator of the sensed error carries the whole offset, and the trim filter learns
-from it.  Without it the offset follows the filter, from where the integrator stood: offset = trim + (last - trim)
-e^(-t/3 s).
+While the carrier is there the integrator of the sensed error carries the whole offset, and the trim
+filter learns from it.  Without a carrier the offset follows the filter, from the integrator's last
+value: offset = trim + (last - trim) e^(-t/3 s).
 """
 
 import math
@@ -62,7 +62,9 @@ class AutotrackRadio:
         self.modes: list[tuple[float, str]] = []
 
     def offset(self, k: int) -> tuple[Array, Array]:
-        """Return the integrator's offset while tracking, else trim, what is left of the integrator's, and spiral."""
+        """Return the integrator's offset while tracking, else trim, what is left of the
+        integrator's, and spiral.
+        """
         if self.state.integrating:
             return self._integrator.at(k * TICK_S)
         now, later = self._free(k), self._free(k + 1)
@@ -108,7 +110,9 @@ class AutotrackRadio:
             self._spiral, self._spiral_s = self._search(k), k * TICK_S
 
     def _search(self, k: int) -> SpiralSearch:
-        """Return a spiral sized from what the filter knows, slow enough for the structure of a 34-m dish."""
+        """Return a spiral sized from what the filter knows, slow enough for the structure of a 34-m
+        dish.
+        """
         sigma = math.sqrt(float(np.max(np.linalg.eigvalsh(self._trim(k).covariance_rad2))))
         return SpiralSearch(
             SpiralParams(
@@ -142,7 +146,10 @@ def draw_dropouts(setup: MonopulsePass, count: int) -> Dropouts:
 
 
 def reacquisition_times_s(modes: list[tuple[float, str]], dropouts: Dropouts) -> Array:
-    """Return, per dropout, the time from its end until monopulse tracks; `modes` are the changes of mode."""
+    """Return, per dropout, the time from its end until monopulse tracks.
+
+    `modes` are the changes of mode.
+    """
     found = []
     for stop_s in dropouts.stop_s:
         before = [mode for t_s, mode in modes if t_s <= stop_s]

@@ -1,8 +1,8 @@
-"""Executable `reproduce PAPER [--json]`: the paper's published numbers beside ours; needs no running graph.
+"""Executable `reproduce PAPER [--json]`: a paper's published numbers and ours; needs no graph.
 
-`--workers N` shares a paper's sweeps out to N processes, `--dask ADDRESS` to the cluster of that scheduler; `--trials N`
-and `--music-inside` are doa's, whose tables are printed from two trials a row unless asked for all 200.  Exit code 0 only
-if every row holds or carries a measured explanation.
+`--workers N` distributes a paper's sweeps over N processes, `--dask ADDRESS` over the cluster of
+that scheduler.  `--trials N` and `--music-inside` belong to doa, whose tables default to two trials
+a row instead of 200.  The exit code is 0 only if every row holds or carries a measured explanation.
 """
 
 import argparse
@@ -38,7 +38,7 @@ PAPERS = (
 
 def main(argv: list[str] | None = None) -> None:
     """Entry point of `ros2 run rf_pointing reproduce`."""
-    parser = argparse.ArgumentParser(prog="reproduce", description="Print a paper's published numbers beside ours.")
+    parser = argparse.ArgumentParser(prog="reproduce", description="Print a paper's published numbers and ours.")
     parser.add_argument("paper", choices=PAPERS, help="which paper's tables")
     parser.add_argument("--json", action="store_true", help="print the rows as JSON")
     parser.add_argument("--seed", type=seed, default=1, help="seed of every random number (default: 1)")
@@ -70,7 +70,9 @@ def _rows(parser: argparse.ArgumentParser, options: argparse.Namespace) -> list[
 
 
 def _refuse_misuse(parser: argparse.ArgumentParser, options: argparse.Namespace, understood: set[str]) -> None:
-    """End with exit code 2 on numbers below one, two places for the sweeps, or options the paper has no use for."""
+    """End with exit code 2 on numbers below one, two places for the sweeps, or options the paper
+    has no use for.
+    """
     for name in ("workers", "trials"):
         value = getattr(options, name)
         if value is not None and value < 1:

@@ -50,7 +50,9 @@ class Row:
 
     @property
     def holds(self) -> bool:
-        """Whether ours lies within the tolerance of the paper's number (one-sided where `bound` says so)."""
+        """Whether ours lies within the tolerance of the paper's number (one-sided where `bound`
+        says so).
+        """
         if not math.isfinite(self.ours):
             return False
         if self.bound == "<=":

@@ -1,8 +1,8 @@
-"""Rows made from many fitted campaigns: coefficients, honesty of their sigma, residuals (SATCAL Tables 1, 3, 5).
+"""SATCAL recomputed: planted coefficients, corrected residuals, orbits from corrected angles.
 
-SATCAL recomputed: planted coefficients recovered, residuals after correction, orbits with corrected angles.
-
-K. Nageswara Rao and P. Soma, "Estimation of systematic errors in angles of tracking antennae", ISTRAC/ISRO.
+K. Nageswara Rao and P. Soma, "Estimation of systematic errors in angles of tracking antennae",
+ISTRAC/ISRO.  Rows from many fitted campaigns: coefficients, honesty of their sigma, residuals
+(Tables 1, 3, 5); rows from orbits: Tables 2 and 6.
 """
 
 import math
@@ -54,7 +54,8 @@ _TABLE_5 = {"PCMC-1": (-0.49, 0.17, 0.023, 0.016), "PCMC-2": (0.73, 0.05, 0.033,
 Array = NDArray[np.float64]
 _CAMPAIGN_DAYS, _CAMPAIGN_SIGMA_DEG = 30.0, 0.01
 _RADAR_PASSES = (0, 3, 6, 8)
-"""Of the nine passes over Sriharikota in 2.5 days: two each side, peaking at 35, 40, 67 and 43 deg."""
+"""Of the nine passes over Sriharikota in 2.5 days: two each side, peaking at 35, 40, 67 and 43
+deg."""
 
 
 def coefficient_rows(source: str, runs: Runs, remark: str) -> list[Row]:
@@ -76,7 +77,9 @@ def coefficient_rows(source: str, runs: Runs, remark: str) -> list[Row]:
 
 
 def honesty_rows(source: str, runs: Runs, white: Runs | None) -> list[Row]:
-    """Return the rows that say whether the stated sigma is honest, and not so large that everything lies within it."""
+    """Return the rows that say whether the stated sigma is honest, and not so large that everything
+    lies within it.
+    """
     inside = runs.within_three_sigma()
     angles = np.array([term.unit == "rad" for term in terms_by_name(runs.names)])
     sigma = np.sqrt(np.mean(runs.sigma**2, axis=0))
@@ -181,7 +184,7 @@ def residual_rows(name: str, points: Observations, runs: Runs) -> list[Row]:
 
 
 def order_row(quantity: str, paper: float, ours: float, unit: str, remark: str) -> Row:
-    """Return a row that asks for the same order of magnitude: within a factor of 3."""
+    """Return a row that holds within a factor of 3: the same order of magnitude."""
     return Row(
         quantity=f"{quantity}, decades from the paper's {paper:g} {unit} (ours {ours:.3g} {unit})",
         source="Table 2",
@@ -208,7 +211,9 @@ def limit_row(quantity: str, source: str, paper: float, ours: float, unit: str, 
 
 @dataclass(frozen=True, kw_only=True)
 class Effort:
-    """Monte Carlo runs of the campaign of Table 1, of it without orbit parameters, of each radar, of the preliminary orbit."""
+    """Monte Carlo runs of the campaign of Table 1, of it without orbit parameters, of each radar,
+    of the preliminary orbit.
+    """
 
     campaigns: int = 200
     white: int = 60
@@ -217,7 +222,10 @@ class Effort:
 
 
 def rows(seed: int = 1, effort: Effort | None = None) -> list[Row]:
-    """Return the published numbers of SATCAL beside ours; less `effort` makes the statistics poorer, not the claims."""
+    """Return the published numbers of SATCAL and ours.
+
+    Less `effort` makes the statistics poorer, not the claims.
+    """
     runs = effort or Effort()
     campaign, names = _mauritius_points(), tuple(MAURITIUS_DEG)
     mauritius = many_runs(
@@ -245,7 +253,9 @@ def rows(seed: int = 1, effort: Effort | None = None) -> list[Row]:
 
 
 def _mauritius_points() -> Observations:
-    """Return the points of a campaign on three satellites of the IRS kind that fills all 36 sectors."""
+    """Return the points of a campaign on three satellites of the IRS kind that fills all 36
+    sectors.
+    """
     satellites = [
         IRS_P3.replace(node_rad=math.radians(node), mean_anomaly_rad=math.radians(anomaly))
         for node, anomaly in ((156.6, 325.5), (200.0, 100.0), (156.6, 200.0))

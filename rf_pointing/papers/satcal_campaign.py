@@ -1,9 +1,8 @@
-"""SATCAL's published numbers and the simulated station they are held against.
+"""Simulated calibration campaigns for SATCAL, and the published numbers they plant.
 
-Simulated calibration data for SATCAL: real pass geometry, an orbit off by 200 m, noise, and fits of many runs.
-
-Orbit errors are those of a neighbouring orbit (Clohessy-Wiltshire): within a pass they change as they would, between
-passes they are independent.
+Real pass geometry, an orbit off by 200 m, noise, and fits of many runs.  Orbit errors are those of
+a neighbouring orbit (Clohessy-Wiltshire): within a pass they change as they would, between passes
+they are independent.
 """
 
 import math
@@ -99,10 +98,11 @@ ORBIT_PRIORS = PassPriors(
     cross_track_drift_m_s=0.1,
     radial_drift_m_s=0.03,
 )
-"""The 200-m reference orbit, split as neighbouring orbits split it: mostly along the track, least in height.
+"""The 200-m reference orbit, split as neighbouring orbits split it: mostly along the track, least
+in height.
 
-A height error drags an along-track drift of -2 n times itself with it; the two are independent here, so the height
-prior is a quarter wider than the simulated 28 m.
+A height error drags an along-track drift of -2 n times itself with it; the two are independent
+here, so the height prior is a quarter wider than the simulated 28 m.
 """
 
 SITES = {
@@ -181,7 +181,10 @@ def points_of(passes: Sequence[Look], sigma_rad: float) -> Observations:
 def sky_filling_points(
     site: Site, satellites: Sequence[Elements], epoch_t_s: float, days: float, sigma_rad: float
 ) -> Observations:
-    """Return 25 to 30 points, 10 s apart, in each of the 36 sectors; refuses if `days` do not fill them."""
+    """Return 25 to 30 points, 10 s apart, in each of the 36 sectors.
+
+    Refuses if `days` do not fill them.
+    """
     passes = [
         seen
         for satellite in satellites
@@ -225,7 +228,10 @@ def observed(
 
 @dataclass(frozen=True, eq=False)
 class Runs:
-    """Fits of many simulated campaigns: estimates and stated sigma (runs, k), the truth (k,) and the first fit."""
+    """Fits of many simulated campaigns.
+
+    Estimates and stated sigma (runs, k), the truth (k,) and the first fit.
+    """
 
     names: tuple[str, ...]
     truth: Array

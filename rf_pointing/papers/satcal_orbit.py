@@ -1,4 +1,4 @@
-"""The orbit half of SATCAL: preliminary orbit from one station (Table 2), batch orbit with radar angles (Table 6)."""
+"""The orbits of SATCAL: one station (Table 2), batch with radar angles (Table 6)."""
 
 import math
 from collections.abc import Sequence
@@ -28,7 +28,7 @@ _WEIGHT_ROUNDS = 60
 
 @dataclass(frozen=True, eq=False)
 class PreliminaryCheck:
-    """Errors (runs, 2) of semi-major axis (km) and inclination (deg) against the reference orbit."""
+    """Errors (runs, 2) of semi-major axis (km) and inclination (deg) against the reference."""
 
     uncorrected: Array
     corrected: Array
@@ -41,7 +41,9 @@ class PreliminaryCheck:
 
 
 def preliminary_check(planted: BiasModel, fitted: Sequence[BiasModel], random: np.random.Generator) -> PreliminaryCheck:
-    """Determine the orbit of Table 2 from 160 s over Mauritius, with raw angles and with each fitted correction."""
+    """Determine the orbit of Table 2 from 160 s over Mauritius, with raw angles and with each
+    fitted correction.
+    """
     site, times = SITES["Mauritius"], INJECTION_T_S + _ARC_S
     truth = propagate(INJECTION_T_S, IRS_P3.state(), times, _GRAVITY).states
     seen = look(times, truth, site, _GRAVITY)
@@ -79,7 +81,9 @@ def _element_error(site: Site, times: Array, distance: Array, angles: Array, tru
 
 @dataclass(frozen=True, eq=False)
 class BatchCheck:
-    """Shift of the batch orbit (6,) by raw and by corrected radar angles, against the same orbit with unbiased ones."""
+    """Shift of the batch orbit (6,) by raw and by corrected radar angles, against the same orbit
+    with unbiased ones.
+    """
 
     angle_sigma_deg: float
     raw_shift: Array
@@ -96,8 +100,8 @@ def batch_check(
     target_shift_m: float,
     random: np.random.Generator,
 ) -> BatchCheck:
-    """Fit 2.5 days of range, range rate and radar angles; the angle weight is chosen so that raw angles cost
-    `target_shift_m` (linear theory), because the paper does not give its weights.
+    """Fit 2.5 days of range, range rate and radar angles; the angle weight is chosen so that raw
+    angles cost `target_shift_m` (linear theory), because the paper does not give its weights.
     """
     network = _network_arcs(random)
     noise = random.standard_normal((len(planted), 2, sum(len(seen.t_s) for seen in radar_passes)))

@@ -1,8 +1,8 @@
-"""Every sensor of `track` in every band, on the simulated station: one pass of a low satellite each.
+"""Every sensor of `track` in every band, on the simulated station: one low pass each.
 
-CBERS-2 at up to 40 deg, 0.15 s ahead of its elements, wind 8 m/s, the station of the configuration files.  What is asked is
-the DSN's pointing accuracy: 28, 8 and 2 mdeg at S, X and Ka band.  A scan is part of the error of the beam: the remark
-tells the error of its centre, and what both cost.
+CBERS-2 at up to 40 deg, 0.15 s ahead of its elements, wind 8 m/s, the station of the configuration
+files.  The requirement is the DSN's pointing accuracy: 28, 8 and 2 mdeg at S, X and Ka band.  A
+scan is part of the error of the beam: the remark gives the error of its centre, and what both cost.
 """
 
 import math
@@ -37,7 +37,9 @@ ROUND_S = {"conscan": 4.0, "steptrack": 5.2, "monopulse": 0.1}
 
 @dataclass(frozen=True)
 class Tracked:
-    """One pass: when a radio mode took over for good, errors of the beam and of the scan's centre, loss, share of time."""
+    """One pass: when a radio mode took over for good, errors of the beam and of the scan's centre,
+    loss, share of time.
+    """
 
     band: str
     sensor: str
@@ -51,7 +53,10 @@ class Tracked:
 
 
 def rows(seed: int = 1, executor: Executor | None = None) -> list[Row]:
-    """Return the error of every sensor in every band; with an executor the passes are shared out."""
+    """Return the error of every sensor in every band.
+
+    With an executor the passes are shared out.
+    """
     cases = list(product(BANDS, SENSORS))
     spread: Callable[..., object] = map if executor is None else executor.map
     found = spread(tracked, *zip(*cases, strict=True), [seed] * len(cases))

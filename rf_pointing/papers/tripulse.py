@@ -1,7 +1,8 @@
 """TRIPULSE recomputed: measurement time, noise, phase bits and dead elements of the 16 x 16 array.
 
-Every standard deviation is measured over seeded trials; its tolerance is four of its own standard errors unless said.
-"3 sigma" of 4.3 and 4.4 is 3 sqrt(var eps_x + var eps_y), the initial error is 0.1 deg along x, steering at boresight.
+Every standard deviation is measured over seeded trials; its tolerance is four of its own standard
+errors unless stated.  "3 sigma" of 4.3 and 4.4 is 3 sqrt(var eps_x + var eps_y), the initial error
+is 0.1 deg along x, steering at boresight.
 """
 
 import math
@@ -37,7 +38,10 @@ TRIALS = 20_000
 
 
 def rows(seed: int = 1, *, executor: Executor | None = None) -> list[Row]:
-    """Return the published numbers of TRIPULSE beside ours, contradicted statements included; sweeps on `executor`."""
+    """Return the published numbers of TRIPULSE and ours, contradicted statements included.
+
+    Sweeps on `executor`.
+    """
     return [
         *_time_rows(),
         *noise_rows(seed),
@@ -50,7 +54,9 @@ def rows(seed: int = 1, *, executor: Executor | None = None) -> list[Row]:
 
 
 def failed_share_at_limit(seed: int = 1, executor: Executor | None = None) -> float:
-    """Return the share of dead elements of 256 at which the 3 sigma error is 0.01 deg, by a sweep over their number."""
+    """Return the share of dead elements of 256 at which the 3 sigma error is 0.01 deg, by a sweep
+    over their number.
+    """
     counts = list(range(30, 48, 2))
     task = partial(_failures, seed)
     angles = [math.degrees(case.three_sigma_total_rad) for case in sweep(task, counts, executor)]

@@ -1,12 +1,12 @@
-"""TRIPULSE end to end, at the level of samples: satellite, two stations, attitude.
+"""TRIPULSE from samples to attitude: the detection chain, and the statements of section 5.
 
-Two reference tones under Doppler and two independent clocks, 80 microseconds per beam at 37 dB-Hz per element; the
-satellite steers by its nominal attitude, and is off by what the initial sensors leave.
+Chain: satellite, two stations, attitude.  Two reference tones under Doppler and two independent
+clocks, 80 microseconds per beam at 37 dB-Hz per element.  The satellite steers by its nominal
+attitude and is off by the error of the initial sensors.
 
-TRIPULSE section 5 recomputed: attitude of two stations in the Y-Z plane about +Z, 2.5, 5 and 10 deg apart.
-
-Gaussian noise on T_x and T_y of each station; errors are the rotation vector of R_hat R^T in the array frame, rms over
-all trials.
+Section 5: two stations in the Y-Z plane about +Z, 2.5, 5 and 10 deg apart, Gaussian noise on T_x
+and T_y of each.  Errors are the rotation vector of R_hat R^T in the array frame, rms over all
+trials.
 """
 
 import math
@@ -79,7 +79,9 @@ class TripulseRun:
 
     @property
     def attitude_errors_rad(self) -> Array:
-        """Rotation vectors (epochs, 3) from true to estimated orientation, about the reference axes."""
+        """Rotation vectors (epochs, 3) from true to estimated orientation, about the reference
+        axes.
+        """
         return np.array(
             [
                 quaternion_to_rotation_vector(multiply(attitude.quaternion, conjugate(moment.quaternion)))
@@ -96,7 +98,9 @@ def run_tripulse(
     source: TripulseSourceParams | None = None,
     step_s: float = 10.0,
 ) -> TripulseRun:
-    """Return a run of `epochs` measurements, one every `step_s`, of a geosynchronous satellite by two stations."""
+    """Return a run of `epochs` measurements, one every `step_s`, of a geosynchronous satellite by
+    two stations.
+    """
     array, signal = TripulseArrayParams(), signal or TripulseSignalParams()
     orbit, stations = GeostationaryParams(), GroundNetworkParams().stations()
     sender = SimulatedTripulse(array, signal, source or TripulseSourceParams(), orbit, WobbleParams(), stations, seed)
@@ -114,7 +118,7 @@ def run_tripulse(
 
 
 def signal_rows(seed: int = 1) -> list[Row]:
-    """Return the coherent detection and the whole chain beside the paper's statements."""
+    """Return the coherent detection and the whole chain against the paper's statements."""
     run = run_tripulse(FRAMES, seed)
     errors = run.attitude_errors_rad
     scores = [float(e @ np.linalg.solve(a.covariance_rad2, e)) for e, a in zip(errors, run.attitudes, strict=True)]
@@ -148,7 +152,9 @@ def signal_rows(seed: int = 1) -> list[Row]:
 
 
 def _phase_left_rad(seed: int) -> float:
-    """Return the largest phase that remains on f_t, samples of the three tones apart, without receiver noise."""
+    """Return the largest phase that remains on f_t, samples of the three tones apart, without
+    receiver noise.
+    """
     count, carrier_hz, separation_hz = 2000, 12e9, 4e5
     rng, time_s = random_stream(seed, "tripulse tones"), np.arange(count) / 4e6
     travel_s = (300.0 * time_s + 0.5 * 4e6 * time_s**2) / SPEED_OF_LIGHT_M_S
@@ -166,7 +172,7 @@ def _phase_left_rad(seed: int) -> float:
 
 
 def attitude_rows(seed: int = 1) -> list[Row]:
-    """Return the statements of section 5 beside ours."""
+    """Return the statements of section 5 and ours."""
     return [*_roll_pitch_rows(seed), *_yaw_rows(seed), *_method_rows(seed)]
 
 

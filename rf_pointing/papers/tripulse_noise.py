@@ -1,11 +1,9 @@
-"""Monte Carlo of Tripulse: receiver noise, failed elements, phase errors.
+"""TRIPULSE under noise and faults: Figure 2, variances (17), (18), (21), dead elements, phases.
 
-The estimator is always the exact inversion (9) of the uniform array, unaware of the faults.  Every case draws from a
-stream named after itself, so a sweep over cases may run anywhere (`core.sweep`).
-
-TRIPULSE under receiver noise: Figure 2, the variances (17), (18), (21), and what lies beyond the paper.
-
-Ours: the shortest pulses that meet the specification, and the estimator for weak signals.
+Rows of our own: the shortest pulses that meet the specification, and the estimator for weak
+signals.  In the Monte Carlo the estimator is always the exact inversion (9) of the uniform array,
+unaware of the faults.  Every case draws from a stream named after itself, so a sweep over cases may
+run anywhere (`core.sweep`).
 """
 
 import math
@@ -60,7 +58,9 @@ TRIALS = 20_000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ErrorStatistics:
-    """Mean and standard deviation of the projection errors (2,) and of theta over the trials of one case."""
+    """Mean and standard deviation of the projection errors (2,) and of theta over the trials of one
+    case.
+    """
 
     trials: int
     mean: Array
@@ -69,7 +69,9 @@ class ErrorStatistics:
 
     @property
     def three_sigma_total_rad(self) -> float:
-        """Return 3 sqrt(var eps_x + var eps_y), the "3 sigma orientation error" of TRIPULSE 4.3 and 4.4."""
+        """Return 3 sqrt(var eps_x + var eps_y), the "3 sigma orientation error" of TRIPULSE 4.3 and
+        4.4.
+        """
         return 3.0 * math.hypot(float(self.sigma[0]), float(self.sigma[1]))
 
 
@@ -94,7 +96,9 @@ def noise_errors(
 def random_failures(
     rng: np.random.Generator, params: TripulseArrayParams, failed_count: int, trials: int
 ) -> NDArray[np.bool_]:
-    """Return masks (trials, N_x, N_y) with exactly `failed_count` dead elements each, every arrangement alike."""
+    """Return masks (trials, N_x, N_y) with exactly `failed_count` dead elements each, every
+    arrangement alike.
+    """
     if not 0 <= failed_count < params.n_total:
         raise ValueError(f"failed_count={failed_count} must be >= 0 and < {params.n_total}")
     failed = np.zeros((trials, params.n_total), dtype=bool)
@@ -113,7 +117,9 @@ def failed_element_errors(
     trials: int = 20_000,
     seed: int = 1,
 ) -> ErrorStatistics:
-    """Return the errors with `failed_count` dead elements, arranged anew in each trial, without noise (4.4)."""
+    """Return the errors with `failed_count` dead elements, arranged anew in each trial, without
+    noise (4.4).
+    """
     rng = random_stream(seed, f"tripulse failures {params} {failed_count}")
     per_element = _element_beams(params, steering, projection_error)
     parts = []
@@ -131,7 +137,9 @@ def phase_error_errors(
     trials: int,
     seed: int = 1,
 ) -> ErrorStatistics:
-    """Return the errors with independent phase errors, uniform over a total width `width_rad` (4.3)."""
+    """Return the errors with independent phase errors, uniform over a total width `width_rad`
+    (4.3).
+    """
     require_finite("width_rad", width_rad)
     rng = random_stream(seed, f"tripulse phase errors {params} {width_rad}")
     per_element = np.ascontiguousarray(_element_beams(params, steering, projection_error)).view(np.complex128)
@@ -151,10 +159,12 @@ def quantiser_errors(
     *,
     random_common_phase: bool = False,
 ) -> ErrorStatistics:
-    """Return the errors of a real rounding quantiser of `params.phase_bits`, steered anew in each trial.
+    """Return the errors of a real rounding quantiser of `params.phase_bits`, steered anew in each
+    trial.
 
-    Steering projections are uniform on the square of half side `largest_projection`.  `random_common_phase` adds one
-    random phase to all elements of a trial before rounding, which parts the errors of mirrored elements.
+    Steering projections are uniform on the square of half side `largest_projection`.
+    `random_common_phase` adds one random phase to all elements of a trial before rounding, which
+    parts the errors of mirrored elements.
     """
     rng = random_stream(seed, f"tripulse quantiser {params} {random_common_phase}")
     error = as_finite_array("projection_error", projection_error, (2,))
@@ -168,7 +178,10 @@ def quantiser_errors(
 
 
 def _element_beams(params: TripulseArrayParams, steering: ArrayLike, projection_error: ArrayLike) -> Array:
-    """Return what every element adds to the three beams, (N_tot, 6): real and imaginary parts side by side."""
+    """Return what every element adds to the three beams, (N_tot, 6).
+
+    Real and imaginary parts side by side.
+    """
     t0 = as_finite_array("steering", steering, (2,))
     error = as_finite_array("projection_error", projection_error, (2,))
     arriving = element_weights(params.replace(phase_bits=0, taper_edge=1.0), t0 + error).conj()
@@ -202,7 +215,7 @@ def _chunks(trials: int) -> list[int]:
 
 
 def noise_rows(seed: int = 1) -> list[Row]:
-    """Return Figure 2 and the variances beside ours."""
+    """Return Figure 2 and the variances against ours."""
     return [*_figure_2_rows(seed), *_variance_rows(seed)]
 
 
@@ -223,7 +236,8 @@ def _figure_2_rows(seed: int) -> list[Row]:
                     paper=theory,
                     ours=math.degrees(math.hypot(float(case.sigma[0]), float(case.sigma[1]))),
                     unit="deg",
-                    # 1.4 % Monte Carlo error, and (17)'s terms gamma^2 and 1/SNR that (18) leaves out.
+                    # 1.4 % Monte Carlo error, and (17)'s terms gamma^2 and 1/SNR that (18) leaves
+                    # out.
                     tolerance=0.03 * theory,
                 )
             )
@@ -295,7 +309,7 @@ def _second_order(seed: int) -> tuple[float, float, float]:
 
 
 def beyond_rows(seed: int = 1) -> list[Row]:
-    """Return the time-optimal pulses and the weak-signal estimator beside what the paper's would give."""
+    """Return time-optimal pulses and the weak-signal estimator against the paper's methods."""
     best = allocate_pulses(ARRAY, CN0_DB_HZ, SPECIFICATION, (OFFSET_RAD, OFFSET_RAD))
     equal = equal_pulses(ARRAY, CN0_DB_HZ, SPECIFICATION, (OFFSET_RAD, OFFSET_RAD))
     plain, robust, prior = _widths_at_0_db(seed)

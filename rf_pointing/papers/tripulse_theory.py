@@ -1,15 +1,15 @@
-"""What noise does to Tripulse: variances (17), (18), (21) and the integration time (22).
+"""What noise does to Tripulse: variances (17), (18), (21), integration time (22), shortest pulses.
 
-SNR is |S|^2 / sigma^2 with sigma^2 = N_0 W the *total* variance of a complex noise sample.  gamma = |Delta / Sigma|.
-`variant` is "published" for the printed formula, "corrected" for the one that the model gives:
-(17) second coefficient (1 + 2 gamma^2) instead of (1 - gamma^2); (21) sigma_T^2 / cos^2(theta) instead of
-2 sigma_T^2 / cos(2 theta), which is the mean square of the total angle at boresight.
+SNR is |S|^2 / sigma^2 with sigma^2 = N_0 W the *total* variance of a complex noise sample;
+gamma = |Delta / Sigma|.  `variant` is "published" for the printed formula, "corrected" for the one
+that follows from the model: (17) second coefficient (1 + 2 gamma^2) instead of (1 - gamma^2); (21)
+sigma_T^2 / cos^2(theta) instead of 2 sigma_T^2 / cos(2 theta), which is the mean square of the
+total angle at boresight.
 
-How long each of the three pulses should last: the shortest total time that meets a specification.
-
-The variance of R_x is half of gamma_x^2 (a + 2 a^2) + b_x (1 + a), with a and b_x the noise-to-signal ratios
-c/T_sum and c/T_x of the two pulses (second order in the noise, TRIPULSE (17) with unequal noise).  Near the steering
-direction gamma is small, so the sum pulse may be short: to first order T_sum / T_x -> sqrt(gamma_x^2 + gamma_y^2).
+Shortest pulses: the variance of R_x is half of gamma_x^2 (a + 2 a^2) + b_x (1 + a), with a and b_x
+the noise-to-signal ratios c/T_sum and c/T_x of the two pulses (second order in the noise, (17) with
+unequal noise).  Near the steering direction gamma is small, so the sum pulse may be short: to first
+order T_sum / T_x -> sqrt(gamma_x^2 + gamma_y^2).
 """
 
 import math
@@ -40,14 +40,15 @@ __all__ = [
 VARIANTS = ("corrected", "published")
 Array = NDArray[np.float64]
 LOWEST_SUM_SNR = 10.0**1.2
-"""The sum pulse is kept at 12 dB or more: below, the expansion of the variance no longer describes the ratio."""
+"""The sum pulse is kept at 12 dB or more: below, the expansion of the variance no longer describes
+the ratio."""
 
 
 def ratio_variance(sum_snr: float, gamma: float, variant: str = "corrected") -> float:
     """Return var R to second order in 1/SNR, eq. (17), for beams of equal noise.
 
-    The series is asymptotic and the true variance infinite (a ratio of Gaussians): within 3 % at 15 dB and 5 % at
-    12 dB of a Monte Carlo run, of no use below 10 dB.
+    The series is asymptotic and the true variance infinite (a ratio of Gaussians): within 3 % at 15
+    dB and 5 % at 12 dB of a Monte Carlo run, of no use below 10 dB.
     """
     require_choice("variant", variant, VARIANTS)
     _require_positive("sum_snr", sum_snr)
@@ -59,7 +60,8 @@ def ratio_variance(sum_snr: float, gamma: float, variant: str = "corrected") -> 
 def ratio_variance_unequal(sum_noise: float, delta_noise: float, gamma: float) -> float:
     """Return var R to second order where the two beams have noise of their own.
 
-    `sum_noise` and `delta_noise` are sigma^2 of either beam over |S_sum|^2; (17) is the case of both equal.
+    `sum_noise` and `delta_noise` are sigma^2 of either beam over |S_sum|^2; (17) is the case of
+    both equal.
     """
     _require_positive("sum_noise", sum_noise)
     _require_positive("delta_noise", delta_noise)
@@ -67,7 +69,9 @@ def ratio_variance_unequal(sum_noise: float, delta_noise: float, gamma: float) -
 
 
 def projection_variance(params: TripulseArrayParams, element_snr: float) -> tuple[float, float]:
-    """Return var eps_x and var eps_y of the uniform array, eq. (18), for the SNR |K|^2/(N_0 W) of a single element."""
+    """Return var eps_x and var eps_y of the uniform array, eq. (18), for the SNR |K|^2/(N_0 W) of a
+    single element.
+    """
     _require_positive("element_snr", element_snr)
     variances = [
         2.0 / (math.pi * spacing * count * params.n_total) ** 2 / element_snr
@@ -80,7 +84,10 @@ def projection_variance(params: TripulseArrayParams, element_snr: float) -> tupl
 
 
 def polar_angle_variance_rad2(variance_projection: float, theta_rad: float, variant: str = "corrected") -> float:
-    """Return the variance of the polar angle from that of one projection, eq. (21); theta well above its sigma."""
+    """Return the variance of the polar angle from that of one projection, eq. (21).
+
+    Theta well above its sigma.
+    """
     require_choice("variant", variant, VARIANTS)
     _require_positive("variance_projection", variance_projection)
     require_between("theta_rad", theta_rad, 0.0, math.pi / 2.0)
@@ -92,7 +99,8 @@ def polar_angle_variance_rad2(variance_projection: float, theta_rad: float, vari
 
 
 def integration_time_s(params: TripulseArrayParams, element_carrier_to_noise_db_hz: float, sigma: float) -> float:
-    """Return the time of one pulse for the standard deviation `sigma` of both projections, eq. (22).
+    """Return the time of one pulse for the standard deviation `sigma` of both projections, eq.
+    (22).
 
     Of the two axes the slower counts.  The three pulses together take three times as long.
     """
@@ -109,7 +117,9 @@ def _require_positive(name: str, value: float) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PulseAllocation:
-    """Durations of the three pulses and the standard deviations of the projections (2,) that they give."""
+    """Durations of the three pulses and the standard deviations of the projections (2,) that they
+    give.
+    """
 
     sum_s: float
     delta_x_s: float
@@ -165,7 +175,9 @@ def equal_pulses(
 
 
 def interleaved_pattern(allocation: PulseAllocation, segment_s: float) -> str:
-    """Return segments of `segment_s` in an even mix, "S", "x" or "y" each, that last at least as long as the pulses."""
+    """Return segments of `segment_s` in an even mix, "S", "x" or "y" each, that last at least as
+    long as the pulses.
+    """
     if not segment_s > 0.0:
         raise ValueError(f"segment_s={segment_s} must be > 0")
     durations = {"S": allocation.sum_s, "x": allocation.delta_x_s, "y": allocation.delta_y_s}
@@ -180,7 +192,9 @@ def interleaved_pattern(allocation: PulseAllocation, segment_s: float) -> str:
 def _requirement(
     params: TripulseArrayParams, carrier_to_noise_db_hz: float, sigma: float, projection_error: ArrayLike
 ) -> tuple[float, Array, Array]:
-    """Return c = sigma^2 T / |S|^2 in seconds, gamma (2,) and the variance allowed to the ratios (2,)."""
+    """Return c = sigma^2 T / |S|^2 in seconds, gamma (2,) and the variance allowed to the ratios
+    (2,).
+    """
     require_finite("element_carrier_to_noise_db_hz", carrier_to_noise_db_hz)
     require_finite("sigma", sigma)
     if sigma <= 0.0:

@@ -17,8 +17,7 @@ from rf_pointing.array_sensors.attitude.quaternion import (
     quaternion_to_rotation_vector,
 )
 from rf_pointing.array_sensors.nodes import convert
-from rf_pointing.array_sensors.nodes.array_graph import ArrayGraph
-from rf_pointing.array_sensors.nodes.array_systems import ARRAY_SYSTEMS
+from rf_pointing.array_sensors.nodes.array_graph import ARRAY_SYSTEMS, ArrayGraph
 from rf_pointing.nodes.main_loop import make_executor
 from rf_pointing.nodes.qos import STREAM
 

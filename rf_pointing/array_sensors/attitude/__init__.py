@@ -1,3 +1,3 @@
-"""Attitude: quaternions, rotations from directions, and the filters built on them."""
+"""What the array sensors share: rotations, orbits, ground stations, rigid body, filters."""
 
 __all__: list[str] = []

@@ -1,6 +1,6 @@
-"""When a measurement arrives: its stamp must not lie ahead of the clock, or everything after it would count as late.
+"""Attitude and rate as the attitude sensors report them, and when a measurement counts as arrived.
 
-What an attitude sensor says: the orientation of a body with its covariance, or why there is none.
+A stamp must not lie ahead of the clock: every later measurement would count as late.
 """
 
 from dataclasses import dataclass
@@ -15,8 +15,11 @@ __all__ = ["LARGEST_LEAD_S", "AttitudeReport", "RateReport", "require_arrived", 
 
 
 LARGEST_LEAD_S = 5.0
-"""Simulation time reaches the nodes one by one, so a stamp may be ahead of a node's clock by some of its steps."""
+"""Simulation time reaches the nodes one by one, so a stamp may be ahead of a node's clock by some
+of its steps."""
 Array = NDArray[np.float64]
+# Relative to the largest element: a covariance that crossed the wire as float64 is symmetric only
+# to rounding.
 _ROUNDING = 1e-9
 
 
@@ -29,10 +32,11 @@ def require_arrived(t_s: float, now_s: float) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AttitudeReport:
-    """Orientation at `t_s`: `quaternion` (x, y, z, w) takes components in the body to components in the reference frame.
+    """Orientation at `t_s`: `quaternion` (x, y, z, w) takes components in the body to components in
+    the reference frame.
 
-    `covariance_rad2` (3, 3): of the small rotation between true and reported orientation, about the reference axes.
-    An invalid report carries its reason.
+    `covariance_rad2` (3, 3): of the small rotation between true and reported orientation, about the
+    reference axes. An invalid report carries its reason.
     """
 
     t_s: float
@@ -43,8 +47,12 @@ class AttitudeReport:
 
     def __post_init__(self) -> None:
         require_finite("t_s", self.t_s)
+        # Wire data: a quaternion that is not of unit length is a fault of the sender, not rounding
+        # to repair silently.
         object.__setattr__(self, "quaternion", unit_quaternion(as_finite_array("quaternion", self.quaternion, (4,))))
         object.__setattr__(self, "covariance_rad2", require_covariance("covariance_rad2", self.covariance_rad2, 3))
+        # A consumer that rejects an attitude must be able to log why; an empty reason looks like a
+        # valid one.
         if not self.valid and not self.reason:
             raise ValueError("reason='' must say why the attitude is not valid")
 
@@ -65,7 +73,9 @@ class RateReport:
 
 
 def require_covariance(name: str, value: Array, size: int) -> Array:
-    """Return `value` (size, size) if it is finite, symmetric and without a negative eigenvalue, to rounding."""
+    """Return `value` (size, size) if it is finite, symmetric and without a negative eigenvalue, to
+    rounding.
+    """
     matrix = as_finite_array(name, value, (size, size))
     largest = float(np.max(np.abs(matrix)))
     if float(np.max(np.abs(matrix - matrix.T))) > _ROUNDING * largest:

@@ -1,9 +1,8 @@
-"""Ground stations seen from the satellite: reference directions in the orbital frame and visibility (DOA (13)-(17)).
+"""Ground stations as the satellite sees them, and the network of stations by name (DOA (13)-(17)).
 
-S_o = D / |D| with D = G - S in the paper's vectors, which run from satellite and station to the Earth's centre; with
-places counted from the centre that is D = station - satellite (the printed order would turn the reference around).
-
-The ground stations of a satellite, by name and place: parameters of every node that knows them.
+S_o = D / |D| with D = station - satellite, both places counted from the Earth's centre.  DOA prints
+D = G - S, but its vectors run from station and satellite to the centre: in the printed order the
+reference would point the other way.
 """
 
 import math
@@ -29,6 +28,7 @@ __all__ = [
 
 
 Array = NDArray[np.float64]
+# A name becomes a ROS namespace, whose grammar allows no more.
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 
 
@@ -59,14 +59,16 @@ class GroundStation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StationView:
-    """Directions satellite to station in F_o (..., N, 3), elevation of the satellite there and range (..., N)."""
+    """Directions satellite to station in F_o (..., N, 3), elevation of the satellite there and
+    range (..., N).
+    """
 
     reference: Array
     elevation_rad: Array
     range_m: Array
 
     def visible(self, elevation_min_rad: float) -> NDArray[np.bool_]:
-        """Return whether each station sees the satellite at or above `elevation_min_rad` (..., N)."""
+        """Return whether each station sees the satellite above `elevation_min_rad`, (..., N)."""
         return self.elevation_rad >= elevation_min_rad
 
 
@@ -82,13 +84,19 @@ def view_from(point: OrbitPoint, stations: list[GroundStation]) -> StationView:
     places = np.stack([station.position_m for station in stations])
     away = places - point.position_m[..., None, :]
     distance = np.linalg.norm(away, axis=-1)
+    # The line of sight seen from the station is -away; the spherical Earth makes its zenith the
+    # place itself.
     sine = -np.sum(away * places, axis=-1) / (distance * EARTH_RADIUS_M)
     reference = np.einsum("...ij,...nj->...ni", point.frame, away) / distance[..., None]
+    # Straight overhead rounding gives a sine of 1 + 1e-16, and arcsin would return NaN.
     return StationView(reference=reference, elevation_rad=np.arcsin(np.clip(sine, -1.0, 1.0)), range_m=distance)
 
 
 def largest_nadir_angle_rad(orbit: SunSynchronousOrbitParams, elevation_min_rad: float) -> float:
-    """Return the nadir angle of a station at `elevation_min_rad`: 61.05 deg (800 km, 10 deg), not the printed 62."""
+    """Return the nadir angle of a station at `elevation_min_rad`.
+
+    61.05 deg (800 km, 10 deg), not the printed 62.
+    """
     ratio = EARTH_RADIUS_M / (EARTH_RADIUS_M + orbit.altitude_m)
     return math.asin(ratio * math.cos(elevation_min_rad))
 
@@ -101,14 +109,17 @@ def stations_along_track(
     spacing_s: float = 625.0,
     aside_rad: float = 0.02,
 ) -> list[GroundStation]:
-    """Return `count` stations under the orbit, passed every `spacing_s`, by turns `aside_rad` right and left of it.
+    """Return `count` stations under the orbit, passed every `spacing_s`, by turns `aside_rad` right
+    and left of it.
 
-    The paper's eight stations are not published; these keep one in view all the time and are not under the track,
-    because stations on the track see pitch from one plane only.
+    The paper's eight stations are not published; these keep one in view all the time and are not
+    under the track, because stations on the track see pitch from one plane only.
     """
     stations = []
     for index in range(count):
         point = orbit_point(orbit, start_s + (index + 0.5) * spacing_s)
+        # By turns right and left: stations on the track show pitch from one plane only, and yaw
+        # stays weak.
         side = math.copysign(aside_rad, 0.5 - index % 2)
         place = -point.frame[2] * math.cos(side) + point.frame[1] * math.sin(side)
         latitude = math.asin(float(place[2]))
@@ -119,7 +130,10 @@ def stations_along_track(
 
 @dataclass(frozen=True, kw_only=True)
 class GroundNetworkParams(Params):
-    """Stations on the spherical Earth; the defaults are 12 deg apart as seen from 19 deg E in GEO."""
+    """Stations on the spherical Earth.
+
+    The defaults are 12 deg apart as seen from 19 deg E in GEO.
+    """
 
     names: tuple[str, ...] = parameter(("usingen", "hartebeesthoek"), "stations; each name is a namespace")
     latitude_rad: tuple[float, ...] = parameter(

@@ -1,20 +1,19 @@
-"""Process noise of attitude motion, shared by the simulated satellite and the filters.
+"""Attitude and rate from directions to ground signals: multiplicative error-state Kalman filter.
 
-DOA adds Q = q E_6 at every 250-ms step, to the rate (rad/s)^2 and to the vector part of the quaternion.  A rotation is
-twice the vector part, so per second that is 4 q / dt on the attitude and q / dt on the rate.  The printed q = 1e-9
-makes the filter itself predict degrees; q = 1e-12 gives the paper's tables in kind.
+State: quaternion (body in orbital frame) and inertial body rate w.  Error: rotation e in the
+ORBITAL frame, C_true = exp([e x]) C, and rate error.  In this frame the reference direction S_o is
+known exactly, so the measured direction turned by the estimate, C m, misses S_o by
 
-Attitude and rate of a satellite from directions to ground signals: multiplicative error-state Kalman filter.
+    z = rotation vector that takes C m to S_o = e across S_o,   H = [E, 0],
 
-State: quaternion (body in orbital frame) and inertial body rate w.  Error: rotation e in the ORBITAL frame,
-C_true = exp([e x]) C, and rate error.  In this frame the reference direction S_o is known exactly, so the measured
-direction turned by the estimate, C m, misses S_o by
+with E two rows orthogonal to S_o.  The observed and the unobserved axes never depend on the
+estimate (the invariant form of the extended Kalman filter, Barrau and Bonnabel 2017).  `doa`
+contains its start from any attitude, `papers.doa_study` the filter as DOA prints it.  All functions
+accept leading batch axes.
 
-    z = rotation vector that takes C m to S_o = e across S_o,     H = [E, 0], E two rows orthogonal to S_o:
-
-the observed and the unobserved axes never depend on the estimate (the invariant form of the extended Kalman filter,
-Barrau and Bonnabel 2017).  How it starts far from the truth: `attitude_start`.  The printed filter is `published_filter`.
-All functions accept leading batch axes.
+Process noise: DOA adds Q = q E_6 every 250 ms to the rate (rad/s)^2 and to the vector part of the
+quaternion.  A rotation is twice the vector part, so per second that is 4 q / dt on the attitude and
+q / dt on the rate.
 """
 
 from dataclasses import dataclass
@@ -63,6 +62,8 @@ __all__ = [
 
 
 PRINTED_Q = 1e-9
+# With the printed q the filter itself predicts an error of degrees; this one gives tables of the
+# size that DOA prints.
 TABLE_Q = 1e-12
 Array = NDArray[np.float64]
 
@@ -89,20 +90,22 @@ def process_noise_from_q(q: float, dt_s: float = 0.25) -> ProcessNoiseParams:
 class GateParams(Params):
     """When a direction is taken for an outlier, and when the filter itself is."""
 
+    # 30 is wide for two degrees of freedom (3e-7): a start that is still wrong must not lose good
+    # directions.
     largest: float = parameter(
         30.0, "largest normalised squared innovation, chi-square of 2 degrees", low=4.0, high=1e12
     )
-    doubt_after: int = parameter(
-        8, "refusals in a row after which the filter doubts itself and listens", low=1, high=10**6
-    )
+    # Eight directions are 2 s at one each 250 ms: an outlier or two must not open the gate.
+    doubt_after: int = parameter(8, "rejections in a row after which the filter doubts itself", low=1, high=10**6)
 
 
 @dataclass(frozen=True, slots=True)
 class AttitudeState:
     """State of one filter or of a batch of them.
 
-    quaternion (..., 4), rate_rad_s (..., 3), covariance (..., 6, 6) of [orbital-frame rotation, rate], refused (...):
-    directions outside the gate in a row, misfit (...): sum of the normalised squared innovations, each at most the gate.
+    quaternion (..., 4), rate_rad_s (..., 3), covariance (..., 6, 6) of [orbital-frame rotation,
+    rate], refused (...): directions outside the gate in a row, misfit (...): sum of the normalised
+    squared innovations, each at most the gate.
     """
 
     quaternion: Array
@@ -114,7 +117,9 @@ class AttitudeState:
 
 @dataclass(frozen=True, slots=True)
 class DirectionObservation:
-    """Measured direction in the body (..., 3), its covariance (..., 3, 3), and the reference in the orbital frame."""
+    """Measured direction in the body (..., 3), its covariance (..., 3, 3), and the reference in the
+    orbital frame.
+    """
 
     measured: Array
     covariance_rad2: Array
@@ -124,9 +129,11 @@ class DirectionObservation:
 def start_state(
     quaternion: Array, rate_rad_s: Array, attitude_sigma_rad: float, rate_sigma_rad_s: float, gate: GateParams
 ) -> AttitudeState:
-    """Return the state starting at `quaternion` (..., 4), `rate_rad_s` (..., 3) with equal uncertainty of all axes.
+    """Return the state starting at `quaternion` (..., 4), `rate_rad_s` (..., 3) with equal
+    uncertainty of all axes.
 
-    A start may be wrong, so the filter begins in doubt: it listens until a direction falls into its gate.
+    A start may be wrong, so the filter begins in doubt: it accepts every direction until one falls
+    into its gate.
     """
     lead = np.shape(quaternion)[:-1]
     covariance = np.diag(np.repeat([attitude_sigma_rad**2, rate_sigma_rad_s**2], 3))
@@ -147,31 +154,45 @@ def predict(
     frame_rate: Array,
     dt_s: float,
 ) -> AttitudeState:
-    """Return the state `dt_s` later; `frame_rate` (..., 3) is the orbital frame's inertial rate in its own axes."""
+    """Return the state `dt_s` later.
+
+    `frame_rate` (..., 3) is the orbital frame's inertial rate in its own axes.
+    """
     rotation = matrix_from_quaternion(state.quaternion)
     quaternion, rate = propagate(inertia, state.quaternion, state.rate_rad_s, known, frame_rate, dt_s, rotation)
     by_rate = rate_jacobian(inertia, state.rate_rad_s, known.wheel_momentum_n_m_s)
     by_attitude = inertia.inverse @ gravity_jacobian(inertia, rotation, frame_rate)
     slope = np.zeros((*by_rate.shape[:-2], 6, 6))
+    # The error is kept in the orbital frame, which itself turns: hence minus the frame rate, not
+    # the body rate.
     slope[..., :3, :3] = -cross_matrix(frame_rate)
+    # Mean of the rotations at both ends: the body turns by degrees in a step of 250 ms right after
+    # a bad start.
     slope[..., :3, 3:] = 0.5 * (rotation + matrix_from_quaternion(quaternion))
     slope[..., 3:, :3] = by_attitude @ _transposed(rotation)
     slope[..., 3:, 3:] = by_rate
     step = slope * dt_s
+    # Second order of the exponential: in a step of 250 ms the first alone would leave rate and
+    # attitude uncorrelated.
     transition = np.eye(6) + step + 0.5 * step @ step
     covariance = transition @ state.covariance @ _transposed(transition)
+    # A writable view of the diagonal: the noise is added in place.
     variance = np.einsum("...ii->...i", covariance)
     variance += dt_s * np.repeat([noise.attitude_rad2_s, noise.rate_rad2_s3], 3)
     return AttitudeState(quaternion, rate, covariance, state.refused, state.misfit)
 
 
 def innovation(state: AttitudeState, observation: DirectionObservation) -> tuple[Array, Array, Array]:
-    """Return z (..., 2), its covariance (..., 2, 2) and the rows E (..., 2, 3) orthogonal to the reference."""
+    """Return z (..., 2), its covariance (..., 2, 2) and the rows E (..., 2, 3) orthogonal to the
+    reference.
+    """
     rotation = matrix_from_quaternion(state.quaternion)
     turned = np.einsum("...ij,...j->...i", rotation, observation.measured)
     gap = rotation_between(turned, observation.reference)
     rows = tangent_rows(observation.reference)
     carried = rows @ matrix_from_quaternion(quaternion_from_turn(gap)) @ rotation
+    # The sensor's covariance belongs to the direction in the body; z belongs to the rotation that
+    # carries it onto the reference.
     noise_map = carried @ cross_matrix(observation.measured)
     noise = noise_map @ observation.covariance_rad2 @ _transposed(noise_map)
     spread = rows @ state.covariance[..., :3, :3] @ _transposed(rows) + noise
@@ -181,18 +202,24 @@ def innovation(state: AttitudeState, observation: DirectionObservation) -> tuple
 def update(state: AttitudeState, observation: DirectionObservation, gate: GateParams) -> AttitudeState:
     """Return the state after one direction.
 
-    A direction outside the gate is refused and counted.  After `gate.doubt_after` refusals in a row the filter is taken
-    to be wrong and not the sensor: it listens to everything until one direction falls inside the gate again.
+    A direction outside the gate is rejected and counted.  After `gate.doubt_after` rejections in a
+    row the filter is taken to be wrong and not the sensor: it accepts every direction until one
+    falls inside the gate again.
     """
     z, spread, rows = innovation(state, observation)
     inverse = _inverse_spread(spread)
+    # Normalised squared innovation, chi-square of two degrees of freedom where the filter is
+    # consistent.
     squared = np.einsum("...i,...ij,...j->...", z, inverse, z)
     inside = squared <= gate.largest
+    # A filter that rejects everything would never recover: in doubt it lets the direction in and
+    # stays marked.
     believed = inside | (state.refused >= gate.doubt_after)
     crossed = state.covariance[..., :, :3] @ _transposed(rows)
     gain = crossed @ inverse * believed[..., None, None]
     change = np.einsum("...ij,...j->...i", gain, z)
-    # no reset of the covariance: what is left unknown is the turn about the reference itself, before and after
+    # no reset of the covariance: what is left unknown is the turn about the reference itself,
+    # before and after
     covariance = state.covariance - gain @ _transposed(crossed)
     quaternion = quaternion_product(quaternion_from_turn(change[..., :3]), state.quaternion)
     return AttitudeState(
@@ -200,6 +227,8 @@ def update(state: AttitudeState, observation: DirectionObservation, gate: GatePa
         state.rate_rad_s + change[..., 3:],
         0.5 * (covariance + covariance.swapaxes(-1, -2)),
         np.where(inside, 0, state.refused + 1),
+        # Bounded per direction, so that one outlier does not decide between the hypotheses of a
+        # start.
         state.misfit + np.minimum(squared, gate.largest),
     )
 
@@ -219,6 +248,8 @@ def rotation_between(first: Array, second: Array) -> Array:
     sine = np.linalg.norm(axis, axis=-1)
     angle = np.arctan2(sine, np.einsum("...i,...i->...", first, second))
     vector = axis * np.divide(angle, sine, out=np.ones_like(sine), where=sine > 1e-12)[..., None]
+    # The cross product vanishes at half a turn too; without this case the filter would stand still
+    # at exactly the wrong attitude.
     opposite = (sine <= 1e-12) & (angle > 1.0)
     if np.any(opposite):
         vector[opposite] = np.pi * np.broadcast_to(tangent_rows(first)[..., 0, :], axis.shape)[opposite]
@@ -226,13 +257,18 @@ def rotation_between(first: Array, second: Array) -> Array:
 
 
 def _transposed(matrix: Array) -> Array:
-    """Return the transpose as a copy of its own: stacked products with a view take three times as long."""
+    """Return the transpose as a copy of its own.
+
+    Stacked products with a view take three times as long.
+    """
     return np.ascontiguousarray(matrix.swapaxes(-1, -2))
 
 
 def _inverse_spread(spread: Array) -> Array:
     """Return the inverse (..., 2, 2) of innovation covariances; a singular one is refused."""
     a, b, c = spread[..., 0, 0], spread[..., 0, 1], spread[..., 1, 1]
+    # Written out: a stack of 2 x 2 matrices is inverted at every step of every trial, where the
+    # general routine costs most of the time.
     determinant = a * c - b * b
     if not np.all(determinant > SMALLEST_DETERMINANT * a * c):
         raise ValueError(f"innovation covariance has determinant {np.min(determinant)}, must be > 0: singular")

@@ -1,13 +1,13 @@
-"""Place and orbital frame on a circular orbit, in Earth-fixed axes (DOA section 2).
+"""Circular orbits and the orbital frame, in Earth-fixed axes (DOA section 2).
 
 Orbital frame F_o: x along the flight, y against the orbit's momentum, z to the centre of the Earth.
-
-Circular Sun-synchronous orbit and the orbital frame, in Earth-fixed axes (DOA section 2).
-
-The node turns once a year with the mean Sun, so its Earth-fixed longitude follows from the time of day alone:
-lambda_node = 2 pi (local time of the ascending node - UTC day fraction).  The inclination is the one whose J2
-precession does this: cos i = -2/3 (2 pi / year) a^(7/2) / (J2 R^2 sqrt(mu)).
 The Earth is a sphere here, as in DOA's 62 deg nadir angle.
+
+Sun-synchronous orbit: the node turns once a year with the mean Sun, so its Earth-fixed longitude
+follows from the time of day alone, lambda_node = 2 pi (local time of the ascending node - UTC day
+fraction).  The inclination is the one whose J2 precession does this:
+
+    cos i = -2/3 (2 pi / year) a^(7/2) / (J2 R^2 sqrt(mu)).
 """
 
 import math
@@ -24,13 +24,16 @@ __all__ = ["OrbitPoint", "SunSynchronousOrbitParams", "circular_frame", "inclina
 
 
 Array = NDArray[np.float64]
+# Only the precession of the node needs it; the motion along the orbit is Keplerian.
 EARTH_J2 = 1.08262668e-3
 YEAR_S = 365.24219 * 86400.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OrbitPoint:
-    """Earth-fixed position (..., 3), axes of F_o as rows (..., 3, 3), and inertial rate of F_o in F_o (..., 3)."""
+    """Earth-fixed position (..., 3), axes of F_o as rows (..., 3, 3), and inertial rate of F_o in
+    F_o (..., 3).
+    """
 
     position_m: Array
     frame: Array
@@ -38,10 +41,13 @@ class OrbitPoint:
 
 
 def circular_frame(along_rad: ArrayLike, node_rad: ArrayLike, inclination_rad: float) -> Array:
-    """Return F_o (..., 3, 3) at `along_rad` past the ascending node of Earth-fixed longitude `node_rad`."""
+    """Return F_o (..., 3, 3) at `along_rad` past the ascending node of Earth-fixed longitude
+    `node_rad`.
+    """
     along = np.asarray(along_rad, dtype=np.float64)
     outward = _turned(np.cos(along), np.sin(along), node_rad, inclination_rad)
     forward = _turned(-np.sin(along), np.cos(along), node_rad, inclination_rad)
+    # y against the momentum, z down: (forward, -normal, -outward) is right-handed as (x, y, z).
     return np.stack([forward, -cross_product(outward, forward), -outward], axis=-2)
 
 
@@ -89,6 +95,8 @@ def orbit_point(orbit: SunSynchronousOrbitParams, t_s: ArrayLike) -> OrbitPoint:
     along = mean_motion_rad_s(orbit) * (time - orbit.ascending_node_time_s)
     node = 2.0 * np.pi * ((orbit.descending_node_local_time_h + 12.0) / 24.0 - time / 86400.0)
     frame = circular_frame(along, node, inclination_rad(orbit))
+    # The node's turn is about the Earth's axis: its components in F_o are the third column of the
+    # frame.
     precession = 2.0 * np.pi / YEAR_S * frame[..., :, 2]
     rate = precession + np.array([0.0, -mean_motion_rad_s(orbit), 0.0])
     return OrbitPoint(

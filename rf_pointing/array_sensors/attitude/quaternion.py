@@ -1,10 +1,11 @@
 """Unit quaternions, scalar last (x, y, z, w) as in ROS: q = [axis * sin(angle/2), cos(angle/2)].
 
-A quaternion stands for the active rotation v' = C(q) v; products follow Hamilton, C(a*b) = C(a) C(b).  As the
-orientation of a body, C(q) takes components in the body frame to components in the reference frame (ROS).  q and -q
-are the same rotation: functions that return a quaternion of a rotation return the one with w >= 0 (at half a turn,
-where w = 0, the one whose first non-zero component is positive).  All functions accept leading batch axes and refuse
-what is not a rotation; the arithmetic is in `geometry.rotations`.
+A quaternion stands for the active rotation v' = C(q) v; products follow Hamilton, C(a*b) = C(a)
+C(b).  As the orientation of a body, C(q) takes components in the body frame to components in the
+reference frame (ROS).  q and -q are the same rotation: functions that return a quaternion of a
+rotation return the one with w >= 0 (at half a turn, where w = 0, the one whose first non-zero
+component is positive).  All functions accept leading batch axes and refuse what is not a rotation;
+the arithmetic is in `core.rotations`.
 """
 
 import numpy as np
@@ -34,7 +35,10 @@ UNIT_TOLERANCE = 1e-6
 
 
 def unit_quaternion(quaternion: ArrayLike, name: str = "quaternion") -> Array:
-    """Return `quaternion` (..., 4) with its rounding error removed; refuse one that is not of unit length."""
+    """Return `quaternion` (..., 4) with its rounding error removed.
+
+    Refuse one that is not of unit length.
+    """
     q = _vectors(name, quaternion, 4)
     norm = np.linalg.norm(q, axis=-1, keepdims=True)
     if np.any(np.abs(norm - 1.0) > UNIT_TOLERANCE):
@@ -43,6 +47,7 @@ def unit_quaternion(quaternion: ArrayLike, name: str = "quaternion") -> Array:
     return np.asarray(q / norm)
 
 
+# q and -q are one rotation; without one choice of sign a recorded attitude would jump between them.
 def canonical(quaternion: ArrayLike) -> Array:
     """Return q or -q, whichever has w > 0 (at w = 0: a positive first non-zero component)."""
     q = unit_quaternion(quaternion)
@@ -58,17 +63,24 @@ def conjugate(quaternion: ArrayLike) -> Array:
 
 
 def multiply(left: ArrayLike, right: ArrayLike) -> Array:
-    """Return the Hamilton product left * right of unit quaternions (..., 4): rotate by `right`, then by `left`."""
+    """Return the Hamilton product left * right of unit quaternions (..., 4).
+
+    Rotate by `right`, then by `left`.
+    """
     return rotations.quaternion_product(unit_quaternion(left, "left"), unit_quaternion(right, "right"))
 
 
 def quaternion_to_matrix(quaternion: ArrayLike) -> Array:
-    """Return the rotation matrix C(q), shape (..., 3, 3); the inverse is `quaternion_from_matrix`."""
+    """Return the rotation matrix C(q), shape (..., 3, 3).
+
+    The inverse is `quaternion_from_matrix`.
+    """
     return rotations.matrix_from_quaternion(unit_quaternion(quaternion))
 
 
 def quaternion_from_matrix(matrix: ArrayLike) -> Array:
-    """Return the canonical quaternion of rotation matrices (..., 3, 3), regular at half a turn (Shepperd's choice).
+    """Return the canonical quaternion of rotation matrices (..., 3, 3), regular at half a turn
+    (Shepperd's choice).
 
     Raises ValueError where the matrix is not orthonormal or is a reflection.
     """
@@ -76,12 +88,18 @@ def quaternion_from_matrix(matrix: ArrayLike) -> Array:
 
 
 def quaternion_from_rotation_vector(rotation_rad: ArrayLike) -> Array:
-    """Return the canonical quaternion of the rotation by |v| about v, `rotation_rad` (..., 3); exact at zero."""
+    """Return the canonical quaternion of the rotation by |v| about v, `rotation_rad` (..., 3).
+
+    Exact at zero.
+    """
     return canonical(rotations.quaternion_from_turn(_vectors("rotation_rad", rotation_rad, 3)))
 
 
 def quaternion_to_rotation_vector(quaternion: ArrayLike) -> Array:
-    """Return the rotation vector (..., 3), at most pi long; at exactly half a turn its sign is the canonical one."""
+    """Return the rotation vector (..., 3), at most pi long.
+
+    At exactly half a turn its sign is the canonical one.
+    """
     return rotations.turn_from_quaternion(canonical(quaternion))
 
 
@@ -92,7 +110,9 @@ def rotation_angle_between_rad(first: ArrayLike, second: ArrayLike) -> Array:
 
 
 def quaternion_from_roll_pitch_yaw(roll_pitch_yaw_rad: ArrayLike) -> Array:
-    """Return the canonical quaternion of Rz(yaw) Ry(pitch) Rx(roll) (fixed axes, as in ROS), angles (..., 3)."""
+    """Return the canonical quaternion of Rz(yaw) Ry(pitch) Rx(roll) (fixed axes, as in ROS), angles
+    (..., 3).
+    """
     half = _vectors("roll_pitch_yaw_rad", roll_pitch_yaw_rad, 3) / 2.0
     factors = []
     for axis in range(3):

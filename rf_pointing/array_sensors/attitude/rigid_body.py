@@ -1,9 +1,10 @@
-"""Attitude motion of a satellite with wheels: DOA eqs. (23), (24), shared by the simulated satellite and the filters.
+"""Attitude motion of a satellite with wheels (DOA eqs. (23), (24)), for simulation and filters.
 
-I dw/dt = -w x (I w + h) - dh/dt + T,   T = control + gravity gradient 3 n^2 c x I c, c = nadir in the body.
+    I dw/dt = -w x (I w + h) - dh/dt + T,   T = control + gravity gradient 3 n^2 c x I c,
 
-The quaternion is the orientation of the body in the orbital frame (body to orbital components), numerically the
-paper's q_bo with its scalar last; the paper's C_bo is the transpose of its matrix.
+c = nadir in the body.  The quaternion is the orientation of the body in the orbital frame (body to
+orbital components), numerically the paper's q_bo with its scalar last; the paper's C_bo is the
+transpose of its matrix.
 """
 
 from dataclasses import dataclass
@@ -66,7 +67,10 @@ class RigidInertia:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KnownTorque:
-    """Inputs the satellite knows, body axes (..., 3): control torque, wheel momentum and its rate."""
+    """Inputs the satellite knows, body axes (..., 3).
+
+    Control torque, wheel momentum and its rate.
+    """
 
     control_n_m: Array
     wheel_momentum_n_m_s: Array
@@ -91,6 +95,8 @@ def rate_slope_rad_s2(inertia: RigidInertia, rate: Array, torque: Array, momentu
     return np.asarray((torque - cross_product(rate, rate @ inertia.matrix + momentum)) @ inertia.inverse)
 
 
+# The quaternion and the rate are stepped apart because the attitude has a closed form under a
+# constant rate, the rate has not.
 def propagate(
     inertia: RigidInertia,
     quaternion: Array,
@@ -100,10 +106,11 @@ def propagate(
     dt_s: float,
     rotation: Array | None = None,
 ) -> tuple[Array, Array]:
-    """Return quaternion (..., 4) and inertial body rate (..., 3) after `dt_s`; `rotation` is the quaternion's, if known.
+    """Return quaternion (..., 4) and inertial body rate (..., 3) after `dt_s`.
 
-    The rate by the classical Runge-Kutta step with the torques held; the attitude by q' = exp(-w_o dt) q exp(turn) with
-    the fourth-order Magnus turn, the integral of the rate plus dt^2/12 w x w' for its change of direction.
+    `rotation` is the quaternion's, if known.  The rate by the classical Runge-Kutta step with the
+    torques held; the attitude by q' = exp(-w_o dt) q exp(turn) with the fourth-order Magnus turn,
+    the integral of the rate plus dt^2/12 w x w' for its change of direction.
     """
     if rotation is None:
         rotation = matrix_from_quaternion(quaternion)
@@ -120,13 +127,18 @@ def propagate(
 
 
 def rate_jacobian(inertia: RigidInertia, rate: Array, momentum: Array) -> Array:
-    """Return d(dw/dt)/dw = I^-1 ([(I w + h) x] - [w x] I), (..., 3, 3): upper left block of DOA eq. (29)."""
+    """Return d(dw/dt)/dw = I^-1 ([(I w + h) x] - [w x] I), (..., 3, 3).
+
+    Upper left block of DOA eq. (29).
+    """
     inner = cross_matrix(rate @ inertia.matrix + momentum) - cross_matrix(rate) @ inertia.matrix
     return np.asarray(inertia.inverse @ inner)
 
 
 def gravity_jacobian(inertia: RigidInertia, rotation: Array, frame_rate: Array) -> Array:
-    """Return d(gravity gradient)/d(body rotation) (..., 3, 3), for a rotation error d with C_ob = C exp([d x])."""
+    """Return d(gravity gradient)/d(body rotation) (..., 3, 3), for a rotation error d with C_ob = C
+    exp([d x]).
+    """
     nadir = rotation[..., 2, :]
     squared = np.sum(frame_rate**2, axis=-1)[..., None, None]
     # the error turns the nadir seen in the body: dc = c x d

@@ -1,9 +1,9 @@
-"""Attitude from directions: the rotation R that minimises sum_l w_l |t_l - R t'_l|^2, with its covariance.
+"""Attitude from directions: the rotation R that minimises sum_l w_l |t_l - R t'_l|^2.
 
-t'_l are unit vectors in the reference frame, t_l the same directions measured in the body (array) frame, t = R t'.
-Source: TRIPULSE, eqs. (24)-(33) (Arun's SVD solution), with the weights kept inside H, which the paper's H leaves out.
-Covariances belong to the rotation vector d of R_hat = (I + [d x]) R, in the body frame.
-All functions accept leading batch axes.
+t'_l are unit vectors in the reference frame, t_l the same directions measured in the body (array)
+frame, t = R t'.  Source: TRIPULSE, eqs. (24)-(33) (Arun's SVD solution), with the weights kept
+inside H, which the paper's H leaves out.  Covariances belong to the rotation vector d of
+R_hat = (I + [d x]) R, in the body frame.  All functions accept leading batch axes.
 """
 
 from dataclasses import dataclass
@@ -18,6 +18,7 @@ __all__ = ["WahbaFit", "attitude_covariance", "beam_covariance", "fit_rotation",
 
 Array = NDArray[np.float64]
 
+# Larger than the rounding of a float32 sensor, smaller than any beam error that matters.
 DIRECTION_TOLERANCE = 1e-6
 SMALLEST_SEPARATION_RAD = 1e-6
 """Below this spread of the directions the rotation about them is lost in double precision."""
@@ -27,8 +28,9 @@ SMALLEST_SEPARATION_RAD = 1e-6
 class WahbaFit:
     """Result of `fit_rotation`: t = rotation t'; batch axes lead every shape.
 
-    rotation (3, 3); residuals (L, 3) = t - R t'; cost = sum w |residual|^2; singular_values (3,) of H;
-    reflected: whether the plain SVD solution was a reflection and its third axis was turned over.
+    rotation (3, 3); residuals (L, 3) = t - R t'; cost = sum w |residual|^2; singular_values (3,) of
+    H; reflected: whether the plain SVD solution was a reflection and its third axis was turned
+    over.
     """
 
     rotation: Array
@@ -45,7 +47,8 @@ def fit_rotation(
     *,
     smallest_separation_rad: float = SMALLEST_SEPARATION_RAD,
 ) -> WahbaFit:
-    """Return the weighted least-squares rotation with `measured` = R `reference` (TRIPULSE (25), SVD method).
+    """Return the weighted least-squares rotation with `measured` = R `reference` (TRIPULSE (25),
+    SVD method).
 
     Parameters
     ----------
@@ -55,8 +58,9 @@ def fit_rotation(
 
     Raises
     ------
-    ValueError : fewer than two directions, a vector that is not unit, a weight that is not positive, directions along
-        one line (the turn about it is unobservable), or a mirrored set whose best rotation is not unique.
+    ValueError : fewer than two directions, a vector that is not unit, a weight that is not
+        positive, directions along one line (the turn about it is unobservable), or a mirrored set
+        whose best rotation is not unique.
     """
     t_reference, t_measured = unit_directions("reference", reference), unit_directions("measured", measured)
     t_reference, t_measured = np.broadcast_arrays(t_reference, t_measured)
@@ -66,7 +70,10 @@ def fit_rotation(
     # H = sum w t' t^T and R = V U^T: the transposed H would give R^T.
     h = np.einsum("...l,...li,...lj->...ij", w, t_reference, t_measured)
     u, singular_values, vt = np.linalg.svd(h)
+    # The plain SVD solution may be a reflection; turning its last axis over gives the best proper
+    # rotation.
     turn = np.sign(np.linalg.det(u) * np.linalg.det(vt))
+    # Equal singular values with opposite sign leave a whole circle of equally good rotations.
     gap = singular_values[..., 1] + turn * singular_values[..., 2]
     # Rounding makes 1e-16 of a gap of zero; directions 1e-6 rad apart, the least allowed, leave 2.5e-13.
     if np.any(gap <= 1e-14 * singular_values[..., 0]):
@@ -81,14 +88,17 @@ def fit_rotation(
 
 
 def separation_rad(directions: ArrayLike, weights: ArrayLike | None = None) -> Array:
-    """Return how far apart the directions (..., L, 3) lie as axes: for two of equal weight, the angle between them.
+    """Return how far apart the directions (..., L, 3) lie as axes.
 
-    2 asin sqrt(lambda), lambda the smallest eigenvalue of sum w (I - t t^T) / sum w, eq. (30); opposite directions
-    are one axis, and count as separated by nothing.
+    For two of equal weight, the angle between them.  2 asin sqrt(lambda), lambda the smallest
+    eigenvalue of sum w (I - t t^T) / sum w, eq. (30); opposite directions are one axis, and count
+    as separated by nothing.
     """
     t = unit_directions("directions", directions)
     w = _weights(weights, t)
     scaled = t * np.sqrt(w / np.sum(w, axis=-1, keepdims=True))[..., None]
+    # Singular values of t itself: forming sum t t^T first would lose directions closer than 1e-8
+    # rad to rounding.
     spread = np.linalg.svd(scaled, compute_uv=False)[..., 1:]
     return np.asarray(2.0 * np.arcsin(np.minimum(1.0, np.sqrt(np.sum(spread**2, axis=-1)))))
 
@@ -101,7 +111,8 @@ def attitude_covariance(
     Parameters
     ----------
     directions : true or measured unit vectors in the body frame, shape (..., L, 3)
-    direction_covariances : covariance of each direction's error, shape (..., L, 3, 3), independent between directions
+    direction_covariances : covariance of each direction's error, shape (..., L, 3, 3), independent
+        between directions
     weights : those given to `fit_rotation`
     """
     t = unit_directions("directions", directions)
@@ -111,6 +122,8 @@ def attitude_covariance(
     require_finite("direction_covariances", covariances)
     w = _weights(weights, t)
     _require_separated("directions", t, w, SMALLEST_SEPARATION_RAD)
+    # Normal matrix of the rotation error: a direction says nothing about the turn about itself,
+    # hence I - t t^T.
     normal = np.einsum("...l,...lij->...ij", w, np.eye(3) - t[..., :, None] * t[..., None, :])
     cross = cross_matrix(t)
     middle = np.einsum("...l,...lij,...ljk,...lmk->...im", w**2, cross, covariances, cross)
@@ -119,13 +132,18 @@ def attitude_covariance(
 
 
 def beam_covariance(beam: ArrayLike, covariance_rad2: ArrayLike) -> Array:
-    """Return the covariance (..., 3, 3) of the beam error d x p for the unit vector `beam` (..., 3): eq. (33)."""
+    """Return the covariance (..., 3, 3) of the beam error d x p for the unit vector `beam` (...,
+    3): eq. (33).
+    """
     cross = cross_matrix(unit_directions("beam", beam))
     return np.asarray(cross @ np.asarray(covariance_rad2, dtype=np.float64) @ np.swapaxes(cross, -1, -2))
 
 
 def unit_directions(name: str, value: ArrayLike) -> Array:
-    """Return unit vectors (..., 3) with their rounding removed; refuse any that is not of unit length."""
+    """Return unit vectors (..., 3) with their rounding removed.
+
+    Refuse any that is not of unit length.
+    """
     t = np.asarray(value, dtype=np.float64)
     if t.shape[-1:] != (3,):
         raise ValueError(f"{name} has shape {t.shape}, must be (..., 3)")

@@ -1,14 +1,13 @@
-"""Uniform circular array: element places and steering vector.
+"""Uniform circular array: places of the elements, steering vector, gain and coupling errors.
 
-Model (DOA eq. (21)): a_m = exp(j k r sin(theta) cos(phi - phi_m)), phi_m = 2 pi m / M, k = 2 pi / lambda.
-With the direction cosines u = sin(theta) cos(phi), v = sin(theta) sin(phi) the phase is k (x_m u + y_m v): linear, and
-regular at theta = 0, which is why everything below searches and differentiates in the unit vector and not in angles.
+Steering (DOA eq. (21)): a_m = exp(j k r sin(theta) cos(phi - phi_m)), phi_m = 2 pi m / M,
+k = 2 pi / lambda.  With the direction cosines u = sin(theta) cos(phi), v = sin(theta) sin(phi) the
+phase is k (x_m u + y_m v): linear, and regular at theta = 0.  This is why the estimators search and
+differentiate in the unit vector and not in angles.
 
-Mutual coupling and gain errors of a circular array: measured response = diag(gain) C a(s).
-
-By symmetry C is circulant and symmetric: C_ij depends on the distance min(|i - j|, M - |i - j|) round the circle only,
-with C_ii = 1.  DOA assumes it away by calibration (after eq. (11)) and leaves it to future work; here it is a model,
-`coupling_calibration` finds it, and every estimator takes the response matrix.
+Errors: measured response = diag(gain) C a(s).  By symmetry C is circulant and symmetric: C_ij
+depends on the distance min(|i - j|, M - |i - j|) round the circle only, with C_ii = 1.  DOA assumes
+it away by calibration (after eq. (11)); here every estimator accepts the response matrix.
 """
 
 import math
@@ -39,13 +38,16 @@ ComplexArray = NDArray[np.complex128]
 class CircularArrayParams(Params):
     """Elements evenly spaced on a circle in the x-y plane; boresight is +z (DOA section 4.1)."""
 
+    # Below five elements the second moments of the circle depend on azimuth, and so does the bound.
     elements: int = parameter(12, "number of elements; below 5 the accuracy depends on azimuth", low=5, high=512)
     radius_m: float = parameter(0.15, "radius of the circle", low=1e-6, high=1e3)
     wavelength_m: float = parameter(0.15, "wavelength of the received signal", low=1e-6, high=1e3)
 
 
 def phase_radius_rad(array: CircularArrayParams) -> float:
-    """Return k r = 2 pi r / lambda, the phase between centre and rim for a source in the array plane."""
+    """Return k r = 2 pi r / lambda, the phase between centre and rim for a source in the array
+    plane.
+    """
     return 2.0 * math.pi * array.radius_m / array.wavelength_m
 
 
@@ -56,7 +58,8 @@ def element_positions_m(array: CircularArrayParams) -> Array:
 
 
 def steering(array: CircularArrayParams, direction: Array) -> ComplexArray:
-    """Return the steering vectors (..., M) of unit vectors `direction` (..., 3) in the array frame (DOA eq. (21)).
+    """Return the steering vectors (..., M) of unit vectors `direction` (..., 3) in the array frame
+    (DOA eq. (21)).
 
     Raises
     ------
@@ -65,6 +68,8 @@ def steering(array: CircularArrayParams, direction: Array) -> ComplexArray:
     """
     require_finite("direction", direction)
     length = np.linalg.norm(direction, axis=-1)
+    # Directions come over the wire or from angles; a length off by more is a wrong frame, not
+    # rounding.
     if np.any(np.abs(length - 1.0) > 1e-6):
         raise ValueError(
             f"|direction|={length[np.unravel_index(np.argmax(np.abs(length - 1.0)), length.shape)]} must be 1"
@@ -75,7 +80,9 @@ def steering(array: CircularArrayParams, direction: Array) -> ComplexArray:
 
 
 def steering_taylor(array: CircularArrayParams) -> ComplexArray:
-    """Return T (M, 6): a[:, None] * T are a, a_u, a_v, a_uu, a_uv, a_vv, the derivatives in the direction cosines."""
+    """Return T (M, 6): a[:, None] * T are a, a_u, a_v, a_uu, a_uv, a_vv, the derivatives in the
+    direction cosines.
+    """
     scaled = 2.0 * np.pi / array.wavelength_m * element_positions_m(array)
     x, y = scaled.T
     return np.stack([np.ones_like(x), 1j * x, 1j * y, -x * x, -x * y, -y * y], axis=-1).astype(np.complex128)
@@ -83,7 +90,9 @@ def steering_taylor(array: CircularArrayParams) -> ComplexArray:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArrayResponse:
-    """Gains (M,) of the elements and coupling coefficients (M // 2,) to the 1st, 2nd ... neighbour on the circle."""
+    """Gains (M,) of the elements and coupling coefficients (M // 2,) to the 1st, 2nd ... neighbour
+    on the circle.
+    """
 
     gain: ComplexArray
     coupling: ComplexArray
@@ -95,6 +104,7 @@ class ArrayResponse:
             raise ValueError(
                 f"coupling has shape {self.coupling.shape}, must be ({len(self.gain) // 2},) for the gains"
             )
+        # A zero gain makes the response singular: the estimators would invert it without noticing.
         dead = np.flatnonzero(np.abs(self.gain) < 1e-6)
         if len(dead):
             raise ValueError(f"gain[{dead[0]}]={self.gain[dead[0]]} must not be zero: a failed element")
@@ -106,14 +116,21 @@ class ArrayResponse:
 
 
 def coupling_basis(elements: int) -> NDArray[np.float64]:
-    """Return B (M // 2 + 1, M, M): ones where two elements are d places apart on the circle, for d = 0, 1 ..."""
+    """Return B (M // 2 + 1, M, M).
+
+    Ones where two elements are d places apart on the circle, for d = 0, 1 ...
+    """
     apart = np.abs(np.subtract.outer(np.arange(elements), np.arange(elements)))
+    # Neighbours round the circle: element 0 is next to element M - 1.
     apart = np.minimum(apart, elements - apart)
     return np.asarray(apart == np.arange(elements // 2 + 1)[:, None, None], dtype=np.float64)
 
 
 def coupling_matrix(elements: int, coupling: ArrayLike) -> ComplexArray:
-    """Return C (M, M) from the coefficients (M // 2,) of the 1st, 2nd ... neighbour; its diagonal is one."""
+    """Return C (M, M) from the coefficients (M // 2,) of the 1st, 2nd ... neighbour.
+
+    Its diagonal is one.
+    """
     coefficients = np.concatenate([[1.0 + 0.0j], np.asarray(coupling, dtype=np.complex128)])
     if coefficients.shape != (elements // 2 + 1,):
         raise ValueError(f"coupling has {len(coefficients) - 1} coefficients, must be {elements // 2}")

@@ -1,6 +1,7 @@
 """Simulated signal source and array: one block of seeded snapshots per step of time.
 
-The stand-in for the antennas and their receivers; a real array replaces it and nothing behind it changes.
+The stand-in for the antennas and their receivers; a real array replaces it and nothing behind it
+changes.
 """
 
 import copy
@@ -32,7 +33,9 @@ class ArraySourceParams(Params):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SnapshotBlock:
-    """Complex samples (M, L) of all elements, in units of the noise of one element, ending at `t_s`."""
+    """Complex samples (M, L) of all elements, in units of the noise of one element, ending at
+    `t_s`.
+    """
 
     t_s: float
     snapshots: ComplexArray
@@ -40,14 +43,20 @@ class SnapshotBlock:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArraySourceState:
-    """Everything that the next block depends on: the random generator and the time of the last block."""
+    """Everything that the next block depends on.
+
+    The random generator and the time of the last block.
+    """
 
     generator: dict[str, Any]
     t_s: float | None
 
 
 class ArraySource:
-    """Uniform circular array in the field of K sources; `response` holds its coupling and gain errors."""
+    """Uniform circular array in the field of K sources.
+
+    `response` holds its coupling and gain errors.
+    """
 
     def __init__(
         self,
@@ -77,21 +86,26 @@ class ArraySource:
         self._t_s = state.t_s
 
     def step(self, t_s: float, directions: Array, snr_db: Array) -> SnapshotBlock:
-        """Return the block ending at `t_s` of sources at unit vectors `directions` (K, 3), `snr_db` (K,) per element.
+        """Return the block ending at `t_s` of sources at unit vectors `directions` (K, 3), `snr_db`
+        (K,) per element.
 
         Raises
         ------
         ValueError
-            If time does not advance, a direction is not a unit vector, or a source lies behind the array.
+            If time does not advance, a direction is not a unit vector, or a source lies
+            behind the array.
         """
         require_finite("t_s", t_s)
         if self._t_s is not None and t_s <= self._t_s:
             raise ValueError(f"t_s={t_s} must be > the last block's {self._t_s}")
         towards = as_finite_array("directions", directions, (None, 3))
         power_db = as_finite_array("snr_db", snr_db, (len(towards),))
+        # A planar array cannot tell front and back: a source behind would be measured as one in
+        # front.
         behind = np.flatnonzero(towards[:, 2] <= 0.0)
         if len(behind):
             raise ValueError(f"directions[{behind[0]}] has z={towards[behind[0], 2]}, must be > 0: behind the array")
+        # Diagonal: the stations are independent transmitters.
         powers = np.diag(10.0 ** (power_db / 10.0)).astype(np.complex128)
         samples = draw_snapshots(
             self.array,

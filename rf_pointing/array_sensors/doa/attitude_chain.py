@@ -1,12 +1,9 @@
-"""What a satellite with a direction-finding array says of itself: snapshots of a channel, and known torques.
+"""From snapshots of an array and the known torques to attitude and rate of the satellite.
 
-Which measured direction belongs to which station: the assignment with the least total angle.
-
-From snapshots of an array and the known torques to attitude and rate: directions, stations, filter, verdict.
-
-The filter starts at the first direction, with the guess that the satellite points to the nadir and turns with its orbit, and
-anew after a long gap or when direction after direction contradicts it: what it believed is then not true any more.
-Torques are held from their stamps on; between two blocks the filter is carried on by them.
+The filter starts at the first direction, with the guess that the satellite points to the nadir and
+turns with its orbit.  It starts anew after a long gap, and when direction after direction
+contradicts it.  Each torque holds from its stamp on; between two blocks the torques carry the
+filter on.
 """
 
 from collections import deque
@@ -51,15 +48,18 @@ class HeldTorque:
 def match_directions(
     measured: NDArray[np.float64], expected: NDArray[np.float64], largest_rad: float
 ) -> list[tuple[int, int]]:
-    """Return pairs (measured index, expected index), each used once, no pair farther apart than `largest_rad`.
+    """Return pairs (measured index, expected index), each used once, no pair farther apart than
+    `largest_rad`.
 
-    `measured` (n, 3) and `expected` (m, 3) are unit vectors in one frame; unmatched ones do not appear.
+    `measured` (n, 3) and `expected` (m, 3) are unit vectors in one frame; unmatched ones do not
+    appear.
     """
     from scipy.optimize import linear_sum_assignment
 
     require_between("largest_rad", largest_rad, 0.0, np.pi)
     first = as_finite_array("measured", measured, (None, 3))
     second = as_finite_array("expected", expected, (None, 3))
+    # atan2 of cross and dot product: arccos alone loses angles below 1e-8 rad.
     cross = np.linalg.norm(np.cross(first[:, None, :], second[None, :, :]), axis=-1)
     angle = np.arctan2(cross, first @ second.T)
     # a pair that is out of reach costs more than leaving both alone ever could
@@ -71,8 +71,11 @@ def match_directions(
 class DoaChainParams(Params):
     """What keeps the filter's inputs together."""
 
+    # The torque changes with the attitude error; held longer it would carry the filter off its
+    # course.
     torque_age_max_s: float = parameter(5.0, "oldest known torque that the filter is carried on by", low=0.1, high=1e4)
     gap_max_s: float = parameter(300.0, "longest time without blocks before the filter starts anew", low=1.0, high=1e5)
+    # Twice the filter's own doubt: a filter that accepts everything and still fits nothing is lost.
     lost_after: int = parameter(
         16, "directions in a row outside the gate after which the filter starts anew", low=1, high=10**6
     )
@@ -83,7 +86,10 @@ class DoaChainParams(Params):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DoaAttitudeReport:
-    """Attitude and rate after one block; `refused` says which of its directions were not used, and why."""
+    """Attitude and rate after one block.
+
+    `refused` says which of its directions were not used, and why.
+    """
 
     attitude: AttitudeReport
     rate: RateReport
@@ -110,7 +116,10 @@ class DoaAttitude:
         self._filter: DoaAttitudeFilter | None = None
 
     def take_torque(self, torque: HeldTorque, now_s: float) -> None:
-        """Note what the satellite knows of its torques; ValueError if it is not newer than the last."""
+        """Note what the satellite knows of its torques.
+
+        ValueError if it is not newer than the last.
+        """
         require_arrived(torque.t_s, now_s)
         if self._torques and torque.t_s <= self._torques[-1].t_s:
             raise ValueError(f"torque of t_s={torque.t_s} must be > the last one's {self._torques[-1].t_s}")
@@ -122,13 +131,16 @@ class DoaAttitude:
         Raises
         ------
         ValueError
-            If a transmitter is unknown, the block is late or ahead of the clock, no torque is known for the time up to
-            it, or its snapshots are refused.  The attitude is as before then, at most carried on in time.
+            If a transmitter is unknown, the block is late or ahead of the clock, no torque
+            is known for the time up to it, or its snapshots are refused.  The attitude is as before
+            then, at most carried on in time.
         """
         t_s = heard.block.t_s
         require_arrived(t_s, now_s)
         self._require_known(heard.transmitters)
         found = self._directions(heard)
+        # After the directions, so that a block of unusable snapshots leaves the filter's time
+        # alone.
         running = self._carried_on(t_s)
         pairs, refused = self._identified(running, heard.transmitters, found, t_s)
         for name, reference, seen in pairs:
@@ -143,7 +155,9 @@ class DoaAttitude:
         return _report(running, tuple(refused))
 
     def coast(self, t_s: float) -> DoaAttitudeReport | None:
-        """Return attitude and rate carried on to `t_s` without a block, None before the first block."""
+        """Return attitude and rate carried on to `t_s` without a block, None before the first
+        block.
+        """
         if self._filter is None or t_s <= self._filter.state.t_s:
             return None
         return _report(self._carried_on(t_s))
@@ -168,8 +182,12 @@ class DoaAttitude:
     def _identified(
         self, running: DoaAttitudeFilter, transmitters: tuple[str, ...], found: list[DirectionEstimate], t_s: float
     ) -> tuple[list[tuple[str, Array, DirectionEstimate]], list[str]]:
-        """Return station, reference and direction of what was found, and what was not; a sole station needs no search."""
+        """Return station, reference and direction of what was found, and what was not.
+
+        A sole station needs no search.
+        """
         view = view_stations(self._orbit, [self._stations[name] for name in transmitters], t_s)
+        # No search for a sole station: it must also work while the attitude is still wrong.
         if len(transmitters) == 1 and len(found) == 1:
             return [(transmitters[0], view.reference[0], found[0])], []
         expected = view.reference @ quaternion_to_matrix(running.output().quaternion)
@@ -182,7 +200,9 @@ class DoaAttitude:
         return [(transmitters[k], view.reference[k], found[i]) for i, k in pairs], reasons
 
     def _carried_on(self, t_s: float) -> DoaAttitudeFilter:
-        """Return the filter at `t_s`, started there if there is none, it was silent for too long, or it is lost."""
+        """Return the filter at `t_s`, started there if there is none, it was silent for too long,
+        or it is lost.
+        """
         if self._filter is not None and t_s < self._filter.state.t_s:
             raise ValueError(f"t_s={t_s} is late: the filter is at {self._filter.state.t_s}")
         if (
@@ -213,6 +233,7 @@ class DoaAttitude:
         """Return the torques held between the two times, each with its end; forget those before."""
         if from_s >= to_s:
             return []
+        # The torque in force at the filter's time stays: it is the last one before it.
         while len(self._torques) > 1 and self._torques[1].t_s <= from_s:
             self._torques.popleft()
         held = [torque for torque in self._torques if torque.t_s < to_s]
@@ -230,6 +251,7 @@ class DoaAttitude:
 
 def _report(running: DoaAttitudeFilter, refused: tuple[str, ...] = ()) -> DoaAttitudeReport:
     found = running.output()
+    # The report is checked for symmetry on the wire; propagation leaves rounding in it.
     covariance = 0.5 * (found.covariance + found.covariance.T)
     attitude = AttitudeReport(
         t_s=found.t_s,

@@ -1,7 +1,8 @@
-"""Attitude of a satellite from directions of arrival, stepped by time: the filter a node wraps.
+"""Attitude from directions of arrival, stepped by time: the filter that a node wraps.
 
-Predicts in steps of at most 250 ms with the torques the satellite knows, takes directions with covariance, and says
-with every output whether to believe it and, if not, why.  A value that is not finite never enters the state.
+Predicts in steps of at most 250 ms with the torques the satellite knows, accepts directions with
+covariance, and states with every output whether it is valid and, if not, why.  A value that is not
+finite never enters the state.
 """
 
 from dataclasses import dataclass, replace
@@ -34,16 +35,19 @@ class DoaAttitudeParams(Params):
     """Step and limits of the filter."""
 
     step_s: float = parameter(0.25, "longest prediction step", low=0.001, high=5.0)
+    # The stations of the DOA scene are passed every 625 s: one of them may be missed.
     silence_s: float = parameter(900.0, "longest time without an accepted direction", low=0.1, high=1e6)
     sigma_rad: float = parameter(
         0.035, "largest attitude uncertainty of a valid output, worst axis", low=1e-6, high=3.2
     )
-    stations: int = parameter(2, "stations heard before the output is valid", low=1, high=100)
+    stations: int = parameter(2, "stations received before the output is valid", low=1, high=100)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StationDirection:
-    """Direction to one station: measured in the body (3,), its covariance (3, 3), and expected in the orbital frame."""
+    """Direction to one station: measured in the body (3,), its covariance (3, 3), and expected in
+    the orbital frame.
+    """
 
     station: str
     measured: Array
@@ -53,9 +57,11 @@ class StationDirection:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AttitudeEstimate:
-    """Orientation of the body in the orbital frame (x, y, z, w), inertial body rate and covariance at `t_s`.
+    """Orientation of the body in the orbital frame (x, y, z, w), inertial body rate and covariance
+    at `t_s`.
 
-    `covariance` (6, 6): rotation about the axes of the orbital frame (rad^2), then rate in the body ((rad/s)^2).
+    `covariance` (6, 6): rotation about the axes of the orbital frame (rad^2), then rate in the body
+    ((rad/s)^2).
     """
 
     t_s: float
@@ -70,8 +76,8 @@ class AttitudeEstimate:
 class DoaAttitudeState:
     """Everything the next output depends on.
 
-    `bank` holds one filter or the hypotheses of the start; before the first direction it is the guess (1,).
-    `choose_s` is the time from which one hypothesis is kept.
+    `bank` holds one filter or the hypotheses of the start; before the first direction it is the
+    guess (1,). `choose_s` is the time from which one hypothesis is kept.
     """
 
     t_s: float
@@ -84,7 +90,8 @@ class DoaAttitudeState:
 class DoaAttitudeFilter:
     """Multiplicative filter with its start, its clock, its memory of stations and its verdict.
 
-    `quaternion` and `rate_rad_s` are a guess at the time of the first direction; the attitude may be anything.
+    `quaternion` and `rate_rad_s` are a guess at the time of the first direction; the attitude may
+    be anything.
     """
 
     def __init__(
@@ -122,7 +129,8 @@ class DoaAttitudeFilter:
         return 0 if self._state.heard_s is None else int(best_of_bank(self._state.bank).refused[0])
 
     def predict_to(self, t_s: float, known: KnownTorque, frame_rate: Array) -> None:
-        """Advance to `t_s`; `frame_rate` (3,) is the inertial rate of the orbital frame in its own axes.
+        """Advance to `t_s`; `frame_rate` (3,) is the inertial rate of the orbital frame in its own
+        axes.
 
         Raises
         ------
@@ -136,9 +144,13 @@ class DoaAttitudeFilter:
         rate = as_finite_array("frame_rate", frame_rate, (3,))
         for name in ("control_n_m", "wheel_momentum_n_m_s", "wheel_momentum_rate_n_m"):
             as_finite_array(name, getattr(known, name), (3,))
+        # Before the first direction there is nothing to carry on: the guess belongs to whatever
+        # time that will be.
         if self._state.heard_s is None:
             self._accept(replace(self._state, t_s=t_s))
             return
+        # Equal steps; the small subtraction keeps a step of exactly step_s from becoming two by
+        # rounding.
         count = int(np.ceil(elapsed / self._params.step_s - 1e-9))
         bank = self._state.bank
         for _ in range(count):
@@ -151,7 +163,8 @@ class DoaAttitudeFilter:
         Raises
         ------
         ValueError
-            If a direction is not a unit vector or its covariance is not positive across it; nothing is changed then.
+            If a direction is not a unit vector or its covariance is not positive across it;
+            nothing is changed then.
         """
         seen = _checked(direction)
         state = self._state
@@ -162,17 +175,22 @@ class DoaAttitudeFilter:
             bank = state.bank
         bank = update(bank, seen, self._gate)
         inside = bool(best_of_bank(bank).refused[0] == 0)
+        # A direction outside the gate does not count as contact, or a lost filter would never look
+        # silent.
         heard = state.t_s if inside or state.heard_s is None else state.heard_s
         self._accept(self._heard(replace(state, bank=bank, heard_s=heard), direction.station, inside))
         return inside
 
     def start_from_directions(self, directions: list[StationDirection], rate_rad_s: Array) -> None:
-        """Begin again from two or more simultaneous directions (Wahba's problem): there is nothing to converge.
+        """Begin again from two or more simultaneous directions (Wahba's problem).
+
+        There is nothing to converge.
 
         Raises
         ------
         ValueError
-            If the directions are collinear or fewer than two (see `wahba.fit_rotation`); nothing is changed then.
+            If the directions are collinear or fewer than two (see `wahba.fit_rotation`);
+            nothing is changed then.
         """
         checked = [_checked(each) for each in directions]
         fit = fit_rotation(
@@ -202,9 +220,11 @@ class DoaAttitudeFilter:
         )
 
     def _heard(self, state: DoaAttitudeState, station: str, inside: bool) -> DoaAttitudeState:
-        """Return `state` with the station remembered, reduced to one hypothesis once that can be told."""
+        """Return `state` with the station added, reduced to one hypothesis when that is due."""
         if station not in state.stations and (inside or not state.stations):
             state = replace(state, stations=(*state.stations, station))
+            # The second station is the first that tells the hypotheses apart: a direction leaves
+            # the turn about itself open.
             if len(state.stations) == 2:
                 state = replace(state, choose_s=state.t_s + self._start.settle_s)
         if state.choose_s is not None and state.t_s >= state.choose_s:
@@ -221,9 +241,10 @@ class DoaAttitudeFilter:
         if best.refused[0] >= self._gate.doubt_after:
             doubts.append(f"{int(best.refused[0])} directions in a row outside the gate: attitude in doubt")
         if len(state.stations) < params.stations:
-            doubts.append(f"{len(state.stations)} of {params.stations} stations heard")
+            doubts.append(f"{len(state.stations)} of {params.stations} stations received")
         if len(state.bank.misfit) > 1:
             doubts.append(f"{len(state.bank.misfit)} hypotheses of the start still open")
+        # Worst axis, not the mean: the turn about the line of sight is the one that is unknown.
         sigma = float(np.sqrt(np.linalg.eigvalsh(best.covariance[0, :3, :3])[-1]))
         if sigma > params.sigma_rad:
             doubts.append(f"attitude sigma {sigma:.3g} rad must be <= {params.sigma_rad:g} rad")
@@ -240,7 +261,8 @@ def _checked(direction: StationDirection) -> DirectionObservation:
     reference = unit_directions("reference", as_finite_array("reference", direction.reference, (3,)))
     covariance = as_finite_array("covariance_rad2", direction.covariance_rad2, (3, 3))
     across = np.linalg.eigvalsh(0.5 * (covariance + covariance.T))
-    # Along the direction the variance is zero but for rounding; across it rounding is no variance.
+    # A direction's covariance has rank two.  Along the direction the variance is zero but for rounding;
+    # across it rounding is no variance.
     if across[0] < -1e-9 * across[2] or across[1] <= 1e-9 * across[2]:
         raise ValueError(f"covariance_rad2 has eigenvalues {across}, two of them must be > 0 and none negative")
     return DirectionObservation(measured, covariance, reference)

@@ -1,13 +1,15 @@
 """Start of the attitude filter from one direction and an attitude that may be anything.
 
-One direction fixes two axes; the turn about it is known only through the dynamics, and over the first pass that turn is
-too uncertain for a linear filter: given its true uncertainty the filter may lock 180 deg away.  So:
+One direction fixes two axes; the turn about it is known only through the dynamics, and over the
+first pass that turn is too uncertain for a linear filter: given its true uncertainty the filter may
+lock 180 deg away.  So:
 
-* `aligned_start` turns the guess the shortest way onto the first direction and starts with a small uncertainty on
-  purpose.  The turn stays nearly as guessed until the next station, 120 deg away on the sky, corrects it at once; this
-  works for turns up to about 60 deg wrong.
-* `start_bank` does the same for `hypotheses` turns evenly round the circle; after the second station the one with the
-  smallest misfit is within 15 deg of the truth at the start and has converged: `best_of_bank`.
+* `aligned_start` turns the guess the shortest way onto the first direction and starts with a small
+  uncertainty on purpose.  The turn stays nearly as guessed until the next station, 120 deg away on
+  the sky, corrects it at once; this works for turns up to about 60 deg wrong.
+* `start_bank` does the same for `hypotheses` turns evenly round the circle; after the second
+  station the one with the smallest misfit is within 15 deg of the truth at the start and has
+  converged: `best_of_bank`.
 """
 
 from dataclasses import dataclass
@@ -40,15 +42,23 @@ class StartParams(Params):
 
     attitude_rad: float = parameter(0.1, "starting uncertainty of the attitude, each axis", low=1e-6, high=3.15)
     rate_rad_s: float = parameter(0.0087, "starting uncertainty of the rate, each axis", low=1e-9, high=1.0)
+    # Twelve turns leave at most 15 deg of error, well inside the 60 deg from which a start
+    # converges.
     hypotheses: int = parameter(12, "turns about the first line of sight that are tried", low=1, high=360)
-    settle_s: float = parameter(30.0, "time after the second station is heard before one is chosen", low=0.0, high=1e4)
+    # Right after the second station the hypotheses still differ by their transient, not by their
+    # fit.
+    settle_s: float = parameter(30.0, "time from the second station until one is chosen", low=0.0, high=1e4)
 
 
 def aligned_start(
     params: StartParams, gate: GateParams, quaternion: Array, rate_rad_s: Array, first: DirectionObservation
 ) -> AttitudeState:
-    """Return the state of the guess (..., 4), (..., 3) turned the shortest way so that `first` is where it should be."""
+    """Return the state of the guess (..., 4), (..., 3) turned the shortest way so that `first` is
+    where it should be.
+    """
     seen = np.einsum("...ij,...j->...i", quaternion_to_matrix(quaternion), first.measured)
+    # The shortest turn changes nothing about the line of sight, the axis that one direction cannot
+    # show.
     turn = quaternion_from_rotation_vector(rotation_between(seen, first.reference))
     return start_state(multiply(turn, quaternion), rate_rad_s, params.attitude_rad, params.rate_rad_s, gate)
 
@@ -56,9 +66,14 @@ def aligned_start(
 def start_bank(
     params: StartParams, gate: GateParams, quaternion: Array, rate_rad_s: Array, first: DirectionObservation
 ) -> AttitudeState:
-    """Return banks (..., hypotheses) of states: each aligned guess (..., 4), (..., 3) turned about its first direction."""
+    """Return banks (..., hypotheses) of states.
+
+    Each aligned guess (..., 4), (..., 3) turned about its first direction.
+    """
     count = params.hypotheses
     aligned = aligned_start(params, gate, quaternion, rate_rad_s, first)
+    # Evenly round the line of sight: one of twelve is within 15 deg of the truth, where a filter
+    # converges.
     turns = 2.0 * np.pi / count * np.arange(count)[:, None] * np.asarray(first.reference)[..., None, :]
     turned = multiply(quaternion_from_rotation_vector(turns), aligned.quaternion[..., None, :])
     rates = np.broadcast_to(aligned.rate_rad_s[..., None, :], (*turned.shape[:-1], 3))

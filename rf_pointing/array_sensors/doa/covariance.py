@@ -1,11 +1,12 @@
-"""Spatial covariance of an array from its snapshots, and its eigenvectors (DOA eqs. (9), (10)).
+"""Spatial covariance of an array, its eigenvectors (DOA eqs. (9), (10)) and the number of sources.
 
-R = 1/L sum_l x_l x_l^H.  A covariance that is empty, not finite, not Hermitian or without any power is refused here,
-once, so that nothing behind it has to guess.
+R = 1/L sum_l x_l x_l^H.  A covariance that is empty, not finite, not Hermitian or without power is
+rejected here, once, so that the estimators need not check again.
 
-How many sources a covariance holds: the minimum description length of Wax and Kailath (1985).
+Number of sources k: the minimum description length of Wax and Kailath (1985),
 
-MDL(k) = L (M - k) ln(arithmetic / geometric mean of the M - k smallest eigenvalues) + k (2 M - k) ln(L) / 2.
+    MDL(k) = L (M - k) ln(arithmetic / geometric mean of the M - k smallest eigenvalues)
+             + k (2 M - k) ln(L) / 2.
 """
 
 from dataclasses import dataclass
@@ -35,7 +36,8 @@ def sample_covariance(snapshots: ComplexArray, sources: int = 1) -> ComplexArray
     Raises
     ------
     ValueError
-        If there are fewer snapshots than sources (the signal subspace cannot be filled) or a sample is not finite.
+        If there are fewer snapshots than sources (the signal subspace cannot be filled) or a
+        sample is not finite.
     """
     if snapshots.ndim < 2:
         raise ValueError(f"snapshots has shape {snapshots.shape}, must be (..., elements, snapshots)")
@@ -62,10 +64,13 @@ def eigen(covariance: ComplexArray, elements: int, sources: int = 1) -> Eigen:
     if not np.all(np.isfinite(covariance)):
         raise ValueError("covariance contains values that are not finite")
     scale = np.abs(covariance).max(axis=(-1, -2), keepdims=True)
+    # Relative to the largest element: a covariance is symmetric to rounding, and eigh reads one
+    # triangle only.
     if np.any(np.abs(covariance - covariance.conj().swapaxes(-1, -2)) > 1e-9 * scale):
         raise ValueError("covariance is not Hermitian")
     values, vectors = np.linalg.eigh(covariance)
     values, vectors = values[..., ::-1], vectors[..., ::-1]
+    # Below this the signal subspace is filled by rounding, and MUSIC points anywhere.
     if np.any(values[..., sources - 1] <= 1e-12 * np.maximum(values[..., 0], 1e-300)):
         raise ValueError(f"covariance has rank below sources={sources}: no power, or too few independent snapshots")
     return Eigen(values, vectors)
@@ -77,7 +82,8 @@ def count_sources(covariance: NDArray[np.complex128], snapshots: int) -> NDArray
     Raises
     ------
     ValueError
-        If there are fewer snapshots than elements: the smallest eigenvalues are then zero and say nothing.
+        If there are fewer snapshots than elements: the smallest eigenvalues are then zero
+        and say nothing.
     """
     elements = covariance.shape[-1]
     if snapshots < elements:
@@ -88,6 +94,8 @@ def count_sources(covariance: NDArray[np.complex128], snapshots: int) -> NDArray
     scores = []
     for sources in range(elements):
         rest = values[..., sources:]
+        # Arithmetic over geometric mean: one for equal eigenvalues, which is what noise alone would
+        # give.
         ratio = np.log(np.mean(rest, axis=-1)) - np.mean(np.log(rest), axis=-1)
         penalty = 0.5 * sources * (2 * elements - sources) * np.log(snapshots)
         scores.append(snapshots * (elements - sources) * ratio + penalty)

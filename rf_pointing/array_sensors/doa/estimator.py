@@ -1,9 +1,10 @@
-"""Directions with covariance from one block of snapshots: covariance, MUSIC, power, Cramer-Rao bound, verdict.
+"""Directions with covariance from one block of snapshots.
 
-The covariance of a direction is the Cramer-Rao bound at the estimated power: rank two, in the tangent plane, regular at
-theta = 0.  MUSIC attains it above its threshold (see docs/math/doa.md), so below the threshold an estimate is marked
-invalid with its reason instead of carrying a covariance that is not true; so is one from a channel that holds more
-signals than are looked for: it may be another transmitter's.
+Steps: covariance, MUSIC, power, Cramer-Rao bound, verdict.  The covariance of a direction is the
+bound at the estimated power: rank two, in the tangent plane, regular at theta = 0.  MUSIC attains
+it above its threshold (docs/math/doa.md).  Below the threshold the covariance would not be true, so
+the estimate is invalid and carries its reason.  So is an estimate from a channel with more signals
+than expected: it may belong to another transmitter.
 """
 
 from dataclasses import dataclass
@@ -30,10 +31,16 @@ class DoaEstimatorParams(Params):
     """How many sources to look for and when to believe the result."""
 
     sources: int = parameter(1, "number of simultaneous sources", low=1, high=16)
+    # The threshold of MUSIC: outliers set in below kappa = 30 to 50, whatever the number of
+    # snapshots.
     effective_snr_min: float = parameter(60.0, "smallest kappa = L (M SNR)^2 / (1 + M SNR)", low=0.0, high=1e9)
+    # The bound in theta grows as 1/cos(theta); near the plane of the array the linear covariance is
+    # no longer true.
     boresight_cosine_min: float = parameter(
         0.1, "smallest cos(theta): no accuracy in the array plane", low=1e-3, high=1
     )
+    # With a second transmitter in the channel the direction may be that one's, without any other
+    # sign of it.
     count_signals: bool = parameter(True, "refuse a channel with more signals than sources (white receiver noise)")
 
 
@@ -41,8 +48,9 @@ class DoaEstimatorParams(Params):
 class DirectionEstimate:
     """Direction of one source in the array frame at `t_s`.
 
-    `direction` (3,) unit vector; `covariance_rad2` (3, 3) of its error, rank two, orthogonal to it; `snr_db` per
-    element; `effective_snr` kappa as a ratio.  An invalid estimate carries its reason and must not move a filter.
+    `direction` (3,) unit vector; `covariance_rad2` (3, 3) of its error, rank two, orthogonal to it;
+    `snr_db` per element; `effective_snr` kappa as a ratio.  An invalid estimate carries its reason
+    and must not move a filter.
     """
 
     t_s: float
@@ -67,17 +75,19 @@ class DoaEstimator:
         self._matrix = None if response is None else response.matrix
 
     def estimate(self, block: SnapshotBlock) -> list[DirectionEstimate]:
-        """Return one estimate per source found, strongest spectrum first; an unresolved source is missing from it.
+        """Return one estimate per source found, strongest spectrum first.
+
+        An unresolved source is missing from it.
 
         Raises
         ------
         ValueError
-            If the block has no more snapshots than sources (the noise cannot be told from the signals), or its
-            covariance is refused.
+            If the block has no more snapshots than sources (noise and signals cannot be
+            separated), or its covariance is refused.
         """
         sources, count = self.params.sources, block.snapshots.shape[-1]
         if count <= sources:
-            raise ValueError(f"snapshots={count} must be > sources={sources} to tell the noise from the signals")
+            raise ValueError(f"snapshots={count} must be > sources={sources} to separate noise and signals")
         covariance = sample_covariance(block.snapshots, sources)
         if sources == 1:
             peaks = estimate_directions(self.array, covariance[None], self._matrix)
@@ -92,7 +102,10 @@ class DoaEstimator:
         return self._judge(block.t_s, directions, powers / noise, count, flaw)
 
     def _crowded(self, covariance: ComplexArray, count: int) -> str:
-        """Return what speaks against the number of sources; it cannot be counted with fewer snapshots than elements."""
+        """Return why the number of sources is too small, or "".
+
+        Signals cannot be counted with fewer snapshots than elements.
+        """
         if not self.params.count_signals or count < self.array.elements:
             return ""
         held = int(count_sources(covariance, count))
@@ -107,7 +120,10 @@ class DoaEstimator:
         sources = self.params.sources
         values = eigen(covariance, self.array.elements, sources).values
         rest = float(np.sum(values[sources:]))
+        # The principal eigenvectors take a share of the noise with them; count / (count - sources)
+        # restores it.
         noise = rest / (self.array.elements - sources) * count / (count - sources)
+        # Identical snapshots or a simulation without noise: every power ratio would be infinite.
         if noise <= 1e-12 * values[0]:
             raise ValueError(
                 f"noise power {noise} must be > 0: the covariance has rank {sources}, no noise to judge by"
@@ -119,6 +135,8 @@ class DoaEstimator:
     def _judge(
         self, t_s: float, directions: Array, snr: ComplexArray, count: int, flaw: str
     ) -> list[DirectionEstimate]:
+        # Least squares may make a weak source's power negative; the bound needs a positive one and
+        # rejects it as weak.
         powers = np.maximum(np.diag(snr).real, 1e-6)
         bound = direction_bound_rad2(self.array, directions, np.diag(powers).astype(complex), count, self._matrix)
         found = len(directions)
@@ -126,6 +144,8 @@ class DoaEstimator:
 
     def _one(self, t_s: float, direction: Array, cosines: Array, snr: float, flaw: str) -> DirectionEstimate:
         effective = 2.0 / (phase_radius_rad(self.array) ** 2 * float(np.trace(cosines)))
+        # z is floored so that a direction in the array plane still has a covariance to be rejected
+        # with.
         slopes = cosine_slopes(np.append(direction[:2], max(float(direction[2]), 1e-9)))
         reasons = [flaw] if flaw else []
         if effective < self.params.effective_snr_min:

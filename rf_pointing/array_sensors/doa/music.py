@@ -1,15 +1,12 @@
-"""Refine a peak of the MUSIC spectrum to the floating-point maximum: Newton's method on the unit sphere.
+"""MUSIC for one source, batched: coarse search, then Newton's method to the exact peak.
 
-Signal fraction g(s) = |V^H C a(s)|^2 / |C a(s)|^2, V the signal eigenvectors: DOA eq. (11) is 1 / (|C a|^2 (1 - g)), so
-its peaks are the maxima of g.  log g has closed derivatives in the direction cosines (u, v); on the sphere the gradient
-is E^T d and the Hessian E^T H E - (s . d) I with E an orthonormal tangent basis.  Neither theta = 0 nor the array plane
-(where the spectrum mirrors itself) is a special place, and no step needs a search grid.
+Signal fraction g(s) = |V^H C a(s)|^2 / |C a(s)|^2, V the signal eigenvectors: DOA eq. (11) is
+1 / (|C a|^2 (1 - g)), so its peaks are the maxima of g.  With one source V is the principal
+eigenvector; this holds for a single snapshot too, where the covariance has rank one.
 
-MUSIC for one source, batched: coarse search over the front half sphere, then Newton to the exact peak.
-
-With one source the MUSIC spectrum (DOA eq. (11)) peaks where |v_1^H a| does, v_1 the principal eigenvector: this holds
-for a single snapshot too, where the covariance has rank one.  The coarse lattice is spaced 0.5 / (k r) in the direction
-cosines, a sixth of the main lobe's width, so the start lies in the lobe of the global maximum.
+log g has closed derivatives in the direction cosines (u, v); on the sphere the gradient is E^T d
+and the Hessian E^T H E - (s . d) I with E an orthonormal tangent basis.  Neither theta = 0 nor the
+array plane (where the spectrum mirrors itself) is a special place, and no step needs a search grid.
 """
 
 from dataclasses import dataclass
@@ -28,7 +25,6 @@ __all__ = [
     "lattice",
     "principal_eigenvectors",
     "refine_peaks",
-    "signal_fraction",
     "steered_lattice",
 ]
 
@@ -36,35 +32,31 @@ __all__ = [
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
+# Far below the bound of any practical SNR; quadratic convergence makes the last digits cheap.
 STEP_TOLERANCE_RAD = 1e-8
 MAX_ITERATIONS = 25
+# Covariances handled together: the working set stays inside the processor's cache.
 CHUNK = 2048
 """Covariances handled together: the working set stays inside the processor's cache."""
 
 
 @dataclass(frozen=True, slots=True)
 class Peaks:
-    """Refined directions (n, 3), signal fraction there (n,), and whether Newton's method converged (n,)."""
+    """Refined directions (n, 3), signal fraction there (n,), and whether Newton's method converged
+    (n,).
+    """
 
     direction: Array
     fraction: Array
     converged: NDArray[np.bool_]
 
 
-def signal_fraction(
-    array: CircularArrayParams, signal: ComplexArray, direction: Array, response: ComplexArray | None = None
-) -> Array:
-    """Return g (n,) at `direction` (n, 3) for signal eigenvectors `signal` (n, M, K)."""
-    manifold = steering(array, direction)
-    received = manifold if response is None else manifold @ response.T
-    along = np.einsum("nmk,nm->nk", signal.conj(), received)
-    return np.asarray(np.sum(np.abs(along) ** 2, axis=-1) / np.sum(np.abs(received) ** 2, axis=-1))
-
-
 def refine_peaks(
     array: CircularArrayParams, signal: ComplexArray, start: Array, response: ComplexArray | None = None
 ) -> Peaks:
-    """Return the maxima of g reached from `start` (n, 3); a start that does not converge is flagged, never hidden.
+    """Return the maxima of g reached from `start` (n, 3).
+
+    A start that does not converge is flagged.
 
     Parameters
     ----------
@@ -74,6 +66,7 @@ def refine_peaks(
     taylor = steering_taylor(array)
     numerator = signal.conj().swapaxes(-1, -2)
     if response is not None:
+        # C enters as V^H C, once, so that the steering derivatives stay those of the ideal array.
         numerator = numerator @ response
     direction = np.array(start, dtype=np.float64)
     value = np.zeros(len(direction))
@@ -83,6 +76,7 @@ def refine_peaks(
         fraction, gradient, hessian = _log_fraction(array, taylor, numerator[active], here, response)
         value[active] = fraction
         direction[active], length = _newton_step(here, gradient, hessian, 0.5 / phase_radius_rad(array))
+        # Only the starts that still move are computed again: most converge in a few steps.
         active = active[length > STEP_TOLERANCE_RAD]
         if not len(active):
             break
@@ -109,7 +103,11 @@ def _log_fraction(
 
 
 def _log_derivatives(y: ComplexArray) -> tuple[Array, Array, Array]:
-    """Return p = sum |y_0|^2 and the gradient (n, 2) and Hessian (n, 2, 2) of log p from Taylor columns y (n, K, 6)."""
+    """Return p = sum |y_0|^2 and the gradient (n, 2) and Hessian (n, 2, 2) of log p from Taylor
+    columns y (n, K, 6).
+    """
+    # A direction orthogonal to the signal has no logarithm of power; the floor keeps its gradient
+    # finite.
     power = np.maximum(np.sum(np.abs(y[..., 0]) ** 2, axis=-1), 1e-300)
     base = y[..., :1].conj()
     slope = 2.0 * np.sum(base * y[..., 1:3], axis=1).real / power[:, None]
@@ -131,14 +129,19 @@ def _newton_step(direction: Array, gradient: Array, hessian: Array, limit: float
     curve = basis[:, :, :2] @ hessian @ basis[:, :, :2].swapaxes(-1, -2)
     step = _climb(curve[:, 0, 0] - radial, curve[:, 0, 1], curve[:, 1, 1] - radial, slope, 1e-6 / limit**2)
     length = np.hypot(step[:, 0], step[:, 1])
+    # At most 0.5 / (k r): a longer step may leave the main lobe for a sidelobe.
     step *= np.minimum(1.0, limit / np.maximum(length, 1e-300))[:, None]
     moved = direction + np.einsum("ni,nij->nj", step, basis)
+    # A planar array sees the same phases from behind; the front image is the physical one.
     moved[:, 2] = np.abs(moved[:, 2])
     return moved / np.linalg.norm(moved, axis=-1, keepdims=True), np.minimum(length, limit)
 
 
 def _climb(a: Array, b: Array, c: Array, slope: Array, floor: float) -> Array:
-    """Return the Newton step of the Hessian [[a, b], [b, c]], turned uphill where the surface is a saddle or valley."""
+    """Return the Newton step of the Hessian [[a, b], [b, c]], turned uphill where the surface is a
+    saddle or valley.
+    """
+    # Eigenvalues in closed form: taking their size makes every step uphill, also on saddles.
     turn = 0.5 * np.arctan2(2.0 * b, a - c)
     cosine, sine = np.cos(turn), np.sin(turn)
     middle, half = 0.5 * (a + c), np.hypot(0.5 * (a - c), b)
@@ -148,7 +151,9 @@ def _climb(a: Array, b: Array, c: Array, slope: Array, floor: float) -> Array:
 
 
 def lattice(spacing: float) -> Array:
-    """Return unit vectors (n, 3) of the front half sphere, on a square lattice of direction cosines."""
+    """Return unit vectors (n, 3) of the front half sphere, on a square lattice of direction
+    cosines.
+    """
     line = np.arange(-np.floor(1.0 / spacing), np.floor(1.0 / spacing) + 1.0) * spacing
     u, v = (axis.ravel() for axis in np.meshgrid(line, line, indexing="ij"))
     inside = u * u + v * v <= 1.0
@@ -158,9 +163,10 @@ def lattice(spacing: float) -> Array:
 
 @lru_cache(maxsize=8)
 def steered_lattice(array: CircularArrayParams, spacing: float) -> tuple[Array, ComplexArray]:
-    """Return `lattice` and its steering vectors (n, M), kept because every estimate needs the same."""
+    """Return `lattice` and its steering vectors (n, M), kept for the next estimates."""
     points = lattice(spacing)
     manifold = steering(array, points)
+    # The cache hands the same arrays to every caller; a write would change later estimates.
     for kept in (points, manifold):
         kept.flags.writeable = False
     return points, manifold
@@ -187,6 +193,8 @@ def estimate_directions(
     """
     if covariance.ndim != 3:
         raise ValueError(f"covariance has shape {covariance.shape}, must be (n, elements, elements)")
+    # Spacing 0.5 / (k r) in the direction cosines is a sixth of the main lobe's width: the start
+    # lies in the lobe of the global maximum.
     candidates, manifold = steered_lattice(array, 0.5 / phase_radius_rad(array))
     if response is not None:
         manifold = manifold @ response.T
@@ -211,5 +219,6 @@ def _estimate(
 ) -> Peaks:
     principal = principal_eigenvectors(covariance, array.elements)
     spectrum = principal.conj() @ manifold.T
+    # |v_1^H a|^2 orders the lattice as the MUSIC spectrum does when there is one source.
     start = candidates[np.argmax(spectrum.real**2 + spectrum.imag**2, axis=-1)]
     return refine_peaks(array, principal[:, :, None], start, response)

@@ -1,7 +1,8 @@
-"""MUSIC for several simultaneous sources: the K largest maxima of the spectrum, each refined by Newton's method.
+"""MUSIC for several simultaneous sources: the K largest maxima, each refined by Newton's method.
 
-Signal fraction g = |V^H C a|^2 / |C a|^2 with V the K principal eigenvectors.  MUSIC needs the sources less than fully
-correlated and farther apart than the noise blurs them; where fewer than K separate maxima exist the result says so.
+Signal fraction g = |V^H C a|^2 / |C a|^2 with V the K principal eigenvectors.  MUSIC needs sources
+that are less than fully correlated and farther apart than the noise blurs them; the result states
+where fewer than K separate maxima exist.
 """
 
 from dataclasses import dataclass
@@ -21,9 +22,10 @@ ComplexArray = NDArray[np.complex128]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SeveralDirections:
-    """Directions (k, 3) found for one covariance, best first, with k <= sources asked for.
+    """Directions (k, 3) found for one covariance, best first, with k <= `sources`.
 
-    `fraction` (k,) is 1 for a perfect source; `reason` is empty when all were found, else says what is missing.
+    `fraction` (k,) is 1 for a perfect source; `reason` is empty when all were found, else says what
+    is missing.
     """
 
     direction: Array
@@ -33,7 +35,7 @@ class SeveralDirections:
 
     @property
     def complete(self) -> bool:
-        """Whether as many separate directions were found as were asked for."""
+        """Whether all `sources` were found as separate directions."""
         return not self.reason
 
 
@@ -45,12 +47,16 @@ def estimate_several(
     Raises
     ------
     ValueError
-        If `sources` is not below the number of elements, or the covariance has lower rank than that.
+        If `sources` is not below the number of elements, or the covariance has lower rank
+        than that.
     """
     signal = eigen(covariance, array.elements, sources).vectors[:, :sources]
+    # Finer than for one source: two maxima closer than a lattice step would merge into one start.
     spacing = 0.2 / phase_radius_rad(array)
     starts = _lattice_maxima(array, signal, spacing, response)
     peaks = refine_peaks(array, np.broadcast_to(signal, (len(starts), *signal.shape)), starts, response)
+    # Two starts often climb to the same maximum: keep the best and drop what lies within half a
+    # step of it.
     order = np.argsort(-peaks.fraction)
     order = order[peaks.converged[order]]
     chosen: list[int] = []
@@ -68,7 +74,9 @@ def estimate_several(
 def _lattice_maxima(
     array: CircularArrayParams, signal: ComplexArray, spacing: float, response: ComplexArray | None
 ) -> Array:
-    """Return the lattice points (n, 3) that no neighbour exceeds, on a square lattice of direction cosines."""
+    """Return the lattice points (n, 3) that no neighbour exceeds, on a square lattice of direction
+    cosines.
+    """
     points, received = steered_lattice(array, spacing)
     if response is not None:
         received = received @ response.T
@@ -76,6 +84,8 @@ def _lattice_maxima(
     place = np.rint(points[:, :2] / spacing).astype(int)
     place -= place.min(axis=0)
     side = int(place.max()) + 1
+    # A border of -1 outside the unit circle, so that points at the rim compare with something
+    # lower.
     value = np.full((side + 2, side + 2), -1.0)
     value[place[:, 0] + 1, place[:, 1] + 1] = along
     highest = np.ones(len(points), dtype=np.bool_)

@@ -1,7 +1,8 @@
-"""A simulated satellite whose circular array hears ground stations: the truth behind the DOA attitude filter.
+"""A simulated satellite whose circular array receives ground stations: truth of the DOA filter.
 
-The satellite holds nadir by a torque that it knows and tells; stations above their horizon and in front of the array
-send in turn, one block of snapshots each period, or all together in one channel.
+The satellite holds nadir by a torque that it knows and publishes.  Stations above their horizon and
+in front of the array transmit in turn, one block of snapshots each period, or all together in one
+channel.
 """
 
 import math
@@ -24,6 +25,8 @@ from rf_pointing.core import Params, parameter
 __all__ = ["DoaMoment", "DoaScenarioParams", "SimulatedDoa"]
 
 Array = NDArray[np.float64]
+# The step of DOA, so that truth and filter integrate alike however long the period of the blocks
+# is.
 _STEP_S = 0.25
 
 
@@ -36,7 +39,7 @@ class DoaScenarioParams(Params):
         "in_turn", "in_turn: one station each period; together: all in one channel", choices=("in_turn", "together")
     )
     elevation_min_rad: float = parameter(math.radians(10.0), "lowest elevation of the satellite", low=0.0, high=1.5)
-    boresight_cosine_min: float = parameter(0.15, "smallest cos(theta) that the array hears", low=1e-3, high=1.0)
+    boresight_cosine_min: float = parameter(0.15, "smallest cos(theta) that the array receives", low=1e-3, high=1.0)
     roll_rad: float = parameter(math.radians(15.0), "true roll at the start", low=-math.pi, high=math.pi)
     pitch_rad: float = parameter(math.radians(-10.0), "true pitch at the start", low=-1.5, high=1.5)
     yaw_rad: float = parameter(math.radians(40.0), "true yaw at the start", low=-math.pi, high=math.pi)
@@ -45,7 +48,9 @@ class DoaScenarioParams(Params):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DoaMoment:
-    """Truth at one instant, the torque held from then on, and the snapshots if any station is heard."""
+    """Truth at one instant, the torque held from then on, and the snapshots if any station is
+    received.
+    """
 
     truth: SatelliteTruth
     torque: HeldTorque
@@ -94,6 +99,8 @@ class SimulatedDoa:
             raise ValueError(f"t_s={t_s} must be > the last step's {before_s}")
         count = math.ceil((t_s - before_s) / _STEP_S - 1e-9)
         for index in range(count):
+            # Frame rate at the middle of the step: at its start the truth would lag by half a step
+            # every step.
             middle_s = before_s + (index + 0.5) * (t_s - before_s) / count
             rate = orbit_point(self._orbit, middle_s).frame_rate_rad_s
             self._satellite.step((t_s - before_s) / count, self._torque, rate)
@@ -113,6 +120,8 @@ class SimulatedDoa:
         if not len(heard):
             return None
         if self._scenario.access == "in_turn":
+            # Counted over all steps: the stations in view change, so their index alone would favour
+            # some.
             heard = heard[[self._turn % len(heard)]]
             self._turn += 1
         block = self._source.step(t_s, directions[heard], np.full(len(heard), self._scenario.snr_db))

@@ -1,10 +1,12 @@
 """Simulated satellite holding nadir: the truth behind the attitude filters.
 
-With the inertia of DOA eq. (25) gravity gradient alone is unstable (iyy < izz), so a torque must hold the satellite:
+With the inertia of DOA eq. (25) gravity gradient alone is unstable (iyy < izz), so a torque must
+hold the satellite:
 
-    T = -I (f^2 2 q + 2 z f w_bo),    f bandwidth, z damping, q vector part, w_bo rate against the orbital frame,
+    T = -I (f^2 2 q + 2 z f w_bo),
 
-which the filter is told.  Random torque makes the rate a random walk; a filter can be given the same process noise.
+f bandwidth, z damping, q vector part, w_bo rate against the orbital frame.  The filter knows this
+torque.  Random torque makes the rate a random walk; a filter can be given the same process noise.
 """
 
 import copy
@@ -33,13 +35,16 @@ Array = NDArray[np.float64]
 class NadirHoldParams(Params):
     """Stiffness of the simulated attitude control."""
 
+    # Above the orbital rate of 0.001 rad/s, or the gravity gradient would win.
     bandwidth_rad_s: float = parameter(0.02, "natural frequency of the loop", low=0.002, high=1.0)
     damping: float = parameter(1.0, "damping ratio of the loop", low=0.1, high=5.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SatelliteTruth:
-    """Complete state: orientation of the body in the orbital frame, inertial body rate, and the noise generator."""
+    """Complete state: orientation of the body in the orbital frame, inertial body rate, and the
+    noise generator.
+    """
 
     t_s: float
     quaternion: Array
@@ -48,7 +53,9 @@ class SatelliteTruth:
 
 
 class SimulatedSatellite:
-    """One satellite, or a batch where `quaternion` (..., 4) and `rate_rad_s` (..., 3) have leading axes."""
+    """One satellite, or a batch where `quaternion` (..., 4) and `rate_rad_s` (..., 3) have leading
+    axes.
+    """
 
     def __init__(
         self,
@@ -89,6 +96,7 @@ class SimulatedSatellite:
         """Return the torque that turns the body frame into the orbital frame, without wheels."""
         rotation = quaternion_to_matrix(self._quaternion)
         relative = self._rate - np.einsum("...ji,...j->...i", rotation, frame_rate)
+        # The sign of the scalar chooses the short way round; the other would unwind a full turn.
         turn = 2.0 * self._quaternion[..., :3] * np.where(self._quaternion[..., 3:] < 0.0, -1.0, 1.0)
         pull = self._hold.bandwidth_rad_s**2 * turn
         brake = 2.0 * self._hold.damping * self._hold.bandwidth_rad_s * relative
@@ -98,7 +106,10 @@ class SimulatedSatellite:
         )
 
     def step(self, dt_s: float, known: KnownTorque, frame_rate: Array) -> None:
-        """Advance the truth by `dt_s` under `known`; `frame_rate` (3,) is the orbital frame's inertial rate in F_o."""
+        """Advance the truth by `dt_s` under `known`.
+
+        `frame_rate` (3,) is the orbital frame's inertial rate in F_o.
+        """
         require_between("dt_s", dt_s, 1e-6, 10.0)
         quaternion, rate = propagate(self._inertia, self._quaternion, self._rate, known, frame_rate, dt_s)
         shape = rate.shape

@@ -1,9 +1,10 @@
 """Simulated snapshots of an array: x = C A s + n (DOA eq. (8)), noise of unit power per element.
 
-`draw_snapshots` makes the samples.  `draw_covariances` draws the sample covariance of one source from its exact law, at
-M^2 instead of M L random numbers: a rotation of the L snapshots puts the whole waveform, of energy g, into the first
-one, so L R = x x^H + B B^H with x = sqrt(SNR g) a + n and B B^H the complex Wishart matrix of the L - 1 others (B lower
-triangular, Bartlett 1933).  g = L for constant modulus, Gamma(L) for a Gaussian waveform.
+`draw_snapshots` makes the samples.  `draw_covariances` draws the sample covariance of one source
+from its exact law, at M^2 instead of M L random numbers: a rotation of the L snapshots puts the
+whole waveform, of energy g, into the first one, so L R = x x^H + B B^H with x = sqrt(SNR g) a + n
+and B B^H the complex Wishart matrix of the L - 1 others (B lower triangular, Bartlett 1933).  g = L
+for constant modulus, Gamma(L) for a Gaussian waveform.
 """
 
 import numpy as np
@@ -38,14 +39,16 @@ def draw_snapshots(
 
     Parameters
     ----------
-    source_covariance : (K, K) Hermitian; its diagonal is the SNR per element (ratio) of each source.
+    source_covariance : (K, K) Hermitian; its diagonal is the SNR per element (ratio) of each
+        source.
     waveform : "gaussian", or "constant_modulus" (random phases, uncorrelated sources only).
     response : (M, M) coupling and gain matrix C; identity when None.
 
     Raises
     ------
     ValueError
-        If `snapshots` < 1, the covariance is not K x K positive semidefinite, or constant-modulus sources correlate.
+        If `snapshots` < 1, the covariance is not K x K positive semidefinite, or
+        constant-modulus sources correlate.
     """
     require_between("snapshots", snapshots, 1, None)
     require_choice("waveform", waveform, ("gaussian", "constant_modulus"))
@@ -74,15 +77,19 @@ def draw_covariances(
     *,
     waveform: str = "gaussian",
 ) -> ComplexArray:
-    """Return sample covariances (n, M, M) of one source at `direction` (n, 3), `snr` per element (ratio)."""
+    """Return sample covariances (n, M, M) of one source at `direction` (n, 3), `snr` per element
+    (ratio).
+    """
     require_between("snr", snr, 0.0, None)
     require_between("snapshots", snapshots, 1, None)
     require_choice("waveform", waveform, ("gaussian", "constant_modulus"))
     count = len(direction)
+    # Sum of |s|^2 over the snapshots: the only property of the waveform that the covariance keeps.
     energy = stream.gamma(snapshots, size=count) if waveform == "gaussian" else np.full(count, float(snapshots))
     first = np.sqrt(snr * energy)[:, None] * steering(array, direction) + complex_normal(
         stream, (count, array.elements)
     )
+    # Bartlett's decomposition draws the covariance of the noise without drawing its snapshots.
     rest = _wishart_root(count, array.elements, snapshots - 1, stream)
     outer = first[:, :, None] * first[:, None, :].conj()
     return np.asarray((outer + rest @ rest.conj().swapaxes(-1, -2)) / snapshots, dtype=np.complex128)

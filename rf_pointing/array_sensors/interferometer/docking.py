@@ -1,9 +1,8 @@
-"""Pose estimate in REP-103 axes (x forward, y left, z up), ready for standard geometry messages.
+"""Docking by the interferometer: simulated approach, tracker with a clock, pose in REP-103 axes.
 
-Position and velocity in the active body frame; the orientation turns vectors of the passive body frame into it; the
-covariance's rotations are about the active frame's fixed axes, as pose messages define it.
-
-Two spacecraft that find each other by the polarized interferometer: the simulated approach, and the pose with a clock.
+REP-103: x forward, y left, z up.  Position and velocity are in the active body frame; the
+orientation turns vectors of the passive body frame into it.  Rotations of the covariance are about
+the active frame's fixed axes, as pose messages define it.
 """
 
 from dataclasses import dataclass
@@ -29,14 +28,16 @@ __all__ = ["DockingMoment", "RelativePoseTracker", "Rep103Pose", "SimulatedDocki
 
 
 Array = NDArray[np.float64]
+# From the report's axes (x boresight, y right, z down) to REP-103: y and z change their sign.
 _FLIP = np.diag([1.0, -1.0, -1.0])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rep103Pose:
-    """Position (3,), orientation (3, 3), their covariance (6, 6); linear and angular velocity (3,), covariance (6, 6).
+    """Position (3,), orientation (3, 3), their covariance (6, 6).
 
-    Angular velocity of the passive body relative to the active one, in the active frame like the linear one.
+    Linear and angular velocity (3,), covariance (6, 6).  Angular velocity of the passive body
+    relative to the active one, in the active frame like the linear one.
     """
 
     position_m: Array
@@ -51,6 +52,8 @@ def rep103_pose(estimate: PoseEstimate) -> Rep103Pose:
     """Return the estimate in REP-103 axes."""
     motion = estimate.motion
     position, orientation = rep103_from_spacecraft(motion.position_m, motion.attitude)
+    # The filter's rotation error and rate are in the passive frame; pose messages want the active
+    # one.
     to_active = _FLIP @ motion.attitude.T
     pose = _block(_FLIP, to_active)
     rows, twist_rows = np.r_[0:3, 6:9], np.r_[3:6, 9:12]
@@ -106,8 +109,8 @@ class SimulatedDocking:
 class RelativePoseTracker:
     """The tracker with its state: `take` each measurement, `watch` the clock where none comes.
 
-    What `watch` gives is a forecast and leaves the state where the last measurement put it, so that a measurement that
-    was only delayed still counts, however late the silence was noticed.
+    What `watch` gives is a forecast and leaves the state where the last measurement put it, so that
+    a measurement that was only delayed still counts, however late the silence was noticed.
     """
 
     def __init__(self, tracker: InterferometerTracker, silence_s: float) -> None:
@@ -117,7 +120,10 @@ class RelativePoseTracker:
         self._latest_s: float | None = None
 
     def take(self, measurement: InterferometerMeasurement, now_s: float) -> TrackerOutput:
-        """Return the output after `measurement`; ValueError if it is late, repeated or ahead of the clock."""
+        """Return the output after `measurement`.
+
+        ValueError if it is late, repeated or ahead of the clock.
+        """
         require_arrived(measurement.t_s, now_s)
         if self._latest_s is not None and measurement.t_s <= self._latest_s:
             raise ValueError(f"t_s={measurement.t_s} is late: the pose is already at {self._latest_s}")
@@ -126,10 +132,15 @@ class RelativePoseTracker:
         return output
 
     def watch(self, t_s: float) -> TrackerOutput | None:
-        """Return the output carried on to `t_s` if nothing came for too long, else None; past the limit drop the pose."""
+        """Return the output carried on to `t_s` if nothing came for too long, else None.
+
+        Past the limit drop the pose.
+        """
         if self._latest_s is None or t_s - self._latest_s <= self._silence_s:
             return None
         reason = f"no measurement for {t_s - self._latest_s:.6g} s, must be <= {self._silence_s} s"
+        # A forecast: the state is kept only when the pose is dropped, or a delayed measurement
+        # would be late for good.
         state, output = self.tracker.coast(self.state, t_s, reason)
         if output.estimate is None:
             self.state = state

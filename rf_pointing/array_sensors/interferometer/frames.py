@@ -1,8 +1,9 @@
 """Frames of the two spacecraft: rotations of frames, one-way attitude, directions.
 
-Axes: x boresight, y right, z down.  Azimuth turns x towards y, elevation turns x towards -z, roll turns y towards z.
-The matrices rotate frames, not vectors: v_passive = A v_active with A = Tx(roll) Ty(elevation) Tz(azimuth), PI83
-eq. (2-1).  Zero attitude: both spacecraft face the same way.  All functions work on stacks (leading dimensions).
+Axes: x boresight, y right, z down.  Azimuth turns x towards y, elevation turns x towards -z, roll
+turns y towards z. The matrices rotate frames, not vectors: v_passive = A v_active with A = Tx(roll)
+Ty(elevation) Tz(azimuth), PI83 eq. (2-1).  Zero attitude: both spacecraft face the same way.  All
+functions work on stacks (leading dimensions).
 """
 
 import numpy as np
@@ -35,6 +36,8 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
+# At elevation +-90 deg azimuth and roll are about one axis: refusing is better than an arbitrary
+# split.
 _GIMBAL_COSINE = 1e-9
 _AXES = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}
 _REP103 = np.array([1.0, -1.0, -1.0])
@@ -68,40 +71,49 @@ def _axis_rotation(axis: str, angle_rad: ArrayLike) -> Array:
 def small_rotation(
     azimuth_rad: ArrayLike, elevation_rad: ArrayLike, roll_rad: ArrayLike, variant: str = CORRECTED
 ) -> Array:
-    """Return the first-order product of the three rotations, (..., 3, 3) (PI83 eq. 4-11, listing IACOMP).
+    """Return the first-order product of the three rotations, (..., 3, 3) (PI83 eq. 4-11, listing
+    IACOMP).
 
-    As "published" the diagonal of (4-11) is zero; with it the updated direction would be orthogonal to the old one.
+    As "published" the diagonal of (4-11) is zero; with it the updated direction would be orthogonal
+    to the old one.
     """
     angles = np.broadcast_arrays(*(np.asarray(a, dtype=np.float64) for a in (roll_rad, elevation_rad, azimuth_rad)))
+    # Frames turn, not vectors: hence the minus sign.
     skew = -cross_matrix(np.stack(angles, axis=-1))
     return skew if is_published(variant) else skew + np.eye(3)
 
 
 def frame_rotation(vector_rad: ArrayLike) -> Array:
-    """Return the frame turned by the rotation vector (..., 3): T = exp(-[v x]); inverse of `rotation_vector`."""
+    """Return the frame turned by the rotation vector (..., 3): T = exp(-[v x]).
+
+    Inverse of `rotation_vector`.
+    """
     vector = np.asarray(vector_rad, dtype=np.float64)
     return matrix_from_quaternion(quaternion_from_turn(-vector))
 
 
 def rotation_vector(rotation: ArrayLike) -> Array:
-    """Return the rotation vector (..., 3), length in [0, pi], of a frame rotation; inverse of `frame_rotation`.
+    """Return the rotation vector (..., 3), length in [0, pi], of a frame rotation.
 
-    Accurate at half a turn too, where its sign is free.
+    Inverse of `frame_rotation`.  Accurate at half a turn too, where its sign is free.
     """
     matrix = np.asarray(rotation, dtype=np.float64)
     return turn_from_quaternion(quaternion_from_matrix(np.swapaxes(matrix, -1, -2)))
 
 
 def attitude_from_euler(azimuth_rad: ArrayLike, elevation_rad: ArrayLike, roll_rad: ArrayLike) -> Array:
-    """Return A (..., 3, 3) of the passive spacecraft relative to the active one (PI83 eq. 2-1, listing ACOMP)."""
+    """Return A (..., 3, 3) of the passive spacecraft relative to the active one (PI83 eq. 2-1,
+    listing ACOMP).
+    """
     return roll_rotation(roll_rad) @ elevation_rotation(elevation_rad) @ azimuth_rotation(azimuth_rad)
 
 
 def euler_from_attitude(attitude: ArrayLike, variant: str = CORRECTED) -> tuple[Array, Array, Array]:
     """Return azimuth and roll in [-pi, pi] and elevation in [-pi/2, pi/2] of A (..., 3, 3).
 
-    "corrected" is the listing's EULER, where a common gain error of A cancels; "published" is eq. (2-5) as printed,
-    which lost the minus sign of A13.  Raises ValueError at elevation +-90 deg, where azimuth and roll coincide.
+    "corrected" is the listing's EULER, where a common gain error of A cancels; "published" is eq.
+    (2-5) as printed, which lost the minus sign of A13.  Raises ValueError at elevation +-90 deg,
+    where azimuth and roll coincide.
     """
     matrix = np.asarray(attitude, dtype=np.float64)
     if np.any(np.hypot(matrix[..., 0, 0], matrix[..., 0, 1]) < _GIMBAL_COSINE):
@@ -110,6 +122,7 @@ def euler_from_attitude(attitude: ArrayLike, variant: str = CORRECTED) -> tuple[
     roll = np.arctan2(matrix[..., 1, 2], matrix[..., 2, 2])
     if is_published(variant):
         return azimuth, np.arctan(matrix[..., 0, 2] * np.cos(azimuth) / matrix[..., 0, 0]), roll
+    # Mean of two expressions for cos(elevation): a common gain error of A cancels in the ratio.
     cosine = 0.5 * (
         matrix[..., 0, 0] * np.cos(azimuth)
         + matrix[..., 0, 1] * np.sin(azimuth)
@@ -120,17 +133,20 @@ def euler_from_attitude(attitude: ArrayLike, variant: str = CORRECTED) -> tuple[
 
 
 def target_axes(attitude: ArrayLike, variant: str = CORRECTED) -> Array:
-    """Return the passive spacecraft's axes in the active frame, (..., 3, 3), one axis per last-dimension column.
+    """Return the passive spacecraft's axes in the active frame, (..., 3, 3), one axis per
+    last-dimension column.
 
-    The text after (2-1) says that the columns of A are these axes ("published"); with v_passive = A v_active they
-    are its rows.
+    The text after (2-1) says that the columns of A are these axes ("published"); with v_passive = A
+    v_active they are its rows.
     """
     matrix = np.asarray(attitude, dtype=np.float64)
     return matrix if is_published(variant) else np.swapaxes(matrix, -1, -2)
 
 
 def direction_from_angles(azimuth_rad: ArrayLike, elevation_rad: ArrayLike) -> Array:
-    """Return the unit vector (..., 3) = [cos b cos a, cos b sin a, -sin b] (PI83 eq. 3-26, listing PRC)."""
+    """Return the unit vector (..., 3) = [cos b cos a, cos b sin a, -sin b] (PI83 eq. 3-26, listing
+    PRC).
+    """
     azimuth, elevation = np.broadcast_arrays(
         np.asarray(azimuth_rad, dtype=np.float64), np.asarray(elevation_rad, dtype=np.float64)
     )
@@ -145,7 +161,9 @@ def forward_angles(direction: ArrayLike) -> tuple[Array, Array]:
 
 
 def reverse_angles(direction: ArrayLike) -> tuple[Array, Array]:
-    """Return azimuth in (-pi, pi] and elevation of vectors near -x, smooth in the vector there (listing RPC2)."""
+    """Return azimuth in (-pi, pi] and elevation of vectors near -x, smooth in the vector there
+    (listing RPC2).
+    """
     x, y, z = np.moveaxis(np.asarray(direction, dtype=np.float64), -1, 0)
     azimuth = np.pi - np.arctan2(y, -x)
     return np.where(azimuth > np.pi, azimuth - 2.0 * np.pi, azimuth), np.arctan2(-z, np.hypot(x, y))
@@ -154,13 +172,17 @@ def reverse_angles(direction: ArrayLike) -> tuple[Array, Array]:
 def rep103_from_spacecraft(position_m: ArrayLike, attitude: ArrayLike) -> tuple[Array, Array]:
     """Return position and orientation by REP-103 (x forward, y left, z up) from position and A.
 
-    The position (..., 3) is in the active body frame; the orientation (..., 3, 3) turns vectors of the passive body
-    frame into the active one, as a pose message means it.  The inverse is `spacecraft_from_rep103`.
+    The position (..., 3) is in the active body frame; the orientation (..., 3, 3) turns vectors of
+    the passive body frame into the active one, as a pose message means it.  The inverse is
+    `spacecraft_from_rep103`.
     """
     turned = np.swapaxes(np.asarray(attitude, dtype=np.float64), -1, -2)
     return np.asarray(position_m, dtype=np.float64) * _REP103, _REP103[:, None] * turned * _REP103
 
 
 def spacecraft_from_rep103(position_m: ArrayLike, orientation: ArrayLike) -> tuple[Array, Array]:
-    """Return position and A in the report's axes from a REP-103 pose; inverse of `rep103_from_spacecraft`."""
+    """Return position and A in the report's axes from a REP-103 pose.
+
+    Inverse of `rep103_from_spacecraft`.
+    """
     return rep103_from_spacecraft(position_m, orientation)

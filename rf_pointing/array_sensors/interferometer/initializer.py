@@ -1,12 +1,9 @@
-"""Range and directions from the nine two-way ranges, without prior knowledge, for parallel paths.
+"""First estimate without prior knowledge, for parallel paths (PI83 chapter 3, program FHR-209).
 
-Range is the symmetric sum, rho = sum_ij (R_ij - delay)/18 (PI83 eqs. 3-2 to 3-7, listing ERANGE); the differences of
-the row means give the direction at the active array (eqs. 3-13 to 3-26, DFACT), those of the column means the
-direction at the passive array (eqs. 3-27 to 3-30, DFPAS).  The bias is of the order of radius/range.
-
-First estimate without prior knowledge: range, both directions, then roll (PI83 chapter 3, program FHR-209).
-
-The estimate holds for parallel paths, so its error is about radius/range radians; tracking removes it.
+Range: rho = sum_ij (R_ij - delay)/18 (eqs. 3-2 to 3-7, listing ERANGE).  Directions: differences of
+the row means at the active array (eqs. 3-13 to 3-26, DFACT), of the column means at the passive one
+(eqs. 3-27 to 3-30, DFPAS).  Roll: from the polarisation couplings.  The error is about radius/range
+radians; tracking removes it.
 """
 
 import math
@@ -32,40 +29,22 @@ __all__ = [
     "initialize",
     "range_from_sum",
     "reverse_direction_from_ranges",
-    "two_element_angle",
-    "two_element_phase",
 ]
 
 
 Array = NDArray[np.float64]
 
 
-def two_element_phase(angle_rad: ArrayLike, baseline_m: float, wavelength_m: float) -> Array:
-    """Return the phase difference 2 pi |b| sin(angle)/lambda of two elements (PI83 eq. 3-11), not folded."""
-    return 2.0 * np.pi * baseline_m * np.sin(np.asarray(angle_rad, dtype=np.float64)) / wavelength_m
-
-
-def two_element_angle(phase_rad: ArrayLike, baseline_m: float, wavelength_m: float) -> Array:
-    """Return the off-boresight angle of an unfolded phase difference (PI83 eq. 3-12).
-
-    Raises ValueError when the phase belongs to no angle: |lambda phase / (2 pi |b|)| > 1.
-    """
-    sine = wavelength_m * np.asarray(phase_rad, dtype=np.float64) / (2.0 * np.pi * baseline_m)
-    if np.any(np.abs(sine) > 1.0):
-        worst = float(np.max(np.abs(sine)))
-        raise ValueError(f"phase difference gives sine {worst:.6g} of the angle, must be <= 1: wrong cycle or noise")
-    return np.arcsin(sine)
-
-
 def range_from_sum(ranges_m: ArrayLike, arrays: ArrayParams) -> Array:
-    """Return the distance (...) from the nine two-way ranges (..., 3, 3) (PI83 eq. 3-7, all nine)."""
+    """Return the distance (...) from all nine two-way ranges (..., 3, 3) (PI83 eq. 3-7)."""
     return np.asarray(np.sum(np.asarray(ranges_m, dtype=np.float64) - arrays.transponder_delay_m, axis=(-2, -1)) / 18.0)
 
 
 def direction_cosines(centre_ranges_m: ArrayLike, radius_m: float) -> tuple[Array, Array, Array]:
-    """Return s_y, s_z and 1 - s_y^2 - s_z^2 from the one-way ranges to elements 1, 2, 3, (..., 3) (eqs. 3-22, 3-24).
+    """Return s_y, s_z and 1 - s_y^2 - s_z^2 (...) from the one-way ranges (..., 3).
 
-    The third value is s_x^2; negative, the ranges belong to no direction (noise at grazing, or a wrong lane).
+    Ranges to elements 1, 2, 3 (PI83 eqs. 3-22, 3-24).  The third value
+    is s_x^2; negative, the ranges belong to no direction (noise at grazing, or a wrong lane).
     """
     first, second, third = np.moveaxis(np.asarray(centre_ranges_m, dtype=np.float64), -1, 0)
     along_y = (second - third) / (math.sqrt(3.0) * radius_m)
@@ -74,28 +53,38 @@ def direction_cosines(centre_ranges_m: ArrayLike, radius_m: float) -> tuple[Arra
 
 
 def forward_direction(ranges_m: ArrayLike, range_m: ArrayLike, arrays: ArrayParams) -> Array:
-    """Return xi (..., 3), x >= 0, of the passive array seen by the active one (PI83 eqs. 3-13 to 3-26)."""
+    """Return xi (..., 3), x >= 0, of the passive array seen by the active one (PI83 eqs. 3-13 to
+    3-26).
+    """
     return _direction(ranges_m, range_m, arrays, -1, arrays.radius_active_m, 1.0)
 
 
 def reverse_direction_from_ranges(ranges_m: ArrayLike, range_m: ArrayLike, arrays: ArrayParams) -> Array:
-    """Return eta (..., 3), x <= 0, of the active array seen by the passive one (PI83 eqs. 3-27 to 3-30)."""
+    """Return eta (..., 3), x <= 0, of the active array seen by the passive one (PI83 eqs. 3-27 to
+    3-30).
+    """
     return _direction(ranges_m, range_m, arrays, -2, arrays.radius_passive_m, -1.0)
 
 
 def _direction(
     ranges_m: ArrayLike, range_m: ArrayLike, arrays: ArrayParams, axis: int, radius_m: float, side: float
 ) -> Array:
+    # Averaging over the other array's elements leaves paths to its centre: their sum of positions
+    # is zero.
     two_way = np.mean(np.asarray(ranges_m, dtype=np.float64), axis=axis)
     to_centre = two_way - arrays.transponder_delay_m - np.asarray(range_m)[..., None]
     along_y, along_z, square = direction_cosines(to_centre, radius_m)
+    # The sign of x is not in the ranges: the arrays are known to face each other.
     direction = np.stack([side * np.sqrt(np.maximum(0.0, square)), along_y, along_z], axis=-1)
     return np.asarray(direction / np.linalg.norm(direction, axis=-1, keepdims=True))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Geometry:
-    """Range (...), unit vectors xi and eta (..., 3), relative roll (...): one state or a stack of them."""
+    """Range (...), unit vectors xi and eta (..., 3), relative roll (...).
+
+    One state or a stack of them.
+    """
 
     range_m: Array
     forward: Array
@@ -124,9 +113,11 @@ def geometry_from_pose(position_m: ArrayLike, attitude: ArrayLike) -> Geometry:
 
 
 def initialize(ranges_m: ArrayLike, amplitudes: ArrayLike, arrays: ArrayParams) -> Geometry:
-    """Return the geometry from two-way ranges (..., 3, 3) and couplings (..., 2, 2), no prior needed.
+    """Return the geometry from two-way ranges (..., 3, 3) and couplings (..., 2, 2), no prior
+    needed.
 
-    Directions outside the unit circle are put on its edge, as in the listing: ask `aperture_excess` first.
+    Directions outside the unit circle are put on its edge, as in the listing: ask `aperture_excess`
+    first.
     """
     distance = range_from_sum(ranges_m, arrays)
     if np.any(distance <= 0.0):
@@ -141,7 +132,10 @@ def initialize(ranges_m: ArrayLike, amplitudes: ArrayLike, arrays: ArrayParams) 
 
 
 def aperture_excess(ranges_m: ArrayLike, arrays: ArrayParams) -> tuple[Array, Array]:
-    """Return s_y^2 + s_z^2 - 1 (...) for the active and the passive array: positive belongs to no direction."""
+    """Return s_y^2 + s_z^2 - 1 (...) for the active and the passive array.
+
+    Positive belongs to no direction.
+    """
     ranges = np.asarray(ranges_m, dtype=np.float64)
     distance = range_from_sum(ranges, arrays)
     sides = ((-1, arrays.radius_active_m), (-2, arrays.radius_passive_m))

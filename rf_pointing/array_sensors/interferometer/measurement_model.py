@@ -1,10 +1,10 @@
-"""Small changes of a relative motion, in coordinates in which the measurements are nearly linear.
+"""Expected reading of a relative motion and its gradient in local coordinates.
 
-Fourteen numbers: range and two cross-track lengths (angle times range), velocity in the line-of-sight frame turned
-along with the direction, rotation vector of A in the passive frame, angular rate, and the two excitation factors.
-Cartesian changes would not do: at 100 km a cross-track error of 70 m lengthens the range by 25 mm, forty sigma.
-
-Expected ranges, path rates and couplings of a relative motion, and their gradients in local coordinates.
+Local coordinates are fourteen small changes in which the measurements are nearly linear: range and
+two cross-track lengths (angle times range), velocity in the line-of-sight frame turned along with
+the direction, rotation vector of A in the passive frame, angular rate, two excitation factors.
+Cartesian changes are not linear enough: at 100 km a cross-track error of 70 m lengthens the range
+by 25 mm, forty sigma.
 """
 
 from collections.abc import Callable
@@ -51,7 +51,9 @@ class TrackedMotion:
 
 
 def sight_axes(position_m: Array) -> Array:
-    """Return the matrix (..., 3, 3) whose columns are the direction and two axes across it, right-handed."""
+    """Return the matrix (..., 3, 3) whose columns are the direction and two axes across it,
+    right-handed.
+    """
     forward = position_m / np.linalg.norm(position_m, axis=-1, keepdims=True)
     rows = np.concatenate([forward[..., None, :], tangent_rows(forward)], axis=-2)
     return np.swapaxes(rows, -1, -2)
@@ -62,6 +64,8 @@ def displaced(tracked: TrackedMotion, change: Array) -> TrackedMotion:
     motion = tracked.motion
     axes = sight_axes(motion.position_m)
     distance = np.linalg.norm(motion.position_m, axis=-1)
+    # Cross-track lengths over the distance are angles about the other two axes: hence the exchange
+    # and the sign.
     turn = np.stack([np.zeros_like(change[..., 0]), -change[..., 2], change[..., 1]], axis=-1) / distance[..., None]
     turning = _vector_rotation(_apply(axes, turn))
     velocity = motion.velocity_m_s + _apply(axes, change[..., VELOCITY])
@@ -84,10 +88,14 @@ def local_difference(tracked: TrackedMotion, reference: TrackedMotion) -> Array:
     unit = there.position_m / np.linalg.norm(there.position_m, axis=-1, keepdims=True)
     cross = cross_product(axes[..., 0], unit)
     sine, cosine = np.linalg.norm(cross, axis=-1), np.sum(axes[..., 0] * unit, axis=-1)
+    # Angle over sine, one in the limit: the vector stays exact for large angles and regular at
+    # zero.
     scale = np.where(sine > 0.0, np.arctan2(sine, cosine) / np.where(sine > 0.0, sine, 1.0), 1.0)
     turn = cross * scale[..., None]
     back = np.swapaxes(axes, -1, -2)
     local_turn = _apply(back, turn)
+    # The velocity is compared in the line-of-sight frame of the reference: turned back with the
+    # direction.
     velocity = _apply(_vector_rotation(-turn), there.velocity_m_s) - here.velocity_m_s
     along = np.linalg.norm(there.position_m, axis=-1) - distance
     position = np.stack([along, distance * local_turn[..., 2], -distance * local_turn[..., 1]], axis=-1)
@@ -97,7 +105,7 @@ def local_difference(tracked: TrackedMotion, reference: TrackedMotion) -> Array:
 
 
 def cartesian_jacobian(motion: RelativeMotion) -> Array:
-    """Return d(position, velocity, rotation vector, rate)/d(local), (12, 12), of a single motion."""
+    """Return d(position, velocity, rotation vector, rate)/d(local), (12, 12), of one motion."""
     axes = sight_axes(motion.position_m)
     jacobian = np.eye(12)
     jacobian[POSITION, POSITION] = jacobian[VELOCITY, VELOCITY] = axes
@@ -115,7 +123,9 @@ def _vector_rotation(vector_rad: Array) -> Array:
 
 
 def expected_path_rates_m_s(tracked: TrackedMotion, system: InterferometerSystem) -> Array:
-    """Return w (..., 3, 3) = g_F d rho_00/dt + g_R d rho_ij/dt, what the phase rates show of each path."""
+    """Return w (..., 3, 3) = g_F d rho_00/dt + g_R d rho_ij/dt, what the phase rates show of each
+    path.
+    """
     motion = tracked.motion
     rates = path_rates_m_s(motion.position_m, motion.velocity_m_s, motion.attitude, motion.rate_rad_s, system.arrays)
     forward, back = rate_weights(system)
@@ -123,10 +133,15 @@ def expected_path_rates_m_s(tracked: TrackedMotion, system: InterferometerSystem
 
 
 def expected_reading(tracked: TrackedMotion, reading: Reading, system: InterferometerSystem) -> Array:
-    """Return the expected vector (..., 22) of `reading`: ranges as its phases were treated, path rates, couplings."""
+    """Return the expected vector (..., 22) of `reading`.
+
+    Ranges as its phases were treated, path rates, couplings.
+    """
     motion = tracked.motion
     rates = expected_path_rates_m_s(tracked, system)
     ranges = two_way_ranges(motion.position_m, motion.attitude, system.arrays)
+    # The reading brought its phases to the epoch with its own rates: a wrong rate shows in the
+    # range through the lever.
     ranges = ranges + reading.lever_s * (rates - reading.used_rates_m_s)
     forward = motion.position_m / np.linalg.norm(motion.position_m, axis=-1, keepdims=True)
     couplings = coupling_amplitudes(forward, motion.attitude) * tracked.excitation[..., None, :]
@@ -137,9 +152,12 @@ def expected_reading(tracked: TrackedMotion, reading: Reading, system: Interfero
 def local_gradient(
     tracked: TrackedMotion, change: Array, reading: Reading, system: InterferometerSystem
 ) -> tuple[Array, Array]:
-    """Return the expected vector (22,) at `tracked` displaced by `change` (14,), and its gradient (22, 14) there."""
+    """Return the expected vector (22,) at `tracked` displaced by `change` (14,), and its gradient
+    (22, 14) there.
+    """
     steps = local_steps(tracked)
     moves = np.diag(steps)
+    # One call for all displacements: 29 stacked evaluations cost little more than one.
     values = expected_reading(
         displaced(tracked, change + np.concatenate([np.zeros((1, SIZE)), moves, -moves])), reading, system
     )
@@ -150,13 +168,19 @@ def local_steps(tracked: TrackedMotion) -> Array:
     """Return the step of each local coordinate for numerical gradients, (14,)."""
     distance = float(np.linalg.norm(tracked.motion.position_m))
     steps = np.full(SIZE, _ANGLE_STEP_RAD)
+    # Cross-track steps of one angle at every range; a fixed length would be no change at 100 km and
+    # a large one at 5 m.
     steps[:3] *= distance
+    # Path rates are linear in the velocity, so the step is free: large against rounding.
     steps[3:6] = 0.1
     return steps
 
 
 def numerical_jacobian(function: Callable[[Array], Array], steps: Array) -> Array:
-    """Return d function/d x at zero, (m, n), by central differences; `function` takes a stack (2n, n) at once."""
+    """Return d function/d x at zero, (m, n), by central differences.
+
+    `function` takes a stack (2n, n) at once.
+    """
     moves = np.diag(steps)
     values = function(np.concatenate([moves, -moves]))
     return ((values[: len(steps)] - values[len(steps) :]) / (2.0 * steps[:, None])).T

@@ -1,11 +1,6 @@
-"""Power budgets: free-space links, nonlinear reflector, simple repeater, active transponder.
+"""Radio links of the interferometer: power budget, power ratios of all paths, coupling noise.
 
-R = Pt Gt Gr/(Lp Pn), Lp = (4 pi rho f/c)^2, Pn = k T B F (PI83 eqs. 5-38 to 5-51, 8-17 to 8-19).
-
-The radio part, simulated: phases of nine carriers over nine paths and four couplings, with receiver noise.
-
-One draw of forward-link noise per carrier, shared by the nine paths (the return elements differ by frequency), one of
-return-link noise per carrier and path; Gaussian, so each link needs 10 dB (PI83 section 8.3, listing RF).
+R = Pt Gt Gr/(Lp Pn), Lp = (4 pi rho f/c)^2, Pn = k T B F (PI83 eqs. 5-38 to 5-48, 8-17 to 8-19).
 """
 
 from dataclasses import dataclass
@@ -39,13 +34,17 @@ LOWEST_SNR = 10.0
 
 @dataclass(frozen=True, kw_only=True)
 class LinkParams(Params):
-    """Receiver and antennas of one link; the constants are those that Tables 8-2 and 8-3 were computed with."""
+    """Receiver and antennas of one link.
+
+    The constants are those that Tables 8-2 and 8-3 were computed with.
+    """
 
     bandwidth_hz: float = parameter(100.0, "noise bandwidth", low=1e-3, high=1e10)
     noise_figure_db: float = parameter(10.0, "receiver noise figure", low=0.0, high=60.0)
     transmit_gain_db: float = parameter(3.0, "transmitting antenna gain", low=-30.0, high=60.0)
     receive_gain_db: float = parameter(3.0, "receiving antenna gain", low=-30.0, high=60.0)
     temperature_k: float = parameter(300.0, "reference temperature", low=1.0, high=1e4)
+    # Rounded as in the report, whose tables hold to four digits only with these constants.
     boltzmann: float = parameter(1.38e-23, "Boltzmann constant in J/K", low=1.3e-23, high=1.5e-23)
     speed_of_light_m_s: float = parameter(3.0e8, "speed of light", low=2.9e8, high=3.1e8)
 
@@ -60,10 +59,13 @@ def path_loss(
 ) -> Array:
     """Return Lp as a power ratio (PI83 eq. 8-19).
 
-    "published": (8 pi rho/lambda)^2 as eq. (5-39) reads, four times too much; (8-19) and the tables have 4 pi.
+    "published": (8 pi rho/lambda)^2 as eq. (5-39) reads, four times too much; (8-19) and the tables
+    have 4 pi.
     """
     turns = 8.0 if is_published(variant) else 4.0
     distance = np.asarray(range_m, dtype=np.float64)
+    # Zero range would give an infinite ratio, which the noise model takes for a perfect
+    # measurement.
     if not np.all(distance > 0.0):
         raise ValueError(f"range_m={float(np.min(distance))} must be > 0")
     return (turns * np.pi * distance * np.asarray(frequency_hz, dtype=np.float64) / speed_of_light_m_s) ** 2
@@ -82,7 +84,10 @@ def received_power_w(
 
 
 def link_snr(power_w: ArrayLike, range_m: ArrayLike, frequency_hz: ArrayLike, link: LinkParams) -> Array:
-    """Return the power ratio of signal and noise (PI83 eqs. 5-42, 8-17); inverse of `required_power_w`."""
+    """Return the power ratio of signal and noise (PI83 eqs. 5-42, 8-17).
+
+    Inverse of `required_power_w`.
+    """
     return received_power_w(power_w, range_m, frequency_hz, link) / noise_power_w(link)
 
 
@@ -104,7 +109,7 @@ class RadioParams(Params):
 def signal_to_noise_ratios(
     outward_m: ArrayLike, back_m: ArrayLike, radio: RadioParams, plan: CarrierPlan, link: LinkParams
 ) -> tuple[Array, Array]:
-    """Return the power ratios of the forward link (..., K) and of the return links (..., K, n, n)."""
+    """Return the power ratios of forward link (..., K) and return links (..., K, n, n)."""
     out = np.asarray(outward_m, dtype=np.float64)[..., None]
     back = np.asarray(back_m, dtype=np.float64)[..., None, :, :]
     forward = link_snr(radio.forward_power_w, out, plan.forward_carriers_hz, link)
@@ -116,12 +121,15 @@ def amplitude_sigma(
 ) -> Array:
     """Return the noise sigma (...) of one coupling, largest coupling one, from K carriers.
 
-    "corrected": mean over the carriers, return power; "published": what the listing computes - only the last
-    carrier's draw survives, is divided by nine all the same, and the forward power stands for the return power.
+    "corrected": mean over the carriers, return power; "published": what the listing computes - only
+    the last carrier's draw survives, is divided by nine all the same, and the forward power stands
+    for the return power.
     """
     distance = np.asarray(range_m, dtype=np.float64)[..., None]
     if is_published(variant):
+        # The listing's slip, kept for comparison: forward power on the return link.
         snr = link_snr(radio.forward_power_w, distance, plan.return_carriers_hz, link)
         return np.sqrt(phase_variance(snr[..., -1])) / plan.count
     snr = link_snr(radio.return_power_w, distance, plan.return_carriers_hz, link)
+    # An amplitude relative to the carrier has the same variance as its phase, 1/(2R).
     return np.asarray(np.sqrt(np.sum(phase_variance(snr), axis=-1)) / plan.count)

@@ -1,8 +1,9 @@
-"""Rate-aided filter: pose, velocity and attitude rate from successive readings (Kalman, error in local coordinates).
+"""Rate-aided Kalman filter: pose, velocity and attitude rate from successive readings.
 
-Constant velocity and constant attitude rate, driven by white accelerations; the attitude is a matrix and only its
-small error is a vector.  Ranges, path rates (Doppler) and couplings are used together.  The filter gives the report's
-wish of section 4.2: smoothed velocity and attitude rate instead of differences.
+Constant velocity and constant attitude rate, driven by white accelerations.  The attitude is a
+matrix; only its small error, in local coordinates, is a vector.  Ranges, path rates (Doppler) and
+couplings are used together.  The filter gives the report's wish of section 4.2: smoothed velocity
+and attitude rate instead of differences.
 """
 
 from dataclasses import dataclass
@@ -28,6 +29,7 @@ from rf_pointing.core import Params, parameter
 __all__ = ["FilterParams", "FilterState", "FilterUpdate", "predict", "start", "update"]
 
 Array = NDArray[np.float64]
+# The same reading updates the filter right after: its start must not count the reading twice.
 _POSE_INFLATION = 100.0
 
 
@@ -67,14 +69,17 @@ class FilterUpdate:
 
 
 def start(t_s: float, snapshot: Snapshot, params: FilterParams) -> FilterState:
-    """Return a state around `snapshot` that knows almost nothing, ready for the update with its reading.
+    """Return a state around `snapshot` that knows almost nothing, ready for the update with its
+    reading.
 
-    The pose is given a hundred times the snapshot's sigma, so that the same reading is not counted twice.
+    The pose is given a hundred times the snapshot's sigma, so that the same reading is not counted
+    twice.
     """
     covariance = np.zeros((SIZE, SIZE))
     pose = np.ix_([0, 1, 2, 6, 7, 8], [0, 1, 2, 6, 7, 8])
     covariance[pose] = np.diag(np.diag(snapshot.covariance)[:6]) * _POSE_INFLATION**2
     covariance[3:6, 3:6] = np.eye(3) * params.first_velocity_m_s**2
+    # One reading shows no angular rate at all, and of the velocity only the part along the sight.
     covariance[9:12, 9:12] = np.eye(3) * params.first_rate_rad_s**2
     if params.track_excitation:
         covariance[12:, 12:] = np.eye(2) * params.first_excitation**2
@@ -87,6 +92,7 @@ def predict(state: FilterState, t_s: float, params: FilterParams) -> FilterState
     if dt_s < 0.0:
         raise ValueError(f"t_s={t_s} must be >= the state's t_s={state.t_s}")
     later = _later(state.tracked, dt_s)
+    # Numerical, because position, direction frame and attitude are coupled in local coordinates.
     transition = numerical_jacobian(
         lambda change: local_difference(_later(displaced(state.tracked, change), dt_s), later),
         local_steps(state.tracked),
@@ -101,6 +107,7 @@ def _later(tracked: TrackedMotion, dt_s: float) -> TrackedMotion:
 
 def _process_noise(dt_s: float, params: FilterParams) -> Array:
     noise = np.zeros((SIZE, SIZE))
+    # White acceleration integrated once and twice: the discrete noise of a constant-velocity model.
     block = np.array([[dt_s**3 / 3.0, dt_s**2 / 2.0], [dt_s**2 / 2.0, dt_s]])
     densities = ((0, params.acceleration_density_m_s2), (6, params.angular_acceleration_density_rad_s2))
     for first, density in densities:
@@ -113,10 +120,14 @@ def _process_noise(dt_s: float, params: FilterParams) -> Array:
 def update(
     state: FilterState, reading: Reading, system: InterferometerSystem, around: TrackedMotion | None = None
 ) -> FilterUpdate:
-    """Return the state corrected by `reading`, linearised at `around` (default: the predicted motion).
+    """Return the state corrected by `reading`, linearised at `around` (default: the predicted
+    motion).
 
-    `around` from the snapshot keeps the update right when the prediction is degrees off after a gap.
+    `around` from the snapshot keeps the update right when the prediction is degrees off after a
+    gap.
     """
+    # Linearised where the reading is, not where the prediction was: after a gap they are degrees
+    # apart.
     change = np.zeros(SIZE) if around is None else local_difference(around, state.tracked)
     expected, gradient = local_gradient(state.tracked, change, reading, system)
     innovation = reading.vector - expected + gradient @ change
@@ -124,6 +135,8 @@ def update(
     gain = np.linalg.solve(spread, gradient @ state.covariance).T
     correction = gain @ innovation
     keep = np.eye(SIZE) - gain @ gradient
+    # Joseph form: positive whatever rounding does to the gain, with ranges of 1e5 m and errors of
+    # 1e-3 m.
     covariance = keep @ state.covariance @ keep.T + gain @ reading.covariance @ gain.T
     return FilterUpdate(
         state=_recentred(state, correction, covariance),
@@ -133,7 +146,8 @@ def update(
 
 
 def _recentred(state: FilterState, correction: Array, covariance: Array) -> FilterState:
-    # The local axes move with the direction: express the covariance in those of the corrected motion.
+    # The local axes move with the direction: express the covariance in those of the corrected
+    # motion.
     tracked = displaced(state.tracked, correction)
     turning = numerical_jacobian(
         lambda change: local_difference(displaced(state.tracked, correction + change), tracked),

@@ -1,6 +1,7 @@
-"""Relative pose of two spacecraft, one-way (position and A) and two-way (what each array sees, and roll).
+"""Relative pose of two spacecraft: one-way (position and A) and two-way (what each array sees).
 
-A = Tz(pi - a2) Ty(b2) Tx(roll) Ty(b1) Tz(a1), PI83 eq. (2-2); the direction back is eta = -A xi, eq. (4-14).
+A = Tz(pi - a2) Ty(b2) Tx(roll) Ty(b1) Tz(a1), PI83 eq. (2-2); the direction back is eta = -A xi,
+eq. (4-14).
 """
 
 from dataclasses import dataclass
@@ -31,6 +32,7 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
+# Elevation 2 of +-90 deg: azimuth 2 and roll turn about one axis there.
 _POLE_COSINE = 1e-9
 
 
@@ -43,6 +45,7 @@ class RelativePose:
 
     def __post_init__(self) -> None:
         position = as_finite_array("position_m", self.position_m, (3,))
+        # The direction to the other array would be undefined, and every estimator starts from it.
         if not np.any(position):
             raise ValueError(f"position_m={position} must be away from the active array")
         object.__setattr__(self, "position_m", position)
@@ -62,7 +65,9 @@ class RelativePose:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TwoWayPose:
-    """Range, direction seen by the active array (1) and by the passive array (2), and relative roll."""
+    """Range, direction seen by the active array (1) and by the passive array (2), and relative
+    roll.
+    """
 
     range_m: float
     azimuth1_rad: float
@@ -93,6 +98,7 @@ def attitude_from_two_way(
     roll_rad: ArrayLike,
 ) -> Array:
     """Return A (..., 3, 3) (PI83 eq. 2-2, listing A2COMP); inverse of `two_way_from_attitude`."""
+    # pi - a2: facing each other, the passive array sees the active one at azimuth 180 deg.
     seen_by_passive = azimuth_rotation(np.pi - np.asarray(azimuth2_rad)) @ elevation_rotation(elevation2_rad)
     seen_by_active = elevation_rotation(elevation1_rad) @ azimuth_rotation(azimuth1_rad)
     return seen_by_passive @ roll_rotation(roll_rad) @ seen_by_active
@@ -106,9 +112,12 @@ def attitude_from_directions(forward: ArrayLike, reverse: ArrayLike, roll_rad: A
 def two_way_from_attitude(
     azimuth1_rad: ArrayLike, elevation1_rad: ArrayLike, attitude: ArrayLike
 ) -> tuple[Array, Array, Array]:
-    """Return azimuth 2, elevation 2 and relative roll of A seen along (a1, b1); inverse of `attitude_from_two_way`.
+    """Return azimuth 2, elevation 2 and relative roll of A seen along (a1, b1).
 
-    Raises ValueError where the passive array sees the active one at elevation +-90 deg: roll is undefined there.
+    Inverse of `attitude_from_two_way`.
+
+    Raises ValueError where the passive array sees the active one at elevation +-90 deg: roll is
+    undefined there.
     """
     forward = direction_from_angles(azimuth1_rad, elevation1_rad)
     reverse = reverse_direction(forward, attitude)

@@ -1,16 +1,12 @@
-"""Minimum-variance linear estimation of a linearised system.
+"""Sequenced minimum-variance tracking: range, direction, reverse direction, roll, excitation.
 
-dz = B dy with B = H G^T L^-1 and H = (G^T L^-1 G)^-1 (PI83 eqs. 4-2 to 4-8); G gradient, L measurement covariance.
+Each estimator improves what the next one uses (PI83 section 4.2, Fig. 4-1; listings ITER, MVLE1 to
+MVLE3, GRAD2, GRAD3; excitation eqs. 4-17 to 4-19).  One joint estimator of all nine ranges settles
+on wrong attitudes when it starts far away; the sequence does not.
 
-The four estimators of the tracking filter, each one step: range, direction, roll, excitation.
-
-PI83 section 4.2, listing MVLE1, MVLE2/GRAD2, MVLE3/GRAD3; the excitation step is described there (eqs. 4-17 to 4-19)
-but not listed.  All work on stacks; covariances are per unit variance of one measurement.
-
-Sequenced minimum-variance tracking: range, direction, reverse direction, roll, excitation, in this order.
-
-Each estimator improves what the next one uses (PI83 section 4.2, Fig. 4-1, listing ITER).  One joint estimator of all
-nine ranges settles on wrong attitudes when it starts far away, the sequence does not.
+Every step is linear: dz = B dy with B = H G^T L^-1 and H = (G^T L^-1 G)^-1 (eqs. 4-2 to 4-8), G the
+gradient and L the measurement covariance.  All functions work on stacks; covariances are per unit
+variance of one measurement.
 """
 
 from dataclasses import dataclass
@@ -40,7 +36,8 @@ __all__ = [
 
 
 Array = NDArray[np.float64]
-_SMALLEST_EIGENVALUE = 1e-12  # of a matrix scaled to a unit diagonal; rounding leaves 1e-15 of an exact zero
+# Of a matrix scaled to a unit diagonal; rounding leaves 1e-15 of an exact zero.
+_SMALLEST_EIGENVALUE = 1e-12
 _SMALLEST_COUPLING = 1e-6
 _UNIT_EXCITATION = np.ones(2)
 
@@ -50,9 +47,9 @@ def minimum_variance_step(
 ) -> tuple[Array, Array]:
     """Return the increment dz (..., n) and its covariance H (..., n, n).
 
-    Parameters: `gradient` G (..., m, n), `innovation` dy (..., m), `covariance` L (..., m, m) or None for the unit
-    matrix (then H is per unit variance, as in the listing).  Raises ValueError if L is singular or the measurements do
-    not determine all n parameters.
+    Parameters: `gradient` G (..., m, n), `innovation` dy (..., m), `covariance` L (..., m, m) or
+    None for the unit matrix (then H is per unit variance, as in the listing).  Raises ValueError if
+    L is singular or the measurements do not determine all n parameters.
     """
     g = np.asarray(gradient, dtype=np.float64)
     weighted = g if covariance is None else _weighted(g, np.asarray(covariance, dtype=np.float64))
@@ -60,6 +57,7 @@ def minimum_variance_step(
     scale = np.sqrt(np.einsum("...kk->...k", information))
     if np.any(scale == 0.0) or not np.all(np.isfinite(scale)):
         raise ValueError("gradient has a zero or undefined column: a parameter is not determined")
+    # Scaled to a unit diagonal first: metres and radians would make a sound problem look singular.
     scaled = information / (scale[..., :, None] * scale[..., None, :])
     if np.any(np.linalg.eigvalsh(scaled)[..., 0] < _SMALLEST_EIGENVALUE):
         raise ValueError("gradient is rank deficient: the measurements do not determine all parameters")
@@ -94,8 +92,8 @@ def range_step(
 ) -> tuple[Array, Array]:
     """Return the range (...) and its variance (...) per unit variance of one two-way range.
 
-    "corrected": one step with true gradients d R_ij/d rho; "published": the simulation's sum/18, whose bias at short
-    range is [Ra^2 (1 + cos^2) + Rp^2 (1 + cos^2)]/(8 rho).
+    "corrected": one step with true gradients d R_ij/d rho; "published": the simulation's sum/18,
+    whose bias at short range is [Ra^2 (1 + cos^2) + Rp^2 (1 + cos^2)]/(8 rho).
     """
     if is_published(variant):
         distance = range_from_sum(ranges_m, arrays)
@@ -116,11 +114,13 @@ def direction_step(
     arrays: ArrayParams,
     dither_rad: float = 0.01,
 ) -> tuple[Array, Array]:
-    """Return the direction (..., 3) and the covariance (..., 2, 2) of its azimuth and elevation increments.
+    """Return the direction (..., 3) and the covariance (..., 2, 2) of its azimuth and elevation
+    increments.
 
-    Three sums over the other array's elements, y_i = sum_j R_ij - 6 rho (listing RYXFER): nine separate ranges would
-    let attitude errors into the direction.  For the reverse direction give the transposed ranges, eta, the attitude
-    of the active array relative to the passive one (A^T) and `arrays.swapped()`.
+    Three sums over the other array's elements, y_i = sum_j R_ij - 6 rho (listing RYXFER): nine
+    separate ranges would let attitude errors into the direction.  For the reverse direction give
+    the transposed ranges, eta, the attitude of the active array relative to the passive one (A^T)
+    and `arrays.swapped()`.
     """
     distance = np.asarray(range_m, dtype=np.float64)[..., None]
 
@@ -129,6 +129,7 @@ def direction_step(
 
     direction = np.asarray(direction, dtype=np.float64)
     predicted = sums(direction)
+    # The listing's finite dither of 10 mrad, kept so that our numbers compare with the report's.
     dithered = (turned_direction(direction, dither_rad, 0.0), turned_direction(direction, 0.0, dither_rad))
     gradient = np.stack([(sums(moved) - predicted) / dither_rad for moved in dithered], axis=-1)
     increment, covariance = minimum_variance_step(gradient, np.sum(np.asarray(ranges_m), axis=-1) - predicted)
@@ -136,7 +137,9 @@ def direction_step(
 
 
 def turned_direction(direction: ArrayLike, azimuth_rad: ArrayLike, elevation_rad: ArrayLike) -> Array:
-    """Return the direction turned by small angles, to first order and renormalised (PI83 eqs. 4-10, 4-11)."""
+    """Return the direction turned by small angles, to first order and renormalised (PI83 eqs. 4-10,
+    4-11).
+    """
     turn = small_rotation(-np.asarray(azimuth_rad), -np.asarray(elevation_rad), 0.0)
     turned = np.einsum("...ij,...j->...i", turn, np.asarray(direction))
     return np.asarray(turned / np.linalg.norm(turned, axis=-1, keepdims=True))
@@ -150,7 +153,9 @@ def roll_step(
     excitation: ArrayLike = (1.0, 1.0),
     dither_rad: float = 0.01,
 ) -> tuple[Array, Array]:
-    """Return the roll (...) in [-pi, pi) and its variance (...) per unit variance of one coupling (eq. 4-16)."""
+    """Return the roll (...) in [-pi, pi) and its variance (...) per unit variance of one coupling
+    (eq. 4-16).
+    """
     gains = np.asarray(excitation, dtype=np.float64)[..., None, :]
     predicted = coupling_from_two_way(forward, reverse, roll_rad) * gains
     moved = coupling_from_two_way(forward, reverse, np.asarray(roll_rad) + dither_rad) * gains
@@ -162,10 +167,11 @@ def roll_step(
 def excitation_step(
     amplitudes: ArrayLike, forward: ArrayLike, reverse: ArrayLike, roll_rad: ArrayLike
 ) -> tuple[Array, Array]:
-    """Return the two excitation factors (..., 2) and their covariance (..., 2, 2) (PI83 eqs. 4-17 to 4-19).
+    """Return the two excitation factors (..., 2) and their covariance (..., 2, 2) (PI83 eqs. 4-17
+    to 4-19).
 
-    The model is linear in the factors, so one step from zero is the estimate.  Raises ValueError when a dipole is
-    not received at all.
+    The model is linear in the factors, so one step from zero is the estimate.  Raises ValueError
+    when a dipole is not received at all.
     """
     coupling = coupling_from_two_way(forward, reverse, roll_rad)
     if np.any(np.linalg.norm(coupling, axis=-2) < _SMALLEST_COUPLING):
@@ -193,7 +199,10 @@ class SequenceParams(Params):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SequenceResult:
-    """Estimate and its sensitivities per unit measurement variance: range (...), directions (..., 2, 2), roll (...)."""
+    """Estimate and its sensitivities per unit measurement variance.
+
+    Range (...), directions (..., 2, 2), roll (...).
+    """
 
     geometry: Geometry
     excitation: Array
@@ -211,10 +220,12 @@ def track(
     params: SequenceParams,
     excitation: ArrayLike = _UNIT_EXCITATION,
 ) -> SequenceResult:
-    """Return the estimate after `params.iterations` passes from `geometry` over the same measurements.
+    """Return the estimate after `params.iterations` passes from `geometry` over the same
+    measurements.
 
-    `ranges_m` (..., 3, 3), `amplitudes` (..., 2, 2), `excitation` (..., 2).  Angle errors up to 45 deg and a range ten
-    times too long or too short are forgiven.  Raises ValueError where the measurements determine no pose.
+    `ranges_m` (..., 3, 3), `amplitudes` (..., 2, 2), `excitation` (..., 2).  Angle errors up to 45
+    deg and a range ten times too long or too short are forgiven.  Raises ValueError where the
+    measurements determine no pose.
     """
     result = track_once(geometry, ranges_m, amplitudes, arrays, params, excitation)
     for _ in range(params.iterations - 1):
@@ -236,6 +247,8 @@ def track_once(
     distance, range_variance = range_step(
         ranges, geometry.range_m, geometry.forward, attitude, arrays, params.range_estimator
     )
+    # A negative distance turns every direction round; the following steps would converge to the
+    # mirror image.
     if np.any(distance <= 0.0):
         raise ValueError(f"range_m={float(np.min(distance))} after the range step must be > 0: measurements disagree")
     forward, forward_covariance = direction_step(
@@ -245,10 +258,13 @@ def track_once(
         np.swapaxes(ranges, -1, -2),
         distance,
         geometry.reverse,
+        # The listing passes A where the reverse direction needs its transpose: a slip that equal
+        # attitudes hide.
         attitude if is_published(params.reverse_attitude) else np.swapaxes(attitude, -1, -2),
         arrays.swapped(),
         params.dither_rad,
     )
+    # Last, because both directions enter the couplings.
     roll, roll_variance = roll_step(amplitudes, forward, reverse, geometry.roll_rad, excitation, params.dither_rad)
     if params.estimate_excitation:
         excitation, _ = excitation_step(amplitudes, forward, reverse, roll)

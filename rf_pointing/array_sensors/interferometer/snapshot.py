@@ -1,8 +1,9 @@
 """Pose from one reading alone, with covariance and a test of its own consistency.
 
-Sequenced estimators from far away, then joint weighted least squares of nine ranges and four couplings on the six
-pose coordinates (and two excitations): the residual has seven (five) degrees of freedom and shows a wrong lane of a
-path, a disturbed loop or a wrong amplitude without any prediction.
+Sequenced estimators from far away, then joint weighted least squares of nine ranges and four
+couplings on the six pose coordinates (and two excitations): the residual has seven (five) degrees
+of freedom and shows a wrong lane of a path, a disturbed loop or a wrong amplitude without any
+prediction.
 """
 
 import math
@@ -21,13 +22,18 @@ from rf_pointing.array_sensors.interferometer.system import InterferometerSystem
 __all__ = ["Snapshot", "chi_square_limit", "coarse_geometry", "refine"]
 
 Array = NDArray[np.float64]
+# Position and attitude among the fourteen local coordinates; one reading does not show the
+# velocities.
 _POSE = [0, 1, 2, 6, 7, 8]
+# The sequence ends within the linear range; the second pass removes the rest of the curvature.
 _REFINEMENTS = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Snapshot:
-    """Motion with its pose from one reading (rates only along the sight), pose covariance and residual chi-square."""
+    """Motion with its pose from one reading (rates only along the sight), pose covariance and
+    residual chi-square.
+    """
 
     tracked: TrackedMotion
     covariance: Array
@@ -40,7 +46,8 @@ def coarse_geometry(
 ) -> tuple[Geometry, Array]:
     """Return geometry and excitation of `reading` by the sequence, from `start` or from nothing.
 
-    Raises ValueError if the ranges belong to no direction (beyond five sigma outside the unit circle).
+    Raises ValueError if the ranges belong to no direction (beyond five sigma outside the unit
+    circle).
     """
     ranges, covariance = reading.standalone_ranges()
     if start is None:
@@ -53,6 +60,7 @@ def coarse_geometry(
 def _require_inside(ranges: Array, path_variance_m2: float, system: InterferometerSystem) -> None:
     radii = (system.arrays.radius_active_m, system.arrays.radius_passive_m)
     for side, excess, radius in zip(("active", "passive"), aperture_excess(ranges, system.arrays), radii, strict=True):
+        # Five sigma of s_y^2 + s_z^2 at the rim, where its slope by the ranges is 2 / radius.
         allowed = 10.0 * math.sqrt(path_variance_m2) / radius
         if float(excess) > allowed:
             raise ValueError(
@@ -64,13 +72,16 @@ def _require_inside(ranges: Array, path_variance_m2: float, system: Interferomet
 def refine(
     geometry: Geometry, excitation: Array, reading: Reading, system: InterferometerSystem, fit_excitation: bool
 ) -> Snapshot:
-    """Return the joint weighted least-squares pose of the ranges and couplings, started at `geometry`."""
+    """Return the joint weighted least-squares pose of the ranges and couplings, started at
+    `geometry`.
+    """
     columns = [*_POSE, 12, 13] if fit_excitation else _POSE
     measured, covariance = _pose_measurement(reading)
     tracked = _started(geometry, excitation, reading)
     for _ in range(_REFINEMENTS):
         expected, gradient = _pose_model(tracked, reading, system)
         step, h = minimum_variance_step(gradient[:, columns], measured - expected, covariance)
+        # Residual of the linear step: its chi-square needs no further evaluation of the model.
         residual = measured - expected - gradient[:, columns] @ step
         change = np.zeros(SIZE)
         change[columns] = step
@@ -92,7 +103,7 @@ def _pose_measurement(reading: Reading) -> tuple[Array, Array]:
 
 
 def _started(geometry: Geometry, excitation: Array, reading: Reading) -> TrackedMotion:
-    # Only the range rate can be told from one reading: w = 2 d rho/dt along the sight.
+    # One reading shows only the range rate: w = 2 d rho/dt along the sight.
     radial = 0.5 * float(np.mean(reading.vector[RATES]))
     motion = RelativeMotion(
         position_m=geometry.position_m,
@@ -115,7 +126,8 @@ def _pose_model(tracked: TrackedMotion, reading: Reading, system: Interferometer
 def chi_square_limit(degrees_of_freedom: int, gate_sigma: float) -> float:
     """Return the chi-square value exceeded as rarely as `gate_sigma` normal deviates, one-sided.
 
-    Wilson and Hilferty's cube: the tail is right to a tenth at three deviates, to a factor of three at five.
+    Wilson and Hilferty's cube: the tail is right to a tenth at three deviates, to a factor of three
+    at five.
     """
     spread = 2.0 / (9.0 * degrees_of_freedom)
     return degrees_of_freedom * (1.0 - spread + gate_sigma * math.sqrt(spread)) ** 3

@@ -1,8 +1,9 @@
 """Simulated interferometer: from the true relative motion to what the receiver measures.
 
-Every slot is simulated at its own time, so motion during the sequence is in the phases.  The transponder is coherent
-(its oscillator keeps phase over the sequence).  A loop holds lock while its links have 10 dB and both arrays face each
-other; a loop without lock reports a random phase and rate, as a real one would, and `locked` False.
+Every slot is simulated at its own time, so motion during the sequence is in the phases.  The
+transponder is coherent (its oscillator keeps phase over the sequence).  A loop holds lock while its
+links have 10 dB and both arrays face each other; a loop without lock reports a random phase and
+rate, as a real one would, and `locked` False.
 """
 
 from typing import Any
@@ -31,13 +32,15 @@ from rf_pointing.core import random_stream, require_finite
 __all__ = ["InterferometerSource"]
 
 Array = NDArray[np.float64]
+# Any rate a free-running loop may report; far outside of what a docking gives.
 _LOST_RATE_RAD_S = 1e3
 
 
 class InterferometerSource:
     """Seeded source of measurements; `state` and `restore` make a stopped run continue identically.
 
-    `excitation`: amplitudes of the passive y and z dipoles, one as designed.  Fixed hardware phases follow the seed.
+    `excitation`: amplitudes of the passive y and z dipoles, one as designed.  Fixed hardware phases
+    follow the seed.
     """
 
     def __init__(
@@ -54,6 +57,8 @@ class InterferometerSource:
         self.excitation = np.array(excitation)
         self._carriers = system.schedule.carriers(system.plan)
         shape = (system.plan.count, 3, 3)
+        # A stream of its own: hardware phases do not change with the number of measurements drawn
+        # before.
         fixed = random_stream(seed, "interferometer hardware").normal(size=shape) * radio.hardware_phase_rad
         self._hardware_rad = fixed[self._carriers]
         self._rng = random_stream(seed, "interferometer")
@@ -68,7 +73,9 @@ class InterferometerSource:
         self._rng.bit_generator.state = state
 
     def measure(self, t_s: float, motion: RelativeMotion) -> InterferometerMeasurement:
-        """Return the measurement of the sequence centred on `t_s`, `motion` being the truth at that time."""
+        """Return the measurement of the sequence centred on `t_s`, `motion` being the truth at that
+        time.
+        """
         require_finite("t_s", t_s)
         motion = require_motion(motion)
         slots = moved(motion, self.system.schedule.offsets_s(self.system.plan))
@@ -105,12 +112,14 @@ class InterferometerSource:
         rates = self._of_paths(path_rates[:, 0, 0], path_rates[:, 1:, 1:])
         phases = phases + self._hardware_rad + self._noise(forward, back)
         rates = rates + self._noise(*(phase_rate_sigma_rad_s(sigma, dwell_s) for sigma in (forward, back)))
+        # Drawn always, whether a loop lost lock or not: later noise must not depend on it.
         lost_phases = self._rng.uniform(0.0, 2.0 * np.pi, phases.shape)
         lost_rates = self._rng.normal(0.0, _LOST_RATE_RAD_S, rates.shape)
         return np.where(locked, phases, lost_phases), np.where(locked, rates, lost_rates)
 
     def _of_paths(self, outward: Array, back: Array) -> Array:
-        # Phase from lengths, phase rate from rates: both links' wave numbers of each slot's carrier.
+        # Phase from lengths, phase rate from rates: both links' wave numbers of each slot's
+        # carrier.
         forward_wave = self.system.plan.forward_wave_rad_m[self._carriers, None, None]
         return_wave = self.system.plan.return_wave_rad_m[self._carriers, None, None]
         return forward_wave * outward[:, None, None] + return_wave * back

@@ -1,23 +1,20 @@
-"""The two arrays and the paths between their elements.
+"""The interferometer that source and tracker both know: arrays, carriers and their schedule.
 
-Element 0 sits in the centre, elements 1, 2, 3 on a circle of the array's radius, 120 deg apart, in the y-z plane
-(PI83 eqs. 2-6 to 2-13).  A two-way range is the path out from the active centre to the passive centre and back from
-passive element j to active element i: R_ij = rho_ij + rho_00 + delay, eq. (3-1).
+Arrays: element 0 sits in the centre, elements 1, 2, 3 on a circle of the array's radius, 120 deg
+apart, in the y-z plane (PI83 eqs. 2-6 to 2-13).  A two-way range is the path out from the active
+centre to the passive centre and back from passive element j to active element i:
+R_ij = rho_ij + rho_00 + delay, eq. (3-1).
 
-Frequency plan of the nine carriers and the phases that the paths give them.
+Carriers: f_1, f_1 + f0, f_1 + nu f0, ... f_1 + nu^(K-2) f0 on both links, shifted by the
+transponder's fixed offset (eq. 7-1, listing FCOMP).  The phase back at the active array is
+phi = (2 pi/c)(fF rho_00 + fR rho_ij), eq. (7-7); that of a difference against carrier 1 is exactly
+(2 pi/c) f_n1 R_ij, because both links are shifted alike.
 
-f_1, f_1 + f0, f_1 + nu f0, ... f_1 + nu^(K-2) f0 on both links, shifted by the transponder's fixed offset (PI83
-eq. 7-1, listing FCOMP).  Phase back at the active array: phi = (2 pi/c)(fF rho_00 + fR rho_ij), eq. (7-7); of a
-difference against carrier 1 it is exactly (2 pi/c) f_n1 R_ij, because both links are shifted alike.
-
-When each carrier is on the air: one after the other, so that a moving target shifts their phases.
-
-"simultaneous" is the report's static simulation.  "ascending" sends f1 ... fK once: a path rate w looks like a range
-offset kappa w with kappa = 5 s, so millimetres per second cost centimetres.  "nested" sends f2 ... fK-1, f1, fK and the
-same backwards: every carrier has the same mean time, kappa is zero, and as f1 and fK, which make the range, lie
-innermost, an acceleration hardly matters either.
-
-What source and tracker both know: the arrays, the carriers and their timing.
+Schedule: one carrier after the other, so a moving target shifts their phases.  "simultaneous" is
+the report's static simulation.  "ascending" sends f1 ... fK once: a path rate w looks like a range
+offset kappa w with kappa = 5 s, so millimetres per second cost centimetres.  "nested" sends
+f2 ... fK-1, f1, fK and the same backwards: every carrier has the same mean time and kappa is zero.
+f1 and fK, which make the range, lie innermost, so an acceleration hardly matters either.
 """
 
 import math
@@ -66,6 +63,7 @@ class ArrayParams(Params):
 
 def element_positions(radius_m: float) -> Array:
     """Return elements 0 to 3 in their own array's frame, (4, 3) (PI83 eqs. 2-6 to 2-9)."""
+    # Element 1 is up (z points down), 2 is left, 3 is right of the centre.
     half_root3 = math.sqrt(3.0) / 2.0
     unit = [[0.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, -half_root3, 0.5], [0.0, half_root3, 0.5]]
     return radius_m * np.array(unit)
@@ -83,7 +81,10 @@ def path_vectors(position_m: ArrayLike, attitude: ArrayLike, arrays: ArrayParams
 
 
 def path_lengths(position_m: ArrayLike, attitude: ArrayLike, arrays: ArrayParams) -> Array:
-    """Return the sixteen one-way lengths rho_ij, (..., 4, 4): active element i, passive element j (listing PATH2)."""
+    """Return the sixteen one-way lengths rho_ij, (..., 4, 4).
+
+    Active element i, passive element j (listing PATH2).
+    """
     return np.asarray(np.linalg.norm(path_vectors(position_m, attitude, arrays), axis=-1))
 
 
@@ -98,6 +99,7 @@ def path_rates_m_s(
 ) -> Array:
     """Return d rho_ij/dt of all sixteen pairs, (..., 4, 4): u_ij . (v + A^T (omega x p_j))."""
     vectors = path_vectors(position_m, attitude, arrays)
+    # A length changes only by the motion along it: the rate is the velocity's part along the path.
     units = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
     rate = np.asarray(rate_rad_s, dtype=np.float64)[..., None, :]
     swing = cross_product(rate, element_positions(arrays.radius_passive_m)) @ np.asarray(attitude, dtype=np.float64)
@@ -128,19 +130,25 @@ class CarrierPlan(Params):
     ratio: float = parameter(6.1324, "nu, cycles resolved per step", low=1.01, high=1e4)
     forward_hz: float = parameter(3.0e9, "carrier 1 from active to passive", low=1e6, high=1e12)
     return_hz: float = parameter(2.0e9, "carrier 1 from passive to active", low=1e6, high=1e12)
+    # A parameter because the report computes with 3e8 m/s, and its tables are compared to the last
+    # digit.
     speed_of_light_m_s: float = parameter(SPEED_OF_LIGHT_M_S, "speed of light", low=2.9e8, high=3.1e8)
     exponents: str = parameter(CORRECTED, "published: first difference nu f0, as (7-1) reads", choices=VARIANTS)
 
     @property
     def offsets_hz(self) -> Array:
         """Carrier n minus carrier 1, (K,)."""
+        # As (7-1) reads the first difference is nu f0, which resolves only a range nu times
+        # shorter.
         first = 1 if is_published(self.exponents) else 0
         powers = self.ratio ** np.arange(first, first + self.count - 1)
         return np.concatenate([[0.0], self.minimum_difference_hz * powers])
 
     @property
     def ambiguities_m(self) -> Array:
-        """Two-way length of one cycle of each difference against carrier 1, longest first, (K - 1,) (eq. 7-17)."""
+        """Two-way length of one cycle of each difference against carrier 1, longest first, (K - 1,)
+        (eq. 7-17).
+        """
         return self.speed_of_light_m_s / self.offsets_hz[1:]
 
     @property
@@ -166,7 +174,10 @@ class CarrierPlan(Params):
 
 @dataclass(frozen=True, kw_only=True)
 class Schedule(Params):
-    """Order of the carriers and how long each is on; the measurement's epoch is the middle of the sequence."""
+    """Order of the carriers and how long each is on.
+
+    The measurement's epoch is the middle of the sequence.
+    """
 
     order: str = parameter("nested", "order of transmission", choices=ORDERS)
     dwell_s: float = parameter(0.1, "time on one carrier (PI83: 0.1 to 0.5 s)", low=1e-3, high=10.0)
@@ -176,6 +187,8 @@ class Schedule(Params):
         up = np.arange(plan.count)
         if self.order != "nested":
             return up
+        # Carriers 1 and K in the middle: their mean time from the epoch, and its square, are
+        # smallest.
         inward = np.concatenate([up[1:-1], up[:1], up[-1:]])
         return np.concatenate([inward, inward[::-1]])
 
@@ -199,7 +212,8 @@ class Schedule(Params):
 def range_rate_lever_s(schedule: Schedule, plan: CarrierPlan) -> float:
     """Return kappa: the range error per error of the path rate w used to bring phases to the epoch.
 
-    kappa = (f_TK tau_K - f_T1 tau_1)/f_K1, f_T the mean of both links' frequencies, tau the carriers' mean times.
+    kappa = (f_TK tau_K - f_T1 tau_1)/f_K1, f_T the mean of both links' frequencies, tau the
+    carriers' mean times.
     """
     return _lever(schedule, plan, 1)
 

@@ -1,9 +1,15 @@
-"""Tracker of the relative pose: acquires without prior knowledge, tracks, flags what it refuses, coasts, gives up.
+"""Tracker of the relative pose: acquires without prior knowledge, tracks, coasts, starts anew.
 
-A reading is refused, with its reason, when loops lost lock or have less than 10 dB, when a lane decision was a toss,
-when repeated phases disagree, when ranges and couplings contradict each other (wrong lane of a path) or when they
-contradict the prediction (wrong lane of all paths).  Refused readings change nothing; the pose coasts on its rates
-with growing covariance until the coasting limit, then it is dropped and acquired anew.
+A reading is rejected, with its reason, when
+
+* loops lost lock or have less than 10 dB,
+* a lane decision was arbitrary,
+* repeated phases disagree,
+* ranges and couplings contradict each other (wrong lane of a path),
+* they contradict the prediction (wrong lane of all paths).
+
+A rejected reading changes nothing.  The pose coasts on its rates with growing covariance until the
+coasting limit; then the tracker drops it and acquires anew.
 """
 
 from dataclasses import dataclass, field
@@ -37,20 +43,25 @@ ACQUIRING, TRACKING, COASTING = "acquiring", "tracking", "coasting"
 class TrackerParams(Params):
     """Gates and limits of the tracker."""
 
+    # Noise moves a lane by far less when the power is right; 0.5 would accept every decision.
     lane_guard: float = parameter(0.35, "largest distance of a lane from a whole number", low=0.05, high=0.5)
     visit_agreement: float = parameter(0.7, "smallest resultant of repeated phases", low=0.0, high=1.0)
+    # A wrong lane is hundreds of sigma: the gate can be wide and never reject a sound reading.
     gate_sigma: float = parameter(5.0, "residual gates, in normal deviates", low=1.0, high=20.0)
     coast_limit_s: float = parameter(20.0, "longest time without an accepted reading", low=0.1, high=1e4)
+    # Five sequences, some ten seconds: a short interference must not end a docking.
     most_rejected: int = parameter(5, "readings refused in a row before acquiring anew", low=1, high=1000)
+    # At grazing directions s_x is the root of a small difference of noisy squares.
     widest_angle_rad: float = parameter(1.4, "largest angle off boresight of either array", low=0.1, high=1.55)
     acquisition_iterations: int = parameter(8, "passes of the sequence without prior", low=2, high=50)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PoseEstimate:
-    """Relative motion and its covariance (12, 12): position, velocity, rotation vector, angular rate.
+    """Relative motion and its covariance (12, 12).
 
-    Position and velocity in the active frame, rotation vector (of A) and rate in the passive frame.
+    Position, velocity, rotation vector, angular rate.  Position and velocity in the active frame,
+    rotation vector (of A) and rate in the passive frame.
     """
 
     t_s: float
@@ -61,7 +72,10 @@ class PoseEstimate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackerOutput:
-    """Status acquiring, tracking or coasting; the reason whenever the reading was refused; the pose if there is one."""
+    """Status acquiring, tracking or coasting.
+
+    The reason whenever the reading was refused; the pose if there is one.
+    """
 
     t_s: float
     status: str
@@ -71,7 +85,9 @@ class TrackerOutput:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackerState:
-    """Complete state: the filter (None while acquiring), time of the last accepted reading, refusals in a row."""
+    """Complete state: the filter (None while acquiring), time of the last accepted reading,
+    rejections in a row.
+    """
 
     filter: FilterState | None = None
     accepted_t_s: float = 0.0
@@ -95,13 +111,15 @@ class InterferometerTracker:
         predicted = None if state.filter is None else predict(state.filter, measurement.t_s, self.filter_params)
         try:
             accepted = self._accepted(predicted, measurement)
-        except ValueError as refusal:
-            return self._refused(state, predicted, measurement.t_s, str(refusal))
+        except ValueError as reason:
+            return self._refused(state, predicted, measurement.t_s, str(reason))
         after = TrackerState(filter=accepted, accepted_t_s=measurement.t_s, rejected=0)
         return after, self._output(accepted, TRACKING, "")
 
     def coast(self, state: TrackerState, t_s: float, reason: str) -> tuple[TrackerState, TrackerOutput]:
-        """Return the state and output at `t_s` when no measurement came, or none that could be read."""
+        """Return the state and output at `t_s` when no measurement came, or none that could be
+        read.
+        """
         if state.filter is not None and t_s < state.filter.t_s:
             raise ValueError(f"t_s={t_s} must be >= the last epoch {state.filter.t_s}")
         predicted = None if state.filter is None else predict(state.filter, t_s, self.filter_params)
@@ -112,12 +130,15 @@ class InterferometerTracker:
         reading = self._reading(predicted, measurement)
         snapshot = self._snapshot(reading, predicted)
         if predicted is None:
+            # The first reading both starts and updates the filter: the inflated start leaves the
+            # weight to the update.
             prior = start(measurement.t_s, snapshot, self.filter_params)
             return update(prior, reading, self.system).state
         return self._corrected(predicted, reading, snapshot)
 
     def _reading(self, predicted: FilterState | None, measurement: InterferometerMeasurement) -> Reading:
-        # Predicted path rates resolve cycles at lower power; after a manoeuvre only the measured ones are right.
+        # Predicted path rates resolve cycles at lower power; after a manoeuvre only the measured
+        # ones are right.
         if predicted is not None:
             aiding = expected_path_rates_m_s(predicted.tracked, self.system)
             reading = read_ranges(measurement, self.system, self.floor, aiding)
@@ -150,6 +171,8 @@ class InterferometerTracker:
     def _snapshot(self, reading: Reading, predicted: FilterState | None) -> Snapshot:
         prior = None if predicted is None else _seen(predicted.tracked)
         fit = self.filter_params.track_excitation
+        # Without prior the first direction is radius/range off; two passes are enough from a
+        # prediction.
         passes = self.params.acquisition_iterations if predicted is None else 2
         sequence = SequenceParams(iterations=passes, estimate_excitation=fit)
         geometry, excitation = coarse_geometry(reading, prior, self.system, sequence)
@@ -173,6 +196,8 @@ class InterferometerTracker:
     def _corrected(self, predicted: FilterState, reading: Reading, snapshot: Snapshot) -> FilterState:
         motion = RelativeMotion(
             position_m=snapshot.tracked.motion.position_m,
+            # Pose from the reading, rates from the prediction: the reading alone has no transverse
+            # velocity.
             velocity_m_s=predicted.tracked.motion.velocity_m_s,
             attitude=snapshot.tracked.motion.attitude,
             rate_rad_s=predicted.tracked.motion.rate_rad_s,
@@ -184,6 +209,7 @@ class InterferometerTracker:
 
     def _gate(self, what: str, chi_square: float, degrees_of_freedom: int) -> None:
         limit = chi_square_limit(degrees_of_freedom, self.params.gate_sigma)
+        # Written so that NaN is rejected.
         if not chi_square <= limit:
             raise ValueError(f"{what} (wrong lane?): chi-square {chi_square:.4g} must be <= {limit:.4g}")
 

@@ -1,7 +1,8 @@
 """Choice between the report's printed formula and its correction.
 
-Every function that corrects a misprint or a modelling slip of the report takes `variant`: "published" gives what the
-report printed or its listing computed, "corrected" what follows from its own definitions.
+Every function that corrects a misprint or a modelling slip of the report takes `variant`:
+"published" gives what the report printed or its listing computed, "corrected" what follows from its
+own definitions.
 """
 
 from rf_pointing.core import require_choice

@@ -1,1 +1,1 @@
-"""nodes."""
+"""ROS 2 nodes of the array sensors, and their simulated graphs."""

@@ -1,32 +1,129 @@
-"""Bring up the simulated graph of one array sensor, each node as its own process, and let its time run.
+"""The graphs of the array sensors, and one of them brought up with each node as a process.
 
-Time comes from here and not from `simulation_clock`, which waits for an antenna's streams: it goes on once the system's
-estimates have caught up, so that a busy machine makes the run slower and changes nothing else.
+`ARRAY_SYSTEMS` lists nodes, topics and their quality of service; launch files and recorders read
+it.  `ArrayGraph` also publishes the clock, because `simulation_clock` waits for an antenna's
+streams.  Time goes on once the system's estimates have caught up, so a busy machine makes the run
+slower and changes nothing else.
 """
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 from ament_index_python.packages import get_package_share_directory
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import (
+    PoseWithCovarianceStamped,
+    QuaternionStamped,
+    TwistWithCovarianceStamped,
+    Vector3Stamped,
+)
 from rclpy.node import Node
+from rf_pointing_msgs import msg as ours
 from rosgraph_msgs.msg import Clock
 
-from rf_pointing.array_sensors.nodes.array_systems import CLOCK, ArraySystem
 from rf_pointing.commands.managed_graph import ManagedGraph
 from rf_pointing.core.parameters import read_parameter_files
+from rf_pointing.nodes.graph import Topic
 from rf_pointing.nodes.pacing import PacedStream, Pacer
 from rf_pointing.nodes.qos import STREAM
 from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
 
-__all__ = ["ArrayGraph"]
+__all__ = ["ARRAY_SYSTEMS", "CLOCK", "ArrayGraph", "ArraySystem"]
 
+
+CLOCK = "simulation_clock"
+"""Gives the time of a simulated graph where nothing else does."""
+
+_PERIOD = "once a period"
+_COMMON = (
+    Topic("clock", Clock, STREAM, "every tick", "simulation_clock"),
+    Topic("/diagnostics", DiagnosticArray, STREAM, "1 Hz", "every node"),
+)
+
+
+@dataclass(frozen=True)
+class ArraySystem:
+    """One graph: its name is its usual namespace and that of its parameter file.
+
+    A node of a station is named `station/node`.  Simulation time waits for the stream
+    `paced`, whose newest stamp may lag it by `lag_s`: two of its periods.
+    """
+
+    name: str
+    nodes: tuple[str, ...]
+    topics: tuple[Topic, ...]
+    paced: str
+    lag_s: float
+
+
+def _tripulse(*stations: str) -> ArraySystem:
+    receivers = [f"{station}/tripulse_receiver" for station in stations]
+    frames = [
+        Topic(f"{station}/tripulse_frame", ours.TripulseFrame, STREAM, _PERIOD, "tripulse_source")
+        for station in stations
+    ]
+    lines = [
+        Topic(f"{station}/tripulse_measurement", ours.TripulseMeasurement, STREAM, _PERIOD, receiver)
+        for station, receiver in zip(stations, receivers, strict=True)
+    ]
+    attitude = Topic("attitude", ours.Attitude, STREAM, _PERIOD, "tripulse_attitude")
+    truth = Topic("sim/attitude", QuaternionStamped, STREAM, _PERIOD, "tripulse_source")
+    return ArraySystem(
+        name="tripulse",
+        nodes=("tripulse_source", *receivers, "tripulse_attitude"),
+        topics=(*frames, *lines, attitude, truth, *_COMMON),
+        paced="attitude",
+        lag_s=2.5,
+    )
+
+
+_DOA = ArraySystem(
+    name="doa",
+    nodes=("doa_source", "doa_attitude"),
+    topics=(
+        Topic(
+            "array_snapshots", ours.ArraySnapshots, STREAM, "once a period while a station is received", "doa_source"
+        ),
+        Topic("known_torque", ours.KnownTorque, STREAM, _PERIOD, "doa_source"),
+        Topic("attitude", ours.Attitude, STREAM, "once a block", "doa_attitude"),
+        Topic("attitude_rate", TwistWithCovarianceStamped, STREAM, "once a valid attitude", "doa_attitude"),
+        Topic("sim/attitude", QuaternionStamped, STREAM, _PERIOD, "doa_source"),
+        Topic("sim/attitude_rate", Vector3Stamped, STREAM, _PERIOD, "doa_source"),
+        *_COMMON,
+    ),
+    paced="attitude",
+    lag_s=1.5,
+)
+
+_INTERFEROMETER = ArraySystem(
+    name="interferometer",
+    nodes=("interferometer_source", "interferometer_tracker"),
+    topics=(
+        Topic("interferometer_measurement", ours.InterferometerMeasurement, STREAM, _PERIOD, "interferometer_source"),
+        Topic("relative_pose", PoseWithCovarianceStamped, STREAM, "while there is a pose", "interferometer_tracker"),
+        Topic("relative_twist", TwistWithCovarianceStamped, STREAM, "while there is a pose", "interferometer_tracker"),
+        Topic("relative_pose_status", ours.RelativePoseStatus, STREAM, _PERIOD, "interferometer_tracker"),
+        Topic("sim/relative_pose", PoseWithCovarianceStamped, STREAM, _PERIOD, "interferometer_source"),
+        Topic("sim/relative_twist", TwistWithCovarianceStamped, STREAM, _PERIOD, "interferometer_source"),
+        *_COMMON,
+    ),
+    paced="relative_pose_status",
+    lag_s=4.5,
+)
+
+ARRAY_SYSTEMS = {system.name: system for system in (_tripulse("usingen", "hartebeesthoek"), _DOA, _INTERFEROMETER)}
+"""The graphs that config/, launch/ and the example know, by name."""
+
+# The period of doa_source: a larger step would make it skip blocks.
 TICK_S = 0.25
+# Before the run the same time is published again: nodes need a clock message to configure timers.
 HELD_PERIOD_S = 0.1
 PATIENCE_S = 5.0
-"""How long time waits for estimates that do not come, such as those of a satellite that hears no station."""
+"""How long time waits for estimates that do not come: a satellite may receive no station."""
 
 
 class ArrayGraph:
@@ -53,6 +150,7 @@ class ArrayGraph:
         files = [share, *parameter_files]
         self._nodes = ManagedGraph(node, self.namespace, files, logs, self.spin, patience_s=patience_s)
         self._clock = node.create_publisher(Clock, f"{self.namespace}/clock", STREAM)
+        # Time may run ahead of the estimates by the lag, and expects one of them within two lags.
         estimates = PacedStream(allowed_lag_s=system.lag_s, spacing_s=2.0 * system.lag_s)
         streams = {system.paced: estimates}
         self._pacer = Pacer(start_s=start_s, tick_s=TICK_S, speed=speed, streams=streams, patience_s=PATIENCE_S)
@@ -85,6 +183,7 @@ class ArrayGraph:
         self._nodes.configure(names)
         self._nodes.activate(names)
         topics = [t.name if t.name.startswith("/") else f"{self.namespace}/{t.name}" for t in self._system.topics]
+        # A topic without its publisher yet would lose the first messages of the run.
         self.wait_until(lambda: all(self._node.count_publishers(t) for t in topics), "every topic")
 
     def run_time(self) -> None:

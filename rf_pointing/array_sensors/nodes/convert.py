@@ -1,6 +1,7 @@
-"""Messages of the array sensors from and to the core's signals, as pairs; nothing else makes or reads their fields.
+"""Messages of the array sensors from and to the core's signals, as pairs.
 
-Wire data is not trusted: what is not finite, of the wrong length, or no rotation raises ValueError in the signal's words.
+Nothing else makes or reads their fields.  Wire data is not trusted: what is not finite, of the
+wrong length, or no rotation raises ValueError in the signal's words.
 """
 
 from typing import Any
@@ -50,6 +51,8 @@ def frame_to_message(frame: TripulseFrame, sample_rate_hz: float) -> ours.Tripul
 
 def frame_from_message(message: ours.TripulseFrame, sample_rate_hz: float) -> TripulseFrame:
     """Return the frame; `sample_rate_hz` is the rate that the receiver works at."""
+    # At another rate every tone would be found at a wrong frequency: a configuration error, not
+    # noise.
     if message.sample_rate != sample_rate_hz:
         raise ValueError(f"sample_rate={message.sample_rate} Hz, must be {sample_rate_hz} Hz")
     return TripulseFrame(
@@ -142,7 +145,10 @@ def attitude_from_message(message: ours.Attitude) -> AttitudeReport:
 
 
 def rate_to_message(report: RateReport) -> TwistWithCovarianceStamped:
-    """Return the angular velocity; the linear one is zero by definition, since the body turns about its own origin."""
+    """Return the angular velocity.
+
+    The linear one is zero by definition, since the body turns about its own origin.
+    """
     message = TwistWithCovarianceStamped()
     message.header.stamp, message.header.frame_id = stamp_from_seconds(report.t_s), BODY_FRAME
     message.twist.twist.angular = _vector(report.rate_rad_s)
@@ -227,6 +233,7 @@ def pose_from_messages(
     where: PoseWithCovarianceStamped, moving: TwistWithCovarianceStamped
 ) -> tuple[float, Rep103Pose]:
     """Return time and pose of two messages of one stamp."""
+    # Pose and twist come from one estimate; stamps that differ mean that one message was lost.
     if where.header.stamp != moving.header.stamp:
         raise ValueError("pose and twist must have one stamp")
     quaternion = unit_quaternion(_components(where.pose.pose.orientation))
@@ -255,6 +262,7 @@ def status_from_message(message: ours.RelativePoseStatus) -> tuple[float, str, s
 def _complex(message: Any, count: int | None) -> NDArray[np.complex128]:
     """Return the I and Q samples of a message, `count` of them where that is known."""
     in_phase, quadrature = np.array(message.samples_i), np.array(message.samples_q)
+    # A cut message must not be padded: it would shift Q against I.
     if len(in_phase) != len(quadrature) or (count is not None and len(in_phase) != count):
         wanted = "as many" if count is None else f"{count} of each"
         raise ValueError(f"samples: {len(in_phase)} I and {len(quadrature)} Q, must be {wanted}")

@@ -1,8 +1,10 @@
-"""Executable `doa_attitude`: attitude and rate of a satellite from the directions in which its array hears stations.
+"""Executable `doa_attitude`: attitude and rate of a satellite from directions of ground stations.
 
-Subscribes: array_snapshots, known_torque.  Publishes: attitude (one for every block; invalid ones carry their reason),
-attitude_rate (geometry_msgs/TwistWithCovarianceStamped, with every valid attitude).
-Parameters: array.*, estimator.*, orbit.*, stations.*, satellite.*, filter.*, start.*, noise.*, gate.*, chain.*.
+Subscribes: array_snapshots, known_torque.
+Publishes: attitude (one for every block; invalid ones carry their reason), attitude_rate
+(geometry_msgs/TwistWithCovarianceStamped, with every valid attitude).
+Parameters: array.*, estimator.*, orbit.*, stations.*, satellite.*, filter.*, start.*, noise.*,
+gate.*, chain.*.
 """
 
 from geometry_msgs.msg import TwistWithCovarianceStamped
@@ -24,7 +26,8 @@ from rf_pointing.nodes.qos import STREAM
 from rf_pointing.nodes.streams import InputOutcomes
 
 SILENCE_S = 2.0
-"""Without a block for this long, the attitude is carried on by the known torques and published all the same."""
+"""Without a block for this long, the attitude is carried on by the known torques and published all
+the same."""
 
 
 class DoaAttitudeNode(ManagedNode):
@@ -64,6 +67,7 @@ class DoaAttitudeNode(ManagedNode):
 
     def activate(self) -> None:
         self._blocks.open = self._torques.open = True
+        # Half of it: the silence is noticed at most 1.5 times its length after the last block.
         self.every(0.5 * SILENCE_S, lambda t_s: self._watch(t_s))
 
     def deactivate(self) -> None:
@@ -84,7 +88,8 @@ class DoaAttitudeNode(ManagedNode):
             self._blocks.take(lambda: self._coast(t_s - SILENCE_S))
 
     def _coast(self, t_s: float) -> str:
-        # Not up to now: a block that is late by less than the silence must still find the filter before it.
+        # Not up to now: a block that is late by less than the silence must still find the filter
+        # before it.
         self._publish(self._chain.coast(t_s))
         return f"no block for more than {SILENCE_S} s"
 

@@ -1,9 +1,11 @@
-"""Executable `doa_source`: simulated satellite whose array hears ground stations.
+"""Executable `doa_source`: simulated satellite whose array receives ground stations.
 
-Publishes: array_snapshots (one block each period while a station is heard), known_torque (each period), sim/attitude
-(geometry_msgs/QuaternionStamped, truth), sim/attitude_rate (geometry_msgs/Vector3Stamped, truth).
-Parameters: source.* (period, seed), array.*, receiver.*, orbit.*, stations.*, satellite.*, and the truth that the filter
-does not know: scenario.* (link, access, true start), hold.* (attitude control), disturbance.*.
+Publishes: array_snapshots (one block each period while a station is received), known_torque (each
+period), sim/attitude (geometry_msgs/QuaternionStamped, truth), sim/attitude_rate
+(geometry_msgs/Vector3Stamped, truth).
+Parameters: source.* (period, seed), array.*, receiver.*, orbit.*, stations.*, satellite.*, and the
+truth that the filter does not know: scenario.* (link, access, true start), hold.* (attitude
+control), disturbance.*.
 """
 
 from dataclasses import dataclass
@@ -36,7 +38,7 @@ class BlockParams(Params):
 
 
 class DoaSource(ManagedNode):
-    """Steps the satellite each period and publishes what it knows and what its array hears."""
+    """Steps the satellite each period and publishes what it knows and what its array receives."""
 
     def __init__(self) -> None:
         super().__init__("doa_source")

@@ -1,9 +1,11 @@
-"""Executable `interferometer_source`: simulated approach of two spacecraft and the radio between them.
+"""Executable `interferometer_source`: simulated approach of two spacecraft, and their radio.
 
-Publishes: interferometer_measurement (one for every sequence of carriers, when it has ended), sim/relative_pose
-(geometry_msgs/PoseWithCovarianceStamped) and sim/relative_twist (geometry_msgs/TwistWithCovarianceStamped), the truth in
-the middle of each sequence, with zero covariance.
-Parameters: source.* (period, seed), arrays.*, plan.*, schedule.*, radio.*, link.*, approach.* (truth).
+Publishes: interferometer_measurement (one for every sequence of carriers, when it has ended),
+sim/relative_pose (geometry_msgs/PoseWithCovarianceStamped) and sim/relative_twist
+(geometry_msgs/TwistWithCovarianceStamped), the truth in the middle of each sequence, with zero
+covariance.
+Parameters: source.* (period, seed), arrays.*, plan.*, schedule.*, radio.*, link.*, approach.*
+(truth).
 """
 
 from dataclasses import dataclass

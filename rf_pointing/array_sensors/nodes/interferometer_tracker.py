@@ -1,8 +1,10 @@
-"""Executable `interferometer_tracker`: relative pose and motion of the passive spacecraft in the active one's frame.
+"""Executable `interferometer_tracker`: pose and motion of the passive spacecraft.
 
-Subscribes: interferometer_measurement.  Publishes: relative_pose (geometry_msgs/PoseWithCovarianceStamped) and
-relative_twist (geometry_msgs/TwistWithCovarianceStamped) while there is a pose, relative_pose_status always.
-Parameters: tracking.silence_s, arrays.*, plan.*, schedule.* (as the source sends), tracker.*, filter.*, floor.*.
+Subscribes: interferometer_measurement.
+Publishes: relative_pose (geometry_msgs/PoseWithCovarianceStamped) and relative_twist
+(geometry_msgs/TwistWithCovarianceStamped) while there is a pose, relative_pose_status always.
+Parameters: tracking.silence_s, arrays.*, plan.*, schedule.* (as the source sends), tracker.*,
+filter.*, floor.*.
 """
 
 from dataclasses import dataclass

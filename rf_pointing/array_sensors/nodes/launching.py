@@ -10,14 +10,16 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import LifecycleNode
 
 from launch import LaunchDescription
-from rf_pointing.array_sensors.nodes.array_systems import ARRAY_SYSTEMS, CLOCK
+from rf_pointing.array_sensors.nodes.array_graph import ARRAY_SYSTEMS, CLOCK
 from rf_pointing.nodes.launching import RESPAWN_DELAY_S
 
 __all__ = ["array_description"]
 
 
 def array_description(name: str) -> LaunchDescription:
-    """Return the simulated graph `name` of ARRAY_SYSTEMS, with simulation time of its own that runs at real speed."""
+    """Return the simulated graph `name` of ARRAY_SYSTEMS, with simulation time of its own that runs
+    at real speed.
+    """
     parameters = Path(get_package_share_directory("rf_pointing")) / "config" / f"{name}.yaml"
     return LaunchDescription(
         [
@@ -44,6 +46,8 @@ def _nodes(context: Any, names: Sequence[str]) -> list[Any]:
             name=executable,
             namespace="/".join([namespace, *below]),
             parameters=[parameters, {"use_sim_time": executable != CLOCK, "lifecycle.autostart": start == "true"}],
+            # Every graph has a clock of its own, so two graphs may run at different times on one
+            # machine.
             remappings=[("/clock", f"/{namespace.strip('/')}/clock")],
             respawn=start == "true",
             respawn_delay=RESPAWN_DELAY_S,

@@ -1,6 +1,7 @@
-"""Executable `tripulse_attitude`: attitude of the satellite's array from the lines of sight of its stations.
+"""Executable `tripulse_attitude`: attitude of the satellite's array from its stations.
 
-Subscribes: <station>/tripulse_measurement.  Publishes: attitude (one for every epoch; invalid ones carry their reason).
+Subscribes: <station>/tripulse_measurement.
+Publishes: attitude (one for every epoch; invalid ones carry their reason).
 Parameters: attitude.*, epochs.*, orbit.*, stations.*.
 """
 
@@ -18,7 +19,7 @@ from rf_pointing.nodes.streams import InputOutcomes
 
 
 class TripulseAttitudeNode(ManagedNode):
-    """Estimates once all stations have reported an epoch, or when it has waited too long for them."""
+    """Estimates once all stations have reported an epoch, or when it waited too long."""
 
     def __init__(self) -> None:
         super().__init__("tripulse_attitude")

@@ -1,7 +1,8 @@
-"""Executable `tripulse_receiver`: one ground station's receiver, from a frame of samples to the line of sight.
+"""Executable `tripulse_receiver`: a ground station, from a frame of samples to the line of sight.
 
-Runs once in the namespace of every station.  Subscribes: tripulse_frame.  Publishes: tripulse_measurement (one for every
-frame; invalid ones carry their reason).
+Runs once in the namespace of every station.
+Subscribes: tripulse_frame.
+Publishes: tripulse_measurement (one for every frame; invalid ones carry their reason).
 Parameters: station.name, array.*, signal.* (as the satellite sends), receiver.*, tracker.*.
 """
 

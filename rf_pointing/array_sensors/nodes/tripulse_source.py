@@ -1,7 +1,9 @@
-"""Executable `tripulse_source`: simulated satellite with its array, and the space link to every station.
+"""Executable `tripulse_source`: simulated satellite with its array, and the link to every station.
 
-Publishes: <station>/tripulse_frame (one each period), sim/attitude (geometry_msgs/QuaternionStamped, truth).
-Parameters: source.* (period, seed), array.*, signal.*, link.*, orbit.*, stations.*, wobble.* (the true attitude errors).
+Publishes: <station>/tripulse_frame (one each period), sim/attitude
+(geometry_msgs/QuaternionStamped, truth).
+Parameters: source.* (period, seed), array.*, signal.*, link.*, orbit.*, stations.*, wobble.* (the
+true attitude errors).
 """
 
 from dataclasses import dataclass
@@ -32,7 +34,10 @@ class SendingParams(Params):
 
 
 class TripulseSourceNode(ManagedNode):
-    """Sends one frame to every station each period; without a line of sight to all of them it says so and waits."""
+    """Sends one frame to every station each period.
+
+    Without a line of sight to all of them it says so and waits.
+    """
 
     def __init__(self) -> None:
         super().__init__("tripulse_source")

@@ -1,1 +1,1 @@
-"""report."""
+"""Report of the array sensors that a bag holds."""

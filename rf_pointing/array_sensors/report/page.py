@@ -1,4 +1,4 @@
-"""Report of the array sensors in a bag: a picture each, and their errors against the truth beside what they claim."""
+"""Report of the array sensors in a bag: pictures, and true against claimed errors."""
 
 import json
 from collections.abc import Sequence
@@ -24,9 +24,10 @@ _DRAW = {"attitude": draw_attitude, "relative_pose": draw_pose}
 
 @dataclass(frozen=True, kw_only=True)
 class ArrayErrors:
-    """Errors of one quantity of a sensor over its valid epochs: rms and median claimed deviation (x, y, z) in `unit`.
+    """Errors of one quantity of a sensor over its valid epochs.
 
-    `inside` is the share of all errors within three claimed deviations; without a valid epoch the three are None.
+    Rms and median claimed deviation (x, y, z) in `unit`.  `inside` is the share of all errors
+    within three claimed deviations; without a valid epoch the three are None.
     """
 
     sensor: str
@@ -40,10 +41,12 @@ class ArrayErrors:
 
 
 def report_array_sensors(bag: Path, folder: Path) -> Path | None:
-    """Write the page of a bag that holds array sensors and return its path; None when it holds none.
+    """Write the page of a bag that holds array sensors and return its path.
 
-    The executable `report` finds this function through the entry point group `rf_pointing.reports`.
+    None when it holds none.  The executable `report` finds this function through the entry point
+    group `rf_pointing.reports`.
     """
+    # A bag of the antenna is no error: every report writer is called for every bag.
     if not array_sensors(bag):
         return None
     write_array_report(bag, folder)
@@ -51,12 +54,14 @@ def report_array_sensors(bag: Path, folder: Path) -> Path | None:
 
 
 def write_array_report(bag: Path | str, output_dir: Path | str) -> list[ArrayErrors]:
-    """Write `array_report.html`, `array_summary.json` and a picture of every array sensor; return the errors.
+    """Write `array_report.html`, `array_summary.json` and a picture of every array sensor.
+
+    Return the errors.
 
     Raises
     ------
-    ValueError
-        The recording cannot be read, holds no array sensor, or one without a stamp in common with its truth.
+    ValueError The recording cannot be read, holds no array sensor, or one without a stamp in common
+        with its truth.
     """
     path, folder = Path(bag), Path(output_dir)
     sensors = array_sensors(path)
@@ -101,6 +106,7 @@ def _line(
         epochs=len(valid),
         valid=count,
         rms=tuple(np.sqrt(np.mean(error[valid] ** 2, axis=0)).tolist()) if some else None,
+        # Median, not mean: the first epochs after a start claim degrees.
         claimed=tuple(np.median(sigma[valid], axis=0).tolist()) if some else None,
         inside=float(np.mean(np.abs(error[valid]) <= 3.0 * sigma[valid])) if some else None,
     )

@@ -1,4 +1,4 @@
-"""Pictures of the array sensors: true against estimated attitude or pose, and its error inside the three-sigma band."""
+"""Pictures of the array sensors: truth and estimate, and the error inside its 3-sigma band."""
 
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,10 @@ _MDEG_BELOW_DEG = 0.03
 
 
 def draw_attitude(series: ArraySeries, path: Path, title: str) -> None:
-    """Roll, pitch and yaw, true and estimated, beside the error about each axis; as PNG at `path`."""
+    """Roll, pitch and yaw, true and estimated, and the error about each axis.
+
+    As PNG at `path`.
+    """
     with figure(path, 11.0, 7.4) as drawn:
         drawn.suptitle(title, fontsize=12.0)
         _columns(drawn.subplots(3, 2, sharex=True), series, 0, "rotation")
@@ -59,6 +62,7 @@ def _position(series: ArraySeries) -> tuple[list[Floats], Floats, Floats, tuple[
 
 def _rotation(series: ArraySeries) -> tuple[list[Floats], Floats, Floats, tuple[str, ...], tuple[str, str]]:
     quaternions = (series.true_quaternion, series.quaternion)
+    # Unwrapped: a yaw through 180 deg would be drawn as a vertical line.
     values = [np.degrees(np.unwrap(quaternion_to_roll_pitch_yaw(q), axis=0)) for q in quaternions]
     error, sigma = np.degrees(series.rotation_error_rad), np.degrees(series.rotation_sigma_rad)
     unit = "deg"

@@ -1,6 +1,6 @@
-"""True and estimated attitude or pose of an array sensor, from a bag, side by side.
+"""True and estimated attitude or pose of an array sensor, from a bag.
 
-Estimates and truth belong together when they have the same stamp; what has no partner is left out.
+An estimate and a truth of the same stamp belong together; a message without a partner is left out.
 """
 
 from contextlib import ExitStack
@@ -24,9 +24,11 @@ Messages = dict[int, Any]
 
 @dataclass(frozen=True)
 class ArraySeries:
-    """n epochs: time from the first, vectors (n, 3) in m (None without positions), quaternions (n, 4), validity (n,).
+    """n epochs: time from the first, vectors (n, 3) in m (None without positions), quaternions (n,
+    4), validity (n,).
 
-    `covariance` (n, k, k) is that of the errors: rotation (k = 3), or position and rotation (k = 6), in the reference axes.
+    `covariance` (n, k, k) is that of the errors: rotation (k = 3), or position and rotation (k =
+    6), in the reference axes.
     """
 
     t_s: Floats
@@ -61,7 +63,9 @@ class ArraySeries:
 
 
 def array_sensors(bag: Path) -> dict[str, str]:
-    """Return what the array sensors of a bag measure, "attitude" or "relative_pose", by their namespaces."""
+    """Return what the array sensors of a bag measure, "attitude" or "relative_pose", by their
+    namespaces.
+    """
     with ExitStack() as stack:
         topics = {connection.topic for connection in open_bag(bag, stack).connections}
     found = {}
@@ -73,7 +77,10 @@ def array_sensors(bag: Path) -> dict[str, str]:
 
 
 def read_attitude_series(bag: Path, namespace: str) -> ArraySeries:
-    """Return attitude against sim/attitude of one namespace; ValueError where a bag has no common stamp."""
+    """Return attitude against sim/attitude of one namespace.
+
+    ValueError where a bag has no common stamp.
+    """
     estimates, truth = _read(bag, f"{namespace}/attitude", f"{namespace}/sim/attitude")
     stamps = _common(estimates, truth, bag)
     return ArraySeries(
@@ -88,7 +95,10 @@ def read_attitude_series(bag: Path, namespace: str) -> ArraySeries:
 
 
 def read_pose_series(bag: Path, namespace: str) -> ArraySeries:
-    """Return relative_pose against sim/relative_pose; a pose is published only while there is one, so all are valid."""
+    """Return relative_pose against sim/relative_pose.
+
+    A pose is published only while there is one, so all are valid.
+    """
     estimates, truth = _read(bag, f"{namespace}/relative_pose", f"{namespace}/sim/relative_pose")
     stamps = _common(estimates, truth, bag)
     found, true = ([messages[stamp].pose for stamp in stamps] for messages in (estimates, truth))
@@ -104,12 +114,16 @@ def read_pose_series(bag: Path, namespace: str) -> ArraySeries:
 
 
 def _read(bag: Path, *topics: str) -> list[Messages]:
-    """Return the messages of each topic by stamp in nanoseconds; of several with one stamp the last."""
+    """Return the messages of each topic by stamp in nanoseconds.
+
+    Of several with one stamp the last.
+    """
     found: dict[str, Messages] = {topic: {} for topic in topics}
     with ExitStack() as stack:
         source = open_bag(bag, stack)
         types = dict(get_typestore(Stores.ROS2_JAZZY).fielddefs)
         for connection in source.connections:
+            # The bag carries its own definitions: a recording of an older release stays readable.
             types.update(types_of(connection.msgtype, connection.msgdef))
         typestore = get_typestore(Stores.EMPTY)
         typestore.register(types)
@@ -118,6 +132,7 @@ def _read(bag: Path, *topics: str) -> list[Messages]:
             for connection, _, raw in reader.messages(wanted) if wanted else ():
                 message: Any = typestore.deserialize_cdr(raw, connection.msgtype)
                 stamp = message.header.stamp
+                # In whole nanoseconds: stamps compared as floats would miss their partners.
                 found[connection.topic][stamp.sec * 10**9 + stamp.nanosec] = message
     return [found[topic] for topic in topics]
 

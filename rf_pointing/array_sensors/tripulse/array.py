@@ -1,8 +1,9 @@
-"""The transmitting array of Tripulse: element grid, taper, steering phases, phase quantiser and failed elements.
+"""The transmitting array of Tripulse: elements, taper, steering, phase quantiser, dead elements.
 
-Element (m, n) sits at (c(m) d_x, c(n) d_y) with c(m) = m - (N_x + 1)/2 (TRIPULSE (5)); x runs with m and y with n, so
-"(1, 1) in the upper left corner" draws y downwards and z = x x y away from the reader.  A direction is its pair of
-projections T = (sin(theta) cos(phi), sin(theta) sin(phi)) on x and y (TRIPULSE (2)).
+Element (m, n) sits at (c(m) d_x, c(n) d_y) with c(m) = m - (N_x + 1)/2 (TRIPULSE (5)); x runs with
+m and y with n.  With "(1, 1) in the upper left corner" y points down and z = x x y away from the
+reader.  A direction is its pair of projections T = (sin(theta) cos(phi), sin(theta) sin(phi)) on x
+and y (TRIPULSE (2)).
 """
 
 import math
@@ -28,7 +29,10 @@ ComplexArray = NDArray[np.complex128]
 
 @dataclass(frozen=True, kw_only=True)
 class TripulseArrayParams(Params):
-    """Rectangular array of N_x x N_y elements, both even; the defaults are the paper's Ku-band example."""
+    """Rectangular array of N_x x N_y elements, both even.
+
+    The defaults are the paper's Ku-band example.
+    """
 
     n_x: int = parameter(16, "elements along x, even", low=2, high=512)
     n_y: int = parameter(16, "elements along y, even", low=2, high=512)
@@ -70,9 +74,14 @@ def centred_indices(count: int) -> Array:
 
 
 def amplitude_taper(params: TripulseArrayParams) -> Array:
-    """Return element amplitudes (N_x, N_y): a cosine-squared arch on a pedestal along both axes, one at the centre."""
+    """Return element amplitudes (N_x, N_y).
+
+    A cosine-squared arch on a pedestal along both axes, one at the centre.
+    """
 
     def along(count: int) -> Array:
+        # The arch reaches zero one half spacing outside of the last element, so every element
+        # radiates.
         arch = np.cos(np.pi * centred_indices(count) / count) ** 2
         return params.taper_edge + (1.0 - params.taper_edge) * arch
 
@@ -80,7 +89,9 @@ def amplitude_taper(params: TripulseArrayParams) -> Array:
 
 
 def steering_phase_rad(params: TripulseArrayParams, steering: ArrayLike) -> Array:
-    """Return the phases (..., N_x, N_y) that steer to the projections `steering` (..., 2), unquantised."""
+    """Return the phases (..., N_x, N_y) that steer to the projections `steering` (..., 2),
+    unquantised.
+    """
     t = np.asarray(steering, dtype=np.float64)
     require_finite("steering", t)
     phase_x = params.kd[0] * t[..., 0, None] * centred_indices(params.n_x)
@@ -96,6 +107,8 @@ def quantised_phase_rad(phase_rad: ArrayLike, bits: int) -> Array:
     if bits == 0:
         return phase
     step_rad = 2.0 * math.pi / 2**bits
+    # Rounding to multiples of the step: pi stays a state, so the three beams share their phase
+    # errors.
     return np.asarray(step_rad * np.round(phase / step_rad))
 
 
@@ -114,8 +127,9 @@ def element_weights(
     steering : projections (..., 2) the beam is steered to
     failed : True where an element is dead, shape (..., N_x, N_y)
     phase_errors_rad : added after the quantiser, shape (..., N_x, N_y)
-    common_phase_rad : added to all phases before the quantiser.  Steering phases are odd in the element's position,
-        so without it the rounding errors of mirrored elements are equal and opposite and add up in the delta beams.
+    common_phase_rad : added to all phases before the quantiser.  Steering phases are odd in the
+        element's position, so without it the rounding errors of mirrored elements are equal and
+        opposite and add up in the delta beams.
 
     Raises
     ------
@@ -130,6 +144,8 @@ def element_weights(
         return np.asarray(weights)
     if failed.shape[-2:] != (params.n_x, params.n_y):
         raise ValueError(f"failed has shape {failed.shape}, must be (..., {params.n_x}, {params.n_y})")
+    # An array without any beam is no measurement of attitude; zero weights would divide by zero
+    # later.
     if np.any(np.all(failed, axis=(-2, -1))):
         raise ValueError(f"failed marks all {params.n_total} elements: the array has no beam")
     return np.where(failed, 0.0, weights)

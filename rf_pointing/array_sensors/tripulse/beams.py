@@ -1,15 +1,17 @@
-"""Sum and difference beams of Tripulse and their ratios; the last axis of every beam array is Sigma, Delta_x, Delta_y.
+"""Sum and difference beams of Tripulse, their ratios, and the direction from the ratios.
 
 Sigma = Q1+Q2+Q3+Q4, Delta_x = Q1-Q2-Q3+Q4, Delta_y = Q1+Q2-Q3-Q4 with
-Q_i = sum w exp(-j c(m) kd_x T_x - j c(n) kd_y T_y) over quadrant i (TRIPULSE (1), (6), (7)); in closed form for a
-uniform aperture (8); ratios (9).
-The paper's phases belong to fields that vary as exp(-j w t).  A receiver that counts exp(+j w t), as engineers do, sees
-the complex conjugates, and the ratio changes sign: `monopulse_ratios` must be told which.
+Q_i = sum w exp(-j c(m) kd_x T_x - j c(n) kd_y T_y) over quadrant i (TRIPULSE (1), (6), (7)); in
+closed form for a uniform aperture (8); ratios (9).  The last axis of every beam array is Sigma,
+Delta_x, Delta_y.
 
-From measured ratios to the direction: exact inversion of (9), polar angles (10).
+Inverse: a uniform aperture has eps_x = 4/(N_x kd_x) atan(R_x), valid for |eps_x| < lambda/(N_x
+d_x).  Any other known aperture (taper, dead elements, quantised phases) takes Newton's method on
+atan R(eps), which is nearly straight.  Polar angles: (10).
 
-Uniform aperture: eps_x = 4/(N_x kd_x) atan(R_x), valid for |eps_x| < lambda/(N_x d_x).  Any other known aperture
-(taper, dead elements, quantised phases): Newton's method on atan R(eps), which is nearly straight.
+The paper's phases belong to fields that vary as exp(-j w t).  A receiver that counts exp(+j w t),
+as engineers do, measures the complex conjugates, and the ratio changes sign: `monopulse_ratios`
+takes the convention as an argument.
 """
 
 import numpy as np
@@ -37,8 +39,11 @@ Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 TIME_CONVENTIONS = ("exp(-jwt)", "exp(+jwt)")
+# A few steps are typical; thirty means that the ratios belong to no direction of this aperture.
 NEWTON_STEPS = 30
 PROJECTION_TOLERANCE = 1e-13
+# Of the healthy aperture's slope: an aperture half dead has delta beams that do not move with
+# direction.
 SMALLEST_SLOPE = 1e-6
 
 
@@ -51,7 +56,9 @@ def beam_signs(params: TripulseArrayParams) -> Array:
 
 
 def quadrant_signals(params: TripulseArrayParams, weights: ArrayLike, direction: ArrayLike) -> ComplexArray:
-    """Return the signals of quadrants 1-4, eq. (6), shape (..., 4), towards the projections `direction` (..., 2)."""
+    """Return the signals of quadrants 1-4, eq. (6), shape (..., 4), towards the projections
+    `direction` (..., 2).
+    """
     field = _element_fields(params, weights, direction)
     low_x, high_x = slice(None, params.n_x // 2), slice(params.n_x // 2, None)
     low_y, high_y = slice(None, params.n_y // 2), slice(params.n_y // 2, None)
@@ -60,13 +67,17 @@ def quadrant_signals(params: TripulseArrayParams, weights: ArrayLike, direction:
 
 
 def beam_signals(params: TripulseArrayParams, weights: ArrayLike, direction: ArrayLike) -> ComplexArray:
-    """Return Sigma, Delta_x, Delta_y, eq. (7), shape (..., 3), for any element weights (..., N_x, N_y)."""
+    """Return Sigma, Delta_x, Delta_y, eq. (7), shape (..., 3), for any element weights (..., N_x,
+    N_y).
+    """
+    # Rows are the signs of the quadrants in Sigma, Delta_x, Delta_y.
     combine = np.array([[1.0, 1.0, 1.0, 1.0], [1.0, -1.0, -1.0, 1.0], [1.0, 1.0, -1.0, -1.0]])
     return np.asarray(quadrant_signals(params, weights, direction) @ combine.T)
 
 
 def closed_form_signals(params: TripulseArrayParams, projection_error: ArrayLike) -> ComplexArray:
-    """Return Sigma, Delta_x, Delta_y of the uniform, exact array, eq. (8) with K = 1, shape (..., 3).
+    """Return Sigma, Delta_x, Delta_y of the uniform, exact array, eq. (8) with K = 1, shape (...,
+    3).
 
     `projection_error` (..., 2) is T - T_0; the limits at X = 0 and Y = 0 are taken.
     """
@@ -78,7 +89,8 @@ def closed_form_signals(params: TripulseArrayParams, projection_error: ArrayLike
 
 
 def monopulse_ratios(signals: ArrayLike, time_convention: str = "exp(-jwt)") -> Array:
-    """Return R_x = Im(Delta_x / Sigma) and R_y, eq. (9), shape (..., 2), from beam signals (..., 3).
+    """Return R_x = Im(Delta_x / Sigma) and R_y, eq. (9), shape (..., 2), from beam signals (...,
+    3).
 
     Raises
     ------
@@ -89,6 +101,7 @@ def monopulse_ratios(signals: ArrayLike, time_convention: str = "exp(-jwt)") -> 
     require_finite("signals", s)
     if np.any(s[..., 0] == 0.0):
         raise ValueError("sum signal is 0: the ratios are not defined")
+    # Delta and Sigma are 90 deg apart: the real part is noise and phase error.
     ratio = np.imag(s[..., 1:] / s[..., :1])
     return np.asarray(ratio if time_convention == "exp(-jwt)" else -ratio)
 
@@ -102,7 +115,9 @@ def _element_fields(params: TripulseArrayParams, weights: ArrayLike, direction: 
 
 
 def _even_and_odd(phase: Array, count: int) -> tuple[Array, Array]:
-    """Return sin(N X/2)/sin(X/2) and sin^2(N X/4)/sin(X/2), with their limits where sin(X/2) vanishes."""
+    """Return sin(N X/2)/sin(X/2) and sin^2(N X/4)/sin(X/2), with their limits where sin(X/2)
+    vanishes.
+    """
     half = phase / 2.0
     # X and X - 2 pi give the same field but for the sign of exp(-j c 2 pi) with half-integer c.
     turns = np.round(half / np.pi)
@@ -115,7 +130,10 @@ def _even_and_odd(phase: Array, count: int) -> tuple[Array, Array]:
 
 
 def invert_ratios(params: TripulseArrayParams, ratios: ArrayLike) -> Array:
-    """Return the projection errors (..., 2) of a uniform aperture with these ratios (..., 2): (9) inverted."""
+    """Return the projection errors (..., 2) of a uniform aperture with these ratios (..., 2).
+
+    (9) inverted.
+    """
     r = np.asarray(ratios, dtype=np.float64)
     require_finite("ratios", r)
     return np.asarray(4.0 * np.arctan(r) / (params.kd * np.array([params.n_x, params.n_y])))
@@ -124,7 +142,8 @@ def invert_ratios(params: TripulseArrayParams, ratios: ArrayLike) -> Array:
 def invert_with_weights(
     params: TripulseArrayParams, weights: ArrayLike, steering: ArrayLike, ratios: ArrayLike
 ) -> Array:
-    """Return the projection errors (..., 2) for an aperture whose weights (N_x, N_y) are known, steered to (2,).
+    """Return the projection errors (..., 2) for an aperture whose weights (N_x, N_y) are known,
+    steered to (2,).
 
     Raises
     ------
@@ -132,10 +151,14 @@ def invert_with_weights(
     """
     target = np.arctan(np.asarray(ratios, dtype=np.float64))
     require_finite("ratios", target)
+    # Beyond lambda/(N d) the ratio repeats: a step that leaves the region would converge a lobe
+    # away.
     limit = 1.5 * params.unambiguous_projection
+    # The uniform aperture is the start: taper and dead elements change the slope, not the sign.
     error = invert_ratios(params, ratios)
     for _ in range(NEWTON_STEPS):
         ratio, ratio_slope = ratio_and_slope(params, weights, np.asarray(steering, dtype=np.float64) + error)
+        # atan of the ratio is nearly linear in the direction, the ratio itself has a pole.
         value, slope = np.arctan(ratio), ratio_slope / (1.0 + ratio[..., None] ** 2)
         if np.any(np.abs(np.linalg.det(slope)) < SMALLEST_SLOPE * np.prod(params.kd)):
             raise ValueError("the delta beams of this aperture do not respond to the direction: half of it is dead")
@@ -149,16 +172,20 @@ def invert_with_weights(
 
 
 def direction_projections(steering: ArrayLike, projection_error: ArrayLike) -> Array:
-    """Return T = T_0 + eps, shape (..., 2), refused where it is longer than one (no such direction exists)."""
+    """Return T = T_0 + eps, shape (..., 2), refused where it is longer than one (no such direction
+    exists).
+    """
     t = np.asarray(steering, dtype=np.float64) + np.asarray(projection_error, dtype=np.float64)
     length = np.hypot(t[..., 0], t[..., 1])
+    # Negated so that NaN is rejected too.
     if np.any(~(length <= 1.0)):
         raise ValueError(f"projections have length {np.max(length)}, must be <= 1: not a direction")
     return np.asarray(t)
 
 
 def polar_angles_rad(projections: ArrayLike) -> tuple[Array, Array]:
-    """Return theta in [0, pi/2] and phi in (-pi, pi] of T (..., 2): (10), with the quadrant of phi kept.
+    """Return theta in [0, pi/2] and phi in (-pi, pi] of T (..., 2): (10), with the quadrant of phi
+    kept.
 
     phi is 0 at theta = 0, where it has no meaning.
     """
@@ -167,7 +194,9 @@ def polar_angles_rad(projections: ArrayLike) -> tuple[Array, Array]:
 
 
 def ratio_and_slope(params: TripulseArrayParams, weights: ArrayLike, direction: ArrayLike) -> tuple[Array, Array]:
-    """Return the ratios (..., 2) of an aperture at `direction` (..., 2) and their derivative (..., 2, 2) by it."""
+    """Return the ratios (..., 2) of an aperture at `direction` (..., 2) and their derivative (...,
+    2, 2) by it.
+    """
     w = np.asarray(weights, dtype=np.complex128)
     signals = beam_signals(params, w, direction)
     if np.any(signals[..., 0] == 0.0):

@@ -1,7 +1,8 @@
-"""A geosynchronous satellite with a nadir-pointing array over its stations: the truth behind a Tripulse simulation.
+"""A geosynchronous satellite with a nadir-pointing array over its stations: truth of Tripulse.
 
-Circular orbit of one sidereal day, inclined by a few degrees at most, over a spherical Earth; the array follows the
-orbital frame (x along the flight, y against the momentum, z to the Earth's centre) but for slow attitude errors.
+Circular orbit of one sidereal day, inclined by a few degrees at most, over a spherical Earth.  The
+array follows the orbital frame (x along the flight, y against the momentum, z to the Earth's
+centre) but for slow attitude errors.
 """
 
 import math
@@ -33,6 +34,7 @@ Array = NDArray[np.float64]
 
 ORBIT_RADIUS_M = 42164172.0
 EARTH_RATE_RAD_S = 7.2921159e-5
+# Central difference of the range: over 2 s a geosynchronous orbit is straight to 1e-9 of the rate.
 RATE_STEP_S = 1.0
 
 
@@ -47,7 +49,10 @@ class GeostationaryParams(Params):
 
 @dataclass(frozen=True, kw_only=True)
 class WobbleParams(Params):
-    """Attitude error of the array: a constant and a slow oscillation about each axis, a third of a turn apart."""
+    """Attitude error of the array.
+
+    A constant and a slow oscillation about each axis, a third of a turn apart.
+    """
 
     roll_rad: float = parameter(math.radians(0.03), "constant roll", low=-0.2, high=0.2)
     pitch_rad: float = parameter(math.radians(-0.02), "constant pitch", low=-0.2, high=0.2)
@@ -58,7 +63,9 @@ class WobbleParams(Params):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SceneMoment:
-    """Truth at `t_s`: orientation of the array in the orbital frame (x, y, z, w), and the lines of sight (N, ...)."""
+    """Truth at `t_s`: orientation of the array in the orbital frame (x, y, z, w), and the lines of
+    sight (N, ...).
+    """
 
     t_s: float
     quaternion: Array
@@ -72,10 +79,13 @@ class SceneMoment:
 
 
 def geostationary_point(orbit: GeostationaryParams, t_s: float) -> OrbitPoint:
-    """Return the satellite's Earth-fixed position (3,), orbital frame (3, 3, rows) and frame rate (3,) at `t_s`."""
+    """Return the satellite's Earth-fixed position (3,), orbital frame (3, 3, rows) and frame rate
+    (3,) at `t_s`.
+    """
     require_finite("t_s", t_s)
     along = EARTH_RATE_RAD_S * (t_s - orbit.ascending_node_time_s)
-    # Earth-fixed axes turn with the Earth: seen from them the node runs back as fast as the satellite runs on.
+    # Earth-fixed axes turn with the Earth: seen from them the node runs back as fast as the
+    # satellite runs on.
     node = orbit.longitude_rad - along
     frame = circular_frame(along, node, orbit.inclination_rad)
     rate = np.array([0.0, -EARTH_RATE_RAD_S, 0.0])
@@ -84,6 +94,7 @@ def geostationary_point(orbit: GeostationaryParams, t_s: float) -> OrbitPoint:
 
 def wobble_quaternion(wobble: WobbleParams, t_s: float) -> Array:
     """Return the orientation (4,) of the array in the orbital frame at `t_s`."""
+    # A third of a turn apart, so that no two axes are at zero together.
     phases = 2.0 * math.pi * (t_s / wobble.period_s + np.arange(3) / 3.0)
     constant = np.array([wobble.roll_rad, wobble.pitch_rad, wobble.yaw_rad])
     return quaternion_from_roll_pitch_yaw(constant + wobble.amplitude_rad * np.sin(phases))
@@ -92,7 +103,10 @@ def wobble_quaternion(wobble: WobbleParams, t_s: float) -> Array:
 def scene_moment(
     orbit: GeostationaryParams, wobble: WobbleParams, stations: list[GroundStation], t_s: float
 ) -> SceneMoment:
-    """Return the truth at `t_s`: attitude, directions to the stations in the orbital frame, elevations, range rates."""
+    """Return the truth at `t_s`.
+
+    Attitude, directions to the stations in the orbital frame, elevations, range rates.
+    """
     view = station_view(orbit, stations, t_s)
     before, after = (station_view(orbit, stations, t_s + step_s).range_m for step_s in (-RATE_STEP_S, RATE_STEP_S))
     return SceneMoment(
@@ -104,5 +118,8 @@ def scene_moment(
 
 
 def station_view(orbit: GeostationaryParams, stations: list[GroundStation], t_s: float) -> StationView:
-    """Return how the satellite sees `stations` at `t_s`: directions in the orbital frame, elevations, ranges."""
+    """Return how the satellite sees `stations` at `t_s`.
+
+    Directions in the orbital frame, elevations, ranges.
+    """
     return view_from(geostationary_point(orbit, t_s), stations)

@@ -1,7 +1,8 @@
-"""A ground station's Tripulse receiver: one frame of samples in, the satellite's line of sight with covariance out.
+"""A ground station's Tripulse receiver: from a frame of samples to the satellite's line of sight.
 
-Channels, coherent detection (two tones or the tracker), one complex value per beam, ratios, exact inversion.  At 12 dB
-or more in the sum beam the ratios (9) with the variance (17); below, the posterior that does not divide by it.
+Channels, coherent detection (two tones or the tracker), one complex value per beam, ratios, exact
+inversion.  From 12 dB in the sum beam on it uses the ratios (9) with the variance (17); below, the
+posterior that does not divide by the sum beam.
 """
 
 import math
@@ -39,11 +40,15 @@ class TripulseReceiverParams(Params):
     """What the receiver expects and when it believes a frame."""
 
     largest_shift_hz: float = parameter(5e4, "largest frequency shift searched", low=1.0, high=1e8)
+    # Below 12 dB the ratio is biased by the noise of the sum beam, and its variance has no finite
+    # value.
     ratio_snr_min_db: float = parameter(12.0, "sum SNR from which the plain ratio is used", low=0.0, high=60.0)
     snr_min_db: float = parameter(3.0, "lowest sum SNR of a measurement", low=-30.0, high=60.0)
+    # A third of the 0.1 deg that the paper gives the initial attitude sensor.
     prior_sigma: float = parameter(
         math.radians(0.1) / 3.0, "standard deviation of each initial projection", low=1e-9, high=1.0
     )
+    # Near lambda/(N d) the sum beam vanishes and the ratio cannot tell one lobe from the next.
     largest_error_fraction: float = parameter(
         0.8, "largest projection error believed, as a fraction of lambda/(N d)", low=0.01, high=0.99
     )
@@ -51,10 +56,12 @@ class TripulseReceiverParams(Params):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TripulseMeasurement:
-    """Projections (2,) of the station's direction on the array axes, with covariance (2, 2), at `t_s`.
+    """Projections (2,) of the station's direction on the array axes, with covariance (2, 2), at
+    `t_s`.
 
-    An invalid measurement carries its reason, and the steering with the prior's covariance, so that it adds nothing.
-    `estimator` is "ratio" or "posterior"; `sum_snr_db` that of the coherent sum of a frame's sum segments.
+    An invalid measurement carries its reason, and the steering with the prior's covariance, so that
+    it adds nothing. `estimator` is "ratio" or "posterior"; `sum_snr_db` that of the coherent sum of
+    a frame's sum segments.
     """
 
     t_s: float
@@ -71,7 +78,9 @@ class TripulseMeasurement:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Detected:
-    """Segments (n,) with the phase taken out, noise variance of one segment, and the reason of a lost lock."""
+    """Segments (n,) with the phase taken out, noise variance of one segment, and the reason of a
+    lost lock.
+    """
 
     values: ComplexArray
     noise_variance: float
@@ -80,9 +89,11 @@ class _Detected:
 
 @dataclass(frozen=True, kw_only=True)
 class TripulseReceiver:
-    """Stateless: every frame is acquired anew, so that a lost frame or a lost lock costs nothing later.
+    """Stateless: every frame is acquired anew, so that a lost frame or a lost lock costs nothing
+    later.
 
-    `failed` marks elements that the satellite reports as dead; their effect is then inverted exactly.
+    `failed` marks elements that the satellite reports as dead; their effect is then inverted
+    exactly.
     """
 
     array: TripulseArrayParams
@@ -101,7 +112,10 @@ class TripulseReceiver:
         channels = channelise(self.signal, frame.samples, self.params.largest_shift_hz)
         found = self._detect(channels)
         beams, noises = self._beam_means(found)
+        # The measured power holds the noise too: hence minus one; floored, since a logarithm
+        # follows.
         snr = max(abs(beams[0]) ** 2 / noises[0] - 1.0, 1e-6)
+        # Checked before the SNR: after a slip the ratio may have either sign, at any power.
         if found.lost:
             return self._invalid(frame, channels, snr, found.lost)
         snr_db = 10.0 * math.log10(snr)
@@ -109,6 +123,8 @@ class TripulseReceiver:
             return self._invalid(frame, channels, snr, f"sum SNR {snr_db} dB must be >= {self.params.snr_min_db} dB")
         try:
             return self._estimate(frame, channels, found, beams, noises, snr_db)
+        # Estimators refuse in words; the frame stays on the wire as an invalid measurement with
+        # that reason.
         except ValueError as refused:
             return self._invalid(frame, channels, snr, str(refused))
 
@@ -166,6 +182,8 @@ class TripulseReceiver:
         values = tone * np.exp(-1j * state.estimate[1])
         for index in range(first + 1, len(tone)):
             state = predict(self.tracker, state, float(times[index]))
+            # A segment is turned by the phase predicted before it is used itself: it must not
+            # correct its own reference.
             values[index] = tone[index] * np.exp(-1j * state.estimate[1])
             if beams[index] == 0:
                 state = update(self.tracker, state, complex(tone[index]), noise_variance)
@@ -180,6 +198,8 @@ class TripulseReceiver:
         return means, found.noise_variance / counts
 
     def _from_ratio(self, steering: Array, beams: ComplexArray, noises: Array) -> tuple[Array, Array]:
+        # The receiver counts exp(+j w t): with the paper's convention every error would have the
+        # wrong sign.
         ratios = monopulse_ratios(beams, "exp(+jwt)")
         weights = element_weights(self.array, steering, failed=self.failed)
         if self._is_uniform:
@@ -200,6 +220,7 @@ class TripulseReceiver:
         signals, variances = beams[None, :], noises
         if self.signal.scheme == "interleaved":
             signals, variances = self._cycle_means(found)
+        # The estimators below 12 dB use the paper's time convention: hence the conjugate.
         matrix = signal_matrix(signals.conj(), variances)
         prior = np.full(2, self.params.prior_sigma)
         posterior = posterior_projection_error(self.array, matrix, len(signals), variances, prior)
@@ -221,6 +242,8 @@ class TripulseReceiver:
             station=frame.station,
             sequence=frame.sequence,
             projections=frame.steering,
+            # The prior's covariance: a consumer that overlooks `valid` gains nothing from this
+            # measurement.
             covariance=self.params.prior_sigma**2 * np.eye(2),
             sum_snr_db=10.0 * math.log10(snr),
             shift_hz=channels.shift_hz,

@@ -1,14 +1,17 @@
 """Tripulse below 10 dB: estimators that do not divide by a noisy sum beam.
 
-One cycle of pulses is y = K (1, j tan u_x, j tan u_y) + noise with an unknown complex K and u = N kd eps/4.  With the
-delta signals turned by -j and every signal divided by its noise, y' = K v + n with a real vector v, so that all a set
-of cycles says about the direction is the real matrix M = Re sum y' y'^H, whatever the phase of each cycle was:
+One cycle of pulses is y = K (1, j tan u_x, j tan u_y) + noise with an unknown complex K and u = N
+kd eps/4.  With the delta signals turned by -j and every signal divided by its noise, y' = K v + n
+with a real vector v, so that all a set of cycles says about the direction is the real matrix M = Re
+sum y' y'^H, whatever the phase of each cycle was:
 
-* `total_least_squares_ratios`: the principal eigenvector of M, which is the maximum-likelihood estimate.
-* `PosteriorEstimate`: mean and covariance of eps under exp(kappa v^T M v / |v|^2) times the Gaussian prior of the
-  initial attitude sensor.  Its variance is finite at every SNR, never above the prior's.  kappa = SNR / (1 + SNR), the
-  SNR of one cycle being learnt from M, is what remains of the likelihood when every cycle's K is integrated out as a
-  complex Gaussian; taking K as fitted exactly (kappa = 1) would make many weak cycles look better than they are.
+* `total_least_squares_ratios`: the principal eigenvector of M, which is the maximum-likelihood
+  estimate.
+* `PosteriorEstimate`: mean and covariance of eps under exp(kappa v^T M v / |v|^2) times the
+  Gaussian prior of the initial attitude sensor.  Its variance is finite at every SNR, never above
+  the prior's.  kappa = SNR / (1 + SNR), the SNR of one cycle being learnt from M, is what remains
+  of the likelihood when every cycle's K is integrated out as a complex Gaussian; taking K as fitted
+  exactly (kappa = 1) would make many weak cycles look better than they are.
 
 Not in TRIPULSE, which restricts itself to high SNR: the variance of the plain ratio is infinite.
 """
@@ -25,9 +28,12 @@ __all__ = ["PosteriorEstimate", "posterior_projection_error", "signal_matrix", "
 
 Array = NDArray[np.float64]
 
+# 25 points over ten sigma resolve a Gaussian; six shrinking grids follow a posterior down to a
+# millionth of the prior.
 GRID_POINTS = 25
 GRID_SIGMAS = 5.0
 REFINEMENTS = 6
+# Grids of this many matrices fit into memory: 2000 x 25 x 25 values.
 CHUNK = 2000
 SMALLEST_PART = 1e-12
 """Least part of the sum beam in the principal eigenvector, of unit length."""
@@ -44,7 +50,8 @@ class PosteriorEstimate:
 def signal_matrix(signals: ArrayLike, noise_variances: ArrayLike) -> Array:
     """Return M (..., 3, 3) of beam signals (..., cycles, 3) in the paper's time convention.
 
-    `noise_variances` (3,) are the total complex variances of a signal of each beam, the same in every cycle.
+    `noise_variances` (3,) are the total complex variances of a signal of each beam, the same in
+    every cycle.
     """
     s = np.asarray(signals, dtype=np.complex128)
     if s.ndim < 2 or s.shape[-1] != 3 or s.shape[-2] < 1:
@@ -107,10 +114,12 @@ def posterior_projection_error(
 def _posterior(
     params: TripulseArrayParams, matrix: Array, cycles: int, noise: Array, prior: Array
 ) -> tuple[Array, Array]:
+    # Just inside the unambiguous region: at its edge the tangent is infinite.
     limit = params.unambiguous_projection * (1.0 - 1e-9)
     unit = np.linspace(-1.0, 1.0, GRID_POINTS)
     largest = np.linalg.eigvalsh(matrix)[:, -1]
-    # cycles (1 + SNR) is what the largest eigenvalue estimates; a first cycle or two only serve to learn K.
+    # cycles (1 + SNR) is what the largest eigenvalue estimates; a first cycle or two only serve to
+    # learn K.
     kappa = 1.0 - np.minimum(1.0, max(cycles - 2, 0) / np.maximum(largest, 1e-300))
     mean = np.zeros((len(matrix), 2))
     reach = np.broadcast_to(np.minimum(GRID_SIGMAS * prior, limit), mean.shape)

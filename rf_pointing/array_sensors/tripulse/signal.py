@@ -1,8 +1,9 @@
 """The Tripulse signal on the air: tones, order of the beams, and one received frame of samples.
 
-A tripulse tone at f_t steps through the beams segment by segment in the order of `pattern`, `cycles` times over.  With
-the scheme "two_tone" two reference tones at f_t -+ separation, f_r1 + f_r2 = 2 f_t, run on a static beam through the
-whole frame; with "interleaved" the sum segments themselves are the reference (TRIPULSE section 1).
+A tripulse tone at f_t steps through the beams segment by segment in the order of `pattern`,
+`cycles` times over.  With the scheme "two_tone" two reference tones at f_t -+ separation, f_r1 +
+f_r2 = 2 f_t, run on a static beam through the whole frame; with "interleaved" the sum segments
+themselves are the reference (TRIPULSE section 1).
 """
 
 import math
@@ -36,11 +37,14 @@ class TripulseSignalParams(Params):
         if set(self.pattern) != set(SEGMENT_BEAMS):
             raise ValueError(f"pattern={self.pattern!r} must contain S, x and y and nothing else")
         turns = self.tone_separation_hz * self.segment_s
+        # Whole turns per segment: otherwise every tone leaks into the channels of the others.
         if turns < 0.5 or not math.isclose(turns, round(turns), abs_tol=1e-6):
             raise ValueError(
                 f"tone_separation_hz={self.tone_separation_hz} times the segment of {self.segment_s} s gives {turns} "
                 "turns, must be a whole number >= 1: the segment does not separate the tones"
             )
+        # Quiet channels lie up to three separations on either side of f_t; beyond Nyquist they
+        # would alias.
         if 6.0 * self.tone_separation_hz >= self.sample_rate_hz:
             raise ValueError(
                 f"sample_rate_hz={self.sample_rate_hz} must be > 6 tone_separation_hz={self.tone_separation_hz}: "
@@ -69,10 +73,10 @@ class TripulseSignalParams(Params):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TripulseFrame:
-    """One frame as received at a station: complex baseband samples (n,) centred on f_t, from `t_s` on.
+    """One frame as received at a station.
 
-    `steering` (2,) are the projections that the satellite's beams were steered to (telemetry); phases count
-    exp(+j w t).
+    Complex baseband samples (n,) centred on f_t, from `t_s` on.  `steering` (2,) are the
+    projections that the satellite's beams were steered to (telemetry); phases count exp(+j w t).
     """
 
     t_s: float

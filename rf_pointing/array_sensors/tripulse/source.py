@@ -3,8 +3,9 @@
 y(t) = A beam*(T) exp(j phi(f_t, t)) + A_r (exp(j phi(f_r1, t)) + exp(j phi(f_r2, t))) + noise,
 phi(f, t) = 2 pi (f - f_t) t - 2 pi f rho'(t) / c + (f / f_t) phi_satellite(t) - phi_station(t),
 
-with random walks for the two clocks.  Everything but the noise is linear in f, which is what the two-tone scheme relies
-on.  The conjugate of the beam stands because the receiver counts exp(+j w t).  N_0 = 1, so A^2 is C/N_0 in hertz.
+with random walks for the two clocks.  Everything but the noise is linear in f, which is what the
+two-tone scheme relies on.  The conjugate of the beam stands because the receiver counts exp(+j w
+t).  N_0 = 1, so A^2 is C/N_0 in hertz.
 """
 
 import copy
@@ -50,7 +51,10 @@ class TripulseSourceParams(Params):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StationLine:
-    """Line of sight to a station: unit vector (3,) in the reference frame, range rate, elevation at the station."""
+    """Line of sight to a station.
+
+    Unit vector (3,) in the reference frame, range rate, elevation at the station.
+    """
 
     name: str
     direction: Array
@@ -78,7 +82,8 @@ class TripulseSourceState:
 class TripulseSource:
     """Satellite array that sends one frame to every station in each step.
 
-    `prior` (3, 3) is the rotation, reference to array frame, that the satellite believes and steers its beams by.
+    `prior` (3, 3) is the rotation, reference to array frame, that the satellite believes and steers
+    its beams by.
     """
 
     def __init__(
@@ -92,6 +97,8 @@ class TripulseSource:
         prior: ArrayLike | None = None,
     ) -> None:
         self.array, self.signal, self.params, self.failed = array, signal, params, failed
+        # Only to check: an array without a living element is refused when it is made, not at the
+        # first frame.
         element_weights(array, [0.0, 0.0], failed=failed)
         self._stream = random_stream(seed, "tripulse_source")
         self._sequence = 0
@@ -120,8 +127,8 @@ class TripulseSource:
 
         Raises
         ------
-        ValueError : if time does not advance, the satellite is below a station's lowest elevation, or a station lies
-            behind the array.
+        ValueError : if time does not advance, the satellite is below a station's lowest elevation,
+            or a station lies behind the array.
         """
         require_finite("t_s", t_s)
         if self._t_s is not None and t_s <= self._t_s:
@@ -138,6 +145,7 @@ class TripulseSource:
             raise ValueError(
                 f"station {line.name} sees the satellite at elevation_rad={line.elevation_rad}, must be >= {lowest_rad}"
             )
+        # Both: steering behind the array is as impossible as radiating there.
         for name, frame in (("attitude", rotation), ("prior attitude", self._prior)):
             height = float((frame @ line.direction)[2])
             if height <= 0.0:
@@ -159,6 +167,7 @@ class TripulseSource:
         def tone(offset_hz: float) -> ComplexArray:
             frequency_hz = signal.carrier_hz + offset_hz
             travel_rad = 2.0 * math.pi * frequency_hz * range_rate_m_s / SPEED_OF_LIGHT_M_S * time_s
+            # Tones start at unknown phases: the receiver must not rely on their relation.
             start_rad = self._stream.uniform(0.0, 2.0 * math.pi)
             clock_rad = frequency_hz / signal.carrier_hz * satellite_rad - station_rad
             return np.asarray(np.exp(1j * (2.0 * math.pi * offset_hz * time_s - travel_rad + clock_rad + start_rad)))
@@ -168,9 +177,11 @@ class TripulseSource:
         if signal.scheme == "two_tone":
             reference = 10.0 ** (params.reference_carrier_to_noise_db_hz / 20.0)
             total = total + reference * (tone(-signal.tone_separation_hz) + tone(signal.tone_separation_hz))
+        # N_0 = 1 per hertz, so the samples have the variance of the sample rate.
         noise = math.sqrt(signal.sample_rate_hz) * complex_normal(self._stream, (signal.samples,))
         return np.asarray(total + noise)
 
     def _clock_rad(self, linewidth_hz: float) -> Array:
+        # A Lorentzian line of this width is a random walk of 2 pi times the width per second.
         step_rad = math.sqrt(2.0 * math.pi * linewidth_hz / self.signal.sample_rate_hz)
         return np.cumsum(self._stream.normal(scale=step_rad, size=self.signal.samples))

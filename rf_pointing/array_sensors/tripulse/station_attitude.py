@@ -1,13 +1,13 @@
-"""Attitude from two stations by the bisector construction (TRIPULSE 5.2), and directions from their projections.
+"""Attitude of a satellite array from the lines of sight that its ground stations measured.
 
-A = [A1 A2 A3], A1 the bisector of the two directions, A2 their normal, A3 = A1 x A2; likewise A' of the reference
-directions; R = A A'^T.  Equal weights; the same rotation as `fit_rotation`, in closed form.
+Keeps the newest observation of each station, turns those of one epoch into a weighted Wahba fit
+with the covariance (31) of TRIPULSE, and tests the residual: two stations over-determine the
+attitude by one, L stations by 2 L - 3.  An observation a lobe away does not fit the known angle
+between the stations, and shows there.
 
-Attitude of a satellite array from the lines of sight that its ground stations measured.
-
-Keeps the newest observation of each station, turns those of one epoch into a weighted Wahba fit with the covariance
-(31) of TRIPULSE, and tests the residual: two stations over-determine the attitude by one, L stations by 2 L - 3.  An
-observation a lobe away does not fit the known angle between the stations, and shows there.
+Two stations have a closed form too (`bisector_rotation`, TRIPULSE 5.2): A = [A1 A2 A3], A1 the
+bisector of the two directions, A2 their normal, A3 = A1 x A2, likewise A' of the reference
+directions, R = A A'^T.
 """
 
 import math
@@ -48,7 +48,8 @@ SMALLEST_EIGENVALUE = 1e-12  # of the largest: rounding leaves 1e-16 of an exact
 def bisector_rotation(
     reference: ArrayLike, measured: ArrayLike, *, smallest_separation_rad: float = SMALLEST_SEPARATION_RAD
 ) -> Array:
-    """Return R (..., 3, 3) with `measured` = R `reference` in the least-squares sense, unit vectors (..., 2, 3).
+    """Return R (..., 3, 3) with `measured` = R `reference` in the least-squares sense, unit vectors
+    (..., 2, 3).
 
     Raises
     ------
@@ -81,7 +82,9 @@ def directions_from_projections(projections: ArrayLike) -> Array:
 
 
 def direction_covariances(projections: ArrayLike, covariances: ArrayLike) -> Array:
-    """Return the covariances (..., 3, 3) of the directions, to first order in those of the projections (..., 2, 2)."""
+    """Return the covariances (..., 3, 3) of the directions, to first order in those of the
+    projections (..., 2, 2).
+    """
     t = directions_from_projections(projections)
     c = np.asarray(covariances, dtype=np.float64)
     if c.shape[-2:] != (2, 2):
@@ -105,18 +108,22 @@ def _bisector_frame(first: Array, second: Array) -> Array:
 class StationAttitudeParams(Params):
     """When observations make an attitude."""
 
+    # Two periods of the frames: an older observation belongs to another attitude.
     age_max_s: float = parameter(2.0, "oldest observation used", low=1e-3, high=1e4)
     separation_min_rad: float = parameter(
         math.radians(0.5), "smallest angle between stations as the satellite sees them", low=1e-6, high=1.5
     )
+    # At one epoch a second this rejects a sound attitude every twelve days.
     false_alarm: float = parameter(1e-6, "probability that a sound residual is refused", low=1e-12, high=0.1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StationObservation:
-    """Projections (2,) of one station on the array axes with covariance (2, 2), and its known direction (3,).
+    """Projections (2,) of one station on the array axes with covariance (2, 2), and its known
+    direction (3,).
 
-    `reference` is the unit vector to the station in the reference frame.  An invalid observation carries its reason.
+    `reference` is the unit vector to the station in the reference frame.  An invalid observation
+    carries its reason.
     """
 
     t_s: float
@@ -132,6 +139,8 @@ class StationObservation:
         object.__setattr__(self, "projections", as_finite_array("projections", self.projections, (2,)))
         object.__setattr__(self, "covariance", as_finite_array("covariance", self.covariance, (2, 2)))
         object.__setattr__(self, "reference", unit_directions("reference", self.reference))
+        # Only to check: a singular covariance is refused with the observation and not at the next
+        # estimate.
         direction_covariances(self.projections, self.covariance)
 
 
@@ -139,10 +148,11 @@ class StationObservation:
 class StationAttitude:
     """Orientation of the array in the reference frame at `t_s`, the mean time of the observations.
 
-    `quaternion` (x, y, z, w) takes array components to reference components; its sign continues that of the last one.
-    `covariance_rad2` (3, 3): of the small rotation between true and estimated orientation, about the reference axes;
-    `covariance_array_rad2`: the same about the array axes.  `residual` is the normalised sum of squared residuals, with
-    2 L - 3 degrees of freedom.  An invalid attitude carries its reason, the last quaternion and a useless covariance.
+    `quaternion` (x, y, z, w) takes array components to reference components; its sign continues
+    that of the last one. `covariance_rad2` (3, 3): of the small rotation between true and estimated
+    orientation, about the reference axes; `covariance_array_rad2`: the same about the array axes.
+    `residual` is the normalised sum of squared residuals, with 2 L - 3 degrees of freedom.  An
+    invalid attitude carries its reason, the last quaternion and a useless covariance.
     """
 
     t_s: float
@@ -190,7 +200,9 @@ class StationAttitudeEstimator:
         self._newest[observation.station] = observation
 
     def estimate(self, t_s: float) -> StationAttitude:
-        """Return the attitude from the observations that are recent at `t_s`, or an invalid one with its reason."""
+        """Return the attitude from the observations that are recent at `t_s`, or an invalid one
+        with its reason.
+        """
         require_finite("t_s", t_s)
         used, refused = [], []
         for observation in self._newest.values():
@@ -223,6 +235,8 @@ class StationAttitudeEstimator:
             return self._invalid(t_s, used, str(refused))
         residual, freedom = _normalised_residual(projections, used, fit.rotation), 2 * len(used) - 3
         limit = _chi_square_limit(freedom, self.params.false_alarm)
+        # Two stations know the angle between them: a station a lobe away misses it by far more than
+        # noise.
         if residual > limit:
             return self._invalid(
                 t_s,
@@ -238,10 +252,12 @@ class StationAttitudeEstimator:
         self, used: list[StationObservation], rotation: Array, covariance: Array, residual: float
     ) -> StationAttitude:
         quaternion = quaternion_from_matrix(rotation.T)
+        # Consumers interpolate: the sign must not jump between two epochs.
         if float(quaternion @ self._quaternion) < 0.0:
             quaternion = -quaternion
         self._quaternion = quaternion
         return StationAttitude(
+            # The observations may differ by their age; their mean time is when the attitude holds.
             t_s=float(np.mean([observation.t_s for observation in used])),
             quaternion=quaternion.copy(),
             covariance_rad2=rotation.T @ covariance @ rotation,
@@ -256,6 +272,7 @@ class StationAttitudeEstimator:
     def _invalid(
         self, t_s: float, used: list[StationObservation], reason: str, residual: float = 0.0
     ) -> StationAttitude:
+        # Half a turn about every axis: says nothing, and is finite for a consumer that inverts it.
         useless = math.pi**2 * np.eye(3)
         return StationAttitude(
             t_s=t_s,

@@ -1,4 +1,4 @@
-"""Tripulse from satellite to attitude: what the simulated satellite sends, and what is made of the stations' reports."""
+"""Tripulse from satellite to attitude: simulated transmission, and epochs of the stations."""
 
 import math
 from dataclasses import dataclass
@@ -33,6 +33,7 @@ __all__ = [
     "attitude_report",
 ]
 
+# Frames of one epoch differ by the rounding of their stamps only.
 SAME_EPOCH_S = 1e-3
 """Frames of one epoch leave the satellite within less than this."""
 
@@ -46,7 +47,10 @@ class TripulseTransmission:
 
 
 class SimulatedTripulse:
-    """Geosynchronous satellite over its stations; it steers by a nadir-pointing attitude and is off by the wobble."""
+    """Geosynchronous satellite over its stations.
+
+    It steers by a nadir-pointing attitude and is off by the wobble.
+    """
 
     def __init__(
         self,
@@ -62,7 +66,10 @@ class SimulatedTripulse:
         self.source = TripulseSource(array, signal, link, seed=seed)
 
     def step(self, t_s: float) -> TripulseTransmission:
-        """Return what is sent and received at `t_s`; ValueError if a station does not see the satellite."""
+        """Return what is sent and received at `t_s`.
+
+        ValueError if a station does not see the satellite.
+        """
         moment = scene_moment(self._orbit, self._wobble, self._stations, t_s)
         frames = self.source.step(t_s, moment.rotation, self._lines_of_sight(moment))
         return TripulseTransmission(moment=moment, frames=frames)
@@ -89,7 +96,10 @@ class EpochParams(Params):
 
 
 class TripulseAttitude:
-    """Gathers the stations' measurements by epoch; an epoch is closed when all have reported, or it waited too long."""
+    """Gathers the stations' measurements by epoch.
+
+    An epoch is closed when all have reported, or it waited too long.
+    """
 
     def __init__(
         self,
@@ -109,7 +119,8 @@ class TripulseAttitude:
 
         Raises
         ------
-        ValueError : if the station is unknown, or the measurement is late, repeated or ahead of the clock.
+        ValueError : if the station is unknown, or the measurement is late, repeated or ahead of the
+            clock.
         """
         require_arrived(measured.t_s, now_s)
         if measured.station not in self._stations:
@@ -128,6 +139,8 @@ class TripulseAttitude:
     def _due(self) -> list[float]:
         """Return the open epochs that are complete or too old, and those before them."""
         times = sorted(self._open)
+        # An epoch waits in the time of the frames, not of the clock: a slow machine loses no
+        # station.
         ended = [
             t_s for t_s in times if len(self._open[t_s]) == len(self._stations) or times[-1] - t_s > self._epochs.wait_s
         ]
@@ -137,6 +150,7 @@ class TripulseAttitude:
         reports = self._open.pop(t_s).values()
         for seen in reports:
             self.estimator.observe(seen)
+        # The newest stamp, so that a repeated report of a closed epoch is recognised as late.
         self._closed_s = max(seen.t_s for seen in reports)
         return self.estimator.estimate(self._closed_s)
 

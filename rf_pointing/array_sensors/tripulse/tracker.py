@@ -1,9 +1,9 @@
-"""Kalman tracker of amplitude, phase and frequency on the sum segments of interleaved pulses (TRIPULSE section 1).
+"""Kalman tracker of amplitude, phase and frequency on the sum segments (TRIPULSE section 1).
 
-State (A, phi, omega), random walks on all three.  A sum segment y = A exp(j phi) + n is turned by the predicted
-phase: its real part measures A, its imaginary part A times the phase error.  Between sum segments the state is
-predicted, which gives the delta segments their reference.  A segment that does not fit is left out and counted: a few
-in a row are a lost lock, after which the filter does not go on.
+State (A, phi, omega), random walks on all three.  A sum segment y = A exp(j phi) + n is turned by
+the predicted phase: its real part measures A, its imaginary part A times the phase error.  Between
+sum segments the state is predicted, which gives the delta segments their reference.  A segment that
+does not fit is left out and counted.  Several in a row are a lost lock, which ends the filter.
 """
 
 import math
@@ -23,19 +23,24 @@ Array = NDArray[np.float64]
 class TrackerParams(Params):
     """How fast amplitude, phase and frequency wander, and what counts as lost lock."""
 
+    # Two clocks of 10 Hz linewidth: 2 pi times 20 Hz is 126 rad^2/s.
     phase_walk_rad2_s: float = parameter(
         130.0, "phase variance per second, 2 pi times the linewidth", low=0.0, high=1e7
     )
     frequency_walk_rad2_s3: float = parameter(1e6, "variance of the angular frequency per second", low=0.0, high=1e15)
     amplitude_walk_s: float = parameter(1.0, "relative amplitude variance per second", low=0.0, high=1e6)
     frequency_sigma_hz: float = parameter(1000.0, "uncertainty of the frequency at the start", low=0.0, high=1e7)
+    # 25 is exceeded by noise once in 270 000 segments; a slip of half a turn is far above at 10 dB.
     gate: float = parameter(25.0, "largest normalised innovation squared (2 degrees of freedom)", low=4.0, high=1e4)
+    # One miss may be interference; with two the phase in between is unknown to more than a turn.
     misses_allowed: int = parameter(1, "segments in a row that may miss the gate", low=0, high=100)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackerState:
-    """Estimate (amplitude, phase, angular frequency) (3,) at `t_s` with covariance (3, 3), and the state of lock."""
+    """Estimate (amplitude, phase, angular frequency) (3,) at `t_s` with covariance (3, 3), and the
+    state of lock.
+    """
 
     t_s: float
     estimate: Array
@@ -50,7 +55,10 @@ class TrackerState:
 
 
 def start(params: TrackerParams, t_s: float, value: complex, noise_variance: float) -> TrackerState:
-    """Return the state after the first sum segment, at zero frequency; refuse one without signal."""
+    """Return the state after the first sum segment, at zero frequency.
+
+    Refuse one without signal.
+    """
     require_finite("value", value)
     amplitude = abs(value)
     if amplitude == 0.0:
@@ -100,6 +108,8 @@ def update(params: TrackerParams, state: TrackerState, value: complex, noise_var
     if state.lost:
         raise ValueError(f"the tracker has {state.lost}: start it anew")
     amplitude, phase = float(state.estimate[0]), float(state.estimate[1])
+    # In the frame of the predicted phasor amplitude and phase separate: real part and imaginary
+    # part.
     turned = value * complex(math.cos(phase), -math.sin(phase))
     innovation = np.array([turned.real - amplitude, turned.imag])
     measure = np.array([[1.0, 0.0, 0.0], [0.0, amplitude, 0.0]])
@@ -108,6 +118,8 @@ def update(params: TrackerParams, state: TrackerState, value: complex, noise_var
     if not surprise <= params.gate:
         return _missed(params, state, surprise)
     gain = np.linalg.solve(spread, measure @ state.covariance).T
+    # Joseph form: stays positive although amplitude, phase and frequency differ by orders of
+    # magnitude.
     keep = np.eye(3) - gain @ measure
     covariance = keep @ state.covariance @ keep.T + 0.5 * noise_variance * gain @ gain.T
     return TrackerState(

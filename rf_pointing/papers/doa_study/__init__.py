@@ -1,3 +1,3 @@
-"""The simulation behind `reproduce.doa`: scene, direction errors, attitude runs."""
+"""The simulation behind `reproduce doa`: scene, direction errors, attitude runs."""
 
 __all__: list[str] = []

@@ -1,7 +1,4 @@
-"""RMSE of MUSIC against the Cramer-Rao bound over SNR: where it follows, and where its threshold lies.
-
-Pictures of the DOA study: RMSE of theta and phi beside the Cramer-Rao bound, and the convergence of the attitude.
-"""
+"""RMSE of MUSIC against the Cramer-Rao bound over SNR, its threshold, and the pictures of both."""
 
 import math
 from collections.abc import Sequence
@@ -34,7 +31,10 @@ OUTLIER_RAD = math.radians(20.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AccuracyPoint:
-    """RMSE (degrees) of refined and 1-deg-grid estimates at one SNR, all estimates counted, beside the bound."""
+    """RMSE (degrees) of refined and 1-deg-grid estimates at one SNR, and the bound.
+
+    All estimates count, outliers too.
+    """
 
     snr_db: float
     effective_snr: float
@@ -48,7 +48,9 @@ class AccuracyPoint:
 
 
 def accuracy_point(snapshots: int, theta_rad: float, estimates: int, seed: int, snr_db: float) -> AccuracyPoint:
-    """Return the point for sources within half a grid step of `theta_rad`, any azimuth, constant modulus."""
+    """Return the point for sources within half a grid step of `theta_rad`, any azimuth, constant
+    modulus.
+    """
     stream = random_stream(seed, f"doa_accuracy_{snapshots}_{snr_db}")
     polar = theta_rad + GRID_RAD * stream.uniform(-0.5, 0.5, estimates)
     truth = direction_from_polar(polar, stream.uniform(0.0, 2.0 * np.pi, estimates))
@@ -87,7 +89,8 @@ def accuracy_curve(
 
 
 def threshold(curve: Sequence[AccuracyPoint], excess: float = 0.05) -> tuple[float, float]:
-    """Return SNR (dB) and effective ratio where the RMSE of theta exceeds the bound by `excess`, interpolated.
+    """Return SNR (dB) and effective ratio where the RMSE of theta exceeds the bound by `excess`,
+    interpolated.
 
     Raises
     ------
@@ -107,7 +110,10 @@ def threshold(curve: Sequence[AccuracyPoint], excess: float = 0.05) -> tuple[flo
 
 
 def draw_accuracy(curve: Sequence[AccuracyPoint], snapshots: int, path: Path) -> None:
-    """Write theta and phi over SNR: refined, 1-deg grid, bound; and the share of outliers, which shows the threshold."""
+    """Write theta and phi over SNR: refined, 1-deg grid, bound.
+
+    And the share of outliers, which shows the threshold.
+    """
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(11.0, 4.0), layout="constrained")

@@ -1,18 +1,17 @@
-"""The attitude filter as printed: DOA eqs. (26)-(33), kept beside ours for comparison.
+"""Many attitude filters at once through the scene: cases x trials in one batch, 20 000 steps each.
 
-State x = [w, q] with q the vector part of the quaternion; P belongs to it.  A = (29), Phi = E + A dt (28),
-H = [0, 2 [S x]] (33) with S = C_bo S_o, additive update of q.  What the paper leaves open is fixed here:
+Every filter starts 50 deg wrong in yaw, roll and pitch and 0.5 deg/s in each rate.  Errors are
+rotation vectors of the estimate against the truth, in the body: x roll, y pitch, z yaw.
 
-* (29) and the 2 in (33) are the derivatives by a multiplicative error, but the update adds to q: exact near q = 0 only.
-* Six states hold no scalar part: it is carried by the propagation (27) and, after an update, set to sqrt(1 - |q|^2);
-  an update that leaves |q| > 1 is scaled back to 1 with scalar 0.
+The filter as printed, DOA eqs. (26)-(33), runs for comparison.  State x = [w, q] with q the vector
+part of the quaternion; P belongs to it.  A = (29), Phi = E + A dt (28), H = [0, 2 [S x]] (33) with
+S = C_bo S_o, additive update of q.  What the paper leaves open is fixed here:
+
+* (29) and the 2 in (33) are the derivatives by a multiplicative error, but the update adds to q:
+  exact near q = 0 only.
+* Six states have no scalar part: the propagation (27) carries it, and an update sets it to
+  sqrt(1 - |q|^2); an update that leaves |q| > 1 is scaled back to 1 with scalar 0.
 * R_W is diagonal, though the error of a unit vector has rank two.
-All functions accept leading batch axes.
-
-Many attitude filters at once through the scene: cases x trials in one batch, 20 000 steps each.
-
-Every filter starts 50 deg wrong in yaw, roll and pitch and 0.5 deg/s in each rate.  Errors are rotation vectors of the
-estimate against the truth, in the body: x roll, y pitch, z yaw.
 """
 
 from dataclasses import dataclass
@@ -63,7 +62,9 @@ START_RATE_ERROR_RAD_S = np.radians(0.5)
 
 @dataclass(frozen=True, slots=True)
 class PublishedState:
-    """rate_rad_s (..., 3), quaternion (..., 4) scalar last, covariance (..., 6, 6) of [rate, vector part]."""
+    """rate_rad_s (..., 3), quaternion (..., 4) scalar last, covariance (..., 6, 6) of [rate, vector
+    part].
+    """
 
     rate_rad_s: Array
     quaternion: Array
@@ -78,7 +79,10 @@ def published_predict(
     frame_rate: Array,
     dt_s: float,
 ) -> PublishedState:
-    """Return the state after one step of (27)-(29); `process_noise` (6, 6) is Q, added once per step."""
+    """Return the state after one step of (27)-(29).
+
+    `process_noise` (6, 6) is Q, added once per step.
+    """
     rate = state.rate_rad_s
     slope = np.zeros((*rate.shape[:-1], 6, 6))
     slope[..., :3, :3] = rate_jacobian(inertia, rate, known.wheel_momentum_n_m_s)
@@ -93,7 +97,10 @@ def published_predict(
 def published_update(
     state: PublishedState, measured: Array, measurement_noise: Array, reference: Array
 ) -> PublishedState:
-    """Return the state after one direction (30)-(33); `measurement_noise` (..., 3, 3) is R_W of (22)."""
+    """Return the state after one direction (30)-(33).
+
+    `measurement_noise` (..., 3, 3) is R_W of (22).
+    """
     expected = np.einsum("...ji,...j->...i", matrix_from_quaternion(state.quaternion), reference)
     slope = 2.0 * cross_matrix(expected)
     crossed = state.covariance[..., :, 3:] @ slope.swapaxes(-1, -2)
@@ -120,9 +127,10 @@ def _with_scalar(quaternion: Array, change: Array) -> Array:
 class RunTask:
     """What one worker does; a plain value, so that any executor can carry it.
 
-    `pool` real MUSIC estimates stand behind each case, or, with `music_inside`, MUSIC runs at every step of every trial;
-    cases that differ in the search only get the same estimates.  Averages begin at `settled_s`.  All cases of one task
-    with the multiplicative filter share one process noise.
+    `pool` real MUSIC estimates stand behind each case, or, with `music_inside`, MUSIC runs at every
+    step of every trial; cases that differ in the search only get the same estimates.  Averages
+    begin at `settled_s`.  All cases of one task with the multiplicative filter share one process
+    noise.
     """
 
     cases: tuple[DirectionCase, ...]
@@ -140,8 +148,9 @@ class RunTask:
 class CaseResult:
     """Root mean squares over trials and all steps after `settled_s`, degrees.
 
-    `sigma_deg` is what the filter itself predicts (worst axis, same average).  `history_deg` (seconds, trials) is the
-    total angle of the error once a second, `rate_history_deg_s` that of the rate.
+    `sigma_deg` is what the filter itself predicts (worst axis, same average).  `history_deg`
+    (seconds, trials) is the total angle of the error once a second, `rate_history_deg_s` that of
+    the rate.
     """
 
     case: DirectionCase
@@ -252,7 +261,8 @@ class _Batch:
     def _covariance(self, measured: Array) -> Array:
         basis = polar_basis(measured)
         across = np.hypot(measured[:, 0], measured[:, 1])
-        # towards the array plane the bound grows without limit: no direction there is better than 0.1 in cosine
+        # towards the array plane the bound grows without limit: no direction there is better than
+        # 0.1 in cosine
         polar = (self._sigma / np.maximum(measured[:, 2], 0.1)) ** 2 + self._floor
         azimuth = self._sigma**2 + self._floor * across**2
         rows = basis[:, :2] * np.sqrt(np.stack([polar, azimuth], axis=-1))[:, :, None]
@@ -290,7 +300,10 @@ class _PublishedBatch:
         return np.asarray(self._state.rate_rad_s - self._scene.frame_rate[k])
 
     def spread_rad2(self) -> Array:
-        """Return the predicted variances (n, 3) of the rotation: four times those of the vector part."""
+        """Return the predicted variances (n, 3) of the rotation.
+
+        Four times those of the vector part.
+        """
         return np.asarray(4.0 * np.diagonal(self._state.covariance, axis1=-2, axis2=-1)[:, 3:])
 
 

@@ -1,20 +1,16 @@
-"""Calibrate gains and mutual coupling from sources in known directions.
+"""What DOA leaves to future work, measured: consistency, any start, two sources, mutual coupling.
 
-A covariance taken with one source at a known s_i has the principal eigenvector v_i ~ diag(g) C(c) a(s_i), so the part
-of the model off v_i must vanish:
+Consistency: e^T P^-1 e (NEES) has mean n for an n-dimensional Gaussian error of covariance P; its
+average over independent runs is chi-square with runs * n degrees of freedom, divided by runs
+(Bar-Shalom, Li, Kirubarajan 2001, section 5.4).
+
+Calibration of gains g and coupling c: a covariance with one source at a known s_i has the principal
+eigenvector v_i ~ diag(g) C(c) a(s_i), so the part of the model off v_i must vanish:
 
     r_i = (I - v_i v_i^H) diag(g) C(c) a(s_i) = 0,   g_0 = 1, c_0 = 1.
 
-Bilinear in g and c, holomorphic in both: Gauss-Newton on complex unknowns, started at no coupling and equal gains.
-
-Is a filter's covariance true: normalised estimation error squared (NEES) and its chi-square band.
-
-e^T P^-1 e has mean n for an n-dimensional Gaussian error of covariance P; its average over independent runs is
-chi-square with runs * n degrees of freedom, divided by runs (Bar-Shalom, Li, Kirubarajan 2001, section 5.4).
-
-What DOA leaves to future work, measured: consistency, any starting attitude, two sources at once, mutual coupling.
-
-Rows on what DOA leaves open: consistency, any start, two sources, mutual coupling.
+Bilinear in g and c, holomorphic in both: Gauss-Newton on complex unknowns, from no coupling and
+equal gains.
 """
 
 from dataclasses import dataclass
@@ -75,15 +71,18 @@ LARGEST_CONDITION = 1e6
 ARRAY = CircularArrayParams()
 GATE = GateParams()
 COUPLING = np.array([0.25 * np.exp(1.1j), 0.12 * np.exp(-2.0j), 0.06 * np.exp(0.4j), 0.04, 0.02j, 0.02])
-"""Coupling of -12, -18, -24 dB to the nearest neighbours: that of close quadrifilar helices, in kind."""
+"""Coupling of -12, -18, -24 dB to the nearest neighbours: that of close quadrifilar helices, in
+kind."""
 RUNS = 60
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CouplingFit:
-    """Response found, with the covariance (n, n) and correlation of the unknowns [g_1.., c_1..], n = M - 1 + M // 2.
+    """Response found, with the covariance (n, n) and correlation of the unknowns [g_1.., c_1..], n
+    = M - 1 + M // 2.
 
-    `residual` (pilots, M) in units of the element gain; `rank` and `condition` are those of the Jacobian.
+    `residual` (pilots, M) in units of the element gain; `rank` and `condition` are those of the
+    Jacobian.
     """
 
     response: ArrayResponse
@@ -101,8 +100,8 @@ def fit_response(array: CircularArrayParams, directions: Array, covariances: Com
     Raises
     ------
     ValueError
-        If the pilots do not determine all unknowns (the message names the least determined one), the fit does not
-        converge, or shapes disagree.
+        If the pilots do not determine all unknowns (the message names the least determined
+        one), the fit does not converge, or shapes disagree.
     """
     if directions.shape != (len(covariances), 3):
         raise ValueError(f"directions has shape {directions.shape}, must be ({len(covariances)}, 3)")
@@ -173,13 +172,18 @@ def _fit(response: ArrayResponse, residual: ComplexArray, jacobian: ComplexArray
 
 
 def nees(error: Array, covariance: Array) -> Array:
-    """Return e^T P^-1 e (...) of errors (..., n) and covariances (..., n, n); NaN is refused, not averaged."""
+    """Return e^T P^-1 e (...) of errors (..., n) and covariances (..., n, n).
+
+    NaN is refused, not averaged.
+    """
     require_finite("error", error)
     return np.asarray(np.sum(error * np.linalg.solve(covariance, error[..., None])[..., 0], axis=-1))
 
 
 def nees_band(dimension: int, runs: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Return the interval that holds the mean NEES of `runs` independent runs with probability `confidence`."""
+    """Return the interval that holds the mean NEES of `runs` independent runs with probability
+    `confidence`.
+    """
     from scipy.special import chdtri
 
     require_between("dimension", dimension, 1, None)
@@ -191,7 +195,8 @@ def nees_band(dimension: int, runs: int, confidence: float = 0.95) -> tuple[floa
 
 
 def mean_nees(runs: int, seed: int, duration_s: float = 400.0) -> Array:
-    """Return the mean NEES of `runs` filters every 10 s over a hand-off, MUSIC's accuracy at 0 dB and 100 snapshots.
+    """Return the mean NEES of `runs` filters every 10 s over a hand-off, MUSIC's accuracy at 0 dB
+    and 100 snapshots.
 
     The truth is driven by the filter's own process noise and starts inside the filter's covariance.
     """
@@ -227,7 +232,9 @@ def mean_nees(runs: int, seed: int, duration_s: float = 400.0) -> Array:
 
 
 def any_start_error_deg(starts: int, seed: int, settle_s: float = 30.0) -> Array:
-    """Return the attitude errors (starts,) `settle_s` after the first hand-off, from uniformly random attitudes."""
+    """Return the attitude errors (starts,) `settle_s` after the first hand-off, from uniformly
+    random attitudes.
+    """
     scene = nadir_scene(325.0 + settle_s, start_s=300.0)
     stream, sigma = random_stream(seed, "doa_any_start"), cosine_sigma_rad(ARRAY, 100, 1.0)
     known_none = np.zeros(3)
@@ -253,9 +260,11 @@ def any_start_error_deg(starts: int, seed: int, settle_s: float = 30.0) -> Array
 
 
 def two_source_attitude_ratio(trials: int, seed: int) -> tuple[float, float]:
-    """Return RMSE (deg) of the attitude from one instant of two sources, and its ratio to the predicted sigma.
+    """Return RMSE (deg) of the attitude from one instant of two sources, and its ratio to the
+    predicted sigma.
 
-    Two stations on opposite horizons, 0 dB each, 100 snapshots: MUSIC for two sources, matching, Wahba's problem.
+    Two stations on opposite horizons, 0 dB each, 100 snapshots: MUSIC for two sources, matching,
+    Wahba's problem.
     """
     stream = random_stream(seed, "doa_two_sources")
     reference = direction_from_polar(np.radians([55.0, 50.0]), np.radians([10.0, 170.0]))
@@ -279,9 +288,11 @@ def two_source_attitude_ratio(trials: int, seed: int) -> tuple[float, float]:
 
 
 def coupling_rmse_deg(trials: int, seed: int) -> tuple[float, float, float]:
-    """Return the RMSE on the sky (deg) uncalibrated and calibrated with 24 pilots, and the calibrated ratio to the bound.
+    """Return the RMSE on the sky (deg) uncalibrated and calibrated with 24 pilots, and the
+    calibrated ratio to the bound.
 
-    Coupling of a quarter to the next element and 10 % gain errors; 10 dB, 100 snapshots, theta 12 to 57 deg.
+    Coupling of a quarter to the next element and 10 % gain errors; 10 dB, 100 snapshots, theta 12
+    to 57 deg.
     """
     stream = random_stream(seed, "doa_coupling")
     gain = 1.0 + 0.1 * complex_normal(stream, (ARRAY.elements,))
@@ -320,7 +331,7 @@ def _observe(expected: Array, reference: Array, sigma: float, stream: np.random.
 
 
 def beyond_rows(seed: int) -> list[Row]:
-    """Return the measured numbers beside their theory."""
+    """Return the measured numbers and their theory."""
     scores = mean_nees(RUNS, seed, duration_s=300.0)
     low, high = nees_band(6, RUNS)
     inside = np.mean((scores >= low) & (scores <= high))

@@ -1,4 +1,4 @@
-"""Rows on the scene and on the direction of arrival: DOA sections 4 and 6, columns theta and phi of Tables 1 and 2."""
+"""Rows on the scene and on the direction of arrival: DOA sections 4 and 6, Tables 1 and 2."""
 
 import math
 from concurrent.futures import Executor
@@ -27,7 +27,8 @@ FLOOR_DEG = float(search_grid_rmse(0.0, STEP_DEG))
 AZIMUTH_OUTLIER_DEG = 180.0 / math.sqrt(3.0)
 LARGEST_THETA_RAD = largest_nadir_angle_rad(SunSynchronousOrbitParams(), ELEVATION_MIN_RAD)
 THRESHOLD = 80.0
-"""Effective ratio above which MUSIC follows the bound within 5 % at up to 100 snapshots (see `accuracy_rows`)."""
+"""Effective ratio above which MUSIC follows the bound within 5 % at up to 100 snapshots (see
+`accuracy_rows`)."""
 
 PRINTED: dict[tuple[int, float], tuple[float, float, float, float, float]] = {
     (100, -14.0): (11.118, 68.128, 7.397, 3.662, 1.732),
@@ -122,7 +123,7 @@ def accuracy_rows(seed: int, executor: Executor | None = None) -> list[Row]:
 
 
 def direction_rows(tables: dict[DirectionCase, CaseResult]) -> list[Row]:
-    """Return the theta and phi columns: 1-deg grid beside the paper, then both searches beside their theory."""
+    """Return the theta and phi columns: grid and paper, then both searches and their theory."""
     theta, _ = polar_from_direction(nadir_scene().reference[8000:])
     found: list[Row] = []
     for (snapshots, snr_db), printed in PRINTED.items():
@@ -164,15 +165,19 @@ def _above(case: DirectionCase) -> bool:
 
 
 def _pair_share(sigma: float, theta: float, phi: float) -> float:
-    """Return sigma^2 / var theta + sigma^2 / var phi without the grid's floor; no geometry allows more than 1.
+    """Return sigma^2 / var theta + sigma^2 / var phi without the grid's floor.
 
-    With x = cos^2 theta along any passes, var theta >= sigma^2 E[1/x] >= sigma^2 / E[x] and var phi likewise with 1 - x.
+    No geometry allows more than 1.  With x = cos^2 theta along any passes, var theta >= sigma^2
+    E[1/x] >= sigma^2 / E[x] and var phi likewise with 1 - x.
     """
     return sum(sigma**2 / max(printed**2 - FLOOR_DEG**2, 1e-9) for printed in (theta, phi))
 
 
 def _reason(angle: str, grid: CaseResult, paper: float, least: float, theory: float, pair: float) -> str:
-    """Return why ours is not the paper's: a bound it breaks, outliers it does not share, or stations it does not name."""
+    """Return why ours is not the paper's.
+
+    A bound it breaks, outliers it does not share, or stations it does not name.
+    """
     if paper < 0.95 * least:
         place = "theta = 0" if angle == "theta" else "the largest theta"
         return (

@@ -1,24 +1,21 @@
-"""Direction of arrival as unit vector and as polar angles, and what azimuth means near theta = 0.
+"""Measured directions of the DOA study: polar angles, the published grid search, error pools.
 
-DOA eq. (1): s = (sin theta cos phi, sin theta sin phi, cos theta); theta from the array normal +z, phi from +x to +y.
+DOA eq. (1): s = (sin theta cos phi, sin theta sin phi, cos theta); theta from the array normal +z,
+phi from +x to +y.  The unit vector is the estimate.  At theta = 0 azimuth is undefined: phi is
+atan2(s_y, s_x), zero by definition on the normal itself.  `cross` = sin(theta) * (phi error) is the
+angle on the sky and stays regular.  The RMSE of phi itself follows the projected normal law
+(`azimuth_rmse_rad`): the Cramer-Rao bound where sin(theta) >> sigma, 180/sqrt(3) = 103.9 deg on the
+normal.
 
-At theta = 0 azimuth is undefined.  The unit vector is the estimate; phi is atan2(s_y, s_x), zero by definition on the
-normal itself.  Its error is finite only as a rotation about the normal: `cross` = sin(theta) * (phi error) is the angle
-on the sky and stays regular, and the RMSE of phi itself follows the projected normal law (`azimuth_rmse_rad`), which
-is the Cramer-Rao bound where sin(theta) >> sigma and saturates at 180/sqrt(3) = 103.9 deg on the normal.
+Grid search (section 3.1): the step becomes a floor of step / sqrt(12) in both angles, 0.289 deg at
+1 deg, whatever the signal.  The floor repeats with the direction, so it is not white: a filter
+cannot average it away.  `nearest_node` gives the full search's result in 97 of 100 cases from the
+refined peak alone; in the others the peak lies half way between two nodes.
 
-The published search: the largest MUSIC value on a grid of theta and phi, without refinement (DOA section 3.1).
-
-The grid step becomes a floor of step / sqrt(12) in both angles, 0.289 deg at 1 deg, whatever the signal; and because
-the floor repeats with the direction it is not white: a filter behind it cannot average it away.
-`nearest_node` gives what the full search would in 97 of 100 cases from the refined peak alone; in the others the peak lies
-half way between two nodes.
-
-Measured directions along the scene: drawn from a pool of real MUSIC estimates, or MUSIC at every step.
-
-The pool holds one MUSIC estimate per direction of the scene, in the local frame (e_theta, e_phi, s) of its true
-direction.  For another true direction an entry of nearly the same theta is drawn and turned into that direction's
-frame: the array is isotropic in azimuth, so this is the error that MUSIC would make, outliers included.
+Pool: one MUSIC estimate per direction of the scene, in the local frame (e_theta, e_phi, s) of its
+true direction.  For another true direction an entry of nearly the same theta is drawn and turned
+into that direction's frame.  The array is isotropic in azimuth, so this is the error that MUSIC
+would make, outliers included.
 """
 
 import math
@@ -60,20 +57,28 @@ OUTLIER_COSINE = np.cos(np.radians(20.0))
 
 
 def direction_from_polar(theta_rad: ArrayLike, phi_rad: ArrayLike) -> Array:
-    """Return unit vectors (..., 3) of polar angle and azimuth (DOA eq. (1)); inverse of `polar_from_direction`."""
+    """Return unit vectors (..., 3) of polar angle and azimuth (DOA eq. (1)).
+
+    Inverse of `polar_from_direction`.
+    """
     theta, phi = np.broadcast_arrays(np.asarray(theta_rad, dtype=np.float64), np.asarray(phi_rad, dtype=np.float64))
     across = np.sin(theta)
     return np.stack([across * np.cos(phi), across * np.sin(phi), np.cos(theta)], axis=-1)
 
 
 def polar_from_direction(direction: ArrayLike) -> tuple[Array, Array]:
-    """Return theta in [0, pi] and phi in [0, 2 pi) of vectors (..., 3) of any length; phi = 0 on the normal."""
+    """Return theta in [0, pi] and phi in [0, 2 pi) of vectors (..., 3) of any length; phi = 0 on
+    the normal.
+    """
     x, y, z = np.moveaxis(np.asarray(direction, dtype=np.float64), -1, 0)
     return np.arctan2(np.hypot(x, y), z), np.mod(np.arctan2(y, x), 2.0 * np.pi)
 
 
 def polar_basis(direction: Array) -> Array:
-    """Return rows e_theta, e_phi, s (..., 3, 3): the local frame of each unit vector, with phi = 0 on the normal."""
+    """Return rows e_theta, e_phi, s (..., 3, 3).
+
+    The local frame of each unit vector, with phi = 0 on the normal.
+    """
     x, y, z = (direction[..., i] for i in range(3))
     across = np.hypot(x, y)
     cosine = np.divide(x, across, out=np.ones_like(across), where=across > 0.0)
@@ -86,7 +91,8 @@ def polar_basis(direction: Array) -> Array:
 
 
 def polar_errors_rad(estimate: Array, truth: Array) -> tuple[Array, Array, Array]:
-    """Return theta error, phi error folded into [-pi, pi), and cross error sin(theta_true) * phi error.
+    """Return theta error, phi error folded into [-pi, pi), and cross error sin(theta_true) * phi
+    error.
 
     `estimate` and `truth` are directions (..., 3).
     """
@@ -97,11 +103,14 @@ def polar_errors_rad(estimate: Array, truth: Array) -> tuple[Array, Array, Array
 
 
 def azimuth_rmse_rad(theta_rad: float, sigma_rad: float) -> float:
-    """Return the RMSE of phi when both direction cosines carry independent Gaussian errors `sigma_rad`.
+    """Return the RMSE of phi when both direction cosines carry independent Gaussian errors
+    `sigma_rad`.
 
-    The azimuth of a displaced circular Gaussian has the projected normal density with k = sin(theta) / sigma,
+    The azimuth of a displaced circular Gaussian has the projected normal density with k =
+    sin(theta) / sigma,
 
-        p(e) = exp(-k^2/2) / (2 pi) + k cos(e) / sqrt(2 pi) * exp(-k^2 sin(e)^2 / 2) * Phi(k cos(e)).
+        p(e) = exp(-k^2/2) / (2 pi) + k cos(e) / sqrt(2 pi) * exp(-k^2 sin(e)^2 / 2) * Phi(k
+        cos(e)).
     """
     from scipy.special import ndtr
 
@@ -147,7 +156,8 @@ def nearest_node(direction: Array, step_rad: float) -> Array:
 class DirectionCase:
     """One row of the paper's tables: snapshots and SNR, and how its directions are found.
 
-    `refined`: the peak itself, else the node of the 1-deg grid.  `q` is the filter's process noise, DOA's Q = q E_6.
+    `refined`: the peak itself, else the node of the 1-deg grid.  `q` is the filter's process noise,
+    DOA's Q = q E_6.
     """
 
     snapshots: int
@@ -168,10 +178,11 @@ class DirectionCase:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ErrorPool:
-    """Estimates (n, 3) in the local frame of their true directions, by rising theta (n,), and what a filter may know.
+    """Estimates (n, 3) in the local frame of their true directions, by rising theta (n,), and what
+    a filter may know.
 
-    `sigma_rad` is the standard deviation of a direction cosine without outliers; `outliers` the share beyond 20 deg;
-    `variance` (3,) that of W's components, which the published filter uses.
+    `sigma_rad` is the standard deviation of a direction cosine without outliers; `outliers` the
+    share beyond 20 deg; `variance` (3,) that of W's components, which the published filter uses.
     """
 
     theta_rad: Array
@@ -190,7 +201,10 @@ def measure_directions(
 
 
 def error_pool(array: CircularArrayParams, case: DirectionCase, truth: Array, stream: np.random.Generator) -> ErrorPool:
-    """Return the pool of one MUSIC estimate per true direction (n, 3); the paper's tables use n >= 20 000."""
+    """Return the pool of one MUSIC estimate per true direction (n, 3).
+
+    The paper's tables use n >= 20 000.
+    """
     estimate = measure_directions(array, case, truth, stream)
     basis = polar_basis(truth)
     local = np.einsum("nij,nj->ni", basis, estimate)

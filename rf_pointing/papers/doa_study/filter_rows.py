@@ -1,4 +1,4 @@
-"""Rows on the attitude: yaw, roll and pitch of Tables 1 and 2, convergence, process noise, the printed filter."""
+"""Rows on the attitude: Tables 1 and 2, convergence, process noise, the filter as printed."""
 
 import math
 
@@ -23,7 +23,7 @@ FINE = [(100, -2.0), (100, 0.0), (50, 0.0)]
 
 
 def attitude_rows(tables: dict[DirectionCase, CaseResult]) -> list[Row]:
-    """Return yaw, roll and pitch beside the paper, and what any station geometry should give."""
+    """Return yaw, roll and pitch of the paper and ours, and of any station geometry."""
     found: list[Row] = []
     for (snapshots, snr_db), printed in PRINTED.items():
         grid = tables[DirectionCase(snapshots=snapshots, snr_db=snr_db, refined=False)]
@@ -49,7 +49,9 @@ def attitude_rows(tables: dict[DirectionCase, CaseResult]) -> list[Row]:
 
 
 def convergence_rows(tables: dict[DirectionCase, CaseResult]) -> list[Row]:
-    """Return how long the error takes from 50 deg and 0.5 deg/s at 0 dB and 100 snapshots, worst trial."""
+    """Return how long the error takes from 50 deg and 0.5 deg/s at 0 dB and 100 snapshots, worst
+    trial.
+    """
     result = tables[DirectionCase(snapshots=100, snr_db=0.0)]
     smooth = 100
     cases = [
@@ -72,7 +74,7 @@ def convergence_rows(tables: dict[DirectionCase, CaseResult]) -> list[Row]:
 
 
 def filter_rows(inside: CaseResult, drawn: CaseResult, published: list[CaseResult]) -> list[Row]:
-    """Return the printed filter, the printed process noise, and the pool beside MUSIC inside the loop."""
+    """Return filter and process noise as printed, and the pool against MUSIC in the loop."""
     trials = min(found.history_deg.shape[1] for found in (inside, drawn))
     ours_q, printed_q = published
     found = [
@@ -116,7 +118,9 @@ def filter_rows(inside: CaseResult, drawn: CaseResult, published: list[CaseResul
 
 
 def settling_time_s(history: NDArray[np.float32], limit: float, window_s: int) -> float:
-    """Return the last second at which the running mean over `window_s` of any trial (seconds, trials) is above `limit`."""
+    """Return the last second at which the running mean over `window_s` of any trial (seconds,
+    trials) is above `limit`.
+    """
     kernel = np.full(window_s, 1.0 / window_s)
     smooth = np.stack([np.convolve(trial, kernel, mode="valid") for trial in history.T], axis=-1)
     above = np.flatnonzero(np.any(smooth > limit, axis=-1))

@@ -1,7 +1,8 @@
-"""The scene of DOA section 6: 800-km Sun-synchronous orbit, eight stations, 5000 s in steps of 250 ms.
+"""The scene of DOA section 6: 800-km orbit, eight stations, 5000 s in steps of 250 ms.
 
-The satellite holds nadir exactly: q = identity, w = w_o, with the torque that Euler's equations ask for, known to the
-filter.  The station in use is the one with the highest elevation, and one is always above 10 deg.
+The orbit is Sun-synchronous.  The satellite holds nadir exactly: q = identity, w = w_o, with the
+torque that Euler's equations require, known to the filter.  The station in use is the one with the
+highest elevation; one is always above 10 deg.
 """
 
 import math
@@ -30,7 +31,9 @@ ELEVATION_MIN_RAD = math.radians(10.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scene:
-    """Times (n,), reference directions and true directions (n, 3), station numbers (n,), frame rates, torques (n, 3)."""
+    """Times (n,), reference directions and true directions (n, 3), station numbers (n,), frame
+    rates, torques (n, 3).
+    """
 
     t_s: Array
     reference: Array

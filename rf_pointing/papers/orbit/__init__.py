@@ -1,1 +1,1 @@
-"""Orbit check: does an orbit from corrected angles agree with the reference better than one from raw angles?"""
+"""Orbit check of a calibration: do corrected angles give a better orbit than raw ones?"""

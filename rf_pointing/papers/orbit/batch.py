@@ -1,12 +1,12 @@
-"""Preliminary orbit from one station: 100 to 200 s of range and angles right after injection (SATCAL 4.1, Table 2).
+"""Orbit from range, range rate and angles: batch weighted least squares (SATCAL 2.2, Table 6).
 
-First a start: measured positions are fitted by r0 + v0 t + the twice-integrated attraction along the path, which is the
-f and g series summed by iteration.  Then batch least squares on the measurements with their own weights.
+Gauss-Newton on the state at the epoch; the partials are those of the integrated orbit.
+`OrbitResult.shift_from` gives the effect of measurement errors on the orbit by linear theory:
+dx = C A' W e.
 
-Orbit from range, range rate and angles of several stations: batch weighted least squares (SATCAL 2.2, Table 6).
-
-Gauss-Newton on the state at the epoch; the partials are those of the integrated orbit.  `OrbitResult.shift_from` gives
-what linear theory says a set of measurement errors does to the orbit: dx = C A' W e.
+The preliminary orbit (SATCAL 4.1, Table 2) uses 100 to 200 s of range and angles of one station
+right after injection.  Its start fits the measured positions by r0 + v0 t + the twice-integrated
+attraction along the path, which is the f and g series summed by iteration.
 """
 
 from collections.abc import Sequence
@@ -35,7 +35,10 @@ _STATE_NAMES = ("x", "y", "z", "x rate", "y rate", "z rate")
 
 @dataclass(frozen=True, eq=False)
 class Arc:
-    """One kind of measurement (`measurements.KINDS`) from one station: values and sigma (n,) at `t_s` (n,)."""
+    """One kind of measurement (`measurements.KINDS`) from one station.
+
+    Values and sigma (n,) at `t_s` (n,).
+    """
 
     site: Site
     kind: str
@@ -55,7 +58,10 @@ class Arc:
 
 @dataclass(frozen=True, eq=False)
 class OrbitResult:
-    """State (6,) at the epoch with covariance (6, 6); `residuals` are measured minus computed, one array per arc."""
+    """State (6,) at the epoch with covariance (6, 6).
+
+    `residuals` are measured minus computed, one array per arc.
+    """
 
     epoch_t_s: float
     state: Array
@@ -64,10 +70,13 @@ class OrbitResult:
     condition: float
     iterations: int
     gain: tuple[Array, ...]
-    """Change of the state (6, n) per unit of error of each measurement of each arc, by linear theory."""
+    """Change of the state (6, n) per unit of error of each measurement of each arc, by linear
+    theory."""
 
     def shift_from(self, errors: Sequence[ArrayLike]) -> Array:
-        """Return the change of the state (6,) that `errors` (one entry per arc, broadcast over it) cause."""
+        """Return the change of the state (6,) that `errors` (one entry per arc, broadcast over it)
+        cause.
+        """
         return np.asarray(
             sum(
                 gain @ np.broadcast_to(np.asarray(error, dtype=np.float64), gain.shape[1:])
@@ -92,8 +101,9 @@ def fit_orbit(
 ) -> OrbitResult:
     """Return the orbit that fits all arcs best, from a `guess` (6,) of the state at the epoch.
 
-    `orbit` is that of the guess at `times_of(arcs)` with its partials, where it is known already.  Raises ValueError if
-    the arcs do not determine six elements, the iteration does not settle, or `orbit` is given at other times.
+    `orbit` is that of the guess at `times_of(arcs)` with its partials, where it is known already.
+    Raises ValueError if the arcs do not determine six elements, the iteration does not settle, or
+    `orbit` is given at other times.
     """
     state = as_finite_array("guess", guess, (6,)).copy()
     times = times_of(arcs)
@@ -154,9 +164,10 @@ def preliminary_orbit(
     sigma_angle_rad: float,
     gravity: Gravity,
 ) -> OrbitResult:
-    """Return the orbit at the middle of the data; all arrays (n,), n >= 10, from one pass of one station.
+    """Return the orbit at the middle of the data.
 
-    `sigma_angle_rad` is on the sky; in azimuth it counts as sigma / cos El.
+    All arrays (n,), n >= 10, from one pass of one station.  `sigma_angle_rad` is on the sky; in
+    azimuth it counts as sigma / cos El.
     """
     epoch, guess = starting_state(site, t_s, range_m, azimuth_rad, elevation_rad, gravity)
     arcs = (
@@ -170,7 +181,9 @@ def preliminary_orbit(
 def starting_state(
     site: Site, t_s: Array, range_m: Array, azimuth_rad: Array, elevation_rad: Array, gravity: Gravity
 ) -> tuple[float, Array]:
-    """Return the middle time and a state (6,) there, good to the accuracy of the measured positions."""
+    """Return the middle time and a state (6,) there, good to the accuracy of the measured
+    positions.
+    """
     times = as_finite_array("t_s", t_s, (None,))
     require_between("samples", len(times), _FEWEST, None)
     positions = _positions(site, times, range_m, azimuth_rad, elevation_rad)

@@ -1,13 +1,11 @@
-"""What a station measures of a satellite: azimuth, elevation, range and range rate, with derivatives and partials.
+"""What a station measures of a satellite, and the passes at which it can.
 
-Geometric: no light time and no refraction, which `corrections` removes from real data beforehand.
+Azimuth, elevation, range and range rate, with derivatives and partials.  Geometric: no light time
+and no refraction, which `corrections` removes from real data beforehand.
 
-Keplerian elements and the state they stand for (two-body, exact both ways).
-
-Passes of a satellite over a station for planning: mean elements carried along by the secular drift of J2.
-
-Good to some kilometres over weeks, which is ample to know which sectors of the sky a pass will fill; the shape of each
-pass (rates, accelerations) is integrated numerically and exact.
+Passes: mean Keplerian elements carried along by the secular drift of J2.  Good to some kilometres
+over weeks, enough to know which sectors of the sky a pass fills; the shape of each pass (rates,
+accelerations) is integrated numerically and exact.
 """
 
 import math
@@ -43,7 +41,10 @@ _TURN = 2.0 * math.pi
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """A satellite seen from a station at `t_s`, every array (n,); azimuth is continuous along the samples."""
+    """A satellite seen from a station at `t_s`, every array (n,).
+
+    Azimuth is continuous along the samples.
+    """
 
     t_s: Array
     azimuth_rad: Array
@@ -77,7 +78,10 @@ def look(t_s: ArrayLike, states: Array, site: Site, gravity: Gravity) -> Look:
 
 
 def measured(t_s: Array, states: Array, site: Site) -> Array:
-    """Return azimuth, elevation, range and range rate (n, 4) of inertial states (n, 6); azimuth in (-pi, pi]."""
+    """Return azimuth, elevation, range and range rate (n, 4) of inertial states (n, 6).
+
+    Azimuth in (-pi, pi].
+    """
     relative, velocity = _relative(t_s, states, site)
     east, north, up = relative.T
     distance = np.linalg.norm(relative, axis=1)
@@ -96,7 +100,8 @@ def partials(t_s: Array, states: Array, site: Site) -> Array:
     elevation = (np.array([0.0, 0.0, 1.0]) - sight * sight[:, 2:]) / ground
     by_position = np.stack([azimuth, elevation, sight, (velocity - rate * sight) / distance], axis=1)
     to_axes = _axes_in_inertial(t_s, site)
-    # Range rate sees the station's turning: d(rho_dot)/dr is in the inertial frame once v is taken relative there.
+    # Range rate sees the station's turning: d(rho_dot)/dr is in the inertial frame once v is taken
+    # relative there.
     position_part = by_position @ to_axes
     velocity_part = np.zeros_like(position_part)
     velocity_part[:, 3] = np.einsum("ni,nij->nj", sight, to_axes)
@@ -104,7 +109,9 @@ def partials(t_s: Array, states: Array, site: Site) -> Array:
 
 
 def _relative(t_s: Array, states: Array, site: Site) -> tuple[Array, Array]:
-    """Return position and inertial velocity relative to the station, in its east-north-up axes, (n, 3) each."""
+    """Return position and inertial velocity relative to the station, in its east-north-up axes, (n,
+    3) each.
+    """
     station = to_inertial(np.broadcast_to(site.position_m(), (len(t_s), 3)), t_s)
     moving = EARTH_RATE_RAD_S * np.stack([-station[:, 1], station[:, 0], np.zeros(len(t_s))], axis=1)
     to_axes = _axes_in_inertial(t_s, site)
@@ -119,7 +126,9 @@ def _axes_in_inertial(t_s: Array, site: Site) -> Array:
 
 
 def _topocentric_series(t_s: Array, states: Array, site: Site, gravity: Gravity) -> Array:
-    """Return east, north, up as Taylor series (3, n, 3) of the motion relative to the turning station."""
+    """Return east, north, up as Taylor series (3, n, 3) of the motion relative to the turning
+    station.
+    """
     turning = np.array([0.0, 0.0, EARTH_RATE_RAD_S])
     position = to_earth_fixed(states[:, :3], t_s)
     velocity = to_earth_fixed(states[:, 3:], t_s) - np.cross(turning, position)
@@ -228,7 +237,9 @@ def visits(
     step_s: float,
     lowest_rad: float,
 ) -> list[Look]:
-    """Return the passes above `lowest_rad` within `days` of the epoch, sampled every `step_s`, in order of time."""
+    """Return the passes above `lowest_rad` within `days` of the epoch, sampled every `step_s`, in
+    order of time.
+    """
     require_between("days", days, 0.0, 1000.0)
     coarse = np.arange(0.0, days * 86400.0, _SEARCH_STEP_S)
     elevation = measured(epoch_t_s + coarse, secular_states(elements, coarse, gravity), site)[:, 1]

@@ -1,23 +1,19 @@
-"""The turning Earth under the orbit: sidereal angle, and a station's place and axes.
+"""Orbital motion by numerical integration, and the turning Earth under it.
 
-Precession, nutation, polar motion and UT1-UTC are left out: inertial axes here are "true equator, mean equinox of
-date" to a few arc seconds, the same for simulated and estimated orbits.
-
-Accelerations besides the Earth's attraction, each optional: air drag, and the tides of Sun and Moon.
-
+    Earth   a = -GM r / r^3 + J2, J3, J4 in closed form
     drag    a = -1/2 rho(h) B |v_r| v_r,   v_r = v - w x r,   rho = rho_0 exp(-(h - h_0) / H)
     tide    a = GM [(s - r) / |s - r|^3 - s / s^3]
 
-Vallado, Fundamentals of Astrodynamics, 8.6 (air of table 8-4, 800 km) and 8.7; places of Sun and Moon to a few minutes
-of arc from the leading terms of their theories (Montenbruck and Gill, Satellite Orbits, 3.3.2): a tide of 1e-6 m/s^2
-needs no better.
+Vallado, Fundamentals of Astrodynamics, 8.6 (air of table 8-4, 800 km), 8.7 and 9.7.  Drag and tides
+are optional.  Places of Sun and Moon are good to a few minutes of arc, from the leading terms of
+their theories (Montenbruck and Gill, Satellite Orbits, 3.3.2): a tide of 1e-6 m/s^2 needs no
+better.
 
-Orbital motion under the Earth's two-body and zonal attraction (J2 to J4), by numerical integration; drag and tides besides.
+Neighbouring trajectories are integrated together with the nominal one, so that partial derivatives
+with respect to the starting state are differences of orbits that took the same steps.
 
-    a = -GM r / r^3 + J2, J3, J4 in closed form (Vallado, Fundamentals of Astrodynamics, 9.7)
-
-Neighbouring trajectories are integrated together with the nominal one, so that partial derivatives with respect to
-the starting state are differences of orbits that took the same steps.
+Precession, nutation, polar motion and UT1-UTC are left out: inertial axes here are "true equator,
+mean equinox of date" to a few arc seconds, the same for simulated and estimated orbits.
 """
 
 import math
@@ -74,7 +70,9 @@ _RELATIVE_TOLERANCE = 1e-11
 
 
 def sidereal_angle_rad(t_s: ArrayLike) -> Array:
-    """Return Greenwich mean sidereal time at UTC seconds since 1970 (IAU 1982 to first order, UT1 = UTC)."""
+    """Return Greenwich mean sidereal time at UTC seconds since 1970 (IAU 1982 to first order, UT1 =
+    UTC).
+    """
     days = (np.asarray(t_s, dtype=np.float64) - _J2000_T_S) / 86400.0
     return np.mod(np.radians(280.46061837 + 360.98564736629 * days), 2.0 * np.pi)
 
@@ -209,7 +207,8 @@ class Gravity(Params):
 
     def acceleration(self, position_m: Array) -> Array:
         """Return the acceleration (..., 3) at positions (..., 3), m/s^2."""
-        # With u = 1/r^2, s = z^2 u and a, b, d the three harmonics; few operations, for the arrays are small.
+        # With u = 1/r^2, s = z^2 u and a, b, d the three harmonics; few operations, for the arrays
+        # are small.
         z = position_m[..., 2]
         u = 1.0 / np.einsum("...i,...i->...", position_m, position_m)
         s = z * z * u
@@ -228,7 +227,7 @@ class Gravity(Params):
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """States (n, 6) at `t_s` (n,) and, if asked for, their partials (n, 6, 6) with respect to the first state."""
+    """States (n, 6) at `t_s` (n,); partials (n, 6, 6) by the first state, if requested."""
 
     t_s: Array
     states: Array
@@ -244,7 +243,8 @@ def propagate(
     with_partials: bool = False,
     disturbances: Disturbances | None = None,
 ) -> Trajectory:
-    """Integrate `state` (6,) at `epoch_t_s` to the times `t_s` (n,), sorted, on either side of the epoch.
+    """Integrate `state` (6,) at `epoch_t_s` to the times `t_s` (n,), sorted, on either side of the
+    epoch.
 
     Raises ValueError for unsorted times and when the integrator gives up.
     """
@@ -264,9 +264,9 @@ def propagate_together(
     epoch_t_s: float = 0.0,
     disturbances: Disturbances | None = None,
 ) -> Array:
-    """Integrate many starting states (m, 6) over the same elapsed times (n,), sorted: the result is (n, m, 6).
+    """Integrate many starting states (m, 6) over the same elapsed times (n,), sorted.
 
-    `epoch_t_s` matters only to `disturbances`.
+    The result is (n, m, 6).  `epoch_t_s` matters only to `disturbances`.
     """
     bundle, times = as_finite_array("states", states, (None, 6)), as_finite_array("elapsed_s", elapsed_s, (None,))
     if np.any(np.diff(times) < 0.0):

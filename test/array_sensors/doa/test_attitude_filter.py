@@ -70,7 +70,7 @@ def test_output_says_why_it_is_not_valid() -> None:
     running = doa_filter(silence_s=10.0)
     assert running.output().reason == "no direction accepted yet"
     running.observe(AHEAD)
-    assert "1 of 2 stations heard" in running.output().reason
+    assert "1 of 2 stations received" in running.output().reason
     assert "12 hypotheses of the start still open" in running.output().reason
     assert "attitude sigma" in running.output().reason
     running.start_from_directions([AHEAD, ASIDE], ORBIT_RATE)

@@ -13,8 +13,6 @@ from rf_pointing.array_sensors.interferometer.initializer import (
     initialize,
     range_from_sum,
     reverse_direction_from_ranges,
-    two_element_angle,
-    two_element_phase,
 )
 from rf_pointing.array_sensors.interferometer.relative_pose import reverse_direction
 from rf_pointing.array_sensors.interferometer.system import ArrayParams, two_way_ranges
@@ -35,17 +33,6 @@ def test_range_and_both_directions_of_far_poses(poses) -> None:
     np.testing.assert_allclose(forward_direction(ranges, found, UNEQUAL_ARRAYS), directions, atol=bias)
     expected = reverse_direction(directions, attitudes)
     np.testing.assert_allclose(reverse_direction_from_ranges(ranges, found, UNEQUAL_ARRAYS), expected, atol=bias)
-
-
-def test_two_elements_return_the_angle_of_their_phase(rng) -> None:
-    angles = rng.uniform(-1.5, 1.5, 50)
-    phase = two_element_phase(angles, 0.4, 0.12)
-    np.testing.assert_allclose(two_element_angle(phase, 0.4, 0.12), angles, atol=1e-12)
-
-
-def test_a_phase_beyond_the_baseline_is_refused() -> None:
-    with pytest.raises(ValueError, match="must be <= 1: wrong cycle"):
-        two_element_angle(2.0 * np.pi * 0.41 / 0.12, 0.4, 0.12)
 
 
 def test_ranges_that_belong_to_no_direction_show_a_negative_square() -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 pytest.importorskip("rclpy", reason="topics need ROS 2", exc_type=ImportError)
-from rf_pointing.array_sensors.nodes.array_systems import ARRAY_SYSTEMS, CLOCK
+from rf_pointing.array_sensors.nodes.array_graph import ARRAY_SYSTEMS, CLOCK
 from rf_pointing.core.parameters import read_parameter_files
 
 ROOT = Path(__file__).parents[3]
