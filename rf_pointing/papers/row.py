@@ -53,6 +53,7 @@ class Row:
         """Whether ours lies within the tolerance of the paper's number (one-sided where `bound`
         says so).
         """
+        # An infinite time or a NaN is a failure to measure and never holds, whatever the bound.
         if not math.isfinite(self.ours):
             return False
         if self.bound == "<=":
