@@ -216,6 +216,7 @@ def _honesty_row(seed: int) -> Row:
 
 
 def _closed_loop_rows(seed: int) -> list[Row]:
+    # 8 mdeg off, half a beamwidth: further out the search would be in charge.
     rms = pull_in_rms_rad(30.0, np.array([7.0, -4.0]) * MDEG, 3, random_stream(seed, "conscan loop"))
     times = [search_time_s(k * math.pi / 4.0 + 0.2, 60.0, random_stream(seed, f"search {k}")) for k in range(8)]
     return [

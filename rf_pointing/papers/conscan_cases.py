@@ -177,6 +177,7 @@ def search_time_s(direction_rad: float, level_db_hz: float, rng: np.random.Gener
     receiver, table = _receiver(beam, rng), Autotrack(AutotrackParams(sensor="monopulse"))
     tracker = MonopulseTracker(MonopulseParams(half_power_beamwidth_rad=BEAM_X_RAD))
     state, trim = AutotrackState(mode="search"), np.zeros(2)
+    # A minute of clusters: twice the required time, so that a slow search still has a number.
     for k in range(600):
         times = k * CLUSTER_S + SAMPLE_S * np.arange(1, 6)
         searching = state.mode == "search"

@@ -115,6 +115,7 @@ def direction_variance_from_gradients(
     range_m: float, direction: ArrayLike, attitude: ArrayLike, arrays: ArrayParams, dither_rad: float = 0.01
 ) -> float:
     """Return V^2 = 3 trace(H) of the direction estimator (three ranges a sum), rad^2 per m^2."""
+    # The covariance depends on the geometry alone, so any ranges serve.
     ranges = np.zeros((3, 3))
     _, covariance = direction_step(ranges, range_m, direction, attitude, arrays, dither_rad)
     # Each sum has three ranges: per unit variance of a range the sums have three.
@@ -146,6 +147,7 @@ def roll_variance_from_gradients(
     one).
     """
     forward = direction_from_angles(azimuth1_rad, 0.0)
+    # The passive array sees the active one behind azimuth 180 deg at zero offset.
     reverse = direction_from_angles(math.pi + azimuth2_offset_rad, 0.0)
     return float(roll_step(np.zeros((2, 2)), forward, reverse, roll_rad, dither_rad=dither_rad)[1])
 

@@ -116,6 +116,7 @@ def estimator_rows() -> list[Row]:
     off = direction_from_angles(math.radians(45.0), 0.0)
     # One offset at 45 deg and any of the other: the report claims the bound for this case.
     roll = max(roll_variance(math.radians(45.0), math.radians(b)) for b in np.linspace(0.0, 89.9, 200))
+    # Exact ranges and a start that is 5 deg off: what remains is the estimator's own.
     attitude_deg, direction_deg = settled_error_deg(5.0)
     return [
         _row(

@@ -257,6 +257,7 @@ def _far_and_near(seed: int, case: tuple[float, tuple[float, float]]) -> TrialEr
 
 
 def _range_rows(seed: int, executor: Executor | None) -> list[Row]:
+    # Every direction at every distance: the report's claims name the worst of them.
     cases = [(distance, angles) for distance in _DISTANCES_M for angles in _DIRECTIONS_DEG]
     runs = dict(zip(cases, sweep(partial(_far_and_near, seed), cases, executor), strict=True))
     far = [runs[1e5, a].rms() for a in _DIRECTIONS_DEG]
@@ -289,6 +290,7 @@ def _roll_rows(seed: int, executor: Executor | None) -> list[Row]:
     found = []
     for azimuth in (0.0, 45.0):
         errors = sweep(partial(_against_roll, seed), [(azimuth, roll) for roll in _ROLLS_DEG], executor)
+        # Range and both directions must not depend on roll; roll itself may.
         spread = max(max(e[k] for e in errors) / min(e[k] for e in errors) for k in (0, 1, 2))
         # The extremes of five rms values of 2000 trials each differ by less than a tenth by chance.
         found.append(_row(f"largest over smallest rms against roll, azimuth {azimuth:g} deg", 1.1, spread, "1"))
@@ -311,6 +313,7 @@ def _short_range_rows(seed: int) -> list[Row]:
 
 
 def _power_rows(seed: int) -> list[Row]:
+    # The same stream for both estimators: they differ by the method and not by their noise.
     weak = _errors("weak", seed, 1e5, corrected=True, trials=_MANY_TRIALS, radio=_WEAK, sharpen=True)
     plain = _errors("weak", seed, 1e5, corrected=True, trials=_MANY_TRIALS, radio=_WEAK)
     needed = float(required_power_w(100.0, 1e5, 3.42e9, LinkParams()))

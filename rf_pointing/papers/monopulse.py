@@ -154,6 +154,7 @@ def rows(seed: int = 1) -> list[Row]:
 
 
 def _averaging_rows(seed: int) -> list[Row]:
+    # Streams of their own: the white row does not change when the coloured one does.
     white, coloured = (averaging_gain_db(f, 4000, random_stream(seed, f"averaging {f}")) for f in (0.0, 8.0))
     # The printed 17 dB is beyond every cutoff: the maximum shows that no choice of band explains
     # it.

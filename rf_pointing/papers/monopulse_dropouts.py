@@ -157,6 +157,7 @@ def reacquisition_times_s(modes: list[tuple[float, str]], dropouts: Dropouts) ->
     """
     found = []
     for stop_s in dropouts.stop_s:
+        # A dropout shorter than the coast may end before the mode was ever left.
         before = [mode for t_s, mode in modes if t_s <= stop_s]
         later = [t_s - stop_s for t_s, mode in modes if t_s > stop_s and mode == "monopulse"]
         found.append(0.0 if before[-1:] == ["monopulse"] else min(later, default=math.inf))

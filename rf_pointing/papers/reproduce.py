@@ -19,6 +19,7 @@ from typing import Any
 from rf_pointing.commands.number_option import seed
 from rf_pointing.papers import Row, as_table
 
+# A wrong address must end the command soon; the cluster itself may take hours afterwards.
 DASK_TIMEOUT_S = "10s"
 
 

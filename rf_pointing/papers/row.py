@@ -76,6 +76,7 @@ def as_table(rows: Sequence[Row]) -> str:
     for row, cell in zip(rows, cells[1:], strict=True):
         lines.append(_line(cell, widths))
         if row.remark:
+            # Below the row: a column of remarks would be wider than any terminal.
             lines += textwrap.wrap(row.remark, WIDTH, initial_indent="    ", subsequent_indent="    ")
     kept = sum(row.holds for row in rows)
     explained = sum(row.explained and not row.holds for row in rows)

@@ -148,6 +148,7 @@ def residual_rows(name: str, points: Observations, runs: Runs) -> list[Row]:
         np.degrees(first.residual_azimuth_rad + first.pass_azimuth_rad),
         np.degrees(first.residual_elevation_rad + first.pass_elevation_rad),
     )
+    # The bias at the points of our passes: the mean depends on where they lie on the sky.
     raw = [np.degrees(part) for part in model_of(PCMC_DEG[name]).offset_rad(*points.motion())]
     found = []
     for k, axis in enumerate(("azimuth", "elevation")):
@@ -187,6 +188,8 @@ def residual_rows(name: str, points: Observations, runs: Runs) -> list[Row]:
 def order_row(quantity: str, paper: float, ours: float, unit: str, remark: str) -> Row:
     """Return a row that holds within a factor of 3: the same order of magnitude."""
     return Row(
+        # A single published case has no spread to compare with: its order of magnitude is the
+        # claim.
         quantity=f"{quantity}, decades from the paper's {paper:g} {unit} (ours {ours:.3g} {unit})",
         source="Table 2",
         paper=0.0,

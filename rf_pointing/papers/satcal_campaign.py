@@ -204,6 +204,7 @@ def orbit_error(points: Observations, random: np.random.Generator) -> tuple[Arra
 
 def orbit_error_m(points: Observations, random: np.random.Generator) -> Array:
     """Return the displacement (n, 3) along, across and up of the reference orbit: 200 m rms."""
+    # One orbit error per pass: between passes the reference orbit is determined anew.
     place = np.searchsorted(points.passes, points.pass_id)
     count = len(points.passes)
     first = np.array([points.t_s[points.pass_id == number][0] for number in points.passes])

@@ -106,6 +106,7 @@ def batch_check(
     angles cost `target_shift_m` (linear theory), because the paper does not give its weights.
     """
     network = _network_arcs(random)
+    # Drawn once: raw, corrected and unbiased angles share it.
     noise = random.standard_normal((len(planted), 2, sum(len(seen.t_s) for seen in radar_passes)))
     start = IRS_P3_APRIL.state()
     ranges_only = fit_orbit(APRIL_T_S, start, network, _GRAVITY)

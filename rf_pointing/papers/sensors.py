@@ -68,9 +68,11 @@ def tracked(band: str, sensor: str, seed: int = 1, seconds: float = math.inf) ->
     """Fly one pass, or its first seconds, and return what came of it."""
     window = low_orbit_pass(PEAK_DEG, MASK_DEG)
     log = fly(Case(band, sensor, min(seconds, window.duration_s), seed=seed), window)
+    # Short contacts during the search do not count as acquired.
     begun_s = _lasting_s(log, window.aos_t_s)
     late = np.array(log.t_s) >= begun_s + SETTLED_S
     errors, modes = log.errors_rad()[late], np.array(log.mode)[late]
+    # A pass without acquisition is a row that does not hold, not a missing row.
     if not len(errors):
         return Tracked(band, sensor, math.inf, math.nan, math.nan, math.nan, 0.0, (), math.nan)
     # The mean over a whole scan is its centre; the longest scan of the modes in use decides.

@@ -72,6 +72,7 @@ class ErrorStatistics:
         """Return 3 sqrt(var eps_x + var eps_y), the "3 sigma orientation error" of TRIPULSE 4.3 and
         4.4.
         """
+        # Both axes together: this is how 4.3 and 4.4 count an orientation error.
         return 3.0 * math.hypot(float(self.sigma[0]), float(self.sigma[1]))
 
 
@@ -89,6 +90,7 @@ def noise_errors(
         raise ValueError(f"element_snr={element_snr} must be > 0")
     rng = random_stream(seed, f"tripulse noise {params} {element_snr}")
     signals = closed_form_signals(params, as_finite_array("projection_error", projection_error, (2,)))
+    # Closed-form beams have K = 1 per element, so the noise of a beam is that of one element's SNR.
     noise = math.sqrt(1.0 / element_snr) * complex_normal(rng, (_trials(trials), 3))
     return _statistics(params, signals + noise, steering, projection_error)
 
@@ -345,6 +347,7 @@ def beyond_rows(seed: int = 1) -> list[Row]:
 
 
 def _widths_at_0_db(seed: int) -> tuple[float, float, float]:
+    # The 0.1 deg of the initial sensor are its 3 sigma.
     prior = OFFSET_RAD / 3.0
     rng = random_stream(seed, "tripulse 0 dB")
     truth = prior * rng.normal(size=(4000, 2))

@@ -100,6 +100,7 @@ def threshold(curve: Sequence[AccuracyPoint], excess: float = 0.05) -> tuple[flo
     """
     points = sorted(curve, key=lambda point: point.snr_db)
     ratio = np.array([point.theta_deg / point.theta_bound_deg for point in points])
+    # From the strong end: the curve crosses once, outliers only make it steeper.
     above = np.flatnonzero(ratio > 1.0 + excess)
     if not len(above) or above[-1] + 1 >= len(points):
         raise ValueError(f"curve from {points[0].snr_db} to {points[-1].snr_db} dB does not cross 1 + excess={excess}")

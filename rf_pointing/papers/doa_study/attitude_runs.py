@@ -323,6 +323,7 @@ class _Totals:
 
     def __init__(self, task: RunTask, steps: int) -> None:
         self._task = task
+        # The transient is left out: with it the average would only measure the start.
         self._first = round(task.settled_s / STEP_S)
         shape = (len(task.cases), task.trials)
         self._count = steps - self._first

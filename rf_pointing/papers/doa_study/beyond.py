@@ -108,6 +108,7 @@ def fit_response(array: CircularArrayParams, directions: Array, covariances: Com
     if directions.shape != (len(covariances), 3):
         raise ValueError(f"directions has shape {directions.shape}, must be ({len(covariances)}, 3)")
     principal = eigen(covariances, array.elements).vectors[..., 0]
+    # What is off the eigenvector must vanish; its unknown complex amplitude drops out.
     off = np.eye(array.elements) - principal[:, :, None] * principal[:, None, :].conj()
     shifted = np.einsum("dij,pj->pid", coupling_basis(array.elements), steering(array, directions))
     gain = np.ones(array.elements, dtype=np.complex128)
@@ -238,6 +239,7 @@ def any_start_error_deg(starts: int, seed: int, settle_s: float = 30.0) -> Array
     """
     scene = nadir_scene(325.0 + settle_s, start_s=300.0)
     stream, sigma = random_stream(seed, "doa_any_start"), cosine_sigma_rad(ARRAY, 100, 1.0)
+    # No wheels: the scene holds nadir by control torque alone.
     known_none = np.zeros(3)
     errors = []
     for _ in range(starts):
@@ -282,6 +284,7 @@ def two_source_attitude_ratio(trials: int, seed: int) -> tuple[float, float]:
         # A trial that is left out would flatter the rms: better none at all.
         if not found.complete:
             raise ValueError(f"two stations at 0 dB: {found.reason}")
+        # Ordered by station, so that measured and reference directions belong together.
         pairs = sorted(match_directions(found.direction, reference, np.radians(20.0)), key=lambda pair: pair[1])
         measured = found.direction[[pair[0] for pair in pairs]]
         turn = quaternion_to_rotation_vector(quaternion_from_matrix(fit_rotation(reference, measured).rotation))
@@ -324,6 +327,7 @@ def coupling_rmse_deg(trials: int, seed: int) -> tuple[float, float, float]:
 def _observe(expected: Array, reference: Array, sigma: float, stream: np.random.Generator) -> DirectionObservation:
     """Return directions (n, 3) with MUSIC's error: `sigma` in each direction cosine."""
     basis = polar_basis(expected)
+    # One sigma in a direction cosine is sigma / cos(theta) in theta: the bound's own shape.
     sizes = sigma / np.stack([basis[:, 2, 2], np.ones(len(expected))], axis=-1)
     rows = basis[:, :2]
     shift = np.einsum("ni,nij->nj", sizes * stream.standard_normal(sizes.shape), rows)

@@ -123,6 +123,7 @@ def fit_orbit(
         step = inverse @ (np.concatenate(residuals) / sigma)
         state += step
         if np.max(np.abs(step) / np.sqrt(np.diag(covariance))) < _CONVERGED_SIGMA:
+            # The gain is kept per arc: a bias of one station can be propagated alone.
             split = np.cumsum([len(arc.t_s) for arc in arcs])[:-1]
             gain = tuple(np.split(inverse / sigma, split, axis=1))
             return OrbitResult(epoch_t_s, state, covariance, tuple(residuals), condition, iteration, gain)
@@ -176,6 +177,7 @@ def preliminary_orbit(
     epoch, guess = starting_state(site, t_s, range_m, azimuth_rad, elevation_rad, gravity)
     arcs = (
         Arc(site, "range_m", t_s, range_m, np.full(len(t_s), sigma_range_m)),
+        # Azimuth errs by 1 / cos(El) more than the angle on the sky.
         Arc(site, "azimuth_rad", t_s, azimuth_rad, sigma_angle_rad / np.cos(elevation_rad)),
         Arc(site, "elevation_rad", t_s, elevation_rad, np.full(len(t_s), sigma_angle_rad)),
     )

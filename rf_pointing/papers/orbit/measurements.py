@@ -179,10 +179,13 @@ class Elements(Params):
         if a <= 0.0:
             raise ValueError(f"semi_major_axis_m={a:.0f} must be > 0: the state is not a closed orbit")
         inclination = math.atan2(math.hypot(momentum[0], momentum[1]), momentum[2])
+        # The node lies across the momentum's horizontal part; atan2 keeps its quadrant.
         node = math.atan2(momentum[0], -momentum[1])
         along_node = np.array([math.cos(node), math.sin(node), 0.0])
         ahead = np.cross(momentum / np.linalg.norm(momentum), along_node)
         latitude = math.atan2(float(position @ ahead), float(position @ along_node))
+        # Both components: at small eccentricity the anomaly follows from their ratio, not from a
+        # cosine near one.
         e_cos = 1.0 - radius / a
         e_sin = float(position @ velocity) / math.sqrt(EARTH_MU_M3_S2 * a)
         e, anomaly = math.hypot(e_cos, e_sin), math.atan2(e_sin, e_cos)

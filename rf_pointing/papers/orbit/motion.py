@@ -102,6 +102,7 @@ class Site(Params):
 
     def position_m(self) -> Array:
         """Return the Earth-fixed position (3,)."""
+        # WGS-84: geodetic latitude, so the station is not on the line to the Earth's centre.
         eccentricity2 = _FLATTENING * (2.0 - _FLATTENING)
         sin_lat, cos_lat = math.sin(self.latitude_rad), math.cos(self.latitude_rad)
         normal = EARTH_RADIUS_M / math.sqrt(1.0 - eccentricity2 * sin_lat**2)
