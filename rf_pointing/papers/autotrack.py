@@ -56,6 +56,7 @@ __all__ = [
 
 
 Array = NDArray[np.float64]
+# Clusters in the first 10 s of monopulse still contain the pull-in.
 SECONDS, SETTLED_S = 100.0, 10.0
 TOLERANCE_DB = 0.5
 """Three standard errors of the ratio from both axes of 800 clusters."""
@@ -68,6 +69,7 @@ LONG_PASSES = 2
 LONG_MASK_DEG, LONG_S = 5.0, 600.0
 TURN = 2.0 * math.pi
 SETTLED_S = 25.0
+# Few, because each is a flight of the whole station; the row is the 95th percentile of them.
 RUNS = 12
 ACQUISITION_S = 45.0
 BEAM_X_RAD = HALF_POWER_BEAMWIDTH_RAD["X"]
@@ -106,7 +108,9 @@ def station_gain_db(changes: Changes, seed: int) -> float:
     heard: list[Reception] = []
     log = fly(Case("Ka", "monopulse", SECONDS, changes, seed), low_orbit_pass(), heard.append)
     begun_s = first_time_s(log, "monopulse") + SETTLED_S
+    # A tracker of its own: that of the station has already averaged the samples.
     tracker = MonopulseTracker(MonopulseParams(half_power_beamwidth_rad=HALF_POWER_BEAMWIDTH_RAD["Ka"]))
+    # The log has the true error at clusters; a sample needs it at its own time.
     truth = CubicSpline(log.t_s, log.errors_rad())
     single, averaged = [], []
     for reception, mode in zip(heard, log.mode, strict=True):
@@ -115,6 +119,7 @@ def station_gain_db(changes: Changes, seed: int) -> float:
             continue
         averaged.append(_measured(tracker, cluster) - truth(cluster.t_s).mean(axis=0))
         single += [_measured(tracker, _alone(cluster, k)) - truth(cluster.t_s[k]) for k in range(len(cluster.t_s))]
+    # Both axes together: their noise is equal, and twice the samples halve the error of the ratio.
     variances = [float(np.var(np.array(misses), axis=0).sum()) for misses in (single, averaged)]
     return 10.0 * math.log10(variances[0] / variances[1])
 
@@ -129,6 +134,8 @@ def _alone(cluster: MonopulseCluster, k: int) -> MonopulseCluster:
 
     A tracker needs two to know their distance in time.
     """
+    # A tracker needs two samples to know their distance in time; the same one twice adds no
+    # information.
     twice = [k, k]
     return replace(
         cluster, t_s=cluster.t_s[k] + np.array([0.0, SAMPLE_S]), sum=cluster.sum[twice],
@@ -144,6 +151,7 @@ def _signal(values: dict[str, float]) -> dict[str, object]:
 def watch_rows(seed: int) -> list[Row]:
     """Return the slowest of some flips, and the doubted ones of some long passes."""
     found = np.array([flip_found_s(band, seed + k) for band, count in FLIPS for k in range(count)])
+    # The requirement is on the slowest case; the remark gives the median.
     slowest = int(np.argmax(found[:, 0]))
     kinds = " and ".join(f"{count} at {band}" for band, count in FLIPS)
     return [
@@ -166,6 +174,7 @@ def flip_found_s(band: str, seed: int) -> tuple[float, float]:
     receiver = {**changes.get("rf_receiver", {}), "signal.sign_flip_after_s": FLIP_S}
     log = fly(Case(band, "monopulse", FLIP_S + AFTER_S, {**changes, "rf_receiver": receiver}, seed), low_orbit_pass())
     begin_s, found_s = log.t_s[0] + FLIP_S, first_time_s(log, "hand_back")
+    # A hold-off before the flip has another cause and must not count as found.
     if found_s < begin_s:
         return math.inf, math.inf
     times = np.array(log.t_s)
@@ -223,11 +232,13 @@ def _acquisition_rows(seed: int) -> list[Row]:
     The second pass begins at 40 deg, where the antenna starts at full speed.
     """
     found = []
+    # Rising, the antenna starts at rest; at 40 deg it must catch up with full speed first.
     for mask_deg, name in ((5.0, "rising"), (40.0, "beginning at 40 deg")):
         window, random = low_orbit_pass(40.0, mask_deg), random_stream(seed, f"acquisition {mask_deg}")
         times = np.array(
             [acquisition_s(window, angle, seed + k) for k, angle in enumerate(random.uniform(0.0, TURN, RUNS))]
         )
+        # The 95th percentile of few runs is the next largest value, not an interpolated one.
         slowest = float(np.sort(times)[math.ceil(0.95 * RUNS) - 1])
         found.append(
             Row(
@@ -247,6 +258,7 @@ def acquisition_s(window: Pass, angle_rad: float, seed: int) -> float:
     right, up = 3.0 * BEAM_X_RAD * math.cos(angle_rad), 3.0 * BEAM_X_RAD * math.sin(angle_rad)
     changes: dict[str, dict[str, object]] = {
         "antenna_servo": moved_mount("X", right, up),
+        # The offset under test is in the mount; one along the track would come on top of it.
         "rf_receiver": {"source.along_track_offset_s": 0.0},
     }
     log = fly(Case("X", "monopulse", ACQUISITION_S, changes, seed), window)
@@ -275,6 +287,7 @@ def weak_conscan_row(seed: int) -> Row:
     log = fly(Case("Ka", "conscan", 90.0, changes, seed), window)
     begun_s = first_time_s(log, "conscan")
     level = float(np.mean(np.array(log.carrier_to_noise_db_hz)[np.array(log.mode) == "conscan"]))
+    # Three periods: the requirement counts from the third estimate on.
     errors = log.errors_rad()[np.array(log.t_s) >= begun_s + 3.0 * CONSCAN_PERIOD_S]
     ours = float(np.sqrt(np.mean(np.sum(errors**2, axis=1)))) / MDEG
     return Row(
@@ -289,12 +302,15 @@ def _dropout_rows(seed: int) -> list[Row]:
     receiver = {
         "signal.dropouts.count": DROPOUTS,
         "signal.dropouts.gap_s": 8.0,
+        # The first minute is acquisition; a dropout there would measure that.
         "signal.dropouts_after_s": 60.0,
         "signal.dropouts_within_s": window.duration_s - 90.0,
     }
     times, steepest = [], 0.0
     for run in range(DROPOUT_RUNS):
         log = fly(Case("X", "monopulse", window.duration_s, {"rf_receiver": receiver}, seed + run), window)
+        # A dropout may end during another coast: the count is of returns of the carrier, not of
+        # modes.
         times.append(reacquisitions_s(log, "monopulse"))
         steepest = max(steepest, float(np.max(np.abs(command_accelerations_rad_s2(log, window.aos_t_s + 1.0)))))
     limit, all_times = min(CommandPreprocessorParams().acceleration_limit_rad_s2), np.concatenate(times)

@@ -39,6 +39,7 @@ __all__ = [
 
 Array = NDArray[np.float64]
 Changes = Mapping[str, Mapping[str, object]]
+# The simulated clock starts before the pass, as that of the graph does.
 LEAD_S = 5.0
 COMMAND_S = 0.1
 RADIO_MODES = ("monopulse", "conscan", "steptrack")
@@ -75,6 +76,8 @@ def moved_mount(band: str, right_rad: float, up_rad: float) -> dict[str, object]
     """
     known = read_model(model_file(band)).model
     mount = {item.name: known.coefficients[item.name.rsplit("_", 1)[0]] for item in dataclasses.fields(MountParams)}
+    # Collimation moves the beam in cross-elevation by the same angle at every elevation; an azimuth
+    # offset would not.
     mount["collimation_rad"] += right_rad
     mount["elevation_offset_rad"] += up_rad
     degrees = {name: (name.removesuffix("_rad") + "_deg", math.degrees(value)) for name, value in mount.items()}
@@ -102,6 +105,7 @@ def fly(case: Case, window: Pass, heard: Callable[[Reception], object] | None = 
     config = config_folder()
     short = dataclasses.replace(window, los_t_s=min(window.aos_t_s + case.seconds, window.los_t_s))
     changes: dict[str, dict[str, object]] = {node: dict(values) for node, values in case.changes.items()}
+    # Start at rest on the first point of the pass: the slew to it is not part of the case.
     changes.setdefault("antenna_servo", {}).update(
         {
             "antenna.start_azimuth_deg": math.degrees(window.aos_azimuth_rad),
@@ -119,6 +123,7 @@ def config_folder() -> Path:
     """Return the folder of the configuration files, in the source tree or where the package is
     installed.
     """
+    # In the source tree and in an install the folder is at different depths.
     for parent in Path(__file__).resolve().parents:
         for folder in (parent / "config", parent / "share" / "rf_pointing" / "config"):
             if (folder / "dss13.yaml").is_file():
@@ -136,6 +141,7 @@ def acquired_s(log: PassLog, within_rad: float) -> float:
     infinite if it never does.
     """
     held = (np.hypot(*log.errors_rad().T) < within_rad) & np.isin(log.mode, RADIO_MODES)
+    # From the last loss on: an acquisition that is lost again does not count.
     lost = np.flatnonzero(~held)
     if not len(held) or not held[-1]:
         return math.inf
@@ -145,6 +151,7 @@ def acquired_s(log: PassLog, within_rad: float) -> float:
 def command_accelerations_rad_s2(log: PassLog, from_s: float) -> Array:
     """Return the second differences (n, 2) of the commands of the periods from a time on."""
     late = np.array(log.command_t_s)[1:-1] > from_s
+    # Second differences of commands a period apart; the first ones contain the start of the pass.
     found: Array = np.diff(np.array(log.command_rad), 2, axis=0)[late] / COMMAND_S**2
     return found
 
@@ -156,6 +163,7 @@ def reacquisitions_s(log: PassLog, mode: str) -> Array:
     A dropout that was over before the mode was left took no time.
     """
     level, times = np.array(log.carrier_to_noise_db_hz), np.array(log.t_s)
+    # The receiver reports 0 dB-Hz and below while there is no carrier.
     silent = level <= 0.0
     back = times[1:][silent[:-1] & ~silent[1:]]
     tracking = times[np.array(log.mode) == mode]

@@ -38,7 +38,9 @@ Array = NDArray[np.float64]
 LEVELS_DB_HZ = (25.0, 30.0, 35.0, 40.0)
 ERRORS_MDEG = (0.0, 3.0, 6.0)
 PERIODS_S = (8, 16, 32)
+# A sigma from 4000 runs is known to 1.1 %, well within the tolerances of the rows.
 RUNS = 4000
+# A bias of 5 udeg is to be excluded, below a hundredth of one estimate's sigma.
 EXACT_RUNS = 200_000
 HONESTY_RUNS = 1000
 DSN_SHORTEST_PERIOD_S = 32.0
@@ -81,6 +83,8 @@ def _error_rows(seed: int) -> list[Row]:
         for error in (0.0, 8.5 * MDEG):
             rng = random_stream(seed, f"conscan error {beamwidth} {error}")
             mean = mean_power_hz(40.0, beamwidth, np.array([error, 0.0]), *circle(32))
+            # Constant noise is the assumption of (21); the receiver's own noise falls with the
+            # power.
             spreads.append(sigma_after(constant_noise_estimates(100.0, mean, beamwidth, RUNS, rng))[0][1])
         found.append(spreads[1] / spreads[0])
     loss_x = 1.0 / conscan_loss(BEAM_X_RAD, 8.5 * MDEG)
@@ -138,6 +142,7 @@ def _monte_carlo_rows(seed: int) -> list[Row]:
                 relative = sigma_hz / float(np.mean(mean))
                 wanted = [
                     conscan_sigma_eq20_rad(BEAM_KA_RAD, RADIUS_RAD, period, relative, axis * MDEG)
+                    # Along the error (20) depends on it; across, the estimate is that of no error.
                     for axis in (error, 0.0)
                 ]
                 deviations.extend((sigma - wanted) / uncertainty)
@@ -163,6 +168,7 @@ def _exact_estimator_rows(seed: int) -> list[Row]:
     """Bias and spread of the exact and the linear estimator at 30 dB-Hz, half a beamwidth off."""
     x, y = circle(32)
     biases, ratios, remarks = [], [], []
+    # On axis, diagonal and along one axis: a mix of the axes would show in the diagonal.
     for error in np.array([[0.0, 0.0], [6.0, -6.0], [8.5, 0.0]]) * MDEG:
         mean = mean_power_hz(30.0, BEAM_KA_RAD, error, x, y)
         rng = random_stream(seed, f"conscan exact {error[0]}")
@@ -209,6 +215,7 @@ def _honesty_row(seed: int) -> Row:
 
 
 def _closed_loop_rows(seed: int) -> list[Row]:
+    # 8 mdeg off, half a beamwidth: further out the search would be in charge.
     rms = pull_in_rms_rad(30.0, np.array([7.0, -4.0]) * MDEG, 3, random_stream(seed, "conscan loop"))
     times = [search_time_s(k * math.pi / 4.0 + 0.2, 60.0, random_stream(seed, f"search {k}")) for k in range(8)]
     return [

@@ -54,6 +54,7 @@ BEAM_X_RAD = HALF_POWER_BEAMWIDTH_RAD["X"]
 RADIUS_RAD = 1.55 * MDEG
 """Scan radius of CONSCAN section VI: 0.1 dB at Ka band."""
 
+# As rf_receiver delivers them: five samples in a cluster.
 CLUSTER_S, SAMPLE_S = 0.1, 0.02
 SAMPLES = 32
 
@@ -81,6 +82,7 @@ def constant_noise_estimates(
     samples = len(mean_hz)
     x, y = circle(samples)
     rows = np.zeros((samples, 6))
+    # Columns of a scan window: noise, and the offsets of the beam from the scan centre.
     rows[:, 2], rows[:, 3], rows[:, 4] = sigma_hz, x, y
     power = mean_hz + sigma_hz * rng.standard_normal((runs, samples))
     return linear_errors_rad(PowerWindow(rows), power, beamwidth_rad, RADIUS_RAD)
@@ -90,6 +92,8 @@ def receiver_powers_hz(mean_hz: Array, runs: int, rng: np.random.Generator) -> t
     """Return 1-s powers of the Block V receiver (runs, n) over N0, and their variance over the
     power (B-3).
     """
+    # The Block V receiver estimates amplitude; its square is biased by the noise, which the 0.5
+    # removes.
     arm = np.sqrt(mean_hz) + math.sqrt(0.5) * rng.standard_normal((runs, len(mean_hz)))
     power = np.maximum(arm**2 - 0.5, 1e-9)
     return power, (2.0 * power + 0.5) / power
@@ -150,6 +154,7 @@ def pull_in_rms_rad(level_db_hz: float, start_rad: Array, periods: int, rng: np.
         found = _turn(tracker, receiver, turn * params.window_samples, offset, level_db_hz)
         if found is not None:
             offset = offset - found[0]
+        # The estimate of a turn acts at its end, so the settled error begins one turn earlier.
         if turn >= periods - 1:
             squares.append(float(offset @ offset))
     return math.sqrt(float(np.mean(squares)))
@@ -164,10 +169,12 @@ def search_time_s(direction_rad: float, level_db_hz: float, rng: np.random.Gener
     """
     beam = BeamParams.for_band("X")
     target = 3.0 * BEAM_X_RAD * np.array([math.cos(direction_rad), math.sin(direction_rad)])
+    # A spiral sized for one beamwidth must reach three: the search goes on beyond its sigma.
     spiral = SpiralSearch(SpiralParams(half_power_beamwidth_rad=BEAM_X_RAD, uncertainty_rad=BEAM_X_RAD))
     receiver, table = _receiver(beam, rng), Autotrack(AutotrackParams(sensor="monopulse"))
     tracker = MonopulseTracker(MonopulseParams(half_power_beamwidth_rad=BEAM_X_RAD))
     state, trim = AutotrackState(mode="search"), np.zeros(2)
+    # A minute of clusters: twice the required time, so that a slow search still has a number.
     for k in range(600):
         times = k * CLUSTER_S + SAMPLE_S * np.arange(1, 6)
         searching = state.mode == "search"
@@ -183,9 +190,11 @@ def search_time_s(direction_rad: float, level_db_hz: float, rng: np.random.Gener
                 valid=frozenset({Sensor.MONOPULSE, Sensor.CONSCAN} if error.valid else {Sensor.CONSCAN}),
             ),
         )  # fmt: skip
+        # The spiral's offset becomes part of the trim, or the beam would jump back off the target.
         if before.mode == "search" and state.mode != "search":
             trim = trim + np.array(scan[-1])
         if state.integrating and error.valid:
+            # Integrator of 0.3 Hz, one step per cluster; the antenna follows at once.
             trim = trim + 2.0 * math.pi * 0.3 * CLUSTER_S * np.array([error.cross_elevation_rad, error.elevation_rad])
             if float(np.hypot(*(target - trim))) < 0.1 * BEAM_X_RAD:
                 return float(times[-1])

@@ -81,14 +81,18 @@ def run_tables(seed: int, trials: int, executor: Executor | None = None, *, musi
     estimates.
     """
     cases = table_cases()
+    # Few trials: two large tasks; many: small ones, so that every process has work to the end.
     size = len(cases) // 2 if trials <= FEW_TRIALS else CASES_PER_TASK
     tasks = [
         RunTask(cases=cases[start : start + size], trials=trials, seed=seed, music_inside=music_inside)
         for start in range(0, len(cases), size)
     ]
     few = min(trials, CHECKED_TRIALS)
+    # The seed differs: pool and loop must not share their noise, or their ratio would prove
+    # nothing.
     other = RunTask(cases=(CHECKED,), trials=few, seed=seed + 1, music_inside=not music_inside)
     printed = tuple(DirectionCase(snapshots=100, snr_db=0.0, refined=False, q=q) for q in (TABLE_Q, PRINTED_Q))
+    # The filter as printed settles within 2000 s; the last 1000 s are averaged.
     published = RunTask(cases=printed, trials=few, seed=seed, published=True, duration_s=3000.0)
     other_way, printed_filter, *groups = sweep(run, [other, published, *tasks], executor)
     return DoaTables(

@@ -63,6 +63,7 @@ class TwoPortNoise:
         reactance = 1.0 / (2.0 * math.pi * frequency_hz * params.gate_source_capacitance_f)
         thermal = params.gate_resistance_ohm * gate
         resistance = thermal + conductance * (params.gate_resistance_ohm**2 + reactance**2)
+        # The drain current drops e across the gate: both noises are fully correlated through it.
         product = conductance * complex(params.gate_resistance_ohm, reactance)
         return cls(resistance, conductance, product / math.sqrt(resistance * conductance))
 
@@ -74,6 +75,7 @@ class TwoPortNoise:
     @property
     def best_impedance_ohm(self) -> complex:
         """Z_opt: the generator impedance of least noise."""
+        # The root of a rounding error below zero would be NaN at a perfect correlation.
         reactance = self.product.imag / self.conductance_s
         return complex(math.sqrt(max(self.resistance_ohm / self.conductance_s - reactance**2, 0.0)), reactance)
 

@@ -94,6 +94,7 @@ def _table_8_1() -> list[Row]:
     for carriers, (cft_ratio, cft_db, dft_ratio, dft_db) in TABLE_8_1.items():
         for system, ratio, snr_db in (("CFT", cft_ratio, cft_db), ("DFT", dft_ratio, dft_db)):
             found.append(_ratio_row(system, carriers, ratio))
+            # The cell of the 14-carrier DFT row is illegible in the scan.
             if snr_db is not None:
                 found.append(_snr_row(system, carriers, snr_db))
     return [*found, _steps_row()]
@@ -106,6 +107,7 @@ def _ratio_row(system: str, carriers: int, printed: float) -> Row:
         paper=printed,
         ours=carrier_count_row(carriers, system, variant="published").ratio,
         unit="1",
+        # The author computed in single precision: large ratios carry its relative error.
         tolerance=max(6e-4, _SINGLE_PRECISION * printed),
     )
 

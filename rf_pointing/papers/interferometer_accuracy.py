@@ -64,6 +64,7 @@ def range_noise(snr_forward: ArrayLike, snr_return: ArrayLike, plan: CarrierPlan
     """Return the noise of ranges from carriers 1 and K, `snr_forward` (K,) and `snr_return` (K, 3,
     3).
     """
+    # The range is made from carriers 1 and K: one turn is the finest lane.
     scale = (plan.ambiguities_m[-1] / (2.0 * np.pi)) ** 2
     forward, back = phase_variance(snr_forward), phase_variance(snr_return)
     return RangeNoise(common_m2=float(scale * (forward[0] + forward[-1])), path_m2=scale * (back[0] + back[-1]))
@@ -82,6 +83,7 @@ def range_variance_from_nine(common_m2: float, path_m2: float, variant: str = CO
     noise being shared.
     """
     if is_published(variant):
+        # 1/36 is 0.0278: the report's decimal point slipped, and its independent noise is not.
         return 0.278 * (common_m2 + path_m2)
     return 0.25 * (common_m2 + path_m2 / 9.0)
 
@@ -94,6 +96,7 @@ def direction_variance(off_boresight_rad: float, radius_m: float = 1.0, variant:
     """
     require_between("off_boresight_rad", off_boresight_rad, 0.0, math.radians(89.9))
     if is_published(variant):
+        # The listing's number, dither included; the text gives no formula.
         return 0.4448 / math.cos(off_boresight_rad) ** 2
     return 4.0 / 9.0 / (radius_m * math.cos(off_boresight_rad)) ** 2
 
@@ -112,8 +115,10 @@ def direction_variance_from_gradients(
     range_m: float, direction: ArrayLike, attitude: ArrayLike, arrays: ArrayParams, dither_rad: float = 0.01
 ) -> float:
     """Return V^2 = 3 trace(H) of the direction estimator (three ranges a sum), rad^2 per m^2."""
+    # The covariance depends on the geometry alone, so any ranges serve.
     ranges = np.zeros((3, 3))
     _, covariance = direction_step(ranges, range_m, direction, attitude, arrays, dither_rad)
+    # Each sum has three ranges: per unit variance of a range the sums have three.
     return 3.0 * float(np.trace(covariance))
 
 
@@ -142,6 +147,7 @@ def roll_variance_from_gradients(
     one).
     """
     forward = direction_from_angles(azimuth1_rad, 0.0)
+    # The passive array sees the active one behind azimuth 180 deg at zero offset.
     reverse = direction_from_angles(math.pi + azimuth2_offset_rad, 0.0)
     return float(roll_step(np.zeros((2, 2)), forward, reverse, roll_rad, dither_rad=dither_rad)[1])
 

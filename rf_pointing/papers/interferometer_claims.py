@@ -76,6 +76,8 @@ def _row(quantity: str, section: str, paper: float, ours: float, unit: str, tole
 def chain_rows() -> list[Row]:
     """Return the design numbers of chapters 7 and 8."""
     needs = Requirements()
+    # Published forms throughout: these rows check the report's arithmetic, the next ones its
+    # formulas.
     cft, dft = (design(needs, variant="published") for design in (carrier_tracking_design, difference_tracking_design))
     return [
         _row("lowest difference frequency", "(8-1)", 1500.0, minimum_difference_hz(1e5, 6.0)[0], "Hz", 0.5),
@@ -112,7 +114,9 @@ def estimator_rows() -> list[Row]:
     """Return sensitivities and convergence of chapter 4."""
     arrays, same = ArrayParams(), np.eye(3)
     off = direction_from_angles(math.radians(45.0), 0.0)
+    # One offset at 45 deg and any of the other: the report claims the bound for this case.
     roll = max(roll_variance(math.radians(45.0), math.radians(b)) for b in np.linspace(0.0, 89.9, 200))
+    # Exact ranges and a start that is 5 deg off: what remains is the estimator's own.
     attitude_deg, direction_deg = settled_error_deg(5.0)
     return [
         _row(
@@ -226,7 +230,9 @@ def settled_error_deg(attitude_error_deg: float) -> tuple[float, float]:
     attitude = attitude_from_euler(math.radians(attitude_error_deg), 0.0, 0.0)
     forward = direction_from_angles(truth, 0.0)
     reverse = reverse_direction(forward, attitude)
+    # It settles long before: what is left is not the start but the estimator.
     for _ in range(_PASSES):
+        # No sums: nine separate ranges let an attitude error into the direction.
         forward = _nine_range_step(ranges, forward, attitude, arrays)
         reverse = _nine_range_step(ranges.T, reverse, attitude.T, arrays.swapped())
         attitude = attitude_from_directions(forward, reverse, 0.0)
@@ -242,6 +248,7 @@ def _nine_range_step(ranges: Array, direction: Array, attitude: Array, arrays: A
     gradient = []
     for dither in ((_DITHER_RAD, 0.0), (0.0, _DITHER_RAD)):
         moved = two_way_ranges(_RANGE_M * turned_direction(direction, *dither), attitude, arrays)
+        # The same finite dither as the listing.
         gradient.append((moved - predicted).ravel() / _DITHER_RAD)
     step, _ = minimum_variance_step(np.stack(gradient, axis=-1), (ranges - predicted).ravel())
     return turned_direction(direction, step[0], step[1])

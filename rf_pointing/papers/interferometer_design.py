@@ -50,9 +50,12 @@ __all__ = [
 
 STEPS = ("difference", "carrier")
 SYSTEMS = ("CFT", "DFT")
+# Resolves the two-way length of 100 km, eq. (8-1).
 _LOWEST_HZ = 1500.0
 _HIGHEST_HZ = {"CFT": 2.5e9, "DFT": 100e6}
+# Below 10 dB per phase the Gaussian model of (7-3) does not hold; DFT differences two phases.
 _FLOOR_DB = {"CFT": 10.0, "DFT": 10.0 + 10.0 * math.log10(2.0)}
+# Where the author's iteration stopped: Table 8-1 prints it for two carriers.
 _SOLVER_LIMIT_DB = 110.0
 Array = NDArray[np.float64]
 
@@ -68,6 +71,7 @@ def lane_sigma(cycle_ratio: float, snr: float, step: str = "difference") -> floa
     require_between("cycle_ratio", cycle_ratio, 1.0, None)
     require_between("snr", snr, 1e-30, None)
     if step == "carrier":
+        # The last step compares a difference with a carrier, which has no common carrier to cancel.
         return math.sqrt((2.0 * cycle_ratio**2 + 2.0 * cycle_ratio + 1.0) / (4.0 * math.pi**2 * snr))
     return math.sqrt((cycle_ratio**2 - cycle_ratio + 1.0) / (2.0 * math.pi**2 * snr))
 
@@ -89,6 +93,7 @@ def required_ratio(cycle_ratio: float, probability: float, step: str = "differen
     Inverse of `step_error_probability`.
     """
     require_between("probability", probability, 1e-15, 1.0 - 1e-12)
+    # Half a lane in units of the sigma that is exceeded with this probability, on both sides.
     allowed = 0.5 / -NormalDist().inv_cdf(0.5 * probability)
     return (lane_sigma(cycle_ratio, 1.0, step) / allowed) ** 2
 
@@ -101,10 +106,12 @@ def chain_error_rate(
 
     Phase errors of variance 1/R per carrier (both links); a chain errs when any rounding does.
     """
+    # Both links together: 1/(2R) each.
     errors = rng.normal(0.0, 1.0 / math.sqrt(snr), (trials, carriers))
     differences = errors[:, 1:] - errors[:, :1]
     unrounded = (cycle_ratio * differences[:, :-1] - differences[:, 1:]) / (2.0 * math.pi)
     rate = float(np.mean(_any_wrong(unrounded)))
+    # The floor keeps an error bar where no trial was wrong.
     return rate, math.sqrt(max(rate * (1.0 - rate), 1.0 / trials) / trials)
 
 
@@ -152,6 +159,7 @@ def minimum_difference_hz(range_m: float, ratio: float, speed_of_light_m_s: floa
     require_between("range_m", range_m, 1e-3, None)
     require_between("ratio", ratio, 1.001, None)
     lowest = speed_of_light_m_s / (2.0 * range_m)
+    # f0 below f_min leaves one part in nu of the coarsest cycle for noise at both ends.
     return lowest, lowest * (ratio - 1.0) / ratio
 
 
@@ -163,6 +171,7 @@ def range_requirement_m(requirements: Requirements, variant: str = CORRECTED) ->
     "corrected" is six times the requirement (independent noise in the nine ranges).
     """
     if is_published(variant):
+        # The printed route: decimal point of 1/36 slipped, sigma not squared.
         return math.sqrt(requirements.range_sigma_m / 0.278)
     return 6.0 * requirements.range_sigma_m
 
@@ -182,6 +191,7 @@ def phase_sigma_rad(range_sigma_m: float, wavelength_m: float) -> float:
 
 def roll_requirement_snr(requirements: Requirements) -> float:
     """Return the power ratio that meets the roll requirement (PI83 eqs. 8-12, 8-13)."""
+    # Largest coupling one: its amplitude noise is relative to the carrier.
     amplitude_sigma = requirements.roll_sigma_rad / math.sqrt(requirements.roll_variance)
     return 1.0 / (2.0 * amplitude_sigma**2)
 
@@ -272,6 +282,8 @@ def carrier_count_row(
     """
     require_choice("system", system, SYSTEMS)
     published = is_published(variant)
+    # K carriers have K - 1 differences and K - 2 steps between them; the report counts one too many
+    # for DFT.
     steps = carriers - (1 if published or system == "CFT" else 2)
     require_between("carriers", carriers, 2 if steps >= carriers - 1 else 3, None)
     ratio = frequency_ratio(_HIGHEST_HZ[system], _LOWEST_HZ, steps)

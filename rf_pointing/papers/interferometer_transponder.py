@@ -46,6 +46,7 @@ __all__ = [
 
 
 Array = NDArray[np.float64]
+# Enough for arguments up to 30, which the function checks.
 _BESSEL_TERMS = 60
 AVOIDED_BANDS_HZ = {
     "shuttle S-band": (1.7e9, 2.3e9),
@@ -87,6 +88,7 @@ def exponential_line(
         if code not in (-1, 1):
             raise ValueError(f"code={code} must be -1 or 1")
         line *= code**order * modified_bessel(order, drive) * (2.0 if order else 1.0)
+    # A product of two cosines is half a sum and half a difference line.
     return 0.5 * line if order1 and order2 else line
 
 
@@ -105,6 +107,7 @@ def product_code(code1: ArrayLike, code2: ArrayLike) -> Array:
     Equal codes give a bare carrier.
     """
     first, second = np.asarray(code1, dtype=np.float64), np.asarray(code2, dtype=np.float64)
+    # Codes of other values would change the power, not only the sign.
     if first.shape != second.shape or not np.all(np.isin(np.stack([first, second]), (-1.0, 1.0))):
         raise ValueError("code1 and code2 must be equally long and of values -1 and 1")
     return first * second
@@ -126,6 +129,7 @@ def mixed_powers_w(
     "published" (5-33) counts half of each signal x noise product: it takes the in-phase one and
     leaves out the quadrature one of the same power.
     """
+    # The quadrature part of each signal x noise product has the same power as the in-phase part.
     share = 0.25 if is_published(variant) else 0.5
     noise = share * (signal1_w * noise2_w + signal2_w * noise1_w) + 0.5 * noise1_w * noise2_w
     return 0.5 * signal1_w * signal2_w, noise
@@ -175,6 +179,7 @@ def nonlinear_reflector(
     signal, noise = received_power_w(power_w, range_m, outward_hz, forward, loss), noise_power_w(forward)
     gain = 10.0 ** (0.1 * gain_db)
     output = mixed_snr(signal / noise, signal / noise, mixing)
+    # Gain in the report's sense: output power over the square of the input power in watts.
     retransmitted = gain * signal**2 / 2.0
     return _returned(signal / noise, output, retransmitted, range_m, back_hz, back, loss)
 
@@ -289,6 +294,7 @@ def choose_transponder(interference: bool, widest_input_hz: float = 1e3) -> Tran
     ]
     if not fitting:
         raise ValueError(f"widest_input_hz={widest_input_hz} leaves no transponder, must be >= 100.0")
+    # The simplest one that fits is the report's own conclusion.
     return min(fitting, key=lambda t: t.complexity)
 
 
@@ -322,6 +328,7 @@ def range_rate_from_offsets(offsets_hz: ArrayLike, plan: CarrierPlan) -> tuple[f
     """
     received = as_finite_array("offsets_hz", offsets_hz, (plan.count,))
     mean_hz = 0.5 * (plan.forward_carriers_hz + plan.return_carriers_hz)
+    # Offset against frequency: the oscillator is the constant, Doppler the slope.
     design = np.stack([np.ones(plan.count), -(mean_hz - mean_hz[0]) / plan.speed_of_light_m_s], axis=1)
     solution, *_ = np.linalg.lstsq(design, received, rcond=None)
     rate = float(solution[1])

@@ -36,6 +36,7 @@ CLUSTER = 5
 CLUSTER_S = CLUSTER * SAMPLE_S
 LEVEL_DB_HZ = 45.0
 HONESTY_RUNS = 1000
+# BWG sections III and IV-B, and the bandwidth for the wind row.
 PLAIN_HZ, NOTCHED_HZ, WIND_HZ = 0.04, 0.3, 0.2
 DROPOUTS = 10
 
@@ -49,11 +50,13 @@ def averaging_gain_db(cutoff_hz: float, clusters: int, rng: np.random.Generator)
     """
     count = clusters * CLUSTER
     spectrum = np.fft.rfft(rng.standard_normal(count))
+    # Noise above the cutoff only, as in BWG Fig. 25; its variance is set afterwards.
     spectrum[np.fft.rfftfreq(count, SAMPLE_S) < cutoff_hz] = 0.0
     noise = np.fft.irfft(spectrum, count)
     noise *= 0.1 / np.std(noise)
     tracker = MonopulseTracker(MonopulseParams(half_power_beamwidth_rad=BEAM_RAD))
     errors = [tracker.measure(_clean_cluster(part)).cross_elevation_rad for part in noise.reshape(clusters, CLUSTER)]
+    # One sample of each cluster: what a tracker without averaging would have used.
     last = noise[CLUSTER - 1 :: CLUSTER] * BEAM_RAD / tracker.params.slope
     return 10.0 * math.log10(float(np.var(last) / np.var(errors)))
 
@@ -85,6 +88,7 @@ def monopulse_normalised_errors(level_db_hz: float, error_rad: Array, runs: int,
     beam = BeamParams.for_band("Ka")
     receiver = Receiver(ReceiverParams(), Beam(beam), MonopulseFeed(MonopulseFeedParams(), beam), rng)
     tracker = MonopulseTracker(MonopulseParams(half_power_beamwidth_rad=BEAM_RAD))
+    # The tracker needs 20 s to learn its noise; before, the covariance is its prior.
     settling, values = 200, []
     for k in range(settling + runs):
         times = k * CLUSTER_S + SAMPLE_S * np.arange(CLUSTER)
@@ -105,6 +109,8 @@ def false_null_rad() -> float:
     angle = np.linspace(1.05, 1.8, 3001) * BEAM_RAD
     volts = feed.voltages(angle, np.zeros_like(angle))
     ratio = (volts.difference_cross_elevation / volts.sum).real
+    # Only rising zeros attract the loop; the jump at a null of the sum is excluded by the small
+    # difference.
     rising = (ratio[:-1] < 0.0) & (ratio[1:] > 0.0) & (np.diff(ratio) < 0.1)
     return float(angle[:-1][rising][0])
 
@@ -148,7 +154,10 @@ def rows(seed: int = 1) -> list[Row]:
 
 
 def _averaging_rows(seed: int) -> list[Row]:
+    # Streams of their own: the white row does not change when the coloured one does.
     white, coloured = (averaging_gain_db(f, 4000, random_stream(seed, f"averaging {f}")) for f in (0.0, 8.0))
+    # The printed 17 dB is beyond every cutoff: the maximum shows that no choice of band explains
+    # it.
     best = max(averaging_limit_db(f) for f in np.arange(5.0, 15.0, 0.1))
     return [
         Row(
@@ -180,6 +189,7 @@ def _bandwidth_rows(seed: int) -> list[Row]:
         plant=dss13_plant(ideal=True), loop=PositionLoopParams(notch_enabled=False), seed=seed
     )  # fmt: skip
     notched = MonopulsePass(plant=dss13_plant(ideal=True), seed=seed)
+    # One antenna and one error of the ephemeris for all three; only the radio loop differs.
     program, without, with_notch = (
         fly(setup, PlainRadio(setup, bandwidth, LEVEL_DB_HZ)).rms_rad(setup.settle_s)[0][1]
         for setup, bandwidth in ((plain, 0.0), (plain, PLAIN_HZ), (notched, NOTCHED_HZ))
@@ -200,6 +210,7 @@ def _bandwidth_rows(seed: int) -> list[Row]:
 
 
 def _wind_row(seed: int) -> Row:
+    # With the published 0.5 the encoder loop rings at 0.25 Hz in the gusts.
     setup = MonopulsePass(loop=PositionLoopParams(proportional_gain=1.0), wind_m_s=8.0, seed=seed)
     radio = PlainRadio(setup, WIND_HZ, LEVEL_DB_HZ)
     axes, radial = fly(setup, radio).rms_rad(setup.settle_s)
@@ -214,6 +225,7 @@ def _wind_row(seed: int) -> Row:
 
 def _false_lock_rows(seed: int) -> list[Row]:
     setup = MonopulsePass(wind_m_s=8.0, seed=seed)
+    # After the loop has settled: the watch must find the flip and not the pull-in.
     flip_at_s = 40.0
     radio = PlainRadio(setup, NOTCHED_HZ, LEVEL_DB_HZ, flip_s=flip_at_s)
     fly(setup, radio)
@@ -236,6 +248,7 @@ def _dropout_rows(seed: int) -> list[Row]:
     radio = AutotrackRadio(setup, NOTCHED_HZ, LEVEL_DB_HZ, dropouts)
     log = fly(setup, radio)
     times = reacquisition_times_s(radio.modes, dropouts)
+    # Over the whole pass: the jumps to be excluded happen at changes of mode.
     steepest = float(np.max(np.abs(np.diff(log.command_velocity_rad_s, axis=0)))) / TICK_S
     limit = min(CommandPreprocessorParams().acceleration_limit_rad_s2)
     return [

@@ -34,6 +34,8 @@ __all__ = ["AutotrackRadio", "draw_dropouts", "reacquisition_times_s"]
 Array = NDArray[np.float64]
 
 BEAM_RAD = HALF_POWER_BEAMWIDTH_RAD["Ka"]
+# Long against the antenna's response, short against a pass: the command stays smooth without
+# keeping an old error.
 FORGET_S = 3.0
 EARTH_M = 6.371e6
 
@@ -90,6 +92,7 @@ class AutotrackRadio:
             self._filter.update(error.t_s, seen, error.covariance_rad2, self._sky(k))
 
     def _decide(self, k: int, error: PointingError) -> None:
+        # The simulated station is always on target here: this run measures the radio side alone.
         inputs = AutotrackInputs(
             t_s=float(self._ephemeris.t_s[k]), request="track", target_available=True, on_target=True,
             carrier_to_noise_db_hz=error.carrier_to_noise_db_hz,
@@ -105,6 +108,7 @@ class AutotrackRadio:
             self._spiral = None
             return
         self._spiral = None
+        # The offset continues from where it is: only the difference to the trim filter fades.
         self._held, self._held_s = total - self._trim(k).offset_rad, k * TICK_S
         if self.state.mode == "search":
             self._spiral, self._spiral_s = self._search(k), k * TICK_S
@@ -133,6 +137,8 @@ class AutotrackRadio:
     def _sky(self, k: int) -> SkyMotion:
         elevation = float(self._ephemeris.position_rad[k, 1])
         azimuth_rate, elevation_rate = self._ephemeris.velocity_rad_s[k]
+        # Range from elevation and height over a spherical Earth: the filter needs its order of size
+        # only.
         up = EARTH_M * math.sin(elevation)
         range_m = math.sqrt(up**2 + 2.0 * EARTH_M * self._height_m + self._height_m**2) - up
         return SkyMotion(float(azimuth_rate) * math.cos(elevation), float(elevation_rate), range_m)
@@ -152,6 +158,7 @@ def reacquisition_times_s(modes: list[tuple[float, str]], dropouts: Dropouts) ->
     """
     found = []
     for stop_s in dropouts.stop_s:
+        # A dropout shorter than the coast may end before the mode was ever left.
         before = [mode for t_s, mode in modes if t_s <= stop_s]
         later = [t_s - stop_s for t_s, mode in modes if t_s > stop_s and mode == "monopulse"]
         found.append(0.0 if before[-1:] == ["monopulse"] else min(later, default=math.inf))

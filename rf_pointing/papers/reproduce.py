@@ -19,6 +19,7 @@ from typing import Any
 from rf_pointing.commands.options import seed
 from rf_pointing.papers import Row, as_table
 
+# A wrong address must end the command soon; the cluster itself may take hours afterwards.
 DASK_TIMEOUT_S = "10s"
 
 
@@ -52,11 +53,13 @@ def main(argv: list[str] | None = None) -> None:
         print(json.dumps([{**asdict(row), "holds": row.holds} for row in rows], indent=1))
     else:
         print(as_table(rows))
+    # Explained rows count: the exit code is for scripts that watch for a regression.
     sys.exit(0 if all(row.accepted for row in rows) else 1)
 
 
 def _rows(parser: argparse.ArgumentParser, options: argparse.Namespace) -> list[Row]:
     """Return the paper's rows, computed as the options say."""
+    # Imported by name: a paper with heavy libraries costs nothing until it is requested.
     function: Callable[..., list[Row]] = importlib.import_module(f"rf_pointing.papers.{options.paper}").rows
     _refuse_misuse(parser, options, set(inspect.signature(function).parameters))
     wanted: dict[str, Any] = {name: getattr(options, name) for name in ("trials", "music_inside")}
@@ -81,6 +84,7 @@ def _refuse_misuse(parser: argparse.ArgumentParser, options: argparse.Namespace,
         parser.error("--workers and --dask are two places for the same sweeps: choose one")
     parameters = {"workers": "executor", "dask": "executor", "trials": "trials", "music_inside": "music_inside"}
     given = [name for name in parameters if getattr(options, name) is not None]
+    # An option that the paper ignores would make its numbers look like those requested.
     unused = [f"--{name.replace('_', '-')}" for name in given if parameters[name] not in understood]
     if unused:
         parser.error(f"{options.paper} has no use for {', '.join(unused)}")

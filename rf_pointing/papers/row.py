@@ -53,6 +53,7 @@ class Row:
         """Whether ours lies within the tolerance of the paper's number (one-sided where `bound`
         says so).
         """
+        # An infinite time or a NaN is a failure to measure and never holds, whatever the bound.
         if not math.isfinite(self.ours):
             return False
         if self.bound == "<=":
@@ -75,6 +76,7 @@ def as_table(rows: Sequence[Row]) -> str:
     for row, cell in zip(rows, cells[1:], strict=True):
         lines.append(_line(cell, widths))
         if row.remark:
+            # Below the row: a column of remarks would be wider than any terminal.
             lines += textwrap.wrap(row.remark, WIDTH, initial_indent="    ", subsequent_indent="    ")
     kept = sum(row.holds for row in rows)
     explained = sum(row.explained and not row.holds for row in rows)

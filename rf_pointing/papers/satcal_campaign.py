@@ -135,6 +135,7 @@ IRS_P3_APRIL = Elements(
 APRIL_T_S = datetime(1996, 4, 2, tzinfo=UTC).timestamp()
 Array = NDArray[np.float64]
 _ORBIT_RATE_RAD_S = 2.0 * np.pi / 6080.0
+# 28 m up, 174 m along and 92 m across: together the 200 m rms of the reference orbit.
 _ELLIPSE_M, _AHEAD_M, _ACROSS_M = 40.0, 165.0, 92.0
 _GRAVITY = Gravity()
 
@@ -151,6 +152,7 @@ def points_of(passes: Sequence[Look], sigma_rad: float) -> Observations:
     """Return noise-free, unbiased points of passes, 80 deg of elevation and below."""
     parts = []
     for number, seen in enumerate(passes):
+        # Near the zenith the azimuth rate grows without bound, and its lag terms with it.
         low = seen.elevation_rad <= np.radians(80.0)
         count = int(np.sum(low))
         if count == 0:
@@ -202,6 +204,7 @@ def orbit_error(points: Observations, random: np.random.Generator) -> tuple[Arra
 
 def orbit_error_m(points: Observations, random: np.random.Generator) -> Array:
     """Return the displacement (n, 3) along, across and up of the reference orbit: 200 m rms."""
+    # One orbit error per pass: between passes the reference orbit is determined anew.
     place = np.searchsorted(points.passes, points.pass_id)
     count = len(points.passes)
     first = np.array([points.t_s[points.pass_id == number][0] for number in points.passes])
@@ -209,6 +212,8 @@ def orbit_error_m(points: Observations, random: np.random.Generator) -> Array:
     a, b, c, d = (random.normal(0.0, _ELLIPSE_M / np.sqrt(2.0), count)[place] for _ in range(4))
     across = (_ACROSS_M / _ELLIPSE_M) * (c * np.cos(phase) + d * np.sin(phase)) * np.sqrt(2.0)
     radial = a * np.cos(phase) + b * np.sin(phase)
+    # Clohessy-Wiltshire: the ellipse along the track is twice that in height and a quarter turn
+    # ahead.
     along = 2.0 * (b * np.cos(phase) - a * np.sin(phase)) + random.normal(0.0, _AHEAD_M, count)[place]
     return np.stack([along, across, radial], axis=1)
 
@@ -245,6 +250,7 @@ class Runs:
 
     def spread_over_sigma(self) -> Array:
         """Return the actual spread of the estimates over the stated sigma (k,)."""
+        # About the truth, not about the mean: a common bias counts as error.
         spread = np.sqrt(np.mean((self.values - self.truth) ** 2, axis=0))
         return np.asarray(spread / np.sqrt(np.mean(self.sigma**2, axis=0)))
 

@@ -55,6 +55,8 @@ def preliminary_check(planted: BiasModel, fitted: Sequence[BiasModel], random: n
         angles = np.stack([seen.azimuth_rad, seen.elevation_rad]) + offset + _ANGLE_RAD * noise[:2]
         distance = seen.range_m + _RANGE_M * noise[2]
         raw.append(_element_error(site, times, distance, angles, middle))
+        # The motion of the true pass: a fitted model is applied as in operation, where it is known
+        # to seconds.
         known = np.stack(model.offset_rad(*_motion(seen)))
         better.append(_element_error(site, times, distance, angles - known, middle))
     degrees = np.degrees(seen.elevation_rad)
@@ -104,14 +106,17 @@ def batch_check(
     angles cost `target_shift_m` (linear theory), because the paper does not give its weights.
     """
     network = _network_arcs(random)
+    # Drawn once: raw, corrected and unbiased angles share it.
     noise = random.standard_normal((len(planted), 2, sum(len(seen.t_s) for seen in radar_passes)))
     start = IRS_P3_APRIL.state()
     ranges_only = fit_orbit(APRIL_T_S, start, network, _GRAVITY)
 
+    # The same noise for raw, corrected and unbiased angles: the shifts differ by the biases alone.
     raw = {name: _offsets(radar_passes, model) for name, model in planted.items()}
     better = {name: raw[name] - _offsets(radar_passes, fitted[name]) for name in planted}
     none = {name: np.zeros_like(offset) for name, offset in raw.items()}
     times = times_of([*network, *_radar_arcs(radar_passes, none, noise, _ANGLE_RAD)])
+    # Propagated once: five fits start from the same orbit and its partials.
     begun = propagate(APRIL_T_S, ranges_only.state, times, _GRAVITY, with_partials=True)
 
     def solved(left_over: dict[str, Array], sigma_rad: float) -> OrbitResult:
@@ -170,6 +175,7 @@ def _weight_for(target_m: float, ranges_only: OrbitResult, with_angles: OrbitRes
     network = np.linalg.inv(ranges_only.covariance)
     total = np.linalg.inv(with_angles.covariance)
     angles, pull = (total - network) * _ANGLE_RAD**2, (total @ shift) * _ANGLE_RAD**2
+    # Bisection in the logarithm: the shift falls monotonically with the weight.
     low, high = math.log(_ANGLE_RAD / 100.0), math.log(_ANGLE_RAD * 1e5)
     for _ in range(_WEIGHT_ROUNDS):
         middle = 0.5 * (low + high)

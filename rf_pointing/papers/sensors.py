@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 BANDS = ("S", "X", "Ka")
 SENSORS = ("monopulse", "conscan", "steptrack", "auto")
 REQUIRED_MDEG = {"S": 28.0, "X": 8.0, "Ka": 2.0}
+# A pass of medium height: near the zenith the keyhole would be measured instead of the sensor.
 PEAK_DEG, MASK_DEG = 40.0, 20.0
 CLUSTER_S = 0.1
 SETTLED_S = 20.0
@@ -67,14 +68,18 @@ def tracked(band: str, sensor: str, seed: int = 1, seconds: float = math.inf) ->
     """Fly one pass, or its first seconds, and return what came of it."""
     window = low_orbit_pass(PEAK_DEG, MASK_DEG)
     log = fly(Case(band, sensor, min(seconds, window.duration_s), seed=seed), window)
+    # Short contacts during the search do not count as acquired.
     begun_s = _lasting_s(log, window.aos_t_s)
     late = np.array(log.t_s) >= begun_s + SETTLED_S
     errors, modes = log.errors_rad()[late], np.array(log.mode)[late]
+    # A pass without acquisition is a row that does not hold, not a missing row.
     if not len(errors):
         return Tracked(band, sensor, math.inf, math.nan, math.nan, math.nan, 0.0, (), math.nan)
+    # The mean over a whole scan is its centre; the longest scan of the modes in use decides.
     count = round(max(ROUND_S.get(mode, 0.1) for mode in set(modes)) / CLUSTER_S)
     centre = np.column_stack([np.convolve(axis, np.full(count, 1.0 / count), "valid") for axis in errors.T])
     beamwidth = HALF_POWER_BEAMWIDTH_RAD[band]
+    # Power at the true offsets: what the pointing costs the link, scan included.
     received = np.exp(-MU * np.sum(errors**2, axis=1) / beamwidth**2)
     accelerations = command_accelerations_rad_s2(log, window.aos_t_s + 1.0)
     return Tracked(

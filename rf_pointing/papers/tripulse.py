@@ -57,6 +57,7 @@ def failed_share_at_limit(seed: int = 1, executor: Executor | None = None) -> fl
     """Return the share of dead elements of 256 at which the 3 sigma error is 0.01 deg, by a sweep
     over their number.
     """
+    # Around the paper's 15 % of 256: nearly straight there, so a line finds the crossing.
     counts = list(range(30, 48, 2))
     task = partial(_failures, seed)
     angles = [math.degrees(case.three_sigma_total_rad) for case in sweep(task, counts, executor)]
@@ -71,6 +72,7 @@ def _failures(seed: int, count: int) -> ErrorStatistics:
 
 def _time_rows() -> list[Row]:
     sigma_deg = math.degrees(SPECIFICATION)
+    # X N / 4 at the largest initial error, the argument of the tangent in (9).
     cubic = (ARRAY.kd[0] * OFFSET_RAD * ARRAY.n_x / 4.0) ** 2 / 3.0
     return [
         Row(
@@ -114,6 +116,7 @@ def _time_rows() -> list[Row]:
 
 def _phase_rows(seed: int) -> list[Row]:
     found = []
+    # The paper says that 256 elements fail and 324 meet the limit: one row for each side.
     for count, bound in ((16, ">="), (18, "<=")):
         params = ARRAY.replace(n_x=count, n_y=count)
         case = phase_error_errors(params, FIVE_BITS_RAD, BORESIGHT, OFFSET, TRIALS, seed)

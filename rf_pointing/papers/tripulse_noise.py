@@ -72,6 +72,7 @@ class ErrorStatistics:
         """Return 3 sqrt(var eps_x + var eps_y), the "3 sigma orientation error" of TRIPULSE 4.3 and
         4.4.
         """
+        # Both axes together: this is how 4.3 and 4.4 count an orientation error.
         return 3.0 * math.hypot(float(self.sigma[0]), float(self.sigma[1]))
 
 
@@ -89,6 +90,7 @@ def noise_errors(
         raise ValueError(f"element_snr={element_snr} must be > 0")
     rng = random_stream(seed, f"tripulse noise {params} {element_snr}")
     signals = closed_form_signals(params, as_finite_array("projection_error", projection_error, (2,)))
+    # Closed-form beams have K = 1 per element, so the noise of a beam is that of one element's SNR.
     noise = math.sqrt(1.0 / element_snr) * complex_normal(rng, (_trials(trials), 3))
     return _statistics(params, signals + noise, steering, projection_error)
 
@@ -103,6 +105,8 @@ def random_failures(
         raise ValueError(f"failed_count={failed_count} must be >= 0 and < {params.n_total}")
     failed = np.zeros((trials, params.n_total), dtype=bool)
     if failed_count > 0:
+        # Ranks of random numbers: every arrangement is equally likely, and all trials are drawn at
+        # once.
         order = rng.random((trials, params.n_total), dtype=np.float32)
         dead = np.argpartition(order, failed_count - 1, axis=1)[:, :failed_count]
         np.put_along_axis(failed, dead, True, axis=1)
@@ -121,6 +125,7 @@ def failed_element_errors(
     noise (4.4).
     """
     rng = random_stream(seed, f"tripulse failures {params} {failed_count}")
+    # The beams are sums over elements: a failure pattern is then one matrix product.
     per_element = _element_beams(params, steering, projection_error)
     parts = []
     for count in _chunks(_trials(trials)):
@@ -172,6 +177,7 @@ def quantiser_errors(
     for index in range(trials):
         steering = rng.uniform(-largest_projection, largest_projection, size=2)
         common_rad = float(rng.uniform(0.0, 2.0 * math.pi)) if random_common_phase else 0.0
+        # Steered anew in each trial: at one steering the rounding errors are not random.
         weights = element_weights(params, steering, common_phase_rad=common_rad)
         signals[index] = beam_signals(params, weights, steering + error)
     return _statistics(params, signals, np.zeros(2), error)
@@ -184,6 +190,7 @@ def _element_beams(params: TripulseArrayParams, steering: ArrayLike, projection_
     """
     t0 = as_finite_array("steering", steering, (2,))
     error = as_finite_array("projection_error", projection_error, (2,))
+    # Exact phases and no taper: the field of the direction, not the array's weights.
     arriving = element_weights(params.replace(phase_bits=0, taper_edge=1.0), t0 + error).conj()
     field = element_weights(params, t0) * arriving
     beams = (beam_signs(params) * field).reshape(3, -1).T
@@ -228,6 +235,7 @@ def _figure_2_rows(seed: int) -> list[Row]:
             element_snr = 10.0 ** (snr_db / 10.0)
             case = noise_errors(params, element_snr, BORESIGHT, OFFSET, TRIALS, seed)
             variance = projection_variance(params, element_snr)[0]
+            # Fig. 2 plots the printed (21), which is the total angle at boresight.
             theory = math.degrees(math.sqrt(polar_angle_variance_rad2(variance, 0.0, "published")))
             found.append(
                 Row(
@@ -246,6 +254,7 @@ def _figure_2_rows(seed: int) -> list[Row]:
 
 def _variance_rows(seed: int) -> list[Row]:
     steering = (math.sin(math.radians(20.0)), 0.0)
+    # A small error off boresight: there (21) as printed and corrected differ.
     case = noise_errors(ARRAY, 1.0, steering, (1e-5, 0.0), 4 * TRIALS, seed)
     variance = projection_variance(ARRAY, 1.0)[0]
     ours = math.sqrt(polar_angle_variance_rad2(variance, math.radians(20.0)))
@@ -338,6 +347,7 @@ def beyond_rows(seed: int = 1) -> list[Row]:
 
 
 def _widths_at_0_db(seed: int) -> tuple[float, float, float]:
+    # The 0.1 deg of the initial sensor are its 3 sigma.
     prior = OFFSET_RAD / 3.0
     rng = random_stream(seed, "tripulse 0 dB")
     truth = prior * rng.normal(size=(4000, 2))

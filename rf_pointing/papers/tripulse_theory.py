@@ -53,6 +53,8 @@ def ratio_variance(sum_snr: float, gamma: float, variant: str = "corrected") -> 
     require_choice("variant", variant, VARIANTS)
     _require_positive("sum_snr", sum_snr)
     require_finite("gamma", gamma)
+    # From E|n|^4 = 2 sigma^4 of a complex Gaussian; the printed sign belongs to no expansion of the
+    # ratio.
     second = 1.0 + 2.0 * gamma**2 if variant == "corrected" else 1.0 - gamma**2
     return (1.0 + gamma**2) / (2.0 * sum_snr) + second / (2.0 * sum_snr**2)
 
@@ -93,6 +95,7 @@ def polar_angle_variance_rad2(variance_projection: float, theta_rad: float, vari
     require_between("theta_rad", theta_rad, 0.0, math.pi / 2.0)
     if variant == "corrected":
         return variance_projection / math.cos(theta_rad) ** 2
+    # cos(2 theta) changes its sign there: the printed form would give a negative variance.
     if theta_rad >= math.pi / 4.0:
         raise ValueError(f"theta_rad={theta_rad} must be < pi/4: the published (21) has a pole there")
     return 2.0 * variance_projection / math.cos(2.0 * theta_rad)
@@ -149,9 +152,11 @@ def allocate_pulses(
     excess = gamma**2 / (2.0 * allowed)
     least_s = noise_s * max(LOWEST_SUM_SNR, float(np.max(excess + np.sqrt(excess**2 + 8.0 * excess)) / 2.0) * 1.001)
 
+    # In the logarithm: the optimum may lie decades above the shortest pulse.
     def total_s(log_sum_s: float) -> float:
         return math.exp(log_sum_s) + float(np.sum(_delta_s(math.exp(log_sum_s), noise_s, gamma, allowed)))
 
+    # A sum pulse longer than the whole total at 2 least_s cannot be part of a shorter total.
     longest_s = 2.0 * least_s + float(np.sum(_delta_s(2.0 * least_s, noise_s, gamma, allowed)))
     found = minimize_scalar(
         total_s, bounds=(math.log(least_s), math.log(longest_s)), method="bounded", options={"xatol": 1e-9}
@@ -185,6 +190,8 @@ def interleaved_pattern(allocation: PulseAllocation, segment_s: float) -> str:
     for beam, duration_s in durations.items():
         # A pulse that fills its segments to rounding must not cost one more.
         count = math.ceil(duration_s / segment_s - 1e-9)
+        # Each beam at the middles of its equal shares of the cycle: sorting them gives the most
+        # even mix.
         slots += [((index + 0.5) / count, beam) for index in range(count)]
     return "".join(beam for _, beam in sorted(slots))
 

@@ -59,7 +59,7 @@ def polar_sigma_rad(
 ) -> tuple[Array, Array]:
     """Return the bounds on theta and phi at `theta_rad`.
 
-    Phi's is infinite on the normal (see polar_direction).
+    Phi's is infinite on the normal, where azimuth is undefined.
     """
     sigma = cosine_sigma_rad(array, snapshots, snr)
     theta = np.asarray(theta_rad, dtype=np.float64)

@@ -52,6 +52,7 @@ def accuracy_point(snapshots: int, theta_rad: float, estimates: int, seed: int, 
     modulus.
     """
     stream = random_stream(seed, f"doa_accuracy_{snapshots}_{snr_db}")
+    # Spread over one grid step: at a node the 1-deg search would look exact.
     polar = theta_rad + GRID_RAD * stream.uniform(-0.5, 0.5, estimates)
     truth = direction_from_polar(polar, stream.uniform(0.0, 2.0 * np.pi, estimates))
     case = DirectionCase(snapshots=snapshots, snr_db=snr_db)
@@ -99,12 +100,14 @@ def threshold(curve: Sequence[AccuracyPoint], excess: float = 0.05) -> tuple[flo
     """
     points = sorted(curve, key=lambda point: point.snr_db)
     ratio = np.array([point.theta_deg / point.theta_bound_deg for point in points])
+    # From the strong end: the curve crosses once, outliers only make it steeper.
     above = np.flatnonzero(ratio > 1.0 + excess)
     if not len(above) or above[-1] + 1 >= len(points):
         raise ValueError(f"curve from {points[0].snr_db} to {points[-1].snr_db} dB does not cross 1 + excess={excess}")
     low, high = int(above[-1]), int(above[-1]) + 1
     share = (ratio[low] - 1.0 - excess) / (ratio[low] - ratio[high])
     snr_db = points[low].snr_db + share * (points[high].snr_db - points[low].snr_db)
+    # Interpolated in the logarithm, like the SNR in decibels.
     snapshots_effective = np.log([points[low].effective_snr, points[high].effective_snr])
     return float(snr_db), float(np.exp(np.interp(share, [0.0, 1.0], snapshots_effective)))
 

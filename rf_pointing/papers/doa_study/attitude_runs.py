@@ -54,6 +54,7 @@ ARRAY = CircularArrayParams()
 GATE = GateParams()
 START = StartParams(hypotheses=6)
 """Turns 60 deg apart leave the best at most 30 deg wrong; the filter converges from twice that."""
+# Directions of 100 steps are drawn together; the filter still takes them one by one.
 CHUNK_STEPS = 100
 PER_SECOND = round(1.0 / STEP_S)
 START_ERROR_RAD = np.radians(50.0)
@@ -88,6 +89,7 @@ def published_predict(
     slope[..., :3, :3] = rate_jacobian(inertia, rate, known.wheel_momentum_n_m_s)
     slope[..., 3:, :3] = 0.5 * np.eye(3)
     slope[..., 3:, 3:] = -cross_matrix(rate)
+    # First order, as (28) prints it.
     transition = np.eye(6) + dt_s * slope
     covariance = transition @ state.covariance @ transition.swapaxes(-1, -2) + process_noise
     quaternion, moved = propagate(inertia, state.quaternion, rate, known, frame_rate, dt_s)
@@ -102,6 +104,7 @@ def published_update(
     `measurement_noise` (..., 3, 3) is R_W of (22).
     """
     expected = np.einsum("...ji,...j->...i", matrix_from_quaternion(state.quaternion), reference)
+    # The printed 2 belongs to the vector part, half of a rotation vector.
     slope = 2.0 * cross_matrix(expected)
     crossed = state.covariance[..., :, 3:] @ slope.swapaxes(-1, -2)
     spread = slope @ crossed[..., 3:, :] + measurement_noise
@@ -170,7 +173,9 @@ def run(task: RunTask) -> list[CaseResult]:
     require_between("trials", task.trials, 1, None)
     require_between("settled_s", task.settled_s, 0.0, task.duration_s - STEP_S)
     scene = nadir_scene(task.duration_s, task.start_s)
+    # Named after the task: shared out over processes it draws the same numbers.
     stream = random_stream(task.seed, f"doa_{task.cases[0]}_{len(task.cases)}_{task.trials}")
+    # Evenly over the scene, so that the pool has the directions that the filter meets.
     picks = np.linspace(0, len(scene.t_s) - 1, task.pool).astype(int)
     pools = _pools(task, scene.reference[picks], stream)
     batch = _PublishedBatch(task, scene, pools) if task.published else _Batch(task, scene, pools)
@@ -187,6 +192,7 @@ def run(task: RunTask) -> list[CaseResult]:
 
 def _pools(task: RunTask, truth: Array, stream: np.random.Generator) -> list[ErrorPool]:
     """Return the pool of each case; cases that differ in the search only share one."""
+    # Refined peak and grid node of one estimate: their difference is then the grid and not chance.
     made = {case.level: case for case in task.cases}
     pools = {level: error_pool(ARRAY, case, truth, stream) for level, case in made.items()}
     return [pools[case.level] for case in task.cases]
@@ -217,9 +223,11 @@ class _Batch:
         self._noise = process_noise_from_q(task.cases[0].q, STEP_S)
         self._count = len(task.cases) * task.trials
         self._sigma = np.repeat([pool.sigma_rad for pool in pools], task.trials)
+        # The grid's rounding is an error of step / sqrt(12) that the bound does not contain.
         floor = [0.0 if case.refined else GRID_RAD**2 / 12.0 for case in task.cases]
         self._floor = np.repeat(floor, task.trials)
         self._state: AttitudeState | None = None
+        # The second station shows which hypothesis was right.
         second = int(np.argmax(scene.station != scene.station[0]))
         self._choose = second + round(START.settle_s / STEP_S)
 
@@ -275,9 +283,11 @@ class _PublishedBatch:
     def __init__(self, task: RunTask, scene: Scene, pools: list[ErrorPool]) -> None:
         self._scene = scene
         self._q = np.repeat([case.q * np.eye(6) for case in task.cases], task.trials, axis=0)
+        # The paper's R_W: diagonal, from the errors of the estimates themselves.
         self._noise = np.repeat([np.diag(pool.variance) for pool in pools], task.trials, axis=0)
         count = len(task.cases) * task.trials
         guess, rate = _start(count, scene)
+        # A rotation is twice the vector part: a quarter of its variance.
         spread = np.repeat([START_RATE_ERROR_RAD_S**2, START_ERROR_RAD**2 / 4.0], 3)
         self._state = PublishedState(rate, guess, np.tile(np.diag(spread), (count, 1, 1)))
 
@@ -304,6 +314,7 @@ class _PublishedBatch:
 
         Four times those of the vector part.
         """
+        # The reverse: from the vector part back to the rotation.
         return np.asarray(4.0 * np.diagonal(self._state.covariance, axis1=-2, axis2=-1)[:, 3:])
 
 
@@ -312,6 +323,7 @@ class _Totals:
 
     def __init__(self, task: RunTask, steps: int) -> None:
         self._task = task
+        # The transient is left out: with it the average would only measure the start.
         self._first = round(task.settled_s / STEP_S)
         shape = (len(task.cases), task.trials)
         self._count = steps - self._first
@@ -322,6 +334,7 @@ class _Totals:
 
     def add_directions(self, start: int, measured: Array, truth: Array) -> None:
         """Add measured directions (steps, cases, trials, 3)."""
+        # The chunk in which the averages begin is counted from that step only.
         late = measured[max(0, self._first - start) :]
         theta, phi, _ = polar_errors_rad(late, truth[max(0, self._first - start) :, None, None])
         self._direction[:, 0] += np.sum(theta**2, axis=(0, 2))

@@ -65,6 +65,7 @@ def scene_rows() -> list[Row]:
     orbit = SunSynchronousOrbitParams()
     nadir = math.degrees(LARGEST_THETA_RAD)
     view = view_stations(orbit, stations_along_track(orbit, 0.0), np.arange(-400.0, 5400.0))
+    # One sample a second: the sum of the visible ones is the length of the pass.
     longest = float(np.max(np.sum(view.visible(ELEVATION_MIN_RAD), axis=0)))
     return [
         Row(
@@ -98,6 +99,7 @@ def scene_rows() -> list[Row]:
 
 def accuracy_rows(seed: int, executor: Executor | None = None) -> list[Row]:
     """Return RMSE over bound at theta = 40 deg, and the threshold."""
+    # Dense around the threshold, with two points far above it.
     curve = accuracy_curve(100, (-14.0, -12.0, -10.0, -9.0, -8.0, 0.0, 14.0), seed=seed, executor=executor)
     found = []
     for point in curve:
@@ -124,6 +126,7 @@ def accuracy_rows(seed: int, executor: Executor | None = None) -> list[Row]:
 
 def direction_rows(tables: dict[DirectionCase, CaseResult]) -> list[Row]:
     """Return the theta and phi columns: grid and paper, then both searches and their theory."""
+    # From 2000 s on, where the averages of the runs begin.
     theta, _ = polar_from_direction(nadir_scene().reference[8000:])
     found: list[Row] = []
     for (snapshots, snr_db), printed in PRINTED.items():
@@ -178,12 +181,14 @@ def _reason(angle: str, grid: CaseResult, paper: float, least: float, theory: fl
 
     A bound it breaks, outliers it does not share, or stations it does not name.
     """
+    # Five percent of reserve: the printed numbers are rounded, and two trials have their own error.
     if paper < 0.95 * least:
         place = "theta = 0" if angle == "theta" else "the largest theta"
         return (
             f"contradicted: the stated model allows no less than {least:.3f} deg at any geometry "
             f"(Cramer-Rao bound at {place} and the 1-deg grid)"
         )
+    # Both angles together: each alone might be right in a geometry that spoils the other.
     if pair > 1.1 and grid.outliers < 1e-3 and 0.9 * paper > FLOOR_DEG:
         return (
             f"contradicted together with the other angle: sigma^2/var theta + sigma^2/var phi = {pair:.2f}, must be <= 1 "
@@ -191,6 +196,7 @@ def _reason(angle: str, grid: CaseResult, paper: float, least: float, theory: fl
         )
     if not _above(grid.case):
         share = f"below the threshold, {100.0 * grid.outliers:.2f} % beyond 20 deg; bound and grid {theory:.3f} deg"
+        # A random azimuth has 103.9 deg rms: the share that makes the printed rms.
         needed = 100.0 * (paper / AZIMUTH_OUTLIER_DEG) ** 2
         return f"{share}; the paper's would take {needed:.0f} % of random azimuths" if angle == "phi" else share
     return f"bound and grid along our passes {theory:.3f} deg; the paper's passes are not published"

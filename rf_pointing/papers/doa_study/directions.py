@@ -53,6 +53,7 @@ ComplexArray = NDArray[np.complex128]
 GRID_RAD = np.radians(1.0)
 NEIGHBOURS = 250
 """Pool entries on each side in theta from which an error is drawn: 1.2 % of the pool."""
+# Errors beyond 20 deg are sidelobes: they do not belong to the sigma that a filter may assume.
 OUTLIER_COSINE = np.cos(np.radians(20.0))
 
 
@@ -81,6 +82,7 @@ def polar_basis(direction: Array) -> Array:
     """
     x, y, z = (direction[..., i] for i in range(3))
     across = np.hypot(x, y)
+    # On the normal phi is 0 by definition: the frame stays orthonormal instead of NaN.
     cosine = np.divide(x, across, out=np.ones_like(across), where=across > 0.0)
     sine = np.divide(y, across, out=np.zeros_like(across), where=across > 0.0)
     basis = np.zeros((*direction.shape, 3))
@@ -116,6 +118,7 @@ def azimuth_rmse_rad(theta_rad: float, sigma_rad: float) -> float:
 
     require_between("sigma_rad", sigma_rad, 1e-12, None)
     ratio = math.sin(theta_rad) / sigma_rad
+    # Twelve sigma: beyond it the density is below rounding, and the grid would be too coarse.
     reach = math.pi if ratio < 12.0 else 12.0 / ratio
     error, step = np.linspace(-reach, reach, 4001, retstep=True)
     along = ratio * np.cos(error)
@@ -138,6 +141,7 @@ def grid_search(
     nodes = direction_from_polar(*(axis.ravel() for axis in np.meshgrid(theta, phi, indexing="ij")))
     manifold = steering(array, nodes).T
     best = np.empty(len(covariance), dtype=np.intp)
+    # 32 000 nodes times 256 covariances fit into memory.
     for start in range(0, len(covariance), 256):
         principal = principal_eigenvectors(covariance[start : start + 256], array.elements)
         spectrum = principal.conj() @ manifold
@@ -210,12 +214,14 @@ def error_pool(array: CircularArrayParams, case: DirectionCase, truth: Array, st
     local = np.einsum("nij,nj->ni", basis, estimate)
     theta, _ = polar_from_direction(truth)
     order = np.argsort(theta)
+    # The third local component is the cosine of the whole error.
     near = local[:, 2] > OUTLIER_COSINE
     across = (estimate - truth)[near, :2]
     bound = cosine_sigma_rad(array, case.snapshots, case.snr)
     return ErrorPool(
         theta_rad=theta[order],
         local=local[order],
+        # A small pool may by chance fall below the bound, which no estimator can.
         sigma_rad=max(bound, float(np.sqrt(np.mean(across**2)))),
         outliers=float(np.mean(~near)),
         variance=np.mean((estimate - truth) ** 2, axis=0),
@@ -227,8 +233,11 @@ def draw_directions(pool: ErrorPool, truth: Array, count: int, stream: np.random
     theta, _ = polar_from_direction(truth)
     place = np.searchsorted(pool.theta_rad, theta)[:, None]
     reach = min(NEIGHBOURS, len(pool.theta_rad) // 2)
+    # At the ends of the pool the neighbourhood is shifted inwards, not cut: every entry stays as
+    # likely.
     place = np.clip(place, reach, len(pool.theta_rad) - 1 - reach)
     chosen = place + stream.integers(-reach, reach + 1, size=(len(truth), count))
     drawn = pool.local[chosen] @ polar_basis(truth)
+    # Turned outliers may point behind the array, which MUSIC never reports.
     drawn[..., 2] = np.abs(drawn[..., 2])
     return np.asarray(drawn)

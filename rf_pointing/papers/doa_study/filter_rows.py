@@ -53,6 +53,7 @@ def convergence_rows(tables: dict[DirectionCase, CaseResult]) -> list[Row]:
     trial.
     """
     result = tables[DirectionCase(snapshots=100, snr_db=0.0)]
+    # Seconds: the 1-deg grid makes the error jump by its step between stations.
     smooth = 100
     cases = [
         ("total error stays below 2 deg", result.history_deg, 2.0, 1, 1350.0),
@@ -102,6 +103,7 @@ def filter_rows(inside: CaseResult, drawn: CaseResult, published: list[CaseResul
     )
     for name, ratio, tolerance in (
         ("theta RMSE", inside.theta_deg / drawn.theta_deg, 0.03),
+        # The attitude of few trials scatters with their own transients.
         ("worst axis of the attitude", _worst(inside) / _worst(drawn), 0.05 + 0.6 / math.sqrt(trials)),
     ):
         found.append(
@@ -122,6 +124,7 @@ def settling_time_s(history: NDArray[np.float32], limit: float, window_s: int) -
     trials) is above `limit`.
     """
     kernel = np.full(window_s, 1.0 / window_s)
+    # Trial by trial: a mean over the trials would hide a single slow one.
     smooth = np.stack([np.convolve(trial, kernel, mode="valid") for trial in history.T], axis=-1)
     above = np.flatnonzero(np.any(smooth > limit, axis=-1))
     return float(above[-1] + window_s) if len(above) else 0.0
@@ -129,6 +132,7 @@ def settling_time_s(history: NDArray[np.float32], limit: float, window_s: int) -
 
 def _fair_rows(grid: CaseResult, refined: CaseResult) -> list[Row]:
     case = (grid.case.snapshots, grid.case.snr_db)
+    # What the bound and any sensible geometry allow, for strong and for weak signals.
     limit = 0.13 if case in FINE else 0.25
     found = []
     for name, result in (("1-deg grid", grid), ("refined", refined)):
@@ -181,6 +185,7 @@ def _worst(result: CaseResult) -> float:
 
 def _reason(grid: CaseResult, refined: CaseResult) -> str:
     """Return the measured reason where ours cannot equal the paper's, empty where it should."""
+    # More than 10 deg at the end: a filter that settled on a wrong turn, not a noisy one.
     lost = [int(np.sum(result.history_deg[-1] > 10.0)) for result in (grid, refined)]
     if grid.outliers > 1e-3:
         trials = grid.history_deg.shape[1]

@@ -55,6 +55,7 @@ def nadir_scene(duration_s: float = 5000.0, start_s: float = 0.0) -> Scene:
     orbit, inertia = SunSynchronousOrbitParams(), rigid_inertia(SatelliteParams())
     t_s = np.asarray(start_s + STEP_S * np.arange(round(duration_s / STEP_S)), dtype=np.float64)
     view = view_stations(orbit, stations_along_track(orbit, 0.0), t_s)
+    # The highest one: DOA uses one station at a time and does not state how it is chosen.
     station = np.argmax(view.elevation_rad, axis=-1)
     lowest = float(np.min(np.max(view.elevation_rad, axis=-1)))
     require_between("elevation_rad", lowest, ELEVATION_MIN_RAD, None)
@@ -62,6 +63,7 @@ def nadir_scene(duration_s: float = 5000.0, start_s: float = 0.0) -> Scene:
     slope = (orbit_point(orbit, t_s + STEP_S).frame_rate_rad_s - rate) / STEP_S
     momentum = rate @ inertia.matrix
     torque = slope @ inertia.matrix + np.cross(rate, momentum)
+    # What is left for the control is Euler's torque less that of gravity.
     torque -= gravity_gradient_n_m(inertia, np.broadcast_to(np.eye(3), (len(t_s), 3, 3)), rate)
     return Scene(
         t_s=t_s,

@@ -28,7 +28,9 @@ _FEWEST, _SWEEPS, _DEGREE = 10, 4, 3
 
 
 _MAX_ITERATIONS = 30
+# In units of the state's own sigma: a smaller step changes nothing that the data can show.
 _CONVERGED_SIGMA = 1e-4
+# Of the scaled partials, so that metres and metres per second compare.
 _RANK_TOLERANCE = 1e-11
 _STATE_NAMES = ("x", "y", "z", "x rate", "y rate", "z rate")
 
@@ -113,12 +115,15 @@ def fit_orbit(
     for iteration in range(1, _MAX_ITERATIONS + 1):
         now = known or propagate(epoch_t_s, state, times, gravity, with_partials=True, disturbances=disturbances)
         matrix, residuals = _linearised(now, arcs)
+        # The given orbit belongs to the guess: after the first step it must be propagated anew.
         known = None
         sigma = np.concatenate([arc.sigma for arc in arcs])
+        # Weighted rows, so that sigma of a measurement alone decides what it contributes.
         inverse, covariance, condition = _pseudo_inverse(matrix / sigma[:, np.newaxis])
         step = inverse @ (np.concatenate(residuals) / sigma)
         state += step
         if np.max(np.abs(step) / np.sqrt(np.diag(covariance))) < _CONVERGED_SIGMA:
+            # The gain is kept per arc: a bias of one station can be propagated alone.
             split = np.cumsum([len(arc.t_s) for arc in arcs])[:-1]
             gain = tuple(np.split(inverse / sigma, split, axis=1))
             return OrbitResult(epoch_t_s, state, covariance, tuple(residuals), condition, iteration, gain)
@@ -172,6 +177,7 @@ def preliminary_orbit(
     epoch, guess = starting_state(site, t_s, range_m, azimuth_rad, elevation_rad, gravity)
     arcs = (
         Arc(site, "range_m", t_s, range_m, np.full(len(t_s), sigma_range_m)),
+        # Azimuth errs by 1 / cos(El) more than the angle on the sky.
         Arc(site, "azimuth_rad", t_s, azimuth_rad, sigma_angle_rad / np.cos(elevation_rad)),
         Arc(site, "elevation_rad", t_s, elevation_rad, np.full(len(t_s), sigma_angle_rad)),
     )
@@ -189,11 +195,13 @@ def starting_state(
     positions = _positions(site, times, range_m, azimuth_rad, elevation_rad)
     epoch = float(0.5 * (times[0] + times[-1]))
     elapsed = times - epoch
+    # Time in units of the half arc: powers of seconds would ruin the condition of the fit.
     half = max(abs(float(elapsed[0])), 1.0)
     path = positions
     for _ in range(_SWEEPS):
         fallen = _twice_integrated(elapsed / half, gravity.acceleration(path)) * half**2
         line = np.polynomial.polynomial.polyfit(elapsed / half, positions - fallen, 1)
+        # The attraction is taken along the improved path: each sweep adds one order of the series.
         path = line[0] + np.outer(elapsed / half, line[1]) + fallen
     return epoch, np.concatenate([line[0], line[1] / half])
 

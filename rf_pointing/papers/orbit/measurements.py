@@ -66,10 +66,12 @@ def look(t_s: ArrayLike, states: Array, site: Site, gravity: Gravity) -> Look:
     azimuth, elevation = taylor.angle_of(east, north), taylor.angle_of(up, ground)
     return Look(
         t_s=times,
+        # Continuous, as a joint is: fits of rates must not see a jump of a turn.
         azimuth_rad=np.unwrap(azimuth[0]),
         elevation_rad=elevation[0],
         azimuth_rate_rad_s=azimuth[1],
         elevation_rate_rad_s=elevation[1],
+        # Taylor coefficients: the second one is half the derivative.
         azimuth_acceleration_rad_s2=2.0 * azimuth[2],
         elevation_acceleration_rad_s2=2.0 * elevation[2],
         range_m=distance[0],
@@ -133,6 +135,7 @@ def _topocentric_series(t_s: Array, states: Array, site: Site, gravity: Gravity)
     position = to_earth_fixed(states[:, :3], t_s)
     velocity = to_earth_fixed(states[:, 3:], t_s) - np.cross(turning, position)
     acceleration = to_earth_fixed(gravity.acceleration(states[:, :3]), t_s)
+    # Coriolis and centrifugal part: the station's axes turn with the Earth.
     acceleration = acceleration - 2.0 * np.cross(turning, velocity) - np.cross(turning, np.cross(turning, position))
     series = np.stack([position - site.position_m(), velocity, 0.5 * acceleration])
     return series @ site.axes().T
@@ -172,13 +175,17 @@ class Elements(Params):
         position, velocity = both[:3], both[3:]
         radius, momentum = float(np.linalg.norm(position)), np.cross(position, velocity)
         a = 1.0 / (2.0 / radius - float(velocity @ velocity) / EARTH_MU_M3_S2)
+        # A preliminary orbit from noisy angles may come out hyperbolic.
         if a <= 0.0:
             raise ValueError(f"semi_major_axis_m={a:.0f} must be > 0: the state is not a closed orbit")
         inclination = math.atan2(math.hypot(momentum[0], momentum[1]), momentum[2])
+        # The node lies across the momentum's horizontal part; atan2 keeps its quadrant.
         node = math.atan2(momentum[0], -momentum[1])
         along_node = np.array([math.cos(node), math.sin(node), 0.0])
         ahead = np.cross(momentum / np.linalg.norm(momentum), along_node)
         latitude = math.atan2(float(position @ ahead), float(position @ along_node))
+        # Both components: at small eccentricity the anomaly follows from their ratio, not from a
+        # cosine near one.
         e_cos = 1.0 - radius / a
         e_sin = float(position @ velocity) / math.sqrt(EARTH_MU_M3_S2 * a)
         e, anomaly = math.hypot(e_cos, e_sin), math.atan2(e_sin, e_cos)
@@ -194,6 +201,7 @@ class Elements(Params):
 
 
 def _eccentric_anomaly(mean_rad: Array, eccentricity: float) -> Array:
+    # First order in the eccentricity: from here Newton needs few steps up to 0.9.
     anomaly = mean_rad + eccentricity * np.sin(mean_rad)
     for _ in range(_KEPLER_ITERATIONS):
         miss = anomaly - eccentricity * np.sin(anomaly) - mean_rad
@@ -217,6 +225,7 @@ def secular_states(elements: Elements, elapsed_s: Array, gravity: Gravity) -> Ar
     """Return states (n, 6) of a slowly precessing ellipse after `elapsed_s` (n,)."""
     a, e, i = elements.semi_major_axis_m, elements.eccentricity, elements.inclination_rad
     motion = math.sqrt(EARTH_MU_M3_S2 / a**3)
+    # Secular J2 only: the periodic part is some kilometres, which a plan of passes can ignore.
     drift = 0.75 * gravity.j2 * motion * (EARTH_RADIUS_M / (a * (1.0 - e * e))) ** 2
     node = elements.node_rad - 2.0 * drift * math.cos(i) * elapsed_s
     perigee = elements.perigee_rad + drift * (5.0 * math.cos(i) ** 2 - 1.0) * elapsed_s
@@ -243,7 +252,9 @@ def visits(
     require_between("days", days, 0.0, 1000.0)
     coarse = np.arange(0.0, days * 86400.0, _SEARCH_STEP_S)
     elevation = measured(epoch_t_s + coarse, secular_states(elements, coarse, gravity), site)[:, 1]
+    # Strictly above the left neighbour only, so that a flat top counts once.
     peaks = 1 + np.flatnonzero((elevation[1:-1] > elevation[:-2]) & (elevation[1:-1] >= elevation[2:]))
+    # Two degrees of reserve: mean elements miss the elevation by less.
     culminations = coarse[peaks[elevation[peaks] > lowest_rad - math.radians(2.0)]]
     if len(culminations) == 0:
         return []

@@ -65,7 +65,11 @@ _MOON_DISTANCE_KM: Array = np.array([
     (-20905, 1, 0, 0, 0), (-3699, -1, 0, 0, 2), (-2956, 0, 0, 0, 2), (-570, 2, 0, 0, 0), (246, 2, 0, 0, -2),
     (-205, 0, 1, 0, -2), (-171, 1, 0, 0, 2), (-152, 1, 1, 0, -2),
 ], dtype=np.float64)  # fmt: skip
+# Central differences: the curvature of the orbit cancels, rounding stays below 1e-9 of the
+# partials.
 _STEP_M, _STEP_M_S = 10.0, 0.01
+# Millimetres after days; looser, and the differences of neighbouring orbits would show the
+# integrator.
 _RELATIVE_TOLERANCE = 1e-11
 
 
@@ -98,6 +102,7 @@ class Site(Params):
 
     def position_m(self) -> Array:
         """Return the Earth-fixed position (3,)."""
+        # WGS-84: geodetic latitude, so the station is not on the line to the Earth's centre.
         eccentricity2 = _FLATTENING * (2.0 - _FLATTENING)
         sin_lat, cos_lat = math.sin(self.latitude_rad), math.cos(self.latitude_rad)
         normal = EARTH_RADIUS_M / math.sqrt(1.0 - eccentricity2 * sin_lat**2)
@@ -147,6 +152,7 @@ class Disturbances(Params):
 
     def _drag(self, states: Array) -> Array:
         position, velocity = states[:, :3], states[:, 3:]
+        # The air turns with the Earth: drag acts on the velocity through it.
         turning = EARTH_RATE_RAD_S * np.stack([-position[:, 1], position[:, 0], np.zeros(len(states))], axis=1)
         through = velocity - turning
         height = np.linalg.norm(position, axis=1) - EARTH_RADIUS_M
@@ -194,6 +200,7 @@ def _equatorial(longitude: float, latitude: float, distance_m: float) -> Array:
 def _tide(position: Array, body_m: Array, strength: float) -> Array:
     toward = body_m - position
     pull = toward / np.linalg.norm(toward, axis=1, keepdims=True) ** 3
+    # The Earth falls towards the body too: only the difference is a tide.
     return np.asarray(strength * (pull - body_m / np.linalg.norm(body_m) ** 3))
 
 
@@ -272,6 +279,7 @@ def propagate_together(
     if np.any(np.diff(times) < 0.0):
         raise ValueError("elapsed_s must not decrease")
     result = np.empty((len(times), *bundle.shape))
+    # The integrator runs in one direction: once back and once ahead from the epoch.
     for side in (times < 0.0, times >= 0.0):
         if np.any(side):
             result[side] = _integrate(bundle, times[side], gravity, epoch_t_s, disturbances)
@@ -304,11 +312,13 @@ def _integrate(
         return np.concatenate([states[:, 3:], acceleration], axis=1).ravel()
 
     order = np.argsort(np.abs(elapsed_s), kind="stable")
+    # t_eval must be strictly monotonic; several measurements share a time.
     wanted, place = np.unique(elapsed_s[order], return_inverse=True)
     wanted = wanted if elapsed_s[order][-1] >= 0.0 else wanted[::-1]
     end = float(wanted[-1])
     if end == 0.0:
         return np.broadcast_to(bundle, (len(elapsed_s), *shape))
+    # Metres and metres per second: one absolute tolerance would suit neither.
     scale = np.tile([1e-5] * 3 + [1e-8] * 3, shape[0])
     solution = solve_ivp(
         slope, (0.0, end), bundle.ravel(), method="DOP853", t_eval=wanted, rtol=_RELATIVE_TOLERANCE, atol=scale
