@@ -74,7 +74,7 @@ class LagHistory:
         return (x * mean + d * slope, x * slope + d * bend, x * bend + d * jerk), states
 
     def dragged(self, t_s: float, axis_rate_rad_s: Array, before: LagState | None) -> LagState:
-        """Return the state at `t_s` from the rate (2,) of the axes; the beam's is lower by x_v m'."""
+        """Return the state at `t_s` from the rate (2,) of the axes: the beam lags by x_v m'."""
         slope = np.array(before.slope) if before else np.zeros(2)
         east, up = (axis_rate_rad_s - self._velocity_s * slope).tolist()
         if before is None:

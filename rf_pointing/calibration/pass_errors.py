@@ -42,6 +42,11 @@ class PassPriors(Params):
     radial_drift_m_s: float = parameter(0.0, "change of the height error", low=0.0, high=1e3)
     clock_s: float = parameter(0.0, "time tag error of the station", low=0.0, high=10.0)
 
+    @classmethod
+    def of_orbit(cls, size_m: float) -> "PassPriors | None":
+        """Return orbit errors of one size along, across and radially; None for a size of zero."""
+        return cls(along_track_m=size_m, cross_track_m=size_m, radial_m=size_m) if size_m != 0.0 else None
+
     def check_together(self) -> None:
         """Refuse an empty set."""
         if not self.names:

@@ -42,9 +42,8 @@ from rf_pointing.core.dates import parse_utc, utc_text
 from rf_pointing.ephemeris import Elements, Pass, site, tle_lines
 from rf_pointing.nodes.bias_calibrator import JOURNAL
 from rf_pointing.planning import AxisLimits
-from rf_pointing.station.campaign.commissioning import commissioning_model
 from rf_pointing.station.campaign.log import CalibrationLog
-from rf_pointing.station.campaign.model_keeper import ModelKeeper, campaign_folder
+from rf_pointing.station.campaign.model_keeper import ModelKeeper, campaign_folder, commissioning_model
 from rf_pointing.station.campaign.plan import ArcRules, beacons, candidate_arcs, window_of
 
 Counts = NDArray[np.int64]
@@ -203,12 +202,11 @@ def fit_of(options: argparse.Namespace, output: Path) -> tuple[Observations, Fit
     start = read_model(commissioning_model(config, options.station, options.band, output))
     keeper = ModelKeeper(options.station, options.band, options.models, start, ShadowRules())
     keeper.begin(float(np.max(points.t_s)))
-    size = options.orbit_prior
-    return points, log.fit(keeper.model, pass_priors=PassPriors(along_track_m=size, cross_track_m=size, radial_m=size))
+    return points, log.fit(keeper.model, pass_priors=PassPriors.of_orbit(options.orbit_prior))
 
 
 def say(text: str) -> None:
-    """Tell the user, beside the data."""
+    """Print to standard error: standard output is for data."""
     print(f"calibrate: {text}", file=sys.stderr)
 
 

@@ -19,7 +19,7 @@ from rf_pointing.ephemeris import Pass, first_pass_above
 from rf_pointing.ephemeris.source import load_track
 from rf_pointing.planning import HorizonMask
 from rf_pointing.rf import HALF_POWER_BEAMWIDTH_RAD, LinkParams
-from rf_pointing.station.campaign.commissioning import commissioning_model
+from rf_pointing.station.campaign.model_keeper import commissioning_model
 from rf_pointing.station.pointing.carrier_watch import link_level_db_hz
 from rf_pointing.station.pointing.sensed_errors import SENSOR_CHOICES
 from rf_pointing.tracking import ConscanParams, ScanDesignParams, scan_for_accuracy
