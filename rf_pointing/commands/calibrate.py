@@ -1,10 +1,10 @@
 """Executable `calibrate`: a campaign on the live simulated station, from plan to accepted model.
 
-The sky is filled with beacons, the campaign that fills the 36 sectors in the least time is planned,
-the graph is brought up as `track` does, the calibrator runs the campaign and fits; some more
-beacons are tracked with the new model in the shadow of the old one, and it is accepted if it did
-better there.  The report is written from the observations of the fit. Exit code 0: the better of
-the two models is in force; 1: interrupted, or no model to decide about; 2: not started.
+The sky is filled with beacons, and the campaign that fills the 36 sectors in the least time is
+planned.  The graph is brought up as `track` does it, the calibrator runs the campaign and fits.
+More beacons are tracked with the new model in the shadow of the old one, and it is accepted if it
+is better there.  The report shows the observations of the fit. Exit code 0: the better of the two
+models is in force; 1: interrupted, or no model to decide about; 2: not started.
 """
 
 import argparse
@@ -88,14 +88,14 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
         help="error of the beacons' orbits that the fit allows for in each pass (default: 5)",
     )
     parser.add_argument(
-        "--resume", action="store_true", help="go on with an interrupted campaign: only what its observations left thin"
+        "--resume", action="store_true", help="continue an interrupted campaign: only what its observations left thin"
     )
     parser.add_argument(
         "--shadow",
         metavar="N",
         type=int,
         default=3,
-        help="passes beside the new model before it is accepted (default: 3)",
+        help="passes with the new model in the shadow before it is accepted (default: 3)",
     )
     parser.add_argument("--models", metavar="DIR", default=str(DEFAULT_MODELS), help=f"(default: {DEFAULT_MODELS})")
     parser.add_argument("--speed", default="max", help="factor of real time, or max (default)")
@@ -257,9 +257,9 @@ def execute(options: argparse.Namespace, schedule: Schedule, output: Path) -> in
 
     code = run_to_end("calibrate", make, work)
     if not (outcomes and outcomes[0].settled) and journal_of(options).points is not None:
-        say(f"the observations are kept in {journal_of(options).path}: calibrate --resume goes on with them")
+        say(f"the observations are kept in {journal_of(options).path}: calibrate --resume continues with them")
     for (points, fit), outcome in zip(fits, outcomes, strict=False):
-        remarks = [f"Beside the model in force: {outcome.shadow}"] if outcome.shadow else []
+        remarks = [f"In the shadow of the model in force: {outcome.shadow}"] if outcome.shadow else []
         page = write_calibration_report(output, points, fit, name=outcome.model, remarks=remarks)
         say(f"report {page}")
     return code

@@ -47,13 +47,8 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--settle", type=float, default=60.0, metavar="S", help="in addition to the slew (default: 60)")
     parser.add_argument("--fewest", type=int, default=25, help="points in each sector (default: 25)")
     parser.add_argument("--sigma", type=float, default=2.0, metavar="MDEG", help="of one point (default: 2)")
-    parser.add_argument(
-        "--improve",
-        nargs="+",
-        default=[],
-        metavar="TERM",
-        help="print the passes that reduce the sigma of these terms most",
-    )
+    parser.add_argument("--improve", nargs="+", default=[], metavar="TERM", help="advise the passes that reduce the sigma "
+                        "of these terms most")  # fmt: skip
     parser.add_argument(
         "--model", type=Path, metavar="FILE", help="last model; its covariance is where --improve starts"
     )
@@ -111,7 +106,8 @@ def advice(options: argparse.Namespace, candidates: list[CandidatePass]) -> int:
         file.check_for(options.station, file.band, file.valid_from_t_s)
         terms, covariance = file.fitted, file.covariance
     else:
-        # Of a station that was never calibrated no term is known, not even those that are to be improved.
+        # Of a station that was never calibrated no term is known, not even those that are to be
+        # improved.
         terms = tuple(dict.fromkeys((*TERM_NAMES, *options.improve)))
         covariance = uninformed_covariance(terms)
     orbit = PassPriors.of_orbit(options.orbit_prior)
