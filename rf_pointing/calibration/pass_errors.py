@@ -68,6 +68,7 @@ def pass_partials(observations: Observations, names: tuple[str, ...]) -> tuple[A
 
     Raises ValueError if an orbit error is named and the observations have no range or range rate.
     """
+    # A clock error alone needs no range: the rates are enough.
     columns = {}
     if any(not name.startswith("clock") for name in names):
         columns = _orbit_columns(observations)
@@ -83,6 +84,7 @@ def track_axes(observations: Observations) -> tuple[Array, Array, Array]:
     # From the centre of a spherical Earth: an ellipsoid turns the axes by 0.2 deg, and the prior by
     # as much.
     radial = up / np.linalg.norm(up, axis=1, keepdims=True)
+    # Along the track as seen from the rotating Earth, where the station is.
     across = np.cross(radial, velocity)
     across /= np.linalg.norm(across, axis=1, keepdims=True)
     return np.cross(across, radial), across, radial

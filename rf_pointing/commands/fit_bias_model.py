@@ -173,6 +173,7 @@ def orbit_priors(options: argparse.Namespace, points: Observations, present: Mod
     """Return the orbit errors that the fit allows for: as given, or as the passes show them."""
     if options.orbit_prior is not None:
         return PassPriors.of_orbit(options.orbit_prior)
+    # Without ranges a displacement in metres is no angle.
     if points.range_m is None or points.range_rate_m_s is None:
         return None
     return measured_pass_priors(lambda priors: fit_of(options, points, present, tuple(options.terms), priors))
@@ -222,6 +223,7 @@ def prediction_remarks(options: argparse.Namespace, points: Observations, result
 def fitted(options: argparse.Namespace, points: Observations, present: ModelVersion | None) -> FitResult:
     """Return the fit of the chosen terms."""
     names, orbit = tuple(options.terms), orbit_priors(options, points, present)
+    # Selection looks at the printed form, which is linear: all subsets come from one triangle.
     if options.select:
         held = {name: value for name, value in _known(present).items() if name not in names}
         names = select_terms(points, names, held=held, pass_priors=orbit)
@@ -267,6 +269,7 @@ def run(options: argparse.Namespace) -> list[str]:
     present = read_model(options.start_model) if options.start_model else None
     if present is not None:
         present.check_for(options.station, options.band, present.valid_from_t_s)
+    # Read once: a recording takes longer than all fits.
     files = read_files(options)
     if options.tdm and not files[1]:
         raise ValueError(f"tdm={options.tdm}: the files hold calibration points only, no raw data to write")

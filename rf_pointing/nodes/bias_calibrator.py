@@ -1,12 +1,14 @@
 """Executable `bias_calibrator`: holds the pointing model, and fits a new one to tracked passes.
 
-Subscribes: target, joint_states, pointing_error.  Publishes: pointing_model (latched, with
-covariance). Actions: ~/run_campaign (RunCampaign) tracks passes and takes observations, ~/fit_model
-(FitModel) makes a candidate. Services: ~/accept, ~/reject, ~/rollback (std_srvs/Trigger).  Until it
-is accepted a candidate only runs in the shadow, and it is accepted only when it was found better
-there (shadow.accept). Parameters: calibrator.* (models, station, band, spacing and noise of the
-observations), shadow.* (when a verdict is given, and which one is needed), orbit.* (errors of the
-reference orbit that the fit estimates with every pass).
+Subscribes: target, joint_states, pointing_error.
+Publishes: pointing_model (latched, with covariance).
+Actions: ~/run_campaign (RunCampaign) tracks passes and takes observations, ~/fit_model (FitModel)
+makes a candidate.
+Services: ~/accept, ~/reject, ~/rollback (std_srvs/Trigger).  Until it is accepted a candidate only
+runs in the shadow, and it is accepted only if it was better there (shadow.accept).
+Parameters: calibrator.* (models, station, band, spacing and noise of the observations), shadow.*
+(when a verdict is given, and which one is needed), orbit.* (errors of the reference orbit that the
+fit estimates with every pass).
 
 With `calibrator.folder` every observation is on the disk before the next one is taken, one file and
 one set of models for each station and band: a killed node continues where it was.
@@ -143,6 +145,7 @@ class BiasCalibrator(ManagedNode):
         return CAMPAIGN_TURN_S
 
     def _publish(self) -> None:
+        # Latched: a controller that starts later receives the model too.
         file = self._keeper.active
         if file is not None:
             message = convert_calibration.model_to_message(file)
@@ -162,6 +165,7 @@ class BiasCalibrator(ManagedNode):
         if row is not None:
             self._keeper.observe(row)
 
+    # One campaign at a time: there is one antenna.
     def _on_goal(self, _request: RunCampaign.Goal) -> GoalResponse:
         return GoalResponse.ACCEPT if self._active and self._campaign is None else GoalResponse.REJECT
 

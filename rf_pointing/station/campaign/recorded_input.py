@@ -35,6 +35,7 @@ PASS_GAP_S = 1200.0
 
 def holds_points(path: Path) -> bool:
     """Return whether a CSV file holds calibration points (else raw tracking data)."""
+    # By the header, not by the name: both kinds of table are .csv.
     with path.open(encoding="utf-8-sig") as stream:
         header = next((line for line in stream if line.strip() and not line.startswith("#")), "")
     return "observed_azimuth_deg" in header
