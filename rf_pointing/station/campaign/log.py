@@ -30,8 +30,7 @@ __all__ = ["CalibrationLog"]
 # How far a term may have moved from the present model; acceleration lags are hardly known at all.
 PRIOR_SIGMA = {"rad": math.radians(0.2), "rad/K": math.radians(0.02), "s": 0.5, "s^2": 10.0}
 PASS_GAP_S = 120.0
-# In 0.1 s a fast pass moves by 0.1 deg; extrapolated by the encoders' rate less than a mdeg is
-# left.
+# Encoders this old, moved on by their rate, are off by less than a mdeg in a fast pass.
 LARGEST_JOINT_AGE_S = 0.1
 KEPT_RANGES = 64
 FEWEST = 30

@@ -1,5 +1,6 @@
 """The input of a calibration: files of points or raw tracking data, and their reference."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -113,17 +114,10 @@ def process_passes(
 def _summed(processed: Sequence[ProcessedPass]) -> list[StageReport]:
     total = []
     for stage in zip(*(one.reports for one in processed), strict=True):
-        dropped: dict[str, int] = {}
+        dropped: Counter[str] = Counter()
         for report in stage:
-            for why, count in report.dropped.items():
-                dropped[why] = dropped.get(why, 0) + count
-        total.append(
-            StageReport(
-                stage=stage[0].stage,
-                before=sum(report.before for report in stage),
-                after=sum(report.after for report in stage),
-                dropped=dropped,
-                note=stage[0].note if len(stage) == 1 else f"{len(stage)} passes",
-            )
-        )
+            dropped.update(report.dropped)
+        before, after = (sum(getattr(report, name) for report in stage) for name in ("before", "after"))
+        note = stage[0].note if len(stage) == 1 else f"{len(stage)} passes"
+        total.append(StageReport(stage=stage[0].stage, before=before, after=after, dropped=dropped, note=note))
     return total
