@@ -13,8 +13,8 @@ __all__ = ["REFERENCE_TEMPERATURE_K", "Angles", "ArrayAngles", "SeriesAngles"]
 
 Array = NDArray[np.float64]
 
+# Temperature at which the thermal terms vanish (ISA sea level).
 REFERENCE_TEMPERATURE_K = 288.15
-"""Temperature at which the thermal terms vanish (ISA sea level)."""
 
 
 @dataclass(frozen=True)
@@ -99,6 +99,7 @@ class SeriesAngles:
     def sec_elevation(self) -> Array:
         return taylor.divide(self.one, self.cos_elevation(1))
 
+    # Both carriers have the same names, so that each term is written once for both forms.
     @property
     def azimuth_rate(self) -> Array:
         return taylor.derivative(self.azimuth)

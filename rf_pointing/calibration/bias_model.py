@@ -28,10 +28,10 @@ __all__ = ["BiasModel"]
 Array = NDArray[np.float64]
 TaylorPair = tuple[Array, Array]
 
+# `remove` stops when two iterations agree this well (per axis, rates per second).
 INVERSE_TOLERANCE_RAD = 1e-12
-"""`remove` stops when two iterations agree this well (per axis, rates per second)."""
+# `remove` raises if it has not converged after this many iterations.
 INVERSE_ITERATIONS = 60
-"""`remove` raises if it has not converged after this many iterations."""
 # Position to jerk, and one more: the acceleration of an acceleration lag is the fourth derivative.
 _MOVING_ORDER = 5
 _ALL_KINDS = ("rotation", "additive", "lag")

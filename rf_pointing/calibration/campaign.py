@@ -88,8 +88,7 @@ _TURN = 2.0 * math.pi
 class Slew(Params):
     """Time from the last point of a pass to the first of the next: the slower axis, and the rest.
 
-    `travel_rad` are the ends of the azimuth travel: cables may make the shorter direction
-    impossible.
+    `travel_rad` are the ends of the azimuth travel: cables may rule out the shorter direction.
     """
 
     rate_rad_s: float = parameter(math.radians(1.8), "mean axis rate of a slew", low=1e-5, high=10.0)
@@ -105,6 +104,8 @@ class Slew(Params):
 
     def ends_rad(self, azimuth_rad: Array) -> tuple[float, float]:
         """Return first and last azimuth of a pass (n,) on the turn that fits the travel best."""
+        # A pass may cross north: its two ends are on the turns that the cable sees, not on the
+        # sky's.
         path = np.unwrap(azimuth_rad)
         if self.travel_rad:
             low, high = self.travel_rad
@@ -115,6 +116,7 @@ class Slew(Params):
 
     def time_s(self, ends_rad: Array, starts_rad: Array) -> Array:
         """Return the time between directions (..., 2); without limits by the shorter azimuth."""
+        # Both axes move at once: the slower one decides.
         azimuth, elevation = np.moveaxis(np.abs(starts_rad - ends_rad), -1, 0)
         if not self.travel_rad:
             azimuth = np.abs(np.mod(azimuth + np.pi, _TURN) - np.pi)
@@ -123,6 +125,7 @@ class Slew(Params):
 
     def allows(self, one: CandidatePass, other: CandidatePass) -> bool:
         """Return whether one antenna can track both."""
+        # From the end of one to the start of the other: the gap between them must hold the slew.
         first, then = sorted((one, other), key=lambda candidate: candidate.start_t_s)
         end = np.array([self.ends_rad(first.track.azimuth_rad)[1], first.track.elevation_rad[-1]])
         start = np.array([self.ends_rad(then.track.azimuth_rad)[0], then.track.elevation_rad[0]])
@@ -147,12 +150,14 @@ def plan_campaign(
     them.  Where the candidates cannot fill the sky, all useful passes are returned, `full_at_t_s`
     is None and the coverage names the thin sectors.
     """
+    # An interrupted campaign continues where it was, so its points count before the first pass.
     begun = np.zeros(rule.count, dtype=np.int64) if already is None else already
     if not candidates:
         return Campaign((), Coverage(rule, begun), None)
     table = _Table(sorted(candidates, key=lambda c: c.end_t_s), rule, slew, begun)
     # Neither plan is always the better one, and both cost little next to the candidates' tracks.
     plans = [table.by_exchange(), table.by_rate()]
+    # Where neither fills the sky, the plan that brings more of the missing points.
     taken, filled, full_at = min(plans, key=lambda plan: (plan[2] or math.inf, -table.gain(begun, plan[1] - begun)))
     if full_at is not None:
         taken, filled = table.without_needless(taken, filled)
@@ -183,6 +188,8 @@ class _Table:
         filled = self._begun
         for k in range(len(self.candidates)):
             ready = self._end[taken] + self._slew.time_s(self._to[taken], self._from[k])
+            # One candidate may exclude several earlier ones: it must be worth more than all of
+            # them.
             rivals = [other for other, t_s in zip(taken, ready, strict=True) if t_s > self._start[k]]
             theirs: Counts = np.sum(self._counts[rivals], axis=0, dtype=np.int64)
             without = filled - theirs
@@ -205,6 +212,7 @@ class _Table:
             rate = self._gains(filled, self._counts) / np.maximum(self._end - now_s, 1e-9)
             rate[self._start < ready] = 0.0
             best = int(np.argmax(rate))
+            # No reachable candidate brings a missing point any more.
             if rate[best] <= 0.0:
                 return taken, filled, None
             taken.append(best)
@@ -225,6 +233,7 @@ class _Table:
         return bool(np.all(filled >= self._rule.fewest))
 
     def _gains(self, filled: Counts, more: Counts) -> Counts:
+        # Points beyond the required ones are worth nothing, however many a pass brings.
         missing = np.maximum(self._rule.fewest - filled, 0)
         gains: Counts = np.sum(np.minimum(more, missing), axis=-1)
         return gains
@@ -271,6 +280,8 @@ def next_best_passes(
         after = {k: _updated(present, gains[k]) for k in left}
         best = min(left, key=lambda k: _factor(after[k], present, places))
         factor = _factor(after[best], present, places)
+        # The next pass is judged given this one: two good passes of one sky add less than each
+        # alone.
         present = after[best]
         left = [k for k in left if k != best and reach.allows(candidates[k], candidates[best])]
         advice.append(PassAdvice(candidates[best].name, candidates[best].start_t_s, np.sqrt(np.diag(present)), factor))
@@ -297,6 +308,7 @@ def _information(terms: tuple[str, ...], candidate: CandidatePass, pass_priors: 
 
 def _updated(covariance: Array, rows: Array) -> Array:
     seen = covariance @ rows.T
+    # In the size of the pass's rows, and not by inverting C, which may be nearly singular.
     inner = np.eye(len(rows)) + rows @ seen
     return np.asarray(covariance - seen @ np.linalg.solve(inner, seen.T))
 

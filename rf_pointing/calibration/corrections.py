@@ -4,8 +4,7 @@ The ionosphere, a thin spherical shell of electron content TEC, advances the pha
 
     I(E) = 40.3 TEC / f^2 * M(E),    M(E) = 1 / sqrt(1 - (R cos E / (R + h))^2)
 
-The apparent elevation follows from the phase gradient along the ground: dE = -I'(E) (1 / rho + 1 /
-(R sin E)).
+The phase gradient along the ground bends the ray by  dE = -I'(E) (1 / rho + 1 / (R sin E)).
 """
 
 import math
@@ -61,8 +60,7 @@ class Ionosphere(Params):
 class Corrections:
     """What is taken off the observations so that they compare with the reference.
 
-    None switches a correction off: right where the reference already is apparent, or another system
-    has corrected.
+    None switches a correction off: where the reference is apparent, or the data are corrected.
     """
 
     light_time: bool
@@ -76,6 +74,8 @@ class Corrections:
 
     def apparent_elevation(self, elevation_rad: Array, range_m: Array) -> Array:
         """Return where a target at a geometric elevation appears."""
+        # The ray meets the ionosphere first, above the air: the troposphere bends what arrives from
+        # there.
         seen = elevation_rad
         if self.ionosphere is not None:
             seen = seen + self.ionosphere.bending(elevation_rad, range_m)

@@ -1,7 +1,6 @@
 """The 36 sectors of the sky that a campaign must fill (SATCAL 3): 12 in azimuth, 3 in elevation.
 
-Below 10 deg refraction is uncertain, above 80 deg collimation and non-orthogonality grow without
-bound.
+Below 10 deg refraction is uncertain, above 80 deg two terms grow without bound (tan El, sec El).
 """
 
 import math
@@ -102,6 +101,8 @@ def select_by_sector(
 ) -> Selection:
     """Choose at most `rule.most` rows per sector, spread evenly over and within its passes."""
     sectors = rule.sector_of(azimuth_rad, elevation_rad)
+    # At most so many: the sectors at the horizon, full of points, would otherwise outvote the
+    # others.
     chosen = np.zeros(len(sectors), dtype=bool)
     for sector in range(rule.count):
         rows = np.flatnonzero(sectors == sector)
@@ -132,6 +133,7 @@ def _shared_out(rows: NDArray[np.int64], pass_id: NDArray[np.int64], most: int) 
 
 def _spread_rank(count: int) -> NDArray[np.int64]:
     """Return ranks 0 .. count - 1 of which the first lie spread over the range (bit-reversed)."""
+    # Bit reversal halves the gaps again and again: any number of first ranks is spread evenly.
     bits = max(1, (count - 1).bit_length())
     reversed_bits = [int(format(k, f"0{bits}b")[::-1], 2) for k in range(count)]
     return np.argsort(np.argsort(reversed_bits, kind="stable"), kind="stable")

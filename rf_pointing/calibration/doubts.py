@@ -69,6 +69,7 @@ def doubts_of(fit: FitResult, points: Observations) -> tuple[str, ...]:
 
 
 def _lost_passes(fit: FitResult, points: Observations) -> tuple[str, ...]:
+    # A pass of another target agrees with itself, and the residuals of what is left look fine.
     lost = [number for number in points.passes.tolist() if not np.any(fit.used[points.pass_id == number])]
     if not lost:
         return ()
@@ -85,6 +86,7 @@ def _small_sigma(fit: FitResult, points: Observations) -> tuple[str, ...]:
             for name, size, ratio in ratios
             if ratio > _LARGER
         )
+    # Without pass errors in the fit only the residuals can show them.
     larger = pass_correlation(fit, points)
     if larger <= _LARGER:
         return ()

@@ -43,8 +43,7 @@ class FitResult:
     `held` are the fixed ones.  Residuals (n,) are observed minus modelled for every input row, the
     rejected ones included, after the pass errors `pass_azimuth_rad` and `pass_elevation_rad` (zero
     if none were estimated); `used` (n,) says which rows counted.  `variance_azimuth` and
-    `variance_elevation` are the mean squared residuals over sigma, 1 where the stated sigmas are
-    right.
+    `variance_elevation` are the mean squared residuals over sigma, 1 for a right sigma.
     """
 
     names: tuple[str, ...]

@@ -74,9 +74,10 @@ class LagHistory:
         return (x * mean + d * slope, x * slope + d * bend, x * bend + d * jerk), states
 
     def dragged(self, t_s: float, axis_rate_rad_s: Array, before: LagState | None) -> LagState:
-        """Return the state at `t_s` from the rate (2,) of the axes; the beam's is lower by x_v m'."""
+        """Return the state at `t_s` from the rate (2,) of the axes: the beam lags by x_v m'."""
         slope = np.array(before.slope) if before else np.zeros(2)
         east, up = (axis_rate_rad_s - self._velocity_s * slope).tolist()
+        # Nothing is known of the time before: at rest is the usual state of an antenna.
         if before is None:
             return LagState(t_s, (east, up))
         return self._advanced(before, (east, up), t_s, self._step(t_s - before.t_s))

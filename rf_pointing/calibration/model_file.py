@@ -25,6 +25,7 @@ __all__ = ["ModelVersion", "read_model", "write_model"]
 Array = NDArray[np.float64]
 
 FORMAT = "rf_pointing/bias_model/1"
+# Eigenvalues of a singular correlation matrix come out at minus a rounding.
 _ROUNDING = 1e-9
 _SIGMA_AGREES = 1e-3
 _KEYS = (
@@ -40,8 +41,8 @@ _KEYS = (
     "terms",
     "covariance",
 )
+# Unit in the file of each unit of the core, and the factor to it.
 _EDGE = {"rad": ("deg", math.degrees(1.0)), "s": ("s", 1.0), "s^2": ("s2", 1.0), "rad/K": ("deg_k", math.degrees(1.0))}
-"""Unit in the file of each unit of the core, and the factor to it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -147,6 +148,7 @@ def read_model(path: str | Path) -> ModelVersion:
 def _to_mapping(version: ModelVersion) -> dict[str, Any]:
     sigma = dict(zip(version.fitted, np.sqrt(np.diag(version.covariance)).tolist(), strict=True))
     scale = np.array([_edge(name)[1] for name in version.fitted])
+    # No end is written as null, not left out: every key is there in every file.
     until = None if version.valid_until_t_s is None else _stamp(version.valid_until_t_s)
     return {
         "format": FORMAT,
@@ -258,6 +260,7 @@ def _read_terms(top: "_Section") -> tuple[BiasModel, dict[str, tuple[str, float]
         unit, scale = _edge(name)
         entry = terms.section(name, (f"value_{unit}", "used", "fixed"), (f"sigma_{unit}",))
         values[name] = entry.number(f"value_{unit}") / scale
+        # The flags are for readers; one that contradicts its value shows a file edited by hand.
         if entry.flag("used") != (values[name] != 0.0):
             raise ValueError(f"{entry.key('used')}={entry.flag('used')} contradicts {entry.key('value_' + unit)}")
         if not entry.flag("fixed"):

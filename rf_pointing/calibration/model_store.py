@@ -26,8 +26,8 @@ class ModelStore:
     def add(self, version: ModelVersion) -> None:
         """Keep a new version, not yet active.
 
-        Raises ValueError for another station or band, for a name that is taken and for one that is
-        no file name.
+        Raises ValueError for another station or band, a name that is taken, one that is no file
+        name.
         """
         version.check_for(self.station, self.band, version.valid_from_t_s)
         # Names of files on any system: a folder of models is copied to whatever the operator works
@@ -70,6 +70,7 @@ class ModelStore:
         version = self.read(name)
         version.check_for(self.station, self.band, t_s)
         history = self._history()
+        # Accepting twice must not need two steps back.
         if not history or history[-1] != name:
             self._write_history([*history, name])
         return version

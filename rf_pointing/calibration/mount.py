@@ -4,7 +4,7 @@ The beam of a mount at the axis angles (A, E) points along  T Rz(A) Rn(x2) Re(E)
 azimuth axis by x8 to the north and x9 to the east, Rn skews the elevation axis, c is the beam off
 the plane normal to that axis. To first order in x2, x3, x8, x9 this is the printed tan/sec form of
 SATCAL eqs. (1)-(2); unlike it, it stays finite at the zenith.  All angles are Taylor series (m,
-...), see `taylor`.
+...).
 """
 
 import math
@@ -50,8 +50,7 @@ def axes_from_sky(azimuth: Array, elevation: Array, skew: Skew) -> tuple[Array, 
     """Return the axis angles that put the beam on a direction; `sky_from_axes` is the inverse.
 
     An elevation above pi/2 selects the plunged branch.  The axis azimuth is the turn nearest to
-    `azimuth`. Raises ValueError where no axis angles reach the direction (within `cone_rad` of the
-    mount's zenith).
+    `azimuth`.  Raises ValueError for a direction in the exclusion cone, which no axis angles reach.
     """
     east, north, up = _rotated(skew.tilt().T, _direction(azimuth, elevation))
     # SATCAL's x2 and x3 turn the other way about these axes, hence the signs.

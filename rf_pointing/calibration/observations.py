@@ -16,8 +16,8 @@ __all__ = ["LARGEST_BIAS_RAD", "Observations", "require_derivatives"]
 
 Array = NDArray[np.float64]
 
+# Difference on the sky of observed and true direction above which the data must be wrong.
 LARGEST_BIAS_RAD = 0.2
-"""Difference on the sky of observed and true direction above which the data must be wrong."""
 # Cable wraps allow a turn and a half; degrees taken for radians are far beyond.
 _LARGEST_AZIMUTH_RAD = 3.0 * np.pi
 _TURN = 2.0 * np.pi

@@ -42,6 +42,11 @@ class PassPriors(Params):
     radial_drift_m_s: float = parameter(0.0, "change of the height error", low=0.0, high=1e3)
     clock_s: float = parameter(0.0, "time tag error of the station", low=0.0, high=10.0)
 
+    @classmethod
+    def of_orbit(cls, size_m: float) -> "PassPriors | None":
+        """Return orbit errors of one size along, across and radially; None for a size of zero."""
+        return cls(along_track_m=size_m, cross_track_m=size_m, radial_m=size_m) if size_m != 0.0 else None
+
     def check_together(self) -> None:
         """Refuse an empty set."""
         if not self.names:
@@ -63,6 +68,7 @@ def pass_partials(observations: Observations, names: tuple[str, ...]) -> tuple[A
 
     Raises ValueError if an orbit error is named and the observations have no range or range rate.
     """
+    # A clock error alone needs no range: the rates are enough.
     columns = {}
     if any(not name.startswith("clock") for name in names):
         columns = _orbit_columns(observations)
@@ -78,6 +84,7 @@ def track_axes(observations: Observations) -> tuple[Array, Array, Array]:
     # From the centre of a spherical Earth: an ellipsoid turns the axes by 0.2 deg, and the prior by
     # as much.
     radial = up / np.linalg.norm(up, axis=1, keepdims=True)
+    # Along the track as seen from the rotating Earth, where the station is.
     across = np.cross(radial, velocity)
     across /= np.linalg.norm(across, axis=1, keepdims=True)
     return np.cross(across, radial), across, radial

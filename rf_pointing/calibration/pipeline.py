@@ -47,8 +47,7 @@ def process_pass(
 ) -> ProcessedPass:
     """Run the stages on one pass.  Raises ValueError if nothing is left, naming the stage.
 
-    `model` is the best known so far; it is taken off before the fits to pieces and put back on the
-    points.
+    `model` is the best known so far: taken off before the fits to pieces, put back on the points.
     """
     sound, validation = validate(raw, reference)
     if not np.any(sound):
@@ -81,6 +80,7 @@ def select_observations(
     """Choose the points of each sector from all passes; `require_full` refuses a thin sector."""
     together = Observations.concatenate(list(passes))
     selection = select_by_sector(together.true_azimuth_rad, together.true_elevation_rad, together.pass_id, rule)
+    # Thin sectors let terms trade places: a paper's campaign is refused, an operator's is reported.
     if require_full:
         selection.coverage.require_full()
     chosen = together.select(selection.chosen)

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 class ReferenceTrack:
     """True motion of the target over the station, arrays (n,) at rising `t_s`, azimuth continuous.
 
-    Raises ValueError for arrays of unequal length, values that are not finite and times that do not
+    Raises ValueError for unequal lengths, values that are not finite and times that do not
     increase.
     """
 
@@ -76,8 +76,7 @@ class ReferenceTrack:
     def delayed(self, t_s: ArrayLike) -> "ReferenceTrack":
         """Return the track as it is received at `t_s`: evaluated one light time earlier.
 
-        The turning of the station during that time is left out (0.5 km/s for 8 ms: 4 m, below 0.4
-        mdeg).
+        The turning of the station meanwhile is left out (0.5 km/s for 8 ms: 4 m, below 0.4 mdeg).
         """
         times = as_finite_array("t_s", t_s, (None,))
         # The range of a low satellite changes by 60 m in a light time: the one at reception is good

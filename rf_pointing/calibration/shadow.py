@@ -58,6 +58,7 @@ class ShadowScore:
 
     def add(self, observations: Observations) -> None:
         """Score observations of one or more passes; a pass may come in pieces."""
+        # Exact forms of both: near the zenith the printed one would score its own error.
         active, candidate = (_misses(model, observations) for model in (self.active, self.candidate))
         for number in observations.passes.tolist():
             rows = observations.pass_id == number

@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 def from_derivatives(*derivatives: Array | float) -> Array:
     """Return the series of the given value, first, second ... derivatives (broadcast)."""
     stacked = np.stack(np.broadcast_arrays(*(np.asarray(d, dtype=np.float64) for d in derivatives)))
+    # Elements are derivatives over factorials: products are then plain sums of products.
     for k in range(2, len(stacked)):
         stacked[k] /= math.factorial(k)
     return stacked

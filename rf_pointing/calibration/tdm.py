@@ -69,8 +69,7 @@ class _Segment:
 def read_tdm(path: str | Path, *, band: str | None = None) -> list[RawTracking]:
     """Return the tracking data of every segment; raises ValueError naming file and line.
 
-    `band` is that of segments which do not say in which band the station receives; None refuses
-    them.
+    `band` is that of segments that do not name the received band; None refuses them.
     """
     source = Path(path)
     try:

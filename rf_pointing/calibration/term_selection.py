@@ -2,10 +2,8 @@
 
     BIC = chi^2 / v + k ln(n),    v = max(1, reduced chi^2 of all candidates)
 
-with n equations and k terms.
-
-All subsets are solved from one triangle, so the data are read once.  A term enters when it lowers
-the BIC by at least 6 and leaves when the BIC falls without it.
+for n equations and k terms.  All subsets are solved from one triangle: the data are read once.  A
+term enters when it lowers the BIC by at least 6, and leaves when the BIC falls without it.
 """
 
 from collections.abc import Mapping, Sequence

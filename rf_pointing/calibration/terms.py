@@ -1,14 +1,13 @@
 """The terms of the bias model (SATCAL eqs. 1-2) and the extensions that may be added by name.
 
-A term adds coefficient * azimuth(...) to the azimuth and coefficient * elevation(...) to the
-elevation:
+A term adds its coefficient times its partial derivatives to the azimuth and to the elevation:
 
     Az_o = Az_t + x1 + x2 tan El + x3 sec El + x4 sin Az + x5 cos Az + x6 Az' + x7 Az''
                 + (x8 sin Az - x9 cos Az) tan El
     El_o = El_t + x8 cos Az + x9 sin Az + x10 + x11 cos El + x12 sin El + x13 El' + x14 El''
 
-The four terms that tilt or skew an axis (x2, x3, x8, x9) are rotations: the printed form is their
-first order.
+The terms that tilt or skew an axis (x2, x3, x8, x9) are rotations, of which this is the first
+order.
 """
 
 from collections.abc import Callable, Iterable
@@ -23,6 +22,7 @@ from rf_pointing.calibration.angles import Angles
 __all__ = ["EXTENSION_TERMS", "TERMS", "TERM_NAMES", "Partial", "Term", "all_terms", "terms_by_name"]
 
 Partial = Callable[[Angles], NDArray[np.float64]]
+# No mount is off by 6 deg and no drive lags by 10 s: what is larger was given in another unit.
 _LIMITS = {"rad": 0.1, "s": 10.0, "s^2": 100.0, "rad/K": 0.01}
 
 
@@ -32,8 +32,7 @@ class Term:
 
     `number` is the index of SATCAL's x, 0 for an extension.  A "rotation" tilts or skews an axis, a
     "lag" is proportional to a rate or an acceleration, an "additive" term is an encoder or flexure
-    shift of one axis. `separated_by` names the data that make the term observable, in the words of
-    the error messages.
+    shift of one axis.  `separated_by` names the data that make the term observable.
     """
 
     name: str

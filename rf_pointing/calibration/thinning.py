@@ -112,9 +112,8 @@ def _beyond(t: Array, residual: Array, wrong: NDArray[np.bool_]) -> NDArray[np.b
 def thin(t_s: Array, residuals: Array) -> Thinned:
     """Return one point a second: the line through its samples at their mean time.
 
-    At the mean time the line is the mean; its residuals give the noise of a sample, for each
-    piece by itself.  Samples that come more slowly are not thinned.  Raises ValueError if no second
-    has enough samples.
+    At the mean time the line is the mean; its residuals give the noise of a sample, for each piece
+    by itself.  Slower samples are not thinned.  Raises ValueError if no second has enough samples.
     """
     # Pooled over 30 s and not over the pass: noise on the sky is 1/cos El times larger in azimuth.
     if len(t_s) > 1 and np.median(np.diff(t_s)) * _THIN_FEWEST > 1.01 * _THIN_S:
@@ -139,8 +138,7 @@ def smooth(t_s: Array, residuals: Array, sigma: Array) -> Thinned:
     """Return three points of every piece, evenly spaced: the parabola through it at those times.
 
     `sigma` (n, m) is that of the input points.  A piece that scatters more than `_WORST_SCATTER`
-    times as much about its parabola does not follow one and is dropped.  Raises ValueError if no
-    piece is left.
+    times as much about its parabola is dropped.  Raises ValueError if no piece is left.
     """
     # Unless most pieces do: noise that is correlated over seconds (wind, a hunting servo, coarse
     # encoders) scatters like that everywhere.  It raises the sigma of all points instead; dropping
@@ -194,8 +192,7 @@ def _means(values: Array, first: NDArray[np.int64], counts: NDArray[np.int64]) -
 class _Piece:
     """A parabola: its points, their variance over a sample's, and the stated sigma of a sample.
 
-    `squares` and `products` (m,) are the sums of the residuals' squares and of the products of
-    neighbours.
+    `squares` and `products` (m,) are the sums of squares and of products of neighbours.
     """
 
     t_s: Array
@@ -243,8 +240,7 @@ def _joined(pieces: list[_Piece], dropped: dict[str, int]) -> Thinned:
 def _correlation_factor(pieces: list[_Piece]) -> Array:
     """Return the factor (m,) by which noise of correlation rho raises the sigma of a mean.
 
-    sqrt((1 + rho) / (1 - rho)) for a first-order process; the parabola takes three parts of n out
-    of rho.
+    sqrt((1 + rho) / (1 - rho)) for a first-order process; the parabola takes 3/n out of rho.
     """
     squares = np.sum([piece.squares / np.maximum(piece.stated, 1e-300) ** 2 for piece in pieces], axis=0)
     products = np.sum([piece.products / np.maximum(piece.stated, 1e-300) ** 2 for piece in pieces], axis=0)

@@ -200,11 +200,8 @@ def _lines(columns: Mapping[str, Array]) -> str:
 
 
 def _read_table(path: str | Path, notes: Sequence[str], needed: Sequence[str], optional: Sequence[str]) -> Table:
-    """Return the notes and the columns (n,) of a table that has all `notes` and `needed` columns.
-
-    A column that is neither needed nor `optional` is an error: a typing error would otherwise go
-    unnoticed.
-    """
+    """Return notes and columns (n,) of a table that has all `notes` and all `needed` columns."""
+    # A column that is neither is an error, or one with a typing error would go unnoticed.
     source = Path(path)
     try:
         # Spreadsheets write a byte-order mark, which "utf-8-sig" takes off.

@@ -6,8 +6,7 @@ number is the square.  Parameters that belong to one pass only are eliminated fi
 lies below the rows of p is free of p and goes on to the common terms, and the rows of p give p once
 the terms are known.
 
-What the data do not determine is reported by the names of the terms, with the data that would
-separate them.
+What the data do not determine is reported by the terms' names, with data that would separate them.
 """
 
 from collections.abc import Container, Iterable, Sequence
@@ -35,13 +34,13 @@ __all__ = [
 Array = NDArray[np.float64]
 Places = NDArray[np.int64]
 
+# Correlation above which two fitted terms are reported as poorly separated.
 HIGH_CORRELATION = 0.95
-"""Correlation above which two fitted terms are reported as poorly separated."""
 # At one elevation the exact fit went to angles of 2.5 deg, and their products put good terms 29
 # sigma off.
 LARGEST_SIGMA_RAD = 5e-3
+# Smallest ratio of singular values of the column-scaled matrix that still counts as full rank.
 RANK_TOLERANCE = 1e-9
-"""Smallest ratio of singular values of the column-scaled matrix that still counts as full rank."""
 # A term with less of the null direction than this is there by rounding, and no use to the reader.
 _SHARE = 0.05
 # LAPACK's block size: without work space for blocks it takes the slow, unblocked way.

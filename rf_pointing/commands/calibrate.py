@@ -1,10 +1,10 @@
 """Executable `calibrate`: a campaign on the live simulated station, from plan to accepted model.
 
-The sky is filled with beacons, the campaign that fills the 36 sectors in the least time is planned,
-the graph is brought up as `track` does, the calibrator runs the campaign and fits; some more
-beacons are tracked with the new model in the shadow of the old one, and it is accepted if it did
-better there.  The report is written from the observations of the fit. Exit code 0: the better of
-the two models is in force; 1: interrupted, or no model to decide about; 2: not started.
+The sky is filled with beacons, and the campaign that fills the 36 sectors in the least time is
+planned.  The graph is brought up as `track` does it, the calibrator runs the campaign and fits.
+More beacons are tracked with the new model in the shadow of the old one, and it is accepted if it
+is better there.  The report shows the observations of the fit. Exit code 0: the better of the two
+models is in force; 1: interrupted, or no model to decide about; 2: not started.
 """
 
 import argparse
@@ -38,30 +38,30 @@ from rf_pointing.commands.station_run import run_to_end
 from rf_pointing.commands.track_options import DEFAULT_MODELS, output_folder, speed_factor
 from rf_pointing.core import MDEG, require_between
 from rf_pointing.core.dates import parse_utc, utc_text
+from rf_pointing.core.modes import Sensor
 from rf_pointing.ephemeris import Elements, Pass, site, tle_lines
 from rf_pointing.nodes.bias_calibrator import JOURNAL
 from rf_pointing.planning import AxisLimits
-from rf_pointing.station.campaign.commissioning import commissioning_model
 from rf_pointing.station.campaign.log import CalibrationLog
-from rf_pointing.station.campaign.model_keeper import ModelKeeper, campaign_folder
+from rf_pointing.station.campaign.model_keeper import ModelKeeper, campaign_folder, commissioning_model
 from rf_pointing.station.campaign.plan import ArcRules, beacons, candidate_arcs, window_of
 
 Counts = NDArray[np.int64]
+# Before the passes that `track` chooses by default, for which the model shall be valid.
 DEFAULT_START = "2006-06-25T00:00:00"
-"""Before the passes that `track` chooses by default, for which the model shall be valid."""
+# Lengths of the pieces of passes that the plan chooses from.
 ARCS_S = (60.0, 120.0, 240.0)
-"""Lengths of the pieces of passes that the plan chooses from."""
 SHADOW_ARCS_S = (60.0,)
+# Time in which a beacon is found for each pass in the shadow.
 SHADOW_SPAN_S = 600.0
-"""Time in which a beacon is found for each pass in the shadow."""
+# From the end of a pass, or from the start, to the first point of the next one.
 LARGEST_SLEW_S = 180.0
-"""From the end of a pass, or from the start, to the first point of the next one."""
 SPACING_S = 0.5
 SIGMA_RAD = 2.0 * MDEG
+# Of valid errors before the first observation: the lags follow changes of rate over 10 s.
 SETTLE_S = 25.0
-"""Of valid errors before the first observation: the lags follow changes of rate over 10 s."""
+# From the start of a pass until the search is over and the lags of the mount have settled.
 ACQUISITION_S = 45.0
-"""From the start of a pass until the search is over and the lags of the mount have settled."""
 
 
 def arguments(argv: list[str] | None = None) -> argparse.Namespace:
@@ -69,7 +69,9 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="calibrate", description="Calibrate the simulated station's pointing model.")
     parser.add_argument("--station", default="Goldstone DSS-13", help="station name (default: Goldstone DSS-13)")
     parser.add_argument("--band", choices=("S", "X", "Ka"), default="X", help="frequency band (default: X)")
-    parser.add_argument("--sensor", choices=("monopulse", "conscan"), default="monopulse", help="(default: monopulse)")
+    parser.add_argument(
+        "--sensor", choices=(Sensor.MONOPULSE, Sensor.CONSCAN), default=Sensor.MONOPULSE, help="(default: monopulse)"
+    )
     parser.add_argument(
         "--start", metavar="UTC", default=DEFAULT_START, help=f"simulated time (default: {DEFAULT_START})"
     )
@@ -88,14 +90,14 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
         help="error of the beacons' orbits that the fit allows for in each pass (default: 5)",
     )
     parser.add_argument(
-        "--resume", action="store_true", help="go on with an interrupted campaign: only what its observations left thin"
+        "--resume", action="store_true", help="continue an interrupted campaign: only what its observations left thin"
     )
     parser.add_argument(
         "--shadow",
         metavar="N",
         type=int,
         default=3,
-        help="passes beside the new model before it is accepted (default: 3)",
+        help="passes with the new model in the shadow before it is accepted (default: 3)",
     )
     parser.add_argument("--models", metavar="DIR", default=str(DEFAULT_MODELS), help=f"(default: {DEFAULT_MODELS})")
     parser.add_argument("--speed", default="max", help="factor of real time, or max (default)")
@@ -105,6 +107,7 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument(
         "--output", metavar="DIR", help="folder of bag and report (default: runs/calibration-TIME-NUMBER)"
     )
+    # Any beacon will do: each pass selects its own at ephemeris_publisher.
     beacons_and_journal = {"satellite": "90001", "keep_observations": True}
     return argparse.Namespace(**vars(track_options.arguments([])) | vars(parser.parse_args(argv)) | beacons_and_journal)
 
@@ -124,9 +127,11 @@ def plan(options: argparse.Namespace) -> Schedule:
     require_between("shadow", options.shadow, 2, 20)
     require_between("longest", options.longest, 60.0, 86400.0)
     require_between("orbit_prior", options.orbit_prior, 0.01, 1e6)
+    # Without a folder a kill would lose the campaign, and nothing could be resumed.
     if not options.models:
         raise ValueError("models='' must name a folder: a campaign keeps its observations there")
     start_s = parse_utc(options.start)
+    # The beacons' epoch is the start: SGP4 elements are good for days, not for years.
     elements, rule = beacons(start_s), SectorRule(fewest=options.fewest, most=max(30, options.fewest))
     filled, last_s = progress_so_far(options, rule) if options.resume else (None, start_s)
     begin_s = max(start_s, last_s) + LARGEST_SLEW_S
@@ -135,6 +140,7 @@ def plan(options: argparse.Namespace) -> Schedule:
         raise ValueError(f"longest={options.longest} s leaves no beacon to track")
     windows = windows_of(options, elements, campaign)
     begin_s = (windows[-1].los_t_s if windows else begin_s) + LARGEST_SLEW_S
+    # Planned after the campaign's end, on passes that the fit has not seen.
     rest = planned(options, elements, begin_s, options.shadow * SHADOW_SPAN_S, SHADOW_ARCS_S, rule)
     shadow = windows_of(options, elements, rest)[: options.shadow]
     if len(shadow) < options.shadow:
@@ -202,12 +208,11 @@ def fit_of(options: argparse.Namespace, output: Path) -> tuple[Observations, Fit
     start = read_model(commissioning_model(config, options.station, options.band, output))
     keeper = ModelKeeper(options.station, options.band, options.models, start, ShadowRules())
     keeper.begin(float(np.max(points.t_s)))
-    size = options.orbit_prior
-    return points, log.fit(keeper.model, pass_priors=PassPriors(along_track_m=size, cross_track_m=size, radial_m=size))
+    return points, log.fit(keeper.model, pass_priors=PassPriors.of_orbit(options.orbit_prior))
 
 
 def say(text: str) -> None:
-    """Tell the user, beside the data."""
+    """Print to standard error: standard output is for data."""
     print(f"calibrate: {text}", file=sys.stderr)
 
 
@@ -258,9 +263,9 @@ def execute(options: argparse.Namespace, schedule: Schedule, output: Path) -> in
 
     code = run_to_end("calibrate", make, work)
     if not (outcomes and outcomes[0].settled) and journal_of(options).points is not None:
-        say(f"the observations are kept in {journal_of(options).path}: calibrate --resume goes on with them")
+        say(f"the observations are kept in {journal_of(options).path}: calibrate --resume continues with them")
     for (points, fit), outcome in zip(fits, outcomes, strict=False):
-        remarks = [f"Beside the model in force: {outcome.shadow}"] if outcome.shadow else []
+        remarks = [f"In the shadow of the model in force: {outcome.shadow}"] if outcome.shadow else []
         page = write_calibration_report(output, points, fit, name=outcome.model, remarks=remarks)
         say(f"report {page}")
     return code

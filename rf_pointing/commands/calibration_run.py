@@ -68,6 +68,7 @@ class CalibrationRun(StationRun):
         self.say(fit.message)
         if not fit.success:
             return Outcome()
+        # Before the shadow adds observations: the report is that of the fit.
         self._on_fit()
         shadow = self._observe(self._shadow, resume=True)
         if self.stopping:

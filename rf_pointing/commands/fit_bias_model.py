@@ -25,7 +25,6 @@ from rf_pointing.calibration import (
     ModelVersion,
     Observations,
     PassPriors,
-    Prior,
     RawTracking,
     ReferenceTrack,
     SectorRule,
@@ -44,7 +43,7 @@ from rf_pointing.calibration import (
 from rf_pointing.core import MDEG
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.ephemeris import read_elements, site
-from rf_pointing.station.campaign.log import PRIOR_SIGMA
+from rf_pointing.station.campaign.log import priors_near
 from rf_pointing.station.campaign.recorded_input import (
     holds_points,
     process_passes,
@@ -172,9 +171,9 @@ def _recorded(options: argparse.Namespace, path: Path) -> list[Pass]:
 
 def orbit_priors(options: argparse.Namespace, points: Observations, present: ModelVersion | None) -> PassPriors | None:
     """Return the orbit errors that the fit allows for: as given, or as the passes show them."""
-    size = options.orbit_prior
-    if size is not None:
-        return PassPriors(along_track_m=size, cross_track_m=size, radial_m=size) if size != 0.0 else None
+    if options.orbit_prior is not None:
+        return PassPriors.of_orbit(options.orbit_prior)
+    # Without ranges a displacement in metres is no angle.
     if points.range_m is None or points.range_rate_m_s is None:
         return None
     return measured_pass_priors(lambda priors: fit_of(options, points, present, tuple(options.terms), priors))
@@ -224,6 +223,7 @@ def prediction_remarks(options: argparse.Namespace, points: Observations, result
 def fitted(options: argparse.Namespace, points: Observations, present: ModelVersion | None) -> FitResult:
     """Return the fit of the chosen terms."""
     names, orbit = tuple(options.terms), orbit_priors(options, points, present)
+    # Selection looks at the printed form, which is linear: all subsets come from one triangle.
     if options.select:
         held = {name: value for name, value in _known(present).items() if name not in names}
         names = select_terms(points, names, held=held, pass_priors=orbit)
@@ -240,18 +240,13 @@ def fit_of(
     """Return the fit of `names`, the others held at the present model's values."""
     known = _known(present)
     base = BiasModel.zero().replace(**{**known, **{name: known.get(name, 0.0) for name in options.terms}})
-    priors = {
-        term.name: Prior(base.coefficients[term.name], PRIOR_SIGMA[term.unit])
-        for term in base.terms
-        if term.name in names
-    }
     return fit_bias_model(
         points,
         terms=names,
         # A term that was offered and not chosen is zero; one that was not offered keeps its known
         # value.
         held={name: 0.0 if name in options.terms else value for name, value in base.coefficients.items() if name not in names},
-        priors=priors if present else None,
+        priors=priors_near(base, names) if present else None,
         pass_priors=orbit,
         options=FitOptions(
             form=options.form, scale_covariance=True,
@@ -274,6 +269,7 @@ def run(options: argparse.Namespace) -> list[str]:
     present = read_model(options.start_model) if options.start_model else None
     if present is not None:
         present.check_for(options.station, options.band, present.valid_from_t_s)
+    # Read once: a recording takes longer than all fits.
     files = read_files(options)
     if options.tdm and not files[1]:
         raise ValueError(f"tdm={options.tdm}: the files hold calibration points only, no raw data to write")

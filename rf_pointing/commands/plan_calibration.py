@@ -44,11 +44,14 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--arc", type=float, nargs="*", default=[], metavar="S", help="lengths of pieces of passes "
                         "(default: whole passes)")  # fmt: skip
     parser.add_argument("--spacing", type=float, default=10.0, metavar="S", help="time between points (default: 10)")
-    parser.add_argument("--settle", type=float, default=60.0, metavar="S", help="besides the slew (default: 60)")
+    parser.add_argument("--settle", type=float, default=60.0, metavar="S", help="in addition to the slew (default: 60)")
     parser.add_argument("--fewest", type=int, default=25, help="points in each sector (default: 25)")
     parser.add_argument("--sigma", type=float, default=2.0, metavar="MDEG", help="of one point (default: 2)")
-    parser.add_argument("--improve", nargs="+", default=[], metavar="TERM", help="terms whose sigma shall shrink")
-    parser.add_argument("--model", type=Path, metavar="FILE", help="last model, whose covariance is the starting point")
+    parser.add_argument("--improve", nargs="+", default=[], metavar="TERM", help="advise the passes that reduce the sigma "
+                        "of these terms most")  # fmt: skip
+    parser.add_argument(
+        "--model", type=Path, metavar="FILE", help="last model; its covariance is where --improve starts"
+    )
     parser.add_argument("--count", type=int, default=5, help="how many passes to advise (default: 5)")
     parser.add_argument("--orbit-prior", type=float, default=200.0, metavar="M", help="orbit error of each pass that the "
                         "next fit allows for (default: 200; 0: none)")  # fmt: skip
@@ -66,6 +69,7 @@ def candidates_of(options: argparse.Namespace) -> list[CandidatePass]:
     else:
         elements = verification_elements()
     span_s = options.hours * HOUR_S
+    # The least age over the campaign counts: older elements are wrong by kilometres.
     fresh = [one for one in elements if abs(start_s + 0.5 * span_s - one.epoch_t_s) < 14.0 * 86400.0 - 0.5 * span_s]
     if not fresh:
         raise ValueError(f"none of {len(elements)} elements is within 14 days of start={options.start}")
@@ -103,11 +107,11 @@ def advice(options: argparse.Namespace, candidates: list[CandidatePass]) -> int:
         file.check_for(options.station, file.band, file.valid_from_t_s)
         terms, covariance = file.fitted, file.covariance
     else:
-        # Of a station never calibrated no term is known, whichever are to be improved.
+        # Of a station that was never calibrated no term is known, not even those that are to be
+        # improved.
         terms = tuple(dict.fromkeys((*TERM_NAMES, *options.improve)))
         covariance = uninformed_covariance(terms)
-    size = options.orbit_prior
-    orbit = PassPriors(along_track_m=size, cross_track_m=size, radial_m=size) if size != 0.0 else None
+    orbit = PassPriors.of_orbit(options.orbit_prior)
     before = dict(zip(terms, np.sqrt(np.diag(covariance)), strict=True))
     found = next_best_passes(
         terms, covariance, candidates, chosen=options.improve, count=options.count, pass_priors=orbit,

@@ -18,7 +18,7 @@ from rf_pointing.ephemeris import Pass, first_pass_above
 from rf_pointing.ephemeris.source import load_track
 from rf_pointing.planning import HorizonMask
 from rf_pointing.rf import HALF_POWER_BEAMWIDTH_RAD, LinkParams
-from rf_pointing.station.campaign.commissioning import commissioning_model
+from rf_pointing.station.campaign.model_keeper import commissioning_model
 from rf_pointing.station.pointing.mode import link_level_db_hz
 from rf_pointing.tracking.conscan_design import ScanDesignParams, scan_for_accuracy
 from rf_pointing.tracking.conscan_estimate import ConscanParams

@@ -1,15 +1,17 @@
-"""Executable `bias_calibrator`: keeps the pointing model, and fits a new one to what was tracked.
+"""Executable `bias_calibrator`: holds the pointing model, and fits a new one to tracked passes.
 
-Subscribes: target, joint_states, pointing_error.  Publishes: pointing_model (latched, with
-covariance). Actions: ~/run_campaign (RunCampaign) tracks passes and takes observations, ~/fit_model
-(FitModel) makes a candidate. Services: ~/accept, ~/reject, ~/rollback (std_srvs/Trigger).  Until it
-is accepted a candidate only runs in the shadow, and it is accepted only when it was found better
-there (shadow.accept). Parameters: calibrator.* (models, station, band, spacing and noise of the
-observations), shadow.* (when a verdict is given, and which one is needed), orbit.* (errors of the
-reference orbit that the fit estimates with every pass).
+Subscribes: target, joint_states, pointing_error.
+Publishes: pointing_model (latched, with covariance).
+Actions: ~/run_campaign (RunCampaign) tracks passes and takes observations, ~/fit_model (FitModel)
+makes a candidate.
+Services: ~/accept, ~/reject, ~/rollback (std_srvs/Trigger).  Until it is accepted a candidate only
+runs in the shadow, and it is accepted only if it was better there (shadow.accept).
+Parameters: calibrator.* (models, station, band, spacing and noise of the observations), shadow.*
+(when a verdict is given, and which one is needed), orbit.* (errors of the reference orbit that the
+fit estimates with every pass).
 
 With `calibrator.folder` every observation is on the disk before the next one is taken, one file and
-one set of models for each station and band: a killed node goes on where it was.
+one set of models for each station and band: a killed node continues where it was.
 """
 
 from collections.abc import Callable
@@ -52,17 +54,17 @@ CAMPAIGN_TURN_S = 0.02
 class CalibratorParams(Params):
     """Where the models live and how observations are taken."""
 
-    folder: str = parameter("", "folder of models and observations; empty: nothing outlives the node")
+    folder: str = parameter("", "folder of models and observations; empty: none are kept after the node ends")
     keep_observations: bool = parameter(True, "whether observations are kept in the folder as well")
     model_file: str = parameter("", "model in force before one is accepted; empty: no correction")
     station: str = parameter("Goldstone DSS-13", "station that the model must belong to")
     band: str = parameter("X", "band that the model must belong to")
     spacing_s: float = parameter(1.0, "time between two observations", low=0.1, high=600.0)
     sigma_rad: float = parameter(
-        2.0 * MDEG, "standard deviation of one observation on the sky besides the sensor's own", low=1e-7, high=0.01
+        2.0 * MDEG, "standard deviation of one observation on the sky, added to the sensor's own", low=1e-7, high=0.01
     )
     largest_error_rad: float = parameter(
-        6.0 * MDEG, "sensed error above which nothing is observed, a tenth of a beamwidth", low=1e-7, high=0.1
+        6.0 * MDEG, "sensed error above which nothing is observed: a tenth of a beamwidth", low=1e-7, high=0.1
     )
     settle_s: float = parameter(
         0.0, "time with a valid sensor before the first observation of a pass", low=0.0, high=600.0
@@ -82,7 +84,7 @@ class BiasCalibrator(ManagedNode):
         self._log: CalibrationLog | None = None
         self._active = False
         self._campaign: Any = None
-        self._shown, self._refusal_of_campaign = -1, ""
+        self._shown, self._reason = -1, ""
         self._runner = CampaignRunner(self, lambda: len(self._log) if self._log is not None else 0)
         self._actions = [
             ActionServer(
@@ -99,6 +101,7 @@ class BiasCalibrator(ManagedNode):
         params: CalibratorParams = self.parameters.value("calibrator")
         start = read_model(params.model_file) if params.model_file else None
         self._keeper = ModelKeeper(params.station, params.band, params.folder, start, self.parameters.value("shadow"))
+        # One journal for each station and band: a fit of mixed ones would be of no antenna.
         journal = None
         if params.folder and params.keep_observations:
             place = campaign_folder(params.folder, params.station, params.band) / JOURNAL
@@ -124,10 +127,11 @@ class BiasCalibrator(ManagedNode):
     def deactivate(self) -> None:
         self._active = False
         self._runner.cancel()
+        # The last chance for observations that the disk did not take before.
         self._log.write_waiting()
 
     def turn(self) -> float:
-        """Go on with the campaign, and end its goal when it is over."""
+        """Continue the campaign, and end its goal when it is over."""
         if self._campaign is None:
             return super().turn()
         self._runner.poll()
@@ -140,6 +144,7 @@ class BiasCalibrator(ManagedNode):
         return CAMPAIGN_TURN_S
 
     def _publish(self) -> None:
+        # Latched: a controller that starts later receives the model too.
         file = self._keeper.active
         if file is not None:
             message = convert_calibration.model_to_message(file)
@@ -150,6 +155,8 @@ class BiasCalibrator(ManagedNode):
         if not message.valid or not self._active:
             return
         error = convert.error_from_message(message)
+        # The encoders read next to the error's stamp, not the newest: at 1 deg/s a period is 100
+        # mdeg.
         reading = self._joints.take(error.t_s)
         if reading is not None:
             self._log.take_joints(reading)
@@ -157,17 +164,20 @@ class BiasCalibrator(ManagedNode):
         if row is not None:
             self._keeper.observe(row)
 
+    # One campaign at a time: there is one antenna.
     def _on_goal(self, _request: RunCampaign.Goal) -> GoalResponse:
         return GoalResponse.ACCEPT if self._active and self._campaign is None else GoalResponse.REJECT
 
     def _on_campaign(self, goal: Any) -> None:
-        self._refusal_of_campaign = ""
+        self._reason = ""
         try:
             self._runner.start(goal.request.passes, goal.request.sensor)
             if not goal.request.resume:
                 self._log.begin_anew(f"{self.now_s():.0f}")
-        except ValueError as refusal:
-            self._refusal_of_campaign = str(refusal)
+        except ValueError as error:
+            # Executed at once, so that the client receives the reason as a result: a rejection has
+            # no text.
+            self._reason = str(error)
             goal.execute()
             return
         self._campaign = goal
@@ -181,17 +191,17 @@ class BiasCalibrator(ManagedNode):
         result = RunCampaign.Result(
             observations=len(self._log),
             sectors_filled=self._sectors_filled(),
-            message=self._refusal_of_campaign,
+            message=self._reason,
             verdict=verdict.word if verdict else "",
         )
-        if not self._refusal_of_campaign:
+        if not self._reason:
             wanted = len(goal.request.passes)
             result.passes_observed = runner.observed
             result.success = runner.observed == wanted
-            said = [f"{runner.observed} of {wanted} passes observed, {result.observations} observations"]
+            lines = [f"{runner.observed} of {wanted} passes observed, {result.observations} observations"]
             if verdict is not None:
-                said.append(f"{self._keeper.candidate.name} is {self._keeper.verdict_text()}")
-            result.message = "; ".join([*said, *runner.failures[:3]])
+                lines.append(f"{self._keeper.candidate.name} is {self._keeper.verdict_text()}")
+            result.message = "; ".join([*lines, *runner.failures[:3]])
         return conclude(goal, result)
 
     def _progress(self) -> RunCampaign.Feedback:
@@ -221,9 +231,9 @@ class BiasCalibrator(ManagedNode):
                 created_t_s=now_s,
             )
             self._keeper.propose(file)
-        except ValueError as refusal:
+        except ValueError as error:
             goal.abort()
-            return FitModel.Result(message=str(refusal))
+            return FitModel.Result(message=str(error))
         goal.succeed()
         return convert_calibration.fit_to_result(fit, file, doubts_of(fit, self._log.observations()))
 
@@ -245,13 +255,13 @@ class BiasCalibrator(ManagedNode):
             self._keeper.retune(self.parameters.value("shadow"))
 
     def _deciding(self, decide: Callable[[], str]) -> Callable[[Any, Any], Any]:
-        """Return a service callback that says what was decided, or why not."""
+        """Return a service callback that answers with the decision or the reason against it."""
 
         def answer(_request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
             try:
                 response.success, response.message = True, decide()
-            except (ValueError, OSError) as refusal:
-                response.success, response.message = False, str(refusal)
+            except (ValueError, OSError) as error:
+                response.success, response.message = False, str(error)
             return response
 
         return answer

@@ -1,8 +1,7 @@
 """A campaign on the live graph: pass after pass, selected at the ephemeris and tracked.
 
-A pass has served its purpose when it gave observations; whether the controller calls it tracked
-does not matter: most of a short piece of a pass goes into the search.  Nothing waits inside a
-callback: `poll` looks between two events at what is under way.
+A pass counts as observed when it gave observations, even if the controller does not call it
+tracked: most of a short piece of a pass goes into the search.
 """
 
 import time
@@ -19,10 +18,10 @@ from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
 
 __all__ = ["CampaignRunner"]
 
+# Wall time after which a service or an action server that does not answer is given up.
 ANSWER_S = 20.0
-"""Wall time after which a service or an action server that does not answer is given up."""
+# Passes are selected from this long before: they may rise long before the wanted piece.
 LOOK_BACK_S = 7200.0
-"""Passes are selected from this long before: they may rise long before the wanted piece."""
 
 
 class CampaignRunner:
@@ -76,10 +75,12 @@ class CampaignRunner:
             self._handle.cancel_goal_async()
 
     def poll(self) -> None:
-        """Go on where an answer has arrived."""
+        """Continue where an answer has arrived."""
+        # Polled between two events: a callback that waited for an answer would block its arrival.
         if self._step == "idle":
             return
         if not self._future.done():
+            # A pass lasts as long as it lasts; only services and goals have a time to answer in.
             if self._step != "tracking" and time.monotonic() - self._asked_s > ANSWER_S:
                 self._fail(f"no answer within {ANSWER_S:.0f} s")
             return

@@ -12,6 +12,7 @@ __all__ = ["fit_to_result", "model_from_message", "model_to_message", "no_model_
 
 def model_to_message(file: ModelVersion) -> PointingModel:
     names = list(file.model.coefficients)
+    # The message has a row for every term; those that were not fitted have no variance.
     covariance = np.zeros((len(names), len(names)))
     places = [names.index(term) for term in file.fitted]
     covariance[np.ix_(places, places)] = file.covariance

@@ -20,7 +20,7 @@ from rf_pointing.ephemeris.source import SourceParams, load_elements, load_track
 from rf_pointing.simulation import PassLog, StationSetup, simulate_pass
 from rf_pointing.station.antenna.mount import MountParams
 from rf_pointing.station.antenna.receiver import Reception
-from rf_pointing.station.campaign.commissioning import COMMON, FILES
+from rf_pointing.station.campaign.model_keeper import commissioning_file
 
 __all__ = [
     "KA_45_DB_HZ",
@@ -64,7 +64,7 @@ class Case:
 
 def model_file(band: str) -> Path:
     """Return the pointing model that the station uses in a band."""
-    return config_folder() / FILES.get(band, COMMON)
+    return commissioning_file(config_folder(), band)
 
 
 def moved_mount(band: str, right_rad: float, up_rad: float) -> dict[str, object]:

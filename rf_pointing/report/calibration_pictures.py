@@ -37,6 +37,7 @@ def draw_coverage(points: Observations, used: NDArray[np.bool_], rule: SectorRul
         for rows, colour, label in ((used, AXIS_COLOURS[0], "used"), (~used, AXIS_COLOURS[1], "edited out")):
             if np.any(rows):
                 zenith = 90.0 - np.degrees(points.true_elevation_rad[rows])
+                # Above the bars: points under them would look like missing data.
                 axes.plot(points.true_azimuth_rad[rows], zenith, ".", ms=2.0, color=colour, label=label, zorder=3.0)
         axes.legend(loc="lower left", bbox_to_anchor=(-0.05, -0.05), markerscale=4.0)
 
@@ -59,6 +60,7 @@ def draw_residuals(points: Observations, fit: FitResult, path: Path) -> None:
                 axes.axhline(0.0, color="#888888", lw=0.7)
                 if row == 1:
                     axes.set_xlabel(label)
+            # Of the used rows only: one outlier of degrees would flatten all others to a line.
             limit = 1.15 * float(np.max(np.abs(values[:, fit.used]))) / MDEG
             grid[row][0].set(ylabel=f"{name}, mdeg on the sky", ylim=(-limit, limit))
         legend_above(grid[0][0])

@@ -1,6 +1,5 @@
 """The report of a calibration: one HTML file with numbers, pictures, tables and doubts."""
 
-import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -16,11 +15,14 @@ from rf_pointing.calibration import (
     doubts_of,
 )
 from rf_pointing.core import MDEG
+from rf_pointing.core.dates import to_utc_text
+from rf_pointing.core.whole_file import write_whole
 from rf_pointing.report.calibration_pictures import draw_correlation, draw_coverage, draw_histogram, draw_residuals
 from rf_pointing.report.html import Cell, document, figure, number, table, text
 
 __all__ = ["write_calibration_report"]
 
+# People read millidegrees and milliseconds: in rad and s all coefficients are 0.00.
 _UNITS = {"rad": ("mdeg", 1.0 / MDEG), "s": ("ms", 1e3), "s^2": ("10⁻³ s²", 1e3), "rad/K": ("mdeg/K", 1.0 / MDEG)}
 _MOST_REJECTED = 20
 
@@ -36,10 +38,10 @@ def write_calibration_report(
     notes: Sequence[str] = (),
     remarks: Sequence[str] = (),
 ) -> Path:
-    """Write `report.html` with its pictures beside it and return the file.
+    """Write `report.html` and its pictures into `folder`, and return the file.
 
     `points` are the observations of `fit`, in the same order; `stages` are the reports of the
-    pipeline, `remarks` say how the model did on passes that it was not fitted to.
+    pipeline, `notes` what was left out, `remarks` how the model did on passes it was not fitted to.
     """
     if len(points) != len(fit.used):
         raise ValueError(f"points={len(points)} must be the {len(fit.used)} observations of the fit")
@@ -54,7 +56,7 @@ def write_calibration_report(
         ),
         ("residuals", "Residuals", "Observed minus ephemeris above, what the fit leaves over below."),
         ("histogram", "Distribution", "Used observations only; the curves have the rms of the residuals."),
-        ("correlation", "Correlation of the terms", "Terms beyond 0.95 cannot be told apart by these data."),
+        ("correlation", "Correlation of the terms", "These data do not separate terms beyond 0.95."),
     )
     draw_coverage(points, fit.used, chosen, place / "coverage.png")
     draw_residuals(points, fit, place / "residuals.png")
@@ -77,15 +79,13 @@ def write_calibration_report(
         _rejected(fit),
     ]
     target = place / "report.html"
-    target.write_text(document(f"Pointing model {name}", parts), encoding="utf-8")
+    write_whole(target, document(f"Pointing model {name}", parts))
     return target
 
 
 def _span(fit: FitResult) -> str:
-    first, last = (
-        np.datetime64(int(t_s * 1e3), "ms").astype(str).replace("T", " ") for t_s in (fit.first_t_s, fit.last_t_s)
-    )
-    return f"data from {first[:19]} to {last[:19]} UTC"
+    first, last = (to_utc_text(t_s)[:19].replace("T", " ") for t_s in (fit.first_t_s, fit.last_t_s))
+    return f"data from {first} to {last} UTC"
 
 
 def _tiles(points: Observations, fit: FitResult, rule: SectorRule) -> str:
@@ -111,6 +111,7 @@ def _tile(value: str, label: str, kind: str) -> str:
 
 def _notice(fit: FitResult, points: Observations, rule: SectorRule, notes: Sequence[str]) -> str:
     coverage = rule.coverage(points.true_azimuth_rad, points.true_elevation_rad)
+    # Before the pictures: a low rms is no reason to trust terms that these data do not determine.
     items = [*notes, *doubts_of(fit, points), *fit.separation_advice()]
     if coverage.thin:
         thin = ", ".join(f"{rule.name(k)} ({coverage.counts[k]})" for k in coverage.thin[:6])
@@ -170,6 +171,5 @@ def _rejected(fit: FitResult) -> str:
     rows = [(str(one.row), str(one.pass_id), one.reason) for one in fit.rejected[:_MOST_REJECTED]]
     more = len(fit.rejected) - len(rows)
     rest = f"<p>and {more} more.</p>" if more > 0 else ""
-    share = 100.0 * len(fit.rejected) / max(len(fit.used), 1)
-    assert math.isfinite(share)
+    share = 100.0 * len(fit.rejected) / len(fit.used)
     return f"<h2>Edited out: {share:.1f} %</h2>{table(('row', 'pass', 'why'), rows, words=(0, 1, 2))}{rest}"

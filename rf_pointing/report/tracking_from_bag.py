@@ -98,6 +98,7 @@ def _stretches(targets: TopicData) -> list[tuple[str, ReferenceTrack]]:
         chosen = rows[first]
         if len(times) >= 2:
             columns = {core: targets[name][chosen].astype(np.float64) for core, name in _REFERENCE_COLUMNS.items()}
+            # A target that crosses north jumps by a turn, which no interpolation may follow.
             columns["azimuth_rad"] = np.unwrap(columns["azimuth_rad"])
             found.append((str(names[chosen[0]]), ReferenceTrack(t_s=times, **columns)))
     return found
@@ -114,8 +115,10 @@ def _recorded(
 ) -> tuple[RawTracking, ReferenceTrack] | None:
     t_s, joint_s = _seconds(errors), _seconds(joints)
     position = np.array(joints["position"].tolist(), dtype=np.float64)
+    # A recorder under load may write messages out of order.
     order = np.argsort(joint_s, kind="stable")
     within = reference.covers(t_s) & (t_s >= joint_s[order[0]]) & (t_s <= joint_s[order[-1]])
+    # Conscan and steptrack move the beam on purpose: their errors are not those of where it points.
     rows = np.flatnonzero(within & (errors["sensor"] == Sensor.MONOPULSE))
     if len(rows) < FEWEST_SAMPLES:
         return None

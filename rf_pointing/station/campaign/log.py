@@ -1,11 +1,12 @@
 """From a tracked pass to calibration data: encoder angles plus the sensed error.
 
-An observation is where the encoders would stand with the beam exactly on the target; its true
-angles are the ephemeris'.
+An observation is where the encoders would be with the beam exactly on the target; its true angles
+are those of the ephemeris.
 """
 
 import math
 from collections import deque
+from collections.abc import Collection
 
 import numpy as np
 
@@ -26,23 +27,28 @@ from rf_pointing.station.pointing.prediction import TargetBuffer
 
 __all__ = ["CalibrationLog"]
 
+# How far a term may have moved from the present model; acceleration lags are hardly known at all.
 PRIOR_SIGMA = {"rad": math.radians(0.2), "rad/K": math.radians(0.02), "s": 0.5, "s^2": 10.0}
-"""How far a term may have moved from the present model; acceleration lags are hardly known."""
 PASS_GAP_S = 120.0
+# Encoders this old, moved on by their rate, are off by less than a mdeg in a fast pass.
 LARGEST_JOINT_AGE_S = 0.1
 KEPT_RANGES = 64
 FEWEST = 30
 
 
-class CalibrationLog:
-    """Collects an observation every `spacing_s` while a sensor is valid, and fits the terms to them.
+def priors_near(model: BiasModel, names: Collection[str]) -> dict[str, Prior]:
+    """Return priors that hold the terms `names` near `model`."""
+    known = model.coefficients
+    return {term.name: Prior(known[term.name], PRIOR_SIGMA[term.unit]) for term in model.terms if term.name in names}
 
-    Errors beyond `largest_error_rad` are left out: off its axis a sensor is not calibrated, and 5 %
-    of a beamwidth is a lot. Nothing is observed in the first `settle_s` with a valid sensor, nor in
-    those after such an error: after a slew and after a search the lags are not steady yet. With a
-    `journal` every observation is on the disk before the next one, and those already in it count.
-    What a disk does not take stays here, is tried again with the next observation, and `problem`
-    says so.
+
+class CalibrationLog:
+    """Collects an observation every `spacing_s` while a sensor is valid, and fits the terms.
+
+    Errors beyond `largest_error_rad` are left out, as is what is observed within `settle_s` of them
+    or of the first valid error.  With a `journal` every observation is on the disk before the next
+    one, and those already in it count.  What a disk does not take is kept and tried again with the
+    next observation; `problem` reports it.
     """
 
     def __init__(
@@ -124,7 +130,7 @@ class CalibrationLog:
         self.problem = ""
 
     def begin_anew(self, name: str) -> None:
-        """Begin a new campaign; the old one's file is kept under its name with `name` added.
+        """Begin a new campaign; the file of the old one is renamed to include `name`.
 
         Raises ValueError while observations of the old one are not on the disk: they would be lost.
         """
@@ -152,24 +158,21 @@ class CalibrationLog:
         if len(self) < FEWEST:
             raise ValueError(f"{len(self)} observations, must have at least {FEWEST}: track a pass with a sensor first")
         chosen = terms or tuple(present.coefficients)
-        known = {**present.coefficients, **dict.fromkeys((t for t in chosen if t not in present.coefficients), 0.0)}
-        priors = {
-            term.name: Prior(known[term.name], PRIOR_SIGMA[term.unit])
-            for term in present.replace(**known).terms
-            if term.name in chosen
-        }
-        held = {name: value for name, value in known.items() if name not in chosen}
+        base = present.replace(**{name: 0.0 for name in chosen if name not in present.coefficients})
         return fit_bias_model(
             self.observations(),
             terms=chosen,
-            held=held,
-            priors=priors,
+            held={name: value for name, value in base.coefficients.items() if name not in chosen},
+            priors=priors_near(base, chosen),
             pass_priors=pass_priors,
+            # Scaled by the residuals: the sensors' sigmas leave out what the servo and the wind
+            # add.
             options=FitOptions(form=form, scale_covariance=True),
         )
 
     def observations(self) -> Observations:
-        """Return what was collected."""
+        """Return all observations."""
+        # Joined once, not at every call: a campaign has thousands of single rows.
         self._parts = [Observations.concatenate(self._parts)]
         return self._parts[0]
 
@@ -185,12 +188,16 @@ class CalibrationLog:
         if self._sensed_since_s is None or not 0.0 <= error.t_s - self._sensed_s <= PASS_GAP_S:
             self._sensed_since_s = error.t_s
         self._sensed_s = error.t_s
+        # Off its axis a sensor is not calibrated: 5 % of the offset is more than any other error.
+        # And where the beam was off, the mount's lags have not settled: they would end in the lag
+        # terms (docs/math/calibration_campaign.md).
         if math.hypot(error.cross_elevation_rad, error.elevation_rad) > self._largest_error_rad:
             self._sensed_since_s = None
             return False
         return error.t_s - self._sensed_since_s >= self._settle_s
 
     def _row(self, error: PointingError, joints: JointReading, pass_id: int) -> Observations:
+        # The error is stamped in the middle of its integration, the encoders when they were read.
         position = joints.position_rad + (error.t_s - joints.t_s) * joints.velocity_rad_s
         true = self._target.at([error.t_s])
         azimuth = float(position[0] + error.cross_elevation_rad / math.cos(position[1]))

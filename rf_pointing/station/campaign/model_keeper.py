@@ -1,23 +1,59 @@
-"""The model in force, the candidate beside it, and the way from one to the other.
+"""The model in force, the candidate in its shadow, and the steps from one to the other.
 
-A candidate runs in the shadow of the active model: every new observation scores both, and it is
-accepted only if it did what the rules ask for.  Nothing but `accept` and `roll_back` changes what
-is in force.  With a folder all versions are kept in it (`ModelStore`), one store for each station
-and band, and the accepted one is found again after a restart.
+Every new observation scores the candidate and the active model; a candidate is accepted only if it
+did what the rules require.  Nothing but `accept` and `roll_back` changes what is in force.  With a
+folder all versions are kept in it (`ModelStore`), one store for each station and band, and the
+accepted one is found again after a restart.
 """
 
+import dataclasses
 import re
 from pathlib import Path
 
-from rf_pointing.calibration import BiasModel, ModelStore, ModelVersion, Observations, ShadowRules, ShadowScore, Verdict
+from rf_pointing.calibration import (
+    BiasModel,
+    ModelStore,
+    ModelVersion,
+    Observations,
+    ShadowRules,
+    ShadowScore,
+    Verdict,
+    read_model,
+    write_model,
+)
 from rf_pointing.core import MDEG
 
-__all__ = ["ModelKeeper", "campaign_folder"]
+__all__ = ["ModelKeeper", "campaign_folder", "commissioning_file", "commissioning_model"]
+
+
+# The Ka-band beam is four times narrower: the common model of the antenna is not good enough there.
+_COMMISSIONING = {"Ka": "bias_model_dss13_ka.yaml"}
+_COMMON = "bias_model_dss13.yaml"
 
 
 def campaign_folder(folder: str | Path, station: str, band: str) -> Path:
     """Return where models and observations of a station and band are kept below `folder`."""
+    # The band keeps its case, which ROS and the files spell alike; names of stations hold spaces
+    # and dots.
     return Path(folder) / re.sub(r"[^a-z0-9]+", "_", station.lower()).strip("_") / band
+
+
+def commissioning_file(config: Path, band: str) -> Path:
+    """Return the model in `config` that the simulated antenna was commissioned with."""
+    return config / _COMMISSIONING.get(band, _COMMON)
+
+
+def commissioning_model(config: Path, station: str, band: str, folder: Path) -> Path:
+    """Return the first model of a simulated station, where needed as a copy in `folder`."""
+    source = commissioning_file(config, band)
+    version = read_model(source)
+    if (version.station, version.band) == (station, band):
+        return source
+    # The simulated antenna is the same everywhere, but a node refuses a model of another station or
+    # band, as it must.
+    copy = folder / "commissioning_model.yaml"
+    write_model(copy, dataclasses.replace(version, name=f"{version.name}-{band}", station=station, band=band))
+    return copy
 
 
 class ModelKeeper:
@@ -38,7 +74,7 @@ class ModelKeeper:
         return self.active.model if self.active else BiasModel.zero()
 
     def retune(self, rules: ShadowRules) -> None:
-        """Judge by other rules from now on; what was observed in the shadow counts on."""
+        """Judge by other rules from now on; what was observed in the shadow still counts."""
         self.rules = rules
         if self._shadow is not None:
             self._shadow.rules = rules
@@ -54,17 +90,17 @@ class ModelKeeper:
             self.active = self._start
 
     def free_name(self, stem: str) -> str:
-        """Return `stem`, with a number behind it if a version of that name is kept already."""
+        """Return `stem`, with a number after it if a version of that name exists."""
         taken = self._store.names() if self._store is not None else ()
         return next(name for k in range(1, len(taken) + 2) if (name := stem if k == 1 else f"{stem}-{k}") not in taken)
 
-    def propose(self, file: ModelVersion) -> None:
-        """Make `file` the candidate in place of an earlier one, and begin to score it."""
-        file.check_for(self._station, self._band, file.valid_from_t_s)
+    def propose(self, version: ModelVersion) -> None:
+        """Make `version` the candidate in place of an earlier one, and begin to score it."""
+        version.check_for(self._station, self._band, version.valid_from_t_s)
         if self._store is not None:
-            self._store.add(file)
-        self.candidate = file
-        self._shadow = ShadowScore(self.model, file.model, self.rules)
+            self._store.add(version)
+        self.candidate = version
+        self._shadow = ShadowScore(self.model, version.model, self.rules)
 
     def observe(self, row: Observations) -> None:
         """Score the candidate and the active model on a new observation."""
@@ -91,7 +127,11 @@ class ModelKeeper:
         )
 
     def accept(self, t_s: float) -> ModelVersion:
-        """Put the candidate in force and return it."""
+        """Put the candidate in force and return it.
+
+        Raises ValueError without a candidate, when it is not valid at `t_s`, and when the shadow
+        does not support it.
+        """
         if self.candidate is None:
             raise ValueError("no model has been fitted")
         verdict = self.verdict()
@@ -101,7 +141,7 @@ class ModelKeeper:
         if word != "better" and self.rules.accept == "better":
             raise ValueError(
                 f"candidate {self.candidate.name!r} is {self.verdict_text()}; it must be better after "
-                f"fewest_passes={self.rules.fewest_passes}: track more passes beside it, or reject it"
+                f"fewest_passes={self.rules.fewest_passes}: track more passes with it in the shadow, or reject it"
             )
         self.candidate.check_for(self._station, self._band, t_s)
         if self._store is not None:
@@ -126,6 +166,7 @@ class ModelKeeper:
             self.active = self._before.pop()
         else:
             raise ValueError("no model has been accepted: there is nothing to roll back to")
+        # The candidate competes with the model in force, and that is another one now.
         if self.candidate is not None:
             self._shadow = ShadowScore(self.model, self.candidate.model, self.rules)
         return self.active

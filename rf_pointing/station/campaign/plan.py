@@ -22,6 +22,7 @@ __all__ = ["ArcRules", "beacons", "candidate_arcs", "window_of"]
 
 Array = NDArray[np.float64]
 
+# The pass is followed from lower than its points: the search needs time before the first one.
 LEAST_MASK_RAD = math.radians(1.0)
 
 
@@ -36,10 +37,13 @@ class ArcRules(Params):
     highest_rad: float = parameter(math.radians(89.0), "highest elevation of a candidate", low=0.1, high=1.5707)
     sigma_rad: float = parameter(2.0 * MDEG, "standard deviation of one point on the sky", low=1e-7, high=0.01)
     fastest_rad_s: float = parameter(
-        math.radians(1.5), "azimuth rate in no piece of a pass, which the antenna would not follow", low=1e-5, high=10.0
+        math.radians(1.5),
+        "pieces with a higher azimuth rate are left out: the antenna would not follow",
+        low=1e-5,
+        high=10.0,
     )
     lead_s: float = parameter(
-        0.0, "time before the first point in which the target is followed too", low=0.0, high=600.0
+        0.0, "time before the first point, in which the azimuth rate counts too", low=0.0, high=600.0
     )
 
 
@@ -48,15 +52,15 @@ def candidate_arcs(
 ) -> tuple[list[CandidatePass], list[str]]:
     """Return every candidate, named after its satellite, and the reasons of what is left out."""
     found: list[CandidatePass] = []
-    refused: list[str] = []
+    left_out: list[str] = []
     # One for all: its coefficients cost more than the track of a satellite.
     air = RadioRefraction.standard(site.altitude_m)
     for one in elements:
         try:
             found += _arcs_of(TopocentricTrack(one, site, refraction=air), start_t_s, duration_s, rules)
-        except ValueError as refusal:
-            refused.append(str(refusal))
-    return found, refused
+        except ValueError as reason:
+            left_out.append(str(reason))
+    return found, left_out
 
 
 def _arcs_of(track: TopocentricTrack, start_t_s: float, duration_s: float, rules: ArcRules) -> list[CandidatePass]:

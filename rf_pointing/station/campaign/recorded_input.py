@@ -1,6 +1,8 @@
 """The input of a calibration: files of points or raw tracking data, and their reference."""
 
+from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -28,12 +30,13 @@ from rf_pointing.ephemeris import Elements, Site, TopocentricTrack, find_element
 __all__ = ["holds_points", "process_passes", "read_points", "read_raw", "reference_of"]
 
 REFERENCE_STEP_S = 2.0
+# Longer than any loss of signal within a pass, shorter than the time between two passes.
 PASS_GAP_S = 1200.0
-"""Longer than any loss of signal within a pass, shorter than the time between two passes."""
 
 
 def holds_points(path: Path) -> bool:
     """Return whether a CSV file holds calibration points (else raw tracking data)."""
+    # By the header, not by the name: both kinds of table are .csv.
     with path.open(encoding="utf-8-sig") as stream:
         header = next((line for line in stream if line.strip() and not line.startswith("#")), "")
     return "observed_azimuth_deg" in header
@@ -46,17 +49,12 @@ def read_points(paths: Sequence[Path]) -> Observations | None:
         points = read_observations(path)
         try:
             require_derivatives(points)
-        except ValueError as refusal:
-            raise ValueError(f"{path}: {refusal}") from None
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from None
         shift = int(np.max(parts[-1].pass_id)) + 1 - int(np.min(points.pass_id)) if parts else 0
-        parts.append(renumbered(points, shift))
+        # Two files may both begin with pass 0, and orbit errors belong to one pass.
+        parts.append(replace(points, pass_id=points.pass_id + shift))
     return Observations.concatenate(parts) if parts else None
-
-
-def renumbered(points: Observations, shift: int) -> Observations:
-    """Return the same points with `shift` added to the numbers of their passes."""
-    values = {name: value for name, value in vars(points).items() if name != "pass_id"}
-    return Observations(pass_id=points.pass_id + shift, **values)
 
 
 def read_raw(path: Path, band: str) -> list[RawTracking]:
@@ -102,31 +100,24 @@ def process_passes(
     # left to correct.
     corrections = Corrections(light_time=False, troposphere=None, ionosphere=ionosphere, range_delay_m=0.0)
     processed: list[ProcessedPass] = []
-    empty = list(dict.fromkeys(note for raw, _ in passes for note in raw.notes))
+    notes = list(dict.fromkeys(note for raw, _ in passes for note in raw.notes))
     for number, (raw, reference) in enumerate(passes, start=first_pass):
         try:
             processed.append(process_pass(raw, reference, number, corrections, model))
         except ValueError as error:
-            empty.append(f"pass {number} of {raw.target}: {error}")
+            notes.append(f"pass {number} of {raw.target}: {error}")
     if not processed:
-        raise ValueError(f"no pass gives calibration points: {'; '.join(empty[:3])}")
-    return [one.observations for one in processed], _summed(processed), empty
+        raise ValueError(f"no pass gives calibration points: {'; '.join(notes[:3])}")
+    return [one.observations for one in processed], _summed(processed), notes
 
 
 def _summed(processed: Sequence[ProcessedPass]) -> list[StageReport]:
     total = []
     for stage in zip(*(one.reports for one in processed), strict=True):
-        dropped: dict[str, int] = {}
+        dropped: Counter[str] = Counter()
         for report in stage:
-            for why, count in report.dropped.items():
-                dropped[why] = dropped.get(why, 0) + count
-        total.append(
-            StageReport(
-                stage=stage[0].stage,
-                before=sum(report.before for report in stage),
-                after=sum(report.after for report in stage),
-                dropped=dropped,
-                note=stage[0].note if len(stage) == 1 else f"{len(stage)} passes",
-            )
-        )
+            dropped.update(report.dropped)
+        before, after = (sum(getattr(report, name) for report in stage) for name in ("before", "after"))
+        note = stage[0].note if len(stage) == 1 else f"{len(stage)} passes"
+        total.append(StageReport(stage=stage[0].stage, before=before, after=after, dropped=dropped, note=note))
     return total
