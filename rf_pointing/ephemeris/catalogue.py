@@ -61,7 +61,7 @@ class CatalogueSearch:
     """All passes in order of rise, and the objects that could not be searched, each with the reason."""
 
     passes: tuple[CataloguePass, ...]
-    refused: tuple[tuple[Elements, str], ...]
+    unsearched: tuple[tuple[Elements, str], ...]
 
 
 def find_catalogue_passes(
@@ -89,13 +89,13 @@ def find_catalogue_passes(
     true_mask_rad = float(air.remove(min_elevation_rad)) if air else min_elevation_rad
     source: EarthOrientationSource = orientation or IersEarthOrientation()
     passes: list[CataloguePass] = []
-    usable, refused = _usable(elements, start_t_s, duration_s, max_age_s)
+    usable, unsearched = _usable(elements, start_t_s, duration_s, max_age_s)
     for chunk, step_s in _chunks(usable, duration_s):
         sky, codes = _sampled(chunk, site, start_t_s, duration_s, step_s, SENSES[light_time], source)
-        refused += [(e, SGP4_ERRORS[int(code)]) for e, code in zip(chunk, codes, strict=True) if code]
+        unsearched += [(e, SGP4_ERRORS[int(code)]) for e, code in zip(chunk, codes, strict=True) if code]
         found = passes_on_grid(sky, codes == 0, duration_s, math.sin(true_mask_rad))
         passes += _described(found, chunk, sky, air)
-    return CatalogueSearch(tuple(sorted(passes, key=lambda p: p.aos_t_s)), tuple(refused))
+    return CatalogueSearch(tuple(sorted(passes, key=lambda p: p.aos_t_s)), tuple(unsearched))
 
 
 def _refuse_leap_second(start_t_s: float, duration_s: float) -> None:
@@ -111,14 +111,16 @@ def _usable(
     elements: Sequence[Elements], start_t_s: float, duration_s: float, max_age_s: float
 ) -> tuple[list[Elements], list[tuple[Elements, str]]]:
     usable: list[Elements] = []
-    refused: list[tuple[Elements, str]] = []
+    unsearched: list[tuple[Elements, str]] = []
     for one in elements:
         age_s = max(abs(start_t_s - one.epoch_t_s), abs(start_t_s + duration_s - one.epoch_t_s))
         if age_s <= max_age_s:
             usable.append(one)
         else:
-            refused.append((one, f"{age_s / DAY_S:.2f} days from its epoch, must be <= {max_age_s / DAY_S:.2f} days"))
-    return usable, refused
+            unsearched.append(
+                (one, f"{age_s / DAY_S:.2f} days from its epoch, must be <= {max_age_s / DAY_S:.2f} days")
+            )
+    return usable, unsearched
 
 
 def _chunks(elements: list[Elements], duration_s: float) -> Iterator[tuple[list[Elements], float]]:

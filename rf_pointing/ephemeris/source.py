@@ -38,6 +38,7 @@ __all__ = [
     "SourceParams",
     "TargetMemory",
     "first_time_s",
+    "load_catalogue",
     "load_elements",
     "load_target",
     "load_track",
@@ -87,16 +88,28 @@ def load_target(params: SourceParams) -> Elements | TargetSource:
     if not params.elements_file:
         return find_elements(verification_elements(), params.satellite)
     path = Path(params.elements_file)
-    if not path.is_file():
-        raise ValueError(f"elements_file={params.elements_file!r} does not exist")
+    text = _text_of(path)
     try:
-        text = path.read_text(encoding="utf-8-sig")
         if text.lstrip().startswith("CCSDS_OEM_VERS"):
             method = (params.interpolation, params.interpolation_degree) if params.interpolation else None
             return _object_of_oem(text, params.satellite, method)
         return find_elements(read_elements(text), params.satellite)
     except ValueError as error:
         raise ValueError(f"{path.name}: {error}") from error
+
+
+def load_catalogue(elements_file: str) -> list[Elements]:
+    """Return the newest elements of every object in a file; the verification set for an empty name."""
+    if elements_file:
+        path = Path(elements_file)
+        try:
+            elements = read_elements(_text_of(path))
+        except ValueError as error:
+            raise ValueError(f"{path.name}: {error}") from error
+    else:
+        elements = verification_elements()
+    # Sorted by epoch, so the newest of an object with several sets is the one that stays.
+    return list({one.catalogue_number: one for one in sorted(elements, key=lambda e: e.epoch_t_s)}.values())
 
 
 def load_elements(params: SourceParams) -> Elements:
@@ -141,6 +154,15 @@ def first_time_s(params: SourceParams) -> float:
     if isinstance(target, OemTarget):
         return target.spans_t_s[0][0]
     raise ValueError(f"{target.name} has no epoch: say when to look for it (start)")
+
+
+def _text_of(path: Path) -> str:
+    if not path.is_file():
+        raise ValueError(f"elements_file={str(path)!r} does not exist")
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except ValueError as error:
+        raise ValueError(f"{path.name}: {error}") from error
 
 
 def _object_of_oem(text: str, wanted: str, interpolation: tuple[str, int] | None) -> OemTarget:
