@@ -277,6 +277,7 @@ def read_parameter_files(paths: Sequence[Path]) -> dict[str, NodeParameters]:
             raise ValueError(f"parameter file {path}: {error.strerror}") from error
         if not isinstance(content, Mapping):
             raise ValueError(f"{path}: must map node names to ros__parameters")
+        # A node may be named by any namespace; its last part is what counts here.
         for key, section in content.items():
             if not isinstance(section, Mapping) or set(section) != {"ros__parameters"}:
                 raise ValueError(f"{path}: {key} must hold ros__parameters and nothing else")

@@ -66,6 +66,7 @@ class RadioRefraction(Params):
     @classmethod
     def standard(cls, altitude_m: float) -> Self:
         """Return the refraction of the ICAO standard troposphere with half saturated air."""
+        # ICAO: 6.5 K per kilometre, and the pressure that follows from it.
         temperature_k = 288.15 - 6.5e-3 * altitude_m
         return cls(pressure_hpa=1013.25 * (temperature_k / 288.15) ** 5.2559, temperature_k=temperature_k)
 
@@ -144,7 +145,7 @@ class RadioRefraction(Params):
     def _bending(self, apparent_rad: Any) -> tuple[Any, Any, Any]:
         """Return R, dR/dE and d2R/dE2, mirrored at the zenith, level below the horizon."""
         plain = isinstance(apparent_rad, float)
-        # Plain floats through the math module: a pointing loop asks for one elevation at a time.
+        # Plain floats through the math module: a pointing loop needs one elevation at a time.
         sin, cos, copysign = (math.sin, math.cos, math.copysign) if plain else (np.sin, np.cos, np.copysign)
         side: Any = copysign(1.0, 0.5 * math.pi - apparent_rad)
         folded = 0.5 * math.pi - side * (0.5 * math.pi - apparent_rad)

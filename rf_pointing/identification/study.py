@@ -168,6 +168,7 @@ def _cross(
 def _found(
     data: Recording, shown: str, held_out: int, params: IdentificationParams
 ) -> tuple[FrequencyResponse, Identified]:
+    # The measured response uses all sequences; only the fit leaves the last ones out.
     inputs, outputs = data.input_rad_s, data.output_rad(shown)
     measured = frequency_response(inputs, outputs, data.sample_s)
     return measured, identify(inputs[:-held_out], outputs[:-held_out], data.sample_s, params)

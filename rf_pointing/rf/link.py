@@ -18,6 +18,7 @@ from rf_pointing.rf.noise import BOLTZMANN_J_K, AtmosphereParams, NoiseParams, a
 
 __all__ = ["EirpParams", "Link", "LinkParams", "free_space_loss_db", "zenith_carrier_to_noise_db_hz"]
 
+# The reference of every C/N0 here: tests are made at high elevation.
 ZENITH_RAD = 0.5 * math.pi
 
 
