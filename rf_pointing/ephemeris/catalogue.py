@@ -133,6 +133,7 @@ def _chunks(elements: list[Elements], duration_s: float) -> Iterator[tuple[list[
     by_step: dict[int, list[Elements]] = {}
     for one in elements:
         e = one.eccentricity
+        # The rate at perigee decides: there the direction turns fastest.
         fastest_rad_s = one.mean_motion_rad_s * (1.0 + e) ** 2 / (1.0 - e * e) ** 1.5
         longest_s = (_CIRCULAR_STEP_RAD if e < _CIRCULAR else _ECCENTRIC_STEP_RAD) / fastest_rad_s
         wanted_s = next((s for s in reversed(_LADDER_S) if s <= longest_s), _LADDER_S[0])

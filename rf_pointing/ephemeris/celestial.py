@@ -98,6 +98,7 @@ class RadioSource:
 
         def direction(t_s: Any) -> Vector:
             heliocentric, barycentric = erfa.epv00(*tt_parts(t_s))
+            # Deflection at the Sun depends on the observer's distance from it.
             distance_au = np.linalg.norm(heliocentric["p"], axis=-1)
             deflected = erfa.ldsun(catalogue, heliocentric["p"] / distance_au[..., None], distance_au)
             velocity = barycentric["v"] * _AU_DAY_IN_C

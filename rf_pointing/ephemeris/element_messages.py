@@ -118,6 +118,7 @@ def read_omm_csv(text: str) -> list[Elements]:
         raise ValueError(f"OMM CSV is malformed: {error}") from None
     _once("OMM CSV", [(name, "") for name in table.fieldnames or ()])
     for number, row in enumerate(rows, start=1):
+        # csv fills what is missing with None; an empty field is an empty text.
         if None in row or None in row.values():
             raise ValueError(f"OMM {number}: its line has not as many columns as the first line names")
     return [_elements(number, row) for number, row in enumerate(rows, start=1)]

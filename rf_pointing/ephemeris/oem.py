@@ -308,6 +308,7 @@ class OemTarget:
         # Where segments overlap the later one counts.
         for index in range(len(self._segments) - 1, -1, -1):
             segment = self._segments[index]
+            # Ends included: segments that meet share the instant at which they do.
             if segment.usable_from_s <= tai_s <= segment.usable_to_s:
                 break
         else:

@@ -147,6 +147,7 @@ def passes_with_present(
         return found
     # A little beyond its set, so that the pass found again is the same one.
     end_s = min(found[0].los_t_s + 2.0 * _STEP_S, t_s + duration_s)
+    # First an hour: elements of a low orbit are not propagated half a day for nothing.
     for back_s in _LOOK_BACK_S:
         earlier = find_passes(track, t_s - back_s, back_s + end_s - t_s, min_elevation_rad)
         whole = next(one for one in earlier if one.aos_t_s <= t_s < one.los_t_s)

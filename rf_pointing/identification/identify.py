@@ -230,5 +230,6 @@ def identify(inputs: ArrayLike, outputs: ArrayLike, sample_s: float, params: Ide
 
 def _without_unstable(model: PoleResidue) -> PoleResidue:
     """Return the model without poles outside the unit circle."""
+    # The integrator is exactly on the circle and stays.
     kept = np.abs(model.poles) <= 1.0
     return PoleResidue(model.poles[kept], model.residues[kept], model.direct, model.sample_s)

@@ -60,6 +60,7 @@ def check_straight(model: StateSpace, inputs: ArrayLike, outputs: ArrayLike) -> 
     # The encoder counts from anywhere; the model from zero.
     measured = measured - measured[0]
     simulated = model.simulate(inputs)[:, 0]
+    # Least squares in one number.
     gain = float(simulated @ measured / (simulated @ simulated))
     size = float(np.linalg.norm(measured))
     best = float(np.linalg.norm(measured - gain * simulated)) / size
