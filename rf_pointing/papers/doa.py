@@ -10,8 +10,8 @@ estimates by MUSIC at every step of every trial.
 from concurrent.futures import Executor
 from dataclasses import dataclass
 
+from rf_pointing.array_sensors.arrays.sweeps import sweep
 from rf_pointing.array_sensors.attitude.process_noise import PRINTED_Q, TABLE_Q
-from rf_pointing.core import sweep
 from rf_pointing.papers.doa_study.attitude_runs import CaseResult, RunTask, run
 from rf_pointing.papers.doa_study.beyond_rows import beyond_rows
 from rf_pointing.papers.doa_study.direction_errors import DirectionCase

@@ -21,7 +21,8 @@ from rf_pointing.array_sensors.arrays.interferometer import (
     run_trials,
 )
 from rf_pointing.array_sensors.arrays.interferometer.carriers import REPORT_SPEED_OF_LIGHT_M_S
-from rf_pointing.core import random_stream, sweep
+from rf_pointing.array_sensors.arrays.sweeps import sweep
+from rf_pointing.core import random_stream
 from rf_pointing.papers.row import Row
 
 __all__ = ["simulation_rows"]

@@ -10,6 +10,7 @@ from functools import partial
 
 import numpy as np
 
+from rf_pointing.array_sensors.arrays.sweeps import sweep
 from rf_pointing.array_sensors.arrays.tripulse_array import TripulseArrayParams
 from rf_pointing.array_sensors.arrays.tripulse_montecarlo import (
     ErrorStatistics,
@@ -18,7 +19,6 @@ from rf_pointing.array_sensors.arrays.tripulse_montecarlo import (
     quantiser_errors,
 )
 from rf_pointing.array_sensors.arrays.tripulse_theory import integration_time_s
-from rf_pointing.core import sweep
 from rf_pointing.papers.row import Row
 from rf_pointing.papers.tripulse_attitude import attitude_rows
 from rf_pointing.papers.tripulse_noise import beyond_rows, noise_rows

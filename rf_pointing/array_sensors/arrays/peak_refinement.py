@@ -17,7 +17,7 @@ from rf_pointing.array_sensors.arrays.circular_array import (
     steering,
     steering_taylor,
 )
-from rf_pointing.core.rotations import tangent_rows
+from rf_pointing.array_sensors.attitude.rotations import tangent_rows
 
 __all__ = ["Peaks", "refine_peaks", "signal_fraction"]
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rf_pointing.core.rotations import cross_product
+from rf_pointing.array_sensors.attitude.rotations import cross_product
 
 __all__ = ["OrbitPoint", "circular_frame"]
 

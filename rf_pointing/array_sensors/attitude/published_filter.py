@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque, RigidInertia, propagate, rate_jacobian
-from rf_pointing.core.rotations import cross_matrix, matrix_from_quaternion
+from rf_pointing.array_sensors.attitude.rotations import cross_matrix, matrix_from_quaternion
 
 __all__ = ["PublishedState", "published_predict", "published_update"]
 

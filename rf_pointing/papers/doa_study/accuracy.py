@@ -12,7 +12,8 @@ from rf_pointing.array_sensors.arrays.circular_array import CircularArrayParams
 from rf_pointing.array_sensors.arrays.cramer_rao import effective_snr, polar_sigma_rad
 from rf_pointing.array_sensors.arrays.polar_direction import direction_from_polar, polar_errors_rad
 from rf_pointing.array_sensors.arrays.search_grid import nearest_node
-from rf_pointing.core import random_stream, sweep
+from rf_pointing.array_sensors.arrays.sweeps import sweep
+from rf_pointing.core import random_stream
 from rf_pointing.papers.doa_study.direction_errors import GRID_RAD, DirectionCase, measure_directions
 
 __all__ = ["AccuracyPoint", "accuracy_curve", "accuracy_point", "threshold"]

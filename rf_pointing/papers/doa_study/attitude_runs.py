@@ -24,8 +24,8 @@ from rf_pointing.array_sensors.attitude.process_noise import process_noise_from_
 from rf_pointing.array_sensors.attitude.published_filter import PublishedState, published_predict, published_update
 from rf_pointing.array_sensors.attitude.quaternion import quaternion_from_roll_pitch_yaw
 from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque
+from rf_pointing.array_sensors.attitude.rotations import turn_from_quaternion
 from rf_pointing.core import random_stream, require_between
-from rf_pointing.core.rotations import turn_from_quaternion
 from rf_pointing.papers.doa_study.direction_errors import (
     GRID_RAD,
     DirectionCase,

@@ -5,6 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
+from rf_pointing.array_sensors.arrays.sweeps import sweep
 from rf_pointing.array_sensors.arrays.tripulse_array import TripulseArrayParams, element_weights
 from rf_pointing.array_sensors.arrays.tripulse_beams import beam_signals, monopulse_ratios
 from rf_pointing.array_sensors.arrays.tripulse_inversion import invert_ratios
@@ -16,7 +17,7 @@ from rf_pointing.array_sensors.arrays.tripulse_montecarlo import (
     random_failures,
 )
 from rf_pointing.array_sensors.arrays.tripulse_theory import projection_variance
-from rf_pointing.core import random_stream, sweep
+from rf_pointing.core import random_stream
 
 PARAMS = TripulseArrayParams()
 OFFSET = np.array([np.radians(0.1), 0.0])

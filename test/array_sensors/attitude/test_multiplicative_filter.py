@@ -25,9 +25,9 @@ from rf_pointing.array_sensors.attitude.quaternion import (
     rotation_angle_between_rad,
 )
 from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque, SatelliteParams, propagate, rigid_inertia
+from rf_pointing.array_sensors.attitude.rotations import cross_matrix
 from rf_pointing.array_sensors.attitude.simulated_satellite import NadirHoldParams, SimulatedSatellite
 from rf_pointing.array_sensors.attitude.sun_synchronous_orbit import SunSynchronousOrbitParams, orbit_point
-from rf_pointing.core.rotations import cross_matrix
 
 INERTIA = rigid_inertia(SatelliteParams())
 ORBIT_RATE = np.array([0.0, -1.038e-3, 0.0])

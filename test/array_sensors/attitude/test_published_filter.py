@@ -17,7 +17,7 @@ from rf_pointing.array_sensors.attitude.quaternion import (
     rotation_angle_between_rad,
 )
 from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque, SatelliteParams, rigid_inertia
-from rf_pointing.core.rotations import cross_matrix
+from rf_pointing.array_sensors.attitude.rotations import cross_matrix
 
 INERTIA = rigid_inertia(SatelliteParams())
 NONE = KnownTorque(control_n_m=np.zeros(3), wheel_momentum_n_m_s=np.zeros(3), wheel_momentum_rate_n_m=np.zeros(3))

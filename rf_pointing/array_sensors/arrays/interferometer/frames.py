@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.array_sensors.arrays.interferometer.variant import CORRECTED, is_published
-from rf_pointing.core.rotations import (
+from rf_pointing.array_sensors.attitude.rotations import (
     cross_matrix,
     matrix_from_quaternion,
     quaternion_from_matrix,

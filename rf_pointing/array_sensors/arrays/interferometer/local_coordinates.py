@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rf_pointing.array_sensors.arrays.interferometer.frames import frame_rotation, rotation_vector
 from rf_pointing.array_sensors.arrays.interferometer.motion import RelativeMotion
-from rf_pointing.core.rotations import cross_product, tangent_rows
+from rf_pointing.array_sensors.attitude.rotations import cross_product, tangent_rows
 
 __all__ = ["SIZE", "TrackedMotion", "cartesian_jacobian", "displaced", "local_difference", "sight_axes"]
 

@@ -5,7 +5,8 @@ from contextlib import AbstractContextManager
 
 import pytest
 
-from rf_pointing.core import random_stream, sweep
+from rf_pointing.array_sensors.arrays.sweeps import sweep
+from rf_pointing.core import random_stream
 
 CASES = list(range(8))
 
