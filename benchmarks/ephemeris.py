@@ -158,7 +158,7 @@ def main() -> None:
     results = []
     many_s = seconds(lambda: results.append(find_catalogue_passes(catalogue, place, EPOCH_T_S, DAY_S, MASK_RAD)))
     print(f"find_catalogue_passes, {len(catalogue)} objects, 24 h    {many_s:8.2f} s")
-    print(f"   {len(results[0].passes)} passes, {len(results[0].refused)} objects refused")
+    print(f"   {len(results[0].passes)} passes, {len(results[0].unsearched)} objects refused")
     compare(catalogue[: arguments.against], place)
 
 

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
 from rf_pointing.core.parameters import read_parameter_files
 
 ROOT = Path(__file__).parents[1]

@@ -1,7 +1,8 @@
-"""Executable `identify_antenna`: shake the running antenna axis by axis and leave models, pictures and an error table.
+"""Executable `identify_antenna`: shake the running antenna axis by axis; leave models, pictures, errors.
 
-Needs an active antenna that is holding (action `identify`, topic manual_rate); with --simulated it starts one of its own.
-Exit code 0: models were made; 1: the experiment ended early or the data do not carry a model; 2: it could not be started.
+Needs an active antenna that is holding (action `identify`, topic manual_rate); with --simulated it
+starts one of its own.  Exit code 0: models were made; 1: the experiment ended early or the data do
+not carry a model; 2: it could not be started.
 """
 
 import argparse
@@ -68,7 +69,7 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
 
 
 def excitation(options: argparse.Namespace) -> ExcitationParams:
-    """Return the excitation asked for; ValueError in the words of the parameter set."""
+    """Return the excitation of the options; ValueError in the words of the parameter set."""
     rates = {f"{name}_rad_s": math.radians(getattr(options, f"{name}_deg_s")) for name in ("mean", "rms", "peak")}
     highest_hz = min(ExcitationParams().high_hz, 0.5 / options.tick)
     params = ExcitationParams(
@@ -97,10 +98,10 @@ class Experimenter:
         self._collector: SampleCollector | None = None
         self._graph: ManagedGraph | None = None
         self._stopping = False
-        self._told_s = 0.0
+        self._next_progress_s = 0.0
 
     def interrupt(self, *_: object) -> None:
-        """Ask for the end; safe in a signal handler."""
+        """Request the end; safe in a signal handler."""
         self._stopping = True
 
     def start(self) -> None:
@@ -187,17 +188,17 @@ class Experimenter:
             return
         try:
             self._collector.take(*convert.manual_rate_from_message(message))
-        except ValueError as refusal:
-            self._node.get_logger().warning(f"sample ignored: {refusal}", throttle_duration_sec=1.0)
+        except ValueError as error:
+            self._node.get_logger().warning(f"sample ignored: {error}", throttle_duration_sec=1.0)
 
     def _tell(self, axis: str, progress: float) -> None:
-        if time.monotonic() >= self._told_s:
-            self._told_s = time.monotonic() + 10.0
+        if time.monotonic() >= self._next_progress_s:
+            self._next_progress_s = time.monotonic() + 10.0
             say(f"{axis}: {100.0 * progress:.0f} %")
 
 
 def say(text: str) -> None:
-    """Tell the user, beside the data."""
+    """Write to the user on stderr, apart from the data."""
     print(f"identify_antenna: {text}", file=sys.stderr, flush=True)
 
 
@@ -240,5 +241,5 @@ def execute(options: argparse.Namespace, params: ExcitationParams, output: Path)
         return 1
     write_identification(output, studies, f"{params.kind} input, {options.sequences} sequences of {options.samples}")
     print(error_table(studies))
-    say(f"models {output / 'models.json'}, pictures and errors beside it")
+    say(f"models {output / 'models.json'}, pictures and errors in the same folder")
     return 0

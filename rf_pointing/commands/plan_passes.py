@@ -1,4 +1,8 @@
-"""Executable `plan_passes`: the certificates of the coming passes, printed, drawn, or as JSON; no graph is needed."""
+"""Executable `plan_passes`: the coming passes of a satellite with their certificates, or of many satellites.
+
+One satellite: every pass with its certificate, printed, drawn, or as JSON.  Many (`--satellites`, or
+`--all` of the elements): a table of rise, closest approach and set.  No graph is needed.
+"""
 
 import argparse
 import dataclasses
@@ -11,9 +15,10 @@ from typing import Any
 from rf_pointing.calibration import BiasModel, read_model
 from rf_pointing.commands.options import add_target_options, between, source_of, start_of
 from rf_pointing.core import to_degrees
-from rf_pointing.core.dates import utc_text
+from rf_pointing.core.dates import parse_utc, utc_text
 from rf_pointing.core.parameters import NodeParameters, read_parameter_files
-from rf_pointing.ephemeris.source import load_track
+from rf_pointing.ephemeris import CataloguePass, CatalogueSearch, find_catalogue_passes, find_elements, site
+from rf_pointing.ephemeris.source import load_catalogue, load_track
 from rf_pointing.planning import (
     AxisLimits,
     GateParams,
@@ -30,6 +35,9 @@ from rf_pointing.station.pointing.params import PointingParams
 def main(argv: list[str] | None = None) -> None:
     """Entry point of `ros2 run rf_pointing plan_passes`."""
     options = arguments(argv)
+    if options.all or options.satellites:
+        plan_many(options)
+        return
     try:
         planned, rules = plan(options)
     except (ValueError, OSError) as error:
@@ -52,8 +60,13 @@ def main(argv: list[str] | None = None) -> None:
 
 def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     """Return the parsed command line."""
-    parser = argparse.ArgumentParser(prog="plan_passes", description="Plan the coming passes of a satellite.")
+    what = "Plan the coming passes of a satellite, with certificates, or list those of many satellites."
+    parser = argparse.ArgumentParser(prog="plan_passes", description=what)
     add_target_options(parser)
+    many = parser.add_mutually_exclusive_group()
+    many.add_argument("--satellites", nargs="+", metavar="NAME|NUMBER", help="list the passes of these satellites "
+                      "instead, above --mask, without certificates (start: their newest epoch)")  # fmt: skip
+    many.add_argument("--all", action="store_true", help="list the passes of all satellites of the elements")
     parser.add_argument("--hours", type=between(0.01, 744.0), default=24.0, help="how far to look (default: 24)")
     parser.add_argument("--params-file", action="append", default=[], help="parameters of pointing_controller: limits, "
                         "machine, mask, gate, pointing; and of antenna_servo: where it stands; may be repeated")  # fmt: skip
@@ -83,6 +96,63 @@ def plan(options: argparse.Namespace) -> tuple[list[PlannedPass], PlanningRules]
     return planned, rules
 
 
+def plan_many(options: argparse.Namespace) -> None:
+    """Print the passes of many satellites as a table or JSON; what could not be searched goes to stderr."""
+    try:
+        found = search(options)
+    except ValueError as error:
+        print(f"plan_passes: {error}", file=sys.stderr)
+        sys.exit(2)
+    if options.json:
+        unsearched = [{"name": one.name, "reason": reason} for one, reason in found.unsearched]
+        print(json.dumps({"passes": [row_values(item) for item in found.passes], "unsearched": unsearched}, indent=1))
+        return
+    show_table(found)
+    for one, reason in found.unsearched:
+        print(f"plan_passes: {one.name} was not searched: {reason}", file=sys.stderr)
+
+
+def search(options: argparse.Namespace) -> CatalogueSearch:
+    """Return the passes of the chosen satellites, in order of rise."""
+    for name in ("params_file", "model", "picture"):
+        if getattr(options, name):
+            option = f"--{name.replace('_', '-')}"
+            raise ValueError(f"{option} needs the certificate of one satellite: give --satellite")
+    catalogue = load_catalogue(options.elements)
+    chosen = [find_elements(catalogue, name) for name in options.satellites] if options.satellites else catalogue
+    start_s = parse_utc(options.start) if options.start else max(one.epoch_t_s for one in chosen)
+    return find_catalogue_passes(
+        chosen, site(options.station), start_s, options.hours * 3600.0, math.radians(options.mask)
+    )
+
+
+def row_values(item: CataloguePass) -> dict[str, Any]:
+    """Return one pass of a table as names and plain values: times in UTC, angles in degrees."""
+    values: dict[str, Any] = {"name": item.elements.name, "catalogue_number": item.elements.catalogue_number}
+    values |= {f"{name}_utc": utc_text(getattr(item, f"{name}_t_s")) for name in ("aos", "tca", "los")}
+    values["duration_s"] = item.los_t_s - item.aos_t_s
+    angles = ("peak_elevation_rad", "aos_azimuth_rad", "tca_azimuth_rad", "los_azimuth_rad")
+    values |= dict(to_degrees(name, getattr(item, name)) for name in angles)
+    return {**values, "rises_before": item.rises_before, "sets_after": item.sets_after}
+
+
+def show_table(found: CatalogueSearch) -> None:
+    """Print one line for every pass; < and > mark one cut off at an end of the searched time."""
+    print(
+        f"{'satellite':<24} {'AOS (UTC)':<24}  {'TCA':<12} {'LOS':<12}  {'s':>6} {'peak':>6} {'azimuth deg':>17}"
+        if found.passes
+        else "no pass"
+    )
+    for item in found.passes:
+        row = row_values(item)
+        azimuths = " ".join(f"{row[f'{name}_azimuth_deg']:5.1f}" for name in ("aos", "tca", "los"))
+        print(
+            f"{row['name']:<24.24} {row['aos_utc']}{'<' if item.rises_before else ' '} {row['tca_utc'][11:23]} "
+            f"{row['los_utc'][11:23]}{'>' if item.sets_after else ' '} {row['duration_s']:6.0f} "
+            f"{row['peak_elevation_deg']:6.2f} {azimuths}"
+        )
+
+
 def pass_values(item: PlannedPass) -> dict[str, Any]:
     """Return one pass as names and plain values: times in UTC, angles in degrees, azimuths continuous from AOS."""
     window, values = item.window, dataclasses.asdict(item.window)
@@ -101,12 +171,13 @@ def pass_values(item: PlannedPass) -> dict[str, Any]:
 def show(planned: list[PlannedPass]) -> None:
     """Print every pass with its certificate."""
     for item in planned:
-        window, said = item.window, pass_values(item)
+        window, values = item.window, pass_values(item)
         north = " through north" if window.crosses_north else ""
-        print(f"{window.name}: AOS {said['aos_utc']}, TCA {said['tca_utc']}, LOS {said['los_utc']}, {window.duration_s:.0f} s\n"
-              f"  peak {said['peak_elevation_deg']:.2f} deg, azimuth {said['aos_azimuth_deg']:.1f} to "
-              f"{said['los_azimuth_deg']:.1f} deg{north}, rates {said['peak_azimuth_rate_deg_s']:.3g} "
-              f"{said['peak_elevation_rate_deg_s']:.3g} deg/s, Sun {said['sun_angle_deg']:.1f} deg away")  # fmt: skip
+        times = ", ".join(f"{name.upper()} {values[f'{name}_utc']}" for name in ("aos", "tca", "los"))
+        print(f"{window.name}: {times}, {window.duration_s:.0f} s\n"
+              f"  peak {values['peak_elevation_deg']:.2f} deg, azimuth {values['aos_azimuth_deg']:.1f} to "
+              f"{values['los_azimuth_deg']:.1f} deg{north}, rates {values['peak_azimuth_rate_deg_s']:.3g} "
+              f"{values['peak_elevation_rate_deg_s']:.3g} deg/s, Sun {values['sun_angle_deg']:.1f} deg away")  # fmt: skip
         print("\n".join(certificate_lines(item.certificate)), end="\n\n")
     if not planned:
         print("no pass")

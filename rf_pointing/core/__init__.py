@@ -33,7 +33,6 @@ from rf_pointing.core.signals import (
     PointingError,
     Target,
 )
-from rf_pointing.core.sweeps import sweep
 
 __all__ = [
     "AXES",
@@ -69,7 +68,6 @@ __all__ = [
     "require_finite",
     "require_rotation",
     "sky_offset_rad",
-    "sweep",
     "to_degrees",
     "unit_vector_from_azel",
     "with_leaves",

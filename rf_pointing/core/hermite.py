@@ -3,12 +3,12 @@
 Exact for polynomials of degree five; works on scalars and on arrays of axes alike.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Motion", "Quintic"]
+__all__ = ["Motion", "Quintic", "quintic_coefficients"]
 
 Array = NDArray[np.float64]
 
@@ -21,6 +21,18 @@ class Motion(NamedTuple):
     acceleration: Array
 
 
+def quintic_coefficients(
+    start: tuple[Array, Array, Array], end: tuple[Array, Array, Array], h: Any
+) -> tuple[Array, Array, Array]:
+    """Return the factors of t^3, t^4 and t^5 between two motions that are `h` apart."""
+    (p0, v0, a0), (p1, v1, a1) = start, end
+    gap, slip, bend = p1 - p0 - v0 * h - 0.5 * a0 * h**2, v1 - v0 - a0 * h, a1 - a0
+    c3 = (10.0 * gap - 4.0 * slip * h + 0.5 * bend * h**2) / h**3
+    c4 = (-15.0 * gap + 7.0 * slip * h - bend * h**2) / h**4
+    c5 = (6.0 * gap - 3.0 * slip * h + 0.5 * bend * h**2) / h**5
+    return c3, c4, c5
+
+
 class Quintic:
     """The curve from `start` to `end`, each (axes,) or scalars, after `duration_s` > 0."""
 
@@ -30,12 +42,7 @@ class Quintic:
         h = duration_s
         p0, v0, a0 = (np.atleast_1d(np.asarray(part, dtype=np.float64)) for part in start)
         p1, v1, a1 = (np.atleast_1d(np.asarray(part, dtype=np.float64)) for part in end)
-        gap = p1 - p0 - v0 * h - 0.5 * a0 * h**2
-        slip = v1 - v0 - a0 * h
-        bend = a1 - a0
-        c3 = (10.0 * gap - 4.0 * slip * h + 0.5 * bend * h**2) / h**3
-        c4 = (-15.0 * gap + 7.0 * slip * h - bend * h**2) / h**4
-        c5 = (6.0 * gap - 3.0 * slip * h + 0.5 * bend * h**2) / h**5
+        c3, c4, c5 = quintic_coefficients((p0, v0, a0), (p1, v1, a1), h)
         none = np.zeros_like(p0)
         # Rows: powers of time; columns: position, velocity and acceleration of every axis.
         self._axes = len(p0)

@@ -14,7 +14,7 @@ def without_unit(text: str) -> tuple[str, str]:
 
 
 def key_and_value(line: str, number: int) -> tuple[str, str] | None:
-    """Return the keyword and its value; None for a blank line or a comment, an error for anything else."""
+    """Return the keyword and its value, None for a blank line or a comment; else ValueError."""
     text = line.strip()
     if not text or text == "COMMENT" or text.startswith("COMMENT "):
         return None

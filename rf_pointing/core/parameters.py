@@ -158,6 +158,7 @@ def with_leaves(params: P, values: Mapping[str, Any]) -> P:
             changes[head] = with_leaves(inner, below)
         except ValueError as error:
             raise ValueError(f"{head}.{error}") from error
+    # All at once: two fields that bound each other could not be changed one by one.
     return params.replace(**changes)
 
 
@@ -173,6 +174,7 @@ def from_degrees(name: str, value: Any) -> tuple[str, Any]:
 
 def _converted(name: str, value: Any, old: str, new: str, convert: Any) -> tuple[str, Any]:
     stem, separator, rest = name.rpartition(old)
+    # `_rad` inside a name is a unit only at its end, alone or per time.
     if not separator or rest not in ("", "_s", "_s2", "_s3"):
         return name, value
     if value is None:
@@ -277,6 +279,7 @@ def read_parameter_files(paths: Sequence[Path]) -> dict[str, NodeParameters]:
             raise ValueError(f"parameter file {path}: {error.strerror}") from error
         if not isinstance(content, Mapping):
             raise ValueError(f"{path}: must map node names to ros__parameters")
+        # A node may be named by any namespace; its last part is what counts here.
         for key, section in content.items():
             if not isinstance(section, Mapping) or set(section) != {"ros__parameters"}:
                 raise ValueError(f"{path}: {key} must hold ros__parameters and nothing else")

@@ -157,6 +157,7 @@ class PointingError:
             require_finite(name, getattr(self, name))
         covariance = as_finite_array("covariance_rad2", self.covariance_rad2, (2, 2))
         (right, both), (_, up) = covariance.tolist()
+        # The tolerance lets a covariance of rank one pass, as a conical scan may give.
         if min(right, up) < 0.0 or both**2 > (1.0 + 1e-9) * right * up:
             raise ValueError(
                 f"covariance_rad2={covariance.tolist()} must be that of two real axes: no negative variance"

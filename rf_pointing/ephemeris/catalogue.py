@@ -36,7 +36,9 @@ _CIRCULAR_STEP_RAD, _ECCENTRIC_STEP_RAD = 0.45, 0.25
 # Largest eccentricity of the long step: the series of an eccentric orbit around its perigee
 # converges slower.
 _CIRCULAR = 0.05
+# Steps are rounded down to a ladder, so that thousands of objects share twenty grids.
 _LADDER_S = (60, 90, 120, 150, 180, 210, 240, 270, 300, 330, 360, 390, 420, 450, 480, 600, 900, 1200, 1800, 2700)
+# More at once gains no speed and fills the memory: 256 objects over 31 days are 0.3 GB.
 _CHUNK = 256
 
 
@@ -58,10 +60,10 @@ class CataloguePass:
 
 @dataclass(frozen=True, slots=True)
 class CatalogueSearch:
-    """All passes in order of rise, and the objects that could not be searched, each with the reason."""
+    """All passes in order of rise, and the objects that were not searched, each with the reason."""
 
     passes: tuple[CataloguePass, ...]
-    refused: tuple[tuple[Elements, str], ...]
+    unsearched: tuple[tuple[Elements, str], ...]
 
 
 def find_catalogue_passes(
@@ -76,7 +78,7 @@ def find_catalogue_passes(
     max_age_s: float = 14.0 * DAY_S,
     orientation: EarthOrientationSource | None = None,
 ) -> CatalogueSearch:
-    """Return the passes of all `elements` in the `duration_s` after `start_t_s`; options as for `TopocentricTrack`.
+    """Return the passes of all `elements` in a time; options as for `TopocentricTrack`.
 
     Objects that are too old or cannot be propagated through the interval are listed, not skipped
     silently.
@@ -84,18 +86,20 @@ def find_catalogue_passes(
     require_between("duration_s", duration_s, 60.0, 31.0 * DAY_S)
     require_between("min_elevation_rad", min_elevation_rad, -0.01, math.pi / 2)
     require_choice("light_time", light_time, SENSES)
+    # The grid is even in UTC; a leap second in it would shift half of the orbit by 8 km.
     _refuse_leap_second(start_t_s, duration_s)
     air = RadioRefraction.standard(site.altitude_m) if refraction == "standard" else refraction
+    # The grid knows true elevations: the mask goes through the refraction once, not every sample.
     true_mask_rad = float(air.remove(min_elevation_rad)) if air else min_elevation_rad
     source: EarthOrientationSource = orientation or IersEarthOrientation()
     passes: list[CataloguePass] = []
-    usable, refused = _usable(elements, start_t_s, duration_s, max_age_s)
+    usable, unsearched = _usable(elements, start_t_s, duration_s, max_age_s)
     for chunk, step_s in _chunks(usable, duration_s):
         sky, codes = _sampled(chunk, site, start_t_s, duration_s, step_s, SENSES[light_time], source)
-        refused += [(e, SGP4_ERRORS[int(code)]) for e, code in zip(chunk, codes, strict=True) if code]
+        unsearched += [(e, SGP4_ERRORS[int(code)]) for e, code in zip(chunk, codes, strict=True) if code]
         found = passes_on_grid(sky, codes == 0, duration_s, math.sin(true_mask_rad))
         passes += _described(found, chunk, sky, air)
-    return CatalogueSearch(tuple(sorted(passes, key=lambda p: p.aos_t_s)), tuple(refused))
+    return CatalogueSearch(tuple(sorted(passes, key=lambda p: p.aos_t_s)), tuple(unsearched))
 
 
 def _refuse_leap_second(start_t_s: float, duration_s: float) -> None:
@@ -111,21 +115,25 @@ def _usable(
     elements: Sequence[Elements], start_t_s: float, duration_s: float, max_age_s: float
 ) -> tuple[list[Elements], list[tuple[Elements, str]]]:
     usable: list[Elements] = []
-    refused: list[tuple[Elements, str]] = []
+    unsearched: list[tuple[Elements, str]] = []
     for one in elements:
+        # Both ends count: a search may begin before the epoch and end after it.
         age_s = max(abs(start_t_s - one.epoch_t_s), abs(start_t_s + duration_s - one.epoch_t_s))
         if age_s <= max_age_s:
             usable.append(one)
         else:
-            refused.append((one, f"{age_s / DAY_S:.2f} days from its epoch, must be <= {max_age_s / DAY_S:.2f} days"))
-    return usable, refused
+            unsearched.append(
+                (one, f"{age_s / DAY_S:.2f} days from its epoch, must be <= {max_age_s / DAY_S:.2f} days")
+            )
+    return usable, unsearched
 
 
 def _chunks(elements: list[Elements], duration_s: float) -> Iterator[tuple[list[Elements], float]]:
-    """Yield objects that can share a grid: its step is 0.45 rad (0.25 if eccentric) of the perigee's motion."""
+    """Yield objects that share a grid, its step 0.45 rad (0.25 if eccentric) at their perigee."""
     by_step: dict[int, list[Elements]] = {}
     for one in elements:
         e = one.eccentricity
+        # The rate at perigee decides: there the direction turns fastest.
         fastest_rad_s = one.mean_motion_rad_s * (1.0 + e) ** 2 / (1.0 - e * e) ** 1.5
         longest_s = (_CIRCULAR_STEP_RAD if e < _CIRCULAR else _ECCENTRIC_STEP_RAD) / fastest_rad_s
         wanted_s = next((s for s in reversed(_LADDER_S) if s <= longest_s), _LADDER_S[0])
@@ -145,20 +153,21 @@ def _sampled(
     sense: float,
     orientation: EarthOrientationSource,
 ) -> tuple[SampledSky, NDArray[np.uint8]]:
-    """Return the grid of positions and the SGP4 error code of each object, 0 where it went well throughout."""
+    """Return the grid of positions and the SGP4 error code of each object, 0 for none."""
     count = round(duration_s / step_s)
     t_s = start_t_s + step_s * np.arange(-MARGIN, count + MARGIN + 1)
     days = np.floor(t_s / DAY_S)
     records = SatrecArray([_record(one, start_t_s) for one in elements])
     codes, position_km, velocity_km_s = records.sgp4(POSIX_EPOCH_JD + days, (t_s - days * DAY_S) / DAY_S)
     (x, y, z), (vx, vy, vz) = np.moveaxis(position_km, -1, 0) * 1e3, np.moveaxis(velocity_km_s, -1, 0) * 1e3
+    # Only position and velocity are used here; the grid's interpolation has its own derivatives.
     none = (0.0, 0.0, 0.0)
     orbit = earth_fixed_from_teme(StateVector((x, y, z), (vx, vy, vz), none, none), t_s, orientation)
     return SampledSky(_seen(orbit, site, sense) @ site.rotation.T, start_t_s, step_s), codes.max(axis=1)
 
 
 def _seen(orbit: StateVector, site: Site, sense: float) -> Array:
-    """Return the Earth-fixed vector (objects, times, 3) from the antenna to where each object is seen through light.
+    """Return the Earth-fixed vector (objects, times, 3) from the antenna to each object's image.
 
     To first order in the light time; the second is 2 mm at the distance of a geostationary
     satellite.
@@ -171,12 +180,13 @@ def _seen(orbit: StateVector, site: Site, sense: float) -> Array:
     distance = np.sqrt(np.einsum("otc,otc->ot", relative, relative))
     rate = np.einsum("otc,otc->ot", relative, relative_velocity) / distance
     light_time_s = distance / (SPEED_OF_LIGHT_M_S + sense * rate)
+    # To first order: the second is 2 mm at the distance of a geostationary satellite.
     seen: Array = relative - sense * light_time_s[..., None] * relative_velocity
     return seen
 
 
 def _record(elements: Elements, t_s: float) -> Satrec:
-    """Leap seconds between the epoch and `t_s` go into the epoch: the array propagator knows UTC differences only."""
+    """Return the record with the leap seconds from epoch to `t_s` moved into its epoch."""
     table = leap_seconds()
     inserted_s = table.tai_minus_utc_s(t_s) - table.tai_minus_utc_s(elements.epoch_t_s)
     if inserted_s != 0.0:

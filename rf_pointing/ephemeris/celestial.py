@@ -26,6 +26,7 @@ __all__ = ["RADIO_SOURCES", "CelestialTarget", "RadioSource", "moon", "radio_sou
 _AU_M = 149597870700.0
 _AU_DAY_IN_C = _AU_M / DAY_S / SPEED_OF_LIGHT_M_S
 _LIGHT_YEAR_M = 9.4607304725808e15
+# Long against the rounding of a position, short against the Moon's month.
 _STEP_S = 600.0
 
 
@@ -97,9 +98,11 @@ class RadioSource:
 
         def direction(t_s: Any) -> Vector:
             heliocentric, barycentric = erfa.epv00(*tt_parts(t_s))
+            # Deflection at the Sun depends on the observer's distance from it.
             distance_au = np.linalg.norm(heliocentric["p"], axis=-1)
             deflected = erfa.ldsun(catalogue, heliocentric["p"] / distance_au[..., None], distance_au)
             velocity = barycentric["v"] * _AU_DAY_IN_C
+            # SOFA's ab wants the reciprocal of the Lorentz factor.
             inverse_lorentz = np.sqrt(1.0 - np.sum(velocity**2, axis=-1))
             return _components(erfa.ab(deflected, velocity, distance_au, inverse_lorentz))
 
@@ -108,6 +111,7 @@ class RadioSource:
 
 def _source(name: str, hours: tuple[int, int, float], degrees: tuple[int, int, float]) -> RadioSource:
     right_ascension = (hours[0] + hours[1] / 60.0 + hours[2] / 3600.0) * 15.0
+    # The sign belongs to all three parts: -5 deg 23' is not -5 deg + 23'.
     declination = math.copysign(abs(degrees[0]) + degrees[1] / 60.0 + degrees[2] / 3600.0, degrees[0])
     return RadioSource(name, math.radians(right_ascension), math.radians(declination))
 
@@ -130,7 +134,7 @@ RADIO_SOURCES = {
 
 
 def radio_source(name: str, orientation: EarthOrientationSource | None = None) -> CelestialTarget:
-    """Return the catalogued source of that name as a target; an unknown name is refused with the list of names."""
+    """Return the catalogued source of that name as a target; ValueError lists the names."""
     require_choice("radio_source", name, RADIO_SOURCES)
     return RADIO_SOURCES[name].target(orientation)
 

@@ -1,6 +1,6 @@
 """Earth-fixed motion from a motion in the celestial frame (GCRS), IAU 2006/2000A with the CIO.
 
-    r_ITRS = W(x_p, y_p) R3(ERA(UT1)) Q(TT) r_GCRS                      (IERS Conventions 2010, equation 5.1)
+    r_ITRS = W(x_p, y_p) R3(ERA(UT1)) Q(TT) r_GCRS         (IERS Conventions 2010, equation 5.1)
 
 Q moves by 50 arcsec a year.  It is computed on a grid of one hour and interpolated linearly, which
 is good to 5e-11 rad, and its own rate, 8e-12 rad/s, is left out of the derivatives.
@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 
 # Rate of the Earth rotation angle per second of UT1 (IERS Conventions 2010, equation 5.15).
 EARTH_RATE_RAD_S = 1.00273781191135448 * 2.0 * math.pi / DAY_S
+# The full series takes far longer than a control period may; one matrix an hour serves them all.
 _GRID_S = 3600.0
 
 

@@ -32,12 +32,14 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
+# A month at once: a pass needs one block, a year's search thirteen.
 BLOCK_DAYS = 32
 _ARCSEC = math.radians(1.0 / 3600.0)
 _MJD_OF_POSIX_EPOCH = 40587
 # 1972-01-01: UT1 - TAI is not defined by whole leap seconds before.
 _FIRST_LEAP_MJD = 41317
 _C04_LINE, _FINALS_LINE = 219, 188
+# The first line of finals2000A; the line of a day follows from it without a search.
 _FINALS_FIRST_MJD = 41684
 
 
@@ -51,7 +53,7 @@ class _Row(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class OrientationBlock:
-    """Daily nodes of one block, the first of the next included: UT1 - TAI [s], x and y [rad], each (n,).
+    """Daily nodes of one block and the first of the next: UT1 - TAI [s], x and y [rad], each (n,).
 
     `columns` are the same values as lists, which are faster to look one number up in.
     """
@@ -93,9 +95,11 @@ def orientation_block(number: int) -> OrientationBlock:
     first_s, last_s = table_span_t_s()
     first = max(number * BLOCK_DAYS, int(first_s / DAY_S) + _MJD_OF_POSIX_EPOCH)
     last = min((number + 1) * BLOCK_DAYS, int(last_s / DAY_S) + _MJD_OF_POSIX_EPOCH)
+    # Final values as far as they reach, then the rapid ones.
     switch = min(max(_last_c04_mjd(), first - 1), last)
     rows = _c04_rows(first, switch) + _finals_rows(switch + 1, last)
     t_s = np.array([(row.mjd - _MJD_OF_POSIX_EPOCH) * DAY_S for row in rows])
+    # Interpolated as UT1 - TAI: UT1 - UTC jumps by a second at a leap second.
     ut1_minus_tai = np.array([row.ut1_minus_utc_s for row in rows]) - leap_seconds().tai_minus_utc_s(t_s)
     x, y = np.array([row.pole_x_rad for row in rows]), np.array([row.pole_y_rad for row in rows])
     return OrientationBlock(
@@ -158,6 +162,7 @@ def _rows(
         text = file.read(length * (last - first + 1)).decode("ascii")
     rows = [parse(text[i : i + length]) for i in range(0, len(text), length)]
     found = [row for row in rows if row is not None]
+    # A package with another line length must not be read as nonsense.
     if [row.mjd for row in found] != list(range(first, first + len(found))):
         raise ValueError(f"{path} does not have one line of {length} characters per day")
     return found
@@ -170,6 +175,7 @@ def _c04_row(line: str) -> _Row:
 
 def _finals_row(line: str) -> _Row | None:
     """Bulletin A columns of the IERS description; None where the line has a date but no UT1."""
+    # finals2000A ends in lines that carry a date but no value yet.
     if not line[58:68].strip():
         return None
     x, y = float(line[18:27]) * _ARCSEC, float(line[37:46]) * _ARCSEC
@@ -181,7 +187,7 @@ LONG_PREDICTION_DAYS = 60.0
 
 @dataclass(frozen=True, slots=True)
 class EarthOrientation:
-    """Rotation and pole of the Earth: floats, or arrays like the times they were asked for."""
+    """Rotation and pole of the Earth: floats, or arrays like the times."""
 
     ut1_minus_utc_s: Any
     pole_x_rad: Any
@@ -192,7 +198,7 @@ class EarthOrientationSource(Protocol):
     """Anything that knows the orientation of the Earth at UTC times."""
 
     def at(self, t_s: Any) -> EarthOrientation:
-        """Return the orientation at `t_s` (float or array), or raise ValueError where it is not known."""
+        """Return the orientation at `t_s` (float or array); ValueError where it is not known."""
 
     def warnings(self, t_s: float) -> tuple[str, ...]:
         """Return the reasons why the orientation at `t_s` is less certain than a final value."""
@@ -202,7 +208,7 @@ class IersEarthOrientation:
     """The packaged tables; the blocks once read are shared by the process."""
 
     def at(self, t_s: Any) -> EarthOrientation:
-        """Return the orientation at UTC times (float or array); outside the tables raise ValueError."""
+        """Return the orientation at UTC times (float or array); ValueError outside the tables."""
         if np.ndim(t_s) == 0:
             return _interpolate_one(float(t_s))
         times = np.asarray(t_s, dtype=np.float64)

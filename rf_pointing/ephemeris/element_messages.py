@@ -53,7 +53,8 @@ _TURN_DEG = (-360.0, 360.0)
 
 
 def read_elements(text: str) -> list[Elements]:
-    """Return all elements in TLE, 3LE or OMM (JSON, XML, CSV, KVN) text; a text that holds none is refused."""
+    """Return all elements in TLE, 3LE or OMM (JSON, XML, CSV, KVN) text; none is an error."""
+    # Windows editors put a byte order mark in front, which is no blank.
     content = text.removeprefix("\ufeff").strip()
     found = _reader(content)(content)
     if not found:
@@ -69,6 +70,7 @@ def _reader(content: str) -> Callable[[str], list[Elements]]:
         return read_omm_xml
     if "," in first_line and "MEAN_MOTION" in first_line:
         return read_omm_csv
+    # A KVN message may begin with comments.
     if content.startswith(("CCSDS_OMM_VERS", "COMMENT")):
         return read_omm_kvn
     if content.startswith("CCSDS_"):
@@ -116,6 +118,7 @@ def read_omm_csv(text: str) -> list[Elements]:
         raise ValueError(f"OMM CSV is malformed: {error}") from None
     _once("OMM CSV", [(name, "") for name in table.fieldnames or ()])
     for number, row in enumerate(rows, start=1):
+        # csv fills what is missing with None; an empty field is an empty text.
         if None in row or None in row.values():
             raise ValueError(f"OMM {number}: its line has not as many columns as the first line names")
     return [_elements(number, row) for number, row in enumerate(rows, start=1)]
@@ -140,7 +143,7 @@ def read_omm_kvn(text: str) -> list[Elements]:
 
 
 def _once(what: str, pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
-    """Return the fields of one message; a keyword that is given twice is refused, unless it says nothing here."""
+    """Return the fields of one message; a keyword given twice is an error."""
     fields: dict[str, Any] = {}
     for key, value in pairs:
         if key in fields and key not in ("COMMENT", "USER_DEFINED"):
@@ -213,6 +216,7 @@ def _number(fields: Fields, key: str, low: float = -_LARGEST, high: float = _LAR
         if not re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", value):
             raise ValueError(f"{key}={value!r} is not a number")
         value = float(value)
+    # JSON's true is an int to Python and no number to anybody else.
     elif not isinstance(value, (int, float)) or isinstance(value, bool):
         raise ValueError(f"{key}={value!r} is not a number")
     if not low <= value <= high:
@@ -222,6 +226,7 @@ def _number(fields: Fields, key: str, low: float = -_LARGEST, high: float = _LAR
 
 def _integer(fields: Fields, key: str) -> int:
     value = _number(fields, key)
+    # 28057.0 of a spreadsheet is a whole number, 28057.5 is a damaged one.
     if value != int(value):
         raise ValueError(f"{key}={value} must be a whole number")
     return int(value)

@@ -26,7 +26,7 @@ MEAN_MOTIONS = (1e-3, 20.0)
 
 @dataclass(frozen=True, kw_only=True)
 class Elements:
-    """Mean elements (TEME, SGP4 theory, WGS 72); angles in rad, mean motion in rad/s, epoch in UTC POSIX seconds."""
+    """Mean elements (TEME, SGP4 theory, WGS 72); angles in rad, epoch in UTC POSIX seconds."""
 
     name: str
     catalogue_number: int
@@ -60,11 +60,12 @@ class Elements:
         return 2.0 * math.pi / self.mean_motion_rad_s
 
     def satrec(self) -> Satrec:
-        """Return a fresh SGP4 record; it holds the state of its last propagation, so do not share one."""
+        """Return a fresh SGP4 record; it holds the state of its last call, so do not share one."""
         record = Satrec()
         record.sgp4init(
             WGS72,
             "i",
+            # The label is of no consequence to the propagation.
             self.catalogue_number if self.catalogue_number <= _LARGEST_LABEL else 0,
             self.epoch_t_s / DAY_S + _DAYS_1949_TO_1970,
             self.drag_per_earth_radius,
@@ -103,6 +104,7 @@ def find_elements(elements: Sequence[Elements], wanted: str) -> Elements:
     if not found:
         import difflib
 
+        # The nearest names of a typing error; without any near one, the first few.
         names = [label for e in elements for label in (e.name, str(e.catalogue_number)) if label]
         near = difflib.get_close_matches(wanted, names, n=5, cutoff=0.4) or names[:5]
         raise ValueError(f"satellite={wanted!r} is not among {len(elements)} elements; nearest: {', '.join(near)}")

@@ -1,4 +1,4 @@
-"""Passes of many objects over one site: positions on an even grid, peaks and crossings refined together.
+"""Passes of many objects over one site, found on an even grid and refined together.
 
 Positions are interpolated through ten grid points.  With a step of 0.45 rad of circular motion the
 error is 0.00024 (0.45)^10 r: 0.6 m in a low orbit, 0.1 ms of its motion.  A maximum on the grid is
@@ -39,7 +39,7 @@ _GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 
 @dataclass(frozen=True, eq=False)
 class SampledSky:
-    """East-north-up positions `enu_m` (objects, times, 3), `step_s` apart; column MARGIN is at `start_s`."""
+    """East-north-up positions `enu_m` (objects, times, 3); column MARGIN is at `start_s`."""
 
     enu_m: Array
     start_s: float
@@ -68,9 +68,11 @@ class SampledSky:
         u = (t_s - self.time_s(column)) / self.step_s
         apart = u[:, None] - _NODES
         ones = np.ones((len(u), 1))
+        # Products of all differences but one, from running products of both ends: nothing is divided.
         before = np.concatenate([ones, np.cumprod(apart[:, :-1], axis=1)], axis=1)
         after = np.concatenate([ones, np.cumprod(apart[:, :0:-1], axis=1)], axis=1)[:, ::-1]
         weights = before * after / _DENOMINATORS
+        # Ten nodes around each time, five on either side.
         nodes = self.enu_m[row[:, None], column[:, None] + np.arange(-4, 6)]
         return np.asarray(np.einsum("nj,njc->nc", weights, nodes))
 
@@ -80,11 +82,12 @@ class SampledSky:
         return np.asarray(position[:, 2] / np.sqrt(np.einsum("nc,nc->n", position, position)))
 
     def narrowed(self, row: Index, low_s: Array, high_s: Array, sign: float, width_s: float) -> tuple[Array, Array]:
-        """Return intervals of `width_s` or less around the highest (sign = 1) or lowest (-1) elevation: golden section."""
+        """Return intervals of `width_s` or less around the highest (1) or lowest (-1) elevation."""
         a, b = low_s, high_s
         c, d = b - _GOLDEN * (b - a), a + _GOLDEN * (b - a)
         fc, fd = sign * self.sine(row, c), sign * self.sine(row, d)
         widest = float(np.max(b - a, initial=width_s))
+        # The count follows from the width: all objects in one array, no test of convergence.
         for _ in range(int(np.ceil(np.log(width_s / widest) / np.log(_GOLDEN)))):
             left = fc > fd
             a, b = np.where(left, a, c), np.where(left, d, b)
@@ -108,13 +111,14 @@ class SampledSky:
         before, here, after = (self.sine(row, t_s + k * _NARROW_S) for k in (-1.0, 0.0, 1.0))
         bend = before - 2.0 * here + after
         with np.errstate(divide="ignore", invalid="ignore"):
+            # A flat top divides by zero; it has no vertex, and the middle serves.
             shift = 0.5 * (before - after) / bend
         return t_s + np.where(np.abs(shift) < 1.0, shift, 0.0) * _NARROW_S
 
 
 @dataclass(frozen=True, eq=False)
 class GridPasses:
-    """Passes (n,): object row, times [s], and whether they are cut off at the ends of the searched interval."""
+    """Passes (n,): object row, times [s], and whether they are cut off at the ends."""
 
     row: Index
     aos_s: Array
@@ -125,12 +129,13 @@ class GridPasses:
 
 
 def passes_on_grid(sky: SampledSky, searched: Flags, duration_s: float, sine_mask: float) -> GridPasses:
-    """Return the stays above the mask of the `searched` objects, within `duration_s` of the grid's start."""
+    """Return the stays above the mask of the `searched` objects in `duration_s` from the start."""
     sines = sky.sines
     end_s = sky.start_s + duration_s
     row, tca_s = _turning_points(sky, sines, searched, end_s, sine_mask, 1.0)
     peak = sky.sine(row, tca_s)
     row, tca_s, peak = row[peak > sine_mask], tca_s[peak > sine_mask], peak[peak > sine_mask]
+    # The dips cut the stays: two peaks with a dip below the mask between them are two passes.
     dip_row, dip_s = _turning_points(sky, sines, searched, end_s, sine_mask, -1.0)
     deep = sky.sine(dip_row, dip_s) < sine_mask
     before, after = _bracket_nodes(sky, sines, row, tca_s, sine_mask)
@@ -146,7 +151,7 @@ def passes_on_grid(sky: SampledSky, searched: Flags, duration_s: float, sine_mas
 def _turning_points(
     sky: SampledSky, sines: Array, searched: Flags, end_s: float, sine_mask: float, sign: float
 ) -> tuple[Index, Array]:
-    """Return rows and times of the maxima (sign 1) that may reach the mask, or the minima (-1) that may dip below."""
+    """Return rows and times of maxima (sign 1) or minima (-1) that may cross the mask."""
     inside = slice(MARGIN, sines.shape[1] - MARGIN)
     turning = _turning_nodes(sign * sines, ends=sign > 0.0)
     if sign < 0.0:  # a dip to below is one from above; the other minima separate nothing
@@ -156,6 +161,7 @@ def _turning_points(
     speed = np.maximum(speed_m_s[row, column + MARGIN - 1], speed_m_s[row, column + MARGIN])
     middle_s = sky.time_s(column + MARGIN)
     low_s, high_s = np.maximum(middle_s - sky.step_s, sky.start_s), np.minimum(middle_s + sky.step_s, end_s)
+    # Twice: first over the whole step, then, narrowed, with a far smaller reach.
     for width_s in (sky.step_s, _COARSE_S):
         may = _may_reach(sky, row, middle_s, speed * width_s, sine_mask, sign)
         row, speed, low_s, high_s = row[may], speed[may], low_s[may], high_s[may]
@@ -166,7 +172,7 @@ def _turning_points(
 
 
 def _turning_nodes(values: Array, *, ends: bool) -> Flags:
-    """Return which of the searched columns are higher than their neighbours; the `ends` need only one lower."""
+    """Return which columns are higher than their neighbours; the `ends` need only one lower."""
     here = values[:, MARGIN : values.shape[1] - MARGIN]
     left, right = values[:, MARGIN - 1 : -MARGIN - 1], values[:, MARGIN + 1 : values.shape[1] - MARGIN + 1]
     turning: Flags = (here >= left) & (here > right)
@@ -177,7 +183,7 @@ def _turning_nodes(values: Array, *, ends: bool) -> Flags:
 
 
 def _may_reach(sky: SampledSky, row: Index, t_s: Array, moved_m: Array, sine_mask: float, sign: float) -> Flags:
-    """Return whether the elevation can pass the mask within a way of `moved_m`: it turns by asin(way / distance)."""
+    """Return whether the elevation can cross the mask within `moved_m` of motion."""
     position = sky.position_m(row, t_s)
     distance = np.sqrt(np.einsum("nc,nc->n", position, position))
     elevation = np.arcsin(position[:, 2] / distance)
@@ -186,8 +192,9 @@ def _may_reach(sky: SampledSky, row: Index, t_s: Array, moved_m: Array, sine_mas
 
 
 def _or_end(sky: SampledSky, row: Index, t_s: Array, end_s: float, sign: float) -> Array:
-    """Return the end of the searched interval instead where it is better than a turning point beside it."""
+    """Return the end of the searched interval where it is better than a turning point close by."""
     for bound_s in (sky.start_s, end_s):
+        # Golden section ends short of an end over which the elevation only rises or falls.
         close = np.flatnonzero(np.abs(t_s - bound_s) <= _CLOSE_S)
         at_end = np.full(len(close), bound_s)
         better = sign * sky.sine(row[close], at_end) > sign * sky.sine(row[close], t_s[close])
@@ -196,9 +203,10 @@ def _or_end(sky: SampledSky, row: Index, t_s: Array, end_s: float, sign: float) 
 
 
 def _bracket_nodes(sky: SampledSky, sines: Array, row: Index, tca_s: Array, sine_mask: float) -> tuple[Array, Array]:
-    """Return the nearest grid times below the mask before and after each peak; -inf and inf where there is none."""
+    """Return the nearest grid times below the mask around each peak; -inf and inf for none."""
     inside = sines[:, MARGIN : sines.shape[1] - MARGIN]
     columns = np.arange(inside.shape[1])
+    # Running extremes give the nearest column below the mask on either side without a loop.
     below = inside <= sine_mask
     last = np.maximum.accumulate(np.where(below, columns, -1), axis=1)
     none = inside.shape[1]
@@ -214,7 +222,7 @@ def _bracket_nodes(sky: SampledSky, sines: Array, row: Index, tca_s: Array, sine
 def _crossings(
     sky: SampledSky, row: Index, outside_s: Array, tca_s: Array, sine_mask: float, end_s: float
 ) -> tuple[Array, Flags]:
-    """Return where each object crosses the mask between a time below it and its peak, or the end it is cut off at."""
+    """Return where each object crosses the mask on the way to its peak, or where it is cut off."""
     cut = ~np.isfinite(outside_s)
     crossing = np.full(len(row), end_s)
     moving, rows = ~cut, row[~cut]
@@ -228,7 +236,8 @@ def _crossings(
 
 
 def _highest_of_each(passes: GridPasses, peak: Array) -> GridPasses:
-    """Return one pass per stay, at its highest maximum: an eccentric orbit can have several in one stay."""
+    """Return one pass per stay, at its highest maximum: an eccentric orbit can have several."""
+    # Sorted by object, rise and peak, the highest of each stay comes first.
     order = np.lexsort((-peak, np.round(passes.aos_s, 1), passes.row))
     row, aos_s = passes.row[order], passes.aos_s[order]
     first = np.ones(len(order), dtype=bool)

@@ -39,8 +39,10 @@ def delayed(relative: StateVector, sense: float) -> tuple[StateVector, Any, Any]
     r, v, a, j = relative.derivatives()
     distance = norm(r)
     rate = dot(r, v) / distance
+    # Geometry only, for comparison with tables that leave the light time out.
     if sense == 0.0:
         return relative, distance, rate
+    # Solves tau = rho(t - sigma tau) / c to first order at once.
     tau = distance / (SPEED_OF_LIGHT_M_S + sense * rate)
     shift = -sense * tau
     position = combined((1.0, r), (shift, v), (0.5 * shift * shift, a))
@@ -55,6 +57,7 @@ def _with_clock(r: Vector, v: Vector, a: Vector, j: Vector, sense: float) -> tup
     rate = dot(r, v) / distance
     curvature = (dot(v, v) + dot(r, a) - rate * rate) / distance
     tau_rate = rate / (SPEED_OF_LIGHT_M_S + sense * rate)
+    # Without it the rates would be those at the target's clock, off by v/c.
     clock = 1.0 - sense * tau_rate
     tau_acceleration = curvature * clock**3 / SPEED_OF_LIGHT_M_S
     velocity = combined((clock, v))
@@ -63,7 +66,7 @@ def _with_clock(r: Vector, v: Vector, a: Vector, j: Vector, sense: float) -> tup
 
 
 def moved_across(motion: StateVector, offset_rad: float) -> StateVector:
-    """Return the motion (rotating axes) of the target moved by `offset_rad`; its range stays the same.
+    """Return the motion (rotating axes) of the target moved by `offset_rad`, its range unchanged.
 
     Raises ValueError for a target that stands still on the sky: it has no across.
     """
@@ -71,6 +74,7 @@ def moved_across(motion: StateVector, offset_rad: float) -> StateVector:
     normal = combined((-1.0, cross(r, v)))
     normal1 = combined((-1.0, cross(r, a)))
     normal2 = combined((-1.0, cross(v, a)), (-1.0, cross(r, j)))
+    # A target at rest on the sky, a geostationary one seen exactly, has no direction of motion.
     if np.any(norm(normal) == 0.0):
         raise ValueError(f"cross_track_offset_rad={offset_rad} needs a target that moves on the sky")
     m, m1, m2 = _unit(normal, normal1, normal2)
@@ -108,7 +112,7 @@ _LEAST_HORIZONTAL_M = 1e-3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LookAngles:
-    """Where a target is on the sky at the times `t_s`, all of shape (n,); azimuth is continuous along the array.
+    """Where a target is on the sky at `t_s`, all (n,); azimuth is continuous along the array.
 
     Elevation is apparent (refraction included), `true_elevation_rad` is without refraction.
     """
@@ -131,12 +135,12 @@ class LookAngles:
 
     @property
     def doppler_factor(self) -> Array:
-        """Frequency received on the ground over frequency sent by the target (without clock rates, below 1e-9)."""
+        """Frequency received over frequency sent (without clock rates, below 1e-9)."""
         return 1.0 - self.range_rate_m_s / SPEED_OF_LIGHT_M_S
 
 
 def angles_and_rates(enu: StateVector) -> tuple[Any, Any, Any, Any, Any, Any]:
-    """Return azimuth in (-pi, pi], elevation, their rates [rad/s] and accelerations [rad/s^2] of rotating motion."""
+    """Return azimuth in (-pi, pi], elevation, their rates and accelerations, of rotating motion."""
     (e, n, u), (e1, n1, u1), (e2, n2, u2) = enu.position, enu.velocity, enu.acceleration
     h = root(e * e + n * n + _LEAST_HORIZONTAL_M**2)
     rho2 = h * h + u * u

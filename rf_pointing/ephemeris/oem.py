@@ -46,6 +46,7 @@ _SCALES = ("UTC", "TAI", "TT", "GPS", "TDB")
 _REQUIRED = ("OBJECT_NAME", "OBJECT_ID", "CENTER_NAME", "REF_FRAME", "TIME_SYSTEM", "START_TIME", "STOP_TIME")
 _CELESTIAL = ("GCRF", "ICRF", "EME2000", "J2000")
 _TEME = "TEME"
+# The controller's differences reach a little beyond the time that is wanted.
 EDGE_S = 1.0
 _MAX_DEGREE = 15
 _LEAST_DEGREE = {"HERMITE": 3, "LAGRANGE": 1, "LINEAR": 1}
@@ -58,10 +59,10 @@ _FASTEST_ESCAPES = 3.0
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class OemSegment:
-    """One segment: states at `tai_s` (n,) [TAI s since 1970], `position_m` and `velocity_m_s` (n, 3) in `frame`.
+    """One segment: states at `tai_s` (n,) [TAI s since 1970], positions and velocities (n, 3).
 
-    Interpolation may use every state, but only times in [`usable_from_s`, `usable_to_s`] (TAI) may
-    be asked for. `method` is empty where the message declares none.
+    Interpolation uses every state, but only for times in
+    [`usable_from_s`, `usable_to_s`] (TAI).  `method` is empty where the message declares none.
     """
 
     name: str
@@ -77,7 +78,7 @@ class OemSegment:
 
 
 def read_oem(text: str) -> list[OemSegment]:
-    """Return the segments of a KVN message in file order; a malformed line is refused with its number."""
+    """Return the segments of a KVN message in file order; ValueError names a malformed line."""
     found: list[OemSegment] = []
     meta: dict[str, str] | None = None
     states: list[_State] = []
@@ -147,6 +148,7 @@ def _segment(meta: dict[str, str], states: list[_State]) -> OemSegment:
         raise ValueError(
             f"line {states[later[0] + 1].number}: {states[later[0] + 1].epoch} must be later than the state before"
         )
+    # km and km/s to metres.
     values = np.array([state.values for state in states]) * 1e3
     _require_near_the_earth(states, values)
     usable_from_s, usable_to_s = _usable(meta, tai_s)
@@ -174,6 +176,7 @@ def _tai_of_line(state: _State, scale: str) -> float:
 def _require_near_the_earth(states: list[_State], values: Array) -> None:
     """Refuse states that are no satellite's: those of another unit than km and km/s."""
     distance, speed = (np.linalg.norm(part, axis=1) for part in (values[:, :3], values[:, 3:]))
+    # States in ITRF carry the turning of the axes in their velocity.
     turning = EARTH_RATE_RAD_S * distance
     fastest = _FASTEST_ESCAPES * np.sqrt(2.0 * EARTH_MU_M3_S2 / np.maximum(distance, EARTH_RADIUS_M)) + turning
     for state, far, fast, most in zip(states, distance, speed, fastest, strict=True):
@@ -189,11 +192,12 @@ def _require_near_the_earth(states: list[_State], values: Array) -> None:
 
 
 def _usable(meta: dict[str, str], tai_s: Array) -> tuple[float, float]:
-    """Return the usable span in TAI seconds; its ends may lie a step beyond the states, which then end it."""
+    """Return the usable span in TAI seconds; its ends may lie a step beyond the states."""
     keys = [f"USEABLE_{key}" if meta.get(f"USEABLE_{key}") else key for key in ("START_TIME", "STOP_TIME")]
     first, last = (tai_from_text(meta[key], meta["TIME_SYSTEM"]) for key in keys)
     if not first < last:
         raise ValueError(f"{keys[0]}={meta[keys[0]]} must be before {keys[1]}={meta[keys[1]]}")
+    # The ends may lie up to a step beyond the states; further means lines are missing.
     step_s = float(np.max(np.diff(tai_s)))
     for key, short_s in zip(keys, (tai_s[0] - first, last - tai_s[-1]), strict=True):
         if short_s > step_s:
@@ -259,11 +263,12 @@ class OemTarget:
         self._segments = tuple(segments)
         self._windows = tuple(_window_size(segment, interpolation) for segment in segments)
         self._orientation: EarthOrientationSource = orientation or IersEarthOrientation()
+        # One window serves many control periods; a solve costs far more than an evaluation.
         self._polynomial = lru_cache(maxsize=4096)(self._solved_polynomial)
 
     @property
     def spans_t_s(self) -> tuple[tuple[float, float], ...]:
-        """First and last UTC times of what is usable without a gap, each a second of light inside the ends."""
+        """First and last UTC times of what is usable without a gap, a second of light inside."""
         joined: list[list[float]] = []
         for first, last in sorted((segment.usable_from_s, segment.usable_to_s) for segment in self._segments):
             if joined and first <= joined[-1][1]:
@@ -274,7 +279,7 @@ class OemTarget:
         return tuple((utc_from_tai_s(first), utc_from_tai_s(last)) for first, last in inside)
 
     def motion_at(self, t_s: Any, ahead_s: float = 0.0) -> StateVector:
-        """Return the inertial motion [m] in Earth-fixed axes; a time outside the usable spans raises ValueError."""
+        """Return the inertial motion [m] in Earth-fixed axes; ValueError outside its spans."""
         tai_s = t_s + leap_seconds().tai_minus_utc_s(t_s) + ahead_s
         if isinstance(t_s, float):
             derivatives = self._derivatives(tai_s)
@@ -299,25 +304,29 @@ class OemTarget:
         return earth_fixed_from_gcrs(motion, t_s, self._orientation)
 
     def _derivatives(self, tai_s: float) -> Any:
-        """Return position to jerk (4, 3) at a TAI time, from the last segment that may be used there."""
+        """Return position to jerk (4, 3) at a TAI time, from the last segment usable there."""
+        # Where segments overlap the later one counts.
         for index in range(len(self._segments) - 1, -1, -1):
             segment = self._segments[index]
+            # Ends included: segments that meet share the instant at which they do.
             if segment.usable_from_s <= tai_s <= segment.usable_to_s:
                 break
         else:
             raise ValueError(f"{_utc(tai_s)} is outside the usable span of {self.name}: {self._spans()}")
         _, size, _ = self._windows[index]
         after = int(np.searchsorted(segment.tai_s, tai_s, side="right"))
+        # The window is centred where the data allow; at the ends it stays inside them.
         start = min(max(after - size // 2 - size % 2, 0), len(segment.tai_s) - size)
         middle, half, derivatives = self._polynomial(index, start)
         powers = ((tai_s - middle) / half) ** np.arange(derivatives.shape[1])
         return np.einsum("p,kpc->kc", powers, derivatives)
 
     def _solved_polynomial(self, index: int, start: int) -> tuple[float, float, Array]:
-        """Return middle and half width of a window and the coefficients (4, degree + 1, 3) of all derivatives."""
+        """Return middle and half width of a window, and the coefficients (4, degree + 1, 3)."""
         segment, (hermite, size, degree) = self._segments[index], self._windows[index]
         times = segment.tai_s[start : start + size]
         middle, half = 0.5 * (times[0] + times[-1]), 0.5 * (times[-1] - times[0])
+        # Scaled to [-1, 1]: powers of seconds would make the matrix singular in floating point.
         x = (times - middle) / half
         rows, values = np.vander(x, degree + 1, increasing=True), segment.position_m[start : start + size]
         if hermite:
@@ -343,6 +352,7 @@ def _window_size(segment: OemSegment, fallback: tuple[str, int] | None) -> tuple
         raise ValueError(f"OEM of {segment.name} declares no INTERPOLATION: give interpolation and its degree")
     require_choice("interpolation", method, METHODS)
     hermite = method == "HERMITE"
+    # Positions and velocities come in pairs: an even degree has no whole number of states.
     if hermite and (degree % 2 == 0 or degree < 3):
         raise ValueError(
             f"INTERPOLATION_DEGREE={degree} must be odd, 3 or more, for HERMITE: it takes positions and velocities"

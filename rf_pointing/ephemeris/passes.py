@@ -1,4 +1,4 @@
-"""Passes of a target over a site: rise, closest approach, set, and what the antenna must be able to do.
+"""Passes of a target over a site: rise, closest approach, set, and what they require.
 
 Elevation is cut at its turning points, which are the roots of the elevation rate; between two of
 them it is monotonic, so each crossing of the mask is bracketed and none is missed that the step of
@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 # Lowest elevation (n,) at azimuths (n,) on any turn.
 Horizon = Callable[[Array], Array]
 
+# A stay of less than 30 s between two turning points is no pass anyone would track.
 _STEP_S = 30.0
 _TIME_TOLERANCE_S = 1e-4
 _PROFILE_STEP_S = 1.0
@@ -72,11 +73,11 @@ class Pass:
 def find_passes(
     track: TopocentricTrack, start_t_s: float, duration_s: float, min_elevation_rad: float | Horizon
 ) -> list[Pass]:
-    """Return the passes above an elevation or a horizon (apparent) in the `duration_s` after `start_t_s`, in time order.
+    """Return the passes above an elevation or a horizon (apparent) in a time, in time order.
 
     Times are found to 0.1 ms.  A pass that is going on at either end is cut off there and says so.
-    An ephemeris is searched where it is usable, its gaps left out; a search that lies wholly beside
-    it is refused.
+    An ephemeris is searched where it is usable, its gaps left out; a search that lies outside
+    all of it is an error.
     """
     require_between("duration_s", duration_s, 1.0, None)
     parts = _within(track.spans_t_s, start_t_s, duration_s)
@@ -87,6 +88,7 @@ def _passes_of(
     track: TopocentricTrack, start_t_s: float, duration_s: float, min_elevation_rad: float | Horizon
 ) -> list[Pass]:
     """Return the passes in a time for which the target is known throughout."""
+    # A horizon by azimuth is searched in two stages: above its lowest point, then above itself.
     if callable(min_elevation_rad):
         horizon, flat_rad = min_elevation_rad, _below(min_elevation_rad)
         require_between("min_elevation_rad", flat_rad, -0.2, np.pi / 2)
@@ -110,16 +112,17 @@ def _passes_of(
 
 
 def _below(horizon: Horizon) -> float:
-    """Return an elevation below all of a horizon, so that every crossing of it is found by itself."""
+    """Return an elevation below all of a horizon, so that every crossing of it is found."""
     return float(np.min(horizon(np.linspace(0.0, 2.0 * np.pi, _HORIZON_POINTS)))) - _HORIZON_MARGIN_RAD
 
 
 def _stays_above(
     track: TopocentricTrack, rise_s: float, set_s: float, horizon: Horizon, knots: Array
 ) -> list[tuple[float, float]]:
-    """Return the parts of a stay above the horizon's lowest point in which the target is above the horizon itself."""
+    """Return the parts of a stay above the horizon's lowest point that are above the horizon."""
     count = int(np.clip(np.ceil((set_s - rise_s) / _PROFILE_STEP_S) + 1, 2, _PROFILE_POINTS))
     even = np.linspace(rise_s, set_s, count)
+    # With the turning points, so that a short peak above a hill is not stepped over.
     times = np.unique(np.concatenate([even, knots[(knots > rise_s) & (knots < set_s)]]))
 
     def height(t_s: Array) -> Array:
@@ -130,6 +133,7 @@ def _stays_above(
     change = np.flatnonzero(above[1:] != above[:-1])
     edges = roots_between(height, times[change], times[change + 1], _TIME_TOLERANCE_S).tolist()
     ends = [rise_s, *edges, set_s]
+    # Between two edges the target is above or below throughout; they alternate.
     inside = [bool(above[0]) == (number % 2 == 0) for number in range(len(ends) - 1)]
     return [(a, b) for (a, b), clear in zip(itertools.pairwise(ends), inside, strict=True) if clear and b > a]
 
@@ -137,11 +141,13 @@ def _stays_above(
 def passes_with_present(
     track: TopocentricTrack, t_s: float, duration_s: float, min_elevation_rad: float | Horizon
 ) -> list[Pass]:
-    """Return the passes as `find_passes`, one that is going on at `t_s` with its own rise (up to half a day before)."""
+    """Return the passes as `find_passes`; a pass going on at `t_s` has its own rise."""
     found = find_passes(track, t_s, duration_s, min_elevation_rad)
     if not found or not found[0].rises_before:
         return found
+    # A little beyond its set, so that the pass found again is the same one.
     end_s = min(found[0].los_t_s + 2.0 * _STEP_S, t_s + duration_s)
+    # First an hour: elements of a low orbit are not propagated half a day for nothing.
     for back_s in _LOOK_BACK_S:
         earlier = find_passes(track, t_s - back_s, back_s + end_s - t_s, min_elevation_rad)
         whole = next(one for one in earlier if one.aos_t_s <= t_s < one.los_t_s)
@@ -153,11 +159,12 @@ def passes_with_present(
 def first_pass_above(
     track: TopocentricTrack, start_t_s: float, peak_rad: float, min_elevation_rad: float | Horizon, duration_s: float
 ) -> Pass:
-    """Return the first pass after `start_t_s` that peaks at or above `peak_rad`; ValueError when there is none."""
+    """Return the first pass after `start_t_s` that peaks at `peak_rad` or higher, or ValueError."""
     passes = find_passes(track, start_t_s, duration_s, min_elevation_rad)
     for found in passes:
         if found.peak_elevation_rad >= peak_rad:
             return found
+    # The reason says how near the best one comes: often a lower peak is all that is wanted.
     best = max((p.peak_elevation_rad for p in passes), default=None)
     reached = "none rises above the mask" if best is None else f"the highest reaches {np.degrees(best):.2f} deg"
     raise ValueError(
@@ -169,7 +176,7 @@ def first_pass_above(
 def _within(
     spans_t_s: tuple[tuple[float, float], ...], start_t_s: float, duration_s: float
 ) -> list[tuple[float, float]]:
-    """Return the starts and durations of a search in the spans; unchanged beside them: the target refuses the times."""
+    """Return starts and durations of a search in the spans, unchanged outside all of them."""
     ends = [(max(start_t_s, first), min(start_t_s + duration_s, last)) for first, last in spans_t_s]
     return [(low, high - low) for low, high in ends if high > low] or [(start_t_s, duration_s)]
 
@@ -210,7 +217,7 @@ def _pass(track: TopocentricTrack, aos_t_s: float, los_t_s: float, knots: Array,
 
 
 def _profile_times(track: TopocentricTrack, aos_t_s: float, los_t_s: float) -> Array:
-    """Even steps plus the instants of the largest rates, so that the spike near the zenith is not stepped over."""
+    """Return even steps plus the instants of the largest rates, for spikes near the zenith."""
     count = int(np.clip(np.ceil((los_t_s - aos_t_s) / _PROFILE_STEP_S) + 1, 2, _PROFILE_POINTS))
     even = np.linspace(aos_t_s, los_t_s, count)
     looks = track.sample(even)

@@ -24,12 +24,13 @@ __all__ = ["GMST_RATE_RAD_S", "Sgp4Orbit", "earth_fixed_from_teme"]
 
 # Derivative of Greenwich mean sidereal time per second of UT1 (Aoki et al. 1982).
 GMST_RATE_RAD_S = 7.2921158553e-5
+# Long enough for the rounding of SGP4's kilometres, short enough for the truncation, h^4.
 _STEP_S = 2.0
 _KM = 1e3
 
 
 class Sgp4Orbit:
-    """StateVector of one object; refuses times further than `max_age_s` from the epoch of its elements."""
+    """Motion of one object; times more than `max_age_s` from its epoch are an error."""
 
     rotation_rate_rad_s = GMST_RATE_RAD_S
     at_infinity = False
@@ -42,6 +43,7 @@ class Sgp4Orbit:
         self.name = elements.name
         self.max_age_s = max_age_s
         self._orientation = orientation
+        # A record of its own: it holds the state of its last call.
         self._record = elements.satrec()
         self._leap_at_epoch_s = leap_seconds().tai_minus_utc_s(elements.epoch_t_s)
         if self._record.error:
@@ -55,6 +57,7 @@ class Sgp4Orbit:
         """
         elapsed_s = t_s - self.elements.epoch_t_s + ahead_s
         self._check_age(t_s, elapsed_s)
+        # SGP4 counts elapsed seconds; a difference of UTC lacks the leap seconds in between.
         elapsed_s = elapsed_s + (leap_seconds().tai_minus_utc_s(t_s) - self._leap_at_epoch_s)
         positions = [_position_km(self._record, elapsed_s + k * _STEP_S, self.name) for k in OFFSETS]
         teme = motion_from_positions(positions, _STEP_S, _KM)
@@ -74,7 +77,7 @@ class Sgp4Orbit:
 
 
 def earth_fixed_from_teme(motion: StateVector, t_s: Any, orientation: EarthOrientationSource) -> StateVector:
-    """Return the inertial motion in Earth-fixed axes at UTC times, from components in TEME of date."""
+    """Return the inertial motion in Earth-fixed axes at UTC times, from TEME of date."""
     earth = orientation.at(t_s)
     days = t_s // DAY_S
     angle_rad = erfa.gmst82(POSIX_EPOCH_JD + days, (t_s - days * DAY_S + earth.ut1_minus_utc_s) / DAY_S)
@@ -87,6 +90,7 @@ def _position_km(record: Satrec, elapsed_s: Any, name: str) -> Vector:
         code, position, _ = record.sgp4_tsince(elapsed_s / 60.0)
     else:
         whole = np.full(elapsed_s.shape, record.jdsatepoch)
+        # Fractions of days carry the elapsed time; the epoch's own fraction is added first.
         codes, positions, _ = record.sgp4_array(whole, record.jdsatepochF + elapsed_s / DAY_S)
         x, y, z = positions.T
         position, code = (x, y, z), int(codes.max(initial=0))

@@ -42,6 +42,7 @@ class Site(Params):
         """Earth-fixed position x, y, z."""
         e2 = WGS84_FLATTENING * (2.0 - WGS84_FLATTENING)
         normal = EARTH_RADIUS_M / math.sqrt(1.0 - e2 * math.sin(self.latitude_rad) ** 2)
+        # The ellipsoid's normal radius, not the distance from the centre.
         across = (normal + self.altitude_m) * math.cos(self.latitude_rad)
         up = (normal * (1.0 - e2) + self.altitude_m) * math.sin(self.latitude_rad)
         return across * math.cos(self.longitude_rad), across * math.sin(self.longitude_rad), up

@@ -1,4 +1,4 @@
-"""The direction of the Sun over a station, for the exclusion zone of the beam, renewed often enough for a control tick."""
+"""The Sun over a station, for the exclusion zone of the beam; renewed often enough for a tick."""
 
 import math
 from dataclasses import dataclass
@@ -34,6 +34,7 @@ class SolarDirection:
 
     def at(self, t_s: float) -> tuple[float, float] | None:
         """Return azimuth and elevation at `t_s`, at most `RENEWAL_S` old."""
+        # Not renewed within RENEWAL_S, but at once when time went back.
         if self._track is not None and not 0.0 <= t_s - self._renewed_s < RENEWAL_S:
             self._renewed_s = t_s
             try:

@@ -1,4 +1,4 @@
-"""From the operator's words to a track: elements, ephemeris message or body of the sky, and the station.
+"""From the operator's words to a track: elements, ephemeris message or body, and the station.
 
 `TargetMemory` keeps what was chosen over a restart of the publisher.  Its file belongs to one
 configuration (elements, satellite, station, offsets at the start): when that has changed, the file
@@ -38,6 +38,7 @@ __all__ = [
     "SourceParams",
     "TargetMemory",
     "first_time_s",
+    "load_catalogue",
     "load_elements",
     "load_target",
     "load_track",
@@ -87,10 +88,8 @@ def load_target(params: SourceParams) -> Elements | TargetSource:
     if not params.elements_file:
         return find_elements(verification_elements(), params.satellite)
     path = Path(params.elements_file)
-    if not path.is_file():
-        raise ValueError(f"elements_file={params.elements_file!r} does not exist")
+    text = _text_of(path)
     try:
-        text = path.read_text(encoding="utf-8-sig")
         if text.lstrip().startswith("CCSDS_OEM_VERS"):
             method = (params.interpolation, params.interpolation_degree) if params.interpolation else None
             return _object_of_oem(text, params.satellite, method)
@@ -99,8 +98,22 @@ def load_target(params: SourceParams) -> Elements | TargetSource:
         raise ValueError(f"{path.name}: {error}") from error
 
 
+def load_catalogue(elements_file: str) -> list[Elements]:
+    """Return the newest elements of every object in a file, "" for the verification set."""
+    if elements_file:
+        path = Path(elements_file)
+        try:
+            elements = read_elements(_text_of(path))
+        except ValueError as error:
+            raise ValueError(f"{path.name}: {error}") from error
+    else:
+        elements = verification_elements()
+    # Sorted by epoch, so the newest of an object with several sets is the one that stays.
+    return list({one.catalogue_number: one for one in sorted(elements, key=lambda e: e.epoch_t_s)}.values())
+
+
 def load_elements(params: SourceParams) -> Elements:
-    """Return the wanted satellite's elements; what is not tracked from elements is refused by name."""
+    """Return the wanted satellite's elements; ValueError for a target without any."""
     target = load_target(params)
     if not isinstance(target, Elements):
         raise ValueError(f"{target.name} is not tracked from mean elements")
@@ -108,7 +121,7 @@ def load_elements(params: SourceParams) -> Elements:
 
 
 def load_track(params: SourceParams, hold_t_s: float | None = None) -> TopocentricTrack:
-    """Return the object as seen from the station, standing still where it is at `hold_t_s` if that is given."""
+    """Return the object as seen from the station, held where it is at `hold_t_s` if given."""
     station = site(params.station)
     return TopocentricTrack(
         load_target(params),
@@ -128,7 +141,7 @@ def refraction_at(params: SourceParams, station: Site) -> RadioRefraction | None
 
 
 def first_time_s(params: SourceParams) -> float:
-    """Return the epoch of the elements or the beginning of the ephemeris; bodies of the sky have neither.
+    """Return the epoch of the elements or the beginning of the ephemeris.
 
     Raises
     ------
@@ -143,8 +156,18 @@ def first_time_s(params: SourceParams) -> float:
     raise ValueError(f"{target.name} has no epoch: say when to look for it (start)")
 
 
+def _text_of(path: Path) -> str:
+    if not path.is_file():
+        raise ValueError(f"elements_file={str(path)!r} does not exist")
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except ValueError as error:
+        raise ValueError(f"{path.name}: {error}") from error
+
+
 def _object_of_oem(text: str, wanted: str, interpolation: tuple[str, int] | None) -> OemTarget:
     segments = read_oem(text)
+    # An OEM names its object and its designator; either is accepted.
     key = wanted.strip().casefold()
     found = [segment for segment in segments if key in (segment.name.casefold(), segment.object_id.casefold())]
     if not found:
@@ -159,6 +182,7 @@ class TargetMemory:
     def __init__(self, name: str, configured: SourceParams) -> None:
         self._state, self._configured = KeptState(name), configured
         kept = self._state.recover()
+        # Another configuration: what was kept belongs to another target.
         mine = kept.get("configured") == dataclasses.asdict(configured)
         self._kept: dict[str, Any] = kept if mine else {}
 
@@ -166,13 +190,14 @@ class TargetMemory:
     def source(self) -> SourceParams:
         """The source as it was last, or as configured."""
         kept = dict(self._kept.get("source", {}))
+        # JSON kept the weather as a table; the parameter set is made anew from it.
         if "weather" in kept:
             kept["weather"] = self._configured.weather.replace(**kept["weather"])
         return self._configured.replace(**kept)
 
     @property
     def peak_rad(self) -> float:
-        """Least peak of the passes that were asked for."""
+        """Least peak of the passes that are wanted."""
         return float(self._kept.get("peak_rad", 0.0))
 
     @property

@@ -1,4 +1,4 @@
-"""Position and its derivatives as plain components: one code for a float (fast) and arrays of times.
+"""Position and its derivatives as plain components: one code for floats and for arrays.
 
 Two kinds of derivative are needed.  An *inertial* motion holds d^k r/dt^k of a non-rotating frame,
 written in Earth-fixed axes; light time shifts it.  A *rotating* motion holds the derivatives that
@@ -60,7 +60,7 @@ def cross(a: Vector, b: Vector) -> Vector:
 
 
 def root(a: Any) -> Any:
-    """Return the square root of a float or an array; plain floats stay plain, which is three times faster."""
+    """Return the square root; plain floats stay plain, which is three times faster."""
     return math.sqrt(a) if isinstance(a, float) else np.sqrt(a)
 
 
@@ -79,7 +79,7 @@ def combined(*terms: tuple[Any, Vector]) -> Vector:
 
 
 def turned_about_z(motion: StateVector, angle_rad: Any, pole_x_rad: Any, pole_y_rad: Any) -> StateVector:
-    """Return the components in axes turned by the Earth's angle and then tilted to the pole (ITRF from TEME/CIRS).
+    """Return the components in axes turned by the Earth's angle, then tilted to the pole.
 
     The tilt is linear in the pole's coordinates: their squares are 1e-12, 7 micrometres on the
     ground.
@@ -103,7 +103,7 @@ def rotated(motion: StateVector, axes: tuple[Vector, Vector, Vector]) -> StateVe
 
 
 def seen_from_rotating_axes(motion: StateVector, rate_rad_s: float) -> StateVector:
-    """Return the derivatives seen in axes that turn about z, from inertial derivatives in the same axes."""
+    """Return the derivatives seen in axes that turn about z, from inertial ones in them."""
     w, w2, w3 = rate_rad_s, rate_rad_s**2, rate_rad_s**3
     a0, a1, a2, a3 = motion.derivatives()
     velocity = (a1[0] + w * a0[1], a1[1] - w * a0[0], a1[2])
@@ -116,9 +116,10 @@ def seen_from_rotating_axes(motion: StateVector, rate_rad_s: float) -> StateVect
     return StateVector(a0, velocity, acceleration, jerk)
 
 
-# Where the five positions are, in steps from the time asked for.
+# Where the five positions are, in steps from the wanted time.
 OFFSETS = (-2.0, -1.0, 0.0, 1.0, 2.0)
 
+# The jerk is of second order only: it serves the light time alone, where less will do.
 _STENCILS = (
     (0.0, 0.0, 1.0, 0.0, 0.0),
     (1.0 / 12.0, -2.0 / 3.0, 0.0, 2.0 / 3.0, -1.0 / 12.0),
@@ -128,7 +129,7 @@ _STENCILS = (
 
 
 def motion_from_positions(positions: list[Vector], step_s: float, unit_m: float) -> StateVector:
-    """Return the motion in metres of five positions in `unit_m`; errors of order h^4, the jerk h^2."""
+    """Return the motion in metres of five positions in `unit_m`; errors h^4, of the jerk h^2."""
     orders = (_weighted(positions, weights, unit_m / step_s**k) for k, weights in enumerate(_STENCILS))
     position, velocity, acceleration, jerk = orders
     return StateVector(position, velocity, acceleration, jerk)

@@ -1,6 +1,6 @@
 """The scales of time that an ephemeris needs, and the leap seconds between them.
 
-    TAI = UTC + leap seconds,    TT = TAI + 32.184 s,    GPS = TAI - 19 s,    UT1 = UTC + (UT1 - UTC)
+    TAI = UTC + leap seconds,   TT = TAI + 32.184 s,   GPS = TAI - 19 s,   UT1 = UTC + (UT1 - UTC)
 
 Wire times `t_s` are UTC counted as POSIX seconds: a leap second repeats the second before it.
 Julian dates are handed to SOFA as two floats, whole and fraction.  Leap seconds come from the
@@ -45,10 +45,11 @@ class LeapSeconds:
     expires_t_s: float
 
     def tai_minus_utc_s(self, t_s: Any) -> Any:
-        """Return TAI - UTC in seconds at UTC times (float or array); before 1972 UTC had no whole offset: refused."""
+        """Return TAI - UTC in seconds at UTC times (float or array); ValueError before 1972."""
         if (t_s if isinstance(t_s, float) else np.min(t_s)) < self.start_t_s[0]:
             raise ValueError(f"t_s={np.min(t_s)} must be >= {self.start_t_s[0]} (1972-01-01, the first leap second)")
         if isinstance(t_s, float):
+            # Plain floats: it is called several times a control period.
             return self.offset_s[bisect_right(self.start_t_s, t_s) - 1]
         return np.asarray(self.offset_s)[np.searchsorted(self.start_t_s, t_s, side="right") - 1]
 
@@ -66,6 +67,7 @@ def leap_seconds() -> LeapSeconds:
 
     text = Path(IERS_LEAP_SECOND_FILE).read_text(encoding="ascii")
     rows = [line.split() for line in text.splitlines() if line.strip() and not line.startswith("#")]
+    # The list states its own expiry in a comment; a list without one is another file.
     expiry = re.search(r"File expires on (\d+ \w+ \d{4})", text)
     if expiry is None:
         raise ValueError(f"{IERS_LEAP_SECOND_FILE} must state 'File expires on'")
@@ -77,7 +79,7 @@ def leap_seconds() -> LeapSeconds:
 
 
 def utc_from_tai_s(tai_s: float) -> float:
-    """Return POSIX seconds of TAI seconds since 1970; within a leap second the POSIX second repeats."""
+    """Return POSIX seconds of TAI seconds since 1970; a leap second repeats its second."""
     table = leap_seconds()
     # The table is by UTC.  The first guess is at most one leap second off, the second one is right.
     first_s = tai_s - float(table.tai_minus_utc_s(tai_s))
@@ -85,10 +87,11 @@ def utc_from_tai_s(tai_s: float) -> float:
 
 
 def tai_from_utc_calendar(text: str) -> float:
-    """Return TAI seconds since 1970-01-01T00:00:00 TAI of a UTC date; second 60 is read where there is one."""
+    """Return TAI seconds since 1970 of a UTC date; second 60 is read where there is one."""
     minute_s, second = minute_and_second(text)
     table = leap_seconds()
     before_s = float(table.tai_minus_utc_s(minute_s))
+    # 61 s in a minute that ends with a leap second.
     seconds = 60.0 + float(table.tai_minus_utc_s(minute_s + 60.0)) - before_s
     if second >= seconds:
         raise ValueError(f"date={text!r} has second {second:g}, must be < {seconds:g} in that minute")

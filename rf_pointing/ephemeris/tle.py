@@ -32,7 +32,7 @@ _LARGEST_ALPHA5 = 339999
 
 
 def read_tle(text: str) -> list[Elements]:
-    """Return the elements of TLE or 3LE text in file order; a malformed set is refused with its line number."""
+    """Return the elements of TLE or 3LE text in file order; ValueError names the line."""
     found: list[Elements] = []
     name, first = "", (0, "")
     for number, raw in enumerate(text.splitlines(), start=1):
@@ -78,9 +78,10 @@ def alpha5_from_number(number: int) -> str:
 
 
 def elements_from_tle(line1: str, line2: str, *, name: str = "", line_number: int = 1) -> Elements:
-    """Return the elements of one pair of lines; checks form, checksums, numbers and that both name one object."""
+    """Return the elements of two lines; checks form, checksums, numbers and the same object."""
     _check_line(line1, "1", line_number)
     _check_line(line2, "2", line_number + 1)
+    # Two lines of different objects can each have a right checksum.
     if line1[2:7] != line2[2:7]:
         raise ValueError(f"line {line_number + 1}: line 2 is of object {line2[2:7]}, line 1 of {line1[2:7]}")
     try:
@@ -90,7 +91,7 @@ def elements_from_tle(line1: str, line2: str, *, name: str = "", line_number: in
 
 
 def verification_elements() -> list[Elements]:
-    """Return the sound elements of SGP4-VER.TLE in the installed sgp4 package, named after its comments."""
+    """Return the sound elements of SGP4-VER.TLE in the sgp4 package, named after its comments."""
     import sgp4
 
     text = (Path(sgp4.__file__).parent / "SGP4-VER.TLE").read_text(encoding="ascii")
@@ -107,7 +108,7 @@ def verification_elements() -> list[Elements]:
 
 
 def checksum(line: str) -> int:
-    """Return the last digit of the sum of the digits of columns 1 to 68, a minus sign counting 1."""
+    """Return the last digit of the sum of columns 1 to 68, a minus sign counting 1."""
     return sum(int(c) if c.isdigit() else c == "-" for c in line[: _LENGTH - 1]) % 10
 
 
@@ -170,6 +171,7 @@ def _read_exponent(what: str, columns: str) -> float:
 def _read_epoch(year: str, day: str) -> float:
     if not year.strip().isdigit():
         raise ValueError(f"epoch year {year!r} must be two digits")
+    # Two digits: 57 is Sputnik's year, so they mean 1957 to 2056.
     full_year = int(year) + (1900 if int(year) >= 57 else 2000)
     day_of_year = _number("epoch day", day)
     require_day_of_year(f"{year}{day}", full_year, day_of_year)
@@ -212,6 +214,7 @@ def tle_lines(elements: Elements) -> tuple[str, str]:
 
 
 def _write_degrees(angle_rad: float) -> str:
+    # Rounded first: 359.99999 would be printed as 360.0000, outside the columns' range.
     degrees = round(math.degrees(angle_rad) % 360.0, 4) % 360.0
     return f"{degrees:8.4f}"
 
@@ -238,6 +241,7 @@ def _write_exponent(name: str, value: float) -> str:
     power = int(exponent) + 1
     if power > 9:
         raise ValueError(f"{name}={value} must be below 1e9 to fit a TLE")
+    # One digit of exponent: what is smaller has no effect on any orbit.
     if power < -9:
         return " 00000-0"
     digits = mantissa.replace(".", "")

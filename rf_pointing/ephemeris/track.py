@@ -1,4 +1,4 @@
-"""Where to point the antenna: apparent azimuth and elevation of a target, with rates, accelerations and range.
+"""Where to point the antenna: apparent azimuth and elevation of a target, their rates, and range.
 
 elements -> SGP4 (TEME) -> Earth-fixed -> minus the antenna -> light time -> east-north-up ->
 offsets -> refraction
@@ -31,14 +31,14 @@ class TargetSource(Protocol):
     rotation_rate_rad_s: float
     """Turning rate of the Earth-fixed axes that the motion is written in."""
     at_infinity: bool
-    """Whether the motion is an apparent direction without parallax (stars); its length means nothing."""
+    """Whether it is an apparent direction without parallax (stars), of no meaningful length."""
 
     @property
     def spans_t_s(self) -> tuple[tuple[float, float], ...]:
-        """First and last UTC times of the parts of an ephemeris; infinite where times are refused for their age only."""
+        """First and last UTC times of the parts of an ephemeris, infinite for others."""
 
     def motion_at(self, t_s: Any, ahead_s: float = 0.0) -> StateVector:
-        """Return inertial derivatives in Earth-fixed axes, metres, at UTC times; refuse times outside its span."""
+        """Return inertial derivatives in Earth-fixed axes, metres; ValueError outside the spans."""
 
     def warnings(self, t_s: float) -> tuple[str, ...]:
         """Return what makes the motion at `t_s` less certain."""
@@ -52,10 +52,10 @@ class TopocentricTrack:
     target : elements, or any `TargetSource`.
     along_track_offset_s : the target runs this much ahead of its elements (negative: late).
     cross_track_offset_rad : the target is moved on the sky, positive to the right of its motion.
-    hold_t_s : the direction stands still where it is at this time, with zero rates; None lets it move.
+    hold_t_s : the direction is held where it is at this time, with zero rates; None lets it move.
     refraction : "standard" for the mean weather at the site's altitude, None for a vacuum.
     max_age_s : largest distance from the epoch of elements; times beyond it are refused.
-    light_time : "receive" for signals that arrive at `t_s`, "transmit" for signals that leave, "none" for geometry.
+    light_time : "receive" for signals arriving at `t_s`, "transmit" for signals leaving, "none".
     """
 
     def __init__(
@@ -96,7 +96,7 @@ class TopocentricTrack:
         hold_t_s: float | None = None,
         refraction: RadioRefraction | Literal["same"] | None = "same",
     ) -> "TopocentricTrack":
-        """Return the same track with other offsets; this one stays as it is, and each is an attribute to read back."""
+        """Return the same track with other offsets, refraction or hold; this one stays as it is."""
         return TopocentricTrack(
             self.target,
             self.site,
@@ -108,7 +108,7 @@ class TopocentricTrack:
         )
 
     def target_at(self, t_s: float, *, near_azimuth_rad: float = math.pi) -> Target:
-        """Return the apparent direction at UTC `t_s`, its azimuth on the turn nearest to `near_azimuth_rad`.
+        """Return the apparent direction at UTC `t_s`, its azimuth nearest to `near_azimuth_rad`.
 
         Raises ValueError for times outside the target's span.
         """
@@ -131,7 +131,7 @@ class TopocentricTrack:
         )
 
     def sample(self, t_s: ArrayLike) -> LookAngles:
-        """Return the apparent directions at UTC times (n,), azimuth continuous from the first, which is in [0, 2 pi).
+        """Return the apparent directions at UTC times (n,), azimuth continuous from [0, 2 pi).
 
         Continuity needs steps in which the azimuth moves by less than half a turn.
         """
@@ -142,6 +142,7 @@ class TopocentricTrack:
         azimuth, elevation, azimuth_rate, elevation_rate, azimuth_acceleration, elevation_acceleration, *rest = (
             self._look(times)
         )
+        # Continuous along the array; the caller chooses the turn.
         azimuth = np.unwrap(azimuth)
         return LookAngles(
             t_s=times,
@@ -158,7 +159,7 @@ class TopocentricTrack:
 
     @property
     def spans_t_s(self) -> tuple[tuple[float, float], ...]:
-        """First and last UTC times of the parts in which the direction is known: the target's, as the offset moves them."""
+        """First and last UTC times of the parts in which the direction is known."""
         if self.hold_t_s is not None:
             return ((-math.inf, math.inf),)
         ahead_s = self.along_track_offset_s
@@ -169,11 +170,11 @@ class TopocentricTrack:
         return any(first <= t_s <= last for first, last in self.spans_t_s)
 
     def warnings(self, t_s: float) -> tuple[str, ...]:
-        """Return what makes the direction at `t_s` less certain (expired tables, predicted or assumed UT1)."""
+        """Return what makes the direction at `t_s` less certain: expired tables, predicted UT1."""
         return self.target.warnings(t_s)
 
     def relative_motion_at(self, t_s: Any) -> tuple[StateVector, Any, Any]:
-        """Return the true motion seen from the site in east-north-up axes, range c tau [m] and its rate [m/s].
+        """Return the true motion from the site in east-north-up axes, range c tau [m] and its rate.
 
         Components are floats for a float time and arrays for an array.  Offsets are included,
         refraction is not.
@@ -187,22 +188,25 @@ class TopocentricTrack:
             inertial, range_m, range_rate_m_s = delayed(relative, SENSES[self.light_time])
             seen = seen_from_rotating_axes(inertial, self.target.rotation_rate_rad_s)
         enu = rotated(seen, self.site.axes)
+        # A target at rest has no across; without an offset it must stay usable.
         if self.cross_track_offset_rad != 0.0:
             enu = moved_across(enu, self.cross_track_offset_rad)
         return enu, range_m, range_rate_m_s
 
     def _direction_only(self, motion: StateVector) -> tuple[StateVector, Any, Any]:
-        """No parallax; the antenna's own speed shifts the direction by up to 0.09 mdeg (diurnal aberration)."""
+        """Return the direction without parallax; aberration by the antenna: 0.09 mdeg."""
         seen = seen_from_rotating_axes(motion, self.target.rotation_rate_rad_s)
         length = norm(seen.position)
+        # Annual aberration is in the body's direction already; this is the diurnal one.
         aberration = SENSES[self.light_time] / SPEED_OF_LIGHT_M_S * length
         position = combined((1.0, seen.position), (aberration, self._antenna.velocity))
         return StateVector(position, seen.velocity, seen.acceleration, seen.jerk), length, 0.0 * length
 
     def _look(self, t_s: Any) -> tuple[Any, ...]:
-        """Azimuth, elevation, their rates, their accelerations, range, range rate and true elevation."""
+        """Return angles, their rates and accelerations, range, its rate and true elevation."""
         if self.hold_t_s is None:
             return self._moving(t_s)
+        # Of the shape of the times, float or array.
         still = 0.0 * t_s
         azimuth, elevation, *_, range_m, _, true = self._moving(still + self.hold_t_s)
         return azimuth, elevation, still, still, still, still, range_m, still, true

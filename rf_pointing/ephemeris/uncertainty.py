@@ -1,6 +1,8 @@
 """How far mean elements may be off, growing with their age, and what that is on the sky.
 
-    sigma_along = a0 + a1 |age| + a2 age^2,   sigma_cross = c0 + c1 |age|,   sigma_radial = r0 + r1 |age|
+    sigma_along  = a0 + a1 |age| + a2 age^2
+    sigma_cross  = c0 + c1 |age|
+    sigma_radial = r0 + r1 |age|
 
 in metres along the velocity, along the orbit normal and upward in the orbit; projected at right
 angles to the line of sight and divided by the range.  The along-track error grows fastest because
@@ -39,7 +41,7 @@ class ElementUncertainty(Params):
     radial_growth_m_s: float = parameter(100.0 / DAY_S, "its growth, by default 0.1 km a day", low=0.0, high=10.0)
 
     def sigmas_m(self, age_s: float) -> tuple[float, float, float]:
-        """Return the along-track, cross-track and radial sigma [m] at an age, positive or negative."""
+        """Return the along-track, cross-track and radial sigma [m] at an age of either sign."""
         age = abs(age_s)
         return (
             self.along_m + self.along_growth_m_s * age + self.along_drag_m_s2 * age**2,
@@ -50,7 +52,7 @@ class ElementUncertainty(Params):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SkyUncertainty:
-    """One-sigma error of the direction: as a matrix, and split along and across the motion on the sky.
+    """One-sigma error of the direction, as a matrix, and along and across the motion on the sky.
 
     `covariance_rad2` is (2, 2) in the order cross-elevation, elevation.
     """
@@ -65,6 +67,7 @@ class SkyUncertainty:
 def sky_uncertainty(track: TopocentricTrack, t_s: float, model: ElementUncertainty) -> SkyUncertainty:
     """Return the uncertainty at UTC `t_s` of a track that follows mean elements."""
     elements = getattr(track.target, "elements", None)
+    # An ephemeris or a body has no epoch to grow old from.
     if not isinstance(elements, Elements):
         raise ValueError(f"{track.name} is not tracked from mean elements: their age says nothing about its error")
     age_s = t_s - elements.epoch_t_s
@@ -74,6 +77,7 @@ def sky_uncertainty(track: TopocentricTrack, t_s: float, model: ElementUncertain
     covariance = np.zeros((2, 2))
     for axis, sigma_m in zip(_orbit_axes(orbit), model.sigmas_m(age_s), strict=True):
         shift = np.array([dot(on_sky[0], axis), dot(on_sky[1], axis)]) * sigma_m / norm(seen.position)
+        # The three errors are independent in the orbit, not on the sky.
         covariance += np.outer(shift, shift)
     motion = np.array([dot(on_sky[0], seen.velocity), dot(on_sky[1], seen.velocity)])
     along = motion / np.linalg.norm(motion)
@@ -88,7 +92,7 @@ def sky_uncertainty(track: TopocentricTrack, t_s: float, model: ElementUncertain
 
 
 def _orbit_axes(orbit: StateVector) -> tuple[Any, Any, Any]:
-    """Along the velocity, along the orbit normal, and the third, upward (unit vectors, east-north-up components)."""
+    """Return unit vectors along the velocity, the orbit normal, and upward (east-north-up)."""
     along = combined((1.0 / norm(orbit.velocity), orbit.velocity))
     normal = cross(orbit.position, orbit.velocity)
     normal = combined((1.0 / norm(normal), normal))

@@ -93,6 +93,7 @@ def predicted_travel_rad(rate_rad_s: Array, sample_s: float) -> tuple[float, flo
 def _multisine(params: ExcitationParams, random: np.random.Generator) -> Array:
     """Return equal amplitudes on every line of the band with random phases, periodic."""
     frequency = np.fft.rfftfreq(params.samples, params.sample_s)
+    # Whole lines of the sequence's own grid: the input is periodic and does not leak.
     spectrum = np.zeros(len(frequency), dtype=np.complex128)
     band = (frequency >= params.low_hz) & (frequency <= params.high_hz)
     spectrum[band] = np.exp(2j * np.pi * random.random(int(np.count_nonzero(band))))
@@ -134,7 +135,7 @@ class IdentificationExperiment:
         require_between("sequences", sequences, 1, 1000)
         require_between("margin_rad", margin_rad, 0.0, None)
         self._params, self._axis = params, AXES.index(axis)
-        # The published antenna was driven back between sequences; alternating sides saves that.
+        # Alternating sides keep the axis near its start, without a drive back between sequences.
         signs = np.where(np.arange(sequences) % 2 == 0, 1.0, -1.0)
         self._input = np.array([sign * excitation_rad_s(params, random) for sign in signs])
         self._low, self._high = travel_rad[0] + margin_rad, travel_rad[1] - margin_rad
@@ -273,6 +274,7 @@ class SampleCollector:
         if axis != self._axis:
             raise ValueError(f"axis={axis!r} must be {self._axis!r}, the axis of this experiment")
         require_between("sample", sample, 0, self._received.size - 1)
+        # Samples may arrive in any order: the number says where each belongs.
         where = divmod(sample, self._received.shape[1])
         # A sample may come twice over the wire; the second would hide a wrong number.
         if self._received[where]:

@@ -84,6 +84,7 @@ def restore_integrator(model: PoleResidue, below_hz: float = 0.03) -> PoleResidu
     slow = np.abs(model.poles - 1.0) < 2.0 * np.pi * below_hz * model.sample_s
     if not np.any(slow):
         raise ValueError(f"below_hz={below_hz}: no pole that slow, the slowest is {_slowest_hz(model):.3f} Hz")
+    # Exactly one: a pole at 0.9999 would let the integrator leak in a minute.
     poles = np.concatenate([[1.0], model.poles[~slow]]).astype(np.complex128)
     residues = np.concatenate([[np.sum(model.residues[slow]).real], model.residues[~slow]]).astype(np.complex128)
     return PoleResidue(poles, residues, model.direct, model.sample_s)
@@ -229,5 +230,6 @@ def identify(inputs: ArrayLike, outputs: ArrayLike, sample_s: float, params: Ide
 
 def _without_unstable(model: PoleResidue) -> PoleResidue:
     """Return the model without poles outside the unit circle."""
+    # The integrator is exactly on the circle and stays.
     kept = np.abs(model.poles) <= 1.0
     return PoleResidue(model.poles[kept], model.residues[kept], model.direct, model.sample_s)

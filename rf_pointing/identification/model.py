@@ -53,7 +53,7 @@ class StateSpace:
         return np.asarray(self.c @ solved + self.d)
 
     def simulate(self, inputs: ArrayLike, start: ArrayLike | None = None) -> Array:
-        """Return the outputs (samples, q) for `inputs` (samples, m) from state `start` (n,) or zero."""
+        """Return the outputs (samples, q) for `inputs` (samples, m) from `start` (n,) or zero."""
         u = np.asarray(inputs, dtype=np.float64).reshape(-1, self.b.shape[1])
         state = np.zeros(self.order) if start is None else np.asarray(start, dtype=np.float64)
         states = np.zeros((len(u), self.order))

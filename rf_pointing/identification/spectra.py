@@ -63,6 +63,7 @@ def frequency_response(inputs: ArrayLike, outputs: ArrayLike, sample_s: float) -
     spectra_y = np.fft.rfft(scipy.signal.detrend(y, axis=1) * window, axis=1)
     p_uu = np.mean(np.abs(spectra_u) ** 2, axis=0)
     p_yy = np.mean(np.abs(spectra_y) ** 2, axis=0)
+    # Conjugate of the input: the phase is that of the output behind it.
     p_uy = np.mean(np.conj(spectra_u) * spectra_y, axis=0)
     frequency: Array = np.asarray(np.fft.rfftfreq(u.shape[1], sample_s), dtype=np.float64)
     return FrequencyResponse(frequency, p_uy / p_uu, np.abs(p_uy) ** 2 / (p_uu * p_yy), len(u))

@@ -60,6 +60,7 @@ def check_straight(model: StateSpace, inputs: ArrayLike, outputs: ArrayLike) -> 
     # The encoder counts from anywhere; the model from zero.
     measured = measured - measured[0]
     simulated = model.simulate(inputs)[:, 0]
+    # Least squares in one number.
     gain = float(simulated @ measured / (simulated @ simulated))
     size = float(np.linalg.norm(measured))
     best = float(np.linalg.norm(measured - gain * simulated)) / size
@@ -168,6 +169,7 @@ def _cross(
 def _found(
     data: Recording, shown: str, held_out: int, params: IdentificationParams
 ) -> tuple[FrequencyResponse, Identified]:
+    # The measured response uses all sequences; only the fit leaves the last ones out.
     inputs, outputs = data.input_rad_s, data.output_rad(shown)
     measured = frequency_response(inputs, outputs, data.sample_s)
     return measured, identify(inputs[:-held_out], outputs[:-held_out], data.sample_s, params)

@@ -1,12 +1,13 @@
 """Executable `ephemeris_publisher`: where the target will be, and when it passes.
 
-Publishes: target (10 Hz, ahead of time while it is above the mask; direction, rates, range, Doppler, light time, refraction and
-covariance), passes, pass_profiles (latched).
-Service: ~/select_target (rf_pointing_msgs/SelectTarget): choose the satellite and ask for its passes.
-Parameters: source.* (elements or ephemeris file, object, station; offsets, hold and weather, live, read back on /diagnostics
-beside the age of the elements and what it means on the sky), publisher.* (lead, rate, mask, how far to look, state_file:
-what was selected and set outlives the node), mask.* (the horizon by azimuth, as pointing_controller's: a pass begins and
-ends above both), uncertainty.* (position errors of elements against their age).
+Publishes: target (10 Hz, ahead of time while it is above the mask; direction, rates, range, Doppler,
+light time, refraction and covariance), passes, pass_profiles (latched).
+Service: ~/select_target (rf_pointing_msgs/SelectTarget): choose the satellite and get its passes.
+Parameters: source.* (elements or ephemeris file, object, station; offsets, hold and weather, live,
+read back on /diagnostics with the age of the elements and what it means on the sky), publisher.*
+(lead, rate, mask, how far to look, state_file: what was selected and set outlives the node), mask.*
+(the horizon by azimuth, as pointing_controller's: a pass begins and ends above both), uncertainty.*
+(position errors of elements against their age).
 """
 
 import math
@@ -85,6 +86,7 @@ class EphemerisPublisher(ManagedNode):
 
     def _publish(self, now_s: float) -> None:
         params: PublisherParams = self.parameters.value("publisher")
+        # Whole microseconds, as stamps are: the target is that of its own stamp.
         t_s = round(now_s + params.lead_s, 6)
         margin_s = params.margin_s
         near = any(window.aos_t_s - margin_s <= t_s <= window.los_t_s + margin_s for window in self._passes)
@@ -93,7 +95,7 @@ class EphemerisPublisher(ManagedNode):
         try:
             target = self._track.target_at(t_s)
         except ValueError as error:
-            # What is set while the node runs may ask for more than elements or an ephemeris can tell.
+            # What is set while the node runs may need more than elements or an ephemeris can give.
             self._unknown = str(error)
             self.get_logger().warning(f"no target is published: {error}", throttle_duration_sec=10.0)
             return
@@ -103,8 +105,8 @@ class EphemerisPublisher(ManagedNode):
     def _on_select(self, request: SelectTarget.Request, response: SelectTarget.Response) -> SelectTarget.Response:
         try:
             passes = self._select(request)
-        except ValueError as refusal:
-            response.success, response.message = False, str(refusal)
+        except ValueError as error:
+            response.success, response.message = False, str(error)
             return response
         response.success = True
         response.message = f"{len(passes)} passes of {self._track.name}"
@@ -126,6 +128,7 @@ class EphemerisPublisher(ManagedNode):
         """Make `track` the target, if it passes, and publish its passes."""
         params: PublisherParams = self.parameters.value("publisher")
         horizon = self.parameters.value("mask").above(params.mask_rad)
+        # Passes are those of the moving target: one that is held passes never, or always.
         moving = track.with_offsets(
             along_track_offset_s=track.along_track_offset_s, cross_track_offset_rad=track.cross_track_offset_rad
         )
@@ -136,6 +139,7 @@ class EphemerisPublisher(ManagedNode):
                 f"{track.name} has no pass above {math.degrees(peak_rad):.1f} deg in the {params.span_s / 3600.0:.1f} h "
                 f"after {utc_text(start_s)}"
             )
+        # Only now: a target without a pass must not replace the present one.
         self._track, self._passes, self._peak_rad = track, passes, peak_rad
         message = PassList(target=track.name, passes=[convert_planning.pass_to_message(window) for window in passes])
         message.header.stamp = stamp_from_seconds(self.now_s())
@@ -147,6 +151,7 @@ class EphemerisPublisher(ManagedNode):
     def _on_parameters(self) -> None:
         if self._track is not None:
             source: SourceParams = self.parameters.value("source")
+            # A hold that is set again keeps its instant; only a new one begins now.
             held_s = self._track.hold_t_s if self._track.hold_t_s is not None else self.now_s()
             self._track = self._track.with_offsets(
                 along_track_offset_s=source.along_track_offset_s,
@@ -170,7 +175,7 @@ class EphemerisPublisher(ManagedNode):
         return Health(WARN if warnings else OK, warnings or self._track.name, values)
 
     def _uncertainty(self, t_s: float) -> SkyUncertainty | None:
-        """Return what the age of the elements means on the sky, None for a target without elements or without an answer."""
+        """Return the uncertainty of the elements on the sky, None for a target without elements."""
         if not isinstance(getattr(self._track.target, "elements", None), Elements):
             return None
         try:

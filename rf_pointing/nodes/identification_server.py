@@ -1,7 +1,7 @@
 """The action `identify` of the antenna: runs an experiment in manual-rate mode and publishes its samples.
 
-One goal at a time.  The end of the experiment, a cancelled goal, a stop and a deactivation all end in the same controlled
-stop.  Publishes: manual_rate (one message per control tick of an experiment).
+One goal at a time.  The end of the experiment, a cancelled goal, a stop and a deactivation all end in
+the same controlled stop.  Publishes: manual_rate (one message per control tick of an experiment).
 """
 
 from typing import Any
@@ -19,6 +19,7 @@ from rf_pointing.station.antenna.simulated_antenna import SimulatedAntenna
 
 __all__ = ["IdentificationServer"]
 
+# Once a second at 50 Hz: enough for a progress line.
 FEEDBACK_EVERY = 50
 
 
@@ -30,8 +31,8 @@ class IdentificationServer:
         self._antenna: SimulatedAntenna | None = None
         self._goal: Any = None
         self._experiment: IdentificationExperiment | None = None
-        self._refusal = ""
-        self._told = 0
+        self._reason = ""
+        self._published = 0
         self._action = ActionServer(
             node, Identify, "identify", self._conclude, goal_callback=self._on_goal,
             handle_accepted_callback=self._on_accepted, cancel_callback=self._on_cancel, result_timeout=RESULT_TIMEOUT_S,
@@ -43,19 +44,20 @@ class IdentificationServer:
         self._samples = self._node.stream(ManualRate, "manual_rate", EXPERIMENT)
 
     def tick(self, t_s: float) -> None:
-        """Publish the sample of this tick; conclude the goal when its experiment has ended and the axes stand."""
+        """Publish the sample of this tick; conclude the goal once the experiment ended and the axes rest."""
         experiment, goal = self._experiment, self._goal
         if experiment is None or goal is None or self._antenna is None:
             return
-        if experiment.samples_taken > self._told:
-            self._told = experiment.samples_taken
+        if experiment.samples_taken > self._published:
+            self._published = experiment.samples_taken
             rate, position = experiment.newest
             self._samples.publish(
-                convert.manual_rate_to_message(t_s, goal.request.axis, self._told - 1, rate, position)
+                convert.manual_rate_to_message(t_s, goal.request.axis, self._published - 1, rate, position)
             )
-            if self._told % FEEDBACK_EVERY == 0:
+            if self._published % FEEDBACK_EVERY == 0:
                 where = float(position[AXES.index(goal.request.axis)])
                 goal.publish_feedback(Identify.Feedback(progress=experiment.progress, position=where))
+        # Not before the axes rest: a goal that ends while they move would allow the next one.
         if experiment.finished and self._antenna.mode not in ("manual_rate", "stopping"):
             self._goal = None
             goal.execute()
@@ -71,14 +73,14 @@ class IdentificationServer:
 
     def _on_accepted(self, goal: Any) -> None:
         """Start the experiment; the goal is executed when it has ended (see `pointing_controller`)."""
-        self._told, self._experiment = 0, None
+        self._published, self._experiment = 0, None
         try:
             experiment = self._made(goal.request)
-            self._refusal = self._antenna.identify(experiment)
-        except ValueError as refusal:
-            self._refusal = str(refusal)
-        if self._refusal:
-            self._node.get_logger().error(f"identification refused: {self._refusal}")
+            self._reason = self._antenna.identify(experiment)
+        except ValueError as error:
+            self._reason = str(error)
+        if self._reason:
+            self._node.get_logger().error(f"identification refused: {self._reason}")
             goal.execute()
             return
         self._goal, self._experiment = goal, experiment
@@ -87,6 +89,7 @@ class IdentificationServer:
         params = convert.excitation_from_goal(request, self._antenna.params.tick_s)
         number = AXES.index(request.axis) if request.axis in AXES else 0
         start_rad = float(self._antenna.reading(0.0).position_rad[number])
+        # A stream of each axis' own: the order of the axes changes no input.
         random = random_stream(request.seed, f"excitation {request.axis}")
         travel = self._antenna.axes.travel_rad[number]
         return IdentificationExperiment(params, request.axis, request.sequences, start_rad, travel, random)
@@ -98,7 +101,7 @@ class IdentificationServer:
 
     def _conclude(self, goal: Any) -> Identify.Result:
         experiment, self._experiment = self._experiment, None
-        result = Identify.Result(message=self._refusal)
+        result = Identify.Result(message=self._reason)
         if experiment is not None:
             result.message, result.samples_taken = experiment.abort_reason, experiment.samples_taken
             result.success = not experiment.abort_reason

@@ -32,8 +32,9 @@ from rf_pointing.array_sensors.interferometer.relative_pose import RelativePose
 from rf_pointing.array_sensors.interferometer.sequence import SequenceParams, track
 from rf_pointing.array_sensors.interferometer.system import ArrayParams, CarrierPlan, path_lengths, two_way_ranges
 from rf_pointing.array_sensors.interferometer.variant import CORRECTED, PUBLISHED
-from rf_pointing.core import random_stream, require_between, sweep, wrap_rad
+from rf_pointing.core import random_stream, require_between, wrap_rad
 from rf_pointing.papers.row import Row
+from rf_pointing.papers.sweeps import sweep
 
 __all__ = [
     "LISTING",

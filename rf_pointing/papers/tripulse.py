@@ -12,8 +12,8 @@ from functools import partial
 import numpy as np
 
 from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams
-from rf_pointing.core import sweep
 from rf_pointing.papers.row import Row
+from rf_pointing.papers.sweeps import sweep
 from rf_pointing.papers.tripulse_attitude import attitude_rows, signal_rows
 from rf_pointing.papers.tripulse_noise import (
     ErrorStatistics,

@@ -35,8 +35,8 @@ DEEPEST_DB = 60.0
 # Share of the largest error from which the beam counts as off the target.
 # Relative to the largest error, so that the time off target does not depend on the beam.
 OFF_TARGET = 0.05
-# No antenna gains by leaving the target earlier than four minutes before the zenith; the search
-# then narrows around the best of COARSE starts.
+# Bounds of the search for the departure: four minutes before the limits are reached, COARSE
+# starts, then ever finer around the best.
 EARLIEST_S = 240.0
 COARSE = 32
 REFINEMENTS = 4

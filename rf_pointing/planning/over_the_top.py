@@ -29,7 +29,7 @@ __all__ = ["cross_over", "plunged", "unplunged"]
 Array = NDArray[np.float64]
 Triple = tuple[Array, Array, Array]
 TURN = 2.0 * math.pi
-# Beyond four minutes from the zenith no pass gains by leaving the target.
+# Bounds the search for departure and return, each from the zenith.
 LONGEST_S = 240.0
 # On a logarithmic grid: near the zenith seconds count, far from it minutes.
 FIRST_TRIES = 20

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.core import angular_distance_rad, as_finite_array, unit_vector_from_azel
+from rf_pointing.core.hermite import quintic_coefficients
 
 __all__ = ["PassProfile"]
 
@@ -93,10 +94,7 @@ def _interpolated(times: Array, knots: Array, motion: tuple[Array, Array, Array]
     h = (knots[first + 1] - knots[first])[:, None]
     t = (times - knots[first])[:, None]
     (p0, v0, a0), (p1, v1, a1) = (tuple(part[index] for part in motion) for index in (first, first + 1))
-    gap, slip, bend = p1 - p0 - v0 * h - 0.5 * a0 * h**2, v1 - v0 - a0 * h, a1 - a0
-    c3 = (10.0 * gap - 4.0 * slip * h + 0.5 * bend * h**2) / h**3
-    c4 = (-15.0 * gap + 7.0 * slip * h - bend * h**2) / h**4
-    c5 = (6.0 * gap - 3.0 * slip * h + 0.5 * bend * h**2) / h**5
+    c3, c4, c5 = quintic_coefficients((p0, v0, a0), (p1, v1, a1), h)
     return (
         p0 + t * (v0 + t * (0.5 * a0 + t * (c3 + t * (c4 + t * c5)))),
         v0 + t * (a0 + t * (3.0 * c3 + t * (4.0 * c4 + t * 5.0 * c5))),

@@ -19,7 +19,7 @@ __all__ = ["HALTING_SHARES", "CornerPath", "PathFinder", "halting_points", "slew
 
 Array = NDArray[np.float64]
 Pair = tuple[float, float]
-# A hill narrower than a quarter of a degree is no hill of a surveyed mask.
+# Finer than the points of a surveyed mask.
 PATH_STEP_RAD = math.radians(0.25)
 # Shares of the stopping distance v^2 / 2a after a quarter, half and all of the time to stop.
 HALTING_SHARES = (0.4375, 0.75, 1.0)
@@ -92,7 +92,7 @@ class PathFinder:
     def _barred(self, start: Pair, end: Pair, sun: Pair | None) -> str:
         positions, rates = slew_path(start, end, self._axes)
         # The axis with the shorter way arrives first.  A stop in the middle bends otherwise: behind
-        # a hill it lands up to 2 deg elsewhere at 1.8 deg/s and 0.8 deg/s^2.  Keeping that clearance
+        # a hill it lands up to 2 deg elsewhere at 1.8 deg/s and 0.8 deg/s^2.  That clearance kept
         # everywhere would close narrow valleys instead.
         points = np.concatenate([positions, halting_points(positions, rates, self._axes.acceleration_rad_s2)])
         return self._sky.reason_of_path(points, start, end, sun, self._axes.slew_s(start, end))

@@ -1,4 +1,4 @@
-"""What an identification leaves behind in a folder: recordings, model file, pictures, error table on held-out sequences."""
+"""What an identification leaves in a folder: recordings, models, pictures, table of errors."""
 
 import json
 from collections.abc import Mapping, Sequence

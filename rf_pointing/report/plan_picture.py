@@ -1,4 +1,4 @@
-"""Picture of the coming passes: the sky, the azimuth on its turns within the travel, and the rates against the machine's."""
+"""Picture of the coming passes: the sky, the azimuth within its travel, rates against limits."""
 
 import math
 from pathlib import Path
@@ -16,7 +16,7 @@ COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#3
 
 
 def draw_plan(planned: list[PlannedPass], limits: AxisLimits, mask: HorizonMask, path: Path) -> None:
-    """Write the picture of `planned` to `path`; passes that no branch can track are drawn dotted, hills are grey."""
+    """Write the picture of `planned` to `path`; passes without a branch are dotted, hills grey."""
     with figure(path, 11.0, 6.4) as drawn:
         grid = drawn.add_gridspec(2, 2, width_ratios=[1.0, 1.35])
         _draw_sky(drawn.add_subplot(grid[:, 0], projection="polar"), planned, mask)
@@ -55,7 +55,7 @@ def _draw_wrap(axes: Any, planned: list[PlannedPass], limits: AxisLimits) -> Non
     """Axis azimuth of every pass, side by side; the other branches that would work are thin."""
     for bound in (limits.azimuth_min_rad, limits.azimuth_max_rad):
         axes.axhline(math.degrees(bound), color=LIMIT_COLOUR, ls=DASHED, lw=1.0)
-    for number, (start, item) in enumerate(_beside(planned)):
+    for number, (start, item) in enumerate(_in_a_row(planned)):
         minutes = start + (item.profile.t_s - item.profile.t_s[0]) / 60.0
         direct = np.degrees(item.profile.position_rad[:, 0])
         for branch in item.certificate.branches:
@@ -71,13 +71,13 @@ def _draw_wrap(axes: Any, planned: list[PlannedPass], limits: AxisLimits) -> Non
 
 
 def _draw_rates(axes: Any, planned: list[PlannedPass]) -> None:
-    """Rates that the target asks for, thin, and those that the axes are given, thick, against the machine's."""
+    """Draw the rates of the target, thin, and of the axes, thick, against the machine's."""
     labels = ["azimuth", "elevation"]
-    for start, item in _beside(planned):
+    for start, item in _in_a_row(planned):
         minutes = start + (item.profile.t_s - item.profile.t_s[0]) / 60.0
-        asked = np.degrees(np.abs(item.profile.velocity_rad_s))
+        wanted = np.degrees(np.abs(item.profile.velocity_rad_s))
         for axis in (0, 1):
-            axes.plot(minutes, asked[:, axis], color=AXIS_COLOURS[axis], lw=0.6, alpha=0.6)
+            axes.plot(minutes, wanted[:, axis], color=AXIS_COLOURS[axis], lw=0.6, alpha=0.6)
             taken = item.certificate.chosen
             if taken is not None and taken.axes_rad is not None:
                 given = np.abs(np.gradient(np.degrees(taken.axes_rad[:, axis]), item.profile.t_s))
@@ -89,12 +89,12 @@ def _draw_rates(axes: Any, planned: list[PlannedPass]) -> None:
         axes.set_ylim(0.0, 1.5 * limit)
         if any(item.certificate.chosen is not None for item in planned):
             axes.legend(loc="upper right", ncols=2)
-    axes.set_ylabel("rate, deg/s (thin: asked for)")
+    axes.set_ylabel("rate, deg/s (thin: target)")
     _label_passes(axes, planned)
 
 
-def _beside(planned: list[PlannedPass]) -> list[tuple[float, PlannedPass]]:
-    """Return every pass with the minute at which it begins on an axis without the hours between passes."""
+def _in_a_row(planned: list[PlannedPass]) -> list[tuple[float, PlannedPass]]:
+    """Return every pass with the minute at which it begins, without the hours between passes."""
     begins, found = 0.0, []
     for item in planned:
         found.append((begins, item))
@@ -103,7 +103,7 @@ def _beside(planned: list[PlannedPass]) -> list[tuple[float, PlannedPass]]:
 
 
 def _label_passes(axes: Any, planned: list[PlannedPass]) -> None:
-    places = [(start + item.profile.duration_s / 120.0, _clock(item)) for start, item in _beside(planned)]
+    places = [(start + item.profile.duration_s / 120.0, _clock(item)) for start, item in _in_a_row(planned)]
     axes.set_xticks([place for place, _ in places], [label for _, label in places], fontsize=8.5)
     axes.grid(axis="x", visible=False)
 

@@ -80,6 +80,7 @@ def _aperture_voltage(u: NDArray[np.float64], pedestal: float, exponent: int) ->
 
 
 def _lambda(order: int, u: NDArray[np.float64]) -> NDArray[np.float64]:
+    # Imported here: only patterns other than the Gaussian need it, and it costs half a second.
     from scipy.special import jv
 
     # Below this the series 1 - u^2/(4(v+1)) is exact to rounding, and u^-v would overflow.
@@ -89,6 +90,7 @@ def _lambda(order: int, u: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where(small, 1.0 - u**2 / (4.0 * (order + 1.0)), value)
 
 
+# The root is the same for every sample of a pass.
 @lru_cache(maxsize=64)
 def _u_per_beamwidth(pedestal: float, exponent: int) -> float:
     def excess(u: float) -> float:

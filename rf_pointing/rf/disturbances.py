@@ -67,7 +67,7 @@ def spin_gain_db(params: SpinParams, t_s: ArrayLike) -> Array:
 
 @dataclass(frozen=True, kw_only=True)
 class InterferenceParams(Params):
-    """A line beside the carrier, through a sidelobe: its ratio in the differences is its own."""
+    """A line near the carrier, through a sidelobe: its ratio in the differences is its own."""
 
     level_db_hz: float = parameter(25.0, "power of the line over the noise density", low=-40.0, high=120.0)
     frequency_offset_hz: float = parameter(7.0, "distance from the carrier", low=-1000.0, high=1000.0)
@@ -81,6 +81,7 @@ def interference_volts(params: InterferenceParams, t_s: Array, sample_s: float) 
     # A sample integrates over sample_s: a line off the carrier is weakened by the sinc of that
     # window.
     weakened = np.sinc(params.frequency_offset_hz * sample_s)
+    # The phase of the mean over the sample is that of its middle.
     middle = t_s - 0.5 * sample_s
     line = 10.0 ** (params.level_db_hz / 20.0) * weakened * np.exp(2j * math.pi * params.frequency_offset_hz * middle)
     return np.asarray(np.array([1.0, *params.difference_ratio])[:, None] * line)

@@ -107,6 +107,7 @@ def _comparator(
         return normalised_voltage(beam, angle)
 
     upper_right, upper_left, lower_right, lower_left = beam_at(1, 1), beam_at(-1, 1), beam_at(1, -1), beam_at(-1, -1)
+    # Relative to the sum on the axis, so that the C/N0 is that of a beam on the target.
     on_axis = 4.0 * float(normalised_voltage(beam, np.asarray(math.sqrt(2.0) * squint / width)))
     right, left = upper_right + lower_right, upper_left + lower_left
     up, down = upper_right + upper_left, lower_right + lower_left
@@ -128,6 +129,7 @@ def _squint_and_width(beam: BeamParams, slope: float) -> tuple[float, float]:
 
 
 def _slope_per_width(beam: BeamParams, ratio: float) -> float:
+    # A central difference about the axis, where the slope is defined.
     step = np.array([1e-5, -1e-5])
     total, right, _ = _comparator(beam, ratio, 1.0, step, np.zeros(2))
     return float(np.diff(right / total)[0] / np.diff(step)[0])

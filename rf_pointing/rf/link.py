@@ -18,6 +18,7 @@ from rf_pointing.rf.noise import BOLTZMANN_J_K, AtmosphereParams, NoiseParams, a
 
 __all__ = ["EirpParams", "Link", "LinkParams", "free_space_loss_db", "zenith_carrier_to_noise_db_hz"]
 
+# The reference of every C/N0 here: tests are made at high elevation.
 ZENITH_RAD = 0.5 * math.pi
 
 
@@ -54,6 +55,7 @@ class Link:
         distance = np.asarray(range_m, dtype=np.float64)
         if not np.all(distance > 0.0):
             raise ValueError(f"range_m={distance} must be > 0")
+        # Relative to the reference range, for which the zenith figure holds.
         spreading_db = 20.0 * np.log10(distance / self.params.reference_range_m)
         air_db = atmosphere_loss_db(self.atmosphere, elevation_rad) - self._zenith_loss_db
         noise_db = 10.0 * np.log10(self.system_noise_k(elevation_rad) / self._zenith_noise_k)

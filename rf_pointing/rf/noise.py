@@ -100,6 +100,7 @@ class NoiseParams(Params):
 
 def system_noise_k(noise: NoiseParams, atmosphere: AtmosphereParams, elevation_rad: ArrayLike) -> NDArray[np.float64]:
     """Return the system noise temperature at this elevation."""
+    # The air emits what it absorbs, at its own temperature.
     passed = 10.0 ** (-atmosphere_loss_db(atmosphere, elevation_rad) / 10.0)
     sky = noise.cosmic_k * passed + atmosphere.physical_temperature_k * (1.0 - passed)
     return np.asarray(sky + noise.ground_k + noise.dichroic_k + noise.lna_k)

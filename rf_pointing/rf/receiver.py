@@ -138,6 +138,7 @@ class Receiver:
         steps = np.diff(times, prepend=previous)
         if np.any(steps < 0.0) or np.any(steps[1:] <= 0.0):
             raise ValueError("t_s must increase from sample to sample and from cluster to cluster")
+        # A random walk: its variance grows with the time between samples, gaps included.
         walk = self.params.phase_noise_rad * np.sqrt(steps) * self.rng.standard_normal(len(times))
         phase = self.state.phase_rad + np.cumsum(2.0 * math.pi * self.params.frequency_offset_hz * steps + walk)
         self.state = replace(self.state, t_s=float(times[-1]), phase_rad=float(np.mod(phase[-1], 2.0 * math.pi)))
@@ -146,12 +147,14 @@ class Receiver:
     def _channel_noise(self, count: int, sample_s: float) -> ComplexArray:
         parts = self.rng.standard_normal((2, 3, count)) * math.sqrt(0.5 / sample_s)
         noise = parts[0] + 1j * parts[1]
+        # The differences have amplifiers of their own.
         noise[1:] *= 10.0 ** (self.params.difference_noise_db / 20.0)
         return np.asarray(noise)
 
     def _advance_gain(self, total: ComplexArray, sample_s: float) -> float:
         power = float(np.mean(np.abs(total) ** 2))
         wanted = 1.0 / math.sqrt(power)
+        # The first cluster sets the gain; later ones move it by the loop's time constant.
         gain = wanted if self.state.agc_gain is None else self.state.agc_gain
         share = 1.0 - math.exp(-len(total) * sample_s / self.params.agc_time_constant_s)
         self.state = replace(self.state, agc_gain=gain * (wanted / gain) ** share)
@@ -160,11 +163,13 @@ class Receiver:
     def _measure_carrier_to_noise(self, channels: ComplexArray, sample_s: float) -> float:
         """Estimate C/N0 of the sum: power per cluster over a noise density of many clusters."""
         scaled = channels.copy()
+        # Back to the noise of the sum, whose density is wanted.
         scaled[1:] *= 10.0 ** (-self.params.difference_noise_db / 20.0)
         density = noise_variance(scaled) * sample_s
         count = self.state.clusters + 1
         share = 1.0 - math.exp(-channels.shape[1] * sample_s / self.params.noise_time_constant_s)
         average = self.state.noise_density if count > 1 else density
+        # Until the average has filled, every cluster counts the same.
         average += max(share, 1.0 / count) * (density - average)
         self.state = replace(self.state, noise_density=average, clusters=count)
         carrier = float(np.mean(np.abs(channels[0]) ** 2)) - average / sample_s

@@ -41,9 +41,49 @@ def test_a_dish_that_may_go_over_the_top_loses_a_hundredth(capsys: pytest.Captur
     assert picture.stat().st_size > 20_000
 
 
+MANY = ["--start", "2006-06-28T06:00:00", "--hours", "12.5"]
+
+
+def test_many_satellites_are_listed_in_order_of_rise_like_the_plan_of_one(capsys: pytest.CaptureFixture[str]) -> None:
+    plan_passes.main([*MANY, "--satellites", "28057", "DELTA 1 DEB", "--json"])
+    listed = json.loads(capsys.readouterr().out)
+    rises = [row["aos_utc"] for row in listed["passes"]]
+    assert rises == sorted(rises)
+    assert {row["catalogue_number"] for row in listed["passes"]} >= {28057}
+    plan_passes.main([*OVER, "--satellite", "28057", "--json"])
+    planned = [plan["pass"] for plan in json.loads(capsys.readouterr().out)]
+    mine = [row for row in listed["passes"] if row["catalogue_number"] == 28057]
+    assert [row["aos_utc"][:22] for row in mine] == [row["aos_utc"][:22] for row in planned]
+    assert [row["peak_elevation_deg"] for row in mine] == pytest.approx(
+        [row["peak_elevation_deg"] for row in planned], abs=1e-3
+    )
+
+
+def test_all_satellites_make_a_table_and_those_too_old_are_named(capsys: pytest.CaptureFixture[str]) -> None:
+    plan_passes.main([*MANY, "--all"])
+    text = capsys.readouterr()
+    lines = text.out.splitlines()
+    assert lines[0].split()[:3] == ["satellite", "AOS", "(UTC)"]
+    assert any(line.startswith("CBERS 2") for line in lines[1:])
+    assert "was not searched" in text.err
+    assert "days from its epoch, must be <= 14.00 days" in text.err
+
+
+def test_without_a_start_many_satellites_are_searched_from_their_newest_epoch(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    plan_passes.main(["--satellites", "28057", "--json"])
+    assert json.loads(capsys.readouterr().out)["passes"][0]["aos_utc"].startswith("2006-06-2")
+
+
 @pytest.mark.parametrize(
     ("options", "complaint"),
     [
+        (["--all", "--picture", "plan.png"], "--picture needs the certificate of one satellite: give --satellite"),
+        (["--all", "--params-file", "a.yaml"], "--params-file needs the certificate of one satellite"),
+        (["--all", "--satellites", "28057"], "not allowed with argument"),
+        (["--satellites", "28057", "Nemesis"], "Nemesis"),
+        (["--all", "--elements", "no.tle"], "elements_file='no.tle' does not exist"),
         (["--hours", "0"], "argument --hours: 0 must be between 0.01 and 744"),
         (["--mask", "95"], "argument --mask: 95 must be between 0 and 89"),
         (["--mask", "nan"], "argument --mask: nan must be between 0 and 89"),

@@ -57,7 +57,7 @@ def random_orbits(count: int) -> list[Elements]:
 def test_every_pass_is_that_of_the_single_search(options: dict) -> None:
     orbits, place = random_orbits(8), site("Canberra DSS-43")
     found = find_catalogue_passes(orbits, place, START_T_S, DAY_S, MASK_RAD, **options)
-    assert found.refused == ()
+    assert found.unsearched == ()
     assert len(found.passes) > 25
     assert [p.aos_t_s for p in found.passes] == sorted(p.aos_t_s for p in found.passes)
     for orbit in orbits:
@@ -98,7 +98,7 @@ def test_a_dip_below_the_mask_shorter_than_the_step_separates_two_passes() -> No
 def test_objects_that_cannot_be_searched_are_listed_with_the_reason(goldstone: Site) -> None:
     elements = verification_elements()
     found = find_catalogue_passes(elements, goldstone, START_T_S, DAY_S, MASK_RAD)
-    reasons = {one.catalogue_number: reason for one, reason in found.refused}
+    reasons = {one.catalogue_number: reason for one, reason in found.unsearched}
     assert "days from its epoch, must be <= 14.00 days" in reasons[88888]
     assert reasons[28350] == "mean eccentricity is outside the range 0.0 to 1.0"
     searched = {p.elements.catalogue_number for p in found.passes}

@@ -34,8 +34,7 @@ from rf_pointing.array_sensors.attitude.rigid_body import (
     propagate,
     rate_jacobian,
 )
-from rf_pointing.core import Params, parameter, require_between
-from rf_pointing.core.rotations import (
+from rf_pointing.array_sensors.attitude.rotations import (
     cross_matrix,
     cross_product,
     matrix_from_quaternion,
@@ -43,6 +42,7 @@ from rf_pointing.core.rotations import (
     quaternion_product,
     tangent_rows,
 )
+from rf_pointing.core import Params, parameter, require_between
 
 __all__ = [
     "PRINTED_Q",

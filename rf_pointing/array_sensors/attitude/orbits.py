@@ -16,9 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rf_pointing.array_sensors.attitude.rotations import cross_product
 from rf_pointing.core import Params, parameter
 from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
-from rf_pointing.core.rotations import cross_product
 
 __all__ = ["OrbitPoint", "SunSynchronousOrbitParams", "circular_frame", "inclination_rad", "orbit_point", "period_s"]
 

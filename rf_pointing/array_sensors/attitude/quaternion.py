@@ -11,7 +11,8 @@ the arithmetic is in `core.rotations`.
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rf_pointing.core import require_finite, require_rotation, rotations
+from rf_pointing.array_sensors.attitude import rotations
+from rf_pointing.core import require_finite, require_rotation
 
 __all__ = [
     "UNIT_TOLERANCE",

@@ -12,14 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.core import Params, parameter
-from rf_pointing.core.rotations import (
+from rf_pointing.array_sensors.attitude.rotations import (
     cross_matrix,
     cross_product,
     matrix_from_quaternion,
     quaternion_from_turn,
     quaternion_product,
 )
+from rf_pointing.core import Params, parameter
 
 __all__ = [
     "KnownTorque",

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rf_pointing.array_sensors.attitude.rotations import cross_matrix
 from rf_pointing.core import require_finite
-from rf_pointing.core.rotations import cross_matrix
 
 __all__ = ["WahbaFit", "attitude_covariance", "beam_covariance", "fit_rotation", "separation_rad", "unit_directions"]
 

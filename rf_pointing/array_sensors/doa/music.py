@@ -15,9 +15,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from rf_pointing.array_sensors.attitude.rotations import tangent_rows
 from rf_pointing.array_sensors.doa.array import CircularArrayParams, phase_radius_rad, steering, steering_taylor
 from rf_pointing.array_sensors.doa.covariance import eigen
-from rf_pointing.core.rotations import tangent_rows
 
 __all__ = [
     "Peaks",

@@ -9,14 +9,14 @@ functions work on stacks (leading dimensions).
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rf_pointing.array_sensors.interferometer.variant import CORRECTED, is_published
-from rf_pointing.core.rotations import (
+from rf_pointing.array_sensors.attitude.rotations import (
     cross_matrix,
     matrix_from_quaternion,
     quaternion_from_matrix,
     quaternion_from_turn,
     turn_from_quaternion,
 )
+from rf_pointing.array_sensors.interferometer.variant import CORRECTED, is_published
 
 __all__ = [
     "attitude_from_euler",

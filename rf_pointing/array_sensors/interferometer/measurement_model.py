@@ -13,12 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rf_pointing.array_sensors.attitude.rotations import cross_product, tangent_rows
 from rf_pointing.array_sensors.interferometer.coupling import coupling_amplitudes
 from rf_pointing.array_sensors.interferometer.frames import frame_rotation, rotation_vector
 from rf_pointing.array_sensors.interferometer.motion import RelativeMotion
 from rf_pointing.array_sensors.interferometer.reading import Reading, rate_weights
 from rf_pointing.array_sensors.interferometer.system import InterferometerSystem, path_rates_m_s, two_way_ranges
-from rf_pointing.core.rotations import cross_product, tangent_rows
 
 __all__ = [
     "SIZE",

@@ -23,10 +23,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rf_pointing.array_sensors.attitude.rotations import cross_product
 from rf_pointing.array_sensors.interferometer.variant import CORRECTED, VARIANTS, is_published
 from rf_pointing.core import Params, parameter
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
-from rf_pointing.core.rotations import cross_product
 
 __all__ = [
     "ArrayParams",

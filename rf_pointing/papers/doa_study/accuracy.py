@@ -11,7 +11,7 @@ import numpy as np
 
 from rf_pointing.array_sensors.doa.array import CircularArrayParams
 from rf_pointing.array_sensors.doa.cramer_rao import effective_snr, polar_sigma_rad
-from rf_pointing.core import random_stream, sweep
+from rf_pointing.core import random_stream
 from rf_pointing.papers.doa_study.attitude_runs import CaseResult
 from rf_pointing.papers.doa_study.directions import (
     GRID_RAD,
@@ -21,6 +21,7 @@ from rf_pointing.papers.doa_study.directions import (
     nearest_node,
     polar_errors_rad,
 )
+from rf_pointing.papers.sweeps import sweep
 
 __all__ = ["AccuracyPoint", "accuracy_curve", "accuracy_point", "draw_accuracy", "draw_convergence", "threshold"]
 

@@ -29,10 +29,10 @@ from rf_pointing.array_sensors.attitude.multiplicative_filter import (
 )
 from rf_pointing.array_sensors.attitude.quaternion import quaternion_from_roll_pitch_yaw
 from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque, RigidInertia, propagate, rate_jacobian
+from rf_pointing.array_sensors.attitude.rotations import cross_matrix, matrix_from_quaternion, turn_from_quaternion
 from rf_pointing.array_sensors.doa.array import CircularArrayParams
 from rf_pointing.array_sensors.doa.attitude_start import StartParams, best_of_bank, start_bank
 from rf_pointing.core import random_stream, require_between
-from rf_pointing.core.rotations import cross_matrix, matrix_from_quaternion, turn_from_quaternion
 from rf_pointing.papers.doa_study.directions import (
     GRID_RAD,
     DirectionCase,

@@ -30,8 +30,8 @@ from rf_pointing.array_sensors.attitude.quaternion import (
     rotation_angle_between_rad,
 )
 from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque, SatelliteParams, propagate, rigid_inertia
+from rf_pointing.array_sensors.attitude.rotations import cross_matrix
 from rf_pointing.array_sensors.doa.simulated_satellite import NadirHoldParams, SimulatedSatellite
-from rf_pointing.core.rotations import cross_matrix
 from rf_pointing.papers.doa_study.beyond import nees, nees_band
 
 INERTIA = rigid_inertia(SatelliteParams())

@@ -20,7 +20,7 @@ from rf_pointing.array_sensors.attitude.rigid_body import (
     rate_slope_rad_s2,
     rigid_inertia,
 )
-from rf_pointing.core.rotations import cross_matrix
+from rf_pointing.array_sensors.attitude.rotations import cross_matrix
 
 INERTIA = rigid_inertia(SatelliteParams())
 FREE = KnownTorque(control_n_m=np.zeros(3), wheel_momentum_n_m_s=np.zeros(3), wheel_momentum_rate_n_m=np.zeros(3))

@@ -5,7 +5,8 @@ from contextlib import AbstractContextManager
 
 import pytest
 
-from rf_pointing.core import random_stream, sweep
+from rf_pointing.core import random_stream
+from rf_pointing.papers.sweeps import sweep
 
 CASES = list(range(8))
 

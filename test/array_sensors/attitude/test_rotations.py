@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from rf_pointing.core.rotations import (
+from rf_pointing.array_sensors.attitude.rotations import (
     cross_matrix,
     cross_product,
     matrix_from_quaternion,
