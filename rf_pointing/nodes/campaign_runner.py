@@ -4,6 +4,7 @@ A pass counts as observed when it gave observations, even if the controller does
 tracked: most of a short piece of a pass goes into the search.
 """
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -37,16 +38,16 @@ class CampaignRunner:
         self._passes: Sequence[Pass] = ()
         self._sensor = ""
         self._future: Any = None
-        self._step = "idle"
+        self._then: Callable[[Any], None] | None = None
+        self._until_s = 0.0
         self._handle: Any = None
-        self._asked_s = 0.0
         self.number, self.observed = 0, 0
         self.failures: list[str] = []
 
     @property
     def busy(self) -> bool:
         """Whether a campaign is under way."""
-        return self._step != "idle"
+        return self._then is not None
 
     @property
     def target(self) -> str:
@@ -71,55 +72,54 @@ class CampaignRunner:
     def cancel(self) -> None:
         """End after the pass in work has been stopped under control."""
         self._passes = self._passes[: self.number]
-        if self._step == "tracking" and self._handle is not None:
+        if self._handle is not None:
             self._handle.cancel_goal_async()
 
     def poll(self) -> None:
         """Continue where an answer has arrived."""
         # Polled between two events: a callback that waited for an answer would block its arrival.
-        if self._step == "idle":
+        if self._then is None:
             return
-        if not self._future.done():
-            # A pass lasts as long as it lasts; only services and goals have a time to answer in.
-            if self._step != "tracking" and time.monotonic() - self._asked_s > ANSWER_S:
-                self._fail(f"no answer within {ANSWER_S:.0f} s")
-            return
-        getattr(self, f"_{self._step}")(self._future.result())
+        if self._future.done():
+            self._then(self._future.result())
+        elif time.monotonic() > self._until_s:
+            self._fail(f"no answer within {ANSWER_S:.0f} s")
 
     def _next(self) -> None:
         self._handle = None
         if self.number >= len(self._passes):
-            self._step = "idle"
+            self._then = None
             return
         wanted = self._passes[self.number]
         self.number += 1
         self._before = self._observations()
         rises_s = seconds_from_stamp(wanted.aos)
         request = SelectTarget.Request(target=wanted.target, start=stamp_from_seconds(rises_s - LOOK_BACK_S))
-        self._ask("selecting", self._select.call_async(request))
+        self._wait_for(self._select.call_async(request), self._selected)
 
-    def _ask(self, step: str, future: Any) -> None:
-        self._step, self._future, self._asked_s = step, future, time.monotonic()
+    def _wait_for(self, future: Any, then: Callable[[Any], None], longest_s: float = ANSWER_S) -> None:
+        self._future, self._then, self._until_s = future, then, time.monotonic() + longest_s
 
     def _fail(self, why: str) -> None:
         self.failures.append(f"{self.target}: {why}")
         self._next()
 
-    def _selecting(self, answer: SelectTarget.Response) -> None:
+    def _selected(self, answer: SelectTarget.Response) -> None:
         if not answer.success:
             self._fail(answer.message)
             return
         goal = TrackPass.Goal(target_pass=self._passes[self.number - 1], sensor=self._sensor)
-        self._ask("offering", self._track.send_goal_async(goal))
+        self._wait_for(self._track.send_goal_async(goal), self._offered)
 
-    def _offering(self, handle: Any) -> None:
+    def _offered(self, handle: Any) -> None:
         if not handle.accepted:
             self._fail("the controller refused the pass")
             return
         self._handle = handle
-        self._ask("tracking", handle.get_result_async())
+        # A pass lasts as long as it lasts: only services and goals have a time to answer in.
+        self._wait_for(handle.get_result_async(), self._tracked, math.inf)
 
-    def _tracking(self, answer: Any) -> None:
+    def _tracked(self, answer: Any) -> None:
         if self._observations() > self._before:
             self.observed += 1
             self._next()
