@@ -1,4 +1,4 @@
-"""The table of a recording: how well the beam was on the target, how well antenna and graph ran.
+"""The table of a recording: how well the beam was on the target, how well the graph ran.
 
 `summarize` is the whole table; `link_series` and `axis_motion` are what its pictures show, too.
 """
