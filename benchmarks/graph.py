@@ -26,7 +26,7 @@ SLEW_S = 160.0
 
 
 def track(output: Path, *options: str, cpu_after_s: float | None = None) -> dict[str, Any]:
-    """Run one pass; return its summary with wall time, bring-up time and, if asked for, the CPU share of the graph."""
+    """Run one pass; return its summary with wall time, bring-up time and, with `cpu_after_s`, the CPU share of the graph."""
     executable = Path(get_package_prefix("rf_pointing")) / "lib" / "rf_pointing" / "track"
     began_s = time.monotonic()
     process = subprocess.Popen(
@@ -37,11 +37,11 @@ def track(output: Path, *options: str, cpu_after_s: float | None = None) -> dict
         stdin=subprocess.DEVNULL,
     )
     share = measure_cpu(process.pid, cpu_after_s) if cpu_after_s is not None else None
-    _, said = process.communicate()
+    _, log = process.communicate()
     if process.returncode:
-        sys.exit(f"track {' '.join(options)} ended with {process.returncode}:\n{said}")
+        sys.exit(f"track {' '.join(options)} ended with {process.returncode}:\n{log}")
     summary: dict[str, Any] = json.loads((output / "summary.json").read_text())
-    matched = re.search(r"active in ([0-9.]+) s", said)
+    matched = re.search(r"active in ([0-9.]+) s", log)
     return summary | {
         "total_wall_s": time.monotonic() - began_s,
         "bring_up_s": float(matched.group(1)) if matched else None,

@@ -49,6 +49,7 @@ class NodeProcesses:
 
         With `autostart` the nodes configure and activate themselves.
         """
+        # The executables themselves, not `ros2 run`: its process would be the parent of ours.
         folder = Path(get_package_prefix("rf_pointing")) / "lib" / "rf_pointing"
         self._logs.mkdir(parents=True, exist_ok=True)
         for name in names:
@@ -156,6 +157,7 @@ class LifecycleClient:
 
     def change(self, names: Sequence[str], transition: str, timeout_s: float) -> list[str]:
         """Take all nodes through `transition` at once; return those that refused."""
+        # All at once: each transition takes a node tens of milliseconds, and discovery more.
         request = ChangeState.Request(transition=Transition(id=TRANSITIONS[transition]))
         waiting = {name: self._clients[name].call_async(request) for name in names}
         deadline_s = time.monotonic() + timeout_s
@@ -226,6 +228,7 @@ class ManagedGraph:
     def check(self) -> None:
         """NotStartedError if a process has ended."""
         if ended := self._processes.ended():
+            # The log of the process has the reason; its exit code has not.
             raise NotStartedError("; ".join(f"{name} ended: {self.complaint(name)}" for name in ended))
 
     def complaint(self, name: str) -> str:

@@ -26,6 +26,7 @@ def between(low: float, high: float) -> Callable[[str], float]:
 
 def seed(text: str) -> int:
     """Return the seed of a run; an argparse type with the range of the nodes' parameters."""
+    # The range of an integer parameter of a node, which would refuse it after everything started.
     if not text.isdecimal() or int(text) >= 2**31:
         raise argparse.ArgumentTypeError(f"{text} must be a whole number from 0 to {2**31 - 1}")
     return int(text)

@@ -53,8 +53,11 @@ class Recorder:
         name = topic.name if topic.name.startswith("/") else name
         package = topic.message_type.__module__.partition(".")[0]
         self._writer.register(name, f"{package}/msg/{topic.message_type.__name__}", [qos_from_profile(topic.qos)])
+        # The publisher's reliability and durability, but neither its deadline nor its lifespan: a
+        # message that arrives late belongs in the bag, too.
         deep = QoSProfile(depth=QUEUE, reliability=topic.qos.reliability, durability=topic.qos.durability)
         return self._node.create_subscription(topic.message_type, name, self._taker(name), deep, raw=True)
 
     def _taker(self, name: str) -> Callable[[bytes], None]:
+        # The wall clock of arrival: latencies between topics are measured with it.
         return lambda data: self._writer.write(name, time.time_ns(), data)

@@ -33,6 +33,7 @@ def main(argv: list[str] | None = None) -> None:
 def _write(bag: Path, folder: Path) -> list[Path]:
     pages = [entry.load()(bag, folder) for entry in entry_points(group="rf_pointing.reports")]
     written = [page for page in pages if page is not None]
+    # Without any page, `write_report` states what the bag lacks.
     if antennas(bag) or not written:
         write_report(bag, folder)
         written.append(folder / "report.html")

@@ -89,6 +89,7 @@ class StationRun:
         """Start time."""
         self.graph.change(CLOCK, "activate")
         self._begun = True
+        # Collections of the recorder's process delay what it receives.
         settle_garbage()
 
     def hold_time(self) -> None:
@@ -108,6 +109,7 @@ class StationRun:
         result, cancelled, look_s = handle.get_result_async(), False, 0.0
         while not result.done():
             self.spin(0.1)
+            # Not at every event: to check eight processes costs more than most events.
             if time.monotonic() >= look_s:
                 self.graph.check()
                 look_s = time.monotonic() + LOOK_PERIOD_S
@@ -118,6 +120,7 @@ class StationRun:
 
     def close(self) -> None:
         """End every process, close the bag and report what it lacks, destroy the run's own node."""
+        # The nodes first: what they publish at their end belongs in the bag.
         self.graph.stop()
         recorded = self._recorder.close()
         if recorded.problem:
@@ -135,6 +138,7 @@ def run_to_end(program: str, make: Callable[[], RunType], work: Callable[[RunTyp
 
     Return the exit code: that of `work`, 1 for an interrupted run, 2 for one that did not start.
     """
+    # Ctrl-C must cancel the goal and end the run in order, not end rclpy under it.
     rclpy.init(signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
     try:
         run = make()

@@ -155,6 +155,7 @@ def execute(options: argparse.Namespace, window: Pass, output: Path) -> int:
 
 def write(bag: Path, output: Path) -> None:
     """Write the report of a recorded bag and say where it is."""
+    # Imported when it is needed: the libraries of the report take time that the bring-up has not.
     from rf_pointing.report import write_report
 
     write_report(bag, output)

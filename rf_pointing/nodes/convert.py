@@ -103,6 +103,7 @@ def trajectory_to_message(trajectory: JointTrajectory, stamp_s: float) -> Trajec
         point = JointTrajectoryPoint(
             positions=position.tolist(), velocities=velocity.tolist(), accelerations=acceleration.tolist()
         )
+        # From whole microseconds, as the stamp: the receiver adds both and must find the same time.
         microseconds = round((t_s - stamp_s) * 1e6)
         point.time_from_start.sec = microseconds // 1_000_000
         point.time_from_start.nanosec = microseconds % 1_000_000 * 1000
@@ -161,6 +162,7 @@ def monopulse_from_message(message: ours.Monopulse) -> MonopulseCluster:
                 f"{name} has {len(in_phase)} I and {len(quadrature)} Q samples, must have {len(message.sum_i)}"
             )
         channels[name] = in_phase + 1j * quadrature
+    # The stamp is that of the last sample; the others lie before it.
     count = len(message.sum_i)
     last_s = seconds_from_stamp(message.header.stamp)
     t_s = last_s - message.sample_period * np.arange(count - 1, -1, -1)
@@ -197,6 +199,7 @@ def error_to_message(error: PointingError) -> ours.PointingError:
         elevation=float(error.elevation_rad),
         carrier_to_noise=float(error.carrier_to_noise_db_hz),
     )
+    # The wire has fixed arrays without shape: row-major.
     message.covariance = np.asarray(error.covariance_rad2, dtype=np.float64).ravel()
     message.header.stamp = stamp_from_seconds(error.t_s)
     return message
@@ -268,6 +271,7 @@ def antenna_status_to_message(status: AntennaStatus) -> ours.AntennaStatus:
 
 
 def _axis_order(names: list[str]) -> list[int]:
+    # Joints may come in any order, but each of them once: a missing one must not become 0.
     unknown = [name for name in names if name not in AXES]
     if unknown:
         raise ValueError(f"unknown joint {', '.join(unknown)}; the joints are {', '.join(AXES)}")

@@ -45,6 +45,7 @@ class Diagnostics:
         for name, check in self._checks.items():
             health = _checked(check)
             status = DiagnosticStatus(level=health.level, name=f"{full_name.lstrip('/')}: {name}")
+            # The full name: two antennas share the topic /diagnostics.
             status.message, status.hardware_id = health.message, full_name
             status.values = [KeyValue(key=key, value=str(value)) for key, value in health.values.items()]
             array.status.append(status)

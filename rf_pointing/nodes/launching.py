@@ -43,14 +43,17 @@ def managed_nodes(context: Any, names: Sequence[str]) -> list[Any]:
 
 
 def _node(name: str, given: Any, *, simulated: bool) -> LifecycleNode:
+    # Later parameters override earlier ones: the band the station, the arguments both.
     parameters: list[Any] = [given("params_file"), given("band_file")]
     if name == "simulation_clock":
         parameters.append({"start_s": float(given("start_s")), "speed": float(given("speed"))})
     else:
         parameters.append({"use_sim_time": given("use_sim_time") == "true"})
+    # An empty argument keeps the model file of the parameter file.
     if name == "bias_calibrator" and given("model_file"):
         parameters.append({"calibrator.model_file": given("model_file")})
     parameters.append({"lifecycle.autostart": given("autostart") == "true"})
+    # Each antenna has its own simulation time; without the clock node, /clock is the user's.
     clock = [("/clock", "clock")] if simulated else []
     return LifecycleNode(
         package="rf_pointing",

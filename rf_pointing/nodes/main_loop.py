@@ -61,12 +61,14 @@ def run(node_type: Callable[[], Any]) -> None:
             signal.signal(sign, lambda number, _frame: signals.append(number))
         node = node_type()
     except (RuntimeError, ValueError) as error:
+        # One line for the operator; a traceback would hide what is wrong.
         print(f"rf_pointing: not started: {_IN_THE_SOURCE.sub('', str(error))}", file=sys.stderr)
         rclpy.try_shutdown()
         sys.exit(2)
     executor = make_executor()
     executor.add_node(node)
     settle_garbage()
+    # Not `spin`: between two events the node does its own work and the signals are seen.
     while not signals:
         node.bring_up()
         executor.spin_once(timeout_sec=node.turn())
@@ -95,6 +97,7 @@ class InstanceLock:
     def __init__(self, full_name: str) -> None:
         self.path = _path(full_name)
         self.path.parent.mkdir(mode=0o700, exist_ok=True)
+        # "a+" keeps the holder's number readable until the lock is ours.
         self._file = self.path.open("a+")
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -67,6 +67,7 @@ class Schedule:
 
     @property
     def _next_s(self) -> float:
+        # Whole microseconds: that is what stamps can hold.
         return round(self._origin_s + self._count * self._period_s, 6)
 
 
@@ -89,6 +90,7 @@ class ManagedNode(LifecycleNode):
         self._inputs: list[Any] = []
         self._outputs: list[Publisher] = []
         self._services_offered: list[Any] = []
+        # rclpy has no public way to guard the transitions of its own service.
         self._service_change_state.callback = self._refusing_the_impossible(self._service_change_state.callback)
 
     def configure(self) -> None:
@@ -117,6 +119,7 @@ class ManagedNode(LifecycleNode):
         schedule = Schedule(self.now_s(), period_s)
 
         def fire() -> None:
+            # More than one instant where timers fired late: each is done, none is skipped.
             for t_s in schedule.due(self.now_s()):
                 callback(t_s)
 
@@ -144,6 +147,7 @@ class ManagedNode(LifecycleNode):
             self.trigger_configure()
         if self._state_name == "inactive" and not self.ready():
             return
+        # Before the attempt: a node that refuses must not try again and again.
         self.brings_itself_up = False
         if self._state_name == "inactive":
             self.trigger_activate()
@@ -159,6 +163,7 @@ class ManagedNode(LifecycleNode):
         self, message_type: Any, topic: str, callback: Callable[[Any], None], qos: Any, *, raw: bool = False
     ) -> None:
         """Subscribe until cleanup; lost messages, and those refused by ValueError, are counted."""
+        # Raw messages are not decoded, so their numbers are not seen.
         if not raw and hasattr(message_type, "sequence"):
             callback = self.inputs.watching(topic, callback)
         guarded = self._guarded(topic, callback)

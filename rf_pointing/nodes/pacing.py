@@ -76,6 +76,7 @@ class Pacer:
             early_s = self._origin_wall_s + (self.ticks + 1) * self.tick_s / self.speed - wall_s
             if early_s > 0.0:
                 return early_s
+        # The longest of the waits: time advances when every stream allows it.
         return max((self._hold_s(stream, wall_s) for stream in self.streams.values()), default=0.0)
 
     def advance(self, wall_s: float) -> float:
@@ -91,6 +92,7 @@ class Pacer:
 
     def _hold_s(self, stream: PacedStream, wall_s: float) -> float:
         next_s = self.now_s + self.tick_s
+        # A thousandth of a tick covers the rounding of stamps to microseconds.
         if stream.newest_s is not None and stream.newest_s + stream.allowed_lag_s >= next_s - 1e-3 * self.tick_s:
             stream.waiting_since_s = None
             return 0.0

@@ -76,6 +76,7 @@ class ParameterGroups:
     def put(self, prefix: str, wanted: Params) -> None:
         """Set the parameters under `prefix` to those of `wanted`, which the node uses already."""
         present, configured = leaves(self._groups[prefix]), self.configured
+        # Only what differs: each changed parameter is an event for every listener of the graph.
         changed = {edge: value for edge, (_, value) in leaves(wanted).items() if value != present[edge][1]}
         self.configured = False
         try:
@@ -107,6 +108,7 @@ class ParameterGroups:
                 self.reasons.append(reason)
 
     def _declare_one(self, name: str, default: Any, descriptor: ParameterDescriptor) -> Parameter:
+        # An empty tuple has no element from which rclpy could derive the type.
         if default == ():
             return self._declare_empty(name, descriptor)
         default = list(default) if isinstance(default, tuple) else default
@@ -127,6 +129,7 @@ class ParameterGroups:
         return empty
 
     def _candidates(self, changes: list[Parameter]) -> dict[str, Params]:
+        # One candidate per set: fields that constrain each other can change together.
         by_prefix: dict[str, dict[str, Any]] = {}
         for change in changes:
             if change.name in self._owner:
@@ -178,6 +181,7 @@ def _descriptor(item: "dataclasses.Field[Any]", edge: str, live: bool) -> Parame
     descriptor.additional_constraints = "; ".join(constraints if live else [*constraints, _WHEN_CONFIGURED])
     low, high = (to_degrees(item.name, item.metadata.get(side))[1] for side in ("low", "high"))
     if item.type is int:
+        # A range of ROS has both ends; 2^53 is the largest integer to which a float still counts.
         bounds = (int(low) if low is not None else -(2**53), int(high) if high is not None else 2**53)
         descriptor.integer_range = [IntegerRange(from_value=bounds[0], to_value=bounds[1], step=0)]
     elif item.type is float:

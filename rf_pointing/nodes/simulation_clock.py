@@ -69,6 +69,7 @@ class ClockMemory:
     def recover(self, wall_s: float) -> float | None:
         """Return where a clock of the same start was killed at most `RESUME_S` ago, else None."""
         try:
+            # A file of another start, of another boot, or a torn one is no memory.
             start_s, kept_wall_s, t_s = _RECORD.unpack(self._path.read_bytes())
         except (OSError, struct.error):
             return None
@@ -135,6 +136,7 @@ class SimulationClock(ManagedNode):
 
     def _neighbours(self) -> bool:
         """Return whether other nodes of the namespace are seen."""
+        # Every node of ours publishes on /diagnostics, whatever state it is in.
         seen = self.get_publishers_info_by_topic("/diagnostics")
         return any(each.node_namespace == self.get_namespace() and each.node_name != self.get_name() for each in seen)
 
@@ -152,6 +154,7 @@ class SimulationClock(ManagedNode):
         # An older one would be a jump back for all of its nodes.
         whose = message.status[0].hardware_id if message.status else ""
         mine = whose.startswith(self.get_namespace().rstrip("/") + "/") and whose != self.get_fully_qualified_name()
+        # Other antennas have other times, and once time runs it cannot be set.
         if not mine or self._pacer.ticks > 0:
             return
         stated_s, self._reported = seconds_from_stamp(message.header.stamp), True
@@ -189,6 +192,7 @@ class SimulationClock(ManagedNode):
     def _publish(self, t_s: float) -> None:
         self._published_wall_s = time.perf_counter()
         if self._memory is not None:
+            # Before publishing: a resumed clock must not be behind what the nodes have received.
             self._memory.keep(t_s, time.monotonic())
         self._output.publish(Clock(clock=stamp_from_seconds(t_s)))
 

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from rf_pointing.core import MDEG, gaussian_loss_db
 from rf_pointing.core.modes import Mode
 from rf_pointing.report.analysis import TRACKING_MODES, Analysis, ErrorSeries
-from rf_pointing.report.machine import link_series
 from rf_pointing.report.picture_style import (
     ALONE_COLOUR,
     DASHED,
@@ -24,6 +23,7 @@ from rf_pointing.report.picture_style import (
     per_second,
     plain_log_scale,
 )
+from rf_pointing.report.statistics import link_series
 
 __all__ = ["draw_beam", "draw_error", "draw_link"]
 

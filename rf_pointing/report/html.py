@@ -72,6 +72,7 @@ def _base64(path: Path) -> str:
 
 
 _TEMPLATES = Environment(
+    # From the source folder: the package is installed as links to it or as plain files.
     loader=FileSystemLoader(Path(__file__).with_name("templates")),
     autoescape=True,
     trim_blocks=True,

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from rf_pointing.core import AXES, azel_from_unit_vector, unit_vector_from_azel
 from rf_pointing.core.modes import Mode
 from rf_pointing.report.analysis import TRACKING_MODES, Analysis
-from rf_pointing.report.machine import axis_motion
 from rf_pointing.report.picture_style import (
     AXIS_COLOURS,
     DASHED,
@@ -22,6 +21,7 @@ from rf_pointing.report.picture_style import (
     mode_runs,
     plain_log_scale,
 )
+from rf_pointing.report.statistics import axis_motion
 from rf_pointing.report.traffic import latencies
 
 __all__ = ["draw_axes", "draw_sky", "draw_timing"]

@@ -8,8 +8,8 @@ import numpy as np
 
 from rf_pointing.report.analysis import TRACKING_MODES, Analysis
 from rf_pointing.report.error_pictures import draw_beam, draw_error, draw_link
-from rf_pointing.report.machine import link_series
 from rf_pointing.report.motion_pictures import draw_axes, draw_sky, draw_timing
+from rf_pointing.report.statistics import link_series
 
 __all__ = ["Picture", "draw_pictures"]
 

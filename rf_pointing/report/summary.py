@@ -31,6 +31,7 @@ __all__ = [
     "to_json",
 ]
 
+# Readers of summary.json check this; a changed meaning of a key needs a new number.
 SCHEMA = "rf_pointing/summary/1"
 Number = float | None
 

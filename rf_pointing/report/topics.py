@@ -19,6 +19,7 @@ from rosbags.typesys import get_types_from_idl, get_types_from_msg
 from rosbags.typesys.store import Typestore
 
 from rf_pointing.core import AXES
+from rf_pointing.core.modes import Sensor
 
 __all__ = ["TOPICS", "TopicData", "TopicLayout", "as_column", "head_reader", "types_of"]
 
@@ -117,24 +118,21 @@ Row = tuple[Any, ...]
 
 @dataclass(frozen=True)
 class TopicLayout:
-    """Type of one topic and how a message becomes a row of `columns`.
-
-    `period_s` is the interval at which the topic is published, 0 where it is not periodic.
-    """
+    """Type of one topic, how a message becomes a row of `columns`, and whether it has a period."""
 
     type_name: str
     columns: tuple[str, ...]
     row: Callable[[Any], Any]
-    period_s: float = 0.0
+    periodic: bool = True
 
 
-def _own(name: str, *columns: str, period_s: float = 0.1) -> TopicLayout:
+def _own(name: str, *columns: str, periodic: bool = True) -> TopicLayout:
     getter = attrgetter(*columns)
 
     def single_row(message: Any) -> Row:
         return (getter(message),)
 
-    return TopicLayout(f"rf_pointing_msgs/msg/{name}", columns, single_row if len(columns) == 1 else getter, period_s)
+    return TopicLayout(f"rf_pointing_msgs/msg/{name}", columns, single_row if len(columns) == 1 else getter, periodic)
 
 
 def _joint_row(message: Any) -> Row:
@@ -179,15 +177,13 @@ _STATUS = attrgetter(*_STATUS_COLUMNS)
 _ERROR = _own("PointingError", "sensor", "valid", "reason", "cross_elevation", "elevation", "carrier_to_noise")
 
 TOPICS: dict[str, TopicLayout] = {
-    "clock": TopicLayout("rosgraph_msgs/msg/Clock", (), lambda _: (), 0.02),
+    "clock": TopicLayout("rosgraph_msgs/msg/Clock", (), lambda _: ()),
     "target": _own("Target", *_TARGET_COLUMNS),
-    "passes": _own("PassList", "passes", period_s=0.0),
-    "pointing_model": _own("PointingModel", "name", period_s=0.0),
-    "joint_trajectory": TopicLayout("trajectory_msgs/msg/JointTrajectory", (), lambda _: (), 0.1),
-    "tracking_status": TopicLayout(
-        "rf_pointing_msgs/msg/TrackingStatus", (*_STATUS_COLUMNS, "los_ns"), _status_row, 0.1
-    ),
-    "joint_states": TopicLayout("sensor_msgs/msg/JointState", ("position", "velocity"), _joint_row, 0.02),
+    "passes": _own("PassList", "passes", periodic=False),
+    "pointing_model": _own("PointingModel", "name", periodic=False),
+    "joint_trajectory": TopicLayout("trajectory_msgs/msg/JointTrajectory", (), lambda _: ()),
+    "tracking_status": TopicLayout("rf_pointing_msgs/msg/TrackingStatus", (*_STATUS_COLUMNS, "los_ns"), _status_row),
+    "joint_states": TopicLayout("sensor_msgs/msg/JointState", ("position", "velocity"), _joint_row),
     "antenna_status": _own(
         "AntennaStatus",
         "mode",
@@ -202,9 +198,10 @@ TOPICS: dict[str, TopicLayout] = {
         "commands_rejected",
         "last_rejection",
     ),
-    "sim/boresight": _own("Boresight", "azimuth", "elevation", period_s=0.02),
-    "sim/pointing_error": TopicLayout(_ERROR.type_name, _ERROR.columns, _ERROR.row, 0.02),
-    "monopulse": _own("Monopulse", "carrier_to_noise"),
+    "sim/boresight": _own("Boresight", "azimuth", "elevation"),
+    "sim/pointing_error": _ERROR,
+    # The topic of the samples bears the name of their sensor.
+    Sensor.MONOPULSE: _own("Monopulse", "carrier_to_noise"),
     "carrier_power": _own("CarrierPower", "power", "carrier_to_noise"),
     "pointing_error": _ERROR,
 }

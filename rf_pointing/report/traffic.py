@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rf_pointing.core.modes import Sensor
 from rf_pointing.report.recording import Recording
 from rf_pointing.report.summary import Latency, TopicTraffic
 from rf_pointing.report.topics import TOPICS, TopicData
@@ -32,9 +33,9 @@ HOPS = (
     Hop("clock", "joint_states"),
     Hop("joint_states", "sim/boresight"),
     Hop("sim/boresight", "sim/pointing_error"),
-    Hop("sim/boresight", "monopulse"),
+    Hop("sim/boresight", Sensor.MONOPULSE),
     Hop("sim/boresight", "carrier_power"),
-    Hop("monopulse", "pointing_error", sensor="monopulse"),
+    Hop(Sensor.MONOPULSE, "pointing_error", sensor=Sensor.MONOPULSE),
     Hop("pointing_error", "tracking_status", "reaction"),
     Hop("pointing_error", "joint_trajectory", "reaction"),
 )
@@ -64,7 +65,7 @@ def _by_sensor(name: str, data: TopicData) -> list[tuple[str | None, TopicData]]
 
 
 def _traffic(name: str, sensor: str | None, data: TopicData, not_recorded: int) -> TopicTraffic:
-    periodic = TOPICS[name].period_s > 0.0
+    periodic = TOPICS[name].periodic
     # A repeated stamp (the clock while time is held) is no step.
     stamps = np.unique(data.stamp_ns) if data.stamp_ns is not None else np.zeros(0, dtype=np.int64)
     steps: Ints = stamps[1:] - stamps[:-1]

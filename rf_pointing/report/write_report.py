@@ -91,10 +91,12 @@ def _error_rows(summary: Summary) -> list[Row]:
         (mode.mode.replace("_", " "), mode.seconds, mode.error, mode.program_track_alone) for mode in summary.modes
     ]
     if headline.error is not None:
+        # The headline is the first row, before the modes it is made of.
         rows.insert(0, (headline.over, headline.seconds, headline.error, headline.program_track_alone))
     found: list[Row] = []
     for name, seconds, error, alone in rows:
         found.append(_error_row(name, seconds, error))
+        # Without an offset in the status it is not known what program track alone would do.
         if alone is not None and alone.samples:
             found.append(_error_row("\u2003program track alone", None, alone))
     return found

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from rf_pointing.nodes.graph import ESSENTIAL, GRAPH, NODES, STATION_NODES, TOPICS
+from rf_pointing.report.topics import TOPICS as REPORTED
 
 ROOT = Path(__file__).parents[2]
 
@@ -59,3 +60,10 @@ def test_the_clock_starts_first_and_time_waits_for_one_topic_of_every_node_that_
 
 def test_a_station_keeps_every_node_but_those_that_simulate() -> None:
     assert set(NODES) - set(STATION_NODES) == {"simulation_clock", "antenna_servo", "rf_receiver"}
+
+
+def test_a_report_reads_every_topic_by_the_type_it_is_published_with() -> None:
+    published = {topic.name: topic for topic in TOPICS}
+    for name, layout in REPORTED.items():
+        assert layout.type_name.replace("/msg/", "/") == published[name].type_name
+        assert layout.periodic == (published[name].rate != "latched")

@@ -1,0 +1,94 @@
+"""The launch files start the nodes of the graph with the parameters of their arguments (`launch` itself is a stub)."""
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import pytest
+
+from rf_pointing.nodes.graph import NODES, STATION_NODES
+
+FOLDER = Path(__file__).parents[2] / "launch"
+
+
+class Action:
+    """Any action of `launch`: remembers what it was made with."""
+
+    def __init__(self, *positional: Any, **named: Any) -> None:
+        self.positional, self.named = positional, named
+
+
+@pytest.fixture
+def given(monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
+    """Return the values of the launch arguments, by default their defaults; `launch` and `launch_ros` are stubs."""
+    values: dict[str, str] = {}
+
+    class Argument(Action):
+        def __init__(self, name: str, default_value: str, description: str) -> None:
+            super().__init__(name)
+            assert description
+            values.setdefault(name, default_value)
+
+    class Configuration(Action):
+        def perform(self, _context: Any) -> str:
+            return values[self.positional[0]]
+
+    contents: dict[str, dict[str, Any]] = {
+        "launch": {"LaunchDescription": Action},
+        "launch.actions": {"DeclareLaunchArgument": Argument, "OpaqueFunction": Action},
+        "launch.substitutions": {"LaunchConfiguration": Configuration},
+        "launch_ros": {},
+        "launch_ros.actions": {"LifecycleNode": Action},
+    }
+    for name, members in contents.items():
+        stub = ModuleType(name)
+        stub.__dict__.update(members)
+        monkeypatch.setitem(sys.modules, name, stub)
+    for name in ("rf_pointing.nodes.launching", "rf_pointing.array_sensors.nodes.launching"):
+        # Made from the stubs by this test, and removed with them.
+        monkeypatch.setitem(sys.modules, name, SimpleNamespace())
+        del sys.modules[name]
+    return values
+
+
+def launched(name: str) -> dict[str, dict[str, Any]]:
+    """Return what every node of a launch file is started with, by its name."""
+    spec = importlib.util.spec_from_file_location(name, FOLDER / f"{name}.launch.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    (start,) = [each for each in module.generate_launch_description().positional[0] if "function" in each.named]
+    return {node.named["name"]: node.named for node in start.named["function"](None, *start.named["args"])}
+
+
+def test_the_simulated_station_has_every_node_and_its_own_time(given: dict[str, str]) -> None:
+    given["speed"] = "0"
+    nodes = launched("simulated_station")
+    assert tuple(nodes) == NODES
+    assert all(node["remappings"] == [("/clock", "clock")] for node in nodes.values())
+    assert {"start_s": 1151384173.0, "speed": 0.0} in nodes["simulation_clock"]["parameters"]
+    assert {"use_sim_time": True} in nodes["antenna_servo"]["parameters"]
+    (model,) = [each for each in nodes["bias_calibrator"]["parameters"] if "calibrator.model_file" in each]
+    assert model["calibrator.model_file"].endswith("bias_model_dss13.yaml")
+
+
+def test_a_station_with_its_own_drivers_keeps_the_other_nodes_and_the_time_of_the_system(given: dict[str, str]) -> None:
+    given |= {"namespace": "gs7", "params_file": "my.yaml", "autostart": "false"}
+    nodes = launched("single_antenna")
+    assert tuple(nodes) == STATION_NODES
+    for node in nodes.values():
+        assert node["namespace"] == "gs7"
+        assert node["parameters"][0] == "my.yaml"
+        assert {"use_sim_time": False} in node["parameters"]
+        assert {"lifecycle.autostart": False} in node["parameters"]
+        assert node["remappings"] == []
+
+
+@pytest.mark.parametrize("system", ["doa", "interferometer", "tripulse"])
+def test_an_array_sensor_has_a_clock_of_its_namespace(given: dict[str, str], system: str) -> None:
+    nodes = launched(system)
+    assert "simulation_clock" in nodes
+    assert {node["remappings"][0] for node in nodes.values()} == {("/clock", f"/{system}/clock")}
