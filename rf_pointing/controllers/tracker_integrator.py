@@ -1,16 +1,18 @@
 """Integrator of the radio tracking error, H = 2 pi f_m / s in discrete time.
 
-    o(k+1) = o(k) + 2 pi f_m T e(k)                                                         (BWG eq. 7, Fig. 12)
+    o(k+1) = o(k) + 2 pi f_m T e(k)                                             (BWG eq. 7, Fig. 12)
 
-The error of the sample before is what acts (the delay of Fig. 12).  Between samples the offset runs on a straight
-line with the rate 2 pi f_m e(k), so the servo sees no staircase and its feedforward gets the exact rate; when the next
-sample is late the offset stops at the end of its line.
+The error of the sample before is what acts (the delay of Fig. 12).  Between samples the offset runs
+on a straight line with the rate 2 pi f_m e(k), so the servo sees no staircase and its feedforward
+gets the exact rate; when the next sample is late the offset stops at the end of its line.
 
-A first error of half a beamwidth would ask for its whole rate at once; the rate changes by `acceleration_rad_s2` at most.
+A first error of half a beamwidth would command its whole rate at once; the rate changes by
+`acceleration_rad_s2` at most.
 
-Beyond the paper, e may be the mean of the latest errors while that mean is small.  Five at 10 Hz have nulls at 2 and 4 Hz
-and leave too little of the bending modes between to be driven through the delay of commands that are sent ahead, whatever
-its phase; an error to be caught, after a search, acts at once (docs/math/controllers.md).
+Beyond the paper, e may be the mean of the latest errors while that mean is small.  Five at 10 Hz
+have nulls at 2 and 4 Hz and leave too little of the bending modes between to be driven through the
+delay of commands that are sent ahead, whatever its phase; an error to be caught, after a search,
+acts at once (docs/math/controllers.md).
 """
 
 import math
@@ -44,7 +46,7 @@ class TrackerIntegratorParams(Params):
 
 @dataclass(slots=True)
 class TrackerIntegratorState:
-    """Offset (2,) at `t_s`, rate (2,) up to `end_s`, whether frozen, latest errors; axis order as the errors come."""
+    """Offset (2,) at `t_s`, its rate (2,) up to `end_s`, latest errors."""
 
     offset_rad: Array = field(default_factory=lambda: np.zeros(2))
     rate_rad_s: Array = field(default_factory=lambda: np.zeros(2))
@@ -55,7 +57,7 @@ class TrackerIntegratorState:
 
 
 class TrackerIntegrator:
-    """Two-axis integrator: `update(t_s, error)` per sample, `at(t_s)` for the offset and its rate at any later time."""
+    """Two-axis integrator: `update` with every sample, `at` for offset and rate at any time."""
 
     def __init__(self, params: TrackerIntegratorParams) -> None:
         self._params = params
@@ -98,7 +100,7 @@ class TrackerIntegrator:
         self._state.frozen, self._state.errors = True, ()
 
     def unfreeze(self) -> None:
-        """Listen to errors again, from the held offset."""
+        """Use errors again, from the held offset."""
         self._state.frozen = False
 
     def update(self, t_s: float, error_rad: ArrayLike) -> None:
@@ -110,6 +112,8 @@ class TrackerIntegrator:
             For a non-finite error or a time before the previous one.
         """
         error = as_finite_array("error_rad", error_rad, (2,))
+        # A late error finds the offset at rest on the end of its line: the rate then starts again
+        # from zero.
         running = t_s <= self._state.end_s + 1e-6
         self._settle(t_s)
         if self._state.frozen:
@@ -134,6 +138,8 @@ class TrackerIntegrator:
         for axis, (offset, rate) in enumerate(zip(state.offset_rad.tolist(), state.rate_rad_s.tolist(), strict=True)):
             now = offset + rate * passed_s
             offsets[axis] = min(max(now, -limit), limit)
+            # At its limit the offset stands: a rate fed forward there would push against it for
+            # ever.
             if t_s < state.end_s and abs(now) < limit:
                 rates[axis] = rate
         return np.array(offsets), np.array(rates)

@@ -1,7 +1,7 @@
-"""One pass of the simulated station without ROS: the same parts as the graph, wired by function calls.
+"""One pass of the station without ROS: the parts of the graph, wired by function calls.
 
-The order within a tick is the order in which messages arrive in the graph: antenna, receiver, tracker; the controller
-acts every few ticks, on errors stamped before its own period.
+The order within a tick is the order in which messages arrive in the graph: antenna, receiver,
+tracker; the controller acts every few ticks, on errors stamped before its own period.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -43,12 +43,12 @@ __all__ = ["PassLog", "StationSetup", "simulate_pass"]
 
 Array = NDArray[np.float64]
 EARLY_TARGET_S = 5.0
-"""How long before the acquisition of signal the first target is: it is predicted below the horizon already."""
+"""How long before acquisition of signal the first target is, still below the horizon."""
 
 
 @dataclass
 class PassLog:
-    """True error and mode, one row per cluster; the first point of every trajectory; the certificate; angles in rad."""
+    """True error and mode per cluster, trajectories' first points, certificate; in rad."""
 
     t_s: list[float] = field(default_factory=list)
     cross_elevation_rad: list[float] = field(default_factory=list)
@@ -67,7 +67,7 @@ class PassLog:
 
 
 class StationSetup:
-    """Everything a run needs, from the nodes' parameter files; `changes` are dotted keys per node over the files."""
+    """All that a run needs, from the nodes' files; `changes` are dotted keys per node."""
 
     def __init__(
         self, files: Sequence[Path], model: Path | None, changes: Mapping[str, Mapping[str, object]] | None = None

@@ -1,9 +1,9 @@
-"""The position laws of both axes as the control unit runs them: PI or LQG, exchanged while running, watched for swinging.
+"""The position laws of both axes: PI or LQG, exchanged while running, watched for swinging.
 
-A change of gains or of the law is taken as a whole, between two ticks and without a jump of the rate command; one that
-would be unstable on the antenna is refused and changes nothing.  Stable means: no pole outside the unit circle in the
-sampled closed loop of the linear plant behind its dead time, stepped exactly over one control period, and the laws that
-run, filters included.
+A change of gains or of the law is taken as a whole, between two ticks and without a jump of the
+rate command; one that would be unstable on the antenna is refused and changes nothing.  Stable
+means: no pole outside the unit circle in the sampled closed loop of the linear plant behind its
+dead time, stepped exactly over one control period, and the laws that run, filters included.
 """
 
 import math
@@ -46,12 +46,12 @@ _LQG_AZIMUTH, _LQG_ELEVATION = dss13_lqg_loops()
 
 
 EDGE = 1e-6
-"""Integrators left open lie on the unit circle, a double one within the square root of the rounding error of it."""
+"""Open integrators lie on the unit circle, a double one within the root of rounding of it."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class LoopParams(Params):
-    """Position laws of both axes, the watch over them, and the limits that every command is brought within."""
+    """Position laws of both axes, the watch over them, and the limits of every command."""
 
     law: str = parameter(_PI, "position law of both axes", choices=(_PI, _LQG))
     azimuth: PositionLoopParams = parameter(_AZIMUTH, "azimuth PI loop")
@@ -67,14 +67,16 @@ class LoopParams(Params):
 def law_rates(
     laws: Sequence[PositionLaw], command: Sequence[Sequence[float]], encoder_rad: Sequence[float], tick_s: float
 ) -> list[float]:
-    """Return the rate commands (2,) of both laws for one tick of `tick_s`, and advance the laws to the next one.
+    """Return the rate commands (2,) of both laws and advance the laws by one tick.
 
-    `command` is position (rad), velocity (rad/s) and acceleration (rad/s^2) of azimuth and elevation.
+    `command` is position (rad), velocity (rad/s) and acceleration (rad/s^2) of azimuth and
+    elevation.
     """
     position, velocity, acceleration = command
     rates = []
     for axis, law in enumerate(laws):
         rates.append(law.output(position[axis], velocity[axis], encoder_rad[axis], acceleration[axis]))
+        # Before the drives move: nothing between the laws and the drives cuts these rates any more.
         law.update(tick_s, rates[axis])
     return rates
 
@@ -110,30 +112,34 @@ class AxisLoops:
     def check(self, params: LoopParams, plant: PlantParams) -> None:
         """Raise ValueError, saying why, if this set cannot run on this antenna; changes nothing."""
         require_stable(plant, self._chosen(params), self._tick_s)
+        # Building reads the designs' file and places the filters below half the sampling rate, or
+        # raises.
         self._build(params)
 
     def retune(self, params: LoopParams, plant: PlantParams) -> None:
-        """Take a new set between two ticks and without a jump; refused as a whole if it cannot run."""
+        """Take a new set between two ticks without a jump; all of it or, with ValueError, none."""
         self.check(params, plant)
         before, self._params = self._params, params
+        # The estimates of another law mean nothing: it starts anew on the newest motion and rate
+        # command.
         if (params.law, params.lqg_file) != (before.law, before.lqg_file):
             self._laws = self._build(params)
             self._start(*self._newest)
         else:
             gains = (params.azimuth, params.elevation)
-            beside = (params.lqg_azimuth, params.lqg_elevation)
+            feedforwards = (params.lqg_azimuth, params.lqg_elevation)
             for axis, law in enumerate(self._laws):
                 if isinstance(law, PositionLoop):
                     law.retune(gains[axis])
                 else:
-                    law.retune(beside[axis])
+                    law.retune(feedforwards[axis])
         for watch in self._watch:
             watch.retune(params.oscillation)
 
     def reset(
         self, position_rad: Array, measured_rad: Array, velocity_rad_s: Array = AT_REST, command_rad_s: Array = AT_REST
     ) -> None:
-        """Start on this motion as if the laws had given `command_rad_s` (2,); forget what the detectors have seen."""
+        """Start on this motion as if the laws had given `command_rad_s`, with calm detectors."""
         self._start(position_rad, velocity_rad_s, measured_rad, command_rad_s)
         for watch in self._watch:
             watch.reset()
@@ -171,7 +177,7 @@ class AxisLoops:
 
 
 def require_stable(plant: PlantParams, laws: Sequence[Law], tick_s: float) -> None:
-    """Raise ValueError, naming the axis, unless the laws (azimuth, elevation) are stable on the antenna."""
+    """Raise ValueError, naming the axis, unless both laws are stable on the antenna."""
     # Each axis is closed alone first, so that the reason can name it, then both together.
     for closed in ((0,), (1,), (0, 1)):
         pole = closed_loop_pole(plant, laws, tick_s, closed)
@@ -186,7 +192,7 @@ def require_stable(plant: PlantParams, laws: Sequence[Law], tick_s: float) -> No
 
 
 def closed_loop_pole(plant: PlantParams, laws: Sequence[Law], tick_s: float, closed: Sequence[int] = (0, 1)) -> complex:
-    """Return the pole (of z) farthest from the origin, with the loops of the axes in `closed` closed."""
+    """Return the pole (of z) farthest from the origin with the loops of `closed` closed."""
     a, b, encoder = _sampled(plant, tick_s)
     for axis in closed:
         a, b, encoder = _close(a, b, encoder, axis, law_matrices(laws[axis], tick_s))
@@ -201,7 +207,7 @@ def _gains(axis: str, law: Law) -> str:
 
 
 def _sampled(plant: PlantParams, tick_s: float) -> tuple[Array, Array, Array]:
-    """Return a, b (n, 2), encoder (2, n) of the plant over one control period, dead times as whole periods."""
+    """Return a, b (n, 2), encoder (2, n) over one control period, dead times as whole periods."""
     model = linear_model(plant)
     step, size = discretise(model.a, model.b_command, tick_s), len(model.a)
     a, b, encoder = step[:, :size], step[:, size:], model.encoder

@@ -1,8 +1,8 @@
 """What a restarted control unit remembers of its antenna, from a state file.
 
-The structure is where it was left, a latched fault is still latched, and an antenna that was parked, stowed or disabled
-keeps its brakes set until `resume`.  The file is written as the antenna moves, and before a change of fault or rest is
-published.
+The structure is where it was left, a latched fault is still latched, and an antenna that was
+parked, stowed or disabled keeps its brakes set until `resume`.  The file is written as the antenna
+moves, and before a change of fault or rest is published.
 """
 
 import math
@@ -14,7 +14,7 @@ from rf_pointing.station.antenna.simulated_antenna import AntennaParams, Simulat
 __all__ = ["AntennaMemory"]
 
 MOVED_RAD = math.radians(0.5)
-"""Motion after which the file is written anew: a restart that is this far off is far from any turn of the cables."""
+"""Motion after which the file is written anew: seldom, and far less than a turn of cables."""
 AT_REST = (AntennaMode.PARKED, AntennaMode.STOWED, AntennaMode.DISABLED)
 SINCE = " (since before the restart)"
 
