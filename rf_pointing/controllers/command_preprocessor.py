@@ -133,6 +133,7 @@ class CommandPreprocessor:
         """Start from the antenna's own position and velocity (2,), following the command."""
         position = as_finite_array("position_rad", position_rad, (2,)).copy()
         velocity = as_finite_array("velocity_rad_s", velocity_rad_s, (2,)).copy()
+        # Without the acceleration: the axes' own is noise of the encoders.
         self._state = CommandPreprocessorState(position, velocity)
 
     def stop(self) -> None:
@@ -216,6 +217,7 @@ def _reachable(now: _AxisMotion, target: _AxisMotion, limits: _AxisLimits, dt_s:
     if max(abs(first), abs(last), abs(target[2])) > limits.acceleration + _ROUNDING:
         return False
     room = limits.high - target[0] if target[1] > 0.0 else target[0] - limits.low
+    # A command that runs into the end of the travel is cut while there is still room to stop.
     if _stop_distance(target[1], limits, dt_s) > room:
         return False
     return limits.jerk == 0.0 or abs(target[2] - now[2]) <= limits.jerk * dt_s + _ROUNDING
@@ -232,6 +234,7 @@ def _chase(now: _AxisMotion, target: _AxisMotion, limits: _AxisLimits, dt_s: flo
     side = math.copysign(1.0, gap)
     if limits.jerk > 0.0:
         return _advance(now, _soft_acceleration(now, target, gap, braking, limits, dt_s), limits, dt_s)
+    # Measured from where the target was at the start of this step, both at its rate.
     closing = _stoppable_rate(abs(gap), side * (now[1] - target[1]), braking, dt_s)
     return _advance(now, (target[1] + side * closing - now[1]) / dt_s, limits, dt_s)
 

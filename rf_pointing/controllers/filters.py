@@ -121,6 +121,7 @@ class Section:
             if getattr(params, name) >= nyquist_hz:
                 raise ValueError(f"{name}={getattr(params, name)} must be < {nyquist_hz} (half the sampling rate)")
         ratio, twice = params.pole_hz / params.zero_hz, 2.0 * params.pole_damping
+        # Prewarped at the zeros; the poles keep their ratio to them.
         g = ratio * math.tan(math.pi * params.zero_hz * dt_s) if params.enabled else 0.0
         share = 2.0 * params.zero_damping * ratio
         self.constants: SectionConstants = (g, 1.0 / (1.0 + g * (g + twice)), twice, share, ratio * ratio)
@@ -159,6 +160,7 @@ class RateFeedforward:
         state = self.state
         half = math.pi * self._band_hz * state.dt_s
         total = state.input + rate_rad_s
+        # Bilinear, as the notch: both lags stay what the lead of the feedforward makes up for.
         state.pending_filtered = ((1.0 - half) * state.filtered + half * total) / (1.0 + half)
         state.pending_input = rate_rad_s
         return state.pending_filtered
@@ -181,6 +183,7 @@ def filter_sample(value: float, band: float, low: float, constants: SectionConst
 def section_matrices(params: SectionParams, dt_s: float) -> tuple[Array, Array, Array, Array]:
     """Return a (2, 2), b (2, 1), c (1, 2), d (1, 1) of the section in its own states."""
     constants = Section(params, dt_s).constants
+    # The matrices are those of the code that runs: it is linear, so three unit inputs show them.
     columns = [filter_sample(value, band, low, constants) for value, band, low in ((0, 1, 0), (0, 0, 1), (1, 0, 0))]
     out, band, low = np.array(columns, dtype=np.float64).T
     rows = np.stack([band, low])

@@ -34,6 +34,7 @@ def law_matrices(law: PositionLoopParams | LqgDesign, sample_s: float) -> LawMat
             raise ValueError(f"sample_s={sample_s} must be {law.sample_s}, the sampling time of the LQG design")
         core = law.a - law.b @ law.state_gain - law.observer_gain @ law.c
         chain = core, -law.observer_gain, -law.state_gain, np.zeros((1, 1))
+        # In the order of the loop, so that the states are those of the code that runs.
         filters = [law.weights.shaping, law.weights.notch]
     else:
         gain = np.array([[law.proportional_gain]])

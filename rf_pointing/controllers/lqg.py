@@ -241,6 +241,7 @@ class LqgLoop:
         gain = self._design.state_gain[0]
         estimate = wanted * self._constant_output()
         estimate[0] = -error
+        # The disturbance takes what the angle error would command, so that the output is as wanted.
         estimate[-1] += gain[0] * error / gain[-1]
         self._state = LqgLoopState(estimate, error, wanted, command_rad_s)
         self._feedforward.reset(velocity_rad_s)

@@ -125,6 +125,7 @@ class OscillationDetector:
             self._swing(state.age_s, state.peak_rad)
             state.age_s, state.peak_rad = 0.0, 0.0
         state.peak_rad = max(state.peak_rad, abs(state.output_rad))
+        # A loop that runs away from its command never crosses zero again.
         if state.peak_rad >= self._params.largest_rad and not state.oscillating:
             state.oscillating = True
             state.reason = f"{_sized(state.peak_rad)}, cut before its period was known"
@@ -133,6 +134,7 @@ class OscillationDetector:
     def _swing(self, half_period_s: float, peak_rad: float) -> None:
         """Count a completed swing, or begin a new row where it does not fit."""
         state, params = self._state, self._params
+        # Faster is encoder noise, slower is tracking error.
         in_band = 0.5 / params.highest_hz <= half_period_s <= 0.5 / params.high_pass_hz
         fits = in_band and peak_rad >= params.threshold_rad
         state.row = (*state.row, (half_period_s, peak_rad))[-params.half_cycles :] if fits else ()

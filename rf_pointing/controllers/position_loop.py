@@ -143,6 +143,7 @@ class PositionLoop:
         self._feedforward.retune(params.feedforward_band_hz)
         state, old = self._state, self._params
         if params.integral_gain > 0.0:
+            # The sum of both parts stays; only their shares change.
             held = (old.proportional_gain - params.proportional_gain) * state.error_rad
             taken = (old.feedforward_gain - params.feedforward_gain) * self._feedforward.state.filtered
             state.integral_rad_s = (old.integral_gain * state.integral_rad_s + held + taken) / params.integral_gain

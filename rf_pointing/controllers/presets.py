@@ -51,7 +51,11 @@ def dss13_loops(gains: str) -> tuple[PositionLoopParams, PositionLoopParams]:
     require_choice("gains", gains, ("published", "tuned"))
     if gains == "published":
         published = PositionLoopParams(
-            proportional_gain=0.5, integral_gain=1.8, notch_frequency_hz=2.12, notch_damping=0.2
+            # The gains and the notch of BWG, the same on both axes.
+            proportional_gain=0.5,
+            integral_gain=1.8,
+            notch_frequency_hz=2.12,
+            notch_damping=0.2,
         )
         return published, published
     azimuth, elevation = (loop.replace(feedforward_lead_s=_lead_s(loop)) for loop in (_AZIMUTH, _ELEVATION))

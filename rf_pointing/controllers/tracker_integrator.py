@@ -97,6 +97,7 @@ class TrackerIntegrator:
         """Hold the offset of `t_s` and ignore errors until `unfreeze`."""
         self._settle(t_s)
         self._state.rate_rad_s = np.zeros(2)
+        # Errors from before a freeze belong to another motion.
         self._state.frozen, self._state.errors = True, ()
 
     def unfreeze(self) -> None:
@@ -118,12 +119,16 @@ class TrackerIntegrator:
         self._settle(t_s)
         if self._state.frozen:
             return
+        # Five errors have a null at 2 Hz: the radio loop must not drive the bending modes.
         latest = (*self._state.errors, (float(error[0]), float(error[1])))[-self._params.mean_of :]
         self._state.errors = latest
         mean = np.array(latest).sum(axis=0) / len(latest)
+        # A target to be caught is not to be waited for: beyond the bound the newest error acts
+        # alone.
         acting = mean if math.hypot(mean[0], mean[1]) <= self._params.mean_within_rad else error
         wanted = 2.0 * math.pi * self._params.bandwidth_hz * acting
         before = self._state.rate_rad_s if running else np.zeros(2)
+        # A step of the rate would be a step of the servo's feedforward.
         largest = self._params.acceleration_rad_s2 * self._params.sample_s
         self._state.rate_rad_s = before + np.clip(wanted - before, -largest, largest)
         self._state.end_s = t_s + self._params.sample_s

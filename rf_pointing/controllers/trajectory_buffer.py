@@ -90,6 +90,7 @@ class TrajectoryBuffer:
         if reason:
             return reason
         rows = _rows(trajectory)
+        # A newer message replaces the older from its own first point on; before it the older holds.
         kept = self._table[self._table[:, 0] < rows[0, 0]]
         # The last point before now stays: the segment that is being flown begins there.
         past = int(np.searchsorted(kept[:, 0], now_s - self._params.keep_s))
@@ -168,6 +169,7 @@ class TrajectoryBuffer:
                 last[5:7],
             ]
         )
+        # At rest where the extrapolation ends: going on further would be a guess.
         if past > self._params.extrapolation_s:
             return _sample(t_s, _at_rest(moved), DRY)
         return _sample(t_s, moved, TABLE if past == 0.0 else EXTRAPOLATED)

@@ -86,6 +86,7 @@ def axis_inputs(
         ratio = rate / stribeck
         # exp(-26^2) is zero in doubles already, and a ratio that overflows would raise.
         holding += friction * (1.0 + excess * math.exp(-ratio * ratio)) if abs(ratio) < 26.0 else friction
+    # Friction can at most stop the axis within the substep; more would drive it backwards.
     free = decay * rate + (1.0 - decay) * command + gain * wind
     opposing = min(max(-free / gain, -holding), holding)
     return command, opposing * gain / response, wind * gain / response
@@ -105,6 +106,7 @@ def gear_correction(deflection: float, rate: float, drive: DriveConstants) -> fl
     if abs(deflection) <= preload:
         return 0.0
     forward, backward = _tooth_wind(preload + deflection, play), _tooth_wind(preload - deflection, play)
+    # A train within its play carries neither spring nor damping force.
     touching = 0.5 * (forward != 0.0) + 0.5 * (backward != 0.0)
     return stiffness * (deflection - 0.5 * (forward - backward)) + damping * rate * (1.0 - touching)
 

@@ -167,6 +167,7 @@ class AntennaPlant:
 
     def _integrate(self, command: Pair, wind: Pair, interval_s: float) -> None:
         substep_s = self._params.substep_s
+        # The tolerance keeps a tick of 20 ms at 200 grid steps, not 199 and a rest.
         ticks = int(interval_s / _GRID_S + 1e-6)
         ticks_per_substep = max(1, round(substep_s / _GRID_S))
         whole, rest = divmod(ticks, ticks_per_substep)
@@ -201,6 +202,7 @@ class AntennaPlant:
         """Stop the axis dead, which strikes the modes: their rates jump by excitation * rate."""
         x, rate = self._state.x, self._state.x[2 + axis]
         x[axis] = min(max(x[axis], self._travel[axis][0]), self._travel[axis][1])
+        # The momentum of the drive goes into the structure in an instant.
         x[4 + self._modes :] += self._model.mode_excitation[axis] * rate
         x[2 + axis] = 0.0
         hit = list(self._state.at_stop)

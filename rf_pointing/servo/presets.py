@@ -102,6 +102,7 @@ def _axis(
     return AxisParams(
         amplifier_gain=56.0,
         drive_bandwidth_per_gain_hz=20.0 / (2.0 * math.pi) / 56.0,
+        # None is published.
         drive_delay_s=0.0,
         inertia_kg_m2=inertia_kg_m2,
         gear_stiffness_n_m=gear_softness * inertia_kg_m2 * (2.0 * math.pi * _GEAR_HZ) ** 2,
@@ -123,5 +124,6 @@ def _axis(
         travel_min_rad=travel_rad[0],
         travel_max_rad=travel_rad[1],
         encoder_bits=24,
+        # One step of the encoder.
         encoder_noise_rad=2.0 * math.pi / 2**24,
     )

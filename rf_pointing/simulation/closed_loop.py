@@ -83,14 +83,17 @@ class PointedAntenna:
         # the periods.
         t_s = round(self._start_s + k * self.antenna.params.tick_s, 6)
         reading, boresight = self.antenna.step(t_s)
+        # The controller's period is a few ticks long, 5 at 10 and 50 Hz.
         if k % self._every:
             return PointedTick(t_s, reading, boresight, None, None)
         # As on the graph, a period knows where the axes were when the one before began.
         self.controller.take_joints(self._known)
         self._known = reading
+        # A real publisher predicts no target long before the pass.
         if t_s + TARGET_LEAD_S >= self._targets_from_s:
             self.controller.take_target(self._track.target_at(round(t_s + TARGET_LEAD_S, 6)))
         trajectory, status = self.controller.step(t_s)
+        # Accepted at once: it begins a tenth of a second ahead, longer than any transport.
         if trajectory is not None:
             self.antenna.accept(trajectory, t_s)
         return PointedTick(t_s, reading, boresight, status, trajectory)

@@ -138,6 +138,7 @@ def simulate_pass(
     antenna, receiver, controller = setup.antenna(), setup.receiver(), setup.controller()
     monopulse = MonopulseTracker(setup.node("monopulse_tracker").group("monopulse", MonopulseParams()))
     conscan = setup.power_tracker()
+    # Before the controller starts: its certificate begins at the axes' present angles.
     antenna.enable()
     log = PassLog()
     pointed = PointedAntenna(antenna, controller, track, start_t_s, window.aos_t_s - EARLY_TARGET_S)
@@ -148,14 +149,17 @@ def simulate_pass(
     for _, tick in ticks(pointed, round((window.los_t_s - start_t_s) / antenna.params.tick_s) - 1, first=1):
         status, trajectory = tick.status, tick.trajectory
         if status is not None:
+            # A cluster is noted under the mode of the newest period before its end.
             mode = status.mode
             conscan.take_status(status.t_s, status.scan_centre_rad, status.offset_rad, status.mode, status.sensor)
         if trajectory is not None:
             log.command_t_s.append(float(trajectory.t_s[0]))
             log.command_rad.append((float(trajectory.position_rad[0, 0]), float(trajectory.position_rad[0, 1])))
+        # Every tick, not only in a period: the circle of a scan is read off the encoders.
         conscan.take_joints(tick.reading)
         reception = receiver.take(tick.boresight)
         if reception is not None:
+            # Before the next period, as on the graph: only errors stamped before it are used.
             controller.take_error(monopulse.measure(reception.cluster))
             for error in conscan.take_power(reception.power):
                 controller.take_error(error)

@@ -89,6 +89,7 @@ class SlewPath:
 
     def leaves(self, trajectory: JointTrajectory, encoder_rad: Array, following: bool) -> bool:
         """Return whether a table begins away from the present path and needs corners of its own."""
+        # A table may move on ahead of the axes: it is compared with the table that it replaces.
         follows = following and not self.table.empty
         from_rad = self.table.at(float(trajectory.t_s[0])).position_rad if follows else encoder_rad
         return float(np.max(np.abs(trajectory.position_rad[0] - from_rad))) > NEW_PATH_RAD
@@ -104,6 +105,7 @@ class SlewPath:
 
     def step(self, sample: TrajectorySample | None, encoder_rad: Pair, tick_s: float) -> Motion:
         """Return the feasible motion to the next corner, the sample or the goal, one tick on."""
+        # By the encoders, not by the command: the axes must have been at a corner to be past it.
         corner = self._corners.next(encoder_rad)
         if corner is None and sample is not None:
             command = sample.position_rad, sample.velocity_rad_s, sample.acceleration_rad_s2
@@ -161,6 +163,7 @@ class AntennaAxes:
         if loops != self.loops.params:
             self.loops.retune(loops, plant)
             self.path.preprocessor.retune(loops.preprocessor)
+            # The gate must know the limits that the laws now move within, or it would guard others.
             self._safety.retune(loops.preprocessor)
 
     def hold(self) -> None:

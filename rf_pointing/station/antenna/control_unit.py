@@ -73,6 +73,7 @@ class ControlUnit:
         table, safety = self.axes.path.table, self.safety
         reason = (
             self.modes.reason_against(Request.COMMAND, self._motion())
+            # Cheap checks first; the gate, which looks for a path, costs the most.
             or safety.authority.conflict(commander, now_s)
             or table.reason_against(trajectory, now_s)
             or self._find_path(trajectory, now_s)
@@ -83,6 +84,7 @@ class ControlUnit:
         safety.authority.claim(commander, now_s)
         self._accepted += 1
         safety.note_command(now_s)
+        # A fault shows the last commands before it: which of them led there is the first question.
         safety.latch.note_command((now_s, commander, *pair(trajectory.position_rad[-1])))
         self.modes.follow()
         if self.mode == AntennaMode.TRACKING:
@@ -99,6 +101,7 @@ class ControlUnit:
         """Pass a command through the gate and note the path to it; return why there is none."""
         path, encoder_rad = self.axes.path, self.axes.encoder_rad
         present, positions = pair(encoder_rad), trajectory.position_rad
+        # The gate of the controller does not bind a foreign commander; this one does.
         reason = self.safety.check("track", now_s, present, positions).reason_of_refusal
         if reason:
             return reason
@@ -118,6 +121,7 @@ class ControlUnit:
         After an oscillation they stay set.
         """
         axes = self.axes
+        # Watches begin anew: what they saw under the brakes is no motion.
         self.safety.release(pair(axes.hardware.switch_rad))
         axes.rate_command_rad_s = np.zeros(2)
         self._watch_sensors()
@@ -264,6 +268,7 @@ class ControlUnit:
         self.t_s = t_s
         reading = self.reading(t_s)
         self._watch_wind(t_s)
+        # Unpowered axes get no rates: laws that run against the brakes would wind up.
         powered = self.axes.hardware.powered
         self.axes.drive(self._rates(t_s, reading.position_rad) if powered else np.zeros(2))
         self._watch_sensors()
@@ -306,6 +311,7 @@ class ControlUnit:
         if self._ticks % WIND_EVERY:
             return
         self.safety.wind.take(t_s, self.axes.hardware.anemometer_m_s())
+        # An experiment moves at its own rates and cannot be sent to stow before it has stopped.
         if self.safety.wind.step(t_s) and self.mode == AntennaMode.MANUAL_RATE:
             self.stop()
         if self.safety.wind.reason and self.modes.traits.leaves_wind:
@@ -329,12 +335,14 @@ class ControlUnit:
             reason = self.safety.guard(self.modes.traits.motion, t_s, *map(pair, feasible))
             if reason:
                 self.stop(reason)
+        # Exactly zero: the preprocessor brings the rate to zero, not near it.
         standing = float(np.max(np.abs(feasible.velocity))) == 0.0
         if standing and self.mode not in (AntennaMode.TRACKING, AntennaMode.HOLDING):
             self._settle(feasible.position)
         rates = axes.loops.rates(feasible, encoder_rad)
         if not axes.loops.oscillation:
             return rates
+        # The command follows the swinging axes, or the reset would start with a slew.
         axes.path.preprocessor.reset(encoder_rad)
         self.trip(f"drives cut: {axes.loops.oscillation}")
         return np.zeros(2)
@@ -350,6 +358,7 @@ class ControlUnit:
         """Return the experiment's rate commands (2,), None when it ends here."""
         experiment = self._experiment
         assert experiment is not None
+        # The experiment is guarded at the measured rate: its command is noise around a mean.
         barred = self.safety.guard("manual", t_s, pair(encoder_rad), pair(self.axes.hardware.velocity_rad_s))
         if not experiment.finished and not barred:
             rates = experiment.command(encoder_rad)
@@ -374,6 +383,7 @@ class ControlUnit:
         sample = path.table.at(t_s)
         if sample.source != "dry":
             return sample
+        # A table whose end is at rest is a goal; one that runs dry in motion is a lost commander.
         if path.ends_at_rest(sample.t_s):
             path.goal_rad = sample.position_rad
             self.modes.hold(self._motion())

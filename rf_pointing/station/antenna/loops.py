@@ -111,6 +111,8 @@ class AxisLoops:
 
     def check(self, params: LoopParams, plant: PlantParams) -> None:
         """Raise ValueError, saying why, if this set cannot run on this antenna; changes nothing."""
+        # Eigenvalues of some 30 states take milliseconds; unchecked gains can shake an antenna
+        # apart.
         require_stable(plant, self._chosen(params), self._tick_s)
         # Building reads the designs' file and places the filters below half the sampling rate, or
         # raises.
@@ -149,7 +151,9 @@ class AxisLoops:
         measured = measured_rad.tolist()
         given = np.array(law_rates(self._laws, [part.tolist() for part in command], measured, self._tick_s))
         for watch, position, shown in zip(self._watch, command.position.tolist(), measured, strict=True):
+            # The error of the feasible command: that of the raw one is large in every slew.
             watch.update(position - shown, self._tick_s)
+        # Kept for an exchange of the law: the next one starts where this one is.
         self._newest = (command.position, command.velocity, measured_rad, given)
         return given
 
@@ -171,6 +175,7 @@ class AxisLoops:
         return self._designs_of(params.lqg_file)
 
     def _designs_of(self, file: str) -> tuple[LqgDesign, LqgDesign]:
+        # A file is read when it is named, not in every change of a gain.
         if self._designs is None or self._designs[0] != file:
             self._designs = (file, load_lqg_designs(Path(file) if file else None))
         return self._designs[1]
@@ -212,6 +217,7 @@ def _sampled(plant: PlantParams, tick_s: float) -> tuple[Array, Array, Array]:
     step, size = discretise(model.a, model.b_command, tick_s), len(model.a)
     a, b, encoder = step[:, :size], step[:, size:], model.encoder
     for axis, limits in enumerate((plant.azimuth, plant.elevation)):
+        # The dead time costs phase in proportion to frequency; without it unstable gains pass.
         for _ in range(round(limits.drive_delay_s / tick_s)):
             a, b, encoder = _delay(a, b, encoder, axis)
     return a, b, encoder

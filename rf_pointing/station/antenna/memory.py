@@ -25,6 +25,7 @@ class AntennaMemory:
     def __init__(self, name: str) -> None:
         self._state = KeptState(name)
         self._kept = self._state.recover()
+        # A file that lacks a key is another program's: half of a state would be a wrong one.
         missing = {"azimuth_rad", "elevation_rad", "mode", "fault"} - set(self._kept)
         if self._kept and missing:
             raise ValueError(f"state file {name} lacks {', '.join(sorted(missing))}")
@@ -44,6 +45,7 @@ class AntennaMemory:
         kept, self._kept = self._kept, {}
         if not kept:
             return
+        # The mark is added once, however often the control unit restarts.
         if fault := kept["fault"]:
             antenna.stop(fault if fault.endswith(SINCE) else fault + SINCE)
         elif kept["mode"] in AT_REST:
@@ -59,6 +61,7 @@ class AntennaMemory:
         if was is not None and was[2:] == now[2:] and max(abs(azimuth - was[0]), abs(elevation - was[1])) < MOVED_RAD:
             return
         self._state.keep({"azimuth_rad": azimuth, "elevation_rad": elevation, "mode": rest, "fault": status.fault})
+        # A failed write is tried again at the next status.
         if not self.problem:
             self._written = now
 

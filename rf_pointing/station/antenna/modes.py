@@ -81,7 +81,9 @@ MODES = {
     AntennaMode.STOPPING: ModeTraits(movable=True),
     AntennaMode.FAULT: ModeTraits(),
     AntennaMode.PARKING: ModeTraits(movable=True, motion="park", ends_in=AntennaMode.PARKED, leaves_wind=True),
+    # Already on its way to where high wind would send it.
     AntennaMode.STOWING: ModeTraits(movable=True, motion="stow", ends_in=AntennaMode.STOWED),
+    # Not movable: neither park nor stow may overtake a disable that is under way.
     AntennaMode.DISABLING: ModeTraits(ends_in=AntennaMode.DISABLED),
     # Brakes hold a parked dish in any wind, but its park elevation is not the one at which the wind
     # does least.
@@ -160,11 +162,13 @@ class AntennaModes:
 
     def follow(self) -> None:
         """Take the mode of an accepted command; a pause keeps it for later."""
+        # A pause keeps taking commands, so that `resume` goes on with the newest.
         if self.mode != AntennaMode.PAUSED:
             self.mode = AntennaMode.TRACKING
 
     def stop(self) -> None:
         """Take the mode of a controlled stop, where there is motion to stop."""
+        # A parking antenna may be stopped; one whose brakes are set has nothing to stop.
         if self.traits.movable:
             self.mode = AntennaMode.STOPPING
 

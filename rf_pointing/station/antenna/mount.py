@@ -56,6 +56,7 @@ class MountParams(Params):
     def model(self) -> BiasModel:
         """Return the bias model of these coefficients."""
         values = {item.name: getattr(self, item.name) for item in dataclasses.fields(self)}
+        # The names end in their units, the terms of the model do not.
         by_stem = {name.rsplit("_", 1)[0]: value for name, value in values.items()}
         return BiasModel({term.name: by_stem[term.name] for term in TERMS})
 
@@ -129,6 +130,7 @@ class MountError:
             sky = np.array(self._model.remove(azimuth, elevation, 0.0, 0.0, 0.0, 0.0))
         except ValueError:
             return np.asarray(axes_rad + self._correction)
+        # The rate is kept up here too: leaving the steep region must not start with a jump.
         correction, since_s = sky - axes_rad, t_s - (self._renewed_s or 0.0)
         self._rate = (correction - self._correction) / since_s if 0.0 < since_s <= RENEWAL_S else np.zeros(2)
         self._correction, self._renewed_s = correction, t_s
@@ -137,6 +139,7 @@ class MountError:
     def _renew(self, t_s: float, axes_rad: Array, rate_rad_s: Array, acceleration_rad_s2: Array) -> None:
         assert self._renewed_s is not None
         elapsed_s = t_s - self._renewed_s
+        # One step of the fixed-point iteration from the extrapolated correction is enough here.
         sky = axes_rad + self._correction + self._rate * elapsed_s
         observed = self._model.apply(*sky, *rate_rad_s, *acceleration_rad_s2)
         correction = sky - np.array([float(part) for part in observed])

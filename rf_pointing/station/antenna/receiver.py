@@ -94,6 +94,7 @@ class _Ahead:
     def at(self, t_s: Array) -> Array:
         """Return azimuth, elevation and range (n, 3) at evenly spaced times (n,)."""
         first = int(np.searchsorted(self._times, t_s[0] - TIME_TOLERANCE_S))
+        # Compared with a tolerance: times are sums of ticks.
         found = self._times[first : first + len(t_s)]
         if len(found) < len(t_s) or float(np.max(np.abs(found - t_s))) > TIME_TOLERANCE_S:
             step_s = float(t_s[-1] - t_s[0]) / (len(t_s) - 1)
@@ -120,6 +121,7 @@ class SimulatedReceiver:
         self._newest = -1
         self._first_s: float | None = None
         self._dropouts: Dropouts | None = None
+        # Made once: a feed is turned over in flight, between two clusters.
         self._flipped = MonopulseFeed(_turned_over(params.feed), params.beam)
 
     @property
@@ -138,6 +140,7 @@ class SimulatedReceiver:
         After a gap or a step back in time the next complete cluster counts.
         """
         index = round(boresight.t_s / self.params.sample_s)
+        # A cluster over a gap would average two directions of the beam.
         if self._boresights and index != self._newest + 1:
             self._boresights.clear()
         # After a step back in time the receiver's phase does not go on: it starts anew, or the gap
@@ -169,6 +172,7 @@ class SimulatedReceiver:
             sensor="truth",
             cross_elevation_rad=float(right[-1]),
             elevation_rad=float(up[-1]),
+            # The wire carries finite numbers; 0 dB-Hz is far below what any tracker uses.
             carrier_to_noise_db_hz=max(float(level[-1]), 0.0),
         )
         return Reception(
@@ -185,6 +189,8 @@ class SimulatedReceiver:
         params = self.params
         if params.spin.depth > 0.0:
             level_db_hz = level_db_hz + spin_gain_db(params.spin, t_s)
+        # Counted from the first signal, so that a pass has its dropouts however long it slews
+        # before.
         if self._first_s is None and float(level_db_hz[0]) > -np.inf:
             self._first_s = float(t_s[0])
             begin_s = self._first_s + params.dropouts_after_s

@@ -132,6 +132,7 @@ class SimulatedHardware(AntennaPlant):
     def look(self, t_s: float) -> Boresight:
         """Return the true direction of the beam, and let the wind blow on it for this tick."""
         boresight = self._boresight(t_s, self.velocity_rad_s)
+        # At the true boresight: the wind does not know what the encoders show.
         self._torque = self._wind.step(self._tick_s, boresight.azimuth_rad, boresight.elevation_rad)
         return boresight
 
@@ -149,6 +150,7 @@ class SimulatedHardware(AntennaPlant):
     def encoders(self) -> Pair:
         """Return the angles that the encoders show."""
         azimuth, elevation = self.encoder_rad.tolist()
+        # The common case without a call: this runs in every tick.
         if self.injected.kind == "none":
             return azimuth, elevation
         return self.injected.encoder((azimuth, elevation), self._tick_s)
@@ -157,6 +159,7 @@ class SimulatedHardware(AntennaPlant):
         """Return the true direction of the beam; the mount's lags act on averaged rates."""
         mean = self._mean
         sky = self._mount_error.remove(t_s, self.beam_rad, mean.rate_rad_s, mean.acceleration_rad_s2)
+        # After the use: the lags act on the motion up to this tick.
         mean.update(self._tick_s, velocity + self._mount_error.drift_rad_s)
         azimuth, elevation = sky.tolist()
         if elevation > 0.5 * math.pi:
