@@ -98,13 +98,8 @@ class CommandPreprocessor:
     """Both axes; `reset` to the antenna's motion, then `step` once per tick."""
 
     def __init__(self, params: CommandPreprocessorParams) -> None:
-        self._params, self._limits = params, _axis_limits(params)
+        self.params, self._limits = params, _axis_limits(params)
         self._state = CommandPreprocessorState()
-
-    @property
-    def params(self) -> CommandPreprocessorParams:
-        """The parameter set in force."""
-        return self._params
 
     @property
     def state(self) -> CommandPreprocessorState:
@@ -116,18 +111,13 @@ class CommandPreprocessor:
         self._state = _copy(state)
 
     @property
-    def stopping(self) -> bool:
-        """Whether a controlled stop is in force (the command is ignored until `follow`)."""
-        return self._state.mode == _STOP
-
-    @property
     def transparent(self) -> tuple[bool, bool]:
         """Per axis: whether the latest command passed through unchanged."""
         return self._state.transparent
 
     def retune(self, params: CommandPreprocessorParams) -> None:
         """Take new limits from the next step on."""
-        self._params, self._limits = params, _axis_limits(params)
+        self.params, self._limits = params, _axis_limits(params)
 
     def reset(self, position_rad: ArrayLike, velocity_rad_s: ArrayLike = (0.0, 0.0)) -> None:
         """Start from the antenna's own position and velocity (2,), following the command."""

@@ -73,18 +73,13 @@ class Section:
 
     def __init__(self, params: SectionParams, dt_s: float = 0.02) -> None:
         self.state = SectionState()
-        self._params = params
+        self.params = params
         self._prepare(params, dt_s)
-
-    @property
-    def params(self) -> SectionParams:
-        """The parameter set in force."""
-        return self._params
 
     def retune(self, params: SectionParams) -> None:
         """Take new parameters; ValueError, and no change, from half the sampling rate on."""
         self._prepare(params, self.state.dt_s)
-        self._params = params
+        self.params = params
 
     def reset(self, value: float) -> None:
         """Settle on a constant input."""
@@ -99,7 +94,7 @@ class Section:
     def output(self, value: float) -> float:
         """Return the filtered value."""
         state = self.state
-        if not self._params.enabled:
+        if not self.params.enabled:
             # Kept settled on its input, so that switching it on in motion makes no jump.
             state.pending_band, state.pending_low = 0.0, value
             return value
@@ -112,7 +107,7 @@ class Section:
         state.band, state.low = state.pending_band, state.pending_low
         # The tangent of the prewarping is not recomputed in every one of the equal steps.
         if dt_s != state.dt_s:
-            self._prepare(self._params, dt_s)
+            self._prepare(self.params, dt_s)
 
     def _prepare(self, params: SectionParams, dt_s: float) -> None:
         require_between("dt_s", dt_s, 1e-5, 10.0)

@@ -182,17 +182,12 @@ class LqgLoop:
     """One axis' LQG law; starts from a zero estimate."""
 
     def __init__(self, design: LqgDesign, params: LqgLoopParams) -> None:
-        self._design, self._params = design, params
+        self._design, self.params = design, params
         self._shaping = Section(design.weights.shaping, design.sample_s)
         self._notch = Section(design.weights.notch, design.sample_s)
         self._feedforward = RateFeedforward(params.feedforward_band_hz, design.sample_s)
         self._state = LqgLoopState(np.zeros(len(design.a)))
         self._update = np.hstack([design.a - design.observer_gain @ design.c, design.b, -design.observer_gain])
-
-    @property
-    def params(self) -> LqgLoopParams:
-        """The parameter set in force."""
-        return self._params
 
     @property
     def state(self) -> LqgLoopState:
@@ -213,11 +208,11 @@ class LqgLoop:
 
     def retune(self, params: LqgLoopParams) -> None:
         """Take new parameters without a jump: the estimated disturbance takes over."""
-        taken = (self._params.feedforward_gain - params.feedforward_gain) * self._feedforward.state.filtered
+        taken = (self.params.feedforward_gain - params.feedforward_gain) * self._feedforward.state.filtered
         self._feedforward.retune(params.feedforward_band_hz)
         self._state.estimate += taken * self._constant_output()
         self._shaping.shift(taken)
-        self._params = params
+        self.params = params
 
     def _constant_output(self) -> Array:
         """Return the change of the estimate (7,) with which the law gives one unit more, for good.
@@ -237,7 +232,7 @@ class LqgLoop:
         for name, value in (("position_rad", position_rad), ("measured_rad", measured_rad)):
             require_finite(name, value)
         error = position_rad - measured_rad
-        wanted = command_rad_s - self._params.feedforward_gain * velocity_rad_s
+        wanted = command_rad_s - self.params.feedforward_gain * velocity_rad_s
         gain = self._design.state_gain[0]
         estimate = wanted * self._constant_output()
         estimate[0] = -error
@@ -262,7 +257,7 @@ class LqgLoop:
             require_finite(name, value)
         require_finite("measured_rad", measured_rad)
         require_finite("acceleration_rad_s2", acceleration_rad_s2)
-        params, state = self._params, self._state
+        params, state = self.params, self._state
         state.error_rad = position_rad - measured_rad
         state.regulator_rad_s = -float(self._design.state_gain[0] @ state.estimate)
         fed = self._feedforward.output(velocity_rad_s + params.feedforward_lead_s * acceleration_rad_s2)

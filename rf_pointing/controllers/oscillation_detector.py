@@ -66,14 +66,9 @@ class OscillationDetector:
     """One axis: `update` with every servo error; the verdict latches until `reset`."""
 
     def __init__(self, params: OscillationDetectorParams) -> None:
-        self._params = params
+        self.params = params
         self._state = OscillationDetectorState()
         self._decay = (0.0, 0.0)
-
-    @property
-    def params(self) -> OscillationDetectorParams:
-        """The parameter set in force."""
-        return self._params
 
     @property
     def state(self) -> OscillationDetectorState:
@@ -96,7 +91,7 @@ class OscillationDetector:
 
     def retune(self, params: OscillationDetectorParams) -> None:
         """Take new thresholds from the next error on."""
-        self._params, self._decay = params, (0.0, 0.0)
+        self.params, self._decay = params, (0.0, 0.0)
 
     def reset(self) -> None:
         """Forget the verdict and the swings so far."""
@@ -114,7 +109,7 @@ class OscillationDetector:
         require_between("dt_s", dt_s, 1e-5, 1.0)
         state, before = self._state, self._state.output_rad
         if dt_s != self._decay[0]:
-            self._decay = (dt_s, math.exp(-2.0 * math.pi * self._params.high_pass_hz * dt_s))
+            self._decay = (dt_s, math.exp(-2.0 * math.pi * self.params.high_pass_hz * dt_s))
         # The first error is taken as the mean: an antenna enabled far from its command is not
         # oscillating.
         change = error_rad - state.input_rad if state.started else 0.0
@@ -126,14 +121,14 @@ class OscillationDetector:
             state.age_s, state.peak_rad = 0.0, 0.0
         state.peak_rad = max(state.peak_rad, abs(state.output_rad))
         # A loop that runs away from its command never crosses zero again.
-        if state.peak_rad >= self._params.largest_rad and not state.oscillating:
+        if state.peak_rad >= self.params.largest_rad and not state.oscillating:
             state.oscillating = True
             state.reason = f"{_sized(state.peak_rad)}, cut before its period was known"
         return state.oscillating
 
     def _swing(self, half_period_s: float, peak_rad: float) -> None:
         """Count a completed swing, or begin a new row where it does not fit."""
-        state, params = self._state, self._params
+        state, params = self._state, self.params
         # Faster is encoder noise, slower is tracking error.
         in_band = 0.5 / params.highest_hz <= half_period_s <= 0.5 / params.high_pass_hz
         fits = in_band and peak_rad >= params.threshold_rad

@@ -95,15 +95,10 @@ class PositionLoop:
     """One axis' position loop; starts with everything at zero."""
 
     def __init__(self, params: PositionLoopParams, dt_s: float = 0.02) -> None:
-        self._params = params
+        self.params = params
         self._shaping, self._notch = Section(params.shaping, dt_s), Section(params.notch, dt_s)
         self._feedforward = RateFeedforward(params.feedforward_band_hz, dt_s)
         self._state = PositionLoopState()
-
-    @property
-    def params(self) -> PositionLoopParams:
-        """The parameter set in force."""
-        return self._params
 
     @property
     def state(self) -> PositionLoopState:
@@ -118,8 +113,8 @@ class PositionLoop:
     @state.setter
     def state(self, state: PositionLoopState) -> None:
         shaping, notch = (
-            Section(self._params.shaping, state.shaping.dt_s),
-            Section(self._params.notch, state.notch.dt_s),
+            Section(self.params.shaping, state.shaping.dt_s),
+            Section(self.params.notch, state.notch.dt_s),
         )
         shaping.state, notch.state = replace(state.shaping), replace(state.notch)
         self._feedforward.state = replace(state.feedforward)
@@ -141,7 +136,7 @@ class PositionLoop:
             self._shaping.retune(before)
             raise
         self._feedforward.retune(params.feedforward_band_hz)
-        state, old = self._state, self._params
+        state, old = self._state, self.params
         if params.integral_gain > 0.0:
             # The sum of both parts stays; only their shares change.
             held = (old.proportional_gain - params.proportional_gain) * state.error_rad
@@ -150,7 +145,7 @@ class PositionLoop:
             self._shaping.shift(taken)
         else:
             state.integral_rad_s = 0.0
-        self._params = params
+        self.params = params
 
     def reset(self, position_rad: float, velocity_rad_s: float, measured_rad: float, command_rad_s: float) -> None:
         """Start as if the loop had been giving `command_rad_s`: the next output equals it.
@@ -160,7 +155,7 @@ class PositionLoop:
         """
         for name, value in (("position_rad", position_rad), ("measured_rad", measured_rad)):
             require_finite(name, value)
-        params, error = self._params, position_rad - measured_rad
+        params, error = self.params, position_rad - measured_rad
         feedforward = params.feedforward_gain * velocity_rad_s
         rest = command_rad_s - params.proportional_gain * error - feedforward
         integral = rest / params.integral_gain if params.integral_gain > 0.0 else 0.0
@@ -187,7 +182,7 @@ class PositionLoop:
         require_finite("velocity_rad_s", velocity_rad_s)
         require_finite("measured_rad", measured_rad)
         require_finite("acceleration_rad_s2", acceleration_rad_s2)
-        params, state = self._params, self._state
+        params, state = self.params, self._state
         state.error_rad = position_rad - measured_rad
         rate = velocity_rad_s + params.feedforward_lead_s * acceleration_rad_s2
         fed_back = params.proportional_gain * state.error_rad + params.integral_gain * state.integral_rad_s
@@ -203,7 +198,7 @@ class PositionLoop:
         """
         require_between("dt_s", dt_s, 1e-5, 1.0)
         require_finite("applied_rad_s", applied_rad_s)
-        params, state = self._params, self._state
+        params, state = self.params, self._state
         if params.integral_gain > 0.0:
             # What really went out counts: wherever the command is cut, the integral does not wind
             # up.

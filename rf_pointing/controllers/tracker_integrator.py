@@ -60,13 +60,8 @@ class TrackerIntegrator:
     """Two-axis integrator: `update` with every sample, `at` for offset and rate at any time."""
 
     def __init__(self, params: TrackerIntegratorParams) -> None:
-        self._params = params
+        self.params = params
         self._state = TrackerIntegratorState()
-
-    @property
-    def params(self) -> TrackerIntegratorParams:
-        """The parameter set in force."""
-        return self._params
 
     @property
     def state(self) -> TrackerIntegratorState:
@@ -84,7 +79,7 @@ class TrackerIntegrator:
 
     def retune(self, params: TrackerIntegratorParams) -> None:
         """Take new parameters from the next error on; the offset stays, within the new limit."""
-        self._params = params
+        self.params = params
         self._state.offset_rad = self._clamped(self._state.offset_rad)
 
     def reset(self, t_s: float, offset_rad: ArrayLike = (0.0, 0.0)) -> None:
@@ -120,25 +115,25 @@ class TrackerIntegrator:
         if self._state.frozen:
             return
         # Five errors have a null at 2 Hz: the radio loop must not drive the bending modes.
-        latest = (*self._state.errors, (float(error[0]), float(error[1])))[-self._params.mean_of :]
+        latest = (*self._state.errors, (float(error[0]), float(error[1])))[-self.params.mean_of :]
         self._state.errors = latest
         mean = np.array(latest).sum(axis=0) / len(latest)
         # A target to be caught is not to be waited for: beyond the bound the newest error acts
         # alone.
-        acting = mean if math.hypot(mean[0], mean[1]) <= self._params.mean_within_rad else error
-        wanted = 2.0 * math.pi * self._params.bandwidth_hz * acting
+        acting = mean if math.hypot(mean[0], mean[1]) <= self.params.mean_within_rad else error
+        wanted = 2.0 * math.pi * self.params.bandwidth_hz * acting
         before = self._state.rate_rad_s if running else np.zeros(2)
         # A step of the rate would be a step of the servo's feedforward.
-        largest = self._params.acceleration_rad_s2 * self._params.sample_s
+        largest = self.params.acceleration_rad_s2 * self.params.sample_s
         self._state.rate_rad_s = before + np.clip(wanted - before, -largest, largest)
-        self._state.end_s = t_s + self._params.sample_s
+        self._state.end_s = t_s + self.params.sample_s
 
     def at(self, t_s: float) -> tuple[Array, Array]:
         """Return offset (2,) and its rate (2,) at `t_s`, not before the latest update."""
         state = self._state
         if t_s < state.t_s:
             raise ValueError(f"t_s={t_s} must be >= {state.t_s}, the time of the latest update")
-        limit, passed_s = self._params.offset_limit_rad, min(t_s, state.end_s) - state.t_s
+        limit, passed_s = self.params.offset_limit_rad, min(t_s, state.end_s) - state.t_s
         offsets, rates = [0.0, 0.0], [0.0, 0.0]
         for axis, (offset, rate) in enumerate(zip(state.offset_rad.tolist(), state.rate_rad_s.tolist(), strict=True)):
             now = offset + rate * passed_s
@@ -155,4 +150,4 @@ class TrackerIntegrator:
         self._state.t_s = self._state.end_s = t_s
 
     def _clamped(self, offset_rad: Array) -> Array:
-        return np.clip(offset_rad, -self._params.offset_limit_rad, self._params.offset_limit_rad)
+        return np.clip(offset_rad, -self.params.offset_limit_rad, self.params.offset_limit_rad)

@@ -55,15 +55,10 @@ class TrajectoryBuffer:
     """Holds the merged table; a newer message replaces the old one from its own first point on."""
 
     def __init__(self, params: TrajectoryBufferParams) -> None:
-        self._params = params
+        self.params = params
         self._table = np.zeros((0, 7))
         self._latest: Array = np.zeros((0, 7))
         self._segment: tuple[float, float, Quintic] | None = None
-
-    @property
-    def params(self) -> TrajectoryBufferParams:
-        """The parameter set in force."""
-        return self._params
 
     @property
     def empty(self) -> bool:
@@ -93,7 +88,7 @@ class TrajectoryBuffer:
         # A newer message replaces the older from its own first point on; before it the older holds.
         kept = self._table[self._table[:, 0] < rows[0, 0]]
         # The last point before now stays: the segment that is being flown begins there.
-        past = int(np.searchsorted(kept[:, 0], now_s - self._params.keep_s))
+        past = int(np.searchsorted(kept[:, 0], now_s - self.params.keep_s))
         self._table = np.vstack([kept[max(0, past - 1) :], rows])
         self._latest = rows
         self._segment = None
@@ -108,8 +103,8 @@ class TrajectoryBuffer:
         begins, ends = rows[0, 0], rows[-1, 0]
         if ends < now_s:
             return f"stale: its last point is {now_s - ends:.3f} s in the past"
-        if begins > now_s + self._params.max_lead_s:
-            return f"future: it begins {begins - now_s:.3f} s ahead, must be <= {self._params.max_lead_s} s"
+        if begins > now_s + self.params.max_lead_s:
+            return f"future: it begins {begins - now_s:.3f} s ahead, must be <= {self.params.max_lead_s} s"
         if len(self._latest):
             if np.array_equal(rows, self._latest):
                 return "duplicate of the latest message"
@@ -144,12 +139,12 @@ class TrajectoryBuffer:
         if index + 1 < len(times):
             # A wider gap is two tables, not one curve: the buffer extrapolates the first, then
             # waits for the second.
-            if times[index + 1] - times[index] <= self._params.max_gap_s:
+            if times[index + 1] - times[index] <= self.params.max_gap_s:
                 begin, end = self._table[index], self._table[index + 1]
                 curve = Quintic(_motion(begin), _motion(end), end[0] - begin[0])
                 self._segment = (float(begin[0]), float(end[0]), curve)
                 return self._between(t_s)
-            if t_s > times[index] + self._params.extrapolation_s:
+            if t_s > times[index] + self.params.extrapolation_s:
                 return _sample(t_s, _at_rest(self._table[index + 1, 1:]), EARLY)
         return self._beyond(t_s, index)
 
@@ -161,7 +156,7 @@ class TrajectoryBuffer:
     def _beyond(self, t_s: float, index: int) -> TrajectorySample:
         last = self._table[index]
         past = t_s - last[0]
-        reach = min(past, self._params.extrapolation_s)
+        reach = min(past, self.params.extrapolation_s)
         moved = np.concatenate(
             [
                 last[1:3] + reach * last[3:5] + 0.5 * reach**2 * last[5:7],
@@ -170,7 +165,7 @@ class TrajectoryBuffer:
             ]
         )
         # At rest where the extrapolation ends: going on further would be a guess.
-        if past > self._params.extrapolation_s:
+        if past > self.params.extrapolation_s:
             return _sample(t_s, _at_rest(moved), DRY)
         return _sample(t_s, moved, TABLE if past == 0.0 else EXTRAPOLATED)
 

@@ -70,11 +70,6 @@ class AntennaPlant:
         self._state = self._rest(as_finite_array("position_rad", position_rad, (2,)))
 
     @property
-    def params(self) -> PlantParams:
-        """The parameter set in force."""
-        return self._params
-
-    @property
     def state(self) -> PlantState:
         """A copy of the complete state, noise generator included."""
         self._state.random = self._random.bit_generator.state
@@ -137,7 +132,7 @@ class AntennaPlant:
     def check(self, params: PlantParams) -> None:
         """Raise ValueError if `reconfigure` would refuse these: the number of modes must stay."""
         for name in ("azimuth", "elevation"):
-            new, old = (len(getattr(each, name).mode_frequency_hz) for each in (params, self._params))
+            new, old = (len(getattr(each, name).mode_frequency_hz) for each in (params, self.params))
             if new != old:
                 raise ValueError(f"{name}.mode_frequency_hz has {new} modes, must keep {old} while the antenna runs")
 
@@ -166,7 +161,7 @@ class AntennaPlant:
         self._read_encoders()
 
     def _integrate(self, command: Pair, wind: Pair, interval_s: float) -> None:
-        substep_s = self._params.substep_s
+        substep_s = self.params.substep_s
         # The tolerance keeps a tick of 20 ms at 200 grid steps, not 199 and a rest.
         ticks = int(interval_s / _GRID_S + 1e-6)
         ticks_per_substep = max(1, round(substep_s / _GRID_S))
@@ -240,13 +235,13 @@ class AntennaPlant:
     def _cached(self, ticks: int) -> tuple[Array, tuple[DriveConstants, DriveConstants]]:
         if ticks not in self._cache:
             step_s = ticks * _GRID_S
-            constants = drive_constants(self._params.azimuth, step_s), drive_constants(self._params.elevation, step_s)
+            constants = drive_constants(self.params.azimuth, step_s), drive_constants(self.params.elevation, step_s)
             self._cache[ticks] = (discretise(self._model.a, self._model.b, step_s), constants)
         return self._cache[ticks]
 
     def _configure(self, params: PlantParams) -> None:
         axes = (params.azimuth, params.elevation)
-        self._params = params
+        self.params = params
         self._model: LinearModel = linear_model(params)
         self._size = len(self._model.a)
         self._modes = self._model.mode_excitation.shape[1]

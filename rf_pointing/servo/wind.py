@@ -162,18 +162,13 @@ class Wind:
     """Gusting wind: `step` returns the torque on both axes; gusts are renewed every 20 ms."""
 
     def __init__(self, params: WindParams, random: np.random.Generator) -> None:
-        self._params, self._random = params, random
+        self.params, self._random = params, random
         self._blows = params.mean_speed_m_s > _CALM_M_S
         speed = params.mean_speed_m_s if self._blows else 1.0
         self._filter = GustFilter.davenport(speed, params.drag_coefficient)
         self._decay, self._noise = self._filter.step_matrices(_GUST_STEP_S)
         filters = random.standard_normal((2, 4)) @ self._filter.stationary_factor().T
         self._state = WindState(filters, _GUST_STEP_S, random.bit_generator.state)
-
-    @property
-    def params(self) -> WindParams:
-        """The parameter set in force."""
-        return self._params
 
     @property
     def state(self) -> WindState:
@@ -192,7 +187,7 @@ class Wind:
         if not self._blows:
             return 0.0, 0.0
         along, across = (self._state.filters @ self._filter.residues).tolist()
-        return self._params.mean_speed_m_s + along, self._params.lateral_ratio * across
+        return self.params.mean_speed_m_s + along, self.params.lateral_ratio * across
 
     def step(self, dt_s: float, azimuth_rad: float, elevation_rad: float) -> Array:
         """Advance the gusts by `dt_s` and return the torque (2,) in N m of both axes."""
@@ -206,4 +201,4 @@ class Wind:
             self._state.filters = self._state.filters * self._decay + noise @ self._noise.T
             self._state.left_s += _GUST_STEP_S
         along, across = self.speed_m_s
-        return np.array(wind_torque_n_m(self._params, along, across, azimuth_rad, elevation_rad))
+        return np.array(wind_torque_n_m(self.params, along, across, azimuth_rad, elevation_rad))

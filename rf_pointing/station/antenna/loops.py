@@ -88,25 +88,15 @@ class AxisLoops:
         self._tick_s = tick_s
         self._designs: tuple[str, tuple[LqgDesign, LqgDesign]] | None = None
         self.check(params, plant)
-        self._params = params
+        self.params = params
         self._laws = self._build(params)
-        self._watch = tuple(OscillationDetector(params.oscillation) for _ in AXES)
+        self.watch = tuple(OscillationDetector(params.oscillation) for _ in AXES)
         self._newest = (np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2))
-
-    @property
-    def params(self) -> LoopParams:
-        """The parameter set in force."""
-        return self._params
-
-    @property
-    def watch(self) -> tuple[OscillationDetector, ...]:
-        """The oscillation detectors of azimuth and elevation."""
-        return self._watch
 
     @property
     def oscillation(self) -> str:
         """Which axis oscillates and how, "" if none does."""
-        found = [f"{axis}: {seen.reason}" for axis, seen in zip(AXES, self._watch, strict=True) if seen.oscillating]
+        found = [f"{axis}: {seen.reason}" for axis, seen in zip(AXES, self.watch, strict=True) if seen.oscillating]
         return "; ".join(found)
 
     def check(self, params: LoopParams, plant: PlantParams) -> None:
@@ -121,7 +111,7 @@ class AxisLoops:
     def retune(self, params: LoopParams, plant: PlantParams) -> None:
         """Take a new set between two ticks without a jump; all of it or, with ValueError, none."""
         self.check(params, plant)
-        before, self._params = self._params, params
+        before, self.params = self.params, params
         # The estimates of another law mean nothing: it starts anew on the newest motion and rate
         # command.
         if (params.law, params.lqg_file) != (before.law, before.lqg_file):
@@ -135,7 +125,7 @@ class AxisLoops:
                     law.retune(gains[axis])
                 else:
                     law.retune(feedforwards[axis])
-        for watch in self._watch:
+        for watch in self.watch:
             watch.retune(params.oscillation)
 
     def reset(
@@ -143,14 +133,14 @@ class AxisLoops:
     ) -> None:
         """Start on this motion as if the laws had given `command_rad_s`, with calm detectors."""
         self._start(position_rad, velocity_rad_s, measured_rad, command_rad_s)
-        for watch in self._watch:
+        for watch in self.watch:
             watch.reset()
 
     def rates(self, command: Motion, measured_rad: Array) -> Array:
         """Return the rate commands (2,) for a feasible command and the encoders of this tick."""
         measured = measured_rad.tolist()
         given = np.array(law_rates(self._laws, [part.tolist() for part in command], measured, self._tick_s))
-        for watch, position, shown in zip(self._watch, command.position.tolist(), measured, strict=True):
+        for watch, position, shown in zip(self.watch, command.position.tolist(), measured, strict=True):
             # The error of the feasible command: that of the raw one is large in every slew.
             watch.update(position - shown, self._tick_s)
         # Kept for an exchange of the law: the next one starts where this one is.
