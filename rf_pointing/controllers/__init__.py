@@ -1,4 +1,4 @@
-"""What to command: trajectory buffer, command preprocessor, position laws with feedforward and notch, radio integrator."""
+"""What to command: table, preprocessor, position laws, radio integrator, oscillation watch."""
 
 from rf_pointing.controllers.command_preprocessor import CommandPreprocessor, CommandPreprocessorParams
 from rf_pointing.controllers.law_matrices import LawMatrices, law_matrices

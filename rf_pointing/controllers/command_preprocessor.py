@@ -1,12 +1,14 @@
-"""Makes any command feasible from past and present samples only: steps, gaps and mode changes become slews.
+"""Makes any command feasible: steps, gaps and mode changes become slews.
 
-A command that the axis can follow passes through unchanged.  Otherwise the output chases it
-within the rate, acceleration and, if given, jerk limits; the rule v = sqrt(2 a d) guards the ends of the travel.  From
-outside the travel every motion that does not lead further out is made as it is commanded.
+A command that the axis can follow passes through unchanged.  Otherwise the output chases it within
+the rate, acceleration and, if given, jerk limits; the rule v = sqrt(2 a d) guards the ends of the
+travel.  From outside the travel every motion that does not lead further out is made as it is
+commanded.
 
-Without a jerk limit an axis chases with the largest rate from which it can still stop in the distance that is left, the
-sampled form of v = sqrt(2 a d).  With one, the same curve is followed with less deceleration and ends in a straight line,
-along which the deceleration fades within the jerk limit.
+Without a jerk limit an axis chases with the largest rate from which it can still stop in the
+distance that is left, the sampled form of v = sqrt(2 a d).  With one, the same curve is followed
+with less deceleration and ends in a straight line, along which the deceleration fades within the
+jerk limit.
 """
 
 import math
@@ -22,8 +24,13 @@ __all__ = ["CommandPreprocessor", "CommandPreprocessorParams", "CommandPreproces
 Array = NDArray[np.float64]
 
 _FOLLOW, _STOP = "follow", "stop"
+# A chase brakes with less than the limit: the rest corrects what the target's own acceleration
+# takes away.
 _MARGIN = 0.8
+# Under a jerk limit the deceleration builds up and fades late, so still less of it can be planned
+# with.
 _JERK_MARGIN = 0.6
+# A command exactly at a limit, computed twice, must not be called infeasible by its last bit.
 _ROUNDING = 1e-9
 
 _AxisMotion = tuple[float, float, float]
@@ -34,8 +41,9 @@ _AxisMotion = tuple[float, float, float]
 class CommandPreprocessorParams(Params):
     """Limits per axis (azimuth, elevation); `jerk_limit_rad_s3` of 0 means no jerk limit.
 
-    They stay below the drive's own (2 deg/s, 1 deg/s^2): what is left of the drive is the loop's, to act against wind.
-    A command at the drive's limit leaves a loop that winds up, overshoots by degrees, and can go on swinging.
+    They stay below the drive's own (2 deg/s, 1 deg/s^2): what is left of the drive is the loop's,
+    to act against wind.  A command at the drive's limit leaves a loop that winds up, overshoots by
+    degrees, and can go on swinging.
     """
 
     rate_limit_rad_s: tuple[float, float] = parameter(
@@ -66,7 +74,7 @@ class CommandPreprocessorParams(Params):
 
 @dataclass(slots=True)
 class CommandPreprocessorState:
-    """Position, velocity, acceleration (2,) of the output; whether stopping; whether each axis passes through."""
+    """Output (2,), whether it is stopping, and whether each axis passes through."""
 
     position_rad: Array = field(default_factory=lambda: np.zeros(2))
     velocity_rad_s: Array = field(default_factory=lambda: np.zeros(2))
@@ -90,13 +98,8 @@ class CommandPreprocessor:
     """Both axes; `reset` to the antenna's motion, then `step` once per tick."""
 
     def __init__(self, params: CommandPreprocessorParams) -> None:
-        self._params, self._limits = params, _axis_limits(params)
+        self.params, self._limits = params, _axis_limits(params)
         self._state = CommandPreprocessorState()
-
-    @property
-    def params(self) -> CommandPreprocessorParams:
-        """The parameter set in force."""
-        return self._params
 
     @property
     def state(self) -> CommandPreprocessorState:
@@ -108,23 +111,19 @@ class CommandPreprocessor:
         self._state = _copy(state)
 
     @property
-    def stopping(self) -> bool:
-        """Whether a controlled stop is in force (the command is ignored until `follow`)."""
-        return self._state.mode == _STOP
-
-    @property
     def transparent(self) -> tuple[bool, bool]:
         """Per axis: whether the latest command passed through unchanged."""
         return self._state.transparent
 
     def retune(self, params: CommandPreprocessorParams) -> None:
         """Take new limits from the next step on."""
-        self._params, self._limits = params, _axis_limits(params)
+        self.params, self._limits = params, _axis_limits(params)
 
     def reset(self, position_rad: ArrayLike, velocity_rad_s: ArrayLike = (0.0, 0.0)) -> None:
         """Start from the antenna's own position and velocity (2,), following the command."""
         position = as_finite_array("position_rad", position_rad, (2,)).copy()
         velocity = as_finite_array("velocity_rad_s", velocity_rad_s, (2,)).copy()
+        # Without the acceleration: the axes' own is noise of the encoders.
         self._state = CommandPreprocessorState(position, velocity)
 
     def stop(self) -> None:
@@ -142,7 +141,7 @@ class CommandPreprocessor:
         acceleration_rad_s2: ArrayLike,
         dt_s: float,
     ) -> tuple[Array, Array, Array]:
-        """Return the feasible position, velocity and acceleration (2,) for the command at the end of this `dt_s`.
+        """Return the feasible position, velocity, acceleration (2,) at the end of this `dt_s`.
 
         Raises
         ------
@@ -160,7 +159,8 @@ class CommandPreprocessor:
         for axis, (limits, now) in enumerate(zip(self._limits, before, strict=True)):
             target = (position[axis], velocity[axis], acceleration[axis])
             if not limits.low <= now[0] <= limits.high:
-                # Beside its travel an axis stays where it is, or comes in; it never starts by itself.
+                # Outside its travel an axis stays where it is, or comes in; it never starts by
+                # itself.
                 limits = replace(limits, low=min(limits.low, now[0]), high=max(limits.high, now[0]))
             if state.mode == _STOP:
                 moved.append(_halt(now, limits, dt_s))
@@ -197,15 +197,17 @@ def _copy(state: CommandPreprocessorState) -> CommandPreprocessorState:
 
 
 def _reachable(now: _AxisMotion, target: _AxisMotion, limits: _AxisLimits, dt_s: float) -> bool:
-    """Say whether a cubic leads to the target within this step and all limits, with room to stop before the travel."""
+    """Return whether a cubic leads to the target within this step, all limits and the travel."""
     if not limits.low <= target[0] <= limits.high or abs(target[1]) > limits.rate:
         return False
+    # The acceleration of a cubic is linear in time, so its largest value is at one of the two ends.
     moved = 6.0 * (target[0] - now[0])
     first = (moved - (4.0 * now[1] + 2.0 * target[1]) * dt_s) / dt_s**2
     last = ((2.0 * now[1] + 4.0 * target[1]) * dt_s - moved) / dt_s**2
     if max(abs(first), abs(last), abs(target[2])) > limits.acceleration + _ROUNDING:
         return False
     room = limits.high - target[0] if target[1] > 0.0 else target[0] - limits.low
+    # A command that runs into the end of the travel is cut while there is still room to stop.
     if _stop_distance(target[1], limits, dt_s) > room:
         return False
     return limits.jerk == 0.0 or abs(target[2] - now[2]) <= limits.jerk * dt_s + _ROUNDING
@@ -214,12 +216,15 @@ def _reachable(now: _AxisMotion, target: _AxisMotion, limits: _AxisLimits, dt_s:
 def _chase(now: _AxisMotion, target: _AxisMotion, limits: _AxisLimits, dt_s: float) -> _AxisMotion:
     """Return the motion after one step towards a target that cannot be reached in it."""
     if not limits.low <= target[0] <= limits.high:
+        # The end of the travel is a place to rest: chased at the target's rate it would be left
+        # again at once.
         target = (min(max(target[0], limits.low), limits.high), 0.0, 0.0)
     braking = _MARGIN * max(limits.acceleration - abs(target[2]), (1.0 - _MARGIN) * limits.acceleration)
     gap = target[0] - target[1] * dt_s - now[0]
     side = math.copysign(1.0, gap)
     if limits.jerk > 0.0:
         return _advance(now, _soft_acceleration(now, target, gap, braking, limits, dt_s), limits, dt_s)
+    # Measured from where the target was at the start of this step, both at its rate.
     closing = _stoppable_rate(abs(gap), side * (now[1] - target[1]), braking, dt_s)
     return _advance(now, (target[1] + side * closing - now[1]) / dt_s, limits, dt_s)
 
@@ -233,12 +238,13 @@ def _halt(now: _AxisMotion, limits: _AxisLimits, dt_s: float) -> _AxisMotion:
 
 
 def _advance(now: _AxisMotion, wanted: float, limits: _AxisLimits, dt_s: float) -> _AxisMotion:
-    """Apply the acceleration `wanted` within the limits; the end of the travel comes before the jerk limit."""
+    """Return the motion after one step at the acceleration `wanted`, within the limits."""
     acceleration = min(max(wanted, -limits.acceleration), limits.acceleration)
     if limits.jerk > 0.0:
         change = limits.jerk * dt_s
         acceleration = min(max(acceleration, now[2] - change), now[2] + change)
     velocity = min(max(now[1] + acceleration * dt_s, -limits.rate), limits.rate)
+    # Only now the ends of the travel: they come before the jerk limit and before what was wanted.
     velocity = min(velocity, _stoppable_rate(limits.high - now[0], now[1], limits.acceleration, dt_s))
     velocity = max(velocity, -_stoppable_rate(now[0] - limits.low, -now[1], limits.acceleration, dt_s))
     change = limits.acceleration * dt_s
@@ -247,7 +253,7 @@ def _advance(now: _AxisMotion, wanted: float, limits: _AxisLimits, dt_s: float) 
 
 
 def _stop_distance(velocity: float, limits: _AxisLimits, dt_s: float) -> float:
-    """Return the way to rest with one constant acceleration per step: whole steps at the limit, then a weaker one."""
+    """Return the distance to rest: whole steps of braking at the limit, then a weaker one."""
     speed, brake = abs(velocity), limits.acceleration * dt_s
     whole = math.floor(speed / brake)
     rest = speed - whole * brake
@@ -255,7 +261,7 @@ def _stop_distance(velocity: float, limits: _AxisLimits, dt_s: float) -> float:
 
 
 def _stoppable_rate(distance: float, rate: float, braking: float, dt_s: float) -> float:
-    """Return the largest rate at the end of this step from which the axis can still stop within `distance`.
+    """Return the largest rate after this step from which the axis stops within `distance`.
 
     With k whole steps of braking and a weaker last one, this step and the stop together take
     v dt/2 + a dt^2 k (k + 1)/2 + (k + 1) dt rest: piecewise linear in the rate, solved for it.
@@ -270,7 +276,7 @@ def _stoppable_rate(distance: float, rate: float, braking: float, dt_s: float) -
 def _soft_acceleration(
     now: _AxisMotion, target: _AxisMotion, gap: float, braking: float, limits: _AxisLimits, dt_s: float
 ) -> float:
-    """Return the acceleration that follows the soft approach curve: its own slope plus a pull back onto it."""
+    """Return the acceleration along the soft approach curve, with a pull back onto it."""
     braking *= _JERK_MARGIN
     steepness = 0.25 * limits.jerk / braking
     knee = braking / steepness**2

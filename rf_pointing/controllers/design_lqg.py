@@ -1,9 +1,10 @@
 """LQG with integral action for one axis, designed with python-control from an identified model.
 
-The regulator and the estimator are made for the drive (its pole and integrator, read off the identified model) behind
-a notch and a section beside the bending mode; the mode itself is left to them, because a law that knows its phase is
-lost when the frequency moves by 10 %.  Gain, phase and sensitivity margins are taken on the whole identified model.
-Imported only on demand: python-control brings matplotlib with it.
+The regulator and the estimator are made for the drive (its pole and integrator, read off the
+identified model) behind a notch and a section next to the bending mode.  The mode itself is left to
+these, because a law that knows its phase is lost when the frequency moves by 10 %.  Gain, phase and
+sensitivity margins are taken on the whole identified model.  Imported only on demand:
+python-control brings matplotlib with it.
 """
 
 import math
@@ -22,13 +23,16 @@ Array = NDArray[np.float64]
 
 _NOTCH, _SHAPING = slice(2, 4), slice(4, 6)
 _LOW = (3, 5)
-"""States of the notch and of the section, and their low-pass states, which alone are filled by a constant."""
+"""States of the notch and of the section, and their low-pass states, which alone are filled by a
+constant.
+"""
 
 
 def drive_of(a: Array, b: Array, c: Array, sample_s: float) -> tuple[float, float]:
-    """Return bandwidth (rad/s) and gain of the drive in an identified rate-to-angle model (n states, one in, one out).
+    """Return bandwidth (rad/s) and gain of the drive in an identified rate-to-angle model.
 
-    The bandwidth is that of the slowest real pole inside the unit circle, the gain the residue of the integrator.
+    The bandwidth is that of the slowest real pole inside the unit circle, the gain the residue of
+    the integrator.
 
     Raises
     ------
@@ -37,6 +41,8 @@ def drive_of(a: Array, b: Array, c: Array, sample_s: float) -> tuple[float, floa
     """
     poles, vectors = np.linalg.eig(a)
     residues = (c @ vectors)[0] * np.linalg.solve(vectors, b.astype(np.complex128))[:, 0]
+    # Identified poles are never exactly 1: the caller restores the integrator, here it is only
+    # found again.
     integrator = int(np.argmin(np.abs(poles - 1.0)))
     if abs(poles[integrator] - 1.0) > 1e-6:
         raise ValueError(f"pole nearest to the integrator is {poles[integrator]:.6f}, must be 1 (restore it first)")
@@ -65,7 +71,8 @@ def design_lqg(a: Array, b: Array, c: Array, d: Array, sample_s: float, weights:
     law = _with_disturbance(plant, entry, shown, gain, bandwidth, sample_s)
     noise = np.diag([0.0, weights.rate_intensity, *np.zeros(size - 2), weights.disturbance_intensity])
     filter_gain, _, _ = control.dlqe(law[0], np.eye(size + 1), law[2], noise, np.array([[1.0]]))
-    # Cancelling a constant disturbance fills the filters with it; what the regulator makes of that comes on top.
+    # Cancelling a constant disturbance fills the filters with it; what the regulator makes of that
+    # comes on top.
     state_gain = np.hstack([np.asarray(feedback), [[1.0 + sum(feedback[0, low] for low in _LOW)]]])
     observer_gain = law[0] @ np.asarray(filter_gain)
     margins = _margins(control.ss(a, b, c, d, sample_s), law, state_gain, observer_gain, weights, sample_s)
@@ -94,6 +101,8 @@ def _margins(
     radius = float(np.max(np.abs(control.feedback(loop, 1).poles())))
     if radius >= 1.0:
         raise ValueError(f"spectral radius {radius:.5f} of the loop on the identified model must be < 1")
+    # From the response: given a state space, python-control takes the margins of its transfer
+    # function, which loses digits at this order.
     omega = np.geomspace(0.05, math.pi / sample_s * 0.999, 4000)
     response = loop(np.exp(1j * omega * sample_s))
     phase_deg = np.degrees(np.unwrap(np.angle(response)))
@@ -102,7 +111,7 @@ def _margins(
 
 
 def _design_plant(bandwidth: float, gain: float, sample_s: float, weights: LqgWeights) -> tuple[Array, Array, Array]:
-    """Return the sampled drive behind notch and section: angle, drive rate, then band and low of both filters."""
+    """Return the sampled drive behind the filters: angle, rate, then band and low of each."""
     drive, entry = _drive(bandwidth, gain, sample_s)
     na, nb, nc, nd = section_matrices(weights.notch, sample_s)
     sa, sb, sc, sd = section_matrices(weights.shaping, sample_s)

@@ -1,12 +1,13 @@
-"""Filters of the position laws, retunable while they run: second-order section, notch, low-pass of the fed-forward rate.
+"""Filters of the position laws, retunable while they run: section, notch, low-pass.
 
     section      G(s) = (s^2/w_z^2 + 2 d_z s/w_z + 1) / (s^2/w_p^2 + 2 d_p s/w_p + 1)
-    notch        G(s) = (s^2 + w^2) / (s^2 + 2 delta w s + w^2)                                 (BWG eq. 8)
+    notch        G(s) = (s^2 + w^2) / (s^2 + 2 delta w s + w^2)                          (BWG eq. 8)
     feedforward  F(s) = 1 / (1 + s / w_b)
 
-by the bilinear transform.  The section is prewarped at its zeros, which thus stay at w_z at any sampling rate: unwarped, a
-2.12-Hz notch sampled at 10 Hz would sit at 1.87 Hz.  Its two states are the band-pass and low-pass outputs of a
-state-variable filter at w_p: they keep their meaning when frequency, damping or step change, so a retune makes no jump.
+by the bilinear transform.  The section is prewarped at its zeros, which thus stay at w_z at any
+sampling rate: unwarped, a 2.12-Hz notch sampled at 10 Hz would sit at 1.87 Hz.  Its two states are
+the band-pass and low-pass outputs of a state-variable filter at w_p: they keep their meaning when
+frequency, damping or step change, so a retune makes no jump.
 
 Use: `output(x)` at a sample, then `update(dt_s)` with the time to the next one.
 """
@@ -34,7 +35,7 @@ __all__ = [
 Array = NDArray[np.float64]
 
 SectionConstants = tuple[float, float, float, float, float]
-"""Tuned gain g, 1 / (1 + g (g + 2 d_p)), 2 d_p, share of the band-pass and of the high-pass in the output."""
+"""Tuned gain g, 1 / (1 + g (g + 2 d_p)), 2 d_p, shares of band-pass and high-pass."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,7 +59,7 @@ def notch_section(frequency_hz: float, damping: float, *, enabled: bool = True) 
 
 @dataclass(slots=True)
 class SectionState:
-    """Band-pass and low-pass memory, the same after the present sample, the step at whose end the next one falls."""
+    """Memory of this sample, the same for the next one, and the step between them."""
 
     band: float = 0.0
     low: float = 0.0
@@ -72,18 +73,13 @@ class Section:
 
     def __init__(self, params: SectionParams, dt_s: float = 0.02) -> None:
         self.state = SectionState()
-        self._params = params
+        self.params = params
         self._prepare(params, dt_s)
 
-    @property
-    def params(self) -> SectionParams:
-        """The parameter set in force."""
-        return self._params
-
     def retune(self, params: SectionParams) -> None:
-        """Take new parameters; refused, with the old ones kept, if a frequency is at or above half the sampling rate."""
+        """Take new parameters; ValueError, and no change, from half the sampling rate on."""
         self._prepare(params, self.state.dt_s)
-        self._params = params
+        self.params = params
 
     def reset(self, value: float) -> None:
         """Settle on a constant input."""
@@ -91,14 +87,15 @@ class Section:
         self.state = SectionState(0.0, value, 0.0, value, self.state.dt_s)
 
     def shift(self, value: float) -> None:
-        """Add what the section would remember of a constant `value` that it had been fed all along."""
+        """Add what the section would remember of a constant `value` as its input all along."""
         self.state.low += value
         self.state.pending_low += value
 
     def output(self, value: float) -> float:
         """Return the filtered value."""
         state = self.state
-        if not self._params.enabled:
+        if not self.params.enabled:
+            # Kept settled on its input, so that switching it on in motion makes no jump.
             state.pending_band, state.pending_low = 0.0, value
             return value
         result, state.pending_band, state.pending_low = filter_sample(value, state.band, state.low, self.constants)
@@ -108,8 +105,9 @@ class Section:
         """Commit the sample given to `output`; the next one comes `dt_s` later."""
         state = self.state
         state.band, state.low = state.pending_band, state.pending_low
+        # The tangent of the prewarping is not recomputed in every one of the equal steps.
         if dt_s != state.dt_s:
-            self._prepare(self._params, dt_s)
+            self._prepare(self.params, dt_s)
 
     def _prepare(self, params: SectionParams, dt_s: float) -> None:
         require_between("dt_s", dt_s, 1e-5, 10.0)
@@ -118,6 +116,7 @@ class Section:
             if getattr(params, name) >= nyquist_hz:
                 raise ValueError(f"{name}={getattr(params, name)} must be < {nyquist_hz} (half the sampling rate)")
         ratio, twice = params.pole_hz / params.zero_hz, 2.0 * params.pole_damping
+        # Prewarped at the zeros; the poles keep their ratio to them.
         g = ratio * math.tan(math.pi * params.zero_hz * dt_s) if params.enabled else 0.0
         share = 2.0 * params.zero_damping * ratio
         self.constants: SectionConstants = (g, 1.0 / (1.0 + g * (g + twice)), twice, share, ratio * ratio)
@@ -126,7 +125,7 @@ class Section:
 
 @dataclass(slots=True)
 class FeedforwardState:
-    """Filtered rate and input of the sample before, the same of the present sample, and the step between them."""
+    """Rate and input of the sample before, of this sample, and the step between them."""
 
     filtered: float = 0.0
     input: float = 0.0
@@ -156,6 +155,7 @@ class RateFeedforward:
         state = self.state
         half = math.pi * self._band_hz * state.dt_s
         total = state.input + rate_rad_s
+        # Bilinear, as the notch: both lags stay what the lead of the feedforward makes up for.
         state.pending_filtered = ((1.0 - half) * state.filtered + half * total) / (1.0 + half)
         state.pending_input = rate_rad_s
         return state.pending_filtered
@@ -176,8 +176,9 @@ def filter_sample(value: float, band: float, low: float, constants: SectionConst
 
 
 def section_matrices(params: SectionParams, dt_s: float) -> tuple[Array, Array, Array, Array]:
-    """Return the section in state space, a (2, 2), b (2, 1), c (1, 2), d (1, 1), in its own states band and low."""
+    """Return a (2, 2), b (2, 1), c (1, 2), d (1, 1) of the section in its own states."""
     constants = Section(params, dt_s).constants
+    # The matrices are those of the code that runs: it is linear, so three unit inputs show them.
     columns = [filter_sample(value, band, low, constants) for value, band, low in ((0, 1, 0), (0, 0, 1), (1, 0, 0))]
     out, band, low = np.array(columns, dtype=np.float64).T
     rows = np.stack([band, low])

@@ -1,4 +1,4 @@
-"""A position law from error to rate command in state space, notch and section included: for margins and stability.
+"""Position laws from error to rate command in state space, notch and section included.
 
     x(k+1) = a x(k) + b e(k),   u(k) = c x(k) + d e(k)
 
@@ -25,13 +25,16 @@ def law_matrices(law: PositionLoopParams | LqgDesign, sample_s: float) -> LawMat
     Raises
     ------
     ValueError
-        If a filter lies at or above half the sampling rate, or the design was made for another sampling time.
+        If a filter lies at or above half the sampling rate, or the design is for another rate.
     """
     if isinstance(law, LqgDesign):
+        # The matrices of a design hold for one sampling time; there is no conversion that keeps its
+        # margins.
         if abs(sample_s - law.sample_s) > 1e-6:
             raise ValueError(f"sample_s={sample_s} must be {law.sample_s}, the sampling time of the LQG design")
         core = law.a - law.b @ law.state_gain - law.observer_gain @ law.c
         chain = core, -law.observer_gain, -law.state_gain, np.zeros((1, 1))
+        # In the order of the loop, so that the states are those of the code that runs.
         filters = [law.weights.shaping, law.weights.notch]
     else:
         gain = np.array([[law.proportional_gain]])

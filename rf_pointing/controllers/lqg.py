@@ -1,12 +1,13 @@
-"""LQG law of one axis with integral action: what a design consists of, its file, and the loop that runs it.
+"""LQG law of one axis with integral action: its design, its file, its loop.
 
     v(k) = -K x(k),   x(k+1) = A x(k) + B v(k) + L (-e(k) - C x(k)),   u = N(z) [ S(z) v + F r' ]
 
-x holds the axis angle and drive rate (as deviations from the command), the states of the notch N and of the shaping
-section S, and a slow rate disturbance; the last makes the integral action.  e is command minus encoder.
+x holds the axis angle and drive rate (as deviations from the command), the states of the notch N
+and of the shaping section S, and a slow rate disturbance; the last makes the integral action.  e is
+command minus encoder.
 
-A design is made by `design_lqg.py` from an identified model.  The package brings those for DSS-13, which
-`benchmarks/lqg_tuning.py` made; its output lies next to it.
+A design is made by `design_lqg.py` from an identified model.  The package brings those for DSS-13,
+which `benchmarks/lqg_tuning.py` made; its output lies next to it.
 """
 
 import json
@@ -85,9 +86,10 @@ class LqgWeights(Params):
 class LqgDesign:
     """Matrices of the law, the drive it was made for and the margins found on the full model.
 
-    `a` (7, 7), `b` (7, 1), `c` (1, 7), `state_gain` (1, 7), `observer_gain` (7, 1); `model_a` (n, n) to `model_d` (1, 1)
-    is the identified model from rate command to encoder, `drive_bandwidth_rad_s` and `drive_gain` what was read off it;
-    `peak_sensitivity`, `gain_margin_db`, `phase_margin_rad` are of the encoder loop on it.
+    `a` (7, 7), `b` (7, 1), `c` (1, 7), `state_gain` (1, 7), `observer_gain` (7, 1); `model_a` (n,
+    n) to `model_d` (1, 1) is the identified model from rate command to encoder,
+    `drive_bandwidth_rad_s` and `drive_gain` what was read off it; `peak_sensitivity`,
+    `gain_margin_db`, `phase_margin_rad` are of the encoder loop on it.
     """
 
     a: Array
@@ -165,7 +167,7 @@ class LqgLoopParams(Params):
 
 @dataclass(slots=True)
 class LqgLoopState:
-    """Estimate (7,), latest error, regulator output and command, feedforward filter, section, notch."""
+    """Estimate (7,), latest error, regulator output and command, and the filters."""
 
     estimate: Array
     error_rad: float = 0.0
@@ -180,22 +182,12 @@ class LqgLoop:
     """One axis' LQG law; starts from a zero estimate."""
 
     def __init__(self, design: LqgDesign, params: LqgLoopParams) -> None:
-        self._design, self._params = design, params
+        self._design, self.params = design, params
         self._shaping = Section(design.weights.shaping, design.sample_s)
         self._notch = Section(design.weights.notch, design.sample_s)
         self._feedforward = RateFeedforward(params.feedforward_band_hz, design.sample_s)
         self._state = LqgLoopState(np.zeros(len(design.a)))
         self._update = np.hstack([design.a - design.observer_gain @ design.c, design.b, -design.observer_gain])
-
-    @property
-    def design(self) -> LqgDesign:
-        """The design that runs."""
-        return self._design
-
-    @property
-    def params(self) -> LqgLoopParams:
-        """The parameter set in force."""
-        return self._params
 
     @property
     def state(self) -> LqgLoopState:
@@ -215,32 +207,36 @@ class LqgLoop:
         self._state = replace(state, estimate=state.estimate.copy())
 
     def retune(self, params: LqgLoopParams) -> None:
-        """Take new parameters from the next sample on, without a jump: the estimate of the disturbance takes over."""
-        taken = (self._params.feedforward_gain - params.feedforward_gain) * self._feedforward.state.filtered
+        """Take new parameters without a jump: the estimated disturbance takes over."""
+        taken = (self.params.feedforward_gain - params.feedforward_gain) * self._feedforward.state.filtered
         self._feedforward.retune(params.feedforward_band_hz)
         self._state.estimate += taken * self._constant_output()
         self._shaping.shift(taken)
-        self._params = params
+        self.params = params
 
     def _constant_output(self) -> Array:
         """Return the change of the estimate (7,) with which the law gives one unit more, for good.
 
-        Both filters of the estimate hold the unit; the disturbance, which acts where the rate does, explains it.
+        Both filters of the estimate hold the unit; the disturbance, which acts where the rate does,
+        explains it.
         """
         change = np.zeros(len(self._design.a))
+        # 3 and 5 are the low-pass states of notch and section: a constant fills them, and no other
+        # filter state.
         change[[3, 5]] = 1.0
         change[-1] = -(1.0 + float(self._design.state_gain[0] @ change)) / self._design.state_gain[0, -1]
         return change
 
     def reset(self, position_rad: float, velocity_rad_s: float, measured_rad: float, command_rad_s: float) -> None:
-        """Start as if the law had been giving `command_rad_s` all along: the next output equals it (bumpless)."""
+        """Start as if the law had been giving `command_rad_s`: the next output equals it."""
         for name, value in (("position_rad", position_rad), ("measured_rad", measured_rad)):
             require_finite(name, value)
         error = position_rad - measured_rad
-        wanted = command_rad_s - self._params.feedforward_gain * velocity_rad_s
+        wanted = command_rad_s - self.params.feedforward_gain * velocity_rad_s
         gain = self._design.state_gain[0]
         estimate = wanted * self._constant_output()
         estimate[0] = -error
+        # The disturbance takes what the angle error would command, so that the output is as wanted.
         estimate[-1] += gain[0] * error / gain[-1]
         self._state = LqgLoopState(estimate, error, wanted, command_rad_s)
         self._feedforward.reset(velocity_rad_s)
@@ -261,7 +257,7 @@ class LqgLoop:
             require_finite(name, value)
         require_finite("measured_rad", measured_rad)
         require_finite("acceleration_rad_s2", acceleration_rad_s2)
-        params, state = self._params, self._state
+        params, state = self.params, self._state
         state.error_rad = position_rad - measured_rad
         state.regulator_rad_s = -float(self._design.state_gain[0] @ state.estimate)
         fed = self._feedforward.output(velocity_rad_s + params.feedforward_lead_s * acceleration_rad_s2)
@@ -281,6 +277,8 @@ class LqgLoop:
         if abs(dt_s - self._design.sample_s) > 1e-6:
             raise ValueError(f"dt_s={dt_s} must be {self._design.sample_s}, the sampling time of the design")
         state = self._state
+        # The estimator works on what went out: neither a saturated drive nor a change of mode winds
+        # it up.
         really = state.regulator_rad_s + applied_rad_s - state.command_rad_s
         state.estimate = self._update @ np.concatenate([state.estimate, (really, state.error_rad)])
         self._feedforward.update(dt_s)

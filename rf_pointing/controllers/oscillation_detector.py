@@ -1,11 +1,12 @@
-"""Says that a loop oscillates, before the antenna is shaken apart: large, regular swings of the servo error.
+"""Detects a loop that oscillates, before the antenna is shaken apart.
 
-The error, high-passed to take out slow tracking error, is followed from zero crossing to zero crossing.  A swing whose
-peak exceeds the threshold counts; `cycles` such swings in a row with half periods alike within `regularity` are an
-oscillation.  One gust, one command step or the end of a slew gives a few swings and then decays; wind noise is irregular.
-A loop whose drive saturates swings ever more slowly as it grows, so swings beyond the gross threshold need not be alike.
-One swing beyond the largest is not waited out: its period may never come.  Error slower than the high-pass is tracking
-error, however large.
+An oscillation is large, regular swings of the servo error.  The error, high-passed to take out slow
+tracking error, is followed from zero crossing to zero crossing.  A swing whose peak exceeds the
+threshold counts; `cycles` such swings in a row with half periods alike within `regularity` are an
+oscillation.  One gust, one command step or the end of a slew gives a few swings and then decays;
+wind noise is irregular.  A loop whose drive saturates swings ever more slowly as it grows, so
+swings beyond the gross threshold need not be alike.  Beyond the largest no further swing is waited
+for: its period may never end.  Error slower than the high-pass is tracking error, however large.
 """
 
 import math
@@ -49,7 +50,7 @@ class OscillationDetectorParams(Params):
 
 @dataclass(slots=True)
 class OscillationDetectorState:
-    """High-pass memory, the running swing (age, peak), the row of counted swings, and the verdict."""
+    """High-pass memory, running swing (age, peak), row of counted swings, verdict."""
 
     input_rad: float = 0.0
     output_rad: float = 0.0
@@ -65,14 +66,9 @@ class OscillationDetector:
     """One axis: `update` with every servo error; the verdict latches until `reset`."""
 
     def __init__(self, params: OscillationDetectorParams) -> None:
-        self._params = params
+        self.params = params
         self._state = OscillationDetectorState()
         self._decay = (0.0, 0.0)
-
-    @property
-    def params(self) -> OscillationDetectorParams:
-        """The parameter set in force."""
-        return self._params
 
     @property
     def state(self) -> OscillationDetectorState:
@@ -95,7 +91,7 @@ class OscillationDetector:
 
     def retune(self, params: OscillationDetectorParams) -> None:
         """Take new thresholds from the next error on."""
-        self._params, self._decay = params, (0.0, 0.0)
+        self.params, self._decay = params, (0.0, 0.0)
 
     def reset(self) -> None:
         """Forget the verdict and the swings so far."""
@@ -113,7 +109,9 @@ class OscillationDetector:
         require_between("dt_s", dt_s, 1e-5, 1.0)
         state, before = self._state, self._state.output_rad
         if dt_s != self._decay[0]:
-            self._decay = (dt_s, math.exp(-2.0 * math.pi * self._params.high_pass_hz * dt_s))
+            self._decay = (dt_s, math.exp(-2.0 * math.pi * self.params.high_pass_hz * dt_s))
+        # The first error is taken as the mean: an antenna enabled far from its command is not
+        # oscillating.
         change = error_rad - state.input_rad if state.started else 0.0
         state.output_rad = self._decay[1] * (before + change)
         state.input_rad, state.started = error_rad, True
@@ -122,19 +120,22 @@ class OscillationDetector:
             self._swing(state.age_s, state.peak_rad)
             state.age_s, state.peak_rad = 0.0, 0.0
         state.peak_rad = max(state.peak_rad, abs(state.output_rad))
-        if state.peak_rad >= self._params.largest_rad and not state.oscillating:
+        # A loop that runs away from its command never crosses zero again.
+        if state.peak_rad >= self.params.largest_rad and not state.oscillating:
             state.oscillating = True
             state.reason = f"{_sized(state.peak_rad)}, cut before its period was known"
         return state.oscillating
 
     def _swing(self, half_period_s: float, peak_rad: float) -> None:
         """Count a completed swing, or begin a new row where it does not fit."""
-        state, params = self._state, self._params
+        state, params = self._state, self.params
+        # Faster is encoder noise, slower is tracking error.
         in_band = 0.5 / params.highest_hz <= half_period_s <= 0.5 / params.high_pass_hz
         fits = in_band and peak_rad >= params.threshold_rad
         state.row = (*state.row, (half_period_s, peak_rad))[-params.half_cycles :] if fits else ()
         lengths, peaks = [swing[0] for swing in state.row], [swing[1] for swing in state.row]
         gross = peaks[-params.gross_half_cycles :]
+        # A saturated drive swings ever more slowly as it grows, so gross swings need not be alike.
         large = len(gross) == params.gross_half_cycles and min(gross) >= params.gross_threshold_rad
         if large and gross[-1] >= params.growth * gross[0]:
             self._found(lengths[-params.gross_half_cycles :], gross)

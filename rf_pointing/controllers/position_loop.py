@@ -1,12 +1,13 @@
-"""Position loop of one axis: PI on the encoder, rate feedforward, notch, rate limit with anti-windup.
+"""Position loop of one axis: PI on the encoder, rate feedforward, notch, anti-windup.
 
-    u = N(s) [ S(s) (k_p e + k_i int(e)) + F(s) r' ],   e = r - measured,   F(s) = 1 / (1 + s / w_b)  (BWG Fig. 1, 16)
+    u = N(s) [ S(s) (k_p e + k_i int(e)) + F(s) r' ],   e = r - measured        (BWG Fig. 1, 16)
 
-with N the notch and S, beyond the paper and off by default, a second-order section for the feedback alone.
+with N the notch and S, beyond the paper and off by default, a second-order section for the feedback
+alone.
 
-The feedforward takes the rate of the command from the trajectory (never by differencing) through a low-pass at the
-band limit; optionally the acceleration, led by the lag of the drive.  Use: `output(...)`, then `update(dt_s, applied)`
-with the command the drive really got.
+The feedforward takes the rate of the command from the trajectory (never by differencing) through a
+low-pass at the band limit; optionally the acceleration, led by the lag of the drive.  Use:
+`output(...)`, then `update(dt_s, applied)` with the command the drive really got.
 """
 
 import math
@@ -46,7 +47,8 @@ class PositionLoopParams(Params):
     drive_lag_s: float = parameter(0.06, "lag of the rate loop with half a sample", low=0.0, high=1.0)
 
     def check_together(self) -> None:
-        """Refuse gains that no drive of this lag could follow: s^3 lag + s^2 + k_p s + k_i needs k_p > k_i lag."""
+        """Refuse gains that no drive of this lag could follow."""
+        # s^3 lag + s^2 + k_p s + k_i is stable for k_p > k_i lag (Routh).
         lag_s = self.drive_lag_s
         if self.notch_enabled:
             lag_s += self.notch_damping / (math.pi * self.notch_frequency_hz)
@@ -79,7 +81,7 @@ class PositionLoopParams(Params):
 
 @dataclass(slots=True)
 class PositionLoopState:
-    """Everything the loop remembers: integral (rad s), latest error and command, feedforward, section, notch."""
+    """Integral (rad s), latest error and command, and the filters."""
 
     integral_rad_s: float = 0.0
     error_rad: float = 0.0
@@ -93,15 +95,10 @@ class PositionLoop:
     """One axis' position loop; starts with everything at zero."""
 
     def __init__(self, params: PositionLoopParams, dt_s: float = 0.02) -> None:
-        self._params = params
+        self.params = params
         self._shaping, self._notch = Section(params.shaping, dt_s), Section(params.notch, dt_s)
         self._feedforward = RateFeedforward(params.feedforward_band_hz, dt_s)
         self._state = PositionLoopState()
-
-    @property
-    def params(self) -> PositionLoopParams:
-        """The parameter set in force."""
-        return self._params
 
     @property
     def state(self) -> PositionLoopState:
@@ -116,19 +113,21 @@ class PositionLoop:
     @state.setter
     def state(self, state: PositionLoopState) -> None:
         shaping, notch = (
-            Section(self._params.shaping, state.shaping.dt_s),
-            Section(self._params.notch, state.notch.dt_s),
+            Section(self.params.shaping, state.shaping.dt_s),
+            Section(self.params.notch, state.notch.dt_s),
         )
         shaping.state, notch.state = replace(state.shaping), replace(state.notch)
         self._feedforward.state = replace(state.feedforward)
         self._shaping, self._notch, self._state = shaping, notch, replace(state)
 
     def retune(self, params: PositionLoopParams) -> None:
-        """Take new parameters at once and without a jump of the command; refused as a whole if one is impossible.
+        """Take new parameters without a jump of the command; all of them or, with ValueError, none.
 
-        The integral is shifted so that k_p e + k_i int(e) stays what it was, plus what the feedforward no longer gives;
-        with k_i = 0 there is none to shift.
+        The integral is shifted so that k_p e + k_i int(e) stays what it was, plus what the
+        feedforward no longer gives; with k_i = 0 there is none to shift.
         """
+        # The notch may be refused after the section was changed: then the section goes back, so
+        # that nothing has changed.
         before = self._shaping.params
         self._shaping.retune(params.shaping)
         try:
@@ -137,24 +136,26 @@ class PositionLoop:
             self._shaping.retune(before)
             raise
         self._feedforward.retune(params.feedforward_band_hz)
-        state, old = self._state, self._params
+        state, old = self._state, self.params
         if params.integral_gain > 0.0:
+            # The sum of both parts stays; only their shares change.
             held = (old.proportional_gain - params.proportional_gain) * state.error_rad
             taken = (old.feedforward_gain - params.feedforward_gain) * self._feedforward.state.filtered
             state.integral_rad_s = (old.integral_gain * state.integral_rad_s + held + taken) / params.integral_gain
             self._shaping.shift(taken)
         else:
             state.integral_rad_s = 0.0
-        self._params = params
+        self.params = params
 
     def reset(self, position_rad: float, velocity_rad_s: float, measured_rad: float, command_rad_s: float) -> None:
-        """Start as if the loop had been giving `command_rad_s` all along: the next output equals it (bumpless).
+        """Start as if the loop had been giving `command_rad_s`: the next output equals it.
 
-        Without integral gain only the filters are settled and the output is what the proportional part asks for.
+        Without integral gain only the filters are settled and the output is that of the
+        proportional part.
         """
         for name, value in (("position_rad", position_rad), ("measured_rad", measured_rad)):
             require_finite(name, value)
-        params, error = self._params, position_rad - measured_rad
+        params, error = self.params, position_rad - measured_rad
         feedforward = params.feedforward_gain * velocity_rad_s
         rest = command_rad_s - params.proportional_gain * error - feedforward
         integral = rest / params.integral_gain if params.integral_gain > 0.0 else 0.0
@@ -181,7 +182,7 @@ class PositionLoop:
         require_finite("velocity_rad_s", velocity_rad_s)
         require_finite("measured_rad", measured_rad)
         require_finite("acceleration_rad_s2", acceleration_rad_s2)
-        params, state = self._params, self._state
+        params, state = self.params, self._state
         state.error_rad = position_rad - measured_rad
         rate = velocity_rad_s + params.feedforward_lead_s * acceleration_rad_s2
         fed_back = params.proportional_gain * state.error_rad + params.integral_gain * state.integral_rad_s
@@ -190,14 +191,17 @@ class PositionLoop:
         return min(max(state.command_rad_s, -params.rate_limit_rad_s), params.rate_limit_rad_s)
 
     def update(self, dt_s: float, applied_rad_s: float) -> None:
-        """Advance to the next sample, `dt_s` ahead; `applied_rad_s` is the command that really went out.
+        """Advance by `dt_s` to the next sample; `applied_rad_s` is the command that went out.
 
-        What was cut off is taken back from the integral with the time constant k_p / k_i (anti-windup).
+        What was cut off is taken back from the integral with the time constant k_p / k_i
+        (anti-windup).
         """
         require_between("dt_s", dt_s, 1e-5, 1.0)
         require_finite("applied_rad_s", applied_rad_s)
-        params, state = self._params, self._state
+        params, state = self.params, self._state
         if params.integral_gain > 0.0:
+            # What really went out counts: wherever the command is cut, the integral does not wind
+            # up.
             cut = applied_rad_s - state.command_rad_s
             back = cut / params.proportional_gain if params.proportional_gain > 0.0 else 0.0
             state.integral_rad_s += dt_s * (state.error_rad + back)

@@ -1,10 +1,11 @@
 """Gains for the DSS-13 antenna: the published ones, and the ones tuned for wind on the same plant.
 
-The tuned set keeps the published structure, PI with feedforward and notch, and adds one section to the feedback: a
-narrow notch just below the first mode and zeros beside it turn the phase so that the mode is damped rather than
-driven, whichever way its frequency is off, and the poles at twice the frequency give the lead for a tenfold loop gain.
-The sensitivity peaks of encoder and radio loop stay below 2 with the modes 10 % and the residues 30 % off.
-Tuning: benchmarks/servo_tuning.py, its output beside it; what it buys: docs/math/controllers.md.
+The tuned set keeps the published structure, PI with feedforward and notch, and adds one section to
+the feedback: a narrow notch just below the first mode and zeros next to it turn the phase so that
+the mode is damped rather than driven, whichever way its frequency is off, and the poles at twice
+the frequency give the lead for a tenfold loop gain.  The sensitivity peaks of encoder and radio
+loop stay below 2 with the modes 10 % and the residues 30 % off.  Tuning:
+benchmarks/servo_tuning.py, its output next to it; what it gains: docs/math/controllers.md.
 """
 
 import math
@@ -18,6 +19,7 @@ __all__ = ["TUNED_RADIO_BANDWIDTH_HZ", "dss13_loops", "dss13_lqg_loops"]
 TUNED_RADIO_BANDWIDTH_HZ = 0.2
 """Bandwidth f_m of the radio integrator that the tuned loops were designed together with."""
 
+# Rate loop of 20 rad/s, and half of a 20-ms sample.
 _DRIVE_LAG_S = 1.0 / 20.0 + 0.01
 _FEEDFORWARD_LAG_S = 1.0 / (2.0 * math.pi * 10.0)
 _AZIMUTH = PositionLoopParams(
@@ -49,7 +51,11 @@ def dss13_loops(gains: str) -> tuple[PositionLoopParams, PositionLoopParams]:
     require_choice("gains", gains, ("published", "tuned"))
     if gains == "published":
         published = PositionLoopParams(
-            proportional_gain=0.5, integral_gain=1.8, notch_frequency_hz=2.12, notch_damping=0.2
+            # The gains and the notch of BWG, the same on both axes.
+            proportional_gain=0.5,
+            integral_gain=1.8,
+            notch_frequency_hz=2.12,
+            notch_damping=0.2,
         )
         return published, published
     azimuth, elevation = (loop.replace(feedforward_lead_s=_lead_s(loop)) for loop in (_AZIMUTH, _ELEVATION))
@@ -57,7 +63,7 @@ def dss13_loops(gains: str) -> tuple[PositionLoopParams, PositionLoopParams]:
 
 
 def dss13_lqg_loops() -> tuple[LqgLoopParams, LqgLoopParams]:
-    """Return what runs beside the LQG designs for DSS-13 (azimuth, elevation): feedforward with its lead."""
+    """Return feedforward and limits for the LQG designs of DSS-13 (azimuth, elevation)."""
     notches = [design.weights.notch for design in load_lqg_designs()]
     azimuth, elevation = (LqgLoopParams(feedforward_lead_s=_lag_s(n.pole_damping, n.pole_hz)) for n in notches)
     return azimuth, elevation
@@ -68,5 +74,5 @@ def _lead_s(loop: PositionLoopParams) -> float:
 
 
 def _lag_s(notch_damping: float, notch_hz: float) -> float:
-    """Return the lag that the fed-forward rate meets: drive, half a sample, feedforward band, notch."""
+    """Return the lag of the fed-forward rate: drive, half a sample, low-pass, notch."""
     return _DRIVE_LAG_S + _FEEDFORWARD_LAG_S + notch_damping / (math.pi * notch_hz)

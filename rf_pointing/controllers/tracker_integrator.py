@@ -1,16 +1,18 @@
 """Integrator of the radio tracking error, H = 2 pi f_m / s in discrete time.
 
-    o(k+1) = o(k) + 2 pi f_m T e(k)                                                         (BWG eq. 7, Fig. 12)
+    o(k+1) = o(k) + 2 pi f_m T e(k)                                             (BWG eq. 7, Fig. 12)
 
-The error of the sample before is what acts (the delay of Fig. 12).  Between samples the offset runs on a straight
-line with the rate 2 pi f_m e(k), so the servo sees no staircase and its feedforward gets the exact rate; when the next
-sample is late the offset stops at the end of its line.
+The error of the sample before is what acts (the delay of Fig. 12).  Between samples the offset runs
+on a straight line with the rate 2 pi f_m e(k), so the servo sees no staircase and its feedforward
+gets the exact rate; when the next sample is late the offset stops at the end of its line.
 
-A first error of half a beamwidth would ask for its whole rate at once; the rate changes by `acceleration_rad_s2` at most.
+A first error of half a beamwidth would command its whole rate at once; the rate changes by
+`acceleration_rad_s2` at most.
 
-Beyond the paper, e may be the mean of the latest errors while that mean is small.  Five at 10 Hz have nulls at 2 and 4 Hz
-and leave too little of the bending modes between to be driven through the delay of commands that are sent ahead, whatever
-its phase; an error to be caught, after a search, acts at once (docs/math/controllers.md).
+Beyond the paper, e may be the mean of the latest errors while that mean is small.  Five at 10 Hz
+have nulls at 2 and 4 Hz and leave too little of the bending modes between to be driven through the
+delay of commands that are sent ahead, whatever its phase; an error to be caught, after a search,
+acts at once (docs/math/controllers.md).
 """
 
 import math
@@ -44,7 +46,7 @@ class TrackerIntegratorParams(Params):
 
 @dataclass(slots=True)
 class TrackerIntegratorState:
-    """Offset (2,) at `t_s`, rate (2,) up to `end_s`, whether frozen, latest errors; axis order as the errors come."""
+    """Offset (2,) at `t_s`, its rate (2,) up to `end_s`, latest errors."""
 
     offset_rad: Array = field(default_factory=lambda: np.zeros(2))
     rate_rad_s: Array = field(default_factory=lambda: np.zeros(2))
@@ -55,16 +57,11 @@ class TrackerIntegratorState:
 
 
 class TrackerIntegrator:
-    """Two-axis integrator: `update(t_s, error)` per sample, `at(t_s)` for the offset and its rate at any later time."""
+    """Two-axis integrator: `update` with every sample, `at` for offset and rate at any time."""
 
     def __init__(self, params: TrackerIntegratorParams) -> None:
-        self._params = params
+        self.params = params
         self._state = TrackerIntegratorState()
-
-    @property
-    def params(self) -> TrackerIntegratorParams:
-        """The parameter set in force."""
-        return self._params
 
     @property
     def state(self) -> TrackerIntegratorState:
@@ -82,7 +79,7 @@ class TrackerIntegrator:
 
     def retune(self, params: TrackerIntegratorParams) -> None:
         """Take new parameters from the next error on; the offset stays, within the new limit."""
-        self._params = params
+        self.params = params
         self._state.offset_rad = self._clamped(self._state.offset_rad)
 
     def reset(self, t_s: float, offset_rad: ArrayLike = (0.0, 0.0)) -> None:
@@ -95,10 +92,11 @@ class TrackerIntegrator:
         """Hold the offset of `t_s` and ignore errors until `unfreeze`."""
         self._settle(t_s)
         self._state.rate_rad_s = np.zeros(2)
+        # Errors from before a freeze belong to another motion.
         self._state.frozen, self._state.errors = True, ()
 
     def unfreeze(self) -> None:
-        """Listen to errors again, from the held offset."""
+        """Use errors again, from the held offset."""
         self._state.frozen = False
 
     def update(self, t_s: float, error_rad: ArrayLike) -> None:
@@ -110,30 +108,38 @@ class TrackerIntegrator:
             For a non-finite error or a time before the previous one.
         """
         error = as_finite_array("error_rad", error_rad, (2,))
+        # A late error finds the offset at rest on the end of its line: the rate then starts again
+        # from zero.
         running = t_s <= self._state.end_s + 1e-6
         self._settle(t_s)
         if self._state.frozen:
             return
-        latest = (*self._state.errors, (float(error[0]), float(error[1])))[-self._params.mean_of :]
+        # Five errors have a null at 2 Hz: the radio loop must not drive the bending modes.
+        latest = (*self._state.errors, (float(error[0]), float(error[1])))[-self.params.mean_of :]
         self._state.errors = latest
         mean = np.array(latest).sum(axis=0) / len(latest)
-        acting = mean if math.hypot(mean[0], mean[1]) <= self._params.mean_within_rad else error
-        wanted = 2.0 * math.pi * self._params.bandwidth_hz * acting
+        # A target to be caught is not to be waited for: beyond the bound the newest error acts
+        # alone.
+        acting = mean if math.hypot(mean[0], mean[1]) <= self.params.mean_within_rad else error
+        wanted = 2.0 * math.pi * self.params.bandwidth_hz * acting
         before = self._state.rate_rad_s if running else np.zeros(2)
-        largest = self._params.acceleration_rad_s2 * self._params.sample_s
+        # A step of the rate would be a step of the servo's feedforward.
+        largest = self.params.acceleration_rad_s2 * self.params.sample_s
         self._state.rate_rad_s = before + np.clip(wanted - before, -largest, largest)
-        self._state.end_s = t_s + self._params.sample_s
+        self._state.end_s = t_s + self.params.sample_s
 
     def at(self, t_s: float) -> tuple[Array, Array]:
         """Return offset (2,) and its rate (2,) at `t_s`, not before the latest update."""
         state = self._state
         if t_s < state.t_s:
             raise ValueError(f"t_s={t_s} must be >= {state.t_s}, the time of the latest update")
-        limit, passed_s = self._params.offset_limit_rad, min(t_s, state.end_s) - state.t_s
+        limit, passed_s = self.params.offset_limit_rad, min(t_s, state.end_s) - state.t_s
         offsets, rates = [0.0, 0.0], [0.0, 0.0]
         for axis, (offset, rate) in enumerate(zip(state.offset_rad.tolist(), state.rate_rad_s.tolist(), strict=True)):
             now = offset + rate * passed_s
             offsets[axis] = min(max(now, -limit), limit)
+            # At its limit the offset stands: a rate fed forward there would push against it for
+            # ever.
             if t_s < state.end_s and abs(now) < limit:
                 rates[axis] = rate
         return np.array(offsets), np.array(rates)
@@ -149,4 +155,4 @@ class TrackerIntegrator:
         self._state.t_s = self._state.end_s = t_s
 
     def _clamped(self, offset_rad: Array) -> Array:
-        return np.clip(offset_rad, -self._params.offset_limit_rad, self._params.offset_limit_rad)
+        return np.clip(offset_rad, -self.params.offset_limit_rad, self.params.offset_limit_rad)

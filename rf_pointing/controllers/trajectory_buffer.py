@@ -1,8 +1,9 @@
-"""Time-tagged commands sent ahead: merge messages, interpolate by quintic Hermite, say when the table runs dry.
+"""The command table: time-tagged commands sent ahead, merged, and interpolated by quintic Hermite.
 
-Between two points the quintic has their positions, rates and accelerations, so a 10-Hz table of a satellite pass is
-exact to nanoradians and its rate is analytic.  Past the last point the motion goes on with that point's rate and
-acceleration for at most `extrapolation_s`; after that the sample says "dry" and carries the last position at rest.
+Between two points the quintic has their positions, rates and accelerations, so a 10-Hz table of a
+satellite pass is exact to nanoradians and its rate is analytic.  Past the last point the motion
+goes on with that point's rate and acceleration for at most `extrapolation_s`; after that the sample
+is "dry": the position reached, at rest.
 """
 
 from dataclasses import dataclass
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from rf_pointing.core import JointTrajectory, Motion, Params, Quintic, parameter, require_finite
 
-__all__ = ["TrajectoryAnswer", "TrajectoryBuffer", "TrajectoryBufferParams", "TrajectorySample"]
+__all__ = ["TrajectoryBuffer", "TrajectoryBufferParams", "TrajectorySample"]
 
 Array = NDArray[np.float64]
 
@@ -21,7 +22,7 @@ TABLE, EXTRAPOLATED, EARLY, DRY = "table", "extrapolated", "early", "dry"
 
 @dataclass(frozen=True, kw_only=True)
 class TrajectoryBufferParams(Params):
-    """How far the buffer trusts a table."""
+    """How far a table is trusted."""
 
     extrapolation_s: float = parameter(1.0, "longest extrapolation past the last point", low=0.0, high=5.0)
     max_gap_s: float = parameter(2.5, "longest interval between points that is interpolated", low=0.01, high=60.0)
@@ -30,19 +31,12 @@ class TrajectoryBufferParams(Params):
 
 
 @dataclass(frozen=True, slots=True)
-class TrajectoryAnswer:
-    """Whether a message was taken, and why not."""
-
-    accepted: bool
-    reason: str = ""
-
-
-@dataclass(frozen=True, slots=True)
 class TrajectorySample:
     """Position, rate and acceleration (2,) at `t_s`, and where they come from.
 
-    `source`: "table" between points, "extrapolated" past the last one, "early" before the first one or before a new
-    table begins (the nearest point, at rest), "dry" when the extrapolation has run out (its end, at rest).
+    `source`: "table" between points, "extrapolated" past the last one, "early" before the first one
+    or before a new table begins (the nearest point, at rest), "dry" when the extrapolation has run
+    out (its end, at rest).
     """
 
     t_s: float
@@ -61,15 +55,10 @@ class TrajectoryBuffer:
     """Holds the merged table; a newer message replaces the old one from its own first point on."""
 
     def __init__(self, params: TrajectoryBufferParams) -> None:
-        self._params = params
+        self.params = params
         self._table = np.zeros((0, 7))
         self._latest: Array = np.zeros((0, 7))
         self._segment: tuple[float, float, Quintic] | None = None
-
-    @property
-    def params(self) -> TrajectoryBufferParams:
-        """The parameter set in force."""
-        return self._params
 
     @property
     def empty(self) -> bool:
@@ -78,7 +67,7 @@ class TrajectoryBuffer:
 
     @property
     def state(self) -> tuple[Array, Array]:
-        """A copy of the complete state: merged table and latest message, rows t, position, velocity, acceleration."""
+        """A copy of table and latest message, rows of t, position, velocity, acceleration."""
         return self._table.copy(), self._latest.copy()
 
     @state.setter
@@ -90,26 +79,43 @@ class TrajectoryBuffer:
         """Forget every point."""
         self.state = (np.zeros((0, 7)), np.zeros((0, 7)))
 
-    def accept(self, trajectory: JointTrajectory, now_s: float) -> TrajectoryAnswer:
-        """Merge a message received at `now_s`, or say why not: stale, future, duplicate or older than the last one."""
-        reason = self.refusal(trajectory, now_s)
+    def accept(self, trajectory: JointTrajectory, now_s: float) -> str:
+        """Merge a message received at `now_s`; return "" or why not: then nothing has changed."""
+        reason = self.reason_against(trajectory, now_s)
         if reason:
-            return TrajectoryAnswer(False, reason)
+            return reason
         rows = _rows(trajectory)
+        # A newer message replaces the older from its own first point on; before it the older holds.
         kept = self._table[self._table[:, 0] < rows[0, 0]]
-        past = int(np.searchsorted(kept[:, 0], now_s - self._params.keep_s))
+        # The last point before now stays: the segment that is being flown begins there.
+        past = int(np.searchsorted(kept[:, 0], now_s - self.params.keep_s))
         self._table = np.vstack([kept[max(0, past - 1) :], rows])
         self._latest = rows
         self._segment = None
-        return TrajectoryAnswer(True)
+        return ""
 
-    def refusal(self, trajectory: JointTrajectory, now_s: float) -> str:
-        """Return "" or why `accept` would refuse a message received at `now_s`."""
+    def reason_against(self, trajectory: JointTrajectory, now_s: float) -> str:
+        """Return why a message received at `now_s` is stale, future, a duplicate or out of order,
+        "" if it is not.
+        """
         require_finite("now_s", now_s)
-        return self._refusal(_rows(trajectory), now_s)
+        rows = _rows(trajectory)
+        begins, ends = rows[0, 0], rows[-1, 0]
+        if ends < now_s:
+            return f"stale: its last point is {now_s - ends:.3f} s in the past"
+        if begins > now_s + self.params.max_lead_s:
+            return f"future: it begins {begins - now_s:.3f} s ahead, must be <= {self.params.max_lead_s} s"
+        if len(self._latest):
+            if np.array_equal(rows, self._latest):
+                return "duplicate of the latest message"
+            # Transport may swap two messages; the older one would bring back points that are
+            # already replaced.
+            if begins < self._latest[0, 0]:
+                return f"out of order: it begins {self._latest[0, 0] - begins:.3f} s before the latest message"
+        return ""
 
     def lead_s(self, now_s: float) -> float:
-        """Return how long the table still lasts from `now_s`; negative once it has ended, -inf when empty."""
+        """Return how long the table lasts from `now_s`: negative past its end, -inf if empty."""
         return float(self._table[-1, 0] - now_s) if not self.empty else -np.inf
 
     def at(self, t_s: float) -> TrajectorySample:
@@ -122,7 +128,8 @@ class TrajectoryBuffer:
         """
         require_finite("t_s", t_s)
         if self.empty:
-            raise ValueError("trajectory buffer is empty: accept a message before asking for a command")
+            raise ValueError("trajectory buffer is empty: accept a message before `at`")
+        # Four ticks in five fall into the segment of the tick before: its quintic is solved once.
         if self._segment is not None and self._segment[0] <= t_s <= self._segment[1]:
             return self._between(t_s)
         times = self._table[:, 0]
@@ -130,12 +137,14 @@ class TrajectoryBuffer:
         if index < 0:
             return _sample(t_s, _at_rest(self._table[0, 1:]), EARLY)
         if index + 1 < len(times):
-            if times[index + 1] - times[index] <= self._params.max_gap_s:
+            # A wider gap is two tables, not one curve: the buffer extrapolates the first, then
+            # waits for the second.
+            if times[index + 1] - times[index] <= self.params.max_gap_s:
                 begin, end = self._table[index], self._table[index + 1]
                 curve = Quintic(_motion(begin), _motion(end), end[0] - begin[0])
                 self._segment = (float(begin[0]), float(end[0]), curve)
                 return self._between(t_s)
-            if t_s > times[index] + self._params.extrapolation_s:
+            if t_s > times[index] + self.params.extrapolation_s:
                 return _sample(t_s, _at_rest(self._table[index + 1, 1:]), EARLY)
         return self._beyond(t_s, index)
 
@@ -147,7 +156,7 @@ class TrajectoryBuffer:
     def _beyond(self, t_s: float, index: int) -> TrajectorySample:
         last = self._table[index]
         past = t_s - last[0]
-        reach = min(past, self._params.extrapolation_s)
+        reach = min(past, self.params.extrapolation_s)
         moved = np.concatenate(
             [
                 last[1:3] + reach * last[3:5] + 0.5 * reach**2 * last[5:7],
@@ -155,22 +164,10 @@ class TrajectoryBuffer:
                 last[5:7],
             ]
         )
-        if past > self._params.extrapolation_s:
+        # At rest where the extrapolation ends: going on further would be a guess.
+        if past > self.params.extrapolation_s:
             return _sample(t_s, _at_rest(moved), DRY)
         return _sample(t_s, moved, TABLE if past == 0.0 else EXTRAPOLATED)
-
-    def _refusal(self, rows: Array, now_s: float) -> str:
-        begins, ends = rows[0, 0], rows[-1, 0]
-        if ends < now_s:
-            return f"stale: its last point is {now_s - ends:.3f} s in the past"
-        if begins > now_s + self._params.max_lead_s:
-            return f"future: it begins {begins - now_s:.3f} s ahead, must be <= {self._params.max_lead_s} s"
-        if len(self._latest):
-            if np.array_equal(rows, self._latest):
-                return "duplicate of the latest message"
-            if begins < self._latest[0, 0]:
-                return f"out of order: it begins {self._latest[0, 0] - begins:.3f} s before the latest message"
-        return ""
 
 
 def _rows(trajectory: JointTrajectory) -> Array:

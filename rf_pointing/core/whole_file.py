@@ -19,7 +19,7 @@ def write_whole(path: Path, text: str) -> None:
     """Replace the text of a file; its folders are made where they are missing."""
     path.parent.mkdir(parents=True, exist_ok=True)
     new = path.with_name(f"{path.name}.new")
-    with new.open("w") as file:
+    with new.open("w", encoding="utf-8") as file:
         file.write(text)
         file.flush()
         # Without it a crash can leave an empty file: the rename may reach the disk before the text.

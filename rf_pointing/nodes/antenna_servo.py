@@ -1,14 +1,15 @@
-"""Executable `antenna_servo`: the simulated antenna and its control unit; a station's own driver takes its place.
+"""Executable `antenna_servo`: the simulated antenna and its control unit; a station's own driver
+takes its place.
 
-Subscribes: joint_trajectory.  Publishes: joint_states (50 Hz), antenna_status (10 Hz, on activation, and when a fault
-comes or goes), sim/boresight (50 Hz, truth); while identifying manual_rate (50 Hz).
-Action: identify (rf_pointing_msgs/Identify).
-Services (std_srvs/Trigger): ~/stop (latches a fault), ~/pause, ~/resume, ~/park, ~/stow, ~/disable, ~/reset_fault;
-~/inject_fault (rf_pointing_msgs/InjectFault, where fault injection is enabled).
-Parameters: antenna.*, loops.* (retunable while running), safety.*, wrap_file (keeps the azimuth's turn over a restart;
-empty: not kept), state_file (keeps position, fault and rest), enable_fault_injection, and as truth plant.* (changeable too),
-wind.*, mount.*.
-Activation releases the brakes and holds; deactivation sets them.
+Subscribes: joint_trajectory.  Publishes: joint_states (50 Hz), antenna_status (10 Hz, on
+activation, and when a fault comes or goes), sim/boresight (50 Hz, truth); while identifying
+manual_rate (50 Hz).  Action: identify (rf_pointing_msgs/Identify).  Services (std_srvs/Trigger):
+~/stop (latches a fault), ~/pause, ~/resume, ~/park, ~/stow, ~/disable, ~/reset_fault;
+~/inject_fault (rf_pointing_msgs/InjectFault, where fault injection is enabled).  Parameters:
+antenna.*, loops.* (retunable while running), safety.*, wrap_file (keeps the azimuth's turn over a
+restart; empty: not kept), state_file (keeps position, fault and rest), enable_fault_injection, and
+as truth plant.* (changeable too), wind.*, mount.*.  Activation releases the brakes and holds;
+deactivation sets them.
 """
 
 import math
@@ -41,7 +42,7 @@ LIVE = ("plant", "loops")
 """Parameter sets that may change while the antenna moves."""
 STATUS_PERIOD_S = 0.1
 WRAP_EVERY = 10
-"""Statuses between two looks at whether the azimuth's turn should be written."""
+"""Statuses after which the azimuth's turn is written if it has changed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,14 +50,14 @@ class ServoNodeParams(Params):
     """What is the node's own."""
 
     wrap_file: str = parameter("", "file that keeps the azimuth's turn over a restart; empty: not kept")
-    state_file: str = parameter(
-        "", "file that keeps where the antenna stands, its fault and its rest over a restart; empty: not kept"
-    )
+    state_file: str = parameter("", "file that keeps position, fault and rest over a restart; empty: not kept")
     enable_fault_injection: bool = parameter(False, "whether ~/inject_fault is offered")
 
 
 class AntennaServo(ManagedNode):
-    """Steps the simulated antenna once a tick of node time; ticks missed by up to half a second are made up."""
+    """Steps the simulated antenna once a tick of node time; ticks missed by up to half a second are
+    made up.
+    """
 
     def __init__(self) -> None:
         super().__init__("antenna_servo")
@@ -69,7 +70,7 @@ class AntennaServo(ManagedNode):
         self._status_every = 1
         self._identification = IdentificationServer(self)
         self._statuses = 0
-        self._told_fault = ""
+        self._published_fault = ""
         self._wrap: WrapCount | None = None
         self._wrap_problem = ""
         self._tick_wall_s: float | None = None
@@ -108,7 +109,7 @@ class AntennaServo(ManagedNode):
         self._ticked_s = self.now_s()
         self._early.clear()
         self._joints.publish(convert.joints_to_message(self._antenna.reading(self._ticked_s)))
-        self._tell(self._ticked_s)
+        self._publish_status(self._ticked_s)
         self._schedule = self.every(self._antenna.params.tick_s, self._tick)
 
     def deactivate(self) -> None:
@@ -118,7 +119,9 @@ class AntennaServo(ManagedNode):
         self._keep_wrap()
 
     def _recover_wrap(self) -> None:
-        """Check the kept turn against the encoder; the simulated one is absolute over all turns, a real one over one."""
+        """Check the kept turn against the encoder; the simulated one is absolute over all turns, a
+        real one over one.
+        """
         name = self.parameters.value("").wrap_file
         self._wrap, self._wrap_problem = WrapCount(Path(name)) if name else None, ""
         if self._wrap is None:
@@ -134,7 +137,9 @@ class AntennaServo(ManagedNode):
             raise ValueError(self._wrap_problem)
 
     def _keep_wrap(self) -> None:
-        """Write the azimuth's turn; a disk that is full must not leave the antenna alone in the middle of a motion."""
+        """Write the azimuth's turn; a disk that is full must not leave the antenna alone in the
+        middle of a motion.
+        """
         if self._wrap is None or self._antenna.status(self.now_s()).fault:
             return
         try:
@@ -145,6 +150,7 @@ class AntennaServo(ManagedNode):
             self._wrap_problem = ""
 
     def _tick(self, t_s: float) -> None:
+        # After a jump of the clock every time in the command table means another direction.
         if self._schedule.jumped_s:
             self._antenna.stop(f"the clock jumped by {self._schedule.jumped_s:+.2f} s")
         self._measure_lateness(self._antenna.params.tick_s)
@@ -154,10 +160,11 @@ class AntennaServo(ManagedNode):
         self._boresight.publish(convert.boresight_to_message(boresight))
         self._identification.tick(t_s)
         fault = self._antenna.safety.latch.text
-        news, self._told_fault = fault != self._told_fault, fault
+        news, self._published_fault = fault != self._published_fault, fault
+        # A fault is kept in the file before anyone is informed of it, and published at once.
         if news or round(t_s / self._antenna.params.tick_s) % self._status_every == 0:
             self._memory.keep(self._antenna, t_s)
-            self._tell(t_s)
+            self._publish_status(t_s)
             self._statuses += 1
             if self._statuses % WRAP_EVERY == 0:
                 self._keep_wrap()
@@ -166,20 +173,26 @@ class AntennaServo(ManagedNode):
         while self._early and seconds_from_stamp(self._early[0].header.stamp) <= t_s:
             self._take(self._early.popleft())
 
-    def _tell(self, t_s: float) -> None:
+    def _publish_status(self, t_s: float) -> None:
         message = convert.antenna_status_to_message(self._antenna.status(t_s))
         message.tick_lateness = self._lateness_s
         self._status.publish(message)
 
     def _measure_lateness(self, tick_s: float) -> None:
-        """Compare the wall time between two ticks with the period; at another speed than 1 it shows that speed."""
+        """Compare the wall time between two ticks with the period; at another speed than 1 it shows
+        that speed.
+        """
         wall_s = time.perf_counter()
         if self._tick_wall_s is not None:
             self._lateness_s = wall_s - self._tick_wall_s - tick_s
         self._tick_wall_s = wall_s
 
     def _on_trajectory(self, message: JointTrajectory) -> None:
-        """Take a command; one issued at an instant that the clock has reached and the ticks have not waits for its tick."""
+        """Take a command; one issued at an instant that the clock has reached and the ticks have
+        not waits for its tick.
+        """
+        # Which of clock and command arrives first is chance; taken at once the same run would give
+        # another pass.
         if self._ticked_s < seconds_from_stamp(message.header.stamp) <= self.now_s():
             self._early.append(message)
         else:
@@ -202,7 +215,7 @@ class AntennaServo(ManagedNode):
 
     @staticmethod
     def _answering(name: str, action: Callable[[], str]) -> Callable[[Trigger.Request, Trigger.Response], Any]:
-        """Return a service callback of an action that says "" or why not."""
+        """Return a service callback of an action that returns "" or why not."""
 
         def answer(_request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
             refused = action()
@@ -214,8 +227,8 @@ class AntennaServo(ManagedNode):
     def _on_inject(self, request: InjectFault.Request, response: InjectFault.Response) -> InjectFault.Response:
         try:
             self._antenna.injected.inject(request.fault, request.value)
-        except ValueError as refusal:
-            response.success, response.message = False, str(refusal)
+        except ValueError as error:
+            response.success, response.message = False, str(error)
             return response
         response.success, response.message = True, f"{request.fault} injected at {self._antenna.t_s:.3f}"
         return response

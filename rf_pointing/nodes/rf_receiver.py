@@ -1,8 +1,8 @@
 """Executable `rf_receiver`: simulated feed and receiver behind the simulated antenna.
 
-Subscribes: sim/boresight, passes (which satellite is selected).
-Publishes: monopulse, carrier_power (10 Hz), sim/pointing_error (10 Hz, truth).
-Parameters: source.* (the satellite, its real offset from its elements included), signal.* (link, beam, feed, noise).
+Subscribes: sim/boresight, passes (which satellite is selected).  Publishes: monopulse,
+carrier_power (10 Hz), sim/pointing_error (10 Hz, truth).  Parameters: source.* (the satellite, its
+real offset from its elements included), signal.* (link, beam, feed, noise).
 """
 
 from rf_pointing_msgs.msg import Boresight, CarrierPower, Monopulse, PassList, PointingError
@@ -16,7 +16,7 @@ from rf_pointing.station.antenna.receiver import SignalParams, SimulatedReceiver
 
 
 class RfReceiver(ManagedNode):
-    """Turns boresights into samples; works on their stamps, so it needs no timer."""
+    """Turns boresights into samples at their stamps, without a timer."""
 
     def __init__(self) -> None:
         super().__init__("rf_receiver")

@@ -1,4 +1,6 @@
-"""Drives, structure and wind of an antenna without control unit and mount, for the time loop `simulation.closed_loop.ticks`."""
+"""Drives, structure and wind of an antenna without control unit and mount, for the time loop
+`simulation.closed_loop.ticks`.
+"""
 
 from collections.abc import Callable, Sequence
 
@@ -12,14 +14,16 @@ __all__ = ["BareAntenna", "LawsOnCommand"]
 
 Array = NDArray[np.float64]
 Command = tuple[Array, Array, Array]
-"""Position (rad), velocity (rad/s) and acceleration (rad/s^2) of azimuth and elevation, each (2,)."""
+"""Position (rad), velocity (rad/s) and acceleration (rad/s^2) of azimuth and elevation, each (2,).
+"""
 
 
 class BareAntenna:
     """Moves under the rate commands (2,) that `rates` returns.
 
-    `rates(k, encoder_rad)` is called once a tick with the encoder angles (2,) at its beginning; the wind meets the dish
-    at the attitude (azimuth, elevation) that `attitude(k)` returns, at the encoder angles without it.
+    `rates(k, encoder_rad)` is called once a tick with the encoder angles (2,) at its beginning; the
+    wind meets the dish at the attitude (azimuth, elevation) that `attitude(k)` returns, at the
+    encoder angles without it.
     """
 
     def __init__(
@@ -43,7 +47,9 @@ class BareAntenna:
 
 
 class LawsOnCommand:
-    """Position laws of azimuth and elevation that follow what `command(k)` returns: rate commands for `BareAntenna`."""
+    """Position laws of azimuth and elevation that follow what `command(k)` returns: rate commands
+    for `BareAntenna`.
+    """
 
     def __init__(self, laws: Sequence[PositionLaw], tick_s: float, command: Callable[[int], Command]) -> None:
         self._laws, self._tick_s, self._command = laws, tick_s, command
@@ -54,7 +60,9 @@ class LawsOnCommand:
         return law_rates(self._laws, command, encoder_rad.tolist(), self._tick_s)
 
     def settle(self, plant: AntennaPlant, position_rad: Array, velocity_rad_s: Array) -> None:
-        """Put drives and laws into steady motion (2,) through this position (2,), as after a long approach."""
+        """Put drives and laws into steady motion (2,) through this position (2,), as after a long
+        approach.
+        """
         state = plant.state
         state.x[2:4] = velocity_rad_s
         plant.state = state

@@ -1,7 +1,7 @@
 """Plant, wind and position loops alone, without messages: long runs and many of them.
 
-Per control tick: command table, position loops on the encoders, wind, plant, all of the classes that the antenna's node
-uses.
+Per control tick: command table, position loops on the encoders, wind, plant, all of the classes
+that the antenna's node uses.
 """
 
 import math
@@ -26,7 +26,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class ServoRunSetup:
-    """Commands (ticks, 2) at the control ticks and what carries them out; starts at rest on the first command."""
+    """Commands (ticks, 2) at the control ticks and what carries them out; starts at rest on the
+    first command.
+    """
 
     position_rad: Array
     velocity_rad_s: Array
@@ -69,19 +71,24 @@ def run_servo(setup: ServoRunSetup) -> ServoRun:
 
 
 def servo_monte_carlo(setup: ServoRunSetup, seeds: Sequence[int], *, workers: int | None = None) -> Array:
-    """Return `error_statistics` (runs, 2) of one run per seed, spread over `workers` processes (None: one per core)."""
+    """Return `error_statistics` (runs, 2) of one run per seed, spread over `workers` processes
+    (None: one per core).
+    """
     count = workers or os.cpu_count() or 1
     require_between("workers", count, 1, 256)
     cases = [replace(setup, seed=seed) for seed in seeds]
     if count == 1:
         return np.array([_statistics(case) for case in cases])
     with ProcessPoolExecutor(count) as pool:
-        # One share a worker: the setup with its tables is sent with every run, which costs more than the result.
+        # One share a worker: the setup with its tables is sent with every run, which costs more
+        # than the result.
         return np.array(list(pool.map(_statistics, cases, chunksize=math.ceil(len(cases) / count))))
 
 
 def error_statistics(setup: ServoRunSetup, run: ServoRun) -> Array:
-    """Return the rms of command minus beam (2,) on the sky: cross-elevation, elevation, over the second half."""
+    """Return the rms of command minus beam (2,) on the sky: cross-elevation, elevation, over the
+    second half.
+    """
     half = len(run.beam_rad) // 2
     error = setup.position_rad[half + 1 :] - run.beam_rad[half:-1]
     error[:, 0] *= np.cos(setup.position_rad[half + 1 :, 1])

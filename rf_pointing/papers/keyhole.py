@@ -1,4 +1,6 @@
-"""Passes through the zenith flown without ROS, to hold the certificate's loss against what the antenna then loses."""
+"""Passes through the zenith flown without ROS, to hold the certificate's loss against what the
+antenna then loses.
+"""
 
 import math
 from dataclasses import dataclass
@@ -31,7 +33,9 @@ NO_SUN = GateParams(sun_radius_rad=0.0)
 
 @dataclass(frozen=True, kw_only=True)
 class Loss:
-    """Loss of one crossing: signal lost, time below half power, and loss integrated in decibels (60 dB at most)."""
+    """Loss of one crossing: signal lost, time below half power, and loss integrated in decibels (60
+    dB at most).
+    """
 
     signal_s: float
     below_s: float
@@ -50,7 +54,7 @@ class Loss:
 
 @dataclass(frozen=True, kw_only=True)
 class KeyholeRun:
-    """What the certificate said of a pass and what happened."""
+    """The loss that the certificate predicts for a pass, and the loss of the flown pass."""
 
     name: str
     station: str
@@ -105,7 +109,9 @@ def _controller(case: KeyholeCase) -> PointingController:
 
 
 def _begin(case: KeyholeCase, controller: PointingController) -> float | None:
-    """Certify the pass, and return when to begin to fly it: on the target, before the crossing if there is one."""
+    """Certify the pass, and return when to begin to fly it: on the target, before the crossing if
+    there is one.
+    """
     early = JointReading(t_s=case.window.aos_t_s, position_rad=np.array([3.0, 0.5]), velocity_rad_s=np.zeros(2))
     controller.take_joints(early)
     controller.start(case.window.aos_t_s, case.window, "program")
@@ -117,13 +123,17 @@ def _begin(case: KeyholeCase, controller: PointingController) -> float | None:
 
 
 def _antenna(controller: PointingController, case: KeyholeCase, start_s: float) -> SimulatedAntenna:
-    """Return an antenna that stands where the target is at the start, with travel beyond the controller's limits."""
+    """Return an antenna that stands where the target is at the start, with travel beyond the
+    controller's limits.
+    """
     target = case.track.target_at(start_s, near_azimuth_rad=_near(controller, case))
     here = np.array([target.azimuth_rad, target.elevation_rad])
     over = controller.plan.course.plunge_at(start_s)
     azimuth, elevation = (plunged(here, 0.0 * here, 0.0 * here)[0] if over else here).tolist()
     loops = LoopParams()
     preprocessor = loops.preprocessor.replace(travel_min_rad=(-7.0, -0.1), travel_max_rad=(13.0, 3.2))
+    # A crossing over the top, or a turn the long way round, must not end at a stop: the loss is
+    # that of the path alone.
     plant = dss13_plant()
     plant = plant.replace(
         azimuth=plant.azimuth.replace(travel_min_rad=-7.5, travel_max_rad=13.5),

@@ -1,4 +1,6 @@
-"""Passes through the zenith to hold a certificate against: which satellites, stations and days, and on what mount."""
+"""Passes through the zenith to hold a certificate against: which satellites, stations and days, and
+on what mount.
+"""
 
 import math
 from collections.abc import Iterator
@@ -16,7 +18,9 @@ from rf_pointing.station.antenna.mount import MountParams
 __all__ = ["AVERAGING_S", "KeyholeCase", "high_passes", "station_mount"]
 
 LEAST_PERIGEE_M, LARGEST_PERIGEE_M = 300e3, 1500e3
-"""Perigees of the orbits that are flown: low, and high enough to last for the days they are flown on."""
+"""Perigees of the orbits that are flown: low, and high enough to last for the days they are flown
+on.
+"""
 LEAST_PEAK_RAD = math.radians(75.0)
 AVERAGING_S = 5.0
 """Time over which the mount averages the rates that its lags act on."""
@@ -31,9 +35,11 @@ BEAMS_DEG = (0.065, 0.264, 1.0, 3.0)
 
 @dataclass(frozen=True, kw_only=True)
 class KeyholeCase:
-    """One pass to fly, the beam that follows it, whether the dish may go over the top, and the errors of the mount.
+    """One pass to fly, the beam that follows it, whether the dish may go over the top, and the
+    errors of the mount.
 
-    The controller knows the mount as a perfect calibration would, its lags as those of steady motion.
+    The controller knows the mount as a perfect calibration would, its lags as those of steady
+    motion.
     """
 
     track: TopocentricTrack
@@ -51,7 +57,7 @@ class KeyholeCase:
 
     @property
     def calibrated(self) -> BiasModel:
-        """The model of steady motion: the average of the rates is one acceleration lag of -T more."""
+        """The model of steady motion: an average of rates is an acceleration lag of -T more."""
         found = self.mount.model()
         lags = {
             f"{axis}_acceleration_lag": found.coefficients[f"{axis}_acceleration_lag"]
@@ -62,7 +68,7 @@ class KeyholeCase:
 
 
 def station_mount() -> MountParams:
-    """Return errors of the size of SATCAL Table 1 (Mauritius): the mount of the simulated station."""
+    """Return errors of the size of SATCAL Table 1 (Mauritius), those of our station."""
     return MountParams(
         azimuth_offset_rad=math.radians(0.178),
         non_orthogonality_rad=math.radians(0.062),
@@ -82,7 +88,8 @@ def station_mount() -> MountParams:
 
 
 def high_passes(count: int, seed: int) -> Iterator[KeyholeCase]:
-    """Yield passes that go through the zenith, each of another random orbit, station or day, with a random beam.
+    """Yield passes that go through the zenith, each of another random orbit, station or day, with a
+    random beam.
 
     Orbits are the lasting low ones of the verification set and generated circular ones.
     """

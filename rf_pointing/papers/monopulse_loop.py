@@ -1,7 +1,8 @@
-"""A Ka-band pass with everything real: servo, wind, squinted feed, receiver noise, monopulse tracker, integrator.
+"""A Ka-band pass with everything real: servo, wind, squinted feed, receiver noise, monopulse
+tracker, integrator.
 
-Per 20-ms tick: trajectory, radio offset, command preprocessor, position loops, wind, plant, one receiver sample; every
-5 samples a cluster, whose error acts one cluster later (BWG Fig. 12).
+Per 20-ms tick: trajectory, radio offset, command preprocessor, position loops, wind, plant, one
+receiver sample; every 5 samples a cluster, whose error acts one cluster later (BWG Fig. 12).
 """
 
 import math
@@ -58,7 +59,9 @@ class MonopulsePass:
 
 @dataclass(frozen=True, slots=True)
 class PassLog:
-    """Target minus beam (n, 2) in cross-elevation and elevation, and the command's velocity (n, 2), at `t_s` (n,)."""
+    """Target minus beam (n, 2) in cross-elevation and elevation, and the command's velocity (n, 2),
+    at `t_s` (n,).
+    """
 
     t_s: Array
     error_rad: Array
@@ -66,13 +69,15 @@ class PassLog:
     transparent: NDArray[np.bool_]
 
     def rms_rad(self, settle_s: float) -> tuple[Array, float]:
-        """Return the rms error of each axis (2,) and the radial one, from `settle_s` after the start."""
+        """Return the rms error of each axis (2,) and the radial one, from `settle_s` after the
+        start.
+        """
         late = self.error_rad[self.t_s >= self.t_s[0] + settle_s]
         return np.sqrt(np.mean(late**2, axis=0)), float(np.sqrt(np.mean(np.sum(late**2, axis=1))))
 
 
 class Radio(Protocol):
-    """What the pass asks of the radio side; `stop` ends the pass."""
+    """What the pass needs of the radio side; `stop` ends the pass."""
 
     stop: bool
 
@@ -81,18 +86,24 @@ class Radio(Protocol):
         ...
 
     def sample(self, k: int, miss_rad: Array, beam_rad: Array) -> None:
-        """Take target minus beam and, from the encoders, beam minus ephemeris, both (2,) on the sky, at tick `k`."""
+        """Take target minus beam and, from the encoders, beam minus ephemeris, both (2,) on the
+        sky, at tick `k`.
+        """
         ...
 
 
 def ka_receiver(seed: int, phase_rad: float = 0.0) -> Receiver:
-    """Return a Ka-band receiver whose differences are turned by `phase_rad` (pi: the sign is flipped)."""
+    """Return a Ka-band receiver whose differences are turned by `phase_rad` (pi: the sign is
+    flipped).
+    """
     feed = MonopulseFeed(MonopulseFeedParams(difference_phase_rad=(phase_rad, phase_rad)), KA)
     return Receiver(ReceiverParams(), Beam(KA), feed, random_stream(seed, "receiver"))
 
 
 class PlainRadio:
-    """Monopulse and integrator, without a state table; from `flip_s` on both differences have the wrong sign."""
+    """Monopulse and integrator, without a state table; from `flip_s` on both differences have the
+    wrong sign.
+    """
 
     def __init__(
         self, setup: MonopulsePass, bandwidth_hz: float, level_db_hz: float = 45.0, flip_s: float = math.inf

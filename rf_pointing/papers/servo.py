@@ -1,6 +1,7 @@
 """BWG and DSS13-ID recomputed: every number of the two articles that one plant can answer for.
 
-The plant, its fitted parameters and what cannot hold at once are described in docs/math/plant.md and controllers.md.
+The plant, its fitted parameters and what cannot hold at once are described in docs/math/plant.md
+and controllers.md.
 """
 
 from rf_pointing.papers.row import Row

@@ -49,7 +49,9 @@ def _settled(error: Array) -> list[Row]:
 
 
 def _start() -> list[Row]:
-    """Start at rest on the first point of the pass, 400 s before culmination; rms over the first 30 s."""
+    """Start at rest on the first point of the pass, 400 s before culmination; rms over the first 30
+    s.
+    """
     setup = PassSetup(loops=(PLAIN, PLAIN), start_s=START_S, end_s=START_S + WINDOW_S, settled=False)
     rms = np.sqrt(np.mean(fly(setup).beam_rad ** 2, axis=0)) / MDEG
     return [

@@ -1,8 +1,9 @@
-"""Rows of DSS13-ID: the experiment on the simulated antenna, its models, and their errors on held-out sequences.
+"""Rows of DSS13-ID: the experiment on the simulated antenna, its models, and their errors on
+held-out sequences.
 
-The plant has the bending mode at 2.01 Hz where that article measured it.  Input: white noise of 0.1 to 1.3 V at 0.08
-deg/s per volt to one axis at a time, 0.0023 V unmeasured at
-both, of which the friction takes 0.0009 V; calm air (0.3 m/s; the article had 0 to 3.6 m/s).
+The plant has the bending mode at 2.01 Hz where that article measured it.  Input: white noise of 0.1
+to 1.3 V at 0.08 deg/s per volt to one axis at a time, 0.0023 V unmeasured at both, of which the
+friction takes 0.0009 V; calm air (0.3 m/s; the article had 0 to 3.6 m/s).
 """
 
 import math
@@ -43,7 +44,9 @@ TABLE_1_HZ = {
     ("elevation", "azimuth"): (1.98, 3.21, 5.30),
 }
 TABLES = {"azimuth": (0.31, 1.32, 6.81), "elevation": (0.23, 2.18, 4.66)}
-"""Largest published values per driven axis: error and gain factor of the straight, error of the cross response, %."""
+"""Largest published values per driven axis: error and gain factor of the straight, error of the
+cross response, %.
+"""
 
 
 def identification_rows(seed: int = 1) -> list[Row]:
@@ -54,7 +57,9 @@ def identification_rows(seed: int = 1) -> list[Row]:
 
 
 def record(axis: str, sequences: int, seed: int, params: ExcitationParams, bending: str = "identified") -> Recording:
-    """Return the recording of one axis' experiment on the simulated antenna with its bending mode where `bending` says."""
+    """Return the recording of one axis' experiment on the simulated antenna with its bending mode
+    where `bending` says.
+    """
     plant = AntennaPlant(dss13_plant(bending=bending), random_stream(seed, f"encoder {axis}"), START_RAD)
     wind = Wind(WindParams(mean_speed_m_s=WIND_M_S, from_azimuth_rad=1.0), random_stream(seed, f"wind {axis}"))
     limits = plant.params.azimuth if axis == "azimuth" else plant.params.elevation

@@ -1,6 +1,8 @@
-"""The closed loop in continuous time: antenna, position loops, radio integrator, as one linear system.
+"""The closed loop in continuous time: antenna, position loops, radio integrator, as one linear
+system.
 
-    command = r + o,   o' = 2 pi f_m (r + delta - beam),   u = N(s) [k_p e + k_i int(e) + F(s) command']
+    command = r + o,   o' = 2 pi f_m (r + delta - beam)
+    u = N(s) [k_p e + k_i int(e) + F(s) command']
 
 Used for root loci and exact responses; the sampled loop is the real code in `servo_pass.py`.
 """
@@ -25,9 +27,11 @@ INPUTS = 8
 
 @dataclass(frozen=True, slots=True)
 class ClosedLoop:
-    """x' = a x + b u with u = command (2), its rate (2), wind acceleration (2), target deviation (2).
+    """x' = a x + b u with u = command (2), its rate (2), wind acceleration (2), target deviation
+    (2).
 
-    `encoder` and `beam` are (2, n); `offset` (2, n) is what the radio integrator adds to the command.
+    `encoder` and `beam` are (2, n); `offset` (2, n) is what the radio integrator adds to the
+    command.
     """
 
     a: Array
@@ -37,7 +41,9 @@ class ClosedLoop:
     offset: Array
 
     def stable(self) -> bool:
-        """Whether every pole lies left of the axis (a pole at zero of an unused integrator does not count)."""
+        """Whether every pole lies left of the axis (a pole at zero of an unused integrator does not
+        count).
+        """
         return bool(np.max(np.linalg.eigvals(self.a).real) < 1e-9)
 
     def response(self, frequency_hz: Array, output: Array, inputs: slice) -> ComplexArray:
@@ -52,7 +58,9 @@ def closed_loop(
     loops: tuple[PositionLoopParams, PositionLoopParams],
     bandwidth_hz: tuple[float, float] = (0.0, 0.0),
 ) -> ClosedLoop:
-    """Return the loop of `plant` under both position loops and radio integrators of f_m `bandwidth_hz`."""
+    """Return the loop of `plant` under both position loops and radio integrators of f_m
+    `bandwidth_hz`.
+    """
     model = linear_model(plant)
     size = len(model.a)
     total = size + 10
@@ -86,7 +94,9 @@ def _controller(
     rate_row: Array,
     rate_input: Array,
 ) -> tuple[Array, Array]:
-    """Fill the four states of one position loop and return its command as rows over states and inputs."""
+    """Fill the four states of one position loop and return its command as rows over states and
+    inputs.
+    """
     integral, filtered, band, low = (size + 4 * axis + k for k in range(4))
     a[integral], b[integral] = error, _unit(axis)
     wb = 2.0 * math.pi * loop.feedforward_band_hz
@@ -112,7 +122,8 @@ def stability_limit_hz(
     axis: int,
     highest_hz: float = 3.0,
 ) -> float:
-    """Return the smallest f_m of one axis' radio loop at which the closed loop is no longer stable (root locus).
+    """Return the smallest f_m of one axis' radio loop at which the closed loop is no longer stable
+    (root locus).
 
     Scanned upwards in steps of 2 % from 5 mHz, then bisected; `highest_hz` if stable all the way.
     """
@@ -134,7 +145,9 @@ def stability_limit_hz(
 def peak_sensitivity(
     plant: PlantParams, loops: tuple[PositionLoopParams, PositionLoopParams], axis: int, f_m: float
 ) -> float:
-    """Return Ms = max |1 / (1 + G H)| of one axis' radio loop, G from command to beam with the encoder loop closed."""
+    """Return Ms = max |1 / (1 + G H)| of one axis' radio loop, G from command to beam with the
+    encoder loop closed.
+    """
     frequency = np.geomspace(1e-3, 20.0, 4000)
     loop = closed_loop(plant, loops)
     s = 2j * np.pi * frequency
@@ -143,7 +156,9 @@ def peak_sensitivity(
 
 
 def respond(loop: ClosedLoop, inputs: Array, dt_s: float, outputs: Array, start: Array) -> Array:
-    """Return `outputs` @ state at each sample of `inputs` (n, 8), exact for inputs that run straight in between."""
+    """Return `outputs` @ state at each sample of `inputs` (n, 8), exact for inputs that run
+    straight in between.
+    """
     size = len(loop.a)
     ramp = np.zeros((size + INPUTS, size + INPUTS))
     ramp[:size, :size], ramp[:size, size:] = loop.a, loop.b

@@ -1,7 +1,8 @@
 """Rows of BWG Sec. III and IV: how far the monopulse loop can be opened, and what it then gains.
 
-Limits are root loci in continuous time, as in the paper.  Errors come from the sampled loop: the target runs behind
-the ephemeris by a lateness per axis, chosen once so that the first pinion row has the paper's size.
+Limits are root loci in continuous time, as in the paper.  Errors come from the sampled loop: the
+target runs behind the ephemeris by a lateness per axis, chosen once so that the first pinion row
+has the paper's size.
 """
 
 import math
@@ -121,7 +122,10 @@ def _mistuning() -> list[Row]:
 
 
 def _gains() -> list[Row]:
-    """What notch and amplifier gain buy against f_m = 0.04 Hz without either (BWG Fig. 20 against Fig. 8a)."""
+    """What notch and amplifier gain buy against f_m = 0.04 Hz without either (BWG Fig.
+
+    20 against Fig.  8a).
+    """
     base = _peak_errors(OPERATING_HZ)[0]
     plain, notch = (PLAIN, PLAIN), (NOTCH, NOTCH)
     cases = [

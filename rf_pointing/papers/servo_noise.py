@@ -1,7 +1,8 @@
-"""Rows of BWG Sec. V: what averaging a cluster of N monopulse samples gains, in theory and in the running loop.
+"""Rows of BWG Sec. V: what averaging a cluster of N monopulse samples gains, in theory and in the
+running loop.
 
     r_s = sigma_N^2 / sigma_av^2,   sigma_av^2 / sigma_N^2 = mean over the noise band of |D(f)|^2,
-    |D(f)|^2 = (1 / N^2) [N + 2 sum_{k=1..N-1} (N - k) cos(2 pi f k dt)]                          (Fejer kernel)
+    |D(f)|^2 = (1 / N^2) [N + 2 sum_{k=1..N-1} (N - k) cos(2 pi f k dt)]              (Fejer kernel)
 
 exact for noise that is flat between f_o and f_c; white noise is f_o = 0 and gives N (BWG eq. 17).
 """
@@ -58,7 +59,9 @@ def noise_rows(seed: int = 1) -> list[Row]:
 
 
 def averaging_gain(cut_off_hz: float) -> float:
-    """Return r_s of averaging 5 samples of 0.02 s for noise that is flat from `cut_off_hz` to 25 Hz."""
+    """Return r_s of averaging 5 samples of 0.02 s for noise that is flat from `cut_off_hz` to 25
+    Hz.
+    """
     nyquist = 0.5 / SAMPLE_S
     total = float(CLUSTER)
     for k in range(1, CLUSTER):
@@ -76,7 +79,9 @@ def _cut_off_hz(ratio: float) -> float:
 
 
 def _in_the_loop(seed: int) -> float:
-    """Return the ratio of the noise that reaches the integrator from last samples to that from cluster means."""
+    """Return the ratio of the noise that reaches the integrator from last samples to that from
+    cluster means.
+    """
 
     def radio(noise: float, cluster: int) -> np.ndarray:
         setup = PassSetup(

@@ -1,7 +1,8 @@
-"""A pass with the real code: plant, position loops and radio integrator at their sampling rates, wind and noise.
+"""A pass with the real code: plant, position loops and radio integrator at their sampling rates,
+wind and noise.
 
-Per 20-ms tick: trajectory, radio offset, position loops on the encoders, wind, plant.  The radio error is measured at
-its own period and acts after its delay (BWG Fig. 12).
+Per 20-ms tick: trajectory, radio offset, position loops on the encoders, wind, plant.  The radio
+error is measured at its own period and acts after its delay (BWG Fig. 12).
 """
 
 import math
@@ -35,10 +36,12 @@ TICK_S = 0.02
 
 @dataclass(frozen=True, kw_only=True)
 class PassSetup:
-    """What a run is made of; `late_s` is how far the target's azimuth and elevation run behind the ephemeris.
+    """What a run is made of; `late_s` is how far the target's azimuth and elevation run behind the
+    ephemeris.
 
-    `cluster` is the number of latest radio samples that are averaged, 0 or 1 for none, `mean_of` that of latest errors.
-    `settled` starts the antenna in motion with the target; otherwise it starts at rest on the first point.
+    `cluster` is the number of latest radio samples that are averaged, 0 or 1 for none, `mean_of`
+    that of latest errors.  `settled` starts the antenna in motion with the target; otherwise it
+    starts at rest on the first point.
     """
 
     plant: PlantParams = field(default_factory=lambda: dss13_plant(ideal=True))
@@ -60,9 +63,11 @@ class PassSetup:
 
 @dataclass(frozen=True, slots=True)
 class PassErrors:
-    """Errors (n, 2) in radians, order cross-elevation, elevation, at `t_s` (n,): target minus beam and minus encoder.
+    """Errors (n, 2) in radians, order cross-elevation, elevation, at `t_s` (n,): target minus beam
+    and minus encoder.
 
-    `deviation_rad` is target minus ephemeris, `radio_rad` (m, 2) the radio errors as they reached the integrator.
+    `deviation_rad` is target minus ephemeris, `radio_rad` (m, 2) the radio errors as they reached
+    the integrator.
     """
 
     t_s: Array
@@ -92,7 +97,9 @@ def fly(setup: PassSetup) -> PassErrors:
     wind = Wind(setup.wind, random_stream(setup.seed, "wind"))
 
     def command(k: int) -> tuple[Array, Array, Array]:
-        """Return ephemeris plus radio offset in axis angles, after the radio has measured at this tick."""
+        """Return ephemeris plus radio offset in axis angles, after the radio has measured at this
+        tick.
+        """
         radio.tick(k, truth[k] - plant.beam_rad, math.cos(ephemeris.position_rad[k, 1]))
         offset, rate = radio.at(k)
         return ephemeris.position_rad[k] + offset, ephemeris.velocity_rad_s[k] + rate, ephemeris.acceleration_rad_s2[k]

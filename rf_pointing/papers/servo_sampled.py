@@ -1,9 +1,12 @@
-"""One axis as a sampled loop: exact responses at 50 Hz, wind error, sensitivity of encoder and radio loop.
+"""One axis as a sampled loop: exact responses at 50 Hz, wind error, sensitivity of encoder and
+radio loop.
 
-    L = G_e K,   S = 1 / (1 + L),   beam under wind = (W_b - G_b K W_e S) w,   S_radio = 1 / (1 + H G_b (K + F N s) S)
+    L = G_e K,   S = 1 / (1 + L),   S_radio = 1 / (1 + H G_b (K + F N s) S)
+    beam under wind = (W_b - G_b K W_e S) w
 
-G: rate command to encoder and beam, exact for held commands; W: wind acceleration to both; K: position law; H the
-radio integrator of the station with its averages and its delay.  Gusts have Davenport's spectrum.
+G: rate command to encoder and beam, exact for held commands; W: wind acceleration to both; K:
+position law; H the radio integrator of the station with its averages and its delay.  Gusts have
+Davenport's spectrum.
 """
 
 import math
@@ -45,10 +48,11 @@ class Variation:
 
 @dataclass(frozen=True, slots=True)
 class RadioLoop:
-    """Radio integrator of f_m `bandwidth_hz` that acts on the mean of the latest `mean_of` errors, one every 0.1 s.
+    """Radio integrator of f_m `bandwidth_hz` that acts on the mean of the latest `mean_of` errors,
+    one every 0.1 s.
 
-    Each error is the mean of the latest `cluster` samples at 50 Hz and acts `wait_s` after the last of them, on a straight
-    line 0.1 s long.
+    Each error is the mean of the latest `cluster` samples at 50 Hz and acts `wait_s` after the last
+    of them, on a straight line 0.1 s long.
     """
 
     bandwidth_hz: float
@@ -57,7 +61,7 @@ class RadioLoop:
     wait_s: float
 
     def response(self, frequency_hz: Array) -> ComplexArray:
-        """Return the response (f,) from error to offset; the images of the sampling are left out."""
+        """Return the response (f,) from error to offset, without the images of the sampling."""
         s = 2j * np.pi * frequency_hz
         errors = sum(np.exp(-k * RADIO_PERIOD_S * s) for k in range(self.mean_of)) / self.mean_of
         samples = sum(np.exp(-k * SAMPLE_S * s) for k in range(self.cluster)) / self.cluster
@@ -72,15 +76,19 @@ def published_radio(bandwidth_hz: float) -> RadioLoop:
 
 
 def station_radio(bandwidth_hz: float) -> RadioLoop:
-    """Return the radio loop of the station: an error waits for the next period, its command for the 0.1 s after that."""
+    """Return the radio loop of the station: an error waits for the next period, its command for the
+    0.1 s after that.
+    """
     return RadioLoop(bandwidth_hz, mean_of=5, cluster=5, wait_s=0.2)
 
 
 @dataclass(frozen=True, slots=True)
 class LoopQuality:
-    """Beam error rms per unit of wind acceleration gain, sensitivity peaks, stability of both loops.
+    """Beam error rms per unit of wind acceleration gain, sensitivity peaks, stability of both
+    loops.
 
-    `rms_s2_per_m_s` times the wind acceleration per gust speed (rad/s^2 per m/s) is the rms error in radians.
+    `rms_s2_per_m_s` times the wind acceleration per gust speed (rad/s^2 per m/s) is the rms error
+    in radians.
     """
 
     rms_s2_per_m_s: float
@@ -116,7 +124,9 @@ class AxisResponse:
         return self._solve(s, self._a, self._wind)
 
     def closed_radius(self, law: LawMatrices) -> float:
-        """Return the spectral radius of the encoder loop under a law from error to rate (a, b, c, d)."""
+        """Return the spectral radius of the encoder loop under a law from error to rate (a, b, c,
+        d).
+        """
         a, b, c = self._step[:, :-1], self._step[:, -1:], self._outputs[:1]
         la, lb, lc, ld = law
         closed = np.block([[a - b @ ld @ c, b @ lc], [-lb @ c, la]])
@@ -130,8 +140,8 @@ class AxisResponse:
 class LawResponse:
     """Responses of one position law on the same frequency grid; independent of the antenna.
 
-    `gain` (f,) leads from error to rate command, `fed` (f,) from command angle to rate command through the feedforward;
-    `matrices` is the law from error to rate command in state space.
+    `gain` (f,) leads from error to rate command, `fed` (f,) from command angle to rate command
+    through the feedforward; `matrices` is the law from error to rate command in state space.
     """
 
     def __init__(self, law: PositionLoopParams | LqgDesign) -> None:
@@ -146,7 +156,9 @@ class LawResponse:
 def loop_quality(
     response: AxisResponse, law: LawResponse, radio_loop: RadioLoop | None, wind_m_s: float
 ) -> LoopQuality:
-    """Return error and margins of one axis under a position law, with a radio loop around it or without."""
+    """Return error and margins of one axis under a position law, with a radio loop around it or
+    without.
+    """
     frequency, gain, fed = response.frequency_hz, law.gain, law.fed
     encoder, beam = response.from_command.T
     wind_encoder, wind_beam = response.from_wind.T
@@ -163,7 +175,9 @@ def loop_quality(
 
 
 def _encircles_not(loop: ComplexArray) -> bool:
-    """Whether the Nyquist curve of a loop with one integrator leaves -1 alone: 1 + L then turns by a quarter."""
+    """Whether the Nyquist curve of a loop with one integrator leaves -1 alone: 1 + L then turns by
+    a quarter.
+    """
     angle = np.unwrap(np.angle(1.0 + loop))
     return abs(float(angle[-1] - angle[0]) - 0.5 * math.pi) < 0.25 * math.pi
 

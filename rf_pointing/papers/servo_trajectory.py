@@ -1,7 +1,9 @@
-"""A low-orbit pass with exact rates and accelerations: circular orbit over a spherical Earth that stands still.
+"""A low-orbit pass with exact rates and accelerations: circular orbit over a spherical Earth that
+stands still.
 
-BWG Fig. 3 shows its trajectory only as a plot; this one has the same character (one culmination, azimuth rate largest
-there) and analytic derivatives, so no table or differencing can pass for servo error.
+BWG Fig. 3 shows its trajectory only as a plot; this one has the same character (one culmination,
+azimuth rate largest there) and analytic derivatives, so no table or differencing can pass for servo
+error.
 """
 
 import math
@@ -20,7 +22,9 @@ _EARTH_M = 6.371e6
 
 @dataclass(frozen=True, slots=True)
 class MotionTable:
-    """Joint angles, rates and accelerations, each (n, 2) in the order azimuth, elevation, at `t_s` (n,)."""
+    """Joint angles, rates and accelerations, each (n, 2) in the order azimuth, elevation, at `t_s`
+    (n,).
+    """
 
     t_s: Array
     position_rad: Array
@@ -30,7 +34,9 @@ class MotionTable:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LowOrbitPass:
-    """Pass of a satellite at `altitude_m` culminating at `culmination_rad` at t = 0, flying towards `heading_rad`."""
+    """Pass of a satellite at `altitude_m` culminating at `culmination_rad` at t = 0, flying towards
+    `heading_rad`.
+    """
 
     altitude_m: float = 1000e3
     culmination_rad: float = math.radians(70.0)
@@ -62,7 +68,9 @@ class LowOrbitPass:
         )
 
     def _vectors(self, t: Array) -> tuple[tuple[Array, ...], tuple[Array, ...], tuple[Array, ...]]:
-        """Return position, velocity and acceleration as (along track, to its right, up) at the station."""
+        """Return position, velocity and acceleration as (along track, to its right, up) at the
+        station.
+        """
         radius = _EARTH_M + self.altitude_m
         rate = math.sqrt(_MU_M3_S2 / radius**3)
         nadir = math.acos(_EARTH_M * math.cos(self.culmination_rad) / radius) - self.culmination_rad

@@ -1,7 +1,8 @@
-"""Rows on wind: what feedforward does not change, and the row the paper lacks, the best controller on this plant.
+"""Rows on wind: what feedforward does not change, and the row the paper lacks, the best controller
+on this plant.
 
-Headline errors are flown with the real code on the whole plant (friction, play, encoder steps); margins, and the
-antennas that differ from the model, come from exact sampled responses.
+Headline errors are flown with the real code on the whole plant (friction, play, encoder steps);
+margins, and the antennas that differ from the model, come from exact sampled responses.
 """
 
 import math
@@ -46,7 +47,9 @@ WIND_8 = WindParams(mean_speed_m_s=8.0)
 SPAN_S = (-180.0, 180.0)
 SETTLE_S = 20.0
 RADIO_WAITS_S = (0.06, 0.13, 0.2)
-"""Times from the newest sample to the command for which the station's margins are taken, its own and shorter ones."""
+"""Times from the newest sample to the command for which the station's margins are taken, its own
+and shorter ones.
+"""
 VARIATIONS = [Variation(round(0.9 + 0.02 * step, 2), residue) for step in range(11) for residue in (0.7, 1.0, 1.3)]
 """Modes up to 10 % off in steps of 2 %, residues 30 % off and right."""
 
@@ -83,7 +86,9 @@ def _response(axis: int, variation: Variation) -> AxisResponse:
 
 @cache
 def _wind_gain() -> tuple[float, float]:
-    """Return rms over the pass of wind acceleration per gust speed, cross-elevation and elevation, rad/s^2 per m/s."""
+    """Return rms over the pass of wind acceleration per gust speed, cross-elevation and elevation,
+    rad/s^2 per m/s.
+    """
     plant, orbit = dss13_plant(), LowOrbitPass()
     step = 1e-3
     gains = []
@@ -116,7 +121,9 @@ def _total_mdeg(qualities: list[LoopQuality]) -> float:
 
 
 def _best(seed: int) -> list[Row]:
-    """The row the paper lacks, by the tuned PI loops and by the model-based law, each with the radio loop around it."""
+    """The row the paper lacks, by the tuned PI loops and by the model-based law, each with the
+    radio loop around it.
+    """
     published = _flown_mdeg((PUBLISHED, PUBLISHED), None, seed)
     tuned, designs = dss13_loops("tuned"), load_lqg_designs()
     beside = dss13_lqg_loops()
@@ -162,7 +169,8 @@ class _Controller:
     responses: Responses
 
     def rows(self, where: str, loops: list[RadioLoop], seed: int, remark: str, miss: str = "") -> list[Row]:
-        """Return error and margins in the last of some radio loops, margins of other antennas in all of them.
+        """Return error and margins in the last of some radio loops, margins of other antennas in
+        all of them.
 
         `miss` explains an error above 0.5 mdeg.
         """

@@ -1,4 +1,4 @@
-"""How the antenna moves: drives, gears, flexible modes, friction, limits, encoders and wind; the DSS-13 preset."""
+"""How the antenna moves: drives, structure, friction, encoders, wind; the DSS-13 preset."""
 
 from rf_pointing.servo.linear_model import LinearModel, discretise, linear_model
 from rf_pointing.servo.parameters import AxisParams, PlantParams

@@ -1,7 +1,8 @@
-"""The nonlinear part of one axis over one substep, in plain floats: limits, friction, brakes and gear play.
+"""The nonlinear part of one axis over one substep: limits, friction, brakes, gear play.
 
-All of it enters the exact linear step as inputs held over the substep: the rate command the drive can follow, the
-friction that may at most stop the axis, and the difference between the true gear torque and a linear spring.
+All of it enters the exact linear step as inputs held over the substep: the rate command the drive
+can follow, the friction that may at most stop the axis, and the difference between the true gear
+torque and a linear spring.
 """
 
 import math
@@ -13,7 +14,7 @@ __all__ = ["DriveConstants", "axis_inputs", "drive_constants", "gear_correction"
 
 
 class DriveConstants(NamedTuple):
-    """What the functions below need of one axis for one substep; torques are divided by the inertia."""
+    """Constants of one axis for one substep; torques are divided by the inertia."""
 
     rate_decay: float
     """Share of a rate that is left after the substep."""
@@ -21,7 +22,7 @@ class DriveConstants(NamedTuple):
     """Rate after the substep over an acceleration held during it."""
     rate_limit: float
     rate_gap: float
-    """Largest difference between commanded and present rate that the motors can follow at full torque."""
+    """Largest gap between commanded and present rate, at full torque."""
     friction: float
     breakaway_excess: float
     """Breakaway torque over friction torque, less one."""
@@ -64,11 +65,12 @@ def drive_constants(axis: AxisParams, step_s: float) -> DriveConstants:
 def axis_inputs(
     rate: float, command: float, wind: float, powered: bool, braked: bool, drive: DriveConstants
 ) -> tuple[float, float, float]:
-    """Return the rate command (rad/s), friction and wind acceleration (rad/s^2) to hold over the substep.
+    """Return rate command (rad/s), friction and wind (rad/s^2) to hold over the substep.
 
-    `rate` is the axis rate at its start.  Friction and brake are bounded by what brings the axis to rest at its end,
-    which makes sticking exact at any step.  Without power the motors give no torque: the command follows the rate, and
-    the accelerations are scaled so that the rate loop of the linear model, which still acts, takes nothing away.
+    `rate` is the axis rate at its start.  Friction and brake are bounded by what brings the axis to
+    rest at its end, which makes sticking exact at any step.  Without power the motors give no
+    torque: the command follows the rate, and the accelerations are scaled so that the rate loop of
+    the linear model, which still acts, takes nothing away.
     """
     # Unpacked once: this runs for every axis in every substep, and attributes of a tuple are slow.
     decay, response, rate_limit, rate_gap, friction, excess, stribeck, brake, _, _, _, _, step = drive
@@ -84,27 +86,31 @@ def axis_inputs(
         ratio = rate / stribeck
         # exp(-26^2) is zero in doubles already, and a ratio that overflows would raise.
         holding += friction * (1.0 + excess * math.exp(-ratio * ratio)) if abs(ratio) < 26.0 else friction
+    # Friction can at most stop the axis within the substep; more would drive it backwards.
     free = decay * rate + (1.0 - decay) * command + gain * wind
     opposing = min(max(-free / gain, -holding), holding)
     return command, opposing * gain / response, wind * gain / response
 
 
 def gear_correction(deflection: float, rate: float, drive: DriveConstants) -> float:
-    """Return the acceleration (rad/s^2) by which the paired gear trains differ from a linear spring and damper.
+    """Return by what (rad/s^2) the paired gear trains differ from a spring and damper.
 
-    Each train has half the stiffness and half the damping while its teeth touch, is wound up by the preload and has a
-    play of twice the half width; without countertorque the preload is minus the half width: both float mid-play.
+    Each train has half the stiffness and half the damping while its teeth touch, is wound up by the
+    preload and has a play of twice the half width; without countertorque the preload is minus the
+    half width: both float mid-play.
     """
     stiffness, damping, preload, play, step = drive[8:]
-    # Evaluated where the gear will be in mid-step; at the start it would brake a load that floats freely.
+    # Evaluated where the gear will be in mid-step; at the start it would brake a load that floats
+    # freely.
     deflection += 0.5 * step * rate
     if abs(deflection) <= preload:
         return 0.0
     forward, backward = _tooth_wind(preload + deflection, play), _tooth_wind(preload - deflection, play)
+    # A train within its play carries neither spring nor damping force.
     touching = 0.5 * (forward != 0.0) + 0.5 * (backward != 0.0)
     return stiffness * (deflection - 0.5 * (forward - backward)) + damping * rate * (1.0 - touching)
 
 
 def _tooth_wind(wound: float, play: float) -> float:
-    """Return how far a train is pressed when wound by `wound`: nothing while its tooth crosses the play."""
+    """Return how far a train wound by `wound` is pressed: not at all within its play."""
     return max(wound, 0.0) + min(wound + 2.0 * play, 0.0)

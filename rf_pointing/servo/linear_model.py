@@ -3,10 +3,10 @@
     x' = A x + B_command u + B_friction f + B_wind w + B_gear g
     encoder = C_encoder x,   beam = C_beam x
 
-State: both drive angles, both drive rates, the mode coordinates, the mode rates.  u is the rate command (rad/s), f and
-w are accelerations of the axis (torque over inertia), g accelerations of the gear coordinate.  The drive is
-v' = w_d (u - v) + f + w; the modes are excited by v', the gears only by the torque of the motors, so that a steady
-wind torque twists them.
+State: both drive angles, both drive rates, the mode coordinates, the mode rates.  u is the rate
+command (rad/s), f and w are accelerations of the axis (torque over inertia), g accelerations of the
+gear coordinate.  The drive is v' = w_d (u - v) + f + w; the modes are excited by v', the gears only
+by the torque of the motors, so that a steady wind torque twists them.
 """
 
 import math
@@ -28,9 +28,9 @@ INPUTS = 8
 
 @dataclass(frozen=True, slots=True)
 class LinearModel:
-    """State space of both axes: a (n, n), b (n, 8), encoder, beam and mode_excitation (2, n) (rows: az, el).
+    """State space: a (n, n), b (n, 8), encoder, beam, mode_excitation (2, n) of az and el.
 
-    `gear_index` (2,) tells which mode coordinate is the gear of each axis.
+    `gear_index` (2,) are the mode coordinates that are the gears of both axes.
     """
 
     a: Array
@@ -85,9 +85,10 @@ def linear_model(params: PlantParams) -> LinearModel:
 
 
 def matrix_exponential(matrix: Array) -> Array:
-    """Return exp(matrix) by scaling, an 18-term Taylor series and squaring; relative error about 1e-15 per squaring."""
+    """Return exp(matrix) by scaling, 18 Taylor terms and squaring, to 1e-15 per squaring."""
     norm = float(np.abs(matrix).sum(axis=1).max())
     squarings = max(0, math.ceil(math.log2(norm / 0.5))) if norm > 0.5 else 0
+    # A norm of a half makes 18 terms exact to rounding.
     scaled = matrix / 2.0**squarings
     result = term = np.eye(len(matrix))
     for order in range(1, 19):
@@ -125,6 +126,8 @@ def _fill_mode(mode: _Mode, position: int, rate: int, a: Array, b: Array) -> Non
         a[rate, 2 + axis] -= factor * a[2 + axis, 2 + axis]
         b[rate] -= factor * b[2 + axis]
     if mode.gear_of is not None:
+        # The wind pushes the structure, not the motors: a steady torque then twists the gear and
+        # leaves the drive.
         b[rate, 4 + mode.gear_of] = 0.0
         b[rate, 6 + mode.gear_of] = 1.0
 
@@ -152,7 +155,7 @@ def _axis_modes(
     excitation: tuple[float, float],
     first: tuple[float, float] | None = None,
 ) -> list[_Mode]:
-    """Return the modes of one axis; `first` is the excitation of its first mode where it differs."""
+    """Return the modes of one axis; `first` is the excitation of its first mode if it differs."""
     modes = []
     for index, frequency in enumerate(axis.mode_frequency_hz):
         own = axis.mode_encoder_residue[index], axis.mode_beam_residue[index]

@@ -1,11 +1,12 @@
-"""What describes one antenna: drives, gears, flexible modes, friction, limits, encoders and their cross-coupling.
+"""The parameters of an antenna: drives, gears, modes, friction, limits, encoders.
 
 The modes are in residue form.  With theta the angle of the drive referred to the axis, mode i obeys
 
-    q'' + 2 zeta w q' + w^2 q = -excitation * theta'',   encoder = theta + sum(a q),   beam = theta + sum(b q)
+    q'' + 2 zeta w q' + w^2 q = -excitation * theta''
+    encoder = theta + sum(a q),   beam = theta + sum(b q)
 
-where a is `mode_encoder_residue` and b is `mode_beam_residue`: the encoder and the beam see different amounts of the
-same bending.  A positive residue lags the drive as a tip mass does.
+where a is `mode_encoder_residue` and b is `mode_beam_residue`: the encoder and the beam see
+different amounts of the same bending.  A positive residue lags the drive as a tip mass does.
 """
 
 import math
@@ -20,7 +21,7 @@ _MODE_FIELDS = ("mode_damping", "mode_encoder_residue", "mode_beam_residue")
 
 @dataclass(frozen=True, kw_only=True)
 class AxisParams(Params):
-    """One axis: rate drive, gearbox, structure seen from this axis, friction, limits and encoder."""
+    """One axis: rate drive, gearbox, structure, friction, limits and encoder."""
 
     amplifier_gain: float = parameter(description="drive amplifier gain k_r", low=1.0, high=1000.0)
     drive_bandwidth_per_gain_hz: float = parameter(
@@ -62,7 +63,7 @@ class AxisParams(Params):
     encoder_noise_rad: float = parameter(description="rms noise of one encoder reading", low=0.0, high=0.01)
 
     def check_together(self) -> None:
-        """Refuse unequal mode lists, an empty travel and a rate loop faster than the model holds."""
+        """Refuse unequal mode lists and an empty travel."""
         count = len(self.mode_frequency_hz)
         for name in _MODE_FIELDS:
             if len(getattr(self, name)) != count:
@@ -112,7 +113,7 @@ class PlantParams(Params):
     substep_s: float = parameter(description="longest internal integration step", low=1e-5, high=0.05)
 
     def check_together(self) -> None:
-        """Refuse an axis that is not a parameter set, and cross residues that do not match its modes."""
+        """Refuse what is no axis, and cross residues that do not match its modes."""
         for name, other in (("azimuth", "elevation"), ("elevation", "azimuth")):
             axis, cross = getattr(self, name), f"{name}_modes_in_{other}"
             if not isinstance(axis, AxisParams):
@@ -124,5 +125,8 @@ class PlantParams(Params):
 
     @property
     def pinion_factor(self) -> float:
-        """Excitation of the bending mode by elevation: floor + (1 - floor) cos(alpha) (BWG, Sec. IV-A)."""
+        """Excitation of the bending mode by elevation: floor + (1 - floor) cos(alpha) (BWG, Sec.
+
+        IV-A).
+        """
         return self.pinion_floor + (1.0 - self.pinion_floor) * math.cos(self.pinion_angle_rad)

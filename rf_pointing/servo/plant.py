@@ -1,7 +1,8 @@
-"""The antenna in motion: two coupled axes, rate command and wind torque in, encoder and radio beam out.
+"""The antenna in motion: rate command and wind torque in, encoder and radio beam out.
 
-The linear part is stepped exactly (zero-order hold, matrices cached per step length); limits, friction, brakes and
-gear play enter as inputs held over each substep (`drive.py`).  Angles are continuous, never folded.
+The linear part is stepped exactly (zero-order hold, matrices cached per step length); limits,
+friction, brakes and gear play enter as inputs held over each substep (`drive.py`).  Angles are
+continuous, never folded.
 """
 
 import copy
@@ -23,17 +24,20 @@ __all__ = ["AntennaPlant", "PlantState"]
 Array = NDArray[np.float64]
 Pair = tuple[float, float]
 
+# Measured step lengths differ from tick to tick; on a grid few distinct matrices are needed, and
+# these are cached.
 _GRID_S = 1e-4
 _LONGEST_STEP_S = 1.0
 
 
 @dataclass(slots=True)
 class PlantState:
-    """Everything that `AntennaPlant` remembers: copy it, put it back, and the run goes on identically.
+    """Everything that `AntennaPlant` remembers: copied back, the run goes on identically.
 
-    `x` (n,) is the state of the linear model, `debt_s` the part of the elapsed time (below 0.1 ms) that is not yet
-    integrated; `commands` are (time, azimuth, elevation) rate commands still inside the dead time; `encoder_rad` (2,) is
-    the latest reading, `random` the state of the noise generator.
+    `x` (n,) is the state of the linear model, `debt_s` the part of the elapsed time (below 0.1 ms)
+    that is not yet integrated; `commands` are (time, azimuth, elevation) rate commands still inside
+    the dead time; `encoder_rad` (2,) is the latest reading, `random` the state of the noise
+    generator.
     """
 
     x: Array
@@ -50,8 +54,9 @@ class PlantState:
 class AntennaPlant:
     """Two-axis antenna; starts at rest, drives on, brakes released.
 
-    `step` advances by any measured `dt_s`: whole substeps plus one shorter one on a 0.1-ms grid; what remains below
-    the grid is carried to the next step and the outputs are extrapolated over it.
+    `step` advances by any measured `dt_s`: whole substeps plus one shorter one on a 0.1-ms grid;
+    what remains below the grid is carried to the next step and the outputs are extrapolated over
+    it.
     """
 
     def __init__(
@@ -63,11 +68,6 @@ class AntennaPlant:
         self._random = random
         self._configure(params)
         self._state = self._rest(as_finite_array("position_rad", position_rad, (2,)))
-
-    @property
-    def params(self) -> PlantParams:
-        """The parameter set in force."""
-        return self._params
 
     @property
     def state(self) -> PlantState:
@@ -89,7 +89,7 @@ class AntennaPlant:
 
     @property
     def beam_rad(self) -> Array:
-        """Joint angles (2,) at which a rigid antenna would put the radio beam where it is now (truth)."""
+        """Joint angles (2,) at which a rigid antenna would have the radio beam (truth)."""
         return self._output(self._model.beam)
 
     @property
@@ -130,9 +130,9 @@ class AntennaPlant:
         self._state.powered = False
 
     def check(self, params: PlantParams) -> None:
-        """Raise ValueError if `reconfigure` would refuse these parameters: the number of modes must stay."""
+        """Raise ValueError if `reconfigure` would refuse these: the number of modes must stay."""
         for name in ("azimuth", "elevation"):
-            new, old = (len(getattr(each, name).mode_frequency_hz) for each in (params, self._params))
+            new, old = (len(getattr(each, name).mode_frequency_hz) for each in (params, self.params))
             if new != old:
                 raise ValueError(f"{name}.mode_frequency_hz has {new} modes, must keep {old} while the antenna runs")
 
@@ -142,7 +142,7 @@ class AntennaPlant:
         self._configure(params)
 
     def step(self, rate_command_rad_s: ArrayLike, wind_torque_n_m: ArrayLike, dt_s: float) -> None:
-        """Advance by `dt_s` under a held rate command (2,) (rad/s) and wind torque (2,) (N m), order az, el.
+        """Advance by `dt_s` under held rate commands (2,) (rad/s) and wind torques (2,) (N m).
 
         Raises
         ------
@@ -161,7 +161,8 @@ class AntennaPlant:
         self._read_encoders()
 
     def _integrate(self, command: Pair, wind: Pair, interval_s: float) -> None:
-        substep_s = self._params.substep_s
+        substep_s = self.params.substep_s
+        # The tolerance keeps a tick of 20 ms at 200 grid steps, not 199 and a rest.
         ticks = int(interval_s / _GRID_S + 1e-6)
         ticks_per_substep = max(1, round(substep_s / _GRID_S))
         whole, rest = divmod(ticks, ticks_per_substep)
@@ -174,6 +175,8 @@ class AntennaPlant:
         state, size, (gear_az, gear_el) = self._state, self._size, self._gear
         x = state.x.tolist()
         if self._delayed:
+            # The dead time is no whole number of ticks: the command in force may change within a
+            # tick.
             command = self._delayed_commands()
         powered, braked = state.powered, state.braked
         u_az, friction_az, pushed_az = axis_inputs(x[2], command[0], wind[0], powered, braked, azimuth)
@@ -183,6 +186,7 @@ class AntennaPlant:
         z = self._z
         z[:size] = state.x
         z[size:] = (u_az, u_el, friction_az, friction_el, pushed_az, pushed_el, play_az, play_el)
+        # Into the state itself: no new array in every substep.
         np.dot(matrix, z, out=state.x)
         state.time_s += ticks * _GRID_S
         for axis, angle in enumerate(state.x[:2].tolist()):
@@ -190,9 +194,10 @@ class AntennaPlant:
                 self._hit_stop(axis)
 
     def _hit_stop(self, axis: int) -> None:
-        """Stop the axis dead; the modes are struck by the change of rate (their rates jump by excitation * rate)."""
+        """Stop the axis dead, which strikes the modes: their rates jump by excitation * rate."""
         x, rate = self._state.x, self._state.x[2 + axis]
         x[axis] = min(max(x[axis], self._travel[axis][0]), self._travel[axis][1])
+        # The momentum of the drive goes into the structure in an instant.
         x[4 + self._modes :] += self._model.mode_excitation[axis] * rate
         x[2 + axis] = 0.0
         hit = list(self._state.at_stop)
@@ -202,6 +207,8 @@ class AntennaPlant:
     def _delayed_commands(self) -> Pair:
         """Return, per axis, the newest command older than the dead time (zero before the first)."""
         state, commands = self._state, [0.0, 0.0]
+        # Older commands are dropped, all but the newest of them: it is still in force on the slower
+        # axis.
         oldest = state.time_s - max(self._delay) - 1e-9
         for axis in (0, 1):
             due = [entry for entry in state.commands if entry[0] <= state.time_s - self._delay[axis] + 1e-9]
@@ -212,6 +219,7 @@ class AntennaPlant:
 
     def _read_encoders(self) -> None:
         angles = self._output(self._model.encoder).tolist()
+        # Both axes draw, also when one has no noise: then the other's does not depend on it.
         noise = self._random.standard_normal(2).tolist() if self._noisy else (0.0, 0.0)
         for axis, step in enumerate(self._encoder_step):
             noisy = angles[axis] + self._encoder_noise[axis] * noise[axis]
@@ -219,6 +227,7 @@ class AntennaPlant:
 
     def _output(self, rows: Array) -> Array:
         output: Array = rows @ self._state.x
+        # Without this the outputs would jitter by rate times 0.1 ms when measured steps are fed in.
         if self._state.debt_s > 0.0:
             output = output + self._state.debt_s * (rows @ (self._model.a @ self._state.x))
         return output
@@ -226,13 +235,13 @@ class AntennaPlant:
     def _cached(self, ticks: int) -> tuple[Array, tuple[DriveConstants, DriveConstants]]:
         if ticks not in self._cache:
             step_s = ticks * _GRID_S
-            constants = drive_constants(self._params.azimuth, step_s), drive_constants(self._params.elevation, step_s)
+            constants = drive_constants(self.params.azimuth, step_s), drive_constants(self.params.elevation, step_s)
             self._cache[ticks] = (discretise(self._model.a, self._model.b, step_s), constants)
         return self._cache[ticks]
 
     def _configure(self, params: PlantParams) -> None:
         axes = (params.azimuth, params.elevation)
-        self._params = params
+        self.params = params
         self._model: LinearModel = linear_model(params)
         self._size = len(self._model.a)
         self._modes = self._model.mode_excitation.shape[1]

@@ -1,8 +1,9 @@
 """The 34-m beam-waveguide antenna DSS-13 as the BWG and DSS13-ID articles describe it.
 
-Published: the mode frequencies, the amplifier gain (80, corrected to 56), the 15 % softer azimuth gear, the 24-bit
-encoders, the 450 deg of azimuth travel.  Fitted to the published results: damping, residues, drive bandwidth, pinion
-floor.  Assumed: inertias, friction, play, limits, cross residues.  docs/math/plant.md lists every number.
+Published: the mode frequencies, the amplifier gain (80, corrected to 56), the 15 % softer azimuth
+gear, the 24-bit encoders, the 450 deg of azimuth travel.  Fitted to the published results: damping,
+residues, drive bandwidth, pinion floor.  Assumed: inertias, friction, play, limits, cross residues.
+docs/math/plant.md lists every number.
 """
 
 import math
@@ -13,8 +14,10 @@ from rf_pointing.servo.parameters import AxisParams, PlantParams
 __all__ = ["BENDING_FREQUENCY_HZ", "dss13_plant", "linear_axis"]
 
 BENDING_FREQUENCY_HZ = {"bwg": 2.12, "identified": 2.01}
-"""Elevation bending mode: where BWG Sec. IV-B notches it, and where DSS13-ID Table 1 measured it."""
+"""Elevation bending mode: where BWG Sec. IV-B notches it, and where DSS13-ID Table 1 measured it.
+"""
 
+# Above every published mode, so that the gears leave the published frequencies as they are.
 _GEAR_HZ = 11.0
 _COUPLING = {60: 0.10, 90: 0.03}
 
@@ -27,7 +30,7 @@ def dss13_plant(
     Parameters
     ----------
     elevation_deg
-        Posture of the published model, 60 or 90: the azimuth-to-elevation coupling is weaker with the dish level.
+        Posture of the published model, 60 or 90: with the dish level the axes are less coupled.
     bending
         "bwg" for the 2.12-Hz mode of BWG, "identified" for the 2.01 Hz of DSS13-ID.
     pinion_angle_rad
@@ -80,6 +83,8 @@ def _elevation(bending_hz: float) -> AxisParams:
         mode_damping=(0.0082, 0.01, 0.01),
         mode_encoder_residue=(0.316, 0.02, 0.02),
         mode_beam_residue=(0.5, 0.249, 0.02),
+        # Past the zenith by 2 deg: the commanded travel ends at 1.6 rad, and an overshoot must not
+        # strike the stop.
         travel_rad=(math.radians(2.0), math.radians(92.0)),
     )
 
@@ -97,11 +102,14 @@ def _axis(
     return AxisParams(
         amplifier_gain=56.0,
         drive_bandwidth_per_gain_hz=20.0 / (2.0 * math.pi) / 56.0,
+        # None is published.
         drive_delay_s=0.0,
         inertia_kg_m2=inertia_kg_m2,
         gear_stiffness_n_m=gear_softness * inertia_kg_m2 * (2.0 * math.pi * _GEAR_HZ) ** 2,
         gear_damping=0.15,
         backlash_rad=math.radians(3e-3),
+        # Above the friction, so that tracking does not cross the play; below a slew's torque, which
+        # does.
         countertorque_n_m=0.01 * inertia_kg_m2,
         coulomb_friction_n_m=2.5e-5 * inertia_kg_m2,
         static_friction_ratio=1.3,
@@ -116,5 +124,6 @@ def _axis(
         travel_min_rad=travel_rad[0],
         travel_max_rad=travel_rad[1],
         encoder_bits=24,
+        # One step of the encoder.
         encoder_noise_rad=2.0 * math.pi / 2**24,
     )

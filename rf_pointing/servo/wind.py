@@ -4,13 +4,15 @@ Gusts have Davenport's spectrum (Davenport 1961, V the mean speed at 10 m height
 
     S(f) = 4 kappa V^2 / f * x^2 / (1 + x^2)^(4/3),   x = 1200 m * f / V
 
-approximated by white noise through G s (s + z1)(s + z2) / ((s + p1)...(s + p4)), exact at any time step.
+approximated by white noise through G s (s + z1)(s + z2) / ((s + p1)...(s + p4)), exact at any time
+step.
 
     torque = rho/2 * V^2 * A * D * (c0 + c1 n.f) * (n x f)
 
-with n the boresight and f the direction the wind blows to; its vertical part turns the azimuth axis, its part along the
-elevation axis turns the elevation axis.  V and f follow the gusts, so the torque gusts with 2 V v and with the swing
-of the direction.  Coefficients are of the size of wind-tunnel results for paraboloids; docs/math/wind.md.
+with n the boresight and f the direction the wind blows to; its vertical part turns the azimuth
+axis, its part along the elevation axis turns the elevation axis.  V and f follow the gusts, so the
+torque gusts with 2 V v and with the swing of the direction.  Coefficients are of the size of
+wind-tunnel results for paraboloids; docs/math/wind.md.
 """
 
 import copy
@@ -28,9 +30,13 @@ __all__ = ["GustFilter", "Wind", "WindParams", "WindState", "davenport_psd", "wi
 
 Array = NDArray[np.float64]
 
+# Gusts are renewed on a grid of their own, so that the wind of a seed does not depend on the
+# control period.
 _GUST_STEP_S = 0.02
+# Below this there is no wind; the shaping filter's poles would lie at zero.
 _CALM_M_S = 1e-3
-# Fitted in x, so that one fit serves all speeds: within 0.3 dB for 0.3 < x < 1000, that is 2 mHz to 6.7 Hz at 8 m/s.
+# Fitted in x, so that one fit serves all speeds: within 0.3 dB for 0.3 < x < 1000, that is 2 mHz to
+# 6.7 Hz at 8 m/s.
 _LENGTH_M = 1200.0
 _LEVEL = 39.5379847
 _ZEROS = np.array([15.9230820, 202.318487])
@@ -39,7 +45,7 @@ _POLES = np.array([0.275876131, 1.82643308, 24.2825212, 313.564259])
 
 @dataclass(frozen=True, kw_only=True)
 class WindParams(Params):
-    """Wind at the dish and the dish's aerodynamic coefficients."""
+    """Wind at the dish, and the aerodynamic coefficients of the dish."""
 
     mean_speed_m_s: float = parameter(0.0, "mean wind speed", low=0.0, high=60.0)
     from_azimuth_rad: float = parameter(0.0, "azimuth the wind comes from", low=-6.3, high=6.3)
@@ -55,7 +61,7 @@ class WindParams(Params):
 
 @dataclass(slots=True)
 class WindState:
-    """State of `Wind`: filter states along and across (2, 4), time left until the next gust value, noise generator."""
+    """Filters along and across (2, 4), time to the next gust value, noise generator."""
 
     filters: Array
     left_s: float
@@ -65,9 +71,10 @@ class WindState:
 def wind_torque_n_m(
     params: WindParams, along_m_s: float, across_m_s: float, azimuth_rad: float, elevation_rad: float
 ) -> tuple[float, float]:
-    """Return the torque (N m) about azimuth and elevation of a wind of these components on the dish's attitude.
+    """Return the torques (N m) on azimuth and elevation of a wind on the dish's attitude.
 
-    `along_m_s` is mean plus gust along the mean direction, `across_m_s` the gust to the right of it.
+    `along_m_s` is mean plus gust along the mean direction, `across_m_s` the gust to the right of
+    it.
     """
     area = 0.25 * math.pi * params.dish_diameter_m**2
     lever = 0.5 * params.air_density * area * params.dish_diameter_m
@@ -92,14 +99,17 @@ def davenport_psd(frequency_hz: ArrayLike, mean_speed_m_s: float, drag_coefficie
 
 @dataclass(frozen=True, slots=True)
 class GustFilter:
-    """Shaping filter in diagonal form: states decay at `poles_rad_s` (4,), share one white noise, sum by `residues`."""
+    """Shaping filter in diagonal form, driven by one white noise.
+
+    Its states decay at `poles_rad_s` (4,) and sum to the gust speed by `residues` (4,).
+    """
 
     poles_rad_s: Array
     residues: Array
 
     @classmethod
     def davenport(cls, mean_speed_m_s: float, drag_coefficient: float) -> "GustFilter":
-        """Return the filter of Davenport's spectrum at `mean_speed_m_s` (m/s) and surface drag coefficient."""
+        """Return the filter of Davenport's spectrum at a mean speed (m/s) and drag coefficient."""
         require_between("mean_speed_m_s", mean_speed_m_s, 1e-3, None)
         require_between("drag_coefficient", drag_coefficient, 0.0, 0.1)
         scale = 2.0 * math.pi * mean_speed_m_s / _LENGTH_M
@@ -118,7 +128,7 @@ class GustFilter:
         return psd
 
     def stationary_factor(self) -> Array:
-        """Return L (4, 4) such that L times unit normal numbers is a state in the stationary distribution."""
+        """Return L (4, 4): L times unit normal numbers is a stationary state."""
         return _factor(self._covariance(None))
 
     def step_matrices(self, dt_s: float) -> tuple[Array, Array]:
@@ -141,7 +151,8 @@ def _residues() -> Array:
 
 
 def _factor(covariance: Array) -> Array:
-    """Return a square root of a covariance that is close to singular (a Cholesky factor may not exist)."""
+    """Return a square root of a covariance that may be singular."""
+    # Poles a factor of a thousand apart make the covariance singular to rounding.
     values, vectors = np.linalg.eigh(covariance)
     factor: Array = vectors * np.sqrt(np.maximum(values, 0.0))
     return factor
@@ -151,18 +162,13 @@ class Wind:
     """Gusting wind: `step` returns the torque on both axes; gusts are renewed every 20 ms."""
 
     def __init__(self, params: WindParams, random: np.random.Generator) -> None:
-        self._params, self._random = params, random
+        self.params, self._random = params, random
         self._blows = params.mean_speed_m_s > _CALM_M_S
         speed = params.mean_speed_m_s if self._blows else 1.0
         self._filter = GustFilter.davenport(speed, params.drag_coefficient)
         self._decay, self._noise = self._filter.step_matrices(_GUST_STEP_S)
         filters = random.standard_normal((2, 4)) @ self._filter.stationary_factor().T
         self._state = WindState(filters, _GUST_STEP_S, random.bit_generator.state)
-
-    @property
-    def params(self) -> WindParams:
-        """The parameter set in force."""
-        return self._params
 
     @property
     def state(self) -> WindState:
@@ -181,17 +187,18 @@ class Wind:
         if not self._blows:
             return 0.0, 0.0
         along, across = (self._state.filters @ self._filter.residues).tolist()
-        return self._params.mean_speed_m_s + along, self._params.lateral_ratio * across
+        return self.params.mean_speed_m_s + along, self.params.lateral_ratio * across
 
     def step(self, dt_s: float, azimuth_rad: float, elevation_rad: float) -> Array:
-        """Advance the gusts by `dt_s` and return the torque (2,) in N m on azimuth and elevation."""
+        """Advance the gusts by `dt_s` and return the torque (2,) in N m of both axes."""
         require_between("dt_s", dt_s, 1e-6, 10.0)
         if not self._blows:
             return np.zeros(2)
         self._state.left_s -= dt_s
+        # The tolerance is a rounding error of many ticks, far below any step.
         while self._state.left_s <= 1e-9:
             noise = self._random.standard_normal((2, 4))
             self._state.filters = self._state.filters * self._decay + noise @ self._noise.T
             self._state.left_s += _GUST_STEP_S
         along, across = self.speed_m_s
-        return np.array(wind_torque_n_m(self._params, along, across, azimuth_rad, elevation_rad))
+        return np.array(wind_torque_n_m(self.params, along, across, azimuth_rad, elevation_rad))

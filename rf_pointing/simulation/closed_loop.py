@@ -1,6 +1,7 @@
-"""The time loop of every simulation: an antenna moves through a tick, then everything else acts on what came of it.
+"""The time loop of every simulation: an antenna moves, then everything else acts.
 
-`ticks` is the loop.  The simulations of the station run an antenna with the controller that points it, `PointedAntenna`.
+`ticks` is the loop.  The simulations of the station run an antenna with the controller that points
+it, `PointedAntenna`.
 """
 
 import itertools
@@ -20,7 +21,7 @@ __all__ = ["TARGET_LEAD_S", "PointedAntenna", "PointedTick", "ticks"]
 Output = TypeVar("Output", covariant=True)
 
 TARGET_LEAD_S = 2.0
-"""How far ahead the controller gets the target: more than the second that its trajectories reach ahead."""
+"""How far ahead the controller gets the target: its trajectories reach 1 s ahead."""
 
 
 class TickedAntenna(Protocol[Output]):
@@ -32,9 +33,10 @@ class TickedAntenna(Protocol[Output]):
 
 
 def ticks(antenna: TickedAntenna[Output], count: int | None = None, first: int = 0) -> Iterator[tuple[int, Output]]:
-    """Yield the number of each tick and what the antenna returned for it; without `count` until the caller stops.
+    """Yield the number of each tick and what the antenna returned for it.
 
     The caller acts between two ticks: what it changes then is in force in the next tick.
+    Without `count` it ends the loop.
     """
     for k in itertools.count(first) if count is None else range(first, first + count):
         yield k, antenna.step(k)
@@ -42,7 +44,7 @@ def ticks(antenna: TickedAntenna[Output], count: int | None = None, first: int =
 
 @dataclass(frozen=True, slots=True)
 class PointedTick:
-    """One tick of a pointed antenna at `t_s`; `status` and `trajectory` are those of the controller's latest period."""
+    """One tick at `t_s`; `status` and `trajectory` only in the controller's periods."""
 
     t_s: float
     reading: JointReading
@@ -52,12 +54,13 @@ class PointedTick:
 
 
 class PointedAntenna:
-    """An antenna and the controller that points it at `track`; tick `k` is at `start_s` plus `k` control periods.
+    """An antenna and the controller that points it; tick `k` is at `start_s` + k periods.
 
-    The controller gets the target once a period, `TARGET_LEAD_S` ahead, the first one not before `targets_from_s`.
+    The controller gets the target once a period, `TARGET_LEAD_S` ahead, the first one not before
+    `targets_from_s`.
 
-    The order within a tick is the order in which messages arrive in the graph: first the antenna, then, when its period
-    is due, the controller, whose trajectory begins in the future.
+    The order within a tick is the order in which messages arrive in the graph: first the antenna,
+    then, when its period is due, the controller, whose trajectory begins in the future.
     """
 
     def __init__(
@@ -76,17 +79,21 @@ class PointedAntenna:
 
     def step(self, k: int) -> PointedTick:
         """Move through tick `k`; in the controller's period let it send its trajectory."""
-        # Stamps on whole microseconds, as on the wire: a sum of ticks would drift off the grid of the periods.
+        # Stamps on whole microseconds, as on the wire: a sum of ticks would drift off the grid of
+        # the periods.
         t_s = round(self._start_s + k * self.antenna.params.tick_s, 6)
         reading, boresight = self.antenna.step(t_s)
+        # The controller's period is a few ticks long, 5 at 10 and 50 Hz.
         if k % self._every:
             return PointedTick(t_s, reading, boresight, None, None)
         # As on the graph, a period knows where the axes were when the one before began.
         self.controller.take_joints(self._known)
         self._known = reading
+        # A real publisher predicts no target long before the pass.
         if t_s + TARGET_LEAD_S >= self._targets_from_s:
             self.controller.take_target(self._track.target_at(round(t_s + TARGET_LEAD_S, 6)))
         trajectory, status = self.controller.step(t_s)
+        # Accepted at once: it begins a tenth of a second ahead, longer than any transport.
         if trajectory is not None:
             self.antenna.accept(trajectory, t_s)
         return PointedTick(t_s, reading, boresight, status, trajectory)

@@ -1,7 +1,7 @@
-"""One pass of the simulated station without ROS: the same parts as the graph, wired by function calls.
+"""One pass of the station without ROS: the parts of the graph, wired by function calls.
 
-The order within a tick is the order in which messages arrive in the graph: antenna, receiver, tracker; the controller
-acts every few ticks, on errors stamped before its own period.
+The order within a tick is the order in which messages arrive in the graph: antenna, receiver,
+tracker; the controller acts every few ticks, on errors stamped before its own period.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -31,12 +31,12 @@ __all__ = ["PassLog", "StationSetup", "simulate_pass"]
 
 Array = NDArray[np.float64]
 EARLY_TARGET_S = 5.0
-"""How long before the acquisition of signal the first target is: it is predicted below the horizon already."""
+"""How long before acquisition of signal the first target is, still below the horizon."""
 
 
 @dataclass
 class PassLog:
-    """True error and mode, one row per cluster; the first point of every trajectory; the certificate; angles in rad."""
+    """True error and mode per cluster, trajectories' first points, certificate; in rad."""
 
     t_s: list[float] = field(default_factory=list)
     cross_elevation_rad: list[float] = field(default_factory=list)
@@ -55,7 +55,7 @@ class PassLog:
 
 
 class StationSetup:
-    """Everything a run needs, from the nodes' parameter files; `changes` are dotted keys per node over the files."""
+    """All that a run needs, from the nodes' files; `changes` are dotted keys per node."""
 
     def __init__(
         self, files: Sequence[Path], model: Path | None, changes: Mapping[str, Mapping[str, object]] | None = None
@@ -112,6 +112,7 @@ def simulate_pass(
     antenna, receiver, controller = setup.antenna(), setup.receiver(), setup.controller()
     monopulse = MonopulseTracker(setup.node("monopulse_tracker").group("monopulse", MonopulseParams()))
     conscan = setup.power_tracker()
+    # Before the controller starts: its certificate begins at the axes' present angles.
     antenna.enable()
     log = PassLog()
     pointed = PointedAntenna(antenna, controller, track, start_t_s, window.aos_t_s - EARLY_TARGET_S)
@@ -122,14 +123,17 @@ def simulate_pass(
     for _, tick in ticks(pointed, round((window.los_t_s - start_t_s) / antenna.params.tick_s) - 1, first=1):
         status, trajectory = tick.status, tick.trajectory
         if status is not None:
+            # A cluster is noted under the mode of the newest period before its end.
             mode = status.mode
             conscan.take_status(status.t_s, status.scan_centre_rad, status.offset_rad, status.mode, status.sensor)
         if trajectory is not None:
             log.command_t_s.append(float(trajectory.t_s[0]))
             log.command_rad.append((float(trajectory.position_rad[0, 0]), float(trajectory.position_rad[0, 1])))
+        # Every tick, not only in a period: the circle of a scan is read off the encoders.
         conscan.take_joints(tick.reading)
         reception = receiver.take(tick.boresight)
         if reception is not None:
+            # Before the next period, as on the graph: only errors stamped before it are used.
             controller.take_error(monopulse.measure(reception.cluster))
             for error in conscan.take_power(reception.power):
                 controller.take_error(error)

@@ -90,7 +90,7 @@ class AntennaMachine(RuleBasedStateMachine):
 
     def check_motion(self, mode_before: str) -> None:
         antenna, limits = self.antenna, self.limits
-        truth = antenna.axes.hardware.plant.true_joint_rad
+        truth = antenna.axes.hardware.true_joint_rad
         reach = antenna.safety.params.gate.hard_rad + BRAKING_RAD
         assert np.all(truth >= np.array(limits.travel_min_rad) - reach)
         assert np.all(truth <= np.array(limits.travel_max_rad) + reach)
@@ -98,10 +98,10 @@ class AntennaMachine(RuleBasedStateMachine):
         assert np.all(np.abs(state.velocity_rad_s) <= np.array(limits.rate_limit_rad_s) * (1.0 + 1e-9))
         assert np.all(np.abs(state.acceleration_rad_s2) <= np.array(limits.acceleration_limit_rad_s2) * (1.0 + 1e-6))
         if antenna.mode == mode_before and antenna.mode in BRAKED:
-            assert not antenna.axes.hardware.plant.powered
+            assert not antenna.axes.hardware.powered
             assert not np.any(antenna.axes.rate_command_rad_s)
         if antenna.mode == mode_before == "fault":
-            moved = state.velocity_rad_s if antenna.axes.hardware.plant.powered else antenna.axes.rate_command_rad_s
+            moved = state.velocity_rad_s if antenna.axes.hardware.powered else antenna.axes.rate_command_rad_s
             assert not np.any(moved), "a fault ends in rest"
 
     @rule(seconds=st.floats(0.02, 3.0))
@@ -155,10 +155,10 @@ class AntennaMachine(RuleBasedStateMachine):
     def ask(self, name: str) -> None:
         if name == "enable" and self.antenna.mode != "inactive":
             return
-        position = self.antenna.axes.hardware.plant.true_joint_rad
+        position = self.antenna.axes.hardware.true_joint_rad
         getattr(self.antenna, name)()
         if name != "deactivate":
-            np.testing.assert_array_equal(self.antenna.axes.hardware.plant.true_joint_rad, position)
+            np.testing.assert_array_equal(self.antenna.axes.hardware.true_joint_rad, position)
         self.run(2)
 
     @rule(reason=st.sampled_from(["", "stop was requested"]))
@@ -170,7 +170,7 @@ class AntennaMachine(RuleBasedStateMachine):
     def break_something(self, kind: str, value: float) -> None:
         self.antenna.injected.inject(kind, 60.0 if kind == "gust" else value)
         self.run(12)
-        if kind == "encoder_nan" and self.antenna.axes.hardware.plant.powered:
+        if kind == "encoder_nan" and self.antenna.axes.hardware.powered:
             raise AssertionError("an encoder without numbers must have cut the drives within 200 ms")
 
     @rule()

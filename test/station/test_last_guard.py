@@ -48,13 +48,13 @@ class Station:
 
     @property
     def axes_deg(self) -> np.ndarray:
-        return self.antenna.axes.hardware.plant.true_joint_rad / DEG
+        return self.antenna.axes.hardware.true_joint_rad / DEG
 
     def run(self, seconds: float) -> None:
         for _ in range(round(seconds / TICK_S)):
             self.ticks += 1
             self.antenna.step(self.t_s)
-            here = self.antenna.axes.hardware.plant.true_joint_rad.tolist()
+            here = self.antenna.axes.hardware.true_joint_rad.tolist()
             self.deepest = max(self.deepest, self.sky.under_mask(*here))
             commanded = self.antenna.status(self.t_s).commanded_rad.tolist()
             self.deepest_command = max(self.deepest_command, self.sky.under_mask(*commanded))

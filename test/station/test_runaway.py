@@ -92,7 +92,7 @@ def test_brakes_are_set_within_50_ms_of_a_runaways_first_motion(
     for what in ("stop", "oval", "oval", "scan", "scan"):
         subject.turn(what)
         subject.run(float(random.uniform(2.0, 4.0)))
-        plant = subject.antenna.axes.hardware.plant
+        plant = subject.antenna.axes.hardware
         begun_s, where = round(subject.t_s + TICK_S, 6), plant.true_joint_rad[0] / DEG
         before = plant.velocity_rad_s[0] / DEG
         subject.antenna.injected.inject("runaway", runs_deg_s * DEG)

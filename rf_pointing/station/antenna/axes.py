@@ -1,8 +1,9 @@
-"""The axes of the antenna in closed loop: what they follow, the laws that follow it, and the drives; no mode is known here.
+"""The axes of the antenna in closed loop: path, laws and drives; no mode is known here.
 
-    commander's table, own goal or rest -> next free corner -> preprocessor -> position laws -> drives
+    table, own goal or rest -> next free corner -> preprocessor -> position laws -> drives
 
-The preprocessor makes any command feasible: a step becomes a slew, a stop decelerates at the limits.
+The preprocessor makes any command feasible: a step becomes a slew, a stop decelerates at the
+limits.
 """
 
 import math
@@ -23,18 +24,20 @@ __all__ = ["NEW_PATH_RAD", "AntennaAxes", "Hardware", "SlewPath", "pair"]
 Array = NDArray[np.float64]
 Pair = tuple[float, float]
 Corners = tuple[Pair, ...]
+# Brakes may be set below this without shaking the structure.
 MOVING_RAD_S = math.radians(0.1)
 REST_RAD_S = math.radians(1e-3)
 NEW_PATH_RAD = math.radians(0.5)
-"""A command this far from the present path is a position to go to, by a path that the safety gate must find."""
+"""A command this far from the present path is a place to slew to, past what is forbidden."""
 
 
 class Hardware(Protocol):
     """What a control unit needs of drives, brakes and sensors, in the order azimuth, elevation.
 
-    `velocity_rad_s` (2,) are the tachometer rates and `switch_rad` (2,) the angles at the limit switches, which do not
-    depend on the encoders; `at_stop` says which axis touches a hard stop.  `encoders` and `anemometer_m_s` read a sensor,
-    NaN from one that is silent; `move` gives the drives their rate commands (2,) for one tick; `brake` cuts the drives too.
+    `velocity_rad_s` (2,) are the tachometer rates and `switch_rad` (2,) the angles at the limit
+    switches, which do not depend on the encoders; `at_stop` says which axis touches a hard stop.
+    `encoders` and `anemometer_m_s` read a sensor, NaN from one that is silent; `move` gives the
+    drives their rate commands (2,) for one tick; `brake` cuts the drives too.
     """
 
     @property
@@ -54,10 +57,12 @@ class Hardware(Protocol):
 
 
 class SlewPath:
-    """What both axes follow: a commander's table, a position of the antenna's own, or rest; begins at `start_rad`."""
+    """What both axes follow: a commander's table, a goal of the antenna's own, or rest."""
 
     def __init__(self, loops: LoopParams, start_rad: Pair) -> None:
         self.table = TrajectoryBuffer(loops.table)
+        # The only place where motion is made: whatever is commanded comes out within travel, rates
+        # and accelerations.
         self.preprocessor = CommandPreprocessor(loops.preprocessor)
         self.preprocessor.reset(start_rad)
         self.goal_rad = np.array(start_rad)
@@ -83,10 +88,11 @@ class SlewPath:
         self.preprocessor.follow()
 
     def leaves(self, trajectory: JointTrajectory, encoder_rad: Array, following: bool) -> bool:
-        """Return whether a table begins away from the present path: it then needs corners of its own."""
+        """Return whether a table begins away from the present path and needs corners of its own."""
+        # A table may move on ahead of the axes: it is compared with the table that it replaces.
         follows = following and not self.table.empty
-        present_rad = self.table.at(float(trajectory.t_s[0])).position_rad if follows else encoder_rad
-        return float(np.max(np.abs(trajectory.position_rad[0] - present_rad))) > NEW_PATH_RAD
+        from_rad = self.table.at(float(trajectory.t_s[0])).position_rad if follows else encoder_rad
+        return float(np.max(np.abs(trajectory.position_rad[0] - from_rad))) > NEW_PATH_RAD
 
     def go_round(self, corners: Corners) -> None:
         """Reach the next table by these corners."""
@@ -98,7 +104,8 @@ class SlewPath:
         return float(np.max(np.abs(last.velocity_rad_s))) < REST_RAD_S
 
     def step(self, sample: TrajectorySample | None, encoder_rad: Pair, tick_s: float) -> Motion:
-        """Return the feasible motion towards the next corner, the table's sample or the goal, after one tick."""
+        """Return the feasible motion to the next corner, the sample or the goal, one tick on."""
+        # By the encoders, not by the command: the axes must have been at a corner to be past it.
         corner = self._corners.next(encoder_rad)
         if corner is None and sample is not None:
             command = sample.position_rad, sample.velocity_rad_s, sample.acceleration_rad_s2
@@ -110,8 +117,8 @@ class SlewPath:
 class AntennaAxes:
     """Path, position laws and hardware of both axes.
 
-    `encoder_rad` (2,) are the encoder angles with impossible readings bridged, `rate_command_rad_s` (2,) the latest
-    commands of the drives.
+    `encoder_rad` (2,) are the encoder angles with impossible readings bridged, `rate_command_rad_s`
+    (2,) the latest commands of the drives.
     """
 
     def __init__(
@@ -147,7 +154,7 @@ class AntennaAxes:
         return float(np.max(np.abs(self.hardware.velocity_rad_s))) > MOVING_RAD_S
 
     def check(self, loops: LoopParams, plant: PlantParams) -> None:
-        """Raise ValueError, saying why, if `retune` would refuse these laws on this plant; changes nothing."""
+        """Raise ValueError if `retune` would refuse these laws on this plant; changes nothing."""
         if loops != self.loops.params:
             self.loops.check(loops, plant)
 
@@ -156,15 +163,16 @@ class AntennaAxes:
         if loops != self.loops.params:
             self.loops.retune(loops, plant)
             self.path.preprocessor.retune(loops.preprocessor)
+            # The gate must know the limits that the laws now move within, or it would guard others.
             self._safety.retune(loops.preprocessor)
 
     def hold(self) -> None:
-        """Make the present angles the command, with the laws at rest and nothing left of earlier commands."""
+        """Make the present angles the command, with the laws at rest and earlier commands gone."""
         self.path.hold(self.encoder_rad)
         self.loops.reset(self.encoder_rad, self.encoder_rad)
 
     def take_over(self) -> None:
-        """Return axes that rate commands have moved to the laws without a jump, and bring them to rest."""
+        """Let the laws take over axes that rate commands have moved, and bring them to rest."""
         velocity = self.hardware.velocity_rad_s
         self.path.preprocessor.reset(self.encoder_rad, velocity)
         self.path.stop()
@@ -182,7 +190,7 @@ class AntennaAxes:
         self.hardware.move(rates_rad_s)
 
     def watch(self) -> str:
-        """Check the sensors after a tick: bridge impossible readings, return why the drives must be cut, "" if not."""
+        """Bridge impossible encoder readings; return why the drives must be cut, "" if not."""
         hardware = self.hardware
         bridged, reason = self._safety.tick(
             hardware.encoders(),
@@ -191,7 +199,8 @@ class AntennaAxes:
             pair(self.rate_command_rad_s),
         )
         self.encoder_rad = np.array(bridged)
-        # With the brakes set there is nothing left to cut, and a sensor under repair must not latch a fault.
+        # With the brakes set there is nothing left to cut, and a sensor under repair must not latch
+        # a fault.
         return reason if hardware.powered else ""
 
 

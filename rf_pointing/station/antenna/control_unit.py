@@ -1,11 +1,13 @@
-"""The control unit of an antenna: commands and requests in, encoder angles and status out, in front of any hardware.
+"""The control unit of an antenna: commands and requests in, encoder angles and status out.
 
-Per control tick: command table -> preprocessor -> position law of each axis -> rate command -> drives.  In manual-rate
-mode an identification experiment gives the rate commands instead.  A loop that oscillates has its drives cut and the
-brakes set, and the fault latches.
+It stands in front of any hardware.  Per control tick: command table -> preprocessor -> position law
+of each axis -> rate command -> drives.  In manual-rate mode an identification experiment gives the
+rate commands instead.  A loop that oscillates has its drives cut and the brakes set, and the fault
+latches.
 
-`modes.py` rules what may be requested in which mode, `safety.py` what must not happen, `axes.py` closes the loops.  This
-module alone carries anything out: it gives the others what they need to know and acts on their answers.
+`modes.py` rules what may be requested in which mode, `safety.py` what must not happen, `axes.py`
+closes the loops.  This module alone carries anything out: it gives the others what they need to
+know and acts on their answers.
 """
 
 import math
@@ -36,8 +38,8 @@ WIND_EVERY = 5
 class ControlUnit:
     """One antenna's control unit; it begins inactive, with the brakes set.
 
-    `enable`, `park` and the other requests do what they say and return "", or change nothing and return why not.
-    `t_s` is the time of the latest tick.
+    `enable`, `park` and the other requests do what they say and return "", or change nothing and
+    return why not.  `t_s` is the time of the latest tick.
     """
 
     def __init__(
@@ -67,12 +69,13 @@ class ControlUnit:
     # Commands
 
     def accept(self, trajectory: JointTrajectory, now_s: float, commander: str = "") -> str:
-        """Take a command of `commander`; return "" or why it was rejected: then only the count has changed."""
+        """Take a command; return "" or why it was rejected: then only the count has changed."""
         table, safety = self.axes.path.table, self.safety
         reason = (
             self.modes.reason_against(Request.COMMAND, self._motion())
+            # Cheap checks first; the gate, which looks for a path, costs the most.
             or safety.authority.conflict(commander, now_s)
-            or table.refusal(trajectory, now_s)
+            or table.reason_against(trajectory, now_s)
             or self._find_path(trajectory, now_s)
         )
         if reason:
@@ -81,6 +84,7 @@ class ControlUnit:
         safety.authority.claim(commander, now_s)
         self._accepted += 1
         safety.note_command(now_s)
+        # A fault shows the last commands before it: which of them led there is the first question.
         safety.latch.note_command((now_s, commander, *pair(trajectory.position_rad[-1])))
         self.modes.follow()
         if self.mode == AntennaMode.TRACKING:
@@ -94,9 +98,10 @@ class ControlUnit:
         return reason
 
     def _find_path(self, trajectory: JointTrajectory, now_s: float) -> str:
-        """Pass a command through the gate and note the path to it; return "" or the reason: then nothing has changed."""
+        """Pass a command through the gate and note the path to it; return why there is none."""
         path, encoder_rad = self.axes.path, self.axes.encoder_rad
         present, positions = pair(encoder_rad), trajectory.position_rad
+        # The gate of the controller does not bind a foreign commander; this one does.
         reason = self.safety.check("track", now_s, present, positions).reason
         if reason:
             return reason
@@ -111,8 +116,12 @@ class ControlUnit:
     # Requests
 
     def enable(self) -> None:
-        """Release the brakes and hold where the axes are; nothing moves.  After an oscillation they stay set."""
+        """Release the brakes and hold where the axes are; nothing moves.
+
+        After an oscillation they stay set.
+        """
         axes = self.axes
+        # Watches begin anew: what they saw under the brakes is no motion.
         self.safety.release(pair(axes.hardware.switch_rad))
         axes.rate_command_rad_s = np.zeros(2)
         self._watch_sensors()
@@ -122,7 +131,7 @@ class ControlUnit:
             axes.hardware.release_brake()
 
     def rest(self, mode: AntennaMode) -> None:
-        """Set the brakes and stay in a rest mode: inactive, which `enable` ends, or those that `resume` ends."""
+        """Set the brakes and stay in this mode: inactive until `enable`, others until `resume`."""
         self.axes.hardware.brake()
         self.modes.mode = mode
 
@@ -149,7 +158,8 @@ class ControlUnit:
         if reason:
             return reason
         if self.axes.loops.oscillation:
-            # Holding forgets what the detectors have seen; `enable` keeps the brakes set until they have.
+            # Holding forgets what the detectors have seen; `enable` keeps the brakes set until they
+            # have.
             self.axes.hold()
         if self.mode == AntennaMode.FAULT:
             self.enable()
@@ -183,7 +193,7 @@ class ControlUnit:
         return self._go(Request.PARK, (place.park_azimuth_rad, place.park_elevation_rad))
 
     def stow(self) -> str:
-        """Go to the stow elevation at the present azimuth and set the brakes there; a parked antenna leaves its park."""
+        """Go to the stow elevation at the present azimuth, also from park; set the brakes there."""
         return self._go(Request.STOW, (float(self.axes.encoder_rad[0]), self.safety.params.stow_elevation_rad))
 
     def disable(self) -> str:
@@ -217,7 +227,7 @@ class ControlUnit:
         return ""
 
     def _find_path_back(self) -> str:
-        """Find the path from where a pause has held the antenna to where the commands are; return why there is none."""
+        """Find the path from a pause back to where the commands are; return why there is none."""
         encoder_rad, path = self.axes.encoder_rad, self.axes.path
         if path.table.empty:
             return ""
@@ -258,6 +268,7 @@ class ControlUnit:
         self.t_s = t_s
         reading = self.reading(t_s)
         self._watch_wind(t_s)
+        # Unpowered axes get no rates: laws that run against the brakes would wind up.
         powered = self.axes.hardware.powered
         self.axes.drive(self._rates(t_s, reading.position_rad) if powered else np.zeros(2))
         self._watch_sensors()
@@ -300,6 +311,7 @@ class ControlUnit:
         if self._ticks % WIND_EVERY:
             return
         self.safety.wind.take(t_s, self.axes.hardware.anemometer_m_s())
+        # An experiment moves at its own rates and cannot be sent to stow before it has stopped.
         if self.safety.wind.step(t_s) and self.mode == AntennaMode.MANUAL_RATE:
             self.stop()
         if self.safety.wind.reason and self.modes.traits.leaves_wind:
@@ -312,7 +324,7 @@ class ControlUnit:
             self.trip(reason)
 
     def _rates(self, t_s: float, encoder_rad: Array) -> Array:
-        """Return the rate commands (2,) of this tick: those of an experiment, or of the laws on a guarded path."""
+        """Return the rate commands (2,): of an experiment, or of the laws on a guarded path."""
         if self.mode == AntennaMode.MANUAL_RATE:
             rates = self._experiment_rates(t_s, encoder_rad)
             if rates is not None:
@@ -323,12 +335,14 @@ class ControlUnit:
             reason = self.safety.guard(self.modes.traits.motion, t_s, *map(pair, feasible))
             if reason:
                 self.stop(reason)
+        # Exactly zero: the preprocessor brings the rate to zero, not near it.
         standing = float(np.max(np.abs(feasible.velocity))) == 0.0
         if standing and self.mode not in (AntennaMode.TRACKING, AntennaMode.HOLDING):
             self._settle(feasible.position)
         rates = axes.loops.rates(feasible, encoder_rad)
         if not axes.loops.oscillation:
             return rates
+        # The command follows the swinging axes, or the reset would start with a slew.
         axes.path.preprocessor.reset(encoder_rad)
         self.trip(f"drives cut: {axes.loops.oscillation}")
         return np.zeros(2)
@@ -344,6 +358,7 @@ class ControlUnit:
         """Return the experiment's rate commands (2,), None when it ends here."""
         experiment = self._experiment
         assert experiment is not None
+        # The experiment is guarded at the measured rate: its command is noise around a mean.
         barred = self.safety.guard("manual", t_s, pair(encoder_rad), pair(self.axes.hardware.velocity_rad_s))
         if not experiment.finished and not barred:
             rates = experiment.command(encoder_rad)
@@ -353,7 +368,7 @@ class ControlUnit:
         return None
 
     def _end_experiment(self, reason: str) -> None:
-        """End the experiment, aborted when it has not finished, and bring the axes that it has moved to rest."""
+        """End the experiment, aborted when unfinished, and bring the axes to rest."""
         if self._experiment is not None and not self._experiment.finished:
             self._experiment.abort(reason)
         self._experiment = None
@@ -368,6 +383,7 @@ class ControlUnit:
         sample = path.table.at(t_s)
         if sample.source != "dry":
             return sample
+        # A table whose end is at rest is a goal; one that runs dry in motion is a lost commander.
         if path.ends_at_rest(sample.t_s):
             path.goal_rad = sample.position_rad
             self.modes.hold(self._motion())

@@ -1,9 +1,9 @@
-"""The position laws of both axes as the control unit runs them: PI or LQG, exchanged while running, watched for swinging.
+"""The position laws of both axes: PI or LQG, exchanged while running, watched for swinging.
 
-A change of gains or of the law is taken as a whole, between two ticks and without a jump of the rate command; one that
-would be unstable on the antenna is refused and changes nothing.  Stable means: no pole outside the unit circle in the
-sampled closed loop of the linear plant behind its dead time, stepped exactly over one control period, and the laws that
-run, filters included.
+A change of gains or of the law is taken as a whole, between two ticks and without a jump of the
+rate command; one that would be unstable on the antenna is refused and changes nothing.  Stable
+means: no pole outside the unit circle in the sampled closed loop of the linear plant behind its
+dead time, stepped exactly over one control period, and the laws that run, filters included.
 """
 
 import math
@@ -46,12 +46,12 @@ _LQG_AZIMUTH, _LQG_ELEVATION = dss13_lqg_loops()
 
 
 EDGE = 1e-6
-"""Integrators left open lie on the unit circle, a double one within the square root of the rounding error of it."""
+"""Open integrators lie on the unit circle, a double one within the root of rounding of it."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class LoopParams(Params):
-    """Position laws of both axes, the watch over them, and the limits that every command is brought within."""
+    """Position laws of both axes, the watch over them, and the limits of every command."""
 
     law: str = parameter(_PI, "position law of both axes", choices=(_PI, _LQG))
     azimuth: PositionLoopParams = parameter(_AZIMUTH, "azimuth PI loop")
@@ -67,14 +67,16 @@ class LoopParams(Params):
 def law_rates(
     laws: Sequence[PositionLaw], command: Sequence[Sequence[float]], encoder_rad: Sequence[float], tick_s: float
 ) -> list[float]:
-    """Return the rate commands (2,) of both laws for one tick of `tick_s`, and advance the laws to the next one.
+    """Return the rate commands (2,) of both laws and advance the laws by one tick.
 
-    `command` is position (rad), velocity (rad/s) and acceleration (rad/s^2) of azimuth and elevation.
+    `command` is position (rad), velocity (rad/s) and acceleration (rad/s^2) of azimuth and
+    elevation.
     """
     position, velocity, acceleration = command
     rates = []
     for axis, law in enumerate(laws):
         rates.append(law.output(position[axis], velocity[axis], encoder_rad[axis], acceleration[axis]))
+        # Before the drives move: nothing between the laws and the drives cuts these rates any more.
         law.update(tick_s, rates[axis])
     return rates
 
@@ -86,64 +88,62 @@ class AxisLoops:
         self._tick_s = tick_s
         self._designs: tuple[str, tuple[LqgDesign, LqgDesign]] | None = None
         self.check(params, plant)
-        self._params = params
+        self.params = params
         self._laws = self._build(params)
-        self._watch = tuple(OscillationDetector(params.oscillation) for _ in AXES)
+        self.watch = tuple(OscillationDetector(params.oscillation) for _ in AXES)
         self._newest = (np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2))
-
-    @property
-    def params(self) -> LoopParams:
-        """The parameter set in force."""
-        return self._params
-
-    @property
-    def watch(self) -> tuple[OscillationDetector, ...]:
-        """The oscillation detectors of azimuth and elevation."""
-        return self._watch
 
     @property
     def oscillation(self) -> str:
         """Which axis oscillates and how, "" if none does."""
-        found = [f"{axis}: {seen.reason}" for axis, seen in zip(AXES, self._watch, strict=True) if seen.oscillating]
+        found = [f"{axis}: {seen.reason}" for axis, seen in zip(AXES, self.watch, strict=True) if seen.oscillating]
         return "; ".join(found)
 
     def check(self, params: LoopParams, plant: PlantParams) -> None:
         """Raise ValueError, saying why, if this set cannot run on this antenna; changes nothing."""
+        # Eigenvalues of some 30 states take milliseconds; unchecked gains can shake an antenna
+        # apart.
         require_stable(plant, self._chosen(params), self._tick_s)
+        # Building reads the designs' file and places the filters below half the sampling rate, or
+        # raises.
         self._build(params)
 
     def retune(self, params: LoopParams, plant: PlantParams) -> None:
-        """Take a new set between two ticks and without a jump; refused as a whole if it cannot run."""
+        """Take a new set between two ticks without a jump; all of it or, with ValueError, none."""
         self.check(params, plant)
-        before, self._params = self._params, params
+        before, self.params = self.params, params
+        # The estimates of another law mean nothing: it starts anew on the newest motion and rate
+        # command.
         if (params.law, params.lqg_file) != (before.law, before.lqg_file):
             self._laws = self._build(params)
             self._start(*self._newest)
         else:
             gains = (params.azimuth, params.elevation)
-            beside = (params.lqg_azimuth, params.lqg_elevation)
+            feedforwards = (params.lqg_azimuth, params.lqg_elevation)
             for axis, law in enumerate(self._laws):
                 if isinstance(law, PositionLoop):
                     law.retune(gains[axis])
                 else:
-                    law.retune(beside[axis])
-        for watch in self._watch:
+                    law.retune(feedforwards[axis])
+        for watch in self.watch:
             watch.retune(params.oscillation)
 
     def reset(
         self, position_rad: Array, measured_rad: Array, velocity_rad_s: Array = AT_REST, command_rad_s: Array = AT_REST
     ) -> None:
-        """Start on this motion as if the laws had given `command_rad_s` (2,); forget what the detectors have seen."""
+        """Start on this motion as if the laws had given `command_rad_s`, with calm detectors."""
         self._start(position_rad, velocity_rad_s, measured_rad, command_rad_s)
-        for watch in self._watch:
+        for watch in self.watch:
             watch.reset()
 
     def rates(self, command: Motion, measured_rad: Array) -> Array:
         """Return the rate commands (2,) for a feasible command and the encoders of this tick."""
         measured = measured_rad.tolist()
         given = np.array(law_rates(self._laws, [part.tolist() for part in command], measured, self._tick_s))
-        for watch, position, shown in zip(self._watch, command.position.tolist(), measured, strict=True):
+        for watch, position, shown in zip(self.watch, command.position.tolist(), measured, strict=True):
+            # The error of the feasible command: that of the raw one is large in every slew.
             watch.update(position - shown, self._tick_s)
+        # Kept for an exchange of the law: the next one starts where this one is.
         self._newest = (command.position, command.velocity, measured_rad, given)
         return given
 
@@ -165,13 +165,14 @@ class AxisLoops:
         return self._designs_of(params.lqg_file)
 
     def _designs_of(self, file: str) -> tuple[LqgDesign, LqgDesign]:
+        # A file is read when it is named, not in every change of a gain.
         if self._designs is None or self._designs[0] != file:
             self._designs = (file, load_lqg_designs(Path(file) if file else None))
         return self._designs[1]
 
 
 def require_stable(plant: PlantParams, laws: Sequence[Law], tick_s: float) -> None:
-    """Raise ValueError, naming the axis, unless the laws (azimuth, elevation) are stable on the antenna."""
+    """Raise ValueError, naming the axis, unless both laws are stable on the antenna."""
     # Each axis is closed alone first, so that the reason can name it, then both together.
     for closed in ((0,), (1,), (0, 1)):
         pole = closed_loop_pole(plant, laws, tick_s, closed)
@@ -186,7 +187,7 @@ def require_stable(plant: PlantParams, laws: Sequence[Law], tick_s: float) -> No
 
 
 def closed_loop_pole(plant: PlantParams, laws: Sequence[Law], tick_s: float, closed: Sequence[int] = (0, 1)) -> complex:
-    """Return the pole (of z) farthest from the origin, with the loops of the axes in `closed` closed."""
+    """Return the pole (of z) farthest from the origin with the loops of `closed` closed."""
     a, b, encoder = _sampled(plant, tick_s)
     for axis in closed:
         a, b, encoder = _close(a, b, encoder, axis, law_matrices(laws[axis], tick_s))
@@ -201,11 +202,12 @@ def _gains(axis: str, law: Law) -> str:
 
 
 def _sampled(plant: PlantParams, tick_s: float) -> tuple[Array, Array, Array]:
-    """Return a, b (n, 2), encoder (2, n) of the plant over one control period, dead times as whole periods."""
+    """Return a, b (n, 2), encoder (2, n) over one control period, dead times as whole periods."""
     model = linear_model(plant)
     step, size = discretise(model.a, model.b_command, tick_s), len(model.a)
     a, b, encoder = step[:, :size], step[:, size:], model.encoder
     for axis, limits in enumerate((plant.azimuth, plant.elevation)):
+        # The dead time costs phase in proportion to frequency; without it unstable gains pass.
         for _ in range(round(limits.drive_delay_s / tick_s)):
             a, b, encoder = _delay(a, b, encoder, axis)
     return a, b, encoder

@@ -1,8 +1,8 @@
 """What a restarted control unit remembers of its antenna, from a state file.
 
-The structure is where it was left, a latched fault is still latched, and an antenna that was parked, stowed or disabled
-keeps its brakes set until `resume`.  The file is written as the antenna moves, and before a change of fault or rest is
-published.
+The structure is where it was left, a latched fault is still latched, and an antenna that was
+parked, stowed or disabled keeps its brakes set until `resume`.  The file is written as the antenna
+moves, and before a change of fault or rest is published.
 """
 
 import math
@@ -14,7 +14,7 @@ from rf_pointing.station.antenna.simulated_antenna import AntennaParams, Simulat
 __all__ = ["AntennaMemory"]
 
 MOVED_RAD = math.radians(0.5)
-"""Motion after which the file is written anew: a restart that is this far off is far from any turn of the cables."""
+"""Motion after which the file is written anew: seldom, and far less than a turn of cables."""
 AT_REST = (AntennaMode.PARKED, AntennaMode.STOWED, AntennaMode.DISABLED)
 SINCE = " (since before the restart)"
 
@@ -25,6 +25,7 @@ class AntennaMemory:
     def __init__(self, name: str) -> None:
         self._state = KeptState(name)
         self._kept = self._state.recover()
+        # A file that lacks a key is another program's: half of a state would be a wrong one.
         missing = {"azimuth_rad", "elevation_rad", "mode", "fault"} - set(self._kept)
         if self._kept and missing:
             raise ValueError(f"state file {name} lacks {', '.join(sorted(missing))}")
@@ -44,6 +45,7 @@ class AntennaMemory:
         kept, self._kept = self._kept, {}
         if not kept:
             return
+        # The mark is added once, however often the control unit restarts.
         if fault := kept["fault"]:
             antenna.stop(fault if fault.endswith(SINCE) else fault + SINCE)
         elif kept["mode"] in AT_REST:
@@ -59,6 +61,7 @@ class AntennaMemory:
         if was is not None and was[2:] == now[2:] and max(abs(azimuth - was[0]), abs(elevation - was[1])) < MOVED_RAD:
             return
         self._state.keep({"azimuth_rad": azimuth, "elevation_rad": elevation, "mode": rest, "fault": status.fault})
+        # A failed write is tried again at the next status.
         if not self.problem:
             self._written = now
 

@@ -1,15 +1,17 @@
-"""The modes of the antenna: what may be requested in each of them, and what leads from one to another.
+"""The modes of the antenna: what may be requested in each, and what leads to another.
 
     inactive --enable--> holding --command--> tracking --command ends at rest--> holding
     tracking --pause--> paused --resume--> tracking
     holding --identify--> manual_rate --end of the experiment--> stopping
     any of these --stop--> stopping --at rest--> holding, or fault when the stop had a reason
-    a movable one --park, stow, disable--> parking, stowing, disabling --> parked, stowed, disabled --resume--> holding
+    a movable one --park, stow, disable--> parking, stowing, disabling --at rest-->
+    parked, stowed, disabled --resume--> holding
     parked --stow--> stowing
     fault --reset_fault--> holding
 
-A loop or a sensor that cannot be trusted leads to fault at once, with the brakes set.  Nothing here moves anything: the
-control unit gives a snapshot of the motion, and carries out what the answer allows.
+A loop or a sensor that cannot be trusted leads to fault at once, with the brakes set.  Nothing here
+moves anything: the control unit gives a snapshot of the motion, and carries out what the answer
+allows.
 """
 
 from dataclasses import dataclass
@@ -53,10 +55,10 @@ class Request(StrEnum):
 class ModeTraits:
     """What follows from a mode.
 
-    `movable`: the position laws drive the axes, which may be sent to rest.  `motion`: what the safety gate calls the
-    motion of this mode, "" where it need not pass.  `ends_in`: the mode at its end, with the brakes set.  `at_rest`: the
-    brakes are set until `resume`.  `leaves_wind`: high wind sends the antenna to stow.  `transmits`: the transmitter may
-    be on.
+    `movable`: the position laws drive the axes, which may be sent to rest.  `motion`: what the
+    safety gate calls the motion of this mode, "" where it need not pass.  `ends_in`: the mode at
+    its end, with the brakes set.  `at_rest`: the brakes are set until `resume`.  `leaves_wind`:
+    high wind sends the antenna to stow.  `transmits`: the transmitter may be on.
     """
 
     movable: bool = False
@@ -71,16 +73,20 @@ MODES = {
     AntennaMode.INACTIVE: ModeTraits(),
     AntennaMode.HOLDING: ModeTraits(movable=True, motion="preset", leaves_wind=True, transmits=True),
     AntennaMode.TRACKING: ModeTraits(movable=True, motion="track", leaves_wind=True, transmits=True),
-    # An experiment passes the gate at its own rates, before the laws are run (see the control unit).
+    # An experiment passes the gate at its own rates, before the laws are run (see the control
+    # unit).
     AntennaMode.MANUAL_RATE: ModeTraits(),
     AntennaMode.PAUSED: ModeTraits(movable=True, leaves_wind=True),
     # A stop passes no gate: decelerating at the limits is the safest motion there is.
     AntennaMode.STOPPING: ModeTraits(movable=True),
     AntennaMode.FAULT: ModeTraits(),
     AntennaMode.PARKING: ModeTraits(movable=True, motion="park", ends_in=AntennaMode.PARKED, leaves_wind=True),
+    # Already on its way to where high wind would send it.
     AntennaMode.STOWING: ModeTraits(movable=True, motion="stow", ends_in=AntennaMode.STOWED),
+    # Not movable: neither park nor stow may overtake a disable that is under way.
     AntennaMode.DISABLING: ModeTraits(ends_in=AntennaMode.DISABLED),
-    # Brakes hold a parked dish in any wind, but its park elevation is not the one at which the wind does least.
+    # Brakes hold a parked dish in any wind, but its park elevation is not the one at which the wind
+    # does least.
     AntennaMode.PARKED: ModeTraits(at_rest=True, leaves_wind=True),
     AntennaMode.STOWED: ModeTraits(at_rest=True),
     AntennaMode.DISABLED: ModeTraits(at_rest=True),
@@ -91,8 +97,9 @@ MODES = {
 class MotionSnapshot:
     """The motion at one instant.
 
-    `fault` is the latched fault and `high_wind` why the wind forbids to leave a rest, "" for none; `moving` says whether
-    an axis turns too fast for its brakes or for an experiment, `arrived` whether the encoders are at the goal.
+    `fault` is the latched fault and `high_wind` why the wind forbids to leave a rest, "" for none;
+    `moving` says whether an axis turns too fast for its brakes or for an experiment, `arrived`
+    whether the encoders are at the goal.
     """
 
     fault: str
@@ -155,19 +162,22 @@ class AntennaModes:
 
     def follow(self) -> None:
         """Take the mode of an accepted command; a pause keeps it for later."""
+        # A pause keeps taking commands, so that `resume` goes on with the newest.
         if self.mode != AntennaMode.PAUSED:
             self.mode = AntennaMode.TRACKING
 
     def stop(self) -> None:
         """Take the mode of a controlled stop, where there is motion to stop."""
+        # A parking antenna may be stopped; one whose brakes are set has nothing to stop.
         if self.traits.movable:
             self.mode = AntennaMode.STOPPING
 
     def settle(self, now: MotionSnapshot) -> bool:
-        """Take the mode that follows once the commanded motion stands still; return whether the brakes are to be set."""
+        """Take the mode after a motion that has ended; return whether the brakes are to be set."""
         if self.mode == AntennaMode.STOPPING:
             self.hold(now)
-        # A stopped command is no stopped antenna: parked means that the encoders have followed.  `disabling` has no goal.
+        # A stopped command is no stopped antenna: parked means that the encoders have followed.
+        # `disabling` has no goal.
         if self.traits.ends_in is None or not (now.arrived or self.mode == AntennaMode.DISABLING):
             return False
         self.mode = self.traits.ends_in

@@ -1,4 +1,7 @@
-"""The mount errors that a simulated antenna really has (SATCAL eqs. 1-2): their parameters, and their effect on the beam."""
+"""The mount errors that a simulated antenna really has (SATCAL eqs.
+
+1-2): their parameters, and their effect on the beam.
+"""
 
 import dataclasses
 import math
@@ -14,17 +17,18 @@ __all__ = ["MountError", "MountParams", "RateAverage"]
 
 Array = NDArray[np.float64]
 RENEWAL_S = 0.5
+"""Time between two steps of the inversion: a hundredth of the cost of inverting at every tick."""
 STEEP_RAD = math.radians(5.0)
-"""Within this of the zenith the step does not converge: an azimuth error there grows as the tangent of the elevation."""
+"""Within this of the zenith a step does not converge: errors grow as tan(elevation)."""
 LIMIT_RAD = math.radians(5.0)
 LIMIT_S = 10.0
 
 
 def _angle(description: str) -> float:
-    return float_parameter(description, LIMIT_RAD)
+    return _coefficient(description, LIMIT_RAD)
 
 
-def float_parameter(description: str, limit: float) -> float:
+def _coefficient(description: str, limit: float) -> float:
     """Declare one coefficient, zero unless configured, within +-`limit`."""
     declared: float = parameter(0.0, description, low=-limit, high=limit)
     return declared
@@ -39,29 +43,31 @@ class MountParams(Params):
     collimation_rad: float = _angle("x3, collimation of the radio axis")
     azimuth_encoder_sine_rad: float = _angle("x4, azimuth encoder nonlinearity, sine")
     azimuth_encoder_cosine_rad: float = _angle("x5, azimuth encoder nonlinearity, cosine")
-    azimuth_velocity_lag_s: float = float_parameter("x6, azimuth velocity lag", LIMIT_S)
-    azimuth_acceleration_lag_s2: float = float_parameter("x7, azimuth acceleration lag in s^2", LIMIT_S)
+    azimuth_velocity_lag_s: float = _coefficient("x6, azimuth velocity lag", LIMIT_S)
+    azimuth_acceleration_lag_s2: float = _coefficient("x7, azimuth acceleration lag in s^2", LIMIT_S)
     mislevel_east_rad: float = _angle("x8, mislevel about east")
     mislevel_north_rad: float = _angle("x9, mislevel about north")
     elevation_offset_rad: float = _angle("x10, elevation encoder offset")
     droop_rad: float = _angle("x11, droop")
     elevation_encoder_sine_rad: float = _angle("x12, elevation encoder nonlinearity")
-    elevation_velocity_lag_s: float = float_parameter("x13, elevation velocity lag", LIMIT_S)
-    elevation_acceleration_lag_s2: float = float_parameter("x14, elevation acceleration lag in s^2", LIMIT_S)
+    elevation_velocity_lag_s: float = _coefficient("x13, elevation velocity lag", LIMIT_S)
+    elevation_acceleration_lag_s2: float = _coefficient("x14, elevation acceleration lag in s^2", LIMIT_S)
 
     def model(self) -> BiasModel:
         """Return the bias model of these coefficients."""
         values = {item.name: getattr(self, item.name) for item in dataclasses.fields(self)}
+        # The names end in their units, the terms of the model do not.
         by_stem = {name.rsplit("_", 1)[0]: value for name, value in values.items()}
         return BiasModel({term.name: by_stem[term.name] for term in TERMS})
 
 
 class RateAverage:
-    """Rates of the beam averaged over about T = `time_s`, which is what the lags of the mount act on.
+    """Rates of the beam averaged over about T = `time_s`: the lags of the mount act on these.
 
-    On the momentary rate, vibration included, a lag of seconds would be a prediction, and no loop could be closed on it.
-    The average has two poles, 1 / (1 + T s + T^2 s^2) = 1 - T s + T^3 s^3 - ...: without a term in s^2 a lag on it is a
-    velocity and an acceleration lag, as in SATCAL eqs. (1)-(2), up to the third derivative of the rate.
+    On the momentary rate, vibration included, a lag of seconds would be a prediction, and no loop
+    could be closed on it.  The average has two poles, 1 / (1 + T s + T^2 s^2) = 1 - T s + T^3 s^3 -
+    ...: without a term in s^2 a lag on it is a velocity and an acceleration lag, as in SATCAL eqs.
+    (1)-(2), up to the third derivative of the rate.
     """
 
     def __init__(self, time_s: float) -> None:
@@ -72,6 +78,8 @@ class RateAverage:
     def update(self, dt_s: float, rate_rad_s: Array) -> None:
         """Go on by `dt_s` with the beam moving at `rate_rad_s` (2,)."""
         time_s = self._time_s
+        # Two poles without a term in s^2: a velocity lag on the average is then a velocity lag up
+        # to the third derivative.
         pull = (rate_rad_s - self.rate_rad_s) / time_s - self.acceleration_rad_s2
         self.acceleration_rad_s2 = self.acceleration_rad_s2 + dt_s / time_s * pull
         self.rate_rad_s = self.rate_rad_s + dt_s * self.acceleration_rad_s2
@@ -80,10 +88,11 @@ class RateAverage:
 class MountError:
     """Takes the mount's errors off axis angles that change slowly from call to call.
 
-    The correction is renewed by one step of sky += axes - apply(sky) every `RENEWAL_S` and runs on a straight line in
-    between: within 0.03 mdeg of `BiasModel.remove` along a pass that peaks at 44 deg, at a hundredth of its cost.
-    Near the zenith the lags are taken at the rates of the axes and the rest off exactly, in every call; in the hole of the
-    mount, where no direction can be named, the correction stands still.
+    The correction is renewed by one step of sky += axes - apply(sky) every `RENEWAL_S` and runs on
+    a straight line in between: within 0.03 mdeg of `BiasModel.remove` along a pass that peaks at 44
+    deg, at a hundredth of its cost.  Near the zenith the lags are taken at the rates of the axes
+    and the rest off exactly, in every call; in the exclusion cone of the mount, where no direction
+    can be named, the correction stays.
     """
 
     def __init__(self, model: BiasModel) -> None:
@@ -94,16 +103,18 @@ class MountError:
 
     @property
     def drift_rad_s(self) -> Array:
-        """Return how fast the beam moves besides the axes (2,)."""
+        """How fast the beam moves in addition to the axes (2,)."""
         return self._rate
 
     def remove(self, t_s: float, axes_rad: Array, rate_rad_s: Array, acceleration_rad_s2: Array) -> Array:
-        """Return the true azimuth and elevation (2,) of a beam at these axis angles, moving like this."""
+        """Return true azimuth and elevation (2,) of a beam at these axis angles and rates."""
         if abs(axes_rad[1] - 0.5 * math.pi) < STEEP_RAD:
             return self._remove_steep(t_s, axes_rad, (*rate_rad_s, *acceleration_rad_s2))
         if self._renewed_s is None or not 0.0 <= t_s - self._renewed_s <= 10.0 * RENEWAL_S:
             sky = np.array(self._model.remove(*axes_rad, *rate_rad_s, *acceleration_rad_s2))
             self._correction, self._rate, self._renewed_s = sky - axes_rad, np.zeros(2), t_s
+        # Ticks are sums of floats: one that is due must not wait for the next because of a rounding
+        # error.
         elif t_s - self._renewed_s >= RENEWAL_S - 1e-6:
             self._renew(t_s, axes_rad, rate_rad_s, acceleration_rad_s2)
         sky_now: Array = axes_rad + self._correction + self._rate * (t_s - self._renewed_s)
@@ -113,10 +124,13 @@ class MountError:
         still = (0.0, 0.0, 0.0, 0.0)
         moving, resting = (np.array(self._model.offset_rad(*axes_rad, *rates)) for rates in (motion, still))
         azimuth, elevation = axes_rad - moving + resting
+        # The lags at once, the rest by inversion: near the zenith the inversion with lags need not
+        # converge.
         try:
             sky = np.array(self._model.remove(azimuth, elevation, 0.0, 0.0, 0.0, 0.0))
         except ValueError:
             return np.asarray(axes_rad + self._correction)
+        # The rate is kept up here too: leaving the steep region must not start with a jump.
         correction, since_s = sky - axes_rad, t_s - (self._renewed_s or 0.0)
         self._rate = (correction - self._correction) / since_s if 0.0 < since_s <= RENEWAL_S else np.zeros(2)
         self._correction, self._renewed_s = correction, t_s
@@ -125,6 +139,7 @@ class MountError:
     def _renew(self, t_s: float, axes_rad: Array, rate_rad_s: Array, acceleration_rad_s2: Array) -> None:
         assert self._renewed_s is not None
         elapsed_s = t_s - self._renewed_s
+        # One step of the fixed-point iteration from the extrapolated correction is enough here.
         sky = axes_rad + self._correction + self._rate * elapsed_s
         observed = self._model.apply(*sky, *rate_rad_s, *acceleration_rad_s2)
         correction = sky - np.array([float(part) for part in observed])

@@ -1,7 +1,8 @@
 """The simulated receiver: the one part, with the antenna, that knows where the satellite really is.
 
-The real satellite runs ahead of or behind its elements by `along_track_offset_s`.  Boresights come in, one per control
-tick; every `cluster_samples` of them give a cluster of sum and difference samples, a carrier power and the true error.
+The real satellite runs ahead of or behind its elements by `along_track_offset_s`.  Boresights come
+in, one per control tick; every `cluster_samples` of them give a cluster of sum and difference
+samples, a carrier power and the true error.
 """
 
 import math
@@ -44,6 +45,7 @@ __all__ = ["Reception", "SignalParams", "SimulatedReceiver"]
 
 Array = NDArray[np.float64]
 BLOCK = 50
+"""Look angles computed at once: a second of ticks in one vectorised call."""
 NO_LINE_DB_HZ = -40.0
 TIME_TOLERANCE_S = 1e-5
 
@@ -61,7 +63,7 @@ class SignalParams(Params):
     dropouts: DropoutParams = parameter(DropoutParams(count=0), "interruptions of the carrier")
     spin: SpinParams = parameter(SpinParams(depth=0.0), "modulation of the power by the satellite's spin")
     interference: InterferenceParams = parameter(
-        InterferenceParams(level_db_hz=NO_LINE_DB_HZ), "line beside the carrier; at the lowest level there is none"
+        InterferenceParams(level_db_hz=NO_LINE_DB_HZ), "line offset from the carrier; none at the lowest level"
     )
     dropouts_after_s: float = parameter(40.0, "time after the first reception before the first one", low=0.0, high=1e5)
     dropouts_within_s: float = parameter(600.0, "time in which all of them fall", low=1.0, high=1e5)
@@ -74,7 +76,7 @@ class SignalParams(Params):
 
 
 class Reception(NamedTuple):
-    """What one cluster of boresights gives; `truth` is target minus beam, known to a simulation only."""
+    """One cluster of samples, its carrier power, and the true target minus beam."""
 
     cluster: MonopulseCluster
     power: CarrierPower
@@ -82,7 +84,7 @@ class Reception(NamedTuple):
 
 
 class _Ahead:
-    """Look angles of a grid of coming times, computed a second at a time: one vectorised call instead of many."""
+    """Look angles at evenly spaced times ahead, computed a block at a time."""
 
     def __init__(self, track: TopocentricTrack) -> None:
         self.track = track
@@ -92,6 +94,7 @@ class _Ahead:
     def at(self, t_s: Array) -> Array:
         """Return azimuth, elevation and range (n, 3) at evenly spaced times (n,)."""
         first = int(np.searchsorted(self._times, t_s[0] - TIME_TOLERANCE_S))
+        # Compared with a tolerance: times are sums of ticks.
         found = self._times[first : first + len(t_s)]
         if len(found) < len(t_s) or float(np.max(np.abs(found - t_s))) > TIME_TOLERANCE_S:
             step_s = float(t_s[-1] - t_s[0]) / (len(t_s) - 1)
@@ -118,25 +121,30 @@ class SimulatedReceiver:
         self._newest = -1
         self._first_s: float | None = None
         self._dropouts: Dropouts | None = None
+        # Made once: a feed is turned over in flight, between two clusters.
         self._flipped = MonopulseFeed(_turned_over(params.feed), params.beam)
 
     @property
     def target(self) -> str:
-        """Name of the satellite that is heard."""
+        """Name of the satellite that is received."""
         return self._ahead.track.name
 
     def tune(self, real_track: TopocentricTrack) -> None:
-        """Hear another satellite from the next cluster on."""
+        """Receive another satellite from the next cluster on."""
         self._ahead = _Ahead(real_track)
 
     def take(self, boresight: Boresight) -> Reception | None:
-        """Take one boresight; a cluster ends on the grid of `cluster_samples` times `sample_s` and needs every sample.
+        """Take one boresight; return the reception when it completes a cluster.
 
+        A cluster ends on the grid of `cluster_samples` times `sample_s` and needs every sample.
         After a gap or a step back in time the next complete cluster counts.
         """
         index = round(boresight.t_s / self.params.sample_s)
+        # A cluster over a gap would average two directions of the beam.
         if self._boresights and index != self._newest + 1:
             self._boresights.clear()
+        # After a step back in time the receiver's phase does not go on: it starts anew, or the gap
+        # would be a jump.
         if index <= self._newest:
             self._receiver.state = replace(self._receiver.state, t_s=None)
         self._newest = index
@@ -155,6 +163,7 @@ class SimulatedReceiver:
             [sample.azimuth_rad for sample in cluster],
             [sample.elevation_rad for sample in cluster],
         )
+        # Below the horizon there is no signal, whatever the geometry of the beam.
         level = np.where(elevation > 0.0, self._link.carrier_to_noise_db_hz(range_m, np.abs(elevation)), -np.inf)
         level = self._disturbed(t_s, level)
         sample_s = float(t_s[-1] - t_s[0]) / (len(t_s) - 1)
@@ -163,6 +172,7 @@ class SimulatedReceiver:
             sensor="truth",
             cross_elevation_rad=float(right[-1]),
             elevation_rad=float(up[-1]),
+            # The wire carries finite numbers; 0 dB-Hz is far below what any tracker uses.
             carrier_to_noise_db_hz=max(float(level[-1]), 0.0),
         )
         return Reception(
@@ -179,6 +189,8 @@ class SimulatedReceiver:
         params = self.params
         if params.spin.depth > 0.0:
             level_db_hz = level_db_hz + spin_gain_db(params.spin, t_s)
+        # Counted from the first signal, so that a pass has its dropouts however long it slews
+        # before.
         if self._first_s is None and float(level_db_hz[0]) > -np.inf:
             self._first_s = float(t_s[0])
             begin_s = self._first_s + params.dropouts_after_s

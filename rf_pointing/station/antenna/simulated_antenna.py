@@ -1,7 +1,7 @@
-"""The simulated antenna: a control unit in front of simulated drives, structure, wind, mount and sensors.
+"""The simulated antenna: a control unit in front of simulated hardware.
 
-The encoders read the true direction plus the mount's own errors.  Faults of drives and sensors can be injected.  Only this
-module knows where the beam really points.
+The encoders read the true direction plus the mount's own errors.  Faults of drives and sensors can
+be injected.  Only this module knows where the beam really points.
 """
 
 import dataclasses
@@ -50,7 +50,7 @@ class SimulationParams(Params):
 
 @dataclass(frozen=True, kw_only=True)
 class AntennaParams(Params):
-    """Everything that a simulated antenna is configured with, one set per concern; the names are the ROS prefixes."""
+    """All parameter sets of a simulated antenna; the names are the ROS prefixes."""
 
     antenna: SimulationParams = parameter(SimulationParams(), "tick, start and randomness")
     plant: PlantParams = parameter(dss13_plant(), "drives and structure")
@@ -108,13 +108,16 @@ class InjectedFaults:
         return speed_m_s + self._value if self.kind == "gust" else speed_m_s
 
 
-class SimulatedHardware:
-    """Drives, brakes and sensors for a control unit; once a tick `look` comes first.  It begins with its brakes set."""
+class SimulatedHardware(AntennaPlant):
+    """Drives, brakes and sensors for a control unit; once a tick `look` comes first.
+
+    It begins with its brakes set.
+    """
 
     def __init__(self, params: AntennaParams) -> None:
         seed, self._tick_s = params.antenna.seed, params.antenna.tick_s
-        self.plant = AntennaPlant(params.plant, random_stream(seed, "encoder"), params.antenna.start_rad)
-        self.plant.brake()
+        super().__init__(params.plant, random_stream(seed, "encoder"), params.antenna.start_rad)
+        self.brake()
         self.injected = InjectedFaults()
         self._wind = Wind(params.wind, random_stream(seed, "wind"))
         self._torque = np.zeros(2)
@@ -122,36 +125,14 @@ class SimulatedHardware:
         self._mount_error = MountError(params.mount.model())
 
     @property
-    def velocity_rad_s(self) -> Array:
-        """Tachometer rates (2,) of the drives."""
-        return self.plant.velocity_rad_s
-
-    @property
     def switch_rad(self) -> Array:
         """Angles (2,) at the limit switches: the true ones, whatever the encoders show."""
-        return self.plant.true_joint_rad
-
-    @property
-    def powered(self) -> bool:
-        """Whether the drives have power."""
-        return self.plant.powered
-
-    @property
-    def at_stop(self) -> tuple[bool, bool]:
-        """Which axis touches a hard stop."""
-        return self.plant.at_stop
-
-    def brake(self) -> None:
-        """Cut the drives and set the brakes."""
-        self.plant.brake()
-
-    def release_brake(self) -> None:
-        """Release the brakes and power the drives."""
-        self.plant.release_brake()
+        return self.true_joint_rad
 
     def look(self, t_s: float) -> Boresight:
         """Return the true direction of the beam, and let the wind blow on it for this tick."""
-        boresight = self._boresight(t_s, self.plant.velocity_rad_s)
+        boresight = self._boresight(t_s, self.velocity_rad_s)
+        # At the true boresight: the wind does not know what the encoders show.
         self._torque = self._wind.step(self._tick_s, boresight.azimuth_rad, boresight.elevation_rad)
         return boresight
 
@@ -160,15 +141,16 @@ class SimulatedHardware:
         return self.injected.wind_speed(math.hypot(*self._wind.speed_m_s))
 
     def move(self, rate_command_rad_s: Array) -> None:
-        """Drive the axes through this tick at these rate commands (2,); a drive that runs away ignores them."""
+        """Drive the axes through this tick (2,); a drive that runs away ignores the command."""
         if self.injected.kind == "runaway":
             azimuth, elevation = rate_command_rad_s.tolist()
             rate_command_rad_s = np.array(self.injected.rate_command((azimuth, elevation)))
-        self.plant.step(rate_command_rad_s, self._torque, self._tick_s)
+        self.step(rate_command_rad_s, self._torque, self._tick_s)
 
     def encoders(self) -> Pair:
         """Return the angles that the encoders show."""
-        azimuth, elevation = self.plant.encoder_rad.tolist()
+        azimuth, elevation = self.encoder_rad.tolist()
+        # The common case without a call: this runs in every tick.
         if self.injected.kind == "none":
             return azimuth, elevation
         return self.injected.encoder((azimuth, elevation), self._tick_s)
@@ -176,11 +158,13 @@ class SimulatedHardware:
     def _boresight(self, t_s: float, velocity: Array) -> Boresight:
         """Return the true direction of the beam; the mount's lags act on averaged rates."""
         mean = self._mean
-        sky = self._mount_error.remove(t_s, self.plant.beam_rad, mean.rate_rad_s, mean.acceleration_rad_s2)
+        sky = self._mount_error.remove(t_s, self.beam_rad, mean.rate_rad_s, mean.acceleration_rad_s2)
+        # After the use: the lags act on the motion up to this tick.
         mean.update(self._tick_s, velocity + self._mount_error.drift_rad_s)
         azimuth, elevation = sky.tolist()
         if elevation > 0.5 * math.pi:
-            # Over its back the dish points to the other side: a direction on the sky has no elevation above 90 deg.
+            # Over its back the dish points to the other side: a direction on the sky has no
+            # elevation above 90 deg.
             azimuth, elevation = azimuth - math.pi, math.pi - elevation
         return Boresight(t_s=t_s, azimuth_rad=azimuth, elevation_rad=elevation)
 
@@ -207,7 +191,7 @@ class SimulatedAntenna(ControlUnit):
         return self.tick(t_s), boresight
 
     def deactivate(self) -> None:
-        """Decelerate at the limits, then set the brakes; the seconds that this takes pass at once."""
+        """Decelerate at the limits, then set the brakes; the seconds this takes pass at once."""
         self.stop()
         for _ in range(round(LONGEST_STOP_S / self.params.tick_s)):
             if self.mode != AntennaMode.STOPPING:
@@ -217,16 +201,16 @@ class SimulatedAntenna(ControlUnit):
 
     def check(self, plant: PlantParams, loops: LoopParams) -> None:
         """Raise ValueError, saying why, if `retune` would refuse these; changes nothing."""
-        self.hardware.plant.check(plant)
+        self.hardware.check(plant)
         self.axes.check(loops, plant)
 
     def retune(self, plant: PlantParams, loops: LoopParams) -> None:
-        """Take new laws, gains and limits between two ticks, without a jump; refused as a whole if one is impossible.
+        """Take new laws and limits between two ticks without a jump; all or, with ValueError, none.
 
-        Another plant means an antenna that changes in the middle of its motion: the laws in force stay in force, even
-        where they are unstable on it.
+        Another plant means an antenna that changes in the middle of its motion: the laws in force
+        stay in force, even where they are unstable on it.
         """
         self.check(plant, loops)
-        if plant != self.hardware.plant.params:
-            self.hardware.plant.reconfigure(plant)
+        if plant != self.hardware.params:
+            self.hardware.reconfigure(plant)
         self.axes.retune(loops, plant)

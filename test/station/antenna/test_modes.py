@@ -155,7 +155,7 @@ def test_a_fault_is_reset_only_when_its_cause_is_gone(kind: str, value: float) -
     clock.run(0.5)
     assert clock.antenna.mode == "fault"
     assert clock.antenna.reset_fault().startswith("the cause is still there: azimuth encoder")
-    assert (clock.antenna.mode, clock.antenna.axes.hardware.plant.powered) == ("fault", False)
+    assert (clock.antenna.mode, clock.antenna.axes.hardware.powered) == ("fault", False)
     clock.antenna.injected.inject("none", 0.0)
     clock.run(0.5)
     assert clock.antenna.reset_fault() == ""
