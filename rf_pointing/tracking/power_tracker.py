@@ -7,6 +7,7 @@ sample.
 """
 
 from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from rf_pointing.tracking.conscan import ConscanTracker, DelayEstimate, DelayEst
 from rf_pointing.tracking.conscan_estimate import ConscanParams
 from rf_pointing.tracking.steptrack import StepTracker, StepTrackParams
 
-__all__ = ["PowerTracker"]
+__all__ = ["CarrierTracker", "PowerTracker"]
 
 Array = NDArray[np.float64]
 TRACKED = (Sensor.CONSCAN, Sensor.STEPTRACK)
@@ -33,6 +34,19 @@ STEPPED_BACK_S = 60.0
 LARGEST_SHIFT_BEAMWIDTHS = 0.1
 GAIN_TOLERANCE = 0.3
 """An answer to the centre's motion that is not of its size is the target's own motion."""
+
+
+class CarrierTracker(Protocol):
+    """A tracker of the carrier power as `simulate_pass` runs it; a node has a subscription for each method."""
+
+    def take_joints(self, reading: JointReading) -> None:
+        """Note the encoder angles."""
+
+    def take_status(self, t_s: float, scan_centre_rad: Array, offset_rad: Array, mode: str, sensor: str, /) -> None:
+        """Note the controller's status, as `PowerTracker.take_status`."""
+
+    def take_power(self, power: CarrierPower) -> list[PointingError]:
+        """Take one carrier power; return the errors that it gives."""
 
 
 class PowerTracker:

@@ -11,7 +11,7 @@ from typing import NamedTuple, Protocol
 
 from rf_pointing.core import MDEG, Params, parameter
 
-__all__ = ["ONCE_A_ROUND", "LoopRate", "Offset", "Pattern", "Scan", "ScanParams", "circle_offset"]
+__all__ = ["ONCE_A_ROUND", "CircleScan", "LoopRate", "Offset", "Pattern", "Scan", "ScanParams", "circle_offset"]
 
 
 class Offset(NamedTuple):
@@ -64,6 +64,24 @@ class ScanParams(Params):
     def pattern(self) -> Pattern:
         """Return the circle, from its start."""
         return partial(circle_offset, self)
+
+
+@dataclass(frozen=True)
+class CircleScan:
+    """A circle as the scan of a registered tracker: with the age of its errors and the bandwidth of the loop on them."""
+
+    circle: ScanParams
+    age_s: float
+    bandwidth_hz: float
+
+    @property
+    def loop(self) -> LoopRate:
+        """How the tracking loop follows the errors."""
+        return LoopRate(self.bandwidth_hz)
+
+    def pattern(self) -> Pattern:
+        """Return the circle, from its start."""
+        return self.circle.pattern()
 
 
 def circle_offset(params: ScanParams, t_since_start_s: float) -> Offset:

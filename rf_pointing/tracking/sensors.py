@@ -13,7 +13,16 @@ from importlib.metadata import entry_points
 from rf_pointing.core import Mode, Sensor
 from rf_pointing.tracking.scan import Scan
 
-__all__ = ["NO_SENSOR", "SENSORS", "SENSOR_CHOICES", "SensorTraits", "load_trackers", "register", "sensors_of"]
+__all__ = [
+    "NO_SENSOR",
+    "SENSORS",
+    "SENSOR_CHOICES",
+    "SensorTraits",
+    "load_trackers",
+    "register",
+    "sensors_of",
+    "table_words",
+]
 
 ENTRY_POINTS = "rf_pointing.trackers"
 NO_SENSOR = "none"
