@@ -247,8 +247,8 @@ def transitions(sensors: Sequence[SensorTraits]) -> tuple[Transition, ...]:
     )  # fmt: skip
 
 
+# The whole state machine of the sensors of the package, in order of priority.
 TRANSITIONS = transitions(tuple(SENSORS.values()))
-"""The whole state machine of the sensors of the package, in order of priority."""
 
 
 class Autotrack:

@@ -29,8 +29,9 @@ __all__ = ["ConscanState", "ConscanTracker", "DelayEstimate", "DelayEstimator", 
 
 Array = NDArray[np.float64]
 FEWEST_WITNESSES = 3
+# By which the noise of a receiver may differ between the samples of a window, its power's own share
+# included.
 LARGEST_CHANGE = 1e4
-"""By which the noise of a receiver may differ between the samples of a window, its power's own share included."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -169,8 +170,8 @@ class ConscanTracker:
         self.state = ConscanState(window=kept, rejected=self.state.rejected + 1, last_rejection=fault)
 
 
+# Faded count of pairs below which nothing tells an answer to the motion from the target's own.
 FEWEST_PAIRS = 2.5
-"""Faded count of pairs below which nothing tells an answer to the motion from the target's own."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -151,8 +151,9 @@ def _rows(window: PowerWindow, half_power_beamwidth_rad: float, radius_rad: floa
 
 SMALLEST_SPREAD = 0.05  # rms motion along the weaker axis, in scan radii
 WORST_SPIN_INFLATION = 10.0
+# Of the misfit without the one sample that is to blame for it; no single one is for a power that
+# fades.
 LEFT_OVER = 0.5
-"""Of the misfit without the one sample that is to blame for it; no single one is for a power that fades."""
 
 
 class WindowEstimate(NamedTuple):

@@ -177,12 +177,13 @@ class InnovationBank:
         return bank, Innovations(new[0], new[1], variance)
 
 
+# Between two errors; after a longer one everything begins again.
 LONGEST_GAP_S = 1.0
-"""Between two errors; after a longer one everything begins again."""
+# For so long its velocity has changed when a target that wanders is first seen.
 SETTLED_S = 1.0
-"""For so long its velocity has changed when a target that wanders is first seen."""
+# Explains the errors better than the right response does if they are turned by more than half of
+# it.
 TURN = cmath.exp(2j * math.pi / 3.0)
-"""Explains the errors better than the right response does if they are turned by more than half of it."""
 
 
 class Response(NamedTuple):
@@ -194,6 +195,7 @@ class Response(NamedTuple):
 
 
 SIGN_FLIP = "sign flip: the error grows while it is corrected, in {}"
+# The right one first; all of unit size, so that one filter serves them all.
 RESPONSES = (
     Response(1.0, 0.0, ""),
     Response(0.0, -1.0, SIGN_FLIP.format("cross-elevation")),
@@ -202,7 +204,6 @@ RESPONSES = (
     Response(TURN, 0.0, "phase: the error is turned by more than 60 deg"),
     Response(TURN.conjugate(), 0.0, "phase: the error is turned by more than -60 deg"),
 )
-"""The right one first; all of unit size, so that one filter serves them all."""
 DIRECT = np.array([[response.direct] for response in RESPONSES])
 MIRRORED = np.array([[response.mirrored] for response in RESPONSES])
 

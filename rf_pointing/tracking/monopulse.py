@@ -28,8 +28,8 @@ __all__ = ["CURVES", "MonopulseCalibration", "MonopulseParams", "MonopulseTracke
 
 
 CHANNELS = ("difference_cross_elevation", "difference_elevation", "sum")
+# What a receiver can mean by C/N0; its power of ten must be a number.
 LEVEL_RANGE_DB_HZ = -60.0, 200.0
-"""What a receiver can mean by C/N0; its power of ten must be a number."""
 
 
 def cluster_fault(cluster: MonopulseCluster) -> str:
@@ -121,10 +121,10 @@ ComplexArray = NDArray[np.complex128]
 
 CURVES = ("tanh", "straight")
 UNITY = np.eye(2)
+# Difference over sum up to which atanh straightens it; beyond, noise would be all that it gives.
 STRAIGHTENED = 0.9
-"""Difference over sum up to which atanh straightens it; beyond, noise would be all that it gives."""
+# Difference over sum that no feed gives, even beside a null of the sum.
 LARGEST_RATIO = 1e3
-"""Difference over sum that no feed gives, even beside a null of the sum."""
 
 
 @dataclass(frozen=True, kw_only=True)

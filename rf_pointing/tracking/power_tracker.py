@@ -21,19 +21,21 @@ from rf_pointing.tracking.steptrack import StepTracker, StepTrackParams
 __all__ = ["CarrierTracker", "PowerTracker"]
 
 Array = NDArray[np.float64]
+# Sensors that are measured here, and the modes of the same names.
 TRACKED = (Sensor.CONSCAN, Sensor.STEPTRACK)
-"""Sensors that are measured here, and the modes of the same names."""
+# While nothing is scanned, every second power is passed on for its C/N0.
 IDLE_EVERY = 2
-"""While nothing is scanned, every second power is passed on for its C/N0."""
+# A delay of the receiving chain is corrected once it is this sure.
 DELAY_SIGMAS = 4.0
-"""A delay of the receiving chain is corrected once it is this sure."""
+# How far a power may be ahead of the other streams; one stamped later would hold up all that
+# follow.
 LARGEST_LEAD_S = 5.0
-"""How far a power may be ahead of the other streams; one stamped later would hold up all that follow."""
+# A power older than this against the one before means that time was set back, not that two came in
+# the wrong order.
 STEPPED_BACK_S = 60.0
-"""A power older than this against the one before means that time was set back, not that two came in the wrong order."""
 LARGEST_SHIFT_BEAMWIDTHS = 0.1
+# An answer to the centre's motion that is not of its size is the target's own motion.
 GAIN_TOLERANCE = 0.3
-"""An answer to the centre's motion that is not of its size is the target's own motion."""
 
 
 class CarrierTracker(Protocol):

@@ -23,8 +23,8 @@ class Offset(NamedTuple):
     elevation_rate_rad_s: float
 
 
+# From the time since its start to an `Offset`.
 Pattern = Callable[[float], tuple[float, ...]]
-"""From the time since its start to an `Offset`."""
 
 
 class LoopRate(NamedTuple):
@@ -34,8 +34,9 @@ class LoopRate(NamedTuple):
     sample_s: float | None = None
 
 
+# A result that comes once a round moves the beam by 0.7 of itself, spread over 1 s: all at once
+# would shake it.
 ONCE_A_ROUND = LoopRate(0.7 / (2.0 * math.pi), 1.0)
-"""A result that comes once a round moves the beam by 0.7 of itself, spread over 1 s: all at once would shake it."""
 
 
 class Scan(Protocol):

@@ -25,8 +25,8 @@ __all__ = [
 ]
 
 ENTRY_POINTS = "rf_pointing.trackers"
+# `Sensor.PROGRAM` as `autotrack.sensor` and `tracking_status.sensor` spell it.
 NO_SENSOR = "none"
-"""`Sensor.PROGRAM` as `autotrack.sensor` and `tracking_status.sensor` spell it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,6 +63,7 @@ class SensorTraits:
     colour: str = "#a6761d"
 
 
+# Traits by name, registered trackers last; read it, `register` writes it.
 SENSORS: dict[str, SensorTraits] = {
     traits.name: traits
     for traits in (
@@ -81,9 +82,8 @@ SENSORS: dict[str, SensorTraits] = {
         ),
     )
 }  # fmt: skip
-"""Traits by name, registered trackers last; read it, `register` writes it."""
+# Sensor of a pass as the operator names it, and as the state table does.
 SENSOR_CHOICES: dict[str, str] = {Sensor.PROGRAM: NO_SENSOR} | {name: name for name in (*SENSORS, Sensor.AUTO)}
-"""Sensor of a pass as the operator names it, and as the state table does."""
 _TABLE_WORDS = dict.fromkeys((Sensor.AUTO, *SENSORS, NO_SENSOR))
 
 

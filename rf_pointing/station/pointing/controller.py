@@ -31,8 +31,9 @@ from rf_pointing.tracking.sensors import SENSOR_CHOICES, SENSORS
 
 __all__ = ["PointingController"]
 
+# How long a pass that is going on already may be started without knowing the target's coming
+# motion.
 PREDICTION_PATIENCE_S = 5.0
-"""How long a pass that is going on already may be started without knowing the target's coming motion."""
 
 
 class PointingController:

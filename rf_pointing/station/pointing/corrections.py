@@ -28,17 +28,18 @@ __all__ = ["OffsetTransition", "PointingCorrections", "added"]
 Array = NDArray[np.float64]
 SHORTEST_TRANSITION_S = 0.5
 AT_REST = np.zeros(2)
+# What becomes of an error of the dish (cross-elevation, elevation) on the sky when it goes over the
+# top: encoders and elevation axis point the other way. That of the azimuth axis stays.
 OVER = np.array([1.0, -1.0])
-"""What becomes of an error of the dish (cross-elevation, elevation) on the sky when it goes over the top: encoders and
-elevation axis point the other way.  That of the azimuth axis stays."""
+# Time in which a coast forgets what the filter does not explain.
 FADE_S = 3.0
-"""Time in which a coast forgets what the filter does not explain."""
+# How well the strongest carrier of a search says where the target is.
 FOUND_SIGMA_BEAMWIDTHS = 0.25
-"""How well the strongest carrier of a search says where the target is."""
+# Time from a command's to the errors that the beam then has: transport, servo, cluster and the
+# period of the controller.
 UNDERWAY_S = 0.5
-"""Time from a command's to the errors that the beam then has: transport, servo, cluster and the period of the controller."""
+# Elevation above which cross-elevation is no longer turned into ever larger azimuth.
 STEEPEST_RAD = math.radians(88.0)
-"""Elevation above which cross-elevation is no longer turned into ever larger azimuth."""
 
 
 @dataclass(frozen=True)

@@ -23,8 +23,9 @@ __all__ = ["CarrierWatch", "PassStatistics", "SensedErrors", "TrackingMode", "li
 
 Array = NDArray[np.float64]
 KEPT_ERRORS = 20
+# Age from which an error is used: older than any of the period that ends, whether stamped at its
+# middle or its end.
 LEAST_AGE_PERIODS = 0.75
-"""Age from which an error is used: older than any of the period that ends, whether stamped at its middle or its end."""
 
 
 class SensedErrors:

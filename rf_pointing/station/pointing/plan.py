@@ -32,12 +32,13 @@ from rf_pointing.tracking.sensors import sensors_of
 __all__ = ["PassPlan"]
 
 Array = NDArray[np.float64]
+# Times of a pass and of its profile differ by less: they may have been computed from other
+# elements.
 SAME_PASS_S = 30.0
-"""Times of a pass and of its profile differ by less: they may have been computed from other elements."""
+# More than the Sun's parallax and refraction, less than what any other station would give.
 SAME_SUN_RAD = math.radians(0.5)
-"""More than the Sun's parallax and refraction, less than what any other station would give."""
+# How far another bias model must move the start of a pass before the slew to it is planned again.
 NEW_GOAL_RAD = math.radians(0.1)
-"""How far another bias model must move the start of a pass before the slew to it is planned again."""
 
 
 class PassPlan:

@@ -25,12 +25,14 @@ from rf_pointing.station.pointing.branch import TrackingBranch
 __all__ = ["Plan", "Prediction", "StandingPlan", "TargetBuffer", "axis_motion"]
 
 Array = NDArray[np.float64]
+# Samples of the target farther apart than this are not joined: a quintic over them would be a
+# guess.
 LARGEST_GAP_S = 2.5
-"""Samples of the target farther apart than this are not joined: a quintic over them would be a guess."""
 KEPT_S = 5.0
 RIM_RAD = math.radians(85.0)
+# Shorter than what a crossing holds on either side of the instant at which the dish goes over the
+# top.
 LONGEST_BLOCK_S = 2.0
-"""Shorter than what a crossing holds on either side of the instant at which the dish goes over the top."""
 
 
 class TargetBuffer:

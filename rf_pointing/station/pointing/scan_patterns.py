@@ -28,8 +28,8 @@ __all__ = ["ScanPatterns", "Scans"]
 Array = NDArray[np.float64]
 LONGEST_SPIRAL_S = 30.0
 LEAST_SIGMA_BEAMWIDTHS = 0.25
+# Speed on the sky below which there is no track to search along.
 SLOWEST_RAD_S = 1e-5
-"""Speed on the sky below which there is no track to search along."""
 SPARE_S = 2.0
 
 
