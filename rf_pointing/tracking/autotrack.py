@@ -1,8 +1,9 @@
-"""Autotrack state table: when the antenna slews, follows the ephemeris, searches, or trusts a radio sensor.
+"""State table of autotrack: when to slew, follow the ephemeris, search, or trust a sensor.
 
-All transitions and their guards are the rows of `TRANSITIONS`, tried from the top; the first row whose guard holds is
-taken, one per tick.  The rows name no sensor: what differs between sensors are their traits (`tracking/sensors.py`), so
-that a registered tracker gets the rows of its kind.  `step` is pure: the same state and inputs give the same state.
+All transitions and their guards are the rows of `TRANSITIONS`, tried from the top; the first row
+whose guard holds is taken, one per tick.  The rows name no sensor: what differs between sensors are
+their traits (`tracking/sensors.py`), so that a registered tracker gets the rows of its kind.
+`step` is pure: the same state and inputs give the same state.
 """
 
 import math
@@ -36,7 +37,7 @@ class Request(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class AutotrackParams(Params):
-    """C/N0 thresholds and times of the state table; each threshold has a hysteresis, from `_on` to `_off`."""
+    """C/N0 thresholds and times of the state table; hysteresis from `_on` to `_off`."""
 
     sensor: str = parameter(Sensor.AUTO, "which sensor may track (none: ephemeris only)", choices=table_words())
     carrier_on_db_hz: float = parameter(22.0, "C/N0 from which there is a carrier", low=0.0, high=120.0)
@@ -80,12 +81,12 @@ def _scanning_sensors() -> frozenset[str]:
 class AutotrackInputs:
     """What is known at one tick.
 
-    `request` is idle, track or calibrate.
-    `carrier_to_noise_db_hz` is the receiver's own, -inf for none or a stale one.
-    `axis_db_hz` is the C/N0 that the link would give on the beam's axis, -inf where it is not known.
-    `valid` names the sensors whose newest estimate may be used; a sensor that scans is in it until its first estimate.
-    `arriving`: the beam is still on its way to where it was sent, so that invalid errors mean nothing yet.
-    `fault` is why the sensor in use must not be trusted (sidelobe, sign flip), empty if it may be.
+    `request` is idle, track or calibrate. `carrier_to_noise_db_hz` is the receiver's own, -inf for
+    none or a stale one. `axis_db_hz` is the C/N0 that the link would give on the beam's axis, -inf
+    where it is not known. `valid` names the sensors whose newest estimate may be used; a sensor
+    that scans is in it until its first estimate. `arriving`: the beam is still on its way to where
+    it was sent, so that invalid errors mean nothing yet. `fault` is why the sensor in use must not
+    be trusted (sidelobe, sign flip), empty if it may be.
     """
 
     t_s: float
@@ -109,8 +110,9 @@ class AutotrackInputs:
 class AutotrackState:
     """Mode, when and why it was entered, and what the C/N0 thresholds remember.
 
-    `peak_db_hz` is the largest C/N0 of the last search and `peak_s` its time: where the beam was then is where to go
-    when the search ends in coasting.  `false_locks` counts those since the pass began or the feed was calibrated.
+    `peak_db_hz` is the largest C/N0 of the last search and `peak_s` its time: where the beam was
+    then is where to go when the search ends in coasting.  `false_locks` counts those since the pass
+    began or the feed was calibrated.
     """
 
     mode: str = Mode.IDLE
@@ -126,7 +128,7 @@ class AutotrackState:
 
     @property
     def integrating(self) -> bool:
-        """Whether a sensed error may move the antenna or the trim: only while tracking a carrier that is there."""
+        """Whether a sensed error may be used: only while a sensor tracks a carrier."""
         return self.mode in SENSORS and self.carrier
 
 
@@ -148,13 +150,13 @@ def _elapsed(state: AutotrackState, inputs: AutotrackInputs) -> float:
 
 
 def _within_beam(params: AutotrackParams, state: AutotrackState, inputs: AutotrackInputs) -> bool:
-    """Whether the C/N0 is that of a target within the beam: near the link's, or as good as the last search found it."""
+    """Whether the C/N0 is near the link's, or as good as the last search found it."""
     best = inputs.axis_db_hz if state.peak_s is None else min(inputs.axis_db_hz, state.peak_db_hz)
     return inputs.carrier_to_noise_db_hz >= best - params.beam_drop_db
 
 
 def _peaked(params: AutotrackParams, state: AutotrackState, inputs: AutotrackInputs) -> bool:
-    """Whether the search passed the target: a carrier was seen, and for a whole turn nothing stronger."""
+    """Whether the search passed the target: a carrier, and a turn without a stronger one."""
     if state.peak_s is None or state.peak_db_hz < params.carrier_on_db_hz:
         return False
     return inputs.t_s - state.peak_s > params.search_turn_s
@@ -173,7 +175,8 @@ def _take_over(traits: SensorTraits) -> Transition:
         return traits in sensors_of(params.sensor) and not doubted
 
     def scan_ready(params: AutotrackParams, state: AutotrackState, inputs: AutotrackInputs) -> bool:
-        # With a single beam the carrier alone may come from far outside of it, where no scan finds the way back.
+        # With a single beam the carrier alone may come from far outside of it, where no scan finds
+        # the way back.
         return state.carrier and allowed(params, state) and _within_beam(params, state, inputs)
 
     def error_ready(params: AutotrackParams, state: AutotrackState, inputs: AutotrackInputs) -> bool:

@@ -1,12 +1,12 @@
-"""Parameters of the conscan tracker: beam, scan, window and what is believed.
+"""One conscan estimate from one window: parameters, the two estimators, and when not to use the result.
 
-Conscan by weighted least squares on the linearised power (CONSCAN eqs. 8-18).
+The likelihood is that of `beam_fit`.  The linear estimator is the paper's weighted least squares on
+the linearised power (CONSCAN eqs. 8-18):
 
-P_i = g_i (C1 + C2 x_i/r + C3 y_i/r), (x, y) the beam's offset from the scan centre;
-g_i = exp(-mu (x^2 + y^2 - r^2) / h^2) is 1 on the circle and lets the beam leave it.  Error =
-h C_{2,3} / (k_s C1), covariance by the Jacobian of that ratio.
+    P_i = g_i (C1 + C2 x_i/r + C3 y_i/r),  error = h C_{2,3} / (k_s C1)
 
-One conscan estimate from one window, by either estimator, with the reason where it must not be used.
+(x, y) is the beam's offset from the scan centre; g_i = exp(-mu (x^2 + y^2 - r^2) / h^2) is 1 on the
+circle and lets the beam leave it.  The covariance follows from the Jacobian of that ratio.
 """
 
 import math
@@ -38,6 +38,12 @@ __all__ = [
     "linear_errors_rad",
     "linear_estimate",
 ]
+Array = NDArray[np.float64]
+SMALLEST_SPREAD = 0.05  # rms motion along the weaker axis, in scan radii
+WORST_SPIN_INFLATION = 10.0
+# Of the misfit without the one sample that is to blame for it; no single one is for a power that
+# fades.
+LEFT_OVER = 0.5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,11 +118,8 @@ class ConscanParams(Params):
         return ScanParams(radius_rad=self.radius_rad, period_s=self.period_s, ramp_s=self.ramp_s)
 
 
-Array = NDArray[np.float64]
-
-
 class ConscanEstimate(NamedTuple):
-    """Target minus scan centre (2,) with covariance (2, 2) and the mean carrier power on the circle."""
+    """Target minus scan centre (2,), covariance (2, 2), mean carrier power on the circle."""
 
     error_rad: Array
     covariance_rad2: Array
@@ -124,7 +127,7 @@ class ConscanEstimate(NamedTuple):
 
 
 def linear_estimate(window: PowerWindow, half_power_beamwidth_rad: float, radius_rad: float) -> ConscanEstimate:
-    """Return the weighted least-squares estimate of eqs. (13)-(18); it means something only where the power is > 0."""
+    """Return the estimate of eqs. (13)-(18), meaningful only for a power > 0."""
     rows = _rows(window, half_power_beamwidth_rad, radius_rad)
     weighted = rows / window.sigma_w**2
     variance = np.linalg.inv(weighted @ rows.T)
@@ -135,7 +138,7 @@ def linear_estimate(window: PowerWindow, half_power_beamwidth_rad: float, radius
 
 
 def linear_errors_rad(window: PowerWindow, power_w: Array, half_power_beamwidth_rad: float, radius_rad: float) -> Array:
-    """Return the errors (runs, 2) of many runs `power_w` (runs, n) at the positions and sigmas of one window."""
+    """Return the errors (runs, 2) of powers (runs, n) at the positions of one window."""
     rows = _rows(window, half_power_beamwidth_rad, radius_rad)
     weighted = rows / window.sigma_w**2
     solution = power_w @ (np.linalg.inv(weighted @ rows.T) @ weighted).T
@@ -149,17 +152,11 @@ def _rows(window: PowerWindow, half_power_beamwidth_rad: float, radius_rad: floa
     return np.asarray(np.exp(-shape * (x**2 + y**2 - 1.0)) * np.stack([np.ones_like(x), x, y]))
 
 
-SMALLEST_SPREAD = 0.05  # rms motion along the weaker axis, in scan radii
-WORST_SPIN_INFLATION = 10.0
-# Of the misfit without the one sample that is to blame for it; no single one is for a power that
-# fades.
-LEFT_OVER = 0.5
-
-
 class WindowEstimate(NamedTuple):
-    """Target minus origin (2,), covariance (2, 2); `reason` is why it must not be used, empty if it may.
+    """Target minus origin (2,), covariance (2, 2); `reason` why not to use it, or empty.
 
-    `left_out` is the row of the one sample without which the others follow the beam, None if all were used.
+    `left_out` is the row of the one sample without which the others follow the beam, None if all
+    were used.
     """
 
     error_rad: Array
@@ -211,14 +208,14 @@ def _likelihood(params: ConscanParams, window: PowerWindow, design: BeamDesign) 
         inflation = _spin_inflation(params, window, found, noise)
         if not 0.0 < inflation < WORST_SPIN_INFLATION:
             return _unknown(
-                params, f"the spin cannot be told from the scan: it raises the variance {inflation:.0f} times"
+                params, f"the spin cannot be separated from the scan: it raises the variance {inflation:.0f} times"
             )
     doubt = _range_doubt(params, found.error_rad) or _misfit_doubt(params, float(found.chi_squared))
     return WindowEstimate(found.error_rad, found.covariance_rad2, doubt)
 
 
 def _nuisance_columns(params: ConscanParams, window: PowerWindow) -> Array | None:
-    """Return what else may change the logarithm of the power: its drift over the window, the spin."""
+    """Return columns for the drift of the power over the window, and for the spin."""
     columns = []
     if params.drift:
         columns.append(np.linspace(-1.0, 1.0, len(window))[:, None])
@@ -228,7 +225,7 @@ def _nuisance_columns(params: ConscanParams, window: PowerWindow) -> Array | Non
 
 
 def _flutter(params: ConscanParams, window: PowerWindow, target_rad: Array) -> Array:
-    """Return what unseen motion of the beam adds to each variance over its power: P (2 mu |u - theta| sigma / h^2)^2.
+    """Return what unseen motion adds to variance / power: P (2 mu |u - theta| sigma / h^2)^2.
 
     At least the slope at the scan radius counts.
     """
@@ -238,7 +235,7 @@ def _flutter(params: ConscanParams, window: PowerWindow, target_rad: Array) -> A
 
 
 def _farthest_off(params: ConscanParams, window: PowerWindow, found: LikelihoodFit, noise_w: Array) -> int:
-    """Return the row whose power is farthest, in its own sigmas, from the beam at that direction; the median is its level."""
+    """Return the row farthest, in its own sigmas, from the beam at that direction."""
     away = np.sum((window.beam_rad - found.error_rad) ** 2, axis=1)
     shape = np.exp(-MU * away / params.half_power_beamwidth_rad**2)
     expected = shape * float(np.median(window.power_w / shape))
@@ -260,7 +257,7 @@ def _spin_inflation(params: ConscanParams, window: PowerWindow, found: Likelihoo
 def _singular_reason(params: ConscanParams, window: PowerWindow, design: BeamDesign) -> str:
     """Return why the estimate has no solution although the beam moved in both axes."""
     if np.linalg.matrix_rank(design.columns) < design.columns.shape[1]:
-        return f"the spin cannot be told from the scan: spin_periods_s={params.spin_periods_s}"
+        return f"the spin cannot be separated from the scan: spin_periods_s={params.spin_periods_s}"
     least, most = float(np.min(window.sigma_w)), float(np.max(window.sigma_w))
     return f"sigma_w from {least:.3g} to {most:.3g} W in one window: the samples outweigh each other"
 

@@ -1,9 +1,8 @@
 """Calibration scan of a monopulse receiver: circle the target, fit the response of both channels.
 
-rho = b + M g(theta0 - u), u the beam's offset from the predicted direction, g the feed's curve: (h/k) tanh(k x / h)
-or straight.
-The target's own offset theta0 comes from the power of the sum, so b is the shift of the null against the beam's
-peak.
+rho = b + M g(theta0 - u), u the beam's offset from the predicted direction, g the feed's curve:
+(h/k) tanh(k x / h) or straight. The target's own offset theta0 comes from the power of the sum, so
+b is the shift of the null against the beam's peak.
 """
 
 from dataclasses import dataclass
@@ -51,7 +50,7 @@ class MonopulseScanParams(Params):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MonopulseScanState:
-    """Per cluster: both ratios, their variance, C/N0 and its relative variance, beam offset; and the rejections."""
+    """Per cluster: ratios, their variance, C/N0 and its variance, beam offset; rejections."""
 
     ratios: tuple[tuple[complex, complex], ...] = ()
     measures: tuple[tuple[float, float, float, float, float], ...] = ()

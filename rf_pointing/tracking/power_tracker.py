@@ -1,9 +1,9 @@
-"""Conscan and step-track from the three streams of a station: carrier power, encoder angles, the controller's status.
+"""Conscan and step-track from carrier power, encoder angles and the controller's status.
 
-A power waits until the encoders and the scan centre are known on either side of the middle of its integration.  A sliding
-conscan window refers to an origin fixed to the prediction, not to the centre: the centre moves with every correction, and
-samples from before a correction would contradict those after it.  What is published is target minus centre at the newest
-sample.
+A power waits until the encoders and the scan centre are known on either side of the middle of its
+integration.  A sliding conscan window refers to an origin fixed to the prediction, not to the
+centre: the centre moves with every correction, and samples from before a correction would
+contradict those after it.  What is published is target minus centre at the newest sample.
 """
 
 from dataclasses import replace
@@ -39,7 +39,7 @@ GAIN_TOLERANCE = 0.3
 
 
 class CarrierTracker(Protocol):
-    """A tracker of the carrier power as `simulate_pass` runs it; a node has a subscription for each method."""
+    """A tracker of the carrier power, as `simulate_pass` runs it and as a node would."""
 
     def take_joints(self, reading: JointReading) -> None:
         """Note the encoder angles."""
@@ -90,8 +90,8 @@ class PowerTracker:
     def take_status(self, t_s: float, scan_centre_rad: Array, offset_rad: Array, mode: str, sensor: str) -> None:
         """Note the controller's status.
 
-        `scan_centre_rad` (2,), axis angles, and its `offset_rad` (2,) on the sky from the prediction; the mode; the sensor
-        that the pass may use.
+        `scan_centre_rad` (2,), axis angles, and its `offset_rad` (2,) on the sky from the
+        prediction; the mode; the sensor that the pass may use.
         """
         self._wanted = sensor in (*TRACKED, Sensor.AUTO)
         scanned = mode if mode in TRACKED else ""
@@ -108,10 +108,11 @@ class PowerTracker:
         self._centre.add(t_s, offset_rad)
 
     def take_power(self, power: CarrierPower) -> list[PointingError]:
-        """Take one carrier power; return an error for every one that could be placed, usable or not.
+        """Add one carrier power; return an error for every one that could be placed.
 
-        One from before the scan is dropped: where the beam was then is not known and never will be.  While a window or a
-        round is not complete the error is invalid, says so, carries the C/N0 and has no covariance.
+        One from before the scan is dropped: where the beam was then is not known and never will be.
+        While a window or a round is not complete the error is invalid, says so, carries the C/N0
+        and has no covariance.
         """
         fault = self._fault(power)
         if fault:
@@ -179,7 +180,7 @@ class PowerTracker:
         return error
 
     def _follow_centre(self, centre: Array) -> None:
-        """Keep the origin of the window near the centre, so that the samples stay within the beam."""
+        """Keep the window's origin near the centre, so that its samples stay within the beam."""
         params, moved = self.conscan.params, centre - self._origin
         if not len(self.conscan.state.window):
             self._origin = centre

@@ -1,8 +1,8 @@
 """Complex response of a sensor to a motion of the beam: 1 if right, -1 if the sign is flipped.
 
-A beam moved by d changes the sensed error by -G d (both as cross-elevation + j elevation).  Weighted sums over
-pairs give G = -sum w conj(d) e / sum w |d|^2, with standard deviation 1/sqrt(sum w |d|^2) in each part, w = 1 /
-variance per axis.
+A beam moved by d changes the sensed error by -G d (both as cross-elevation + j elevation).
+Weighted sums over pairs give G = -sum w conj(d) e / sum w |d|^2, with standard deviation 1/sqrt(sum
+w |d|^2) in each part, w = 1 / variance per axis.
 """
 
 import math

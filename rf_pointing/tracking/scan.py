@@ -1,6 +1,7 @@
 """The circle that conscan adds to the command, and what every scan of the beam must say of itself.
 
-x = r cos(w t), y = r sin(w t), w = 2 pi / period; the radius grows smoothly over `ramp_s`, so the command never jumps.
+x = r cos(w t), y = r sin(w t), w = 2 pi / period; the radius grows smoothly over `ramp_s`, so the
+command never jumps.
 """
 
 import math
@@ -12,6 +13,8 @@ from typing import NamedTuple, Protocol
 from rf_pointing.core import MDEG, Params, parameter
 
 __all__ = ["ONCE_A_ROUND", "CircleScan", "LoopRate", "Offset", "Pattern", "Scan", "ScanParams", "circle_offset"]
+# From the time since its start to an `Offset`.
+Pattern = Callable[[float], tuple[float, ...]]
 
 
 class Offset(NamedTuple):
@@ -23,12 +26,8 @@ class Offset(NamedTuple):
     elevation_rate_rad_s: float
 
 
-# From the time since its start to an `Offset`.
-Pattern = Callable[[float], tuple[float, ...]]
-
-
 class LoopRate(NamedTuple):
-    """How the tracking loop follows the results of a scan; `sample_s` None: as the integrator is configured."""
+    """How the loop follows a scan's results; `sample_s` None: as the integrator is configured."""
 
     bandwidth_hz: float
     sample_s: float | None = None
@@ -40,7 +39,7 @@ ONCE_A_ROUND = LoopRate(0.7 / (2.0 * math.pi), 1.0)
 
 
 class Scan(Protocol):
-    """How a sensor moves the beam, and what the controller must know of the errors that this gives."""
+    """How a sensor moves the beam, and what the controller must know of the errors."""
 
     @property
     def age_s(self) -> float:
@@ -69,7 +68,7 @@ class ScanParams(Params):
 
 @dataclass(frozen=True)
 class CircleScan:
-    """A circle as the scan of a registered tracker: with the age of its errors and the bandwidth of the loop on them."""
+    """The circle of a registered tracker, with the age of its errors and its loop's bandwidth."""
 
     circle: ScanParams
     age_s: float

@@ -31,16 +31,21 @@ NO_SENSOR = "none"
 
 @dataclass(frozen=True, kw_only=True)
 class SensorTraits:
-    """What the station must know of one sensor; the defaults are those of a tracker that measures continuously.
+    """What the station must know of one sensor; defaults: a tracker that always measures.
 
     Attributes
     ----------
-    name : value of `pointing_error.sensor`; also the mode in which it tracks and the operator's choice.
-    scans : whether the beam must move for a measurement, so that errors come in the sensor's own mode only.
-    scan : how the beam moves; None where the controller's parameter set of the sensor's name says so.
-    needs_strong_carrier : whether it needs the C/N0 of `autotrack.monopulse_on_db_hz`; else a carrier is enough.
+    name : value of `pointing_error.sensor`; also the mode in which it tracks and the operator's
+        choice.
+    scans : whether the beam must move for a measurement, so that errors come in the sensor's own
+        mode only.
+    scan : how the beam moves; None where the controller's parameter set of the sensor's name says
+        so.
+    needs_strong_carrier : whether it needs the C/N0 of `autotrack.monopulse_on_db_hz`; else a
+        carrier is enough.
     automatic : whether the choice `auto` may use it.
-    weaker : the sensor that may take over when the carrier is too weak for this one; empty for none.
+    weaker : the sensor that may take over when the carrier is too weak for this one; empty for
+        none.
     every_period : whether it reports every period, so that a late report is worth waiting for.
     once_a_round : whether results come so seldom that an invalid one alone must not end the mode.
     over_the_top : whether it may be used while the dish is over the top.
@@ -88,7 +93,7 @@ _TABLE_WORDS = dict.fromkeys((Sensor.AUTO, *SENSORS, NO_SENSOR))
 
 
 def table_words() -> KeysView[str]:
-    """Return the values of `autotrack.sensor`, as a view that grows with every registered tracker."""
+    """Return the values of `autotrack.sensor`, a view that grows with registered trackers."""
     return _TABLE_WORDS.keys()
 
 

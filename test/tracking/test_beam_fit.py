@@ -154,7 +154,7 @@ def test_spin_modulation_biases_the_plain_estimate_and_not_the_one_that_knows_th
 def test_spin_with_the_period_of_the_scan_is_named_not_fitted() -> None:
     error = run(ConscanTracker(params(spin_periods_s=(32.5,))), 0.0, 0.0, 32, depth=0.1)[0]
     assert not error.valid
-    assert error.reason.startswith("the spin cannot be told from the scan")
+    assert error.reason.startswith("the spin cannot be separated from the scan")
 
 
 def test_power_that_jumps_is_not_believed() -> None:

@@ -74,7 +74,7 @@ class DoaEstimator:
         Raises
         ------
         ValueError
-            If the block has no more snapshots than sources (the noise cannot be told from the signals), or its
+            If the block has no more snapshots than sources (the noise cannot be separated from the signals), or its
             covariance is refused.
         """
         sources, count = self.params.sources, block.snapshots.shape[-1]

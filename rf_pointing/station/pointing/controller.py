@@ -1,9 +1,10 @@
 """The pointing controller: the only author of motion.
 
-It follows one pass at a time, from its start over the turn that is chosen to the controlled stop at its end.  At every
-period it asks the state table for the mode (`tracking_mode.py`), tells the offsets what was sensed (`sky_offsets.py`) and
-issues the trajectory that starts `transport_s` from now (`commanded_motion.py`), if the gate allows it (`pass_plan.py`).
-Only errors stamped before the period are used, so the result does not depend on how fast messages travel within it.
+It follows one pass at a time, from its start over the turn that is chosen to the controlled stop at
+its end.  At every period it asks the state table for the mode (`tracking_mode.py`), tells the
+offsets what was sensed (`sky_offsets.py`) and issues the trajectory that starts `transport_s` from
+now (`commanded_motion.py`), if the gate allows it (`pass_plan.py`). Only errors stamped before the
+period are used, so the result does not depend on how fast messages travel within it.
 """
 
 import math
@@ -95,15 +96,15 @@ class PointingController:
         self._mode.errors.take(error)
 
     def awaits_error(self, t_s: float) -> bool:
-        """Whether a sensor that reports every period has not reported yet what this period should use."""
+        """Whether a sensor that reports every period is late with what this period should use."""
         return self._pass is not None and self._mode.awaits_error(t_s)
 
     def calibrate(self) -> str:
-        """Ask for a calibration scan of the monopulse feed; return why not, "" when it will begin."""
+        """Request a calibration scan of the feed; return why not, "" when it will begin."""
         return self._mode.calibrate()
 
     def start(self, t_s: float, window: Pass, sensor: str) -> None:
-        """Begin to track a pass; the antenna moves to its start at the next period that knows the axes' position.
+        """Begin to track a pass; the antenna moves as soon as the position of its axes is known.
 
         Raises
         ------
@@ -131,7 +132,7 @@ class PointingController:
             self._stopping = reason
 
     def step(self, t_s: float) -> tuple[JointTrajectory | None, TrackingStatus]:
-        """Return the trajectory issued at `t_s`, None when nothing is commanded, and the status at `t_s`."""
+        """Return the trajectory of `t_s`, None when nothing is commanded, and the status."""
         window = self._pass
         if window is None:
             return None, self._status(t_s, self._mode.fresh_error(t_s))
@@ -161,7 +162,7 @@ class PointingController:
         return trajectory, self._status(t_s, error)
 
     def _choose_turn(self, t_s: float, window: Pass, joints: JointReading, sensor: str) -> float:
-        """Return the turns (rad) to track on: those of the certificate, or of the summary when there is no profile."""
+        """Return the turns (rad) to track on, of the certificate or else of the summary."""
         if self.plan.choose(t_s, window, joints, self._motion.model, sensor, self.params.pointing.lag_averaging_s):
             self.take_joints(joints)
             return self.plan.course.turns_rad
@@ -173,7 +174,7 @@ class PointingController:
         return turns_rad
 
     def _advance_mode(self, t_s: float, window: Pass) -> None:
-        """Decide the mode and update the corrections; while the antenna crosses the zenith no sensor sees the target."""
+        """Decide the mode and update the corrections; a crossing is blind."""
         course = self.plan.course
         if not course.direct and course.crossing(t_s) and not self._stopping:
             return

@@ -1,6 +1,7 @@
-"""The parameters of the pointing controller: its timing and tolerances, and the tree of all its sets.
+"""Parameters of the pointing controller: timing, tolerances, and the tree of all its sets.
 
-The names of the tree's fields are the prefixes of the ROS parameters and the keys of the YAML files.
+The names of the tree's fields are the prefixes of the ROS parameters and the keys of the YAML
+files.
 """
 
 import dataclasses
@@ -42,9 +43,10 @@ class PointingParams(Params):
     )
 
     def check_together(self) -> None:
-        """Refuse a horizon that ends before the next trajectory can take over, and first points off the grid of periods.
+        """Refuse a horizon that ends too early, and first points off the grid of periods.
 
-        On the grid, the first point of one period is the direction that the axes are compared with at a later one.
+        On the grid, the first point of one period is the direction that the axes are compared with
+        at a later one.
         """
         periods = self.transport_s / self.period_s
         if round(periods) < 1 or abs(periods - round(periods)) > 1e-6:

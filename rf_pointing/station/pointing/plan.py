@@ -1,4 +1,4 @@
-"""The plan of the pass in hand: its certificate, the branch that was chosen, and the slew to its start."""
+"""The plan of the pass in hand: certificate, chosen branch, and the slew to its start."""
 
 import math
 
@@ -108,7 +108,7 @@ class PassPlan:
         return True
 
     def approach(self, t_s: float, axes: JointReading, goal_rad: Array) -> Array | None:
-        """Return the corner (2,) by which to go to a goal, None when the straight slew is free; both are encoder angles.
+        """Return the corner (2,) of the slew to a goal, None for a straight one; encoder angles.
 
         Raises
         ------
@@ -127,7 +127,7 @@ class PassPlan:
         return None if corner is None else np.array(corner)
 
     def to_start(self, t_s: float, axes: JointReading | None, start_rad: Array) -> Array:
-        """Return where to go now (2,) on the slew to the start of the pass, in direct angles; errors as of `approach`."""
+        """Return the next corner (2,) on the slew to the pass, in direct angles."""
         if axes is None:
             return start_rad
         still = np.zeros(2)
@@ -138,13 +138,13 @@ class PassPlan:
         return unplunged(corner, still, still)[0] if plunge else corner
 
     def model_motion(self, t_s: float, sky: Motion, model: BiasModel) -> Motion:
-        """Return the direct angles that hold the beam on `sky` (n, 2) at `t_s`; the model acts on the encoders' angles."""
+        """Return the direct angles that hold the beam on `sky` (n, 2) at `t_s`."""
         plunge = self.course.plunge_at(t_s)
         motion = axis_motion(sky, model, plunge=plunge)
         return Motion(*unplunged(*motion)) if plunge else motion
 
     def _check_sun(self, profile: PassProfile) -> None:
-        """Refuse a pass that was predicted for another station than the one whose Sun is kept clear of."""
+        """Refuse a pass that was predicted for a station under another Sun."""
         here = self.sun.at(float(profile.t_s[0]))
         if here is None or self._gate_params.sun_radius_rad == 0.0:
             return
