@@ -56,13 +56,14 @@ class AutotrackParams(Params):
     )
     search_s: float = parameter(60.0, "longest search", low=0.1, high=3600.0)
     calibrate_s: float = parameter(25.0, "time of a calibration scan", low=1.0, high=3600.0)
-    hold_s: float = parameter(5.0, "time in hand back before the sensors are trusted again", low=0.0, high=600.0)
+    hold_s: float = parameter(5.0, "time in hold-off before the sensors are trusted again", low=0.0, high=600.0)
     most_false_locks: int = parameter(
         2, "false locks of monopulse after which auto leaves it alone until a calibration", low=1, high=1000
     )
 
     def check_together(self) -> None:
         """Refuse a threshold without hysteresis."""
+        # Without one, noise on the C/N0 would change the mode every period.
         for stem in ("carrier", Sensor.MONOPULSE):
             on, off = getattr(self, f"{stem}_on_db_hz"), getattr(self, f"{stem}_off_db_hz")
             if off >= on:
@@ -208,6 +209,8 @@ def transitions(sensors: Sequence[SensorTraits]) -> tuple[Transition, ...]:
     on_sky = (
         Mode.SLEW, Mode.PROGRAM_TRACK, Mode.SEARCH, *tracking, Mode.CALIBRATE, Mode.COAST, Mode.HOLD_OFF,
     )  # fmt: skip
+    # The order is the priority.  What ends a pass comes first, then what must not be followed, then
+    # what is lost; a sensor takes over before a search begins.
     return (
         Transition(on_sky, Mode.IDLE, "tracking is no longer requested", lambda _p, _s, i: i.request == Request.IDLE),
         Transition(on_sky, Mode.IDLE, "the target is no longer available", lambda _p, _s, i: not i.target_available),
@@ -223,14 +226,18 @@ def transitions(sensors: Sequence[SensorTraits]) -> tuple[Transition, ...]:
             "a calibration is requested and the carrier strong",
             lambda _p, s, i: i.request == Request.CALIBRATE and s.carrier and s.strong,
         ),
+        # By way of a coast: the row that leads to a sensor then decides with the new calibration.
         Transition(
             (Mode.CALIBRATE,), Mode.COAST, "the calibration scan is over", lambda p, s, i: _elapsed(s, i) > p.calibrate_s,
         ),
         *(_too_weak(traits) for traits in sensors if traits.weaker),
+        # A sensor that needs no scan may lose a strong carrier for a moment only; a scan that fails
+        # has most likely lost the target out of its beam.
         Transition(staring, Mode.COAST, "the errors stay invalid", _impatient),
         Transition(scanning, Mode.SEARCH, "the errors stay invalid, or the target outside the beam", _impatient),
         *(_take_over(traits) for traits in sensors if not traits.scans),
         *(_take_over(traits) for traits in sensors if traits.scans),
+        # A search ends where the carrier was strongest, one turn later: only then is it known.
         Transition(
             (Mode.SEARCH,), Mode.COAST, "the search has passed a carrier: back to where it was strongest", _peaked,
         ),
@@ -281,6 +288,8 @@ class Autotrack:
 def _observe(params: AutotrackParams, state: AutotrackState, inputs: AutotrackInputs) -> AutotrackState:
     """Update the thresholds: a carrier is lost at once, but must last to be there."""
     level = inputs.carrier_to_noise_db_hz
+    # A carrier is gone with the first weak sample, else noise would be integrated meanwhile; to be
+    # there it must last, for noise alone exceeds any threshold now and then.
     present = level >= (params.carrier_off_db_hz if state.carrier else params.carrier_on_db_hz)
     since = (inputs.t_s if state.carrier_since_s is None else state.carrier_since_s) if present else None
     carrier = since is not None and (state.carrier or inputs.t_s - since >= params.confirm_s)
@@ -292,6 +301,7 @@ def _observe(params: AutotrackParams, state: AutotrackState, inputs: AutotrackIn
         valid = valid and (not sensor.scans or _within_beam(params, state, inputs))
     invalid = (inputs.t_s if state.invalid_since_s is None else state.invalid_since_s) if not valid else None
     seen = replace(state, carrier=carrier, strong=strong, carrier_since_s=since, invalid_since_s=invalid)
+    # Kept after the search: it is the best proof of the level that the link really gives.
     if state.mode == Mode.SEARCH and level > state.peak_db_hz:
         return replace(seen, peak_db_hz=level, peak_s=inputs.t_s)
     return seen

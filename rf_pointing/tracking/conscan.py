@@ -21,6 +21,7 @@ from rf_pointing.tracking.scan import Offset, circle_offset
 __all__ = ["ConscanState", "ConscanTracker", "DelayEstimate", "DelayEstimator", "DelayParams", "DelayState"]
 
 Array = NDArray[np.float64]
+# The median of three: one bad sample among them does not decide.
 FEWEST_WITNESSES = 3
 # Faded count of pairs below which a response to the motion looks like the target's own.
 FEWEST_PAIRS = 2.5
@@ -124,10 +125,8 @@ class ConscanTracker:
         return self._unlike_the_others(power)
 
     def _unlike_the_others(self, power: CarrierPower) -> str:
-        """Return why the sample cannot be of the receiver that gave the others.
-
-        sigma^2 / power is 2 N0 / T (CONSCAN B-5), whatever the beam does.
-        """
+        """Return why the sample cannot be of the receiver that gave the others."""
+        # sigma^2 / power is 2 N0 / T (CONSCAN B-5), whatever the beam does.
         rows = self.state.window.rows
         if len(rows) < FEWEST_WITNESSES or rows.item(-1, 0) < self.beam_time_s(power) - self.params.max_age_s:
             return ""

@@ -1,4 +1,4 @@
-"""Accuracy of a conical scan in closed form (CONSCAN eqs. 1-6, 20-25), and the scan for an accuracy.
+"""Accuracy of a conical scan in closed form (CONSCAN eqs. 1-6, 20-25), and its design.
 
 h is the half-power beamwidth, r the scan radius, mu = 4 ln 2; n samples per period; sigma_p/P the
 relative standard deviation of one carrier power sample; C/N0 in dB-Hz for the beam on the target.
@@ -158,8 +158,8 @@ def scan_for_accuracy(
         half_power_beamwidth_rad=params.half_power_beamwidth_rad, integration_s=params.sample_s,
         shortest_period_s=turns * limits.shortest_period_s, longest_period_s=turns * limits.longest_period_s,
     )  # fmt: skip
-    told_apart = math.sqrt(1.0 - 6.0 / (math.pi * turns) ** 2) if params.drift else 1.0
-    design = design_scan(over_window, carrier_to_noise_db_hz, told_apart * wanted_sigma_rad)
+    separated = math.sqrt(1.0 - 6.0 / (math.pi * turns) ** 2) if params.drift else 1.0
+    design = design_scan(over_window, carrier_to_noise_db_hz, separated * wanted_sigma_rad)
     longer = design.period_s / window_s
     return params.replace(
         radius_rad=design.radius_rad,

@@ -1,4 +1,4 @@
-"""One conscan estimate from one window: parameters, the two estimators, and when not to use the result.
+"""One conscan estimate from one window: parameters, two estimators, and when not to use it.
 
 The likelihood is that of `beam_fit`.  The linear estimator is the paper's weighted least squares on
 the linearised power (CONSCAN eqs. 8-18):
@@ -40,6 +40,7 @@ __all__ = [
 ]
 Array = NDArray[np.float64]
 SMALLEST_SPREAD = 0.05  # rms motion along the weaker axis, in scan radii
+# A spin close to the scan's period leaves a variance so large that nothing is measured.
 WORST_SPIN_INFLATION = 10.0
 # Of the misfit without the one sample that is to blame for it; no single one is for a power that
 # fades.
@@ -188,6 +189,7 @@ def _linear(params: ConscanParams, window: PowerWindow) -> WindowEstimate:
 def _likelihood(params: ConscanParams, window: PowerWindow, design: BeamDesign) -> WindowEstimate:
     power = window.power_w
     noise = window.sigma_w**2 / power
+    # The noise of unseen motion depends on the error, so a first fit without it must give that.
     if params.unmodelled_rad > 0.0:
         start = fit_beam(design, power, noise + _flutter(params, window, np.zeros(2)))
         if not start.converged:
@@ -196,6 +198,7 @@ def _likelihood(params: ConscanParams, window: PowerWindow, design: BeamDesign) 
     found = fit_beam(design, power, noise)
     if not found.converged:
         return _unknown(params, "the likelihood did not converge")
+    # One sample that does not fit, as from a burst of interference, is left out.
     if found.chi_squared > params.misfit_limit and not params.spin_periods_s:
         worst = _farthest_off(params, window, found, noise)
         others = fit_beam(_without(design, worst), np.delete(power, worst), np.delete(noise, worst))
@@ -225,10 +228,8 @@ def _nuisance_columns(params: ConscanParams, window: PowerWindow) -> Array | Non
 
 
 def _flutter(params: ConscanParams, window: PowerWindow, target_rad: Array) -> Array:
-    """Return what unseen motion adds to variance / power: P (2 mu |u - theta| sigma / h^2)^2.
-
-    At least the slope at the scan radius counts.
-    """
+    """Return what unseen motion adds to variance / power: P (2 mu |u - theta| sigma / h^2)^2."""
+    # At least the slope at the scan radius counts.
     away = np.maximum(np.hypot(*(window.beam_rad - target_rad).T), params.radius_rad)
     relative = 2.0 * MU * away * params.unmodelled_rad / params.half_power_beamwidth_rad**2
     return np.asarray(float(np.mean(window.power_w)) * relative**2)

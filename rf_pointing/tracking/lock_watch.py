@@ -1,4 +1,4 @@
-"""Detects within 2 s that monopulse follows the wrong thing: a flipped sign, turned phases, a sidelobe.
+"""Detects within 2 s that monopulse follows a wrong null: flipped sign, turned phase, sidelobe.
 
 * Signs and phases: what the beam does and what the error does about it, weighed as `Evidence`.
 * Steepness: over a sliding window the error is regressed on the beam by the encoders, e = e0 - G d.

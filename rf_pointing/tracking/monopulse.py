@@ -30,7 +30,7 @@ CHANNELS = ("difference_cross_elevation", "difference_elevation", "sum")
 LEVEL_RANGE_DB_HZ = -60.0, 200.0
 # Difference over sum up to which atanh straightens it; beyond, noise would be all that it gives.
 STRAIGHTENED = 0.9
-# Difference over sum that no feed gives, even beside a null of the sum.
+# Difference over sum that no feed gives, even next to a null of the sum.
 LARGEST_RATIO = 1e3
 
 
@@ -104,7 +104,7 @@ class MonopulseCalibration(Params):
         return np.array(self.offset_real) + 1j * np.array(self.offset_imaginary)
 
     def check_together(self) -> None:
-        """Refuse a response from which the two axes cannot be told apart."""
+        """Refuse a response from which the two axes cannot be separated."""
         response = self.response_per_rad()
         values = np.linalg.svd(np.vstack([response.real, response.imag]), compute_uv=False)
         condition = float(values[0] / values[1]) if values[1] > 0.0 else math.inf
@@ -167,6 +167,7 @@ class MonopulseTracker:
             return self._rejected(
                 cluster, f"a difference of {largest:.3g} times the sum must be <= {LARGEST_RATIO:.0f}"
             )
+        # E d_rho d_rho^H = (I + rho rho^H) (1 + 1/snr) / (n snr): the sum's noise is in both.
         noise = (1.0 + 1.0 / snr) / (samples * snr) * (UNITY + ratio[:, None] * np.conj(ratio))
         linear = (self._inverse @ (ratio - self._offset)).real
         error, stretch = self._straighten(linear)
@@ -215,6 +216,7 @@ class MonopulseTracker:
     def _rejected(self, cluster: MonopulseCluster, reason: str) -> PointingError:
         """Return an invalid error; the C/N0 stays the receiver's, the carrier may be there."""
         times = np.asarray(cluster.t_s, dtype=np.float64).ravel()
+        # Broken samples are no loss of the carrier: the receiver's own C/N0 stands.
         known = times[np.isfinite(times)]
         level_db_hz = cluster.carrier_to_noise_db_hz
         return PointingError(
@@ -236,6 +238,7 @@ def sample_period_s(t_s: Array) -> float:
 
 def difference_ratio(cluster: MonopulseCluster, snr: float) -> ComplexArray:
     """Return both difference/sum ratios (2,), averaged coherently, free of noise power."""
+    # Without the noise power in the sum the ratio would shrink at a low C/N0.
     signal = float(np.vdot(cluster.sum, cluster.sum).real) * snr / (1.0 + snr)
     differences = np.array([cluster.difference_cross_elevation, cluster.difference_elevation])
     return np.asarray(differences @ np.conj(cluster.sum) / signal)

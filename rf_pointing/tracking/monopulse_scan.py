@@ -111,6 +111,7 @@ class MonopulseCalibrator:
 
     def solve(self) -> CalibrationFit:
         """Return the calibration; ValueError names what the scan did not determine."""
+        # Three complex unknowns a channel; the other clusters judge the misfit.
         if len(self.state.ratios) < 8:
             raise ValueError(f"the calibration scan has {len(self.state.ratios)} clusters, must have at least 8")
         noise, level, power_noise, x, y = np.array(self.state.measures).T
@@ -118,6 +119,7 @@ class MonopulseCalibrator:
         fault = rank_fault(np.stack([x, y], axis=1), 0.2 * self.params.scan.radius_rad)
         if fault:
             raise ValueError(f"calibration scan: {fault}")
+        # The target's offset comes from the power: the null is found against the beam's peak.
         target = fit_beam(beam_design(x, y, h), level, power_noise)
         scale = self.params.slope / h
         offset = target.error_rad - np.stack([x, y], axis=1)

@@ -33,6 +33,7 @@ LARGEST_LEAD_S = 5.0
 # A power older than this against the one before means that time was set back, not that two came in
 # the wrong order.
 STEPPED_BACK_S = 60.0
+# Farther from its origin a sample is not well described by the beam near its axis.
 LARGEST_SHIFT_BEAMWIDTHS = 0.1
 # An answer to the centre's motion that is not of its size is the target's own motion.
 GAIN_TOLERANCE = 0.3
@@ -95,6 +96,7 @@ class PowerTracker:
         """
         self._wanted = sensor in (*TRACKED, Sensor.AUTO)
         scanned = mode if mode in TRACKED else ""
+        # Samples of another scan, or from before it, are about another centre.
         if scanned != self._mode:
             self._mode = scanned
             self._waiting.clear()
@@ -127,6 +129,7 @@ class PowerTracker:
         errors = []
         while self._waiting:
             beam_s = self.conscan.beam_time_s(self._waiting[0])
+            # From before the scan: where the beam was then will never be known.
             if self._beam.too_old(beam_s):
                 del self._waiting[0]
                 continue
@@ -138,6 +141,7 @@ class PowerTracker:
             if self.rejections[0] > before:
                 state = self.steptrack.state if self._mode == Sensor.STEPTRACK else self.conscan.state
                 self._last_refusal = state.last_rejection
+        # A stream that never comes must not let the queue grow.
         del self._waiting[: max(0, len(self._waiting) - self.conscan.params.window_samples)]
         return errors
 

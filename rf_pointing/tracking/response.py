@@ -38,6 +38,7 @@ class ResponseSums:
 
     def with_pair(self, moved_rad: complex, change_rad: complex, variance_rad2: float) -> "ResponseSums":
         """Return the sums with one more pair; `variance_rad2` is that of the change, per axis."""
+        # A weight without bound would silence all other pairs.
         if not variance_rad2 > 0.0:
             raise ValueError(f"variance_rad2={variance_rad2} must be > 0")
         return ResponseSums(

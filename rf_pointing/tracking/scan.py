@@ -101,6 +101,7 @@ def circle_offset(params: ScanParams, t_since_start_s: float) -> Offset:
 
 def _ramp(params: ScanParams, t_s: float) -> tuple[float, float]:
     """Radius and its rate: the quintic 10 s^3 - 15 s^4 + 6 s^5, at rest at both ends."""
+    # Without a ramp the command would jump by the radius, and the axes would ring.
     if t_s >= params.ramp_s:
         return params.radius_rad, 0.0
     s = t_s / params.ramp_s

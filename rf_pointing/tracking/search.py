@@ -25,6 +25,7 @@ __all__ = ["SpiralParams", "SpiralSearch", "StripOffset", "StripSearch"]
 
 
 Array = NDArray[np.float64]
+# Newton's method for the angle of a length begins at most 1/256 of a turn away.
 POINTS_PER_TURN = 256
 
 

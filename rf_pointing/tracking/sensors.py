@@ -73,6 +73,7 @@ SENSORS: dict[str, SensorTraits] = {
     traits.name: traits
     for traits in (
         SensorTraits(
+            # Only monopulse has sidelobes with nulls of their own, and signs that can flip.
             name=Sensor.MONOPULSE, needs_strong_carrier=True, automatic=True, weaker=Sensor.CONSCAN, every_period=True,
             watched=True, colour="#0072b2",
         ),
@@ -105,6 +106,7 @@ def register(traits: SensorTraits) -> None:
     ValueError
         When the name is taken, or a sensor that scans does not say how.
     """
+    # An entry point and the program itself may both register it.
     if SENSORS.get(traits.name) == traits:
         return
     if not traits.name or traits.name in {*_TABLE_WORDS, *SENSOR_CHOICES, *Mode}:

@@ -17,6 +17,7 @@ from rf_pointing.tracking.scan import ONCE_A_ROUND, LoopRate, Offset, Pattern
 __all__ = ["StepTrackParams", "StepTrackState", "StepTracker"]
 
 SMALLEST_SCATTER = 1e-12  # relative variance of a meter without noise; keeps the covariance positive
+# Right, above, left, below: each move leads to a neighbour, so it is short.
 POINTS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
 
 

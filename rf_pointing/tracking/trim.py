@@ -19,6 +19,7 @@ __all__ = ["SkyMotion", "Trim", "TrimFilter", "TrimParams", "TrimState", "direct
 
 Array = NDArray[np.float64]
 
+# Below this speed a geostationary target has no track, so no direction across it.
 SLOWEST_RAD_S = 1e-9
 
 
@@ -51,7 +52,7 @@ class TrimParams(Params):
     correlation_s: float = parameter(1.0, "time over which that motion is the same", low=0.0, high=60.0)
     gate_sigmas: float = parameter(6.0, "innovation beyond which a measurement is refused", low=2.0, high=100.0)
     gate_patience: int = parameter(
-        3, "refusals in a row after which not the measurements are doubted but the filter", low=1, high=1000
+        3, "rejections in a row after which the filter is doubted, not the measurements", low=1, high=1000
     )
 
 
@@ -71,7 +72,7 @@ class TrimFilter:
     """Kalman filter of the ephemeris error; `trim` holds for any later time and in a coast.
 
     A filter that is sure of something wrong would refuse the truth for ever: after `gate_patience`
-    refusals in a row it knows again only what it was configured with.
+    rejections in a row it knows again only what it was configured with.
     """
 
     def __init__(self, params: TrimParams) -> None:
@@ -89,6 +90,7 @@ class TrimFilter:
         innovation = offset - rows @ mean
         spread = rows @ covariance @ rows.T + noise
         if float(innovation @ np.linalg.solve(spread, innovation)) > self.params.gate_sigmas**2:
+            # Sure of something wrong, the filter would refuse the truth for ever.
             in_a_row = self.state.refused_in_a_row + 1
             tired = in_a_row >= self.params.gate_patience
             self.state = TrimState(
@@ -134,6 +136,7 @@ class TrimFilter:
 
     def _jitter(self, t_s: float) -> Array:
         """Noise of the beam's own motion; samples closer than `correlation_s` count for less."""
+        # Ten errors a second of one slow gust are one measurement, not ten.
         elapsed = math.inf if self.state.t_s is None else t_s - self.state.t_s
         share = 1.0 if elapsed >= self.params.correlation_s else self.params.correlation_s / max(elapsed, 1e-3)
         return np.eye(2) * self.params.jitter_rad**2 * share

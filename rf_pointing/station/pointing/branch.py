@@ -17,16 +17,17 @@ from rf_pointing.planning import Branch, plunged, unplunged
 __all__ = ["TrackingBranch"]
 
 Array = NDArray[np.float64]
+# Over the top the elevation axis turns the other way for the same motion on the sky.
 MIRROR = np.array([1.0, -1.0])
 
 
 class TrackingBranch:
-    """The course of one branch; without one the dish stands direct and follows the target."""
+    """The course of one branch; without one the dish is direct and follows the target."""
 
     def __init__(self, branch: Branch | None = None) -> None:
         self._branch, self._found = branch, branch.crossing if branch else None
+        # The dish never goes over the top and never leaves the target: most passes, every period.
         self.direct = branch is None or (not branch.plunge and branch.crossing is None)
-        """Whether the dish never goes over the top and never leaves the target."""
 
     @property
     def turns_rad(self) -> float:
@@ -122,6 +123,7 @@ class TrackingBranch:
         assert self._found is not None
         known = self._found
         step_s = float(known.t_s[1] - known.t_s[0])
+        # The last instant belongs to the last interval.
         row = min(int((t_s - float(known.t_s[0])) / step_s), len(known.t_s) - 2)
         table = (known.position_rad, known.velocity_rad_s, known.acceleration_rad_s2)
         start, end = (Motion(*(part[index] for part in table)) for index in (row, row + 1))

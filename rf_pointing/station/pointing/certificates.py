@@ -44,6 +44,7 @@ __all__ = [
 Array = NDArray[np.float64]
 SAMPLE_S = 1.0
 SUN_STEP_S = 60.0
+# A geostationary "pass" lasts for days.
 MOST_SAMPLES = 4000
 
 
@@ -72,7 +73,7 @@ def plan_passes(
     track: TopocentricTrack,
     start_t_s: float,
     span_s: float,
-    present_rad: tuple[float, float],
+    encoder_rad: tuple[float, float],
     rules: PlanningRules,
     least_rad: float,
 ) -> list[PlannedPass]:
@@ -83,12 +84,12 @@ def plan_passes(
         profile = pass_profile(track, window)
         azimuth, elevation = _sun_at(np.array([free_t_s, free_t_s + SUN_STEP_S]), track)[0].tolist()
         certificate = certificate_of(
-            profile, rules.model, free_t_s, present_rad, rules.machine, rules.limits, rules.mask,
+            profile, rules.model, free_t_s, encoder_rad, rules.machine, rules.limits, rules.mask,
             lag_averaging_s=rules.lag_averaging_s, slew=partial(gate.slew, sun_rad=(azimuth, elevation)),
         )  # fmt: skip
         fine, chosen = profile.resampled(STEP_S), certificate.chosen
         if chosen is not None:
-            present_rad, free_t_s = chosen.end_rad, window.los_t_s
+            encoder_rad, free_t_s = chosen.end_rad, window.los_t_s
         planned.append(PlannedPass(window=window, profile=fine, certificate=certificate))
     return planned
 
@@ -110,6 +111,7 @@ def pass_profile(track: TopocentricTrack, window: Pass, step_s: float = SAMPLE_S
 
 def _sun_at(times: Array, track: TopocentricTrack) -> Array:
     """Return the Sun's azimuth and elevation (n, 2), interpolated between minutes."""
+    # The Sun's ephemeris is slow to compute, and the Sun is slow.
     minutes = np.linspace(times[0], times[-1], max(2, int(np.ceil((times[-1] - times[0]) / SUN_STEP_S)) + 1))
     solar = TopocentricTrack(sun(), track.site, refraction=track.refraction).sample(minutes)
     azimuth = np.unwrap(solar.azimuth_rad)
@@ -120,7 +122,7 @@ def certificate_of(
     profile: PassProfile,
     model: BiasModel,
     issued_t_s: float,
-    present_rad: tuple[float, float],
+    encoder_rad: tuple[float, float],
     machine: MachineParams,
     limits: AxisLimits,
     mask: HorizonMask,
@@ -142,7 +144,7 @@ def certificate_of(
     held = without_lags(model) if history else model
     sides: dict[bool, tuple[Array, Array, Array]] = {over: axis_motion(sky, held, plunge=over) for over in plunges}
     lag: Lag = (lambda t_s, rate, bend: history.along(t_s, rate, bend)[0]) if history else no_lag
-    return certify(fine, sides, issued_t_s, present_rad, machine, limits, mask, gain, lag, slew)
+    return certify(fine, sides, issued_t_s, encoder_rad, machine, limits, mask, gain, lag, slew)
 
 
 @dataclass(frozen=True, kw_only=True)

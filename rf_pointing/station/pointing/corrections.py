@@ -27,6 +27,7 @@ from rf_pointing.tracking.sensors import SENSORS
 __all__ = ["OffsetTransition", "PointingCorrections", "added"]
 
 Array = NDArray[np.float64]
+# A transition of no distance still needs a few points of the trajectory.
 SHORTEST_TRANSITION_S = 0.5
 AT_REST = np.zeros(2)
 # What becomes of an error of the dish (cross-elevation, elevation) on the sky when it goes over the
@@ -147,6 +148,7 @@ class PointingCorrections:
         if fresh and follow and error is not None:
             self._correct(command_s, error, beam)
         elif not state.integrating and not self._integrator.frozen:
+            # The loop may have an update that lies ahead of this command.
             self._integrator.freeze(max(command_s, self._integrator.state.t_s))
 
     def correction_rad(self, t_s: float) -> Array:
@@ -192,11 +194,9 @@ class PointingCorrections:
         return moved
 
     def _displaced(self, command_s: float, t_s: float, past: Array | None, beam: Array | None) -> Array:
-        """Return how far the beam was from the centre on purpose (2,): that is not to be corrected.
-
-        While it is on its way the encoders show that.  Once there, what they show is the wind,
-        which is to be corrected, and only the circle that tests the lock was meant.
-        """
+        """Return how far the beam was from the centre on purpose (2,), not to be corrected."""
+        # While it is on its way the encoders show that. Once there, what they show is the wind,
+        # which is to be corrected, and only the circle that tests the lock was meant.
         if past is not None and beam is not None and self.arriving(command_s):
             return np.asarray(beam - past[3:5])
         return self._scans.at(np.array([t_s]), None)[0][0] if self._scans.running else np.zeros(2)
@@ -223,6 +223,7 @@ class PointingCorrections:
 
     def _learn(self, command_s: float, t_s: float, direction: Array, covariance: Array, sky: SkyMotion) -> None:
         """Update the filter; what one correction gains at `command_s` the other loses."""
+        # A scan's estimate may be about a time before that of the sensor before it.
         if self.filter.state.t_s is not None and t_s < self.filter.state.t_s:
             return
         now = np.array([command_s])
@@ -255,6 +256,7 @@ class PointingCorrections:
             self._integrator.freeze(command_s)
             # The direction that a search found is kept until a sensor has looked at it.
             self._fade_s = command_s if self.filter.state.used and not self._unseen else None
+        # The scan begins at once; the transition takes out what jumps in place and speed.
         self._scans.begin(mode, command_s, self.filter, self._sky_at(now))
         self._transition = OffsetTransition()
         after = [a + b for a, b in zip(self._corrections(now), self._scan(now), strict=True)]
@@ -292,6 +294,7 @@ class PointingCorrections:
         known = self._ahead.t_s
         offsets = self._ahead.rows @ self.filter.state.mean
         rates = np.gradient(offsets, known, axis=0, edge_order=2)
+        # No interpolation for the trajectory itself: it would round.
         if len(times) == len(known) and times[0] == known[0]:
             return offsets, rates
         return _interpolated(times, known, offsets), _interpolated(times, known, rates)
@@ -343,6 +346,7 @@ def _interpolated(times: Array, known: Array, values: Array) -> Array:
 
 def added(target: Motion, offset: Array, rate: Array) -> Motion:
     """Add offsets (n, 2) on the sky and their rates; their accelerations are left to the servo."""
+    # Within 2 deg of the zenith azimuth would run away for any offset.
     elevation = np.minimum(np.abs(target.position[:, 1]), STEEPEST_RAD)
     secant, tangent = 1.0 / np.cos(elevation), np.tan(elevation)
     climb = target.velocity[:, 1]

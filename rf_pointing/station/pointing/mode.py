@@ -23,6 +23,7 @@ from rf_pointing.tracking.sensors import SENSOR_CHOICES, SENSORS, sensors_of
 __all__ = ["CarrierWatch", "PassStatistics", "SensedErrors", "TrackingMode", "link_level_db_hz"]
 
 Array = NDArray[np.float64]
+# Two seconds of one sensor, one of two: more than any period may use.
 KEPT_ERRORS = 20
 # Age from which an error is used: older than any of the period that ends, whether stamped at its
 # middle or its end.
@@ -46,6 +47,7 @@ class SensedErrors:
         """Note what a sensor measured; only those that the pass may use count."""
         if error.sensor in self._accepted:
             self._errors.append(error)
+        # A tracker that nobody registered is a mistake of the configuration: it must be seen.
         elif error.sensor not in SENSORS:
             self.unknown, self.last_unknown = self.unknown + 1, error.sensor
 
@@ -68,6 +70,7 @@ class SensedErrors:
         period in any case.
         """
         newest_t_s = t_s - LEAST_AGE_PERIODS * period_s
+        # Too young errors wait: on another machine they would have come a moment later.
         return [error for error in reversed(self._errors) if t_s - oldest_s <= error.t_s <= newest_t_s]
 
 
@@ -133,6 +136,7 @@ class CarrierWatch:
         `beam_rad` (2,) is how far the beam was from the prediction then; below `faint_db_hz`
         nothing is judged.
         """
+        # In noise every response is as likely as any other.
         if error.carrier_to_noise_db_hz < faint_db_hz or error.t_s <= self._watched_s:
             return ""
         self._watched_s = error.t_s
@@ -218,6 +222,7 @@ class TrackingMode:
     def retune(self, params: AutotrackParams, timing: PointingParams) -> None:
         """Use new thresholds and times from the next period on; the sensor of the pass stays."""
         self.params, self.timing = params, timing
+        # The sensor was chosen with the pass; a changed default is for the next one.
         self._table = Autotrack(params.replace(sensor=self.sensor))
 
     def restart(self, t_s: float, sensor: str) -> None:
@@ -234,6 +239,7 @@ class TrackingMode:
 
     def calibrate(self) -> str:
         """Request a calibration scan of the feed; return why not, "" when it will begin."""
+        # The scan is of the monopulse feed: step-track has no use for it.
         automatic = [traits.name for traits in SENSORS.values() if traits.automatic]
         if self.state.mode not in (*automatic, Mode.PROGRAM_TRACK, Mode.COAST):
             return f"the mode is {self.state.mode}: a calibration needs a target that is tracked"
@@ -277,6 +283,7 @@ class TrackingMode:
         )
         self.state = self._table.step(before, inputs)
         if self.state.mode != before.mode:
+            # Errors of another mode say nothing about this lock.
             self._carrier.forget()
             self._calibrating = self._calibrating and self.state.mode != Mode.CALIBRATE
 

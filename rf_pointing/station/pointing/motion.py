@@ -194,6 +194,7 @@ class CommandedMotion:
             centre, added_rates = self._corrected(times, predicted)
         scanned = self._corrections.add_scan(times, centre)
         lead = self._lag.lead(times, added_rates + scanned.velocity - centre.velocity, self.model)
+        # The encoders are compared with what was commanded, lead included.
         self._note_centre(t_s, float(times[0]), centre.position[0] + lead.position[0])
         self.beam.take_centre(float(times[0]), predicted.position[0] + lead.position[0])
         position, velocity, acceleration = scanned
@@ -217,6 +218,7 @@ class CommandedMotion:
         rate = self.axes.velocity_rad_s
         present = self.axes.position_rad + (t_s - self.axes.t_s) * rate
         position = present + rate * np.abs(rate) / (2.0 * self.params.stop_deceleration_rad_s2)
+        # One point at rest: the antenna stops by its own limits on the way there.
         still = np.zeros((1, 2))
         times = np.array([t_s + self.params.transport_s])
         return JointTrajectory(

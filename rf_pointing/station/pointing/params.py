@@ -48,6 +48,7 @@ class PointingParams(Params):
         On the grid, the first point of one period is the direction that the axes are compared with
         at a later one.
         """
+        # Off the grid the axes would be compared with a direction that was never commanded.
         periods = self.transport_s / self.period_s
         if round(periods) < 1 or abs(periods - round(periods)) > 1e-6:
             raise ValueError(f"transport_s={self.transport_s} must be a whole number of period_s={self.period_s}")

@@ -84,6 +84,7 @@ class PassPlan:
         ValueError
             When no branch works, with the numbers.
         """
+        # A certificate that is refused must not leave the branch of the last pass.
         self.clear()
         self.certificate = None
         profile = self._profile_of(window)
@@ -102,6 +103,7 @@ class PassPlan:
         try:
             self.approach(t_s, joints, np.array(self.branch.start_rad))
         except ValueError:
+            # No slew to its start: the branch is as good as none.
             self.branch = None
             raise
         self.course = TrackingBranch(self.branch)
@@ -116,6 +118,7 @@ class PassPlan:
             When the safety gate finds no slew, with its reason.
         """
         azimuth, elevation = axes.position_rad.tolist()
+        # Planned once, not every period: the path remembers which corners are behind it.
         if not float(np.max(np.abs(goal_rad - self._goal))) <= NEW_GOAL_RAD:
             goal = (float(goal_rad[0]), float(goal_rad[1]))
             kind = motion_between((azimuth, elevation), goal)

@@ -22,7 +22,7 @@ from rf_pointing.core import JointReading, Motion, Quintic, Target, nearest_turn
 from rf_pointing.planning import plunged
 from rf_pointing.station.pointing.branch import TrackingBranch
 
-__all__ = ["Plan", "Prediction", "StandingPlan", "TargetBuffer", "axis_motion"]
+__all__ = ["Plan", "Prediction", "TargetBuffer", "axis_motion"]
 
 Array = NDArray[np.float64]
 # Samples of the target farther apart than this are not joined: a quintic over them would be a
@@ -51,6 +51,7 @@ class TargetBuffer:
 
     def add(self, target: Target) -> None:
         """Take one sample; a later one for the same time replaces the earlier."""
+        # On the turn of the sample before: a step of 2 pi would be a slew.
         azimuth = target.azimuth_rad
         if self._motions:
             azimuth = nearest_turn_rad(azimuth, float(self._motions[-1].position[0]))
@@ -59,6 +60,7 @@ class TargetBuffer:
             np.array([target.azimuth_rate_rad_s, target.elevation_rate_rad_s]),
             np.array([target.azimuth_acceleration_rad_s2, target.elevation_acceleration_rad_s2]),
         )
+        # Messages may overtake each other.
         place = bisect.bisect_left(self._times, target.t_s - 1e-6)
         if place < len(self._times) and abs(self._times[place] - target.t_s) <= 1e-6:
             self._motions[place], self._ranges[place] = motion, target.range_m
@@ -129,22 +131,11 @@ class Plan(Protocol):
         """Return the direct axis angles that hold the beam on `sky` (n, 2)."""
 
 
-class StandingPlan:
-    """Direct, without a crossing."""
-
-    def __init__(self) -> None:
-        self.course = TrackingBranch()
-
-    def model_motion(self, _t_s: float, sky: Motion, model: BiasModel) -> Motion:
-        """Return the motion through the model."""
-        return axis_motion(sky, model)
-
-
 class Prediction:
     """Axis motion (n, 2) every `period_s`, on the turn next to `near_azimuth_rad`."""
 
-    def __init__(self, period_s: float, plan: Plan | None = None, lag_averaging_s: float = 0.0) -> None:
-        self._period_s, self._plan = period_s, plan or StandingPlan()
+    def __init__(self, period_s: float, plan: Plan, lag_averaging_s: float = 0.0) -> None:
+        self._period_s, self._plan = period_s, plan
         self.lag_averaging_s = lag_averaging_s
         self._known: dict[int, Array] = {}
         self._lagging: dict[int, LagState] = {}
@@ -164,6 +155,7 @@ class Prediction:
 
     def take_axes(self, reading: JointReading, model: BiasModel) -> None:
         """Note how the axes slew to the start: their lags go on into the pass."""
+        # Only until the first block: then the axes follow the prediction.
         fresh = self._before is None or reading.t_s > self._before.t_s
         if self.lag_averaging_s > 0.0 and model.has_lags and not self._lagging and fresh:
             history = LagHistory(model, self.lag_averaging_s)
@@ -198,11 +190,10 @@ class Prediction:
         self._known = {_key(t): row for t, row in zip(block, rows, strict=True)}
 
     def _with_lags(self, block: Array, beam: Motion, moving: Motion, model: BiasModel) -> Motion:
-        """Return the axes (n, 2) that hold a beam, with the lags of its motion so far.
-
-        The lags act in the angles of the axes, which over the top run the other way.
-        """
+        """Return the axes (n, 2) that hold a beam, with the lags of its motion so far."""
+        # The lags act in the angles of the axes, which over the top run the other way.
         signs = self._plan.course.signs(block)
+        # From the state at the block's start, or where the last block was left, or from the slew.
         earlier = [state for key, state in self._lagging.items() if key <= _key(block[0])]
         before = earlier[-1] if earlier else self._before if not self._lagging else None
         history = LagHistory(model, self.lag_averaging_s)

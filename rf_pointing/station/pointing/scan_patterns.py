@@ -1,7 +1,7 @@
 """Motions added to look for more: search, scans of the sensors, calibration and probe circles.
 
 A search covers three standard deviations of what the filter knows of the ephemeris.  A spiral does,
-unless it would take too long and the target is far likelier early or late than beside its track:
+unless it would take too long and the target is far likelier early or late than off its track:
 then the track is swept in strips.
 """
 
@@ -13,24 +13,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.core import Mode
-from rf_pointing.tracking import (
-    SkyMotion,
-    SpiralParams,
-    SpiralSearch,
-    StripSearch,
-    TrimFilter,
-    direction_rows,
-)
+from rf_pointing.tracking import SkyMotion, SpiralParams, SpiralSearch, StripSearch, TrimFilter, direction_rows
 from rf_pointing.tracking.scan import Pattern, Scan, ScanParams
 from rf_pointing.tracking.sensors import SENSORS
 
 __all__ = ["ScanPatterns", "Scans"]
 
 Array = NDArray[np.float64]
+# A longer spiral would cost more of a pass than strips along the track.
 LONGEST_SPIRAL_S = 30.0
+# However sure the filter is: the target was not there.
 LEAST_SIGMA_BEAMWIDTHS = 0.25
 # Speed on the sky below which there is no track to search along.
 SLOWEST_RAD_S = 1e-5
+# Transport, servo and messages, on top of the age of the oldest samples.
 SPARE_S = 2.0
 
 
@@ -96,6 +92,7 @@ class ScanPatterns:
         rows = direction_rows(sky)[:, :, :2]
         state = values * np.array([*self._per_track, *self._per_track])
         offset, rate = (np.einsum("nij,nj->ni", rows, part) for part in (state[:, :2], state[:, 2:]))
+        # The track turns while it is searched along.
         if len(times) > 2:
             rate = rate + np.einsum("nij,nj->ni", np.gradient(rows, times, axis=0, edge_order=2), state[:, :2])
         return offset, rate
