@@ -169,8 +169,8 @@ class PointingControllerNode(ManagedNode):
     def _read_joints(self, until_s: float) -> None:
         try:
             reading = self._joints.take(until_s)
-        except ValueError as refusal:
-            self.get_logger().warning(f"joint_states ignored: {refusal}", throttle_duration_sec=1.0)
+        except ValueError as error:
+            self.get_logger().warning(f"joint_states ignored: {error}", throttle_duration_sec=1.0)
             return
         if reading is not None:
             self._controller.take_joints(reading)
@@ -201,9 +201,9 @@ class PointingControllerNode(ManagedNode):
             self._controller.start(
                 now_s, convert_planning.pass_from_message(goal.request.target_pass), goal.request.sensor
             )
-        except ValueError as refusal:
-            self._refusal = str(refusal)
-            self.get_logger().error(f"pass refused: {refusal}")
+        except ValueError as error:
+            self._refusal = str(error)
+            self.get_logger().error(f"pass refused: {error}")
             goal.execute()
             return
         finally:

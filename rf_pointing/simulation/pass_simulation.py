@@ -25,7 +25,8 @@ from rf_pointing.station.pointing.controller import PointingController
 from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.tracking import MonopulseParams, MonopulseTracker, StepTrackParams
 from rf_pointing.tracking.conscan_estimate import ConscanParams
-from rf_pointing.tracking.power_tracker import PowerTracker
+from rf_pointing.tracking.power_tracker import CarrierTracker, PowerTracker
+from rf_pointing.tracking.sensors import load_trackers
 
 __all__ = ["PassLog", "StationSetup", "simulate_pass"]
 
@@ -55,11 +56,21 @@ class PassLog:
 
 
 class StationSetup:
-    """All that a run needs, from the nodes' files; `changes` are dotted keys per node."""
+    """Everything a run needs, from the nodes' parameter files; `changes` are dotted keys per node over the files.
+
+    `tracker` measures the carrier power in place of the package's trackers: one of your own, which is registered
+    (`tracking.sensors.register`).
+    """
 
     def __init__(
-        self, files: Sequence[Path], model: Path | None, changes: Mapping[str, Mapping[str, object]] | None = None
+        self,
+        files: Sequence[Path],
+        model: Path | None,
+        changes: Mapping[str, Mapping[str, object]] | None = None,
+        tracker: CarrierTracker | None = None,
     ) -> None:
+        load_trackers()
+        self._tracker = tracker
         self._nodes = read_parameter_files(files)
         for node, values in (changes or {}).items():
             self.node(node).values.update(values)
@@ -91,8 +102,10 @@ class StationSetup:
         controller.take_model(self.model)
         return controller
 
-    def power_tracker(self) -> PowerTracker:
+    def power_tracker(self) -> CarrierTracker:
         """Return the tracker of the carrier power."""
+        if self._tracker is not None:
+            return self._tracker
         node = self.node("conscan_tracker")
         return PowerTracker(node.group("conscan", ConscanParams()), node.group("steptrack", StepTrackParams()))
 

@@ -1,4 +1,4 @@
-"""How far the target is off the beam, and what to do about it: monopulse, conscan, search and the autotrack table."""
+"""How far the target is off the beam: the trackers, the searches and the state table."""
 
 from rf_pointing.tracking.autotrack import Autotrack, AutotrackInputs, AutotrackParams, AutotrackState
 from rf_pointing.tracking.lock_watch import LockWatch, LockWatchParams

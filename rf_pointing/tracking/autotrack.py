@@ -1,8 +1,9 @@
-"""Autotrack state table: when the antenna slews, follows the ephemeris, searches, or trusts a radio sensor.
+"""State table of autotrack: when to slew, follow the ephemeris, search, or trust a sensor.
 
-All transitions and their guards are the rows of `TRANSITIONS`, tried from the top; the first row whose guard holds is
-taken, one per tick.  The rows name no sensor: what differs between sensors are their traits (`tracking/sensors.py`), so
-that a registered tracker gets the rows of its kind.  `step` is pure: the same state and inputs give the same state.
+All transitions and their guards are the rows of `TRANSITIONS`, tried from the top; the first row
+whose guard holds is taken, one per tick.  The rows name no sensor: what differs between sensors are
+their traits (`tracking/sensors.py`), so that a registered tracker gets the rows of its kind.
+`step` is pure: the same state and inputs give the same state.
 """
 
 import math
@@ -36,7 +37,7 @@ class Request(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class AutotrackParams(Params):
-    """C/N0 thresholds and times of the state table; each threshold has a hysteresis, from `_on` to `_off`."""
+    """C/N0 thresholds and times of the state table; hysteresis from `_on` to `_off`."""
 
     sensor: str = parameter(Sensor.AUTO, "which sensor may track (none: ephemeris only)", choices=table_words())
     carrier_on_db_hz: float = parameter(22.0, "C/N0 from which there is a carrier", low=0.0, high=120.0)
@@ -55,13 +56,14 @@ class AutotrackParams(Params):
     )
     search_s: float = parameter(60.0, "longest search", low=0.1, high=3600.0)
     calibrate_s: float = parameter(25.0, "time of a calibration scan", low=1.0, high=3600.0)
-    hold_s: float = parameter(5.0, "time in hand back before the sensors are trusted again", low=0.0, high=600.0)
+    hold_s: float = parameter(5.0, "time in hold-off before the sensors are trusted again", low=0.0, high=600.0)
     most_false_locks: int = parameter(
         2, "false locks of monopulse after which auto leaves it alone until a calibration", low=1, high=1000
     )
 
     def check_together(self) -> None:
         """Refuse a threshold without hysteresis."""
+        # Without one, noise on the C/N0 would change the mode every period.
         for stem in ("carrier", Sensor.MONOPULSE):
             on, off = getattr(self, f"{stem}_on_db_hz"), getattr(self, f"{stem}_off_db_hz")
             if off >= on:
@@ -80,12 +82,12 @@ def _scanning_sensors() -> frozenset[str]:
 class AutotrackInputs:
     """What is known at one tick.
 
-    `request` is idle, track or calibrate.
-    `carrier_to_noise_db_hz` is the receiver's own, -inf for none or a stale one.
-    `axis_db_hz` is the C/N0 that the link would give on the beam's axis, -inf where it is not known.
-    `valid` names the sensors whose newest estimate may be used; a sensor that scans is in it until its first estimate.
-    `arriving`: the beam is still on its way to where it was sent, so that invalid errors mean nothing yet.
-    `fault` is why the sensor in use must not be trusted (sidelobe, sign flip), empty if it may be.
+    `request` is idle, track or calibrate. `carrier_to_noise_db_hz` is the receiver's own, -inf for
+    none or a stale one. `axis_db_hz` is the C/N0 that the link would give on the beam's axis, -inf
+    where it is not known. `valid` names the sensors whose newest estimate may be used; a sensor
+    that scans is in it until its first estimate. `arriving`: the beam is still on its way to where
+    it was sent, so that invalid errors mean nothing yet. `fault` is why the sensor in use must not
+    be trusted (sidelobe, sign flip), empty if it may be.
     """
 
     t_s: float
@@ -109,8 +111,9 @@ class AutotrackInputs:
 class AutotrackState:
     """Mode, when and why it was entered, and what the C/N0 thresholds remember.
 
-    `peak_db_hz` is the largest C/N0 of the last search and `peak_s` its time: where the beam was then is where to go
-    when the search ends in coasting.  `false_locks` counts those since the pass began or the feed was calibrated.
+    `peak_db_hz` is the largest C/N0 of the last search and `peak_s` its time: where the beam was
+    then is where to go when the search ends in coasting.  `false_locks` counts those since the pass
+    began or the feed was calibrated.
     """
 
     mode: str = Mode.IDLE
@@ -126,7 +129,7 @@ class AutotrackState:
 
     @property
     def integrating(self) -> bool:
-        """Whether a sensed error may move the antenna or the trim: only while tracking a carrier that is there."""
+        """Whether a sensed error may be used: only while a sensor tracks a carrier."""
         return self.mode in SENSORS and self.carrier
 
 
@@ -148,13 +151,13 @@ def _elapsed(state: AutotrackState, inputs: AutotrackInputs) -> float:
 
 
 def _within_beam(params: AutotrackParams, state: AutotrackState, inputs: AutotrackInputs) -> bool:
-    """Whether the C/N0 is that of a target within the beam: near the link's, or as good as the last search found it."""
+    """Whether the C/N0 is near the link's, or as good as the last search found it."""
     best = inputs.axis_db_hz if state.peak_s is None else min(inputs.axis_db_hz, state.peak_db_hz)
     return inputs.carrier_to_noise_db_hz >= best - params.beam_drop_db
 
 
 def _peaked(params: AutotrackParams, state: AutotrackState, inputs: AutotrackInputs) -> bool:
-    """Whether the search passed the target: a carrier was seen, and for a whole turn nothing stronger."""
+    """Whether the search passed the target: a carrier, and a turn without a stronger one."""
     if state.peak_s is None or state.peak_db_hz < params.carrier_on_db_hz:
         return False
     return inputs.t_s - state.peak_s > params.search_turn_s
@@ -173,7 +176,8 @@ def _take_over(traits: SensorTraits) -> Transition:
         return traits in sensors_of(params.sensor) and not doubted
 
     def scan_ready(params: AutotrackParams, state: AutotrackState, inputs: AutotrackInputs) -> bool:
-        # With a single beam the carrier alone may come from far outside of it, where no scan finds the way back.
+        # With a single beam the carrier alone may come from far outside of it, where no scan finds
+        # the way back.
         return state.carrier and allowed(params, state) and _within_beam(params, state, inputs)
 
     def error_ready(params: AutotrackParams, state: AutotrackState, inputs: AutotrackInputs) -> bool:
@@ -205,6 +209,8 @@ def transitions(sensors: Sequence[SensorTraits]) -> tuple[Transition, ...]:
     on_sky = (
         Mode.SLEW, Mode.PROGRAM_TRACK, Mode.SEARCH, *tracking, Mode.CALIBRATE, Mode.COAST, Mode.HOLD_OFF,
     )  # fmt: skip
+    # The order is the priority.  What ends a pass comes first, then what must not be followed, then
+    # what is lost; a sensor takes over before a search begins.
     return (
         Transition(on_sky, Mode.IDLE, "tracking is no longer requested", lambda _p, _s, i: i.request == Request.IDLE),
         Transition(on_sky, Mode.IDLE, "the target is no longer available", lambda _p, _s, i: not i.target_available),
@@ -220,14 +226,18 @@ def transitions(sensors: Sequence[SensorTraits]) -> tuple[Transition, ...]:
             "a calibration is requested and the carrier strong",
             lambda _p, s, i: i.request == Request.CALIBRATE and s.carrier and s.strong,
         ),
+        # By way of a coast: the row that leads to a sensor then decides with the new calibration.
         Transition(
             (Mode.CALIBRATE,), Mode.COAST, "the calibration scan is over", lambda p, s, i: _elapsed(s, i) > p.calibrate_s,
         ),
         *(_too_weak(traits) for traits in sensors if traits.weaker),
+        # A sensor that needs no scan may lose a strong carrier for a moment only; a scan that fails
+        # has most likely lost the target out of its beam.
         Transition(staring, Mode.COAST, "the errors stay invalid", _impatient),
         Transition(scanning, Mode.SEARCH, "the errors stay invalid, or the target outside the beam", _impatient),
         *(_take_over(traits) for traits in sensors if not traits.scans),
         *(_take_over(traits) for traits in sensors if traits.scans),
+        # A search ends where the carrier was strongest, one turn later: only then is it known.
         Transition(
             (Mode.SEARCH,), Mode.COAST, "the search has passed a carrier: back to where it was strongest", _peaked,
         ),
@@ -247,8 +257,8 @@ def transitions(sensors: Sequence[SensorTraits]) -> tuple[Transition, ...]:
     )  # fmt: skip
 
 
+# The whole state machine of the sensors of the package, in order of priority.
 TRANSITIONS = transitions(tuple(SENSORS.values()))
-"""The whole state machine of the sensors of the package, in order of priority."""
 
 
 class Autotrack:
@@ -278,6 +288,8 @@ class Autotrack:
 def _observe(params: AutotrackParams, state: AutotrackState, inputs: AutotrackInputs) -> AutotrackState:
     """Update the thresholds: a carrier is lost at once, but must last to be there."""
     level = inputs.carrier_to_noise_db_hz
+    # A carrier is gone with the first weak sample, else noise would be integrated meanwhile; to be
+    # there it must last, for noise alone exceeds any threshold now and then.
     present = level >= (params.carrier_off_db_hz if state.carrier else params.carrier_on_db_hz)
     since = (inputs.t_s if state.carrier_since_s is None else state.carrier_since_s) if present else None
     carrier = since is not None and (state.carrier or inputs.t_s - since >= params.confirm_s)
@@ -289,6 +301,7 @@ def _observe(params: AutotrackParams, state: AutotrackState, inputs: AutotrackIn
         valid = valid and (not sensor.scans or _within_beam(params, state, inputs))
     invalid = (inputs.t_s if state.invalid_since_s is None else state.invalid_since_s) if not valid else None
     seen = replace(state, carrier=carrier, strong=strong, carrier_since_s=since, invalid_since_s=invalid)
+    # Kept after the search: it is the best proof of the level that the link really gives.
     if state.mode == Mode.SEARCH and level > state.peak_db_hz:
         return replace(seen, peak_db_hz=level, peak_s=inputs.t_s)
     return seen

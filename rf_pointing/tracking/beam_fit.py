@@ -1,17 +1,10 @@
-"""One window of conscan samples: carrier power, and where the beam really was when it was measured.
+"""Direction of the target from carrier powers at known positions of the beam.
 
-Conscan by maximum likelihood on the exact Gaussian beam, without the paper's linearisation.
+Maximum likelihood on the exact Gaussian beam, without the linearisation of the conscan paper:
 
-Model: P_i = exp(a + 2 mu u_i.theta / h^2 - mu |u_i|^2 / h^2 + spin terms), u_i the beam's offset, theta the target's.
-The unknown power and |theta|^2 are both in a, so the model is log-linear in (a, theta) for any theta.  The receiver's
-variance is alpha_i P_i (CONSCAN B-5: alpha = 2 N0/T).  Score: sum_i x_i (measured P_i - P_i) / alpha_i = 0, concave,
-solved by Newton; it is linear in the measured power, and the bias -1/2 sum_i x_i w_i q_i that the maximum keeps is
-removed in closed form (Cordeiro and McCullagh 1991).  The inverse Hessian is the Cramer-Rao bound.
+    P_i = exp(a + 2 mu u_i.theta / h^2 - mu |u_i|^2 / h^2 + spin terms)
 
-Power modulation of a spinning spacecraft: regressors that take it out of the conscan estimate, and its period.
-
-A spin multiplies the power by a slowly varying factor; its logarithm over one period is a cos + b sin for every period
-(or harmonic) given.  A period too close to that of the scan cannot be told from a pointing error.
+u_i is the beam's offset, theta the target's.  The inverse Hessian is the Cramer-Rao bound.
 """
 
 import math
@@ -21,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.core import MU, require_between
+from rf_pointing.core import MU
 
 __all__ = [
     "BeamDesign",
@@ -35,11 +28,14 @@ __all__ = [
     "rank_fault",
     "rank_reason",
     "spin_columns",
-    "spin_period_s",
 ]
 
 
 Array = NDArray[np.float64]
+MAX_ITERATIONS = 25
+LOSS = -0.25 / MU  # -mu u^2 / h^2 from the columns 2 mu u / h
+STEP_TOLERANCE = 2e-3  # of a beamwidth; what is left after that step is below 1e-5
+FRESH_STEP = 1e-2  # after a smaller step the information matrix of the step before still serves
 
 SMALLEST_INFORMATION = 1e-13
 """Least eigenvalue of an information matrix, its diagonal scaled to one, that determines the unknowns.
@@ -52,7 +48,7 @@ to 1 %.
 
 @dataclass(frozen=True, slots=True)
 class PowerWindow:
-    """Samples of one estimate: rows (n, 6) of time, power, sigma, beam cross-elevation, beam elevation, C/N0.
+    """Samples of one estimate: rows (n, 6) of time, power, sigma, beam position (2), C/N0.
 
     Time is the middle of the integration; beam offsets are from the scan's origin.
     """
@@ -103,7 +99,7 @@ class PowerWindow:
         return self.rows[:, 5]
 
     def with_sample(self, sample: tuple[float, ...], most: int, oldest_s: float) -> "PowerWindow":
-        """Return the window with `sample` added, at most `most` samples and none before `oldest_s`."""
+        """Return the window with `sample`, at most `most` samples, none before `oldest_s`."""
         keep = self.rows[-(most - 1) :]
         if len(keep) and keep[0, 0] < oldest_s:
             keep = keep[keep[:, 0] >= oldest_s]
@@ -133,8 +129,8 @@ def is_singular(information: Array) -> bool:
 def rank_fault(positions_rad: Array, smallest_spread_rad: float) -> str:
     """Return why these beam positions (n, 2) do not determine both axes, empty if they do.
 
-    Both axes and the power need three distinct positions that do not lie on a line: along the axis of least spread the
-    beam must have moved by at least `smallest_spread_rad` rms.
+    Both axes and the power need three distinct positions that do not lie on a line: along the axis
+    of least spread the beam must have moved by at least `smallest_spread_rad` rms.
     """
     least = math.sqrt(max(float(np.linalg.eigvalsh(np.cov(positions_rad.T, bias=True))[0]), 0.0))
     return "" if least >= smallest_spread_rad else rank_reason(positions_rad, smallest_spread_rad)
@@ -142,6 +138,7 @@ def rank_fault(positions_rad: Array, smallest_spread_rad: float) -> str:
 
 def rank_reason(positions_rad: Array, smallest_spread_rad: float) -> str:
     """Name what beam positions (n, 2) that lie on a line, or on two points, leave undetermined."""
+    # Rounded to the smallest spread: encoder noise does not make two points of one.
     centred = positions_rad - positions_rad.mean(axis=0)
     distinct = len(np.unique(np.round(centred / smallest_spread_rad), axis=0))
     if distinct < 3:
@@ -152,11 +149,7 @@ def rank_reason(positions_rad: Array, smallest_spread_rad: float) -> str:
     return f"{name} is not determined: the beam positions lie on a line"
 
 
-MAX_ITERATIONS = 25
-LOSS = -0.25 / MU  # -mu u^2 / h^2 from the columns 2 mu u / h
 _SINGULAR = "the powers do not determine the direction: one outweighs the others, or the beam moved on a line"
-STEP_TOLERANCE = 2e-3  # of a beamwidth; what is left after that step is below 1e-5
-FRESH_STEP = 1e-2  # after a smaller step the information matrix of the step before still serves
 LARGEST_LOGARITHM = 600.0  # of the power: Newton may overshoot, and exp overflows at 709
 
 
@@ -170,7 +163,7 @@ class BeamDesign(NamedTuple):
 
 
 class LikelihoodFit(NamedTuple):
-    """Target minus scan origin (..., 2), covariance (..., 2, 2), mean chi squared per degree of freedom (...)."""
+    """Target minus origin (..., 2), covariance (..., 2, 2), reduced chi squared (...)."""
 
     error_rad: Array
     covariance_rad2: Array
@@ -184,7 +177,7 @@ def beam_design(
     half_power_beamwidth_rad: float,
     spin_columns: Array | None = None,
 ) -> BeamDesign:
-    """Prepare the positions (n,) of the beam; `spin_columns` (n, m) enter the logarithm of the power."""
+    """Prepare beam positions (n,); `spin_columns` (n, m) enter the logarithm of the power."""
     scale = 2.0 * MU / half_power_beamwidth_rad
     count, unknowns = len(beam_elevation_rad), 3 if spin_columns is None else 3 + spin_columns.shape[1]
     columns = np.empty((count, unknowns))
@@ -213,11 +206,17 @@ def columns_independent(design: BeamDesign) -> bool:
     return not is_singular(_square(np.add.reduce(design.products)))
 
 
+# The unknown power and |theta|^2 are both in a, so the model is log-linear in (a, theta) for any
+# theta.  The receiver's variance is alpha_i P_i (CONSCAN B-5: alpha = 2 N0/T).  The score
+# sum_i x_i (measured P_i - P_i) / alpha_i = 0 is concave and linear in the measured power; the bias
+# -1/2 sum_i x_i w_i q_i that its maximum keeps is removed in closed form (Cordeiro and
+# McCullagh 1991).
 def fit_beam(design: BeamDesign, power_w: Array, noise_w: Array) -> LikelihoodFit:
-    """Return the maximum-likelihood direction for powers (..., n) of variance `noise_w` (..., n) times their mean.
+    """Return the likeliest direction for powers (..., n) of variance `noise_w` times their mean.
 
-    Leading dimensions are independent runs at the same beam positions.  A run that does not converge says so.
-    Raises LinAlgError, a ValueError, where the powers do not determine every unknown.
+    Leading dimensions are independent runs at the same beam positions.  A run that does not
+    converge says so.  Raises LinAlgError, a ValueError, where the powers do not determine every
+    unknown.
     """
     columns, products = design.columns, design.products
     unknowns = columns.shape[1]
@@ -250,7 +249,7 @@ def fit_beam(design: BeamDesign, power_w: Array, noise_w: Array) -> LikelihoodFi
 
 
 def _logarithmic_start(design: BeamDesign, power_w: Array, weighted: Array, bound: Array) -> Array:
-    """Return the least-squares solution for the logarithm of the power, biased by the noise but close."""
+    """Return the least-squares solution for the logarithm: biased by the noise, but close."""
     return _apply(bound, (weighted * (np.log(power_w) - design.loss)) @ design.columns)
 
 
@@ -269,10 +268,12 @@ def _dot(a: Array, b: Array) -> Array:
 
 
 def _inverse(flat: Array) -> Array:
-    """Return the inverses of symmetric matrices given as rows (..., k * k); 3 x 3 alone by cofactors, 3 times faster.
+    """Return the inverses of symmetric matrices given as rows (..., k * k).
 
-    Raises LinAlgError for a singular one.  3 x 3 the determinant, the product of the eigenvalues, is judged.
+    Raises LinAlgError for a singular one.  3 x 3 the determinant, the product of the eigenvalues,
+    is judged.
     """
+    # 3 x 3 alone by cofactors is three times faster, and is what a conscan without nuisances needs.
     if flat.shape != (9,):
         matrix = _square(flat)
         if is_singular(matrix):
@@ -293,40 +294,9 @@ def _square(flat: Array) -> Array:
     return flat.reshape(*flat.shape[:-1], size, size)
 
 
-COARSE_STEPS_PER_CYCLE = 4
-
-
+# A spin multiplies the power by a slowly varying factor; its logarithm is a cos + b sin of every
+# period or harmonic given.  A period too close to the scan's looks like a pointing error.
 def spin_columns(t_s: Array, periods_s: tuple[float, ...]) -> Array:
     """Return cosine and sine of every spin period at the times (n,), shape (n, 2 * periods)."""
     phase = 2.0 * math.pi * np.outer(t_s - t_s[0], 1.0 / np.array(periods_s))
     return np.concatenate([np.cos(phase), np.sin(phase)], axis=1)
-
-
-def spin_period_s(t_s: Array, power_w: Array, shortest_s: float, longest_s: float) -> tuple[float, float]:
-    """Return the period that explains most of the power's modulation, and the share of the variance it explains.
-
-    Times and powers (n,) of a beam that rests on the target, not necessarily uniform.  The frequency is searched on a
-    grid of a quarter cycle over the record and refined by a parabola.  Raises ValueError for fewer than 8 samples or a
-    record shorter than `longest_s`.
-    """
-    span = float(t_s[-1] - t_s[0])
-    require_between("samples", len(t_s), 8, None)
-    require_between("longest_s", longest_s, shortest_s, span)
-    lowest, highest = 1.0 / longest_s, 1.0 / shortest_s
-    count = max(math.ceil(COARSE_STEPS_PER_CYCLE * span * (highest - lowest)), 4)
-    grid = np.linspace(lowest, highest, count + 1)
-    signal = power_w / np.mean(power_w) - 1.0
-    shares = np.array([_explained_share(t_s, signal, frequency) for frequency in grid])
-    best = int(np.argmax(shares))
-    if best in (0, count):
-        return float(1.0 / grid[best]), float(shares[best])
-    left, centre, right = shares[best - 1 : best + 2]
-    shift = 0.5 * (left - right) / (left - 2.0 * centre + right)
-    frequency = float(grid[best] + shift * (grid[1] - grid[0]))
-    return 1.0 / frequency, _explained_share(t_s, signal, frequency)
-
-
-def _explained_share(t_s: Array, signal: Array, frequency_hz: float) -> float:
-    columns = np.column_stack([np.ones_like(t_s), spin_columns(t_s, (1.0 / frequency_hz,))])
-    fit = np.linalg.lstsq(columns, signal, rcond=None)[0]
-    return 1.0 - float(np.sum((signal - columns @ fit) ** 2) / np.sum((signal - np.mean(signal)) ** 2))

@@ -1,10 +1,8 @@
-"""The file that keeps the calibration of a monopulse feed: YAML, with the numbers of `MonopulseCalibration`.
+"""The monopulse tracker of a station: measures clusters and calibrates its feed.
 
-The monopulse tracker of a station: measures clusters, and calibrates its feed on the circle that the controller runs.
-
-A cluster of the calibration scan waits until encoders and scan centre are known on either side of its middle.  The scan is
-over when the mode is; what it found is used from then on and kept in the file.  A scan that does not determine the feed
-changes nothing and says why.
+A cluster of the calibration scan waits until encoders and scan centre are known on either side of
+its middle.  The scan is over when the mode is; what it found is used from then on and kept in the
+file, YAML with the numbers of `MonopulseCalibration`.
 """
 
 from dataclasses import dataclass
@@ -25,6 +23,9 @@ __all__ = ["CalibrationOutcome", "ClusterTracker", "read_calibration", "write_ca
 
 FORMAT = "rf_pointing/monopulse_calibration/1"
 FIELDS = ("response_real", "response_imaginary", "offset_real", "offset_imaginary")
+Array = NDArray[np.float64]
+# Clusters that wait for encoders and status; more than 2 s of them means that one is missing.
+MOST_WAITING = 20
 
 
 def write_calibration(path: Path, calibration: MonopulseCalibration) -> None:
@@ -45,10 +46,6 @@ def read_calibration(path: Path) -> MonopulseCalibration:
         return MonopulseCalibration.from_mapping({name: content.get(name) for name in FIELDS})
     except (ValueError, TypeError) as error:
         raise ValueError(f"{path}: {error}") from error
-
-
-Array = NDArray[np.float64]
-MOST_WAITING = 20
 
 
 @dataclass(frozen=True)
@@ -135,8 +132,9 @@ class ClusterTracker:
             self._tracker = MonopulseTracker(self._tracker.params, calibration)
             if self._file:
                 write_calibration(self._file, calibration)
-        except (ValueError, OSError) as refusal:
-            self.outcome = CalibrationOutcome(f"calibration not used: {refusal}", refused=True, scans=scans)
+        # A calibration in force stays so: a bad scan must not cost the pass its sensor.
+        except (ValueError, OSError) as reason:
+            self.outcome = CalibrationOutcome(f"calibration not used: {reason}", refused=True, scans=scans)
             return
         kept = f", kept in {self._file}" if self._file else ""
         words = f"calibrated, chi squared {found.chi_squared:.2f}{kept}"

@@ -1,14 +1,8 @@
-"""Conscan tracker: carrier power samples and true beam positions in, pointing errors of the scan's origin out.
+"""Conscan tracker: carrier powers and true beam positions in, pointing errors out.
 
-The estimate uses the positions where the beam really was (encoders at the samples' times), so the scan need be
-neither uniform nor complete.  Any origin that moves with the target will do: the scan centre, or the predicted
-direction.
-
-Time delay between the beam's position and the power it gives, from how conscan answers to a known shift of the scan.
-
-A delay tau makes every estimate R(w tau) times the true error, w the scan's angular rate (counter-clockwise).
-Moving the scan's origin by d must change the estimate by -d; it changes it by -R(w tau) d, so the phase of the
-response is w tau.
+The positions are where the beam really was (encoders at the samples' times), so the scan need be
+neither uniform nor complete.  Any origin that moves with the target will do: the scan centre, or
+the predicted direction.  `DelayEstimator` learns the delay between position and power.
 """
 
 import math
@@ -26,11 +20,14 @@ from rf_pointing.tracking.scan import Offset, circle_offset
 
 __all__ = ["ConscanState", "ConscanTracker", "DelayEstimate", "DelayEstimator", "DelayParams", "DelayState"]
 
-
 Array = NDArray[np.float64]
+# The median of three: one bad sample among them does not decide.
 FEWEST_WITNESSES = 3
+# Faded count of pairs below which a response to the motion looks like the target's own.
+FEWEST_PAIRS = 2.5
+# By which the noise of a receiver may differ between the samples of a window, its power's own share
+# included.
 LARGEST_CHANGE = 1e4
-"""By which the noise of a receiver may differ between the samples of a window, its power's own share included."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,10 +45,10 @@ class ConscanState:
 
 
 class ConscanTracker:
-    """Gives one pointing error per window of `window_samples`, or one per sample once the window is full.
+    """Gives one pointing error per window, or one per sample once the window is full.
 
-    With an estimate per sample the origin must not move with the corrections made (use the predicted direction), or
-    `recentre` must be told of every one.
+    With an estimate per sample the origin must not move with the corrections made (use the
+    predicted direction), or `recentre` must follow every one.
     """
 
     def __init__(self, params: ConscanParams) -> None:
@@ -63,7 +60,7 @@ class ConscanTracker:
         return circle_offset(self.params.scan, t_since_start_s)
 
     def beam_time_s(self, power: CarrierPower) -> float:
-        """Return when the beam gave this power: the middle of the integration, less the delay of the chain."""
+        """Return when the beam gave this power: mid-integration, less the delay of the chain."""
         return power.t_s - 0.5 * power.integration_s - self.params.delay_s
 
     def add(
@@ -71,8 +68,8 @@ class ConscanTracker:
     ) -> PointingError | None:
         """Take one sample; return target minus origin when an estimate is due, else None.
 
-        The offsets are where the beam was, relative to the origin, at `beam_time_s(power)`.  A sample that cannot be
-        used is counted in `state` with its reason and changes nothing else.
+        The offsets are where the beam was, relative to the origin, at `beam_time_s(power)`.  A
+        sample that cannot be used is counted in `state` with its reason and changes nothing else.
         """
         fault = self._fault(power, beam_offset_cross_elevation_rad, beam_offset_elevation_rad)
         if fault:
@@ -94,7 +91,7 @@ class ConscanTracker:
         return self._measure(window) if due else None
 
     def recentre(self, cross_elevation_rad: float, elevation_rad: float) -> None:
-        """Tell the tracker that the origin moved by this much: the samples of the window stay usable."""
+        """Move the origin by this much; the samples of the window stay usable."""
         self.state = replace(self.state, window=self.state.window.moved(cross_elevation_rad, elevation_rad))
 
     def retune(self, params: ConscanParams) -> None:
@@ -128,10 +125,8 @@ class ConscanTracker:
         return self._unlike_the_others(power)
 
     def _unlike_the_others(self, power: CarrierPower) -> str:
-        """Return why the sample is not of the receiver that gave the others: alone it would outweigh them all.
-
-        sigma^2 / power is 2 N0 / T (CONSCAN B-5), whatever the beam does.
-        """
+        """Return why the sample cannot be of the receiver that gave the others."""
+        # sigma^2 / power is 2 N0 / T (CONSCAN B-5), whatever the beam does.
         rows = self.state.window.rows
         if len(rows) < FEWEST_WITNESSES or rows.item(-1, 0) < self.beam_time_s(power) - self.params.max_age_s:
             return ""
@@ -162,15 +157,12 @@ class ConscanTracker:
         )
 
     def _leave_out(self, window: PowerWindow, row: int) -> None:
-        """Count a sample that does not follow the beam as all others do, and let it leave the window."""
+        """Reject a sample that does not follow the beam as all others do."""
+        # A separate window is spent already; only a sliding one keeps its other samples.
         power_w, level = window.power_w[row], window.carrier_to_noise_db_hz[row]
         kept = window.without(row) if len(self.state.window) else self.state.window
         fault = f"power_w={power_w:.3g} at C/N0 {level:.1f} dB-Hz does not follow the beam as the other samples do"
         self.state = ConscanState(window=kept, rejected=self.state.rejected + 1, last_rejection=fault)
-
-
-FEWEST_PAIRS = 2.5
-"""Faded count of pairs below which nothing tells an answer to the motion from the target's own."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -183,7 +175,7 @@ class DelayParams(Params):
 
 
 class DelayEstimate(NamedTuple):
-    """Delay with its standard deviation; `gain` should be 1 within the accuracy of the beamwidth."""
+    """Delay with its standard deviation; `gain` is 1 for a well known beamwidth."""
 
     delay_s: float
     sigma_s: float
@@ -194,7 +186,8 @@ class DelayEstimate(NamedTuple):
 class DelayState:
     """Sums so far, and the last estimate with its variance per axis.
 
-    `scatter` is the sum of |change|^2 over the variance, `pairs` the number of pairs, both fading like `sums`.
+    `scatter` is the sum of |change|^2 over the variance, `pairs` the number of pairs, both fading
+    like `sums`.
     """
 
     sums: ResponseSums = ResponseSums()
@@ -204,15 +197,18 @@ class DelayState:
     last_variance_rad2: float = 0.0
 
 
+# A delay tau makes every estimate R(w tau) times the true error, w the scan's angular rate
+# (counter-clockwise).  Moving the scan's origin by d must change the estimate by -d; it changes it
+# by -R(w tau) d, so the phase of the response is w tau.
 class DelayEstimator:
-    """Learns the delay from separate conscan estimates and the shifts of the origin between them."""
+    """Learns the delay from separate estimates and the shifts of the origin between them."""
 
     def __init__(self, params: DelayParams) -> None:
         self.params = params
         self.state = DelayState()
 
     def add(self, error: PointingError, moved_cross_elevation_rad: float, moved_elevation_rad: float) -> None:
-        """Take one estimate and how far the origin was moved since the one before; an invalid one breaks the chain."""
+        """Add one estimate and the origin's shift since the last; invalid ones break the chain."""
         if not error.valid:
             self.state = replace(self.state, last=None)
             return
@@ -230,7 +226,8 @@ class DelayEstimator:
     def estimate(self) -> DelayEstimate | None:
         """Return the delay within half a period, None while it is not known well enough.
 
-        A target that moves by itself scatters the changes beyond their variance; the uncertainty grows by as much.
+        A target that moves by itself scatters the changes beyond their variance; the uncertainty
+        grows by as much.
         """
         response, pairs = self.state.sums.estimate(), self.state.pairs
         if response is None or pairs < FEWEST_PAIRS:

@@ -1,13 +1,7 @@
-"""Slope, loss and accuracy of a conical scan in closed form (CONSCAN eqs. 1-6, 20, 21, 23, 25).
+"""Accuracy of a conical scan in closed form (CONSCAN eqs. 1-6, 20-25), and its design.
 
-h is the half-power beamwidth, r the scan radius, mu = 4 ln 2; n samples per period; sigma_p/P the relative standard
-deviation of one carrier power sample; C/N0 in dB-Hz for the beam on the target.
-
-Radius and period of a conical scan from C/N0 and the accuracy wanted.
-
-The scan keeps its preferred loss as long as the period allows (CONSCAN eq. 25 gives the samples needed); then the
-radius grows, at most to the largest loss, or to h / sqrt(2 mu), where r exp(-mu r^2 / h^2) and so the accuracy is
-best.
+h is the half-power beamwidth, r the scan radius, mu = 4 ln 2; n samples per period; sigma_p/P the
+relative standard deviation of one carrier power sample; C/N0 in dB-Hz for the beam on the target.
 """
 
 import math
@@ -31,9 +25,13 @@ __all__ = [
     "scan_for_accuracy",
 ]
 
+FEWEST_SAMPLES = 4
+# Halvings of a radius: 2^-60 is below the rounding of a float.
+BISECTIONS = 60
+
 
 def conscan_slope(half_power_beamwidth_rad: float, radius_rad: float) -> float:
-    """Return k_s = 2 r mu / h (eq. 6): relative power modulation per beamwidth of pointing error."""
+    """Return k_s = 2 r mu / h (eq. 6): relative power modulation per beamwidth of error."""
     return 2.0 * radius_rad * MU / half_power_beamwidth_rad
 
 
@@ -45,7 +43,7 @@ def conscan_loss(half_power_beamwidth_rad: float, offset_rad: float) -> float:
 def conscan_sigma_eq20_rad(
     half_power_beamwidth_rad: float, radius_rad: float, samples: int, relative_sigma: float, axis_error_rad: float
 ) -> float:
-    """Return the standard deviation per axis from sigma_p / P_o, P_o the mean power received (eq. 20)."""
+    """Return the sigma per axis from sigma_p / P_o, P_o the mean power received (eq. 20)."""
     require_between("samples", samples, 3, None)
     slope = conscan_slope(half_power_beamwidth_rad, radius_rad)
     scaled = slope / half_power_beamwidth_rad * axis_error_rad
@@ -60,7 +58,7 @@ def conscan_sigma_eq21_rad(
     axis_error_rad: float,
     total_error_rad: float,
 ) -> float:
-    """Return the standard deviation per axis from sigma_p / P_nom with sigma_p held constant (eq. 21)."""
+    """Return the sigma per axis from sigma_p / P_nom, sigma_p held constant (eq. 21)."""
     loss = conscan_loss(half_power_beamwidth_rad, radius_rad) * conscan_loss(half_power_beamwidth_rad, total_error_rad)
     relative = nominal_relative_sigma / loss
     return conscan_sigma_eq20_rad(half_power_beamwidth_rad, radius_rad, samples, relative, axis_error_rad)
@@ -80,13 +78,9 @@ def conscan_sigma_eq25_rad(
     carrier_to_noise_db_hz: float,
     integration_s: float = 1.0,
 ) -> float:
-    """Return the standard deviation per axis for the Block V receiver (eq. 25; the paper integrates over 1 s)."""
+    """Return the sigma per axis for the Block V receiver (eq. 25, there with 1 s)."""
     relative = math.sqrt(2.0 / (10.0 ** (carrier_to_noise_db_hz / 10.0) * integration_s))
     return conscan_sigma_eq23_rad(half_power_beamwidth_rad, radius_rad, samples, relative)
-
-
-FEWEST_SAMPLES = 4
-BISECTIONS = 60
 
 
 class ScanDesign(NamedTuple):
@@ -127,8 +121,11 @@ def radius_for_loss_rad(half_power_beamwidth_rad: float, loss_db: float) -> floa
     return half_power_beamwidth_rad * math.sqrt(loss_db * math.log(10.0) / (10.0 * MU))
 
 
+# The scan keeps its preferred loss as long as the period allows (CONSCAN eq. 25 gives the samples
+# needed).  Then the radius grows, at most to the largest loss, or to h / sqrt(2 mu), where
+# r exp(-mu r^2 / h^2) and so the accuracy is best.
 def design_scan(params: ScanDesignParams, carrier_to_noise_db_hz: float, wanted_sigma_rad: float) -> ScanDesign:
-    """Return the scan of least loss, then least period, with at most `wanted_sigma_rad` per axis; or ValueError."""
+    """Return the scan of least loss, then least period, that reaches the sigma, or ValueError."""
     fewest = max(FEWEST_SAMPLES, math.ceil(params.shortest_period_s / params.integration_s - 1e-9))
     most = max(fewest, math.floor(params.longest_period_s / params.integration_s + 1e-9))
     radius = radius_for_loss_rad(params.half_power_beamwidth_rad, params.preferred_loss_db)
@@ -148,11 +145,12 @@ def design_scan(params: ScanDesignParams, carrier_to_noise_db_hz: float, wanted_
 def scan_for_accuracy(
     params: ConscanParams, limits: ScanDesignParams, carrier_to_noise_db_hz: float, wanted_sigma_rad: float
 ) -> ConscanParams:
-    """Return `params` with radius and period of the scan whose windows are known to `wanted_sigma_rad` per axis.
+    """Return `params` with a scan whose windows are known to `wanted_sigma_rad` per axis.
 
-    The window keeps its turns of the scan, the loop its share of the window; beam and sampling are those of `params`, the
-    bounds of loss and period those of `limits`.  The noise is the receiver's, at this C/N0 or above; a drift of the power
-    that is estimated along costs sqrt(1 - 6/(pi turns)^2).  ValueError when it is out of reach.
+    The window keeps its turns of the scan, the loop its share of the window; beam and sampling are
+    those of `params`, the bounds of loss and period those of `limits`.  The noise is the
+    receiver's, at this C/N0 or above; a drift of the power that is estimated along costs sqrt(1 -
+    6/(pi turns)^2).  ValueError when it is out of reach.
     """
     window_s = params.window_samples * params.sample_s
     turns = window_s / params.period_s
@@ -160,8 +158,8 @@ def scan_for_accuracy(
         half_power_beamwidth_rad=params.half_power_beamwidth_rad, integration_s=params.sample_s,
         shortest_period_s=turns * limits.shortest_period_s, longest_period_s=turns * limits.longest_period_s,
     )  # fmt: skip
-    told_apart = math.sqrt(1.0 - 6.0 / (math.pi * turns) ** 2) if params.drift else 1.0
-    design = design_scan(over_window, carrier_to_noise_db_hz, told_apart * wanted_sigma_rad)
+    separated = math.sqrt(1.0 - 6.0 / (math.pi * turns) ** 2) if params.drift else 1.0
+    design = design_scan(over_window, carrier_to_noise_db_hz, separated * wanted_sigma_rad)
     longer = design.period_s / window_s
     return params.replace(
         radius_rad=design.radius_rad,
@@ -179,7 +177,7 @@ def _sigma(params: ScanDesignParams, radius_rad: float, samples: int, level_db_h
 
 
 def _radius(params: ScanDesignParams, samples: int, level_db_hz: float, wanted_rad: float) -> float:
-    """Smallest radius that reaches the accuracy with `samples`; it falls with the radius up to h / sqrt(2 mu)."""
+    """Return the smallest radius that reaches the accuracy with `samples`."""
     h = params.half_power_beamwidth_rad
     low = radius_for_loss_rad(h, params.preferred_loss_db)
     high = min(radius_for_loss_rad(h, params.largest_loss_db), h / math.sqrt(2.0 * MU))

@@ -1,12 +1,12 @@
-"""Parameters of the conscan tracker: beam, scan, window and what is believed.
+"""One conscan estimate from one window: parameters, two estimators, and when not to use it.
 
-Conscan by weighted least squares on the linearised power (CONSCAN eqs. 8-18).
+The likelihood is that of `beam_fit`.  The linear estimator is the paper's weighted least squares on
+the linearised power (CONSCAN eqs. 8-18):
 
-P_i = g_i (C1 + C2 x_i/r + C3 y_i/r), (x, y) the beam's offset from the scan centre;
-g_i = exp(-mu (x^2 + y^2 - r^2) / h^2) is 1 on the circle and lets the beam leave it.  Error =
-h C_{2,3} / (k_s C1), covariance by the Jacobian of that ratio.
+    P_i = g_i (C1 + C2 x_i/r + C3 y_i/r),  error = h C_{2,3} / (k_s C1)
 
-One conscan estimate from one window, by either estimator, with the reason where it must not be used.
+(x, y) is the beam's offset from the scan centre; g_i = exp(-mu (x^2 + y^2 - r^2) / h^2) is 1 on the
+circle and lets the beam leave it.  The covariance follows from the Jacobian of that ratio.
 """
 
 import math
@@ -40,6 +40,13 @@ __all__ = [
     "linear_errors_rad",
     "linear_estimate",
 ]
+Array = NDArray[np.float64]
+SMALLEST_SPREAD = 0.05  # rms motion along the weaker axis, in scan radii
+# A spin close to the scan's period leaves a variance so large that nothing is measured.
+WORST_SPIN_INFLATION = 10.0
+# Of the misfit without the one sample that is to blame for it; no single one is for a power that
+# fades.
+LEFT_OVER = 0.5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,11 +121,8 @@ class ConscanParams(Params):
         return ScanParams(radius_rad=self.radius_rad, period_s=self.period_s, ramp_s=self.ramp_s)
 
 
-Array = NDArray[np.float64]
-
-
 class ConscanEstimate(NamedTuple):
-    """Target minus scan centre (2,) with covariance (2, 2) and the mean carrier power on the circle."""
+    """Target minus scan centre (2,), covariance (2, 2), mean carrier power on the circle."""
 
     error_rad: Array
     covariance_rad2: Array
@@ -143,7 +147,7 @@ def linear_estimate(window: PowerWindow, half_power_beamwidth_rad: float, radius
 
 
 def linear_errors_rad(window: PowerWindow, power_w: Array, half_power_beamwidth_rad: float, radius_rad: float) -> Array:
-    """Return the errors (runs, 2) of many runs `power_w` (runs, n) at the positions and sigmas of one window."""
+    """Return the errors (runs, 2) of powers (runs, n) at the positions of one window."""
     rows = _rows(window, half_power_beamwidth_rad, radius_rad)
     weighted = rows / window.sigma_w**2
     solution = power_w @ (np.linalg.inv(weighted @ rows.T) @ weighted).T
@@ -157,16 +161,11 @@ def _rows(window: PowerWindow, half_power_beamwidth_rad: float, radius_rad: floa
     return np.asarray(np.exp(-shape * (x**2 + y**2 - 1.0)) * np.stack([np.ones_like(x), x, y]))
 
 
-SMALLEST_SPREAD = 0.05  # rms motion along the weaker axis, in scan radii
-WORST_SPIN_INFLATION = 10.0
-LEFT_OVER = 0.5
-"""Of the misfit without the one sample that is to blame for it; no single one is for a power that fades."""
-
-
 class WindowEstimate(NamedTuple):
-    """Target minus origin (2,), covariance (2, 2); `reason` is why it must not be used, empty if it may.
+    """Target minus origin (2,), covariance (2, 2); `reason` why not to use it, or empty.
 
-    `left_out` is the row of the one sample without which the others follow the beam, None if all were used.
+    `left_out` is the row of the one sample without which the others follow the beam, None if all
+    were used.
     """
 
     error_rad: Array
@@ -198,6 +197,7 @@ def _linear(params: ConscanParams, window: PowerWindow) -> WindowEstimate:
 def _likelihood(params: ConscanParams, window: PowerWindow, design: BeamDesign) -> WindowEstimate:
     power = window.power_w
     noise = window.sigma_w**2 / power
+    # The noise of unseen motion depends on the error, so a first fit without it must give that.
     if params.unmodelled_rad > 0.0:
         start = fit_beam(design, power, noise + _flutter(params, window, np.zeros(2)))
         if not start.converged:
@@ -206,6 +206,7 @@ def _likelihood(params: ConscanParams, window: PowerWindow, design: BeamDesign) 
     found = fit_beam(design, power, noise)
     if not found.converged:
         return _unknown(params, "the likelihood did not converge")
+    # One sample that does not fit, as from a burst of interference, is left out.
     if found.chi_squared > params.misfit_limit and not params.spin_periods_s:
         worst = _farthest_off(params, window, found, noise)
         others = fit_beam(_without(design, worst), np.delete(power, worst), np.delete(noise, worst))
@@ -218,14 +219,14 @@ def _likelihood(params: ConscanParams, window: PowerWindow, design: BeamDesign) 
         inflation = _spin_inflation(params, window, found, noise)
         if not 0.0 < inflation < WORST_SPIN_INFLATION:
             return _unknown(
-                params, f"the spin cannot be told from the scan: it raises the variance {inflation:.0f} times"
+                params, f"the spin cannot be separated from the scan: it raises the variance {inflation:.0f} times"
             )
     doubt = _range_doubt(params, found.error_rad) or _misfit_doubt(params, float(found.chi_squared))
     return WindowEstimate(found.error_rad, found.covariance_rad2, doubt)
 
 
 def _nuisance_columns(params: ConscanParams, window: PowerWindow) -> Array | None:
-    """Return what else may change the logarithm of the power: its drift over the window, the spin."""
+    """Return columns for the drift of the power over the window, and for the spin."""
     columns = []
     if params.drift:
         columns.append(np.linspace(-1.0, 1.0, len(window))[:, None])
@@ -235,17 +236,15 @@ def _nuisance_columns(params: ConscanParams, window: PowerWindow) -> Array | Non
 
 
 def _flutter(params: ConscanParams, window: PowerWindow, target_rad: Array) -> Array:
-    """Return what unseen motion of the beam adds to each variance over its power: P (2 mu |u - theta| sigma / h^2)^2.
-
-    At least the slope at the scan radius counts.
-    """
+    """Return what unseen motion adds to variance / power: P (2 mu |u - theta| sigma / h^2)^2."""
+    # At least the slope at the scan radius counts.
     away = np.maximum(np.hypot(*(window.beam_rad - target_rad).T), params.radius_rad)
     relative = 2.0 * MU * away * params.unmodelled_rad / params.half_power_beamwidth_rad**2
     return np.asarray(float(np.mean(window.power_w)) * relative**2)
 
 
 def _farthest_off(params: ConscanParams, window: PowerWindow, found: LikelihoodFit, noise_w: Array) -> int:
-    """Return the row whose power is farthest, in its own sigmas, from the beam at that direction; the median is its level."""
+    """Return the row farthest, in its own sigmas, from the beam at that direction."""
     away = np.sum((window.beam_rad - found.error_rad) ** 2, axis=1)
     shape = np.exp(-MU * away / params.half_power_beamwidth_rad**2)
     expected = shape * float(np.median(window.power_w / shape))
@@ -269,7 +268,7 @@ def _singular_reason(params: ConscanParams, window: PowerWindow, design: BeamDes
     if not columns_independent(design):
         if not params.spin_periods_s:
             return "the drift of the power cannot be separated from the motion of the beam"
-        return f"the spin cannot be told from the scan: spin_periods_s={params.spin_periods_s}"
+        return f"the spin cannot be separated from the scan: spin_periods_s={params.spin_periods_s}"
     least, most = float(np.min(window.sigma_w)), float(np.max(window.sigma_w))
     return f"sigma_w from {least:.3g} to {most:.3g} W in one window: the samples outweigh each other"
 

@@ -1,29 +1,8 @@
-"""Parameters of the watch on monopulse: what the right lock may show, and how sure a verdict must be.
+"""Detects within 2 s that monopulse follows a wrong null: flipped sign, turned phase, sidelobe.
 
-What beam and sensed error do beyond what could be expected: innovations under a Kalman filter of the target's motion.
-
-target = beam + error.  Against the prediction the target moves at a velocity that changes slowly (acceleration noise), the
-wind moves the beam unseen by the encoders (random walk of strength q), receiver and vibration add white noise R.  For every
-response of unit size the gains are the same, so the filter runs on beam and error apart; whatever the loop made of earlier
-errors, their innovations are white.  How strong wind and vibration are nobody knows: a bank of filters tries several.
-
-Evidence that the sensor's response is not the right one: flipped in one axis or both, or turned.
-
-A beam that does b beyond expectation changes the error by -b if the sensor is right, by something else in a false lock.
-Both are known: the beam from the encoders, the error from the receiver (`innovation.py`).  Every false response is held
-against the right one by the logarithm of the likelihood ratio, summed from cluster to cluster and never below zero (E. S.
-Page, Continuous Inspection Schemes, Biometrika 41, 1954): as long as the response is right and moves as the model has it, a
-sum passes x at most once in e^x clusters on average.
-
-How strong wind and vibration are nobody knows.  Each response keeps its own probabilities of every weather, which changes
-now and then; so gusts that look like a flip to a model of calm air do not to one that has learned of the gusts.
-
-Detects within 2 s that monopulse follows the wrong thing: a flipped sign, phases that have turned, a sidelobe.
-
-* Signs and phases: what the beam does and what the error does about it, weighed as evidence (`lock_evidence.py`).
-* Steepness: over a sliding window the error is regressed on where the encoders say the beam was, e = e0 - G d; the false
-  null of a sidelobe is several times as steep as the main beam's, G = 1.
-* Level: on a sidelobe C/N0 is far below the link's while the error is small.
+* Signs and phases: what the beam does and what the error does about it, weighed as `Evidence`.
+* Steepness: over a sliding window the error is regressed on the beam by the encoders, e = e0 - G d.
+* Level: on a sidelobe the C/N0 is far below the link's while the error is small.
 """
 
 import cmath
@@ -50,13 +29,21 @@ __all__ = [
     "LockWatchState",
 ]
 
-
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 LARGEST_PROBE_BEAMWIDTHS = 0.1
+# Between two errors; after a longer one everything begins again.
+LONGEST_GAP_S = 1.0
+# For so long its velocity has changed when a target that wanders is first seen.
+SETTLED_S = 1.0
+# A response turned by 120 deg explains the errors better than the right one from 60 deg on.
+TURN = cmath.exp(2j * math.pi / 3.0)
+SIGN_FLIP = "sign flip: the error grows while it is corrected, in {}"
 
 
 @dataclass(frozen=True, kw_only=True)
 class LockWatchParams(Params):
-    """Weather and drift of the right lock, the probe of it, certainty of the verdicts, limits of steepness and level."""
+    """What the right lock may show, its probe, and how sure a verdict must be."""
 
     half_power_beamwidth_rad: float = parameter(65.0 * MDEG, "half-power beamwidth", low=1e-6, high=0.5)
     evidence: float = parameter(
@@ -113,12 +100,14 @@ class LockWatchParams(Params):
         return ScanParams(radius_rad=self.probe_rad, period_s=self.probe_period_s, ramp_s=self.probe_ramp_s)
 
 
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
-
-
+# Innovations under a Kalman filter of the target's motion, target = beam + error.  Against the
+# prediction the target's velocity changes slowly (acceleration noise), the wind moves the beam
+# unseen by the encoders (random walk of strength q), receiver and vibration add white noise R.  For
+# every response of unit size the gains are the same, so the filter runs on beam and error apart.
+# Whatever the loop made of earlier errors, their innovations are white.  Nobody knows how strong
+# wind and vibration are: a bank of filters tries several.
 class Innovations(NamedTuple):
-    """Of n filters (n,): beam and error, complex as cross-elevation + j elevation; variance per axis of their sum."""
+    """Of n filters (n,): beam and error as cross-elevation + j elevation, variance per axis."""
 
     beam_rad: ComplexArray
     error_rad: ComplexArray
@@ -127,7 +116,7 @@ class Innovations(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InnovationBank:
-    """Filters after a measurement: position and velocity (2, n) of beam and error, covariance per axis (3, n)."""
+    """Filters: position and velocity (2, n) of beam and error, covariance per axis (3, n)."""
 
     t_s: float
     position_rad: ComplexArray
@@ -138,7 +127,7 @@ class InnovationBank:
     def begin(
         cls, t_s: float, beam_rad: complex, error_rad: complex, noise_rad2: Array, velocity_rad_s: Array | float
     ) -> "InnovationBank":
-        """Return filters after a first measurement with R (n,); `velocity_rad_s` is what the target's may be (1 sigma)."""
+        """Return filters after a first measurement with R (n,) and a velocity known to 1 sigma."""
         start = np.repeat(np.array([[beam_rad], [error_rad]]), len(noise_rad2), axis=1)
         still = np.zeros_like(noise_rad2)
         covariance = np.array([noise_rad2, still, still + velocity_rad_s**2])
@@ -155,8 +144,8 @@ class InnovationBank:
     ) -> tuple["InnovationBank", Innovations]:
         """Return the bank after a later measurement, and what was new in it.
 
-        `noise_rad2` (n,) is R per axis, `walk` (n,) q in rad/sqrt(s), `acceleration` (n,) or one for all
-        the density of the noise that changes the velocity, rad/s^1.5.
+        `noise_rad2` (n,) is R per axis, `walk` (n,) q in rad/sqrt(s), `acceleration` (n,) or one
+        for all the density of the noise that changes the velocity, rad/s^1.5.
         """
         dt, power = t_s - self.t_s, acceleration**2
         position, mixed, speed = self.covariance
@@ -177,23 +166,15 @@ class InnovationBank:
         return bank, Innovations(new[0], new[1], variance)
 
 
-LONGEST_GAP_S = 1.0
-"""Between two errors; after a longer one everything begins again."""
-SETTLED_S = 1.0
-"""For so long its velocity has changed when a target that wanders is first seen."""
-TURN = cmath.exp(2j * math.pi / 3.0)
-"""Explains the errors better than the right response does if they are turned by more than half of it."""
-
-
 class Response(NamedTuple):
-    """A motion b of the beam changes the error by -(direct b + mirrored b*); `fault` is what is wrong with that."""
+    """A motion b changes the error by -(direct b + mirrored b*); `fault` is what is wrong."""
 
     direct: complex
     mirrored: complex
     fault: str
 
 
-SIGN_FLIP = "sign flip: the error grows while it is corrected, in {}"
+# The right one first; all of unit size, so that one filter serves them all.
 RESPONSES = (
     Response(1.0, 0.0, ""),
     Response(0.0, -1.0, SIGN_FLIP.format("cross-elevation")),
@@ -202,20 +183,25 @@ RESPONSES = (
     Response(TURN, 0.0, "phase: the error is turned by more than 60 deg"),
     Response(TURN.conjugate(), 0.0, "phase: the error is turned by more than -60 deg"),
 )
-"""The right one first; all of unit size, so that one filter serves them all."""
 DIRECT = np.array([[response.direct] for response in RESPONSES])
 MIRRORED = np.array([[response.mirrored] for response in RESPONSES])
 
 
 @dataclass(frozen=True, slots=True)
 class EvidenceState:
-    """Filters; probability of every weather under every response; sum against the right one for every response."""
+    """Filters, probability of each weather under each response, evidence for each response."""
 
     bank: InnovationBank | None = None
     weather: tuple[tuple[float, ...], ...] = ()
     sums: tuple[float, ...] = (0.0,) * len(RESPONSES)
 
 
+# A beam that does b beyond expectation changes the error by -b if the sensor is right, by something
+# else in a false lock.  Each false response is compared with the right one by the logarithm of the
+# likelihood ratio, summed from cluster to cluster and never below zero (E. S. Page, Continuous
+# Inspection Schemes, Biometrika 41, 1954): while the response is right and the model holds, a sum
+# passes x at most once in e^x clusters on average.  Each response keeps its own probabilities of
+# every weather, so gusts that look like a flip in calm air do not once they have been learned.
 class Evidence:
     """Compares the responses; the state is the caller's."""
 
@@ -235,7 +221,7 @@ class Evidence:
     def with_measurement(
         self, state: EvidenceState, t_s: float, error_rad: complex, beam_rad: complex, noise_rad2: float
     ) -> EvidenceState:
-        """Return the state after one more error and the beam's position at its time (cross-elevation + j elevation)."""
+        """Return the state after one more error and beam (cross-elevation + j elevation)."""
         params = self.params
         noise = noise_rad2 + self._shake**2
         if state.bank is None or not 0.0 < t_s - state.bank.t_s <= LONGEST_GAP_S:
@@ -254,14 +240,14 @@ class Evidence:
 
 
 def _log_likelihoods(new: Innovations) -> Array:
-    """Return the logarithm of the likelihood of one measurement under every response (rows) in every weather (columns)."""
+    """Return the log likelihood of a measurement per response (rows) and weather (columns)."""
     left = new.error_rad + DIRECT * new.beam_rad + MIRRORED * np.conj(new.beam_rad)
     return np.asarray(-0.5 * np.abs(left) ** 2 / new.variance_rad2 - np.log(new.variance_rad2))
 
 
 @dataclass(frozen=True, slots=True)
 class LockWatchState:
-    """Evidence; rows of the window: time, sensed error, beam position (complex), variance per axis; clusters of a low level."""
+    """Evidence; rows of time, error, beam, variance per axis; low clusters in a row."""
 
     evidence: EvidenceState = field(default_factory=EvidenceState)
     rows: tuple[tuple[float, complex, complex, float], ...] = ()
@@ -283,7 +269,7 @@ class LockWatch:
         beam_elevation_rad: float,
         expected_carrier_to_noise_db_hz: float | None = None,
     ) -> str:
-        """Take one error and the beam's offset from the predicted direction at its time; return why it is false."""
+        """Add an error and the beam's offset from the prediction then; return why it is false."""
         if not error.valid:
             return ""
         sensed = complex(error.cross_elevation_rad, error.elevation_rad)
@@ -333,6 +319,7 @@ class LockWatch:
         return ""
 
     def _steepness_fault(self) -> str:
+        # The false null of a sidelobe is several times as steep as the main beam's, G = 1.
         found = self.response()
         if found is None or abs(found.value) - self.params.sigmas * found.sigma <= self.params.steepest:
             return ""

@@ -1,17 +1,10 @@
-"""What makes a cluster of monopulse samples unusable, in the user's words.
+"""Monopulse: the pointing error from the ratio difference/sum of one cluster.
 
-Calibration of a monopulse receiver: the complex response of both difference/sum ratios to an offset.
-
-rho = offset + M theta: the columns of M are what 1 rad of cross-elevation and of elevation do to the two ratios.  Slope
-and phase of each channel are the diagonal, cross-talk the rest, `offset` the shift of the null.
-
-Monopulse: the pointing error from the ratio difference/sum of one cluster.
-
-Ratio: rho = sum_k d_k conj(s_k) / (sum_k |s_k|^2 - noise), coherent, so noise in the sum does not shrink it. Inverse:
-rho = offset + M theta with the calibrated complex 2 x 2 response M; theta is the least-squares solution over the real
-and imaginary parts of both channels, then straightened with atanh, the inverse of the squinted Gaussian feed
-(`curve`). Covariance: E d_rho d_rho^H = (I + rho rho^H) (1 + 1/snr) / (n snr), snr = C/N0 * sample time as the
-receiver measured it; the noise of the sum channel is common to both ratios.
+rho = offset + M theta: the columns of the calibrated complex response M are what 1 rad of
+cross-elevation and of elevation do to the two ratios.  Slope and phase of each channel are its
+diagonal, cross-talk the rest, `offset` the shift of the null.  theta is the least-squares solution
+over the real and imaginary parts of both channels, straightened with atanh, the inverse of the
+squinted Gaussian feed (`curve`).
 """
 
 import math
@@ -26,10 +19,19 @@ from rf_pointing.core import MDEG, MonopulseCluster, Params, PointingError, Sens
 
 __all__ = ["CURVES", "MonopulseCalibration", "MonopulseParams", "MonopulseTracker", "cluster_fault", "level_known"]
 
-
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+CURVES = ("tanh", "straight")
+UNITY = np.eye(2)
+# The feed is ill calibrated if one axis acts so much less than the other.
+WORST_CONDITION_NUMBER = 20.0
 CHANNELS = ("difference_cross_elevation", "difference_elevation", "sum")
+# What a receiver can mean by C/N0; its power of ten must be a number.
 LEVEL_RANGE_DB_HZ = -60.0, 200.0
-"""What a receiver can mean by C/N0; its power of ten must be a number."""
+# Difference over sum up to which atanh straightens it; beyond, noise would be all that it gives.
+STRAIGHTENED = 0.9
+# Difference over sum that no feed gives, even next to a null of the sum.
+LARGEST_RATIO = 1e3
 
 
 def cluster_fault(cluster: MonopulseCluster) -> str:
@@ -63,12 +65,9 @@ def level_known(carrier_to_noise_db_hz: float) -> bool:
     return low <= carrier_to_noise_db_hz <= high
 
 
-WORST_CONDITION_NUMBER = 20.0
-
-
 @dataclass(frozen=True, kw_only=True)
 class MonopulseCalibration(Params):
-    """Rows: cross-elevation and elevation channel; columns: cross-elevation and elevation, per radian."""
+    """Rows: the two channels; columns: cross-elevation and elevation, per radian."""
 
     response_real: tuple[float, float, float, float] = parameter(description="real part of M, row by row, per radian")
     response_imaginary: tuple[float, float, float, float] = parameter(
@@ -105,7 +104,7 @@ class MonopulseCalibration(Params):
         return np.array(self.offset_real) + 1j * np.array(self.offset_imaginary)
 
     def check_together(self) -> None:
-        """Refuse a response from which the two axes cannot be told apart."""
+        """Refuse a response from which the two axes cannot be separated."""
         response = self.response_per_rad()
         values = np.linalg.svd(np.vstack([response.real, response.imag]), compute_uv=False)
         condition = float(values[0] / values[1]) if values[1] > 0.0 else math.inf
@@ -114,17 +113,6 @@ class MonopulseCalibration(Params):
                 f"the calibration does not separate cross-elevation from elevation: condition number {condition:.1f} "
                 f"must be <= {WORST_CONDITION_NUMBER:.0f}"
             )
-
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
-
-CURVES = ("tanh", "straight")
-UNITY = np.eye(2)
-STRAIGHTENED = 0.9
-"""Difference over sum up to which atanh straightens it; beyond, noise would be all that it gives."""
-LARGEST_RATIO = 1e3
-"""Difference over sum that no feed gives, even beside a null of the sum."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,19 +142,20 @@ class MonopulseParams(Params):
 
 
 class MonopulseTracker:
-    """Measures the pointing error of a cluster with `calibration` (default: the ideal feed of `params`)."""
+    """Measures the error of a cluster with `calibration` (default: the ideal feed)."""
 
     def __init__(self, params: MonopulseParams, calibration: MonopulseCalibration | None = None) -> None:
         self.params = params
         self.calibration = calibration or MonopulseCalibration.ideal(params.half_power_beamwidth_rad, params.slope)
         self._response = self.calibration.response_per_rad()
         self._offset = self.calibration.offset()
-        # Real and imaginary parts of both channels have equal noise near the axis: plain least squares, theta = Re(W rho).
+        # Real and imaginary parts of both channels have equal noise near the axis: plain least
+        # squares, theta = Re(W rho).
         inverse = np.linalg.pinv(np.vstack([self._response.real, self._response.imag]))
         self._inverse = inverse[:, :2] - 1j * inverse[:, 2:]
 
     def measure(self, cluster: MonopulseCluster) -> PointingError:
-        """Return target minus beam at the mean time of the cluster; invalid with a reason where it must not be used."""
+        """Return target minus beam at the cluster's mean time; if invalid, with its reason."""
         fault = cluster_fault(cluster)
         if fault:
             return self._rejected(cluster, fault)
@@ -178,6 +167,7 @@ class MonopulseTracker:
             return self._rejected(
                 cluster, f"a difference of {largest:.3g} times the sum must be <= {LARGEST_RATIO:.0f}"
             )
+        # E d_rho d_rho^H = (I + rho rho^H) (1 + 1/snr) / (n snr): the sum's noise is in both.
         noise = (1.0 + 1.0 / snr) / (samples * snr) * (UNITY + ratio[:, None] * np.conj(ratio))
         linear = (self._inverse @ (ratio - self._offset)).real
         error, stretch = self._straighten(linear)
@@ -196,7 +186,7 @@ class MonopulseTracker:
         )
 
     def _straighten(self, linear: Array) -> tuple[Array, Array]:
-        """Return the error and d(error)/d(linear); past the straightened range it stays linear and is never valid."""
+        """Return the error and d(error)/d(linear); past the curve's range it stays linear."""
         if self.params.curve == "straight":
             return linear, np.ones(2)
         scale = self.params.slope / self.params.half_power_beamwidth_rad
@@ -224,8 +214,9 @@ class MonopulseTracker:
         return ""
 
     def _rejected(self, cluster: MonopulseCluster, reason: str) -> PointingError:
-        """Return no error; the receiver's own C/N0 stands, for broken samples are no loss of the carrier."""
+        """Return an invalid error; the C/N0 stays the receiver's, the carrier may be there."""
         times = np.asarray(cluster.t_s, dtype=np.float64).ravel()
+        # Broken samples are no loss of the carrier: the receiver's own C/N0 stands.
         known = times[np.isfinite(times)]
         level_db_hz = cluster.carrier_to_noise_db_hz
         return PointingError(
@@ -246,7 +237,8 @@ def sample_period_s(t_s: Array) -> float:
 
 
 def difference_ratio(cluster: MonopulseCluster, snr: float) -> ComplexArray:
-    """Return both difference/sum ratios of a cluster, (2,), averaged coherently and free of the sum's noise power."""
+    """Return both difference/sum ratios (2,), averaged coherently, free of noise power."""
+    # Without the noise power in the sum the ratio would shrink at a low C/N0.
     signal = float(np.vdot(cluster.sum, cluster.sum).real) * snr / (1.0 + snr)
     differences = np.array([cluster.difference_cross_elevation, cluster.difference_elevation])
     return np.asarray(differences @ np.conj(cluster.sum) / signal)

@@ -1,9 +1,8 @@
 """Calibration scan of a monopulse receiver: circle the target, fit the response of both channels.
 
-rho = b + M g(theta0 - u), u the beam's offset from the predicted direction, g the feed's curve: (h/k) tanh(k x / h)
-or straight.
-The target's own offset theta0 comes from the power of the sum, so b is the shift of the null against the beam's
-peak.
+rho = b + M g(theta0 - u), u the beam's offset from the predicted direction, g the feed's curve:
+(h/k) tanh(k x / h) or straight. The target's own offset theta0 comes from the power of the sum, so
+b is the shift of the null against the beam's peak.
 """
 
 from dataclasses import dataclass
@@ -51,7 +50,7 @@ class MonopulseScanParams(Params):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MonopulseScanState:
-    """Per cluster: both ratios, their variance, C/N0 and its relative variance, beam offset; and the rejections."""
+    """Per cluster: ratios, their variance, C/N0 and its variance, beam offset; rejections."""
 
     ratios: tuple[tuple[complex, complex], ...] = ()
     measures: tuple[tuple[float, float, float, float, float], ...] = ()
@@ -112,6 +111,7 @@ class MonopulseCalibrator:
 
     def solve(self) -> CalibrationFit:
         """Return the calibration; ValueError names what the scan did not determine."""
+        # Three complex unknowns a channel; the other clusters judge the misfit.
         if len(self.state.ratios) < 8:
             raise ValueError(f"the calibration scan has {len(self.state.ratios)} clusters, must have at least 8")
         noise, level, power_noise, x, y = np.array(self.state.measures).T
@@ -119,6 +119,7 @@ class MonopulseCalibrator:
         fault = rank_fault(np.stack([x, y], axis=1), 0.2 * self.params.scan.radius_rad)
         if fault:
             raise ValueError(f"calibration scan: {fault}")
+        # The target's offset comes from the power: the null is found against the beam's peak.
         target = fit_beam(beam_design(x, y, h), level, power_noise)
         scale = self.params.slope / h
         offset = target.error_rad - np.stack([x, y], axis=1)

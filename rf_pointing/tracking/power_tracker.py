@@ -1,12 +1,13 @@
-"""Conscan and step-track from the three streams of a station: carrier power, encoder angles, the controller's status.
+"""Conscan and step-track from carrier power, encoder angles and the controller's status.
 
-A power waits until the encoders and the scan centre are known on either side of the middle of its integration.  A sliding
-conscan window refers to an origin fixed to the prediction, not to the centre: the centre moves with every correction, and
-samples from before a correction would contradict those after it.  What is published is target minus centre at the newest
-sample.
+A power waits until the encoders and the scan centre are known on either side of the middle of its
+integration.  A sliding conscan window refers to an origin fixed to the prediction, not to the
+centre: the centre moves with every correction, and samples from before a correction would
+contradict those after it.  What is published is target minus centre at the newest sample.
 """
 
 from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,22 +18,38 @@ from rf_pointing.tracking.conscan import ConscanTracker, DelayEstimate, DelayEst
 from rf_pointing.tracking.conscan_estimate import ConscanParams
 from rf_pointing.tracking.steptrack import StepTracker, StepTrackParams
 
-__all__ = ["PowerTracker"]
+__all__ = ["CarrierTracker", "PowerTracker"]
 
 Array = NDArray[np.float64]
+# Sensors that are measured here, and the modes of the same names.
 TRACKED = (Sensor.CONSCAN, Sensor.STEPTRACK)
-"""Sensors that are measured here, and the modes of the same names."""
+# While nothing is scanned, every second power is passed on for its C/N0.
 IDLE_EVERY = 2
-"""While nothing is scanned, every second power is passed on for its C/N0."""
+# A delay of the receiving chain is corrected once it is this sure.
 DELAY_SIGMAS = 4.0
-"""A delay of the receiving chain is corrected once it is this sure."""
+# How far a power may be ahead of the other streams; one stamped later would hold up all that
+# follow.
 LARGEST_LEAD_S = 5.0
-"""How far a power may be ahead of the other streams; one stamped later would hold up all that follow."""
+# A power older than this against the one before means that time was set back, not that two came in
+# the wrong order.
 STEPPED_BACK_S = 60.0
-"""A power older than this against the one before means that time was set back, not that two came in the wrong order."""
+# Farther from its origin a sample is not well described by the beam near its axis.
 LARGEST_SHIFT_BEAMWIDTHS = 0.1
+# An answer to the centre's motion that is not of its size is the target's own motion.
 GAIN_TOLERANCE = 0.3
-"""An answer to the centre's motion that is not of its size is the target's own motion."""
+
+
+class CarrierTracker(Protocol):
+    """A tracker of the carrier power, as `simulate_pass` runs it and as a node would."""
+
+    def take_joints(self, reading: JointReading) -> None:
+        """Note the encoder angles."""
+
+    def take_status(self, t_s: float, scan_centre_rad: Array, offset_rad: Array, mode: str, sensor: str, /) -> None:
+        """Note the controller's status, as `PowerTracker.take_status`."""
+
+    def take_power(self, power: CarrierPower) -> list[PointingError]:
+        """Take one carrier power; return the errors that it gives."""
 
 
 class PowerTracker:
@@ -74,11 +91,12 @@ class PowerTracker:
     def take_status(self, t_s: float, scan_centre_rad: Array, offset_rad: Array, mode: str, sensor: str) -> None:
         """Note the controller's status.
 
-        `scan_centre_rad` (2,), axis angles, and its `offset_rad` (2,) on the sky from the prediction; the mode; the sensor
-        that the pass may use.
+        `scan_centre_rad` (2,), axis angles, and its `offset_rad` (2,) on the sky from the
+        prediction; the mode; the sensor that the pass may use.
         """
         self._wanted = sensor in (*TRACKED, Sensor.AUTO)
         scanned = mode if mode in TRACKED else ""
+        # Samples of another scan, or from before it, are about another centre.
         if scanned != self._mode:
             self._mode = scanned
             self._waiting.clear()
@@ -92,10 +110,11 @@ class PowerTracker:
         self._centre.add(t_s, offset_rad)
 
     def take_power(self, power: CarrierPower) -> list[PointingError]:
-        """Take one carrier power; return an error for every one that could be placed, usable or not.
+        """Add one carrier power; return an error for every one that could be placed.
 
-        One from before the scan is dropped: where the beam was then is not known and never will be.  While a window or a
-        round is not complete the error is invalid, says so, carries the C/N0 and has no covariance.
+        One from before the scan is dropped: where the beam was then is not known and never will be.
+        While a window or a round is not complete the error is invalid, says so, carries the C/N0
+        and has no covariance.
         """
         fault = self._fault(power)
         if fault:
@@ -110,6 +129,7 @@ class PowerTracker:
         errors = []
         while self._waiting:
             beam_s = self.conscan.beam_time_s(self._waiting[0])
+            # From before the scan: where the beam was then will never be known.
             if self._beam.too_old(beam_s):
                 del self._waiting[0]
                 continue
@@ -121,6 +141,7 @@ class PowerTracker:
             if self.rejections[0] > before:
                 state = self.steptrack.state if self._mode == Sensor.STEPTRACK else self.conscan.state
                 self._last_refusal = state.last_rejection
+        # A stream that never comes must not let the queue grow.
         del self._waiting[: max(0, len(self._waiting) - self.conscan.params.window_samples)]
         return errors
 
@@ -163,7 +184,7 @@ class PowerTracker:
         return error
 
     def _follow_centre(self, centre: Array) -> None:
-        """Keep the origin of the window near the centre, so that the samples stay within the beam."""
+        """Keep the window's origin near the centre, so that its samples stay within the beam."""
         params, moved = self.conscan.params, centre - self._origin
         if not len(self.conscan.state.window):
             self._origin = centre

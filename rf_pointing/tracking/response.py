@@ -1,8 +1,8 @@
 """Complex response of a sensor to a motion of the beam: 1 if right, -1 if the sign is flipped.
 
-A beam moved by d changes the sensed error by -G d (both as cross-elevation + j elevation).  Weighted sums over
-pairs give G = -sum w conj(d) e / sum w |d|^2, with standard deviation 1/sqrt(sum w |d|^2) in each part, w = 1 /
-variance per axis.
+A beam moved by d changes the sensed error by -G d (both as cross-elevation + j elevation).
+Weighted sums over pairs give G = -sum w conj(d) e / sum w |d|^2, with standard deviation 1/sqrt(sum
+w |d|^2) in each part, w = 1 / variance per axis.
 """
 
 import math
@@ -38,6 +38,7 @@ class ResponseSums:
 
     def with_pair(self, moved_rad: complex, change_rad: complex, variance_rad2: float) -> "ResponseSums":
         """Return the sums with one more pair; `variance_rad2` is that of the change, per axis."""
+        # A weight without bound would silence all other pairs.
         if not variance_rad2 > 0.0:
             raise ValueError(f"variance_rad2={variance_rad2} must be > 0")
         return ResponseSums(

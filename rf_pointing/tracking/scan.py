@@ -1,6 +1,7 @@
 """The circle that conscan adds to the command, and what every scan of the beam must say of itself.
 
-x = r cos(w t), y = r sin(w t), w = 2 pi / period; the radius grows smoothly over `ramp_s`, so the command never jumps.
+x = r cos(w t), y = r sin(w t), w = 2 pi / period; the radius grows smoothly over `ramp_s`, so the
+command never jumps.
 """
 
 import math
@@ -11,7 +12,9 @@ from typing import NamedTuple, Protocol
 
 from rf_pointing.core import MDEG, Params, parameter
 
-__all__ = ["ONCE_A_ROUND", "LoopRate", "Offset", "Pattern", "Scan", "ScanParams", "circle_offset"]
+__all__ = ["ONCE_A_ROUND", "CircleScan", "LoopRate", "Offset", "Pattern", "Scan", "ScanParams", "circle_offset"]
+# From the time since its start to an `Offset`.
+Pattern = Callable[[float], tuple[float, ...]]
 
 
 class Offset(NamedTuple):
@@ -23,23 +26,20 @@ class Offset(NamedTuple):
     elevation_rate_rad_s: float
 
 
-Pattern = Callable[[float], tuple[float, ...]]
-"""From the time since its start to an `Offset`."""
-
-
 class LoopRate(NamedTuple):
-    """How the tracking loop follows the results of a scan; `sample_s` None: as the integrator is configured."""
+    """How the loop follows a scan's results; `sample_s` None: as the integrator is configured."""
 
     bandwidth_hz: float
     sample_s: float | None = None
 
 
+# A result that comes once a round moves the beam by 0.7 of itself, spread over 1 s: all at once
+# would shake it.
 ONCE_A_ROUND = LoopRate(0.7 / (2.0 * math.pi), 1.0)
-"""A result that comes once a round moves the beam by 0.7 of itself, spread over 1 s: all at once would shake it."""
 
 
 class Scan(Protocol):
-    """How a sensor moves the beam, and what the controller must know of the errors that this gives."""
+    """How a sensor moves the beam, and what the controller must know of the errors."""
 
     @property
     def age_s(self) -> float:
@@ -66,6 +66,24 @@ class ScanParams(Params):
         return partial(circle_offset, self)
 
 
+@dataclass(frozen=True)
+class CircleScan:
+    """The circle of a registered tracker, with the age of its errors and its loop's bandwidth."""
+
+    circle: ScanParams
+    age_s: float
+    bandwidth_hz: float
+
+    @property
+    def loop(self) -> LoopRate:
+        """How the tracking loop follows the errors."""
+        return LoopRate(self.bandwidth_hz)
+
+    def pattern(self) -> Pattern:
+        """Return the circle, from its start."""
+        return self.circle.pattern()
+
+
 def circle_offset(params: ScanParams, t_since_start_s: float) -> Offset:
     """Return the scan offset `t_since_start_s` after the start; zero before it."""
     if t_since_start_s <= 0.0:
@@ -83,6 +101,7 @@ def circle_offset(params: ScanParams, t_since_start_s: float) -> Offset:
 
 def _ramp(params: ScanParams, t_s: float) -> tuple[float, float]:
     """Radius and its rate: the quintic 10 s^3 - 15 s^4 + 6 s^5, at rest at both ends."""
+    # Without a ramp the command would jump by the radius, and the axes would ring.
     if t_s >= params.ramp_s:
         return params.radius_rad, 0.0
     s = t_s / params.ramp_s

@@ -1,14 +1,12 @@
-"""Spiral search: an Archimedean spiral at constant speed around where the target should be.
+"""Searches around where the target should be: an Archimedean spiral, or strips along the track.
 
-rho = b phi with pitch 2 pi b = 0.6 beamwidths.  It ends half a pitch outside `sigmas` times the ephemeris
-uncertainty, so every direction within that radius comes within half a pitch, 0.3 beamwidths, of the beam's axis.
-Speed: the given rate, less where rate^2/curvature radius or the start and the end would exceed the acceleration (half
-of it, in the sense of squares, for each).
+Spiral: rho = b phi with pitch 2 pi b = 0.6 beamwidths.  It ends half a pitch outside `sigmas` times
+the ephemeris uncertainty, so every direction within that radius comes within half a pitch, 0.3
+beamwidths, of the beam's axis.
 
-Search along the track: strips beside each other, the likeliest first, for an ephemeris that is mostly early or late.
-
-Legs run from rest to rest: out and back along the track, one pitch to the left, back, two to the right, and so on; then
-back to the middle and again.  Coordinates are along the track and to its left.
+Strips: for an ephemeris that is mostly early or late, the likeliest strip first.  Legs run from
+rest to rest: out and back along the track, one pitch to the left, back, two to the right, and so
+on; then back to the middle and again.
 """
 
 import math
@@ -27,6 +25,7 @@ __all__ = ["SpiralParams", "SpiralSearch", "StripOffset", "StripSearch"]
 
 
 Array = NDArray[np.float64]
+# Newton's method for the angle of a length begins at most 1/256 of a turn away.
 POINTS_PER_TURN = 256
 
 
@@ -60,7 +59,7 @@ class SpiralParams(Params):
 
 
 class SpiralSearch:
-    """The spiral of `params` as a function of time: outwards from rest to rest, back on the same way, and again."""
+    """The spiral over time: outwards from rest to rest, back on the same path, and again."""
 
     def __init__(self, params: SpiralParams) -> None:
         self.params = params
@@ -69,7 +68,8 @@ class SpiralSearch:
         self._length = self._length_at(phi)
         self._phi = phi
         self._speed = self._speed_at(phi)
-        # Constant acceleration from point to point: the mean speed is then exact, also from and to rest.
+        # Constant acceleration from point to point: the mean speed is then exact, also from and to
+        # rest.
         steps = 2.0 * np.diff(self._length) / (self._speed[1:] + self._speed[:-1])
         self._time = np.concatenate([[0.0], np.cumsum(steps)])
 
@@ -79,7 +79,7 @@ class SpiralSearch:
         return float(self._time[-1])
 
     def offset(self, t_since_start_s: float) -> Offset:
-        """Return the offset from the expected direction and its rates; before the start it rests."""
+        """Return the offset from the expected direction and its rates; at rest before the start."""
         cycle = max(t_since_start_s, 0.0) % (2.0 * self.duration_s)
         outward = cycle <= self.duration_s
         x, y, x_rate, y_rate = self._outward(cycle if outward else 2.0 * self.duration_s - cycle)
@@ -114,6 +114,7 @@ class SpiralSearch:
         return max(phi, 0.0)
 
     def _speed_at(self, phi: Array) -> Array:
+        # Half of the acceleration, in the sense of squares, for the curve and half for the speed.
         share = self.params.acceleration_rad_s2 / math.sqrt(2.0)
         curvature_radius = self._b * (1.0 + phi**2) ** 1.5 / (2.0 + phi**2)
         to_end = self._length[-1] - self._length
@@ -132,7 +133,7 @@ class StripOffset(NamedTuple):
 
 
 class StripSearch:
-    """Covers `half_length_rad` either way along the track and `half_width_rad` beside it, strips `pitch_rad` apart."""
+    """Covers +-`half_length_rad` along the track and +-`half_width_rad` across it in strips."""
 
     def __init__(
         self,
@@ -153,7 +154,7 @@ class StripSearch:
         return self._starts[-1]
 
     def offset(self, t_since_start_s: float) -> StripOffset:
-        """Return the offset from the expected direction and its rates."""
+        """Return the offset from the expected direction and its rates; at rest before the start."""
         within_s = max(t_since_start_s, 0.0) % self.duration_s
         leg = min(bisect_right(self._starts, within_s) - 1, len(self._legs) - 1)
         (x0, y0), (x1, y1) = self._legs[leg]
@@ -170,7 +171,7 @@ class StripSearch:
         return length / peak + peak / self._acceleration
 
     def _way(self, t: float, length: float) -> tuple[float, float]:
-        """Return how far along a leg of `length` the beam is after `t`, and how fast: a trapezoid of speed."""
+        """Return distance and speed on a leg of `length` after `t`: a trapezoid of speed."""
         peak = self._peak_rad_s(length)
         ramp_s, total_s = peak / self._acceleration, self._leg_time_s(length)
         if t < ramp_s:

@@ -13,25 +13,39 @@ from importlib.metadata import entry_points
 from rf_pointing.core import Mode, Sensor
 from rf_pointing.tracking.scan import Scan
 
-__all__ = ["NO_SENSOR", "SENSORS", "SENSOR_CHOICES", "SensorTraits", "load_trackers", "register", "sensors_of"]
+__all__ = [
+    "NO_SENSOR",
+    "SENSORS",
+    "SENSOR_CHOICES",
+    "SensorTraits",
+    "load_trackers",
+    "register",
+    "sensors_of",
+    "table_words",
+]
 
 ENTRY_POINTS = "rf_pointing.trackers"
+# `Sensor.PROGRAM` as `autotrack.sensor` and `tracking_status.sensor` spell it.
 NO_SENSOR = "none"
-"""`Sensor.PROGRAM` as `autotrack.sensor` and `tracking_status.sensor` spell it."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SensorTraits:
-    """What the station must know of one sensor; the defaults are those of a tracker that measures continuously.
+    """What the station must know of one sensor; defaults: a tracker that always measures.
 
     Attributes
     ----------
-    name : value of `pointing_error.sensor`; also the mode in which it tracks and the operator's choice.
-    scans : whether the beam must move for a measurement, so that errors come in the sensor's own mode only.
-    scan : how the beam moves; None where the controller's parameter set of the sensor's name says so.
-    needs_strong_carrier : whether it needs the C/N0 of `autotrack.monopulse_on_db_hz`; else a carrier is enough.
+    name : value of `pointing_error.sensor`; also the mode in which it tracks and the operator's
+        choice.
+    scans : whether the beam must move for a measurement, so that errors come in the sensor's own
+        mode only.
+    scan : how the beam moves; None where the controller's parameter set of the sensor's name says
+        so.
+    needs_strong_carrier : whether it needs the C/N0 of `autotrack.monopulse_on_db_hz`; else a
+        carrier is enough.
     automatic : whether the choice `auto` may use it.
-    weaker : the sensor that may take over when the carrier is too weak for this one; empty for none.
+    weaker : the sensor that may take over when the carrier is too weak for this one; empty for
+        none.
     every_period : whether it reports every period, so that a late report is worth waiting for.
     once_a_round : whether results come so seldom that an invalid one alone must not end the mode.
     over_the_top : whether it may be used while the dish is over the top.
@@ -54,10 +68,12 @@ class SensorTraits:
     colour: str = "#a6761d"
 
 
+# Traits by name, registered trackers last; read it, `register` writes it.
 SENSORS: dict[str, SensorTraits] = {
     traits.name: traits
     for traits in (
         SensorTraits(
+            # Only monopulse has sidelobes with nulls of their own, and signs that can flip.
             name=Sensor.MONOPULSE, needs_strong_carrier=True, automatic=True, weaker=Sensor.CONSCAN, every_period=True,
             watched=True, colour="#0072b2",
         ),
@@ -72,14 +88,13 @@ SENSORS: dict[str, SensorTraits] = {
         ),
     )
 }  # fmt: skip
-"""Traits by name, registered trackers last; read it, `register` writes it."""
+# Sensor of a pass as the operator names it, and as the state table does.
 SENSOR_CHOICES: dict[str, str] = {Sensor.PROGRAM: NO_SENSOR} | {name: name for name in (*SENSORS, Sensor.AUTO)}
-"""Sensor of a pass as the operator names it, and as the state table does."""
 _TABLE_WORDS = dict.fromkeys((Sensor.AUTO, *SENSORS, NO_SENSOR))
 
 
 def table_words() -> KeysView[str]:
-    """Return the values of `autotrack.sensor`, as a view that grows with every registered tracker."""
+    """Return the values of `autotrack.sensor`, a view that grows with registered trackers."""
     return _TABLE_WORDS.keys()
 
 
@@ -91,6 +106,7 @@ def register(traits: SensorTraits) -> None:
     ValueError
         When the name is taken, or a sensor that scans does not say how.
     """
+    # An entry point and the program itself may both register it.
     if SENSORS.get(traits.name) == traits:
         return
     if not traits.name or traits.name in {*_TABLE_WORDS, *SENSOR_CHOICES, *Mode}:

@@ -1,8 +1,8 @@
 """Step-track: four points around the target, any power meter, one pointing error per round.
 
-The beam rests at right, above, left and below in turn; the powers measured there give the direction by the exact
-Gaussian beam (ln P is linear in it).  The meter need not know its own noise: the scatter of its samples sets the
-covariance.
+The beam rests at right, above, left and below in turn; the powers measured there give the direction
+by the exact Gaussian beam (ln P is linear in it).  The meter need not know its own noise: the
+scatter of its samples sets the covariance.
 """
 
 import math
@@ -17,6 +17,7 @@ from rf_pointing.tracking.scan import ONCE_A_ROUND, LoopRate, Offset, Pattern
 __all__ = ["StepTrackParams", "StepTrackState", "StepTracker"]
 
 SMALLEST_SCATTER = 1e-12  # relative variance of a meter without noise; keeps the covariance positive
+# Right, above, left, below: each move leads to a neighbour, so it is short.
 POINTS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
 
 
@@ -73,7 +74,7 @@ class StepTracker:
         self.state = StepTrackState(window=PowerWindow.empty())
 
     def offset(self, t_since_start_s: float) -> Offset:
-        """Return where the beam must be, relative to the centre, and its rates; the moves are quintic."""
+        """Return where the beam must be from the centre, and its rates; moves are quintic."""
         leg = self.params.move_s + self.params.dwell_s
         index, within = divmod(max(t_since_start_s, 0.0), leg)
         end = POINTS[int(index) % 4]
@@ -88,7 +89,7 @@ class StepTracker:
     def add(
         self, power: CarrierPower, beam_offset_cross_elevation_rad: float, beam_offset_elevation_rad: float
     ) -> PointingError | None:
-        """Take one power measured with the beam there; return the error of the centre when a round is complete."""
+        """Add one power; return the error of the centre when a round is complete."""
         fault, point = self._place(power, beam_offset_cross_elevation_rad, beam_offset_elevation_rad)
         if fault:
             self.state = replace(self.state, rejected=self.state.rejected + 1, last_rejection=fault)
@@ -130,7 +131,8 @@ class StepTracker:
     def _measure(self, window: PowerWindow) -> PointingError:
         h = self.params.half_power_beamwidth_rad
         design = beam_design(window.beam_cross_elevation_rad, window.beam_elevation_rad, h)
-        # First with a noise of unit size, whose misfit is the real size; then with that, which also sets the bias.
+        # First with a noise of unit size, whose misfit is the real size; then with that, which also
+        # sets the bias.
         noise = np.full(len(window), float(np.mean(window.power_w)))
         try:
             scatter = max(float(fit_beam(design, window.power_w, noise).chi_squared), SMALLEST_SCATTER)

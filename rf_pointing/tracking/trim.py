@@ -1,8 +1,9 @@
-"""What was learned about the ephemeris: along-track time, cross-track distance and a bias, in a Kalman filter.
+"""Ephemeris error in a Kalman filter: along-track time, cross-track distance, and a bias.
 
-Direction error of the ephemeris = tau (x', y') + (c / range) n + (b_x, b_y): tau s ahead along the track, whose
-rate on the sky is (x', y'); c m to the left of it, n the unit vector to the left; b the bias of the mount.  Each
-state is a random walk.  A measurement is target minus predicted direction, with the covariance of the sensor.
+Direction error of the ephemeris = tau (x', y') + (c / range) n + (b_x, b_y): tau s ahead along the
+track, whose rate on the sky is (x', y'); c m to the left of it, n the unit vector to the left; b
+the bias of the mount.  Each state is a random walk.  A measurement is target minus predicted
+direction, with the covariance of the sensor.
 """
 
 import math
@@ -18,11 +19,12 @@ __all__ = ["SkyMotion", "Trim", "TrimFilter", "TrimParams", "TrimState", "direct
 
 Array = NDArray[np.float64]
 
+# Below this speed a geostationary target has no track, so no direction across it.
 SLOWEST_RAD_S = 1e-9
 
 
 class SkyMotion(NamedTuple):
-    """Predicted motion of the target on the sky: rates in cross-elevation and elevation, and its range, each (...)."""
+    """Predicted motion on the sky: rates in cross-elevation and elevation, and range (...)."""
 
     cross_elevation_rate_rad_s: ArrayLike
     elevation_rate_rad_s: ArrayLike
@@ -30,7 +32,7 @@ class SkyMotion(NamedTuple):
 
 
 class Trim(NamedTuple):
-    """Direction to add to the ephemeris (2,) in cross-elevation and elevation, with its covariance (2, 2)."""
+    """Direction to add to the ephemeris (2,), cross-elevation and elevation, covariance (2, 2)."""
 
     offset_rad: Array
     covariance_rad2: Array
@@ -38,7 +40,7 @@ class Trim(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class TrimParams(Params):
-    """What is believed of the ephemeris before the first measurement, and how fast it may change."""
+    """What is assumed of the ephemeris before a measurement, and how fast it changes."""
 
     along_track_s: float = parameter(0.15, "standard deviation of the time along the track", low=0.0, high=60.0)
     cross_track_m: float = parameter(300.0, "standard deviation across the track", low=0.0, high=1e6)
@@ -50,13 +52,13 @@ class TrimParams(Params):
     correlation_s: float = parameter(1.0, "time over which that motion is the same", low=0.0, high=60.0)
     gate_sigmas: float = parameter(6.0, "innovation beyond which a measurement is refused", low=2.0, high=100.0)
     gate_patience: int = parameter(
-        3, "refusals in a row after which not the measurements are doubted but the filter", low=1, high=1000
+        3, "rejections in a row after which the filter is doubted, not the measurements", low=1, high=1000
     )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrimState:
-    """Time, mean (4,) of along-track s, cross-track m, bias rad (2), covariance (4, 4), and the counts."""
+    """Time; mean (4,) and covariance of along-track s, cross-track m, bias rad (2); counts."""
 
     t_s: float | None
     mean: Array
@@ -67,10 +69,10 @@ class TrimState:
 
 
 class TrimFilter:
-    """Kalman filter of the ephemeris error; `update` with what the fast loop found, `trim` for any time and coast.
+    """Kalman filter of the ephemeris error; `trim` holds for any later time and in a coast.
 
-    A filter that is sure of something wrong would refuse the truth for ever: after `gate_patience` refusals in a row it
-    knows again only what it was configured with.
+    A filter that is sure of something wrong would refuse the truth for ever: after `gate_patience`
+    rejections in a row it knows again only what it was configured with.
     """
 
     def __init__(self, params: TrimParams) -> None:
@@ -80,7 +82,7 @@ class TrimFilter:
         self.state = TrimState(t_s=None, mean=np.zeros(4), covariance=self._prior)
 
     def update(self, t_s: float, offset_rad: Array, covariance_rad2: Array, sky: SkyMotion) -> bool:
-        """Take target minus predicted direction (2,) at `t_s`; return False where it lies outside the gate."""
+        """Add target minus prediction (2,) at `t_s`; return False if the chi-square test fails."""
         offset = as_finite_array("offset_rad", offset_rad, (2,))
         noise = as_finite_array("covariance_rad2", covariance_rad2, (2, 2)) + self._jitter(t_s)
         mean, covariance = self.state.mean, self._aged(t_s)
@@ -88,6 +90,7 @@ class TrimFilter:
         innovation = offset - rows @ mean
         spread = rows @ covariance @ rows.T + noise
         if float(innovation @ np.linalg.solve(spread, innovation)) > self.params.gate_sigmas**2:
+            # Sure of something wrong, the filter would refuse the truth for ever.
             in_a_row = self.state.refused_in_a_row + 1
             tired = in_a_row >= self.params.gate_patience
             self.state = TrimState(
@@ -97,7 +100,8 @@ class TrimFilter:
             return False
         gain = np.linalg.solve(spread, rows @ covariance).T
         keep = np.eye(4) - gain @ rows
-        # Joseph's form stays symmetric and positive where the plain one loses it after thousands of updates.
+        # Joseph's form stays symmetric and positive where the plain one loses it after thousands of
+        # updates.
         covariance = keep @ covariance @ keep.T + gain @ noise @ gain.T
         self.state = TrimState(
             t_s=t_s,
@@ -114,7 +118,7 @@ class TrimFilter:
         return Trim(rows @ self.state.mean, rows @ self._aged(t_s) @ rows.T)
 
     def turn(self, signs: Array) -> None:
-        """Multiply the bias by `signs` (2,): the antenna stands otherwise, the ephemeris is what it was."""
+        """Multiply the bias by `signs` (2,): the dish went over the top, the ephemeris did not."""
         turned = np.concatenate([np.ones(2), signs])
         self.state = replace(
             self.state, mean=turned * self.state.mean, covariance=np.outer(turned, turned) * self.state.covariance
@@ -131,14 +135,15 @@ class TrimFilter:
         return self.state.covariance + np.diag(walk**2 * elapsed)
 
     def _jitter(self, t_s: float) -> Array:
-        """Noise of the beam's own motion: the same over `correlation_s`, so closer samples count for less."""
+        """Noise of the beam's own motion; samples closer than `correlation_s` count for less."""
+        # Ten errors a second of one slow gust are one measurement, not ten.
         elapsed = math.inf if self.state.t_s is None else t_s - self.state.t_s
         share = 1.0 if elapsed >= self.params.correlation_s else self.params.correlation_s / max(elapsed, 1e-3)
         return np.eye(2) * self.params.jitter_rad**2 * share
 
 
 def direction_rows(sky: SkyMotion) -> Array:
-    """Return d(direction) / d(state), shape (..., 2, 4); without motion on the sky there is no cross-track direction."""
+    """Return d(direction) / d(state) (..., 2, 4); at rest there is no cross-track direction."""
     right, up, range_m = (np.asarray(part, dtype=np.float64) for part in sky)
     nearest_m = float(np.min(range_m))
     # A comparison of its own: this runs several times a period, and NaN fails it too.

@@ -214,7 +214,7 @@ def test_a_spin_as_long_as_the_scan_is_named() -> None:
     tracker = ConscanTracker(params(estimator="likelihood", spin_periods_s=(32.0,)))
     error = run(tracker, 2.0 * np.pi * np.arange(1, 33) / 32, 0.0, 0.0)
     assert not error.valid
-    assert error.reason == "the spin cannot be told from the scan: spin_periods_s=(32.0,)"
+    assert error.reason == "the spin cannot be separated from the scan: spin_periods_s=(32.0,)"
 
 
 def test_the_last_bits_do_not_decide_whether_the_spin_is_separable_from_the_scan() -> None:

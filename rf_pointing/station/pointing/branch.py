@@ -1,7 +1,8 @@
-"""A branch as the controller carries it out: which side of the zenith the dish stands on, and when it leaves the target.
+"""A branch as the controller carries it out: side of the zenith, crossing, turns.
 
-The controller thinks in direct axis angles.  While the dish is over the top its angles are turned on the way out and back on
-the way in; on a branch that goes over in the middle of the pass that begins at one instant, `crossing.over_t_s`.
+The controller thinks in direct axis angles.  While the dish is over the top its angles are turned
+on the way out and back on the way in; on a branch that goes over in the middle of the pass that
+begins at one instant, `crossing.over_t_s`.
 """
 
 import dataclasses
@@ -16,16 +17,17 @@ from rf_pointing.planning import Branch, plunged, unplunged
 __all__ = ["TrackingBranch"]
 
 Array = NDArray[np.float64]
+# Over the top the elevation axis turns the other way for the same motion on the sky.
 MIRROR = np.array([1.0, -1.0])
 
 
 class TrackingBranch:
-    """The course of one branch; without one the dish stands direct and follows the target."""
+    """The course of one branch; without one the dish is direct and follows the target."""
 
     def __init__(self, branch: Branch | None = None) -> None:
         self._branch, self._found = branch, branch.crossing if branch else None
+        # The dish never goes over the top and never leaves the target: most passes, every period.
         self.direct = branch is None or (not branch.plunge and branch.crossing is None)
-        """Whether the dish is never over the top and never leaves the target: angles stay what they are."""
 
     @property
     def turns_rad(self) -> float:
@@ -37,7 +39,7 @@ class TrackingBranch:
         return self._branch is not None and self._branch.plunge != self._has_gone_over(t_s)
 
     def turned_rad(self, t_s: float) -> float:
-        """Return the whole turns by which the azimuth has moved on because the dish went over the top before `t_s`."""
+        """Return the turns that going over the top before `t_s` has added to the azimuth."""
         return self._found.turn_rad if self._found and self._has_gone_over(t_s) else 0.0
 
     def crossing(self, t_s: float) -> bool:
@@ -45,7 +47,7 @@ class TrackingBranch:
         return self._found is not None and bool(self._found.t_s[0] <= t_s <= self._found.t_s[-1])
 
     def signs(self, times: Array) -> Array:
-        """Return what turns rates (n, 2) in direct angles at these times into those of the axes, and back."""
+        """Return the signs (n, 2) between rates in direct angles and rates of the axes."""
         over = np.array([self.plunge_at(float(t)) for t in times])
         return np.where(over[:, None], MIRROR, 1.0)
 
@@ -70,7 +72,7 @@ class TrackingBranch:
         return dataclasses.replace(reading, position_rad=position, velocity_rad_s=velocity)
 
     def detour(self, times: Array, motion: Motion) -> Motion:
-        """Return the motion of the beam (n, 2) in direct angles with the crossing in place of the target's while it lasts."""
+        """Return the motion (n, 2) in direct angles, the crossing's while it lasts."""
         rows = [part.copy() for part in motion]
         for index in self._inside(times):
             for row, part in zip(rows, self._table_at(float(times[index])), strict=True):
@@ -78,7 +80,7 @@ class TrackingBranch:
         return Motion(*rows)
 
     def ends_of_crossing(self, times: Array) -> tuple[Motion, NDArray[np.bool_]] | None:
-        """Return the motion (2, 2) at both ends of the crossing and whether the dish is over the top there (2,).
+        """Return the motion (2, 2) at both ends of the crossing, and which are over the top (2,).
 
         None when none of the times (n,) lies within the crossing.
         """
@@ -90,10 +92,11 @@ class TrackingBranch:
         return Motion(*(np.array(rows) for rows in zip(*table, strict=True))), over
 
     def carry(self, times: Array, predicted: Motion, corrected: Motion, offsets_rad: Array) -> Motion:
-        """Return `corrected` (n, 2), and while the crossing lasts `predicted` with the offsets carried through it.
+        """Return `corrected` (n, 2), during the crossing `predicted` with offsets carried along.
 
-        `offsets_rad` (2, 2) is by how much the axes must be off the predicted motion at its two ends; they go over from
-        one to the other.  Close to the zenith an offset on the sky would be any azimuth.
+        `offsets_rad` (2, 2) is by how much the axes must be off the predicted motion at its two
+        ends; they go over from one to the other.  Close to the zenith an offset on the sky would be
+        any azimuth.
         """
         assert self._found is not None
         ends = self._found.t_s[[0, -1]]
@@ -120,6 +123,7 @@ class TrackingBranch:
         assert self._found is not None
         known = self._found
         step_s = float(known.t_s[1] - known.t_s[0])
+        # The last instant belongs to the last interval.
         row = min(int((t_s - float(known.t_s[0])) / step_s), len(known.t_s) - 2)
         table = (known.position_rad, known.velocity_rad_s, known.acceleration_rad_s2)
         start, end = (Motion(*(part[index] for part in table)) for index in (row, row + 1))
@@ -128,7 +132,7 @@ class TrackingBranch:
 
 
 def _eased(share: float, duration_s: float) -> tuple[float, float, float]:
-    """Return the step from 0 to 1 without a jump of its rate, 3 x^2 - 2 x^3, and its two derivatives in time."""
+    """Return 3 x^2 - 2 x^3, a step whose rate does not jump, and its two derivatives in time."""
     return (
         share**2 * (3.0 - 2.0 * share),
         6.0 * share * (1.0 - share) / duration_s,

@@ -1,4 +1,4 @@
-"""From a track and a station to pass certificates: the sky's motion, the bias model, the beam, and the planner.
+"""Pass certificates from a track and a station: sky motion, bias model, beam and planner.
 
 Every certificate may be kept as a JSON file.
 """
@@ -44,12 +44,13 @@ __all__ = [
 Array = NDArray[np.float64]
 SAMPLE_S = 1.0
 SUN_STEP_S = 60.0
+# A geostationary "pass" lasts for days.
 MOST_SAMPLES = 4000
 
 
 @dataclass(frozen=True, kw_only=True)
 class PlanningRules:
-    """The antenna that passes are planned for: its errors, what its axes can do, and where they may not go."""
+    """The antenna that passes are planned for: its errors, its axes, and where they may not go."""
 
     model: BiasModel
     machine: MachineParams
@@ -72,29 +73,29 @@ def plan_passes(
     track: TopocentricTrack,
     start_t_s: float,
     span_s: float,
-    present_rad: tuple[float, float],
+    encoder_rad: tuple[float, float],
     rules: PlanningRules,
     least_rad: float,
 ) -> list[PlannedPass]:
-    """Return every pass of a span with its certificate; each starts from where the one before has left the axes."""
+    """Return every pass of a span; each slew starts where the pass before has left the axes."""
     planned, free_t_s = [], start_t_s
     gate = Gate(rules.gate, rules.limits, rules.mask, rules.machine.axes)
     for window in find_passes(track, start_t_s, span_s, rules.mask.above(least_rad)):
         profile = pass_profile(track, window)
         azimuth, elevation = _sun_at(np.array([free_t_s, free_t_s + SUN_STEP_S]), track)[0].tolist()
         certificate = certificate_of(
-            profile, rules.model, free_t_s, present_rad, rules.machine, rules.limits, rules.mask,
+            profile, rules.model, free_t_s, encoder_rad, rules.machine, rules.limits, rules.mask,
             lag_averaging_s=rules.lag_averaging_s, slew=partial(gate.slew, sun_rad=(azimuth, elevation)),
         )  # fmt: skip
         fine, chosen = profile.resampled(STEP_S), certificate.chosen
         if chosen is not None:
-            present_rad, free_t_s = chosen.end_rad, window.los_t_s
+            encoder_rad, free_t_s = chosen.end_rad, window.los_t_s
         planned.append(PlannedPass(window=window, profile=fine, certificate=certificate))
     return planned
 
 
 def pass_profile(track: TopocentricTrack, window: Pass, step_s: float = SAMPLE_S) -> PassProfile:
-    """Return the pass sampled at even steps of at most `step_s`, in no more than `MOST_SAMPLES` rows."""
+    """Return the pass at even steps of at most `step_s`, in at most `MOST_SAMPLES` rows."""
     count = min(MOST_SAMPLES, max(2, int(np.ceil(window.duration_s / step_s)) + 1))
     times = np.linspace(window.aos_t_s, window.los_t_s, count)
     looks = track.sample(times)
@@ -109,7 +110,8 @@ def pass_profile(track: TopocentricTrack, window: Pass, step_s: float = SAMPLE_S
 
 
 def _sun_at(times: Array, track: TopocentricTrack) -> Array:
-    """Return the Sun's azimuth and elevation (n, 2), interpolated between minutes: its ephemeris is slow, and so is it."""
+    """Return the Sun's azimuth and elevation (n, 2), interpolated between minutes."""
+    # The Sun's ephemeris is slow to compute, and the Sun is slow.
     minutes = np.linspace(times[0], times[-1], max(2, int(np.ceil((times[-1] - times[0]) / SUN_STEP_S)) + 1))
     solar = TopocentricTrack(sun(), track.site, refraction=track.refraction).sample(minutes)
     azimuth = np.unwrap(solar.azimuth_rad)
@@ -120,7 +122,7 @@ def certificate_of(
     profile: PassProfile,
     model: BiasModel,
     issued_t_s: float,
-    present_rad: tuple[float, float],
+    encoder_rad: tuple[float, float],
     machine: MachineParams,
     limits: AxisLimits,
     mask: HorizonMask,
@@ -129,10 +131,10 @@ def certificate_of(
     lag_averaging_s: float = 0.0,
     slew: Slew | None = None,
 ) -> Certificate:
-    """Return the certificate of a pass for the beam of the machine's parameters (Gaussian, CONSCAN eq. 1).
+    """Return the certificate of a pass for a Gaussian beam (CONSCAN eq. 1).
 
-    Lags that build up over `lag_averaging_s` are those of the motion that the beam makes, crossing included; with 0 they
-    are those of the target's own.
+    Lags that build up over `lag_averaging_s` are those of the motion that the beam makes, crossing
+    included; with 0 they are those of the target's own.
     """
     fine = profile.resampled(STEP_S)
     gain = partial(gaussian_gain, beamwidth_rad=machine.half_power_beamwidth_rad)
@@ -142,7 +144,7 @@ def certificate_of(
     held = without_lags(model) if history else model
     sides: dict[bool, tuple[Array, Array, Array]] = {over: axis_motion(sky, held, plunge=over) for over in plunges}
     lag: Lag = (lambda t_s, rate, bend: history.along(t_s, rate, bend)[0]) if history else no_lag
-    return certify(fine, sides, issued_t_s, present_rad, machine, limits, mask, gain, lag, slew)
+    return certify(fine, sides, issued_t_s, encoder_rad, machine, limits, mask, gain, lag, slew)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,7 +155,7 @@ class StoreParams(Params):
 
 
 def store_certificate(params: StoreParams, certificate: Certificate) -> Path | None:
-    """Write the certificate to the folder, named after target and acquisition; return the file, None without a folder."""
+    """Write the certificate to its folder; return the file, None without a folder."""
     if not params.certificate_folder:
         return None
     name = "".join(letter if letter.isalnum() else "_" for letter in certificate.name)

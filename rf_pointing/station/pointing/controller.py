@@ -1,9 +1,8 @@
 """The pointing controller: the only author of motion.
 
-It follows one pass at a time, from its start over the turn that is chosen to the controlled stop at its end.  At every
-period it asks the state table for the mode (`tracking_mode.py`), tells the offsets what was sensed (`sky_offsets.py`) and
-issues the trajectory that starts `transport_s` from now (`commanded_motion.py`), if the gate allows it (`pass_plan.py`).
-Only errors stamped before the period are used, so the result does not depend on how fast messages travel within it.
+It follows one pass at a time, from its start on the chosen turn to the controlled stop at its end.
+Every period it decides the mode (`mode.py`), updates the corrections (`corrections.py`) and issues
+the trajectory that starts `transport_s` from now (`motion.py`), if the safety gate allows it.
 """
 
 import math
@@ -14,13 +13,7 @@ from rf_pointing.ephemeris import Pass
 from rf_pointing.ephemeris.solar import SolarDirection
 from rf_pointing.planning import choose_turns
 from rf_pointing.station.pointing.corrections import PointingCorrections
-from rf_pointing.station.pointing.mode import (
-    CarrierWatch,
-    PassStatistics,
-    SensedErrors,
-    TrackingMode,
-    newest,
-)
+from rf_pointing.station.pointing.mode import CarrierWatch, PassStatistics, SensedErrors, TrackingMode, newest
 from rf_pointing.station.pointing.motion import CommandedMotion
 from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.station.pointing.plan import PassPlan
@@ -31,8 +24,8 @@ from rf_pointing.tracking.sensors import SENSOR_CHOICES, SENSORS
 
 __all__ = ["PointingController"]
 
+# A pass that has begun may be started before the target's motion has arrived; not for longer.
 PREDICTION_PATIENCE_S = 5.0
-"""How long a pass that is going on already may be started without knowing the target's coming motion."""
 
 
 class PointingController:
@@ -94,24 +87,26 @@ class PointingController:
         self._mode.errors.take(error)
 
     def awaits_error(self, t_s: float) -> bool:
-        """Whether a sensor that reports every period has not reported yet what this period should use."""
+        """Whether a sensor that reports every period is late with what this period should use."""
         return self._pass is not None and self._mode.awaits_error(t_s)
 
     def calibrate(self) -> str:
-        """Ask for a calibration scan of the monopulse feed; return why not, "" when it will begin."""
+        """Request a calibration scan of the feed; return why not, "" when it will begin."""
         return self._mode.calibrate()
 
     def start(self, t_s: float, window: Pass, sensor: str) -> None:
-        """Begin to track a pass; the antenna moves to its start at the next period that knows the axes' position.
+        """Begin to track a pass; the antenna moves as soon as the position of its axes is known.
 
         Raises
         ------
         ValueError
-            When the pass is over, another one is tracked, it does not fit the limits, or its carrier is too weak.
+            When the pass is over, another one is tracked, it does not fit the limits, or its
+            carrier is too weak.
         """
         require_choice("sensor", sensor, SENSOR_CHOICES)
         if self._pass is not None:
             raise ValueError(f"{self._pass.name} is being tracked until its loss of signal; cancel that first")
+        # Refused before anything moves: all of this is known without the axes.
         if t_s >= window.los_t_s:
             raise ValueError(f"the pass of {window.name} ended {t_s - window.los_t_s:.0f} s ago")
         self.carrier.require_level(window, sensor, self._mode.params)
@@ -130,7 +125,7 @@ class PointingController:
             self._stopping = reason
 
     def step(self, t_s: float) -> tuple[JointTrajectory | None, TrackingStatus]:
-        """Return the trajectory issued at `t_s`, None when nothing is commanded, and the status at `t_s`."""
+        """Return the trajectory of `t_s`, None when nothing is commanded, and the status."""
         window = self._pass
         if window is None:
             return None, self._status(t_s, self._mode.fresh_error(t_s))
@@ -143,6 +138,7 @@ class PointingController:
                 self._turns_rad = self._choose_turn(t_s, window, self._motion.axes, self._sensor)
             except ValueError as refused:
                 self._stopping = str(refused)
+        # Before the trajectory: a lost carrier freezes the loop in the period that sees it.
         self._advance_mode(t_s, window)
         self._moved = self._moved or self.state.mode != Mode.IDLE
         if not self._stopping and self.state.mode == Mode.IDLE:
@@ -160,8 +156,9 @@ class PointingController:
         return trajectory, self._status(t_s, error)
 
     def _choose_turn(self, t_s: float, window: Pass, joints: JointReading, sensor: str) -> float:
-        """Return the turns (rad) to track on: those of the certificate, or of the summary when there is no profile."""
+        """Return the turns (rad) to track on, of the certificate or else of the summary."""
         if self.plan.choose(t_s, window, joints, self._motion.model, sensor, self.params.pointing.lag_averaging_s):
+            # Again, for over the top the same encoders are other direct angles.
             self.take_joints(joints)
             return self.plan.course.turns_rad
         low, high, present = window.azimuth_min_rad, window.azimuth_max_rad, float(joints.position_rad[0])
@@ -172,7 +169,7 @@ class PointingController:
         return turns_rad
 
     def _advance_mode(self, t_s: float, window: Pass) -> None:
-        """Decide the mode and update the corrections; while the antenna crosses the zenith no sensor sees the target."""
+        """Decide the mode and update the corrections; a crossing is blind."""
         course = self.plan.course
         if not course.direct and course.crossing(t_s) and not self._stopping:
             return

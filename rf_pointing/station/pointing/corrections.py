@@ -1,12 +1,13 @@
-"""What is added to the target's direction on the sky: what was learned of the ephemeris, the tracking loop, the scans.
+"""What is added to the target's direction: the learned ephemeris error, the loop, the scans.
 
     offset = ephemeris correction + tracking correction + scan + transition
 
-The ephemeris correction is the Kalman filter's along-track, cross-track and bias error (`tracking/trim.py`), carried
-along the target's own motion.  The tracking correction is what the fast loop found beyond it; it fades while no sensor
-tracks, so that a coast follows what was learned.  A new estimate of the filter moves the two against each other and
-nothing else.  Offsets are cross-elevation and elevation; azimuth = cross-elevation / cos(elevation), with the rates
-that belong to it.
+The ephemeris correction is the Kalman filter's along-track, cross-track and bias error
+(`tracking/trim.py`), carried along the target's own motion.  The tracking correction is what the
+fast loop found beyond it; it fades while no sensor tracks, so that a coast follows what was
+learned.  A new estimate of the filter moves the two against each other and nothing else.  Offsets
+are cross-elevation and elevation; azimuth = cross-elevation / cos(elevation), with the rates that
+belong to it.
 """
 
 import math
@@ -26,27 +27,30 @@ from rf_pointing.tracking.sensors import SENSORS
 __all__ = ["OffsetTransition", "PointingCorrections", "added"]
 
 Array = NDArray[np.float64]
+# A transition of no distance still needs a few points of the trajectory.
 SHORTEST_TRANSITION_S = 0.5
 AT_REST = np.zeros(2)
+# What becomes of an error of the dish (cross-elevation, elevation) on the sky when it goes over the
+# top: encoders and elevation axis point the other way. That of the azimuth axis stays.
 OVER = np.array([1.0, -1.0])
-"""What becomes of an error of the dish (cross-elevation, elevation) on the sky when it goes over the top: encoders and
-elevation axis point the other way.  That of the azimuth axis stays."""
+# Time in which a coast forgets what the filter does not explain.
 FADE_S = 3.0
-"""Time in which a coast forgets what the filter does not explain."""
+# How well the strongest carrier of a search says where the target is.
 FOUND_SIGMA_BEAMWIDTHS = 0.25
-"""How well the strongest carrier of a search says where the target is."""
+# Time from a command's to the errors that the beam then has: transport, servo, cluster and the
+# period of the controller.
 UNDERWAY_S = 0.5
-"""Time from a command's to the errors that the beam then has: transport, servo, cluster and the period of the controller."""
+# Elevation above which cross-elevation is no longer turned into ever larger azimuth.
 STEEPEST_RAD = math.radians(88.0)
-"""Elevation above which cross-elevation is no longer turned into ever larger azimuth."""
 
 
 @dataclass(frozen=True)
 class OffsetTransition:
-    """Offset (2,) and rate (2,) left over at `start_s`, taken out by a quintic that ends at rest `duration_s` later.
+    """Offset and rate (2,) left over at `start_s`, taken out by a quintic in `duration_s`.
 
-    A mode that ends leaves the beam off its new path, and moving.  The duration is such that |acceleration| <=
-    4 v/T + 5.8 d/T^2 stays below a bound, d and v the distance and the speed left over.
+    A mode that ends leaves the beam off its new path, and moving.  The duration is such that
+    |acceleration| <= 4 v/T + 5.8 d/T^2 stays below a bound, d and v the distance and the speed left
+    over.
     """
 
     start_s: float = 0.0
@@ -78,7 +82,7 @@ class OffsetTransition:
 
 @dataclass(frozen=True)
 class _Found:
-    """Strongest carrier of a search: target minus prediction (2,), its variance, the target's motion, the level."""
+    """Strongest carrier of a search: target minus prediction (2,), variance, motion, level."""
 
     t_s: float
     direction_rad: Array
@@ -89,7 +93,7 @@ class _Found:
 
 @dataclass(frozen=True)
 class _Ahead:
-    """The trajectory issued last: times (n,), the target's motion (n, 3), and what the filter's state adds (n, 2, 4)."""
+    """The last trajectory: times (n,), motion (n, 3), slopes by the filter's state (n, 2, 4)."""
 
     t_s: Array
     sky: Array
@@ -122,13 +126,13 @@ class PointingCorrections:
         self._unseen = False
 
     def arriving(self, t_s: float) -> bool:
-        """Whether the errors of `t_s` may still be those of the way to where the last change of mode sent the beam."""
+        """Whether the beam of `t_s` may still be on its way to where the last mode sent it."""
         return t_s < self._transition.end_s + UNDERWAY_S
 
     def update(
         self, command_s: float, mode_before: str, state: AutotrackState, error: PointingError | None, beam: Array | None
     ) -> None:
-        """Use what the period brought for commands from `command_s` on: the mode, and the newest error.
+        """Use the mode and the newest error of the period for commands from `command_s` on.
 
         `beam` (2,) is where the beam really was from the prediction when that error was measured.
         """
@@ -144,15 +148,16 @@ class PointingCorrections:
         if fresh and follow and error is not None:
             self._correct(command_s, error, beam)
         elif not state.integrating and not self._integrator.frozen:
+            # The loop may have an update that lies ahead of this command.
             self._integrator.freeze(max(command_s, self._integrator.state.t_s))
 
     def correction_rad(self, t_s: float) -> Array:
-        """Return what is added to the prediction at `t_s` without the scans (2,), zero where that is not known."""
+        """Return what is added to the prediction at `t_s` (2,) without scans, zero if not known."""
         past = self._past.at(t_s)
         return np.zeros(2) if past is None else past[3:5]
 
     def add_corrections(self, times: Array, target: Motion, range_m: Array) -> Motion:
-        """Return the target's motion (n, 2) with both corrections added; `range_m` (n,) is its distance."""
+        """Return the target's motion (n, 2) with both corrections; `range_m` is (n,)."""
         rates = target.velocity * np.column_stack([np.cos(target.position[:, 1]), np.ones(len(times))])
         sky = np.column_stack([rates, range_m])
         self._ahead = _Ahead(times, sky, direction_rows(SkyMotion(*sky.T)))
@@ -161,11 +166,11 @@ class PointingCorrections:
         return added(target, offset, rate)
 
     def add_scan(self, times: Array, sky: Motion) -> Motion:
-        """Return the motion (n, 2) with the running scan added, and what is left of the one before."""
+        """Return the motion (n, 2) with the running scan and what is left of the one before."""
         return added(sky, *self._scan(times))
 
     def turn_over(self, over: bool) -> None:
-        """Note which side of the zenith the dish is on; what was learned of the dish is turned when that changes."""
+        """Note the side of the zenith; a change turns what was learned of the dish."""
         if over == self._over:
             return
         self._over = over
@@ -175,7 +180,7 @@ class PointingCorrections:
         self._integrator.state = state
 
     def axis_offsets_rad(self, target: Motion, over: NDArray[np.bool_], range_m: float) -> Array:
-        """Return by how much (n, 2) the corrections move the axes off the target's motion (n, 2); nothing is noted.
+        """Return how far (n, 2) the corrections move the axes off the target's motion (n, 2).
 
         `over` (n,) says where the dish is then over the top.
         """
@@ -189,17 +194,15 @@ class PointingCorrections:
         return moved
 
     def _displaced(self, command_s: float, t_s: float, past: Array | None, beam: Array | None) -> Array:
-        """Return where the beam was from the centre on purpose (2,) at `t_s`: no error of the centre, nothing to correct.
-
-        While it is on its way the encoders show that.  Once there, what they show is the wind, which is to be
-        corrected, and only the circle that tests the lock was meant.
-        """
+        """Return how far the beam was from the centre on purpose (2,), not to be corrected."""
+        # While it is on its way the encoders show that. Once there, what they show is the wind,
+        # which is to be corrected, and only the circle that tests the lock was meant.
         if past is not None and beam is not None and self.arriving(command_s):
             return np.asarray(beam - past[3:5])
         return self._scans.at(np.array([t_s]), None)[0][0] if self._scans.running else np.zeros(2)
 
     def _correct(self, command_s: float, error: PointingError, beam: Array | None) -> None:
-        """Use one valid error: at once in the loop, in the filter with the weight that it deserves."""
+        """Use one valid error: in the loop at once, in the filter with its weight."""
         self._unseen = False
         past, sensed = self._past.at(error.t_s), _measured(error)
         scans = SENSORS[error.sensor].scans
@@ -219,7 +222,8 @@ class PointingCorrections:
             self._learn(command_s, error.t_s - age_s, direction, error.covariance_rad2, _sky(then))
 
     def _learn(self, command_s: float, t_s: float, direction: Array, covariance: Array, sky: SkyMotion) -> None:
-        """Update the filter; what the ephemeris correction gains at `command_s` the tracking correction loses."""
+        """Update the filter; what one correction gains at `command_s` the other loses."""
+        # A scan's estimate may be about a time before that of the sensor before it.
         if self.filter.state.t_s is not None and t_s < self.filter.state.t_s:
             return
         now = np.array([command_s])
@@ -231,7 +235,7 @@ class PointingCorrections:
         self._integrator.state = state
 
     def _change_mode(self, command_s: float, mode: str) -> None:
-        """Begin and end what belongs to the modes; the command goes on from where it is, at the speed it has."""
+        """Change what belongs to the modes; neither place nor speed of the command jumps."""
         now = np.array([command_s])
         before = [a + b for a, b in zip(self._corrections(now), self._scan(now), strict=True)]
         tracking = self._tracking_correction(now)[0][0]
@@ -252,6 +256,7 @@ class PointingCorrections:
             self._integrator.freeze(command_s)
             # The direction that a search found is kept until a sensor has looked at it.
             self._fade_s = command_s if self.filter.state.used and not self._unseen else None
+        # The scan begins at once; the transition takes out what jumps in place and speed.
         self._scans.begin(mode, command_s, self.filter, self._sky_at(now))
         self._transition = OffsetTransition()
         after = [a + b for a, b in zip(self._corrections(now), self._scan(now), strict=True)]
@@ -265,7 +270,7 @@ class PointingCorrections:
         return self._loops.get(mode, self._loop)
 
     def _consider(self, error: PointingError, beam: Array) -> None:
-        """Keep where the carrier was strongest during a search; a valid error says how far the target was from there."""
+        """Keep where a search found the strongest carrier; a valid error refines the direction."""
         past = self._past.at(error.t_s)
         if past is None or (self._found and error.carrier_to_noise_db_hz <= self._found.level_db_hz):
             return
@@ -282,13 +287,14 @@ class PointingCorrections:
         return ephemeris + tracking, ephemeris_rate + tracking_rate
 
     def _ephemeris_correction(self, times: Array) -> tuple[Array, Array]:
-        """Return what the filter learned (n, 2), and its rate; zero before its first measurement."""
+        """Return what the filter learned (n, 2), and its rate; zero before a measurement."""
         if self._ahead is None or self.filter.state.used == 0:
             still = np.zeros((len(times), 2))
             return still, still
         known = self._ahead.t_s
         offsets = self._ahead.rows @ self.filter.state.mean
         rates = np.gradient(offsets, known, axis=0, edge_order=2)
+        # No interpolation for the trajectory itself: it would round.
         if len(times) == len(known) and times[0] == known[0]:
             return offsets, rates
         return _interpolated(times, known, offsets), _interpolated(times, known, rates)
@@ -316,7 +322,7 @@ class PointingCorrections:
 
 
 def _loops(integrator: TrackerIntegratorParams, scans: Scans) -> dict[str, TrackerIntegratorParams]:
-    """Return the integrator of each sensor that scans; the others have the one that is configured."""
+    """Return the integrator of each sensor that scans; others have the configured one."""
     loops = {}
     for name, scan in scans.sensors.items():
         bandwidth_hz, sample_s = scan.loop
@@ -339,7 +345,8 @@ def _interpolated(times: Array, known: Array, values: Array) -> Array:
 
 
 def added(target: Motion, offset: Array, rate: Array) -> Motion:
-    """Add offsets (n, 2) on the sky and their rates; the offsets' own accelerations are left to the servo."""
+    """Add offsets (n, 2) on the sky and their rates; their accelerations are left to the servo."""
+    # Within 2 deg of the zenith azimuth would run away for any offset.
     elevation = np.minimum(np.abs(target.position[:, 1]), STEEPEST_RAD)
     secant, tangent = 1.0 / np.cos(elevation), np.tan(elevation)
     climb = target.velocity[:, 1]

@@ -1,6 +1,7 @@
-"""The mode of the pass in hand: the errors that the trackers sent, the watch on the carrier, and the state table over both.
+"""The mode of the pass in hand: sensed errors, the watch on the carrier, the state table.
 
-Only errors about the time before the last period are used, so the result does not depend on how fast messages travel.
+Only errors about the time before the last period are used, so the result does not depend on how
+fast messages travel.
 """
 
 import math
@@ -22,13 +23,15 @@ from rf_pointing.tracking.sensors import SENSOR_CHOICES, SENSORS, sensors_of
 __all__ = ["CarrierWatch", "PassStatistics", "SensedErrors", "TrackingMode", "link_level_db_hz"]
 
 Array = NDArray[np.float64]
+# Two seconds of one sensor, one of two: more than any period may use.
 KEPT_ERRORS = 20
+# Age from which an error is used: older than any of the period that ends, whether stamped at its
+# middle or its end.
 LEAST_AGE_PERIODS = 0.75
-"""Age from which an error is used: older than any of the period that ends, whether stamped at its middle or its end."""
 
 
 class SensedErrors:
-    """The latest errors of the sensors that a pass may use; those of a sensor that nothing registered are counted."""
+    """The latest errors that a pass may use, and how many came from an unknown sensor."""
 
     def __init__(self) -> None:
         self._errors: deque[PointingError] = deque(maxlen=KEPT_ERRORS)
@@ -36,7 +39,7 @@ class SensedErrors:
         self.unknown, self.last_unknown = 0, ""
 
     def restart(self, choice: str) -> None:
-        """Forget the errors of the last pass; `choice` is the sensor of the new one, in the state table's words."""
+        """Begin a pass with `choice`, a sensor in the state table's words."""
         self._errors.clear()
         self._accepted = frozenset(name for traits in sensors_of(choice) for name in (traits.name, *traits.level_from))
 
@@ -44,14 +47,16 @@ class SensedErrors:
         """Note what a sensor measured; only those that the pass may use count."""
         if error.sensor in self._accepted:
             self._errors.append(error)
+        # A tracker that nobody registered is a mistake of the configuration: it must be seen.
         elif error.sensor not in SENSORS:
             self.unknown, self.last_unknown = self.unknown + 1, error.sensor
 
     def awaited(self, t_s: float, mode: str, period_s: float, oldest_s: float) -> bool:
-        """Whether a sensor that reports every period has not reported yet what the period at `t_s` should use."""
+        """Whether a sensor that reports every period is late with what `t_s` should use."""
         last_s = {error.sensor: error.t_s for error in self._errors}
         tracking = SENSORS.get(mode)
-        # While the beam is scanned for one sensor, what the others report does not matter to this period.
+        # While the beam is scanned for one sensor, what the others report does not matter to this
+        # period.
         waited = [tracking] if tracking and tracking.scans else [t for t in SENSORS.values() if not t.scans]
         return any(
             traits.every_period and 2.0 * period_s <= t_s - last_s.get(traits.name, -math.inf) < oldest_s
@@ -59,11 +64,13 @@ class SensedErrors:
         )
 
     def usable(self, t_s: float, period_s: float, oldest_s: float) -> list[PointingError]:
-        """Return the errors that are about the time before the last period, the newest first, none older than `oldest_s`.
+        """Return the errors about the time before the last period, the newest first.
 
-        One about the period that ends now may have arrived already, or not: it belongs to the next period in any case.
+        One about the period that ends now may have arrived already, or not: it belongs to the next
+        period in any case.
         """
         newest_t_s = t_s - LEAST_AGE_PERIODS * period_s
+        # Too young errors wait: on another machine they would have come a moment later.
         return [error for error in reversed(self._errors) if t_s - oldest_s <= error.t_s <= newest_t_s]
 
 
@@ -74,7 +81,7 @@ def newest(errors: list[PointingError], mode: str) -> PointingError | None:
 
 
 def valid_sensors(errors: list[PointingError]) -> frozenset[str]:
-    """Return the sensors whose newest estimate may be used; one that scans may until its first estimate."""
+    """Return the sensors whose newest estimate may be used; a scan may until its first."""
     latest = {error.sensor: error for error in reversed(errors)}
     found = []
     for name, traits in SENSORS.items():
@@ -86,7 +93,7 @@ def valid_sensors(errors: list[PointingError]) -> frozenset[str]:
 
 
 class CarrierWatch:
-    """Compares the carrier with the link; `faults` false locks of the pass so far, `last_fault` in words."""
+    """Compares the carrier with the link; `faults` counts the false locks of the pass."""
 
     def __init__(self, watch: LockWatchParams, link: LinkParams) -> None:
         self._watch, self._link = LockWatch(watch), link
@@ -107,7 +114,7 @@ class CarrierWatch:
         return link_level_db_hz(self._link, range_m)
 
     def require_level(self, window: Pass, sensor: str, thresholds: AutotrackParams) -> None:
-        """Refuse a sensor whose C/N0 threshold the carrier of a pass never reaches, even with the beam on the target.
+        """Refuse a sensor whose C/N0 threshold a pass never reaches, even on the beam's axis.
 
         A pass that does not say how near it comes is not refused.
         """
@@ -126,8 +133,10 @@ class CarrierWatch:
     def false_lock(self, error: PointingError, beam_rad: Array, range_m: float, faint_db_hz: float) -> str:
         """Return why an error must not be followed, empty while it may.
 
-        `beam_rad` (2,) is how far the beam was from the prediction then; below `faint_db_hz` nothing is judged.
+        `beam_rad` (2,) is how far the beam was from the prediction then; below `faint_db_hz`
+        nothing is judged.
         """
+        # In noise every response is as likely as any other.
         if error.carrier_to_noise_db_hz < faint_db_hz or error.t_s <= self._watched_s:
             return ""
         self._watched_s = error.t_s
@@ -144,7 +153,7 @@ def link_level_db_hz(link: LinkParams, range_m: float) -> float:
 
 @dataclass
 class PassStatistics:
-    """How long a sensor held the target, and its errors; sums over the periods from acquisition to loss of signal."""
+    """How long a sensor held the target, and its errors, from acquisition to loss of signal."""
 
     tracked_s: float = 0.0
     lost_s: float = 0.0
@@ -159,7 +168,8 @@ class PassStatistics:
         if not risen:
             return
         sensor = SENSORS.get(mode)
-        # A scan goes on through an invalid estimate; a continuous sensor without a valid error holds nothing.
+        # A scan goes on through an invalid estimate; a continuous sensor without a valid error
+        # holds nothing.
         held = sensor is not None and (sensor.scans or (error is not None and error.valid))
         if mode == Mode.PROGRAM_TRACK:
             self.tracked_s += period_s
@@ -181,7 +191,7 @@ class PassStatistics:
 
     @property
     def rms_rad(self) -> tuple[float, float]:
-        """Root mean square of the sensed errors, cross-elevation and elevation; zero without any."""
+        """RMS of the sensed errors, cross-elevation and elevation; zero without any."""
         count = max(self.samples, 1)
         return math.sqrt(self.square_cross_elevation_rad2 / count), math.sqrt(self.square_elevation_rad2 / count)
 
@@ -212,6 +222,7 @@ class TrackingMode:
     def retune(self, params: AutotrackParams, timing: PointingParams) -> None:
         """Use new thresholds and times from the next period on; the sensor of the pass stays."""
         self.params, self.timing = params, timing
+        # The sensor was chosen with the pass; a changed default is for the next one.
         self._table = Autotrack(params.replace(sensor=self.sensor))
 
     def restart(self, t_s: float, sensor: str) -> None:
@@ -227,7 +238,8 @@ class TrackingMode:
         self.state = AutotrackState(entered_s=t_s, reason=reason)
 
     def calibrate(self) -> str:
-        """Request a calibration scan of the monopulse feed; return why not, "" when it will begin."""
+        """Request a calibration scan of the feed; return why not, "" when it will begin."""
+        # The scan is of the monopulse feed: step-track has no use for it.
         automatic = [traits.name for traits in SENSORS.values() if traits.automatic]
         if self.state.mode not in (*automatic, Mode.PROGRAM_TRACK, Mode.COAST):
             return f"the mode is {self.state.mode}: a calibration needs a target that is tracked"
@@ -237,7 +249,7 @@ class TrackingMode:
         return ""
 
     def awaits_error(self, t_s: float) -> bool:
-        """Whether a sensor that reports every period has not reported yet what the period at `t_s` should use."""
+        """Whether a sensor that reports every period is late with what `t_s` should use."""
         return self.errors.awaited(t_s, self.state.mode, self.timing.period_s, self.timing.error_age_s)
 
     def usable_errors(self, t_s: float) -> list[PointingError]:
@@ -253,7 +265,8 @@ class TrackingMode:
     ) -> None:
         """Decide the mode of the period at `t_s` from its usable errors and the motion.
 
-        `arriving`: the beam is still on its way to where the last mode began; `ended`: the pass is over.
+        `arriving`: the beam is still on its way to where the last mode began; `ended`: the pass is
+        over.
         """
         error, before = newest(errors, self.state.mode), self.state
         request = Request.CALIBRATE if self._calibrating else Request.TRACK
@@ -270,6 +283,7 @@ class TrackingMode:
         )
         self.state = self._table.step(before, inputs)
         if self.state.mode != before.mode:
+            # Errors of another mode say nothing about this lock.
             self._carrier.forget()
             self._calibrating = self._calibrating and self.state.mode != Mode.CALIBRATE
 

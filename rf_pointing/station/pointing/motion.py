@@ -2,8 +2,9 @@
 
     axis angles = model(target) + corrections + scan + lead of what is added
 
-The prediction goes through the bias model (`prediction.py`).  What is added to it on the sky (`corrections.py`) moves
-quickly; the lags of the mount that it would meet are led (`CorrectionLag`).
+The prediction goes through the bias model (`prediction.py`).  What is added to it on the sky
+(`corrections.py`) moves quickly; the lags of the mount that it would meet are led
+(`CorrectionLag`).
 """
 
 import math
@@ -27,12 +28,13 @@ Array = NDArray[np.float64]
 
 
 class CorrectionLag:
-    """Leads what the mount's lags make of corrections: the beam lags behind an offset as it does behind the target.
+    """Leads the mount's lags: the beam lags behind an offset as it does behind the target.
 
-    For the target's own motion the prediction contains the lags.  An offset o that the loop or a search adds is commanded
-    as o + lag(o), with the history of its own rates.  Without that the beam is off by up to a fifth of o for a lag of
-    1.9 s and T = 5 s, and swings for half a minute.  The encoders are read against the prediction with lag(o) in it.  The
-    rates are averaged over T, so that no quick correction shakes the antenna; T = 0 leads nothing.
+    For the target's own motion the prediction contains the lags.  An offset o that the loop or a
+    search adds is commanded as o + lag(o), with the history of its own rates.  Without that the
+    beam is off by up to a fifth of o for a lag of 1.9 s and T = 5 s, and swings for half a minute.
+    The encoders are read against the prediction with lag(o) in it.  The rates are averaged over T,
+    so that no quick correction shakes the antenna; T = 0 leads nothing.
     """
 
     def __init__(self, averaging_s: float) -> None:
@@ -50,9 +52,10 @@ class CorrectionLag:
         self._averaging_s, self._model = averaging_s, None
 
     def lead(self, times: Array, rate_rad_s: Array, model: BiasModel) -> Motion:
-        """Return what to add (n, 2) to the axes' motion for offsets that move at these rates (n, 2) at `times` (n,).
+        """Return what to add to the axes for offsets that move at these rates, both (n, 2).
 
-        The rate at the first time is what will be commanded then; the others may change with the next call.
+        The rate at the first time is what will be commanded then; the others may change with the
+        next call.
         """
         if model is not self._model:
             lagging = self._averaging_s > 0.0 and model.has_lags
@@ -71,9 +74,11 @@ class MotionSnapshot:
 
     Attributes
     ----------
-    target_available, on_target : whether there is motion to command, and whether the slew to it is over.
+    target_available, on_target : whether there is motion to command, and whether the slew to it is
+        over.
     range_m : distance of the target now in m, None while its motion is not known.
-    beam_rad : where the beam was from the prediction when the newest error was measured (2,), None where not known.
+    beam_rad : where the beam was from the prediction when the newest error was measured (2,), None
+        where not known.
     error_range_m : distance of the target at that time, m.
     """
 
@@ -85,7 +90,7 @@ class MotionSnapshot:
 
 
 class CommandedMotion:
-    """The trajectories of one pass; `model` is the bias model in force, `axes` where the axes were last, if it is known."""
+    """The trajectories of one pass; `axes` is the latest encoder reading."""
 
     def __init__(self, params: PointingParams, plan: PassPlan, corrections: PointingCorrections) -> None:
         self.params = params
@@ -126,12 +131,13 @@ class CommandedMotion:
         self._path.take_axes(reading, self.model)
 
     def snapshot(self, t_s: float, window: Pass, error_t_s: float | None) -> MotionSnapshot:
-        """Return what the state table must know at `t_s`; `error_t_s` is the time of the newest error."""
+        """Return what the state table must know; `error_t_s` is the time of the newest error."""
         beam = None if error_t_s is None else self.beam.offset(error_t_s)
         ahead = self.targets.covers(t_s, t_s + self.params.horizon_s)
         known = ahead or self.targets.covers(t_s, t_s)
         ranges = (None, None)
-        # Before the first sample of the target no distance is known, and nothing to compare the beam with.
+        # Before the first sample of the target no distance is known, and nothing to compare the
+        # beam with.
         if math.isfinite(self.targets.known_until_s):
             ranges = self.targets.range_m([t_s, t_s if error_t_s is None else error_t_s]).tolist()
         return MotionSnapshot(
@@ -144,7 +150,7 @@ class CommandedMotion:
         )
 
     def _on_target(self, t_s: float, window: Pass) -> bool:
-        """Whether the slew to the pass is over: the axes are within the tolerance of the command."""
+        """Whether the slew is over: the axes are within the tolerance of the command."""
         centre = self._centre.get(_key(t_s))
         if t_s < window.aos_t_s or centre is None or self._direct is None:
             return False
@@ -153,11 +159,11 @@ class CommandedMotion:
         return float(np.max(np.abs(apart))) < self.params.on_target_rad
 
     def centre_rad(self, t_s: float) -> Array:
-        """Return the commanded direct angles (2,) at `t_s` without the scan, zero where that is not known."""
+        """Return the commanded direct angles (2,) without the scan, zero if not known."""
         return self._centre.get(_key(t_s), np.zeros(2))
 
     def sky_rad(self, t_s: float, window: Pass | None, correction_rad: Array) -> Array:
-        """Return the commanded apparent direction (2,) at `t_s`: the pass's start before it, the last one after it.
+        """Return the commanded apparent direction (2,); before the pass it is its start.
 
         `correction_rad` (2,) is what is added to the prediction then.
         """
@@ -168,11 +174,12 @@ class CommandedMotion:
         return self._last_sky
 
     def follow(self, t_s: float, window: Pass, turns_rad: float, kind: str) -> tuple[JointTrajectory | None, str]:
-        """Return the trajectory issued at `t_s`, or None and why the safety gate refuses this kind of motion."""
+        """Return the trajectory issued at `t_s`, or None and why the safety gate refuses it."""
         params, plan = self.params, self._plan
         count = round((params.horizon_s - params.transport_s) / params.period_s) + 1
-        # On whole microseconds, as on the wire: one instant is one number in every trajectory that has it.  Else the old
-        # point would stay a rounding error before the new one, and the axes would follow it to the end.
+        # On whole microseconds, as on the wire: one instant is one number in every trajectory that
+        # has it.  Else the old point would stay a rounding error before the new one, and the axes
+        # would follow it to the end.
         times = np.round(t_s + params.transport_s + params.period_s * np.arange(count, dtype=np.float64), 6)
         near_rad = 0.5 * (window.azimuth_min_rad + window.azimuth_max_rad) + turns_rad
         try:
@@ -187,6 +194,7 @@ class CommandedMotion:
             centre, added_rates = self._corrected(times, predicted)
         scanned = self._corrections.add_scan(times, centre)
         lead = self._lag.lead(times, added_rates + scanned.velocity - centre.velocity, self.model)
+        # The encoders are compared with what was commanded, lead included.
         self._note_centre(t_s, float(times[0]), centre.position[0] + lead.position[0])
         self.beam.take_centre(float(times[0]), predicted.position[0] + lead.position[0])
         position, velocity, acceleration = scanned
@@ -210,6 +218,7 @@ class CommandedMotion:
         rate = self.axes.velocity_rad_s
         present = self.axes.position_rad + (t_s - self.axes.t_s) * rate
         position = present + rate * np.abs(rate) / (2.0 * self.params.stop_deceleration_rad_s2)
+        # One point at rest: the antenna stops by its own limits on the way there.
         still = np.zeros((1, 2))
         times = np.array([t_s + self.params.transport_s])
         return JointTrajectory(
@@ -224,7 +233,7 @@ class CommandedMotion:
         return waiting._replace(position=np.tile(next_rad, (count, 1)))
 
     def _corrected(self, times: Array, predicted: Motion) -> tuple[Motion, Array]:
-        """Return the motion with the corrections, carried through a crossing, and the rates (n, 2) that they add."""
+        """Return the motion with the corrections, and the rates (n, 2) that they add."""
         course, range_m = self._plan.course, self.targets.range_m(times)
         if not course.direct:
             self._corrections.turn_over(course.plunge_at(float(times[0])))
@@ -237,7 +246,7 @@ class CommandedMotion:
         return corrected, added_rates
 
     def _note_centre(self, t_s: float, first_s: float, centre: Array) -> None:
-        """Note where the axes are to be at `first_s`; what was noted for times before `t_s` is forgotten."""
+        """Note where the axes must be at `first_s`; forget times before `t_s`."""
         self._centre = {**{key: at for key, at in self._centre.items() if key >= _key(t_s)}, _key(first_s): centre}
 
 

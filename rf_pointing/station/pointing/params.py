@@ -1,6 +1,7 @@
-"""The parameters of the pointing controller: its timing and tolerances, and the tree of all its sets.
+"""Parameters of the pointing controller: timing, tolerances, and the tree of all its sets.
 
-The names of the tree's fields are the prefixes of the ROS parameters and the keys of the YAML files.
+The names of the tree's fields are the prefixes of the ROS parameters and the keys of the YAML
+files.
 """
 
 import dataclasses
@@ -42,10 +43,12 @@ class PointingParams(Params):
     )
 
     def check_together(self) -> None:
-        """Refuse a horizon that ends before the next trajectory can take over, and first points off the grid of periods.
+        """Refuse a horizon that ends too early, and first points off the grid of periods.
 
-        On the grid, the first point of one period is the direction that the axes are compared with at a later one.
+        On the grid, the first point of one period is the direction that the axes are compared with
+        at a later one.
         """
+        # Off the grid the axes would be compared with a direction that was never commanded.
         periods = self.transport_s / self.period_s
         if round(periods) < 1 or abs(periods - round(periods)) > 1e-6:
             raise ValueError(f"transport_s={self.transport_s} must be a whole number of period_s={self.period_s}")
@@ -63,11 +66,11 @@ class ControllerParams(Params):
     limits: AxisLimits = parameter(AxisLimits(), "travel of the axes")
     autotrack: AutotrackParams = parameter(AutotrackParams(), "thresholds and times of the state table")
     integrator: TrackerIntegratorParams = parameter(TrackerIntegratorParams(), "tracking loop")
-    spiral: SpiralParams = parameter(SpiralParams(), "search")
+    spiral: SpiralParams = parameter(SpiralParams(), "search pattern")
     conscan: ConscanParams = parameter(ConscanParams(), "conical scan")
     machine: MachineParams = parameter(MachineParams(), "what the axes can do, for the certificate")
     mask: HorizonMask = parameter(HorizonMask(), "horizon of the site")
-    steptrack: StepTrackParams = parameter(StepTrackParams(), "step-track")
+    steptrack: StepTrackParams = parameter(StepTrackParams(), "steps of step-track")
     calibration: MonopulseScanParams = parameter(MonopulseScanParams(), "calibration scan of the feed")
     trim: TrimParams = parameter(TrimParams(), "filter of the ephemeris error")
     watch: LockWatchParams = parameter(LockWatchParams(), "watch on the monopulse lock")

@@ -1,4 +1,4 @@
-"""The plan of the pass in hand: its certificate, the branch that was chosen, and the slew to its start."""
+"""The plan of the pass in hand: certificate, chosen branch, and the slew to its start."""
 
 import math
 
@@ -32,12 +32,13 @@ from rf_pointing.tracking.sensors import sensors_of
 __all__ = ["PassPlan"]
 
 Array = NDArray[np.float64]
+# Times of a pass and of its profile differ by less: they may have been computed from other
+# elements.
 SAME_PASS_S = 30.0
-"""Times of a pass and of its profile differ by less: they may have been computed from other elements."""
+# More than the Sun's parallax and refraction, less than what any other station would give.
 SAME_SUN_RAD = math.radians(0.5)
-"""More than the Sun's parallax and refraction, less than what any other station would give."""
+# How far another bias model must move the start of a pass before the slew to it is planned again.
 NEW_GOAL_RAD = math.radians(0.1)
-"""How far another bias model must move the start of a pass before the slew to it is planned again."""
 
 
 class PassPlan:
@@ -83,6 +84,7 @@ class PassPlan:
         ValueError
             When no branch works, with the numbers.
         """
+        # A certificate that is refused must not leave the branch of the last pass.
         self.clear()
         self.certificate = None
         profile = self._profile_of(window)
@@ -101,13 +103,14 @@ class PassPlan:
         try:
             self.approach(t_s, joints, np.array(self.branch.start_rad))
         except ValueError:
+            # No slew to its start: the branch is as good as none.
             self.branch = None
             raise
         self.course = TrackingBranch(self.branch)
         return True
 
     def approach(self, t_s: float, axes: JointReading, goal_rad: Array) -> Array | None:
-        """Return the corner (2,) by which to go to a goal, None when the straight slew is free; both are encoder angles.
+        """Return the corner (2,) of the slew to a goal, None for a straight one; encoder angles.
 
         Raises
         ------
@@ -115,6 +118,7 @@ class PassPlan:
             When the safety gate finds no slew, with its reason.
         """
         azimuth, elevation = axes.position_rad.tolist()
+        # Planned once, not every period: the path remembers which corners are behind it.
         if not float(np.max(np.abs(goal_rad - self._goal))) <= NEW_GOAL_RAD:
             goal = (float(goal_rad[0]), float(goal_rad[1]))
             kind = motion_between((azimuth, elevation), goal)
@@ -126,7 +130,7 @@ class PassPlan:
         return None if corner is None else np.array(corner)
 
     def to_start(self, t_s: float, axes: JointReading | None, start_rad: Array) -> Array:
-        """Return where to go now (2,) on the slew to the start of the pass, in direct angles; errors as of `approach`."""
+        """Return the next corner (2,) on the slew to the pass, in direct angles."""
         if axes is None:
             return start_rad
         still = np.zeros(2)
@@ -137,13 +141,13 @@ class PassPlan:
         return unplunged(corner, still, still)[0] if plunge else corner
 
     def model_motion(self, t_s: float, sky: Motion, model: BiasModel) -> Motion:
-        """Return the direct angles that hold the beam on `sky` (n, 2) at `t_s`; the model acts on the encoders' angles."""
+        """Return the direct angles that hold the beam on `sky` (n, 2) at `t_s`."""
         plunge = self.course.plunge_at(t_s)
         motion = axis_motion(sky, model, plunge=plunge)
         return Motion(*unplunged(*motion)) if plunge else motion
 
     def _check_sun(self, profile: PassProfile) -> None:
-        """Refuse a pass that was predicted for another station than the one whose Sun is kept clear of."""
+        """Refuse a pass that was predicted for a station under another Sun."""
         here = self.sun.at(float(profile.t_s[0]))
         if here is None or self._gate_params.sun_radius_rad == 0.0:
             return

@@ -1,12 +1,12 @@
-"""The axis motion that holds the beam on the target, ahead of time: the target's coming motion through the bias model.
+"""The axis motion that holds the beam on the target, predicted through the bias model.
 
-The target's motion is collected from messages that arrive ahead of time (`TargetBuffer`).  The exact bias model costs
-the same for one instant as for twenty, so `Prediction` computes a block of coming instants at once and keeps it until
-it is used up or something changes.
+The target's motion is collected from messages that arrive ahead of time (`TargetBuffer`).  The
+exact bias model costs the same for one instant as for twenty, so `Prediction` computes a block of
+coming instants at once and keeps it until it is used up or something changes.
 
-Where the branch of a pass leaves the target, the beam's motion is the branch's.  The lags of the mount are those of the
-motion that the beam has really made since the axes began to move (`calibration.LagHistory`), or with
-`lag_averaging_s` = 0 those of the target's momentary one.
+Where the branch of a pass leaves the target, the beam's motion is the branch's.  The lags of the
+mount are those of the motion that the beam has really made since the axes began to move
+(`calibration.LagHistory`), or with `lag_averaging_s` = 0 those of the target's momentary one.
 """
 
 import bisect
@@ -22,19 +22,21 @@ from rf_pointing.core import JointReading, Motion, Quintic, Target, nearest_turn
 from rf_pointing.planning import plunged
 from rf_pointing.station.pointing.branch import TrackingBranch
 
-__all__ = ["Plan", "Prediction", "StandingPlan", "TargetBuffer", "axis_motion"]
+__all__ = ["Plan", "Prediction", "TargetBuffer", "axis_motion"]
 
 Array = NDArray[np.float64]
+# Samples of the target farther apart than this are not joined: a quintic over them would be a
+# guess.
 LARGEST_GAP_S = 2.5
-"""Samples of the target farther apart than this are not joined: a quintic over them would be a guess."""
 KEPT_S = 5.0
 RIM_RAD = math.radians(85.0)
+# Shorter than what a crossing holds on either side of the instant at which the dish goes over the
+# top.
 LONGEST_BLOCK_S = 2.0
-"""Shorter than what a crossing holds on either side of the instant at which the dish goes over the top."""
 
 
 class TargetBuffer:
-    """Holds the samples of one target; between two of them the motion is the quintic through both."""
+    """Holds the samples of one target, joined by quintics."""
 
     def __init__(self) -> None:
         self._times: list[float] = []
@@ -49,6 +51,7 @@ class TargetBuffer:
 
     def add(self, target: Target) -> None:
         """Take one sample; a later one for the same time replaces the earlier."""
+        # On the turn of the sample before: a step of 2 pi would be a slew.
         azimuth = target.azimuth_rad
         if self._motions:
             azimuth = nearest_turn_rad(azimuth, float(self._motions[-1].position[0]))
@@ -57,6 +60,7 @@ class TargetBuffer:
             np.array([target.azimuth_rate_rad_s, target.elevation_rate_rad_s]),
             np.array([target.azimuth_acceleration_rad_s2, target.elevation_acceleration_rad_s2]),
         )
+        # Messages may overtake each other.
         place = bisect.bisect_left(self._times, target.t_s - 1e-6)
         if place < len(self._times) and abs(self._times[place] - target.t_s) <= 1e-6:
             self._motions[place], self._ranges[place] = motion, target.range_m
@@ -82,12 +86,12 @@ class TargetBuffer:
         return all(b - a <= LARGEST_GAP_S for a, b in itertools.pairwise(inside))
 
     def at(self, t_s: ArrayLike) -> Motion:
-        """Return azimuth and elevation motion (n, 2) at the times (n,), all of which must be covered."""
+        """Return the motion (n, 2) at the times (n,), all of which must be covered."""
         rows = [self._one(float(t)) for t in np.atleast_1d(np.asarray(t_s, dtype=np.float64))]
         return Motion(*(np.array([row[part] for row in rows]) for part in range(3)))
 
     def range_m(self, t_s: ArrayLike) -> Array:
-        """Return the distance of the target at the times (n,), linear between samples, the nearest one outside."""
+        """Return the distances (n,), linear between samples, the nearest one outside."""
         return np.asarray(np.interp(np.asarray(t_s, dtype=np.float64), self._times, self._ranges))
 
     def _one(self, t_s: float) -> Motion:
@@ -103,7 +107,8 @@ class TargetBuffer:
 def axis_motion(sky: Motion, model: BiasModel, *, plunge: bool = False) -> Motion:
     """Return the motion (n, 2) of the axes that holds the beam on `sky` (n, 2), azimuth continuous.
 
-    In the exclusion cone about the mount's zenith the model has no solution: its correction at the rim is kept.
+    In the exclusion cone about the mount's zenith the model has no solution: its correction at the
+    rim is kept.
     """
     motion = Motion(*plunged(*sky)) if plunge else sky
     try:
@@ -118,7 +123,7 @@ def axis_motion(sky: Motion, model: BiasModel, *, plunge: bool = False) -> Motio
 
 
 class Plan(Protocol):
-    """How the pass is tracked: the course of its branch, and how a motion on the sky becomes one of the axes there."""
+    """How the pass is tracked: its branch, and how sky motion becomes axis motion."""
 
     course: TrackingBranch
 
@@ -126,22 +131,11 @@ class Plan(Protocol):
         """Return the direct axis angles that hold the beam on `sky` (n, 2)."""
 
 
-class StandingPlan:
-    """Direct, without a crossing."""
-
-    def __init__(self) -> None:
-        self.course = TrackingBranch()
-
-    def model_motion(self, _t_s: float, sky: Motion, model: BiasModel) -> Motion:
-        """Return the motion through the model."""
-        return axis_motion(sky, model)
-
-
 class Prediction:
-    """Axis motion (n, 2) at instants `period_s` apart, azimuth on the turn next to `near_azimuth_rad`."""
+    """Axis motion (n, 2) every `period_s`, on the turn next to `near_azimuth_rad`."""
 
-    def __init__(self, period_s: float, plan: Plan | None = None, lag_averaging_s: float = 0.0) -> None:
-        self._period_s, self._plan = period_s, plan or StandingPlan()
+    def __init__(self, period_s: float, plan: Plan, lag_averaging_s: float = 0.0) -> None:
+        self._period_s, self._plan = period_s, plan
         self.lag_averaging_s = lag_averaging_s
         self._known: dict[int, Array] = {}
         self._lagging: dict[int, LagState] = {}
@@ -160,21 +154,22 @@ class Prediction:
         self._before = None
 
     def take_axes(self, reading: JointReading, model: BiasModel) -> None:
-        """Note how the axes move on their way to the start: what is left of their lags there is not the target's."""
+        """Note how the axes slew to the start: their lags go on into the pass."""
+        # Only until the first block: then the axes follow the prediction.
         fresh = self._before is None or reading.t_s > self._before.t_s
         if self.lag_averaging_s > 0.0 and model.has_lags and not self._lagging and fresh:
             history = LagHistory(model, self.lag_averaging_s)
             self._before = history.dragged(reading.t_s, reading.velocity_rad_s, self._before)
 
     def waiting(self, count: int, t_s: float, sky_rad: Array, model: BiasModel, near_azimuth_rad: float) -> Motion:
-        """Return the motion of waiting where the target will rise, at apparent `sky_rad` (2,), for `count` instants."""
+        """Return the motion of waiting for `count` instants where the target will rise (2,)."""
         if self._start is None:
             still = np.zeros((1, 2))
             self._start = self._held(t_s, Motion(sky_rad[None, :], still, still), model, near_azimuth_rad)
         return Motion(*(np.tile(part, (count, 1)) for part in self._start))
 
     def at(self, times: Array, targets: TargetBuffer, model: BiasModel, near_azimuth_rad: float) -> Motion:
-        """Return the motion at `times` (n,); what lies beyond is computed too, as far as the target is known."""
+        """Return the motion at `times` (n,), computed as far ahead as the target is known."""
         keys = [_key(t) for t in times]
         if any(key not in self._known for key in keys):
             self._compute(times, targets, model, near_azimuth_rad)
@@ -195,11 +190,10 @@ class Prediction:
         self._known = {_key(t): row for t, row in zip(block, rows, strict=True)}
 
     def _with_lags(self, block: Array, beam: Motion, moving: Motion, model: BiasModel) -> Motion:
-        """Return the axes that hold a beam whose rates are those of `moving`, with the lags of all that it has done before.
-
-        The lags act in the angles of the axes, which over the top run the other way.
-        """
+        """Return the axes (n, 2) that hold a beam, with the lags of its motion so far."""
+        # The lags act in the angles of the axes, which over the top run the other way.
         signs = self._plan.course.signs(block)
+        # From the state at the block's start, or where the last block was left, or from the slew.
         earlier = [state for key, state in self._lagging.items() if key <= _key(block[0])]
         before = earlier[-1] if earlier else self._before if not self._lagging else None
         history = LagHistory(model, self.lag_averaging_s)
@@ -208,7 +202,7 @@ class Prediction:
         return Motion(*(part + signs * lag for part, lag in zip(beam, lags, strict=True)))
 
     def _held(self, t_s: float, sky: Motion, model: BiasModel, near_azimuth_rad: float) -> Motion:
-        """Return the axis motion (n, 2) that holds the beam on apparent directions, on the turn next to an azimuth."""
+        """Return the axis motion (n, 2) for apparent directions, on the turn next to an azimuth."""
         position, velocity, acceleration = self._plan.model_motion(t_s, sky, model)
         first = float(position[0, 0])
         near = nearest_turn_rad(first, near_azimuth_rad + self._plan.course.turned_rad(t_s))

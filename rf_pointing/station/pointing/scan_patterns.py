@@ -1,7 +1,8 @@
-"""The motions that are added to look for more: search, conical scan, step-track, the circles of a calibration and of a probe.
+"""Motions added to look for more: search, scans of the sensors, calibration and probe circles.
 
-A search covers three standard deviations of what the filter knows of the ephemeris.  A spiral does, unless it would take
-too long and the target is far likelier early or late than beside its track: then the track is swept in strips.
+A search covers three standard deviations of what the filter knows of the ephemeris.  A spiral does,
+unless it would take too long and the target is far likelier early or late than off its track:
+then the track is swept in strips.
 """
 
 import math
@@ -12,30 +13,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.core import Mode
-from rf_pointing.tracking import (
-    SkyMotion,
-    SpiralParams,
-    SpiralSearch,
-    StripSearch,
-    TrimFilter,
-    direction_rows,
-)
+from rf_pointing.tracking import SkyMotion, SpiralParams, SpiralSearch, StripSearch, TrimFilter, direction_rows
 from rf_pointing.tracking.scan import Pattern, Scan, ScanParams
 from rf_pointing.tracking.sensors import SENSORS
 
 __all__ = ["ScanPatterns", "Scans"]
 
 Array = NDArray[np.float64]
+# A longer spiral would cost more of a pass than strips along the track.
 LONGEST_SPIRAL_S = 30.0
+# However sure the filter is: the target was not there.
 LEAST_SIGMA_BEAMWIDTHS = 0.25
+# Speed on the sky below which there is no track to search along.
 SLOWEST_RAD_S = 1e-5
-"""Speed on the sky below which there is no track to search along."""
+# Transport, servo and messages, on top of the age of the oldest samples.
 SPARE_S = 2.0
 
 
 @dataclass(frozen=True)
 class Scans:
-    """The search, the scan of every sensor that has one, and the circles of other modes, by mode."""
+    """The search, the scans of the sensors, and the circles of other modes."""
 
     spiral: SpiralParams
     sensors: Mapping[str, Scan]
@@ -45,8 +42,8 @@ class Scans:
     def of(cls, spiral: SpiralParams, calibration: ScanParams, probe: ScanParams | None, sets: object) -> "Scans":
         """Return the scans of all registered sensors.
 
-        A sensor's own is that of its traits, else the parameter set of its name in `sets`.  `probe` is the circle that
-        tests the lock of a watched sensor, None for none.
+        A sensor's own is that of its traits, else the parameter set of its name in `sets`.  `probe`
+        is the circle that tests the lock of a watched sensor, None for none.
         """
         scanning = [traits for traits in SENSORS.values() if traits.scans]
         watched = [traits.name for traits in SENSORS.values() if traits.watched]
@@ -56,7 +53,7 @@ class Scans:
         return cls(spiral, {traits.name: traits.scan or getattr(sets, traits.name) for traits in scanning}, circles)
 
     def age_s(self, sensor: str) -> float:
-        """Return how long before its stamp the samples of an error of this sensor lie, on average."""
+        """Return how long before the stamp of an error its samples lie, on average."""
         return self.sensors[sensor].age_s if sensor in self.sensors else 0.0
 
     @property
@@ -76,7 +73,7 @@ class ScanPatterns:
         self._per_track: tuple[float, float] | None = None
 
     def begin(self, mode: str, start_s: float, known: TrimFilter, sky: SkyMotion | None) -> None:
-        """Begin what `mode` needs, for command times from `start_s` on; `sky` (1,) is the target's motion there."""
+        """Begin what `mode` needs at `start_s`; `sky` (1,) is the target's motion there."""
         self._start_s, self._per_track = start_s, None
         self._pattern = self._search(start_s, known, sky) if mode == Mode.SEARCH else self._fixed(mode)
         self.running = mode if self._pattern is not None else ""
@@ -95,6 +92,7 @@ class ScanPatterns:
         rows = direction_rows(sky)[:, :, :2]
         state = values * np.array([*self._per_track, *self._per_track])
         offset, rate = (np.einsum("nij,nj->ni", rows, part) for part in (state[:, :2], state[:, 2:]))
+        # The track turns while it is searched along.
         if len(times) > 2:
             rate = rate + np.einsum("nij,nj->ni", np.gradient(rows, times, axis=0, edge_order=2), state[:, :2])
         return offset, rate
@@ -113,7 +111,7 @@ class ScanPatterns:
         return self._strips(t_s, known, _first(sky)) or spiral.offset
 
     def _strips(self, t_s: float, known: TrimFilter, sky: SkyMotion) -> Pattern | None:
-        """Return the search along the track, in the filter's own terms: seconds along it and metres beside it."""
+        """Return the search in strips: seconds along the track, metres across it."""
         right, up, range_m = _values(sky)
         speed, params = math.hypot(right, up), self._scans.spiral
         if speed < SLOWEST_RAD_S:

@@ -39,7 +39,7 @@ class TrackingStatus:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AntennaStatus:
-    """State of the drive at `t_s`: mode, fault, what the loops follow, and what became of the commands."""
+    """State of the drive at `t_s`: mode, fault, what the loops follow, counts of commands."""
 
     t_s: float
     mode: str

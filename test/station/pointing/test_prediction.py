@@ -14,9 +14,20 @@ from rf_pointing.calibration import BiasModel, without_lags
 from rf_pointing.core import Motion, Target, nearest_turn_rad
 from rf_pointing.ephemeris import Pass, TopocentricTrack
 from rf_pointing.station.antenna.mount import MountParams, RateAverage
+from rf_pointing.station.pointing.branch import TrackingBranch
 from rf_pointing.station.pointing.prediction import KEPT_S, LARGEST_GAP_S, Prediction, TargetBuffer, axis_motion
 
 INTERPOLATION_RAD = 1e-10
+
+
+class StandingPlan:
+    """Direct, without a crossing."""
+
+    def __init__(self) -> None:
+        self.course = TrackingBranch()
+
+    def model_motion(self, _t_s: float, sky: Motion, model: BiasModel) -> Motion:
+        return axis_motion(sky, model)
 
 
 def filled(track: TopocentricTrack, times: np.ndarray) -> TargetBuffer:
@@ -150,7 +161,7 @@ def test_every_period_gets_the_motion_computed_for_its_own_instants(
     track: TopocentricTrack, window: Pass, model: BiasModel
 ) -> None:
     start_s, near_rad = round(window.tca_t_s, 1), math.pi
-    path, buffer = Prediction(PERIOD_S), targets_at(track, start_s, 4.0)
+    path, buffer = Prediction(PERIOD_S, StandingPlan()), targets_at(track, start_s, 4.0)
     for step in range(30):
         times = start_s + PERIOD_S * step + PERIOD_S * np.arange(1, 11)
         got, wanted = path.at(times, buffer, model, near_rad), held(buffer.at(times), model, near_rad)
@@ -171,14 +182,14 @@ def test_the_model_is_applied_to_the_targets_motion(track: TopocentricTrack, win
 def test_the_azimuth_lies_on_the_turn_that_was_asked_for(track: TopocentricTrack, window: Pass, turns: int) -> None:
     t_s = round(window.tca_t_s, 1)
     buffer, near_rad = targets_at(track, t_s, 1.0), 1.0 + 2.0 * math.pi * turns
-    motion = Prediction(PERIOD_S).at(np.array([t_s]), buffer, BiasModel.zero(), near_rad)
+    motion = Prediction(PERIOD_S, StandingPlan()).at(np.array([t_s]), buffer, BiasModel.zero(), near_rad)
     wanted = track.target_at(t_s).azimuth_rad
     assert motion.position[0, 0] == pytest.approx(wanted + 2.0 * math.pi * turns, abs=SAME_RAD)
 
 
 def test_after_clear_a_new_model_is_used(track: TopocentricTrack, window: Pass, model: BiasModel) -> None:
     t_s = round(window.tca_t_s, 1)
-    times, path, buffer = np.array([t_s]), Prediction(PERIOD_S), targets_at(track, t_s, 1.0)
+    times, path, buffer = np.array([t_s]), Prediction(PERIOD_S, StandingPlan()), targets_at(track, t_s, 1.0)
     before = path.at(times, buffer, BiasModel.zero(), math.pi)
     assert np.array_equal(path.at(times, buffer, model, math.pi).position, before.position)
     path.clear()
@@ -188,7 +199,9 @@ def test_after_clear_a_new_model_is_used(track: TopocentricTrack, window: Pass, 
 def test_instants_that_are_not_covered_are_refused(track: TopocentricTrack, window: Pass) -> None:
     t_s = round(window.tca_t_s, 1)
     with pytest.raises(ValueError, match="is outside the known motion"):
-        Prediction(PERIOD_S).at(np.array([t_s + 5.0]), targets_at(track, t_s, 1.0), BiasModel.zero(), math.pi)
+        Prediction(PERIOD_S, StandingPlan()).at(
+            np.array([t_s + 5.0]), targets_at(track, t_s, 1.0), BiasModel.zero(), math.pi
+        )
 
 
 def test_lags_are_those_of_a_mount_that_makes_the_same_motion_from_rest(
@@ -196,7 +209,7 @@ def test_lags_are_those_of_a_mount_that_makes_the_same_motion_from_rest(
 ) -> None:
     """The simulated mount's average, stepped a thousand times as finely, fed with the rates that the beam has."""
     start_s, averaging_s, near_rad = round(window.tca_t_s, 1), 0.5, math.pi
-    path, buffer = Prediction(PERIOD_S, lag_averaging_s=averaging_s), targets_at(track, start_s, 4.9)
+    path, buffer = Prediction(PERIOD_S, StandingPlan(), lag_averaging_s=averaging_s), targets_at(track, start_s, 4.9)
     times = np.round(start_s + PERIOD_S * np.arange(1, 46), 6)
     parts = [path.at(times[k : k + 10], buffer, model, near_rad) for k in range(0, 36, 5)]
     got = np.concatenate([part.position[:5] for part in parts])
@@ -222,7 +235,7 @@ def test_a_new_model_in_the_middle_of_a_pass_does_not_start_the_lags_again(
     track: TopocentricTrack, window: Pass, model: BiasModel
 ) -> None:
     start_s, near_rad = round(window.tca_t_s, 1), math.pi
-    path, buffer = Prediction(PERIOD_S, lag_averaging_s=0.1), targets_at(track, start_s, 4.0)
+    path, buffer = Prediction(PERIOD_S, StandingPlan(), lag_averaging_s=0.1), targets_at(track, start_s, 4.0)
     late = np.round(start_s + PERIOD_S * np.arange(1, 30), 6)
     before = path.at(late, buffer, model, near_rad).position[-1]
     path.clear()
