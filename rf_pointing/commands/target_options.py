@@ -1,4 +1,4 @@
-"""The options that name a satellite, a station and a time: the same wherever passes are looked for."""
+"""The options that name a satellite, a station and a time, alike for all commands."""
 
 import argparse
 
@@ -10,7 +10,7 @@ __all__ = ["add_target_options", "source_of", "start_of"]
 
 
 def add_target_options(parser: argparse.ArgumentParser) -> None:
-    """Add --elements, --interpolation, --satellite, --station, --start and --mask to a command line."""
+    """Add --elements, --interpolation, --satellite, --station, --start and --mask."""
     parser.add_argument("--elements", metavar="FILE", default="", help="elements (default: verification set of sgp4)")
     parser.add_argument("--interpolation", nargs=2, metavar=("METHOD", "DEGREE"), default=("", "7"), help="HERMITE, LAGRANGE "
                         "or LINEAR, for an OEM that declares none")  # fmt: skip
