@@ -1,4 +1,4 @@
-"""Executable `identify_antenna`: shake the running antenna axis by axis; leave models, pictures, errors.
+"""Executable `identify_antenna`: shake the antenna axis by axis; leave models and pictures.
 
 Needs an active antenna that is holding (action `identify`, topic manual_rate); with --simulated it
 starts one of its own.  Exit code 0: models were made; 1: the experiment ended early or the data do
@@ -86,7 +86,7 @@ def excitation(options: argparse.Namespace) -> ExcitationParams:
 
 
 class Experimenter:
-    """Sends the goals and collects the samples; brings up a simulated antenna where asked."""
+    """Sends the goals and collects the samples; brings up a simulated antenna where one is wanted."""
 
     def __init__(self, options: argparse.Namespace, params: ExcitationParams, output: Path) -> None:
         self._options, self._params, self._output = options, params, output

@@ -1,7 +1,7 @@
-"""Executable `plan_passes`: the coming passes of a satellite with their certificates, or of many satellites.
+"""Executable `plan_passes`: the coming passes of one satellite, or of many.
 
-One satellite: every pass with its certificate, printed, drawn, or as JSON.  Many (`--satellites`, or
-`--all` of the elements): a table of rise, closest approach and set.  No graph is needed.
+One satellite: every pass with its certificate, printed, drawn, or as JSON.  Many (`--satellites`,
+or `--all` of the elements): a table of rise, closest approach and set.  No graph is needed.
 """
 
 import argparse
@@ -97,7 +97,7 @@ def plan(options: argparse.Namespace) -> tuple[list[PlannedPass], PlanningRules]
 
 
 def plan_many(options: argparse.Namespace) -> None:
-    """Print the passes of many satellites as a table or JSON; what could not be searched goes to stderr."""
+    """Print the passes of many satellites as a table or JSON; what was not searched to stderr."""
     try:
         found = search(options)
     except ValueError as error:
@@ -154,7 +154,7 @@ def show_table(found: CatalogueSearch) -> None:
 
 
 def pass_values(item: PlannedPass) -> dict[str, Any]:
-    """Return one pass as names and plain values: times in UTC, angles in degrees, azimuths continuous from AOS."""
+    """Return one pass as plain values: UTC, degrees, azimuths continuous from AOS."""
     window, values = item.window, dataclasses.asdict(item.window)
     times = {f"{name}_utc": utc_text(values.pop(f"{name}_t_s")) for name in ("aos", "tca", "los")}
     sky = dict(to_degrees(name, value) for name, value in values.items())

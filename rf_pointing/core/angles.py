@@ -57,6 +57,7 @@ def cosine_slopes(direction: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return ds/d(s_x, s_y) (..., 3, 2) of unit vectors (..., 3) with s_z > 0."""
     slopes = np.zeros((*direction.shape[:-1], 3, 2))
     slopes[..., 0, 0] = slopes[..., 1, 1] = 1.0
+    # From s_z = sqrt(1 - s_x^2 - s_y^2): at the horizon of the array the slope is infinite.
     slopes[..., 2, :] = -direction[..., :2] / direction[..., 2:]
     return slopes
 

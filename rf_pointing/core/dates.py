@@ -73,6 +73,7 @@ def parse_utc(text: str) -> float:
         moment = datetime.fromisoformat(text)
     except ValueError as error:
         raise ValueError(f"start={text!r} must be an ISO time such as 2006-06-27T04:00:00") from error
+    # Without a zone Python would take the computer's own time.
     return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
 
 

@@ -40,6 +40,7 @@ class Quintic:
         if not duration_s > 0.0:
             raise ValueError(f"duration_s={duration_s} must be > 0")
         h = duration_s
+        # Scalars are axes of one, so that one code serves both.
         p0, v0, a0 = (np.atleast_1d(np.asarray(part, dtype=np.float64)) for part in start)
         p1, v1, a1 = (np.atleast_1d(np.asarray(part, dtype=np.float64)) for part in end)
         c3, c4, c5 = quintic_coefficients((p0, v0, a0), (p1, v1, a1), h)

@@ -13,6 +13,7 @@ __all__ = ["random_stream"]
 
 def random_stream(seed: int, name: str) -> np.random.Generator:
     """Return the generator of the noise source `name` in the run with `seed`."""
+    # SeedSequence takes no negative numbers, and says so in words that name no parameter.
     if seed < 0:
         raise ValueError(f"seed={seed} must be >= 0")
     # crc32, not hash(): a string's hash differs from process to process.

@@ -1,6 +1,6 @@
 """Executable `ephemeris_publisher`: where the target will be, and when it passes.
 
-Publishes: target (10 Hz, ahead of time while it is above the mask; direction, rates, range, Doppler,
+Publishes: target (10 Hz, ahead of time while above the mask; direction, rates, range, Doppler,
 light time, refraction and covariance), passes, pass_profiles (latched).
 Service: ~/select_target (rf_pointing_msgs/SelectTarget): choose the satellite and get its passes.
 Parameters: source.* (elements or ephemeris file, object, station; offsets, hold and weather, live,

@@ -1,7 +1,7 @@
-"""The action `identify` of the antenna: runs an experiment in manual-rate mode and publishes its samples.
+"""The action `identify` of the antenna: an experiment in manual-rate mode, with its samples.
 
-One goal at a time.  The end of the experiment, a cancelled goal, a stop and a deactivation all end in
-the same controlled stop.  Publishes: manual_rate (one message per control tick of an experiment).
+One goal at a time.  The end of the experiment, a cancelled goal, a stop and a deactivation all end
+in the same controlled stop.  Publishes: manual_rate (one message per control tick).
 """
 
 from typing import Any
@@ -44,7 +44,7 @@ class IdentificationServer:
         self._samples = self._node.stream(ManualRate, "manual_rate", EXPERIMENT)
 
     def tick(self, t_s: float) -> None:
-        """Publish the sample of this tick; conclude the goal once the experiment ended and the axes rest."""
+        """Publish the sample of this tick; conclude the goal once the axes rest after the end."""
         experiment, goal = self._experiment, self._goal
         if experiment is None or goal is None or self._antenna is None:
             return
@@ -72,7 +72,7 @@ class IdentificationServer:
         return GoalResponse.ACCEPT if self._goal is None and self._antenna is not None else GoalResponse.REJECT
 
     def _on_accepted(self, goal: Any) -> None:
-        """Start the experiment; the goal is executed when it has ended (see `pointing_controller`)."""
+        """Start the experiment; the goal is executed when it has ended."""
         self._published, self._experiment = 0, None
         try:
             experiment = self._made(goal.request)

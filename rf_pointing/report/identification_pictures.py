@@ -1,4 +1,4 @@
-"""Pictures of an identified response: Bode and coherence with the valid frequencies marked, Hankel singular values."""
+"""Pictures of an identified response: Bode, coherence, Hankel singular values."""
 
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ _VALID = "#e8f1e4"
 
 
 def draw_response(path: Path, response: ResponseStudy) -> None:
-    """Save magnitude, phase, coherence and Hankel singular values of one response as PNG at `path`."""
+    """Save magnitude, phase, coherence and Hankel singular values of one response as PNG."""
     measured = response.measured
     shown = measured.frequency_hz > 0.0
     frequency = measured.frequency_hz[shown]

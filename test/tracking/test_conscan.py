@@ -223,7 +223,10 @@ def test_the_last_bits_do_not_decide_whether_the_spin_is_separable_from_the_scan
     for _ in range(20):
         tracker = ConscanTracker(params(estimator="likelihood", spin_periods_s=(32.0,)))
         angles = 2.0 * np.pi * np.arange(1, 33) / 32 * (1.0 + 1e-15 * rng.standard_normal(32))
-        assert run(tracker, angles, 0.0, 0.0).reason == "the spin cannot be told from the scan: spin_periods_s=(32.0,)"
+        assert (
+            run(tracker, angles, 0.0, 0.0).reason
+            == "the spin cannot be separated from the scan: spin_periods_s=(32.0,)"
+        )
 
 
 def test_a_drift_like_the_motion_of_the_beam_is_named() -> None:
