@@ -9,8 +9,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.calibration import taylor
 
-__all__ = ["REFERENCE_TEMPERATURE_K", "Angles", "ArrayAngles", "SeriesAngles"]
-
 Array = NDArray[np.float64]
 
 # Temperature at which the thermal terms vanish (ISA sea level).

@@ -23,8 +23,6 @@ from rf_pointing.calibration.mount import Skew, axes_from_sky, sky_from_axes
 from rf_pointing.calibration.terms import TERM_NAMES, Term, terms_by_name
 from rf_pointing.core import require_between
 
-__all__ = ["BiasModel"]
-
 Array = NDArray[np.float64]
 TaylorPair = tuple[Array, Array]
 

@@ -31,16 +31,6 @@ from rf_pointing.calibration.reference import ReferenceTrack
 from rf_pointing.calibration.terms import terms_by_name
 from rf_pointing.core import Params, parameter, require_between
 
-__all__ = [
-    "Campaign",
-    "CandidatePass",
-    "PassAdvice",
-    "Slew",
-    "next_best_passes",
-    "plan_campaign",
-    "uninformed_covariance",
-]
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CandidatePass:

@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 from rf_pointing.core import Params, parameter
 from rf_pointing.core.refraction import RadioRefraction
 
-__all__ = ["Corrections", "Ionosphere"]
-
 Array = NDArray[np.float64]
 
 _EARTH_RADIUS_M = 6.371e6

@@ -12,8 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.core import Params, parameter
 
-__all__ = ["Coverage", "SectorRule", "Selection", "select_by_sector"]
-
 Array = NDArray[np.float64]
 
 

@@ -22,8 +22,6 @@ from rf_pointing.calibration.fit_result import FitResult
 from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.pass_errors import PassPriors
 
-__all__ = ["MEASURABLE_FROM", "doubts_of", "measured_pass_priors", "pass_correlation", "size_ratios"]
-
 Array = NDArray[np.float64]
 
 # Elements a few days old; a start that is too small finds errors too small to be seen, and stays.

@@ -27,8 +27,6 @@ from rf_pointing.calibration.pass_errors import PassPriors
 from rf_pointing.calibration.terms import TERM_NAMES, terms_by_name
 from rf_pointing.core import Params, parameter
 
-__all__ = ["FitOptions", "fit_bias_model", "held_at_zero"]
-
 Array = NDArray[np.float64]
 
 # A step of a millionth of sigma: below it rounding, not the data, moves the terms.

@@ -19,8 +19,6 @@ from rf_pointing.calibration.terms import Partial, terms_by_name
 from rf_pointing.calibration.triangle import PassHeads, Solution, Triangle, eliminate, require_determined
 from rf_pointing.core import require_finite, wrap_rad
 
-__all__ = ["FitProblem", "Prior", "Round"]
-
 Array = NDArray[np.float64]
 Pair = tuple[Array, Array]
 

@@ -11,8 +11,6 @@ from rf_pointing.calibration.bias_model import BiasModel
 from rf_pointing.calibration.pass_errors import PassPriors
 from rf_pointing.calibration.triangle import HIGH_CORRELATION, advice_for, inseparable_pairs
 
-__all__ = ["FitResult", "PassErrors", "Rejected"]
-
 Array = NDArray[np.float64]
 
 

@@ -19,8 +19,6 @@ from numpy.typing import NDArray
 
 from rf_pointing.calibration.bias_model import BiasModel
 
-__all__ = ["LagHistory", "LagState", "without_lags"]
-
 Array = NDArray[np.float64]
 Pair = tuple[float, float]
 VELOCITY = ("azimuth_velocity_lag", "elevation_velocity_lag")

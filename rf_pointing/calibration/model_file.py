@@ -20,8 +20,6 @@ from rf_pointing.core import require_choice, require_finite
 from rf_pointing.core.dates import from_utc_text, to_utc_text
 from rf_pointing.core.whole_file import write_whole
 
-__all__ = ["ModelVersion", "read_model", "write_model"]
-
 Array = NDArray[np.float64]
 
 FORMAT = "rf_pointing/bias_model/1"

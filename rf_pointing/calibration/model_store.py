@@ -11,8 +11,6 @@ from pathlib import Path
 from rf_pointing.calibration.model_file import ModelVersion, read_model, write_model
 from rf_pointing.core.whole_file import write_whole
 
-__all__ = ["ModelStore"]
-
 _HISTORY = "history.json"
 
 

@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 
 from rf_pointing.calibration import taylor
 
-__all__ = ["Skew", "axes_from_sky", "sky_from_axes"]
-
 Array = NDArray[np.float64]
 
 

@@ -12,8 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.core import as_finite_array, to_degrees, wrap_rad
 
-__all__ = ["LARGEST_BIAS_RAD", "Observations", "require_derivatives"]
-
 Array = NDArray[np.float64]
 
 # Difference on the sky of observed and true direction above which the data must be wrong.

@@ -20,8 +20,6 @@ from numpy.typing import NDArray
 from rf_pointing.calibration.observations import Observations
 from rf_pointing.core import Params, parameter
 
-__all__ = ["PassPriors", "pass_partials", "track_axes"]
-
 Array = NDArray[np.float64]
 
 _EARTH_RADIUS_M = 6.371e6

@@ -25,8 +25,6 @@ from rf_pointing.calibration.reference import ReferenceTrack
 from rf_pointing.calibration.thinning import Thinned, find_outliers, smooth, thin
 from rf_pointing.core import wrap_rad
 
-__all__ = ["ProcessedPass", "process_pass", "select_observations"]
-
 Array = NDArray[np.float64]
 
 # Angles of a perfect simulation scatter by nothing; a sigma of zero would divide by zero in the

@@ -9,8 +9,6 @@ from numpy.typing import ArrayLike, NDArray
 from rf_pointing.calibration.reference import ReferenceTrack
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 
-__all__ = ["CHANNELS", "RawTracking", "StageReport", "split_passes", "validate"]
-
 Array = NDArray[np.float64]
 
 # Two on each side: a median of five takes two wrong time tags in a row.

@@ -12,8 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 from rf_pointing.core import as_finite_array
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 
-__all__ = ["ReferenceTrack"]
-
 Array = NDArray[np.float64]
 
 

@@ -14,8 +14,6 @@ from rf_pointing.calibration.bias_model import BiasModel
 from rf_pointing.calibration.observations import Observations
 from rf_pointing.core import Params, parameter, wrap_rad
 
-__all__ = ["ShadowRules", "ShadowScore", "Verdict"]
-
 Array = NDArray[np.float64]
 
 

@@ -10,8 +10,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["angle_of", "constant", "derivative", "divide", "from_derivatives", "multiply", "sine_cosine", "square_root"]
-
 Array = NDArray[np.float64]
 
 

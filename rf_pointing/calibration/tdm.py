@@ -19,8 +19,6 @@ from rf_pointing.core.dates import from_utc_text, to_utc_text
 from rf_pointing.core.kvn import key_and_value
 from rf_pointing.core.whole_file import write_whole
 
-__all__ = ["read_tdm", "write_tdm"]
-
 _METADATA = """
 TRACK_ID DATA_TYPES TIME_SYSTEM START_TIME STOP_TIME MODE PATH PATH_1 PATH_2 TRANSMIT_BAND RECEIVE_BAND
 TURNAROUND_NUMERATOR TURNAROUND_DENOMINATOR TIMETAG_REF INTEGRATION_INTERVAL INTEGRATION_REF FREQ_OFFSET RANGE_MODE

@@ -20,8 +20,6 @@ from rf_pointing.calibration.terms import terms_by_name
 from rf_pointing.calibration.triangle import Triangle
 from rf_pointing.core import wrap_rad
 
-__all__ = ["HeldOut", "held_out_passes", "select_terms"]
-
 Array = NDArray[np.float64]
 
 # Terms that enter and leave in turn would go on for ever.

@@ -19,8 +19,6 @@ from numpy.typing import NDArray
 
 from rf_pointing.calibration.angles import Angles
 
-__all__ = ["EXTENSION_TERMS", "TERMS", "TERM_NAMES", "Partial", "Term", "all_terms", "terms_by_name"]
-
 Partial = Callable[[Angles], NDArray[np.float64]]
 # No mount is off by 6 deg and no drive lags by 10 s: what is larger was given in another unit.
 _LIMITS = {"rad": 0.1, "s": 10.0, "s^2": 100.0, "rad/K": 0.01}

@@ -10,8 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Thinned", "find_outliers", "smooth", "thin"]
-
 Array = NDArray[np.float64]
 
 _MEDIAN_TO_SIGMA = 1.4826

@@ -24,8 +24,6 @@ from rf_pointing.calibration.raw_tracking import RawTracking
 from rf_pointing.core import from_degrees, to_degrees
 from rf_pointing.core.whole_file import write_whole
 
-__all__ = ["ObservationJournal", "read_observations", "read_tracking", "write_observations"]
-
 Array = NDArray[np.float64]
 Table = tuple[Mapping[str, str], Mapping[str, Array]]
 

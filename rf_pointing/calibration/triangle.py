@@ -19,18 +19,6 @@ from numpy.typing import NDArray
 
 from rf_pointing.calibration.terms import all_terms
 
-__all__ = [
-    "HIGH_CORRELATION",
-    "PassHeads",
-    "Solution",
-    "Triangle",
-    "advice_for",
-    "eliminate",
-    "inseparable_pairs",
-    "require_determined",
-    "triangle_of",
-]
-
 Array = NDArray[np.float64]
 Places = NDArray[np.int64]
 

@@ -19,8 +19,6 @@ from rf_pointing.commands.station_run import StationRun
 from rf_pointing.ephemeris import Pass
 from rf_pointing.nodes import convert_planning
 
-__all__ = ["CalibrationRun", "Outcome"]
-
 
 @dataclass(frozen=True)
 class Outcome:

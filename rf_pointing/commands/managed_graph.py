@@ -21,8 +21,6 @@ from rclpy.node import Node
 
 from rf_pointing.nodes.main_loop import last_holder
 
-__all__ = ["LifecycleClient", "ManagedGraph", "NodeProcesses", "NotStartedError"]
-
 ACTIVATION_S = 5.0
 """How long a refused activation is repeated: the held time reaches one node after the other."""
 ACTIVATION_PERIOD_S = 0.1

@@ -6,8 +6,6 @@ from collections.abc import Callable
 from rf_pointing.core.dates import parse_utc
 from rf_pointing.ephemeris.source import SourceParams, first_time_s
 
-__all__ = ["add_namespace_option", "add_target_options", "between", "seed", "source_of", "start_of"]
-
 
 def between(low: float, high: float) -> Callable[[str], float]:
     """Return an argparse type: a number from `low` to `high`."""

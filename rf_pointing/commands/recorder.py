@@ -13,8 +13,6 @@ from rf_pointing.nodes.graph import TOPICS, Topic
 from rf_pointing.report.bag_writer import BagResult, BagWriter
 from rf_pointing.report.definitions import definitions, qos_from_profile
 
-__all__ = ["Recorder"]
-
 QUEUE = 2000
 """Depth of the recorder's queues: enough for a pause of its process at any speed."""
 

@@ -18,8 +18,6 @@ from rf_pointing.ephemeris import Pass
 from rf_pointing.nodes.graph import NODES
 from rf_pointing.nodes.main_loop import make_executor, settle_garbage
 
-__all__ = ["InterruptedRunError", "StationRun", "run_to_end"]
-
 PATIENCE_S = 20.0
 SETTLE_S = 0.2
 """Publishers and subscribers that the graph knows still need a moment to match each other."""

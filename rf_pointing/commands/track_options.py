@@ -24,22 +24,6 @@ from rf_pointing.tracking.conscan_design import ScanDesignParams, scan_for_accur
 from rf_pointing.tracking.conscan_estimate import ConscanParams
 from rf_pointing.tracking.sensors import SENSOR_CHOICES
 
-__all__ = [
-    "DEFAULT_MODELS",
-    "SLEW_TIME_S",
-    "arguments",
-    "bag_folder",
-    "choose_pass",
-    "chosen_scan",
-    "in_real_time",
-    "notes",
-    "output_folder",
-    "overrides",
-    "parameter_files",
-    "run_stem",
-    "speed_factor",
-]
-
 DEFAULT_MODELS = Path("runs/models")
 """Where `calibrate` leaves accepted models and `track` finds them."""
 REAL_TIME_SPEED = 3.0

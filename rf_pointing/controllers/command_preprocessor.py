@@ -19,8 +19,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.core import Params, as_finite_array, as_finite_pair, parameter, require_between
 
-__all__ = ["CommandPreprocessor", "CommandPreprocessorParams", "CommandPreprocessorState"]
-
 Array = NDArray[np.float64]
 
 _FOLLOW, _STOP = "follow", "stop"

@@ -17,8 +17,6 @@ from rf_pointing.controllers.filters import section_matrices
 from rf_pointing.controllers.lqg import LqgDesign, LqgWeights
 from rf_pointing.core import as_finite_array, require_between
 
-__all__ = ["controller_system", "design_lqg", "drive_of"]
-
 Array = NDArray[np.float64]
 
 _NOTCH, _SHAPING = slice(2, 4), slice(4, 6)

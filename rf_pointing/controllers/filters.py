@@ -20,18 +20,6 @@ from numpy.typing import NDArray
 
 from rf_pointing.core import Params, parameter, require_between, require_finite
 
-__all__ = [
-    "FeedforwardState",
-    "RateFeedforward",
-    "Section",
-    "SectionConstants",
-    "SectionParams",
-    "SectionState",
-    "filter_sample",
-    "notch_section",
-    "section_matrices",
-]
-
 Array = NDArray[np.float64]
 
 SectionConstants = tuple[float, float, float, float, float]

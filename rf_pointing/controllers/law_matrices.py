@@ -12,8 +12,6 @@ from rf_pointing.controllers.filters import section_matrices
 from rf_pointing.controllers.lqg import LqgDesign
 from rf_pointing.controllers.position_loop import PositionLoopParams
 
-__all__ = ["LawMatrices", "law_matrices"]
-
 Array = NDArray[np.float64]
 LawMatrices = tuple[Array, Array, Array, Array]
 """State space a (n, n), b (n, 1), c (1, n), d (1, 1)."""

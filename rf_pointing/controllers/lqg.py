@@ -31,16 +31,6 @@ from rf_pointing.controllers.filters import (
 )
 from rf_pointing.core import AXES, Params, parameter, require_finite
 
-__all__ = [
-    "LqgDesign",
-    "LqgLoop",
-    "LqgLoopParams",
-    "LqgLoopState",
-    "LqgWeights",
-    "load_lqg_designs",
-    "save_lqg_designs",
-]
-
 Array = NDArray[np.float64]
 
 _MATRICES = ("a", "b", "c", "state_gain", "observer_gain", "model_a", "model_b", "model_c", "model_d")

@@ -14,8 +14,6 @@ from dataclasses import dataclass, field, replace
 
 from rf_pointing.core import Params, parameter, require_between, require_finite
 
-__all__ = ["OscillationDetector", "OscillationDetectorParams", "OscillationDetectorState"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class OscillationDetectorParams(Params):

@@ -23,8 +23,6 @@ from rf_pointing.controllers.filters import (
 )
 from rf_pointing.core import Params, parameter, require_between, require_finite
 
-__all__ = ["PositionLoop", "PositionLoopParams", "PositionLoopState"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class PositionLoopParams(Params):

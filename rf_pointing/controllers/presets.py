@@ -14,8 +14,6 @@ from rf_pointing.controllers.lqg import LqgLoopParams, load_lqg_designs
 from rf_pointing.controllers.position_loop import PositionLoopParams
 from rf_pointing.core import require_choice
 
-__all__ = ["TUNED_RADIO_BANDWIDTH_HZ", "dss13_loops", "dss13_lqg_loops"]
-
 TUNED_RADIO_BANDWIDTH_HZ = 0.2
 """Bandwidth f_m of the radio integrator that the tuned loops were designed together with."""
 

@@ -23,8 +23,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.core import Params, as_finite_array, parameter, require_finite
 
-__all__ = ["TrackerIntegrator", "TrackerIntegratorParams", "TrackerIntegratorState"]
-
 Array = NDArray[np.float64]
 
 

@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 
 from rf_pointing.core import JointTrajectory, Motion, Params, Quintic, parameter, require_finite
 
-__all__ = ["TrajectoryBuffer", "TrajectoryBufferParams", "TrajectorySample"]
-
 Array = NDArray[np.float64]
 
 TABLE, EXTRAPOLATED, EARLY, DRY = "table", "extrapolated", "early", "dry"

@@ -11,17 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.core.checks import require_finite
 
-__all__ = [
-    "MDEG",
-    "angular_distance_rad",
-    "azel_from_unit_vector",
-    "cosine_slopes",
-    "nearest_turn_rad",
-    "sky_offset_rad",
-    "unit_vector_from_azel",
-    "wrap_rad",
-]
-
 # One millidegree in radians, the unit in which pointing errors are reported.
 MDEG = math.radians(1e-3)
 

@@ -7,15 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = [
-    "as_finite_array",
-    "as_finite_pair",
-    "require_between",
-    "require_choice",
-    "require_finite",
-    "require_rotation",
-]
-
 # Largest accepted departure of C C^T from the unit matrix.
 ROTATION_TOLERANCE = 1e-6
 

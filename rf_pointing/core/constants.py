@@ -1,7 +1,5 @@
 """Constants of nature and of the Earth that several folders need."""
 
-__all__ = ["EARTH_MU_M3_S2", "EARTH_RADIUS_M", "SPEED_OF_LIGHT_M_S"]
-
 # Exact by the definition of the metre.
 SPEED_OF_LIGHT_M_S = 299_792_458.0
 # WGS 84, at the equator.

@@ -7,16 +7,6 @@ from datetime import UTC, datetime, timedelta
 
 from rf_pointing.core.checks import require_finite
 
-__all__ = [
-    "DAY_S",
-    "from_utc_text",
-    "minute_and_second",
-    "parse_utc",
-    "require_day_of_year",
-    "to_utc_text",
-    "utc_text",
-]
-
 DAY_S = 86400.0
 
 # What CCSDS writes: a calendar or an ordinal date, any number of decimals, Z or nothing.

@@ -8,8 +8,6 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["MU", "gaussian_gain", "gaussian_loss_db"]
-
 # Exponent of the Gaussian beam: the power falls to exp(-mu/4) = 1/2 at half the half-power
 # beamwidth.
 MU = 4.0 * math.log(2.0)

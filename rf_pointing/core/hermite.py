@@ -8,8 +8,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Motion", "Quintic", "quintic_coefficients"]
-
 Array = NDArray[np.float64]
 
 

@@ -2,8 +2,6 @@
 
 import re
 
-__all__ = ["key_and_value", "without_unit"]
-
 _WITH_UNIT = re.compile(r"(.*?)\s*\[([^\]]*)\]\s*", re.DOTALL)
 
 

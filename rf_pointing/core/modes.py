@@ -2,8 +2,6 @@
 
 from enum import StrEnum
 
-__all__ = ["Mode", "Sensor"]
-
 
 class Mode(StrEnum):
     """Modes of the state table (`tracking/autotrack.py`); the values travel in `tracking_status`.

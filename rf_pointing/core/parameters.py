@@ -27,19 +27,6 @@ import yaml
 
 from rf_pointing.core.checks import require_between, require_choice
 
-__all__ = [
-    "NodeParameters",
-    "Params",
-    "from_degrees",
-    "leaves",
-    "parameter",
-    "parameter_unit",
-    "read_parameter_files",
-    "to_degrees",
-    "with_leaves",
-]
-
-
 P = TypeVar("P", bound="Params")
 
 _UNITS = {

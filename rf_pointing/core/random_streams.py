@@ -8,8 +8,6 @@ import zlib
 
 import numpy as np
 
-__all__ = ["random_stream"]
-
 
 def random_stream(seed: int, name: str) -> np.random.Generator:
     """Return the generator of the noise source `name` in the run with `seed`."""

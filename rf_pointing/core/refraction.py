@@ -22,8 +22,6 @@ from numpy.typing import NDArray
 
 from rf_pointing.core.parameters import Params, parameter
 
-__all__ = ["RadioRefraction"]
-
 Array = NDArray[np.float64]
 
 _EARTH_RADIUS_M = 6.371e6

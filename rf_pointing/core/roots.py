@@ -9,9 +9,6 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["bracketed_root", "roots_between"]
-
-
 Array = NDArray[np.float64]
 
 # Bisection of any interval of floats ends after 60; what takes more has met a NaN.

@@ -14,17 +14,6 @@ from numpy.typing import NDArray
 from rf_pointing.core.checks import as_finite_array, require_finite
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 
-__all__ = [
-    "AXES",
-    "Boresight",
-    "CarrierPower",
-    "JointReading",
-    "JointTrajectory",
-    "MonopulseCluster",
-    "PointingError",
-    "Target",
-]
-
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 

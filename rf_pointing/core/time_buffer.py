@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 
 from rf_pointing.core.signals import JointReading
 
-__all__ = ["BeamPosition", "TimeBuffer"]
-
 Array = NDArray[np.float64]
 KEPT_S = 2.0
 

@@ -12,8 +12,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-__all__ = ["KeptState", "write_whole"]
-
 
 def write_whole(path: Path, text: str) -> None:
     """Replace the text of a file; its folders are made where they are missing."""

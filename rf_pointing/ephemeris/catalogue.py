@@ -17,7 +17,7 @@ from sgp4.api import SGP4_ERRORS, Satrec, SatrecArray
 
 from rf_pointing.core import azel_from_unit_vector, require_between, require_choice
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
-from rf_pointing.core.dates import utc_text
+from rf_pointing.core.dates import DAY_S, utc_text
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource, IersEarthOrientation
 from rf_pointing.ephemeris.elements import Elements
@@ -26,9 +26,7 @@ from rf_pointing.ephemeris.look_angles import SENSES
 from rf_pointing.ephemeris.sgp4_orbit import GMST_RATE_RAD_S, earth_fixed_from_teme
 from rf_pointing.ephemeris.sites import Site
 from rf_pointing.ephemeris.state_vector import StateVector
-from rf_pointing.ephemeris.time_scales import DAY_S, POSIX_EPOCH_JD, leap_seconds
-
-__all__ = ["CataloguePass", "CatalogueSearch", "find_catalogue_passes"]
+from rf_pointing.ephemeris.time_scales import POSIX_EPOCH_JD, leap_seconds
 
 Array = NDArray[np.float64]
 

@@ -16,12 +16,10 @@ import numpy as np
 
 from rf_pointing.core import require_between, require_choice
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
+from rf_pointing.core.dates import DAY_S
 from rf_pointing.ephemeris.celestial_frame import EARTH_RATE_RAD_S, earth_fixed_from_gcrs, tt_parts
 from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource, IersEarthOrientation
 from rf_pointing.ephemeris.state_vector import OFFSETS, StateVector, Vector, motion_from_positions
-from rf_pointing.ephemeris.time_scales import DAY_S
-
-__all__ = ["RADIO_SOURCES", "CelestialTarget", "RadioSource", "moon", "radio_source", "sun"]
 
 _AU_M = 149597870700.0
 _AU_DAY_IN_C = _AU_M / DAY_S / SPEED_OF_LIGHT_M_S

@@ -14,11 +14,10 @@ import erfa
 import numpy as np
 from numpy.typing import NDArray
 
+from rf_pointing.core.dates import DAY_S
 from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource
 from rf_pointing.ephemeris.state_vector import StateVector, Vector, dot, turned_about_z
-from rf_pointing.ephemeris.time_scales import DAY_S, POSIX_EPOCH_JD, TT_MINUS_TAI_S, leap_seconds
-
-__all__ = ["EARTH_RATE_RAD_S", "earth_fixed_from_gcrs", "tt_parts"]
+from rf_pointing.ephemeris.time_scales import POSIX_EPOCH_JD, TT_MINUS_TAI_S, leap_seconds
 
 Array = NDArray[np.float64]
 

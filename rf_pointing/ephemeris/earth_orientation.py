@@ -15,20 +15,8 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.core.dates import utc_text
-from rf_pointing.ephemeris.time_scales import DAY_S, leap_seconds
-
-__all__ = [
-    "EarthOrientation",
-    "EarthOrientationSource",
-    "IersEarthOrientation",
-    "OrientationBlock",
-    "block_number",
-    "last_measured_t_s",
-    "orientation_block",
-    "table_span_t_s",
-]
-
+from rf_pointing.core.dates import DAY_S, utc_text
+from rf_pointing.ephemeris.time_scales import leap_seconds
 
 Array = NDArray[np.float64]
 

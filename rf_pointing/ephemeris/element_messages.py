@@ -14,17 +14,13 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from rf_pointing.core.dates import from_utc_text
+from rf_pointing.core.dates import DAY_S, from_utc_text
 from rf_pointing.core.kvn import key_and_value, without_unit
 from rf_pointing.ephemeris.elements import MEAN_MOTIONS, Elements
-from rf_pointing.ephemeris.time_scales import DAY_S
 from rf_pointing.ephemeris.tle import read_tle
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
-
-__all__ = ["read_elements", "read_omm_csv", "read_omm_json", "read_omm_kvn", "read_omm_xml"]
-
 
 Fields = Mapping[str, Any]
 

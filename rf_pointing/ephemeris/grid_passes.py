@@ -14,9 +14,6 @@ from numpy.typing import NDArray
 
 from rf_pointing.core.roots import roots_between
 
-__all__ = ["MARGIN", "GridPasses", "SampledSky", "passes_on_grid"]
-
-
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 

@@ -23,9 +23,6 @@ from numpy.typing import NDArray
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 from rf_pointing.ephemeris.state_vector import StateVector, Vector, combined, cross, dot, norm, root
 
-__all__ = ["SENSES", "LookAngles", "angles_and_rates", "delayed", "moved_across"]
-
-
 SENSES = {"receive": 1.0, "transmit": -1.0, "none": 0.0}
 
 

@@ -20,14 +20,13 @@ from numpy.typing import NDArray
 
 from rf_pointing.core import require_choice
 from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
-from rf_pointing.core.dates import from_utc_text, utc_text
+from rf_pointing.core.dates import DAY_S, from_utc_text, utc_text
 from rf_pointing.core.kvn import key_and_value
 from rf_pointing.ephemeris.celestial_frame import EARTH_RATE_RAD_S, earth_fixed_from_gcrs, tt_parts
 from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource, IersEarthOrientation
 from rf_pointing.ephemeris.sgp4_orbit import GMST_RATE_RAD_S, earth_fixed_from_teme
 from rf_pointing.ephemeris.state_vector import StateVector, Vector, rotated, seen_from_rotating_axes
 from rf_pointing.ephemeris.time_scales import (
-    DAY_S,
     POSIX_EPOCH_JD,
     TAI_MINUS_GPS_S,
     TT_MINUS_TAI_S,
@@ -35,9 +34,6 @@ from rf_pointing.ephemeris.time_scales import (
     tai_from_utc_calendar,
     utc_from_tai_s,
 )
-
-__all__ = ["OemSegment", "OemTarget", "read_oem"]
-
 
 Array = NDArray[np.float64]
 

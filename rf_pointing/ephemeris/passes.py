@@ -18,8 +18,6 @@ from rf_pointing.core.dates import utc_text
 from rf_pointing.core.roots import roots_between
 from rf_pointing.ephemeris.track import TopocentricTrack
 
-__all__ = ["Horizon", "Pass", "find_passes", "first_pass_above", "passes_with_present"]
-
 Array = NDArray[np.float64]
 # Lowest elevation (n,) at azimuths (n,) on any turn.
 Horizon = Callable[[Array], Array]

@@ -14,13 +14,11 @@ import erfa
 import numpy as np
 from sgp4.api import SGP4_ERRORS, Satrec
 
-from rf_pointing.core.dates import utc_text
+from rf_pointing.core.dates import DAY_S, utc_text
 from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource
 from rf_pointing.ephemeris.elements import Elements
 from rf_pointing.ephemeris.state_vector import OFFSETS, StateVector, Vector, motion_from_positions, turned_about_z
-from rf_pointing.ephemeris.time_scales import DAY_S, POSIX_EPOCH_JD, leap_seconds
-
-__all__ = ["GMST_RATE_RAD_S", "Sgp4Orbit", "earth_fixed_from_teme"]
+from rf_pointing.ephemeris.time_scales import POSIX_EPOCH_JD, leap_seconds
 
 # Derivative of Greenwich mean sidereal time per second of UT1 (Aoki et al. 1982).
 GMST_RATE_RAD_S = 7.2921158553e-5

@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 from rf_pointing.core import Params, parameter, require_choice
 from rf_pointing.core.constants import EARTH_RADIUS_M
 
-__all__ = ["SITES", "Site", "site"]
-
 Vector = tuple[float, float, float]
 
 WGS84_FLATTENING = 1.0 / 298.257223563

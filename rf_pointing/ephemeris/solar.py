@@ -8,9 +8,6 @@ from rf_pointing.ephemeris.celestial import sun
 from rf_pointing.ephemeris.sites import site
 from rf_pointing.ephemeris.track import TopocentricTrack
 
-__all__ = ["SolarDirection", "SunParams"]
-
-
 # The Sun moves 42 mdeg in this time.
 RENEWAL_S = 10.0
 

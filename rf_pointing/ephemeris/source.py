@@ -34,18 +34,6 @@ from rf_pointing.ephemeris import (
 )
 from rf_pointing.ephemeris.oem import METHODS
 
-__all__ = [
-    "SourceParams",
-    "TargetMemory",
-    "first_time_s",
-    "load_catalogue",
-    "load_elements",
-    "load_target",
-    "load_track",
-    "refraction_at",
-]
-
-
 # Bodies of the sky by their names, case ignored.
 BODIES: dict[str, Callable[[], TargetSource]] = {
     "sun": sun,

@@ -15,22 +15,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = [
-    "OFFSETS",
-    "StateVector",
-    "Vector",
-    "combined",
-    "cross",
-    "dot",
-    "motion_from_positions",
-    "norm",
-    "root",
-    "rotated",
-    "seen_from_rotating_axes",
-    "turned_about_z",
-]
-
-
 # Components x, y, z: floats, or arrays of one shape.
 Vector = tuple[Any, Any, Any]
 

@@ -20,15 +20,6 @@ import numpy as np
 
 from rf_pointing.core.dates import DAY_S, minute_and_second, utc_text
 
-__all__ = [
-    "DAY_S",
-    "POSIX_EPOCH_JD",
-    "LeapSeconds",
-    "leap_seconds",
-    "tai_from_utc_calendar",
-    "utc_from_tai_s",
-]
-
 # Julian date of 1970-01-01T00:00:00.
 POSIX_EPOCH_JD = 2440587.5
 TT_MINUS_TAI_S = 32.184

@@ -18,9 +18,6 @@ from sgp4.alpha5 import from_alpha5, to_alpha5
 from rf_pointing.core.dates import DAY_S, require_day_of_year
 from rf_pointing.ephemeris.elements import MEAN_MOTIONS, Elements
 
-__all__ = ["alpha5_from_number", "number_from_alpha5", "read_tle", "tle_lines", "verification_elements"]
-
-
 _LENGTH = 69
 _TURN_DEG = (0.0, 360.0)
 # Objects of the verification file that provoke errors; their checksums were not kept up.

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from rf_pointing.core import Target, nearest_turn_rad, require_between, require_choice, require_finite
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
+from rf_pointing.core.dates import DAY_S
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource, IersEarthOrientation
 from rf_pointing.ephemeris.elements import Elements
@@ -19,9 +20,6 @@ from rf_pointing.ephemeris.look_angles import SENSES, LookAngles, angles_and_rat
 from rf_pointing.ephemeris.sgp4_orbit import Sgp4Orbit
 from rf_pointing.ephemeris.sites import Site
 from rf_pointing.ephemeris.state_vector import StateVector, combined, norm, rotated, seen_from_rotating_axes
-from rf_pointing.ephemeris.time_scales import DAY_S
-
-__all__ = ["TargetSource", "TopocentricTrack"]
 
 
 class TargetSource(Protocol):

@@ -18,12 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.core import Params, parameter
+from rf_pointing.core.dates import DAY_S
 from rf_pointing.ephemeris.elements import Elements
 from rf_pointing.ephemeris.state_vector import StateVector, combined, cross, dot, norm, rotated
-from rf_pointing.ephemeris.time_scales import DAY_S
 from rf_pointing.ephemeris.track import TopocentricTrack
-
-__all__ = ["ElementUncertainty", "SkyUncertainty", "sky_uncertainty"]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,16 +22,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.core import AXES, Params, as_finite_array, parameter, require_between, require_choice
 
-__all__ = [
-    "ExcitationParams",
-    "IdentificationExperiment",
-    "Recording",
-    "SampleCollector",
-    "excitation_rad_s",
-    "predicted_travel_rad",
-]
-
-
 Array = NDArray[np.float64]
 
 

@@ -19,17 +19,6 @@ from rf_pointing.core import Params, parameter, require_between
 from rf_pointing.identification.model import StateSpace
 from rf_pointing.identification.realization import balanced_reduction, observer_markov, realize, system_markov
 
-__all__ = [
-    "IdentificationParams",
-    "Identified",
-    "PoleResidue",
-    "high_pass",
-    "identify",
-    "refit_residues",
-    "restore_integrator",
-]
-
-
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 

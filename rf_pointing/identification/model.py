@@ -14,9 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.core import AXES, require_choice
 
-__all__ = ["ModelRecord", "Modes", "StateSpace", "load_models", "modes_of", "save_models"]
-
-
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 

@@ -23,17 +23,6 @@ from numpy.typing import ArrayLike, NDArray
 from rf_pointing.core import require_between
 from rf_pointing.identification.model import StateSpace
 
-__all__ = [
-    "ObserverMarkov",
-    "Realization",
-    "balanced_reduction",
-    "hankel_singular_values",
-    "observer_markov",
-    "realize",
-    "system_markov",
-]
-
-
 Array = NDArray[np.float64]
 RANK_TOLERANCE = 1e-12
 """Of the largest singular value; in some hundred rows rounding leaves up to 1e-14 of an exact zero."""

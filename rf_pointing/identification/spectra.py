@@ -12,8 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.core import require_between
 
-__all__ = ["FrequencyResponse", "frequency_response"]
-
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 

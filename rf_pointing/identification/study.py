@@ -22,18 +22,6 @@ from rf_pointing.identification.identify import IdentificationParams, Identified
 from rf_pointing.identification.model import ModelRecord, StateSpace
 from rf_pointing.identification.spectra import FrequencyResponse, frequency_response
 
-__all__ = [
-    "CROSS",
-    "STRAIGHT",
-    "CrossCheck",
-    "ResponseStudy",
-    "StraightCheck",
-    "check_cross",
-    "check_straight",
-    "study",
-]
-
-
 Array = NDArray[np.float64]
 
 

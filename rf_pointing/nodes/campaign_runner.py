@@ -17,8 +17,6 @@ from rf_pointing_msgs.srv import SelectTarget
 
 from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
 
-__all__ = ["CampaignRunner"]
-
 # Wall time after which a service or an action server that does not answer is given up.
 ANSWER_S = 20.0
 # Passes are selected from this long before: they may rise long before the wanted piece.

@@ -7,8 +7,6 @@ from rf_pointing_msgs.msg import PointingModel
 from rf_pointing.calibration import BiasModel, FitResult, ModelVersion
 from rf_pointing.core import MDEG
 
-__all__ = ["fit_to_result", "model_from_message", "model_to_message", "no_model_to_message"]
-
 
 def model_to_message(file: ModelVersion) -> PointingModel:
     names = list(file.model.coefficients)

@@ -9,8 +9,6 @@ from rclpy.node import Node
 
 from rf_pointing.nodes.qos import STREAM
 
-__all__ = ["Diagnostics", "Health"]
-
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
 

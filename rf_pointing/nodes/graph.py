@@ -16,8 +16,6 @@ from trajectory_msgs.msg import JointTrajectory
 
 from rf_pointing.nodes.qos import COMMAND, EXPERIMENT, LATCHED, SAMPLES, STATUS, STREAM
 
-__all__ = ["ESSENTIAL", "GRAPH", "NODES", "STATION_NODES", "TOPICS", "GraphNode", "Topic"]
-
 
 @dataclass(frozen=True)
 class Topic:

@@ -17,8 +17,6 @@ from rf_pointing.nodes.managed import RESULT_TIMEOUT_S, ManagedNode, conclude
 from rf_pointing.nodes.qos import EXPERIMENT
 from rf_pointing.station.antenna.simulated_antenna import SimulatedAntenna
 
-__all__ = ["IdentificationServer"]
-
 # Once a second at 50 Hz: enough for a progress line.
 FEEDBACK_EVERY = 50
 

@@ -12,8 +12,6 @@ from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import LifecycleNode
 
-__all__ = ["RESPAWN_DELAY_S", "common_arguments", "managed_nodes"]
-
 RESPAWN_DELAY_S = 0.5
 
 

@@ -20,8 +20,6 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
-__all__ = ["InstanceLock", "last_holder", "make_executor", "run", "settle_garbage"]
-
 _USAGE = "usage: NAME --ros-args [-r __ns:=/gs1] [--params-file FILE] [-p NAME:=VALUE] ..."
 _IN_THE_SOURCE = re.compile(r"\s*, at \S+\.c(pp)?:\d+")
 """The place in rcl's own source that ends its messages: no help to a user."""

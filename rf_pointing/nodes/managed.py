@@ -23,8 +23,6 @@ from rf_pointing.nodes.params import ParameterGroups
 from rf_pointing.nodes.stamps import seconds_from_stamp
 from rf_pointing.nodes.streams import InputCounter, Latest, SequencedPublisher
 
-__all__ = ["RESULT_TIMEOUT_S", "ManagedNode", "Schedule", "conclude"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class LifecycleParams(Params):

@@ -8,8 +8,6 @@ silent, time runs no faster than the wall clock.
 
 from dataclasses import dataclass, field
 
-__all__ = ["PacedStream", "Pacer"]
-
 LARGEST_SPACING_S = 0.25
 """Usual streams have a period of 0.1 s; conscan, once a scan, has seconds."""
 

@@ -16,8 +16,6 @@ from rclpy.parameter import Parameter
 
 from rf_pointing.core import Params, leaves, parameter_unit, to_degrees, with_leaves
 
-__all__ = ["ParameterGroups"]
-
 _LARGEST = 1.0e308
 _WHEN_CONFIGURED = "read when the node is configured"
 _STANDARD = ("use_sim_time", "start_type_description_service", "qos_overrides.")

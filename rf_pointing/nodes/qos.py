@@ -3,8 +3,6 @@
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-__all__ = ["COMMAND", "COMMAND_INPUT", "EXPERIMENT", "LATCHED", "SAMPLES", "STATUS", "STREAM"]
-
 # Reliable also for measurements: a lost one is a lost period of the loop.
 STREAM = QoSProfile(depth=10, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.RELIABLE)
 """Measurements and status: reliable, depth 10; losses show in the sequence numbers."""

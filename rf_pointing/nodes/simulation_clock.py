@@ -30,8 +30,6 @@ from rf_pointing.nodes.pacing import PacedStream, Pacer
 from rf_pointing.nodes.qos import STREAM
 from rf_pointing.nodes.stamps import seconds_from_raw, seconds_from_stamp, stamp_from_seconds
 
-__all__ = ["ClockMemory"]
-
 HELD_PERIOD_S = 0.1
 """Wall time between two repetitions of the time while it is held."""
 LISTEN_S = 1.5

@@ -8,8 +8,6 @@ import struct
 
 from builtin_interfaces.msg import Time
 
-__all__ = ["seconds_from_raw", "seconds_from_stamp", "stamp_from_seconds"]
-
 
 def seconds_from_stamp(stamp: Time) -> float:
     """Return UTC seconds since 1970; the inverse is `stamp_from_seconds`."""

@@ -15,8 +15,6 @@ from rclpy.serialization import deserialize_message
 from rf_pointing.nodes.diagnostics import OK, WARN, Health
 from rf_pointing.nodes.stamps import seconds_from_raw
 
-__all__ = ["InputCounter", "InputOutcomes", "Latest", "SequencedPublisher"]
-
 KEPT = 100
 """Messages of a fast stream that wait to be used: two seconds at 50 Hz."""
 STAMP_RESOLUTION_S = 1e-6

@@ -43,18 +43,6 @@ from rf_pointing.simulation import PassLog
 from rf_pointing.station.antenna.receiver import Reception
 from rf_pointing.tracking import MonopulseParams, MonopulseTracker
 
-__all__ = [
-    "acquisition_s",
-    "averaging_rows",
-    "doubted_passes",
-    "flip_found_s",
-    "rows",
-    "station_gain_db",
-    "watch_rows",
-    "weak_conscan_row",
-]
-
-
 Array = NDArray[np.float64]
 # Clusters in the first 10 s of monopulse still contain the pull-in.
 SECONDS, SETTLED_S = 100.0, 10.0

@@ -22,21 +22,6 @@ from rf_pointing.station.antenna.mount import MountParams
 from rf_pointing.station.antenna.receiver import Reception
 from rf_pointing.station.campaign.model_keeper import commissioning_file
 
-__all__ = [
-    "KA_45_DB_HZ",
-    "LINK_45_DB_HZ",
-    "Case",
-    "acquired_s",
-    "command_accelerations_rad_s2",
-    "config_folder",
-    "first_time_s",
-    "fly",
-    "low_orbit_pass",
-    "model_file",
-    "moved_mount",
-    "reacquisitions_s",
-]
-
 Array = NDArray[np.float64]
 Changes = Mapping[str, Mapping[str, object]]
 # The simulated clock starts before the pass, as that of the graph does.

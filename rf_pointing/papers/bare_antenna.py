@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from rf_pointing.servo import AntennaPlant, Wind
 from rf_pointing.station.antenna.loops import PositionLaw, law_rates
 
-__all__ = ["BareAntenna", "LawsOnCommand"]
-
 Array = NDArray[np.float64]
 Command = tuple[Array, Array, Array]
 """Position (rad), velocity (rad/s) and acceleration (rad/s^2) of azimuth and elevation, each (2,).

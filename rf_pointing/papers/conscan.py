@@ -31,8 +31,6 @@ from rf_pointing.tracking.conscan_design import (
     design_scan,
 )
 
-__all__ = ["rows"]
-
 Array = NDArray[np.float64]
 
 LEVELS_DB_HZ = (25.0, 30.0, 35.0, 40.0)

@@ -29,24 +29,6 @@ from rf_pointing.tracking.beam_fit import PowerWindow, beam_design, fit_beam
 from rf_pointing.tracking.conscan import ConscanTracker
 from rf_pointing.tracking.conscan_estimate import ConscanParams, linear_errors_rad
 
-__all__ = [
-    "BEAM_KA_RAD",
-    "BEAM_X_RAD",
-    "RADIUS_RAD",
-    "EstimatorCurves",
-    "circle",
-    "conscan_normalised_errors",
-    "constant_noise_estimates",
-    "draw",
-    "estimator_curves",
-    "mean_power_hz",
-    "pull_in_rms_rad",
-    "receiver_powers_hz",
-    "search_time_s",
-    "sigma_after",
-]
-
-
 Array = NDArray[np.float64]
 
 BEAM_KA_RAD = HALF_POWER_BEAMWIDTH_RAD["Ka"]

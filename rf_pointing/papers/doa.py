@@ -20,8 +20,6 @@ from rf_pointing.papers.doa_study.filter_rows import attitude_rows, convergence_
 from rf_pointing.papers.row import Row
 from rf_pointing.papers.sweeps import sweep
 
-__all__ = ["DoaTables", "rows", "run_tables", "table_cases"]
-
 TABLE_1_DB = (-14.0, -12.0, -10.0, -8.0, -6.0, -2.0, 0.0, 14.0)
 TABLE_2_SNAPSHOTS = (1, 10, 20, 50, 1000)
 CASES_PER_TASK = 6

@@ -19,8 +19,6 @@ from rf_pointing.papers.bare_antenna import BareAntenna, LawsOnCommand
 from rf_pointing.servo import AntennaPlant, PlantParams, Wind, WindParams, dss13_plant
 from rf_pointing.simulation.closed_loop import ticks
 
-__all__ = ["ServoRun", "ServoRunSetup", "error_statistics", "run_servo", "servo_monte_carlo"]
-
 Array = NDArray[np.float64]
 
 

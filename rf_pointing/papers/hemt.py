@@ -14,8 +14,6 @@ from typing import Self
 
 from rf_pointing.core import Params, parameter, require_between
 
-__all__ = ["REFERENCE_K", "HemtParams", "TwoPortNoise", "cascade_noise_k"]
-
 REFERENCE_K = 290.0
 
 

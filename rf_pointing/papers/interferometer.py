@@ -12,9 +12,6 @@ from rf_pointing.papers.interferometer_design import carrier_count_row, link_pow
 from rf_pointing.papers.interferometer_simulation import simulation_rows
 from rf_pointing.papers.row import Row
 
-__all__ = ["TABLE_7_1", "TABLE_8_1", "rows"]
-
-
 _SINGLE_PRECISION = 1e-6
 TABLE_7_1: dict[int, dict[int, float]] = {
     2: {10: 0.0000510, 12: 0.0000003},

@@ -18,23 +18,6 @@ from rf_pointing.array_sensors.interferometer.system import ArrayParams, Carrier
 from rf_pointing.array_sensors.interferometer.variant import CORRECTED, is_published
 from rf_pointing.core import require_between
 
-__all__ = [
-    "RangeNoise",
-    "chord_variance",
-    "direction_variance",
-    "direction_variance_from_gradients",
-    "range_covariance",
-    "range_noise",
-    "range_variance_from_gradients",
-    "range_variance_from_nine",
-    "roll_variance",
-    "roll_variance_from_gradients",
-    "sum_range_bias_m",
-    "two_way_phase_variance",
-    "two_way_range_sigma",
-]
-
-
 Array = NDArray[np.float64]
 
 

@@ -43,9 +43,6 @@ from rf_pointing.papers.interferometer_design import (
 from rf_pointing.papers.interferometer_transponder import mixed_snr, nonlinear_reflector, simple_repeater
 from rf_pointing.papers.row import Row
 
-__all__ = ["chain_rows", "estimator_rows", "link_rows", "settled_error_deg"]
-
-
 _AHEAD = np.array([1.0, 0.0, 0.0])
 _DOUBLE_DB = 10.0 * math.log10(2.0)
 Array = NDArray[np.float64]

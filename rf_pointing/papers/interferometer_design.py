@@ -22,32 +22,6 @@ from rf_pointing.array_sensors.interferometer.variant import CORRECTED, is_publi
 from rf_pointing.core import Params, parameter, require_between, require_choice
 from rf_pointing.papers.interferometer_accuracy import direction_variance
 
-__all__ = [
-    "CarrierCountRow",
-    "Requirements",
-    "SystemDesign",
-    "amplitude_ripple_db",
-    "carrier_count_row",
-    "carrier_count_table",
-    "carrier_tracking_design",
-    "chain_error_rate",
-    "cycle_error_table",
-    "difference_tracking_design",
-    "direction_requirement_m",
-    "frequency_ratio",
-    "lane_sigma",
-    "largest_phase_bias_rad",
-    "link_powers_w",
-    "minimum_difference_hz",
-    "phase_sigma_rad",
-    "range_requirement_m",
-    "required_ratio",
-    "roll_requirement_snr",
-    "step_error_probability",
-    "total_error_probability",
-]
-
-
 STEPS = ("difference", "carrier")
 SYSTEMS = ("CFT", "DFT")
 # Resolves the two-way length of 100 km, eq. (8-1).

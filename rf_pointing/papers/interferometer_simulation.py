@@ -36,21 +36,6 @@ from rf_pointing.core import random_stream, require_between, wrap_rad
 from rf_pointing.papers.row import Row
 from rf_pointing.papers.sweeps import sweep
 
-__all__ = [
-    "LISTING",
-    "REPORT_SPEED_OF_LIGHT_M_S",
-    "TrialErrors",
-    "carrier_phases",
-    "carrier_range",
-    "require_gaussian_regime",
-    "run_trials",
-    "sharpened_ranges",
-    "simulate_amplitudes",
-    "simulate_phases",
-    "simulation_rows",
-]
-
-
 Array = NDArray[np.float64]
 # The listing's 0.72 m would accept a wrong lane of 0.736 m with 16 mm of noise.
 _WRONG_LANE_FRACTION = 0.5

@@ -22,29 +22,6 @@ from rf_pointing.array_sensors.interferometer.system import CarrierPlan
 from rf_pointing.array_sensors.interferometer.variant import CORRECTED, PUBLISHED, is_published
 from rf_pointing.core import as_finite_array, require_between
 
-__all__ = [
-    "ANTENNAS",
-    "AVOIDED_BANDS_HZ",
-    "TRANSPONDERS",
-    "Antenna",
-    "ReturnLink",
-    "Transponder",
-    "antennas_for_cone",
-    "choose_transponder",
-    "exponential_line",
-    "frequency_conflicts",
-    "mixed_powers_w",
-    "mixed_snr",
-    "modified_bessel",
-    "nonlinear_reflector",
-    "product_code",
-    "range_rate_from_offsets",
-    "signal_to_noise",
-    "simple_repeater",
-    "square_law_lines",
-]
-
-
 Array = NDArray[np.float64]
 # Enough for arguments up to 30, which the function checks.
 _BESSEL_TERMS = 60

@@ -22,8 +22,6 @@ from rf_pointing.station.pointing.certificates import pass_profile
 from rf_pointing.station.pointing.controller import PointingController
 from rf_pointing.station.pointing.params import ControllerParams, PointingParams
 
-__all__ = ["KeyholeRun", "Loss", "fly"]
-
 Array = NDArray[np.float64]
 BEFORE_S, AFTER_S = 30.0, 15.0
 """How long before and after the crossing a pass is flown: the lags of the mount build up before."""

@@ -15,8 +15,6 @@ from rf_pointing.ephemeris import SITES, Elements, Pass, TopocentricTrack, find_
 from rf_pointing.planning import AxisLimits
 from rf_pointing.station.antenna.mount import MountParams
 
-__all__ = ["AVERAGING_S", "KeyholeCase", "high_passes", "station_mount"]
-
 LEAST_PERIGEE_M, LARGEST_PERIGEE_M = 300e3, 1500e3
 """Perigees of the orbits that are flown: low, and high enough to last for the days they are flown
 on.

@@ -25,9 +25,6 @@ from rf_pointing.rf import (
 from rf_pointing.servo import dss13_plant
 from rf_pointing.tracking import LockWatch, LockWatchParams, MonopulseParams, MonopulseTracker
 
-__all__ = ["averaging_gain_db", "averaging_limit_db", "monopulse_normalised_errors", "rows", "sidelobe_lock_s"]
-
-
 Array = NDArray[np.float64]
 
 BEAM_RAD = HALF_POWER_BEAMWIDTH_RAD["Ka"]

@@ -29,8 +29,6 @@ from rf_pointing.tracking import (
 )
 from rf_pointing.tracking.trim import Trim
 
-__all__ = ["AutotrackRadio", "draw_dropouts", "reacquisition_times_s"]
-
 Array = NDArray[np.float64]
 
 BEAM_RAD = HALF_POWER_BEAMWIDTH_RAD["Ka"]

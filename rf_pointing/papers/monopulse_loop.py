@@ -28,8 +28,6 @@ from rf_pointing.servo import AntennaPlant, PlantParams, Wind, WindParams, dss13
 from rf_pointing.simulation.closed_loop import ticks
 from rf_pointing.tracking import LockWatch, LockWatchParams, MonopulseParams, MonopulseTracker
 
-__all__ = ["CLUSTER", "TICK_S", "MonopulsePass", "PassLog", "PlainRadio", "Radio", "fly", "ka_receiver"]
-
 Array = NDArray[np.float64]
 
 TICK_S = 0.02

@@ -5,8 +5,6 @@ import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-__all__ = ["Row", "as_table"]
-
 WIDTH = 118
 HEAD = ("quantity", "source", "paper", "ours", "unit", "tolerance", "holds")
 

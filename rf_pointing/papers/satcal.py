@@ -35,18 +35,6 @@ from rf_pointing.papers.satcal_campaign import (
 )
 from rf_pointing.papers.satcal_orbit import BatchCheck, PreliminaryCheck, batch_check, preliminary_check
 
-__all__ = [
-    "RADAR_SIGMA_DEG",
-    "Effort",
-    "coefficient_rows",
-    "honesty_rows",
-    "limit_row",
-    "order_row",
-    "residual_rows",
-    "rows",
-]
-
-
 RADAR_SIGMA_DEG = 0.0057
 """Angular accuracy of the PCMC radars (SATCAL 4.2), taken as the noise of a point."""
 _TABLE_5 = {"PCMC-1": (-0.49, 0.17, 0.023, 0.016), "PCMC-2": (0.73, 0.05, 0.033, 0.011)}

@@ -27,27 +27,6 @@ from rf_pointing.calibration.pass_errors import pass_partials
 from rf_pointing.papers.orbit.measurements import Elements, Look, visits
 from rf_pointing.papers.orbit.motion import Gravity, Site
 
-__all__ = [
-    "APRIL_T_S",
-    "INJECTION_T_S",
-    "IRS_P3",
-    "IRS_P3_APRIL",
-    "MAURITIUS",
-    "MAURITIUS_DEG",
-    "ORBIT_PRIORS",
-    "PCMC_DEG",
-    "SITES",
-    "Runs",
-    "many_runs",
-    "model_of",
-    "observed",
-    "orbit_error",
-    "orbit_error_m",
-    "points_of",
-    "sky_filling_points",
-]
-
-
 MAURITIUS_DEG = {
     "azimuth_offset": 0.178,
     "non_orthogonality": 0.062,

@@ -13,8 +13,6 @@ from rf_pointing.papers.orbit.measurements import Elements, Look, look, measured
 from rf_pointing.papers.orbit.motion import Gravity, Site, propagate
 from rf_pointing.papers.satcal_campaign import APRIL_T_S, INJECTION_T_S, IRS_P3, IRS_P3_APRIL, SITES
 
-__all__ = ["BatchCheck", "PreliminaryCheck", "batch_check", "preliminary_check"]
-
 Array = NDArray[np.float64]
 
 _GRAVITY = Gravity()

@@ -20,8 +20,6 @@ from rf_pointing.papers.row import Row
 from rf_pointing.rf import HALF_POWER_BEAMWIDTH_RAD
 from rf_pointing.simulation import PassLog
 
-__all__ = ["BANDS", "SENSORS", "Tracked", "rows", "tracked"]
-
 Array = NDArray[np.float64]
 BANDS = ("S", "X", "Ka")
 SENSORS = ("monopulse", "conscan", "steptrack", "auto")

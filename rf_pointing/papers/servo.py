@@ -11,8 +11,6 @@ from rf_pointing.papers.servo_monopulse import monopulse_rows
 from rf_pointing.papers.servo_noise import noise_rows
 from rf_pointing.papers.servo_wind import wind_rows
 
-__all__ = ["rows"]
-
 
 def rows(seed: int = 1) -> list[Row]:
     """Return the rows, measured now; `seed` sets noise and wind."""

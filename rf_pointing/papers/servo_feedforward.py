@@ -10,8 +10,6 @@ from rf_pointing.papers.servo_linear import COMMAND, RATE, closed_loop
 from rf_pointing.papers.servo_pass import PassSetup, fly
 from rf_pointing.servo import dss13_plant
 
-__all__ = ["feedforward_rows"]
-
 Array = NDArray[np.float64]
 
 PLAIN = PositionLoopParams(notch_enabled=False)

@@ -27,8 +27,6 @@ from rf_pointing.papers.row import Row
 from rf_pointing.servo import AntennaPlant, Wind, WindParams, dss13_plant
 from rf_pointing.simulation.closed_loop import ticks
 
-__all__ = ["identification_rows", "record"]
-
 Array = NDArray[np.float64]
 Studies = dict[tuple[str, str], ResponseStudy]
 

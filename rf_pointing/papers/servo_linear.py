@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 from rf_pointing.controllers import PositionLoopParams
 from rf_pointing.servo import PlantParams, discretise, linear_model
 
-__all__ = ["ClosedLoop", "closed_loop", "peak_sensitivity", "respond", "stability_limit_hz"]
-
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 

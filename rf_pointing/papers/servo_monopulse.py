@@ -18,8 +18,6 @@ from rf_pointing.papers.servo_linear import peak_sensitivity, stability_limit_hz
 from rf_pointing.papers.servo_pass import PassSetup, fly
 from rf_pointing.servo import PlantParams, dss13_plant
 
-__all__ = ["monopulse_rows"]
-
 Array = NDArray[np.float64]
 
 PLAIN, NOTCH = PositionLoopParams(notch_enabled=False), PositionLoopParams()

@@ -15,8 +15,6 @@ from rf_pointing.controllers import PositionLoopParams
 from rf_pointing.papers.row import Row
 from rf_pointing.papers.servo_pass import PassSetup, fly
 
-__all__ = ["averaging_gain", "noise_rows"]
-
 CLUSTER, SAMPLE_S, CUT_OFF_HZ = 5, 0.02, 8.0
 SNR_DB = 20.0
 PLAIN = PositionLoopParams(notch_enabled=False)

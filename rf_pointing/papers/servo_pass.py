@@ -26,8 +26,6 @@ from rf_pointing.papers.servo_trajectory import LowOrbitPass
 from rf_pointing.servo import AntennaPlant, PlantParams, Wind, WindParams, dss13_plant
 from rf_pointing.simulation.closed_loop import ticks
 
-__all__ = ["PassErrors", "PassSetup", "fly"]
-
 Array = NDArray[np.float64]
 Law = PositionLoopParams | tuple[LqgDesign, LqgLoopParams]
 

@@ -19,17 +19,6 @@ from numpy.typing import NDArray
 from rf_pointing.controllers import LawMatrices, LqgDesign, PositionLoopParams, law_matrices
 from rf_pointing.servo import PlantParams, davenport_psd, discretise, linear_model
 
-__all__ = [
-    "AxisResponse",
-    "LawResponse",
-    "LoopQuality",
-    "RadioLoop",
-    "Variation",
-    "loop_quality",
-    "published_radio",
-    "station_radio",
-]
-
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 

@@ -12,8 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["LowOrbitPass", "MotionTable"]
-
 Array = NDArray[np.float64]
 
 _MU_M3_S2 = 3.986004418e14

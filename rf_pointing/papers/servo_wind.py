@@ -37,8 +37,6 @@ from rf_pointing.papers.servo_sampled import (
 from rf_pointing.papers.servo_trajectory import LowOrbitPass
 from rf_pointing.servo import WindParams, dss13_plant, wind_torque_n_m
 
-__all__ = ["VARIATIONS", "wind_rows"]
-
 Array = NDArray[np.float64]
 Responses = tuple[LawResponse, LawResponse]
 

@@ -9,8 +9,6 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from typing import TypeVar
 
-__all__ = ["sweep"]
-
 Case = TypeVar("Case")
 Result = TypeVar("Result")
 

@@ -25,8 +25,6 @@ from rf_pointing.papers.tripulse_noise import (
 )
 from rf_pointing.papers.tripulse_theory import integration_time_s
 
-__all__ = ["failed_share_at_limit", "rows"]
-
 ARRAY = TripulseArrayParams()
 OFFSET_RAD = math.radians(0.1)
 OFFSET = (OFFSET_RAD, 0.0)

@@ -41,18 +41,6 @@ from rf_pointing.core import random_stream
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 from rf_pointing.papers.row import Row
 
-__all__ = [
-    "SEPARATIONS_DEG",
-    "TripulseRun",
-    "attitude_errors_rad",
-    "attitude_rows",
-    "predicted_rad",
-    "run_tripulse",
-    "signal_rows",
-    "station_directions",
-]
-
-
 Array = NDArray[np.float64]
 
 # The mean normalised error of 400 epochs is known to 0.12, and its tolerance is four times that.

@@ -33,18 +33,6 @@ from rf_pointing.papers.tripulse_theory import (
     ratio_variance,
 )
 
-__all__ = [
-    "ErrorStatistics",
-    "beyond_rows",
-    "failed_element_errors",
-    "noise_errors",
-    "noise_rows",
-    "phase_error_errors",
-    "quantiser_errors",
-    "random_failures",
-]
-
-
 Array = NDArray[np.float64]
 
 CHUNK = 2000

@@ -22,21 +22,6 @@ from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams
 from rf_pointing.array_sensors.tripulse.beams import closed_form_signals
 from rf_pointing.core import as_finite_array, require_between, require_choice, require_finite
 
-__all__ = [
-    "LOWEST_SUM_SNR",
-    "VARIANTS",
-    "PulseAllocation",
-    "allocate_pulses",
-    "equal_pulses",
-    "integration_time_s",
-    "interleaved_pattern",
-    "polar_angle_variance_rad2",
-    "projection_variance",
-    "ratio_variance",
-    "ratio_variance_unequal",
-]
-
-
 VARIANTS = ("corrected", "published")
 Array = NDArray[np.float64]
 LOWEST_SUM_SNR = 10.0**1.2

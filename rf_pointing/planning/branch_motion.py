@@ -17,8 +17,6 @@ from rf_pointing.planning.crossing import AxisMotionLimits, Crossing, Gain, cros
 from rf_pointing.planning.limits import AxisLimits, MachineParams
 from rf_pointing.planning.over_the_top import cross_over, plunged, unplunged
 
-__all__ = ["BranchMotion", "Lag", "branch_motions", "no_lag"]
-
 Array = NDArray[np.float64]
 Triple = tuple[Array, Array, Array]
 # What axes stand ahead of a beam: position, velocity, acceleration (n, 2) from times (n,), rates

@@ -20,8 +20,6 @@ from rf_pointing.planning.forbidden_sky import ForbiddenSky, HorizonMask, angle_
 from rf_pointing.planning.limits import AxisLimits, MachineParams
 from rf_pointing.planning.profile import PassProfile
 
-__all__ = ["STEP_S", "Branch", "Certificate", "certify"]
-
 Array = NDArray[np.float64]
 Pair = tuple[float, float]
 # Time of a slew between two positions of the axes by the way that is free, and why there is none.

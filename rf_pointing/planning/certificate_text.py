@@ -8,8 +8,6 @@ from rf_pointing.core import to_degrees
 from rf_pointing.planning.certificate import Branch, Certificate
 from rf_pointing.planning.crossing import DEEPEST_DB
 
-__all__ = ["certificate_lines", "certificate_values"]
-
 COLUMNS = (
     f"  {'branch':<17}{'azimuth deg':>17}{'elevation deg':>16}{'rate az el deg/s':>18}{'closest limit':>35}"
     f"{'mask':>7}{'Sun':>7}{'keyhole':>9}{'lost':>8}{'slew':>7}{'unwind':>8}"

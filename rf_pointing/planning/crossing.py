@@ -22,9 +22,6 @@ from numpy.typing import NDArray
 
 from rf_pointing.planning.forbidden_sky import angle_between
 
-__all__ = ["DEEPEST_DB", "HALF_POWER_DB", "AxisMotionLimits", "Crossing", "Gain", "PassLoss", "cross"]
-
-
 Array = NDArray[np.float64]
 # Power received relative to the beam's peak at angles (n,) from its axis.
 Gain = Callable[[Array], Array]

@@ -15,9 +15,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.core import Params, parameter
 
-__all__ = ["ForbiddenSky", "HorizonMask"]
-
-
 Array = NDArray[np.float64]
 TURN = 2.0 * math.pi
 # How fast the Sun moves over the sky at most.

@@ -18,8 +18,6 @@ from rf_pointing.planning.forbidden_sky import ForbiddenSky, HorizonMask
 from rf_pointing.planning.limits import AxisLimits, AxisRates
 from rf_pointing.planning.slew import HALTING_SHARES, PathFinder
 
-__all__ = ["MOTIONS", "Decision", "Gate", "GateParams", "motion_between"]
-
 Array = NDArray[np.float64]
 Pair = tuple[float, float]
 

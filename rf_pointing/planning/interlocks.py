@@ -14,9 +14,6 @@ from pathlib import Path
 
 from rf_pointing.core.whole_file import write_whole
 
-__all__ = ["Authority", "FaultLatch", "LatchedFault", "WrapCount"]
-
-
 # Who commanded last is part of a fault's record.
 KEPT_COMMANDS = 5
 # When a command came, from whom, and the azimuth and elevation (rad) at its end.

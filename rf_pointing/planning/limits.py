@@ -10,8 +10,6 @@ from typing import NamedTuple
 
 from rf_pointing.core import AXES, Params, parameter, require_finite
 
-__all__ = ["AxisLimits", "AxisRates", "MachineParams", "choose_turns", "slew_time_s"]
-
 Pair = tuple[float, float]
 
 SAME_RAD = 1e-9

@@ -23,9 +23,6 @@ from numpy.typing import NDArray
 from rf_pointing.planning.crossing import MARGIN_S, AxisMotionLimits, Crossing, Gain, nearest_elevation
 from rf_pointing.planning.forbidden_sky import angle_between
 
-__all__ = ["cross_over", "plunged", "unplunged"]
-
-
 Array = NDArray[np.float64]
 Triple = tuple[Array, Array, Array]
 TURN = 2.0 * math.pi

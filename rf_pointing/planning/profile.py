@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 from rf_pointing.core import angular_distance_rad, as_finite_array, unit_vector_from_azel
 from rf_pointing.core.hermite import quintic_coefficients
 
-__all__ = ["PassProfile"]
-
 Array = NDArray[np.float64]
 
 

@@ -14,9 +14,6 @@ from numpy.typing import NDArray
 from rf_pointing.planning.forbidden_sky import ForbiddenSky
 from rf_pointing.planning.limits import AxisRates, slew_time_s
 
-__all__ = ["HALTING_SHARES", "CornerPath", "PathFinder", "halting_points", "slew_path"]
-
-
 Array = NDArray[np.float64]
 Pair = tuple[float, float]
 # Finer than the points of a surveyed mask.

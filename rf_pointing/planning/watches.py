@@ -23,9 +23,6 @@ from dataclasses import dataclass
 
 from rf_pointing.core import AXES, Params, parameter
 
-__all__ = ["AxisWatch", "AxisWatchParams", "DriveWatch", "DriveWatchParams", "WindWatch", "WindWatchParams"]
-
-
 Pair = tuple[float, float]
 
 

@@ -19,20 +19,6 @@ from rf_pointing.core.modes import Mode
 from rf_pointing.report.recording import Pass, Recording
 from rf_pointing.report.summary import Acquisition, ErrorStatistics, Spread
 
-__all__ = [
-    "RF_MODES",
-    "TRACKING_MODES",
-    "Analysis",
-    "ErrorSeries",
-    "Interval",
-    "Timeline",
-    "analyse",
-    "error_series",
-    "statistics_of",
-    "timeline",
-    "tracked_pass",
-]
-
 RF_MODES = (Mode.MONOPULSE, Mode.CONSCAN, Mode.STEPTRACK)
 """Modes in which a sensor closes the loop."""
 TRACKING_MODES = (Mode.PROGRAM_TRACK, Mode.SEARCH, *RF_MODES, Mode.COAST)

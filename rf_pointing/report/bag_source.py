@@ -17,8 +17,6 @@ from rosbags.rosbag2.errors import ReaderError
 
 from rf_pointing.report.mcap_tail import complete
 
-__all__ = ["READ_ERRORS", "BagSource", "open_bag"]
-
 READ_ERRORS = (ReaderError, OSError, ValueError, TypeError, KeyError, IndexError, AssertionError, struct.error)
 """Errors of reading damaged files: rosbags checks little before it indexes into the data."""
 

@@ -23,8 +23,6 @@ from rosbags.rosbag2.metadata import dump_qos_v9
 from rf_pointing.report.definitions import Definitions
 from rf_pointing.report.mcap_tail import McapTail, complete
 
-__all__ = ["LOST_NOTE", "PROBLEM_NOTE", "BagResult", "BagWriter", "TopicLoss"]
-
 LOST_NOTE = "rf_pointing.lost"
 """Key in the bag's custom data: JSON list of what could not be recorded."""
 PROBLEM_NOTE = "rf_pointing.problem"

@@ -10,8 +10,6 @@ from rf_pointing.calibration import FitResult, Observations, SectorRule
 from rf_pointing.core import MDEG
 from rf_pointing.report.picture_style import AXIS_COLOURS, LIMIT_COLOUR, figure, legend_above
 
-__all__ = ["draw_correlation", "draw_coverage", "draw_histogram", "draw_residuals"]
-
 Array = NDArray[np.float64]
 
 AXIS_NAMES = ("cross-elevation", "elevation")

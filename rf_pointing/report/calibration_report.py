@@ -20,8 +20,6 @@ from rf_pointing.core.whole_file import write_whole
 from rf_pointing.report.calibration_pictures import draw_correlation, draw_coverage, draw_histogram, draw_residuals
 from rf_pointing.report.html import Cell, document, figure, number, table, text
 
-__all__ = ["write_calibration_report"]
-
 # People read millidegrees and milliseconds: in rad and s all coefficients are 0.00.
 _UNITS = {"rad": ("mdeg", 1.0 / MDEG), "s": ("ms", 1e3), "s^2": ("10⁻³ s²", 1e3), "rad/K": ("mdeg/K", 1.0 / MDEG)}
 _MOST_REJECTED = 20

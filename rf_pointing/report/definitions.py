@@ -14,8 +14,6 @@ from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, Qo
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-__all__ = ["Definitions", "definitions", "offered_qos", "qos_from_profile"]
-
 _SEPARATOR = "=" * 80 + "\n"
 
 

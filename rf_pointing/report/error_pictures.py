@@ -25,8 +25,6 @@ from rf_pointing.report.picture_style import (
 )
 from rf_pointing.report.statistics import link_series
 
-__all__ = ["draw_beam", "draw_error", "draw_link"]
-
 Floats = NDArray[np.float64]
 _SMALLEST_MDEG = 1e-3
 """Half the width of a drawing of errors that are all zero."""

@@ -13,8 +13,6 @@ from markupsafe import Markup, escape
 
 from rf_pointing.report.summary import ErrorStatistics
 
-__all__ = ["Cell", "document", "figure", "number", "render", "table", "text"]
-
 Cell = str | float | int | None
 _ABSENT = "–"
 

@@ -8,8 +8,6 @@ import numpy as np
 from rf_pointing.identification import ResponseStudy
 from rf_pointing.report.picture_style import AXIS_COLOURS, DASHED, LIMIT_COLOUR, figure, marked_level
 
-__all__ = ["LEAST_COHERENCE", "draw_response"]
-
 LEAST_COHERENCE = 0.8
 _MEASURED, _MODEL = AXIS_COLOURS
 _VALID = "#e8f1e4"

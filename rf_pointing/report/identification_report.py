@@ -10,8 +10,6 @@ import numpy as np
 from rf_pointing.identification import CrossCheck, Recording, ResponseStudy, StraightCheck, modes_of, save_models
 from rf_pointing.report.identification_pictures import LEAST_COHERENCE, draw_response
 
-__all__ = ["error_table", "save_recordings", "write_identification"]
-
 
 def save_recordings(path: Path, recordings: Mapping[str, Recording]) -> None:
     """Save inputs (rad/s) and encoders (rad) of every axis as a compressed numpy file."""

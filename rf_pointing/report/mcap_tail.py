@@ -16,8 +16,6 @@ from typing import BinaryIO
 from rosbags.rosbag2.errors import ReaderError
 from rosbags.rosbag2.storage_mcap import decompress
 
-__all__ = ["McapTail", "complete"]
-
 _MAGIC = b"\x89MCAP0\r\n"
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _MESSAGE_INDEX, _CHUNK_INDEX = 2, 3, 4, 5, 6, 7, 8
 _STATISTICS, _DATA_END = 11, 15

@@ -24,9 +24,6 @@ from rf_pointing.report.picture_style import (
 from rf_pointing.report.statistics import axis_motion
 from rf_pointing.report.traffic import latencies
 
-__all__ = ["draw_axes", "draw_sky", "draw_timing"]
-
-
 Floats = NDArray[np.float64]
 _SKY_POINTS = 4_000
 """More are not visible, and take seconds to draw."""

@@ -14,22 +14,6 @@ from numpy.typing import NDArray
 from rf_pointing.core.modes import Mode
 from rf_pointing.report.analysis import Analysis
 
-__all__ = [
-    "ALONE_COLOUR",
-    "AXIS_COLOURS",
-    "DASHED",
-    "LIMIT_COLOUR",
-    "MODE_COLOURS",
-    "OTHER_MODE_COLOUR",
-    "TimeAxis",
-    "figure",
-    "legend_above",
-    "marked_level",
-    "mode_runs",
-    "per_second",
-    "plain_log_scale",
-]
-
 # Colours that the colour-blind can distinguish (Okabe and Ito).
 MODE_COLOURS: dict[str, str] = {
     Mode.MONOPULSE: "#0072b2",

@@ -11,8 +11,6 @@ from rf_pointing.report.error_pictures import draw_beam, draw_error, draw_link
 from rf_pointing.report.motion_pictures import draw_axes, draw_sky, draw_timing
 from rf_pointing.report.statistics import link_series
 
-__all__ = ["Picture", "draw_pictures"]
-
 
 @dataclass(frozen=True)
 class Picture:

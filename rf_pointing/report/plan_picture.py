@@ -10,8 +10,6 @@ from rf_pointing.planning import AxisLimits, HorizonMask
 from rf_pointing.report.picture_style import AXIS_COLOURS, DASHED, LIMIT_COLOUR, figure
 from rf_pointing.station.pointing.certificates import PlannedPass
 
-__all__ = ["draw_plan"]
-
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#332288", "#882255", "#7f7f7f")
 
 

@@ -25,8 +25,6 @@ from rf_pointing.report.bag_source import READ_ERRORS, BagSource, open_bag
 from rf_pointing.report.bag_writer import LOST_NOTE, PROBLEM_NOTE, TopicLoss
 from rf_pointing.report.topics import TOPICS, TopicData, as_column, head_reader, types_of
 
-__all__ = ["Pass", "Recording", "antennas", "namespaces", "read_recording"]
-
 _DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 _DECODE_ERRORS = (SerdeError, AttributeError, *READ_ERRORS)
 _NUMBER = re.compile(r"\d+(\.\d+)?")

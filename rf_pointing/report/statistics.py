@@ -32,8 +32,6 @@ from rf_pointing.report.summary import (
 from rf_pointing.report.topics import TopicData
 from rf_pointing.report.traffic import latencies, topic_traffic
 
-__all__ = ["AxisMotion", "axis_motion", "link_series", "servo", "summarize"]
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 _ACCELERATION_SPAN_S = 0.5

@@ -9,28 +9,6 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-__all__ = [
-    "SCHEMA",
-    "Acquisition",
-    "AxisLimits",
-    "BagInfo",
-    "Commands",
-    "Complaint",
-    "ErrorStatistics",
-    "Headline",
-    "Latency",
-    "Link",
-    "ModeInterval",
-    "ModeStatistics",
-    "NotRecorded",
-    "PassInfo",
-    "Servo",
-    "Spread",
-    "Summary",
-    "TopicTraffic",
-    "to_json",
-]
-
 # Readers of summary.json check this; a changed meaning of a key needs a new number.
 SCHEMA = "rf_pointing/summary/1"
 Number = float | None

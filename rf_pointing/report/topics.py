@@ -21,9 +21,6 @@ from rosbags.typesys.store import Typestore
 from rf_pointing.core import AXES
 from rf_pointing.core.modes import Sensor
 
-__all__ = ["TOPICS", "TopicData", "TopicLayout", "as_column", "head_reader", "types_of"]
-
-
 Ints = NDArray[np.int64]
 Head = tuple[int, ...]
 _IDL_SEPARATOR = "=" * 80 + "\n"

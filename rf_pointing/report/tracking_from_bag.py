@@ -15,8 +15,6 @@ from rf_pointing.core.modes import Sensor
 from rf_pointing.report.recording import Recording, read_recording
 from rf_pointing.report.topics import TopicData
 
-__all__ = ["tracking_from_bag"]
-
 Array = NDArray[np.float64]
 
 PASS_GAP_S = 120.0

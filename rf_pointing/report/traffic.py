@@ -10,8 +10,6 @@ from rf_pointing.report.recording import Recording
 from rf_pointing.report.summary import Latency, TopicTraffic
 from rf_pointing.report.topics import TOPICS, TopicData
 
-__all__ = ["HOPS", "Hop", "latencies", "topic_traffic"]
-
 Ints = NDArray[np.int64]
 _PAUSE_PERIODS = 10
 """A longer gap is a pause of the publisher, not a loss."""

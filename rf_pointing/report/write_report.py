@@ -10,8 +10,6 @@ from rf_pointing.report.recording import read_recording
 from rf_pointing.report.statistics import summarize
 from rf_pointing.report.summary import ErrorStatistics, Summary, to_json
 
-__all__ = ["page", "write_report"]
-
 Row = Sequence[Cell]
 
 

@@ -17,8 +17,6 @@ from numpy.typing import ArrayLike, NDArray
 from rf_pointing.core import MDEG, MU, Params, parameter, require_choice
 from rf_pointing.core.roots import bracketed_root
 
-__all__ = ["HALF_POWER_BEAMWIDTH_RAD", "PATTERNS", "Beam", "BeamParams"]
-
 # Half-power beamwidths of a 34-m dish (CONSCAN section IV for X and Ka).
 HALF_POWER_BEAMWIDTH_RAD = {"S": 264.0 * MDEG, "X": 65.0 * MDEG, "Ka": 17.0 * MDEG}
 

@@ -8,8 +8,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.core import Params, parameter
 
-__all__ = ["DropoutParams", "Dropouts", "InterferenceParams", "SpinParams", "interference_volts", "spin_gain_db"]
-
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 

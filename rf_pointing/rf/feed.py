@@ -19,8 +19,6 @@ from rf_pointing.core import Params, parameter
 from rf_pointing.core.roots import bracketed_root
 from rf_pointing.rf.beam import BeamParams, normalised_voltage
 
-__all__ = ["FeedVoltages", "MonopulseFeed", "MonopulseFeedParams"]
-
 ComplexArray = NDArray[np.complex128]
 
 

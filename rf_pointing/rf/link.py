@@ -16,8 +16,6 @@ from rf_pointing.core import Params, parameter
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 from rf_pointing.rf.noise import BOLTZMANN_J_K, AtmosphereParams, NoiseParams, atmosphere_loss_db, system_noise_k
 
-__all__ = ["EirpParams", "Link", "LinkParams", "free_space_loss_db", "zenith_carrier_to_noise_db_hz"]
-
 # The reference of every C/N0 here: tests are made at high elevation.
 ZENITH_RAD = 0.5 * math.pi
 

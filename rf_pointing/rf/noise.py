@@ -20,17 +20,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.core import Params, parameter, require_choice
 
-__all__ = [
-    "BOLTZMANN_J_K",
-    "NOISE_PRESETS",
-    "AtmosphereParams",
-    "NoiseParams",
-    "air_mass",
-    "atmosphere_loss_db",
-    "system_noise_k",
-]
-
-
 MEAN_EARTH_RADIUS_M = 6_371_000.0
 
 # Clear dry sky at the zenith, about what Goldstone sees.

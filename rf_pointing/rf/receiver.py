@@ -18,8 +18,6 @@ from rf_pointing.rf.disturbances import InterferenceParams, interference_volts
 from rf_pointing.rf.feed import MonopulseFeed
 from rf_pointing.rf.noise import BOLTZMANN_J_K
 
-__all__ = ["Receiver", "ReceiverParams", "ReceiverState"]
-
 ComplexArray = NDArray[np.complex128]
 
 

@@ -10,8 +10,6 @@ from typing import NamedTuple
 
 from rf_pointing.servo.parameters import AxisParams
 
-__all__ = ["DriveConstants", "axis_inputs", "drive_constants", "gear_correction"]
-
 
 class DriveConstants(NamedTuple):
     """Constants of one axis for one substep; torques are divided by the inertia."""

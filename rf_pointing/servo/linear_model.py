@@ -18,8 +18,6 @@ from numpy.typing import NDArray
 from rf_pointing.core import require_between
 from rf_pointing.servo.parameters import AxisParams, PlantParams
 
-__all__ = ["LinearModel", "discretise", "linear_model", "matrix_exponential"]
-
 Array = NDArray[np.float64]
 
 COMMAND, FRICTION, WIND, GEAR = slice(0, 2), slice(2, 4), slice(4, 6), slice(6, 8)

@@ -14,8 +14,6 @@ from dataclasses import dataclass
 
 from rf_pointing.core import Params, parameter
 
-__all__ = ["AxisParams", "PlantParams"]
-
 _MODE_FIELDS = ("mode_damping", "mode_encoder_residue", "mode_beam_residue")
 
 

@@ -19,8 +19,6 @@ from rf_pointing.servo.drive import DriveConstants, axis_inputs, drive_constants
 from rf_pointing.servo.linear_model import INPUTS, LinearModel, discretise, linear_model
 from rf_pointing.servo.parameters import PlantParams
 
-__all__ = ["AntennaPlant", "PlantState"]
-
 Array = NDArray[np.float64]
 Pair = tuple[float, float]
 

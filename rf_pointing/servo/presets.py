@@ -11,8 +11,6 @@ import math
 from rf_pointing.core import require_choice
 from rf_pointing.servo.parameters import AxisParams, PlantParams
 
-__all__ = ["BENDING_FREQUENCY_HZ", "dss13_plant", "linear_axis"]
-
 BENDING_FREQUENCY_HZ = {"bwg": 2.12, "identified": 2.01}
 """Elevation bending mode: where BWG Sec. IV-B notches it, and where DSS13-ID Table 1 measured it.
 """

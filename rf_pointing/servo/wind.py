@@ -26,8 +26,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.core import Params, parameter, require_between
 
-__all__ = ["GustFilter", "Wind", "WindParams", "WindState", "davenport_psd", "wind_torque_n_m"]
-
 Array = NDArray[np.float64]
 
 # Gusts are renewed on a grid of their own, so that the wind of a seed does not depend on the

@@ -16,8 +16,6 @@ from rf_pointing.station.antenna.simulated_antenna import SimulatedAntenna
 from rf_pointing.station.pointing.controller import PointingController
 from rf_pointing.station.pointing.status import TrackingStatus
 
-__all__ = ["TARGET_LEAD_S", "PointedAntenna", "PointedTick", "ticks"]
-
 Output = TypeVar("Output", covariant=True)
 
 TARGET_LEAD_S = 2.0

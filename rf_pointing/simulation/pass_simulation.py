@@ -28,8 +28,6 @@ from rf_pointing.tracking.conscan_estimate import ConscanParams
 from rf_pointing.tracking.power_tracker import CarrierTracker, PowerTracker
 from rf_pointing.tracking.sensors import load_trackers
 
-__all__ = ["PassLog", "StationSetup", "simulate_pass"]
-
 Array = NDArray[np.float64]
 EARLY_TARGET_S = 5.0
 """How long before acquisition of signal the first target is, still below the horizon."""

@@ -14,18 +14,6 @@ from enum import StrEnum
 from rf_pointing.core import Mode, Params, Sensor, parameter
 from rf_pointing.tracking.sensors import NO_SENSOR, SENSORS, SensorTraits, sensors_of, table_words
 
-__all__ = [
-    "TRANSITIONS",
-    "Autotrack",
-    "AutotrackInputs",
-    "AutotrackParams",
-    "AutotrackState",
-    "Request",
-    "Transition",
-    "transition_diagram",
-    "transition_table",
-]
-
 
 class Request(StrEnum):
     """What the pass wants of the table."""

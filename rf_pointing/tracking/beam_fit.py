@@ -16,21 +16,6 @@ from numpy.typing import NDArray
 
 from rf_pointing.core import MU
 
-__all__ = [
-    "BeamDesign",
-    "LikelihoodFit",
-    "PowerWindow",
-    "beam_design",
-    "columns_independent",
-    "fit_beam",
-    "is_singular",
-    "least_spread_rad",
-    "rank_fault",
-    "rank_reason",
-    "spin_columns",
-]
-
-
 Array = NDArray[np.float64]
 MAX_ITERATIONS = 25
 LOSS = -0.25 / MU  # -mu u^2 / h^2 from the columns 2 mu u / h

@@ -18,9 +18,6 @@ from rf_pointing.core.whole_file import write_whole
 from rf_pointing.tracking.monopulse import MonopulseCalibration, MonopulseParams, MonopulseTracker
 from rf_pointing.tracking.monopulse_scan import MonopulseCalibrator, MonopulseScanParams
 
-__all__ = ["CalibrationOutcome", "ClusterTracker", "read_calibration", "write_calibration"]
-
-
 FORMAT = "rf_pointing/monopulse_calibration/1"
 FIELDS = ("response_real", "response_imaginary", "offset_real", "offset_imaginary")
 Array = NDArray[np.float64]

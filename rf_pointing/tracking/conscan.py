@@ -18,8 +18,6 @@ from rf_pointing.tracking.conscan_estimate import ConscanParams, estimate_window
 from rf_pointing.tracking.response import ResponseSums
 from rf_pointing.tracking.scan import Offset, circle_offset
 
-__all__ = ["ConscanState", "ConscanTracker", "DelayEstimate", "DelayEstimator", "DelayParams", "DelayState"]
-
 Array = NDArray[np.float64]
 # The median of three: one bad sample among them does not decide.
 FEWEST_WITNESSES = 3

@@ -11,20 +11,6 @@ from typing import NamedTuple
 from rf_pointing.core import MDEG, MU, Params, parameter, require_between
 from rf_pointing.tracking.conscan_estimate import ConscanParams
 
-__all__ = [
-    "ScanDesign",
-    "ScanDesignParams",
-    "conscan_loss",
-    "conscan_sigma_eq20_rad",
-    "conscan_sigma_eq21_rad",
-    "conscan_sigma_eq23_rad",
-    "conscan_sigma_eq25_rad",
-    "conscan_slope",
-    "design_scan",
-    "radius_for_loss_rad",
-    "scan_for_accuracy",
-]
-
 FEWEST_SAMPLES = 4
 # Halvings of a radius: 2^-60 is below the rounding of a float.
 BISECTIONS = 60

@@ -32,14 +32,6 @@ from rf_pointing.tracking.beam_fit import (
 )
 from rf_pointing.tracking.scan import ONCE_A_ROUND, LoopRate, Pattern, ScanParams
 
-__all__ = [
-    "ConscanEstimate",
-    "ConscanParams",
-    "WindowEstimate",
-    "estimate_window",
-    "linear_errors_rad",
-    "linear_estimate",
-]
 Array = NDArray[np.float64]
 SMALLEST_SPREAD = 0.05  # rms motion along the weaker axis, in scan radii
 # A spin close to the scan's period leaves a variance so large that nothing is measured.

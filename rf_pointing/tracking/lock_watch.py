@@ -18,17 +18,6 @@ from rf_pointing.core import MDEG, Params, PointingError, parameter
 from rf_pointing.tracking.response import ResponseEstimate, ResponseSums
 from rf_pointing.tracking.scan import ScanParams
 
-__all__ = [
-    "RESPONSES",
-    "Evidence",
-    "EvidenceState",
-    "InnovationBank",
-    "Innovations",
-    "LockWatch",
-    "LockWatchParams",
-    "LockWatchState",
-]
-
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 LARGEST_PROBE_BEAMWIDTHS = 0.1

@@ -17,8 +17,6 @@ from numpy.typing import NDArray
 
 from rf_pointing.core import MDEG, MonopulseCluster, Params, PointingError, Sensor, parameter
 
-__all__ = ["CURVES", "MonopulseCalibration", "MonopulseParams", "MonopulseTracker", "cluster_fault", "level_known"]
-
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 CURVES = ("tanh", "straight")

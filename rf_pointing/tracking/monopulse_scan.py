@@ -22,8 +22,6 @@ from rf_pointing.tracking.monopulse import (
 )
 from rf_pointing.tracking.scan import ScanParams
 
-__all__ = ["CalibrationFit", "MonopulseCalibrator", "MonopulseScanParams", "MonopulseScanState"]
-
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 

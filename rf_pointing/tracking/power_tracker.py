@@ -18,8 +18,6 @@ from rf_pointing.tracking.conscan import ConscanTracker, DelayEstimate, DelayEst
 from rf_pointing.tracking.conscan_estimate import ConscanParams
 from rf_pointing.tracking.steptrack import StepTracker, StepTrackParams
 
-__all__ = ["CarrierTracker", "PowerTracker"]
-
 Array = NDArray[np.float64]
 # Sensors that are measured here, and the modes of the same names.
 TRACKED = (Sensor.CONSCAN, Sensor.STEPTRACK)

@@ -8,8 +8,6 @@ w |d|^2) in each part, w = 1 / variance per axis.
 import math
 from dataclasses import dataclass
 
-__all__ = ["ResponseEstimate", "ResponseSums"]
-
 
 @dataclass(frozen=True, slots=True)
 class ResponseEstimate:

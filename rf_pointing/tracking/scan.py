@@ -12,7 +12,6 @@ from typing import NamedTuple, Protocol
 
 from rf_pointing.core import MDEG, Params, parameter
 
-__all__ = ["ONCE_A_ROUND", "CircleScan", "LoopRate", "Offset", "Pattern", "Scan", "ScanParams", "circle_offset"]
 # From the time since its start to an `Offset`.
 Pattern = Callable[[float], tuple[float, ...]]
 

@@ -21,9 +21,6 @@ from numpy.typing import NDArray
 from rf_pointing.core import MDEG, Params, parameter
 from rf_pointing.tracking.scan import Offset
 
-__all__ = ["SpiralParams", "SpiralSearch", "StripOffset", "StripSearch"]
-
-
 Array = NDArray[np.float64]
 # Newton's method for the angle of a length begins at most 1/256 of a turn away.
 POINTS_PER_TURN = 256

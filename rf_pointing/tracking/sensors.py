@@ -13,17 +13,6 @@ from importlib.metadata import entry_points
 from rf_pointing.core import Mode, Sensor
 from rf_pointing.tracking.scan import Scan
 
-__all__ = [
-    "NO_SENSOR",
-    "SENSORS",
-    "SENSOR_CHOICES",
-    "SensorTraits",
-    "load_trackers",
-    "register",
-    "sensors_of",
-    "table_words",
-]
-
 ENTRY_POINTS = "rf_pointing.trackers"
 # `Sensor.PROGRAM` as `autotrack.sensor` and `tracking_status.sensor` spell it.
 NO_SENSOR = "none"

@@ -14,8 +14,6 @@ from rf_pointing.core import MDEG, CarrierPower, Params, PointingError, Sensor, 
 from rf_pointing.tracking.beam_fit import PowerWindow, beam_design, fit_beam
 from rf_pointing.tracking.scan import ONCE_A_ROUND, LoopRate, Offset, Pattern
 
-__all__ = ["StepTrackParams", "StepTrackState", "StepTracker"]
-
 SMALLEST_SCATTER = 1e-12  # relative variance of a meter without noise; keeps the covariance positive
 # Right, above, left, below: each move leads to a neighbour, so it is short.
 POINTS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))

@@ -15,8 +15,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.core import MDEG, Params, as_finite_array, parameter
 
-__all__ = ["SkyMotion", "Trim", "TrimFilter", "TrimParams", "TrimState", "direction_rows"]
-
 Array = NDArray[np.float64]
 
 # Below this speed a geostationary target has no track, so no direction across it.

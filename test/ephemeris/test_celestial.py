@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.core import MDEG, angular_distance_rad
+from rf_pointing.core.dates import DAY_S
 from rf_pointing.ephemeris import (
     RADIO_SOURCES,
     IersEarthOrientation,
@@ -21,7 +22,7 @@ from rf_pointing.ephemeris import (
     sun,
 )
 from rf_pointing.ephemeris.celestial import CelestialTarget
-from rf_pointing.ephemeris.time_scales import DAY_S, POSIX_EPOCH_JD, TT_MINUS_TAI_S, utc_from_tai_s
+from rf_pointing.ephemeris.time_scales import POSIX_EPOCH_JD, TT_MINUS_TAI_S, utc_from_tai_s
 
 ASTROPY = json.loads((Path(__file__).parent / "data" / "astropy.json").read_text())
 ASTROPY_MDEG = {"Sun": 0.03, "Moon": 0.001, "Cassiopeia A": 0.001, "3C 273": 0.001}

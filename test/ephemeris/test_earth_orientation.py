@@ -5,13 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from rf_pointing.core.dates import from_utc_text
+from rf_pointing.core.dates import DAY_S, from_utc_text
 from rf_pointing.ephemeris.earth_orientation import (
     IersEarthOrientation,
     last_measured_t_s,
     table_span_t_s,
 )
-from rf_pointing.ephemeris.time_scales import DAY_S
 
 ARCSEC = math.radians(1.0 / 3600.0)
 SOURCE = IersEarthOrientation()

@@ -11,9 +11,6 @@ from numpy.typing import NDArray
 from rf_pointing.array_sensors.attitude.quaternion import unit_quaternion
 from rf_pointing.core import as_finite_array, require_finite
 
-__all__ = ["LARGEST_LEAD_S", "AttitudeReport", "RateReport", "require_arrived", "require_covariance"]
-
-
 LARGEST_LEAD_S = 5.0
 """Simulation time reaches the nodes one by one, so a stamp may be ahead of a node's clock by some
 of its steps."""

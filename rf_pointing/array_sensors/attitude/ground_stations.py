@@ -16,17 +16,6 @@ from rf_pointing.array_sensors.attitude.orbits import OrbitPoint, SunSynchronous
 from rf_pointing.core import Params, parameter, require_between
 from rf_pointing.core.constants import EARTH_RADIUS_M
 
-__all__ = [
-    "GroundNetworkParams",
-    "GroundStation",
-    "StationView",
-    "largest_nadir_angle_rad",
-    "stations_along_track",
-    "view_from",
-    "view_stations",
-]
-
-
 Array = NDArray[np.float64]
 # A name becomes a ROS namespace, whose grammar allows no more.
 _NAME = re.compile(r"[a-z][a-z0-9_]*")

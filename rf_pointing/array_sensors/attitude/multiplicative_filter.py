@@ -44,23 +44,6 @@ from rf_pointing.array_sensors.attitude.rotations import (
 )
 from rf_pointing.core import Params, parameter, require_between
 
-__all__ = [
-    "PRINTED_Q",
-    "TABLE_Q",
-    "AttitudeState",
-    "DirectionObservation",
-    "GateParams",
-    "ProcessNoiseParams",
-    "attitude_error",
-    "innovation",
-    "predict",
-    "process_noise_from_q",
-    "rotation_between",
-    "start_state",
-    "update",
-]
-
-
 PRINTED_Q = 1e-9
 # With the printed q the filter itself predicts an error of degrees; this one gives tables of the
 # size that DOA prints.

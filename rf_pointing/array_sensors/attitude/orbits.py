@@ -20,9 +20,6 @@ from rf_pointing.array_sensors.attitude.rotations import cross_product
 from rf_pointing.core import Params, parameter
 from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
 
-__all__ = ["OrbitPoint", "SunSynchronousOrbitParams", "circular_frame", "inclination_rad", "orbit_point", "period_s"]
-
-
 Array = NDArray[np.float64]
 # Only the precession of the node needs it; the motion along the orbit is Keplerian.
 EARTH_J2 = 1.08262668e-3

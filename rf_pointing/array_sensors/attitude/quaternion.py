@@ -14,21 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 from rf_pointing.array_sensors.attitude import rotations
 from rf_pointing.core import require_finite, require_rotation
 
-__all__ = [
-    "UNIT_TOLERANCE",
-    "canonical",
-    "conjugate",
-    "multiply",
-    "quaternion_from_matrix",
-    "quaternion_from_roll_pitch_yaw",
-    "quaternion_from_rotation_vector",
-    "quaternion_to_matrix",
-    "quaternion_to_roll_pitch_yaw",
-    "quaternion_to_rotation_vector",
-    "rotation_angle_between_rad",
-    "unit_quaternion",
-]
-
 Array = NDArray[np.float64]
 
 UNIT_TOLERANCE = 1e-6

@@ -21,18 +21,6 @@ from rf_pointing.array_sensors.attitude.rotations import (
 )
 from rf_pointing.core import Params, parameter
 
-__all__ = [
-    "KnownTorque",
-    "RigidInertia",
-    "SatelliteParams",
-    "gravity_gradient_n_m",
-    "gravity_jacobian",
-    "propagate",
-    "rate_jacobian",
-    "rate_slope_rad_s2",
-    "rigid_inertia",
-]
-
 Array = NDArray[np.float64]
 
 _ROUNDING = 1e-9

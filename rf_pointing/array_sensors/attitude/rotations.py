@@ -8,17 +8,6 @@ b) = C(a) C(b). Filters step these tens of thousands of times, so nothing here c
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = [
-    "cross_matrix",
-    "cross_product",
-    "matrix_from_quaternion",
-    "quaternion_from_matrix",
-    "quaternion_from_turn",
-    "quaternion_product",
-    "tangent_rows",
-    "turn_from_quaternion",
-]
-
 Array = NDArray[np.float64]
 
 

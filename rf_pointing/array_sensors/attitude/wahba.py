@@ -14,8 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 from rf_pointing.array_sensors.attitude.rotations import cross_matrix
 from rf_pointing.core import require_finite
 
-__all__ = ["WahbaFit", "attitude_covariance", "beam_covariance", "fit_rotation", "separation_rad", "unit_directions"]
-
 Array = NDArray[np.float64]
 
 # Larger than the rounding of a float32 sensor, smaller than any beam error that matters.

@@ -18,18 +18,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.core import Params, parameter, require_finite
 
-__all__ = [
-    "ArrayResponse",
-    "CircularArrayParams",
-    "coupling_basis",
-    "coupling_matrix",
-    "element_positions_m",
-    "phase_radius_rad",
-    "steering",
-    "steering_taylor",
-]
-
-
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 

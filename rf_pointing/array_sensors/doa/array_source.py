@@ -15,8 +15,6 @@ from rf_pointing.array_sensors.doa.array import ArrayResponse, CircularArrayPara
 from rf_pointing.array_sensors.doa.snapshots import draw_snapshots
 from rf_pointing.core import Params, as_finite_array, parameter, random_stream, require_finite
 
-__all__ = ["ArraySource", "ArraySourceParams", "ArraySourceState", "SnapshotBlock"]
-
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 

@@ -25,7 +25,6 @@ from rf_pointing.array_sensors.doa.attitude_start import StartParams
 from rf_pointing.array_sensors.doa.estimator import DirectionEstimate, DoaEstimator, DoaEstimatorParams
 from rf_pointing.core import Params, as_finite_array, parameter, require_between
 
-__all__ = ["ChannelBlock", "DoaAttitude", "DoaAttitudeReport", "DoaChainParams", "HeldTorque", "match_directions"]
 Array = NDArray[np.float64]
 
 

@@ -25,8 +25,6 @@ from rf_pointing.array_sensors.attitude.wahba import fit_rotation, unit_directio
 from rf_pointing.array_sensors.doa.attitude_start import StartParams, best_of_bank, start_bank
 from rf_pointing.core import Params, as_finite_array, parameter, require_finite
 
-__all__ = ["AttitudeEstimate", "DoaAttitudeFilter", "DoaAttitudeParams", "DoaAttitudeState", "StationDirection"]
-
 Array = NDArray[np.float64]
 
 

@@ -31,8 +31,6 @@ from rf_pointing.array_sensors.attitude.quaternion import (
 )
 from rf_pointing.core import Params, parameter
 
-__all__ = ["StartParams", "aligned_start", "best_of_bank", "start_bank"]
-
 Array = NDArray[np.float64]
 
 

@@ -14,9 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Eigen", "count_sources", "eigen", "sample_covariance"]
-
-
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 ROUNDING = 1e-12  # of the largest eigenvalue

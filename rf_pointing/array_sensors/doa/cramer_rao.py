@@ -21,8 +21,6 @@ from numpy.typing import ArrayLike, NDArray
 from rf_pointing.array_sensors.doa.array import CircularArrayParams, phase_radius_rad, steering, steering_taylor
 from rf_pointing.core import require_between
 
-__all__ = ["cosine_sigma_rad", "direction_bound_rad2", "effective_snr", "polar_sigma_rad", "search_grid_rmse"]
-
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 

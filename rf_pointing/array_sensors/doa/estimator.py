@@ -20,8 +20,6 @@ from rf_pointing.array_sensors.doa.music import estimate_directions
 from rf_pointing.array_sensors.doa.several_sources import estimate_several
 from rf_pointing.core import Params, cosine_slopes, parameter
 
-__all__ = ["DirectionEstimate", "DoaEstimator", "DoaEstimatorParams"]
-
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 

@@ -19,16 +19,6 @@ from rf_pointing.array_sensors.attitude.rotations import tangent_rows
 from rf_pointing.array_sensors.doa.array import CircularArrayParams, phase_radius_rad, steering, steering_taylor
 from rf_pointing.array_sensors.doa.covariance import eigen
 
-__all__ = [
-    "Peaks",
-    "estimate_directions",
-    "lattice",
-    "principal_eigenvectors",
-    "refine_peaks",
-    "steered_lattice",
-]
-
-
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 

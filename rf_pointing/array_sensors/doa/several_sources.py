@@ -14,8 +14,6 @@ from rf_pointing.array_sensors.doa.array import CircularArrayParams, phase_radiu
 from rf_pointing.array_sensors.doa.covariance import eigen
 from rf_pointing.array_sensors.doa.music import refine_peaks, steered_lattice
 
-__all__ = ["SeveralDirections", "estimate_several"]
-
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 

@@ -22,8 +22,6 @@ from rf_pointing.array_sensors.doa.attitude_chain import ChannelBlock, HeldTorqu
 from rf_pointing.array_sensors.doa.simulated_satellite import NadirHoldParams, SatelliteTruth, SimulatedSatellite
 from rf_pointing.core import Params, parameter
 
-__all__ = ["DoaMoment", "DoaScenarioParams", "SimulatedDoa"]
-
 Array = NDArray[np.float64]
 # The step of DOA, so that truth and filter integrate alike however long the period of the blocks
 # is.

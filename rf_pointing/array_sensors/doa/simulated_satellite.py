@@ -26,8 +26,6 @@ from rf_pointing.array_sensors.attitude.quaternion import (
 from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque, SatelliteParams, propagate, rigid_inertia
 from rf_pointing.core import Params, parameter, random_stream, require_between, require_finite
 
-__all__ = ["NadirHoldParams", "SatelliteTruth", "SimulatedSatellite"]
-
 Array = NDArray[np.float64]
 
 

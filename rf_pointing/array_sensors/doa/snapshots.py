@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 from rf_pointing.array_sensors.doa.array import CircularArrayParams, steering
 from rf_pointing.core import require_between, require_choice
 
-__all__ = ["complex_normal", "draw_covariances", "draw_snapshots"]
-
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 

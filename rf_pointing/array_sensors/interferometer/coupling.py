@@ -13,16 +13,6 @@ from rf_pointing.array_sensors.interferometer.frames import forward_angles, reve
 from rf_pointing.array_sensors.interferometer.relative_pose import attitude_from_directions
 from rf_pointing.array_sensors.interferometer.variant import CORRECTED, is_published
 
-__all__ = [
-    "coupling_amplitudes",
-    "coupling_from_two_way",
-    "coupling_matrix",
-    "elevation_from_polarisation",
-    "roll_from_polarisation",
-    "tracking_frame_dipole",
-    "y_dipole_components",
-]
-
 Array = NDArray[np.float64]
 # Cosine or coupling below which the roll is rounding and not a measurement.
 _SINGULAR = 1e-9

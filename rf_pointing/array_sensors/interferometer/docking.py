@@ -24,9 +24,6 @@ from rf_pointing.array_sensors.interferometer.tracker import (
     TrackerState,
 )
 
-__all__ = ["DockingMoment", "RelativePoseTracker", "Rep103Pose", "SimulatedDocking", "rep103_pose", "true_pose"]
-
-
 Array = NDArray[np.float64]
 # From the report's axes (x boresight, y right, z down) to REP-103: y and z change their sign.
 _FLIP = np.diag([1.0, -1.0, -1.0])

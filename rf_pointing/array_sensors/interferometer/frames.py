@@ -18,23 +18,6 @@ from rf_pointing.array_sensors.attitude.rotations import (
 )
 from rf_pointing.array_sensors.interferometer.variant import CORRECTED, is_published
 
-__all__ = [
-    "attitude_from_euler",
-    "azimuth_rotation",
-    "direction_from_angles",
-    "elevation_rotation",
-    "euler_from_attitude",
-    "forward_angles",
-    "frame_rotation",
-    "rep103_from_spacecraft",
-    "reverse_angles",
-    "roll_rotation",
-    "rotation_vector",
-    "small_rotation",
-    "spacecraft_from_rep103",
-    "target_axes",
-]
-
 Array = NDArray[np.float64]
 # At elevation +-90 deg azimuth and roll are about one axis: refusing is better than an arbitrary
 # split.

@@ -20,18 +20,6 @@ from rf_pointing.array_sensors.interferometer.relative_pose import (
 )
 from rf_pointing.array_sensors.interferometer.system import ArrayParams
 
-__all__ = [
-    "Geometry",
-    "aperture_excess",
-    "direction_cosines",
-    "forward_direction",
-    "geometry_from_pose",
-    "initialize",
-    "range_from_sum",
-    "reverse_direction_from_ranges",
-]
-
-
 Array = NDArray[np.float64]
 
 

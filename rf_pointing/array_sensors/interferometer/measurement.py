@@ -11,9 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.core import as_finite_array, require_finite
 
-__all__ = ["InterferometerMeasurement", "phase_rate_sigma_rad_s", "phase_variance"]
-
-
 Array = NDArray[np.float64]
 
 

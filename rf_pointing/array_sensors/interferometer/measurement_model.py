@@ -20,21 +20,6 @@ from rf_pointing.array_sensors.interferometer.motion import RelativeMotion
 from rf_pointing.array_sensors.interferometer.reading import Reading, rate_weights
 from rf_pointing.array_sensors.interferometer.system import InterferometerSystem, path_rates_m_s, two_way_ranges
 
-__all__ = [
-    "SIZE",
-    "TrackedMotion",
-    "cartesian_jacobian",
-    "displaced",
-    "expected_path_rates_m_s",
-    "expected_reading",
-    "local_difference",
-    "local_gradient",
-    "local_steps",
-    "numerical_jacobian",
-    "sight_axes",
-]
-
-
 Array = NDArray[np.float64]
 SIZE = 14
 POSITION, VELOCITY, ATTITUDE, RATE = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12)

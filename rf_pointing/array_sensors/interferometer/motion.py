@@ -19,8 +19,6 @@ from rf_pointing.array_sensors.interferometer.frames import (
 from rf_pointing.array_sensors.interferometer.relative_pose import RelativePose
 from rf_pointing.core import Params, as_finite_array, parameter, require_finite
 
-__all__ = ["DockingApproach", "RelativeMotion", "crude_attitude_rate", "moved", "require_motion"]
-
 Array = NDArray[np.float64]
 
 

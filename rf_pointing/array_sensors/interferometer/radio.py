@@ -13,20 +13,6 @@ from rf_pointing.array_sensors.interferometer.system import CarrierPlan
 from rf_pointing.array_sensors.interferometer.variant import CORRECTED, is_published
 from rf_pointing.core import Params, parameter
 
-__all__ = [
-    "LOWEST_SNR",
-    "LinkParams",
-    "RadioParams",
-    "amplitude_sigma",
-    "link_snr",
-    "noise_power_w",
-    "path_loss",
-    "received_power_w",
-    "required_power_w",
-    "signal_to_noise_ratios",
-]
-
-
 Array = NDArray[np.float64]
 LOWEST_SNR = 10.0
 """Power ratio below which phase noise is not Gaussian and loops lose lock (10 dB)."""

@@ -26,8 +26,6 @@ from rf_pointing.array_sensors.interferometer.snapshot import Snapshot
 from rf_pointing.array_sensors.interferometer.system import InterferometerSystem
 from rf_pointing.core import Params, parameter
 
-__all__ = ["FilterParams", "FilterState", "FilterUpdate", "predict", "start", "update"]
-
 Array = NDArray[np.float64]
 # The same reading updates the filter right after: its start must not count the reading twice.
 _POSE_INFLATION = 100.0

@@ -32,19 +32,6 @@ from rf_pointing.array_sensors.interferometer.system import (
 from rf_pointing.array_sensors.interferometer.variant import CORRECTED, is_published
 from rf_pointing.core import Params, parameter
 
-__all__ = [
-    "COUPLINGS",
-    "RANGES",
-    "RATES",
-    "ErrorFloor",
-    "Reading",
-    "ResolvedRanges",
-    "rate_weights",
-    "read_ranges",
-    "resolve_ranges",
-]
-
-
 Array = NDArray[np.float64]
 # Rows of the reading's vector; the measurement model and the snapshot index with them.
 RANGES, RATES, COUPLINGS = slice(0, 9), slice(9, 18), slice(18, 22)

@@ -19,18 +19,6 @@ from rf_pointing.array_sensors.interferometer.frames import (
 )
 from rf_pointing.core import as_finite_array, require_between, require_finite, require_rotation
 
-__all__ = [
-    "RelativePose",
-    "TwoWayPose",
-    "attitude_from_directions",
-    "attitude_from_two_way",
-    "pose_from_two_way",
-    "reverse_direction",
-    "roll_from_directions",
-    "two_way_from_attitude",
-    "two_way_from_pose",
-]
-
 Array = NDArray[np.float64]
 # Elevation 2 of +-90 deg: azimuth 2 and roll turn about one axis there.
 _POLE_COSINE = 1e-9

@@ -21,20 +21,6 @@ from rf_pointing.array_sensors.interferometer.system import ArrayParams, two_way
 from rf_pointing.array_sensors.interferometer.variant import CORRECTED, VARIANTS, is_published
 from rf_pointing.core import Params, parameter, wrap_rad
 
-__all__ = [
-    "SequenceParams",
-    "SequenceResult",
-    "direction_step",
-    "excitation_step",
-    "minimum_variance_step",
-    "range_step",
-    "roll_step",
-    "track",
-    "track_once",
-    "turned_direction",
-]
-
-
 Array = NDArray[np.float64]
 # Of a matrix scaled to a unit diagonal; rounding leaves 1e-15 of an exact zero.
 _SMALLEST_EIGENVALUE = 1e-12

@@ -19,8 +19,6 @@ from rf_pointing.array_sensors.interferometer.reading import COUPLINGS, RANGES, 
 from rf_pointing.array_sensors.interferometer.sequence import SequenceParams, minimum_variance_step, track
 from rf_pointing.array_sensors.interferometer.system import InterferometerSystem
 
-__all__ = ["Snapshot", "chi_square_limit", "coarse_geometry", "refine"]
-
 Array = NDArray[np.float64]
 # Position and attitude among the fourteen local coordinates; one reading does not show the
 # velocities.

@@ -28,22 +28,6 @@ from rf_pointing.array_sensors.interferometer.variant import CORRECTED, VARIANTS
 from rf_pointing.core import Params, parameter
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 
-__all__ = [
-    "ArrayParams",
-    "CarrierPlan",
-    "InterferometerSystem",
-    "Schedule",
-    "element_positions",
-    "path_lengths",
-    "path_rates_m_s",
-    "path_vectors",
-    "range_acceleration_lever_s2",
-    "range_rate_lever_s",
-    "two_way_gradients",
-    "two_way_ranges",
-]
-
-
 Array = NDArray[np.float64]
 ORDERS = ("simultaneous", "ascending", "nested")
 

@@ -33,8 +33,6 @@ from rf_pointing.array_sensors.interferometer.snapshot import Snapshot, chi_squa
 from rf_pointing.array_sensors.interferometer.system import InterferometerSystem
 from rf_pointing.core import Params, parameter
 
-__all__ = ["InterferometerTracker", "PoseEstimate", "TrackerOutput", "TrackerParams", "TrackerState"]
-
 Array = NDArray[np.float64]
 ACQUIRING, TRACKING, COASTING = "acquiring", "tracking", "coasting"
 

@@ -7,8 +7,6 @@ own definitions.
 
 from rf_pointing.core import require_choice
 
-__all__ = ["CORRECTED", "PUBLISHED", "VARIANTS", "is_published"]
-
 PUBLISHED = "published"
 CORRECTED = "corrected"
 VARIANTS = (PUBLISHED, CORRECTED)

@@ -32,9 +32,6 @@ from rf_pointing.nodes.pacing import PacedStream, Pacer
 from rf_pointing.nodes.qos import STREAM
 from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
 
-__all__ = ["ARRAY_SYSTEMS", "CLOCK", "ArrayGraph", "ArraySystem"]
-
-
 CLOCK = "simulation_clock"
 """Gives the time of a simulated graph where nothing else does."""
 

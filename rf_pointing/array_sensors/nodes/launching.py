@@ -13,8 +13,6 @@ from launch import LaunchDescription
 from rf_pointing.array_sensors.nodes.array_graph import ARRAY_SYSTEMS, CLOCK
 from rf_pointing.nodes.launching import RESPAWN_DELAY_S
 
-__all__ = ["array_description"]
-
 
 def array_description(name: str) -> LaunchDescription:
     """Return the simulated graph `name` of ARRAY_SYSTEMS, with simulation time of its own that runs

@@ -12,8 +12,6 @@ from rf_pointing.array_sensors.report.pictures import draw_attitude, draw_pose
 from rf_pointing.array_sensors.report.series import ArraySeries, array_sensors, read_attitude_series, read_pose_series
 from rf_pointing.report.html import Cell, document, figure, table, text
 
-__all__ = ["ArrayErrors", "report_array_sensors", "write_array_report"]
-
 SCHEMA = "rf_pointing/array_summary/1"
 _CAPTION = (
     "Estimates and truth of the same stamps on the left, errors in the band of three claimed deviations on the right."

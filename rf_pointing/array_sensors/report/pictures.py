@@ -10,8 +10,6 @@ from rf_pointing.array_sensors.attitude.quaternion import quaternion_to_roll_pit
 from rf_pointing.array_sensors.report.series import ArraySeries
 from rf_pointing.report.picture_style import ALONE_COLOUR, AXIS_COLOURS, LIMIT_COLOUR, figure, legend_above
 
-__all__ = ["draw_attitude", "draw_pose"]
-
 Floats = NDArray[np.float64]
 _TRUE, _FOUND = LIMIT_COLOUR, AXIS_COLOURS[0]
 _MDEG_BELOW_DEG = 0.03

@@ -16,8 +16,6 @@ from rf_pointing.array_sensors.attitude.quaternion import conjugate, multiply, q
 from rf_pointing.report.bag_source import open_bag
 from rf_pointing.report.topics import types_of
 
-__all__ = ["ArraySeries", "array_sensors", "read_attitude_series", "read_pose_series"]
-
 Floats = NDArray[np.float64]
 Messages = dict[int, Any]
 

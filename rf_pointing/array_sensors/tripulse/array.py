@@ -14,15 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.core import Params, parameter, require_finite
 
-__all__ = [
-    "TripulseArrayParams",
-    "amplitude_taper",
-    "centred_indices",
-    "element_weights",
-    "quantised_phase_rad",
-    "steering_phase_rad",
-]
-
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 

@@ -20,21 +20,6 @@ from numpy.typing import ArrayLike, NDArray
 from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams, centred_indices
 from rf_pointing.core import require_choice, require_finite
 
-__all__ = [
-    "TIME_CONVENTIONS",
-    "beam_signals",
-    "beam_signs",
-    "closed_form_signals",
-    "direction_projections",
-    "invert_ratios",
-    "invert_with_weights",
-    "monopulse_ratios",
-    "polar_angles_rad",
-    "quadrant_signals",
-    "ratio_and_slope",
-]
-
-
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 

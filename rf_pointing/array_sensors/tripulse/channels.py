@@ -18,17 +18,6 @@ from numpy.typing import NDArray
 
 from rf_pointing.array_sensors.tripulse.signal import TripulseSignalParams, segment_beams
 
-__all__ = [
-    "Channels",
-    "ReferencePhase",
-    "channel_values",
-    "channelise",
-    "detect_with_references",
-    "find_shift_hz",
-    "reference_phase",
-]
-
-
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 

@@ -20,16 +20,6 @@ from rf_pointing.array_sensors.attitude.quaternion import (
 )
 from rf_pointing.core import Params, parameter, require_finite
 
-__all__ = [
-    "GeostationaryParams",
-    "SceneMoment",
-    "WobbleParams",
-    "geostationary_point",
-    "scene_moment",
-    "station_view",
-    "wobble_quaternion",
-]
-
 Array = NDArray[np.float64]
 
 ORBIT_RADIUS_M = 42164172.0

@@ -29,8 +29,6 @@ from rf_pointing.array_sensors.tripulse.signal import (
 from rf_pointing.array_sensors.tripulse.tracker import TrackerParams, predict, start, update
 from rf_pointing.core import Params, parameter
 
-__all__ = ["TripulseMeasurement", "TripulseReceiver", "TripulseReceiverParams"]
-
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 

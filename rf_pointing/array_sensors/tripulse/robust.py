@@ -24,8 +24,6 @@ from numpy.typing import ArrayLike, NDArray
 from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams
 from rf_pointing.core import as_finite_array, require_finite
 
-__all__ = ["PosteriorEstimate", "posterior_projection_error", "signal_matrix", "total_least_squares_ratios"]
-
 Array = NDArray[np.float64]
 
 # 25 points over ten sigma resolve a Gaussian; six shrinking grids follow a posterior down to a

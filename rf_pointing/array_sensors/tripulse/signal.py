@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 
 from rf_pointing.core import Params, parameter, require_finite
 
-__all__ = ["SEGMENT_BEAMS", "TripulseFrame", "TripulseSignalParams", "segment_beams", "segment_times_s"]
-
 SEGMENT_BEAMS = "Sxy"
 """Letters of a pattern, in the order of the beams: sum, delta x, delta y."""
 

@@ -32,8 +32,6 @@ from rf_pointing.core import (
 )
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 
-__all__ = ["StationLine", "TripulseSource", "TripulseSourceParams", "TripulseSourceState"]
-
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 

@@ -26,18 +26,6 @@ from rf_pointing.array_sensors.attitude.wahba import (
 )
 from rf_pointing.core import Params, as_finite_array, cosine_slopes, parameter, require_finite
 
-__all__ = [
-    "StationAttitude",
-    "StationAttitudeEstimator",
-    "StationAttitudeParams",
-    "StationAttitudeState",
-    "StationObservation",
-    "bisector_rotation",
-    "direction_covariances",
-    "directions_from_projections",
-]
-
-
 Array = NDArray[np.float64]
 
 SMALLEST_HEIGHT = 1e-3

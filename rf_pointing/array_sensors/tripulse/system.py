@@ -24,15 +24,6 @@ from rf_pointing.array_sensors.tripulse.station_attitude import (
 )
 from rf_pointing.core import Params, parameter
 
-__all__ = [
-    "SAME_EPOCH_S",
-    "EpochParams",
-    "SimulatedTripulse",
-    "TripulseAttitude",
-    "TripulseTransmission",
-    "attitude_report",
-]
-
 # Frames of one epoch differ by the rounding of their stamps only.
 SAME_EPOCH_S = 1e-3
 """Frames of one epoch leave the satellite within less than this."""

@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 
 from rf_pointing.core import Params, parameter, require_finite
 
-__all__ = ["TrackerParams", "TrackerState", "predict", "start", "update"]
-
 Array = NDArray[np.float64]
 
 

@@ -23,9 +23,6 @@ from rf_pointing.papers.doa_study.directions import (
 )
 from rf_pointing.papers.sweeps import sweep
 
-__all__ = ["AccuracyPoint", "accuracy_curve", "accuracy_point", "draw_accuracy", "draw_convergence", "threshold"]
-
-
 ARRAY = CircularArrayParams()
 OUTLIER_RAD = math.radians(20.0)
 

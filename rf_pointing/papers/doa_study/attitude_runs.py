@@ -46,9 +46,6 @@ from rf_pointing.papers.doa_study.directions import (
 )
 from rf_pointing.papers.doa_study.scene import STEP_S, Scene, nadir_scene
 
-__all__ = ["CaseResult", "PublishedState", "RunTask", "published_predict", "published_update", "run"]
-
-
 Array = NDArray[np.float64]
 ARRAY = CircularArrayParams()
 GATE = GateParams()

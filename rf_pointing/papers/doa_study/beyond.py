@@ -49,19 +49,6 @@ from rf_pointing.papers.doa_study.directions import direction_from_polar, polar_
 from rf_pointing.papers.doa_study.scene import STEP_S, nadir_scene
 from rf_pointing.papers.row import Row
 
-__all__ = [
-    "CouplingFit",
-    "any_start_error_deg",
-    "beyond_rows",
-    "coupling_rmse_deg",
-    "fit_response",
-    "mean_nees",
-    "nees",
-    "nees_band",
-    "two_source_attitude_ratio",
-]
-
-
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 

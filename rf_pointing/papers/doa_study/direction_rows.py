@@ -19,8 +19,6 @@ from rf_pointing.papers.doa_study.directions import DirectionCase, polar_from_di
 from rf_pointing.papers.doa_study.scene import ELEVATION_MIN_RAD, nadir_scene
 from rf_pointing.papers.row import Row
 
-__all__ = ["FLOOR_DEG", "PRINTED", "accuracy_rows", "case_name", "direction_rows", "scene_rows", "table_of"]
-
 ARRAY = CircularArrayParams()
 STEP_DEG = 1.0
 FLOOR_DEG = float(search_grid_rmse(0.0, STEP_DEG))

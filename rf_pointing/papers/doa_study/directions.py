@@ -31,23 +31,6 @@ from rf_pointing.array_sensors.doa.music import estimate_directions, principal_e
 from rf_pointing.array_sensors.doa.snapshots import draw_covariances
 from rf_pointing.core import require_between, wrap_rad
 
-__all__ = [
-    "GRID_RAD",
-    "DirectionCase",
-    "ErrorPool",
-    "azimuth_rmse_rad",
-    "direction_from_polar",
-    "draw_directions",
-    "error_pool",
-    "grid_search",
-    "measure_directions",
-    "nearest_node",
-    "polar_basis",
-    "polar_errors_rad",
-    "polar_from_direction",
-]
-
-
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 GRID_RAD = np.radians(1.0)

@@ -13,8 +13,6 @@ from rf_pointing.papers.doa_study.direction_rows import FLOOR_DEG, PRINTED, case
 from rf_pointing.papers.doa_study.directions import DirectionCase
 from rf_pointing.papers.row import Row
 
-__all__ = ["attitude_rows", "convergence_rows", "filter_rows", "settling_time_s"]
-
 ARRAY = CircularArrayParams()
 AXES = ("yaw", "roll", "pitch")
 FAIR = [(100, -10.0), (100, -8.0), (100, -6.0), (100, -2.0), (100, 0.0), (10, 0.0), (20, 0.0), (50, 0.0)]

@@ -21,8 +21,6 @@ from rf_pointing.array_sensors.attitude.rigid_body import (
 )
 from rf_pointing.core import require_between
 
-__all__ = ["ELEVATION_MIN_RAD", "STEP_S", "Scene", "nadir_scene"]
-
 Array = NDArray[np.float64]
 
 STEP_S = 0.25

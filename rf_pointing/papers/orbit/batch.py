@@ -19,9 +19,6 @@ from rf_pointing.core import as_finite_array, require_between, require_choice, u
 from rf_pointing.papers.orbit.measurements import KINDS, measured, partials
 from rf_pointing.papers.orbit.motion import Disturbances, Gravity, Site, Trajectory, propagate, to_inertial
 
-__all__ = ["Arc", "OrbitResult", "fit_orbit", "preliminary_orbit", "starting_state", "times_of"]
-
-
 Array = NDArray[np.float64]
 
 _FEWEST, _SWEEPS, _DEGREE = 10, 4, 3

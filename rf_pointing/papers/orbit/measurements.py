@@ -26,9 +26,6 @@ from rf_pointing.papers.orbit.motion import (
     to_inertial,
 )
 
-__all__ = ["KINDS", "Elements", "Look", "look", "measured", "partials", "secular_states", "visits"]
-
-
 Array = NDArray[np.float64]
 
 KINDS = ("azimuth_rad", "elevation_rad", "range_m", "range_rate_m_s")

@@ -25,22 +25,6 @@ from numpy.typing import ArrayLike, NDArray
 from rf_pointing.core import Params, as_finite_array, parameter
 from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
 
-__all__ = [
-    "EARTH_RATE_RAD_S",
-    "Disturbances",
-    "Gravity",
-    "Site",
-    "Trajectory",
-    "moon_m",
-    "propagate",
-    "propagate_together",
-    "sidereal_angle_rad",
-    "sun_m",
-    "to_earth_fixed",
-    "to_inertial",
-]
-
-
 Array = NDArray[np.float64]
 
 EARTH_RATE_RAD_S = 7.292115855e-5

@@ -19,8 +19,6 @@ from rf_pointing.servo import PlantParams
 from rf_pointing.station.antenna.loops import AxisLoops, LoopParams
 from rf_pointing.station.antenna.safety import AntennaSafety
 
-__all__ = ["NEW_PATH_RAD", "AntennaAxes", "Hardware", "SlewPath", "pair"]
-
 Array = NDArray[np.float64]
 Pair = tuple[float, float]
 Corners = tuple[Pair, ...]

@@ -25,8 +25,6 @@ from rf_pointing.station.antenna.modes import AntennaMode, AntennaModes, MotionS
 from rf_pointing.station.antenna.safety import AntennaSafety, SafetyParams
 from rf_pointing.station.pointing.status import AntennaStatus
 
-__all__ = ["ControlUnit"]
-
 Array = NDArray[np.float64]
 Pair = tuple[float, float]
 ARRIVED_RAD = math.radians(0.02)

@@ -33,8 +33,6 @@ from rf_pointing.controllers import (
 from rf_pointing.core import AXES, Motion, Params, parameter
 from rf_pointing.servo import PlantParams, discretise, linear_model
 
-__all__ = ["AxisLoops", "LoopParams", "PositionLaw", "closed_loop_pole", "law_rates", "require_stable"]
-
 Array = NDArray[np.float64]
 PositionLaw = PositionLoop | LqgLoop
 Law = PositionLoopParams | LqgDesign

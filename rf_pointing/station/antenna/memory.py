@@ -11,8 +11,6 @@ from rf_pointing.core.whole_file import KeptState
 from rf_pointing.station.antenna.modes import AntennaMode
 from rf_pointing.station.antenna.simulated_antenna import AntennaParams, SimulatedAntenna
 
-__all__ = ["AntennaMemory"]
-
 MOVED_RAD = math.radians(0.5)
 """Motion after which the file is written anew: seldom, and far less than a turn of cables."""
 AT_REST = (AntennaMode.PARKED, AntennaMode.STOWED, AntennaMode.DISABLED)

@@ -17,8 +17,6 @@ allows.
 from dataclasses import dataclass
 from enum import StrEnum, auto
 
-__all__ = ["MODES", "AntennaMode", "AntennaModes", "ModeTraits", "MotionSnapshot", "Request"]
-
 
 class AntennaMode(StrEnum):
     """Modes of the antenna; the values travel in `antenna_status`."""

@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 from rf_pointing.calibration import TERMS, BiasModel
 from rf_pointing.core import Params, parameter
 
-__all__ = ["MountError", "MountParams", "RateAverage"]
-
 Array = NDArray[np.float64]
 RENEWAL_S = 0.5
 """Time between two steps of the inversion: a hundredth of the cost of inverting at every tick."""

@@ -41,8 +41,6 @@ from rf_pointing.rf import (
     spin_gain_db,
 )
 
-__all__ = ["Reception", "SignalParams", "SimulatedReceiver"]
-
 Array = NDArray[np.float64]
 BLOCK = 50
 """Look angles computed at once: a second of ticks in one vectorised call."""

@@ -31,8 +31,6 @@ from rf_pointing.planning import (
 )
 from rf_pointing.station.antenna.modes import MODES, AntennaMode
 
-__all__ = ["AntennaSafety", "SafetyParams"]
-
 Array = NDArray[np.float64]
 Pair = tuple[float, float]
 COMMAND_PERIOD_S = 0.1

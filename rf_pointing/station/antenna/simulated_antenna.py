@@ -19,8 +19,6 @@ from rf_pointing.station.antenna.modes import AntennaMode
 from rf_pointing.station.antenna.mount import MountError, MountParams, RateAverage
 from rf_pointing.station.antenna.safety import SafetyParams
 
-__all__ = ["FAULTS", "AntennaParams", "InjectedFaults", "SimulatedAntenna", "SimulatedHardware", "SimulationParams"]
-
 Array = NDArray[np.float64]
 Pair = tuple[float, float]
 LONGEST_STOP_S = 30.0

@@ -25,8 +25,6 @@ from rf_pointing.calibration import (
 from rf_pointing.core import JointReading, PointingError, Target, nearest_turn_rad
 from rf_pointing.station.pointing.prediction import TargetBuffer
 
-__all__ = ["CalibrationLog"]
-
 # How far a term may have moved from the present model; acceleration lags are hardly known at all.
 PRIOR_SIGMA = {"rad": math.radians(0.2), "rad/K": math.radians(0.02), "s": 0.5, "s^2": 10.0}
 PASS_GAP_S = 120.0

@@ -23,9 +23,6 @@ from rf_pointing.calibration import (
 )
 from rf_pointing.core import MDEG
 
-__all__ = ["ModelKeeper", "campaign_folder", "commissioning_file", "commissioning_model"]
-
-
 # The Ka-band beam is four times narrower: the common model of the antenna is not good enough there.
 _COMMISSIONING = {"Ka": "bias_model_dss13_ka.yaml"}
 _COMMON = "bias_model_dss13.yaml"

@@ -18,8 +18,6 @@ from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.ephemeris import Elements, Pass, Site, TopocentricTrack, find_passes
 
-__all__ = ["ArcRules", "beacons", "candidate_arcs", "window_of"]
-
 Array = NDArray[np.float64]
 
 # The pass is followed from lower than its points: the search needs time before the first one.

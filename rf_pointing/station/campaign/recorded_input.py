@@ -27,8 +27,6 @@ from rf_pointing.calibration import (
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.ephemeris import Elements, Site, TopocentricTrack, find_elements
 
-__all__ = ["holds_points", "process_passes", "read_points", "read_raw", "reference_of"]
-
 REFERENCE_STEP_S = 2.0
 # Longer than any loss of signal within a pass, shorter than the time between two passes.
 PASS_GAP_S = 1200.0

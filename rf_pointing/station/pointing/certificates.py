@@ -31,16 +31,6 @@ from rf_pointing.planning.branch_motion import Lag, no_lag
 from rf_pointing.planning.certificate import STEP_S, Slew
 from rf_pointing.station.pointing.prediction import axis_motion
 
-__all__ = [
-    "PlannedPass",
-    "PlanningRules",
-    "StoreParams",
-    "certificate_of",
-    "pass_profile",
-    "plan_passes",
-    "store_certificate",
-]
-
 Array = NDArray[np.float64]
 SAMPLE_S = 1.0
 SUN_STEP_S = 60.0

@@ -22,8 +22,6 @@ from rf_pointing.station.pointing.status import TrackingStatus
 from rf_pointing.tracking import AutotrackState
 from rf_pointing.tracking.sensors import SENSOR_CHOICES, SENSORS
 
-__all__ = ["PointingController"]
-
 # A pass that has begun may be started before the target's motion has arrived; not for longer.
 PREDICTION_PATIENCE_S = 5.0
 

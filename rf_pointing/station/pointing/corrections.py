@@ -24,8 +24,6 @@ from rf_pointing.station.pointing.scan_patterns import ScanPatterns, Scans
 from rf_pointing.tracking import AutotrackState, SkyMotion, TrimFilter, TrimParams, direction_rows
 from rf_pointing.tracking.sensors import SENSORS
 
-__all__ = ["OffsetTransition", "PointingCorrections", "added"]
-
 Array = NDArray[np.float64]
 # A transition of no distance still needs a few points of the trajectory.
 SHORTEST_TRANSITION_S = 0.5

@@ -20,8 +20,6 @@ from rf_pointing.tracking import Autotrack, AutotrackInputs, AutotrackParams, Au
 from rf_pointing.tracking.autotrack import Request
 from rf_pointing.tracking.sensors import SENSOR_CHOICES, SENSORS, sensors_of
 
-__all__ = ["CarrierWatch", "PassStatistics", "SensedErrors", "TrackingMode", "link_level_db_hz"]
-
 Array = NDArray[np.float64]
 # Two seconds of one sensor, one of two: more than any period may use.
 KEPT_ERRORS = 20

@@ -22,8 +22,6 @@ from rf_pointing.station.pointing.params import PointingParams
 from rf_pointing.station.pointing.plan import PassPlan
 from rf_pointing.station.pointing.prediction import Prediction, TargetBuffer
 
-__all__ = ["CommandedMotion", "CorrectionLag", "MotionSnapshot"]
-
 Array = NDArray[np.float64]
 
 

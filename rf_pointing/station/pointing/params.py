@@ -23,8 +23,6 @@ from rf_pointing.tracking import (
 )
 from rf_pointing.tracking.conscan_estimate import ConscanParams
 
-__all__ = ["ControllerParams", "PointingParams"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class PointingParams(Params):

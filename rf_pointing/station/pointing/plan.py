@@ -29,8 +29,6 @@ from rf_pointing.station.pointing.certificates import certificate_of
 from rf_pointing.station.pointing.prediction import axis_motion
 from rf_pointing.tracking.sensors import sensors_of
 
-__all__ = ["PassPlan"]
-
 Array = NDArray[np.float64]
 # Times of a pass and of its profile differ by less: they may have been computed from other
 # elements.

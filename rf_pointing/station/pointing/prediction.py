@@ -22,8 +22,6 @@ from rf_pointing.core import JointReading, Motion, Quintic, Target, nearest_turn
 from rf_pointing.planning import plunged
 from rf_pointing.station.pointing.branch import TrackingBranch
 
-__all__ = ["Plan", "Prediction", "TargetBuffer", "axis_motion"]
-
 Array = NDArray[np.float64]
 # Samples of the target farther apart than this are not joined: a quintic over them would be a
 # guess.

@@ -17,8 +17,6 @@ from rf_pointing.tracking import SkyMotion, SpiralParams, SpiralSearch, StripSea
 from rf_pointing.tracking.scan import Pattern, Scan, ScanParams
 from rf_pointing.tracking.sensors import SENSORS
 
-__all__ = ["ScanPatterns", "Scans"]
-
 Array = NDArray[np.float64]
 # A longer spiral would cost more of a pass than strips along the track.
 LONGEST_SPIRAL_S = 30.0
