@@ -14,8 +14,8 @@ from rf_pointing.tracking.scan import CircleScan, ScanParams
 from rf_pointing.tracking.sensors import SensorTraits, register
 
 FILES = [Path(__file__).parents[1] / "config" / name for name in ("dss13.yaml", "band_x.yaml")]
-CIRCLE = ScanParams(radius_rad=6.0 * MDEG, period_s=4.0, ramp_s=2.0)
-TRAITS = SensorTraits(name="slope", scans=True, scan=CircleScan(CIRCLE, age_s=2.0, bandwidth_hz=0.05))
+SCAN = CircleScan(ScanParams(radius_rad=6.0 * MDEG, period_s=4.0, ramp_s=2.0), age_s=2.0, bandwidth_hz=0.05)
+TRAITS = SensorTraits(name="slope", scans=True, scan=SCAN, over_the_top=False)
 
 
 class SlopeTracker(BeamPosition):
@@ -49,8 +49,7 @@ class SlopeTracker(BeamPosition):
 def main() -> PassLog:
     """Register the tracker and track the part of a pass of CBERS-2 above 0.7 rad with it."""
     register(TRAITS)
-    source = SourceParams()
-    window = first_pass_above(load_track(source), load_elements(source).epoch_t_s, 0.7, 0.7, 2.0 * 86400.0)
+    window = first_pass_above(load_track(SourceParams()), load_elements(SourceParams()).epoch_t_s, 0.7, 0.7, 172800.0)
     setup = StationSetup(FILES, FILES[0].with_name("bias_model_dss13.yaml"), tracker=SlopeTracker())
     log = simulate_pass(setup, window, window.aos_t_s - 150.0, TRAITS.name)
     print(f"{np.sqrt(np.mean(log.errors_rad(TRAITS.name)[300:] ** 2)) / MDEG:.2f} mdeg rms per axis after 30 s of it")

@@ -22,7 +22,7 @@ from rf_pointing.station.campaign.model_keeper import commissioning_model
 from rf_pointing.station.pointing.mode import link_level_db_hz
 from rf_pointing.tracking.conscan_design import ScanDesignParams, scan_for_accuracy
 from rf_pointing.tracking.conscan_estimate import ConscanParams
-from rf_pointing.tracking.sensors import SENSOR_CHOICES
+from rf_pointing.tracking.sensors import SENSOR_CHOICES, load_trackers
 
 DEFAULT_MODELS = Path("runs/models")
 """Where `calibrate` leaves accepted models and `track` finds them."""
@@ -37,6 +37,7 @@ SLEW_TIME_S = 150.0
 
 def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     """Return the parsed command line."""
+    load_trackers()
     parser = argparse.ArgumentParser(prog="track", description="Track one satellite pass with the simulated station.")
     add_target_options(parser)
     parser.add_argument(
