@@ -1,7 +1,7 @@
 """A driver for an antenna of one's own: scripts/run-python examples/antenna_driver.py --ros-args -r __ns:=/gs1
 
-It does what the graph asks of a driver and no more (docs/own_antenna.md).  `Drive` stands for the protocol of your servo;
-here it is an axis that does what it is told.
+It does what the graph needs of a driver and no more (docs/own_antenna.md).  `Drive` takes the
+place of the protocol of your servo; here it is an axis that follows its command exactly.
 """
 
 import math
