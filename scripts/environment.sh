@@ -61,6 +61,8 @@ add_python_libraries() {
 }
 
 build_workspace() {
+  # Links to files that are gone since the last build would fail it; the Python package is made anew in seconds.
+  rm -rf "$STATE/build/rf_pointing" "$STATE/install/rf_pointing"
   cd "$ROOT" && "$@" --log-base "$STATE/log" build --base-paths . msg_defs --symlink-install \
     --build-base "$STATE/build" --install-base "$STATE/install" \
     --cmake-args "-DPython3_EXECUTABLE=$(command -v python3)" -DBUILD_TESTING=OFF
