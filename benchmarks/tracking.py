@@ -77,7 +77,7 @@ def monte_carlo() -> object:
     x, y = RADIUS * np.cos(angle), RADIUS * np.sin(angle)
     mean = 1000.0 * np.exp(-MU * ((3.0 * MDEG - x) ** 2 + y**2) / H**2)
     power = mean + np.sqrt(2.0 * mean) * random_stream(1, "batch").standard_normal((RUNS, 32))
-    return fit_beam(beam_design(x, y, H), power, np.full(32, 2.0))
+    return fit_beam(beam_design(np.column_stack([x, y]), H), power, np.full(32, 2.0))
 
 
 def monopulse_monte_carlo(tracker: MonopulseTracker, clusters: list[MonopulseCluster]) -> object:

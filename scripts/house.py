@@ -29,10 +29,13 @@ SMALL_ON_PURPOSE: dict[str, str] = {}
 SENSORS = ("monopulse", "conscan", "steptrack")
 WIRE = re.compile(r"/nodes/convert\w*\.py$")
 """Modules that turn messages into core types and back: the words are those of the wire."""
-ROS_NAMES = {"Topic", "declare", "group", "listen", "node", "publisher", "stream", "value"}
+ROS_NAMES = {"Topic", "declare", "group", "node", "value"}
 """Calls whose first argument names a topic or a parameter set; a sensor's name may be such a name."""
+ROS_TOPICS = {"listen", "listen_latest", "publisher", "stream"}
+"""Calls whose first argument is a message type and whose second names a topic."""
 AMBIGUOUS_MODES = {
     "calibrate": "also an executable, a service and a request",
+    "slew": "also a motion of the safety gate, and a column of a certificate",
     "stow": "also a mode of the antenna and a service",
 }
 """Mode names that other things bear too; as literals they are not counted."""
@@ -298,8 +301,9 @@ def _enum_values(tree: ast.AST) -> Iterator[ast.Constant]:
 
 def _ros_names(tree: ast.AST) -> Iterator[ast.AST]:
     for node in ast.walk(tree):
-        if isinstance(node, ast.Call) and _last(node.func) in ROS_NAMES:
-            yield from node.args[:1]
+        if isinstance(node, ast.Call):
+            yield from node.args[:1] if _last(node.func) in ROS_NAMES else ()
+            yield from node.args[1:2] if _last(node.func) in ROS_TOPICS else ()
 
 
 def _last(node: ast.AST) -> str:

@@ -45,6 +45,7 @@ from rf_pointing.planning import AxisLimits
 from rf_pointing.station.campaign.log import CalibrationLog
 from rf_pointing.station.campaign.model_keeper import ModelKeeper, campaign_folder, commissioning_model
 from rf_pointing.station.campaign.plan import ArcRules, beacons, candidate_arcs, window_of
+from rf_pointing.tracking.sensors import sensors_of
 
 Counts = NDArray[np.int64]
 # Before the passes that `track` chooses by default, for which the model shall be valid.
@@ -69,9 +70,8 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="calibrate", description="Calibrate the simulated station's pointing model.")
     parser.add_argument("--station", default="Goldstone DSS-13", help="station name (default: Goldstone DSS-13)")
     parser.add_argument("--band", choices=("S", "X", "Ka"), default="X", help="frequency band (default: X)")
-    parser.add_argument(
-        "--sensor", choices=(Sensor.MONOPULSE, Sensor.CONSCAN), default=Sensor.MONOPULSE, help="(default: monopulse)"
-    )
+    sensors = [traits.name for traits in sensors_of(Sensor.AUTO)]
+    parser.add_argument("--sensor", choices=sensors, default=Sensor.MONOPULSE, help="(default: monopulse)")
     parser.add_argument(
         "--start", metavar="UTC", default=DEFAULT_START, help=f"simulated time (default: {DEFAULT_START})"
     )

@@ -19,7 +19,6 @@ from rf_pointing.ephemeris.source import load_track
 from rf_pointing.planning import HorizonMask
 from rf_pointing.rf import HALF_POWER_BEAMWIDTH_RAD, LinkParams
 from rf_pointing.station.campaign.model_keeper import commissioning_model
-from rf_pointing.station.pointing.mode import link_level_db_hz
 from rf_pointing.tracking.conscan_design import ScanDesignParams, scan_for_accuracy
 from rf_pointing.tracking.conscan_estimate import ConscanParams
 from rf_pointing.tracking.sensors import SENSOR_CHOICES, load_trackers
@@ -116,7 +115,7 @@ def chosen_scan(options: argparse.Namespace, window: Pass) -> ConscanParams | No
     track, ends = load_track(source_of(options)), (window.aos_t_s, window.los_t_s)
     # The link is weakest at the horizon, where the range is longest.
     farthest_m = max(float(track.target_at(t_s).range_m) for t_s in ends)
-    level_db_hz = link_level_db_hz(node.group("link", LinkParams()), farthest_m)
+    level_db_hz = node.group("link", LinkParams()).level_db_hz(farthest_m)
     limits = ScanDesignParams(longest_period_s=LONGEST_TURN_S)
     return scan_for_accuracy(node.group("conscan", ConscanParams()), limits, level_db_hz, options.scan_sigma * MDEG)
 

@@ -82,7 +82,6 @@ class BiasCalibrator(ManagedNode):
         self.parameters.on_change(self._retune)
         self._keeper: ModelKeeper | None = None
         self._log: CalibrationLog | None = None
-        self._active = False
         self._campaign: Any = None
         self._shown, self._reason = -1, ""
         self._runner = CampaignRunner(self, lambda: len(self._log) if self._log is not None else 0)
@@ -121,11 +120,9 @@ class BiasCalibrator(ManagedNode):
 
     def activate(self) -> None:
         self._keeper.begin(self.now_s())
-        self._active = True
         self._publish()
 
     def deactivate(self) -> None:
-        self._active = False
         self._runner.cancel()
         # The last chance for observations that the disk did not take before.
         self._log.write_waiting()
@@ -152,7 +149,7 @@ class BiasCalibrator(ManagedNode):
             self._models.publish(message)
 
     def _on_error(self, message: PointingError) -> None:
-        if not message.valid or not self._active:
+        if not message.valid or not self.active:
             return
         error = convert.error_from_message(message)
         # The encoders read next to the error's stamp, not the newest: at 1 deg/s a period is 100
@@ -166,7 +163,7 @@ class BiasCalibrator(ManagedNode):
 
     # One campaign at a time: there is one antenna.
     def _on_goal(self, _request: RunCampaign.Goal) -> GoalResponse:
-        return GoalResponse.ACCEPT if self._active and self._campaign is None else GoalResponse.REJECT
+        return GoalResponse.ACCEPT if self.active and self._campaign is None else GoalResponse.REJECT
 
     def _on_campaign(self, goal: Any) -> None:
         self._reason = ""
@@ -215,7 +212,7 @@ class BiasCalibrator(ManagedNode):
         return SECTORS.count - len(self._log.coverage(SECTORS).thin)
 
     def _on_fit_goal(self, _request: FitModel.Goal) -> GoalResponse:
-        return GoalResponse.ACCEPT if self._active else GoalResponse.REJECT
+        return GoalResponse.ACCEPT if self.active else GoalResponse.REJECT
 
     def _on_fit(self, goal: Any) -> FitModel.Result:
         request, now_s = goal.request, self.now_s()

@@ -27,7 +27,6 @@ class ConscanTrackerNode(ManagedNode):
         self.parameters.declare("conscan", ConscanParams())
         self.parameters.declare("steptrack", StepTrackParams())
         self._tracker: PowerTracker | None = None
-        self._active = False
         self._counts = {"valid": 0, "invalid": 0}
 
     def configure(self) -> None:
@@ -38,12 +37,6 @@ class ConscanTrackerNode(ManagedNode):
         self.listen(TrackingStatus, "tracking_status", self._on_status, STREAM)
         self.diagnostics.add("samples", self._health)
 
-    def activate(self) -> None:
-        self._active = True
-
-    def deactivate(self) -> None:
-        self._active = False
-
     def _on_joints(self, raw: bytes) -> None:
         if self._tracker.scanning:
             self._tracker.take_joints(convert.joints_from_message(deserialize_message(raw, JointState)))
@@ -52,7 +45,7 @@ class ConscanTrackerNode(ManagedNode):
         self._tracker.take_status(*convert.scan_centre_from_message(message))
 
     def _on_power(self, message: CarrierPower) -> None:
-        if self._active:
+        if self.active:
             for error in self._tracker.take_power(convert.power_from_message(message)):
                 if error.estimated:
                     self._counts["valid" if error.valid else "invalid"] += 1

@@ -39,7 +39,7 @@ class MonopulseTrackerNode(ManagedNode):
         self.parameters.declare("", FileParams())
         self.parameters.on_change(self._retune)
         self._tracker: ClusterTracker | None = None
-        self._active = self._reads_joints = False
+        self._reads_joints = False
 
     def configure(self) -> None:
         value, self._reads_joints = self.parameters.value, False
@@ -50,14 +50,8 @@ class MonopulseTrackerNode(ManagedNode):
         self.diagnostics.add("clusters", self._health)
         self.diagnostics.add("calibration", self._calibration_health)
 
-    def activate(self) -> None:
-        self._active = True
-
-    def deactivate(self) -> None:
-        self._active = False
-
     def _on_cluster(self, message: Monopulse) -> None:
-        if self._active:
+        if self.active:
             error = self._tracker.take_cluster(convert.monopulse_from_message(message))
             self._errors.publish(convert.error_to_message(error))
 

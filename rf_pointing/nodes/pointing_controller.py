@@ -62,7 +62,6 @@ class PointingControllerNode(ManagedNode):
         self.parameters.declare("", StoreParams(), live=True)
         self.parameters.on_change(self._retune)
         self._controller: PointingController | None = None
-        self._active = False
         self._goal: Any = None
         self._steps = 0
         self._period: tuple[float, float] | None = None
@@ -95,11 +94,9 @@ class PointingControllerNode(ManagedNode):
         self.diagnostics.add("tracking", self._health)
 
     def activate(self) -> None:
-        self._active = True
         self.every(self._controller.params.pointing.period_s, self._due)
 
     def deactivate(self) -> None:
-        self._active = False
         self._finish_period()
         self._controller.stop("the controller was deactivated")
         self._step(self.now_s())
@@ -181,11 +178,9 @@ class PointingControllerNode(ManagedNode):
         self._goal.publish_feedback(TrackPass.Feedback(status=message, progress=min(max(share, 0.0), 1.0)))
 
     def _on_goal(self, _request: TrackPass.Goal) -> GoalResponse:
-        accepted = self._active and self._goal is None
+        accepted = self.active and self._goal is None
         if not accepted:
-            self.get_logger().error(
-                "goal refused: " + ("not active" if not self._active else "another pass is tracked")
-            )
+            self.get_logger().error("goal refused: " + ("not active" if not self.active else "another pass is tracked"))
         return GoalResponse.ACCEPT if accepted else GoalResponse.REJECT
 
     def _on_accepted(self, goal: Any) -> None:

@@ -114,7 +114,7 @@ def _period_rows(seed: int) -> list[Row]:
         x, y = circle(design.samples)
         rng = random_stream(seed, f"conscan period {level}")
         power, noise = receiver_powers_hz(mean_power_hz(level, BEAM_KA_RAD, np.zeros(2), x, y), RUNS, rng)
-        sigma, _ = sigma_after(fit_beam(beam_design(x, y, BEAM_KA_RAD), power, noise).error_rad)
+        sigma, _ = sigma_after(fit_beam(beam_design(np.column_stack([x, y]), BEAM_KA_RAD), power, noise).error_rad)
         found.append(
             Row(
                 quantity=f"period for sigma < r, Ka, {level:.0f} dB-Hz", source="CONSCAN Fig. 2",
@@ -171,7 +171,7 @@ def _exact_estimator_rows(seed: int) -> list[Row]:
         mean = mean_power_hz(30.0, BEAM_KA_RAD, error, x, y)
         rng = random_stream(seed, f"conscan exact {error[0]}")
         power, noise = receiver_powers_hz(mean, EXACT_RUNS, rng)
-        estimates = fit_beam(beam_design(x, y, BEAM_KA_RAD), power, noise).error_rad
+        estimates = fit_beam(beam_design(np.column_stack([x, y]), BEAM_KA_RAD), power, noise).error_rad
         biases.append(np.max(np.abs(np.mean(estimates, axis=0) - error)) / MDEG)
         ratios.append(np.max(np.abs(sigma_after(estimates)[0] / _bound_rad(mean, x, y) - 1.0)))
         remarks.append(f"{biases[-1]:.4f}")

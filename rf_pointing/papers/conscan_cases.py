@@ -27,7 +27,7 @@ from rf_pointing.tracking import (
 )
 from rf_pointing.tracking.beam_fit import PowerWindow, beam_design, fit_beam
 from rf_pointing.tracking.conscan import ConscanTracker
-from rf_pointing.tracking.conscan_estimate import ConscanParams, linear_errors_rad
+from rf_pointing.tracking.conscan_estimate import ConscanParams, linear_rows
 
 Array = NDArray[np.float64]
 
@@ -70,6 +70,15 @@ def constant_noise_estimates(
     return linear_errors_rad(PowerWindow(rows), power, beamwidth_rad, RADIUS_RAD)
 
 
+def linear_errors_rad(window: PowerWindow, power_w: Array, half_power_beamwidth_rad: float, radius_rad: float) -> Array:
+    """Return the errors (runs, 2) of powers (runs, n) at the positions of one window."""
+    rows = linear_rows(window, half_power_beamwidth_rad, radius_rad)
+    weighted = rows / window.sigma_w**2
+    solution = power_w @ (np.linalg.inv(weighted @ rows.T) @ weighted).T
+    scale = half_power_beamwidth_rad**2 / (2.0 * MU * radius_rad)
+    return np.asarray(scale * solution[:, 1:] / solution[:, :1])
+
+
 def receiver_powers_hz(mean_hz: Array, runs: int, rng: np.random.Generator) -> tuple[Array, Array]:
     """Return 1-s powers of the Block V receiver (runs, n) over N0, and their variance over the
     power (B-3).
@@ -99,7 +108,7 @@ def _turn(
     Return error and covariance if valid.
     """
     for k in range(start, start + tracker.params.window_samples):
-        scan = tracker.scan_offset(k + 0.5)
+        scan = tracker.params.scan.offset(k + 0.5)
         x, y = scan.cross_elevation_rad, scan.elevation_rad
         power = receiver.carrier_power(k + 1.0, 1.0, offset[0] - x, offset[1] - y, level_db_hz)
         error = tracker.add(power, x, y)
@@ -202,7 +211,7 @@ def estimator_curves(level_db_hz: float, runs: int, seed: int, points: int = 12)
     beamwidths.
     """
     x, y = circle(SAMPLES)
-    design = beam_design(x, y, BEAM_KA_RAD)
+    design = beam_design(np.column_stack([x, y]), BEAM_KA_RAD)
     rows = np.zeros((SAMPLES, 6))
     rows[:, 2], rows[:, 3], rows[:, 4] = 1.0, x, y
     errors = np.linspace(0.0, 0.6, points) * BEAM_KA_RAD

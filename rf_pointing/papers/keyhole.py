@@ -75,7 +75,9 @@ def fly(case: KeyholeCase) -> KeyholeRun | None:
     begin_s = _begin(case, controller)
     if begin_s is None:
         return None
-    branch = controller.plan.branch
+    certificate = controller.plan.certificate
+    assert certificate is not None
+    branch = certificate.chosen
     assert branch is not None
     assert branch.crossing is not None
     crossing = branch.crossing
@@ -113,7 +115,9 @@ def _begin(case: KeyholeCase, controller: PointingController) -> float | None:
     early = JointReading(t_s=case.window.aos_t_s, position_rad=np.array([3.0, 0.5]), velocity_rad_s=np.zeros(2))
     controller.take_joints(early)
     controller.start(case.window.aos_t_s, case.window, "program")
-    branch = controller.plan.branch
+    certificate = controller.plan.certificate
+    assert certificate is not None
+    branch = certificate.chosen
     assert branch is not None
     if branch.crossing is None:
         return None

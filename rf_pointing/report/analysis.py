@@ -18,13 +18,15 @@ from rf_pointing.core import MDEG, gaussian_loss_db
 from rf_pointing.core.modes import Mode
 from rf_pointing.report.recording import Pass, Recording
 from rf_pointing.report.summary import Acquisition, ErrorStatistics, Spread
+from rf_pointing.tracking.sensors import SENSORS
 
-RF_MODES = (Mode.MONOPULSE, Mode.CONSCAN, Mode.STEPTRACK)
-"""Modes in which a sensor closes the loop."""
-TRACKING_MODES = (Mode.PROGRAM_TRACK, Mode.SEARCH, *RF_MODES, Mode.COAST)
-"""Modes in which the beam is meant to be on the target."""
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
+
+
+def tracking_modes() -> tuple[str, ...]:
+    """Return the modes in which the beam is meant to be on the target, registered trackers included."""
+    return (Mode.PROGRAM_TRACK, Mode.SEARCH, *SENSORS, Mode.COAST)
 
 
 @dataclass(frozen=True)
@@ -82,7 +84,7 @@ class Timeline:
 
     def is_tracking_at(self, stamp_ns: Ints) -> NDArray[np.bool_]:
         """Return whether the beam was meant to be on the target at each stamp."""
-        return np.isin(self.mode_at(stamp_ns), TRACKING_MODES)
+        return np.isin(self.mode_at(stamp_ns), tracking_modes())
 
     def _held(self, column: str, stamp_ns: Ints) -> NDArray[Any]:
         index = np.searchsorted(self.stamp_ns, stamp_ns, side="right") - 1
@@ -147,7 +149,7 @@ def _series(source: str, stamp_ns: Ints, error_rad: Floats, modes: Timeline | No
     width, alone = np.full(n, np.nan), np.full((n, 2), np.nan)
     if modes is not None:
         mode = modes.mode_at(stamp_ns)
-        tracking = np.isin(mode, TRACKING_MODES)
+        tracking = np.isin(mode, tracking_modes())
         # Outside the tracking modes the beam is not meant to be on the target: no loss.
         width = np.where(tracking, modes.beamwidth_rad_at(stamp_ns), np.nan)
         alone = np.where(tracking[:, None], error_rad + modes.offset_rad_at(stamp_ns), np.nan)
@@ -222,7 +224,7 @@ def tracked_pass(recording: Recording, modes: Timeline | None) -> Pass | None:
     """Return the announced pass that overlaps the tracking most, None if none does."""
     if modes is None:
         return None
-    spans = [(i.start_ns, i.end_ns) for i in modes.intervals() if i.mode in TRACKING_MODES]
+    spans = [(i.start_ns, i.end_ns) for i in modes.intervals() if i.mode in tracking_modes()]
 
     def overlap_ns(item: Pass) -> int:
         return sum(max(0, min(end, item.los_ns) - max(start, item.aos_ns)) for start, end in spans)
@@ -248,7 +250,7 @@ def _acquisition(recording: Recording, modes: Timeline | None) -> tuple[int | No
     stamps = sensed.stamp_ns[order]
     limit = _SETTLED_BEAMWIDTHS * modes.beamwidth_rad_at(stamps)
     small = np.hypot(sensed["cross_elevation"], sensed["elevation"])[order] < limit
-    small &= np.isin(modes.mode_at(stamps), RF_MODES)
+    small &= np.isin(modes.mode_at(stamps), list(SENSORS))
     # 5 in a window of 5: all of them are small.
     run = np.convolve(small, np.ones(_SETTLED_IN_A_ROW, dtype=np.int64), mode="valid") if len(small) else small
     settled = stamps[np.flatnonzero(run == _SETTLED_IN_A_ROW)[:1]]
@@ -265,4 +267,4 @@ def _begin(recording: Recording, modes: Timeline | None) -> tuple[int | None, st
     if found is not None:
         return found.aos_ns, "acquisition of signal"
     spans = modes.intervals() if modes is not None else []
-    return next((i.start_ns for i in spans if i.mode in TRACKING_MODES), None), "start of tracking"
+    return next((i.start_ns for i in spans if i.mode in tracking_modes()), None), "start of tracking"

@@ -8,17 +8,16 @@ from numpy.typing import NDArray
 
 from rf_pointing.core import MDEG, gaussian_loss_db
 from rf_pointing.core.modes import Mode
-from rf_pointing.report.analysis import TRACKING_MODES, Analysis, ErrorSeries
+from rf_pointing.report.analysis import Analysis, ErrorSeries, tracking_modes
 from rf_pointing.report.picture_style import (
     ALONE_COLOUR,
     DASHED,
     LIMIT_COLOUR,
-    MODE_COLOURS,
-    OTHER_MODE_COLOUR,
     TimeAxis,
     figure,
     legend_above,
     marked_level,
+    mode_colour,
     mode_runs,
     per_second,
     plain_log_scale,
@@ -41,7 +40,7 @@ def draw_error(analysis: Analysis, path: Path) -> None:
         _strong(axes, time, errors, alone, ALONE_COLOUR, "program track alone", 1.0)
         radial = errors.radial_rad / MDEG
         for mode, part, first in mode_runs(analysis, errors.stamp_ns):
-            colour = MODE_COLOURS.get(mode, OTHER_MODE_COLOUR)
+            colour = mode_colour(mode)
             axes.plot(time.minutes(errors.stamp_ns[part]), radial[part], color=colour, lw=0.4, alpha=0.35)
             _strong(axes, time, errors, radial, colour, mode.replace("_", " ") if first else None, 1.6, part)
         if analysis.modes is None:
@@ -116,9 +115,9 @@ def _draw_losses(axes: Any, time: TimeAxis, analysis: Analysis) -> None:
     stamps, mean, _ = per_second(errors.stamp_ns, alone)
     axes.plot(time.minutes(stamps), mean, color=ALONE_COLOUR, label="program track alone")
     for mode, part, first in mode_runs(analysis, errors.stamp_ns):
-        if mode in TRACKING_MODES:
+        if mode in tracking_modes():
             stamps, mean, largest = per_second(errors.stamp_ns[part], errors.loss_db[part])
-            minutes, colour = time.minutes(stamps), MODE_COLOURS[mode]
+            minutes, colour = time.minutes(stamps), mode_colour(mode)
             axes.fill_between(minutes, mean, largest, color=colour, alpha=0.25, lw=0.0)
             axes.plot(minutes, mean, color=colour, lw=1.6, label=mode.replace("_", " ") if first else None)
     for level in (0.1, 3.0):
@@ -131,7 +130,7 @@ def _draw_losses(axes: Any, time: TimeAxis, analysis: Analysis) -> None:
 def draw_beam(analysis: Analysis, path: Path) -> None:
     """Draw where in the beam the target was while tracking: the whole beam, and its middle."""
     errors = _required(analysis)
-    tracking = np.isin(errors.mode, TRACKING_MODES) if analysis.modes is not None else np.ones(len(errors.mode), bool)
+    tracking = np.isin(errors.mode, tracking_modes()) if analysis.modes is not None else np.ones(len(errors.mode), bool)
     width = errors.beamwidth_rad[tracking] / MDEG
     half = 0.5 * float(np.nanmedian(width)) if np.any(np.isfinite(width)) else 0.0
     # With the search in it, the enlarged picture would show a dot.
@@ -140,11 +139,11 @@ def draw_beam(analysis: Analysis, path: Path) -> None:
         whole, middle = drawn.subplots(1, 2)
         alone = errors.alone_rad[tracking] / MDEG
         whole.plot(alone[:, 0], alone[:, 1], ".", color=ALONE_COLOUR, ms=1.5, label="program track alone")
-        for mode in TRACKING_MODES:
+        for mode in tracking_modes():
             chosen = errors.error_rad[tracking & (errors.mode == mode)] / MDEG
             if len(chosen):
                 label = mode.replace("_", " ")
-                whole.plot(chosen[:, 0], chosen[:, 1], ".", color=MODE_COLOURS[mode], ms=2.0, label=label)
+                whole.plot(chosen[:, 0], chosen[:, 1], ".", color=mode_colour(mode), ms=2.0, label=label)
         reach = np.nanmax(np.abs(np.concatenate([alone, errors.error_rad[tracking] / MDEG, [[half, half]]])))
         _frame(whole, half, 1.15 * max(float(reach), _SMALLEST_MDEG), "whole beam")
         whole.legend(loc="upper right", markerscale=4.0)
@@ -152,7 +151,7 @@ def draw_beam(analysis: Analysis, path: Path) -> None:
 
 
 def _draw_middle(axes: Any, error_mdeg: Floats, half_mdeg: float, acquired: bool) -> None:
-    axes.plot(error_mdeg[:, 0], error_mdeg[:, 1], ".", color=MODE_COLOURS[Mode.MONOPULSE], ms=1.5, alpha=0.4)
+    axes.plot(error_mdeg[:, 0], error_mdeg[:, 1], ".", color=mode_colour(Mode.MONOPULSE), ms=1.5, alpha=0.4)
     rms = np.sqrt(np.mean(np.square(error_mdeg), axis=0)) if len(error_mdeg) else np.zeros(2)
     _ellipse(axes, rms[0], rms[1], LIMIT_COLOUR, "-", f"rms {rms[0]:.2f}, {rms[1]:.2f} mdeg")
     # Not the largest: a single error would shrink the cloud.

@@ -8,16 +8,15 @@ from numpy.typing import NDArray
 
 from rf_pointing.core import AXES, azel_from_unit_vector, unit_vector_from_azel
 from rf_pointing.core.modes import Mode
-from rf_pointing.report.analysis import TRACKING_MODES, Analysis
+from rf_pointing.report.analysis import Analysis, tracking_modes
 from rf_pointing.report.picture_style import (
     AXIS_COLOURS,
     DASHED,
     LIMIT_COLOUR,
-    MODE_COLOURS,
-    OTHER_MODE_COLOUR,
     TimeAxis,
     figure,
     legend_above,
+    mode_colour,
     mode_runs,
     plain_log_scale,
 )
@@ -65,7 +64,7 @@ def _draw_actual(axes: Any, analysis: Analysis) -> None:
     if analysis.modes is None:
         axes.plot(theta, radius, color=AXIS_COLOURS[0], lw=4.0, alpha=0.6, label="actual")
     for mode, part, first in mode_runs(analysis, stamp_ns):
-        colour = MODE_COLOURS.get(mode, OTHER_MODE_COLOUR)
+        colour = mode_colour(mode)
         label = mode.replace("_", " ") if first else None
         axes.plot(theta[part], radius[part], color=colour, lw=4.5, alpha=0.75, solid_capstyle="butt", label=label)
 
@@ -73,7 +72,7 @@ def _draw_actual(axes: Any, analysis: Analysis) -> None:
 def _draw_commanded(axes: Any, analysis: Analysis) -> None:
     assert analysis.modes is not None
     # Before and after tracking a status need not hold a direction in the sky.
-    aimed = np.isin(analysis.modes.columns["mode"], TRACKING_MODES)
+    aimed = np.isin(analysis.modes.columns["mode"], tracking_modes())
     stamps = analysis.modes.stamp_ns[aimed]
     azimuth, elevation = (analysis.modes.columns[name][aimed] for name in ("azimuth", "elevation"))
     theta, radius = _polar(azimuth, elevation)
@@ -158,9 +157,9 @@ def _draw_hops(axes: Any, analysis: Analysis) -> None:
     for number, row in enumerate(reversed(rows)):
         # A time can be negative when the effect reached the recorder first.
         ends = np.maximum(np.array([row.median_ms, row.p99_ms], dtype=np.float64), 0.01)
-        axes.plot(ends, [number, number], color=MODE_COLOURS[Mode.MONOPULSE], lw=5.0, alpha=0.35, solid_capstyle="butt")
-        axes.plot(ends[0], number, "o", color=MODE_COLOURS[Mode.MONOPULSE], ms=6.0)
-        axes.plot(ends[1], number, "|", color=MODE_COLOURS[Mode.MONOPULSE], ms=12.0, mew=2.0)
+        axes.plot(ends, [number, number], color=mode_colour(Mode.MONOPULSE), lw=5.0, alpha=0.35, solid_capstyle="butt")
+        axes.plot(ends[0], number, "o", color=mode_colour(Mode.MONOPULSE), ms=6.0)
+        axes.plot(ends[1], number, "|", color=mode_colour(Mode.MONOPULSE), ms=12.0, mew=2.0)
     axes.set_yticks(range(len(rows)), [f"{row.cause} → {row.effect}" for row in reversed(rows)], fontsize=8.5)
     axes.set_ylim(-0.6, max(len(rows), 1) - 0.4)
     drawn = [ends for line in axes.lines for ends in line.get_xdata()]

@@ -13,19 +13,17 @@ from numpy.typing import NDArray
 
 from rf_pointing.core.modes import Mode
 from rf_pointing.report.analysis import Analysis
+from rf_pointing.tracking.sensors import SENSORS
 
 # Colours that the colour-blind can distinguish (Okabe and Ito).
 MODE_COLOURS: dict[str, str] = {
-    Mode.MONOPULSE: "#0072b2",
-    Mode.CONSCAN: "#009e73",
-    Mode.STEPTRACK: "#5f4b8b",
     Mode.PROGRAM_TRACK: "#e69f00",
     Mode.SEARCH: "#cc79a7",
     Mode.COAST: "#d55e00",
     Mode.SLEW: "#56b4e9",
     Mode.IDLE: "#b0b4b8",
 }
-"""Colour by mode of the controller."""
+"""Colour by mode of the controller; that of a sensor's own mode is one of the sensor's traits."""
 OTHER_MODE_COLOUR = "#4a4a4a"
 """Of the modes without a colour of their own."""
 AXIS_COLOURS = ("#0072b2", "#d55e00")
@@ -51,6 +49,11 @@ _STYLE: Any = {
 }
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+
+
+def mode_colour(mode: str) -> str:
+    """Return the colour of a mode of the controller, those of registered trackers included."""
+    return SENSORS[mode].colour if mode in SENSORS else MODE_COLOURS.get(mode, OTHER_MODE_COLOUR)
 
 
 def plain_log_scale(axis: Any) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rf_pointing.report.analysis import TRACKING_MODES, Analysis
+from rf_pointing.report.analysis import Analysis, tracking_modes
 from rf_pointing.report.error_pictures import draw_beam, draw_error, draw_link
 from rf_pointing.report.motion_pictures import draw_axes, draw_sky, draw_timing
 from rf_pointing.report.statistics import link_series
@@ -36,7 +36,7 @@ def _has_errors(analysis: Analysis) -> bool:
 
 def _has_tracking(analysis: Analysis) -> bool:
     errors = analysis.errors
-    return errors is not None and (analysis.modes is None or bool(np.any(np.isin(errors.mode, TRACKING_MODES))))
+    return errors is not None and (analysis.modes is None or bool(np.any(np.isin(errors.mode, tracking_modes()))))
 
 
 def _has_link(analysis: Analysis) -> bool:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rf_pointing.core import AXES, MDEG
 from rf_pointing.core.dates import utc_text
 from rf_pointing.core.modes import Sensor
-from rf_pointing.report.analysis import TRACKING_MODES, Analysis, ErrorSeries, Timeline, statistics_of
+from rf_pointing.report.analysis import Analysis, ErrorSeries, Timeline, statistics_of, tracking_modes
 from rf_pointing.report.recording import Pass, Recording
 from rf_pointing.report.summary import (
     SCHEMA,
@@ -111,7 +111,7 @@ def _headline(errors: ErrorSeries | None, acquired_ns: int | None, lost: int) ->
             program_track_alone=None,
             messages_lost=lost,
         )
-    chosen = np.isin(errors.mode, TRACKING_MODES) & (errors.stamp_ns >= (acquired_ns or 0))
+    chosen = np.isin(errors.mode, tracking_modes()) & (errors.stamp_ns >= (acquired_ns or 0))
     width = errors.beamwidth_rad[chosen]
     error = statistics_of(errors.error_rad[chosen], width)
     # Held means always: one sample outside half power is a lost beam.
@@ -138,7 +138,7 @@ def _mode_rows(errors: ErrorSeries | None, modes: Timeline | None) -> list[ModeS
     spans = modes.intervals() if modes is not None else []
     for mode in dict.fromkeys(span.mode for span in spans):
         chosen = errors.mode == mode if errors is not None else np.zeros(0, dtype=np.bool_)
-        tracking = mode in TRACKING_MODES
+        tracking = mode in tracking_modes()
         # A mode without samples still has its row, with its time.
         none = np.zeros((0, 2))
         rows.append(

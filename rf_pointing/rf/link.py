@@ -27,6 +27,10 @@ class LinkParams(Params):
     zenith_carrier_to_noise_db_hz: float = parameter(60.0, "C/N0 at the zenith", low=0.0, high=140.0)
     reference_range_m: float = parameter(500e3, "range at which that C/N0 is received", low=1.0, high=1e16)
 
+    def level_db_hz(self, range_m: float) -> float:
+        """Return the C/N0 of a beam on the target: that of the zenith over this distance."""
+        return self.zenith_carrier_to_noise_db_hz - 20.0 * math.log10(range_m / self.reference_range_m)
+
 
 @dataclass(frozen=True, kw_only=True)
 class EirpParams(Params):

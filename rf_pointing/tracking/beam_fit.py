@@ -64,16 +64,6 @@ class PowerWindow:
         return self.rows[:, 2]
 
     @property
-    def beam_cross_elevation_rad(self) -> Array:
-        """Cross-elevation of the beam (n,)."""
-        return self.rows[:, 3]
-
-    @property
-    def beam_elevation_rad(self) -> Array:
-        """Elevation of the beam (n,)."""
-        return self.rows[:, 4]
-
-    @property
     def beam_rad(self) -> Array:
         """Beam positions (n, 2), cross-elevation and elevation."""
         return self.rows[:, 3:5]
@@ -111,18 +101,8 @@ def is_singular(information: Array) -> bool:
     return not bool(np.all(least > SMALLEST_INFORMATION))
 
 
-def rank_fault(positions_rad: Array, smallest_spread_rad: float) -> str:
-    """Return why these beam positions (n, 2) do not determine both axes, empty if they do.
-
-    Both axes and the power need three distinct positions that do not lie on a line: along the axis
-    of least spread the beam must have moved by at least `smallest_spread_rad` rms.
-    """
-    least = math.sqrt(max(float(np.linalg.eigvalsh(np.cov(positions_rad.T, bias=True))[0]), 0.0))
-    return "" if least >= smallest_spread_rad else rank_reason(positions_rad, smallest_spread_rad)
-
-
 def rank_reason(positions_rad: Array, smallest_spread_rad: float) -> str:
-    """Name what beam positions (n, 2) that lie on a line, or on two points, leave undetermined."""
+    """Return what beam positions (n, 2) that lie on a line, or on two points, leave undetermined."""
     # Rounded to the smallest spread: encoder noise does not make two points of one.
     centred = positions_rad - positions_rad.mean(axis=0)
     distinct = len(np.unique(np.round(centred / smallest_spread_rad), axis=0))
@@ -156,19 +136,12 @@ class LikelihoodFit(NamedTuple):
     converged: NDArray[np.bool_]
 
 
-def beam_design(
-    beam_cross_elevation_rad: Array,
-    beam_elevation_rad: Array,
-    half_power_beamwidth_rad: float,
-    spin_columns: Array | None = None,
-) -> BeamDesign:
-    """Prepare beam positions (n,); `spin_columns` (n, m) enter the logarithm of the power."""
-    scale = 2.0 * MU / half_power_beamwidth_rad
-    count, unknowns = len(beam_elevation_rad), 3 if spin_columns is None else 3 + spin_columns.shape[1]
+def beam_design(beam_rad: Array, half_power_beamwidth_rad: float, spin_columns: Array | None = None) -> BeamDesign:
+    """Prepare beam positions (n, 2); `spin_columns` (n, m) enter the logarithm of the power."""
+    count, unknowns = len(beam_rad), 3 if spin_columns is None else 3 + spin_columns.shape[1]
     columns = np.empty((count, unknowns))
     columns[:, 0] = 1.0
-    np.multiply(beam_cross_elevation_rad, scale, out=columns[:, 1])
-    np.multiply(beam_elevation_rad, scale, out=columns[:, 2])
+    np.multiply(beam_rad, 2.0 * MU / half_power_beamwidth_rad, out=columns[:, 1:3])
     if spin_columns is not None:
         columns[:, 3:] = spin_columns
     products = (columns[:, :, None] * columns[:, None, :]).reshape(count, -1)
@@ -177,7 +150,10 @@ def beam_design(
 
 
 def least_spread_rad(design: BeamDesign) -> float:
-    """Return the rms motion of the beam along the axis on which it moved least."""
+    """Return the rms motion of the beam along the axis on which it moved least.
+
+    Both axes and the power need three distinct positions that do not lie on a line.
+    """
     sums, unknowns = np.add.reduce(design.products).tolist(), design.columns.shape[1]
     count, right, up = sums[:3]
     xx, xy, yy = sums[unknowns + 1], sums[unknowns + 2], sums[2 * unknowns + 2]
@@ -208,10 +184,12 @@ def fit_beam(design: BeamDesign, power_w: Array, noise_w: Array) -> LikelihoodFi
     weighted = power_w / noise_w
     moments = weighted @ products
     score, bound = moments[..., :unknowns], _inverse(moments)
-    solution = _logarithmic_start(design, power_w, weighted, bound)
+    # Least squares for the logarithm: biased by the noise, but close.
+    solution = _apply(bound, (weighted * (np.log(power_w) - design.loss)) @ columns)
     size2 = math.inf
     for _ in range(MAX_ITERATIONS):
-        weight = np.exp(_bounded(solution @ columns.T + design.loss)) / noise_w
+        logarithm = solution @ columns.T + design.loss
+        weight = np.exp(np.minimum(np.maximum(logarithm, -LARGEST_LOGARITHM), LARGEST_LOGARITHM)) / noise_w
         moments = weight @ products
         if size2 > FRESH_STEP**2:
             bound = _inverse(moments)
@@ -231,15 +209,6 @@ def fit_beam(design: BeamDesign, power_w: Array, noise_w: Array) -> LikelihoodFi
         _dot(misfit, misfit / weight) / (len(columns) - unknowns),
         np.asarray(length2 < STEP_TOLERANCE**2),
     )
-
-
-def _logarithmic_start(design: BeamDesign, power_w: Array, weighted: Array, bound: Array) -> Array:
-    """Return the least-squares solution for the logarithm: biased by the noise, but close."""
-    return _apply(bound, (weighted * (np.log(power_w) - design.loss)) @ design.columns)
-
-
-def _bounded(logarithm: Array) -> Array:
-    return np.minimum(np.maximum(logarithm, -LARGEST_LOGARITHM), LARGEST_LOGARITHM)
 
 
 def _apply(matrix: Array, vector: Array) -> Array:

@@ -60,7 +60,7 @@ class ClusterTracker:
     def __init__(self, monopulse: MonopulseParams, scan: MonopulseScanParams, calibration_file: str) -> None:
         self._file, self._scan = Path(calibration_file) if calibration_file else None, scan
         calibration = read_calibration(self._file) if self._file and self._file.is_file() else None
-        self._tracker = MonopulseTracker(monopulse, calibration)
+        self.tracker = MonopulseTracker(monopulse, calibration)
         self.outcome = CalibrationOutcome(message=f"read from {self._file}" if calibration else "ideal feed")
         self.counts = {"valid": 0, "invalid": 0}
         self.last_reason = ""
@@ -73,15 +73,10 @@ class ClusterTracker:
         """Whether a calibration scan runs; encoder angles matter only then."""
         return self._calibrator is not None
 
-    @property
-    def tracker(self) -> MonopulseTracker:
-        """The tracker in use."""
-        return self._tracker
-
     def retune(self, monopulse: MonopulseParams) -> None:
         """Take new parameters; a calibration stays in force."""
-        known = self._tracker.calibration if self.outcome.scans or self._file else None
-        self._tracker = MonopulseTracker(monopulse, known)
+        known = self.tracker.calibration if self.outcome.scans or self._file else None
+        self.tracker = MonopulseTracker(monopulse, known)
 
     def take_joints(self, reading: JointReading) -> None:
         """Note the encoder angles, while a calibration scan runs."""
@@ -102,7 +97,7 @@ class ClusterTracker:
 
     def take_cluster(self, cluster: MonopulseCluster) -> PointingError:
         """Return the pointing error of a cluster, valid or not."""
-        error = self._tracker.measure(cluster)
+        error = self.tracker.measure(cluster)
         self.counts["valid" if error.valid else "invalid"] += 1
         self.last_reason = error.reason
         if self._calibrator is not None:
@@ -126,7 +121,7 @@ class ClusterTracker:
         try:
             found = calibrator.solve()
             calibration = found.calibration
-            self._tracker = MonopulseTracker(self._tracker.params, calibration)
+            self.tracker = MonopulseTracker(self.tracker.params, calibration)
             if self._file:
                 write_calibration(self._file, calibration)
         # A calibration in force stays so: a bad scan must not cost the pass its sensor.

@@ -16,7 +16,6 @@ from rf_pointing.core import CarrierPower, Params, PointingError, Sensor, parame
 from rf_pointing.tracking.beam_fit import PowerWindow
 from rf_pointing.tracking.conscan_estimate import ConscanParams, estimate_window
 from rf_pointing.tracking.response import ResponseSums
-from rf_pointing.tracking.scan import Offset, circle_offset
 
 Array = NDArray[np.float64]
 # The median of three: one bad sample among them does not decide.
@@ -36,11 +35,6 @@ class ConscanState:
     rejected: int = 0
     last_rejection: str = ""
 
-    @property
-    def samples(self) -> Array:
-        """Samples of the window, one row each (`PowerWindow`)."""
-        return self.window.rows
-
 
 class ConscanTracker:
     """Gives one pointing error per window, or one per sample once the window is full.
@@ -52,10 +46,6 @@ class ConscanTracker:
     def __init__(self, params: ConscanParams) -> None:
         self.params = params
         self.state = ConscanState()
-
-    def scan_offset(self, t_since_start_s: float) -> Offset:
-        """Return the circle to add to the command, with its rates."""
-        return circle_offset(self.params.scan, t_since_start_s)
 
     def beam_time_s(self, power: CarrierPower) -> float:
         """Return when the beam gave this power: mid-integration, less the delay of the chain."""
@@ -80,12 +70,7 @@ class ConscanTracker:
         sliding = self.params.updates == "sample"
         enough = min(self.params.fewest_samples, self.params.window_samples) if sliding else self.params.window_samples
         due = len(window) >= enough
-        empties = due and not sliding
-        self.state = ConscanState(
-            window=PowerWindow.empty() if empties else window,
-            rejected=self.state.rejected,
-            last_rejection=self.state.last_rejection,
-        )
+        self.state = replace(self.state, window=PowerWindow.empty() if due and not sliding else window)
         return self._measure(window) if due else None
 
     def recentre(self, cross_elevation_rad: float, elevation_rad: float) -> None:

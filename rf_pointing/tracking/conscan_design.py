@@ -50,13 +50,6 @@ def conscan_sigma_eq21_rad(
     return conscan_sigma_eq20_rad(half_power_beamwidth_rad, radius_rad, samples, relative, axis_error_rad)
 
 
-def conscan_sigma_eq23_rad(
-    half_power_beamwidth_rad: float, radius_rad: float, samples: int, nominal_relative_sigma: float
-) -> float:
-    """Return the standard deviation per axis for a vanishing pointing error (eq. 23)."""
-    return conscan_sigma_eq21_rad(half_power_beamwidth_rad, radius_rad, samples, nominal_relative_sigma, 0.0, 0.0)
-
-
 def conscan_sigma_eq25_rad(
     half_power_beamwidth_rad: float,
     radius_rad: float,
@@ -64,9 +57,9 @@ def conscan_sigma_eq25_rad(
     carrier_to_noise_db_hz: float,
     integration_s: float = 1.0,
 ) -> float:
-    """Return the sigma per axis for the Block V receiver (eq. 25, there with 1 s)."""
+    """Return the sigma per axis on target for the Block V receiver (eqs. 23, 25, there with 1 s)."""
     relative = math.sqrt(2.0 / (10.0 ** (carrier_to_noise_db_hz / 10.0) * integration_s))
-    return conscan_sigma_eq23_rad(half_power_beamwidth_rad, radius_rad, samples, relative)
+    return conscan_sigma_eq21_rad(half_power_beamwidth_rad, radius_rad, samples, relative, 0.0, 0.0)
 
 
 class ScanDesign(NamedTuple):

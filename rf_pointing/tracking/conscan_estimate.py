@@ -113,42 +113,9 @@ class ConscanParams(Params):
         return ScanParams(radius_rad=self.radius_rad, period_s=self.period_s, ramp_s=self.ramp_s)
 
 
-class ConscanEstimate(NamedTuple):
-    """Target minus scan centre (2,), covariance (2, 2), mean carrier power on the circle."""
-
-    error_rad: Array
-    covariance_rad2: Array
-    power_w: float
-
-
-def linear_estimate(window: PowerWindow, half_power_beamwidth_rad: float, radius_rad: float) -> ConscanEstimate:
-    """Return the weighted least-squares estimate of eqs. (13)-(18); usable only where the power is > 0.
-
-    Raises LinAlgError where the samples do not determine both axes and the power.
-    """
-    rows = _rows(window, half_power_beamwidth_rad, radius_rad)
-    weighted = rows / window.sigma_w**2
-    information = weighted @ rows.T
-    if is_singular(information):
-        raise np.linalg.LinAlgError("the samples do not determine the direction: one outweighs the others")
-    variance = np.linalg.inv(information)
-    mean, right, up = variance @ (weighted @ window.power_w)
-    scale = half_power_beamwidth_rad**2 / (2.0 * MU * radius_rad)
-    jacobian = scale / mean * np.array([[-right / mean, 1.0, 0.0], [-up / mean, 0.0, 1.0]])
-    return ConscanEstimate(scale / mean * np.array([right, up]), jacobian @ variance @ jacobian.T, float(mean))
-
-
-def linear_errors_rad(window: PowerWindow, power_w: Array, half_power_beamwidth_rad: float, radius_rad: float) -> Array:
-    """Return the errors (runs, 2) of powers (runs, n) at the positions of one window."""
-    rows = _rows(window, half_power_beamwidth_rad, radius_rad)
-    weighted = rows / window.sigma_w**2
-    solution = power_w @ (np.linalg.inv(weighted @ rows.T) @ weighted).T
-    scale = half_power_beamwidth_rad**2 / (2.0 * MU * radius_rad)
-    return np.asarray(scale * solution[:, 1:] / solution[:, :1])
-
-
-def _rows(window: PowerWindow, half_power_beamwidth_rad: float, radius_rad: float) -> Array:
-    x, y = window.beam_cross_elevation_rad / radius_rad, window.beam_elevation_rad / radius_rad
+def linear_rows(window: PowerWindow, half_power_beamwidth_rad: float, radius_rad: float) -> Array:
+    """Return dP/dC (3, n), the regressors of the linearised power (CONSCAN eq. 8)."""
+    x, y = window.beam_rad.T / radius_rad
     shape = MU * (radius_rad / half_power_beamwidth_rad) ** 2
     return np.asarray(np.exp(-shape * (x**2 + y**2 - 1.0)) * np.stack([np.ones_like(x), x, y]))
 
@@ -168,8 +135,7 @@ class WindowEstimate(NamedTuple):
 
 def estimate_window(params: ConscanParams, window: PowerWindow) -> WindowEstimate:
     """Return the direction of the target from the samples of one window."""
-    x, y = window.beam_cross_elevation_rad, window.beam_elevation_rad
-    design = beam_design(x, y, params.half_power_beamwidth_rad, _nuisance_columns(params, window))
+    design = beam_design(window.beam_rad, params.half_power_beamwidth_rad, _nuisance_columns(params, window))
     smallest_rad = SMALLEST_SPREAD * params.radius_rad
     if least_spread_rad(design) < smallest_rad:
         return _unknown(params, rank_reason(window.beam_rad, smallest_rad))
@@ -180,10 +146,20 @@ def estimate_window(params: ConscanParams, window: PowerWindow) -> WindowEstimat
 
 
 def _linear(params: ConscanParams, window: PowerWindow) -> WindowEstimate:
-    found = linear_estimate(window, params.half_power_beamwidth_rad, params.radius_rad)
-    if found.power_w <= 0.0:
-        return _unknown(params, f"mean carrier power {found.power_w:.3g} W must be > 0")
-    return WindowEstimate(found.error_rad, found.covariance_rad2, _range_doubt(params, found.error_rad))
+    """Return the weighted least-squares estimate of eqs. (13)-(18)."""
+    rows = linear_rows(window, params.half_power_beamwidth_rad, params.radius_rad)
+    weighted = rows / window.sigma_w**2
+    information = weighted @ rows.T
+    if is_singular(information):
+        raise np.linalg.LinAlgError("the samples do not determine the direction: one outweighs the others")
+    variance = np.linalg.inv(information)
+    mean, right, up = variance @ (weighted @ window.power_w)
+    if mean <= 0.0:
+        return _unknown(params, f"mean carrier power {mean:.3g} W must be > 0")
+    scale = params.half_power_beamwidth_rad**2 / (2.0 * MU * params.radius_rad)
+    jacobian = scale / mean * np.array([[-right / mean, 1.0, 0.0], [-up / mean, 0.0, 1.0]])
+    error_rad = scale / mean * np.array([right, up])
+    return WindowEstimate(error_rad, jacobian @ variance @ jacobian.T, _range_doubt(params, error_rad))
 
 
 def _likelihood(params: ConscanParams, window: PowerWindow, design: BeamDesign) -> WindowEstimate:
@@ -204,16 +180,18 @@ def _likelihood(params: ConscanParams, window: PowerWindow, design: BeamDesign) 
         others = fit_beam(_without(design, worst), np.delete(power, worst), np.delete(noise, worst))
         explained = min(params.misfit_limit, LEFT_OVER * float(found.chi_squared))
         if others.converged and others.chi_squared <= explained:
-            return WindowEstimate(
-                others.error_rad, others.covariance_rad2, _range_doubt(params, others.error_rad), worst
-            )
+            doubt = _range_doubt(params, others.error_rad)
+            return WindowEstimate(others.error_rad, others.covariance_rad2, doubt, worst)
     if params.spin_periods_s:
-        inflation = _spin_inflation(params, window, found, noise)
+        alone = fit_beam(beam_design(window.beam_rad, params.half_power_beamwidth_rad), power, noise)
+        # How many times the spin terms raise the variance of the worse axis.
+        inflation = float(np.max(np.diag(found.covariance_rad2) / np.diag(alone.covariance_rad2)))
         if not 0.0 < inflation < WORST_SPIN_INFLATION:
-            return _unknown(
-                params, f"the spin cannot be separated from the scan: it raises the variance {inflation:.0f} times"
-            )
-    doubt = _range_doubt(params, found.error_rad) or _misfit_doubt(params, float(found.chi_squared))
+            reason = f"the spin cannot be separated from the scan: it raises the variance {inflation:.0f} times"
+            return _unknown(params, reason)
+    doubt, misfit = _range_doubt(params, found.error_rad), float(found.chi_squared)
+    if not doubt and misfit > params.misfit_limit:
+        doubt = f"the power does not follow the beam: chi squared {misfit:.1f} is above {params.misfit_limit:.1f}"
     return WindowEstimate(found.error_rad, found.covariance_rad2, doubt)
 
 
@@ -248,13 +226,6 @@ def _without(design: BeamDesign, row: int) -> BeamDesign:
     return BeamDesign(columns, products, loss, design.half_power_beamwidth_rad)
 
 
-def _spin_inflation(params: ConscanParams, window: PowerWindow, found: LikelihoodFit, noise_w: Array) -> float:
-    """Return how many times the spin terms raise the variance of the worse axis."""
-    x, y = window.beam_cross_elevation_rad, window.beam_elevation_rad
-    without = fit_beam(beam_design(x, y, params.half_power_beamwidth_rad), window.power_w, noise_w)
-    return float(np.max(np.diag(found.covariance_rad2) / np.diag(without.covariance_rad2)))
-
-
 def _singular_reason(params: ConscanParams, window: PowerWindow, design: BeamDesign) -> str:
     """Return why the estimate has no solution although the beam moved in both axes."""
     if not columns_independent(design):
@@ -273,10 +244,4 @@ def _range_doubt(params: ConscanParams, error_rad: Array) -> str:
     beamwidths = math.hypot(*error_rad.tolist()) / params.half_power_beamwidth_rad
     if beamwidths > params.valid_range_beamwidths:
         return f"error of {beamwidths:.2f} beamwidths is outside {params.valid_range_beamwidths:.2f} beamwidths"
-    return ""
-
-
-def _misfit_doubt(params: ConscanParams, chi_squared: float) -> str:
-    if chi_squared > params.misfit_limit:
-        return f"the power does not follow the beam: chi squared {chi_squared:.1f} is above {params.misfit_limit:.1f}"
     return ""

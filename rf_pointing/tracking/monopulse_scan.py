@@ -5,14 +5,14 @@ rho = b + M g(theta0 - u), u the beam's offset from the predicted direction, g t
 b is the shift of the null against the beam's peak.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.core import MDEG, MonopulseCluster, Params, parameter
-from rf_pointing.tracking.beam_fit import beam_design, fit_beam, is_singular, rank_fault
+from rf_pointing.tracking.beam_fit import beam_design, fit_beam, is_singular, least_spread_rad, rank_reason
 from rf_pointing.tracking.monopulse import (
     CURVES,
     MonopulseCalibration,
@@ -24,6 +24,7 @@ from rf_pointing.tracking.scan import ScanParams
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
+SMALLEST_SPREAD = 0.2  # rms motion of the beam along the weaker axis, in scan radii
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,18 +58,10 @@ class MonopulseScanState:
 
 
 class CalibrationFit(NamedTuple):
-    """The calibration, the target's offset, and how well both are known.
-
-    `covariance` (3, 3) is that of one channel's (b, M row), complex, for unit slope per radian;
-    `response_sigma_per_rad` (2,) the standard deviation of the columns of M.
-    """
+    """The calibration, the standard deviation (2,) of the columns of M, and the misfit."""
 
     calibration: MonopulseCalibration
-    target_offset_rad: Array
-    target_covariance_rad2: Array
-    covariance: ComplexArray
     response_sigma_per_rad: Array
-    condition_number: float
     chi_squared: float
 
 
@@ -86,12 +79,8 @@ class MonopulseCalibrator:
             fault = (
                 f"no lock: C/N0 {cluster.carrier_to_noise_db_hz:.1f} dB-Hz is below {self.params.lock_db_hz:.1f} dB-Hz"
             )
-        state = self.state
         if fault:
-            rejected = state.rejected + 1
-            self.state = MonopulseScanState(
-                ratios=state.ratios, measures=state.measures, rejected=rejected, last_rejection=fault
-            )
+            self.state = replace(self.state, rejected=self.state.rejected + 1, last_rejection=fault)
             return
         sample_s, count = sample_period_s(cluster.t_s), len(cluster.t_s)
         level = 10.0 ** (cluster.carrier_to_noise_db_hz / 10.0)
@@ -100,12 +89,8 @@ class MonopulseCalibrator:
         noise = (1.0 + 1.0 / snr) / (count * snr)
         power_noise = (2.0 + 1.0 / snr) / (count * sample_s)
         measure = (noise, level, power_noise, beam_cross_elevation_rad, beam_elevation_rad)
-        self.state = MonopulseScanState(
-            ratios=(*state.ratios, (complex(right), complex(up))),
-            measures=(*state.measures, measure),
-            rejected=state.rejected,
-            last_rejection=state.last_rejection,
-        )
+        ratios = (*self.state.ratios, (complex(right), complex(up)))
+        self.state = replace(self.state, ratios=ratios, measures=(*self.state.measures, measure))
 
     def solve(self) -> CalibrationFit:
         """Return the calibration; ValueError names what the scan did not determine."""
@@ -114,20 +99,18 @@ class MonopulseCalibrator:
             raise ValueError(f"the calibration scan has {len(self.state.ratios)} clusters, must have at least 8")
         noise, level, power_noise, x, y = np.array(self.state.measures).T
         h = self.params.half_power_beamwidth_rad
-        fault = rank_fault(np.stack([x, y], axis=1), 0.2 * self.params.scan.radius_rad)
-        if fault:
-            raise ValueError(f"calibration scan: {fault}")
+        beam = np.stack([x, y], axis=1)
+        design, smallest_rad = beam_design(beam, h), SMALLEST_SPREAD * self.params.scan.radius_rad
+        if least_spread_rad(design) < smallest_rad:
+            raise ValueError(f"calibration scan: {rank_reason(beam, smallest_rad)}")
         # The target's offset comes from the power: the null is found against the beam's peak.
-        target = fit_beam(beam_design(x, y, h), level, power_noise)
+        target_rad = fit_beam(design, level, power_noise).error_rad
         scale = self.params.slope / h
-        offset = target.error_rad - np.stack([x, y], axis=1)
+        offset = target_rad - beam
         curve = offset if self.params.curve == "straight" else np.tanh(scale * offset) / scale
-        columns = np.column_stack([np.ones_like(x), curve])
-        return self._fit(columns, np.array(self.state.ratios), noise, target.error_rad, target.covariance_rad2)
+        return self._fit(np.column_stack([np.ones_like(x), curve]), np.array(self.state.ratios), noise)
 
-    def _fit(
-        self, columns: Array, ratios: ComplexArray, noise: Array, target_rad: Array, target_covariance: Array
-    ) -> CalibrationFit:
+    def _fit(self, columns: Array, ratios: ComplexArray, noise: Array) -> CalibrationFit:
         weight = 1.0 / (noise[:, None] * (1.0 + np.abs(ratios) ** 2))
         solution, covariances, misfit = np.empty((3, 2), dtype=complex), [], 0.0
         for channel in (0, 1):
@@ -147,13 +130,6 @@ class MonopulseCalibrator:
                 f"the ratios do not follow the feed: chi squared {chi_squared:.1f} must be <= "
                 f"{self.params.misfit_limit}"
             )
-        scaled = columns / np.linalg.norm(columns, axis=0)
-        return CalibrationFit(
-            MonopulseCalibration.from_response(solution[1:].T, solution[0]),
-            target_rad,
-            target_covariance,
-            np.mean(covariances, axis=0),
-            np.sqrt(np.mean([np.diag(c)[1:] for c in covariances], axis=0)),
-            float(np.linalg.cond(scaled)),
-            chi_squared,
-        )
+        sigma_per_rad = np.sqrt(np.mean([np.diag(covariance)[1:] for covariance in covariances], axis=0))
+        calibration = MonopulseCalibration.from_response(solution[1:].T, solution[0])
+        return CalibrationFit(calibration, sigma_per_rad, chi_squared)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from rf_pointing.core import CarrierPower, JointReading, PointingError, Sensor
 from rf_pointing.core.time_buffer import BeamPosition, TimeBuffer
-from rf_pointing.tracking.conscan import ConscanTracker, DelayEstimate, DelayEstimator, DelayParams
+from rf_pointing.tracking.conscan import ConscanTracker, DelayEstimator, DelayParams
 from rf_pointing.tracking.conscan_estimate import ConscanParams
 from rf_pointing.tracking.steptrack import StepTracker, StepTrackParams
 
@@ -168,16 +168,12 @@ class PowerTracker:
         beam = away + centre - self._origin
         error = self.conscan.add(power, float(beam[0]), float(beam[1]))
         if error is None:
-            filled = len(self.conscan.state.samples)
-            return _not_usable(
-                power, Sensor.CONSCAN, f"window holds {filled} of {self.conscan.params.fewest_samples} samples"
-            )
-        error = replace(
-            error,
-            t_s=beam_s,
-            cross_elevation_rad=error.cross_elevation_rad + float(self._origin[0] - centre[0]),
-            elevation_rad=error.elevation_rad + float(self._origin[1] - centre[1]),
-        )
+            filled = len(self.conscan.state.window)
+            missing = f"window holds {filled} of {self.conscan.params.fewest_samples} samples"
+            return _not_usable(power, Sensor.CONSCAN, missing)
+        x_rad = error.cross_elevation_rad + float(self._origin[0] - centre[0])
+        y_rad = error.elevation_rad + float(self._origin[1] - centre[1])
+        error = replace(error, t_s=beam_s, cross_elevation_rad=x_rad, elevation_rad=y_rad)
         self._learn_delay(error, centre)
         return error
 
@@ -199,17 +195,15 @@ class PowerTracker:
         self._since_delay, self._delay_centre = 0, centre
         self._delay.add(error, float(moved[0]), float(moved[1]))
         found = self._delay.estimate()
-        if found is not None and abs(found.gain - 1.0) < GAIN_TOLERANCE and _sure(found):
+        if found is None or abs(found.delay_s) <= DELAY_SIGMAS * found.sigma_s:
+            return
+        if abs(found.gain - 1.0) < GAIN_TOLERANCE:
             self.conscan.retune(self.conscan.params.replace(delay_s=self.delay_s + found.delay_s))
             self._forget_delay()
 
     def _forget_delay(self) -> None:
         self._delay = DelayEstimator(DelayParams(period_s=self.conscan.params.period_s))
         self._delay_centre, self._since_delay = None, 0
-
-
-def _sure(found: DelayEstimate) -> bool:
-    return abs(found.delay_s) > DELAY_SIGMAS * found.sigma_s
 
 
 def _not_usable(power: CarrierPower, sensor: str, reason: str) -> PointingError:

@@ -7,7 +7,6 @@ command never jumps.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import NamedTuple, Protocol
 
 from rf_pointing.core import MDEG, Params, parameter
@@ -62,7 +61,27 @@ class ScanParams(Params):
 
     def pattern(self) -> Pattern:
         """Return the circle, from its start."""
-        return partial(circle_offset, self)
+        return self.offset
+
+    def offset(self, t_since_start_s: float) -> Offset:
+        """Return the scan offset `t_since_start_s` after the start; zero before it."""
+        if t_since_start_s <= 0.0:
+            return Offset(0.0, 0.0, 0.0, 0.0)
+        radius, radius_rate = self.radius_rad, 0.0
+        # Without a ramp the command would jump by the radius, and the axes would ring.
+        if t_since_start_s < self.ramp_s:
+            # The quintic 10 s^3 - 15 s^4 + 6 s^5, at rest at both ends.
+            s = t_since_start_s / self.ramp_s
+            radius = self.radius_rad * (s**3 * (10.0 - 15.0 * s + 6.0 * s**2))
+            radius_rate = self.radius_rad * 30.0 * s**2 * (1.0 - s) ** 2 / self.ramp_s
+        rate = 2.0 * math.pi / self.period_s
+        cosine, sine = math.cos(rate * t_since_start_s), math.sin(rate * t_since_start_s)
+        return Offset(
+            radius * cosine,
+            radius * sine,
+            radius_rate * cosine - radius * rate * sine,
+            radius_rate * sine + radius * rate * cosine,
+        )
 
 
 @dataclass(frozen=True)
@@ -81,28 +100,3 @@ class CircleScan:
     def pattern(self) -> Pattern:
         """Return the circle, from its start."""
         return self.circle.pattern()
-
-
-def circle_offset(params: ScanParams, t_since_start_s: float) -> Offset:
-    """Return the scan offset `t_since_start_s` after the start; zero before it."""
-    if t_since_start_s <= 0.0:
-        return Offset(0.0, 0.0, 0.0, 0.0)
-    radius, radius_rate = _ramp(params, t_since_start_s)
-    rate = 2.0 * math.pi / params.period_s
-    cosine, sine = math.cos(rate * t_since_start_s), math.sin(rate * t_since_start_s)
-    return Offset(
-        radius * cosine,
-        radius * sine,
-        radius_rate * cosine - radius * rate * sine,
-        radius_rate * sine + radius * rate * cosine,
-    )
-
-
-def _ramp(params: ScanParams, t_s: float) -> tuple[float, float]:
-    """Radius and its rate: the quintic 10 s^3 - 15 s^4 + 6 s^5, at rest at both ends."""
-    # Without a ramp the command would jump by the radius, and the axes would ring.
-    if t_s >= params.ramp_s:
-        return params.radius_rad, 0.0
-    s = t_s / params.ramp_s
-    shape = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
-    return params.radius_rad * shape, params.radius_rad * 30.0 * s**2 * (1.0 - s) ** 2 / params.ramp_s

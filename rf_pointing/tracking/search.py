@@ -13,7 +13,6 @@ import math
 from bisect import bisect_right
 from dataclasses import dataclass
 from itertools import accumulate, pairwise
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,15 +119,6 @@ class SpiralSearch:
         return np.asarray(np.min(limits, axis=0))
 
 
-class StripOffset(NamedTuple):
-    """Offset along the track and to the left of it, and the rates."""
-
-    along_rad: float
-    left_rad: float
-    along_rate_rad_s: float
-    left_rate_rad_s: float
-
-
 class StripSearch:
     """Covers +-`half_length_rad` along the track and +-`half_width_rad` across it in strips."""
 
@@ -150,15 +140,15 @@ class StripSearch:
         """Time until everything was passed once and the beam is back in the middle."""
         return self._starts[-1]
 
-    def offset(self, t_since_start_s: float) -> StripOffset:
-        """Return the offset from the expected direction and its rates; at rest before the start."""
+    def offset(self, t_since_start_s: float) -> tuple[float, float, float, float]:
+        """Return the offset along the track and to the left of it, and the rates; at rest before the start."""
         within_s = max(t_since_start_s, 0.0) % self.duration_s
         leg = min(bisect_right(self._starts, within_s) - 1, len(self._legs) - 1)
         (x0, y0), (x1, y1) = self._legs[leg]
         length = math.hypot(x1 - x0, y1 - y0)
         way, speed = self._way(within_s - self._starts[leg], length)
         cosine, sine = (x1 - x0) / length, (y1 - y0) / length
-        return StripOffset(x0 + way * cosine, y0 + way * sine, speed * cosine, speed * sine)
+        return (x0 + way * cosine, y0 + way * sine, speed * cosine, speed * sine)
 
     def _peak_rad_s(self, length: float) -> float:
         return min(self._rate, math.sqrt(self._acceleration * length))

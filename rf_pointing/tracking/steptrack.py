@@ -128,7 +128,7 @@ class StepTracker:
 
     def _measure(self, window: PowerWindow) -> PointingError:
         h = self.params.half_power_beamwidth_rad
-        design = beam_design(window.beam_cross_elevation_rad, window.beam_elevation_rad, h)
+        design = beam_design(window.beam_rad, h)
         # First with a noise of unit size, whose misfit is the real size; then with that, which also
         # sets the bias.
         noise = np.full(len(window), float(np.mean(window.power_w)))

@@ -12,7 +12,7 @@ from rf_pointing.report.analysis import Analysis, analyse
 from rf_pointing.report.definitions import Definitions
 from rf_pointing.report.error_pictures import draw_beam, draw_error, draw_link
 from rf_pointing.report.motion_pictures import draw_sky
-from rf_pointing.report.picture_style import LIMIT_COLOUR, MODE_COLOURS, mode_runs, per_second
+from rf_pointing.report.picture_style import LIMIT_COLOUR, mode_colour, mode_runs, per_second
 from rf_pointing.report.pictures import draw_pictures
 from rf_pointing.report.recording import read_recording
 
@@ -53,9 +53,9 @@ def test_colours_name_the_modes(analysed: Callable[..., Analysis], tmp_path: Pat
     analysis = analysed(mode=lambda t: "conscan" if t < 2.0 else "coast", error_mdeg=lambda t: (1.0 + t, 2.0))
     for name, draw in ERROR_PICTURES.items():
         draw(analysis, tmp_path / f"{name}.png")
-        assert len(coloured(tmp_path / f"{name}.png", MODE_COLOURS["conscan"])) > 20
-        assert len(coloured(tmp_path / f"{name}.png", MODE_COLOURS["coast"])) > 20
-        assert len(coloured(tmp_path / f"{name}.png", MODE_COLOURS["search"])) == 0
+        assert len(coloured(tmp_path / f"{name}.png", mode_colour("conscan"))) > 20
+        assert len(coloured(tmp_path / f"{name}.png", mode_colour("coast"))) > 20
+        assert len(coloured(tmp_path / f"{name}.png", mode_colour("search"))) == 0
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ H, R = 17.0 * MDEG, 1.55 * MDEG
 
 ANGLES = 2.0 * np.pi * np.arange(1, 33) / 32
 X, Y = R * np.cos(ANGLES), R * np.sin(ANGLES)
-DESIGN = beam_design(X, Y, H)
+DESIGN = beam_design(np.column_stack([X, Y]), H)
 
 
 def power_ratio_hz(level_db_hz: float, x: float, y: float) -> np.ndarray:
@@ -88,7 +88,7 @@ def run(
     errors = []
     for k in range(count):
         t_s = k + 0.5
-        scan = tracker.scan_offset(t_s)
+        scan = tracker.params.scan.offset(t_s)
         u, v = scan.cross_elevation_rad, scan.elevation_rad
         mean = (
             1e4
@@ -180,7 +180,7 @@ def test_fit_that_runs_out_of_steps_says_so(monkeypatch: pytest.MonkeyPatch) -> 
 
 def test_flat_positions_are_a_singular_fit() -> None:
     with pytest.raises(np.linalg.LinAlgError):
-        fit_beam(beam_design(X, np.zeros(32), H), np.ones(32), np.full(32, 2.0))
+        fit_beam(beam_design(np.column_stack([X, np.zeros(32)]), H), np.ones(32), np.full(32, 2.0))
 
 
 @pytest.mark.parametrize(("change", "message"), [

@@ -15,7 +15,7 @@ from rf_pointing.tracking.beam_fit import beam_design, fit_beam
 from rf_pointing.tracking.conscan import ConscanTracker, DelayEstimator, DelayParams
 from rf_pointing.tracking.conscan_design import conscan_slope
 from rf_pointing.tracking.conscan_estimate import ConscanParams
-from rf_pointing.tracking.scan import ScanParams, circle_offset
+from rf_pointing.tracking.scan import ScanParams
 
 H, R = 17.0 * MDEG, 1.55 * MDEG
 
@@ -272,11 +272,11 @@ SCAN = ScanParams(radius_rad=R, period_s=PERIOD_S, ramp_s=0.0)
 def window_error(start_s: float, x: float, y: float, delay_s: float, rng: np.random.Generator) -> PointingError:
     """One conscan estimate whose powers come `delay_s` late, from beam positions at the powers' own times."""
     times = start_s + np.arange(1, 21) - 0.5
-    assumed = np.array([circle_offset(SCAN, float(t))[:2] for t in times])
-    real = np.array([circle_offset(SCAN, float(t) - delay_s)[:2] for t in times])
+    assumed = np.array([SCAN.offset(float(t))[:2] for t in times])
+    real = np.array([SCAN.offset(float(t) - delay_s)[:2] for t in times])
     mean = 1e4 * np.exp(-MU * ((x - real[:, 0]) ** 2 + (y - real[:, 1]) ** 2) / H**2)
     power = mean + np.sqrt(2.0 * mean) * rng.standard_normal(20)
-    found = fit_beam(beam_design(assumed[:, 0], assumed[:, 1], H), power, np.full(20, 2.0))
+    found = fit_beam(beam_design(assumed, H), power, np.full(20, 2.0))
     return PointingError(
         t_s=float(times.mean()), sensor="conscan", cross_elevation_rad=float(found.error_rad[0]),
         elevation_rad=float(found.error_rad[1]), covariance_rad2=found.covariance_rad2,

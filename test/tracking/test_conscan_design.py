@@ -15,7 +15,6 @@ from rf_pointing.tracking.conscan_design import (
     conscan_loss,
     conscan_sigma_eq20_rad,
     conscan_sigma_eq21_rad,
-    conscan_sigma_eq23_rad,
     conscan_sigma_eq25_rad,
     conscan_slope,
     design_scan,
@@ -46,7 +45,7 @@ def test_equation_20_is_21_with_the_power_received() -> None:
 
 
 def test_equation_25_is_23_with_the_block_v_receiver() -> None:
-    direct = conscan_sigma_eq23_rad(H, R, 32, math.sqrt(2.0 / 1000.0))
+    direct = conscan_sigma_eq21_rad(H, R, 32, math.sqrt(2.0 / 1000.0), 0.0, 0.0)
     assert conscan_sigma_eq25_rad(H, R, 32, 30.0) == pytest.approx(direct, rel=1e-12)
     written_out = H / conscan_slope(H, R) * 2.0 / conscan_loss(H, R) / math.sqrt(32.0 * 1000.0)
     assert direct == pytest.approx(written_out, rel=1e-12)
@@ -130,7 +129,7 @@ def test_the_stations_windows_have_the_accuracy_that_was_wanted(level_db_hz: flo
     sigma = math.sqrt(2.0 * mean / scan.sample_s)
     runs = random_stream(3, f"designed {level_db_hz}").standard_normal((4000, len(times)))
     drift = np.linspace(-1.0, 1.0, len(times))[:, None]
-    design = beam_design(x, y, scan.half_power_beamwidth_rad, drift)
+    design = beam_design(np.column_stack([x, y]), scan.half_power_beamwidth_rad, drift)
     found = fit_beam(design, mean + sigma * runs, np.full(runs.shape, 2.0 / scan.sample_s)).error_rad
     spread = np.std(found, axis=0) / MDEG
     assert float(np.max(spread)) == pytest.approx(wanted_mdeg, rel=0.1)

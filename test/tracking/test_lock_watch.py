@@ -12,7 +12,6 @@ import pytest
 from rf_pointing.core import MDEG, PointingError, random_stream
 from rf_pointing.tracking import LockWatch, LockWatchParams
 from rf_pointing.tracking.lock_watch import InnovationBank, LockWatchState
-from rf_pointing.tracking.scan import circle_offset
 
 STEP_S, NOISE, WALK, CHANGE, DRIFT = 0.1, 0.2, 0.3, 0.05, 0.5
 
@@ -128,7 +127,7 @@ def follow_gusts(
 
 
 def probe(params: LockWatchParams, t_s: float) -> complex:
-    return 0j if params.probe is None else complex(*circle_offset(params.probe, t_s)[:2])
+    return 0j if params.probe is None else complex(*params.probe.offset(t_s)[:2])
 
 
 @pytest.mark.parametrize(("gust_mdeg", "seconds"), [(0.1, 200.0), (0.3, 600.0), (0.6, 200.0)])

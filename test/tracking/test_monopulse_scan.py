@@ -10,7 +10,6 @@ import pytest
 from rf_pointing.core import MDEG, MonopulseCluster, random_stream
 from rf_pointing.tracking import MonopulseParams, MonopulseScanParams, MonopulseTracker
 from rf_pointing.tracking.monopulse_scan import MonopulseCalibrator
-from rf_pointing.tracking.scan import circle_offset
 
 H, SLOPE, SAMPLE_S = 17.0 * MDEG, 1.57, 0.02
 MIXING = np.array([[1.2 * np.exp(0.5j), 0.15 * np.exp(1.0j)], [0.1 * np.exp(-0.4j), 0.8 * np.exp(-1.2j)]])
@@ -43,7 +42,7 @@ def scanned(level_db_hz: float = 55.0, seconds: float = 23.0, seed: int = 1) -> 
     rng = random_stream(seed, "calibration")
     calibrator = MonopulseCalibrator(PARAMS)
     for k in range(round(seconds / 0.1)):
-        beam = np.array(circle_offset(PARAMS.scan, 0.1 * k)[:2])
+        beam = np.array(PARAMS.scan.offset(0.1 * k)[:2])
         calibrator.add(cluster(0.1 * k, TARGET - beam, level_db_hz, rng), *beam)
     return calibrator
 
@@ -55,13 +54,6 @@ def test_planted_response_and_null_are_recovered_within_their_stated_uncertainty
     assert np.all(np.abs(response - MIXING) < 5.0 * sigma[None, :])
     assert np.all(np.abs(fit.calibration.offset() - NULL) < 0.01)
     assert fit.chi_squared == pytest.approx(1.0, abs=0.2)
-    assert fit.condition_number < 5.0
-
-
-def test_targets_own_offset_is_found_from_the_sum() -> None:
-    fit = scanned().solve()
-    spread = np.sqrt(np.diag(fit.target_covariance_rad2))
-    assert np.all(np.abs(fit.target_offset_rad - TARGET) < 4.0 * spread)
 
 
 def test_tracker_with_the_fitted_calibration_measures_the_beam_peak() -> None:
@@ -78,7 +70,7 @@ def test_straight_feed_is_calibrated_with_the_straight_curve() -> None:
     rng, params = random_stream(5, "calibration"), PARAMS.replace(curve="straight")
     calibrator = MonopulseCalibrator(params)
     for k in range(230):
-        beam = np.array(circle_offset(params.scan, 0.1 * k)[:2])
+        beam = np.array(params.scan.offset(0.1 * k)[:2])
         bent = cluster(0.1 * k, np.arctanh(SLOPE * (TARGET - beam) / H) * H / SLOPE, 70.0, rng)
         straight = dataclasses.replace(
             bent, carrier_to_noise_db_hz=cluster(0.0, TARGET - beam, 70.0, rng).carrier_to_noise_db_hz

@@ -87,8 +87,8 @@ def test_the_delay_of_the_receiving_chain_is_taken_into_account() -> None:
         scan.take_joints(reading(0.1 * k, (0.0, 1e-5 * k)))
     (error,) = scan.take_power(power(1.55))
     assert error.reason.startswith("window holds 1")
-    assert scan.conscan.state.samples[0, 0] == pytest.approx(1.0)
-    assert scan.conscan.state.samples[0, 4] == pytest.approx(1e-4)
+    assert scan.conscan.state.window.rows[0, 0] == pytest.approx(1.0)
+    assert scan.conscan.state.window.rows[0, 4] == pytest.approx(1e-4)
 
 
 def test_powers_from_before_the_scan_do_not_hold_up_those_of_the_scan() -> None:
@@ -108,7 +108,7 @@ def test_a_new_scan_starts_with_an_empty_window() -> None:
             scan.take_status(*status(0.1 * k, mode))
             scan.take_joints(reading(0.1 * k, (0.0, 0.0)))
     scan.take_power(power(0.2))
-    assert len(scan.conscan.state.samples) == 1
+    assert len(scan.conscan.state.window) == 1
 
 
 def test_powers_that_can_never_be_placed_do_not_pile_up() -> None:

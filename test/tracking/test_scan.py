@@ -8,7 +8,7 @@ import pytest
 
 from rf_pointing.core import MDEG
 from rf_pointing.tracking import SpiralParams, SpiralSearch
-from rf_pointing.tracking.scan import Offset, ScanParams, circle_offset
+from rf_pointing.tracking.scan import Offset, ScanParams
 
 STEP_S = 1e-4
 
@@ -24,17 +24,17 @@ def rates_by_difference(offset: Callable[[float], Offset], t_s: float) -> tuple[
 @pytest.mark.parametrize("t_s", [0.7, 2.3, 3.99, 4.5, 17.0])
 def test_circle_rates_are_the_derivative_of_the_circle(t_s: float) -> None:
     params = ScanParams(radius_rad=6.0 * MDEG, period_s=10.0, ramp_s=4.0)
-    now = circle_offset(params, t_s)
-    assert now[2:] == pytest.approx(rates_by_difference(lambda t: circle_offset(params, t), t_s), abs=1e-6 * MDEG)
+    now = params.offset(t_s)
+    assert now[2:] == pytest.approx(rates_by_difference(lambda t: params.offset(t), t_s), abs=1e-6 * MDEG)
 
 
 def test_circle_has_its_radius_and_period_after_the_ramp_and_rests_at_the_start() -> None:
     params = ScanParams(radius_rad=6.0 * MDEG, period_s=10.0, ramp_s=4.0)
-    later = circle_offset(params, 7.3)
+    later = params.offset(7.3)
     assert math.hypot(later.cross_elevation_rad, later.elevation_rad) == pytest.approx(6.0 * MDEG, rel=1e-12)
-    assert circle_offset(params, 17.3) == pytest.approx(later, abs=1e-12 * MDEG)
-    assert circle_offset(params, 0.0) == Offset(0.0, 0.0, 0.0, 0.0)
-    assert circle_offset(params, 1e-3)[2:] == pytest.approx((0.0, 0.0), abs=1e-4 * MDEG)
+    assert params.offset(17.3) == pytest.approx(later, abs=1e-12 * MDEG)
+    assert params.offset(0.0) == Offset(0.0, 0.0, 0.0, 0.0)
+    assert params.offset(1e-3)[2:] == pytest.approx((0.0, 0.0), abs=1e-4 * MDEG)
 
 
 SPIRALS = (

@@ -45,4 +45,4 @@ def test_the_round_begins_again_where_it_ends(search: StripSearch) -> None:
 
 def test_a_width_below_the_pitch_needs_one_strip() -> None:
     narrow = StripSearch(LENGTH, 0.5 * PITCH, PITCH, RATE, ACCELERATION)
-    assert all(narrow.offset(t).left_rad == 0.0 for t in np.linspace(0.0, narrow.duration_s, 50))
+    assert all(narrow.offset(t)[1] == 0.0 for t in np.linspace(0.0, narrow.duration_s, 50))

@@ -181,7 +181,7 @@ class PointingController:
 
     def _finish(self, t_s: float) -> tuple[JointTrajectory | None, TrackingStatus]:
         reason = self._stopping
-        self.statistics.end(reason, self.state.mode)
+        self.statistics.reason = reason
         self._pass = None
         self.plan.clear()
         self._mode.end(t_s, reason)

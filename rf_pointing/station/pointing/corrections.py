@@ -247,7 +247,8 @@ class PointingCorrections:
             tracking = found.direction_rad - direction_rows(found.sky) @ self.filter.state.mean
             self._unseen = True
         self._found = None
-        self._integrator.retune(self._loop_of(mode))
+        if mode in SENSORS:
+            self._integrator.retune(self._loops.get(mode, self._loop))
         self._integrator.reset(command_s, tracking)
         self._fade_s = None
         if mode not in SENSORS:
@@ -261,11 +262,6 @@ class PointingCorrections:
         left = [(b - a)[0] for a, b in zip(after, before, strict=True)]
         acceleration = self._scan_params.spiral.acceleration_rad_s2
         self._transition = OffsetTransition.within(command_s, left[0], left[1], acceleration)
-
-    def _loop_of(self, mode: str) -> TrackerIntegratorParams:
-        if mode not in SENSORS:
-            return self._integrator.params
-        return self._loops.get(mode, self._loop)
 
     def _consider(self, error: PointingError, beam: Array) -> None:
         """Keep where a search found the strongest carrier; a valid error refines the direction."""

@@ -94,7 +94,7 @@ class CarrierWatch:
     """Compares the carrier with the link; `faults` counts the false locks of the pass."""
 
     def __init__(self, watch: LockWatchParams, link: LinkParams) -> None:
-        self._watch, self._link = LockWatch(watch), link
+        self._watch, self.link = LockWatch(watch), link
         self.restart()
 
     def restart(self) -> None:
@@ -107,10 +107,6 @@ class CarrierWatch:
         """Begin with a new mode."""
         self._watch.reset()
 
-    def level_db_hz(self, range_m: float) -> float:
-        """Return the C/N0 of a beam on the target: the link's at the zenith over this distance."""
-        return link_level_db_hz(self._link, range_m)
-
     def require_level(self, window: Pass, sensor: str, thresholds: AutotrackParams) -> None:
         """Refuse a sensor whose C/N0 threshold a pass never reaches, even on the beam's axis.
 
@@ -121,7 +117,7 @@ class CarrierWatch:
             return
         strong = sensor in SENSORS and SENSORS[sensor].needs_strong_carrier
         needed = thresholds.monopulse_on_db_hz if strong else thresholds.carrier_on_db_hz
-        level = self.level_db_hz(nearest_m)
+        level = self.link.level_db_hz(nearest_m)
         if level < needed:
             raise ValueError(
                 f"sensor={sensor} needs a carrier of {needed:.1f} dB-Hz; the link gives at most {level:.1f} dB-Hz on this "
@@ -138,20 +134,15 @@ class CarrierWatch:
         if error.carrier_to_noise_db_hz < faint_db_hz or error.t_s <= self._watched_s:
             return ""
         self._watched_s = error.t_s
-        fault = self._watch.add(error, float(beam_rad[0]), float(beam_rad[1]), self.level_db_hz(range_m))
+        fault = self._watch.add(error, float(beam_rad[0]), float(beam_rad[1]), self.link.level_db_hz(range_m))
         if fault:
             self.faults, self.last_fault = self.faults + 1, fault
         return fault
 
 
-def link_level_db_hz(link: LinkParams, range_m: float) -> float:
-    """Return the C/N0 of a beam on the target: the link's at the zenith over this distance."""
-    return link.zenith_carrier_to_noise_db_hz - 20.0 * math.log10(range_m / link.reference_range_m)
-
-
 @dataclass
 class PassStatistics:
-    """How long a sensor held the target, and its errors, from acquisition to loss of signal."""
+    """How long a sensor held the target, its errors from acquisition on, and why the pass ended."""
 
     tracked_s: float = 0.0
     lost_s: float = 0.0
@@ -159,7 +150,6 @@ class PassStatistics:
     square_cross_elevation_rad2: float = 0.0
     square_elevation_rad2: float = 0.0
     reason: str = ""
-    last_mode: str = ""
 
     def count(self, period_s: float, mode: str, error: PointingError | None, risen: bool) -> None:
         """Add one period; while a sensor tracks, time without a valid error is lost time."""
@@ -173,13 +163,12 @@ class PassStatistics:
             self.tracked_s += period_s
         elif held or mode == Mode.CALIBRATE:
             self.tracked_s += period_s
-            self._add(error)
+            if error is not None and error.valid:
+                self.samples += 1
+                self.square_cross_elevation_rad2 += error.cross_elevation_rad**2
+                self.square_elevation_rad2 += error.elevation_rad**2
         else:
             self.lost_s += period_s
-
-    def end(self, reason: str, mode: str) -> None:
-        """Note why the pass ended and in which mode."""
-        self.reason, self.last_mode = reason, mode
 
     @property
     def share(self) -> float:
@@ -192,12 +181,6 @@ class PassStatistics:
         """RMS of the sensed errors, cross-elevation and elevation; zero without any."""
         count = max(self.samples, 1)
         return math.sqrt(self.square_cross_elevation_rad2 / count), math.sqrt(self.square_elevation_rad2 / count)
-
-    def _add(self, error: PointingError | None) -> None:
-        if error is not None and error.valid:
-            self.samples += 1
-            self.square_cross_elevation_rad2 += error.cross_elevation_rad**2
-            self.square_elevation_rad2 += error.elevation_rad**2
 
 
 class TrackingMode:
@@ -274,7 +257,7 @@ class TrackingMode:
             target_available=motion.target_available,
             on_target=motion.on_target,
             carrier_to_noise_db_hz=error.carrier_to_noise_db_hz if error else -math.inf,
-            axis_db_hz=self._carrier.level_db_hz(motion.range_m) if motion.range_m is not None else -math.inf,
+            axis_db_hz=self._carrier.link.level_db_hz(motion.range_m) if motion.range_m is not None else -math.inf,
             valid=valid_sensors(errors),
             arriving=arriving,
             fault=self._false_lock(error, motion),

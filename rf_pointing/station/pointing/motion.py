@@ -20,7 +20,7 @@ from rf_pointing.ephemeris import Pass
 from rf_pointing.station.pointing.corrections import PointingCorrections, added
 from rf_pointing.station.pointing.params import PointingParams
 from rf_pointing.station.pointing.plan import PassPlan
-from rf_pointing.station.pointing.prediction import Prediction, TargetBuffer
+from rf_pointing.station.pointing.prediction import Prediction, TargetBuffer, time_key
 
 Array = NDArray[np.float64]
 
@@ -149,7 +149,7 @@ class CommandedMotion:
 
     def _on_target(self, t_s: float, window: Pass) -> bool:
         """Whether the slew is over: the axes are within the tolerance of the command."""
-        centre = self._centre.get(_key(t_s))
+        centre = self._centre.get(time_key(t_s))
         if t_s < window.aos_t_s or centre is None or self._direct is None:
             return False
         lag_s = t_s - self._direct.t_s
@@ -158,7 +158,7 @@ class CommandedMotion:
 
     def centre_rad(self, t_s: float) -> Array:
         """Return the commanded direct angles (2,) without the scan, zero if not known."""
-        return self._centre.get(_key(t_s), np.zeros(2))
+        return self._centre.get(time_key(t_s), np.zeros(2))
 
     def sky_rad(self, t_s: float, window: Pass | None, correction_rad: Array) -> Array:
         """Return the commanded apparent direction (2,); before the pass it is its start.
@@ -193,7 +193,8 @@ class CommandedMotion:
         scanned = self._corrections.add_scan(times, centre)
         lead = self._lag.lead(times, added_rates + scanned.velocity - centre.velocity, self.model)
         # The encoders are compared with what was commanded, lead included.
-        self._note_centre(t_s, float(times[0]), centre.position[0] + lead.position[0])
+        kept = {key: at for key, at in self._centre.items() if key >= time_key(t_s)}
+        self._centre = {**kept, time_key(times[0]): centre.position[0] + lead.position[0]}
         self.beam.take_centre(float(times[0]), predicted.position[0] + lead.position[0])
         position, velocity, acceleration = scanned
         trajectory = JointTrajectory(
@@ -242,12 +243,3 @@ class CommandedMotion:
             offsets = self._corrections.axis_offsets_rad(*ends, float(range_m[0]))
             corrected = course.carry(times, predicted, corrected, offsets)
         return corrected, added_rates
-
-    def _note_centre(self, t_s: float, first_s: float, centre: Array) -> None:
-        """Note where the axes must be at `first_s`; forget times before `t_s`."""
-        self._centre = {**{key: at for key, at in self._centre.items() if key >= _key(t_s)}, _key(first_s): centre}
-
-
-def _key(t_s: float) -> int:
-    """Time in whole milliseconds: periods are compared without the rounding of floats."""
-    return round(t_s * 1000.0)

@@ -11,7 +11,6 @@ from rf_pointing.ephemeris import Pass
 from rf_pointing.ephemeris.solar import SolarDirection
 from rf_pointing.planning import (
     AxisLimits,
-    Branch,
     Certificate,
     CornerPath,
     Gate,
@@ -46,12 +45,10 @@ class PassPlan:
         self, machine: MachineParams, mask: HorizonMask, gate: GateParams, limits: AxisLimits, sun: SolarDirection
     ) -> None:
         self.machine, self.mask, self._gate_params, self.sun = machine, mask, gate, sun
-        self._slew, self._goal = CornerPath(), np.full(2, math.inf)
-        self.take_limits(limits)
         self._profiles: list[PassProfile] = []
         self.certificate: Certificate | None = None
-        self.branch: Branch | None = None
-        self.course = TrackingBranch()
+        self.take_limits(limits)
+        self.clear()
 
     def take_limits(self, limits: AxisLimits) -> None:
         """Use these limits of travel from now on."""
@@ -63,7 +60,7 @@ class PassPlan:
 
     def clear(self) -> None:
         """Forget the branch: direct, without a crossing."""
-        self.branch, self.course = None, TrackingBranch()
+        self.course = TrackingBranch()
         self._slew, self._goal = CornerPath(), np.full(2, math.inf)
 
     def choose(
@@ -95,16 +92,12 @@ class PassPlan:
             plunge_allowed=all(traits.over_the_top for traits in sensors_of(sensor)), lag_averaging_s=lag_averaging_s,
             slew=lambda start, end: self.gate.slew(start, end, self.sun.at(t_s)),
         )  # fmt: skip
-        self.branch = self.certificate.chosen
-        if self.branch is None:
+        branch = self.certificate.chosen
+        if branch is None:
             raise ValueError(self.certificate.reason)
-        try:
-            self.approach(t_s, joints, np.array(self.branch.start_rad))
-        except ValueError:
-            # No slew to its start: the branch is as good as none.
-            self.branch = None
-            raise
-        self.course = TrackingBranch(self.branch)
+        # Without a slew to its start the branch is as good as none.
+        self.approach(t_s, joints, np.array(branch.start_rad))
+        self.course = TrackingBranch(branch)
         return True
 
     def approach(self, t_s: float, axes: JointReading, goal_rad: Array) -> Array | None:

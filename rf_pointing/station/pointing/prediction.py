@@ -168,7 +168,7 @@ class Prediction:
 
     def at(self, times: Array, targets: TargetBuffer, model: BiasModel, near_azimuth_rad: float) -> Motion:
         """Return the motion at `times` (n,), computed as far ahead as the target is known."""
-        keys = [_key(t) for t in times]
+        keys = [time_key(t) for t in times]
         if any(key not in self._known for key in keys):
             self._compute(times, targets, model, near_azimuth_rad)
         rows = np.array([self._known[key] for key in keys])
@@ -185,18 +185,18 @@ class Prediction:
         else:
             motion = course.detour(block, self._held(last_s, sky, model, near_azimuth_rad))
         rows = np.concatenate(motion, axis=1)
-        self._known = {_key(t): row for t, row in zip(block, rows, strict=True)}
+        self._known = {time_key(t): row for t, row in zip(block, rows, strict=True)}
 
     def _with_lags(self, block: Array, beam: Motion, moving: Motion, model: BiasModel) -> Motion:
         """Return the axes (n, 2) that hold a beam, with the lags of its motion so far."""
         # The lags act in the angles of the axes, which over the top run the other way.
         signs = self._plan.course.signs(block)
         # From the state at the block's start, or where the last block was left, or from the slew.
-        earlier = [state for key, state in self._lagging.items() if key <= _key(block[0])]
+        earlier = [state for key, state in self._lagging.items() if key <= time_key(block[0])]
         before = earlier[-1] if earlier else self._before if not self._lagging else None
         history = LagHistory(model, self.lag_averaging_s)
         lags, states = history.along(block, signs * moving.velocity, signs * moving.acceleration, before)
-        self._lagging = {_key(state.t_s): state for state in states}
+        self._lagging = {time_key(state.t_s): state for state in states}
         return Motion(*(part + signs * lag for part, lag in zip(beam, lags, strict=True)))
 
     def _held(self, t_s: float, sky: Motion, model: BiasModel, near_azimuth_rad: float) -> Motion:
@@ -207,6 +207,6 @@ class Prediction:
         return Motion(position + np.array([near - first, 0.0]), velocity, acceleration)
 
 
-def _key(t_s: float) -> int:
-    """Time in whole milliseconds."""
+def time_key(t_s: float) -> int:
+    """Return the time in whole milliseconds: periods are compared without the rounding of floats."""
     return round(float(t_s) * 1000.0)

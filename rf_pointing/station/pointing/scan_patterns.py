@@ -73,13 +73,12 @@ class ScanPatterns:
     def begin(self, mode: str, start_s: float, known: TrimFilter, sky: SkyMotion | None) -> None:
         """Begin what `mode` needs at `start_s`; `sky` (1,) is the target's motion there."""
         self._start_s, self._per_track = start_s, None
-        self._pattern = self._search(start_s, known, sky) if mode == Mode.SEARCH else self._fixed(mode)
-        self.running = mode if self._pattern is not None else ""
-
-    def _fixed(self, mode: str) -> Pattern | None:
-        """Return the pattern that depends on parameters only, None where the mode adds nothing."""
         scan = self._scans.sensors.get(mode) or self._scans.circles.get(mode)
-        return None if scan is None else scan.pattern()
+        if mode == Mode.SEARCH:
+            self._pattern = self._search(start_s, known, sky)
+        else:
+            self._pattern = None if scan is None else scan.pattern()
+        self.running = mode if self._pattern is not None else ""
 
     def at(self, times: Array, sky: SkyMotion | None) -> tuple[Array, Array]:
         """Return offset and rate (n, 2) at `times` (n,), `sky` (n,) the target's motion there."""

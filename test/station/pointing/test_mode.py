@@ -43,10 +43,8 @@ def test_share_and_rms_over_a_pass() -> None:
         tally.count(0.1, "monopulse", error(0.003 if k % 2 else -0.003, 0.004), True)
     for _ in range(25):
         tally.count(0.1, "coast", None, True)
-    tally.end("loss of signal", "coast")
     assert tally.share == pytest.approx(0.8)
     assert tally.rms_rad == (pytest.approx(0.003), pytest.approx(0.004))
-    assert (tally.reason, tally.last_mode) == ("loss of signal", "coast")
 
 
 def test_without_samples_the_rms_is_zero() -> None:
