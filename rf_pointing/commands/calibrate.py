@@ -67,46 +67,25 @@ ACQUISITION_S = 45.0
 def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     """Return the parsed command line, completed by what a run of `track` has by default."""
     parser = argparse.ArgumentParser(prog="calibrate", description="Calibrate the simulated station's pointing model.")
-    parser.add_argument("--station", default="Goldstone DSS-13", help="station name (default: Goldstone DSS-13)")
-    parser.add_argument("--band", choices=("S", "X", "Ka"), default="X", help="frequency band (default: X)")
-    parser.add_argument(
-        "--sensor", choices=(Sensor.MONOPULSE, Sensor.CONSCAN), default=Sensor.MONOPULSE, help="(default: monopulse)"
-    )
-    parser.add_argument(
-        "--start", metavar="UTC", default=DEFAULT_START, help=f"simulated time (default: {DEFAULT_START})"
-    )
-    parser.add_argument(
-        "--longest", metavar="S", type=float, default=4800.0, help="simulated time at most (default: 4800)"
-    )
-    parser.add_argument("--fewest", type=int, default=25, help="observations in each sector (default: 25)")
-    parser.add_argument(
-        "--ephemeris-error", metavar="S", type=between(-60.0, 60.0), default=0.0, help="of the beacons (default: 0)"
-    )
-    parser.add_argument(
-        "--orbit-prior",
-        metavar="M",
-        type=float,
-        default=5.0,
-        help="error of the beacons' orbits that the fit allows for in each pass (default: 5)",
-    )
-    parser.add_argument(
-        "--resume", action="store_true", help="continue an interrupted campaign: only what its observations left thin"
-    )
-    parser.add_argument(
-        "--shadow",
-        metavar="N",
-        type=int,
-        default=3,
-        help="passes with the new model in the shadow before it is accepted (default: 3)",
-    )
-    parser.add_argument("--models", metavar="DIR", default=str(DEFAULT_MODELS), help=f"(default: {DEFAULT_MODELS})")
-    parser.add_argument("--speed", default="max", help="factor of real time, or max (default)")
-    parser.add_argument("--seed", type=seed, default=1, help="seed of every noise source (default: 1)")
+    add = parser.add_argument
+    add("--station", default="Goldstone DSS-13", help="station name (default: Goldstone DSS-13)")
+    add("--band", choices=("S", "X", "Ka"), default="X", help="frequency band (default: X)")
+    add("--sensor", choices=(Sensor.MONOPULSE, Sensor.CONSCAN), default=Sensor.MONOPULSE, help="(default: monopulse)")
+    add("--start", metavar="UTC", default=DEFAULT_START, help=f"simulated time (default: {DEFAULT_START})")
+    add("--longest", metavar="S", type=float, default=4800.0, help="simulated time at most (default: 4800)")
+    add("--fewest", type=int, default=25, help="observations in each sector (default: 25)")
+    add("--ephemeris-error", metavar="S", type=between(-60.0, 60.0), default=0.0, help="of the beacons (default: 0)")
+    add("--orbit-prior", metavar="M", type=float, default=5.0,
+        help="error of the beacons' orbits that the fit allows for in each pass (default: 5)")  # fmt: skip
+    add("--resume", action="store_true", help="continue an interrupted campaign: only what its observations left thin")
+    add("--shadow", metavar="N", type=int, default=3,
+        help="passes with the new model in the shadow before it is accepted (default: 3)")  # fmt: skip
+    add("--models", metavar="DIR", default=str(DEFAULT_MODELS), help=f"(default: {DEFAULT_MODELS})")
+    add("--speed", default="max", help="factor of real time, or max (default)")
+    add("--seed", type=seed, default=1, help="seed of every noise source (default: 1)")
     add_namespace_option(parser)
-    parser.add_argument("--params-file", action="append", default=[], help="further ROS parameter file")
-    parser.add_argument(
-        "--output", metavar="DIR", help="folder of bag and report (default: runs/calibration-TIME-NUMBER)"
-    )
+    add("--params-file", action="append", default=[], help="further ROS parameter file")
+    add("--output", metavar="DIR", help="folder of bag and report (default: runs/calibration-TIME-NUMBER)")
     # Any beacon will do: each pass selects its own at ephemeris_publisher.
     beacons_and_journal = {"satellite": "90001", "keep_observations": True}
     return argparse.Namespace(**vars(track_options.arguments([])) | vars(parser.parse_args(argv)) | beacons_and_journal)

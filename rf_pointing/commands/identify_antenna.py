@@ -46,25 +46,22 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     """Return the parsed command line."""
     usual = ExcitationParams()
     parser = argparse.ArgumentParser(prog="identify_antenna", description="Identify the antenna from its own motion.")
-    parser.add_argument("--axes", nargs="+", choices=AXES, default=list(AXES), help="axes to drive (default: both)")
-    parser.add_argument("--sequences", type=int, default=8, help="sequences per axis (default: 8)")
-    parser.add_argument("--held-out", type=int, default=4, help="the last of them, kept for the check (default: 4)")
-    parser.add_argument("--samples", type=int, default=usual.samples, help="samples per sequence (default: 8192)")
-    parser.add_argument("--kind", choices=("white", "multisine"), default=usual.kind, help="(default: white)")
+    add = parser.add_argument
+    add("--axes", nargs="+", choices=AXES, default=list(AXES), help="axes to drive (default: both)")
+    add("--sequences", type=int, default=8, help="sequences per axis (default: 8)")
+    add("--held-out", type=int, default=4, help="the last of them, kept for the check (default: 4)")
+    add("--samples", type=int, default=usual.samples, help="samples per sequence (default: 8192)")
+    add("--kind", choices=("white", "multisine"), default=usual.kind, help="(default: white)")
     for name in ("mean", "rms", "peak"):
         value = math.degrees(getattr(usual, f"{name}_rad_s"))
-        parser.add_argument(f"--{name}-deg-s", type=float, default=value, help=f"{name} of the rate ({value:.3f})")
-    parser.add_argument(
-        "--idle-deg-s", type=float, default=IDLE_DEG_S, help=f"rate of the other axis (default: {IDLE_DEG_S})"
-    )
-    parser.add_argument("--seed", type=seed, default=1, help="seed of the random input (default: 1)")
-    parser.add_argument(
-        "--tick", type=between(0.001, 0.1), default=usual.sample_s, help="control period in s (default: 0.02)"
-    )
+        add(f"--{name}-deg-s", type=float, default=value, help=f"{name} of the rate ({value:.3f})")
+    add("--idle-deg-s", type=float, default=IDLE_DEG_S, help=f"rate of the other axis (default: {IDLE_DEG_S})")
+    add("--seed", type=seed, default=1, help="seed of the random input (default: 1)")
+    add("--tick", type=between(0.001, 0.1), default=usual.sample_s, help="control period in s (default: 0.02)")
     add_namespace_option(parser)
-    parser.add_argument("--output", metavar="DIR", default="runs/identification", help="folder of the results")
-    parser.add_argument("--simulated", action="store_true", help="start a simulated antenna, in wind of 0.3 m/s")
-    parser.add_argument("--params-file", action="append", default=[], help="parameter file for it, may be repeated")
+    add("--output", metavar="DIR", default="runs/identification", help="folder of the results")
+    add("--simulated", action="store_true", help="start a simulated antenna, in wind of 0.3 m/s")
+    add("--params-file", action="append", default=[], help="parameter file for it, may be repeated")
     return parser.parse_args(argv)
 
 

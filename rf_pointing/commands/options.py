@@ -54,15 +54,14 @@ def _namespace(text: str) -> str:
 
 def add_target_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of satellite, station, start and mask to a command line."""
-    parser.add_argument("--elements", metavar="FILE", default="", help="elements (default: verification set of sgp4)")
-    parser.add_argument("--interpolation", nargs=2, metavar=("METHOD", "DEGREE"), default=("", "7"), help="HERMITE, LAGRANGE "
-                        "or LINEAR, for an OEM that declares none")  # fmt: skip
-    parser.add_argument("--satellite", default="28057", help="catalogue number or name (default: 28057, CBERS-2)")
-    parser.add_argument("--station", default="Goldstone DSS-13", help="station name (default: Goldstone DSS-13)")
-    parser.add_argument("--start", metavar="UTC", help="look for passes after this time (default: the elements' epoch)")
-    parser.add_argument(
-        "--mask", type=between(0.0, 89.0), default=5.0, help="elevation of AOS and LOS in deg (default: 5)"
-    )
+    add = parser.add_argument
+    add("--elements", metavar="FILE", default="", help="elements (default: verification set of sgp4)")
+    add("--interpolation", nargs=2, metavar=("METHOD", "DEGREE"), default=("", "7"),
+        help="HERMITE, LAGRANGE or LINEAR, for an OEM that declares none")  # fmt: skip
+    add("--satellite", default="28057", help="catalogue number or name (default: 28057, CBERS-2)")
+    add("--station", default="Goldstone DSS-13", help="station name (default: Goldstone DSS-13)")
+    add("--start", metavar="UTC", help="look for passes after this time (default: the elements' epoch)")
+    add("--mask", type=between(0.0, 89.0), default=5.0, help="elevation of AOS and LOS in deg (default: 5)")
 
 
 def source_of(options: argparse.Namespace) -> SourceParams:

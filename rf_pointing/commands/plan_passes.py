@@ -67,12 +67,13 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     many.add_argument("--satellites", nargs="+", metavar="NAME|NUMBER", help="list the passes of these satellites "
                       "instead, above --mask, without certificates (start: their newest epoch)")  # fmt: skip
     many.add_argument("--all", action="store_true", help="list the passes of all satellites of the elements")
-    parser.add_argument("--hours", type=between(0.01, 744.0), default=24.0, help="how far to look (default: 24)")
-    parser.add_argument("--params-file", action="append", default=[], help="parameters of pointing_controller: limits, "
-                        "machine, mask, gate, pointing; and of antenna_servo: where it stands; may be repeated")  # fmt: skip
-    parser.add_argument("--model", metavar="FILE", default="", help="bias model (default: a perfect mount)")
-    parser.add_argument("--json", action="store_true", help="print JSON")
-    parser.add_argument("--picture", metavar="FILE", help="draw sky, rates and wrap into this PNG or SVG")
+    add = parser.add_argument
+    add("--hours", type=between(0.01, 744.0), default=24.0, help="how far to look (default: 24)")
+    add("--params-file", action="append", default=[], help="parameters of pointing_controller: limits, machine, "
+        "mask, gate, pointing; and of antenna_servo: where it stands; may be repeated")  # fmt: skip
+    add("--model", metavar="FILE", default="", help="bias model (default: a perfect mount)")
+    add("--json", action="store_true", help="print JSON")
+    add("--picture", metavar="FILE", help="draw sky, rates and wrap into this PNG or SVG")
     return parser.parse_args(argv)
 
 
