@@ -33,7 +33,7 @@ from rf_pointing.calibration import (
 )
 from rf_pointing.commands import track_options
 from rf_pointing.commands.calibration_run import CalibrationRun, Outcome
-from rf_pointing.commands.options import add_namespace_option, between, seed
+from rf_pointing.commands.options import add_namespace_option, between, ending_with_reason, say, seed
 from rf_pointing.commands.station_run import run_to_end
 from rf_pointing.commands.track_options import DEFAULT_MODELS, output_folder, speed_factor
 from rf_pointing.core import MDEG, require_between
@@ -190,15 +190,10 @@ def fit_of(options: argparse.Namespace, output: Path) -> tuple[Observations, Fit
     return points, log.fit(keeper.model, pass_priors=PassPriors.of_orbit(options.orbit_prior))
 
 
-def say(text: str) -> None:
-    """Print to standard error: standard output is for data."""
-    print(f"calibrate: {text}", file=sys.stderr)
-
-
 def main(argv: list[str] | None = None) -> None:
     """Entry point of `ros2 run rf_pointing calibrate`."""
     options = arguments(argv)
-    try:
+    with ending_with_reason("calibrate"):
         speed_factor(options.speed)
         schedule = plan(options)
         output = output_folder(options, f"calibration-{datetime.now(UTC):%Y%m%dT%H%M%S}")
@@ -206,10 +201,7 @@ def main(argv: list[str] | None = None) -> None:
         lines = [line for one in schedule.elements for line in (one.name, *tle_lines(one))]
         Path(options.elements).write_text("\n".join(lines) + "\n")
         options.params_file.append(str(calibrator_parameters(output / "calibrator.yaml", options)))
-    except (ValueError, OSError) as error:
-        say(str(error))
-        sys.exit(2)
-    say(plan_text(schedule))
+    say("calibrate", plan_text(schedule))
     sys.exit(execute(options, schedule, output))
 
 
@@ -228,23 +220,22 @@ def execute(options: argparse.Namespace, schedule: Schedule, output: Path) -> in
     """Run the campaign and write the report; return the exit code."""
     from rf_pointing.report.calibration_report import write_calibration_report
 
-    fits: list[tuple[Observations, FitResult]] = []
-    outcomes: list[Outcome] = []
-
-    def work(run: CalibrationRun) -> int:
-        outcomes.append(run.calibrate())
-        return 0 if outcomes[0].settled else 1
+    outcome = Outcome()
 
     def make() -> CalibrationRun:
-        return CalibrationRun(
-            options, schedule.windows, schedule.shadow, output, lambda: fits.append(fit_of(options, output))
-        )
+        return CalibrationRun(options, schedule.windows, schedule.shadow, output, lambda: fit_of(options, output))
+
+    def work(run: CalibrationRun) -> int:
+        nonlocal outcome
+        outcome = run.calibrate()
+        return 0 if outcome.settled else 1
 
     code = run_to_end("calibrate", make, work)
-    if not (outcomes and outcomes[0].settled) and journal_of(options).points is not None:
-        say(f"the observations are kept in {journal_of(options).path}: calibrate --resume continues with them")
-    for (points, fit), outcome in zip(fits, outcomes, strict=False):
+    journal = journal_of(options)
+    if not outcome.settled and journal.points is not None:
+        say("calibrate", f"the observations are kept in {journal.path}: calibrate --resume continues with them")
+    if outcome.fit is not None:
         remarks = [f"In the shadow of the model in force: {outcome.shadow}"] if outcome.shadow else []
-        page = write_calibration_report(output, points, fit, name=outcome.model, remarks=remarks)
-        say(f"report {page}")
+        page = write_calibration_report(output, *outcome.fit, name=outcome.model, remarks=remarks)
+        say("calibrate", f"report {page}")
     return code

@@ -8,7 +8,6 @@ Exit code 0: the model was fitted; 2: it was not, and nothing was written.
 """
 
 import argparse
-import sys
 import time
 from pathlib import Path
 from typing import Literal
@@ -40,6 +39,7 @@ from rf_pointing.calibration import (
     write_observations,
     write_tdm,
 )
+from rf_pointing.commands.options import ending_with_reason
 from rf_pointing.core import MDEG
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.ephemeris import read_elements, site
@@ -318,9 +318,5 @@ def summary(points: Observations, result: FitResult) -> str:
 def main(argv: list[str] | None = None) -> None:
     """Entry point of `ros2 run rf_pointing fit_bias_model`."""
     options = arguments(argv)
-    try:
-        lines = run(options)
-    except (ValueError, OSError) as error:
-        print(f"fit_bias_model: {error}", file=sys.stderr)
-        sys.exit(2)
-    print("\n".join(lines))
+    with ending_with_reason("fit_bias_model"):
+        print("\n".join(run(options)))

@@ -1,10 +1,27 @@
 """The options that several executables share, and the argparse types of their numbers."""
 
 import argparse
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 from rf_pointing.core.dates import parse_utc
 from rf_pointing.ephemeris.source import SourceParams, first_time_s
+
+
+def say(program: str, text: str) -> None:
+    """Report to the user on stderr; stdout is for data."""
+    print(f"{program}: {text}", file=sys.stderr, flush=True)
+
+
+@contextmanager
+def ending_with_reason(program: str) -> Iterator[None]:
+    """Report a ValueError or OSError in a line, and end the program with exit code 2."""
+    try:
+        yield
+    except (ValueError, OSError) as error:
+        say(program, str(error))
+        sys.exit(2)
 
 
 def between(low: float, high: float) -> Callable[[str], float]:

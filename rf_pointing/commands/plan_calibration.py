@@ -23,6 +23,7 @@ from rf_pointing.calibration import (
     read_model,
     uninformed_covariance,
 )
+from rf_pointing.commands.options import ending_with_reason, say
 from rf_pointing.core import MDEG, require_between
 from rf_pointing.core.dates import parse_utc, utc_text
 from rf_pointing.ephemeris import read_elements, site, verification_elements
@@ -73,7 +74,7 @@ def candidates_of(options: argparse.Namespace) -> list[CandidatePass]:
     rules = ArcRules(arcs_s=tuple(options.arc), spacing_s=options.spacing, sigma_rad=options.sigma * MDEG)
     found, refused = candidate_arcs(fresh, site(options.station), start_s, span_s, rules)
     for reason in refused:
-        print(f"plan_calibration: left out: {reason}", file=sys.stderr)
+        say("plan_calibration", f"left out: {reason}")
     if not found:
         raise ValueError(f"no target rises above {math.degrees(rules.lowest_rad):.0f} deg in {options.hours:g} h")
     return found
@@ -124,10 +125,6 @@ def advice(options: argparse.Namespace, candidates: list[CandidatePass]) -> int:
 def main(argv: list[str] | None = None) -> None:
     """Entry point of `ros2 run rf_pointing plan_calibration`."""
     options = arguments(argv)
-    try:
+    with ending_with_reason("plan_calibration"):
         candidates = candidates_of(options)
-        code = advice(options, candidates) if options.improve else campaign(options, candidates)
-    except (ValueError, OSError) as error:
-        print(f"plan_calibration: {error}", file=sys.stderr)
-        sys.exit(2)
-    sys.exit(code)
+        sys.exit(advice(options, candidates) if options.improve else campaign(options, candidates))
