@@ -14,7 +14,6 @@ With `calibrator.folder` every observation is on the disk before the next one is
 one set of models for each station and band: a killed node continues where it was.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -82,7 +81,6 @@ class BiasCalibrator(ManagedNode):
         self.parameters.on_change(self._retune)
         self._keeper: ModelKeeper | None = None
         self._log: CalibrationLog | None = None
-        self._active = False
         self._campaign: Any = None
         self._shown, self._reason = -1, ""
         self._runner = CampaignRunner(self, lambda: len(self._log) if self._log is not None else 0)
@@ -114,18 +112,16 @@ class BiasCalibrator(ManagedNode):
         self.listen(Target, "target", lambda m: self._log.take_target(convert.target_from_message(m)), STREAM)
         self._joints = self.listen_latest(JointState, "joint_states", convert.joints_from_message, STREAM)
         self.listen(PointingError, "pointing_error", self._on_error, STREAM)
-        self.serve(Trigger, "~/accept", self._deciding(self._accept))
-        self.serve(Trigger, "~/reject", self._deciding(lambda: f"{self._keeper.reject()} is dropped"))
-        self.serve(Trigger, "~/rollback", self._deciding(self._roll_back))
+        self.serve_action(Trigger, "~/accept", self._accept)
+        self.serve_action(Trigger, "~/reject", lambda _: f"{self._keeper.reject()} is dropped")
+        self.serve_action(Trigger, "~/rollback", self._roll_back)
         self.diagnostics.add("model", self._health)
 
     def activate(self) -> None:
         self._keeper.begin(self.now_s())
-        self._active = True
         self._publish()
 
     def deactivate(self) -> None:
-        self._active = False
         self._runner.cancel()
         # The last chance for observations that the disk did not take before.
         self._log.write_waiting()
@@ -152,7 +148,7 @@ class BiasCalibrator(ManagedNode):
             self._models.publish(message)
 
     def _on_error(self, message: PointingError) -> None:
-        if not message.valid or not self._active:
+        if not message.valid or not self.active:
             return
         error = convert.error_from_message(message)
         # The encoders read next to the error's stamp, not the newest: at 1 deg/s a period is 100
@@ -166,7 +162,7 @@ class BiasCalibrator(ManagedNode):
 
     # One campaign at a time: there is one antenna.
     def _on_goal(self, _request: RunCampaign.Goal) -> GoalResponse:
-        return GoalResponse.ACCEPT if self._active and self._campaign is None else GoalResponse.REJECT
+        return GoalResponse.ACCEPT if self.active and self._campaign is None else GoalResponse.REJECT
 
     def _on_campaign(self, goal: Any) -> None:
         self._reason = ""
@@ -215,7 +211,7 @@ class BiasCalibrator(ManagedNode):
         return SECTORS.count - len(self._log.coverage(SECTORS).thin)
 
     def _on_fit_goal(self, _request: FitModel.Goal) -> GoalResponse:
-        return GoalResponse.ACCEPT if self._active else GoalResponse.REJECT
+        return GoalResponse.ACCEPT if self.active else GoalResponse.REJECT
 
     def _on_fit(self, goal: Any) -> FitModel.Result:
         request, now_s = goal.request, self.now_s()
@@ -237,13 +233,13 @@ class BiasCalibrator(ManagedNode):
         goal.succeed()
         return convert_calibration.fit_to_result(fit, file, doubts_of(fit, self._log.observations()))
 
-    def _accept(self) -> str:
+    def _accept(self, _request: Trigger.Request) -> str:
         verdict = self._keeper.verdict_text()
         file = self._keeper.accept(self.now_s())
         self._publish()
         return f"{file.name} is in force; it was {verdict}"
 
-    def _roll_back(self) -> str:
+    def _roll_back(self, _request: Trigger.Request) -> str:
         file = self._keeper.roll_back()
         if file is None:
             self._models.publish(convert_calibration.no_model_to_message(self.parameters.value("calibrator").station))
@@ -253,18 +249,6 @@ class BiasCalibrator(ManagedNode):
     def _retune(self) -> None:
         if self._keeper is not None:
             self._keeper.retune(self.parameters.value("shadow"))
-
-    def _deciding(self, decide: Callable[[], str]) -> Callable[[Any, Any], Any]:
-        """Return a service callback that answers with the decision or the reason against it."""
-
-        def answer(_request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-            try:
-                response.success, response.message = True, decide()
-            except (ValueError, OSError) as error:
-                response.success, response.message = False, str(error)
-            return response
-
-        return answer
 
     def _health(self) -> Health:
         keeper = self._keeper

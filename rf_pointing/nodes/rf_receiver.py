@@ -23,7 +23,6 @@ class RfReceiver(ManagedNode):
         self.parameters.declare("source", SourceParams())
         self.parameters.declare("signal", SignalParams())
         self._receiver: SimulatedReceiver | None = None
-        self._active = False
 
     def configure(self) -> None:
         self._receiver = SimulatedReceiver(self.parameters.value("signal"), load_track(self.parameters.value("source")))
@@ -33,12 +32,6 @@ class RfReceiver(ManagedNode):
         self.listen(Boresight, "sim/boresight", self._on_boresight, SAMPLES)
         self.listen(PassList, "passes", self._on_passes, LATCHED)
 
-    def activate(self) -> None:
-        self._active = True
-
-    def deactivate(self) -> None:
-        self._active = False
-
     def _on_passes(self, message: PassList) -> None:
         """Tune to the satellite that the ephemeris publisher predicts."""
         if message.target and message.target != self._receiver.target:
@@ -46,7 +39,7 @@ class RfReceiver(ManagedNode):
             self._receiver.tune(load_track(source.replace(satellite=message.target)))
 
     def _on_boresight(self, message: Boresight) -> None:
-        if not self._active:
+        if not self.active:
             return
         reception = self._receiver.take(convert.boresight_from_message(message))
         if reception is not None:
