@@ -33,7 +33,7 @@ from rf_pointing.calibration import (
 )
 from rf_pointing.commands import track_options
 from rf_pointing.commands.calibration_run import CalibrationRun, Outcome
-from rf_pointing.commands.options import add_namespace_option, between, seed
+from rf_pointing.commands.options import add_namespace_option, between, ending_with_reason, say, seed
 from rf_pointing.commands.station_run import run_to_end
 from rf_pointing.commands.track_options import DEFAULT_MODELS, output_folder, speed_factor
 from rf_pointing.core import MDEG, require_between
@@ -68,45 +68,26 @@ ACQUISITION_S = 45.0
 def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     """Return the parsed command line, completed by what a run of `track` has by default."""
     parser = argparse.ArgumentParser(prog="calibrate", description="Calibrate the simulated station's pointing model.")
-    parser.add_argument("--station", default="Goldstone DSS-13", help="station name (default: Goldstone DSS-13)")
-    parser.add_argument("--band", choices=("S", "X", "Ka"), default="X", help="frequency band (default: X)")
+    add = parser.add_argument
+    add("--station", default="Goldstone DSS-13", help="station name (default: Goldstone DSS-13)")
+    add("--band", choices=("S", "X", "Ka"), default="X", help="frequency band (default: X)")
     sensors = [traits.name for traits in sensors_of(Sensor.AUTO)]
-    parser.add_argument("--sensor", choices=sensors, default=Sensor.MONOPULSE, help="(default: monopulse)")
-    parser.add_argument(
-        "--start", metavar="UTC", default=DEFAULT_START, help=f"simulated time (default: {DEFAULT_START})"
-    )
-    parser.add_argument(
-        "--longest", metavar="S", type=float, default=4800.0, help="simulated time at most (default: 4800)"
-    )
-    parser.add_argument("--fewest", type=int, default=25, help="observations in each sector (default: 25)")
-    parser.add_argument(
-        "--ephemeris-error", metavar="S", type=between(-60.0, 60.0), default=0.0, help="of the beacons (default: 0)"
-    )
-    parser.add_argument(
-        "--orbit-prior",
-        metavar="M",
-        type=float,
-        default=5.0,
-        help="error of the beacons' orbits that the fit allows for in each pass (default: 5)",
-    )
-    parser.add_argument(
-        "--resume", action="store_true", help="continue an interrupted campaign: only what its observations left thin"
-    )
-    parser.add_argument(
-        "--shadow",
-        metavar="N",
-        type=int,
-        default=3,
-        help="passes with the new model in the shadow before it is accepted (default: 3)",
-    )
-    parser.add_argument("--models", metavar="DIR", default=str(DEFAULT_MODELS), help=f"(default: {DEFAULT_MODELS})")
-    parser.add_argument("--speed", default="max", help="factor of real time, or max (default)")
-    parser.add_argument("--seed", type=seed, default=1, help="seed of every noise source (default: 1)")
+    add("--sensor", choices=sensors, default=Sensor.MONOPULSE, help="(default: monopulse)")
+    add("--start", metavar="UTC", default=DEFAULT_START, help=f"simulated time (default: {DEFAULT_START})")
+    add("--longest", metavar="S", type=float, default=4800.0, help="simulated time at most (default: 4800)")
+    add("--fewest", type=int, default=25, help="observations in each sector (default: 25)")
+    add("--ephemeris-error", metavar="S", type=between(-60.0, 60.0), default=0.0, help="of the beacons (default: 0)")
+    add("--orbit-prior", metavar="M", type=float, default=5.0,
+        help="error of the beacons' orbits that the fit allows for in each pass (default: 5)")  # fmt: skip
+    add("--resume", action="store_true", help="continue an interrupted campaign: only what its observations left thin")
+    add("--shadow", metavar="N", type=int, default=3,
+        help="passes with the new model in the shadow before it is accepted (default: 3)")  # fmt: skip
+    add("--models", metavar="DIR", default=str(DEFAULT_MODELS), help=f"(default: {DEFAULT_MODELS})")
+    add("--speed", default="max", help="factor of real time, or max (default)")
+    add("--seed", type=seed, default=1, help="seed of every noise source (default: 1)")
     add_namespace_option(parser)
-    parser.add_argument("--params-file", action="append", default=[], help="further ROS parameter file")
-    parser.add_argument(
-        "--output", metavar="DIR", help="folder of bag and report (default: runs/calibration-TIME-NUMBER)"
-    )
+    add("--params-file", action="append", default=[], help="further ROS parameter file")
+    add("--output", metavar="DIR", help="folder of bag and report (default: runs/calibration-TIME-NUMBER)")
     # Any beacon will do: each pass selects its own at ephemeris_publisher.
     beacons_and_journal = {"satellite": "90001", "keep_observations": True}
     return argparse.Namespace(**vars(track_options.arguments([])) | vars(parser.parse_args(argv)) | beacons_and_journal)
@@ -211,15 +192,10 @@ def fit_of(options: argparse.Namespace, output: Path) -> tuple[Observations, Fit
     return points, log.fit(keeper.model, pass_priors=PassPriors.of_orbit(options.orbit_prior))
 
 
-def say(text: str) -> None:
-    """Print to standard error: standard output is for data."""
-    print(f"calibrate: {text}", file=sys.stderr)
-
-
 def main(argv: list[str] | None = None) -> None:
     """Entry point of `ros2 run rf_pointing calibrate`."""
     options = arguments(argv)
-    try:
+    with ending_with_reason("calibrate"):
         speed_factor(options.speed)
         schedule = plan(options)
         output = output_folder(options, f"calibration-{datetime.now(UTC):%Y%m%dT%H%M%S}")
@@ -227,10 +203,7 @@ def main(argv: list[str] | None = None) -> None:
         lines = [line for one in schedule.elements for line in (one.name, *tle_lines(one))]
         Path(options.elements).write_text("\n".join(lines) + "\n")
         options.params_file.append(str(calibrator_parameters(output / "calibrator.yaml", options)))
-    except (ValueError, OSError) as error:
-        say(str(error))
-        sys.exit(2)
-    say(plan_text(schedule))
+    say("calibrate", plan_text(schedule))
     sys.exit(execute(options, schedule, output))
 
 
@@ -249,23 +222,22 @@ def execute(options: argparse.Namespace, schedule: Schedule, output: Path) -> in
     """Run the campaign and write the report; return the exit code."""
     from rf_pointing.report.calibration_report import write_calibration_report
 
-    fits: list[tuple[Observations, FitResult]] = []
-    outcomes: list[Outcome] = []
-
-    def work(run: CalibrationRun) -> int:
-        outcomes.append(run.calibrate())
-        return 0 if outcomes[0].settled else 1
+    outcome = Outcome()
 
     def make() -> CalibrationRun:
-        return CalibrationRun(
-            options, schedule.windows, schedule.shadow, output, lambda: fits.append(fit_of(options, output))
-        )
+        return CalibrationRun(options, schedule.windows, schedule.shadow, output, lambda: fit_of(options, output))
+
+    def work(run: CalibrationRun) -> int:
+        nonlocal outcome
+        outcome = run.calibrate()
+        return 0 if outcome.settled else 1
 
     code = run_to_end("calibrate", make, work)
-    if not (outcomes and outcomes[0].settled) and journal_of(options).points is not None:
-        say(f"the observations are kept in {journal_of(options).path}: calibrate --resume continues with them")
-    for (points, fit), outcome in zip(fits, outcomes, strict=False):
+    journal = journal_of(options)
+    if not outcome.settled and journal.points is not None:
+        say("calibrate", f"the observations are kept in {journal.path}: calibrate --resume continues with them")
+    if outcome.fit is not None:
         remarks = [f"In the shadow of the model in force: {outcome.shadow}"] if outcome.shadow else []
-        page = write_calibration_report(output, points, fit, name=outcome.model, remarks=remarks)
-        say(f"report {page}")
+        page = write_calibration_report(output, *outcome.fit, name=outcome.model, remarks=remarks)
+        say("calibrate", f"report {page}")
     return code

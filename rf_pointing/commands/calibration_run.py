@@ -15,6 +15,7 @@ from rclpy.action import ActionClient
 from rf_pointing_msgs.action import FitModel, RunCampaign
 from std_srvs.srv import Trigger
 
+from rf_pointing.calibration import FitResult, Observations
 from rf_pointing.commands.station_run import StationRun
 from rf_pointing.ephemeris import Pass
 from rf_pointing.nodes import convert_planning
@@ -24,12 +25,12 @@ from rf_pointing.nodes import convert_planning
 class Outcome:
     """How a calibration ended: the fitted model (empty: none), and the verdict of the shadow.
 
-    `settled` is True when the shadow decided, also against the new model: the better of the two is
-    in force.
+    `fit` is made of the observations before the shadow added its own.  `settled` is True when the
+    shadow decided, also against the new model: the better of the two is in force.
     """
 
     model: str = ""
-    accepted: bool = False
+    fit: tuple[Observations, FitResult] | None = None
     settled: bool = False
     shadow: str = ""
 
@@ -37,7 +38,7 @@ class Outcome:
 class CalibrationRun(StationRun):
     """One calibration on the live graph: `windows` are for the fit, `shadow` for the verdict.
 
-    `on_fit` is called when a model has been fitted, before anything else is observed.
+    `read_fit` returns the observations so far and their fit.
     """
 
     def __init__(
@@ -46,10 +47,10 @@ class CalibrationRun(StationRun):
         windows: Sequence[Pass],
         shadow: Sequence[Pass],
         output: Path,
-        on_fit: Callable[[], None],
+        read_fit: Callable[[], tuple[Observations, FitResult]],
     ) -> None:
         super().__init__("calibrate", options, [*windows, *shadow][0], output)
-        self._options, self._windows, self._shadow, self._on_fit = options, windows, shadow, on_fit
+        self._options, self._windows, self._shadow, self._read_fit = options, windows, shadow, read_fit
         self._shown, self._count = 0, 0
         self._campaign = ActionClient(self.node, RunCampaign, "bias_calibrator/run_campaign")
         self._fit = ActionClient(self.node, FitModel, "bias_calibrator/fit_model")
@@ -67,18 +68,18 @@ class CalibrationRun(StationRun):
         if not fit.success:
             return Outcome()
         # Before the shadow adds observations: the report is that of the fit.
-        self._on_fit()
+        made = self._read_fit()
         shadow = self._observe(self._shadow, resume=True)
         if self.stopping:
             self.say(f"interrupted; {fit.model.name} is not in force")
-            return Outcome(fit.model.name)
+            return Outcome(fit.model.name, made)
         if shadow.verdict != "better":
             self.say(f"{self._call('bias_calibrator/reject').message}: the old model stays in force")
             enough = shadow.verdict == "undecided" and shadow.passes_observed >= len(self._shadow)
-            return Outcome(fit.model.name, settled=enough, shadow=shadow.message)
+            return Outcome(fit.model.name, made, enough, shadow.message)
         answer = self._call("bias_calibrator/accept")
         self.say(answer.message)
-        return Outcome(fit.model.name, answer.success, answer.success, shadow.message)
+        return Outcome(fit.model.name, made, answer.success, shadow.message)
 
     def _observe(self, windows: Sequence[Pass], *, resume: bool) -> RunCampaign.Result:
         """Run a campaign of these passes; time runs only meanwhile."""
@@ -103,13 +104,12 @@ class CalibrationRun(StationRun):
 
     def _show(self, message: Any) -> None:
         state = message.feedback
-        if not sys.stderr.isatty() and state.pass_number == self._shown:
-            return
-        self._shown = state.pass_number
         text = (
             f"pass {state.pass_number} of {self._count}, {state.target}: so far {state.observations} observations, "
             f"{state.sectors_filled} of 36 sectors"
         )
-        print(
-            f"\r{text:<78}" if sys.stderr.isatty() else text, end="" if sys.stderr.isatty() else "\n", file=sys.stderr
-        )
+        if sys.stderr.isatty():
+            print(f"\r{text:<78}", end="", file=sys.stderr)
+        elif state.pass_number != self._shown:
+            print(text, file=sys.stderr)
+        self._shown = state.pass_number

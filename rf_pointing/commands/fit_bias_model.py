@@ -8,7 +8,6 @@ Exit code 0: the model was fitted; 2: it was not, and nothing was written.
 """
 
 import argparse
-import sys
 import time
 from pathlib import Path
 from typing import Literal
@@ -40,6 +39,7 @@ from rf_pointing.calibration import (
     write_observations,
     write_tdm,
 )
+from rf_pointing.commands.options import ending_with_reason
 from rf_pointing.core import MDEG
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.ephemeris import read_elements, site
@@ -63,38 +63,37 @@ TABULAR = (".csv", ".tdm", ".kvn", ".txt")
 def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     """Return the parsed command line."""
     parser = argparse.ArgumentParser(prog="fit_bias_model", description="Fit the pointing model of an antenna.")
-    parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="recording, CSV or TDM")
-    parser.add_argument("--station", default="Goldstone DSS-13", help="station name (default: Goldstone DSS-13)")
-    parser.add_argument("--band", default="X", help="frequency band (default: X)")
-    parser.add_argument("--namespace", help="antenna, where a recording holds several")
-    parser.add_argument("--elements", type=Path, metavar="FILE", help="elements of the targets of CSV and TDM data")
-    parser.add_argument("--max-age", type=float, default=14.0, metavar="DAYS", help="of the elements (default: 14)")
+    add = parser.add_argument
+    add("files", nargs="+", type=Path, metavar="FILE", help="recording, CSV or TDM")
+    add("--station", default="Goldstone DSS-13", help="station name (default: Goldstone DSS-13)")
+    add("--band", default="X", help="frequency band (default: X)")
+    add("--namespace", help="antenna, where a recording holds several")
+    add("--elements", type=Path, metavar="FILE", help="elements of the targets of CSV and TDM data")
+    add("--max-age", type=float, default=14.0, metavar="DAYS", help="of the elements (default: 14)")
     air = parser.add_mutually_exclusive_group()
     air.add_argument("--weather", nargs=3, type=float, metavar=("HPA", "CELSIUS", "PERCENT"), help="pressure, temperature and "
                      "humidity during CSV and TDM data (default: the standard at the station's altitude)")  # fmt: skip
     air.add_argument("--refraction-removed", action="store_true", help="the angles of CSV and TDM data are free of it")
-    parser.add_argument("--ionosphere", nargs=2, type=float, metavar=("TECU", "GHZ"), help="vertical electron content and "
-                        "carrier frequency during the raw data (default: no ionosphere)")  # fmt: skip
-    parser.add_argument("--largest-error", type=float, default=6.0, metavar="MDEG",
-                        help="samples of recordings with a larger sensed error are left out (default: 6)")  # fmt: skip
-    parser.add_argument("--allow-damage", action="store_true", help="use the sound part of damaged recordings")
-    parser.add_argument("--start-model", type=Path, metavar="FILE", help="best model known, the prior of every term")
-    parser.add_argument(
-        "--terms", nargs="+", default=list(TERM_NAMES), metavar="TERM", help="terms to fit (default: all)"
-    )
-    parser.add_argument("--select", action="store_true", help="choose among the terms by BIC")
-    parser.add_argument("--held-out", action="store_true", help="predict each pass by a fit without it")
-    parser.add_argument("--form", choices=("printed", "rotation"), default="rotation", help="(default: rotation)")
-    parser.add_argument("--robust", action="store_true", help="Huber weights beyond 1.5 sigma instead of squares")
-    parser.add_argument("--orbit-prior", type=float, metavar="M", help="orbit error of each pass that the fit allows for, "
-                        "along, across and radially; 0: none (default: as large as the passes show it)")  # fmt: skip
-    parser.add_argument("--sectors", action="store_true", help="take 25 to 30 points of each of the 36 sectors")
-    parser.add_argument("--require-full", action="store_true", help="the same, and refuse a sky with empty sectors")
-    parser.add_argument("--name", default="", help="version of the model (default: made from the data's time)")
-    parser.add_argument("--output", type=Path, default=Path("bias_model.yaml"), help="(default: bias_model.yaml)")
-    parser.add_argument("--report", type=Path, metavar="DIR", help="folder of the report (default: next to the output)")
-    parser.add_argument("--points", type=Path, metavar="FILE", help="write the points of the fit as CSV too")
-    parser.add_argument("--tdm", type=Path, metavar="FILE", help="write the good samples of the raw data as a TDM too")
+    add("--ionosphere", nargs=2, type=float, metavar=("TECU", "GHZ"),
+        help="vertical electron content and carrier frequency during the raw data (default: no ionosphere)")  # fmt: skip
+    add("--largest-error", type=float, default=6.0, metavar="MDEG",
+        help="samples of recordings with a larger sensed error are left out (default: 6)")  # fmt: skip
+    add("--allow-damage", action="store_true", help="use the sound part of damaged recordings")
+    add("--start-model", type=Path, metavar="FILE", help="best model known, the prior of every term")
+    add("--terms", nargs="+", default=list(TERM_NAMES), metavar="TERM", help="terms to fit (default: all)")
+    add("--select", action="store_true", help="choose among the terms by BIC")
+    add("--held-out", action="store_true", help="predict each pass by a fit without it")
+    add("--form", choices=("printed", "rotation"), default="rotation", help="(default: rotation)")
+    add("--robust", action="store_true", help="Huber weights beyond 1.5 sigma instead of squares")
+    add("--orbit-prior", type=float, metavar="M", help="orbit error of each pass that the fit allows for, along, "
+        "across and radially; 0: none (default: as large as the passes show it)")  # fmt: skip
+    add("--sectors", action="store_true", help="take 25 to 30 points of each of the 36 sectors")
+    add("--require-full", action="store_true", help="the same, and refuse a sky with empty sectors")
+    add("--name", default="", help="version of the model (default: made from the data's time)")
+    add("--output", type=Path, default=Path("bias_model.yaml"), help="(default: bias_model.yaml)")
+    add("--report", type=Path, metavar="DIR", help="folder of the report (default: next to the output)")
+    add("--points", type=Path, metavar="FILE", help="write the points of the fit as CSV too")
+    add("--tdm", type=Path, metavar="FILE", help="write the good samples of the raw data as a TDM too")
     return parser.parse_args(argv)
 
 
@@ -319,9 +318,5 @@ def summary(points: Observations, result: FitResult) -> str:
 def main(argv: list[str] | None = None) -> None:
     """Entry point of `ros2 run rf_pointing fit_bias_model`."""
     options = arguments(argv)
-    try:
-        lines = run(options)
-    except (ValueError, OSError) as error:
-        print(f"fit_bias_model: {error}", file=sys.stderr)
-        sys.exit(2)
-    print("\n".join(lines))
+    with ending_with_reason("fit_bias_model"):
+        print("\n".join(run(options)))

@@ -7,13 +7,11 @@ not carry a model; 2: it could not be started.
 
 import argparse
 import math
-import signal
 import sys
 import time
 from pathlib import Path
 from typing import Any
 
-import rclpy
 import yaml
 from ament_index_python.packages import get_package_share_directory
 from rclpy.action import ActionClient
@@ -21,14 +19,15 @@ from rf_pointing_msgs.action import Identify
 from rf_pointing_msgs.msg import ManualRate
 
 from rf_pointing.commands.managed_graph import ManagedGraph, NotStartedError
-from rf_pointing.commands.options import add_namespace_option, between, seed
+from rf_pointing.commands.options import add_namespace_option, between, ending_with_reason, say, seed
+from rf_pointing.commands.station_run import GraphRun, run_to_end
 from rf_pointing.core import AXES
 from rf_pointing.identification import ExcitationParams, Recording, SampleCollector, study
 from rf_pointing.nodes import convert_identification as convert
-from rf_pointing.nodes.main_loop import make_executor
 from rf_pointing.nodes.qos import EXPERIMENT
 from rf_pointing.report.identification_report import error_table, save_recordings, write_identification
 
+PROGRAM = "identify_antenna"
 BRING_UP_S = 30.0
 SIMULATED = ("simulation_clock", "antenna_servo")
 # The offset of 0.0023 V that the published antenna had at both inputs: its friction stays
@@ -46,25 +45,22 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     """Return the parsed command line."""
     usual = ExcitationParams()
     parser = argparse.ArgumentParser(prog="identify_antenna", description="Identify the antenna from its own motion.")
-    parser.add_argument("--axes", nargs="+", choices=AXES, default=list(AXES), help="axes to drive (default: both)")
-    parser.add_argument("--sequences", type=int, default=8, help="sequences per axis (default: 8)")
-    parser.add_argument("--held-out", type=int, default=4, help="the last of them, kept for the check (default: 4)")
-    parser.add_argument("--samples", type=int, default=usual.samples, help="samples per sequence (default: 8192)")
-    parser.add_argument("--kind", choices=("white", "multisine"), default=usual.kind, help="(default: white)")
+    add = parser.add_argument
+    add("--axes", nargs="+", choices=AXES, default=list(AXES), help="axes to drive (default: both)")
+    add("--sequences", type=int, default=8, help="sequences per axis (default: 8)")
+    add("--held-out", type=int, default=4, help="the last of them, kept for the check (default: 4)")
+    add("--samples", type=int, default=usual.samples, help="samples per sequence (default: 8192)")
+    add("--kind", choices=("white", "multisine"), default=usual.kind, help="(default: white)")
     for name in ("mean", "rms", "peak"):
         value = math.degrees(getattr(usual, f"{name}_rad_s"))
-        parser.add_argument(f"--{name}-deg-s", type=float, default=value, help=f"{name} of the rate ({value:.3f})")
-    parser.add_argument(
-        "--idle-deg-s", type=float, default=IDLE_DEG_S, help=f"rate of the other axis (default: {IDLE_DEG_S})"
-    )
-    parser.add_argument("--seed", type=seed, default=1, help="seed of the random input (default: 1)")
-    parser.add_argument(
-        "--tick", type=between(0.001, 0.1), default=usual.sample_s, help="control period in s (default: 0.02)"
-    )
+        add(f"--{name}-deg-s", type=float, default=value, help=f"{name} of the rate ({value:.3f})")
+    add("--idle-deg-s", type=float, default=IDLE_DEG_S, help=f"rate of the other axis (default: {IDLE_DEG_S})")
+    add("--seed", type=seed, default=1, help="seed of the random input (default: 1)")
+    add("--tick", type=between(0.001, 0.1), default=usual.sample_s, help="control period in s (default: 0.02)")
     add_namespace_option(parser)
-    parser.add_argument("--output", metavar="DIR", default="runs/identification", help="folder of the results")
-    parser.add_argument("--simulated", action="store_true", help="start a simulated antenna, in wind of 0.3 m/s")
-    parser.add_argument("--params-file", action="append", default=[], help="parameter file for it, may be repeated")
+    add("--output", metavar="DIR", default="runs/identification", help="folder of the results")
+    add("--simulated", action="store_true", help="start a simulated antenna, in wind of 0.3 m/s")
+    add("--params-file", action="append", default=[], help="parameter file for it, may be repeated")
     return parser.parse_args(argv)
 
 
@@ -85,31 +81,23 @@ def excitation(options: argparse.Namespace) -> ExcitationParams:
     return params
 
 
-class Experimenter:
+class Experimenter(GraphRun):
     """Sends the goals and collects the samples; brings up a simulated antenna where one is wanted."""
 
     def __init__(self, options: argparse.Namespace, params: ExcitationParams, output: Path) -> None:
+        super().__init__(PROGRAM, options.namespace)
         self._options, self._params, self._output = options, params, output
-        self._node = rclpy.create_node("identify_antenna", namespace=options.namespace)
-        self._executor = make_executor()
-        self._executor.add_node(self._node)
-        self._client = ActionClient(self._node, Identify, "identify")
-        self._node.create_subscription(ManualRate, "manual_rate", self._on_sample, EXPERIMENT)
+        self._client = ActionClient(self.node, Identify, "identify")
+        self.node.create_subscription(ManualRate, "manual_rate", self._on_sample, EXPERIMENT)
         self._collector: SampleCollector | None = None
-        self._graph: ManagedGraph | None = None
-        self._stopping = False
         self._next_progress_s = 0.0
-
-    def interrupt(self, *_: object) -> None:
-        """Request the end; safe in a signal handler."""
-        self._stopping = True
 
     def start(self) -> None:
         """Have an antenna that offers the action."""
         if self._options.simulated:
             self._bring_up()
         self._until(
-            lambda: self._client.server_is_ready() and self._node.count_publishers("manual_rate") > 0,
+            lambda: self._client.server_is_ready() and self.node.count_publishers("manual_rate") > 0,
             f"no antenna offers identify in {self._options.namespace}",
         )
 
@@ -122,34 +110,17 @@ class Experimenter:
         self._until(sent.done, "the antenna does not answer the goal")
         if not sent.result().accepted:
             raise NotStartedError(f"{axis}: the goal was rejected, another experiment runs")
-        result = self._finished(sent.result())
+        result = self.result(sent.result())
         if not result.success:
             started = result.samples_taken > 0
             raise (EndedEarlyError if started else NotStartedError)(f"{axis}: {result.message}")
         deadline_s = time.monotonic() + LATE_SAMPLES_S
         while self._collector.received < result.samples_taken and time.monotonic() < deadline_s:
-            self._executor.spin_once(timeout_sec=0.05)
+            self.spin(0.05)
         recording, missing = self._collector.recording()
         if missing:
-            say(f"{axis}: {missing} samples were lost, {len(recording.input_rad_s)} sequences are complete")
+            self.say(f"{axis}: {missing} samples were lost, {len(recording.input_rad_s)} sequences are complete")
         return recording
-
-    def close(self) -> None:
-        """End the processes that were started and the own node."""
-        if self._graph is not None:
-            self._graph.stop()
-        self._executor.shutdown()
-        self._node.destroy_node()
-
-    def _finished(self, handle: Any) -> Identify.Result:
-        result, cancelled = handle.get_result_async(), False
-        while not result.done():
-            self._executor.spin_once(timeout_sec=0.1)
-            self._check_alive()
-            if self._stopping and not cancelled:
-                cancelled = True
-                handle.cancel_goal_async()
-        return result.result().result
 
     def _bring_up(self) -> None:
         written = self._output / "run.yaml"
@@ -160,28 +131,21 @@ class Experimenter:
         written.write_text(yaml.safe_dump({f"/**/{k}": {"ros__parameters": v} for k, v in sections.items()}))
         share = Path(get_package_share_directory("rf_pointing")) / "config"
         files = [share / "dss13.yaml", written, *map(Path, self._options.params_file)]
-        self._graph = ManagedGraph(
-            self._node, self._options.namespace, files, self._output / "logs", self._spin, patience_s=BRING_UP_S
-        )
-        self._graph.start(SIMULATED)
-        self._graph.configure(SIMULATED)
-        self._graph.activate(SIMULATED[1:])
-        self._graph.change(SIMULATED[:1], "activate")
-
-    def _spin(self, timeout_s: float) -> None:
-        self._executor.spin_once(timeout_sec=timeout_s)
+        namespace, logs = self._options.namespace, self._output / "logs"
+        self.graph = ManagedGraph(self.node, namespace, files, logs, self.spin, patience_s=BRING_UP_S)
+        self.graph.start(SIMULATED)
+        self.graph.configure(SIMULATED)
+        self.graph.activate(SIMULATED[1:])
+        self.graph.change(SIMULATED[:1], "activate")
 
     def _until(self, condition: Any, complaint: str) -> None:
         deadline_s = time.monotonic() + BRING_UP_S
         while not condition():
-            self._check_alive()
-            if self._stopping or time.monotonic() > deadline_s:
+            if self.graph is not None:
+                self.graph.check()
+            if self.stopping or time.monotonic() > deadline_s:
                 raise NotStartedError(complaint)
-            self._spin(0.05)
-
-    def _check_alive(self) -> None:
-        if self._graph is not None:
-            self._graph.check()
+            self.spin(0.05)
 
     def _on_sample(self, message: ManualRate) -> None:
         if self._collector is None:
@@ -189,57 +153,47 @@ class Experimenter:
         try:
             self._collector.take(*convert.manual_rate_from_message(message))
         except ValueError as error:
-            self._node.get_logger().warning(f"sample ignored: {error}", throttle_duration_sec=1.0)
+            self.node.get_logger().warning(f"sample ignored: {error}", throttle_duration_sec=1.0)
 
     def _tell(self, axis: str, progress: float) -> None:
         if time.monotonic() >= self._next_progress_s:
             self._next_progress_s = time.monotonic() + 10.0
-            say(f"{axis}: {100.0 * progress:.0f} %")
-
-
-def say(text: str) -> None:
-    """Write to the user on stderr, apart from the data."""
-    print(f"identify_antenna: {text}", file=sys.stderr, flush=True)
+            self.say(f"{axis}: {100.0 * progress:.0f} %")
 
 
 def main(argv: list[str] | None = None) -> None:
     """Entry point of `ros2 run rf_pointing identify_antenna`."""
     options = arguments(argv)
-    try:
+    with ending_with_reason(PROGRAM):
         params = excitation(options)
         output = Path(options.output)
         output.mkdir(parents=True, exist_ok=True)
-    except (ValueError, OSError) as error:
-        say(str(error))
-        sys.exit(2)
     sys.exit(execute(options, params, output))
 
 
 def execute(options: argparse.Namespace, params: ExcitationParams, output: Path) -> int:
     """Run the experiments, make the models, and return the exit code."""
-    rclpy.init(signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
-    experimenter = Experimenter(options, params, output)
-    for sign in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(sign, experimenter.interrupt)
-    try:
-        experimenter.start()
-        recordings = {axis: experimenter.record(axis) for axis in options.axes}
-    except (NotStartedError, TimeoutError) as error:
-        say(str(error))
-        return 2
-    except (EndedEarlyError, ValueError) as error:
-        say(str(error))
-        return 1
-    finally:
-        experimenter.close()
-        rclpy.try_shutdown()
+    recordings: dict[str, Recording] = {}
+
+    def work(run: Experimenter) -> int:
+        try:
+            run.start()
+            recordings.update({axis: run.record(axis) for axis in options.axes})
+        except (EndedEarlyError, ValueError) as error:
+            run.say(str(error))
+            return 1
+        return 0
+
+    code = run_to_end(PROGRAM, lambda: Experimenter(options, params, output), work)
+    if code != 0:
+        return code
     save_recordings(output / "recordings.npz", recordings)
     try:
         studies = study(recordings, options.held_out)
     except ValueError as error:
-        say(f"no model: {error}")
+        say(PROGRAM, f"no model: {error}")
         return 1
     write_identification(output, studies, f"{params.kind} input, {options.sequences} sequences of {options.samples}")
     print(error_table(studies))
-    say(f"models {output / 'models.json'}, pictures and errors in the same folder")
+    say(PROGRAM, f"models {output / 'models.json'}, pictures and errors in the same folder")
     return 0

@@ -146,34 +146,33 @@ class LifecycleClient:
         self._clients |= {
             name: self._node.create_client(ChangeState, f"{self._namespace}/{name}/change_state") for name in names
         }
-        deadline_s = time.monotonic() + timeout_s
-        while missing := [name for name in names if not self._clients[name].service_is_ready()]:
-            self._alive()
-            if time.monotonic() > deadline_s:
-                raise TimeoutError(f"{', '.join(missing)} did not appear within {timeout_s:.0f} s")
-            self._spin(LOOK_S)
+        self._until_none(
+            lambda: [name for name in names if not self._clients[name].service_is_ready()], "appear", timeout_s
+        )
 
     def change(self, names: Sequence[str], transition: str, timeout_s: float) -> list[str]:
         """Take all nodes through `transition` at once; return those that refused."""
         # All at once: each transition takes a node tens of milliseconds, and discovery more.
         request = ChangeState.Request(transition=Transition(id=TRANSITIONS[transition]))
         waiting = {name: self._clients[name].call_async(request) for name in names}
+        self._until_none(lambda: [name for name in names if not waiting[name].done()], transition, timeout_s)
+        return [name for name in names if not waiting[name].result().success]
+
+    def _until_none(self, late: Callable[[], list[str]], what: str, timeout_s: float) -> None:
         deadline_s = time.monotonic() + timeout_s
-        while not all(future.done() for future in waiting.values()):
+        while names := late():
             self._alive()
             if time.monotonic() > deadline_s:
-                late = [name for name, future in waiting.items() if not future.done()]
-                raise TimeoutError(f"{', '.join(late)} did not {transition} within {timeout_s:.0f} s")
+                raise TimeoutError(f"{', '.join(names)} did not {what} within {timeout_s:.0f} s")
             self._spin(LOOK_S)
-        return [name for name, future in waiting.items() if not future.result().success]
 
 
 class NotStartedError(Exception):
     """The graph could not be brought up, or a process of it ended."""
 
 
-class ManagedGraph:
-    """The nodes of `namespace`, with `parameter_files`; those `on_time` have priority.
+class ManagedGraph(NodeProcesses):
+    """The processes of nodes that go through their lifecycle together; see `NodeProcesses`.
 
     `spin(timeout_s)` must run the executor of `node` once; `patience_s` is how long to wait for an
     answer, in wall time.
@@ -191,18 +190,14 @@ class ManagedGraph:
         on_time: Sequence[str] = (),
     ) -> None:
         self._spin, self._patience_s = spin, patience_s
-        self._processes = NodeProcesses(namespace, parameter_files, logs, on_time)
+        super().__init__(namespace, parameter_files, logs, on_time)
         self._lifecycle = LifecycleClient(node, namespace, spin, self.check)
-
-    def start(self, names: Sequence[str]) -> None:
-        """Start the processes."""
-        self._processes.start(names)
 
     def configure(self, names: Sequence[str]) -> None:
         """Wait until the nodes run, and configure them."""
         # Another graph's nodes of the same names offer the same services; only the holder of the
         # name is ours.
-        self.wait_until(lambda: not self._processes.nameless(names), ", ".join(names))
+        self.wait_until(lambda: not self.nameless(names), ", ".join(names))
         self._lifecycle.wait_for(names, self._patience_s)
         self.change(names, "configure")
 
@@ -225,13 +220,9 @@ class ManagedGraph:
 
     def check(self) -> None:
         """NotStartedError if a process has ended."""
-        if ended := self._processes.ended():
+        if ended := self.ended():
             # The log of the process has the reason; its exit code has not.
             raise NotStartedError("; ".join(f"{name} ended: {self.complaint(name)}" for name in ended))
-
-    def complaint(self, name: str) -> str:
-        """Return the last line of a node's log, which states why it refused."""
-        return self._processes.complaint(name)
 
     def wait(self, duration_s: float) -> None:
         """Spin for a while of wall time."""
@@ -247,7 +238,3 @@ class ManagedGraph:
             if time.monotonic() > deadline_s:
                 raise TimeoutError(f"{what} not seen within {self._patience_s:.0f} s")
             self._spin(LOOK_S)
-
-    def stop(self) -> None:
-        """End every process."""
-        self._processes.stop()

@@ -1,10 +1,27 @@
 """The options that several executables share, and the argparse types of their numbers."""
 
 import argparse
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 from rf_pointing.core.dates import parse_utc
 from rf_pointing.ephemeris.source import SourceParams, first_time_s
+
+
+def say(program: str, text: str) -> None:
+    """Report to the user on stderr; stdout is for data."""
+    print(f"{program}: {text}", file=sys.stderr, flush=True)
+
+
+@contextmanager
+def ending_with_reason(program: str) -> Iterator[None]:
+    """Report a ValueError or OSError in a line, and end the program with exit code 2."""
+    try:
+        yield
+    except (ValueError, OSError) as error:
+        say(program, str(error))
+        sys.exit(2)
 
 
 def between(low: float, high: float) -> Callable[[str], float]:
@@ -54,15 +71,14 @@ def _namespace(text: str) -> str:
 
 def add_target_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of satellite, station, start and mask to a command line."""
-    parser.add_argument("--elements", metavar="FILE", default="", help="elements (default: verification set of sgp4)")
-    parser.add_argument("--interpolation", nargs=2, metavar=("METHOD", "DEGREE"), default=("", "7"), help="HERMITE, LAGRANGE "
-                        "or LINEAR, for an OEM that declares none")  # fmt: skip
-    parser.add_argument("--satellite", default="28057", help="catalogue number or name (default: 28057, CBERS-2)")
-    parser.add_argument("--station", default="Goldstone DSS-13", help="station name (default: Goldstone DSS-13)")
-    parser.add_argument("--start", metavar="UTC", help="look for passes after this time (default: the elements' epoch)")
-    parser.add_argument(
-        "--mask", type=between(0.0, 89.0), default=5.0, help="elevation of AOS and LOS in deg (default: 5)"
-    )
+    add = parser.add_argument
+    add("--elements", metavar="FILE", default="", help="elements (default: verification set of sgp4)")
+    add("--interpolation", nargs=2, metavar=("METHOD", "DEGREE"), default=("", "7"),
+        help="HERMITE, LAGRANGE or LINEAR, for an OEM that declares none")  # fmt: skip
+    add("--satellite", default="28057", help="catalogue number or name (default: 28057, CBERS-2)")
+    add("--station", default="Goldstone DSS-13", help="station name (default: Goldstone DSS-13)")
+    add("--start", metavar="UTC", help="look for passes after this time (default: the elements' epoch)")
+    add("--mask", type=between(0.0, 89.0), default=5.0, help="elevation of AOS and LOS in deg (default: 5)")
 
 
 def source_of(options: argparse.Namespace) -> SourceParams:

@@ -23,6 +23,7 @@ from rf_pointing.calibration import (
     read_model,
     uninformed_covariance,
 )
+from rf_pointing.commands.options import ending_with_reason, say
 from rf_pointing.core import MDEG, require_between
 from rf_pointing.core.dates import parse_utc, utc_text
 from rf_pointing.ephemeris import read_elements, site, verification_elements
@@ -34,27 +35,24 @@ HOUR_S = 3600.0
 def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     """Return the parsed command line."""
     parser = argparse.ArgumentParser(prog="plan_calibration", description="Plan a calibration campaign.")
-    parser.add_argument("--elements", type=Path, metavar="FILE", help="catalogue (default: verification set of sgp4)")
-    parser.add_argument(
-        "--beacons", action="store_true", help="the simulated sky of `calibrate` instead of a catalogue"
-    )
-    parser.add_argument("--station", default="Goldstone DSS-13", help="station name (default: Goldstone DSS-13)")
-    parser.add_argument("--start", metavar="UTC", required=True, help="begin of the campaign")
-    parser.add_argument("--hours", type=float, default=24.0, help="how far ahead (default: 24)")
-    parser.add_argument("--arc", type=float, nargs="*", default=[], metavar="S", help="lengths of pieces of passes "
-                        "(default: whole passes)")  # fmt: skip
-    parser.add_argument("--spacing", type=float, default=10.0, metavar="S", help="time between points (default: 10)")
-    parser.add_argument("--settle", type=float, default=60.0, metavar="S", help="in addition to the slew (default: 60)")
-    parser.add_argument("--fewest", type=int, default=25, help="points in each sector (default: 25)")
-    parser.add_argument("--sigma", type=float, default=2.0, metavar="MDEG", help="of one point (default: 2)")
-    parser.add_argument("--improve", nargs="+", default=[], metavar="TERM", help="advise the passes that reduce the sigma "
-                        "of these terms most")  # fmt: skip
-    parser.add_argument(
-        "--model", type=Path, metavar="FILE", help="last model; its covariance is where --improve starts"
-    )
-    parser.add_argument("--count", type=int, default=5, help="how many passes to advise (default: 5)")
-    parser.add_argument("--orbit-prior", type=float, default=200.0, metavar="M", help="orbit error of each pass that the "
-                        "next fit allows for (default: 200; 0: none)")  # fmt: skip
+    add = parser.add_argument
+    add("--elements", type=Path, metavar="FILE", help="catalogue (default: verification set of sgp4)")
+    add("--beacons", action="store_true", help="the simulated sky of `calibrate` instead of a catalogue")
+    add("--station", default="Goldstone DSS-13", help="station name (default: Goldstone DSS-13)")
+    add("--start", metavar="UTC", required=True, help="begin of the campaign")
+    add("--hours", type=float, default=24.0, help="how far ahead (default: 24)")
+    add("--arc", type=float, nargs="*", default=[], metavar="S",
+        help="lengths of pieces of passes (default: whole passes)")  # fmt: skip
+    add("--spacing", type=float, default=10.0, metavar="S", help="time between points (default: 10)")
+    add("--settle", type=float, default=60.0, metavar="S", help="in addition to the slew (default: 60)")
+    add("--fewest", type=int, default=25, help="points in each sector (default: 25)")
+    add("--sigma", type=float, default=2.0, metavar="MDEG", help="of one point (default: 2)")
+    add("--improve", nargs="+", default=[], metavar="TERM",
+        help="advise the passes that reduce the sigma of these terms most")  # fmt: skip
+    add("--model", type=Path, metavar="FILE", help="last model; its covariance is where --improve starts")
+    add("--count", type=int, default=5, help="how many passes to advise (default: 5)")
+    add("--orbit-prior", type=float, default=200.0, metavar="M",
+        help="orbit error of each pass that the next fit allows for (default: 200; 0: none)")  # fmt: skip
     return parser.parse_args(argv)
 
 
@@ -76,7 +74,7 @@ def candidates_of(options: argparse.Namespace) -> list[CandidatePass]:
     rules = ArcRules(arcs_s=tuple(options.arc), spacing_s=options.spacing, sigma_rad=options.sigma * MDEG)
     found, refused = candidate_arcs(fresh, site(options.station), start_s, span_s, rules)
     for reason in refused:
-        print(f"plan_calibration: left out: {reason}", file=sys.stderr)
+        say("plan_calibration", f"left out: {reason}")
     if not found:
         raise ValueError(f"no target rises above {math.degrees(rules.lowest_rad):.0f} deg in {options.hours:g} h")
     return found
@@ -127,10 +125,6 @@ def advice(options: argparse.Namespace, candidates: list[CandidatePass]) -> int:
 def main(argv: list[str] | None = None) -> None:
     """Entry point of `ros2 run rf_pointing plan_calibration`."""
     options = arguments(argv)
-    try:
+    with ending_with_reason("plan_calibration"):
         candidates = candidates_of(options)
-        code = advice(options, candidates) if options.improve else campaign(options, candidates)
-    except (ValueError, OSError) as error:
-        print(f"plan_calibration: {error}", file=sys.stderr)
-        sys.exit(2)
-    sys.exit(code)
+        sys.exit(advice(options, candidates) if options.improve else campaign(options, candidates))

@@ -8,12 +8,11 @@ import argparse
 import dataclasses
 import json
 import math
-import sys
 from pathlib import Path
 from typing import Any
 
 from rf_pointing.calibration import BiasModel, read_model
-from rf_pointing.commands.options import add_target_options, between, source_of, start_of
+from rf_pointing.commands.options import add_target_options, between, ending_with_reason, say, source_of, start_of
 from rf_pointing.core import to_degrees
 from rf_pointing.core.dates import parse_utc, utc_text
 from rf_pointing.core.parameters import NodeParameters, read_parameter_files
@@ -38,24 +37,18 @@ def main(argv: list[str] | None = None) -> None:
     if options.all or options.satellites:
         plan_many(options)
         return
-    try:
+    with ending_with_reason("plan_passes"):
         planned, rules = plan(options)
-    except (ValueError, OSError) as error:
-        print(f"plan_passes: {error}", file=sys.stderr)
-        sys.exit(2)
     if options.json:
-        print(
-            json.dumps(
-                [{"pass": pass_values(item), **certificate_values(item.certificate)} for item in planned], indent=1
-            )
-        )
+        values = [{"pass": pass_values(item), **certificate_values(item.certificate)} for item in planned]
+        print(json.dumps(values, indent=1))
     else:
         show(planned)
     if options.picture:
         from rf_pointing.report.plan_picture import draw_plan
 
         draw_plan(planned, rules.limits, rules.mask, Path(options.picture))
-        print(f"plan_passes: {options.picture}", file=sys.stderr)
+        say("plan_passes", options.picture)
 
 
 def arguments(argv: list[str] | None = None) -> argparse.Namespace:
@@ -67,12 +60,13 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     many.add_argument("--satellites", nargs="+", metavar="NAME|NUMBER", help="list the passes of these satellites "
                       "instead, above --mask, without certificates (start: their newest epoch)")  # fmt: skip
     many.add_argument("--all", action="store_true", help="list the passes of all satellites of the elements")
-    parser.add_argument("--hours", type=between(0.01, 744.0), default=24.0, help="how far to look (default: 24)")
-    parser.add_argument("--params-file", action="append", default=[], help="parameters of pointing_controller: limits, "
-                        "machine, mask, gate, pointing; and of antenna_servo: where it stands; may be repeated")  # fmt: skip
-    parser.add_argument("--model", metavar="FILE", default="", help="bias model (default: a perfect mount)")
-    parser.add_argument("--json", action="store_true", help="print JSON")
-    parser.add_argument("--picture", metavar="FILE", help="draw sky, rates and wrap into this PNG or SVG")
+    add = parser.add_argument
+    add("--hours", type=between(0.01, 744.0), default=24.0, help="how far to look (default: 24)")
+    add("--params-file", action="append", default=[], help="parameters of pointing_controller: limits, machine, "
+        "mask, gate, pointing; and of antenna_servo: where it stands; may be repeated")  # fmt: skip
+    add("--model", metavar="FILE", default="", help="bias model (default: a perfect mount)")
+    add("--json", action="store_true", help="print JSON")
+    add("--picture", metavar="FILE", help="draw sky, rates and wrap into this PNG or SVG")
     return parser.parse_args(argv)
 
 
@@ -98,18 +92,15 @@ def plan(options: argparse.Namespace) -> tuple[list[PlannedPass], PlanningRules]
 
 def plan_many(options: argparse.Namespace) -> None:
     """Print the passes of many satellites as a table or JSON; what was not searched to stderr."""
-    try:
+    with ending_with_reason("plan_passes"):
         found = search(options)
-    except ValueError as error:
-        print(f"plan_passes: {error}", file=sys.stderr)
-        sys.exit(2)
     if options.json:
         unsearched = [{"name": one.name, "reason": reason} for one, reason in found.unsearched]
         print(json.dumps({"passes": [row_values(item) for item in found.passes], "unsearched": unsearched}, indent=1))
         return
     show_table(found)
     for one, reason in found.unsearched:
-        print(f"plan_passes: {one.name} was not searched: {reason}", file=sys.stderr)
+        say("plan_passes", f"{one.name} was not searched: {reason}")
 
 
 def search(options: argparse.Namespace) -> CatalogueSearch:
@@ -138,11 +129,8 @@ def row_values(item: CataloguePass) -> dict[str, Any]:
 
 def show_table(found: CatalogueSearch) -> None:
     """Print one line for every pass; < and > mark one cut off at an end of the searched time."""
-    print(
-        f"{'satellite':<24} {'AOS (UTC)':<24}  {'TCA':<12} {'LOS':<12}  {'s':>6} {'peak':>6} {'azimuth deg':>17}"
-        if found.passes
-        else "no pass"
-    )
+    header = f"{'satellite':<24} {'AOS (UTC)':<24}  {'TCA':<12} {'LOS':<12}  {'s':>6} {'peak':>6} {'azimuth deg':>17}"
+    print(header if found.passes else "no pass")
     for item in found.passes:
         row = row_values(item)
         azimuths = " ".join(f"{row[f'{name}_azimuth_deg']:5.1f}" for name in ("aos", "tca", "los"))
@@ -159,13 +147,8 @@ def pass_values(item: PlannedPass) -> dict[str, Any]:
     times = {f"{name}_utc": utc_text(values.pop(f"{name}_t_s")) for name in ("aos", "tca", "los")}
     sky = dict(to_degrees(name, value) for name, value in values.items())
     sun_deg = math.degrees(float(item.profile.sun_angle_rad().min()))
-    return {
-        **times,
-        "duration_s": window.duration_s,
-        **sky,
-        "crosses_north": window.crosses_north,
-        "sun_angle_deg": sun_deg,
-    }
+    north, duration_s = window.crosses_north, window.duration_s
+    return {**times, "duration_s": duration_s, **sky, "crosses_north": north, "sun_angle_deg": sun_deg}
 
 
 def show(planned: list[PlannedPass]) -> None:

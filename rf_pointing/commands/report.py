@@ -7,27 +7,22 @@ folder that writes its page and returns the path, or None if the bag has no data
 """
 
 import argparse
-import sys
 from importlib.metadata import entry_points
 from pathlib import Path
 
+from rf_pointing.commands.options import ending_with_reason
 from rf_pointing.report import antennas, write_report
 
 
 def main(argv: list[str] | None = None) -> None:
     """Entry point of `ros2 run rf_pointing report`."""
-    parser = argparse.ArgumentParser(
-        prog="report", description="Write the HTML report and the summary of a recorded bag."
-    )
+    what = "Write the HTML report and the summary of a recorded bag."
+    parser = argparse.ArgumentParser(prog="report", description=what)
     parser.add_argument("bag", type=Path, help="directory of a rosbag2 bag")
     parser.add_argument("--output", type=Path, help="folder to write to (default: the folder of the bag)")
     options = parser.parse_args(argv)
-    try:
-        written = _write(options.bag, options.output or options.bag.parent)
-    except (ValueError, OSError) as error:
-        print(f"report: {error}", file=sys.stderr)
-        sys.exit(2)
-    print(*written, sep="\n")
+    with ending_with_reason("report"):
+        print(*_write(options.bag, options.output or options.bag.parent), sep="\n")
 
 
 def _write(bag: Path, folder: Path) -> list[Path]:

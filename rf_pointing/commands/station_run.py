@@ -2,7 +2,6 @@
 
 import argparse
 import signal
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -12,6 +11,7 @@ import rclpy
 from rclpy.action import ActionClient
 
 from rf_pointing.commands.managed_graph import ManagedGraph, NotStartedError
+from rf_pointing.commands.options import say
 from rf_pointing.commands.recorder import Recorder
 from rf_pointing.commands.track_options import bag_folder, in_real_time, notes, overrides, parameter_files
 from rf_pointing.ephemeris import Pass
@@ -33,17 +33,63 @@ class InterruptedRunError(Exception):
     """The user stopped the run before the graph was up."""
 
 
-class StationRun:
+class GraphRun:
+    """A node of the user's own in `namespace`, the `graph` that it has started, and its end."""
+
+    graph: ManagedGraph | None = None
+
+    def __init__(self, program: str, namespace: str) -> None:
+        self.node = rclpy.create_node(program, namespace=namespace)
+        self.stopping = False
+        """Whether the user has requested the end of the run."""
+        self._program, self._executor = program, make_executor()
+        self._executor.add_node(self.node)
+
+    def say(self, text: str) -> None:
+        """Report to the user on stderr; stdout is for data."""
+        say(self._program, text)
+
+    def interrupt(self, *_: object) -> None:
+        """Request the end of the run; safe in a signal handler."""
+        self.stopping = True
+
+    def spin(self, timeout_s: float) -> None:
+        """Handle one event, or wait for one."""
+        self._executor.spin_once(timeout_sec=timeout_s)
+
+    def result(self, handle: Any) -> Any:
+        """Return the result of an accepted goal, which is cancelled when the user stops the run."""
+        result, cancelled, look_s = handle.get_result_async(), False, 0.0
+        while not result.done():
+            self.spin(0.1)
+            # Not at every event: to check eight processes costs more than most events.
+            if self.graph is not None and time.monotonic() >= look_s:
+                self.graph.check()
+                look_s = time.monotonic() + LOOK_PERIOD_S
+            if self.stopping and not cancelled:
+                cancelled = True
+                handle.cancel_goal_async()
+        return result.result().result
+
+    def close(self) -> None:
+        """End every process, and destroy the run's own node."""
+        if self.graph is not None:
+            self.graph.stop()
+        self._executor.shutdown()
+        self.node.destroy_node()
+
+
+class StationRun(GraphRun):
     """The simulated station in the namespace of the options, with its recording.
 
     `options` are those of `track`; time begins shortly before `window`, the first pass.
     """
 
+    graph: ManagedGraph
+
     def __init__(self, program: str, options: argparse.Namespace, window: Pass, output: Path) -> None:
-        self.node = rclpy.create_node(program, namespace=options.namespace)
-        self._stopping = self._begun = False
-        self._program, self._executor = program, make_executor()
-        self._executor.add_node(self.node)
+        super().__init__(program, options.namespace)
+        self._begun = False
         on_time = PUNCTUAL if in_real_time(options.speed) else ()
         files = parameter_files(options, overrides(options, window, output), output)
         self.graph = ManagedGraph(
@@ -51,24 +97,11 @@ class StationRun:
         )
         self._recorder = Recorder(self.node, options.namespace, bag_folder(options, output), notes=notes(options))
 
-    def say(self, text: str) -> None:
-        """Report to the user on stderr; stdout is for data."""
-        print(f"{self._program}: {text}", file=sys.stderr)
-
     def spin(self, timeout_s: float) -> None:
         """Handle one event, or wait for one; InterruptedRunError if stopped before time runs."""
-        if self._stopping and not self._begun:
+        if self.stopping and not self._begun:
             raise InterruptedRunError
-        self._executor.spin_once(timeout_sec=timeout_s)
-
-    @property
-    def stopping(self) -> bool:
-        """Whether the user has requested the end of the run."""
-        return self._stopping
-
-    def interrupt(self, *_: object) -> None:
-        """Request the end of the run; safe in a signal handler."""
-        self._stopping = True
+        super().spin(timeout_s)
 
     def bring_up(self, *actions: ActionClient) -> None:
         """Start and activate all nodes while time is held, until all topics and `actions` match."""
@@ -102,33 +135,18 @@ class StationRun:
             raise NotStartedError(f"the goal was refused: {self.graph.complaint(owner)}")
         return future.result()
 
-    def result(self, handle: Any) -> Any:
-        """Return the result of an accepted goal, which is cancelled when the user stops the run."""
-        result, cancelled, look_s = handle.get_result_async(), False, 0.0
-        while not result.done():
-            self.spin(0.1)
-            # Not at every event: to check eight processes costs more than most events.
-            if time.monotonic() >= look_s:
-                self.graph.check()
-                look_s = time.monotonic() + LOOK_PERIOD_S
-            if self._stopping and not cancelled:
-                cancelled = True
-                handle.cancel_goal_async()
-        return result.result().result
-
     def close(self) -> None:
-        """End every process, close the bag and report what it lacks, destroy the run's own node."""
+        """End the run, close the bag and report what it lacks."""
         # The nodes first: what they publish at their end belongs in the bag.
         self.graph.stop()
         recorded = self._recorder.close()
         if recorded.problem:
             lost = sum(loss.count for loss in recorded.lost)
             self.say(f"recording stopped: {recorded.problem}; {lost} messages are not in the bag")
-        self._executor.shutdown()
-        self.node.destroy_node()
+        super().close()
 
 
-RunType = TypeVar("RunType", bound=StationRun)
+RunType = TypeVar("RunType", bound=GraphRun)
 
 
 def run_to_end(program: str, make: Callable[[], RunType], work: Callable[[RunType], int]) -> int:
@@ -141,7 +159,7 @@ def run_to_end(program: str, make: Callable[[], RunType], work: Callable[[RunTyp
     try:
         run = make()
     except OSError as error:
-        print(f"{program}: {error}", file=sys.stderr)
+        say(program, str(error))
         rclpy.try_shutdown()
         return 2
     for sign in (signal.SIGINT, signal.SIGTERM):

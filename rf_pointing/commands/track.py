@@ -16,6 +16,7 @@ from rclpy.action import ActionClient
 from rf_pointing_msgs.action import TrackPass
 from rf_pointing_msgs.msg import PassCertificate
 
+from rf_pointing.commands.options import ending_with_reason, say
 from rf_pointing.commands.station_run import StationRun, run_to_end
 from rf_pointing.commands.track_options import (
     arguments,
@@ -113,26 +114,18 @@ class PassRun(StationRun):
             print(line, file=sys.stderr)
 
 
-def say(text: str) -> None:
-    """Report to the user on stderr; stdout is for data."""
-    print(f"track: {text}", file=sys.stderr)
-
-
 def main(argv: list[str] | None = None) -> None:
     """Entry point of `ros2 run rf_pointing track`."""
     options = arguments(argv)
-    try:
+    with ending_with_reason("track"):
         speed_factor(options.speed)
         window = choose_pass(options)
         scan = chosen_scan(options, window)
         output = output_folder(options, run_stem(options, window))
-    except (ValueError, OSError) as error:
-        say(str(error))
-        sys.exit(2)
-    say(f"{window.name} over {options.station}: AOS {utc_text(window.aos_t_s)}, {window.duration_s:.0f} s, "
+    say("track", f"{window.name} over {options.station}: AOS {utc_text(window.aos_t_s)}, {window.duration_s:.0f} s, "
         f"peak {math.degrees(window.peak_elevation_rad):.1f} deg")  # fmt: skip
     if scan is not None:
-        say(f"scan of {scan.radius_rad / MDEG:.2f} mdeg in {scan.period_s:.1f} s, an estimate over "
+        say("track", f"scan of {scan.radius_rad / MDEG:.2f} mdeg in {scan.period_s:.1f} s, an estimate over "
             f"{scan.window_samples * scan.sample_s:.1f} s")  # fmt: skip
     sys.exit(execute(options, window, output))
 
@@ -147,16 +140,13 @@ def execute(options: argparse.Namespace, window: Pass, output: Path) -> int:
 
     code = run_to_end("track", lambda: PassRun(options, window, output), work)
     for result in results:
-        say(f"{'tracked' if code == 0 else 'NOT tracked'}: {result.message}, {result.seconds_tracked:.0f} s on target, "
-            f"{result.seconds_lost:.0f} s lost")  # fmt: skip
-        write(bag_folder(options, output), output)
+        outcome = "tracked" if code == 0 else "NOT tracked"
+        tracked, lost = f"{result.seconds_tracked:.0f} s on target", f"{result.seconds_lost:.0f} s lost"
+        say("track", f"{outcome}: {result.message}, {tracked}, {lost}")
+        # Imported when it is needed: the libraries of the report take time that the bring-up has not.
+        from rf_pointing.report import write_report
+
+        bag = bag_folder(options, output)
+        write_report(bag, output)
+        say("track", f"report {output / 'report.html'}, bag {bag}")
     return code
-
-
-def write(bag: Path, output: Path) -> None:
-    """Write the report of a recorded bag and say where it is."""
-    # Imported when it is needed: the libraries of the report take time that the bring-up has not.
-    from rf_pointing.report import write_report
-
-    write_report(bag, output)
-    say(f"report {output / 'report.html'}, bag {bag}")

@@ -39,39 +39,22 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     load_trackers()
     parser = argparse.ArgumentParser(prog="track", description="Track one satellite pass with the simulated station.")
     add_target_options(parser)
-    parser.add_argument(
-        "--min-peak", type=between(0.0, 90.0), default=40.0, help="least peak elevation in deg (default: 40)"
-    )
-    parser.add_argument("--band", choices=("S", "X", "Ka"), default="X", help="frequency band (default: X)")
-    parser.add_argument(
-        "--sensor", choices=tuple(SENSOR_CHOICES), default=str(Sensor.MONOPULSE), help="(default: monopulse)"
-    )
-    parser.add_argument(
-        "--scan-sigma",
-        metavar="MDEG",
-        type=float,
-        help="accuracy of conscan per axis at the pass's weakest carrier: chooses radius and period (default: the files')",
-    )
-    parser.add_argument("--speed", default="max", help="factor of real time, or max (default)")
-    parser.add_argument(
-        "--ephemeris-error",
-        metavar="S",
-        type=between(-60.0, 60.0),
-        help="time by which the satellite is ahead of its elements (default: that of the parameter files, 0.15 s)",
-    )
-    parser.add_argument(
-        "--models",
-        metavar="DIR",
-        default=str(DEFAULT_MODELS),
-        help=f"folder of accepted pointing models (default: {DEFAULT_MODELS}); empty or none: the commissioning model",
-    )
-    parser.add_argument("--seed", type=seed, default=1, help="seed of every noise source (default: 1)")
+    add = parser.add_argument
+    add("--min-peak", type=between(0.0, 90.0), default=40.0, help="least peak elevation in deg (default: 40)")
+    add("--band", choices=("S", "X", "Ka"), default="X", help="frequency band (default: X)")
+    add("--sensor", choices=tuple(SENSOR_CHOICES), default=str(Sensor.MONOPULSE), help="(default: monopulse)")
+    add("--scan-sigma", metavar="MDEG", type=float, help="accuracy of conscan per axis at the pass's weakest "
+        "carrier: chooses radius and period (default: the files')")  # fmt: skip
+    add("--speed", default="max", help="factor of real time, or max (default)")
+    add("--ephemeris-error", metavar="S", type=between(-60.0, 60.0), help="time by which the satellite is ahead of "
+        "its elements (default: that of the parameter files, 0.15 s)")  # fmt: skip
+    add("--models", metavar="DIR", default=str(DEFAULT_MODELS), help=f"folder of accepted pointing models (default: "
+        f"{DEFAULT_MODELS}); empty or none: the commissioning model")  # fmt: skip
+    add("--seed", type=seed, default=1, help="seed of every noise source (default: 1)")
     add_namespace_option(parser)
-    parser.add_argument(
-        "--params-file", action="append", default=[], help="further ROS parameter file, may be repeated"
-    )
-    parser.add_argument("--record", metavar="DIR", help="bag directory (default: OUTPUT/bag)")
-    parser.add_argument("--output", metavar="DIR", help="folder of the report (default: runs/SATELLITE-AOS)")
+    add("--params-file", action="append", default=[], help="further ROS parameter file, may be repeated")
+    add("--record", metavar="DIR", help="bag directory (default: OUTPUT/bag)")
+    add("--output", metavar="DIR", help="folder of the report (default: runs/SATELLITE-AOS)")
     parser.set_defaults(keep_observations=False)
     return parser.parse_args(argv)
 

@@ -17,6 +17,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -55,9 +56,7 @@ class ServoNodeParams(Params):
 
 
 class AntennaServo(ManagedNode):
-    """Steps the simulated antenna once a tick of node time; ticks missed by up to half a second are
-    made up.
-    """
+    """Steps the simulated antenna once a tick of node time; ticks that fire late are made up."""
 
     def __init__(self) -> None:
         super().__init__("antenna_servo")
@@ -89,15 +88,15 @@ class AntennaServo(ManagedNode):
         self._status = self.stream(AntennaStatus, "antenna_status", STATUS)
         self._identification.configure(self._antenna)
         self.listen(JointTrajectory, "joint_trajectory", self._on_trajectory, COMMAND_INPUT)
-        self.serve(Trigger, "~/stop", self._on_stop)
+        self.serve_action(Trigger, "~/stop", self._stop)
         self._recover_wrap()
         antenna = self._antenna
         actions = {"reset_fault": antenna.reset_fault, "pause": antenna.pause, "resume": antenna.resume,
                    "park": antenna.park, "stow": antenna.stow, "disable": antenna.disable}  # fmt: skip
         for name, action in actions.items():
-            self.serve(Trigger, f"~/{name}", self._answering(name, action))
+            self.serve_action(Trigger, f"~/{name}", partial(self._act, name, action))
         if value("").enable_fault_injection:
-            self.serve(InjectFault, "~/inject_fault", self._on_inject)
+            self.serve_action(InjectFault, "~/inject_fault", self._inject)
         self.diagnostics.add("drive", self._health)
         self.diagnostics.add("oscillation", self._oscillation_health)
         self.diagnostics.add("memory", self._memory_health)
@@ -119,9 +118,7 @@ class AntennaServo(ManagedNode):
         self._keep_wrap()
 
     def _recover_wrap(self) -> None:
-        """Check the kept turn against the encoder; the simulated one is absolute over all turns, a
-        real one over one.
-        """
+        """Check the kept turn against the encoder, which counts all turns; a real one has one."""
         name = self.parameters.value("").wrap_file
         self._wrap, self._wrap_problem = WrapCount(Path(name)) if name else None, ""
         if self._wrap is None:
@@ -137,9 +134,7 @@ class AntennaServo(ManagedNode):
             raise ValueError(self._wrap_problem)
 
     def _keep_wrap(self) -> None:
-        """Write the azimuth's turn; a disk that is full must not leave the antenna alone in the
-        middle of a motion.
-        """
+        """Write the azimuth's turn; a full disk must not leave the antenna alone in its motion."""
         if self._wrap is None or self._antenna.status(self.now_s()).fault:
             return
         try:
@@ -179,18 +174,14 @@ class AntennaServo(ManagedNode):
         self._status.publish(message)
 
     def _measure_lateness(self, tick_s: float) -> None:
-        """Compare the wall time between two ticks with the period; at another speed than 1 it shows
-        that speed.
-        """
+        """Compare the wall time between two ticks with the period; another speed than 1 shows."""
         wall_s = time.perf_counter()
         if self._tick_wall_s is not None:
             self._lateness_s = wall_s - self._tick_wall_s - tick_s
         self._tick_wall_s = wall_s
 
     def _on_trajectory(self, message: JointTrajectory) -> None:
-        """Take a command; one issued at an instant that the clock has reached and the ticks have
-        not waits for its tick.
-        """
+        """Take a command; one issued at an instant between tick and clock waits for its tick."""
         # Which of clock and command arrives first is chance; taken at once the same run would give
         # another pass.
         if self._ticked_s < seconds_from_stamp(message.header.stamp) <= self.now_s():
@@ -208,30 +199,20 @@ class AntennaServo(ManagedNode):
         if refused:
             self.get_logger().warning(f"command rejected: {refused}", throttle_duration_sec=1.0)
 
-    def _on_stop(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _stop(self, _request: Trigger.Request) -> str:
         self._antenna.stop("stop was requested")
-        response.success, response.message = True, "stopping; reset_fault allows motion again"
-        return response
+        return "stopping; reset_fault allows motion again"
 
     @staticmethod
-    def _answering(name: str, action: Callable[[], str]) -> Callable[[Trigger.Request, Trigger.Response], Any]:
-        """Return a service callback of an action that returns "" or why not."""
+    def _act(name: str, action: Callable[[], str], _request: Trigger.Request) -> str:
+        """Do what returns "" or why not."""
+        if refused := action():
+            raise ValueError(refused)
+        return f"{name} accepted"
 
-        def answer(_request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-            refused = action()
-            response.success, response.message = not refused, refused or f"{name} accepted"
-            return response
-
-        return answer
-
-    def _on_inject(self, request: InjectFault.Request, response: InjectFault.Response) -> InjectFault.Response:
-        try:
-            self._antenna.injected.inject(request.fault, request.value)
-        except ValueError as error:
-            response.success, response.message = False, str(error)
-            return response
-        response.success, response.message = True, f"{request.fault} injected at {self._antenna.t_s:.3f}"
-        return response
+    def _inject(self, request: InjectFault.Request) -> str:
+        self._antenna.injected.inject(request.fault, request.value)
+        return f"{request.fault} injected at {self._antenna.t_s:.3f}"
 
     def _check(self, sets: Mapping[str, Any]) -> None:
         if self._antenna is not None:

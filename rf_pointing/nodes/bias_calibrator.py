@@ -14,7 +14,6 @@ With `calibrator.folder` every observation is on the disk before the next one is
 one set of models for each station and band: a killed node continues where it was.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -113,9 +112,9 @@ class BiasCalibrator(ManagedNode):
         self.listen(Target, "target", lambda m: self._log.take_target(convert.target_from_message(m)), STREAM)
         self._joints = self.listen_latest(JointState, "joint_states", convert.joints_from_message, STREAM)
         self.listen(PointingError, "pointing_error", self._on_error, STREAM)
-        self.serve(Trigger, "~/accept", self._deciding(self._accept))
-        self.serve(Trigger, "~/reject", self._deciding(lambda: f"{self._keeper.reject()} is dropped"))
-        self.serve(Trigger, "~/rollback", self._deciding(self._roll_back))
+        self.serve_action(Trigger, "~/accept", self._accept)
+        self.serve_action(Trigger, "~/reject", lambda _: f"{self._keeper.reject()} is dropped")
+        self.serve_action(Trigger, "~/rollback", self._roll_back)
         self.diagnostics.add("model", self._health)
 
     def activate(self) -> None:
@@ -234,13 +233,13 @@ class BiasCalibrator(ManagedNode):
         goal.succeed()
         return convert_calibration.fit_to_result(fit, file, doubts_of(fit, self._log.observations()))
 
-    def _accept(self) -> str:
+    def _accept(self, _request: Trigger.Request) -> str:
         verdict = self._keeper.verdict_text()
         file = self._keeper.accept(self.now_s())
         self._publish()
         return f"{file.name} is in force; it was {verdict}"
 
-    def _roll_back(self) -> str:
+    def _roll_back(self, _request: Trigger.Request) -> str:
         file = self._keeper.roll_back()
         if file is None:
             self._models.publish(convert_calibration.no_model_to_message(self.parameters.value("calibrator").station))
@@ -250,18 +249,6 @@ class BiasCalibrator(ManagedNode):
     def _retune(self) -> None:
         if self._keeper is not None:
             self._keeper.retune(self.parameters.value("shadow"))
-
-    def _deciding(self, decide: Callable[[], str]) -> Callable[[Any, Any], Any]:
-        """Return a service callback that answers with the decision or the reason against it."""
-
-        def answer(_request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-            try:
-                response.success, response.message = True, decide()
-            except (ValueError, OSError) as error:
-                response.success, response.message = False, str(error)
-            return response
-
-        return answer
 
     def _health(self) -> Health:
         keeper = self._keeper

@@ -4,7 +4,12 @@ Wire data is not trusted: a number that is not finite, an array of the wrong len
 joint raises the ValueError of the signal.
 """
 
+import re
+from collections.abc import Callable
+from typing import Any, TypeVar, get_origin, get_type_hints
+
 import numpy as np
+from builtin_interfaces.msg import Time
 from numpy.typing import NDArray
 from rf_pointing_msgs import msg as ours
 from sensor_msgs.msg import JointState
@@ -20,58 +25,85 @@ from rf_pointing.core import (
     MonopulseCluster,
     PointingError,
     Target,
-    require_finite,
 )
 from rf_pointing.ephemeris import SkyUncertainty
 from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.station.pointing.status import AntennaStatus, TrackingStatus
 
-_TARGET_FIELDS = {
-    "azimuth": "azimuth_rad",
-    "elevation": "elevation_rad",
-    "azimuth_rate": "azimuth_rate_rad_s",
-    "elevation_rate": "elevation_rate_rad_s",
-    "azimuth_acceleration": "azimuth_acceleration_rad_s2",
-    "elevation_acceleration": "elevation_acceleration_rad_s2",
-    "range": "range_m",
-    "range_rate": "range_rate_m_s",
-    "refraction": "refraction_rad",
-}
-_UNCERTAINTY_FIELDS = {
-    "element_age": "age_s",
-    "along_track_sigma": "along_track_rad",
-    "cross_track_sigma": "cross_track_rad",
-    "along_track_time_sigma": "along_track_s",
-}
+Signal = TypeVar("Signal")
+Message = TypeVar("Message")
+_UNIT = re.compile(r"_(rad_s2|rad_s|rad2|rad|m_s|m|t_s|s|w|db_hz|db)$")
+
+
+def pair(
+    signal_type: type[Signal], message_type: type[Message], **other_names: str | None
+) -> tuple[Callable[..., Message], Callable[..., Signal]]:
+    """Return the function from a signal to its message, and the one from the message to the signal.
+
+    Their fields have the same names, but for the unit that only the signal's carry; `t_s` is the
+    stamp of the header.  `other_names` are the message's names that differ, by the signal's; None
+    for a field that is not on the wire.  Both functions take the values of further fields, or of
+    those that another shape on the wire keeps from being copied, as keywords.
+    """
+    kinds = get_type_hints(signal_type)
+    names = {name: other_names.get(name, _UNIT.sub("", name)) for name in kinds if name != "t_s"}
+    wires = {name: wire for name, wire in names.items() if wire is not None}
+    # A field without a counterpart is found here, when the module is imported.
+    blank = message_type()
+    makers = {name: _maker(getattr(blank, wire)) for name, wire in wires.items()}
+
+    def to_message(signal: Signal, **further: Any) -> Message:
+        message = message_type(**further)
+        if "t_s" in kinds:
+            message.header.stamp = stamp_from_seconds(signal.t_s)
+        for name, wire in wires.items():
+            setattr(message, wire, makers[name](getattr(signal, name)))
+        return message
+
+    def from_message(message: Message, **further: Any) -> Signal:
+        if "t_s" in kinds:
+            further["t_s"] = seconds_from_stamp(message.header.stamp)
+        copied = wires.keys() - further.keys()
+        return signal_type(**further, **{name: _read(getattr(message, wires[name]), kinds[name]) for name in copied})
+
+    return to_message, from_message
+
+
+def _maker(blank: Any) -> Callable[[Any], Any]:
+    """Return what makes the value of a field whose initial value is `blank`."""
+    if isinstance(blank, Time):
+        return stamp_from_seconds
+    # The wire has fixed arrays without shape: row-major.
+    return _flat if isinstance(blank, np.ndarray) else type(blank)
+
+
+def _flat(values: Any) -> NDArray[np.float64]:
+    return np.asarray(values, dtype=np.float64).ravel()
+
+
+def _read(value: Any, kind: Any) -> Any:
+    if isinstance(value, Time):
+        return seconds_from_stamp(value)
+    return tuple(np.array(value).tolist()) if get_origin(kind) is tuple else value
+
+
+_target_to_message, target_from_message = pair(Target, ours.Target, name="target")
+boresight_to_message, boresight_from_message = pair(Boresight, ours.Boresight)
+power_to_message, power_from_message = pair(CarrierPower, ours.CarrierPower, integration_s="integration_time")
+error_to_message, _error_from_message = pair(PointingError, ours.PointingError)
+antenna_status_to_message, _ = pair(AntennaStatus, ours.AntennaStatus)
+tracking_status_to_message, _ = pair(TrackingStatus, ours.TrackingStatus, half_power_beamwidth_rad="beamwidth")
 
 
 def target_to_message(target: Target, uncertainty: SkyUncertainty | None = None) -> ours.Target:
     """Return the target, with what the age of its elements means on the sky if that is known."""
-    message = ours.Target(target=target.name, light_time=target.light_time_s, doppler_factor=target.doppler_factor)
-    message.header.stamp = stamp_from_seconds(target.t_s)
-    for wire, core in _TARGET_FIELDS.items():
-        setattr(message, wire, float(getattr(target, core)))
+    message = _target_to_message(target, light_time=target.light_time_s, doppler_factor=target.doppler_factor)
     if uncertainty is not None:
         message.covariance = uncertainty.covariance_rad2.ravel().tolist()
-        for wire, core in _UNCERTAINTY_FIELDS.items():
-            setattr(message, wire, float(getattr(uncertainty, core)))
+        message.element_age, message.along_track_time_sigma = uncertainty.age_s, uncertainty.along_track_s
+        message.along_track_sigma = uncertainty.along_track_rad
+        message.cross_track_sigma = uncertainty.cross_track_rad
     return message
-
-
-def uncertainty_from_message(message: ours.Target) -> SkyUncertainty | None:
-    """Return the uncertainty that a target carries, None when it carries none."""
-    if not message.covariance:
-        return None
-    if len(message.covariance) != 4:
-        raise ValueError(f"covariance has {len(message.covariance)} values, must have 4 or none")
-    values = {core: getattr(message, wire) for wire, core in _UNCERTAINTY_FIELDS.items()}
-    require_finite("covariance", np.array([*message.covariance, *values.values()]))
-    return SkyUncertainty(covariance_rad2=np.array(message.covariance).reshape(2, 2), **values)
-
-
-def target_from_message(message: ours.Target) -> Target:
-    values = {core: getattr(message, wire) for wire, core in _TARGET_FIELDS.items()}
-    return Target(t_s=seconds_from_stamp(message.header.stamp), name=message.target, **values)
 
 
 def joints_to_message(reading: JointReading) -> JointState:
@@ -130,16 +162,8 @@ def trajectory_from_message(message: TrajectoryMessage) -> JointTrajectory:
     )
 
 
-def boresight_to_message(boresight: Boresight) -> ours.Boresight:
-    message = ours.Boresight(azimuth=boresight.azimuth_rad, elevation=boresight.elevation_rad)
-    message.header.stamp = stamp_from_seconds(boresight.t_s)
-    return message
-
-
-def boresight_from_message(message: ours.Boresight) -> Boresight:
-    return Boresight(
-        t_s=seconds_from_stamp(message.header.stamp), azimuth_rad=message.azimuth, elevation_rad=message.elevation
-    )
+def error_from_message(message: ours.PointingError) -> PointingError:
+    return _error_from_message(message, covariance_rad2=np.array(message.covariance).reshape(2, 2))
 
 
 def monopulse_to_message(cluster: MonopulseCluster) -> ours.Monopulse:
@@ -169,77 +193,6 @@ def monopulse_from_message(message: ours.Monopulse) -> MonopulseCluster:
     return MonopulseCluster(t_s=t_s, carrier_to_noise_db_hz=message.carrier_to_noise, **channels)
 
 
-def power_to_message(power: CarrierPower) -> ours.CarrierPower:
-    message = ours.CarrierPower(
-        integration_time=power.integration_s,
-        power=power.power_w,
-        sigma=power.sigma_w,
-        carrier_to_noise=power.carrier_to_noise_db_hz,
-    )
-    message.header.stamp = stamp_from_seconds(power.t_s)
-    return message
-
-
-def power_from_message(message: ours.CarrierPower) -> CarrierPower:
-    return CarrierPower(
-        t_s=seconds_from_stamp(message.header.stamp),
-        integration_s=message.integration_time,
-        power_w=message.power,
-        sigma_w=message.sigma,
-        carrier_to_noise_db_hz=message.carrier_to_noise,
-    )
-
-
-def error_to_message(error: PointingError) -> ours.PointingError:
-    message = ours.PointingError(
-        sensor=error.sensor,
-        valid=error.valid,
-        reason=error.reason,
-        cross_elevation=float(error.cross_elevation_rad),
-        elevation=float(error.elevation_rad),
-        carrier_to_noise=float(error.carrier_to_noise_db_hz),
-    )
-    # The wire has fixed arrays without shape: row-major.
-    message.covariance = np.asarray(error.covariance_rad2, dtype=np.float64).ravel()
-    message.header.stamp = stamp_from_seconds(error.t_s)
-    return message
-
-
-def error_from_message(message: ours.PointingError) -> PointingError:
-    return PointingError(
-        t_s=seconds_from_stamp(message.header.stamp),
-        sensor=message.sensor,
-        cross_elevation_rad=message.cross_elevation,
-        elevation_rad=message.elevation,
-        covariance_rad2=np.array(message.covariance).reshape(2, 2),
-        carrier_to_noise_db_hz=message.carrier_to_noise,
-        valid=message.valid,
-        reason=message.reason,
-    )
-
-
-def tracking_status_to_message(status: TrackingStatus) -> ours.TrackingStatus:
-    message = ours.TrackingStatus(
-        mode=status.mode,
-        sensor=status.sensor,
-        target=status.target,
-        reason=status.reason,
-        los=stamp_from_seconds(status.los_t_s),
-        azimuth=status.azimuth_rad,
-        elevation=status.elevation_rad,
-        cross_elevation_error=status.cross_elevation_error_rad,
-        elevation_error=status.elevation_error_rad,
-        cross_elevation_offset=status.cross_elevation_offset_rad,
-        elevation_offset=status.elevation_offset_rad,
-        carrier_to_noise=status.carrier_to_noise_db_hz,
-        beamwidth=status.half_power_beamwidth_rad,
-        command_lead=status.command_lead_s,
-    )
-    message.scan_centre = status.scan_centre_rad
-    message.header.stamp = stamp_from_seconds(status.t_s)
-    return message
-
-
 def scan_centre_from_message(
     message: ours.TrackingStatus,
 ) -> tuple[float, NDArray[np.float64], NDArray[np.float64], str, str]:
@@ -249,25 +202,6 @@ def scan_centre_from_message(
     if not (np.all(np.isfinite(offset)) and np.all(np.isfinite(centre))):
         raise ValueError("scan_centre and the offsets must be finite")
     return seconds_from_stamp(message.header.stamp), centre, offset, message.mode, message.sensor
-
-
-def antenna_status_to_message(status: AntennaStatus) -> ours.AntennaStatus:
-    message = ours.AntennaStatus(
-        mode=status.mode,
-        fault=status.fault,
-        at_limit=list(status.at_limit),
-        command_lead=float(status.command_lead_s),
-        commands_accepted=status.commands_accepted,
-        commands_rejected=status.commands_rejected,
-        last_rejection=status.last_rejection,
-        warning=status.warning,
-        transmit_inhibit=status.transmit_inhibit,
-        commander=status.commander,
-    )
-    message.commanded, message.rate_command = status.commanded_rad, status.rate_command_rad_s
-    message.rate_limit, message.acceleration_limit = status.rate_limit_rad_s, status.acceleration_limit_rad_s2
-    message.header.stamp = stamp_from_seconds(status.t_s)
-    return message
 
 
 def _axis_order(names: list[str]) -> list[int]:

@@ -5,67 +5,26 @@ from rf_pointing_msgs import msg as ours
 
 from rf_pointing.core import require_finite
 from rf_pointing.ephemeris import Pass
+from rf_pointing.nodes.convert import pair
 from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.planning import Branch, Certificate, MachineParams, PassProfile
 
-_PASS_TIMES = {"aos": "aos_t_s", "tca": "tca_t_s", "los": "los_t_s"}
-_PASS_FIELDS = {
-    "aos_azimuth": "aos_azimuth_rad",
-    "los_azimuth": "los_azimuth_rad",
-    "azimuth_min": "azimuth_min_rad",
-    "azimuth_max": "azimuth_max_rad",
-    "aos_elevation": "aos_elevation_rad",
-    "peak_elevation": "peak_elevation_rad",
-    "peak_azimuth_rate": "peak_azimuth_rate_rad_s",
-    "peak_elevation_rate": "peak_elevation_rate_rad_s",
-    "peak_azimuth_acceleration": "peak_azimuth_acceleration_rad_s2",
-    "smallest_range": "smallest_range_m",
-}
 _PROFILE = {"": "position_rad", "_rate": "velocity_rad_s", "_acceleration": "acceleration_rad_s2"}
-_PAIRS = {
-    "start": "start_rad",
-    "end": "end_rad",
-    "azimuth_range": "azimuth_range_rad",
-    "elevation_range": "elevation_range_rad",
-    "peak_rate": "peak_rate_rad_s",
-    "peak_acceleration": "peak_acceleration_rad_s2",
-}
-_NUMBERS = {
-    "limit_margin": "limit_margin_rad",
-    "mask_margin": "mask_margin_rad",
-    "sun_margin": "sun_margin_rad",
-    "keyhole": "keyhole_s",
-    "lost": "lost_s",
-    "lost_signal": "lost_signal_s",
-    "peak_loss": "peak_loss_db",
-    "mean_loss": "mean_loss_db",
-    "preposition": "preposition_s",
-    "unwind": "unwind_s",
-    "late": "late_s",
-}
 
-
-def pass_to_message(window: Pass) -> ours.Pass:
-    return ours.Pass(
-        target=window.name,
-        **{wire: stamp_from_seconds(getattr(window, core)) for wire, core in _PASS_TIMES.items()},
-        **{wire: float(getattr(window, core)) for wire, core in _PASS_FIELDS.items()},
-    )
+pass_to_message, _pass_from_message = pair(Pass, ours.Pass, name="target", rises_before=None, sets_after=None)
+_branch_to_message, _branch_from_message = pair(
+    Branch, ours.PassBranch, reasons="refusals", crossing=None, axes_rad=None
+)
 
 
 def pass_from_message(message: ours.Pass) -> Pass:
-    for wire in _PASS_FIELDS:
-        require_finite(wire, getattr(message, wire))
-    aos_s, tca_s, los_s = (seconds_from_stamp(getattr(message, wire)) for wire in _PASS_TIMES)
-    if not aos_s <= tca_s <= los_s or aos_s == los_s:
-        raise ValueError(f"aos={aos_s}, tca={tca_s} and los={los_s} must follow each other")
-    return Pass(
-        name=message.target,
-        **{core: seconds_from_stamp(getattr(message, wire)) for wire, core in _PASS_TIMES.items()},
-        **{core: getattr(message, wire) for wire, core in _PASS_FIELDS.items()},
-        rises_before=False,
-        sets_after=False,
-    )
+    for wire, kind in message.get_fields_and_field_types().items():
+        if kind == "double":
+            require_finite(wire, getattr(message, wire))
+    window = _pass_from_message(message, rises_before=False, sets_after=False)
+    if not window.aos_t_s <= window.tca_t_s <= window.los_t_s or window.aos_t_s == window.los_t_s:
+        raise ValueError(f"aos={window.aos_t_s}, tca={window.tca_t_s} and los={window.los_t_s} must follow each other")
+    return window
 
 
 def profile_to_message(profile: PassProfile) -> ours.PassProfile:
@@ -106,7 +65,7 @@ def certificate_to_message(certificate: Certificate) -> ours.PassCertificate:
         accepted=certificate.chosen is not None,
         refusal=certificate.reason,
         sky_peak=certificate.sky_peak_rad,
-        branches=[_branch_to_message(branch) for branch in certificate.branches],
+        branches=[_branch_to_message(branch, works=branch.works) for branch in certificate.branches],
     )
     message.rate_limit = certificate.machine.rate_limit_rad_s
     message.acceleration_limit = certificate.machine.acceleration_limit_rad_s2
@@ -127,31 +86,4 @@ def certificate_from_message(message: ours.PassCertificate) -> Certificate:
             rate_limit_rad_s=tuple(message.rate_limit.tolist()),
             acceleration_limit_rad_s2=tuple(message.acceleration_limit.tolist()),
         ),
-    )
-
-
-def _branch_to_message(branch: Branch) -> ours.PassBranch:
-    message = ours.PassBranch(
-        turns=branch.turns,
-        plunge=branch.plunge,
-        over=branch.over,
-        works=branch.works,
-        refusals=list(branch.reasons),
-        closest_limit=branch.closest_limit,
-        **{wire: float(getattr(branch, core)) for wire, core in _NUMBERS.items()},
-    )
-    for wire, core in _PAIRS.items():
-        setattr(message, wire, getattr(branch, core))
-    return message
-
-
-def _branch_from_message(message: ours.PassBranch) -> Branch:
-    return Branch(
-        turns=message.turns,
-        plunge=message.plunge,
-        over=message.over,
-        reasons=tuple(message.refusals),
-        closest_limit=message.closest_limit,
-        **{core: tuple(getattr(message, wire).tolist()) for wire, core in _PAIRS.items()},
-        **{core: getattr(message, wire) for wire, core in _NUMBERS.items()},
     )

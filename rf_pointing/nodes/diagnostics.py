@@ -22,14 +22,14 @@ class Health:
 
 
 class Diagnostics:
-    """Publishes every registered check once a `period_s` of wall time."""
+    """Publishes every registered check once a second of wall time."""
 
-    def __init__(self, node: Node, period_s: float = 1.0) -> None:
+    def __init__(self, node: Node) -> None:
         self._node = node
         self._checks: dict[str, Callable[[], Health]] = {}
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", STREAM)
         # Wall time, so that a stopped simulation clock shows.
-        self._timer = node.create_timer(period_s, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._timer = node.create_timer(1.0, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def add(self, name: str, check: Callable[[], Health]) -> None:
         """Register `check` as the subcomponent `name`."""
@@ -41,18 +41,14 @@ class Diagnostics:
         array.header.stamp = self._node.get_clock().now().to_msg()
         full_name = self._node.get_fully_qualified_name()
         for name, check in self._checks.items():
-            health = _checked(check)
+            try:
+                health = check()
+            except ValueError as error:
+                # An error of the subject, not of the node.
+                health = Health(ERROR, str(error))
             status = DiagnosticStatus(level=health.level, name=f"{full_name.lstrip('/')}: {name}")
             # The full name: two antennas share the topic /diagnostics.
             status.message, status.hardware_id = health.message, full_name
             status.values = [KeyValue(key=key, value=str(value)) for key, value in health.values.items()]
             array.status.append(status)
         self._publisher.publish(array)
-
-
-def _checked(check: Callable[[], Health]) -> Health:
-    """Run a check; if it raises, that is an error of its subject, not of the node."""
-    try:
-        return check()
-    except ValueError as error:
-        return Health(ERROR, str(error))

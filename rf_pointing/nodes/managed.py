@@ -9,6 +9,7 @@ With `lifecycle.autostart` a node configures and activates itself as soon as it 
 
 import math
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any
 
@@ -84,10 +85,7 @@ class ManagedNode(LifecycleNode):
         self.diagnostics.add("inputs", self.inputs.health)
         self._state_name = "unconfigured"
         self._reason = ""
-        self._active_timers: list[Any] = []
-        self._inputs: list[Any] = []
-        self._outputs: list[Publisher] = []
-        self._services_offered: list[Any] = []
+        self._at_deactivation, self._at_cleanup = ExitStack(), ExitStack()
         # rclpy has no public way to guard the transitions of its own service.
         self._service_change_state.callback = self._refusing_the_impossible(self._service_change_state.callback)
 
@@ -104,6 +102,11 @@ class ManagedNode(LifecycleNode):
 
     def deactivate(self) -> None:
         """Bring what moves to a stop; timers are stopped by the base."""
+
+    @property
+    def active(self) -> bool:
+        """Whether the node works: from the end of `activate` to that of `deactivate`."""
+        return self._state_name == "active"
 
     def now_s(self) -> float:
         """Return the node clock's time in seconds."""
@@ -126,7 +129,7 @@ class ManagedNode(LifecycleNode):
             for t_s in schedule.due(self.now_s()):
                 callback(t_s)
 
-        self._active_timers.append(self.create_timer(period_s, fire))
+        self._at_deactivation.callback(self.destroy_timer, self.create_timer(period_s, fire))
         return schedule
 
     def listen_latest(self, message_type: Any, topic: str, convert: Callable[[Any], Any], qos: Any) -> Latest:
@@ -157,7 +160,7 @@ class ManagedNode(LifecycleNode):
 
     def end(self) -> None:
         """Deactivate if active; called once before the process ends."""
-        if self._state_name == "active":
+        if self.active:
             self.deactivate()
             self._state_name = "finalized"
         self._clear()
@@ -169,8 +172,8 @@ class ManagedNode(LifecycleNode):
         # Raw messages are not decoded, so their numbers are not seen.
         if not raw and hasattr(message_type, "sequence"):
             callback = self.inputs.watching(topic, callback)
-        guarded = self._guarded(topic, callback)
-        self._inputs.append(self.create_subscription(message_type, topic, guarded, qos, raw=raw))
+        subscription = self.create_subscription(message_type, topic, self._guarded(topic, callback), qos, raw=raw)
+        self._at_cleanup.callback(self.destroy_subscription, subscription)
 
     def _guarded(self, topic: str, callback: Callable[[Any], None]) -> Callable[[Any], None]:
         """Return `callback` with its ValueError counted and logged."""
@@ -187,7 +190,23 @@ class ManagedNode(LifecycleNode):
 
     def serve(self, service_type: Any, name: str, callback: Callable[[Any, Any], Any]) -> None:
         """Offer a service until cleanup."""
-        self._services_offered.append(self.create_service(service_type, name, callback))
+        self._at_cleanup.callback(self.destroy_service, self.create_service(service_type, name, callback))
+
+    def serve_action(self, service_type: Any, name: str, act: Callable[[Any], str]) -> None:
+        """Offer a service that answers with success and a message until cleanup.
+
+        `act` takes the request and returns the message; its ValueError or OSError is that of a
+        failure.
+        """
+
+        def answer(request: Any, response: Any) -> Any:
+            try:
+                response.success, response.message = True, act(request)
+            except (ValueError, OSError) as error:
+                response.success, response.message = False, str(error)
+            return response
+
+        self.serve(service_type, name, answer)
 
     def stream(self, message_type: Any, topic: str, qos: Any) -> SequencedPublisher:
         """Create a publisher that numbers its messages."""
@@ -196,7 +215,7 @@ class ManagedNode(LifecycleNode):
     def publisher(self, message_type: Any, topic: str, qos: Any) -> Publisher:
         """Create a publisher that lasts until cleanup."""
         publisher = self.create_publisher(message_type, topic, qos)
-        self._outputs.append(publisher)
+        self._at_cleanup.callback(self.destroy_publisher, publisher)
         return publisher
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -221,14 +240,14 @@ class ManagedNode(LifecycleNode):
         except ValueError as error:
             self._reason = str(error)
             self.get_logger().error(f"not activated: {error}")
-            self._stop_timers()
+            self._at_deactivation.close()
             return TransitionCallbackReturn.FAILURE
         self._state_name, self._reason = "active", ""
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         self.deactivate()
-        self._stop_timers()
+        self._at_deactivation.close()
         self._state_name = "inactive"
         return super().on_deactivate(state)
 
@@ -257,22 +276,9 @@ class ManagedNode(LifecycleNode):
 
         return change
 
-    def _stop_timers(self) -> None:
-        for timer in self._active_timers:
-            self.destroy_timer(timer)
-        self._active_timers.clear()
-
     def _clear(self) -> None:
-        self._stop_timers()
-        for subscription in self._inputs:
-            self.destroy_subscription(subscription)
-        self._inputs.clear()
-        for publisher in self._outputs:
-            self.destroy_publisher(publisher)
-        self._outputs.clear()
-        for service in self._services_offered:
-            self.destroy_service(service)
-        self._services_offered.clear()
+        self._at_deactivation.close()
+        self._at_cleanup.close()
 
     def _state_health(self) -> Health:
         reasons = "; ".join(self.parameters.reasons) or self._reason

@@ -132,8 +132,7 @@ class ParameterGroups:
         for change in changes:
             if change.name in self._owner:
                 prefix, edge = self._owner[change.name]
-                plain = isinstance(change.value, (bool, int, float, str))
-                by_prefix.setdefault(prefix, {})[edge] = change.value if plain else tuple(change.value)
+                by_prefix.setdefault(prefix, {})[edge] = _plain(change.value)
         return {prefix: self._replaced(prefix, values) for prefix, values in by_prefix.items()}
 
     def _replaced(self, prefix: str, values: dict[str, Any]) -> Params:
@@ -155,13 +154,10 @@ class ParameterGroups:
     def _refuse_late(self, changes: list[Parameter]) -> None:
         """Raise ValueError for a change of what the configured node will not read again."""
         for change in changes if self.configured else ():
-            if change.name in self._owner and change.name not in self._live:
-                present = self._node.get_parameter(change.name).value
-                wanted = change.value if isinstance(change.value, (bool, int, float, str)) else list(change.value)
-                if wanted != (present if isinstance(present, (bool, int, float, str)) else list(present)):
-                    raise ValueError(
-                        f"{change.name} is {_WHEN_CONFIGURED}: deactivate {self._node.get_name()} and clean it up first"
-                    )
+            late = change.name in self._owner and change.name not in self._live
+            if late and _plain(change.value) != _plain(self._node.get_parameter(change.name).value):
+                node = self._node.get_name()
+                raise ValueError(f"{change.name} is {_WHEN_CONFIGURED}: deactivate {node} and clean it up first")
 
     def _apply(self, changes: list[Parameter]) -> None:
         candidates = self._candidates(changes)
@@ -169,6 +165,11 @@ class ParameterGroups:
             self._groups.update(candidates)
             for listener in self._listeners:
                 listener()
+
+
+def _plain(value: Any) -> Any:
+    """Return the value of a parameter, an array as a tuple."""
+    return value if isinstance(value, (bool, int, float, str)) else tuple(value)
 
 
 def _descriptor(item: "dataclasses.Field[Any]", edge: str, live: bool) -> ParameterDescriptor:

@@ -1,7 +1,6 @@
 """The streams of a node: numbers on what it publishes, and counts of what became of its input.
 
-A gap in the numbers is a loss.  A message that a node receives is used, used but found invalid, or
-rejected; the counts and the last reason are on /diagnostics.
+A gap in the numbers is a loss.  What was lost or refused is counted on /diagnostics.
 """
 
 import math
@@ -102,31 +101,3 @@ class Latest:
         while self._raw and seconds_from_raw(self._raw[0]) <= until_s + STAMP_RESOLUTION_S:
             raw = self._raw.popleft()
         return None if raw is None else self._convert(deserialize_message(raw, self._type))
-
-
-class InputOutcomes:
-    """Counts messages while it is open; the level follows the newest message."""
-
-    def __init__(self) -> None:
-        self.open = False
-        self._counts = {"valid": 0, "invalid": 0, "rejected": 0}
-        self._reason = "nothing received yet"
-        self._last_rejection = ""
-
-    def take(self, work: Callable[[], str]) -> None:
-        """Do `work` for one message: it returns why its result is invalid, or raises to reject."""
-        # While the node is inactive, messages are no input.
-        if not self.open:
-            return
-        try:
-            self._reason = work()
-        except ValueError as error:
-            self._reason = self._last_rejection = str(error)
-            self._counts["rejected"] += 1
-            return
-        self._counts["invalid" if self._reason else "valid"] += 1
-
-    def health(self) -> Health:
-        """Return the counts, as a warning while the newest message could not be used."""
-        values = {**self._counts, "last_rejection": self._last_rejection}
-        return Health(WARN if self._reason else OK, self._reason or "input is used", values)

@@ -1,7 +1,4 @@
-"""Numbers on what is sent, counts of what was lost, and the newest message only of a fast stream.
-
-What became of a node's input is counted, and the reason of a refusal is not forgotten.
-"""
+"""Numbers on what is sent, counts of what was lost, and the newest message only of a fast stream."""
 
 import math
 from types import SimpleNamespace
@@ -15,7 +12,7 @@ from sensor_msgs.msg import JointState
 from rf_pointing.nodes import convert
 from rf_pointing.nodes.diagnostics import OK, WARN
 from rf_pointing.nodes.stamps import stamp_from_seconds
-from rf_pointing.nodes.streams import InputCounter, InputOutcomes, Latest, SequencedPublisher
+from rf_pointing.nodes.streams import InputCounter, Latest, SequencedPublisher
 
 
 def message(sequence: int, sensor: str = "") -> Any:
@@ -102,36 +99,3 @@ def test_a_newest_message_that_cannot_be_used_is_dropped() -> None:
     with pytest.raises(ValueError, match="must be finite"):
         latest.take()
     assert latest.take() is None
-
-
-def refuse() -> str:
-    raise ValueError("phase has 3 values")
-
-
-def test_closed_intake_does_nothing() -> None:
-    intake, done = InputOutcomes(), []
-    intake.take(lambda: done.append(1) or "")
-    assert done == []
-    assert intake.health().message == "nothing received yet"
-    assert intake.health().level == WARN
-
-
-def test_valid_invalid_and_rejected_messages_are_told_apart() -> None:
-    intake = InputOutcomes()
-    intake.open = True
-    intake.take(lambda: "")
-    assert (intake.health().level, intake.health().message) == (OK, "input is used")
-    intake.take(lambda: "too weak")
-    assert (intake.health().level, intake.health().message) == (WARN, "too weak")
-    intake.take(refuse)
-    assert intake.health().message == "phase has 3 values"
-    assert intake.health().values == {"valid": 1, "invalid": 1, "rejected": 1, "last_rejection": "phase has 3 values"}
-
-
-def test_last_rejection_stays_visible_after_good_messages() -> None:
-    intake = InputOutcomes()
-    intake.open = True
-    intake.take(refuse)
-    intake.take(lambda: "")
-    assert intake.health().level == OK
-    assert intake.health().values["last_rejection"] == "phase has 3 values"

@@ -20,10 +20,10 @@ from rf_pointing.array_sensors.doa.attitude_filter import DoaAttitudeParams
 from rf_pointing.array_sensors.doa.attitude_start import StartParams
 from rf_pointing.array_sensors.doa.estimator import DoaEstimatorParams
 from rf_pointing.array_sensors.nodes import convert
+from rf_pointing.array_sensors.nodes.input_outcomes import InputOutcomes
 from rf_pointing.nodes.main_loop import run
 from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.qos import STREAM
-from rf_pointing.nodes.streams import InputOutcomes
 
 SILENCE_S = 2.0
 """Without a block for this long, the attitude is carried on by the known torques and published all

@@ -22,11 +22,11 @@ from rf_pointing.array_sensors.doa.array_source import ArraySourceParams
 from rf_pointing.array_sensors.doa.simulated_doa import DoaScenarioParams, SimulatedDoa
 from rf_pointing.array_sensors.doa.simulated_satellite import NadirHoldParams
 from rf_pointing.array_sensors.nodes import convert
+from rf_pointing.array_sensors.nodes.input_outcomes import InputOutcomes
 from rf_pointing.core import Params, parameter
 from rf_pointing.nodes.main_loop import run
 from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.qos import STREAM
-from rf_pointing.nodes.streams import InputOutcomes
 
 
 @dataclass(frozen=True, kw_only=True)

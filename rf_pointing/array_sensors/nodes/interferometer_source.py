@@ -18,11 +18,11 @@ from rf_pointing.array_sensors.interferometer.motion import DockingApproach
 from rf_pointing.array_sensors.interferometer.radio import LinkParams, RadioParams
 from rf_pointing.array_sensors.interferometer.system import ArrayParams, CarrierPlan, InterferometerSystem, Schedule
 from rf_pointing.array_sensors.nodes import convert
+from rf_pointing.array_sensors.nodes.input_outcomes import InputOutcomes
 from rf_pointing.core import Params, parameter
 from rf_pointing.nodes.main_loop import run
 from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.qos import STREAM
-from rf_pointing.nodes.streams import InputOutcomes
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,13 +9,13 @@ from rf_pointing_msgs.msg import Attitude, TripulseMeasurement
 
 from rf_pointing.array_sensors.attitude.ground_stations import GroundNetworkParams
 from rf_pointing.array_sensors.nodes import convert
+from rf_pointing.array_sensors.nodes.input_outcomes import InputOutcomes
 from rf_pointing.array_sensors.tripulse.geostationary_scene import GeostationaryParams
 from rf_pointing.array_sensors.tripulse.station_attitude import StationAttitudeParams
 from rf_pointing.array_sensors.tripulse.system import EpochParams, TripulseAttitude, attitude_report
 from rf_pointing.nodes.main_loop import run
 from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.qos import STREAM
-from rf_pointing.nodes.streams import InputOutcomes
 
 
 class TripulseAttitudeNode(ManagedNode):

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from rf_pointing_msgs.msg import TripulseFrame, TripulseMeasurement
 
 from rf_pointing.array_sensors.nodes import convert
+from rf_pointing.array_sensors.nodes.input_outcomes import InputOutcomes
 from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams
 from rf_pointing.array_sensors.tripulse.receiver import TripulseReceiver, TripulseReceiverParams
 from rf_pointing.array_sensors.tripulse.signal import TripulseSignalParams
@@ -19,7 +20,6 @@ from rf_pointing.core import Params, parameter
 from rf_pointing.nodes.main_loop import run
 from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.qos import STREAM
-from rf_pointing.nodes.streams import InputOutcomes
 
 
 @dataclass(frozen=True, kw_only=True)

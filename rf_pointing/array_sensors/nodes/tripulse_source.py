@@ -13,6 +13,7 @@ from rf_pointing_msgs.msg import TripulseFrame
 
 from rf_pointing.array_sensors.attitude.ground_stations import GroundNetworkParams
 from rf_pointing.array_sensors.nodes import convert
+from rf_pointing.array_sensors.nodes.input_outcomes import InputOutcomes
 from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams
 from rf_pointing.array_sensors.tripulse.geostationary_scene import GeostationaryParams, WobbleParams
 from rf_pointing.array_sensors.tripulse.signal import TripulseSignalParams
@@ -22,7 +23,6 @@ from rf_pointing.core import Params, parameter
 from rf_pointing.nodes.main_loop import run
 from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.qos import STREAM
-from rf_pointing.nodes.streams import InputOutcomes
 
 
 @dataclass(frozen=True, kw_only=True)
