@@ -1,6 +1,6 @@
 """From a bag to a report: `report.html`, and next to it `summary.json` and the pictures."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from rf_pointing.report.analysis import analyse
@@ -40,7 +40,7 @@ def write_report(bag_path: Path | str, output_dir: Path | str, *, namespace: str
     return summary
 
 
-def page(summary: Summary, pictures: Sequence[Picture]) -> str:
+def page(summary: Summary, pictures: Mapping[Path, Picture]) -> str:
     """Return the HTML text of the report; pictures are embedded."""
     found = summary.target_pass
     lost = [
