@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from rf_pointing.report import BagWriter, write_report
+from rf_pointing.report import write_report
 from rf_pointing.report.analysis import analyse
-from rf_pointing.report.bag_writer import LOST_NOTE, PROBLEM_NOTE
+from rf_pointing.report.bag_writer import LOST_NOTE, PROBLEM_NOTE, BagWriter
 from rf_pointing.report.definitions import Definitions
 from rf_pointing.report.recording import read_recording
 from rf_pointing.report.statistics import summarize
