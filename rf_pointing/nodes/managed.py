@@ -89,11 +89,6 @@ class ManagedNode(LifecycleNode):
         # rclpy has no public way to guard the transitions of its own service.
         self._service_change_state.callback = self._refusing_the_impossible(self._service_change_state.callback)
 
-    @property
-    def active(self) -> bool:
-        """Whether the node is active."""
-        return self._state_name == "active"
-
     def configure(self) -> None:
         """Build the core and the topics; ValueError refuses the configuration with its message."""
 

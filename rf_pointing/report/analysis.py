@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from rf_pointing.core import MDEG, gaussian_loss_db
 from rf_pointing.core.modes import Mode
 from rf_pointing.report.recording import Pass, Recording
-from rf_pointing.report.summary import Acquisition, ErrorStatistics, Spread
+from rf_pointing.report.summary import Acquisition, ErrorStatistics, Spread, reduced
 from rf_pointing.tracking.sensors import SENSORS
 
 Ints = NDArray[np.int64]
@@ -160,7 +160,6 @@ def statistics_of(error_rad: Floats, beamwidth_rad: Floats) -> ErrorStatistics:
     """Return the statistics of errors (n, 2) seen by beams (n,), all null when n is 0."""
     radial = np.hypot(error_rad[:, 0], error_rad[:, 1])
     loss = gaussian_loss_db(radial, beamwidth_rad)
-    loss = loss[np.isfinite(loss)]
     # Without a known beam nothing is inside or outside of it.
     inside = (radial <= 0.5 * beamwidth_rad)[np.isfinite(beamwidth_rad)]
     return ErrorStatistics(
@@ -168,15 +167,15 @@ def statistics_of(error_rad: Floats, beamwidth_rad: Floats) -> ErrorStatistics:
         cross_elevation=_spread(error_rad[:, 0]),
         elevation=_spread(error_rad[:, 1]),
         radial=_spread(radial),
-        mean_loss_db=float(np.mean(loss)) if len(loss) else None,
-        max_loss_db=float(np.max(loss)) if len(loss) else None,
+        mean_loss_db=reduced(np.mean, loss),
+        max_loss_db=reduced(np.max, loss),
         inside_half_power_percent=100.0 * float(np.mean(inside)) if len(inside) else None,
     )
 
 
 def _spread(error_rad: Floats) -> Spread:
     if len(error_rad) == 0:
-        return Spread(rms_mdeg=None, p95_mdeg=None, max_mdeg=None)
+        return Spread()
     magnitude = np.abs(error_rad) / MDEG
     return Spread(
         rms_mdeg=float(np.sqrt(np.mean(np.square(magnitude)))),
@@ -243,8 +242,7 @@ def _acquisition(recording: Recording, modes: Timeline | None) -> tuple[int | No
     sensed = recording.get("pointing_error")
     begin, name = _begin(recording, modes)
     if sensed is None or sensed.stamp_ns is None or modes is None or begin is None:
-        nothing = Acquisition(measured_from=name, first_valid_s=None, settled_s=None, settled_below_mdeg=None)
-        return None, nothing
+        return None, Acquisition(measured_from=name)
     order = np.argsort(sensed.stamp_ns, kind="stable")
     order = order[sensed["valid"][order] & (sensed.stamp_ns[order] >= begin)]
     stamps = sensed.stamp_ns[order]

@@ -4,6 +4,7 @@ A full disk does not disturb the caller: writing stops, later messages are count
 lost, and `close` leaves a bag of everything that reached the disk.
 """
 
+import copy
 import json
 import shutil
 from array import array
@@ -46,9 +47,8 @@ class BagResult:
 
     path: Path
     counts: dict[str, int]
-    lost: tuple[TopicLoss, ...]
-    problem: str
-    readable: bool
+    lost: tuple[TopicLoss, ...] = ()
+    problem: str = ""
 
     @property
     def message_count(self) -> int:
@@ -105,11 +105,6 @@ class BagWriter:
         """Why recording stopped early; empty while it runs."""
         return self._problem
 
-    @property
-    def lost_count(self) -> int:
-        """Messages refused so far since recording stopped."""
-        return sum(len(times) for times in self._rejected.values())
-
     def register(self, topic: str, type_name: str, qos: Sequence[Qos] = ()) -> None:
         """Announce `topic` of `type_name` with the profiles its publishers offer.
 
@@ -120,16 +115,13 @@ class BagWriter:
         """
         if topic in self._connections or topic in self._late:
             raise ValueError(f"topic={topic!r} is registered already")
-        self._definitions.require(type_name)
+        msgdef = self._definitions.schema(type_name)
+        rihs01 = self._definitions.type_hash(type_name)
         if self._problem:
             self._late.add(topic)
             return
         self._connections[topic] = self._writer.add_connection(
-            topic,
-            type_name,
-            msgdef=self._definitions.schema(type_name),
-            rihs01=self._definitions.type_hash(type_name),
-            offered_qos_profiles=list(qos),
+            topic, type_name, msgdef=msgdef, rihs01=rihs01, offered_qos_profiles=list(qos)
         )
 
     def write(self, topic: str, log_time_ns: int, data: bytes | memoryview) -> None:
@@ -181,8 +173,7 @@ class BagWriter:
         if not self._problem:
             try:
                 self._writer.close()
-                counts = {topic: len(self._accepted[topic]) for topic in self._connections}
-                return BagResult(path=self.path, counts=counts, lost=(), problem="", readable=True)
+                return BagResult(self.path, {topic: len(self._accepted[topic]) for topic in self._connections})
             except OSError as error:
                 self._stop(error)
         return self._rescued()
@@ -207,11 +198,11 @@ class BagWriter:
         lost = tuple(self._losses(counts))
         try:
             times = (min(tail.times, default=0), max(tail.times, default=0))
-            _write_metadata(data, self._connections.values(), counts, times, self._notes | _loss_notes(problem, lost))
-            readable = tail.usable_bytes > 0
+            loss_notes = {PROBLEM_NOTE: problem, LOST_NOTE: json.dumps([vars(item) for item in lost])}
+            _write_metadata(data, self._connections.values(), counts, times, self._notes | loss_notes)
         except OSError as error:
-            problem, readable = f"{problem}; metadata.yaml could not be written: {error}", False
-        return BagResult(path=self.path, counts=counts, lost=lost, problem=problem, readable=readable)
+            problem = f"{problem}; metadata.yaml could not be written: {error}"
+        return BagResult(self.path, counts, lost, problem)
 
     def _losses(self, counts: Mapping[str, int]) -> list[TopicLoss]:
         losses = []
@@ -221,10 +212,6 @@ class BagWriter:
             if missing:
                 losses.append(TopicLoss(topic=topic, count=len(missing), first_log_time_ns=missing[0]))
         return losses
-
-
-def _loss_notes(problem: str, lost: Sequence[TopicLoss]) -> dict[str, str]:
-    return {PROBLEM_NOTE: problem, LOST_NOTE: json.dumps([vars(item) for item in lost])}
 
 
 def _write_metadata(
@@ -239,30 +226,26 @@ def _write_metadata(
     `counts` are the messages in the file by topic, `times_ns` the first and the last log time.
     """
     # Fields and names of rosbag2 metadata version 9 (Jazzy), as rosbags writes them.
-    start = {"nanoseconds_since_epoch": times_ns[0]}
-    duration = {"nanoseconds": times_ns[1] - times_ns[0]}
-    total = sum(counts.values())
+    span = {
+        "starting_time": {"nanoseconds_since_epoch": times_ns[0]},
+        "duration": {"nanoseconds": times_ns[1] - times_ns[0]},
+        "message_count": sum(counts.values()),
+    }
     information = {
         "version": 9,
         "storage_identifier": "mcap",
-        "duration": duration,
-        "starting_time": start,
-        "message_count": total,
+        **span,
         "topics_with_message_count": [_topic(item, counts.get(item.topic, 0)) for item in connections],
         "compression_format": "",
         "compression_mode": "",
         "relative_file_paths": [mcap.name],
-        "files": [{"path": mcap.name, "starting_time": start, "duration": duration, "message_count": total}],
+        # A copy: an object used twice would be written as an alias.
+        "files": [{"path": mcap.name, **copy.deepcopy(span)}],
         "custom_data": dict(notes) or None,
         "ros_distro": "rosbags",
     }
-    text = yaml.dump({"rosbag2_bagfile_information": information}, Dumper=_PlainDumper, sort_keys=False)
+    text = yaml.safe_dump({"rosbag2_bagfile_information": information}, sort_keys=False)
     (mcap.parent / "metadata.yaml").write_text(text, encoding="utf-8")
-
-
-class _PlainDumper(yaml.SafeDumper):  # type: ignore[misc]
-    def ignore_aliases(self, data: Any) -> bool:  # noqa: ARG002
-        return True
 
 
 def _topic(connection: Connection, count: int) -> dict[str, Any]:

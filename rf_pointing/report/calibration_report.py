@@ -2,8 +2,10 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rf_pointing.calibration import (
     EXTENSION_TERMS,
@@ -17,12 +19,15 @@ from rf_pointing.calibration import (
 from rf_pointing.core import MDEG
 from rf_pointing.core.dates import to_utc_text
 from rf_pointing.core.whole_file import write_whole
-from rf_pointing.report.calibration_pictures import draw_correlation, draw_coverage, draw_histogram, draw_residuals
-from rf_pointing.report.html import Cell, document, figure, number, table, text
+from rf_pointing.report.html import Cell, render
+from rf_pointing.report.picture_style import AXIS_COLOURS, LIMIT_COLOUR, figure, legend_above
 
+Array = NDArray[np.float64]
+
+AXIS_NAMES = ("cross-elevation", "elevation")
+THIN_COLOUR = "#f4c9b8"
 # People read millidegrees and milliseconds: in rad and s all coefficients are 0.00.
 _UNITS = {"rad": ("mdeg", 1.0 / MDEG), "s": ("ms", 1e3), "s^2": ("10⁻³ s²", 1e3), "rad/K": ("mdeg/K", 1.0 / MDEG)}
-_MOST_REJECTED = 20
 
 
 def write_calibration_report(
@@ -31,7 +36,6 @@ def write_calibration_report(
     fit: FitResult,
     *,
     name: str,
-    rule: SectorRule | None = None,
     stages: Sequence[StageReport] = (),
     notes: Sequence[str] = (),
     remarks: Sequence[str] = (),
@@ -45,129 +49,165 @@ def write_calibration_report(
         raise ValueError(f"points={len(points)} must be the {len(fit.used)} observations of the fit")
     place = Path(folder)
     place.mkdir(parents=True, exist_ok=True)
-    chosen = rule or SectorRule()
-    pictures = (
-        (
-            "coverage",
-            "Sky coverage",
-            "Observations in each of the sectors; zenith in the middle. Tinted sectors are thin.",
-        ),
-        ("residuals", "Residuals", "Observed minus ephemeris above, what the fit leaves over below."),
-        ("histogram", "Distribution", "Used observations only; the curves have the rms of the residuals."),
-        ("correlation", "Correlation of the terms", "These data do not separate terms beyond 0.95."),
-    )
-    draw_coverage(points, fit.used, chosen, place / "coverage.png")
-    draw_residuals(points, fit, place / "residuals.png")
-    draw_histogram(points, fit, place / "histogram.png")
-    draw_correlation(fit, place / "correlation.png")
-    parts = [
-        f"<h1>Pointing model {text(name)}</h1>",
-        f'<p class="soft">{text(fit.station)}, {text(fit.band)} band; {text(_span(fit))}. '
-        f"{text(fit.form.capitalize())} form.</p>",
-        _tiles(points, fit, chosen),
-        *(f"<p>{text(remark)}.</p>" for remark in remarks),
-        _notice(fit, points, chosen, notes),
-        *(
-            figure(place / f"{stem}.png", title, caption, narrow=stem in ("coverage", "correlation"))
-            for stem, title, caption in pictures
-        ),
-        _coefficients(fit),
-        _stages(stages),
-        _pass_errors(fit),
-        _rejected(fit),
-    ]
-    target = place / "report.html"
-    write_whole(target, document(f"Pointing model {name}", parts))
-    return target
-
-
-def _span(fit: FitResult) -> str:
-    first, last = (to_utc_text(t_s)[:19].replace("T", " ") for t_s in (fit.first_t_s, fit.last_t_s))
-    return f"data from {first} to {last} UTC"
-
-
-def _tiles(points: Observations, fit: FitResult, rule: SectorRule) -> str:
-    before = np.stack([points.residual_azimuth_rad * fit.cos_elevation, points.residual_elevation_rad])[:, fit.used]
-    rms_before = np.sqrt(np.mean(before**2, axis=1)) / MDEG
-    rms_after = [value / MDEG for value in fit.rms_rad()]
+    rule = SectorRule()
     coverage = rule.coverage(points.true_azimuth_rad, points.true_elevation_rad)
-    full = rule.count - len(coverage.thin)
-    tiles = [
-        (f"{number(rms_before[0])} / {number(rms_before[1])} mdeg", "rms before, cross-elevation / elevation", ""),
-        (f"{number(rms_after[0])} / {number(rms_after[1])} mdeg", "rms after, cross-elevation / elevation", ""),
-        (f"{int(np.sum(fit.used))} of {len(fit.used)}", f"observations used, of {fit.passes} passes", ""),
-        (f"{full} of {rule.count}", "sectors filled", "good" if full == rule.count else "bad"),
-        (number(fit.condition), "condition number", ""),
-        (f"{fit.variance_azimuth:.2f} / {fit.variance_elevation:.2f}", "mean squared residual over stated noise", ""),
-    ]
-    return f'<div class="tiles">{"".join(_tile(*tile) for tile in tiles)}</div>'
-
-
-def _tile(value: str, label: str, kind: str) -> str:
-    return f'<div class="tile {kind}"><b>{value}</b><span>{text(label)}</span></div>'
-
-
-def _notice(fit: FitResult, points: Observations, rule: SectorRule, notes: Sequence[str]) -> str:
-    coverage = rule.coverage(points.true_azimuth_rad, points.true_elevation_rad)
-    # Before the pictures: a low rms is no reason to trust terms that these data do not determine.
-    items = [*notes, *doubts_of(fit, points), *fit.separation_advice()]
+    doubts = [*notes, *doubts_of(fit, points), *fit.separation_advice()]
     if coverage.thin:
         thin = ", ".join(f"{rule.name(k)} ({coverage.counts[k]})" for k in coverage.thin[:6])
         more = f" and {len(coverage.thin) - 6} more" if len(coverage.thin) > 6 else ""
-        items.append(f"sectors with fewer than {rule.fewest} observations: {thin}{more}")
-    if not items:
-        return ""
-    listed = "".join(f"<li>{text(item)}</li>" for item in items)
-    return f'<div class="notice"><b>What these data do not tell</b><ul>{listed}</ul></div>'
+        doubts.append(f"sectors with fewer than {rule.fewest} observations: {thin}{more}")
+    draw_coverage(points, fit.used, rule, place / "coverage.png")
+    draw_residuals(points, fit, place / "residuals.png")
+    draw_histogram(points, fit, place / "histogram.png")
+    draw_correlation(fit, place / "correlation.png")
+    page = render(
+        "calibration.html",
+        title=f"Pointing model {name}",
+        folder=place,
+        fit=fit,
+        first_utc=to_utc_text(fit.first_t_s),
+        last_utc=to_utc_text(fit.last_t_s),
+        rms_before_mdeg=np.sqrt(np.mean(_before(points)[:, fit.used] ** 2, axis=1)) / MDEG,
+        rms_after_mdeg=np.array(fit.rms_rad()) / MDEG,
+        sectors=rule.count,
+        filled=rule.count - len(coverage.thin),
+        remarks=remarks,
+        doubts=doubts,
+        coefficients=_coefficients(fit),
+        stages=[
+            (i.stage, i.before, i.after, ", ".join(f"{n} {why}" for why, n in i.dropped.items() if n), i.note)
+            for i in stages
+        ],
+        pass_errors=_pass_errors(fit),
+        rejected=[(str(one.row), str(one.pass_id), one.reason) for one in fit.rejected],
+    )
+    write_whole(place / "report.html", page)
+    return place / "report.html"
 
 
-def _coefficients(fit: FitResult) -> str:
+def _coefficients(fit: FitResult) -> list[Sequence[Cell]]:
     known = {term.name: term for term in (*TERMS, *EXTENSION_TERMS)}
     rows: list[Sequence[Cell]] = []
-    for term_name, value in fit.coefficients.items():
-        unit, scale = _UNITS[known[term_name].unit]
-        sigma = fit.sigma_of(term_name) if term_name in fit.names else None
-        ratio = abs(value) / sigma if sigma else None
-        rows.append(
-            (
-                term_name.replace("_", " "),
-                unit,
-                f"{value * scale:.2f}",
-                "fixed" if sigma is None else f"{sigma * scale:.2f}",
-                None if ratio is None else f"{ratio:.1f}",
-            )
-        )
-    head = ("term", "unit", "value", "σ", "value / σ")
-    return f"<h2>Coefficients</h2><p>Observed = true + model(true).</p>{table(head, rows, words=(0, 1))}"
+    for name, value in fit.coefficients.items():
+        unit, scale = _UNITS[known[name].unit]
+        sigma = fit.sigma_of(name) if name in fit.names else None
+        shown = "fixed" if sigma is None else f"{sigma * scale:.2f}"
+        ratio = f"{abs(value) / sigma:.1f}" if sigma else None
+        rows.append((name.replace("_", " "), unit, f"{value * scale:.2f}", shown, ratio))
+    return rows
 
 
-def _stages(stages: Sequence[StageReport]) -> str:
-    if not stages:
-        return ""
-    rows = [
-        (one.stage, one.before, one.after, ", ".join(f"{n} {why}" for why, n in one.dropped.items() if n), one.note)
-        for one in stages
-    ]
-    return f"<h2>From samples to observations</h2>{table(('stage', 'in', 'out', 'dropped', 'note'), rows, words=(0, 3, 4))}"
-
-
-def _pass_errors(fit: FitResult) -> str:
+def _pass_errors(fit: FitResult) -> list[Sequence[str]]:
+    """Return the head and the rows of the table, nothing where no pass error was estimated."""
     if not fit.pass_errors:
-        return ""
+        return []
     names = tuple(fit.pass_errors[0].values)
-    rows = [
-        (str(one.pass_id), *(f"{one.values[name]:.3g} ± {one.sigma[name]:.2g}" for name in names))
-        for one in fit.pass_errors
+    return [
+        ("pass", *(name.replace("_", " ") for name in names)),
+        *((str(i.pass_id), *(f"{i.values[n]:.3g} ± {i.sigma[n]:.2g}" for n in names)) for i in fit.pass_errors),
     ]
-    head = ("pass", *(name.replace("_", " ") for name in names))
-    return f"<h2>Orbit and clock errors of the passes</h2>{table(head, rows)}"
 
 
-def _rejected(fit: FitResult) -> str:
-    if not fit.rejected:
-        return ""
-    rows = [(str(one.row), str(one.pass_id), one.reason) for one in fit.rejected[:_MOST_REJECTED]]
-    more = len(fit.rejected) - len(rows)
-    rest = f"<p>and {more} more.</p>" if more > 0 else ""
-    share = 100.0 * len(fit.rejected) / len(fit.used)
-    return f"<h2>Edited out: {share:.1f} %</h2>{table(('row', 'pass', 'why'), rows, words=(0, 1, 2))}{rest}"
+def draw_coverage(points: Observations, used: NDArray[np.bool_], rule: SectorRule, path: Path) -> None:
+    """Sky with zenith in the middle: sectors with their counts, thin ones tinted, and points."""
+    coverage = rule.coverage(points.true_azimuth_rad, points.true_elevation_rad)
+    with figure(path, 7.0, 7.0) as drawn:
+        axes = drawn.add_subplot(projection="polar")
+        axes.set(theta_zero_location="N", theta_direction=-1, ylim=(0.0, 90.0), yticks=(10, 30, 60, 80))
+        axes.set_yticklabels(["80°", "60°", "30°", "10°"], fontsize=8.0, color=LIMIT_COLOUR)
+        width = 2.0 * np.pi / rule.azimuth_sectors
+        for sector, count in enumerate(coverage.counts.tolist()):
+            band, column = divmod(sector, rule.azimuth_sectors)
+            low, high = (90.0 - np.degrees(edge) for edge in rule.elevation_edges_rad[band : band + 2])
+            colour = THIN_COLOUR if sector in coverage.thin else "none"
+            place = (column + 0.5) * width
+            axes.bar(place, low - high, width, bottom=high, color=colour, edgecolor="#888888", lw=0.7, zorder=0.5)
+            axes.text(place, 0.5 * (low + high), str(count), ha="center", va="center", fontsize=8.0, zorder=4.0,
+                      bbox={"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.8})  # fmt: skip
+        for rows, colour, label in ((used, AXIS_COLOURS[0], "used"), (~used, AXIS_COLOURS[1], "edited out")):
+            if np.any(rows):
+                zenith = 90.0 - np.degrees(points.true_elevation_rad[rows])
+                # Above the bars: points under them would look like missing data.
+                axes.plot(points.true_azimuth_rad[rows], zenith, ".", ms=2.0, color=colour, label=label, zorder=3.0)
+        axes.legend(loc="lower left", bbox_to_anchor=(-0.05, -0.05), markerscale=4.0)
+
+
+def draw_residuals(points: Observations, fit: FitResult, path: Path) -> None:
+    """Residuals before the fit above, after it below, over azimuth, elevation and time."""
+    hours = (points.t_s - points.t_s.min()) / 3600.0
+    over = (
+        (np.degrees(np.mod(points.true_azimuth_rad, 2.0 * np.pi)), "azimuth, deg"),
+        (np.degrees(points.true_elevation_rad), "elevation, deg"),
+        (hours if hours.max() > 2.0 else 60.0 * hours, f"time, {'h' if hours.max() > 2.0 else 'min'}"),
+    )
+    with figure(path, 11.0, 6.0) as drawn:
+        grid = drawn.subplots(2, 3, sharex="col", sharey="row")
+        for row, (values, name) in enumerate(((_before(points), "before"), (_after(fit), "after"))):
+            for column, (x, label) in enumerate(over):
+                axes = grid[row][column]
+                for axis in (0, 1):
+                    axes.plot(x, values[axis] / MDEG, ".", ms=2.5, color=AXIS_COLOURS[axis], label=AXIS_NAMES[axis])
+                axes.axhline(0.0, color="#888888", lw=0.7)
+                if row == 1:
+                    axes.set_xlabel(label)
+            # Of the used rows only: one outlier of degrees would flatten all others to a line.
+            limit = 1.15 * float(np.max(np.abs(values[:, fit.used]))) / MDEG
+            grid[row][0].set(ylabel=f"{name}, mdeg on the sky", ylim=(-limit, limit))
+        legend_above(grid[0][0])
+        for handle in grid[0][0].get_legend().legend_handles:
+            handle.set_markersize(7.0)
+
+
+def draw_histogram(points: Observations, fit: FitResult, path: Path) -> None:
+    """Distribution of the residuals before and after, with the normal curve of that rms."""
+    with figure(path, 10.0, 3.8) as drawn:
+        left, right = drawn.subplots(1, 2)
+        for axes, values, name in ((left, _before(points), "before"), (right, _after(fit), "after")):
+            _histogram(axes, values[:, fit.used] / MDEG, AXIS_NAMES if axes is left else ("_", "_"))
+            axes.set(xlabel=f"{name}, mdeg on the sky", ylabel="observations")
+        _normal(right, _after(fit)[:, fit.used] / MDEG)
+        legend_above(left)
+        legend_above(right)
+
+
+def draw_correlation(fit: FitResult, path: Path) -> None:
+    """Correlation matrix of the fitted terms; values of 0.5 and more are written."""
+    names = [name.replace("_", " ") for name in fit.names]
+    size = 2.8 + 0.42 * len(names)
+    with figure(path, size + 1.0, size) as drawn:
+        axes = drawn.add_subplot()
+        image = axes.imshow(fit.correlation, cmap="RdBu_r", vmin=-1.0, vmax=1.0)
+        axes.set_xticks(range(len(names)), names, rotation=90, fontsize=8.5)
+        axes.set_yticks(range(len(names)), names, fontsize=8.5)
+        axes.grid(visible=False)
+        for i, j in np.argwhere(np.abs(fit.correlation) >= 0.5):
+            if i != j:
+                value = fit.correlation[i, j]
+                colour = "white" if abs(value) > 0.75 else "black"
+                axes.text(j, i, f"{value:.2f}", ha="center", va="center", fontsize=7.5, color=colour)
+        drawn.colorbar(image, ax=axes, label="correlation", shrink=0.8)
+
+
+def _before(points: Observations) -> Array:
+    across = points.residual_azimuth_rad * np.cos(points.true_elevation_rad)
+    return np.stack([across, points.residual_elevation_rad])
+
+
+def _after(fit: FitResult) -> Array:
+    return np.stack([fit.residual_azimuth_rad * fit.cos_elevation, fit.residual_elevation_rad])
+
+
+def _histogram(axes: Any, values: Array, names: tuple[str, str]) -> None:
+    edges = np.linspace(float(values.min()), float(values.max()), 41)
+    for axis in (0, 1):
+        axes.hist(values[axis], edges, histtype="stepfilled", color=AXIS_COLOURS[axis], alpha=0.45, label=names[axis])
+
+
+def _normal(axes: Any, values: Array) -> None:
+    low, high = axes.get_xlim()
+    x = np.linspace(low, high, 201)
+    step = (float(values.max()) - float(values.min())) / 40.0
+    for axis in (0, 1):
+        rms = float(np.sqrt(np.mean(values[axis] ** 2)))
+        curve = values.shape[1] * step / (rms * np.sqrt(2.0 * np.pi)) * np.exp(-0.5 * (x / rms) ** 2)
+        axes.plot(x, curve, color=AXIS_COLOURS[axis], lw=1.4, label=f"normal, {rms:.2f} mdeg rms")

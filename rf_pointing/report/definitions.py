@@ -24,12 +24,11 @@ class Definitions:
     typestore: Typestore
     texts: dict[str, str]
 
-    def require(self, type_name: str) -> None:
-        """Raise ValueError unless `type_name` and everything it contains is defined."""
-        self.schema(type_name)
-
     def schema(self, type_name: str) -> str:
-        """Return the definition of `type_name` and of those it contains, as rosbag2 stores it."""
+        """Return the definition of `type_name` and of those it contains, as rosbag2 stores it.
+
+        Raises ValueError unless all of them are defined.
+        """
         try:
             # Generated text has no comments; ours have the units, so they replace it part by part.
             generated, _ = self.typestore.generate_msgdef(type_name, ros_version=2)
@@ -43,7 +42,7 @@ class Definitions:
     def type_hash(self, type_name: str) -> str:
         """Return the RIHS01 hash of `type_name`, the one that the middleware announces."""
         # The hash of an incomplete type would be wrong without an error.
-        self.require(type_name)
+        self.schema(type_name)
         return self.typestore.hash_rihs01(type_name)
 
     def _with_comments(self, part: str) -> str:
@@ -87,42 +86,22 @@ def _package_texts(folder: Path) -> dict[str, str]:
 _INFINITE = QosTime(9223372036, 854775807)
 
 
-def offered_qos(
-    *,
-    depth: int = 10,
-    reliability: str = "reliable",
-    durability: str = "volatile",
-    history: str = "keep_last",
-    deadline_ns: int | None = None,
-    lifespan_ns: int | None = None,
-) -> Qos:
-    """Return one offered profile, in the names of `ros2 topic info -v`; None is infinite."""
+def qos_from_profile(profile: Any) -> Qos:
+    """Return the offered profile of a QoS profile of rclpy, read by the names of its attributes."""
     return Qos(
-        history=QosHistory[history.upper()],
-        depth=depth,
-        reliability=QosReliability[reliability.upper()],
-        durability=QosDurability[durability.upper()],
-        deadline=_duration(deadline_ns),
-        lifespan=_duration(lifespan_ns),
+        history=QosHistory[profile.history.name],
+        depth=profile.depth,
+        reliability=QosReliability[profile.reliability.name],
+        durability=QosDurability[profile.durability.name],
+        deadline=_duration(profile.deadline.nanoseconds),
+        lifespan=_duration(profile.lifespan.nanoseconds),
         liveliness=QosLiveliness.AUTOMATIC,
         liveliness_lease_duration=_INFINITE,
         avoid_ros_namespace_conventions=False,
     )
 
 
-def qos_from_profile(profile: Any) -> Qos:
-    """Return the offered profile of a QoS profile of rclpy, read by the names of its attributes."""
-    return offered_qos(
-        depth=profile.depth,
-        reliability=profile.reliability.name,
-        durability=profile.durability.name,
-        history=profile.history.name,
-        deadline_ns=profile.deadline.nanoseconds,
-        lifespan_ns=profile.lifespan.nanoseconds,
-    )
-
-
-def _duration(nanoseconds: int | None) -> QosTime:
+def _duration(nanoseconds: int) -> QosTime:
     # A profile has 0 for "not set"; the graph and the recorder of ROS write that as infinite.
     if not nanoseconds or nanoseconds >= _INFINITE.sec * 10**9:
         return _INFINITE

@@ -4,17 +4,14 @@ Values that a template shows are escaped; numbers have a fixed number of signifi
 """
 
 import base64
-from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
-from markupsafe import Markup, escape
 
 from rf_pointing.report.summary import ErrorStatistics
 
 Cell = str | float | int | None
-_ABSENT = "–"
 
 
 def render(template: str, **values: Any) -> str:
@@ -22,30 +19,10 @@ def render(template: str, **values: Any) -> str:
     return _TEMPLATES.get_template(template).render(**values)
 
 
-def document(title: str, parts: Iterable[str]) -> str:
-    """Return a whole page of `parts` of HTML, empty ones omitted."""
-    return render("page.html", title=title, parts=[Markup(part) for part in parts])
-
-
-def figure(path: Path, title: str, caption: str, *, narrow: bool = False) -> str:
-    """Return the PNG at `path`, embedded, between its title and its caption."""
-    return str(_PARTS.figure(path, title, caption, narrow))
-
-
-def table(head: Sequence[str], rows: Iterable[Sequence[Cell]], *, words: Sequence[int] = (0,)) -> str:
-    """Return a table; its columns in `words` hold text, the others numbers."""
-    return str(_PARTS.table(head, rows, words))
-
-
-def text(value: object) -> str:
-    """Return `value` escaped for HTML."""
-    return str(escape(str(value)))
-
-
 def number(value: float | int | None, digits: int = 3) -> str:
     """Return a number with `digits` significant figures and no powers of ten; a dash for None."""
     if value is None:
-        return _ABSENT
+        return "–"
     if isinstance(value, int):
         return f"{value:,}".replace(",", "\u202f")
     if value == 0.0:
@@ -79,4 +56,3 @@ _TEMPLATES = Environment(
     undefined=StrictUndefined,
 )
 _TEMPLATES.filters |= {"number": number, "rms": _rms, "clock": _clock, "base64": _base64}
-_PARTS: Any = _TEMPLATES.get_template("parts.html").module

@@ -8,7 +8,10 @@ from typing import Any
 import numpy as np
 
 from rf_pointing.identification import CrossCheck, Recording, ResponseStudy, StraightCheck, modes_of, save_models
-from rf_pointing.report.identification_pictures import LEAST_COHERENCE, draw_response
+from rf_pointing.report.picture_style import AXIS_COLOURS, DASHED, LIMIT_COLOUR, figure, marked_level
+
+LEAST_COHERENCE = 0.8
+_MEASURED, _MODEL = AXIS_COLOURS
 
 
 def save_recordings(path: Path, recordings: Mapping[str, Recording]) -> None:
@@ -67,3 +70,37 @@ def _band(response: ResponseStudy) -> tuple[float, float] | None:
         return response.measured.valid_band_hz(LEAST_COHERENCE)
     except ValueError:
         return None
+
+
+def draw_response(path: Path, response: ResponseStudy) -> None:
+    """Save magnitude, phase, coherence and Hankel singular values of one response as PNG."""
+    measured = response.measured
+    shown = measured.frequency_hz > 0.0
+    frequency = measured.frequency_hz[shown]
+    modelled = response.identified.model.response(frequency)[:, 0, 0]
+    with figure(path, 8.0, 9.0) as drawn:
+        magnitude, phase, coherence, hankel = drawn.subplots(4, 1, height_ratios=(3, 2, 2, 2))
+        for values, colour, width, label in (
+            (measured.response[shown], _MEASURED, 0.7, "measured"),
+            (modelled, _MODEL, 1.4, "model"),
+        ):
+            magnitude.semilogx(frequency, 20.0 * np.log10(np.abs(values)), color=colour, lw=width, label=label)
+            phase.semilogx(frequency, np.degrees(np.angle(values)), color=colour, lw=width)
+        coherence.semilogx(frequency, measured.coherence[shown], color=_MEASURED, lw=0.7)
+        marked_level(coherence, LEAST_COHERENCE, f"{LEAST_COHERENCE:g}")
+        for axes in (magnitude, phase, coherence):
+            # Only there is the measured response to be believed.
+            axes.fill_between(measured.frequency_hz, 0.0, 1.0, where=measured.valid(LEAST_COHERENCE),
+                              transform=axes.get_xaxis_transform(), color="#e8f1e4", lw=0.0, zorder=0)  # fmt: skip
+            axes.set_xlim(frequency[0], frequency[-1])
+        magnitude.set_ylabel("gain, dB (rad per rad/s)")
+        magnitude.set_title(f"{response.driven} rate to {response.shown} encoder", loc="left")
+        magnitude.legend(loc="lower left")
+        phase.set_ylabel("phase, deg")
+        coherence.set(ylabel="coherence", ylim=(0.0, 1.02), xlabel="frequency, Hz")
+        strength = response.identified.hankel[:40] / response.identified.hankel[0]
+        order = response.identified.model.order
+        hankel.semilogy(np.arange(1, len(strength) + 1), strength, "o", ms=3.5, color=_MEASURED)
+        hankel.axvline(order + 0.5, color=LIMIT_COLOUR, lw=0.9, ls=DASHED)
+        hankel.annotate(f"order of the model: {order}", (order + 0.8, 0.3), color=LIMIT_COLOUR, fontsize=9.0)
+        hankel.set(xlabel="number", ylabel="Hankel singular\nvalue, relative")

@@ -3,7 +3,7 @@
 Figures are made without pyplot: no global state, no window, drawn by Agg.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -68,6 +68,16 @@ def plain_log_scale(axis: Any) -> None:
     # On more than 2.5 decades the labels at 2 and 5 would overlap.
     narrow = high / low < 300.0
     axis.set_minor_formatter(FuncFormatter(lambda value, _: f"{value:g}") if narrow else NullFormatter())
+
+
+def sky_axes(axes: Any, rings_deg: Sequence[int]) -> None:
+    """Make polar `axes` the sky, north up and zenith in the middle, with rings at elevations."""
+    axes.set_theta_zero_location("N")
+    axes.set_theta_direction(-1)
+    axes.set_rlim(0.0, 90.0)
+    labels = [f"{ring}°" for ring in rings_deg]
+    axes.set_rgrids([90.0 - ring for ring in rings_deg], labels, angle=112.5, fontsize=8.5, color="#666666")
+    axes.set_thetagrids(range(0, 360, 45), ["N", "NE", "E", "SE", "S", "SW", "W", "NW"])
 
 
 @contextmanager

@@ -1,33 +1,317 @@
-"""The pictures of a report; each is drawn only if the recording has its data."""
+"""The pictures of a pass report: errors, link, sky, beam, axes and timing.
+
+Each is drawn only if the recording has its data.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from rf_pointing.report.analysis import Analysis, tracking_modes
-from rf_pointing.report.error_pictures import draw_beam, draw_error, draw_link
-from rf_pointing.report.motion_pictures import draw_axes, draw_sky, draw_timing
-from rf_pointing.report.statistics import link_series
+from rf_pointing.core import AXES, MDEG, azel_from_unit_vector, gaussian_loss_db, unit_vector_from_azel
+from rf_pointing.core.modes import Mode
+from rf_pointing.report.analysis import Analysis, ErrorSeries, tracking_modes
+from rf_pointing.report.picture_style import (
+    ALONE_COLOUR,
+    AXIS_COLOURS,
+    DASHED,
+    LIMIT_COLOUR,
+    TimeAxis,
+    figure,
+    legend_above,
+    marked_level,
+    mode_colour,
+    mode_runs,
+    per_second,
+    plain_log_scale,
+    sky_axes,
+)
+from rf_pointing.report.statistics import axis_motion, link_series
+from rf_pointing.report.traffic import latencies
+
+Floats = NDArray[np.float64]
+# Half the width of a drawing of errors that are all zero.
+_SMALLEST_MDEG = 1e-3
+# More are not visible, and take seconds to draw.
+_SKY_POINTS = 4_000
+_MARK_REACH_NS = 2 * 10**9
 
 
-@dataclass(frozen=True)
-class Picture:
-    """One drawn picture: file, heading, and what to look at."""
+def draw_error(analysis: Analysis, path: Path) -> None:
+    """Draw the radial error over time by mode: samples light, rms of each second strong."""
+    errors = _required(analysis)
+    time = TimeAxis(analysis)
+    with figure(path, 10.0, 4.4) as drawn:
+        axes = drawn.subplots()
+        alone = np.hypot(errors.alone_rad[:, 0], errors.alone_rad[:, 1]) / MDEG
+        # Drawn first, below the others: it is the background to compare with.
+        _strong(axes, time, errors, alone, ALONE_COLOUR, "program track alone", 1.0)
+        radial = errors.radial_rad / MDEG
+        for mode, part, first in mode_runs(analysis, errors.stamp_ns):
+            colour = mode_colour(mode)
+            axes.plot(time.minutes(errors.stamp_ns[part]), radial[part], color=colour, lw=0.4, alpha=0.35)
+            _strong(axes, time, errors, radial, colour, mode.replace("_", " ") if first else None, 1.6, part)
+        if analysis.modes is None:
+            _strong(axes, time, errors, radial, LIMIT_COLOUR, f"{errors.source} error", 1.6)
+        widths = errors.beamwidth_rad[np.isfinite(errors.beamwidth_rad)] / MDEG
+        width = float(np.median(widths)) if len(widths) else 0.0
+        if width > 0.0:
+            marked_level(axes, 0.5 * width, "half power (3 dB)")
+            marked_level(axes, 0.1 * width, "a tenth of a beamwidth (0.12 dB)")
+        axes.set_ylim(*_decades(radial, alone, width))
+        plain_log_scale(axes.yaxis)
+        axes.set(xlabel=time.label, ylabel=f"{errors.source} pointing error, mdeg")
+        legend_above(axes)
 
-    path: Path
-    title: str
-    caption: str
+
+def _strong(
+    axes: Any,
+    time: TimeAxis,
+    errors: ErrorSeries,
+    values: Floats,
+    colour: str,
+    label: str | None,
+    width: float,
+    part: slice = slice(None),
+) -> None:
+    # The rms of a second, not its mean: errors of both signs would cancel.
+    stamps, mean_square, _ = per_second(errors.stamp_ns[part], np.square(values[part]))
+    if len(stamps):
+        axes.plot(time.minutes(stamps), np.sqrt(mean_square), color=colour, lw=width, label=label)
 
 
-@dataclass(frozen=True)
-class _Plan:
-    name: str
-    title: str
-    caption: str
-    draw: Callable[[Analysis, Path], None]
-    possible: Callable[[Analysis], bool]
+def _decades(radial: Floats, alone: Floats, beamwidth_mdeg: float) -> tuple[float, float]:
+    """Return the range of the drawing: that of the tracking modes and of the beam."""
+    # A slew's degrees would squeeze the rest.
+    tracking = np.isfinite(alone) if np.any(np.isfinite(alone)) else np.isfinite(radial)
+    # A percentile: on a logarithmic axis one error of almost 0 would take all the room.
+    seen = np.concatenate([radial[tracking], alone[tracking]])
+    seen = seen[np.isfinite(seen) & (seen > 0.0)]
+    low = 0.5 * float(np.percentile(seen, 1.0)) if len(seen) else 0.1
+    high = 3.0 * float(np.max(seen)) if len(seen) else 10.0
+    return low, max(high, beamwidth_mdeg)
+
+
+def draw_link(analysis: Analysis, path: Path) -> None:
+    """Draw C/N0, and below it the pointing loss: mean of each second strong, largest light."""
+    time = TimeAxis(analysis)
+    with figure(path, 10.0, 5.0) as drawn:
+        above, below = drawn.subplots(2, 1, sharex=True, height_ratios=(1.0, 1.2))
+        series = link_series(analysis.recording)
+        if series is not None:
+            name, stamps, values = series
+            above.plot(time.minutes(stamps), values, color="black", lw=0.6)
+            above.set_title(f"C/N0 measured on {name}", loc="right", fontsize=9.0, color=LIMIT_COLOUR)
+        above.set(ylabel="C/N0, dB-Hz")
+        if analysis.errors is not None:
+            _draw_losses(below, time, analysis)
+        below.set(xlabel=time.label, ylabel="pointing loss, dB")
+        legend_above(above, below)
+
+
+def _draw_losses(axes: Any, time: TimeAxis, analysis: Analysis) -> None:
+    errors = _required(analysis)
+    alone = gaussian_loss_db(np.hypot(errors.alone_rad[:, 0], errors.alone_rad[:, 1]), errors.beamwidth_rad)
+    stamps, mean, _ = per_second(errors.stamp_ns, alone)
+    axes.plot(time.minutes(stamps), mean, color=ALONE_COLOUR, label="program track alone")
+    for mode, part, first in mode_runs(analysis, errors.stamp_ns):
+        if mode in tracking_modes():
+            stamps, mean, largest = per_second(errors.stamp_ns[part], errors.loss_db[part])
+            minutes, colour = time.minutes(stamps), mode_colour(mode)
+            axes.fill_between(minutes, mean, largest, color=colour, alpha=0.25, lw=0.0)
+            axes.plot(minutes, mean, color=colour, lw=1.6, label=mode.replace("_", " ") if first else None)
+    for level in (0.1, 3.0):
+        marked_level(axes, level, f"{level:g} dB")
+    largest = np.nanmax(np.concatenate([alone, errors.loss_db, [10.0]]))
+    axes.set_ylim(1e-4, 2.0 * float(largest))
+    plain_log_scale(axes.yaxis)
+
+
+def draw_beam(analysis: Analysis, path: Path) -> None:
+    """Draw where in the beam the target was while tracking: the whole beam, and its middle."""
+    errors = _required(analysis)
+    tracking = np.isin(errors.mode, tracking_modes()) if analysis.modes is not None else np.ones(len(errors.mode), bool)
+    width = errors.beamwidth_rad[tracking] / MDEG
+    half = 0.5 * float(np.nanmedian(width)) if np.any(np.isfinite(width)) else 0.0
+    # With the search in it, the enlarged picture would show a dot.
+    settled = tracking & (errors.stamp_ns >= (analysis.acquired_ns or 0))
+    with figure(path, 10.0, 5.0) as drawn:
+        whole, middle = drawn.subplots(1, 2)
+        alone = errors.alone_rad[tracking] / MDEG
+        whole.plot(alone[:, 0], alone[:, 1], ".", color=ALONE_COLOUR, ms=1.5, label="program track alone")
+        for mode in tracking_modes():
+            chosen = errors.error_rad[tracking & (errors.mode == mode)] / MDEG
+            if len(chosen):
+                label = mode.replace("_", " ")
+                whole.plot(chosen[:, 0], chosen[:, 1], ".", color=mode_colour(mode), ms=2.0, label=label)
+        reach = np.nanmax(np.abs(np.concatenate([alone, errors.error_rad[tracking] / MDEG, [[half, half]]])))
+        _frame(whole, half, 1.15 * max(float(reach), _SMALLEST_MDEG), "whole beam")
+        whole.legend(loc="upper right", markerscale=4.0)
+        _draw_middle(middle, errors.error_rad[settled] / MDEG, half, analysis.acquired_ns is not None)
+
+
+def _draw_middle(axes: Any, error_mdeg: Floats, half_mdeg: float, acquired: bool) -> None:
+    axes.plot(error_mdeg[:, 0], error_mdeg[:, 1], ".", color=mode_colour(Mode.MONOPULSE), ms=1.5, alpha=0.4)
+    rms = np.sqrt(np.mean(np.square(error_mdeg), axis=0)) if len(error_mdeg) else np.zeros(2)
+    _ellipse(axes, rms[0], rms[1], LIMIT_COLOUR, "-", f"rms {rms[0]:.2f}, {rms[1]:.2f} mdeg")
+    # Not the largest: a single error would shrink the cloud.
+    reach = float(np.percentile(np.abs(error_mdeg), 99.8)) if len(error_mdeg) else 1.0
+    _frame(
+        axes,
+        half_mdeg,
+        1.3 * max(reach, _SMALLEST_MDEG),
+        "after acquisition, enlarged" if acquired else "tracking, enlarged",
+    )
+    axes.legend(loc="upper right")
+
+
+def _frame(axes: Any, half_mdeg: float, reach_mdeg: float, title: str) -> None:
+    if half_mdeg > 0.0:
+        label = "half power" if half_mdeg < reach_mdeg else None
+        _ellipse(axes, half_mdeg, half_mdeg, LIMIT_COLOUR, DASHED, label)
+    axes.axhline(0.0, color="#aaaaaa", lw=0.7)
+    axes.axvline(0.0, color="#aaaaaa", lw=0.7)
+    axes.set_aspect("equal")
+    axes.set(xlim=(-reach_mdeg, reach_mdeg), ylim=(-reach_mdeg, reach_mdeg), title=title)
+    axes.set(xlabel="cross-elevation error, mdeg", ylabel="elevation error, mdeg")
+
+
+def _ellipse(axes: Any, x_mdeg: float, y_mdeg: float, colour: str, style: Any, label: str | None) -> None:
+    turn = np.linspace(0.0, 2.0 * np.pi, 181)
+    axes.plot(x_mdeg * np.cos(turn), y_mdeg * np.sin(turn), color=colour, lw=1.1, ls=style, label=label)
+
+
+def _required(analysis: Analysis) -> ErrorSeries:
+    assert analysis.errors is not None
+    return analysis.errors
+
+
+def draw_sky(analysis: Analysis, path: Path) -> None:
+    """Draw the track over the sky, north up: commanded thin, actual coloured by mode."""
+    with figure(path, 6.0, 6.6) as drawn:
+        # The layout does not count the compass letters outside the circle.
+        drawn.get_layout_engine().set(rect=(0.0, 0.04, 1.0, 0.92))
+        axes = drawn.add_subplot(projection="polar")
+        sky_axes(axes, [90, 60, 30, 0])
+        _draw_actual(axes, analysis)
+        if analysis.modes is not None:
+            _draw_commanded(axes, analysis)
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.06), ncols=4)
+
+
+def _draw_actual(axes: Any, analysis: Analysis) -> None:
+    recording = analysis.recording
+    beam, joints = recording.get("sim/boresight"), recording.get("joint_states")
+    if beam is not None and beam.stamp_ns is not None:
+        stamp_ns, azimuth, elevation = beam.stamp_ns, beam["azimuth"], beam["elevation"]
+    elif joints is not None and joints.stamp_ns is not None:
+        stamp_ns, (azimuth, elevation) = joints.stamp_ns, joints["position"].T
+    else:
+        return
+    step = max(1, len(stamp_ns) // _SKY_POINTS)
+    stamp_ns = stamp_ns[::step]
+    theta, radius = _polar(azimuth[::step], elevation[::step])
+    if analysis.modes is None:
+        axes.plot(theta, radius, color=AXIS_COLOURS[0], lw=4.0, alpha=0.6, label="actual")
+    for mode, part, first in mode_runs(analysis, stamp_ns):
+        colour = mode_colour(mode)
+        label = mode.replace("_", " ") if first else None
+        axes.plot(theta[part], radius[part], color=colour, lw=4.5, alpha=0.75, solid_capstyle="butt", label=label)
+
+
+def _draw_commanded(axes: Any, analysis: Analysis) -> None:
+    assert analysis.modes is not None
+    # Before and after tracking a status need not hold a direction in the sky.
+    aimed = np.isin(analysis.modes.columns["mode"], tracking_modes())
+    stamps = analysis.modes.stamp_ns[aimed]
+    azimuth, elevation = (analysis.modes.columns[name][aimed] for name in ("azimuth", "elevation"))
+    theta, radius = _polar(azimuth, elevation)
+    axes.plot(theta, radius, color="black", lw=0.9, label="commanded")
+    found = analysis.target_pass
+    if found is None or not len(stamps):
+        return
+    for name, time_ns in (("AOS", found.aos_ns), ("TCA", found.tca_ns), ("LOS", found.los_ns)):
+        index = int(np.argmin(np.abs(stamps - time_ns)))
+        # A pass may begin before or end after the recording: a mark then would be at a wrong place.
+        if abs(int(stamps[index]) - time_ns) < _MARK_REACH_NS:
+            axes.plot(theta[index], radius[index], "o", color="black", ms=5.0)
+            axes.annotate(name, (theta[index], radius[index]), xytext=(7, 5), textcoords="offset points", weight="bold")
+
+
+def _polar(azimuth_rad: Floats, elevation_rad: Floats) -> tuple[Floats, Floats]:
+    """Return angle and zenith distance in degrees, also of elevations beyond the zenith."""
+    # By way of the vector: past the zenith the antenna looks to the other side.
+    theta, elevation = azel_from_unit_vector(unit_vector_from_azel(azimuth_rad, elevation_rad))
+    return np.unwrap(theta), 90.0 - np.degrees(elevation)
+
+
+def draw_axes(analysis: Analysis, path: Path) -> None:
+    """Rates and accelerations of both axes against their limits; needs joint_states."""
+    motion = axis_motion(analysis.recording)
+    assert motion is not None
+    time = TimeAxis(analysis)
+    antenna = analysis.recording.get("antenna_status")
+    with figure(path, 10.0, 4.8) as drawn:
+        above, below = drawn.subplots(2, 1, sharex=True)
+        for axes, stamps, values, column in (
+            (above, motion.stamp_ns, motion.rate_rad_s, "rate_limit"),
+            (below, motion.acceleration_stamp_ns, motion.acceleration_rad_s2, "acceleration_limit"),
+        ):
+            for index, name in enumerate(AXES):
+                axes.plot(time.minutes(stamps), np.degrees(values[:, index]), color=AXIS_COLOURS[index], lw=1.0,
+                          label=name)  # fmt: skip
+            limits = np.unique(np.round(np.degrees(antenna[column][-1]), 9)) if antenna is not None else np.zeros(0)
+            for level in (sign * limit for limit in limits for sign in (-1.0, 1.0)):
+                label = "limit" if level == limits[0] else None
+                axes.axhline(level, color=LIMIT_COLOUR, lw=1.0, ls=DASHED, label=label)
+        above.set(ylabel="rate, deg/s")
+        below.set(xlabel=time.label, ylabel="acceleration, deg/s²")
+        legend_above(above)
+
+
+def draw_timing(analysis: Analysis, path: Path) -> None:
+    """Draw the command lead over time, and the latency of each hop (median to 99th percentile)."""
+    with figure(path, 10.0, 3.8) as drawn:
+        left, right = drawn.subplots(1, 2, width_ratios=(1.0, 1.1))
+        _draw_lead(left, analysis)
+        _draw_hops(right, analysis)
+
+
+def _draw_lead(axes: Any, analysis: Analysis) -> None:
+    time = TimeAxis(analysis)
+    antenna = analysis.recording.get("antenna_status")
+    if analysis.modes is not None:
+        chosen = analysis.modes.is_tracking_at(analysis.modes.stamp_ns)
+        lead = np.where(chosen, analysis.modes.columns["command_lead"], np.nan)
+        axes.plot(time.minutes(analysis.modes.stamp_ns), lead, color=AXIS_COLOURS[0], label="sent by the controller")
+    if antenna is not None and antenna.stamp_ns is not None:
+        lead = np.where(antenna["mode"] == "tracking", antenna["command_lead"], np.nan)
+        axes.plot(time.minutes(antenna.stamp_ns), lead, color=AXIS_COLOURS[1], lw=0.8, label="left in the servo")
+    axes.set_ylim(0.0, 1.1 * axes.get_ylim()[1])
+    axes.set(xlabel=time.label, ylabel="command lead, s")
+    if axes.lines:
+        axes.legend(loc="lower right")
+
+
+def _draw_hops(axes: Any, analysis: Analysis) -> None:
+    # A hop that nothing passed has no place on a logarithmic axis.
+    rows = [row for row in latencies(analysis.recording) if row.count]
+    for number, row in enumerate(reversed(rows)):
+        # A time can be negative when the effect reached the recorder first.
+        ends = np.maximum(np.array([row.median_ms, row.p99_ms], dtype=np.float64), 0.01)
+        axes.plot(ends, [number, number], color=mode_colour(Mode.MONOPULSE), lw=5.0, alpha=0.35, solid_capstyle="butt")
+        axes.plot(ends[0], number, "o", color=mode_colour(Mode.MONOPULSE), ms=6.0)
+        axes.plot(ends[1], number, "|", color=mode_colour(Mode.MONOPULSE), ms=12.0, mew=2.0)
+    axes.set_yticks(range(len(rows)), [f"{row.cause} → {row.effect}" for row in reversed(rows)], fontsize=8.5)
+    axes.set_ylim(-0.6, max(len(rows), 1) - 0.4)
+    drawn = [ends for line in axes.lines for ends in line.get_xdata()]
+    axes.set_xlim(min([0.1, *drawn]) / 1.5, 1.5 * max([10.0, *drawn]))
+    plain_log_scale(axes.xaxis)
+    axes.set(xlabel="wall time, ms: median (dot) to 99th percentile (bar)")
+    axes.grid(visible=False, axis="y")
 
 
 def _has_errors(analysis: Analysis) -> bool:
@@ -49,8 +333,19 @@ def _has_sky(analysis: Analysis) -> bool:
     )
 
 
-_PLANS = (
-    _Plan(
+@dataclass(frozen=True)
+class Picture:
+    """One picture: heading, what to look at, how it is drawn, and whether a recording allows it."""
+
+    name: str
+    title: str
+    caption: str
+    draw: Callable[[Analysis, Path], None]
+    possible: Callable[[Analysis], bool]
+
+
+_PICTURES = (
+    Picture(
         "pointing_error",
         "Pointing error",
         "Angle between target and beam. Light: every sample; strong: rms of each second, coloured by tracking mode. "
@@ -58,7 +353,7 @@ _PLANS = (
         draw_error,
         _has_errors,
     ),
-    _Plan(
+    Picture(
         "link",
         "Link and pointing loss",
         "Loss of a Gaussian beam: mean of each second, shaded up to the largest. Beyond about one beamwidth the true "
@@ -66,28 +361,28 @@ _PLANS = (
         draw_link,
         _has_link,
     ),
-    _Plan(
+    Picture(
         "sky_track",
         "Track over the sky",
         "North up, zenith in the middle. Thin line: commanded; wide line: actual, coloured by mode.",
         draw_sky,
         _has_sky,
     ),
-    _Plan(
+    Picture(
         "beam",
         "The target in the beam",
         "Position of the target seen from the beam while tracking, with the half-power circle.",
         draw_beam,
         _has_tracking,
     ),
-    _Plan(
+    Picture(
         "axes",
         "Axis rates and accelerations",
         "From the encoders; accelerations are means over half a second. Dashed: limits of the drive.",
         draw_axes,
         lambda analysis: analysis.recording.get("joint_states") is not None,
     ),
-    _Plan(
+    Picture(
         "timing",
         "Timing of the graph",
         "Left: how far the commands run ahead of the clock. Right: wall time between linked messages at the recorder.",
@@ -97,13 +392,10 @@ _PLANS = (
 )
 
 
-def draw_pictures(analysis: Analysis, folder: Path) -> list[Picture]:
+def draw_pictures(analysis: Analysis, folder: Path) -> dict[Path, Picture]:
     """Draw what the recording allows as PNG files into `folder`, in the order of the report."""
-    drawn = []
-    for plan in _PLANS:
-        # A picture without data would look like a fault of the antenna.
-        if plan.possible(analysis):
-            path = folder / f"{plan.name}.png"
-            plan.draw(analysis, path)
-            drawn.append(Picture(path, plan.title, plan.caption))
+    # A picture without data would look like a fault of the antenna.
+    drawn = {folder / f"{picture.name}.png": picture for picture in _PICTURES if picture.possible(analysis)}
+    for path, picture in drawn.items():
+        picture.draw(analysis, path)
     return drawn

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from rf_pointing.planning import AxisLimits, HorizonMask
-from rf_pointing.report.picture_style import AXIS_COLOURS, DASHED, LIMIT_COLOUR, figure
+from rf_pointing.report.picture_style import AXIS_COLOURS, DASHED, LIMIT_COLOUR, figure, sky_axes
 from rf_pointing.station.pointing.certificates import PlannedPass
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#332288", "#882255", "#7f7f7f")
@@ -24,11 +24,7 @@ def draw_plan(planned: list[PlannedPass], limits: AxisLimits, mask: HorizonMask,
 
 
 def _draw_sky(axes: Any, planned: list[PlannedPass], mask: HorizonMask) -> None:
-    axes.set_theta_zero_location("N")
-    axes.set_theta_direction(-1)
-    axes.set_rlim(0.0, 90.0)
-    axes.set_rgrids([30.0, 60.0, 90.0], ["60°", "30°", "0°"], angle=112.5, fontsize=8.5, color="#666666")
-    axes.set_thetagrids(range(0, 360, 45), ["N", "NE", "E", "SE", "S", "SW", "W", "NW"])
+    sky_axes(axes, [60, 30, 0])
     around = np.radians(np.arange(0.0, 360.5, 0.5))
     hills = np.degrees(mask.lowest_all(around))
     axes.fill_between(

@@ -3,16 +3,13 @@
 `summarize` is the whole table; `link_series` and `axis_motion` are what its pictures show, too.
 """
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.core import AXES, MDEG
 from rf_pointing.core.dates import utc_text
 from rf_pointing.core.modes import Sensor
-from rf_pointing.report.analysis import Analysis, ErrorSeries, Timeline, statistics_of, tracking_modes
+from rf_pointing.report.analysis import Analysis, ErrorSeries, Interval, Timeline, statistics_of, tracking_modes
 from rf_pointing.report.recording import Pass, Recording
 from rf_pointing.report.summary import (
     SCHEMA,
@@ -28,6 +25,8 @@ from rf_pointing.report.summary import (
     PassInfo,
     Servo,
     Summary,
+    percentile_99,
+    reduced,
 )
 from rf_pointing.report.topics import TopicData
 from rf_pointing.report.traffic import latencies, topic_traffic
@@ -41,6 +40,7 @@ _ACCELERATION_SPAN_S = 0.5
 def summarize(analysis: Analysis) -> Summary:
     """Return the table of a recording; what it does not give is None and listed in `problems`."""
     recording, modes, errors = analysis.recording, analysis.modes, analysis.errors
+    spans = modes.intervals() if modes is not None else []
     traffic = topic_traffic(recording)
     lost = sum(row.lost or 0 for row in traffic) + sum(item.count for item in recording.not_recorded)
     return Summary(
@@ -49,8 +49,13 @@ def summarize(analysis: Analysis) -> Summary:
         target_pass=_pass_info(analysis.target_pass) if analysis.target_pass else None,
         headline=_headline(errors, analysis.acquired_ns, lost),
         acquisition=analysis.acquisition,
-        modes=_mode_rows(errors, modes),
-        timeline=_intervals(modes),
+        modes=_mode_rows(errors, spans),
+        timeline=[
+            ModeInterval(
+                mode=i.mode, start_s=(i.start_ns - spans[0].start_ns) * 1e-9, seconds=i.seconds, reason=i.reason
+            )
+            for i in spans
+        ],
         link=_link(recording, modes, analysis.acquired_ns),
         commands=_commands(recording, modes),
         servo=servo(recording),
@@ -101,16 +106,7 @@ def _headline(errors: ErrorSeries | None, acquired_ns: int | None, lost: int) ->
     # The search is no fault of the loop, so the headline begins when the loop has settled.
     over = "tracking" if acquired_ns is None else "after acquisition"
     if errors is None:
-        return Headline(
-            error_source=None,
-            over=over,
-            held_beam=None,
-            seconds=None,
-            beamwidth_mdeg=None,
-            error=None,
-            program_track_alone=None,
-            messages_lost=lost,
-        )
+        return Headline(over=over, messages_lost=lost)
     chosen = np.isin(errors.mode, tracking_modes()) & (errors.stamp_ns >= (acquired_ns or 0))
     width = errors.beamwidth_rad[chosen]
     error = statistics_of(errors.error_rad[chosen], width)
@@ -121,7 +117,7 @@ def _headline(errors: ErrorSeries | None, acquired_ns: int | None, lost: int) ->
         over=over,
         held_beam=None if inside is None else inside == 100.0,
         seconds=_seconds(errors, chosen),
-        beamwidth_mdeg=float(np.nanmedian(width) / MDEG) if np.any(np.isfinite(width)) else None,
+        beamwidth_mdeg=reduced(np.median, width / MDEG),
         error=error,
         program_track_alone=statistics_of(errors.alone_rad[chosen], width),
         messages_lost=lost,
@@ -133,38 +129,21 @@ def _seconds(errors: ErrorSeries, chosen: np.ndarray) -> float:
     return float(np.sum(chosen)) * step
 
 
-def _mode_rows(errors: ErrorSeries | None, modes: Timeline | None) -> list[ModeStatistics]:
+def _mode_rows(errors: ErrorSeries | None, spans: list[Interval]) -> list[ModeStatistics]:
     rows = []
-    spans = modes.intervals() if modes is not None else []
     for mode in dict.fromkeys(span.mode for span in spans):
-        chosen = errors.mode == mode if errors is not None else np.zeros(0, dtype=np.bool_)
-        tracking = mode in tracking_modes()
         # A mode without samples still has its row, with its time.
-        none = np.zeros((0, 2))
+        error, alone = statistics_of(np.zeros((0, 2)), np.zeros(0)), None
+        if errors is not None:
+            chosen = errors.mode == mode
+            error = statistics_of(errors.error_rad[chosen], errors.beamwidth_rad[chosen])
+            if mode in tracking_modes():
+                alone = statistics_of(errors.alone_rad[chosen], errors.beamwidth_rad[chosen])
+        own = [span.seconds for span in spans if span.mode == mode]
         rows.append(
-            ModeStatistics(
-                mode=mode,
-                seconds=sum(span.seconds for span in spans if span.mode == mode),
-                entered=sum(span.mode == mode for span in spans),
-                error=statistics_of(errors.error_rad[chosen], errors.beamwidth_rad[chosen])
-                if errors is not None
-                else statistics_of(none, none[:, 0]),
-                program_track_alone=statistics_of(errors.alone_rad[chosen], errors.beamwidth_rad[chosen])
-                if tracking and errors is not None
-                else None,
-            )
+            ModeStatistics(mode=mode, seconds=sum(own), entered=len(own), error=error, program_track_alone=alone)
         )
     return rows
-
-
-def _intervals(modes: Timeline | None) -> list[ModeInterval]:
-    if modes is None:
-        return []
-    start = int(modes.stamp_ns[0])
-    return [
-        ModeInterval(mode=i.mode, start_s=(i.start_ns - start) * 1e-9, seconds=i.seconds, reason=i.reason)
-        for i in modes.intervals()
-    ]
 
 
 def _missing(recording: Recording, errors: ErrorSeries | None) -> list[str]:
@@ -201,29 +180,27 @@ def _link(recording: Recording, modes: Timeline | None, acquired_ns: int | None)
     series = link_series(recording)
     over = "recording" if modes is None else "tracking" if acquired_ns is None else "after acquisition"
     if series is None:
-        return Link(source=None, over=over, carrier_to_noise_min_db_hz=None, carrier_to_noise_median_db_hz=None)
+        return Link(over=over)
     name, stamps, values = series
     chosen = values[modes.is_tracking_at(stamps) & (stamps >= (acquired_ns or 0))] if modes is not None else values
     return Link(
         source=name,
         over=over,
-        carrier_to_noise_min_db_hz=float(np.min(chosen)) if len(chosen) else None,
-        carrier_to_noise_median_db_hz=float(np.median(chosen)) if len(chosen) else None,
+        carrier_to_noise_min_db_hz=reduced(np.min, chosen),
+        carrier_to_noise_median_db_hz=reduced(np.median, chosen),
     )
 
 
 def _commands(recording: Recording, modes: Timeline | None) -> Commands:
     """Return the command lead while tracking, and the servo's counters at the end."""
     status, antenna = recording.get("tracking_status"), recording.get("antenna_status")
-    lead = np.zeros(0)
-    if status is not None and modes is not None:
-        # Before and after tracking the controller sends no commands that could lead.
-        lead = modes.columns["command_lead"][modes.is_tracking_at(modes.stamp_ns)]
+    # Before and after tracking the controller sends no commands that could lead.
+    lead = modes.columns["command_lead"][modes.is_tracking_at(modes.stamp_ns)] if modes is not None else np.zeros(0)
     buffered = antenna["command_lead"][antenna["mode"] == "tracking"] if antenna is not None else np.zeros(0)
     return Commands(
-        lead_min_s=_reduced(np.min, lead),
-        lead_median_s=_reduced(np.median, lead),
-        servo_lead_min_s=_reduced(np.min, buffered),
+        lead_min_s=reduced(np.min, lead),
+        lead_median_s=reduced(np.median, lead),
+        servo_lead_min_s=reduced(np.min, buffered),
         sent=_last(status, "commands_sent"),
         accepted=_last(antenna, "commands_accepted"),
         rejected=_last(antenna, "commands_rejected"),
@@ -264,9 +241,9 @@ def servo(recording: Recording) -> Servo:
     deviation = np.abs(period - np.median(period)) if len(period) else period
     faults = dict.fromkeys(str(text) for text in antenna["fault"] if text) if antenna is not None else {}
     return Servo(
-        tick_lateness_p99_ms=_reduced(_p99, lateness),
-        tick_lateness_max_ms=_reduced(np.max, lateness),
-        period_deviation_p99_ms=_reduced(_p99, deviation),
+        tick_lateness_p99_ms=reduced(percentile_99, lateness),
+        tick_lateness_max_ms=reduced(np.max, lateness),
+        period_deviation_p99_ms=reduced(percentile_99, deviation),
         faults=list(faults),
         axes=[_axis(recording, index) for index in range(len(AXES))],
     )
@@ -277,31 +254,22 @@ def _axis(recording: Recording, index: int) -> AxisLimits:
     rate = motion.rate_rad_s[:, index] if motion is not None else np.zeros(0)
     acceleration = motion.acceleration_rad_s2[:, index] if motion is not None else np.zeros(0)
     # Unknown, not 0: without status the limits are not known.
-    at_limit_s = None
-    if antenna is not None and antenna.stamp_ns is not None and len(antenna) > 1:
-        at_limit_s = float(np.sum(antenna["at_limit"][:, index]) * np.median(np.diff(antenna.stamp_ns)) * 1e-9)
+    rate_limit = acceleration_limit = at_limit_s = None
+    if antenna is not None:
+        rate_limit, acceleration_limit = (
+            float(np.degrees(antenna[name][-1, index])) for name in ("rate_limit", "acceleration_limit")
+        )
+        if antenna.stamp_ns is not None and len(antenna) > 1:
+            at_limit_s = float(np.sum(antenna["at_limit"][:, index]) * np.median(np.diff(antenna.stamp_ns)) * 1e-9)
     return AxisLimits(
         axis=AXES[index],
-        peak_rate_deg_s=_reduced(np.max, np.degrees(np.abs(rate))),
-        rate_limit_deg_s=_limit(antenna, "rate_limit", index),
-        peak_acceleration_deg_s2=_reduced(np.max, np.degrees(np.abs(acceleration))),
-        acceleration_limit_deg_s2=_limit(antenna, "acceleration_limit", index),
+        peak_rate_deg_s=reduced(np.max, np.degrees(np.abs(rate))),
+        rate_limit_deg_s=rate_limit,
+        peak_acceleration_deg_s2=reduced(np.max, np.degrees(np.abs(acceleration))),
+        acceleration_limit_deg_s2=acceleration_limit,
         at_limit_s=at_limit_s,
     )
 
 
-def _limit(antenna: TopicData | None, column: str, index: int) -> float | None:
-    return float(np.degrees(antenna[column][-1, index])) if antenna is not None else None
-
-
 def _last(data: TopicData | None, column: str) -> int | None:
     return int(data[column][-1]) if data is not None else None
-
-
-def _reduced(function: Callable[..., Any], values: Floats) -> float | None:
-    finite = values[np.isfinite(values)]
-    return float(function(finite)) if len(finite) else None
-
-
-def _p99(values: Floats) -> float:
-    return float(np.percentile(values, 99.0))

@@ -6,12 +6,27 @@ Every key is always present; a value that the recording does not give is null, n
 import dataclasses
 import json
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 # Readers of summary.json check this; a changed meaning of a key needs a new number.
 SCHEMA = "rf_pointing/summary/1"
 Number = float | None
+
+
+def reduced(function: Callable[..., Any], values: NDArray[np.floating[Any]]) -> Number:
+    """Return `function` of the finite `values`, None where there are none."""
+    finite = values[np.isfinite(values)]
+    return float(function(finite)) if len(finite) else None
+
+
+def percentile_99(values: NDArray[np.floating[Any]]) -> float:
+    """Return the 99th percentile, for `reduced`."""
+    return float(np.percentile(values, 99.0))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,9 +58,9 @@ class PassInfo:
 class Spread:
     """Root mean square, 95th percentile and largest magnitude of an error."""
 
-    rms_mdeg: Number
-    p95_mdeg: Number
-    max_mdeg: Number
+    rms_mdeg: Number = None
+    p95_mdeg: Number = None
+    max_mdeg: Number = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,9 +102,9 @@ class Acquisition:
     """Seconds from `measured_from` to the first valid sensor error, and to the first settled."""
 
     measured_from: str
-    first_valid_s: Number
-    settled_s: Number
-    settled_below_mdeg: Number
+    first_valid_s: Number = None
+    settled_s: Number = None
+    settled_below_mdeg: Number = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,13 +115,13 @@ class Headline:
     acquisition", or "tracking" where no RF loop was used or it never settled.
     """
 
-    error_source: str | None
+    error_source: str | None = None
     over: str
-    held_beam: bool | None
-    seconds: Number
-    beamwidth_mdeg: Number
-    error: ErrorStatistics | None
-    program_track_alone: ErrorStatistics | None
+    held_beam: bool | None = None
+    seconds: Number = None
+    beamwidth_mdeg: Number = None
+    error: ErrorStatistics | None = None
+    program_track_alone: ErrorStatistics | None = None
     messages_lost: int
 
 
@@ -187,10 +202,10 @@ class Servo:
 class Link:
     """Carrier-to-noise density over the time of the headline, and the topic it was read from."""
 
-    source: str | None
+    source: str | None = None
     over: str
-    carrier_to_noise_min_db_hz: Number
-    carrier_to_noise_median_db_hz: Number
+    carrier_to_noise_min_db_hz: Number = None
+    carrier_to_noise_median_db_hz: Number = None
 
 
 @dataclass(frozen=True, kw_only=True)

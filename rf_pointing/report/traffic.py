@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from rf_pointing.core.modes import Sensor
 from rf_pointing.report.recording import Recording
-from rf_pointing.report.summary import Latency, TopicTraffic
+from rf_pointing.report.summary import Latency, TopicTraffic, percentile_99, reduced
 from rf_pointing.report.topics import TOPICS, TopicData
 
 Ints = NDArray[np.int64]
@@ -149,13 +149,12 @@ def _reaction_ns(cause: TopicData, effect: TopicData) -> Ints:
 
 def _latency(hop: Hop, difference_ns: Ints) -> Latency:
     milliseconds = difference_ns * 1e-6
-    some = len(milliseconds) > 0
     return Latency(
         cause=hop.cause,
         effect=hop.effect,
         kind=hop.kind,
         count=len(milliseconds),
-        median_ms=float(np.median(milliseconds)) if some else None,
-        p99_ms=float(np.percentile(milliseconds, 99.0)) if some else None,
-        max_ms=float(np.max(milliseconds)) if some else None,
+        median_ms=reduced(np.median, milliseconds),
+        p99_ms=reduced(percentile_99, milliseconds),
+        max_ms=reduced(np.max, milliseconds),
     )

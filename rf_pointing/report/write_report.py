@@ -1,6 +1,7 @@
 """From a bag to a report: `report.html`, and next to it `summary.json` and the pictures."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import astuple
 from pathlib import Path
 
 from rf_pointing.report.analysis import analyse
@@ -40,7 +41,7 @@ def write_report(bag_path: Path | str, output_dir: Path | str, *, namespace: str
     return summary
 
 
-def page(summary: Summary, pictures: Sequence[Picture]) -> str:
+def page(summary: Summary, pictures: Mapping[Path, Picture]) -> str:
     """Return the HTML text of the report; pictures are embedded."""
     found = summary.target_pass
     lost = [
@@ -65,48 +66,43 @@ def _tables(summary: Summary) -> dict[str, list[Row]]:
             (f"{int(i.start_s) // 60}:{i.start_s % 60:04.1f}", i.mode.replace("_", " "), i.seconds, i.reason)
             for i in summary.timeline
         ],
-        "axes": [
-            (i.axis, i.peak_rate_deg_s, i.rate_limit_deg_s, i.peak_acceleration_deg_s2, i.acceleration_limit_deg_s2,
-             i.at_limit_s)
-            for i in summary.servo.axes
-        ],
+        "axes": [astuple(axis) for axis in summary.servo.axes],
         "quantities": _quantities(summary),
         "topics": [
             (i.topic if i.sensor is None else f"{i.topic} ({i.sensor})", i.count, i.rate_hz, i.wall_rate_hz, i.lost,
              i.not_recorded, i.restarts, i.longest_gap_s, i.counted_by)
             for i in summary.topics
         ],
-        "latency": [
-            (i.cause, i.effect, i.kind, i.count, i.median_ms, i.p99_ms, i.max_ms) for i in summary.latency
-        ],
-        "warnings": [(i.component, i.message, i.count) for i in summary.warnings],
+        "latency": [astuple(hop) for hop in summary.latency],
+        "warnings": [astuple(warning) for warning in summary.warnings],
     }  # fmt: skip
 
 
 def _error_rows(summary: Summary) -> list[Row]:
     headline = summary.headline
-    rows: list[tuple[str, float | None, ErrorStatistics, ErrorStatistics | None]] = [
-        (mode.mode.replace("_", " "), mode.seconds, mode.error, mode.program_track_alone) for mode in summary.modes
-    ]
+    found: list[Row] = []
     if headline.error is not None:
         # The headline is the first row, before the modes it is made of.
-        rows.insert(0, (headline.over, headline.seconds, headline.error, headline.program_track_alone))
-    found: list[Row] = []
-    for name, seconds, error, alone in rows:
-        found.append(_error_row(name, seconds, error))
-        # Without an offset in the status it is not known what program track alone would do.
-        if alone is not None and alone.samples:
-            found.append(_error_row("\u2003program track alone", None, alone))
+        found += _error_pair(headline.over, headline.seconds, headline.error, headline.program_track_alone)
+    for mode in summary.modes:
+        found += _error_pair(mode.mode.replace("_", " "), mode.seconds, mode.error, mode.program_track_alone)
     return found
 
 
-def _error_row(name: str, seconds: float | None, error: ErrorStatistics) -> Row:
-    across, along, radial = error.cross_elevation, error.elevation, error.radial
+def _error_pair(
+    name: str, seconds: float | None, error: ErrorStatistics, alone: ErrorStatistics | None
+) -> Iterator[Row]:
+    yield name, seconds, *_error_cells(error)
+    # Without an offset in the status it is not known what program track alone would do.
+    if alone is not None and alone.samples:
+        yield "\u2003program track alone", None, *_error_cells(alone)
+
+
+def _error_cells(error: ErrorStatistics) -> tuple[Cell, ...]:
+    radial = error.radial
     return (
-        name,
-        seconds,
-        *(across.rms_mdeg, across.p95_mdeg, across.max_mdeg),
-        *(along.rms_mdeg, along.p95_mdeg, along.max_mdeg),
+        *astuple(error.cross_elevation),
+        *astuple(error.elevation),
         *(radial.rms_mdeg, radial.max_mdeg),
         *(error.mean_loss_db, error.max_loss_db, error.inside_half_power_percent),
     )

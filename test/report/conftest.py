@@ -4,14 +4,15 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
-from rosbags.interfaces import Nodetype
+from rosbags.interfaces import Nodetype, Qos
 
 from rf_pointing.report.bag_writer import BagResult, BagWriter
-from rf_pointing.report.definitions import Definitions, definitions, offered_qos
+from rf_pointing.report.definitions import Definitions, definitions, qos_from_profile
 
 MSG_DEFS = Path(__file__).parents[2] / "msg_defs"
 MDEG = math.radians(1e-3)
@@ -20,6 +21,19 @@ WALL_NS = 1_800_000_000 * 10**9
 MS = 1_000_000
 
 Pair = tuple[float, float]
+
+
+def offered_qos(*, depth: int = 10, durability: str = "VOLATILE", deadline_ns: int = 0) -> Qos:
+    """Return a reliable profile as a publisher offers it, by the attributes that rclpy's has."""
+    names = {"history": "KEEP_LAST", "reliability": "RELIABLE", "durability": durability}
+    times = {"deadline": deadline_ns, "lifespan": 0}
+    return qos_from_profile(
+        SimpleNamespace(
+            depth=depth,
+            **{key: SimpleNamespace(name=name) for key, name in names.items()},
+            **{key: SimpleNamespace(nanoseconds=value) for key, value in times.items()},
+        )
+    )
 
 
 @dataclass

@@ -15,7 +15,8 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 
 from rf_pointing.report.bag_writer import LOST_NOTE, PROBLEM_NOTE, BagWriter
-from rf_pointing.report.definitions import Definitions, offered_qos
+from rf_pointing.report.definitions import Definitions
+from test.report.conftest import offered_qos
 
 JOINTS = "sensor_msgs/msg/JointState"
 BORESIGHT = "rf_pointing_msgs/msg/Boresight"
@@ -47,7 +48,7 @@ def test_both_readers_get_back_what_was_written(tmp_path: Path, types: Definitio
             bag.write("/gs1/sim/boresight", 1_000 + number, maker.serialized(BORESIGHT, azimuth=0.25 * number))
         bag.write("/gs1/joint_states", 2_000, maker.serialized(JOINTS))
     result = bag.close()
-    assert (result.message_count, result.lost, result.problem, result.readable) == (11, (), "", True)
+    assert (result.message_count, result.lost, result.problem) == (11, (), "")
     with Reader(path) as reader:
         raw = [data for connection, _, data in reader.messages() if connection.msgtype == BORESIGHT]
         assert raw == [maker.serialized(BORESIGHT, azimuth=0.25 * number) for number in range(10)]
@@ -62,7 +63,7 @@ def test_both_readers_get_back_what_was_written(tmp_path: Path, types: Definitio
 def test_metadata_has_every_field_of_version_9(tmp_path: Path, types: Definitions, maker: Any) -> None:
     path = tmp_path / "bag"
     with BagWriter(path, types, notes={"speed": "max"}) as bag:
-        bag.register("/gs1/sim/boresight", BORESIGHT, [offered_qos(depth=1, durability="transient_local")])
+        bag.register("/gs1/sim/boresight", BORESIGHT, [offered_qos(depth=1, durability="TRANSIENT_LOCAL")])
         bag.write("/gs1/sim/boresight", 7_000, maker.serialized(BORESIGHT, azimuth=0.25 * 0))
         bag.write("/gs1/sim/boresight", 9_500, maker.serialized(BORESIGHT, azimuth=0.25 * 1))
     information = metadata(path)
@@ -154,7 +155,6 @@ def test_disk_that_fills_stops_recording_and_every_message_is_accounted_for(
     with file_size_limit(5 * 2**19):
         fill(bag, 6_000)
         assert "recording stopped" in bag.problem
-        assert bag.lost_count > 0
         bag.register("/late", BORESIGHT)
         bag.write("/late", 9_000, maker.serialized(BORESIGHT, azimuth=0.25 * 0))
         result = bag.close()
@@ -221,7 +221,6 @@ def test_bag_that_cannot_even_be_closed_says_so(
     monkeypatch.setattr("rf_pointing.report.bag_writer.complete", full)
     monkeypatch.setattr("rf_pointing.report.bag_writer._write_metadata", full)
     result = bag.close()
-    assert not result.readable
     assert "not readable: [Errno 28] No space left on device" in result.problem
     assert "metadata.yaml could not be written" in result.problem
     assert [(item.topic, item.count) for item in result.lost] == [("/a", 1)]

@@ -12,7 +12,8 @@ from types import SimpleNamespace
 import pytest
 from rosbags.interfaces import QosDurability, QosHistory, QosReliability, QosTime
 
-from rf_pointing.report.definitions import Definitions, definitions, offered_qos, qos_from_profile
+from rf_pointing.report.definitions import Definitions, definitions, qos_from_profile
+from test.report.conftest import offered_qos
 
 
 def test_our_types_keep_their_comments_also_inside_other_types(types: Definitions) -> None:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from rf_pointing.report.html import number, table, text
+from rf_pointing.report.html import number, render
 
 
 @pytest.mark.parametrize(
@@ -24,12 +24,16 @@ def test_numbers_have_three_figures_and_no_powers_of_ten(value: float | None, sh
     assert number(value) == shown
 
 
+def page_of_table(head: tuple[str, ...], *rows: tuple[str | float | None, ...]) -> str:
+    return render("table.html", title=head[0], head=head, rows=rows, words=(0,), figures={}, caption="")
+
+
 def test_text_cannot_become_markup() -> None:
     hostile = "<script>alert('a & b')</script>"
-    assert "<script" not in text(hostile) + table((hostile,), [(hostile,)])
+    assert "<script" not in page_of_table((hostile,), (hostile,))
 
 
 def test_empty_cells_show_a_dash_and_words_align_left() -> None:
-    shown = table(("name", "value"), [("a", None), ("", 1.5)])
+    shown = page_of_table(("name", "value"), ("a", None), ("", 1.5))
     assert '<td class="text">a</td><td>–</td>' in shown
     assert '<td class="text">–</td><td>1.50</td>' in shown

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from rf_pointing.report import BagWriter, write_report
+from rf_pointing.report import write_report
 from rf_pointing.report.analysis import analyse
-from rf_pointing.report.bag_writer import LOST_NOTE, PROBLEM_NOTE
+from rf_pointing.report.bag_writer import LOST_NOTE, PROBLEM_NOTE, BagWriter
 from rf_pointing.report.definitions import Definitions
 from rf_pointing.report.recording import read_recording
 from rf_pointing.report.statistics import summarize
@@ -118,7 +118,7 @@ def test_what_the_recorder_lost_is_named(tmp_path: Path, synthetic_run: type[Any
     notes = {PROBLEM_NOTE: "recording stopped: No space left on device", LOST_NOTE: json.dumps(lost)}
     synthetic_run(seconds=2.0).write(tmp_path / "bag", types, notes)
     summary = summarize(analyse(read_recording(tmp_path / "bag")))
-    words = checked(page(summary, [])).text
+    words = checked(page(summary, {})).text
     assert "recording stopped: No space left on device" in words
     assert "123 messages of /gs1/monopulse were not recorded, from 2027-01-15T08:00:00.000Z" in words
     assert summary.headline.messages_lost == 123
@@ -127,7 +127,7 @@ def test_what_the_recorder_lost_is_named(tmp_path: Path, synthetic_run: type[Any
 
 def test_text_of_nodes_cannot_become_markup(tmp_path: Path, synthetic_run: type[Any], types: Definitions) -> None:
     synthetic_run(seconds=2.0, mode=lambda _: "<img src=x>").write(tmp_path / "bag", types)
-    html = page(summarize(analyse(read_recording(tmp_path / "bag"))), [])
+    html = page(summarize(analyse(read_recording(tmp_path / "bag"))), {})
     assert "<img src=x>" not in html
     assert "&lt;img src=x&gt;" in html
 
@@ -150,7 +150,7 @@ def test_bag_of_empty_topics_gives_a_page(tmp_path: Path, types: Definitions) ->
         bag.register("/gs1/tracking_status", "rf_pointing_msgs/msg/TrackingStatus")
     summary = write_report(tmp_path / "bag", tmp_path / "report")
     assert summary.topics[0].count == 0
-    assert page(summary, [])
+    assert page(summary, {})
 
 
 def test_nothing_is_written_for_a_bag_that_cannot_be_read(tmp_path: Path) -> None:

@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 
 from rf_pointing.array_sensors.report.pictures import draw_attitude, draw_pose
 from rf_pointing.array_sensors.report.series import ArraySeries, array_sensors, read_attitude_series, read_pose_series
-from rf_pointing.report.html import Cell, document, figure, table, text
+from rf_pointing.report.html import Cell, render
 
 SCHEMA = "rf_pointing/array_summary/1"
 _CAPTION = (
     "Estimates and truth of the same stamps on the left, errors in the band of three claimed deviations on the right."
 )
+_AXES = [f"{what} {axis}" for what in ("rms", "claimed") for axis in "xyz"]
 _READ = {"attitude": read_attitude_series, "relative_pose": read_pose_series}
 _DRAW = {"attitude": draw_attitude, "relative_pose": draw_pose}
 
@@ -67,17 +68,24 @@ def write_array_report(bag: Path | str, output_dir: Path | str) -> list[ArrayErr
         raise ValueError(f"path={path} holds no attitude or relative_pose with its truth below sim/")
     folder.mkdir(parents=True, exist_ok=True)
     errors: list[ArrayErrors] = []
-    figures = []
+    figures: dict[Path, str] = {}
     for namespace, what in sensors.items():
         series = _READ[what](path, namespace)
         name, title = namespace.strip("/").replace("/", "_") or "root", f"{namespace}/{what}"
         picture = folder / f"{name}_{what}.png"
         _DRAW[what](series, picture, title)
-        figures.append(figure(picture, title, _CAPTION))
+        figures[picture] = title
         errors += _errors(title, series)
-    heading = f"Array sensors of {path.name}"
-    parts = [f"<h1>{text(heading)}</h1>", _table(errors), *figures]
-    (folder / "array_report.html").write_text(document(heading, parts), encoding="utf-8")
+    page = render(
+        "table.html",
+        title=f"Array sensors of {path.name}",
+        head=("sensor", "quantity", "epochs", "valid", *_AXES, "inside 3σ, %"),
+        rows=_rows(errors),
+        words=(0, 1),
+        figures=figures,
+        caption=_CAPTION,
+    )
+    (folder / "array_report.html").write_text(page, encoding="utf-8")
     summary = {"schema": SCHEMA, "bag": str(path), "errors": [asdict(each) for each in errors]}
     (folder / "array_summary.json").write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
     return errors
@@ -110,9 +118,8 @@ def _line(
     )
 
 
-def _table(errors: Sequence[ArrayErrors]) -> str:
-    axes = [f"{what} {axis}" for what in ("rms", "claimed") for axis in "xyz"]
-    rows: list[list[Cell]] = [
+def _rows(errors: Sequence[ArrayErrors]) -> list[list[Cell]]:
+    return [
         [
             each.sensor,
             f"{each.quantity}, {each.unit}",
@@ -124,4 +131,3 @@ def _table(errors: Sequence[ArrayErrors]) -> str:
         ]
         for each in errors
     ]
-    return table(["sensor", "quantity", "epochs", "valid", *axes, "inside 3σ, %"], rows, words=(0, 1))
