@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.calibration.bias_model import BiasModel
-from rf_pointing.calibration.corrections import Corrections
 from rf_pointing.calibration.coverage import Coverage, SectorRule, select_by_sector
+from rf_pointing.calibration.ionosphere import Ionosphere
 from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.raw_tracking import RawTracking, StageReport, validate
 from rf_pointing.calibration.reference import ReferenceTrack
@@ -41,17 +41,19 @@ class ProcessedPass:
 
 
 def process_pass(
-    raw: RawTracking, reference: ReferenceTrack, pass_id: int, corrections: Corrections, model: BiasModel
+    raw: RawTracking, reference: ReferenceTrack, pass_id: int, ionosphere: Ionosphere | None, model: BiasModel
 ) -> ProcessedPass:
     """Run the stages on one pass.  Raises ValueError if nothing is left, naming the stage.
 
-    `model` is the best known so far: taken off before the fits to pieces, put back on the points.
+    `reference` is apparent: refraction and light time are in it, and only the ionosphere is left to
+    correct (None: not at all).  `model` is the best known so far: taken off before the fits to
+    pieces, put back on the points.
     """
     sound, validation = validate(raw, reference)
     if not np.any(sound):
         raise ValueError(f"pass {pass_id}: {validation.text()}")
     t_s = raw.t_s[sound]
-    residuals = _residuals(raw, sound, reference, corrections, model)
+    residuals = _residuals(raw, sound, reference, ionosphere, model)
     keep, dropped = find_outliers(t_s, residuals)
     outliers = StageReport(stage="outliers", before=len(t_s), after=int(np.sum(keep)), dropped=dropped)
     # Range and range rate go through all stages: where they are wrong, so is the time or the target
@@ -60,14 +62,16 @@ def process_pass(
     thinned = thin(t_s[keep], stacked)
     smoothed = smooth(thinned.t_s, thinned.residuals, thinned.sigma)
     names = tuple(residuals)
-    observations = _points(raw, reference, smoothed, names, pass_id, corrections, model)
+    observations = _points(raw, reference, smoothed, names, pass_id, model)
     count = len(observations)
     reports = (
         validation,
         outliers,
         _piece_report("thinning", outliers.after, thinned, names),
         _piece_report("smoothing", len(thinned.t_s), smoothed, names),
-        StageReport(stage="corrections", before=count, after=count, dropped={}, note=corrections.text()),
+        StageReport(
+            stage="corrections", before=count, after=count, dropped={}, note="ionosphere" if ionosphere else "none"
+        ),
     )
     return ProcessedPass(observations, reports)
 
@@ -97,22 +101,20 @@ def _residuals(
     raw: RawTracking,
     sound: NDArray[np.bool_],
     reference: ReferenceTrack,
-    corrections: Corrections,
+    ionosphere: Ionosphere | None,
     model: BiasModel,
 ) -> dict[str, Array]:
-    track = _track(reference, raw.t_s[sound], corrections)
+    track = reference.at(raw.t_s[sound])
     known = model.offset_rad(*track.motion())
     found = {name: value[sound] - getattr(track, name) for name, value in raw.channels.items()}
     # Encoders count turns: only the azimuth difference folded into half a turn is a residual.
     found["azimuth_rad"] = wrap_rad(found["azimuth_rad"] - known[0])
-    found["elevation_rad"] -= known[1] + corrections.bending(track.elevation_rad, track.range_m)
-    if "range_m" in found:
-        found["range_m"] = found["range_m"] - corrections.extra_range_m(track.elevation_rad)
+    found["elevation_rad"] -= known[1]
+    if ionosphere is not None:
+        found["elevation_rad"] -= ionosphere.bending(track.elevation_rad, track.range_m)
+        if "range_m" in found:
+            found["range_m"] -= ionosphere.delay_m(track.elevation_rad)
     return found
-
-
-def _track(reference: ReferenceTrack, t_s: Array, corrections: Corrections) -> ReferenceTrack:
-    return reference.delayed(t_s) if corrections.light_time else reference.at(t_s)
 
 
 def _points(
@@ -121,10 +123,9 @@ def _points(
     smoothed: Thinned,
     names: tuple[str, ...],
     pass_id: int,
-    corrections: Corrections,
     model: BiasModel,
 ) -> Observations:
-    track = _track(reference, smoothed.t_s, corrections)
+    track = reference.at(smoothed.t_s)
     residual = dict(zip(names, smoothed.residuals.T, strict=True))
     sigma = dict(zip(names, smoothed.sigma.T, strict=True))
     known = model.offset_rad(*track.motion())

@@ -7,16 +7,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.calibration.reference import ReferenceTrack
-from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 
 Array = NDArray[np.float64]
 
 # Two on each side: a median of five takes two wrong time tags in a row.
 _NEIGHBOURS = 2
 _JUMP_STEPS = 2.5
-# The orbit must cover one light time before a sample too, and somewhat more: its range is not known
-# exactly.
-_MARGIN_S = 0.1
 CHANNELS = ("azimuth_rad", "elevation_rad", "range_m", "range_rate_m_s")
 
 
@@ -121,8 +117,7 @@ def validate(raw: RawTracking, reference: ReferenceTrack) -> tuple[NDArray[np.bo
         keep[wrong_rows] = False
         dropped[reason] = len(wrong_rows)
     rows = np.flatnonzero(keep)
-    latest = np.max(reference.range_m) / SPEED_OF_LIGHT_M_S + _MARGIN_S
-    inside = reference.covers(raw.t_s[rows]) & reference.covers(raw.t_s[rows] - latest)
+    inside = reference.covers(raw.t_s[rows])
     keep[rows[~inside]] = False
     dropped["outside the reference orbit"] = int(np.sum(~inside))
     report = StageReport(stage="validation", before=len(raw), after=int(np.sum(keep)), dropped=dropped)

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.core import as_finite_array
-from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 
 Array = NDArray[np.float64]
 
@@ -70,17 +69,6 @@ class ReferenceTrack:
             range_m=distance[0],
             range_rate_m_s=distance[1],
         )
-
-    def delayed(self, t_s: ArrayLike) -> "ReferenceTrack":
-        """Return the track as it is received at `t_s`: evaluated one light time earlier.
-
-        The turning of the station meanwhile is left out (0.5 km/s for 8 ms: 4 m, below 0.4 mdeg).
-        """
-        times = as_finite_array("t_s", t_s, (None,))
-        # The range of a low satellite changes by 60 m in a light time: the one at reception is good
-        # enough here.
-        now = self.at(np.clip(times, self.t_s[0], self.t_s[-1]))
-        return self.at(times - now.range_m / SPEED_OF_LIGHT_M_S)
 
     def motion(self) -> tuple[Array, ...]:
         """Return azimuth, elevation, rates and accelerations, as the bias model takes them."""
