@@ -127,7 +127,7 @@ def _iterate(problem: FitProblem, options: FitOptions) -> Round:
     weight = np.ones(len(problem.data))
     values = problem.start()
     for number in range(1, options.max_iterations + 1):
-        now = problem.solve(values, used, weight, number)
+        now = problem.solve(values, used, weight)
         step = float(np.max(np.abs(now.solution.values - values) / np.sqrt(np.diag(now.solution.covariance))))
         values = now.solution.values
         size = normalised_size(now.residuals, problem.sigmas, used)
@@ -179,9 +179,7 @@ def _result(problem: FitProblem, last: Round, options: FitOptions) -> FitResult:
         form=options.form,
         station=data.station,
         band=data.band,
-        rank=solution.rank,
         condition=solution.condition,
-        iterations=last.number,
         residual_azimuth_rad=last.residuals[0],
         residual_elevation_rad=last.residuals[1],
         pass_azimuth_rad=last.pass_offsets[0],
@@ -194,7 +192,6 @@ def _result(problem: FitProblem, last: Round, options: FitOptions) -> FitResult:
         ),
         variance_azimuth=variance[0],
         variance_elevation=variance[1],
-        degrees_of_freedom=freedom,
         first_t_s=float(np.min(data.t_s)),
         last_t_s=float(np.max(data.t_s)),
         passes=len(np.unique(data.pass_id[used])),

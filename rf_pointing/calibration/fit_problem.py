@@ -73,7 +73,6 @@ class Block:
 class Round:
     """One linear solution; residuals and pass offsets (azimuth, elevation) are of all rows."""
 
-    number: int
     solution: Solution
     heads: PassHeads | None
     used: NDArray[np.bool_]
@@ -131,7 +130,7 @@ class FitProblem:
         )
         return triangle, None
 
-    def solve(self, values: Array, used: NDArray[np.bool_], weight: Array, number: int) -> Round:
+    def solve(self, values: Array, used: NDArray[np.bool_], weight: Array) -> Round:
         """Return the solution linearised about `values`, from the `used` rows and `weight`."""
         triangle, heads = self.triangle(values, used, weight)
         for name, prior in self.priors.items():
@@ -145,7 +144,7 @@ class FitProblem:
             wrap_rad(self.measured[0] - modelled[0] - offsets[0]),
             self.measured[1] - modelled[1] - offsets[1],
         )
-        return Round(number, solution, heads, used, weight, residuals, offsets)
+        return Round(solution, heads, used, weight, residuals, offsets)
 
     def pass_errors(self, last: Round) -> tuple[PassErrors, ...]:
         """Return the orbit and clock errors of every pass that took part."""

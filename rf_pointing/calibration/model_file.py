@@ -78,7 +78,7 @@ class ModelVersion:
         cls, result: FitResult, *, name: str, software: str, created_t_s: float, valid_until_t_s: float | None = None
     ) -> "ModelVersion":
         """Return the version that a fit gives; it is valid from its creation."""
-        rms, mean = result.rms_rad(), result.mean_rad()
+        rms, used = result.rms_rad(), result.used
         return cls(
             name=name,
             station=result.station,
@@ -89,15 +89,15 @@ class ModelVersion:
             valid_until_t_s=valid_until_t_s,
             first_t_s=result.first_t_s,
             last_t_s=result.last_t_s,
-            observations=int(np.sum(result.used)),
+            observations=int(np.sum(used)),
             rejected=len(result.rejected),
             passes=result.passes,
             form=result.form,
             condition=result.condition,
             rms_cross_elevation_rad=rms[0],
             rms_elevation_rad=rms[1],
-            mean_azimuth_rad=mean[0],
-            mean_elevation_rad=mean[1],
+            mean_azimuth_rad=float(np.mean(result.residual_azimuth_rad[used])),
+            mean_elevation_rad=float(np.mean(result.residual_elevation_rad[used])),
             model=result.model,
             fitted=result.names,
             covariance=result.covariance,

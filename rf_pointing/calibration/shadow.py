@@ -43,16 +43,12 @@ class Verdict:
 
 @dataclass(eq=False)
 class ShadowScore:
-    """Running score of `candidate` against `active`; `copy` gives an independent state."""
+    """Running score of `candidate` against `active`."""
 
     active: BiasModel
     candidate: BiasModel
     rules: ShadowRules
     _sums: dict[int, tuple[int, float, float]] = field(default_factory=dict)
-
-    def copy(self) -> "ShadowScore":
-        """Return an independent copy of the state."""
-        return ShadowScore(self.active, self.candidate, self.rules, dict(self._sums))
 
     def add(self, observations: Observations) -> None:
         """Score observations of one or more passes; a pass may come in pieces."""

@@ -22,8 +22,6 @@ from rf_pointing.calibration.terms import all_terms
 Array = NDArray[np.float64]
 Places = NDArray[np.int64]
 
-# Correlation above which two fitted terms are reported as poorly separated.
-HIGH_CORRELATION = 0.95
 # At one elevation the exact fit went to angles of 2.5 deg, and their products put good terms 29
 # sigma off.
 LARGEST_SIGMA_RAD = 5e-3
@@ -37,7 +35,7 @@ _WORK_PER_COLUMN = 32
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Minimum of |A x - b|: `values` (k,), `covariance` (k, k) for unit row sigma, rank.
+    """Minimum of |A x - b|: `values` (k,), `covariance` (k, k) for unit row sigma.
 
     `scaled` (k, k) is the triangle of A with columns of unit length.
     """
@@ -45,7 +43,6 @@ class Solution:
     names: tuple[str, ...]
     values: Array
     covariance: Array
-    rank: int
     residual_square: float
     """|A x - b|^2 at the minimum."""
     scaled: Array
@@ -119,7 +116,6 @@ class Triangle:
             names=self.names,
             values=root @ right[:count],
             covariance=root @ root.T,
-            rank=count,
             residual_square=float(right[count:] @ right[count:]),
             scaled=scaled,
         )
@@ -207,19 +203,6 @@ def require_determined(names: Sequence[str], covariance: Array, known: Container
             f"the data hardly separate {' + '.join(lost)} (sigma up to {largest:.2g} deg, must be <= {limit:.2g} deg): "
             f"fix one of the terms, give a prior, or add {advice_for(lost)}"
         )
-
-
-def inseparable_pairs(
-    names: Sequence[str], correlation: Array, threshold: float = HIGH_CORRELATION
-) -> tuple[tuple[str, str, float], ...]:
-    """Return the pairs of terms with |correlation| >= threshold, the worst first."""
-    rows, columns = np.triu_indices(len(names), 1)
-    pairs = [
-        (names[i], names[j], float(correlation[i, j]))
-        for i, j in zip(rows.tolist(), columns.tolist(), strict=True)
-        if abs(correlation[i, j]) >= threshold
-    ]
-    return tuple(sorted(pairs, key=lambda pair: -abs(pair[2])))
 
 
 def advice_for(names: Sequence[str]) -> str:
