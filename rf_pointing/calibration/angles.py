@@ -47,8 +47,7 @@ class _Angles(ABC):
 
     @property
     def temperature_difference(self) -> Array:
-        # No default: a model fitted with temperatures would be wrong without them, by mdeg and
-        # unnoticed.
+        # No default: a model fitted with temperatures would be wrong by mdeg without them.
         if self.temperature_k is None:
             raise ValueError("temperature_k=None must be given: the model has a temperature term")
         return (np.asarray(self.temperature_k, dtype=np.float64) - REFERENCE_TEMPERATURE_K) * self.one

@@ -94,8 +94,7 @@ class Slew(Params):
 
     def ends_rad(self, azimuth_rad: Array) -> tuple[float, float]:
         """Return first and last azimuth of a pass (n,) on the turn that fits the travel best."""
-        # A pass may cross north: its two ends are on the turns that the cable sees, not on the
-        # sky's.
+        # The ends of a pass across north are on the turns of the cable, not on those of the sky.
         path = np.unwrap(azimuth_rad)
         if self.travel_rad:
             low, high = self.travel_rad
@@ -178,8 +177,7 @@ class _Table:
         filled = self._begun
         for k in range(len(self.candidates)):
             ready = self._end[taken] + self._slew.time_s(self._to[taken], self._from[k])
-            # One candidate may exclude several earlier ones: it must be worth more than all of
-            # them.
+            # One candidate may exclude several: it must be worth more than all of them.
             rivals = [other for other, t_s in zip(taken, ready, strict=True) if t_s > self._start[k]]
             theirs: Counts = np.sum(self._counts[rivals], axis=0, dtype=np.int64)
             without = filled - theirs
@@ -197,8 +195,7 @@ class _Table:
         filled = self._begun
         now_s, ready = float(np.min(self._start)), np.full(len(self.candidates), -np.inf)
         while not self._full(filled):
-            # Per second until its end, so that waiting for a rich pass is weighed against a poor
-            # one now.
+            # Until its end: waiting for a rich pass is weighed against a poor one now.
             rate = self._gains(filled, self._counts) / np.maximum(self._end - now_s, 1e-9)
             rate[self._start < ready] = 0.0
             best = int(np.argmax(rate))
@@ -270,8 +267,7 @@ def next_best_passes(
         after = {k: _updated(present, gains[k]) for k in left}
         best = min(left, key=lambda k: _factor(after[k], present, places))
         factor = _factor(after[best], present, places)
-        # The next pass is judged given this one: two good passes of one sky add less than each
-        # alone.
+        # Given this one: two good passes of one sky add less than each alone.
         present = after[best]
         left = [k for k in left if k != best and reach.allows(candidates[k], candidates[best])]
         advice.append(PassAdvice(candidates[best].name, candidates[best].start_t_s, np.sqrt(np.diag(present)), factor))

@@ -47,8 +47,7 @@ class SectorRule(Params):
         column = np.floor(np.mod(np.asarray(azimuth_rad, dtype=np.float64), 2.0 * np.pi) / width).astype(np.int64)
         edges = np.array(self.elevation_edges_rad)
         band = np.searchsorted(edges, np.asarray(elevation_rad, dtype=np.float64), side="right") - 1
-        # An azimuth a rounding below 2 pi divides to the number of sectors: `minimum` keeps it in
-        # the last one.
+        # An azimuth a rounding below 2 pi would be in the sector after the last one.
         inside = (band >= 0) & (band < len(edges) - 1)
         return np.where(inside, band * self.azimuth_sectors + np.minimum(column, self.azimuth_sectors - 1), -1)
 
@@ -99,8 +98,7 @@ def select_by_sector(
 ) -> Selection:
     """Choose at most `rule.most` rows per sector, spread evenly over and within its passes."""
     sectors = rule.sector_of(azimuth_rad, elevation_rad)
-    # At most so many: the sectors at the horizon, full of points, would otherwise outvote the
-    # others.
+    # Else the sectors at the horizon, full of points, would outvote the others.
     chosen = np.zeros(len(sectors), dtype=bool)
     for sector in range(rule.count):
         rows = np.flatnonzero(sectors == sector)
@@ -119,8 +117,7 @@ def _shared_out(rows: NDArray[np.int64], pass_id: NDArray[np.int64], most: int) 
     """Return up to `most` rows, one from each pass in turn, spread within the pass."""
     if len(rows) <= most:
         return rows
-    # In turn, as the orbit error of a pass does not average out within it: thirty points of one
-    # pass count as few.
+    # The orbit error of a pass does not average out: thirty points of one pass count as few.
     ranked = []
     for number in np.unique(pass_id):
         own = rows[pass_id == number]

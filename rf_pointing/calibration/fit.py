@@ -32,8 +32,7 @@ Array = NDArray[np.float64]
 # A step of a millionth of sigma: below it rounding, not the data, moves the terms.
 _CONVERGED_SIGMA = 1e-6
 _WEIGHTS_SETTLED = 1e-4
-# Rounds in which rejected observations may come back; afterwards editing only removes, so that it
-# must end.
+# Rejected observations may return in these rounds; later ones only remove, and so must end.
 _FREE_ROUNDS = 8
 # Of a normal distribution.
 _MEDIAN_TO_SIGMA = 1.4826
@@ -219,8 +218,7 @@ def _check_names(names: tuple[str, ...], held: Mapping[str, float], priors: Mapp
 
 def normalised_size(residuals: tuple[Array, Array], sigmas: tuple[Array, Array], used: NDArray[np.bool_]) -> Array:
     """Return the larger of the axes' residuals (n,), divided by their spread among `used` rows."""
-    # By the measured spread where it exceeds the stated sigma: an orbit error must not cost the
-    # whole pass.
+    # Where it exceeds the stated sigma: an orbit error must not cost the whole pass.
     sizes = []
     for residual, sigma in zip(residuals, sigmas, strict=True):
         size = np.abs(residual) / sigma
@@ -249,8 +247,7 @@ def sandwich_covariance(names: Sequence[str], covariance: Array, passes: Sequenc
     """
     if len(passes) < _FEWEST_SANDWICH_PASSES:
         raise ValueError(f"passes={len(passes)} must be >= {_FEWEST_SANDWICH_PASSES} for a sandwich covariance")
-    # A pass without which a term is not determined has no residual of its own to measure its errors
-    # by.
+    # A pass that alone determines a term has no residual to measure its errors by.
     meat = np.zeros_like(covariance)
     for number, rows, residuals in passes:
         remaining = np.eye(len(names)) - (rows.T @ rows) @ covariance

@@ -175,16 +175,14 @@ class FitProblem:
     def _modelled(self, values: Array) -> Pair:
         model = BiasModel({**self.held, **dict(zip(self.names, values.tolist(), strict=True))})
         motion, temperature = self.data.motion(), self.data.temperature_k
-        # The printed form is linear: one round is the solution, and the exact rotations would never
-        # enter it.
+        # The printed form is linear: its one round would never see the exact rotations.
         if self.linear:
             return model.offset_rad(*motion, temperature_k=temperature)
         azimuth, elevation = model.apply(*motion, temperature_k=temperature)
         return azimuth - motion[0], elevation - motion[1]
 
     def _right(self, values: Array) -> Pair:
-        # Right side of the Gauss-Newton step: measured minus modelled, plus what the partials make
-        # of the values.
+        # Gauss-Newton: measured minus modelled, plus what the partials make of the values.
         modelled = self._modelled(values)
         return (
             wrap_rad(self.measured[0] - modelled[0]) + self.blocks[0].matrix @ values[self.blocks[0].columns],

@@ -28,8 +28,7 @@ class ModelStore:
         name.
         """
         version.check_for(self.station, self.band, version.valid_from_t_s)
-        # Names of files on any system: a folder of models is copied to whatever the operator works
-        # on.
+        # Usable on any system: a folder of models is copied to whatever the operator works on.
         if not version.name or any(sign in version.name for sign in '/\\:*?"<>|') or version.name.startswith("."):
             raise ValueError(f"name={version.name!r} must be usable as a file name")
         if self._path(version.name).exists():

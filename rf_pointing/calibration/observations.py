@@ -29,8 +29,7 @@ _MOTION = (
 )
 _OBSERVED = ("observed_azimuth_rad", "observed_elevation_rad", "sigma_azimuth_rad", "sigma_elevation_rad")
 _OPTIONAL = ("range_m", "range_rate_m_s", "temperature_k")
-# Rows farther apart than this say little of a derivative: the remainder grows with the cube of
-# their distance.
+# Rows farther apart say little: the remainder grows with the cube of their distance.
 _NEIGHBOURS_S = 20.0
 _FEWEST_JUDGED = 10
 _LARGEST_SHARE = 0.5
@@ -140,8 +139,7 @@ class Observations:
             if item.name in ("station", "band"):
                 joined[item.name] = values[0]
             elif any(value is None for value in values):
-                # Filling the gap with zeros would be a range of zero, and an orbit error seen at
-                # infinite angles.
+                # A gap filled with zeros would be a range of zero: orbit errors at infinite angles.
                 if not all(value is None for value in values):
                     raise ValueError(f"{item.name} is given for some parts only")
             else:

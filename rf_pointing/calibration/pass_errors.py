@@ -79,8 +79,7 @@ def track_axes(observations: Observations) -> tuple[Array, Array, Array]:
     """Return unit vectors (n, 3) along, across and radial to the track, east-north-up."""
     position, velocity = _topocentric_motion(observations)
     up = position + np.array([0.0, 0.0, _EARTH_RADIUS_M])
-    # From the centre of a spherical Earth: an ellipsoid turns the axes by 0.2 deg, and the prior by
-    # as much.
+    # From a sphere's centre: an ellipsoid turns the axes, and so the prior, by 0.2 deg.
     radial = up / np.linalg.norm(up, axis=1, keepdims=True)
     # Along the track as seen from the rotating Earth, where the station is.
     across = np.cross(radial, velocity)

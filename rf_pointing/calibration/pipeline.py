@@ -27,8 +27,7 @@ from rf_pointing.core import wrap_rad
 
 Array = NDArray[np.float64]
 
-# Angles of a perfect simulation scatter by nothing; a sigma of zero would divide by zero in the
-# fit.
+# A perfect simulation scatters by nothing; a sigma of zero would divide by zero in the fit.
 _LEAST_SIGMA_RAD = 1e-6
 
 
@@ -56,8 +55,7 @@ def process_pass(
     residuals = _residuals(raw, sound, reference, ionosphere, model)
     keep, dropped = find_outliers(t_s, residuals)
     outliers = StageReport(stage="outliers", before=len(t_s), after=int(np.sum(keep)), dropped=dropped)
-    # Range and range rate go through all stages: where they are wrong, so is the time or the target
-    # of the angles.
+    # Where range or range rate are wrong, so is the time or the target of the angles.
     stacked = np.stack([value[keep] for value in residuals.values()], axis=1)
     thinned = thin(t_s[keep], stacked)
     smoothed = smooth(thinned.t_s, thinned.residuals, thinned.sigma)

@@ -135,8 +135,7 @@ def _out_of_range(raw: RawTracking) -> NDArray[np.bool_]:
 
 
 def _jumps(t_s: Array) -> NDArray[np.bool_]:
-    # Far from the median of its neighbours: after one time tag in the future, "must increase" would
-    # condemn the rest.
+    # One time tag in the future must not condemn the rest, as "must increase" would.
     if len(t_s) < 2 * _NEIGHBOURS + 1:
         return np.zeros(len(t_s), dtype=bool)
     padded = np.concatenate([t_s[:_NEIGHBOURS][::-1], t_s, t_s[-_NEIGHBOURS:][::-1]])

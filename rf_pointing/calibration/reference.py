@@ -56,8 +56,7 @@ class ReferenceTrack:
         azimuth = _quintic(self._axis("azimuth"), left, step, elapsed)
         elevation = _quintic(self._axis("elevation"), left, step, elapsed)
         distance = _cubic(self.range_m, self.range_rate_m_s, left, step, elapsed)
-        # A cubic would do for the angles; the quintic also meets the accelerations, which the lag
-        # terms x7 and x14 need.
+        # The quintic also meets the accelerations, which the lag terms x7 and x14 need.
         return ReferenceTrack(
             t_s=times,
             azimuth_rad=azimuth[0],
@@ -98,8 +97,7 @@ class ReferenceTrack:
 def _quintic(
     samples: tuple[Array, Array, Array], left: NDArray[np.int64], step: Array, elapsed: Array
 ) -> tuple[Array, Array, Array]:
-    # Coefficients about the left sample, from what the Taylor series there leaves over at the right
-    # one.
+    # About the left sample, from what its Taylor series leaves over at the right one.
     (p0, v0, a0), (p1, v1, a1) = ([part[side] for part in samples] for side in (left, left + 1))
     gap = (p1 - p0 - v0 * step - 0.5 * a0 * step**2) / step**3
     slip = (v1 - v0 - a0 * step) / step**2

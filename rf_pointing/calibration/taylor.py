@@ -80,8 +80,7 @@ def sine_cosine(a: Array) -> tuple[Array, Array]:
 
 def angle_of(y: Array, x: Array) -> Array:
     """Return the series of atan2(y, x), its value in (-pi, pi]."""
-    # d atan2(y, x) = (x y' - y x') / (x^2 + y^2) stays finite where y / x does not: due east and
-    # due west.
+    # (x y' - y x') / (x^2 + y^2) stays finite where y / x does not: due east and due west.
     value: Array = np.expand_dims(np.arctan2(y[0], x[0]), 0)
     if len(y) == 1:
         return value

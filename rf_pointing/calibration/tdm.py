@@ -41,8 +41,7 @@ def _keywords(text: str, numbered: tuple[str, ...]) -> frozenset[str]:
     return frozenset([*text.split(), *(f"{stem}_{k}" for stem in numbered for k in range(1, 6))])
 
 
-# All keywords of CCSDS 503.0-B-2: one that is not here is a typing error, and no extension of the
-# format.
+# All of CCSDS 503.0-B-2: one that is not here is a typing error, no extension.
 METADATA_KEYWORDS = _keywords(_METADATA, _NUMBERED_METADATA)
 DATA_KEYWORDS = _keywords(_DATA, _NUMBERED_DATA)
 _SECTIONS = ("META_START", "META_STOP", "DATA_START", "DATA_STOP")
@@ -150,8 +149,7 @@ def _add_metadata(segment: _Segment, number: int, key: str, value: str) -> None:
         raise ValueError(f"line {number}: {key} is not a metadata keyword")
     if key in segment.metadata:
         raise ValueError(f"line {number}: {key} is given twice")
-    # Times of TAI or TT taken for UTC would be off by 37 or 69 s, degrees of a low pass; transmit
-    # times by a light time.
+    # TAI or TT taken for UTC is off by 37 or 69 s: degrees of a low pass.
     required = {
         "TIME_SYSTEM": ("UTC",),
         "ANGLE_TYPE": ("AZEL",),

@@ -75,8 +75,7 @@ def held_out_passes(
     options: FitOptions | None = None,
 ) -> HeldOut:
     """Fit without each pass in turn and return how far off the fit is on the pass left out."""
-    # Passes, not rows, are left out: the rows of a pass share its orbit error, and would predict
-    # each other too well.
+    # Not rows: those of a pass share its orbit error and would predict each other too well.
     fixed = held_at_zero(terms) if held is None else held
     rms, squares, count = [], 0.0, 0
     for number in observations.passes:
@@ -104,8 +103,7 @@ class _Search:
         everything, one = np.ones(len(data), dtype=bool), np.ones(len(data))
         triangle, _ = problem.triangle(np.zeros(len(names)), everything, one)
         full = cls(triangle, 1.0)
-        # Where sigma is stated too small any term lowers chi-square by enough: scale by what all
-        # terms leave over.
+        # Where sigma is stated too small, any term would lower chi-square by enough.
         freedom = max(triangle.rows - len(names), 1)
         return cls(triangle, max(1.0, full.chi_square(set(names)) / freedom))
 

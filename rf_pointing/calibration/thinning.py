@@ -21,8 +21,7 @@ _PIECE_S, _POINTS, _PIECE_FEWEST = 30.0, 3, 15
 _WORST_SCATTER = 1.6
 _DEGREE, _FEWEST, _ROUNDS = 2, 8, 10
 _GROSS_NEIGHBOURS, _GROSS_SIGMA = 4, 8.0
-# The quietest quarter of the pieces tells noise from bends: it is quiet unless the noise is
-# everywhere.
+# The quietest quarter of the pieces is quiet unless the noise is everywhere.
 _PARABOLAS_QUANTILE = 0.25
 
 
@@ -204,8 +203,7 @@ class _Piece:
     @classmethod
     def of(cls, t: Array, residuals: Array, degree: int, at: Array, stated: Array) -> "_Piece":
         values, left, covariance = _fitted_piece(t, residuals, degree, at)
-        # Neighbouring points are correlated by 0.25: a raised sigma makes their mean right as if
-        # independent.
+        # Neighbours are correlated by 0.25: a raised sigma makes their mean right.
         together = max(1.0, float(np.sum(covariance) / np.trace(covariance)))
         products = np.sum(left[1:] * left[:-1], axis=0)
         return cls(at, values, np.diag(covariance) * together, np.sum(left**2, axis=0), products, stated, len(t))

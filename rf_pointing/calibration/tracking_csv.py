@@ -142,8 +142,7 @@ class ObservationJournal:
             with self.path.open("rb+") as stream:
                 stream.truncate(len(whole))
                 os.fsync(stream.fileno())
-        # A process that was killed in the header has observed nothing: the next point writes the
-        # header again.
+        # Killed in the header it has observed nothing: the next point writes the header again.
         if len([line for line in whole.splitlines() if not line.startswith(b"#")]) < 2:
             self.path.unlink()
             return None

@@ -22,8 +22,7 @@ from rf_pointing.calibration.terms import all_terms
 Array = NDArray[np.float64]
 Places = NDArray[np.int64]
 
-# At one elevation the exact fit went to angles of 2.5 deg, and their products put good terms 29
-# sigma off.
+# At one elevation the exact fit went to angles of 2.5 deg, and good terms 29 sigma off.
 LARGEST_SIGMA_RAD = 5e-3
 # Smallest ratio of singular values of the column-scaled matrix that still counts as full rank.
 RANK_TOLERANCE = 1e-9
@@ -107,8 +106,7 @@ class Triangle:
             raise ValueError(
                 f"{self.rows} equations do not determine {', '.join(lost)}: fix them, give priors, or add {advice_for(lost)}"
             )
-        # Rank and condition are judged on columns of unit length: radians and seconds differ by
-        # orders of magnitude.
+        # On columns of unit length: radians and seconds differ by orders of magnitude.
         scaled = matrix[:count] / scale
         inverse = self._inverse(scaled, scale)
         root = inverse / scale[:, np.newaxis]
@@ -167,8 +165,7 @@ def eliminate(rows: Array, passes: Places, prior_sigma: Array) -> tuple[PassHead
     order = np.argsort(group, kind="stable")
     first = np.concatenate([[0], np.cumsum(lengths)[:-1]])
     rank = np.arange(len(rows)) - np.repeat(first, lengths)
-    # Passes of about the same length are stacked and reduced together: a QR for each pass costs
-    # mostly its call.
+    # Passes of about one length are reduced together: a QR for each costs mostly its call.
     size_class = np.ceil(np.log2(lengths)).astype(np.int64)
     own = len(prior_sigma)
     heads, rest = np.zeros((len(numbers), own, rows.shape[1])), []

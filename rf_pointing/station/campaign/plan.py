@@ -111,8 +111,7 @@ def _shell(planes: int, per_plane: int, height_m: float, inclination_rad: float)
     for plane in range(planes):
         for place in range(per_plane):
             node = 2.0 * math.pi * plane / planes
-            # Neighbouring planes are staggered by a third of the spacing, or all would cross a
-            # latitude together.
+            # Staggered by a third of the spacing, or all would cross a latitude together.
             anomaly = 2.0 * math.pi * ((place + plane / 3.0) / per_plane % 1.0)
             yield height_m, inclination_rad, node, anomaly
 

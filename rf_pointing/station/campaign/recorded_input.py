@@ -75,8 +75,7 @@ def reference_of(
     times = raw.t_s[np.isfinite(raw.t_s)]
     if len(times) == 0:
         raise ValueError(f"tracking data of {raw.target}: no finite time")
-    # The middle of the times, not their ends: one time tag in the far future must not stretch the
-    # reference.
+    # Not their ends: one time tag in the far future must not stretch the reference.
     low, high = np.percentile(times, [2.0, 98.0])
     margin = 0.1 * (high - low) + 30.0
     look = track.sample(np.arange(low - margin, high + margin, REFERENCE_STEP_S))
