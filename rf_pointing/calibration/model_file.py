@@ -26,19 +26,10 @@ FORMAT = "rf_pointing/bias_model/1"
 # Eigenvalues of a singular correlation matrix come out at minus a rounding.
 _ROUNDING = 1e-9
 _SIGMA_AGREES = 1e-3
-_KEYS = (
-    "format",
-    "name",
-    "station",
-    "band",
-    "software",
-    "created_utc",
-    "validity",
-    "data",
-    "fit",
-    "terms",
-    "covariance",
-)
+# Fields of the same name in the file and in a version; `_ANGLES` are in degrees in the file.
+_TEXTS = ("name", "station", "band", "software")
+_COUNTS = ("observations", "rejected", "passes")
+_ANGLES = ("rms_cross_elevation", "rms_elevation", "mean_azimuth", "mean_elevation")
 # Unit in the file of each unit of the core, and the factor to it.
 _EDGE = {"rad": ("deg", math.degrees(1.0)), "s": ("s", 1.0), "s^2": ("s2", 1.0), "rad/K": ("deg_k", math.degrees(1.0))}
 
@@ -105,10 +96,9 @@ class ModelVersion:
 
     def check_for(self, station: str, band: str, t_s: float) -> None:
         """Raise ValueError if the model is of another station or band or not valid at `t_s`."""
-        if self.station != station:
-            raise ValueError(f"model {self.name!r} is of station {self.station!r}, must be of {station!r}")
-        if self.band != band:
-            raise ValueError(f"model {self.name!r} is of band {self.band!r}, must be of {band!r}")
+        for kind, own, wanted in (("station", self.station, station), ("band", self.band, band)):
+            if own != wanted:
+                raise ValueError(f"model {self.name!r} is of {kind} {own!r}, must be of {wanted!r}")
         if not self.is_valid_at(t_s):
             until = "replaced" if self.valid_until_t_s is None else _stamp(self.valid_until_t_s)
             raise ValueError(
@@ -150,26 +140,18 @@ def _to_mapping(version: ModelVersion) -> dict[str, Any]:
     until = None if version.valid_until_t_s is None else _stamp(version.valid_until_t_s)
     return {
         "format": FORMAT,
-        "name": version.name,
-        "station": version.station,
-        "band": version.band,
-        "software": version.software,
+        **{name: getattr(version, name) for name in _TEXTS},
         "created_utc": _stamp(version.created_t_s),
         "validity": {"from_utc": _stamp(version.valid_from_t_s), "until_utc": until},
         "data": {
             "first_utc": _stamp(version.first_t_s),
             "last_utc": _stamp(version.last_t_s),
-            "observations": version.observations,
-            "rejected": version.rejected,
-            "passes": version.passes,
+            **{name: getattr(version, name) for name in _COUNTS},
         },
         "fit": {
             "form": version.form,
             "condition": version.condition,
-            "rms_cross_elevation_deg": math.degrees(version.rms_cross_elevation_rad),
-            "rms_elevation_deg": math.degrees(version.rms_elevation_rad),
-            "mean_azimuth_deg": math.degrees(version.mean_azimuth_rad),
-            "mean_elevation_deg": math.degrees(version.mean_elevation_rad),
+            **{f"{name}_deg": math.degrees(getattr(version, f"{name}_rad")) for name in _ANGLES},
         },
         "terms": {
             name: _term_entry(name, value, sigma.get(name)) for name, value in version.model.coefficients.items()
@@ -183,34 +165,32 @@ def _to_mapping(version: ModelVersion) -> dict[str, Any]:
 
 
 def _from_mapping(mapping: Any) -> ModelVersion:
-    top = _Section(mapping, "", _KEYS)
+    sections = ("created_utc", "validity", "data", "fit", "terms", "covariance")
+    top = _Section(mapping, "", ("format", *_TEXTS, *sections))
     require_choice("format", top.text("format"), (FORMAT,))
     validity = top.section("validity", ("from_utc", "until_utc"))
-    data = top.section("data", ("first_utc", "last_utc", "observations", "rejected", "passes"))
-    angles = ("rms_cross_elevation", "rms_elevation", "mean_azimuth", "mean_elevation")
-    fit = top.section("fit", ("form", "condition", *(f"{name}_deg" for name in angles)))
+    data = top.section("data", ("first_utc", "last_utc", *_COUNTS))
+    fit = top.section("fit", ("form", "condition", *(f"{name}_deg" for name in _ANGLES)))
     model, sigma = _read_terms(top)
     _check_order(validity, "from_utc", "until_utc")
     _check_order(data, "first_utc", "last_utc")
+    same_name: dict[str, Any] = {
+        **{name: top.text(name) for name in _TEXTS},
+        **{name: data.count(name) for name in _COUNTS},
+        **{f"{name}_rad": math.radians(fit.number(f"{name}_deg")) for name in _ANGLES},
+    }
     return ModelVersion(
-        name=top.text("name"),
-        station=top.text("station"),
-        band=top.text("band"),
-        software=top.text("software"),
         created_t_s=top.time("created_utc"),
         valid_from_t_s=validity.time("from_utc"),
         valid_until_t_s=validity.time("until_utc") if validity.has("until_utc") else None,
         first_t_s=data.time("first_utc"),
         last_t_s=data.time("last_utc"),
-        observations=data.count("observations"),
-        rejected=data.count("rejected"),
-        passes=data.count("passes"),
         form=fit.text("form"),
         condition=fit.number("condition"),
-        **{f"{name}_rad": math.radians(fit.number(f"{name}_deg")) for name in angles},
         model=model,
         fitted=tuple(sigma),
         covariance=_read_covariance(top, sigma),
+        **same_name,
     )
 
 
@@ -271,10 +251,10 @@ def _read_terms(top: "_Section") -> tuple[BiasModel, dict[str, tuple[str, float]
 def _read_covariance(top: "_Section", stated: Mapping[str, tuple[str, float]]) -> Array:
     section, fitted = top.section("covariance", ("order", "unit", "matrix")), tuple(stated)
     order = section.texts("order")
-    if set(order) != set(fitted):
-        raise ValueError(f"{section.key('order')} is {', '.join(order)}; must be the fitted terms {', '.join(fitted)}")
     if order != fitted:
-        raise ValueError(f"{section.key('order')} must be in the order of the terms")
+        raise ValueError(
+            f"{section.key('order')} is {', '.join(order)}; must be the fitted terms in their order, {', '.join(fitted)}"
+        )
     units, scale = [_edge(name)[0] for name in order], np.array([_edge(name)[1] for name in order])
     if list(section.texts("unit")) != units:
         raise ValueError(f"{section.key('unit')} must be {', '.join(units)}")

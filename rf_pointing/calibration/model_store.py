@@ -45,10 +45,6 @@ class ModelStore:
             raise ValueError(f"name={name!r} must be one of {', '.join(self.names()) or 'none'}")
         return read_model(self._path(name))
 
-    def accepted(self) -> tuple[str, ...]:
-        """Return the names of the accepted versions, the active one last."""
-        return tuple(self._history())
-
     def active(self) -> ModelVersion | None:
         """Return the active version, None before the first one is accepted."""
         history = self._history()
@@ -56,11 +52,8 @@ class ModelStore:
 
     def active_at(self, t_s: float) -> ModelVersion | None:
         """Return the newest accepted version that is valid at `t_s`, None if there is none."""
-        for name in reversed(self._history()):
-            version = self.read(name)
-            if version.is_valid_at(t_s):
-                return version
-        return None
+        accepted = (self.read(name) for name in reversed(self._history()))
+        return next((version for version in accepted if version.is_valid_at(t_s)), None)
 
     def accept(self, name: str, t_s: float) -> ModelVersion:
         """Make a version active and return it; it must be valid at `t_s`."""

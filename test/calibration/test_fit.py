@@ -189,14 +189,14 @@ ALL = np.ones(200, dtype=bool)
 
 def test_sizes_are_in_stated_sigma_where_the_data_are_as_good_as_stated(random):
     residual = random.standard_normal((2, 200))
-    size = normalised_size((residual[0], residual[1]), (np.ones(200), np.ones(200)), ALL)
+    size = normalised_size(residual, np.ones((2, 200)), ALL)
     assert size == pytest.approx(np.max(np.abs(residual), axis=0), rel=0.25)
 
 
 def test_data_worse_than_stated_are_measured_by_their_own_spread(random):
     residual = 10.0 * random.standard_normal((2, 200))
     residual[0, 7] = 90.0
-    size = normalised_size((residual[0], residual[1]), (np.ones(200), np.ones(200)), ALL)
+    size = normalised_size(residual, np.ones((2, 200)), ALL)
     assert 6.0 < size[7] < 12.0
     assert np.sum(size > 3.0) < 6
 
