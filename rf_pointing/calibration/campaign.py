@@ -34,12 +34,11 @@ from rf_pointing.core import Params, parameter, require_between
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CandidatePass:
-    """A predicted pass: `track` at the times of its points, and one sigma for each axis."""
+    """A predicted pass: `track` at the times of its points, and their sigma in both axes."""
 
     name: str
     track: ReferenceTrack
-    sigma_azimuth_rad: float
-    sigma_elevation_rad: float
+    sigma_rad: float
 
     @property
     def start_t_s(self) -> float:
@@ -53,16 +52,16 @@ class CandidatePass:
 
     def observations(self, station: str, band: str, pass_id: int) -> Observations:
         """Return the points without noise and bias, for the fit's partial derivatives."""
-        track, count = self.track, len(self.track.t_s)
+        track, sigma = self.track, np.full(len(self.track.t_s), self.sigma_rad)
         return Observations(
             station=station,
             band=band,
             t_s=track.t_s,
-            pass_id=np.full(count, pass_id),
+            pass_id=np.full(len(sigma), pass_id),
             observed_azimuth_rad=track.azimuth_rad,
             observed_elevation_rad=track.elevation_rad,
-            sigma_azimuth_rad=np.full(count, self.sigma_azimuth_rad),
-            sigma_elevation_rad=np.full(count, self.sigma_elevation_rad),
+            sigma_azimuth_rad=sigma,
+            sigma_elevation_rad=sigma,
             **track.truth(),
         )
 
@@ -167,9 +166,12 @@ class _Table:
         self._from, self._to = np.moveaxis(np.stack([azimuth, elevation], axis=-1), 1, 0)
         self._counts = np.array([rule.coverage(t.azimuth_rad, t.elevation_rad).counts for t in tracks])
 
-    def gain(self, filled: Counts, more: Counts) -> int:
-        """Return how many points `more` brings where they are missing."""
-        return int(self._gains(filled, more))
+    def gain(self, filled: Counts, more: Counts) -> Counts:
+        """Return how many points `more` (..., sectors) brings where they are missing."""
+        # Points beyond the required ones are worth nothing, however many a pass brings.
+        missing = np.maximum(self._rule.fewest - filled, 0)
+        gain: Counts = np.sum(np.minimum(more, missing), axis=-1)
+        return gain
 
     def by_exchange(self) -> Plan:
         """Take candidates in order of their end, each in place of poorer ones that it overlaps."""
@@ -196,7 +198,7 @@ class _Table:
         now_s, ready = float(np.min(self._start)), np.full(len(self.candidates), -np.inf)
         while not self._full(filled):
             # Until its end: waiting for a rich pass is weighed against a poor one now.
-            rate = self._gains(filled, self._counts) / np.maximum(self._end - now_s, 1e-9)
+            rate = self.gain(filled, self._counts) / np.maximum(self._end - now_s, 1e-9)
             rate[self._start < ready] = 0.0
             best = int(np.argmax(rate))
             # No reachable candidate brings a missing point any more.
@@ -218,12 +220,6 @@ class _Table:
 
     def _full(self, filled: Counts) -> bool:
         return bool(np.all(filled >= self._rule.fewest))
-
-    def _gains(self, filled: Counts, more: Counts) -> Counts:
-        # Points beyond the required ones are worth nothing, however many a pass brings.
-        missing = np.maximum(self._rule.fewest - filled, 0)
-        gains: Counts = np.sum(np.minimum(more, missing), axis=-1)
-        return gains
 
 
 @dataclass(frozen=True, eq=False)
@@ -259,12 +255,12 @@ def next_best_passes(
     """
     require_between("count", count, 1, None)
     places = _places(terms, chosen)
-    gains = [_information(tuple(terms), candidate, pass_priors) for candidate in candidates]
+    information = [_information(tuple(terms), candidate, pass_priors) for candidate in candidates]
     reach = slew or Slew()
     left, present = list(range(len(candidates))), np.asarray(covariance, dtype=np.float64)
     advice: list[PassAdvice] = []
     while left and len(advice) < count:
-        after = {k: _updated(present, gains[k]) for k in left}
+        after = {k: _updated(present, information[k]) for k in left}
         best = min(left, key=lambda k: _factor(after[k], present, places))
         factor = _factor(after[best], present, places)
         # Given this one: two good passes of one sky add less than each alone.

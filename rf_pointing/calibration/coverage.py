@@ -4,7 +4,6 @@ Below 10 deg refraction is uncertain, above 80 deg two terms grow without bound 
 """
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -84,19 +83,13 @@ class Coverage:
             raise ValueError(f"{len(self.thin)} of {self.rule.count} sectors have < {self.rule.fewest}: {worst}{more}")
 
 
-@dataclass(frozen=True, eq=False)
-class Selection:
-    """Rows chosen (n,) and how many were dropped for which reason."""
-
-    chosen: NDArray[np.bool_]
-    dropped: Mapping[str, int]
-    coverage: Coverage
-
-
 def select_by_sector(
     azimuth_rad: Array, elevation_rad: Array, pass_id: NDArray[np.int64], rule: SectorRule
-) -> Selection:
-    """Choose at most `rule.most` rows per sector, spread evenly over and within its passes."""
+) -> tuple[NDArray[np.bool_], dict[str, int]]:
+    """Return which rows to take (n,) and how many are dropped for which reason.
+
+    At most `rule.most` per sector, spread evenly over and within its passes.
+    """
     sectors = rule.sector_of(azimuth_rad, elevation_rad)
     # Else the sectors at the horizon, full of points, would outvote the others.
     chosen = np.zeros(len(sectors), dtype=bool)
@@ -110,7 +103,7 @@ def select_by_sector(
         f"above {math.degrees(rule.elevation_edges_rad[-1]):.0f} deg": outside - low,
         f"sector has {rule.most} already": int(np.sum(sectors >= 0)) - int(np.sum(chosen)),
     }
-    return Selection(chosen, dropped, rule.coverage(azimuth_rad[chosen], elevation_rad[chosen]))
+    return chosen, dropped
 
 
 def _shared_out(rows: NDArray[np.int64], pass_id: NDArray[np.int64], most: int) -> NDArray[np.int64]:

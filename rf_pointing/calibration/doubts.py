@@ -75,10 +75,9 @@ def _lost_passes(fit: FitResult, points: Observations) -> tuple[str, ...]:
 
 
 def _small_sigma(fit: FitResult, points: Observations) -> tuple[str, ...]:
-    if fit.pass_priors is not None:
-        ratios = zip(
-            fit.pass_priors.names, fit.pass_priors.sigma.tolist(), size_ratios(fit, fit.pass_priors), strict=True
-        )
+    priors = fit.pass_priors
+    if priors is not None:
+        ratios = zip(priors.names, priors.sigma.tolist(), size_ratios(fit, priors), strict=True)
         return tuple(
             f"{name} of the passes is {ratio:.1f} times the prior of the fit ({size:.3g}): sigma is too small"
             for name, size, ratio in ratios

@@ -182,7 +182,7 @@ def _result(problem: FitProblem, last: Round, options: FitOptions) -> FitResult:
         cos_elevation=np.cos(data.true_elevation_rad),
         used=used,
         rejected=tuple(
-            Rejected(int(row), float(data.t_s[row]), int(data.pass_id[row]), f"residual of {size[row]:.1f} sigma")
+            Rejected(int(row), int(data.pass_id[row]), f"residual of {size[row]:.1f} sigma")
             for row in np.flatnonzero(~used)
         ),
         variance_azimuth=variance[0],

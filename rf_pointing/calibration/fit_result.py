@@ -22,7 +22,6 @@ class Rejected:
     """One observation the fit left out: its row in the input, and why."""
 
     row: int
-    t_s: float
     pass_id: int
     reason: str
 

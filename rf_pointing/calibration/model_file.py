@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from rf_pointing.calibration.bias_model import BiasModel
 from rf_pointing.calibration.fit_result import FitResult
-from rf_pointing.calibration.terms import all_terms
+from rf_pointing.calibration.terms import ALL_TERMS
 from rf_pointing.core import require_choice, require_finite
 from rf_pointing.core.dates import from_utc_text, to_utc_text
 from rf_pointing.core.whole_file import write_whole
@@ -219,7 +219,7 @@ def _stamp(t_s: float) -> str:
 
 
 def _edge(name: str) -> tuple[str, float]:
-    return _EDGE[all_terms()[name].unit]
+    return _EDGE[ALL_TERMS[name].unit]
 
 
 def _term_entry(name: str, value: float, sigma: float | None) -> dict[str, Any]:
@@ -233,7 +233,7 @@ def _term_entry(name: str, value: float, sigma: float | None) -> dict[str, Any]:
 def _read_terms(top: "_Section") -> tuple[BiasModel, dict[str, tuple[str, float]]]:
     """Return the model, and key and sigma (unit of the file) of each fitted term."""
     values, sigma = {}, {}
-    terms = top.section("terms", (), tuple(all_terms()))
+    terms = top.section("terms", (), tuple(ALL_TERMS))
     for name in terms.values:
         unit, scale = _edge(name)
         entry = terms.section(name, (f"value_{unit}", "used", "fixed"), (f"sigma_{unit}",))

@@ -79,20 +79,20 @@ def select_observations(
 ) -> tuple[Observations, Coverage, StageReport]:
     """Choose the points of each sector from all passes; `require_full` refuses a thin sector."""
     together = Observations.concatenate(list(passes))
-    selection = select_by_sector(together.true_azimuth_rad, together.true_elevation_rad, together.pass_id, rule)
+    rows, dropped = select_by_sector(together.true_azimuth_rad, together.true_elevation_rad, together.pass_id, rule)
+    chosen = together.select(rows)
+    coverage = rule.coverage(chosen.true_azimuth_rad, chosen.true_elevation_rad)
     # Thin sectors let terms trade places: a paper's campaign is refused, an operator's is reported.
     if require_full:
-        selection.coverage.require_full()
-    chosen = together.select(selection.chosen)
-    thin_sectors = len(selection.coverage.thin)
+        coverage.require_full()
     report = StageReport(
         stage="selection",
         before=len(together),
         after=len(chosen),
-        dropped=selection.dropped,
-        note=f"{rule.count - thin_sectors} of {rule.count} sectors have at least {rule.fewest}",
+        dropped=dropped,
+        note=f"{rule.count - len(coverage.thin)} of {rule.count} sectors have at least {rule.fewest}",
     )
-    return chosen, selection.coverage, report
+    return chosen, coverage, report
 
 
 def _residuals(

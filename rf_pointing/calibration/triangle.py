@@ -17,7 +17,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.calibration.terms import all_terms
+from rf_pointing.calibration.terms import ALL_TERMS
 
 Array = NDArray[np.float64]
 Places = NDArray[np.int64]
@@ -58,15 +58,11 @@ class Triangle:
     """The square-root state: `factor` [R | z] of all rows so far, and how many they were."""
 
     names: tuple[str, ...]
-    factor: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    rows: int = 0
+    factor: Array = field(init=False)
+    rows: int = field(init=False, default=0)
 
     def __post_init__(self) -> None:
-        width = len(self.names) + 1
-        if self.factor.size == 0:
-            self.factor = np.zeros((0, width))
-        if self.factor.shape[1] != width:
-            raise ValueError(f"factor has {self.factor.shape[1]} columns, must be {width}")
+        self.factor = np.zeros((0, len(self.names) + 1))
 
     def add_blocks(self, blocks: Iterable[tuple[Array, NDArray[np.int64]]]) -> None:
         """Fold in blocks of rows [matrix | right] (n, m + 1), divided by sigma, of some unknowns.
@@ -192,8 +188,8 @@ def _triangles(rows: Array, place: Places, rank: Places, count: int, prior_sigma
 def require_determined(names: Sequence[str], covariance: Array, known: Container[str]) -> None:
     """Raise ValueError naming angles of a sigma beyond LARGEST_SIGMA_RAD, and data for them."""
     # Terms in `known` have a prior: the user has stated how far they may be off.
-    terms, sigma = all_terms(), dict(zip(names, np.sqrt(np.diag(covariance)).tolist(), strict=True))
-    lost = [n for n in names if n not in known and terms[n].unit == "rad" and sigma[n] > LARGEST_SIGMA_RAD]
+    sigma = dict(zip(names, np.sqrt(np.diag(covariance)).tolist(), strict=True))
+    lost = [n for n in names if n not in known and ALL_TERMS[n].unit == "rad" and sigma[n] > LARGEST_SIGMA_RAD]
     if lost:
         largest, limit = (np.degrees(value) for value in (max(sigma[name] for name in lost), LARGEST_SIGMA_RAD))
         raise ValueError(
@@ -204,8 +200,7 @@ def require_determined(names: Sequence[str], covariance: Array, known: Container
 
 def advice_for(names: Sequence[str]) -> str:
     """Return which data would separate `names`."""
-    known = all_terms()
-    wanted = dict.fromkeys(known[name].separated_by for name in names if name in known)
+    wanted = dict.fromkeys(ALL_TERMS[name].separated_by for name in names if name in ALL_TERMS)
     return "; ".join(wanted) if wanted else "a prior on one of them"
 
 

@@ -109,7 +109,7 @@ def test_a_pure_delay_appears_as_velocity_and_half_its_square_as_acceleration_la
         miss_m, start = (-1) ** number * random.uniform(4e5, 2e6), 1e9 + 6000.0 * number
         whole = track(1.0, miss_m, random.uniform(0.0, 6.3), start)
         times = whole.t_s[10:-10:10]
-        candidate = CandidatePass(name="", track=whole.at(times), sigma_azimuth_rad=1e-4, sigma_elevation_rad=1e-4)
+        candidate = CandidatePass(name="", track=whole.at(times), sigma_rad=1e-4)
         late = whole.at(times + delay_s)
         parts.append(
             replace(
