@@ -148,14 +148,10 @@ class FitProblem:
         if self.pass_priors is None or last.heads is None:
             return ()
         names, heads = self.pass_priors.names, last.heads
+        values, sigma = heads.values(last.solution).tolist(), heads.sigma(last.solution).tolist()
         return tuple(
             PassErrors(number, dict(zip(names, value, strict=True)), dict(zip(names, spread, strict=True)))
-            for number, value, spread in zip(
-                self.passes[0][heads.passes].tolist(),
-                heads.values(last.solution).tolist(),
-                heads.sigma(last.solution).tolist(),
-                strict=True,
-            )
+            for number, value, spread in zip(self.passes[0][heads.passes].tolist(), values, sigma, strict=True)
         )
 
     def weighted_passes(self, last: Round) -> list[tuple[int, Array, Array]]:

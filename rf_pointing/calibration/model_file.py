@@ -65,10 +65,8 @@ class ModelVersion:
     covariance: Array
 
     @classmethod
-    def from_fit(
-        cls, result: FitResult, *, name: str, software: str, created_t_s: float, valid_until_t_s: float | None = None
-    ) -> "ModelVersion":
-        """Return the version that a fit gives; it is valid from its creation."""
+    def from_fit(cls, result: FitResult, *, name: str, software: str, created_t_s: float) -> "ModelVersion":
+        """Return the version that a fit gives; it is valid from its creation until replaced."""
         rms, used = result.rms_rad(), result.used
         return cls(
             name=name,
@@ -77,7 +75,7 @@ class ModelVersion:
             software=software,
             created_t_s=created_t_s,
             valid_from_t_s=created_t_s,
-            valid_until_t_s=valid_until_t_s,
+            valid_until_t_s=None,
             first_t_s=result.first_t_s,
             last_t_s=result.last_t_s,
             observations=int(np.sum(used)),

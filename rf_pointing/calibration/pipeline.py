@@ -60,7 +60,7 @@ def process_pass(
     thinned = thin(t_s[keep], stacked)
     smoothed = smooth(thinned.t_s, thinned.residuals, thinned.sigma)
     names = tuple(residuals)
-    observations = _points(raw, reference, smoothed, names, pass_id, model)
+    observations = _points(raw, reference, smoothed, pass_id, model)
     count = len(observations)
     reports = (
         validation,
@@ -119,23 +119,23 @@ def _points(
     raw: RawTracking,
     reference: ReferenceTrack,
     smoothed: Thinned,
-    names: tuple[str, ...],
     pass_id: int,
     model: BiasModel,
 ) -> Observations:
     track = reference.at(smoothed.t_s)
-    residual = dict(zip(names, smoothed.residuals.T, strict=True))
-    sigma = dict(zip(names, smoothed.sigma.T, strict=True))
     known = model.offset_rad(*track.motion())
+    # The angles are the first channels of a pass.
+    azimuth, elevation = smoothed.residuals.T[:2]
+    sigma = np.maximum(smoothed.sigma.T[:2], _LEAST_SIGMA_RAD)
     return Observations(
         station=raw.station,
         band=raw.band,
         t_s=smoothed.t_s,
         pass_id=np.full(len(smoothed.t_s), pass_id),
-        observed_azimuth_rad=track.azimuth_rad + known[0] + residual["azimuth_rad"],
-        observed_elevation_rad=track.elevation_rad + known[1] + residual["elevation_rad"],
-        sigma_azimuth_rad=np.maximum(sigma["azimuth_rad"], _LEAST_SIGMA_RAD),
-        sigma_elevation_rad=np.maximum(sigma["elevation_rad"], _LEAST_SIGMA_RAD),
+        observed_azimuth_rad=track.azimuth_rad + known[0] + azimuth,
+        observed_elevation_rad=track.elevation_rad + known[1] + elevation,
+        sigma_azimuth_rad=sigma[0],
+        sigma_elevation_rad=sigma[1],
         **track.truth(),
     )
 

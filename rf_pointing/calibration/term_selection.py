@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.calibration.fit import FitOptions, fit_bias_model, held_at_zero
+from rf_pointing.calibration.fit import fit_bias_model, held_at_zero
 from rf_pointing.calibration.fit_problem import FitProblem
 from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.pass_errors import PassPriors
@@ -72,7 +72,6 @@ def held_out_passes(
     *,
     held: Mapping[str, float] | None = None,
     pass_priors: PassPriors | None = None,
-    options: FitOptions | None = None,
 ) -> HeldOut:
     """Fit without each pass in turn and return how far off the fit is on the pass left out."""
     # Not rows: those of a pass share its orbit error and would predict each other too well.
@@ -81,7 +80,7 @@ def held_out_passes(
     for number in observations.passes:
         left_out = observations.select(observations.pass_id == number)
         rest = observations.select(observations.pass_id != number)
-        model = fit_bias_model(rest, terms=terms, held=fixed, pass_priors=pass_priors, options=options).model
+        model = fit_bias_model(rest, terms=terms, held=fixed, pass_priors=pass_priors).model
         offset = model.offset_rad(*left_out.motion(), temperature_k=left_out.temperature_k)
         across = wrap_rad(left_out.residual_azimuth_rad - offset[0]) * np.cos(left_out.true_elevation_rad)
         square = across**2 + (left_out.residual_elevation_rad - offset[1]) ** 2
