@@ -108,8 +108,7 @@ class Slew(Params):
         azimuth, elevation = np.moveaxis(np.abs(starts_rad - ends_rad), -1, 0)
         if not self.travel_rad:
             azimuth = np.abs(np.mod(azimuth + np.pi, _TURN) - np.pi)
-        time: Array = np.maximum(azimuth, elevation) / self.rate_rad_s + self.settle_s
-        return time
+        return np.asarray(np.maximum(azimuth, elevation) / self.rate_rad_s + self.settle_s)
 
     def allows(self, one: CandidatePass, other: CandidatePass) -> bool:
         """Return whether one antenna can track both."""
@@ -170,8 +169,7 @@ class _Table:
         """Return how many points `more` (..., sectors) brings where they are missing."""
         # Points beyond the required ones are worth nothing, however many a pass brings.
         missing = np.maximum(self._rule.fewest - filled, 0)
-        gain: Counts = np.sum(np.minimum(more, missing), axis=-1)
-        return gain
+        return np.asarray(np.sum(np.minimum(more, missing), axis=-1))
 
     def by_exchange(self) -> Plan:
         """Take candidates in order of their end, each in place of poorer ones that it overlaps."""

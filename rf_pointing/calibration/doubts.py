@@ -50,12 +50,10 @@ def measured_pass_priors(fit: Callable[[PassPriors], FitResult], start: PassPrio
     Sizes settle to 10 % within 25 rounds, or are those of the last round.
     """
     priors = start
-    least = dict(zip(start.names, _LEAST * start.sigma, strict=True))
     for _ in range(_ROUNDS):
-        ratios = dict(zip(priors.names, size_ratios(fit(priors), priors).tolist(), strict=True))
-        sizes = {name: max(least[name], ratio * getattr(priors, name)) for name, ratio in ratios.items()}
-        moved = max(abs(np.log(size / getattr(priors, name))) for name, size in sizes.items())
-        priors = priors.replace(**sizes)
+        sizes = np.maximum(_LEAST * start.sigma, size_ratios(fit(priors), priors) * priors.sigma)
+        moved = np.max(np.abs(np.log(sizes / priors.sigma)))
+        priors = priors.replace(**dict(zip(priors.names, sizes.tolist(), strict=True)))
         if moved < _SETTLED:
             break
     return priors

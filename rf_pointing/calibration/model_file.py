@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 from numpy.typing import NDArray
 
 from rf_pointing.calibration.bias_model import BiasModel
@@ -68,28 +69,22 @@ class ModelVersion:
     def from_fit(cls, result: FitResult, *, name: str, software: str, created_t_s: float) -> "ModelVersion":
         """Return the version that a fit gives; it is valid from its creation until replaced."""
         rms, used = result.rms_rad(), result.used
+        same = ("station", "band", "form", "condition", "model", "covariance", "first_t_s", "last_t_s", "passes")
+        same_name: dict[str, Any] = {field: getattr(result, field) for field in same}
         return cls(
             name=name,
-            station=result.station,
-            band=result.band,
             software=software,
             created_t_s=created_t_s,
             valid_from_t_s=created_t_s,
             valid_until_t_s=None,
-            first_t_s=result.first_t_s,
-            last_t_s=result.last_t_s,
             observations=int(np.sum(used)),
             rejected=len(result.rejected),
-            passes=result.passes,
-            form=result.form,
-            condition=result.condition,
             rms_cross_elevation_rad=rms[0],
             rms_elevation_rad=rms[1],
             mean_azimuth_rad=float(np.mean(result.residual_azimuth_rad[used])),
             mean_elevation_rad=float(np.mean(result.residual_elevation_rad[used])),
-            model=result.model,
             fitted=result.names,
-            covariance=result.covariance,
+            **same_name,
         )
 
     def check_for(self, station: str, band: str, t_s: float) -> None:
@@ -114,9 +109,6 @@ def write_model(path: str | Path, version: ModelVersion) -> None:
     if _is_json(target):
         text = json.dumps(mapping, indent=2) + "\n"
     else:
-        # Loading YAML costs every process that imports this module, and only some read a file.
-        import yaml
-
         text = yaml.safe_dump(mapping, sort_keys=False, default_flow_style=None, width=120)
     write_whole(target, text)
 
@@ -198,8 +190,6 @@ def _parsed(source: Path, text: str) -> Any:
             return json.loads(text)
         except json.JSONDecodeError as error:
             raise ValueError(f"line {error.lineno}: {error.msg}") from None
-    import yaml
-
     try:
         return yaml.safe_load(text)
     except yaml.YAMLError as error:

@@ -11,8 +11,6 @@ from pathlib import Path
 from rf_pointing.calibration.model_file import ModelVersion, read_model, write_model
 from rf_pointing.core.whole_file import write_whole
 
-_HISTORY = "history.json"
-
 
 class ModelStore:
     """Versions of the model of `station` in `band` below `folder`; the state is on disk."""
@@ -20,6 +18,7 @@ class ModelStore:
     def __init__(self, folder: str | Path, station: str, band: str) -> None:
         self.folder, self.station, self.band = Path(folder), station, band
         self.folder.mkdir(parents=True, exist_ok=True)
+        self._history_file = self.folder / "history.json"
 
     def add(self, version: ModelVersion) -> None:
         """Keep a new version, not yet active.
@@ -62,7 +61,7 @@ class ModelStore:
         history = self._history()
         # Accepting twice must not need two steps back.
         if not history or history[-1] != name:
-            self._write_history([*history, name])
+            write_whole(self._history_file, json.dumps([*history, name]))
         return version
 
     def roll_back(self) -> ModelVersion:
@@ -70,20 +69,16 @@ class ModelStore:
         history = self._history()
         if len(history) < 2:
             raise ValueError(f"accepted models={len(history)} must be >= 2 to roll back")
-        self._write_history(history[:-1])
+        write_whole(self._history_file, json.dumps(history[:-1]))
         return self.read(history[-2])
 
     def _path(self, name: str) -> Path:
         return self.folder / f"{name}.yaml"
 
     def _history(self) -> list[str]:
-        path = self.folder / _HISTORY
-        if not path.exists():
+        if not self._history_file.exists():
             return []
-        names = json.loads(path.read_text(encoding="utf-8"))
+        names = json.loads(self._history_file.read_text(encoding="utf-8"))
         if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-            raise ValueError(f"{path} must hold a list of names")
+            raise ValueError(f"{self._history_file} must hold a list of names")
         return names
-
-    def _write_history(self, names: list[str]) -> None:
-        write_whole(self.folder / _HISTORY, json.dumps(names))

@@ -40,8 +40,7 @@ class Skew:
             return np.eye(3)
         east, north = -self.mislevel_east / angle, self.mislevel_north / angle
         cross = np.array([[0.0, 0.0, north], [0.0, 0.0, -east], [-north, east, 0.0]])
-        matrix: Array = np.eye(3) + math.sin(angle) * cross + (1.0 - math.cos(angle)) * (cross @ cross)
-        return matrix
+        return np.asarray(np.eye(3) + math.sin(angle) * cross + (1.0 - math.cos(angle)) * (cross @ cross))
 
 
 def axes_from_sky(azimuth: Array, elevation: Array, skew: Skew) -> tuple[Array, Array]:

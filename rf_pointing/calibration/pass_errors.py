@@ -88,16 +88,11 @@ def track_axes(observations: Observations) -> tuple[Array, Array, Array]:
 
 
 def _orbit_columns(data: Observations) -> dict[str, Array]:
-    along, across, radial = track_axes(data)
-    elapsed = (data.t_s - _middle_of_pass(data))[:, np.newaxis]
-    return {
-        "along_track_m": _seen(data, along),
-        "cross_track_m": _seen(data, across),
-        "radial_m": _seen(data, radial),
-        "along_track_drift_m_s": _seen(data, along * elapsed),
-        "cross_track_drift_m_s": _seen(data, across * elapsed),
-        "radial_drift_m_s": _seen(data, radial * elapsed),
-    }
+    elapsed, columns = (data.t_s - _middle_of_pass(data))[:, np.newaxis], {}
+    for name, axis in zip(("along_track", "cross_track", "radial"), track_axes(data), strict=True):
+        columns[f"{name}_m"] = _seen(data, axis)
+        columns[f"{name}_drift_m_s"] = _seen(data, axis * elapsed)
+    return columns
 
 
 def _topocentric_motion(data: Observations) -> tuple[Array, Array]:

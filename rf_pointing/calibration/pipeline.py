@@ -116,11 +116,7 @@ def _residuals(
 
 
 def _points(
-    raw: RawTracking,
-    reference: ReferenceTrack,
-    smoothed: Thinned,
-    pass_id: int,
-    model: BiasModel,
+    raw: RawTracking, reference: ReferenceTrack, smoothed: Thinned, pass_id: int, model: BiasModel
 ) -> Observations:
     track = reference.at(smoothed.t_s)
     known = model.offset_rad(*track.motion())

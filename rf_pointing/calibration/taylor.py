@@ -87,5 +87,4 @@ def angle_of(y: Array, x: Array) -> Array:
     turning = multiply(x, derivative(y)) - multiply(y, derivative(x))
     rate = divide(turning, multiply(x, x) + multiply(y, y))[:-1]
     order = np.arange(1.0, len(y)).reshape((-1,) + (1,) * (y.ndim - 1))
-    series: Array = np.concatenate([value, rate / order])
-    return series
+    return np.concatenate([value, rate / order])
