@@ -19,7 +19,6 @@ import numpy as np  # noqa: E402
 
 from rf_pointing.calibration import (  # noqa: E402
     BiasModel,
-    Corrections,
     FitOptions,
     Observations,
     RawTracking,
@@ -33,7 +32,6 @@ from rf_pointing.papers.orbit.measurements import look, visits  # noqa: E402
 from rf_pointing.papers.orbit.motion import Gravity, propagate  # noqa: E402
 from rf_pointing.papers.satcal_campaign import APRIL_T_S, IRS_P3_APRIL, ORBIT_PRIORS, PCMC_DEG, SITES, model_of  # noqa: E402
 
-CORRECTIONS = Corrections(light_time=True, troposphere=None, ionosphere=None, range_delay_m=0.0)
 TERMS = tuple(PCMC_DEG["PCMC-1"])
 MODEL = model_of(PCMC_DEG["PCMC-1"])
 NOISE_RAD = np.radians(0.02)
@@ -93,7 +91,7 @@ def one_campaign(seed: int, references: list[ReferenceTrack]) -> float:
     points = []
     for number, reference in enumerate(references):
         times = np.arange(reference.t_s[0] + 1.0, reference.t_s[-1], 0.125)
-        seen = reference.delayed(times)
+        seen = reference.at(times)
         offset = MODEL.offset_rad(*seen.motion())
         raw = RawTracking(
             station="benchmark",
@@ -106,7 +104,7 @@ def one_campaign(seed: int, references: list[ReferenceTrack]) -> float:
             range_rate_m_s=seen.range_rate_m_s + 0.05 * random.standard_normal(len(times)),
             good=np.ones(len(times), dtype=bool),
         )
-        points.append(process_pass(raw, reference, number, CORRECTIONS, BiasModel.zero()).observations)
+        points.append(process_pass(raw, reference, number, None, BiasModel.zero()).observations)
     together = Observations.concatenate(points)
     result = fit_bias_model(together, terms=TERMS, held=held_at_zero(TERMS), pass_priors=ORBIT_PRIORS)
     truth = np.array([MODEL.coefficients[name] for name in TERMS])

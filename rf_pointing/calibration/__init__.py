@@ -9,12 +9,12 @@ from rf_pointing.calibration.campaign import (
     plan_campaign,
     uninformed_covariance,
 )
-from rf_pointing.calibration.corrections import Corrections, Ionosphere
 from rf_pointing.calibration.coverage import Coverage, SectorRule
 from rf_pointing.calibration.doubts import doubts_of, measured_pass_priors
 from rf_pointing.calibration.fit import FitOptions, fit_bias_model, held_at_zero
 from rf_pointing.calibration.fit_problem import Prior
 from rf_pointing.calibration.fit_result import FitResult
+from rf_pointing.calibration.ionosphere import Ionosphere
 from rf_pointing.calibration.lag_history import LagHistory, LagState, without_lags
 from rf_pointing.calibration.model_file import ModelVersion, read_model, write_model
 from rf_pointing.calibration.model_store import ModelStore
@@ -35,8 +35,8 @@ from rf_pointing.calibration.tracking_csv import (
 )
 
 __all__ = [
-    "EXTENSION_TERMS", "TERMS", "TERM_NAMES", "BiasModel", "Campaign", "CandidatePass", "Corrections",
-    "Coverage", "FitOptions", "FitResult", "Ionosphere", "LagHistory", "LagState", "ModelStore", "ModelVersion",
+    "EXTENSION_TERMS", "TERMS", "TERM_NAMES", "BiasModel", "Campaign", "CandidatePass", "Coverage",
+    "FitOptions", "FitResult", "Ionosphere", "LagHistory", "LagState", "ModelStore", "ModelVersion",
     "ObservationJournal", "Observations", "PassPriors", "Prior", "ProcessedPass", "RawTracking",
     "ReferenceTrack", "SectorRule", "ShadowRules", "ShadowScore", "Slew", "StageReport", "Verdict", "doubts_of",
     "fit_bias_model", "held_at_zero", "held_out_passes", "measured_pass_priors", "next_best_passes",

@@ -1,9 +1,9 @@
 """The bias model of SATCAL eqs. (1)-(2): observed angles = true angles + model(true angles).
 
 Two forms share the coefficients.  `offset_rad` is the printed first-order az/el form: linear, for
-fits and reports. `apply` and `remove` (and their moving versions) treat the tilt, skew and
-collimation terms as exact rotations (`mount`), add the encoder and flexure terms at the axis angles
-and the lags at the axis rates; they stay regular at the zenith and are inverses of each other.
+fits and reports. `apply` and `remove` treat the tilt, skew and collimation terms as exact rotations
+(`mount`), add the encoder and flexure terms at the axis angles and the lags at the axis rates; they
+stay regular at the zenith and are inverses of each other.  `apply_moving` adds the derivatives.
 With SATCAL Table 1 the two forms differ by less than 0.25 mdeg on the sky below 80 deg of elevation
 and by more than 1 mdeg above 87.7 deg.
 """
@@ -24,15 +24,12 @@ from rf_pointing.calibration.terms import TERM_NAMES, Term, terms_by_name
 from rf_pointing.core import require_between
 
 Array = NDArray[np.float64]
-TaylorPair = tuple[Array, Array]
 
+_DEGREE = math.radians(1.0)
 # `remove` stops when two iterations agree this well (per axis, rates per second).
 INVERSE_TOLERANCE_RAD = 1e-12
 # `remove` raises if it has not converged after this many iterations.
 INVERSE_ITERATIONS = 60
-# Position to jerk, and one more: the acceleration of an acceleration lag is the fourth derivative.
-_MOVING_ORDER = 5
-_ALL_KINDS = ("rotation", "additive", "lag")
 
 
 @dataclass(frozen=True)
@@ -70,8 +67,8 @@ class BiasModel:
     @classmethod
     def from_degrees(cls, coefficients: Mapping[str, float]) -> Self:
         """Build from degrees (angles) and seconds (lags), the units of SATCAL Tables 1 and 3."""
-        scale = {term.name: _per_degree(term) for term in terms_by_name(coefficients)}
-        return cls({name: value * scale[name] for name, value in coefficients.items()})
+        terms = terms_by_name(coefficients)
+        return cls({t.name: coefficients[t.name] * (_DEGREE if t.unit.startswith("rad") else 1.0) for t in terms})
 
     def replace(self, **changes: float) -> Self:
         """Return a model with some coefficients changed; a new name must be a known extension."""
@@ -100,8 +97,9 @@ class BiasModel:
         (rad/s^2), broadcast to one shape.  Raises ValueError for other than six of them, and if the
         model has a temperature term and `temperature_k` is None.
         """
-        angles = ArrayAngles.of(motion, _optional(temperature_k))
-        return self._sum(angles, np.zeros_like(angles.one), _ALL_KINDS)
+        angles = ArrayAngles.of(motion, temperature_k)
+        azimuth, elevation = self._sum(angles, (2, *angles.one.shape), ("rotation", "additive", "lag"))
+        return azimuth, elevation
 
     def apply(self, *motion: ArrayLike, temperature_k: ArrayLike | None = None) -> tuple[Array, Array]:
         """Return observed azimuth and elevation (rad) of a true `motion`, as in `offset_rad`.
@@ -109,16 +107,29 @@ class BiasModel:
         Exact; `remove` is the inverse.  Raises ValueError for a direction in the exclusion cone of
         the mount (`mount.Skew.cone_rad`).
         """
-        azimuth, elevation = self._observed(self._true_series(*motion), _optional(temperature_k))
-        return azimuth[0], elevation[0]
+        azimuth, elevation = self._observed(self._true_series(*motion), temperature_k)[:, 0]
+        return azimuth, elevation
 
     def remove(self, *motion: ArrayLike, temperature_k: ArrayLike | None = None) -> tuple[Array, Array]:
         """Return the true angles (rad) of observed ones; the rates are those of the TRUE motion.
 
         Raises ValueError if INVERSE_ITERATIONS do not reach INVERSE_TOLERANCE_RAD.
         """
-        azimuth, elevation = self._inverse(self._true_series(*motion), 1, _optional(temperature_k))
-        return azimuth[0], elevation[0]
+        observed = self._true_series(*motion)
+        # The derivatives were given as those of the true motion: only the angles are unknown.
+        true, axes = observed.copy(), observed[:, :1]
+        for _ in range(INVERSE_ITERATIONS):
+            target = observed[:, :1] - self._lag(true) if self.has_lags else observed[:, :1]
+            axes = self._without_encoders(target, axes, temperature_k)
+            found = np.array(sky_from_axes(axes[0], axes[1], self.skew))
+            change = float(np.max(np.abs(found - true[:, :1])))
+            true[:, :1] = found
+            if change <= INVERSE_TOLERANCE_RAD or not self.has_lags:
+                return true[0, 0], true[1, 0]
+        raise ValueError(
+            f"remove: change {change:.3e} rad after {INVERSE_ITERATIONS} iterations must be "
+            f"<= {INVERSE_TOLERANCE_RAD}; the lags are too long for the azimuth rates this close to the zenith"
+        )
 
     def apply_moving(
         self,
@@ -136,111 +147,58 @@ class BiasModel:
         acceleration x6 * jerk.
         """
         true = _series_of(position_rad, velocity_rad_s, acceleration_rad_s2, jerk_rad_s3)
-        return _motion(self._observed(true, _optional(temperature_k)))
+        azimuth, elevation = self._observed(true, temperature_k)
+        joint = np.stack([azimuth, elevation], axis=-1)
+        return joint[0], joint[1], 2.0 * joint[2]
 
-    def remove_moving(
-        self,
-        position_rad: ArrayLike,
-        velocity_rad_s: ArrayLike,
-        acceleration_rad_s2: ArrayLike,
-        *,
-        jerk_rad_s3: ArrayLike = 0.0,
-        temperature_k: ArrayLike | None = None,
-    ) -> tuple[Array, Array, Array]:
-        """Return the beam's true position, velocity and acceleration (..., 2) of moving joints.
-
-        The inverse of `apply_moving` with the same `jerk_rad_s3` (that of the true motion).
-        """
-        observed = _series_of(position_rad, velocity_rad_s, acceleration_rad_s2, jerk_rad_s3)
-        return _motion(self._inverse(observed, 3, _optional(temperature_k)))
-
-    def _true_series(self, *motion: ArrayLike) -> TaylorPair:
-        azimuth, elevation, *rates = motion
-        position = np.stack(np.broadcast_arrays(azimuth, elevation), axis=-1)
-        velocity = np.stack(np.broadcast_arrays(rates[0], rates[1]), axis=-1)
-        acceleration = np.stack(np.broadcast_arrays(rates[2], rates[3]), axis=-1)
+    def _true_series(self, *motion: ArrayLike) -> Array:
+        position, velocity, acceleration = (
+            np.stack(np.broadcast_arrays(*motion[k : k + 2]), axis=-1) for k in (0, 2, 4)
+        )
         # Without lags no derivative is needed, and shorter series are cheaper.
-        length = 3 if self.has_lags else 1
-        full = _series_of(position, velocity, acceleration, 0.0)
-        return full[0][:length], full[1][:length]
+        return _series_of(position, velocity, acceleration, 0.0)[:, : 3 if self.has_lags else 1]
 
-    def _observed(self, true: TaylorPair, temperature_k: Array | None) -> TaylorPair:
+    def _observed(self, true: Array, temperature_k: ArrayLike | None) -> Array:
         # Encoder, flexure and lag terms act at the axes: the mount's rotations come first.
-        axes = axes_from_sky(*true, self.skew)
-        shift = self._shift(axes, ("additive", "lag"), temperature_k)
-        return axes[0] + shift[0], axes[1] + shift[1]
+        axes = np.array(axes_from_sky(true[0], true[1], self.skew))
+        return axes + self._shift(axes, ("additive", "lag"), temperature_k)
 
-    def _shift(self, axes: TaylorPair, kinds: tuple[str, ...], temperature_k: Array | None) -> TaylorPair:
-        return self._sum(SeriesAngles(*axes, temperature_k), np.zeros_like(axes[0]), kinds)
+    def _shift(self, axes: Array, kinds: tuple[str, ...], temperature_k: ArrayLike | None) -> Array:
+        return self._sum(SeriesAngles(axes[0], axes[1], temperature_k), axes.shape, kinds)
 
-    def _sum(self, angles: Angles, zero: Array, kinds: tuple[str, ...]) -> tuple[Array, Array]:
-        azimuth, elevation = zero, zero.copy()
+    def _sum(self, angles: Angles, shape: tuple[int, ...], kinds: tuple[str, ...]) -> Array:
+        """Return the sum (2, ...) of the terms of some kinds, azimuth first."""
+        total = np.zeros(shape)
         for term, value in self._acting:
             if term.kind in kinds and term.azimuth is not None:
-                azimuth += value * term.azimuth(angles)
+                total[0] += value * term.azimuth(angles)
             if term.kind in kinds and term.elevation is not None:
-                elevation += value * term.elevation(angles)
-        return azimuth, elevation
+                total[1] += value * term.elevation(angles)
+        return total
 
-    def _inverse(self, observed: TaylorPair, kept: int, temperature_k: Array | None) -> TaylorPair:
-        """Solve for the first `kept` elements of the true motion; the others are the true ones."""
-        true, axes = observed, (observed[0][:kept], observed[1][:kept])
-        for _ in range(INVERSE_ITERATIONS):
-            lag = self._shift(axes_from_sky(*true, self.skew), ("lag",), None) if self.has_lags else _no_shift(true)
-            target = (observed[0][:kept] - lag[0][:kept], observed[1][:kept] - lag[1][:kept])
-            axes = self._without_encoders(target, axes, temperature_k)
-            found = sky_from_axes(*axes, self.skew)
-            change = max(float(np.max(np.abs(f - t[:kept]))) for f, t in zip(found, true, strict=True))
-            # The higher derivatives were given as those of the true motion: only the first elements
-            # are unknown.
-            true = (
-                np.concatenate([found[0], observed[0][kept:]]),
-                np.concatenate([found[1], observed[1][kept:]]),
-            )
-            if change <= INVERSE_TOLERANCE_RAD or not self.has_lags:
-                return true
-        raise ValueError(
-            f"remove: change {change:.3e} rad after {INVERSE_ITERATIONS} iterations must be "
-            f"<= {INVERSE_TOLERANCE_RAD}; the lags are too long for the azimuth rates this close to the zenith"
-        )
+    def _lag(self, true: Array) -> Array:
+        axes = np.array(axes_from_sky(true[0], true[1], self.skew))
+        return self._shift(axes, ("lag",), None)[:, :1]
 
-    def _without_encoders(self, target: TaylorPair, start: TaylorPair, temperature_k: Array | None) -> TaylorPair:
+    def _without_encoders(self, target: Array, start: Array, temperature_k: ArrayLike | None) -> Array:
         axes = start
         for _ in range(INVERSE_ITERATIONS):
-            shift = self._shift(axes, ("additive",), temperature_k)
-            found = (target[0] - shift[0], target[1] - shift[1])
-            change = max(float(np.max(np.abs(f - a))) for f, a in zip(found, axes, strict=True))
+            found = target - self._shift(axes, ("additive",), temperature_k)
+            change = float(np.max(np.abs(found - axes)))
             axes = found
-            # Tighter than the outer loop, which would otherwise see this loop's rest as its own
-            # change.
+            # Tighter than the outer loop, which would else see the rest of this one as its change.
             if change <= 0.01 * INVERSE_TOLERANCE_RAD:
                 return axes
         raise ValueError(f"remove: encoder terms change {change:.3e} rad after {INVERSE_ITERATIONS} iterations")
 
 
-def _per_degree(term: Term) -> float:
-    return math.radians(1.0) if term.unit.startswith("rad") else 1.0
-
-
-def _optional(temperature_k: ArrayLike | None) -> Array | None:
-    return None if temperature_k is None else np.asarray(temperature_k, dtype=np.float64)
-
-
-def _series_of(position: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike, jerk: ArrayLike) -> TaylorPair:
+def _series_of(position: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike, jerk: ArrayLike) -> Array:
+    """Return the Taylor series (2, 5, ...) of azimuth and elevation."""
     parts = np.broadcast_arrays(*(np.asarray(p, dtype=np.float64) for p in (position, velocity, acceleration, jerk)))
     for name, part in zip(("position_rad", "velocity_rad_s", "acceleration_rad_s2", "jerk_rad_s3"), parts, strict=True):
         if part.ndim == 0 or part.shape[-1] != 2:
             raise ValueError(f"{name} has shape {part.shape}, must end in 2 (azimuth, elevation)")
         if not np.all(np.isfinite(part)):
             raise ValueError(f"{name} must be finite")
-    series = taylor.from_derivatives(*parts, *([0.0] * (_MOVING_ORDER - len(parts))))
-    return series[..., 0], series[..., 1]
-
-
-def _motion(series: TaylorPair) -> tuple[Array, Array, Array]:
-    both = np.stack(series, axis=-1)
-    return both[0], both[1], 2.0 * both[2]
-
-
-def _no_shift(series: TaylorPair) -> TaylorPair:
-    return np.zeros_like(series[0]), np.zeros_like(series[1])
+    # Position to jerk, and one more: the acceleration of an acceleration lag is the fourth derivative.
+    return np.moveaxis(taylor.from_derivatives(*parts, 0.0), -1, 0)

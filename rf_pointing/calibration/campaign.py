@@ -34,12 +34,11 @@ from rf_pointing.core import Params, parameter, require_between
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CandidatePass:
-    """A predicted pass: `track` at the times of its points, and one sigma for each axis."""
+    """A predicted pass: `track` at the times of its points, and their sigma in both axes."""
 
     name: str
     track: ReferenceTrack
-    sigma_azimuth_rad: float
-    sigma_elevation_rad: float
+    sigma_rad: float
 
     @property
     def start_t_s(self) -> float:
@@ -53,16 +52,16 @@ class CandidatePass:
 
     def observations(self, station: str, band: str, pass_id: int) -> Observations:
         """Return the points without noise and bias, for the fit's partial derivatives."""
-        track, count = self.track, len(self.track.t_s)
+        track, sigma = self.track, np.full(len(self.track.t_s), self.sigma_rad)
         return Observations(
             station=station,
             band=band,
             t_s=track.t_s,
-            pass_id=np.full(count, pass_id),
+            pass_id=np.full(len(sigma), pass_id),
             observed_azimuth_rad=track.azimuth_rad,
             observed_elevation_rad=track.elevation_rad,
-            sigma_azimuth_rad=np.full(count, self.sigma_azimuth_rad),
-            sigma_elevation_rad=np.full(count, self.sigma_elevation_rad),
+            sigma_azimuth_rad=sigma,
+            sigma_elevation_rad=sigma,
             **track.truth(),
         )
 
@@ -94,8 +93,7 @@ class Slew(Params):
 
     def ends_rad(self, azimuth_rad: Array) -> tuple[float, float]:
         """Return first and last azimuth of a pass (n,) on the turn that fits the travel best."""
-        # A pass may cross north: its two ends are on the turns that the cable sees, not on the
-        # sky's.
+        # The ends of a pass across north are on the turns of the cable, not on those of the sky.
         path = np.unwrap(azimuth_rad)
         if self.travel_rad:
             low, high = self.travel_rad
@@ -110,8 +108,7 @@ class Slew(Params):
         azimuth, elevation = np.moveaxis(np.abs(starts_rad - ends_rad), -1, 0)
         if not self.travel_rad:
             azimuth = np.abs(np.mod(azimuth + np.pi, _TURN) - np.pi)
-        time: Array = np.maximum(azimuth, elevation) / self.rate_rad_s + self.settle_s
-        return time
+        return np.asarray(np.maximum(azimuth, elevation) / self.rate_rad_s + self.settle_s)
 
     def allows(self, one: CandidatePass, other: CandidatePass) -> bool:
         """Return whether one antenna can track both."""
@@ -168,9 +165,11 @@ class _Table:
         self._from, self._to = np.moveaxis(np.stack([azimuth, elevation], axis=-1), 1, 0)
         self._counts = np.array([rule.coverage(t.azimuth_rad, t.elevation_rad).counts for t in tracks])
 
-    def gain(self, filled: Counts, more: Counts) -> int:
-        """Return how many points `more` brings where they are missing."""
-        return int(self._gains(filled, more))
+    def gain(self, filled: Counts, more: Counts) -> Counts:
+        """Return how many points `more` (..., sectors) brings where they are missing."""
+        # Points beyond the required ones are worth nothing, however many a pass brings.
+        missing = np.maximum(self._rule.fewest - filled, 0)
+        return np.asarray(np.sum(np.minimum(more, missing), axis=-1))
 
     def by_exchange(self) -> Plan:
         """Take candidates in order of their end, each in place of poorer ones that it overlaps."""
@@ -178,8 +177,7 @@ class _Table:
         filled = self._begun
         for k in range(len(self.candidates)):
             ready = self._end[taken] + self._slew.time_s(self._to[taken], self._from[k])
-            # One candidate may exclude several earlier ones: it must be worth more than all of
-            # them.
+            # One candidate may exclude several: it must be worth more than all of them.
             rivals = [other for other, t_s in zip(taken, ready, strict=True) if t_s > self._start[k]]
             theirs: Counts = np.sum(self._counts[rivals], axis=0, dtype=np.int64)
             without = filled - theirs
@@ -197,9 +195,8 @@ class _Table:
         filled = self._begun
         now_s, ready = float(np.min(self._start)), np.full(len(self.candidates), -np.inf)
         while not self._full(filled):
-            # Per second until its end, so that waiting for a rich pass is weighed against a poor
-            # one now.
-            rate = self._gains(filled, self._counts) / np.maximum(self._end - now_s, 1e-9)
+            # Until its end: waiting for a rich pass is weighed against a poor one now.
+            rate = self.gain(filled, self._counts) / np.maximum(self._end - now_s, 1e-9)
             rate[self._start < ready] = 0.0
             best = int(np.argmax(rate))
             # No reachable candidate brings a missing point any more.
@@ -221,12 +218,6 @@ class _Table:
 
     def _full(self, filled: Counts) -> bool:
         return bool(np.all(filled >= self._rule.fewest))
-
-    def _gains(self, filled: Counts, more: Counts) -> Counts:
-        # Points beyond the required ones are worth nothing, however many a pass brings.
-        missing = np.maximum(self._rule.fewest - filled, 0)
-        gains: Counts = np.sum(np.minimum(more, missing), axis=-1)
-        return gains
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,16 +253,15 @@ def next_best_passes(
     """
     require_between("count", count, 1, None)
     places = _places(terms, chosen)
-    gains = [_information(tuple(terms), candidate, pass_priors) for candidate in candidates]
+    information = [_information(tuple(terms), candidate, pass_priors) for candidate in candidates]
     reach = slew or Slew()
     left, present = list(range(len(candidates))), np.asarray(covariance, dtype=np.float64)
     advice: list[PassAdvice] = []
     while left and len(advice) < count:
-        after = {k: _updated(present, gains[k]) for k in left}
+        after = {k: _updated(present, information[k]) for k in left}
         best = min(left, key=lambda k: _factor(after[k], present, places))
         factor = _factor(after[best], present, places)
-        # The next pass is judged given this one: two good passes of one sky add less than each
-        # alone.
+        # Given this one: two good passes of one sky add less than each alone.
         present = after[best]
         left = [k for k in left if k != best and reach.allows(candidates[k], candidates[best])]
         advice.append(PassAdvice(candidates[best].name, candidates[best].start_t_s, np.sqrt(np.diag(present)), factor))

@@ -4,7 +4,6 @@ Below 10 deg refraction is uncertain, above 80 deg two terms grow without bound 
 """
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,8 +46,7 @@ class SectorRule(Params):
         column = np.floor(np.mod(np.asarray(azimuth_rad, dtype=np.float64), 2.0 * np.pi) / width).astype(np.int64)
         edges = np.array(self.elevation_edges_rad)
         band = np.searchsorted(edges, np.asarray(elevation_rad, dtype=np.float64), side="right") - 1
-        # An azimuth a rounding below 2 pi divides to the number of sectors: `minimum` keeps it in
-        # the last one.
+        # An azimuth a rounding below 2 pi would be in the sector after the last one.
         inside = (band >= 0) & (band < len(edges) - 1)
         return np.where(inside, band * self.azimuth_sectors + np.minimum(column, self.azimuth_sectors - 1), -1)
 
@@ -85,22 +83,15 @@ class Coverage:
             raise ValueError(f"{len(self.thin)} of {self.rule.count} sectors have < {self.rule.fewest}: {worst}{more}")
 
 
-@dataclass(frozen=True, eq=False)
-class Selection:
-    """Rows chosen (n,) and how many were dropped for which reason."""
-
-    chosen: NDArray[np.bool_]
-    dropped: Mapping[str, int]
-    coverage: Coverage
-
-
 def select_by_sector(
     azimuth_rad: Array, elevation_rad: Array, pass_id: NDArray[np.int64], rule: SectorRule
-) -> Selection:
-    """Choose at most `rule.most` rows per sector, spread evenly over and within its passes."""
+) -> tuple[NDArray[np.bool_], dict[str, int]]:
+    """Return which rows to take (n,) and how many are dropped for which reason.
+
+    At most `rule.most` per sector, spread evenly over and within its passes.
+    """
     sectors = rule.sector_of(azimuth_rad, elevation_rad)
-    # At most so many: the sectors at the horizon, full of points, would otherwise outvote the
-    # others.
+    # Else the sectors at the horizon, full of points, would outvote the others.
     chosen = np.zeros(len(sectors), dtype=bool)
     for sector in range(rule.count):
         rows = np.flatnonzero(sectors == sector)
@@ -112,15 +103,14 @@ def select_by_sector(
         f"above {math.degrees(rule.elevation_edges_rad[-1]):.0f} deg": outside - low,
         f"sector has {rule.most} already": int(np.sum(sectors >= 0)) - int(np.sum(chosen)),
     }
-    return Selection(chosen, dropped, rule.coverage(azimuth_rad[chosen], elevation_rad[chosen]))
+    return chosen, dropped
 
 
 def _shared_out(rows: NDArray[np.int64], pass_id: NDArray[np.int64], most: int) -> NDArray[np.int64]:
     """Return up to `most` rows, one from each pass in turn, spread within the pass."""
     if len(rows) <= most:
         return rows
-    # In turn, as the orbit error of a pass does not average out within it: thirty points of one
-    # pass count as few.
+    # The orbit error of a pass does not average out: thirty points of one pass count as few.
     ranked = []
     for number in np.unique(pass_id):
         own = rows[pass_id == number]

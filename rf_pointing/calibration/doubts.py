@@ -50,12 +50,10 @@ def measured_pass_priors(fit: Callable[[PassPriors], FitResult], start: PassPrio
     Sizes settle to 10 % within 25 rounds, or are those of the last round.
     """
     priors = start
-    least = dict(zip(start.names, _LEAST * start.sigma, strict=True))
     for _ in range(_ROUNDS):
-        ratios = dict(zip(priors.names, size_ratios(fit(priors), priors).tolist(), strict=True))
-        sizes = {name: max(least[name], ratio * getattr(priors, name)) for name, ratio in ratios.items()}
-        moved = max(abs(np.log(size / getattr(priors, name))) for name, size in sizes.items())
-        priors = priors.replace(**sizes)
+        sizes = np.maximum(_LEAST * start.sigma, size_ratios(fit(priors), priors) * priors.sigma)
+        moved = np.max(np.abs(np.log(sizes / priors.sigma)))
+        priors = priors.replace(**dict(zip(priors.names, sizes.tolist(), strict=True)))
         if moved < _SETTLED:
             break
     return priors
@@ -75,10 +73,9 @@ def _lost_passes(fit: FitResult, points: Observations) -> tuple[str, ...]:
 
 
 def _small_sigma(fit: FitResult, points: Observations) -> tuple[str, ...]:
-    if fit.pass_priors is not None:
-        ratios = zip(
-            fit.pass_priors.names, fit.pass_priors.sigma.tolist(), size_ratios(fit, fit.pass_priors), strict=True
-        )
+    priors = fit.pass_priors
+    if priors is not None:
+        ratios = zip(priors.names, priors.sigma.tolist(), size_ratios(fit, priors), strict=True)
         return tuple(
             f"{name} of the passes is {ratio:.1f} times the prior of the fit ({size:.3g}): sigma is too small"
             for name, size, ratio in ratios

@@ -32,8 +32,10 @@ Array = NDArray[np.float64]
 # A step of a millionth of sigma: below it rounding, not the data, moves the terms.
 _CONVERGED_SIGMA = 1e-6
 _WEIGHTS_SETTLED = 1e-4
-# Rounds in which rejected observations may come back; afterwards editing only removes, so that it
-# must end.
+_MOST_ROUNDS = 40
+# Where a third has to go, the data contradict each other or the model.
+_MOST_EDITED = 0.33
+# Rejected observations may return in these rounds; later ones only remove, and so must end.
 _FREE_ROUNDS = 8
 # Of a normal distribution.
 _MEDIAN_TO_SIGMA = 1.4826
@@ -53,15 +55,8 @@ class FitOptions(Params):
     form: str = parameter("printed", "model form: SATCAL (1)-(2) or exact rotations", choices=("printed", "rotation"))
     edit_sigma: float = parameter(3.0, "residuals beyond this many sigma are left out; 0: none", low=0.0, high=100.0)
     huber_sigma: float = parameter(0.0, "residuals beyond this many sigma count linearly; 0: squared", low=0.0, high=10)
-    max_iterations: int = parameter(40, "bound of the editing and linearisation loop", low=1, high=1000)
     covariance: str = parameter("white", "how sigma is computed", choices=("white", "sandwich"))
     fewest_passes: int = parameter(3, "fewer passes are refused unless every term has a prior", low=1, high=1000)
-    most_edited: float = parameter(
-        0.33,
-        "largest share of the observations that may be edited out; beyond it the data are refused",
-        low=0.0,
-        high=1.0,
-    )
     scale_covariance: bool = parameter(False, "multiply the white covariance by the measured residual variance")
 
     def check_together(self) -> None:
@@ -126,8 +121,8 @@ def _iterate(problem: FitProblem, options: FitOptions) -> Round:
     used = np.ones(len(problem.data), dtype=bool)
     weight = np.ones(len(problem.data))
     values = problem.start()
-    for number in range(1, options.max_iterations + 1):
-        now = problem.solve(values, used, weight, number)
+    for number in range(1, _MOST_ROUNDS + 1):
+        now = problem.solve(values, used, weight)
         step = float(np.max(np.abs(now.solution.values - values) / np.sqrt(np.diag(now.solution.covariance))))
         values = now.solution.values
         size = normalised_size(now.residuals, problem.sigmas, used)
@@ -138,7 +133,7 @@ def _iterate(problem: FitProblem, options: FitOptions) -> Round:
         if settled and (problem.linear or step < _CONVERGED_SIGMA):
             return now
         used, weight = keep, lighter
-    raise ValueError(f"max_iterations={options.max_iterations}: the fit has not settled")
+    raise ValueError(f"the fit has not settled after {_MOST_ROUNDS} rounds")
 
 
 def _check_left(data: Observations, last: Round, options: FitOptions, backed: bool) -> None:
@@ -146,10 +141,10 @@ def _check_left(data: Observations, last: Round, options: FitOptions, backed: bo
     out = ~last.used
     numbers, counts = np.unique(data.pass_id[out], return_counts=True)
     worst = ", ".join(str(number) for number in numbers[np.argsort(-counts, kind="stable")][:4].tolist())
-    if np.mean(out) > options.most_edited:
+    if np.mean(out) > _MOST_EDITED:
         raise ValueError(
             f"{int(np.sum(out))} of {len(data)} observations were edited out ({100.0 * np.mean(out):.0f} %), most of them of "
-            f"pass {worst}; must be <= {100.0 * options.most_edited:g} %: passes that contradict each other, sigmas too small, "
+            f"pass {worst}; must be <= {100.0 * _MOST_EDITED:g} %: passes that contradict each other, sigmas too small, "
             "or terms that are missing"
         )
     left = len(np.unique(data.pass_id[last.used]))
@@ -164,7 +159,7 @@ def _result(problem: FitProblem, last: Round, options: FitOptions) -> FitResult:
     data, solution, used = problem.data, last.solution, last.used
     # A prior is an equation more.
     freedom = 2 * int(np.sum(used)) - len(problem.names) + len(problem.priors)
-    variance = [float(np.mean((r[used] / s[used]) ** 2)) for r, s in zip(last.residuals, problem.sigmas, strict=True)]
+    variance = np.mean((last.residuals[:, used] / problem.sigmas[:, used]) ** 2, axis=1).tolist()
     covariance = solution.covariance
     if options.covariance == "sandwich":
         covariance = sandwich_covariance(problem.names, covariance, problem.weighted_passes(last))
@@ -179,9 +174,7 @@ def _result(problem: FitProblem, last: Round, options: FitOptions) -> FitResult:
         form=options.form,
         station=data.station,
         band=data.band,
-        rank=solution.rank,
         condition=solution.condition,
-        iterations=last.number,
         residual_azimuth_rad=last.residuals[0],
         residual_elevation_rad=last.residuals[1],
         pass_azimuth_rad=last.pass_offsets[0],
@@ -189,12 +182,11 @@ def _result(problem: FitProblem, last: Round, options: FitOptions) -> FitResult:
         cos_elevation=np.cos(data.true_elevation_rad),
         used=used,
         rejected=tuple(
-            Rejected(int(row), float(data.t_s[row]), int(data.pass_id[row]), f"residual of {size[row]:.1f} sigma")
+            Rejected(int(row), int(data.pass_id[row]), f"residual of {size[row]:.1f} sigma")
             for row in np.flatnonzero(~used)
         ),
         variance_azimuth=variance[0],
         variance_elevation=variance[1],
-        degrees_of_freedom=freedom,
         first_t_s=float(np.min(data.t_s)),
         last_t_s=float(np.max(data.t_s)),
         passes=len(np.unique(data.pass_id[used])),
@@ -220,15 +212,12 @@ def _check_names(names: tuple[str, ...], held: Mapping[str, float], priors: Mapp
         raise ValueError(f"prior of {', '.join(astray)}: not a fitted term")
 
 
-def normalised_size(residuals: tuple[Array, Array], sigmas: tuple[Array, Array], used: NDArray[np.bool_]) -> Array:
-    """Return the larger of the axes' residuals (n,), divided by their spread among `used` rows."""
-    # By the measured spread where it exceeds the stated sigma: an orbit error must not cost the
-    # whole pass.
-    sizes = []
-    for residual, sigma in zip(residuals, sigmas, strict=True):
-        size = np.abs(residual) / sigma
-        sizes.append(size / max(1.0, _MEDIAN_TO_SIGMA * float(np.median(size[used]))))
-    return np.maximum(*sizes)
+def normalised_size(residuals: Array, sigmas: Array, used: NDArray[np.bool_]) -> Array:
+    """Return the larger of the axes' residuals (2, n), over their spread among `used` rows."""
+    # Where it exceeds the stated sigma: an orbit error must not cost the whole pass.
+    sizes = np.abs(residuals) / sigmas
+    spread = np.maximum(1.0, _MEDIAN_TO_SIGMA * np.median(sizes[:, used], axis=1))
+    return np.asarray(np.max(sizes / spread[:, np.newaxis], axis=0))
 
 
 def within_limit(size: Array, limit: float, used: NDArray[np.bool_], *, may_return: bool) -> NDArray[np.bool_]:
@@ -252,8 +241,7 @@ def sandwich_covariance(names: Sequence[str], covariance: Array, passes: Sequenc
     """
     if len(passes) < _FEWEST_SANDWICH_PASSES:
         raise ValueError(f"passes={len(passes)} must be >= {_FEWEST_SANDWICH_PASSES} for a sandwich covariance")
-    # A pass without which a term is not determined has no residual of its own to measure its errors
-    # by.
+    # A pass that alone determines a term has no residual to measure its errors by.
     meat = np.zeros_like(covariance)
     for number, rows, residuals in passes:
         remaining = np.eye(len(names)) - (rows.T @ rows) @ covariance

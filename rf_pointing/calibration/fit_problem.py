@@ -71,15 +71,14 @@ class Block:
 
 @dataclass(frozen=True, eq=False)
 class Round:
-    """One linear solution; residuals and pass offsets (azimuth, elevation) are of all rows."""
+    """One linear solution; residuals and pass offsets (2, n) are of all rows."""
 
-    number: int
     solution: Solution
     heads: PassHeads | None
     used: NDArray[np.bool_]
     weight: Array
-    residuals: Pair
-    pass_offsets: Pair
+    residuals: Array
+    pass_offsets: Array
 
 
 class FitProblem:
@@ -101,8 +100,8 @@ class FitProblem:
             Block.of(angles, [term.azimuth for term in terms]),
             Block.of(angles, [term.elevation for term in terms]),
         )
-        self.sigmas = (data.sigma_azimuth_rad, data.sigma_elevation_rad)
-        self.measured = (data.residual_azimuth_rad, data.residual_elevation_rad)
+        self.sigmas = np.stack([data.sigma_azimuth_rad, data.sigma_elevation_rad])
+        self.measured = np.stack([data.residual_azimuth_rad, data.residual_elevation_rad])
         self.own = None if pass_priors is None else pass_partials(data, pass_priors.names)
 
     @cached_property
@@ -131,7 +130,7 @@ class FitProblem:
         )
         return triangle, None
 
-    def solve(self, values: Array, used: NDArray[np.bool_], weight: Array, number: int) -> Round:
+    def solve(self, values: Array, used: NDArray[np.bool_], weight: Array) -> Round:
         """Return the solution linearised about `values`, from the `used` rows and `weight`."""
         triangle, heads = self.triangle(values, used, weight)
         for name, prior in self.priors.items():
@@ -140,26 +139,19 @@ class FitProblem:
         # Full rank is not enough: a sigma of degrees has made the linearisation itself wrong.
         require_determined(self.names, solution.covariance, known=self.priors)
         offsets = self._pass_offsets(heads, solution)
-        modelled = self._modelled(solution.values)
-        residuals = (
-            wrap_rad(self.measured[0] - modelled[0] - offsets[0]),
-            self.measured[1] - modelled[1] - offsets[1],
-        )
-        return Round(number, solution, heads, used, weight, residuals, offsets)
+        residuals = self.measured - self._modelled(solution.values) - offsets
+        residuals[0] = wrap_rad(residuals[0])
+        return Round(solution, heads, used, weight, residuals, offsets)
 
     def pass_errors(self, last: Round) -> tuple[PassErrors, ...]:
         """Return the orbit and clock errors of every pass that took part."""
         if self.pass_priors is None or last.heads is None:
             return ()
         names, heads = self.pass_priors.names, last.heads
+        values, sigma = heads.values(last.solution).tolist(), heads.sigma(last.solution).tolist()
         return tuple(
             PassErrors(number, dict(zip(names, value, strict=True)), dict(zip(names, spread, strict=True)))
-            for number, value, spread in zip(
-                self.passes[0][heads.passes].tolist(),
-                heads.values(last.solution).tolist(),
-                heads.sigma(last.solution).tolist(),
-                strict=True,
-            )
+            for number, value, spread in zip(self.passes[0][heads.passes].tolist(), values, sigma, strict=True)
         )
 
     def weighted_passes(self, last: Round) -> list[tuple[int, Array, Array]]:
@@ -173,53 +165,47 @@ class FitProblem:
                 found.append((number, rows[chosen, :-1], rows[chosen, -1]))
         return found
 
-    def _modelled(self, values: Array) -> Pair:
+    def _modelled(self, values: Array) -> Array:
         model = BiasModel({**self.held, **dict(zip(self.names, values.tolist(), strict=True))})
         motion, temperature = self.data.motion(), self.data.temperature_k
-        # The printed form is linear: one round is the solution, and the exact rotations would never
-        # enter it.
+        # The printed form is linear: its one round would never see the exact rotations.
         if self.linear:
-            return model.offset_rad(*motion, temperature_k=temperature)
-        azimuth, elevation = model.apply(*motion, temperature_k=temperature)
-        return azimuth - motion[0], elevation - motion[1]
+            return np.stack(model.offset_rad(*motion, temperature_k=temperature))
+        return np.stack(model.apply(*motion, temperature_k=temperature)) - np.stack(motion[:2])
 
-    def _right(self, values: Array) -> Pair:
-        # Right side of the Gauss-Newton step: measured minus modelled, plus what the partials make
-        # of the values.
-        modelled = self._modelled(values)
-        return (
-            wrap_rad(self.measured[0] - modelled[0]) + self.blocks[0].matrix @ values[self.blocks[0].columns],
-            self.measured[1] - modelled[1] + self.blocks[1].matrix @ values[self.blocks[1].columns],
-        )
+    def _right(self, values: Array) -> Array:
+        # Gauss-Newton: measured minus modelled, plus what the partials make of the values.
+        right = self.measured - self._modelled(values)
+        right[0] = wrap_rad(right[0])
+        return right + np.stack([block.matrix @ values[block.columns] for block in self.blocks])
 
-    def _all_rows(self, right: Pair, weight: Array) -> Array:
+    def _all_rows(self, right: Array, weight: Array) -> Array:
         """Return rows (2 n, k + 1) of partials and right side, azimuth first, divided by sigma."""
         count = len(self.data)
         rows = np.zeros((2 * count, len(self.names) + 1))
         rows[:count, self.blocks[0].columns] = self.blocks[0].matrix
         rows[count:, self.blocks[1].columns] = self.blocks[1].matrix
-        rows[:, -1] = np.concatenate(right)
-        return rows * self._scale(weight)[:, np.newaxis]
+        rows[:, -1] = right.ravel()
+        return rows * self._scale(weight)
 
     def _scale(self, weight: Array) -> Array:
-        root = np.sqrt(weight)
-        return np.concatenate([root / self.sigmas[0], root / self.sigmas[1]])
+        return (np.sqrt(weight) / self.sigmas).reshape(-1, 1)
 
-    def _eliminate(self, used: NDArray[np.bool_], right: Pair, weight: Array) -> tuple[PassHeads, Array]:
+    def _eliminate(self, used: NDArray[np.bool_], right: Array, weight: Array) -> tuple[PassHeads, Array]:
         own, priors = self._own()
-        scaled = np.concatenate(own) * self._scale(weight)[:, np.newaxis]
+        scaled = np.concatenate(own) * self._scale(weight)
         rows = np.concatenate([scaled, self._all_rows(right, weight)], axis=1)
         chosen = np.tile(used, 2)
         return eliminate(rows[chosen], np.tile(self.passes[1], 2)[chosen], priors.sigma)
 
-    def _pass_offsets(self, heads: PassHeads | None, solution: Solution) -> Pair:
+    def _pass_offsets(self, heads: PassHeads | None, solution: Solution) -> Array:
         if heads is None:
-            return np.zeros(len(self.data)), np.zeros(len(self.data))
+            return np.zeros((2, len(self.data)))
         own, priors = self._own()
         values = np.zeros((len(self.passes[0]), len(priors.names)))
         values[heads.passes] = heads.values(solution)
         of_row = values[self.passes[1]]
-        return np.einsum("ij,ij->i", own[0], of_row), np.einsum("ij,ij->i", own[1], of_row)
+        return np.stack([np.einsum("ij,ij->i", partials, of_row) for partials in own])
 
     def _own(self) -> tuple[Pair, PassPriors]:
         if self.own is None or self.pass_priors is None:

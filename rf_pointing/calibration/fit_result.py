@@ -9,9 +9,12 @@ from numpy.typing import NDArray
 
 from rf_pointing.calibration.bias_model import BiasModel
 from rf_pointing.calibration.pass_errors import PassPriors
-from rf_pointing.calibration.triangle import HIGH_CORRELATION, advice_for, inseparable_pairs
+from rf_pointing.calibration.triangle import advice_for
 
 Array = NDArray[np.float64]
+
+# Correlation above which two fitted terms are reported as poorly separated.
+HIGH_CORRELATION = 0.95
 
 
 @dataclass(frozen=True)
@@ -19,7 +22,6 @@ class Rejected:
     """One observation the fit left out: its row in the input, and why."""
 
     row: int
-    t_s: float
     pass_id: int
     reason: str
 
@@ -51,9 +53,7 @@ class FitResult:
     form: str
     station: str
     band: str
-    rank: int
     condition: float
-    iterations: int
     residual_azimuth_rad: Array
     residual_elevation_rad: Array
     pass_azimuth_rad: Array
@@ -63,7 +63,6 @@ class FitResult:
     rejected: tuple[Rejected, ...]
     variance_azimuth: float
     variance_elevation: float
-    degrees_of_freedom: int
     first_t_s: float
     last_t_s: float
     passes: int
@@ -96,7 +95,13 @@ class FitResult:
 
     def inseparable(self, threshold: float = HIGH_CORRELATION) -> tuple[tuple[str, str, float], ...]:
         """Return the pairs of terms whose correlation reaches `threshold`, the worst first."""
-        return inseparable_pairs(self.names, self.correlation, threshold)
+        rows, columns = np.triu_indices(len(self.names), 1)
+        pairs = [
+            (self.names[i], self.names[j], float(self.correlation[i, j]))
+            for i, j in zip(rows.tolist(), columns.tolist(), strict=True)
+            if abs(self.correlation[i, j]) >= threshold
+        ]
+        return tuple(sorted(pairs, key=lambda pair: -abs(pair[2])))
 
     def separation_advice(self, threshold: float = HIGH_CORRELATION) -> tuple[str, ...]:
         """Return one sentence per poorly separated pair, with the data that would separate it."""
@@ -109,11 +114,5 @@ class FitResult:
         """Return the rms residual of the used rows on the sky: cross-elevation, elevation."""
         # On the sky: a degree of azimuth at 80 deg of elevation moves the beam by 0.17 deg.
         across = (self.residual_azimuth_rad * self.cos_elevation)[self.used]
-        return float(np.sqrt(np.mean(across**2))), float(np.sqrt(np.mean(self.residual_elevation_rad[self.used] ** 2)))
-
-    def mean_rad(self) -> tuple[float, float]:
-        """Return the mean residual of the used rows: azimuth, elevation."""
-        return (
-            float(np.mean(self.residual_azimuth_rad[self.used])),
-            float(np.mean(self.residual_elevation_rad[self.used])),
-        )
+        up = self.residual_elevation_rad[self.used]
+        return float(np.sqrt(np.mean(across**2))), float(np.sqrt(np.mean(up**2)))

@@ -94,8 +94,7 @@ class LagHistory:
 
     def _step(self, dt_s: float) -> tuple[float, float, float, float, float]:
         """Return the step and the four factors of the decaying oscillation over it."""
-        # Poles of 1 + T s + T^2 s^2 are (-1 +- j sqrt 3) / 2T; two poles, as one would leave a term
-        # in s^2 (0063).
+        # Poles (-1 +- j sqrt 3) / 2T of 1 + T s + T^2 s^2; one would leave a term in s^2 (0063).
         decay, swing = 0.5 / self._time_s, math.sqrt(0.75) / self._time_s
         size = math.exp(-decay * dt_s)
         cosine, sine = size * math.cos(swing * dt_s), size * math.sin(swing * dt_s) / swing

@@ -11,11 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 from numpy.typing import NDArray
 
 from rf_pointing.calibration.bias_model import BiasModel
 from rf_pointing.calibration.fit_result import FitResult
-from rf_pointing.calibration.terms import all_terms
+from rf_pointing.calibration.terms import ALL_TERMS
 from rf_pointing.core import require_choice, require_finite
 from rf_pointing.core.dates import from_utc_text, to_utc_text
 from rf_pointing.core.whole_file import write_whole
@@ -26,19 +27,10 @@ FORMAT = "rf_pointing/bias_model/1"
 # Eigenvalues of a singular correlation matrix come out at minus a rounding.
 _ROUNDING = 1e-9
 _SIGMA_AGREES = 1e-3
-_KEYS = (
-    "format",
-    "name",
-    "station",
-    "band",
-    "software",
-    "created_utc",
-    "validity",
-    "data",
-    "fit",
-    "terms",
-    "covariance",
-)
+# Fields of the same name in the file and in a version; `_ANGLES` are in degrees in the file.
+_TEXTS = ("name", "station", "band", "software")
+_COUNTS = ("observations", "rejected", "passes")
+_ANGLES = ("rms_cross_elevation", "rms_elevation", "mean_azimuth", "mean_elevation")
 # Unit in the file of each unit of the core, and the factor to it.
 _EDGE = {"rad": ("deg", math.degrees(1.0)), "s": ("s", 1.0), "s^2": ("s2", 1.0), "rad/K": ("deg_k", math.degrees(1.0))}
 
@@ -74,41 +66,32 @@ class ModelVersion:
     covariance: Array
 
     @classmethod
-    def from_fit(
-        cls, result: FitResult, *, name: str, software: str, created_t_s: float, valid_until_t_s: float | None = None
-    ) -> "ModelVersion":
-        """Return the version that a fit gives; it is valid from its creation."""
-        rms, mean = result.rms_rad(), result.mean_rad()
+    def from_fit(cls, result: FitResult, *, name: str, software: str, created_t_s: float) -> "ModelVersion":
+        """Return the version that a fit gives; it is valid from its creation until replaced."""
+        rms, used = result.rms_rad(), result.used
+        same = ("station", "band", "form", "condition", "model", "covariance", "first_t_s", "last_t_s", "passes")
+        same_name: dict[str, Any] = {field: getattr(result, field) for field in same}
         return cls(
             name=name,
-            station=result.station,
-            band=result.band,
             software=software,
             created_t_s=created_t_s,
             valid_from_t_s=created_t_s,
-            valid_until_t_s=valid_until_t_s,
-            first_t_s=result.first_t_s,
-            last_t_s=result.last_t_s,
-            observations=int(np.sum(result.used)),
+            valid_until_t_s=None,
+            observations=int(np.sum(used)),
             rejected=len(result.rejected),
-            passes=result.passes,
-            form=result.form,
-            condition=result.condition,
             rms_cross_elevation_rad=rms[0],
             rms_elevation_rad=rms[1],
-            mean_azimuth_rad=mean[0],
-            mean_elevation_rad=mean[1],
-            model=result.model,
+            mean_azimuth_rad=float(np.mean(result.residual_azimuth_rad[used])),
+            mean_elevation_rad=float(np.mean(result.residual_elevation_rad[used])),
             fitted=result.names,
-            covariance=result.covariance,
+            **same_name,
         )
 
     def check_for(self, station: str, band: str, t_s: float) -> None:
         """Raise ValueError if the model is of another station or band or not valid at `t_s`."""
-        if self.station != station:
-            raise ValueError(f"model {self.name!r} is of station {self.station!r}, must be of {station!r}")
-        if self.band != band:
-            raise ValueError(f"model {self.name!r} is of band {self.band!r}, must be of {band!r}")
+        for kind, own, wanted in (("station", self.station, station), ("band", self.band, band)):
+            if own != wanted:
+                raise ValueError(f"model {self.name!r} is of {kind} {own!r}, must be of {wanted!r}")
         if not self.is_valid_at(t_s):
             until = "replaced" if self.valid_until_t_s is None else _stamp(self.valid_until_t_s)
             raise ValueError(
@@ -126,9 +109,6 @@ def write_model(path: str | Path, version: ModelVersion) -> None:
     if _is_json(target):
         text = json.dumps(mapping, indent=2) + "\n"
     else:
-        # Loading YAML costs every process that imports this module, and only some read a file.
-        import yaml
-
         text = yaml.safe_dump(mapping, sort_keys=False, default_flow_style=None, width=120)
     write_whole(target, text)
 
@@ -150,26 +130,18 @@ def _to_mapping(version: ModelVersion) -> dict[str, Any]:
     until = None if version.valid_until_t_s is None else _stamp(version.valid_until_t_s)
     return {
         "format": FORMAT,
-        "name": version.name,
-        "station": version.station,
-        "band": version.band,
-        "software": version.software,
+        **{name: getattr(version, name) for name in _TEXTS},
         "created_utc": _stamp(version.created_t_s),
         "validity": {"from_utc": _stamp(version.valid_from_t_s), "until_utc": until},
         "data": {
             "first_utc": _stamp(version.first_t_s),
             "last_utc": _stamp(version.last_t_s),
-            "observations": version.observations,
-            "rejected": version.rejected,
-            "passes": version.passes,
+            **{name: getattr(version, name) for name in _COUNTS},
         },
         "fit": {
             "form": version.form,
             "condition": version.condition,
-            "rms_cross_elevation_deg": math.degrees(version.rms_cross_elevation_rad),
-            "rms_elevation_deg": math.degrees(version.rms_elevation_rad),
-            "mean_azimuth_deg": math.degrees(version.mean_azimuth_rad),
-            "mean_elevation_deg": math.degrees(version.mean_elevation_rad),
+            **{f"{name}_deg": math.degrees(getattr(version, f"{name}_rad")) for name in _ANGLES},
         },
         "terms": {
             name: _term_entry(name, value, sigma.get(name)) for name, value in version.model.coefficients.items()
@@ -183,34 +155,32 @@ def _to_mapping(version: ModelVersion) -> dict[str, Any]:
 
 
 def _from_mapping(mapping: Any) -> ModelVersion:
-    top = _Section(mapping, "", _KEYS)
+    sections = ("created_utc", "validity", "data", "fit", "terms", "covariance")
+    top = _Section(mapping, "", ("format", *_TEXTS, *sections))
     require_choice("format", top.text("format"), (FORMAT,))
     validity = top.section("validity", ("from_utc", "until_utc"))
-    data = top.section("data", ("first_utc", "last_utc", "observations", "rejected", "passes"))
-    angles = ("rms_cross_elevation", "rms_elevation", "mean_azimuth", "mean_elevation")
-    fit = top.section("fit", ("form", "condition", *(f"{name}_deg" for name in angles)))
+    data = top.section("data", ("first_utc", "last_utc", *_COUNTS))
+    fit = top.section("fit", ("form", "condition", *(f"{name}_deg" for name in _ANGLES)))
     model, sigma = _read_terms(top)
     _check_order(validity, "from_utc", "until_utc")
     _check_order(data, "first_utc", "last_utc")
+    same_name: dict[str, Any] = {
+        **{name: top.text(name) for name in _TEXTS},
+        **{name: data.count(name) for name in _COUNTS},
+        **{f"{name}_rad": math.radians(fit.number(f"{name}_deg")) for name in _ANGLES},
+    }
     return ModelVersion(
-        name=top.text("name"),
-        station=top.text("station"),
-        band=top.text("band"),
-        software=top.text("software"),
         created_t_s=top.time("created_utc"),
         valid_from_t_s=validity.time("from_utc"),
         valid_until_t_s=validity.time("until_utc") if validity.has("until_utc") else None,
         first_t_s=data.time("first_utc"),
         last_t_s=data.time("last_utc"),
-        observations=data.count("observations"),
-        rejected=data.count("rejected"),
-        passes=data.count("passes"),
         form=fit.text("form"),
         condition=fit.number("condition"),
-        **{f"{name}_rad": math.radians(fit.number(f"{name}_deg")) for name in angles},
         model=model,
         fitted=tuple(sigma),
         covariance=_read_covariance(top, sigma),
+        **same_name,
     )
 
 
@@ -220,8 +190,6 @@ def _parsed(source: Path, text: str) -> Any:
             return json.loads(text)
         except json.JSONDecodeError as error:
             raise ValueError(f"line {error.lineno}: {error.msg}") from None
-    import yaml
-
     try:
         return yaml.safe_load(text)
     except yaml.YAMLError as error:
@@ -239,7 +207,7 @@ def _stamp(t_s: float) -> str:
 
 
 def _edge(name: str) -> tuple[str, float]:
-    return _EDGE[all_terms()[name].unit]
+    return _EDGE[ALL_TERMS[name].unit]
 
 
 def _term_entry(name: str, value: float, sigma: float | None) -> dict[str, Any]:
@@ -253,7 +221,7 @@ def _term_entry(name: str, value: float, sigma: float | None) -> dict[str, Any]:
 def _read_terms(top: "_Section") -> tuple[BiasModel, dict[str, tuple[str, float]]]:
     """Return the model, and key and sigma (unit of the file) of each fitted term."""
     values, sigma = {}, {}
-    terms = top.section("terms", (), tuple(all_terms()))
+    terms = top.section("terms", (), tuple(ALL_TERMS))
     for name in terms.values:
         unit, scale = _edge(name)
         entry = terms.section(name, (f"value_{unit}", "used", "fixed"), (f"sigma_{unit}",))
@@ -271,10 +239,10 @@ def _read_terms(top: "_Section") -> tuple[BiasModel, dict[str, tuple[str, float]
 def _read_covariance(top: "_Section", stated: Mapping[str, tuple[str, float]]) -> Array:
     section, fitted = top.section("covariance", ("order", "unit", "matrix")), tuple(stated)
     order = section.texts("order")
-    if set(order) != set(fitted):
-        raise ValueError(f"{section.key('order')} is {', '.join(order)}; must be the fitted terms {', '.join(fitted)}")
     if order != fitted:
-        raise ValueError(f"{section.key('order')} must be in the order of the terms")
+        raise ValueError(
+            f"{section.key('order')} is {', '.join(order)}; must be the fitted terms in their order, {', '.join(fitted)}"
+        )
     units, scale = [_edge(name)[0] for name in order], np.array([_edge(name)[1] for name in order])
     if list(section.texts("unit")) != units:
         raise ValueError(f"{section.key('unit')} must be {', '.join(units)}")

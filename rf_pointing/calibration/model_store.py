@@ -11,8 +11,6 @@ from pathlib import Path
 from rf_pointing.calibration.model_file import ModelVersion, read_model, write_model
 from rf_pointing.core.whole_file import write_whole
 
-_HISTORY = "history.json"
-
 
 class ModelStore:
     """Versions of the model of `station` in `band` below `folder`; the state is on disk."""
@@ -20,6 +18,7 @@ class ModelStore:
     def __init__(self, folder: str | Path, station: str, band: str) -> None:
         self.folder, self.station, self.band = Path(folder), station, band
         self.folder.mkdir(parents=True, exist_ok=True)
+        self._history_file = self.folder / "history.json"
 
     def add(self, version: ModelVersion) -> None:
         """Keep a new version, not yet active.
@@ -28,8 +27,7 @@ class ModelStore:
         name.
         """
         version.check_for(self.station, self.band, version.valid_from_t_s)
-        # Names of files on any system: a folder of models is copied to whatever the operator works
-        # on.
+        # Usable on any system: a folder of models is copied to whatever the operator works on.
         if not version.name or any(sign in version.name for sign in '/\\:*?"<>|') or version.name.startswith("."):
             raise ValueError(f"name={version.name!r} must be usable as a file name")
         if self._path(version.name).exists():
@@ -46,10 +44,6 @@ class ModelStore:
             raise ValueError(f"name={name!r} must be one of {', '.join(self.names()) or 'none'}")
         return read_model(self._path(name))
 
-    def accepted(self) -> tuple[str, ...]:
-        """Return the names of the accepted versions, the active one last."""
-        return tuple(self._history())
-
     def active(self) -> ModelVersion | None:
         """Return the active version, None before the first one is accepted."""
         history = self._history()
@@ -57,11 +51,8 @@ class ModelStore:
 
     def active_at(self, t_s: float) -> ModelVersion | None:
         """Return the newest accepted version that is valid at `t_s`, None if there is none."""
-        for name in reversed(self._history()):
-            version = self.read(name)
-            if version.is_valid_at(t_s):
-                return version
-        return None
+        accepted = (self.read(name) for name in reversed(self._history()))
+        return next((version for version in accepted if version.is_valid_at(t_s)), None)
 
     def accept(self, name: str, t_s: float) -> ModelVersion:
         """Make a version active and return it; it must be valid at `t_s`."""
@@ -70,7 +61,7 @@ class ModelStore:
         history = self._history()
         # Accepting twice must not need two steps back.
         if not history or history[-1] != name:
-            self._write_history([*history, name])
+            write_whole(self._history_file, json.dumps([*history, name]))
         return version
 
     def roll_back(self) -> ModelVersion:
@@ -78,20 +69,16 @@ class ModelStore:
         history = self._history()
         if len(history) < 2:
             raise ValueError(f"accepted models={len(history)} must be >= 2 to roll back")
-        self._write_history(history[:-1])
+        write_whole(self._history_file, json.dumps(history[:-1]))
         return self.read(history[-2])
 
     def _path(self, name: str) -> Path:
         return self.folder / f"{name}.yaml"
 
     def _history(self) -> list[str]:
-        path = self.folder / _HISTORY
-        if not path.exists():
+        if not self._history_file.exists():
             return []
-        names = json.loads(path.read_text(encoding="utf-8"))
+        names = json.loads(self._history_file.read_text(encoding="utf-8"))
         if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-            raise ValueError(f"{path} must hold a list of names")
+            raise ValueError(f"{self._history_file} must hold a list of names")
         return names
-
-    def _write_history(self, names: list[str]) -> None:
-        write_whole(self.folder / _HISTORY, json.dumps(names))

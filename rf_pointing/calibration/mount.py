@@ -40,8 +40,7 @@ class Skew:
             return np.eye(3)
         east, north = -self.mislevel_east / angle, self.mislevel_north / angle
         cross = np.array([[0.0, 0.0, north], [0.0, 0.0, -east], [-north, east, 0.0]])
-        matrix: Array = np.eye(3) + math.sin(angle) * cross + (1.0 - math.cos(angle)) * (cross @ cross)
-        return matrix
+        return np.asarray(np.eye(3) + math.sin(angle) * cross + (1.0 - math.cos(angle)) * (cross @ cross))
 
 
 def axes_from_sky(azimuth: Array, elevation: Array, skew: Skew) -> tuple[Array, Array]:
@@ -62,8 +61,7 @@ def axes_from_sky(azimuth: Array, elevation: Array, skew: Skew) -> tuple[Array, 
             f"a direction lies within {math.degrees(skew.cone_rad):.4f} deg of the mount's zenith: "
             "no axis angles reach it"
         )
-    # The sign of the root is the branch: over the top the beam looks back along the dish's forward
-    # axis.
+    # The root of a beam over the top is negative: it looks back along the forward axis.
     branch = np.where(elevation[0] > np.pi / 2.0, -1.0, 1.0)
     forward = branch * taylor.square_root(forward_squared)
     axis_elevation = taylor.angle_of((up + sin_c * sin_n * taylor.constant(1.0, up)) / cos_n, forward)

@@ -29,8 +29,7 @@ _MOTION = (
 )
 _OBSERVED = ("observed_azimuth_rad", "observed_elevation_rad", "sigma_azimuth_rad", "sigma_elevation_rad")
 _OPTIONAL = ("range_m", "range_rate_m_s", "temperature_k")
-# Rows farther apart than this say little of a derivative: the remainder grows with the cube of
-# their distance.
+# Rows farther apart say little: the remainder grows with the cube of their distance.
 _NEIGHBOURS_S = 20.0
 _FEWEST_JUDGED = 10
 _LARGEST_SHARE = 0.5
@@ -114,12 +113,9 @@ class Observations:
     def select(self, chosen: ArrayLike) -> "Observations":
         """Return the rows of a boolean mask or of an index array."""
         rows = np.asarray(chosen)
-        changed = {
-            item.name: getattr(self, item.name)[rows]
-            for item in fields(self)
-            if isinstance(getattr(self, item.name), np.ndarray)
-        }
-        return replace(self, **changed)
+        return replace(
+            self, **{name: value[rows] for name, value in vars(self).items() if isinstance(value, np.ndarray)}
+        )
 
     def motion(self) -> tuple[Array, ...]:
         """Return true azimuth, elevation, rates and accelerations, as the bias model takes them."""
@@ -140,8 +136,7 @@ class Observations:
             if item.name in ("station", "band"):
                 joined[item.name] = values[0]
             elif any(value is None for value in values):
-                # Filling the gap with zeros would be a range of zero, and an orbit error seen at
-                # infinite angles.
+                # A gap filled with zeros would be a range of zero: orbit errors at infinite angles.
                 if not all(value is None for value in values):
                     raise ValueError(f"{item.name} is given for some parts only")
             else:
@@ -182,26 +177,15 @@ def _check_times(t_s: Array, pass_id: NDArray[np.int64]) -> None:
 def _check_angles(data: Observations) -> None:
     for kind in ("observed", "true"):
         azimuth, elevation = getattr(data, f"{kind}_azimuth_rad"), getattr(data, f"{kind}_elevation_rad")
-        _refuse_where(
-            np.abs(azimuth) > _LARGEST_AZIMUTH_RAD,
-            f"{kind}_azimuth_rad",
-            azimuth,
-            "must be within 3 pi; degrees given?",
-        )
-        _refuse_where(
-            (elevation < -np.pi / 2.0) | (elevation > np.pi),
-            f"{kind}_elevation_rad",
-            elevation,
-            "must be within -pi/2..pi; degrees given, or azimuth and elevation swapped?",
-        )
+        outside = np.abs(azimuth) > _LARGEST_AZIMUTH_RAD
+        _refuse_where(outside, f"{kind}_azimuth_rad", azimuth, "must be within 3 pi; degrees given?")
+        outside = (elevation < -np.pi / 2.0) | (elevation > np.pi)
+        reason = "must be within -pi/2..pi; degrees given, or azimuth and elevation swapped?"
+        _refuse_where(outside, f"{kind}_elevation_rad", elevation, reason)
     across = data.residual_azimuth_rad * np.cos(data.true_elevation_rad)
     distance = np.hypot(across, data.residual_elevation_rad)
-    _refuse_where(
-        distance > LARGEST_BIAS_RAD,
-        "observed minus true direction",
-        distance,
-        f"rad must be <= {LARGEST_BIAS_RAD}; swapped columns, another station or degrees?",
-    )
+    reason = f"rad must be <= {LARGEST_BIAS_RAD}; swapped columns, another station or degrees?"
+    _refuse_where(distance > LARGEST_BIAS_RAD, "observed minus true direction", distance, reason)
 
 
 def _refuse_where(wrong: NDArray[np.bool_], name: str, value: Array, reason: str) -> None:

@@ -79,8 +79,7 @@ def track_axes(observations: Observations) -> tuple[Array, Array, Array]:
     """Return unit vectors (n, 3) along, across and radial to the track, east-north-up."""
     position, velocity = _topocentric_motion(observations)
     up = position + np.array([0.0, 0.0, _EARTH_RADIUS_M])
-    # From the centre of a spherical Earth: an ellipsoid turns the axes by 0.2 deg, and the prior by
-    # as much.
+    # From a sphere's centre: an ellipsoid turns the axes, and so the prior, by 0.2 deg.
     radial = up / np.linalg.norm(up, axis=1, keepdims=True)
     # Along the track as seen from the rotating Earth, where the station is.
     across = np.cross(radial, velocity)
@@ -89,16 +88,11 @@ def track_axes(observations: Observations) -> tuple[Array, Array, Array]:
 
 
 def _orbit_columns(data: Observations) -> dict[str, Array]:
-    along, across, radial = track_axes(data)
-    elapsed = (data.t_s - _middle_of_pass(data))[:, np.newaxis]
-    return {
-        "along_track_m": _seen(data, along),
-        "cross_track_m": _seen(data, across),
-        "radial_m": _seen(data, radial),
-        "along_track_drift_m_s": _seen(data, along * elapsed),
-        "cross_track_drift_m_s": _seen(data, across * elapsed),
-        "radial_drift_m_s": _seen(data, radial * elapsed),
-    }
+    elapsed, columns = (data.t_s - _middle_of_pass(data))[:, np.newaxis], {}
+    for name, axis in zip(("along_track", "cross_track", "radial"), track_axes(data), strict=True):
+        columns[f"{name}_m"] = _seen(data, axis)
+        columns[f"{name}_drift_m_s"] = _seen(data, axis * elapsed)
+    return columns
 
 
 def _topocentric_motion(data: Observations) -> tuple[Array, Array]:

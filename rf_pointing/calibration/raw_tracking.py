@@ -1,22 +1,18 @@
 """Samples of one pass as the station delivers them, and which of them are sound."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.calibration.reference import ReferenceTrack
-from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 
 Array = NDArray[np.float64]
 
 # Two on each side: a median of five takes two wrong time tags in a row.
 _NEIGHBOURS = 2
 _JUMP_STEPS = 2.5
-# The orbit must cover one light time before a sample too, and somewhat more: its range is not known
-# exactly.
-_MARGIN_S = 0.1
 CHANNELS = ("azimuth_rad", "elevation_rad", "range_m", "range_rate_m_s")
 
 
@@ -106,25 +102,22 @@ def _column(name: str, value: ArrayLike, length: int | None) -> Array:
 def validate(raw: RawTracking, reference: ReferenceTrack) -> tuple[NDArray[np.bool_], StageReport]:
     """Return which samples are sound (n,); the others have one reason each (SATCAL 3)."""
     keep, dropped = np.ones(len(raw), dtype=bool), {}
-    finite = np.isfinite(raw.t_s) & np.all([np.isfinite(value) for value in raw.channels.values()], axis=0)
-    checks = (
-        ("flagged by the station", ~raw.good),
-        ("not finite", ~finite),
-        ("angle out of range", _out_of_range(raw)),
-    )
-    for reason, wrong in checks:
-        dropped[reason] = int(np.sum(keep & wrong))
-        keep &= ~wrong
-    for reason, find in (("time jump", _jumps), ("repeated time", _repeats), ("time not increasing", _backward)):
+    infinite = np.any([~np.isfinite(value) for value in (raw.t_s, *raw.channels.values())], axis=0)
+    # Each check sees only what the ones before it have kept: times are compared with sound ones.
+    checks: dict[str, Callable[[NDArray[np.int64]], NDArray[np.bool_]]] = {
+        "flagged by the station": lambda rows: ~raw.good[rows],
+        "not finite": lambda rows: infinite[rows],
+        "angle out of range": lambda rows: _out_of_range(raw)[rows],
+        "time jump": lambda rows: _jumps(raw.t_s[rows]),
+        "repeated time": lambda rows: _repeats(raw.t_s[rows]),
+        "time not increasing": lambda rows: _backward(raw.t_s[rows]),
+        "outside the reference orbit": lambda rows: ~reference.covers(raw.t_s[rows]),
+    }
+    for reason, is_wrong in checks.items():
         rows = np.flatnonzero(keep)
-        wrong_rows = rows[find(raw.t_s[rows])]
-        keep[wrong_rows] = False
-        dropped[reason] = len(wrong_rows)
-    rows = np.flatnonzero(keep)
-    latest = np.max(reference.range_m) / SPEED_OF_LIGHT_M_S + _MARGIN_S
-    inside = reference.covers(raw.t_s[rows]) & reference.covers(raw.t_s[rows] - latest)
-    keep[rows[~inside]] = False
-    dropped["outside the reference orbit"] = int(np.sum(~inside))
+        wrong = rows[is_wrong(rows)]
+        keep[wrong] = False
+        dropped[reason] = len(wrong)
     report = StageReport(stage="validation", before=len(raw), after=int(np.sum(keep)), dropped=dropped)
     return keep, report
 
@@ -140,8 +133,7 @@ def _out_of_range(raw: RawTracking) -> NDArray[np.bool_]:
 
 
 def _jumps(t_s: Array) -> NDArray[np.bool_]:
-    # Far from the median of its neighbours: after one time tag in the future, "must increase" would
-    # condemn the rest.
+    # One time tag in the future must not condemn the rest, as "must increase" would.
     if len(t_s) < 2 * _NEIGHBOURS + 1:
         return np.zeros(len(t_s), dtype=bool)
     padded = np.concatenate([t_s[:_NEIGHBOURS][::-1], t_s, t_s[-_NEIGHBOURS:][::-1]])

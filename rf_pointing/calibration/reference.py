@@ -4,13 +4,14 @@ Between samples azimuth and elevation follow the quintic through position, rate 
 range the cubic through range and range rate.  All times are UTC seconds since 1970, all angles rad.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.core import as_finite_array
-from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
+from rf_pointing.core.hermite import quintic_coefficients
 
 Array = NDArray[np.float64]
 
@@ -54,33 +55,15 @@ class ReferenceTrack:
         # The last sample belongs to the last interval, or there would be no interval to its right.
         left = np.clip(np.searchsorted(self.t_s, times, side="right") - 1, 0, len(self.t_s) - 2)
         step, elapsed = self.t_s[left + 1] - self.t_s[left], times - self.t_s[left]
-        azimuth = _quintic(self._axis("azimuth"), left, step, elapsed)
-        elevation = _quintic(self._axis("elevation"), left, step, elapsed)
+        columns = {"t_s": times}
+        # The quintic also meets the accelerations, which the lag terms x7 and x14 need.
+        for axis in ("azimuth", "elevation"):
+            names = (f"{axis}_rad", f"{axis}_rate_rad_s", f"{axis}_acceleration_rad_s2")
+            samples = [getattr(self, name) for name in names]
+            columns |= zip(names, _quintic(samples, left, step, elapsed), strict=True)
         distance = _cubic(self.range_m, self.range_rate_m_s, left, step, elapsed)
-        # A cubic would do for the angles; the quintic also meets the accelerations, which the lag
-        # terms x7 and x14 need.
-        return ReferenceTrack(
-            t_s=times,
-            azimuth_rad=azimuth[0],
-            elevation_rad=elevation[0],
-            azimuth_rate_rad_s=azimuth[1],
-            elevation_rate_rad_s=elevation[1],
-            azimuth_acceleration_rad_s2=azimuth[2],
-            elevation_acceleration_rad_s2=elevation[2],
-            range_m=distance[0],
-            range_rate_m_s=distance[1],
-        )
-
-    def delayed(self, t_s: ArrayLike) -> "ReferenceTrack":
-        """Return the track as it is received at `t_s`: evaluated one light time earlier.
-
-        The turning of the station meanwhile is left out (0.5 km/s for 8 ms: 4 m, below 0.4 mdeg).
-        """
-        times = as_finite_array("t_s", t_s, (None,))
-        # The range of a low satellite changes by 60 m in a light time: the one at reception is good
-        # enough here.
-        now = self.at(np.clip(times, self.t_s[0], self.t_s[-1]))
-        return self.at(times - now.range_m / SPEED_OF_LIGHT_M_S)
+        columns |= zip(("range_m", "range_rate_m_s"), distance, strict=True)
+        return ReferenceTrack(**columns)
 
     def motion(self) -> tuple[Array, ...]:
         """Return azimuth, elevation, rates and accelerations, as the bias model takes them."""
@@ -88,37 +71,15 @@ class ReferenceTrack:
 
     def truth(self) -> dict[str, Array]:
         """Return the columns of `Observations` that hold the true motion, by name."""
-        return {
-            "true_azimuth_rad": self.azimuth_rad,
-            "true_elevation_rad": self.elevation_rad,
-            "azimuth_rate_rad_s": self.azimuth_rate_rad_s,
-            "elevation_rate_rad_s": self.elevation_rate_rad_s,
-            "azimuth_acceleration_rad_s2": self.azimuth_acceleration_rad_s2,
-            "elevation_acceleration_rad_s2": self.elevation_acceleration_rad_s2,
-            "range_m": self.range_m,
-            "range_rate_m_s": self.range_rate_m_s,
-        }
-
-    def _axis(self, name: str) -> tuple[Array, Array, Array]:
-        return (
-            getattr(self, f"{name}_rad"),
-            getattr(self, f"{name}_rate_rad_s"),
-            getattr(self, f"{name}_acceleration_rad_s2"),
-        )
+        columns = {item.name: getattr(self, item.name) for item in fields(self) if item.name != "t_s"}
+        return {f"true_{name}" if name in ("azimuth_rad", "elevation_rad") else name: columns[name] for name in columns}
 
 
 def _quintic(
-    samples: tuple[Array, Array, Array], left: NDArray[np.int64], step: Array, elapsed: Array
+    samples: Sequence[Array], left: NDArray[np.int64], step: Array, elapsed: Array
 ) -> tuple[Array, Array, Array]:
-    # Coefficients about the left sample, from what the Taylor series there leaves over at the right
-    # one.
     (p0, v0, a0), (p1, v1, a1) = ([part[side] for part in samples] for side in (left, left + 1))
-    gap = (p1 - p0 - v0 * step - 0.5 * a0 * step**2) / step**3
-    slip = (v1 - v0 - a0 * step) / step**2
-    bend = (a1 - a0) / step
-    c3 = 10.0 * gap - 4.0 * slip + 0.5 * bend
-    c4 = (-15.0 * gap + 7.0 * slip - bend) / step
-    c5 = (6.0 * gap - 3.0 * slip + 0.5 * bend) / step**2
+    c3, c4, c5 = quintic_coefficients((p0, v0, a0), (p1, v1, a1), step)
     t = elapsed
     position = p0 + t * (v0 + t * (0.5 * a0 + t * (c3 + t * (c4 + t * c5))))
     velocity = v0 + t * (a0 + t * (3.0 * c3 + t * (4.0 * c4 + t * 5.0 * c5)))

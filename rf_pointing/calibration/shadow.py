@@ -43,16 +43,13 @@ class Verdict:
 
 @dataclass(eq=False)
 class ShadowScore:
-    """Running score of `candidate` against `active`; `copy` gives an independent state."""
+    """Running score of `candidate` against `active`."""
 
     active: BiasModel
     candidate: BiasModel
     rules: ShadowRules
-    _sums: dict[int, tuple[int, float, float]] = field(default_factory=dict)
-
-    def copy(self) -> "ShadowScore":
-        """Return an independent copy of the state."""
-        return ShadowScore(self.active, self.candidate, self.rules, dict(self._sums))
+    # Rows of each pass, and the sums of the squared misses of both models over them.
+    _sums: dict[int, Array] = field(default_factory=dict)
 
     def add(self, observations: Observations) -> None:
         """Score observations of one or more passes; a pass may come in pieces."""
@@ -60,12 +57,8 @@ class ShadowScore:
         active, candidate = (_misses(model, observations) for model in (self.active, self.candidate))
         for number in observations.passes.tolist():
             rows = observations.pass_id == number
-            count, a, c = self._sums.get(number, (0, 0.0, 0.0))
-            self._sums[number] = (
-                count + int(np.sum(rows)),
-                a + float(np.sum(active[rows])),
-                c + float(np.sum(candidate[rows])),
-            )
+            sums = np.array([np.sum(rows), np.sum(active[rows]), np.sum(candidate[rows])])
+            self._sums[number] = self._sums.get(number, np.zeros(3)) + sums
 
     def verdict(self) -> Verdict:
         """Return the outcome so far; raises ValueError before the first observation."""
@@ -78,14 +71,8 @@ class ShadowScore:
         word = "undecided"
         if len(counts) >= self.rules.fewest_passes and abs(t_value) >= self.rules.t_limit:
             word = "better" if t_value > 0.0 else "worse"
-        total = float(np.sum(counts))
-        return Verdict(
-            word,
-            len(counts),
-            math.sqrt(float(np.sum(active)) / total),
-            math.sqrt(float(np.sum(candidate)) / total),
-            t_value,
-        )
+        rms = [math.sqrt(np.sum(squares) / np.sum(counts)) for squares in (active, candidate)]
+        return Verdict(word, len(counts), rms[0], rms[1], t_value)
 
 
 def _paired_t(gain: Array) -> float:
@@ -100,5 +87,4 @@ def _paired_t(gain: Array) -> float:
 def _misses(model: BiasModel, data: Observations) -> Array:
     azimuth, elevation = model.apply(*data.motion(), temperature_k=data.temperature_k)
     across = wrap_rad(data.observed_azimuth_rad - azimuth) * np.cos(data.true_elevation_rad)
-    squares: Array = across**2 + (data.observed_elevation_rad - elevation) ** 2
-    return squares
+    return np.asarray(across**2 + (data.observed_elevation_rad - elevation) ** 2)

@@ -80,13 +80,11 @@ def sine_cosine(a: Array) -> tuple[Array, Array]:
 
 def angle_of(y: Array, x: Array) -> Array:
     """Return the series of atan2(y, x), its value in (-pi, pi]."""
-    # d atan2(y, x) = (x y' - y x') / (x^2 + y^2) stays finite where y / x does not: due east and
-    # due west.
+    # (x y' - y x') / (x^2 + y^2) stays finite where y / x does not: due east and due west.
     value: Array = np.expand_dims(np.arctan2(y[0], x[0]), 0)
     if len(y) == 1:
         return value
     turning = multiply(x, derivative(y)) - multiply(y, derivative(x))
     rate = divide(turning, multiply(x, x) + multiply(y, y))[:-1]
     order = np.arange(1.0, len(y)).reshape((-1,) + (1,) * (y.ndim - 1))
-    series: Array = np.concatenate([value, rate / order])
-    return series
+    return np.concatenate([value, rate / order])

@@ -19,42 +19,37 @@ from rf_pointing.core.dates import from_utc_text, to_utc_text
 from rf_pointing.core.kvn import key_and_value
 from rf_pointing.core.whole_file import write_whole
 
-_METADATA = """
-TRACK_ID DATA_TYPES TIME_SYSTEM START_TIME STOP_TIME MODE PATH PATH_1 PATH_2 TRANSMIT_BAND RECEIVE_BAND
-TURNAROUND_NUMERATOR TURNAROUND_DENOMINATOR TIMETAG_REF INTEGRATION_INTERVAL INTEGRATION_REF FREQ_OFFSET RANGE_MODE
-RANGE_MODULUS RANGE_UNITS ANGLE_TYPE REFERENCE_FRAME INTERPOLATION INTERPOLATION_DEGREE DOPPLER_COUNT_BIAS
-DOPPLER_COUNT_SCALE DOPPLER_COUNT_ROLLOVER DATA_QUALITY CORRECTION_ANGLE_1 CORRECTION_ANGLE_2 CORRECTION_DOPPLER
-CORRECTION_MAG CORRECTION_RANGE CORRECTION_RCS CORRECTION_RECEIVE CORRECTION_TRANSMIT CORRECTION_ABERRATION_YEARLY
-CORRECTION_ABERRATION_DIURNAL CORRECTIONS_APPLIED
-"""
-_NUMBERED_METADATA = ("PARTICIPANT", "EPHEMERIS_NAME", "TRANSMIT_DELAY", "RECEIVE_DELAY")
-_DATA = """
-RECEIVE_FREQ ANGLE_1 ANGLE_2 CARRIER_POWER CLOCK_BIAS CLOCK_DRIFT DOPPLER_COUNT DOPPLER_INSTANTANEOUS
-DOPPLER_INTEGRATED DOR MAG PC_N0 PR_N0 PRESSURE RANGE RCS RECEIVE_PHASE_CT_1 RHUMIDITY STEC TEMPERATURE
-TRANSMIT_PHASE_CT_1 TROPO_DRY TROPO_WET VLBI_DELAY
-"""
-_NUMBERED_DATA = ("TRANSMIT_FREQ", "TRANSMIT_FREQ_RATE", "RECEIVE_FREQ")
-
 
 def _keywords(text: str, numbered: tuple[str, ...]) -> frozenset[str]:
     """Return the words of `text` and the numbered ones, for up to five participants."""
     return frozenset([*text.split(), *(f"{stem}_{k}" for stem in numbered for k in range(1, 6))])
 
 
-# All keywords of CCSDS 503.0-B-2: one that is not here is a typing error, and no extension of the
-# format.
-METADATA_KEYWORDS = _keywords(_METADATA, _NUMBERED_METADATA)
-DATA_KEYWORDS = _keywords(_DATA, _NUMBERED_DATA)
+# All of CCSDS 503.0-B-2: one that is not here is a typing error, no extension.
+METADATA_KEYWORDS = _keywords(
+    """
+    TRACK_ID DATA_TYPES TIME_SYSTEM START_TIME STOP_TIME MODE PATH PATH_1 PATH_2 TRANSMIT_BAND RECEIVE_BAND
+    TURNAROUND_NUMERATOR TURNAROUND_DENOMINATOR TIMETAG_REF INTEGRATION_INTERVAL INTEGRATION_REF FREQ_OFFSET
+    RANGE_MODE RANGE_MODULUS RANGE_UNITS ANGLE_TYPE REFERENCE_FRAME INTERPOLATION INTERPOLATION_DEGREE
+    DOPPLER_COUNT_BIAS DOPPLER_COUNT_SCALE DOPPLER_COUNT_ROLLOVER DATA_QUALITY CORRECTION_ANGLE_1
+    CORRECTION_ANGLE_2 CORRECTION_DOPPLER CORRECTION_MAG CORRECTION_RANGE CORRECTION_RCS CORRECTION_RECEIVE
+    CORRECTION_TRANSMIT CORRECTION_ABERRATION_YEARLY CORRECTION_ABERRATION_DIURNAL CORRECTIONS_APPLIED
+    """,
+    ("PARTICIPANT", "EPHEMERIS_NAME", "TRANSMIT_DELAY", "RECEIVE_DELAY"),
+)
+DATA_KEYWORDS = _keywords(
+    """
+    RECEIVE_FREQ ANGLE_1 ANGLE_2 CARRIER_POWER CLOCK_BIAS CLOCK_DRIFT DOPPLER_COUNT DOPPLER_INSTANTANEOUS
+    DOPPLER_INTEGRATED DOR MAG PC_N0 PR_N0 PRESSURE RANGE RCS RECEIVE_PHASE_CT_1 RHUMIDITY STEC TEMPERATURE
+    TRANSMIT_PHASE_CT_1 TROPO_DRY TROPO_WET VLBI_DELAY
+    """,
+    ("TRANSMIT_FREQ", "TRANSMIT_FREQ_RATE", "RECEIVE_FREQ"),
+)
 _SECTIONS = ("META_START", "META_STOP", "DATA_START", "DATA_STOP")
 _HEADER = ("CCSDS_TDM_VERS", "CREATION_DATE", "ORIGINATOR", "MESSAGE_ID")
 _ONE_WAY = ("2,1", "1,2")
 _ANGLES = ("ANGLE_1", "ANGLE_2")
-_SCALE = {
-    "ANGLE_1": math.radians(1.0),
-    "ANGLE_2": math.radians(1.0),
-    "RANGE": 1e3,
-    "DOPPLER_INSTANTANEOUS": 1e3,
-}
+_SCALE = {"ANGLE_1": math.radians(1.0), "ANGLE_2": math.radians(1.0), "RANGE": 1e3, "DOPPLER_INSTANTANEOUS": 1e3}
 
 
 @dataclass
@@ -150,8 +145,7 @@ def _add_metadata(segment: _Segment, number: int, key: str, value: str) -> None:
         raise ValueError(f"line {number}: {key} is not a metadata keyword")
     if key in segment.metadata:
         raise ValueError(f"line {number}: {key} is given twice")
-    # Times of TAI or TT taken for UTC would be off by 37 or 69 s, degrees of a low pass; transmit
-    # times by a light time.
+    # TAI or TT taken for UTC is off by 37 or 69 s: degrees of a low pass.
     required = {
         "TIME_SYSTEM": ("UTC",),
         "ANGLE_TYPE": ("AZEL",),
@@ -189,11 +183,10 @@ def _tracking(segment: _Segment, band: str | None) -> RawTracking:
     for key in ("TIME_SYSTEM", "PARTICIPANT_1", "PARTICIPANT_2", "PATH", "ANGLE_TYPE"):
         if key not in segment.metadata:
             raise ValueError(f"line {segment.line}: {key} is missing in the metadata")
-    angles = segment.values.get("ANGLE_1", {})
-    if not angles:
-        raise ValueError(f"line {segment.line}: the segment has no ANGLE_1")
-    if "ANGLE_2" not in segment.values:
-        raise ValueError(f"line {segment.line}: the segment has no ANGLE_2")
+    for key in _ANGLES:
+        if key not in segment.values:
+            raise ValueError(f"line {segment.line}: the segment has no {key}")
+    angles = segment.values["ANGLE_1"]
     _require_same_times("ANGLE_2", segment.values["ANGLE_2"], "ANGLE_1", angles)
     _require_same_times("ANGLE_1", angles, "ANGLE_2", segment.values["ANGLE_2"])
     station, target = _participants(segment)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.calibration.fit import FitOptions, fit_bias_model, held_at_zero
+from rf_pointing.calibration.fit import fit_bias_model, held_at_zero
 from rf_pointing.calibration.fit_problem import FitProblem
 from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.pass_errors import PassPriors
@@ -72,17 +72,15 @@ def held_out_passes(
     *,
     held: Mapping[str, float] | None = None,
     pass_priors: PassPriors | None = None,
-    options: FitOptions | None = None,
 ) -> HeldOut:
     """Fit without each pass in turn and return how far off the fit is on the pass left out."""
-    # Passes, not rows, are left out: the rows of a pass share its orbit error, and would predict
-    # each other too well.
+    # Not rows: those of a pass share its orbit error and would predict each other too well.
     fixed = held_at_zero(terms) if held is None else held
     rms, squares, count = [], 0.0, 0
     for number in observations.passes:
         left_out = observations.select(observations.pass_id == number)
         rest = observations.select(observations.pass_id != number)
-        model = fit_bias_model(rest, terms=terms, held=fixed, pass_priors=pass_priors, options=options).model
+        model = fit_bias_model(rest, terms=terms, held=fixed, pass_priors=pass_priors).model
         offset = model.offset_rad(*left_out.motion(), temperature_k=left_out.temperature_k)
         across = wrap_rad(left_out.residual_azimuth_rad - offset[0]) * np.cos(left_out.true_elevation_rad)
         square = across**2 + (left_out.residual_elevation_rad - offset[1]) ** 2
@@ -104,8 +102,7 @@ class _Search:
         everything, one = np.ones(len(data), dtype=bool), np.ones(len(data))
         triangle, _ = problem.triangle(np.zeros(len(names)), everything, one)
         full = cls(triangle, 1.0)
-        # Where sigma is stated too small any term lowers chi-square by enough: scale by what all
-        # terms leave over.
+        # Where sigma is stated too small, any term would lower chi-square by enough.
         freedom = max(triangle.rows - len(names), 1)
         return cls(triangle, max(1.0, full.chi_square(set(names)) / freedom))
 

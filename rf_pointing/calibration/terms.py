@@ -94,21 +94,16 @@ EXTENSION_TERMS: tuple[Term, ...] = (
 )  # fmt: skip
 """Terms that may be added to the 14: harmonics, flexure beyond the zenith, temperature."""
 
-_KNOWN = {term.name: term for term in TERMS + EXTENSION_TERMS}
-
-
-def all_terms() -> dict[str, Term]:
-    """Return every known term by name."""
-    return dict(_KNOWN)
+ALL_TERMS = {term.name: term for term in TERMS + EXTENSION_TERMS}
 
 
 def terms_by_name(names: Iterable[str]) -> tuple[Term, ...]:
     """Return the terms of `names` in order; raises ValueError for an unknown or repeated one."""
     chosen = list(names)
-    unknown = [name for name in chosen if name not in _KNOWN]
+    unknown = [name for name in chosen if name not in ALL_TERMS]
     if unknown:
-        raise ValueError(f"the bias model has no term {', '.join(unknown)}; it has {', '.join(_KNOWN)}")
+        raise ValueError(f"the bias model has no term {', '.join(unknown)}; it has {', '.join(ALL_TERMS)}")
     if len(set(chosen)) < len(chosen):
         repeated = sorted({name for name in chosen if chosen.count(name) > 1})
         raise ValueError(f"term {', '.join(repeated)} is given more than once")
-    return tuple(_KNOWN[name] for name in chosen)
+    return tuple(ALL_TERMS[name] for name in chosen)

@@ -4,7 +4,7 @@ All of it works on observed minus reference: what is left after subtracting the 
 that a line per second and a parabola per 30 s take nothing of the signal away.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,10 +19,9 @@ _THIN_S, _THIN_FEWEST = 1.0, 4
 _PIECE_S, _POINTS, _PIECE_FEWEST = 30.0, 3, 15
 # White noise scatters by 1.0 +- 0.15 in a piece: this drops what bends and spares what is noisy.
 _WORST_SCATTER = 1.6
-_DEGREE, _FEWEST, _ROUNDS = 2, 8, 10
+_FEWEST, _ROUNDS = 8, 10
 _GROSS_NEIGHBOURS, _GROSS_SIGMA = 4, 8.0
-# The quietest quarter of the pieces tells noise from bends: it is quiet unless the noise is
-# everywhere.
+# The quietest quarter of the pieces is quiet unless the noise is everywhere.
 _PARABOLAS_QUANTILE = 0.25
 
 
@@ -40,22 +39,25 @@ class Thinned:
     dropped: dict[str, int]
 
 
-def _pieces_of(t_s: Array, length_s: float) -> Iterator[NDArray[np.int64]]:
-    """Yield the rows of each piece [k, k + 1) * `length_s` of increasing times that has any."""
-    number = np.floor(t_s / length_s)
-    cuts = np.flatnonzero(np.diff(number) != 0) + 1
-    yield from np.split(np.arange(len(t_s)), cuts)
+def _first_rows(t_s: Array, length_s: float) -> NDArray[np.int64]:
+    """Return the first row of each piece [k, k + 1) * `length_s` of increasing times."""
+    return np.flatnonzero(np.diff(np.floor(t_s / length_s), prepend=-np.inf))
 
 
-def _fitted_piece(t: Array, values: Array, degree: int, at: Array) -> tuple[Array, Array, Array]:
-    """Return the polynomial of (n, m) values at `at` (p,), residuals, covariance factor (p, p).
+def _pieces_of(t_s: Array) -> list[NDArray[np.int64]]:
+    """Return the rows of each 30-s piece."""
+    return np.split(np.arange(len(t_s)), _first_rows(t_s, _PIECE_S)[1:])
+
+
+def _parabola(t: Array, values: Array, at: Array) -> tuple[Array, Array, Array]:
+    """Return the parabola of (n, m) values at `at` (p,), residuals, covariance factor (p, p).
 
     The covariance of the fitted values is the factor times the variance of one sample.
     """
     # Scaled to -1..1: powers of seconds since 1970 have no common digits left.
     middle, half = 0.5 * (t[0] + t[-1]), max(0.5 * (t[-1] - t[0]), 1e-9)
-    basis = np.vander((t - middle) / half, degree + 1)
-    wanted = np.vander((at - middle) / half, degree + 1)
+    basis = np.vander((t - middle) / half, 3)
+    wanted = np.vander((at - middle) / half, 3)
     orthogonal, factor = np.linalg.qr(basis)
     coefficients = np.linalg.solve(factor, orthogonal.T @ values)
     spread = np.linalg.solve(factor.T, wanted.T)
@@ -76,7 +78,7 @@ def find_outliers(t_s: Array, residuals: Mapping[str, Array]) -> tuple[NDArray[n
     keep, dropped = np.ones(len(t_s), dtype=bool), {}
     for name, residual in residuals.items():
         wrong = _gross(residual)
-        for rows in _pieces_of(t_s, _PIECE_S):
+        for rows in _pieces_of(t_s):
             wrong[rows] |= _beyond(t_s[rows], residual[rows], wrong[rows])
         dropped[f"{name} beyond {_OUTLIER_SIGMA:g} sigma"] = int(np.sum(keep & wrong))
         keep &= ~wrong
@@ -99,7 +101,7 @@ def _beyond(t: Array, residual: Array, wrong: NDArray[np.bool_]) -> NDArray[np.b
         good = np.flatnonzero(~wrong)
         if len(good) < _FEWEST:
             return wrong
-        fitted, inner, _ = _fitted_piece(t[good], residual[good, np.newaxis], _DEGREE, t)
+        fitted, inner, _ = _parabola(t[good], residual[good, np.newaxis], t)
         found = np.abs(residual - fitted[:, 0]) > _OUTLIER_SIGMA * max(_spread_of(inner), 1e-12)
         if np.array_equal(found | wrong, wrong):
             return wrong
@@ -116,7 +118,7 @@ def thin(t_s: Array, residuals: Array) -> Thinned:
     # Pooled over 30 s and not over the pass: noise on the sky is 1/cos El times larger in azimuth.
     if len(t_s) > 1 and np.median(np.diff(t_s)) * _THIN_FEWEST > 1.01 * _THIN_S:
         return _as_they_are(t_s, residuals)
-    first = np.flatnonzero(np.diff(np.floor(t_s / _THIN_S), prepend=-np.inf))
+    first = _first_rows(t_s, _THIN_S)
     counts = np.diff(first, append=len(t_s))
     middle, value = _means(t_s, first, counts), _means(residuals, first, counts)
     off, apart = t_s - np.repeat(middle, counts), residuals - np.repeat(value, counts, axis=0)
@@ -142,12 +144,12 @@ def smooth(t_s: Array, residuals: Array, sigma: Array) -> Thinned:
     # encoders) scatters like that everywhere.  It raises the sigma of all points instead; dropping
     # had left 19 points of 5386.
     pieces, short = [], 0
-    for rows in _pieces_of(t_s, _PIECE_S):
+    for rows in _pieces_of(t_s):
         if len(rows) < _PIECE_FEWEST:
             short += len(rows)
         else:
-            wanted = _spread_points(t_s[rows], _PIECE_S, _POINTS)
-            pieces.append(_Piece.of(t_s[rows], residuals[rows], 2, wanted, np.mean(sigma[rows], axis=0)))
+            wanted = _spread_points(t_s[rows])
+            pieces.append(_Piece.of(t_s[rows], residuals[rows], wanted, np.mean(sigma[rows], axis=0)))
     if not pieces:
         raise ValueError(f"no {_PIECE_S:g}-s piece has {_PIECE_FEWEST} samples")
     usual = np.maximum(np.quantile([piece.excess for piece in pieces], _PARABOLAS_QUANTILE, axis=0), 1.0)
@@ -155,11 +157,8 @@ def smooth(t_s: Array, residuals: Array, sigma: Array) -> Thinned:
     if not found:
         raise ValueError(f"no {_PIECE_S:g}-s piece with {_PIECE_FEWEST} samples follows a parabola")
     bent = sum(piece.count for piece in pieces) - sum(piece.count for piece in found)
-    reasons = {
-        f"in a {_PIECE_S:g}-s piece with fewer than {_PIECE_FEWEST} samples": short,
-        "not along a parabola": bent,
-    }
-    return _joined(found, reasons)
+    too_short = f"in a {_PIECE_S:g}-s piece with fewer than {_PIECE_FEWEST} samples"
+    return _joined(found, {too_short: short, "not along a parabola": bent})
 
 
 def _as_they_are(t_s: Array, residuals: Array) -> Thinned:
@@ -174,7 +173,7 @@ def _as_they_are(t_s: Array, residuals: Array) -> Thinned:
 
 def _noise(t_s: Array, squares: Array, freedom: NDArray[np.int64]) -> tuple[Array, Array]:
     """Return the noise (m,) of all samples, and for each row (n, m) that of its piece."""
-    first = np.flatnonzero(np.diff(np.floor(t_s / _PIECE_S), prepend=-np.inf))
+    first = _first_rows(t_s, _PIECE_S)
     of_pool = np.add.reduceat(squares, first) / np.add.reduceat(freedom, first)[:, np.newaxis]
     own = np.repeat(of_pool, np.diff(first, append=len(t_s)), axis=0)
     return np.sqrt(np.sum(squares, axis=0) / np.sum(freedom)), np.sqrt(own)
@@ -202,10 +201,9 @@ class _Piece:
     count: int
 
     @classmethod
-    def of(cls, t: Array, residuals: Array, degree: int, at: Array, stated: Array) -> "_Piece":
-        values, left, covariance = _fitted_piece(t, residuals, degree, at)
-        # Neighbouring points are correlated by 0.25: a raised sigma makes their mean right as if
-        # independent.
+    def of(cls, t: Array, residuals: Array, at: Array, stated: Array) -> "_Piece":
+        values, left, covariance = _parabola(t, residuals, at)
+        # Neighbours are correlated by 0.25: a raised sigma makes their mean right.
         together = max(1.0, float(np.sum(covariance) / np.trace(covariance)))
         products = np.sum(left[1:] * left[:-1], axis=0)
         return cls(at, values, np.diag(covariance) * together, np.sum(left**2, axis=0), products, stated, len(t))
@@ -247,7 +245,7 @@ def _correlation_factor(pieces: list[_Piece]) -> Array:
     return np.asarray(np.sqrt((1.0 + rho) / (1.0 - rho)))
 
 
-def _spread_points(t: Array, length_s: float, points: int) -> Array:
-    start = np.floor(t[0] / length_s) * length_s
-    wanted = start + length_s * (np.arange(points) + 0.5) / points
+def _spread_points(t: Array) -> Array:
+    start = np.floor(t[0] / _PIECE_S) * _PIECE_S
+    wanted = start + _PIECE_S * (np.arange(_POINTS) + 0.5) / _POINTS
     return np.asarray(wanted[(wanted >= t[0] - 0.5) & (wanted <= t[-1] + 0.5)])

@@ -56,7 +56,7 @@ def read_tracking(path: str | Path) -> RawTracking:
 
 def read_observations(path: str | Path) -> Observations:
     """Read calibration points; raises ValueError naming the file, and the line of a damaged one."""
-    needed = [_edge(name) for name in _point_columns() if name not in _POINT_OPTIONAL]
+    needed = [to_degrees(name, 0.0)[0] for name in _point_columns() if name not in _POINT_OPTIONAL]
     notes, table = _read_table(path, _NOTES[:2], needed, _POINT_OPTIONAL)
     for kind in ("observed_", "true_"):
         _refuse_radians(path, table, kind)
@@ -76,8 +76,7 @@ def read_observations(path: str | Path) -> Observations:
 
 def write_observations(path: str | Path, points: Observations) -> None:
     """Write calibration points, all digits kept; `read_observations` is the inverse."""
-    columns = _edge_columns(points)
-    write_whole(Path(path), _head(points.station, points.band, columns) + _lines(columns))
+    write_whole(Path(path), "".join(_head_and_lines(points)))
 
 
 class ObservationJournal:
@@ -102,13 +101,12 @@ class ObservationJournal:
             When the disk does not take them; the file is then as it was.
         """
         self._check_owner(points)
-        columns = _edge_columns(points)
+        head, lines = _head_and_lines(points)
         self.path.parent.mkdir(parents=True, exist_ok=True)
         # Without a buffer: a buffer would try again, unnoticed, when the file is closed.
         with self.path.open("ab", buffering=0) as stream:
             end = stream.tell()
-            head = _head(self.station, self.band, columns) if end == 0 else ""
-            content = (head + _lines(columns)).encode()
+            content = (lines if end else head + lines).encode()
             try:
                 if stream.write(content) != len(content):
                     raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), stream.name)
@@ -142,8 +140,7 @@ class ObservationJournal:
             with self.path.open("rb+") as stream:
                 stream.truncate(len(whole))
                 os.fsync(stream.fileno())
-        # A process that was killed in the header has observed nothing: the next point writes the
-        # header again.
+        # Killed in the header it has observed nothing: the next point writes the header again.
         if len([line for line in whole.splitlines() if not line.startswith(b"#")]) < 2:
             self.path.unlink()
             return None
@@ -173,28 +170,18 @@ def _point_columns() -> tuple[str, ...]:
     return tuple(item.name for item in fields(Observations) if item.name not in ("station", "band"))
 
 
-def _edge(name: str) -> str:
-    return to_degrees(name, 0.0)[0]
-
-
-def _edge_columns(points: Observations) -> dict[str, Array]:
-    """Return the columns of the file by name, angles in degrees."""
+def _head_and_lines(points: Observations) -> tuple[str, str]:
+    """Return the text of the file, angles in degrees, as head and rows."""
     columns = {}
     for name in _point_columns():
         value = getattr(points, name)
         if value is not None:
-            edge = _edge(name)
+            # `to_degrees` knows which names are angles; the values are converted as an array.
+            edge, _ = to_degrees(name, 0.0)
             columns[edge] = np.degrees(value) if edge != name else value.astype(np.float64)
-    return columns
-
-
-def _head(station: str, band: str, columns: Mapping[str, Array]) -> str:
-    return f"# station: {station}\n# band: {band}\n{','.join(columns)}\n"
-
-
-def _lines(columns: Mapping[str, Array]) -> str:
+    head = f"# station: {points.station}\n# band: {points.band}\n{','.join(columns)}\n"
     rows = zip(*(values.tolist() for values in columns.values()), strict=True)
-    return "".join(",".join(map(repr, row)) + "\n" for row in rows)
+    return head, "".join(",".join(map(repr, row)) + "\n" for row in rows)
 
 
 def _read_table(path: str | Path, notes: Sequence[str], needed: Sequence[str], optional: Sequence[str]) -> Table:

@@ -17,15 +17,12 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.calibration.terms import all_terms
+from rf_pointing.calibration.terms import ALL_TERMS
 
 Array = NDArray[np.float64]
 Places = NDArray[np.int64]
 
-# Correlation above which two fitted terms are reported as poorly separated.
-HIGH_CORRELATION = 0.95
-# At one elevation the exact fit went to angles of 2.5 deg, and their products put good terms 29
-# sigma off.
+# At one elevation the exact fit went to angles of 2.5 deg, and good terms 29 sigma off.
 LARGEST_SIGMA_RAD = 5e-3
 # Smallest ratio of singular values of the column-scaled matrix that still counts as full rank.
 RANK_TOLERANCE = 1e-9
@@ -37,7 +34,7 @@ _WORK_PER_COLUMN = 32
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Minimum of |A x - b|: `values` (k,), `covariance` (k, k) for unit row sigma, rank.
+    """Minimum of |A x - b|: `values` (k,), `covariance` (k, k) for unit row sigma.
 
     `scaled` (k, k) is the triangle of A with columns of unit length.
     """
@@ -45,7 +42,6 @@ class Solution:
     names: tuple[str, ...]
     values: Array
     covariance: Array
-    rank: int
     residual_square: float
     """|A x - b|^2 at the minimum."""
     scaled: Array
@@ -62,15 +58,11 @@ class Triangle:
     """The square-root state: `factor` [R | z] of all rows so far, and how many they were."""
 
     names: tuple[str, ...]
-    factor: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    rows: int = 0
+    factor: Array = field(init=False)
+    rows: int = field(init=False, default=0)
 
     def __post_init__(self) -> None:
-        width = len(self.names) + 1
-        if self.factor.size == 0:
-            self.factor = np.zeros((0, width))
-        if self.factor.shape[1] != width:
-            raise ValueError(f"factor has {self.factor.shape[1]} columns, must be {width}")
+        self.factor = np.zeros((0, len(self.names) + 1))
 
     def add_blocks(self, blocks: Iterable[tuple[Array, NDArray[np.int64]]]) -> None:
         """Fold in blocks of rows [matrix | right] (n, m + 1), divided by sigma, of some unknowns.
@@ -110,8 +102,7 @@ class Triangle:
             raise ValueError(
                 f"{self.rows} equations do not determine {', '.join(lost)}: fix them, give priors, or add {advice_for(lost)}"
             )
-        # Rank and condition are judged on columns of unit length: radians and seconds differ by
-        # orders of magnitude.
+        # On columns of unit length: radians and seconds differ by orders of magnitude.
         scaled = matrix[:count] / scale
         inverse = self._inverse(scaled, scale)
         root = inverse / scale[:, np.newaxis]
@@ -119,7 +110,6 @@ class Triangle:
             names=self.names,
             values=root @ right[:count],
             covariance=root @ root.T,
-            rank=count,
             residual_square=float(right[count:] @ right[count:]),
             scaled=scaled,
         )
@@ -171,8 +161,7 @@ def eliminate(rows: Array, passes: Places, prior_sigma: Array) -> tuple[PassHead
     order = np.argsort(group, kind="stable")
     first = np.concatenate([[0], np.cumsum(lengths)[:-1]])
     rank = np.arange(len(rows)) - np.repeat(first, lengths)
-    # Passes of about the same length are stacked and reduced together: a QR for each pass costs
-    # mostly its call.
+    # Passes of about one length are reduced together: a QR for each costs mostly its call.
     size_class = np.ceil(np.log2(lengths)).astype(np.int64)
     own = len(prior_sigma)
     heads, rest = np.zeros((len(numbers), own, rows.shape[1])), []
@@ -199,8 +188,8 @@ def _triangles(rows: Array, place: Places, rank: Places, count: int, prior_sigma
 def require_determined(names: Sequence[str], covariance: Array, known: Container[str]) -> None:
     """Raise ValueError naming angles of a sigma beyond LARGEST_SIGMA_RAD, and data for them."""
     # Terms in `known` have a prior: the user has stated how far they may be off.
-    terms, sigma = all_terms(), dict(zip(names, np.sqrt(np.diag(covariance)).tolist(), strict=True))
-    lost = [n for n in names if n not in known and terms[n].unit == "rad" and sigma[n] > LARGEST_SIGMA_RAD]
+    sigma = dict(zip(names, np.sqrt(np.diag(covariance)).tolist(), strict=True))
+    lost = [n for n in names if n not in known and ALL_TERMS[n].unit == "rad" and sigma[n] > LARGEST_SIGMA_RAD]
     if lost:
         largest, limit = (np.degrees(value) for value in (max(sigma[name] for name in lost), LARGEST_SIGMA_RAD))
         raise ValueError(
@@ -209,23 +198,9 @@ def require_determined(names: Sequence[str], covariance: Array, known: Container
         )
 
 
-def inseparable_pairs(
-    names: Sequence[str], correlation: Array, threshold: float = HIGH_CORRELATION
-) -> tuple[tuple[str, str, float], ...]:
-    """Return the pairs of terms with |correlation| >= threshold, the worst first."""
-    rows, columns = np.triu_indices(len(names), 1)
-    pairs = [
-        (names[i], names[j], float(correlation[i, j]))
-        for i, j in zip(rows.tolist(), columns.tolist(), strict=True)
-        if abs(correlation[i, j]) >= threshold
-    ]
-    return tuple(sorted(pairs, key=lambda pair: -abs(pair[2])))
-
-
 def advice_for(names: Sequence[str]) -> str:
     """Return which data would separate `names`."""
-    known = all_terms()
-    wanted = dict.fromkeys(known[name].separated_by for name in names if name in known)
+    wanted = dict.fromkeys(ALL_TERMS[name].separated_by for name in names if name in ALL_TERMS)
     return "; ".join(wanted) if wanted else "a prior on one of them"
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rf_pointing.calibration import BiasModel, Corrections, Observations, RawTracking, ReferenceTrack
+from rf_pointing.calibration import BiasModel, Ionosphere, Observations, RawTracking, ReferenceTrack
 from rf_pointing.core import random_stream
 
 TABLE_1_DEG = {
@@ -154,13 +154,17 @@ def track() -> Callable[..., ReferenceTrack]:
 def raw_pass(random: np.random.Generator) -> Callable[..., RawTracking]:
     """Return a maker of raw passes at 8 samples/s of a reference track seen through a bias model."""
 
-    def make(reference: ReferenceTrack, model: BiasModel, corrections: Corrections, noise_rad: float) -> RawTracking:
+    def make(
+        reference: ReferenceTrack, model: BiasModel, ionosphere: Ionosphere | None, noise_rad: float
+    ) -> RawTracking:
         t_s = np.arange(reference.t_s[0] + 1.0, reference.t_s[-1] - 1.0, 0.125)
-        seen = reference.delayed(t_s) if corrections.light_time else reference.at(t_s)
+        seen = reference.at(t_s)
         shift = model.offset_rad(*seen.motion())
         count = len(t_s)
-        elevation = corrections.apparent_elevation(seen.elevation_rad, seen.range_m) + shift[1]
-        extra = corrections.extra_range_m(seen.elevation_rad)
+        elevation, distance = seen.elevation_rad + shift[1], seen.range_m
+        if ionosphere is not None:
+            elevation = elevation + ionosphere.bending(seen.elevation_rad, seen.range_m)
+            distance = distance + ionosphere.delay_m(seen.elevation_rad)
         return RawTracking(
             station="gs1",
             band="S",
@@ -168,7 +172,7 @@ def raw_pass(random: np.random.Generator) -> Callable[..., RawTracking]:
             t_s=t_s,
             azimuth_rad=seen.azimuth_rad + shift[0] + noise_rad * random.standard_normal(count),
             elevation_rad=elevation + noise_rad * random.standard_normal(count),
-            range_m=seen.range_m + extra + 10.0 * random.standard_normal(count),
+            range_m=distance + 10.0 * random.standard_normal(count),
             range_rate_m_s=seen.range_rate_m_s + 0.1 * random.standard_normal(count),
             good=np.ones(count, dtype=bool),
         )

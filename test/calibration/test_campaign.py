@@ -31,8 +31,7 @@ def candidates(track, random):
             track=track(
                 10.0, random.choice([-1, 1]) * random.uniform(2e5, 2e6), random.uniform(0, 6.3), 6000.0 * number
             ),
-            sigma_azimuth_rad=1e-4,
-            sigma_elevation_rad=1e-4,
+            sigma_rad=1e-4,
         )
         for number in range(40)
     ]
@@ -64,8 +63,7 @@ def test_overlapping_passes_are_never_both_taken(track):
         CandidatePass(
             name=name,
             track=track(10.0, miss, 0.3, start),
-            sigma_azimuth_rad=1e-4,
-            sigma_elevation_rad=1e-4,
+            sigma_rad=1e-4,
         )
         for name, miss, start in (("poor", 4.3e6, 0.0), ("rich", 4e5, 300.0), ("later", 4e5, 1300.0))
     ]
@@ -126,8 +124,7 @@ def on_offer(track, random):
             CandidatePass(
                 name=f"pass {number}",
                 track=track(10.0, miss, random.uniform(0.0, 6.0), start),
-                sigma_azimuth_rad=1e-4,
-                sigma_elevation_rad=1e-4,
+                sigma_rad=1e-4,
             )
         )
     return found
@@ -169,8 +166,7 @@ def test_no_advised_pass_overlaps_another_or_begins_before_the_antenna_is_there(
         CandidatePass(
             name=f"pass {number}",
             track=track(10.0, random.uniform(2e5, 2e6), random.uniform(0.0, 6.0), 2e9 + 350.0 * number),
-            sigma_azimuth_rad=1e-4,
-            sigma_elevation_rad=1e-4,
+            sigma_rad=1e-4,
         )
         for number in range(12)
     ]

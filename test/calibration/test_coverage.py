@@ -38,18 +38,18 @@ def test_tiny_negative_azimuth_falls_into_the_last_sector():
 def test_selection_takes_at_most_30_and_shares_them_over_passes():
     azimuth, elevation = np.full(300, 0.2), np.full(300, 0.4)
     pass_id = np.repeat([0, 1, 2], 100)
-    found = select_by_sector(azimuth, elevation, pass_id, RULE)
-    assert np.bincount(pass_id[found.chosen]).tolist() == [10, 10, 10]
-    assert found.dropped["sector has 30 already"] == 270
-    own = np.flatnonzero(found.chosen[:100])
+    chosen, dropped = select_by_sector(azimuth, elevation, pass_id, RULE)
+    assert np.bincount(pass_id[chosen]).tolist() == [10, 10, 10]
+    assert dropped["sector has 30 already"] == 270
+    own = np.flatnonzero(chosen[:100])
     assert own[0] < 10
     assert own[-1] > 80
 
 
 def test_selection_says_why_it_dropped_points():
-    found = select_by_sector(np.zeros(4), np.radians([5.0, 20.0, 85.0, 88.0]), np.zeros(4, dtype=int), RULE)
-    assert found.chosen.tolist() == [False, True, False, False]
-    assert (found.dropped["below 10 deg"], found.dropped["above 80 deg"]) == (1, 2)
+    chosen, dropped = select_by_sector(np.zeros(4), np.radians([5.0, 20.0, 85.0, 88.0]), np.zeros(4, dtype=int), RULE)
+    assert chosen.tolist() == [False, True, False, False]
+    assert (dropped["below 10 deg"], dropped["above 80 deg"]) == (1, 2)
 
 
 def test_empty_sectors_are_refused_by_name():

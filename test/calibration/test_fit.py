@@ -26,7 +26,6 @@ def values(model, names):
 def test_noiseless_printed_data_give_the_planted_terms_back_exactly(campaign, table_1):
     result = fit_bias_model(campaign(table_1, sigma_rad=0.0), options=FitOptions(edit_sigma=0.0))
     assert np.max(np.abs(result.values - values(table_1, result.names))) < 1e-12
-    assert result.rank == len(TERM_NAMES)
 
 
 def test_noiseless_exact_data_need_the_rotation_form(campaign, table_1):
@@ -110,7 +109,7 @@ def test_a_pure_delay_appears_as_velocity_and_half_its_square_as_acceleration_la
         miss_m, start = (-1) ** number * random.uniform(4e5, 2e6), 1e9 + 6000.0 * number
         whole = track(1.0, miss_m, random.uniform(0.0, 6.3), start)
         times = whole.t_s[10:-10:10]
-        candidate = CandidatePass(name="", track=whole.at(times), sigma_azimuth_rad=1e-4, sigma_elevation_rad=1e-4)
+        candidate = CandidatePass(name="", track=whole.at(times), sigma_rad=1e-4)
         late = whole.at(times + delay_s)
         parts.append(
             replace(
@@ -190,14 +189,14 @@ ALL = np.ones(200, dtype=bool)
 
 def test_sizes_are_in_stated_sigma_where_the_data_are_as_good_as_stated(random):
     residual = random.standard_normal((2, 200))
-    size = normalised_size((residual[0], residual[1]), (np.ones(200), np.ones(200)), ALL)
+    size = normalised_size(residual, np.ones((2, 200)), ALL)
     assert size == pytest.approx(np.max(np.abs(residual), axis=0), rel=0.25)
 
 
 def test_data_worse_than_stated_are_measured_by_their_own_spread(random):
     residual = 10.0 * random.standard_normal((2, 200))
     residual[0, 7] = 90.0
-    size = normalised_size((residual[0], residual[1]), (np.ones(200), np.ones(200)), ALL)
+    size = normalised_size(residual, np.ones((2, 200)), ALL)
     assert 6.0 < size[7] < 12.0
     assert np.sum(size > 3.0) < 6
 

@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,13 +10,9 @@ from rf_pointing.calibration import ModelVersion, fit_bias_model, read_model, wr
 
 @pytest.fixture
 def file(campaign, table_1):
-    return ModelVersion.from_fit(
-        fit_bias_model(campaign(table_1)),
-        name="2026-a",
-        software="rf_pointing 0",
-        created_t_s=1.7e9,
-        valid_until_t_s=1.8e9,
-    )
+    fit = fit_bias_model(campaign(table_1))
+    version = ModelVersion.from_fit(fit, name="2026-a", software="rf_pointing 0", created_t_s=1.7e9)
+    return replace(version, valid_until_t_s=1.8e9)
 
 
 @pytest.mark.parametrize("suffix", [".yaml", ".json"])

@@ -1,8 +1,6 @@
 import numpy as np
 import pytest
 
-from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
-
 
 def test_interpolated_track_agrees_with_the_closed_form_between_samples(track):
     coarse, fine = track(5.0), track(0.5)
@@ -19,13 +17,6 @@ def test_samples_themselves_are_returned_unchanged(track):
     found = coarse.at(coarse.t_s)
     for name in ("azimuth_rad", "elevation_rate_rad_s", "range_m"):
         assert getattr(found, name) == pytest.approx(getattr(coarse, name), rel=1e-12, abs=1e-15)
-
-
-def test_delayed_track_is_one_light_time_earlier(track):
-    coarse = track(5.0)
-    times = coarse.t_s[10:20] + 1.0
-    delay = coarse.at(times).range_m / SPEED_OF_LIGHT_M_S
-    assert np.array_equal(coarse.delayed(times).azimuth_rad, coarse.at(times - delay).azimuth_rad)
 
 
 def test_the_track_is_never_extrapolated(track):

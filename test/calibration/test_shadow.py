@@ -1,3 +1,4 @@
+from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
@@ -52,7 +53,7 @@ def test_a_pass_in_pieces_scores_as_the_pass_at_once_and_a_copy_continues_identi
     pieces = ShadowScore(BiasModel.zero(), table_1, RULES)
     first, second = np.array_split(np.arange(len(data)), 2)
     pieces.add(data.select(first))
-    copy = pieces.copy()
+    copy = deepcopy(pieces)
     pieces.add(data.select(second))
     copy.add(data.select(second))
     assert copy.verdict() == pieces.verdict()

@@ -4,16 +4,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rf_pointing.calibration import Corrections, read_tdm
+from rf_pointing.calibration import read_tdm
 from rf_pointing.calibration.tdm import write_tdm
 
-NONE = Corrections(light_time=False, troposphere=None, ionosphere=None, range_delay_m=0.0)
 ROUNDING_RAD = 1e-11
 
 
 @pytest.fixture
 def raw(track, raw_pass, table_1):
-    long = raw_pass(track(5.0), table_1, NONE, 1e-4)
+    long = raw_pass(track(5.0), table_1, None, 1e-4)
     names = ("t_s", "azimuth_rad", "elevation_rad", "range_m", "range_rate_m_s", "good")
     short = {name: getattr(long, name)[:20] for name in names}
     return replace(long, **short)

@@ -5,16 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rf_pointing.calibration import Corrections, ObservationJournal, read_observations, read_tracking
+from rf_pointing.calibration import ObservationJournal, read_observations, read_tracking
 from rf_pointing.calibration.tracking_csv import write_observations
 from test.calibration.conftest import write_tracking
-
-NONE = Corrections(light_time=False, troposphere=None, ionosphere=None, range_delay_m=0.0)
 
 
 @pytest.fixture
 def raw(track, raw_pass, table_1):
-    return raw_pass(track(5.0), table_1, NONE, 1e-4)
+    return raw_pass(track(5.0), table_1, None, 1e-4)
 
 
 def test_tracking_reads_back_equal(raw, tmp_path):

@@ -163,8 +163,7 @@ class CalibrationLog:
             held={name: value for name, value in base.coefficients.items() if name not in chosen},
             priors=priors_near(base, chosen),
             pass_priors=pass_priors,
-            # Scaled by the residuals: the sensors' sigmas leave out what the servo and the wind
-            # add.
+            # Scaled by the residuals: sensors' sigmas leave out what servo and wind add.
             options=FitOptions(form=form, scale_covariance=True),
         )
 

@@ -30,8 +30,7 @@ _COMMON = "bias_model_dss13.yaml"
 
 def campaign_folder(folder: str | Path, station: str, band: str) -> Path:
     """Return where models and observations of a station and band are kept below `folder`."""
-    # The band keeps its case, which ROS and the files spell alike; names of stations hold spaces
-    # and dots.
+    # The band keeps its case, as in ROS and in files; names of stations hold spaces and dots.
     return Path(folder) / re.sub(r"[^a-z0-9]+", "_", station.lower()).strip("_") / band
 
 
@@ -46,8 +45,7 @@ def commissioning_model(config: Path, station: str, band: str, folder: Path) -> 
     version = read_model(source)
     if (version.station, version.band) == (station, band):
         return source
-    # The simulated antenna is the same everywhere, but a node refuses a model of another station or
-    # band, as it must.
+    # The antenna is the same everywhere, but a node refuses a model of another station or band.
     copy = folder / "commissioning_model.yaml"
     write_model(copy, dataclasses.replace(version, name=f"{version.name}-{band}", station=station, band=band))
     return copy

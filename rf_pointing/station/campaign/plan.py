@@ -6,7 +6,7 @@ for the lags, slow ones at 3000 km.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -87,34 +87,30 @@ def window_of(candidate: CandidatePass, elements: Elements, site: Site, acquisit
 
 def beacons(epoch_t_s: float) -> list[Elements]:
     """Return 225 satellites at 600 km and 225 at 3000 km, named BEACON 001 onwards."""
-    shells = ((15, 15, 6.0e5, math.radians(50.0)), (15, 15, 3.0e6, math.radians(50.0)))
-    orbits = [orbit for shell in shells for orbit in _shell(*shell)]
+    count, turn = 15, 2.0 * math.pi
+    # Planes are staggered by a third of the spacing, or all would cross a latitude together.
+    orbits = [
+        (height_m, turn * plane / count, turn * ((place + plane / 3.0) / count % 1.0))
+        for height_m in (6.0e5, 3.0e6)
+        for plane in range(count)
+        for place in range(count)
+    ]
     return [
         Elements(
             name=f"BEACON {number:03d}",
             catalogue_number=90000 + number,
             epoch_t_s=epoch_t_s,
-            inclination_rad=inclination,
+            inclination_rad=math.radians(50.0),
             ascending_node_rad=node,
             eccentricity=0.001,
             argument_of_perigee_rad=0.0,
             mean_anomaly_rad=anomaly,
-            mean_motion_rad_s=math.sqrt(EARTH_MU_M3_S2 / (EARTH_RADIUS_M + height) ** 3),
+            mean_motion_rad_s=math.sqrt(EARTH_MU_M3_S2 / (EARTH_RADIUS_M + height_m) ** 3),
             drag_per_earth_radius=0.0,
             international_designator="06001A",
         )
-        for number, (height, inclination, node, anomaly) in enumerate(orbits, start=1)
+        for number, (height_m, node, anomaly) in enumerate(orbits, start=1)
     ]
-
-
-def _shell(planes: int, per_plane: int, height_m: float, inclination_rad: float) -> Iterator[tuple[float, ...]]:
-    for plane in range(planes):
-        for place in range(per_plane):
-            node = 2.0 * math.pi * plane / planes
-            # Neighbouring planes are staggered by a third of the spacing, or all would cross a
-            # latitude together.
-            anomaly = 2.0 * math.pi * ((place + plane / 3.0) / per_plane % 1.0)
-            yield height_m, inclination_rad, node, anomaly
 
 
 def _visible(
@@ -139,4 +135,4 @@ def _cut(begin: float, end: float, rules: ArcRules) -> list[tuple[float, float]]
 def _candidate(name: str, whole: ReferenceTrack, begin: float, end: float, rules: ArcRules) -> CandidatePass:
     rows = (whole.t_s >= begin - 1e-3) & (whole.t_s <= end + 1e-3)
     part = ReferenceTrack(**{item.name: getattr(whole, item.name)[rows] for item in fields(ReferenceTrack)})
-    return CandidatePass(name=name, track=part, sigma_azimuth_rad=rules.sigma_rad, sigma_elevation_rad=rules.sigma_rad)
+    return CandidatePass(name=name, track=part, sigma_rad=rules.sigma_rad)

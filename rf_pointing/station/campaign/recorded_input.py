@@ -10,7 +10,6 @@ import numpy as np
 
 from rf_pointing.calibration import (
     BiasModel,
-    Corrections,
     Ionosphere,
     Observations,
     ProcessedPass,
@@ -76,8 +75,7 @@ def reference_of(
     times = raw.t_s[np.isfinite(raw.t_s)]
     if len(times) == 0:
         raise ValueError(f"tracking data of {raw.target}: no finite time")
-    # The middle of the times, not their ends: one time tag in the far future must not stretch the
-    # reference.
+    # Not their ends: one time tag in the far future must not stretch the reference.
     low, high = np.percentile(times, [2.0, 98.0])
     margin = 0.1 * (high - low) + 30.0
     look = track.sample(np.arange(low - margin, high + margin, REFERENCE_STEP_S))
@@ -94,14 +92,11 @@ def process_passes(
 
     The reports are summed over the passes.  Raises ValueError if no pass gives points.
     """
-    # The reference is apparent: refraction and light time are in it, so that only the ionosphere is
-    # left to correct.
-    corrections = Corrections(light_time=False, troposphere=None, ionosphere=ionosphere, range_delay_m=0.0)
     processed: list[ProcessedPass] = []
     notes = list(dict.fromkeys(note for raw, _ in passes for note in raw.notes))
     for number, (raw, reference) in enumerate(passes, start=first_pass):
         try:
-            processed.append(process_pass(raw, reference, number, corrections, model))
+            processed.append(process_pass(raw, reference, number, ionosphere, model))
         except ValueError as error:
             notes.append(f"pass {number} of {raw.target}: {error}")
     if not processed:

@@ -3,8 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from rf_pointing.calibration import Corrections
-from rf_pointing.calibration.corrections import Ionosphere
+from rf_pointing.calibration import Ionosphere
 from rf_pointing.core import MDEG
 
 S_BAND = Ionosphere(electrons_per_m2=5e17, frequency_hz=2.25e9)
@@ -24,16 +23,3 @@ def test_bending_is_the_slope_of_the_delay_seen_from_a_moved_station():
 def test_ionosphere_at_10_deg_bends_s_band_upward_by_a_few_millidegrees_at_most():
     bending = float(S_BAND.bending(np.array(math.radians(10.0)), np.array(2.4e6))) / MDEG
     assert 0.5 < bending < 5.0
-
-
-def test_switched_off_corrections_change_nothing():
-    none = Corrections(light_time=False, troposphere=None, ionosphere=None, range_delay_m=0.0)
-    elevation = np.array([0.3, 0.9])
-    assert np.array_equal(none.apparent_elevation(elevation, np.array([1e6, 1e6])), elevation)
-    assert np.array_equal(none.extra_range_m(elevation), np.zeros(2))
-    assert none.text() == "none"
-
-
-def test_non_finite_delay_is_refused():
-    with pytest.raises(ValueError, match="range_delay_m=nan"):
-        Corrections(light_time=False, troposphere=None, ionosphere=None, range_delay_m=math.nan)
