@@ -16,15 +16,8 @@ from rf_pointing.core import MDEG, angular_distance_rad, sky_offset_rad, unit_ve
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 from rf_pointing.core.dates import from_utc_text
 from rf_pointing.core.refraction import RadioRefraction
-from rf_pointing.ephemeris import (
-    Elements,
-    LookAngles,
-    Site,
-    TopocentricTrack,
-    find_elements,
-    site,
-    verification_elements,
-)
+from rf_pointing.ephemeris import Elements, Site, TopocentricTrack, find_elements, site, verification_elements
+from rf_pointing.ephemeris.look_angles import LookAngles
 from test.ephemeris.conftest import AssumedOrientation
 
 SKYFIELD_MDEG = 0.005
