@@ -18,7 +18,8 @@ from benchmarks.servo_tuning import VARIATIONS
 from rf_pointing.controllers import TUNED_RADIO_BANDWIDTH_HZ, LqgDesign, save_lqg_designs
 from rf_pointing.controllers.lqg import LqgWeights
 from rf_pointing.core import AXES
-from rf_pointing.identification import STRAIGHT, ExcitationParams, StateSpace, identify
+from rf_pointing.identification import STRAIGHT, ExcitationParams, StateSpace
+from rf_pointing.identification.identify import identify
 from rf_pointing.papers.servo_identification import record
 from rf_pointing.papers.servo_sampled import AxisResponse, LawResponse, LoopQuality, loop_quality, published_radio
 from rf_pointing.servo import dss13_plant

@@ -4,7 +4,6 @@ from rf_pointing.core.angles import (
     MDEG,
     angular_distance_rad,
     azel_from_unit_vector,
-    cosine_slopes,
     nearest_turn_rad,
     sky_offset_rad,
     unit_vector_from_azel,
@@ -16,7 +15,6 @@ from rf_pointing.core.checks import (
     require_between,
     require_choice,
     require_finite,
-    require_rotation,
 )
 from rf_pointing.core.gaussian_beam import MU, gaussian_gain, gaussian_loss_db
 from rf_pointing.core.hermite import Motion, Quintic
@@ -54,7 +52,6 @@ __all__ = [
     "as_finite_array",
     "as_finite_pair",
     "azel_from_unit_vector",
-    "cosine_slopes",
     "from_degrees",
     "gaussian_gain",
     "gaussian_loss_db",
@@ -66,7 +63,6 @@ __all__ = [
     "require_between",
     "require_choice",
     "require_finite",
-    "require_rotation",
     "sky_offset_rad",
     "to_degrees",
     "unit_vector_from_azel",

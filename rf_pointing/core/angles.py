@@ -42,15 +42,6 @@ def azel_from_unit_vector(enu: ArrayLike) -> tuple[NDArray[np.float64], NDArray[
     return np.mod(np.arctan2(east, north), 2.0 * np.pi), np.arctan2(up, np.hypot(east, north))
 
 
-def cosine_slopes(direction: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return ds/d(s_x, s_y) (..., 3, 2) of unit vectors (..., 3) with s_z > 0."""
-    slopes = np.zeros((*direction.shape[:-1], 3, 2))
-    slopes[..., 0, 0] = slopes[..., 1, 1] = 1.0
-    # From s_z = sqrt(1 - s_x^2 - s_y^2): at the horizon of the array the slope is infinite.
-    slopes[..., 2, :] = -direction[..., :2] / direction[..., 2:]
-    return slopes
-
-
 def sky_offset_rad(
     azimuth_rad: ArrayLike, elevation_rad: ArrayLike, from_azimuth_rad: ArrayLike, from_elevation_rad: ArrayLike
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

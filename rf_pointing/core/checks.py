@@ -7,9 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-# Largest accepted departure of C C^T from the unit matrix.
-ROTATION_TOLERANCE = 1e-6
-
 
 def require_finite(name: str, value: ArrayLike) -> None:
     """Raise ValueError unless every element of `value` is a finite number."""
@@ -62,20 +59,6 @@ def as_finite_pair(name: str, value: ArrayLike) -> tuple[float, float]:
     if not (math.isfinite(first) and math.isfinite(second)):
         raise ValueError(f"{name}={[first, second]} must be finite")
     return first, second
-
-
-def require_rotation(name: str, matrix: ArrayLike) -> NDArray[np.float64]:
-    """Return `matrix` (..., 3, 3) as floats; ValueError unless it is a proper rotation."""
-    c = np.asarray(matrix, dtype=np.float64)
-    if c.shape[-2:] != (3, 3):
-        raise ValueError(f"{name} has shape {c.shape}, must be (..., 3, 3)")
-    require_finite(name, c)
-    defect = float(np.max(np.abs(c @ np.swapaxes(c, -1, -2) - np.eye(3)), initial=0.0))
-    if defect > ROTATION_TOLERANCE:
-        raise ValueError(f"{name} misses orthonormality by {defect:.3g}, must be <= {ROTATION_TOLERANCE}")
-    if np.any(np.linalg.det(c) < 0.0):
-        raise ValueError(f"{name} has determinant -1: a reflection, not a rotation")
-    return c
 
 
 def _all_finite(array: NDArray[Any]) -> bool:

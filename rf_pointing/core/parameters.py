@@ -84,7 +84,9 @@ class Params:
 
     def __post_init__(self) -> None:
         for item in dataclasses.fields(self):
-            _check(item, getattr(self, item.name))
+            value = getattr(self, item.name)
+            _check_type(item, item.name, value)
+            _check_range(item.name, value, item.metadata["low"], item.metadata["high"])
         self.check_together()
 
     def check_together(self) -> None:
@@ -164,22 +166,15 @@ def _converted(name: str, value: Any, old: str, new: str, convert: Any) -> tuple
     # `_rad` inside a name is a unit only at its end, alone or per time.
     if not separator or rest not in ("", "_s", "_s2", "_s3"):
         return name, value
-    if value is None:
-        converted = None
-    elif isinstance(value, (tuple, list)):
-        converted = tuple(convert(v) for v in value)
-    else:
-        converted = convert(value)
-    return f"{stem}{new}{rest}", converted
+    if isinstance(value, (tuple, list)):
+        value = tuple(convert(element) for element in value)
+    elif value is not None:
+        value = convert(value)
+    return f"{stem}{new}{rest}", value
 
 
 def _tuple(value: Any) -> Any:
     return tuple(value) if isinstance(value, (list, np.ndarray)) else value
-
-
-def _check(item: "dataclasses.Field[Any]", value: Any) -> None:
-    _check_type(item, item.name, value)
-    _check_range(item.name, value, item.metadata["low"], item.metadata["high"])
 
 
 def _from_edge(item: "dataclasses.Field[Any]", edge: str, value: Any) -> Any:
@@ -193,15 +188,11 @@ def _from_edge(item: "dataclasses.Field[Any]", edge: str, value: Any) -> Any:
         return value
     low, high = item.metadata["low"], item.metadata["high"]
     _check_range(edge, value, *(to_degrees(item.name, bound)[1] for bound in (low, high)))
+    low, high = -math.inf if low is None else low, math.inf if high is None else high
     core = from_degrees(edge, value)[1]
     if isinstance(core, tuple):
-        return tuple(_clamped(element, low, high) for element in core)
-    return _clamped(core, low, high)
-
-
-def _clamped(value: float, low: float | None, high: float | None) -> float:
-    value = value if low is None else max(value, low)
-    return value if high is None else min(value, high)
+        return tuple(min(max(element, low), high) for element in core)
+    return min(max(core, low), high)
 
 
 def _check_type(item: "dataclasses.Field[Any]", name: str, value: Any) -> None:

@@ -18,10 +18,7 @@ _MAX_ITERATIONS = 200
 def bracketed_root(function: Callable[[float], float], low: float, high: float, tolerance: float = 1e-14) -> float:
     """Return where `function` changes sign in [low, high], by regula falsi (Illinois).
 
-    Raises
-    ------
-    ValueError
-        If the function has the same sign at both ends.
+    Raises ValueError if the function has the same sign at both ends.
     """
     at_low, at_high = function(low), function(high)
     if at_low * at_high > 0.0:

@@ -1,12 +1,11 @@
 """Where the target is at a time: elements, time scales, look angles and passes."""
 
 from rf_pointing.ephemeris.catalogue import CataloguePass, CatalogueSearch, find_catalogue_passes
-from rf_pointing.ephemeris.celestial import RADIO_SOURCES, CelestialTarget, RadioSource, moon, radio_source, sun
-from rf_pointing.ephemeris.earth_orientation import EarthOrientation, IersEarthOrientation
+from rf_pointing.ephemeris.celestial import RADIO_SOURCES, moon, radio_source, sun
+from rf_pointing.ephemeris.earth_orientation import IersEarthOrientation
 from rf_pointing.ephemeris.element_messages import read_elements
 from rf_pointing.ephemeris.elements import Elements, find_elements
-from rf_pointing.ephemeris.look_angles import LookAngles
-from rf_pointing.ephemeris.oem import OemSegment, OemTarget, read_oem
+from rf_pointing.ephemeris.oem import OemTarget, read_oem
 from rf_pointing.ephemeris.passes import Pass, find_passes, first_pass_above, passes_with_present
 from rf_pointing.ephemeris.sites import SITES, Site, site
 from rf_pointing.ephemeris.tle import tle_lines, verification_elements
@@ -18,16 +17,11 @@ __all__ = [
     "SITES",
     "CataloguePass",
     "CatalogueSearch",
-    "CelestialTarget",
-    "EarthOrientation",
     "ElementUncertainty",
     "Elements",
     "IersEarthOrientation",
-    "LookAngles",
-    "OemSegment",
     "OemTarget",
     "Pass",
-    "RadioSource",
     "Site",
     "SkyUncertainty",
     "TargetSource",

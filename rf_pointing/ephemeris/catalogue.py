@@ -178,7 +178,6 @@ def _seen(orbit: StateVector, site: Site, sense: float) -> Array:
     distance = np.sqrt(np.einsum("otc,otc->ot", relative, relative))
     rate = np.einsum("otc,otc->ot", relative, relative_velocity) / distance
     light_time_s = distance / (SPEED_OF_LIGHT_M_S + sense * rate)
-    # To first order: the second is 2 mm at the distance of a geostationary satellite.
     seen: Array = relative - sense * light_time_s[..., None] * relative_velocity
     return seen
 

@@ -53,13 +53,11 @@ def _intermediate_axes(t_s: Any) -> tuple[Vector, Vector, Vector]:
         q = ((1.0 - part) * a + part * b).tolist()
         return tuple(q[0]), tuple(q[1]), tuple(q[2])
     steps = t_s // _GRID_S
-    first = int(steps.min(initial=0.0)) if steps.size == 0 else int(steps.min())
-    last = first if steps.size == 0 else int(steps.max()) + 1
-    grid = np.array([_matrix(step) for step in range(first, last + 1)])
+    first, last = (int(steps.min()), int(steps.max())) if steps.size else (0, 0)
+    grid = np.array([_matrix(step) for step in range(first, last + 2)])
     index = steps.astype(int) - first
     part = (t_s / _GRID_S - steps)[:, None, None]
-    q = (1.0 - part) * grid[index] + part * grid[index + 1] if steps.size else np.zeros((0, 3, 3))
-    rows = np.moveaxis(q, 0, -1)
+    rows = np.moveaxis((1.0 - part) * grid[index] + part * grid[index + 1], 0, -1)
     return tuple(rows[0]), tuple(rows[1]), tuple(rows[2])
 
 

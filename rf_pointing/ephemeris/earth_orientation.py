@@ -6,11 +6,10 @@ inside a day, below 0.1 ms or 5 cm on the ground, are not modelled.
 """
 
 import math
-import os
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, NamedTuple, Protocol
+from pathlib import Path
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,157 +19,80 @@ from rf_pointing.ephemeris.time_scales import leap_seconds
 
 Array = NDArray[np.float64]
 
-# A month at once: a pass needs one block, a year's search thirteen.
-BLOCK_DAYS = 32
 _ARCSEC = math.radians(1.0 / 3600.0)
 _MJD_OF_POSIX_EPOCH = 40587
 # 1972-01-01: UT1 - TAI is not defined by whole leap seconds before.
 _FIRST_LEAP_MJD = 41317
-_C04_LINE, _FINALS_LINE = 219, 188
-# The first line of finals2000A; the line of a day follows from it without a search.
-_FINALS_FIRST_MJD = 41684
-
-
-class _Row(NamedTuple):
-    mjd: int
-    ut1_minus_utc_s: float
-    pole_x_rad: float
-    pole_y_rad: float
-    predicted: bool
+# Columns of the two files by their descriptions; read as records, the tables take 0.1 s.
+_C04 = np.dtype(
+    {
+        "names": ["mjd", "x", "y", "ut1"],
+        "formats": ["S10", "S12", "S12", "S12"],
+        "offsets": [16, 26, 38, 50],
+        "itemsize": 219,
+    }
+)
+_FINALS = np.dtype(
+    {
+        "names": ["mjd", "x", "y", "flag", "ut1"],
+        "formats": ["S8", "S9", "S9", "S1", "S10"],
+        "offsets": [7, 18, 37, 57, 58],
+        "itemsize": 188,
+    }
+)
+LONG_PREDICTION_DAYS = 60.0
 
 
 @dataclass(frozen=True, eq=False)
-class OrientationBlock:
-    """Daily nodes of one block and the first of the next: UT1 - TAI [s], x and y [rad], each (n,).
+class OrientationTable:
+    """Daily nodes at `t_s` (n,): UT1 - TAI [s], x and y [rad], each (n,).
 
     `columns` are the same values as lists, which are faster to look one number up in.
     """
 
-    first_t_s: float
     t_s: Array
     values: tuple[Array, Array, Array]
     columns: tuple[list[float], list[float], list[float]]
-
-
-def block_number(t_s: float) -> int:
-    """Return the number of the block that holds the UTC time `t_s`."""
-    return int((t_s // DAY_S + _MJD_OF_POSIX_EPOCH) // BLOCK_DAYS)
+    span_t_s: tuple[float, float]
+    last_measured_t_s: float
 
 
 @lru_cache(maxsize=1)
-def table_span_t_s() -> tuple[float, float]:
-    """Return the first and last tabulated UTC time [s]."""
-    low, high = _last_c04_mjd(), _FINALS_FIRST_MJD + _size(_finals_path()) // _FINALS_LINE - 1
-    while low < high:  # the file ends in lines that carry a date but no value yet
-        middle = (low + high + 1) // 2
-        low, high = (middle, high) if _finals_rows(middle, middle) else (low, middle - 1)
-    return (_FIRST_LEAP_MJD - _MJD_OF_POSIX_EPOCH) * DAY_S, (low - _MJD_OF_POSIX_EPOCH) * DAY_S
+def orientation_table() -> OrientationTable:
+    """Return final values as far as they reach, then the rapid ones and the predictions."""
+    from astropy_iers_data import IERS_A_FILE, IERS_B_FILE
 
-
-@lru_cache(maxsize=1)
-def last_measured_t_s() -> float:
-    """Return the UTC time [s] of the last UT1 that is measured; what follows is predicted."""
-    low, high = _last_c04_mjd(), int(table_span_t_s()[1] / DAY_S) + _MJD_OF_POSIX_EPOCH
-    while low < high:
-        middle = (low + high + 1) // 2
-        low, high = (low, middle - 1) if _finals_rows(middle, middle)[0].predicted else (middle, high)
-    return (low - _MJD_OF_POSIX_EPOCH) * DAY_S
-
-
-@lru_cache(maxsize=64)
-def orientation_block(number: int) -> OrientationBlock:
-    """Return the nodes of block `number`, cut off at the ends of the tables."""
-    first_s, last_s = table_span_t_s()
-    first = max(number * BLOCK_DAYS, int(first_s / DAY_S) + _MJD_OF_POSIX_EPOCH)
-    last = min((number + 1) * BLOCK_DAYS, int(last_s / DAY_S) + _MJD_OF_POSIX_EPOCH)
-    # Final values as far as they reach, then the rapid ones.
-    switch = min(max(_last_c04_mjd(), first - 1), last)
-    rows = _c04_rows(first, switch) + _finals_rows(switch + 1, last)
-    t_s = np.array([(row.mjd - _MJD_OF_POSIX_EPOCH) * DAY_S for row in rows])
+    final, rapid = _lines(IERS_B_FILE, _C04), _lines(IERS_A_FILE, _FINALS)
+    final_mjd, rapid_mjd = _days(IERS_B_FILE, final), _days(IERS_A_FILE, rapid)
+    final, rapid = final[final_mjd >= _FIRST_LEAP_MJD], rapid[rapid_mjd > final_mjd[-1]]
+    mjd, ut1, x, y = (np.concatenate([final[name], rapid[name]]).astype(float) for name in ("mjd", "ut1", "x", "y"))
+    t_s = (mjd - _MJD_OF_POSIX_EPOCH) * DAY_S
     # Interpolated as UT1 - TAI: UT1 - UTC jumps by a second at a leap second.
-    ut1_minus_tai = np.array([row.ut1_minus_utc_s for row in rows]) - leap_seconds().tai_minus_utc_s(t_s)
-    x, y = np.array([row.pole_x_rad for row in rows]), np.array([row.pole_y_rad for row in rows])
-    return OrientationBlock(
-        first_t_s=float(t_s[0]),
-        t_s=t_s,
-        values=(ut1_minus_tai, x, y),
-        columns=(ut1_minus_tai.tolist(), x.tolist(), y.tolist()),
-    )
+    values = (ut1 - leap_seconds().tai_minus_utc_s(t_s), x * _ARCSEC, y * _ARCSEC)
+    columns = (values[0].tolist(), values[1].tolist(), values[2].tolist())
+    # The predictions end the table; what precedes them is measured.
+    measured = len(t_s) - int(np.count_nonzero(rapid["flag"] == b"P"))
+    return OrientationTable(t_s, values, columns, (float(t_s[0]), float(t_s[-1])), float(t_s[measured - 1]))
 
 
-def _c04_path() -> str:
-    from astropy_iers_data import IERS_B_FILE
-
-    return str(IERS_B_FILE)
-
-
-def _finals_path() -> str:
-    from astropy_iers_data import IERS_A_FILE
-
-    return str(IERS_A_FILE)
-
-
-def _size(path: str) -> int:
-    return os.stat(path).st_size
-
-
-@lru_cache(maxsize=1)
-def _c04_start() -> tuple[int, int]:
-    """Byte offset and date of the first data line."""
-    offset = 0
-    with open(_c04_path(), "rb") as file:
-        for line in file:
-            if not line.startswith(b"#"):
-                return offset, int(float(line.split()[4]))
-            offset += len(line)
-    raise ValueError(f"{_c04_path()} has no data line")
-
-
-def _last_c04_mjd() -> int:
-    offset, first = _c04_start()
-    return first + (_size(_c04_path()) - offset) // _C04_LINE - 1
-
-
-def _c04_rows(first: int, last: int) -> list[_Row]:
-    offset, start = _c04_start()
-    return _rows(_c04_path(), offset + (first - start) * _C04_LINE, _C04_LINE, first, last, _c04_row)
-
-
-def _finals_rows(first: int, last: int) -> list[_Row]:
-    return _rows(_finals_path(), (first - _FINALS_FIRST_MJD) * _FINALS_LINE, _FINALS_LINE, first, last, _finals_row)
-
-
-def _rows(
-    path: str, offset: int, length: int, first: int, last: int, parse: Callable[[str], _Row | None]
-) -> list[_Row]:
-    if last < first:
-        return []
-    with open(path, "rb") as file:
-        file.seek(offset)
-        text = file.read(length * (last - first + 1)).decode("ascii")
-    rows = [parse(text[i : i + length]) for i in range(0, len(text), length)]
-    found = [row for row in rows if row is not None]
-    # A package with another line length must not be read as nonsense.
-    if [row.mjd for row in found] != list(range(first, first + len(found))):
-        raise ValueError(f"{path} does not have one line of {length} characters per day")
-    return found
-
-
-def _c04_row(line: str) -> _Row:
-    fields = line.split()
-    return _Row(int(float(fields[4])), float(fields[7]), float(fields[5]) * _ARCSEC, float(fields[6]) * _ARCSEC, False)
-
-
-def _finals_row(line: str) -> _Row | None:
-    """Bulletin A columns of the IERS description; None where the line has a date but no UT1."""
+def _lines(path: str, layout: np.dtype[Any]) -> NDArray[Any]:
+    """Return the data lines that have a value, as records of texts."""
+    data = Path(path).read_bytes()
+    start = 0
+    while data.startswith(b"#", start):
+        start = data.index(b"\n", start) + 1
+    lines = np.frombuffer(data, layout, count=(len(data) - start) // layout.itemsize, offset=start)
     # finals2000A ends in lines that carry a date but no value yet.
-    if not line[58:68].strip():
-        return None
-    x, y = float(line[18:27]) * _ARCSEC, float(line[37:46]) * _ARCSEC
-    return _Row(int(float(line[7:15])), float(line[58:68]), x, y, line[57] == "P")
+    filled: NDArray[Any] = lines[np.char.strip(lines["ut1"]) != b""]
+    return filled
 
 
-LONG_PREDICTION_DAYS = 60.0
+def _days(path: str, lines: NDArray[Any]) -> Array:
+    mjd: Array = lines["mjd"].astype(float)
+    # A package with another line length must not be read as nonsense.
+    if len(mjd) == 0 or np.any(np.diff(mjd) != 1.0):
+        raise ValueError(f"{path} does not have one line of {lines.dtype.itemsize} characters per day")
+    return mjd
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,7 +115,7 @@ class EarthOrientationSource(Protocol):
 
 
 class IersEarthOrientation:
-    """The packaged tables; the blocks once read are shared by the process."""
+    """The packaged tables, read once by the process."""
 
     def at(self, t_s: Any) -> EarthOrientation:
         """Return the orientation at UTC times (float or array); ValueError outside the tables."""
@@ -202,12 +124,10 @@ class IersEarthOrientation:
         times = np.asarray(t_s, dtype=np.float64)
         if times.size == 0:
             return EarthOrientation(times, times, times)
-        first, last = _block_number(float(times.min())), _block_number(float(times.max()))
-        blocks = [orientation_block(number) for number in range(first, last + 1)]
-        ut1_minus_tai, x, y = (
-            np.interp(times, np.concatenate([b.t_s for b in blocks]), np.concatenate([b.values[i] for b in blocks]))
-            for i in range(3)
-        )
+        _require_tabulated(float(times.min()))
+        _require_tabulated(float(times.max()))
+        table = orientation_table()
+        ut1_minus_tai, x, y = (np.interp(times, table.t_s, values) for values in table.values)
         return EarthOrientation(ut1_minus_tai + leap_seconds().tai_minus_utc_s(times), x, y)
 
     def warnings(self, t_s: float) -> tuple[str, ...]:
@@ -216,9 +136,9 @@ class IersEarthOrientation:
         Predictions are part of daily work: 60 days ahead they are good to 6 ms, 3 m on the equator
         (Bulletin A).
         """
-        _block_number(t_s)
+        _require_tabulated(t_s)
         found = leap_seconds().warnings(t_s)
-        ahead_days = (t_s - last_measured_t_s()) / DAY_S
+        ahead_days = (t_s - orientation_table().last_measured_t_s) / DAY_S
         if ahead_days > LONG_PREDICTION_DAYS:
             error_ms = 0.25 * ahead_days**0.75
             found += (
@@ -229,19 +149,18 @@ class IersEarthOrientation:
 
 
 def _interpolate_one(t_s: float) -> EarthOrientation:
-    block = orientation_block(_block_number(t_s))
-    days = (t_s - block.first_t_s) / DAY_S
-    i = int(days)
-    part = days - i
-    ut1_minus_tai, x, y = (column[i] + part * (column[i + 1] - column[i]) for column in block.columns)
+    _require_tabulated(t_s)
+    table = orientation_table()
+    days, seconds = divmod(t_s - table.span_t_s[0], DAY_S)
+    i, part = int(days), seconds / DAY_S
+    ut1_minus_tai, x, y = (column[i] + part * (column[i + 1] - column[i]) for column in table.columns)
     return EarthOrientation(ut1_minus_tai + leap_seconds().tai_minus_utc_s(t_s), x, y)
 
 
-def _block_number(t_s: float) -> int:
-    first_s, last_s = table_span_t_s()
+def _require_tabulated(t_s: float) -> None:
+    first_s, last_s = orientation_table().span_t_s
     if not first_s <= t_s < last_s:
         raise ValueError(
             f"t_s={t_s} must be in [{first_s}, {last_s}): Earth orientation is tabulated to {utc_text(last_s)[:10]}; "
             "renew astropy-iers-data"
         )
-    return block_number(t_s)

@@ -10,7 +10,7 @@ number must be the standard's, and a keyword that is given twice is an error.
 import json
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -86,7 +86,7 @@ def read_omm_json(text: str) -> list[Elements]:
     for number, message in enumerate(messages, start=1):
         if not isinstance(message, dict):
             raise ValueError(f"OMM {number} must be a JSON object, is {message!r}")
-    return [_elements(number, message) for number, message in enumerate(messages, start=1)]
+    return _elements_of(messages)
 
 
 def read_omm_xml(text: str) -> list[Elements]:
@@ -99,7 +99,7 @@ def read_omm_xml(text: str) -> list[Elements]:
         raise ValueError(f"OMM XML is malformed: {error}") from None
     segments = [e for e in root.iter() if _local_name(e.tag) == "segment"]
     messages = [_once("OMM XML", [_key_and_text(leaf) for leaf in s.iter() if len(leaf) == 0]) for s in segments]
-    return [_elements(number, message) for number, message in enumerate(messages, start=1)]
+    return _elements_of(messages)
 
 
 def read_omm_csv(text: str) -> list[Elements]:
@@ -117,7 +117,7 @@ def read_omm_csv(text: str) -> list[Elements]:
         # csv fills what is missing with None; an empty field is an empty text.
         if None in row or None in row.values():
             raise ValueError(f"OMM {number}: its line has not as many columns as the first line names")
-    return [_elements(number, row) for number, row in enumerate(rows, start=1)]
+    return _elements_of(rows)
 
 
 def read_omm_kvn(text: str) -> list[Elements]:
@@ -135,7 +135,7 @@ def read_omm_kvn(text: str) -> list[Elements]:
         if key in messages[-1]:
             raise ValueError(f"line {number}: {key} is given twice")
         messages[-1][key] = value
-    return [_elements(number, message) for number, message in enumerate(messages, start=1)]
+    return _elements_of(messages)
 
 
 def _once(what: str, pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
@@ -155,15 +155,18 @@ def _key_and_text(leaf: "Element") -> tuple[str, str]:
     return _local_name(leaf.tag), f"{leaf.text or ''} [{unit}]" if unit else leaf.text or ""
 
 
-def _elements(number: int, fields: Fields) -> Elements:
-    label = f"OMM {number} ({fields.get('OBJECT_NAME') or fields.get('NORAD_CAT_ID') or 'unnamed'})"
-    try:
-        return _checked_elements(fields)
-    except ValueError as error:
-        raise ValueError(f"{label}: {error}") from None
+def _elements_of(messages: Iterable[Fields]) -> list[Elements]:
+    found = []
+    for number, fields in enumerate(messages, start=1):
+        try:
+            found.append(_elements(fields))
+        except ValueError as error:
+            label = fields.get("OBJECT_NAME") or fields.get("NORAD_CAT_ID") or "unnamed"
+            raise ValueError(f"OMM {number} ({label}): {error}") from None
+    return found
 
 
-def _checked_elements(fields: Fields) -> Elements:
+def _elements(fields: Fields) -> Elements:
     for key, allowed in _MUST_BE.items():
         if key in fields and str(fields[key]).strip().upper() not in allowed:
             raise ValueError(f"{key}={fields[key]!r} must be one of {', '.join(filter(None, allowed))}")

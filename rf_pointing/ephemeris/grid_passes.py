@@ -8,6 +8,7 @@ separates two passes.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -101,20 +102,15 @@ class SampledSky:
         peaks sharply.
         """
         a, b = self.narrowed(row, low_s, high_s, sign, _NARROW_S)
-        return np.clip(self._vertex(row, 0.5 * (a + b)), low_s, high_s)
-
-    def _vertex(self, row: Index, t_s: Array) -> Array:
-        """Return the turning point of the parabola through the sine at t - h, t and t + h."""
-        before, here, after = (self.sine(row, t_s + k * _NARROW_S) for k in (-1.0, 0.0, 1.0))
-        bend = before - 2.0 * here + after
+        middle_s = 0.5 * (a + b)
+        before, here, after = (self.sine(row, middle_s + k * _NARROW_S) for k in (-1.0, 0.0, 1.0))
         with np.errstate(divide="ignore", invalid="ignore"):
             # A flat top divides by zero; it has no vertex, and the middle serves.
-            shift = 0.5 * (before - after) / bend
-        return t_s + np.where(np.abs(shift) < 1.0, shift, 0.0) * _NARROW_S
+            shift = 0.5 * (before - after) / (before - 2.0 * here + after)
+        return np.clip(middle_s + np.where(np.abs(shift) < 1.0, shift, 0.0) * _NARROW_S, low_s, high_s)
 
 
-@dataclass(frozen=True, eq=False)
-class GridPasses:
+class GridPasses(NamedTuple):
     """Passes (n,): object row, times [s], and whether they are cut off at the ends."""
 
     row: Index
@@ -239,12 +235,4 @@ def _highest_of_each(passes: GridPasses, peak: Array) -> GridPasses:
     row, aos_s = passes.row[order], passes.aos_s[order]
     first = np.ones(len(order), dtype=bool)
     first[1:] = (row[1:] != row[:-1]) | (np.abs(aos_s[1:] - aos_s[:-1]) > 10.0 * _TOLERANCE_S)
-    keep = order[first]
-    return GridPasses(
-        passes.row[keep],
-        passes.aos_s[keep],
-        passes.tca_s[keep],
-        passes.los_s[keep],
-        passes.rises_before[keep],
-        passes.sets_after[keep],
-    )
+    return GridPasses._make(column[order[first]] for column in passes)

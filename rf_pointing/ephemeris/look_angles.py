@@ -125,16 +125,6 @@ class LookAngles:
     range_rate_m_s: Array
     true_elevation_rad: Array
 
-    @property
-    def light_time_s(self) -> Array:
-        """One-way travel time of the signal."""
-        return self.range_m / SPEED_OF_LIGHT_M_S
-
-    @property
-    def doppler_factor(self) -> Array:
-        """Frequency received over frequency sent (without clock rates, below 1e-9)."""
-        return 1.0 - self.range_rate_m_s / SPEED_OF_LIGHT_M_S
-
 
 def angles_and_rates(enu: StateVector) -> tuple[Any, Any, Any, Any, Any, Any]:
     """Return azimuth in (-pi, pi], elevation, their rates and accelerations, of rotating motion."""
@@ -147,15 +137,7 @@ def angles_and_rates(enu: StateVector) -> tuple[Any, Any, Any, Any, Any, Any]:
     elevation_rate = (h * u1 - u * h1) / rho2
     azimuth_acceleration = (n * e2 - e * n2) / (h * h) - 2.0 * azimuth_rate * h1 / h
     elevation_acceleration = (h * u2 - u * h2) / rho2 - 2.0 * elevation_rate * (h * h1 + u * u1) / rho2
+    arctan2: Any = math.atan2 if isinstance(u, float) else np.arctan2
     return (
-        _arctan2(e, n),
-        _arctan2(u, h),
-        azimuth_rate,
-        elevation_rate,
-        azimuth_acceleration,
-        elevation_acceleration,
-    )
-
-
-def _arctan2(y: Any, x: Any) -> Any:
-    return math.atan2(y, x) if isinstance(y, float) else np.arctan2(y, x)
+        arctan2(e, n), arctan2(u, h), azimuth_rate, elevation_rate, azimuth_acceleration, elevation_acceleration,
+    )  # fmt: skip

@@ -139,11 +139,9 @@ def _segment(meta: dict[str, str], states: list[_State]) -> OemSegment:
     if len(states) < 2:
         raise ValueError(f"OEM segment of {meta['OBJECT_NAME']} has {len(states)} states, must have 2 or more")
     tai_s = np.array([_tai_of_line(state, meta["TIME_SYSTEM"]) for state in states])
-    later = np.flatnonzero(np.diff(tai_s) <= 0.0)
-    if len(later):
-        raise ValueError(
-            f"line {states[later[0] + 1].number}: {states[later[0] + 1].epoch} must be later than the state before"
-        )
+    for state, step_s in zip(states[1:], np.diff(tai_s), strict=True):
+        if step_s <= 0.0:
+            raise ValueError(f"line {state.number}: {state.epoch} must be later than the state before")
     # km and km/s to metres.
     values = np.array([state.values for state in states]) * 1e3
     _require_near_the_earth(states, values)
@@ -308,7 +306,8 @@ class OemTarget:
             if segment.usable_from_s <= tai_s <= segment.usable_to_s:
                 break
         else:
-            raise ValueError(f"{_utc(tai_s)} is outside the usable span of {self.name}: {self._spans()}")
+            spans = "; ".join(f"{_utc(s.usable_from_s)} to {_utc(s.usable_to_s)}" for s in self._segments)
+            raise ValueError(f"{_utc(tai_s)} is outside the usable span of {self.name}: {spans}")
         _, size, _ = self._windows[index]
         after = int(np.searchsorted(segment.tai_s, tai_s, side="right"))
         # The window is centred where the data allow; at the ends it stays inside them.
@@ -336,9 +335,6 @@ class OemTarget:
             lower[:-1] = coefficients[-1][1:] * np.arange(1, degree + 1)[:, None] / half
             coefficients.append(lower)
         return float(middle), float(half), np.array(coefficients)
-
-    def _spans(self) -> str:
-        return "; ".join(f"{_utc(s.usable_from_s)} to {_utc(s.usable_to_s)}" for s in self._segments)
 
 
 def _window_size(segment: OemSegment, fallback: tuple[str, int] | None) -> tuple[bool, int, int]:

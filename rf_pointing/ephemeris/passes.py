@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from rf_pointing.core import require_between
 from rf_pointing.core.dates import utc_text
 from rf_pointing.core.roots import roots_between
+from rf_pointing.ephemeris.look_angles import LookAngles
 from rf_pointing.ephemeris.track import TopocentricTrack
 
 Array = NDArray[np.float64]
@@ -94,7 +95,8 @@ def _passes_of(
         horizon, flat_rad = None, min_elevation_rad
         require_between("min_elevation_rad", flat_rad, -0.01, np.pi / 2)
     grid = np.linspace(start_t_s, start_t_s + duration_s, int(np.ceil(duration_s / _STEP_S)) + 1)
-    knots = np.concatenate([grid[:1], _turning_points(track, grid), grid[-1:]])
+    turning = _sign_changes(track, track.sample(grid), "elevation_rate_rad_s")
+    knots = np.concatenate([grid[:1], turning, grid[-1:]])
     elevation = track.sample(knots).elevation_rad
     above = elevation > flat_rad
     change = np.flatnonzero(above[1:] != above[:-1])
@@ -118,10 +120,8 @@ def _stays_above(
     track: TopocentricTrack, rise_s: float, set_s: float, horizon: Horizon, knots: Array
 ) -> list[tuple[float, float]]:
     """Return the parts of a stay above the horizon's lowest point that are above the horizon."""
-    count = int(np.clip(np.ceil((set_s - rise_s) / _PROFILE_STEP_S) + 1, 2, _PROFILE_POINTS))
-    even = np.linspace(rise_s, set_s, count)
     # With the turning points, so that a short peak above a hill is not stepped over.
-    times = np.unique(np.concatenate([even, knots[(knots > rise_s) & (knots < set_s)]]))
+    times = np.unique(np.concatenate([_even(rise_s, set_s), knots[(knots > rise_s) & (knots < set_s)]]))
 
     def height(t_s: Array) -> Array:
         looks = track.sample(t_s)
@@ -179,14 +179,6 @@ def _within(
     return [(low, high - low) for low, high in ends if high > low] or [(start_t_s, duration_s)]
 
 
-def _turning_points(track: TopocentricTrack, grid: Array) -> Array:
-    rate = track.sample(grid).elevation_rate_rad_s
-    change = np.flatnonzero(np.sign(rate[1:]) != np.sign(rate[:-1]))
-    return roots_between(
-        lambda t_s: track.sample(t_s).elevation_rate_rad_s, grid[change], grid[change + 1], _TIME_TOLERANCE_S
-    )
-
-
 def _pass(track: TopocentricTrack, aos_t_s: float, los_t_s: float, knots: Array, elevation: Array) -> Pass:
     profile = track.sample(_profile_times(track, aos_t_s, los_t_s))
     # The highest point is a turning point, or an end where a hill hides it.
@@ -216,19 +208,19 @@ def _pass(track: TopocentricTrack, aos_t_s: float, los_t_s: float, knots: Array,
 
 def _profile_times(track: TopocentricTrack, aos_t_s: float, los_t_s: float) -> Array:
     """Return even steps plus the instants of the largest rates, for spikes near the zenith."""
+    looks = track.sample(_even(aos_t_s, los_t_s))
+    names = ("azimuth_acceleration_rad_s2", "elevation_acceleration_rad_s2", "azimuth_rate_rad_s")
+    return np.unique(np.concatenate([looks.t_s, *(_sign_changes(track, looks, name) for name in names)]))
+
+
+def _even(aos_t_s: float, los_t_s: float) -> Array:
     count = int(np.clip(np.ceil((los_t_s - aos_t_s) / _PROFILE_STEP_S) + 1, 2, _PROFILE_POINTS))
-    even = np.linspace(aos_t_s, los_t_s, count)
-    looks = track.sample(even)
-    extremes = [
-        _sign_changes(track, even, looks.azimuth_acceleration_rad_s2, "azimuth_acceleration_rad_s2"),
-        _sign_changes(track, even, looks.elevation_acceleration_rad_s2, "elevation_acceleration_rad_s2"),
-        _sign_changes(track, even, looks.azimuth_rate_rad_s, "azimuth_rate_rad_s"),
-    ]
-    return np.unique(np.concatenate([even, *extremes]))
+    return np.linspace(aos_t_s, los_t_s, count)
 
 
-def _sign_changes(track: TopocentricTrack, grid: Array, values: Array, name: str) -> Array:
-    change = np.flatnonzero(np.sign(values[1:]) != np.sign(values[:-1]))
-    return roots_between(
-        lambda t_s: np.asarray(getattr(track.sample(t_s), name)), grid[change], grid[change + 1], _TIME_TOLERANCE_S
-    )
+def _sign_changes(track: TopocentricTrack, looks: LookAngles, name: str) -> Array:
+    """Return the times at which one quantity of `looks` goes through zero between two of them."""
+    signs = np.sign(getattr(looks, name))
+    change = np.flatnonzero(signs[1:] != signs[:-1])
+    low, high = looks.t_s[change], looks.t_s[change + 1]
+    return roots_between(lambda t_s: np.asarray(getattr(track.sample(t_s), name)), low, high, _TIME_TOLERANCE_S)

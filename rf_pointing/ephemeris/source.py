@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from rf_pointing.core import Params, parameter
 from rf_pointing.core.dates import DAY_S
@@ -34,6 +34,7 @@ from rf_pointing.ephemeris import (
 )
 from rf_pointing.ephemeris.oem import METHODS
 
+T = TypeVar("T")
 # Bodies of the sky by their names, case ignored.
 BODIES: dict[str, Callable[[], TargetSource]] = {
     "sun": sun,
@@ -75,27 +76,12 @@ def load_target(params: SourceParams) -> Elements | TargetSource:
         return body()
     if not params.elements_file:
         return find_elements(verification_elements(), params.satellite)
-    path = Path(params.elements_file)
-    text = _text_of(path)
-    try:
-        if text.lstrip().startswith("CCSDS_OEM_VERS"):
-            method = (params.interpolation, params.interpolation_degree) if params.interpolation else None
-            return _object_of_oem(text, params.satellite, method)
-        return find_elements(read_elements(text), params.satellite)
-    except ValueError as error:
-        raise ValueError(f"{path.name}: {error}") from error
+    return _read(params.elements_file, partial(_object_in, params))
 
 
 def load_catalogue(elements_file: str) -> list[Elements]:
     """Return the newest elements of every object in a file, "" for the verification set."""
-    if elements_file:
-        path = Path(elements_file)
-        try:
-            elements = read_elements(_text_of(path))
-        except ValueError as error:
-            raise ValueError(f"{path.name}: {error}") from error
-    else:
-        elements = verification_elements()
+    elements = _read(elements_file, read_elements) if elements_file else verification_elements()
     # Sorted by epoch, so the newest of an object with several sets is the one that stays.
     return list({one.catalogue_number: one for one in sorted(elements, key=lambda e: e.epoch_t_s)}.values())
 
@@ -124,18 +110,12 @@ def load_track(params: SourceParams, hold_t_s: float | None = None) -> Topocentr
 
 def refraction_at(params: SourceParams, station: Site) -> RadioRefraction | None:
     """Return the refraction that the parameters ask for."""
-    kinds: dict[str, RadioRefraction | None] = {"measured": params.weather, "none": None}
+    kinds = {"measured": params.weather, "none": None}
     return kinds.get(params.refraction, RadioRefraction.standard(station.altitude_m))
 
 
 def first_time_s(params: SourceParams) -> float:
-    """Return the epoch of the elements or the beginning of the ephemeris.
-
-    Raises
-    ------
-    ValueError
-        For a body of the sky.
-    """
+    """Return the epoch of the elements or the beginning of the ephemeris; ValueError for bodies."""
     target = load_target(params)
     if isinstance(target, Elements):
         return target.epoch_t_s
@@ -144,16 +124,21 @@ def first_time_s(params: SourceParams) -> float:
     raise ValueError(f"{target.name} has no epoch: say when to look for it (start)")
 
 
-def _text_of(path: Path) -> str:
+def _read(name: str, reader: Callable[[str], T]) -> T:
+    """Return what `reader` makes of the text of a file; errors name the file."""
+    path = Path(name)
     if not path.is_file():
-        raise ValueError(f"elements_file={str(path)!r} does not exist")
+        raise ValueError(f"elements_file={name!r} does not exist")
     try:
-        return path.read_text(encoding="utf-8-sig")
+        return reader(path.read_text(encoding="utf-8-sig"))
     except ValueError as error:
         raise ValueError(f"{path.name}: {error}") from error
 
 
-def _object_of_oem(text: str, wanted: str, interpolation: tuple[str, int] | None) -> OemTarget:
+def _object_in(params: SourceParams, text: str) -> Elements | OemTarget:
+    wanted = params.satellite
+    if not text.lstrip().startswith("CCSDS_OEM_VERS"):
+        return find_elements(read_elements(text), wanted)
     segments = read_oem(text)
     # An OEM names its object and its designator; either is accepted.
     key = wanted.strip().casefold()
@@ -161,7 +146,8 @@ def _object_of_oem(text: str, wanted: str, interpolation: tuple[str, int] | None
     if not found:
         names = sorted({f"{segment.name} ({segment.object_id})" for segment in segments})
         raise ValueError(f"satellite={wanted!r} is not among the objects of the ephemeris: {', '.join(names)}")
-    return OemTarget(found, interpolation=interpolation)
+    method = (params.interpolation, params.interpolation_degree) if params.interpolation else None
+    return OemTarget(found, interpolation=method)
 
 
 class TargetMemory:

@@ -111,22 +111,10 @@ class TopocentricTrack:
         Raises ValueError for times outside the target's span.
         """
         require_finite("t_s", t_s)
-        azimuth, elevation, azimuth_rate, elevation_rate, azimuth_acceleration, elevation_acceleration, *rest = (
-            float(value) for value in self._look(float(t_s))
-        )
-        return Target(
-            t_s=float(t_s),
-            name=self.name,
-            azimuth_rad=nearest_turn_rad(azimuth, near_azimuth_rad),
-            elevation_rad=elevation,
-            azimuth_rate_rad_s=azimuth_rate,
-            elevation_rate_rad_s=elevation_rate,
-            azimuth_acceleration_rad_s2=azimuth_acceleration,
-            elevation_acceleration_rad_s2=elevation_acceleration,
-            range_m=rest[0],
-            range_rate_m_s=rest[1],
-            refraction_rad=elevation - rest[2],
-        )
+        look = {name: float(value) for name, value in self._look(float(t_s)).items()}
+        look["refraction_rad"] = look["elevation_rad"] - look.pop("true_elevation_rad")
+        look["azimuth_rad"] = nearest_turn_rad(look["azimuth_rad"], near_azimuth_rad)
+        return Target(t_s=float(t_s), name=self.name, **look)
 
     def sample(self, t_s: ArrayLike) -> LookAngles:
         """Return the apparent directions at UTC times (n,), azimuth continuous from [0, 2 pi).
@@ -137,23 +125,11 @@ class TopocentricTrack:
         if times.ndim != 1:
             raise ValueError(f"t_s has shape {times.shape}, must be (n,)")
         require_finite("t_s", times)
-        azimuth, elevation, azimuth_rate, elevation_rate, azimuth_acceleration, elevation_acceleration, *rest = (
-            self._look(times)
-        )
+        look = self._look(times)
         # Continuous along the array; the caller chooses the turn.
-        azimuth = np.unwrap(azimuth)
-        return LookAngles(
-            t_s=times,
-            azimuth_rad=azimuth + 2.0 * np.pi * (azimuth[:1] < 0.0),
-            elevation_rad=elevation,
-            azimuth_rate_rad_s=azimuth_rate,
-            elevation_rate_rad_s=elevation_rate,
-            azimuth_acceleration_rad_s2=azimuth_acceleration,
-            elevation_acceleration_rad_s2=elevation_acceleration,
-            range_m=rest[0],
-            range_rate_m_s=rest[1],
-            true_elevation_rad=rest[2],
-        )
+        azimuth = np.unwrap(look["azimuth_rad"])
+        look["azimuth_rad"] = azimuth + 2.0 * np.pi * (azimuth[:1] < 0.0)
+        return LookAngles(t_s=times, **look)
 
     @property
     def spans_t_s(self) -> tuple[tuple[float, float], ...]:
@@ -200,22 +176,26 @@ class TopocentricTrack:
         position = combined((1.0, seen.position), (aberration, self._antenna.velocity))
         return StateVector(position, seen.velocity, seen.acceleration, seen.jerk), length, 0.0 * length
 
-    def _look(self, t_s: Any) -> tuple[Any, ...]:
-        """Return angles, their rates and accelerations, range, its rate and true elevation."""
-        if self.hold_t_s is None:
-            return self._moving(t_s)
+    def _look(self, t_s: Any) -> dict[str, Any]:
+        """Return the fields of `LookAngles` at `t_s`, floats or arrays like it."""
         # Of the shape of the times, float or array.
         still = 0.0 * t_s
-        azimuth, elevation, *_, range_m, _, true = self._moving(still + self.hold_t_s)
-        return azimuth, elevation, still, still, still, still, range_m, still, true
-
-    def _moving(self, t_s: Any) -> tuple[Any, ...]:
-        enu, range_m, range_rate_m_s = self.relative_motion_at(t_s)
+        enu, range_m, range_rate_m_s = self.relative_motion_at(t_s if self.hold_t_s is None else still + self.hold_t_s)
         azimuth, true, azimuth_rate, rate, azimuth_acceleration, acceleration = angles_and_rates(enu)
         elevation = true
         if self.refraction is not None:
             elevation, rate, acceleration = self.refraction.apply_with_rates(true, rate, acceleration)
-        return azimuth, elevation, azimuth_rate, rate, azimuth_acceleration, acceleration, range_m, range_rate_m_s, true
+        rates = {
+            "azimuth_rate_rad_s": azimuth_rate,
+            "elevation_rate_rad_s": rate,
+            "azimuth_acceleration_rad_s2": azimuth_acceleration,
+            "elevation_acceleration_rad_s2": acceleration,
+            "range_rate_m_s": range_rate_m_s,
+        }
+        if self.hold_t_s is not None:
+            rates = dict.fromkeys(rates, still)
+        place = {"azimuth_rad": azimuth, "elevation_rad": elevation, "range_m": range_m, "true_elevation_rad": true}
+        return place | rates
 
 
 def _inertial_motion_of(site: Site, rate_rad_s: float) -> StateVector:

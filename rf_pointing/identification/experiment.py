@@ -55,11 +55,6 @@ class ExcitationParams(Params):
         if self.kind == "multisine" and self.high_hz > 0.5 / self.sample_s:
             raise ValueError(f"high_hz={self.high_hz} must be <= {0.5 / self.sample_s} (half the sampling rate)")
 
-    @property
-    def duration_s(self) -> float:
-        """Length of one sequence."""
-        return self.samples * self.sample_s
-
 
 def excitation_rad_s(params: ExcitationParams, random: np.random.Generator) -> Array:
     """Return one sequence (samples,) in rad/s; white noise is uniform, so bounded."""
@@ -153,10 +148,7 @@ class IdentificationExperiment:
     def newest(self) -> tuple[Array, Array]:
         """The latest rate command (2,) and the encoder angles (2,) it was given at.
 
-        Raises
-        ------
-        ValueError
-            Before the first command.
+        Raises ValueError before the first command.
         """
         if self._sample == 0:
             raise ValueError("no sample has been taken")
@@ -177,11 +169,6 @@ class IdentificationExperiment:
     def progress(self) -> float:
         """Share of the samples taken, 0 to 1."""
         return self._sample / self._input.size
-
-    @property
-    def duration_s(self) -> float:
-        """Length of the whole experiment."""
-        return self._input.size * self._params.sample_s
 
     def abort(self, reason: str) -> None:
         """End the experiment; the next command is zero."""
@@ -206,13 +193,7 @@ class IdentificationExperiment:
         return self._rates(where)
 
     def recording(self) -> Recording:
-        """Return the sequences that were completed.
-
-        Raises
-        ------
-        ValueError
-            If not even one was.
-        """
+        """Return the sequences that were completed; ValueError if not even one was."""
         # A sequence that was cut off has lost its spectrum: only complete ones count.
         complete = self._sample // self._input.shape[1]
         if complete == 0:
@@ -256,10 +237,8 @@ class SampleCollector:
     def take(self, axis: str, sample: int, rate_rad_s: ArrayLike, position_rad: ArrayLike) -> None:
         """Take sample number `sample` (from 0): rate command (2,) and encoder angles (2,).
 
-        Raises
-        ------
-        ValueError
-            For another axis, a number that is outside or was taken before, or a non-finite value.
+        Raises ValueError for another axis, a number that is outside or was taken before, or a
+        non-finite value.
         """
         if axis != self._axis:
             raise ValueError(f"axis={axis!r} must be {self._axis!r}, the axis of this experiment")
@@ -277,10 +256,7 @@ class SampleCollector:
     def recording(self) -> tuple[Recording, int]:
         """Return the complete sequences, and how many samples are missing from the others.
 
-        Raises
-        ------
-        ValueError
-            If no sequence is complete.
+        Raises ValueError if no sequence is complete.
         """
         complete = np.all(self._received, axis=1)
         if not np.any(complete):

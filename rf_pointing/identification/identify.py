@@ -64,15 +64,13 @@ class PoleResidue:
 def restore_integrator(model: PoleResidue, below_hz: float = 0.03) -> PoleResidue:
     """Return the model with all poles slower than `below_hz` merged into one pole at exactly z = 1.
 
-    Raises
-    ------
-    ValueError
-        If there is no such pole.
+    Raises ValueError if there is no such pole.
     """
     require_between("below_hz", below_hz, 1e-6, 0.5 / model.sample_s)
     slow = np.abs(model.poles - 1.0) < 2.0 * np.pi * below_hz * model.sample_s
     if not np.any(slow):
-        raise ValueError(f"below_hz={below_hz}: no pole that slow, the slowest is {_slowest_hz(model):.3f} Hz")
+        slowest_hz = float(np.min(np.abs(model.poles - 1.0))) / (2.0 * np.pi * model.sample_s)
+        raise ValueError(f"below_hz={below_hz}: no pole that slow, the slowest is {slowest_hz:.3f} Hz")
     # Exactly one: a pole at 0.9999 would let the integrator leak in a minute.
     poles = np.concatenate([[1.0], model.poles[~slow]]).astype(np.complex128)
     residues = np.concatenate([[np.sum(model.residues[slow]).real], model.residues[~slow]]).astype(np.complex128)
@@ -87,17 +85,16 @@ def refit_residues(model: PoleResidue, inputs: ArrayLike, outputs: ArrayLike) ->
     the gain of the integrator.
     """
     u, y = np.atleast_2d(inputs).astype(np.float64), np.atleast_2d(outputs).astype(np.float64)
-    own = [_filtered(model, sequence) for sequence in u]
-    # Every sequence has the same length, hence the same free motions.
-    free = [_nuisance(model, u.shape[1])] * len(u)
-    normal = np.zeros((own[0].shape[1], own[0].shape[1]))
-    right = np.zeros(len(normal))
-    for columns, nuisance, target in zip(own, free, y, strict=True):
-        # The free motions are projected out: their weights are no part of the model.
-        orthonormal = np.linalg.qr(nuisance)[0]
-        reduced = columns - orthonormal @ (orthonormal.T @ columns)
+    # Every sequence has the same length, hence the same free motions.  They are projected out: their
+    # weights are no part of the model.
+    free = np.linalg.qr(_free_motions(model, u.shape[1]))[0]
+    unknowns = len(model.poles) + 1
+    normal, right = np.zeros((unknowns, unknowns)), np.zeros(unknowns)
+    for sequence, target in zip(u, y, strict=True):
+        columns = _filtered(model, sequence)
+        reduced = columns - free @ (free.T @ columns)
         normal += reduced.T @ reduced
-        right += reduced.T @ (target - orthonormal @ (orthonormal.T @ target))
+        right += reduced.T @ (target - free @ (free.T @ target))
     # Residues of slow and fast modes differ by orders of magnitude; scaled, the rank is decided by
     # a stated tolerance.
     scale = np.sqrt(np.diag(normal))
@@ -116,7 +113,7 @@ def _filtered(model: PoleResidue, u: Array) -> Array:
     return np.column_stack([*columns, u])
 
 
-def _nuisance(model: PoleResidue, samples: int) -> Array:
+def _free_motions(model: PoleResidue, samples: int) -> Array:
     steps = np.arange(samples)
     columns = [np.ones(samples)]
     for pole in model.poles[(model.poles.imag >= 0.0) & (np.abs(model.poles - 1.0) > 1e-12)]:
@@ -136,10 +133,6 @@ def _with(model: PoleResidue, solution: Array) -> PoleResidue:
             residues += [residue, residue.conjugate()]
             index += 2
     return PoleResidue(model.poles, np.array(residues), float(solution[-1]), model.sample_s)
-
-
-def _slowest_hz(model: PoleResidue) -> float:
-    return float(np.min(np.abs(model.poles - 1.0))) / (2.0 * np.pi * model.sample_s)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -166,11 +159,10 @@ class IdentificationParams(Params):
 
 @dataclass(frozen=True, slots=True)
 class Identified:
-    """Model, Hankel singular values, and residual rms and condition number of the observer."""
+    """Model, Hankel singular values, and condition number of the observer."""
 
     model: StateSpace
     hankel: Array
-    residual_rms: float
     condition: float
 
 
@@ -188,10 +180,8 @@ def high_pass(sequences: ArrayLike, sample_s: float, corner_hz: float, settle_s:
 def identify(inputs: ArrayLike, outputs: ArrayLike, sample_s: float, params: IdentificationParams) -> Identified:
     """Return the model between `inputs` and `outputs`, both (sequences, samples).
 
-    Raises
-    ------
-    ValueError
-        If the data do not support the orders, or no pole is slow enough to be the integrator.
+    Raises ValueError if the data do not support the orders, or no pole is slow enough to be the
+    integrator.
     """
     import scipy.signal
 
@@ -206,19 +196,14 @@ def identify(inputs: ArrayLike, outputs: ArrayLike, sample_s: float, params: Ide
     modal = PoleResidue.from_state_space(realization.model)
     if params.integrator:
         modal = restore_integrator(modal, params.integrator_below_hz)
-    # An antenna structure has no pole outside the unit circle; noise invents them.
-    stable = _without_unstable(modal)
+    # An antenna structure has no pole outside the unit circle; noise invents them.  The integrator
+    # is exactly on it and stays.
+    kept = np.abs(modal.poles) <= 1.0
+    stable = PoleResidue(modal.poles[kept], modal.residues[kept], modal.direct, modal.sample_s)
     order = min(params.order, len(stable.poles))
     reduced = balanced_reduction(stable.to_state_space(), order)
     # Below the corner the data are wind, not response.
     corner = max(params.refit_high_pass_hz, params.high_pass_hz)
     fit_u, fit_y = (high_pass(data, sample_s, corner, params.settle_s) for data in (inputs, outputs))
     refitted = refit_residues(PoleResidue.from_state_space(reduced), fit_u, fit_y)
-    return Identified(refitted.to_state_space(), realization.hankel, observer.residual_rms, observer.condition)
-
-
-def _without_unstable(model: PoleResidue) -> PoleResidue:
-    """Return the model without poles outside the unit circle."""
-    # The integrator is exactly on the circle and stays.
-    kept = np.abs(model.poles) <= 1.0
-    return PoleResidue(model.poles[kept], model.residues[kept], model.direct, model.sample_s)
+    return Identified(refitted.to_state_space(), realization.hankel, observer.condition)

@@ -30,7 +30,7 @@ RANK_TOLERANCE = 1e-12
 
 @dataclass(frozen=True, slots=True)
 class ObserverMarkov:
-    """Observer Markov parameters: `direct` D, `inputs` b_1..b_p, `outputs` a_1..a_p; residual rms.
+    """Observer Markov parameters: `direct` D, `inputs` b_1..b_p, `outputs` a_1..a_p.
 
     `condition` is the condition number of the scaled least-squares problem.
     """
@@ -38,17 +38,13 @@ class ObserverMarkov:
     direct: float
     inputs: Array
     outputs: Array
-    residual_rms: float
     condition: float
 
 
 def observer_markov(inputs: ArrayLike, outputs: ArrayLike, order: int) -> ObserverMarkov:
     """Return the observer Markov parameters of `order` p from sequences (sequences, samples).
 
-    Raises
-    ------
-    ValueError
-        If the data are too short for the order or do not excite it (rank deficiency).
+    Raises ValueError if the data are too short for the order or do not excite it.
     """
     u, y = np.atleast_2d(inputs).astype(np.float64), np.atleast_2d(outputs).astype(np.float64)
     if u.shape != y.shape:
@@ -68,11 +64,10 @@ def observer_markov(inputs: ArrayLike, outputs: ArrayLike, order: int) -> Observ
     ratio = scale_y / scale_u
     markov: Array = np.asarray(solution, dtype=np.float64)
     return ObserverMarkov(
-        float(markov[0]) * ratio,
-        np.asarray(markov[1 : order + 1] * ratio, dtype=np.float64),
-        markov[order + 1 :].copy(),
-        float(abs(triangle[-1, -1])) * scale_y / np.sqrt(len(target)),
-        float(singular[0] / singular[-1]),
+        direct=float(markov[0]) * ratio,
+        inputs=markov[1 : order + 1] * ratio,
+        outputs=markov[order + 1 :],
+        condition=float(singular[0] / singular[-1]),
     )
 
 
@@ -108,10 +103,7 @@ class Realization:
 def realize(markov: Array, order: int, sample_s: float) -> Realization:
     """Return the realization of `order` from Markov parameters Y(0).. (n,), `sample_s` apart.
 
-    Raises
-    ------
-    ValueError
-        If the order exceeds the rank of the Hankel matrix.
+    Raises ValueError if the order exceeds the rank of the Hankel matrix.
     """
     # As square as the Markov parameters allow: both factors then have the same accuracy.
     half = (len(markov) - 1) // 2
@@ -137,11 +129,8 @@ _RANK_TOLERANCE = 1e-7
 def balanced_reduction(model: StateSpace, order: int) -> StateSpace:
     """Return the model of `order` (integrators included) by balanced truncation of the stable part.
 
-    Raises
-    ------
-    ValueError
-        If a pole lies outside the unit circle, or `order` is below the number of integrators or above
-        that of the states that respond to the input and show in the output.
+    Raises ValueError if a pole lies outside the unit circle, or `order` is below the number of
+    integrators or above that of the states that respond to the input and show in the output.
     """
     kept, stable = _split(model)
     require_between("order", order, max(1, kept.order), model.order)
@@ -155,11 +144,6 @@ def balanced_reduction(model: StateSpace, order: int) -> StateSpace:
     zeros = np.zeros((kept.order, size))
     joined = np.block([[kept.a, zeros], [zeros.T, a]])
     return StateSpace(joined, np.vstack([kept.b, b]), np.hstack([kept.c, c]), model.d, model.sample_s)
-
-
-def hankel_singular_values(model: StateSpace) -> Array:
-    """Return the Hankel singular values of the stable part, largest first."""
-    return _balancing(_split(model)[1])[2]
 
 
 def _split(model: StateSpace) -> tuple[StateSpace, StateSpace]:

@@ -18,12 +18,11 @@ ComplexArray = NDArray[np.complex128]
 
 @dataclass(frozen=True, slots=True)
 class FrequencyResponse:
-    """Averaged response (f,) at `frequency_hz` with its coherence, over `sequences`."""
+    """Averaged response (f,) at `frequency_hz` with its coherence."""
 
     frequency_hz: Array
     response: ComplexArray
     coherence: Array
-    sequences: int
 
     def valid(self, least_coherence: float = 0.8) -> NDArray[np.bool_]:
         """Return where the coherence is high enough for the data to be believed."""
@@ -33,10 +32,7 @@ class FrequencyResponse:
     def valid_band_hz(self, least_coherence: float = 0.8) -> tuple[float, float]:
         """Return the longest unbroken stretch (on a logarithmic scale) of valid frequencies.
 
-        Raises
-        ------
-        ValueError
-            If no frequency is valid.
+        Raises ValueError if no frequency is valid.
         """
         good = np.flatnonzero(self.valid(least_coherence) & (self.frequency_hz > 0.0))
         if len(good) == 0:
@@ -64,4 +60,4 @@ def frequency_response(inputs: ArrayLike, outputs: ArrayLike, sample_s: float) -
     # Conjugate of the input: the phase is that of the output behind it.
     p_uy = np.mean(np.conj(spectra_u) * spectra_y, axis=0)
     frequency: Array = np.asarray(np.fft.rfftfreq(u.shape[1], sample_s), dtype=np.float64)
-    return FrequencyResponse(frequency, p_uy / p_uu, np.abs(p_uy) ** 2 / (p_uu * p_yy), len(u))
+    return FrequencyResponse(frequency, p_uy / p_uu, np.abs(p_uy) ** 2 / (p_uu * p_yy))

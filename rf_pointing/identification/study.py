@@ -10,8 +10,10 @@ with the gain k that makes it smallest; delta = |k - 1| (eq. 10).  In the cross 
 constant rate at the input of the other axis is fitted as well (eq. 7).
 """
 
-from collections.abc import Mapping
+import json
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from rf_pointing.core import require_between
 from rf_pointing.identification.experiment import Recording
 from rf_pointing.identification.identify import IdentificationParams, Identified, identify
-from rf_pointing.identification.model import ModelRecord, StateSpace
+from rf_pointing.identification.model import StateSpace
 from rf_pointing.identification.spectra import FrequencyResponse, frequency_response
 
 Array = NDArray[np.float64]
@@ -30,7 +32,6 @@ class StraightCheck:
     """Relative error with the best gain, and how far that gain is from one; ratios, not percent."""
 
     error: float
-    error_at_unit_gain: float
     gain_factor: float
 
 
@@ -52,7 +53,7 @@ def check_straight(model: StateSpace, inputs: ArrayLike, outputs: ArrayLike) -> 
     gain = float(simulated @ measured / (simulated @ simulated))
     size = float(np.linalg.norm(measured))
     best = float(np.linalg.norm(measured - gain * simulated)) / size
-    return StraightCheck(best, float(np.linalg.norm(measured - simulated)) / size, abs(gain - 1.0))
+    return StraightCheck(best, abs(gain - 1.0))
 
 
 def check_cross(cross: StateSpace, straight: StateSpace, inputs: ArrayLike, outputs: ArrayLike) -> CrossCheck:
@@ -90,19 +91,9 @@ class ResponseStudy:
     checks: tuple[StraightCheck, ...] | tuple[CrossCheck, ...]
 
     @property
-    def straight(self) -> bool:
-        """Whether the driven axis itself is shown."""
-        return self.driven == self.shown
-
-    @property
     def worst_error(self) -> float:
         """Largest relative error on a held-out sequence."""
         return max(check.error for check in self.checks)
-
-    def record(self, provenance: str) -> ModelRecord:
-        """Return the response as it goes into a model file."""
-        hankel = tuple(self.identified.hankel.tolist())
-        return ModelRecord(self.driven, self.shown, self.identified.model, hankel, self.worst_error, provenance)
 
 
 def study(
@@ -113,51 +104,55 @@ def study(
 ) -> list[ResponseStudy]:
     """Return the studies of all responses, straight ones first, on the last `held_out` sequences.
 
-    Raises
-    ------
-    ValueError
-        If a recording has no more than `held_out` sequences, or does not support the orders.
+    Raises ValueError if a recording has no more than `held_out` sequences, or does not support the
+    orders.
     """
     for axis, recording in recordings.items():
         require_between(f"held_out ({axis})", held_out, 1, len(recording.input_rad_s) - 1)
     # The check of a cross response needs the straight model of the axis that was not driven.
-    straights = [_straight(recording, held_out, straight) for recording in recordings.values()]
-    models = {found.driven: found for found in straights}
+    straights = {axis: _study(recording, axis, held_out, straight) for axis, recording in recordings.items()}
     crosses = [
-        _cross(recording, other, models[other], held_out, cross)
+        _study(recording, other, held_out, cross, straights[other].identified.model)
         for axis, recording in recordings.items()
         for other in recordings
         if other != axis
     ]
-    return [*straights, *crosses]
+    return [*straights.values(), *crosses]
 
 
-def _straight(data: Recording, held_out: int, params: IdentificationParams) -> ResponseStudy:
-    measured, found = _found(data, data.axis, held_out, params)
-    outputs = data.output_rad(data.axis)
-    checks = [
-        check_straight(found.model, u, y)
-        for u, y in zip(data.input_rad_s[-held_out:], outputs[-held_out:], strict=True)
-    ]
-    return ResponseStudy(data.axis, data.axis, measured, found, tuple(checks))
-
-
-def _cross(
-    data: Recording, shown: str, other: ResponseStudy, held_out: int, params: IdentificationParams
+def _study(
+    data: Recording, shown: str, held_out: int, params: IdentificationParams, other: StateSpace | None = None
 ) -> ResponseStudy:
-    measured, found = _found(data, shown, held_out, params)
-    outputs = data.output_rad(shown)
-    checks = [
-        check_cross(found.model, other.identified.model, u, y)
-        for u, y in zip(data.input_rad_s[-held_out:], outputs[-held_out:], strict=True)
-    ]
-    return ResponseStudy(data.axis, shown, measured, found, tuple(checks))
-
-
-def _found(
-    data: Recording, shown: str, held_out: int, params: IdentificationParams
-) -> tuple[FrequencyResponse, Identified]:
+    """Return the study of one response; a cross one with the straight model of the `other` axis."""
     # The measured response uses all sequences; only the fit leaves the last ones out.
     inputs, outputs = data.input_rad_s, data.output_rad(shown)
     measured = frequency_response(inputs, outputs, data.sample_s)
-    return measured, identify(inputs[:-held_out], outputs[:-held_out], data.sample_s, params)
+    found = identify(inputs[:-held_out], outputs[:-held_out], data.sample_s, params)
+    kept = list(zip(inputs[-held_out:], outputs[-held_out:], strict=True))
+    checks: tuple[StraightCheck, ...] | tuple[CrossCheck, ...]
+    if other is None:
+        checks = tuple(check_straight(found.model, u, y) for u, y in kept)
+    else:
+        checks = tuple(check_cross(found.model, other, u, y) for u, y in kept)
+    return ResponseStudy(data.axis, shown, measured, found, checks)
+
+
+def save_models(path: Path, studies: Sequence[ResponseStudy], provenance: str) -> None:
+    """Write the models (rate command in rad/s to encoder in rad) with their worst errors to `path`.
+
+    `provenance` says from which data and how they were made.
+    """
+    responses = [
+        {
+            "input": response.driven,
+            "output": response.shown,
+            "sample_s": response.identified.model.sample_s,
+            **{name: getattr(response.identified.model, name).tolist() for name in "abcd"},
+            "hankel": response.identified.hankel.tolist(),
+            "error": response.worst_error,
+            "provenance": provenance,
+        }
+        for response in studies
+    ]
+    # The number changes with every change of the keys, so that an old file is not misread.
+    path.write_text(json.dumps({"format": "rf_pointing identified models 1", "responses": responses}, indent=1) + "\n")

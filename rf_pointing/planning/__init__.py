@@ -2,9 +2,8 @@
 
 from rf_pointing.planning.certificate import Branch, Certificate, certify
 from rf_pointing.planning.certificate_text import certificate_lines, certificate_values
-from rf_pointing.planning.crossing import AxisMotionLimits, cross
 from rf_pointing.planning.forbidden_sky import HorizonMask
-from rf_pointing.planning.gate import MOTIONS, Decision, Gate, GateParams, motion_between
+from rf_pointing.planning.gate import Decision, Gate, GateParams, motion_between
 from rf_pointing.planning.interlocks import Authority, FaultLatch, WrapCount
 from rf_pointing.planning.limits import AxisLimits, AxisRates, MachineParams, choose_turns
 from rf_pointing.planning.over_the_top import plunged, unplunged
@@ -20,10 +19,8 @@ from rf_pointing.planning.watches import (
 )
 
 __all__ = [
-    "MOTIONS",
     "Authority",
     "AxisLimits",
-    "AxisMotionLimits",
     "AxisRates",
     "AxisWatch",
     "AxisWatchParams",
@@ -46,7 +43,6 @@ __all__ = [
     "certificate_values",
     "certify",
     "choose_turns",
-    "cross",
     "motion_between",
     "plunged",
     "unplunged",

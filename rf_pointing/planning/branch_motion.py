@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.planning.crossing import AxisMotionLimits, Crossing, Gain, cross
-from rf_pointing.planning.limits import AxisLimits, MachineParams
+from rf_pointing.planning.limits import AxisLimits, AxisRates, MachineParams
 from rf_pointing.planning.over_the_top import cross_over, plunged, unplunged
 
 Array = NDArray[np.float64]
@@ -60,23 +60,19 @@ def branch_motions(
         # Over the top the whole pass lies beyond the zenith: an end of travel there rules the
         # branch out and is no reason for a detour.
         most_rad = math.inf if plunge else limits.elevation_max_rad
-        planner = _Planner(t_s, motion, motion, machine, most_rad, lag)
-        crossing, axes = planner.plan(partial(_aside, t_s, motion, gain))
+        within = partial(cross, t_s, *motion, gain=gain)
+        crossing, axes = _planned(t_s, motion, motion, machine.planned, most_rad, lag, within)
         found.append(BranchMotion(plunge, motion, crossing, axes))
     # An axis that ends at 95 or 100 deg cannot finish a pass over the top; the branch is
     # made anyway and shown with that reason.
     leans = len(sides) == 2 and limits.elevation_max_rad > 0.5 * math.pi
     for plunge in sides if leans and any(one.crossing for one in found) else ():
         first, second = sides[plunge], sides[not plunge]
-        planner = _Planner(t_s, first, second, machine, math.inf, lag)
-        crossing, axes = planner.plan(partial(_over, t_s, plunge, first, second, gain))
+        within = partial(_over, t_s, plunge, first, second, gain)
+        crossing, axes = _planned(t_s, first, second, machine.planned, math.inf, lag, within)
         if crossing is not None:
             found.append(BranchMotion(plunge, first, crossing, axes))
     return found
-
-
-def _aside(t_s: Array, motion: Triple, gain: Gain, limits: AxisMotionLimits) -> Crossing | None:
-    return cross(t_s, *motion, limits, gain)
 
 
 def _over(
@@ -92,47 +88,45 @@ def _over(
     return Crossing(found.t_s, *turned, found.error_rad, over_t_s=found.over_t_s, turn_rad=found.turn_rad)
 
 
-class _Planner:
-    """Plans a crossing within what the lags of the mount leave of the axes."""
+def _planned(
+    t_s: Array,
+    first: Triple,
+    second: Triple,
+    most: AxisRates,
+    top_rad: float,
+    lag: Lag,
+    crossing_within: Callable[[AxisMotionLimits], Crossing | None],
+) -> tuple[Crossing | None, Array]:
+    """Plan a crossing within what the lags of the mount leave of the axes' rates `most`.
 
-    def __init__(
-        self, t_s: Array, first: Triple, second: Triple, machine: MachineParams, elevation_max_rad: float, lag: Lag
-    ) -> None:
-        self._t_s, self._first, self._second, self._lag = t_s, first, second, lag
-        self._most, self._top_rad = machine.planned, elevation_max_rad
-
-    def plan(self, crossing_within: Callable[[AxisMotionLimits], Crossing | None]) -> tuple[Crossing | None, Array]:
-        """Return the crossing, and the positions (n, 2) of the axes through the whole pass."""
-        left, top_rad = np.ones((2, 2)), self._top_rad
-        for _ in range(ROUNDS):
-            rate, acceleration = (np.array(self._most) * left).tolist()
-            limits = AxisMotionLimits((rate[0], rate[1]), (acceleration[0], acceleration[1]), top_rad)
-            crossing = crossing_within(limits)
-            beam = self._beam(crossing)
-            ahead = self._lag(self._t_s, beam[1], beam[2])
-            axes = [part + more for part, more in zip(beam, ahead, strict=True)]
-            if crossing is None:
-                break
-            inside = (self._t_s >= crossing.t_s[0]) & (self._t_s <= crossing.t_s[-1])
-            asked, alone = (
-                np.array([np.abs(part[inside]).max(axis=0) for part in motion[1:]]) for motion in (axes, beam)
-            )
-            dragged = (asked > (1.0 + SLACK) * np.array(self._most)) & (asked > (1.0 + SLACK) * alone)
-            high_rad = float(axes[0][inside, 1].max()) - self._top_rad
-            if not (dragged.any() or high_rad > ROUNDING_RAD) or float(left.min()) < LEAST_SHARE:
-                break
-            # Only axes that the lags drag over their limits get less; the others keep theirs.
-            left = np.where(dragged, left * alone / asked, left)
-            top_rad -= max(high_rad, 0.0)
-        return crossing, axes[0]
-
-    def _beam(self, crossing: Crossing | None) -> Triple:
+    Return it, and the positions (n, 2) of the axes through the whole pass.
+    """
+    left, kept_rad = np.ones((2, 2)), top_rad
+    for _ in range(ROUNDS):
+        rate, acceleration = (np.array(most) * left).tolist()
+        crossing = crossing_within(AxisMotionLimits((rate[0], rate[1]), (acceleration[0], acceleration[1]), kept_rad))
+        beam = first if crossing is None else _joined(t_s, first, crossing, second)
+        axes = [part + more for part, more in zip(beam, lag(t_s, beam[1], beam[2]), strict=True)]
         if crossing is None:
-            return self._first
-        first = int(np.searchsorted(self._t_s, crossing.t_s[0]))
-        last = first + len(crossing.t_s)
-        inside = (crossing.position_rad, crossing.velocity_rad_s, crossing.acceleration_rad_s2)
-        turned = (self._second[0] + np.array([crossing.turn_rad, 0.0]), self._second[1], self._second[2])
-        rows = zip(self._first, inside, turned, strict=True)
-        position, velocity, acceleration = (np.concatenate([a[:first], b, c[last:]]) for a, b, c in rows)
-        return position, velocity, acceleration
+            break
+        inside = (t_s >= crossing.t_s[0]) & (t_s <= crossing.t_s[-1])
+        needed, alone = (np.array([np.abs(part[inside]).max(axis=0) for part in motion[1:]]) for motion in (axes, beam))
+        dragged = (needed > (1.0 + SLACK) * np.array(most)) & (needed > (1.0 + SLACK) * alone)
+        high_rad = float(axes[0][inside, 1].max()) - top_rad
+        if not (dragged.any() or high_rad > ROUNDING_RAD) or float(left.min()) < LEAST_SHARE:
+            break
+        # Only axes that the lags drag over their limits get less; the others keep theirs.
+        left = np.where(dragged, left * alone / needed, left)
+        kept_rad -= max(high_rad, 0.0)
+    return crossing, axes[0]
+
+
+def _joined(t_s: Array, before: Triple, crossing: Crossing, after: Triple) -> Triple:
+    """Return the beam's motion through a whole pass with its crossing."""
+    first = int(np.searchsorted(t_s, crossing.t_s[0]))
+    last = first + len(crossing.t_s)
+    inside = (crossing.position_rad, crossing.velocity_rad_s, crossing.acceleration_rad_s2)
+    turned = (after[0] + np.array([crossing.turn_rad, 0.0]), after[1], after[2])
+    rows = zip(before, inside, turned, strict=True)
+    position, velocity, acceleration = (np.concatenate([a[:first], b, c[last:]]) for a, b, c in rows)
+    return position, velocity, acceleration

@@ -168,7 +168,9 @@ class _Certifier:
     def branch(self, motion: BranchMotion, turns: int) -> Branch:
         """Return one branch, a motion moved by whole turns."""
         shift = np.array([turns * TURN, 0.0])
-        position, crossing = motion.axes_rad + shift, _moved(motion.crossing, shift)
+        position, crossing = motion.axes_rad + shift, motion.crossing
+        if crossing is not None:
+            crossing = dataclasses.replace(crossing, position_rad=crossing.position_rad + shift)
         (low, high), (bottom, top) = ((float(part.min()), float(part.max())) for part in position.T)
         closest, margin = _closest(self.limits, low, high, bottom, top)
         start, end = (float(position[0, 0]), float(position[0, 1])), (float(position[-1, 0]), float(position[-1, 1]))
@@ -179,7 +181,7 @@ class _Certifier:
         above = -float(np.max(self.sky.under_mask_all(position)))
         sun = float(np.min(angle_between(position, self.profile.sun_rad))) - self.machine.sun_radius_rad
         # Signal lost on the way to the pass counts like signal lost at the zenith.
-        lost_s, duration_s = loss.below_s + late_s, self.profile.duration_s
+        lost_s, duration_s = loss.lost_s + late_s, self.profile.duration_s
         reasons = _reasons_against(closest, margin, above, sun, lost_s, duration_s, self.machine)
         return Branch(
             turns=turns,
@@ -201,11 +203,7 @@ class _Certifier:
             reasons=(*reasons, *((f"no way to the start: {barred}",) if barred and margin >= 0.0 else ())),
             crossing=crossing,
             axes_rad=position,
-            keyhole_s=loss.off_s,
-            lost_s=loss.below_s,
-            lost_signal_s=loss.signal_s,
-            peak_loss_db=loss.peak_db,
-            mean_loss_db=loss.mean_db,
+            **dataclasses.asdict(loss),
         )
 
     def _meeting_point(self, position: Array) -> Pair:
@@ -214,10 +212,6 @@ class _Certifier:
         row = int(np.searchsorted(self.profile.t_s, self.issued_t_s))
         azimuth, elevation = position[min(row, len(position) - 1)].tolist()
         return azimuth, elevation
-
-
-def _moved(crossing: Crossing | None, shift: Array) -> Crossing | None:
-    return None if crossing is None else dataclasses.replace(crossing, position_rad=crossing.position_rad + shift)
 
 
 def _peaks(values: Array) -> tuple[float, float]:

@@ -229,11 +229,11 @@ class PassLoss:
     Signal lost is the integral of 1 - gain.
     """
 
-    off_s: float = 0.0
-    below_s: float = 0.0
-    signal_s: float = 0.0
-    peak_db: float = 0.0
-    mean_db: float = 0.0
+    keyhole_s: float = 0.0
+    lost_s: float = 0.0
+    lost_signal_s: float = 0.0
+    peak_loss_db: float = 0.0
+    mean_loss_db: float = 0.0
 
     @classmethod
     def of(cls, crossing: Crossing | None, duration_s: float, gain: Gain) -> "PassLoss":
@@ -244,9 +244,9 @@ class PassLoss:
         received = gain(crossing.error_rad)
         signal_s = float(np.sum(1.0 - received) * step_s)
         return cls(
-            off_s=float(np.sum(crossing.error_rad > OFF_TARGET * np.max(crossing.error_rad)) * step_s),
-            below_s=float(np.sum(received < 10.0 ** (-HALF_POWER_DB / 10.0)) * step_s),
-            signal_s=signal_s,
-            peak_db=-10.0 * math.log10(max(float(received.min()), 10.0 ** (-DEEPEST_DB / 10.0))),
-            mean_db=-10.0 * math.log10(max(1.0 - signal_s / duration_s, 1e-6)),
+            keyhole_s=float(np.sum(crossing.error_rad > OFF_TARGET * np.max(crossing.error_rad)) * step_s),
+            lost_s=float(np.sum(received < 10.0 ** (-HALF_POWER_DB / 10.0)) * step_s),
+            lost_signal_s=signal_s,
+            peak_loss_db=-10.0 * math.log10(max(float(received.min()), 10.0 ** (-DEEPEST_DB / 10.0))),
+            mean_loss_db=-10.0 * math.log10(max(1.0 - signal_s / duration_s, 1e-6)),
         )

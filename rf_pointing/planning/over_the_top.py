@@ -52,9 +52,9 @@ def cross_over(t_s: Array, first: Triple, second: Triple, limits: AxisMotionLimi
     Parameters
     ----------
     t_s : even times (n,).
-    first, second : position, velocity, acceleration (n, 2) of the axes before and after,
-        azimuths continuous, the second
-        over the top: about (az + 180 deg, 180 deg - el) of the first, on any turn.
+    first, second : position, velocity, acceleration (n, 2) of the axes before and after, azimuths
+        continuous, the second over the top: about (az + 180 deg, 180 deg - el) of the first, on any
+        turn.
     limits : rates and accelerations; the elevation's travel is left to the caller.
     """
     sides = _Sides(t_s, first, second, limits, gain)
@@ -131,7 +131,6 @@ class _Sides:
 
         None when the azimuth axis is too slow.  The errors of the mount on the other side are
         blended in smoothly.
-        side comes in smoothly.
         """
         azimuth = self._azimuth(start, end)
         if azimuth is None:

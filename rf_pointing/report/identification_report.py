@@ -25,7 +25,7 @@ def save_recordings(path: Path, recordings: Mapping[str, Recording]) -> None:
 
 def write_identification(folder: Path, studies: Sequence[ResponseStudy], provenance: str) -> None:
     """Write models.json, errors.json, errors.txt and one picture per response into `folder`."""
-    save_models(folder / "models.json", [response.record(provenance) for response in studies])
+    save_models(folder / "models.json", studies, provenance)
     rows = [_row(response) for response in studies]
     (folder / "errors.json").write_text(json.dumps(rows, indent=1) + "\n")
     (folder / "errors.txt").write_text(error_table(studies) + "\n")

@@ -1,9 +1,9 @@
 """Carrier-to-noise density along a pass, for a beam that points straight at the target.
 
 C/N0 = C/N0 at the zenith at the reference range - 20 log(range/reference) - extra atmosphere -
-extra system noise. The zenith figure comes from a test, or from EIRP, gain and noise: EIRP + G -
-L_fs - L_atm - L_pol - 10 log(k T_sys). The loss of the beam pattern is not in here: the receiver
-applies it from where the beam really points.
+extra system noise. The zenith figure comes from a test, or from a link budget: EIRP + G - L_fs -
+L_atm - L_pol - 10 log(k T_sys). The loss of the beam pattern is not in here: the receiver applies
+it from where the beam really points.
 """
 
 import math
@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.core import Params, parameter
-from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
-from rf_pointing.rf.noise import BOLTZMANN_J_K, AtmosphereParams, NoiseParams, atmosphere_loss_db, system_noise_k
+from rf_pointing.rf.noise import AtmosphereParams, NoiseParams, atmosphere_loss_db, system_noise_k
 
 # The reference of every C/N0 here: tests are made at high elevation.
 ZENITH_RAD = 0.5 * math.pi
@@ -30,16 +29,6 @@ class LinkParams(Params):
     def level_db_hz(self, range_m: float) -> float:
         """Return the C/N0 of a beam on the target: that of the zenith over this distance."""
         return self.zenith_carrier_to_noise_db_hz - 20.0 * math.log10(range_m / self.reference_range_m)
-
-
-@dataclass(frozen=True, kw_only=True)
-class EirpParams(Params):
-    """Link budget of the transmitter and the dish."""
-
-    eirp_dbw: float = parameter(0.0, "carrier EIRP of the spacecraft", low=-60.0, high=80.0)
-    frequency_hz: float = parameter(8.45e9, "carrier frequency", low=1e8, high=1e11)
-    receive_gain_dbi: float = parameter(68.3, "gain of the dish on its beam axis", low=0.0, high=90.0)
-    polarisation_loss_db: float = parameter(0.0, "loss from mismatched polarisation", low=0.0, high=40.0)
 
 
 class Link:
@@ -66,22 +55,3 @@ class Link:
     def system_noise_k(self, elevation_rad: ArrayLike) -> NDArray[np.float64]:
         """Return the system noise temperature at this elevation."""
         return system_noise_k(self.noise, self.atmosphere, elevation_rad)
-
-
-def free_space_loss_db(range_m: ArrayLike, frequency_hz: float) -> NDArray[np.float64]:
-    """Return 20 log10(4 pi range / wavelength)."""
-    wavelength = SPEED_OF_LIGHT_M_S / frequency_hz
-    return np.asarray(20.0 * np.log10(4.0 * math.pi * np.asarray(range_m, dtype=np.float64) / wavelength))
-
-
-def zenith_carrier_to_noise_db_hz(
-    budget: EirpParams, range_m: float, atmosphere: AtmosphereParams, noise: NoiseParams
-) -> float:
-    """Return the C/N0 at the zenith of a link budget, for `LinkParams`."""
-    losses = (
-        float(free_space_loss_db(range_m, budget.frequency_hz))
-        + float(atmosphere_loss_db(atmosphere, ZENITH_RAD))
-        + budget.polarisation_loss_db
-    )
-    noise_dbw_hz = 10.0 * math.log10(BOLTZMANN_J_K * float(system_noise_k(noise, atmosphere, ZENITH_RAD)))
-    return budget.eirp_dbw + budget.receive_gain_dbi - losses - noise_dbw_hz

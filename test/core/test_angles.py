@@ -9,7 +9,6 @@ from rf_pointing.core import (
     MDEG,
     angular_distance_rad,
     azel_from_unit_vector,
-    cosine_slopes,
     nearest_turn_rad,
     sky_offset_rad,
     unit_vector_from_azel,
@@ -33,17 +32,6 @@ def test_wrapped_angles_lie_in_the_half_open_turn_and_differ_by_whole_turns(rand
     assert np.all((wrapped >= -np.pi) & (wrapped < np.pi))
     turns = (angle - wrapped) / (2.0 * np.pi)
     np.testing.assert_allclose(turns, np.rint(turns), atol=1e-13)
-
-
-def test_cosine_slopes_are_the_derivative_of_the_unit_vector(random: np.random.Generator) -> None:
-    cosines, step = random.uniform(-0.6, 0.6, (50, 2)), 1e-6
-
-    def lifted(uv: np.ndarray) -> np.ndarray:
-        return np.concatenate([uv, np.sqrt(1.0 - np.sum(uv**2, axis=-1, keepdims=True))], axis=-1)
-
-    moves = step * np.eye(2)
-    expected = [(lifted(cosines + move) - lifted(cosines - move)) / (2.0 * step) for move in moves]
-    np.testing.assert_allclose(cosine_slopes(lifted(cosines)), np.stack(expected, axis=-1), atol=1e-9)
 
 
 def test_half_a_turn_wraps_to_minus_half_a_turn() -> None:

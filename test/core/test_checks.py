@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from rf_pointing.core import as_finite_array, require_between, require_choice, require_finite, require_rotation
+from rf_pointing.core import as_finite_array, require_between, require_choice, require_finite
 
 NOT_FINITE = [math.nan, math.inf, -math.inf]
 
@@ -74,22 +74,3 @@ def test_an_open_dimension_is_named_n() -> None:
 def test_an_array_with_a_bad_element_is_refused() -> None:
     with pytest.raises(ValueError, match=r"^position_rad=.* must be finite$"):
         as_finite_array("position_rad", [1.0, math.nan], (2,))
-
-
-@pytest.mark.parametrize(
-    ("matrix", "complaint"),
-    [
-        (np.diag([1.0, 1.0, -1.0]), "attitude has determinant -1: a reflection, not a rotation"),
-        ([np.eye(3), 1.01 * np.eye(3)], r"attitude misses orthonormality by 0\.0201, must be <= 1e-06"),
-        (np.full((3, 3), math.nan), r"attitude=[^=]* must be finite"),
-        (np.eye(4), r"attitude has shape \(4, 4\), must be \(\.\.\., 3, 3\)"),
-    ],
-)
-def test_a_matrix_that_is_no_rotation_is_refused(matrix: object, complaint: str) -> None:
-    with pytest.raises(ValueError, match=f"^{complaint}$"):
-        require_rotation("attitude", matrix)
-
-
-def test_rotations_pass_unchanged() -> None:
-    turns = np.array([np.eye(3), np.diag([1.0, -1.0, -1.0])])
-    assert np.array_equal(require_rotation("attitude", turns), turns)

@@ -5,15 +5,8 @@ from typing import Any
 
 import pytest
 
-from rf_pointing.ephemeris import (
-    EarthOrientation,
-    Elements,
-    Site,
-    TopocentricTrack,
-    find_elements,
-    site,
-    verification_elements,
-)
+from rf_pointing.ephemeris import Elements, Site, TopocentricTrack, find_elements, site, verification_elements
+from rf_pointing.ephemeris.earth_orientation import EarthOrientation
 
 
 @pytest.fixture(scope="session")

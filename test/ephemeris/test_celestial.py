@@ -13,7 +13,6 @@ from rf_pointing.core.dates import DAY_S
 from rf_pointing.ephemeris import (
     RADIO_SOURCES,
     IersEarthOrientation,
-    RadioSource,
     Site,
     TopocentricTrack,
     moon,
@@ -21,7 +20,7 @@ from rf_pointing.ephemeris import (
     site,
     sun,
 )
-from rf_pointing.ephemeris.celestial import CelestialTarget
+from rf_pointing.ephemeris.celestial import CelestialTarget, RadioSource
 from rf_pointing.ephemeris.time_scales import POSIX_EPOCH_JD, TT_MINUS_TAI_S, utc_from_tai_s
 
 ASTROPY = json.loads((Path(__file__).parent / "data" / "astropy.json").read_text())

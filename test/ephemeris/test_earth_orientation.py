@@ -6,11 +6,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.core.dates import DAY_S, from_utc_text
-from rf_pointing.ephemeris.earth_orientation import (
-    IersEarthOrientation,
-    last_measured_t_s,
-    table_span_t_s,
-)
+from rf_pointing.ephemeris.earth_orientation import IersEarthOrientation, orientation_table
 
 ARCSEC = math.radians(1.0 / 3600.0)
 SOURCE = IersEarthOrientation()
@@ -27,8 +23,8 @@ def test_vallados_published_day_is_reproduced() -> None:
     assert earth.pole_y_rad == pytest.approx(0.333093 * ARCSEC, abs=5e-4 * ARCSEC)
 
 
-def test_array_and_float_agree_across_blocks_and_across_the_change_of_files() -> None:
-    last = table_span_t_s()[1]
+def test_array_and_float_agree_across_the_change_of_files() -> None:
+    last = orientation_table().span_t_s[1]
     times = np.linspace(last - 500.0 * DAY_S, last - 1.0, 997)
     array = SOURCE.at(times)
     singles = [SOURCE.at(float(t)) for t in times]
@@ -45,7 +41,7 @@ def test_the_length_of_day_jumps_by_a_leap_second_in_utc_only() -> None:
 
 
 def test_times_outside_the_tables_are_refused_with_the_last_date() -> None:
-    first, last = table_span_t_s()
+    first, last = orientation_table().span_t_s
     for t_s in (first - 1.0, last, 4e9, math.inf):
         with pytest.raises(ValueError, match=r"tabulated to 20.*renew astropy-iers-data"):
             SOURCE.at(t_s)
@@ -55,5 +51,5 @@ def test_times_outside_the_tables_are_refused_with_the_last_date() -> None:
 
 def test_long_predictions_are_announced_and_daily_values_are_not() -> None:
     assert SOURCE.warnings(from_utc_text("2006-06-26T00:00:00")) == ()
-    assert SOURCE.warnings(last_measured_t_s() + 30.0 * DAY_S) == ()
-    assert any("days ahead, good to" in text for text in SOURCE.warnings(table_span_t_s()[1] - 1.0))
+    assert SOURCE.warnings(orientation_table().last_measured_t_s + 30.0 * DAY_S) == ()
+    assert any("days ahead, good to" in text for text in SOURCE.warnings(orientation_table().span_t_s[1] - 1.0))

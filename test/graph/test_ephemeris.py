@@ -14,6 +14,7 @@ from rf_pointing_msgs.msg import Target
 from rf_pointing_msgs.srv import SelectTarget
 
 from rf_pointing.core import Target as SkyTarget
+from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 from rf_pointing.ephemeris import ElementUncertainty, sky_uncertainty
 from rf_pointing.ephemeris.source import SourceParams, load_track
 from rf_pointing.nodes import convert
@@ -94,8 +95,8 @@ def test_offsets_hold_and_weather_are_set_live_and_each_is_read_back(live: Simpl
     assert sky.azimuth_rad == pytest.approx(load_track(plain).target_at(sky.t_s).azimuth_rad, abs=1e-9)
     published = node.message
     looks = load_track(plain).sample([seconds_from_stamp(published.header.stamp)])
-    assert published.doppler_factor == pytest.approx(looks.doppler_factor[0], abs=1e-12)
-    assert published.light_time == pytest.approx(looks.light_time_s[0], rel=1e-9)
+    assert published.doppler_factor == pytest.approx(1.0 - looks.range_rate_m_s[0] / SPEED_OF_LIGHT_M_S, abs=1e-12)
+    assert published.light_time == pytest.approx(looks.range_m[0] / SPEED_OF_LIGHT_M_S, rel=1e-9)
     assert published.refraction == pytest.approx(looks.elevation_rad[0] - looks.true_elevation_rad[0], abs=1e-9)
     assert published.refraction > 0.0
     expected = sky_uncertainty(load_track(plain), float(looks.t_s[0]), ElementUncertainty())

@@ -11,13 +11,8 @@ import numpy as np
 import pytest
 
 from rf_pointing.core import random_stream
-from rf_pointing.identification import (
-    ExcitationParams,
-    IdentificationExperiment,
-    SampleCollector,
-    excitation_rad_s,
-    predicted_travel_rad,
-)
+from rf_pointing.identification import ExcitationParams, IdentificationExperiment, SampleCollector
+from rf_pointing.identification.experiment import excitation_rad_s, predicted_travel_rad
 
 
 def test_white_sequence_has_the_stated_mean_and_rms_and_stays_one_sided() -> None:

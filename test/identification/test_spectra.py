@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 import scipy.signal
 
-from rf_pointing.identification import StateSpace, frequency_response
+from rf_pointing.identification import StateSpace
+from rf_pointing.identification.spectra import frequency_response
 
 SAMPLE_S = 0.02
 

@@ -6,8 +6,9 @@ import timeit
 import numpy as np
 import pytest
 
-from rf_pointing.planning import MOTIONS, AxisLimits, AxisRates, Gate, GateParams, HorizonMask, motion_between
+from rf_pointing.planning import AxisLimits, AxisRates, Gate, GateParams, HorizonMask, motion_between
 from rf_pointing.planning.forbidden_sky import ForbiddenSky
+from rf_pointing.planning.gate import MOTIONS
 from rf_pointing.planning.slew import halting_points, slew_path
 
 DEG = math.pi / 180.0

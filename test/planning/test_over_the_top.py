@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from rf_pointing.planning import AxisMotionLimits, plunged
-from rf_pointing.planning.crossing import cross
+from rf_pointing.planning import plunged
+from rf_pointing.planning.crossing import AxisMotionLimits, cross
 from rf_pointing.planning.forbidden_sky import angle_between
 from rf_pointing.planning.over_the_top import cross_over
 from test.planning.test_crossing import LIMITS, STEP_S, beam, overhead

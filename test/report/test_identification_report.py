@@ -6,15 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rf_pointing.identification import (
-    CrossCheck,
-    FrequencyResponse,
-    Identified,
-    ResponseStudy,
-    StateSpace,
-    StraightCheck,
-    load_models,
-)
+from rf_pointing.identification import CrossCheck, ResponseStudy, StateSpace, StraightCheck
+from rf_pointing.identification.identify import Identified
+from rf_pointing.identification.spectra import FrequencyResponse
 from rf_pointing.report.identification_report import error_table, write_identification
 
 
@@ -25,11 +19,11 @@ def response(driven: str, shown: str, coherence: float) -> ResponseStudy:
     model = StateSpace(a, np.array([[0.02], [1.0], [0.0]]), np.array([[1.0, 0.002, 0.0]]), np.zeros((1, 1)), 0.02)
     frequency = np.linspace(0.0, 25.0, 513)
     shape = model.response(np.maximum(frequency, 1e-3))[:, 0, 0]
-    measured = FrequencyResponse(frequency, shape, np.full(len(frequency), coherence), 8)
-    checks = (StraightCheck(0.001, 0.002, 0.003), StraightCheck(0.0005, 0.001, 0.004))
+    measured = FrequencyResponse(frequency, shape, np.full(len(frequency), coherence))
+    checks = (StraightCheck(0.001, 0.003), StraightCheck(0.0005, 0.004))
     if driven != shown:
         checks = (CrossCheck(0.05, 1e-6),)
-    return ResponseStudy(driven, shown, measured, Identified(model, np.geomspace(1.0, 1e-9, 60), 1e-9, 10.0), checks)
+    return ResponseStudy(driven, shown, measured, Identified(model, np.geomspace(1.0, 1e-9, 60), 10.0), checks)
 
 
 @pytest.fixture
@@ -39,12 +33,16 @@ def studies() -> list[ResponseStudy]:
 
 def test_models_errors_and_pictures_are_written(tmp_path: Path, studies: list[ResponseStudy]) -> None:
     write_identification(tmp_path, studies, "white input")
-    models = load_models(tmp_path / "models.json")
-    assert [(each.input, each.output, each.error) for each in models] == [
+    content = json.loads((tmp_path / "models.json").read_text())
+    assert content["format"] == "rf_pointing identified models 1"
+    models = content["responses"]
+    assert [(each["input"], each["output"], each["error"]) for each in models] == [
         ("elevation", "elevation", 0.001),
         ("elevation", "azimuth", 0.05),
     ]
-    np.testing.assert_array_equal(models[0].model.a, studies[0].identified.model.a)
+    for name in "abcd":
+        np.testing.assert_array_equal(models[0][name], getattr(studies[0].identified.model, name))
+    assert {each["provenance"] for each in models} == {"white input"}
     rows = json.loads((tmp_path / "errors.json").read_text())
     assert rows[0]["gain_factor"] == 0.004
     assert rows[0]["modes_hz"] == [pytest.approx(2.12, abs=0.01)]

@@ -7,16 +7,9 @@ import numpy as np
 import pytest
 
 from rf_pointing.core import MDEG, MonopulseCluster, random_stream
-from rf_pointing.rf import (
-    BOLTZMANN_J_K,
-    Beam,
-    BeamParams,
-    MonopulseFeed,
-    MonopulseFeedParams,
-    Receiver,
-    ReceiverParams,
-    ReceiverState,
-)
+from rf_pointing.rf import Beam, BeamParams, MonopulseFeed, MonopulseFeedParams, Receiver, ReceiverParams
+from rf_pointing.rf.noise import BOLTZMANN_J_K
+from rf_pointing.rf.receiver import ReceiverState
 
 SAMPLE_S = 0.02
 BEAM = BeamParams.for_band("Ka")

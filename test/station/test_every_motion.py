@@ -11,7 +11,8 @@ from rf_pointing.core import JointReading, JointTrajectory, PointingError
 from rf_pointing.ephemeris import Pass, TopocentricTrack
 from rf_pointing.ephemeris.solar import SunParams
 from rf_pointing.identification import ExcitationParams, IdentificationExperiment
-from rf_pointing.planning import MOTIONS, Gate, HorizonMask
+from rf_pointing.planning import Gate, HorizonMask
+from rf_pointing.planning.gate import MOTIONS
 from rf_pointing.station.antenna.simulated_antenna import SimulatedAntenna, SimulationParams
 from rf_pointing.station.pointing.certificates import pass_profile
 from rf_pointing.station.pointing.controller import PointingController

@@ -12,12 +12,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.array_sensors.attitude import rotations
-from rf_pointing.core import require_finite, require_rotation
+from rf_pointing.core import require_finite
 
 Array = NDArray[np.float64]
 
 UNIT_TOLERANCE = 1e-6
 """Largest accepted difference of a quaternion's norm from one."""
+ROTATION_TOLERANCE = 1e-6
+"""Largest accepted departure of C C^T from the unit matrix."""
 
 
 def unit_quaternion(quaternion: ArrayLike, name: str = "quaternion") -> Array:
@@ -129,3 +131,17 @@ def _vectors(name: str, value: ArrayLike, length: int) -> Array:
         raise ValueError(f"{name} has shape {array.shape}, must be (..., {length})")
     require_finite(name, array)
     return array
+
+
+def require_rotation(name: str, matrix: ArrayLike) -> Array:
+    """Return `matrix` (..., 3, 3) as floats; ValueError unless it is a proper rotation."""
+    c = np.asarray(matrix, dtype=np.float64)
+    if c.shape[-2:] != (3, 3):
+        raise ValueError(f"{name} has shape {c.shape}, must be (..., 3, 3)")
+    require_finite(name, c)
+    defect = float(np.max(np.abs(c @ np.swapaxes(c, -1, -2) - np.eye(3)), initial=0.0))
+    if defect > ROTATION_TOLERANCE:
+        raise ValueError(f"{name} misses orthonormality by {defect:.3g}, must be <= {ROTATION_TOLERANCE}")
+    if np.any(np.linalg.det(c) < 0.0):
+        raise ValueError(f"{name} has determinant -1: a reflection, not a rotation")
+    return c

@@ -101,3 +101,12 @@ def turn_from_quaternion(quaternion: Array) -> Array:
     angle = 2.0 * np.arctan2(sine, np.abs(w))
     ratio = np.divide(angle, sine, out=np.full_like(sine, 2.0), where=sine > 0.0)
     return np.asarray(quaternion[..., :3] * np.where(w < 0.0, -ratio, ratio)[..., None])
+
+
+def cosine_slopes(direction: Array) -> Array:
+    """Return ds/d(s_x, s_y) (..., 3, 2) of unit vectors (..., 3) with s_z > 0."""
+    slopes = np.zeros((*direction.shape[:-1], 3, 2))
+    slopes[..., 0, 0] = slopes[..., 1, 1] = 1.0
+    # From s_z = sqrt(1 - s_x^2 - s_y^2): at the horizon of the array the slope is infinite.
+    slopes[..., 2, :] = -direction[..., :2] / direction[..., 2:]
+    return slopes

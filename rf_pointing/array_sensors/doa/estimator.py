@@ -12,13 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rf_pointing.array_sensors.attitude.rotations import cosine_slopes
 from rf_pointing.array_sensors.doa.array import ArrayResponse, CircularArrayParams, phase_radius_rad, steering
 from rf_pointing.array_sensors.doa.array_source import SnapshotBlock
 from rf_pointing.array_sensors.doa.covariance import count_sources, eigen, sample_covariance
 from rf_pointing.array_sensors.doa.cramer_rao import direction_bound_rad2
 from rf_pointing.array_sensors.doa.music import estimate_directions
 from rf_pointing.array_sensors.doa.several_sources import estimate_several
-from rf_pointing.core import Params, cosine_slopes, parameter
+from rf_pointing.core import Params, parameter
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

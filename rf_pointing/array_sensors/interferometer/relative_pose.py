@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rf_pointing.array_sensors.attitude.quaternion import require_rotation
 from rf_pointing.array_sensors.interferometer.frames import (
     azimuth_rotation,
     direction_from_angles,
@@ -17,7 +18,7 @@ from rf_pointing.array_sensors.interferometer.frames import (
     reverse_angles,
     roll_rotation,
 )
-from rf_pointing.core import as_finite_array, require_between, require_finite, require_rotation
+from rf_pointing.core import as_finite_array, require_between, require_finite
 
 Array = NDArray[np.float64]
 # Elevation 2 of +-90 deg: azimuth 2 and roll turn about one axis there.

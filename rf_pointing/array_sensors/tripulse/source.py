@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rf_pointing.array_sensors.attitude.quaternion import require_rotation
 from rf_pointing.array_sensors.doa.snapshots import complex_normal
 from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams, element_weights
 from rf_pointing.array_sensors.tripulse.beams import beam_signals
@@ -28,7 +29,6 @@ from rf_pointing.core import (
     random_stream,
     require_between,
     require_finite,
-    require_rotation,
 )
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.array_sensors.attitude.quaternion import quaternion_from_matrix
+from rf_pointing.array_sensors.attitude.rotations import cosine_slopes
 from rf_pointing.array_sensors.attitude.wahba import (
     SMALLEST_SEPARATION_RAD,
     attitude_covariance,
@@ -24,7 +25,7 @@ from rf_pointing.array_sensors.attitude.wahba import (
     separation_rad,
     unit_directions,
 )
-from rf_pointing.core import Params, as_finite_array, cosine_slopes, parameter, require_finite
+from rf_pointing.core import Params, as_finite_array, parameter, require_finite
 
 Array = NDArray[np.float64]
 

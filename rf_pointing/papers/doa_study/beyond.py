@@ -34,6 +34,7 @@ from rf_pointing.array_sensors.attitude.quaternion import (
     quaternion_to_rotation_vector,
 )
 from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque, SatelliteParams
+from rf_pointing.array_sensors.attitude.rotations import cosine_slopes
 from rf_pointing.array_sensors.attitude.wahba import attitude_covariance, fit_rotation
 from rf_pointing.array_sensors.doa.array import ArrayResponse, CircularArrayParams, coupling_basis, steering
 from rf_pointing.array_sensors.doa.attitude_chain import match_directions
@@ -44,7 +45,7 @@ from rf_pointing.array_sensors.doa.music import estimate_directions
 from rf_pointing.array_sensors.doa.several_sources import estimate_several
 from rf_pointing.array_sensors.doa.simulated_satellite import NadirHoldParams, SimulatedSatellite
 from rf_pointing.array_sensors.doa.snapshots import complex_normal, draw_snapshots
-from rf_pointing.core import cosine_slopes, random_stream, require_between, require_finite
+from rf_pointing.core import random_stream, require_between, require_finite
 from rf_pointing.papers.doa_study.directions import direction_from_polar, polar_basis
 from rf_pointing.papers.doa_study.scene import STEP_S, nadir_scene
 from rf_pointing.papers.row import Row

@@ -12,6 +12,7 @@ from rf_pointing.array_sensors.attitude.quaternion import (
     quaternion_to_matrix,
     quaternion_to_roll_pitch_yaw,
     quaternion_to_rotation_vector,
+    require_rotation,
     rotation_angle_between_rad,
     unit_quaternion,
 )
@@ -123,3 +124,22 @@ def test_a_quaternion_that_is_not_unit_is_refused(quaternion: list[float], messa
 def test_a_matrix_that_is_no_rotation_is_refused(matrix: np.ndarray, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         quaternion_from_matrix(matrix)
+
+
+@pytest.mark.parametrize(
+    ("matrix", "complaint"),
+    [
+        (np.diag([1.0, 1.0, -1.0]), "attitude has determinant -1: a reflection, not a rotation"),
+        ([np.eye(3), 1.01 * np.eye(3)], r"attitude misses orthonormality by 0\.0201, must be <= 1e-06"),
+        (np.full((3, 3), np.nan), r"attitude=[^=]* must be finite"),
+        (np.eye(4), r"attitude has shape \(4, 4\), must be \(\.\.\., 3, 3\)"),
+    ],
+)
+def test_what_is_no_rotation_is_named_with_its_defect(matrix: object, complaint: str) -> None:
+    with pytest.raises(ValueError, match=f"^{complaint}$"):
+        require_rotation("attitude", matrix)
+
+
+def test_rotations_pass_unchanged() -> None:
+    turns = np.array([np.eye(3), np.diag([1.0, -1.0, -1.0])])
+    assert np.array_equal(require_rotation("attitude", turns), turns)

@@ -5,6 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rf_pointing.array_sensors.attitude.rotations import (
+    cosine_slopes,
     cross_matrix,
     cross_product,
     matrix_from_quaternion,
@@ -63,3 +64,14 @@ def test_matrix_gives_its_quaternion_back_up_to_half_a_turn(axis: list[float], a
 def test_small_turns_keep_their_relative_precision(length_rad: float) -> None:
     turn = length_rad * np.array([0.48, -0.6, 0.64])
     np.testing.assert_allclose(turn_from_quaternion(quaternion_from_turn(turn)), turn, rtol=1e-13)
+
+
+def test_cosine_slopes_are_the_derivative_of_the_unit_vector() -> None:
+    cosines, step = np.random.default_rng(4).uniform(-0.6, 0.6, (50, 2)), 1e-6
+
+    def lifted(uv: np.ndarray) -> np.ndarray:
+        return np.concatenate([uv, np.sqrt(1.0 - np.sum(uv**2, axis=-1, keepdims=True))], axis=-1)
+
+    moves = step * np.eye(2)
+    expected = [(lifted(cosines + move) - lifted(cosines - move)) / (2.0 * step) for move in moves]
+    np.testing.assert_allclose(cosine_slopes(lifted(cosines)), np.stack(expected, axis=-1), atol=1e-9)
