@@ -2,7 +2,7 @@
 
 from rf_pointing.controllers.command_preprocessor import CommandPreprocessor, CommandPreprocessorParams
 from rf_pointing.controllers.law_matrices import LawMatrices, law_matrices
-from rf_pointing.controllers.lqg import LqgDesign, LqgLoop, LqgLoopParams, load_lqg_designs, save_lqg_designs
+from rf_pointing.controllers.lqg import LqgDesign, LqgLoop, LqgLoopParams, load_lqg_designs
 from rf_pointing.controllers.oscillation_detector import OscillationDetector, OscillationDetectorParams
 from rf_pointing.controllers.position_loop import PositionLoop, PositionLoopParams
 from rf_pointing.controllers.presets import TUNED_RADIO_BANDWIDTH_HZ, dss13_loops, dss13_lqg_loops
@@ -30,5 +30,4 @@ __all__ = [
     "dss13_lqg_loops",
     "law_matrices",
     "load_lqg_designs",
-    "save_lqg_designs",
 ]

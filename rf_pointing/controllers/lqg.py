@@ -6,8 +6,8 @@ x holds the axis angle and drive rate (as deviations from the command), the stat
 and of the shaping section S, and a slow rate disturbance; the last makes the integral action.  e is
 command minus encoder.
 
-A design is made by `design_lqg.py` from an identified model.  The package brings those for DSS-13,
-which `benchmarks/lqg_tuning.py` made; its output lies next to it.
+A design is made by `papers/design_lqg.py` from an identified model.  The package brings those for
+DSS-13, which `benchmarks/lqg_tuning.py` made; its output lies next to it.
 """
 
 import json
@@ -33,8 +33,8 @@ from rf_pointing.core import AXES, Params, parameter, require_finite
 
 Array = NDArray[np.float64]
 
-_MATRICES = ("a", "b", "c", "state_gain", "observer_gain", "model_a", "model_b", "model_c", "model_d")
-_FORMAT = "rf_pointing LQG designs 1"
+MATRICES = ("a", "b", "c", "state_gain", "observer_gain", "model_a", "model_b", "model_c", "model_d")
+FORMAT = "rf_pointing LQG designs 1"
 _PACKAGED = "dss13_lqg.json"
 
 
@@ -99,28 +99,15 @@ class LqgDesign:
     gain_margin_db: float
     phase_margin_rad: float
 
-    def to_mapping(self) -> dict[str, Any]:
-        """Return plain numbers and lists for a file."""
-        values = {name: getattr(self, name) for name in self.__slots__}
-        plain = {name: value.tolist() if name in _MATRICES else value for name, value in values.items()}
-        plain["weights"] = {name: getattr(self.weights, name) for name in self.weights.__dataclass_fields__}
-        return plain
-
     @classmethod
     def from_mapping(cls, values: Mapping[str, Any]) -> "LqgDesign":
         """Return the design in `values`; an unknown or missing key is an error."""
         unknown, missing = sorted(set(values) - set(cls.__slots__)), sorted(set(cls.__slots__) - set(values))
         if unknown or missing:
             raise ValueError(f"LQG design has unknown keys {unknown} and lacks {missing}")
-        parts: dict[str, Any] = {name: np.array(values[name], dtype=np.float64) for name in _MATRICES}
-        numbers = {name: values[name] for name in cls.__slots__ if name not in _MATRICES and name != "weights"}
+        parts: dict[str, Any] = {name: np.array(values[name], dtype=np.float64) for name in MATRICES}
+        numbers = {name: values[name] for name in cls.__slots__ if name not in MATRICES and name != "weights"}
         return cls(**parts, **numbers, weights=LqgWeights.from_mapping(values["weights"]))
-
-
-def save_lqg_designs(path: Path, azimuth: LqgDesign, elevation: LqgDesign) -> None:
-    """Write both designs to `path`."""
-    content = {"format": _FORMAT, "azimuth": azimuth.to_mapping(), "elevation": elevation.to_mapping()}
-    path.write_text(json.dumps(content, indent=1) + "\n")
 
 
 def load_lqg_designs(path: Path | None = None) -> tuple[LqgDesign, LqgDesign]:
@@ -136,8 +123,8 @@ def load_lqg_designs(path: Path | None = None) -> tuple[LqgDesign, LqgDesign]:
         content = json.loads(source.read_text())
     except (OSError, json.JSONDecodeError) as error:
         raise ValueError(f"{source}: no LQG designs: {error}") from error
-    if not isinstance(content, Mapping) or content.get("format") != _FORMAT:
-        raise ValueError(f"{source}: format must be {_FORMAT!r}")
+    if not isinstance(content, Mapping) or content.get("format") != FORMAT:
+        raise ValueError(f"{source}: format must be {FORMAT!r}")
     unknown, missing = sorted(set(content) - {"format", *AXES}), sorted(set(AXES) - set(content))
     if unknown or missing:
         raise ValueError(f"{source}: unknown keys {unknown}, lacks {missing}")
