@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.controllers import LawMatrices, LqgDesign, PositionLoopParams, law_matrices
+from rf_pointing.controllers import LawMatrices, LqgDesign, PositionLoopParams
 from rf_pointing.servo import PlantParams, discretise, linear_model
 from rf_pointing.servo.wind import GUST_LENGTH_M
 
@@ -137,7 +137,7 @@ class LawResponse:
     def __init__(self, law: PositionLoopParams | LqgDesign) -> None:
         frequency = _grid()
         s, z = 2j * np.pi * frequency, np.exp(2j * np.pi * frequency * SAMPLE_S)
-        self.matrices = a, b, c, d = law_matrices(law, SAMPLE_S)
+        self.matrices = a, b, c, d = law.matrices(SAMPLE_S)
         solved = np.linalg.solve(z[:, None, None] * np.eye(len(a)) - a, b.astype(np.complex128))
         self.gain: ComplexArray = np.asarray(c @ solved + d, dtype=np.complex128)[:, 0, 0]
         self.fed: ComplexArray = _notch_response(law, z) * s / (1.0 + s / (2.0 * math.pi * 10.0))
