@@ -15,8 +15,9 @@ delay of commands that are sent ahead, whatever its phase; an error to be caught
 acts at once (docs/math/controllers.md).
 """
 
+import copy
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -64,11 +65,11 @@ class TrackerIntegrator:
     @property
     def state(self) -> TrackerIntegratorState:
         """A copy of the complete state."""
-        return replace(self._state, offset_rad=self._state.offset_rad.copy(), rate_rad_s=self._state.rate_rad_s.copy())
+        return copy.deepcopy(self._state)
 
     @state.setter
     def state(self, state: TrackerIntegratorState) -> None:
-        self._state = replace(state, offset_rad=state.offset_rad.copy(), rate_rad_s=state.rate_rad_s.copy())
+        self._state = copy.deepcopy(state)
 
     @property
     def frozen(self) -> bool:
@@ -84,7 +85,7 @@ class TrackerIntegrator:
         """Start at `t_s` from `offset_rad` (2,) at rest, not frozen."""
         require_finite("t_s", t_s)
         offset = self._clamped(as_finite_array("offset_rad", offset_rad, (2,)))
-        self._state = TrackerIntegratorState(offset, np.zeros(2), t_s, t_s, False)
+        self._state = TrackerIntegratorState(offset, t_s=t_s, end_s=t_s)
 
     def freeze(self, t_s: float) -> None:
         """Hold the offset of `t_s` and ignore errors until `unfreeze`."""
