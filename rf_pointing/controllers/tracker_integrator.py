@@ -85,18 +85,14 @@ class TrackerIntegrator:
         """Start at `t_s` from `offset_rad` (2,) at rest, not frozen."""
         require_finite("t_s", t_s)
         offset = self._clamped(as_finite_array("offset_rad", offset_rad, (2,)))
+        # Errors from before it belong to another motion.
         self._state = TrackerIntegratorState(offset, t_s=t_s, end_s=t_s)
 
     def freeze(self, t_s: float) -> None:
-        """Hold the offset of `t_s` and ignore errors until `unfreeze`."""
+        """Hold the offset of `t_s` and ignore errors until `reset`."""
         self._settle(t_s)
         self._state.rate_rad_s = np.zeros(2)
-        # Errors from before a freeze belong to another motion.
-        self._state.frozen, self._state.errors = True, ()
-
-    def unfreeze(self) -> None:
-        """Use errors again, from the held offset."""
-        self._state.frozen = False
+        self._state.frozen = True
 
     def update(self, t_s: float, error_rad: ArrayLike) -> None:
         """Take the error (2,) measured for the interval before `t_s`.

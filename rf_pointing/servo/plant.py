@@ -106,11 +106,6 @@ class AntennaPlant:
         return self._state.at_stop
 
     @property
-    def braked(self) -> bool:
-        """Whether the brakes are set."""
-        return self._state.braked
-
-    @property
     def powered(self) -> bool:
         """Whether the drives have power."""
         return self._state.powered
@@ -122,10 +117,6 @@ class AntennaPlant:
     def release_brake(self) -> None:
         """Release the brakes and power the drives."""
         self._state.braked, self._state.powered = False, True
-
-    def cut_drives(self) -> None:
-        """Take the power from the drives and leave the brakes as they are: the axes coast."""
-        self._state.powered = False
 
     def check(self, params: PlantParams) -> None:
         """Raise ValueError if `reconfigure` would refuse these: the number of modes must stay."""

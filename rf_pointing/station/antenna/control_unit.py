@@ -81,7 +81,7 @@ class ControlUnit:
         table.accept(trajectory, now_s)
         safety.authority.claim(commander, now_s)
         self._accepted += 1
-        safety.note_command(now_s)
+        safety.commanded_s = now_s
         # A fault shows the last commands before it: which of them led there is the first question.
         safety.latch.note_command((now_s, commander, *pair(trajectory.position_rad[-1])))
         self.modes.follow()
@@ -152,7 +152,8 @@ class ControlUnit:
     def reset_fault(self) -> str:
         """Clear a latched fault."""
         reason = self.modes.reason_against(Request.RESET_FAULT, self._motion())
-        reason = reason or self.safety.latch.reset(self.safety.lasting_cause())
+        # What is still there keeps its fault.
+        reason = reason or self.safety.latch.reset(self.safety.watch.cause or self.safety.drive.reason)
         if reason:
             return reason
         if self.axes.loops.oscillation:
