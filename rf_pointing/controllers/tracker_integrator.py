@@ -128,21 +128,17 @@ class TrackerIntegrator:
         state = self._state
         if t_s < state.t_s:
             raise ValueError(f"t_s={t_s} must be >= {state.t_s}, the time of the latest update")
-        limit, passed_s = self.params.offset_limit_rad, min(t_s, state.end_s) - state.t_s
-        offsets, rates = [0.0, 0.0], [0.0, 0.0]
-        for axis, (offset, rate) in enumerate(zip(state.offset_rad.tolist(), state.rate_rad_s.tolist(), strict=True)):
-            now = offset + rate * passed_s
-            offsets[axis] = min(max(now, -limit), limit)
-            # At its limit the offset stands: a rate fed forward there would push against it for
-            # ever.
-            if t_s < state.end_s and abs(now) < limit:
-                rates[axis] = rate
-        return np.array(offsets), np.array(rates)
+        offsets, rates = self.along(np.array([t_s]))
+        return offsets[0], rates[0]
 
     def along(self, t_s: Array) -> tuple[Array, Array]:
         """Return offsets and rates (n, 2) at times (n,); those before the latest update get its own."""
-        pairs = np.array([self.at(max(float(t), self._state.t_s)) for t in t_s])
-        return pairs[:, 0], pairs[:, 1]
+        state = self._state
+        times = np.maximum(t_s, state.t_s)[:, None]
+        offsets = state.offset_rad + state.rate_rad_s * (np.minimum(times, state.end_s) - state.t_s)
+        # At its limit the offset stands: a rate fed forward there would push against it for ever.
+        moving = (times < state.end_s) & (np.abs(offsets) < self.params.offset_limit_rad)
+        return self._clamped(offsets), np.where(moving, state.rate_rad_s, 0.0)
 
     def _settle(self, t_s: float) -> None:
         require_finite("t_s", t_s)

@@ -107,18 +107,14 @@ class GustFilter:
         residues = [-p * np.prod(_ZEROS - p) / np.prod(np.delete(_POLES, k) - p) for k, p in enumerate(_POLES)]
         return cls(scale * _POLES, gain * np.array(residues))
 
-    def stationary_factor(self) -> Array:
-        """Return L (4, 4): L times unit normal numbers is a stationary state."""
-        return _factor(self._covariance(None))
-
     def step_matrices(self, dt_s: float) -> tuple[Array, Array]:
-        """Return the decay (4,) and the noise factor (4, 4) of a step of `dt_s`."""
-        return np.exp(-self.poles_rad_s * dt_s), _factor(self._covariance(dt_s))
+        """Return the decay (4,) and the noise factor (4, 4) of a step of `dt_s`.
 
-    def _covariance(self, dt_s: float | None) -> Array:
+        After an infinite step nothing is left of the state before: the factor times unit normal
+        numbers is a stationary state.
+        """
         sums = np.add.outer(self.poles_rad_s, self.poles_rad_s)
-        grown = np.ones_like(sums) if dt_s is None else -np.expm1(-sums * dt_s)
-        return grown / sums
+        return np.exp(-self.poles_rad_s * dt_s), _factor(-np.expm1(-sums * dt_s) / sums)
 
 
 def _factor(covariance: Array) -> Array:
@@ -138,7 +134,7 @@ class Wind:
         speed = params.mean_speed_m_s if self._blows else 1.0
         self._filter = GustFilter.davenport(speed, params.drag_coefficient)
         self._decay, self._noise = self._filter.step_matrices(_GUST_STEP_S)
-        filters = random.standard_normal((2, 4)) @ self._filter.stationary_factor().T
+        filters = random.standard_normal((2, 4)) @ self._filter.step_matrices(math.inf)[1].T
         self._state = WindState(filters, _GUST_STEP_S, random.bit_generator.state)
 
     @property

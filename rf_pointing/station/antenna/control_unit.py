@@ -268,8 +268,9 @@ class ControlUnit:
         reading = self.reading(t_s)
         self._watch_wind(t_s)
         # Unpowered axes get no rates: laws that run against the brakes would wind up.
-        powered = self.axes.hardware.powered
-        self.axes.drive(self._rates(t_s, reading.position_rad) if powered else np.zeros(2))
+        rates = self._rates(t_s, reading.position_rad) if self.axes.hardware.powered else np.zeros(2)
+        self.axes.rate_command_rad_s = rates
+        self.axes.hardware.move(rates)
         self._watch_sensors()
         return reading
 
@@ -277,6 +278,7 @@ class ControlUnit:
         """Return the status at `t_s`."""
         axes, path, safety = self.axes, self.axes.path, self.safety
         commanded = path.preprocessor.state.position_rad
+        silent = "" if self.modes.traits.transmits else f"the antenna is {self.mode}"
         return AntennaStatus(
             t_s=t_s,
             mode=self.mode,
@@ -291,7 +293,7 @@ class ControlUnit:
             commands_rejected=self._rejected,
             last_rejection=self._last_rejection,
             warning=safety.warning(t_s, self.mode, pair(commanded)),
-            transmit_inhibit=safety.transmit_inhibit(self.mode, float(axes.encoder_rad[1])),
+            transmit_inhibit=silent or safety.gate.transmit_inhibit(float(axes.encoder_rad[1])),
             commander=safety.authority.holder,
         )
 

@@ -42,8 +42,6 @@ AT_REST = np.zeros(2)
 _PI, _LQG = "pi", "lqg"
 _AZIMUTH, _ELEVATION = dss13_loops("tuned")
 _LQG_AZIMUTH, _LQG_ELEVATION = dss13_lqg_loops()
-
-
 EDGE = 1e-6
 """Open integrators lie on the unit circle, a double one within the root of rounding of it."""
 

@@ -21,11 +21,7 @@ LIMIT_RAD = math.radians(5.0)
 LIMIT_S = 10.0
 
 
-def _angle(description: str) -> float:
-    return _coefficient(description, LIMIT_RAD)
-
-
-def _coefficient(description: str, limit: float) -> float:
+def _coefficient(description: str, limit: float = LIMIT_RAD) -> float:
     """Declare one coefficient, zero unless configured, within +-`limit`."""
     declared: float = parameter(0.0, description, low=-limit, high=limit)
     return declared
@@ -35,18 +31,18 @@ def _coefficient(description: str, limit: float) -> float:
 class MountParams(Params):
     """Coefficients x1 to x14; observed = true + model(true)."""
 
-    azimuth_offset_rad: float = _angle("x1, azimuth encoder offset")
-    non_orthogonality_rad: float = _angle("x2, non-orthogonality of the axes")
-    collimation_rad: float = _angle("x3, collimation of the radio axis")
-    azimuth_encoder_sine_rad: float = _angle("x4, azimuth encoder nonlinearity, sine")
-    azimuth_encoder_cosine_rad: float = _angle("x5, azimuth encoder nonlinearity, cosine")
+    azimuth_offset_rad: float = _coefficient("x1, azimuth encoder offset")
+    non_orthogonality_rad: float = _coefficient("x2, non-orthogonality of the axes")
+    collimation_rad: float = _coefficient("x3, collimation of the radio axis")
+    azimuth_encoder_sine_rad: float = _coefficient("x4, azimuth encoder nonlinearity, sine")
+    azimuth_encoder_cosine_rad: float = _coefficient("x5, azimuth encoder nonlinearity, cosine")
     azimuth_velocity_lag_s: float = _coefficient("x6, azimuth velocity lag", LIMIT_S)
     azimuth_acceleration_lag_s2: float = _coefficient("x7, azimuth acceleration lag in s^2", LIMIT_S)
-    mislevel_east_rad: float = _angle("x8, mislevel about east")
-    mislevel_north_rad: float = _angle("x9, mislevel about north")
-    elevation_offset_rad: float = _angle("x10, elevation encoder offset")
-    droop_rad: float = _angle("x11, droop")
-    elevation_encoder_sine_rad: float = _angle("x12, elevation encoder nonlinearity")
+    mislevel_east_rad: float = _coefficient("x8, mislevel about east")
+    mislevel_north_rad: float = _coefficient("x9, mislevel about north")
+    elevation_offset_rad: float = _coefficient("x10, elevation encoder offset")
+    droop_rad: float = _coefficient("x11, droop")
+    elevation_encoder_sine_rad: float = _coefficient("x12, elevation encoder nonlinearity")
     elevation_velocity_lag_s: float = _coefficient("x13, elevation velocity lag", LIMIT_S)
     elevation_acceleration_lag_s2: float = _coefficient("x14, elevation acceleration lag in s^2", LIMIT_S)
 

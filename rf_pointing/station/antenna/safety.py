@@ -29,7 +29,7 @@ from rf_pointing.planning import (
     WindWatch,
     WindWatchParams,
 )
-from rf_pointing.station.antenna.modes import MODES, AntennaMode
+from rf_pointing.station.antenna.modes import AntennaMode
 
 Array = NDArray[np.float64]
 Pair = tuple[float, float]
@@ -125,9 +125,3 @@ class AntennaSafety:
         if mode == AntennaMode.TRACKING and late_s > LATE_S:
             return f"no command for {late_s + COMMAND_PERIOD_S:.2f} s"
         return self.gate.warning(*commanded)
-
-    def transmit_inhibit(self, mode: AntennaMode, elevation_rad: float) -> str:
-        """Return "" when the transmitter may be on, else why not."""
-        if not MODES[mode].transmits:
-            return f"the antenna is {mode}"
-        return self.gate.transmit_inhibit(elevation_rad)

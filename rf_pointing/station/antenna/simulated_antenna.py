@@ -165,14 +165,10 @@ class SimulatedAntenna(ControlUnit):
         params = params or AntennaParams()
         self.params = params.antenna
         self.hardware = SimulatedHardware(params)
+        self.injected = self.hardware.injected
         super().__init__(
             self.hardware, params.loops, params.plant, params.safety, params.antenna.tick_s, params.antenna.start_rad
         )
-
-    @property
-    def injected(self) -> InjectedFaults:
-        """The faults put into drives and sensors."""
-        return self.hardware.injected
 
     def step(self, t_s: float) -> tuple[JointReading, Boresight]:
         """Return encoder reading and true boresight at `t_s`, then advance by one tick."""
