@@ -98,18 +98,20 @@ class ControlUnit:
     def _find_path(self, trajectory: JointTrajectory, now_s: float) -> str:
         """Pass a command through the gate and note the path to it; return why there is none."""
         path, encoder_rad = self.axes.path, self.axes.encoder_rad
-        present, positions = pair(encoder_rad), trajectory.position_rad
+        positions = trajectory.position_rad
         # The gate of the controller does not bind a foreign commander; this one does.
-        reason = self.safety.check("track", now_s, present, positions).reason
+        reason = self.safety.check("track", now_s, pair(encoder_rad), positions).reason
         if reason:
             return reason
         following = self.mode in (AntennaMode.TRACKING, AntennaMode.PAUSED)
-        if path.leaves(trajectory, encoder_rad, following):
-            decision = self.safety.check("preset", now_s, present, positions[:1])
-            if not decision.allowed:
-                return decision.reason
-            path.go_round(decision.way)
-        return ""
+        return self._go_round(now_s, positions[0]) if path.leaves(trajectory, encoder_rad, following) else ""
+
+    def _go_round(self, now_s: float, goal_rad: Array) -> str:
+        """Note the path to a far position (2,) where commands are; return why there is none."""
+        decision = self.safety.check("preset", now_s, pair(self.axes.encoder_rad), goal_rad[None, :])
+        if decision.allowed:
+            self.axes.path.go_round(decision.way)
+        return decision.reason
 
     # Requests
 
@@ -233,10 +235,7 @@ class ControlUnit:
         goal = path.table.at(self.t_s).position_rad
         if float(np.max(np.abs(goal - encoder_rad))) <= NEW_PATH_RAD:
             return ""
-        decision = self.safety.check("preset", self.t_s, pair(encoder_rad), goal[None, :])
-        if decision.allowed:
-            path.go_round(decision.way)
-        return decision.reason
+        return self._go_round(self.t_s, goal)
 
     def _go(self, request: Request, goal: Pair) -> str:
         """Begin a motion of the antenna's own to rest at `goal`, through the gate."""
