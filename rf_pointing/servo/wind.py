@@ -114,15 +114,9 @@ class GustFilter:
         numbers is a stationary state.
         """
         sums = np.add.outer(self.poles_rad_s, self.poles_rad_s)
-        return np.exp(-self.poles_rad_s * dt_s), _factor(-np.expm1(-sums * dt_s) / sums)
-
-
-def _factor(covariance: Array) -> Array:
-    """Return a square root of a covariance that may be singular."""
-    # Poles a factor of a thousand apart make the covariance singular to rounding.
-    values, vectors = np.linalg.eigh(covariance)
-    factor: Array = vectors * np.sqrt(np.maximum(values, 0.0))
-    return factor
+        # Poles a factor of a thousand apart make the covariance singular to rounding.
+        values, vectors = np.linalg.eigh(-np.expm1(-sums * dt_s) / sums)
+        return np.exp(-self.poles_rad_s * dt_s), vectors * np.sqrt(np.maximum(values, 0.0))
 
 
 class Wind:

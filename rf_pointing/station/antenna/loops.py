@@ -100,7 +100,9 @@ class AxisLoops:
         """Raise ValueError, saying why, if this set cannot run on this antenna; changes nothing."""
         # Eigenvalues of some 30 states take milliseconds; unchecked gains can shake an antenna
         # apart.
-        require_stable(plant, self._chosen(params), self._tick_s)
+        gains: Sequence[Law] = params.azimuth, params.elevation
+        laws = gains if params.law == _PI else self._designs_of(params.lqg_file)
+        require_stable(plant, laws, self._tick_s)
         # Building reads the designs' file and places the filters below half the sampling rate, or
         # raises.
         self._build(params)
@@ -152,11 +154,6 @@ class AxisLoops:
             return [PositionLoop(params.azimuth, self._tick_s), PositionLoop(params.elevation, self._tick_s)]
         azimuth, elevation = self._designs_of(params.lqg_file)
         return [LqgLoop(azimuth, params.lqg_azimuth), LqgLoop(elevation, params.lqg_elevation)]
-
-    def _chosen(self, params: LoopParams) -> tuple[PositionLoopParams | LqgDesign, ...]:
-        if params.law == _PI:
-            return params.azimuth, params.elevation
-        return self._designs_of(params.lqg_file)
 
     def _designs_of(self, file: str) -> tuple[LqgDesign, LqgDesign]:
         # A file is read when it is named, not in every change of a gain.
