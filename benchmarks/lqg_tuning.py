@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import minimize
 
-import rf_pointing.controllers.design_lqg as designer
+import rf_pointing.papers.design_lqg as designer
 from benchmarks.servo_tuning import VARIATIONS
-from rf_pointing.controllers import TUNED_RADIO_BANDWIDTH_HZ, LqgDesign, save_lqg_designs
+from rf_pointing.controllers import TUNED_RADIO_BANDWIDTH_HZ, LqgDesign
 from rf_pointing.controllers.lqg import LqgWeights
 from rf_pointing.core import AXES
 from rf_pointing.identification import STRAIGHT, ExcitationParams, StateSpace
@@ -93,7 +93,7 @@ def report(axis: str, law: LqgDesign, found: list[LoopQuality], high: float) -> 
 
 def main() -> None:
     azimuth, elevation = (tune(number) for number in (0, 1))
-    save_lqg_designs(TARGET, azimuth, elevation)
+    designer.save_lqg_designs(TARGET, azimuth, elevation)
 
 
 if __name__ == "__main__":

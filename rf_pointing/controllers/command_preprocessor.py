@@ -11,8 +11,9 @@ with less deceleration and ends in a straight line, along which the deceleration
 jerk limit.
 """
 
+import copy
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,7 +22,6 @@ from rf_pointing.core import Params, as_finite_array, as_finite_pair, parameter,
 
 Array = NDArray[np.float64]
 
-_FOLLOW, _STOP = "follow", "stop"
 # A chase brakes with less than the limit: the rest corrects what the target's own acceleration
 # takes away.
 _MARGIN = 0.8
@@ -56,15 +56,9 @@ class CommandPreprocessorParams(Params):
 
     def check_together(self) -> None:
         """Refuse an empty travel and anything but one value per axis."""
-        for name in (
-            "rate_limit_rad_s",
-            "acceleration_limit_rad_s2",
-            "jerk_limit_rad_s3",
-            "travel_min_rad",
-            "travel_max_rad",
-        ):
-            if len(getattr(self, name)) != 2:
-                raise ValueError(f"{name}={getattr(self, name)} must have 2 values (azimuth, elevation)")
+        for name, values in asdict(self).items():
+            if len(values) != 2:
+                raise ValueError(f"{name}={values} must have 2 values (azimuth, elevation)")
         for low, high in zip(self.travel_min_rad, self.travel_max_rad, strict=True):
             if low >= high:
                 raise ValueError(f"travel_min_rad={low} must be < travel_max_rad={high}")
@@ -77,13 +71,13 @@ class CommandPreprocessorState:
     position_rad: Array = field(default_factory=lambda: np.zeros(2))
     velocity_rad_s: Array = field(default_factory=lambda: np.zeros(2))
     acceleration_rad_s2: Array = field(default_factory=lambda: np.zeros(2))
-    mode: str = _FOLLOW
+    stopping: bool = False
     transparent: tuple[bool, bool] = (False, False)
 
 
 @dataclass(frozen=True, slots=True)
 class _AxisLimits:
-    """Limits of one axis; a jerk of 0 stands for no jerk limit."""
+    """Limits of one axis in the order of the parameters; a jerk of 0 stands for no jerk limit."""
 
     rate: float
     acceleration: float
@@ -96,26 +90,22 @@ class CommandPreprocessor:
     """Both axes; `reset` to the antenna's motion, then `step` once per tick."""
 
     def __init__(self, params: CommandPreprocessorParams) -> None:
-        self.params, self._limits = params, _axis_limits(params)
         self._state = CommandPreprocessorState()
+        self.retune(params)
 
     @property
     def state(self) -> CommandPreprocessorState:
         """A copy of the complete state."""
-        return _copy(self._state)
+        return copy.deepcopy(self._state)
 
     @state.setter
     def state(self, state: CommandPreprocessorState) -> None:
-        self._state = _copy(state)
-
-    @property
-    def transparent(self) -> tuple[bool, bool]:
-        """Per axis: whether the latest command passed through unchanged."""
-        return self._state.transparent
+        self._state = copy.deepcopy(state)
 
     def retune(self, params: CommandPreprocessorParams) -> None:
         """Take new limits from the next step on."""
-        self.params, self._limits = params, _axis_limits(params)
+        self.params = params
+        self._limits = [_AxisLimits(*row) for row in zip(*asdict(params).values(), strict=True)]
 
     def reset(self, position_rad: ArrayLike, velocity_rad_s: ArrayLike = (0.0, 0.0)) -> None:
         """Start from the antenna's own position and velocity (2,), following the command."""
@@ -126,11 +116,11 @@ class CommandPreprocessor:
 
     def stop(self) -> None:
         """Decelerate both axes at their limits and stay there."""
-        self._state.mode = _STOP
+        self._state.stopping = True
 
     def follow(self) -> None:
         """End a stop: chase the command again."""
-        self._state.mode = _FOLLOW
+        self._state.stopping = False
 
     def step(
         self,
@@ -160,7 +150,7 @@ class CommandPreprocessor:
                 # Outside its travel an axis stays where it is, or comes in; it never starts by
                 # itself.
                 limits = replace(limits, low=min(limits.low, now[0]), high=max(limits.high, now[0]))
-            if state.mode == _STOP:
+            if state.stopping:
                 moved.append(_halt(now, limits, dt_s))
             else:
                 transparent[axis] = _reachable(now, target, limits, dt_s)
@@ -170,28 +160,6 @@ class CommandPreprocessor:
         state.transparent = (transparent[0], transparent[1])
         # Every step makes new arrays and writes into none, so the caller may keep these.
         return motion[0], motion[1], motion[2]
-
-
-def _axis_limits(params: CommandPreprocessorParams) -> tuple[_AxisLimits, _AxisLimits]:
-    rows = zip(
-        params.rate_limit_rad_s,
-        params.acceleration_limit_rad_s2,
-        params.jerk_limit_rad_s3,
-        params.travel_min_rad,
-        params.travel_max_rad,
-        strict=True,
-    )
-    azimuth, elevation = (_AxisLimits(*row) for row in rows)
-    return azimuth, elevation
-
-
-def _copy(state: CommandPreprocessorState) -> CommandPreprocessorState:
-    return replace(
-        state,
-        position_rad=state.position_rad.copy(),
-        velocity_rad_s=state.velocity_rad_s.copy(),
-        acceleration_rad_s2=state.acceleration_rad_s2.copy(),
-    )
 
 
 def _reachable(now: _AxisMotion, target: _AxisMotion, limits: _AxisLimits, dt_s: float) -> bool:

@@ -13,6 +13,7 @@ Use: `output(x)` at a sample, then `update(dt_s)` with the time to the next one.
 """
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +22,9 @@ from numpy.typing import NDArray
 from rf_pointing.core import Params, parameter, require_between, require_finite
 
 Array = NDArray[np.float64]
+Pair = tuple[float, float]
+LawMatrices = tuple[Array, Array, Array, Array]
+"""State space a (n, n), b (n, 1), c (1, n), d (1, 1): x(k+1) = a x + b e, u = c x + d e."""
 
 SectionConstants = tuple[float, float, float, float, float]
 """Tuned gain g, 1 / (1 + g (g + 2 d_p)), 2 d_p, shares of band-pass and high-pass."""
@@ -46,13 +50,14 @@ def notch_section(frequency_hz: float, damping: float, *, enabled: bool = True) 
 
 
 @dataclass(slots=True)
-class SectionState:
-    """Memory of this sample, the same for the next one, and the step between them."""
+class FilterState:
+    """Memory of this sample, the same for the next one, and the step between them.
 
-    band: float = 0.0
-    low: float = 0.0
-    pending_band: float = 0.0
-    pending_low: float = 0.0
+    A section remembers its band-pass and its low-pass output, the feedforward its output and input.
+    """
+
+    memory: Pair = (0.0, 0.0)
+    pending: Pair = (0.0, 0.0)
     dt_s: float = 0.02
 
 
@@ -60,7 +65,7 @@ class Section:
     """Filter: `output(x)` at a sample, then `update(dt_s)` with the time to the next one."""
 
     def __init__(self, params: SectionParams, dt_s: float = 0.02) -> None:
-        self.state = SectionState()
+        self.state = FilterState()
         self.params = params
         self._prepare(params, dt_s)
 
@@ -72,27 +77,27 @@ class Section:
     def reset(self, value: float) -> None:
         """Settle on a constant input."""
         require_finite("value", value)
-        self.state = SectionState(0.0, value, 0.0, value, self.state.dt_s)
+        self.state = FilterState((0.0, value), (0.0, value), self.state.dt_s)
 
     def shift(self, value: float) -> None:
         """Add what the section would remember of a constant `value` as its input all along."""
-        self.state.low += value
-        self.state.pending_low += value
+        state = self.state
+        state.memory, state.pending = ((band, low + value) for band, low in (state.memory, state.pending))
 
     def output(self, value: float) -> float:
         """Return the filtered value."""
         state = self.state
         if not self.params.enabled:
             # Kept settled on its input, so that switching it on in motion makes no jump.
-            state.pending_band, state.pending_low = 0.0, value
+            state.pending = 0.0, value
             return value
-        result, state.pending_band, state.pending_low = filter_sample(value, state.band, state.low, self.constants)
+        result, state.pending = filter_sample(value, state.memory, self.constants)
         return result
 
     def update(self, dt_s: float) -> None:
         """Commit the sample given to `output`; the next one comes `dt_s` later."""
         state = self.state
-        state.band, state.low = state.pending_band, state.pending_low
+        state.memory = state.pending
         # The tangent of the prewarping is not recomputed in every one of the equal steps.
         if dt_s != state.dt_s:
             self._prepare(self.params, dt_s)
@@ -111,22 +116,11 @@ class Section:
         self.state.dt_s = dt_s
 
 
-@dataclass(slots=True)
-class FeedforwardState:
-    """Rate and input of the sample before, of this sample, and the step between them."""
-
-    filtered: float = 0.0
-    input: float = 0.0
-    pending_filtered: float = 0.0
-    pending_input: float = 0.0
-    dt_s: float = 0.02
-
-
 class RateFeedforward:
     """Low-pass of the rate: `output` at a sample, then `update` with the time to the next one."""
 
     def __init__(self, band_hz: float, dt_s: float = 0.02) -> None:
-        self.state = FeedforwardState(dt_s=dt_s)
+        self.state = FilterState(dt_s=dt_s)
         self.retune(band_hz)
 
     def retune(self, band_hz: float) -> None:
@@ -136,38 +130,57 @@ class RateFeedforward:
 
     def reset(self, rate_rad_s: float) -> None:
         """Settle on a constant rate."""
-        self.state = FeedforwardState(rate_rad_s, rate_rad_s, rate_rad_s, rate_rad_s, self.state.dt_s)
+        settled = rate_rad_s, rate_rad_s
+        self.state = FilterState(settled, settled, self.state.dt_s)
 
     def output(self, rate_rad_s: float) -> float:
         """Return the filtered rate of this sample."""
         state = self.state
         half = math.pi * self._band_hz * state.dt_s
-        total = state.input + rate_rad_s
+        filtered, before = state.memory
         # Bilinear, as the notch: both lags stay what the lead of the feedforward makes up for.
-        state.pending_filtered = ((1.0 - half) * state.filtered + half * total) / (1.0 + half)
-        state.pending_input = rate_rad_s
-        return state.pending_filtered
+        filtered = ((1.0 - half) * filtered + half * (before + rate_rad_s)) / (1.0 + half)
+        state.pending = filtered, rate_rad_s
+        return filtered
 
     def update(self, dt_s: float) -> None:
         """Commit the sample; the next one comes `dt_s` later."""
-        state = self.state
-        state.filtered, state.input, state.dt_s = state.pending_filtered, state.pending_input, dt_s
+        self.state.memory, self.state.dt_s = self.state.pending, dt_s
 
 
-def filter_sample(value: float, band: float, low: float, constants: SectionConstants) -> tuple[float, float, float]:
-    """Return output, next band-pass and next low-pass memory for one sample."""
+def filter_sample(value: float, memory: Pair, constants: SectionConstants) -> tuple[float, Pair]:
+    """Return output, and next band-pass and low-pass memory, for one sample."""
+    band, low = memory
     g, h, twice_damping, band_share, high_share = constants
     inner = (g * (value - low) + band) * h
     passed = low + g * inner
     high = value - twice_damping * inner - passed
-    return passed + band_share * inner + high_share * high, 2.0 * inner - band, low + 2.0 * g * inner
+    return passed + band_share * inner + high_share * high, (2.0 * inner - band, low + 2.0 * g * inner)
 
 
-def section_matrices(params: SectionParams, dt_s: float) -> tuple[Array, Array, Array, Array]:
-    """Return a (2, 2), b (2, 1), c (1, 2), d (1, 1) of the section in its own states."""
+def section_matrices(params: SectionParams, dt_s: float) -> LawMatrices:
+    """Return the section, of two states of its own."""
     constants = Section(params, dt_s).constants
     # The matrices are those of the code that runs: it is linear, so three unit inputs show them.
-    columns = [filter_sample(value, band, low, constants) for value, band, low in ((0, 1, 0), (0, 0, 1), (1, 0, 0))]
-    out, band, low = np.array(columns, dtype=np.float64).T
-    rows = np.stack([band, low])
-    return rows[:, :2], rows[:, 2:], out[None, :2], out[None, 2:]
+    units = (0.0, (1.0, 0.0)), (0.0, (0.0, 1.0)), (1.0, (0.0, 0.0))
+    columns = [filter_sample(value, memory, constants) for value, memory in units]
+    out = np.array([[output for output, _ in columns]])
+    rows = np.array([memory for _, memory in columns]).T
+    return rows[:, :2], rows[:, 2:], out[:, :2], out[:, 2:]
+
+
+def before_sections(law: LawMatrices, sections: Iterable[SectionParams], sample_s: float) -> LawMatrices:
+    """Return a law sampled every `sample_s` with these sections behind it, those that act.
+
+    Raises
+    ------
+    ValueError
+        If a section lies at or above half the sampling rate.
+    """
+    a1, b1, c1, d1 = law
+    for params in sections:
+        if params.enabled:
+            a2, b2, c2, d2 = section_matrices(params, sample_s)
+            a1 = np.block([[a1, np.zeros((len(a1), 2))], [b2 @ c1, a2]])
+            b1, c1, d1 = np.vstack([b1, b2 @ d1]), np.hstack([d2 @ c1, c2]), d2 @ d1
+    return a1, b1, c1, d1

@@ -6,14 +6,14 @@ x holds the axis angle and drive rate (as deviations from the command), the stat
 and of the shaping section S, and a slow rate disturbance; the last makes the integral action.  e is
 command minus encoder.
 
-A design is made by `design_lqg.py` from an identified model.  The package brings those for DSS-13,
-which `benchmarks/lqg_tuning.py` made; its output lies next to it.
+A design is made by `papers/design_lqg.py` from an identified model.  The package brings those for
+DSS-13, which `benchmarks/lqg_tuning.py` made; its output lies next to it.
 """
 
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -21,20 +21,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.controllers.filters import (
-    FeedforwardState,
-    RateFeedforward,
-    Section,
-    SectionParams,
-    SectionState,
-    notch_section,
-)
-from rf_pointing.core import AXES, Params, parameter, require_finite
+from rf_pointing.controllers.filters import LawMatrices, SectionParams, before_sections, notch_section
+from rf_pointing.controllers.position_law import LawState, PositionLaw
+from rf_pointing.core import AXES, Params, parameter
 
 Array = NDArray[np.float64]
 
-_MATRICES = ("a", "b", "c", "state_gain", "observer_gain", "model_a", "model_b", "model_c", "model_d")
-_FORMAT = "rf_pointing LQG designs 1"
+MATRICES = ("a", "b", "c", "state_gain", "observer_gain", "model_a", "model_b", "model_c", "model_d")
+FORMAT = "rf_pointing LQG designs 1"
 _PACKAGED = "dss13_lqg.json"
 
 
@@ -99,12 +93,22 @@ class LqgDesign:
     gain_margin_db: float
     phase_margin_rad: float
 
-    def to_mapping(self) -> dict[str, Any]:
-        """Return plain numbers and lists for a file."""
-        values = {name: getattr(self, name) for name in self.__slots__}
-        plain = {name: value.tolist() if name in _MATRICES else value for name, value in values.items()}
-        plain["weights"] = {name: getattr(self.weights, name) for name in self.weights.__dataclass_fields__}
-        return plain
+    def matrices(self, sample_s: float) -> LawMatrices:
+        """Return the law from error to rate command, sampled; its feedforward lies outside.
+
+        Raises
+        ------
+        ValueError
+            If `sample_s` is not the sampling time of the design.
+        """
+        # The matrices of a design hold for one sampling time; there is no conversion that keeps its
+        # margins.
+        if abs(sample_s - self.sample_s) > 1e-6:
+            raise ValueError(f"sample_s={sample_s} must be {self.sample_s}, the sampling time of the LQG design")
+        core = self.a - self.b @ self.state_gain - self.observer_gain @ self.c
+        law = core, -self.observer_gain, -self.state_gain, np.zeros((1, 1))
+        # In the order of the loop, so that the states are those of the code that runs.
+        return before_sections(law, (self.weights.shaping, self.weights.notch), sample_s)
 
     @classmethod
     def from_mapping(cls, values: Mapping[str, Any]) -> "LqgDesign":
@@ -112,15 +116,9 @@ class LqgDesign:
         unknown, missing = sorted(set(values) - set(cls.__slots__)), sorted(set(cls.__slots__) - set(values))
         if unknown or missing:
             raise ValueError(f"LQG design has unknown keys {unknown} and lacks {missing}")
-        parts: dict[str, Any] = {name: np.array(values[name], dtype=np.float64) for name in _MATRICES}
-        numbers = {name: values[name] for name in cls.__slots__ if name not in _MATRICES and name != "weights"}
+        parts: dict[str, Any] = {name: np.array(values[name], dtype=np.float64) for name in MATRICES}
+        numbers = {name: values[name] for name in cls.__slots__ if name not in MATRICES and name != "weights"}
         return cls(**parts, **numbers, weights=LqgWeights.from_mapping(values["weights"]))
-
-
-def save_lqg_designs(path: Path, azimuth: LqgDesign, elevation: LqgDesign) -> None:
-    """Write both designs to `path`."""
-    content = {"format": _FORMAT, "azimuth": azimuth.to_mapping(), "elevation": elevation.to_mapping()}
-    path.write_text(json.dumps(content, indent=1) + "\n")
 
 
 def load_lqg_designs(path: Path | None = None) -> tuple[LqgDesign, LqgDesign]:
@@ -136,8 +134,8 @@ def load_lqg_designs(path: Path | None = None) -> tuple[LqgDesign, LqgDesign]:
         content = json.loads(source.read_text())
     except (OSError, json.JSONDecodeError) as error:
         raise ValueError(f"{source}: no LQG designs: {error}") from error
-    if not isinstance(content, Mapping) or content.get("format") != _FORMAT:
-        raise ValueError(f"{source}: format must be {_FORMAT!r}")
+    if not isinstance(content, Mapping) or content.get("format") != FORMAT:
+        raise ValueError(f"{source}: format must be {FORMAT!r}")
     unknown, missing = sorted(set(content) - {"format", *AXES}), sorted(set(AXES) - set(content))
     if unknown or missing:
         raise ValueError(f"{source}: unknown keys {unknown}, lacks {missing}")
@@ -155,52 +153,31 @@ class LqgLoopParams(Params):
     rate_limit_rad_s: float = parameter(math.radians(2.0), "largest rate command", low=1e-6, high=10.0)
 
 
-@dataclass(slots=True)
-class LqgLoopState:
-    """Estimate (7,), latest error, regulator output and command, and the filters."""
+@dataclass(slots=True, kw_only=True)
+class LqgLoopState(LawState):
+    """What every law remembers, the estimate (7,) and the regulator's output.
+
+    Every step makes a new estimate and writes into none, so a copy may share it.
+    """
 
     estimate: Array
-    error_rad: float = 0.0
     regulator_rad_s: float = 0.0
-    command_rad_s: float = 0.0
-    feedforward: FeedforwardState = field(default_factory=FeedforwardState)
-    shaping: SectionState = field(default_factory=SectionState)
-    notch: SectionState = field(default_factory=SectionState)
 
 
-class LqgLoop:
+class LqgLoop(PositionLaw[LqgLoopParams, LqgLoopState]):
     """One axis' LQG law; starts from a zero estimate."""
 
     def __init__(self, design: LqgDesign, params: LqgLoopParams) -> None:
-        self._design, self.params = design, params
-        self._shaping = Section(design.weights.shaping, design.sample_s)
-        self._notch = Section(design.weights.notch, design.sample_s)
-        self._feedforward = RateFeedforward(params.feedforward_band_hz, design.sample_s)
-        self._state = LqgLoopState(np.zeros(len(design.a)))
-        self._update = np.hstack([design.a - design.observer_gain @ design.c, design.b, -design.observer_gain])
-
-    @property
-    def state(self) -> LqgLoopState:
-        """A copy of the complete state."""
-        return replace(
-            self._state,
-            estimate=self._state.estimate.copy(),
-            feedforward=replace(self._feedforward.state),
-            shaping=replace(self._shaping.state),
-            notch=replace(self._notch.state),
-        )
-
-    @state.setter
-    def state(self, state: LqgLoopState) -> None:
-        self._notch.state, self._shaping.state = replace(state.notch), replace(state.shaping)
-        self._feedforward.state = replace(state.feedforward)
-        self._state = replace(state, estimate=state.estimate.copy())
+        state, weights = LqgLoopState(estimate=np.zeros(len(design.a))), design.weights
+        super().__init__(params, state, weights.shaping, weights.notch, params.feedforward_band_hz, design.sample_s)
+        self._design = design
+        self._step = np.hstack([design.a - design.observer_gain @ design.c, design.b, -design.observer_gain])
 
     def retune(self, params: LqgLoopParams) -> None:
         """Take new parameters without a jump: the estimated disturbance takes over."""
-        taken = (self.params.feedforward_gain - params.feedforward_gain) * self._feedforward.state.filtered
+        taken = (self.params.feedforward_gain - params.feedforward_gain) * self._feedforward.state.memory[0]
         self._feedforward.retune(params.feedforward_band_hz)
-        self._state.estimate += taken * self._constant_output()
+        self._state.estimate = self._state.estimate + taken * self._constant_output()
         self._shaping.shift(taken)
         self.params = params
 
@@ -217,60 +194,24 @@ class LqgLoop:
         change[-1] = -(1.0 + float(self._design.state_gain[0] @ change)) / self._design.state_gain[0, -1]
         return change
 
-    def reset(self, position_rad: float, velocity_rad_s: float, measured_rad: float, command_rad_s: float) -> None:
-        """Start as if the law had been giving `command_rad_s`: the next output equals it."""
-        for name, value in (("position_rad", position_rad), ("measured_rad", measured_rad)):
-            require_finite(name, value)
-        error = position_rad - measured_rad
-        wanted = command_rad_s - self.params.feedforward_gain * velocity_rad_s
+    def _settled(self, error_rad: float, command_rad_s: float, fed_rad_s: float) -> LqgLoopState:
+        wanted = command_rad_s - fed_rad_s
         gain = self._design.state_gain[0]
         estimate = wanted * self._constant_output()
-        estimate[0] = -error
+        estimate[0] = -error_rad
         # The disturbance takes what the angle error would command, so that the output is as wanted.
-        estimate[-1] += gain[0] * error / gain[-1]
-        self._state = LqgLoopState(estimate, error, wanted, command_rad_s)
-        self._feedforward.reset(velocity_rad_s)
-        self._shaping.reset(wanted)
-        self._notch.reset(command_rad_s)
+        estimate[-1] += gain[0] * error_rad / gain[-1]
+        return LqgLoopState(error_rad=error_rad, command_rad_s=command_rad_s, estimate=estimate, regulator_rad_s=wanted)
 
-    def output(
-        self, position_rad: float, velocity_rad_s: float, measured_rad: float, acceleration_rad_s2: float = 0.0
-    ) -> float:
-        """Return the rate command in rad/s, within the rate limit.
+    def _feedback(self) -> float:
+        self._state.regulator_rad_s = -float(self._design.state_gain[0] @ self._state.estimate)
+        return self._state.regulator_rad_s
 
-        Raises
-        ------
-        ValueError
-            For a non-finite input.
-        """
-        for name, value in (("position_rad", position_rad), ("velocity_rad_s", velocity_rad_s)):
-            require_finite(name, value)
-        require_finite("measured_rad", measured_rad)
-        require_finite("acceleration_rad_s2", acceleration_rad_s2)
-        params, state = self.params, self._state
-        state.error_rad = position_rad - measured_rad
-        state.regulator_rad_s = -float(self._design.state_gain[0] @ state.estimate)
-        fed = self._feedforward.output(velocity_rad_s + params.feedforward_lead_s * acceleration_rad_s2)
-        shaped = self._shaping.output(state.regulator_rad_s)
-        state.command_rad_s = self._notch.output(shaped + params.feedforward_gain * fed)
-        return min(max(state.command_rad_s, -params.rate_limit_rad_s), params.rate_limit_rad_s)
-
-    def update(self, dt_s: float, applied_rad_s: float) -> None:
-        """Advance to the next sample; `applied_rad_s` is the command that really went out.
-
-        Raises
-        ------
-        ValueError
-            If `dt_s` is not the sampling time of the design.
-        """
-        require_finite("applied_rad_s", applied_rad_s)
+    def _advance(self, dt_s: float, applied_rad_s: float) -> None:
         if abs(dt_s - self._design.sample_s) > 1e-6:
             raise ValueError(f"dt_s={dt_s} must be {self._design.sample_s}, the sampling time of the design")
         state = self._state
         # The estimator works on what went out: neither a saturated drive nor a change of mode winds
         # it up.
         really = state.regulator_rad_s + applied_rad_s - state.command_rad_s
-        state.estimate = self._update @ np.concatenate([state.estimate, (really, state.error_rad)])
-        self._feedforward.update(dt_s)
-        self._shaping.update(dt_s)
-        self._notch.update(dt_s)
+        state.estimate = self._step @ np.concatenate([state.estimate, (really, state.error_rad)])

@@ -10,7 +10,7 @@ for: its period may never end.  Error slower than the high-pass is tracking erro
 """
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 from rf_pointing.core import Params, parameter, require_between, require_finite
 
@@ -56,8 +56,7 @@ class OscillationDetectorState:
     age_s: float = 0.0
     peak_rad: float = 0.0
     row: tuple[tuple[float, float], ...] = ()
-    oscillating: bool = False
-    reason: str = field(default="")
+    reason: str = ""
 
 
 class OscillationDetector:
@@ -80,7 +79,7 @@ class OscillationDetector:
     @property
     def oscillating(self) -> bool:
         """Whether an oscillation has been seen since the last reset."""
-        return self._state.oscillating
+        return bool(self._state.reason)
 
     @property
     def reason(self) -> str:
@@ -119,10 +118,9 @@ class OscillationDetector:
             state.age_s, state.peak_rad = 0.0, 0.0
         state.peak_rad = max(state.peak_rad, abs(state.output_rad))
         # A loop that runs away from its command never crosses zero again.
-        if state.peak_rad >= self.params.largest_rad and not state.oscillating:
-            state.oscillating = True
+        if state.peak_rad >= self.params.largest_rad and not state.reason:
             state.reason = f"{_sized(state.peak_rad)}, cut before its period was known"
-        return state.oscillating
+        return self.oscillating
 
     def _swing(self, half_period_s: float, peak_rad: float) -> None:
         """Count a completed swing, or begin a new row where it does not fit."""
@@ -144,7 +142,6 @@ class OscillationDetector:
 
     def _found(self, lengths: list[float], peaks: list[float]) -> None:
         frequency_hz = 0.5 * len(lengths) / sum(lengths)
-        self._state.oscillating = True
         self._state.reason = f"{_sized(max(peaks))} at {frequency_hz:.2f} Hz"
 
 

@@ -48,15 +48,12 @@ def dss13_loops(gains: str) -> tuple[PositionLoopParams, PositionLoopParams]:
     """Return the position loops (azimuth, elevation) with "published" or "tuned" gains."""
     require_choice("gains", gains, ("published", "tuned"))
     if gains == "published":
-        published = PositionLoopParams(
-            # The gains and the notch of BWG, the same on both axes.
-            proportional_gain=0.5,
-            integral_gain=1.8,
-            notch_frequency_hz=2.12,
-            notch_damping=0.2,
-        )
-        return published, published
-    azimuth, elevation = (loop.replace(feedforward_lead_s=_lead_s(loop)) for loop in (_AZIMUTH, _ELEVATION))
+        # The gains and the notch of BWG, the same on both axes, are the defaults.
+        return PositionLoopParams(), PositionLoopParams()
+    azimuth, elevation = (
+        loop.replace(feedforward_lead_s=_lag_s(loop.notch_damping, loop.notch_frequency_hz))
+        for loop in (_AZIMUTH, _ELEVATION)
+    )
     return azimuth, elevation
 
 
@@ -65,10 +62,6 @@ def dss13_lqg_loops() -> tuple[LqgLoopParams, LqgLoopParams]:
     notches = [design.weights.notch for design in load_lqg_designs()]
     azimuth, elevation = (LqgLoopParams(feedforward_lead_s=_lag_s(n.pole_damping, n.pole_hz)) for n in notches)
     return azimuth, elevation
-
-
-def _lead_s(loop: PositionLoopParams) -> float:
-    return _lag_s(loop.notch_damping, loop.notch_frequency_hz)
 
 
 def _lag_s(notch_damping: float, notch_hz: float) -> float:

@@ -15,8 +15,9 @@ delay of commands that are sent ahead, whatever its phase; an error to be caught
 acts at once (docs/math/controllers.md).
 """
 
+import copy
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -64,11 +65,11 @@ class TrackerIntegrator:
     @property
     def state(self) -> TrackerIntegratorState:
         """A copy of the complete state."""
-        return replace(self._state, offset_rad=self._state.offset_rad.copy(), rate_rad_s=self._state.rate_rad_s.copy())
+        return copy.deepcopy(self._state)
 
     @state.setter
     def state(self, state: TrackerIntegratorState) -> None:
-        self._state = replace(state, offset_rad=state.offset_rad.copy(), rate_rad_s=state.rate_rad_s.copy())
+        self._state = copy.deepcopy(state)
 
     @property
     def frozen(self) -> bool:
@@ -84,18 +85,14 @@ class TrackerIntegrator:
         """Start at `t_s` from `offset_rad` (2,) at rest, not frozen."""
         require_finite("t_s", t_s)
         offset = self._clamped(as_finite_array("offset_rad", offset_rad, (2,)))
-        self._state = TrackerIntegratorState(offset, np.zeros(2), t_s, t_s, False)
+        # Errors from before it belong to another motion.
+        self._state = TrackerIntegratorState(offset, t_s=t_s, end_s=t_s)
 
     def freeze(self, t_s: float) -> None:
-        """Hold the offset of `t_s` and ignore errors until `unfreeze`."""
+        """Hold the offset of `t_s` and ignore errors until `reset`."""
         self._settle(t_s)
         self._state.rate_rad_s = np.zeros(2)
-        # Errors from before a freeze belong to another motion.
-        self._state.frozen, self._state.errors = True, ()
-
-    def unfreeze(self) -> None:
-        """Use errors again, from the held offset."""
-        self._state.frozen = False
+        self._state.frozen = True
 
     def update(self, t_s: float, error_rad: ArrayLike) -> None:
         """Take the error (2,) measured for the interval before `t_s`.
@@ -131,21 +128,17 @@ class TrackerIntegrator:
         state = self._state
         if t_s < state.t_s:
             raise ValueError(f"t_s={t_s} must be >= {state.t_s}, the time of the latest update")
-        limit, passed_s = self.params.offset_limit_rad, min(t_s, state.end_s) - state.t_s
-        offsets, rates = [0.0, 0.0], [0.0, 0.0]
-        for axis, (offset, rate) in enumerate(zip(state.offset_rad.tolist(), state.rate_rad_s.tolist(), strict=True)):
-            now = offset + rate * passed_s
-            offsets[axis] = min(max(now, -limit), limit)
-            # At its limit the offset stands: a rate fed forward there would push against it for
-            # ever.
-            if t_s < state.end_s and abs(now) < limit:
-                rates[axis] = rate
-        return np.array(offsets), np.array(rates)
+        offsets, rates = self.along(np.array([t_s]))
+        return offsets[0], rates[0]
 
     def along(self, t_s: Array) -> tuple[Array, Array]:
         """Return offsets and rates (n, 2) at times (n,); those before the latest update get its own."""
-        pairs = np.array([self.at(max(float(t), self._state.t_s)) for t in t_s])
-        return pairs[:, 0], pairs[:, 1]
+        state = self._state
+        times = np.maximum(t_s, state.t_s)[:, None]
+        offsets = state.offset_rad + state.rate_rad_s * (np.minimum(times, state.end_s) - state.t_s)
+        # At its limit the offset stands: a rate fed forward there would push against it for ever.
+        moving = (times < state.end_s) & (np.abs(offsets) < self.params.offset_limit_rad)
+        return self._clamped(offsets), np.where(moving, state.rate_rad_s, 0.0)
 
     def _settle(self, t_s: float) -> None:
         require_finite("t_s", t_s)

@@ -43,18 +43,13 @@ class TrajectorySample:
     acceleration_rad_s2: Array
     source: str
 
-    @property
-    def valid(self) -> bool:
-        """Whether the antenna should follow this sample."""
-        return self.source in (TABLE, EXTRAPOLATED)
-
 
 class TrajectoryBuffer:
     """Holds the merged table; a newer message replaces the old one from its own first point on."""
 
     def __init__(self, params: TrajectoryBufferParams) -> None:
         self.params = params
-        self._table = np.zeros((0, 7))
+        self._table: Array = np.zeros((0, 7))
         self._latest: Array = np.zeros((0, 7))
         self._segment: tuple[float, float, Quintic] | None = None
 
@@ -133,7 +128,7 @@ class TrajectoryBuffer:
         times = self._table[:, 0]
         index = int(np.searchsorted(times, t_s, side="right")) - 1
         if index < 0:
-            return _sample(t_s, _at_rest(self._table[0, 1:]), EARLY)
+            return _at_rest(t_s, self._table[0, 1:3], EARLY)
         if index + 1 < len(times):
             # A wider gap is two tables, not one curve: the buffer extrapolates the first, then
             # waits for the second.
@@ -143,7 +138,7 @@ class TrajectoryBuffer:
                 self._segment = (float(begin[0]), float(end[0]), curve)
                 return self._between(t_s)
             if t_s > times[index] + self.params.extrapolation_s:
-                return _sample(t_s, _at_rest(self._table[index + 1, 1:]), EARLY)
+                return _at_rest(t_s, self._table[index + 1, 1:3], EARLY)
         return self._beyond(t_s, index)
 
     def _between(self, t_s: float) -> TrajectorySample:
@@ -152,20 +147,15 @@ class TrajectoryBuffer:
         return TrajectorySample(t_s, *curve.at(float(t_s - begin_s)), TABLE)
 
     def _beyond(self, t_s: float, index: int) -> TrajectorySample:
-        last = self._table[index]
-        past = t_s - last[0]
+        last = _motion(self._table[index])
+        past = float(t_s - self._table[index, 0])
         reach = min(past, self.params.extrapolation_s)
-        moved = np.concatenate(
-            [
-                last[1:3] + reach * last[3:5] + 0.5 * reach**2 * last[5:7],
-                last[3:5] + reach * last[5:7],
-                last[5:7],
-            ]
-        )
+        position = last.position + reach * last.velocity + 0.5 * reach**2 * last.acceleration
         # At rest where the extrapolation ends: going on further would be a guess.
         if past > self.params.extrapolation_s:
-            return _sample(t_s, _at_rest(moved), DRY)
-        return _sample(t_s, moved, TABLE if past == 0.0 else EXTRAPOLATED)
+            return _at_rest(t_s, position, DRY)
+        velocity = last.velocity + reach * last.acceleration
+        return TrajectorySample(t_s, position, velocity, last.acceleration, TABLE if past == 0.0 else EXTRAPOLATED)
 
 
 def _rows(trajectory: JointTrajectory) -> Array:
@@ -174,12 +164,8 @@ def _rows(trajectory: JointTrajectory) -> Array:
     )
 
 
-def _sample(t_s: float, values: Array, source: str) -> TrajectorySample:
-    return TrajectorySample(t_s, values[0:2], values[2:4], values[4:6], source)
-
-
-def _at_rest(values: Array) -> Array:
-    return np.concatenate([values[:2], np.zeros(4)])
+def _at_rest(t_s: float, position_rad: Array, source: str) -> TrajectorySample:
+    return TrajectorySample(t_s, position_rad, np.zeros(2), np.zeros(2), source)
 
 
 def _motion(row: Array) -> Motion:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.servo import AntennaPlant, Wind
-from rf_pointing.station.antenna.loops import PositionLaw, law_rates
+from rf_pointing.station.antenna.loops import AnyLaw, law_rates
 
 Array = NDArray[np.float64]
 Command = tuple[Array, Array, Array]
@@ -49,7 +49,7 @@ class LawsOnCommand:
     for `BareAntenna`.
     """
 
-    def __init__(self, laws: Sequence[PositionLaw], tick_s: float, command: Callable[[int], Command]) -> None:
+    def __init__(self, laws: Sequence[AnyLaw], tick_s: float, command: Callable[[int], Command]) -> None:
         self._laws, self._tick_s, self._command = laws, tick_s, command
 
     def __call__(self, k: int, encoder_rad: Array) -> list[float]:

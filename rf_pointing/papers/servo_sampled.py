@@ -16,8 +16,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.controllers import LawMatrices, LqgDesign, PositionLoopParams, law_matrices
-from rf_pointing.servo import PlantParams, davenport_psd, discretise, linear_model
+from rf_pointing.controllers import LawMatrices, LqgDesign, PositionLoopParams
+from rf_pointing.servo import PlantParams, discretise, linear_model
+from rf_pointing.servo.wind import GUST_LENGTH_M
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -136,7 +137,7 @@ class LawResponse:
     def __init__(self, law: PositionLoopParams | LqgDesign) -> None:
         frequency = _grid()
         s, z = 2j * np.pi * frequency, np.exp(2j * np.pi * frequency * SAMPLE_S)
-        self.matrices = a, b, c, d = law_matrices(law, SAMPLE_S)
+        self.matrices = a, b, c, d = law.matrices(SAMPLE_S)
         solved = np.linalg.solve(z[:, None, None] * np.eye(len(a)) - a, b.astype(np.complex128))
         self.gain: ComplexArray = np.asarray(c @ solved + d, dtype=np.complex128)[:, 0, 0]
         self.fed: ComplexArray = _notch_response(law, z) * s / (1.0 + s / (2.0 * math.pi * 10.0))
@@ -161,6 +162,13 @@ def loop_quality(
     peaks = float(np.max(np.abs(sensitivity))), float(np.max(np.abs(radio)))
     stable = response.closed_radius(law.matrices) < 1.0 and (radio_loop is None or _encircles_not(around))
     return LoopQuality(rms, *peaks, stable)
+
+
+def davenport_psd(frequency_hz: Array, mean_speed_m_s: float, drag_coefficient: float) -> Array:
+    """Return the one-sided spectrum of the gust speed in (m/s)^2/Hz at `frequency_hz` > 0."""
+    x = GUST_LENGTH_M * frequency_hz / mean_speed_m_s
+    psd: Array = 4.0 * drag_coefficient * mean_speed_m_s**2 / frequency_hz * x**2 / (1.0 + x**2) ** (4.0 / 3.0)
+    return psd
 
 
 def _encircles_not(loop: ComplexArray) -> bool:

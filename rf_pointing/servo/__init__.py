@@ -4,7 +4,7 @@ from rf_pointing.servo.linear_model import LinearModel, discretise, linear_model
 from rf_pointing.servo.parameters import AxisParams, PlantParams
 from rf_pointing.servo.plant import AntennaPlant, PlantState
 from rf_pointing.servo.presets import dss13_plant
-from rf_pointing.servo.wind import GustFilter, Wind, WindParams, davenport_psd, wind_torque_n_m
+from rf_pointing.servo.wind import GustFilter, Wind, WindParams, wind_torque_n_m
 
 __all__ = [
     "AntennaPlant",
@@ -15,7 +15,6 @@ __all__ = [
     "PlantState",
     "Wind",
     "WindParams",
-    "davenport_psd",
     "discretise",
     "dss13_plant",
     "linear_model",

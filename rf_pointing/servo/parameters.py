@@ -14,8 +14,6 @@ from dataclasses import dataclass
 
 from rf_pointing.core import Params, parameter
 
-_MODE_FIELDS = ("mode_damping", "mode_encoder_residue", "mode_beam_residue")
-
 
 @dataclass(frozen=True, kw_only=True)
 class AxisParams(Params):
@@ -63,7 +61,7 @@ class AxisParams(Params):
     def check_together(self) -> None:
         """Refuse unequal mode lists and an empty travel."""
         count = len(self.mode_frequency_hz)
-        for name in _MODE_FIELDS:
+        for name in ("mode_damping", "mode_encoder_residue", "mode_beam_residue"):
             if len(getattr(self, name)) != count:
                 raise ValueError(f"{name} has {len(getattr(self, name))} values, mode_frequency_hz has {count}")
         if count == 0:

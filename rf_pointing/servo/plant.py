@@ -25,7 +25,6 @@ Pair = tuple[float, float]
 # Measured step lengths differ from tick to tick; on a grid few distinct matrices are needed, and
 # these are cached.
 _GRID_S = 1e-4
-_LONGEST_STEP_S = 1.0
 
 
 @dataclass(slots=True)
@@ -106,11 +105,6 @@ class AntennaPlant:
         return self._state.at_stop
 
     @property
-    def braked(self) -> bool:
-        """Whether the brakes are set."""
-        return self._state.braked
-
-    @property
     def powered(self) -> bool:
         """Whether the drives have power."""
         return self._state.powered
@@ -122,10 +116,6 @@ class AntennaPlant:
     def release_brake(self) -> None:
         """Release the brakes and power the drives."""
         self._state.braked, self._state.powered = False, True
-
-    def cut_drives(self) -> None:
-        """Take the power from the drives and leave the brakes as they are: the axes coast."""
-        self._state.powered = False
 
     def check(self, params: PlantParams) -> None:
         """Raise ValueError if `reconfigure` would refuse these: the number of modes must stay."""
@@ -150,7 +140,7 @@ class AntennaPlant:
         command = as_finite_pair("rate_command_rad_s", rate_command_rad_s)
         torque = as_finite_pair("wind_torque_n_m", wind_torque_n_m)
         wind = (torque[0] / self._inertia[0], torque[1] / self._inertia[1])
-        require_between("dt_s", dt_s, 1e-6, _LONGEST_STEP_S)
+        require_between("dt_s", dt_s, 1e-6, 1.0)
         state = self._state
         state.at_stop = (False, False)
         if self._delayed:

@@ -7,6 +7,7 @@ docs/math/plant.md lists every number.
 """
 
 import math
+from typing import Any
 
 from rf_pointing.core import require_choice
 from rf_pointing.servo.parameters import AxisParams, PlantParams
@@ -38,9 +39,31 @@ def dss13_plant(
     """
     require_choice("elevation_deg", str(elevation_deg), [str(key) for key in _COUPLING])
     require_choice("bending", bending, BENDING_FREQUENCY_HZ)
-    azimuth, elevation = _azimuth(), _elevation(BENDING_FREQUENCY_HZ[bending])
+    azimuth = _axis(
+        inertia_kg_m2=2.5e7,
+        gear_softness=0.85,
+        mode_frequency_hz=(1.65, 3.24, 4.24),
+        mode_damping=(0.02, 0.02, 0.02),
+        mode_encoder_residue=(0.05, 0.02, 0.02),
+        mode_beam_residue=(0.10, 0.05, 0.03),
+        travel_min_rad=math.radians(-225.0),
+        travel_max_rad=math.radians(225.0),
+    )
+    elevation = _axis(
+        inertia_kg_m2=2.0e7,
+        gear_softness=1.0,
+        mode_frequency_hz=(BENDING_FREQUENCY_HZ[bending], 3.15, 5.22),
+        mode_damping=(0.0082, 0.01, 0.01),
+        mode_encoder_residue=(0.316, 0.02, 0.02),
+        mode_beam_residue=(0.5, 0.249, 0.02),
+        travel_min_rad=math.radians(2.0),
+        # Past the zenith by 2 deg: the commanded travel ends at 1.6 rad, and an overshoot must not
+        # strike the stop.
+        travel_max_rad=math.radians(92.0),
+    )
     if ideal:
-        azimuth, elevation = linear_axis(azimuth), linear_axis(elevation)
+        linear = {"coulomb_friction_n_m": 0.0, "backlash_rad": 0.0, "encoder_bits": 40, "encoder_noise_rad": 0.0}
+        azimuth, elevation = azimuth.replace(**linear), elevation.replace(**linear)
     return PlantParams(
         azimuth=azimuth,
         elevation=elevation,
@@ -56,47 +79,8 @@ def dss13_plant(
     )
 
 
-def linear_axis(axis: AxisParams) -> AxisParams:
-    """Return the axis without friction, play, encoder steps and noise."""
-    return axis.replace(coulomb_friction_n_m=0.0, backlash_rad=0.0, encoder_bits=40, encoder_noise_rad=0.0)
-
-
-def _azimuth() -> AxisParams:
-    return _axis(
-        inertia_kg_m2=2.5e7,
-        gear_softness=0.85,
-        mode_frequency_hz=(1.65, 3.24, 4.24),
-        mode_damping=(0.02, 0.02, 0.02),
-        mode_encoder_residue=(0.05, 0.02, 0.02),
-        mode_beam_residue=(0.10, 0.05, 0.03),
-        travel_rad=(math.radians(-225.0), math.radians(225.0)),
-    )
-
-
-def _elevation(bending_hz: float) -> AxisParams:
-    return _axis(
-        inertia_kg_m2=2.0e7,
-        gear_softness=1.0,
-        mode_frequency_hz=(bending_hz, 3.15, 5.22),
-        mode_damping=(0.0082, 0.01, 0.01),
-        mode_encoder_residue=(0.316, 0.02, 0.02),
-        mode_beam_residue=(0.5, 0.249, 0.02),
-        # Past the zenith by 2 deg: the commanded travel ends at 1.6 rad, and an overshoot must not
-        # strike the stop.
-        travel_rad=(math.radians(2.0), math.radians(92.0)),
-    )
-
-
-def _axis(
-    *,
-    inertia_kg_m2: float,
-    gear_softness: float,
-    mode_frequency_hz: tuple[float, ...],
-    mode_damping: tuple[float, ...],
-    mode_encoder_residue: tuple[float, ...],
-    mode_beam_residue: tuple[float, ...],
-    travel_rad: tuple[float, float],
-) -> AxisParams:
+def _axis(*, inertia_kg_m2: float, gear_softness: float, **structure: Any) -> AxisParams:
+    """Return an axis with drive, friction and encoder of either; `structure` is its own."""
     return AxisParams(
         amplifier_gain=56.0,
         drive_bandwidth_per_gain_hz=20.0 / (2.0 * math.pi) / 56.0,
@@ -112,16 +96,11 @@ def _axis(
         coulomb_friction_n_m=2.5e-5 * inertia_kg_m2,
         static_friction_ratio=1.3,
         stribeck_rate_rad_s=math.radians(2e-3),
-        mode_frequency_hz=mode_frequency_hz,
-        mode_damping=mode_damping,
-        mode_encoder_residue=mode_encoder_residue,
-        mode_beam_residue=mode_beam_residue,
         rate_limit_rad_s=math.radians(2.0),
         acceleration_limit_rad_s2=math.radians(2.0),
         brake_torque_n_m=math.radians(2.0) * inertia_kg_m2,
-        travel_min_rad=travel_rad[0],
-        travel_max_rad=travel_rad[1],
         encoder_bits=24,
         # One step of the encoder.
         encoder_noise_rad=2.0 * math.pi / 2**24,
+        **structure,
     )

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from rf_pointing.core import Params, parameter, require_between
 
@@ -35,7 +35,7 @@ _GUST_STEP_S = 0.02
 _CALM_M_S = 1e-3
 # Fitted in x, so that one fit serves all speeds: within 0.3 dB for 0.3 < x < 1000, that is 2 mHz to
 # 6.7 Hz at 8 m/s.
-_LENGTH_M = 1200.0
+GUST_LENGTH_M = 1200.0
 _LEVEL = 39.5379847
 _ZEROS = np.array([15.9230820, 202.318487])
 _POLES = np.array([0.275876131, 1.82643308, 24.2825212, 313.564259])
@@ -87,14 +87,6 @@ def wind_torque_n_m(
     )
 
 
-def davenport_psd(frequency_hz: ArrayLike, mean_speed_m_s: float, drag_coefficient: float) -> Array:
-    """Return the one-sided spectrum of the gust speed in (m/s)^2/Hz at `frequency_hz` > 0."""
-    frequency = np.asarray(frequency_hz, dtype=np.float64)
-    x = _LENGTH_M * frequency / mean_speed_m_s
-    psd: Array = 4.0 * drag_coefficient * mean_speed_m_s**2 / frequency * x**2 / (1.0 + x**2) ** (4.0 / 3.0)
-    return psd
-
-
 @dataclass(frozen=True, slots=True)
 class GustFilter:
     """Shaping filter in diagonal form, driven by one white noise.
@@ -109,51 +101,22 @@ class GustFilter:
     def davenport(cls, mean_speed_m_s: float, drag_coefficient: float) -> "GustFilter":
         """Return the filter of Davenport's spectrum at a mean speed (m/s) and drag coefficient."""
         require_between("mean_speed_m_s", mean_speed_m_s, 1e-3, None)
-        require_between("drag_coefficient", drag_coefficient, 0.0, 0.1)
-        scale = 2.0 * math.pi * mean_speed_m_s / _LENGTH_M
-        gain = scale * math.sqrt(0.5 * drag_coefficient * mean_speed_m_s * _LENGTH_M * _LEVEL)
-        return cls(scale * _POLES, gain * _residues())
-
-    @property
-    def variance_m2_s2(self) -> float:
-        """Variance of the gust speed."""
-        return float(self.residues @ self._covariance(None) @ self.residues)
-
-    def psd(self, frequency_hz: ArrayLike) -> Array:
-        """Return the one-sided spectrum of the filter's output in (m/s)^2/Hz."""
-        s = 2j * np.pi * np.asarray(frequency_hz, dtype=np.float64)[..., None]
-        psd: Array = 2.0 * np.abs((self.residues / (s + self.poles_rad_s)).sum(axis=-1)) ** 2
-        return psd
-
-    def stationary_factor(self) -> Array:
-        """Return L (4, 4): L times unit normal numbers is a stationary state."""
-        return _factor(self._covariance(None))
+        scale = 2.0 * math.pi * mean_speed_m_s / GUST_LENGTH_M
+        gain = scale * math.sqrt(0.5 * drag_coefficient * mean_speed_m_s * GUST_LENGTH_M * _LEVEL)
+        # Those of s (s + z1)(s + z2) / prod(s + p) at its poles.
+        residues = [-p * np.prod(_ZEROS - p) / np.prod(np.delete(_POLES, k) - p) for k, p in enumerate(_POLES)]
+        return cls(scale * _POLES, gain * np.array(residues))
 
     def step_matrices(self, dt_s: float) -> tuple[Array, Array]:
-        """Return the decay (4,) and the noise factor (4, 4) of a step of `dt_s`."""
-        require_between("dt_s", dt_s, 1e-6, None)
-        return np.exp(-self.poles_rad_s * dt_s), _factor(self._covariance(dt_s))
+        """Return the decay (4,) and the noise factor (4, 4) of a step of `dt_s`.
 
-    def _covariance(self, dt_s: float | None) -> Array:
+        After an infinite step nothing is left of the state before: the factor times unit normal
+        numbers is a stationary state.
+        """
         sums = np.add.outer(self.poles_rad_s, self.poles_rad_s)
-        grown = np.ones_like(sums) if dt_s is None else -np.expm1(-sums * dt_s)
-        return grown / sums
-
-
-def _residues() -> Array:
-    """Return the residues of s (s + z1)(s + z2) / prod(s + p) at its poles."""
-    values = [
-        -pole * np.prod(_ZEROS - pole) / np.prod(np.delete(_POLES, index) - pole) for index, pole in enumerate(_POLES)
-    ]
-    return np.array(values)
-
-
-def _factor(covariance: Array) -> Array:
-    """Return a square root of a covariance that may be singular."""
-    # Poles a factor of a thousand apart make the covariance singular to rounding.
-    values, vectors = np.linalg.eigh(covariance)
-    factor: Array = vectors * np.sqrt(np.maximum(values, 0.0))
-    return factor
+        # Poles a factor of a thousand apart make the covariance singular to rounding.
+        values, vectors = np.linalg.eigh(-np.expm1(-sums * dt_s) / sums)
+        return np.exp(-self.poles_rad_s * dt_s), vectors * np.sqrt(np.maximum(values, 0.0))
 
 
 class Wind:
@@ -165,7 +128,7 @@ class Wind:
         speed = params.mean_speed_m_s if self._blows else 1.0
         self._filter = GustFilter.davenport(speed, params.drag_coefficient)
         self._decay, self._noise = self._filter.step_matrices(_GUST_STEP_S)
-        filters = random.standard_normal((2, 4)) @ self._filter.stationary_factor().T
+        filters = random.standard_normal((2, 4)) @ self._filter.step_matrices(math.inf)[1].T
         self._state = WindState(filters, _GUST_STEP_S, random.bit_generator.state)
 
     @property

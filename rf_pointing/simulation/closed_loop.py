@@ -6,9 +6,9 @@ it, `PointedAntenna`.
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 from rf_pointing.core import Boresight, JointReading, JointTrajectory
 from rf_pointing.ephemeris import TopocentricTrack
@@ -16,28 +16,20 @@ from rf_pointing.station.antenna.simulated_antenna import SimulatedAntenna
 from rf_pointing.station.pointing.controller import PointingController
 from rf_pointing.station.pointing.status import TrackingStatus
 
-Output = TypeVar("Output", covariant=True)
+Output = TypeVar("Output")
 
 TARGET_LEAD_S = 2.0
 """How far ahead the controller gets the target: its trajectories reach 1 s ahead."""
 
 
-class TickedAntenna(Protocol[Output]):
-    """What the time loop can move."""
-
-    def step(self, k: int) -> Output:
-        """Move through tick `k` and return what came of it."""
-        ...
-
-
-def ticks(antenna: TickedAntenna[Output], count: int | None = None, first: int = 0) -> Iterator[tuple[int, Output]]:
-    """Yield the number of each tick and what the antenna returned for it.
+def ticks(step: Callable[[int], Output], count: int | None = None, first: int = 0) -> Iterator[tuple[int, Output]]:
+    """Yield the number of each tick and what `step` returned, which moves an antenna through it.
 
     The caller acts between two ticks: what it changes then is in force in the next tick.
     Without `count` it ends the loop.
     """
     for k in itertools.count(first) if count is None else range(first, first + count):
-        yield k, antenna.step(k)
+        yield k, step(k)
 
 
 @dataclass(frozen=True, slots=True)

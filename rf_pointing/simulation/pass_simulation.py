@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.calibration import BiasModel, read_model
-from rf_pointing.core import PointingError
+from rf_pointing.core import Params, PointingError
 from rf_pointing.core.parameters import NodeParameters, read_parameter_files
 from rf_pointing.ephemeris import Pass
 from rf_pointing.ephemeris.source import SourceParams, load_track
@@ -78,13 +78,12 @@ class StationSetup:
         """Return what the files say to one node."""
         return self._nodes.setdefault(name, NodeParameters(name, {}))
 
+    def _sets(self, node: str, defaults: Mapping[str, Params]) -> dict[str, Params]:
+        return {name: self.node(node).group(name, values) for name, values in defaults.items()}
+
     def antenna(self) -> SimulatedAntenna:
         """Return the simulated antenna."""
-        node = self.node("antenna_servo")
-        sets = AntennaParams().sets()
-        return SimulatedAntenna(
-            AntennaParams().replace(**{name: node.group(name, defaults) for name, defaults in sets.items()})
-        )
+        return SimulatedAntenna(AntennaParams().replace(**self._sets("antenna_servo", AntennaParams().sets())))
 
     def receiver(self) -> SimulatedReceiver:
         """Return the simulated receiver, which receives the satellite where it really is."""
@@ -93,10 +92,8 @@ class StationSetup:
 
     def controller(self) -> PointingController:
         """Return the pointing controller with its model."""
-        node = self.node("pointing_controller")
-        sets = ControllerParams().sets()
-        read = {name: node.group(name, defaults) for name, defaults in sets.items()}
-        controller = PointingController(ControllerParams().replace(**read))
+        sets = self._sets("pointing_controller", ControllerParams().sets())
+        controller = PointingController(ControllerParams().replace(**sets))
         controller.take_model(self.model)
         return controller
 
@@ -131,7 +128,7 @@ def simulate_pass(
     controller.start(start_t_s, window, sensor)
     log.certificate = controller.plan.certificate
     mode = controller.state.mode
-    for _, tick in ticks(pointed, round((window.los_t_s - start_t_s) / antenna.params.tick_s) - 1, first=1):
+    for _, tick in ticks(pointed.step, round((window.los_t_s - start_t_s) / antenna.params.tick_s) - 1, first=1):
         status, trajectory = tick.status, tick.trajectory
         if status is not None:
             # A cluster is noted under the mode of the newest period before its end.

@@ -40,7 +40,7 @@ def test_a_feasible_smooth_pass_passes_through_within_a_hundredth_of_a_millidegr
         command = pass_at(k * DT_S)
         out = shaper.step(*command, DT_S)
         worst = max(worst, np.max(np.abs(out[0] - command[0])))
-        assert shaper.transparent == (True, True)
+        assert shaper.state.transparent == (True, True)
     assert worst < 0.01 * MDEG
 
 
@@ -64,7 +64,7 @@ def test_a_moving_target_is_caught_and_then_passed_through() -> None:
     for k in range(6000):
         command = pass_at(60.0 + k * DT_S)
         out = shaper.step(*command, DT_S)
-    assert shaper.transparent == (True, True)
+    assert shaper.state.transparent == (True, True)
     np.testing.assert_allclose(out[0], command[0], atol=1e-12)
 
 

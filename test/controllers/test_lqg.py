@@ -1,14 +1,15 @@
 """The LQG law: optimality, agreement of design and run time, margins, files."""
 
 import math
+from pathlib import Path
 
 import control
 import numpy as np
 import pytest
 
-from rf_pointing.controllers import LqgDesign, LqgLoop, LqgLoopParams
-from rf_pointing.controllers.design_lqg import controller_system, design_lqg, drive_of
+from rf_pointing.controllers import LqgDesign, LqgLoop, LqgLoopParams, load_lqg_designs
 from rf_pointing.controllers.lqg import LqgWeights
+from rf_pointing.papers.design_lqg import as_mapping, controller_system, design_lqg, drive_of, save_lqg_designs
 
 SAMPLE_S = 0.02
 WEIGHTS = LqgWeights(
@@ -139,11 +140,12 @@ def test_another_sampling_time_is_refused(design: LqgDesign) -> None:
         loop.update(0.01, 0.0)
 
 
-def test_design_survives_a_file(design: LqgDesign) -> None:
-    back = LqgDesign.from_mapping(design.to_mapping())
+def test_design_survives_a_file(design: LqgDesign, tmp_path: Path) -> None:
+    save_lqg_designs(tmp_path / "designs.json", design, design)
+    back, _ = load_lqg_designs(tmp_path / "designs.json")
     np.testing.assert_array_equal(back.observer_gain, design.observer_gain)
     assert back.weights == design.weights
-    spoiled = design.to_mapping() | {"extra": 1.0}
+    spoiled = as_mapping(design) | {"extra": 1.0}
     spoiled.pop("b")
     with pytest.raises(ValueError, match=r"unknown keys \['extra'\] and lacks \['b'\]"):
         LqgDesign.from_mapping(spoiled)

@@ -103,7 +103,7 @@ def test_copied_state_continues_identically() -> None:
 def test_a_copied_state_does_not_follow_the_loop() -> None:
     loop = PositionLoop(PositionLoopParams())
     kept = loop.state
-    reference = replace(kept, notch=replace(kept.notch))
+    reference = replace(kept, filters=tuple(map(replace, kept.filters)))
     loop.update(0.02, loop.output(1e-3, 0.0, 0.0))
     assert kept == reference
 

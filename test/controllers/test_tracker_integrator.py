@@ -53,7 +53,7 @@ def test_frozen_integrator_holds_its_offset_and_goes_on_from_it() -> None:
     tracker.update(0.1, (5e-4, 5e-4))
     np.testing.assert_allclose(tracker.at(2.0)[0], (GAIN * 0.05 * 1e-4, 0.0))
     assert tracker.frozen
-    tracker.unfreeze()
+    tracker.reset(2.0, tracker.at(2.0)[0])
     tracker.update(2.0, (1e-4, 0.0))
     assert tracker.at(2.1)[0][0] == pytest.approx(GAIN * 0.15 * 1e-4)
 
@@ -116,12 +116,12 @@ def test_an_error_to_be_caught_acts_at_once_and_the_mean_again_when_it_is_small(
     assert integrator.state.rate_rad_s[0] == pytest.approx(2.0 * math.pi * 0.2 * mean, rel=1e-12)
 
 
-def test_freezing_forgets_the_errors_before_it() -> None:
+def test_a_reset_after_freezing_forgets_the_errors_before_it() -> None:
     integrator = TrackerIntegrator(TrackerIntegratorParams(mean_of=3))
     integrator.reset(0.0)
     integrator.update(0.1, (1e-3, 0.0))
     integrator.freeze(0.2)
-    integrator.unfreeze()
+    integrator.reset(0.2, integrator.at(0.2)[0])
     integrator.update(0.3, (1e-6, 0.0))
     assert integrator.state.rate_rad_s[0] == pytest.approx(2.0 * math.pi * 0.04 * 1e-6, rel=1e-12)
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rf_pointing.controllers import PositionLoopParams, dss13_loops, law_matrices, load_lqg_designs
+from rf_pointing.controllers import PositionLoopParams, dss13_loops, load_lqg_designs
 from rf_pointing.core import MDEG, random_stream
 from rf_pointing.papers.servo_linear import closed_loop, peak_sensitivity, respond, stability_limit_hz
 from rf_pointing.papers.servo_monopulse import NOTCH, PLAIN
@@ -114,7 +114,7 @@ def test_wind_error_of_the_frequency_domain_is_that_of_the_covariance_equation(p
     step = discretise(response._a, np.hstack([response._command, response._wind]), 0.02)
     size = len(response._a)
     a, command, wind = step[:, :size], step[:, size : size + 1], step[:, size + 1 :]
-    la, lb, lc, ld = law_matrices(law, 0.02)
+    la, lb, lc, ld = law.matrices(0.02)
     shown = response._outputs[:1]
     closed = np.block([[a - command @ ld @ shown, command @ lc], [-lb @ shown, la]])
     total = len(closed)

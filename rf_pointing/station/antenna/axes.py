@@ -182,11 +182,6 @@ class AntennaAxes:
         self.path.stop()
         self.rate_command_rad_s = np.zeros(2)
 
-    def drive(self, rates_rad_s: Array) -> None:
-        """Move the axes through this tick at these rate commands (2,)."""
-        self.rate_command_rad_s = rates_rad_s
-        self.hardware.move(rates_rad_s)
-
     def watch(self) -> str:
         """Bridge impossible encoder readings; return why the drives must be cut, "" if not."""
         hardware = self.hardware

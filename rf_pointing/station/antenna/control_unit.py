@@ -81,7 +81,7 @@ class ControlUnit:
         table.accept(trajectory, now_s)
         safety.authority.claim(commander, now_s)
         self._accepted += 1
-        safety.note_command(now_s)
+        safety.commanded_s = now_s
         # A fault shows the last commands before it: which of them led there is the first question.
         safety.latch.note_command((now_s, commander, *pair(trajectory.position_rad[-1])))
         self.modes.follow()
@@ -98,18 +98,20 @@ class ControlUnit:
     def _find_path(self, trajectory: JointTrajectory, now_s: float) -> str:
         """Pass a command through the gate and note the path to it; return why there is none."""
         path, encoder_rad = self.axes.path, self.axes.encoder_rad
-        present, positions = pair(encoder_rad), trajectory.position_rad
+        positions = trajectory.position_rad
         # The gate of the controller does not bind a foreign commander; this one does.
-        reason = self.safety.check("track", now_s, present, positions).reason
+        reason = self.safety.check("track", now_s, pair(encoder_rad), positions).reason
         if reason:
             return reason
         following = self.mode in (AntennaMode.TRACKING, AntennaMode.PAUSED)
-        if path.leaves(trajectory, encoder_rad, following):
-            decision = self.safety.check("preset", now_s, present, positions[:1])
-            if not decision.allowed:
-                return decision.reason
-            path.go_round(decision.way)
-        return ""
+        return self._go_round(now_s, positions[0]) if path.leaves(trajectory, encoder_rad, following) else ""
+
+    def _go_round(self, now_s: float, goal_rad: Array) -> str:
+        """Note the path to a far position (2,) where commands are; return why there is none."""
+        decision = self.safety.check("preset", now_s, pair(self.axes.encoder_rad), goal_rad[None, :])
+        if decision.allowed:
+            self.axes.path.go_round(decision.way)
+        return decision.reason
 
     # Requests
 
@@ -152,7 +154,8 @@ class ControlUnit:
     def reset_fault(self) -> str:
         """Clear a latched fault."""
         reason = self.modes.reason_against(Request.RESET_FAULT, self._motion())
-        reason = reason or self.safety.latch.reset(self.safety.lasting_cause())
+        # What is still there keeps its fault.
+        reason = reason or self.safety.latch.reset(self.safety.watch.cause or self.safety.drive.reason)
         if reason:
             return reason
         if self.axes.loops.oscillation:
@@ -232,10 +235,7 @@ class ControlUnit:
         goal = path.table.at(self.t_s).position_rad
         if float(np.max(np.abs(goal - encoder_rad))) <= NEW_PATH_RAD:
             return ""
-        decision = self.safety.check("preset", self.t_s, pair(encoder_rad), goal[None, :])
-        if decision.allowed:
-            path.go_round(decision.way)
-        return decision.reason
+        return self._go_round(self.t_s, goal)
 
     def _go(self, request: Request, goal: Pair) -> str:
         """Begin a motion of the antenna's own to rest at `goal`, through the gate."""
@@ -267,8 +267,9 @@ class ControlUnit:
         reading = self.reading(t_s)
         self._watch_wind(t_s)
         # Unpowered axes get no rates: laws that run against the brakes would wind up.
-        powered = self.axes.hardware.powered
-        self.axes.drive(self._rates(t_s, reading.position_rad) if powered else np.zeros(2))
+        rates = self._rates(t_s, reading.position_rad) if self.axes.hardware.powered else np.zeros(2)
+        self.axes.rate_command_rad_s = rates
+        self.axes.hardware.move(rates)
         self._watch_sensors()
         return reading
 
@@ -276,6 +277,7 @@ class ControlUnit:
         """Return the status at `t_s`."""
         axes, path, safety = self.axes, self.axes.path, self.safety
         commanded = path.preprocessor.state.position_rad
+        silent = "" if self.modes.traits.transmits else f"the antenna is {self.mode}"
         return AntennaStatus(
             t_s=t_s,
             mode=self.mode,
@@ -290,7 +292,7 @@ class ControlUnit:
             commands_rejected=self._rejected,
             last_rejection=self._last_rejection,
             warning=safety.warning(t_s, self.mode, pair(commanded)),
-            transmit_inhibit=safety.transmit_inhibit(self.mode, float(axes.encoder_rad[1])),
+            transmit_inhibit=silent or safety.gate.transmit_inhibit(float(axes.encoder_rad[1])),
             commander=safety.authority.holder,
         )
 

@@ -10,6 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,27 +23,25 @@ from rf_pointing.controllers import (
     LqgLoopParams,
     OscillationDetector,
     OscillationDetectorParams,
+    PositionLaw,
     PositionLoop,
     PositionLoopParams,
     TrajectoryBufferParams,
     dss13_loops,
     dss13_lqg_loops,
-    law_matrices,
     load_lqg_designs,
 )
 from rf_pointing.core import AXES, Motion, Params, parameter
 from rf_pointing.servo import PlantParams, discretise, linear_model
 
 Array = NDArray[np.float64]
-PositionLaw = PositionLoop | LqgLoop
 Law = PositionLoopParams | LqgDesign
+AnyLaw = PositionLaw[Any, Any]
 
 AT_REST = np.zeros(2)
 _PI, _LQG = "pi", "lqg"
 _AZIMUTH, _ELEVATION = dss13_loops("tuned")
 _LQG_AZIMUTH, _LQG_ELEVATION = dss13_lqg_loops()
-
-
 EDGE = 1e-6
 """Open integrators lie on the unit circle, a double one within the root of rounding of it."""
 
@@ -63,7 +62,7 @@ class LoopParams(Params):
 
 
 def law_rates(
-    laws: Sequence[PositionLaw], command: Sequence[Sequence[float]], encoder_rad: Sequence[float], tick_s: float
+    laws: Sequence[AnyLaw], command: Sequence[Sequence[float]], encoder_rad: Sequence[float], tick_s: float
 ) -> list[float]:
     """Return the rate commands (2,) of both laws and advance the laws by one tick.
 
@@ -101,7 +100,9 @@ class AxisLoops:
         """Raise ValueError, saying why, if this set cannot run on this antenna; changes nothing."""
         # Eigenvalues of some 30 states take milliseconds; unchecked gains can shake an antenna
         # apart.
-        require_stable(plant, self._chosen(params), self._tick_s)
+        gains: Sequence[Law] = params.azimuth, params.elevation
+        laws = gains if params.law == _PI else self._designs_of(params.lqg_file)
+        require_stable(plant, laws, self._tick_s)
         # Building reads the designs' file and places the filters below half the sampling rate, or
         # raises.
         self._build(params)
@@ -118,11 +119,8 @@ class AxisLoops:
         else:
             gains = (params.azimuth, params.elevation)
             feedforwards = (params.lqg_azimuth, params.lqg_elevation)
-            for axis, law in enumerate(self._laws):
-                if isinstance(law, PositionLoop):
-                    law.retune(gains[axis])
-                else:
-                    law.retune(feedforwards[axis])
+            for law, changed in zip(self._laws, gains if params.law == _PI else feedforwards, strict=True):
+                law.retune(changed)
         for watch in self.watch:
             watch.retune(params.oscillation)
 
@@ -151,16 +149,11 @@ class AxisLoops:
         for law, row in zip(self._laws, rows, strict=True):
             law.reset(*row)
 
-    def _build(self, params: LoopParams) -> list[PositionLaw]:
+    def _build(self, params: LoopParams) -> list[AnyLaw]:
         if params.law == _PI:
             return [PositionLoop(params.azimuth, self._tick_s), PositionLoop(params.elevation, self._tick_s)]
         azimuth, elevation = self._designs_of(params.lqg_file)
         return [LqgLoop(azimuth, params.lqg_azimuth), LqgLoop(elevation, params.lqg_elevation)]
-
-    def _chosen(self, params: LoopParams) -> tuple[PositionLoopParams | LqgDesign, ...]:
-        if params.law == _PI:
-            return params.azimuth, params.elevation
-        return self._designs_of(params.lqg_file)
 
     def _designs_of(self, file: str) -> tuple[LqgDesign, LqgDesign]:
         # A file is read when it is named, not in every change of a gain.
@@ -188,7 +181,7 @@ def closed_loop_pole(plant: PlantParams, laws: Sequence[Law], tick_s: float, clo
     """Return the pole (of z) farthest from the origin with the loops of `closed` closed."""
     a, b, encoder = _sampled(plant, tick_s)
     for axis in closed:
-        a, b, encoder = _close(a, b, encoder, axis, law_matrices(laws[axis], tick_s))
+        a, b, encoder = _close(a, b, encoder, axis, laws[axis].matrices(tick_s))
     poles = np.linalg.eigvals(a)
     return complex(poles[np.argmax(np.abs(poles))])
 

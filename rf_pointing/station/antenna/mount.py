@@ -1,11 +1,10 @@
-"""The mount errors that a simulated antenna really has (SATCAL eqs.
+"""The mount errors that a simulated antenna really has: their parameters, their effect on the beam.
 
-1-2): their parameters, and their effect on the beam.
+The model is SATCAL eqs. (1)-(2).
 """
 
-import dataclasses
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,11 +21,7 @@ LIMIT_RAD = math.radians(5.0)
 LIMIT_S = 10.0
 
 
-def _angle(description: str) -> float:
-    return _coefficient(description, LIMIT_RAD)
-
-
-def _coefficient(description: str, limit: float) -> float:
+def _coefficient(description: str, limit: float = LIMIT_RAD) -> float:
     """Declare one coefficient, zero unless configured, within +-`limit`."""
     declared: float = parameter(0.0, description, low=-limit, high=limit)
     return declared
@@ -36,26 +31,25 @@ def _coefficient(description: str, limit: float) -> float:
 class MountParams(Params):
     """Coefficients x1 to x14; observed = true + model(true)."""
 
-    azimuth_offset_rad: float = _angle("x1, azimuth encoder offset")
-    non_orthogonality_rad: float = _angle("x2, non-orthogonality of the axes")
-    collimation_rad: float = _angle("x3, collimation of the radio axis")
-    azimuth_encoder_sine_rad: float = _angle("x4, azimuth encoder nonlinearity, sine")
-    azimuth_encoder_cosine_rad: float = _angle("x5, azimuth encoder nonlinearity, cosine")
+    azimuth_offset_rad: float = _coefficient("x1, azimuth encoder offset")
+    non_orthogonality_rad: float = _coefficient("x2, non-orthogonality of the axes")
+    collimation_rad: float = _coefficient("x3, collimation of the radio axis")
+    azimuth_encoder_sine_rad: float = _coefficient("x4, azimuth encoder nonlinearity, sine")
+    azimuth_encoder_cosine_rad: float = _coefficient("x5, azimuth encoder nonlinearity, cosine")
     azimuth_velocity_lag_s: float = _coefficient("x6, azimuth velocity lag", LIMIT_S)
     azimuth_acceleration_lag_s2: float = _coefficient("x7, azimuth acceleration lag in s^2", LIMIT_S)
-    mislevel_east_rad: float = _angle("x8, mislevel about east")
-    mislevel_north_rad: float = _angle("x9, mislevel about north")
-    elevation_offset_rad: float = _angle("x10, elevation encoder offset")
-    droop_rad: float = _angle("x11, droop")
-    elevation_encoder_sine_rad: float = _angle("x12, elevation encoder nonlinearity")
+    mislevel_east_rad: float = _coefficient("x8, mislevel about east")
+    mislevel_north_rad: float = _coefficient("x9, mislevel about north")
+    elevation_offset_rad: float = _coefficient("x10, elevation encoder offset")
+    droop_rad: float = _coefficient("x11, droop")
+    elevation_encoder_sine_rad: float = _coefficient("x12, elevation encoder nonlinearity")
     elevation_velocity_lag_s: float = _coefficient("x13, elevation velocity lag", LIMIT_S)
     elevation_acceleration_lag_s2: float = _coefficient("x14, elevation acceleration lag in s^2", LIMIT_S)
 
     def model(self) -> BiasModel:
         """Return the bias model of these coefficients."""
-        values = {item.name: getattr(self, item.name) for item in dataclasses.fields(self)}
         # The names end in their units, the terms of the model do not.
-        by_stem = {name.rsplit("_", 1)[0]: value for name, value in values.items()}
+        by_stem = {name.rsplit("_", 1)[0]: value for name, value in asdict(self).items()}
         return BiasModel({term.name: by_stem[term.name] for term in TERMS})
 
 
@@ -76,8 +70,6 @@ class RateAverage:
     def update(self, dt_s: float, rate_rad_s: Array) -> None:
         """Go on by `dt_s` with the beam moving at `rate_rad_s` (2,)."""
         time_s = self._time_s
-        # Two poles without a term in s^2: a velocity lag on the average is then a velocity lag up
-        # to the third derivative.
         pull = (rate_rad_s - self.rate_rad_s) / time_s - self.acceleration_rad_s2
         self.acceleration_rad_s2 = self.acceleration_rad_s2 + dt_s / time_s * pull
         self.rate_rad_s = self.rate_rad_s + dt_s * self.acceleration_rad_s2
@@ -96,13 +88,9 @@ class MountError:
     def __init__(self, model: BiasModel) -> None:
         self._model = model
         self._correction = np.zeros(2)
-        self._rate = np.zeros(2)
-        self._renewed_s: float | None = None
-
-    @property
-    def drift_rad_s(self) -> Array:
+        self.drift_rad_s = np.zeros(2)
         """How fast the beam moves in addition to the axes (2,)."""
-        return self._rate
+        self._renewed_s: float | None = None
 
     def remove(self, t_s: float, axes_rad: Array, rate_rad_s: Array, acceleration_rad_s2: Array) -> Array:
         """Return true azimuth and elevation (2,) of a beam at these axis angles and rates."""
@@ -110,12 +98,12 @@ class MountError:
             return self._remove_steep(t_s, axes_rad, (*rate_rad_s, *acceleration_rad_s2))
         if self._renewed_s is None or not 0.0 <= t_s - self._renewed_s <= 10.0 * RENEWAL_S:
             sky = np.array(self._model.remove(*axes_rad, *rate_rad_s, *acceleration_rad_s2))
-            self._correction, self._rate, self._renewed_s = sky - axes_rad, np.zeros(2), t_s
+            self._correction, self.drift_rad_s, self._renewed_s = sky - axes_rad, np.zeros(2), t_s
         # Ticks are sums of floats: one that is due must not wait for the next because of a rounding
         # error.
         elif t_s - self._renewed_s >= RENEWAL_S - 1e-6:
             self._renew(t_s, axes_rad, rate_rad_s, acceleration_rad_s2)
-        sky_now: Array = axes_rad + self._correction + self._rate * (t_s - self._renewed_s)
+        sky_now: Array = axes_rad + self._correction + self.drift_rad_s * (t_s - self._renewed_s)
         return sky_now
 
     def _remove_steep(self, t_s: float, axes_rad: Array, motion: tuple[float, ...]) -> Array:
@@ -130,7 +118,7 @@ class MountError:
             return np.asarray(axes_rad + self._correction)
         # The rate is kept up here too: leaving the steep region must not start with a jump.
         correction, since_s = sky - axes_rad, t_s - (self._renewed_s or 0.0)
-        self._rate = (correction - self._correction) / since_s if 0.0 < since_s <= RENEWAL_S else np.zeros(2)
+        self.drift_rad_s = (correction - self._correction) / since_s if 0.0 < since_s <= RENEWAL_S else np.zeros(2)
         self._correction, self._renewed_s = correction, t_s
         return sky
 
@@ -138,8 +126,8 @@ class MountError:
         assert self._renewed_s is not None
         elapsed_s = t_s - self._renewed_s
         # One step of the fixed-point iteration from the extrapolated correction is enough here.
-        sky = axes_rad + self._correction + self._rate * elapsed_s
+        sky = axes_rad + self._correction + self.drift_rad_s * elapsed_s
         observed = self._model.apply(*sky, *rate_rad_s, *acceleration_rad_s2)
         correction = sky - np.array([float(part) for part in observed])
-        self._rate = (correction - self._correction) / elapsed_s
+        self.drift_rad_s = (correction - self._correction) / elapsed_s
         self._correction, self._renewed_s = correction, t_s

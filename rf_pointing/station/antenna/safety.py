@@ -29,7 +29,7 @@ from rf_pointing.planning import (
     WindWatch,
     WindWatchParams,
 )
-from rf_pointing.station.antenna.modes import MODES, AntennaMode
+from rf_pointing.station.antenna.modes import AntennaMode
 
 Array = NDArray[np.float64]
 Pair = tuple[float, float]
@@ -61,18 +61,26 @@ class AntennaSafety:
 
     def __init__(self, params: SafetyParams, motion: CommandPreprocessorParams, tick_s: float) -> None:
         self.params = params
-        self.gate = self._gate(motion)
+        self.retune(motion)
         self.sun = SolarDirection(params.sun)
         self.watch, self.drive = AxisWatch(params.watch, tick_s), DriveWatch(params.drive, tick_s)
         self.wind = WindWatch(params.wind)
         self.latch = FaultLatch()
         self.authority = Authority(params.authority_s)
-        self._commanded_s, self._tick_s = -math.inf, tick_s
+        self.commanded_s, self._tick_s = -math.inf, tick_s
         self._released_rad: Pair | None = None
 
     def retune(self, motion: CommandPreprocessorParams) -> None:
         """Take new limits of motion."""
-        self.gate = self._gate(motion)
+        # One travel for gate and preprocessor, from one set of parameters.
+        limits = AxisLimits(
+            azimuth_min_rad=motion.travel_min_rad[0],
+            azimuth_max_rad=motion.travel_max_rad[0],
+            elevation_min_rad=motion.travel_min_rad[1],
+            elevation_max_rad=motion.travel_max_rad[1],
+        )
+        axes = AxisRates(motion.rate_limit_rad_s, motion.acceleration_limit_rad_s2)
+        self.gate = Gate(self.params.gate, limits, self.params.mask, axes)
 
     def release(self, switch_rad: Pair) -> None:
         """Trust the sensors as they are, at the angles where the brakes are released."""
@@ -108,39 +116,12 @@ class AntennaSafety:
         faster = rate[0] + tick_s * acceleration[0], rate[1] + tick_s * acceleration[1]
         return self.gate.guard(kind, position, then, faster, self.sun.at(t_s))
 
-    def note_command(self, t_s: float) -> None:
-        """Note that a command was taken."""
-        self._commanded_s = t_s
-
     def warning(self, t_s: float, mode: AntennaMode, commanded: Pair) -> str:
         """Return what is no fault yet: high wind without stow, a late command, a near limit."""
         if self.wind.reason and mode not in (AntennaMode.STOWING, AntennaMode.STOWED):
             return f"{self.wind.reason}: the antenna is not stowed ({mode})"
         # The period belongs to it: a command that is due now is not late.
-        late_s = t_s - self._commanded_s - COMMAND_PERIOD_S
+        late_s = t_s - self.commanded_s - COMMAND_PERIOD_S
         if mode == AntennaMode.TRACKING and late_s > LATE_S:
             return f"no command for {late_s + COMMAND_PERIOD_S:.2f} s"
         return self.gate.warning(*commanded)
-
-    def transmit_inhibit(self, mode: AntennaMode, elevation_rad: float) -> str:
-        """Return "" when the transmitter may be on, else why not."""
-        if not MODES[mode].transmits:
-            return f"the antenna is {mode}"
-        return self.gate.transmit_inhibit(elevation_rad)
-
-    def lasting_cause(self) -> str:
-        """Return the cause of a fault that is still there, "" when there is none."""
-        return self.watch.cause or self.drive.reason
-
-    def _gate(self, motion: CommandPreprocessorParams) -> Gate:
-        # One travel for gate and preprocessor, from one set of parameters.
-        limits = AxisLimits(
-            azimuth_min_rad=motion.travel_min_rad[0],
-            azimuth_max_rad=motion.travel_max_rad[0],
-            elevation_min_rad=motion.travel_min_rad[1],
-            elevation_max_rad=motion.travel_max_rad[1],
-        )
-        return Gate(
-            self.params.gate, limits, self.params.mask,
-            AxisRates(motion.rate_limit_rad_s, motion.acceleration_limit_rad_s2),
-        )  # fmt: skip

@@ -66,7 +66,7 @@ class InjectedFaults:
     """At most one fault at a time, all of the azimuth axis; `value` in rad, rad/s or m/s."""
 
     def __init__(self) -> None:
-        self.kind, self._value = "none", 0.0
+        self.kind, self.value = "none", 0.0
         self._frozen: Pair | None = None
         self._ticks = 0
 
@@ -80,7 +80,7 @@ class InjectedFaults:
         """
         require_choice("fault", kind, FAULTS)
         require_finite("value", value)
-        self.kind, self._value, self._frozen, self._ticks = kind, value, None, 0
+        self.kind, self.value, self._frozen, self._ticks = kind, value, None, 0
 
     def encoder(self, angles: Pair, tick_s: float) -> Pair:
         """Return what the encoders show instead of `angles`."""
@@ -90,20 +90,16 @@ class InjectedFaults:
             self._frozen = self._frozen or angles
             return self._frozen
         if self.kind == "encoder_jump" or (self.kind == "encoder_spike" and self._ticks <= SPIKE_TICKS):
-            return azimuth + self._value, elevation
+            return azimuth + self.value, elevation
         if self.kind == "encoder_lie":
-            return azimuth + self._value * self._ticks * tick_s, elevation
+            return azimuth + self.value * self._ticks * tick_s, elevation
         return (math.nan if self.kind == "encoder_nan" else azimuth), elevation
-
-    def rate_command(self, rates: Pair) -> Pair:
-        """Return what the drives follow instead of `rates`."""
-        return (self._value, rates[1]) if self.kind == "runaway" else rates
 
     def wind_speed(self, speed_m_s: float) -> float:
         """Return what the anemometer shows, NaN when it is silent."""
         if self.kind == "anemometer_silent":
             return math.nan
-        return speed_m_s + self._value if self.kind == "gust" else speed_m_s
+        return speed_m_s + self.value if self.kind == "gust" else speed_m_s
 
 
 class SimulatedHardware(AntennaPlant):
@@ -129,10 +125,19 @@ class SimulatedHardware(AntennaPlant):
 
     def look(self, t_s: float) -> Boresight:
         """Return the true direction of the beam, and let the wind blow on it for this tick."""
-        boresight = self._boresight(t_s, self.velocity_rad_s)
+        mean = self._mean
+        # The mount's lags act on averaged rates.
+        sky = self._mount_error.remove(t_s, self.beam_rad, mean.rate_rad_s, mean.acceleration_rad_s2)
+        # After the use: the lags act on the motion up to this tick.
+        mean.update(self._tick_s, self.velocity_rad_s + self._mount_error.drift_rad_s)
+        azimuth, elevation = sky.tolist()
+        if elevation > 0.5 * math.pi:
+            # Over its back the dish points to the other side: a direction on the sky has no
+            # elevation above 90 deg.
+            azimuth, elevation = azimuth - math.pi, math.pi - elevation
         # At the true boresight: the wind does not know what the encoders show.
-        self._torque = self._wind.step(self._tick_s, boresight.azimuth_rad, boresight.elevation_rad)
-        return boresight
+        self._torque = self._wind.step(self._tick_s, azimuth, elevation)
+        return Boresight(t_s=t_s, azimuth_rad=azimuth, elevation_rad=elevation)
 
     def anemometer_m_s(self) -> float:
         """Return the speed of the wind as it is measured, NaN when it is not."""
@@ -141,8 +146,7 @@ class SimulatedHardware(AntennaPlant):
     def move(self, rate_command_rad_s: Array) -> None:
         """Drive the axes through this tick (2,); a drive that runs away ignores the command."""
         if self.injected.kind == "runaway":
-            azimuth, elevation = rate_command_rad_s.tolist()
-            rate_command_rad_s = np.array(self.injected.rate_command((azimuth, elevation)))
+            rate_command_rad_s = np.array((self.injected.value, rate_command_rad_s[1]))
         self.step(rate_command_rad_s, self._torque, self._tick_s)
 
     def encoders(self) -> Pair:
@@ -153,19 +157,6 @@ class SimulatedHardware(AntennaPlant):
             return azimuth, elevation
         return self.injected.encoder((azimuth, elevation), self._tick_s)
 
-    def _boresight(self, t_s: float, velocity: Array) -> Boresight:
-        """Return the true direction of the beam; the mount's lags act on averaged rates."""
-        mean = self._mean
-        sky = self._mount_error.remove(t_s, self.beam_rad, mean.rate_rad_s, mean.acceleration_rad_s2)
-        # After the use: the lags act on the motion up to this tick.
-        mean.update(self._tick_s, velocity + self._mount_error.drift_rad_s)
-        azimuth, elevation = sky.tolist()
-        if elevation > 0.5 * math.pi:
-            # Over its back the dish points to the other side: a direction on the sky has no
-            # elevation above 90 deg.
-            azimuth, elevation = azimuth - math.pi, math.pi - elevation
-        return Boresight(t_s=t_s, azimuth_rad=azimuth, elevation_rad=elevation)
-
 
 class SimulatedAntenna(ControlUnit):
     """One antenna: `enable` it, `accept` trajectories, and `step` it once a tick."""
@@ -174,14 +165,10 @@ class SimulatedAntenna(ControlUnit):
         params = params or AntennaParams()
         self.params = params.antenna
         self.hardware = SimulatedHardware(params)
+        self.injected = self.hardware.injected
         super().__init__(
             self.hardware, params.loops, params.plant, params.safety, params.antenna.tick_s, params.antenna.start_rad
         )
-
-    @property
-    def injected(self) -> InjectedFaults:
-        """The faults put into drives and sensors."""
-        return self.hardware.injected
 
     def step(self, t_s: float) -> tuple[JointReading, Boresight]:
         """Return encoder reading and true boresight at `t_s`, then advance by one tick."""

@@ -3,13 +3,15 @@
 Gains that the antenna could not live with are refused before they run.
 """
 
+import json
 import math
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from rf_pointing.controllers import PositionLoop, PositionLoopParams, dss13_loops, load_lqg_designs, save_lqg_designs
+from rf_pointing.controllers import PositionLoop, PositionLoopParams, dss13_loops, load_lqg_designs
 from rf_pointing.core import MDEG, Motion, Params, random_stream
 from rf_pointing.planning import DriveWatchParams, WindWatchParams
 from rf_pointing.servo import AntennaPlant, PlantParams, WindParams, dss13_plant
@@ -83,10 +85,10 @@ def test_an_lqg_design_for_another_tick_is_refused() -> None:
 
 def test_designs_come_from_the_file_that_is_named(tmp_path: Path) -> None:
     """The azimuth design in the place of the elevation design: unstable there, and the refusal says so."""
-    azimuth, elevation = load_lqg_designs()
+    packaged = json.loads(files("rf_pointing.controllers").joinpath("dss13_lqg.json").read_text())
     good, bad = tmp_path / "good.json", tmp_path / "bad.json"
-    save_lqg_designs(good, azimuth, elevation)
-    save_lqg_designs(bad, azimuth, azimuth)
+    good.write_text(json.dumps(packaged))
+    bad.write_text(json.dumps(packaged | {"elevation": packaged["azimuth"]}))
     AxisLoops(LoopParams(law="lqg", lqg_file=str(good)), PLANT, TICK_S)
     with pytest.raises(ValueError, match=r"^elevation LQG of control_weight=.*unstable at 2\.\d+ Hz"):
         AxisLoops(LoopParams(law="lqg", lqg_file=str(bad)), PLANT, TICK_S)

@@ -7,14 +7,18 @@ sensitivity margins are taken on the whole identified model.  Imported only on d
 python-control brings matplotlib with it.
 """
 
+import dataclasses
+import json
 import math
+from pathlib import Path
+from typing import Any
 
 import control
 import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.controllers.filters import section_matrices
-from rf_pointing.controllers.lqg import LqgDesign, LqgWeights
+from rf_pointing.controllers.lqg import FORMAT, MATRICES, LqgDesign, LqgWeights
 from rf_pointing.core import as_finite_array, require_between
 
 Array = NDArray[np.float64]
@@ -75,6 +79,19 @@ def design_lqg(a: Array, b: Array, c: Array, d: Array, sample_s: float, weights:
     observer_gain = law[0] @ np.asarray(filter_gain)
     margins = _margins(control.ss(a, b, c, d, sample_s), law, state_gain, observer_gain, weights, sample_s)
     return LqgDesign(*law, state_gain, observer_gain, a, b, c, d, sample_s, bandwidth, gain, weights, *margins)
+
+
+def as_mapping(design: LqgDesign) -> dict[str, Any]:
+    """Return plain numbers and lists, as `LqgDesign.from_mapping` reads them."""
+    values = {name: getattr(design, name) for name in design.__slots__}
+    plain = {name: value.tolist() if name in MATRICES else value for name, value in values.items()}
+    return plain | {"weights": dataclasses.asdict(design.weights)}
+
+
+def save_lqg_designs(path: Path, azimuth: LqgDesign, elevation: LqgDesign) -> None:
+    """Write both designs to `path`, which `loops.lqg_file` may name."""
+    content = {"format": FORMAT, "azimuth": as_mapping(azimuth), "elevation": as_mapping(elevation)}
+    path.write_text(json.dumps(content, indent=1) + "\n")
 
 
 def controller_system(
