@@ -14,14 +14,7 @@ from typing import Any
 
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rf_pointing_msgs.action import TrackPass
-from rf_pointing_msgs.msg import (
-    PassCertificate,
-    PassProfileList,
-    PointingError,
-    PointingModel,
-    Target,
-    TrackingStatus,
-)
+from rf_pointing_msgs.msg import PassCertificate, PassProfileList, PointingError, PointingModel, Target, TrackingStatus
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
@@ -82,12 +75,8 @@ class PointingControllerNode(ManagedNode):
         self.listen(Target, "target", lambda m: core.take_target(convert.target_from_message(m)), STREAM)
         self._joints = self.listen_latest(JointState, "joint_states", convert.joints_from_message, STREAM)
         self.listen(PointingError, "pointing_error", lambda m: core.take_error(convert.error_from_message(m)), STREAM)
-        self.listen(
-            PointingModel,
-            "pointing_model",
-            lambda m: core.take_model(convert_calibration.model_from_message(m)),
-            LATCHED,
-        )
+        model_of = convert_calibration.model_from_message
+        self.listen(PointingModel, "pointing_model", lambda m: core.take_model(model_of(m)), LATCHED)
         self.listen(PassProfileList, "pass_profiles", self._on_profiles, LATCHED)
         self.serve(Trigger, "~/stop", self._on_stop)
         self.serve(Trigger, "~/calibrate", self._on_calibrate)
@@ -178,10 +167,10 @@ class PointingControllerNode(ManagedNode):
         self._goal.publish_feedback(TrackPass.Feedback(status=message, progress=min(max(share, 0.0), 1.0)))
 
     def _on_goal(self, _request: TrackPass.Goal) -> GoalResponse:
-        accepted = self.active and self._goal is None
-        if not accepted:
-            self.get_logger().error("goal refused: " + ("not active" if not self.active else "another pass is tracked"))
-        return GoalResponse.ACCEPT if accepted else GoalResponse.REJECT
+        if self.active and self._goal is None:
+            return GoalResponse.ACCEPT
+        self.get_logger().error("goal refused: " + ("another pass is tracked" if self.active else "not active"))
+        return GoalResponse.REJECT
 
     def _on_accepted(self, goal: Any) -> None:
         """Start the pass.

@@ -11,8 +11,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
-from rf_pointing.core import Mode, Params, Sensor, parameter
-from rf_pointing.tracking.sensors import NO_SENSOR, SENSORS, SensorTraits, sensors_of, table_words
+from rf_pointing.core import Mode, Params, Sensor, parameter, require_choice, require_finite
+from rf_pointing.tracking.sensors import NO_SENSOR, SENSORS, TABLE_WORDS, SensorTraits, sensors_of
 
 
 class Request(StrEnum):
@@ -27,7 +27,7 @@ class Request(StrEnum):
 class AutotrackParams(Params):
     """C/N0 thresholds and times of the state table; hysteresis from `_on` to `_off`."""
 
-    sensor: str = parameter(Sensor.AUTO, "which sensor may track (none: ephemeris only)", choices=table_words())
+    sensor: str = parameter(Sensor.AUTO, "which sensor may track (none: ephemeris only)", choices=TABLE_WORDS.keys())
     carrier_on_db_hz: float = parameter(22.0, "C/N0 from which there is a carrier", low=0.0, high=120.0)
     carrier_off_db_hz: float = parameter(18.0, "C/N0 below which the carrier is lost", low=0.0, high=120.0)
     monopulse_on_db_hz: float = parameter(36.0, "C/N0 from which monopulse is chosen", low=0.0, high=120.0)
@@ -62,10 +62,6 @@ class AutotrackParams(Params):
             )
 
 
-def _scanning_sensors() -> frozenset[str]:
-    return frozenset(name for name, traits in SENSORS.items() if traits.scans)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AutotrackInputs:
     """What is known at one tick.
@@ -84,15 +80,15 @@ class AutotrackInputs:
     on_target: bool
     carrier_to_noise_db_hz: float = -math.inf
     axis_db_hz: float = -math.inf
-    valid: frozenset[str] = field(default_factory=_scanning_sensors)
+    valid: frozenset[str] = field(
+        default_factory=lambda: frozenset(name for name, traits in SENSORS.items() if traits.scans)
+    )
     arriving: bool = False
     fault: str = ""
 
     def __post_init__(self) -> None:
-        if self.request not in set(Request):
-            raise ValueError(f"request={self.request!r} must be one of {', '.join(Request)}")
-        if not math.isfinite(self.t_s):
-            raise ValueError(f"t_s={self.t_s} must be finite")
+        require_choice("request", self.request, Request)
+        require_finite("t_s", self.t_s)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -95,14 +95,6 @@ class LockWatchParams(Params):
 # every response of unit size the gains are the same, so the filter runs on beam and error apart.
 # Whatever the loop made of earlier errors, their innovations are white.  Nobody knows how strong
 # wind and vibration are: a bank of filters tries several.
-class Innovations(NamedTuple):
-    """Of n filters (n,): beam and error as cross-elevation + j elevation, variance per axis."""
-
-    beam_rad: ComplexArray
-    error_rad: ComplexArray
-    variance_rad2: Array
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InnovationBank:
     """Filters: position and velocity (2, n) of beam and error, covariance per axis (3, n)."""
@@ -130,9 +122,10 @@ class InnovationBank:
         noise_rad2: Array,
         walk: Array,
         acceleration: Array | float,
-    ) -> tuple["InnovationBank", Innovations]:
+    ) -> tuple["InnovationBank", ComplexArray, Array]:
         """Return the bank after a later measurement, and what was new in it.
 
+        New in beam and error (2, n), cross-elevation + j elevation, with the variance (n,) per axis.
         `noise_rad2` (n,) is R per axis, `walk` (n,) q in rad/sqrt(s), `acceleration` (n,) or one
         for all the density of the noise that changes the velocity, rad/s^1.5.
         """
@@ -144,15 +137,12 @@ class InnovationBank:
         gain, rate_gain = position / variance, mixed / variance
         expected = self.position_rad + dt * self.velocity_rad_s
         new = np.array([[beam_rad], [error_rad]]) - expected
+        covariance = np.array([(1.0 - gain) * position, (1.0 - gain) * mixed, speed + dt * power - rate_gain * mixed])
+        velocity = self.velocity_rad_s + rate_gain * new
         bank = InnovationBank(
-            t_s=t_s,
-            position_rad=expected + gain * new,
-            velocity_rad_s=self.velocity_rad_s + rate_gain * new,
-            covariance=np.array(
-                [(1.0 - gain) * position, (1.0 - gain) * mixed, speed + dt * power - rate_gain * mixed]
-            ),
+            t_s=t_s, position_rad=expected + gain * new, velocity_rad_s=velocity, covariance=covariance
         )
-        return bank, Innovations(new[0], new[1], variance)
+        return bank, new, variance
 
 
 class Response(NamedTuple):
@@ -217,8 +207,10 @@ class Evidence:
             bank = InnovationBank.begin(t_s, beam_rad, error_rad, noise, self._drift)
             return EvidenceState(bank=bank, weather=(tuple(self._usual.tolist()),) * len(RESPONSES))
         gap_s = t_s - state.bank.t_s
-        bank, new = state.bank.step(t_s, beam_rad, error_rad, noise, self._walk, self._wander)
-        joint = np.log(state.weather) + _log_likelihoods(new)
+        bank, (beam, error), variance = state.bank.step(t_s, beam_rad, error_rad, noise, self._walk, self._wander)
+        # Log likelihood of the measurement per response (rows) and weather (columns).
+        left = error + DIRECT * beam + MIRRORED * np.conj(beam)
+        joint = np.log(state.weather) + (-0.5 * np.abs(left) ** 2 / variance - np.log(variance))
         explained = np.logaddexp.reduce(joint, axis=1)
         stays = math.exp(-gap_s / params.weather_s)
         weather = stays * np.exp(joint - explained[:, None]) + (1.0 - stays) * self._usual
@@ -226,12 +218,6 @@ class Evidence:
         says = np.minimum(explained - explained[0], params.evidence / 3.0)
         sums = np.maximum(0.0, math.exp(-gap_s / params.fade_s) * np.array(state.sums) + says)
         return EvidenceState(bank=bank, weather=tuple(map(tuple, weather.tolist())), sums=tuple(sums.tolist()))
-
-
-def _log_likelihoods(new: Innovations) -> Array:
-    """Return the log likelihood of a measurement per response (rows) and weather (columns)."""
-    left = new.error_rad + DIRECT * new.beam_rad + MIRRORED * np.conj(new.beam_rad)
-    return np.asarray(-0.5 * np.abs(left) ** 2 / new.variance_rad2 - np.log(new.variance_rad2))
 
 
 @dataclass(frozen=True, slots=True)

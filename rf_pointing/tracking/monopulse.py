@@ -51,16 +51,10 @@ def cluster_fault(cluster: MonopulseCluster) -> str:
         return "t_s and carrier_to_noise_db_hz must be finite"
     if not all(map(operator.lt, clock, clock[1:])):
         return "t_s must increase from sample to sample"
-    if not level_known(cluster.carrier_to_noise_db_hz):
-        low, high = LEVEL_RANGE_DB_HZ
+    low, high = LEVEL_RANGE_DB_HZ
+    if not low <= cluster.carrier_to_noise_db_hz <= high:
         return f"carrier_to_noise_db_hz={cluster.carrier_to_noise_db_hz} must be between {low} and {high}"
     return ""
-
-
-def level_known(carrier_to_noise_db_hz: float) -> bool:
-    """Return whether that is a C/N0 at all."""
-    low, high = LEVEL_RANGE_DB_HZ
-    return low <= carrier_to_noise_db_hz <= high
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,9 +77,8 @@ class MonopulseCalibration(Params):
     @classmethod
     def from_response(cls, response_per_rad: NDArray[np.complex128], offset: NDArray[np.complex128]) -> Self:
         """Build from M (2, 2) and offset (2,); the inverse is `response_per_rad` and `offset`."""
-        flat = np.asarray(response_per_rad).ravel()
-        a, b, c, d = (complex(value) for value in flat)
-        e, f = (complex(value) for value in offset)
+        a, b, c, d = np.asarray(response_per_rad).ravel().tolist()
+        e, f = np.asarray(offset).tolist()
         return cls(
             response_real=(a.real, b.real, c.real, d.real),
             response_imaginary=(a.imag, b.imag, c.imag, d.imag),
@@ -162,9 +155,8 @@ class MonopulseTracker:
         ratio = difference_ratio(cluster, snr)
         largest = max(abs(value) for value in ratio.tolist())
         if largest > LARGEST_RATIO:
-            return self._rejected(
-                cluster, f"a difference of {largest:.3g} times the sum must be <= {LARGEST_RATIO:.0f}"
-            )
+            fault = f"a difference of {largest:.3g} times the sum must be <= {LARGEST_RATIO:.0f}"
+            return self._rejected(cluster, fault)
         # E d_rho d_rho^H = (I + rho rho^H) (1 + 1/snr) / (n snr): the sum's noise is in both.
         noise = (1.0 + 1.0 / snr) / (samples * snr) * (UNITY + ratio[:, None] * np.conj(ratio))
         linear = (self._inverse @ (ratio - self._offset)).real
@@ -216,6 +208,7 @@ class MonopulseTracker:
         times = np.asarray(cluster.t_s, dtype=np.float64).ravel()
         # Broken samples are no loss of the carrier: the receiver's own C/N0 stands.
         known = times[np.isfinite(times)]
+        low, high = LEVEL_RANGE_DB_HZ
         level_db_hz = cluster.carrier_to_noise_db_hz
         return PointingError(
             t_s=float(known[-1]) if len(known) else 0.0,
@@ -223,7 +216,7 @@ class MonopulseTracker:
             cross_elevation_rad=0.0,
             elevation_rad=0.0,
             covariance_rad2=np.eye(2) * self.params.half_power_beamwidth_rad**2,
-            carrier_to_noise_db_hz=level_db_hz if level_known(level_db_hz) else 0.0,
+            carrier_to_noise_db_hz=level_db_hz if low <= level_db_hz <= high else 0.0,
             valid=False,
             reason=reason,
         )

@@ -61,7 +61,7 @@ class SpiralSearch:
         self.params = params
         self._b = params.pitch_beamwidths * params.half_power_beamwidth_rad / (2.0 * math.pi)
         phi = np.linspace(0.0, 2.0 * math.pi * params.turns, math.ceil(params.turns * POINTS_PER_TURN) + 2)
-        self._length = self._length_at(phi)
+        self._length = 0.5 * self._b * (phi * np.hypot(1.0, phi) + np.arcsinh(phi))
         self._phi = phi
         self._speed = self._speed_at(phi)
         # Constant acceleration from point to point: the mean speed is then exact, also from and to
@@ -96,9 +96,6 @@ class SpiralSearch:
             speed * (cosine - phi * sine) / tangent,
             speed * (sine + phi * cosine) / tangent,
         )
-
-    def _length_at(self, phi: Array) -> Array:
-        return np.asarray(0.5 * self._b * (phi * np.hypot(1.0, phi) + np.arcsinh(phi)))
 
     def _phi_at(self, length: float, start: float) -> float:
         phi = start

@@ -5,7 +5,6 @@ tracker from outside the package is one more row, added by `register` or by an e
 group `rf_pointing.trackers`; what it publishes as `pointing_error` is then used like any other.
 """
 
-from collections.abc import KeysView
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import entry_points
@@ -79,12 +78,8 @@ SENSORS: dict[str, SensorTraits] = {
 }  # fmt: skip
 # Sensor of a pass as the operator names it, and as the state table does.
 SENSOR_CHOICES: dict[str, str] = {Sensor.PROGRAM: NO_SENSOR} | {name: name for name in (*SENSORS, Sensor.AUTO)}
-_TABLE_WORDS = dict.fromkeys((Sensor.AUTO, *SENSORS, NO_SENSOR))
-
-
-def table_words() -> KeysView[str]:
-    """Return the values of `autotrack.sensor`, a view that grows with registered trackers."""
-    return _TABLE_WORDS.keys()
+# Values of `autotrack.sensor`: a dict, because a view of its keys grows with registered trackers.
+TABLE_WORDS = dict.fromkeys((Sensor.AUTO, *SENSORS, NO_SENSOR))
 
 
 def register(traits: SensorTraits) -> None:
@@ -98,13 +93,13 @@ def register(traits: SensorTraits) -> None:
     # An entry point and the program itself may both register it.
     if SENSORS.get(traits.name) == traits:
         return
-    if not traits.name or traits.name in {*_TABLE_WORDS, *SENSOR_CHOICES, *Mode}:
+    if not traits.name or traits.name in {*TABLE_WORDS, *SENSOR_CHOICES, *Mode}:
         raise ValueError(f"name={traits.name!r} of a tracker must differ from every mode and every other sensor")
     if traits.scans and traits.scan is None:
         raise ValueError(f"scan=None: {traits.name} scans, so it must say how the beam moves")
     SENSORS[traits.name] = traits
     SENSOR_CHOICES[traits.name] = traits.name
-    _TABLE_WORDS[traits.name] = None
+    TABLE_WORDS[traits.name] = None
 
 
 @cache

@@ -92,8 +92,7 @@ class StepTracker:
         if fault:
             self.state = replace(self.state, rejected=self.state.rejected + 1, last_rejection=fault)
             return None
-        sample = (_middle_s(power), power.power_w, power.sigma_w,
-        beam_offset_cross_elevation_rad,
+        sample = (_middle_s(power), power.power_w, power.sigma_w, beam_offset_cross_elevation_rad,
                   beam_offset_elevation_rad, power.carrier_to_noise_db_hz)  # fmt: skip
         window = self.state.window.with_sample(sample, 10000, -math.inf)
         counts = tuple(count + (index == point) for index, count in enumerate(self.state.counts))
@@ -136,32 +135,24 @@ class StepTracker:
             scatter = max(float(fit_beam(design, window.power_w, noise).chi_squared), SMALLEST_SCATTER)
             found = fit_beam(design, window.power_w, noise * scatter)
         except np.linalg.LinAlgError:
-            return self._unsolved(window)
-        error, limit = found.error_rad, self.params.valid_range_beamwidths
-        beamwidths = float(np.hypot(error[0], error[1])) / h
-        reason = f"error of {beamwidths:.2f} beamwidths is outside {limit:.2f} beamwidths" if beamwidths > limit else ""
+            error, covariance = np.zeros(2), np.eye(2) * h**2
+            least, most = float(np.min(window.power_w)), float(np.max(window.power_w))
+            reason = f"power_w from {least:.3g} to {most:.3g} W in one round: a sample outweighs the others"
+        else:
+            error, covariance, limit = found.error_rad, found.covariance_rad2, self.params.valid_range_beamwidths
+            beamwidths = float(np.hypot(error[0], error[1])) / h
+            reason = "" if found.converged else "the fit did not converge"
+            if beamwidths > limit:
+                reason = f"error of {beamwidths:.2f} beamwidths is outside {limit:.2f} beamwidths"
         return PointingError(
             t_s=float(np.mean(window.t_s)),
             sensor=Sensor.STEPTRACK,
             cross_elevation_rad=float(error[0]),
             elevation_rad=float(error[1]),
-            covariance_rad2=np.asarray(found.covariance_rad2),
+            covariance_rad2=np.asarray(covariance),
             carrier_to_noise_db_hz=float(np.mean(window.carrier_to_noise_db_hz)),
-            valid=not reason and bool(found.converged),
-            reason=reason or ("" if found.converged else "the fit did not converge"),
-        )
-
-    def _unsolved(self, window: PowerWindow) -> PointingError:
-        least, most = float(np.min(window.power_w)), float(np.max(window.power_w))
-        return PointingError(
-            t_s=float(np.mean(window.t_s)),
-            sensor=Sensor.STEPTRACK,
-            cross_elevation_rad=0.0,
-            elevation_rad=0.0,
-            covariance_rad2=np.eye(2) * self.params.half_power_beamwidth_rad**2,
-            carrier_to_noise_db_hz=float(np.mean(window.carrier_to_noise_db_hz)),
-            valid=False,
-            reason=f"power_w from {least:.3g} to {most:.3g} W in one round: a sample outweighs the others",
+            valid=not reason,
+            reason=reason,
         )
 
 

@@ -21,7 +21,7 @@ HELD_RAD = 5.0 * MDEG
 @pytest.fixture
 def example() -> Iterator[Any]:
     """Return the example as a module; what it registers is gone after the test."""
-    tables: tuple[dict[str, Any], ...] = (sensors.SENSORS, sensors.SENSOR_CHOICES, sensors._TABLE_WORDS)
+    tables: tuple[dict[str, Any], ...] = (sensors.SENSORS, sensors.SENSOR_CHOICES, sensors.TABLE_WORDS)
     before = [dict(table) for table in tables]
     spec = importlib.util.spec_from_file_location("own_tracker", EXAMPLE)
     assert spec is not None

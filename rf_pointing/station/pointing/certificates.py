@@ -149,9 +149,7 @@ def store_certificate(params: StoreParams, certificate: Certificate) -> Path | N
     if not params.certificate_folder:
         return None
     name = "".join(letter if letter.isalnum() else "_" for letter in certificate.name)
-    path = (
-        Path(params.certificate_folder)
-        / f"{name}-{datetime.fromtimestamp(certificate.aos_t_s, UTC):%Y%m%dT%H%M%S}.json"
-    )
+    begin = datetime.fromtimestamp(certificate.aos_t_s, UTC)
+    path = Path(params.certificate_folder) / f"{name}-{begin:%Y%m%dT%H%M%S}.json"
     write_whole(path, json.dumps(certificate_values(certificate), indent=1) + "\n")
     return path
