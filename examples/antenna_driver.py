@@ -65,7 +65,7 @@ class AntennaDriver(Node):
     def _on_command(self, message: JointTrajectory) -> None:
         """Merge a command; one that is stale, in the future or not finite moves nothing."""
         try:
-            reason = self._table.accept(convert.trajectory_from_message(message), self._now_s()).reason
+            reason = self._table.accept(convert.trajectory_from_message(message), self._now_s())
         except ValueError as error:
             reason = str(error)
         if reason:

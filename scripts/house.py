@@ -314,7 +314,7 @@ def _last(node: ast.AST) -> str:
 
 
 def time_loops(source: Source) -> list[Row]:
-    """Functions with a loop that steps a plant or an antenna, or a compiled plant."""
+    """Loops that move a plant or an antenna: `plant.step`, `antenna.step`, or a passed `step(k)`."""
     found = []
     for module in source.modules.values():
         loops = [n for n in ast.walk(module.tree) if isinstance(n, ast.For | ast.While) and _steps_a_plant(n)]
@@ -325,10 +325,10 @@ def time_loops(source: Source) -> list[Row]:
 
 def _steps_a_plant(loop: ast.AST) -> bool:
     for node in ast.walk(loop):
-        if isinstance(node, ast.Call) and _last(node.func) in ("step", "advance"):
+        if isinstance(node, ast.Call) and _last(node.func) == "step":
+            passed = isinstance(node.func, ast.Name)
             owner = _last(node.func.value).strip("_") if isinstance(node.func, ast.Attribute) else ""
-            compiled = isinstance(node.func, ast.Name) and "plant" in map(_last, node.args)
-            if owner in ("plant", "antenna") or compiled:
+            if passed or owner in ("plant", "antenna"):
                 return True
     return False
 
