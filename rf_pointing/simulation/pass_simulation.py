@@ -54,9 +54,10 @@ class PassLog:
 
 
 class StationSetup:
-    """Everything a run needs, from the nodes' parameter files; `changes` are dotted keys per node over the files.
+    """Everything a run needs, from the nodes' parameter files.
 
-    `tracker` measures the carrier power in place of the package's trackers: one of your own, which is registered
+    `changes` are dotted keys per node over the files.  `tracker` measures the carrier power in
+    place of the package's trackers: one of your own, which is registered
     (`tracking.sensors.register`).
     """
 
