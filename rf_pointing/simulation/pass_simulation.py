@@ -129,7 +129,7 @@ def simulate_pass(
     controller.start(start_t_s, window, sensor)
     log.certificate = controller.plan.certificate
     mode = controller.state.mode
-    for _, tick in ticks(pointed.step, round((window.los_t_s - start_t_s) / antenna.params.tick_s) - 1, first=1):
+    for _, tick in ticks(pointed, round((window.los_t_s - start_t_s) / antenna.params.tick_s) - 1, first=1):
         status, trajectory = tick.status, tick.trajectory
         if status is not None:
             # A cluster is noted under the mode of the newest period before its end.
