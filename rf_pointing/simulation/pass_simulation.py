@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.calibration import BiasModel, read_model
-from rf_pointing.core import Params, PointingError
+from rf_pointing.core import Params
 from rf_pointing.core.parameters import NodeParameters, read_parameter_files
 from rf_pointing.ephemeris import Pass
 from rf_pointing.ephemeris.source import SourceParams, load_track
@@ -146,15 +146,11 @@ def simulate_pass(
             controller.take_error(monopulse.measure(reception.cluster))
             for error in conscan.take_power(reception.power):
                 controller.take_error(error)
-            _note(log, reception.truth, mode)
+            log.t_s.append(reception.truth.t_s)
+            log.cross_elevation_rad.append(reception.truth.cross_elevation_rad)
+            log.elevation_rad.append(reception.truth.elevation_rad)
+            log.carrier_to_noise_db_hz.append(reception.truth.carrier_to_noise_db_hz)
+            log.mode.append(mode)
             if on_reception is not None:
                 on_reception(reception)
     return log
-
-
-def _note(log: PassLog, truth: PointingError, mode: str) -> None:
-    log.t_s.append(truth.t_s)
-    log.cross_elevation_rad.append(truth.cross_elevation_rad)
-    log.elevation_rad.append(truth.elevation_rad)
-    log.mode.append(mode)
-    log.carrier_to_noise_db_hz.append(truth.carrier_to_noise_db_hz)
