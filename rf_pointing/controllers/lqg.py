@@ -155,10 +155,7 @@ class LqgLoopParams(Params):
 
 @dataclass(slots=True, kw_only=True)
 class LqgLoopState(LawState):
-    """What every law remembers, the estimate (7,) and the regulator's output.
-
-    Every step makes a new estimate and writes into none, so a copy may share it.
-    """
+    """What every law remembers, the estimate (7,) and the regulator's output."""
 
     estimate: Array
     regulator_rad_s: float = 0.0

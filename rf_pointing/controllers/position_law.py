@@ -6,6 +6,7 @@ The feedforward takes the rate of the command from the trajectory (never by diff
 low-pass at the band limit; optionally the acceleration, led by the lag of the drive.
 """
 
+import copy
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from typing import Generic, Protocol, TypeVar
@@ -52,18 +53,17 @@ class PositionLaw(ABC, Generic[P, S]):
     @property
     def state(self) -> S:
         """A copy of the complete state."""
-        filters = self._feedforward, self._shaping, self._notch
-        return replace(self._state, filters=tuple(replace(each.state) for each in filters))
+        filters = self._feedforward.state, self._shaping.state, self._notch.state
+        return copy.deepcopy(replace(self._state, filters=filters))
 
     @state.setter
     def state(self, state: S) -> None:
-        feedforward, shaping, notch = state.filters
-        self._feedforward.state = replace(feedforward)
+        self._state = copy.deepcopy(state)
+        self._feedforward.state, shaping, notch = self._state.filters
         for section, kept in ((self._shaping, shaping), (self._notch, notch)):
             # The constants belong to the step of the state.
             section.update(kept.dt_s)
-            section.state = replace(kept)
-        self._state = replace(state)
+            section.state = kept
 
     @abstractmethod
     def retune(self, params: P) -> None:

@@ -132,7 +132,7 @@ class TrackerIntegrator:
         return offsets[0], rates[0]
 
     def along(self, t_s: Array) -> tuple[Array, Array]:
-        """Return offsets and rates (n, 2) at times (n,); those before the latest update get its own."""
+        """Return offsets and rates (n, 2) at times (n,); times before the latest update get its."""
         state = self._state
         times = np.maximum(t_s, state.t_s)[:, None]
         offsets = state.offset_rad + state.rate_rad_s * (np.minimum(times, state.end_s) - state.t_s)

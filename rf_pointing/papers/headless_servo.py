@@ -63,7 +63,7 @@ def run_servo(setup: ServoRunSetup) -> ServoRun:
     )
     antenna = BareAntenna(plant, Wind(setup.wind, random_stream(setup.seed, "wind")), setup.tick_s, laws)
     rates, encoder, beam = (np.zeros_like(setup.position_rad) for _ in range(3))
-    for k, command in ticks(antenna.step, len(setup.position_rad)):
+    for k, command in ticks(antenna, len(setup.position_rad)):
         rates[k], encoder[k], beam[k] = command, plant.encoder_rad, plant.beam_rad
     return ServoRun(rates, encoder, beam)
 

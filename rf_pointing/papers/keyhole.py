@@ -169,7 +169,7 @@ def _flown(
     pointed = PointedAntenna(antenna, controller, case.track, start_s)
     count = round((min(end_s, case.window.los_t_s - 3.0) - start_s) / antenna.params.tick_s) - 1
     times, beam = [], []
-    for _, tick in ticks(pointed.step, count, first=1):
+    for _, tick in ticks(pointed, count, first=1):
         times.append(tick.t_s)
         beam.append((tick.boresight.azimuth_rad, tick.boresight.elevation_rad))
     looks = case.track.sample(np.array(times))

@@ -157,8 +157,7 @@ def fly(setup: MonopulsePass, radio: Radio) -> PassLog:
     preprocessor.reset(ephemeris.position_rad[0], ephemeris.velocity_rad_s[0])
     laws.settle(plant, ephemeris.position_rad[0], ephemeris.velocity_rad_s[0])
     errors, velocities, transparent = np.empty((count, 2)), np.empty((count, 2)), np.empty(count, dtype=bool)
-    antenna = BareAntenna(plant, wind, TICK_S, laws, lambda k: ephemeris.position_rad[k])
-    for k, _ in ticks(antenna.step, count):
+    for k, _ in ticks(BareAntenna(plant, wind, TICK_S, laws, lambda k: ephemeris.position_rad[k]), count):
         velocities[k], transparent[k] = preprocessor.state.velocity_rad_s, all(preprocessor.state.transparent)
         sky = np.array([math.cos(truth.position_rad[k + 1, 1]), 1.0])
         errors[k] = (truth.position_rad[k + 1] - plant.beam_rad) * sky

@@ -71,7 +71,7 @@ def record(axis: str, sequences: int, seed: int, params: ExcitationParams, bendi
     )
     bias = BIAS_V * RATE_PER_VOLT_RAD_S
     antenna = BareAntenna(plant, wind, params.sample_s, lambda _k, encoder_rad: run.command(encoder_rad) + bias)
-    for _ in ticks(antenna.step):
+    for _ in ticks(antenna):
         if run.finished:
             break
     return run.recording()

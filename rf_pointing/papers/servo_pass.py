@@ -110,8 +110,7 @@ def fly(setup: PassSetup) -> PassErrors:
     if setup.settled:
         laws.settle(plant, ephemeris.position_rad[0], ephemeris.velocity_rad_s[0])
     beam, encoder = np.zeros((count, 2)), np.zeros((count, 2))
-    antenna = BareAntenna(plant, wind, TICK_S, laws, lambda k: ephemeris.position_rad[k])
-    for k, _ in ticks(antenna.step, count):
+    for k, _ in ticks(BareAntenna(plant, wind, TICK_S, laws, lambda k: ephemeris.position_rad[k]), count):
         beam[k] = truth[k + 1] - plant.beam_rad
         encoder[k] = ephemeris.position_rad[k + 1] - plant.true_joint_rad
     later = slice(1, count + 1)

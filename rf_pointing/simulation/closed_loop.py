@@ -6,9 +6,9 @@ it, `PointedAntenna`.
 
 import itertools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 from rf_pointing.core import Boresight, JointReading, JointTrajectory
 from rf_pointing.ephemeris import TopocentricTrack
@@ -16,20 +16,28 @@ from rf_pointing.station.antenna.simulated_antenna import SimulatedAntenna
 from rf_pointing.station.pointing.controller import PointingController
 from rf_pointing.station.pointing.status import TrackingStatus
 
-Output = TypeVar("Output")
+Output = TypeVar("Output", covariant=True)
 
 TARGET_LEAD_S = 2.0
 """How far ahead the controller gets the target: its trajectories reach 1 s ahead."""
 
 
-def ticks(step: Callable[[int], Output], count: int | None = None, first: int = 0) -> Iterator[tuple[int, Output]]:
-    """Yield the number of each tick and what `step` returned, which moves an antenna through it.
+class TickedAntenna(Protocol[Output]):
+    """What the time loop can move."""
+
+    def step(self, k: int) -> Output:
+        """Move through tick `k` and return what came of it."""
+        ...
+
+
+def ticks(antenna: TickedAntenna[Output], count: int | None = None, first: int = 0) -> Iterator[tuple[int, Output]]:
+    """Yield the number of each tick and what the antenna returned for it.
 
     The caller acts between two ticks: what it changes then is in force in the next tick.
     Without `count` it ends the loop.
     """
     for k in itertools.count(first) if count is None else range(first, first + count):
-        yield k, step(k)
+        yield k, antenna.step(k)
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.calibration import BiasModel, read_model
-from rf_pointing.core import Params, PointingError
+from rf_pointing.core import Params
 from rf_pointing.core.parameters import NodeParameters, read_parameter_files
 from rf_pointing.ephemeris import Pass
 from rf_pointing.ephemeris.source import SourceParams, load_track
@@ -54,9 +54,10 @@ class PassLog:
 
 
 class StationSetup:
-    """Everything a run needs, from the nodes' parameter files; `changes` are dotted keys per node over the files.
+    """Everything a run needs, from the nodes' parameter files.
 
-    `tracker` measures the carrier power in place of the package's trackers: one of your own, which is registered
+    `changes` are dotted keys per node over the files.  `tracker` measures the carrier power in
+    place of the package's trackers: one of your own, which is registered
     (`tracking.sensors.register`).
     """
 
@@ -128,7 +129,7 @@ def simulate_pass(
     controller.start(start_t_s, window, sensor)
     log.certificate = controller.plan.certificate
     mode = controller.state.mode
-    for _, tick in ticks(pointed.step, round((window.los_t_s - start_t_s) / antenna.params.tick_s) - 1, first=1):
+    for _, tick in ticks(pointed, round((window.los_t_s - start_t_s) / antenna.params.tick_s) - 1, first=1):
         status, trajectory = tick.status, tick.trajectory
         if status is not None:
             # A cluster is noted under the mode of the newest period before its end.
@@ -145,15 +146,11 @@ def simulate_pass(
             controller.take_error(monopulse.measure(reception.cluster))
             for error in conscan.take_power(reception.power):
                 controller.take_error(error)
-            _note(log, reception.truth, mode)
+            log.t_s.append(reception.truth.t_s)
+            log.cross_elevation_rad.append(reception.truth.cross_elevation_rad)
+            log.elevation_rad.append(reception.truth.elevation_rad)
+            log.carrier_to_noise_db_hz.append(reception.truth.carrier_to_noise_db_hz)
+            log.mode.append(mode)
             if on_reception is not None:
                 on_reception(reception)
     return log
-
-
-def _note(log: PassLog, truth: PointingError, mode: str) -> None:
-    log.t_s.append(truth.t_s)
-    log.cross_elevation_rad.append(truth.cross_elevation_rad)
-    log.elevation_rad.append(truth.elevation_rad)
-    log.mode.append(mode)
-    log.carrier_to_noise_db_hz.append(truth.carrier_to_noise_db_hz)

@@ -16,7 +16,7 @@ class Counted:
 
 def test_a_change_between_two_ticks_acts_in_the_next() -> None:
     antenna, seen = Counted(), []
-    for k, output in ticks(antenna.step, 3, first=5):
+    for k, output in ticks(antenna, 3, first=5):
         seen.append((k, output))
         antenna.given = 10 * k
     assert seen == [(5, 0), (6, 50), (7, 60)]
@@ -24,7 +24,7 @@ def test_a_change_between_two_ticks_acts_in_the_next() -> None:
 
 def test_no_tick_is_moved_through_before_it_is_asked_for_and_without_count_the_caller_ends_the_loop() -> None:
     antenna = Counted()
-    loop = ticks(antenna.step)
+    loop = ticks(antenna)
     assert antenna.moved == []
     for k, _ in loop:
         if k == 4:

@@ -103,8 +103,7 @@ class AxisLoops:
         gains: Sequence[Law] = params.azimuth, params.elevation
         laws = gains if params.law == _PI else self._designs_of(params.lqg_file)
         require_stable(plant, laws, self._tick_s)
-        # Building reads the designs' file and places the filters below half the sampling rate, or
-        # raises.
+        # Building places the filters below half the sampling rate, or raises.
         self._build(params)
 
     def retune(self, params: LoopParams, plant: PlantParams) -> None:
