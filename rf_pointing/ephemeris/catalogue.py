@@ -161,7 +161,7 @@ def _sampled(
     # Only position and velocity are used here; the grid's interpolation has its own derivatives.
     none = (0.0, 0.0, 0.0)
     orbit = earth_fixed_from_teme(StateVector((x, y, z), (vx, vy, vz), none, none), t_s, orientation)
-    return SampledSky(_seen(orbit, site, sense) @ site.rotation.T, start_t_s, step_s), codes.max(axis=1)
+    return SampledSky(_seen(orbit, site, sense) @ np.array(site.axes).T, start_t_s, step_s), codes.max(axis=1)
 
 
 def _seen(orbit: StateVector, site: Site, sense: float) -> Array:

@@ -12,7 +12,7 @@ ZENITH = 0.5 * math.pi
 
 
 def ka_link(**changes: float) -> Link:
-    return Link(LinkParams(**changes), AtmosphereParams.for_band("Ka"), NoiseParams.for_band("Ka"))
+    return Link(LinkParams(**changes), AtmosphereParams(zenith_loss_db=0.14), NoiseParams(lna_k=45.0, dichroic_k=1.34))
 
 
 def test_air_mass_is_one_at_zenith_cosecant_high_up_and_finite_on_the_horizon() -> None:
