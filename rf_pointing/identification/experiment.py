@@ -124,7 +124,13 @@ class IdentificationExperiment:
         signs = np.where(np.arange(sequences) % 2 == 0, 1.0, -1.0)
         self._input = np.array([sign * excitation_rad_s(params, random) for sign in signs])
         self._low, self._high = travel_rad[0] + margin_rad, travel_rad[1] - margin_rad
-        self._check_travel(axis, start_rad)
+        require_between("start_rad", start_rad, self._low, self._high)
+        below, above = predicted_travel_rad(self._input.ravel(), params.sample_s)
+        if start_rad + below < self._low or start_rad + above > self._high:
+            raise ValueError(
+                f"{axis} would run from {start_rad + below:.4f} to {start_rad + above:.4f} rad, "
+                f"must stay within {self._low:.4f} and {self._high:.4f} rad"
+            )
         self._encoder = np.zeros((*self._input.shape, 2))
         self.samples_taken = 0
         self.abort_reason = ""
@@ -197,15 +203,6 @@ class IdentificationExperiment:
         rates = np.full(2, self._params.idle_rate_rad_s)
         rates[self._axis] = self._input[where]
         return rates
-
-    def _check_travel(self, axis: str, start_rad: float) -> None:
-        require_between("start_rad", start_rad, self._low, self._high)
-        below, above = predicted_travel_rad(self._input.ravel(), self._params.sample_s)
-        if start_rad + below < self._low or start_rad + above > self._high:
-            raise ValueError(
-                f"{axis} would run from {start_rad + below:.4f} to {start_rad + above:.4f} rad, "
-                f"must stay within {self._low:.4f} and {self._high:.4f} rad"
-            )
 
 
 class SampleCollector:
