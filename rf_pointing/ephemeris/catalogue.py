@@ -165,11 +165,7 @@ def _sampled(
 
 
 def _seen(orbit: StateVector, site: Site, sense: float) -> Array:
-    """Return the Earth-fixed vector (objects, times, 3) from the antenna to each object's image.
-
-    To first order in the light time; the second is 2 mm at the distance of a geostationary
-    satellite.
-    """
+    """Return the Earth-fixed vector (objects, times, 3) from the antenna to each object's image."""
     east, north, _ = antenna = np.array(site.position_m)
     relative: Array = np.stack(orbit.position, axis=-1) - antenna
     if sense == 0.0:
@@ -177,6 +173,7 @@ def _seen(orbit: StateVector, site: Site, sense: float) -> Array:
     relative_velocity = np.stack(orbit.velocity, axis=-1) - GMST_RATE_RAD_S * np.array([-north, east, 0.0])
     distance = np.sqrt(np.einsum("otc,otc->ot", relative, relative))
     rate = np.einsum("otc,otc->ot", relative, relative_velocity) / distance
+    # To first order in the light time: the second is 2 mm at a geostationary satellite.
     light_time_s = distance / (SPEED_OF_LIGHT_M_S + sense * rate)
     seen: Array = relative - sense * light_time_s[..., None] * relative_velocity
     return seen

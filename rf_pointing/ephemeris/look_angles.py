@@ -100,7 +100,6 @@ def _unit(r: Vector, v: Vector, a: Vector) -> tuple[Vector, Vector, Vector]:
 
 
 Array = NDArray[np.float64]
-
 # Azimuth is undefined at the zenith; a millimetre added in quadrature keeps its rates finite.
 _LEAST_HORIZONTAL_M = 1e-3
 
