@@ -29,7 +29,6 @@ from rf_pointing.ephemeris.state_vector import StateVector
 from rf_pointing.ephemeris.time_scales import POSIX_EPOCH_JD, leap_seconds
 
 Array = NDArray[np.float64]
-
 _CIRCULAR_STEP_RAD, _ECCENTRIC_STEP_RAD = 0.45, 0.25
 # Largest eccentricity of the long step: the series of an eccentric orbit around its perigee
 # converges slower.

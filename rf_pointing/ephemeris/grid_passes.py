@@ -17,7 +17,6 @@ from rf_pointing.core.roots import roots_between
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
-
 Flags = NDArray[np.bool_]
 
 _TOLERANCE_S = 1e-3
