@@ -9,13 +9,7 @@ from rf_pointing.core.angles import (
     unit_vector_from_azel,
     wrap_rad,
 )
-from rf_pointing.core.checks import (
-    as_finite_array,
-    as_finite_pair,
-    require_between,
-    require_choice,
-    require_finite,
-)
+from rf_pointing.core.checks import as_finite_array, as_finite_pair, require_between, require_choice, require_finite
 from rf_pointing.core.gaussian_beam import MU, gaussian_gain, gaussian_loss_db
 from rf_pointing.core.hermite import Motion, Quintic
 from rf_pointing.core.modes import Mode, Sensor

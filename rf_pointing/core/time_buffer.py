@@ -1,7 +1,7 @@
 """Quantities over the last seconds, known at the instants at which they came, linear in between.
 
-`BeamPosition` holds two of them against each other: encoder angles and a commanded direction, which arrive as streams
-of their own, at the time of a radio measurement.
+`BeamPosition` compares two of them at the time of a radio measurement: encoder angles and a
+commanded direction, which arrive as streams of their own.
 """
 
 import math
@@ -76,7 +76,7 @@ class BeamPosition:
         return any(bool(series.times) and t_s < series.times[0] for series in (self._joints, self._centre))
 
     def offset(self, t_s: float) -> Array | None:
-        """Return cross-elevation and elevation (2,) of the beam from the direction, None when `t_s` is not covered."""
+        """Return cross-elevation and elevation (2,) of the beam off the direction, or None."""
         joints, centre = self._joints.at(t_s), self._centre.at(t_s)
         if joints is None or centre is None:
             return None

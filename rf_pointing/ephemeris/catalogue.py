@@ -29,7 +29,6 @@ from rf_pointing.ephemeris.state_vector import StateVector
 from rf_pointing.ephemeris.time_scales import POSIX_EPOCH_JD, leap_seconds
 
 Array = NDArray[np.float64]
-
 _CIRCULAR_STEP_RAD, _ECCENTRIC_STEP_RAD = 0.45, 0.25
 # Largest eccentricity of the long step: the series of an eccentric orbit around its perigee
 # converges slower.
@@ -161,15 +160,11 @@ def _sampled(
     # Only position and velocity are used here; the grid's interpolation has its own derivatives.
     none = (0.0, 0.0, 0.0)
     orbit = earth_fixed_from_teme(StateVector((x, y, z), (vx, vy, vz), none, none), t_s, orientation)
-    return SampledSky(_seen(orbit, site, sense) @ site.rotation.T, start_t_s, step_s), codes.max(axis=1)
+    return SampledSky(_seen(orbit, site, sense) @ np.array(site.axes).T, start_t_s, step_s), codes.max(axis=1)
 
 
 def _seen(orbit: StateVector, site: Site, sense: float) -> Array:
-    """Return the Earth-fixed vector (objects, times, 3) from the antenna to each object's image.
-
-    To first order in the light time; the second is 2 mm at the distance of a geostationary
-    satellite.
-    """
+    """Return the Earth-fixed vector (objects, times, 3) from the antenna to each object's image."""
     east, north, _ = antenna = np.array(site.position_m)
     relative: Array = np.stack(orbit.position, axis=-1) - antenna
     if sense == 0.0:
@@ -177,6 +172,7 @@ def _seen(orbit: StateVector, site: Site, sense: float) -> Array:
     relative_velocity = np.stack(orbit.velocity, axis=-1) - GMST_RATE_RAD_S * np.array([-north, east, 0.0])
     distance = np.sqrt(np.einsum("otc,otc->ot", relative, relative))
     rate = np.einsum("otc,otc->ot", relative, relative_velocity) / distance
+    # To first order in the light time: the second is 2 mm at a geostationary satellite.
     light_time_s = distance / (SPEED_OF_LIGHT_M_S + sense * rate)
     seen: Array = relative - sense * light_time_s[..., None] * relative_velocity
     return seen

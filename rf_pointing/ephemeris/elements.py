@@ -7,7 +7,7 @@ propagator and keep their number here.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 from sgp4.api import WGS72, Satrec
 
@@ -49,13 +49,9 @@ class Elements:
         require_between("inclination_rad", self.inclination_rad, 0.0, math.pi)
         if not self.mean_motion_rad_s > 0.0:
             raise ValueError(f"mean_motion_rad_s={self.mean_motion_rad_s} of {self.name} must be > 0")
-        for name in _FINITE:
-            require_finite(name, getattr(self, name))
-
-    @property
-    def period_s(self) -> float:
-        """Time of one mean revolution."""
-        return 2.0 * math.pi / self.mean_motion_rad_s
+        for item in fields(self):
+            if item.type is float:
+                require_finite(item.name, getattr(self, item.name))
 
     def satrec(self) -> Satrec:
         """Return a fresh SGP4 record; it holds the state of its last call, so do not share one."""
@@ -77,18 +73,6 @@ class Elements:
             self.ascending_node_rad,
         )
         return record
-
-
-_FINITE = (
-    "epoch_t_s",
-    "ascending_node_rad",
-    "argument_of_perigee_rad",
-    "mean_anomaly_rad",
-    "mean_motion_rad_s",
-    "drag_per_earth_radius",
-    "mean_motion_dot_rad_s2",
-    "mean_motion_ddot_rad_s3",
-)
 
 
 def find_elements(elements: Sequence[Elements], wanted: str) -> Elements:

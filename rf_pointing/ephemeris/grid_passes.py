@@ -17,7 +17,6 @@ from rf_pointing.core.roots import roots_between
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
-
 Flags = NDArray[np.bool_]
 
 _TOLERANCE_S = 1e-3
@@ -66,7 +65,7 @@ class SampledSky:
         u = (t_s - self.time_s(column)) / self.step_s
         apart = u[:, None] - _NODES
         ones = np.ones((len(u), 1))
-        # Products of all differences but one, from running products of both ends, without a division.
+        # Products of all differences but one, from running products of both ends: no division.
         before = np.concatenate([ones, np.cumprod(apart[:, :-1], axis=1)], axis=1)
         after = np.concatenate([ones, np.cumprod(apart[:, :0:-1], axis=1)], axis=1)[:, ::-1]
         weights = before * after / _DENOMINATORS

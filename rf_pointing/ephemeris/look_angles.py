@@ -50,9 +50,7 @@ def delayed(relative: StateVector, sense: float) -> tuple[StateVector, Any, Any]
 
 def _with_clock(r: Vector, v: Vector, a: Vector, j: Vector, sense: float) -> tuple[StateVector, Any, Any]:
     """Turn derivatives by u into derivatives by t: du/dt = 1 - sigma tau'."""
-    distance = norm(r)
-    rate = dot(r, v) / distance
-    curvature = (dot(v, v) + dot(r, a) - rate * rate) / distance
+    distance, rate, curvature = _length(r, v, a)
     tau_rate = rate / (SPEED_OF_LIGHT_M_S + sense * rate)
     # Without it the rates would be those at the target's clock, off by v/c.
     clock = 1.0 - sense * tau_rate
@@ -102,7 +100,6 @@ def _unit(r: Vector, v: Vector, a: Vector) -> tuple[Vector, Vector, Vector]:
 
 
 Array = NDArray[np.float64]
-
 # Azimuth is undefined at the zenith; a millimetre added in quadrature keeps its rates finite.
 _LEAST_HORIZONTAL_M = 1e-3
 

@@ -85,12 +85,10 @@ def read_oem(text: str) -> list[OemSegment]:
             if meta is not None:
                 found.append(_segment(meta, states))
             meta, states, place = {}, [], "meta"
-        elif line == "META_STOP":
+        elif line in ("META_STOP", "COVARIANCE_STOP"):
             place = "data"
         elif line == "COVARIANCE_START":
             place = "covariance"
-        elif line == "COVARIANCE_STOP":
-            place = "data"
         elif place == "data" and line and not line.startswith("COMMENT"):
             states.append(_state(line, number))
         elif place in ("header", "meta"):

@@ -9,9 +9,6 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 
-import numpy as np
-from numpy.typing import NDArray
-
 from rf_pointing.core import Params, parameter, require_choice
 from rf_pointing.core.constants import EARTH_RADIUS_M
 
@@ -47,18 +44,13 @@ class Site(Params):
 
     @cached_property
     def axes(self) -> tuple[Vector, Vector, Vector]:
-        """Unit vectors east, north and up in Earth-fixed components."""
+        """Unit vectors east, north and up in Earth-fixed components: the rows of the rotation."""
         sin_lat, cos_lat = math.sin(self.latitude_rad), math.cos(self.latitude_rad)
         sin_lon, cos_lon = math.sin(self.longitude_rad), math.cos(self.longitude_rad)
         east = (-sin_lon, cos_lon, 0.0)
         north = (-sin_lat * cos_lon, -sin_lat * sin_lon, cos_lat)
         up = (cos_lat * cos_lon, cos_lat * sin_lon, sin_lat)
         return east, north, up
-
-    @cached_property
-    def rotation(self) -> NDArray[np.float64]:
-        """Matrix (3, 3) from Earth-fixed to east-north-up components."""
-        return np.array(self.axes)
 
 
 SITES = {

@@ -68,10 +68,8 @@ def turned_about_z(motion: StateVector, angle_rad: Any, pole_x_rad: Any, pole_y_
     The tilt is linear in the pole's coordinates: their squares are 1e-12, 7 micrometres on the
     ground.
     """
-    if isinstance(angle_rad, float):
-        c, s = math.cos(angle_rad), math.sin(angle_rad)
-    else:
-        c, s = np.cos(angle_rad), np.sin(angle_rad)
+    functions: Any = math if isinstance(angle_rad, float) else np
+    c, s = functions.cos(angle_rad), functions.sin(angle_rad)
     return StateVector(*(_earth_fixed(v, c, s, pole_x_rad, pole_y_rad) for v in motion.derivatives()))
 
 

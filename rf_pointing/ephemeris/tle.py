@@ -22,8 +22,6 @@ _LENGTH = 69
 _TURN_DEG = (0.0, 360.0)
 # Objects of the verification file that provoke errors; their checksums were not kept up.
 _BROKEN_ON_PURPOSE = {"33333", "33334", "33335"}
-
-
 _ALPHA5 = re.compile(r"[0-9]{1,5}|[A-HJ-NP-Z][0-9]{4}")
 _LARGEST_ALPHA5 = 339999
 

@@ -77,7 +77,7 @@ def sky_uncertainty(track: TopocentricTrack, t_s: float, model: ElementUncertain
         shift = np.array([dot(on_sky[0], axis), dot(on_sky[1], axis)]) * sigma_m / norm(seen.position)
         # The three errors are independent in the orbit, not on the sky.
         covariance += np.outer(shift, shift)
-    motion = np.array([dot(on_sky[0], seen.velocity), dot(on_sky[1], seen.velocity)])
+    motion = np.array([dot(axis, seen.velocity) for axis in on_sky])
     along = motion / np.linalg.norm(motion)
     across = np.array([along[1], -along[0]])
     return SkyUncertainty(

@@ -1,20 +1,8 @@
 """What the antenna is like, from its own motion: excitation, OKID/ERA, reduction, validation."""
 
-from rf_pointing.identification.experiment import (
-    ExcitationParams,
-    IdentificationExperiment,
-    Recording,
-    SampleCollector,
-)
+from rf_pointing.identification.experiment import ExcitationParams, IdentificationExperiment, Recording, SampleCollector
 from rf_pointing.identification.model import StateSpace, modes_of
-from rf_pointing.identification.study import (
-    STRAIGHT,
-    CrossCheck,
-    ResponseStudy,
-    StraightCheck,
-    save_models,
-    study,
-)
+from rf_pointing.identification.study import STRAIGHT, CrossCheck, ResponseStudy, StraightCheck, save_models, study
 
 __all__ = [
     "STRAIGHT",

@@ -124,10 +124,17 @@ class IdentificationExperiment:
         signs = np.where(np.arange(sequences) % 2 == 0, 1.0, -1.0)
         self._input = np.array([sign * excitation_rad_s(params, random) for sign in signs])
         self._low, self._high = travel_rad[0] + margin_rad, travel_rad[1] - margin_rad
-        self._check_travel(axis, start_rad)
+        require_between("start_rad", start_rad, self._low, self._high)
+        below, above = predicted_travel_rad(self._input.ravel(), params.sample_s)
+        if start_rad + below < self._low or start_rad + above > self._high:
+            raise ValueError(
+                f"{axis} would run from {start_rad + below:.4f} to {start_rad + above:.4f} rad, "
+                f"must stay within {self._low:.4f} and {self._high:.4f} rad"
+            )
         self._encoder = np.zeros((*self._input.shape, 2))
-        self._sample = 0
-        self._abort = ""
+        self.samples_taken = 0
+        self.abort_reason = ""
+        """Why the experiment ended early, "" if it did not."""
 
     @property
     def sample_s(self) -> float:
@@ -140,42 +147,32 @@ class IdentificationExperiment:
         return float(np.max(np.abs(self._input)))
 
     @property
-    def samples_taken(self) -> int:
-        """Number of commands given so far."""
-        return self._sample
-
-    @property
     def newest(self) -> tuple[Array, Array]:
         """The latest rate command (2,) and the encoder angles (2,) it was given at.
 
         Raises ValueError before the first command.
         """
-        if self._sample == 0:
+        if self.samples_taken == 0:
             raise ValueError("no sample has been taken")
-        where = divmod(self._sample - 1, self._input.shape[1])
+        where = divmod(self.samples_taken - 1, self._input.shape[1])
         return self._rates(where), self._encoder[where].copy()
 
     @property
     def finished(self) -> bool:
         """Whether no further command follows: all samples taken, or aborted."""
-        return bool(self._abort) or self._sample == self._input.size
-
-    @property
-    def abort_reason(self) -> str:
-        """Why the experiment ended early, "" if it did not."""
-        return self._abort
+        return bool(self.abort_reason) or self.samples_taken == self._input.size
 
     @property
     def progress(self) -> float:
         """Share of the samples taken, 0 to 1."""
-        return self._sample / self._input.size
+        return self.samples_taken / self._input.size
 
     def abort(self, reason: str) -> None:
         """End the experiment; the next command is zero."""
         if not reason:
             raise ValueError("reason='' must say why the experiment ends")
         if not self.finished:
-            self._abort = reason
+            self.abort_reason = reason
 
     def command(self, encoder_rad: ArrayLike) -> Array:
         """Take the encoder angles (2,) and return the rate command (2,) until the next sample."""
@@ -187,17 +184,17 @@ class IdentificationExperiment:
         # After the end the antenna is commanded to rest, not to its last rate.
         if self.finished:
             return rate
-        where = divmod(self._sample, self._input.shape[1])
+        where = divmod(self.samples_taken, self._input.shape[1])
         self._encoder[where] = encoder
-        self._sample += 1
+        self.samples_taken += 1
         return self._rates(where)
 
     def recording(self) -> Recording:
         """Return the sequences that were completed; ValueError if not even one was."""
         # A sequence that was cut off has lost its spectrum: only complete ones count.
-        complete = self._sample // self._input.shape[1]
+        complete = self.samples_taken // self._input.shape[1]
         if complete == 0:
-            raise ValueError(f"no sequence is complete: {self._sample} of {self._input.shape[1]} samples taken")
+            raise ValueError(f"no sequence is complete: {self.samples_taken} of {self._input.shape[1]} samples taken")
         return Recording(
             AXES[self._axis], self._params.sample_s, self._input[:complete].copy(), self._encoder[:complete].copy()
         )
@@ -206,15 +203,6 @@ class IdentificationExperiment:
         rates = np.full(2, self._params.idle_rate_rad_s)
         rates[self._axis] = self._input[where]
         return rates
-
-    def _check_travel(self, axis: str, start_rad: float) -> None:
-        require_between("start_rad", start_rad, self._low, self._high)
-        below, above = predicted_travel_rad(self._input.ravel(), self._params.sample_s)
-        if start_rad + below < self._low or start_rad + above > self._high:
-            raise ValueError(
-                f"{axis} would run from {start_rad + below:.4f} to {start_rad + above:.4f} rad, "
-                f"must stay within {self._low:.4f} and {self._high:.4f} rad"
-            )
 
 
 class SampleCollector:

@@ -85,8 +85,8 @@ def refit_residues(model: PoleResidue, inputs: ArrayLike, outputs: ArrayLike) ->
     the gain of the integrator.
     """
     u, y = np.atleast_2d(inputs).astype(np.float64), np.atleast_2d(outputs).astype(np.float64)
-    # Every sequence has the same length, hence the same free motions.  They are projected out: their
-    # weights are no part of the model.
+    # Every sequence has the same length, hence the same free motions.  They are projected out:
+    # their weights are no part of the model.
     free = np.linalg.qr(_free_motions(model, u.shape[1]))[0]
     unknowns = len(model.poles) + 1
     normal, right = np.zeros((unknowns, unknowns)), np.zeros(unknowns)

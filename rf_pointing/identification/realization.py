@@ -24,16 +24,13 @@ from rf_pointing.core import require_between
 from rf_pointing.identification.model import StateSpace
 
 Array = NDArray[np.float64]
+# Of the largest singular value: rounding leaves up to 1e-14 of an exact zero.
 RANK_TOLERANCE = 1e-12
-"""Of the largest singular value; in some hundred rows rounding leaves up to 1e-14 of an exact zero."""
 
 
 @dataclass(frozen=True, slots=True)
 class ObserverMarkov:
-    """Observer Markov parameters: `direct` D, `inputs` b_1..b_p, `outputs` a_1..a_p.
-
-    `condition` is the condition number of the scaled least-squares problem.
-    """
+    """`direct` D, `inputs` b_1..b_p, `outputs` a_1..a_p; `condition` of the scaled fit."""
 
     direct: float
     inputs: Array
@@ -122,8 +119,8 @@ def realize(markov: Array, order: int, sample_s: float) -> Realization:
 
 
 _EDGE = 1e-9
-_RANK_TOLERANCE = 1e-7
-"""Of the largest Hankel singular value: the roots of the Gramians have the root of their rounding, 1.5e-8."""
+# Of the largest Hankel singular value: roots of Gramians have the root of their rounding, 1.5e-8.
+_REDUCED_RANK_TOLERANCE = 1e-7
 
 
 def balanced_reduction(model: StateSpace, order: int) -> StateSpace:
@@ -136,7 +133,7 @@ def balanced_reduction(model: StateSpace, order: int) -> StateSpace:
     require_between("order", order, max(1, kept.order), model.order)
     transform, inverse, singular = _balancing(stable)
     size = order - kept.order
-    rank = int(np.count_nonzero(singular > _RANK_TOLERANCE * np.max(singular, initial=0.0)))
+    rank = int(np.count_nonzero(singular > _REDUCED_RANK_TOLERANCE * np.max(singular, initial=0.0)))
     if size > rank:
         raise ValueError(f"order={order} must be <= {kept.order + rank}, the states that respond and show")
     a = (inverse @ stable.a @ transform)[:size, :size]

@@ -63,13 +63,8 @@ def certificate_values(certificate: Certificate) -> dict[str, Any]:
 
 def _plain(record: Any) -> dict[str, Any]:
     names = [item.name for item in dataclasses.fields(record) if item.name not in NOT_PLAIN]
-    pairs = {name: getattr(record, name) for name in names}
-    return {
-        edge: list(value) if isinstance(value, tuple) else value
-        for edge, value in (
-            to_degrees(name, value) if "_rad" in name else (name, value) for name, value in pairs.items()
-        )
-    }
+    pairs = (to_degrees(name, getattr(record, name)) for name in names)
+    return {name: list(value) if isinstance(value, tuple) else value for name, value in pairs}
 
 
 def _row(branch: Branch) -> str:

@@ -173,6 +173,13 @@ def nearest_elevation(off_rad: Array, elevation_rad: Array) -> Array:
     return np.asarray(np.arctan2(np.sin(elevation_rad), np.cos(elevation_rad) * np.cos(off_rad)))
 
 
+def smoothing_kernel(width_s: float, step_s: float) -> Array:
+    """Return the weights of a Gaussian average, three widths to either side."""
+    reach = round(3.0 * width_s / step_s)
+    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) * step_s / width_s) ** 2)
+    return np.asarray(kernel / kernel.sum())
+
+
 def _finish(path: _Path, azimuth: Array, start: int, end: int, gain: Gain, acceleration: Array) -> Crossing:
     """Choose the elevation that the axis can do and that loses least; return the crossing."""
     margin = round(4.0 * max(SMOOTHINGS_S) / path.step_s)
@@ -213,9 +220,8 @@ def _elevations(path: _Path, azimuth: Array) -> list[Array]:
     wanted = path.nearest_elevation(azimuth, slice(None)) - path.position[:, 1]
     choices = [own]
     for width_s in SMOOTHINGS_S:
-        reach = round(3.0 * width_s / path.step_s)
-        kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) * path.step_s / width_s) ** 2)
-        kernel /= kernel.sum()
+        kernel = smoothing_kernel(width_s, path.step_s)
+        reach = len(kernel) // 2
         soft = np.convolve(np.pad(wanted, reach, mode="edge"), kernel, mode="valid")
         choices += [path.position[:, 1] + share * soft for share in (0.5, 1.0)]
         choices.append(np.convolve(np.pad(own, reach, mode="edge"), kernel, mode="valid"))

@@ -115,10 +115,10 @@ class Gate:
         return Decision(warning=self.warning(float(positions[-1, 0]), float(positions[-1, 1])))
 
     def _all_clear(self, positions: Array, sun_rad: Pair | None) -> bool:
-        """Whether all positions (n, 2) are within the limits, at elevations where nothing is forbidden at any azimuth."""
+        """Return whether all positions (n, 2) are within the limits and at zone-free elevations."""
         least, most = positions.min(axis=0).tolist(), positions.max(axis=0).tolist()
-        within = least[0] >= self._low[0] and most[0] <= self._high[0]
-        within = within and least[1] >= self._low[1] and most[1] <= self._high[1]
+        rows = zip(self._low, least, most, self._high, strict=True)
+        within = all(low <= lowest and highest <= high for low, lowest, highest, high in rows)
         return within and self._sky.clear(least[1], most[1], sun_rad)
 
     def slew(self, encoder_rad: Pair, goal_rad: Pair, sun_rad: Pair | None = None) -> tuple[float, str]:

@@ -20,7 +20,14 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.planning.crossing import MARGIN_S, AxisMotionLimits, Crossing, Gain, nearest_elevation
+from rf_pointing.planning.crossing import (
+    MARGIN_S,
+    AxisMotionLimits,
+    Crossing,
+    Gain,
+    nearest_elevation,
+    smoothing_kernel,
+)
 from rf_pointing.planning.forbidden_sky import angle_between
 
 Array = NDArray[np.float64]
@@ -88,9 +95,7 @@ class _Sides:
         over = np.column_stack([self.target[:, 0] - self.half_turn_rad, math.pi - self.target[:, 1]])
         self.before, self.after = first[0] - self.target, self.second[0] - over
         """What the errors of the mount put between axes (n, 2) and target on either side."""
-        reach = round(3.0 * SMOOTHING_S / self.step_s)
-        kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) * self.step_s / SMOOTHING_S) ** 2)
-        self._kernel = kernel / kernel.sum()
+        self._kernel = smoothing_kernel(SMOOTHING_S, self.step_s)
 
     def lost_s(self, start: int, end: int) -> float:
         """Return the signal lost by changing sides between two rows, infinite when impossible."""

@@ -49,9 +49,6 @@ class Link:
         # Relative to the reference range, for which the zenith figure holds.
         spreading_db = 20.0 * np.log10(distance / self.params.reference_range_m)
         air_db = atmosphere_loss_db(self.atmosphere, elevation_rad) - self._zenith_loss_db
-        noise_db = 10.0 * np.log10(self.system_noise_k(elevation_rad) / self._zenith_noise_k)
+        noise_k = system_noise_k(self.noise, self.atmosphere, elevation_rad)
+        noise_db = 10.0 * np.log10(noise_k / self._zenith_noise_k)
         return np.asarray(self.params.zenith_carrier_to_noise_db_hz - spreading_db - air_db - noise_db)
-
-    def system_noise_k(self, elevation_rad: ArrayLike) -> NDArray[np.float64]:
-        """Return the system noise temperature at this elevation."""
-        return system_noise_k(self.noise, self.atmosphere, elevation_rad)

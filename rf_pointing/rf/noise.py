@@ -13,17 +13,13 @@ is 1 at the zenith, 1/sin e high up and finite on the horizon.
 
 import math
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rf_pointing.core import Params, parameter, require_choice
+from rf_pointing.core import Params, parameter
 
 MEAN_EARTH_RADIUS_M = 6_371_000.0
-
-# Clear dry sky at the zenith, about what Goldstone sees.
-ZENITH_LOSS_DB = {"S": 0.035, "X": 0.04, "Ka": 0.14}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,12 +29,6 @@ class AtmosphereParams(Params):
     zenith_loss_db: float = parameter(0.04, "loss at the zenith", low=0.0, high=20.0)
     physical_temperature_k: float = parameter(275.0, "mean temperature of the absorbing air", low=150.0, high=330.0)
     height_m: float = parameter(6000.0, "height of the equivalent homogeneous layer", low=500.0, high=20000.0)
-
-    @classmethod
-    def for_band(cls, band: str) -> Self:
-        """Return a clear dry sky in band S, X or Ka."""
-        require_choice("band", band, ZENITH_LOSS_DB)
-        return cls(zenith_loss_db=ZENITH_LOSS_DB[band])
 
 
 def air_mass(elevation_rad: ArrayLike, height_m: float) -> NDArray[np.float64]:
@@ -58,33 +48,19 @@ def atmosphere_loss_db(params: AtmosphereParams, elevation_rad: ArrayLike) -> ND
 
 BOLTZMANN_J_K = 1.380649e-23
 
-NOISE_PRESETS = {
-    # 8.4-GHz HEMT in liquid helium 5.45 K (HEMT section II); S band scaled from it, noise falling
-    # with frequency.
-    "S": {"lna_k": 4.0, "dichroic_k": 0.0},
-    "X": {"lna_k": 5.45, "dichroic_k": 0.0},
-    # Four-stage radiometer at 32 GHz 45 K (HEMT section VII); dichroic plate 1.34 K calculated
-    # (dichroic section V).
-    "Ka": {"lna_k": 45.0, "dichroic_k": 1.34},
-    # The same amplifier at 33.7 GHz; plate measured in DSS-13: 11 K (dichroic table 3).
-    "KABLE": {"lna_k": 45.0, "dichroic_k": 11.0},
-}
-
 
 @dataclass(frozen=True, kw_only=True)
 class NoiseParams(Params):
-    """Noise temperature of each part of the receiving system."""
+    """Noise temperature of each part of the receiving system.
+
+    The defaults are those of X band: an 8.4-GHz HEMT in liquid helium (HEMT section II).  The
+    parameter file of each band has its own, with their sources in docs/math/link.md.
+    """
 
     lna_k: float = parameter(5.45, "low-noise amplifier at its input flange", low=0.0, high=5000.0)
     dichroic_k: float = parameter(0.0, "dichroic plate: reflection and ohmic loss", low=0.0, high=300.0)
     ground_k: float = parameter(8.0, "spillover, mirrors and feed losses", low=0.0, high=300.0)
     cosmic_k: float = parameter(2.725, "sky behind the atmosphere", low=0.0, high=10000.0)
-
-    @classmethod
-    def for_band(cls, band: str) -> Self:
-        """Return a cryogenic front end in band S, X, Ka or KABLE (Ka at 33.7 GHz)."""
-        require_choice("band", band, NOISE_PRESETS)
-        return cls(**NOISE_PRESETS[band])
 
 
 def system_noise_k(noise: NoiseParams, atmosphere: AtmosphereParams, elevation_rad: ArrayLike) -> NDArray[np.float64]:

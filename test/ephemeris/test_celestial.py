@@ -117,7 +117,7 @@ def test_the_moon_is_near_enough_for_parallax() -> None:
         directions = []
         for place in (site("Goldstone DSS-13"), site("Canberra DSS-43")):
             motion, _, _ = TopocentricTrack(target_of(name), place, refraction=None).relative_motion_at(t_s)
-            directions.append(np.array(motion.position) @ place.rotation / np.linalg.norm(motion.position))
+            directions.append(np.array(motion.position) @ np.array(place.axes) / np.linalg.norm(motion.position))
         positions[name] = math.degrees(math.acos(min(1.0, float(directions[0] @ directions[1]))))
     assert 0.5 < positions["Moon"] < 2.0
     assert positions["Cygnus A"] < 2e-4

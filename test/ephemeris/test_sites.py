@@ -22,7 +22,7 @@ def test_goldstone_is_where_dsn_810_005_puts_it() -> None:
 
 def test_axes_are_right_handed_and_up_leaves_the_ellipsoid() -> None:
     place = Site.from_degrees(-20.34, 57.45, 400.0)
-    rotation = place.rotation
+    rotation = np.array(place.axes)
     np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-15)
     assert np.linalg.det(rotation) == pytest.approx(1.0)
     higher = place.replace(altitude_m=1400.0)

@@ -224,7 +224,7 @@ def test_passing_one_metre_from_the_zenith_gives_finite_numbers(cbers: Elements)
     options = {"refraction": None, "light_time": "none"}
     looks = TopocentricTrack(cbers, origin, **options).target_at(t_s)
     enu = unit_vector_from_azel(looks.azimuth_rad, looks.elevation_rad) * looks.range_m
-    x, y, z = np.array(origin.position_m) + origin.rotation.T @ enu
+    x, y, z = np.array(origin.position_m) + np.array(origin.axes).T @ enu
     latitude, longitude = math.atan2(z, math.hypot(x, y)), math.atan2(y, x)
     for _ in range(20):
         below = Site(latitude_rad=latitude, longitude_rad=longitude, altitude_m=0.0)

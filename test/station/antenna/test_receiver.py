@@ -44,13 +44,19 @@ def received(receiver: SimulatedReceiver, track: TopocentricTrack, start_s: floa
     return [reception for sample in beams if (reception := receiver.take(sample)) is not None]
 
 
-@pytest.mark.parametrize("band", ["S", "X", "Ka"])
-def test_every_band_hears_through_its_own_beam_amplifier_and_sky(band: str) -> None:
+# The table of docs/math/link.md.
+@pytest.mark.parametrize(
+    ("band", "lna_k", "dichroic_k", "zenith_loss_db"),
+    [("S", 4.0, 0.0, 0.035), ("X", 5.45, 0.0, 0.04), ("Ka", 45.0, 1.34, 0.14)],
+)
+def test_every_band_hears_through_its_own_beam_amplifier_and_sky(
+    band: str, lna_k: float, dichroic_k: float, zenith_loss_db: float
+) -> None:
     nodes = read_parameter_files([CONFIG / "dss13.yaml", CONFIG / f"band_{band.lower()}.yaml"])
     signal = nodes["rf_receiver"].group("signal", SignalParams())
     assert signal.beam.half_power_beamwidth_rad == pytest.approx(HALF_POWER_BEAMWIDTH_RAD[band])
-    assert signal.noise == NoiseParams.for_band(band)
-    assert signal.atmosphere == AtmosphereParams.for_band(band)
+    assert signal.noise == NoiseParams(lna_k=lna_k, dichroic_k=dichroic_k)
+    assert signal.atmosphere == AtmosphereParams(zenith_loss_db=zenith_loss_db)
 
 
 def test_looking_ahead_in_blocks_gives_the_directions_of_the_instants(track: TopocentricTrack, window: Pass) -> None:
