@@ -72,14 +72,11 @@ def test_remove_undoes_the_position_of_apply_moving(random):
 def test_joint_velocity_and_acceleration_are_the_derivatives_of_the_joint_position(random):
     model = random_model(random)
     start, rate = np.array([0.7, 0.9]), np.array([0.02, -0.01])
-    acceleration, jerk = np.array([3e-3, 1e-3]), np.array([2e-4, -1e-4])
+    acceleration = np.array([3e-3, 1e-3])
     step = 1e-3
 
     def joint(t):
-        here = start + rate * t + acceleration * t**2 / 2 + jerk * t**3 / 6
-        return model.apply_moving(
-            here, rate + acceleration * t + jerk * t**2 / 2, acceleration + jerk * t, jerk_rad_s3=jerk
-        )
+        return model.apply_moving(start + rate * t + acceleration * t**2 / 2, rate + acceleration * t, acceleration)
 
     before, now, after = (joint(t) for t in (-step, 0.0, step))
     assert (after[0] - before[0]) / (2 * step) == pytest.approx(now[1], abs=1e-9)
