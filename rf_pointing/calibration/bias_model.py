@@ -137,16 +137,14 @@ class BiasModel:
         velocity_rad_s: ArrayLike,
         acceleration_rad_s2: ArrayLike,
         *,
-        jerk_rad_s3: ArrayLike = 0.0,
         temperature_k: ArrayLike | None = None,
     ) -> tuple[Array, Array, Array]:
         """Return the joint motion (..., 2) that keeps the beam on a moving true target.
 
-        Columns are azimuth, elevation.  Without `jerk_rad_s3` the target's motion is taken to end
-        at its acceleration: the position is unaffected, the velocity lacks x7 * jerk and the
-        acceleration x6 * jerk.
+        Columns are azimuth, elevation.  The target's motion is taken to end at its acceleration: the
+        position is unaffected, the velocity lacks x7 * jerk and the acceleration x6 * jerk.
         """
-        true = _series_of(position_rad, velocity_rad_s, acceleration_rad_s2, jerk_rad_s3)
+        true = _series_of(position_rad, velocity_rad_s, acceleration_rad_s2)
         azimuth, elevation = self._observed(true, temperature_k)
         joint = np.stack([azimuth, elevation], axis=-1)
         return joint[0], joint[1], 2.0 * joint[2]
@@ -156,7 +154,7 @@ class BiasModel:
             np.stack(np.broadcast_arrays(*motion[k : k + 2]), axis=-1) for k in (0, 2, 4)
         )
         # Without lags no derivative is needed, and shorter series are cheaper.
-        return _series_of(position, velocity, acceleration, 0.0)[:, : 3 if self.has_lags else 1]
+        return _series_of(position, velocity, acceleration)[:, : 3 if self.has_lags else 1]
 
     def _observed(self, true: Array, temperature_k: ArrayLike | None) -> Array:
         # Encoder, flexure and lag terms act at the axes: the mount's rotations come first.
@@ -192,13 +190,13 @@ class BiasModel:
         raise ValueError(f"remove: encoder terms change {change:.3e} rad after {INVERSE_ITERATIONS} iterations")
 
 
-def _series_of(position: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike, jerk: ArrayLike) -> Array:
+def _series_of(position: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike) -> Array:
     """Return the Taylor series (2, 5, ...) of azimuth and elevation."""
-    parts = np.broadcast_arrays(*(np.asarray(p, dtype=np.float64) for p in (position, velocity, acceleration, jerk)))
-    for name, part in zip(("position_rad", "velocity_rad_s", "acceleration_rad_s2", "jerk_rad_s3"), parts, strict=True):
+    parts = np.broadcast_arrays(*(np.asarray(p, dtype=np.float64) for p in (position, velocity, acceleration)))
+    for name, part in zip(("position_rad", "velocity_rad_s", "acceleration_rad_s2"), parts, strict=True):
         if part.ndim == 0 or part.shape[-1] != 2:
             raise ValueError(f"{name} has shape {part.shape}, must end in 2 (azimuth, elevation)")
         if not np.all(np.isfinite(part)):
             raise ValueError(f"{name} must be finite")
-    # Position to jerk, and one more: the acceleration of an acceleration lag is the fourth derivative.
-    return np.moveaxis(taylor.from_derivatives(*parts, 0.0), -1, 0)
+    # Two more than given: the acceleration of an acceleration lag is the fourth derivative.
+    return np.moveaxis(taylor.from_derivatives(*parts, 0.0, 0.0), -1, 0)

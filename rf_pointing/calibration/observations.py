@@ -131,17 +131,15 @@ class Observations:
             if len(values) > 1:
                 raise ValueError(f"{name} is mixed: {', '.join(values)}; one model belongs to one {name}")
         joined = {}
-        for item in fields(Observations):
-            values = [getattr(part, item.name) for part in parts]
-            if item.name in ("station", "band"):
-                joined[item.name] = values[0]
-            elif any(value is None for value in values):
-                # A gap filled with zeros would be a range of zero: orbit errors at infinite angles.
-                if not all(value is None for value in values):
-                    raise ValueError(f"{item.name} is given for some parts only")
-            else:
-                joined[item.name] = np.concatenate(values)
-        return Observations(**joined)
+        for name in (item.name for item in fields(Observations) if item.name not in ("station", "band")):
+            values = [getattr(part, name) for part in parts]
+            missing = sum(value is None for value in values)
+            # A gap filled with zeros would be a range of zero: orbit errors at infinite angles.
+            if 0 < missing < len(values):
+                raise ValueError(f"{name} is given for some parts only")
+            if not missing:
+                joined[name] = np.concatenate(values)
+        return Observations(station=parts[0].station, band=parts[0].band, **joined)
 
 
 def _finite(name: str, value: ArrayLike, length: int | None) -> Array:

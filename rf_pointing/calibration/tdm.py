@@ -46,6 +46,14 @@ DATA_KEYWORDS = _keywords(
     ("TRANSMIT_FREQ", "TRANSMIT_FREQ_RATE", "RECEIVE_FREQ"),
 )
 _SECTIONS = ("META_START", "META_STOP", "DATA_START", "DATA_STOP")
+# Which keyword may follow in which part of a message, and the part that it begins.
+_NEXT_PLACE = {
+    ("header", "META_START"): "metadata",
+    ("between", "META_START"): "metadata",
+    ("metadata", "META_STOP"): "described",
+    ("described", "DATA_START"): "data",
+    ("data", "DATA_STOP"): "between",
+}
 _HEADER = ("CCSDS_TDM_VERS", "CREATION_DATE", "ORIGINATOR", "MESSAGE_ID")
 _ONE_WAY = ("2,1", "1,2")
 _ANGLES = ("ANGLE_1", "ANGLE_2")
@@ -95,7 +103,9 @@ def _segments(lines: Sequence[str]) -> list[_Segment]:
     place, header = "header", {}
     for number, key, value in _statements(lines):
         if key in _SECTIONS:
-            place = _next_place(place, key, number)
+            if (place, key) not in _NEXT_PLACE:
+                raise ValueError(f"line {number}: {key} does not belong here ({place})")
+            place = _NEXT_PLACE[place, key]
             if key == "META_START":
                 segments.append(_Segment(number))
         elif place == "header":
@@ -125,19 +135,6 @@ def _statements(lines: Sequence[str]) -> Iterator[tuple[int, str, str]]:
             if not pair[1]:
                 raise ValueError(f"line {number}: {pair[0]} has no value")
             yield number, *pair
-
-
-def _next_place(place: str, key: str, number: int) -> str:
-    allowed = {
-        ("header", "META_START"): "metadata",
-        ("between", "META_START"): "metadata",
-        ("metadata", "META_STOP"): "described",
-        ("described", "DATA_START"): "data",
-        ("data", "DATA_STOP"): "between",
-    }
-    if (place, key) not in allowed:
-        raise ValueError(f"line {number}: {key} does not belong here ({place})")
-    return allowed[(place, key)]
 
 
 def _add_metadata(segment: _Segment, number: int, key: str, value: str) -> None:

@@ -136,7 +136,8 @@ class _Search:
 
 
 def _least(moves: list[tuple[float, str]]) -> tuple[str, float]:
-    """Return the move to the least criterion; of inseparable terms, equal but for rounding, the first by name."""
+    """Return the move to the least criterion."""
+    # Inseparable terms have equal criteria but for rounding: the first by name is taken.
     least = min(moves)[0]
     name, bic = min((name, bic) for bic, name in moves if bic <= least + _SAME_BIC)
     return name, bic

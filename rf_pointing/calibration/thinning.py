@@ -143,22 +143,20 @@ def smooth(t_s: Array, residuals: Array, sigma: Array) -> Thinned:
     # Unless most pieces do: noise that is correlated over seconds (wind, a hunting servo, coarse
     # encoders) scatters like that everywhere.  It raises the sigma of all points instead; dropping
     # had left 19 points of 5386.
-    pieces, short = [], 0
-    for rows in _pieces_of(t_s):
-        if len(rows) < _PIECE_FEWEST:
-            short += len(rows)
-        else:
-            wanted = _spread_points(t_s[rows])
-            pieces.append(_Piece.of(t_s[rows], residuals[rows], wanted, np.mean(sigma[rows], axis=0)))
+    pieces = [
+        _Piece.of(t_s[rows], residuals[rows], np.mean(sigma[rows], axis=0))
+        for rows in _pieces_of(t_s)
+        if len(rows) >= _PIECE_FEWEST
+    ]
     if not pieces:
         raise ValueError(f"no {_PIECE_S:g}-s piece has {_PIECE_FEWEST} samples")
     usual = np.maximum(np.quantile([piece.excess for piece in pieces], _PARABOLAS_QUANTILE, axis=0), 1.0)
     found = [piece for piece in pieces if np.all(piece.excess <= _WORST_SCATTER * usual)]
     if not found:
         raise ValueError(f"no {_PIECE_S:g}-s piece with {_PIECE_FEWEST} samples follows a parabola")
-    bent = sum(piece.count for piece in pieces) - sum(piece.count for piece in found)
+    fitted, taken = (sum(piece.count for piece in some) for some in (pieces, found))
     too_short = f"in a {_PIECE_S:g}-s piece with fewer than {_PIECE_FEWEST} samples"
-    return _joined(found, {too_short: short, "not along a parabola": bent})
+    return _joined(found, {too_short: len(t_s) - fitted, "not along a parabola": fitted - taken})
 
 
 def _as_they_are(t_s: Array, residuals: Array) -> Thinned:
@@ -201,7 +199,10 @@ class _Piece:
     count: int
 
     @classmethod
-    def of(cls, t: Array, residuals: Array, at: Array, stated: Array) -> "_Piece":
+    def of(cls, t: Array, residuals: Array, stated: Array) -> "_Piece":
+        middles = np.floor(t[0] / _PIECE_S) * _PIECE_S + _PIECE_S * (np.arange(_POINTS) + 0.5) / _POINTS
+        # A sample is the mean of a second, so the piece reaches half a second beyond it.
+        at = middles[(middles >= t[0] - 0.5) & (middles <= t[-1] + 0.5)]
         values, left, covariance = _parabola(t, residuals, at)
         # Neighbours are correlated by 0.25: a raised sigma makes their mean right.
         together = max(1.0, float(np.sum(covariance) / np.trace(covariance)))
@@ -243,9 +244,3 @@ def _correlation_factor(pieces: list[_Piece]) -> Array:
     length = float(np.mean([piece.count for piece in pieces]))
     rho = np.clip(products / np.maximum(squares, 1e-300) + 3.0 / length, 0.0, 0.98)
     return np.asarray(np.sqrt((1.0 + rho) / (1.0 - rho)))
-
-
-def _spread_points(t: Array) -> Array:
-    start = np.floor(t[0] / _PIECE_S) * _PIECE_S
-    wanted = start + _PIECE_S * (np.arange(_POINTS) + 0.5) / _POINTS
-    return np.asarray(wanted[(wanted >= t[0] - 0.5) & (wanted <= t[-1] + 0.5)])

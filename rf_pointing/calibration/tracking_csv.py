@@ -2,10 +2,6 @@
 
 Column names carry their units.  Lines "# name: value" before the header hold what is the same for
 all rows (station, band, target).  An error names the line.
-
-`ObservationJournal` writes points as they are taken, each on the disk before the next one
-(docs/decisions/0062): a killed process loses at most the line it was writing.  Its file is the one
-that `read_observations` reads.
 """
 
 import csv
@@ -82,8 +78,9 @@ def write_observations(path: str | Path, points: Observations) -> None:
 class ObservationJournal:
     """The points of one station and band in `path`; `points` were in it when it was opened.
 
-    Opening cuts off a last line without its end.  Other damage raises ValueError with the line's
-    number, and nothing is overwritten.
+    Each is on the disk before the next one: a killed process loses at most the line it was writing
+    (docs/decisions/0062).  Opening cuts off a last line without its end.  Other damage raises
+    ValueError with the line's number, and nothing is overwritten.  `read_observations` reads it.
     """
 
     def __init__(self, path: str | Path, station: str, band: str) -> None:

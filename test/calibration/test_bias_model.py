@@ -38,8 +38,9 @@ def test_every_coefficient_enters_equations_1_and_2_as_printed():
     assert float(offset[1]) == pytest.approx(d_el, rel=1e-14)
 
 
-def test_remove_undoes_apply_on_the_whole_sky_with_random_coefficients(random):
-    azimuth, elevation = grid()
+@pytest.mark.parametrize("elevation_deg", [(5.0, 89.0), (95.0, 170.0)], ids=["whole sky", "plunged branch"])
+def test_remove_undoes_apply_with_random_coefficients(random, elevation_deg):
+    azimuth, elevation = grid(*elevation_deg)
     for _ in range(5):
         model = random_model(random)
         # Within the mount's hole around the zenith there is nothing to close; 0.6 deg bounds it here.
@@ -47,15 +48,6 @@ def test_remove_undoes_apply_on_the_whole_sky_with_random_coefficients(random):
         back = model.remove(*model.apply(azimuth, elevation, *motion), *motion)
         assert np.max(np.abs(back[0] - azimuth)) < CLOSURE_RAD
         assert np.max(np.abs(back[1] - elevation)) < CLOSURE_RAD
-
-
-def test_remove_undoes_apply_on_the_plunged_branch(random):
-    azimuth, elevation = grid(95.0, 170.0)
-    model = random_model(random)
-    motion = rates(random, azimuth.shape)
-    back = model.remove(*model.apply(azimuth, elevation, *motion), *motion)
-    assert np.max(np.abs(back[0] - azimuth)) < CLOSURE_RAD
-    assert np.max(np.abs(back[1] - elevation)) < CLOSURE_RAD
 
 
 def test_remove_undoes_the_position_of_apply_moving(random):
@@ -72,14 +64,11 @@ def test_remove_undoes_the_position_of_apply_moving(random):
 def test_joint_velocity_and_acceleration_are_the_derivatives_of_the_joint_position(random):
     model = random_model(random)
     start, rate = np.array([0.7, 0.9]), np.array([0.02, -0.01])
-    acceleration, jerk = np.array([3e-3, 1e-3]), np.array([2e-4, -1e-4])
+    acceleration = np.array([3e-3, 1e-3])
     step = 1e-3
 
     def joint(t):
-        here = start + rate * t + acceleration * t**2 / 2 + jerk * t**3 / 6
-        return model.apply_moving(
-            here, rate + acceleration * t + jerk * t**2 / 2, acceleration + jerk * t, jerk_rad_s3=jerk
-        )
+        return model.apply_moving(start + rate * t + acceleration * t**2 / 2, rate + acceleration * t, acceleration)
 
     before, now, after = (joint(t) for t in (-step, 0.0, step))
     assert (after[0] - before[0]) / (2 * step) == pytest.approx(now[1], abs=1e-9)

@@ -60,11 +60,7 @@ def test_no_earlier_end_is_possible(candidates):
 
 def test_overlapping_passes_are_never_both_taken(track):
     both = [
-        CandidatePass(
-            name=name,
-            track=track(10.0, miss, 0.3, start),
-            sigma_rad=1e-4,
-        )
+        CandidatePass(name=name, track=track(10.0, miss, 0.3, start), sigma_rad=1e-4)
         for name, miss, start in (("poor", 4.3e6, 0.0), ("rich", 4e5, 300.0), ("later", 4e5, 1300.0))
     ]
     campaign = plan_campaign(both, SectorRule(), SLEW)
@@ -122,9 +118,7 @@ def on_offer(track, random):
         start = 2e9 + 6000.0 * number
         found.append(
             CandidatePass(
-                name=f"pass {number}",
-                track=track(10.0, miss, random.uniform(0.0, 6.0), start),
-                sigma_rad=1e-4,
+                name=f"pass {number}", track=track(10.0, miss, random.uniform(0.0, 6.0), start), sigma_rad=1e-4
             )
         )
     return found
