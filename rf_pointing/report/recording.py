@@ -188,7 +188,7 @@ class Recording:
     """All topics of one antenna, by name relative to its namespace, and what is wrong with them.
 
     `others` counts the messages of topics that belong to no antenna or to another.  `warnings` are
-    the reports on `/diagnostics` above OK.  `not_recorded` is what the recorder itself reported as lost.
+    the reports on `/diagnostics` above OK.  `not_recorded` is what the recorder reported as lost.
     """
 
     path: Path

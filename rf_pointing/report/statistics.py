@@ -32,8 +32,8 @@ from rf_pointing.report.traffic import latencies, topic_traffic
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+# Over a shorter span the steps of the encoders dominate.
 _ACCELERATION_SPAN_S = 0.5
-"""Over a shorter span the steps of the encoders dominate."""
 
 
 def summarize(analysis: Analysis) -> Summary:
