@@ -19,6 +19,7 @@ from rf_pointing.core.modes import Mode
 from rf_pointing.report.recording import Pass, Recording
 from rf_pointing.report.summary import Acquisition, ErrorStatistics, Spread, reduced
 from rf_pointing.tracking.sensors import SENSORS
+from rf_pointing.report.topics import TopicData
 
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
@@ -132,28 +133,27 @@ def error_series(recording: Recording, modes: Timeline | None) -> ErrorSeries | 
     """Return the true error, else the sensed one, else None."""
     for name, source in (("sim/pointing_error", "true"), ("pointing_error", "sensed")):
         data = recording.get(name)
-        if data is None or data.stamp_ns is None or not np.any(data["valid"]):
-            continue
-        # By stamp, not by reception: errors of several sensors overtake each other.
-        order = np.flatnonzero(data["valid"])
-        order = order[np.argsort(data.stamp_ns[order], kind="stable")]
-        error = np.stack([data["cross_elevation"], data["elevation"]], axis=-1)[order]
-        finite = np.all(np.isfinite(error), axis=1)
-        return _series(source, data.stamp_ns[order][finite], error[finite], modes, int(np.sum(~finite)))
+        if data is not None and data.stamp_ns is not None and np.any(data["valid"]):
+            return _series(source, data.stamp_ns, data, modes)
     return None
 
 
-def _series(source: str, stamp_ns: Ints, error_rad: Floats, modes: Timeline | None, dropped: int) -> ErrorSeries:
-    n = len(stamp_ns)
-    mode = np.full(n, "", dtype=np.str_)
-    width, alone = np.full(n, np.nan), np.full((n, 2), np.nan)
+def _series(source: str, stamp_ns: Ints, data: TopicData, modes: Timeline | None) -> ErrorSeries:
+    error_rad = np.stack([data["cross_elevation"], data["elevation"]], axis=-1)
+    valid, finite = data["valid"], np.all(np.isfinite(error_rad), axis=1)
+    # By stamp, not by reception: errors of several sensors overtake each other.
+    order = np.flatnonzero(valid & finite)
+    order = order[np.argsort(stamp_ns[order], kind="stable")]
+    stamp_ns, error_rad = stamp_ns[order], error_rad[order]
+    mode = np.full(len(order), "", dtype=np.str_)
+    width, alone = np.full(len(order), np.nan), np.full((len(order), 2), np.nan)
     if modes is not None:
         mode = modes.mode_at(stamp_ns)
         tracking = np.isin(mode, tracking_modes())
         # Outside the tracking modes the beam is not meant to be on the target: no loss.
         width = np.where(tracking, modes.beamwidth_rad_at(stamp_ns), np.nan)
         alone = np.where(tracking[:, None], error_rad + modes.offset_rad_at(stamp_ns), np.nan)
-    return ErrorSeries(source, stamp_ns, error_rad, alone, mode, width, dropped)
+    return ErrorSeries(source, stamp_ns, error_rad, alone, mode, width, dropped=int(np.sum(valid & ~finite)))
 
 
 def statistics_of(error_rad: Floats, beamwidth_rad: Floats) -> ErrorStatistics:
@@ -184,10 +184,10 @@ def _spread(error_rad: Floats) -> Spread:
     )
 
 
+# A tenth of a beamwidth costs 0.12 dB.
 _SETTLED_BEAMWIDTHS = 0.1
-"""A tenth of a beamwidth costs 0.12 dB."""
+# A beam that swings through the target is within the limit too, but not so long.
 _SETTLED_IN_A_ROW = 5
-"""A beam that swings through the target is within the limit too, but not so long."""
 
 
 @dataclass(frozen=True)

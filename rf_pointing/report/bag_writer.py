@@ -28,8 +28,8 @@ LOST_NOTE = "rf_pointing.lost"
 """Key in the bag's custom data: JSON list of what could not be recorded."""
 PROBLEM_NOTE = "rf_pointing.problem"
 """Key in the bag's custom data: why recording stopped."""
+# Size of a file that keeps room for the index of a bag that fills the disk.
 _RESERVE_BYTES = 512 * 1024
-"""Size of a file that keeps room for the index of a bag that fills the disk."""
 
 
 @dataclass(frozen=True)

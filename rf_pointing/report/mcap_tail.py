@@ -10,6 +10,7 @@ import struct
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO
 
@@ -136,7 +137,7 @@ def _open_chunk(start: int, content: bytes, tail: McapTail) -> _OpenChunk | None
     stored = content[name_end + 8 :]
     messages: dict[int, list[tuple[int, int]]] = defaultdict(list)
     try:
-        records = list(_inner_records(decompress(stored, compression, size, crc)))
+        records = list(_records(BytesIO(decompress(stored, compression, size, crc))))
         for opcode, offset, record in records:
             if opcode == _MESSAGE:
                 channel, _, log_time = struct.unpack_from("<HIQ", record)
@@ -147,14 +148,6 @@ def _open_chunk(start: int, content: bytes, tail: McapTail) -> _OpenChunk | None
     for opcode, _, record in records:
         _note(opcode, record, tail)
     return _OpenChunk(start, _HEAD + len(content), content[:16], compression, (len(stored), size), messages)
-
-
-def _inner_records(raw: bytes) -> Iterator[Record]:
-    position = 0
-    while position + _HEAD <= len(raw):
-        opcode, length = struct.unpack_from("<BQ", raw, position)
-        yield opcode, position, raw[position + _HEAD : position + _HEAD + length]
-        position += _HEAD + length
 
 
 def _note(opcode: int, content: bytes, tail: McapTail) -> None:

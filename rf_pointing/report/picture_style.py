@@ -3,7 +3,7 @@
 Figures are made without pyplot: no global state, no window, drawn by Agg.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rf_pointing.core import azel_from_unit_vector, unit_vector_from_azel
 from rf_pointing.core.modes import Mode
 from rf_pointing.report.analysis import Analysis
 from rf_pointing.tracking.sensors import SENSORS
@@ -70,14 +71,20 @@ def plain_log_scale(axis: Any) -> None:
     axis.set_minor_formatter(FuncFormatter(lambda value, _: f"{value:g}") if narrow else NullFormatter())
 
 
-def sky_axes(axes: Any, rings_deg: Sequence[int]) -> None:
-    """Make polar `axes` the sky, north up and zenith in the middle, with rings at elevations."""
+def sky_axes(axes: Any) -> None:
+    """Make polar `axes` the sky, north up and zenith in the middle, with rings of elevation."""
     axes.set_theta_zero_location("N")
     axes.set_theta_direction(-1)
     axes.set_rlim(0.0, 90.0)
-    labels = [f"{ring}°" for ring in rings_deg]
-    axes.set_rgrids([90.0 - ring for ring in rings_deg], labels, angle=112.5, fontsize=8.5, color="#666666")
+    axes.set_rgrids([30.0, 60.0, 90.0], ["60°", "30°", "0°"], angle=112.5, fontsize=8.5, color="#666666")
     axes.set_thetagrids(range(0, 360, 45), ["N", "NE", "E", "SE", "S", "SW", "W", "NW"])
+
+
+def sky_place(azimuth_rad: Floats, elevation_rad: Floats) -> tuple[Floats, Floats]:
+    """Return angle and zenith distance in degrees, also of elevations beyond the zenith."""
+    # By way of the vector: past the zenith the antenna looks to the other side.
+    theta, elevation = azel_from_unit_vector(unit_vector_from_azel(azimuth_rad, elevation_rad))
+    return np.unwrap(theta), 90.0 - np.degrees(elevation)
 
 
 @contextmanager

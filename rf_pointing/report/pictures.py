@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.core import AXES, MDEG, azel_from_unit_vector, gaussian_loss_db, unit_vector_from_azel
+from rf_pointing.core import AXES, MDEG, gaussian_loss_db
 from rf_pointing.core.modes import Mode
 from rf_pointing.report.analysis import Analysis, ErrorSeries, tracking_modes
 from rf_pointing.report.picture_style import (
@@ -28,6 +28,7 @@ from rf_pointing.report.picture_style import (
     per_second,
     plain_log_scale,
     sky_axes,
+    sky_place,
 )
 from rf_pointing.report.statistics import axis_motion, link_series
 from rf_pointing.report.traffic import latencies
@@ -195,7 +196,7 @@ def draw_sky(analysis: Analysis, path: Path) -> None:
         # The layout does not count the compass letters outside the circle.
         drawn.get_layout_engine().set(rect=(0.0, 0.04, 1.0, 0.92))
         axes = drawn.add_subplot(projection="polar")
-        sky_axes(axes, [90, 60, 30, 0])
+        sky_axes(axes)
         _draw_actual(axes, analysis)
         if analysis.modes is not None:
             _draw_commanded(axes, analysis)
@@ -213,7 +214,7 @@ def _draw_actual(axes: Any, analysis: Analysis) -> None:
         return
     step = max(1, len(stamp_ns) // _SKY_POINTS)
     stamp_ns = stamp_ns[::step]
-    theta, radius = _polar(azimuth[::step], elevation[::step])
+    theta, radius = sky_place(azimuth[::step], elevation[::step])
     if analysis.modes is None:
         axes.plot(theta, radius, color=AXIS_COLOURS[0], lw=4.0, alpha=0.6, label="actual")
     for mode, part, first in mode_runs(analysis, stamp_ns):
@@ -228,7 +229,7 @@ def _draw_commanded(axes: Any, analysis: Analysis) -> None:
     aimed = np.isin(analysis.modes.columns["mode"], tracking_modes())
     stamps = analysis.modes.stamp_ns[aimed]
     azimuth, elevation = (analysis.modes.columns[name][aimed] for name in ("azimuth", "elevation"))
-    theta, radius = _polar(azimuth, elevation)
+    theta, radius = sky_place(azimuth, elevation)
     axes.plot(theta, radius, color="black", lw=0.9, label="commanded")
     found = analysis.target_pass
     if found is None or not len(stamps):
@@ -239,13 +240,6 @@ def _draw_commanded(axes: Any, analysis: Analysis) -> None:
         if abs(int(stamps[index]) - time_ns) < _MARK_REACH_NS:
             axes.plot(theta[index], radius[index], "o", color="black", ms=5.0)
             axes.annotate(name, (theta[index], radius[index]), xytext=(7, 5), textcoords="offset points", weight="bold")
-
-
-def _polar(azimuth_rad: Floats, elevation_rad: Floats) -> tuple[Floats, Floats]:
-    """Return angle and zenith distance in degrees, also of elevations beyond the zenith."""
-    # By way of the vector: past the zenith the antenna looks to the other side.
-    theta, elevation = azel_from_unit_vector(unit_vector_from_azel(azimuth_rad, elevation_rad))
-    return np.unwrap(theta), 90.0 - np.degrees(elevation)
 
 
 def draw_axes(analysis: Analysis, path: Path) -> None:

@@ -1,13 +1,14 @@
 """Picture of the coming passes: the sky, the azimuth within its travel, rates against limits."""
 
 import math
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from rf_pointing.planning import AxisLimits, HorizonMask
-from rf_pointing.report.picture_style import AXIS_COLOURS, DASHED, LIMIT_COLOUR, figure, sky_axes
+from rf_pointing.report.picture_style import AXIS_COLOURS, DASHED, LIMIT_COLOUR, figure, sky_axes, sky_place
 from rf_pointing.station.pointing.certificates import PlannedPass
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#332288", "#882255", "#7f7f7f")
@@ -24,7 +25,7 @@ def draw_plan(planned: list[PlannedPass], limits: AxisLimits, mask: HorizonMask,
 
 
 def _draw_sky(axes: Any, planned: list[PlannedPass], mask: HorizonMask) -> None:
-    sky_axes(axes, [60, 30, 0])
+    sky_axes(axes)
     around = np.radians(np.arange(0.0, 360.5, 0.5))
     hills = np.degrees(mask.lowest_all(around))
     axes.fill_between(
@@ -32,16 +33,11 @@ def _draw_sky(axes: Any, planned: list[PlannedPass], mask: HorizonMask) -> None:
     )
     for number, item in enumerate(planned):
         azimuth, elevation = item.profile.position_rad.T
-        taken = item.certificate.chosen is not None
-        axes.plot(azimuth, 90.0 - np.degrees(elevation), color=_colour(number), lw=2.0 if taken else 1.0,
-                  ls="-" if taken else ":", label=_label(item))  # fmt: skip
         chosen = item.certificate.chosen
+        width, dashes = (1.0, ":") if chosen is None else (2.0, "-")
+        axes.plot(azimuth, 90.0 - np.degrees(elevation), color=_colour(number), lw=width, ls=dashes, label=_label(item))
         if chosen is not None and chosen.crossing is not None:
-            beam_azimuth, beam_elevation = chosen.crossing.position_rad.T
-            over = beam_elevation > 0.5 * math.pi
-            beam_azimuth = np.where(over, beam_azimuth - math.pi, beam_azimuth)
-            beam_elevation = np.where(over, math.pi - beam_elevation, beam_elevation)
-            axes.plot(beam_azimuth, 90.0 - np.degrees(beam_elevation), color="black", lw=0.8)
+            axes.plot(*sky_place(*chosen.crossing.position_rad.T), color="black", lw=0.8)
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.06), ncols=2, fontsize=8.0)
 
 
@@ -51,7 +47,6 @@ def _draw_wrap(axes: Any, planned: list[PlannedPass], limits: AxisLimits) -> Non
         axes.axhline(math.degrees(bound), color=LIMIT_COLOUR, ls=DASHED, lw=1.0)
     for number, (start, item) in enumerate(_in_a_row(planned)):
         minutes = start + (item.profile.t_s - item.profile.t_s[0]) / 60.0
-        direct = np.degrees(item.profile.position_rad[:, 0])
         for branch in item.certificate.branches:
             if branch.works and branch is not item.certificate.chosen and branch.axes_rad is not None:
                 axes.plot(minutes, np.degrees(branch.axes_rad[:, 0]), color="#b0b4b8", lw=0.9)
@@ -59,6 +54,7 @@ def _draw_wrap(axes: Any, planned: list[PlannedPass], limits: AxisLimits) -> Non
         if taken is not None and taken.axes_rad is not None:
             axes.plot(minutes, np.degrees(taken.axes_rad[:, 0]), color=_colour(number), lw=2.0)
         else:
+            direct = np.degrees(item.profile.position_rad[:, 0])
             axes.plot(minutes, direct, color=_colour(number), lw=1.0, ls=":")
     axes.set_ylabel("axis azimuth, deg")
     _label_passes(axes, planned)
@@ -112,8 +108,6 @@ def _label(item: PlannedPass) -> str:
 
 
 def _clock(item: PlannedPass) -> str:
-    from datetime import UTC, datetime
-
     return f"{datetime.fromtimestamp(item.window.aos_t_s, UTC):%H:%M}"
 
 

@@ -23,6 +23,7 @@ from rosbags.typesys.store import Typestore
 
 from rf_pointing.report.bag_source import READ_ERRORS, BagSource, open_bag
 from rf_pointing.report.bag_writer import LOST_NOTE, PROBLEM_NOTE, TopicLoss
+from rf_pointing.report.summary import Complaint
 from rf_pointing.report.topics import TOPICS, TopicData, as_column, head_reader, types_of
 
 _DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
@@ -75,10 +76,6 @@ class _Rows:
         )
 
 
-def _undefined(source: BagSource, types: Typesdict) -> bool:
-    return any(connection.msgtype not in types for connection in source.connections)
-
-
 class _Collector:
     """Reads all messages of `source` once; `namespace` chooses the antenna."""
 
@@ -105,6 +102,13 @@ class _Collector:
         ]
         return tuple(dict.fromkeys(self.problems + damage))
 
+    def complaints(self) -> tuple[Complaint, ...]:
+        """Return the reports on `/diagnostics` above OK, with the last of equal messages."""
+        return tuple(
+            Complaint(component=component, message=message, count=count)
+            for (component, _), (message, count) in sorted(self.warnings.items())
+        )
+
     def _types(self, source: BagSource) -> Typestore:
         types: Typesdict = {}
         for connection in source.connections:
@@ -114,10 +118,10 @@ class _Collector:
                 self.problems.append(f"the definition of {connection.msgtype} cannot be used: {error}")
         # A bag without definitions still has standard types, which are known here.
         # The types of the bag come first: the recorded version may differ from the installed one.
+        if any(connection.msgtype not in types for connection in source.connections):
+            types = {**get_typestore(Stores.ROS2_JAZZY).fielddefs, **types}
         typestore = get_typestore(Stores.EMPTY)
-        typestore.register(
-            {**get_typestore(Stores.ROS2_JAZZY).fielddefs, **types} if _undefined(source, types) else types
-        )
+        typestore.register(types)
         return typestore
 
     def _read(self, reader: Any) -> None:
@@ -184,15 +188,14 @@ class Recording:
     """All topics of one antenna, by name relative to its namespace, and what is wrong with them.
 
     `others` counts the messages of topics that belong to no antenna or to another.  `warnings` are
-    the reports on `/diagnostics` above OK as (component, last message, count); messages that differ
-    only in numbers count as one.  `not_recorded` is what the recorder itself reported as lost.
+    the reports on `/diagnostics` above OK.  `not_recorded` is what the recorder reported as lost.
     """
 
     path: Path
     namespace: str
     topics: dict[str, TopicData]
     passes: tuple[Pass, ...]
-    warnings: tuple[tuple[str, str, int], ...]
+    warnings: tuple[Complaint, ...]
     others: dict[str, int]
     notes: dict[str, str]
     not_recorded: tuple[TopicLoss, ...]
@@ -252,7 +255,7 @@ def read_recording(path: Path | str, *, namespace: str | None = None) -> Recordi
             namespace=chosen,
             topics=topics,
             passes=_passes(topics.get("passes")),
-            warnings=tuple((key[0], *last) for key, last in sorted(collector.warnings.items())),
+            warnings=collector.complaints(),
             others=dict(sorted(collector.others.items())),
             notes={key: text for key, text in source.notes.items() if key not in (LOST_NOTE, PROBLEM_NOTE)},
             not_recorded=tuple(TopicLoss(**item) for item in json.loads(source.notes.get(LOST_NOTE, "[]"))),
@@ -284,12 +287,10 @@ def _passes(data: TopicData | None) -> tuple[Pass, ...]:
     found: list[Pass] = []
     for new in (_pass(item) for entry in (data["passes"] if data is not None else ()) for item in entry):
         # A list that is published again has better times of the same pass.
-        found = [old for old in found if not _overlap(old, new)] + [new]
+        found = [
+            old for old in found if old.target != new.target or old.aos_ns >= new.los_ns or new.aos_ns >= old.los_ns
+        ] + [new]
     return tuple(sorted(found, key=lambda item: item.aos_ns))
-
-
-def _overlap(a: Pass, b: Pass) -> bool:
-    return a.target == b.target and a.aos_ns < b.los_ns and b.aos_ns < a.los_ns
 
 
 def _pass(message: Any) -> Pass:

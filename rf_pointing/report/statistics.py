@@ -16,7 +16,6 @@ from rf_pointing.report.summary import (
     AxisLimits,
     BagInfo,
     Commands,
-    Complaint,
     Headline,
     Link,
     ModeInterval,
@@ -33,8 +32,8 @@ from rf_pointing.report.traffic import latencies, topic_traffic
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+# Over a shorter span the steps of the encoders dominate.
 _ACCELERATION_SPAN_S = 0.5
-"""Over a shorter span the steps of the encoders dominate."""
 
 
 def summarize(analysis: Analysis) -> Summary:
@@ -65,7 +64,7 @@ def summarize(analysis: Analysis) -> Summary:
             NotRecorded(topic=i.topic, count=i.count, first_lost_utc=utc_text(i.first_log_time_ns * 1e-9))
             for i in recording.not_recorded
         ],
-        warnings=[Complaint(component=name, message=text, count=count) for name, text, count in recording.warnings],
+        warnings=list(recording.warnings),
         problems=[*recording.problems, *_missing(recording, errors)],
     )
 

@@ -6,9 +6,8 @@ A column is a name and the attribute of the message it comes from; no other attr
 import math
 import struct
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
-from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -45,9 +44,8 @@ class TopicData:
 
     def part(self, chosen: NDArray[np.bool_]) -> "TopicData":
         """Return only the messages that are `chosen` (n,)."""
-        return TopicData(
-            topic=self.topic,
-            type_name=self.type_name,
+        return replace(
+            self,
             log_time_ns=self.log_time_ns[chosen],
             stamp_ns=None if self.stamp_ns is None else self.stamp_ns[chosen],
             sequence=None if self.sequence is None else self.sequence[chosen],
@@ -124,12 +122,10 @@ class TopicLayout:
 
 
 def _own(name: str, *columns: str, periodic: bool = True) -> TopicLayout:
-    getter = attrgetter(*columns)
+    def row(message: Any) -> Row:
+        return tuple(getattr(message, column) for column in columns)
 
-    def single_row(message: Any) -> Row:
-        return (getter(message),)
-
-    return TopicLayout(f"rf_pointing_msgs/msg/{name}", columns, single_row if len(columns) == 1 else getter, periodic)
+    return TopicLayout(f"rf_pointing_msgs/msg/{name}", columns, row, periodic)
 
 
 def _joint_row(message: Any) -> Row:
@@ -140,60 +136,26 @@ def _joint_row(message: Any) -> Row:
     return [message.position[i] for i in order], velocity
 
 
-def _status_row(message: Any) -> Row:
-    return (*_STATUS(message), message.los.sec * 10**9 + message.los.nanosec)
-
-
-_TARGET_COLUMNS = (
-    "target",
-    "azimuth",
-    "elevation",
-    "azimuth_rate",
-    "elevation_rate",
-    "azimuth_acceleration",
-    "elevation_acceleration",
-    "range",
-    "range_rate",
-)
-_STATUS_COLUMNS = (
-    "mode",
-    "target",
-    "reason",
-    "azimuth",
-    "elevation",
-    "cross_elevation_error",
-    "elevation_error",
-    "cross_elevation_offset",
-    "elevation_offset",
-    "carrier_to_noise",
-    "beamwidth",
-    "command_lead",
-    "commands_sent",
-)
-_STATUS = attrgetter(*_STATUS_COLUMNS)
 _ERROR = _own("PointingError", "sensor", "valid", "reason", "cross_elevation", "elevation", "carrier_to_noise")
 
 TOPICS: dict[str, TopicLayout] = {
     "clock": TopicLayout("rosgraph_msgs/msg/Clock", (), lambda _: ()),
-    "target": _own("Target", *_TARGET_COLUMNS),
+    "target": _own(
+        "Target", "target", "azimuth", "elevation", "azimuth_rate", "elevation_rate", "azimuth_acceleration",
+        "elevation_acceleration", "range", "range_rate",
+    ),
     "passes": _own("PassList", "passes", periodic=False),
     "pointing_model": _own("PointingModel", "name", periodic=False),
     "joint_trajectory": TopicLayout("trajectory_msgs/msg/JointTrajectory", (), lambda _: ()),
-    "tracking_status": TopicLayout("rf_pointing_msgs/msg/TrackingStatus", (*_STATUS_COLUMNS, "los_ns"), _status_row),
+    "tracking_status": _own(
+        "TrackingStatus", "mode", "target", "reason", "azimuth", "elevation", "cross_elevation_error",
+        "elevation_error", "cross_elevation_offset", "elevation_offset", "carrier_to_noise", "beamwidth",
+        "command_lead", "commands_sent",
+    ),
     "joint_states": TopicLayout("sensor_msgs/msg/JointState", ("position", "velocity"), _joint_row),
     "antenna_status": _own(
-        "AntennaStatus",
-        "mode",
-        "fault",
-        "rate_command",
-        "rate_limit",
-        "acceleration_limit",
-        "at_limit",
-        "command_lead",
-        "tick_lateness",
-        "commands_accepted",
-        "commands_rejected",
-        "last_rejection",
+        "AntennaStatus", "mode", "fault", "rate_command", "rate_limit", "acceleration_limit", "at_limit",
+        "command_lead", "tick_lateness", "commands_accepted", "commands_rejected", "last_rejection",
     ),
     "sim/boresight": _own("Boresight", "azimuth", "elevation"),
     "sim/pointing_error": _ERROR,
@@ -201,5 +163,5 @@ TOPICS: dict[str, TopicLayout] = {
     Sensor.MONOPULSE: _own("Monopulse", "carrier_to_noise"),
     "carrier_power": _own("CarrierPower", "power", "carrier_to_noise"),
     "pointing_error": _ERROR,
-}
+}  # fmt: skip
 """Layout by topic name relative to the antenna's namespace."""

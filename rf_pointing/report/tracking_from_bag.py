@@ -68,11 +68,11 @@ def tracking_from_bag(
         if noted != wanted:
             raise ValueError(f"{path} was recorded with {name} {noted!r}, must be {wanted!r}")
     errors, joints, targets = (_needed(recording, name) for name in ("pointing_error", "joint_states", "target"))
-    stretches = _stretches(targets)
-    found = [
-        _recorded(errors, joints, reference, name, station, band, largest_error_rad) for name, reference in stretches
-    ]
-    passes = [one for one in found if one is not None]
+    passes = []
+    for target, reference in _stretches(targets):
+        raw = _recorded(errors, joints, reference, target, station, band, largest_error_rad)
+        if raw is not None:
+            passes.append((raw, reference))
     if not passes:
         raise ValueError(f"{path} holds no monopulse tracking of {FEWEST_SAMPLES} samples or more")
     return passes
@@ -110,7 +110,7 @@ def _recorded(
     station: str,
     band: str,
     largest_error_rad: float,
-) -> tuple[RawTracking, ReferenceTrack] | None:
+) -> RawTracking | None:
     t_s, joint_s = _seconds(errors), _seconds(joints)
     position = np.array(joints["position"].tolist(), dtype=np.float64)
     # A recorder under load may write messages out of order.
@@ -118,15 +118,13 @@ def _recorded(
     within = reference.covers(t_s) & (t_s >= joint_s[order[0]]) & (t_s <= joint_s[order[-1]])
     # Conscan and steptrack move the beam on purpose: their errors are not those of where it points.
     rows = np.flatnonzero(within & (errors["sensor"] == Sensor.MONOPULSE))
-    if len(rows) < FEWEST_SAMPLES:
-        return None
     t_s = t_s[rows]
     azimuth, elevation = (np.interp(t_s, joint_s[order], position[order, axis]) for axis in (0, 1))
     across, up = errors["cross_elevation"][rows], errors["elevation"][rows]
     good = errors["valid"][rows].astype(bool) & (np.hypot(across, up) <= largest_error_rad)
     if int(np.sum(good)) < FEWEST_SAMPLES:
         return None
-    raw = RawTracking(
+    return RawTracking(
         station=station,
         band=band,
         target=target,
@@ -137,7 +135,6 @@ def _recorded(
         range_rate_m_s=None,
         good=good,
     )
-    return raw, reference
 
 
 def _seconds(data: TopicData) -> Array:

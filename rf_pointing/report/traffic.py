@@ -11,10 +11,10 @@ from rf_pointing.report.summary import Latency, TopicTraffic, percentile_99, red
 from rf_pointing.report.topics import TOPICS, TopicData
 
 Ints = NDArray[np.int64]
+# A longer gap is a pause of the publisher, not a loss.
 _PAUSE_PERIODS = 10
-"""A longer gap is a pause of the publisher, not a loss."""
+# Stamps are kept on whole microseconds.
 _STAMP_TOLERANCE_NS = 2_000
-"""Stamps are kept on whole microseconds."""
 
 
 @dataclass(frozen=True)

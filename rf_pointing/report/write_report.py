@@ -67,7 +67,6 @@ def _tables(summary: Summary) -> dict[str, list[Row]]:
             for i in summary.timeline
         ],
         "axes": [astuple(axis) for axis in summary.servo.axes],
-        "quantities": _quantities(summary),
         "topics": [
             (i.topic if i.sensor is None else f"{i.topic} ({i.sensor})", i.count, i.rate_hz, i.wall_rate_hz, i.lost,
              i.not_recorded, i.restarts, i.longest_gap_s, i.counted_by)
@@ -106,24 +105,3 @@ def _error_cells(error: ErrorStatistics) -> tuple[Cell, ...]:
         *(radial.rms_mdeg, radial.max_mdeg),
         *(error.mean_loss_db, error.max_loss_db, error.inside_half_power_percent),
     )
-
-
-def _quantities(summary: Summary) -> list[Row]:
-    servo, commands, link = summary.servo, summary.commands, summary.link
-    carrier = f"C/N0 from {link.source or 'no topic'}, {link.over}"
-    return [
-        ("command lead, smallest, s", commands.lead_min_s),
-        ("command lead, median, s", commands.lead_median_s),
-        ("commands left in the servo, smallest, s", commands.servo_lead_min_s),
-        (
-            "commands sent / accepted / rejected",
-            " / ".join(number(count) for count in (commands.sent, commands.accepted, commands.rejected)),
-        ),
-        ("last rejection", commands.last_rejection),
-        ("servo tick late, 99th percentile, ms", servo.tick_lateness_p99_ms),
-        ("servo tick late, largest, ms", servo.tick_lateness_max_ms),
-        ("servo period deviation at the recorder, 99th percentile, ms", servo.period_deviation_p99_ms),
-        ("faults", "; ".join(servo.faults) or "none"),
-        (f"{carrier}, smallest, dB-Hz", link.carrier_to_noise_min_db_hz),
-        (f"{carrier}, median, dB-Hz", link.carrier_to_noise_median_db_hz),
-    ]

@@ -14,6 +14,7 @@ from rosbags.typesys import get_types_from_msg
 from rf_pointing.report.bag_writer import BagWriter
 from rf_pointing.report.definitions import Definitions
 from rf_pointing.report.recording import namespaces, read_recording
+from rf_pointing.report.summary import Complaint
 
 Runs = type[Any]
 START_NS = 1_700_000_000 * 10**9
@@ -229,7 +230,7 @@ def test_what_diagnostics_complained_about_is_counted(tmp_path: Path, types: Def
         for log_time_ns in range(3):
             bag.write("/diagnostics", log_time_ns, said(log_time_ns))
     recording = read_recording(tmp_path / "bag")
-    assert recording.warnings == (("gs1/receiver", "2 samples, 1.0 s late", 3),)
+    assert recording.warnings == (Complaint(component="gs1/receiver", message="2 samples, 1.0 s late", count=3),)
     assert recording.others == {"/diagnostics": 3}
 
 
