@@ -19,18 +19,8 @@ import yaml
 from ament_index_python.packages import get_package_share_directory
 from numpy.typing import NDArray
 
-from rf_pointing.calibration import (
-    Campaign,
-    FitResult,
-    ObservationJournal,
-    Observations,
-    PassPriors,
-    SectorRule,
-    ShadowRules,
-    Slew,
-    plan_campaign,
-    read_model,
-)
+from rf_pointing import calibration
+from rf_pointing.calibration import Campaign, FitResult, ObservationJournal, Observations, SectorRule
 from rf_pointing.commands import track_options
 from rf_pointing.commands.calibration_run import CalibrationRun, Outcome
 from rf_pointing.commands.options import add_namespace_option, between, ending_with_reason, say, seed
@@ -143,7 +133,8 @@ def planned(
     candidates, _ = candidate_arcs(elements, site(options.station), begin_s, span_s, rules)
     limits = AxisLimits()
     travel = (limits.azimuth_min_rad, limits.azimuth_max_rad)
-    return plan_campaign(candidates, rule, Slew(settle_s=ACQUISITION_S + 10.0, travel_rad=travel), filled)
+    slew = calibration.Slew(settle_s=ACQUISITION_S + 10.0, travel_rad=travel)
+    return calibration.plan_campaign(candidates, rule, slew, filled)
 
 
 def windows_of(options: argparse.Namespace, elements: list[Elements], campaign: Campaign) -> list[Pass]:
@@ -184,10 +175,10 @@ def fit_of(options: argparse.Namespace, output: Path) -> tuple[Observations, Fit
     log = CalibrationLog(options.station, options.band, SPACING_S, SIGMA_RAD, journal=journal_of(options))
     points = log.observations()
     config = Path(get_package_share_directory("rf_pointing")) / "config"
-    start = read_model(commissioning_model(config, options.station, options.band, output))
-    keeper = ModelKeeper(options.station, options.band, options.models, start, ShadowRules())
+    start = calibration.read_model(commissioning_model(config, options.station, options.band, output))
+    keeper = ModelKeeper(options.station, options.band, options.models, start, calibration.ShadowRules())
     keeper.begin(float(np.max(points.t_s)))
-    return points, log.fit(keeper.model, pass_priors=PassPriors.of_orbit(options.orbit_prior))
+    return points, log.fit(keeper.model, pass_priors=calibration.PassPriors.of_orbit(options.orbit_prior))
 
 
 def main(argv: list[str] | None = None) -> None:
