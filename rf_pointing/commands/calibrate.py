@@ -10,19 +10,17 @@ models is in force; 1: interrupted, or no model to decide about; 2: not started.
 import argparse
 import math
 import sys
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 import yaml
-from ament_index_python.packages import get_package_share_directory
 from numpy.typing import NDArray
 
 from rf_pointing import calibration
 from rf_pointing.calibration import Campaign, FitResult, ObservationJournal, Observations, SectorRule
 from rf_pointing.commands import track_options
-from rf_pointing.commands.calibration_run import CalibrationRun, Outcome
+from rf_pointing.commands.calibration_run import CalibrationRun, Outcome, Schedule
 from rf_pointing.commands.options import add_namespace_option, between, ending_with_reason, say, seed
 from rf_pointing.commands.station_run import run_to_end
 from rf_pointing.commands.track_options import DEFAULT_MODELS, output_folder, speed_factor
@@ -79,16 +77,6 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     # Any beacon will do: each pass selects its own at ephemeris_publisher.
     beacons_and_journal = {"satellite": "90001", "keep_observations": True}
     return argparse.Namespace(**vars(track_options.arguments([])) | vars(parser.parse_args(argv)) | beacons_and_journal)
-
-
-@dataclass(frozen=True, eq=False)
-class Schedule:
-    """What is tracked: `windows` for the fit (none when the sky is full), then `shadow`."""
-
-    elements: list[Elements]
-    campaign: Campaign
-    windows: list[Pass]
-    shadow: list[Pass]
 
 
 def plan(options: argparse.Namespace) -> Schedule:
@@ -174,8 +162,9 @@ def fit_of(options: argparse.Namespace, output: Path) -> tuple[Observations, Fit
     """Return the observations on the disk and the fit that the calibrator makes of them."""
     log = CalibrationLog(options.station, options.band, SPACING_S, SIGMA_RAD, journal=journal_of(options))
     points = log.observations()
-    config = Path(get_package_share_directory("rf_pointing")) / "config"
-    start = calibration.read_model(commissioning_model(config, options.station, options.band, output))
+    start = calibration.read_model(
+        commissioning_model(track_options.config_folder(), options.station, options.band, output)
+    )
     keeper = ModelKeeper(options.station, options.band, options.models, start, calibration.ShadowRules())
     keeper.begin(float(np.max(points.t_s)))
     return points, log.fit(keeper.model, pass_priors=calibration.PassPriors.of_orbit(options.orbit_prior))
@@ -214,7 +203,7 @@ def execute(options: argparse.Namespace, schedule: Schedule, output: Path) -> in
     outcome = Outcome()
 
     def make() -> CalibrationRun:
-        return CalibrationRun(options, schedule.windows, schedule.shadow, output, lambda: fit_of(options, output))
+        return CalibrationRun(options, schedule, output, lambda: fit_of(options, output))
 
     def work(run: CalibrationRun) -> int:
         nonlocal outcome

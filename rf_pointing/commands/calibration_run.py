@@ -15,10 +15,22 @@ from rclpy.action import ActionClient
 from rf_pointing_msgs.action import FitModel, RunCampaign
 from std_srvs.srv import Trigger
 
-from rf_pointing.calibration import FitResult, Observations
+from rf_pointing.calibration import Campaign, FitResult, Observations
 from rf_pointing.commands.station_run import StationRun
-from rf_pointing.ephemeris import Pass
+from rf_pointing.ephemeris import Elements, Pass
 from rf_pointing.nodes import convert_planning
+
+Fit = tuple[Observations, FitResult]
+
+
+@dataclass(frozen=True, eq=False)
+class Schedule:
+    """What is tracked: `windows` for the fit (none when the sky is full), then `shadow`."""
+
+    elements: list[Elements]
+    campaign: Campaign
+    windows: list[Pass]
+    shadow: list[Pass]
 
 
 @dataclass(frozen=True)
@@ -30,27 +42,19 @@ class Outcome:
     """
 
     model: str = ""
-    fit: tuple[Observations, FitResult] | None = None
+    fit: Fit | None = None
     settled: bool = False
     shadow: str = ""
 
 
 class CalibrationRun(StationRun):
-    """One calibration on the live graph: `windows` are for the fit, `shadow` for the verdict.
-
-    `read_fit` returns the observations so far and their fit.
-    """
+    """One calibration on the live graph; `read_fit` returns the observations and their fit."""
 
     def __init__(
-        self,
-        options: argparse.Namespace,
-        windows: Sequence[Pass],
-        shadow: Sequence[Pass],
-        output: Path,
-        read_fit: Callable[[], tuple[Observations, FitResult]],
+        self, options: argparse.Namespace, schedule: Schedule, output: Path, read_fit: Callable[[], Fit]
     ) -> None:
-        super().__init__("calibrate", options, [*windows, *shadow][0], output)
-        self._options, self._windows, self._shadow, self._read_fit = options, windows, shadow, read_fit
+        super().__init__("calibrate", options, [*schedule.windows, *schedule.shadow][0], output)
+        self._options, self._schedule, self._read_fit = options, schedule, read_fit
         self._shown, self._count = 0, 0
         self._campaign = ActionClient(self.node, RunCampaign, "bias_calibrator/run_campaign")
         self._fit = ActionClient(self.node, FitModel, "bias_calibrator/fit_model")
@@ -58,8 +62,8 @@ class CalibrationRun(StationRun):
     def calibrate(self) -> Outcome:
         """Bring the graph up, run campaign, fit and shadow; accept the model if it is better."""
         self.bring_up(self._campaign, self._fit)
-        if self._windows:
-            campaign = self._observe(self._windows, resume=self._options.resume)
+        if self._schedule.windows:
+            campaign = self._observe(self._schedule.windows, resume=self._options.resume)
             if self.stopping:
                 self.say(f"interrupted with {campaign.observations} observations")
                 return Outcome()
@@ -69,13 +73,13 @@ class CalibrationRun(StationRun):
             return Outcome()
         # Before the shadow adds observations: the report is that of the fit.
         made = self._read_fit()
-        shadow = self._observe(self._shadow, resume=True)
+        shadow = self._observe(self._schedule.shadow, resume=True)
         if self.stopping:
             self.say(f"interrupted; {fit.model.name} is not in force")
             return Outcome(fit.model.name, made)
         if shadow.verdict != "better":
             self.say(f"{self._call('bias_calibrator/reject').message}: the old model stays in force")
-            enough = shadow.verdict == "undecided" and shadow.passes_observed >= len(self._shadow)
+            enough = shadow.verdict == "undecided" and shadow.passes_observed >= len(self._schedule.shadow)
             return Outcome(fit.model.name, made, enough, shadow.message)
         answer = self._call("bias_calibrator/accept")
         self.say(answer.message)

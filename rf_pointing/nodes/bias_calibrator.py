@@ -23,16 +23,8 @@ from rf_pointing_msgs.msg import PointingError, PointingModel, Target
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-from rf_pointing import __version__
-from rf_pointing.calibration import (
-    ModelVersion,
-    ObservationJournal,
-    PassPriors,
-    SectorRule,
-    ShadowRules,
-    doubts_of,
-    read_model,
-)
+from rf_pointing import __version__, calibration
+from rf_pointing.calibration import ModelVersion, ObservationJournal, PassPriors, SectorRule, ShadowRules
 from rf_pointing.core import MDEG, Params, parameter
 from rf_pointing.nodes import convert, convert_calibration
 from rf_pointing.nodes.campaign_runner import CampaignRunner
@@ -97,7 +89,7 @@ class BiasCalibrator(ManagedNode):
 
     def configure(self) -> None:
         params: CalibratorParams = self.parameters.value("calibrator")
-        start = read_model(params.model_file) if params.model_file else None
+        start = calibration.read_model(params.model_file) if params.model_file else None
         self._keeper = ModelKeeper(params.station, params.band, params.folder, start, self.parameters.value("shadow"))
         # One journal for each station and band: a fit of mixed ones would be of no antenna.
         journal = None
@@ -231,7 +223,7 @@ class BiasCalibrator(ManagedNode):
             goal.abort()
             return FitModel.Result(message=str(error))
         goal.succeed()
-        return convert_calibration.fit_to_result(fit, file, doubts_of(fit, self._log.observations()))
+        return convert_calibration.fit_to_result(fit, file, calibration.doubts_of(fit, self._log.observations()))
 
     def _accept(self, _request: Trigger.Request) -> str:
         verdict = self._keeper.verdict_text()

@@ -16,16 +16,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory as TrajectoryMessage
 from trajectory_msgs.msg import JointTrajectoryPoint
 
-from rf_pointing.core import (
-    AXES,
-    Boresight,
-    CarrierPower,
-    JointReading,
-    JointTrajectory,
-    MonopulseCluster,
-    PointingError,
-    Target,
-)
+from rf_pointing import core
 from rf_pointing.ephemeris import SkyUncertainty
 from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.station.pointing.status import AntennaStatus, TrackingStatus
@@ -87,15 +78,15 @@ def _read(value: Any, kind: Any) -> Any:
     return tuple(np.array(value).tolist()) if get_origin(kind) is tuple else value
 
 
-_target_to_message, target_from_message = pair(Target, ours.Target, name="target")
-boresight_to_message, boresight_from_message = pair(Boresight, ours.Boresight)
-power_to_message, power_from_message = pair(CarrierPower, ours.CarrierPower, integration_s="integration_time")
-error_to_message, _error_from_message = pair(PointingError, ours.PointingError)
+_target_to_message, target_from_message = pair(core.Target, ours.Target, name="target")
+boresight_to_message, boresight_from_message = pair(core.Boresight, ours.Boresight)
+power_to_message, power_from_message = pair(core.CarrierPower, ours.CarrierPower, integration_s="integration_time")
+error_to_message, _error_from_message = pair(core.PointingError, ours.PointingError)
 antenna_status_to_message, _ = pair(AntennaStatus, ours.AntennaStatus)
 tracking_status_to_message, _ = pair(TrackingStatus, ours.TrackingStatus, half_power_beamwidth_rad="beamwidth")
 
 
-def target_to_message(target: Target, uncertainty: SkyUncertainty | None = None) -> ours.Target:
+def target_to_message(target: core.Target, uncertainty: SkyUncertainty | None = None) -> ours.Target:
     """Return the target, with what the age of its elements means on the sky if that is known."""
     message = _target_to_message(target, light_time=target.light_time_s, doppler_factor=target.doppler_factor)
     if uncertainty is not None:
@@ -106,28 +97,28 @@ def target_to_message(target: Target, uncertainty: SkyUncertainty | None = None)
     return message
 
 
-def joints_to_message(reading: JointReading) -> JointState:
-    message = JointState(name=list(AXES))
+def joints_to_message(reading: core.JointReading) -> JointState:
+    message = JointState(name=list(core.AXES))
     message.header.stamp = stamp_from_seconds(reading.t_s)
     message.position = reading.position_rad.tolist()
     message.velocity = reading.velocity_rad_s.tolist()
     return message
 
 
-def joints_from_message(message: JointState) -> JointReading:
+def joints_from_message(message: JointState) -> core.JointReading:
     order = _axis_order(list(message.name))
     position, velocity = np.array(message.position), np.array(message.velocity)
     for name, values in (("position", position), ("velocity", velocity)):
         if len(values) != len(message.name):
             raise ValueError(f"{name} has {len(values)} values, must have one for each of {len(message.name)} joints")
-    return JointReading(
+    return core.JointReading(
         t_s=seconds_from_stamp(message.header.stamp), position_rad=position[order], velocity_rad_s=velocity[order]
     )
 
 
-def trajectory_to_message(trajectory: JointTrajectory, stamp_s: float) -> TrajectoryMessage:
+def trajectory_to_message(trajectory: core.JointTrajectory, stamp_s: float) -> TrajectoryMessage:
     """Return the command with `stamp_s` as its base time; every point must lie after it."""
-    message = TrajectoryMessage(joint_names=list(AXES))
+    message = TrajectoryMessage(joint_names=list(core.AXES))
     message.header.stamp = stamp_from_seconds(stamp_s)
     for t_s, position, velocity, acceleration in zip(
         trajectory.t_s, trajectory.position_rad, trajectory.velocity_rad_s, trajectory.acceleration_rad_s2, strict=True
@@ -143,7 +134,7 @@ def trajectory_to_message(trajectory: JointTrajectory, stamp_s: float) -> Trajec
     return message
 
 
-def trajectory_from_message(message: TrajectoryMessage) -> JointTrajectory:
+def trajectory_from_message(message: TrajectoryMessage) -> core.JointTrajectory:
     order = _axis_order(list(message.joint_names))
     base_s = seconds_from_stamp(message.header.stamp)
     for name in ("positions", "velocities", "accelerations"):
@@ -152,7 +143,7 @@ def trajectory_from_message(message: TrajectoryMessage) -> JointTrajectory:
                 raise ValueError(
                     f"points[{index}].{name} has {len(getattr(point, name))} values, must have {len(order)}"
                 )
-    return JointTrajectory(
+    return core.JointTrajectory(
         t_s=np.array(
             [round(base_s + p.time_from_start.sec + p.time_from_start.nanosec * 1e-9, 6) for p in message.points]
         ),
@@ -162,11 +153,11 @@ def trajectory_from_message(message: TrajectoryMessage) -> JointTrajectory:
     )
 
 
-def error_from_message(message: ours.PointingError) -> PointingError:
+def error_from_message(message: ours.PointingError) -> core.PointingError:
     return _error_from_message(message, covariance_rad2=np.array(message.covariance).reshape(2, 2))
 
 
-def monopulse_to_message(cluster: MonopulseCluster) -> ours.Monopulse:
+def monopulse_to_message(cluster: core.MonopulseCluster) -> ours.Monopulse:
     message = ours.Monopulse(carrier_to_noise=float(cluster.carrier_to_noise_db_hz))
     message.header.stamp = stamp_from_seconds(float(cluster.t_s[-1]))
     message.sample_period = round(float(cluster.t_s[1] - cluster.t_s[0]), 6) if len(cluster.t_s) > 1 else 0.0
@@ -177,7 +168,7 @@ def monopulse_to_message(cluster: MonopulseCluster) -> ours.Monopulse:
     return message
 
 
-def monopulse_from_message(message: ours.Monopulse) -> MonopulseCluster:
+def monopulse_from_message(message: ours.Monopulse) -> core.MonopulseCluster:
     channels = {}
     for name in ("sum", "difference_cross_elevation", "difference_elevation"):
         in_phase, quadrature = np.array(getattr(message, f"{name}_i")), np.array(getattr(message, f"{name}_q"))
@@ -190,7 +181,7 @@ def monopulse_from_message(message: ours.Monopulse) -> MonopulseCluster:
     count = len(message.sum_i)
     last_s = seconds_from_stamp(message.header.stamp)
     t_s = last_s - message.sample_period * np.arange(count - 1, -1, -1)
-    return MonopulseCluster(t_s=t_s, carrier_to_noise_db_hz=message.carrier_to_noise, **channels)
+    return core.MonopulseCluster(t_s=t_s, carrier_to_noise_db_hz=message.carrier_to_noise, **channels)
 
 
 def scan_centre_from_message(
@@ -206,12 +197,12 @@ def scan_centre_from_message(
 
 def _axis_order(names: list[str]) -> list[int]:
     # Joints may come in any order, but each of them once: a missing one must not become 0.
-    unknown = [name for name in names if name not in AXES]
+    unknown = [name for name in names if name not in core.AXES]
     if unknown:
-        raise ValueError(f"unknown joint {', '.join(unknown)}; the joints are {', '.join(AXES)}")
-    if sorted(names) != sorted(AXES):
-        raise ValueError(f"joints are {', '.join(names) or 'none'}, must be {', '.join(AXES)}, each once")
-    return [names.index(axis) for axis in AXES]
+        raise ValueError(f"unknown joint {', '.join(unknown)}; the joints are {', '.join(core.AXES)}")
+    if sorted(names) != sorted(core.AXES):
+        raise ValueError(f"joints are {', '.join(names) or 'none'}, must be {', '.join(core.AXES)}, each once")
+    return [names.index(axis) for axis in core.AXES]
 
 
 def _stacked(rows: list[list[float]], order: list[int]) -> NDArray[np.float64]:

@@ -16,17 +16,10 @@ from dataclasses import dataclass
 from rf_pointing_msgs.msg import PassList, PassProfileList, Target
 from rf_pointing_msgs.srv import SelectTarget
 
+from rf_pointing import ephemeris
 from rf_pointing.core import Params, parameter
 from rf_pointing.core.dates import utc_text
-from rf_pointing.ephemeris import (
-    Elements,
-    ElementUncertainty,
-    Pass,
-    SkyUncertainty,
-    TopocentricTrack,
-    passes_with_present,
-    sky_uncertainty,
-)
+from rf_pointing.ephemeris import Pass, SkyUncertainty, TopocentricTrack
 from rf_pointing.ephemeris.source import SourceParams, TargetMemory, load_track, refraction_at
 from rf_pointing.nodes import convert, convert_planning
 from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Health
@@ -61,7 +54,7 @@ class EphemerisPublisher(ManagedNode):
         self.parameters.declare("source", SourceParams(), live=LIVE_SOURCE)
         self.parameters.declare("publisher", PublisherParams(), live=("lead_s", "margin_s"))
         self.parameters.declare("mask", HorizonMask())
-        self.parameters.declare("uncertainty", ElementUncertainty(), live=True)
+        self.parameters.declare("uncertainty", ephemeris.ElementUncertainty(), live=True)
         self.parameters.on_change(self._on_parameters)
         self._track: TopocentricTrack | None = None
         self._unknown = ""
@@ -132,7 +125,7 @@ class EphemerisPublisher(ManagedNode):
         moving = track.with_offsets(
             along_track_offset_s=track.along_track_offset_s, cross_track_offset_rad=track.cross_track_offset_rad
         )
-        found = passes_with_present(moving, start_s, params.span_s, horizon)
+        found = ephemeris.passes_with_present(moving, start_s, params.span_s, horizon)
         passes = [window for window in found if window.peak_elevation_rad >= peak_rad]
         if not passes:
             raise ValueError(
@@ -176,10 +169,10 @@ class EphemerisPublisher(ManagedNode):
 
     def _uncertainty(self, t_s: float) -> SkyUncertainty | None:
         """Return the uncertainty of the elements on the sky, None for a target without elements."""
-        if not isinstance(getattr(self._track.target, "elements", None), Elements):
+        if not isinstance(getattr(self._track.target, "elements", None), ephemeris.Elements):
             return None
         try:
-            return sky_uncertainty(self._track, t_s, self.parameters.value("uncertainty"))
+            return ephemeris.sky_uncertainty(self._track, t_s, self.parameters.value("uncertainty"))
         except ValueError as error:
             self.get_logger().warning(f"uncertainty unknown: {error}", throttle_duration_sec=60.0)
             return None
