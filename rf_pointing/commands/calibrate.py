@@ -28,10 +28,10 @@ from rf_pointing.core import MDEG, require_between
 from rf_pointing.core.dates import parse_utc, utc_text
 from rf_pointing.core.modes import Sensor
 from rf_pointing.ephemeris import Elements, Pass, site, tle_lines
-from rf_pointing.nodes.bias_calibrator import JOURNAL
+from rf_pointing.nodes import bias_calibrator
 from rf_pointing.planning import AxisLimits
 from rf_pointing.station.campaign.log import CalibrationLog
-from rf_pointing.station.campaign.model_keeper import ModelKeeper, campaign_folder, commissioning_model
+from rf_pointing.station.campaign.model_keeper import ModelKeeper, commissioning_model
 from rf_pointing.station.campaign.plan import ArcRules, beacons, candidate_arcs, window_of
 
 Counts = NDArray[np.int64]
@@ -143,8 +143,7 @@ def progress_so_far(options: argparse.Namespace, rule: SectorRule) -> tuple[Coun
 
 def journal_of(options: argparse.Namespace) -> ObservationJournal:
     """Return the observations that the calibrator keeps for this station and band."""
-    folder = campaign_folder(options.models, options.station, options.band)
-    return ObservationJournal(folder / JOURNAL, options.station, options.band)
+    return bias_calibrator.journal_of(options.models, options.station, options.band)
 
 
 def calibrator_parameters(path: Path, options: argparse.Namespace) -> Path:

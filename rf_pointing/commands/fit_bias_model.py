@@ -102,13 +102,12 @@ def collected(
         parts += made
     together = Observations.concatenate(parts)
     for name in ("station", "band"):
-        if getattr(together, name) != getattr(options, name):
-            raise ValueError(
-                f"the data are of {name} {getattr(together, name)!r}, must be of {getattr(options, name)!r}"
-            )
+        found, wanted = getattr(together, name), getattr(options, name)
+        if found != wanted:
+            raise ValueError(f"the data are of {name} {found!r}, must be of {wanted!r}")
     if options.sectors or options.require_full:
-        rule, require_full = SectorRule(), options.require_full
-        together, _, selection = calibration.select_observations([together], rule, require_full=require_full)
+        full = options.require_full
+        together, _, selection = calibration.select_observations([together], SectorRule(), require_full=full)
         stages.append(selection)
     return together, stages, notes
 
@@ -117,9 +116,8 @@ def _reference(options: argparse.Namespace, raw: calibration.RawTracking) -> cal
     if options.elements is None:
         raise ValueError("elements: tracking data of CSV and TDM need --elements FILE for their reference")
     elements = read_elements(options.elements.read_text())
-    return recorded_input.reference_of(
-        raw, elements, site(options.station), options.max_age * DAY_S, refraction(options)
-    )
+    oldest_s = options.max_age * DAY_S
+    return recorded_input.reference_of(raw, elements, site(options.station), oldest_s, refraction(options))
 
 
 def refraction(options: argparse.Namespace) -> RadioRefraction | Literal["standard"] | None:
@@ -127,9 +125,8 @@ def refraction(options: argparse.Namespace) -> RadioRefraction | Literal["standa
     if options.weather is None:
         return None if options.refraction_removed else "standard"
     pressure_hpa, celsius, percent = options.weather
-    return RadioRefraction(
-        pressure_hpa=pressure_hpa, temperature_k=celsius + FREEZING_K, relative_humidity=percent / 100.0
-    )
+    temperature_k, humidity = celsius + FREEZING_K, percent / 100.0
+    return RadioRefraction(pressure_hpa=pressure_hpa, temperature_k=temperature_k, relative_humidity=humidity)
 
 
 def ionosphere(options: argparse.Namespace) -> calibration.Ionosphere | None:
@@ -222,7 +219,7 @@ def fit_of(
 ) -> FitResult:
     """Return the fit of `names`, the others held at the present model's values."""
     known = _known(present)
-    base = BiasModel.zero().replace(**{**known, **{name: known.get(name, 0.0) for name in options.terms}})
+    base = BiasModel.zero().replace(**dict.fromkeys(options.terms, 0.0) | known)
     return calibration.fit_bias_model(
         points,
         terms=names,

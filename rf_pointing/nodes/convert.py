@@ -139,14 +139,12 @@ def trajectory_from_message(message: TrajectoryMessage) -> core.JointTrajectory:
     base_s = seconds_from_stamp(message.header.stamp)
     for name in ("positions", "velocities", "accelerations"):
         for index, point in enumerate(message.points):
-            if len(getattr(point, name)) != len(order):
-                raise ValueError(
-                    f"points[{index}].{name} has {len(getattr(point, name))} values, must have {len(order)}"
-                )
+            count = len(getattr(point, name))
+            if count != len(order):
+                raise ValueError(f"points[{index}].{name} has {count} values, must have {len(order)}")
+    times = [round(base_s + p.time_from_start.sec + p.time_from_start.nanosec * 1e-9, 6) for p in message.points]
     return core.JointTrajectory(
-        t_s=np.array(
-            [round(base_s + p.time_from_start.sec + p.time_from_start.nanosec * 1e-9, 6) for p in message.points]
-        ),
+        t_s=np.array(times),
         position_rad=_stacked([p.positions for p in message.points], order),
         velocity_rad_s=_stacked([p.velocities for p in message.points], order),
         acceleration_rad_s2=_stacked([p.accelerations for p in message.points], order),
@@ -169,16 +167,14 @@ def monopulse_to_message(cluster: core.MonopulseCluster) -> ours.Monopulse:
 
 
 def monopulse_from_message(message: ours.Monopulse) -> core.MonopulseCluster:
+    count = len(message.sum_i)
     channels = {}
     for name in ("sum", "difference_cross_elevation", "difference_elevation"):
         in_phase, quadrature = np.array(getattr(message, f"{name}_i")), np.array(getattr(message, f"{name}_q"))
-        if len(in_phase) != len(quadrature) or len(in_phase) != len(message.sum_i):
-            raise ValueError(
-                f"{name} has {len(in_phase)} I and {len(quadrature)} Q samples, must have {len(message.sum_i)}"
-            )
+        if not len(in_phase) == len(quadrature) == count:
+            raise ValueError(f"{name} has {len(in_phase)} I and {len(quadrature)} Q samples, must have {count}")
         channels[name] = in_phase + 1j * quadrature
     # The stamp is that of the last sample; the others lie before it.
-    count = len(message.sum_i)
     last_s = seconds_from_stamp(message.header.stamp)
     t_s = last_s - message.sample_period * np.arange(count - 1, -1, -1)
     return core.MonopulseCluster(t_s=t_s, carrier_to_noise_db_hz=message.carrier_to_noise, **channels)
@@ -190,7 +186,7 @@ def scan_centre_from_message(
     """Return time, scan centre (2,), its offset from the prediction (2,), mode and sensor."""
     offset = np.array([message.cross_elevation_offset, message.elevation_offset])
     centre = np.array(message.scan_centre)
-    if not (np.all(np.isfinite(offset)) and np.all(np.isfinite(centre))):
+    if not np.all(np.isfinite([offset, centre])):
         raise ValueError("scan_centre and the offsets must be finite")
     return seconds_from_stamp(message.header.stamp), centre, offset, message.mode, message.sensor
 

@@ -122,16 +122,13 @@ class EphemerisPublisher(ManagedNode):
         params: PublisherParams = self.parameters.value("publisher")
         horizon = self.parameters.value("mask").above(params.mask_rad)
         # Passes are those of the moving target: one that is held passes never, or always.
-        moving = track.with_offsets(
-            along_track_offset_s=track.along_track_offset_s, cross_track_offset_rad=track.cross_track_offset_rad
-        )
+        along_s, cross_rad = track.along_track_offset_s, track.cross_track_offset_rad
+        moving = track.with_offsets(along_track_offset_s=along_s, cross_track_offset_rad=cross_rad)
         found = ephemeris.passes_with_present(moving, start_s, params.span_s, horizon)
         passes = [window for window in found if window.peak_elevation_rad >= peak_rad]
         if not passes:
-            raise ValueError(
-                f"{track.name} has no pass above {math.degrees(peak_rad):.1f} deg in the {params.span_s / 3600.0:.1f} h "
-                f"after {utc_text(start_s)}"
-            )
+            peak, span = f"{math.degrees(peak_rad):.1f} deg", f"{params.span_s / 3600.0:.1f} h"
+            raise ValueError(f"{track.name} has no pass above {peak} in the {span} after {utc_text(start_s)}")
         # Only now: a target without a pass must not replace the present one.
         self._track, self._passes, self._peak_rad = track, passes, peak_rad
         message = PassList(target=track.name, passes=[convert_planning.pass_to_message(window) for window in passes])
