@@ -82,7 +82,7 @@ def excitation(options: argparse.Namespace) -> ExcitationParams:
 
 
 class Experimenter(GraphRun):
-    """Sends the goals and collects the samples; brings up a simulated antenna where one is wanted."""
+    """Sends the goals and collects the samples; brings a simulated antenna up where wanted."""
 
     def __init__(self, options: argparse.Namespace, params: ExcitationParams, output: Path) -> None:
         super().__init__(PROGRAM, options.namespace)

@@ -135,7 +135,7 @@ def execute(options: argparse.Namespace, window: Pass, output: Path) -> int:
         outcome = "tracked" if code == 0 else "NOT tracked"
         tracked, lost = f"{result.seconds_tracked:.0f} s on target", f"{result.seconds_lost:.0f} s lost"
         say("track", f"{outcome}: {result.message}, {tracked}, {lost}")
-        # Imported when it is needed: the libraries of the report take time that the bring-up has not.
+        # Imported late: the libraries of the report take time that the bring-up has not.
         from rf_pointing.report import write_report
 
         bag = track_options.bag_folder(options, output)

@@ -23,6 +23,7 @@ from rf_pointing.station.pointing.status import AntennaStatus, TrackingStatus
 
 Signal = TypeVar("Signal")
 Message = TypeVar("Message")
+# The leftmost match counts: `aos_t_s` loses `_t_s`, not only `_s`.
 _UNIT = re.compile(r"_(rad_s2|rad_s|rad2|rad|m_s|m|t_s|s|w|db_hz|db)$")
 
 
