@@ -176,9 +176,8 @@ def fit_of(options: argparse.Namespace, output: Path) -> tuple[Observations, Fit
     """Return the observations on the disk and the fit that the calibrator makes of them."""
     log = CalibrationLog(options.station, options.band, SPACING_S, SIGMA_RAD, journal=journal_of(options))
     points = log.observations()
-    start = calibration.read_model(
-        commissioning_model(track_options.config_folder(), options.station, options.band, output)
-    )
+    config = track_options.config_folder()
+    start = calibration.read_model(commissioning_model(config, options.station, options.band, output))
     keeper = ModelKeeper(options.station, options.band, options.models, start, calibration.ShadowRules())
     keeper.begin(float(np.max(points.t_s)))
     return points, log.fit(keeper.model, pass_priors=calibration.PassPriors.of_orbit(options.orbit_prior))
