@@ -10,40 +10,33 @@ models is in force; 1: interrupted, or no model to decide about; 2: not started.
 import argparse
 import math
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import yaml
-from ament_index_python.packages import get_package_share_directory
 from numpy.typing import NDArray
+from rclpy.action import ActionClient
+from rf_pointing_msgs.action import FitModel, RunCampaign
+from std_srvs.srv import Trigger
 
-from rf_pointing.calibration import (
-    Campaign,
-    FitResult,
-    ObservationJournal,
-    Observations,
-    PassPriors,
-    SectorRule,
-    ShadowRules,
-    Slew,
-    plan_campaign,
-    read_model,
-)
+from rf_pointing import calibration
+from rf_pointing.calibration import Campaign, FitResult, ObservationJournal, Observations, SectorRule
 from rf_pointing.commands import track_options
-from rf_pointing.commands.calibration_run import CalibrationRun, Outcome
 from rf_pointing.commands.options import add_namespace_option, between, ending_with_reason, say, seed
-from rf_pointing.commands.station_run import run_to_end
+from rf_pointing.commands.station_run import StationRun, run_to_end
 from rf_pointing.commands.track_options import DEFAULT_MODELS, output_folder, speed_factor
 from rf_pointing.core import MDEG, require_between
 from rf_pointing.core.dates import parse_utc, utc_text
 from rf_pointing.core.modes import Sensor
 from rf_pointing.ephemeris import Elements, Pass, site, tle_lines
-from rf_pointing.nodes.bias_calibrator import JOURNAL
+from rf_pointing.nodes import bias_calibrator, convert_planning
 from rf_pointing.planning import AxisLimits
 from rf_pointing.station.campaign.log import CalibrationLog
-from rf_pointing.station.campaign.model_keeper import ModelKeeper, campaign_folder, commissioning_model
+from rf_pointing.station.campaign.model_keeper import ModelKeeper, commissioning_model
 from rf_pointing.station.campaign.plan import ArcRules, beacons, candidate_arcs, window_of
 from rf_pointing.tracking.sensors import sensors_of
 
@@ -145,7 +138,8 @@ def planned(
     candidates, _ = candidate_arcs(elements, site(options.station), begin_s, span_s, rules)
     limits = AxisLimits()
     travel = (limits.azimuth_min_rad, limits.azimuth_max_rad)
-    return plan_campaign(candidates, rule, Slew(settle_s=ACQUISITION_S + 10.0, travel_rad=travel), filled)
+    slew = calibration.Slew(settle_s=ACQUISITION_S + 10.0, travel_rad=travel)
+    return calibration.plan_campaign(candidates, rule, slew, filled)
 
 
 def windows_of(options: argparse.Namespace, elements: list[Elements], campaign: Campaign) -> list[Pass]:
@@ -166,8 +160,7 @@ def progress_so_far(options: argparse.Namespace, rule: SectorRule) -> tuple[Coun
 
 def journal_of(options: argparse.Namespace) -> ObservationJournal:
     """Return the observations that the calibrator keeps for this station and band."""
-    folder = campaign_folder(options.models, options.station, options.band)
-    return ObservationJournal(folder / JOURNAL, options.station, options.band)
+    return bias_calibrator.journal_of(options.models, options.station, options.band)
 
 
 def calibrator_parameters(path: Path, options: argparse.Namespace) -> Path:
@@ -185,11 +178,99 @@ def fit_of(options: argparse.Namespace, output: Path) -> tuple[Observations, Fit
     """Return the observations on the disk and the fit that the calibrator makes of them."""
     log = CalibrationLog(options.station, options.band, SPACING_S, SIGMA_RAD, journal=journal_of(options))
     points = log.observations()
-    config = Path(get_package_share_directory("rf_pointing")) / "config"
-    start = read_model(commissioning_model(config, options.station, options.band, output))
-    keeper = ModelKeeper(options.station, options.band, options.models, start, ShadowRules())
+    config = track_options.config_folder()
+    start = calibration.read_model(commissioning_model(config, options.station, options.band, output))
+    keeper = ModelKeeper(options.station, options.band, options.models, start, calibration.ShadowRules())
     keeper.begin(float(np.max(points.t_s)))
-    return points, log.fit(keeper.model, pass_priors=PassPriors.of_orbit(options.orbit_prior))
+    return points, log.fit(keeper.model, pass_priors=calibration.PassPriors.of_orbit(options.orbit_prior))
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a calibration ended: the fitted model (empty: none), and the verdict of the shadow.
+
+    `fit` is made of the observations before the shadow added its own.  `settled` is True when the
+    shadow decided, also against the new model: the better of the two is in force.
+    """
+
+    model: str = ""
+    fit: tuple[Observations, FitResult] | None = None
+    settled: bool = False
+    shadow: str = ""
+
+
+class CalibrationRun(StationRun):
+    """One calibration on the live graph: campaign, fit, passes in the shadow, acceptance.
+
+    Simulated time stands still while nothing is tracked, so that the plan of the passes holds
+    however long a fit takes.
+    """
+
+    def __init__(self, options: argparse.Namespace, schedule: Schedule, output: Path) -> None:
+        super().__init__("calibrate", options, [*schedule.windows, *schedule.shadow][0], output)
+        self._options, self._schedule, self._output = options, schedule, output
+        self._shown, self._count = 0, 0
+        self._campaign = ActionClient(self.node, RunCampaign, "bias_calibrator/run_campaign")
+        self._fit = ActionClient(self.node, FitModel, "bias_calibrator/fit_model")
+
+    def calibrate(self) -> Outcome:
+        """Bring the graph up, run campaign, fit and shadow; accept the model if it is better."""
+        self.bring_up(self._campaign, self._fit)
+        if self._schedule.windows:
+            campaign = self._observe(self._schedule.windows, resume=self._options.resume)
+            if self.stopping:
+                self.say(f"interrupted with {campaign.observations} observations")
+                return Outcome()
+        fit = self.result(self.send(self._fit, FitModel.Goal(), "bias_calibrator"))
+        self.say(fit.message)
+        if not fit.success:
+            return Outcome()
+        # Before the shadow adds observations: the report is that of the fit.
+        made = fit_of(self._options, self._output)
+        shadow = self._observe(self._schedule.shadow, resume=True)
+        if self.stopping:
+            self.say(f"interrupted; {fit.model.name} is not in force")
+            return Outcome(fit.model.name, made)
+        if shadow.verdict != "better":
+            self.say(f"{self._call('bias_calibrator/reject').message}: the old model stays in force")
+            enough = shadow.verdict == "undecided" and shadow.passes_observed >= len(self._schedule.shadow)
+            return Outcome(fit.model.name, made, enough, shadow.message)
+        answer = self._call("bias_calibrator/accept")
+        self.say(answer.message)
+        return Outcome(fit.model.name, made, answer.success, shadow.message)
+
+    def _observe(self, windows: Sequence[Pass], *, resume: bool) -> RunCampaign.Result:
+        """Run a campaign of these passes; time runs only meanwhile."""
+        self._shown, self._count = 0, len(windows)
+        passes = [convert_planning.pass_to_message(window) for window in windows]
+        goal = RunCampaign.Goal(passes=passes, sensor=self._options.sensor, resume=resume)
+        handle = self.send(self._campaign, goal, "bias_calibrator", self._show)
+        self.run_time()
+        result = self.result(handle)
+        self.hold_time()
+        if sys.stderr.isatty():
+            print(file=sys.stderr)
+        self.say(result.message)
+        return result
+
+    def _call(self, name: str) -> Trigger.Response:
+        client = self.node.create_client(Trigger, name)
+        self.graph.wait_until(client.service_is_ready, name)
+        future = client.call_async(Trigger.Request())
+        self.graph.wait_until(future.done, f"an answer of {name}")
+        return future.result()
+
+    def _show(self, message: Any) -> None:
+        state = message.feedback
+        text = (
+            f"pass {state.pass_number} of {self._count}, {state.target}: so far {state.observations} observations, "
+            f"{state.sectors_filled} of 36 sectors"
+        )
+        if sys.stderr.isatty():
+            print(f"\r{text:<78}", end="", file=sys.stderr)
+        elif state.pass_number != self._shown:
+            print(text, file=sys.stderr)
+        self._shown = state.pass_number
 
 
 def main(argv: list[str] | None = None) -> None:
@@ -224,15 +305,12 @@ def execute(options: argparse.Namespace, schedule: Schedule, output: Path) -> in
 
     outcome = Outcome()
 
-    def make() -> CalibrationRun:
-        return CalibrationRun(options, schedule.windows, schedule.shadow, output, lambda: fit_of(options, output))
-
     def work(run: CalibrationRun) -> int:
         nonlocal outcome
         outcome = run.calibrate()
         return 0 if outcome.settled else 1
 
-    code = run_to_end("calibrate", make, work)
+    code = run_to_end("calibrate", lambda: CalibrationRun(options, schedule, output), work)
     journal = journal_of(options)
     if not outcome.settled and journal.points is not None:
         say("calibrate", f"the observations are kept in {journal.path}: calibrate --resume continues with them")

@@ -14,45 +14,24 @@ from typing import Literal
 
 import numpy as np
 
-from rf_pointing import __version__
+from rf_pointing import __version__, calibration
 from rf_pointing.calibration import (
-    TERM_NAMES,
     BiasModel,
-    FitOptions,
     FitResult,
-    Ionosphere,
     ModelVersion,
     Observations,
     PassPriors,
-    RawTracking,
-    ReferenceTrack,
     SectorRule,
     StageReport,
-    doubts_of,
-    fit_bias_model,
-    held_out_passes,
-    measured_pass_priors,
-    read_model,
-    select_observations,
-    select_terms,
-    write_model,
-    write_observations,
-    write_tdm,
 )
 from rf_pointing.commands.options import ending_with_reason
 from rf_pointing.core import MDEG
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.ephemeris import read_elements, site
+from rf_pointing.station.campaign import recorded_input
 from rf_pointing.station.campaign.log import priors_near
-from rf_pointing.station.campaign.recorded_input import (
-    holds_points,
-    process_passes,
-    read_points,
-    read_raw,
-    reference_of,
-)
 
-Pass = tuple[RawTracking, ReferenceTrack]
+Pass = tuple[calibration.RawTracking, calibration.ReferenceTrack]
 
 DAY_S = 86400.0
 FREEZING_K = 273.15
@@ -80,7 +59,7 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
         help="samples of recordings with a larger sensed error are left out (default: 6)")  # fmt: skip
     add("--allow-damage", action="store_true", help="use the sound part of damaged recordings")
     add("--start-model", type=Path, metavar="FILE", help="best model known, the prior of every term")
-    add("--terms", nargs="+", default=list(TERM_NAMES), metavar="TERM", help="terms to fit (default: all)")
+    add("--terms", nargs="+", default=list(calibration.TERM_NAMES), metavar="TERM", help="terms to fit (default: all)")
     add("--select", action="store_true", help="choose among the terms by BIC")
     add("--held-out", action="store_true", help="predict each pass by a fit without it")
     add("--form", choices=("printed", "rotation"), default="rotation", help="(default: rotation)")
@@ -100,9 +79,9 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
 def read_files(options: argparse.Namespace) -> tuple[Observations | None, list[Pass]]:
     """Return the calibration points of all files (None without any), and the raw passes."""
     tables = [path for path in options.files if path.is_file() and path.suffix in TABULAR]
-    of_points = [path for path in tables if path.suffix == ".csv" and holds_points(path)]
-    points = read_points(of_points)
-    raw = [one for path in tables if path not in of_points for one in read_raw(path, options.band)]
+    of_points = [path for path in tables if path.suffix == ".csv" and recorded_input.holds_points(path)]
+    points = recorded_input.read_points(of_points)
+    raw = [one for path in tables if path not in of_points for one in recorded_input.read_raw(path, options.band)]
     passes = [(one, _reference(options, one)) for one in raw]
     for path in options.files:
         if path not in tables:
@@ -119,25 +98,26 @@ def collected(
     notes: list[str] = []
     if passes:
         first = int(np.max(points.pass_id)) + 1 if points is not None else 0
-        made, stages, notes = process_passes(passes, model, first, ionosphere(options))
+        made, stages, notes = recorded_input.process_passes(passes, model, first, ionosphere(options))
         parts += made
     together = Observations.concatenate(parts)
     for name in ("station", "band"):
-        if getattr(together, name) != getattr(options, name):
-            raise ValueError(
-                f"the data are of {name} {getattr(together, name)!r}, must be of {getattr(options, name)!r}"
-            )
+        found, wanted = getattr(together, name), getattr(options, name)
+        if found != wanted:
+            raise ValueError(f"the data are of {name} {found!r}, must be of {wanted!r}")
     if options.sectors or options.require_full:
-        together, _, selection = select_observations([together], SectorRule(), require_full=options.require_full)
+        full = options.require_full
+        together, _, selection = calibration.select_observations([together], SectorRule(), require_full=full)
         stages.append(selection)
     return together, stages, notes
 
 
-def _reference(options: argparse.Namespace, raw: RawTracking) -> ReferenceTrack:
+def _reference(options: argparse.Namespace, raw: calibration.RawTracking) -> calibration.ReferenceTrack:
     if options.elements is None:
         raise ValueError("elements: tracking data of CSV and TDM need --elements FILE for their reference")
     elements = read_elements(options.elements.read_text())
-    return reference_of(raw, elements, site(options.station), options.max_age * DAY_S, refraction(options))
+    oldest_s = options.max_age * DAY_S
+    return recorded_input.reference_of(raw, elements, site(options.station), oldest_s, refraction(options))
 
 
 def refraction(options: argparse.Namespace) -> RadioRefraction | Literal["standard"] | None:
@@ -145,17 +125,16 @@ def refraction(options: argparse.Namespace) -> RadioRefraction | Literal["standa
     if options.weather is None:
         return None if options.refraction_removed else "standard"
     pressure_hpa, celsius, percent = options.weather
-    return RadioRefraction(
-        pressure_hpa=pressure_hpa, temperature_k=celsius + FREEZING_K, relative_humidity=percent / 100.0
-    )
+    temperature_k, humidity = celsius + FREEZING_K, percent / 100.0
+    return RadioRefraction(pressure_hpa=pressure_hpa, temperature_k=temperature_k, relative_humidity=humidity)
 
 
-def ionosphere(options: argparse.Namespace) -> Ionosphere | None:
+def ionosphere(options: argparse.Namespace) -> calibration.Ionosphere | None:
     """Return the ionosphere through which raw data were taken."""
     if options.ionosphere is None:
         return None
     content, frequency_ghz = options.ionosphere
-    return Ionosphere(electrons_per_m2=content * ELECTRONS_PER_TECU, frequency_hz=1e9 * frequency_ghz)
+    return calibration.Ionosphere(electrons_per_m2=content * ELECTRONS_PER_TECU, frequency_hz=1e9 * frequency_ghz)
 
 
 def _recorded(options: argparse.Namespace, path: Path) -> list[Pass]:
@@ -175,7 +154,9 @@ def orbit_priors(options: argparse.Namespace, points: Observations, present: Mod
     # Without ranges a displacement in metres is no angle.
     if points.range_m is None or points.range_rate_m_s is None:
         return None
-    return measured_pass_priors(lambda priors: fit_of(options, points, present, tuple(options.terms), priors))
+    return calibration.measured_pass_priors(
+        lambda priors: fit_of(options, points, present, tuple(options.terms), priors)
+    )
 
 
 def orbit_remarks(options: argparse.Namespace, result: FitResult) -> list[str]:
@@ -210,7 +191,7 @@ def prediction_remarks(options: argparse.Namespace, points: Observations, result
     for words, names in (("these terms", result.names), ("all terms offered", tuple(options.terms))):
         held = {name: value for name, value in result.coefficients.items() if name not in names}
         if words == "these terms" or set(names) != set(result.names):
-            one = held_out_passes(points, names, held=held, pass_priors=result.pass_priors)
+            one = calibration.held_out_passes(points, names, held=held, pass_priors=result.pass_priors)
             worst = int(np.argmax(one.rms_rad))
             remarks.append(
                 f"passes held out are predicted to {one.total_rms_rad / MDEG:.2f} mdeg rms with {words}, the worst "
@@ -225,7 +206,7 @@ def fitted(options: argparse.Namespace, points: Observations, present: ModelVers
     # Selection looks at the printed form, which is linear: all subsets come from one triangle.
     if options.select:
         held = {name: value for name, value in _known(present).items() if name not in names}
-        names = select_terms(points, names, held=held, pass_priors=orbit)
+        names = calibration.select_terms(points, names, held=held, pass_priors=orbit)
     return fit_of(options, points, present, names, orbit)
 
 
@@ -238,8 +219,8 @@ def fit_of(
 ) -> FitResult:
     """Return the fit of `names`, the others held at the present model's values."""
     known = _known(present)
-    base = BiasModel.zero().replace(**{**known, **{name: known.get(name, 0.0) for name in options.terms}})
-    return fit_bias_model(
+    base = BiasModel.zero().replace(**dict.fromkeys(options.terms, 0.0) | known)
+    return calibration.fit_bias_model(
         points,
         terms=names,
         # A term that was offered and not chosen is zero; one that was not offered keeps its known
@@ -247,7 +228,7 @@ def fit_of(
         held={name: 0.0 if name in options.terms else value for name, value in base.coefficients.items() if name not in names},
         priors=priors_near(base, names) if present else None,
         pass_priors=orbit,
-        options=FitOptions(
+        options=calibration.FitOptions(
             form=options.form, scale_covariance=True,
             huber_sigma=1.5 if options.robust else 0.0, edit_sigma=0.0 if options.robust else 3.0,
         ),
@@ -255,7 +236,7 @@ def fit_of(
 
 
 def _known(present: ModelVersion | None) -> dict[str, float]:
-    return dict(present.model.coefficients) if present else dict.fromkeys(TERM_NAMES, 0.0)
+    return dict(present.model.coefficients) if present else dict.fromkeys(calibration.TERM_NAMES, 0.0)
 
 
 def run(options: argparse.Namespace) -> list[str]:
@@ -265,7 +246,7 @@ def run(options: argparse.Namespace) -> list[str]:
     """
     from rf_pointing.report.calibration_report import write_calibration_report
 
-    present = read_model(options.start_model) if options.start_model else None
+    present = calibration.read_model(options.start_model) if options.start_model else None
     if present is not None:
         present.check_for(options.station, options.band, present.valid_from_t_s)
     # Read once: a recording takes longer than all fits.
@@ -285,18 +266,19 @@ def run(options: argparse.Namespace) -> list[str]:
         *prediction_remarks(options, points, result),
     ]
     name, software, now_s = options.name or f"fit-{result.last_t_s:.0f}", f"rf_pointing {__version__}", time.time()
-    write_model(options.output, ModelVersion.from_fit(result, name=name, software=software, created_t_s=now_s))
+    model = ModelVersion.from_fit(result, name=name, software=software, created_t_s=now_s)
+    calibration.write_model(options.output, model)
     if options.points:
-        write_observations(options.points, points)
+        calibration.write_observations(options.points, points)
     if options.tdm:
-        write_tdm(options.tdm, [raw for raw, _ in files[1]], originator=software, created_t_s=now_s)
+        calibration.write_tdm(options.tdm, [raw for raw, _ in files[1]], originator=software, created_t_s=now_s)
     folder = options.report or options.output.parent / f"{options.output.stem}_report"
     report = write_calibration_report(folder, points, result, name=name, stages=stages, notes=notes, remarks=remarks)
     return [
         summary(points, result),
         *remarks,
         *(f"not separable: {advice}" for advice in result.separation_advice()),
-        *(f"doubtful: {doubt}" for doubt in doubts_of(result, points)),
+        *(f"doubtful: {doubt}" for doubt in calibration.doubts_of(result, points)),
         *(f"left out: {note}" for note in notes),
         f"model {options.output}, report {report}",
     ]

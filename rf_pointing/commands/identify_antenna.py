@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from ament_index_python.packages import get_package_share_directory
 from rclpy.action import ActionClient
 from rf_pointing_msgs.action import Identify
 from rf_pointing_msgs.msg import ManualRate
@@ -21,6 +20,7 @@ from rf_pointing_msgs.msg import ManualRate
 from rf_pointing.commands.managed_graph import ManagedGraph, NotStartedError
 from rf_pointing.commands.options import add_namespace_option, between, ending_with_reason, say, seed
 from rf_pointing.commands.station_run import GraphRun, run_to_end
+from rf_pointing.commands.track_options import config_folder
 from rf_pointing.core import AXES
 from rf_pointing.identification import ExcitationParams, Recording, SampleCollector, study
 from rf_pointing.nodes import convert_identification as convert
@@ -82,7 +82,7 @@ def excitation(options: argparse.Namespace) -> ExcitationParams:
 
 
 class Experimenter(GraphRun):
-    """Sends the goals and collects the samples; brings up a simulated antenna where one is wanted."""
+    """Sends the goals and collects the samples; brings a simulated antenna up where wanted."""
 
     def __init__(self, options: argparse.Namespace, params: ExcitationParams, output: Path) -> None:
         super().__init__(PROGRAM, options.namespace)
@@ -129,8 +129,7 @@ class Experimenter(GraphRun):
             "antenna_servo": {"wind.mean_speed_m_s": 0.3, "antenna.tick_s": self._options.tick},
         }
         written.write_text(yaml.safe_dump({f"/**/{k}": {"ros__parameters": v} for k, v in sections.items()}))
-        share = Path(get_package_share_directory("rf_pointing")) / "config"
-        files = [share / "dss13.yaml", written, *map(Path, self._options.params_file)]
+        files = [config_folder() / "dss13.yaml", written, *map(Path, self._options.params_file)]
         namespace, logs = self._options.namespace, self._output / "logs"
         self.graph = ManagedGraph(self.node, namespace, files, logs, self.spin, patience_s=BRING_UP_S)
         self.graph.start(SIMULATED)

@@ -12,17 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from rf_pointing.calibration import (
-    TERM_NAMES,
-    CandidatePass,
-    PassPriors,
-    SectorRule,
-    Slew,
-    next_best_passes,
-    plan_campaign,
-    read_model,
-    uninformed_covariance,
-)
+from rf_pointing import calibration
+from rf_pointing.calibration import CandidatePass, PassPriors, SectorRule, Slew
 from rf_pointing.commands.options import ending_with_reason, say
 from rf_pointing.core import MDEG, require_between
 from rf_pointing.core.dates import parse_utc, utc_text
@@ -83,7 +74,7 @@ def candidates_of(options: argparse.Namespace) -> list[CandidatePass]:
 def campaign(options: argparse.Namespace, candidates: list[CandidatePass]) -> int:
     """Print the campaign; return the exit code."""
     rule = SectorRule(fewest=options.fewest, most=max(30, options.fewest))
-    plan = plan_campaign(candidates, rule, Slew(settle_s=options.settle))
+    plan = calibration.plan_campaign(candidates, rule, Slew(settle_s=options.settle))
     for one in plan.passes:
         peak = math.degrees(float(np.max(one.track.elevation_rad)))
         print(f"{utc_text(one.start_t_s)}  {one.end_t_s - one.start_t_s:6.0f} s  peak {peak:4.1f} deg  {one.name}")
@@ -101,17 +92,17 @@ def campaign(options: argparse.Namespace, candidates: list[CandidatePass]) -> in
 def advice(options: argparse.Namespace, candidates: list[CandidatePass]) -> int:
     """Print the passes that help most; return the exit code."""
     if options.model:
-        file = read_model(options.model)
+        file = calibration.read_model(options.model)
         file.check_for(options.station, file.band, file.valid_from_t_s)
         terms, covariance = file.fitted, file.covariance
     else:
         # Of a station that was never calibrated no term is known, not even those that are to be
         # improved.
-        terms = tuple(dict.fromkeys((*TERM_NAMES, *options.improve)))
-        covariance = uninformed_covariance(terms)
+        terms = tuple(dict.fromkeys((*calibration.TERM_NAMES, *options.improve)))
+        covariance = calibration.uninformed_covariance(terms)
     orbit = PassPriors.of_orbit(options.orbit_prior)
     before = dict(zip(terms, np.sqrt(np.diag(covariance)), strict=True))
-    found = next_best_passes(
+    found = calibration.next_best_passes(
         terms, covariance, candidates, chosen=options.improve, count=options.count, pass_priors=orbit,
         slew=Slew(settle_s=options.settle),
     )  # fmt: skip

@@ -11,6 +11,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+from rf_pointing import planning
 from rf_pointing.calibration import BiasModel, read_model
 from rf_pointing.commands.options import add_target_options, between, ending_with_reason, say, source_of, start_of
 from rf_pointing.core import to_degrees
@@ -18,14 +19,6 @@ from rf_pointing.core.dates import parse_utc, utc_text
 from rf_pointing.core.parameters import NodeParameters, read_parameter_files
 from rf_pointing.ephemeris import CataloguePass, CatalogueSearch, find_catalogue_passes, find_elements, site
 from rf_pointing.ephemeris.source import load_catalogue, load_track
-from rf_pointing.planning import (
-    AxisLimits,
-    GateParams,
-    HorizonMask,
-    MachineParams,
-    certificate_lines,
-    certificate_values,
-)
 from rf_pointing.station.antenna.simulated_antenna import SimulationParams
 from rf_pointing.station.pointing.certificates import PlannedPass, PlanningRules, plan_passes
 from rf_pointing.station.pointing.params import PointingParams
@@ -40,7 +33,7 @@ def main(argv: list[str] | None = None) -> None:
     with ending_with_reason("plan_passes"):
         planned, rules = plan(options)
     if options.json:
-        values = [{"pass": pass_values(item), **certificate_values(item.certificate)} for item in planned]
+        values = [{"pass": pass_values(item), **planning.certificate_values(item.certificate)} for item in planned]
         print(json.dumps(values, indent=1))
     else:
         show(planned)
@@ -76,10 +69,10 @@ def plan(options: argparse.Namespace) -> tuple[list[PlannedPass], PlanningRules]
     controller, servo = (nodes.get(name, NodeParameters(name, {})) for name in ("pointing_controller", "antenna_servo"))
     rules = PlanningRules(
         model=read_model(Path(options.model)).model if options.model else BiasModel.zero(),
-        machine=controller.group("machine", MachineParams()),
-        limits=controller.group("limits", AxisLimits()),
-        mask=controller.group("mask", HorizonMask()),
-        gate=controller.group("gate", GateParams()),
+        machine=controller.group("machine", planning.MachineParams()),
+        limits=controller.group("limits", planning.AxisLimits()),
+        mask=controller.group("mask", planning.HorizonMask()),
+        gate=controller.group("gate", planning.GateParams()),
         lag_averaging_s=controller.group("pointing", PointingParams()).lag_averaging_s,
     )
     antenna = servo.group("antenna", SimulationParams())
@@ -161,6 +154,6 @@ def show(planned: list[PlannedPass]) -> None:
               f"  peak {values['peak_elevation_deg']:.2f} deg, azimuth {values['aos_azimuth_deg']:.1f} to "
               f"{values['los_azimuth_deg']:.1f} deg{north}, rates {values['peak_azimuth_rate_deg_s']:.3g} "
               f"{values['peak_elevation_rate_deg_s']:.3g} deg/s, Sun {values['sun_angle_deg']:.1f} deg away")  # fmt: skip
-        print("\n".join(certificate_lines(item.certificate)), end="\n\n")
+        print("\n".join(planning.certificate_lines(item.certificate)), end="\n\n")
     if not planned:
         print("no pass")

@@ -1,7 +1,7 @@
 """Record every topic of an antenna into a bag, as it was received; nothing is decoded."""
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
@@ -30,7 +30,7 @@ class Recorder:
     ) -> None:
         self._node = node
         self._writer = BagWriter(path, definitions(Path(get_package_share_directory("rf_pointing_msgs"))), notes=notes)
-        self._subscriptions = [self._subscribe(topic, f"{namespace}/{topic.name}") for topic in topics]
+        self._subscriptions = [self._subscribe(topic, namespace) for topic in topics]
 
     def unmatched(self) -> list[str]:
         """Return the topics, by full name, that no publisher is connected to yet."""
@@ -42,20 +42,16 @@ class Recorder:
             self._node.destroy_subscription(subscription)
         return self._writer.close()
 
-    @property
-    def problem(self) -> str:
-        """Why recording has stopped, empty while it continues."""
-        return self._writer.problem
-
-    def _subscribe(self, topic: Topic, name: str) -> Subscription:
-        name = topic.name if topic.name.startswith("/") else name
+    def _subscribe(self, topic: Topic, namespace: str) -> Subscription:
+        name = topic.name if topic.name.startswith("/") else f"{namespace}/{topic.name}"
         package = topic.message_type.__module__.partition(".")[0]
         self._writer.register(name, f"{package}/msg/{topic.message_type.__name__}", [qos_from_profile(topic.qos)])
         # The publisher's reliability and durability, but neither its deadline nor its lifespan: a
         # message that arrives late belongs in the bag, too.
         deep = QoSProfile(depth=QUEUE, reliability=topic.qos.reliability, durability=topic.qos.durability)
-        return self._node.create_subscription(topic.message_type, name, self._taker(name), deep, raw=True)
 
-    def _taker(self, name: str) -> Callable[[bytes], None]:
-        # The wall clock of arrival: latencies between topics are measured with it.
-        return lambda data: self._writer.write(name, time.time_ns(), data)
+        def take(data: bytes) -> None:
+            # The wall clock of arrival: latencies between topics are measured with it.
+            self._writer.write(name, time.time_ns(), data)
+
+        return self._node.create_subscription(topic.message_type, name, take, deep, raw=True)

@@ -16,17 +16,9 @@ from rclpy.action import ActionClient
 from rf_pointing_msgs.action import TrackPass
 from rf_pointing_msgs.msg import PassCertificate
 
+from rf_pointing.commands import track_options
 from rf_pointing.commands.options import ending_with_reason, say
 from rf_pointing.commands.station_run import StationRun, run_to_end
-from rf_pointing.commands.track_options import (
-    arguments,
-    bag_folder,
-    choose_pass,
-    chosen_scan,
-    output_folder,
-    run_stem,
-    speed_factor,
-)
 from rf_pointing.core import MDEG
 from rf_pointing.core.dates import utc_text
 from rf_pointing.ephemeris import Pass
@@ -116,12 +108,12 @@ class PassRun(StationRun):
 
 def main(argv: list[str] | None = None) -> None:
     """Entry point of `ros2 run rf_pointing track`."""
-    options = arguments(argv)
+    options = track_options.arguments(argv)
     with ending_with_reason("track"):
-        speed_factor(options.speed)
-        window = choose_pass(options)
-        scan = chosen_scan(options, window)
-        output = output_folder(options, run_stem(options, window))
+        track_options.speed_factor(options.speed)
+        window = track_options.choose_pass(options)
+        scan = track_options.chosen_scan(options, window)
+        output = track_options.output_folder(options, track_options.run_stem(options, window))
     say("track", f"{window.name} over {options.station}: AOS {utc_text(window.aos_t_s)}, {window.duration_s:.0f} s, "
         f"peak {math.degrees(window.peak_elevation_rad):.1f} deg")  # fmt: skip
     if scan is not None:
@@ -143,10 +135,10 @@ def execute(options: argparse.Namespace, window: Pass, output: Path) -> int:
         outcome = "tracked" if code == 0 else "NOT tracked"
         tracked, lost = f"{result.seconds_tracked:.0f} s on target", f"{result.seconds_lost:.0f} s lost"
         say("track", f"{outcome}: {result.message}, {tracked}, {lost}")
-        # Imported when it is needed: the libraries of the report take time that the bring-up has not.
+        # Imported late: the libraries of the report take time that the bring-up has not.
         from rf_pointing.report import write_report
 
-        bag = bag_folder(options, output)
+        bag = track_options.bag_folder(options, output)
         write_report(bag, output)
         say("track", f"report {output / 'report.html'}, bag {bag}")
     return code

@@ -92,9 +92,7 @@ def chosen_scan(options: argparse.Namespace, window: Pass) -> ConscanParams | No
         return None
     if not 0.0 < options.scan_sigma < math.inf:
         raise ValueError(f"scan-sigma={options.scan_sigma} mdeg must be > 0 and finite")
-    share = Path(get_package_share_directory("rf_pointing")) / "config"
-    files = [share / "dss13.yaml", share / f"band_{options.band.lower()}.yaml", *map(Path, options.params_file)]
-    node = read_parameter_files(files)["pointing_controller"]
+    node = read_parameter_files(_station_files(options))["pointing_controller"]
     track, ends = load_track(source_of(options)), (window.aos_t_s, window.los_t_s)
     # The link is weakest at the horizon, where the range is longest.
     farthest_m = max(float(track.target_at(t_s).range_m) for t_s in ends)
@@ -133,7 +131,7 @@ def overrides(options: argparse.Namespace, window: Pass, output: Path) -> dict[s
     mask, scan = _horizon(options), chosen_scan(options, window)
     scanned = {} if scan is None else {f"conscan.{name}": leaves(scan)[name][1] for name in SCAN_CHOICES}
     real = {} if options.ephemeris_error is None else {"source.along_track_offset_s": options.ephemeris_error}
-    share = Path(get_package_share_directory("rf_pointing"))
+    model = commissioning_model(config_folder(), options.station, options.band, output)
     sections = {
         "simulation_clock": {
             "start_s": math.floor(window.aos_t_s) - SLEW_TIME_S,
@@ -162,9 +160,7 @@ def overrides(options: argparse.Namespace, window: Pass, output: Path) -> dict[s
             "certificate_folder": str(output.resolve()),
         },
         "bias_calibrator": {
-            "calibrator.model_file": str(
-                commissioning_model(share / "config", options.station, options.band, output).resolve()
-            ),
+            "calibrator.model_file": str(model.resolve()),
             "calibrator.station": options.station,
             "calibrator.band": options.band,
             "calibrator.folder": str(Path(options.models).resolve()) if options.models else "",
@@ -181,10 +177,19 @@ def notes(options: argparse.Namespace) -> dict[str, str]:
 
 def parameter_files(options: argparse.Namespace, sections: Mapping[str, Any], output: Path) -> list[Path]:
     """Return the parameter files of a run; `sections`, in `output`, come last and override."""
-    share = Path(get_package_share_directory("rf_pointing")) / "config"
     written = output / "run.yaml"
     written.write_text(yaml.safe_dump(sections, sort_keys=False))
-    return [share / "dss13.yaml", share / f"band_{options.band.lower()}.yaml", *map(Path, options.params_file), written]
+    return [*_station_files(options), written]
+
+
+def _station_files(options: argparse.Namespace) -> list[Path]:
+    share = config_folder()
+    return [share / "dss13.yaml", share / f"band_{options.band.lower()}.yaml", *map(Path, options.params_file)]
+
+
+def config_folder() -> Path:
+    """Return the folder of the installed parameter files."""
+    return Path(get_package_share_directory("rf_pointing")) / "config"
 
 
 def bag_folder(options: argparse.Namespace, output: Path) -> Path:

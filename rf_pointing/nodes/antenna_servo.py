@@ -66,7 +66,6 @@ class AntennaServo(ManagedNode):
         self.parameters.check_with(self._check)
         self.parameters.on_change(self._retune)
         self._antenna: SimulatedAntenna | None = None
-        self._status_every = 1
         self._identification = IdentificationServer(self)
         self._statuses = 0
         self._published_fault = ""
@@ -139,10 +138,9 @@ class AntennaServo(ManagedNode):
             return
         try:
             self._wrap.keep(float(self._antenna.reading(0.0).position_rad[0]))
+            self._wrap_problem = ""
         except OSError as error:
             self._wrap_problem = f"wrap_file={self.parameters.value('').wrap_file} cannot be written: {error.strerror}"
-        else:
-            self._wrap_problem = ""
 
     def _tick(self, t_s: float) -> None:
         # After a jump of the clock every time in the command table means another direction.
@@ -191,9 +189,8 @@ class AntennaServo(ManagedNode):
 
     def _take(self, message: JointTrajectory) -> None:
         try:
-            refused = self._antenna.accept(
-                convert.trajectory_from_message(message), self.now_s(), message.header.frame_id
-            )
+            command = convert.trajectory_from_message(message)
+            refused = self._antenna.accept(command, self.now_s(), message.header.frame_id)
         except ValueError as error:
             refused = self._antenna.reject(str(error))
         if refused:

@@ -23,16 +23,8 @@ from rf_pointing_msgs.msg import PointingError, PointingModel, Target
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-from rf_pointing import __version__
-from rf_pointing.calibration import (
-    ModelVersion,
-    ObservationJournal,
-    PassPriors,
-    SectorRule,
-    ShadowRules,
-    doubts_of,
-    read_model,
-)
+from rf_pointing import __version__, calibration
+from rf_pointing.calibration import ModelVersion, ObservationJournal, PassPriors, SectorRule, ShadowRules
 from rf_pointing.core import MDEG, Params, parameter
 from rf_pointing.nodes import convert, convert_calibration
 from rf_pointing.nodes.campaign_runner import CampaignRunner
@@ -44,7 +36,6 @@ from rf_pointing.nodes.stamps import stamp_from_seconds
 from rf_pointing.station.campaign.log import CalibrationLog
 from rf_pointing.station.campaign.model_keeper import ModelKeeper, campaign_folder
 
-JOURNAL = "observations.csv"
 SECTORS = SectorRule()
 CAMPAIGN_TURN_S = 0.02
 
@@ -68,6 +59,12 @@ class CalibratorParams(Params):
     settle_s: float = parameter(
         0.0, "time with a valid sensor before the first observation of a pass", low=0.0, high=600.0
     )
+
+
+def journal_of(folder: str, station: str, band: str) -> ObservationJournal:
+    """Return the observations that are kept in `folder` for a station and band."""
+    # One journal for each of them: a fit of mixed observations would be of no antenna.
+    return ObservationJournal(campaign_folder(folder, station, band) / "observations.csv", station, band)
 
 
 class BiasCalibrator(ManagedNode):
@@ -97,13 +94,11 @@ class BiasCalibrator(ManagedNode):
 
     def configure(self) -> None:
         params: CalibratorParams = self.parameters.value("calibrator")
-        start = read_model(params.model_file) if params.model_file else None
+        start = calibration.read_model(params.model_file) if params.model_file else None
         self._keeper = ModelKeeper(params.station, params.band, params.folder, start, self.parameters.value("shadow"))
-        # One journal for each station and band: a fit of mixed ones would be of no antenna.
         journal = None
         if params.folder and params.keep_observations:
-            place = campaign_folder(params.folder, params.station, params.band) / JOURNAL
-            journal = ObservationJournal(place, params.station, params.band)
+            journal = journal_of(params.folder, params.station, params.band)
         self._log = CalibrationLog(
             params.station, params.band, params.spacing_s, params.sigma_rad,
             largest_error_rad=params.largest_error_rad, settle_s=params.settle_s, journal=journal,
@@ -217,21 +212,16 @@ class BiasCalibrator(ManagedNode):
         request, now_s = goal.request, self.now_s()
         goal.publish_feedback(FitModel.Feedback(stage="fit"))
         try:
-            fit = self._log.fit(
-                self._keeper.model, terms=tuple(request.terms), pass_priors=self.parameters.value("orbit")
-            )
-            file = ModelVersion.from_fit(
-                fit,
-                name=request.name or self._keeper.free_name(f"fit-{now_s:.0f}"),
-                software=f"rf_pointing {__version__}",
-                created_t_s=now_s,
-            )
+            orbit = self.parameters.value("orbit")
+            fit = self._log.fit(self._keeper.model, terms=tuple(request.terms), pass_priors=orbit)
+            name = request.name or self._keeper.free_name(f"fit-{now_s:.0f}")
+            file = ModelVersion.from_fit(fit, name=name, software=f"rf_pointing {__version__}", created_t_s=now_s)
             self._keeper.propose(file)
         except ValueError as error:
             goal.abort()
             return FitModel.Result(message=str(error))
         goal.succeed()
-        return convert_calibration.fit_to_result(fit, file, doubts_of(fit, self._log.observations()))
+        return convert_calibration.fit_to_result(fit, file, calibration.doubts_of(fit, self._log.observations()))
 
     def _accept(self, _request: Trigger.Request) -> str:
         verdict = self._keeper.verdict_text()
@@ -257,12 +247,9 @@ class BiasCalibrator(ManagedNode):
             "candidate": keeper.candidate.name if keeper.candidate else "",
             "shadow": keeper.verdict_text(),
         }
-        problems = [self._log.problem] if self._log.problem else []
-        if keeper.active is None:
-            problems.append("no model: commands are not corrected")
-        if problems:
-            return Health(WARN, "; ".join(problems), values)
-        return Health(OK, keeper.active.name, values)
+        missing = "" if keeper.active else "no model: commands are not corrected"
+        problems = "; ".join(filter(None, (self._log.problem, missing)))
+        return Health(WARN, problems, values) if problems else Health(OK, keeper.active.name, values)
 
 
 def main() -> None:

@@ -16,22 +16,14 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory as TrajectoryMessage
 from trajectory_msgs.msg import JointTrajectoryPoint
 
-from rf_pointing.core import (
-    AXES,
-    Boresight,
-    CarrierPower,
-    JointReading,
-    JointTrajectory,
-    MonopulseCluster,
-    PointingError,
-    Target,
-)
+from rf_pointing import core
 from rf_pointing.ephemeris import SkyUncertainty
 from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.station.pointing.status import AntennaStatus, TrackingStatus
 
 Signal = TypeVar("Signal")
 Message = TypeVar("Message")
+# The leftmost match counts: `aos_t_s` loses `_t_s`, not only `_s`.
 _UNIT = re.compile(r"_(rad_s2|rad_s|rad2|rad|m_s|m|t_s|s|w|db_hz|db)$")
 
 
@@ -87,15 +79,15 @@ def _read(value: Any, kind: Any) -> Any:
     return tuple(np.array(value).tolist()) if get_origin(kind) is tuple else value
 
 
-_target_to_message, target_from_message = pair(Target, ours.Target, name="target")
-boresight_to_message, boresight_from_message = pair(Boresight, ours.Boresight)
-power_to_message, power_from_message = pair(CarrierPower, ours.CarrierPower, integration_s="integration_time")
-error_to_message, _error_from_message = pair(PointingError, ours.PointingError)
+_target_to_message, target_from_message = pair(core.Target, ours.Target, name="target")
+boresight_to_message, boresight_from_message = pair(core.Boresight, ours.Boresight)
+power_to_message, power_from_message = pair(core.CarrierPower, ours.CarrierPower, integration_s="integration_time")
+error_to_message, _error_from_message = pair(core.PointingError, ours.PointingError)
 antenna_status_to_message, _ = pair(AntennaStatus, ours.AntennaStatus)
 tracking_status_to_message, _ = pair(TrackingStatus, ours.TrackingStatus, half_power_beamwidth_rad="beamwidth")
 
 
-def target_to_message(target: Target, uncertainty: SkyUncertainty | None = None) -> ours.Target:
+def target_to_message(target: core.Target, uncertainty: SkyUncertainty | None = None) -> ours.Target:
     """Return the target, with what the age of its elements means on the sky if that is known."""
     message = _target_to_message(target, light_time=target.light_time_s, doppler_factor=target.doppler_factor)
     if uncertainty is not None:
@@ -106,28 +98,28 @@ def target_to_message(target: Target, uncertainty: SkyUncertainty | None = None)
     return message
 
 
-def joints_to_message(reading: JointReading) -> JointState:
-    message = JointState(name=list(AXES))
+def joints_to_message(reading: core.JointReading) -> JointState:
+    message = JointState(name=list(core.AXES))
     message.header.stamp = stamp_from_seconds(reading.t_s)
     message.position = reading.position_rad.tolist()
     message.velocity = reading.velocity_rad_s.tolist()
     return message
 
 
-def joints_from_message(message: JointState) -> JointReading:
+def joints_from_message(message: JointState) -> core.JointReading:
     order = _axis_order(list(message.name))
     position, velocity = np.array(message.position), np.array(message.velocity)
     for name, values in (("position", position), ("velocity", velocity)):
         if len(values) != len(message.name):
             raise ValueError(f"{name} has {len(values)} values, must have one for each of {len(message.name)} joints")
-    return JointReading(
+    return core.JointReading(
         t_s=seconds_from_stamp(message.header.stamp), position_rad=position[order], velocity_rad_s=velocity[order]
     )
 
 
-def trajectory_to_message(trajectory: JointTrajectory, stamp_s: float) -> TrajectoryMessage:
+def trajectory_to_message(trajectory: core.JointTrajectory, stamp_s: float) -> TrajectoryMessage:
     """Return the command with `stamp_s` as its base time; every point must lie after it."""
-    message = TrajectoryMessage(joint_names=list(AXES))
+    message = TrajectoryMessage(joint_names=list(core.AXES))
     message.header.stamp = stamp_from_seconds(stamp_s)
     for t_s, position, velocity, acceleration in zip(
         trajectory.t_s, trajectory.position_rad, trajectory.velocity_rad_s, trajectory.acceleration_rad_s2, strict=True
@@ -143,30 +135,28 @@ def trajectory_to_message(trajectory: JointTrajectory, stamp_s: float) -> Trajec
     return message
 
 
-def trajectory_from_message(message: TrajectoryMessage) -> JointTrajectory:
+def trajectory_from_message(message: TrajectoryMessage) -> core.JointTrajectory:
     order = _axis_order(list(message.joint_names))
     base_s = seconds_from_stamp(message.header.stamp)
     for name in ("positions", "velocities", "accelerations"):
         for index, point in enumerate(message.points):
-            if len(getattr(point, name)) != len(order):
-                raise ValueError(
-                    f"points[{index}].{name} has {len(getattr(point, name))} values, must have {len(order)}"
-                )
-    return JointTrajectory(
-        t_s=np.array(
-            [round(base_s + p.time_from_start.sec + p.time_from_start.nanosec * 1e-9, 6) for p in message.points]
-        ),
+            count = len(getattr(point, name))
+            if count != len(order):
+                raise ValueError(f"points[{index}].{name} has {count} values, must have {len(order)}")
+    times = [round(base_s + p.time_from_start.sec + p.time_from_start.nanosec * 1e-9, 6) for p in message.points]
+    return core.JointTrajectory(
+        t_s=np.array(times),
         position_rad=_stacked([p.positions for p in message.points], order),
         velocity_rad_s=_stacked([p.velocities for p in message.points], order),
         acceleration_rad_s2=_stacked([p.accelerations for p in message.points], order),
     )
 
 
-def error_from_message(message: ours.PointingError) -> PointingError:
+def error_from_message(message: ours.PointingError) -> core.PointingError:
     return _error_from_message(message, covariance_rad2=np.array(message.covariance).reshape(2, 2))
 
 
-def monopulse_to_message(cluster: MonopulseCluster) -> ours.Monopulse:
+def monopulse_to_message(cluster: core.MonopulseCluster) -> ours.Monopulse:
     message = ours.Monopulse(carrier_to_noise=float(cluster.carrier_to_noise_db_hz))
     message.header.stamp = stamp_from_seconds(float(cluster.t_s[-1]))
     message.sample_period = round(float(cluster.t_s[1] - cluster.t_s[0]), 6) if len(cluster.t_s) > 1 else 0.0
@@ -177,20 +167,18 @@ def monopulse_to_message(cluster: MonopulseCluster) -> ours.Monopulse:
     return message
 
 
-def monopulse_from_message(message: ours.Monopulse) -> MonopulseCluster:
+def monopulse_from_message(message: ours.Monopulse) -> core.MonopulseCluster:
+    count = len(message.sum_i)
     channels = {}
     for name in ("sum", "difference_cross_elevation", "difference_elevation"):
         in_phase, quadrature = np.array(getattr(message, f"{name}_i")), np.array(getattr(message, f"{name}_q"))
-        if len(in_phase) != len(quadrature) or len(in_phase) != len(message.sum_i):
-            raise ValueError(
-                f"{name} has {len(in_phase)} I and {len(quadrature)} Q samples, must have {len(message.sum_i)}"
-            )
+        if not len(in_phase) == len(quadrature) == count:
+            raise ValueError(f"{name} has {len(in_phase)} I and {len(quadrature)} Q samples, must have {count}")
         channels[name] = in_phase + 1j * quadrature
     # The stamp is that of the last sample; the others lie before it.
-    count = len(message.sum_i)
     last_s = seconds_from_stamp(message.header.stamp)
     t_s = last_s - message.sample_period * np.arange(count - 1, -1, -1)
-    return MonopulseCluster(t_s=t_s, carrier_to_noise_db_hz=message.carrier_to_noise, **channels)
+    return core.MonopulseCluster(t_s=t_s, carrier_to_noise_db_hz=message.carrier_to_noise, **channels)
 
 
 def scan_centre_from_message(
@@ -199,19 +187,19 @@ def scan_centre_from_message(
     """Return time, scan centre (2,), its offset from the prediction (2,), mode and sensor."""
     offset = np.array([message.cross_elevation_offset, message.elevation_offset])
     centre = np.array(message.scan_centre)
-    if not (np.all(np.isfinite(offset)) and np.all(np.isfinite(centre))):
+    if not np.all(np.isfinite([offset, centre])):
         raise ValueError("scan_centre and the offsets must be finite")
     return seconds_from_stamp(message.header.stamp), centre, offset, message.mode, message.sensor
 
 
 def _axis_order(names: list[str]) -> list[int]:
     # Joints may come in any order, but each of them once: a missing one must not become 0.
-    unknown = [name for name in names if name not in AXES]
+    unknown = [name for name in names if name not in core.AXES]
     if unknown:
-        raise ValueError(f"unknown joint {', '.join(unknown)}; the joints are {', '.join(AXES)}")
-    if sorted(names) != sorted(AXES):
-        raise ValueError(f"joints are {', '.join(names) or 'none'}, must be {', '.join(AXES)}, each once")
-    return [names.index(axis) for axis in AXES]
+        raise ValueError(f"unknown joint {', '.join(unknown)}; the joints are {', '.join(core.AXES)}")
+    if sorted(names) != sorted(core.AXES):
+        raise ValueError(f"joints are {', '.join(names) or 'none'}, must be {', '.join(core.AXES)}, each once")
+    return [names.index(axis) for axis in core.AXES]
 
 
 def _stacked(rows: list[list[float]], order: list[int]) -> NDArray[np.float64]:

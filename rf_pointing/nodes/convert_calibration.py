@@ -22,9 +22,8 @@ def model_to_message(file: ModelVersion) -> PointingModel:
 
 def model_from_message(message: PointingModel) -> BiasModel:
     if len(message.terms) != len(message.values):
-        raise ValueError(
-            f"values has {len(message.values)} numbers, must have one for each of {len(message.terms)} terms"
-        )
+        count = len(message.values)
+        raise ValueError(f"values has {count} numbers, must have one for each of {len(message.terms)} terms")
     return BiasModel(dict(zip(message.terms, message.values, strict=True)))
 
 

@@ -7,6 +7,7 @@ from rf_pointing_msgs.action import Identify
 
 from rf_pointing.core import as_finite_array
 from rf_pointing.identification import ExcitationParams
+from rf_pointing.nodes.convert import pair
 from rf_pointing.nodes.stamps import stamp_from_seconds
 
 Array = NDArray[np.float64]
@@ -27,29 +28,16 @@ def manual_rate_from_message(message: ours.ManualRate) -> tuple[str, int, Array,
     return message.axis, int(message.sample), rate, as_finite_array("position", message.position, (2,))
 
 
+# The control period is the antenna's own, not the client's to choose.
+_goal_of, _excitation_of = pair(
+    ExcitationParams, Identify.Goal, idle_rate_rad_s="idle", sample_s=None, low_hz=None, high_hz=None
+)
+
+
 def excitation_to_goal(axis: str, sequences: int, seed: int, params: ExcitationParams) -> Identify.Goal:
-    return Identify.Goal(
-        axis=axis,
-        kind=params.kind,
-        sequences=sequences,
-        samples=params.samples,
-        mean=params.mean_rad_s,
-        rms=params.rms_rad_s,
-        peak=params.peak_rad_s,
-        idle=params.idle_rate_rad_s,
-        seed=seed,
-    )
+    return _goal_of(params, axis=axis, sequences=sequences, seed=seed)
 
 
 def excitation_from_goal(goal: Identify.Goal, sample_s: float) -> ExcitationParams:
     """Return the excitation of a goal, sampled with the control period."""
-    return ExcitationParams(
-        kind=goal.kind,
-        samples=goal.samples,
-        sample_s=sample_s,
-        mean_rad_s=goal.mean,
-        rms_rad_s=goal.rms,
-        peak_rad_s=goal.peak,
-        idle_rate_rad_s=goal.idle,
-        high_hz=min(ExcitationParams().high_hz, 0.5 / sample_s),
-    )
+    return _excitation_of(goal, sample_s=sample_s, high_hz=min(ExcitationParams().high_hz, 0.5 / sample_s))

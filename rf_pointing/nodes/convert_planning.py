@@ -12,6 +12,9 @@ from rf_pointing.planning import Branch, Certificate, MachineParams, PassProfile
 _PROFILE = {"": "position_rad", "_rate": "velocity_rad_s", "_acceleration": "acceleration_rad_s2"}
 
 pass_to_message, _pass_from_message = pair(Pass, ours.Pass, name="target", rises_before=None, sets_after=None)
+_certificate_to_message, _certificate_from_message = pair(
+    Certificate, ours.PassCertificate, name="target", issued_t_s=None, branches=None, machine=None
+)
 _branch_to_message, _branch_from_message = pair(
     Branch, ours.PassBranch, reasons="refusals", crossing=None, axes_rad=None
 )
@@ -58,15 +61,8 @@ def profile_from_message(message: ours.PassProfile) -> PassProfile:
 
 
 def certificate_to_message(certificate: Certificate) -> ours.PassCertificate:
-    message = ours.PassCertificate(
-        target=certificate.name,
-        aos=stamp_from_seconds(certificate.aos_t_s),
-        los=stamp_from_seconds(certificate.los_t_s),
-        accepted=certificate.chosen is not None,
-        refusal=certificate.reason,
-        sky_peak=certificate.sky_peak_rad,
-        branches=[_branch_to_message(branch, works=branch.works) for branch in certificate.branches],
-    )
+    message = _certificate_to_message(certificate, accepted=certificate.chosen is not None, refusal=certificate.reason)
+    message.branches = [_branch_to_message(branch, works=branch.works) for branch in certificate.branches]
     message.rate_limit = certificate.machine.rate_limit_rad_s
     message.acceleration_limit = certificate.machine.acceleration_limit_rad_s2
     message.header.stamp = stamp_from_seconds(certificate.issued_t_s)
@@ -75,12 +71,9 @@ def certificate_to_message(certificate: Certificate) -> ours.PassCertificate:
 
 def certificate_from_message(message: ours.PassCertificate) -> Certificate:
     """Return the certificate without its crossings, which do not travel."""
-    return Certificate(
-        name=message.target,
+    return _certificate_from_message(
+        message,
         issued_t_s=seconds_from_stamp(message.header.stamp),
-        aos_t_s=seconds_from_stamp(message.aos),
-        los_t_s=seconds_from_stamp(message.los),
-        sky_peak_rad=message.sky_peak,
         branches=tuple(_branch_from_message(branch) for branch in message.branches),
         machine=MachineParams(
             rate_limit_rad_s=tuple(message.rate_limit.tolist()),

@@ -16,17 +16,10 @@ from dataclasses import dataclass
 from rf_pointing_msgs.msg import PassList, PassProfileList, Target
 from rf_pointing_msgs.srv import SelectTarget
 
+from rf_pointing import ephemeris
 from rf_pointing.core import Params, parameter
 from rf_pointing.core.dates import utc_text
-from rf_pointing.ephemeris import (
-    Elements,
-    ElementUncertainty,
-    Pass,
-    SkyUncertainty,
-    TopocentricTrack,
-    passes_with_present,
-    sky_uncertainty,
-)
+from rf_pointing.ephemeris import Pass, SkyUncertainty, TopocentricTrack
 from rf_pointing.ephemeris.source import SourceParams, TargetMemory, load_track, refraction_at
 from rf_pointing.nodes import convert, convert_planning
 from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Health
@@ -61,7 +54,7 @@ class EphemerisPublisher(ManagedNode):
         self.parameters.declare("source", SourceParams(), live=LIVE_SOURCE)
         self.parameters.declare("publisher", PublisherParams(), live=("lead_s", "margin_s"))
         self.parameters.declare("mask", HorizonMask())
-        self.parameters.declare("uncertainty", ElementUncertainty(), live=True)
+        self.parameters.declare("uncertainty", ephemeris.ElementUncertainty(), live=True)
         self.parameters.on_change(self._on_parameters)
         self._track: TopocentricTrack | None = None
         self._unknown = ""
@@ -129,16 +122,13 @@ class EphemerisPublisher(ManagedNode):
         params: PublisherParams = self.parameters.value("publisher")
         horizon = self.parameters.value("mask").above(params.mask_rad)
         # Passes are those of the moving target: one that is held passes never, or always.
-        moving = track.with_offsets(
-            along_track_offset_s=track.along_track_offset_s, cross_track_offset_rad=track.cross_track_offset_rad
-        )
-        found = passes_with_present(moving, start_s, params.span_s, horizon)
+        along_s, cross_rad = track.along_track_offset_s, track.cross_track_offset_rad
+        moving = track.with_offsets(along_track_offset_s=along_s, cross_track_offset_rad=cross_rad)
+        found = ephemeris.passes_with_present(moving, start_s, params.span_s, horizon)
         passes = [window for window in found if window.peak_elevation_rad >= peak_rad]
         if not passes:
-            raise ValueError(
-                f"{track.name} has no pass above {math.degrees(peak_rad):.1f} deg in the {params.span_s / 3600.0:.1f} h "
-                f"after {utc_text(start_s)}"
-            )
+            peak, span = f"{math.degrees(peak_rad):.1f} deg", f"{params.span_s / 3600.0:.1f} h"
+            raise ValueError(f"{track.name} has no pass above {peak} in the {span} after {utc_text(start_s)}")
         # Only now: a target without a pass must not replace the present one.
         self._track, self._passes, self._peak_rad = track, passes, peak_rad
         message = PassList(target=track.name, passes=[convert_planning.pass_to_message(window) for window in passes])
@@ -176,10 +166,10 @@ class EphemerisPublisher(ManagedNode):
 
     def _uncertainty(self, t_s: float) -> SkyUncertainty | None:
         """Return the uncertainty of the elements on the sky, None for a target without elements."""
-        if not isinstance(getattr(self._track.target, "elements", None), Elements):
+        if not isinstance(getattr(self._track.target, "elements", None), ephemeris.Elements):
             return None
         try:
-            return sky_uncertainty(self._track, t_s, self.parameters.value("uncertainty"))
+            return ephemeris.sky_uncertainty(self._track, t_s, self.parameters.value("uncertainty"))
         except ValueError as error:
             self.get_logger().warning(f"uncertainty unknown: {error}", throttle_duration_sec=60.0)
             return None

@@ -32,15 +32,13 @@ def common_arguments(*, simulated: bool = False) -> list[DeclareLaunchArgument]:
 
 def managed_nodes(context: Any, names: Sequence[str]) -> list[Any]:
     """Return the actions that start `names`."""
-
-    def given(name: str) -> str:
-        value: str = LaunchConfiguration(name).perform(context)
-        return value
-
-    return [_node(name, given, simulated="simulation_clock" in names) for name in names]
+    return [_node(context, name, simulated="simulation_clock" in names) for name in names]
 
 
-def _node(name: str, given: Any, *, simulated: bool) -> LifecycleNode:
+def _node(context: Any, name: str, *, simulated: bool) -> LifecycleNode:
+    def given(argument: str) -> str:
+        return str(LaunchConfiguration(argument).perform(context))
+
     # Later parameters override earlier ones: the band the station, the arguments both.
     parameters: list[Any] = [given("params_file"), given("band_file")]
     if name == "simulation_clock":

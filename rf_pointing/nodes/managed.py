@@ -87,7 +87,8 @@ class ManagedNode(LifecycleNode):
         self._reason = ""
         self._at_deactivation, self._at_cleanup = ExitStack(), ExitStack()
         # rclpy has no public way to guard the transitions of its own service.
-        self._service_change_state.callback = self._refusing_the_impossible(self._service_change_state.callback)
+        self._change_state_of_rclpy = self._service_change_state.callback
+        self._service_change_state.callback = self._change_state_if_possible
 
     def configure(self) -> None:
         """Build the core and the topics; ValueError refuses the configuration with its message."""
@@ -256,20 +257,15 @@ class ManagedNode(LifecycleNode):
         self._state_name = "finalized"
         return super().on_shutdown(state)
 
-    def _refusing_the_impossible(self, change_state: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
-        """Return the service's callback, which refuses a transition that the state lacks."""
-
-        def change(request: Any, response: Any) -> Any:
-            # A second activation, for example, raises in rclpy, which would end the process.
-            try:
-                return change_state(request, response)
-            except rclpy_implementation.RCLError:
-                wanted = request.transition.label or request.transition.id
-                self.get_logger().error(f"transition {wanted} refused: the node is {self._state_name}")
-                response.success = False
-                return response
-
-        return change
+    def _change_state_if_possible(self, request: Any, response: Any) -> Any:
+        # A second activation, for example, raises in rclpy, which would end the process.
+        try:
+            return self._change_state_of_rclpy(request, response)
+        except rclpy_implementation.RCLError:
+            wanted = request.transition.label or request.transition.id
+            self.get_logger().error(f"transition {wanted} refused: the node is {self._state_name}")
+            response.success = False
+            return response
 
     def _clear(self) -> None:
         self._at_deactivation.close()

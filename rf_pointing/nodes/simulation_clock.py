@@ -95,7 +95,6 @@ class SimulationClock(ManagedNode):
         super().__init__("simulation_clock")
         self.parameters.declare("", ClockParams())
         self._pacer: Pacer | None = None
-        self._running = False
         self._published_wall_s = 0.0
         self._memory: ClockMemory | None = None
         self._resumed = self._reported = False
@@ -140,10 +139,8 @@ class SimulationClock(ManagedNode):
 
     def activate(self) -> None:
         self._pacer.begin(time.perf_counter())
-        self._running = True
 
     def deactivate(self) -> None:
-        self._running = False
         if self._memory is not None:
             self._memory.forget()
 
@@ -165,21 +162,18 @@ class SimulationClock(ManagedNode):
         wall_s = time.perf_counter()
         if self._pacer is None:
             return 0.1
-        if not self._running:
-            return self._hold(wall_s)
+        if not self.active:
+            # Silently while the time of a running graph is not known: a first message could be a
+            # jump back.
+            if not self.brings_itself_up:
+                self._repeat(wall_s)
+            return HELD_PERIOD_S
         wait_s = self._pacer.wait_s(wall_s)
         if wait_s > 0.0:
             self._repeat(wall_s)
             return min(wait_s, HELD_PERIOD_S)
         self._publish(self._pacer.advance(wall_s))
         return 0.0
-
-    def _hold(self, wall_s: float) -> float:
-        """Hold time, silently while the time of a running graph is not known."""
-        # A first message could be a jump back.
-        if not self.brings_itself_up:
-            self._repeat(wall_s)
-        return HELD_PERIOD_S
 
     def _repeat(self, wall_s: float) -> None:
         """Repeat the time for nodes that start late."""
@@ -199,7 +193,7 @@ class SimulationClock(ManagedNode):
         values: dict[str, object] = {"time_s": pacer.now_s}
         values |= {f"waits for {name}": stream.waits for name, stream in pacer.streams.items()}
         values |= {f"abandoned waits for {name}": stream.abandoned for name, stream in pacer.streams.items()}
-        return Health(message="running" if self._running else "held", values=values)
+        return Health(message="running" if self.active else "held", values=values)
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""What became of the messages that a node of the array sensors received: used, invalid or rejected."""
+"""What became of the messages that a node received: used, invalid or rejected."""
 
 from collections.abc import Callable
 
