@@ -102,7 +102,7 @@ def is_singular(information: Array) -> bool:
 
 
 def rank_reason(positions_rad: Array, smallest_spread_rad: float) -> str:
-    """Return what beam positions (n, 2) that lie on a line, or on two points, leave undetermined."""
+    """Return what beam positions (n, 2) on a line, or on two points, leave undetermined."""
     # Rounded to the smallest spread: encoder noise does not make two points of one.
     centred = positions_rad - positions_rad.mean(axis=0)
     distinct = len(np.unique(np.round(centred / smallest_spread_rad), axis=0))

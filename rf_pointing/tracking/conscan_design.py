@@ -33,7 +33,7 @@ def conscan_sigma_eq25_rad(
     carrier_to_noise_db_hz: float,
     integration_s: float = 1.0,
 ) -> float:
-    """Return the sigma per axis on target for the Block V receiver (eqs. 23, 25, there with 1 s)."""
+    """Return the sigma per axis for the Block V receiver (eq. 25, there with 1 s)."""
     relative = math.sqrt(2.0 / (10.0 ** (carrier_to_noise_db_hz / 10.0) * integration_s))
     relative /= conscan_loss(half_power_beamwidth_rad, radius_rad)
     slope = conscan_slope(half_power_beamwidth_rad, radius_rad)

@@ -141,7 +141,7 @@ class CarrierWatch:
 
 @dataclass
 class PassStatistics:
-    """How long a sensor held the target, its errors from acquisition on, and why the pass ended."""
+    """How long a sensor held the target, its errors, and why the pass ended."""
 
     tracked_s: float = 0.0
     lost_s: float = 0.0
