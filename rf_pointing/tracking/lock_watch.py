@@ -125,7 +125,7 @@ class InnovationBank:
     ) -> tuple["InnovationBank", ComplexArray, Array]:
         """Return the bank after a later measurement, and what was new in it.
 
-        New in beam and error (2, n), cross-elevation + j elevation, with the variance (n,) per axis.
+        New in beam and error (2, n), cross-elevation + j elevation; variance (n,) per axis.
         `noise_rad2` (n,) is R per axis, `walk` (n,) q in rad/sqrt(s), `acceleration` (n,) or one
         for all the density of the noise that changes the velocity, rad/s^1.5.
         """

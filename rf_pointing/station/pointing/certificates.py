@@ -117,8 +117,8 @@ def certificate_of(
 ) -> Certificate:
     """Return the certificate of a pass for a Gaussian beam (CONSCAN eq. 1).
 
-    Lags that build up over `rules.lag_averaging_s` are those of the motion that the beam makes, crossing
-    included; with 0 they are those of the target's own.
+    Lags that build up over `rules.lag_averaging_s` are those of the motion that the beam makes,
+    crossing included; with 0 they are those of the target's own.
     """
     fine, model, machine = profile.resampled(STEP_S), rules.model, rules.machine
     gain = partial(gaussian_gain, beamwidth_rad=machine.half_power_beamwidth_rad)

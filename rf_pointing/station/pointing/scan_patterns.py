@@ -29,8 +29,8 @@ SPARE_S = 2.0
 class Scans:
     """The search, the scans of all registered sensors, and the circles of other modes.
 
-    A sensor's own scan is that of its traits, else the parameter set of its name in `sets`.  `probe`
-    is the circle that tests the lock of a watched sensor, None for none.
+    A sensor's own scan is that of its traits, else the parameter set of its name in `sets`.
+    `probe` is the circle that tests the lock of a watched sensor, None for none.
     """
 
     def __init__(self, spiral: SpiralParams, calibration: ScanParams, probe: ScanParams | None, sets: object) -> None:
