@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.core import MDEG, MU, random_stream
+from rf_pointing.core import MDEG, MU, random_stream, require_between
 from rf_pointing.papers.conscan_cases import (
     BEAM_KA_RAD,
     BEAM_X_RAD,
@@ -24,8 +24,6 @@ from rf_pointing.tracking.beam_fit import beam_design, fit_beam
 from rf_pointing.tracking.conscan_design import (
     ScanDesignParams,
     conscan_loss,
-    conscan_sigma_eq20_rad,
-    conscan_sigma_eq21_rad,
     conscan_sigma_eq25_rad,
     conscan_slope,
     design_scan,
@@ -55,6 +53,30 @@ def rows(seed: int = 1) -> list[Row]:
         _honesty_row(seed),
         *_closed_loop_rows(seed),
     ]
+
+
+def conscan_sigma_eq20_rad(
+    half_power_beamwidth_rad: float, radius_rad: float, samples: int, relative_sigma: float, axis_error_rad: float
+) -> float:
+    """Return the sigma per axis from sigma_p / P_o, P_o the mean power received (eq. 20)."""
+    require_between("samples", samples, 3, None)
+    slope = conscan_slope(half_power_beamwidth_rad, radius_rad)
+    scaled = slope / half_power_beamwidth_rad * axis_error_rad
+    return half_power_beamwidth_rad / slope * relative_sigma * math.sqrt((scaled**2 + 2.0) / samples)
+
+
+def conscan_sigma_eq21_rad(
+    half_power_beamwidth_rad: float,
+    radius_rad: float,
+    samples: int,
+    nominal_relative_sigma: float,
+    axis_error_rad: float,
+    total_error_rad: float,
+) -> float:
+    """Return the sigma per axis from sigma_p / P_nom, sigma_p held constant (eq. 21)."""
+    loss = conscan_loss(half_power_beamwidth_rad, radius_rad) * conscan_loss(half_power_beamwidth_rad, total_error_rad)
+    relative = nominal_relative_sigma / loss
+    return conscan_sigma_eq20_rad(half_power_beamwidth_rad, radius_rad, samples, relative, axis_error_rad)
 
 
 def _slope_and_loss() -> list[Row]:

@@ -26,7 +26,7 @@ Floats = NDArray[np.float64]
 
 
 def tracking_modes() -> tuple[str, ...]:
-    """Return the modes in which the beam is meant to be on the target, registered trackers included."""
+    """Return the modes in which the beam is meant to be on the target."""
     return (Mode.PROGRAM_TRACK, Mode.SEARCH, *SENSORS, Mode.COAST)
 
 

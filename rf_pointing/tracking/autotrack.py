@@ -289,15 +289,3 @@ def _observe(params: AutotrackParams, state: AutotrackState, inputs: AutotrackIn
     if state.mode == Mode.SEARCH and level > state.peak_db_hz:
         return replace(seen, peak_db_hz=level, peak_s=inputs.t_s)
     return seen
-
-
-def transition_table() -> str:
-    """Return the table as Markdown, in order of priority."""
-    rows = [f"| {', '.join(row.sources)} | {row.target} | {row.when} |" for row in TRANSITIONS]
-    return "\n".join(["| from | to | when |", "|---|---|---|", *rows])
-
-
-def transition_diagram() -> str:
-    """Return the table as a Mermaid state diagram."""
-    lines = [f"    {source} --> {row.target}: {row.when}" for row in TRANSITIONS for source in row.sources]
-    return "\n".join(["stateDiagram-v2", *(f"    {mode}" for mode in Mode), *lines])

@@ -23,7 +23,7 @@ STEP_TOLERANCE = 2e-3  # of a beamwidth; what is left after that step is below 1
 FRESH_STEP = 1e-2  # after a smaller step the information matrix of the step before still serves
 
 SMALLEST_INFORMATION = 1e-13
-"""Least eigenvalue of an information matrix, its diagonal scaled to one, that determines the unknowns.
+"""Least eigenvalue of an information matrix, scaled to a diagonal of one, that is no zero.
 
 Rounding makes 1e-15 of an exact zero, of either sign and different on every processor.  To invert
 first and judge the result afterwards would leave the verdict to it.  At 1e-13 the inverse is good
@@ -102,7 +102,7 @@ def is_singular(information: Array) -> bool:
 
 
 def rank_reason(positions_rad: Array, smallest_spread_rad: float) -> str:
-    """Return what beam positions (n, 2) that lie on a line, or on two points, leave undetermined."""
+    """Return what beam positions (n, 2) on a line, or on two points, leave undetermined."""
     # Rounded to the smallest spread: encoder noise does not make two points of one.
     centred = positions_rad - positions_rad.mean(axis=0)
     distinct = len(np.unique(np.round(centred / smallest_spread_rad), axis=0))

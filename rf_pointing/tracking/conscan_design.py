@@ -1,4 +1,4 @@
-"""Accuracy of a conical scan in closed form (CONSCAN eqs. 1-6, 20-25), and its design.
+"""Accuracy of a conical scan in closed form (CONSCAN eqs. 1-6, 23-25), and its design.
 
 h is the half-power beamwidth, r the scan radius, mu = 4 ln 2; n samples per period; sigma_p/P the
 relative standard deviation of one carrier power sample; C/N0 in dB-Hz for the beam on the target.
@@ -8,7 +8,7 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from rf_pointing.core import MDEG, MU, Params, parameter, require_between
+from rf_pointing.core import MDEG, MU, Params, parameter
 from rf_pointing.tracking.conscan_estimate import ConscanParams
 
 FEWEST_SAMPLES = 4
@@ -26,30 +26,6 @@ def conscan_loss(half_power_beamwidth_rad: float, offset_rad: float) -> float:
     return math.exp(-MU * (offset_rad / half_power_beamwidth_rad) ** 2)
 
 
-def conscan_sigma_eq20_rad(
-    half_power_beamwidth_rad: float, radius_rad: float, samples: int, relative_sigma: float, axis_error_rad: float
-) -> float:
-    """Return the sigma per axis from sigma_p / P_o, P_o the mean power received (eq. 20)."""
-    require_between("samples", samples, 3, None)
-    slope = conscan_slope(half_power_beamwidth_rad, radius_rad)
-    scaled = slope / half_power_beamwidth_rad * axis_error_rad
-    return half_power_beamwidth_rad / slope * relative_sigma * math.sqrt((scaled**2 + 2.0) / samples)
-
-
-def conscan_sigma_eq21_rad(
-    half_power_beamwidth_rad: float,
-    radius_rad: float,
-    samples: int,
-    nominal_relative_sigma: float,
-    axis_error_rad: float,
-    total_error_rad: float,
-) -> float:
-    """Return the sigma per axis from sigma_p / P_nom, sigma_p held constant (eq. 21)."""
-    loss = conscan_loss(half_power_beamwidth_rad, radius_rad) * conscan_loss(half_power_beamwidth_rad, total_error_rad)
-    relative = nominal_relative_sigma / loss
-    return conscan_sigma_eq20_rad(half_power_beamwidth_rad, radius_rad, samples, relative, axis_error_rad)
-
-
 def conscan_sigma_eq25_rad(
     half_power_beamwidth_rad: float,
     radius_rad: float,
@@ -57,9 +33,11 @@ def conscan_sigma_eq25_rad(
     carrier_to_noise_db_hz: float,
     integration_s: float = 1.0,
 ) -> float:
-    """Return the sigma per axis on target for the Block V receiver (eqs. 23, 25, there with 1 s)."""
+    """Return the sigma per axis for the Block V receiver (eq. 25, there with 1 s)."""
     relative = math.sqrt(2.0 / (10.0 ** (carrier_to_noise_db_hz / 10.0) * integration_s))
-    return conscan_sigma_eq21_rad(half_power_beamwidth_rad, radius_rad, samples, relative, 0.0, 0.0)
+    relative /= conscan_loss(half_power_beamwidth_rad, radius_rad)
+    slope = conscan_slope(half_power_beamwidth_rad, radius_rad)
+    return half_power_beamwidth_rad / slope * relative * math.sqrt(2.0 / samples)
 
 
 class ScanDesign(NamedTuple):

@@ -1,6 +1,6 @@
 """Detects within 2 s that monopulse follows a wrong null: flipped sign, turned phase, sidelobe.
 
-* Signs and phases: what the beam does and what the error does about it, weighed as `Evidence`.
+* Signs and phases: what the beam does and what the error does about it, weighed as evidence.
 * Steepness: over a sliding window the error is regressed on the beam by the encoders, e = e0 - G d.
 * Level: on a sidelobe the C/N0 is far below the link's while the error is small.
 """
@@ -8,7 +8,7 @@
 import cmath
 import itertools
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -125,7 +125,7 @@ class InnovationBank:
     ) -> tuple["InnovationBank", ComplexArray, Array]:
         """Return the bank after a later measurement, and what was new in it.
 
-        New in beam and error (2, n), cross-elevation + j elevation, with the variance (n,) per axis.
+        New in beam and error (2, n), cross-elevation + j elevation; variance (n,) per axis.
         `noise_rad2` (n,) is R per axis, `walk` (n,) q in rad/sqrt(s), `acceleration` (n,) or one
         for all the density of the noise that changes the velocity, rad/s^1.5.
         """
@@ -166,13 +166,19 @@ DIRECT = np.array([[response.direct] for response in RESPONSES])
 MIRRORED = np.array([[response.mirrored] for response in RESPONSES])
 
 
-@dataclass(frozen=True, slots=True)
-class EvidenceState:
-    """Filters, probability of each weather under each response, evidence for each response."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LockWatchState:
+    """What the watch remembers.
+
+    Filters; probability of each weather under each response, and evidence for each response; rows
+    of time, error, beam, variance per axis; low clusters in a row.
+    """
 
     bank: InnovationBank | None = None
     weather: tuple[tuple[float, ...], ...] = ()
     sums: tuple[float, ...] = (0.0,) * len(RESPONSES)
+    rows: tuple[tuple[float, complex, complex, float], ...] = ()
+    low_clusters: int = 0
 
 
 # A beam that does b beyond expectation changes the error by -b if the sensor is right, by something
@@ -181,61 +187,17 @@ class EvidenceState:
 # Inspection Schemes, Biometrika 41, 1954): while the response is right and the model holds, a sum
 # passes x at most once in e^x clusters on average.  Each response keeps its own probabilities of
 # every weather, so gusts that look like a flip in calm air do not once they have been learned.
-class Evidence:
-    """Compares the responses; the state is the caller's."""
-
-    def __init__(self, params: LockWatchParams) -> None:
-        self.params = params
-        weathers = itertools.product(params.gust_rad, params.vibration_rad, params.drift_change_rad_s)
-        self._walk, self._shake, self._wander = np.array(list(weathers)).T
-        usual = np.where(self._wander == params.drift_change_rad_s[0], 1.0, params.settling_share)
-        self._usual = usual / usual.sum()
-        self._drift = np.maximum(params.drift_rad_s, self._wander * SETTLED_S)
-
-    def fault(self, state: EvidenceState) -> str:
-        """Return what is wrong with the response, empty as long as nothing is certain."""
-        most = int(np.argmax(state.sums))
-        return RESPONSES[most].fault if state.sums[most] >= self.params.evidence else ""
-
-    def with_measurement(
-        self, state: EvidenceState, t_s: float, error_rad: complex, beam_rad: complex, noise_rad2: float
-    ) -> EvidenceState:
-        """Return the state after one more error and beam (cross-elevation + j elevation)."""
-        params = self.params
-        noise = noise_rad2 + self._shake**2
-        if state.bank is None or not 0.0 < t_s - state.bank.t_s <= LONGEST_GAP_S:
-            bank = InnovationBank.begin(t_s, beam_rad, error_rad, noise, self._drift)
-            return EvidenceState(bank=bank, weather=(tuple(self._usual.tolist()),) * len(RESPONSES))
-        gap_s = t_s - state.bank.t_s
-        bank, (beam, error), variance = state.bank.step(t_s, beam_rad, error_rad, noise, self._walk, self._wander)
-        # Log likelihood of the measurement per response (rows) and weather (columns).
-        left = error + DIRECT * beam + MIRRORED * np.conj(beam)
-        joint = np.log(state.weather) + (-0.5 * np.abs(left) ** 2 / variance - np.log(variance))
-        explained = np.logaddexp.reduce(joint, axis=1)
-        stays = math.exp(-gap_s / params.weather_s)
-        weather = stays * np.exp(joint - explained[:, None]) + (1.0 - stays) * self._usual
-        # No single cluster decides.
-        says = np.minimum(explained - explained[0], params.evidence / 3.0)
-        sums = np.maximum(0.0, math.exp(-gap_s / params.fade_s) * np.array(state.sums) + says)
-        return EvidenceState(bank=bank, weather=tuple(map(tuple, weather.tolist())), sums=tuple(sums.tolist()))
-
-
-@dataclass(frozen=True, slots=True)
-class LockWatchState:
-    """Evidence; rows of time, error, beam, variance per axis; low clusters in a row."""
-
-    evidence: EvidenceState = field(default_factory=EvidenceState)
-    rows: tuple[tuple[float, complex, complex, float], ...] = ()
-    low_clusters: int = 0
-
-
 class LockWatch:
     """Collects errors and beam positions; `add` returns the fault, empty if there is none."""
 
     def __init__(self, params: LockWatchParams) -> None:
         self.params = params
-        self._evidence = Evidence(params)
         self.state = LockWatchState()
+        weathers = itertools.product(params.gust_rad, params.vibration_rad, params.drift_change_rad_s)
+        self._walk, self._shake, self._wander = np.array(list(weathers)).T
+        usual = np.where(self._wander == params.drift_change_rad_s[0], 1.0, params.settling_share)
+        self._usual = usual / usual.sum()
+        self._drift = np.maximum(params.drift_rad_s, self._wander * SETTLED_S)
 
     def add(
         self,
@@ -254,18 +216,17 @@ class LockWatch:
         oldest = error.t_s - self.params.window_s
         level_fault = self._level_fault(error, sensed, expected_carrier_to_noise_db_hz)
         low = self.state.low_clusters + 1 if level_fault else 0
-        self.state = LockWatchState(
-            evidence=self._evidence.with_measurement(self.state.evidence, error.t_s, sensed, beam, noise),
-            rows=(
-                *(row for row in self.state.rows if oldest <= row[0] < error.t_s),
-                (error.t_s, sensed, beam, noise + floor**2),
-            ),
-            low_clusters=low,
-        )
+        recent = (row for row in self.state.rows if oldest <= row[0] < error.t_s)
+        rows = (*recent, (error.t_s, sensed, beam, noise + floor**2))
+        self.state = replace(self.state, rows=rows, low_clusters=low)
+        self._weigh(error.t_s, sensed, beam, noise)
         # A carrier that comes or goes within a cluster is no sidelobe.
         if low >= self.params.level_clusters:
             return level_fault
-        return self._evidence.fault(self.state.evidence) or self._steepness_fault()
+        likeliest = int(np.argmax(self.state.sums))
+        if self.state.sums[likeliest] >= self.params.evidence:
+            return RESPONSES[likeliest].fault
+        return self._steepness_fault()
 
     def reset(self) -> None:
         """Forget everything, as after a change of sensor or a new calibration."""
@@ -284,6 +245,29 @@ class LockWatch:
         for _, sensed, beam, variance in rows:
             sums = sums.with_pair(beam - mean_beam, sensed - mean_error, variance)
         return sums.estimate()
+
+    def _weigh(self, t_s: float, error_rad: complex, beam_rad: complex, noise_rad2: float) -> None:
+        """Update the evidence by one more error and beam (cross-elevation + j elevation)."""
+        params, state = self.params, self.state
+        noise = noise_rad2 + self._shake**2
+        if state.bank is None or not 0.0 < t_s - state.bank.t_s <= LONGEST_GAP_S:
+            bank = InnovationBank.begin(t_s, beam_rad, error_rad, noise, self._drift)
+            weather = (tuple(self._usual.tolist()),) * len(RESPONSES)
+            self.state = replace(state, bank=bank, weather=weather, sums=LockWatchState().sums)
+            return
+        gap_s = t_s - state.bank.t_s
+        bank, (beam, error), variance = state.bank.step(t_s, beam_rad, error_rad, noise, self._walk, self._wander)
+        # Log likelihood of the measurement per response (rows) and weather (columns).
+        left = error + DIRECT * beam + MIRRORED * np.conj(beam)
+        joint = np.log(state.weather) + (-0.5 * np.abs(left) ** 2 / variance - np.log(variance))
+        explained = np.logaddexp.reduce(joint, axis=1)
+        stays = math.exp(-gap_s / params.weather_s)
+        known = stays * np.exp(joint - explained[:, None]) + (1.0 - stays) * self._usual
+        # No single cluster decides.
+        says = np.minimum(explained - explained[0], params.evidence / 3.0)
+        sums = np.maximum(0.0, math.exp(-gap_s / params.fade_s) * np.array(state.sums) + says)
+        weather = tuple(map(tuple, known.tolist()))
+        self.state = replace(state, bank=bank, weather=weather, sums=tuple(sums.tolist()))
 
     def _level_fault(self, error: PointingError, sensed: complex, expected_db_hz: float | None) -> str:
         if expected_db_hz is None or abs(sensed) > 0.3 * self.params.half_power_beamwidth_rad:

@@ -127,7 +127,6 @@ class PowerTracker:
         errors = []
         while self._waiting:
             beam_s = self.conscan.beam_time_s(self._waiting[0])
-            # From before the scan: where the beam was then will never be known.
             if self._beam.too_old(beam_s):
                 del self._waiting[0]
                 continue

@@ -138,7 +138,7 @@ class StripSearch:
         return self._starts[-1]
 
     def offset(self, t_since_start_s: float) -> tuple[float, float, float, float]:
-        """Return the offset along the track and to the left of it, and the rates; at rest before the start."""
+        """Return the offset along and left of the track, with rates; at rest before the start."""
         within_s = max(t_since_start_s, 0.0) % self.duration_s
         leg = min(bisect_right(self._starts, within_s) - 1, len(self._legs) - 1)
         (x0, y0), (x1, y1) = self._legs[leg]

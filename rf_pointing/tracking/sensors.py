@@ -78,7 +78,7 @@ SENSORS: dict[str, SensorTraits] = {
 }  # fmt: skip
 # Sensor of a pass as the operator names it, and as the state table does.
 SENSOR_CHOICES: dict[str, str] = {Sensor.PROGRAM: NO_SENSOR} | {name: name for name in (*SENSORS, Sensor.AUTO)}
-# Values of `autotrack.sensor`: a dict, because a view of its keys grows with registered trackers.
+# Values of `autotrack.sensor`: a view of the keys grows with registered trackers.
 TABLE_WORDS = dict.fromkeys((Sensor.AUTO, *SENSORS, NO_SENSOR))
 
 

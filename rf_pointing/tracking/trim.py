@@ -88,7 +88,6 @@ class TrimFilter:
         innovation = offset - rows @ mean
         spread = rows @ covariance @ rows.T + noise
         if float(innovation @ np.linalg.solve(spread, innovation)) > self.params.gate_sigmas**2:
-            # Sure of something wrong, the filter would refuse the truth for ever.
             in_a_row = self.state.refused_in_a_row + 1
             tired = in_a_row >= self.params.gate_patience
             self.state = TrimState(
@@ -101,13 +100,10 @@ class TrimFilter:
         # Joseph's form stays symmetric and positive where the plain one loses it after thousands of
         # updates.
         covariance = keep @ covariance @ keep.T + gain @ noise @ gain.T
-        self.state = TrimState(
-            t_s=t_s,
-            mean=mean + gain @ innovation,
-            covariance=0.5 * (covariance + covariance.T),
-            used=self.state.used + 1,
-            refused=self.state.refused,
-        )
+        self.state = replace(
+            self.state, t_s=t_s, mean=mean + gain @ innovation, covariance=0.5 * (covariance + covariance.T),
+            used=self.state.used + 1, refused_in_a_row=0,
+        )  # fmt: skip
         return True
 
     def trim(self, t_s: float, sky: SkyMotion) -> Trim:

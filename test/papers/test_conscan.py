@@ -1,7 +1,40 @@
 """Every row of the conscan paper holds or carries its measured explanation."""
 
+import math
+
+import pytest
+
+from rf_pointing.core import MDEG
 from rf_pointing.papers import conscan
+from rf_pointing.papers.conscan import conscan_sigma_eq20_rad, conscan_sigma_eq21_rad
+from rf_pointing.tracking.conscan_design import conscan_loss, conscan_sigma_eq25_rad, conscan_slope
+
+H, R = 17.0 * MDEG, 1.55 * MDEG
 
 
 def test_every_row_holds_or_is_explained() -> None:
     assert [row.quantity for row in conscan.rows(seed=1) if not row.accepted] == []
+
+
+def test_half_a_beamwidth_of_error_doubles_the_spread() -> None:
+    on_axis = conscan_sigma_eq21_rad(H, R, 32, 0.01, 0.0, 0.0)
+    off_axis = conscan_sigma_eq21_rad(H, R, 32, 0.01, 0.0, 0.5 * H)
+    assert off_axis / on_axis == pytest.approx(2.0, rel=1e-12)
+
+
+def test_equation_20_is_21_with_the_power_received() -> None:
+    loss = conscan_loss(H, R) * conscan_loss(H, 5.0 * MDEG)
+    direct = conscan_sigma_eq20_rad(H, R, 20, 0.01 / loss, 3.0 * MDEG)
+    assert conscan_sigma_eq21_rad(H, R, 20, 0.01, 3.0 * MDEG, 5.0 * MDEG) == pytest.approx(direct, rel=1e-12)
+
+
+def test_equation_25_is_23_with_the_block_v_receiver() -> None:
+    direct = conscan_sigma_eq21_rad(H, R, 32, math.sqrt(2.0 / 1000.0), 0.0, 0.0)
+    assert conscan_sigma_eq25_rad(H, R, 32, 30.0) == pytest.approx(direct, rel=1e-12)
+    written_out = H / conscan_slope(H, R) * 2.0 / conscan_loss(H, R) / math.sqrt(32.0 * 1000.0)
+    assert direct == pytest.approx(written_out, rel=1e-12)
+
+
+def test_two_samples_are_refused() -> None:
+    with pytest.raises(ValueError, match="samples=2 must be >= 3"):
+        conscan_sigma_eq20_rad(H, R, 2, 0.01, 0.0)

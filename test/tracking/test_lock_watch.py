@@ -239,7 +239,7 @@ def test_beam_at_rest_gives_no_verdict() -> None:
     watch = LockWatch(LockWatchParams(half_power_beamwidth_rad=H))
     for k in range(30):
         assert watch.add(sensed(k * CLUSTER_S, 3.0 * MDEG), 0.0, 0.0) == ""
-    assert max(watch.state.evidence.sums) == pytest.approx(0.0, abs=1e-9)
+    assert max(watch.state.sums) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_no_single_cluster_decides() -> None:
@@ -248,14 +248,14 @@ def test_no_single_cluster_decides() -> None:
     for k in range(20):
         assert watch.add(sensed(k * CLUSTER_S, 0j), 0.0, 0.0) == ""
     assert watch.add(sensed(20 * CLUSTER_S, 14.0 * MDEG + 0j), 14.0 * MDEG, 0.0) == ""
-    assert max(watch.state.evidence.sums) == pytest.approx(watch.params.evidence / 3.0)
+    assert max(watch.state.sums) == pytest.approx(watch.params.evidence / 3.0)
 
 
 def test_after_a_gap_the_watch_begins_again() -> None:
     watch = LockWatch(LockWatchParams(half_power_beamwidth_rad=H))
     for k in (0, 1, 2, 30):
         watch.add(sensed(k * CLUSTER_S, complex(0.3 * k) * MDEG), 0.3 * k * MDEG, 0.0)
-        assert (max(watch.state.evidence.sums) > 0.0) == (k in (1, 2))
+        assert (max(watch.state.sums) > 0.0) == (k in (1, 2))
 
 
 def test_invalid_errors_are_not_used() -> None:
@@ -271,8 +271,8 @@ def test_copied_state_continues_identically_and_reset_forgets() -> None:
     twin.state = copy.deepcopy(watch.state)
     for each in (watch, twin):
         each.add(sensed(0.5, 0j), 5.0 * MDEG, 0.0)
-    assert watch.state.evidence.sums == twin.state.evidence.sums
-    assert watch.state.evidence.weather == twin.state.evidence.weather
+    assert watch.state.sums == twin.state.sums
+    assert watch.state.weather == twin.state.weather
     assert watch.response() == twin.response()
     watch.reset()
     assert watch.state == LockWatchState()

@@ -73,10 +73,8 @@ def plan_passes(
     for window in find_passes(track, start_t_s, span_s, rules.mask.above(least_rad)):
         profile = pass_profile(track, window)
         azimuth, elevation = _sun_at(np.array([free_t_s, free_t_s + SUN_STEP_S]), track)[0].tolist()
-        certificate = certificate_of(
-            profile, rules.model, free_t_s, encoder_rad, rules.machine, rules.limits, rules.mask,
-            lag_averaging_s=rules.lag_averaging_s, slew=partial(gate.slew, sun_rad=(azimuth, elevation)),
-        )  # fmt: skip
+        slew = partial(gate.slew, sun_rad=(azimuth, elevation))
+        certificate = certificate_of(profile, rules, free_t_s, encoder_rad, slew=slew)
         fine, chosen = profile.resampled(STEP_S), certificate.chosen
         if chosen is not None:
             encoder_rad, free_t_s = chosen.end_rad, window.los_t_s
@@ -110,31 +108,27 @@ def _sun_at(times: Array, track: TopocentricTrack) -> Array:
 
 def certificate_of(
     profile: PassProfile,
-    model: BiasModel,
+    rules: PlanningRules,
     issued_t_s: float,
     encoder_rad: tuple[float, float],
-    machine: MachineParams,
-    limits: AxisLimits,
-    mask: HorizonMask,
     *,
     plunge_allowed: bool = True,
-    lag_averaging_s: float = 0.0,
     slew: Slew | None = None,
 ) -> Certificate:
     """Return the certificate of a pass for a Gaussian beam (CONSCAN eq. 1).
 
-    Lags that build up over `lag_averaging_s` are those of the motion that the beam makes, crossing
-    included; with 0 they are those of the target's own.
+    Lags that build up over `rules.lag_averaging_s` are those of the motion that the beam makes,
+    crossing included; with 0 they are those of the target's own.
     """
-    fine = profile.resampled(STEP_S)
+    fine, model, machine = profile.resampled(STEP_S), rules.model, rules.machine
     gain = partial(gaussian_gain, beamwidth_rad=machine.half_power_beamwidth_rad)
     plunges = (False, True) if plunge_allowed else (False,)
     sky = Motion(fine.position_rad, fine.velocity_rad_s, fine.acceleration_rad_s2)
-    history = LagHistory(model, lag_averaging_s) if lag_averaging_s > 0.0 and model.has_lags else None
+    history = LagHistory(model, rules.lag_averaging_s) if rules.lag_averaging_s > 0.0 and model.has_lags else None
     held = without_lags(model) if history else model
     sides: dict[bool, tuple[Array, Array, Array]] = {over: axis_motion(sky, held, plunge=over) for over in plunges}
     lag: Lag = (lambda t_s, rate, bend: history.along(t_s, rate, bend)[0]) if history else no_lag
-    return certify(fine, sides, issued_t_s, encoder_rad, machine, limits, mask, gain, lag, slew)
+    return certify(fine, sides, issued_t_s, encoder_rad, machine, rules.limits, rules.mask, gain, lag, slew)
 
 
 @dataclass(frozen=True, kw_only=True)

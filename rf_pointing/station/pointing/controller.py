@@ -32,7 +32,7 @@ class PointingController:
     def __init__(self, params: ControllerParams) -> None:
         self.params = params
         self.plan = PassPlan(params.machine, params.mask, params.gate, params.limits, SolarDirection(params.sun))
-        scans = Scans.of(params.spiral, params.calibration.scan, params.watch.probe, params)
+        scans = Scans(params.spiral, params.calibration.scan, params.watch.probe, params)
         self.corrections = PointingCorrections(params.integrator, scans, params.trim)
         self.carrier = CarrierWatch(params.watch, params.link)
         self._mode = TrackingMode(params.autotrack, params.pointing, self.carrier)

@@ -68,7 +68,6 @@ class SensedErrors:
         period in any case.
         """
         newest_t_s = t_s - LEAST_AGE_PERIODS * period_s
-        # Too young errors wait: on another machine they would have come a moment later.
         return [error for error in reversed(self._errors) if t_s - oldest_s <= error.t_s <= newest_t_s]
 
 
@@ -142,7 +141,7 @@ class CarrierWatch:
 
 @dataclass
 class PassStatistics:
-    """How long a sensor held the target, its errors from acquisition on, and why the pass ended."""
+    """How long a sensor held the target, its errors, and why the pass ended."""
 
     tracked_s: float = 0.0
     lost_s: float = 0.0

@@ -217,7 +217,6 @@ class CommandedMotion:
         rate = self.axes.velocity_rad_s
         present = self.axes.position_rad + (t_s - self.axes.t_s) * rate
         position = present + rate * np.abs(rate) / (2.0 * self.params.stop_deceleration_rad_s2)
-        # One point at rest: the antenna stops by its own limits on the way there.
         still = np.zeros((1, 2))
         times = np.array([t_s + self.params.transport_s])
         return JointTrajectory(

@@ -1,6 +1,7 @@
 """The plan of the pass in hand: certificate, chosen branch, and the slew to its start."""
 
 import math
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +25,7 @@ from rf_pointing.planning import (
 )
 from rf_pointing.planning.forbidden_sky import ForbiddenSky
 from rf_pointing.station.pointing.branch import TrackingBranch
-from rf_pointing.station.pointing.certificates import certificate_of
+from rf_pointing.station.pointing.certificates import PlanningRules, certificate_of
 from rf_pointing.station.pointing.prediction import axis_motion
 from rf_pointing.tracking.sensors import sensors_of
 
@@ -87,11 +88,13 @@ class PassPlan:
             return False
         self._check_sun(profile)
         azimuth, elevation = joints.position_rad.tolist()
-        self.certificate = certificate_of(
-            profile, model, t_s, (azimuth, elevation), self.machine, self._limits, self.mask,
-            plunge_allowed=all(traits.over_the_top for traits in sensors_of(sensor)), lag_averaging_s=lag_averaging_s,
-            slew=lambda start, end: self.gate.slew(start, end, self.sun.at(t_s)),
+        rules = PlanningRules(
+            model=model, machine=self.machine, limits=self._limits, mask=self.mask, gate=self._gate_params,
+            lag_averaging_s=lag_averaging_s,
         )  # fmt: skip
+        over = all(traits.over_the_top for traits in sensors_of(sensor))
+        slew = partial(self.gate.slew, sun_rad=self.sun.at(t_s))
+        self.certificate = certificate_of(profile, rules, t_s, (azimuth, elevation), plunge_allowed=over, slew=slew)
         branch = self.certificate.chosen
         if branch is None:
             raise ValueError(self.certificate.reason)

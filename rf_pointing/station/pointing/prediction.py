@@ -208,5 +208,5 @@ class Prediction:
 
 
 def time_key(t_s: float) -> int:
-    """Return the time in whole milliseconds: periods are compared without the rounding of floats."""
+    """Return whole milliseconds: periods are compared without the rounding of floats."""
     return round(float(t_s) * 1000.0)

@@ -6,8 +6,6 @@ then the track is swept in strips.
 """
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,27 +26,21 @@ SLOWEST_RAD_S = 1e-5
 SPARE_S = 2.0
 
 
-@dataclass(frozen=True)
 class Scans:
-    """The search, the scans of the sensors, and the circles of other modes."""
+    """The search, the scans of all registered sensors, and the circles of other modes.
 
-    spiral: SpiralParams
-    sensors: Mapping[str, Scan]
-    circles: Mapping[str, ScanParams]
+    A sensor's own scan is that of its traits, else the parameter set of its name in `sets`.
+    `probe` is the circle that tests the lock of a watched sensor, None for none.
+    """
 
-    @classmethod
-    def of(cls, spiral: SpiralParams, calibration: ScanParams, probe: ScanParams | None, sets: object) -> "Scans":
-        """Return the scans of all registered sensors.
-
-        A sensor's own is that of its traits, else the parameter set of its name in `sets`.  `probe`
-        is the circle that tests the lock of a watched sensor, None for none.
-        """
-        scanning = [traits for traits in SENSORS.values() if traits.scans]
-        watched = [traits.name for traits in SENSORS.values() if traits.watched]
-        circles: dict[str, ScanParams] = {Mode.CALIBRATE: calibration}
+    def __init__(self, spiral: SpiralParams, calibration: ScanParams, probe: ScanParams | None, sets: object) -> None:
+        self.spiral = spiral
+        self.sensors: dict[str, Scan] = {
+            traits.name: traits.scan or getattr(sets, traits.name) for traits in SENSORS.values() if traits.scans
+        }
+        self.circles: dict[str, ScanParams] = {Mode.CALIBRATE: calibration}
         if probe is not None:
-            circles |= dict.fromkeys(watched, probe)
-        return cls(spiral, {traits.name: traits.scan or getattr(sets, traits.name) for traits in scanning}, circles)
+            self.circles |= {traits.name: probe for traits in SENSORS.values() if traits.watched}
 
     def age_s(self, sensor: str) -> float:
         """Return how long before the stamp of an error its samples lie, on average."""
@@ -98,22 +90,24 @@ class ScanPatterns:
         params = self._scans.spiral
         beamwidth = params.half_power_beamwidth_rad
         if known.state.used and sky is not None:
-            sigma = math.sqrt(float(np.max(np.linalg.eigvalsh(known.trim(t_s, _first(sky)).covariance_rad2))))
+            sigma = math.sqrt(
+                float(np.max(np.linalg.eigvalsh(known.trim(t_s, SkyMotion(*_first(sky))).covariance_rad2)))
+            )
             params = params.replace(
                 uncertainty_rad=min(max(sigma, LEAST_SIGMA_BEAMWIDTHS * beamwidth), params.uncertainty_rad)
             )
         spiral = SpiralSearch(params)
         if spiral.duration_s <= LONGEST_SPIRAL_S or sky is None:
             return spiral.offset
-        return self._strips(t_s, known, _first(sky)) or spiral.offset
+        return self._strips(t_s, known, sky) or spiral.offset
 
     def _strips(self, t_s: float, known: TrimFilter, sky: SkyMotion) -> Pattern | None:
         """Return the search in strips: seconds along the track, metres across it."""
-        right, up, range_m = _values(sky)
+        right, up, range_m = _first(sky)
         speed, params = math.hypot(right, up), self._scans.spiral
         if speed < SLOWEST_RAD_S:
             return None
-        covariance, least = known.trim(t_s, sky).covariance_rad2, LEAST_SIGMA_BEAMWIDTHS
+        covariance, least = known.trim(t_s, SkyMotion(right, up, range_m)).covariance_rad2, LEAST_SIGMA_BEAMWIDTHS
         ahead, left = np.array([right, up]) / speed, np.array([-up, right]) / speed
         along, across = (
             params.sigmas * max(math.sqrt(float(axis @ covariance @ axis)), least * params.half_power_beamwidth_rad)
@@ -124,10 +118,6 @@ class ScanPatterns:
         return StripSearch(along, across, pitch, params.rate_rad_s, params.acceleration_rad_s2).offset
 
 
-def _first(sky: SkyMotion) -> SkyMotion:
-    return SkyMotion(*_values(sky))
-
-
-def _values(sky: SkyMotion) -> tuple[float, float, float]:
+def _first(sky: SkyMotion) -> tuple[float, float, float]:
     right, up, range_m = (float(np.ravel(np.asarray(part))[0]) for part in sky)
     return right, up, range_m

@@ -64,7 +64,7 @@ def test_lags_of_the_mount_are_part_of_the_axes_path(track: TopocentricTrack, wi
     profile = pass_profile(track, window)
     plain, lagging = (
         certificate_of(
-            profile, model, window.aos_t_s, (2.5, 0.1), RULES.machine, RULES.limits, RULES.mask, lag_averaging_s=5.0
+            profile, dataclasses.replace(RULES, model=model, lag_averaging_s=5.0), window.aos_t_s, (2.5, 0.1)
         ).chosen
         for model in (BiasModel.zero(), mount)
     )

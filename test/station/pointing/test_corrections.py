@@ -41,7 +41,7 @@ class Loop:
 
     def __init__(self, probe: CircleParams | None = None) -> None:
         sets = ControllerParams(conscan=CONSCAN)
-        scans = Scans.of(sets.spiral, sets.calibration.scan, probe, sets)
+        scans = Scans(sets.spiral, sets.calibration.scan, probe, sets)
         self.offsets = PointingCorrections(TrackerIntegratorParams(bandwidth_hz=0.2), scans, TrimParams())
         self.offsets.restart(T_S)
         self.mode, self.t_s = "program_track", T_S
