@@ -18,8 +18,8 @@ from rf_pointing.core import MDEG, gaussian_loss_db
 from rf_pointing.core.modes import Mode
 from rf_pointing.report.recording import Pass, Recording
 from rf_pointing.report.summary import Acquisition, ErrorStatistics, Spread, reduced
-from rf_pointing.tracking.sensors import SENSORS
 from rf_pointing.report.topics import TopicData
+from rf_pointing.tracking.sensors import SENSORS
 
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
