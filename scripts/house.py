@@ -30,7 +30,8 @@ SENSORS = ("monopulse", "conscan", "steptrack")
 WIRE = re.compile(r"/nodes/convert\w*\.py$")
 """Modules that turn messages into core types and back: the words are those of the wire."""
 ROS_NAMES = {"Topic", "declare", "group", "node", "value"}
-"""Calls whose first argument names a topic or a parameter set; a sensor's name may be such a name."""
+"""Calls whose first argument names a topic or a parameter set; a sensor's name may be such a name.
+"""
 ROS_TOPICS = {"listen", "listen_latest", "publisher", "stream"}
 """Calls whose first argument is a message type and whose second names a topic."""
 AMBIGUOUS_MODES = {
@@ -236,7 +237,8 @@ def _calls_of_a_period(root: Path) -> list[str]:
 def places_of_a_tracker(source: Source) -> list[Row]:
     """Modules of the station whose code names one tracker; a new one is written into as many.
 
-    Its node is counted, its own modules `tracking/conscan*` are not, nor are docstrings and comments.
+    Its node is counted, its own modules `tracking/conscan*` are not, nor are docstrings and
+    comments.
     """
     own = f"/tracking/{ONE_TRACKER}"
     others = (module for module in source.station if own not in module.path)
@@ -258,7 +260,8 @@ def _words(module: Module) -> Iterator[str]:
 
 
 def literals(source: Source) -> list[Row]:
-    """Lines with the name of a sensor or a mode as a string, outside the enums and the wire conversions.
+    """Lines with the name of a sensor or a mode as a string, outside the enums and the wire
+    conversions.
 
     Names of ROS topics and parameter sets are counted apart: they may stay.
     """
@@ -314,7 +317,7 @@ def _last(node: ast.AST) -> str:
 
 
 def time_loops(source: Source) -> list[Row]:
-    """Loops that move a plant or an antenna: `plant.step`, `antenna.step`, or a passed `step(k)`."""
+    """Loops that step plant or antenna: `plant.step`, `antenna.step`, or a passed `step(k)`."""
     found = []
     for module in source.modules.values():
         loops = [n for n in ast.walk(module.tree) if isinstance(n, ast.For | ast.While) and _steps_a_plant(n)]
@@ -334,7 +337,9 @@ def _steps_a_plant(loop: ast.AST) -> bool:
 
 
 def wirings(source: Source) -> list[Row]:
-    """Calls, dicts and classes that name the controller's parameter sets one by one, tests included."""
+    """Calls, dicts and classes that name the controller's parameter sets one by one, tests
+    included.
+    """
     found = []
     for folder in (PACKAGE, "test", "examples", "benchmarks"):
         for path in sorted((source.root / folder).rglob("*.py")):

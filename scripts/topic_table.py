@@ -1,4 +1,5 @@
-"""Write the table of topics, between the markers `<!-- topics -->` and `<!-- /topics -->`, into the page that has them.
+"""Write the table of topics, between the markers `<!-- topics -->` and `<!-- /topics -->`, into the
+page that has them.
 
     scripts/run-python scripts/topic_table.py
 

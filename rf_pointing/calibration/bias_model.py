@@ -141,8 +141,8 @@ class BiasModel:
     ) -> tuple[Array, Array, Array]:
         """Return the joint motion (..., 2) that keeps the beam on a moving true target.
 
-        Columns are azimuth, elevation.  The target's motion is taken to end at its acceleration: the
-        position is unaffected, the velocity lacks x7 * jerk and the acceleration x6 * jerk.
+        Columns are azimuth, elevation.  The target's motion is taken to end at its acceleration:
+        the position is unaffected, the velocity lacks x7 * jerk and the acceleration x6 * jerk.
         """
         true = _series_of(position_rad, velocity_rad_s, acceleration_rad_s2)
         azimuth, elevation = self._observed(true, temperature_k)

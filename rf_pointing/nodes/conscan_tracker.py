@@ -1,7 +1,8 @@
-"""Executable `conscan_tracker`: pointing error from carrier power while the beam is scanned, or stepped.
+"""Executable `conscan_tracker`: pointing error from carrier power while the beam is moved.
 
 Subscribes: carrier_power, joint_states, tracking_status (scan centre, mode).
-Publishes: pointing_error (one for every power once a window is filled; until then invalid ones that carry the C/N0).
+Publishes: pointing_error (one for every power once a window is filled; until then invalid ones
+with the C/N0).
 Parameters: conscan.*, steptrack.*, the same patterns as the pointing controller's.
 """
 

@@ -1,9 +1,9 @@
-"""Executable `monopulse_tracker`: pointing error from the sum and difference samples of one cluster.
+"""Executable `monopulse_tracker`: pointing error from sum and difference samples of one cluster.
 
 Subscribes: monopulse; during a calibration scan joint_states and tracking_status.
 Publishes: pointing_error (one for every cluster; invalid ones carry their reason).
-Parameters: monopulse.*, calibration.*, calibration_file (empty: the ideal feed; read at configuration if it exists, written
-after every calibration scan).
+Parameters: monopulse.*, calibration.*, calibration_file (empty: the ideal feed; read at
+configuration if it exists, written after every calibration scan).
 """
 
 from dataclasses import dataclass

@@ -1,12 +1,13 @@
 """Executable `pointing_controller`: the only author of motion.
 
 Subscribes: target, joint_states, pointing_error, pointing_model, pass_profiles.
-Publishes: joint_trajectory (10 Hz while a pass is tracked), tracking_status (10 Hz), pass_certificate (latched).
-Action: track_pass (rf_pointing_msgs/TrackPass).  Services (std_srvs/Trigger): ~/stop ends the pass under control;
-~/calibrate runs the circle that the monopulse tracker calibrates its feed on.
-Parameters: pointing.*, limits.*, machine.*, mask.*, gate.*, autotrack.*, integrator.*, spiral.*, conscan.*, steptrack.*,
-calibration.*, trim.*, watch.*, link.*, sun.station, certificate_folder (where every certificate is stored as a
-file; empty: nowhere).
+Publishes: joint_trajectory (10 Hz while a pass is tracked), tracking_status (10 Hz),
+pass_certificate (latched).
+Action: track_pass (rf_pointing_msgs/TrackPass).
+Services (std_srvs/Trigger): ~/stop ends the pass under control; ~/calibrate runs the circle on
+which the monopulse tracker calibrates its feed.
+Parameters: those of `ControllerParams`, and certificate_folder (where every certificate is stored
+as a file; empty: nowhere).
 """
 
 import time
@@ -40,11 +41,11 @@ LIVE = {
 LEAST_TRACKED_SHARE = 0.8
 FEEDBACK_EVERY = 10
 LONGEST_WAIT_S = 0.05
-"""Wall time for which a period waits for the error of the one before; commands start 0.1 s after their period."""
+"""Wall time that a period waits for the error of the one before; commands start after 0.1 s."""
 
 
 class PointingControllerNode(ManagedNode):
-    """Runs the pointing controller once a period; a goal ends when the controller says that the pass has."""
+    """Runs the pointing controller once a period; a goal ends when the controller ends the pass."""
 
     def __init__(self) -> None:
         super().__init__("pointing_controller")
@@ -115,7 +116,7 @@ class PointingControllerNode(ManagedNode):
             self._step(t_s)
 
     def _step(self, t_s: float) -> None:
-        # Those of the period that ends now may have arrived already, or not: they belong to the next one.
+        # Those of the period that ends now may have arrived or not: they belong to the next one.
         self._read_joints(t_s - self._controller.params.pointing.period_s)
         busy = self._controller.busy
         trajectory, status = self._controller.step(t_s)
@@ -175,8 +176,8 @@ class PointingControllerNode(ManagedNode):
     def _on_accepted(self, goal: Any) -> None:
         """Start the pass.
 
-        The goal is executed only when the pass is over: a callback that waited for the end would have to await a
-        future, which this executor polls in a busy loop.
+        The goal is executed only when the pass is over: a callback that waited for the end would
+        have to await a future, which this executor polls in a busy loop.
         """
         self._refusal = ""
         try:

@@ -73,7 +73,8 @@ def fit_rotation(
     turn = np.sign(np.linalg.det(u) * np.linalg.det(vt))
     # Equal singular values with opposite sign leave a whole circle of equally good rotations.
     gap = singular_values[..., 1] + turn * singular_values[..., 2]
-    # Rounding makes 1e-16 of a gap of zero; directions 1e-6 rad apart, the least allowed, leave 2.5e-13.
+    # Rounding makes 1e-16 of a gap of zero; directions 1e-6 rad apart, the least allowed, leave
+    # 2.5e-13.
     if np.any(gap <= 1e-14 * singular_values[..., 0]):
         raise ValueError("measured directions mirror the reference directions: the best rotation is not unique")
     v = np.swapaxes(vt, -1, -2) * np.stack([np.ones_like(turn), np.ones_like(turn), turn], axis=-1)[..., None, :]

@@ -259,8 +259,8 @@ def _checked(direction: StationDirection) -> DirectionObservation:
     reference = unit_directions("reference", as_finite_array("reference", direction.reference, (3,)))
     covariance = as_finite_array("covariance_rad2", direction.covariance_rad2, (3, 3))
     across = np.linalg.eigvalsh(0.5 * (covariance + covariance.T))
-    # A direction's covariance has rank two.  Along the direction the variance is zero but for rounding;
-    # across it rounding is no variance.
+    # A direction's covariance has rank two.  Along the direction the variance is zero but for
+    # rounding; across it rounding is no variance.
     if across[0] < -1e-9 * across[2] or across[1] <= 1e-9 * across[2]:
         raise ValueError(f"covariance_rad2 has eigenvalues {across}, two of them must be > 0 and none negative")
     return DirectionObservation(measured, covariance, reference)

@@ -86,7 +86,8 @@ def count_sources(covariance: NDArray[np.complex128], snapshots: int) -> NDArray
     if snapshots < elements:
         raise ValueError(f"snapshots={snapshots} must be >= elements={elements} to count sources")
     values = eigen(covariance, elements).values
-    # Without noise the smallest are rounding of either sign: their logarithms would decide the count.
+    # Without noise the smallest are rounding of either sign: their logarithms would decide the
+    # count.
     values = np.maximum(values, ROUNDING * values[..., :1])
     scores = []
     for sources in range(elements):

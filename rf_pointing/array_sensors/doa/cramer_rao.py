@@ -27,7 +27,8 @@ ComplexArray = NDArray[np.complex128]
 SMALLEST_SEPARATION = 1e-9
 """Ratio of the singular values of the responses below which two directions are one."""
 SMALLEST_INFORMATION = 1e-13
-"""Eigenvalue of the information matrix scaled to a unit diagonal; rounding leaves 1e-15 of a zero."""
+"""Eigenvalue of the information matrix scaled to a unit diagonal; rounding leaves 1e-15 of a zero.
+"""
 
 
 def cosine_sigma_rad(array: CircularArrayParams, snapshots: int, snr: float) -> float:

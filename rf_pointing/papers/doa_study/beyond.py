@@ -132,8 +132,8 @@ def _require_rank(jacobian: ComplexArray, elements: int) -> None:
     values = np.append(values, np.zeros(jacobian.shape[1] - len(values)))
     lost = values * LARGEST_CONDITION < values[0]
     if np.any(lost):
-        # The basis of the undetermined space, and ties within it, depend on the last bits: of the worst
-        # unknowns the first is named.
+        # The basis of the undetermined space, and ties within it, depend on the last bits: of the
+        # worst unknowns the first is named.
         share = np.linalg.norm(vectors[lost], axis=0)
         worst = int(np.argmax(share > 0.999 * np.max(share)))
         name = f"gain[{worst + 1}]" if worst < elements - 1 else f"coupling[{worst - elements + 1}]"
