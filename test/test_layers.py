@@ -16,16 +16,15 @@ IMPORTED_AS = {
 }
 BASE = {"numpy"}
 SIBLING = BASE | {"scipy"}
-CONTROL = SIBLING | {"control"}
 SIBLINGS = {
     "ephemeris": SIBLING | {"sgp4", "erfa", "astropy_iers_data"},
-    "servo": CONTROL,
-    "controllers": CONTROL,
+    "servo": SIBLING,
+    "controllers": SIBLING,
     "rf": SIBLING,
     "tracking": SIBLING | {"yaml"},
     "calibration": SIBLING | {"yaml"},
     "planning": SIBLING,
-    "identification": CONTROL,
+    "identification": SIBLING,
 }
 COMPOSED = set().union(*SIBLINGS.values())
 CORE_OF_ARRAYS = {f"array_sensors/{room}" for room in ("attitude", "doa", "interferometer", "tripulse")}
@@ -40,7 +39,7 @@ ALLOWED_THIRD_PARTY = {
     **dict.fromkeys(CORE_OF_ARRAYS, SIBLING),
     "array_sensors/report": COMPOSED | {"matplotlib", "rosbags"},
     "array_sensors/nodes": None,
-    "papers": COMPOSED | {"matplotlib"},
+    "papers": COMPOSED | {"control", "matplotlib"},
 }
 STATION = {"core", *SIBLINGS, "station", "simulation", "report"}
 """What runs the station without ROS: none of it may import array sensors or papers, nor may nodes and commands."""

@@ -43,6 +43,11 @@ class TrajectorySample:
     acceleration_rad_s2: Array
     source: str
 
+    @property
+    def valid(self) -> bool:
+        """Whether the antenna should follow this sample."""
+        return self.source in (TABLE, EXTRAPOLATED)
+
 
 class TrajectoryBuffer:
     """Holds the merged table; a newer message replaces the old one from its own first point on."""
