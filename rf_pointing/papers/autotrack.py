@@ -44,8 +44,9 @@ from rf_pointing.station.antenna.receiver import Reception
 from rf_pointing.tracking import MonopulseParams, MonopulseTracker
 
 Array = NDArray[np.float64]
+AVERAGING_S = 100.0
 # Clusters in the first 10 s of monopulse still contain the pull-in.
-SECONDS, SETTLED_S = 100.0, 10.0
+LOOP_SETTLED_S = 10.0
 TOLERANCE_DB = 0.5
 """Three standard errors of the ratio from both axes of 800 clusters."""
 LINE_HZ, LINE_DB_HZ = 12.0, 27.0
@@ -94,8 +95,8 @@ def station_gain_db(changes: Changes, seed: int) -> float:
     clusters.
     """
     heard: list[Reception] = []
-    log = fly(Case("Ka", "monopulse", SECONDS, changes, seed), low_orbit_pass(), heard.append)
-    begun_s = first_time_s(log, "monopulse") + SETTLED_S
+    log = fly(Case("Ka", "monopulse", AVERAGING_S, changes, seed), low_orbit_pass(), heard.append)
+    begun_s = first_time_s(log, "monopulse") + LOOP_SETTLED_S
     # A tracker of its own: that of the station has already averaged the samples.
     tracker = MonopulseTracker(MonopulseParams(half_power_beamwidth_rad=HALF_POWER_BEAMWIDTH_RAD["Ka"]))
     # The log has the true error at clusters; a sample needs it at its own time.

@@ -264,7 +264,7 @@ def test_copied_state_continues_identically() -> None:
     assert np.array_equal(results[0].covariance_rad2, results[1].covariance_rad2)
 
 
-H, R, PERIOD_S = 17.0 * MDEG, 1.55 * MDEG, 20.0
+PERIOD_S = 20.0
 
 SCAN = ScanParams(radius_rad=R, period_s=PERIOD_S, ramp_s=0.0)
 

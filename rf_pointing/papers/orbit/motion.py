@@ -30,7 +30,6 @@ Array = NDArray[np.float64]
 EARTH_RATE_RAD_S = 7.292115855e-5
 """Sidereal turning rate with respect to the equinox of date (IAU 1982)."""
 _FLATTENING = 1.0 / 298.257223563
-_J2000_T_S = 946728000.0
 SUN_MU_M3_S2, MOON_MU_M3_S2 = 1.327_124_4e20, 4.902_8e12
 OBLIQUITY_RAD = np.radians(23.43929)
 _J2000_T_S, _CENTURY_S = 946728000.0, 36525.0 * 86400.0

@@ -11,7 +11,6 @@ from rf_pointing.papers.orbit.measurements import Elements, look, measured, part
 from rf_pointing.papers.orbit.motion import Gravity, Site, propagate, sidereal_angle_rad, to_earth_fixed, to_inertial
 
 MAURITIUS = Site(name="Mauritius", latitude_rad=math.radians(-20.34), longitude_rad=math.radians(57.45), height_m=50.0)
-EPOCH = 827385062.07
 EPOCH, GRAVITY = 827385062.07, Gravity()
 SEA_LEVEL = Site(name="Mauritius", latitude_rad=math.radians(-20.34), longitude_rad=math.radians(57.45))
 ORBIT = Elements(
