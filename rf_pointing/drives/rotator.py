@@ -100,11 +100,19 @@ class Rotator:
             # An elevation that the device does not have is where it is set.
             elevation = self._kept(1)
         self.position_rad = azimuth, elevation
-        self._history.append((reading.t_s, self.position_rad))
         window_s = max(RATE_WINDOW_S, 2.0 * self.drive.capabilities.period_s)
+        # After a gap the motion before it says nothing.
+        if self._history and not 0.0 <= reading.t_s - self._history[-1][0] <= window_s:
+            self._history.clear()
+        self._history.append((reading.t_s, self.position_rad))
         while len(self._history) > 2 and self._history[1][0] <= reading.t_s - window_s:
             self._history.popleft()
         self._measure(reading.t_s)
+
+    def correct(self, position_rad: Pair) -> None:
+        """Take these angles in place of the newest reading, which is not trusted."""
+        self.position_rad = position_rad
+        self._history[-1] = self._history[-1][0], position_rad
 
     @property
     def rate_rad_s(self) -> Pair:
@@ -175,7 +183,10 @@ class Rotator:
         return self._axes[0].sent, self._axes[1].sent
 
     def follow(self, t_s: float, motion: Motion, goal: Motion) -> None:
-        """Let the device follow `motion`, which chases `goal`; no set point passes the goal."""
+        """Let the device follow `motion`, which chases `goal`; no set point passes the goal.
+
+        A motion that is its own goal is a stop.
+        """
         if self.reading is None or t_s - self._sent_s < self.params.minimum_interval_s - SAME_RAD:
             return
         wanted = [self._wanted(axis, t_s, motion, goal, 0.0) for axis in (0, 1)]
@@ -239,6 +250,9 @@ class Rotator:
         off = at - here
         enough = half - abs(rate) * early_s if rate != 0.0 else smallest
         back, slow = state.direction * off < 0.0, abs(rate) * interval_s < SLOW_SHARE * smallest
+        if back and motion is goal:
+            # A stop ends ahead of where it was commanded, not with a way back.
+            return None
         if back:
             enough = half + self.params.dead_band_rad[axis]
         if slow and (back or state.direction == 0.0):

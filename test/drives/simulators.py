@@ -28,7 +28,7 @@ class Simulator:
 
     `silent`: reads, never answers.  `noise`: bytes put before every answer.  `pieces`: answers in pieces of four bytes, one a
     step.  `delay_s`: answers come so late.  `lie_deg`: added to the azimuth that is read.  `frozen`: the read-back
-    stands still.  `deaf`: set points and stops are lost.
+    stands still.  `deaf`: set points and stops are lost.  `one_turn`: the azimuth is read modulo 360 deg.
     """
 
     resolution_deg = 1.0
@@ -37,7 +37,7 @@ class Simulator:
         step = math.radians(self.resolution_deg)
         start = math.radians(start_deg[0]), math.radians(start_deg[1])
         self.model = RotatorModel(params, (step, step), start)
-        self.silent = self.pieces = self.deaf = False
+        self.silent = self.pieces = self.deaf = self.one_turn = False
         self.noise, self.delay_s, self.lie_deg = b"", 0.0, 0.0
         self.frozen: tuple[float, float] | None = None
         self.received: list[bytes] = []
@@ -107,7 +107,8 @@ class Simulator:
         azimuth, elevation = (math.degrees(each) for each in self.model.encoders())
         if self.frozen is not None:
             azimuth, elevation = self.frozen
-        return azimuth + self.lie_deg, elevation
+        azimuth += self.lie_deg
+        return azimuth % 360.0 if self.one_turn else azimuth, elevation
 
     def freeze(self) -> None:
         self.frozen = self._angles()

@@ -69,6 +69,8 @@ class DriveHardware:
                 self._encoder_rad, self._reason = self._watch.step(
                     rotator.reading.t_s, rotator.position_rad, rotator.set_point_rad, rotator.latency_s
                 )
+                if self._encoder_rad != rotator.position_rad:
+                    rotator.correct(self._encoder_rad)
             else:
                 self._encoder_rad = rotator.position_rad
 
@@ -94,7 +96,8 @@ class DriveHardware:
     @property
     def velocity_rad_s(self) -> Array:
         """Rates (2,) of the axes, measured over the last second where there is no tachometer."""
-        return np.array(self.rotator.rate_rad_s)
+        # Of a lost drive nothing is known, and its last rate is for ever.
+        return np.zeros(2) if self._lost else np.array(self.rotator.rate_rad_s)
 
     @property
     def switch_rad(self) -> Array:
@@ -141,6 +144,7 @@ class DriveHardware:
     def place(self, azimuth_rad: float) -> None:
         """Take the turn of a one-turn azimuth from outside."""
         self.rotator.place(azimuth_rad)
+        self._watch.reset()
         self._encoder_rad = self.rotator.position_rad
 
 
@@ -189,7 +193,7 @@ class DriveAntenna(ControlUnit):
         """Take the turn of a one-turn azimuth from outside, with the axes at rest."""
         self.hardware.place(azimuth_rad)
         self.axes.encoder_rad = np.array(self.hardware.encoders())
-        self.axes.path.hold(self.axes.encoder_rad)
+        self.axes.hold()
 
     def deactivate(self) -> None:
         """Stop the device at once, and set its brakes where it has any."""
