@@ -193,15 +193,15 @@ def test_the_alarm_of_a_controller_is_a_fault(driven) -> None:
 # Sensors and drives
 
 
-def test_a_frozen_read_back_is_found_while_the_device_moves(driven) -> None:
-    for name in ("gs232", "hamlib"):
-        subject = driven(name)
-        subject.move()
-        subject.run(3.0)
-        subject.device.freeze()
-        took_s = subject.run(10.0, lambda: subject.mode == "fault")
-        assert "stands still" in subject.fault
-        assert took_s < 2.0 * subject.device.resolution_deg + 3.0
+@pytest.mark.parametrize("name", ["gs232", "hamlib"])
+def test_a_frozen_read_back_is_found_while_the_device_moves(driven, name: str) -> None:
+    subject = driven(name)
+    subject.move()
+    subject.run(3.0)
+    subject.device.freeze()
+    took_s = subject.run(10.0, lambda: subject.mode == "fault")
+    assert "stands still" in subject.fault
+    assert took_s < 2.0 * subject.device.resolution_deg + 3.0
 
 
 @pytest.mark.parametrize("name", ["gs232", "hamlib"])
