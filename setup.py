@@ -18,6 +18,7 @@ EXECUTABLES = {
     ],
     "commands": [
         "calibrate",
+        "check_drive",
         "fit_bias_model",
         "identify_antenna",
         "plan_calibration",

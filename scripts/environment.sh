@@ -72,7 +72,6 @@ enter_wheel_environment() {
   need "python3 -c 'import ensurepip, venv, sys; assert (3, 11) <= sys.version_info < (3, 15)'" python3 python3-venv
   need "command -v g++ && command -v make" g++ make
   need "command -v cmake" cmake
-  need "command -v rotctld" libhamlib-utils
   once wheels "$(digest "$ROOT"/requirements/*.txt <(python3 --version))" \
     "building the Python environment from pinned wheels (a few minutes, once)" make_wheel_environment
   export VIRTUAL_ENV=$STATE/env PATH=$STATE/env/bin:$PATH
@@ -84,7 +83,6 @@ enter_wheel_environment() {
 
 enter_jazzy_environment() {
   need "python3 -m pip --version" python3-pip
-  need "command -v rotctld" libhamlib-utils
   need "python3 -c 'import numpy, scipy, matplotlib, yaml'" python3-numpy python3-scipy python3-matplotlib python3-yaml
   once python-libraries "$(digest "$ROOT"/requirements/*.txt)" \
     "adding the Python libraries that have no Debian package" add_python_libraries

@@ -78,9 +78,11 @@ class PolledDrive(Drive):
 
     def go_to(self, position_rad: Pair) -> None:
         self._set_point, self._stopped, self._stop_due = position_rad, False, False
+        self._send_now()
 
     def stop(self) -> None:
         self._set_point, self._stopped, self._stop_due = None, True, True
+        self._send_now()
 
     def close(self) -> None:
         if self._link is not None:
@@ -156,6 +158,17 @@ class PolledDrive(Drive):
             refused = f", last answer: {self._refused}" if self._refused else ""
             self._lose(t_s, f"no position for {t_s - self._known_s:.1f} s{refused}")
             return
+        self._send(link, t_s)
+
+    def _send_now(self) -> None:
+        """Send a new set point or a stop without waiting for the next tick."""
+        if self._link is not None and self._t_s is not None:
+            try:
+                self._send(self._link, self._t_s)
+            except OSError as error:
+                self._lose(self._t_s, f"the link is lost: {error}")
+
+    def _send(self, link: Link, t_s: float) -> None:
         # A stop does not wait for an answer that may never come.
         while (self._stop_due or self._pending is None) and (request := self._next(t_s)) is not None:
             link.write(request.data)
