@@ -32,9 +32,9 @@ from rf_pointing.nodes import convert
 from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Health
 from rf_pointing.nodes.identification_server import IdentificationServer
 from rf_pointing.nodes.main_loop import run
-from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.qos import COMMAND_INPUT, SAMPLES, STATUS, STREAM
 from rf_pointing.nodes.stamps import seconds_from_stamp
+from rf_pointing.nodes.station_node import StationNode
 from rf_pointing.planning import WrapCount
 from rf_pointing.station.antenna.memory import AntennaMemory
 from rf_pointing.station.antenna.simulated_antenna import AntennaParams, SimulatedAntenna
@@ -55,7 +55,7 @@ class ServoNodeParams(Params):
     enable_fault_injection: bool = parameter(False, "whether ~/inject_fault is offered")
 
 
-class AntennaServo(ManagedNode):
+class AntennaServo(StationNode):
     """Steps the simulated antenna once a tick of node time; ticks that fire late are made up."""
 
     def __init__(self) -> None:

@@ -13,14 +13,14 @@ from sensor_msgs.msg import JointState
 from rf_pointing.nodes import convert
 from rf_pointing.nodes.diagnostics import OK, WARN, Health
 from rf_pointing.nodes.main_loop import run
-from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.qos import STREAM
+from rf_pointing.nodes.station_node import StationNode
 from rf_pointing.tracking import StepTrackParams
 from rf_pointing.tracking.conscan_estimate import ConscanParams
 from rf_pointing.tracking.power_tracker import PowerTracker
 
 
-class ConscanTrackerNode(ManagedNode):
+class ConscanTrackerNode(StationNode):
     """Puts every carrier power where the beam was, and estimates when there are enough."""
 
     def __init__(self) -> None:

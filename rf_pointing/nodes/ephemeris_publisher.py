@@ -24,9 +24,9 @@ from rf_pointing.ephemeris.source import SourceParams, TargetMemory, load_track,
 from rf_pointing.nodes import convert, convert_planning
 from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Health
 from rf_pointing.nodes.main_loop import run
-from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.qos import LATCHED, STREAM
 from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
+from rf_pointing.nodes.station_node import StationNode
 from rf_pointing.planning import HorizonMask
 from rf_pointing.station.pointing.certificates import pass_profile
 
@@ -46,7 +46,7 @@ class PublisherParams(Params):
     state_file: str = parameter("", "file that keeps target, offsets and hold over a restart; empty: not kept")
 
 
-class EphemerisPublisher(ManagedNode):
+class EphemerisPublisher(StationNode):
     """Predicts one target at a time."""
 
     def __init__(self) -> None:

@@ -16,8 +16,8 @@ from rf_pointing.core import Params, parameter
 from rf_pointing.nodes import convert
 from rf_pointing.nodes.diagnostics import OK, WARN, Health
 from rf_pointing.nodes.main_loop import run
-from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.qos import STREAM
+from rf_pointing.nodes.station_node import StationNode
 from rf_pointing.tracking import MonopulseParams, MonopulseScanParams
 from rf_pointing.tracking.cluster_tracker import ClusterTracker
 
@@ -29,7 +29,7 @@ class FileParams(Params):
     calibration_file: str = parameter("", "file of the feed's calibration; empty: none")
 
 
-class MonopulseTrackerNode(ManagedNode):
+class MonopulseTrackerNode(StationNode):
     """Measures; whether the antenna acts on it is the pointing controller's business."""
 
     def __init__(self) -> None:
