@@ -60,7 +60,11 @@ setup(
     maintainer="rf_pointing maintainers",
     maintainer_email="maintainers@rf-pointing.example",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
-    package_data={f"{PACKAGE}.controllers": ["*.json"], f"{PACKAGE}.report": ["templates/*"]},
+    package_data={
+        f"{PACKAGE}.controllers": ["*.json"],
+        f"{PACKAGE}.report": ["templates/*"],
+        f"{PACKAGE}.station.description": ["stations/*"],
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),

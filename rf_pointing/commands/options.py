@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from rf_pointing.core.dates import parse_utc
+from rf_pointing.ephemeris import site
 from rf_pointing.ephemeris.source import SourceParams, first_time_s
 
 
@@ -87,7 +88,7 @@ def source_of(options: argparse.Namespace) -> SourceParams:
     if not degree.isdecimal():
         raise ValueError(f"interpolation={method} {degree!r}: the degree must be a whole number")
     return SourceParams(
-        elements_file=options.elements, satellite=options.satellite, station=options.station,
+        elements_file=options.elements, satellite=options.satellite, site=site(options.station),
         interpolation=method.upper(), interpolation_degree=int(degree),
     )  # fmt: skip
 

@@ -14,7 +14,7 @@ from rf_pointing.commands.options import add_namespace_option, add_target_option
 from rf_pointing.core import MDEG, leaves
 from rf_pointing.core.modes import Sensor
 from rf_pointing.core.parameters import NodeParameters, read_parameter_files
-from rf_pointing.ephemeris import Pass, first_pass_above
+from rf_pointing.ephemeris import Pass, first_pass_above, site
 from rf_pointing.ephemeris.source import load_track
 from rf_pointing.planning import HorizonMask
 from rf_pointing.rf import HALF_POWER_BEAMWIDTH_RAD, LinkParams
@@ -121,9 +121,10 @@ def in_real_time(speed: str) -> bool:
 
 def overrides(options: argparse.Namespace, window: Pass, output: Path) -> dict[str, Any]:
     """Return the nodes' parameters from the command line; their files go to `output`."""
+    place = {name: value for name, (_, value) in leaves(site(options.station), "site.").items()}
     source = {
         "source.satellite": options.satellite,
-        "source.station": options.station,
+        **{f"source.{name}": value for name, value in place.items()},
         "source.elements_file": str(Path(options.elements).resolve()) if options.elements else "",
         "source.interpolation": source_of(options).interpolation,
         "source.interpolation_degree": source_of(options).interpolation_degree,
@@ -149,13 +150,13 @@ def overrides(options: argparse.Namespace, window: Pass, output: Path) -> dict[s
         "rf_receiver": {**source, **real, "signal.seed": options.seed},
         "antenna_servo": {
             "antenna.seed": options.seed,
-            "safety.sun.station": options.station,
+            **{f"safety.sun.{name}": value for name, value in place.items()},
             **_horizon_of_servo(options),
         },
         "conscan_tracker": scanned,
         "pointing_controller": {
             **scanned,
-            "sun.station": options.station,
+            **{f"sun.{name}": value for name, value in place.items()},
             "machine.half_power_beamwidth_deg": math.degrees(HALF_POWER_BEAMWIDTH_RAD[options.band]),
             "certificate_folder": str(output.resolve()),
         },
