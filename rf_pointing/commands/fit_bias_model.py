@@ -24,10 +24,11 @@ from rf_pointing.calibration import (
     SectorRule,
     StageReport,
 )
-from rf_pointing.commands.options import ending_with_reason
+from rf_pointing.commands.options import ELEMENTS_HELP, elements_of, ending_with_reason
 from rf_pointing.core import MDEG
 from rf_pointing.core.refraction import RadioRefraction
-from rf_pointing.ephemeris import read_elements, site
+from rf_pointing.ephemeris import site
+from rf_pointing.ephemeris.source import read_source
 from rf_pointing.station.campaign import recorded_input
 from rf_pointing.station.campaign.log import priors_near
 
@@ -47,7 +48,7 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     add("--station", default="Goldstone DSS-13", help="station name (default: Goldstone DSS-13)")
     add("--band", default="X", help="frequency band (default: X)")
     add("--namespace", help="antenna, where a recording holds several")
-    add("--elements", type=Path, metavar="FILE", help="elements of the targets of CSV and TDM data")
+    add("--elements", metavar="FILE|DIR|URL", default="", help=f"{ELEMENTS_HELP}: the targets of CSV and TDM data")
     add("--max-age", type=float, default=14.0, metavar="DAYS", help="of the elements (default: 14)")
     air = parser.add_mutually_exclusive_group()
     air.add_argument("--weather", nargs=3, type=float, metavar=("HPA", "CELSIUS", "PERCENT"), help="pressure, temperature and "
@@ -113,9 +114,9 @@ def collected(
 
 
 def _reference(options: argparse.Namespace, raw: calibration.RawTracking) -> calibration.ReferenceTrack:
-    if options.elements is None:
+    if not options.elements:
         raise ValueError("elements: tracking data of CSV and TDM need --elements FILE for their reference")
-    elements = read_elements(options.elements.read_text())
+    elements = read_source(elements_of(options)).elements
     oldest_s = options.max_age * DAY_S
     return recorded_input.reference_of(raw, elements, site(options.station), oldest_s, refraction(options))
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from rf_pointing.core.dates import parse_utc
+from rf_pointing.ephemeris.element_files import is_address
 from rf_pointing.ephemeris.source import SourceParams, first_time_s
 
 
@@ -69,10 +70,23 @@ def _namespace(text: str) -> str:
     return name
 
 
+def elements_of(options: argparse.Namespace) -> str:
+    """Return where the elements are: a file, a folder, or an address that has been asked."""
+    if is_address(options.elements):
+        # Not at the top: `fetch_elements` has its own options from here.
+        from rf_pointing.commands.fetch_elements import current_elements
+
+        current_elements(options.elements)
+    return str(options.elements)
+
+
+ELEMENTS_HELP = "elements: a file, a folder, or an http(s) address, which is asked at most every 2 h"
+
+
 def add_target_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of satellite, station, start and mask to a command line."""
     add = parser.add_argument
-    add("--elements", metavar="FILE", default="", help="elements (default: verification set of sgp4)")
+    add("--elements", metavar="FILE|DIR|URL", default="", help=f"{ELEMENTS_HELP} (default: verification set of sgp4)")
     add("--interpolation", nargs=2, metavar=("METHOD", "DEGREE"), default=("", "7"),
         help="HERMITE, LAGRANGE or LINEAR, for an OEM that declares none")  # fmt: skip
     add("--satellite", default="28057", help="catalogue number or name (default: 28057, CBERS-2)")
@@ -87,7 +101,7 @@ def source_of(options: argparse.Namespace) -> SourceParams:
     if not degree.isdecimal():
         raise ValueError(f"interpolation={method} {degree!r}: the degree must be a whole number")
     return SourceParams(
-        elements_file=options.elements, satellite=options.satellite, station=options.station,
+        elements=elements_of(options), satellite=options.satellite, station=options.station,
         interpolation=method.upper(), interpolation_degree=int(degree),
     )  # fmt: skip
 

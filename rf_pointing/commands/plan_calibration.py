@@ -14,10 +14,11 @@ import numpy as np
 
 from rf_pointing import calibration
 from rf_pointing.calibration import CandidatePass, PassPriors, SectorRule, Slew
-from rf_pointing.commands.options import ending_with_reason, say
+from rf_pointing.commands.options import ELEMENTS_HELP, elements_of, ending_with_reason, say
 from rf_pointing.core import MDEG, require_between
 from rf_pointing.core.dates import parse_utc, utc_text
-from rf_pointing.ephemeris import read_elements, site, verification_elements
+from rf_pointing.ephemeris import site, verification_elements
+from rf_pointing.ephemeris.source import read_source
 from rf_pointing.station.campaign.plan import ArcRules, beacons, candidate_arcs
 
 HOUR_S = 3600.0
@@ -27,7 +28,7 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     """Return the parsed command line."""
     parser = argparse.ArgumentParser(prog="plan_calibration", description="Plan a calibration campaign.")
     add = parser.add_argument
-    add("--elements", type=Path, metavar="FILE", help="catalogue (default: verification set of sgp4)")
+    add("--elements", metavar="FILE|DIR|URL", default="", help=f"{ELEMENTS_HELP} (default: verification set of sgp4)")
     add("--beacons", action="store_true", help="the simulated sky of `calibrate` instead of a catalogue")
     add("--station", default="Goldstone DSS-13", help="station name (default: Goldstone DSS-13)")
     add("--start", metavar="UTC", required=True, help="begin of the campaign")
@@ -54,7 +55,7 @@ def candidates_of(options: argparse.Namespace) -> list[CandidatePass]:
     if options.beacons:
         elements = beacons(start_s)
     elif options.elements:
-        elements = read_elements(options.elements.read_text())
+        elements = read_source(elements_of(options)).elements
     else:
         elements = verification_elements()
     span_s = options.hours * HOUR_S

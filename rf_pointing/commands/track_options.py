@@ -10,11 +10,20 @@ from typing import Any
 import yaml
 from ament_index_python.packages import get_package_share_directory
 
-from rf_pointing.commands.options import add_namespace_option, add_target_options, between, seed, source_of, start_of
+from rf_pointing.commands.options import (
+    add_namespace_option,
+    add_target_options,
+    between,
+    elements_of,
+    seed,
+    source_of,
+    start_of,
+)
 from rf_pointing.core import MDEG, leaves
 from rf_pointing.core.modes import Sensor
 from rf_pointing.core.parameters import NodeParameters, read_parameter_files
 from rf_pointing.ephemeris import Pass, first_pass_above
+from rf_pointing.ephemeris.element_files import element_files, is_address
 from rf_pointing.ephemeris.source import load_track
 from rf_pointing.planning import HorizonMask
 from rf_pointing.rf import HALF_POWER_BEAMWIDTH_RAD, LinkParams
@@ -124,7 +133,7 @@ def overrides(options: argparse.Namespace, window: Pass, output: Path) -> dict[s
     source = {
         "source.satellite": options.satellite,
         "source.station": options.station,
-        "source.elements_file": str(Path(options.elements).resolve()) if options.elements else "",
+        "source.elements": _for_nodes(options),
         "source.interpolation": source_of(options).interpolation,
         "source.interpolation_degree": source_of(options).interpolation_degree,
     }
@@ -168,6 +177,13 @@ def overrides(options: argparse.Namespace, window: Pass, output: Path) -> dict[s
         },
     }
     return {f"/**/{node}": {"ros__parameters": values} for node, values in sections.items() if values}
+
+
+def _for_nodes(options: argparse.Namespace) -> str:
+    """Return where the nodes, which run in another folder, find the elements of the plan."""
+    location = elements_of(options)
+    # The kept file and not its address: a run has the elements that it was planned with.
+    return str((element_files(location)[0] if is_address(location) else Path(location)).resolve()) if location else ""
 
 
 def notes(options: argparse.Namespace) -> dict[str, str]:
