@@ -1,8 +1,8 @@
 """Executable `fetch_elements`: elements of http(s) addresses, kept as files that stay usable.
 
-Asks an address for elements that have changed (ETag, If-Modified-Since), and not more often than
-the source allows.  Only a whole answer with elements replaces the kept file; a refusal, a web page,
-half a file or none at all leaves it as it is.  Without an address the kept ones are asked again.
+Requests elements that have changed (ETag, If-Modified-Since), and not more often than the source
+allows.  Only a whole answer with elements replaces the kept file; an error, a web page, half a file
+or no answer leaves it as it is.  Without an address the kept ones are requested again.
 Exit code 0: as fresh as the source allows; 1: an older file is kept; 2: there are no elements.
 """
 
@@ -35,11 +35,11 @@ DEFAULT_RULE_S = 2.0 * HOUR_S
 RULES_S = {"celestrak.org": 2.0 * HOUR_S, "celestrak.com": 2.0 * HOUR_S, "space-track.org": HOUR_S}
 """Shortest time between two requests for the same data that a source allows.
 
-Sources: celestrak.org/usage-policy.php (GP data change every 2 h; addresses that ask more often are
-blocked) and space-track.org/documentation (GP: once an hour).
+Sources: celestrak.org/usage-policy.php (GP data change every 2 h; clients that request more often
+are blocked) and space-track.org/documentation (GP: once an hour).
 """
 UNREACHED_S = 60.0
-"""A server that was not reached was not asked: it may be tried again after this time."""
+"""A server that was not reached got no request: it may be tried again after this time."""
 LONGEST_WAIT_S = 24.0 * HOUR_S
 """Longest Retry-After that is obeyed; longer ones are slips of the server."""
 MOST_BYTES = 256 * 2**20
@@ -52,11 +52,11 @@ class Record:
     """What is remembered of one address; times in UTC s since 1970, 0 for never."""
 
     address: str
-    asked_t_s: float = 0.0
+    requested_t_s: float = 0.0
     interval_s: float = 0.0
-    """Time between two requests when it was asked last."""
+    """Time between two requests when it was requested last."""
     hold_t_s: float = 0.0
-    """Not asked before this time: the server wants to be left alone, or was not reached."""
+    """Not requested before this time: the server wants to be left alone, or was not reached."""
     fresh_t_s: float = 0.0
     """When the source last confirmed the kept file, with a new one or with 304."""
     etag: str = ""
@@ -70,8 +70,8 @@ class Record:
     """Why the newest answer was not taken."""
 
     def again_t_s(self, every_s: float) -> float:
-        """Return when the address may be asked again."""
-        return max(self.asked_t_s + every_s, self.hold_t_s)
+        """Return when the address may be requested again."""
+        return max(self.requested_t_s + every_s, self.hold_t_s)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,7 +89,7 @@ class Outcome:
 
 
 class NotTakenError(Exception):
-    """An answer that is no elements; `reached` tells whether the server was asked."""
+    """An answer that is no elements; `reached` tells whether the server got the request."""
 
     def __init__(self, reason: str, *, reached: bool = True, wait_s: float = 0.0) -> None:
         super().__init__(reason)
@@ -116,22 +116,22 @@ def refresh(
         # A clock that was set back must not block an address for as long.
         if now_s < record.again_t_s(every_s) <= now_s + max(every_s, LONGEST_WAIT_S):
             return Outcome(state=_kept_state(record, kept, "not due"), file=file, record=record)
-        # Before it is sent: a process that is killed while it waits must not ask again at once.
-        asked = replace(record, asked_t_s=now_s, interval_s=every_s, hold_t_s=0.0)
-        state.keep(asdict(asked))
+        # Before it is sent: a process that is killed while it waits must not send another at once.
+        requested = replace(record, requested_t_s=now_s, interval_s=every_s, hold_t_s=0.0)
+        state.keep(asdict(requested))
         try:
             # Of a file that is gone or was changed by hand, "not modified" would say nothing.
             whole = bool(kept) and kept == record.digest
-            answer = _ask(asked if whole else replace(asked, etag="", last_modified=""), timeout_s)
+            answer = _get(requested if whole else replace(requested, etag="", last_modified=""), timeout_s)
             if answer is None:
-                done, name = replace(asked, fresh_t_s=now_s, problem=""), "unchanged"
+                done, name = replace(requested, fresh_t_s=now_s, problem=""), "unchanged"
             else:
-                done, name = _taken(answer, asked, file, now_s), "new"
+                done, name = _taken(answer, requested, file, now_s), "new"
         except NotTakenError as error:
-            # What was not reached was not asked.
-            asked_t_s, wait_s = (now_s, error.wait_s) if error.reached else (record.asked_t_s, UNREACHED_S)
+            # A server that was not reached got no request.
+            requested_t_s, wait_s = (now_s, error.wait_s) if error.reached else (record.requested_t_s, UNREACHED_S)
             hold_t_s = now_s + min(wait_s, LONGEST_WAIT_S)
-            done = replace(asked, asked_t_s=asked_t_s, hold_t_s=hold_t_s, problem=str(error))
+            done = replace(requested, requested_t_s=requested_t_s, hold_t_s=hold_t_s, problem=str(error))
             name = _kept_state(done, kept, "kept")
         state.keep(asdict(done))
         if state.problem:
@@ -169,7 +169,7 @@ def current_elements(address: str) -> None:
 
 @contextmanager
 def _alone(file: Path) -> Iterator[None]:
-    """Let one process at a time ask for a file; the lock goes with the process."""
+    """Let one process at a time request a file; the lock goes with the process."""
     file.parent.mkdir(parents=True, exist_ok=True)
     with file.with_name(f".{file.name}.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
@@ -180,7 +180,7 @@ def _recovered(state: KeptState, address: str) -> Record:
     try:
         return Record(**{"address": address, **state.recover()})
     except (ValueError, TypeError):
-        # Without its record an address is asked once more; the kept elements stay.
+        # Without its record an address is requested once more; the kept elements stay.
         return Record(address=address)
 
 
@@ -200,7 +200,7 @@ class _Answer:
     of_known_length: bool
 
 
-def _ask(record: Record, timeout_s: float) -> _Answer | None:
+def _get(record: Record, timeout_s: float) -> _Answer | None:
     """Return the answer, None when nothing has changed; NotTakenError for everything else."""
     found: queue.SimpleQueue[_Answer | NotTakenError | None] = queue.SimpleQueue()
 
@@ -272,22 +272,22 @@ def _retry_after_s(text: str) -> float:
         return 0.0
 
 
-def _taken(answer: _Answer, asked: Record, file: Path, now_s: float) -> Record:
+def _taken(answer: _Answer, requested: Record, file: Path, now_s: float) -> Record:
     """Replace the kept file by an answer that holds elements; NotTakenError leaves it alone."""
     try:
         text = answer.body.decode("utf-8-sig")
-        found = _record_of(text, asked)
+        found = _record_of(text, requested)
     except ValueError as error:
         start = " ".join(answer.body[:60].decode("utf-8", "replace").split())
         what = "a web page" if start.casefold().startswith(("<!doctype html", "<html")) else "no whole set of elements"
-        raise NotTakenError(f"{asked.address} answered {what} ({start!r}): {error}") from error
+        raise NotTakenError(f"{requested.address} answered {what} ({start!r}): {error}") from error
     # A connection that ends early looks like a whole answer when no length was promised.
     if not answer.of_known_length and text.lstrip()[:1] not in "[{<" and not text.endswith(("\n", "\r")):
-        raise NotTakenError(f"{asked.address} ended in the middle of a line: {text[-40:].splitlines()[-1]!r}")
-    if file.is_file() and found.objects < FEWEST_SHARE * asked.objects:
+        raise NotTakenError(f"{requested.address} ended in the middle of a line: {text[-40:].splitlines()[-1]!r}")
+    if file.is_file() and found.objects < FEWEST_SHARE * requested.objects:
         raise NotTakenError(
-            f"{asked.address} holds {found.objects} objects, fewer than half of the {asked.objects} that are kept; "
-            f"delete {file} to take them"
+            f"{requested.address} holds {found.objects} objects, fewer than half of the {requested.objects} that are "
+            f"kept; delete {file} to take them"
         )
     write_whole(file, text)
     return replace(
@@ -295,13 +295,13 @@ def _taken(answer: _Answer, asked: Record, file: Path, now_s: float) -> Record:
     )
 
 
-def _record_of(text: str, asked: Record) -> Record:
+def _record_of(text: str, requested: Record) -> Record:
     if text.lstrip().startswith("CCSDS_OEM_VERS"):
-        return replace(asked, objects=len({segment.object_id for segment in read_oem(text)}), epochs_t_s=None)
+        return replace(requested, objects=len({segment.object_id for segment in read_oem(text)}), epochs_t_s=None)
     elements = read_elements(text)
     epochs = sorted(one.epoch_t_s for one in elements)
     objects = len({one.catalogue_number for one in elements})
-    return replace(asked, objects=objects, epochs_t_s=(epochs[0], statistics.median(epochs), epochs[-1]))
+    return replace(requested, objects=objects, epochs_t_s=(epochs[0], statistics.median(epochs), epochs[-1]))
 
 
 def _age(seconds: float) -> str:
@@ -330,7 +330,7 @@ def show(outcome: Outcome, now_s: float) -> None:
     if record.epochs_t_s and outcome.state != "none":
         oldest, median, newest = (_age(now_s - t_s) for t_s in record.epochs_t_s)
         print(f"  age of the elements: newest {newest}, median {median}, oldest {oldest}")
-    print(f"  may be asked again at {utc_text(record.again_t_s(record.interval_s))}")
+    print(f"  may be requested again at {utc_text(record.again_t_s(record.interval_s))}")
 
 
 def arguments(argv: list[str] | None = None) -> argparse.Namespace:
@@ -343,7 +343,7 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     add("--every", metavar="HOURS", type=between(0.0, 720.0), help="time between two requests for the same address "
         "(default and least: the source's rule; 2 h where none is known)")  # fmt: skip
     add("--timeout", metavar="S", type=between(0.1, 3600.0), default=60.0, help="for a whole answer (default: 60)")
-    add("--list", action="store_true", help="tell what is kept and how old it is; ask nobody")
+    add("--list", action="store_true", help="tell what is kept and how old it is; send no request")
     add("--json", action="store_true", help="print JSON")
     return parser.parse_args(argv)
 

@@ -71,7 +71,7 @@ def _namespace(text: str) -> str:
 
 
 def elements_of(options: argparse.Namespace) -> str:
-    """Return where the elements are: a file, a folder, or an address that has been asked."""
+    """Return where the elements are: a file, a folder, or an address that has been requested."""
     if is_address(options.elements):
         # Not at the top: `fetch_elements` has its own options from here.
         from rf_pointing.commands.fetch_elements import current_elements
@@ -80,7 +80,7 @@ def elements_of(options: argparse.Namespace) -> str:
     return str(options.elements)
 
 
-ELEMENTS_HELP = "elements: a file, a folder, or an http(s) address, which is asked at most every 2 h"
+ELEMENTS_HELP = "elements: a file, a folder, or an http(s) address, which is requested at most every 2 h"
 
 
 def add_target_options(parser: argparse.ArgumentParser) -> None:

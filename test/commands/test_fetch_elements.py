@@ -209,7 +209,7 @@ def test_a_process_that_was_killed_while_it_waited_has_asked(
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(fetch_elements, "_ask", killed)
+        patch.setattr(fetch_elements, "_get", killed)
         with pytest.raises(KeyboardInterrupt):
             ask()
     assert ask(60.0).state == "none"
@@ -309,7 +309,7 @@ def test_every_command_takes_an_address_and_goes_on_with_the_kept_file(
     # Two hours later the source is gone: the plan is the same, and says so.
     state = kept_file(source.address, cache_folder())
     record = state.with_name(f".{state.name}.json")
-    record.write_text(json.dumps(json.loads(record.read_text()) | {"asked_t_s": 0.0, "hold_t_s": 0.0}))
+    record.write_text(json.dumps(json.loads(record.read_text()) | {"requested_t_s": 0.0, "hold_t_s": 0.0}))
     source.status = 500
     fetch_elements.current_elements.cache_clear()
     plan_passes.main(argv)
