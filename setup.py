@@ -18,6 +18,7 @@ EXECUTABLES = {
     ],
     "commands": [
         "calibrate",
+        "fetch_elements",
         "fit_bias_model",
         "identify_antenna",
         "plan_calibration",

@@ -95,6 +95,14 @@ def test_module_imports_only_what_its_room_may(path: Path) -> None:
             assert top in third_party, f"{room} may not import {name}"
 
 
+NETWORK = {"requests", "urllib3", "httpx", "urllib.request", "http.client", "ftplib"}
+
+
+def test_one_module_talks_to_servers() -> None:
+    users = {path.relative_to(PACKAGE).as_posix() for path in modules() if imported_names(path) & NETWORK}
+    assert {name for name in users if not name.startswith(("drives/", "nodes/"))} == {"commands/fetch_elements.py"}
+
+
 def test_every_room_is_in_the_table() -> None:
     rooms = {room_of(path.relative_to(PACKAGE).parent.parts) for path in modules()}
     assert rooms - {"array_sensors"} == set(ALLOWED_THIRD_PARTY)

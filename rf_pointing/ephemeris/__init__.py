@@ -10,7 +10,7 @@ from rf_pointing.ephemeris.passes import Pass, find_passes, first_pass_above, pa
 from rf_pointing.ephemeris.sites import SITES, Site, site
 from rf_pointing.ephemeris.tle import tle_lines, verification_elements
 from rf_pointing.ephemeris.track import TargetSource, TopocentricTrack
-from rf_pointing.ephemeris.uncertainty import ElementUncertainty, SkyUncertainty, sky_uncertainty
+from rf_pointing.ephemeris.uncertainty import ElementUncertainty, SkyUncertainty, sky_uncertainty, stale_warning
 
 __all__ = [
     "RADIO_SOURCES",
@@ -37,6 +37,7 @@ __all__ = [
     "read_oem",
     "site",
     "sky_uncertainty",
+    "stale_warning",
     "sun",
     "tle_lines",
     "verification_elements",

@@ -83,7 +83,7 @@ def test_without_a_start_many_satellites_are_searched_from_their_newest_epoch(
         (["--all", "--params-file", "a.yaml"], "--params-file needs the certificate of one satellite"),
         (["--all", "--satellites", "28057"], "not allowed with argument"),
         (["--satellites", "28057", "Nemesis"], "Nemesis"),
-        (["--all", "--elements", "no.tle"], "elements_file='no.tle' does not exist"),
+        (["--all", "--elements", "no.tle"], "elements='no.tle' does not exist"),
         (["--hours", "0"], "argument --hours: 0 must be between 0.01 and 744"),
         (["--mask", "95"], "argument --mask: 95 must be between 0 and 89"),
         (["--mask", "nan"], "argument --mask: nan must be between 0 and 89"),

@@ -164,7 +164,7 @@ def test_another_speed_is_refused(text: str) -> None:
         (["--satellite", "14128"], "has no pass above .* none rises above the mask"),
         (["--start", "2006-08-01T00:00:00"], r"(?i)days|outside|after"),
         (["--start", "1990-01-01T00:00:00"], r"(?i)days|outside|before"),
-        (["--elements", "/nowhere.tle"], "elements_file='/nowhere.tle' does not exist"),
+        (["--elements", "/nowhere.tle"], "elements='/nowhere.tle' does not exist"),
     ],
 )
 def test_what_gives_no_pass_is_refused(line: list[str], complaint: str) -> None:

@@ -40,7 +40,7 @@ def elements(tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespace:
         ("--elements {changed}", "changed.tle: .*checksum"),
         ("--elements {cut}", "cut.tle: "),
         ("--elements {empty}", "empty.tle: "),
-        ("--elements /nowhere.tle", "elements_file='/nowhere.tle' does not exist"),
+        ("--elements /nowhere.tle", "elements='/nowhere.tle' does not exist"),
         ("--satellite 14128", "none rises above the mask"),
         ("--min-peak 89.99", "has no pass above 89.99 deg"),
         ("--speed nan", "speed=nan must be between"),

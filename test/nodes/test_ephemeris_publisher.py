@@ -38,7 +38,7 @@ def ephemeris(tmp_path: Path) -> Path:
 def publisher(default_context: None, ephemeris: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
     """Yield a publisher that is active in the middle of the pass, and what it publishes as `sent`."""
     node = EphemerisPublisher()
-    values = {"source.elements_file": str(ephemeris), "source.satellite": "BIRD"}
+    values = {"source.elements": str(ephemeris), "source.satellite": "BIRD"}
     node.set_parameters([Parameter(name, value=value) for name, value in values.items()])
     monkeypatch.setattr(node, "now_s", lambda: MIDDLE_S)
     assert node.on_configure(STATE) == TransitionCallbackReturn.SUCCESS

@@ -9,6 +9,8 @@ from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
+import yaml
+
 from rf_pointing.core import Sensor, leaves, with_leaves
 from rf_pointing.ephemeris import Site
 from rf_pointing.planning import HorizonMask
@@ -111,6 +113,24 @@ class StationDescription:
         rows = ((name.removeprefix(f"{node}:"), given.value) for name, given in self.values(band).items())
         return {name: value for name, value in rows if name in names_of(node)}
 
+    def write(self, path: Path, band: str, tuning: Mapping[str, Any]) -> None:
+        """Write the description to `path`, with `tuning` (values by name) over those of a band.
+
+        The files that it names are named by their whole paths.
+        """
+        # The nodes of YAML and not its values: numbers stay as the user wrote them.
+        root = yaml.compose(self.path.read_text(encoding="utf-8-sig"), Loader=yaml.SafeLoader)
+        models = {name: self.bias_model_file(name) for name in self.bands}
+        changes: dict[tuple[str, ...], Any] = {
+            ("bands", name, "bias_model"): str(model) for name, model in models.items() if model
+        }
+        if self.content.mount.horizon_file:
+            changes["mount", "horizon_file"] = str((self.path.parent / self.content.mount.horizon_file).resolve())
+        changes |= {("bands", band, "tuning", name): value for name, value in tuning.items()}
+        for keys, value in changes.items():
+            _put(root, keys, value)
+        path.write_text(yaml.serialize(root, Dumper=yaml.SafeDumper))
+
     def _band(self, band: str | None) -> str:
         chosen = self.default_band if band is None else band
         if chosen not in self.content.bands:
@@ -170,6 +190,24 @@ def owner(node: str, parameter: str) -> str:
     if (node, parameter) in _FORMER:
         return _FORMER[(node, parameter)]
     return owner_of_name(parameter) if parameter in names_of(node) else ""
+
+
+def _put(section: yaml.MappingNode, keys: tuple[str, ...], value: Any) -> None:
+    """Set the value at `keys` below a section of YAML nodes."""
+    rows = {str(name.value): index for index, (name, _) in enumerate(section.value)}
+    name, below = keys[0], keys[1:]
+    if below:
+        if name not in rows:
+            section.value.append((yaml.compose(name), yaml.compose("{}")))
+            rows[name] = -1
+        _put(section.value[rows[name]][1], below, value)
+        return
+    plain = list(value) if isinstance(value, tuple) else value
+    row = (yaml.compose(f'"{name}"'), yaml.compose(yaml.safe_dump(plain)))
+    if name in rows:
+        section.value[rows[name]] = row
+    else:
+        section.value.append(row)
 
 
 def _check_sets(station: StationDescription, reader: Reader) -> None:

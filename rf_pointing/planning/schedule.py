@@ -1,0 +1,241 @@
+"""Which of many passes one antenna tracks: conflicts, turns between passes, and who yields to whom.
+
+Priorities are strict: passes of a lower one take only the time that higher ones leave.  Within one
+priority the plan has the largest sum of
+
+    worth = 1 + sin(peak elevation)
+
+so two passes are worth more than one, and of two that exclude each other the higher one is taken.
+The sum is maximised exactly, by dynamic programming over the passes in order of rise; every turn of
+the azimuth travel at which a pass fits is a node of its own, so the antenna is unwound where there
+is time for it.  Turns are straight, from rest to rest at the rates of the axes.
+"""
+
+import bisect
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.planning.limits import AxisLimits, AxisRates
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+Pair = tuple[float, float]
+TURN = 2.0 * math.pi
+# Of two equally good plans the one that turns less: a whole day of turning counts less than a pass.
+_TURNING_WORTH = 1e-6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Candidate:
+    """One pass that could be tracked, with the axis positions at its ends for each turn that fits.
+
+    `turns` holds pairs of start and end, each azimuth and elevation.
+    """
+
+    name: str
+    aos_t_s: float
+    los_t_s: float
+    peak_rad: float
+    priority: int
+    turns: tuple[tuple[Pair, Pair], ...]
+
+    @property
+    def worth(self) -> float:
+        """What the pass counts among those of its priority."""
+        return 1.0 + math.sin(self.peak_rad)
+
+
+def turns_within(
+    limits: AxisLimits, azimuth_path_rad: tuple[float, float, float, float], elevation_rad: Pair
+) -> tuple[tuple[Pair, Pair], ...]:
+    """Return the axis positions at both ends of a pass for each turn that fits the azimuth travel.
+
+    `azimuth_path_rad` holds the azimuth at the start, the smallest, the largest and that at the
+    end, continuous over the pass.  An elevation axis that reaches beyond the zenith adds the
+    plunged positions.
+    """
+    begin, low, high, end = azimuth_path_rad
+    sides = [(0.0, elevation_rad)]
+    if math.pi - min(elevation_rad) <= limits.elevation_max_rad:
+        sides.append((math.pi, (math.pi - elevation_rad[0], math.pi - elevation_rad[1])))
+    return tuple(
+        ((begin + over + k * TURN, rise), (end + over + k * TURN, set_))
+        for over, (rise, set_) in sides
+        for k in range(
+            math.ceil((limits.azimuth_min_rad - low - over) / TURN),
+            math.floor((limits.azimuth_max_rad - high - over) / TURN) + 1,
+        )
+    )
+
+
+def schedule(
+    candidates: Sequence[Candidate], axes: AxisRates, start: tuple[float, Pair], gap_s: float = 0.0
+) -> list[int]:
+    """Return, in order of time, the passes to track by one antenna that is at `start` at rest.
+
+    `start` is UTC in s and the position of the axes; `gap_s` is kept between two passes in addition
+    to the turn.
+    """
+    chosen: list[int] = []
+    for priority in sorted({one.priority for one in candidates}, reverse=True):
+        rank = [k for k, one in enumerate(candidates) if one.priority == priority and one.turns]
+        chosen = _best_chain(candidates, rank, chosen, axes, start, gap_s)
+    return chosen
+
+
+def reasons_against(
+    candidates: Sequence[Candidate], tracked: Sequence[int], axes: AxisRates, gap_s: float = 0.0
+) -> dict[int, str]:
+    """Return why each candidate with a turn is not among the `tracked` ones of `schedule`."""
+    reasons, kept = _Reasons(candidates, tracked, axes, gap_s), set(tracked)
+    return {k: reasons.of(k) for k, one in enumerate(candidates) if k not in kept and one.turns}
+
+
+def turn_s(axes: AxisRates, start: Array, end: Array) -> Array:
+    """Return the time (n,) from rest to rest between positions (n, 2), both axes at once."""
+    distance, rate = np.abs(end - start), np.array(axes.rate_rad_s)
+    acceleration = np.array(axes.acceleration_rad_s2)
+    short = 2.0 * np.sqrt(distance / acceleration)
+    return np.asarray(
+        np.where(distance < rate**2 / acceleration, short, distance / rate + rate / acceleration).max(axis=-1)
+    )
+
+
+def _best_chain(
+    candidates: Sequence[Candidate],
+    free: Sequence[int],
+    fixed: Sequence[int],
+    axes: AxisRates,
+    start: tuple[float, Pair],
+    gap_s: float,
+) -> list[int]:
+    """Return all of `fixed` (in order of time) and those of `free` that make the best plan."""
+    # Node 0 is the antenna at rest; the rest are the turns of the passes in order of rise.
+    order = sorted([*free, *fixed], key=lambda k: (candidates[k].aos_t_s, candidates[k].los_t_s, k))
+    numbers = np.array([-1, *(k for k in order for _ in candidates[k].turns)])
+    begins = np.array([start[0], *(candidates[k].aos_t_s for k in order for _ in candidates[k].turns)])
+    ends = np.array([start[0], *(candidates[k].los_t_s for k in order for _ in candidates[k].turns)])
+    from_rad = np.array([start[1], *(turn[0] for k in order for turn in candidates[k].turns)])
+    to_rad = np.array([start[1], *(turn[1] for k in order for turn in candidates[k].turns)])
+    worth = np.array([0.0, *(candidates[k].worth for k in order for _ in candidates[k].turns)])
+    # The level is how many fixed passes a plan has behind it: a plan may not go past one of them.
+    held = np.isin(numbers, list(fixed))
+    rises = np.array([candidates[k].aos_t_s for k in fixed])
+    level = np.searchsorted(rises, begins, side="right")
+    needed = level - held
+    sets = np.argsort(ends, kind="stable")
+    places = np.concatenate([from_rad, to_rad])
+    longest_s = gap_s + float(turn_s(axes, places.min(axis=0), places.max(axis=0)))
+    best, before = np.full(len(numbers), -np.inf), np.full(len(numbers), -1)
+    best[0] = 0.0
+    # Plans that end long enough ago for any turn: the best of each level is enough.
+    rested: dict[int, int] = {}
+    old = near = 0
+    for first, last in _same(numbers):
+        if first == 0:
+            continue
+        begin_s = begins[first]
+        while old < len(sets) and ends[sets[old]] <= begin_s - longest_s:
+            node, old = int(sets[old]), old + 1
+            if best[node] > best[rested.get(int(level[node]), node)] or int(level[node]) not in rested:
+                rested[int(level[node])] = node
+        near = max(near, old)
+        while near < len(sets) and ends[sets[near]] <= begin_s:
+            near += 1
+        window = sets[old:near]
+        window = window[level[window] == needed[first]]
+        rest = rested.get(int(needed[first]))
+        if rest is not None:
+            # What is worth less than a plan that is at rest is no way to a better one.
+            window = np.append(window[best[window] > best[rest] - _TURNING_WORTH * longest_s], rest)
+        for node in range(first, last) if len(window) else ():
+            turning = turn_s(axes, to_rad[window], from_rad[node])
+            # The antenna at rest needs no gap: nothing is tracked before.
+            apart = np.where(window == 0, 0.0, gap_s)
+            in_time = ends[window] + turning + apart <= begin_s
+            value = np.where(in_time, best[window] - _TURNING_WORTH * turning, -np.inf)
+            k = int(np.argmax(value))
+            best[node], before[node] = worth[node] + value[k], window[k]
+    complete = np.flatnonzero(level == len(fixed))
+    if not len(complete) or not np.isfinite(best[complete]).any():
+        return list(fixed)
+    node, chain = int(complete[np.argmax(best[complete])]), []
+    while node > 0:
+        chain.append(int(numbers[node]))
+        node = int(before[node])
+    return chain[::-1]
+
+
+def _same(numbers: Index) -> list[tuple[int, int]]:
+    """Return the ranges of nodes that belong to one pass."""
+    edges = [0, *(np.flatnonzero(np.diff(numbers)) + 1).tolist(), len(numbers)]
+    return list(itertools.pairwise(edges))
+
+
+class _Reasons:
+    """Why passes are not tracked, against the passes that are."""
+
+    def __init__(self, candidates: Sequence[Candidate], tracked: Sequence[int], axes: AxisRates, gap_s: float) -> None:
+        self._all, self._axes, self._gap_s = candidates, axes, gap_s
+        self._tracked = [candidates[k] for k in tracked]
+        self._begins = [one.aos_t_s for one in self._tracked]
+
+    def of(self, number: int) -> str:
+        """Return the reason against one candidate."""
+        one = self._all[number]
+        # Tracked passes do not overlap, so those in conflict with one are neighbours.
+        at = bisect.bisect_left(self._begins, one.los_t_s)
+        others = []
+        while at > 0 and self._tracked[at - 1].los_t_s > one.aos_t_s:
+            at -= 1
+            others.append(self._tracked[at])
+        if others:
+            return (
+                "overlaps "
+                + " and ".join(self._overlap(one, other) for other in reversed(others))
+                + self._why(one, others)
+            )
+        return self._turning(one)
+
+    @staticmethod
+    def _overlap(one: Candidate, other: Candidate) -> str:
+        shared_s = min(one.los_t_s, other.los_t_s) - max(one.aos_t_s, other.aos_t_s)
+        return f"{other.name} for {shared_s:.0f} s"
+
+    @staticmethod
+    def _why(one: Candidate, others: Sequence[Candidate]) -> str:
+        highest = max(other.priority for other in others)
+        if highest > one.priority:
+            return f": priority {highest} is above {one.priority}"
+        peak, best = math.degrees(one.peak_rad), math.degrees(max(other.peak_rad for other in others))
+        if len(others) == 1 and best >= peak:
+            return f": of equal priority {one.priority} the higher peak, {best:.1f} deg against {peak:.1f} deg"
+        # It peaks higher and yields all the same: it would exclude more than the one that it meets.
+        return f": of equal priority {one.priority} the plan with more passes, or higher ones"
+
+    def _turning(self, one: Candidate) -> str:
+        """Return the reason against one that only lacks the time to turn to it or from it."""
+        at = bisect.bisect_left(self._begins, one.los_t_s)
+        found = []
+        for other, free_s, pairs in (
+            *(
+                (o, one.aos_t_s - o.los_t_s, [(a[1], b[0]) for a in o.turns for b in one.turns])
+                for o in self._tracked[at - 1 : at]
+                if at
+            ),
+            *(
+                (o, o.aos_t_s - one.los_t_s, [(a[1], b[0]) for a in one.turns for b in o.turns])
+                for o in self._tracked[at : at + 1]
+            ),
+        ):
+            needed_s = self._gap_s + min(self._axes.slew_s(*pair) for pair in pairs)
+            if needed_s > free_s:
+                found.append(f"{other.name}: {needed_s:.0f} s are needed and {max(free_s, 0.0):.0f} s are free")
+        if found:
+            return "no time to turn, " + " and ".join(found)
+        return "no time to turn on the azimuth turn that the plan is on"
