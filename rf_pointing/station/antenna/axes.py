@@ -159,6 +159,7 @@ class AntennaAxes:
         """Raise ValueError if `retune` would refuse these laws on this plant; changes nothing."""
         if loops != self.loops.params:
             self.loops.check(loops, plant)
+            self._safety.gate_of(loops.preprocessor)
 
     def retune(self, loops: LoopParams, plant: PlantParams) -> None:
         """Take new laws, gains and limits between two ticks, without a jump."""
