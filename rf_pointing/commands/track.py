@@ -115,8 +115,9 @@ def main(argv: list[str] | None = None) -> None:
         window = track_options.choose_pass(options)
         scan = track_options.chosen_scan(options, window)
         output = track_options.output_folder(options, track_options.run_stem(options, window))
-    say("track", f"{window.name} over {station_of(options).name}, {band_of(options)} band, {sensor}: AOS {utc_text(window.aos_t_s)}, {window.duration_s:.0f} s, "
-        f"peak {math.degrees(window.peak_elevation_rad):.1f} deg")  # fmt: skip
+    place, peak_deg = f"{station_of(options).name}, {band_of(options)} band", math.degrees(window.peak_elevation_rad)
+    say("track", f"{window.name} over {place}, {sensor}: AOS {utc_text(window.aos_t_s)}, {window.duration_s:.0f} s, "
+        f"peak {peak_deg:.1f} deg")  # fmt: skip
     if scan is not None:
         say("track", f"scan of {scan.radius_rad / MDEG:.2f} mdeg in {scan.period_s:.1f} s, an estimate over "
             f"{scan.window_samples * scan.sample_s:.1f} s")  # fmt: skip

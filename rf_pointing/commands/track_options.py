@@ -95,7 +95,9 @@ def chosen_scan(options: argparse.Namespace, window: Pass) -> ConscanParams | No
         return None
     if not 0.0 < options.scan_sigma < math.inf:
         raise ValueError(f"scan-sigma={options.scan_sigma} mdeg must be > 0 and finite")
-    node = NodeParameters("pointing_controller", station_of(options).parameters("pointing_controller", band_of(options)))
+    node = NodeParameters(
+        "pointing_controller", station_of(options).parameters("pointing_controller", band_of(options))
+    )
     track, ends = load_track(source_of(options)), (window.aos_t_s, window.los_t_s)
     # The link is weakest at the horizon, where the range is longest.
     farthest_m = max(float(track.target_at(t_s).range_m) for t_s in ends)

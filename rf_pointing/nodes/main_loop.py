@@ -11,7 +11,8 @@ import re
 import signal
 import sys
 import tempfile
-from collections.abc import Callable
+import traceback
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -66,14 +67,47 @@ def run(node_type: Callable[[], Any]) -> None:
     executor = make_executor()
     executor.add_node(node)
     settle_garbage()
-    # Not `spin`: between two events the node does its own work and the signals are seen.
-    while not signals:
-        node.bring_up()
-        executor.spin_once(timeout_sec=node.turn())
-    node.end()
+    failure = _work(node, executor, signals)
     executor.shutdown()
     node.destroy_node()
     rclpy.try_shutdown()
+    if failure:
+        sys.exit(1)
+
+
+def _work(node: Any, executor: Any, signals: Sequence[int]) -> str:
+    """Work until a signal; return "" or by which error the node has ended."""
+    failure = ""
+    # Not `spin`: between two events the node does its own work and the signals are seen.
+    while not signals and not failure:
+        try:
+            node.bring_up()
+            wait_s = node.turn()
+        except Exception as error:
+            failure = _report(node, error)
+            break
+        try:
+            executor.spin_once(timeout_sec=wait_s)
+        except Exception as error:
+            # What failed by itself, a message that rclpy cannot read for example, is left out.
+            failure = _report(node, node.failure) if node.failure else ""
+            if not failure:
+                node.survived("a callback", error)
+    try:
+        if failure:
+            node.fail(failure)
+        node.end()
+    except Exception as error:
+        failure = _report(node, error)
+    return failure
+
+
+def _report(node: Any, error: Exception) -> str:
+    """Log an error that ends a node, with its place, and return it in words."""
+    words = f"{type(error).__name__}: {error}"
+    place = "".join(traceback.format_exception(error))
+    node.get_logger().fatal(f"the node ends after a controlled stop, please report it: {words}\n{place}")
+    return words
 
 
 def _take_arguments(description: str) -> None:

@@ -180,6 +180,9 @@ class ParameterGroups:
                 check(self._groups | candidates)
         except ValueError as error:
             return SetParametersResult(successful=False, reason=str(error))
+        except Exception as error:
+            # Whatever a trial raises would be raised by the change, in the middle of a motion.
+            return SetParametersResult(successful=False, reason=f"{type(error).__name__}: {error}")
         return SetParametersResult(successful=True)
 
     def _refuse_late(self, changes: list[Parameter]) -> None:
