@@ -34,7 +34,7 @@ def received_power(error_rad: ArrayLike, beamwidth_rad: ArrayLike) -> NDArray[np
 
 
 def pointing_loss_db(power: ArrayLike) -> NDArray[np.float64]:
-    """Return the loss (n,) in dB, positive and at most `SIDELOBE_DB`, of a power g or a mean of g."""
+    """Return the loss (n,) of a power g, or of its mean, in dB: 0 to `SIDELOBE_DB`."""
     return np.asarray(-10.0 * np.log10(np.clip(power, SIDELOBE_POWER, 1.0)))
 
 

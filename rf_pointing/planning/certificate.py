@@ -42,8 +42,8 @@ class SensorCost:
     """What a sensor costs on any branch of a pass.
 
     `acquisition_s` is the expected time until it holds the target, `power` the mean power over that
-    on the axis while it does.  A crossing that takes longer than `memory_s` costs it the target: the
-    mount's errors are others on the other side of the sky.
+    on the axis while it does.  A crossing that takes longer than `memory_s` costs it the target:
+    the mount's errors are others on the other side of the sky.
     """
 
     acquisition_s: float = 0.0
