@@ -156,11 +156,12 @@ def parameters(options: argparse.Namespace, window: Pass, output: Path) -> dict[
 def flown_station(options: argparse.Namespace, window: Pass, output: Path) -> Path:
     """Write the station of a run, with what the command line changes of it, into its folder."""
     station, scan = station_of(options), chosen_scan(options, window)
-    tuning = {} if scan is None else {f"conscan.{name}": leaves(scan)[name][1] for name in SCAN_CHOICES}
+    tuning = f"bands.{band_of(options)}.tuning"
+    changes = {} if scan is None else {f"{tuning}.conscan.{name}": leaves(scan)[name][1] for name in SCAN_CHOICES}
     if options.mask is not None:
-        tuning["publisher.mask_deg"] = options.mask
+        changes["mount.pass_elevation_deg"] = options.mask
     written = output / "station.yaml"
-    station.write(written, band_of(options), tuning)
+    station.write(written, changes)
     return written
 
 

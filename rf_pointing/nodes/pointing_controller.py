@@ -23,10 +23,11 @@ from trajectory_msgs.msg import JointTrajectory
 from rf_pointing.core import Mode
 from rf_pointing.nodes import convert, convert_calibration, convert_planning
 from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Health
+from rf_pointing.nodes.graph import STATION_IN_USE
 from rf_pointing.nodes.main_loop import run
 from rf_pointing.nodes.managed import RESULT_TIMEOUT_S, conclude
-from rf_pointing.nodes.qos import COMMAND, LATCHED, STREAM
-from rf_pointing.nodes.station_node import TOPIC, StationCensus, StationInUse, StationNode
+from rf_pointing.nodes.qos import COMMAND, IN_USE, LATCHED, STREAM
+from rf_pointing.nodes.station_node import StationCensus, StationInUse, StationNode
 from rf_pointing.station.pointing.certificates import StoreParams, store_certificate
 from rf_pointing.station.pointing.controller import PointingController
 from rf_pointing.station.pointing.params import ControllerParams
@@ -81,7 +82,7 @@ class PointingControllerNode(StationNode):
         self.listen(PointingModel, "pointing_model", lambda m: core.take_model(model_of(m)), LATCHED)
         self.listen(PassProfileList, "pass_profiles", self._on_profiles, LATCHED)
         self._census = StationCensus()
-        self.listen(StationInUse, TOPIC, self._census.note, LATCHED)
+        self.listen(StationInUse, STATION_IN_USE, self._census.note, IN_USE)
         self.serve(Trigger, "~/stop", self._on_stop)
         self.serve(Trigger, "~/calibrate", self._on_calibrate)
         self.diagnostics.add("tracking", self._health)

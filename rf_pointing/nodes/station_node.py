@@ -13,11 +13,11 @@ from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rf_pointing_msgs.msg import StationInUse
 
 from rf_pointing.core import Params, parameter
+from rf_pointing.nodes.graph import STATION_IN_USE
 from rf_pointing.nodes.managed import ManagedNode
-from rf_pointing.nodes.qos import LATCHED
+from rf_pointing.nodes.qos import IN_USE
 from rf_pointing.station.description import StationDescription, owner, read_station
 
-TOPIC = "station_in_use"
 SHOWN_DIGITS = 12
 """Digits of a digest in a message to the operator."""
 
@@ -58,7 +58,7 @@ class StationNode(ManagedNode):
                 digest=self.station.digest,
             )
             message.header.stamp = self.get_clock().now().to_msg()
-            self.publisher(StationInUse, TOPIC, LATCHED).publish(message)
+            self.publisher(StationInUse, STATION_IN_USE, IN_USE).publish(message)
         return result
 
 
@@ -79,7 +79,8 @@ class StationCensus:
             return ""
         # A latched message outlives its node, which may come back with another description.
         running = {
-            f"{each.node_namespace.rstrip('/')}/{each.node_name}" for each in node.get_publishers_info_by_topic(TOPIC)
+            f"{each.node_namespace.rstrip('/')}/{each.node_name}"
+            for each in node.get_publishers_info_by_topic(STATION_IN_USE)
         }
         others = [
             f"{name.rsplit('/', 1)[-1]} on {_shown(seen)}"

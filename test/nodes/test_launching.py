@@ -26,10 +26,11 @@ def given(monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
     values: dict[str, str] = {}
 
     class Argument(Action):
-        def __init__(self, name: str, default_value: str, description: str) -> None:
+        def __init__(self, name: str, description: str, default_value: str | None = None) -> None:
             super().__init__(name)
             assert description
-            values.setdefault(name, default_value)
+            if default_value is not None:
+                values.setdefault(name, default_value)
 
     class Configuration(Action):
         def perform(self, _context: Any) -> str:
@@ -71,20 +72,27 @@ def test_the_simulated_station_has_every_node_and_its_own_time(given: dict[str, 
     assert all(node["remappings"] == [("/clock", "clock")] for node in nodes.values())
     assert {"start_s": 1151384173.0, "speed": 0.0} in nodes["simulation_clock"]["parameters"]
     assert {"use_sim_time": True} in nodes["antenna_servo"]["parameters"]
-    (model,) = [each for each in nodes["bias_calibrator"]["parameters"] if "calibrator.model_file" in each]
-    assert model["calibrator.model_file"].endswith("bias_model_dss13.yaml")
+    assert {"station": "dss13", "band": ""} in nodes["antenna_servo"]["parameters"]
+    assert not [each for each in nodes["simulation_clock"]["parameters"] if "station" in each]
 
 
 def test_a_station_with_its_own_drivers_keeps_the_other_nodes_and_the_time_of_the_system(given: dict[str, str]) -> None:
-    given |= {"namespace": "gs7", "params_file": "my.yaml", "autostart": "false"}
+    given |= {"namespace": "gs7", "params_file": "my.yaml", "autostart": "false", "station": "dish.yaml", "band": "S"}
     nodes = launched("single_antenna")
     assert tuple(nodes) == STATION_NODES
     for node in nodes.values():
         assert node["namespace"] == "gs7"
-        assert node["parameters"][0] == "my.yaml"
+        # The user's file comes last: what it says is in force.
+        assert node["parameters"][-1] == "my.yaml"
+        assert {"station": "dish.yaml", "band": "S"} in node["parameters"]
         assert {"use_sim_time": False} in node["parameters"]
         assert {"lifecycle.autostart": False} in node["parameters"]
         assert node["remappings"] == []
+
+
+def test_a_real_antenna_is_not_started_with_the_numbers_of_another(given: dict[str, str]) -> None:
+    with pytest.raises(KeyError, match="station"):
+        launched("single_antenna")
 
 
 @pytest.mark.parametrize("system", ["doa", "interferometer", "tripulse"])

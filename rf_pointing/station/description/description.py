@@ -3,7 +3,7 @@
 import dataclasses
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache, cached_property
 from pathlib import Path
@@ -113,22 +113,19 @@ class StationDescription:
         rows = ((name.removeprefix(f"{node}:"), given.value) for name, given in self.values(band).items())
         return {name: value for name, value in rows if name in names_of(node)}
 
-    def write(self, path: Path, band: str, tuning: Mapping[str, Any]) -> None:
-        """Write the description to `path`, with `tuning` (values by name) over those of a band.
+    def write(self, path: Path, changes: Mapping[str, Any]) -> None:
+        """Write the description to `path`, with other values for the dotted keys of `changes`.
 
         The files that it names are named by their whole paths.
         """
         # The nodes of YAML and not its values: numbers stay as the user wrote them.
         root = yaml.compose(self.path.read_text(encoding="utf-8-sig"), Loader=yaml.SafeLoader)
-        models = {name: self.bias_model_file(name) for name in self.bands}
-        changes: dict[tuple[str, ...], Any] = {
-            ("bands", name, "bias_model"): str(model) for name, model in models.items() if model
-        }
+        models = {f"bands.{name}.bias_model": self.bias_model_file(name) for name in self.bands}
+        files = {key: str(model) for key, model in models.items() if model}
         if self.content.mount.horizon_file:
-            changes["mount", "horizon_file"] = str((self.path.parent / self.content.mount.horizon_file).resolve())
-        changes |= {("bands", band, "tuning", name): value for name, value in tuning.items()}
-        for keys, value in changes.items():
-            _put(root, keys, value)
+            files["mount.horizon_file"] = str((self.path.parent / self.content.mount.horizon_file).resolve())
+        for key, value in {**files, **changes}.items():
+            _put(root, key.split("."), value)
         path.write_text(yaml.serialize(root, Dumper=yaml.SafeDumper))
 
     def _band(self, band: str | None) -> str:
@@ -192,7 +189,7 @@ def owner(node: str, parameter: str) -> str:
     return owner_of_name(parameter) if parameter in names_of(node) else ""
 
 
-def _put(section: yaml.MappingNode, keys: tuple[str, ...], value: Any) -> None:
+def _put(section: yaml.MappingNode, keys: Sequence[str], value: Any) -> None:
     """Set the value at `keys` below a section of YAML nodes."""
     rows = {str(name.value): index for index, (name, _) in enumerate(section.value)}
     name, below = keys[0], keys[1:]
