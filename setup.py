@@ -18,8 +18,10 @@ EXECUTABLES = {
     ],
     "commands": [
         "calibrate",
+        "check_station",
         "fit_bias_model",
         "identify_antenna",
+        "new_station",
         "plan_calibration",
         "plan_passes",
         "report",
