@@ -18,9 +18,11 @@ EXECUTABLES = {
     ],
     "commands": [
         "calibrate",
+        "check_station",
         "fetch_elements",
         "fit_bias_model",
         "identify_antenna",
+        "new_station",
         "plan_calibration",
         "plan_passes",
         "report",

@@ -11,6 +11,7 @@ from rf_pointing.station.description.description import (
     owner,
     read_station,
     shipped_stations,
+    station_from,
 )
 from rf_pointing.station.description.reading import StationError
 
@@ -22,4 +23,5 @@ __all__ = [
     "owner",
     "read_station",
     "shipped_stations",
+    "station_from",
 ]

@@ -5,7 +5,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from rf_pointing.calibration import read_model
-from rf_pointing.core import Params, leaves, with_leaves
+from rf_pointing.core import Params, leaves
+from rf_pointing.core.parameters import from_edge
 from rf_pointing.ephemeris import SITES
 from rf_pointing.planning import HorizonMask
 from rf_pointing.station.antenna.mount import MountParams
@@ -22,7 +23,7 @@ from rf_pointing.station.description.reading import Reader, flat, nearest
 
 BEAMWIDTH_TOLERANCE = 0.2
 WIDEST_GAP_DEG = 90.0
-"""A wider gap between two points of a horizon mask is a hole: nobody surveyed it."""
+"""A wider gap between two points of a horizon mask is a gap that nobody surveyed."""
 
 
 def check(content: Content, reader: Reader) -> HorizonMask:
@@ -132,7 +133,7 @@ def _mask(content: Content, reader: Reader) -> HorizonMask:
         gap = azimuth - before[0] if index else azimuth + 360.0 - points[-1][0]
         if len(points) > 1 and gap > WIDEST_GAP_DEG:
             reader.note(
-                key, f"{where}: {gap:g} deg after the point before, must be <= {WIDEST_GAP_DEG:g}: the mask has a hole"
+                key, f"{where}: {gap:g} deg after the point before, must be <= {WIDEST_GAP_DEG:g}: the mask has a gap"
             )
     if len(reader.problems) > problems:
         return HorizonMask(clearance_rad=clearance)
@@ -252,9 +253,8 @@ def _check_names(
             reader.note(f"{key}.{shown}", f"{key}.{shown}: no such error of the mount{nearest(rest, edge)}")
             continue
         try:
-            with_leaves(sets[prefix], {rest: value})
+            # Alone: what depends on other values is judged with the whole set later.
+            from_edge(edge[rest][0], rest.rpartition(".")[2], value)
         except ValueError as error:
-            text = str(error)
-            # What depends on other values is judged with the whole set, not with its defaults.
-            if rest.rpartition(".")[2] + "=" in text or rest.rpartition(".")[2] + "[" in text:
-                reader.note(f"{key}.{shown}", f"{key}.{shown.removesuffix(rest)}{text}")
+            section = rest.rpartition(".")[0]
+            reader.note(f"{key}.{shown}", f"{key}.{shown.removesuffix(rest)}{section}{'.' if section else ''}{error}")

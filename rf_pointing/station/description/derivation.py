@@ -59,7 +59,7 @@ NODES: dict[str, dict[str, Params]] = {
     "monopulse_tracker": {"monopulse": MonopulseParams(), "calibration": MonopulseScanParams()},
     "conscan_tracker": {"conscan": ConscanParams(), "steptrack": StepTrackParams()},
 }
-"""Parameter sets of each node that a description speaks of, by their prefix."""
+"""Parameter sets of each node that a description covers, by their prefix."""
 # Their parameter sets are declared with the nodes.
 _FURTHER = {
     "ephemeris_publisher": ("publisher.mask_deg",),
@@ -80,7 +80,7 @@ TRIAL = (
 
 @cache
 def names_of(node: str) -> frozenset[str]:
-    """Return the parameters of a node that a description speaks of."""
+    """Return the parameters of a node that a description covers."""
     sets = NODES.get(node, {})
     names = {f"{prefix}.{edge}" for prefix, params in sets.items() for edge in leaves(params)}
     return frozenset({*names, *_FURTHER.get(node, ())})
@@ -388,7 +388,7 @@ def _loop(of: Band) -> dict[str, Value]:
     found = _rows({
         "integrator.bandwidth_hz": (0.2, "a fifth of the position loop's at most"),
         "integrator.mean_of": (5, "five errors"),
-        "integrator.offset_limit_deg": (max(0.6, 1.5 * of.beamwidth_deg), "0.6 deg, at least 1.5 h"),
+        "integrator.offset_limit_deg": (min(max(0.6, 1.5 * of.beamwidth_deg), 20.0), "1.5 h, from 0.6 to 20 deg"),
         "integrator.acceleration_deg_s2": (0.25 * acceleration, "a quarter of the commanded acceleration"),
         "trim.bias_walk_deg": (0.02 * section.model_error_deg, "0.02 of model_error_deg in 1 s"),
     })  # fmt: skip

@@ -3,7 +3,7 @@
 import dataclasses
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache, cached_property
 from pathlib import Path
@@ -18,6 +18,7 @@ from rf_pointing.station.description.checks import check
 from rf_pointing.station.description.content import Content
 from rf_pointing.station.description.derivation import (
     NODES,
+    Band,
     Value,
     derive,
     names_of,
@@ -108,7 +109,7 @@ class StationDescription:
         """Return the parameters of a node that the description gives or derives.
 
         Names are dotted, angles in degrees, as in a ROS parameter file.  A node that the
-        description does not speak of gets none.
+        description does not cover gets none.
         """
         rows = ((name.removeprefix(f"{node}:"), given.value) for name, given in self.values(band).items())
         return {name: value for name, value in rows if name in names_of(node)}
@@ -127,6 +128,26 @@ class StationDescription:
         for key, value in {**files, **changes}.items():
             _put(root, key.split("."), value)
         path.write_text(yaml.serialize(root, Dumper=yaml.SafeDumper))
+
+    def remarks(self, band: str | None = None) -> Iterator[str]:
+        """Yield what is no problem, and what a user of this station should know."""
+        numbers = Band(self.content, self._band(band))
+        low, high = self.content.mount.azimuth.travel_deg
+        if high - low < 360.0:
+            yield f"mount.azimuth.travel_deg: {360.0 - high + low:g} deg of the sky cannot be reached"
+        elif high - low > 360.0:
+            yield f"mount.azimuth.travel_deg: {high - low - 360.0:g} deg of azimuth can be reached on two turns"
+        if self.mask == HorizonMask(clearance_rad=self.mask.clearance_rad):
+            yield "mount: there is no horizon mask; the antenna may look at hills, houses and people"
+        if not numbers.section.bias_model:
+            yield f"bands.{numbers.name}: there is no bias model; errors of the mount are not corrected"
+        if not self.content.wind.anemometer:
+            yield "wind.anemometer: there is none; wind does not stow the antenna"
+        if self.content.sun.radius_deg == 0.0:
+            yield "sun.radius_deg: the beam may look into the Sun"
+        share = numbers.step_deg / numbers.beamwidth_deg
+        if share > 0.1:
+            yield f"mount: an encoder step is {share:.2f} of the beamwidth; a tenth costs 0.03 dB, a half 0.75 dB"
 
     def _band(self, band: str | None) -> str:
         chosen = self.default_band if band is None else band
@@ -162,8 +183,16 @@ def read_station(name_or_path: str | Path) -> StationDescription:
         if not path.is_file():
             shipped = shipped_stations()
             raise StationError(text, [(1, f"no such file, and no shipped station{nearest(text, shipped)}")])
+    return station_from(path)
+
+
+def station_from(path: Path, text: str | None = None) -> StationDescription:
+    """Return the description of a file, or of the `text` that will be its content.
+
+    Raises StationError as `read_station` does.
+    """
     reader = Reader(path)
-    content = reader.content()
+    content = reader.content(text)
     mask = check(content, reader)
     reader.refuse()
     station = StationDescription(path, content, mask, reader.lines)

@@ -54,10 +54,13 @@ class Reader:
         if self.problems:
             raise StationError(str(self.path), self.problems)
 
-    def content(self) -> Content:
-        """Return the file's content; a value that is None although it must not be has a problem."""
+    def content(self, text: str | None = None) -> Content:
+        """Return the file's content; a value that is None although it must not be has a problem.
+
+        `text` stands for a file that is not written yet.
+        """
         try:
-            text = self.path.read_text(encoding="utf-8-sig")
+            text = self.path.read_text(encoding="utf-8-sig") if text is None else text
         except (OSError, UnicodeDecodeError) as error:
             raise StationError(str(self.path), [(1, f"cannot be read: {error}")]) from error
         try:
