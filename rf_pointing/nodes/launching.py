@@ -3,6 +3,7 @@
 Imported by launch files only, so `launch` and `launch_ros` are needed nowhere else.
 """
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -26,8 +27,16 @@ def common_arguments(*, simulated: bool = False) -> list[DeclareLaunchArgument]:
                               description="pointing model in force"),
         DeclareLaunchArgument("use_sim_time", default_value=str(simulated).lower(), description="time from /clock"),
         DeclareLaunchArgument("autostart", default_value="true", description="nodes configure and activate themselves"),
+        DeclareLaunchArgument("state_folder", default_value=str(state_folder()),
+                              description="folder of what the antenna remembers over a restart; empty: nothing"),
         DeclareLaunchArgument("respawn", default_value="true", description="start nodes again that have ended"),
     ]  # fmt: skip
+
+
+def state_folder() -> Path:
+    """Return the folder of the user's state for the present ROS domain."""
+    base = os.environ.get("XDG_STATE_HOME") or "~/.local/state"
+    return Path(base).expanduser() / "rf_pointing" / f"domain{os.environ.get('ROS_DOMAIN_ID') or 0}"
 
 
 def managed_nodes(context: Any, names: Sequence[str]) -> list[Any]:
@@ -39,8 +48,16 @@ def _node(context: Any, name: str, *, simulated: bool) -> LifecycleNode:
     def given(argument: str) -> str:
         return str(LaunchConfiguration(argument).perform(context))
 
-    # Later parameters override earlier ones: the band the station, the arguments both.
-    parameters: list[Any] = [given("params_file"), given("band_file")]
+    parameters: list[Any] = []
+    if name == "antenna_servo" and given("state_folder"):
+        # A latched fault and the turn of the cables must outlive a crash; two antennas keep two
+        # folders.
+        kept = Path(given("state_folder")) / given("namespace").strip("/")
+        files = {"state_file": str(kept / "antenna_servo.json"), "wrap_file": str(kept / "azimuth_turn.json")}
+        parameters.append(files)
+    # Later parameters override earlier ones: a station's own files those, the band the station,
+    # the arguments all.
+    parameters += [given("params_file"), given("band_file")]
     if name == "simulation_clock":
         parameters.append({"start_s": float(given("start_s")), "speed": float(given("speed"))})
     else:
