@@ -3,6 +3,7 @@
 Imported by launch files only, so `launch` and `launch_ros` are needed nowhere else.
 """
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -26,8 +27,19 @@ def common_arguments(*, simulated: bool = False) -> list[DeclareLaunchArgument]:
         DeclareLaunchArgument("params_file", default_value="", description="ROS parameters over all others"),
         DeclareLaunchArgument("use_sim_time", default_value=str(simulated).lower(), description="time from /clock"),
         DeclareLaunchArgument("autostart", default_value="true", description="nodes configure and activate themselves"),
+        DeclareLaunchArgument(
+            "state_folder",
+            default_value=str(state_folder()),
+            description="folder of what the antenna remembers over a restart; empty: nothing",
+        ),
         DeclareLaunchArgument("respawn", default_value="true", description="start nodes again that have ended"),
     ]
+
+
+def state_folder() -> Path:
+    """Return the folder of the user's state for the present ROS domain."""
+    base = os.environ.get("XDG_STATE_HOME") or "~/.local/state"
+    return Path(base).expanduser() / "rf_pointing" / f"domain{os.environ.get('ROS_DOMAIN_ID') or 0}"
 
 
 def managed_nodes(context: Any, names: Sequence[str]) -> list[Any]:
@@ -40,6 +52,12 @@ def _node(context: Any, name: str, *, simulated: bool) -> LifecycleNode:
         return str(LaunchConfiguration(argument).perform(context))
 
     parameters: list[Any] = [{"lifecycle.autostart": given("autostart") == "true"}]
+    if name == "antenna_servo" and given("state_folder"):
+        # A latched fault and the turn of the cables must outlive a crash; two antennas keep two
+        # folders.
+        kept = Path(given("state_folder")) / given("namespace").strip("/")
+        files = {"state_file": str(kept / "antenna_servo.json"), "wrap_file": str(kept / "azimuth_turn.json")}
+        parameters.append(files)
     if name == "simulation_clock":
         parameters.append({"start_s": float(given("start_s")), "speed": float(given("speed"))})
     else:

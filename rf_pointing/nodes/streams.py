@@ -22,6 +22,8 @@ KEPT = 100
 STAMP_RESOLUTION_S = 1e-6
 LARGEST = 1e18
 """Of numbers in messages; metres to the nearest star are 4e16."""
+LEVEL = "carrier_to_noise"
+"""The one number that may be -inf: dB-Hz where there is no carrier."""
 RMWError = rclpy_implementation.RMWError
 _FLOATS = ("double", "float", "sequence<double", "sequence<float")
 
@@ -72,6 +74,8 @@ def require_plausible(message: Any, name: str = "") -> None:
         elif hasattr(value, "get_fields_and_field_types"):
             require_plausible(value, full)
         elif isinstance(value, float) or kind.startswith(_FLOATS):
+            if field == LEVEL and value == -math.inf:
+                continue
             numbers = np.asarray(value, dtype=np.float64)
             # Squares of such numbers are still finite, and nothing in the field is larger.
             if numbers.size and not np.max(np.abs(numbers)) <= LARGEST:

@@ -82,6 +82,7 @@ def test_a_station_with_its_own_drivers_keeps_the_other_nodes_and_the_time_of_th
     assert tuple(nodes) == STATION_NODES
     for node in nodes.values():
         assert node["namespace"] == "gs7"
+        assert not any("state_file" in each for each in node["parameters"] if isinstance(each, dict))
         # The user's file comes last: what it says is in force.
         assert node["parameters"][-1] == "my.yaml"
         assert {"station": "dish.yaml", "band": "S"} in node["parameters"]
@@ -93,6 +94,29 @@ def test_a_station_with_its_own_drivers_keeps_the_other_nodes_and_the_time_of_th
 def test_a_real_antenna_is_not_started_with_the_numbers_of_another(given: dict[str, str]) -> None:
     with pytest.raises(KeyError, match="station"):
         launched("single_antenna")
+
+
+@pytest.mark.parametrize(("namespace", "home"), [("gs1", "/var/lib/station"), ("/north/gs2", "")])
+def test_the_antenna_remembers_its_fault_and_its_turn_by_default(
+    given: dict[str, str], monkeypatch: pytest.MonkeyPatch, namespace: str, home: str
+) -> None:
+    """In the user's state folder, of its own for each domain and namespace; the station's file has the last word."""
+    monkeypatch.setenv("XDG_STATE_HOME", home)
+    monkeypatch.setenv("ROS_DOMAIN_ID", "12")
+    given |= {"namespace": namespace, "params_file": "my.yaml"}
+    _, first, *later = launched("simulated_station")["antenna_servo"]["parameters"]
+    folder = Path(home or Path.home() / ".local" / "state") / "rf_pointing" / "domain12" / namespace.strip("/")
+    assert first == {
+        "state_file": str(folder / "antenna_servo.json"),
+        "wrap_file": str(folder / "azimuth_turn.json"),
+    }
+    assert later[-1] == given["params_file"]
+
+
+def test_a_launch_may_remember_nothing(given: dict[str, str]) -> None:
+    given["state_folder"] = ""
+    for node in launched("simulated_station").values():
+        assert not any("state_file" in each for each in node["parameters"] if isinstance(each, dict))
 
 
 @pytest.mark.parametrize("system", ["doa", "interferometer", "tripulse"])
