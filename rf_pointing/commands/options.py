@@ -18,6 +18,12 @@ def say(program: str, text: str) -> None:
     print(f"{program}: {text}", file=sys.stderr, flush=True)
 
 
+def say_if(program: str, text: str) -> None:
+    """Report a text that may be empty."""
+    if text:
+        say(program, text)
+
+
 @contextmanager
 def ending_with_reason(program: str) -> Iterator[None]:
     """Report a ValueError or OSError in a line, and end the program with exit code 2."""

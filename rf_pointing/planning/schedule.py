@@ -3,9 +3,10 @@
 Priorities are strict: passes of a lower one take only the time that higher ones leave.  Within one
 priority the plan has the largest sum of
 
-    worth = 1 + sin(peak elevation)
+    worth = 0.2 + sin(peak elevation)
 
-so two passes are worth more than one, and of two that exclude each other the higher one is taken.
+so of two passes that exclude each other the higher one is taken, and two that peak at 20 deg are
+worth as much as one at 62 deg.
 The sum is maximised exactly, by dynamic programming over the passes in order of rise; every turn of
 the azimuth travel at which a pass fits is a node of its own, so the antenna is unwound where there
 is time for it.  Turns are straight, from rest to rest at the rates of the axes.
@@ -26,6 +27,9 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 Pair = tuple[float, float]
 TURN = 2.0 * math.pi
+# What a pass counts however low it is.  With much more a day of short passes near the horizon would
+# beat every high one, with nothing a low pass of another satellite would never be wanted.
+_COUNT_WORTH = 0.2
 # Of two equally good plans the one that turns less: a whole day of turning counts less than a pass.
 _TURNING_WORTH = 1e-6
 
@@ -47,7 +51,7 @@ class Candidate:
     @property
     def worth(self) -> float:
         """What the pass counts among those of its priority."""
-        return 1.0 + math.sin(self.peak_rad)
+        return _COUNT_WORTH + math.sin(self.peak_rad)
 
 
 def turns_within(
@@ -75,25 +79,29 @@ def turns_within(
 
 def schedule(
     candidates: Sequence[Candidate], axes: AxisRates, start: tuple[float, Pair], gap_s: float = 0.0
-) -> list[int]:
-    """Return, in order of time, the passes to track by one antenna that is at `start` at rest.
+) -> list[tuple[int, int]]:
+    """Return, in order of time, the passes to track and their turns, as numbers of both.
 
-    `start` is UTC in s and the position of the axes; `gap_s` is kept between two passes in addition
-    to the turn.
+    The antenna is at rest at `start`, UTC in s and the position of the axes; `gap_s` is kept
+    between two passes in addition to the turn.
     """
-    chosen: list[int] = []
+    chosen: list[tuple[int, int]] = []
     for priority in sorted({one.priority for one in candidates}, reverse=True):
         rank = [k for k, one in enumerate(candidates) if one.priority == priority and one.turns]
-        chosen = _best_chain(candidates, rank, chosen, axes, start, gap_s)
+        chosen = _best_chain(candidates, rank, [k for k, _ in chosen], axes, start, gap_s)
     return chosen
 
 
 def reasons_against(
-    candidates: Sequence[Candidate], tracked: Sequence[int], axes: AxisRates, gap_s: float = 0.0
+    candidates: Sequence[Candidate],
+    tracked: Sequence[tuple[int, int]],
+    axes: AxisRates,
+    start: tuple[float, Pair],
+    gap_s: float = 0.0,
 ) -> dict[int, str]:
-    """Return why each candidate with a turn is not among the `tracked` ones of `schedule`."""
-    reasons, kept = _Reasons(candidates, tracked, axes, gap_s), set(tracked)
-    return {k: reasons.of(k) for k, one in enumerate(candidates) if k not in kept and one.turns}
+    """Return why each candidate with a turn is not in the result `tracked` of `schedule`."""
+    reasons, kept = _Reasons(candidates, tracked, axes, start, gap_s), {k for k, _ in tracked}
+    return {k: reasons.of(one) for k, one in enumerate(candidates) if k not in kept and one.turns}
 
 
 def turn_s(axes: AxisRates, start: Array, end: Array) -> Array:
@@ -113,16 +121,17 @@ def _best_chain(
     axes: AxisRates,
     start: tuple[float, Pair],
     gap_s: float,
-) -> list[int]:
+) -> list[tuple[int, int]]:
     """Return all of `fixed` (in order of time) and those of `free` that make the best plan."""
     # Node 0 is the antenna at rest; the rest are the turns of the passes in order of rise.
     order = sorted([*free, *fixed], key=lambda k: (candidates[k].aos_t_s, candidates[k].los_t_s, k))
-    numbers = np.array([-1, *(k for k in order for _ in candidates[k].turns)])
-    begins = np.array([start[0], *(candidates[k].aos_t_s for k in order for _ in candidates[k].turns)])
-    ends = np.array([start[0], *(candidates[k].los_t_s for k in order for _ in candidates[k].turns)])
-    from_rad = np.array([start[1], *(turn[0] for k in order for turn in candidates[k].turns)])
-    to_rad = np.array([start[1], *(turn[1] for k in order for turn in candidates[k].turns)])
-    worth = np.array([0.0, *(candidates[k].worth for k in order for _ in candidates[k].turns)])
+    nodes = [(k, turn) for k in order for turn in range(len(candidates[k].turns))]
+    numbers, turns = np.array([(-1, 0), *nodes]).T
+    begins = np.array([start[0], *(candidates[k].aos_t_s for k, _ in nodes)])
+    ends = np.array([start[0], *(candidates[k].los_t_s for k, _ in nodes)])
+    from_rad = np.array([start[1], *(candidates[k].turns[turn][0] for k, turn in nodes)])
+    to_rad = np.array([start[1], *(candidates[k].turns[turn][1] for k, turn in nodes)])
+    worth = np.array([0.0, *(candidates[k].worth for k, _ in nodes)])
     # The level is how many fixed passes a plan has behind it: a plan may not go past one of them.
     held = np.isin(numbers, list(fixed))
     rises = np.array([candidates[k].aos_t_s for k in fixed])
@@ -161,12 +170,11 @@ def _best_chain(
             value = np.where(in_time, best[window] - _TURNING_WORTH * turning, -np.inf)
             k = int(np.argmax(value))
             best[node], before[node] = worth[node] + value[k], window[k]
+    # Without a free pass the antenna's own node, or the plan of the fixed ones, is complete.
     complete = np.flatnonzero(level == len(fixed))
-    if not len(complete) or not np.isfinite(best[complete]).any():
-        return list(fixed)
     node, chain = int(complete[np.argmax(best[complete])]), []
     while node > 0:
-        chain.append(int(numbers[node]))
+        chain.append((int(numbers[node]), int(turns[node])))
         node = int(before[node])
     return chain[::-1]
 
@@ -180,62 +188,64 @@ def _same(numbers: Index) -> list[tuple[int, int]]:
 class _Reasons:
     """Why passes are not tracked, against the passes that are."""
 
-    def __init__(self, candidates: Sequence[Candidate], tracked: Sequence[int], axes: AxisRates, gap_s: float) -> None:
-        self._all, self._axes, self._gap_s = candidates, axes, gap_s
-        self._tracked = [candidates[k] for k in tracked]
-        self._begins = [one.aos_t_s for one in self._tracked]
+    def __init__(
+        self,
+        candidates: Sequence[Candidate],
+        tracked: Sequence[tuple[int, int]],
+        axes: AxisRates,
+        start: tuple[float, Pair],
+        gap_s: float,
+    ) -> None:
+        self._tracked = [(candidates[k], candidates[k].turns[turn]) for k, turn in tracked]
+        self._begins = [one.aos_t_s for one, _ in self._tracked]
+        self._axes, self._start, self._gap_s = axes, start, gap_s
 
-    def of(self, number: int) -> str:
+    def of(self, one: Candidate) -> str:
         """Return the reason against one candidate."""
-        one = self._all[number]
         # Tracked passes do not overlap, so those in conflict with one are neighbours.
-        at = bisect.bisect_left(self._begins, one.los_t_s)
-        others = []
-        while at > 0 and self._tracked[at - 1].los_t_s > one.aos_t_s:
-            at -= 1
-            others.append(self._tracked[at])
+        last = first = bisect.bisect_left(self._begins, one.los_t_s)
+        while first > 0 and self._tracked[first - 1][0].los_t_s > one.aos_t_s:
+            first -= 1
+        # One of a lower priority only takes the time that this one had to leave.
+        others = [other for other, _ in self._tracked[first:last] if other.priority >= one.priority]
         if others:
-            return (
-                "overlaps "
-                + " and ".join(self._overlap(one, other) for other in reversed(others))
-                + self._why(one, others)
-            )
+            return "overlaps " + " and ".join(_overlap(one, other) for other in others) + _why(one, others)
         return self._turning(one)
 
-    @staticmethod
-    def _overlap(one: Candidate, other: Candidate) -> str:
-        shared_s = min(one.los_t_s, other.los_t_s) - max(one.aos_t_s, other.aos_t_s)
-        return f"{other.name} for {shared_s:.0f} s"
-
-    @staticmethod
-    def _why(one: Candidate, others: Sequence[Candidate]) -> str:
-        highest = max(other.priority for other in others)
-        if highest > one.priority:
-            return f": priority {highest} is above {one.priority}"
-        peak, best = math.degrees(one.peak_rad), math.degrees(max(other.peak_rad for other in others))
-        if len(others) == 1 and best >= peak:
-            return f": of equal priority {one.priority} the higher peak, {best:.1f} deg against {peak:.1f} deg"
-        # It peaks higher and yields all the same: it would exclude more than the one that it meets.
-        return f": of equal priority {one.priority} the plan with more passes, or higher ones"
-
     def _turning(self, one: Candidate) -> str:
-        """Return the reason against one that only lacks the time to turn to it or from it."""
-        at = bisect.bisect_left(self._begins, one.los_t_s)
-        found = []
-        for other, free_s, pairs in (
-            *(
-                (o, one.aos_t_s - o.los_t_s, [(a[1], b[0]) for a in o.turns for b in one.turns])
-                for o in self._tracked[at - 1 : at]
-                if at
-            ),
-            *(
-                (o, o.aos_t_s - one.los_t_s, [(a[1], b[0]) for a in one.turns for b in o.turns])
-                for o in self._tracked[at : at + 1]
-            ),
-        ):
-            needed_s = self._gap_s + min(self._axes.slew_s(*pair) for pair in pairs)
-            if needed_s > free_s:
-                found.append(f"{other.name}: {needed_s:.0f} s are needed and {max(free_s, 0.0):.0f} s are free")
-        if found:
-            return "no time to turn, " + " and ".join(found)
-        return "no time to turn on the azimuth turn that the plan is on"
+        """Return from and to what there is no time to turn."""
+        held = [pair for pair in self._tracked if pair[0].priority >= one.priority]
+        before = [pair for pair in held if pair[0].los_t_s <= one.aos_t_s]
+        after = [pair for pair in held if pair[0].aos_t_s >= one.los_t_s]
+        origin, since_s, place, gap_s = "where the antenna is at the start", *self._start, 0.0
+        if before:
+            last, turn = before[-1]
+            origin, since_s, place, gap_s = last.name, last.los_t_s, turn[1], self._gap_s
+        legs = [(f"from {origin}", since_s, one.aos_t_s, gap_s, [(place, turn[0]) for turn in one.turns])]
+        if after:
+            following, turn = after[0]
+            pairs = [(mine[1], turn[0]) for mine in one.turns]
+            legs.append((f"to {following.name}", one.los_t_s, following.aos_t_s, self._gap_s, pairs))
+        short = []
+        for name, begin_s, end_s, apart_s, pairs in legs:
+            needed_s = apart_s + min(self._axes.slew_s(*pair) for pair in pairs)
+            if needed_s > end_s - begin_s:
+                short.append(f"{name}: {needed_s:.0f} s are needed and {end_s - begin_s:.0f} s are free")
+        # Each of the two could be in time, but not on one and the same turn.
+        return "no time to turn " + " and ".join(short or [f"on one turn {' and '.join(leg[0] for leg in legs)}"])
+
+
+def _overlap(one: Candidate, other: Candidate) -> str:
+    shared_s = min(one.los_t_s, other.los_t_s) - max(one.aos_t_s, other.aos_t_s)
+    return f"{other.name} for {shared_s:.0f} s"
+
+
+def _why(one: Candidate, others: Sequence[Candidate]) -> str:
+    highest = max(other.priority for other in others)
+    if highest > one.priority:
+        return f": priority {highest} is above {one.priority}"
+    peak, best = math.degrees(one.peak_rad), math.degrees(max(other.peak_rad for other in others))
+    if len(others) == 1 and best >= peak:
+        return f": of equal priority {one.priority} the higher peak, {best:.1f} deg against {peak:.1f} deg"
+    # It peaks higher and yields all the same: it would exclude more than the one that it meets.
+    return f": of equal priority {one.priority} the plan with more passes, or higher ones"

@@ -114,11 +114,11 @@ def plan_day(
         # A candidate without a turn is never taken.
         left = [dataclasses.replace(one, turns=()) if k in barred else one for k, one in enumerate(candidates)]
         tracked = schedule(left, rules.machine.axes, (start_t_s, encoder_rad), gap_s)
-        certified, failed = issued.of([(k, wanted[k]) for k in tracked], start_t_s, encoder_rad)
+        certified, failed = issued.of([(k, wanted[k]) for k, _ in tracked], start_t_s, encoder_rad)
         if not failed:
             break
         barred |= failed
-    yields = reasons_against(left, tracked, rules.machine.axes, gap_s)
+    yields = reasons_against(left, tracked, rules.machine.axes, (start_t_s, encoder_rad), gap_s)
     rows = []
     for k, window in enumerate(wanted):
         fate = Fate.TRACKED if k in certified else Fate.BARRED if k in barred else Fate.YIELDS
