@@ -140,7 +140,9 @@ def test_the_sensor_is_one_that_the_band_has(tmp_path: Path) -> None:
     line = changed(tmp_path, {"bands.X.sensors": ["steptrack", "conscan"]})
     assert track_options.sensor_of(track_options.arguments(line)) == "steptrack"
     assert track_options.sensor_of(track_options.arguments([*line, "--sensor", "program"])) == "program"
-    with pytest.raises(ValueError, match="sensor=monopulse: X band of Goldstone DSS-13 has steptrack, conscan, auto, pro"):
+    with pytest.raises(
+        ValueError, match="sensor=monopulse: X band of Goldstone DSS-13 has steptrack, conscan, auto, pro"
+    ):
         track_options.sensor_of(track_options.arguments([*line, "--sensor", "monopulse"]))
 
 
@@ -197,7 +199,10 @@ def test_the_command_line_reaches_the_nodes_as_parameters(tmp_path: Path) -> Non
     ("text", "complaint"),
     [
         ("/**/antenna_srvo: {ros__parameters: {wind.mean_speed_m_s: 1.0}}", "antenna_srvo is no node; there are"),
-        ("/**/rf_receiver: {ros__parameters: {signal: {seed: 3}}}", "rf_receiver signal.seed: given by the command line"),
+        (
+            "/**/rf_receiver: {ros__parameters: {signal: {seed: 3}}}",
+            "rf_receiver signal.seed: given by the command line",
+        ),
         (
             "/**/pointing_controller: {ros__parameters: {limits: {elevation_min_deg: 1.0}}}",
             "limits.elevation_min_deg is given by the station description: mount.elevation.travel_deg",
