@@ -1,6 +1,6 @@
 """Many runs of each array sensor: is an answer that counts as valid ever wrong?
 
-    scripts/run-python benchmarks/array_trials.py doa [SCENARIO ...] [--runs N] [--first-seed N]
+    scripts/run-python benchmarks/array_trials.py doa|tripulse [SCENARIO ...] [--runs N] [--first-seed N]
 
 Each run has its own seed, attitude and noise.  A line gives the runs that became valid, the time of
 the first valid epoch, the NEES of the attitude at the end with the 95 % band of its mean, the valid
@@ -12,13 +12,18 @@ import argparse
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from rf_pointing.array_sensors.attitude.ground_stations import GroundStation, stations_along_track
+from rf_pointing.array_sensors.attitude.ground_stations import (
+    GroundNetworkParams,
+    GroundStation,
+    stations_along_track,
+)
 from rf_pointing.array_sensors.attitude.multiplicative_filter import GateParams, ProcessNoiseParams
 from rf_pointing.array_sensors.attitude.orbits import SunSynchronousOrbitParams
 from rf_pointing.array_sensors.attitude.quaternion import conjugate, multiply, quaternion_to_rotation_vector
@@ -31,6 +36,13 @@ from rf_pointing.array_sensors.doa.attitude_start import StartParams
 from rf_pointing.array_sensors.doa.estimator import DoaEstimatorParams
 from rf_pointing.array_sensors.doa.simulated_doa import DoaScenarioParams, SimulatedDoa
 from rf_pointing.array_sensors.doa.simulated_satellite import NadirHoldParams
+from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams
+from rf_pointing.array_sensors.tripulse.geostationary_scene import GeostationaryParams, WobbleParams
+from rf_pointing.array_sensors.tripulse.receiver import TripulseReceiver, TripulseReceiverParams
+from rf_pointing.array_sensors.tripulse.signal import TripulseSignalParams
+from rf_pointing.array_sensors.tripulse.source import TripulseSourceParams
+from rf_pointing.array_sensors.tripulse.station_attitude import StationAttitudeParams
+from rf_pointing.array_sensors.tripulse.system import EpochParams, SimulatedTripulse, TripulseAttitude
 from rf_pointing.core import random_stream
 from rf_pointing.core.constants import EARTH_RADIUS_M
 
@@ -155,19 +167,82 @@ def doa_run(case: DoaCase, seed: int) -> Epochs:
     return Epochs(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
+@dataclass(frozen=True)
+class TripulseCase:
+    """A scene of Tripulse: how far the attitude is from the one that steers, and the link."""
+
+    tilt_deg: tuple[float, float] = (0.0, 0.5)
+    third_station: bool = False
+    scheme: str = "two_tone"
+    element_db_hz: float = 37.0
+    rain_db: float = 0.0
+    taper_edge: float = 1.0
+
+
+TRIPULSE_CASES = {
+    "off by 1.3 to 5 deg": TripulseCase((1.3, 5.0)),
+    "off by 1.3 to 5 deg, three stations": TripulseCase((1.3, 5.0), third_station=True),
+    "off by 1.3 to 5 deg, interleaved": TripulseCase((1.3, 5.0), scheme="interleaved"),
+    "off by 0.8 to 1.3 deg": TripulseCase((0.8, 1.3)),
+    "off by 5 to 10 deg": TripulseCase((5.0, 10.0)),
+    "off by 1.3 to 5 deg, tapered": TripulseCase((1.3, 5.0), taper_edge=0.5),
+    "within 0.5 deg": TripulseCase(),
+    "within 0.5 deg, three stations": TripulseCase(third_station=True),
+    "within 0.5 deg, interleaved": TripulseCase(scheme="interleaved"),
+    "within 0.5 deg, 6 dB of rain": TripulseCase(rain_db=6.0),
+    "within 0.5 deg, 17 dB-Hz": TripulseCase(element_db_hz=17.0),
+}
+
+
+def tripulse_run(case: TripulseCase, seed: int) -> Epochs:
+    """Return ten epochs of one attitude error, one a second."""
+    stream = random_stream(seed, "array_trials")
+    tilt, towards = np.radians(stream.uniform(*case.tilt_deg)), stream.uniform(0.0, 2.0 * np.pi)
+    wobble = WobbleParams(
+        roll_rad=tilt * np.cos(towards), pitch_rad=tilt * np.sin(towards), yaw_rad=np.radians(stream.uniform(-0.5, 0.5))
+    )
+    stations = GroundNetworkParams().stations()
+    if case.third_station:
+        stations.append(GroundStation(name="third", latitude_rad=0.6, longitude_rad=0.9))
+    interleaved = case.scheme == "interleaved"
+    signal = TripulseSignalParams(scheme=case.scheme, pattern="SxSy" if interleaved else "Sxy")
+    array = TripulseArrayParams(taper_edge=case.taper_edge)
+    link = TripulseSourceParams(
+        element_carrier_to_noise_db_hz=case.element_db_hz - case.rain_db,
+        reference_carrier_to_noise_db_hz=80.0 - case.rain_db,
+    )
+    orbit = GeostationaryParams()
+    truth = SimulatedTripulse(array, signal, link, orbit, wobble, stations, seed)
+    nominal = TripulseReceiverParams(element_carrier_to_noise_db_hz=case.element_db_hz)
+    receiver = TripulseReceiver(array=array, signal=signal, params=nominal)
+    solver = TripulseAttitude(StationAttitudeParams(), EpochParams(), orbit, stations)
+    rows: list[Any] = []
+    for k in range(10):
+        sent = truth.step(START_S + k)
+        measured = [receiver.measure(frame) for frame in sent.frames]
+        for found in [each for one in measured for each in solver.take(one, START_S + k)]:
+            turn = quaternion_to_rotation_vector(multiply(sent.moment.quaternion, conjugate(found.quaternion)))
+            rows.append((float(k), found.valid, turn, found.covariance_rad2))
+    return Epochs(*(np.array(column) for column in zip(*rows, strict=True)))
+
+
 def main() -> int:
     """Print one line a scenario; return 1 if a valid epoch was beyond 5 sigma."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("sensor", choices=["doa"])
+    parser.add_argument("sensor", choices=["doa", "tripulse"])
     parser.add_argument("scenario", nargs="*")
     parser.add_argument("--runs", type=int, default=100)
     parser.add_argument("--first-seed", type=int, default=1)
     given = parser.parse_args()
     seeds = range(given.first_seed, given.first_seed + given.runs)
+    scenes: dict[str, dict[str, Callable[[int], Epochs]]] = {
+        "doa": {name: partial(doa_run, case) for name, case in DOA_CASES.items()},
+        "tripulse": {name: partial(tripulse_run, case) for name, case in TRIPULSE_CASES.items()},
+    }
     far = 0
-    for name, case in DOA_CASES.items():
+    for name, run in scenes[given.sensor].items():
         if not given.scenario or name in given.scenario:
-            far += report(name, [doa_run(case, seed) for seed in seeds])
+            far += report(name, [run(seed) for seed in seeds])
     return int(far > 0)
 
 
