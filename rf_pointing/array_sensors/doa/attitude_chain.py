@@ -27,6 +27,7 @@ from rf_pointing.array_sensors.doa.attitude_filter import (
 )
 from rf_pointing.array_sensors.doa.attitude_start import StartParams
 from rf_pointing.array_sensors.doa.estimator import DirectionEstimate, DoaEstimator, DoaEstimatorParams
+from rf_pointing.array_sensors.doa.innovation_watch import WatchParams
 from rf_pointing.core import Params, as_finite_array, parameter, require_between
 
 Array = NDArray[np.float64]
@@ -110,7 +111,7 @@ class DoaAttitude:
         orbit: SunSynchronousOrbitParams,
         stations: list[GroundStation],
         satellite: SatelliteParams,
-        filtering: tuple[DoaAttitudeParams, StartParams, ProcessNoiseParams, GateParams],
+        filtering: tuple[DoaAttitudeParams, StartParams, ProcessNoiseParams, GateParams, WatchParams],
         params: DoaChainParams,
     ) -> None:
         self._array, self._estimator, self._orbit = array, estimator, orbit
@@ -235,13 +236,14 @@ class DoaAttitude:
         return self._filter
 
     def _started(self, t_s: float) -> DoaAttitudeFilter:
-        params, start, noise, gate = self._filtering
+        params, start, noise, gate, watch = self._filtering
         return DoaAttitudeFilter(
             self._satellite,
             params,
             start,
             noise,
             gate,
+            watch,
             t_s=t_s,
             quaternion=np.array([0.0, 0.0, 0.0, 1.0]),
             rate_rad_s=orbit_point(self._orbit, t_s).frame_rate_rad_s,

@@ -5,7 +5,7 @@ covariance, and states with every output whether it is valid and, if not, why.  
 finite never enters the state.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from rf_pointing.array_sensors.attitude.multiplicative_filter import (
     DirectionObservation,
     GateParams,
     ProcessNoiseParams,
+    innovation,
     predict,
     squared_innovation,
     start_state,
@@ -24,6 +25,7 @@ from rf_pointing.array_sensors.attitude.quaternion import canonical, quaternion_
 from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque, SatelliteParams, rigid_inertia
 from rf_pointing.array_sensors.attitude.wahba import fit_rotation, unit_directions
 from rf_pointing.array_sensors.doa.attitude_start import StartParams, best_of_bank, joined, remaining, start_bank
+from rf_pointing.array_sensors.doa.innovation_watch import InnovationWatch, WatchParams
 from rf_pointing.core import Params, as_finite_array, parameter, require_finite
 
 Array = NDArray[np.float64]
@@ -98,6 +100,7 @@ class DoaAttitudeState:
     heard_s: float | None = None
     choose_s: float | None = None
     stations: tuple[str, ...] = ()
+    watch: InnovationWatch = field(default_factory=InnovationWatch)
 
 
 class DoaAttitudeFilter:
@@ -114,6 +117,7 @@ class DoaAttitudeFilter:
         start: StartParams,
         noise: ProcessNoiseParams,
         gate: GateParams,
+        watch: WatchParams,
         *,
         t_s: float,
         quaternion: Array,
@@ -121,7 +125,7 @@ class DoaAttitudeFilter:
     ) -> None:
         require_finite("t_s", t_s)
         self._inertia = rigid_inertia(satellite)
-        self._params, self._start, self._noise, self._gate = params, start, noise, gate
+        self._params, self._start, self._noise, self._gate, self._watch = params, start, noise, gate, watch
         guess = as_finite_array("quaternion", quaternion, (4,))
         rate = as_finite_array("rate_rad_s", rate_rad_s, (3,))
         bank = start_state(guess[None], rate[None], np.pi, start.rate_rad_s, gate)
@@ -182,9 +186,10 @@ class DoaAttitudeFilter:
         seen = _checked(direction)
         state = self._state
         bank = state.bank if state.heard_s is not None else self._bank(seen)
+        watch = self._watched(state.watch, bank, seen)
         bank = update(bank, seen, self._gate)
         inside = bool(best_of_bank(bank).refused[0] == 0)
-        self._accept(self._heard(bank, (direction.station,) if inside or not state.stations else (), inside))
+        self._accept(self._heard(bank, watch, (direction.station,) if inside or not state.stations else (), inside))
         return inside
 
     def observe_shared(self, directions: SharedDirections) -> tuple[int, ...]:
@@ -215,14 +220,15 @@ class DoaAttitudeFilter:
         # Capped like the misfit: far outside the gate the size of a miss says nothing.
         paired = _pairings(np.minimum(np.moveaxis(squared, -1, 0), self._gate.largest))
         best = int(np.argmin(bank.misfit))
-        inside = []
+        inside, watch = [], state.watch
         for index, row in enumerate(seen):
             reference = np.stack([each.reference for each in row])[paired[:, index]]
+            watch = self._watched(watch, bank, row[paired[best, index]])
             # Never in doubt: who accepts every direction accepts the wrong station's.
             bank = update(bank, replace(row[0], reference=reference), self._gate, in_doubt=False)
             if bank.refused[best] == 0:
                 inside.append(int(paired[best, index]))
-        self._accept(self._heard(bank, tuple(directions.stations[each] for each in inside), bool(inside)))
+        self._accept(self._heard(bank, watch, tuple(directions.stations[each] for each in inside), bool(inside)))
         return tuple(inside)
 
     def start_from_directions(self, directions: list[StationDirection], rate_rad_s: Array) -> None:
@@ -254,11 +260,15 @@ class DoaAttitudeFilter:
         """Return the estimate at the filter's time, with its verdict."""
         best = best_of_bank(self._state.bank)
         reason = "; ".join(self._doubts(best))
+        covariance = best.covariance[0].copy()
+        # The rate's error goes with the attitude's as the filter's own covariance has it.
+        along = np.linalg.solve(covariance[:3, :3], covariance[:3]).T
+        covariance += along @ self._state.watch.bias_covariance() @ along.T
         return AttitudeEstimate(
             t_s=self._state.t_s,
             quaternion=canonical(best.quaternion[0]),
             rate_rad_s=best.rate_rad_s[0].copy(),
-            covariance=best.covariance[0].copy(),
+            covariance=covariance,
             valid=not reason,
             reason=reason,
         )
@@ -267,7 +277,16 @@ class DoaAttitudeFilter:
         guess = self._state.bank
         return start_bank(self._start, self._gate, guess.quaternion[0], guess.rate_rad_s[0], first)
 
-    def _heard(self, bank: AttitudeState, stations: tuple[str, ...], inside: bool) -> DoaAttitudeState:
+    def _watched(self, watch: InnovationWatch, bank: AttitudeState, seen: DirectionObservation) -> InnovationWatch:
+        """Return the watch with one direction; hypotheses of a start are wrong on purpose."""
+        if len(bank.misfit) > 1:
+            return watch
+        z, spread, rows = innovation(bank, seen)
+        return watch.with_direction(self._watch, z[0], spread[0], rows, self._gate.largest)
+
+    def _heard(
+        self, bank: AttitudeState, watch: InnovationWatch, stations: tuple[str, ...], inside: bool
+    ) -> DoaAttitudeState:
         """Return the state with `bank` and new stations; rule hypotheses out when that is due."""
         state = self._state
         # A direction outside the gate does not count as contact, or a lost filter would never look
@@ -282,7 +301,7 @@ class DoaAttitudeFilter:
         if choose_s is not None and state.t_s >= choose_s:
             bank = remaining(self._start, bank)
             choose_s = None if len(bank.misfit) == 1 else choose_s
-        return replace(state, bank=bank, heard_s=heard_s, stations=received, choose_s=choose_s)
+        return replace(state, bank=bank, watch=watch, heard_s=heard_s, stations=received, choose_s=choose_s)
 
     def _doubts(self, best: AttitudeState) -> list[str]:
         state, params = self._state, self._params
@@ -293,6 +312,7 @@ class DoaAttitudeFilter:
             doubts.append(f"no direction for {state.t_s - state.heard_s:.0f} s, must be <= {params.silence_s:.0f} s")
         if best.refused[0] >= self._gate.doubt_after:
             doubts.append(f"{int(best.refused[0])} directions in a row outside the gate: attitude in doubt")
+        doubts += state.watch.doubts(self._watch)
         if len(state.stations) < params.stations:
             doubts.append(f"{len(state.stations)} of {params.stations} stations received")
         if len(state.bank.misfit) > 1:

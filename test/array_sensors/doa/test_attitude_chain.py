@@ -31,6 +31,7 @@ from rf_pointing.array_sensors.doa.attitude_chain import (
 from rf_pointing.array_sensors.doa.attitude_filter import DoaAttitudeParams
 from rf_pointing.array_sensors.doa.attitude_start import StartParams
 from rf_pointing.array_sensors.doa.estimator import DoaEstimatorParams
+from rf_pointing.array_sensors.doa.innovation_watch import WatchParams
 from rf_pointing.array_sensors.doa.simulated_doa import DoaMoment, DoaScenarioParams, SimulatedDoa
 from rf_pointing.array_sensors.doa.simulated_satellite import NadirHoldParams
 
@@ -86,7 +87,7 @@ def simulated(stations: list[GroundStation] = STATIONS, **scenario: Any) -> Simu
 
 
 def chain(stations: list[GroundStation] = STATIONS, **params: Any) -> DoaAttitude:
-    filtering = (DoaAttitudeParams(), StartParams(settle_s=10.0), ProcessNoiseParams(), GateParams())
+    filtering = (DoaAttitudeParams(), StartParams(settle_s=10.0), ProcessNoiseParams(), GateParams(), WatchParams())
     return DoaAttitude(
         ARRAY, DoaEstimatorParams(), ORBIT, stations, SatelliteParams(), filtering, DoaChainParams(**params)
     )
@@ -162,6 +163,19 @@ def test_two_transmitters_on_one_site_count_as_one_station(apart_deg: float, cou
     assert any(report.attitude.valid for report in found) == (count == 2)
     assert ("1 of 2 stations received" in found[-1].attitude.reason) == (count == 1)
     require_true(found, lived)
+
+
+def test_torque_that_the_filter_does_not_know_is_found_by_its_innovations() -> None:
+    lived = moments(200, unknown_torque_n_m=2e-5)
+    found = run(chain(), lived)
+    last = found[-1].attitude
+    assert not last.valid
+    assert "a torque or a phase is not as known" in last.reason
+    # Without the watch it claims 0.1 deg of 0.7 deg at the end, and is valid.
+    for moment, report in zip(lived, found, strict=True):
+        if report.attitude.valid or report is found[-1]:
+            sigma = np.sqrt(np.diag(report.attitude.covariance_rad2))
+            assert np.all(np.abs(turn_between(moment, report)) < SIGMAS * sigma)
 
 
 def test_coasting_carries_the_attitude_on_by_the_known_torques(lived: list[DoaMoment]) -> None:
