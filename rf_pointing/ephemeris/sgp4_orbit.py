@@ -45,7 +45,7 @@ class Sgp4Orbit:
         self.elements = elements
         self.name = elements.name
         self.max_age_s = max_age_s
-        self._orientation = orientation
+        self.orientation = orientation
         # A record of its own: it holds the state of its last call.
         self._record = elements.satrec()
         self._leap_at_epoch_s = leap_seconds().tai_minus_utc_s(elements.epoch_t_s)
@@ -73,11 +73,11 @@ class Sgp4Orbit:
         elapsed_s = elapsed_s + (leap_seconds().tai_minus_utc_s(t_s) - self._leap_at_epoch_s)
         positions = [_position_km(self._record, elapsed_s + k * _STEP_S, self.name) for k in OFFSETS]
         teme = motion_from_positions(positions, _STEP_S, _KM)
-        return earth_fixed_from_teme(teme, t_s, self._orientation)
+        return earth_fixed_from_teme(teme, t_s, self.orientation)
 
     def warnings(self, t_s: float) -> tuple[str, ...]:
         """Return what makes the position at `t_s` less certain than its elements."""
-        found = self._orientation.warnings(t_s)
+        found = self.orientation.warnings(t_s)
         first_s, last_s = self.spans_t_s[0]
         if math.isfinite(last_s):
             found += (f"{self.name} decays: its elements give no place after {utc_text(last_s)}",)
