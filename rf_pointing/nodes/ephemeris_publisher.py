@@ -196,6 +196,7 @@ class EphemerisPublisher(StationNode):
             "along_track_offset_s": self._track.along_track_offset_s,
             "cross_track_offset_deg": math.degrees(self._track.cross_track_offset_rad),
             "hold_since": "" if self._track.hold_t_s is None else utc_text(self._track.hold_t_s),
+            **self._orientation_values(),
             **self._uncertainty_values(),
         }
         if self._unknown:
@@ -220,6 +221,15 @@ class EphemerisPublisher(StationNode):
         except ValueError as error:
             self.get_logger().warning(f"uncertainty unknown: {error}", throttle_duration_sec=60.0)
             return None
+
+    def _orientation_values(self) -> dict[str, float]:
+        """Return the pointing error that the Earth's orientation makes, if it is predicted."""
+        try:
+            sigma_rad = ephemeris.orientation_sigma_rad(self._track, self.now_s())
+        except ValueError:
+            # The target's place is unknown now: `_publish` reports it when it is due.
+            return {}
+        return {"earth_orientation_sigma_deg": round(math.degrees(sigma_rad), 6)}
 
     def _uncertainty_values(self) -> dict[str, float]:
         sky = self._uncertainty(self.now_s())
