@@ -76,7 +76,20 @@ def parameters(tmp_path: Path, *line: str) -> dict[str, dict[str, Any]]:
 
 
 def test_a_pass_begins_above_the_horizon_of_the_station(tmp_path: Path) -> None:
-    hill = changed(tmp_path, {"mount.horizon_deg": [[120.0, 0.0], [147.0, 12.0], [170.0, 0.0]]})
+    hill = changed(
+        tmp_path,
+        {
+            "mount.horizon_deg": [
+                [0.0, 0.0],
+                [60.0, 0.0],
+                [120.0, 0.0],
+                [147.0, 12.0],
+                [170.0, 0.0],
+                [250.0, 0.0],
+                [310.0, 0.0],
+            ]
+        },
+    )
     plain = track_options.choose_pass(track_options.arguments([]))
     cut = track_options.choose_pass(track_options.arguments(hill))
     assert plain.aos_t_s + 60.0 < cut.aos_t_s < plain.tca_t_s
@@ -86,7 +99,7 @@ def test_a_pass_begins_above_the_horizon_of_the_station(tmp_path: Path) -> None:
 
 
 def test_every_node_of_the_station_runs_on_the_same_description(tmp_path: Path) -> None:
-    given = parameters(tmp_path, *changed(tmp_path, {"name": "Mine"}), "--band", "S")
+    given = parameters(tmp_path, *changed(tmp_path, {"wind.gust_limit_m_s": 21.0}), "--band", "S")
     assert {(values["station"], values["band"]) for node, values in given.items() if node != "simulation_clock"} == {
         (str(tmp_path / "station.yaml"), "S")
     }
