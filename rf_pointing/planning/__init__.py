@@ -1,6 +1,6 @@
 """What the machine may do: limits, the certificate of a pass, the safety gate, watches."""
 
-from rf_pointing.planning.certificate import Branch, Certificate, certify
+from rf_pointing.planning.certificate import Branch, Certificate, SensorCost, certify
 from rf_pointing.planning.certificate_text import certificate_lines, certificate_values
 from rf_pointing.planning.forbidden_sky import HorizonMask
 from rf_pointing.planning.gate import Decision, Gate, GateParams, motion_between
@@ -8,6 +8,7 @@ from rf_pointing.planning.interlocks import Authority, FaultLatch, WrapCount
 from rf_pointing.planning.limits import AxisLimits, AxisRates, MachineParams, choose_turns
 from rf_pointing.planning.over_the_top import plunged, unplunged
 from rf_pointing.planning.profile import PassProfile
+from rf_pointing.planning.schedule import Candidate, reasons_against, schedule, turns_within
 from rf_pointing.planning.slew import CornerPath
 from rf_pointing.planning.watches import (
     AxisWatch,
@@ -25,6 +26,7 @@ __all__ = [
     "AxisWatch",
     "AxisWatchParams",
     "Branch",
+    "Candidate",
     "Certificate",
     "CornerPath",
     "Decision",
@@ -36,6 +38,7 @@ __all__ = [
     "HorizonMask",
     "MachineParams",
     "PassProfile",
+    "SensorCost",
     "WindWatch",
     "WindWatchParams",
     "WrapCount",
@@ -45,5 +48,8 @@ __all__ = [
     "choose_turns",
     "motion_between",
     "plunged",
+    "reasons_against",
+    "schedule",
+    "turns_within",
     "unplunged",
 ]

@@ -3,11 +3,13 @@
 import dataclasses
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
+
+import yaml
 
 from rf_pointing.core import Sensor, leaves, with_leaves
 from rf_pointing.ephemeris import Site
@@ -112,6 +114,21 @@ class StationDescription:
         rows = ((name.removeprefix(f"{node}:"), given.value) for name, given in self.values(band).items())
         return {name: value for name, value in rows if name in names_of(node)}
 
+    def write(self, path: Path, changes: Mapping[str, Any]) -> None:
+        """Write the description to `path`, with other values for the dotted keys of `changes`.
+
+        The files that it names are named by their whole paths.
+        """
+        # The nodes of YAML and not its values: numbers stay as the user wrote them.
+        root = yaml.compose(self.path.read_text(encoding="utf-8-sig"), Loader=yaml.SafeLoader)
+        models = {f"bands.{name}.bias_model": self.bias_model_file(name) for name in self.bands}
+        files = {key: str(model) for key, model in models.items() if model}
+        if self.content.mount.horizon_file:
+            files["mount.horizon_file"] = str((self.path.parent / self.content.mount.horizon_file).resolve())
+        for key, value in {**files, **changes}.items():
+            _put(root, key.split("."), value)
+        path.write_text(yaml.serialize(root, Dumper=yaml.SafeDumper))
+
     def remarks(self, band: str | None = None) -> Iterator[str]:
         """Yield what is no problem, and what a user of this station should know."""
         numbers = Band(self.content, self._band(band))
@@ -199,6 +216,24 @@ def owner(node: str, parameter: str) -> str:
     if (node, parameter) in _FORMER:
         return _FORMER[(node, parameter)]
     return owner_of_name(parameter) if parameter in names_of(node) else ""
+
+
+def _put(section: yaml.MappingNode, keys: Sequence[str], value: Any) -> None:
+    """Set the value at `keys` below a section of YAML nodes."""
+    rows = {str(name.value): index for index, (name, _) in enumerate(section.value)}
+    name, below = keys[0], keys[1:]
+    if below:
+        if name not in rows:
+            section.value.append((yaml.compose(name), yaml.compose("{}")))
+            rows[name] = -1
+        _put(section.value[rows[name]][1], below, value)
+        return
+    plain = list(value) if isinstance(value, tuple) else value
+    row = (yaml.compose(f'"{name}"'), yaml.compose(yaml.safe_dump(plain)))
+    if name in rows:
+        section.value[rows[name]] = row
+    else:
+        section.value.append(row)
 
 
 def _check_sets(station: StationDescription, reader: Reader) -> None:
