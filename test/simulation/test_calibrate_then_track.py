@@ -29,7 +29,7 @@ def rms_mdeg(misses: np.ndarray) -> float:
 @pytest.fixture(scope="module")
 def campaign() -> tuple:
     """Fly the campaign; return the station with the old model, the fit and the observations."""
-    setup = StationSetup([CONFIG / "dss13.yaml"], CONFIG / "bias_model_dss13.yaml")
+    setup = StationSetup()
     mount = setup.node("antenna_servo").group("mount", MountParams()).model()
     old = read_model(CONFIG / "bias_model_dss13.yaml").model
     random = random_stream(1, "c")
