@@ -27,6 +27,7 @@ from rf_pointing.calibration import (
 from rf_pointing.commands.options import ending_with_reason
 from rf_pointing.core import MDEG
 from rf_pointing.core.refraction import RadioRefraction
+from rf_pointing.core.whole_file import DATA_BYTES, read_whole
 from rf_pointing.ephemeris import read_elements, site
 from rf_pointing.station.campaign import recorded_input
 from rf_pointing.station.campaign.log import priors_near
@@ -115,7 +116,7 @@ def collected(
 def _reference(options: argparse.Namespace, raw: calibration.RawTracking) -> calibration.ReferenceTrack:
     if options.elements is None:
         raise ValueError("elements: tracking data of CSV and TDM need --elements FILE for their reference")
-    elements = read_elements(options.elements.read_text())
+    elements = read_elements(read_whole(options.elements, DATA_BYTES, "utf-8-sig"))
     oldest_s = options.max_age * DAY_S
     return recorded_input.reference_of(raw, elements, site(options.station), oldest_s, refraction(options))
 

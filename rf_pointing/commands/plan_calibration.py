@@ -17,6 +17,7 @@ from rf_pointing.calibration import CandidatePass, PassPriors, SectorRule, Slew
 from rf_pointing.commands.options import ending_with_reason, say
 from rf_pointing.core import MDEG, require_between
 from rf_pointing.core.dates import parse_utc, utc_text
+from rf_pointing.core.whole_file import DATA_BYTES, read_whole
 from rf_pointing.ephemeris import read_elements, site, verification_elements
 from rf_pointing.station.campaign.plan import ArcRules, beacons, candidate_arcs
 
@@ -54,7 +55,7 @@ def candidates_of(options: argparse.Namespace) -> list[CandidatePass]:
     if options.beacons:
         elements = beacons(start_s)
     elif options.elements:
-        elements = read_elements(options.elements.read_text())
+        elements = read_elements(read_whole(options.elements, DATA_BYTES, "utf-8-sig"))
     else:
         elements = verification_elements()
     span_s = options.hours * HOUR_S

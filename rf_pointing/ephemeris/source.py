@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 from rf_pointing.core import Params, parameter
 from rf_pointing.core.dates import DAY_S
 from rf_pointing.core.refraction import RadioRefraction
-from rf_pointing.core.whole_file import KeptState
+from rf_pointing.core.whole_file import DATA_BYTES, KeptState, read_whole
 from rf_pointing.ephemeris import (
     RADIO_SOURCES,
     Elements,
@@ -129,8 +129,9 @@ def _read(name: str, reader: Callable[[str], T]) -> T:
     path = Path(name)
     if not path.is_file():
         raise ValueError(f"elements_file={name!r} does not exist")
+    text = read_whole(path, DATA_BYTES, "utf-8-sig")
     try:
-        return reader(path.read_text(encoding="utf-8-sig"))
+        return reader(text)
     except ValueError as error:
         raise ValueError(f"{path.name}: {error}") from error
 
@@ -159,6 +160,11 @@ class TargetMemory:
         # Another configuration: what was kept belongs to another target.
         mine = kept.get("configured") == dataclasses.asdict(configured)
         self._kept: dict[str, Any] = kept if mine else {}
+        try:
+            # Whatever is in it is read now: later it would end a node.
+            _ = self.source, self.peak_rad, self.hold_t_s
+        except (ValueError, TypeError, AttributeError, OverflowError) as error:
+            raise ValueError(f"state file {name} cannot be used: {error}") from error
 
     @property
     def source(self) -> SourceParams:
