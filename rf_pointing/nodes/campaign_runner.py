@@ -1,7 +1,8 @@
 """A campaign on the live graph: pass after pass, selected at the ephemeris and tracked.
 
 A pass counts as observed when it gave observations, even if the controller does not call it
-tracked: most of a short piece of a pass goes into the search.
+tracked: most of a short piece of a pass goes into the search.  A fault of the antenna ends the
+campaign: it would refuse every other pass, too.
 """
 
 import math
@@ -26,7 +27,8 @@ LOOK_BACK_S = 7200.0
 class CampaignRunner:
     """Runs the passes of one campaign; `failures` are the reasons of passes without observations.
 
-    `observations` returns how many have been taken in all.
+    `fault` is what ended the campaign before its last pass.  `observations` returns how many have
+    been taken in all.
     """
 
     def __init__(self, node: Node, observations: Callable[[], int]) -> None:
@@ -41,6 +43,7 @@ class CampaignRunner:
         self._handle: Any = None
         self.number, self.observed = 0, 0
         self.failures: list[str] = []
+        self.fault = ""
 
     @property
     def busy(self) -> bool:
@@ -64,7 +67,7 @@ class CampaignRunner:
         if not self._select.service_is_ready() or not self._track.server_is_ready():
             raise ValueError("ephemeris_publisher and pointing_controller must be running in this namespace")
         self._passes, self._sensor = list(passes), sensor
-        self.number, self.observed, self.failures = 0, 0, []
+        self.number, self.observed, self.failures, self.fault = 0, 0, [], ""
         self._next()
 
     def cancel(self) -> None:
@@ -118,6 +121,9 @@ class CampaignRunner:
         self._wait_for(handle.get_result_async(), self._tracked, math.inf)
 
     def _tracked(self, answer: Any) -> None:
+        self.fault = answer.result.fault
+        if self.fault:
+            self._passes = self._passes[: self.number]
         if self._observations() > self._before:
             self.observed += 1
             self._next()
