@@ -85,7 +85,7 @@ _target_to_message, target_from_message = pair(core.Target, ours.Target, name="t
 boresight_to_message, boresight_from_message = pair(core.Boresight, ours.Boresight)
 power_to_message, _power_from_message = pair(core.CarrierPower, ours.CarrierPower, integration_s="integration_time")
 error_to_message, _error_from_message = pair(core.PointingError, ours.PointingError)
-antenna_status_to_message, _ = pair(AntennaStatus, ours.AntennaStatus)
+antenna_status_to_message, antenna_status_from_message = pair(AntennaStatus, ours.AntennaStatus)
 tracking_status_to_message, _ = pair(TrackingStatus, ours.TrackingStatus, half_power_beamwidth_rad="beamwidth")
 
 

@@ -42,7 +42,7 @@ class Log:
 @pytest.fixture
 def graph(monkeypatch):
     """Return a graph that knows every target but "unknown"; `tracked` is the result of the pass in work."""
-    tracked = Answer(SimpleNamespace(result=SimpleNamespace(seconds_tracked=1.0, message="lost")), done=False)
+    tracked = Answer(SimpleNamespace(result=SimpleNamespace(seconds_tracked=1.0, message="lost", fault="")), done=False)
     graph = SimpleNamespace(tracked=tracked, cancelled=0, observations=0)
 
     def cancel():
@@ -81,6 +81,20 @@ def test_a_pass_counts_when_it_gave_observations_and_a_failure_is_named(graph):
         "unknown: no such target",
         "b: no observation, 1 s on target, lost; 7 errors: not valid",
     ]
+
+
+def test_a_fault_of_the_antenna_ends_the_campaign_and_is_named(graph):
+    graph.runner.start([Pass(target="a"), Pass(target="b"), Pass(target="c")], "monopulse")
+    poll(graph, 3)
+    graph.tracked.value.result.fault = graph.tracked.value.result.message = "antenna fault: drives cut"
+    graph.tracked.is_done = True
+    poll(graph, 1)
+    assert not graph.runner.busy
+    assert (graph.runner.number, graph.runner.fault) == (1, "antenna fault: drives cut")
+    assert graph.runner.failures == ["a: no observation, 1 s on target, antenna fault: drives cut"]
+    graph.tracked.value.result.fault = ""
+    graph.runner.start([Pass(target="a")], "monopulse")
+    assert graph.runner.fault == ""
 
 
 def test_a_cancel_stops_the_pass_in_work_and_begins_no_other(graph):

@@ -57,7 +57,7 @@ class ControlUnit:
         self._ticks = 0
         self._experiment: IdentificationExperiment | None = None
         self._accepted = self._rejected = 0
-        self._last_rejection = ""
+        self._last_rejection = self._ran_dry = ""
 
     @property
     def mode(self) -> AntennaMode:
@@ -80,7 +80,7 @@ class ControlUnit:
             return self.reject(reason)
         table.accept(trajectory, now_s)
         safety.authority.claim(commander, now_s)
-        self._accepted += 1
+        self._accepted, self._ran_dry = self._accepted + 1, ""
         safety.commanded_s = now_s
         # A fault shows the last commands before it: which of them led there is the first question.
         safety.latch.note_command((now_s, commander, *pair(trajectory.position_rad[-1])))
@@ -291,7 +291,7 @@ class ControlUnit:
             commands_accepted=self._accepted,
             commands_rejected=self._rejected,
             last_rejection=self._last_rejection,
-            warning=safety.warning(t_s, self.mode, pair(commanded)),
+            warning=self._ran_dry or safety.warning(t_s, self.mode, pair(commanded)),
             transmit_inhibit=silent or safety.gate.transmit_inhibit(float(axes.encoder_rad[1])),
             commander=safety.authority.holder,
         )
@@ -393,5 +393,8 @@ class ControlUnit:
             path.goal_rad = sample.position_rad
             self.modes.hold(self._motion())
         else:
-            self.stop(f"commands ran dry {-path.table.lead_s(t_s):.1f} s ago while moving")
+            # No fault: a commander that stalled goes on with its next command.
+            late_s = -path.table.lead_s(t_s)
+            self.stop()
+            self._ran_dry = f"commands ran dry {late_s:.1f} s ago while moving: stopped until the next one"
         return None
