@@ -9,8 +9,9 @@ import math
 
 from rf_pointing.core import AXES
 from rf_pointing.core.whole_file import KeptState
+from rf_pointing.station.antenna.control_unit import ControlUnit
 from rf_pointing.station.antenna.modes import AntennaMode
-from rf_pointing.station.antenna.simulated_antenna import AntennaParams, SimulatedAntenna
+from rf_pointing.station.antenna.simulated_antenna import AntennaParams
 
 MOVED_RAD = math.radians(0.5)
 """Motion after which the file is written anew: seldom, and far less than a turn of cables."""
@@ -52,7 +53,7 @@ class AntennaMemory:
         start = params.antenna.replace(start_azimuth_rad=float(azimuth), start_elevation_rad=float(elevation))
         return params.replace(antenna=start)
 
-    def restore(self, antenna: SimulatedAntenna) -> None:
+    def restore(self, antenna: ControlUnit) -> None:
         """Give an antenna that has just been enabled its earlier fault and rest; only once."""
         kept, self._kept = self._kept, {}
         if not kept:
@@ -63,7 +64,7 @@ class AntennaMemory:
         elif kept["mode"] in AT_REST:
             antenna.rest(AntennaMode(kept["mode"]))
 
-    def keep(self, antenna: SimulatedAntenna, t_s: float) -> None:
+    def keep(self, antenna: ControlUnit, t_s: float) -> None:
         """Write what has changed enough to matter."""
         azimuth, elevation = antenna.reading(t_s).position_rad.tolist()
         status = antenna.status(t_s)
