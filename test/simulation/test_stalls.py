@@ -7,7 +7,6 @@ Time is simulated: a part that stalls does nothing, and then finds only the newe
 import dataclasses
 import math
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -25,7 +24,6 @@ from rf_pointing.station.pointing.controller import PointingController
 from rf_pointing.station.pointing.status import TrackingStatus
 from rf_pointing.tracking import MonopulseParams, MonopulseTracker
 
-CONFIG = Path(__file__).parents[2] / "config"
 BEAMWIDTH_RAD = math.radians(0.264)
 BEFORE_S, AFTER_S = 10.0, 18.0
 """Flown before the stall, when the loop has settled, and after its end."""
@@ -65,10 +63,7 @@ class Flight:
             "antenna.start_azimuth_deg": math.degrees(window.aos_azimuth_rad),
             "antenna.start_elevation_deg": math.degrees(window.aos_elevation_rad),
         }
-        self.setup = StationSetup(
-            [CONFIG / "dss13.yaml", CONFIG / "band_s.yaml"], CONFIG / "bias_model_dss13.yaml",
-            {"antenna_servo": at_start, "pointing_controller": {"machine.half_power_beamwidth_deg": 0.264}},
-        )  # fmt: skip
+        self.setup = StationSetup("dss13", "S", changes={"antenna_servo": at_start})
         self.window, self.sensor, self.profile = window, sensor, profile
         self.satellite = load_track(self.setup.node("rf_receiver").group("source", SourceParams()))
         self.track = load_track(self.setup.node("ephemeris_publisher").group("source", SourceParams()))
