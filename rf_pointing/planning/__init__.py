@@ -1,6 +1,6 @@
 """What the machine may do: limits, the certificate of a pass, the safety gate, watches."""
 
-from rf_pointing.planning.certificate import Branch, Certificate, certify
+from rf_pointing.planning.certificate import Branch, Certificate, SensorCost, certify
 from rf_pointing.planning.certificate_text import certificate_lines, certificate_values
 from rf_pointing.planning.forbidden_sky import HorizonMask
 from rf_pointing.planning.gate import Decision, Gate, GateParams, motion_between
@@ -9,6 +9,7 @@ from rf_pointing.planning.limits import AxisLimits, AxisRates, MachineParams, ch
 from rf_pointing.planning.over_the_top import plunged, unplunged
 from rf_pointing.planning.position_watch import PositionLimits, PositionWatch
 from rf_pointing.planning.profile import PassProfile
+from rf_pointing.planning.schedule import Candidate, reasons_against, schedule, turns_within
 from rf_pointing.planning.slew import CornerPath
 from rf_pointing.planning.watches import (
     AxisWatch,
@@ -26,6 +27,7 @@ __all__ = [
     "AxisWatch",
     "AxisWatchParams",
     "Branch",
+    "Candidate",
     "Certificate",
     "CornerPath",
     "Decision",
@@ -39,6 +41,7 @@ __all__ = [
     "PassProfile",
     "PositionLimits",
     "PositionWatch",
+    "SensorCost",
     "WindWatch",
     "WindWatchParams",
     "WrapCount",
@@ -48,5 +51,8 @@ __all__ = [
     "choose_turns",
     "motion_between",
     "plunged",
+    "reasons_against",
+    "schedule",
+    "turns_within",
     "unplunged",
 ]

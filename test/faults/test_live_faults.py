@@ -21,7 +21,7 @@ from std_srvs.srv import Trigger
 
 from rf_pointing.nodes.qos import STREAM
 from rf_pointing.nodes.stamps import seconds_from_stamp
-from test.faults.live_servo import RATE_RAD_S, START_RAD, Servo, servo_yaml
+from test.faults.live_servo import RATE_RAD_S, START_RAD, WITH_HILL, Servo, servo_yaml
 from test.graph.conftest import ask, live_graph
 
 pytestmark = pytest.mark.graph
@@ -81,15 +81,20 @@ def test_the_second_of_two_commanders_is_refused_and_both_are_named(servo: Servo
 def test_commands_that_stop_are_warned_of_carried_on_for_a_second_and_end_in_a_controlled_stop(servo: Servo) -> None:
     servo.move(0.5)
     quiet_s, servo.seen = servo.now_s, []
-    servo.mode("fault")
+    servo.mode("holding")
     warned = next(status.warning for status in servo.seen if status.warning.startswith("no command for"))
     assert 0.2 <= float(warned.split()[3]) <= 0.32, "100 ms after the next one was due, seen at the next status"
-    stopping = next(status for status in servo.seen if status.mode in ("stopping", "fault"))
+    stopping = next(status for status in servo.seen if status.mode == "stopping")
     assert seconds_from_stamp(stopping.header.stamp) - quiet_s == pytest.approx(1.7, abs=0.2), "0.7 s and 1 s beyond"
-    ran_dry = re.search(r"commands ran dry ([0-9.]+) s ago while moving", servo.status.fault)
+    ran_dry = re.search(
+        r"commands ran dry ([0-9.]+) s ago while moving: stopped until the next one", servo.status.warning
+    )
     assert ran_dry
     assert float(ran_dry[1]) <= 1.1, "extrapolated for at most a second"
-    servo.rejected(servo.command(), "fault latched")
+    assert servo.status.fault == ""
+    servo.base_rad, servo.begun_s = servo.joints[-1], None
+    servo.move(0.3)
+    assert (servo.status.mode, servo.status.warning) == ("tracking", "")
 
 
 def test_stop_pause_disable_park_and_stow_are_five_different_things(servo: Servo) -> None:
@@ -241,10 +246,10 @@ def test_a_servo_that_was_frozen_discards_the_commands_that_waited(servo: Servo)
 
 
 def test_bad_yaml_leaves_the_node_unconfigured_and_names_every_key(live: SimpleNamespace) -> None:
-    text = "safety: {watch: {jump_deg: -1.0}, wnd: {gust_limit_m_s: 20.0}}"
+    text = "antenna: {tick_s: -1.0}, safety: {watch: {jump_deg: 1.0}, wnd: {gust_limit_m_s: 20.0}}"
     started = live.start(["antenna_servo"], f"/**/antenna_servo: {{ros__parameters: {{{text}}}}}", state="configure")
     assert started.refused == ["antenna_servo"]
-    for key in ("jump_deg", "safety.wnd.gust_limit_m_s"):
+    for key in ("tick_s", "tuning.safety.watch.jump_deg", "safety.wnd.gust_limit_m_s"):
         assert key in started.processes.complaint("antenna_servo")
 
 
@@ -256,7 +261,7 @@ def test_a_wrap_file_that_disagrees_with_the_encoder_keeps_the_antenna_from_movi
     wrap.write_text(json.dumps({"azimuth_rad": START_RAD[0] - 2.0 * math.pi}))
     statuses = [AntennaStatus()]
     live.node.create_subscription(AntennaStatus, "antenna_status", statuses.append, STREAM)
-    live.start(["antenna_servo"], servo_yaml(wrap))
+    live.start(["antenna_servo"], servo_yaml(wrap), station=WITH_HILL)
     live.spin_until(lambda: statuses[-1].mode == "fault", "the doubt")
     assert "look at the cables, then reset" in statuses[-1].fault
     assert ask(live, Trigger, "antenna_servo/reset_fault", Trigger.Request()).success

@@ -1,7 +1,6 @@
 """A campaign over the beacons, a fit, and then program track alone: the sequence of scripts/calibrate without dynamics."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,9 +13,9 @@ from rf_pointing.simulation import StationSetup
 from rf_pointing.station.antenna.mount import MountParams
 from rf_pointing.station.campaign.log import CalibrationLog
 from rf_pointing.station.campaign.plan import ArcRules, beacons, candidate_arcs, window_of
+from rf_pointing.station.description import STATIONS
 from test.simulation.kinematic_station import KinematicParams, KinematicStation
 
-CONFIG = Path(__file__).parents[2] / "config"
 STATION = site("Goldstone DSS-13")
 START_S = 1151193600.0
 
@@ -29,9 +28,9 @@ def rms_mdeg(misses: np.ndarray) -> float:
 @pytest.fixture(scope="module")
 def campaign() -> tuple:
     """Fly the campaign; return the station with the old model, the fit and the observations."""
-    setup = StationSetup([CONFIG / "dss13.yaml"], CONFIG / "bias_model_dss13.yaml")
+    setup = StationSetup()
     mount = setup.node("antenna_servo").group("mount", MountParams()).model()
-    old = read_model(CONFIG / "bias_model_dss13.yaml").model
+    old = read_model(STATIONS / "bias_model_dss13_x.yaml").model
     random = random_stream(1, "c")
     station = KinematicStation(KinematicParams(), mount, old, random)
     sky = beacons(START_S)
@@ -59,7 +58,7 @@ def test_program_track_alone_misses_little_where_it_missed_by_more_than_100_mdeg
     campaign: tuple, start: float | None, peak_deg: float
 ) -> None:
     station, fit, _ = campaign
-    source = SourceParams(satellite="28057", station="Goldstone DSS-13")
+    source = SourceParams(satellite="28057")
     track = load_track(source)
     start_s = load_elements(source).epoch_t_s if start is None else start
     window = first_pass_above(

@@ -55,7 +55,7 @@ class ControlUnit:
         self._ticks = 0
         self._experiment: IdentificationExperiment | None = None
         self._accepted = self._rejected = 0
-        self._last_rejection = ""
+        self._last_rejection = self._ran_dry = ""
 
     @property
     def mode(self) -> AntennaMode:
@@ -78,7 +78,7 @@ class ControlUnit:
             return self.reject(reason)
         table.accept(trajectory, now_s)
         safety.authority.claim(commander, now_s)
-        self._accepted += 1
+        self._accepted, self._ran_dry = self._accepted + 1, ""
         safety.commanded_s = now_s
         # A fault shows the last commands before it: which of them led there is the first question.
         safety.latch.note_command((now_s, commander, *pair(trajectory.position_rad[-1])))
@@ -296,6 +296,7 @@ class ControlUnit:
             commands_rejected=self._rejected,
             last_rejection=self._last_rejection,
             warning=("" if axes.hardware.powered else axes.hardware.fault)
+            or self._ran_dry
             or safety.warning(t_s, self.mode, pair(commanded)),
             transmit_inhibit=silent or safety.gate.transmit_inhibit(float(axes.encoder_rad[1])),
             commander=safety.authority.holder,
@@ -389,6 +390,11 @@ class ControlUnit:
             return None
         path = self.axes.path
         sample = path.table.at(t_s)
+        silent_s = t_s - self.safety.commanded_s
+        # A table far ahead must not move an antenna whose commander has gone; a goal at rest may.
+        if silent_s > path.table.params.silence_s and not path.at_rest(sample):
+            self.stop(f"the commander has been silent for {silent_s:.1f} s while its commands move the axes")
+            return None
         if sample.source != "dry":
             return sample
         # A table whose end is at rest is a goal; one that runs dry in motion is a lost commander.
@@ -396,5 +402,8 @@ class ControlUnit:
             path.goal_rad = sample.position_rad
             self.modes.hold(self._motion())
         else:
-            self.stop(f"commands ran dry {-path.table.lead_s(t_s):.1f} s ago while moving")
+            # No fault: a commander that stalled goes on with its next command.
+            late_s = -path.table.lead_s(t_s)
+            self.stop()
+            self._ran_dry = f"commands ran dry {late_s:.1f} s ago while moving: stopped until the next one"
         return None

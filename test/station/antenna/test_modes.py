@@ -27,21 +27,27 @@ def test_deactivation_stops_the_axes_under_control_before_it_sets_the_brakes() -
     assert clock.antenna.status(clock.t_s).command_lead_s == 0.0
 
 
-def test_commands_that_stop_in_motion_end_in_a_controlled_stop_and_a_latched_fault() -> None:
+def test_commands_that_stop_in_motion_end_in_a_controlled_stop_until_the_next_one() -> None:
     limits = CommandPreprocessorParams()
     clock = enabled()
     clock.antenna.accept(ramp(START_S, 1.0), START_S)
     clock.run(8.0)
     order = list(dict.fromkeys(clock.modes))
-    assert order == ["tracking", "stopping", "fault"]
+    assert order == ["tracking", "stopping", "holding"]
     last_tracking_s = TICK_S * (len(clock.modes) - clock.modes[::-1].index("tracking"))
     assert last_tracking_s == pytest.approx(1.0 + LoopParams().table.extrapolation_s, abs=2 * TICK_S)
-    assert clock.antenna.status(clock.t_s).fault.startswith("commands ran dry")
+    status = clock.antenna.status(clock.t_s)
+    assert status.fault == ""
+    assert status.warning.startswith("commands ran dry 1.0 s ago while moving: stopped until the next one")
     rates = clock.rates()
     assert np.max(np.abs(np.diff(rates, axis=0))) / TICK_S <= limits.acceleration_limit_rad_s2[0] * (1.0 + 1e-6)
     clock.run(SETTLING_S)
     np.testing.assert_allclose(clock.position[-1], clock.commanded[-1], atol=1.0 * MDEG)
     np.testing.assert_array_equal(clock.commanded[-1], clock.commanded[round(7.0 / TICK_S)])
+    assert clock.antenna.accept(ramp(clock.t_s, 1.0), clock.t_s) == ""
+    clock.run(0.1)
+    status = clock.antenna.status(clock.t_s)
+    assert (status.mode, status.warning) == ("tracking", "")
 
 
 def test_commands_that_end_at_rest_are_no_fault() -> None:
