@@ -127,7 +127,8 @@ def fly(params: DriveParams, options: argparse.Namespace, client: SecondClient |
             refused = antenna.accept(table, now_s)
             if refused:
                 sys.exit(f"refused: {refused}")
-        if now_s < begin_s:
+        # The first two seconds are the chase from rest.
+        if now_s < begin_s + 2.0:
             hardware.rotator.count_anew()
         else:
             at_s, where = client.read() if client else (now_s, np.array(hardware.encoders()))
@@ -136,8 +137,8 @@ def fly(params: DriveParams, options: argparse.Namespace, client: SecondClient |
         if fault := antenna.safety.latch.text:
             sys.exit(f"fault: {fault}")
         due_s += TICK_S
-        late.append(max(0.0, time.monotonic() - due_s))
         time.sleep(max(0.0, due_s - time.monotonic()))
+        late.append(max(0.0, time.monotonic() - due_s))
     report(params, hardware, np.degrees(errors), np.abs(np.degrees(rates)), seconds)
     print(f"ticks late: median {1e3 * np.median(late):.1f} ms, 99 % {1e3 * np.quantile(late, 0.99):.1f} ms")
     antenna.close()
@@ -147,8 +148,10 @@ def report(params: DriveParams, hardware, error: np.ndarray, rate: np.ndarray, s
     resolution = np.degrees(hardware.drive.capabilities.resolution_rad)
     bound = 0.5 * resolution + 0.5 * rate * params.rotator.minimum_interval_s
     counts = hardware.rotator.counts()
-    print(f"{params.type}: {seconds:.0f} s, {len(error)} samples, resolution {resolution[0]:.2f} deg, set points "
-          f" at least {params.rotator.minimum_interval_s:.2f} s apart, largest rates {rate.max(axis=0).round(2)} deg/s")  # fmt: skip
+    print(f"{params.type}: {seconds:.0f} s, {len(error)} samples, resolution {resolution[0]:.2f} deg")
+    print(
+        f"set points at least {params.rotator.minimum_interval_s:.2f} s apart, largest rates {rate.max(axis=0).round(2)} deg/s"
+    )
     for axis, name in enumerate(("azimuth", "elevation")):
         own, limit = np.abs(error[:, axis]), bound[:, axis]
         print(f"{name:<9} commanded minus true: mean {np.mean(error[:, axis]):+.4f}, rms {np.sqrt(np.mean(own**2)):.4f}, "

@@ -27,7 +27,7 @@ Clock = Callable[[float], float]
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """One property: whether the drive has it, and what was measured beside what is stated."""
+    """One property: whether the drive has it, and what was measured and what is stated."""
 
     name: str
     passed: bool

@@ -250,7 +250,7 @@ class Rotator:
         at = _ahead(motion, axis, lead_s)
         here = self._kept(axis)
         off = at - here
-        # Where the interval decides, neither the rounding of a set point nor a tick that comes early
+        # Where the interval decides, neither the rounding of a set point nor an early tick
         # may cost another tick.
         fast = max(0.0, abs(rate) * interval_s - smallest)
         enough = half - abs(rate) * (early_s + JITTER_S) - 0.5 * min(step, fast) if rate != 0.0 else smallest
