@@ -34,7 +34,7 @@ from rf_pointing.station.pointing.day_plan import DayPass, DayPlan, Fate, Wish, 
 
 PRIORITIES = (-1000, 1000)
 MOST_ERRORS = 10
-"""Of a list of satellites so many errors are told at once."""
+"""Of a list of satellites so many errors are reported at once."""
 
 
 def plan_many(options: argparse.Namespace, rules: PlanningRules, encoder_rad: tuple[float, float]) -> DayPlan:

@@ -15,14 +15,16 @@ from rf_pointing.commands.options import (
     add_target_options,
     between,
     elements_of,
+    say_if,
     seed,
     source_of,
     start_of,
 )
 from rf_pointing.core import MDEG, leaves
+from rf_pointing.core.dates import DAY_S
 from rf_pointing.core.modes import Sensor
 from rf_pointing.core.parameters import NodeParameters, read_parameter_files
-from rf_pointing.ephemeris import Pass, first_pass_above
+from rf_pointing.ephemeris import ElementUncertainty, Pass, first_pass_above, stale_warning
 from rf_pointing.ephemeris.element_files import element_files, is_address
 from rf_pointing.ephemeris.source import load_track
 from rf_pointing.planning import HorizonMask
@@ -72,7 +74,10 @@ def choose_pass(options: argparse.Namespace) -> Pass:
     """Return the pass to track; ValueError if satellite, station and time do not give one."""
     above, span_s = _horizon(options).above(math.radians(options.mask)), 2.0 * 86400.0
     track = load_track(source_of(options))
-    return first_pass_above(track, start_of(options), math.radians(options.min_peak), above, span_s)
+    window = first_pass_above(track, start_of(options), math.radians(options.min_peak), above, span_s)
+    stale_s, beamwidth_rad = source_of(options).stale_days * DAY_S, HALF_POWER_BEAMWIDTH_RAD[options.band]
+    say_if("track", stale_warning(track, window.tca_t_s, stale_s, ElementUncertainty(), beamwidth_rad))
+    return window
 
 
 def _given(options: argparse.Namespace, node: str) -> NodeParameters:

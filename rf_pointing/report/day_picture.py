@@ -20,7 +20,7 @@ MOST_ROWS = 45
 MOST_PATHS = 80
 MOST_SUNS = 24
 FEW_PATHS = 12
-"""Up to so many paths have the time of their rise beside them."""
+"""Up to so many paths have the time of their rise next to them."""
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 """Of the priorities, the highest first; lower ones share the last."""
 YIELDS_COLOUR = "#c9ccd1"
