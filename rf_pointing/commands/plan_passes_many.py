@@ -16,6 +16,7 @@ import io
 import json
 import math
 import re
+import sys
 import time
 from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime, timedelta
@@ -133,7 +134,9 @@ def report(options: argparse.Namespace, plan: DayPlan, rules: PlanningRules) -> 
     beamwidth_rad = rules.machine.half_power_beamwidth_rad
     rows = [row_values(item, beamwidth_rad) for item in plan.passes] if options.json or options.csv else []
     if options.json:
-        print(json.dumps(plan_values(plan, rows, options.station), indent=1))
+        # Piece by piece: a day of 10 000 satellites is 60 MB of text.
+        json.dump(plan_values(plan, rows, options.station), sys.stdout, indent=1)
+        print()
     else:
         show_table(plan)
     for one, reason in plan.unsearched:
