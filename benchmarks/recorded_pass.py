@@ -42,7 +42,7 @@ def digest(log: PassLog) -> str:
 
 def main() -> None:
     """Fly the pass with each sensor of the command line, without one with all of them."""
-    source = SourceParams(satellite="28057", station="Goldstone DSS-13")
+    source = SourceParams(satellite="28057")
     window = first_pass_above(
         load_track(source), load_elements(source).epoch_t_s, math.radians(40.0), math.radians(5.0), 86400.0
     )

@@ -16,7 +16,7 @@ CONFIG = Path(__file__).parents[1] / "config"
 
 def main() -> None:
     """Simulate CBERS-2 over DSS-13 with monopulse."""
-    source = SourceParams(satellite="28057", station="Goldstone DSS-13")
+    source = SourceParams(satellite="28057")
     window = first_pass_above(
         load_track(source), load_elements(source).epoch_t_s, math.radians(40.0), math.radians(5.0), 86400.0
     )

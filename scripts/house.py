@@ -219,7 +219,7 @@ def _calls_of_a_period(root: Path) -> list[str]:
             sys.setprofile(None)
         raise _PeriodMeasuredError
 
-    source = SourceParams(satellite="28057", station="Goldstone DSS-13")
+    source = SourceParams(satellite="28057")
     start_s = load_elements(source).epoch_t_s
     window = first_pass_above(load_track(source), start_s, math.radians(40.0), math.radians(5.0), 86400.0)
     files = [config / "dss13.yaml", config / "band_x.yaml"]

@@ -25,6 +25,7 @@ SIBLINGS = {
     "calibration": SIBLING | {"yaml"},
     "planning": SIBLING,
     "identification": SIBLING,
+    "operations": {"yaml"},
 }
 COMPOSED = set().union(*SIBLINGS.values())
 CORE_OF_ARRAYS = {f"array_sensors/{room}" for room in ("attitude", "doa", "interferometer", "tripulse")}

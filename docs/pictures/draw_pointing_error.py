@@ -31,7 +31,7 @@ STYLE: Any = {"font.size": 10.0, "axes.spines.top": False, "axes.spines.right": 
 
 def fly(sensor: Sensor) -> tuple[PassLog, float]:
     """Return the log of the pass, and the time of its rise."""
-    source = SourceParams(satellite="28057", station="Goldstone DSS-13")
+    source = SourceParams(satellite="28057")
     track, epoch_t_s = load_track(source), load_elements(source).epoch_t_s
     window = first_pass_above(track, epoch_t_s, math.radians(40.0), math.radians(5.0), 86400.0)
     setup = StationSetup([CONFIG / "dss13.yaml", CONFIG / "band_x.yaml"], CONFIG / "bias_model_dss13.yaml")

@@ -18,17 +18,20 @@ from rf_pointing import planning
 from rf_pointing.calibration import BiasModel, read_model
 from rf_pointing.commands.options import (
     add_target_options,
+    band_of,
     between,
     ending_with_reason,
+    lowest_rad,
     say,
     say_if,
     source_of,
     start_of,
+    station_of,
 )
 from rf_pointing.commands.plan_passes_many import plan_many, report
 from rf_pointing.core import to_degrees
 from rf_pointing.core.dates import DAY_S, utc_text
-from rf_pointing.core.parameters import NodeParameters, read_parameter_files
+from rf_pointing.core.parameters import NodeParameters
 from rf_pointing.ephemeris import ElementUncertainty, stale_warning
 from rf_pointing.ephemeris.source import load_track
 from rf_pointing.station.antenna.simulated_antenna import SimulationParams
@@ -56,9 +59,7 @@ def _main(options: argparse.Namespace) -> None:
         if getattr(options, name):
             raise ValueError(f"--{name} is of a plan of many satellites: give --satellites or --all")
     track = load_track(source_of(options))
-    planned = plan_passes(
-        track, start_of(options), options.hours * 3600.0, start_rad, rules, math.radians(options.mask)
-    )
+    planned = plan_passes(track, start_of(options), options.hours * 3600.0, start_rad, rules, lowest_rad(options))
     wanted = [item for item in planned if item.window.peak_elevation_rad >= math.radians(options.min_peak)]
     if options.json:
         values = [{"pass": pass_values(item), **planning.certificate_values(item.certificate)} for item in wanted]
@@ -90,9 +91,7 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     add("--min-peak", type=between(0.0, 90.0), default=0.0, metavar="DEG", help="least peak of a pass (default: 0)")
     add("--gap", type=between(0.0, 3600.0), default=0.0, metavar="S",
         help="between passes of many satellites, besides the slew (default: 0)")  # fmt: skip
-    add("--params-file", action="append", default=[], help="parameters of pointing_controller: limits, machine, "
-        "mask, gate, pointing; and of antenna_servo: where it stands; may be repeated")  # fmt: skip
-    add("--model", metavar="FILE", default="", help="bias model (default: a perfect mount)")
+    add("--model", metavar="FILE", default="", help="bias model (default: the station's)")
     add("--json", action="store_true", help="print JSON")
     add("--csv", metavar="FILE", help="write all passes of many satellites as a table")
     add("--ics", metavar="FILE", help="write the tracked passes of many satellites as a calendar")
@@ -101,11 +100,13 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
 
 
 def antenna_of(options: argparse.Namespace) -> tuple[PlanningRules, tuple[float, float]]:
-    """Return the antenna that passes are planned for, and where it stands."""
-    nodes = read_parameter_files([Path(name) for name in options.params_file])
-    controller, servo = (nodes.get(name, NodeParameters(name, {})) for name in ("pointing_controller", "antenna_servo"))
+    """Return the antenna that passes are planned for, and where it parks."""
+    station, band = station_of(options), band_of(options)
+    controller = NodeParameters("pointing_controller", station.parameters("pointing_controller", band))
+    servo = NodeParameters("antenna_servo", station.parameters("antenna_servo", band))
+    file = Path(options.model) if options.model else station.bias_model_file(band)
     rules = PlanningRules(
-        model=read_model(Path(options.model)).model if options.model else BiasModel.zero(),
+        model=read_model(file).model if file else BiasModel.zero(),
         machine=controller.group("machine", planning.MachineParams()),
         limits=controller.group("limits", planning.AxisLimits()),
         mask=controller.group("mask", planning.HorizonMask()),

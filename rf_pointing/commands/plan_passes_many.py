@@ -23,11 +23,11 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
-from rf_pointing.commands.options import elements_of, say, source_of
+from rf_pointing.commands.options import elements_of, lowest_rad, say, source_of, station_of
 from rf_pointing.core import to_degrees
 from rf_pointing.core.dates import DAY_S, parse_utc, utc_text
 from rf_pointing.core.whole_file import write_whole
-from rf_pointing.ephemeris import Elements, find_elements, site
+from rf_pointing.ephemeris import Elements, find_elements
 from rf_pointing.ephemeris.source import load_catalogue
 from rf_pointing.ephemeris.uncertainty import error_text
 from rf_pointing.station.pointing.certificates import PlanningRules
@@ -42,8 +42,8 @@ def plan_many(options: argparse.Namespace, rules: PlanningRules, encoder_rad: tu
     """Return the plan of the satellites that the command line names."""
     wishes = wishes_of(options)
     return plan_day(
-        wishes, site(options.station), _start_s(options, wishes), options.hours * 3600.0, rules, encoder_rad,
-        math.radians(options.mask), gap_s=options.gap, max_age_s=source_of(options).max_age_days * DAY_S,
+        wishes, station_of(options).site, _start_s(options, wishes), options.hours * 3600.0, rules, encoder_rad,
+        lowest_rad(options), gap_s=options.gap, max_age_s=source_of(options).max_age_days * DAY_S,
     )  # fmt: skip
 
 
@@ -135,7 +135,7 @@ def report(options: argparse.Namespace, plan: DayPlan, rules: PlanningRules) -> 
     rows = [row_values(item, beamwidth_rad) for item in plan.passes] if options.json or options.csv else []
     if options.json:
         # Piece by piece: a day of 10 000 satellites is 60 MB of text.
-        json.dump(plan_values(plan, rows, options.station), sys.stdout, indent=1)
+        json.dump(plan_values(plan, rows, station_of(options).name), sys.stdout, indent=1)
         print()
     else:
         show_table(plan)
@@ -148,12 +148,12 @@ def report(options: argparse.Namespace, plan: DayPlan, rules: PlanningRules) -> 
         write_whole(Path(options.csv), csv_text(rows))
         say("plan_passes", options.csv)
     if options.ics:
-        write_whole(Path(options.ics), calendar_text(plan, options.station, time.time()))
+        write_whole(Path(options.ics), calendar_text(plan, station_of(options).name, time.time()))
         say("plan_passes", options.ics)
     if options.picture:
         from rf_pointing.report.day_picture import draw_day
 
-        draw_day(plan, options.station, rules.mask, Path(options.picture))
+        draw_day(plan, station_of(options).name, rules.mask, Path(options.picture))
         say("plan_passes", options.picture)
 
 

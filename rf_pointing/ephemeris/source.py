@@ -1,7 +1,7 @@
-"""From the operator's words to a track: elements, ephemeris message or body, and the station.
+"""From the operator's words to a track: elements, ephemeris message or body, and the site.
 
 `TargetMemory` keeps what was chosen over a restart of the publisher.  Its file belongs to one
-configuration (elements, satellite, station, offsets at the start): when that has changed, the file
+configuration (elements, satellite, site, offsets at the start): when that has changed, the file
 is out of date and the configuration counts.
 """
 
@@ -18,6 +18,7 @@ from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.core.whole_file import KeptState
 from rf_pointing.ephemeris import (
     RADIO_SOURCES,
+    SITES,
     Elements,
     OemTarget,
     Site,
@@ -28,7 +29,6 @@ from rf_pointing.ephemeris import (
     radio_source,
     read_elements,
     read_oem,
-    site,
     sun,
     verification_elements,
 )
@@ -45,7 +45,7 @@ BODIES: dict[str, Callable[[], TargetSource]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class SourceParams(Params):
-    """Target and station; the offsets move the target against its elements."""
+    """Target and site; the offsets move the target against its elements."""
 
     elements: str = parameter(
         "",
@@ -55,7 +55,7 @@ class SourceParams(Params):
     satellite: str = parameter(
         "28057", "catalogue number or name of the satellite in the file, or Sun, Moon or a radio source"
     )
-    station: str = parameter("Goldstone DSS-13", "station name")
+    site: Site = parameter(SITES["Goldstone DSS-13"], "where the antenna stands")
     along_track_offset_s: float = parameter(0.0, "target ahead of its elements by", low=-60.0, high=60.0)
     cross_track_offset_rad: float = parameter(0.0, "target right of its elements by", low=-0.1, high=0.1)
     interpolation: str = parameter(
@@ -109,15 +109,14 @@ def load_elements(params: SourceParams) -> Elements:
 
 
 def load_track(params: SourceParams, hold_t_s: float | None = None) -> TopocentricTrack:
-    """Return the object as seen from the station, held where it is at `hold_t_s` if given."""
-    station = site(params.station)
+    """Return the object as seen from the site, held where it is at `hold_t_s` if given."""
     return TopocentricTrack(
         load_target(params),
-        station,
+        params.site,
         along_track_offset_s=params.along_track_offset_s,
         cross_track_offset_rad=params.cross_track_offset_rad,
         hold_t_s=hold_t_s,
-        refraction=refraction_at(params, station),
+        refraction=refraction_at(params, params.site),
         max_age_s=params.max_age_days * DAY_S,
     )
 
@@ -193,9 +192,10 @@ class TargetMemory:
     def source(self) -> SourceParams:
         """The source as it was last, or as configured."""
         kept = dict(self._kept.get("source", {}))
-        # JSON kept the weather as a table; the parameter set is made anew from it.
-        if "weather" in kept:
-            kept["weather"] = self._configured.weather.replace(**kept["weather"])
+        # JSON kept these as tables; the parameter sets are made anew from them.
+        for name in ("weather", "site"):
+            if name in kept:
+                kept[name] = getattr(self._configured, name).replace(**kept[name])
         return self._configured.replace(**kept)
 
     @property

@@ -112,6 +112,26 @@ def error_text(along_rad: float, beamwidth_rad: float | None) -> str:
     return f"expected error along the track {math.degrees(along_rad) * 1e3:.0f} mdeg{beams}"
 
 
+def orientation_sigma_rad(track: TopocentricTrack, t_s: float) -> float:
+    """Return the one-sigma pointing error that the Earth's uncertain orientation makes at `t_s`.
+
+    The root of the sum of squares over both directions of the sky; 0 while the orientation is
+    measured, and for an ephemeris that is given in Earth-fixed axes.
+    """
+    orientation = track.target.orientation
+    ut1_s, pole_rad = (0.0, 0.0) if orientation is None else orientation.sigmas_at(t_s)
+    x, y, z = track.target.motion_at(t_s, track.along_track_offset_s).position
+    rate = track.target.rotation_rate_rad_s
+    # What an error of the Earth's angle, or of either coordinate of the pole, does to the target.
+    shifts = ((ut1_s * rate, (y, -x, 0.0)), (pole_rad, (z, 0.0, -x)), (pole_rad, (0.0, -z, y)))
+    seen, _, _ = track.relative_motion_at(t_s)
+    squares = 0.0
+    for sigma, shift in shifts:
+        moved = tuple(dot(axis, shift) for axis in track.site.axes)
+        squares += sigma**2 * sum(dot(axis, moved) ** 2 for axis in _sky_axes(seen))
+    return math.sqrt(squares) / float(norm(seen.position))
+
+
 def _orbit_axes(orbit: StateVector) -> tuple[Any, Any, Any]:
     """Return unit vectors along the velocity, the orbit normal, and upward (east-north-up)."""
     along = combined((1.0 / norm(orbit.velocity), orbit.velocity))

@@ -32,9 +32,9 @@ from rf_pointing.nodes import convert
 from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Health
 from rf_pointing.nodes.identification_server import IdentificationServer
 from rf_pointing.nodes.main_loop import run
-from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.qos import COMMAND_INPUT, SAMPLES, STATUS, STREAM
 from rf_pointing.nodes.stamps import seconds_from_stamp
+from rf_pointing.nodes.station_node import StationNode
 from rf_pointing.planning import WrapCount
 from rf_pointing.station.antenna.memory import AntennaMemory
 from rf_pointing.station.antenna.simulated_antenna import AntennaParams, SimulatedAntenna
@@ -42,6 +42,9 @@ from rf_pointing.station.antenna.simulated_antenna import AntennaParams, Simulat
 LIVE = ("plant", "loops")
 """Parameter sets that may change while the antenna moves."""
 STATUS_PERIOD_S = 0.1
+HEAD_BYTES = 4096
+POINT_BYTES = 112
+"""Of a point of a command: four sequences of two numbers with their lengths, and its time."""
 WRAP_EVERY = 10
 """Statuses after which the azimuth's turn is written if it has changed."""
 
@@ -55,7 +58,7 @@ class ServoNodeParams(Params):
     enable_fault_injection: bool = parameter(False, "whether ~/inject_fault is offered")
 
 
-class AntennaServo(ManagedNode):
+class AntennaServo(StationNode):
     """Steps the simulated antenna once a tick of node time; ticks that fire late are made up."""
 
     def __init__(self) -> None:
@@ -86,7 +89,10 @@ class AntennaServo(ManagedNode):
         self._boresight = self.stream(Boresight, "sim/boresight", SAMPLES)
         self._status = self.stream(AntennaStatus, "antenna_status", STATUS)
         self._identification.configure(self._antenna)
-        self.listen(JointTrajectory, "joint_trajectory", self._on_trajectory, COMMAND_INPUT)
+        self.listen(
+            JointTrajectory, "joint_trajectory", self._on_trajectory, COMMAND_INPUT,
+            most_bytes=self._longest_command, refused=self._antenna.reject,
+        )  # fmt: skip
         self.serve_action(Trigger, "~/stop", self._stop)
         self._recover_wrap()
         antenna = self._antenna
@@ -112,9 +118,20 @@ class AntennaServo(ManagedNode):
 
     def deactivate(self) -> None:
         self._ticked_s = math.inf
-        self._antenna.deactivate()
+        try:
+            self._antenna.deactivate()
+        except Exception as error:
+            # The stop itself has failed: only the brakes are left.
+            self._antenna.trip(f"the stop has failed: {error}")
+            raise
         self._identification.end()
         self._keep_wrap()
+
+    def fail(self, reason: str) -> None:
+        # The fault goes into the file first: whatever raised may raise again in the stop.
+        if self.active:
+            self._antenna.stop(f"antenna_servo failed: {reason}")
+            self._memory.keep(self._antenna, self._antenna.t_s)
 
     def _recover_wrap(self) -> None:
         """Check the kept turn against the encoder, which counts all turns; a real one has one."""
@@ -177,6 +194,10 @@ class AntennaServo(ManagedNode):
         if self._tick_wall_s is not None:
             self._lateness_s = wall_s - self._tick_wall_s - tick_s
         self._tick_wall_s = wall_s
+
+    def _longest_command(self) -> int:
+        """Return the bytes of the longest command; decoding 100 000 points takes 0.8 s."""
+        return HEAD_BYTES + POINT_BYTES * int(self.parameters.value("loops").table.max_points)
 
     def _on_trajectory(self, message: JointTrajectory) -> None:
         """Take a command; one issued at an instant between tick and clock waits for its tick."""

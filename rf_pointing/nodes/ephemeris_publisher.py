@@ -26,9 +26,9 @@ from rf_pointing.nodes import convert, convert_planning
 from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Health
 from rf_pointing.nodes.element_updates import ElementUpdates
 from rf_pointing.nodes.main_loop import run
-from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.qos import LATCHED, STREAM
 from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
+from rf_pointing.nodes.station_node import StationNode
 from rf_pointing.planning import HorizonMask
 from rf_pointing.station.pointing.certificates import pass_profile
 
@@ -52,7 +52,7 @@ class PublisherParams(Params):
     state_file: str = parameter("", "file that keeps target, offsets and hold over a restart; empty: not kept")
 
 
-class EphemerisPublisher(ManagedNode):
+class EphemerisPublisher(StationNode):
     """Predicts one target at a time."""
 
     def __init__(self) -> None:
@@ -196,6 +196,7 @@ class EphemerisPublisher(ManagedNode):
             "along_track_offset_s": self._track.along_track_offset_s,
             "cross_track_offset_deg": math.degrees(self._track.cross_track_offset_rad),
             "hold_since": "" if self._track.hold_t_s is None else utc_text(self._track.hold_t_s),
+            **self._orientation_values(),
             **self._uncertainty_values(),
         }
         if self._unknown:
@@ -220,6 +221,15 @@ class EphemerisPublisher(ManagedNode):
         except ValueError as error:
             self.get_logger().warning(f"uncertainty unknown: {error}", throttle_duration_sec=60.0)
             return None
+
+    def _orientation_values(self) -> dict[str, float]:
+        """Return the pointing error that the Earth's orientation makes, if it is predicted."""
+        try:
+            sigma_rad = ephemeris.orientation_sigma_rad(self._track, self.now_s())
+        except ValueError:
+            # The target's place is unknown now: `_publish` reports it when it is due.
+            return {}
+        return {"earth_orientation_sigma_deg": round(math.degrees(sigma_rad), 6)}
 
     def _uncertainty_values(self) -> dict[str, float]:
         sky = self._uncertainty(self.now_s())

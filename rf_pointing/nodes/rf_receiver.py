@@ -11,12 +11,12 @@ from rf_pointing.ephemeris.source import SourceParams, load_track
 from rf_pointing.nodes import convert
 from rf_pointing.nodes.element_updates import ElementUpdates
 from rf_pointing.nodes.main_loop import run
-from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.qos import LATCHED, SAMPLES, STREAM
+from rf_pointing.nodes.station_node import StationNode
 from rf_pointing.station.antenna.receiver import SignalParams, SimulatedReceiver
 
 
-class RfReceiver(ManagedNode):
+class RfReceiver(StationNode):
     """Turns boresights into samples at their stamps, without a timer."""
 
     def __init__(self) -> None:

@@ -20,7 +20,7 @@ from rf_pointing.ephemeris.source import SourceParams, load_elements, load_track
 from rf_pointing.simulation import PassLog, StationSetup, simulate_pass
 from rf_pointing.station.antenna.mount import MountParams
 from rf_pointing.station.antenna.receiver import Reception
-from rf_pointing.station.campaign.model_keeper import commissioning_file
+from rf_pointing.station.description import read_station
 
 Array = NDArray[np.float64]
 Changes = Mapping[str, Mapping[str, object]]
@@ -49,7 +49,9 @@ class Case:
 
 def model_file(band: str) -> Path:
     """Return the pointing model that the station uses in a band."""
-    return commissioning_file(config_folder(), band)
+    file = read_station("dss13").bias_model_file(band)
+    assert file is not None
+    return file
 
 
 def moved_mount(band: str, right_rad: float, up_rad: float) -> dict[str, object]:

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from rf_pointing.core import JointReading, angular_distance_rad, gaussian_loss_db
 from rf_pointing.papers.keyhole_passes import AVERAGING_S, KeyholeCase
 from rf_pointing.planning import GateParams, MachineParams
-from rf_pointing.planning.crossing import DEEPEST_DB, HALF_POWER_DB
 from rf_pointing.planning.over_the_top import plunged
 from rf_pointing.servo import dss13_plant
 from rf_pointing.simulation.closed_loop import TARGET_LEAD_S, PointedAntenna, ticks
@@ -23,6 +22,7 @@ from rf_pointing.station.pointing.controller import PointingController
 from rf_pointing.station.pointing.params import ControllerParams, PointingParams
 
 Array = NDArray[np.float64]
+HALF_POWER_DB, DEEPEST_DB = 3.0, 60.0
 BEFORE_S, AFTER_S = 30.0, 15.0
 """How long before and after the crossing a pass is flown: the lags of the mount build up before."""
 NO_SUN = GateParams(sun_radius_rad=0.0)

@@ -1,6 +1,6 @@
 """What the machine may do: limits, the certificate of a pass, the safety gate, watches."""
 
-from rf_pointing.planning.certificate import Branch, Certificate, certify
+from rf_pointing.planning.certificate import Branch, Certificate, SensorCost, certify
 from rf_pointing.planning.certificate_text import certificate_lines, certificate_values
 from rf_pointing.planning.forbidden_sky import HorizonMask
 from rf_pointing.planning.gate import Decision, Gate, GateParams, motion_between
@@ -38,6 +38,7 @@ __all__ = [
     "HorizonMask",
     "MachineParams",
     "PassProfile",
+    "SensorCost",
     "WindWatch",
     "WindWatchParams",
     "WrapCount",

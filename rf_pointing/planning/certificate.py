@@ -4,6 +4,14 @@ A branch is a whole number of azimuth turns and a motion (`branch_motion.py`): d
 over the top in the middle of the pass.  Each branch is followed through the whole pass: travel,
 rates, accelerations, horizon mask, Sun, the crossing of the zenith with its loss, and the slew to
 its start.  The best branch that works is taken.
+
+A pass that is going on is worth what is left of it: everything is counted from the issue on.  The
+expected loss is that of the mean power (`core/pass_outcome.py`),
+
+    (T - L - A - C) p + (L + A) g_sidelobe  of  T
+
+with T what is left of the pass, L the lateness, A the acquisition, C the signal lost in a crossing
+and p the power that a scan or an error of the prediction leaves.
 """
 
 import dataclasses
@@ -14,8 +22,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from rf_pointing.core.pass_outcome import PassOutcome
 from rf_pointing.planning.branch_motion import BranchMotion, Lag, branch_motions, no_lag
-from rf_pointing.planning.crossing import Crossing, Gain, PassLoss
+from rf_pointing.planning.crossing import Crossing, CrossingLoss, Gain
 from rf_pointing.planning.forbidden_sky import ForbiddenSky, HorizonMask, angle_between
 from rf_pointing.planning.limits import AxisLimits, MachineParams
 from rf_pointing.planning.profile import PassProfile
@@ -28,12 +37,26 @@ TURN = 2.0 * math.pi
 STEP_S = 0.1
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensorCost:
+    """What a sensor costs on any branch of a pass.
+
+    `acquisition_s` is the expected time until it holds the target, `power` the mean power over that
+    on the axis while it does.  A crossing that takes longer than `memory_s` costs it the target:
+    the mount's errors are others on the other side of the sky.
+    """
+
+    acquisition_s: float = 0.0
+    power: float = 1.0
+    memory_s: float = math.inf
+
+
 @dataclass(frozen=True, kw_only=True)
 class Branch:
     """One way to track a pass; angles are those of the axes, `reasons` why it cannot be.
 
     `plunge` is how the dish stands at the rise, `over` whether it goes over to the other side in
-    the middle of the pass.
+    the middle of the pass.  `mean_loss_db` is what is expected of all that is left of the pass.
     """
 
     turns: int
@@ -57,6 +80,7 @@ class Branch:
     preposition_s: float
     unwind_s: float
     late_s: float
+    acquisition_s: float
     reasons: tuple[str, ...]
     # Arrays do not compare to one truth value, and a certificate from the wire has none.
     crossing: Crossing | None = field(default=None, compare=False)
@@ -112,6 +136,7 @@ def certify(
     gain: Gain,
     lag: Lag = no_lag,
     slew: Slew | None = None,
+    cost: SensorCost | None = None,
 ) -> Certificate:
     """Return the certificate of a pass.
 
@@ -124,10 +149,18 @@ def certify(
     gain : power received relative to the peak at angles off the beam axis.
     lag : what the axes must lead the beam by because of how it moves.
     slew : the way to the start; without one it is straight.
+    cost : what the sensor of the pass costs; without one nothing.
+
+    Raises
+    ------
+    ValueError
+        When the pass is over.
     """
+    if issued_t_s >= profile.t_s[-1]:
+        raise ValueError(f"the pass of {profile.name} ended {issued_t_s - float(profile.t_s[-1]):.0f} s ago")
     way = slew or (lambda start, end: (machine.slew_s(start, end), ""))
     sky = ForbiddenSky(mask, machine.sun_radius_rad)
-    certified = _Certifier(profile, sky, issued_t_s, encoder_rad, machine, limits, gain, way)
+    certified = _Certifier(profile, sky, issued_t_s, encoder_rad, machine, limits, gain, way, cost or SensorCost())
     branches = [
         certified.branch(motion, turns)
         for motion in branch_motions(profile.t_s, axes, machine, limits, gain, lag)
@@ -164,6 +197,7 @@ class _Certifier:
     limits: AxisLimits
     gain: Gain
     slew: Slew
+    cost: SensorCost
 
     def branch(self, motion: BranchMotion, turns: int) -> Branch:
         """Return one branch, a motion moved by whole turns."""
@@ -171,18 +205,22 @@ class _Certifier:
         position, crossing = motion.axes_rad + shift, motion.crossing
         if crossing is not None:
             crossing = dataclasses.replace(crossing, position_rad=crossing.position_rad + shift)
-        (low, high), (bottom, top) = ((float(part.min()), float(part.max())) for part in position.T)
+        # A pass that is going on is met where it is now, not at its rise behind the antenna.
+        first = min(int(np.searchsorted(self.profile.t_s, self.issued_t_s)), len(position) - 1)
+        ahead, required = position[first:], [part[first:] for part in motion.required]
+        (low, high), (bottom, top) = ((float(part.min()), float(part.max())) for part in ahead.T)
         closest, margin = _closest(self.limits, low, high, bottom, top)
-        start, end = (float(position[0, 0]), float(position[0, 1])), (float(position[-1, 0]), float(position[-1, 1]))
-        # Late is what the slew takes beyond the rise; the pass may have begun already.
-        preposition_s, barred = self.slew(self.encoder_rad, self._meeting_point(position))
-        loss = PassLoss.of(crossing, self.profile.duration_s, self.gain)
-        late_s = max(0.0, self.issued_t_s + preposition_s - float(self.profile.t_s[0]))
-        above = -float(np.max(self.sky.under_mask_all(position)))
-        sun = float(np.min(angle_between(position, self.profile.sun_rad))) - self.machine.sun_radius_rad
-        # Signal lost on the way to the pass counts like signal lost at the zenith.
-        lost_s, duration_s = loss.lost_s + late_s, self.profile.duration_s
-        reasons = _reasons_against(closest, margin, above, sun, lost_s, duration_s, self.machine)
+        start, end = (ahead[0, 0].item(), ahead[0, 1].item()), (ahead[-1, 0].item(), ahead[-1, 1].item())
+        preposition_s, barred = self.slew(self.encoder_rad, start)
+        begin_s = float(self.profile.t_s[first])
+        loss = CrossingLoss.of(crossing, self.gain, begin_s)
+        # Late is what the slew takes beyond the rise.
+        late_s = max(0.0, self.issued_t_s + preposition_s - begin_s)
+        above = -float(np.max(self.sky.under_mask_all(ahead)))
+        sun = float(np.min(angle_between(ahead, self.profile.sun_rad[first:]))) - self.machine.sun_radius_rad
+        left_s = float(self.profile.t_s[-1]) - begin_s
+        acquisition_s = self.cost.acquisition_s * (2.0 if loss.lost_s > self.cost.memory_s else 1.0)
+        reasons = _reasons_against(closest, margin, above, sun, self.machine)
         return Branch(
             turns=turns,
             plunge=motion.plunge,
@@ -191,27 +229,50 @@ class _Certifier:
             end_rad=end,
             azimuth_range_rad=(low, high),
             elevation_range_rad=(bottom, top),
-            peak_rate_rad_s=_peaks(motion.required[1]),
-            peak_acceleration_rad_s2=_peaks(motion.required[2]),
+            peak_rate_rad_s=_peaks(required[1]),
+            peak_acceleration_rad_s2=_peaks(required[2]),
             closest_limit=closest,
             limit_margin_rad=margin,
             mask_margin_rad=above,
             sun_margin_rad=sun,
+            mean_loss_db=self._expected(loss, late_s + acquisition_s, left_s).mean_loss_db,
             preposition_s=preposition_s,
             unwind_s=self.machine.slew_s((end[0], 0.0), (math.remainder(end[0], TURN), 0.0)),
             late_s=late_s,
-            reasons=(*reasons, *((f"no way to the start: {barred}",) if barred and margin >= 0.0 else ())),
+            acquisition_s=acquisition_s,
+            reasons=(
+                *reasons,
+                *self._too_little(loss.lost_s, late_s, left_s),
+                *((f"no way to the start: {barred}",) if barred and margin >= 0.0 else ()),
+            ),
             crossing=crossing,
             axes_rad=position,
             **dataclasses.asdict(loss),
         )
 
-    def _meeting_point(self, position: Array) -> Pair:
-        """Return where the axes meet the pass: at its start, or where one going on has come to."""
-        # A pass that is going on is met where it is now, not at its rise behind the antenna.
-        row = int(np.searchsorted(self.profile.t_s, self.issued_t_s))
-        azimuth, elevation = position[min(row, len(position) - 1)].tolist()
-        return azimuth, elevation
+    def _expected(self, loss: CrossingLoss, blind_s: float, left_s: float) -> PassOutcome:
+        """Return what is expected of the `left_s` of the pass, `blind_s` of which are not held."""
+        blind_s = min(blind_s, left_s)
+        off_s = min(loss.lost_s, left_s - blind_s)
+        received_s = max(left_s - blind_s - loss.lost_signal_s, 0.0) * self.cost.power
+        held = PassOutcome(left_s - blind_s - off_s, off_s, received_s)
+        return held + PassOutcome.unseen(blind_s)
+
+    def _too_little(self, lost_s: float, late_s: float, left_s: float) -> tuple[str, ...]:
+        """Return why too little of the pass would be received, () when it is enough."""
+        if self.issued_t_s > float(self.profile.t_s[0]):
+            # Of a pass that is going on every second counts, however few are left.
+            if late_s < left_s:
+                return ()
+            return (f"the slew to the pass takes {late_s:.0f} s, {left_s:.0f} s of it are left",)
+        # Signal lost on the way to the pass counts like signal lost at the zenith.
+        share, least = 1.0 - (lost_s + late_s) / left_s, self.machine.least_share
+        if share >= least:
+            return ()
+        return (
+            f"{lost_s + late_s:.0f} s of {left_s:.0f} s would be lost, {100.0 * max(share, 0.0):.0f} % received, "
+            f"must be >= {100.0 * least:.0f} %",
+        )
 
 
 def _peaks(values: Array) -> tuple[float, float]:
@@ -231,9 +292,7 @@ def _closest(limits: AxisLimits, low: float, high: float, bottom: float, top: fl
     return name, margins[name]
 
 
-def _reasons_against(
-    closest: str, margin: float, above: float, sun: float, lost_s: float, duration_s: float, machine: MachineParams
-) -> tuple[str, ...]:
+def _reasons_against(closest: str, margin: float, above: float, sun: float, machine: MachineParams) -> tuple[str, ...]:
     found = []
     if margin < 0.0:
         found.append(f"{-math.degrees(margin):.3f} deg past the limit {closest}")
@@ -243,12 +302,6 @@ def _reasons_against(
         found.append(
             f"{math.degrees(sun + machine.sun_radius_rad):.3f} deg from the Sun, "
             f"must be >= {math.degrees(machine.sun_radius_rad):.3f} deg"
-        )
-    share = 1.0 - lost_s / duration_s
-    if share < machine.least_share:
-        found.append(
-            f"{lost_s:.0f} s of {duration_s:.0f} s would be lost, {100.0 * max(share, 0.0):.0f} % received, "
-            f"must be >= {100.0 * machine.least_share:.0f} %"
         )
     return tuple(found)
 

@@ -5,8 +5,8 @@ import math
 from typing import Any
 
 from rf_pointing.core import to_degrees
+from rf_pointing.core.pass_outcome import SIDELOBE_DB
 from rf_pointing.planning.certificate import Branch, Certificate
-from rf_pointing.planning.crossing import DEEPEST_DB
 
 COLUMNS = (
     f"  {'branch':<17}{'azimuth deg':>17}{'elevation deg':>16}{'rate az el deg/s':>18}{'closest limit':>35}"
@@ -33,15 +33,16 @@ def certificate_lines(certificate: Certificate) -> list[str]:
         return [*lines, f"REFUSED: {certificate.reason}"]
     verdict = f"taken: {chosen.label}, start at azimuth {math.degrees(chosen.start_rad[0]):.1f} deg"
     if chosen.keyhole_s > 0.0:
-        # A Gaussian beam has no sidelobes: below DEEPEST_DB its number means nothing.
-        deep = "more than " if chosen.peak_loss_db >= DEEPEST_DB else ""
+        deep = "more than " if chosen.peak_loss_db >= SIDELOBE_DB else ""
         verdict += (
             f"; crosses the zenith at its limits: {chosen.keyhole_s:.1f} s off target, {chosen.lost_s:.1f} s below half "
-            f"power, up to {deep}{chosen.peak_loss_db:.1f} dB, {chosen.mean_loss_db:.2f} dB over the pass"
+            f"power, up to {deep}{chosen.peak_loss_db:.1f} dB"
         )
     if chosen.late_s > 0.0:
         verdict += f"; arrives {chosen.late_s:.0f} s after acquisition"
-    return [*lines, verdict]
+    if chosen.acquisition_s > 0.0:
+        verdict += f"; {chosen.acquisition_s:.0f} s expected until a sensor holds the target"
+    return [*lines, f"{verdict}; expected pointing loss {chosen.mean_loss_db:.2f} dB"]
 
 
 def certificate_values(certificate: Certificate) -> dict[str, Any]:

@@ -20,15 +20,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rf_pointing.core.pass_outcome import HALF_POWER, SIDELOBE_POWER, pointing_loss_db
 from rf_pointing.planning.forbidden_sky import angle_between
 
 Array = NDArray[np.float64]
 # Power received relative to the beam's peak at angles (n,) from its axis.
 Gain = Callable[[Array], Array]
 
-HALF_POWER_DB = 3.0
-# Loss beyond which only "more than" is meant; a Gaussian beam has no sidelobes.
-DEEPEST_DB = 60.0
 # Share of the largest error from which the beam counts as off the target.
 # Relative to the largest error, so that the time off target does not depend on the beam.
 OFF_TARGET = 0.05
@@ -229,30 +227,29 @@ def _elevations(path: _Path, azimuth: Array) -> list[Array]:
 
 
 @dataclass(frozen=True, slots=True)
-class PassLoss:
-    """Seconds off the target, below half power and of signal lost; peak and mean loss in dB.
+class CrossingLoss:
+    """What a crossing costs of a pass from `begin_s` on, by `core.pass_outcome`.
 
-    Signal lost is the integral of 1 - gain.
+    Seconds off the target, seconds below half power, seconds of signal lost (the integral of
+    1 - g), and the deepest loss in dB.
     """
 
     keyhole_s: float = 0.0
     lost_s: float = 0.0
     lost_signal_s: float = 0.0
     peak_loss_db: float = 0.0
-    mean_loss_db: float = 0.0
 
     @classmethod
-    def of(cls, crossing: Crossing | None, duration_s: float, gain: Gain) -> "PassLoss":
-        """Return the loss of a pass of this duration."""
-        if crossing is None:
+    def of(cls, crossing: Crossing | None, gain: Gain, begin_s: float = -math.inf) -> "CrossingLoss":
+        """Return the cost of what lies after `begin_s`; nothing without a crossing."""
+        if crossing is None or begin_s > crossing.t_s[-1]:
             return cls()
-        step_s = float(crossing.t_s[1] - crossing.t_s[0])
-        received = gain(crossing.error_rad)
-        signal_s = float(np.sum(1.0 - received) * step_s)
+        step_s, ahead = float(crossing.t_s[1] - crossing.t_s[0]), crossing.t_s >= begin_s
+        received = np.maximum(gain(crossing.error_rad[ahead]), SIDELOBE_POWER)
+        off = crossing.error_rad[ahead] > OFF_TARGET * np.max(crossing.error_rad)
         return cls(
-            keyhole_s=float(np.sum(crossing.error_rad > OFF_TARGET * np.max(crossing.error_rad)) * step_s),
-            lost_s=float(np.sum(received < 10.0 ** (-HALF_POWER_DB / 10.0)) * step_s),
-            lost_signal_s=signal_s,
-            peak_loss_db=-10.0 * math.log10(max(float(received.min()), 10.0 ** (-DEEPEST_DB / 10.0))),
-            mean_loss_db=-10.0 * math.log10(max(1.0 - signal_s / duration_s, 1e-6)),
+            keyhole_s=float(np.sum(off) * step_s),
+            lost_s=float(np.sum(received < HALF_POWER) * step_s),
+            lost_signal_s=float(np.sum(1.0 - received) * step_s),
+            peak_loss_db=float(pointing_loss_db(received.min())),
         )

@@ -119,7 +119,7 @@ class MachineParams(Params):
     sun_radius_rad: float = parameter(math.radians(1.0), "the beam stays this far from the Sun", low=0.0, high=0.5)
     least_share: float = parameter(0.8, "share of the pass that must be received within 3 dB", low=0.0, high=1.0)
     half_power_beamwidth_rad: float = parameter(
-        math.radians(0.065), "beamwidth that the loss is computed for", low=1e-6, high=0.5
+        math.radians(0.065), "beamwidth that the loss is computed for", low=1e-6, high=1.4
     )
 
     @property

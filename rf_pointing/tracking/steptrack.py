@@ -23,7 +23,7 @@ POINTS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
 class StepTrackParams(Params):
     """Steps and dwell times."""
 
-    half_power_beamwidth_rad: float = parameter(65.0 * MDEG, "half-power beamwidth", low=1e-6, high=0.5)
+    half_power_beamwidth_rad: float = parameter(65.0 * MDEG, "half-power beamwidth", low=1e-6, high=1.4)
     step_beamwidths: float = parameter(0.2, "distance of the points from the centre", low=0.02, high=0.5)
     dwell_s: float = parameter(3.0, "time at rest on one point", low=0.1, high=600.0)
     move_s: float = parameter(1.5, "time from point to point", low=0.05, high=60.0)

@@ -13,6 +13,7 @@ import pytest
 from rf_pointing.commands import plan_passes, plan_passes_many
 from rf_pointing.core.dates import parse_utc
 from rf_pointing.ephemeris import find_elements, tle_lines, verification_elements
+from rf_pointing.station.description import read_station
 
 OVER = ["--start", "2006-06-28T06:00:00", "--hours", "12.5"]
 
@@ -32,12 +33,10 @@ def test_json_tells_of_every_pass_when_where_and_on_which_branch(capsys: pytest.
 
 def test_a_dish_that_may_go_over_the_top_loses_a_hundredth(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     wide = tmp_path / "wide.yaml"
-    wide.write_text(
-        "/**/pointing_controller:\n  ros__parameters:\n    limits: {elevation_max_deg: 176.0}\n"
-        "    machine: {half_power_beamwidth_deg: 0.264}\n"
-    )
+    changes = {"mount.elevation.travel_deg": [4.0, 176.0], "mount.elevation.hard_stop_deg": [2.0, 178.0]}
+    read_station("dss13").write(wide, changes | {"tuning.loops.preprocessor.travel_max_deg": [223.0, 177.0]})
     picture = tmp_path / "plan.png"
-    plan_passes.main([*OVER, "--json", "--params-file", str(wide), "--picture", str(picture)])
+    plan_passes.main([*OVER, "--json", "--station", str(wide), "--band", "S", "--picture", str(picture)])
     plans = json.loads(capsys.readouterr().out)
     branches = max(plans, key=lambda plan: plan["pass"]["peak_elevation_deg"])["branches"]
     taken = next(branch for branch in branches if branch["chosen"])
@@ -232,7 +231,8 @@ def test_all_that_is_wrong_in_a_list_is_told_at_once(
     [
         (["--ics", "plan.ics"], "--ics is of a plan of many satellites: give --satellites or --all"),
         (["--csv", "plan.csv"], "--csv is of a plan of many satellites"),
-        (["--all", "--params-file", "a.yaml"], "parameter file a.yaml: No such file"),
+        (["--all", "--params-file", "a.yaml"], "unrecognized arguments: --params-file a.yaml"),
+        (["--all", "--band", "Q"], "band='Q' of Goldstone DSS-13 must be one of S, X, Ka"),
         (["--all", "--prefer", "peak"], "unrecognized arguments: --prefer peak"),
         (["--gap", "-1"], "argument --gap: -1 must be between 0 and 3600"),
         (["--all", "--satellites", "28057"], "not allowed with argument"),

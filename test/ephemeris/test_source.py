@@ -84,11 +84,6 @@ def test_an_unknown_satellite_is_refused_with_near_names(cbers_2: Path) -> None:
         load_elements(SourceParams(satellite="99999"))
 
 
-def test_an_unknown_station_is_refused() -> None:
-    with pytest.raises(ValueError, match="Atlantis"):
-        load_track(SourceParams(station="Atlantis"))
-
-
 def test_expired_elements_are_refused() -> None:
     track = load_track(SourceParams(max_age_days=2.0))
     epoch_t_s = load_elements(SourceParams()).epoch_t_s

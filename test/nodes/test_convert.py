@@ -43,7 +43,12 @@ def numbers(kind: type, random: np.random.Generator, **fixed: Any) -> Any:
     [
         (Target, {"t_s": T_S, "name": "bird"}, convert.target_to_message, convert.target_from_message),
         (Boresight, {"t_s": T_S}, convert.boresight_to_message, convert.boresight_from_message),
-        (CarrierPower, {"t_s": T_S}, convert.power_to_message, convert.power_from_message),
+        (
+            CarrierPower,
+            {"t_s": T_S, "integration_s": 0.1, "sigma_w": 0.3},
+            convert.power_to_message,
+            convert.power_from_message,
+        ),
         (
             PointingError,
             {

@@ -14,6 +14,7 @@ from rf_pointing.planning import (
     HorizonMask,
     MachineParams,
     PassProfile,
+    SensorCost,
     certificate_lines,
     certificate_values,
     certify,
@@ -51,12 +52,13 @@ def certificate(
     machine: MachineParams = MACHINE,
     present_deg: tuple[float, float] = (120.0, 60.0),
     now_s: float = 0.0,
+    cost: SensorCost | None = None,
 ) -> Certificate:
     motion = (profile.position_rad, profile.velocity_rad_s, profile.acceleration_rad_s2)
     return certify(
         profile, {False: motion, True: plunged(*motion)}, now_s, (present_deg[0] * DEG, present_deg[1] * DEG), machine,
         limits or AxisLimits(), mask or HorizonMask(),
-        lambda error: np.exp(-2.77 * (error / machine.half_power_beamwidth_rad) ** 2),
+        lambda error: np.exp(-2.77 * (error / machine.half_power_beamwidth_rad) ** 2), cost=cost,
     )  # fmt: skip
 
 
@@ -151,6 +153,53 @@ def test_in_the_middle_of_a_pass_the_way_is_to_where_it_has_come() -> None:
     ).chosen
     assert found.turns == -1
     assert found.preposition_s == pytest.approx(10.0 / 1.8 + 2.25, rel=1e-2)
+
+
+@pytest.mark.parametrize("gone", [0.18, 0.5, 0.9])
+def test_a_pass_is_worth_what_is_left_of_it(gone: float) -> None:
+    """The slew of 7.8 s is late for it, whatever the share of the whole pass; only after its end nothing is left."""
+    profile = arc(150.0, 200.0)
+    now_s = 1000.0 + gone * 600.0
+    here = np.degrees(profile.position_rad[round(gone * 6000)])
+    found = certificate(profile, present_deg=(here[0] - 10.0, here[1]), now_s=now_s)
+    chosen = found.chosen
+    assert chosen is not None, found.reason
+    assert chosen.late_s == pytest.approx(10.0 / 1.8 + 2.25, abs=0.1)
+    assert chosen.start_rad == pytest.approx(np.radians(here).tolist(), abs=1e-6)
+    assert chosen.mean_loss_db == pytest.approx(-10.0 * math.log10(1.0 - chosen.late_s / (1600.0 - now_s)), abs=0.01)
+
+
+def test_a_pass_that_ends_before_the_axes_arrive_is_refused_in_words() -> None:
+    assert (
+        "the slew to the pass takes 91 s, 30 s of it are left"
+        in certificate(arc(150.0, 200.0), present_deg=(40.0, 50.0), now_s=1570.0).reason
+    )
+    with pytest.raises(ValueError, match="the pass of bird ended 10 s ago"):
+        certificate(arc(150.0, 200.0), now_s=1610.0)
+
+
+def test_what_lies_behind_does_not_rule_out_the_rest() -> None:
+    hill = HorizonMask(azimuth_rad=(0.0, 1.9, 2.0, 2.1), elevation_rad=(0.0, 0.0, 60.0 * DEG, 0.0))
+    assert certificate(arc(60.0, 180.0), mask=hill).chosen is None
+    assert certificate(arc(60.0, 180.0), mask=hill, now_s=1400.0, present_deg=(130.0, 45.0)).chosen is not None
+
+
+def test_the_expected_loss_is_that_of_lateness_acquisition_and_scan() -> None:
+    cost = SensorCost(acquisition_s=12.0, power=0.98)
+    plain, late = (certificate(arc(150.0, 200.0), now_s=at, cost=cost).chosen for at in (0.0, 985.0))
+    assert (plain.acquisition_s, plain.lost_s, plain.late_s) == (12.0, 0.0, 0.0)
+    assert plain.mean_loss_db == pytest.approx(-10.0 * math.log10(0.98 * 588.0 / 600.0), abs=1e-4)
+    received_s = 0.98 * (600.0 - 12.0 - late.late_s)
+    assert late.late_s > 5.0
+    assert late.mean_loss_db == pytest.approx(-10.0 * math.log10(received_s / 600.0), abs=1e-3)
+
+
+def test_a_long_crossing_costs_the_acquisition_twice() -> None:
+    fast, machine = arc(10.0, 190.0, peak_deg=89.0, seconds=120.0), MACHINE.replace(least_share=0.0)
+    for memory_s, times in ((math.inf, 1.0), (1.0, 2.0)):
+        chosen = certificate(fast, machine=machine, cost=SensorCost(acquisition_s=5.0, memory_s=memory_s)).chosen
+        assert chosen.lost_s > 1.0
+        assert chosen.acquisition_s == 5.0 * times
 
 
 def test_unwinding_is_the_way_back_to_the_turn_about_north() -> None:

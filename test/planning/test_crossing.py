@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from rf_pointing.planning.crossing import AxisMotionLimits, Crossing, PassLoss, cross
+from rf_pointing.planning.crossing import AxisMotionLimits, Crossing, CrossingLoss, cross
 
 Array = np.ndarray
 DEG = math.pi / 180.0
@@ -124,15 +124,18 @@ def test_a_triangle_of_error_has_the_loss_of_its_integrals() -> None:
     t = np.arange(0.0, 2.0 * RISE_S + 1e-9, 0.01)
     error = PEAK_RAD * (1.0 - np.abs(t / RISE_S - 1.0))
     still = np.zeros((len(t), 2))
-    loss = PassLoss.of(Crossing(t, still, still, still, error), 400.0, gain)
+    crossing = Crossing(t, still, still, still, error)
+    loss = CrossingLoss.of(crossing, gain)
     assert loss.keyhole_s == pytest.approx(2.0 * RISE_S * 0.95, abs=0.03)
-    # 3 dB where exp(-4 ln 2 x^2) = 10^-0.3: at x = 0.4991 beamwidths, a quarter of the peak.
-    assert loss.lost_s == pytest.approx(2.0 * RISE_S * (1.0 - 0.49912 * BEAM_RAD / PEAK_RAD), abs=0.03)
+    assert loss.lost_s == pytest.approx(2.0 * RISE_S * (1.0 - 0.5 * BEAM_RAD / PEAK_RAD), abs=0.03)
     received_s = 2.0 * RISE_S * BEAM_RAD / PEAK_RAD * 0.5 * math.sqrt(math.pi / (4.0 * math.log(2.0)))
     assert loss.lost_signal_s == pytest.approx(2.0 * RISE_S - received_s, abs=0.01)
-    assert loss.peak_loss_db == pytest.approx(40.0 * math.log10(2.0) * (PEAK_RAD / BEAM_RAD) ** 2, abs=1e-6)
-    assert loss.mean_loss_db == pytest.approx(-10.0 * math.log10(1.0 - loss.lost_signal_s / 400.0))
+    assert loss.peak_loss_db == 40.0, "the sidelobes, where the Gaussian would be 48 dB down"
+    half = CrossingLoss.of(crossing, gain, begin_s=RISE_S)
+    for name in ("keyhole_s", "lost_s", "lost_signal_s"):
+        assert getattr(half, name) == pytest.approx(0.5 * getattr(loss, name), abs=0.02), "what is behind is past"
+    assert CrossingLoss.of(crossing, gain, begin_s=2.0 * RISE_S + 1.0) == CrossingLoss()
 
 
 def test_without_a_crossing_nothing_is_lost() -> None:
-    assert PassLoss.of(None, 600.0, gain) == PassLoss(0.0, 0.0, 0.0, 0.0, 0.0)
+    assert CrossingLoss.of(None, gain) == CrossingLoss(0.0, 0.0, 0.0, 0.0)

@@ -59,7 +59,7 @@ def test_program_track_alone_misses_little_where_it_missed_by_more_than_100_mdeg
     campaign: tuple, start: float | None, peak_deg: float
 ) -> None:
     station, fit, _ = campaign
-    source = SourceParams(satellite="28057", station="Goldstone DSS-13")
+    source = SourceParams(satellite="28057")
     track = load_track(source)
     start_s = load_elements(source).epoch_t_s if start is None else start
     window = first_pass_above(

@@ -182,12 +182,20 @@ def innovation(state: AttitudeState, observation: DirectionObservation) -> tuple
     return np.einsum("...ij,...j->...i", rows, gap), spread, rows
 
 
-def update(state: AttitudeState, observation: DirectionObservation, gate: GateParams) -> AttitudeState:
+def squared_innovation(state: AttitudeState, observation: DirectionObservation) -> Array:
+    """Return the normalised squared innovation (...), chi-square of two degrees of freedom."""
+    z, spread, _ = innovation(state, observation)
+    return np.asarray(np.einsum("...i,...ij,...j->...", z, _inverse_spread(spread), z))
+
+
+def update(
+    state: AttitudeState, observation: DirectionObservation, gate: GateParams, *, in_doubt: bool = True
+) -> AttitudeState:
     """Return the state after one direction.
 
     A direction outside the gate is rejected and counted.  After `gate.doubt_after` rejections in a
     row the filter is taken to be wrong and not the sensor: it accepts every direction until one
-    falls inside the gate again.
+    falls inside the gate again, unless `in_doubt` is false.
     """
     z, spread, rows = innovation(state, observation)
     inverse = _inverse_spread(spread)
@@ -197,7 +205,7 @@ def update(state: AttitudeState, observation: DirectionObservation, gate: GatePa
     inside = squared <= gate.largest
     # A filter that rejects everything would never recover: in doubt it lets the direction in and
     # stays marked.
-    believed = inside | (state.refused >= gate.doubt_after)
+    believed = inside | (in_doubt & (state.refused >= gate.doubt_after))
     crossed = state.covariance[..., :, :3] @ _transposed(rows)
     gain = crossed @ inverse * believed[..., None, None]
     change = np.einsum("...ij,...j->...i", gain, z)

@@ -7,12 +7,12 @@ lock 180 deg away.  So:
 * `aligned_start` turns the guess the shortest way onto the first direction and starts with a small
   uncertainty on purpose.  The turn stays nearly as guessed until the next station, 120 deg away on
   the sky, corrects it at once; this works for turns up to about 60 deg wrong.
-* `start_bank` does the same for `hypotheses` turns evenly round the circle; after the second
-  station the one with the smallest misfit is within 15 deg of the truth at the start and has
-  converged: `best_of_bank`.
+* `start_bank` does the same for `hypotheses` turns evenly round the circle; one of them is within
+  15 deg of the truth at the start and converges.  `best_of_bank` is the one with the smallest
+  misfit, `remaining` those that the data do not rule out.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from rf_pointing.array_sensors.attitude.multiplicative_filter import (
     AttitudeState,
     DirectionObservation,
     GateParams,
+    attitude_error,
     rotation_between,
     start_state,
 )
@@ -32,6 +33,9 @@ from rf_pointing.array_sensors.attitude.quaternion import (
 from rf_pointing.core import Params, parameter
 
 Array = NDArray[np.float64]
+
+AGREEING = 6.0
+"""Squared normalised difference of two hypotheses that agree, of six components."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +49,11 @@ class StartParams(Params):
     hypotheses: int = parameter(12, "turns about the first line of sight that are tried", low=1, high=360)
     # Right after the second station the hypotheses still differ by their transient, not by their
     # fit.
-    settle_s: float = parameter(30.0, "time from the second station until one is chosen", low=0.0, high=1e4)
+    settle_s: float = parameter(30.0, "time from the second station until hypotheses are ruled out", low=0.0, high=1e4)
+    # A likelihood ratio of exp(15): a wrong start must be rarer than any other fault.
+    decisive: float = parameter(
+        30.0, "excess of the sum of normalised squared innovations that rules a hypothesis out", low=1.0, high=1e4
+    )
 
 
 def aligned_start(
@@ -88,3 +96,24 @@ def best_of_bank(state: AttitudeState) -> AttitudeState:
         np.take_along_axis(state.refused, best, axis=-1),
         np.take_along_axis(state.misfit, best, axis=-1),
     )
+
+
+def joined(banks: list[AttitudeState]) -> AttitudeState:
+    """Return one bank of all members of `banks`."""
+    names = [field.name for field in fields(AttitudeState)]
+    return AttitudeState(*(np.concatenate([getattr(bank, name) for bank in banks]) for name in names))
+
+
+def remaining(params: StartParams, bank: AttitudeState) -> AttitudeState:
+    """Return the best member of one bank (hypotheses,) and those that contradict it and are not
+    ruled out.
+
+    Members agree when they differ by less than their uncertainty: they have seen the same
+    directions, so their errors are common.
+    """
+    best = best_of_bank(bank)
+    apart = attitude_error(best, bank.quaternion, bank.rate_rad_s)
+    distance = np.einsum("ni,ni->n", apart, np.linalg.solve(best.covariance[0], apart.T).T)
+    kept = (distance > AGREEING) & (bank.misfit <= best.misfit + params.decisive)
+    kept[int(np.argmin(bank.misfit))] = True
+    return AttitudeState(*(getattr(bank, field.name)[kept] for field in fields(AttitudeState)))

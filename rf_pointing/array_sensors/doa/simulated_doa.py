@@ -6,7 +6,7 @@ channel.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +42,9 @@ class DoaScenarioParams(Params):
     pitch_rad: float = parameter(math.radians(-10.0), "true pitch at the start", low=-1.5, high=1.5)
     yaw_rad: float = parameter(math.radians(40.0), "true yaw at the start", low=-math.pi, high=math.pi)
     rate_rad_s: float = parameter(math.radians(0.05), "true rate at the start, each axis", low=-0.1, high=0.1)
+    unknown_torque_n_m: float = parameter(
+        0.0, "constant torque that the satellite does not know, each axis", low=-1.0, high=1.0
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,12 +99,13 @@ class SimulatedDoa:
         if t_s <= before_s:
             raise ValueError(f"t_s={t_s} must be > the last step's {before_s}")
         count = math.ceil((t_s - before_s) / _STEP_S - 1e-9)
+        torque = replace(self._torque, control_n_m=self._torque.control_n_m + self._scenario.unknown_torque_n_m)
         for index in range(count):
             # Frame rate at the middle of the step: at its start the truth would lag by half a step
             # every step.
             middle_s = before_s + (index + 0.5) * (t_s - before_s) / count
             rate = orbit_point(self._orbit, middle_s).frame_rate_rad_s
-            self._satellite.step((t_s - before_s) / count, self._torque, rate)
+            self._satellite.step((t_s - before_s) / count, torque, rate)
         return self._satellite
 
     def _started(self, t_s: float) -> SimulatedSatellite:

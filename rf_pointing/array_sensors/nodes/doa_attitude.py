@@ -4,7 +4,7 @@ Subscribes: array_snapshots, known_torque.
 Publishes: attitude (one for every block; invalid ones carry their reason), attitude_rate
 (geometry_msgs/TwistWithCovarianceStamped, with every valid attitude).
 Parameters: array.*, estimator.*, orbit.*, stations.*, satellite.*, filter.*, start.*, noise.*,
-gate.*, chain.*.
+gate.*, watch.*, chain.*.
 """
 
 from geometry_msgs.msg import TwistWithCovarianceStamped
@@ -19,6 +19,7 @@ from rf_pointing.array_sensors.doa.attitude_chain import DoaAttitude, DoaAttitud
 from rf_pointing.array_sensors.doa.attitude_filter import DoaAttitudeParams
 from rf_pointing.array_sensors.doa.attitude_start import StartParams
 from rf_pointing.array_sensors.doa.estimator import DoaEstimatorParams
+from rf_pointing.array_sensors.doa.innovation_watch import WatchParams
 from rf_pointing.array_sensors.nodes import convert
 from rf_pointing.array_sensors.nodes.input_outcomes import InputOutcomes
 from rf_pointing.nodes.main_loop import run
@@ -42,7 +43,8 @@ class DoaAttitudeNode(ManagedNode):
             "satellite": SatelliteParams(),
         }
         tuning = {"filter": DoaAttitudeParams(), "start": StartParams(), "noise": ProcessNoiseParams()}
-        for prefix, defaults in {**array, **scene, **tuning, "gate": GateParams(), "chain": DoaChainParams()}.items():
+        checks = {"gate": GateParams(), "watch": WatchParams(), "chain": DoaChainParams()}
+        for prefix, defaults in {**array, **scene, **tuning, **checks}.items():
             self.parameters.declare(prefix, defaults)
         self._chain: DoaAttitude | None = None
         self._blocks, self._torques = InputOutcomes(), InputOutcomes()
@@ -55,7 +57,7 @@ class DoaAttitudeNode(ManagedNode):
             value("orbit"),
             value("stations").stations(),
             value("satellite"),
-            (value("filter"), value("start"), value("noise"), value("gate")),
+            (value("filter"), value("start"), value("noise"), value("gate"), value("watch")),
             value("chain"),
         )
         self._attitudes = self.stream(Attitude, "attitude", STREAM)

@@ -98,8 +98,12 @@ class SlewPath:
 
     def ends_at_rest(self, t_s: float) -> bool:
         """Return whether the table's last point is at rest."""
-        last = self.table.at(t_s + self.table.lead_s(t_s))
-        return float(np.max(np.abs(last.velocity_rad_s))) < REST_RAD_S
+        return self.at_rest(self.table.at(t_s + self.table.lead_s(t_s)))
+
+    @staticmethod
+    def at_rest(sample: TrajectorySample) -> bool:
+        """Return whether a sample of the table stands still."""
+        return float(np.max(np.abs(sample.velocity_rad_s))) < REST_RAD_S
 
     def step(self, sample: TrajectorySample | None, encoder_rad: Pair, tick_s: float) -> Motion:
         """Return the feasible motion to the next corner, the sample or the goal, one tick on."""
@@ -155,12 +159,14 @@ class AntennaAxes:
         """Raise ValueError if `retune` would refuse these laws on this plant; changes nothing."""
         if loops != self.loops.params:
             self.loops.check(loops, plant)
+            self._safety.gate_of(loops.preprocessor)
 
     def retune(self, loops: LoopParams, plant: PlantParams) -> None:
         """Take new laws, gains and limits between two ticks, without a jump."""
         if loops != self.loops.params:
             self.loops.retune(loops, plant)
             self.path.preprocessor.retune(loops.preprocessor)
+            self.path.table.params = loops.table
             # The gate must know the limits that the laws now move within, or it would guard others.
             self._safety.retune(loops.preprocessor)
 

@@ -381,6 +381,11 @@ class ControlUnit:
             return None
         path = self.axes.path
         sample = path.table.at(t_s)
+        silent_s = t_s - self.safety.commanded_s
+        # A table far ahead must not move an antenna whose commander has gone; a goal at rest may.
+        if silent_s > path.table.params.silence_s and not path.at_rest(sample):
+            self.stop(f"the commander has been silent for {silent_s:.1f} s while its commands move the axes")
+            return None
         if sample.source != "dry":
             return sample
         # A table whose end is at rest is a goal; one that runs dry in motion is a lost commander.

@@ -44,6 +44,12 @@ class TrackingBranch:
         """Whether the antenna leaves the target at `t_s` because its axes are too slow for it."""
         return self._found is not None and bool(self._found.t_s[0] <= t_s <= self._found.t_s[-1])
 
+    def planned_error_rad(self, t_s: float) -> float:
+        """Return how far the crossing leaves the target at `t_s`, 0 outside of it."""
+        if self._found is None or not self.crossing(t_s):
+            return 0.0
+        return float(np.interp(t_s, self._found.t_s, self._found.error_rad))
+
     def signs(self, times: Array) -> Array:
         """Return the signs (n, 2) between rates in direct angles and rates of the axes."""
         over = np.array([self.plunge_at(float(t)) for t in times])

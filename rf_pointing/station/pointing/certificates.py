@@ -26,6 +26,7 @@ from rf_pointing.planning import (
     HorizonMask,
     MachineParams,
     PassProfile,
+    SensorCost,
     certificate_values,
     certify,
 )
@@ -161,6 +162,7 @@ def certificate_of(
     *,
     plunge_allowed: bool = True,
     slew: Slew | None = None,
+    cost: SensorCost | None = None,
 ) -> Certificate:
     """Return the certificate of a pass for a Gaussian beam (CONSCAN eq. 1).
 
@@ -175,7 +177,7 @@ def certificate_of(
     held = without_lags(model) if history else model
     sides: dict[bool, tuple[Array, Array, Array]] = {over: axis_motion(sky, held, plunge=over) for over in plunges}
     lag: Lag = (lambda t_s, rate, bend: history.along(t_s, rate, bend)[0]) if history else no_lag
-    return certify(fine, sides, issued_t_s, encoder_rad, machine, rules.limits, rules.mask, gain, lag, slew)
+    return certify(fine, sides, issued_t_s, encoder_rad, machine, rules.limits, rules.mask, gain, lag, slew, cost)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,27 +3,44 @@
 It follows one pass at a time, from its start on the chosen turn to the controlled stop at its end.
 Every period it decides the mode (`mode.py`), updates the corrections (`corrections.py`) and issues
 the trajectory that starts `transport_s` from now (`motion.py`), if the safety gate allows it.
+
+What stalls does not end the pass.  Without targets the profile of the pass is followed, without one
+the prediction to its end, then the axes wait at rest.  After a gap in its own periods or in the
+readings of the axes, the controller slews back to the target.  A fault ends the pass.
 """
 
 import math
+from functools import partial
+
+import numpy as np
 
 from rf_pointing.calibration import BiasModel
 from rf_pointing.core import JointReading, JointTrajectory, Mode, PointingError, Sensor, Target, require_choice
+from rf_pointing.core.pass_outcome import LOSS_OF_SIGNAL
 from rf_pointing.ephemeris import Pass
 from rf_pointing.ephemeris.solar import SolarDirection
-from rf_pointing.planning import choose_turns
+from rf_pointing.planning import PassProfile, SensorCost, choose_turns
+from rf_pointing.station.pointing.antenna_watch import AntennaWatch, AxisState
 from rf_pointing.station.pointing.corrections import PointingCorrections
-from rf_pointing.station.pointing.mode import CarrierWatch, PassStatistics, SensedErrors, TrackingMode, newest
+from rf_pointing.station.pointing.mode import LEAST_AGE_PERIODS, CarrierWatch, SensedErrors, TrackingMode, newest
 from rf_pointing.station.pointing.motion import CommandedMotion
+from rf_pointing.station.pointing.outcome import BeamEvidence, CarrierLevels, PassStatistics
 from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.station.pointing.plan import PassPlan
-from rf_pointing.station.pointing.scan_patterns import Scans
-from rf_pointing.station.pointing.status import TrackingStatus
-from rf_pointing.tracking import AutotrackState
-from rf_pointing.tracking.sensors import SENSOR_CHOICES, SENSORS
+from rf_pointing.station.pointing.scan_patterns import Scans, sensor_cost
+from rf_pointing.station.pointing.status import Level, TrackingStatus
+from rf_pointing.tracking import AutotrackState, SkyMotion
+from rf_pointing.tracking.sensors import SENSOR_CHOICES, SENSORS, SensorTraits, sensors_of
 
-# A pass that has begun may be started before the target's motion has arrived; not for longer.
-PREDICTION_PATIENCE_S = 5.0
+# A pass may be started before the target's motion has arrived, by an ephemeris that has stalled or
+# starts again; not for longer.
+PREDICTION_PATIENCE_S = 20.0
+# Periods whose C/N0 is averaged: one alone is noisy, many would hide the loss of the carrier.
+LEVEL_PERIODS = 3.0
+# A gap between two periods after which the axes have stopped.
+STALLED_S = 1.0
+# Range of a pass that does not say how near it comes, for what its ephemeris error is on the sky.
+USUAL_RANGE_M = 1e6
 
 
 class PointingController:
@@ -32,14 +49,18 @@ class PointingController:
     def __init__(self, params: ControllerParams) -> None:
         self.params = params
         self.plan = PassPlan(params.machine, params.mask, params.gate, params.limits, SolarDirection(params.sun))
-        scans = Scans(params.spiral, params.calibration.scan, params.watch.probe, params)
-        self.corrections = PointingCorrections(params.integrator, scans, params.trim)
+        self._scans = Scans(params.spiral, params.calibration.scan, params.watch.probe, params)
+        self.corrections = PointingCorrections(params.integrator, self._scans, params.trim)
+        self.antenna = AntennaWatch(params.axes, params.pointing.on_target_rad)
+        self._levels = CarrierLevels()
         self.carrier = CarrierWatch(params.watch, params.link)
         self._mode = TrackingMode(params.autotrack, params.pointing, self.carrier)
         self._motion = CommandedMotion(params.pointing, self.plan, self.corrections)
         self._pass: Pass | None = None
         self._turns_rad: float | None = None
         self._stopping, self._moved, self._sensor = "", False, Sensor.PROGRAM.value
+        self._stepped_s = -math.inf
+        self._alarm: tuple[Level, str] = Level.OK, ""
         self.statistics = PassStatistics()
 
     @property
@@ -58,7 +79,7 @@ class PointingController:
         return self._mode.errors
 
     def retune(self, params: ControllerParams) -> None:
-        """Use new `pointing`, `limits` and `autotrack` parameters from the next period on.
+        """Use new `pointing`, `axes`, `alarm`, `limits` and `autotrack` from the next period on.
 
         All other sets are read once, when the controller is made: a new one of them has no effect.
         """
@@ -66,6 +87,7 @@ class PointingController:
         self.plan.take_limits(params.limits)
         self._motion.retune(params.pointing)
         self._mode.retune(params.autotrack, params.pointing)
+        self.antenna.retune(params.axes, params.pointing.on_target_rad)
 
     def take_model(self, model: BiasModel) -> None:
         """Use `model` from the next trajectory on."""
@@ -83,6 +105,11 @@ class PointingController:
     def take_error(self, error: PointingError) -> None:
         """Note what a sensor measured; only those that the pass may use count."""
         self._mode.errors.take(error)
+        self._levels.take(error)
+
+    def take_antenna(self, mode: str, fault: str) -> None:
+        """Note the mode and the latched fault that the antenna publishes."""
+        self.antenna.take_status(mode, fault)
 
     def awaits_error(self, t_s: float) -> bool:
         """Whether a sensor that reports every period is late with what this period should use."""
@@ -98,8 +125,8 @@ class PointingController:
         Raises
         ------
         ValueError
-            When the pass is over, another one is tracked, it does not fit the limits, or its
-            carrier is too weak.
+            When the pass is over, another one is tracked, it does not fit the limits, its carrier
+            is too weak, or the antenna has a latched fault.
         """
         require_choice("sensor", sensor, SENSOR_CHOICES)
         if self._pass is not None:
@@ -107,6 +134,8 @@ class PointingController:
         # Refused before anything moves: all of this is known without the axes.
         if t_s >= window.los_t_s:
             raise ValueError(f"the pass of {window.name} ended {t_s - window.los_t_s:.0f} s ago")
+        if self.antenna.fault:
+            raise ValueError(f"the antenna has a latched fault ({self.antenna.fault}); reset it first")
         self.carrier.require_level(window, sensor, self._mode.params)
         axes = self._motion.axes
         self._turns_rad = None if axes is None else self._choose_turn(t_s, window, axes, sensor)
@@ -115,7 +144,9 @@ class PointingController:
         self._motion.restart()
         self.corrections.restart(t_s)
         self._mode.restart(t_s, sensor)
-        self.statistics = PassStatistics()
+        self._levels.clear()
+        self.antenna.restart(t_s)
+        self.statistics, self._stepped_s = PassStatistics(), t_s
 
     def stop(self, reason: str) -> None:
         """End the pass at the next period with a controlled stop."""
@@ -124,38 +155,99 @@ class PointingController:
 
     def step(self, t_s: float) -> tuple[JointTrajectory | None, TrackingStatus]:
         """Return the trajectory of `t_s`, None when nothing is commanded, and the status."""
-        window = self._pass
+        window, doubted = self._pass, self.antenna.state.doubt
+        axes = self.antenna.step(t_s, self._motion.axes)
         if window is None:
             return None, self._status(t_s, self._mode.fresh_error(t_s))
         if not self._stopping and t_s >= window.los_t_s:
-            self._stopping = "loss of signal"
+            self._stopping = LOSS_OF_SIGNAL
+        elif not self._stopping and axes.fault:
+            self._stopping = self.statistics.fault = axes.fault
+        gap_s, self._stepped_s = t_s - self._stepped_s, t_s
+        if gap_s > STALLED_S:
+            self._slew_again(t_s, f"the controller stalled for {gap_s:.1f} s")
+        elif doubted and not axes.doubt:
+            self._slew_again(t_s, f"over: {doubted}")
+        trajectory = self._command(t_s, window)
+        if t_s >= window.aos_t_s:
+            self._count(t_s)
+        if self._stopping:
+            return self._finish(t_s)
+        return trajectory, self._status(t_s, self._mode.fresh_error(t_s))
+
+    def _slew_again(self, t_s: float, reason: str) -> None:
+        """Let the axes find the target again: they may have stopped meanwhile."""
+        self._mode.interrupt(t_s, reason)
+        self.antenna.unsettle()
+
+    def _command(self, t_s: float, window: Pass) -> JointTrajectory | None:
+        """Decide the mode, and return the trajectory of the period, None while the axes wait."""
         if self._turns_rad is None and not self._stopping:
             if self._motion.axes is None:
-                return None, self._status(t_s, self._mode.fresh_error(t_s))
+                return None
             try:
                 self._turns_rad = self._choose_turn(t_s, window, self._motion.axes, self._sensor)
             except ValueError as refused:
                 self._stopping = str(refused)
         # Before the trajectory: a lost carrier freezes the loop in the period that sees it.
+        before = self.state.mode
         self._advance_mode(t_s, window)
-        self._moved = self._moved or self.state.mode != Mode.IDLE
-        if not self._stopping and self.state.mode == Mode.IDLE:
-            if not self._moved and t_s - self.state.entered_s <= PREDICTION_PATIENCE_S:
-                return None, self._status(t_s, self._mode.fresh_error(t_s))
-            self._stopping = self.state.reason if self._moved else "no prediction of the target has arrived"
-        trajectory = None
-        if not self._stopping:
-            kind = _motion_of(self.state.mode)
-            trajectory, self._stopping = self._motion.follow(t_s, window, self._turns_rad or 0.0, kind)
         if self._stopping:
-            return self._finish(t_s)
-        error = self._mode.fresh_error(t_s)
-        self.statistics.count(self.params.pointing.period_s, self._mode.state.mode, error, t_s >= window.aos_t_s)
-        return trajectory, self._status(t_s, error)
+            return None
+        if self.state.mode == Mode.IDLE:
+            if not self._moved and t_s - self.state.entered_s > PREDICTION_PATIENCE_S:
+                self._stopping = "no prediction of the target has arrived"
+            self.antenna.unsettle()
+            # The axes wait at rest for the target to come back.
+            return self._motion.halt(t_s) if before != Mode.IDLE else None
+        self._moved = True
+        trajectory, self._stopping = self._motion.follow(
+            t_s, window, self._turns_rad or 0.0, _motion_of(self.state.mode)
+        )
+        if trajectory is not None:
+            self.antenna.take_command(float(trajectory.t_s[0]), trajectory.position_rad[0])
+        return trajectory
+
+    def _count(self, t_s: float) -> None:
+        """Add the period to the outcome of the pass."""
+        error, mode = self._mode.fresh_error(t_s), self.state.mode
+        sensed = error if error is not None and error.valid and error.sensor == mode else None
+        timing, beamwidth_rad = self.params.pointing, self.corrections.half_power_beamwidth_rad
+        newest_t_s = t_s - LEAST_AGE_PERIODS * timing.period_s
+        oldest_t_s = newest_t_s - LEVEL_PERIODS * timing.period_s
+        range_m = self._motion.range_m(t_s)
+        axis_db_hz = math.inf if range_m is None else self.carrier.link.level_db_hz(range_m)
+        evidence = BeamEvidence(
+            sensor=self._mode.sensor,
+            axes=self.antenna.state,
+            sensed=sensed,
+            off_centre_rad=self._motion.off_centre_rad(),
+            power=self._levels.power(newest_t_s, oldest_t_s, axis_db_hz),
+            planned_rad=self.plan.course.planned_error_rad(t_s),
+        )
+        waiting = mode == Mode.IDLE
+        self.statistics.note(sensed)
+        # A pass that was joined is counted from then on.
+        self.statistics.count(
+            t_s, timing.period_s, None if waiting else evidence.error_rad(beamwidth_rad), beamwidth_rad
+        )
+
+    def _cost(self, sensor: str, window: Pass, profile: PassProfile) -> SensorCost:
+        """Return what a sensor costs; of several, the first for which the link is enough."""
+        sky = profile.velocity_rad_s[0] * np.array([math.cos(float(profile.position_rad[0, 1])), 1.0])
+        range_m = window.smallest_range_m or USUAL_RANGE_M
+        level, table = self.carrier.link.level_db_hz(range_m), self.params.autotrack
+        traits: SensorTraits | None = None
+        for traits in sensors_of(SENSOR_CHOICES[sensor]):
+            if level >= table.monopulse_on_db_hz or not traits.needs_strong_carrier:
+                break
+        motion = SkyMotion(float(sky[0]), float(sky[1]), range_m)
+        return sensor_cost(traits, self._scans, self.params.trim, table, motion)
 
     def _choose_turn(self, t_s: float, window: Pass, joints: JointReading, sensor: str) -> float:
         """Return the turns (rad) to track on, of the certificate or else of the summary."""
-        if self.plan.choose(t_s, window, joints, self._motion.model, sensor, self.params.pointing.lag_averaging_s):
+        averaging_s, cost = self.params.pointing.lag_averaging_s, partial(self._cost, sensor, window)
+        if self.plan.choose(t_s, window, joints, self._motion.model, sensor, averaging_s, cost):
             # Again, for over the top the same encoders are other direct angles.
             self.take_joints(joints)
             return self.plan.course.turns_rad
@@ -188,10 +280,13 @@ class PointingController:
         return self._motion.halt(t_s), self._status(t_s, self._mode.fresh_error(t_s))
 
     def _status(self, t_s: float, error: PointingError | None) -> TrackingStatus:
-        state, window = self._mode.state, self._pass
+        state, window, axes = self._mode.state, self._pass, self.antenna.state
         sensed = error is not None and error.valid and state.carrier and error.sensor == state.mode
         correction = self.corrections.correction_rad(t_s)
         sky = self._motion.sky_rad(t_s, window, correction)
+        axis_error = np.zeros(2) if axes.error_rad is None else axes.error_rad
+        shown = np.array([error.cross_elevation_rad, error.elevation_rad]) if sensed and error else axis_error
+        self._alarm = self._alarm_of(t_s, window, axes)
         return TrackingStatus(
             t_s=t_s,
             mode=state.mode,
@@ -202,14 +297,50 @@ class PointingController:
             azimuth_rad=float(sky[0]),
             elevation_rad=float(sky[1]),
             scan_centre_rad=self._motion.centre_rad(t_s),
-            cross_elevation_error_rad=error.cross_elevation_rad if sensed and error else 0.0,
-            elevation_error_rad=error.elevation_rad if sensed and error else 0.0,
+            cross_elevation_error_rad=float(shown[0]),
+            elevation_error_rad=float(shown[1]),
             cross_elevation_offset_rad=float(correction[0]),
             elevation_offset_rad=float(correction[1]),
             carrier_to_noise_db_hz=error.carrier_to_noise_db_hz if error else 0.0,
             half_power_beamwidth_rad=self.corrections.half_power_beamwidth_rad,
             command_lead_s=self.params.pointing.horizon_s if window else 0.0,
+            axis_error_rad=axis_error,
+            axis_distance_rad=axes.distance_rad,
+            axis_age_s=axes.age_s if math.isfinite(axes.age_s) else -1.0,
+            on_source=window is not None and axes.on_source,
+            settle_count=axes.settle_count,
+            held=self.statistics.held,
+            seconds_tracked_s=self.statistics.outcome.tracked_s,
+            seconds_lost_s=self.statistics.outcome.lost_s,
+            mean_loss_db=self.statistics.outcome.mean_loss_db,
+            level=self._alarm[0],
+            alarm=self._alarm[1],
         )
+
+    def _alarm_of(self, t_s: float, window: Pass | None, axes: AxisState) -> tuple[Level, str]:
+        """Return how bad things are, and why, in the words for /diagnostics."""
+        if window is None:
+            # A fault of the antenna ends with its reset, one of the watch with the next pass.
+            own = "" if self.statistics.fault.startswith("antenna fault") else self.statistics.fault
+            fault = f"antenna fault: {self.antenna.fault}" if self.antenna.fault else own
+            return (Level.ERROR, fault) if fault else (Level.OK, "")
+        if axes.fault or axes.doubt:
+            return Level.ERROR, axes.fault or axes.doubt
+        if t_s < window.aos_t_s:
+            return Level.OK, ""
+        state, limits = self.state, self.params.alarm
+        lost_s = t_s - max(self.statistics.held_t_s, window.aos_t_s, self.statistics.begun_t_s)
+        words = f"the target has not been held for {lost_s:.1f} s: {state.mode}, {state.reason}"
+        if lost_s > limits.lost_error_s:
+            return Level.ERROR, words
+        if lost_s > limits.lost_warning_s:
+            return Level.WARN, words
+        if state.mode in (Mode.SEARCH, Mode.COAST, Mode.HOLD_OFF):
+            return Level.WARN, f"{state.mode}: {state.reason}"
+        silent_s = self._motion.targets_late_s(t_s)
+        if silent_s > 0.0:
+            return Level.WARN, f"no target for {silent_s:.1f} s: the pass goes on with what was predicted before"
+        return Level.OK, ""
 
 
 def _motion_of(mode: str) -> str:

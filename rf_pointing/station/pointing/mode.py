@@ -6,7 +6,7 @@ fast messages travel.
 
 import math
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -139,49 +139,6 @@ class CarrierWatch:
         return fault
 
 
-@dataclass
-class PassStatistics:
-    """How long a sensor held the target, its errors, and why the pass ended."""
-
-    tracked_s: float = 0.0
-    lost_s: float = 0.0
-    samples: int = 0
-    square_cross_elevation_rad2: float = 0.0
-    square_elevation_rad2: float = 0.0
-    reason: str = ""
-
-    def count(self, period_s: float, mode: str, error: PointingError | None, risen: bool) -> None:
-        """Add one period; while a sensor tracks, time without a valid error is lost time."""
-        if not risen:
-            return
-        sensor = SENSORS.get(mode)
-        # A scan goes on through an invalid estimate; a continuous sensor without a valid error
-        # holds nothing.
-        held = sensor is not None and (sensor.scans or (error is not None and error.valid))
-        if mode == Mode.PROGRAM_TRACK:
-            self.tracked_s += period_s
-        elif held or mode == Mode.CALIBRATE:
-            self.tracked_s += period_s
-            if error is not None and error.valid:
-                self.samples += 1
-                self.square_cross_elevation_rad2 += error.cross_elevation_rad**2
-                self.square_elevation_rad2 += error.elevation_rad**2
-        else:
-            self.lost_s += period_s
-
-    @property
-    def share(self) -> float:
-        """Share of the risen time that was tracked."""
-        total = self.tracked_s + self.lost_s
-        return self.tracked_s / total if total > 0.0 else 0.0
-
-    @property
-    def rms_rad(self) -> tuple[float, float]:
-        """RMS of the sensed errors, cross-elevation and elevation; zero without any."""
-        count = max(self.samples, 1)
-        return math.sqrt(self.square_cross_elevation_rad2 / count), math.sqrt(self.square_elevation_rad2 / count)
-
-
 class TrackingMode:
     """The state table of one pass after another; `state` is where it stands."""
 
@@ -216,6 +173,12 @@ class TrackingMode:
     def end(self, t_s: float, reason: str) -> None:
         """End the pass."""
         self.state = AutotrackState(entered_s=t_s, reason=reason)
+
+    def interrupt(self, t_s: float, reason: str) -> None:
+        """Go back to the slew: the axes have to find the target again."""
+        if self.state.mode != Mode.IDLE:
+            self.state = replace(self.state, mode=Mode.IDLE, entered_s=t_s, reason=reason, invalid_since_s=None)
+            self._carrier.forget()
 
     def calibrate(self) -> str:
         """Request a calibration scan of the feed; return why not, "" when it will begin."""

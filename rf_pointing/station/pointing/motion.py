@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from rf_pointing.calibration import BiasModel, LagHistory, LagState
 from rf_pointing.core import JointReading, JointTrajectory, Motion
-from rf_pointing.core.time_buffer import BeamPosition
+from rf_pointing.core.time_buffer import BeamPosition, TimeBuffer
 from rf_pointing.ephemeris import Pass
 from rf_pointing.station.pointing.corrections import PointingCorrections, added
 from rf_pointing.station.pointing.params import PointingParams
@@ -23,6 +23,8 @@ from rf_pointing.station.pointing.plan import PassPlan
 from rf_pointing.station.pointing.prediction import Prediction, TargetBuffer, time_key
 
 Array = NDArray[np.float64]
+# Age of a reading from which the motion of the axes is not known.
+STALE_S = 1.0
 
 
 class CorrectionLag:
@@ -96,6 +98,8 @@ class CommandedMotion:
         self.axes: JointReading | None = None
         self.targets = TargetBuffer()
         self.beam = BeamPosition()
+        self._centres = TimeBuffer()
+        self._issued: JointTrajectory | None = None
         self._plan, self._corrections = plan, corrections
         self._direct: JointReading | None = None
         self._path = Prediction(params.period_s, plan, params.lag_averaging_s)
@@ -114,7 +118,9 @@ class CommandedMotion:
         self.targets.clear()
         self._path.restart()
         self._lag.restart()
+        self._issued = None
         self._centre.clear()
+        self._centres.clear()
         self.beam.clear()
 
     def take_model(self, model: BiasModel) -> None:
@@ -131,7 +137,8 @@ class CommandedMotion:
     def snapshot(self, t_s: float, window: Pass, error_t_s: float | None) -> MotionSnapshot:
         """Return what the state table must know; `error_t_s` is the time of the newest error."""
         beam = None if error_t_s is None else self.beam.offset(error_t_s)
-        ahead = self.targets.covers(t_s, t_s + self.params.horizon_s)
+        self._fill_targets(t_s, window)
+        ahead = self.targets.covers(t_s, t_s + self._shortest_s)
         known = ahead or self.targets.covers(t_s, t_s)
         ranges = (None, None)
         # Before the first sample of the target no distance is known, and nothing to compare the
@@ -146,6 +153,36 @@ class CommandedMotion:
             beam_rad=beam,
             error_range_m=ranges[1],
         )
+
+    @property
+    def _shortest_s(self) -> float:
+        """How far ahead the target must be known: the shortest trajectory has three points."""
+        return self.params.transport_s + 2.0 * self.params.period_s
+
+    def _fill_targets(self, t_s: float, window: Pass) -> None:
+        """Go on with the profile of the pass where the prediction has not arrived."""
+        end_s = t_s + self.params.horizon_s
+        if t_s < window.aos_t_s or self._plan.profile is None or self.targets.covers(t_s, end_s):
+            return
+        self.targets.fill(self._plan.profile, t_s, end_s, window.smallest_range_m)
+
+    def range_m(self, t_s: float) -> float | None:
+        """Return the distance of the target in m, None while its motion is not known."""
+        return float(self.targets.range_m(t_s)) if self.targets.covers(t_s, t_s) else None
+
+    def targets_late_s(self, t_s: float) -> float:
+        """Return by how much the received prediction is shorter than the trajectories."""
+        return max(t_s + self.params.horizon_s - self.targets.received_until_s, 0.0)
+
+    def off_centre_rad(self) -> Array | None:
+        """Return the centre of the scan minus the encoders on the sky (2,), None if not known."""
+        if self._direct is None or not self._centres.times:
+            return None
+        centre = self._centres.at(min(self._direct.t_s, self._centres.times[-1]))
+        if centre is None:
+            return None
+        stretch = np.array([math.cos(float(self._direct.position_rad[1])), 1.0])
+        return np.asarray((centre - self._direct.position_rad) * stretch)
 
     def _on_target(self, t_s: float, window: Pass) -> bool:
         """Whether the slew is over: the axes are within the tolerance of the command."""
@@ -174,7 +211,11 @@ class CommandedMotion:
     def follow(self, t_s: float, window: Pass, turns_rad: float, kind: str) -> tuple[JointTrajectory | None, str]:
         """Return the trajectory issued at `t_s`, or None and why the safety gate refuses it."""
         params, plan = self.params, self._plan
-        count = round((params.horizon_s - params.transport_s) / params.period_s) + 1
+        horizon_s = params.horizon_s
+        if t_s >= window.aos_t_s:
+            # A prediction that ends sooner is followed to its end.
+            horizon_s = min(horizon_s, self.targets.known_until_s - t_s)
+        count = math.floor((horizon_s - params.transport_s) / params.period_s + 1e-3) + 1
         # On whole microseconds, as on the wire: one instant is one number in every trajectory that
         # has it.  Else the old point would stay a rounding error before the new one, and the axes
         # would follow it to the end.
@@ -195,6 +236,7 @@ class CommandedMotion:
         # The encoders are compared with what was commanded, lead included.
         kept = {key: at for key, at in self._centre.items() if key >= time_key(t_s)}
         self._centre = {**kept, time_key(times[0]): centre.position[0] + lead.position[0]}
+        self._centres.add(float(times[0]), centre.position[0] + lead.position[0])
         self.beam.take_centre(float(times[0]), predicted.position[0] + lead.position[0])
         position, velocity, acceleration = scanned
         trajectory = JointTrajectory(
@@ -207,6 +249,7 @@ class CommandedMotion:
             trajectory = plan.course.to_axes(trajectory)
         encoder_rad = trajectory.position_rad[0] if self.axes is None else self.axes.position_rad
         here = (float(encoder_rad[0]), float(encoder_rad[1]))
+        self._issued = trajectory
         decision = plan.gate.check(kind, here, trajectory.position_rad, sun_rad=plan.sun.at(t_s))
         return (trajectory, "") if decision.allowed else (None, decision.reason)
 
@@ -216,6 +259,10 @@ class CommandedMotion:
             return None
         rate = self.axes.velocity_rad_s
         present = self.axes.position_rad + (t_s - self.axes.t_s) * rate
+        if t_s - self.axes.t_s > STALE_S and self._issued is not None:
+            # Where silent axes have come to an old rate does not tell; the command does.
+            row = int(np.argmin(np.abs(self._issued.t_s - t_s)))
+            rate, present = self._issued.velocity_rad_s[row], self._issued.position_rad[row]
         position = present + rate * np.abs(rate) / (2.0 * self.params.stop_deceleration_rad_s2)
         still = np.zeros((1, 2))
         times = np.array([t_s + self.params.transport_s])

@@ -13,6 +13,7 @@ from rf_pointing.core import Params, parameter
 from rf_pointing.ephemeris.solar import SunParams
 from rf_pointing.planning import AxisLimits, GateParams, HorizonMask, MachineParams
 from rf_pointing.rf import LinkParams
+from rf_pointing.station.pointing.antenna_watch import AntennaWatchParams
 from rf_pointing.tracking import (
     AutotrackParams,
     LockWatchParams,
@@ -57,10 +58,25 @@ class PointingParams(Params):
 
 
 @dataclass(frozen=True, kw_only=True)
+class AlarmParams(Params):
+    """From when on a target that is not held is reported on /diagnostics."""
+
+    lost_warning_s: float = parameter(1.0, "time without the target that is a warning", low=0.0, high=3600.0)
+    lost_error_s: float = parameter(20.0, "time without the target that is an error", low=0.0, high=3600.0)
+
+    def check_together(self) -> None:
+        """Refuse an error that comes before the warning."""
+        if self.lost_error_s < self.lost_warning_s:
+            raise ValueError(f"lost_error_s={self.lost_error_s} must be >= lost_warning_s={self.lost_warning_s}")
+
+
+@dataclass(frozen=True, kw_only=True)
 class ControllerParams(Params):
     """Everything that the pointing controller is configured with, one set per concern."""
 
     pointing: PointingParams = parameter(PointingParams(), "timing of the commands, tolerances")
+    axes: AntennaWatchParams = parameter(AntennaWatchParams(), "watch over the axes")
+    alarm: AlarmParams = parameter(AlarmParams(), "when a lost target is reported")
     limits: AxisLimits = parameter(AxisLimits(), "travel of the axes")
     autotrack: AutotrackParams = parameter(AutotrackParams(), "thresholds and times of the state table")
     integrator: TrackerIntegratorParams = parameter(TrackerIntegratorParams(), "tracking loop")

@@ -1,6 +1,7 @@
 """The plan of the pass in hand: certificate, chosen branch, and the slew to its start."""
 
 import math
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -19,10 +20,12 @@ from rf_pointing.planning import (
     HorizonMask,
     MachineParams,
     PassProfile,
+    SensorCost,
     motion_between,
     plunged,
     unplunged,
 )
+from rf_pointing.planning.certificate import STEP_S
 from rf_pointing.planning.forbidden_sky import ForbiddenSky
 from rf_pointing.station.pointing.branch import TrackingBranch
 from rf_pointing.station.pointing.certificates import PlanningRules, certificate_of
@@ -60,8 +63,9 @@ class PassPlan:
         self._profiles = profiles
 
     def clear(self) -> None:
-        """Forget the branch: direct, without a crossing."""
+        """Forget the branch and the profile: direct, without a crossing."""
         self.course = TrackingBranch()
+        self.profile: PassProfile | None = None
         self._slew, self._goal = CornerPath(), np.full(2, math.inf)
 
     def choose(
@@ -72,6 +76,7 @@ class PassPlan:
         model: BiasModel,
         sensor: str,
         lag_averaging_s: float = 0.0,
+        cost: Callable[[PassProfile], SensorCost] | None = None,
     ) -> bool:
         """Issue the certificate of a pass and take its branch; False when the pass has no profile.
 
@@ -87,6 +92,7 @@ class PassPlan:
         if profile is None:
             return False
         self._check_sun(profile)
+        self.profile = profile.resampled(STEP_S)
         azimuth, elevation = joints.position_rad.tolist()
         rules = PlanningRules(
             model=model, machine=self.machine, limits=self._limits, mask=self.mask, gate=self._gate_params,
@@ -94,7 +100,15 @@ class PassPlan:
         )  # fmt: skip
         over = all(traits.over_the_top for traits in sensors_of(sensor))
         slew = partial(self.gate.slew, sun_rad=self.sun.at(t_s))
-        self.certificate = certificate_of(profile, rules, t_s, (azimuth, elevation), plunge_allowed=over, slew=slew)
+        self.certificate = certificate_of(
+            profile,
+            rules,
+            t_s,
+            (azimuth, elevation),
+            plunge_allowed=over,
+            slew=slew,
+            cost=cost(profile) if cost else None,
+        )
         branch = self.certificate.chosen
         if branch is None:
             raise ValueError(self.certificate.reason)
@@ -148,7 +162,7 @@ class PassPlan:
         apart = ForbiddenSky.sun_distance(*here, (float(profile.sun_rad[0, 0]), float(profile.sun_rad[0, 1])))
         if apart > SAME_SUN_RAD:
             raise ValueError(
-                f"sun.station={self.sun.station}: its Sun is {math.degrees(apart):.1f} deg from the one that the pass was "
+                f"the Sun of this site is {math.degrees(apart):.1f} deg from the one that the pass was "
                 f"predicted with, must be <= {math.degrees(SAME_SUN_RAD):.1f} deg: another station"
             )
 

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.calibration import BiasModel, LagHistory, LagState, without_lags
 from rf_pointing.core import JointReading, Motion, Quintic, Target, nearest_turn_rad
-from rf_pointing.planning import plunged
+from rf_pointing.planning import PassProfile, plunged
 from rf_pointing.station.pointing.branch import TrackingBranch
 
 Array = NDArray[np.float64]
@@ -34,18 +34,23 @@ LONGEST_BLOCK_S = 2.0
 
 
 class TargetBuffer:
-    """Holds the samples of one target, joined by quintics."""
+    """Holds the samples of one target, joined by quintics.
+
+    `received_until_s` is the time of the latest sample that was received; later ones are filled in.
+    """
 
     def __init__(self) -> None:
         self._times: list[float] = []
         self._motions: list[Motion] = []
         self._ranges: list[float] = []
+        self.received_until_s = -math.inf
 
     def clear(self) -> None:
         """Forget everything, for a new target."""
         self._times.clear()
         self._motions.clear()
         self._ranges.clear()
+        self.received_until_s = -math.inf
 
     def add(self, target: Target) -> None:
         """Take one sample; a later one for the same time replaces the earlier."""
@@ -58,14 +63,42 @@ class TargetBuffer:
             np.array([target.azimuth_rate_rad_s, target.elevation_rate_rad_s]),
             np.array([target.azimuth_acceleration_rad_s2, target.elevation_acceleration_rad_s2]),
         )
+        self.received_until_s = max(self.received_until_s, target.t_s)
+        self._insert(target.t_s, motion, target.range_m)
+
+    def fill(self, profile: PassProfile, start_s: float, end_s: float, range_m: float) -> None:
+        """Go on with the profile of the pass up to `end_s` where no sample was received.
+
+        The profile is moved to where the samples ended: an offset that the operator has set since
+        it was made stays.  The distance goes on as it changed; `range_m` without any sample.
+        """
+        begin_s = max(start_s, self.known_until_s)
+        first = max(int(np.searchsorted(profile.t_s, begin_s + 1e-6)) - (0 if self._times else 1), 0)
+        last = min(int(np.searchsorted(profile.t_s, end_s)) + 1, len(profile.t_s))
+        shift = np.zeros(2)
+        if self._times and profile.t_s[0] <= self._times[-1] <= profile.t_s[-1]:
+            there = [np.interp(self._times[-1], profile.t_s, column) for column in profile.position_rad.T]
+            shift = self._motions[-1].position - np.array(there)
+        rate = 0.0
+        if len(self._times) > 1:
+            rate = (self._ranges[-1] - self._ranges[-2]) / (self._times[-1] - self._times[-2])
+        from_s, from_m = (self._times[-1], self._ranges[-1]) if self._times else (begin_s, range_m)
+        for row in range(first, last):
+            t_s = round(float(profile.t_s[row]), 6)
+            motion = Motion(
+                profile.position_rad[row] + shift, profile.velocity_rad_s[row], profile.acceleration_rad_s2[row]
+            )
+            self._insert(t_s, motion, max(from_m + rate * (t_s - from_s), 1.0))
+
+    def _insert(self, t_s: float, motion: Motion, range_m: float) -> None:
         # Messages may overtake each other.
-        place = bisect.bisect_left(self._times, target.t_s - 1e-6)
-        if place < len(self._times) and abs(self._times[place] - target.t_s) <= 1e-6:
-            self._motions[place], self._ranges[place] = motion, target.range_m
+        place = bisect.bisect_left(self._times, t_s - 1e-6)
+        if place < len(self._times) and abs(self._times[place] - t_s) <= 1e-6:
+            self._motions[place], self._ranges[place] = motion, range_m
         else:
-            self._times.insert(place, target.t_s)
+            self._times.insert(place, t_s)
             self._motions.insert(place, motion)
-            self._ranges.insert(place, target.range_m)
+            self._ranges.insert(place, range_m)
         while self._times[-1] - self._times[0] > KEPT_S and len(self._times) > 2:
             del self._times[0], self._motions[0], self._ranges[0]
 

@@ -10,10 +10,21 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.core import Mode
-from rf_pointing.tracking import SkyMotion, SpiralParams, SpiralSearch, StripSearch, TrimFilter, direction_rows
+from rf_pointing.core import MU, Mode
+from rf_pointing.core.pass_outcome import received_power
+from rf_pointing.planning import SensorCost
+from rf_pointing.tracking import (
+    AutotrackParams,
+    SkyMotion,
+    SpiralParams,
+    SpiralSearch,
+    StripSearch,
+    TrimFilter,
+    TrimParams,
+    direction_rows,
+)
 from rf_pointing.tracking.scan import Pattern, Scan, ScanParams
-from rf_pointing.tracking.sensors import SENSORS
+from rf_pointing.tracking.sensors import SENSORS, SensorTraits
 
 Array = NDArray[np.float64]
 # A longer spiral would cost more of a pass than strips along the track.
@@ -24,6 +35,12 @@ LEAST_SIGMA_BEAMWIDTHS = 0.25
 SLOWEST_RAD_S = 1e-5
 # Transport, servo and messages, on top of the age of the oldest samples.
 SPARE_S = 2.0
+# Directions of the target that stand for all: quantiles of the distance times even angles.
+RINGS, SPOKES = 10, 12
+# Steps in which a search and a scan are sampled.
+SAMPLE_S = 0.05
+# A scan of this length, after its ramp, has the mean power of any.
+SCAN_S, RAMPED_S = 60.0, 10.0
 
 
 class Scans:
@@ -121,3 +138,45 @@ class ScanPatterns:
 def _first(sky: SkyMotion) -> tuple[float, float, float]:
     right, up, range_m = (float(np.ravel(np.asarray(part))[0]) for part in sky)
     return right, up, range_m
+
+
+def sensor_cost(
+    sensor: SensorTraits | None, scans: Scans, trim: TrimParams, table: AutotrackParams, sky: SkyMotion
+) -> SensorCost:
+    """Return what a sensor costs on a pass that rises with the motion `sky`; None: ephemeris only.
+
+    The target is looked for where the filter expects it before anything was received: a normal
+    distribution, whose search is flown to `RINGS` x `SPOKES` of its directions.  Without a sensor
+    the error of the prediction stays: E[g] = det(1 + 2 mu Sigma / h^2)^(-1/2).
+    """
+    beamwidth, prior = scans.spiral.half_power_beamwidth_rad, TrimFilter(trim)
+    covariance = prior.trim(0.0, SkyMotion(*_first(sky))).covariance_rad2
+    if sensor is None:
+        spread = np.eye(2) + 2.0 * MU * covariance / beamwidth**2
+        return SensorCost(power=1.0 / math.sqrt(float(np.linalg.det(spread))))
+    search, scan = ScanPatterns(scans), ScanPatterns(scans)
+    search.begin(Mode.SEARCH, 0.0, prior, sky)
+    scan.begin(sensor.name, 0.0, prior, sky)
+    power = 1.0
+    if scan.running:
+        offsets = scan.at(RAMPED_S + np.arange(0.0, SCAN_S, SAMPLE_S), None)[0]
+        power = float(np.mean(received_power(np.hypot(*offsets.T), beamwidth)))
+    # A scan begins with a carrier as weak as `beam_drop_db`, a stare within half power.
+    at_once = (
+        beamwidth * math.sqrt(table.beam_drop_db * math.log(10.0) / (10.0 * MU)) if sensor.scans else 0.5 * beamwidth
+    )
+    times = np.arange(0.0, table.search_s, SAMPLE_S)
+    track = search.at(times, SkyMotion(*(np.full(len(times), part) for part in _first(sky))))[0]
+    quantiles = (np.arange(RINGS) + 0.5) / RINGS
+    radius, angle = np.sqrt(-2.0 * np.log1p(-quantiles)), 2.0 * math.pi * (np.arange(SPOKES) + 0.5) / SPOKES
+    unit = np.stack([np.outer(radius, np.cos(angle)).ravel(), np.outer(radius, np.sin(angle)).ravel()])
+    taken = []
+    for target in (np.linalg.cholesky(covariance + 1e-18 * np.eye(2)) @ unit).T:
+        if float(np.hypot(*target)) <= at_once:
+            taken.append(0.0)
+            continue
+        passed = np.hypot(*(track - target).T) <= 0.5 * beamwidth
+        found_s = float(times[np.argmax(passed)]) if passed.any() else table.search_s
+        # Only one turn later is it known that the carrier was strongest there.
+        taken.append(table.settle_s + found_s + (table.search_turn_s if sensor.scans else 0.0))
+    return SensorCost(acquisition_s=float(np.mean(taken)), power=power, memory_s=table.coast_s)

@@ -1,6 +1,7 @@
 """What the controller and the antenna publish about themselves."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,9 +9,21 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
+class Level(IntEnum):
+    """How bad things are, in the words of /diagnostics."""
+
+    OK = 0
+    WARN = 1
+    ERROR = 2
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackingStatus:
-    """Mode of the pointing controller at `t_s`, with what it commands and senses; angles in rad."""
+    """Mode of the pointing controller at `t_s`, with what it commands and senses; angles in rad.
+
+    The axis fields compare command and encoders (`antenna_watch.py`), the seconds and the loss are
+    the outcome of the pass so far (`outcome.py`), `alarm` is why the level is not OK.
+    """
 
     t_s: float
     mode: str
@@ -28,6 +41,17 @@ class TrackingStatus:
     carrier_to_noise_db_hz: float
     half_power_beamwidth_rad: float
     command_lead_s: float
+    axis_error_rad: Array = field(default_factory=lambda: np.zeros(2))
+    axis_distance_rad: float = 0.0
+    axis_age_s: float = 0.0
+    on_source: bool = False
+    settle_count: int = 0
+    held: bool = False
+    seconds_tracked_s: float = 0.0
+    seconds_lost_s: float = 0.0
+    mean_loss_db: float = 0.0
+    level: int = Level.OK
+    alarm: str = ""
 
     @property
     def offset_rad(self) -> Array:

@@ -121,17 +121,26 @@ def test_the_pass_ends_at_loss_of_signal(rig: MakeRig, window: Pass) -> None:
     assert made.controller.statistics.reason == "loss of signal"
 
 
-def test_without_a_prediction_the_pass_is_given_up(rig: MakeRig, window: Pass) -> None:
-    made = rig()
+def test_without_a_prediction_the_axes_wait_at_rest_and_go_on_by_themselves(rig: MakeRig, window: Pass) -> None:
+    """The prediction reaches 2 s ahead and is followed until three points are left of it: 1.7 s."""
+    made, t_s = rig(), window.aos_t_s + 3.0
     list(made.run(window.aos_t_s, 3.0))
-    t_s = window.aos_t_s + 3.0
-    for step in range(1, 40):
-        trajectory, status = made.controller.step(round(t_s + 0.1 * step, 6))
-        if not made.controller.busy:
+    for step in range(1, 60):
+        at_s = round(t_s + 0.1 * step, 6)
+        made.move(at_s)
+        made.controller.take_joints(still(*made.position_rad, t_s=at_s))
+        trajectory, status = made.controller.step(at_s)
+        made.latest = trajectory or made.latest
+        if status.mode == "idle":
             break
+    assert step * 0.1 == pytest.approx(1.8)
     assert status.reason == "the target is no longer available"
-    assert trajectory.position_rad.shape == (1, 2)
-    assert step * 0.1 < 2.0
+    assert trajectory.position_rad.shape == (1, 2), "at rest"
+    assert made.controller.busy
+    lost_s = made.controller.statistics.outcome.lost_s
+    *_, (_, trajectory, status) = made.run(at_s, 4.0)
+    assert (status.mode, status.held, len(trajectory.t_s)) == ("program_track", True, 10)
+    assert made.controller.statistics.outcome.lost_s - lost_s < 3.0
 
 
 def test_a_pass_that_is_going_on_is_joined_once_the_target_is_known(rig: MakeRig, window: Pass) -> None:
@@ -150,9 +159,10 @@ def test_a_pass_that_is_going_on_is_joined_once_the_target_is_known(rig: MakeRig
 
 def test_a_pass_without_any_prediction_is_given_up(make_controller: MakeController, window: Pass) -> None:
     controller, begin_s = make_controller(), window.tca_t_s
-    controller.take_joints(still(1.3, 0.7))
+    controller.take_joints(still(1.3, 0.7, begin_s))
     controller.start(begin_s, window, "program")
-    for step in range(1, 100):
+    for step in range(1, 300):
+        controller.take_joints(still(1.3, 0.7, begin_s + 0.1 * step))
         trajectory, status = controller.step(begin_s + 0.1 * step)
         if not controller.busy:
             break
