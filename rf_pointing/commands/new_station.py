@@ -1,6 +1,6 @@
 """Executable `new_station`: a station description to begin with, printed with comments.
 
-The options fill in what they say; the mount is that of a small antenna until you change it.  Exit code 0: printed; 2: refused, with every problem.
+The options fill in what they say; the mount is that of a small antenna until you change it.
 """
 
 import argparse

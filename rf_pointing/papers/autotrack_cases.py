@@ -89,7 +89,6 @@ def fly(case: Case, window: Pass, heard: Callable[[Reception], object] | None = 
 
     `heard` gets everything from the receiver.
     """
-    config = config_folder()
     short = dataclasses.replace(window, los_t_s=min(window.aos_t_s + case.seconds, window.los_t_s))
     changes: dict[str, dict[str, object]] = {node: dict(values) for node, values in case.changes.items()}
     # Start at rest on the first point of the pass: the slew to it is not part of the case.
@@ -101,21 +100,8 @@ def fly(case: Case, window: Pass, heard: Callable[[Reception], object] | None = 
         }
     )
     changes.setdefault("rf_receiver", {})["signal.seed"] = case.seed
-    files = [config / "dss13.yaml", config / f"band_{case.band.lower()}.yaml"]
-    setup = StationSetup(files, model_file(case.band), changes)
+    setup = StationSetup("dss13", case.band, changes=changes)
     return simulate_pass(setup, short, math.floor(window.aos_t_s) - LEAD_S, case.sensor, heard)
-
-
-def config_folder() -> Path:
-    """Return the folder of the configuration files, in the source tree or where the package is
-    installed.
-    """
-    # In the source tree and in an install the folder is at different depths.
-    for parent in Path(__file__).resolve().parents:
-        for folder in (parent / "config", parent / "share" / "rf_pointing" / "config"):
-            if (folder / "dss13.yaml").is_file():
-                return folder
-    raise ValueError(f"no config/dss13.yaml above {__file__}")
 
 
 def first_time_s(log: PassLog, mode: str) -> float:

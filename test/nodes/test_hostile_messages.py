@@ -32,7 +32,7 @@ from rf_pointing.nodes.pointing_controller import PointingControllerNode
 from rf_pointing.nodes.rf_receiver import RfReceiver
 from rf_pointing.nodes.simulation_clock import SimulationClock
 
-PAYLOADS = int(os.environ.get("P", "600"))
+PAYLOADS = 10_000
 WORK_EVERY = 50
 BASES = 100
 ANY_STATE = LifecycleState(state_id=1, label="unconfigured")

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from rf_pointing.core import Params, leaves
+from rf_pointing.drives import DriveParams
 from rf_pointing.ephemeris import SITES, Site
 from rf_pointing.ephemeris.source import SourceParams
 from rf_pointing.planning import HorizonMask
@@ -33,6 +34,8 @@ from rf_pointing.station.description.content import (
     SiteSection,
 )
 from rf_pointing.station.description.plants import (
+    REFERENCE_M,
+    STIFF_BACKLASH_DEG,
     STIFF_BELOW_M,
     STIFF_DRIVE_RAD_S,
     MountAxis,
@@ -213,7 +216,7 @@ def derive(content: Content, band: str, mask: HorizonMask, model_file: str) -> d
     """
     of = Band(content, band)
     found: dict[str, Value] = {}
-    for part in (_site, _axes, _zones, _beam, _scans, _search, _loop, _signal, _truth, _plant, _watches):
+    for part in (_site, _axes, _zones, _beam, _scans, _search, _loop, _signal, _truth, _plant, _watches, _drive):
         found |= part(of)
     for prefix in ("mask", "safety.mask"):
         key = "mount.horizon_file" if content.mount.horizon_file else "mount.horizon_deg"
@@ -290,6 +293,22 @@ def hard_stop_deg(of: Band, axis: int) -> Pair:
     return section.travel_deg[0] - margin, section.travel_deg[1] + margin
 
 
+def _drive(of: Band) -> dict[str, Value]:
+    """The drive; one that takes positions moves as the mount says, unless its section says more."""
+    found = {f"drive.{name}": Value(value, f"drive.{name}") for name, (_, value) in leaves(DriveParams()).items()}
+    stops = [hard_stop_deg(of, axis) for axis in (0, 1)]
+    low, high = zip(*stops, strict=True)
+    steps = tuple(axis.resolution_deg or 0.0 for axis in of.axes)
+    for name, value, key, formula in (
+        ("rate_deg_s", tuple(axis.rate_deg_s for axis in of.axes), "mount.*.rate_deg_s", "the mount's"),
+        ("resolution_deg", steps, "mount.*.resolution_deg", "the mount's; 0: the protocol's"),
+        ("travel_min_deg", low, "mount.*.hard_stop_deg", "the mount's stops"),
+        ("travel_max_deg", high, "mount.*.hard_stop_deg", "the mount's stops"),
+    ):
+        found[f"drive.rotator.{name}"] = Value(value, key, formula)
+    return found | {f"drive.{name}": Value(value, f"drive.{name}") for name, value in flat(of.content.drive).items()}
+
+
 def _zones(of: Band) -> dict[str, Value]:
     content = of.content
     radius = Value(content.sun.radius_deg, "sun.radius_deg")
@@ -347,7 +366,7 @@ def _scans(of: Band) -> dict[str, Value]:
     turn = round(period_s / sample_s)
     across = math.sqrt(2.0) * 0.08 * h
     move_s = max(0.6, 1.875 * across / (0.5 * rate), math.sqrt(5.7735 * across / acceleration))
-    unmodelled = max(0.001, of.step_deg)
+    unmodelled = max(0.001, of.step_deg / math.sqrt(12.0))
     found = _rows({
         "conscan.radius_deg": (radius, "0.0912 h: 0.1 dB of loss"),
         "conscan.period_s": (period_s, "4 s, longer where a quarter of the rate or 0.3 of the acceleration is reached"),
@@ -356,7 +375,7 @@ def _scans(of: Band) -> dict[str, Value]:
         "conscan.fewest_samples": (turn, "one turn"),
         "conscan.updates": ("sample", "a sliding window"),
         "conscan.drift": (True, "the carrier changes along a pass"),
-        "conscan.unmodelled_deg": (unmodelled, "0.001 deg, at least the encoder step"),
+        "conscan.unmodelled_deg": (unmodelled, "0.001 deg, at least the rms of an encoder step"),
         "conscan.misfit_limit": (20.0, "wind and fading are no noise of the receiver"),
         "conscan.bandwidth_hz": (0.4 / period_s, "0.4 / period"),
         "steptrack.step_beamwidths": (0.08, "0.08 of a beamwidth: 0.08 dB"),
@@ -509,18 +528,27 @@ def _plant(of: Band) -> dict[str, Value]:
 
 
 def _watches(of: Band) -> dict[str, Value]:
-    """The watches over drives and encoders, and over the loops."""
-    drive = _rows(
-        {
-            "safety.drive.acceleration_limit_deg_s2": (
-                max(map(drive_acceleration_deg_s2, of.axes)),
-                "the faster drive's",
-            ),
-            "safety.drive.rate_limit_deg_s": (max(axis.rate_deg_s for axis in of.axes), "the faster drive's"),
-        }
-    )
-    bandwidth = STIFF_DRIVE_RAD_S if structure_of(of.content) == "stiff" else 20.0
-    drive["safety.drive.bandwidth_hz"] = _tuned(
-        "safety.drive.bandwidth_hz", bandwidth / (2.0 * math.pi), "the rate loops'"
-    )
-    return drive
+    """The watches over drives, encoders and loops: shares of what moves, steps and scans."""
+    hardest = max(map(drive_acceleration_deg_s2, of.axes))
+    fastest = max(axis.rate_deg_s for axis in of.axes)
+    stiff, step = structure_of(of.content) == "stiff", of.step_deg
+    play = max(axis.backlash_deg or 0.0 for axis in of.axes) or (STIFF_BACKLASH_DEG if stiff else 0.003)
+    bandwidth = STIFF_DRIVE_RAD_S if stiff else 20.0 * min(1.0, REFERENCE_M / wind_diameter_m(of.content))
+    swing = max(0.02, 4.0 * step, 0.6 * 0.0912 * of.beamwidth_deg)
+    return _rows({
+        "safety.drive.bandwidth_hz": (bandwidth / (2.0 * math.pi), "the rate loops'"),
+        "safety.drive.acceleration_limit_deg_s2": (hardest, "the faster drive's"),
+        "safety.drive.rate_limit_deg_s": (fastest, "the faster drive's"),
+        "safety.drive.disturbance_deg_s2": (0.75 * hardest, "0.75 of the acceleration"),
+        "safety.drive.slack_deg_s2": (0.15 * hardest, "0.15 of the acceleration"),
+        "safety.drive.gained_deg_s": (0.01 * hardest, "10 ms of the acceleration"),
+        "safety.drive.excess_deg_s": (0.25 * fastest, "a quarter of the rate"),
+        "safety.watch.jump_deg": (max(0.03, 6.0 * step), "0.03 deg, at least six encoder steps"),
+        "safety.watch.drift_deg": (max(0.03, 4.0 * step + 4.0 * play), "0.03 deg, at least four steps and four plays"),
+        "safety.watch.frozen_deg": (max(0.008, 4.0 * step + 2.0 * play), "0.008 deg, at least four steps and two plays"),
+        "safety.gate.hard_deg": (min(max(0.25, 3.0 * step), 28.0), "0.25 deg, at least three encoder steps"),
+        "gate.hard_deg": (min(max(0.25, 3.0 * step), 28.0), "0.25 deg, at least three encoder steps"),
+        "loops.oscillation.threshold_deg": (min(swing, 5.0), "0.02 deg, at least four steps and 0.6 of the scan radius"),
+        "loops.oscillation.gross_threshold_deg": (min(2.5 * swing, 50.0), "2.5 times the smallest swing"),
+        "loops.oscillation.largest_deg": (min(max(0.5, 10.0 * swing), 50.0), "0.5 deg, at least ten times the smallest swing"),
+    })  # fmt: skip

@@ -18,6 +18,8 @@ STIFF_BELOW_M = 10.0
 STIFF_DRIVE_RAD_S = 25.0
 """Bandwidth of the rate loop of a small mount."""
 STIFF_GEAR_HZ = 30.0
+STIFF_BACKLASH_DEG = 0.01
+COARSE_NOISE_RAD = math.radians(5e-4)
 HIGHEST_MODE_HZ = 60.0
 MOMENT = 0.1
 """Moment coefficient of the wind on a reflector (servo/wind.py)."""
@@ -65,7 +67,7 @@ def _axis(structure: str, reference: AxisParams, scale: float, axis: MountAxis, 
     gear = (2.0 * math.pi * STIFF_GEAR_HZ) ** 2 * inertia if stiff else share * reference.gear_stiffness_n_m * scale**2
     backlash = axis.backlash_rad
     if backlash is None:
-        backlash = math.radians(0.01) if stiff else reference.backlash_rad
+        backlash = math.radians(STIFF_BACKLASH_DEG) if stiff else reference.backlash_rad
     per_gain = reference.drive_bandwidth_per_gain_hz
     if bandwidth != reference.drive_bandwidth_rad_s:
         per_gain = bandwidth / (2.0 * math.pi * reference.amplifier_gain)
@@ -84,7 +86,8 @@ def _axis(structure: str, reference: AxisParams, scale: float, axis: MountAxis, 
         travel_min_rad=axis.stop_rad[0],
         travel_max_rad=axis.stop_rad[1],
         encoder_bits=axis.encoder_bits,
-        encoder_noise_rad=2.0 * math.pi / 2**axis.encoder_bits,
+        # A coarse encoder repeats itself within a fraction of its step, a fine one within one.
+        encoder_noise_rad=min(2.0 * math.pi / 2**axis.encoder_bits, COARSE_NOISE_RAD),
     )
 
 
@@ -103,14 +106,17 @@ def position_loops(
     found = []
     for index, (loop, axis) in enumerate(zip(tuned, (plant.azimuth, plant.elevation), strict=True)):
         lag_s = 1.0 / axis.drive_bandwidth_rad_s + axis.drive_delay_s + 0.5 * TICK_S
-        wanted = _stiff(lag_s) if structure == "stiff" else _scaled(loop, scale, lag_s)
+        wanted = _stiff(lag_s, axis) if structure == "stiff" else _scaled(loop, scale, lag_s)
         found.append(_with_margin(wanted.replace(rate_limit_rad_s=axis.rate_limit_rad_s), plant, index))
     return found[0], found[1]
 
 
-def _stiff(lag_s: float) -> PositionLoopParams:
-    """Return k_p = 0.2 / lag, k_i = k_p^2 / 4: double real pole of the loop without its lag."""
-    gain = 0.2 / lag_s
+def _stiff(lag_s: float, axis: AxisParams) -> PositionLoopParams:
+    """Return k_p = 0.2 / lag, k_i = k_p^2 / 4: double real pole of the loop without its lag.
+
+    With a coarse encoder less: one step commands a twentieth of the rate at most.
+    """
+    gain = min(0.2 / lag_s, 0.05 * axis.rate_limit_rad_s * 2**axis.encoder_bits / (2.0 * math.pi))
     return PositionLoopParams(
         proportional_gain=gain,
         integral_gain=0.25 * gain**2,

@@ -86,7 +86,7 @@ class AntennaWatch:
     _commands: TimeBuffer = field(default_factory=TimeBuffer)
     _distances: TimeBuffer = field(default_factory=TimeBuffer)
     _anchor: tuple[Array, Array, Array] | None = None
-    """Of each axis (2,): since when its encoder has kept its angle, that angle, the command then."""
+    """Of each axis (2,): since when its encoder keeps its angle, that angle, the command then."""
     _begun_s: float = 0.0
     _settled: bool = False
 
@@ -128,8 +128,8 @@ class AntennaWatch:
         fault = f"antenna fault: {self.fault}" if self.fault else ""
         if silent and age_s > self.params.patience_s:
             fault = fault or doubt
-        if self.mode not in FOLLOWING:
-            # Pause, stow and park move the axes off the command on purpose.
+        if silent or self.mode not in FOLLOWING:
+            # Pause, stow and park move the axes off the command on purpose; a stall stops them.
             self.unsettle()
             doubt = doubt or f"the antenna is {self.mode}"
         elif reading is not None and error is not None and not silent and self._settled:
@@ -169,6 +169,8 @@ class AntennaWatch:
         turned = np.abs(reading.position_rad - kept) > TOGGLE_SHARE * self.params.frozen_rad
         since_s[turned], kept[turned], wanted[turned] = reading.t_s, reading.position_rad[turned], command[turned]
         asked = np.abs(command - wanted)
+        # An encoder may stand as long as its command does.
+        since_s[asked <= TOGGLE_SHARE * self.params.frozen_rad] = reading.t_s
         still = (reading.t_s - since_s >= self.params.window_s) & (asked >= self.params.frozen_rad)
         if distance <= self.tolerance_rad or not still.any():
             return ""

@@ -201,6 +201,9 @@ class PointingController:
             # The axes wait at rest for the target to come back.
             return self._motion.halt(t_s) if before != Mode.IDLE else None
         self._moved = True
+        if self.state.mode == Mode.SLEW and t_s >= window.aos_t_s:
+            # Axes that jump onto a moving target fall behind it first.
+            self.antenna.unsettle()
         trajectory, self._stopping = self._motion.follow(
             t_s, window, self._turns_rad or 0.0, _motion_of(self.state.mode)
         )
