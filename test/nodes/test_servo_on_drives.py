@@ -25,15 +25,10 @@ from test.drives.rotctld import RealRotctld
 
 ANY_STATE = LifecycleState(state_id=1, label="unconfigured")
 TICK_S = 0.02
+SPEED = {"rate_deg_s": 6.0, "acceleration_deg_s2": 6.0, "command_rate_deg_s": 6.0, "command_acceleration_deg_s2": 6.0}
 MOTION = {
-    "mount.azimuth": {"travel_deg": [-180.0, 270.0], "rate_deg_s": 6.0, "acceleration_deg_s2": 6.0},
-    "mount.elevation": {"travel_deg": [0.0, 90.0], "rate_deg_s": 6.0, "acceleration_deg_s2": 6.0},
-    "tuning.loops.preprocessor": {
-        "rate_limit_deg_s": [6.0, 6.0],
-        "acceleration_limit_deg_s2": [6.0, 6.0],
-        "travel_min_deg": [-180.0, 0.0],
-        "travel_max_deg": [270.0, 90.0],
-    },
+    "mount.azimuth": {"travel_deg": [-180.0, 270.0], **SPEED},
+    "mount.elevation": {"travel_deg": [0.0, 90.0], **SPEED},
     "drive.link.first_retry_s": 0.2,
 }
 """Keys of the description."""
