@@ -29,6 +29,7 @@ SPEED = {"rate_deg_s": 6.0, "acceleration_deg_s2": 6.0, "command_rate_deg_s": 6.
 MOTION = {
     "mount.azimuth": {"travel_deg": [-180.0, 270.0], **SPEED},
     "mount.elevation": {"travel_deg": [0.0, 90.0], **SPEED},
+    "tuning.loops.preprocessor": {"travel_min_deg": [-180.0, 0.0], "travel_max_deg": [270.0, 90.0]},
     "drive.link.first_retry_s": 0.2,
 }
 """Keys of the description."""
