@@ -188,6 +188,18 @@ def test_a_simulated_rotator_publishes_its_truth(made) -> None:
     assert math.degrees(seen[-1].azimuth) == pytest.approx(26.0, abs=0.6)
 
 
+@pytest.mark.parametrize("kept", [False, True])
+def test_a_one_turn_azimuth_without_a_kept_turn_waits_for_somebody_to_look(made, tmp_path: Path, kept: bool) -> None:
+    given = {"drive__type": "simulated_rotator", "drive__rotator__reads_one_turn": True}
+    run = made(**given, wrap_file=str(tmp_path / "wrap.json") if kept else "").up()
+    run.run(0.2)
+    if kept:
+        assert run.fault == ""
+        return
+    assert "no wrap_file keeps its turn: look at the cables, then reset" in run.fault
+    assert run.servo._antenna.reset_fault() == ""
+
+
 class Vendor:
     """A vendor's driver node: it goes to its set point at 6 deg/s while it is enabled."""
 
