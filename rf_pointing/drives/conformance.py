@@ -214,16 +214,15 @@ class ConformanceCheck:
         sent: list[Pair] = []
         keep, self._drive.go_to = self._drive.go_to, sent.append  # type: ignore[method-assign, assignment]
         try:
-            self._pass(self._params.rotator.minimum_interval_s + 1.0)
-            self._rotator.follow(self._t_s, motion, motion)
+            self._follow(motion)
         finally:
             self._drive.go_to = keep  # type: ignore[method-assign]
         self._rotator.stop()
-        most = max((each[1] + self._params.rotator.zero_rad[1] for each in sent), default=-math.inf)
-        good = most <= high[1] + SAME_RAD
-        return Line(
-            "limits", good, f"a set point beyond {math.degrees(high[1]):.1f} deg is cut to {math.degrees(most):.1f} deg"
-        )
+        most = max((each[1] + self._params.rotator.zero_rad[1] for each in sent), default=math.nan)
+        # NaN, nothing sent, is no pass.
+        good = start[1] < most <= high[1] + SAME_RAD
+        text = f"a set point beyond {math.degrees(high[1]):.1f} deg is cut to {math.degrees(most):.1f} deg"
+        return Line("limits", good, text)
 
     # Time
 
@@ -240,11 +239,13 @@ class ConformanceCheck:
         return [(reading.t_s, position[axis] - start[axis]) for _, reading, position in self._readings]
 
     def _command(self, goal: Pair) -> None:
-        at = Motion(np.array(goal), np.zeros(2), np.zeros(2))
+        self._follow(Motion(np.array(goal), np.zeros(2), np.zeros(2)))
+
+    def _follow(self, motion: Motion) -> None:
+        """Command a place for as long as it may be taken for noise."""
         begun_s = self._t_s
-        # A set point that may be noise must last for an interval.
         while self._t_s - begun_s < 2.0 * self._params.rotator.minimum_interval_s + 0.1:
-            self._rotator.follow(self._t_s, at, Motion(*at))
+            self._rotator.follow(self._t_s, motion, Motion(*motion))
             self._pass(0.0)
 
     def _pass(self, seconds: float, until: Callable[[], bool] = lambda: False, turning: Pair | None = None) -> None:

@@ -258,6 +258,9 @@ class Rotator:
         if back and motion is goal:
             # A stop ends ahead of where it was commanded, not with a way back.
             return None
+        if back and rate * state.direction > 0.0 and abs(off) <= half + abs(rate) * spare_s + smallest:
+            # The set point is ahead, as it was meant to be.
+            return None
         if back:
             enough = half + self.params.dead_band_rad[axis]
         if slow and (back or state.direction == 0.0):

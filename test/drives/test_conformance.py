@@ -57,6 +57,22 @@ def test_a_stop_that_does_nothing_is_found() -> None:
     assert "azimuth stop" in failed(bench)
 
 
+def test_limits_that_do_not_cut_a_set_point_are_found() -> None:
+    """A rotator layer without limits: nothing that is sent may be beyond the travel, and something must be sent."""
+    bench = Bench("easycomm 2")
+    lines = report(bench)
+    assert "180.0 deg is cut to 180.0 deg" in lines["limits"].text
+    bench.close()
+    bench = Bench("easycomm 2")
+    check = ConformanceCheck(bench.drive, bench.params, lambda _: bench.tick(TICK_S) and bench.t_s)
+    check.still()
+    check._rotator.follow = lambda *_: None
+    assert not check._beyond().passed
+    check._rotator.follow = lambda *_: check._drive.go_to((1.0, 4.0))
+    assert not check._beyond().passed
+    bench.close()
+
+
 def test_a_device_outside_its_travel_does_not_move() -> None:
     bench = Bench("gs232", travel_min_rad=(math.radians(130.0), 0.0))
     lines = report(bench)

@@ -228,7 +228,8 @@ class DriveAntenna(ControlUnit):
         suited = detector.replace(
             threshold_rad=min(max(detector.threshold_rad, tooth), 0.1),
             gross_threshold_rad=min(max(detector.gross_threshold_rad, 2.0 * tooth), 1.0),
-            largest_rad=min(max(detector.largest_rad, 10.0 * tooth), 1.0),
+            # A device slower than stated falls behind in a slew, which is no swing.
+            largest_rad=1.0,
         )
         return loops.replace(law=BY_DRIVE, oscillation=suited)
 

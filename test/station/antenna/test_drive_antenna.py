@@ -201,7 +201,7 @@ def test_a_frozen_read_back_is_found_while_the_device_moves(driven, name: str) -
     subject.device.freeze()
     took_s = subject.run(10.0, lambda: subject.mode == "fault")
     assert "stands still" in subject.fault
-    assert took_s < 2.0 * subject.device.resolution_deg + 3.0
+    assert took_s < 2.0 * subject.device.resolution_deg + 3.5
 
 
 @pytest.mark.parametrize("name", ["gs232", "hamlib"])
@@ -279,12 +279,13 @@ def test_commands_that_stop_are_carried_on_for_a_second_and_end_in_a_stop(driven
     subject.run(3.0)
     subject.silent = True
     begun_s = subject.t_s
-    subject.run(5.0, lambda: subject.mode == "fault")
-    assert "commands ran dry" in subject.fault
+    subject.run(5.0, lambda: subject.mode == "holding")
+    assert "commands ran dry" in subject.antenna.status(subject.t_s).warning
     assert subject.t_s - begun_s < 4.0
+    subject.run(1.0)
     stopped_at = subject.true_deg
     subject.run(2.0)
-    assert subject.true_deg == pytest.approx(stopped_at, abs=0.5)
+    assert subject.true_deg == pytest.approx(stopped_at, abs=0.05)
     assert subject.device.model.reversals == [0, 0], "a stop does not turn back"
 
 
