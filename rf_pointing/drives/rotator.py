@@ -189,10 +189,11 @@ class Rotator:
 
         A motion that is its own goal is a stop.
         """
-        if self.reading is None or t_s - self._sent_s < self.params.minimum_interval_s - JITTER_S:
+        if self.reading is None:
             return
+        # Also while nothing may be sent: how long a motion has lasted does not wait for it.
         wanted = [self._wanted(axis, t_s, motion, goal, 0.0) for axis in (0, 1)]
-        if wanted == [None, None]:
+        if wanted == [None, None] or t_s - self._sent_s < self.params.minimum_interval_s - JITTER_S:
             return
         # What is sent now blocks the other axis for an interval: it goes along if its turn comes
         # in the first half of it.
@@ -277,7 +278,9 @@ class Rotator:
             return None
         # Towards a target that comes back there is nothing to be gained by going further.
         wanted = at + math.copysign(half, rate) + rate * spare_s if rate * off > 0.0 else at
-        end = _ahead(goal, axis, lead_s) + math.copysign(half, rate) * (float(goal.velocity[axis]) != 0.0)
+        # By the goal's own rate: a chase is faster, and half a step of it would lead past the goal.
+        own = float(goal.velocity[axis])
+        end = _ahead(goal, axis, lead_s) + math.copysign(0.5 * max(smallest, abs(own) * interval_s), own) * (own != 0.0)
         # Beyond the goal the device would only come back.
         wanted = min(wanted, max(end, at)) if rate > 0.0 else max(wanted, min(end, at)) if rate < 0.0 else wanted
         low, high = self.params.travel_min_rad[axis], self.params.travel_max_rad[axis]

