@@ -32,8 +32,9 @@ def run(tmp_path: Path, synthetic_run: type[Any], types: Definitions) -> Callabl
             "counted": lambda t: (min(max(t - 10.0, 0.0), ended_s - 10.0) - 2.0, 2.0, 0.25),
             "left_out": UNUSED,
         }
-        synthetic_run(**{**settings, **changes}).write(tmp_path / "bag", types)
-        return read_recording(tmp_path / "bag")
+        path = tmp_path / f"bag{len(list(tmp_path.iterdir()))}"
+        synthetic_run(**{**settings, **changes}).write(path, types)
+        return read_recording(path)
 
     return make
 
