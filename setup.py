@@ -18,8 +18,11 @@ EXECUTABLES = {
     ],
     "commands": [
         "calibrate",
+        "check_station",
+        "fetch_elements",
         "fit_bias_model",
         "identify_antenna",
+        "new_station",
         "plan_calibration",
         "plan_passes",
         "report",
@@ -37,6 +40,23 @@ EXECUTABLES = {
     "papers": ["reproduce"],
 }
 """Module `main` of each executable, by the package it is in."""
+LIBRARIES = [
+    "astropy-iers-data",
+    "control>=0.10",
+    "icalendar>=6.0",
+    "Jinja2>=3.1",
+    "matplotlib>=3.6",
+    "numpy>=1.26",
+    "pyerfa>=2.0.1",
+    "pyserial>=3.5",
+    "PyYAML>=6.0",
+    "requests>=2.31",
+    "rosbags>=0.10",
+    "scipy>=1.11",
+    "sgp4>=2.23",
+]
+"""What `pip install .` brings: the core without ROS.  requirements/ pins the versions that are
+tested; the oldest are those of Ubuntu 24.04."""
 
 setup(
     name=PACKAGE,
@@ -46,7 +66,11 @@ setup(
     maintainer="rf_pointing maintainers",
     maintainer_email="maintainers@rf-pointing.example",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
-    package_data={f"{PACKAGE}.controllers": ["*.json"], f"{PACKAGE}.report": ["templates/*"]},
+    package_data={
+        f"{PACKAGE}.controllers": ["*.json"],
+        f"{PACKAGE}.report": ["templates/*"],
+        f"{PACKAGE}.station.description": ["stations/*"],
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
@@ -54,7 +78,7 @@ setup(
         (f"share/{PACKAGE}/launch", sorted(glob("launch/*.py"))),
     ],
     python_requires=">=3.11",
-    install_requires=["setuptools"],
+    install_requires=LIBRARIES,
     extras_require={"sweep": ["dask", "distributed"]},
     zip_safe=False,
     entry_points={

@@ -59,6 +59,10 @@ class Imitated:
         ut1 = ours.ut1_minus_utc_s if self._ut1 is None else self._ut1(t_s)
         return EarthOrientation(ut1, self._pole * ours.pole_x_rad, self._pole * ours.pole_y_rad)
 
+    def sigmas_at(self, _t_s: float) -> tuple[float, float]:
+        """Return no uncertainty: it is an imitation on purpose."""
+        return 0.0, 0.0
+
     def warnings(self, _t_s: float) -> tuple[str, ...]:
         """Return nothing: it is an imitation on purpose."""
         return ()

@@ -9,7 +9,6 @@ belongs to one processor and one set of libraries; it shows that a change of str
 import hashlib
 import math
 import sys
-from pathlib import Path
 
 import numpy as np
 
@@ -18,7 +17,6 @@ from rf_pointing.ephemeris import first_pass_above
 from rf_pointing.ephemeris.source import SourceParams, load_elements, load_track
 from rf_pointing.simulation import PassLog, StationSetup, simulate_pass
 
-CONFIG = Path(__file__).parents[1] / "config"
 LEAD_S = 150.0
 """Time before the pass for the slew to its start."""
 
@@ -42,12 +40,12 @@ def digest(log: PassLog) -> str:
 
 def main() -> None:
     """Fly the pass with each sensor of the command line, without one with all of them."""
-    source = SourceParams(satellite="28057", station="Goldstone DSS-13")
+    source = SourceParams(satellite="28057")
     window = first_pass_above(
         load_track(source), load_elements(source).epoch_t_s, math.radians(40.0), math.radians(5.0), 86400.0
     )
     for sensor in sys.argv[1:] or (Sensor.MONOPULSE, Sensor.CONSCAN, Sensor.STEPTRACK, Sensor.AUTO):
-        setup = StationSetup([CONFIG / "dss13.yaml", CONFIG / "band_x.yaml"], CONFIG / "bias_model_dss13.yaml")
+        setup = StationSetup("dss13", "X")
         log = simulate_pass(setup, window, math.floor(window.aos_t_s) - LEAD_S, sensor)
         print(f"{sensor:12}{len(log.t_s):6} errors  {digest(log)}", flush=True)
 

@@ -1,4 +1,4 @@
-"""How config/bias_model_dss13_ka.yaml came about: a fit to simulated observations of the Ka-band station.
+"""How the bias model of DSS-13 in Ka band came about: a fit to simulated observations of the Ka-band station.
 
     scripts/run-python examples/fit_ka_model.py [FILE]
 
@@ -7,7 +7,6 @@ direction error of 1.5 mdeg of its own, as an orbit has.  The covariance is that
 """
 
 import sys
-from pathlib import Path
 
 import numpy as np
 
@@ -25,8 +24,8 @@ from rf_pointing.core import MDEG, random_stream
 from rf_pointing.core.dates import from_utc_text
 from rf_pointing.simulation import StationSetup
 from rf_pointing.station.antenna.mount import MountParams
+from rf_pointing.station.description import STATIONS
 
-CONFIG = Path(__file__).resolve().parents[1] / "config"
 ARCS, POINTS, STEP_S = 38, 43, 8.0
 NOISE_RAD, ARC_RAD = 2.0 * MDEG, 1.5 * MDEG
 BEGIN_UTC, CREATED_UTC = "2006-03-12T02:00:00", "2006-03-14T12:00:00"
@@ -35,7 +34,7 @@ LAGS = tuple(name for name in TERM_NAMES if name.endswith("_lag"))
 
 def observations() -> Observations:
     """Return what the station would have observed."""
-    setup = StationSetup([CONFIG / "dss13.yaml", CONFIG / "band_ka.yaml"], None)
+    setup = StationSetup("dss13", "Ka")
     mount = setup.node("antenna_servo").group("mount", MountParams()).model()
     random, count = random_stream(1, "Ka model"), ARCS * POINTS
     arc, step = np.divmod(np.arange(count), POINTS)
@@ -80,4 +79,4 @@ def fitted() -> ModelVersion:
 
 
 if __name__ == "__main__":
-    write_model(sys.argv[1] if len(sys.argv) > 1 else CONFIG / "bias_model_dss13_ka.yaml", fitted())
+    write_model(sys.argv[1] if len(sys.argv) > 1 else STATIONS / "bias_model_dss13_ka.yaml", fitted())

@@ -1,7 +1,6 @@
 """A tracker of your own tracks a simulated pass: scripts/run-python examples/own_tracker.py."""
 
 from collections import deque
-from pathlib import Path
 
 import numpy as np
 
@@ -13,7 +12,6 @@ from rf_pointing.simulation import PassLog, StationSetup, simulate_pass
 from rf_pointing.tracking.scan import CircleScan, ScanParams
 from rf_pointing.tracking.sensors import SensorTraits, register
 
-FILES = [Path(__file__).parents[1] / "config" / name for name in ("dss13.yaml", "band_x.yaml")]
 SCAN = CircleScan(ScanParams(radius_rad=6.0 * MDEG, period_s=4.0, ramp_s=2.0), age_s=2.0, bandwidth_hz=0.05)
 TRAITS = SensorTraits(name="slope", scans=True, scan=SCAN, over_the_top=False)
 
@@ -50,7 +48,7 @@ def main() -> PassLog:
     """Register the tracker and track the part of a pass of CBERS-2 above 0.7 rad with it."""
     register(TRAITS)
     window = first_pass_above(load_track(SourceParams()), load_elements(SourceParams()).epoch_t_s, 0.7, 0.7, 172800.0)
-    setup = StationSetup(FILES, FILES[0].with_name("bias_model_dss13.yaml"), tracker=SlopeTracker())
+    setup = StationSetup("dss13", "X", tracker=SlopeTracker())
     log = simulate_pass(setup, window, window.aos_t_s - 150.0, TRAITS.name)
     print(f"{np.sqrt(np.mean(log.errors_rad(TRAITS.name)[300:] ** 2)) / MDEG:.2f} mdeg rms per axis after 30 s of it")
     return log

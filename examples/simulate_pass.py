@@ -2,7 +2,6 @@
 
 import math
 from collections import Counter
-from pathlib import Path
 
 import numpy as np
 
@@ -11,16 +10,14 @@ from rf_pointing.ephemeris import first_pass_above
 from rf_pointing.ephemeris.source import SourceParams, load_elements, load_track
 from rf_pointing.simulation import StationSetup, simulate_pass
 
-CONFIG = Path(__file__).parents[1] / "config"
-
 
 def main() -> None:
     """Simulate CBERS-2 over DSS-13 with monopulse."""
-    source = SourceParams(satellite="28057", station="Goldstone DSS-13")
+    source = SourceParams(satellite="28057")
     window = first_pass_above(
         load_track(source), load_elements(source).epoch_t_s, math.radians(40.0), math.radians(5.0), 86400.0
     )
-    setup = StationSetup([CONFIG / "dss13.yaml", CONFIG / "band_x.yaml"], CONFIG / "bias_model_dss13.yaml")
+    setup = StationSetup("dss13", "X")
     log = simulate_pass(setup, window, math.floor(window.aos_t_s) - 150.0, "monopulse")
     for mode, count in Counter(log.mode).items():
         rms = np.sqrt(np.mean(log.errors_rad(mode) ** 2, axis=0)) / MDEG

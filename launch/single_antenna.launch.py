@@ -1,6 +1,6 @@
 """The nodes that a station with drivers of its own for antenna and receiver keeps.
 
-    ros2 launch rf_pointing single_antenna.launch.py namespace:=gs1 params_file:=/path/to/station.yaml
+    ros2 launch rf_pointing single_antenna.launch.py station:=my_dish.yaml namespace:=gs1
 
 Every node configures and activates itself; a station that manages lifecycles itself passes
 autostart:=false.

@@ -44,6 +44,15 @@ make_wheel_environment() {
     mend_cmake_exports
 }
 
+# Never under running nodes: what they import later would be of another version, or gone.
+replace_wheel_environment() {
+  flock -n -x 8 || { echo "$STATE/env must be made anew, and processes run from it: end them first"; return 1; }
+  make_wheel_environment && flock -s 8
+}
+
+# The Python that the environment was made with decides, not the one that is first on PATH now.
+environment_python() { "$STATE/env/bin/python" --version 2>/dev/null || python3 --version; }
+
 # The wheels' exported CMake targets name the header folders of the machine that built them.
 mend_cmake_exports() {
   local python_h numpy_h
@@ -69,11 +78,12 @@ build_workspace() {
 }
 
 enter_wheel_environment() {
-  need "python3 -c 'import ensurepip, venv, sys; assert (3, 11) <= sys.version_info < (3, 15)'" python3 python3-venv
+  [ -x "$STATE/env/bin/python" ] ||
+    need "python3 -c 'import ensurepip, venv, sys; assert (3, 11) <= sys.version_info < (3, 15)'" python3 python3-venv
   need "command -v g++ && command -v make" g++ make
   need "command -v cmake" cmake
-  once wheels "$(digest "$ROOT"/requirements/*.txt <(python3 --version))" \
-    "building the Python environment from pinned wheels (a few minutes, once)" make_wheel_environment
+  once wheels "$(digest "$ROOT"/requirements/*.txt <(environment_python))" \
+    "building the Python environment from pinned wheels (a few minutes, once)" replace_wheel_environment
   export VIRTUAL_ENV=$STATE/env PATH=$STATE/env/bin:$PATH
   # Setting these here spares every process the bootstrap that would start Python a second time to set them.
   LD_LIBRARY_PATH=$(printf '%s:' "$STATE"/env/lib "$STATE"/env/lib/python3.*/site-packages/ros_*.libs)${LD_LIBRARY_PATH:-}
@@ -83,7 +93,8 @@ enter_wheel_environment() {
 
 enter_jazzy_environment() {
   need "python3 -m pip --version" python3-pip
-  need "python3 -c 'import numpy, scipy, matplotlib, yaml'" python3-numpy python3-scipy python3-matplotlib python3-yaml
+  need "python3 -c 'import numpy, scipy, matplotlib, yaml, requests'" python3-numpy python3-scipy python3-matplotlib \
+    python3-yaml python3-requests
   once python-libraries "$(digest "$ROOT"/requirements/*.txt)" \
     "adding the Python libraries that have no Debian package" add_python_libraries
   export PYTHONPATH=$STATE/python${PYTHONPATH:+:$PYTHONPATH}
@@ -93,6 +104,9 @@ enter_environment() {
   mkdir -p "$STATE"
   exec 9>"$STATE/lock"
   flock 9
+  # Every process started from here holds this lock while it runs, so that nobody replaces the environment under it.
+  exec 8>"$STATE/in-use"
+  flock -s 8
   local how=wheels
   if has_jazzy; then
     how=jazzy

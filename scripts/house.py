@@ -196,7 +196,7 @@ def _calls_of_a_period(root: Path) -> list[str]:
     from rf_pointing.ephemeris import first_pass_above
     from rf_pointing.ephemeris.source import SourceParams, load_elements, load_track
 
-    folder, config = str(root / PACKAGE) + os.sep, root / "config"
+    folder = str(root / PACKAGE) + os.sep
     calls: list[str] = []
 
     def note(frame: Any, event: str, _argument: object) -> None:
@@ -219,11 +219,10 @@ def _calls_of_a_period(root: Path) -> list[str]:
             sys.setprofile(None)
         raise _PeriodMeasuredError
 
-    source = SourceParams(satellite="28057", station="Goldstone DSS-13")
+    source = SourceParams(satellite="28057")
     start_s = load_elements(source).epoch_t_s
     window = first_pass_above(load_track(source), start_s, math.radians(40.0), math.radians(5.0), 86400.0)
-    files = [config / "dss13.yaml", config / "band_x.yaml"]
-    setup = simulation.StationSetup(files, config / "bias_model_dss13.yaml")
+    setup = simulation.StationSetup("dss13", "X")
     controller.step = watched
     try:
         simulation.simulate_pass(setup, window, math.floor(window.aos_t_s) - 150.0, "monopulse")

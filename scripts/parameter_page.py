@@ -22,7 +22,7 @@ from rf_pointing.core import leaves, parameter_unit, to_degrees
 from rf_pointing.nodes.managed import ManagedNode
 
 PACKAGE = Path(rf_pointing.__file__).parent
-EVERY_NODE = ("lifecycle",)
+EVERY_NODE = ("lifecycle", "description")
 """Prefixes of the sets that every node has; the page shows them once."""
 HEADER = """\
 # Parameters
@@ -33,7 +33,9 @@ degrees. A number outside its range is refused; the message states the name and 
 other value stays as it was.
 
 *Takes effect* says when a change counts: **at once** while the node runs, or **configure**: only
-before the node is configured, so deactivate it and clean it up first.
+before the node is configured, so deactivate it and clean it up first. A key there is the place in
+the [station description](my_station.md) that gives the number, for all nodes at once; a parameter
+file cannot. The defaults are those of the station `dss13` at X band.
 
 This page is made by `scripts/run-python scripts/parameter_page.py > docs/parameters.md`; a test
 compares it with what the nodes declare.
@@ -53,6 +55,7 @@ class Declared:
     bounds: str
     live: bool
     description: str
+    station_key: str
 
     def row(self) -> str:
         """Return its line of the table."""
@@ -61,10 +64,15 @@ class Declared:
             "unit": "" if self.unit == "1" else self.unit,
             "default": f"`{self.default}`",
             "bounds": self.bounds,
-            "effect": "at once" if self.live else "configure",
+            "effect": "; ".join(filter(None, (self._effect(), f"`{self.station_key}`" if self.station_key else ""))),
             "description": self.description.replace("|", "\\|"),
         }
         return re.sub(r" {2,}", " ", ROW.format(**cells))
+
+    def _effect(self) -> str:
+        if self.live:
+            return "at once"
+        return "" if self.station_key else "configure"
 
 
 def node_classes() -> list[type[ManagedNode]]:
@@ -72,7 +80,7 @@ def node_classes() -> list[type[ManagedNode]]:
     found = []
     for path in sorted(PACKAGE.rglob("nodes/*.py")):
         # Others, such as the helpers of launch files, import packages that a node does not need.
-        if "(ManagedNode)" in path.read_text():
+        if re.search(r"\((Managed|Station)Node\)", path.read_text()) and "def main(" in path.read_text():
             name = ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts)
             module = importlib.import_module(name)
             members = [member for _, member in inspect.getmembers(module, inspect.isclass)]
@@ -134,12 +142,13 @@ def _of_node(kind: type[ManagedNode]) -> tuple[str, list[Declared]]:
 
 
 def _read(groups: Any) -> Iterator[Declared]:
-    for prefix, defaults in groups.declared().items():
-        for edge, (item, value) in leaves(defaults).items():
-            name = f"{prefix}.{edge}" if prefix else edge
-            unit = parameter_unit(edge)
-            description = item.metadata["description"]
-            yield Declared(prefix, name, unit, _value(value, 9), _bounds(item), groups.is_live(name), description)
+    sets = {group: leaves(defaults) for group, defaults in groups.declared().items()}
+    for name, (group, edge) in groups.names().items():
+        item, value = sets[group][edge]
+        yield Declared(
+            group, name, parameter_unit(edge), _value(value, 9), _bounds(item), groups.is_live(name),
+            item.metadata["description"], groups.station_key(name),
+        )  # fmt: skip
 
 
 def _bounds(item: "dataclasses.Field[Any]") -> str:

@@ -13,6 +13,7 @@ IMPORTED_AS = {
     "control": "python-control",
     "astropy_iers_data": "astropy-iers-data",
     "yaml": "PyYAML",
+    "serial": "pyserial",
 }
 BASE = {"numpy"}
 SIBLING = BASE | {"scipy"}
@@ -25,6 +26,8 @@ SIBLINGS = {
     "calibration": SIBLING | {"yaml"},
     "planning": SIBLING,
     "identification": SIBLING,
+    "operations": {"yaml"},
+    "drives": BASE | {"serial"},
 }
 COMPOSED = set().union(*SIBLINGS.values())
 CORE_OF_ARRAYS = {f"array_sensors/{room}" for room in ("attitude", "doa", "interferometer", "tripulse")}
@@ -92,6 +95,14 @@ def test_module_imports_only_what_its_room_may(path: Path) -> None:
                 assert room_of(rest) in ALLOWED_ROOMS[room] | {room}, f"{room} may not import {name}"
         elif third_party is not None and top not in sys.stdlib_module_names:
             assert top in third_party, f"{room} may not import {name}"
+
+
+NETWORK = {"requests", "urllib3", "httpx", "urllib.request", "http.client", "ftplib"}
+
+
+def test_one_module_talks_to_servers() -> None:
+    users = {path.relative_to(PACKAGE).as_posix() for path in modules() if imported_names(path) & NETWORK}
+    assert {name for name in users if not name.startswith(("drives/", "nodes/"))} == {"commands/fetch_elements.py"}
 
 
 def test_every_room_is_in_the_table() -> None:

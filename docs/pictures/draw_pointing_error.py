@@ -22,7 +22,6 @@ from rf_pointing.ephemeris.source import SourceParams, load_elements, load_track
 from rf_pointing.simulation import PassLog, StationSetup, simulate_pass
 
 FOLDER = Path(__file__).parent
-CONFIG = FOLDER.parents[1] / "config"
 HALF_POWER_MDEG = 32.5
 CLUSTERS = 10
 COLOURS = {Mode.SLEW: "#56b4e9", Mode.PROGRAM_TRACK: "#e69f00", Mode.SEARCH: "#cc79a7", Mode.MONOPULSE: "#0072b2"}
@@ -31,10 +30,10 @@ STYLE: Any = {"font.size": 10.0, "axes.spines.top": False, "axes.spines.right": 
 
 def fly(sensor: Sensor) -> tuple[PassLog, float]:
     """Return the log of the pass, and the time of its rise."""
-    source = SourceParams(satellite="28057", station="Goldstone DSS-13")
+    source = SourceParams(satellite="28057")
     track, epoch_t_s = load_track(source), load_elements(source).epoch_t_s
     window = first_pass_above(track, epoch_t_s, math.radians(40.0), math.radians(5.0), 86400.0)
-    setup = StationSetup([CONFIG / "dss13.yaml", CONFIG / "band_x.yaml"], CONFIG / "bias_model_dss13.yaml")
+    setup = StationSetup("dss13", "X")
     return simulate_pass(setup, window, math.floor(window.aos_t_s) - 150.0, sensor), window.aos_t_s
 
 

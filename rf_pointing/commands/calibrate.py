@@ -27,19 +27,27 @@ from std_srvs.srv import Trigger
 from rf_pointing import calibration
 from rf_pointing.calibration import Campaign, FitResult, ObservationJournal, Observations, SectorRule
 from rf_pointing.commands import track_options
-from rf_pointing.commands.options import add_namespace_option, between, ending_with_reason, say, seed
+from rf_pointing.commands.options import (
+    add_namespace_option,
+    add_station_options,
+    band_of,
+    between,
+    ending_with_reason,
+    say,
+    seed,
+    station_of,
+)
 from rf_pointing.commands.station_run import StationRun, run_to_end
 from rf_pointing.commands.track_options import DEFAULT_MODELS, output_folder, speed_factor
 from rf_pointing.core import MDEG, require_between
 from rf_pointing.core.dates import parse_utc, utc_text
 from rf_pointing.core.modes import Sensor
-from rf_pointing.ephemeris import Elements, Pass, site, tle_lines
+from rf_pointing.ephemeris import Elements, Pass, tle_lines
 from rf_pointing.nodes import bias_calibrator, convert_planning
-from rf_pointing.planning import AxisLimits
 from rf_pointing.station.campaign.log import CalibrationLog
-from rf_pointing.station.campaign.model_keeper import ModelKeeper, commissioning_model
+from rf_pointing.station.campaign.model_keeper import ModelKeeper
 from rf_pointing.station.campaign.plan import ArcRules, beacons, candidate_arcs, window_of
-from rf_pointing.tracking.sensors import sensors_of
+from rf_pointing.tracking.sensors import SENSORS
 
 Counts = NDArray[np.int64]
 # Before the passes that `track` chooses by default, for which the model shall be valid.
@@ -63,10 +71,8 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     """Return the parsed command line, completed by what a run of `track` has by default."""
     parser = argparse.ArgumentParser(prog="calibrate", description="Calibrate the simulated station's pointing model.")
     add = parser.add_argument
-    add("--station", default="Goldstone DSS-13", help="station name (default: Goldstone DSS-13)")
-    add("--band", choices=("S", "X", "Ka"), default="X", help="frequency band (default: X)")
-    sensors = [traits.name for traits in sensors_of(Sensor.AUTO)]
-    add("--sensor", choices=sensors, default=Sensor.MONOPULSE, help="(default: monopulse)")
+    add_station_options(parser)
+    add("--sensor", choices=[*SENSORS, Sensor.AUTO], help="(default: that of the station's band)")
     add("--start", metavar="UTC", default=DEFAULT_START, help=f"simulated time (default: {DEFAULT_START})")
     add("--longest", metavar="S", type=float, default=4800.0, help="simulated time at most (default: 4800)")
     add("--fewest", type=int, default=25, help="observations in each sector (default: 25)")
@@ -136,16 +142,16 @@ def planned(
     rules = ArcRules(
         arcs_s=arcs_s, every_s=60.0, spacing_s=SPACING_S, lowest_rad=math.radians(11.0), lead_s=ACQUISITION_S
     )
-    candidates, _ = candidate_arcs(elements, site(options.station), begin_s, span_s, rules)
-    limits = AxisLimits()
-    travel = (limits.azimuth_min_rad, limits.azimuth_max_rad)
+    candidates, _ = candidate_arcs(elements, station_of(options).site, begin_s, span_s, rules)
+    azimuth = station_of(options).content.mount.azimuth
+    travel = (math.radians(azimuth.travel_deg[0]), math.radians(azimuth.travel_deg[1]))
     slew = calibration.Slew(settle_s=ACQUISITION_S + 10.0, travel_rad=travel)
     return calibration.plan_campaign(candidates, rule, slew, filled)
 
 
 def windows_of(options: argparse.Namespace, elements: list[Elements], campaign: Campaign) -> list[Pass]:
     """Return the passes to track, each from its acquisition on."""
-    by_name, place = {one.name: one for one in elements}, site(options.station)
+    by_name, place = {one.name: one for one in elements}, station_of(options).site
     return [window_of(one, by_name[one.name], place, ACQUISITION_S) for one in campaign.passes]
 
 
@@ -154,14 +160,14 @@ def progress_so_far(options: argparse.Namespace, rule: SectorRule) -> tuple[Coun
     points = journal_of(options).points
     if points is None:
         raise ValueError(
-            f"no observations of {options.station} in band {options.band} to resume from in {options.models}"
+            f"no observations of {station_of(options).name} in band {band_of(options)} to resume from in {options.models}"
         )
     return rule.coverage(points.true_azimuth_rad, points.true_elevation_rad).counts, float(np.max(points.t_s))
 
 
 def journal_of(options: argparse.Namespace) -> ObservationJournal:
     """Return the observations that the calibrator keeps for this station and band."""
-    return bias_calibrator.journal_of(options.models, options.station, options.band)
+    return bias_calibrator.journal_of(options.models, station_of(options).name, band_of(options))
 
 
 def calibrator_parameters(path: Path, options: argparse.Namespace) -> Path:
@@ -175,13 +181,13 @@ def calibrator_parameters(path: Path, options: argparse.Namespace) -> Path:
     return path
 
 
-def fit_of(options: argparse.Namespace, output: Path) -> tuple[Observations, FitResult]:
+def fit_of(options: argparse.Namespace) -> tuple[Observations, FitResult]:
     """Return the observations on the disk and the fit that the calibrator makes of them."""
-    log = CalibrationLog(options.station, options.band, SPACING_S, SIGMA_RAD, journal=journal_of(options))
-    points = log.observations()
-    config = track_options.config_folder()
-    start = calibration.read_model(commissioning_model(config, options.station, options.band, output))
-    keeper = ModelKeeper(options.station, options.band, options.models, start, calibration.ShadowRules())
+    station, band = station_of(options), band_of(options)
+    log = CalibrationLog(station.name, band, SPACING_S, SIGMA_RAD, journal=journal_of(options))
+    points, file = log.observations(), station.bias_model_file(band)
+    start = calibration.read_model(file) if file else None
+    keeper = ModelKeeper(station.name, band, options.models, start, calibration.ShadowRules())
     keeper.begin(float(np.max(points.t_s)))
     return points, log.fit(keeper.model, pass_priors=calibration.PassPriors.of_orbit(options.orbit_prior))
 
@@ -231,7 +237,7 @@ class CalibrationRun(StationRun):
         if not fit.success:
             return Outcome()
         # Before the shadow adds observations: the report is that of the fit.
-        made = fit_of(self._options, self._output)
+        made = fit_of(self._options)
         shadow = self._observe(self._schedule.shadow, resume=True)
         if self.stopping:
             self.say(f"interrupted; {fit.model.name} is not in force")
@@ -250,7 +256,8 @@ class CalibrationRun(StationRun):
         """Run a campaign of these passes; time runs only meanwhile."""
         self._shown, self._count = 0, len(windows)
         passes = [convert_planning.pass_to_message(window) for window in windows]
-        goal = RunCampaign.Goal(passes=passes, sensor=self._options.sensor, resume=resume)
+        sensor = track_options.sensor_of(self._options)
+        goal = RunCampaign.Goal(passes=passes, sensor=sensor, resume=resume)
         handle = self.send(self._campaign, goal, "bias_calibrator", self._show)
         self.run_time()
         result = self.result(handle)

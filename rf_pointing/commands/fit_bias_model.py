@@ -24,10 +24,17 @@ from rf_pointing.calibration import (
     SectorRule,
     StageReport,
 )
-from rf_pointing.commands.options import ending_with_reason
+from rf_pointing.commands.options import (
+    ELEMENTS_HELP,
+    add_station_options,
+    band_of,
+    elements_of,
+    ending_with_reason,
+    station_of,
+)
 from rf_pointing.core import MDEG
 from rf_pointing.core.refraction import RadioRefraction
-from rf_pointing.ephemeris import read_elements, site
+from rf_pointing.ephemeris.source import read_source
 from rf_pointing.station.campaign import recorded_input
 from rf_pointing.station.campaign.log import priors_near
 
@@ -44,10 +51,9 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="fit_bias_model", description="Fit the pointing model of an antenna.")
     add = parser.add_argument
     add("files", nargs="+", type=Path, metavar="FILE", help="recording, CSV or TDM")
-    add("--station", default="Goldstone DSS-13", help="station name (default: Goldstone DSS-13)")
-    add("--band", default="X", help="frequency band (default: X)")
+    add_station_options(parser)
     add("--namespace", help="antenna, where a recording holds several")
-    add("--elements", type=Path, metavar="FILE", help="elements of the targets of CSV and TDM data")
+    add("--elements", metavar="FILE|DIR|URL", default="", help=f"{ELEMENTS_HELP}: the targets of CSV and TDM data")
     add("--max-age", type=float, default=14.0, metavar="DAYS", help="of the elements (default: 14)")
     air = parser.add_mutually_exclusive_group()
     air.add_argument("--weather", nargs=3, type=float, metavar=("HPA", "CELSIUS", "PERCENT"), help="pressure, temperature and "
@@ -81,7 +87,7 @@ def read_files(options: argparse.Namespace) -> tuple[Observations | None, list[P
     tables = [path for path in options.files if path.is_file() and path.suffix in TABULAR]
     of_points = [path for path in tables if path.suffix == ".csv" and recorded_input.holds_points(path)]
     points = recorded_input.read_points(of_points)
-    raw = [one for path in tables if path not in of_points for one in recorded_input.read_raw(path, options.band)]
+    raw = [one for path in tables if path not in of_points for one in recorded_input.read_raw(path, band_of(options))]
     passes = [(one, _reference(options, one)) for one in raw]
     for path in options.files:
         if path not in tables:
@@ -113,11 +119,11 @@ def collected(
 
 
 def _reference(options: argparse.Namespace, raw: calibration.RawTracking) -> calibration.ReferenceTrack:
-    if options.elements is None:
+    if not options.elements:
         raise ValueError("elements: tracking data of CSV and TDM need --elements FILE for their reference")
-    elements = read_elements(options.elements.read_text())
+    elements = read_source(elements_of(options)).elements
     oldest_s = options.max_age * DAY_S
-    return recorded_input.reference_of(raw, elements, site(options.station), oldest_s, refraction(options))
+    return recorded_input.reference_of(raw, elements, station_of(options).site, oldest_s, refraction(options))
 
 
 def refraction(options: argparse.Namespace) -> RadioRefraction | Literal["standard"] | None:
@@ -142,7 +148,7 @@ def _recorded(options: argparse.Namespace, path: Path) -> list[Pass]:
     from rf_pointing.report.tracking_from_bag import tracking_from_bag
 
     return tracking_from_bag(
-        path, options.station, options.band, namespace=options.namespace,
+        path, station_of(options).name, band_of(options), namespace=options.namespace,
         largest_error_rad=options.largest_error * MDEG, allow_damage=options.allow_damage,
     )  # fmt: skip
 
@@ -248,7 +254,7 @@ def run(options: argparse.Namespace) -> list[str]:
 
     present = calibration.read_model(options.start_model) if options.start_model else None
     if present is not None:
-        present.check_for(options.station, options.band, present.valid_from_t_s)
+        present.check_for(station_of(options).name, band_of(options), present.valid_from_t_s)
     # Read once: a recording takes longer than all fits.
     files = read_files(options)
     if options.tdm and not files[1]:

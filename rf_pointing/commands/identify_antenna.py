@@ -18,9 +18,17 @@ from rf_pointing_msgs.action import Identify
 from rf_pointing_msgs.msg import ManualRate
 
 from rf_pointing.commands.managed_graph import ManagedGraph, NotStartedError
-from rf_pointing.commands.options import add_namespace_option, between, ending_with_reason, say, seed
+from rf_pointing.commands.options import (
+    add_namespace_option,
+    add_station_options,
+    band_of,
+    between,
+    ending_with_reason,
+    say,
+    seed,
+    station_of,
+)
 from rf_pointing.commands.station_run import GraphRun, run_to_end
-from rf_pointing.commands.track_options import config_folder
 from rf_pointing.core import AXES
 from rf_pointing.identification import ExcitationParams, Recording, SampleCollector, study
 from rf_pointing.nodes import convert_identification as convert
@@ -58,6 +66,7 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     add("--seed", type=seed, default=1, help="seed of the random input (default: 1)")
     add("--tick", type=between(0.001, 0.1), default=usual.sample_s, help="control period in s (default: 0.02)")
     add_namespace_option(parser)
+    add_station_options(parser)
     add("--output", metavar="DIR", default="runs/identification", help="folder of the results")
     add("--simulated", action="store_true", help="start a simulated antenna, in wind of 0.3 m/s")
     add("--params-file", action="append", default=[], help="parameter file for it, may be repeated")
@@ -126,10 +135,15 @@ class Experimenter(GraphRun):
         written = self._output / "run.yaml"
         sections = {
             "simulation_clock": {"start_s": 1.0e9, "speed": 0.0, "tick_s": 0.1},
-            "antenna_servo": {"wind.mean_speed_m_s": 0.3, "antenna.tick_s": self._options.tick},
+            "antenna_servo": {
+                "station": str(station_of(self._options).path.resolve()),
+                "band": band_of(self._options),
+                "wind.mean_speed_m_s": 0.3,
+                "antenna.tick_s": self._options.tick,
+            },
         }
         written.write_text(yaml.safe_dump({f"/**/{k}": {"ros__parameters": v} for k, v in sections.items()}))
-        files = [config_folder() / "dss13.yaml", written, *map(Path, self._options.params_file)]
+        files = [written, *map(Path, self._options.params_file)]
         namespace, logs = self._options.namespace, self._output / "logs"
         self.graph = ManagedGraph(self.node, namespace, files, logs, self.spin, patience_s=BRING_UP_S)
         self.graph.start(SIMULATED)

@@ -1,17 +1,27 @@
 """The options that several executables share, and the argparse types of their numbers."""
 
 import argparse
+import math
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cache
 
 from rf_pointing.core.dates import parse_utc
+from rf_pointing.ephemeris.element_files import is_address
 from rf_pointing.ephemeris.source import SourceParams, first_time_s
+from rf_pointing.station.description import DEFAULT_STATION, StationDescription, read_station, shipped_stations
 
 
 def say(program: str, text: str) -> None:
     """Report to the user on stderr; stdout is for data."""
     print(f"{program}: {text}", file=sys.stderr, flush=True)
+
+
+def say_if(program: str, text: str) -> None:
+    """Report a text that may be empty."""
+    if text:
+        say(program, text)
 
 
 @contextmanager
@@ -69,25 +79,74 @@ def _namespace(text: str) -> str:
     return name
 
 
-def add_target_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of satellite, station, start and mask to a command line."""
+def elements_of(options: argparse.Namespace) -> str:
+    """Return where the elements are: a file, a folder, or an address that has been requested."""
+    if is_address(options.elements):
+        # Not at the top: `fetch_elements` has its own options from here.
+        from rf_pointing.commands.fetch_elements import current_elements
+
+        current_elements(options.elements)
+    return str(options.elements)
+
+
+ELEMENTS_HELP = "elements: a file, a folder, or an http(s) address, which is requested at most every 2 h"
+
+
+def add_station_options(parser: argparse.ArgumentParser) -> None:
+    """Add --station and --band to a command line."""
     add = parser.add_argument
-    add("--elements", metavar="FILE", default="", help="elements (default: verification set of sgp4)")
+    add("--station", metavar="FILE|NAME", default=DEFAULT_STATION,
+        help=f"station description: your file, or {', '.join(shipped_stations())} (default: {DEFAULT_STATION})")  # fmt: skip
+    add("--band", metavar="NAME", help="band of the station (default: the station's)")
+
+
+def station_of(options: argparse.Namespace) -> StationDescription:
+    """Return the station; StationError lists all problems of its file."""
+    return _read(options.station)
+
+
+@cache
+def _read(name: str) -> StationDescription:
+    return read_station(name)
+
+
+def band_of(options: argparse.Namespace) -> str:
+    """Return the band in use; ValueError if the station has none of this name."""
+    station = station_of(options)
+    band: str = options.band or station.default_band
+    if band not in station.bands:
+        raise ValueError(f"band={band!r} of {station.name} must be one of {', '.join(station.bands)}")
+    return band
+
+
+def lowest_rad(options: argparse.Namespace) -> float:
+    """Return the elevation at which passes begin and end."""
+    given = options.mask
+    if given is None:
+        given = station_of(options).parameters("ephemeris_publisher", band_of(options))["publisher.mask_deg"]
+    return math.radians(given)
+
+
+def add_target_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of station, satellite, start and mask to a command line."""
+    add = parser.add_argument
+    add("--elements", metavar="FILE|DIR|URL", default="", help=f"{ELEMENTS_HELP} (default: verification set of sgp4)")
     add("--interpolation", nargs=2, metavar=("METHOD", "DEGREE"), default=("", "7"),
         help="HERMITE, LAGRANGE or LINEAR, for an OEM that declares none")  # fmt: skip
     add("--satellite", default="28057", help="catalogue number or name (default: 28057, CBERS-2)")
-    add("--station", default="Goldstone DSS-13", help="station name (default: Goldstone DSS-13)")
+    add_station_options(parser)
     add("--start", metavar="UTC", help="look for passes after this time (default: the elements' epoch)")
-    add("--mask", type=between(0.0, 89.0), default=5.0, help="elevation of AOS and LOS in deg (default: 5)")
+    add("--mask", type=between(0.0, 89.0), metavar="DEG",
+        help="elevation of AOS and LOS (default: the station's)")  # fmt: skip
 
 
 def source_of(options: argparse.Namespace) -> SourceParams:
-    """Return the satellite and the station."""
+    """Return the satellite and the site."""
     method, degree = options.interpolation
     if not degree.isdecimal():
         raise ValueError(f"interpolation={method} {degree!r}: the degree must be a whole number")
     return SourceParams(
-        elements_file=options.elements, satellite=options.satellite, station=options.station,
+        elements=elements_of(options), satellite=options.satellite, site=station_of(options).site,
         interpolation=method.upper(), interpolation_degree=int(degree),
     )  # fmt: skip
 

@@ -14,10 +14,18 @@ import numpy as np
 
 from rf_pointing import calibration
 from rf_pointing.calibration import CandidatePass, PassPriors, SectorRule, Slew
-from rf_pointing.commands.options import ending_with_reason, say
+from rf_pointing.commands.options import (
+    ELEMENTS_HELP,
+    add_station_options,
+    elements_of,
+    ending_with_reason,
+    say,
+    station_of,
+)
 from rf_pointing.core import MDEG, require_between
 from rf_pointing.core.dates import parse_utc, utc_text
-from rf_pointing.ephemeris import read_elements, site, verification_elements
+from rf_pointing.ephemeris import verification_elements
+from rf_pointing.ephemeris.source import read_source
 from rf_pointing.station.campaign.plan import ArcRules, beacons, candidate_arcs
 
 HOUR_S = 3600.0
@@ -27,9 +35,9 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     """Return the parsed command line."""
     parser = argparse.ArgumentParser(prog="plan_calibration", description="Plan a calibration campaign.")
     add = parser.add_argument
-    add("--elements", type=Path, metavar="FILE", help="catalogue (default: verification set of sgp4)")
+    add("--elements", metavar="FILE|DIR|URL", default="", help=f"{ELEMENTS_HELP} (default: verification set of sgp4)")
     add("--beacons", action="store_true", help="the simulated sky of `calibrate` instead of a catalogue")
-    add("--station", default="Goldstone DSS-13", help="station name (default: Goldstone DSS-13)")
+    add_station_options(parser)
     add("--start", metavar="UTC", required=True, help="begin of the campaign")
     add("--hours", type=float, default=24.0, help="how far ahead (default: 24)")
     add("--arc", type=float, nargs="*", default=[], metavar="S",
@@ -54,7 +62,7 @@ def candidates_of(options: argparse.Namespace) -> list[CandidatePass]:
     if options.beacons:
         elements = beacons(start_s)
     elif options.elements:
-        elements = read_elements(options.elements.read_text())
+        elements = read_source(elements_of(options)).elements
     else:
         elements = verification_elements()
     span_s = options.hours * HOUR_S
@@ -63,7 +71,7 @@ def candidates_of(options: argparse.Namespace) -> list[CandidatePass]:
     if not fresh:
         raise ValueError(f"none of {len(elements)} elements is within 14 days of start={options.start}")
     rules = ArcRules(arcs_s=tuple(options.arc), spacing_s=options.spacing, sigma_rad=options.sigma * MDEG)
-    found, refused = candidate_arcs(fresh, site(options.station), start_s, span_s, rules)
+    found, refused = candidate_arcs(fresh, station_of(options).site, start_s, span_s, rules)
     for reason in refused:
         say("plan_calibration", f"left out: {reason}")
     if not found:
@@ -93,7 +101,7 @@ def advice(options: argparse.Namespace, candidates: list[CandidatePass]) -> int:
     """Print the passes that help most; return the exit code."""
     if options.model:
         file = calibration.read_model(options.model)
-        file.check_for(options.station, file.band, file.valid_from_t_s)
+        file.check_for(station_of(options).name, file.band, file.valid_from_t_s)
         terms, covariance = file.fitted, file.covariance
     else:
         # Of a station that was never calibrated no term is known, not even those that are to be

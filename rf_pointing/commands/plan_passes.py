@@ -1,24 +1,39 @@
-"""Executable `plan_passes`: the coming passes of one satellite, or of many.
+"""Executable `plan_passes`: the coming passes of one satellite, or of many for one antenna.
 
 One satellite: every pass with its certificate, printed, drawn, or as JSON.  Many (`--satellites`,
-or `--all` of the elements): a table of rise, closest approach and set.  No graph is needed.
+or `--all` of the elements): which passes the antenna tracks, which yield to which, and why; see
+`plan_passes_many`.  No graph is needed.
 """
 
 import argparse
 import dataclasses
 import json
 import math
+import os
+import sys
 from pathlib import Path
 from typing import Any
 
 from rf_pointing import planning
 from rf_pointing.calibration import BiasModel, read_model
-from rf_pointing.commands.options import add_target_options, between, ending_with_reason, say, source_of, start_of
+from rf_pointing.commands.options import (
+    add_target_options,
+    band_of,
+    between,
+    ending_with_reason,
+    lowest_rad,
+    say,
+    say_if,
+    source_of,
+    start_of,
+    station_of,
+)
+from rf_pointing.commands.plan_passes_many import plan_many, report
 from rf_pointing.core import to_degrees
-from rf_pointing.core.dates import parse_utc, utc_text
-from rf_pointing.core.parameters import NodeParameters, read_parameter_files
-from rf_pointing.ephemeris import CataloguePass, CatalogueSearch, find_catalogue_passes, find_elements, site
-from rf_pointing.ephemeris.source import load_catalogue, load_track
+from rf_pointing.core.dates import DAY_S, utc_text
+from rf_pointing.core.parameters import NodeParameters
+from rf_pointing.ephemeris import ElementUncertainty, stale_warning
+from rf_pointing.ephemeris.source import load_track
 from rf_pointing.station.antenna.simulated_antenna import SimulationParams
 from rf_pointing.station.pointing.certificates import PlannedPass, PlanningRules, plan_passes
 from rf_pointing.station.pointing.params import PointingParams
@@ -27,111 +42,78 @@ from rf_pointing.station.pointing.params import PointingParams
 def main(argv: list[str] | None = None) -> None:
     """Entry point of `ros2 run rf_pointing plan_passes`."""
     options = arguments(argv)
+    try:
+        with ending_with_reason("plan_passes"):
+            _main(options)
+    except BrokenPipeError:
+        # `plan_passes | head` has seen enough; Python must not complain about it at its end either.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _main(options: argparse.Namespace) -> None:
+    rules, start_rad = antenna_of(options)
     if options.all or options.satellites:
-        plan_many(options)
+        report(options, plan_many(options, rules, start_rad), rules)
         return
-    with ending_with_reason("plan_passes"):
-        planned, rules = plan(options)
+    for name in ("csv", "ics"):
+        if getattr(options, name):
+            raise ValueError(f"--{name} is of a plan of many satellites: give --satellites or --all")
+    track = load_track(source_of(options))
+    planned = plan_passes(track, start_of(options), options.hours * 3600.0, start_rad, rules, lowest_rad(options))
+    wanted = [item for item in planned if item.window.peak_elevation_rad >= math.radians(options.min_peak)]
     if options.json:
-        values = [{"pass": pass_values(item), **planning.certificate_values(item.certificate)} for item in planned]
+        values = [{"pass": pass_values(item), **planning.certificate_values(item.certificate)} for item in wanted]
         print(json.dumps(values, indent=1))
     else:
-        show(planned)
+        show(wanted)
+    if wanted:
+        beamwidth_rad, stale_s = rules.machine.half_power_beamwidth_rad, source_of(options).stale_days * DAY_S
+        last_s = wanted[-1].window.tca_t_s
+        say_if("plan_passes", stale_warning(track, last_s, stale_s, ElementUncertainty(), beamwidth_rad))
     if options.picture:
         from rf_pointing.report.plan_picture import draw_plan
 
-        draw_plan(planned, rules.limits, rules.mask, Path(options.picture))
+        draw_plan(wanted, rules.limits, rules.mask, Path(options.picture))
         say("plan_passes", options.picture)
 
 
 def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     """Return the parsed command line."""
-    what = "Plan the coming passes of a satellite, with certificates, or list those of many satellites."
+    what = "Plan the coming passes of a satellite, or of many satellites for one antenna, with certificates."
     parser = argparse.ArgumentParser(prog="plan_passes", description=what)
     add_target_options(parser)
     many = parser.add_mutually_exclusive_group()
-    many.add_argument("--satellites", nargs="+", metavar="NAME|NUMBER", help="list the passes of these satellites "
-                      "instead, above --mask, without certificates (start: their newest epoch)")  # fmt: skip
-    many.add_argument("--all", action="store_true", help="list the passes of all satellites of the elements")
+    many.add_argument("--satellites", nargs="+", metavar="NAME|NUMBER|FILE", help="plan these satellites together; a "
+        "file has one a line, as in '25544, priority=5, peak=20' (start: now, or the newest epoch)")  # fmt: skip
+    many.add_argument("--all", action="store_true", help="plan all satellites of the elements together")
     add = parser.add_argument
     add("--hours", type=between(0.01, 744.0), default=24.0, help="how far to look (default: 24)")
-    add("--params-file", action="append", default=[], help="parameters of pointing_controller: limits, machine, "
-        "mask, gate, pointing; and of antenna_servo: where it stands; may be repeated")  # fmt: skip
-    add("--model", metavar="FILE", default="", help="bias model (default: a perfect mount)")
+    add("--min-peak", type=between(0.0, 90.0), default=0.0, metavar="DEG", help="least peak of a pass (default: 0)")
+    add("--gap", type=between(0.0, 3600.0), default=0.0, metavar="S",
+        help="between passes of many satellites, besides the slew (default: 0)")  # fmt: skip
+    add("--model", metavar="FILE", default="", help="bias model (default: the station's)")
     add("--json", action="store_true", help="print JSON")
-    add("--picture", metavar="FILE", help="draw sky, rates and wrap into this PNG or SVG")
+    add("--csv", metavar="FILE", help="write all passes of many satellites as a table")
+    add("--ics", metavar="FILE", help="write the tracked passes of many satellites as a calendar")
+    add("--picture", metavar="FILE", help="draw the plan into this PNG")
     return parser.parse_args(argv)
 
 
-def plan(options: argparse.Namespace) -> tuple[list[PlannedPass], PlanningRules]:
-    """Return the planned passes, and the antenna that they were planned for."""
-    nodes = read_parameter_files([Path(name) for name in options.params_file])
-    controller, servo = (nodes.get(name, NodeParameters(name, {})) for name in ("pointing_controller", "antenna_servo"))
+def antenna_of(options: argparse.Namespace) -> tuple[PlanningRules, tuple[float, float]]:
+    """Return the antenna that passes are planned for, and where it parks."""
+    station, band = station_of(options), band_of(options)
+    controller = NodeParameters("pointing_controller", station.parameters("pointing_controller", band))
+    servo = NodeParameters("antenna_servo", station.parameters("antenna_servo", band))
+    file = Path(options.model) if options.model else station.bias_model_file(band)
     rules = PlanningRules(
-        model=read_model(Path(options.model)).model if options.model else BiasModel.zero(),
+        model=read_model(file).model if file else BiasModel.zero(),
         machine=controller.group("machine", planning.MachineParams()),
         limits=controller.group("limits", planning.AxisLimits()),
         mask=controller.group("mask", planning.HorizonMask()),
         gate=controller.group("gate", planning.GateParams()),
         lag_averaging_s=controller.group("pointing", PointingParams()).lag_averaging_s,
     )
-    antenna = servo.group("antenna", SimulationParams())
-    planned = plan_passes(
-        load_track(source_of(options)), start_of(options), options.hours * 3600.0, antenna.start_rad, rules,
-        math.radians(options.mask),
-    )  # fmt: skip
-    return planned, rules
-
-
-def plan_many(options: argparse.Namespace) -> None:
-    """Print the passes of many satellites as a table or JSON; what was not searched to stderr."""
-    with ending_with_reason("plan_passes"):
-        found = search(options)
-    if options.json:
-        unsearched = [{"name": one.name, "reason": reason} for one, reason in found.unsearched]
-        print(json.dumps({"passes": [row_values(item) for item in found.passes], "unsearched": unsearched}, indent=1))
-        return
-    show_table(found)
-    for one, reason in found.unsearched:
-        say("plan_passes", f"{one.name} was not searched: {reason}")
-
-
-def search(options: argparse.Namespace) -> CatalogueSearch:
-    """Return the passes of the chosen satellites, in order of rise."""
-    for name in ("params_file", "model", "picture"):
-        if getattr(options, name):
-            option = f"--{name.replace('_', '-')}"
-            raise ValueError(f"{option} needs the certificate of one satellite: give --satellite")
-    catalogue = load_catalogue(options.elements)
-    chosen = [find_elements(catalogue, name) for name in options.satellites] if options.satellites else catalogue
-    start_s = parse_utc(options.start) if options.start else max(one.epoch_t_s for one in chosen)
-    return find_catalogue_passes(
-        chosen, site(options.station), start_s, options.hours * 3600.0, math.radians(options.mask)
-    )
-
-
-def row_values(item: CataloguePass) -> dict[str, Any]:
-    """Return one pass of a table as names and plain values: times in UTC, angles in degrees."""
-    values: dict[str, Any] = {"name": item.elements.name, "catalogue_number": item.elements.catalogue_number}
-    values |= {f"{name}_utc": utc_text(getattr(item, f"{name}_t_s")) for name in ("aos", "tca", "los")}
-    values["duration_s"] = item.los_t_s - item.aos_t_s
-    angles = ("peak_elevation_rad", "aos_azimuth_rad", "tca_azimuth_rad", "los_azimuth_rad")
-    values |= dict(to_degrees(name, getattr(item, name)) for name in angles)
-    return {**values, "rises_before": item.rises_before, "sets_after": item.sets_after}
-
-
-def show_table(found: CatalogueSearch) -> None:
-    """Print one line for every pass; < and > mark one cut off at an end of the searched time."""
-    header = f"{'satellite':<24} {'AOS (UTC)':<24}  {'TCA':<12} {'LOS':<12}  {'s':>6} {'peak':>6} {'azimuth deg':>17}"
-    print(header if found.passes else "no pass")
-    for item in found.passes:
-        row = row_values(item)
-        azimuths = " ".join(f"{row[f'{name}_azimuth_deg']:5.1f}" for name in ("aos", "tca", "los"))
-        print(
-            f"{row['name']:<24.24} {row['aos_utc']}{'<' if item.rises_before else ' '} {row['tca_utc'][11:23]} "
-            f"{row['los_utc'][11:23]}{'>' if item.sets_after else ' '} {row['duration_s']:6.0f} "
-            f"{row['peak_elevation_deg']:6.2f} {azimuths}"
-        )
+    return rules, servo.group("antenna", SimulationParams()).start_rad
 
 
 def pass_values(item: PlannedPass) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from rclpy.action import ActionClient
 from rf_pointing.commands.managed_graph import ManagedGraph, NotStartedError
 from rf_pointing.commands.options import say
 from rf_pointing.commands.recorder import Recorder
-from rf_pointing.commands.track_options import bag_folder, in_real_time, notes, overrides, parameter_files
+from rf_pointing.commands.track_options import bag_folder, in_real_time, notes, parameter_files, parameters
 from rf_pointing.ephemeris import Pass
 from rf_pointing.nodes.graph import NODES
 from rf_pointing.nodes.main_loop import make_executor, settle_garbage
@@ -91,7 +91,7 @@ class StationRun(GraphRun):
         super().__init__(program, options.namespace)
         self._begun = False
         on_time = PUNCTUAL if in_real_time(options.speed) else ()
-        files = parameter_files(options, overrides(options, window, output), output)
+        files = parameter_files(options, parameters(options, window, output), output)
         self.graph = ManagedGraph(
             self.node, options.namespace, files, output / "logs", self.spin, patience_s=PATIENCE_S, on_time=on_time
         )

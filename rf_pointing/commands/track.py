@@ -18,7 +18,7 @@ from rf_pointing_msgs.action import TrackPass
 from rf_pointing_msgs.msg import PassCertificate
 
 from rf_pointing.commands import track_options
-from rf_pointing.commands.options import ending_with_reason, say
+from rf_pointing.commands.options import band_of, ending_with_reason, say, station_of
 from rf_pointing.commands.station_run import StationRun, run_to_end
 from rf_pointing.core import MDEG
 from rf_pointing.core.dates import utc_text
@@ -87,7 +87,7 @@ class PassRun(StationRun):
 
     def __init__(self, options: argparse.Namespace, window: Pass, output: Path) -> None:
         super().__init__("track", options, window, output)
-        self._sensor, self._window = options.sensor, window
+        self._sensor, self._window = track_options.sensor_of(options), window
         self._client = ActionClient(self.node, TrackPass, "track_pass")
         self._certificate: PassCertificate | None = None
         self.node.create_subscription(PassCertificate, "pass_certificate", self._note_certificate, LATCHED)
@@ -124,11 +124,13 @@ def main(argv: list[str] | None = None) -> None:
     options = track_options.arguments(argv)
     with ending_with_reason("track"):
         track_options.speed_factor(options.speed)
+        sensor = track_options.sensor_of(options)
         window = track_options.choose_pass(options)
         scan = track_options.chosen_scan(options, window)
         output = track_options.output_folder(options, track_options.run_stem(options, window))
-    say("track", f"{window.name} over {options.station}: AOS {utc_text(window.aos_t_s)}, {window.duration_s:.0f} s, "
-        f"peak {math.degrees(window.peak_elevation_rad):.1f} deg")  # fmt: skip
+    place, peak_deg = f"{station_of(options).name}, {band_of(options)} band", math.degrees(window.peak_elevation_rad)
+    say("track", f"{window.name} over {place}, {sensor}: AOS {utc_text(window.aos_t_s)}, {window.duration_s:.0f} s, "
+        f"peak {peak_deg:.1f} deg")  # fmt: skip
     if scan is not None:
         say("track", f"scan of {scan.radius_rad / MDEG:.2f} mdeg in {scan.period_s:.1f} s, an estimate over "
             f"{scan.window_samples * scan.sample_s:.1f} s")  # fmt: skip

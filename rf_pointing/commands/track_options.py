@@ -8,17 +8,32 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from ament_index_python.packages import get_package_share_directory
 
-from rf_pointing.commands.options import add_namespace_option, add_target_options, between, seed, source_of, start_of
+from rf_pointing.commands.options import (
+    add_namespace_option,
+    add_target_options,
+    band_of,
+    between,
+    elements_of,
+    lowest_rad,
+    seed,
+    source_of,
+    start_of,
+    station_of,
+)
 from rf_pointing.core import MDEG, leaves
 from rf_pointing.core.modes import Sensor
 from rf_pointing.core.parameters import NodeParameters, read_parameter_files
 from rf_pointing.ephemeris import Pass, first_pass_above
+from rf_pointing.ephemeris.element_files import element_files, is_address
+from rf_pointing.ephemeris.solar import SolarDirection, SunParams
 from rf_pointing.ephemeris.source import load_track
-from rf_pointing.planning import HorizonMask
-from rf_pointing.rf import HALF_POWER_BEAMWIDTH_RAD, LinkParams
-from rf_pointing.station.campaign.model_keeper import commissioning_model
+from rf_pointing.nodes.graph import GRAPH, NODES
+from rf_pointing.planning import Gate, choose_turns
+from rf_pointing.rf import LinkParams
+from rf_pointing.station.antenna.simulated_antenna import SimulationParams
+from rf_pointing.station.description import owner
+from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.tracking.conscan_design import ScanDesignParams, scan_for_accuracy
 from rf_pointing.tracking.conscan_estimate import ConscanParams
 from rf_pointing.tracking.sensors import SENSOR_CHOICES, load_trackers
@@ -30,8 +45,12 @@ REAL_TIME_SPEED = 3.0
 LONGEST_TURN_S = 32.0
 """Longest period of a chosen scan: over two periods the error must stay the same."""
 SCAN_CHOICES = ("radius_deg", "period_s", "window_samples", "fewest_samples", "bandwidth_hz")
+OF_STATION = tuple(node.name for node in GRAPH if node.name != "simulation_clock")
+"""The nodes that take the station description."""
 SLEW_TIME_S = 150.0
-"""Simulated time before acquisition: the largest slew at 1.8 deg/s, and time to settle."""
+"""Least simulated time before acquisition."""
+SETTLE_S = 30.0
+"""From the end of a slew to acquisition."""
 
 
 def arguments(argv: list[str] | None = None) -> argparse.Namespace:
@@ -41,15 +60,14 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     add_target_options(parser)
     add = parser.add_argument
     add("--min-peak", type=between(0.0, 90.0), default=40.0, help="least peak elevation in deg (default: 40)")
-    add("--band", choices=("S", "X", "Ka"), default="X", help="frequency band (default: X)")
-    add("--sensor", choices=tuple(SENSOR_CHOICES), default=str(Sensor.MONOPULSE), help="(default: monopulse)")
+    add("--sensor", choices=tuple(SENSOR_CHOICES), help="(default: that of the station's band)")
     add("--scan-sigma", metavar="MDEG", type=float, help="accuracy of conscan per axis at the pass's weakest "
-        "carrier: chooses radius and period (default: the files')")  # fmt: skip
+        "carrier: chooses radius and period (default: the station's)")  # fmt: skip
     add("--speed", default="max", help="factor of real time, or max (default)")
     add("--ephemeris-error", metavar="S", type=between(-60.0, 60.0), help="time by which the satellite is ahead of "
-        "its elements (default: that of the parameter files, 0.15 s)")  # fmt: skip
+        "its elements (default: the station's, simulation.along_track_offset_s)")  # fmt: skip
     add("--models", metavar="DIR", default=str(DEFAULT_MODELS), help=f"folder of accepted pointing models (default: "
-        f"{DEFAULT_MODELS}); empty or none: the commissioning model")  # fmt: skip
+        f"{DEFAULT_MODELS}); empty or none in it: the station's bias model")  # fmt: skip
     add("--seed", type=seed, default=1, help="seed of every noise source (default: 1)")
     add_namespace_option(parser)
     add("--params-file", action="append", default=[], help="further ROS parameter file, may be repeated")
@@ -61,29 +79,20 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
 
 def choose_pass(options: argparse.Namespace) -> Pass:
     """Return the pass to track; ValueError if satellite, station and time do not give one."""
-    above, span_s = _horizon(options).above(math.radians(options.mask)), 2.0 * 86400.0
+    above, span_s = station_of(options).mask.above(lowest_rad(options)), 2.0 * 86400.0
     track = load_track(source_of(options))
     return first_pass_above(track, start_of(options), math.radians(options.min_peak), above, span_s)
 
 
-def _given(options: argparse.Namespace, node: str) -> NodeParameters:
-    """Return the parameters of a node in the parameter files of the command line."""
-    nodes = read_parameter_files([Path(name) for name in options.params_file])
-    return nodes.get(node, NodeParameters(node, {}))
-
-
-def _horizon(options: argparse.Namespace) -> HorizonMask:
-    """Return the controller's horizon mask: passes begin and end above it."""
-    return _given(options, "pointing_controller").group("mask", HorizonMask())
-
-
-def _horizon_of_servo(options: argparse.Namespace) -> dict[str, Any]:
-    """Return the controller's mask as that of the servo, unless the servo has its own."""
-    # The servo holds the mask against every commander, not only against our controller.
-    if any(name.startswith("safety.mask.") for name in _given(options, "antenna_servo").values):
-        return {}
-    values = _given(options, "pointing_controller").values
-    return {f"safety.{name}": value for name, value in values.items() if name.startswith("mask.")}
+def sensor_of(options: argparse.Namespace) -> str:
+    """Return the sensor of the pass; ValueError for one that the station's band does not have."""
+    station, band = station_of(options), band_of(options)
+    sensor = options.sensor or station.sensor(band)
+    # Sensors of other packages are not the feed's: the station does not speak of them.
+    if sensor in set(Sensor) - {*station.sensors(band), Sensor.PROGRAM, Sensor.AUTO}:
+        known = ", ".join((*station.sensors(band), Sensor.AUTO, Sensor.PROGRAM))
+        raise ValueError(f"sensor={sensor}: {band} band of {station.name} has {known}")
+    return str(sensor)
 
 
 def chosen_scan(options: argparse.Namespace, window: Pass) -> ConscanParams | None:
@@ -92,7 +101,9 @@ def chosen_scan(options: argparse.Namespace, window: Pass) -> ConscanParams | No
         return None
     if not 0.0 < options.scan_sigma < math.inf:
         raise ValueError(f"scan-sigma={options.scan_sigma} mdeg must be > 0 and finite")
-    node = read_parameter_files(_station_files(options))["pointing_controller"]
+    node = NodeParameters(
+        "pointing_controller", station_of(options).parameters("pointing_controller", band_of(options))
+    )
     track, ends = load_track(source_of(options)), (window.aos_t_s, window.los_t_s)
     # The link is weakest at the horizon, where the range is longest.
     farthest_m = max(float(track.target_at(t_s).range_m) for t_s in ends)
@@ -119,77 +130,105 @@ def in_real_time(speed: str) -> bool:
     return 0.0 < speed_factor(speed) <= REAL_TIME_SPEED
 
 
-def overrides(options: argparse.Namespace, window: Pass, output: Path) -> dict[str, Any]:
-    """Return the nodes' parameters from the command line; their files go to `output`."""
+def before_pass_s(options: argparse.Namespace, window: Pass) -> float:
+    """Return the whole simulated seconds before acquisition: the slew from the antenna's start."""
+    station, band, sets = station_of(options), band_of(options), ControllerParams().sets()
+    controller, servo = (
+        NodeParameters(node, station.parameters(node, band)) for node in ("pointing_controller", "antenna_servo")
+    )
+    limits, machine, mask, gate = (controller.group(name, sets[name]) for name in ("limits", "machine", "mask", "gate"))
+    start = servo.group("antenna", SimulationParams()).start_rad
+    sun = SolarDirection(SunParams(site=station.site)).at(window.aos_t_s)
+    turn, times = 2.0 * math.pi, [SLEW_TIME_S - SETTLE_S]
+    # A pass over the top may begin on the other side; only the certificate knows whether it does.
+    for over in (False, True) if limits.elevation_max_rad > 0.5 * math.pi else (False,):
+        azimuth = window.aos_azimuth_rad + (math.pi if over else 0.0)
+        elevation = math.pi - window.aos_elevation_rad if over else window.aos_elevation_rad
+        shift = azimuth - window.aos_azimuth_rad
+        try:
+            turns = choose_turns(limits, window.azimuth_min_rad + shift, window.azimuth_max_rad + shift, start[0])
+        except ValueError:
+            # A pass that fits no turn is the certificate's to refuse, with its reasons.
+            continue
+        goal = (azimuth + turns * turn, elevation)
+        times.append(Gate(gate, limits, mask, machine.axes).slew(start, goal, sun)[0])
+    return math.ceil(max(times) + SETTLE_S)
+
+
+def parameters(options: argparse.Namespace, window: Pass, output: Path) -> dict[str, dict[str, Any]]:
+    """Return the parameters by node that follow from the command line; files go to `output`."""
+    station = {"station": str(flown_station(options, window, output).resolve()), "band": band_of(options)}
     source = {
         "source.satellite": options.satellite,
-        "source.station": options.station,
-        "source.elements_file": str(Path(options.elements).resolve()) if options.elements else "",
+        "source.elements": _for_nodes(options),
         "source.interpolation": source_of(options).interpolation,
         "source.interpolation_degree": source_of(options).interpolation_degree,
     }
-    mask, scan = _horizon(options), chosen_scan(options, window)
-    scanned = {} if scan is None else {f"conscan.{name}": leaves(scan)[name][1] for name in SCAN_CHOICES}
     real = {} if options.ephemeris_error is None else {"source.along_track_offset_s": options.ephemeris_error}
-    model = commissioning_model(config_folder(), options.station, options.band, output)
-    sections = {
-        "simulation_clock": {
-            "start_s": math.floor(window.aos_t_s) - SLEW_TIME_S,
-            "speed": speed_factor(options.speed),
-            # At 10 Hz the servo makes up its ticks at once: 80 % less traffic of the clock.
-            "tick_s": 0.02 if in_real_time(options.speed) else 0.1,
-        },
-        "ephemeris_publisher": {
-            **source,
-            "publisher.mask_deg": options.mask,
-            "mask.azimuth_deg": [math.degrees(angle) for angle in mask.azimuth_rad],
-            "mask.elevation_deg": [math.degrees(angle) for angle in mask.elevation_rad],
-            "mask.clearance_deg": math.degrees(mask.clearance_rad),
-        },
+    own: dict[str, dict[str, Any]] = {
+        "ephemeris_publisher": source,
         "rf_receiver": {**source, **real, "signal.seed": options.seed},
-        "antenna_servo": {
-            "antenna.seed": options.seed,
-            "safety.sun.station": options.station,
-            **_horizon_of_servo(options),
-        },
-        "conscan_tracker": scanned,
-        "pointing_controller": {
-            **scanned,
-            "sun.station": options.station,
-            "machine.half_power_beamwidth_deg": math.degrees(HALF_POWER_BEAMWIDTH_RAD[options.band]),
-            "certificate_folder": str(output.resolve()),
-        },
+        "antenna_servo": {"antenna.seed": options.seed},
+        "pointing_controller": {"certificate_folder": str(output.resolve())},
         "bias_calibrator": {
-            "calibrator.model_file": str(model.resolve()),
-            "calibrator.station": options.station,
-            "calibrator.band": options.band,
             "calibrator.folder": str(Path(options.models).resolve()) if options.models else "",
             "calibrator.keep_observations": options.keep_observations,
         },
     }
-    return {f"/**/{node}": {"ros__parameters": values} for node, values in sections.items() if values}
+    clock = {
+        "start_s": math.floor(window.aos_t_s) - before_pass_s(options, window),
+        "speed": speed_factor(options.speed),
+        # At 10 Hz the servo makes up its ticks at once: 80 % less traffic of the clock.
+        "tick_s": 0.02 if in_real_time(options.speed) else 0.1,
+    }
+    return {"simulation_clock": clock} | {node: station | own.get(node, {}) for node in OF_STATION}
+
+
+def flown_station(options: argparse.Namespace, window: Pass, output: Path) -> Path:
+    """Write the station of a run, with what the command line changes of it, into its folder."""
+    station, scan = station_of(options), chosen_scan(options, window)
+    tuning = f"bands.{band_of(options)}.tuning"
+    changes = {} if scan is None else {f"{tuning}.conscan.{name}": leaves(scan)[name][1] for name in SCAN_CHOICES}
+    if options.mask is not None:
+        changes["mount.pass_elevation_deg"] = options.mask
+    written = output / "station.yaml"
+    station.write(written, changes)
+    return written
+
+
+def _for_nodes(options: argparse.Namespace) -> str:
+    """Return where the nodes, which run in another folder, find the elements of the plan."""
+    location = elements_of(options)
+    # The kept file and not its address: a run has the elements that it was planned with.
+    return str((element_files(location)[0] if is_address(location) else Path(location)).resolve()) if location else ""
 
 
 def notes(options: argparse.Namespace) -> dict[str, str]:
     """Return the notes on the run for the bag and the report."""
-    return {name: str(getattr(options, name)) for name in ("station", "band", "sensor", "speed", "seed")}
+    of_run = {name: str(getattr(options, name)) for name in ("speed", "seed")}
+    return {"station": station_of(options).name, "band": band_of(options), "sensor": sensor_of(options), **of_run}
 
 
-def parameter_files(options: argparse.Namespace, sections: Mapping[str, Any], output: Path) -> list[Path]:
-    """Return the parameter files of a run; `sections`, in `output`, come last and override."""
+def parameter_files(options: argparse.Namespace, given: Mapping[str, Mapping[str, Any]], output: Path) -> list[Path]:
+    """Return the parameter files of a run: `given` by node, written to `output`, then the user's.
+
+    Raises ValueError for what a file and the command line both say, and for an unknown node: what a
+    user writes is in force, or refused.
+    """
+    files = [Path(name) for name in options.params_file]
+    for node, said in read_parameter_files(files).items():
+        if node not in (*NODES, "**"):
+            raise ValueError(f"params-file: {node} is no node; there are {', '.join(NODES)}")
+        twice = sorted(said.values.keys() & given.get(node, {}).keys())
+        if twice:
+            raise ValueError(f"params-file: {node} {', '.join(twice)}: given by the command line, see --help")
+        for name in said.values:
+            if key := owner(node, name):
+                raise ValueError(f"params-file: {node} {name} is given by the station description: {key}")
     written = output / "run.yaml"
+    sections = {f"/**/{node}": {"ros__parameters": dict(values)} for node, values in given.items()}
     written.write_text(yaml.safe_dump(sections, sort_keys=False))
-    return [*_station_files(options), written]
-
-
-def _station_files(options: argparse.Namespace) -> list[Path]:
-    share = config_folder()
-    return [share / "dss13.yaml", share / f"band_{options.band.lower()}.yaml", *map(Path, options.params_file)]
-
-
-def config_folder() -> Path:
-    """Return the folder of the installed parameter files."""
-    return Path(get_package_share_directory("rf_pointing")) / "config"
+    return [written, *files]
 
 
 def bag_folder(options: argparse.Namespace, output: Path) -> Path:

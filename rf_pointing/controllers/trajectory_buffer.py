@@ -24,7 +24,10 @@ class TrajectoryBufferParams(Params):
 
     extrapolation_s: float = parameter(1.0, "longest extrapolation past the last point", low=0.0, high=5.0)
     max_gap_s: float = parameter(2.5, "longest interval between points that is interpolated", low=0.01, high=60.0)
-    max_lead_s: float = parameter(60.0, "how far ahead a message may begin", low=0.1, high=3600.0)
+    max_lead_s: float = parameter(3.0, "how far ahead a message may begin", low=0.1, high=60.0)
+    horizon_s: float = parameter(15.0, "how far ahead a message may end", low=0.1, high=600.0)
+    max_points: int = parameter(600, "points that a message may have", low=1, high=10_000)
+    silence_s: float = parameter(5.0, "how long the sender of a table that moves may be silent", low=0.2, high=60.0)
     keep_s: float = parameter(2.0, "how long points of the past are kept", low=0.0, high=60.0)
 
 
@@ -93,16 +96,21 @@ class TrajectoryBuffer:
         return ""
 
     def reason_against(self, trajectory: JointTrajectory, now_s: float) -> str:
-        """Return why a message received at `now_s` is stale, future, a duplicate or out of order,
-        "" if it is not.
+        """Return why a message received at `now_s` is too long, stale, future, a duplicate or out
+        of order, "" if it is not.
         """
         require_finite("now_s", now_s)
+        if len(trajectory.t_s) > self.params.max_points:
+            return f"too long: it has {len(trajectory.t_s)} points, must have <= {self.params.max_points}"
         rows = _rows(trajectory)
         begins, ends = rows[0, 0], rows[-1, 0]
         if ends < now_s:
             return f"stale: its last point is {now_s - ends:.3f} s in the past"
+        # A message that begins far ahead makes every later one out of order until it has begun.
         if begins > now_s + self.params.max_lead_s:
             return f"future: it begins {begins - now_s:.3f} s ahead, must be <= {self.params.max_lead_s} s"
+        if ends > now_s + self.params.horizon_s:
+            return f"future: it ends {ends - now_s:.3f} s ahead, must be <= {self.params.horizon_s} s"
         if len(self._latest):
             if np.array_equal(rows, self._latest):
                 return "duplicate of the latest message"

@@ -23,9 +23,9 @@ from pathlib import Path
 from typing import Any, Self, TypeVar, get_args, get_origin
 
 import numpy as np
-import yaml
 
 from rf_pointing.core.checks import require_between, require_choice
+from rf_pointing.core.whole_file import parse_yaml, read_whole
 
 P = TypeVar("P", bound="Params")
 
@@ -43,6 +43,7 @@ _UNITS = {
     "_dbw": "dBW",
     "_dbi": "dBi",
     "_db": "dB",
+    "_mhz": "MHz",
     "_hz": "Hz",
     "_kg_m2": "kg m^2",
     "_n_m": "N m",
@@ -50,6 +51,7 @@ _UNITS = {
     "_bits": "bit",
     "_k": "K",
     "_m2": "m^2",
+    "_km": "km",
     "_m": "m",
     "_s": "s",
 }
@@ -138,7 +140,7 @@ def with_leaves(params: P, values: Mapping[str, Any]) -> P:
         elif head not in known:
             raise ValueError(f"{head}: {type(params).__name__} has no such parameter")
         else:
-            changes[known[head].name] = _from_edge(known[head], head, _tuple(value))
+            changes[known[head].name] = from_edge(known[head], head, _tuple(value))
     for head, below in nested.items():
         inner = getattr(params, head, None)
         if not isinstance(inner, Params):
@@ -177,7 +179,7 @@ def _tuple(value: Any) -> Any:
     return tuple(value) if isinstance(value, (list, np.ndarray)) else value
 
 
-def _from_edge(item: "dataclasses.Field[Any]", edge: str, value: Any) -> Any:
+def from_edge(item: "dataclasses.Field[Any]", edge: str, value: Any) -> Any:
     """Return the core form of a value from outside; errors name value and bounds in degrees.
 
     A value on a bound stays on it: degrees to radians and back is off by a rounding error.
@@ -250,11 +252,13 @@ def read_parameter_files(paths: Sequence[Path]) -> dict[str, NodeParameters]:
     merged: dict[str, dict[str, Any]] = {}
     for path in paths:
         try:
-            content = yaml.safe_load(path.read_text())
-        except (yaml.YAMLError, UnicodeDecodeError) as error:
-            raise ValueError(f"{path}: not YAML: {error}") from error
+            text = read_whole(path)
         except OSError as error:
             raise ValueError(f"parameter file {path}: {error.strerror}") from error
+        try:
+            content = parse_yaml(text)
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from error
         if not isinstance(content, Mapping):
             raise ValueError(f"{path}: must map node names to ros__parameters")
         # A node may be named by any namespace; its last part is what counts here.

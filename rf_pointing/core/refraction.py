@@ -9,7 +9,8 @@ atmosphere of two exponentials (dry and wet) that has the refractivity N0 of ITU
 antenna.  The form is exactly zero at the zenith and changes sign there, so a plunged antenna
 (elevation above 90 deg) sees the same sky.  Below the horizon no ray arrives: from 0 to -1 deg of
 apparent elevation R levels off smoothly to a constant, so that a target that has not risen yet
-still has continuous rates.
+still has continuous rates.  In steep air it levels off earlier, before the form's pole: the
+constant is less than three times the bending on the horizon.
 """
 
 import math
@@ -20,6 +21,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from rf_pointing.core.checks import require_finite
 from rf_pointing.core.parameters import Params, parameter
 
 Array = NDArray[np.float64]
@@ -33,12 +35,14 @@ _TOP_M = 1.2e5
 # Refractivity gradient in N units per metre at which rays near the horizon follow the ground
 # (0.157, less 5 %).
 _DUCTING_PER_M = 0.150
-_LEVEL_MIDDLE_RAD = math.radians(-0.5)
-_LEVEL_HALF_WIDTH_RAD = math.radians(0.5)
+_LEVEL_RAD = math.radians(0.5)
+# Largest part of the way from the horizon to the pole, along the form's slope, that R is followed.
+_LARGEST_SHARE = 0.5
 # Newton squares the error in each step: after a step this small the next would be below 1e-15
 # rad.
 _TOLERANCE_RAD = 1e-9
-_MAX_ITERATIONS = 30
+# Where every step were a bisection, 0.3 rad would take 29 to the tolerance.
+_MAX_ITERATIONS = 60
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,18 +96,43 @@ class RadioRefraction(Params):
         return apparent_rad - self._bending(apparent_rad)[0]
 
     def apply_with_rates(self, elevation_rad: Any, rate_rad_s: Any, acceleration_rad_s2: Any) -> tuple[Any, Any, Any]:
-        """Return the apparent elevation with rate and acceleration (Newton on the inverse)."""
+        """Return the apparent elevation with rate and acceleration (Newton on the inverse).
+
+        E - R(E) increases everywhere, so the largest bending brackets the root: a step that leaves
+        the bracket or is not half the one before, as below a steep horizon, becomes a bisection.
+        """
+        require_finite("elevation_rad", elevation_rad)
+        plain = isinstance(elevation_rad, float)
         # The bending of the true elevation is a first guess good to a few percent of itself.
         apparent = elevation_rad + self._bending(elevation_rad)[0]
+        low, high = elevation_rad - self._reach_rad, elevation_rad + self._reach_rad
+        longest: Any = math.inf
         for _ in range(_MAX_ITERATIONS):
             bending, slope, curvature = self._bending(apparent)
-            step = (apparent - bending - elevation_rad) / (1.0 - slope)
-            apparent = apparent - step
-            if (abs(step) if isinstance(step, float) else np.max(np.abs(step), initial=0.0)) < _TOLERANCE_RAD:
-                gain = 1.0 / (1.0 - slope)
-                acceleration = acceleration_rad_s2 * gain + rate_rad_s**2 * curvature * gain**3
-                return apparent, rate_rad_s * gain, acceleration
-        raise ValueError(f"elevation_rad={elevation_rad} has no apparent elevation within {_MAX_ITERATIONS} steps")
+            misfit = apparent - bending - elevation_rad
+            step = misfit / (1.0 - slope)
+            before, apparent, size = apparent, apparent - step, abs(step)
+            # Plain floats apart: numpy takes ten times longer for one elevation.
+            if plain:
+                if size < _TOLERANCE_RAD:
+                    break
+                low, high = (low, before) if misfit > 0.0 else (before, high)
+                if not (low < apparent < high and size < longest):
+                    apparent = 0.5 * (low + high)
+            else:
+                small = size < _TOLERANCE_RAD
+                if np.all(small):
+                    break
+                low, high = np.where(misfit > 0.0, low, before), np.where(misfit > 0.0, before, high)
+                good = small | ((low < apparent) & (apparent < high) & (size < longest))
+                apparent = np.where(good, apparent, 0.5 * (low + high))
+            # Steps that do not shrink would creep towards a cycle around the kink at the horizon.
+            longest = 0.5 * size
+        else:
+            raise ValueError(f"elevation_rad={elevation_rad} has no apparent elevation in {_MAX_ITERATIONS} steps")
+        gain = 1.0 / (1.0 - slope)
+        acceleration = acceleration_rad_s2 * gain + rate_rad_s**2 * curvature * gain**3
+        return apparent, rate_rad_s * gain, acceleration
 
     @cached_property
     def _vapour_pressure_hpa(self) -> float:
@@ -124,6 +153,18 @@ class RadioRefraction(Params):
         columns = np.stack([s, np.ones_like(s), -rest * s, -rest], axis=1) * weight[:, None]
         p1, p0, q1, q0 = np.linalg.lstsq(columns, rest * s**2 * weight, rcond=None)[0]
         return n0, float(p1), float(p0), float(q1), float(q0)
+
+    @cached_property
+    def _level_rad(self) -> float:
+        """Return how far below the horizon R still grows: half of the way to the pole, or less."""
+        _, p1, p0, q1, q0 = self._coefficients
+        at_horizon, slope = p0 / q0, 1.0 + (p1 - q1 * p0 / q0) / q0
+        return min(_LEVEL_RAD, _LARGEST_SHARE * at_horizon / slope)
+
+    @cached_property
+    def _reach_rad(self) -> float:
+        """Return slightly more than the largest bending, which is that below the horizon."""
+        return 1.01 * float(self._bending(-0.25 * math.pi)[0])
 
     def _traced_bending(self, apparent_rad: Array) -> Array:
         """Bending integral of -(dn/dr) c / (n sqrt(n^2 r^2 - c^2)) dr, r = r0 + x^2."""
@@ -151,7 +192,7 @@ class RadioRefraction(Params):
         sin, cos, copysign = (math.sin, math.cos, math.copysign) if plain else (np.sin, np.cos, np.copysign)
         side: Any = copysign(1.0, 0.5 * math.pi - apparent_rad)
         folded = 0.5 * math.pi - side * (0.5 * math.pi - apparent_rad)
-        level, level_slope, level_curvature = _levelled(folded)
+        level, level_slope, level_curvature = _levelled(folded, self._level_rad)
         n0, p1, p0, q1, q0 = self._coefficients
         s: Any = sin(level)
         c: Any = cos(level)
@@ -166,12 +207,12 @@ class RadioRefraction(Params):
         return side * bending, slope * level_slope, side * (curvature * level_slope**2 + slope * level_curvature)
 
 
-def _levelled(elevation_rad: Any) -> tuple[Any, Any, Any]:
-    """Return the elevation held from below, C2: itself above the horizon, constant below -1 deg."""
+def _levelled(elevation_rad: Any, depth_rad: float) -> tuple[Any, Any, Any]:
+    """Return the elevation held from below, C2: itself above the horizon, then down to `-depth`."""
     if isinstance(elevation_rad, float) and elevation_rad >= 0.0:
         return elevation_rad, 1.0, 0.0
-    width = 2.0 * _LEVEL_HALF_WIDTH_RAD
-    above = elevation_rad - (_LEVEL_MIDDLE_RAD - _LEVEL_HALF_WIDTH_RAD)
+    width = 2.0 * depth_rad
+    above = elevation_rad + width
     t = np.minimum(np.maximum(above / width, 0.0), 1.0)
-    level = _LEVEL_MIDDLE_RAD + width * t**3 * (1.0 - 0.5 * t) + np.maximum(above - width, 0.0)
+    level = -depth_rad + width * t**3 * (1.0 - 0.5 * t) + np.maximum(above - width, 0.0)
     return level, t * t * (3.0 - 2.0 * t), 6.0 * t * (1.0 - t) / width

@@ -10,7 +10,13 @@ from rf_pointing.ephemeris.passes import Pass, find_passes, first_pass_above, pa
 from rf_pointing.ephemeris.sites import SITES, Site, site
 from rf_pointing.ephemeris.tle import tle_lines, verification_elements
 from rf_pointing.ephemeris.track import TargetSource, TopocentricTrack
-from rf_pointing.ephemeris.uncertainty import ElementUncertainty, SkyUncertainty, sky_uncertainty
+from rf_pointing.ephemeris.uncertainty import (
+    ElementUncertainty,
+    SkyUncertainty,
+    orientation_sigma_rad,
+    sky_uncertainty,
+    stale_warning,
+)
 
 __all__ = [
     "RADIO_SOURCES",
@@ -31,12 +37,14 @@ __all__ = [
     "find_passes",
     "first_pass_above",
     "moon",
+    "orientation_sigma_rad",
     "passes_with_present",
     "radio_source",
     "read_elements",
     "read_oem",
     "site",
     "sky_uncertainty",
+    "stale_warning",
     "sun",
     "tle_lines",
     "verification_elements",

@@ -47,16 +47,16 @@ class CelestialTarget:
         self.at_infinity = at_infinity
         self._position = position
         self._unit_m = unit_m
-        self._orientation: EarthOrientationSource = orientation or IersEarthOrientation()
+        self.orientation: EarthOrientationSource = orientation or IersEarthOrientation()
 
     def motion_at(self, t_s: Any, ahead_s: float = 0.0) -> StateVector:
         """Return the inertial motion [m] in Earth-fixed axes at UTC times."""
         positions = [self._position(t_s + ahead_s + k * _STEP_S) for k in OFFSETS]
-        return earth_fixed_from_gcrs(motion_from_positions(positions, _STEP_S, self._unit_m), t_s, self._orientation)
+        return earth_fixed_from_gcrs(motion_from_positions(positions, _STEP_S, self._unit_m), t_s, self.orientation)
 
     def warnings(self, t_s: float) -> tuple[str, ...]:
         """Return what makes the Earth's orientation at `t_s` less certain."""
-        return self._orientation.warnings(t_s)
+        return self.orientation.warnings(t_s)
 
 
 def sun(orientation: EarthOrientationSource | None = None) -> CelestialTarget:

@@ -3,6 +3,13 @@
 The final series (EOP 20 C04, since 1962) is used where it reaches, then the rapid service and its
 predictions of a year (finals2000A).  Between days UT1 - TAI is interpolated linearly.  The tides
 inside a day, below 0.1 ms or 5 cm on the ground, are not modelled.
+
+The table is continued to 1000 days after its last measured day, as Bulletin A does it:
+
+    UT2 = UT1 + season,  UT2 - TAI linear;   pole = mean + drift + year + Chandler
+
+From there on UT1 - TAI and the pole keep their last values.  `sigmas_at` states how far all this
+may be off: growth laws that cover what the same prediction would have missed since 1978.
 """
 
 import math
@@ -27,13 +34,22 @@ _FIRST_LEAP_MJD = 41317
 _C04 = {"mjd": (16, 26), "x": (26, 38), "y": (38, 50), "ut1": (50, 62)}, 219
 _FINALS = {"mjd": (7, 15), "x": (18, 27), "y": (37, 46), "flag": (57, 58), "ut1": (58, 68)}, 188
 LONG_PREDICTION_DAYS = 60.0
+# Days after the last measured one at which a prediction becomes as uncertain as a fixed value.
+PREDICTED_DAYS = 1000
+# The farthest time that is accepted: what lies beyond is a mistyped date.
+_LATEST_DAYS = 20 * 365
+_RATE_DAYS, _POLE_DAYS, _POLE_MEMORY_DAYS = 90, 6 * 365, 60.0
+_POLE_PERIODS_DAYS = (365.2422, 433.0)
+# Of fixed values: UT1 - UTC stays within 0.9 s of zero, the pole within 10 m of its mean.
+_FIXED_SIGMAS = 0.5, 0.18 * _ARCSEC
 
 
 @dataclass(frozen=True, eq=False)
 class OrientationTable:
     """Daily nodes at `t_s` (n,): UT1 - TAI [s], x and y [rad], each (n,).
 
-    `columns` are the same values as lists, which are faster to look one number up in.
+    `columns` are the same values as lists, which are faster to look one number up in.  `span_t_s`
+    is what the files tabulate; nodes after it are predicted here.
     """
 
     t_s: Array
@@ -55,10 +71,57 @@ def orientation_table() -> OrientationTable:
     t_s = (mjd - _MJD_OF_POSIX_EPOCH) * DAY_S
     # Interpolated as UT1 - TAI: UT1 - UTC jumps by a second at a leap second.
     values = (ut1 - leap_seconds().tai_minus_utc_s(t_s), x * _ARCSEC, y * _ARCSEC)
-    columns = (values[0].tolist(), values[1].tolist(), values[2].tolist())
-    # The predictions end the table; what precedes them is measured.
-    measured = len(t_s) - int(np.count_nonzero(rapid["flag"] == b"P"))
-    return OrientationTable(t_s, values, columns, (float(t_s[0]), float(t_s[-1])), float(t_s[measured - 1]))
+    # The predictions end the files; what precedes them is measured.
+    last_measured_s = float(t_s[len(t_s) - int(np.count_nonzero(rapid["flag"] == b"P")) - 1])
+    span_t_s = float(t_s[0]), float(t_s[-1])
+    ahead = np.arange(1.0, PREDICTED_DAYS - (span_t_s[1] - last_measured_s) / DAY_S + 1.0)
+    after = predicted(t_s, values, ahead)
+    t_s = np.concatenate([t_s, span_t_s[1] + DAY_S * ahead])
+    ut1_tai, x, y = (np.concatenate(pair) for pair in zip(values, after, strict=True))
+    columns = (ut1_tai.tolist(), x.tolist(), y.tolist())
+    return OrientationTable(t_s, (ut1_tai, x, y), columns, span_t_s, last_measured_s)
+
+
+def predicted(t_s: Array, values: tuple[Array, Array, Array], ahead_days: Array) -> tuple[Array, Array, Array]:
+    """Return UT1 - TAI [s] and the pole [rad] some days (m,) after the last of daily nodes (n,).
+
+    At least six years of nodes are needed.
+    """
+    ut2 = values[0] + _season_s(t_s)
+    rate_s_day = (ut2[-1] - ut2[-1 - _RATE_DAYS]) / _RATE_DAYS
+    ut1 = ut2[-1] + rate_s_day * ahead_days - _season_s(t_s[-1] + DAY_S * ahead_days)
+    past_days = np.arange(1.0 - _POLE_DAYS, 1.0)
+    columns, ahead_columns = _pole_columns(past_days), _pole_columns(ahead_days)
+    poles = []
+    for value in values[1:]:
+        recent = value[-_POLE_DAYS:]
+        coefficients = np.linalg.lstsq(columns, recent, rcond=None)[0]
+        # What the periods do not explain at the end fades: the prediction begins without a jump.
+        rest = recent[-1] - columns[-1] @ coefficients
+        poles.append(ahead_columns @ coefficients + rest * np.exp(-ahead_days / _POLE_MEMORY_DAYS))
+    return np.asarray(ut1), np.asarray(poles[0]), np.asarray(poles[1])
+
+
+def _season_s(t_s: Any) -> Any:
+    """Return the conventional seasonal variation UT2 - UT1 (IERS Bulletin A, explanation)."""
+    phase = 2.0 * np.pi * (t_s / DAY_S + _MJD_OF_POSIX_EPOCH - 51544.03) / 365.2422
+    return 0.0220 * np.sin(phase) - 0.0120 * np.cos(phase) - 0.0060 * np.sin(2.0 * phase) + 0.0070 * np.cos(2.0 * phase)
+
+
+def _pole_columns(days: Array) -> Array:
+    waves = [wave(2.0 * np.pi * days / period) for period in _POLE_PERIODS_DAYS for wave in (np.cos, np.sin)]
+    return np.stack([np.ones_like(days), days / _POLE_DAYS, *waves], axis=1)
+
+
+def predicted_sigmas(days: float) -> tuple[float, float]:
+    """Return the sigmas of UT1 [s] and of each coordinate of the pole [rad], `days` ahead."""
+    if days > PREDICTED_DAYS:
+        return _FIXED_SIGMAS
+    days = max(days, 0.0)
+    # Tides of weeks, the season of other years, and a length of day that walks.
+    ut1_ms = math.hypot(1.5 * (1.0 - math.exp(-days / 5.0)), 0.15 * days, 0.0095 * days**1.5)
+    pole_mas = 40.0 * (1.0 - math.exp(-days / 40.0)) + 0.015 * days
+    return 1e-3 * ut1_ms, 1e-3 * pole_mas * _ARCSEC
 
 
 def _lines(path: str, columns: dict[str, tuple[int, int]], length: int) -> NDArray[Any]:
@@ -98,57 +161,74 @@ class EarthOrientationSource(Protocol):
     def at(self, t_s: Any) -> EarthOrientation:
         """Return the orientation at `t_s` (float or array); ValueError where it is not known."""
 
+    def sigmas_at(self, t_s: float) -> tuple[float, float]:
+        """Return the sigmas of UT1 [s] and of each coordinate of the pole [rad] at `t_s`."""
+
     def warnings(self, t_s: float) -> tuple[str, ...]:
         """Return the reasons why the orientation at `t_s` is less certain than a final value."""
 
 
 class IersEarthOrientation:
-    """The packaged tables, read once by the process."""
+    """The packaged tables and their continuation, read once by the process."""
 
     def at(self, t_s: Any) -> EarthOrientation:
-        """Return the orientation at UTC times (float or array); ValueError outside the tables."""
+        """Return the orientation at UTC times (float or array).
+
+        Raises ValueError before 1972 and more than 20 years after the end of the tables.
+        """
         if np.ndim(t_s) == 0:
             return _interpolate_one(float(t_s))
         times = np.asarray(t_s, dtype=np.float64)
         if times.size == 0:
             return EarthOrientation(times, times, times)
-        _require_tabulated(float(times.min()))
-        _require_tabulated(float(times.max()))
+        _require_known(float(times.min()))
+        _require_known(float(times.max()))
         table = orientation_table()
+        # Beyond the last node np.interp holds the last value.
         ut1_minus_tai, x, y = (np.interp(times, table.t_s, values) for values in table.values)
         return EarthOrientation(ut1_minus_tai + leap_seconds().tai_minus_utc_s(times), x, y)
+
+    def sigmas_at(self, t_s: float) -> tuple[float, float]:
+        """Return the sigmas of UT1 [s] and of each coordinate of the pole [rad]; 0 if measured."""
+        _require_known(t_s)
+        return predicted_sigmas((t_s - orientation_table().last_measured_t_s) / DAY_S)
 
     def warnings(self, t_s: float) -> tuple[str, ...]:
         """Return that the leap seconds have expired or that UT1 is a long prediction, where so.
 
-        Predictions are part of daily work: 60 days ahead they are good to 6 ms, 3 m on the equator
-        (Bulletin A).
+        Predictions are part of daily work: 60 days ahead they are good to 10 ms, 5 m on the
+        equator.
         """
-        _require_tabulated(t_s)
-        found = leap_seconds().warnings(t_s)
-        ahead_days = (t_s - orientation_table().last_measured_t_s) / DAY_S
-        if ahead_days > LONG_PREDICTION_DAYS:
-            error_ms = 0.25 * ahead_days**0.75
-            found += (
-                f"UT1-UTC at {utc_text(t_s)} is predicted {ahead_days:.0f} days ahead, good to {error_ms:.0f} ms; "
-                "renew astropy-iers-data",
-            )
-        return found
+        ut1_sigma_s, _ = self.sigmas_at(t_s)
+        table, found = orientation_table(), leap_seconds().warnings(t_s)
+        ahead_days = (t_s - table.last_measured_t_s) / DAY_S
+        if ahead_days <= LONG_PREDICTION_DAYS:
+            return found
+        state = f"is predicted {ahead_days:.0f} days ahead"
+        if ahead_days > PREDICTED_DAYS:
+            state = f"is held at {self.at(t_s).ut1_minus_utc_s:.3f} s"
+        if t_s >= table.span_t_s[1]:
+            state += f", beyond the table that ends on {utc_text(table.span_t_s[1])[:10]}"
+        good = f"good to {1e3 * ut1_sigma_s:.0f} ms"
+        return (*found, f"UT1-UTC at {utc_text(t_s)} {state}, {good}; renew astropy-iers-data")
 
 
 def _interpolate_one(t_s: float) -> EarthOrientation:
-    _require_tabulated(t_s)
+    _require_known(t_s)
     table = orientation_table()
     days, seconds = divmod(t_s - table.span_t_s[0], DAY_S)
     i, part = int(days), seconds / DAY_S
+    if i >= len(table.t_s) - 1:
+        i, part = len(table.t_s) - 2, 1.0
     ut1_minus_tai, x, y = (column[i] + part * (column[i + 1] - column[i]) for column in table.columns)
     return EarthOrientation(ut1_minus_tai + leap_seconds().tai_minus_utc_s(t_s), x, y)
 
 
-def _require_tabulated(t_s: float) -> None:
+def _require_known(t_s: float) -> None:
     first_s, last_s = orientation_table().span_t_s
-    if not first_s <= t_s < last_s:
+    latest_s = last_s + _LATEST_DAYS * DAY_S
+    if not first_s <= t_s < latest_s:
         raise ValueError(
-            f"t_s={t_s} must be in [{first_s}, {last_s}): Earth orientation is tabulated to {utc_text(last_s)[:10]}; "
-            "renew astropy-iers-data"
+            f"t_s={t_s} must be in [{first_s}, {latest_s}): Earth orientation is tabulated to {utc_text(last_s)[:10]} "
+            "and extended by 20 years; renew astropy-iers-data"
         )

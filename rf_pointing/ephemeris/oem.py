@@ -254,7 +254,8 @@ class OemTarget:
         self._frame = frame
         self._segments = tuple(segments)
         self._windows = tuple(_window_size(segment, interpolation) for segment in segments)
-        self._orientation: EarthOrientationSource = orientation or IersEarthOrientation()
+        self._earth: EarthOrientationSource = orientation or IersEarthOrientation()
+        self.orientation = None if frame.startswith("ITRF") else self._earth
         # One window serves many control periods; a solve costs far more than an evaluation.
         self._polynomial = lru_cache(maxsize=4096)(self._solved_polynomial)
 
@@ -283,17 +284,17 @@ class OemTarget:
 
     def warnings(self, t_s: float) -> tuple[str, ...]:
         """Return what makes the position at `t_s` less certain than the message."""
-        return self._orientation.warnings(t_s)
+        return self._earth.warnings(t_s)
 
     def _earth_fixed(self, motion: StateVector, t_s: Any) -> StateVector:
         if self._frame == _TEME:
-            return earth_fixed_from_teme(motion, t_s, self._orientation)
+            return earth_fixed_from_teme(motion, t_s, self._earth)
         if self._frame.startswith("ITRF"):
             # Its derivatives are those of the turning frame; turning back makes them inertial.
             return seen_from_rotating_axes(motion, -EARTH_RATE_RAD_S)
         if self._frame in ("EME2000", "J2000"):
             motion = rotated(motion, _gcrs_from_j2000())
-        return earth_fixed_from_gcrs(motion, t_s, self._orientation)
+        return earth_fixed_from_gcrs(motion, t_s, self._earth)
 
     def _derivatives(self, tai_s: float) -> Any:
         """Return position to jerk (4, 3) at a TAI time, from the last segment usable there."""

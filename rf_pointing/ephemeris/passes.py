@@ -7,6 +7,7 @@ again, at a step of a second (longer in stays of hours): every stay above it is 
 """
 
 import itertools
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -75,11 +76,11 @@ def find_passes(
     """Return the passes above an elevation or a horizon (apparent) in a time, in time order.
 
     Times are found to 0.1 ms.  A pass that is going on at either end is cut off there and says so.
-    An ephemeris is searched where it is usable, its gaps left out; a search that lies outside
-    all of it is an error.
+    A target is searched where it is known: an ephemeris without its gaps, a decaying object to its
+    end.  A search that lies outside all of it is an error.
     """
     require_between("duration_s", duration_s, 1.0, None)
-    parts = _within(track.spans_t_s, start_t_s, duration_s)
+    parts = _known(track, start_t_s, duration_s)
     return [found for part in parts for found in _passes_of(track, *part, min_elevation_rad)]
 
 
@@ -171,12 +172,20 @@ def first_pass_above(
     )
 
 
-def _within(
-    spans_t_s: tuple[tuple[float, float], ...], start_t_s: float, duration_s: float
-) -> list[tuple[float, float]]:
-    """Return starts and durations of a search in the spans, unchanged outside all of them."""
-    ends = [(max(start_t_s, first), min(start_t_s + duration_s, last)) for first, last in spans_t_s]
-    return [(low, high - low) for low, high in ends if high > low] or [(start_t_s, duration_s)]
+def _known(track: TopocentricTrack, start_t_s: float, duration_s: float) -> list[tuple[float, float]]:
+    """Return starts and durations of the parts of a search in which the target is known."""
+    ends = [(max(start_t_s, first), min(start_t_s + duration_s, last)) for first, last in track.spans_t_s]
+    parts = [(low, high - low) for low, high in ends if high > low]
+    if not parts:
+        spans = ", ".join(f"{_edge(first)} to {_edge(last)}" for first, last in track.spans_t_s)
+        raise ValueError(
+            f"the search from {utc_text(start_t_s)} is outside the usable span of {track.name}: {spans or 'none'}"
+        )
+    return parts
+
+
+def _edge(t_s: float) -> str:
+    return utc_text(t_s) if math.isfinite(t_s) else "any time"
 
 
 def _pass(track: TopocentricTrack, aos_t_s: float, los_t_s: float, knots: Array, elevation: Array) -> Pass:

@@ -3,15 +3,17 @@
     r_ITRF = W(x_p, y_p) R3(GMST82(UT1)) r_TEME        (Vallado et al., AIAA 2006-6753, appendix C)
 
 All derivatives are differences of five SGP4 positions.  The velocity that SGP4 returns is not the
-derivative of its positions: it lacks the change of the periodic terms, 0.02 m/s in a low orbit and
-more than 1 m/s in a 12-hour one.
+derivative of its positions: it lacks the change of the periodic terms, up to 0.2 m/s in a low orbit
+and 0.6 to 4 m/s in an eccentric 12-hour one.
 """
 
 import math
+from functools import cached_property
 from typing import Any
 
 import erfa
 import numpy as np
+from numpy.typing import NDArray
 from sgp4.api import SGP4_ERRORS, Satrec
 
 from rf_pointing.core.dates import DAY_S, utc_text
@@ -25,6 +27,10 @@ GMST_RATE_RAD_S = 7.2921158553e-5
 # Long enough for the rounding of SGP4's kilometres, short enough for the truncation, h^4.
 _STEP_S = 2.0
 _KM = 1e3
+# Below this radius nothing orbits.  In half of the step even an eccentric orbit sinks by 4 km only,
+# so that none falls to the ground, where SGP4 refuses it, between two steps.
+_LEAST_RADIUS_KM = 6378.135 + 20.0
+_SCAN_STEP_S, _SCAN_BLOCK = 60.0, 10000
 
 
 class Sgp4Orbit:
@@ -32,7 +38,6 @@ class Sgp4Orbit:
 
     rotation_rate_rad_s = GMST_RATE_RAD_S
     at_infinity = False
-    spans_t_s = ((-math.inf, math.inf),)
 
     def __init__(self, elements: Elements, orientation: EarthOrientationSource, *, max_age_s: float) -> None:
         if not max_age_s > 0.0:
@@ -40,12 +45,21 @@ class Sgp4Orbit:
         self.elements = elements
         self.name = elements.name
         self.max_age_s = max_age_s
-        self._orientation = orientation
+        self.orientation = orientation
         # A record of its own: it holds the state of its last call.
         self._record = elements.satrec()
         self._leap_at_epoch_s = leap_seconds().tai_minus_utc_s(elements.epoch_t_s)
         if self._record.error:
             raise ValueError(f"elements of {self.name}: {SGP4_ERRORS[self._record.error]}")
+
+    @cached_property
+    def spans_t_s(self) -> tuple[tuple[float, float], ...]:
+        """First and last UTC time at which the object is in orbit, infinite if it does not decay.
+
+        The elements are propagated to `max_age_s` on both sides of their epoch, once (20 ms for 14
+        days).
+        """
+        return ((self.elements.epoch_t_s - self._endurance_s(-1.0), self.elements.epoch_t_s + self._endurance_s(1.0)),)
 
     def motion_at(self, t_s: Any, ahead_s: float = 0.0) -> StateVector:
         """Return the inertial motion [m] in Earth-fixed axes at UTC `t_s` (float or array).
@@ -59,11 +73,43 @@ class Sgp4Orbit:
         elapsed_s = elapsed_s + (leap_seconds().tai_minus_utc_s(t_s) - self._leap_at_epoch_s)
         positions = [_position_km(self._record, elapsed_s + k * _STEP_S, self.name) for k in OFFSETS]
         teme = motion_from_positions(positions, _STEP_S, _KM)
-        return earth_fixed_from_teme(teme, t_s, self._orientation)
+        return earth_fixed_from_teme(teme, t_s, self.orientation)
 
     def warnings(self, t_s: float) -> tuple[str, ...]:
         """Return what makes the position at `t_s` less certain than its elements."""
-        return self._orientation.warnings(t_s)
+        found = self.orientation.warnings(t_s)
+        first_s, last_s = self.spans_t_s[0]
+        if math.isfinite(last_s):
+            found += (f"{self.name} decays: its elements give no place after {utc_text(last_s)}",)
+        if t_s < first_s:
+            found += (f"{self.name} has no place before {utc_text(first_s)} by its elements",)
+        return found
+
+    def _endurance_s(self, sense: float) -> float:
+        """Return how long from the epoch, into the future (1) or past (-1), the object orbits."""
+        steps = math.ceil(self.max_age_s / _SCAN_STEP_S)
+        for first in range(0, steps + 1, _SCAN_BLOCK):
+            elapsed_s = sense * _SCAN_STEP_S * np.arange(first, min(first + _SCAN_BLOCK, steps + 1), dtype=np.float64)
+            falls = np.flatnonzero(~self._in_orbit(elapsed_s))
+            if len(falls):
+                return self._fall_s(sense, _SCAN_STEP_S * (first + float(falls[0])))
+        return math.inf
+
+    def _fall_s(self, sense: float, late_s: float) -> float:
+        """Return the time from the epoch to the end of the orbit, in the step before `late_s`."""
+        early_s = max(late_s - _SCAN_STEP_S, 0.0)
+        while late_s - early_s > 0.1:
+            middle_s = 0.5 * (early_s + late_s)
+            inside = bool(self._in_orbit(np.array([sense * middle_s]))[0])
+            early_s, late_s = (middle_s, late_s) if inside else (early_s, middle_s)
+        # The differences of `motion_at` need positions on both sides; one step for a leap second.
+        return max(early_s - 3.0 * _STEP_S, 0.0)
+
+    def _in_orbit(self, elapsed_s: NDArray[np.float64]) -> NDArray[np.bool_]:
+        whole = np.full(elapsed_s.shape, self._record.jdsatepoch)
+        codes, positions, _ = self._record.sgp4_array(whole, self._record.jdsatepochF + elapsed_s / DAY_S)
+        radius_km = np.sqrt(np.einsum("nc,nc->n", positions, positions))
+        return np.asarray((codes == 0) & (radius_km > _LEAST_RADIUS_KM))
 
     def _check_age(self, t_s: Any, elapsed_s: Any) -> None:
         age_s = abs(elapsed_s) if isinstance(elapsed_s, float) else np.max(np.abs(elapsed_s), initial=0.0)

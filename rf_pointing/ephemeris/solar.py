@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from rf_pointing.core import Params, parameter
 from rf_pointing.ephemeris.celestial import sun
-from rf_pointing.ephemeris.sites import site
+from rf_pointing.ephemeris.sites import SITES, Site
 from rf_pointing.ephemeris.track import TopocentricTrack
 
 # The Sun moves 42 mdeg in this time.
@@ -16,16 +16,17 @@ RENEWAL_S = 10.0
 class SunParams(Params):
     """Whose Sun it is."""
 
-    station: str = parameter("Goldstone DSS-13", "station over which the Sun stands; empty: the Sun is not looked at")
+    watched: bool = parameter(True, "whether the beam keeps away from the Sun")
+    site: Site = parameter(SITES["Goldstone DSS-13"], "where the antenna stands")
 
 
 class SolarDirection:
     """Apparent azimuth and elevation of the Sun, None where it is not known; `unknown` says why."""
 
     def __init__(self, params: SunParams) -> None:
-        self.station = params.station
-        self._track = TopocentricTrack(sun(), site(params.station)) if params.station else None
-        self.unknown = "" if params.station else "no station is named"
+        self.site = params.site
+        self._track = TopocentricTrack(sun(), params.site) if params.watched else None
+        self.unknown = "" if params.watched else "it is not watched"
         self._renewed_s = -math.inf
         self._direction: tuple[float, float] | None = None
 

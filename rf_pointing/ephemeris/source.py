@@ -1,7 +1,7 @@
-"""From the operator's words to a track: elements, ephemeris message or body, and the station.
+"""From the operator's words to a track: elements, ephemeris message or body, and the site.
 
 `TargetMemory` keeps what was chosen over a restart of the publisher.  Its file belongs to one
-configuration (elements, satellite, station, offsets at the start): when that has changed, the file
+configuration (elements, satellite, site, offsets at the start): when that has changed, the file
 is out of date and the configuration counts.
 """
 
@@ -10,14 +10,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from rf_pointing.core import Params, parameter
 from rf_pointing.core.dates import DAY_S
 from rf_pointing.core.refraction import RadioRefraction
-from rf_pointing.core.whole_file import KeptState
+from rf_pointing.core.whole_file import DATA_BYTES, KeptState, read_whole
 from rf_pointing.ephemeris import (
     RADIO_SOURCES,
+    SITES,
     Elements,
     OemTarget,
     Site,
@@ -28,13 +29,12 @@ from rf_pointing.ephemeris import (
     radio_source,
     read_elements,
     read_oem,
-    site,
     sun,
     verification_elements,
 )
-from rf_pointing.ephemeris.oem import METHODS
+from rf_pointing.ephemeris.element_files import element_files
+from rf_pointing.ephemeris.oem import METHODS, OemSegment
 
-T = TypeVar("T")
 # Bodies of the sky by their names, case ignored.
 BODIES: dict[str, Callable[[], TargetSource]] = {
     "sun": sun,
@@ -45,15 +45,17 @@ BODIES: dict[str, Callable[[], TargetSource]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class SourceParams(Params):
-    """Target and station; the offsets move the target against its elements."""
+    """Target and site; the offsets move the target against its elements."""
 
-    elements_file: str = parameter(
-        "", "file of orbital elements (TLE, OMM) or ephemeris (OEM); empty: the verification set of the sgp4 package"
+    elements: str = parameter(
+        "",
+        "orbital elements (TLE, OMM) or ephemeris (OEM): a file, a folder of files, or an http(s) address; "
+        "empty: the verification set of the sgp4 package",
     )
     satellite: str = parameter(
         "28057", "catalogue number or name of the satellite in the file, or Sun, Moon or a radio source"
     )
-    station: str = parameter("Goldstone DSS-13", "station name")
+    site: Site = parameter(SITES["Goldstone DSS-13"], "where the antenna stands")
     along_track_offset_s: float = parameter(0.0, "target ahead of its elements by", low=-60.0, high=60.0)
     cross_track_offset_rad: float = parameter(0.0, "target right of its elements by", low=-0.1, high=0.1)
     interpolation: str = parameter(
@@ -61,6 +63,9 @@ class SourceParams(Params):
     )
     interpolation_degree: int = parameter(7, "its degree", low=1, high=15)
     hold: bool = parameter(False, "the target stands still on the sky where it was when this was set")
+    stale_days: float = parameter(
+        2.0, "age from the epoch at which elements are stale: a warning", low=0.0, high=3650.0
+    )
     max_age_days: float = parameter(14.0, "age from the epoch at which elements are expired", low=0.01, high=3650.0)
     refraction: str = parameter(
         "standard", "weather of the refraction: mean of the altitude, measured, or a vacuum",
@@ -74,16 +79,25 @@ def load_target(params: SourceParams) -> Elements | TargetSource:
     body = BODIES.get(params.satellite.casefold())
     if body is not None:
         return body()
-    if not params.elements_file:
+    if not params.elements:
         return find_elements(verification_elements(), params.satellite)
-    return _read(params.elements_file, partial(_object_in, params))
+    contents = read_source(params.elements)
+    try:
+        return contents.find(params)
+    except ValueError as error:
+        raise ValueError(f"{contents.name}: {error}") from error
 
 
-def load_catalogue(elements_file: str) -> list[Elements]:
-    """Return the newest elements of every object in a file, "" for the verification set."""
-    elements = _read(elements_file, read_elements) if elements_file else verification_elements()
+def load_catalogue(elements: str) -> list[Elements]:
+    """Return the newest elements of every object of a file, folder or address.
+
+    "" means the verification set.
+    """
+    found = read_source(elements).elements if elements else verification_elements()
+    if not found:
+        raise ValueError(f"elements={elements!r} holds an ephemeris and no elements")
     # Sorted by epoch, so the newest of an object with several sets is the one that stays.
-    return list({one.catalogue_number: one for one in sorted(elements, key=lambda e: e.epoch_t_s)}.values())
+    return list({one.catalogue_number: one for one in sorted(found, key=lambda e: e.epoch_t_s)}.values())
 
 
 def load_elements(params: SourceParams) -> Elements:
@@ -95,15 +109,14 @@ def load_elements(params: SourceParams) -> Elements:
 
 
 def load_track(params: SourceParams, hold_t_s: float | None = None) -> TopocentricTrack:
-    """Return the object as seen from the station, held where it is at `hold_t_s` if given."""
-    station = site(params.station)
+    """Return the object as seen from the site, held where it is at `hold_t_s` if given."""
     return TopocentricTrack(
         load_target(params),
-        station,
+        params.site,
         along_track_offset_s=params.along_track_offset_s,
         cross_track_offset_rad=params.cross_track_offset_rad,
         hold_t_s=hold_t_s,
-        refraction=refraction_at(params, station),
+        refraction=refraction_at(params, params.site),
         max_age_s=params.max_age_days * DAY_S,
     )
 
@@ -124,30 +137,45 @@ def first_time_s(params: SourceParams) -> float:
     raise ValueError(f"{target.name} has no epoch: say when to look for it (start)")
 
 
-def _read(name: str, reader: Callable[[str], T]) -> T:
-    """Return what `reader` makes of the text of a file; errors name the file."""
-    path = Path(name)
-    if not path.is_file():
-        raise ValueError(f"elements_file={name!r} does not exist")
-    try:
-        return reader(path.read_text(encoding="utf-8-sig"))
-    except ValueError as error:
-        raise ValueError(f"{path.name}: {error}") from error
+@dataclass(frozen=True)
+class SourceContents:
+    """What a file or the files of a folder hold, by the name of the file or folder."""
 
+    name: str
+    elements: list[Elements]
+    segments: list[OemSegment]
 
-def _object_in(params: SourceParams, text: str) -> Elements | OemTarget:
-    wanted = params.satellite
-    if not text.lstrip().startswith("CCSDS_OEM_VERS"):
-        return find_elements(read_elements(text), wanted)
-    segments = read_oem(text)
-    # An OEM names its object and its designator; either is accepted.
-    key = wanted.strip().casefold()
-    found = [segment for segment in segments if key in (segment.name.casefold(), segment.object_id.casefold())]
-    if not found:
-        names = sorted({f"{segment.name} ({segment.object_id})" for segment in segments})
+    def find(self, params: SourceParams) -> Elements | OemTarget:
+        """Return the wanted object: its elements, or else its ephemeris."""
+        wanted = params.satellite
+        # An OEM names its object and its designator; either is accepted.
+        key = wanted.strip().casefold()
+        found = [segment for segment in self.segments if key in (segment.name.casefold(), segment.object_id.casefold())]
+        if found:
+            method = (params.interpolation, params.interpolation_degree) if params.interpolation else None
+            # Where both are in a folder, an ephemeris of the operator is better than mean elements.
+            return OemTarget(found, interpolation=method)
+        if self.elements:
+            return find_elements(self.elements, wanted)
+        names = sorted({f"{segment.name} ({segment.object_id})" for segment in self.segments})
         raise ValueError(f"satellite={wanted!r} is not among the objects of the ephemeris: {', '.join(names)}")
-    method = (params.interpolation, params.interpolation_degree) if params.interpolation else None
-    return OemTarget(found, interpolation=method)
+
+
+def read_source(location: str) -> SourceContents:
+    """Return what is in a file, folder or address; errors name the file."""
+    elements: list[Elements] = []
+    segments: list[OemSegment] = []
+    files = element_files(location)
+    for path in files:
+        text = read_whole(path, DATA_BYTES, "utf-8-sig")
+        try:
+            if text.lstrip().startswith("CCSDS_OEM_VERS"):
+                segments += read_oem(text)
+            else:
+                elements += read_elements(text)
+        except ValueError as error:
+            raise ValueError(f"{path.name}: {error}") from error
+    return SourceContents(files[0].name if len(files) == 1 else Path(location).name, elements, segments)
 
 
 class TargetMemory:
@@ -159,14 +187,20 @@ class TargetMemory:
         # Another configuration: what was kept belongs to another target.
         mine = kept.get("configured") == dataclasses.asdict(configured)
         self._kept: dict[str, Any] = kept if mine else {}
+        try:
+            # Whatever is in it is read now: later it would end a node.
+            _ = self.source, self.peak_rad, self.hold_t_s
+        except (ValueError, TypeError, AttributeError, OverflowError) as error:
+            raise ValueError(f"state file {name} cannot be used: {error}") from error
 
     @property
     def source(self) -> SourceParams:
         """The source as it was last, or as configured."""
         kept = dict(self._kept.get("source", {}))
-        # JSON kept the weather as a table; the parameter set is made anew from it.
-        if "weather" in kept:
-            kept["weather"] = self._configured.weather.replace(**kept["weather"])
+        # JSON kept these as tables; the parameter sets are made anew from them.
+        for name in ("weather", "site"):
+            if name in kept:
+                kept[name] = getattr(self._configured, name).replace(**kept[name])
         return self._configured.replace(**kept)
 
     @property

@@ -10,6 +10,7 @@ the two leading digits, A = 10 ... Z = 33 without I and O, so 339999 (Z9999) is 
 
 import math
 import re
+from calendar import isleap
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -215,11 +216,14 @@ def _write_degrees(angle_rad: float) -> str:
 
 
 def _write_epoch(t_s: float) -> str:
-    stamp = datetime.fromtimestamp(t_s, tz=UTC)
-    if not 1957 <= stamp.year <= 2056:
-        raise ValueError(f"epoch_t_s={t_s} is in {stamp.year}, must be in 1957 to 2056 to fit a TLE")
-    day = 1.0 + (t_s - datetime(stamp.year, 1, 1, tzinfo=UTC).timestamp()) / DAY_S
-    return f"{stamp.year % 100:02d}{day:012.8f}"
+    year = datetime.fromtimestamp(t_s, tz=UTC).year
+    day = round(1.0 + (t_s - datetime(year, 1, 1, tzinfo=UTC).timestamp()) / DAY_S, 8)
+    # The last 0.4 ms of a year round to a day that it does not have.
+    if day >= (367 if isleap(year) else 366):
+        year, day = year + 1, 1.0
+    if not 1957 <= year <= 2056:
+        raise ValueError(f"epoch_t_s={t_s} is in {year}, must be in 1957 to 2056 to fit a TLE")
+    return f"{year % 100:02d}{day:012.8f}"
 
 
 def _write_fraction(value: float) -> str:

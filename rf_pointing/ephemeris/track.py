@@ -32,6 +32,10 @@ class TargetSource(Protocol):
     """Whether it is an apparent direction without parallax (stars), of no meaningful length."""
 
     @property
+    def orientation(self) -> EarthOrientationSource | None:
+        """What turned the motion into Earth-fixed axes, None for one that is given in them."""
+
+    @property
     def spans_t_s(self) -> tuple[tuple[float, float], ...]:
         """First and last UTC times of the parts of an ephemeris, infinite for others."""
 

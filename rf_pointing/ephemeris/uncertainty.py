@@ -11,6 +11,7 @@ sets: practice and use", IAC-12 (2012): about 1 km at epoch, growing by 1 to 3 k
 orbits.  Fit your own from passes you have tracked.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -87,6 +88,48 @@ def sky_uncertainty(track: TopocentricTrack, t_s: float, model: ElementUncertain
         along_track_s=model.sigmas_m(age_s)[0] / float(norm(orbit.velocity)),
         covariance_rad2=covariance,
     )
+
+
+def stale_warning(
+    track: TopocentricTrack, t_s: float, stale_s: float, model: ElementUncertainty, beamwidth_rad: float | None = None
+) -> str:
+    """Return "" or, of elements older than `stale_s` at UTC `t_s`, their age and expected error.
+
+    The error is one sigma on the sky, in beamwidths where one is given.
+    """
+    if not isinstance(getattr(track.target, "elements", None), Elements):
+        return ""
+    sky = sky_uncertainty(track, t_s, model)
+    if abs(sky.age_s) <= stale_s:
+        return ""
+    error = error_text(sky.along_track_rad, beamwidth_rad)
+    return f"elements of {track.name} are stale: {abs(sky.age_s) / DAY_S:.1f} days from their epoch, {error}"
+
+
+def error_text(along_rad: float, beamwidth_rad: float | None) -> str:
+    """Return an expected error along the track in words: in mdeg, and in beamwidths."""
+    beams = "" if beamwidth_rad is None else f", {along_rad / beamwidth_rad:.2g} beamwidths"
+    return f"expected error along the track {math.degrees(along_rad) * 1e3:.0f} mdeg{beams}"
+
+
+def orientation_sigma_rad(track: TopocentricTrack, t_s: float) -> float:
+    """Return the one-sigma pointing error that the Earth's uncertain orientation makes at `t_s`.
+
+    The root of the sum of squares over both directions of the sky; 0 while the orientation is
+    measured, and for an ephemeris that is given in Earth-fixed axes.
+    """
+    orientation = track.target.orientation
+    ut1_s, pole_rad = (0.0, 0.0) if orientation is None else orientation.sigmas_at(t_s)
+    x, y, z = track.target.motion_at(t_s, track.along_track_offset_s).position
+    rate = track.target.rotation_rate_rad_s
+    # What an error of the Earth's angle, or of either coordinate of the pole, does to the target.
+    shifts = ((ut1_s * rate, (y, -x, 0.0)), (pole_rad, (z, 0.0, -x)), (pole_rad, (0.0, -z, y)))
+    seen, _, _ = track.relative_motion_at(t_s)
+    squares = 0.0
+    for sigma, shift in shifts:
+        moved = tuple(dot(axis, shift) for axis in track.site.axes)
+        squares += sigma**2 * sum(dot(axis, moved) ** 2 for axis in _sky_axes(seen))
+    return math.sqrt(squares) / float(norm(seen.position))
 
 
 def _orbit_axes(orbit: StateVector) -> tuple[Any, Any, Any]:

@@ -1,6 +1,6 @@
 """Executable `bias_calibrator`: holds the pointing model, and fits a new one to tracked passes.
 
-Subscribes: target, joint_states, pointing_error.
+Subscribes: target, joint_states, pointing_error, tracking_status.
 Publishes: pointing_model (latched, with covariance).
 Actions: ~/run_campaign (RunCampaign) tracks passes and takes observations, ~/fit_model (FitModel)
 makes a candidate.
@@ -19,7 +19,7 @@ from typing import Any
 
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rf_pointing_msgs.action import FitModel, RunCampaign
-from rf_pointing_msgs.msg import PointingError, PointingModel, Target
+from rf_pointing_msgs.msg import PointingError, PointingModel, Target, TrackingStatus
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
@@ -30,9 +30,10 @@ from rf_pointing.nodes import convert, convert_calibration
 from rf_pointing.nodes.campaign_runner import CampaignRunner
 from rf_pointing.nodes.diagnostics import OK, WARN, Health
 from rf_pointing.nodes.main_loop import run
-from rf_pointing.nodes.managed import RESULT_TIMEOUT_S, ManagedNode, conclude
+from rf_pointing.nodes.managed import RESULT_TIMEOUT_S, conclude
 from rf_pointing.nodes.qos import LATCHED, STREAM
 from rf_pointing.nodes.stamps import stamp_from_seconds
+from rf_pointing.nodes.station_node import StationNode
 from rf_pointing.station.campaign.log import CalibrationLog
 from rf_pointing.station.campaign.model_keeper import ModelKeeper, campaign_folder
 
@@ -50,6 +51,9 @@ class CalibratorParams(Params):
     station: str = parameter("Goldstone DSS-13", "station that the model must belong to")
     band: str = parameter("X", "band that the model must belong to")
     spacing_s: float = parameter(1.0, "time between two observations", low=0.1, high=600.0)
+    scan_spacing_s: float = parameter(
+        8.0, "the same while the beam scans: estimates from the same window differ little", low=0.1, high=600.0
+    )
     sigma_rad: float = parameter(
         2.0 * MDEG, "standard deviation of one observation on the sky, added to the sensor's own", low=1e-7, high=0.01
     )
@@ -67,7 +71,7 @@ def journal_of(folder: str, station: str, band: str) -> ObservationJournal:
     return ObservationJournal(campaign_folder(folder, station, band) / "observations.csv", station, band)
 
 
-class BiasCalibrator(ManagedNode):
+class BiasCalibrator(StationNode):
     """Publishes the model in force; collects observations while a sensor tracks."""
 
     def __init__(self) -> None:
@@ -80,7 +84,7 @@ class BiasCalibrator(ManagedNode):
         self._log: CalibrationLog | None = None
         self._campaign: Any = None
         self._shown, self._reason = -1, ""
-        self._runner = CampaignRunner(self, lambda: len(self._log) if self._log is not None else 0)
+        self._runner = CampaignRunner(self)
         self._actions = [
             ActionServer(
                 self, RunCampaign, "~/run_campaign", self._conclude, goal_callback=self._on_goal,
@@ -100,13 +104,15 @@ class BiasCalibrator(ManagedNode):
         if params.folder and params.keep_observations:
             journal = journal_of(params.folder, params.station, params.band)
         self._log = CalibrationLog(
-            params.station, params.band, params.spacing_s, params.sigma_rad,
+            params.station, params.band, params.spacing_s, params.sigma_rad, scan_spacing_s=params.scan_spacing_s,
             largest_error_rad=params.largest_error_rad, settle_s=params.settle_s, journal=journal,
         )  # fmt: skip
         self._models = self.stream(PointingModel, "pointing_model", LATCHED)
         self.listen(Target, "target", lambda m: self._log.take_target(convert.target_from_message(m)), STREAM)
         self._joints = self.listen_latest(JointState, "joint_states", convert.joints_from_message, STREAM)
         self.listen(PointingError, "pointing_error", self._on_error, STREAM)
+        status_of = convert.scan_centre_from_message
+        self.listen(TrackingStatus, "tracking_status", lambda m: self._log.take_status(*status_of(m)), STREAM)
         self.serve_action(Trigger, "~/accept", self._accept)
         self.serve_action(Trigger, "~/reject", lambda _: f"{self._keeper.reject()} is dropped")
         self.serve_action(Trigger, "~/rollback", self._roll_back)
@@ -143,7 +149,7 @@ class BiasCalibrator(ManagedNode):
             self._models.publish(message)
 
     def _on_error(self, message: PointingError) -> None:
-        if not message.valid or not self.active:
+        if not self.active:
             return
         error = convert.error_from_message(message)
         # The encoders read next to the error's stamp, not the newest: at 1 deg/s a period is 100
@@ -162,7 +168,7 @@ class BiasCalibrator(ManagedNode):
     def _on_campaign(self, goal: Any) -> None:
         self._reason = ""
         try:
-            self._runner.start(goal.request.passes, goal.request.sensor)
+            self._runner.start(goal.request.passes, goal.request.sensor, self._log)
             if not goal.request.resume:
                 self._log.begin_anew(f"{self.now_s():.0f}")
         except ValueError as error:

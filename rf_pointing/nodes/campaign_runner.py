@@ -17,6 +17,7 @@ from rf_pointing_msgs.msg import Pass
 from rf_pointing_msgs.srv import SelectTarget
 
 from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
+from rf_pointing.station.campaign.log import CalibrationLog
 
 # Wall time after which a service or an action server that does not answer is given up.
 ANSWER_S = 20.0
@@ -25,14 +26,14 @@ LOOK_BACK_S = 7200.0
 
 
 class CampaignRunner:
-    """Runs the passes of one campaign; `failures` are the reasons of passes without observations.
+    """Runs the passes of one campaign; `failures` says why passes gave no observation.
 
-    `fault` is what ended the campaign before its last pass.  `observations` returns how many have
-    been taken in all.
+    `fault` is what ended the campaign before its last pass.
     """
 
-    def __init__(self, node: Node, observations: Callable[[], int]) -> None:
-        self._observations, self._before = observations, 0
+    def __init__(self, node: Node) -> None:
+        self._log: CalibrationLog | None = None
+        self._before = 0
         self._select = node.create_client(SelectTarget, "ephemeris_publisher/select_target")
         self._track = ActionClient(node, TrackPass, "track_pass")
         self._passes: Sequence[Pass] = ()
@@ -60,13 +61,16 @@ class CampaignRunner:
         """Number of passes of the campaign."""
         return len(self._passes)
 
-    def start(self, passes: Sequence[Pass], sensor: str) -> None:
-        """Begin; raises ValueError for nothing to track or without the nodes that track."""
+    def start(self, passes: Sequence[Pass], sensor: str, log: CalibrationLog) -> None:
+        """Begin; `log` takes the observations.
+
+        Raises ValueError for nothing to track or without the nodes that track.
+        """
         if not passes:
             raise ValueError("passes is empty, must name at least one pass")
         if not self._select.service_is_ready() or not self._track.server_is_ready():
             raise ValueError("ephemeris_publisher and pointing_controller must be running in this namespace")
-        self._passes, self._sensor = list(passes), sensor
+        self._passes, self._sensor, self._log = list(passes), sensor, log
         self.number, self.observed, self.failures, self.fault = 0, 0, [], ""
         self._next()
 
@@ -93,7 +97,8 @@ class CampaignRunner:
             return
         wanted = self._passes[self.number]
         self.number += 1
-        self._before = self._observations()
+        self._before = len(self._log)
+        self._log.begin_pass()
         rises_s = seconds_from_stamp(wanted.aos)
         request = SelectTarget.Request(target=wanted.target, start=stamp_from_seconds(rises_s - LOOK_BACK_S))
         self._wait_for(self._select.call_async(request), self._selected)
@@ -124,8 +129,9 @@ class CampaignRunner:
         self.fault = answer.result.fault
         if self.fault:
             self._passes = self._passes[: self.number]
-        if self._observations() > self._before:
+        if len(self._log) > self._before:
             self.observed += 1
             self._next()
         else:
-            self._fail(f"no observation, {answer.result.seconds_tracked:.0f} s on target, {answer.result.message}")
+            tracked = f"{answer.result.seconds_tracked:.0f} s on target, {answer.result.message}"
+            self._fail(f"no observation, {tracked}; {self._log.reasons()}")

@@ -6,21 +6,21 @@ with the C/N0).
 Parameters: conscan.*, steptrack.*, the same patterns as the pointing controller's.
 """
 
-from rclpy.serialization import deserialize_message
 from rf_pointing_msgs.msg import CarrierPower, PointingError, TrackingStatus
 from sensor_msgs.msg import JointState
 
 from rf_pointing.nodes import convert
 from rf_pointing.nodes.diagnostics import OK, WARN, Health
 from rf_pointing.nodes.main_loop import run
-from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.qos import STREAM
+from rf_pointing.nodes.station_node import StationNode
+from rf_pointing.nodes.streams import checked_message
 from rf_pointing.tracking import StepTrackParams
 from rf_pointing.tracking.conscan_estimate import ConscanParams
 from rf_pointing.tracking.power_tracker import PowerTracker
 
 
-class ConscanTrackerNode(ManagedNode):
+class ConscanTrackerNode(StationNode):
     """Puts every carrier power where the beam was, and estimates when there are enough."""
 
     def __init__(self) -> None:
@@ -40,7 +40,7 @@ class ConscanTrackerNode(ManagedNode):
 
     def _on_joints(self, raw: bytes) -> None:
         if self._tracker.scanning:
-            self._tracker.take_joints(convert.joints_from_message(deserialize_message(raw, JointState)))
+            self._tracker.take_joints(convert.joints_from_message(checked_message(raw, JointState)))
 
     def _on_status(self, message: TrackingStatus) -> None:
         self._tracker.take_status(*convert.scan_centre_from_message(message))

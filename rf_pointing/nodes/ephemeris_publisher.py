@@ -3,10 +3,11 @@
 Publishes: target (10 Hz, ahead of time while above the mask; direction, rates, range, Doppler,
 light time, refraction and covariance), passes, pass_profiles (latched).
 Service: ~/select_target (rf_pointing_msgs/SelectTarget): choose the satellite and get its passes.
-Parameters: source.* (elements or ephemeris file, object, station; offsets, hold and weather, live,
-read back on /diagnostics with the age of the elements and what it means on the sky), publisher.*
-(lead, rate, mask, how far to look, state_file: what was selected and set outlives the node), mask.*
-(the horizon by azimuth, as pointing_controller's: a pass begins and ends above both), uncertainty.*
+Parameters: source.* (elements or ephemeris, object, station; offsets, hold and weather, live, read
+back on /diagnostics with the age of the elements and what it means on the sky; newer elements of an
+address, or of files that were replaced, come into force between two passes), publisher.* (lead,
+rate, mask, how far to look, state_file: what was selected and set outlives the node), mask.* (the
+horizon by azimuth, as pointing_controller's: a pass begins and ends above both), uncertainty.*
 (position errors of elements against their age).
 """
 
@@ -18,20 +19,25 @@ from rf_pointing_msgs.srv import SelectTarget
 
 from rf_pointing import ephemeris
 from rf_pointing.core import Params, parameter
-from rf_pointing.core.dates import utc_text
-from rf_pointing.ephemeris import Pass, SkyUncertainty, TopocentricTrack
+from rf_pointing.core.dates import DAY_S, utc_text
+from rf_pointing.ephemeris import Pass, SkyUncertainty, TopocentricTrack, stale_warning
 from rf_pointing.ephemeris.source import SourceParams, TargetMemory, load_track, refraction_at
 from rf_pointing.nodes import convert, convert_planning
 from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Health
+from rf_pointing.nodes.element_updates import ElementUpdates
 from rf_pointing.nodes.main_loop import run
-from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.qos import LATCHED, STREAM
 from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
+from rf_pointing.nodes.station_node import StationNode
 from rf_pointing.planning import HorizonMask
 from rf_pointing.station.pointing.certificates import pass_profile
 
 # What may change while the node is configured; ~/select_target takes another satellite.
 LIVE_SOURCE = ("along_track_offset_s", "cross_track_offset_deg", "hold", "refraction", "weather")
+
+
+RENEWAL_S = 10.0
+"""How often the elements are looked at for newer ones."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +52,7 @@ class PublisherParams(Params):
     state_file: str = parameter("", "file that keeps target, offsets and hold over a restart; empty: not kept")
 
 
-class EphemerisPublisher(ManagedNode):
+class EphemerisPublisher(StationNode):
     """Predicts one target at a time."""
 
     def __init__(self) -> None:
@@ -60,12 +66,17 @@ class EphemerisPublisher(ManagedNode):
         self._unknown = ""
         self._passes: list[Pass] = []
         self._peak_rad = 0.0
+        self._updates = ElementUpdates("")
+        self._not_renewed = ""
 
     def configure(self) -> None:
         self._track, self._passes = None, []
         self._memory = TargetMemory(self.parameters.value("publisher").state_file, self.parameters.value("source"))
         self.parameters.put("source", self._memory.source)
         self._peak_rad = self._memory.peak_rad
+        self._updates.end()
+        self._updates, self._not_renewed = ElementUpdates(self._memory.source.elements), ""
+        self._updates.require()
         self._track = load_track(self._memory.source, self._memory.hold_t_s)
         self._targets = self.stream(Target, "target", STREAM)
         self._pass_list = self.stream(PassList, "passes", LATCHED)
@@ -76,14 +87,19 @@ class EphemerisPublisher(ManagedNode):
     def activate(self) -> None:
         self._choose(self._track, self.now_s(), self._peak_rad)
         self.every(self.parameters.value("publisher").period_s, self._publish)
+        self.every(RENEWAL_S, self._renew)
+
+    def end(self) -> None:
+        """End the command that fetches elements, too."""
+        self._updates.end()
+        super().end()
 
     def _publish(self, now_s: float) -> None:
         params: PublisherParams = self.parameters.value("publisher")
         # Whole microseconds, as stamps are: the target is that of its own stamp.
         t_s = round(now_s + params.lead_s, 6)
         margin_s = params.margin_s
-        near = any(window.aos_t_s - margin_s <= t_s <= window.los_t_s + margin_s for window in self._passes)
-        if not (near and self._track.covers(t_s)):
+        if not (self._near_a_pass(t_s, margin_s) and self._track.covers(t_s)):
             return
         try:
             target = self._track.target_at(t_s)
@@ -94,6 +110,27 @@ class EphemerisPublisher(ManagedNode):
             return
         self._unknown = ""
         self._targets.publish(convert.target_to_message(target, self._uncertainty(t_s)))
+
+    def _near_a_pass(self, t_s: float, margin_s: float) -> bool:
+        return any(window.aos_t_s - margin_s <= t_s <= window.los_t_s + margin_s for window in self._passes)
+
+    def _renew(self, now_s: float) -> None:
+        """Bring newer elements into force, but neither in a pass nor just before one."""
+        params, source = self.parameters.value("publisher"), self.parameters.value("source")
+        if not self._updates.changed() or source.hold:
+            return
+        if self._near_a_pass(now_s, params.margin_s + params.lead_s + RENEWAL_S):
+            return
+        # Tried once: a broken file is not read every ten seconds, the next one is.
+        self._updates.accept()
+        try:
+            self._choose(load_track(source), now_s, self._peak_rad)
+        except (ValueError, OSError) as error:
+            self._not_renewed = f"elements were not renewed: {error}"
+            self.get_logger().warning(self._not_renewed)
+        else:
+            self._not_renewed = ""
+            self.get_logger().info(f"newer elements of {self._track.name} are in force")
 
     def _on_select(self, request: SelectTarget.Request, response: SelectTarget.Response) -> SelectTarget.Response:
         try:
@@ -152,17 +189,28 @@ class EphemerisPublisher(ManagedNode):
             self._memory.keep(source, self._peak_rad, self._track.hold_t_s)
 
     def _health(self) -> Health:
-        warnings = "; ".join(filter(None, (*self._track.warnings(self.now_s()), self._memory.problem)))
+        problems = self._memory.problem, self._updates.problem, self._not_renewed, self._stale()
+        warnings = "; ".join(filter(None, (*self._track.warnings(self.now_s()), *problems)))
         values = {
             "passes": len(self._passes),
             "along_track_offset_s": self._track.along_track_offset_s,
             "cross_track_offset_deg": math.degrees(self._track.cross_track_offset_rad),
             "hold_since": "" if self._track.hold_t_s is None else utc_text(self._track.hold_t_s),
+            **self._orientation_values(),
             **self._uncertainty_values(),
         }
         if self._unknown:
             return Health(ERROR, self._unknown, values)
         return Health(WARN if warnings else OK, warnings or self._track.name, values)
+
+    def _stale(self) -> str:
+        """Return "" or how old the elements are at the closest approach of the next pass."""
+        now_s, source = self.now_s(), self.parameters.value("source")
+        t_s = next((window.tca_t_s for window in self._passes if window.los_t_s >= now_s), now_s)
+        try:
+            return stale_warning(self._track, t_s, source.stale_days * DAY_S, self.parameters.value("uncertainty"))
+        except ValueError as error:
+            return str(error)
 
     def _uncertainty(self, t_s: float) -> SkyUncertainty | None:
         """Return the uncertainty of the elements on the sky, None for a target without elements."""
@@ -173,6 +221,15 @@ class EphemerisPublisher(ManagedNode):
         except ValueError as error:
             self.get_logger().warning(f"uncertainty unknown: {error}", throttle_duration_sec=60.0)
             return None
+
+    def _orientation_values(self) -> dict[str, float]:
+        """Return the pointing error that the Earth's orientation makes, if it is predicted."""
+        try:
+            sigma_rad = ephemeris.orientation_sigma_rad(self._track, self.now_s())
+        except ValueError:
+            # The target's place is unknown now: `_publish` reports it when it is due.
+            return {}
+        return {"earth_orientation_sigma_deg": round(math.degrees(sigma_rad), 6)}
 
     def _uncertainty_values(self) -> dict[str, float]:
         sky = self._uncertainty(self.now_s())

@@ -14,7 +14,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
-from rf_pointing.nodes.qos import COMMAND, EXPERIMENT, LATCHED, SAMPLES, STATUS, STREAM
+from rf_pointing.nodes.qos import COMMAND, EXPERIMENT, IN_USE, LATCHED, SAMPLES, STATUS, STREAM
 
 
 @dataclass(frozen=True)
@@ -59,6 +59,7 @@ _AHEAD_S = -1.0
 ESSENTIAL = "antenna_status"
 """While this topic is silent, time runs no faster than the wall clock."""
 
+STATION_IN_USE = "station_in_use"
 _POINTING_ERROR = Topic(
     "pointing_error", ours.PointingError, STREAM, "10 Hz, conscan once a scan", allowed_lag_s=_ONE_CLUSTER_S
 )
@@ -120,7 +121,9 @@ def _topics() -> tuple[Topic, ...]:
         for topic in node.topics:
             others = f"{found[topic.name].publisher}, " if topic.name in found else ""
             found[topic.name] = replace(topic, publisher=others + node.name)
-    return (*found.values(), Topic("/diagnostics", DiagnosticArray, STREAM, "1 Hz", "every node"))
+    every = "every node"
+    in_use = Topic(STATION_IN_USE, ours.StationInUse, IN_USE, "latched", every, "station description and band")
+    return (*found.values(), in_use, Topic("/diagnostics", DiagnosticArray, STREAM, "1 Hz", every))
 
 
 TOPICS = _topics()

@@ -3,11 +3,11 @@
 Imported by launch files only, so `launch` and `launch_ros` are needed nowhere else.
 """
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ament_index_python.packages import get_package_share_directory
 from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import LifecycleNode
@@ -17,17 +17,29 @@ RESPAWN_DELAY_S = 0.5
 
 def common_arguments(*, simulated: bool = False) -> list[DeclareLaunchArgument]:
     """Return the arguments that every launch file takes."""
-    share = Path(get_package_share_directory("rf_pointing")) / "config"
+    station = "station description: a YAML file, or a shipped name"
+    # A real antenna must not move by the numbers of another one: without a default launch asks.
+    named = {"default_value": "dss13"} if simulated else {}
     return [
         DeclareLaunchArgument("namespace", default_value="gs1", description="namespace of the antenna"),
-        DeclareLaunchArgument("params_file", default_value=str(share / "dss13.yaml"), description="station parameters"),
-        DeclareLaunchArgument("band_file", default_value=str(share / "band_x.yaml"), description="band parameters"),
-        DeclareLaunchArgument("model_file", default_value=str(share / "bias_model_dss13.yaml") if simulated else "",
-                              description="pointing model in force"),
+        DeclareLaunchArgument("station", description=station, **named),
+        DeclareLaunchArgument("band", default_value="", description="band in use; empty: the station's default"),
+        DeclareLaunchArgument("params_file", default_value="", description="ROS parameters over all others"),
         DeclareLaunchArgument("use_sim_time", default_value=str(simulated).lower(), description="time from /clock"),
         DeclareLaunchArgument("autostart", default_value="true", description="nodes configure and activate themselves"),
+        DeclareLaunchArgument(
+            "state_folder",
+            default_value=str(state_folder()),
+            description="folder of what the antenna remembers over a restart; empty: nothing",
+        ),
         DeclareLaunchArgument("respawn", default_value="true", description="start nodes again that have ended"),
-    ]  # fmt: skip
+    ]
+
+
+def state_folder() -> Path:
+    """Return the folder of the user's state for the present ROS domain."""
+    base = os.environ.get("XDG_STATE_HOME") or "~/.local/state"
+    return Path(base).expanduser() / "rf_pointing" / f"domain{os.environ.get('ROS_DOMAIN_ID') or 0}"
 
 
 def managed_nodes(context: Any, names: Sequence[str]) -> list[Any]:
@@ -39,16 +51,22 @@ def _node(context: Any, name: str, *, simulated: bool) -> LifecycleNode:
     def given(argument: str) -> str:
         return str(LaunchConfiguration(argument).perform(context))
 
-    # Later parameters override earlier ones: the band the station, the arguments both.
-    parameters: list[Any] = [given("params_file"), given("band_file")]
+    parameters: list[Any] = [{"lifecycle.autostart": given("autostart") == "true"}]
+    if name == "antenna_servo" and given("state_folder"):
+        # A latched fault and the turn of the cables must outlive a crash; two antennas keep two
+        # folders.
+        kept = Path(given("state_folder")) / given("namespace").strip("/")
+        files = {"state_file": str(kept / "antenna_servo.json"), "wrap_file": str(kept / "azimuth_turn.json")}
+        parameters.append(files)
     if name == "simulation_clock":
         parameters.append({"start_s": float(given("start_s")), "speed": float(given("speed"))})
     else:
         parameters.append({"use_sim_time": given("use_sim_time") == "true"})
-    # An empty argument keeps the model file of the parameter file.
-    if name == "bias_calibrator" and given("model_file"):
-        parameters.append({"calibrator.model_file": given("model_file")})
-    parameters.append({"lifecycle.autostart": given("autostart") == "true"})
+        # Relative to where launch was started, which the node does not know.
+        parameters.append({"station": _absolute(given("station")), "band": given("band")})
+    # Last: what a user writes is in force.
+    if given("params_file"):
+        parameters.append(given("params_file"))
     # Each antenna has its own simulation time; without the clock node, /clock is the user's.
     clock = [("/clock", "clock")] if simulated else []
     return LifecycleNode(
@@ -62,3 +80,7 @@ def _node(context: Any, name: str, *, simulated: bool) -> LifecycleNode:
         respawn_delay=RESPAWN_DELAY_S,
         output="screen",
     )
+
+
+def _absolute(station: str) -> str:
+    return str(Path(station).resolve()) if Path(station).is_file() else station

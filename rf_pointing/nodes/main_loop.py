@@ -9,9 +9,11 @@ import gc
 import os
 import re
 import signal
+import stat
 import sys
 import tempfile
-from collections.abc import Callable
+import traceback
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -66,14 +68,47 @@ def run(node_type: Callable[[], Any]) -> None:
     executor = make_executor()
     executor.add_node(node)
     settle_garbage()
-    # Not `spin`: between two events the node does its own work and the signals are seen.
-    while not signals:
-        node.bring_up()
-        executor.spin_once(timeout_sec=node.turn())
-    node.end()
+    failure = _work(node, executor, signals)
     executor.shutdown()
     node.destroy_node()
     rclpy.try_shutdown()
+    if failure:
+        sys.exit(1)
+
+
+def _work(node: Any, executor: Any, signals: Sequence[int]) -> str:
+    """Work until a signal; return "" or by which error the node has ended."""
+    failure = ""
+    # Not `spin`: between two events the node does its own work and the signals are seen.
+    while not signals and not failure:
+        try:
+            node.bring_up()
+            wait_s = node.turn()
+        except Exception as error:
+            failure = _report(node, error)
+            break
+        try:
+            executor.spin_once(timeout_sec=wait_s)
+        except Exception as error:
+            # What failed by itself, a message that rclpy cannot read for example, is left out.
+            failure = _report(node, node.failure) if node.failure else ""
+            if not failure:
+                node.survived("a callback", error)
+    try:
+        if failure:
+            node.fail(failure)
+        node.end()
+    except Exception as error:
+        failure = _report(node, error)
+    return failure
+
+
+def _report(node: Any, error: Exception) -> str:
+    """Log an error that ends a node, with its place, and return it in words."""
+    words = f"{type(error).__name__}: {error}"
+    place = "".join(traceback.format_exception(error))
+    node.get_logger().fatal(f"the node ends after a controlled stop, please report it: {words}\n{place}")
+    return words
 
 
 def _take_arguments(description: str) -> None:
@@ -94,9 +129,9 @@ class InstanceLock:
 
     def __init__(self, full_name: str) -> None:
         self.path = _path(full_name)
-        self.path.parent.mkdir(mode=0o700, exist_ok=True)
-        # "a+" keeps the holder's number readable until the lock is ours.
-        self._file = self.path.open("a+")
+        private_folder(self.path.parent)
+        # Not truncated yet: the holder's number stays readable until the lock is ours.
+        self._file = os.fdopen(open_private(self.path, os.O_RDWR), "r+")
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
@@ -116,10 +151,41 @@ class InstanceLock:
 def last_holder(full_name: str) -> int | None:
     """Return the process that took the name last in the present ROS domain, alive or not."""
     try:
-        return int(_path(full_name).read_text())
-    except (FileNotFoundError, ValueError):
+        with os.fdopen(os.open(_path(full_name), os.O_RDONLY | os.O_NOFOLLOW), "r") as file:
+            return int(file.read(20))
+    except (OSError, ValueError):
         # Never taken, or being taken at this moment.
         return None
+
+
+def private_folder(folder: Path) -> None:
+    """Make a folder that is this user's alone; RuntimeError when somebody else has made it."""
+    # Whoever makes it first could put a link there, and a node would empty any file of its user.
+    try:
+        folder.mkdir(mode=0o700, exist_ok=True)
+        opened = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+    except OSError as error:
+        raise RuntimeError(f"folder of locks {folder} cannot be used: {error.strerror}") from error
+    try:
+        owner = os.fstat(opened).st_uid
+        if owner != os.getuid():
+            raise RuntimeError(f"folder of locks {folder} belongs to user {owner}, must belong to {os.getuid()}")
+        os.fchmod(opened, 0o700)
+    finally:
+        os.close(opened)
+
+
+def open_private(path: Path, flags: int) -> int:
+    """Open or make a file of this user that is no link; RuntimeError when it is not."""
+    try:
+        opened = os.open(path, flags | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC | os.O_NONBLOCK, 0o600)
+    except OSError as error:
+        raise RuntimeError(f"{path} cannot be used: {error.strerror}") from error
+    found = os.fstat(opened)
+    if not stat.S_ISREG(found.st_mode) or found.st_uid != os.getuid() or found.st_nlink != 1:
+        os.close(opened)
+        raise RuntimeError(f"{path} must be a file of user {os.getuid()} without another name")
+    return opened
 
 
 def _domain() -> str:
@@ -127,5 +193,17 @@ def _domain() -> str:
 
 
 def _path(full_name: str) -> Path:
-    folder = Path(tempfile.gettempdir()) / f"rf_pointing-{os.getuid()}"
-    return folder / f"domain{_domain()}{full_name.replace('/', '.')}.lock"
+    return _runtime_folder() / f"domain{_domain()}{full_name.replace('/', '.')}.lock"
+
+
+def _runtime_folder() -> Path:
+    """Return the folder of locks: in the user's runtime directory, where the machine has one."""
+    user = os.getuid()
+    for name in (os.environ.get("XDG_RUNTIME_DIR", ""), f"/run/user/{user}"):
+        try:
+            if name and os.stat(name).st_uid == user and os.access(name, os.W_OK):
+                return Path(name) / "rf_pointing"
+        except OSError:
+            continue
+    # A service or a container has none.
+    return Path(tempfile.gettempdir()) / f"rf_pointing-{user}"

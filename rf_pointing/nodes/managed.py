@@ -21,8 +21,14 @@ from rf_pointing.core import Params, parameter
 from rf_pointing.nodes.diagnostics import ERROR, OK, Diagnostics, Health
 from rf_pointing.nodes.main_loop import InstanceLock
 from rf_pointing.nodes.params import ParameterGroups
+from rf_pointing.nodes.qos import LATCHED
 from rf_pointing.nodes.stamps import seconds_from_stamp
-from rf_pointing.nodes.streams import InputCounter, Latest, SequencedPublisher
+from rf_pointing.nodes.streams import InputCounter, Latest, SequencedPublisher, checked_message, require_length
+
+# A message of this length takes 20 ms to decode; it is ten times that of any stream.
+STREAM_BYTES = 256 * 1024
+# Latched lists hold the profiles of days of passes.
+LATCHED_BYTES = 16 * 1024 * 1024
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,6 +91,8 @@ class ManagedNode(LifecycleNode):
         self.diagnostics.add("inputs", self.inputs.health)
         self._state_name = "unconfigured"
         self._reason = ""
+        self.failure: Exception | None = None
+        """The error by which periodic work has failed."""
         self._at_deactivation, self._at_cleanup = ExitStack(), ExitStack()
         # rclpy has no public way to guard the transitions of its own service.
         self._change_state_of_rclpy = self._service_change_state.callback
@@ -121,9 +129,14 @@ class ManagedNode(LifecycleNode):
         schedule = Schedule(self.now_s(), period_s)
 
         def fire() -> None:
-            # More than one instant where timers fired late: each is done, none is skipped.
-            for t_s in schedule.due(self.now_s()):
-                callback(t_s)
+            try:
+                # More than one instant where timers fired late: each is done, none is skipped.
+                for t_s in schedule.due(self.now_s()):
+                    callback(t_s)
+            except Exception as error:
+                # Work that moves an antenna cannot be left out: the main loop ends this node.
+                self.failure = error
+                raise
 
         self._at_deactivation.callback(self.destroy_timer, self.create_timer(period_s, fire))
         return schedule
@@ -161,32 +174,80 @@ class ManagedNode(LifecycleNode):
             self._state_name = "finalized"
         self._clear()
 
+    def fail(self, reason: str) -> None:
+        """Bring what moves to a stop although the work has failed; called before `end`."""
+
+    def survived(self, where: str, error: BaseException) -> None:
+        """Count an error of a callback that was not foreseen, and go on."""
+        self.inputs.note_error(where, error)
+        self.get_logger().error(
+            f"{where}: {type(error).__name__}: {error}; please report it", throttle_duration_sec=1.0
+        )
+
     def listen(
-        self, message_type: Any, topic: str, callback: Callable[[Any], None], qos: Any, *, raw: bool = False
+        self,
+        message_type: Any,
+        topic: str,
+        callback: Callable[[Any], None],
+        qos: Any,
+        *,
+        raw: bool = False,
+        most_bytes: Callable[[], int] | None = None,
+        refused: Callable[[str], object] = str,
     ) -> None:
-        """Subscribe until cleanup; lost messages, and those refused by ValueError, are counted."""
-        # Raw messages are not decoded, so their numbers are not seen.
-        if not raw and hasattr(message_type, "sequence"):
-            callback = self.inputs.watching(topic, callback)
-        subscription = self.create_subscription(message_type, topic, self._guarded(topic, callback), qos, raw=raw)
+        """Subscribe until cleanup; lost messages, and those refused by ValueError, are counted.
+
+        What arrives passes one door: a message is refused when it is too long, before it is
+        decoded, when it cannot be decoded, and when a stamp or a number in it can be none.  With
+        `raw` the callback gets the bytes, of which only the length has been checked.  `refused`
+        is told each reason.
+        """
+        most = most_bytes or (lambda: LATCHED_BYTES if qos is LATCHED else STREAM_BYTES)
+        door = self._door(message_type, topic, callback, raw, most, refused)
+        subscription = self.create_subscription(message_type, topic, door, qos, raw=True)
         self._at_cleanup.callback(self.destroy_subscription, subscription)
 
-    def _guarded(self, topic: str, callback: Callable[[Any], None]) -> Callable[[Any], None]:
-        """Return `callback` with its ValueError counted and logged."""
+    def _door(
+        self,
+        message_type: Any,
+        topic: str,
+        callback: Callable[[Any], None],
+        raw: bool,
+        most_bytes: Callable[[], int],
+        refused: Callable[[str], object],
+    ) -> Callable[[bytes], None]:
+        """Return what takes the bytes of a subscription; nothing that it gets makes it raise."""
+        # Raw messages are not decoded, so their numbers are not seen.
+        counted = hasattr(message_type, "sequence") and not raw
+        take = self.inputs.watching(topic, callback) if counted else callback
 
-        def take(message: Any) -> None:
-            # An exception that leaves a callback ends the process.
+        def door(payload: bytes) -> None:
             try:
-                callback(message)
+                require_length(payload, most_bytes())
+                take(payload if raw else checked_message(payload, message_type))
             except ValueError as error:
                 self.inputs.note_refusal(topic, str(error))
+                refused(str(error))
                 self.get_logger().warning(f"{topic} ignored: {error}", throttle_duration_sec=1.0)
+            except Exception as error:
+                self.survived(topic, error)
 
-        return take
+        return door
 
     def serve(self, service_type: Any, name: str, callback: Callable[[Any, Any], Any]) -> None:
         """Offer a service until cleanup."""
-        self._at_cleanup.callback(self.destroy_service, self.create_service(service_type, name, callback))
+
+        def answer(request: Any, response: Any) -> Any:
+            try:
+                return callback(request, response)
+            except Exception as error:
+                self.survived(name, error)
+                # Without an answer the client would wait for ever.
+                if hasattr(response, "success"):
+                    response.success, response.message = False, f"{type(error).__name__}: {error}"
+                return response
+
+        self._at_cleanup.callback(self.destroy_service, self.create_service(service_type, name, answer))
 
     def serve_action(self, service_type: Any, name: str, act: Callable[[Any], str]) -> None:
         """Offer a service that answers with success and a message until cleanup.

@@ -8,7 +8,6 @@ configuration if it exists, written after every calibration scan).
 
 from dataclasses import dataclass
 
-from rclpy.serialization import deserialize_message
 from rf_pointing_msgs.msg import Monopulse, PointingError, TrackingStatus
 from sensor_msgs.msg import JointState
 
@@ -16,8 +15,9 @@ from rf_pointing.core import Params, parameter
 from rf_pointing.nodes import convert
 from rf_pointing.nodes.diagnostics import OK, WARN, Health
 from rf_pointing.nodes.main_loop import run
-from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.qos import STREAM
+from rf_pointing.nodes.station_node import StationNode
+from rf_pointing.nodes.streams import checked_message
 from rf_pointing.tracking import MonopulseParams, MonopulseScanParams
 from rf_pointing.tracking.cluster_tracker import ClusterTracker
 
@@ -29,7 +29,7 @@ class FileParams(Params):
     calibration_file: str = parameter("", "file of the feed's calibration; empty: none")
 
 
-class MonopulseTrackerNode(ManagedNode):
+class MonopulseTrackerNode(StationNode):
     """Measures; whether the antenna acts on it is the pointing controller's business."""
 
     def __init__(self) -> None:
@@ -57,7 +57,7 @@ class MonopulseTrackerNode(ManagedNode):
 
     def _on_joints(self, raw: bytes) -> None:
         if self._tracker.calibrating:
-            self._tracker.take_joints(convert.joints_from_message(deserialize_message(raw, JointState)))
+            self._tracker.take_joints(convert.joints_from_message(checked_message(raw, JointState)))
 
     def _on_status(self, message: TrackingStatus) -> None:
         self._tracker.take_status(*convert.scan_centre_from_message(message)[:4])

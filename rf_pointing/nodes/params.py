@@ -3,11 +3,12 @@
 A set of the core in radians appears under its prefix in degrees: `limits.rate_rad_s` is the
 parameter `limits.rate_deg_s`.  A change is tried on a copy of the whole set first; a refused key
 leaves every set as it was.  What a node reads only when it is configured can change only before.
+What the station description gives cannot be set in a parameter file, so each number has one place.
 """
 
 import dataclasses
 from collections.abc import Callable, Collection, Mapping
-from typing import Any
+from typing import Any, get_args
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
@@ -34,24 +35,43 @@ class ParameterGroups:
         self._listeners: list[Callable[[], None]] = []
         self._checks: list[Callable[[Mapping[str, Any]], None]] = []
         self._live: set[str] = set()
+        self._station: Mapping[str, Any] = {}
+        self._station_key: Callable[[str], str] = lambda _name: ""
         self.reasons: list[str] = []
         self.configured = False
         node.add_on_set_parameters_callback(self._try)
         node.add_post_set_parameters_callback(self._apply)
 
-    def declare(self, prefix: str, defaults: Params, *, live: bool | Collection[str] = False) -> None:
+    def take_station(self, values: Mapping[str, Any], key: Callable[[str], str]) -> None:
+        """Begin with the station's `values` by parameter name in what is declared from now on.
+
+        `key(name)` is the key of the description that gives a parameter, "" if none does.
+        """
+        self._station, self._station_key = values, key
+
+    def station_key(self, name: str) -> str:
+        """Return the key of the station description that gives a parameter, "" if none does."""
+        return self._station_key(name)
+
+    def declare(
+        self, prefix: str, defaults: Params, *, live: bool | Collection[str] = False, group: str | None = None
+    ) -> None:
         """Declare every field below `defaults`; why a value from YAML is refused goes to `reasons`.
 
         `live`: whether changes take effect while the node is configured, or the names of the fields
-        for which they do (a nested set counts as a whole).
+        for which they do (a nested set counts as a whole).  `group`: the name under which `value`
+        returns the set, if it is not the prefix.
         """
-        self._groups[prefix] = defaults
+        group = prefix if group is None else group
+        self._groups[group] = defaults
         given: list[Parameter] = []
         for edge, (item, value) in leaves(defaults).items():
             name = f"{prefix}.{edge}" if prefix else edge
             at_once = live if isinstance(live, bool) else edge.partition(".")[0] in live
+            if name in self._station:
+                value = _of_type(item.type, self._station[name])
             given.append(self._declare_one(name, value, _descriptor(item, edge, at_once)))
-            self._owner[name] = (prefix, edge)
+            self._owner[name] = (group, edge)
             if at_once:
                 self._live.add(name)
         try:
@@ -64,8 +84,12 @@ class ParameterGroups:
         return self._groups[prefix]
 
     def declared(self) -> dict[str, Params]:
-        """Return the sets by prefix, as they are now, in the order of their declaration."""
+        """Return the sets by group, as they are now, in the order of their declaration."""
         return dict(self._groups)
+
+    def names(self) -> dict[str, tuple[str, str]]:
+        """Return set and edge name of every parameter by its name."""
+        return dict(self._owner)
 
     def is_live(self, name: str) -> bool:
         """Return whether the parameter of this name may change while the node is configured."""
@@ -106,40 +130,47 @@ class ParameterGroups:
                 self.reasons.append(reason)
 
     def _declare_one(self, name: str, default: Any, descriptor: ParameterDescriptor) -> Parameter:
+        key = self._station_key(name)
+        if key:
+            constraints = (descriptor.additional_constraints, f"given by the station description: {key}")
+            descriptor.additional_constraints = "; ".join(filter(None, constraints))
+        refused = bool(key) and self._overridden(name)
+        if refused:
+            self.reasons.append(f"{name} is given by the station description: {key}")
         # An empty tuple has no element from which rclpy could derive the type.
-        if default == ():
-            return self._declare_empty(name, descriptor)
+        declared = self._declare(name, (0.0,) if default == () else default, descriptor, refused)
+        if default == () and (refused or not self._overridden(name)):
+            # rclpy takes an empty list for one of bytes, which no list of doubles could replace.
+            declared = Parameter(name, Parameter.Type.DOUBLE_ARRAY, [])
+            self._node.set_parameters([declared])
+        return declared
+
+    def _declare(self, name: str, default: Any, descriptor: ParameterDescriptor, ignore: bool) -> Parameter:
         default = list(default) if isinstance(default, tuple) else default
         try:
-            return self._node.declare_parameter(name, default, descriptor)
+            return self._node.declare_parameter(name, default, descriptor, ignore_override=ignore)
         except (InvalidParameterTypeException, InvalidParameterValueException) as error:
             self.reasons.append(f"{name}: {error}")
             return self._node.declare_parameter(name, default, descriptor, ignore_override=True)
 
-    def _declare_empty(self, name: str, descriptor: ParameterDescriptor) -> Parameter:
-        """Declare an array of doubles without elements."""
-        # rclpy takes an empty list for an array of bytes, which no list of doubles could replace.
-        declared = self._declare_one(name, (0.0,), descriptor)
-        if name in getattr(self._node, "_parameter_overrides", {}):
-            return declared
-        empty = Parameter(name, Parameter.Type.DOUBLE_ARRAY, [])
-        self._node.set_parameters([empty])
-        return empty
+    def _overridden(self, name: str) -> bool:
+        """Return whether a parameter file or an argument gives a parameter."""
+        return name in getattr(self._node, "_parameter_overrides", {})
 
     def _candidates(self, changes: list[Parameter]) -> dict[str, Params]:
         # One candidate per set: fields that constrain each other can change together.
-        by_prefix: dict[str, dict[str, Any]] = {}
+        by_group: dict[str, dict[str, Any]] = {}
         for change in changes:
             if change.name in self._owner:
-                prefix, edge = self._owner[change.name]
-                by_prefix.setdefault(prefix, {})[edge] = _plain(change.value)
-        return {prefix: self._replaced(prefix, values) for prefix, values in by_prefix.items()}
+                group, edge = self._owner[change.name]
+                by_group.setdefault(group, {})[edge] = _plain(change.value)
+        return {group: self._replaced(group, values) for group, values in by_group.items()}
 
-    def _replaced(self, prefix: str, values: dict[str, Any]) -> Params:
+    def _replaced(self, group: str, values: dict[str, Any]) -> Params:
         try:
-            return with_leaves(self._groups[prefix], values)
+            return with_leaves(self._groups[group], values)
         except ValueError as error:
-            raise ValueError(f"{prefix}.{error}" if prefix else str(error)) from error
+            raise ValueError(f"{group}.{error}" if group else str(error)) from error
 
     def _try(self, changes: list[Parameter]) -> SetParametersResult:
         try:
@@ -149,13 +180,24 @@ class ParameterGroups:
                 check(self._groups | candidates)
         except ValueError as error:
             return SetParametersResult(successful=False, reason=str(error))
+        except Exception as error:
+            # Whatever a trial raises would be raised by the change, in the middle of a motion.
+            return SetParametersResult(successful=False, reason=f"{type(error).__name__}: {error}")
         return SetParametersResult(successful=True)
 
     def _refuse_late(self, changes: list[Parameter]) -> None:
-        """Raise ValueError for a change of what the configured node will not read again."""
-        for change in changes if self.configured else ():
-            late = change.name in self._owner and change.name not in self._live
-            if late and _plain(change.value) != _plain(self._node.get_parameter(change.name).value):
+        """Raise ValueError for a change of what the configured node will not read again.
+
+        What the station description gives is changed there, unless it may change while the node
+        runs.
+        """
+        for change in changes:
+            fixed = change.name in self._owner and change.name not in self._live
+            if not fixed or _plain(change.value) == _plain(self._node.get_parameter(change.name).value):
+                continue
+            if key := self._station_key(change.name):
+                raise ValueError(f"{change.name} is given by the station description: {key}")
+            if self.configured:
                 node = self._node.get_name()
                 raise ValueError(f"{change.name} is {_WHEN_CONFIGURED}: deactivate {node} and clean it up first")
 
@@ -165,6 +207,13 @@ class ParameterGroups:
             self._groups.update(candidates)
             for listener in self._listeners:
                 listener()
+
+
+def _of_type(kind: Any, value: Any) -> Any:
+    """Return a value of the description as the parameter's type: 5 may stand for 5.0."""
+    if kind is float:
+        return float(value)
+    return tuple(float(each) for each in value) if get_args(kind)[:1] == (float,) else _plain(value)
 
 
 def _plain(value: Any) -> Any:

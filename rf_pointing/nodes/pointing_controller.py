@@ -31,9 +31,11 @@ from trajectory_msgs.msg import JointTrajectory
 from rf_pointing.core.pass_outcome import LOSS_OF_SIGNAL
 from rf_pointing.nodes import convert, convert_calibration, convert_planning
 from rf_pointing.nodes.diagnostics import ERROR, LEVELS, Health
+from rf_pointing.nodes.graph import STATION_IN_USE
 from rf_pointing.nodes.main_loop import run
-from rf_pointing.nodes.managed import RESULT_TIMEOUT_S, ManagedNode, conclude
-from rf_pointing.nodes.qos import COMMAND, LATCHED, STATUS, STREAM
+from rf_pointing.nodes.managed import RESULT_TIMEOUT_S, conclude
+from rf_pointing.nodes.qos import COMMAND, IN_USE, LATCHED, STATUS, STREAM
+from rf_pointing.nodes.station_node import StationCensus, StationInUse, StationNode
 from rf_pointing.station.pointing.certificates import StoreParams, store_certificate
 from rf_pointing.station.pointing.controller import PointingController
 from rf_pointing.station.pointing.params import ControllerParams
@@ -53,7 +55,7 @@ LONGEST_WAIT_S = 0.05
 """Wall time that a period waits for the error of the one before; commands start after 0.1 s."""
 
 
-class PointingControllerNode(ManagedNode):
+class PointingControllerNode(StationNode):
     """Runs the pointing controller once a period; a goal ends when the controller ends the pass."""
 
     def __init__(self) -> None:
@@ -90,6 +92,8 @@ class PointingControllerNode(ManagedNode):
         model_of = convert_calibration.model_from_message
         self.listen(PointingModel, "pointing_model", lambda m: core.take_model(model_of(m)), LATCHED)
         self.listen(PassProfileList, "pass_profiles", self._on_profiles, LATCHED)
+        self._census = StationCensus()
+        self.listen(StationInUse, STATION_IN_USE, self._census.note, IN_USE)
         self.serve(Trigger, "~/stop", self._on_stop)
         self.serve(Trigger, "~/calibrate", self._on_calibrate)
         self.diagnostics.add("tracking", self._health)
@@ -203,6 +207,8 @@ class PointingControllerNode(ManagedNode):
         self._refusal = ""
         try:
             now_s = self.now_s()
+            if difference := self._census.difference(self):
+                raise ValueError(f"the nodes run on different station descriptions: {difference}")
             self._read_joints(now_s)
             self._controller.start(
                 now_s, convert_planning.pass_from_message(goal.request.target_pass), goal.request.sensor

@@ -30,3 +30,5 @@ COMMAND_INPUT = _reliable(10)
 """The same for our driver: commands carry their times, so one that waited is still useful."""
 LATCHED = _reliable(1, **_KEPT)
 """Models, limits and pass lists: a late subscriber gets the last one."""
+IN_USE = _reliable(32, **_KEPT)
+"""What every node of an antenna declares once: a late subscriber gets that of each."""

@@ -9,13 +9,14 @@ from rf_pointing_msgs.msg import Boresight, CarrierPower, Monopulse, PassList, P
 
 from rf_pointing.ephemeris.source import SourceParams, load_track
 from rf_pointing.nodes import convert
+from rf_pointing.nodes.element_updates import ElementUpdates
 from rf_pointing.nodes.main_loop import run
-from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.qos import LATCHED, SAMPLES, STREAM
+from rf_pointing.nodes.station_node import StationNode
 from rf_pointing.station.antenna.receiver import SignalParams, SimulatedReceiver
 
 
-class RfReceiver(ManagedNode):
+class RfReceiver(StationNode):
     """Turns boresights into samples at their stamps, without a timer."""
 
     def __init__(self) -> None:
@@ -25,7 +26,9 @@ class RfReceiver(ManagedNode):
         self._receiver: SimulatedReceiver | None = None
 
     def configure(self) -> None:
-        self._receiver = SimulatedReceiver(self.parameters.value("signal"), load_track(self.parameters.value("source")))
+        source: SourceParams = self.parameters.value("source")
+        ElementUpdates(source.elements).require()
+        self._receiver = SimulatedReceiver(self.parameters.value("signal"), load_track(source))
         self._monopulse = self.stream(Monopulse, "monopulse", STREAM)
         self._power = self.stream(CarrierPower, "carrier_power", STREAM)
         self._truth = self.stream(PointingError, "sim/pointing_error", STREAM)

@@ -24,7 +24,7 @@ from rosgraph_msgs.msg import Clock
 from rf_pointing.core import Params, parameter
 from rf_pointing.nodes.diagnostics import Health
 from rf_pointing.nodes.graph import ESSENTIAL, TOPICS, Topic
-from rf_pointing.nodes.main_loop import run
+from rf_pointing.nodes.main_loop import open_private, run
 from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.pacing import PacedStream, Pacer
 from rf_pointing.nodes.qos import STREAM
@@ -68,7 +68,8 @@ class ClockMemory:
         """Return where a clock of the same start was killed at most `RESUME_S` ago, else None."""
         try:
             # A file of another start, of another boot, or a torn one is no memory.
-            start_s, kept_wall_s, t_s = _RECORD.unpack(self._path.read_bytes())
+            with os.fdopen(os.open(self._path, os.O_RDONLY | os.O_NOFOLLOW), "rb") as file:
+                start_s, kept_wall_s, t_s = _RECORD.unpack(file.read(_RECORD.size + 1))
         except (OSError, struct.error):
             return None
         return t_s if start_s == self._start_s and 0.0 <= wall_s - kept_wall_s <= RESUME_S else None
@@ -76,7 +77,8 @@ class ClockMemory:
     def keep(self, t_s: float, wall_s: float) -> None:
         """Write the time of a tick, before it is published."""
         if self._file is None:
-            self._file = os.open(self._path, os.O_CREAT | os.O_WRONLY | os.O_TRUNC, 0o600)
+            self._file = open_private(self._path, os.O_WRONLY)
+            os.ftruncate(self._file, 0)
         # Written in place, 24 bytes: the kernel keeps them when the process dies.
         os.pwrite(self._file, _RECORD.pack(self._start_s, wall_s, t_s), 0)
 

@@ -8,16 +8,30 @@ import struct
 
 from builtin_interfaces.msg import Time
 
+SHORTEST_BYTES = 12
+"""Of a serialised message that begins with its header."""
+
 
 def seconds_from_stamp(stamp: Time) -> float:
-    """Return UTC seconds since 1970; the inverse is `stamp_from_seconds`."""
-    return float(stamp.sec + stamp.nanosec * 1e-9)
+    """Return UTC seconds since 1970; the inverse is `stamp_from_seconds`.
+
+    Raises ValueError for a stamp before 1970 or with more than 999 999 999 ns.
+    """
+    return _seconds(stamp.sec, stamp.nanosec)
 
 
 def seconds_from_raw(raw: bytes) -> float:
     """Return the stamp of a serialised message that begins with its header, undecoded."""
-    # CDR: 4 bytes of encapsulation, then the header's stamp.
-    seconds, nanoseconds = struct.unpack_from("<iI", raw, 4)
+    # CDR: 4 bytes of encapsulation, the second of which tells the order of bytes, then the
+    # header's stamp.
+    if len(raw) < SHORTEST_BYTES:
+        raise ValueError(f"a message of {len(raw)} bytes has no stamp, must have >= {SHORTEST_BYTES}")
+    return _seconds(*struct.unpack_from("<iI" if raw[1] & 1 else ">iI", raw, 4))
+
+
+def _seconds(seconds: int, nanoseconds: int) -> float:
+    if seconds < 0 or nanoseconds >= 1_000_000_000:
+        raise ValueError(f"stamp of {seconds} s and {nanoseconds} ns is none")
     return float(seconds + nanoseconds * 1e-9)
 
 

@@ -8,15 +8,24 @@ from collections import Counter, deque
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+from builtin_interfaces.msg import Time
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.publisher import Publisher
 from rclpy.serialization import deserialize_message
 
 from rf_pointing.nodes.diagnostics import OK, WARN, Health
-from rf_pointing.nodes.stamps import seconds_from_raw
+from rf_pointing.nodes.stamps import seconds_from_raw, seconds_from_stamp
 
 KEPT = 100
 """Messages of a fast stream that wait to be used: two seconds at 50 Hz."""
 STAMP_RESOLUTION_S = 1e-6
+LARGEST = 1e18
+"""Of numbers in messages; metres to the nearest star are 4e16."""
+LEVEL = "carrier_to_noise"
+"""The one number that may be -inf: dB-Hz where there is no carrier."""
+RMWError = rclpy_implementation.RMWError
+_FLOATS = ("double", "float", "sequence<double", "sequence<float")
 
 
 def _source(message: Any) -> str:
@@ -40,6 +49,43 @@ class SequencedPublisher:
         self._publisher.publish(message)
 
 
+def require_length(payload: bytes, most_bytes: int) -> None:
+    """Raise ValueError for a message that is longer than any of its topic."""
+    if len(payload) > most_bytes:
+        raise ValueError(f"a message of {len(payload)} bytes, must be <= {most_bytes}")
+
+
+def checked_message(payload: bytes, message_type: Any) -> Any:
+    """Return a decoded message whose numbers and stamps can be ones, or raise ValueError."""
+    try:
+        message = deserialize_message(payload, message_type)
+    except (RMWError, UnicodeDecodeError) as error:
+        raise ValueError(f"{len(payload)} bytes are no {message_type.__name__}") from error
+    require_plausible(message)
+    return message
+
+
+def require_plausible(message: Any, name: str = "") -> None:
+    """Raise ValueError, naming the field, for a number or a stamp that cannot be one."""
+    for field, kind in message.get_fields_and_field_types().items():
+        value, full = getattr(message, field), f"{name}.{field}" if name else field
+        if isinstance(value, Time):
+            seconds_from_stamp(value)
+        elif hasattr(value, "get_fields_and_field_types"):
+            require_plausible(value, full)
+        elif isinstance(value, float) or kind.startswith(_FLOATS):
+            if field == LEVEL and value == -math.inf:
+                continue
+            numbers = np.asarray(value, dtype=np.float64)
+            # Squares of such numbers are still finite, and nothing in the field is larger.
+            if numbers.size and not np.max(np.abs(numbers)) <= LARGEST:
+                raise ValueError(f"{full} must be finite and at most {LARGEST:g}")
+        elif isinstance(value, list):
+            for index, element in enumerate(value):
+                if hasattr(element, "get_fields_and_field_types"):
+                    require_plausible(element, f"{full}[{index}]")
+
+
 class InputCounter:
     """Counts lost messages of a node's inputs, by gaps in their numbers, and refused ones."""
 
@@ -48,6 +94,8 @@ class InputCounter:
         self.lost: dict[str, int] = {}
         self.refused: dict[str, int] = {}
         self.last_refusal = ""
+        self.errors = 0
+        self.last_error = ""
 
     def watching(self, topic: str, callback: Callable[[Any], None]) -> Callable[[Any], None]:
         """Return `callback` with the count before it; a publisher that restarts is no loss."""
@@ -69,15 +117,20 @@ class InputCounter:
         self.refused[topic] = self.refused.get(topic, 0) + 1
         self.last_refusal = f"{topic}: {reason}"
 
+    def note_error(self, where: str, error: BaseException) -> None:
+        """Count an error that was not foreseen."""
+        self.errors += 1
+        self.last_error = f"{where}: {type(error).__name__}: {error}"
+
     def health(self) -> Health:
-        """Return the counts, as a warning when anything was lost or refused."""
+        """Return the counts, as a warning when anything was lost or refused or has raised."""
         lost, refused = sum(self.lost.values()), sum(self.refused.values())
         words = [f"{lost} messages lost"] * bool(lost) + [f"{refused} messages refused"] * bool(refused)
+        words += [f"{self.errors} errors survived"] * bool(self.errors)
         values: dict[str, object] = {f"lost {topic}": count for topic, count in self.lost.items()}
         values |= {f"refused {topic}": count for topic, count in self.refused.items()}
-        return Health(
-            WARN if words else OK, ", ".join(words) or "complete", values | {"last_refusal": self.last_refusal}
-        )
+        values |= {"last_refusal": self.last_refusal, "errors": self.errors, "last_error": self.last_error}
+        return Health(WARN if words else OK, ", ".join(words) or "complete", values)
 
 
 class Latest:
@@ -88,7 +141,8 @@ class Latest:
         self._raw: deque[bytes] = deque(maxlen=KEPT)
 
     def note(self, raw: bytes) -> None:
-        """Keep `raw`."""
+        """Keep `raw`; ValueError without a stamp."""
+        seconds_from_raw(raw)
         self._raw.append(raw)
 
     def take(self, until_s: float = math.inf) -> Any | None:
@@ -100,4 +154,4 @@ class Latest:
         # Only the stamps are read here: at 50 Hz decoding every message costs more than using one.
         while self._raw and seconds_from_raw(self._raw[0]) <= until_s + STAMP_RESOLUTION_S:
             raw = self._raw.popleft()
-        return None if raw is None else self._convert(deserialize_message(raw, self._type))
+        return None if raw is None else self._convert(checked_message(raw, self._type))

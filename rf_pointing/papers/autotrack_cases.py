@@ -20,7 +20,7 @@ from rf_pointing.ephemeris.source import SourceParams, load_elements, load_track
 from rf_pointing.simulation import PassLog, StationSetup, simulate_pass
 from rf_pointing.station.antenna.mount import MountParams
 from rf_pointing.station.antenna.receiver import Reception
-from rf_pointing.station.campaign.model_keeper import commissioning_file
+from rf_pointing.station.description import read_station
 
 Array = NDArray[np.float64]
 Changes = Mapping[str, Mapping[str, object]]
@@ -49,7 +49,9 @@ class Case:
 
 def model_file(band: str) -> Path:
     """Return the pointing model that the station uses in a band."""
-    return commissioning_file(config_folder(), band)
+    file = read_station("dss13").bias_model_file(band)
+    assert file is not None
+    return file
 
 
 def moved_mount(band: str, right_rad: float, up_rad: float) -> dict[str, object]:
@@ -87,7 +89,6 @@ def fly(case: Case, window: Pass, heard: Callable[[Reception], object] | None = 
 
     `heard` gets everything from the receiver.
     """
-    config = config_folder()
     short = dataclasses.replace(window, los_t_s=min(window.aos_t_s + case.seconds, window.los_t_s))
     changes: dict[str, dict[str, object]] = {node: dict(values) for node, values in case.changes.items()}
     # Start at rest on the first point of the pass: the slew to it is not part of the case.
@@ -99,8 +100,7 @@ def fly(case: Case, window: Pass, heard: Callable[[Reception], object] | None = 
         }
     )
     changes.setdefault("rf_receiver", {})["signal.seed"] = case.seed
-    files = [config / "dss13.yaml", config / f"band_{case.band.lower()}.yaml"]
-    setup = StationSetup(files, model_file(case.band), changes)
+    setup = StationSetup("dss13", case.band, changes=changes)
     return simulate_pass(setup, short, math.floor(window.aos_t_s) - LEAD_S, case.sensor, heard)
 
 

@@ -7,7 +7,9 @@ from rf_pointing.planning.gate import Decision, Gate, GateParams, motion_between
 from rf_pointing.planning.interlocks import Authority, FaultLatch, WrapCount
 from rf_pointing.planning.limits import AxisLimits, AxisRates, MachineParams, choose_turns
 from rf_pointing.planning.over_the_top import plunged, unplunged
+from rf_pointing.planning.position_watch import PositionLimits, PositionWatch
 from rf_pointing.planning.profile import PassProfile
+from rf_pointing.planning.schedule import Candidate, reasons_against, schedule, turns_within
 from rf_pointing.planning.slew import CornerPath
 from rf_pointing.planning.watches import (
     AxisWatch,
@@ -25,6 +27,7 @@ __all__ = [
     "AxisWatch",
     "AxisWatchParams",
     "Branch",
+    "Candidate",
     "Certificate",
     "CornerPath",
     "Decision",
@@ -36,6 +39,8 @@ __all__ = [
     "HorizonMask",
     "MachineParams",
     "PassProfile",
+    "PositionLimits",
+    "PositionWatch",
     "SensorCost",
     "WindWatch",
     "WindWatchParams",
@@ -46,5 +51,8 @@ __all__ = [
     "choose_turns",
     "motion_between",
     "plunged",
+    "reasons_against",
+    "schedule",
+    "turns_within",
     "unplunged",
 ]

@@ -20,6 +20,8 @@ TURN = 2.0 * math.pi
 # How fast the Sun moves over the sky at most.
 EARTH_RATE_RAD_S = 2.0 * math.pi / 86400.0
 Pair = tuple[float, float]
+# Finer than a zone about the Sun.
+STEP_RAD = math.radians(0.25)
 # A motion along the edge of a zone must not be stopped by the last bits of its own position.
 ROUNDING_RAD = 1e-9
 
@@ -77,11 +79,30 @@ class HorizonMask(Params):
 
 
 def angle_between(points: Array, others: Array) -> Array:
-    """Return the angles (n,) between directions (n, 2) and others, (2,) or (n, 2)."""
+    """Return the angles (...) between directions (..., 2) and others, (2,) or (..., 2)."""
     # Not the arc cosine of the scalar product: it loses half the digits of a small angle.
-    rise, turn = 0.5 * (points - others).T[::-1]
-    half = np.sin(rise) ** 2 + np.cos(points[:, 1]) * np.cos(others[..., 1]) * np.sin(turn) ** 2
-    return np.asarray(2.0 * np.arcsin(np.sqrt(np.clip(half, 0.0, 1.0))))
+    apart = 0.5 * (points - others)
+    across = np.cos(points[..., 1]) * np.cos(others[..., 1]) * np.sin(apart[..., 0]) ** 2
+    return np.asarray(2.0 * np.arcsin(np.sqrt(np.clip(np.sin(apart[..., 1]) ** 2 + across, 0.0, 1.0))))
+
+
+def _refined(lines: Array, azimuths: Array, step_rad: float) -> Array:
+    """Return chords (k, n, 2) with points where one crosses an azimuth, and `step_rad` apart."""
+    if lines.shape[1] < 2:
+        return lines
+    begin, end = lines[:, :-1], lines[:, 1:]
+    # A peak between two points of the path would be missed; on a chord the horizon bends only here.
+    passed = (begin[..., 0, None] < azimuths) != (end[..., 0, None] < azimuths)
+    line, segment, which = np.nonzero(passed)
+    share = (azimuths[which] - begin[line, segment, 0]) / (end[line, segment, 0] - begin[line, segment, 0])
+    longest = np.max(np.abs(end - begin), axis=(0, 2))
+    pieces = np.maximum(np.ceil(longest / step_rad), 1.0).astype(np.int64)
+    first = np.repeat(np.cumsum(pieces) - pieces, pieces)
+    even = np.repeat(np.arange(len(pieces)), pieces) + (np.arange(len(first)) - first) / np.repeat(pieces, pieces)
+    at = np.sort(np.concatenate([even, segment + share, [len(pieces)]]))
+    index = np.minimum(at.astype(np.int64), len(pieces) - 1)
+    rest = (at - index)[:, None]
+    return np.asarray(begin[:, index] + rest * (end[:, index] - begin[:, index]))
 
 
 class ForbiddenSky:
@@ -91,12 +112,13 @@ class ForbiddenSky:
         self.mask, self.sun_radius_rad = mask, sun_radius_rad
         self._highest_rad = max(mask.elevation_rad)
 
-    def clear(self, low_rad: float, high_rad: float, sun: Pair | None) -> bool:
+    def clear(self, low_rad: float, high_rad: float, sun: Pair | None, margin_rad: float = 0.0) -> bool:
         """Return whether nothing is forbidden between these elevations, whatever the azimuth."""
         # Most of the sky costs a tick 9 us this way instead of 33.
         if low_rad < self._highest_rad or high_rad > 0.5 * math.pi:
             return False
-        return sun is None or low_rad > sun[1] + self.sun_radius_rad or high_rad < sun[1] - self.sun_radius_rad
+        radius = self.sun_radius_rad + margin_rad
+        return sun is None or low_rad > sun[1] + radius or high_rad < sun[1] - radius
 
     def reason(
         self, azimuth: float, elevation: float, present: Pair | None, sun: Pair | None, tolerance_rad: float = 0.0
@@ -114,23 +136,53 @@ class ForbiddenSky:
         outward = present is not None and near >= self.sun_distance(*present, sun) - ROUNDING_RAD
         return "" if outward else self._near_sun(near)
 
-    def reason_of_path(self, points: Array, start: Pair, end: Pair, sun: Pair | None, duration_s: float) -> str:
-        """Return "" or why the worst of `points` (n, 2) from `start` to `end` is forbidden.
+    def reason_of_path(self, lines: Array, sun: Pair | None, margin_rad: float = 0.0, *, arrives: bool = True) -> str:
+        """Return "" or why the worst point of a path is forbidden.
 
-        Within the duration the Sun moves on, so the way keeps as much more from it, unless an end
-        is nearer.
+        `lines` (k, n, 2) are chords: the path first, then where the axes would come by when stopped
+        at each of its points.  A path that begins in a zone may leave it, on the way out all the
+        time.  From the Sun it keeps `margin_rad` more than the zone; it `arrives` when the end is
+        its goal, which may be nearer.
         """
-        under = self.under_mask_all(points)
-        worst = int(np.argmax(under))
-        if under[worst] > max(0.0, self.under_mask(*start), self.under_mask(*end)) + ROUNDING_RAD:
-            return self._below(float(points[worst, 0]), float(points[worst, 1]), float(under[worst]))
+        low, high = float(lines[..., 1].min()), float(lines[..., 1].max())
+        if self.clear(low, high, sun, margin_rad):
+            return ""
+        kept = self.sun_radius_rad + margin_rad
+        if high < 0.5 * math.pi and sun is not None and not low - kept < sun[1] < high + kept:
+            sun = None
+        lines = _refined(lines, self._azimuths_of(lines), math.inf if sun is None else STEP_RAD)
+        under = self.under_mask_all(lines)
+        past = under - np.maximum(np.minimum.accumulate(under[0]), 0.0)
+        worst = np.unravel_index(int(np.argmax(past)), past.shape)
+        if past[worst] > ROUNDING_RAD:
+            azimuth, elevation = lines[worst].tolist()
+            return self._below(azimuth, elevation, float(under[worst]))
         if sun is None or self.sun_radius_rad == 0.0:
             return ""
-        # A start or a goal inside the zone must not forbid the way out of it.
-        kept = self.sun_radius_rad + EARTH_RATE_RAD_S * duration_s
-        ends = min(self.sun_distance(*start, sun), self.sun_distance(*end, sun))
-        nearest = float(np.min(angle_between(points, np.array(sun))))
-        return self._near_sun(nearest) if nearest < min(kept, ends) - ROUNDING_RAD else ""
+        near = angle_between(lines, np.array(sun))
+        least = np.minimum(kept, np.maximum.accumulate(near[0]))
+        if arrives:
+            coming = np.minimum(kept, np.maximum.accumulate(near[0][::-1])[::-1])
+            least = np.minimum(least, np.maximum(coming, self.sun_radius_rad))
+        short = least - near
+        worst = np.unravel_index(int(np.argmax(short)), short.shape)
+        return self._near_sun(float(near[worst])) if short[worst] > ROUNDING_RAD else ""
+
+    def mask_azimuths(self, west_rad: float, east_rad: float, *, over: bool) -> Array:
+        """Return the azimuths (n,) of the horizon's points on all turns between two azimuths.
+
+        `over`: those of the other side too, which count over the top.
+        """
+        points = np.array(self.mask.azimuth_rad)
+        if over:
+            points = np.concatenate([points, points + math.pi])
+        turns = np.arange(math.floor((west_rad - TURN) / TURN) - 1, math.ceil(east_rad / TURN) + 1)
+        every = (points[:, None] + TURN * turns).ravel()
+        return np.asarray(every[(every > west_rad) & (every < east_rad)])
+
+    def _azimuths_of(self, lines: Array) -> Array:
+        azimuths, over = lines[..., 0], bool(np.max(lines[..., 1]) > 0.5 * math.pi)
+        return self.mask_azimuths(float(azimuths.min()), float(azimuths.max()), over=over)
 
     def under_mask(self, azimuth: float, elevation: float) -> float:
         """Return how far a direction is below the horizon, negative above it."""
@@ -146,8 +198,8 @@ class ForbiddenSky:
         return 2.0 * math.asin(math.sqrt(min(max(half, 0.0), 1.0)))
 
     def under_mask_all(self, points: Array) -> Array:
-        """Return how far directions (n, 2) are below the horizon (n,), negative above it."""
-        azimuth, elevation = points.T
+        """Return how far directions (..., 2) are below the horizon (...), negative above it."""
+        azimuth, elevation = points[..., 0], points[..., 1]
         over = elevation > 0.5 * math.pi
         low = np.where(over, math.pi - elevation, elevation)
         return np.asarray(self.mask.lowest_all(np.where(over, azimuth + math.pi, azimuth)) - low)

@@ -79,7 +79,7 @@ class Gate:
         self.params, self.limits, self.mask, self.axes = params, limits, mask, axes
         self._low, self._high = limits.lowest_rad, limits.highest_rad
         self._sky = ForbiddenSky(mask, params.sun_radius_rad)
-        self._paths = PathFinder(self._sky, axes, (self._low[1], self._high[1]))
+        self._paths = PathFinder(self._sky, axes, (self._low, self._high))
 
     def check(
         self,

@@ -122,7 +122,7 @@ class MachineParams(Params):
         LEAST_SHARE, "share of the pass that must be within half power for it to be tracked", low=0.0, high=1.0
     )
     half_power_beamwidth_rad: float = parameter(
-        math.radians(0.065), "beamwidth that the loss is computed for", low=1e-6, high=0.5
+        math.radians(0.065), "beamwidth that the loss is computed for", low=1e-6, high=1.4
     )
 
     @property

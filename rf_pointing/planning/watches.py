@@ -258,6 +258,7 @@ class WindWatchParams(Params):
 
     gust_limit_m_s: float = parameter(25.0, "3-s gust from which the antenna is stowed", low=1.0, high=100.0)
     mean_limit_m_s: float = parameter(18.0, "10-min mean from which the antenna is stowed", low=1.0, high=100.0)
+    watched: bool = parameter(True, "whether there is an anemometer; without one the wind is not watched")
     release_share: float = parameter(0.8, "share of both below which it may come out", low=0.1, high=1.0)
     release_s: float = parameter(60.0, "time for which both must stay below", low=0.0, high=7200.0)
     silence_s: float = parameter(5.0, "time without a reading that counts as high wind", low=0.1, high=600.0)
@@ -304,6 +305,8 @@ class WindWatch:
     def step(self, t_s: float) -> str:
         """Return why the antenna must be stowed at `t_s`, "" when it may be used."""
         params = self.params
+        if not params.watched:
+            return ""
         silent_s = t_s - self._newest_s
         if silent_s > params.silence_s:
             known = "has not been received" if math.isinf(silent_s) else f"has been silent for {silent_s:.1f} s"

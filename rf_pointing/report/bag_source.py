@@ -17,7 +17,10 @@ from rosbags.rosbag2.errors import ReaderError
 
 from rf_pointing.report.mcap_tail import complete
 
-READ_ERRORS = (ReaderError, OSError, ValueError, TypeError, KeyError, IndexError, AssertionError, struct.error)
+READ_ERRORS = (
+    ReaderError, OSError, ValueError, TypeError, KeyError, IndexError, AttributeError, AssertionError, struct.error,
+    RuntimeError, MemoryError, OverflowError,
+)  # fmt: skip
 """Errors of reading damaged files: rosbags checks little before it indexes into the data."""
 
 

@@ -26,11 +26,7 @@ def draw_plan(planned: list[PlannedPass], limits: AxisLimits, mask: HorizonMask,
 
 def _draw_sky(axes: Any, planned: list[PlannedPass], mask: HorizonMask) -> None:
     sky_axes(axes)
-    around = np.radians(np.arange(0.0, 360.5, 0.5))
-    hills = np.degrees(mask.lowest_all(around))
-    axes.fill_between(
-        around, 90.0 - np.clip(hills, 0.0, 90.0), 90.0, where=hills > 0.0, color="#b0b4b8", lw=0.0, zorder=0.4
-    )
+    draw_hills(axes, mask)
     for number, item in enumerate(planned):
         azimuth, elevation = item.profile.position_rad.T
         chosen = item.certificate.chosen
@@ -39,6 +35,15 @@ def _draw_sky(axes: Any, planned: list[PlannedPass], mask: HorizonMask) -> None:
         if chosen is not None and chosen.crossing is not None:
             axes.plot(*sky_place(*chosen.crossing.position_rad.T), color="black", lw=0.8)
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.06), ncols=2, fontsize=8.0)
+
+
+def draw_hills(axes: Any, mask: HorizonMask) -> None:
+    """Draw the horizon mask grey into a sky."""
+    around = np.radians(np.arange(0.0, 360.5, 0.5))
+    hills = np.degrees(mask.lowest_all(around))
+    axes.fill_between(
+        around, 90.0 - np.clip(hills, 0.0, 90.0), 90.0, where=hills > 0.0, color="#b0b4b8", lw=0.0, zorder=0.4
+    )
 
 
 def _draw_wrap(axes: Any, planned: list[PlannedPass], limits: AxisLimits) -> None:

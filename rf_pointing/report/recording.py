@@ -134,6 +134,12 @@ class _Collector:
                 count += 1
         except READ_ERRORS as error:
             self.problems.append(f"reading stopped after {count} messages of {reader.path.name}: {error}")
+        # rosbags passes over a block of zeros, and over all that it takes for a record after it.
+        if count < reader.message_count:
+            self.problems.append(
+                f"{reader.message_count - count} of {reader.message_count} messages of {reader.path.name} "
+                "are not readable: the file is damaged"
+            )
 
     def _taker(self, connection: Connection) -> Take:
         name = connection.topic.removeprefix(f"{self._namespace}/")

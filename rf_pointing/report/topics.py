@@ -162,7 +162,7 @@ TOPICS: dict[str, TopicLayout] = {
     "pointing_model": _own("PointingModel", "name", periodic=False),
     "joint_trajectory": TopicLayout("trajectory_msgs/msg/JointTrajectory", (), lambda _: ()),
     "tracking_status": _own(
-        "TrackingStatus", "mode", "target", "reason", "azimuth", "elevation", "cross_elevation_error",
+        "TrackingStatus", "mode", "target", "reason", "azimuth", "elevation", "scan_centre", "cross_elevation_error",
         "elevation_error", "cross_elevation_offset", "elevation_offset", "carrier_to_noise", "beamwidth",
         "command_lead", "commands_sent",
         added={"level": 0, "alarm": "", "seconds_tracked": 0.0, "seconds_lost": 0.0, "mean_loss": 0.0},

@@ -1,19 +1,21 @@
 """Raw tracking data of a recorded run, and the ephemeris that it followed.
 
-Each pass is one stay of monopulse on a target, at the rate of the errors.  Its reference is the
-recorded target, which is apparent already.  A damaged recording is refused with its damage, unless
-`allow_damage` takes its sound part.
+Each pass is one stay of a sensor on a target, at the rate of its errors.  Those of monopulse belong
+to the encoders; those of a scan (conscan, step-track) to its centre, the commanded angles.  The
+reference is the recorded target, which is apparent already.  A damaged recording is refused with
+its damage, unless `allow_damage` takes its sound part.
 """
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.calibration import RawTracking, ReferenceTrack
-from rf_pointing.core.modes import Sensor
 from rf_pointing.report.recording import Recording, read_recording
 from rf_pointing.report.topics import TopicData
+from rf_pointing.tracking.sensors import SENSORS, load_trackers
 
 Array = NDArray[np.float64]
 
@@ -58,7 +60,7 @@ def tracking_from_bag(
     Raises
     ------
     ValueError
-        Not a recording, damage, another station or band, or no monopulse tracking in it.
+        Not a recording, damage, another station or band, or no tracking by a sensor in it.
     """
     recording = read_recording(path, namespace=namespace)
     if recording.problems and not allow_damage:
@@ -67,14 +69,15 @@ def tracking_from_bag(
         noted = recording.notes.get(name, wanted)
         if noted != wanted:
             raise ValueError(f"{path} was recorded with {name} {noted!r}, must be {wanted!r}")
-    errors, joints, targets = (_needed(recording, name) for name in ("pointing_error", "joint_states", "target"))
+    load_trackers()
+    sensed = _sensed(recording)
     passes = []
-    for target, reference in _stretches(targets):
-        raw = _recorded(errors, joints, reference, target, station, band, largest_error_rad)
+    for target, reference in _stretches(_needed(recording, "target")):
+        raw = _recorded(sensed, reference, target, station, band, largest_error_rad)
         if raw is not None:
             passes.append((raw, reference))
     if not passes:
-        raise ValueError(f"{path} holds no monopulse tracking of {FEWEST_SAMPLES} samples or more")
+        raise ValueError(f"{path} holds no tracking by a sensor of {FEWEST_SAMPLES} samples or more")
     return passes
 
 
@@ -102,33 +105,66 @@ def _stretches(targets: TopicData) -> list[tuple[str, ReferenceTrack]]:
     return found
 
 
-def _recorded(
-    errors: TopicData,
-    joints: TopicData,
-    reference: ReferenceTrack,
-    target: str,
-    station: str,
-    band: str,
-    largest_error_rad: float,
-) -> RawTracking | None:
-    t_s, joint_s = _seconds(errors), _seconds(joints)
-    position = np.array(joints["position"].tolist(), dtype=np.float64)
+@dataclass(frozen=True)
+class _Sensed:
+    """Errors of the sensor in force, and the axis angles (n, 2) that they belong to."""
+
+    t_s: Array
+    position_rad: Array
+    error_rad: Array
+    valid: NDArray[np.bool_]
+
+
+def _sensed(recording: Recording) -> _Sensed:
+    errors = _needed(recording, "pointing_error")
+    t_s, sensor = _seconds(errors), errors["sensor"].astype(str)
+    moving = [traits.name for traits in SENSORS.values() if traits.scans]
+    scanning = np.isin(sensor, moving)
+    position = _interpolated(_needed(recording, "joint_states"), "position", t_s)
+    usable = np.all(np.isfinite(position), axis=1)
+    if recording.get("tracking_status") is not None:
+        status = _needed(recording, "tracking_status")
+        centre = _interpolated(status, "scan_centre", t_s)
+        latest = np.searchsorted(_seconds(status), t_s, side="right") - 1
+        mode = np.where(latest >= 0, status["mode"].astype(str)[latest], "")
+        # Where the beam is while it scans is part of the scan, for every sensor.
+        scans = np.isin(mode, moving)
+        position = np.where(scanning[:, None], centre, position)
+        usable = np.all(np.isfinite(position), axis=1) & np.where(scanning, mode == sensor, ~scans)
+    else:
+        usable &= ~scanning
+    # Several trackers write side by side: in order of their stamps, the first of two.
+    rows = np.flatnonzero(usable)
+    _, first = np.unique(t_s[rows], return_index=True)
+    rows = rows[first]
+    error = np.column_stack([errors["cross_elevation"], errors["elevation"]])
+    return _Sensed(t_s[rows], position[rows], error[rows], errors["valid"].astype(bool)[rows])
+
+
+def _interpolated(data: TopicData, column: str, t_s: Array) -> Array:
+    """Return a column (n, 2) of a topic at `t_s`, NaN outside of it."""
+    values = np.array(data[column].tolist(), dtype=np.float64)
+    own_s = _seconds(data)
     # A recorder under load may write messages out of order.
-    order = np.argsort(joint_s, kind="stable")
-    within = reference.covers(t_s) & (t_s >= joint_s[order[0]]) & (t_s <= joint_s[order[-1]])
-    # Conscan and steptrack move the beam on purpose: their errors are not those of where it points.
-    rows = np.flatnonzero(within & (errors["sensor"] == Sensor.MONOPULSE))
-    t_s = t_s[rows]
-    azimuth, elevation = (np.interp(t_s, joint_s[order], position[order, axis]) for axis in (0, 1))
-    across, up = errors["cross_elevation"][rows], errors["elevation"][rows]
-    good = errors["valid"][rows].astype(bool) & (np.hypot(across, up) <= largest_error_rad)
+    order = np.argsort(own_s, kind="stable")
+    axes = [np.interp(t_s, own_s[order], values[order, axis], left=np.nan, right=np.nan) for axis in (0, 1)]
+    return np.column_stack(axes)
+
+
+def _recorded(
+    sensed: _Sensed, reference: ReferenceTrack, target: str, station: str, band: str, largest_error_rad: float
+) -> RawTracking | None:
+    rows = np.flatnonzero(reference.covers(sensed.t_s))
+    azimuth, elevation = sensed.position_rad[rows].T
+    across, up = sensed.error_rad[rows].T
+    good = sensed.valid[rows] & (np.hypot(across, up) <= largest_error_rad)
     if int(np.sum(good)) < FEWEST_SAMPLES:
         return None
     return RawTracking(
         station=station,
         band=band,
         target=target,
-        t_s=t_s,
+        t_s=sensed.t_s[rows],
         azimuth_rad=azimuth + across / np.cos(elevation),
         elevation_rad=elevation + up,
         range_m=None,

@@ -28,7 +28,7 @@ class BeamParams(Params):
     """Shape of the beam; every pattern has the same half-power beamwidth."""
 
     half_power_beamwidth_rad: float = parameter(
-        HALF_POWER_BEAMWIDTH_RAD["X"], "full width of the beam at half power", low=1e-6, high=0.5
+        HALF_POWER_BEAMWIDTH_RAD["X"], "full width of the beam at half power", low=1e-6, high=1.4
     )
     pattern: str = parameter("gaussian", "shape of the pattern", choices=PATTERNS)
     edge_taper_db: float = parameter(12.0, "illumination at the rim below the centre (tapered)", low=0.0, high=60.0)

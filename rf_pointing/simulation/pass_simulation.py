@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 from rf_pointing.calibration import BiasModel, read_model
 from rf_pointing.core import Params
 from rf_pointing.core.parameters import NodeParameters, read_parameter_files
-from rf_pointing.ephemeris import Pass
+from rf_pointing.ephemeris import Pass, TopocentricTrack
 from rf_pointing.ephemeris.source import SourceParams, load_track
 from rf_pointing.planning import Certificate
 from rf_pointing.simulation.closed_loop import PointedAntenna, ticks
 from rf_pointing.station.antenna.receiver import Reception, SignalParams, SimulatedReceiver
 from rf_pointing.station.antenna.simulated_antenna import AntennaParams, SimulatedAntenna
+from rf_pointing.station.description import DEFAULT_STATION, StationDescription, owner, read_station
 from rf_pointing.station.pointing.certificates import pass_profile
 from rf_pointing.station.pointing.controller import PointingController
 from rf_pointing.station.pointing.params import ControllerParams
@@ -54,30 +55,72 @@ class PassLog:
 
 
 class StationSetup:
-    """Everything a run needs, from the nodes' parameter files.
+    """Everything a run needs: a station, one of its bands, and what this run changes.
 
-    `changes` are dotted keys per node over the files.  `tracker` measures the carrier power in
-    place of the package's trackers: one of your own, which is registered
-    (`tracking.sensors.register`).
+    Parameters
+    ----------
+    station
+        A description, the name of a shipped one, or the path of a user's file.
+    band
+        The station's default band if None.
+    changes
+        Dotted names per node, over everything else: an experiment may change any of them.
+    files
+        Parameter files of the nodes; what the station gives is refused in them.
+    model
+        Bias model in place of the station's: a file, or `BiasModel.zero()` for none.
+    tracker
+        Measures the carrier power in place of the package's trackers: one of your own, which is
+        registered (`tracking.sensors.register`).
+
+    Raises
+    ------
+    ValueError
+        For a description with problems, an unknown band, and a parameter in a file that the
+        description gives.
     """
 
     def __init__(
         self,
-        files: Sequence[Path],
-        model: Path | None,
+        station: StationDescription | str | Path = DEFAULT_STATION,
+        band: str | None = None,
+        *,
         changes: Mapping[str, Mapping[str, object]] | None = None,
+        files: Sequence[Path] = (),
+        model: BiasModel | Path | None = None,
         tracker: CarrierTracker | None = None,
     ) -> None:
         load_trackers()
+        self.station = station if isinstance(station, StationDescription) else read_station(station)
+        self.band = self.station.default_band if band is None else band
         self._tracker = tracker
-        self._nodes = read_parameter_files(files)
+        self._nodes: dict[str, NodeParameters] = {}
+        for node, given in read_parameter_files(files).items():
+            for name in given.values:
+                if key := owner(node, name):
+                    raise ValueError(f"{node}: {name} is given by the station description: {key}")
+            self.node(node).values.update(given.values)
         for node, values in (changes or {}).items():
             self.node(node).values.update(values)
-        self.model = read_model(model).model if model else BiasModel.zero()
+        chosen = self.station.bias_model_file(self.band) if model is None else model
+        self.model = (
+            chosen if isinstance(chosen, BiasModel) else read_model(chosen).model if chosen else BiasModel.zero()
+        )
 
     def node(self, name: str) -> NodeParameters:
-        """Return what the files say to one node."""
-        return self._nodes.setdefault(name, NodeParameters(name, {}))
+        """Return what description, files and changes say to one node."""
+        if name not in self._nodes:
+            self._nodes[name] = NodeParameters(name, self.station.parameters(name, self.band))
+        return self._nodes[name]
+
+    @property
+    def sensor(self) -> str:
+        """The station's default sensor in this band."""
+        return self.station.sensor(self.band)
+
+    def track(self) -> TopocentricTrack:
+        """Return the target as the station predicts it."""
+        return load_track(self.node("ephemeris_publisher").group("source", SourceParams()))
 
     def _sets(self, node: str, defaults: Mapping[str, Params]) -> dict[str, Params]:
         return {name: self.node(node).group(name, values) for name, values in defaults.items()}
@@ -110,14 +153,15 @@ def simulate_pass(
     setup: StationSetup,
     window: Pass,
     start_t_s: float,
-    sensor: str,
+    sensor: str | None = None,
     on_reception: Callable[[Reception], object] | None = None,
 ) -> PassLog:
     """Return the log of one pass, from `start_t_s` (time to slew included) to loss of signal.
 
-    `on_reception` is called with every reception.
+    Without a `sensor` the station's default one tracks.  `on_reception` is called with every
+    reception.
     """
-    track = load_track(setup.node("ephemeris_publisher").group("source", SourceParams()))
+    track, sensor = setup.track(), setup.sensor if sensor is None else sensor
     antenna, receiver, controller = setup.antenna(), setup.receiver(), setup.controller()
     monopulse = MonopulseTracker(setup.node("monopulse_tracker").group("monopulse", MonopulseParams()))
     conscan = setup.power_tracker()

@@ -54,7 +54,7 @@ class ScanDesign(NamedTuple):
 class ScanDesignParams(Params):
     """What a scan may cost and how long it may take."""
 
-    half_power_beamwidth_rad: float = parameter(65.0 * MDEG, "half-power beamwidth", low=1e-6, high=0.5)
+    half_power_beamwidth_rad: float = parameter(65.0 * MDEG, "half-power beamwidth", low=1e-6, high=1.4)
     integration_s: float = parameter(1.0, "time of one carrier power sample", low=1e-3, high=60.0)
     preferred_loss_db: float = parameter(0.1, "loss of the scan while it suffices", low=0.001, high=3.0)
     largest_loss_db: float = parameter(1.0, "loss of the scan at most", low=0.001, high=3.0)

@@ -45,7 +45,7 @@ LEFT_OVER = 0.5
 class ConscanParams(Params):
     """Beam, scan and window of the estimate."""
 
-    half_power_beamwidth_rad: float = parameter(65.0 * MDEG, "half-power beamwidth", low=1e-6, high=0.5)
+    half_power_beamwidth_rad: float = parameter(65.0 * MDEG, "half-power beamwidth", low=1e-6, high=1.4)
     radius_rad: float = parameter(5.93 * MDEG, "scan radius", low=1e-8, high=0.1)
     period_s: float = parameter(32.0, "time of one turn of the scan", low=0.1, high=3600.0)
     ramp_s: float = parameter(4.0, "time over which the radius grows from zero", low=0.0, high=600.0)

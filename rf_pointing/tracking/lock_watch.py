@@ -34,7 +34,7 @@ SIGN_FLIP = "sign flip: the error grows while it is corrected, in {}"
 class LockWatchParams(Params):
     """What the right lock may show, its probe, and how sure a verdict must be."""
 
-    half_power_beamwidth_rad: float = parameter(65.0 * MDEG, "half-power beamwidth", low=1e-6, high=0.5)
+    half_power_beamwidth_rad: float = parameter(65.0 * MDEG, "half-power beamwidth", low=1e-6, high=1.4)
     evidence: float = parameter(
         8.0, "logarithm of the likelihood ratio from which a lock is a false one", low=2.0, high=100.0
     )

@@ -110,7 +110,7 @@ class MonopulseCalibration(Params):
 class MonopulseParams(Params):
     """Beam, feed slope and the limits within which an error is believed."""
 
-    half_power_beamwidth_rad: float = parameter(65.0 * MDEG, "half-power beamwidth of the sum", low=1e-6, high=0.5)
+    half_power_beamwidth_rad: float = parameter(65.0 * MDEG, "half-power beamwidth of the sum", low=1e-6, high=1.4)
     slope: float = parameter(1.57, "h d(difference/sum)/dx of the ideal feed", low=0.1, high=2.5)
     curve: str = parameter("tanh", "difference/sum of the feed: tanh for Gaussian beams, or straight", choices=CURVES)
     valid_range_beamwidths: float = parameter(0.75, "largest error per axis that is believed", low=0.05, high=0.9)

@@ -31,7 +31,7 @@ SMALLEST_SPREAD = 0.2  # rms motion of the beam along the weaker axis, in scan r
 class MonopulseScanParams(Params):
     """The circle of the calibration and what makes its result good enough."""
 
-    half_power_beamwidth_rad: float = parameter(65.0 * MDEG, "half-power beamwidth", low=1e-6, high=0.5)
+    half_power_beamwidth_rad: float = parameter(65.0 * MDEG, "half-power beamwidth", low=1e-6, high=1.4)
     slope: float = parameter(1.57, "h d(difference/sum)/dx of the ideal feed", low=0.1, high=2.5)
     curve: str = parameter("tanh", "difference/sum of the feed: tanh for Gaussian beams, or straight", choices=CURVES)
     radius_beamwidths: float = parameter(0.25, "radius of the circle", low=0.02, high=0.5)

@@ -29,7 +29,7 @@ POINTS_PER_TURN = 256
 class SpiralParams(Params):
     """Size and speed of the search."""
 
-    half_power_beamwidth_rad: float = parameter(65.0 * MDEG, "half-power beamwidth", low=1e-6, high=0.5)
+    half_power_beamwidth_rad: float = parameter(65.0 * MDEG, "half-power beamwidth", low=1e-6, high=1.4)
     uncertainty_rad: float = parameter(65.0 * MDEG, "standard deviation of the target's direction", low=1e-7, high=0.2)
     sigmas: float = parameter(3.0, "radius of the search in standard deviations", low=0.5, high=10.0)
     pitch_beamwidths: float = parameter(0.6, "distance between turns in beamwidths", low=0.05, high=1.0)

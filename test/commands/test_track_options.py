@@ -2,17 +2,18 @@
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import yaml
 
-from rf_pointing.calibration import read_model
 from rf_pointing.commands import track_options
 from rf_pointing.core.dates import parse_utc
 from rf_pointing.ephemeris import find_elements, tle_lines, verification_elements
+from rf_pointing.nodes.graph import NODES
+from rf_pointing.station.description import read_station
 
-ROOT = Path(__file__).parents[2]
 RUNS = ["--min-peak", "40"]
 
 
@@ -62,60 +63,74 @@ def test_a_speed_is_a_factor_or_max() -> None:
     assert track_options.speed_factor("2.5") == 2.5
 
 
-def test_a_pass_begins_above_the_horizon_that_the_controller_is_given(tmp_path: Path) -> None:
-    hill = tmp_path / "hill.yaml"
-    hill.write_text(
-        "/**/pointing_controller:\n  ros__parameters:\n    mask: {azimuth_deg: [120.0, 147.0, 170.0], "
-        "elevation_deg: [0.0, 12.0, 0.0]}\n"
+def changed(tmp_path: Path, changes: dict[str, Any]) -> list[str]:
+    """Return the options of a station like DSS-13 but for `changes` by key."""
+    path = tmp_path / "mine.yaml"
+    read_station("dss13").write(path, changes)
+    return ["--station", str(path)]
+
+
+def parameters(tmp_path: Path, *line: str) -> dict[str, dict[str, Any]]:
+    options = track_options.arguments([*line])
+    return track_options.parameters(options, track_options.choose_pass(options), tmp_path)
+
+
+def test_a_pass_begins_above_the_horizon_of_the_station(tmp_path: Path) -> None:
+    hill = changed(
+        tmp_path,
+        {
+            "mount.horizon_deg": [
+                [0.0, 0.0],
+                [60.0, 0.0],
+                [120.0, 0.0],
+                [147.0, 12.0],
+                [170.0, 0.0],
+                [250.0, 0.0],
+                [310.0, 0.0],
+            ]
+        },
     )
-    plain, options = (
-        track_options.choose_pass(track_options.arguments([])),
-        track_options.arguments(["--params-file", str(hill)]),
-    )
-    cut = track_options.choose_pass(options)
+    plain = track_options.choose_pass(track_options.arguments([]))
+    cut = track_options.choose_pass(track_options.arguments(hill))
     assert plain.aos_t_s + 60.0 < cut.aos_t_s < plain.tca_t_s
     hill_deg = np.interp(math.degrees(cut.aos_azimuth_rad), [120.0, 147.0, 170.0], [0.0, 12.0, 0.0])
     assert math.degrees(cut.aos_elevation_rad) == pytest.approx(hill_deg + 1.0, abs=1e-3), "a degree clear of the hill"
     assert cut.los_t_s == pytest.approx(plain.los_t_s, abs=1e-3)
-    said = track_options.overrides(options, cut, tmp_path)["/**/ephemeris_publisher"]["ros__parameters"]
-    assert said["mask.azimuth_deg"] == pytest.approx([120.0, 147.0, 170.0])
-    assert said["mask.clearance_deg"] == pytest.approx(1.0)
-    servo = track_options.overrides(options, cut, tmp_path)["/**/antenna_servo"]["ros__parameters"]
-    assert servo["safety.mask.azimuth_deg"] == [120.0, 147.0, 170.0]
-    assert servo["safety.mask.elevation_deg"] == [0.0, 12.0, 0.0]
-    assert said["mask.elevation_deg"] == pytest.approx([0.0, 12.0, 0.0])
+
+
+def test_every_node_of_the_station_runs_on_the_same_description(tmp_path: Path) -> None:
+    given = parameters(tmp_path, *changed(tmp_path, {"wind.gust_limit_m_s": 21.0}), "--band", "S")
+    assert {(values["station"], values["band"]) for node, values in given.items() if node != "simulation_clock"} == {
+        (str(tmp_path / "station.yaml"), "S")
+    }
+    assert set(given) == set(NODES)
+    assert read_station(tmp_path / "station.yaml").digest == read_station(tmp_path / "mine.yaml").digest
 
 
 def test_the_interpolation_of_an_ephemeris_reaches_every_node_that_reads_it(tmp_path: Path) -> None:
-    options = track_options.arguments(["--interpolation", "lagrange", "9"])
-    said = track_options.overrides(options, track_options.choose_pass(options), tmp_path)
+    given = parameters(tmp_path, "--interpolation", "lagrange", "9")
     for node in ("ephemeris_publisher", "rf_receiver"):
-        values = said[f"/**/{node}"]["ros__parameters"]
+        values = given[node]
         assert (values["source.interpolation"], values["source.interpolation_degree"]) == ("LAGRANGE", 9)
     with pytest.raises(ValueError, match="interpolation=LAGRANGE 'x': the degree must be a whole number"):
         track_options.choose_pass(track_options.arguments(["--interpolation", "LAGRANGE", "x"]))
 
 
-def scan_of(tmp_path: Path, *line: str) -> tuple[dict[str, float], dict[str, float]]:
-    options = track_options.arguments(["--sensor", "conscan", "--band", "Ka", *line])
-    sections = track_options.overrides(options, track_options.choose_pass(options), tmp_path)
-    said = [sections.get(f"/**/{node}", {"ros__parameters": {}})["ros__parameters"]
-            for node in ("pointing_controller", "conscan_tracker")]  # fmt: skip
-    found = [{key: value for key, value in values.items() if key.startswith("conscan.")} for values in said]
-    return found[0], found[1]
+def scan_of(tmp_path: Path, *line: str) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the scan of controller and tracker in the station of a run."""
+    given = parameters(tmp_path, "--sensor", "conscan", "--band", "Ka", *line)
+    station = read_station(given["conscan_tracker"]["station"])
+    found = [station.parameters(node, "Ka") for node in ("pointing_controller", "conscan_tracker")]
+    first, second = ({key: each[key] for key in each if key.startswith("conscan.")} for each in found)
+    return first, second
 
 
-def test_the_scan_follows_from_the_accuracy_wanted_and_the_link(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_the_scan_follows_from_the_accuracy_wanted_and_the_link(tmp_path: Path) -> None:
     """Controller and tracker are told the same; a weaker link makes the scan slower, then wider."""
-    monkeypatch.setattr(track_options, "get_package_share_directory", lambda _: str(ROOT))
-    assert scan_of(tmp_path) == ({}, {})
-    weak = tmp_path / "weak.yaml"
-    weak.write_text("/**/pointing_controller:\n  ros__parameters: {link.zenith_carrier_to_noise_db_hz: 38.0}\n")
+    weak = changed(tmp_path, {"bands.Ka.zenith_carrier_to_noise_db_hz": 38.0})
     commanded, estimated = scan_of(tmp_path, "--scan-sigma", "0.6")
-    slower, _ = scan_of(tmp_path, "--scan-sigma", "0.6", "--params-file", str(weak))
-    wider, _ = scan_of(tmp_path, "--scan-sigma", "0.4", "--params-file", str(weak))
+    slower, _ = scan_of(tmp_path, "--scan-sigma", "0.6", *weak)
+    wider, _ = scan_of(tmp_path, "--scan-sigma", "0.4", *weak)
     assert commanded == estimated
     assert commanded["conscan.radius_deg"] == pytest.approx(0.00155, abs=1e-5)
     assert commanded["conscan.period_s"] == pytest.approx(4.0)
@@ -129,23 +144,19 @@ def test_the_scan_follows_from_the_accuracy_wanted_and_the_link(
     ("wanted", "complaint"),
     [("0", "scan-sigma=0.0 mdeg must be > 0"), ("nan", "scan-sigma=nan"), ("0.001", "wanted_sigma_rad")],
 )
-def test_an_accuracy_that_no_scan_has_is_refused(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, wanted: str, complaint: str
-) -> None:
-    monkeypatch.setattr(track_options, "get_package_share_directory", lambda _: str(ROOT))
+def test_an_accuracy_that_no_scan_has_is_refused(tmp_path: Path, wanted: str, complaint: str) -> None:
     with pytest.raises(ValueError, match=complaint):
         scan_of(tmp_path, "--scan-sigma", wanted)
 
 
-def test_a_horizon_of_the_servo_s_own_stays(tmp_path: Path) -> None:
-    both = tmp_path / "both.yaml"
-    both.write_text(
-        "/**/pointing_controller:\n  ros__parameters:\n    mask: {azimuth_deg: [0.0], elevation_deg: [3.0]}\n"
-        "/**/antenna_servo:\n  ros__parameters:\n    safety: {mask: {azimuth_deg: [0.0], elevation_deg: [2.0]}}\n"
-    )
-    options = track_options.arguments(["--params-file", str(both)])
-    said = track_options.overrides(options, track_options.choose_pass(options), tmp_path)
-    assert not [name for name in said["/**/antenna_servo"]["ros__parameters"] if name.startswith("safety.mask")]
+def test_the_sensor_is_one_that_the_band_has(tmp_path: Path) -> None:
+    line = changed(tmp_path, {"bands.X.sensors": ["steptrack", "conscan"]})
+    assert track_options.sensor_of(track_options.arguments(line)) == "steptrack"
+    assert track_options.sensor_of(track_options.arguments([*line, "--sensor", "program"])) == "program"
+    with pytest.raises(
+        ValueError, match="sensor=monopulse: X band of Goldstone DSS-13 has steptrack, conscan, auto, pro"
+    ):
+        track_options.sensor_of(track_options.arguments([*line, "--sensor", "monopulse"]))
 
 
 @pytest.mark.parametrize("text", ["fast", "0", "-1", "nan", "inf", "1e9"])
@@ -159,12 +170,12 @@ def test_another_speed_is_refused(text: str) -> None:
     [
         (["--satellite", "99999"], "satellite='99999' is not among"),
         (["--satellite", "Sputnik"], "satellite='Sputnik' is not among"),
-        (["--station", "Atlantis"], "Atlantis"),
+        (["--station", "Atlantis"], "Atlantis:1: no such file, and no shipped station"),
         (["--min-peak", "89.99"], r"has no pass above 89\.99 deg in 48\.00 h"),
         (["--satellite", "14128"], "has no pass above .* none rises above the mask"),
         (["--start", "2006-08-01T00:00:00"], r"(?i)days|outside|after"),
         (["--start", "1990-01-01T00:00:00"], r"(?i)days|outside|before"),
-        (["--elements", "/nowhere.tle"], "elements_file='/nowhere.tle' does not exist"),
+        (["--elements", "/nowhere.tle"], "elements='/nowhere.tle' does not exist"),
     ],
 )
 def test_what_gives_no_pass_is_refused(line: list[str], complaint: str) -> None:
@@ -179,54 +190,52 @@ def test_a_file_of_elements_is_used(tmp_path: Path) -> None:
     assert window.name == "MY BIRD"
 
 
-def test_the_command_line_reaches_the_nodes_as_parameters(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(track_options, "get_package_share_directory", lambda _: str(ROOT))
+def test_the_command_line_reaches_the_nodes_as_parameters(tmp_path: Path) -> None:
     options = track_options.arguments(["--seed", "5", "--speed", "10", "--mask", "40", "--band", "Ka"])
     window = track_options.choose_pass(options)
-    sections = track_options.overrides(options, window, tmp_path)
-    values = {name.rsplit("/", 1)[-1]: section["ros__parameters"] for name, section in sections.items()}
+    values = track_options.parameters(options, window, tmp_path)
     assert values["antenna_servo"]["antenna.seed"] == values["rf_receiver"]["signal.seed"] == 5
     assert values["simulation_clock"]["speed"] == 10.0
     assert values["simulation_clock"]["start_s"] < window.aos_t_s - 100.0
-    assert values["ephemeris_publisher"]["publisher.mask_deg"] == 40.0
-    assert values["bias_calibrator"]["calibrator.band"] == "Ka"
+    assert values["bias_calibrator"]["band"] == "Ka"
+    station = read_station(values["ephemeris_publisher"]["station"])
+    assert station.parameters("ephemeris_publisher", "Ka")["publisher.mask_deg"] == 40.0
     assert values["pointing_controller"]["certificate_folder"] == str(tmp_path.resolve())
-    assert yaml.safe_load(yaml.safe_dump(sections)) == sections
+    (written,) = track_options.parameter_files(options, values, tmp_path)
+    sections = yaml.safe_load(written.read_text())
+    # A catalogue number stays a text.
+    assert sections["/**/ephemeris_publisher"]["ros__parameters"]["source.satellite"] == "28057"
     assert all(name.startswith("/**/") for name in sections)
 
 
 @pytest.mark.parametrize(
-    ("station", "band"), [("Goldstone DSS-13", "S"), ("Goldstone DSS-13", "X"), ("Mauritius ISTRAC", "X")]
+    ("text", "complaint"),
+    [
+        ("/**/antenna_srvo: {ros__parameters: {wind.mean_speed_m_s: 1.0}}", "antenna_srvo is no node; there are"),
+        (
+            "/**/rf_receiver: {ros__parameters: {signal: {seed: 3}}}",
+            "rf_receiver signal.seed: given by the command line",
+        ),
+        (
+            "/**/pointing_controller: {ros__parameters: {limits: {elevation_min_deg: 1.0}}}",
+            "limits.elevation_min_deg is given by the station description: mount.elevation.travel_deg",
+        ),
+    ],
 )
-def test_the_commissioning_model_belongs_to_the_station_and_band_asked_for(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, station: str, band: str
-) -> None:
-    monkeypatch.setattr(track_options, "get_package_share_directory", lambda _: str(ROOT))
-    options = track_options.arguments(["--station", station, "--band", band, "--min-peak", "20"])
-    window = track_options.choose_pass(options)
-    said = track_options.overrides(options, window, tmp_path)["/**/bias_calibrator"]["ros__parameters"]
-    assert (said["calibrator.station"], said["calibrator.band"]) == (station, band)
-    file = read_model(said["calibrator.model_file"])
-    file.check_for(station, band, window.aos_t_s)
-    assert file.model == read_model(ROOT / "config" / "bias_model_dss13.yaml").model
+def test_what_a_parameter_file_says_is_in_force_or_refused(tmp_path: Path, text: str, complaint: str) -> None:
+    file = tmp_path / "mine.yaml"
+    file.write_text(text)
+    options = track_options.arguments(["--params-file", str(file)])
+    values = track_options.parameters(options, track_options.choose_pass(options), tmp_path)
+    with pytest.raises(ValueError, match=complaint):
+        track_options.parameter_files(options, values, tmp_path)
+    file.write_text("/**/antenna_servo: {ros__parameters: {wind.mean_speed_m_s: 3.0}}")
+    assert track_options.parameter_files(options, values, tmp_path)[-1] == file
 
 
-def test_a_catalogue_number_stays_text_in_the_parameter_file(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(track_options, "get_package_share_directory", lambda _: str(ROOT))
-    options = track_options.arguments(RUNS)
-    sections = yaml.safe_load(
-        yaml.safe_dump(track_options.overrides(options, track_options.choose_pass(options), tmp_path))
-    )
-    assert sections["/**/ephemeris_publisher"]["ros__parameters"]["source.satellite"] == "28057"
-
-
-def test_near_real_time_the_clock_ticks_with_the_servo(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(track_options, "get_package_share_directory", lambda _: str(ROOT))
-    ticks = {}
-    for speed in ("1", "max", "50"):
-        options = track_options.arguments([*RUNS, "--speed", speed])
-        sections = track_options.overrides(options, track_options.choose_pass(options), tmp_path)
-        ticks[speed] = sections["/**/simulation_clock"]["ros__parameters"]["tick_s"]
+def test_near_real_time_the_clock_ticks_with_the_servo(tmp_path: Path) -> None:
+    speeds = ("1", "max", "50")
+    ticks = {speed: parameters(tmp_path, *RUNS, "--speed", speed)["simulation_clock"]["tick_s"] for speed in speeds}
     assert ticks == {"1": 0.02, "max": 0.1, "50": 0.1}
 
 
@@ -271,3 +280,25 @@ def test_the_root_is_no_antenna(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         track_options.arguments(["--namespace", "/"])
     assert "'/' must name the antenna" in capsys.readouterr().err
+
+
+def test_time_begins_early_enough_for_the_slew_to_the_pass() -> None:
+    """The first pass of 26 June begins 175 s of slewing away: the 150 s of every other pass refused it."""
+    options = track_options.arguments([])
+    assert track_options.before_pass_s(options, track_options.choose_pass(options)) == track_options.SLEW_TIME_S
+    far = track_options.arguments(["--start", "2006-06-26T00:00:00"])
+    window = track_options.choose_pass(far)
+    needed_s = track_options.before_pass_s(far, window)
+    assert 175.0 + track_options.SETTLE_S <= needed_s < 300.0
+    start_s = track_options.overrides(far, window, Path())["/**/simulation_clock"]["ros__parameters"]["start_s"]
+    assert start_s == math.floor(window.aos_t_s) - needed_s
+
+
+def test_a_slower_antenna_or_one_that_starts_elsewhere_begins_earlier(tmp_path: Path) -> None:
+    slow = tmp_path / "slow.yaml"
+    slow.write_text(
+        "/**/pointing_controller: {ros__parameters: {machine: {rate_limit_deg_s: [0.5, 0.5]}}}\n"
+        "/**/antenna_servo: {ros__parameters: {antenna: {start_azimuth_deg: -200.0}}}\n"
+    )
+    options = track_options.arguments(["--params-file", str(slow)])
+    assert track_options.before_pass_s(options, track_options.choose_pass(options)) > 300.0

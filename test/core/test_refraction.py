@@ -1,5 +1,6 @@
 """Radio refraction against a traced ray, SOFA's constants, ITU-R P.834, and against itself (closure, derivatives)."""
 
+import contextlib
 import itertools
 import math
 
@@ -115,3 +116,47 @@ def test_air_that_traps_the_ray_is_refused() -> None:
 def test_weather_outside_its_range_is_refused() -> None:
     with pytest.raises(ValueError, match=r"pressure_hpa=10\.0 must be >= 300\.0"):
         RadioRefraction(pressure_hpa=10.0)
+
+
+def steep_air(rng: np.random.Generator, count: int) -> list[RadioRefraction]:
+    """Draw weather at random over the whole allowed ranges, half of it hot: what is accepted of it."""
+    accepted: list[RadioRefraction] = []
+    while len(accepted) < count:
+        pressure_hpa, humidity = rng.uniform(300.0, 1100.0), rng.uniform(0.0, 1.0)
+        temperature_k = rng.uniform(295.0 if len(accepted) % 2 else 180.0, 330.0)
+        with contextlib.suppress(ValueError):
+            accepted.append(
+                RadioRefraction(pressure_hpa=pressure_hpa, temperature_k=temperature_k, relative_humidity=humidity)
+            )
+    return accepted
+
+
+def test_every_accepted_weather_has_an_apparent_elevation_from_nadir_to_the_plunged_horizon(
+    random: np.random.Generator,
+) -> None:
+    """Also air just short of trapping rays, whose bending grows 16-fold between 1 deg and the horizon."""
+    near_trapping = [RadioRefraction(temperature_k=302.0, relative_humidity=h) for h in np.linspace(0.9, 1.0, 6)]
+    near_trapping += [RadioRefraction(temperature_k=315.0, relative_humidity=h) for h in np.linspace(0.5, 0.67, 6)]
+    grid = np.radians(
+        np.concatenate([np.linspace(-90.0, -6.0, 20), np.linspace(-5.0, 3.0, 801), np.linspace(3.5, 270.0, 80)])
+    )
+    for weather in [*near_trapping, *steep_air(random, 300)]:
+        apparent, rate, acceleration = weather.apply_with_rates(grid, 0.01, 0.0)
+        np.testing.assert_allclose(weather.remove(apparent), grid, rtol=0.0, atol=1e-13)
+        assert np.all(np.diff(apparent) > 0.0)
+        assert np.all(rate > 0.0)
+        assert np.all(np.isfinite(acceleration))
+        for one in random.uniform(math.radians(-6.0), math.radians(1.0), 20).tolist():
+            assert weather.remove(weather.apply(one)) == pytest.approx(one, abs=1e-13)
+
+
+def test_below_the_horizon_steep_air_bends_less_than_three_times_as_much_as_at_it(random: np.random.Generator) -> None:
+    for weather in steep_air(random, 300):
+        horizon_rad = -weather.remove(0.0)
+        assert horizon_rad < -0.5 - weather.remove(-0.5) < 3.0 * horizon_rad
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, np.array([0.1, math.nan])])
+def test_an_elevation_that_is_no_number_is_refused(value: object) -> None:
+    with pytest.raises(ValueError, match=r"elevation_rad=.* must be finite"):
+        RadioRefraction().apply(value)

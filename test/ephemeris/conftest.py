@@ -29,10 +29,16 @@ class AssumedOrientation:
     """An Earth whose orientation is given instead of read from tables."""
 
     ut1_minus_utc_s: float = 0.0
+    pole_x_rad: float = 0.0
+    pole_y_rad: float = 0.0
+    sigmas: tuple[float, float] = (0.0, 0.0)
 
     def at(self, t_s: Any) -> EarthOrientation:
         zeros = 0.0 * t_s
-        return EarthOrientation(zeros + self.ut1_minus_utc_s, zeros, zeros)
+        return EarthOrientation(zeros + self.ut1_minus_utc_s, zeros + self.pole_x_rad, zeros + self.pole_y_rad)
+
+    def sigmas_at(self, _t_s: float) -> tuple[float, float]:
+        return self.sigmas
 
     def warnings(self, _t_s: float) -> tuple[str, ...]:
         return ()

@@ -31,7 +31,7 @@ def text_of(states: list[np.ndarray], *, times: np.ndarray = TIMES, header: str 
 
 
 def teme_states(cbers: Elements) -> list[np.ndarray]:
-    """TEME states; the velocity is the derivative of the positions, which that of SGP4 is not (0.02 m/s)."""
+    """TEME states; the velocity is the derivative of the positions, which that of SGP4 is not."""
     record, states = cbers.satrec(), []
     for minutes in (TIMES - cbers.epoch_t_s) / 60.0:
         a, b, here, c, d = (np.array(record.sgp4_tsince(minutes + k / 60.0)[1]) for k in (-2, -1, 0, 1, 2))

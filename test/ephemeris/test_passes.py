@@ -1,5 +1,6 @@
 """Passes: skyfield's events as independent library, brute force on a fine grid, and refusals."""
 
+import dataclasses
 import math
 from pathlib import Path
 
@@ -189,3 +190,46 @@ def test_a_level_horizon_is_a_mask(track: TopocentricTrack, cbers: Elements) -> 
             (other.aos_t_s, other.tca_t_s, other.los_t_s), abs=2e-4
         )
         assert one.peak_elevation_rad == other.peak_elevation_rad
+
+
+def decaying(rng: np.random.Generator) -> Elements:
+    """Draw a low orbit that drag takes down within the fourteen days of its elements."""
+    elements = find_elements(verification_elements(), "28057")
+    return dataclasses.replace(
+        elements,
+        mean_motion_rad_s=rng.uniform(16.1, 16.35) * 2.0 * math.pi / DAY_S,
+        eccentricity=rng.uniform(1e-4, 8e-3),
+        inclination_rad=rng.uniform(0.9, 1.8),
+        ascending_node_rad=rng.uniform(0.0, 2.0 * math.pi),
+        argument_of_perigee_rad=rng.uniform(0.0, 2.0 * math.pi),
+        drag_per_earth_radius=10.0 ** rng.uniform(-3.0, -2.3),
+    )
+
+
+def test_a_search_through_the_decay_of_an_object_finds_the_passes_before_it(random: np.random.Generator) -> None:
+    ends_days, count = [], 0
+    for _ in range(8):
+        elements = decaying(random)
+        track = TopocentricTrack(elements, site("Canberra DSS-43"))
+        ((_, last_s),) = track.spans_t_s
+        assert math.isfinite(last_s)
+        ends_days.append((last_s - elements.epoch_t_s) / DAY_S)
+        # On its way down: 20 km, or where the theory itself fails.
+        height_m = math.hypot(*track.target.motion_at(last_s).position) - 6.378135e6
+        assert 15e3 < height_m < 150e3
+        passes = find_passes(track, elements.epoch_t_s, 13.9 * DAY_S, MASK_RAD)
+        assert passes == find_passes(track, elements.epoch_t_s, last_s - elements.epoch_t_s, MASK_RAD)
+        assert all(one.los_t_s <= last_s for one in passes)
+        assert any("decays" in reason for reason in track.warnings(elements.epoch_t_s))
+        assert not track.covers(last_s + 60.0)
+        # SGP4 may raise a fallen object again; nobody tracks its ghost.
+        with pytest.raises(ValueError, match="outside the usable span"):
+            find_passes(track, last_s + 600.0, DAY_S, MASK_RAD)
+        count += len(passes)
+    assert count > 8
+    assert max(ends_days) - min(ends_days) > 1.0
+
+
+def test_an_object_that_stays_up_has_no_end(track: TopocentricTrack, cbers: Elements) -> None:
+    assert track.spans_t_s == ((-math.inf, math.inf),)
+    assert not any("decays" in reason for reason in track.warnings(cbers.epoch_t_s))

@@ -14,6 +14,7 @@ import pytest
 import sgp4
 from sgp4.api import Satrec
 
+from rf_pointing.core.dates import from_utc_text
 from rf_pointing.ephemeris import Elements, read_elements, tle_lines, verification_elements
 from rf_pointing.ephemeris.tle import alpha5_from_number, number_from_alpha5, read_tle
 
@@ -164,6 +165,23 @@ def test_angles_that_round_to_a_full_turn_become_zero(cbers: Elements) -> None:
     lines = tle_lines(dataclasses.replace(cbers, ascending_node_rad=2.0 * math.pi - 1e-9, mean_anomaly_rad=-1e-9))
     (back,) = read_elements("\n".join(lines))
     assert (back.ascending_node_rad, back.mean_anomaly_rad) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("year", [1960, 1971, 1999, 2000, 2023, 2055])
+def test_an_epoch_that_rounds_into_the_next_year_is_its_first_day(
+    cbers: Elements, random: np.random.Generator, year: int
+) -> None:
+    new_year_s = from_utc_text(f"{year + 1}-01-01T00:00:00")
+    for before_s in [0.0, 1e-6, 4.31e-4, 4.33e-4, *random.uniform(0.0, 2e-3, 50).tolist()]:
+        written = dataclasses.replace(cbers, epoch_t_s=new_year_s - before_s)
+        (back,) = read_elements("\n".join(tle_lines(written)))
+        # 1e-8 days.
+        assert back.epoch_t_s == pytest.approx(written.epoch_t_s, abs=0.44e-3)
+
+
+def test_an_epoch_that_rounds_beyond_2056_is_refused(cbers: Elements) -> None:
+    with pytest.raises(ValueError, match="is in 2057, must be in 1957 to 2056"):
+        tle_lines(dataclasses.replace(cbers, epoch_t_s=from_utc_text("2057-01-01T00:00:00") - 1e-4))
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,7 @@ from rf_pointing.core.dates import from_utc_text
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.ephemeris import Elements, Site, TopocentricTrack, find_elements, site, verification_elements
 from rf_pointing.ephemeris.look_angles import LookAngles
+from rf_pointing.ephemeris.state_vector import OFFSETS, motion_from_positions
 from test.ephemeris.conftest import AssumedOrientation
 
 SKYFIELD_MDEG = 0.005
@@ -274,3 +275,29 @@ def test_a_time_that_is_no_number_is_refused(track: TopocentricTrack, t_s: float
 def test_bad_options_are_refused(cbers: Elements, goldstone: Site, options: dict, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         TopocentricTrack(cbers, goldstone, **options)
+
+
+@pytest.mark.parametrize(
+    ("number", "least_m_s", "most_m_s"),
+    [
+        ("28057", 0.01, 0.2),
+        ("6251", 0.01, 0.2),
+        ("88888", 0.01, 0.2),
+        ("28129", 0.01, 0.07),
+        ("26900", 0.01, 0.07),
+        ("26975", 0.5, 4.1),
+        ("8195", 0.5, 4.1),
+        ("11801", 0.5, 4.1),
+    ],
+)
+def test_the_velocity_of_sgp4_is_not_the_derivative_of_its_positions(
+    number: str, least_m_s: float, most_m_s: float
+) -> None:
+    """Largest difference of a day; the sizes that the page on the mathematics states."""
+    record = find_elements(verification_elements(), number).satrec()
+    minutes = np.arange(0.0, 1440.0, 1.0)
+    around = [[record.sgp4_tsince(t + k / 30.0)[1] for t in minutes] for k in OFFSETS]
+    positions = [tuple(np.array(places).T) for places in around]
+    derivative = np.array(motion_from_positions(positions, 2.0, 1e3).velocity)
+    of_sgp4 = 1e3 * np.array([record.sgp4_tsince(t)[2] for t in minutes]).T
+    assert least_m_s < np.max(np.linalg.norm(derivative - of_sgp4, axis=0)) < most_m_s

@@ -43,7 +43,9 @@ class Servo:
         live.node.create_subscription(AntennaStatus, "antenna_status", self._on_status, STREAM)
         live.node.create_subscription(JointState, "joint_states", self._on_joints, STREAM)
         live.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, STREAM)
-        self.processes: NodeProcesses = live.start(["antenna_servo"], yaml, autostart=True, simulated=True)
+        self.processes: NodeProcesses = live.start(
+            ["antenna_servo"], yaml, autostart=True, simulated=True, station=WITH_HILL
+        )
         self.until(lambda: self.status.mode == "holding" and self.commands.get_subscription_count() == 1, "the antenna")
 
     @property
@@ -146,13 +148,17 @@ class Servo:
 
 
 def servo_yaml(wrap: Path) -> str:
-    """Return the parameters of a servo in calm air that can be broken, with a hill 20 deg to its right."""
+    """Return the parameters of a servo in calm air that can be broken."""
     return f"""/**/antenna_servo:
-  ros__parameters:
-    enable_fault_injection: true
-    wrap_file: {wrap}
-    wind: {{mean_speed_m_s: 0.0}}
-    safety:
-      wind: {{gust_limit_m_s: 25.0, mean_limit_m_s: 100.0, release_s: 0.2, silence_s: 0.5}}
-      mask: {{azimuth_deg: [0.0, 140.0, 141.0, 160.0], elevation_deg: [0.0, 0.0, 70.0, 0.0]}}
+  ros__parameters: {{enable_fault_injection: true, wrap_file: {wrap}, wind: {{mean_speed_m_s: 0.0}}}}
 """
+
+
+WITH_HILL = {
+    "mount.horizon_deg": [[0.0, 0.0], [140.0, 0.0], [141.0, 70.0], [160.0, 0.0]],
+    "wind.gust_limit_m_s": 25.0,
+    "wind.mean_limit_m_s": 100.0,
+    "tuning.safety.wind.release_s": 0.2,
+    "tuning.safety.wind.silence_s": 0.5,
+}
+"""A station with a hill 20 deg to the right of where the antenna starts."""

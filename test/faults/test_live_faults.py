@@ -21,7 +21,7 @@ from std_srvs.srv import Trigger
 
 from rf_pointing.nodes.qos import STREAM
 from rf_pointing.nodes.stamps import seconds_from_stamp
-from test.faults.live_servo import RATE_RAD_S, START_RAD, Servo, servo_yaml
+from test.faults.live_servo import RATE_RAD_S, START_RAD, WITH_HILL, Servo, servo_yaml
 from test.graph.conftest import ask, live_graph
 
 pytestmark = pytest.mark.graph
@@ -246,10 +246,10 @@ def test_a_servo_that_was_frozen_discards_the_commands_that_waited(servo: Servo)
 
 
 def test_bad_yaml_leaves_the_node_unconfigured_and_names_every_key(live: SimpleNamespace) -> None:
-    text = "safety: {watch: {jump_deg: -1.0}, wnd: {gust_limit_m_s: 20.0}}"
+    text = "antenna: {tick_s: -1.0}, safety: {watch: {jump_deg: 1.0}, wnd: {gust_limit_m_s: 20.0}}"
     started = live.start(["antenna_servo"], f"/**/antenna_servo: {{ros__parameters: {{{text}}}}}", state="configure")
     assert started.refused == ["antenna_servo"]
-    for key in ("jump_deg", "safety.wnd.gust_limit_m_s"):
+    for key in ("tick_s", "tuning.safety.watch.jump_deg", "safety.wnd.gust_limit_m_s"):
         assert key in started.processes.complaint("antenna_servo")
 
 
@@ -261,7 +261,7 @@ def test_a_wrap_file_that_disagrees_with_the_encoder_keeps_the_antenna_from_movi
     wrap.write_text(json.dumps({"azimuth_rad": START_RAD[0] - 2.0 * math.pi}))
     statuses = [AntennaStatus()]
     live.node.create_subscription(AntennaStatus, "antenna_status", statuses.append, STREAM)
-    live.start(["antenna_servo"], servo_yaml(wrap))
+    live.start(["antenna_servo"], servo_yaml(wrap), station=WITH_HILL)
     live.spin_until(lambda: statuses[-1].mode == "fault", "the doubt")
     assert "look at the cables, then reset" in statuses[-1].fault
     assert ask(live, Trigger, "antenna_servo/reset_fault", Trigger.Request()).success

@@ -17,7 +17,6 @@ from typing import Any
 import pytest
 
 rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2", exc_type=ImportError)
-from ament_index_python.packages import get_package_share_directory
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParametersAtomically
@@ -124,13 +123,10 @@ class Station:
 
 
 def settings(folder: Path) -> str:
-    model = Path(get_package_share_directory("rf_pointing")) / "config" / "bias_model_dss13.yaml"
     return f"""/**/antenna_servo:
   ros__parameters: {{state_file: {folder}/antenna.json, wrap_file: {folder}/wrap.json, wind: {{mean_speed_m_s: 0.0}}}}
 /**/ephemeris_publisher:
   ros__parameters: {{publisher: {{state_file: {folder}/target.json}}}}
-/**/bias_calibrator:
-  ros__parameters: {{calibrator: {{model_file: {model}}}}}
 /**/simulation_clock:
   ros__parameters: {{start_s: {START_S}, speed: 1.0}}
 """

@@ -10,12 +10,14 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+import yaml
 
 rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2", exc_type=ImportError)
-from ament_index_python.packages import get_package_prefix, get_package_share_directory
+from ament_index_python.packages import get_package_prefix
 
 from rf_pointing.commands.managed_graph import LifecycleClient, NodeProcesses
 from rf_pointing.nodes.main_loop import make_executor
+from rf_pointing.station.description import read_station
 
 DEADLINE_S = 60.0
 
@@ -97,8 +99,15 @@ def live_graph(folder: Path, ros_domain: int) -> Iterator[SimpleNamespace]:
         state: str = "activate",
         simulated: bool = False,
         autostart: bool = False,
+        station: dict[str, Any] | None = None,
     ) -> Any:
-        files = [Path(get_package_share_directory("rf_pointing")) / "config" / "dss13.yaml"]
+        """Start nodes with `parameters` (YAML) and with other values for the keys of the description `station`."""
+        files = []
+        if station is not None:
+            read_station("dss13").write(folder / "station.yaml", station)
+            files.append(folder / "in_use.yaml")
+            own = {f"/**/{name}": {"ros__parameters": {"station": str(folder / "station.yaml")}} for name in names}
+            files[-1].write_text(yaml.safe_dump(own))
         if parameters:
             files.append(folder / "extra.yaml")
             files[-1].write_text(parameters)

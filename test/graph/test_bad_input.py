@@ -124,10 +124,14 @@ def test_every_parameter_says_what_it_is_and_a_refused_set_changes_none(live: Si
 @pytest.mark.parametrize(
     ("parameters", "word"),
     [
-        ("limits: {azimuth_maximum_deg: 10.0}", "azimuth_maximum_deg"),
-        ("limits: {elevation_min_deg: 600.0}", "elevation_min_deg"),
+        ("limits: {azimuth_maximum_deg: 10.0}", "limits.azimuth_maximum_deg: no such parameter"),
+        (
+            "limits: {elevation_min_deg: 5.0}",
+            "limits.elevation_min_deg is given by the station description: mount.elev",
+        ),
         ("pointing: {period_s: .nan}", "period_s"),
-        ("limits: {elevation_min_deg: 80.0, elevation_max_deg: 20.0}", "elevation_min"),
+        ("pointing: {transport_s: 0.15}", "transport_s=0.15 must be a whole number of period_s"),
+        ("station: nowhere.yaml", "nowhere.yaml:1: no such file"),
         ("autotrack: {sensor: 7}", "sensor"),
     ],
 )

@@ -1,25 +1,33 @@
 """The graph as the integrator of a station finds it: names, parameters, lifecycle, remapping."""
 
 import subprocess
+import time
 from collections.abc import Iterator
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
+import yaml
 
 rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2", exc_type=ImportError)
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.msg import ParameterType
-from rcl_interfaces.srv import DescribeParameters, ListParameters
+from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters
+from rclpy.action import ActionClient
+from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+from rf_pointing_msgs.action import TrackPass
 from rf_pointing_msgs.msg import AntennaStatus
 from sensor_msgs.msg import JointState
 
 from rf_pointing.ephemeris import Pass, first_pass_above
 from rf_pointing.ephemeris.source import SourceParams, load_elements, load_track
+from rf_pointing.nodes import convert_planning
 from rf_pointing.nodes.graph import NODES, TOPICS
 from rf_pointing.nodes.qos import STATUS, STREAM
+from rf_pointing.station.description import read_station, shipped_stations
 
 from .conftest import ask, executable
 
@@ -182,3 +190,43 @@ def test_a_node_is_stopped_restarted_and_remapped_without_its_neighbour_noticing
         for process in running.values():
             process.terminate()
             process.communicate(timeout=30)
+
+
+@pytest.mark.parametrize("name", shipped_stations())
+def test_every_number_of_the_station_is_in_force_at_every_node(live: SimpleNamespace, name: str) -> None:
+    """Read back as `ros2 param get` does."""
+    names = list(NODES[1:])
+    own = {f"/**/{node}": {"ros__parameters": {"station": name}} for node in names}
+    started = live.start(names, yaml.safe_dump(own), state="configure")
+    assert started.refused == []
+    description = read_station(name)
+    for node in names:
+        wanted = description.parameters(node)
+        if not wanted:
+            continue
+        answer = ask(live, GetParameters, f"{node}/get_parameters", GetParameters.Request(names=list(wanted)))
+        in_force = [parameter_value_to_python(each) for each in answer.values]
+        for key, found in zip(wanted, in_force, strict=True):
+            value = wanted[key]
+            assert (tuple(found) if isinstance(value, tuple) else found) == value, f"{node} {key}"
+
+
+def test_a_pass_is_refused_while_a_node_runs_on_another_description(live: SimpleNamespace, tmp_path: Path) -> None:
+    other = tmp_path / "other.yaml"
+    read_station("dss13").write(other, {"mount.horizon_deg": [[0.0, 10.0]]})
+    own = {"/**/ephemeris_publisher": {"ros__parameters": {"station": str(other)}}}
+    live.start(["ephemeris_publisher", "pointing_controller"], yaml.safe_dump(own))
+    client = ActionClient(live.node, TrackPass, "track_pass")
+    live.spin_until(client.server_is_ready, "track_pass")
+    goal = TrackPass.Goal(target_pass=convert_planning.pass_to_message(first_pass()), sensor="program")
+    deadline_s = time.monotonic() + 20.0
+    message = ""
+    # The other node's latched declaration arrives when discovery is through.
+    while "different station descriptions" not in message and time.monotonic() < deadline_s:
+        sent = client.send_goal_async(goal)
+        live.spin_until(sent.done, "an answer")
+        result = sent.result().get_result_async()
+        live.spin_until(result.done, "the refusal")
+        message = result.result().result.message
+    assert "ephemeris_publisher on Goldstone DSS-13" in message
+    client.destroy()

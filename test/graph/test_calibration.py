@@ -90,7 +90,7 @@ def test_a_killed_calibrator_goes_on_with_every_observation_and_its_fit_waits_fo
     parameters = f"""
 /**/{NODE}:
   ros__parameters:
-    calibrator: {{folder: "{tmp_path}", spacing_s: 0.5, station: "Goldstone DSS-13", band: "X"}}
+    calibrator: {{folder: "{tmp_path}", spacing_s: 0.5}}
 """
     journal = tmp_path / "goldstone_dss_13" / "X" / "observations.csv"
     started = live.start([NODE], parameters)

@@ -92,8 +92,7 @@ def core_log(line: tuple[str, ...], seed: int = 1) -> PassLog:
         "rf_receiver": {**satellite, "signal.seed": seed},
         "antenna_servo": {"antenna.seed": seed},
     }
-    files = [ROOT / "config" / "dss13.yaml", ROOT / "config" / "band_x.yaml"]
-    setup = StationSetup(files, ROOT / "config" / "bias_model_dss13.yaml", changes)
+    setup = StationSetup("dss13", "X", changes=changes)
     return simulate_pass(setup, window, math.floor(window.aos_t_s) - track_options.SLEW_TIME_S, "monopulse")
 
 

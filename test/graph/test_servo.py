@@ -47,8 +47,8 @@ class Watched:
         live.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, STREAM)
         live.start(
             ["antenna_servo"],
-            "/**/antenna_servo: {ros__parameters: {wind: {mean_speed_m_s: 4.0}, "
-            "safety: {drive: {delay_s: 0.4, excess_deg_s: 50.0}}}}",
+            "/**/antenna_servo: {ros__parameters: {wind: {mean_speed_m_s: 4.0}}}",
+            station={"tuning.safety.drive": {"delay_s": 0.4, "excess_deg_s": 50.0}},
         )
         live.spin_until(lambda: self.status.mode == "holding", "the antenna to hold")
 

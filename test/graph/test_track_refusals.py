@@ -32,7 +32,8 @@ def elements(tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespace:
     ("line", "words"),
     [
         ("--satellite 99999998", "satellite='99999998' is not among"),
-        ("--station Nowhere", "Nowhere"),
+        ("--station Nowhere", "Nowhere:1: no such file, and no shipped station"),
+        ("--band Q", "band='Q' of Goldstone DSS-13 must be one of S, X, Ka"),
         ("--start 2012-01-01", "days from the epoch 2006-06-26"),
         ("--start 2001-01-01", "days from the epoch 2006-06-26"),
         ("--start tomorrow", "start='tomorrow' must be an ISO time"),
@@ -40,7 +41,7 @@ def elements(tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespace:
         ("--elements {changed}", "changed.tle: .*checksum"),
         ("--elements {cut}", "cut.tle: "),
         ("--elements {empty}", "empty.tle: "),
-        ("--elements /nowhere.tle", "elements_file='/nowhere.tle' does not exist"),
+        ("--elements /nowhere.tle", "elements='/nowhere.tle' does not exist"),
         ("--satellite 14128", "none rises above the mask"),
         ("--min-peak 89.99", "has no pass above 89.99 deg"),
         ("--speed nan", "speed=nan must be between"),
@@ -58,11 +59,30 @@ def test_a_wrong_argument_is_named_in_one_line_and_nothing_is_started(
 
 def test_a_bring_up_with_a_bad_parameter_fails_and_names_node_and_key(tmp_path: Path) -> None:
     bad = tmp_path / "bad.yaml"
-    bad.write_text("/**/antenna_servo: {ros__parameters: {safety: {gate: {hard_deg: -1.0}}}}\n")
+    bad.write_text("/**/antenna_servo: {ros__parameters: {antenna: {lag_averaging_s: -1.0}}}\n")
     namespace = f"/bad{os.getpid()}"
     said = ended_with_2("--params-file", str(bad), "--output", str(tmp_path / "new"), "--namespace", namespace)
-    assert re.search(r"could not configure antenna_servo: .*safety\.gate\.hard_deg", said), said
+    assert re.search(r"could not configure antenna_servo: .*antenna\.lag_averaging_s", said), said
     assert processes_of(namespace) == []
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("/**/antenna_servo: {ros__parameters: {safety: {gate: {hard_deg: 1.0}}}}", "station description: tuning"),
+        ("/**/antenna_srvo: {ros__parameters: {wind: {mean_speed_m_s: 1.0}}}", "antenna_srvo is no node; there are"),
+        (
+            "/**/rf_receiver: {ros__parameters: {signal: {seed: 3}}}",
+            "rf_receiver signal.seed: given by the command line",
+        ),
+    ],
+)
+def test_what_a_parameter_file_cannot_set_is_refused_before_anything_starts(
+    tmp_path: Path, text: str, words: str
+) -> None:
+    file = tmp_path / "mine.yaml"
+    file.write_text(text + "\n")
+    assert words in refused("--params-file", str(file), "--output", str(tmp_path / "new"))
 
 
 def test_a_second_graph_in_a_namespace_names_the_node_and_the_process_of_the_first(

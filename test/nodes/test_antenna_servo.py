@@ -1,14 +1,19 @@
 """The antenna's node where its surroundings fail: what cannot be written must not end it in the middle of a motion."""
 
+import itertools
+import json
+import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
 from rf_pointing.nodes.antenna_servo import WRAP_EVERY, AntennaServo
 from rf_pointing.nodes.diagnostics import OK, WARN
+from rf_pointing.nodes.main_loop import _work, make_executor
 
 ANY_STATE = LifecycleState(state_id=1, label="unconfigured")
 TICKS_A_STATUS = 5
@@ -63,3 +68,103 @@ def test_an_antenna_whose_disk_fails_goes_on_and_says_so(servo: AntennaServo, tm
         servo._tick(start_s + 0.02 * tick)
     assert (servo._memory_health().level, servo._memory_health().message) == (OK, "kept")
     assert sorted(found.name for found in folder.iterdir()) == ["state.json", "wrap.json"]
+
+
+def test_a_tick_that_raises_ends_in_a_controlled_stop_with_the_fault_kept(
+    servo: AntennaServo, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    files = {"wrap_file": tmp_path / "wrap.json", "state_file": tmp_path / "state.json"}
+    assert configured(servo, **files) == TransitionCallbackReturn.SUCCESS
+    assert servo.on_activate(ANY_STATE) == TransitionCallbackReturn.SUCCESS
+    antenna = servo._antenna
+    assert antenna.park() == ""
+    start_s = servo.now_s()
+    for tick in range(100):
+        servo._tick(start_s + 0.02 * tick)
+    assert antenna.axes.moving
+    rates: list[float] = []
+    step = antenna.step
+
+    def noted(t_s: float) -> Any:
+        rates.append(float(abs(antenna.axes.path.preprocessor.state.velocity_rad_s).max()))
+        return step(t_s)
+
+    monkeypatch.setattr(antenna, "step", noted)
+    monkeypatch.setattr(servo._joints, "publish", lambda _message: 1 / 0)
+    executor = make_executor()
+    executor.add_node(servo)
+    assert _work(servo, executor, []) == "ZeroDivisionError: division by zero"
+    executor.shutdown()
+    assert rates[-1] <= 0.02 * antenna.axes.limits.acceleration_limit_rad_s2[0]
+    limit = antenna.axes.limits.acceleration_limit_rad_s2[0]
+    assert max(a - b for a, b in itertools.pairwise(rates)) <= 0.02 * limit * 1.001, "decelerated at the limit"
+    assert not antenna.axes.hardware.powered
+    kept = json.loads(files["state_file"].read_text())
+    assert kept["fault"].startswith("antenna_servo failed: ZeroDivisionError")
+
+
+def test_travel_that_the_gate_does_not_take_is_refused_as_a_parameter(servo: AntennaServo) -> None:
+    """It used to be accepted and to raise in the middle of a motion."""
+    assert configured(servo) == TransitionCallbackReturn.SUCCESS
+    (result,) = servo.set_parameters([Parameter("loops.preprocessor.travel_min_deg", value=[-223.0, -12.0])])
+    assert not result.successful
+    assert "elevation_min_rad=-0.209" in result.reason
+    (result,) = servo.set_parameters(
+        [
+            Parameter("loops.lqg_file", value="/nowhere.json"),
+        ]
+    )
+    assert result.successful
+    (result,) = servo.set_parameters([Parameter("loops.law", value="lqg")])
+    assert not result.successful
+    assert "/nowhere.json" in result.reason
+
+
+def test_nothing_that_a_live_parameter_accepts_raises_later(servo: AntennaServo, random: np.random.Generator) -> None:
+    """Each live parameter at its bounds, beyond them, at random between, and in random company."""
+    assert configured(servo) == TransitionCallbackReturn.SUCCESS
+    assert servo.on_activate(ANY_STATE) == TransitionCallbackReturn.SUCCESS
+    names = [name for name in servo._parameters if name in servo.parameters._live]
+    start_s, ticks, accepted = servo.now_s(), 0, 0
+    assert len(names) > 60
+    for name in names:
+        before = servo.get_parameter(name)
+        values = tried(servo, name, random)
+        if name.startswith("loops.preprocessor"):
+            values = [list(row) for row in random.uniform(-300.0, 300.0, (20, 2))] + values
+        for value in values:
+            (result,) = servo.set_parameters([Parameter(name, value=value)])
+            assert result.successful or result.reason
+            accepted += result.successful
+            for _ in range(2):
+                ticks += 1
+                servo._tick(start_s + 0.02 * ticks)
+        servo.set_parameters([before])
+    assert accepted > 100
+
+
+def tried(servo: AntennaServo, name: str, random: np.random.Generator) -> list[Any]:
+    """Return values of a parameter's type: bounds, beyond them, random ones."""
+    descriptor, value = servo.describe_parameter(name), servo.get_parameter(name).value
+    if isinstance(value, bool):
+        return [True, False]
+    if isinstance(value, str):
+        return ["", "pi", "lqg", "/nowhere", "/dev/null", "\0", "x" * 5000]
+    if isinstance(value, int):
+        (bounds,) = descriptor.integer_range
+        return [bounds.from_value, bounds.to_value, bounds.to_value + 1]
+    if isinstance(value, float):
+        (bounds,) = descriptor.floating_point_range
+        low, high = max(bounds.from_value, -1e6), min(bounds.to_value, 1e6)
+        return [
+            bounds.from_value,
+            bounds.to_value,
+            0.0,
+            1e-9,
+            math.nan,
+            math.inf,
+            *random.uniform(low, high, 4).tolist(),
+        ]
+    count = len(value)
+    rows = [0.0, 1e-9, 1e-3, 1.0, 10.0, 1e3, 1e9, -1.0, math.nan]
+    return [[row] * count for row in rows] + [[], [1.0], [1.0] * (count + 1)]

@@ -134,9 +134,10 @@ def test_its_options_are_all_that_a_run_of_the_station_asks_for(tmp_path: Path) 
     Path(given.elements).write_text(
         "\n".join(line for one in schedule.elements for line in (one.name, *tle_lines(one)))
     )
-    said = track_options.overrides(given, schedule.windows[0], tmp_path)
-    assert said["/**/rf_receiver"]["ros__parameters"]["signal.seed"] == 4
-    assert said["/**/bias_calibrator"]["ros__parameters"]["calibrator.keep_observations"]
-    assert track_options.parameter_files(given, said, tmp_path)[1].name == "band_s.yaml"
+    values = track_options.parameters(given, schedule.windows[0], tmp_path)
+    assert values["rf_receiver"]["signal.seed"] == 4
+    assert values["bias_calibrator"]["calibrator.keep_observations"]
+    assert values["bias_calibrator"]["band"] == "S"
+    assert track_options.parameter_files(given, values, tmp_path) == [tmp_path / "run.yaml"]
     assert track_options.notes(given)["band"] == "S"
     assert track_options.bag_folder(given, tmp_path) == tmp_path / "bag"

@@ -1,5 +1,6 @@
 """The ephemeris publisher between its topics: what it cannot tell it says, and goes on."""
 
+import dataclasses
 from pathlib import Path
 from typing import Any
 
@@ -9,8 +10,9 @@ from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
 from rf_pointing.core.dates import utc_text
-from rf_pointing.ephemeris import find_elements, verification_elements
-from rf_pointing.nodes.diagnostics import ERROR, OK
+from rf_pointing.ephemeris import TopocentricTrack, find_elements, site, verification_elements
+from rf_pointing.ephemeris.earth_orientation import orientation_table
+from rf_pointing.nodes.diagnostics import ERROR, OK, WARN
 from rf_pointing.nodes.ephemeris_publisher import EphemerisPublisher
 
 STATE = LifecycleState(state_id=1, label="unconfigured")
@@ -38,7 +40,7 @@ def ephemeris(tmp_path: Path) -> Path:
 def publisher(default_context: None, ephemeris: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
     """Yield a publisher that is active in the middle of the pass, and what it publishes as `sent`."""
     node = EphemerisPublisher()
-    values = {"source.elements_file": str(ephemeris), "source.satellite": "BIRD"}
+    values = {"source.elements": str(ephemeris), "source.satellite": "BIRD"}
     node.set_parameters([Parameter(name, value=value) for name, value in values.items()])
     monkeypatch.setattr(node, "now_s", lambda: MIDDLE_S)
     assert node.on_configure(STATE) == TransitionCallbackReturn.SUCCESS
@@ -93,3 +95,22 @@ def test_a_held_target_keeps_the_pass_and_another_one_moves(publisher: Any) -> N
     publisher._select(SelectTarget.Request(target="BIRD"))
     assert publisher.parameters.value("source").hold is False
     assert publisher._track.hold_t_s is None
+
+
+def test_beyond_the_table_of_the_earth_the_target_goes_on_and_diagnostics_states_the_error(
+    publisher: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert publisher._health().values["earth_orientation_sigma_deg"] == 0.0
+    after_s = orientation_table().span_t_s[1] + 1.5 * 86400.0
+    elements = dataclasses.replace(find_elements(verification_elements(), "28057"), epoch_t_s=after_s - 3600.0)
+    publisher._choose(TopocentricTrack(elements, site("Goldstone DSS-13")), after_s, 0.0)
+    publisher.sent.clear()
+    during_s = publisher._passes[0].tca_t_s
+    monkeypatch.setattr(publisher, "now_s", lambda: during_s)
+    publisher._publish(during_s)
+    assert len(publisher.sent) == 1
+    health = publisher._health()
+    assert health.level == WARN
+    assert "beyond the table that ends on" in health.message
+    # 0.1 s of the Earth's turn is 50 m, seen from 1000 to 3000 km.
+    assert 2e-4 < health.values["earth_orientation_sigma_deg"] < 5e-3

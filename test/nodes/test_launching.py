@@ -26,10 +26,11 @@ def given(monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
     values: dict[str, str] = {}
 
     class Argument(Action):
-        def __init__(self, name: str, default_value: str, description: str) -> None:
+        def __init__(self, name: str, description: str, default_value: str | None = None) -> None:
             super().__init__(name)
             assert description
-            values.setdefault(name, default_value)
+            if default_value is not None:
+                values.setdefault(name, default_value)
 
     class Configuration(Action):
         def perform(self, _context: Any) -> str:
@@ -71,20 +72,51 @@ def test_the_simulated_station_has_every_node_and_its_own_time(given: dict[str, 
     assert all(node["remappings"] == [("/clock", "clock")] for node in nodes.values())
     assert {"start_s": 1151384173.0, "speed": 0.0} in nodes["simulation_clock"]["parameters"]
     assert {"use_sim_time": True} in nodes["antenna_servo"]["parameters"]
-    (model,) = [each for each in nodes["bias_calibrator"]["parameters"] if "calibrator.model_file" in each]
-    assert model["calibrator.model_file"].endswith("bias_model_dss13.yaml")
+    assert {"station": "dss13", "band": ""} in nodes["antenna_servo"]["parameters"]
+    assert not [each for each in nodes["simulation_clock"]["parameters"] if "station" in each]
 
 
 def test_a_station_with_its_own_drivers_keeps_the_other_nodes_and_the_time_of_the_system(given: dict[str, str]) -> None:
-    given |= {"namespace": "gs7", "params_file": "my.yaml", "autostart": "false"}
+    given |= {"namespace": "gs7", "params_file": "my.yaml", "autostart": "false", "station": "dish.yaml", "band": "S"}
     nodes = launched("single_antenna")
     assert tuple(nodes) == STATION_NODES
     for node in nodes.values():
         assert node["namespace"] == "gs7"
-        assert node["parameters"][0] == "my.yaml"
+        assert not any("state_file" in each for each in node["parameters"] if isinstance(each, dict))
+        # The user's file comes last: what it says is in force.
+        assert node["parameters"][-1] == "my.yaml"
+        assert {"station": "dish.yaml", "band": "S"} in node["parameters"]
         assert {"use_sim_time": False} in node["parameters"]
         assert {"lifecycle.autostart": False} in node["parameters"]
         assert node["remappings"] == []
+
+
+def test_a_real_antenna_is_not_started_with_the_numbers_of_another(given: dict[str, str]) -> None:
+    with pytest.raises(KeyError, match="station"):
+        launched("single_antenna")
+
+
+@pytest.mark.parametrize(("namespace", "home"), [("gs1", "/var/lib/station"), ("/north/gs2", "")])
+def test_the_antenna_remembers_its_fault_and_its_turn_by_default(
+    given: dict[str, str], monkeypatch: pytest.MonkeyPatch, namespace: str, home: str
+) -> None:
+    """In the user's state folder, of its own for each domain and namespace; the station's file has the last word."""
+    monkeypatch.setenv("XDG_STATE_HOME", home)
+    monkeypatch.setenv("ROS_DOMAIN_ID", "12")
+    given |= {"namespace": namespace, "params_file": "my.yaml"}
+    _, first, *later = launched("simulated_station")["antenna_servo"]["parameters"]
+    folder = Path(home or Path.home() / ".local" / "state") / "rf_pointing" / "domain12" / namespace.strip("/")
+    assert first == {
+        "state_file": str(folder / "antenna_servo.json"),
+        "wrap_file": str(folder / "azimuth_turn.json"),
+    }
+    assert later[-1] == given["params_file"]
+
+
+def test_a_launch_may_remember_nothing(given: dict[str, str]) -> None:
+    given["state_folder"] = ""
+    for node in launched("simulated_station").values():
+        assert not any("state_file" in each for each in node["parameters"] if isinstance(each, dict))
 
 
 @pytest.mark.parametrize("system", ["doa", "interferometer", "tripulse"])

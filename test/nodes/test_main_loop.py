@@ -8,13 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from rf_pointing.nodes.main_loop import InstanceLock, last_holder
+from rf_pointing.nodes.main_loop import InstanceLock, last_holder, open_private, private_folder
 
 
 @pytest.fixture(autouse=True)
 def _own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tempfile, "gettempdir", lambda: str(tmp_path))
-    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     monkeypatch.setenv("ROS_DOMAIN_ID", "77")
 
 
@@ -57,3 +56,69 @@ def test_a_killed_holder_leaves_no_lock_behind() -> None:
     holder.kill()
     holder.communicate()
     InstanceLock("/gs1/antenna_servo").release()
+
+
+NAME = "/gs1/antenna_servo"
+
+
+def test_locks_lie_in_the_user_s_runtime_directory_and_are_the_user_s_alone(tmp_path: Path) -> None:
+    lock = InstanceLock(NAME)
+    assert lock.path == tmp_path / "rf_pointing" / "domain77.gs1.antenna_servo.lock"
+    assert lock.path.parent.stat().st_mode & 0o777 == 0o700
+    assert lock.path.stat().st_mode & 0o777 == 0o600
+    lock.release()
+    # A folder that others may read is closed to them.
+    lock.path.parent.chmod(0o777)
+    InstanceLock(NAME).release()
+    assert lock.path.parent.stat().st_mode & 0o777 == 0o700
+
+
+def test_without_a_runtime_directory_locks_lie_in_the_temporary_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "nowhere"))
+    monkeypatch.setattr(tempfile, "gettempdir", lambda: str(tmp_path))
+    stat = os.stat
+
+    def no_session(path: str, **options: object) -> os.stat_result:
+        if str(path).startswith("/run/user"):
+            raise FileNotFoundError(2, "none", path)
+        return stat(path, **options)
+
+    monkeypatch.setattr(os, "stat", no_session)
+    lock = InstanceLock(NAME)
+    assert lock.path.parent == tmp_path / f"rf_pointing-{os.getuid()}"
+    lock.release()
+
+
+def test_a_link_that_somebody_has_put_there_is_not_followed(tmp_path: Path) -> None:
+    """It used to be followed, and the file at its end was emptied."""
+    precious = tmp_path / "precious"
+    precious.write_text("ten years of observations")
+    folder = tmp_path / "rf_pointing"
+    folder.mkdir()
+    (folder / "domain77.gs1.antenna_servo.lock").symlink_to(precious)
+    with pytest.raises(RuntimeError, match=r"lock cannot be used: Too many levels of symbolic links$"):
+        InstanceLock(NAME)
+    assert last_holder(NAME) is None
+    (folder / "domain77.gs1.antenna_servo.lock").unlink()
+    os.link(precious, folder / "domain77.gs1.antenna_servo.lock")
+    with pytest.raises(RuntimeError, match="must be a file of user [0-9]+ without another name"):
+        InstanceLock(NAME)
+    assert precious.read_text() == "ten years of observations"
+
+
+def test_a_folder_that_is_a_link_or_somebody_else_s_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "rf_pointing").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(RuntimeError, match="folder of locks .* cannot be used: "):
+        InstanceLock(NAME)
+    monkeypatch.setattr(os, "getuid", lambda: 12345)
+    with pytest.raises(RuntimeError, match="belongs to user [0-9]+, must belong to 12345"):
+        private_folder(tmp_path / "elsewhere")
+
+
+def test_a_pipe_in_the_place_of_a_file_does_not_hold_a_node_up(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(RuntimeError, match="must be a file of user"):
+        open_private(tmp_path / "pipe", os.O_RDWR)

@@ -6,14 +6,18 @@ Periodic work: every instant of the grid once, in order, however the timer fires
 import math
 import re
 import sys
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from builtin_interfaces.msg import Time
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
+from rclpy.serialization import serialize_message
 from rf_pointing_msgs.msg import PointingError, Target
+from std_msgs.msg import Header
+from std_srvs.srv import Trigger
 
 from rf_pointing.nodes import convert
 from rf_pointing.nodes.diagnostics import WARN
@@ -89,18 +93,71 @@ def test_a_refused_activation_leaves_no_timer_running(subject: Subject) -> None:
 
 
 def test_a_message_that_is_refused_is_counted_and_the_node_lives_on(subject: Subject) -> None:
-    take = subject._guarded("pointing_error", subject._take)
-    take(PointingError(sensor="monopulse", cross_elevation=math.nan))
-    take(PointingError(sensor="monopulse", cross_elevation=0.001))
+    reasons: list[str] = []
+    door = subject._door(PointingError, "pointing_error", subject._take, False, lambda: 1000, reasons.append)
+    door(serialize_message(PointingError(sensor="monopulse", cross_elevation=math.nan)))
+    door(serialize_message(PointingError(sensor="monopulse", cross_elevation=0.001)))
     health = subject.inputs.health()
     assert (health.level, health.message) == (WARN, "1 messages refused")
     assert health.values["refused pointing_error"] == 1
-    assert health.values["last_refusal"] == "pointing_error: cross_elevation_rad=nan must be finite"
+    assert health.values["last_refusal"] == "pointing_error: cross_elevation must be finite and at most 1e+18"
+    assert reasons == ["cross_elevation must be finite and at most 1e+18"]
 
 
-def test_another_exception_is_not_hidden(subject: Subject) -> None:
-    with pytest.raises(AttributeError):
-        subject._guarded("pointing_error", lambda m: m.nothing)(PointingError())
+@pytest.mark.parametrize(
+    ("payload", "reason"),
+    [
+        (b"12345678", "8 bytes are no PointingError"),
+        (b"", "0 bytes are no PointingError"),
+        (bytes(1001), "a message of 1001 bytes, must be <= 1000"),
+        (PointingError(cross_elevation=1e300), "cross_elevation must be finite and at most 1e+18"),
+        (
+            PointingError(header=Header(stamp=Time(sec=-1))),
+            "stamp of -1 s and 0 ns is none",
+        ),
+        (
+            PointingError(header=Header(stamp=Time(sec=1, nanosec=1_000_000_000))),
+            "stamp of 1 s and 1000000000 ns is none",
+        ),
+    ],
+)
+def test_what_can_be_no_message_is_refused_at_the_door(
+    subject: Subject, payload: bytes | PointingError, reason: str
+) -> None:
+    if isinstance(payload, PointingError):
+        payload = serialize_message(payload)
+    subject._door(PointingError, "pointing_error", subject._take, False, lambda: 1000, str)(payload)
+    assert subject.inputs.last_refusal == f"pointing_error: {reason}"
+    assert subject.inputs.errors == 0
+
+
+def test_a_message_without_a_stamp_is_refused_before_it_is_kept(subject: Subject) -> None:
+    latest = subject.listen_latest(PointingError, "managed_subject/fast", convert.error_from_message, STREAM)
+    (door,) = [each.callback for each in subject.subscriptions if each.topic_name.endswith("fast")]
+    for length in range(12):
+        door(bytes(length))
+    assert subject.inputs.refused == {"managed_subject/fast": 12}
+    # Enough for a stamp, too little for a message: refused when it is used.
+    door(bytes([0, 1, 0, 0, *[0] * 12]))
+    with pytest.raises(ValueError, match="16 bytes are no PointingError"):
+        latest.take()
+
+
+def test_another_exception_is_counted_and_the_node_lives_on(subject: Subject) -> None:
+    door = subject._door(PointingError, "pointing_error", lambda m: m.nothing, False, lambda: 1000, str)
+    door(serialize_message(PointingError(sensor="monopulse")))
+    health = subject.inputs.health()
+    assert (health.level, health.message) == (WARN, "1 errors survived")
+    assert str(health.values["last_error"]).startswith("pointing_error: AttributeError: ")
+
+
+def test_a_service_that_raises_answers_that_it_has_failed(subject: Subject) -> None:
+    subject.serve(Trigger, "managed_subject/fails", lambda _request, _response: 1 / 0)
+    (service,) = [each for each in subject.services if each.srv_name.endswith("fails")]
+    answer = service.callback(Trigger.Request(), Trigger.Response())
+    assert not answer.success
+    assert answer.message == "ZeroDivisionError: division by zero"
+    assert subject.inputs.errors == 1
 
 
 def test_a_second_node_of_the_name_is_refused(subject: Subject) -> None:
@@ -217,6 +274,37 @@ def test_help_of_a_node_says_what_it_does_and_starts_nothing(
     said = capsys.readouterr().out
     assert said.startswith(__doc__)
     assert "--params-file FILE" in said
+
+
+class Failing(Subject):
+    """A node whose periodic work fails at its third instant, and which notes how it ends."""
+
+    order: ClassVar[list[str]] = []
+
+    def activate(self) -> None:
+        self.every(0.02, self._work)
+
+    def _work(self, t_s: float) -> None:
+        self.ticks.append(t_s)
+        if len(self.ticks) == 3:
+            raise KeyError("gone")
+
+    def fail(self, reason: str) -> None:
+        self.order.append(f"fail {reason}")
+
+    def deactivate(self) -> None:
+        self.order.append("deactivate")
+
+
+def test_a_node_whose_periodic_work_raises_stops_what_moves_and_ends(
+    ros_domain: int, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["failing", "--ros-args", "-p", "lifecycle.autostart:=true"])
+    with pytest.raises(SystemExit) as left:
+        run(Failing)
+    assert left.value.code == 1
+    assert Failing.order == ["fail KeyError: 'gone'", "deactivate"]
+    assert "the node ends after a controlled stop, please report it: KeyError: 'gone'" in capfd.readouterr().err
 
 
 START_S = 1_151_384_000.0

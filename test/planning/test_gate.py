@@ -9,7 +9,7 @@ import pytest
 from rf_pointing.planning import AxisLimits, AxisRates, Gate, GateParams, HorizonMask, motion_between
 from rf_pointing.planning.forbidden_sky import ForbiddenSky
 from rf_pointing.planning.gate import MOTIONS
-from rf_pointing.planning.slew import halting_points, slew_path
+from rf_pointing.planning.slew import Moving, halting_points, slew_path
 
 DEG = math.pi / 180.0
 FLAT = HorizonMask()
@@ -66,7 +66,7 @@ def test_the_way_between_two_free_points_goes_over_the_hill_between_them() -> No
     assert np.max(corners[:, 1]) > 30.0
     here = (60.0 * DEG, 10.0 * DEG)
     for corner in decision.way:
-        leg, _ = slew_path(here, corner, AXES)
+        _, leg, _ = slew_path(Moving(1.0, here), corner, AXES)
         assert np.all(leg[:, 1] >= HILL.lowest_all(leg[:, 0]) - 1e-9)
         here = corner
 
@@ -86,7 +86,7 @@ def test_a_slew_through_the_sun_is_led_round_it() -> None:
     assert decision.allowed
     assert len(decision.way) > 1
     for corner in decision.way:
-        for azimuth, elevation in slew_path(here, corner, AXES)[0].tolist():
+        for azimuth, elevation in slew_path(Moving(1.0, here), corner, AXES)[1].tolist():
             near = math.acos(
                 math.sin(elevation) * math.sin(sun[1])
                 + math.cos(elevation) * math.cos(sun[1]) * math.cos(azimuth - sun[0])
@@ -102,14 +102,15 @@ def test_a_slew_through_the_sun_is_led_round_it() -> None:
 def test_a_slew_ends_where_it_must_within_the_rates_and_in_the_time_of_the_closed_form() -> None:
     for start, end in (((10.0, 40.0), (130.0, 20.0)), ((0.0, 10.0), (-1.0, 12.0)), ((0.0, 10.0), (0.0, 10.0))):
         here, there = (start[0] * DEG, start[1] * DEG), (end[0] * DEG, end[1] * DEG)
-        positions, rates = slew_path(here, there, AXES)
+        times, positions, rates = slew_path(Moving(1.0, here), there, AXES)
         assert positions[0] == pytest.approx(here)
         assert positions[-1] == pytest.approx(there, abs=1e-12)
         assert rates[[0, -1]] == pytest.approx(0.0, abs=1e-12)
         assert np.max(np.abs(rates)) <= 1.8 * DEG + 1e-12
-        step_s = AXES.slew_s(here, there) / (len(positions) - 1)
-        travelled = np.cumsum(0.5 * (rates[1:] + rates[:-1]) * step_s, axis=0)
-        assert travelled == pytest.approx(positions[1:] - here, abs=0.5 * 0.8 * DEG * step_s**2 + 1e-12)
+        assert times[-1] == pytest.approx(AXES.slew_s(here, there))
+        # At constant acceleration the mean of two rates is exact.
+        travelled = np.cumsum(0.5 * (rates[1:] + rates[:-1]) * np.diff(times)[:, None], axis=0)
+        assert travelled == pytest.approx(positions[1:] - here, abs=1e-12)
     assert AXES.slew_s((0.0, 0.0), (120.0 * DEG, 0.0)) == pytest.approx(120.0 / 1.8 + 1.8 / 0.8)
     assert AXES.slew_s((0.0, 0.0), (0.8 * DEG, 0.0)) == pytest.approx(2.0)
 
@@ -117,7 +118,7 @@ def test_a_slew_ends_where_it_must_within_the_rates_and_in_the_time_of_the_close
 def test_what_is_left_of_a_stopped_motion_is_that_of_a_simulated_stop() -> None:
     rate, limit = 1.5 * DEG, 0.8 * DEG
     ahead = halting_points(np.array([[1.0, 0.5]]), np.array([[rate, -rate]]), (limit, limit))
-    for share, row in zip((0.25, 0.5, 1.0), ahead, strict=True):
+    for share, row in zip((0.25, 0.5, 1.0), ahead[:, 0], strict=True):
         t = share * rate / limit
         moved = rate * t - 0.5 * limit * t**2
         assert row == pytest.approx([1.0 + moved, 0.5 - moved])
@@ -126,13 +127,13 @@ def test_what_is_left_of_a_stopped_motion_is_that_of_a_simulated_stop() -> None:
 def test_a_way_is_free_only_if_the_axes_can_stop_anywhere_on_it() -> None:
     """Down behind a hill: a stop while both axes still run would bring the elevation down before the hill has passed."""
     here, there = (30.0 * DEG, 60.0 * DEG), (90.0 * DEG, 10.0 * DEG)
-    positions, rates = slew_path(here, there, AXES)
+    _, positions, rates = slew_path(Moving(1.0, here), there, AXES)
     behind = float(np.interp(-10.5 * DEG, -positions[:, 1], positions[:, 0])) - 0.25 * DEG
     hill = HorizonMask(azimuth_rad=(0.0, behind - 1e-4, behind), elevation_rad=(10.5 * DEG, 10.5 * DEG, 0.0))
     sky = ForbiddenSky(hill, 0.0)
-    assert sky.reason_of_path(positions, here, there, None, 0.0) == ""
+    assert sky.reason_of_path(positions[None], None) == ""
     stopped = halting_points(positions, rates, AXES.acceleration_rad_s2)
-    assert "below the horizon mask" in sky.reason_of_path(stopped, here, there, None, 0.0)
+    assert "below the horizon mask" in sky.reason_of_path(stopped, None)
     assert len(gate(hill).check("slew", here, np.array([there])).way) > 1
     wall = HorizonMask(azimuth_rad=(0.0, 60.0 * DEG, 60.1 * DEG), elevation_rad=(0.0, 0.0, 40.0 * DEG))
     moving = gate(wall).guard("track", (58.5 * DEG, 20.0 * DEG), (58.5 * DEG, 20.0 * DEG), (1.8 * DEG, 0.0))
@@ -174,10 +175,10 @@ def test_the_guard_says_the_same_where_it_looks_at_elevations_only(
 def test_one_direction_and_many_agree_over_the_top_too(random: np.random.Generator) -> None:
     sky, sun = ForbiddenSky(HILL, 30.0 * DEG), (1.7, 0.6)
     points = np.column_stack([random.uniform(-4.0, 4.0, 300), random.uniform(0.0, math.pi, 300)])
-    here = (0.0, 0.5 * math.pi)
+    here = np.array((0.0, 0.5 * math.pi))
     for row in points:
         single = sky.reason(float(row[0]), float(row[1]), None, sun)
-        along = sky.reason_of_path(row[None, :], here, here, sun, 0.0)
+        along = sky.reason_of_path(np.stack([here, row])[:, None], sun)
         assert bool(single) == bool(along)
         folded = row if row[1] <= 0.5 * math.pi else np.array([row[0] + math.pi, math.pi - row[1]])
         assert sky.under_mask(*row.tolist()) == pytest.approx(sky.under_mask(*folded.tolist()))
@@ -187,9 +188,9 @@ def test_one_direction_and_many_agree_over_the_top_too(random: np.random.Generat
 def test_a_way_keeps_clear_of_where_the_sun_will_be_at_its_end() -> None:
     """A slew of 100 s passes 0.9 deg from the Sun of now with a zone of 0.8 deg: the Sun may move 0.4 deg meanwhile."""
     sky = ForbiddenSky(FLAT, 0.8 * DEG)
-    points, here, there, sun = deg((50.0, 0.9)), (0.0, 0.0), (100.0 * DEG, 0.0), (50.0 * DEG, 0.0)
-    assert sky.reason_of_path(points, here, there, sun, 0.0) == ""
-    assert "0.900 deg from the Sun" in sky.reason_of_path(points, here, there, sun, 100.0)
+    line, sun = deg((40.0, 0.9), (50.0, 0.9), (60.0, 0.9))[None], (50.0 * DEG, 0.0)
+    assert sky.reason_of_path(line, sun) == ""
+    assert "0.900 deg from the Sun" in sky.reason_of_path(line, sun, 0.4 * DEG)
 
 
 def test_motions_between_points_have_their_names() -> None:

@@ -40,6 +40,7 @@ def offered_qos(*, depth: int = 10, durability: str = "VOLATILE", deadline_ns: i
 class SyntheticRun:
     """What happened, as functions of the time since the start in seconds; errors and offsets in millidegrees.
 
+    The encoders run on a circle of `circle_mdeg` around the commanded direction, once in 4 s.
     `dropped` names sequence numbers (or, for standard types, message indexes) that never reached the recorder.
     """
 
@@ -57,6 +58,8 @@ class SyntheticRun:
     dropped: dict[str, set[int]] = field(default_factory=dict)
     left_out: set[str] = field(default_factory=set)
     sensed: Callable[[float], bool] = lambda _: True
+    sensor: str = "monopulse"
+    circle_mdeg: float = 0.0
     lateness_s: Callable[[float], float] = lambda _: 0.0005
     target: Callable[[float], str] = lambda _: "28057"
     """Target of the status; empty while nothing is tracked."""
@@ -172,7 +175,8 @@ class _Sheet(Maker):
 
     def fast(self, t: float) -> None:
         run, stamp = self.run, self.stamp(t)
-        position = np.radians(run.azel_deg(t))
+        around = run.circle_mdeg * MDEG * np.array([math.cos(0.5 * math.pi * t), math.sin(0.5 * math.pi * t)])
+        position = np.radians(run.azel_deg(t)) + around
         velocity = (np.radians(run.azel_deg(t + 0.01)) - np.radians(run.azel_deg(t - 0.01))) / 0.02
         axes = {"name": ["azimuth", "elevation"], "position": position, "velocity": velocity}
         self.add("clock", "rosgraph_msgs/msg/Clock", t, 0.0, clock=self.time(stamp))
@@ -190,7 +194,7 @@ class _Sheet(Maker):
         az, el = np.radians(run.azel_deg(t))
         offset = [value * MDEG for value in run.offset_mdeg(t)]
         cn0 = {"carrier_to_noise": run.carrier_to_noise(t)}
-        sensed = {"sensor": "monopulse", "valid": valid, "reason": "" if valid else "no lock"}
+        sensed = {"sensor": run.sensor, "valid": valid, "reason": "" if valid else "no lock"}
         self.own("target", "Target", t, 0.1, ahead=2.0, target="28057", azimuth=az, elevation=el)
         self.own("monopulse", "Monopulse", t, 1.6, sample_period=0.02, **cn0)
         self.own("carrier_power", "CarrierPower", t, 1.8, integration_time=0.1, power=1e-15, sigma=1e-17, **cn0)
@@ -202,6 +206,7 @@ class _Sheet(Maker):
         status |= {"seconds_tracked": tracked_s, "seconds_lost": lost_s, "mean_loss": loss_db, "level": level}
         status |= {"alarm": alarm}
         status |= {"cross_elevation_offset": offset[0], "elevation_offset": offset[1], "command_lead": 0.8}
+        status["scan_centre"] = np.array([az, el])
         status |= {"beamwidth": run.beamwidth_mdeg * MDEG, "commands_sent": round(10 * t)}
         self.own("tracking_status", "TrackingStatus", t, 4.1, **status)
         if mode not in ("idle", "stopped"):

@@ -28,8 +28,25 @@ def test_samples_are_the_encoders_where_the_beam_would_be_on_the_target(tmp_path
     assert np.all(np.diff(raw.t_s) > 0.0)
 
 
+@pytest.mark.parametrize("sensor", ["conscan", "steptrack"])
+def test_error_of_a_scan_belongs_to_its_centre_wherever_the_encoders_are(tmp_path, types, sensor):
+    path = bag(tmp_path, types, sensor=sensor, mode=lambda _: sensor, circle_mdeg=30.0)
+    ((raw, _),) = tracking_from_bag(path, "gs1", "X")
+    seconds = raw.t_s - 1_700_000_000.0
+    np.testing.assert_allclose(raw.elevation_rad, np.radians(30.0 + 0.1 * seconds) - 2.0 * MDEG, atol=5e-9)
+    across = (raw.azimuth_rad - np.radians(100.0 + 0.5 * seconds)) * np.cos(np.radians(30.0 + 0.1 * seconds))
+    np.testing.assert_allclose(across, 3.0 * MDEG, atol=5e-9)
+
+
+@pytest.mark.parametrize(("sensor", "mode"), [("conscan", "monopulse"), ("monopulse", "conscan")])
+def test_errors_of_a_sensor_that_does_not_track_are_left_out(tmp_path, types, sensor, mode):
+    path = bag(tmp_path, types, sensor=sensor, mode=lambda _: mode)
+    with pytest.raises(ValueError, match="holds no tracking by a sensor"):
+        tracking_from_bag(path, "gs1", "X")
+
+
 def test_samples_far_from_the_axis_are_not_good(tmp_path, types):
-    with pytest.raises(ValueError, match="holds no monopulse tracking of 30 samples or more"):
+    with pytest.raises(ValueError, match="holds no tracking by a sensor of 30 samples or more"):
         tracking_from_bag(bag(tmp_path, types), "gs1", "X", largest_error_rad=1.0 * MDEG)
 
 

@@ -29,7 +29,7 @@ def rms_mdeg(misses: np.ndarray) -> float:
 @pytest.fixture(scope="module")
 def campaign() -> tuple:
     """Fly the campaign; return the station with the old model, the fit and the observations."""
-    setup = StationSetup([CONFIG / "dss13.yaml"], CONFIG / "bias_model_dss13.yaml")
+    setup = StationSetup()
     mount = setup.node("antenna_servo").group("mount", MountParams()).model()
     old = read_model(CONFIG / "bias_model_dss13.yaml").model
     random = random_stream(1, "c")
@@ -59,7 +59,7 @@ def test_program_track_alone_misses_little_where_it_missed_by_more_than_100_mdeg
     campaign: tuple, start: float | None, peak_deg: float
 ) -> None:
     station, fit, _ = campaign
-    source = SourceParams(satellite="28057", station="Goldstone DSS-13")
+    source = SourceParams(satellite="28057")
     track = load_track(source)
     start_s = load_elements(source).epoch_t_s if start is None else start
     window = first_pass_above(

@@ -2,19 +2,16 @@
 
 import dataclasses
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 
+from rf_pointing.calibration import BiasModel
 from rf_pointing.core import MDEG
 from rf_pointing.ephemeris import Pass, first_pass_above
 from rf_pointing.ephemeris.source import SourceParams, load_elements, load_track
 from rf_pointing.simulation import PassLog, StationSetup, simulate_pass
 
-CONFIG = Path(__file__).parents[2] / "config"
-FILES = [CONFIG / "dss13.yaml", CONFIG / "band_x.yaml"]
-MODEL = CONFIG / "bias_model_dss13.yaml"
 SETTLED_S = 35.0
 """After the jump onto a pass that is in full motion: the search, and the ringing of the paper's position loop (4 s)."""
 HELD_RAD = 2.0 * MDEG
@@ -29,14 +26,15 @@ def window() -> Pass:
     return first_pass_above(load_track(source), epoch_t_s, math.radians(40.0), math.radians(40.0), 2.0 * 86400.0)
 
 
-def station(window: Pass, model: Path | None = MODEL, seed: int = 1) -> StationSetup:
+def station(window: Pass, model: BiasModel | None = None, seed: int = 1) -> StationSetup:
     """The simulated station, standing where the pass begins."""
-    at_start = {
+    at_start: dict[str, object] = {
         "antenna.start_azimuth_deg": math.degrees(window.aos_azimuth_rad),
         "antenna.start_elevation_deg": math.degrees(window.aos_elevation_rad),
         "antenna.seed": seed,
     }
-    return StationSetup(FILES, model, {"antenna_servo": at_start, "rf_receiver": {"signal.seed": seed}})
+    changes: dict[str, dict[str, object]] = {"antenna_servo": at_start, "rf_receiver": {"signal.seed": seed}}
+    return StationSetup("dss13", "X", changes=changes, model=model)
 
 
 def settled(log: PassLog, window: Pass) -> np.ndarray:
@@ -71,7 +69,8 @@ def test_one_seed_fixes_every_noise_source(window: Pass) -> None:
 def test_the_pointing_model_moves_the_waiting_beam_by_the_mounts_errors(window: Pass) -> None:
     short = first_seconds(window, 1.0)
     start_s = window.aos_t_s - 30.0
-    with_model, without = (simulate_pass(station(window, model), short, start_s, "program") for model in (MODEL, None))
+    models = (None, BiasModel.zero())
+    with_model, without = (simulate_pass(station(window, model), short, start_s, "program") for model in models)
     waiting = int(np.searchsorted(with_model.t_s, window.aos_t_s)) - 2
     moved = with_model.errors_rad()[waiting] - without.errors_rad()[waiting]
     assert np.hypot(*moved) > 100.0 * MDEG
@@ -107,6 +106,6 @@ def test_errors_can_be_chosen_by_mode() -> None:
 def test_a_refused_parameter_names_node_and_key(
     window: Pass, node: str, changes: dict[str, float], complaint: str
 ) -> None:
-    setup = StationSetup(FILES, MODEL, {node: changes})
+    setup = StationSetup(changes={node: changes})
     with pytest.raises(ValueError, match=complaint):
         simulate_pass(setup, window, window.aos_t_s, "program")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.core import JointReading, JointTrajectory, PointingError
-from rf_pointing.ephemeris import Pass, TopocentricTrack
+from rf_pointing.ephemeris import SITES, Pass, TopocentricTrack
 from rf_pointing.ephemeris.solar import SunParams
 from rf_pointing.identification import ExcitationParams, IdentificationExperiment
 from rf_pointing.planning import Gate, HorizonMask
@@ -142,10 +142,10 @@ def test_a_pass_whose_start_cannot_be_reached_is_ended_with_the_reason(
 def test_a_pass_predicted_for_another_station_is_refused_by_its_sun(
     make_controller: Callable[..., PointingController], window: Pass, track: TopocentricTrack
 ) -> None:
-    controller = make_controller(sun=SunParams(station="Canberra DSS-43"))
+    controller = make_controller(sun=SunParams(site=SITES["Canberra DSS-43"]))
     controller.plan.take_profiles([pass_profile(track, window)])
     controller.take_joints(standing((120.0, 60.0)))
-    with pytest.raises(ValueError, match=r"sun\.station=Canberra DSS-43: its Sun is .* another station"):
+    with pytest.raises(ValueError, match=r"the Sun of this site is .* another station"):
         controller.start(window.aos_t_s - 100.0, window, "program")
     right = make_controller()
     right.plan.take_profiles([pass_profile(track, window)])

@@ -1,6 +1,5 @@
 """The gate before the drives: whatever a commander asks for, mask, Sun and travel hold, and the way in stays open."""
 
-import dataclasses
 import math
 from typing import Any
 
@@ -35,7 +34,7 @@ class Station:
 
     def __init__(self, azimuth_deg: float, elevation_deg: float, **safety: Any) -> None:
         params = SimulationParams(start_azimuth_rad=azimuth_deg * DEG, start_elevation_rad=elevation_deg * DEG)
-        chosen = {"mask": HILL, "sun": SunParams(station=""), **safety}
+        chosen = {"mask": HILL, "sun": SunParams(watched=False), **safety}
         self.antenna = SimulatedAntenna(AntennaParams(antenna=params, safety=SafetyParams(**chosen)))
         self.sky = ForbiddenSky(chosen["mask"], self.antenna.safety.params.gate.sun_radius_rad)
         self.sun = SolarDirection(chosen["sun"])
@@ -233,9 +232,7 @@ def test_the_sun_is_renewed_and_what_is_not_known_is_said() -> None:
     assert 0.1 * DEG < abs(moved[0] - first[0]) < 1.0 * DEG
     assert solar.at(0.0) is None
     assert solar.unknown
-    assert SolarDirection(SunParams(station="")).at(START_S) is None
-    with pytest.raises(ValueError, match="site='Atlantis' must be one of"):
-        SolarDirection(dataclasses.replace(SunParams(), station="Atlantis"))
+    assert SolarDirection(SunParams(watched=False)).at(START_S) is None
 
 
 def follow(station: Station, path: list[tuple[float, float]]) -> None:

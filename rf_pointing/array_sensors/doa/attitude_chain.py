@@ -16,13 +16,18 @@ from rf_pointing.array_sensors.attitude.attitude_report import AttitudeReport, R
 from rf_pointing.array_sensors.attitude.ground_stations import GroundStation, view_stations
 from rf_pointing.array_sensors.attitude.multiplicative_filter import GateParams, ProcessNoiseParams
 from rf_pointing.array_sensors.attitude.orbits import SunSynchronousOrbitParams, orbit_point
-from rf_pointing.array_sensors.attitude.quaternion import quaternion_to_matrix
 from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque, SatelliteParams
-from rf_pointing.array_sensors.doa.array import CircularArrayParams
+from rf_pointing.array_sensors.doa.array import ArrayResponse, CircularArrayParams
 from rf_pointing.array_sensors.doa.array_source import SnapshotBlock
-from rf_pointing.array_sensors.doa.attitude_filter import DoaAttitudeFilter, DoaAttitudeParams, StationDirection
+from rf_pointing.array_sensors.doa.attitude_filter import (
+    DoaAttitudeFilter,
+    DoaAttitudeParams,
+    SharedDirections,
+    StationDirection,
+)
 from rf_pointing.array_sensors.doa.attitude_start import StartParams
 from rf_pointing.array_sensors.doa.estimator import DirectionEstimate, DoaEstimator, DoaEstimatorParams
+from rf_pointing.array_sensors.doa.innovation_watch import WatchParams
 from rf_pointing.core import Params, as_finite_array, parameter, require_between
 
 Array = NDArray[np.float64]
@@ -78,8 +83,9 @@ class DoaChainParams(Params):
     lost_after: int = parameter(
         16, "directions in a row outside the gate after which the filter starts anew", low=1, high=10**6
     )
-    match_rad: float = parameter(
-        0.35, "largest angle between a direction and its station in a shared channel", low=1e-3, high=3.14
+    # Two transmitters on one site leave the turn about their direction as open as one does.
+    distinct_sigmas: float = parameter(
+        5.0, "angle between two stations that count as two, in sigmas of a direction", low=1.0, high=100.0
     )
 
 
@@ -105,12 +111,17 @@ class DoaAttitude:
         orbit: SunSynchronousOrbitParams,
         stations: list[GroundStation],
         satellite: SatelliteParams,
-        filtering: tuple[DoaAttitudeParams, StartParams, ProcessNoiseParams, GateParams],
+        filtering: tuple[DoaAttitudeParams, StartParams, ProcessNoiseParams, GateParams, WatchParams],
         params: DoaChainParams,
+        *,
+        response: ArrayResponse | None = None,
     ) -> None:
         self._array, self._estimator, self._orbit = array, estimator, orbit
         self._stations = {station.name: station for station in stations}
         self._satellite, self._filtering, self._params = satellite, filtering, params
+        self._response = response
+        # Only to check: excluded elements and gains are refused here and not with the first block.
+        DoaEstimator(array, estimator, response=response)
         self._torques: deque[HeldTorque] = deque()
         self._filter: DoaAttitudeFilter | None = None
 
@@ -141,16 +152,12 @@ class DoaAttitude:
         # After the directions, so that a block of unusable snapshots leaves the filter's time
         # alone.
         running = self._carried_on(t_s)
-        pairs, refused = self._identified(running, heard.transmitters, found, t_s)
-        for name, reference, seen in pairs:
-            if not seen.valid:
-                refused.append(f"{name}: {seen.reason}")
-            elif not running.observe(
-                StationDirection(
-                    station=name, measured=seen.direction, covariance_rad2=seen.covariance_rad2, reference=reference
-                )
-            ):
-                refused.append(f"{name}: outside the gate")
+        refused = [f"{' or '.join(heard.transmitters)}: {each.reason}" for each in found if not each.valid]
+        usable = [each for each in found if each.valid]
+        if usable:
+            inside = self._observe(running, usable, heard.transmitters, t_s)
+            missing = [name for name in heard.transmitters if name not in inside]
+            refused += [f"{name}: no direction inside the gate" for name in missing]
         return _report(running, tuple(refused))
 
     def coast(self, t_s: float) -> DoaAttitudeReport | None:
@@ -174,29 +181,51 @@ class DoaAttitude:
 
     def _directions(self, heard: ChannelBlock) -> list[DirectionEstimate]:
         params = self._estimator.replace(sources=len(heard.transmitters))
-        if heard.block.snapshots.shape[0] != self._array.elements:
-            raise ValueError(f"snapshots of {heard.block.snapshots.shape[0]} elements, must be {self._array.elements}")
-        return DoaEstimator(self._array, params).estimate(heard.block)
+        return DoaEstimator(self._array, params, response=self._response).estimate(heard.block)
 
-    def _identified(
-        self, running: DoaAttitudeFilter, transmitters: tuple[str, ...], found: list[DirectionEstimate], t_s: float
-    ) -> tuple[list[tuple[str, Array, DirectionEstimate]], list[str]]:
-        """Return station, reference and direction of what was found, and what was not.
+    def _observe(
+        self, running: DoaAttitudeFilter, found: list[DirectionEstimate], names: tuple[str, ...], t_s: float
+    ) -> tuple[str, ...]:
+        """Give the filter the directions found; return the stations of those that it accepted."""
+        reference = view_stations(self._orbit, [self._stations[name] for name in names], t_s).reference
+        sites = self._sites(running.state.stations, found, names, t_s)
+        # No pairing for a sole station: it must also work while the attitude is still wrong.
+        if len(names) == 1:
+            (only,) = found
+            direction = StationDirection(
+                station=sites[0],
+                measured=only.direction,
+                covariance_rad2=only.covariance_rad2,
+                reference=reference[0],
+                bias_rad=only.bias_rad,
+            )
+            return names if running.observe(direction) else ()
+        biases = [each.bias_rad for each in found if each.bias_rad is not None]
+        shared = SharedDirections(
+            measured=np.array([each.direction for each in found]),
+            covariance_rad2=np.array([each.covariance_rad2 for each in found]),
+            stations=sites,
+            reference=reference,
+            bias_rad=np.array(biases) if biases else None,
+        )
+        return tuple(names[index] for index in running.observe_shared(shared))
 
-        A sole station needs no search.
-        """
-        view = view_stations(self._orbit, [self._stations[name] for name in transmitters], t_s)
-        # No search for a sole station: it must also work while the attitude is still wrong.
-        if len(transmitters) == 1 and len(found) == 1:
-            return [(transmitters[0], view.reference[0], found[0])], []
-        expected = view.reference @ quaternion_to_matrix(running.output().quaternion)
-        measured = np.array([each.direction for each in found]).reshape(len(found), 3)
-        pairs = match_directions(measured, expected, self._params.match_rad)
-        missing = [name for k, name in enumerate(transmitters) if k not in [second for _, second in pairs]]
-        reasons = [
-            f"{name}: no direction within {self._params.match_rad} rad of where it is expected" for name in missing
-        ]
-        return [(transmitters[k], view.reference[k], found[i]) for i, k in pairs], reasons
+    def _sites(
+        self, received: tuple[str, ...], found: list[DirectionEstimate], names: tuple[str, ...], t_s: float
+    ) -> tuple[str, ...]:
+        """Return each of `names`, or the received station from which it cannot be distinguished."""
+        sigma = max(float(np.sqrt(0.5 * np.trace(each.covariance_rad2))) for each in found)
+        known, sites = list(received), []
+        for name in names:
+            places = [self._stations[each] for each in [name, *known]]
+            reference = view_stations(self._orbit, places, t_s).reference
+            apart = np.linalg.norm(reference[1:] - reference[0], axis=-1)
+            near = [
+                each for each, angle in zip(known, apart, strict=True) if angle < self._params.distinct_sigmas * sigma
+            ]
+            sites.append(name if name in known or not near else near[0])
+            known = list(dict.fromkeys([*known, sites[-1]]))
+        return tuple(sites)
 
     def _carried_on(self, t_s: float) -> DoaAttitudeFilter:
         """Return the filter at `t_s`, started there if there is none, it was silent for too long,
@@ -216,13 +245,14 @@ class DoaAttitude:
         return self._filter
 
     def _started(self, t_s: float) -> DoaAttitudeFilter:
-        params, start, noise, gate = self._filtering
+        params, start, noise, gate, watch = self._filtering
         return DoaAttitudeFilter(
             self._satellite,
             params,
             start,
             noise,
             gate,
+            watch,
             t_s=t_s,
             quaternion=np.array([0.0, 0.0, 0.0, 1.0]),
             rate_rad_s=orbit_point(self._orbit, t_s).frame_rate_rad_s,

@@ -5,7 +5,7 @@ covariance, and states with every output whether it is valid and, if not, why.  
 finite never enters the state.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,14 +15,17 @@ from rf_pointing.array_sensors.attitude.multiplicative_filter import (
     DirectionObservation,
     GateParams,
     ProcessNoiseParams,
+    innovation,
     predict,
+    squared_innovation,
     start_state,
     update,
 )
 from rf_pointing.array_sensors.attitude.quaternion import canonical, quaternion_from_matrix
 from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque, SatelliteParams, rigid_inertia
 from rf_pointing.array_sensors.attitude.wahba import fit_rotation, unit_directions
-from rf_pointing.array_sensors.doa.attitude_start import StartParams, best_of_bank, start_bank
+from rf_pointing.array_sensors.doa.attitude_start import StartParams, best_of_bank, joined, remaining, start_bank
+from rf_pointing.array_sensors.doa.innovation_watch import InnovationWatch, WatchParams
 from rf_pointing.core import Params, as_finite_array, parameter, require_finite
 
 Array = NDArray[np.float64]
@@ -43,14 +46,33 @@ class DoaAttitudeParams(Params):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StationDirection:
-    """Direction to one station: measured in the body (3,), its covariance (3, 3), and expected in
-    the orbital frame.
+    """Direction to one station: measured in the body (3,), covariance of its noise (3, 3), and
+    expected in the orbital frame.
+
+    `bias_rad` (3, 2): its error for one sigma of each constant bias of the sensor, if it has any.
     """
 
     station: str
     measured: Array
     covariance_rad2: Array
     reference: Array
+    bias_rad: Array | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SharedDirections:
+    """Directions of one channel in which several stations send: which is whose is not known.
+
+    `measured` (n, 3) in the body with covariances (n, 3, 3) and biases (n, 3, 2) as those of a
+    `StationDirection`; `stations` (k,), k >= n, and their expected directions `reference` (k, 3) in
+    the orbital frame.
+    """
+
+    measured: Array
+    covariance_rad2: Array
+    stations: tuple[str, ...]
+    reference: Array
+    bias_rad: Array | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,7 +97,7 @@ class DoaAttitudeState:
     """Everything the next output depends on.
 
     `bank` holds one filter or the hypotheses of the start; before the first direction it is the
-    guess (1,). `choose_s` is the time from which one hypothesis is kept.
+    guess (1,). `choose_s` is the time from which hypotheses are ruled out.
     """
 
     t_s: float
@@ -83,6 +105,7 @@ class DoaAttitudeState:
     heard_s: float | None = None
     choose_s: float | None = None
     stations: tuple[str, ...] = ()
+    watch: InnovationWatch = field(default_factory=InnovationWatch)
 
 
 class DoaAttitudeFilter:
@@ -99,6 +122,7 @@ class DoaAttitudeFilter:
         start: StartParams,
         noise: ProcessNoiseParams,
         gate: GateParams,
+        watch: WatchParams,
         *,
         t_s: float,
         quaternion: Array,
@@ -106,7 +130,7 @@ class DoaAttitudeFilter:
     ) -> None:
         require_finite("t_s", t_s)
         self._inertia = rigid_inertia(satellite)
-        self._params, self._start, self._noise, self._gate = params, start, noise, gate
+        self._params, self._start, self._noise, self._gate, self._watch = params, start, noise, gate, watch
         guess = as_finite_array("quaternion", quaternion, (4,))
         rate = as_finite_array("rate_rad_s", rate_rad_s, (3,))
         bank = start_state(guess[None], rate[None], np.pi, start.rate_rad_s, gate)
@@ -166,18 +190,59 @@ class DoaAttitudeFilter:
         """
         seen = _checked(direction)
         state = self._state
-        if state.heard_s is None:
-            guess = state.bank
-            bank = start_bank(self._start, self._gate, guess.quaternion[0], guess.rate_rad_s[0], seen)
-        else:
-            bank = state.bank
+        bank = state.bank if state.heard_s is not None else self._bank(seen)
+        watch = self._watched(state.watch, bank, seen)
         bank = update(bank, seen, self._gate)
         inside = bool(best_of_bank(bank).refused[0] == 0)
-        # A direction outside the gate does not count as contact, or a lost filter would never look
-        # silent.
-        heard = state.t_s if inside or state.heard_s is None else state.heard_s
-        self._accept(self._heard(replace(state, bank=bank, heard_s=heard), direction.station, inside))
+        self._accept(self._heard(bank, watch, (direction.station,) if inside or not state.stations else (), inside))
         return inside
+
+    def observe_shared(self, directions: SharedDirections) -> tuple[int, ...]:
+        """Take the directions of one channel; return the indices of the stations whose direction
+        lay inside the gate.
+
+        Every hypothesis pairs directions and stations by its own attitude, so a pairing is as open
+        as the attitude.  The hypotheses of a start include each station as the origin of the first
+        direction.
+
+        Raises
+        ------
+        ValueError
+            As `observe`; nothing is changed then.
+        """
+        seen = [
+            [
+                _checked(
+                    StationDirection(
+                        station=name,
+                        measured=measured,
+                        covariance_rad2=directions.covariance_rad2[k],
+                        reference=reference,
+                        bias_rad=None if directions.bias_rad is None else directions.bias_rad[k],
+                    )
+                )
+                for name, reference in zip(directions.stations, directions.reference, strict=True)
+            ]
+            for k, measured in enumerate(directions.measured)
+        ]
+        if not seen:
+            return ()
+        state = self._state
+        bank = state.bank if state.heard_s is not None else joined([self._bank(each) for each in seen[0]])
+        squared = np.stack([[squared_innovation(bank, each) for each in row] for row in seen])
+        # Capped like the misfit: far outside the gate the size of a miss says nothing.
+        paired = _pairings(np.minimum(np.moveaxis(squared, -1, 0), self._gate.largest))
+        best = int(np.argmin(bank.misfit))
+        inside, watch = [], state.watch
+        for index, row in enumerate(seen):
+            reference = np.stack([each.reference for each in row])[paired[:, index]]
+            watch = self._watched(watch, bank, row[paired[best, index]])
+            # Never in doubt: who accepts every direction accepts the wrong station's.
+            bank = update(bank, replace(row[0], reference=reference), self._gate, in_doubt=False)
+            if bank.refused[best] == 0:
+                inside.append(int(paired[best, index]))
+        self._accept(self._heard(bank, watch, tuple(directions.stations[each] for each in inside), bool(inside)))
+        return tuple(inside)
 
     def start_from_directions(self, directions: list[StationDirection], rate_rad_s: Array) -> None:
         """Begin again from two or more simultaneous directions (Wahba's problem).
@@ -208,26 +273,48 @@ class DoaAttitudeFilter:
         """Return the estimate at the filter's time, with its verdict."""
         best = best_of_bank(self._state.bank)
         reason = "; ".join(self._doubts(best))
+        covariance = best.covariance[0].copy()
+        # The rate's error goes with the attitude's as the filter's own covariance has it.
+        along = np.linalg.solve(covariance[:3, :3], covariance[:3]).T
+        covariance += along @ self._state.watch.bias_covariance() @ along.T
         return AttitudeEstimate(
             t_s=self._state.t_s,
             quaternion=canonical(best.quaternion[0]),
             rate_rad_s=best.rate_rad_s[0].copy(),
-            covariance=best.covariance[0].copy(),
+            covariance=covariance,
             valid=not reason,
             reason=reason,
         )
 
-    def _heard(self, state: DoaAttitudeState, station: str, inside: bool) -> DoaAttitudeState:
-        """Return `state` with the station added, reduced to one hypothesis when that is due."""
-        if station not in state.stations and (inside or not state.stations):
-            state = replace(state, stations=(*state.stations, station))
-            # The second station is the first that tells the hypotheses apart: a direction leaves
-            # the turn about itself open.
-            if len(state.stations) == 2:
-                state = replace(state, choose_s=state.t_s + self._start.settle_s)
-        if state.choose_s is not None and state.t_s >= state.choose_s:
-            return replace(state, bank=best_of_bank(state.bank), choose_s=None)
-        return state
+    def _bank(self, first: DirectionObservation) -> AttitudeState:
+        guess = self._state.bank
+        return start_bank(self._start, self._gate, guess.quaternion[0], guess.rate_rad_s[0], first)
+
+    def _watched(self, watch: InnovationWatch, bank: AttitudeState, seen: DirectionObservation) -> InnovationWatch:
+        """Return the watch with one direction; hypotheses of a start are wrong on purpose."""
+        if len(bank.misfit) > 1:
+            return watch
+        z, spread, rows = innovation(bank, seen)
+        return watch.with_direction(self._watch, z[0], spread[0], rows, self._gate.largest)
+
+    def _heard(
+        self, bank: AttitudeState, watch: InnovationWatch, stations: tuple[str, ...], inside: bool
+    ) -> DoaAttitudeState:
+        """Return the state with `bank` and new stations; rule hypotheses out when that is due."""
+        state = self._state
+        # A direction outside the gate does not count as contact, or a lost filter would never look
+        # silent.
+        heard_s = state.t_s if inside or state.heard_s is None else state.heard_s
+        received = tuple(dict.fromkeys((*state.stations, *stations)))
+        choose_s = state.choose_s
+        # The second station is the first that tells the hypotheses apart: a direction leaves the
+        # turn about itself open.
+        if len(received) >= 2 > len(state.stations):
+            choose_s = state.t_s + self._start.settle_s
+        if choose_s is not None and state.t_s >= choose_s:
+            bank = remaining(self._start, bank)
+            choose_s = None if len(bank.misfit) == 1 else choose_s
+        return replace(state, bank=bank, watch=watch, heard_s=heard_s, stations=received, choose_s=choose_s)
 
     def _doubts(self, best: AttitudeState) -> list[str]:
         state, params = self._state, self._params
@@ -238,6 +325,7 @@ class DoaAttitudeFilter:
             doubts.append(f"no direction for {state.t_s - state.heard_s:.0f} s, must be <= {params.silence_s:.0f} s")
         if best.refused[0] >= self._gate.doubt_after:
             doubts.append(f"{int(best.refused[0])} directions in a row outside the gate: attitude in doubt")
+        doubts += state.watch.doubts(self._watch)
         if len(state.stations) < params.stations:
             doubts.append(f"{len(state.stations)} of {params.stations} stations received")
         if len(state.bank.misfit) > 1:
@@ -254,6 +342,13 @@ class DoaAttitudeFilter:
         self._state = state
 
 
+def _pairings(cost: Array) -> NDArray[np.int64]:
+    """Return the column of each row (members, n) with the least total of `cost` (members, n, k)."""
+    from scipy.optimize import linear_sum_assignment
+
+    return np.array([linear_sum_assignment(each)[1] for each in cost])
+
+
 def _checked(direction: StationDirection) -> DirectionObservation:
     measured = unit_directions("measured", as_finite_array("measured", direction.measured, (3,)))
     reference = unit_directions("reference", as_finite_array("reference", direction.reference, (3,)))
@@ -263,4 +358,5 @@ def _checked(direction: StationDirection) -> DirectionObservation:
     # rounding; across it rounding is no variance.
     if across[0] < -1e-9 * across[2] or across[1] <= 1e-9 * across[2]:
         raise ValueError(f"covariance_rad2 has eigenvalues {across}, two of them must be > 0 and none negative")
-    return DirectionObservation(measured, covariance, reference)
+    bias = None if direction.bias_rad is None else as_finite_array("bias_rad", direction.bias_rad, (3, 2))
+    return DirectionObservation(measured, covariance, reference, bias)

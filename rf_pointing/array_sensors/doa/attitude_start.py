@@ -7,20 +7,24 @@ lock 180 deg away.  So:
 * `aligned_start` turns the guess the shortest way onto the first direction and starts with a small
   uncertainty on purpose.  The turn stays nearly as guessed until the next station, 120 deg away on
   the sky, corrects it at once; this works for turns up to about 60 deg wrong.
-* `start_bank` does the same for `hypotheses` turns evenly round the circle; after the second
-  station the one with the smallest misfit is within 15 deg of the truth at the start and has
-  converged: `best_of_bank`.
+* `start_bank` does the same for `hypotheses` turns evenly round the circle; one of them is within
+  15 deg of the truth at the start and converges.  `best_of_bank` is the one with the smallest
+  misfit, `remaining` those that the data do not rule out.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.array_sensors.attitude.multiplicative_filter import (
     AttitudeState,
+    Biases,
     DirectionObservation,
     GateParams,
+    attitude_error,
     rotation_between,
     start_state,
 )
@@ -32,6 +36,9 @@ from rf_pointing.array_sensors.attitude.quaternion import (
 from rf_pointing.core import Params, parameter
 
 Array = NDArray[np.float64]
+
+AGREEING = 6.0
+"""Squared normalised difference of two hypotheses that agree, of six components."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +52,11 @@ class StartParams(Params):
     hypotheses: int = parameter(12, "turns about the first line of sight that are tried", low=1, high=360)
     # Right after the second station the hypotheses still differ by their transient, not by their
     # fit.
-    settle_s: float = parameter(30.0, "time from the second station until one is chosen", low=0.0, high=1e4)
+    settle_s: float = parameter(30.0, "time from the second station until hypotheses are ruled out", low=0.0, high=1e4)
+    # A likelihood ratio of exp(15): a wrong start must be rarer than any other fault.
+    decisive: float = parameter(
+        30.0, "excess of the sum of normalised squared innovations that rules a hypothesis out", low=1.0, high=1e4
+    )
 
 
 def aligned_start(
@@ -81,10 +92,52 @@ def start_bank(
 def best_of_bank(state: AttitudeState) -> AttitudeState:
     """Return the member (..., 1) of each bank (..., hypotheses) with the smallest misfit."""
     best = np.argmin(state.misfit, axis=-1)[..., None]
+    axis = best.ndim - 1
+
+    def of(values: NDArray[Any]) -> NDArray[Any]:
+        index = best.reshape(*best.shape, *[1] * (values.ndim - best.ndim))
+        return np.asarray(np.take_along_axis(values, index, axis=axis))
+
+    return _each(state, of)
+
+
+def joined(banks: list[AttitudeState]) -> AttitudeState:
+    """Return one bank of all members of `banks`, fresh ones: no biases are estimated yet."""
     return AttitudeState(
-        np.take_along_axis(state.quaternion, best[..., None], axis=-2),
-        np.take_along_axis(state.rate_rad_s, best[..., None], axis=-2),
-        np.take_along_axis(state.covariance, best[..., None, None], axis=-3),
-        np.take_along_axis(state.refused, best, axis=-1),
-        np.take_along_axis(state.misfit, best, axis=-1),
+        np.concatenate([bank.quaternion for bank in banks]),
+        np.concatenate([bank.rate_rad_s for bank in banks]),
+        np.concatenate([bank.covariance for bank in banks]),
+        np.concatenate([bank.refused for bank in banks]),
+        np.concatenate([bank.misfit for bank in banks]),
+    )
+
+
+def remaining(params: StartParams, bank: AttitudeState) -> AttitudeState:
+    """Return the best member of one bank (hypotheses,) and those that contradict it and are not
+    ruled out.
+
+    Members agree when they differ by less than their uncertainty: they have seen the same
+    directions, so their errors are common.
+    """
+    best = best_of_bank(bank)
+    apart = attitude_error(best, bank.quaternion, bank.rate_rad_s)
+    distance = np.einsum("ni,ni->n", apart, np.linalg.solve(best.covariance[0], apart.T).T)
+    kept = (distance > AGREEING) & (bank.misfit <= best.misfit + params.decisive)
+    kept[int(np.argmin(bank.misfit))] = True
+    return _each(bank, lambda values: np.asarray(values[kept]))
+
+
+def _each(state: AttitudeState, change: Callable[[NDArray[Any]], NDArray[Any]]) -> AttitudeState:
+    """Return the state with `change` of each of its arrays."""
+    return AttitudeState(
+        change(state.quaternion),
+        change(state.rate_rad_s),
+        change(state.covariance),
+        change(state.refused),
+        change(state.misfit),
+        None
+        if state.biases is None
+        else Biases(
+            *(change(each) for each in (state.biases.estimate, state.biases.covariance, state.biases.correlation))
+        ),
     )

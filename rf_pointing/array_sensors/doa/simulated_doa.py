@@ -6,7 +6,7 @@ channel.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from rf_pointing.array_sensors.attitude.multiplicative_filter import ProcessNois
 from rf_pointing.array_sensors.attitude.orbits import SunSynchronousOrbitParams, orbit_point
 from rf_pointing.array_sensors.attitude.quaternion import quaternion_from_roll_pitch_yaw, quaternion_to_matrix
 from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque, SatelliteParams
-from rf_pointing.array_sensors.doa.array import CircularArrayParams
+from rf_pointing.array_sensors.doa.array import ArrayResponse, CircularArrayParams
 from rf_pointing.array_sensors.doa.array_source import ArraySource, ArraySourceParams
 from rf_pointing.array_sensors.doa.attitude_chain import ChannelBlock, HeldTorque
 from rf_pointing.array_sensors.doa.simulated_satellite import NadirHoldParams, SatelliteTruth, SimulatedSatellite
@@ -42,6 +42,9 @@ class DoaScenarioParams(Params):
     pitch_rad: float = parameter(math.radians(-10.0), "true pitch at the start", low=-1.5, high=1.5)
     yaw_rad: float = parameter(math.radians(40.0), "true yaw at the start", low=-math.pi, high=math.pi)
     rate_rad_s: float = parameter(math.radians(0.05), "true rate at the start, each axis", low=-0.1, high=0.1)
+    unknown_torque_n_m: float = parameter(
+        0.0, "constant torque that the satellite does not know, each axis", low=-1.0, high=1.0
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,11 +72,13 @@ class SimulatedDoa:
         noise: ProcessNoiseParams,
         scenario: DoaScenarioParams,
         seed: int,
+        *,
+        response: ArrayResponse | None = None,
     ) -> None:
         self._orbit, self._stations, self._scenario = orbit, stations, scenario
         self._bodies = (satellite, hold, noise)
         self._seed = seed
-        self._source = ArraySource(array, receiver, seed=seed)
+        self._source = ArraySource(array, receiver, seed=seed, response=response)
         self._satellite: SimulatedSatellite | None = None
         self._torque: KnownTorque | None = None
         self._turn = 0
@@ -96,12 +101,13 @@ class SimulatedDoa:
         if t_s <= before_s:
             raise ValueError(f"t_s={t_s} must be > the last step's {before_s}")
         count = math.ceil((t_s - before_s) / _STEP_S - 1e-9)
+        torque = replace(self._torque, control_n_m=self._torque.control_n_m + self._scenario.unknown_torque_n_m)
         for index in range(count):
             # Frame rate at the middle of the step: at its start the truth would lag by half a step
             # every step.
             middle_s = before_s + (index + 0.5) * (t_s - before_s) / count
             rate = orbit_point(self._orbit, middle_s).frame_rate_rad_s
-            self._satellite.step((t_s - before_s) / count, self._torque, rate)
+            self._satellite.step((t_s - before_s) / count, torque, rate)
         return self._satellite
 
     def _started(self, t_s: float) -> SimulatedSatellite:

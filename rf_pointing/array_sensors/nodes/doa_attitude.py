@@ -3,8 +3,8 @@
 Subscribes: array_snapshots, known_torque.
 Publishes: attitude (one for every block; invalid ones carry their reason), attitude_rate
 (geometry_msgs/TwistWithCovarianceStamped, with every valid attitude).
-Parameters: array.*, estimator.*, orbit.*, stations.*, satellite.*, filter.*, start.*, noise.*,
-gate.*, chain.*.
+Parameters: array.*, response.* (as calibrated), estimator.*, orbit.*, stations.*, satellite.*,
+filter.*, start.*, noise.*, gate.*, watch.*, chain.*.
 """
 
 from geometry_msgs.msg import TwistWithCovarianceStamped
@@ -14,11 +14,12 @@ from rf_pointing.array_sensors.attitude.ground_stations import GroundNetworkPara
 from rf_pointing.array_sensors.attitude.multiplicative_filter import GateParams, ProcessNoiseParams
 from rf_pointing.array_sensors.attitude.orbits import SunSynchronousOrbitParams
 from rf_pointing.array_sensors.attitude.rigid_body import SatelliteParams
-from rf_pointing.array_sensors.doa.array import CircularArrayParams
+from rf_pointing.array_sensors.doa.array import CircularArrayParams, ResponseParams
 from rf_pointing.array_sensors.doa.attitude_chain import DoaAttitude, DoaAttitudeReport, DoaChainParams
 from rf_pointing.array_sensors.doa.attitude_filter import DoaAttitudeParams
 from rf_pointing.array_sensors.doa.attitude_start import StartParams
 from rf_pointing.array_sensors.doa.estimator import DoaEstimatorParams
+from rf_pointing.array_sensors.doa.innovation_watch import WatchParams
 from rf_pointing.array_sensors.nodes import convert
 from rf_pointing.array_sensors.nodes.input_outcomes import InputOutcomes
 from rf_pointing.nodes.main_loop import run
@@ -35,14 +36,15 @@ class DoaAttitudeNode(ManagedNode):
 
     def __init__(self) -> None:
         super().__init__("doa_attitude")
-        array = {"array": CircularArrayParams(), "estimator": DoaEstimatorParams()}
+        array = {"array": CircularArrayParams(), "estimator": DoaEstimatorParams(), "response": ResponseParams()}
         scene = {
             "orbit": SunSynchronousOrbitParams(),
             "stations": GroundNetworkParams(),
             "satellite": SatelliteParams(),
         }
         tuning = {"filter": DoaAttitudeParams(), "start": StartParams(), "noise": ProcessNoiseParams()}
-        for prefix, defaults in {**array, **scene, **tuning, "gate": GateParams(), "chain": DoaChainParams()}.items():
+        checks = {"gate": GateParams(), "watch": WatchParams(), "chain": DoaChainParams()}
+        for prefix, defaults in {**array, **scene, **tuning, **checks}.items():
             self.parameters.declare(prefix, defaults)
         self._chain: DoaAttitude | None = None
         self._blocks, self._torques = InputOutcomes(), InputOutcomes()
@@ -55,8 +57,9 @@ class DoaAttitudeNode(ManagedNode):
             value("orbit"),
             value("stations").stations(),
             value("satellite"),
-            (value("filter"), value("start"), value("noise"), value("gate")),
+            (value("filter"), value("start"), value("noise"), value("gate"), value("watch")),
             value("chain"),
+            response=value("response").response(value("array").elements),
         )
         self._attitudes = self.stream(Attitude, "attitude", STREAM)
         self._rates = self.publisher(TwistWithCovarianceStamped, "attitude_rate", STREAM)

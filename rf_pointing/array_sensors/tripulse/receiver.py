@@ -3,6 +3,11 @@
 Channels, coherent detection (two tones or the tracker), one complex value per beam, ratios, exact
 inversion.  From 12 dB in the sum beam on it uses the ratios (9) with the variance (17); below, the
 posterior that does not divide by the sum beam.
+
+The ratios repeat every 2 lambda/(N d).  The level of the sum beam shows in which period the station
+lies: with u = N d eps/lambda it is sin(pi u)/(pi u) of its peak, and |u|/(2 - |u|) of that one
+period away.  Two tones: the level is taken against the reference tones, which pass the same space
+and the same rain; interleaved: against the C/N0 of the link.
 """
 
 import math
@@ -13,6 +18,7 @@ from numpy.typing import NDArray
 
 from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams, element_weights
 from rf_pointing.array_sensors.tripulse.beams import (
+    beam_signals,
     invert_ratios,
     invert_with_weights,
     monopulse_ratios,
@@ -46,10 +52,27 @@ class TripulseReceiverParams(Params):
     prior_sigma: float = parameter(
         math.radians(0.1) / 3.0, "standard deviation of each initial projection", low=1e-9, high=1.0
     )
-    # Near lambda/(N d) the sum beam vanishes and the ratio cannot tell one lobe from the next.
+    # At 0.75 the level one period away is 4.4 dB lower: twice the tolerance and its noise.
     largest_error_fraction: float = parameter(
-        0.8, "largest projection error believed, as a fraction of lambda/(N d)", low=0.01, high=0.99
+        0.75, "largest projection error believed, as a fraction of lambda/(N d)", low=0.01, high=0.99
     )
+    element_carrier_to_noise_db_hz: float = parameter(37.0, "nominal C/N0 of one array element", low=-20.0, high=120.0)
+    reference_carrier_to_noise_db_hz: float = parameter(
+        80.0, "nominal C/N0 of each reference tone", low=-20.0, high=160.0
+    )
+    level_tolerance_db: float = parameter(
+        2.0, "largest difference between the level of the sum beam and the nominal one", low=0.1, high=10.0
+    )
+
+    def check_together(self) -> None:
+        """Refuse a range of errors over which the level does not tell one period from the next."""
+        fraction = self.largest_error_fraction
+        step_db = 20.0 * math.log10((2.0 - fraction) / fraction)
+        if step_db < 2.0 * self.level_tolerance_db:
+            raise ValueError(
+                f"level_tolerance_db={self.level_tolerance_db} must be <= {0.5 * step_db:.3g}, half the step to the "
+                f"next period at largest_error_fraction={fraction}"
+            )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,6 +170,7 @@ class TripulseReceiver:
                 f"projection error {error} is {fraction} of the unambiguous lambda/(N d), must be <= "
                 f"{self.params.largest_error_fraction}: the beam may be a lobe away"
             )
+        self._require_level(frame.steering, error, self._level(channels, beams[0], snr_db), snr_db)
         projections = frame.steering + error
         if math.hypot(float(projections[0]), float(projections[1])) >= 1.0:
             raise ValueError(f"projections={projections} are longer than one: not a direction")
@@ -162,6 +186,32 @@ class TripulseReceiver:
             valid=True,
             reason="",
         )
+
+    def _level(self, channels: Channels, total: complex, snr_db: float) -> float:
+        """Return the amplitude of the sum beam in units of one nominal element."""
+        link = self.params
+        if self.signal.scheme == "interleaved":
+            sum_db_hz = snr_db - 10.0 * math.log10(self.signal.beam_time_s(0))
+            return math.pow(10.0, (sum_db_hz - link.element_carrier_to_noise_db_hz) / 20.0)
+        lower, upper = np.abs(channels.lower_reference), np.abs(channels.upper_reference)
+        reference = math.sqrt(float(np.median(lower) * np.median(upper)))
+        nominal_db = link.element_carrier_to_noise_db_hz - link.reference_carrier_to_noise_db_hz
+        return abs(total) / reference * math.pow(10.0, -nominal_db / 20.0)
+
+    def _require_level(self, steering: Array, error: Array, level: float, snr_db: float) -> None:
+        """Raise ValueError unless the sum beam has the level that it has at `error`."""
+        weights = element_weights(self.array, steering, failed=self.failed)
+        expected = abs(complex(beam_signals(self.array, weights, steering + error)[0]))
+        gap_db = 20.0 * math.log10(level / expected)
+        # Three sigmas of the amplitude's own noise, in dB.
+        noise_db = 3.0 * 20.0 / math.log(10.0) * math.sqrt(0.5 * 10.0 ** (-snr_db / 10.0))
+        allowed_db = self.params.level_tolerance_db + noise_db
+        if abs(gap_db) > allowed_db:
+            cause = "the nominal level is wrong" if gap_db > 0.0 else "the station may be in another lobe"
+            raise ValueError(
+                f"ambiguous: the sum beam is {gap_db:.3g} dB from its nominal level at this direction, must be within "
+                f"{allowed_db:.3g} dB: {cause}"
+            )
 
     def _detect(self, channels: Channels) -> _Detected:
         noise_variance = channels.noise_density / self.signal.segment_s

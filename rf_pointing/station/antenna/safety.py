@@ -72,6 +72,10 @@ class AntennaSafety:
 
     def retune(self, motion: CommandPreprocessorParams) -> None:
         """Take new limits of motion."""
+        self.gate = self.gate_of(motion)
+
+    def gate_of(self, motion: CommandPreprocessorParams) -> Gate:
+        """Return the gate of these limits of motion, or raise ValueError."""
         # One travel for gate and preprocessor, from one set of parameters.
         limits = AxisLimits(
             azimuth_min_rad=motion.travel_min_rad[0],
@@ -80,7 +84,7 @@ class AntennaSafety:
             elevation_max_rad=motion.travel_max_rad[1],
         )
         axes = AxisRates(motion.rate_limit_rad_s, motion.acceleration_limit_rad_s2)
-        self.gate = Gate(self.params.gate, limits, self.params.mask, axes)
+        return Gate(self.params.gate, limits, self.params.mask, axes)
 
     def release(self, switch_rad: Pair) -> None:
         """Trust the sensors as they are, at the angles where the brakes are released."""
@@ -98,7 +102,11 @@ class AntennaSafety:
         bridged, reason = self.watch.step(encoder_rad, rate)
         # Against a model of the rate loop a runaway is found within 40 ms, at 3 mdeg of motion.
         drives = self.drive.step(rate, command)
-        return bridged, reason or drives or self.gate.hard(switch_rad, rate, self._released_rad)
+        return bridged, reason or drives or self.beyond(switch_rad, rate)
+
+    def beyond(self, switch_rad: Pair, rate: Pair) -> str:
+        """Return which hard limit the axes are past and still leaving, "" for none."""
+        return self.gate.hard(switch_rad, rate, self._released_rad)
 
     def check(self, kind: str, t_s: float, present: Pair, positions: Array) -> Decision:
         """Decide on a motion requested at `t_s`, from `present` through `positions` (n, 2)."""

@@ -1,14 +1,17 @@
-"""From a tracked pass to calibration data: encoder angles plus the sensed error.
+"""From a tracked pass to calibration data: axis angles plus the sensed error.
 
 An observation is where the encoders would be with the beam exactly on the target; its true angles
-are those of the ephemeris.
+are those of the ephemeris.  The error of monopulse is that of the beam, so it belongs to the
+encoders.  That of a scan (conscan, step-track) is the target's distance from the centre of the
+scan: where the encoders are meanwhile is part of the scan.
 """
 
 import math
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Collection
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rf_pointing.calibration import (
     BiasModel,
@@ -22,9 +25,12 @@ from rf_pointing.calibration import (
     SectorRule,
     fit_bias_model,
 )
-from rf_pointing.core import JointReading, PointingError, Target, nearest_turn_rad
+from rf_pointing.core import MDEG, JointReading, PointingError, Target, nearest_turn_rad
+from rf_pointing.core.time_buffer import TimeBuffer
 from rf_pointing.station.pointing.prediction import TargetBuffer
+from rf_pointing.tracking.sensors import SENSORS
 
+Array = NDArray[np.float64]
 # How far a term may have moved from the present model; acceleration lags are hardly known at all.
 PRIOR_SIGMA = {"rad": math.radians(0.2), "rad/K": math.radians(0.02), "s": 0.5, "s^2": 10.0}
 PASS_GAP_S = 120.0
@@ -32,6 +38,12 @@ PASS_GAP_S = 120.0
 LARGEST_JOINT_AGE_S = 0.1
 KEPT_RANGES = 64
 FEWEST = 30
+SHOWN_REASONS = 3
+
+
+def scans(name: str) -> bool:
+    """Return whether the beam moves while the sensor or mode of this name tracks."""
+    return name in SENSORS and SENSORS[name].scans
 
 
 def priors_near(model: BiasModel, names: Collection[str]) -> dict[str, Prior]:
@@ -44,7 +56,8 @@ class CalibrationLog:
     """Collects an observation every `spacing_s` while a sensor is valid, and fits the terms.
 
     Errors beyond `largest_error_rad` are left out, as is what is observed within `settle_s` of them
-    or of the first valid error.  With a `journal` every observation is on the disk before the next
+    or of the first valid error.  Estimates of a scan overlap, so they are taken every
+    `scan_spacing_s`.  With a `journal` every observation is on the disk before the next
     one, and those already in it count.  What a disk does not take is kept and tried again with the
     next observation; `problem` reports it.
     """
@@ -56,12 +69,14 @@ class CalibrationLog:
         spacing_s: float,
         sigma_rad: float,
         *,
+        scan_spacing_s: float = 0.0,
         largest_error_rad: float = math.inf,
         settle_s: float = 0.0,
         journal: ObservationJournal | None = None,
     ) -> None:
         self.station, self.band = station, band
-        self._spacing_s, self._sigma_rad, self._journal = spacing_s, sigma_rad, journal
+        self._spacing_s, self._scan_spacing_s = spacing_s, max(scan_spacing_s, spacing_s)
+        self._sigma_rad, self._journal = sigma_rad, journal
         self._largest_error_rad, self._settle_s = largest_error_rad, settle_s
         self._sensed_since_s: float | None = None
         self._sensed_s = -math.inf
@@ -69,6 +84,8 @@ class CalibrationLog:
         self._ranges: deque[tuple[float, float, float]] = deque(maxlen=KEPT_RANGES)
         self._target_name = ""
         self._joints: JointReading | None = None
+        self._centres, self._mode = TimeBuffer(), ""
+        self._reasons: Counter[str] = Counter()
         self._parts: list[Observations] = []
         self._waiting: list[Observations] = []
         self.problem = ""
@@ -93,25 +110,43 @@ class CalibrationLog:
         """Note the encoder angles."""
         self._joints = reading
 
+    def take_status(self, t_s: float, scan_centre_rad: Array, _offset_rad: Array, mode: str, _sensor: str) -> None:
+        """Note the commanded axis angles (2,) without scans, and the mode, of the controller."""
+        self._centres.add(t_s, scan_centre_rad)
+        self._mode = mode
+
     def take_error(self, error: PointingError) -> Observations | None:
         """Turn a valid error into an observation (one row) if one is due, and return it.
 
         Raises ValueError for readings that no antenna can have, such as a target far from the beam.
         """
-        joints = self._joints
-        if joints is None or not error.valid or abs(joints.t_s - error.t_s) > LARGEST_JOINT_AGE_S:
+        position, reason = self._position(error)
+        if position is None or not self._settled(error):
+            self._reasons[reason or self._unsettled] += 1
             return None
-        if not self._settled(error):
+        spacing_s = self._scan_spacing_s if scans(error.sensor) else self._spacing_s
+        if 0.0 <= error.t_s - self._last_s < spacing_s:
             return None
-        if 0.0 <= error.t_s - self._last_s < self._spacing_s or not self._target.covers(error.t_s, error.t_s):
+        if not self._target.covers(error.t_s, error.t_s):
+            self._reasons["no target is known at its time"] += 1
             return None
         starts = self._new_pass or not 0.0 <= error.t_s - self._last_s <= PASS_GAP_S
-        row = self._row(error, joints, self._pass + starts)
+        row = self._row(error, position, self._pass + starts)
         self._waiting.append(row)
         self.write_waiting()
         self._pass, self._new_pass, self._last_s = self._pass + starts, False, error.t_s
         self._parts.append(row)
         return row
+
+    def begin_pass(self) -> None:
+        """Count the reasons of `reasons` anew."""
+        self._reasons.clear()
+
+    def reasons(self) -> str:
+        """Return why errors gave no observation since `begin_pass`, the most frequent first."""
+        if not self._reasons:
+            return "no pointing error was received"
+        return "; ".join(f"{count} errors: {reason}" for reason, count in self._reasons.most_common(SHOWN_REASONS))
 
     def write_waiting(self) -> None:
         """Write what is not on the disk yet, if it takes it now; see `problem`."""
@@ -180,6 +215,30 @@ class CalibrationLog:
         points = self.observations()
         return rule.coverage(points.true_azimuth_rad, points.true_elevation_rad)
 
+    def _position(self, error: PointingError) -> tuple[Array | None, str]:
+        """Return the axis angles (2,) that an error belongs to, None and why there are none."""
+        if not error.valid:
+            return None, f"not valid ({error.reason or error.sensor})"
+        if scans(error.sensor):
+            # The trackers' errors arrive side by side; only that of the scan in force is about it.
+            if self._mode != error.sensor:
+                return None, f"{error.sensor} does not track (mode {self._mode or 'unknown'})"
+            centre = self._centres.at(error.t_s)
+            return centre, "" if centre is not None else "the centre of the scan at its time is not known"
+        if scans(self._mode):
+            return None, f"the beam scans (mode {self._mode})"
+        joints = self._joints
+        if joints is None or abs(joints.t_s - error.t_s) > LARGEST_JOINT_AGE_S:
+            return None, f"no encoder angles within {LARGEST_JOINT_AGE_S:g} s"
+        # The error is stamped in the middle of its integration, the encoders when they were read.
+        return joints.position_rad + (error.t_s - joints.t_s) * joints.velocity_rad_s, ""
+
+    @property
+    def _unsettled(self) -> str:
+        if self._sensed_since_s is None:
+            return f"target more than {self._largest_error_rad / MDEG:.3g} mdeg from the beam"
+        return f"less than {self._settle_s:g} s on the target"
+
     def _settled(self, error: PointingError) -> bool:
         """Note a valid error; return whether the beam has been near the target for long enough."""
         if self._sensed_since_s is None or not 0.0 <= error.t_s - self._sensed_s <= PASS_GAP_S:
@@ -193,9 +252,7 @@ class CalibrationLog:
             return False
         return error.t_s - self._sensed_since_s >= self._settle_s
 
-    def _row(self, error: PointingError, joints: JointReading, pass_id: int) -> Observations:
-        # The error is stamped in the middle of its integration, the encoders when they were read.
-        position = joints.position_rad + (error.t_s - joints.t_s) * joints.velocity_rad_s
+    def _row(self, error: PointingError, position: Array, pass_id: int) -> Observations:
         true = self._target.at([error.t_s])
         azimuth = float(position[0] + error.cross_elevation_rad / math.cos(position[1]))
         elevation = float(true.position[0, 1])

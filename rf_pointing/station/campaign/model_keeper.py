@@ -6,7 +6,6 @@ folder all versions are kept in it (`ModelStore`), one store for each station an
 accepted one is found again after a restart.
 """
 
-import dataclasses
 import re
 from pathlib import Path
 
@@ -18,37 +17,14 @@ from rf_pointing.calibration import (
     ShadowRules,
     ShadowScore,
     Verdict,
-    read_model,
-    write_model,
 )
 from rf_pointing.core import MDEG
-
-# The Ka-band beam is four times narrower: the common model of the antenna is not good enough there.
-_COMMISSIONING = {"Ka": "bias_model_dss13_ka.yaml"}
-_COMMON = "bias_model_dss13.yaml"
 
 
 def campaign_folder(folder: str | Path, station: str, band: str) -> Path:
     """Return where models and observations of a station and band are kept below `folder`."""
     # The band keeps its case, as in ROS and in files; names of stations hold spaces and dots.
     return Path(folder) / re.sub(r"[^a-z0-9]+", "_", station.lower()).strip("_") / band
-
-
-def commissioning_file(config: Path, band: str) -> Path:
-    """Return the model in `config` that the simulated antenna was commissioned with."""
-    return config / _COMMISSIONING.get(band, _COMMON)
-
-
-def commissioning_model(config: Path, station: str, band: str, folder: Path) -> Path:
-    """Return the first model of a simulated station, where needed as a copy in `folder`."""
-    source = commissioning_file(config, band)
-    version = read_model(source)
-    if (version.station, version.band) == (station, band):
-        return source
-    # The antenna is the same everywhere, but a node refuses a model of another station or band.
-    copy = folder / "commissioning_model.yaml"
-    write_model(copy, dataclasses.replace(version, name=f"{version.name}-{band}", station=station, band=band))
-    return copy
 
 
 class ModelKeeper:

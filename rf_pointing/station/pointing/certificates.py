@@ -8,14 +8,16 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.calibration import BiasModel, LagHistory, without_lags
 from rf_pointing.core import Motion, Params, gaussian_gain, parameter
+from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.core.whole_file import write_whole
-from rf_pointing.ephemeris import Pass, TopocentricTrack, find_passes, sun
+from rf_pointing.ephemeris import Pass, Site, TopocentricTrack, find_passes, sun
 from rf_pointing.planning import (
     AxisLimits,
     Certificate,
@@ -37,6 +39,26 @@ SAMPLE_S = 1.0
 SUN_STEP_S = 60.0
 # A geostationary "pass" lasts for days.
 MOST_SAMPLES = 4000
+
+
+class Window(Protocol):
+    """A stay above the mask, as a search of one object or of many finds it."""
+
+    @property
+    def name(self) -> str:
+        """Name of the target."""
+
+    @property
+    def aos_t_s(self) -> float:
+        """Rise, UTC."""
+
+    @property
+    def los_t_s(self) -> float:
+        """Set, UTC."""
+
+    @property
+    def duration_s(self) -> float:
+        """Time above the mask."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,41 +92,66 @@ def plan_passes(
 ) -> list[PlannedPass]:
     """Return every pass of a span; each slew starts where the pass before has left the axes."""
     planned, free_t_s = [], start_t_s
-    gate = Gate(rules.gate, rules.limits, rules.mask, rules.machine.axes)
     for window in find_passes(track, start_t_s, span_s, rules.mask.above(least_rad)):
-        profile = pass_profile(track, window)
-        azimuth, elevation = _sun_at(np.array([free_t_s, free_t_s + SUN_STEP_S]), track)[0].tolist()
-        slew = partial(gate.slew, sun_rad=(azimuth, elevation))
-        certificate = certificate_of(profile, rules, free_t_s, encoder_rad, slew=slew)
-        fine, chosen = profile.resampled(STEP_S), certificate.chosen
+        certificate, fine = planned_certificate(track, window, free_t_s, encoder_rad, rules)
+        chosen = certificate.chosen
         if chosen is not None:
             encoder_rad, free_t_s = chosen.end_rad, window.los_t_s
         planned.append(PlannedPass(window=window, profile=fine, certificate=certificate))
     return planned
 
 
-def pass_profile(track: TopocentricTrack, window: Pass, step_s: float = SAMPLE_S) -> PassProfile:
+def planned_certificate(
+    track: TopocentricTrack,
+    window: Window,
+    free_t_s: float,
+    encoder_rad: tuple[float, float],
+    rules: PlanningRules,
+    sun_table: "SolarTable | None" = None,
+) -> tuple[Certificate, PassProfile]:
+    """Return the certificate of a pass for an antenna at `encoder_rad` from `free_t_s` on."""
+    profile = pass_profile(track, window, sun_table=sun_table)
+    gate = Gate(rules.gate, rules.limits, rules.mask, rules.machine.axes)
+    table = sun_table or SolarTable(track.site, track.refraction, free_t_s, SUN_STEP_S)
+    azimuth, elevation = table.at(np.array([free_t_s]))[0].tolist()
+    slew = partial(gate.slew, sun_rad=(azimuth, elevation))
+    # With a table one of many passes is planned: a plunge that no axis reaches is not tabulated.
+    plunge_allowed = sun_table is None or rules.limits.elevation_max_rad > 0.5 * np.pi
+    certificate = certificate_of(profile, rules, free_t_s, encoder_rad, plunge_allowed=plunge_allowed, slew=slew)
+    return certificate, profile.resampled(STEP_S)
+
+
+def pass_profile(
+    track: TopocentricTrack, window: Window, step_s: float = SAMPLE_S, sun_table: "SolarTable | None" = None
+) -> PassProfile:
     """Return the pass at even steps of at most `step_s`, in at most `MOST_SAMPLES` rows."""
     count = min(MOST_SAMPLES, max(2, int(np.ceil(window.duration_s / step_s)) + 1))
     times = np.linspace(window.aos_t_s, window.los_t_s, count)
     looks = track.sample(times)
+    table = sun_table or SolarTable(track.site, track.refraction, window.aos_t_s, window.duration_s)
     return PassProfile(
         name=window.name,
         t_s=times,
         position_rad=np.column_stack([looks.azimuth_rad, looks.elevation_rad]),
         velocity_rad_s=np.column_stack([looks.azimuth_rate_rad_s, looks.elevation_rate_rad_s]),
         acceleration_rad_s2=np.column_stack([looks.azimuth_acceleration_rad_s2, looks.elevation_acceleration_rad_s2]),
-        sun_rad=_sun_at(times, track),
+        sun_rad=table.at(times),
     )
 
 
-def _sun_at(times: Array, track: TopocentricTrack) -> Array:
-    """Return the Sun's azimuth and elevation (n, 2), interpolated between minutes."""
-    # The Sun's ephemeris is slow to compute, and the Sun is slow.
-    minutes = np.linspace(times[0], times[-1], max(2, int(np.ceil((times[-1] - times[0]) / SUN_STEP_S)) + 1))
-    solar = TopocentricTrack(sun(), track.site, refraction=track.refraction).sample(minutes)
-    azimuth = np.unwrap(solar.azimuth_rad)
-    return np.column_stack([np.interp(times, minutes, azimuth), np.interp(times, minutes, solar.elevation_rad)])
+class SolarTable:
+    """The Sun over a site in a span of time, interpolated between minutes."""
+
+    def __init__(self, site: Site, refraction: RadioRefraction | None, start_t_s: float, span_s: float) -> None:
+        # The Sun's ephemeris is slow to compute, and the Sun is slow.
+        self._minutes = np.linspace(start_t_s, start_t_s + span_s, max(2, int(np.ceil(span_s / SUN_STEP_S)) + 1))
+        solar = TopocentricTrack(sun(), site, refraction=refraction).sample(self._minutes)
+        self._azimuth, self._elevation = np.unwrap(solar.azimuth_rad), solar.elevation_rad
+
+    def at(self, times: Array) -> Array:
+        """Return azimuth and elevation (n, 2) at times (n,) of the span."""
+        columns = (np.interp(times, self._minutes, values) for values in (self._azimuth, self._elevation))
+        return np.column_stack(list(columns))
 
 
 def certificate_of(

@@ -162,7 +162,7 @@ class PassPlan:
         apart = ForbiddenSky.sun_distance(*here, (float(profile.sun_rad[0, 0]), float(profile.sun_rad[0, 1])))
         if apart > SAME_SUN_RAD:
             raise ValueError(
-                f"sun.station={self.sun.station}: its Sun is {math.degrees(apart):.1f} deg from the one that the pass was "
+                f"the Sun of this site is {math.degrees(apart):.1f} deg from the one that the pass was "
                 f"predicted with, must be <= {math.degrees(SAME_SUN_RAD):.1f} deg: another station"
             )
 

@@ -14,6 +14,7 @@ from rf_pointing.array_sensors.attitude.quaternion import (
 from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque, SatelliteParams
 from rf_pointing.array_sensors.doa.attitude_filter import DoaAttitudeFilter, DoaAttitudeParams, StationDirection
 from rf_pointing.array_sensors.doa.attitude_start import StartParams
+from rf_pointing.array_sensors.doa.innovation_watch import WatchParams
 
 ORBIT_RATE = np.array([0.0, -1.038e-3, 0.0])
 NONE = KnownTorque(control_n_m=np.zeros(3), wheel_momentum_n_m_s=np.zeros(3), wheel_momentum_rate_n_m=np.zeros(3))
@@ -28,6 +29,7 @@ def doa_filter(**changes: float) -> DoaAttitudeFilter:
         StartParams(),
         ProcessNoiseParams(),
         GateParams(),
+        WatchParams(),
         t_s=0.0,
         quaternion=np.array([0.0, 0.0, 0.0, 1.0]),
         rate_rad_s=quaternion_to_matrix(TRUTH).T @ ORBIT_RATE,
@@ -146,6 +148,7 @@ def test_non_unit_start_is_refused() -> None:
             StartParams(),
             ProcessNoiseParams(),
             GateParams(),
+            WatchParams(),
             t_s=0.0,
             quaternion=np.array([0.0, 0.0, 0.0, 2.0]),
             rate_rad_s=np.zeros(3),

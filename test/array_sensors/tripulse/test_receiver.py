@@ -6,7 +6,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams
-from rf_pointing.array_sensors.tripulse.receiver import TripulseMeasurement, TripulseReceiver
+from rf_pointing.array_sensors.tripulse.receiver import TripulseMeasurement, TripulseReceiver, TripulseReceiverParams
 from rf_pointing.array_sensors.tripulse.signal import TripulseSignalParams
 from rf_pointing.array_sensors.tripulse.source import StationLine, TripulseSource, TripulseSourceParams
 from rf_pointing.core import random_stream
@@ -22,6 +22,12 @@ SIGNALS = {
 }
 
 
+def nominal(**link: float) -> TripulseReceiverParams:
+    """Return a receiver that knows the level of the link."""
+    level = link.get("element_carrier_to_noise_db_hz", 37.0)
+    return TripulseReceiverParams(element_carrier_to_noise_db_hz=level)
+
+
 def run(
     signal: TripulseSignalParams,
     frames: int,
@@ -31,7 +37,7 @@ def run(
 ) -> tuple[list[TripulseMeasurement], np.ndarray]:
     """Return measurements and true projections for attitudes drawn from the initial sensor's errors."""
     sender = TripulseSource(array, signal, TripulseSourceParams(**changes), seed=1, failed=failed)
-    receiver = TripulseReceiver(array=array, signal=signal, failed=failed)
+    receiver = TripulseReceiver(array=array, signal=signal, params=nominal(**changes), failed=failed)
     rng, found, truth = random_stream(1, "receiver test"), [], []
     for index in range(frames):
         rotation = Rotation.from_rotvec(np.radians(0.1) / 3.0 * rng.normal(size=3)).as_matrix()
@@ -112,6 +118,43 @@ def test_error_near_the_first_null_is_not_believed() -> None:
     measured = TripulseReceiver(array=ARRAY, signal=SIGNALS["two_tone"]).measure(frame)
     assert not measured.valid
     assert "lobe away" in measured.reason
+
+
+@pytest.mark.parametrize("scheme", ["two_tone", "interleaved"])
+@pytest.mark.parametrize("towards", [0.0, 1.0, 2.5, 4.0])
+def test_station_in_another_lobe_is_called_ambiguous(scheme: str, towards: float) -> None:
+    sender = TripulseSource(ARRAY, SIGNALS[scheme], TripulseSourceParams(), seed=2)
+    receiver = TripulseReceiver(array=ARRAY, signal=SIGNALS[scheme])
+    straight = StationLine(name="a", direction=np.array([0.0, 0.0, 1.0]), range_rate_m_s=0.0, elevation_rad=1.0)
+    for k, tilt_deg in enumerate(np.linspace(1.3, 5.0, 12)):
+        turn = np.radians(tilt_deg) * np.array([math.cos(towards), math.sin(towards), 0.0])
+        (frame,) = sender.step(float(k), Rotation.from_rotvec(turn).as_matrix(), [straight])
+        measured = receiver.measure(frame)
+        assert not measured.valid
+    (frame,) = sender.step(20.0, np.eye(3), [straight])
+    assert receiver.measure(frame).valid
+
+
+def test_rain_on_all_tones_does_not_make_a_lobe_of_the_level() -> None:
+    changes = {"element_carrier_to_noise_db_hz": 31.0, "reference_carrier_to_noise_db_hz": 74.0}
+    sender = TripulseSource(ARRAY, SIGNALS["two_tone"], TripulseSourceParams(**changes), seed=2)
+    (frame,) = sender.step(0.0, np.eye(3), [LINE])
+    assert TripulseReceiver(array=ARRAY, signal=SIGNALS["two_tone"]).measure(frame).valid
+
+
+@pytest.mark.parametrize(("gain_db", "words"), [(-3.0, "another lobe"), (3.0, "nominal level is wrong")])
+def test_level_off_its_nominal_is_refused_either_way(gain_db: float, words: str) -> None:
+    changes = {"element_carrier_to_noise_db_hz": 37.0 + gain_db}
+    sender = TripulseSource(ARRAY, SIGNALS["two_tone"], TripulseSourceParams(**changes), seed=2)
+    (frame,) = sender.step(0.0, np.eye(3), [LINE])
+    measured = TripulseReceiver(array=ARRAY, signal=SIGNALS["two_tone"]).measure(frame)
+    assert not measured.valid
+    assert words in measured.reason
+
+
+def test_tolerance_that_spans_two_periods_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"level_tolerance_db=3\.0 must be <= 2\.22"):
+        TripulseReceiverParams(level_tolerance_db=3.0)
 
 
 def test_frames_of_another_length_or_with_nan_are_refused() -> None:

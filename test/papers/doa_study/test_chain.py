@@ -14,6 +14,7 @@ from rf_pointing.array_sensors.doa.attitude_chain import match_directions
 from rf_pointing.array_sensors.doa.attitude_filter import DoaAttitudeFilter, DoaAttitudeParams, StationDirection
 from rf_pointing.array_sensors.doa.attitude_start import StartParams
 from rf_pointing.array_sensors.doa.estimator import DoaEstimator, DoaEstimatorParams
+from rf_pointing.array_sensors.doa.innovation_watch import WatchParams
 from rf_pointing.array_sensors.doa.simulated_satellite import NadirHoldParams, SimulatedSatellite
 
 ORBIT = SunSynchronousOrbitParams()
@@ -36,6 +37,7 @@ def test_two_stations_around_a_hand_off_give_the_attitude_from_snapshots() -> No
         StartParams(),
         noise,
         GateParams(),
+        WatchParams(),
         t_s=t_s,
         quaternion=upright,
         rate_rad_s=rate,

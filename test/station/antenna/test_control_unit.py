@@ -73,3 +73,48 @@ def test_commands_out_of_time_are_rejected_with_the_reason(shift_s: float, words
     reason = clock.antenna.accept(dataclasses.replace(good, t_s=good.t_s + shift_s), START_S)
     assert words in reason
     assert clock.antenna.status(START_S).last_rejection == reason
+
+
+def test_a_message_far_ahead_does_not_keep_later_ones_out() -> None:
+    """One that begins 59 s ahead made every later one out of order for 51 s, without a fault."""
+    clock = enabled()
+    far = ramp(START_S, 1.0, lead_s=0.1)
+    far = dataclasses.replace(far, t_s=far.t_s + 59.0)
+    assert "must be <= 3.0 s" in clock.antenna.accept(far, START_S)
+    assert clock.antenna.accept(ramp(START_S), START_S) == ""
+
+
+def test_nothing_moves_for_a_commander_that_has_gone() -> None:
+    """A table that lies still for 6 s and then moves, from a commander that sends it once: the axes are not moved."""
+    clock = enabled()
+    table = ramp(START_S, 10.0, rate_rad_s=np.radians(1.0), lead_s=0.1)
+    still = table.t_s < START_S + 6.0
+    table = dataclasses.replace(
+        table,
+        position_rad=np.where(
+            still[:, None], STANDING, STANDING + (table.t_s - START_S - 6.0)[:, None] * np.radians([1.0, -1.0])
+        ),
+        velocity_rad_s=np.where(still[:, None], 0.0, table.velocity_rad_s),
+    )
+    assert clock.antenna.accept(table, START_S, "controller") == ""
+    clock.run(12.0)
+    status = clock.antenna.status(clock.t_s)
+    assert status.fault.startswith("the commander has been silent for ")
+    # The segment in which the table gets under way lasts one tick before it is seen to move.
+    assert np.max(np.abs(np.array(clock.commanded) - STANDING)) < np.radians(0.01)
+
+
+def test_a_commander_that_repeats_a_goal_or_has_named_one_is_followed_to_its_end() -> None:
+    clock = enabled()
+    assert clock.antenna.accept(hold_at(clock.t_s + 0.1, STANDING + np.radians([-15.0, 0.0])), clock.t_s) == ""
+    clock.run(20.0)
+    status = clock.antenna.status(clock.t_s)
+    assert (status.mode, status.fault) == ("holding", "")
+    np.testing.assert_allclose(status.commanded_rad, STANDING + np.radians([-15.0, 0.0]), atol=1e-9)
+
+
+def test_bounds_of_the_table_change_while_it_runs() -> None:
+    clock = enabled()
+    loops = clock.antenna.axes.loops.params
+    clock.antenna.retune(clock.antenna.hardware.params, loops.replace(table=loops.table.replace(max_points=5)))
+    assert "must have <= 5" in clock.antenna.accept(ramp(START_S), START_S)

@@ -5,10 +5,10 @@ import pytest
 
 from rf_pointing.controllers import CommandPreprocessorParams
 from rf_pointing.core import MDEG
-from rf_pointing.station.antenna.control_unit import ARRIVED_RAD
 from rf_pointing.station.antenna.loops import LoopParams
 from rf_pointing.station.antenna.modes import MODES, AntennaMode
 from rf_pointing.station.antenna.safety import SafetyParams
+from rf_pointing.station.antenna.simulated_antenna import SimulatedHardware
 from test.station.stepped_antenna import SETTLING_S, STANDING, START_S, TICK_S, enabled, hold_at, ramp
 
 
@@ -92,7 +92,7 @@ def test_an_antenna_is_parked_only_when_both_encoders_have_arrived(axis: int, si
     goal = antenna.axes.path.goal_rad
     antenna.modes.mode = AntennaMode.PARKING
     for share, mode in ((1.01, AntennaMode.PARKING), (0.99, AntennaMode.PARKED)):
-        antenna.axes.encoder_rad = goal + share * side * ARRIVED_RAD * np.eye(2)[axis]
+        antenna.axes.encoder_rad = goal + share * side * SimulatedHardware.settled_rad * np.eye(2)[axis]
         antenna._settle(goal)
         assert antenna.mode == mode
 

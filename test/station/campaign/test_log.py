@@ -90,6 +90,62 @@ def test_a_large_error_is_no_observation_and_the_lags_must_settle_again(track: T
     assert seconds == [*range(10, 30), *range(41, 60)]
 
 
+CIRCLE_RAD = 30.0 * MDEG
+
+
+@pytest.mark.parametrize("sensor", ["conscan", "steptrack"])
+def test_planted_offset_is_recovered_from_scans_whose_encoders_circle_and_whose_errors_come_late(
+    track: TopocentricTrack, window: Pass, random: np.random.Generator, sensor: str
+) -> None:
+    """The other tracker's errors arrive between them, with other stamps."""
+    planted = BiasModel.zero().replace(azimuth_offset=2.0e-3, elevation_offset=-1.5e-3)
+    collected = CalibrationLog(
+        "s", "X", 1.0, 1.0 * MDEG, scan_spacing_s=4.0, largest_error_rad=8.0 * MDEG, settle_s=5.0
+    )
+    for t_s in np.arange(window.aos_t_s + 10.0, window.los_t_s - 10.0, 0.1).tolist():
+        sky = track.target_at(t_s)
+        collected.take_target(track.target_at(t_s + 1.0))
+        azimuth, elevation = planted.apply(
+            sky.azimuth_rad, sky.elevation_rad, sky.azimuth_rate_rad_s, sky.elevation_rate_rad_s,
+            sky.azimuth_acceleration_rad_s2, sky.elevation_acceleration_rad_s2,
+        )  # fmt: skip
+        right, up = 5.0 * MDEG, -3.0 * MDEG
+        centre = np.array([float(azimuth) - right / math.cos(float(elevation)), float(elevation) - up])
+        collected.take_status(t_s, centre, np.zeros(2), sensor, sensor)
+        around = CIRCLE_RAD * np.array([math.cos(1.6 * t_s), math.sin(1.6 * t_s)])
+        collected.take_joints(JointReading(t_s=t_s, position_rad=centre + around, velocity_rad_s=[0.0, 0.0]))
+        for name, age_s in ((sensor, 0.15), ("monopulse", 0.04)):
+            noise = 0.3 * MDEG * random.standard_normal(2)
+            error = PointingError(
+                t_s=t_s - age_s, sensor=name, cross_elevation_rad=right + noise[0], elevation_rad=up + noise[1]
+            )
+            collected.take_error(error)
+    points = collected.observations()
+    assert len(points) == pytest.approx((window.duration_s - 25.0) / 4.05, abs=3)
+    wanted_az, wanted_el = planted.apply(
+        points.true_azimuth_rad, points.true_elevation_rad, points.azimuth_rate_rad_s, points.elevation_rate_rad_s,
+        points.azimuth_acceleration_rad_s2, points.elevation_acceleration_rad_s2,
+    )  # fmt: skip
+    across = (points.observed_azimuth_rad - wanted_az) * np.cos(points.true_elevation_rad)
+    assert np.max(np.abs(np.mean([across, points.observed_elevation_rad - wanted_el], axis=1))) < 0.2 * MDEG
+    assert np.max(np.abs([across, points.observed_elevation_rad - wanted_el])) < 2.0 * MDEG
+    assert "errors: the beam scans" in collected.reasons()
+
+
+def test_reasons_of_a_pass_without_observations_are_counted(track: TopocentricTrack, window: Pass) -> None:
+    collected, t_s = log(), window.tca_t_s
+    assert collected.reasons() == "no pointing error was received"
+    for k in range(3):
+        collected.take_error(
+            PointingError(
+                t_s=t_s + k, sensor="conscan", cross_elevation_rad=0.0, elevation_rad=0.0, valid=k > 0, reason="r"
+            )
+        )
+    assert collected.reasons() == "2 errors: conscan does not track (mode unknown); 1 errors: not valid (r)"
+    collected.begin_pass()
+    assert collected.reasons() == "no pointing error was received"
+
+
 def test_too_few_observations_are_refused() -> None:
     with pytest.raises(ValueError, match="0 observations, must have at least 30: track a pass with a sensor first"):
         log().fit(BiasModel.zero())

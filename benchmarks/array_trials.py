@@ -1,0 +1,279 @@
+"""Many runs of each array sensor: is an answer that counts as valid ever wrong?
+
+    scripts/run-python benchmarks/array_trials.py doa|tripulse [SCENARIO ...] [--runs N] [--first-seed N]
+
+Each run has its own seed, attitude and noise.  A line gives the runs that became valid, the time of
+the first valid epoch, the NEES of the attitude at the last valid epoch with the 95 % band of its
+mean and over all valid epochs (correlated, so without a band), the valid epochs beyond 5 sigma in
+any axis and the largest error of a valid epoch.  The exit status says whether no valid epoch was
+beyond 5 sigma.
+"""
+
+import argparse
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from rf_pointing.array_sensors.attitude.ground_stations import (
+    GroundNetworkParams,
+    GroundStation,
+    stations_along_track,
+)
+from rf_pointing.array_sensors.attitude.multiplicative_filter import GateParams, ProcessNoiseParams
+from rf_pointing.array_sensors.attitude.orbits import SunSynchronousOrbitParams
+from rf_pointing.array_sensors.attitude.quaternion import conjugate, multiply, quaternion_to_rotation_vector
+from rf_pointing.array_sensors.attitude.rigid_body import SatelliteParams
+from rf_pointing.array_sensors.doa.array import ArrayResponse, CircularArrayParams
+from rf_pointing.array_sensors.doa.array_source import ArraySourceParams
+from rf_pointing.array_sensors.doa.attitude_chain import DoaAttitude, DoaChainParams
+from rf_pointing.array_sensors.doa.attitude_filter import DoaAttitudeParams
+from rf_pointing.array_sensors.doa.attitude_start import StartParams
+from rf_pointing.array_sensors.doa.estimator import DoaEstimatorParams
+from rf_pointing.array_sensors.doa.innovation_watch import WatchParams
+from rf_pointing.array_sensors.doa.simulated_doa import DoaScenarioParams, SimulatedDoa
+from rf_pointing.array_sensors.doa.simulated_satellite import NadirHoldParams
+from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams
+from rf_pointing.array_sensors.tripulse.geostationary_scene import GeostationaryParams, WobbleParams
+from rf_pointing.array_sensors.tripulse.receiver import TripulseReceiver, TripulseReceiverParams
+from rf_pointing.array_sensors.tripulse.signal import TripulseSignalParams
+from rf_pointing.array_sensors.tripulse.source import TripulseSourceParams
+from rf_pointing.array_sensors.tripulse.station_attitude import StationAttitudeParams
+from rf_pointing.array_sensors.tripulse.system import EpochParams, SimulatedTripulse, TripulseAttitude
+from rf_pointing.core import random_stream
+from rf_pointing.core.constants import EARTH_RADIUS_M
+
+Array = NDArray[np.float64]
+START_S = 1_767_225_600.0
+FAR_SIGMAS = 5.0
+
+
+@dataclass(frozen=True)
+class Epochs:
+    """What one run reported: time from its start, validity, error (n, 3) and covariance (n, 3, 3)."""
+
+    t_s: Array
+    valid: NDArray[np.bool_]
+    error_rad: Array
+    covariance: Array
+
+    @property
+    def nees(self) -> Array:
+        """Normalised squared error of every epoch (n,)."""
+        return np.einsum(
+            "ni,ni->n", self.error_rad, np.linalg.solve(self.covariance, self.error_rad[..., None])[..., 0]
+        )
+
+    @property
+    def far(self) -> int:
+        """Valid epochs with an axis beyond 5 sigma."""
+        sigma = np.sqrt(np.diagonal(self.covariance, axis1=-2, axis2=-1))
+        return int(np.sum(self.valid & np.any(np.abs(self.error_rad) > FAR_SIGMAS * sigma, axis=-1)))
+
+
+def report(name: str, runs: list[Epochs]) -> int:
+    """Print the line of one scenario; return the valid epochs beyond 5 sigma."""
+    good = [run for run in runs if run.valid.any()]
+    far = sum(run.far for run in runs)
+    if not good:
+        print(f"{name}: 0 of {len(runs)} runs valid", flush=True)
+        return far
+    first = np.array([run.t_s[np.argmax(run.valid)] for run in good])
+    last = np.array([run.nees[np.flatnonzero(run.valid)[-1]] for run in good])
+    epochs = sum(int(run.valid.sum()) for run in runs)
+    mean = np.concatenate([run.nees[run.valid] for run in good]).mean()
+    band = chi2.ppf([0.025, 0.975], 3 * len(good)) / len(good)
+    worst = max(float(np.degrees(np.linalg.norm(run.error_rad, axis=-1)[run.valid].max())) for run in good)
+    print(
+        f"{name}: {len(good)} of {len(runs)} runs valid, first at {first.min():.0f}, {np.median(first):.0f}, "
+        f"{first.max():.0f} s (least, median, most), NEES {last.mean():.2f} in {band[0]:.2f}..{band[1]:.2f} "
+        "at the last valid epoch, "
+        f"{mean:.2f} over all, {sum(run.far > 0 for run in runs)} runs with {far} of {epochs} "
+        f"valid epochs beyond 5 sigma, largest error {worst:.3g} deg",
+        flush=True,
+    )
+    return far
+
+
+ORBIT = SunSynchronousOrbitParams()
+
+
+def beside(apart_m: float) -> list[GroundStation]:
+    """Two transmitters `apart_m` apart, 200 s ahead."""
+    (site,) = stations_along_track(ORBIT, START_S, count=1, spacing_s=400.0, aside_rad=0.1)
+    other = GroundStation(
+        name="beside", latitude_rad=site.latitude_rad + apart_m / EARTH_RADIUS_M, longitude_rad=site.longitude_rad
+    )
+    return [site, other]
+
+
+@dataclass(frozen=True)
+class DoaCase:
+    """A scene of DOA: stations, how they share the channel, duration and period of the blocks."""
+
+    stations: Callable[[], list[GroundStation]]
+    access: str = "in_turn"
+    seconds: int = 240
+    snr_db: float = 0.0
+    start_rad: float = np.radians(60.0)
+    torque_n_m: float = 0.0
+    phase_rad: float = 0.0
+
+
+def pair(aside_rad: float, spacing_s: float) -> Callable[[], list[GroundStation]]:
+    """Return stations along the track, two of them in view at the start."""
+    return lambda: stations_along_track(ORBIT, START_S - 2.0 * spacing_s, spacing_s=spacing_s, aside_rad=aside_rad)
+
+
+DOA_CASES = {
+    "one channel": DoaCase(pair(0.06, 300.0), "together"),
+    "one channel, any attitude": DoaCase(pair(0.06, 300.0), "together", start_rad=np.pi),
+    "one channel, 10 dB": DoaCase(pair(0.06, 300.0), "together", snr_db=10.0),
+    "one channel, stations near each other": DoaCase(pair(0.03, 100.0), "together"),
+    "one channel, stations across the track": DoaCase(pair(0.2, 200.0), "together"),
+    "in turn": DoaCase(pair(0.06, 300.0)),
+    "unknown torque of 2e-5 N m": DoaCase(pair(0.06, 300.0), torque_n_m=2e-5),
+    "unknown torque of 5e-6 N m": DoaCase(pair(0.06, 300.0), torque_n_m=5e-6),
+    "phases known to 10 deg": DoaCase(pair(0.06, 300.0), phase_rad=np.radians(10.0)),
+    "phases known to 10 deg, one channel": DoaCase(pair(0.06, 300.0), "together", phase_rad=np.radians(10.0)),
+    "1.5 km apart": DoaCase(lambda: beside(1.5e3)),
+    "13 km apart": DoaCase(lambda: beside(13e3)),
+    "52 km apart": DoaCase(lambda: beside(52e3)),
+    "295 km apart": DoaCase(lambda: beside(295e3)),
+}
+
+
+def doa_run(case: DoaCase, seed: int) -> Epochs:
+    """Return one run of the DOA chain at one block a second."""
+    stream = random_stream(seed, "array_trials")
+    array, satellite, noise = CircularArrayParams(), SatelliteParams(), ProcessNoiseParams()
+    roll, pitch, yaw = case.start_rad * stream.uniform(-1.0, 1.0, 3) * [0.5, 0.5, 1.0]
+    scenario = DoaScenarioParams(
+        snr_db=case.snr_db,
+        access=case.access,
+        unknown_torque_n_m=case.torque_n_m,
+        roll_rad=roll,
+        pitch_rad=min(max(pitch, -1.0), 1.0),
+        yaw_rad=yaw,
+    )
+    stations = case.stations()
+    truth = SimulatedDoa(
+        array,
+        ArraySourceParams(),
+        ORBIT,
+        stations,
+        satellite,
+        NadirHoldParams(),
+        noise,
+        scenario,
+        seed,
+        response=ArrayResponse(
+            gain=np.exp(1j * case.phase_rad * stream.standard_normal(array.elements)),
+            coupling=np.zeros(array.elements // 2, dtype=np.complex128),
+        ),
+    )
+    filtering = (DoaAttitudeParams(), StartParams(), noise, GateParams(), WatchParams())
+    estimator = DoaEstimatorParams(phase_sigma_rad=case.phase_rad)
+    chain = DoaAttitude(array, estimator, ORBIT, stations, satellite, filtering, DoaChainParams())
+    rows: list[Any] = []
+    for k in range(case.seconds):
+        moment = truth.step(START_S + k)
+        chain.take_torque(moment.torque, moment.truth.t_s)
+        try:
+            found = None if moment.heard is None else chain.take_block(moment.heard, moment.truth.t_s).attitude
+        except ValueError as error:
+            if "resolved" not in str(error):
+                raise
+            found = None
+        if found is not None:
+            turn = quaternion_to_rotation_vector(multiply(moment.truth.quaternion, conjugate(found.quaternion)))
+            rows.append((float(k), found.valid, turn, found.covariance_rad2))
+    return Epochs(*(np.array(column) for column in zip(*rows, strict=True)))
+
+
+@dataclass(frozen=True)
+class TripulseCase:
+    """A scene of Tripulse: how far the attitude is from the one that steers, and the link."""
+
+    tilt_deg: tuple[float, float] = (0.0, 0.5)
+    third_station: bool = False
+    scheme: str = "two_tone"
+    element_db_hz: float = 37.0
+    rain_db: float = 0.0
+    taper_edge: float = 1.0
+
+
+TRIPULSE_CASES = {
+    "off by 1.3 to 5 deg": TripulseCase((1.3, 5.0)),
+    "off by 1.3 to 5 deg, three stations": TripulseCase((1.3, 5.0), third_station=True),
+    "off by 1.3 to 5 deg, interleaved": TripulseCase((1.3, 5.0), scheme="interleaved"),
+    "off by 0.8 to 1.3 deg": TripulseCase((0.8, 1.3)),
+    "off by 5 to 10 deg": TripulseCase((5.0, 10.0)),
+    "off by 1.3 to 5 deg, tapered": TripulseCase((1.3, 5.0), taper_edge=0.5),
+    "within 0.5 deg": TripulseCase(),
+    "within 0.5 deg, three stations": TripulseCase(third_station=True),
+    "within 0.5 deg, interleaved": TripulseCase(scheme="interleaved"),
+    "within 0.5 deg, 6 dB of rain": TripulseCase(rain_db=6.0),
+    "within 0.5 deg, 17 dB-Hz": TripulseCase(element_db_hz=17.0),
+}
+
+
+def tripulse_run(case: TripulseCase, seed: int) -> Epochs:
+    """Return ten epochs of one attitude error, one a second."""
+    stream = random_stream(seed, "array_trials")
+    tilt, towards = np.radians(stream.uniform(*case.tilt_deg)), stream.uniform(0.0, 2.0 * np.pi)
+    wobble = WobbleParams(
+        roll_rad=tilt * np.cos(towards), pitch_rad=tilt * np.sin(towards), yaw_rad=np.radians(stream.uniform(-0.5, 0.5))
+    )
+    stations = GroundNetworkParams().stations()
+    if case.third_station:
+        stations.append(GroundStation(name="third", latitude_rad=0.6, longitude_rad=0.9))
+    interleaved = case.scheme == "interleaved"
+    signal = TripulseSignalParams(scheme=case.scheme, pattern="SxSy" if interleaved else "Sxy")
+    array = TripulseArrayParams(taper_edge=case.taper_edge)
+    link = TripulseSourceParams(
+        element_carrier_to_noise_db_hz=case.element_db_hz - case.rain_db,
+        reference_carrier_to_noise_db_hz=80.0 - case.rain_db,
+    )
+    orbit = GeostationaryParams()
+    truth = SimulatedTripulse(array, signal, link, orbit, wobble, stations, seed)
+    nominal = TripulseReceiverParams(element_carrier_to_noise_db_hz=case.element_db_hz)
+    receiver = TripulseReceiver(array=array, signal=signal, params=nominal)
+    solver = TripulseAttitude(StationAttitudeParams(), EpochParams(), orbit, stations)
+    rows: list[Any] = []
+    for k in range(10):
+        sent = truth.step(START_S + k)
+        measured = [receiver.measure(frame) for frame in sent.frames]
+        for found in [each for one in measured for each in solver.take(one, START_S + k)]:
+            turn = quaternion_to_rotation_vector(multiply(sent.moment.quaternion, conjugate(found.quaternion)))
+            rows.append((float(k), found.valid, turn, found.covariance_rad2))
+    return Epochs(*(np.array(column) for column in zip(*rows, strict=True)))
+
+
+def main() -> int:
+    """Print one line a scenario; return 1 if a valid epoch was beyond 5 sigma."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("sensor", choices=["doa", "tripulse"])
+    parser.add_argument("scenario", nargs="*")
+    parser.add_argument("--runs", type=int, default=100)
+    parser.add_argument("--first-seed", type=int, default=1)
+    given = parser.parse_args()
+    seeds = range(given.first_seed, given.first_seed + given.runs)
+    scenes: dict[str, dict[str, Callable[[int], Epochs]]] = {
+        "doa": {name: partial(doa_run, case) for name, case in DOA_CASES.items()},
+        "tripulse": {name: partial(tripulse_run, case) for name, case in TRIPULSE_CASES.items()},
+    }
+    far = 0
+    for name, run in scenes[given.sensor].items():
+        if not given.scenario or name in given.scenario:
+            far += report(name, [run(seed) for seed in seeds])
+    return int(far > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

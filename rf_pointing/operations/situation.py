@@ -1,0 +1,132 @@
+"""The situation: what is expected of every attribute of every device, and what it actually is.
+
+An attribute is named `device.attribute`, as in `antenna.mode`.  Whatever is published about it sets
+the actual value: status messages, responses, an operator.  Sending a directive sets the expected
+one.  Only values and their stamps count, so messages may be lost, repeated or arrive out of order.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+Value = str | float | int | bool
+_NUMBERS = ("above", "below")
+_TESTS = ("is", "is_not", "one_of", *_NUMBERS)
+OLDEST_S = 10.0
+"""Age in s from which a value is not trusted, unless a condition states another."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Condition:
+    """One test of one attribute; `wanted` is a value, two or more for `one_of`.
+
+    `test` is is, is_not, one_of, above or below; a value older than `max_age_s` does not satisfy.
+    """
+
+    attribute: str
+    test: str
+    wanted: Any
+    max_age_s: float = OLDEST_S
+
+    def __str__(self) -> str:
+        wanted = " or ".join(map(_shown, self.wanted)) if self.test == "one_of" else _shown(self.wanted)
+        return f"{self.attribute} {'is' if self.test == 'one_of' else self.test.replace('_', ' ')} {wanted}"
+
+    def holds(self, value: Value) -> bool:
+        """Return whether a value satisfies the test."""
+        if self.test == "one_of":
+            return value in self.wanted
+        if self.test in _NUMBERS:
+            # NaN satisfies neither.
+            number = isinstance(value, (int, float)) and not isinstance(value, bool)
+            return number and (value > self.wanted if self.test == "above" else value < self.wanted)
+        return bool(value == self.wanted) == (self.test == "is")
+
+
+def read_conditions(where: str, given: Any) -> tuple[Condition, ...]:
+    """Return the conditions of a mapping from attribute to value, or to tests.
+
+    `antenna.mode: parked` stands for `antenna.mode: {is: parked}`; `max_age_s` may be with the
+    tests.  Raises ValueError with `where` and the key.
+    """
+    if not isinstance(given, Mapping):
+        raise ValueError(f"{where} must map attributes to values")
+    return tuple(each for name, wanted in given.items() for each in _conditions_of(where, str(name), wanted))
+
+
+def _conditions_of(where: str, name: str, wanted: Any) -> list[Condition]:
+    device, _, attribute = name.partition(".")
+    if not device or not attribute:
+        raise ValueError(f"{where}: {name!r} must name device and attribute, as in antenna.mode")
+    tests = dict(wanted) if isinstance(wanted, Mapping) else {"is": wanted}
+    age_s = tests.pop("max_age_s", OLDEST_S)
+    if not isinstance(age_s, (int, float)) or not 0.0 < age_s < math.inf:
+        raise ValueError(f"{where}: {name}: max_age_s={age_s!r} must be > 0 s")
+    unknown = sorted(set(tests) - set(_TESTS))
+    if unknown or not tests:
+        raise ValueError(f"{where}: {name}: {', '.join(unknown) or 'no test'}: must be one of {', '.join(_TESTS)}")
+    for test, value in tests.items():
+        if test in _NUMBERS and (isinstance(value, bool) or not isinstance(value, (int, float))):
+            raise ValueError(f"{where}: {name}: {test}={value!r} must be a number")
+        if test == "one_of" and not isinstance(value, (list, tuple)):
+            raise ValueError(f"{where}: {name}: one_of={value!r} must be a list")
+    return [
+        Condition(attribute=name, test=test, wanted=tuple(value) if test == "one_of" else value, max_age_s=float(age_s))
+        for test, value in tests.items()
+    ]
+
+
+@dataclass(frozen=True, slots=True)
+class Observed:
+    """The newest value of an attribute."""
+
+    value: Value
+    t_s: float
+
+
+class Situation:
+    """Expected and actual state of the devices."""
+
+    def __init__(self) -> None:
+        self._actual: dict[str, Observed] = {}
+        self._expected: dict[str, tuple[Condition, float]] = {}
+
+    def observe(self, attribute: str, value: Value, t_s: float) -> None:
+        """Take a value with its stamp; an older one than the present changes nothing."""
+        present = self._actual.get(attribute)
+        if present is None or t_s >= present.t_s:
+            self._actual[attribute] = Observed(value, t_s)
+
+    def expect(self, condition: Condition, t_s: float) -> None:
+        """Expect this of its attribute from `t_s` on, in place of what was expected before."""
+        self._expected[condition.attribute] = (condition, t_s)
+
+    def actual(self, attribute: str) -> Observed | None:
+        """Return the newest value, None if nothing was ever published."""
+        return self._actual.get(attribute)
+
+    def against(self, condition: Condition, now_s: float, since_s: float = -math.inf) -> str:
+        """Return why a condition does not hold at `now_s`, "" if it does.
+
+        Values from before `since_s` do not count: what is to be shown is shown afterwards.
+        """
+        seen = self._actual.get(condition.attribute)
+        if seen is None:
+            return f"{condition.attribute} is unknown, must be: {condition}"
+        if seen.t_s < since_s:
+            return f"{condition.attribute} is not known since the directive, must be: {condition}"
+        if now_s - seen.t_s > condition.max_age_s:
+            return f"{condition.attribute} is {now_s - seen.t_s:.1f} s old, must be <= {condition.max_age_s:g} s"
+        if not condition.holds(seen.value):
+            return f"{condition.attribute}={_shown(seen.value)}, must be: {condition}"
+        return ""
+
+    def differences(self, now_s: float) -> dict[str, str]:
+        """Return attribute and reason of every expectation that the actual state does not meet."""
+        found = {name: self.against(wanted, now_s) for name, (wanted, _) in self._expected.items()}
+        return {name: reason for name, reason in found.items() if reason}
+
+
+def _shown(value: Any) -> str:
+    return repr(value) if isinstance(value, str) and not value else str(value)

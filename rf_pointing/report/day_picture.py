@@ -1,0 +1,144 @@
+"""Picture of the plan of many satellites: time line of each, and the tracked passes on the sky.
+
+It has room for `MOST_ROWS` satellites and `MOST_PATHS` paths, and says how many it leaves out.
+"""
+
+import math
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rf_pointing.planning import HorizonMask
+from rf_pointing.report.picture_style import figure, sky_axes, sky_place
+from rf_pointing.report.plan_picture import draw_hills
+from rf_pointing.station.pointing.day_plan import DayPass, DayPlan, Fate
+
+MOST_ROWS = 45
+MOST_PATHS = 80
+MOST_SUNS = 24
+FEW_PATHS = 12
+"""Up to so many paths have the time of their rise beside them."""
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
+"""Of the priorities, the highest first; lower ones share the last."""
+YIELDS_COLOUR = "#c9ccd1"
+BARRED_COLOUR = "#8a1c1c"
+ROW_IN = 0.2
+
+
+def draw_day(plan: DayPlan, station: str, mask: HorizonMask, path: Path) -> None:
+    """Write the picture of `plan` to `path`."""
+    tracked = [item for item in plan.passes if item.fate is Fate.TRACKED]
+    rows = _rows(plan)
+    priorities = sorted({item.priority for item in plan.passes}, reverse=True)
+    colours = {p: COLOURS[min(k, len(COLOURS) - 1)] for k, p in enumerate(priorities)}
+    begin, end = (datetime.fromtimestamp(plan.start_t_s + s, UTC) for s in (0.0, plan.duration_s))
+    with figure(path, 15.0, max(6.0, 1.6 + ROW_IN * (len(rows) + 1))) as drawn:
+        drawn.suptitle(
+            f"{station}, {begin:%Y-%m-%d %H:%M} to {end:%Y-%m-%d %H:%M} UTC: "
+            f"{len(tracked)} of {len(plan.passes)} passes tracked"
+        )
+        lines, sky = drawn.subplots(1, 2, width_ratios=[1.75, 1.0], subplot_kw={})
+        position = sky.get_subplotspec()
+        sky.remove()
+        _draw_lines(lines, plan, rows, colours)
+        _draw_sky(drawn.add_subplot(position, projection="polar"), tracked, rows, mask, colours)
+
+
+def _rows(plan: DayPlan) -> list[int]:
+    """Return the catalogue numbers of the satellites that are shown, in order of the rows."""
+    tracked_s: dict[int, float] = {}
+    priority: dict[int, int] = {}
+    for item in plan.passes:
+        number = item.window.elements.catalogue_number
+        tracked_s[number] = tracked_s.get(number, 0.0) + item.window.duration_s * (item.fate is Fate.TRACKED)
+        priority[number] = item.priority
+    return sorted(tracked_s, key=lambda n: (-priority[n], -tracked_s[n], n))[:MOST_ROWS]
+
+
+def _draw_lines(axes: Any, plan: DayPlan, rows: Sequence[int], colours: dict[int, str]) -> None:
+    place = {number: k + 1 for k, number in enumerate(rows)}
+    names: dict[int, str] = {}
+    bars: dict[tuple[str, Any, float], list[tuple[float, float, float]]] = {}
+    for item in plan.passes:
+        number, colour = item.window.elements.catalogue_number, colours[item.priority]
+        begin, width = (item.window.aos_t_s - plan.start_t_s) / 3600.0, item.window.duration_s / 3600.0
+        if item.fate is Fate.TRACKED:
+            bars.setdefault((colour, colour, 0.75), []).append((0.0, begin, width))
+        if number in place:
+            names[number] = (
+                f"{item.window.name:.22} ({item.priority})" if len(colours) > 1 else f"{item.window.name:.26}"
+            )
+            bars.setdefault(_look(item, colour), []).append((float(place[number]), begin, width))
+    for (face, edge, height), group in bars.items():
+        y, left, widths = np.array(group).T
+        axes.barh(y, widths, left=left, height=height, color=face, edgecolor=edge, lw=0.7)
+    axes.set_yticks(range(len(rows) + 1), ["the antenna", *(names[number] for number in rows)], fontsize=8.0)
+    axes.get_yticklabels()[0].set_fontweight("bold")
+    axes.axhline(0.5, color="#888888", lw=0.7)
+    axes.set_ylim(len(rows) + 0.6, -0.6)
+    axes.set_xlim(0.0, plan.duration_s / 3600.0)
+    _clock_axis(axes, plan)
+    axes.grid(axis="y", visible=False)
+    from matplotlib.patches import Patch
+
+    keys = [
+        Patch(color=c, label=f"tracked, priority {p}" if len(colours) > 1 else "tracked") for p, c in colours.items()
+    ]
+    keys = keys[: len(COLOURS)]
+    keys += [Patch(color=YIELDS_COLOUR, label="yields"), Patch(fc="white", ec=BARRED_COLOUR, label="barred")]
+    axes.legend(handles=keys, loc="upper center", bbox_to_anchor=(0.5, -0.5 / (ROW_IN * (len(rows) + 3))), ncols=5)
+    total = len({item.window.elements.catalogue_number for item in plan.passes})
+    if total > len(rows):
+        axes.set_title(
+            f"{len(rows)} of {total} satellites: highest priority, then most tracked time. "
+            "The top line has all tracked passes.",
+            fontsize=9.0, loc="left",
+        )  # fmt: skip
+
+
+def _look(item: DayPass, colour: str) -> tuple[str, Any, float]:
+    """Return face, edge and height of the bar of a pass."""
+    if item.fate is Fate.TRACKED:
+        return colour, colour, 0.75
+    return (YIELDS_COLOUR, YIELDS_COLOUR, 0.4) if item.fate is Fate.YIELDS else ("white", BARRED_COLOUR, 0.4)
+
+
+def _clock_axis(axes: Any, plan: DayPlan) -> None:
+    """Write whole hours of UTC below the axis, with the date where a day begins."""
+    hours = plan.duration_s / 3600.0
+    step = next((s for s in (0.25, 0.5, 1, 2, 3, 6, 12, 24, 48) if hours / s <= 12.0), 96) * 3600.0
+    first = math.ceil(plan.start_t_s / step) * step
+    ticks = np.arange(first, plan.start_t_s + plan.duration_s + 1.0, step)
+    stamps = [datetime.fromtimestamp(float(t_s), UTC) for t_s in ticks]
+    labels = [
+        f"{s:%H:%M}\n{s:%d %b}" if s.hour + s.minute == 0 or k == 0 else f"{s:%H:%M}" for k, s in enumerate(stamps)
+    ]
+    axes.set_xticks((ticks - plan.start_t_s) / 3600.0, labels)
+
+
+def _draw_sky(
+    axes: Any, tracked: Sequence[DayPass], rows: Sequence[int], mask: HorizonMask, colours: dict[int, str]
+) -> None:
+    sky_axes(axes)
+    draw_hills(axes, mask)
+    shown = [item for item in tracked if item.window.elements.catalogue_number in set(rows)][:MOST_PATHS]
+    for item in shown:
+        if item.profile is None:
+            continue
+        angle, zenith = sky_place(*item.profile.position_rad[::20].T)
+        axes.plot(angle, zenith, color=colours[item.priority], lw=1.3 if len(shown) <= FEW_PATHS else 0.7, alpha=0.8)
+        axes.plot(angle[:1], zenith[:1], ".", color=colours[item.priority], ms=3.0)
+        if len(shown) <= FEW_PATHS:
+            rise = datetime.fromtimestamp(item.window.aos_t_s, UTC)
+            axes.annotate(f"{rise:%H:%M}", (angle[0], zenith[0]), fontsize=7.5, color="#333333")
+    suns = np.array([item.profile.sun_rad[0] for item in tracked if item.profile is not None])
+    if len(suns) and np.any(suns[:, 1] > 0.0):
+        up = suns[suns[:, 1] > 0.0]
+        up = up[:: max(1, len(up) // MOST_SUNS)]
+        axes.plot(up[:, 0], 90.0 - np.degrees(up[:, 1]), "o", color="#e6b800", ms=4.0, label="the Sun during the plan")
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.06))
+    left = "" if len(shown) == len(tracked) else f" of {len(tracked)}"
+    axes.set_title(f"{len(shown)}{left} tracked passes, a dot at the rise", fontsize=9.0)

@@ -1,0 +1,27 @@
+"""The station description: one YAML file that every node, command and simulation obeys.
+
+`read_station` reads it, `StationDescription.parameters` gives the parameters of a node, and
+`owner` says which key of the description gives one.
+"""
+
+from rf_pointing.station.description.description import (
+    DEFAULT_STATION,
+    STATIONS,
+    StationDescription,
+    owner,
+    read_station,
+    shipped_stations,
+    station_from,
+)
+from rf_pointing.station.description.reading import StationError
+
+__all__ = [
+    "DEFAULT_STATION",
+    "STATIONS",
+    "StationDescription",
+    "StationError",
+    "owner",
+    "read_station",
+    "shipped_stations",
+    "station_from",
+]

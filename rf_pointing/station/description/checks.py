@@ -1,0 +1,260 @@
+"""Contradictions in a description: values that are right alone and cannot be true together."""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from rf_pointing.calibration import read_model
+from rf_pointing.core import Params, leaves
+from rf_pointing.core.parameters import from_edge
+from rf_pointing.ephemeris import SITES
+from rf_pointing.planning import HorizonMask
+from rf_pointing.station.antenna.mount import MountParams
+from rf_pointing.station.description.content import AxisSection, BandSection, Content, MountSection
+from rf_pointing.station.description.derivation import (
+    BEAM_FACTOR_DEG,
+    NODES,
+    SPEED_OF_LIGHT_M_S,
+    described_parameters,
+    owner_of_name,
+    pass_elevation_deg,
+)
+from rf_pointing.station.description.reading import Reader, flat, nearest
+
+BEAMWIDTH_TOLERANCE = 0.2
+WIDEST_GAP_DEG = 90.0
+"""A wider gap between two points of a horizon mask is a gap that nobody surveyed."""
+
+
+def check(content: Content, reader: Reader) -> HorizonMask:
+    """Note every contradiction; return the horizon mask, a flat one where it has a problem."""
+    if isinstance(content.site, str) and content.site not in SITES:
+        reader.note("site", f"site={content.site!r} must be coordinates or one of {', '.join(SITES)}")
+    if content.name is not None and not content.name.strip():
+        reader.note("name", "name='' must not be empty")
+    mask = _mask(content, reader)
+    if content.mount is not None:
+        for name in ("azimuth", "elevation"):
+            axis = getattr(content.mount, name)
+            if axis is not None:
+                _check_axis(axis, f"mount.{name}", reader)
+        _check_mount(content, content.mount, reader)
+    _check_bands(content, reader)
+    _check_tuning(content.tuning, "tuning", reader)
+    if content.simulation is not None:
+        _check_errors(content.simulation.mount_errors, "simulation.mount_errors", reader)
+    return mask
+
+
+def _check_errors(values: Mapping[str, Any] | None, key: str, reader: Reader) -> None:
+    errors = {f"mount.{name}": value for name, value in flat(values or {}).items()}
+    _check_names({"mount": MountParams()}, errors, key, reader, strip="mount.")
+
+
+def _check_axis(axis: AxisSection, key: str, reader: Reader) -> None:
+    travel, stop = axis.travel_deg, axis.hard_stop_deg
+    if travel is not None and travel[0] >= travel[1]:
+        reader.note(
+            f"{key}.travel_deg", f"{key}.travel_deg={list(travel)} must rise from its lowest to its highest angle"
+        )
+    elif travel is not None and stop is not None and not (stop[0] < travel[0] and travel[1] < stop[1]):
+        reader.note(
+            f"{key}.hard_stop_deg", f"{key}.hard_stop_deg={list(stop)} must lie outside travel_deg={list(travel)}"
+        )
+    if axis.encoder_bits is not None and axis.resolution_deg is not None:
+        reader.note(f"{key}.resolution_deg", f"{key}.resolution_deg={axis.resolution_deg} and encoder_bits="
+            f"{axis.encoder_bits} give the same twice: leave one out")  # fmt: skip
+    drive = axis.acceleration_deg_s2 if axis.acceleration_deg_s2 is not None else axis.rate_deg_s
+    pairs = (("command_rate_deg_s", axis.rate_deg_s), ("command_acceleration_deg_s2", drive))
+    for name, bound in pairs:
+        value = getattr(axis, name)
+        if value is not None and bound is not None and value > bound:
+            reader.note(f"{key}.{name}", f"{key}.{name}={value} must be <= {bound}, what the drive can do")
+
+
+def _check_mount(content: Content, mount: MountSection, reader: Reader) -> None:
+    azimuth, elevation = (axis.travel_deg if axis is not None else None for axis in (mount.azimuth, mount.elevation))
+    if mount.park_deg is not None:
+        for name, angle, travel in zip(("azimuth", "elevation"), mount.park_deg, (azimuth, elevation), strict=True):
+            if travel is not None and not travel[0] <= angle <= travel[1]:
+                reader.note("mount.park_deg", f"mount.park_deg={list(mount.park_deg)}: {name} {angle} must lie within its "
+                    f"travel_deg={list(travel)}")  # fmt: skip
+    if elevation is None:
+        return
+    stow = mount.stow_elevation_deg
+    # The control unit's travel may be wider than that of passes.
+    outer = flat(content.tuning or {}).get("loops.preprocessor.travel_max_deg", elevation)
+    if stow is not None and not elevation[0] <= stow <= max(elevation[1], outer[1]):
+        reader.note("mount.stow_elevation_deg", f"mount.stow_elevation_deg={stow} must lie within mount.elevation."
+            f"travel_deg={list(elevation)}")  # fmt: skip
+    if not -12.0 <= elevation[0] < elevation[1] <= 192.0:
+        reader.note(
+            "mount.elevation.travel_deg", f"mount.elevation.travel_deg={list(elevation)} must lie within [-12, 192]"
+        )
+    begins = pass_elevation_deg(content)
+    # A pass begins on the limit itself otherwise, and is refused as 0.000 deg past it.
+    if begins <= elevation[0]:
+        reader.note("mount.pass_elevation_deg", f"mount.pass_elevation_deg={begins} must be > {elevation[0]}, the lowest "
+            "elevation of the travel: passes begin where the mount cannot look")  # fmt: skip
+    points = mount.horizon_deg or ()
+    highest = max((point[1] for point in points if point is not None and None not in point), default=None)
+    if highest is not None and min(90.0, elevation[1]) <= highest:
+        reader.note("mount.horizon_deg", f"mount.elevation.travel_deg={list(elevation)} ends below the horizon mask, "
+            f"{highest} deg: the travel is smaller than the mask allows")  # fmt: skip
+
+
+def _mask(content: Content, reader: Reader) -> HorizonMask:
+    mount = content.mount
+    if mount is None:
+        return HorizonMask()
+    clearance = math.radians(mount.horizon_clearance_deg or 1.0)
+    points, key, lines = mount.horizon_deg, "mount.horizon_deg", None
+    if mount.horizon_file:
+        if points is not None:
+            reader.note(
+                "mount.horizon_file", "mount.horizon_file and mount.horizon_deg give the mask twice: leave one out"
+            )
+        key = "mount.horizon_file"
+        points, lines = _mask_file(mount.horizon_file, reader)
+    if not points or any(point is None or None in point for point in points):
+        if mount.horizon_deg == ():
+            reader.note(key, f"{key}=[] must have at least one point")
+        return HorizonMask(clearance_rad=clearance)
+    problems = len(reader.problems)
+    for index, (azimuth, elevation) in enumerate(points):
+        where = f"{key} point {index + 1}" + (f" (line {lines[index]})" if lines else "")
+        if not 0.0 <= azimuth <= 360.0:
+            reader.note(key, f"{where}: azimuth {azimuth} must be >= 0 and <= 360")
+        if not -11.0 <= elevation <= 85.0:
+            reader.note(key, f"{where}: elevation {elevation} must be >= -11 and <= 85")
+        before = points[index - 1]
+        if index and azimuth <= before[0]:
+            reader.note(key, f"{where}: azimuth {azimuth} must be > {before[0]}, the one before")
+        gap = azimuth - before[0] if index else azimuth + 360.0 - points[-1][0]
+        if len(points) > 1 and gap > WIDEST_GAP_DEG:
+            reader.note(
+                key, f"{where}: {gap:g} deg after the point before, must be <= {WIDEST_GAP_DEG:g}: the mask has a gap"
+            )
+    if len(reader.problems) > problems:
+        return HorizonMask(clearance_rad=clearance)
+    if len(points) > 1 and points[-1][0] - points[0][0] >= 360.0:
+        # Surveys often repeat the first point at 360 deg.
+        points = points[:-1]
+    rows = [(math.radians(azimuth), math.radians(elevation)) for azimuth, elevation in points]
+    return HorizonMask(
+        azimuth_rad=tuple(row[0] for row in rows), elevation_rad=tuple(row[1] for row in rows), clearance_rad=clearance
+    )
+
+
+def _mask_file(name: str, reader: Reader) -> tuple[tuple[tuple[float, float], ...], list[int]]:
+    points: list[tuple[float, float]] = []
+    lines: list[int] = []
+    path = reader.path.parent / name
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        reader.note("mount.horizon_file", f"mount.horizon_file={name!r} cannot be read: {error}")
+        return (), []
+    for number, line in enumerate(text.splitlines(), start=1):
+        fields = line.partition("#")[0].replace(",", " ").replace(";", " ").split()
+        if not fields:
+            continue
+        try:
+            azimuth, elevation = (float(field) for field in fields)
+            if not (math.isfinite(azimuth) and math.isfinite(elevation)):
+                raise ValueError
+        except ValueError:
+            reader.note("mount.horizon_file", f"{name}:{number}: {line.strip()!r} must be azimuth and elevation in deg")
+            continue
+        points.append((azimuth, elevation))
+        lines.append(number)
+    if not points:
+        reader.note("mount.horizon_file", f"mount.horizon_file={name!r} must have at least one point")
+    return tuple(points), lines
+
+
+def _check_bands(content: Content, reader: Reader) -> None:
+    bands = content.bands
+    if bands is None:
+        return
+    if not bands:
+        reader.note("bands", "bands must have at least one band")
+    elif content.default_band and content.default_band not in bands:
+        reader.note("default_band", f"default_band={content.default_band!r} must be one of {', '.join(bands)}")
+    for name, section in bands.items():
+        if section is not None:
+            _check_band(content, name, section, reader)
+
+
+def _check_band(content: Content, name: str, section: BandSection, reader: Reader) -> None:
+    key = f"bands.{name}"
+    given, frequency = section.half_power_beamwidth_deg, section.frequency_mhz
+    diameter = content.dish.diameter_m if content.dish else None
+    if given is None and content.dish is None:
+        reader.note(key, f"{key} needs half_power_beamwidth_deg: there is no dish to derive it from")
+    if given is not None and diameter is not None and frequency is not None:
+        derived = BEAM_FACTOR_DEG * SPEED_OF_LIGHT_M_S / (1e6 * frequency) / diameter
+        if abs(given / derived - 1.0) > BEAMWIDTH_TOLERANCE:
+            reader.note(f"{key}.half_power_beamwidth_deg", f"{key}.half_power_beamwidth_deg={given} must be within 20 % of "
+                f"{derived:.4g}, that of dish.diameter_m={diameter} at {frequency} MHz")  # fmt: skip
+    if section.sensors is not None and len(set(section.sensors)) < len(section.sensors):
+        reader.note(f"{key}.sensors", f"{key}.sensors={list(section.sensors)} names a sensor twice")
+    if section.bias_model:
+        path = reader.path.parent / section.bias_model
+        try:
+            version = read_model(path)
+        except (ValueError, OSError) as error:
+            reader.note(f"{key}.bias_model", f"{key}.bias_model={section.bias_model!r}: {error}")
+        else:
+            for what, own, wanted in (("station", version.station, content.name), ("band", version.band, name)):
+                if own != wanted:
+                    reader.note(f"{key}.bias_model", f"{key}.bias_model={section.bias_model!r} is of {what} {own!r}, must be "
+                        f"of {wanted!r}")  # fmt: skip
+    _check_tuning(section.tuning, f"{key}.tuning", reader)
+    _check_errors(section.mount_errors, f"{key}.mount_errors", reader)
+
+
+def _check_tuning(values: Mapping[str, Any] | None, key: str, reader: Reader) -> None:
+    known = described_parameters()
+    wanted: dict[str, Any] = {}
+    for name, value in flat(values or {}).items():
+        owner = owner_of_name(name)
+        if name not in known:
+            reader.note(f"{key}.{name}", f"{key}.{name}: no parameter of that name{nearest(name, known)}")
+        elif not owner:
+            reader.note(
+                f"{key}.{name}", f"{key}.{name} is a parameter of {' and '.join(known[name])}, not of the station"
+            )
+        elif not owner.startswith("tuning."):
+            reader.note(f"{key}.{name}", f"{key}.{name} is given by {owner}: change it there")
+        else:
+            wanted[name] = value
+    for node_sets in _sets_of(wanted):
+        _check_names(*node_sets, key, reader)
+
+
+def _sets_of(wanted: Mapping[str, Any]) -> list[tuple[dict[str, Params], dict[str, Any]]]:
+    known = described_parameters()
+    by_node: dict[str, dict[str, Any]] = {}
+    for name, value in wanted.items():
+        by_node.setdefault(known[name][0], {})[name] = value
+    return [(NODES[node], values) for node, values in by_node.items() if node in NODES]
+
+
+def _check_names(
+    sets: Mapping[str, Params], values: Mapping[str, Any], key: str, reader: Reader, strip: str = ""
+) -> None:
+    """Note every value that its parameter set refuses."""
+    for name, value in values.items():
+        prefix, _, rest = name.partition(".")
+        shown = name.removeprefix(strip)
+        edge = leaves(sets[prefix])
+        if rest not in edge:
+            reader.note(f"{key}.{shown}", f"{key}.{shown}: no such error of the mount{nearest(rest, edge)}")
+            continue
+        try:
+            # Alone: what depends on other values is judged with the whole set later.
+            from_edge(edge[rest][0], rest.rpartition(".")[2], value)
+        except ValueError as error:
+            section = rest.rpartition(".")[0]
+            reader.note(f"{key}.{shown}", f"{key}.{shown.removesuffix(rest)}{section}{'.' if section else ''}{error}")

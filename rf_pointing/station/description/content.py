@@ -1,0 +1,204 @@
+"""What a station description may say: every section and key, with unit, range and meaning.
+
+One declaration serves the reader of the file, its list of problems and the published JSON schema.
+Angles are in degrees, as a user writes them; the unit is the end of a key's name.  A key whose
+default is None is derived when it is not given (`derivation.py`).
+"""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from rf_pointing.core import Sensor, parameter
+
+VERSION = 1
+Pair = tuple[float, float]
+Open = dict[str, Any]
+"""A section whose keys somebody else declares: a drive, the tuning of the nodes."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SiteSection:
+    """Intersection of the axes, on WGS 84."""
+
+    latitude_deg: float = parameter(description="geodetic latitude, north positive", low=-90.0, high=90.0)
+    longitude_deg: float = parameter(description="longitude, east positive", low=-180.0, high=360.0)
+    height_m: float = parameter(0.0, "height above the WGS 84 ellipsoid", low=-500.0, high=9000.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class AxisSection:
+    """One axis of the mount."""
+
+    travel_deg: Pair = parameter(description="lowest and highest angle that may be commanded", low=-1000.0, high=1000.0)
+    rate_deg_s: float = parameter(description="largest rate of the drive", low=0.001, high=100.0)
+    acceleration_deg_s2: float | None = parameter(
+        None, "largest acceleration of the drive; default: the full rate in 1 s", low=0.001, high=1000.0
+    )
+    command_rate_deg_s: float | None = parameter(
+        None, "largest commanded rate; default: 0.9 of the drive's, the rest is the loop's", low=0.001, high=100.0
+    )
+    command_acceleration_deg_s2: float | None = parameter(
+        None, "largest commanded acceleration; default: 0.4 of the drive's", low=0.001, high=1000.0
+    )
+    encoder_bits: int | None = parameter(
+        None, "bits of the encoder per turn; default: 20, or those of resolution_deg", low=8, high=40
+    )
+    resolution_deg: float | None = parameter(
+        None, "smallest step that the encoder or the rotator shows, in place of encoder_bits", low=1e-9, high=5.0
+    )
+    hard_stop_deg: Pair | None = parameter(
+        None,
+        "mechanical stops; default: 5 deg (azimuth) and 2 deg (elevation) outside the travel",
+        low=-1100.0,
+        high=1100.0,
+    )
+    backlash_deg: float | None = parameter(
+        None, "half width of the gear's play; default: 0.003 deg or a tenth of a beamwidth step", low=0.0, high=0.5
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class MountSection:
+    """Axes and where they may, rest and look."""
+
+    azimuth: AxisSection = parameter(description="azimuth axis; more than 360 deg of travel is the cable wrap")
+    elevation: AxisSection = parameter(description="elevation axis; beyond 90 deg the dish looks over its back")
+    park_deg: Pair | None = parameter(
+        None, "azimuth and elevation of the park position; default: the angles of the travel nearest to 0 and 45",
+        low=-1000.0, high=1000.0,
+    )  # fmt: skip
+    stow_elevation_deg: float | None = parameter(
+        None,
+        "elevation at which the wind does least; default: the angle of the travel nearest to 90",
+        low=0.0,
+        high=180.0,
+    )
+    horizon_deg: tuple[Pair, ...] | None = parameter(
+        None, "horizon mask: azimuth and lowest elevation of its points, rising; default: none", low=-12.0, high=360.0
+    )
+    horizon_file: str = parameter("", "file of the horizon mask: azimuth and elevation in deg, a point a line")
+    horizon_clearance_deg: float = parameter(1.0, "passes begin and end this far above the mask", low=0.01, high=11.4)
+    pass_elevation_deg: float | None = parameter(
+        None, "elevation at which passes begin and end; default: 5, at least 1 above the lowest", low=0.0, high=85.0
+    )
+    transmit_elevation_deg: float = parameter(
+        10.0, "lowest elevation at which the transmitter may be on", low=-11.0, high=91.0
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class DishSection:
+    """The reflector; left out for an antenna that is none."""
+
+    diameter_m: float = parameter(description="diameter of the reflector", low=0.1, high=120.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SunSection:
+    """The zone of the sky around the Sun."""
+
+    radius_deg: float = parameter(
+        1.0, "the beam stays this far from the Sun; 0: it may look into it", low=0.0, high=28.0
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class WindSection:
+    """Wind in which the antenna is stowed."""
+
+    anemometer: bool = parameter(True, "whether there is one; without it, wind never stows the antenna")
+    gust_limit_m_s: float = parameter(25.0, "3-s gust from which the antenna is stowed", low=1.0, high=100.0)
+    mean_limit_m_s: float = parameter(18.0, "10-min mean from which the antenna is stowed", low=1.0, high=100.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BandSection:
+    """One frequency band."""
+
+    frequency_mhz: float = parameter(description="frequency of the carrier", low=10.0, high=400000.0)
+    half_power_beamwidth_deg: float | None = parameter(
+        None, "full width of the beam at half power; default: from diameter and frequency", low=1e-4, high=80.0
+    )
+    sensors: tuple[str, ...] = parameter(
+        (Sensor.CONSCAN, Sensor.STEPTRACK),
+        "what the feed and receiver can track with, the default first; none: program track",
+        choices=(Sensor.MONOPULSE, Sensor.CONSCAN, Sensor.STEPTRACK),
+    )
+    system_noise_k: float | None = parameter(
+        None, "system noise temperature at the zenith; default: 120, below 1 GHz 400", low=5.0, high=10000.0
+    )
+    zenith_carrier_to_noise_db_hz: float = parameter(
+        60.0, "C/N0 to expect from a satellite at the zenith, at reference_range_km", low=0.0, high=140.0
+    )
+    reference_range_km: float = parameter(780.0, "range at which that C/N0 is received", low=0.1, high=1e9)
+    model_error_deg: float = parameter(
+        0.1, "error per axis that the bias model, or a mount without one, leaves", low=0.0, high=5.0
+    )
+    bias_model: str = parameter("", "file of the bias model; empty: none, until one is calibrated")
+    mount_errors: Open = field(
+        default_factory=dict, metadata={"description": "mount errors of the simulated antenna that differ in this band"}
+    )
+    tuning: Open = field(
+        default_factory=dict, metadata={"description": "values of this band over the derived ones, by their names"}
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReceiverSection:
+    """The receiver that measures the carrier."""
+
+    power_period_s: float = parameter(0.1, "time between two carrier powers", low=0.06, high=10.0)
+    delay_s: float = parameter(0.0, "time from the beam's direction to the power that it gives", low=-60.0, high=60.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimulatedWindSection:
+    """Wind that blows on the simulated antenna."""
+
+    mean_speed_m_s: float = parameter(0.0, "mean wind speed", low=0.0, high=60.0)
+    from_azimuth_deg: float = parameter(0.0, "azimuth that the wind comes from", low=-360.0, high=360.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimulationSection:
+    """The truth of a simulated station: what its nodes have to correct.  A trial may change it."""
+
+    structure: str | None = parameter(
+        None, "plant of the simulated drive; default: flexible from 10 m of diameter, else stiff",
+        choices=("flexible", "stiff"),
+    )  # fmt: skip
+    start_deg: Pair | None = parameter(None, "azimuth and elevation at the start; default: the park position",
+        low=-1000.0, high=1000.0)  # fmt: skip
+    along_track_offset_s: float = parameter(0.0, "satellite ahead of its elements by", low=-60.0, high=60.0)
+    lag_averaging_s: float = parameter(5.0, "time in which the lags of the mount build up", low=0.1, high=100.0)
+    wind: SimulatedWindSection = field(
+        default_factory=SimulatedWindSection, metadata={"description": "wind on the simulated antenna"}
+    )
+    mount_errors: Open = field(
+        default_factory=dict,
+        metadata={"description": "mount errors of the simulated antenna, as mount.* of antenna_servo"},
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Content:
+    """One station description file."""
+
+    version: int = parameter(description=f"version of this format, {VERSION}", low=VERSION, high=VERSION)
+    name: str = parameter(description="name of the station: models and observations belong to it")
+    site: SiteSection | str = parameter(description="where it stands: coordinates, or the name of a built-in site")
+    mount: MountSection = parameter(description="axes and where they may look")
+    dish: DishSection | None = parameter(None, "the reflector; left out for an antenna that is none")
+    sun: SunSection = field(default_factory=SunSection, metadata={"description": "the zone around the Sun"})
+    wind: WindSection = field(default_factory=WindSection, metadata={"description": "wind that stows the antenna"})
+    default_band: str = parameter("", "band that is used when none is named; empty: the first one")
+    bands: dict[str, BandSection] = parameter(description="frequency bands by their names, as S, X, Ka, UHF")
+    drive: Open = field(
+        default_factory=lambda: {"type": "simulated"},
+        metadata={"description": "the drive: its type, simulated by default, and the keys of that type"},
+    )
+    receiver: ReceiverSection = field(default_factory=ReceiverSection, metadata={"description": "the receiver"})
+    simulation: SimulationSection = field(
+        default_factory=SimulationSection, metadata={"description": "truth of the simulated antenna and receiver"}
+    )
+    tuning: Open = field(default_factory=dict, metadata={"description": "values over the derived ones, by their names"})

@@ -1,0 +1,253 @@
+"""One station, described once: what every node, command and simulation takes its numbers from."""
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache, cached_property
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from rf_pointing.core import Sensor, leaves, with_leaves
+from rf_pointing.ephemeris import Site
+from rf_pointing.planning import HorizonMask
+from rf_pointing.station.description.checks import check
+from rf_pointing.station.description.content import Content
+from rf_pointing.station.description.derivation import (
+    NODES,
+    Band,
+    Value,
+    derive,
+    names_of,
+    owner_of_name,
+    site_of,
+)
+from rf_pointing.station.description.reading import Reader, StationError, flat, nearest
+
+STATIONS = Path(__file__).parent / "stations"
+"""Folder of the shipped descriptions; it is installed with the package."""
+DEFAULT_STATION = "dss13"
+# Parameters of before, and the key that took their place.
+_FORMER = {
+    ("ephemeris_publisher", "source.station"): "site",
+    ("rf_receiver", "source.station"): "site",
+    ("pointing_controller", "sun.station"): "site",
+    ("antenna_servo", "safety.sun.station"): "site",
+}
+
+
+@dataclass(frozen=True)
+class StationDescription:
+    """A description without problems; `read_station` makes it."""
+
+    path: Path
+    content: Content
+    mask: HorizonMask
+    lines: Mapping[str, int] = field(repr=False)
+
+    @property
+    def name(self) -> str:
+        """Name of the station; models and observations belong to it."""
+        return self.content.name
+
+    @cached_property
+    def site(self) -> Site:
+        """Where the antenna stands."""
+        return site_of(self.content)
+
+    @property
+    def bands(self) -> tuple[str, ...]:
+        """Names of the bands, in the order of the file."""
+        return tuple(self.content.bands)
+
+    @property
+    def default_band(self) -> str:
+        """The band that counts when none is named."""
+        return self.content.default_band or self.bands[0]
+
+    @property
+    def drive(self) -> Mapping[str, Any]:
+        """The drive section: its `type` and the keys of that type."""
+        return {"type": "simulated"} | self.content.drive
+
+    def sensors(self, band: str | None = None) -> tuple[str, ...]:
+        """Return what a band can track with, empty for program track alone."""
+        return self.content.bands[self._band(band)].sensors
+
+    def sensor(self, band: str | None = None) -> str:
+        """Return the default sensor of a band, as the operator names it."""
+        sensors = self.sensors(band)
+        return str(sensors[0] if sensors else Sensor.PROGRAM)
+
+    def bias_model_file(self, band: str | None = None) -> Path | None:
+        """Return the file of the bias model of a band, None for no correction."""
+        name = self.content.bands[self._band(band)].bias_model
+        return (self.path.parent / name).resolve() if name else None
+
+    @cached_property
+    def digest(self) -> str:
+        """Text that two descriptions share only if every number in them is the same.
+
+        Masks and bias models from files count by their content, comments and order do not.
+        """
+        content = dataclasses.asdict(self.content)
+        content["mount"]["horizon_deg"] = leaves(self.mask)["azimuth_deg"][1], leaves(self.mask)["elevation_deg"][1]
+        del content["mount"]["horizon_file"]
+        for name, section in content["bands"].items():
+            model = self.bias_model_file(name)
+            section["bias_model"] = model.read_text() if model else ""
+        return hashlib.sha256(json.dumps(content, sort_keys=True, default=str).encode()).hexdigest()[:16]
+
+    def values(self, band: str | None = None) -> dict[str, Value]:
+        """Return every given or derived parameter by its name, with its key and formula."""
+        return self._values[self._band(band)]
+
+    def parameters(self, node: str, band: str | None = None) -> dict[str, Any]:
+        """Return the parameters of a node that the description gives or derives.
+
+        Names are dotted, angles in degrees, as in a ROS parameter file.  A node that the
+        description does not cover gets none.
+        """
+        rows = ((name.removeprefix(f"{node}:"), given.value) for name, given in self.values(band).items())
+        return {name: value for name, value in rows if name in names_of(node)}
+
+    def write(self, path: Path, changes: Mapping[str, Any]) -> None:
+        """Write the description to `path`, with other values for the dotted keys of `changes`.
+
+        The files that it names are named by their whole paths.
+        """
+        # The nodes of YAML and not its values: numbers stay as the user wrote them.
+        root = yaml.compose(self.path.read_text(encoding="utf-8-sig"), Loader=yaml.SafeLoader)
+        models = {f"bands.{name}.bias_model": self.bias_model_file(name) for name in self.bands}
+        files = {key: str(model) for key, model in models.items() if model}
+        if self.content.mount.horizon_file:
+            files["mount.horizon_file"] = str((self.path.parent / self.content.mount.horizon_file).resolve())
+        for key, value in {**files, **changes}.items():
+            _put(root, key.split("."), value)
+        path.write_text(yaml.serialize(root, Dumper=yaml.SafeDumper))
+
+    def remarks(self, band: str | None = None) -> Iterator[str]:
+        """Yield what is no problem, and what a user of this station should know."""
+        numbers = Band(self.content, self._band(band))
+        low, high = self.content.mount.azimuth.travel_deg
+        if high - low < 360.0:
+            yield f"mount.azimuth.travel_deg: {360.0 - high + low:g} deg of the sky cannot be reached"
+        elif high - low > 360.0:
+            yield f"mount.azimuth.travel_deg: {high - low - 360.0:g} deg of azimuth can be reached on two turns"
+        if self.mask == HorizonMask(clearance_rad=self.mask.clearance_rad):
+            yield "mount: there is no horizon mask; the antenna may look at hills, houses and people"
+        if not numbers.section.bias_model:
+            yield f"bands.{numbers.name}: there is no bias model; errors of the mount are not corrected"
+        if not self.content.wind.anemometer:
+            yield "wind.anemometer: there is none; wind does not stow the antenna"
+        if self.content.sun.radius_deg == 0.0:
+            yield "sun.radius_deg: the beam may look into the Sun"
+        share = numbers.step_deg / numbers.beamwidth_deg
+        if share > 0.1:
+            yield f"mount: an encoder step is {share:.2f} of the beamwidth; a tenth costs 0.03 dB, a half 0.75 dB"
+
+    def _band(self, band: str | None) -> str:
+        chosen = self.default_band if band is None else band
+        if chosen not in self.content.bands:
+            raise ValueError(f"band={chosen!r} of {self.name} must be one of {', '.join(self.bands)}")
+        return chosen
+
+    @cached_property
+    def _values(self) -> dict[str, dict[str, Value]]:
+        found = {}
+        for band, section in self.content.bands.items():
+            model = self.bias_model_file(band)
+            values = derive(self.content, band, self.mask, str(model) if model else "")
+            for key, tuning in (("tuning", self.content.tuning), (f"bands.{band}.tuning", section.tuning)):
+                for name, value in flat(tuning).items():
+                    values[name] = Value(value, f"{key}.{name}", "given")
+            found[band] = values
+        return found
+
+
+def read_station(name_or_path: str | Path) -> StationDescription:
+    """Return the description of a shipped name or of a user's file.
+
+    Raises
+    ------
+    StationError
+        A ValueError with all problems of the file, one a line: `file:line: key=value must ...`.
+    """
+    text = str(name_or_path)
+    path = STATIONS / f"{text}.yaml"
+    if not path.is_file():
+        path = Path(text).expanduser()
+        if not path.is_file():
+            shipped = shipped_stations()
+            raise StationError(text, [(1, f"no such file, and no shipped station{nearest(text, shipped)}")])
+    return station_from(path)
+
+
+def station_from(path: Path, text: str | None = None) -> StationDescription:
+    """Return the description of a file, or of the `text` that will be its content.
+
+    Raises StationError as `read_station` does.
+    """
+    reader = Reader(path)
+    content = reader.content(text)
+    mask = check(content, reader)
+    reader.refuse()
+    station = StationDescription(path, content, mask, reader.lines)
+    _check_sets(station, reader)
+    reader.refuse()
+    return station
+
+
+def shipped_stations() -> tuple[str, ...]:
+    """Return the names of the shipped descriptions."""
+    return tuple(sorted(path.stem for path in STATIONS.glob("*.yaml") if not path.stem.startswith("bias_model")))
+
+
+@cache
+def owner(node: str, parameter: str) -> str:
+    """Return the key of the description that gives this parameter, "" if it is the node's own.
+
+    A parameter of this name in a parameter file is refused with that key.  Former names are
+    known too.
+    """
+    if (node, parameter) in _FORMER:
+        return _FORMER[(node, parameter)]
+    return owner_of_name(parameter) if parameter in names_of(node) else ""
+
+
+def _put(section: yaml.MappingNode, keys: Sequence[str], value: Any) -> None:
+    """Set the value at `keys` below a section of YAML nodes."""
+    rows = {str(name.value): index for index, (name, _) in enumerate(section.value)}
+    name, below = keys[0], keys[1:]
+    if below:
+        if name not in rows:
+            section.value.append((yaml.compose(name), yaml.compose("{}")))
+            rows[name] = -1
+        _put(section.value[rows[name]][1], below, value)
+        return
+    plain = list(value) if isinstance(value, tuple) else value
+    row = (yaml.compose(f'"{name}"'), yaml.compose(yaml.safe_dump(plain)))
+    if name in rows:
+        section.value[rows[name]] = row
+    else:
+        section.value.append(row)
+
+
+def _check_sets(station: StationDescription, reader: Reader) -> None:
+    """Note what a node would refuse in the derived values, by the node's own parameter sets."""
+    for band in station.bands:
+        try:
+            values = {node: station.parameters(node, band) for node in NODES}
+        except ValueError as error:
+            reader.note("mount", f"band {band}: {error}")
+            continue
+        for node, sets in NODES.items():
+            for prefix, defaults in sets.items():
+                chosen = {k.partition(".")[2]: v for k, v in values[node].items() if k.partition(".")[0] == prefix}
+                try:
+                    with_leaves(defaults, chosen)
+                except ValueError as error:
+                    reader.note(f"bands.{band}", f"band {band}, {node}: {prefix}.{error}")

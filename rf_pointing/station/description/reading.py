@@ -1,0 +1,213 @@
+"""From a YAML file to the sections of a description, with every problem in it and its line.
+
+Nothing stops at the first problem: an unusable value is noted and left out (None), and the rest is
+read on, so that a user mends a file once.
+"""
+
+import dataclasses
+import difflib
+import math
+import types
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any, Union, get_args, get_origin, get_type_hints
+
+import yaml
+
+from rf_pointing.core import parameter_unit, require_between, require_choice
+from rf_pointing.station.description.content import Content
+
+
+class StationError(ValueError):
+    """A description that cannot be used; `problems` are all of them, by their lines."""
+
+    def __init__(self, file: str, problems: Iterable[tuple[int, str]]) -> None:
+        self.problems = sorted(set(problems))
+        super().__init__("\n".join(f"{file}:{line}: {text}" for line, text in self.problems))
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """Return "; did you mean X?" for the known name nearest to `name`, else what is known."""
+    names = sorted(known)
+    found = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
+    if found:
+        return f"; did you mean {found[0]}?"
+    return f"; it has {', '.join(names)}" if len(names) <= 20 else ""
+
+
+class Reader:
+    """Reads one file; `problems` and the line of every key grow with it."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.problems: list[tuple[int, str]] = []
+        self.lines: dict[str, int] = {"": 1}
+
+    def note(self, key: str, text: str) -> None:
+        """Note a problem at the line of `key`, or of the nearest section above it."""
+        while key not in self.lines:
+            key = key.rpartition(".")[0]
+        self.problems.append((self.lines[key], text))
+
+    def refuse(self) -> None:
+        """Raise `StationError` with all problems, if there are any."""
+        if self.problems:
+            raise StationError(str(self.path), self.problems)
+
+    def content(self, text: str | None = None) -> Content:
+        """Return the file's content; a value that is None although it must not be has a problem.
+
+        `text` stands for a file that is not written yet.
+        """
+        try:
+            text = self.path.read_text(encoding="utf-8-sig") if text is None else text
+        except (OSError, UnicodeDecodeError) as error:
+            raise StationError(str(self.path), [(1, f"cannot be read: {error}")]) from error
+        try:
+            root = yaml.compose(text, Loader=yaml.SafeLoader)
+        except yaml.YAMLError as error:
+            mark = getattr(error, "problem_mark", None)
+            why = getattr(error, "problem", None) or str(error)
+            raise StationError(str(self.path), [(mark.line + 1 if mark else 1, f"not YAML: {why}")]) from error
+        if not isinstance(root, yaml.MappingNode):
+            raise StationError(str(self.path), [(1, "a station description must map keys to values")])
+        content: Content = self._section(Content, root, "")
+        return content
+
+    def _section(self, kind: Any, node: yaml.MappingNode, key: str) -> Any:
+        hints, fields = get_type_hints(kind), {item.name: item for item in dataclasses.fields(kind)}
+        values: dict[str, Any] = {}
+        for name, below in self._items(node, key):
+            if name not in fields:
+                owner = key or "the description"
+                self.note(_join(key, name), f"{_join(key, name)}: no such key of {owner}{nearest(name, fields)}")
+                continue
+            values[name] = self._value(hints[name], fields[name].metadata, below, _join(key, name))
+        for name, item in fields.items():
+            if name in values:
+                continue
+            if item.default is not dataclasses.MISSING or item.default_factory is not dataclasses.MISSING:
+                continue
+            values[name] = None
+            unit = parameter_unit(name)
+            described = item.metadata["description"] + (f" [{unit}]" if unit != "1" else "")
+            self.note(key, f"{_join(key, name)} is missing: {described}")
+        return kind(**values)
+
+    def _items(self, node: yaml.MappingNode, key: str) -> list[tuple[str, yaml.Node]]:
+        found: dict[str, yaml.Node] = {}
+        for name_node, below in node.value:
+            name = str(name_node.value)
+            # A second one would silently win over the first.
+            if name in found:
+                self.problems.append((name_node.start_mark.line + 1, f"{_join(key, name)} is given twice"))
+            found[name] = below
+            self.lines[_join(key, name)] = name_node.start_mark.line + 1
+        return list(found.items())
+
+    def _value(self, kind: Any, rules: Mapping[str, Any], node: yaml.Node, key: str) -> Any:
+        if get_origin(kind) in (Union, types.UnionType):
+            kinds = [each for each in get_args(kind) if each is not type(None)]
+            scalar = isinstance(node, yaml.ScalarNode)
+            kind = next((each for each in kinds if (each is str) == scalar), kinds[0]) if len(kinds) > 1 else kinds[0]
+        try:
+            return self._read(kind, rules, node, key)
+        except ValueError as error:
+            self.note(key, str(error))
+            return None
+
+    def _read(self, kind: Any, rules: Mapping[str, Any], node: yaml.Node, key: str) -> Any:
+        if dataclasses.is_dataclass(kind):
+            return self._section(kind, _mapping(node, key), key)
+        if get_origin(kind) is dict:
+            inner = get_args(kind)[1]
+            rows = self._items(_mapping(node, key), key)
+            if inner is Any:
+                return {name: self._open(below, _join(key, name)) for name, below in rows}
+            return {name: self._value(inner, {}, below, _join(key, name)) for name, below in rows}
+        if get_origin(kind) is tuple:
+            return self._tuple(get_args(kind), rules, node, key)
+        return _scalar(kind, rules, node, key)
+
+    def _open(self, node: yaml.Node, key: str) -> Any:
+        """Return whatever is below, and note the lines of its keys."""
+        if isinstance(node, yaml.MappingNode):
+            return {name: self._open(below, _join(key, name)) for name, below in self._items(node, key)}
+        if isinstance(node, yaml.SequenceNode):
+            return [self._open(each, key) for each in node.value]
+        value = _plain(node)
+        # A number of YAML 1.2 that YAML 1.1 takes for a text.
+        if isinstance(value, str) and node.style is None and _is_number(value):
+            return float(value)
+        return value
+
+    def _tuple(self, kinds: tuple[Any, ...], rules: Mapping[str, Any], node: yaml.Node, key: str) -> tuple[Any, ...]:
+        many = kinds[-1] is Ellipsis
+        if not isinstance(node, yaml.SequenceNode):
+            raise ValueError(f"{key} must be a list" + ("" if many else f" of {len(kinds)} values"))
+        if not many and len(node.value) != len(kinds):
+            raise ValueError(f"{key} has {len(node.value)} values, must have {len(kinds)}")
+        read: Callable[[int, yaml.Node], Any] = lambda index, below: self._read(  # noqa: E731
+            kinds[0] if many else kinds[index], rules, below, f"{key}[{index}]"
+        )
+        return tuple(read(index, below) for index, below in enumerate(node.value))
+
+
+def flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Return nested names as dotted ones, lists as tuples."""
+    found: dict[str, Any] = {}
+    for name, value in values.items():
+        if isinstance(value, Mapping):
+            found |= flat(value, f"{prefix}{name}.")
+        else:
+            found[f"{prefix}{name}"] = tuple(value) if isinstance(value, list) else value
+    return found
+
+
+def _join(key: str, name: str) -> str:
+    return f"{key}.{name}" if key else name
+
+
+def _mapping(node: yaml.Node, key: str) -> yaml.MappingNode:
+    if not isinstance(node, yaml.MappingNode):
+        raise ValueError(f"{key}={getattr(node, 'value', '')!s} must be a section of keys and values")
+    return node
+
+
+def _plain(node: yaml.Node) -> Any:
+    return yaml.SafeLoader("").construct_object(node, deep=True)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        return math.isfinite(float(text))
+    except ValueError:
+        return False
+
+
+def _scalar(kind: Any, rules: Mapping[str, Any], node: yaml.Node, key: str) -> Any:
+    if not isinstance(node, yaml.ScalarNode):
+        raise ValueError(f"{key} must be one value")
+    value = _plain(node)
+    if kind is str:
+        # A name like 2024 or on is a text to its user, whatever YAML takes it for.
+        text = str(node.value)
+        if rules.get("choices"):
+            require_choice(key, text, rules["choices"])
+        return text
+    if kind is bool:
+        if not isinstance(value, bool):
+            raise ValueError(f"{key}={node.value} must be true or false")
+        return value
+    # PyYAML reads 8e9 without a sign as a text.
+    if isinstance(value, str) and node.style is None and _is_number(value):
+        value = float(value)
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise ValueError(f"{key}={node.value} must be a number")
+    if kind is int:
+        if not isinstance(value, int):
+            raise ValueError(f"{key}={node.value} must be a whole number")
+    else:
+        value = float(value)
+    require_between(key, value, rules.get("low"), rules.get("high"))
+    return value

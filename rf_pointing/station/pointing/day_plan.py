@@ -1,0 +1,189 @@
+"""Which passes of many satellites one antenna tracks in a time, each with its certificate.
+
+All passes above the mask are found together, the best plan is made of them
+(`planning.schedule`), and the passes of the plan are certified in order, each slew from where the
+one before leaves the axes.  A pass that no branch works for (keyhole, Sun, travel, a slew that
+takes a detour) is barred with its reason, and the plan is made again without it.
+"""
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+from rf_pointing.core.dates import DAY_S
+from rf_pointing.core.refraction import RadioRefraction
+from rf_pointing.ephemeris import (
+    CataloguePass,
+    Elements,
+    ElementUncertainty,
+    Site,
+    TopocentricTrack,
+    find_catalogue_passes,
+)
+from rf_pointing.ephemeris.passes import Horizon
+from rf_pointing.planning import (
+    AxisLimits,
+    Candidate,
+    Certificate,
+    HorizonMask,
+    PassProfile,
+    reasons_against,
+    schedule,
+    turns_within,
+)
+from rf_pointing.station.pointing.certificates import PlanningRules, SolarTable, planned_certificate
+
+Pair = tuple[float, float]
+
+
+class Fate(StrEnum):
+    """What becomes of a pass."""
+
+    TRACKED = "tracked"
+    YIELDS = "yields"
+    BARRED = "barred"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wish:
+    """A satellite to track: its priority (larger first) and the least peak of a pass."""
+
+    elements: Elements
+    priority: int = 0
+    min_peak_rad: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class DayPass:
+    """One pass of the plan; `reason` says why it is not tracked."""
+
+    window: CataloguePass
+    priority: int
+    fate: Fate
+    reason: str
+    along_rad: float
+    """One sigma of the elements' error along the track at the closest approach."""
+    age_s: float
+    """Age of the elements then."""
+    certificate: Certificate | None = None
+    profile: PassProfile | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class DayPlan:
+    """All passes in order of rise, and the satellites that were not searched, with the reasons."""
+
+    start_t_s: float
+    duration_s: float
+    passes: tuple[DayPass, ...]
+    unsearched: tuple[tuple[Elements, str], ...]
+
+
+def plan_day(
+    wishes: Sequence[Wish],
+    site: Site,
+    start_t_s: float,
+    duration_s: float,
+    rules: PlanningRules,
+    encoder_rad: Pair,
+    least_rad: float,
+    *,
+    gap_s: float = 0.0,
+    max_age_s: float = 14.0 * DAY_S,
+    uncertainty: ElementUncertainty | None = None,
+) -> DayPlan:
+    """Return the plan of one antenna that is at `encoder_rad`, at rest, at the start.
+
+    Passes begin and end above `least_rad` and the mask of `rules`.  An object that is above them
+    all the time has no pass and is not planned.
+    """
+    air, error = RadioRefraction.standard(site.altitude_m), uncertainty or ElementUncertainty()
+    of = {id(wish.elements): wish for wish in wishes}
+    found = find_catalogue_passes(
+        [wish.elements for wish in wishes], site, start_t_s, duration_s, _least(rules.mask, least_rad),
+        refraction=air, max_age_s=max_age_s,
+    )  # fmt: skip
+    wanted = [w for w in found.passes if w.peak_elevation_rad >= of[id(w.elements)].min_peak_rad]
+    candidates = [_candidate(window, of[id(window.elements)].priority, rules) for window in wanted]
+    barred = {k: _no_turn(wanted[k], rules.limits) for k, one in enumerate(candidates) if not one.turns}
+    barred |= {k: "is above the mask all the time" for k, w in enumerate(wanted) if w.rises_before and w.sets_after}
+    issued = _Certificates(site, air, rules, (start_t_s, duration_s), max_age_s)
+    while True:
+        # A candidate without a turn is never taken.
+        left = [dataclasses.replace(one, turns=()) if k in barred else one for k, one in enumerate(candidates)]
+        tracked = schedule(left, rules.machine.axes, (start_t_s, encoder_rad), gap_s)
+        certified, failed = issued.of([(k, wanted[k]) for k, _ in tracked], start_t_s, encoder_rad)
+        if not failed:
+            break
+        barred |= failed
+    yields = reasons_against(left, tracked, rules.machine.axes, (start_t_s, encoder_rad), gap_s)
+    rows = []
+    for k, window in enumerate(wanted):
+        fate = Fate.TRACKED if k in certified else Fate.BARRED if k in barred else Fate.YIELDS
+        age_s = abs(window.tca_t_s - window.elements.epoch_t_s)
+        certificate, profile = certified.get(k, (None, None))
+        rows.append(
+            DayPass(
+                window=window, priority=candidates[k].priority, fate=fate, age_s=age_s,
+                reason=barred.get(k) or yields.get(k, ""), along_rad=error.sigmas_m(age_s)[0] / window.tca_range_m,
+                certificate=certificate, profile=profile,
+            )
+        )  # fmt: skip
+    return DayPlan(start_t_s=start_t_s, duration_s=duration_s, passes=tuple(rows), unsearched=found.unsearched)
+
+
+def _no_turn(window: CataloguePass, limits: AxisLimits) -> str:
+    low, high = (math.degrees(azimuth) for azimuth in window.azimuth_path_rad[1:3])
+    travel = f"{math.degrees(limits.azimuth_min_rad):.1f} to {math.degrees(limits.azimuth_max_rad):.1f} deg"
+    return f"azimuth {low:.1f} to {high:.1f} deg fits no turn within the travel {travel}"
+
+
+class _Certificates:
+    """Certificates of passes in a row; those whose slew did not change are issued once."""
+
+    def __init__(
+        self, site: Site, air: RadioRefraction, rules: PlanningRules, span: tuple[float, float], max_age_s: float
+    ) -> None:
+        self._site, self._air, self._rules, self._max_age_s = site, air, rules, max_age_s
+        # The Sun's ephemeris costs as much as a certificate: once for all passes.
+        self._sun = SolarTable(site, air, *span)
+        self._issued: dict[tuple[int, float, Pair], tuple[Certificate, PassProfile]] = {}
+
+    def of(
+        self, windows: Sequence[tuple[int, CataloguePass]], free_t_s: float, encoder_rad: Pair
+    ) -> tuple[dict[int, tuple[Certificate, PassProfile]], dict[int, str]]:
+        """Return the certificates by number of the pass, and the reasons of passes without one."""
+        certified, failed = {}, {}
+        for number, window in windows:
+            key = number, free_t_s, encoder_rad
+            if key not in self._issued:
+                track = TopocentricTrack(window.elements, self._site, refraction=self._air, max_age_s=self._max_age_s)
+                self._issued[key] = planned_certificate(track, window, free_t_s, encoder_rad, self._rules, self._sun)
+            certificate, profile = self._issued[key]
+            if certificate.chosen is None:
+                failed[number] = certificate.reason
+                continue
+            certified[number] = certificate, profile
+            encoder_rad, free_t_s = certificate.chosen.end_rad, window.los_t_s
+        return certified, failed
+
+
+def _least(mask: HorizonMask, least_rad: float) -> float | Horizon:
+    """Return the elevation of rise and set: one number where the mask is flat, which is faster."""
+    if len(mask.azimuth_rad) == 1:
+        return max(mask.elevation_rad[0] + mask.clearance_rad, least_rad)
+    return mask.above(least_rad)
+
+
+def _candidate(window: CataloguePass, priority: int, rules: PlanningRules) -> Candidate:
+    elevations = window.aos_elevation_rad, window.los_elevation_rad
+    return Candidate(
+        name=window.name,
+        aos_t_s=window.aos_t_s,
+        los_t_s=window.los_t_s,
+        peak_rad=window.peak_elevation_rad,
+        priority=priority,
+        turns=turns_within(rules.limits, window.azimuth_path_rad, elevations),
+    )

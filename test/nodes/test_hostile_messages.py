@@ -1,0 +1,255 @@
+"""Whatever arrives on a subscription: refused or used, never the end of a node, and its periodic work goes on.
+
+Each subscription of each node gets 10 000 payloads through the decoder and its own callback: messages of plausible numbers,
+some with one field beyond anything, and the same with bytes changed, cut, added or overwritten.
+"""
+
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from builtin_interfaces.msg import Time
+from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
+from rclpy.parameter import Parameter
+from rclpy.serialization import serialize_message
+from rf_pointing_msgs.msg import PointingModel
+
+from rf_pointing.array_sensors.nodes.doa_attitude import DoaAttitudeNode
+from rf_pointing.array_sensors.nodes.interferometer_tracker import InterferometerTrackerNode
+from rf_pointing.array_sensors.nodes.tripulse_attitude import TripulseAttitudeNode
+from rf_pointing.array_sensors.nodes.tripulse_receiver import TripulseReceiverNode
+from rf_pointing.calibration import BiasModel
+from rf_pointing.ephemeris import Pass
+from rf_pointing.nodes.antenna_servo import AntennaServo
+from rf_pointing.nodes.bias_calibrator import BiasCalibrator
+from rf_pointing.nodes.conscan_tracker import ConscanTrackerNode
+from rf_pointing.nodes.managed import ManagedNode
+from rf_pointing.nodes.monopulse_tracker import MonopulseTrackerNode
+from rf_pointing.nodes.pointing_controller import PointingControllerNode
+from rf_pointing.nodes.rf_receiver import RfReceiver
+from rf_pointing.nodes.simulation_clock import SimulationClock
+
+PAYLOADS = 10_000
+WORK_EVERY = 50
+BASES = 100
+ANY_STATE = LifecycleState(state_id=1, label="unconfigured")
+NODES: dict[type[ManagedNode], dict[str, Any]] = {
+    AntennaServo: {},
+    BiasCalibrator: {},
+    ConscanTrackerNode: {},
+    MonopulseTrackerNode: {},
+    PointingControllerNode: {},
+    RfReceiver: {},
+    SimulationClock: {},
+    DoaAttitudeNode: {},
+    InterferometerTrackerNode: {},
+    TripulseAttitudeNode: {},
+    TripulseReceiverNode: {"station.name": "wallops"},
+}
+WORDS = ("", "azimuth", "elevation", "monopulse", "conscan", "tracking", "wallops", "x" * 300, "\N{SNOWMAN}")
+EXTREMES = (0.0, -1.0, 1e-300, 1e6, -1e6, 1e12, 1e17, -1e17, 1e19, 1e300, -1e300, np.nan, np.inf, -np.inf)
+PASS = {
+    "name": "bird", "peak_elevation_rad": 1.0, "aos_azimuth_rad": 0.5, "aos_elevation_rad": 0.1, "los_azimuth_rad": 2.5,
+    "azimuth_min_rad": 0.5, "azimuth_max_rad": 2.5, "peak_azimuth_rate_rad_s": 0.01, "peak_elevation_rate_rad_s": 0.01,
+    "peak_azimuth_acceleration_rad_s2": 1e-4, "smallest_range_m": 1e6, "rises_before": False, "sets_after": False,
+}  # fmt: skip
+
+
+class Door:
+    """A node under attack: its subscriptions, and the work that its timers would do."""
+
+    def __init__(self, kind: type[ManagedNode], given: dict[str, Any]) -> None:
+        self.doors: dict[str, tuple[Any, Callable[[bytes], None]]] = {}
+        self.passes = 0
+        self.work: list[tuple[float, Callable[[float], None]]] = []
+        self.node = kind()
+        self.node.set_parameters([Parameter(name, value=value) for name, value in given.items()])
+        create = self.node.create_subscription
+
+        def noted(message_type: Any, topic: str, callback: Any, qos: Any, **options: Any) -> Any:
+            self.doors[topic] = (message_type, callback)
+            return create(message_type, topic, callback, qos, **options)
+
+        self.node.create_subscription = noted
+        every = self.node.every
+        self.node.every = lambda period_s, work: self.work.append((period_s, work)) or every(period_s, work)
+        self.node.brings_itself_up = kind is SimulationClock
+        assert self.node.on_configure(ANY_STATE) == TransitionCallbackReturn.SUCCESS, self.node._reason
+        assert self.node.on_activate(ANY_STATE) == TransitionCallbackReturn.SUCCESS, self.node._reason
+        self.t_s = self.node.now_s()
+
+    def step(self) -> None:
+        """Do a period of the node's own work, in the middle of a pass where it tracks."""
+        if isinstance(self.node, PointingControllerNode) and not self.node._controller.busy:
+            times = {"aos_t_s": self.t_s - 100.0, "tca_t_s": self.t_s + 200.0, "los_t_s": self.t_s + 500.0}
+            self.node._controller.start(self.t_s, Pass(**times, **PASS), "auto")
+            self.passes += 1
+        for period_s, work in self.work:
+            self.t_s += period_s
+            work(self.t_s)
+        self.node.turn()
+        self.node.diagnostics.publish()
+
+    def close(self) -> None:
+        self.node.end()
+        self.node.lock.release()
+        self.node.destroy_node()
+
+
+@pytest.fixture(params=NODES, ids=lambda kind: kind.__name__)
+def attacked(request: pytest.FixtureRequest, default_context: None) -> Iterator[Door]:
+    """Yield each node that subscribes to anything, active."""
+    door = Door(request.param, NODES[request.param])
+    yield door
+    door.close()
+
+
+def fill(message: Any, random: np.random.Generator, now_s: float) -> None:
+    """Put plausible values into every field of a message."""
+    count = int(random.choice((0, 2, 2, 2, 5)))
+    for field, kind in message.get_fields_and_field_types().items():
+        value = getattr(message, field)
+        if isinstance(value, Time):
+            when_s = now_s + random.normal(0.0, 0.5)
+            setattr(message, field, Time(sec=int(when_s), nanosec=int(when_s % 1.0 * 1e6) * 1000))
+        elif hasattr(value, "get_fields_and_field_types"):
+            fill(value, random, now_s)
+        elif isinstance(value, bool):
+            setattr(message, field, bool(random.random() < 0.5))
+        elif isinstance(value, float):
+            setattr(message, field, number(random))
+        elif isinstance(value, int):
+            setattr(message, field, int(random.integers(0, 100)))
+        elif isinstance(value, str):
+            setattr(message, field, str(random.choice(WORDS)))
+        elif isinstance(value, np.ndarray):
+            # A fixed square is a covariance, nearly always a valid one.
+            side = round(len(value) ** 0.5)
+            square = (
+                np.eye(side).ravel() if side * side == len(value) and random.random() < 0.9 else np.ones(len(value))
+            )
+            setattr(message, field, (square * abs(random.normal(0.0, 1e-2))).astype(value.dtype))
+        elif kind == "sequence<string>":
+            setattr(message, field, ["azimuth", "elevation"])
+        elif kind.startswith(("sequence<double", "sequence<float")):
+            setattr(message, field, random.normal(0.0, 1.0, count).tolist())
+        elif kind.startswith("sequence<") and "/" in kind:
+            setattr(message, field, elements(message, kind, random, now_s))
+
+
+def fill_model(message: PointingModel, random: np.random.Generator, _now_s: float) -> None:
+    """Make a pointing model of the package's own terms."""
+    message.terms = list(BiasModel.zero().coefficients)
+    message.values = random.normal(0.0, 1e-4, len(message.terms)).tolist()
+    message.covariance = np.zeros(len(message.terms) ** 2).tolist()
+
+
+def elements(message: Any, kind: str, random: np.random.Generator, now_s: float) -> list[Any]:
+    """Return a few elements of a sequence of messages."""
+    package, name = kind.removeprefix("sequence<").rstrip(">").split("/")
+    element = getattr(__import__(f"{package}.msg", fromlist=["msg"]), name)
+    made = [element() for _ in range(int(random.integers(0, 4)))]
+    for each in made:
+        fill(each, random, now_s)
+    return made
+
+
+def number(random: np.random.Generator) -> float:
+    return float(random.choice((random.normal(), abs(random.normal(0.0, 0.1)), random.normal(0.0, 1e-3), 40.0)))
+
+
+def leaves(message: Any) -> list[tuple[Any, str]]:
+    """Return every field of a message that holds numbers."""
+    found = []
+    for field in message.get_fields_and_field_types():
+        value = getattr(message, field)
+        if hasattr(value, "get_fields_and_field_types"):
+            found += leaves(value)
+        elif isinstance(value, list):
+            for each in value:
+                found += leaves(each) if hasattr(each, "get_fields_and_field_types") else []
+        if isinstance(value, (int, float, np.ndarray)) or hasattr(value, "typecode"):
+            found.append((message, field))
+    return found
+
+
+def spoil(message: Any, random: np.random.Generator) -> None:
+    """Put something beyond anything into one field."""
+    places = leaves(message)
+    holder, field = places[int(random.integers(len(places)))]
+    value, extreme = getattr(holder, field), float(random.choice(EXTREMES))
+    if isinstance(value, bool):
+        return
+    if isinstance(value, int):
+        kind = holder.get_fields_and_field_types()[field]
+        bits = int(kind.rpartition("int")[2])
+        low, high = (0, 2**bits - 1) if kind.startswith("u") else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
+        setattr(holder, field, (low, max(low, -1), 0, 1, high)[int(random.integers(5))])
+    elif isinstance(value, float):
+        setattr(holder, field, extreme)
+    elif len(value):
+        value[int(random.integers(len(value)))] = extreme if abs(extreme) < 3e38 or np.isnan(extreme) else 1e30
+
+
+def mutated(payload: bytes, random: np.random.Generator) -> bytes:
+    """Return the bytes with some changed, cut, added, or overwritten by a large length."""
+    data = bytearray(payload)
+    for _ in range(int(random.integers(1, 4))):
+        kind, at = int(random.integers(5)), int(random.integers(len(data) + 1))
+        if kind == 0 and at < len(data):
+            data[at] = int(random.integers(256))
+        elif kind == 1:
+            del data[at:]
+        elif kind == 2:
+            data[at:at] = os.urandom(int(random.integers(1, 17)))
+        elif kind == 3:
+            data[at : at + 4] = random.choice(np.array([0, 1, 2**31 - 1, 2**32 - 1], dtype=np.uint32)).tobytes()
+        else:
+            data[at : at + 8] = np.float64(random.choice(EXTREMES)).tobytes()
+    return bytes(data)
+
+
+def test_no_payload_ends_a_node_or_its_work(
+    attacked: Door, random: np.random.Generator, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    node = attacked.node
+    monkeypatch.setattr(node, "get_logger", lambda: SILENT)
+    # A tracker that scans or calibrates subscribes to more: the doors of the beginning are attacked first.
+    for topic in list(attacked.doors):
+        message_type, door = attacked.doors[topic]
+        used = 0
+        for index in range(PAYLOADS):
+            if index % (PAYLOADS // BASES) == 0:
+                message = message_type()
+                make = fill_model if message_type is PointingModel else fill
+                make(message, random, attacked.t_s)
+                base = serialize_message(message)
+            payload = base
+            if index % 3 == 1:
+                payload = mutated(base, random)
+            elif index % 3 == 2:
+                spoiled = message_type()
+                make(spoiled, random, attacked.t_s)
+                spoil(spoiled, random)
+                payload = serialize_message(spoiled)
+            before = sum(node.inputs.refused.values())
+            door(payload)
+            used += sum(node.inputs.refused.values()) == before
+            assert node.inputs.errors == 0, (topic, node.inputs.last_error)
+            if index % WORK_EVERY == 0:
+                attacked.step()
+        assert used > 0, topic
+
+
+class Silent:
+    """A logger of which nothing is seen."""
+
+    def __getattr__(self, _level: str) -> Callable[..., None]:
+        return lambda *_words, **_options: None
+
+
+SILENT = Silent()

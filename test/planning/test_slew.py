@@ -1,0 +1,138 @@
+"""Paths of slews: what the antenna really runs through stays out of hills and Sun, and a free path is found."""
+
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rf_pointing.controllers import CommandPreprocessor, CommandPreprocessorParams
+from rf_pointing.planning import AxisLimits, AxisRates, CornerPath, Gate, GateParams, HorizonMask
+from rf_pointing.planning.slew import AxisSlew, Moving, slew_path
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
+import slew_paths as trial
+
+DEG = math.pi / 180.0
+TICK_S = 0.02
+AXES = AxisRates((1.8 * DEG, 1.8 * DEG), (0.8 * DEG, 0.8 * DEG))
+VALLEY = HorizonMask(
+    azimuth_rad=tuple(a * DEG for a in (0.0, 10.0, 145.0, 150.0, 190.0, 195.0, 350.0)),
+    elevation_rad=tuple(e * DEG for e in (20.0, 0.0, 0.0, 50.0, 50.0, 0.0, 0.0)),
+)
+
+
+def flown(start: tuple[float, float], way: list[tuple[float, float]], scene: trial.Scene) -> np.ndarray:
+    """Return the commands (n, 2) of the servo on its way, the encoders 0.4 s behind."""
+    limits = CommandPreprocessorParams(
+        rate_limit_rad_s=scene.axes.rate_rad_s,
+        acceleration_limit_rad_s2=scene.axes.acceleration_rad_s2,
+        travel_min_rad=scene.limits.lowest_rad,
+        travel_max_rad=scene.limits.highest_rad,
+    )
+    preprocessor, corners, encoder, places = CommandPreprocessor(limits), CornerPath(way), np.array(start), []
+    preprocessor.reset(start)
+    for _ in range(60_000):
+        goal = corners.next(tuple(encoder.tolist())) or way[-1]
+        position, velocity, _ = preprocessor.step(goal, (0.0, 0.0), (0.0, 0.0), TICK_S)
+        encoder = encoder + TICK_S / 0.4 * (position - encoder)
+        places.append(position)
+        if not velocity.any() and np.max(np.abs(position - way[-1])) < 1e-6:
+            return np.array(places)
+    raise AssertionError("the slew has not arrived")
+
+
+def worst_excess(start: tuple[float, float], way: list[tuple[float, float]], scene: trial.Scene) -> float:
+    """Return by how much the command comes under the horizon, into the Sun's zone or out of the travel at worst."""
+    places = flown(start, way, scene)
+    deep = np.max(scene.under(places)) - max(0.0, float(scene.under(np.array(start))))
+    near = min(scene.radius_rad, float(scene.from_sun(np.array(start)))) - float(np.min(scene.from_sun(places)))
+    past = np.max(np.maximum(places - scene.limits.highest_rad, scene.limits.lowest_rad - places))
+    return float(max(deep, near, past))
+
+
+def test_the_corner_of_a_detour_is_never_inside_a_hill() -> None:
+    """The turn down at azimuth 170 would end 38 deg below the mask: the way keeps its height across the hill."""
+    gate = Gate(GateParams(), AxisLimits(), VALLEY, AXES)
+    start, goal = (170.0 * DEG, 60.0 * DEG), (-140.0 * DEG, 12.0 * DEG)
+    decision = gate.check("park", start, np.array([goal]))
+    assert decision.allowed
+    for azimuth, elevation in decision.way:
+        assert elevation >= VALLEY.lowest_rad(azimuth)
+    scene = trial.Scene(VALLEY, AxisLimits(), AXES, None, 0.0)
+    assert worst_excess(start, list(decision.way), scene) < 1e-6
+
+
+def test_what_the_preprocessor_makes_of_random_paths_stays_free(random: np.random.Generator) -> None:
+    detours = 0
+    for _ in range(12):
+        scene = trial.random_scene(random)
+        gate = Gate(GateParams(sun_radius_rad=scene.radius_rad), scene.limits, scene.mask, scene.axes)
+        starts, goals = trial.random_places(scene, random, 12), trial.random_places(scene, random, 12)
+        for start, goal in zip(map(tuple, starts.tolist()), map(tuple, goals.tolist()), strict=True):
+            decision = gate.check("slew", start, np.array([goal]), sun_rad=scene.sun)
+            if decision.allowed and decision.way:
+                detours += 1
+                assert worst_excess(start, list(decision.way), scene) < 0.02 * DEG, (scene, start, decision.way)
+    assert detours > 20
+
+
+@pytest.mark.parametrize("seed", [11, 12])
+def test_of_random_slews_none_is_violated_and_no_free_path_is_missed(
+    seed: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The full trial is benchmarks/slew_paths.py; this is one scene in four hundred of it."""
+    monkeypatch.setattr(
+        sys, "argv", ["slew_paths", "--trials", "600", "--each", "200", "--seed", str(seed), "--verbose"]
+    )
+    assert trial.main() == 0, capsys.readouterr().out
+
+
+def test_a_way_past_hill_and_sun_is_found_through_the_only_gap() -> None:
+    """A ridge with a pass of 6 deg, under a Sun that closes the sky above it."""
+    ridge = HorizonMask(
+        azimuth_rad=tuple(a * DEG for a in (0.0, 40.0, 44.0, 45.0, 51.0, 52.0, 56.0)),
+        elevation_rad=tuple(e * DEG for e in (0.0, 0.0, 70.0, 30.0, 30.0, 70.0, 0.0)),
+    )
+    limits = AxisLimits(azimuth_min_rad=-0.1, azimuth_max_rad=2.0, elevation_max_rad=66.0 * DEG)
+    gate, sun = Gate(GateParams(sun_radius_rad=10.0 * DEG), limits, ridge, AXES), (48.0 * DEG, 55.0 * DEG)
+    start, goal = (20.0 * DEG, 10.0 * DEG), (80.0 * DEG, 10.0 * DEG)
+    refused = gate.check("slew", start, np.array([goal]), sun_rad=sun)
+    # At 66 deg the sides of the ridge close the travel; below 66 deg only the pass would be left.
+    assert "no detour is free" in refused.reason
+    low = ridge.replace(elevation_rad=tuple(e * DEG for e in (0.0, 0.0, 60.0, 30.0, 30.0, 60.0, 0.0)))
+    gate = Gate(GateParams(sun_radius_rad=2.0 * DEG), limits, low, AXES)
+    decision = gate.check("slew", start, np.array([goal]), sun_rad=(48.0 * DEG, 64.0 * DEG))
+    assert decision.allowed
+    scene = trial.Scene(low, limits, AXES, (48.0 * DEG, 64.0 * DEG), 2.0 * DEG)
+    assert worst_excess(start, list(decision.way), scene) < 0.01 * DEG
+
+
+@pytest.mark.parametrize("rate_deg_s", [-1.5, -0.3, 0.0, 0.4, 1.2, 1.8])
+@pytest.mark.parametrize("end_deg", [-20.0, -0.2, 0.1, 3.0, 60.0])
+@pytest.mark.parametrize("share", [1.0, 0.8])
+def test_an_axis_under_way_ends_at_rest_within_its_limits(rate_deg_s: float, end_deg: float, share: float) -> None:
+    motion = AxisSlew.between(0.0, end_deg * DEG, rate_deg_s * DEG, 1.8 * DEG, 0.8 * DEG, share)
+    times = np.linspace(0.0, motion.phases_s[-1], 20_001)
+    position, velocity = motion.at(times)
+    assert position[0] == pytest.approx(0.0, abs=1e-12)
+    assert velocity[0] == pytest.approx(rate_deg_s * DEG)
+    assert position[-1] == pytest.approx(end_deg * DEG)
+    assert velocity[-1] == pytest.approx(0.0, abs=1e-9)
+    step = times[1] - times[0]
+    assert np.gradient(position, step)[1:-1] == pytest.approx(velocity[1:-1], abs=0.81 * DEG * step)
+    assert np.max(np.abs(velocity)) <= 1.8 * DEG + 1e-9
+    assert np.max(np.abs(np.diff(velocity))) <= 0.8 * DEG * step * (1.0 + 1e-6)
+
+
+def test_the_chords_of_a_slew_are_the_curve() -> None:
+    start = Moving(0.8, (0.3, 0.2), (0.01, -0.02))
+    times, positions, _ = slew_path(start, (1.4, 0.7), AXES)
+    dense = np.linspace(0.0, times[-1], 20_001)
+    for axis in (0, 1):
+        motion = AxisSlew.between(
+            start.position_rad[axis], (1.4, 0.7)[axis], start.rate_rad_s[axis], 1.8 * DEG, 0.8 * DEG, 0.8
+        )
+        chord = np.interp(dense, times, positions[:, axis])
+        assert np.max(np.abs(motion.at(dense)[0] - chord)) < 0.0101 * DEG

@@ -1,0 +1,92 @@
+"""The environment of the scripts: made once, kept under running processes; and what `pip install .` brings."""
+
+import ast
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+STUBS = """
+has_jazzy() { false; }
+need() { :; }
+make_wheel_environment() {
+  mkdir -p "$STATE/env/bin"
+  printf '#!/bin/sh\\necho Python 3.11.7\\n' > "$STATE/env/bin/python"
+  chmod +x "$STATE/env/bin/python"
+  echo made >> "$STATE/made"
+}
+build_workspace() { mkdir -p "$STATE/install"; touch "$STATE/install/local_setup.bash"; }
+"""
+
+
+@pytest.fixture
+def root(tmp_path: Path) -> Path:
+    (tmp_path / "scripts").mkdir()
+    shutil.copy(ROOT / "scripts/environment.sh", tmp_path / "scripts")
+    for folder in ("requirements", "msg_defs", "config", "launch"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "one.txt").write_text("numpy==1.0\n")
+    for name in ("setup.py", "setup.cfg", "package.xml"):
+        (tmp_path / name).touch()
+    return tmp_path
+
+
+def enter(root: Path, then: str = ":") -> subprocess.CompletedProcess[str]:
+    script = f'set -euo pipefail; . "{root}/scripts/environment.sh"; {STUBS} enter_environment; {then}'
+    return subprocess.run(["bash", "-c", script], capture_output=True, text=True, timeout=60)
+
+
+def times_made(root: Path) -> int:
+    return (root / ".ros/made").read_text().count("made")
+
+
+def test_environment_is_made_once_and_whatever_python_comes_first_on_the_path(root: Path) -> None:
+    other = root / "other"
+    other.mkdir()
+    (other / "python3").write_text("#!/bin/sh\necho Python 3.13.1\n")
+    (other / "python3").chmod(0o755)
+    assert enter(root).returncode == 0
+    assert enter(root, f"export PATH={other}:$PATH; enter_environment").returncode == 0
+    assert times_made(root) == 1
+
+
+def test_environment_in_use_is_not_replaced(root: Path) -> None:
+    enter(root)
+    # As scripts/run does: the process replaces the shell and keeps its lock.
+    running = subprocess.Popen(
+        ["bash", "-c", f'. "{root}/scripts/environment.sh"; {STUBS} enter_environment; echo in; exec sleep 60'],
+        stdout=subprocess.PIPE,
+    )
+    try:
+        assert running.stdout is not None
+        assert running.stdout.readline() == b"in\n"
+        (root / "requirements/one.txt").write_text("numpy==2.0\n")
+        refused = enter(root)
+        assert refused.returncode == 1
+        assert "processes run from it: end them first" in refused.stderr
+        assert times_made(root) == 1
+    finally:
+        running.kill()
+        running.communicate()
+    assert enter(root).returncode == 0
+    assert times_made(root) == 2
+
+
+def test_pip_brings_every_library_of_the_core_in_the_version_that_is_tested() -> None:
+    tree = ast.parse((ROOT / "setup.py").read_text())
+    (libraries,) = [
+        ast.literal_eval(node.value)
+        for node in tree.body
+        if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "LIBRARIES"
+    ]
+    oldest = dict((re.split(">=|$", line, maxsplit=1)[:2]) for line in libraries)
+    pinned = {}
+    for name in ("numeric", "runtime"):
+        lines = (ROOT / f"requirements/{name}.txt").read_text().splitlines()
+        pinned |= dict(line.split("==") for line in lines if line and not line.startswith("#"))
+    assert oldest.keys() == pinned.keys()
+    for name, version in oldest.items():
+        assert [int(part) for part in version.split(".") if part] <= [int(part) for part in pinned[name].split(".")]
