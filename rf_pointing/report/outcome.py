@@ -92,7 +92,7 @@ def _counted(status: TopicData, rows: Ints) -> PassOutcome | None:
 
 
 def _predicted(analysis: Analysis, found: Pass) -> tuple[OutcomeNumbers | None, float]:
-    """Return what the certificate of a pass predicts (None without one), and the share it asks."""
+    """Return what the certificate predicts, None without one, and the share that it asks for."""
     data = analysis.recording.get("pass_certificate")
     if data is None or data.stamp_ns is None:
         return None, LEAST_SHARE
