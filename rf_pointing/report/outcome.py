@@ -1,4 +1,4 @@
-"""What a recorded pass gave, by the definition of `core/pass_outcome.py`, beside its prediction.
+"""What a recorded pass gave, by the definition of `core/pass_outcome.py`, and its prediction.
 
 Three answers to the same questions: as flown (from the true error, which only a simulation knows),
 as the controller counted it (from axes, sensor and carrier), and as the certificate predicted it.
@@ -15,7 +15,7 @@ from rf_pointing.report.summary import OutcomeNumbers, Verdict
 from rf_pointing.report.topics import TopicData
 
 Ints = NDArray[np.int64]
-# A controller that was not told why a pass ended: it was killed, or the recording is cut short.
+# Nothing says why the pass ended: the controller was killed, or the recording is cut short.
 CUT_SHORT = "the recording ends before the loss of signal"
 # The prefix that the controller gives to what the antenna publishes.
 OF_ANTENNA = "antenna fault: "
@@ -92,7 +92,7 @@ def _counted(status: TopicData, rows: Ints) -> PassOutcome | None:
 
 
 def _predicted(analysis: Analysis, found: Pass) -> tuple[OutcomeNumbers | None, float]:
-    """Return what the certificate predicts, None without one, and the share that it asks for."""
+    """Return what the certificate predicts, None without one, and the share it requires."""
     data = analysis.recording.get("pass_certificate")
     if data is None or data.stamp_ns is None:
         return None, LEAST_SHARE
