@@ -82,7 +82,7 @@ def _flown(analysis: Analysis, begin_ns: int, end_ns: int) -> PassOutcome | None
 
 
 def _counted(status: TopicData, rows: Ints) -> PassOutcome | None:
-    """Return what the controller counted by the later of these rows, None where it did not count."""
+    """Return what the controller counted by the later of these rows, None without a count."""
     tracked, lost, loss = (status[name][rows] for name in ("seconds_tracked", "seconds_lost", "mean_loss"))
     best = int(np.argmax(tracked + lost))
     tracked_s, lost_s = float(tracked[best]), float(lost[best])
@@ -92,7 +92,7 @@ def _counted(status: TopicData, rows: Ints) -> PassOutcome | None:
 
 
 def _predicted(analysis: Analysis, found: Pass) -> tuple[OutcomeNumbers | None, float]:
-    """Return what the certificate predicts, None without one, and the share it requires."""
+    """Return what the certificate predicts, None without one, and the share required."""
     data = analysis.recording.get("pass_certificate")
     if data is None or data.stamp_ns is None:
         return None, LEAST_SHARE

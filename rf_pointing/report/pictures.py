@@ -353,8 +353,8 @@ _PICTURES = (
     Picture(
         "link",
         "Link and pointing loss",
-        "Loss of a Gaussian beam: mean of each second, shaded up to the largest. Beyond about one beamwidth the true "
-        "beam has side lobes, and the Gaussian loss is only a large number.",
+        "Loss of a Gaussian beam down to its sidelobes at 40 dB: that of the mean power of each second, shaded up to "
+        "the largest.",
         draw_link,
         _has_link,
     ),
