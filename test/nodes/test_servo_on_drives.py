@@ -145,6 +145,32 @@ def test_the_node_moves_the_real_rotctld_and_latches_a_fault_when_it_dies(made, 
     assert rotctld.position() == pytest.approx(here, abs=0.02), "nothing is resumed by itself"
 
 
+def test_a_jump_of_the_clock_stops_the_real_rotctld(made, rotctld: RealRotctld) -> None:
+    run = made(drive__type="hamlib", drive__link__port=rotctld.port).up()
+    run.command(60.0, 30.0)
+    run.run(1.5)
+    run.servo._schedule.jumped_s = 5.0
+    run.run(0.06)
+    run.servo._schedule.jumped_s = 0.0
+    run.run(2.0)
+    assert "the clock jumped by +5.00 s" in run.fault
+    here = rotctld.position()
+    run.run(0.5)
+    assert rotctld.position() == pytest.approx(here, abs=0.02)
+    assert here[0] < 30.0
+
+
+def test_a_deactivated_node_leaves_the_device_at_rest(made, rotctld: RealRotctld) -> None:
+    run = made(drive__type="hamlib", drive__link__port=rotctld.port).up()
+    run.command(60.0, 30.0)
+    run.run(1.5)
+    run.servo.on_deactivate(ANY_STATE)
+    here = rotctld.position()
+    time.sleep(0.5)
+    assert rotctld.position() == pytest.approx(here, abs=0.05)
+    assert here[0] > 1.0
+
+
 def test_a_drive_that_is_not_there_leaves_the_node_unconfigured_with_the_reason(made) -> None:
     run = made(drive__type="gs232", drive__link__device="/dev/nothing")
     assert run.configure() == TransitionCallbackReturn.FAILURE
