@@ -18,6 +18,7 @@ EXECUTABLES = {
     ],
     "commands": [
         "calibrate",
+        "check_drive",
         "check_station",
         "fetch_elements",
         "fit_bias_model",

@@ -16,20 +16,22 @@ from rf_pointing.commands.options import (
     between,
     elements_of,
     lowest_rad,
+    say_if,
     seed,
     source_of,
     start_of,
     station_of,
 )
 from rf_pointing.core import MDEG, leaves
+from rf_pointing.core.dates import DAY_S
 from rf_pointing.core.modes import Sensor
 from rf_pointing.core.parameters import NodeParameters, read_parameter_files
-from rf_pointing.ephemeris import Pass, first_pass_above
+from rf_pointing.ephemeris import ElementUncertainty, Pass, first_pass_above, stale_warning
 from rf_pointing.ephemeris.element_files import element_files, is_address
 from rf_pointing.ephemeris.solar import SolarDirection, SunParams
 from rf_pointing.ephemeris.source import load_track
 from rf_pointing.nodes.graph import GRAPH, NODES
-from rf_pointing.planning import Gate, choose_turns
+from rf_pointing.planning import Gate, MachineParams, choose_turns
 from rf_pointing.rf import LinkParams
 from rf_pointing.station.antenna.simulated_antenna import SimulationParams
 from rf_pointing.station.description import owner
@@ -81,7 +83,12 @@ def choose_pass(options: argparse.Namespace) -> Pass:
     """Return the pass to track; ValueError if satellite, station and time do not give one."""
     above, span_s = station_of(options).mask.above(lowest_rad(options)), 2.0 * 86400.0
     track = load_track(source_of(options))
-    return first_pass_above(track, start_of(options), math.radians(options.min_peak), above, span_s)
+    window = first_pass_above(track, start_of(options), math.radians(options.min_peak), above, span_s)
+    machine = NodeParameters("", station_of(options).parameters("pointing_controller", band_of(options)))
+    beamwidth_rad = machine.group("machine", MachineParams()).half_power_beamwidth_rad
+    stale_s = source_of(options).stale_days * DAY_S
+    say_if("track", stale_warning(track, window.tca_t_s, stale_s, ElementUncertainty(), beamwidth_rad))
+    return window
 
 
 def sensor_of(options: argparse.Namespace) -> str:
@@ -152,7 +159,7 @@ def before_pass_s(options: argparse.Namespace, window: Pass) -> float:
             continue
         goal = (azimuth + turns * turn, elevation)
         times.append(Gate(gate, limits, mask, machine.axes).slew(start, goal, sun)[0])
-    return math.ceil(max(times) + SETTLE_S)
+    return float(math.ceil(max(times) + SETTLE_S))
 
 
 def parameters(options: argparse.Namespace, window: Pass, output: Path) -> dict[str, dict[str, Any]]:

@@ -43,6 +43,8 @@ class PolledDrive(Drive):
         self._latency_s, self._alarm, self._refused = 0.0, "", ""
         self._t_s: float | None = None
         self._retry_s = self._poll_s = self._also_s = self._known_s = -1e9
+        self._asked_s = math.inf
+        """When the position was first requested since the last one."""
         self._wait_s = params.link.first_retry_s
         self._state_capabilities(None)
 
@@ -78,9 +80,11 @@ class PolledDrive(Drive):
 
     def go_to(self, position_rad: Pair) -> None:
         self._set_point, self._stopped, self._stop_due = position_rad, False, False
+        self._send_now()
 
     def stop(self) -> None:
         self._set_point, self._stopped, self._stop_due = None, True, True
+        self._send_now()
 
     def close(self) -> None:
         if self._link is not None:
@@ -118,7 +122,7 @@ class PolledDrive(Drive):
         # Whatever the device does now was not commanded on this connection.
         self._stop_due, self._stopped, self._set_point = True, True, None
         self._queue = deque(self._words.greeting())
-        self._known_s = self._also_s = t_s
+        self._known_s, self._also_s, self._asked_s = t_s, t_s, math.inf
         self._poll_s = t_s - self._timing.poll_period_s
 
     def _lose(self, t_s: float, why: str) -> None:
@@ -139,6 +143,7 @@ class PolledDrive(Drive):
         self._poll_s += by_s
         self._also_s += by_s
         self._known_s += by_s
+        self._asked_s += by_s
         self._stop_s += by_s
         if self._pending is not None:
             self._pending = self._pending[0], self._pending[1] + by_s
@@ -152,10 +157,22 @@ class PolledDrive(Drive):
         if self._pending is not None and t_s - self._pending[1] > self._timing.answer_s:
             self.losses[f"answer to {self._pending[0].name}"] += 1
             self._pending = None
-        if t_s - self._known_s > self._timing.lost_s:
+        # From its first request on: a tick that came late is no silence of the device.
+        if t_s - max(self._known_s, self._asked_s - self._timing.poll_period_s) > self._timing.lost_s:
             refused = f", last answer: {self._refused}" if self._refused else ""
             self._lose(t_s, f"no position for {t_s - self._known_s:.1f} s{refused}")
             return
+        self._send(link, t_s)
+
+    def _send_now(self) -> None:
+        """Send a new set point or a stop without waiting for the next tick."""
+        if self._link is not None and self._t_s is not None:
+            try:
+                self._send(self._link, self._t_s)
+            except OSError as error:
+                self._lose(self._t_s, f"the link is lost: {error}")
+
+    def _send(self, link: Link, t_s: float) -> None:
         # A stop does not wait for an answer that may never come.
         while (self._stop_due or self._pending is None) and (request := self._next(t_s)) is not None:
             link.write(request.data)
@@ -175,6 +192,7 @@ class PolledDrive(Drive):
             return self._words.go_to(*(math.degrees(angle) for angle in angles))
         if t_s - self._poll_s >= self._timing.poll_period_s - 1e-6:
             self._poll_s = t_s
+            self._asked_s = min(self._asked_s, t_s)
             if t_s - self._also_s >= ALSO_S:
                 self._also_s = t_s
                 self._queue.extend(self._words.also())
@@ -206,7 +224,7 @@ class PolledDrive(Drive):
         else:
             self.losses["late answer"] += 1
         first, second = (math.radians(angle) for angle in answer.angles_deg)
-        before, self._known_s = self._reading, t_s
+        before, self._known_s, self._asked_s = self._reading, t_s, math.inf
         self._reading = DriveReading(
             t_s=t_s - 0.5 * self._latency_s, position_rad=(first, second), alarm=self._alarm, status=self._refused
         )

@@ -29,6 +29,8 @@ RATE_WINDOW_S = 1.0
 LONGEST_LATENCY_S = 3.0
 NEAR_SPEED = 0.7
 """Share of the device's speed from which it must not arrive before its next set point."""
+JITTER_S = 0.005
+"""How early a tick may come."""
 SLOW_SHARE = 0.25
 """Share of the smallest move in an interval below which a motion may be noise."""
 SAME_RAD = 1e-9
@@ -187,7 +189,7 @@ class Rotator:
 
         A motion that is its own goal is a stop.
         """
-        if self.reading is None or t_s - self._sent_s < self.params.minimum_interval_s - SAME_RAD:
+        if self.reading is None or t_s - self._sent_s < self.params.minimum_interval_s - JITTER_S:
             return
         wanted = [self._wanted(axis, t_s, motion, goal, 0.0) for axis in (0, 1)]
         if wanted == [None, None]:
@@ -248,7 +250,10 @@ class Rotator:
         at = _ahead(motion, axis, lead_s)
         here = self._kept(axis)
         off = at - here
-        enough = half - abs(rate) * early_s if rate != 0.0 else smallest
+        # Where the interval decides, neither the rounding of a set point nor an early tick
+        # may cost another tick.
+        fast = max(0.0, abs(rate) * interval_s - smallest)
+        enough = half - abs(rate) * (early_s + JITTER_S) - 0.5 * min(step, fast) if rate != 0.0 else smallest
         back, slow = state.direction * off < 0.0, abs(rate) * interval_s < SLOW_SHARE * smallest
         if back and motion is goal:
             # A stop ends ahead of where it was commanded, not with a way back.

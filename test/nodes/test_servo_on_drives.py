@@ -3,6 +3,7 @@
 import math
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -14,31 +15,41 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from rf_pointing.nodes import station_node
 from rf_pointing.nodes.antenna_servo import AntennaServo
 from rf_pointing.nodes.diagnostics import ERROR, OK
 from rf_pointing.nodes.qos import LATCHED, STREAM
 from rf_pointing.nodes.stamps import stamp_from_seconds
+from rf_pointing.station.description import read_station
 from test.drives.rotctld import RealRotctld
 
 ANY_STATE = LifecycleState(state_id=1, label="unconfigured")
 TICK_S = 0.02
 MOTION = {
-    "loops.preprocessor.rate_limit_deg_s": [6.0, 6.0],
-    "loops.preprocessor.acceleration_limit_deg_s2": [6.0, 6.0],
-    "loops.preprocessor.travel_min_deg": [-180.0, 0.0],
-    "loops.preprocessor.travel_max_deg": [270.0, 90.0],
-    "drive.rotator.travel_min_deg": [-180.0, 0.0],
+    "mount.azimuth": {"travel_deg": [-180.0, 270.0], "rate_deg_s": 6.0, "acceleration_deg_s2": 6.0},
+    "mount.elevation": {"travel_deg": [0.0, 90.0], "rate_deg_s": 6.0, "acceleration_deg_s2": 6.0},
+    "tuning.loops.preprocessor": {
+        "rate_limit_deg_s": [6.0, 6.0],
+        "acceleration_limit_deg_s2": [6.0, 6.0],
+        "travel_min_deg": [-180.0, 0.0],
+        "travel_max_deg": [270.0, 90.0],
+    },
     "drive.link.first_retry_s": 0.2,
 }
+"""Keys of the description."""
 
 
 class Run:
     """The node, ticked in real time."""
 
-    def __init__(self, **given: Any) -> None:
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, file: Path, **given: Any) -> None:
+        values = {name.replace("__", "."): value for name, value in given.items()}
+        drive = {name: value for name, value in values.items() if name.startswith("drive.")}
+        read_station("dss13").write(file, MOTION | drive)
+        monkeypatch.setattr(station_node, "read_station", lambda _: read_station(file))
         self.servo = AntennaServo()
-        values = MOTION | {name.replace("__", "."): value for name, value in given.items()}
-        self.servo.set_parameters([Parameter(name, value=value) for name, value in values.items()])
+        own = {name: value for name, value in values.items() if name not in drive}
+        self.servo.set_parameters([Parameter(name, value=value) for name, value in own.items()])
         self.joints: list[JointState] = []
         self.others: list[Callable[[], None]] = []
 
@@ -87,11 +98,11 @@ class Run:
 
 
 @pytest.fixture
-def made(default_context: None) -> Iterator[Callable[..., Run]]:
+def made(default_context: None, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Callable[..., Run]]:
     runs: list[Run] = []
 
     def make(**given: Any) -> Run:
-        runs.append(Run(**given))
+        runs.append(Run(monkeypatch, tmp_path / "station.yaml", **given))
         return runs[-1]
 
     yield make
@@ -132,6 +143,32 @@ def test_the_node_moves_the_real_rotctld_and_latches_a_fault_when_it_dies(made, 
     assert "the cause" not in run.servo._antenna.reset_fault()
     run.run(1.5)
     assert rotctld.position() == pytest.approx(here, abs=0.02), "nothing is resumed by itself"
+
+
+def test_a_jump_of_the_clock_stops_the_real_rotctld(made, rotctld: RealRotctld) -> None:
+    run = made(drive__type="hamlib", drive__link__port=rotctld.port).up()
+    run.command(60.0, 30.0)
+    run.run(1.5)
+    run.servo._schedule.jumped_s = 5.0
+    run.run(0.06)
+    run.servo._schedule.jumped_s = 0.0
+    run.run(2.0)
+    assert "the clock jumped by +5.00 s" in run.fault
+    here = rotctld.position()
+    run.run(0.5)
+    assert rotctld.position() == pytest.approx(here, abs=0.02)
+    assert here[0] < 30.0
+
+
+def test_a_deactivated_node_leaves_the_device_at_rest(made, rotctld: RealRotctld) -> None:
+    run = made(drive__type="hamlib", drive__link__port=rotctld.port).up()
+    run.command(60.0, 30.0)
+    run.run(1.5)
+    run.servo.on_deactivate(ANY_STATE)
+    here = rotctld.position()
+    time.sleep(0.5)
+    assert rotctld.position() == pytest.approx(here, abs=0.05)
+    assert here[0] > 1.0
 
 
 def test_a_drive_that_is_not_there_leaves_the_node_unconfigured_with_the_reason(made) -> None:

@@ -1,7 +1,6 @@
 """A campaign over the beacons, a fit, and then program track alone: the sequence of scripts/calibrate without dynamics."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,9 +13,9 @@ from rf_pointing.simulation import StationSetup
 from rf_pointing.station.antenna.mount import MountParams
 from rf_pointing.station.campaign.log import CalibrationLog
 from rf_pointing.station.campaign.plan import ArcRules, beacons, candidate_arcs, window_of
+from rf_pointing.station.description import STATIONS
 from test.simulation.kinematic_station import KinematicParams, KinematicStation
 
-CONFIG = Path(__file__).parents[2] / "config"
 STATION = site("Goldstone DSS-13")
 START_S = 1151193600.0
 
@@ -31,7 +30,7 @@ def campaign() -> tuple:
     """Fly the campaign; return the station with the old model, the fit and the observations."""
     setup = StationSetup()
     mount = setup.node("antenna_servo").group("mount", MountParams()).model()
-    old = read_model(CONFIG / "bias_model_dss13.yaml").model
+    old = read_model(STATIONS / "bias_model_dss13_x.yaml").model
     random = random_stream(1, "c")
     station = KinematicStation(KinematicParams(), mount, old, random)
     sky = beacons(START_S)

@@ -46,18 +46,19 @@ class DriveHardware:
         self.powered = False
         self._watch = PositionWatch(_limits(can, params))
         self._longest_s = max(params.link.lost_s, 2.0 * can.period_s)
-        self._reason, self._lost, self._t_s = "", "", 0.0
+        self._reason, self._lost, self._t_s = "", "", math.inf
         self._encoder_rad: Pair = (0.0, 0.0)
         smallest = max(self.rotator.smallest_rad) if self.takes_positions else max(can.resolution_rad)
         self.settled_rad = max(math.radians(0.02), SETTLED_STEPS * smallest)
 
     def look(self, t_s: float) -> None:
         """Let the drive work at `t_s`, and check what it reads."""
-        self._t_s = t_s
+        # A look that came late is no silence of the device.
+        late_s, self._t_s = max(0.0, t_s - self._t_s), t_s
         rotator, before = self.rotator, self.rotator.position_rad
         known, was_lost = rotator.reading is not None, self._lost
         new = rotator.step(t_s)
-        self._lost = self.drive.problem or self._silent(t_s, rotator.reading)
+        self._lost = self.drive.problem or self._silent(t_s - late_s, rotator.reading)
         if new and rotator.reading is not None:
             moved_rad = rotator.position_rad[0] - before[0]
             if known and was_lost and self.drive.capabilities.one_turn and abs(moved_rad) > MOVED_RAD:

@@ -258,7 +258,7 @@ class PointingController:
     def _choose_turn(self, t_s: float, window: Pass, joints: JointReading, sensor: str) -> float:
         """Return the turns (rad) to track on, of the certificate or else of the summary."""
         averaging_s, cost = self.params.pointing.lag_averaging_s, partial(self._cost, sensor, window)
-        if self.plan.choose(t_s, window, joints, self._motion.model, sensor, averaging_s, cost):
+        if self.plan.choose(t_s, window, joints, self._motion.model, averaging_s, cost):
             # Again, for over the top the same encoders are other direct angles.
             self.take_joints(joints)
             return self.plan.course.turns_rad
