@@ -12,6 +12,7 @@ from rf_pointing.ephemeris import (
     verification_elements,
 )
 from rf_pointing.planning import MachineParams
+from rf_pointing.station.description import STATIONS
 
 elements = find_elements(verification_elements(), "CBERS 2")
 track = TopocentricTrack(elements, site("Goldstone DSS-13"))
@@ -20,7 +21,7 @@ print(f"pass: {utc_text(found.aos_t_s)}, peak {degrees(found.peak_elevation_rad)
 
 look = track.sample([found.tca_t_s])
 motion = (look.azimuth_rate_rad_s, look.elevation_rate_rad_s, 0.0, 0.0)
-model = read_model("config/bias_model_dss13.yaml").model
+model = read_model(STATIONS / "bias_model_dss13_x.yaml").model
 azimuth, elevation = model.offset_rad(look.azimuth_rad, look.elevation_rad, *motion)
 print(f"correction: {degrees(azimuth[0]):+.3f} and {degrees(elevation[0]):+.3f} deg")
 

@@ -104,18 +104,6 @@ def fly(case: Case, window: Pass, heard: Callable[[Reception], object] | None = 
     return simulate_pass(setup, short, math.floor(window.aos_t_s) - LEAD_S, case.sensor, heard)
 
 
-def config_folder() -> Path:
-    """Return the folder of the configuration files, in the source tree or where the package is
-    installed.
-    """
-    # In the source tree and in an install the folder is at different depths.
-    for parent in Path(__file__).resolve().parents:
-        for folder in (parent / "config", parent / "share" / "rf_pointing" / "config"):
-            if (folder / "dss13.yaml").is_file():
-                return folder
-    raise ValueError(f"no config/dss13.yaml above {__file__}")
-
-
 def first_time_s(log: PassLog, mode: str) -> float:
     """Return the time at which a mode was first entered, infinite if never."""
     return next((t_s for t_s, name in zip(log.t_s, log.mode, strict=True) if name == mode), math.inf)

@@ -224,9 +224,6 @@ def test_values_on_their_bounds_survive_the_way_to_degrees_and_back() -> None:
         with_leaves(Edges(), {"angle_deg": -11.46})
 
 
-CONFIG = Path(__file__).parents[2] / "config"
-
-
 def written(folder: Path, text: str, name: str = "station.yaml") -> Path:
     path = folder / name
     path.write_text(text)
@@ -304,9 +301,3 @@ def test_a_refused_value_names_node_and_key(tmp_path: Path, values: str, complai
 def test_a_prefix_does_not_take_what_only_begins_like_it(tmp_path: Path) -> None:
     path = written(tmp_path, "a:\n  ros__parameters: {wind: {mean_speed_m_s: 2.0}, winding: {x: 1.0}}\n")
     assert read_parameter_files([path])["a"].group("wind", WindParams()).mean_speed_m_s == 2.0
-
-
-@pytest.mark.parametrize("band", ["s", "x", "ka"])
-def test_our_own_files_are_read(band: str) -> None:
-    nodes = read_parameter_files([CONFIG / "dss13.yaml", CONFIG / f"band_{band}.yaml"])
-    assert {"antenna_servo", "rf_receiver", "pointing_controller", "monopulse_tracker", "conscan_tracker"} <= set(nodes)

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,8 +9,9 @@ import pytest
 
 from rf_pointing.calibration import TERMS, read_model
 from rf_pointing.nodes import convert_calibration
+from rf_pointing.station.description import STATIONS
 
-MODEL = Path(__file__).parents[2] / "config" / "bias_model_dss13.yaml"
+MODEL = STATIONS / "bias_model_dss13_x.yaml"
 
 
 def test_a_model_file_becomes_the_model_with_its_covariance() -> None:

@@ -1,12 +1,11 @@
 """A campaign over the beacons, a fit, and then program track alone: the sequence of scripts/calibrate without dynamics."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from rf_pointing.calibration import PassPriors, SectorRule, Slew, plan_campaign, read_model
+from rf_pointing.calibration import PassPriors, SectorRule, Slew, plan_campaign
 from rf_pointing.core import MDEG, random_stream
 from rf_pointing.ephemeris import TopocentricTrack, first_pass_above, site
 from rf_pointing.ephemeris.source import SourceParams, load_elements, load_track
@@ -16,7 +15,6 @@ from rf_pointing.station.campaign.log import CalibrationLog
 from rf_pointing.station.campaign.plan import ArcRules, beacons, candidate_arcs, window_of
 from test.simulation.kinematic_station import KinematicParams, KinematicStation
 
-CONFIG = Path(__file__).parents[2] / "config"
 STATION = site("Goldstone DSS-13")
 START_S = 1151193600.0
 
@@ -31,7 +29,7 @@ def campaign() -> tuple:
     """Fly the campaign; return the station with the old model, the fit and the observations."""
     setup = StationSetup()
     mount = setup.node("antenna_servo").group("mount", MountParams()).model()
-    old = read_model(CONFIG / "bias_model_dss13.yaml").model
+    old = setup.model
     random = random_stream(1, "c")
     station = KinematicStation(KinematicParams(), mount, old, random)
     sky = beacons(START_S)

@@ -7,8 +7,8 @@ The encoder angles of `joint_states` are compared with the command at their own 
 Axes that have once settled on the command must go on following it.  They are
 
     silent    no reading is younger than `silence_s`
-    frozen    for `window_s` an encoder has kept its angle while its command moved by `frozen_deg`,
-              and the axes are outside the tolerance
+    frozen    for `window_s` an encoder has kept its angle while its command moved by `frozen_deg`
+              until a third of it ago, and the axes are outside the tolerance
     runaway   farther than `runaway_deg` from the command, and still leaving it
 
 A silent antenna may only have stalled: the pass waits `patience_s` for it.  A frozen or runaway
@@ -86,7 +86,7 @@ class AntennaWatch:
     _commands: TimeBuffer = field(default_factory=TimeBuffer)
     _distances: TimeBuffer = field(default_factory=TimeBuffer)
     _anchor: tuple[Array, Array, Array] | None = None
-    """Of each axis (2,): since when its encoder has kept its angle, that angle, the command then."""
+    """Of each axis (2,): since when its encoder keeps its angle, that angle, the command then."""
     _begun_s: float = 0.0
     _settled: bool = False
 
@@ -168,7 +168,9 @@ class AntennaWatch:
         since_s, kept, wanted = self._anchor
         turned = np.abs(reading.position_rad - kept) > TOGGLE_SHARE * self.params.frozen_rad
         since_s[turned], kept[turned], wanted[turned] = reading.t_s, reading.position_rad[turned], command[turned]
-        asked = np.abs(command - wanted)
+        # What was commanded a moment ago: axes at rest need time to begin to move.
+        earlier = self._commands.at(reading.t_s - LEAVING_SHARE * self.params.window_s)
+        asked = np.abs((command if earlier is None else earlier) - wanted)
         still = (reading.t_s - since_s >= self.params.window_s) & (asked >= self.params.frozen_rad)
         if distance <= self.tolerance_rad or not still.any():
             return ""

@@ -2,18 +2,17 @@
 
 import dataclasses
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from rf_pointing.calibration import TERMS, BiasModel
 from rf_pointing.core import MDEG, sky_offset_rad
-from rf_pointing.core.parameters import read_parameter_files
+from rf_pointing.core.parameters import NodeParameters
 from rf_pointing.ephemeris import Pass, TopocentricTrack
 from rf_pointing.station.antenna.mount import RENEWAL_S, MountError, MountParams, RateAverage
+from rf_pointing.station.description import read_station
 
-CONFIG = Path(__file__).parents[3] / "config" / "dss13.yaml"
 CLAIMED_RAD = 0.03 * MDEG
 TICK_S = 0.02
 
@@ -21,7 +20,8 @@ TICK_S = 0.02
 @pytest.fixture(scope="module")
 def dss13() -> BiasModel:
     """Return the mount errors of the simulated station."""
-    return read_parameter_files([CONFIG])["antenna_servo"].group("mount", MountParams()).model()
+    given = NodeParameters("antenna_servo", read_station("dss13").parameters("antenna_servo"))
+    return given.group("mount", MountParams()).model()
 
 
 def axes_along(track: TopocentricTrack, window: Pass, model: BiasModel, start_s: float) -> tuple[np.ndarray, ...]:

@@ -1,13 +1,12 @@
 """The simulated receiver: clusters of boresights against the satellite's direction computed for each instant."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from rf_pointing.core import MDEG, Boresight, sky_offset_rad
-from rf_pointing.core.parameters import read_parameter_files
+from rf_pointing.core.parameters import NodeParameters
 from rf_pointing.ephemeris import Pass, TopocentricTrack
 from rf_pointing.rf import (
     HALF_POWER_BEAMWIDTH_RAD,
@@ -18,9 +17,9 @@ from rf_pointing.rf import (
     SpinParams,
 )
 from rf_pointing.station.antenna.receiver import BLOCK, Reception, SignalParams, SimulatedReceiver
+from rf_pointing.station.description import read_station
 from rf_pointing.tracking.beam_fit import spin_columns
 
-CONFIG = Path(__file__).parents[3] / "config"
 TICK_S = 0.02
 SAME_RAD = 1e-7
 """Times of a block are even to `TIME_TOLERANCE_S`, in which the target moves by 1e-7 rad (0.006 mdeg)."""
@@ -52,8 +51,8 @@ def received(receiver: SimulatedReceiver, track: TopocentricTrack, start_s: floa
 def test_every_band_hears_through_its_own_beam_amplifier_and_sky(
     band: str, lna_k: float, dichroic_k: float, zenith_loss_db: float
 ) -> None:
-    nodes = read_parameter_files([CONFIG / "dss13.yaml", CONFIG / f"band_{band.lower()}.yaml"])
-    signal = nodes["rf_receiver"].group("signal", SignalParams())
+    given = NodeParameters("rf_receiver", read_station("dss13").parameters("rf_receiver", band))
+    signal = given.group("signal", SignalParams())
     assert signal.beam.half_power_beamwidth_rad == pytest.approx(HALF_POWER_BEAMWIDTH_RAD[band])
     assert signal.noise == NoiseParams(lna_k=lna_k, dichroic_k=dichroic_k)
     assert signal.atmosphere == AtmosphereParams(zenith_loss_db=zenith_loss_db)

@@ -14,13 +14,13 @@ from rf_pointing.rf import HALF_POWER_BEAMWIDTH_RAD
 from rf_pointing.station.description import read_station
 from rf_pointing.station.description.derivation import NODES
 
-CONFIG = Path(__file__).parents[3] / "config"
+BEFORE = Path(__file__).parent / "data"
 
 
 @pytest.mark.parametrize("band", ["S", "X", "Ka"])
 @pytest.mark.parametrize("node", NODES)
 def test_dss13_gives_the_numbers_of_its_parameter_files(node: str, band: str) -> None:
-    files = read_parameter_files([CONFIG / "dss13.yaml", CONFIG / f"band_{band.lower()}.yaml"])
+    files = read_parameter_files([BEFORE / "dss13.yaml", BEFORE / f"band_{band.lower()}.yaml"])
     before = files.get(node, NodeParameters(node, {}))
     if node == "pointing_controller":
         # No file held it: `track` wrote it after the files.
