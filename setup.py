@@ -18,6 +18,7 @@ EXECUTABLES = {
     ],
     "commands": [
         "calibrate",
+        "check_drive",
         "check_station",
         "fetch_elements",
         "fit_bias_model",
@@ -43,11 +44,14 @@ EXECUTABLES = {
 LIBRARIES = [
     "astropy-iers-data",
     "control>=0.10",
+    "icalendar>=6.0",
     "Jinja2>=3.1",
     "matplotlib>=3.6",
     "numpy>=1.26",
     "pyerfa>=2.0.1",
+    "pyserial>=3.5",
     "PyYAML>=6.0",
+    "requests>=2.31",
     "rosbags>=0.10",
     "scipy>=1.11",
     "sgp4>=2.23",

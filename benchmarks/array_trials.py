@@ -29,7 +29,7 @@ from rf_pointing.array_sensors.attitude.multiplicative_filter import GateParams,
 from rf_pointing.array_sensors.attitude.orbits import SunSynchronousOrbitParams
 from rf_pointing.array_sensors.attitude.quaternion import conjugate, multiply, quaternion_to_rotation_vector
 from rf_pointing.array_sensors.attitude.rigid_body import SatelliteParams
-from rf_pointing.array_sensors.doa.array import CircularArrayParams
+from rf_pointing.array_sensors.doa.array import ArrayResponse, CircularArrayParams
 from rf_pointing.array_sensors.doa.array_source import ArraySourceParams
 from rf_pointing.array_sensors.doa.attitude_chain import DoaAttitude, DoaChainParams
 from rf_pointing.array_sensors.doa.attitude_filter import DoaAttitudeParams
@@ -122,6 +122,7 @@ class DoaCase:
     snr_db: float = 0.0
     start_rad: float = np.radians(60.0)
     torque_n_m: float = 0.0
+    phase_rad: float = 0.0
 
 
 def pair(aside_rad: float, spacing_s: float) -> Callable[[], list[GroundStation]]:
@@ -138,6 +139,8 @@ DOA_CASES = {
     "in turn": DoaCase(pair(0.06, 300.0)),
     "unknown torque of 2e-5 N m": DoaCase(pair(0.06, 300.0), torque_n_m=2e-5),
     "unknown torque of 5e-6 N m": DoaCase(pair(0.06, 300.0), torque_n_m=5e-6),
+    "phases known to 10 deg": DoaCase(pair(0.06, 300.0), phase_rad=np.radians(10.0)),
+    "phases known to 10 deg, one channel": DoaCase(pair(0.06, 300.0), "together", phase_rad=np.radians(10.0)),
     "1.5 km apart": DoaCase(lambda: beside(1.5e3)),
     "13 km apart": DoaCase(lambda: beside(13e3)),
     "52 km apart": DoaCase(lambda: beside(52e3)),
@@ -160,10 +163,23 @@ def doa_run(case: DoaCase, seed: int) -> Epochs:
     )
     stations = case.stations()
     truth = SimulatedDoa(
-        array, ArraySourceParams(), ORBIT, stations, satellite, NadirHoldParams(), noise, scenario, seed
+        array,
+        ArraySourceParams(),
+        ORBIT,
+        stations,
+        satellite,
+        NadirHoldParams(),
+        noise,
+        scenario,
+        seed,
+        response=ArrayResponse(
+            gain=np.exp(1j * case.phase_rad * stream.standard_normal(array.elements)),
+            coupling=np.zeros(array.elements // 2, dtype=np.complex128),
+        ),
     )
     filtering = (DoaAttitudeParams(), StartParams(), noise, GateParams(), WatchParams())
-    chain = DoaAttitude(array, DoaEstimatorParams(), ORBIT, stations, satellite, filtering, DoaChainParams())
+    estimator = DoaEstimatorParams(phase_sigma_rad=case.phase_rad)
+    chain = DoaAttitude(array, estimator, ORBIT, stations, satellite, filtering, DoaChainParams())
     rows: list[Any] = []
     for k in range(case.seconds):
         moment = truth.step(START_S + k)

@@ -13,7 +13,7 @@ from rf_pointing.tracking.scan import CircleScan, ScanParams
 from rf_pointing.tracking.sensors import SensorTraits, register
 
 SCAN = CircleScan(ScanParams(radius_rad=6.0 * MDEG, period_s=4.0, ramp_s=2.0), age_s=2.0, bandwidth_hz=0.05)
-TRAITS = SensorTraits(name="slope", scans=True, scan=SCAN, over_the_top=False)
+TRAITS = SensorTraits(name="slope", scans=True, scan=SCAN)
 
 
 class SlopeTracker(BeamPosition):

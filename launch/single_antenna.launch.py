@@ -1,4 +1,4 @@
-"""The nodes that a station with drivers of its own for antenna and receiver keeps.
+"""The nodes of a real station: with antenna_servo where its description names a drive.
 
     ros2 launch rf_pointing single_antenna.launch.py station:=my_dish.yaml namespace:=gs1
 
@@ -10,9 +10,9 @@ from launch.actions import OpaqueFunction
 
 from launch import LaunchDescription
 from rf_pointing.nodes.graph import STATION_NODES
-from rf_pointing.nodes.launching import common_arguments, managed_nodes
+from rf_pointing.nodes.launching import common_arguments, station_nodes
 
 
 def generate_launch_description() -> LaunchDescription:
     """Return the description."""
-    return LaunchDescription([*common_arguments(), OpaqueFunction(function=managed_nodes, args=[STATION_NODES])])
+    return LaunchDescription([*common_arguments(), OpaqueFunction(function=station_nodes, args=[STATION_NODES])])

@@ -78,7 +78,8 @@ build_workspace() {
 }
 
 enter_wheel_environment() {
-  [ -x "$STATE/env/bin/python" ] || need "python3 -c 'import ensurepip, venv, sys; assert (3, 11) <= sys.version_info < (3, 15)'" python3 python3-venv
+  [ -x "$STATE/env/bin/python" ] ||
+    need "python3 -c 'import ensurepip, venv, sys; assert (3, 11) <= sys.version_info < (3, 15)'" python3 python3-venv
   need "command -v g++ && command -v make" g++ make
   need "command -v cmake" cmake
   once wheels "$(digest "$ROOT"/requirements/*.txt <(environment_python))" \

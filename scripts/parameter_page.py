@@ -22,7 +22,7 @@ from rf_pointing.core import leaves, parameter_unit, to_degrees
 from rf_pointing.nodes.managed import ManagedNode
 
 PACKAGE = Path(rf_pointing.__file__).parent
-EVERY_NODE = ("lifecycle", "station")
+EVERY_NODE = ("lifecycle", "description")
 """Prefixes of the sets that every node has; the page shows them once."""
 HEADER = """\
 # Parameters

@@ -13,6 +13,7 @@ IMPORTED_AS = {
     "control": "python-control",
     "astropy_iers_data": "astropy-iers-data",
     "yaml": "PyYAML",
+    "serial": "pyserial",
 }
 BASE = {"numpy"}
 SIBLING = BASE | {"scipy"}
@@ -26,6 +27,7 @@ SIBLINGS = {
     "planning": SIBLING,
     "identification": SIBLING,
     "operations": {"yaml"},
+    "drives": BASE | {"serial"},
 }
 COMPOSED = set().union(*SIBLINGS.values())
 CORE_OF_ARRAYS = {f"array_sensors/{room}" for room in ("attitude", "doa", "interferometer", "tripulse")}

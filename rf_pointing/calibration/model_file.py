@@ -19,7 +19,7 @@ from rf_pointing.calibration.fit_result import FitResult
 from rf_pointing.calibration.terms import ALL_TERMS
 from rf_pointing.core import require_choice, require_finite
 from rf_pointing.core.dates import from_utc_text, to_utc_text
-from rf_pointing.core.whole_file import write_whole
+from rf_pointing.core.whole_file import parse_json, parse_yaml, read_whole, write_whole
 
 Array = NDArray[np.float64]
 
@@ -116,7 +116,7 @@ def write_model(path: str | Path, version: ModelVersion) -> None:
 def read_model(path: str | Path) -> ModelVersion:
     """Read and check a model file; raises ValueError naming file and key."""
     source = Path(path)
-    text = source.read_text(encoding="utf-8")
+    text = read_whole(source)
     try:
         return _from_mapping(_parsed(source, text))
     except ValueError as error:
@@ -187,14 +187,10 @@ def _from_mapping(mapping: Any) -> ModelVersion:
 def _parsed(source: Path, text: str) -> Any:
     if _is_json(source):
         try:
-            return json.loads(text)
+            return parse_json(text)
         except json.JSONDecodeError as error:
             raise ValueError(f"line {error.lineno}: {error.msg}") from None
-    try:
-        return yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        raise ValueError(f"line {mark.line + 1 if mark else '?'}: not readable as YAML") from None
+    return parse_yaml(text)
 
 
 def _is_json(path: Path) -> bool:

@@ -9,7 +9,7 @@ import json
 from pathlib import Path
 
 from rf_pointing.calibration.model_file import ModelVersion, read_model, write_model
-from rf_pointing.core.whole_file import write_whole
+from rf_pointing.core.whole_file import parse_json, read_whole, write_whole
 
 
 class ModelStore:
@@ -78,7 +78,11 @@ class ModelStore:
     def _history(self) -> list[str]:
         if not self._history_file.exists():
             return []
-        names = json.loads(self._history_file.read_text(encoding="utf-8"))
+        text = read_whole(self._history_file)
+        try:
+            names = parse_json(text)
+        except ValueError as error:
+            raise ValueError(f"{self._history_file}: {error}") from error
         if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
             raise ValueError(f"{self._history_file} must hold a list of names")
         return names

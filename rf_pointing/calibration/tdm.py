@@ -17,7 +17,7 @@ import numpy as np
 from rf_pointing.calibration.raw_tracking import RawTracking
 from rf_pointing.core.dates import from_utc_text, to_utc_text
 from rf_pointing.core.kvn import key_and_value
-from rf_pointing.core.whole_file import write_whole
+from rf_pointing.core.whole_file import DATA_BYTES, read_whole, write_whole
 
 
 def _keywords(text: str, numbered: tuple[str, ...]) -> frozenset[str]:
@@ -73,11 +73,9 @@ def read_tdm(path: str | Path, *, band: str | None = None) -> list[RawTracking]:
     `band` is that of segments that do not name the received band; None refuses them.
     """
     source = Path(path)
+    lines = read_whole(source, DATA_BYTES, "ascii").splitlines()
     try:
-        segments = _segments(source.read_text(encoding="ascii").splitlines())
-        return [_tracking(segment, band) for segment in segments]
-    except UnicodeDecodeError as error:
-        raise ValueError(f"{source}: byte {error.start} is not ASCII") from None
+        return [_tracking(segment, band) for segment in _segments(lines)]
     except ValueError as error:
         raise ValueError(f"{source}: {error}") from None
 

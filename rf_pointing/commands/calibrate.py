@@ -4,7 +4,8 @@ The sky is filled with beacons, and the campaign that fills the 36 sectors in th
 planned.  The graph is brought up as `track` does it, the calibrator runs the campaign and fits.
 More beacons are tracked with the new model in the shadow of the old one, and it is accepted if it
 is better there.  The report shows the observations of the fit. Exit code 0: the better of the two
-models is in force; 1: interrupted, or no model to decide about; 2: not started.
+models is in force; 1: interrupted, stopped by a fault of the antenna, or no model to decide about;
+2: not started.
 """
 
 import argparse
@@ -196,13 +197,15 @@ class Outcome:
     """How a calibration ended: the fitted model (empty: none), and the verdict of the shadow.
 
     `fit` is made of the observations before the shadow added its own.  `settled` is True when the
-    shadow decided, also against the new model: the better of the two is in force.
+    shadow decided, also against the new model: the better of the two is in force.  `fault` is what
+    stopped the campaign.
     """
 
     model: str = ""
     fit: tuple[Observations, FitResult] | None = None
     settled: bool = False
     shadow: str = ""
+    fault: str = ""
 
 
 class CalibrationRun(StationRun):
@@ -227,6 +230,8 @@ class CalibrationRun(StationRun):
             if self.stopping:
                 self.say(f"interrupted with {campaign.observations} observations")
                 return Outcome()
+            if campaign.fault:
+                return Outcome(fault=campaign.fault)
         fit = self.result(self.send(self._fit, FitModel.Goal(), "bias_calibrator"))
         self.say(fit.message)
         if not fit.success:
@@ -237,6 +242,8 @@ class CalibrationRun(StationRun):
         if self.stopping:
             self.say(f"interrupted; {fit.model.name} is not in force")
             return Outcome(fit.model.name, made)
+        if shadow.fault:
+            return Outcome(fit.model.name, made, fault=shadow.fault)
         if shadow.verdict != "better":
             self.say(f"{self._call('bias_calibrator/reject').message}: the old model stays in force")
             enough = shadow.verdict == "undecided" and shadow.passes_observed >= len(self._schedule.shadow)
@@ -325,4 +332,6 @@ def execute(options: argparse.Namespace, schedule: Schedule, output: Path) -> in
         remarks = [f"In the shadow of the model in force: {outcome.shadow}"] if outcome.shadow else []
         page = write_calibration_report(output, *outcome.fit, name=outcome.model, remarks=remarks)
         say("calibrate", f"report {page}")
+    if outcome.fault:
+        say("calibrate", f"NOT calibrated: {outcome.fault}")
     return code

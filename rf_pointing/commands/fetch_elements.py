@@ -152,8 +152,8 @@ def allowed_interval_s(address: str, every_s: float | None) -> float:
 
 def kept_records(folder: Path) -> list[Record]:
     """Return what is remembered of every address of the folder, in order of address."""
-    records = [Record(**json.loads(path.read_text())) for path in folder.glob(".*.elements.json")]
-    return sorted(records, key=lambda record: record.address)
+    found = [_recovered(KeptState(str(path)), "") for path in folder.glob(".*.elements.json")]
+    return sorted((record for record in found if record.address), key=lambda record: record.address)
 
 
 @functools.cache

@@ -34,7 +34,7 @@ from rf_pointing.station.pointing.day_plan import DayPass, DayPlan, Fate, Wish, 
 
 PRIORITIES = (-1000, 1000)
 MOST_ERRORS = 10
-"""Of a list of satellites so many errors are told at once."""
+"""Of a list of satellites so many errors are reported at once."""
 
 
 def plan_many(options: argparse.Namespace, rules: PlanningRules, encoder_rad: tuple[float, float]) -> DayPlan:
@@ -133,7 +133,7 @@ def report(options: argparse.Namespace, plan: DayPlan, rules: PlanningRules) -> 
     beamwidth_rad = rules.machine.half_power_beamwidth_rad
     rows = [row_values(item, beamwidth_rad) for item in plan.passes] if options.json or options.csv else []
     if options.json:
-        print(json.dumps(plan_values(plan, rows, station_of(options).name), indent=1))
+        print(json_text(plan, rows, station_of(options).name))
     else:
         show_table(plan)
     for one, reason in plan.unsearched:
@@ -178,16 +178,17 @@ def row_values(item: DayPass, beamwidth_rad: float) -> dict[str, Any]:
     return {name: round(value, 6) if isinstance(value, float) else value for name, value in values.items()}
 
 
-def plan_values(plan: DayPlan, rows: Sequence[dict[str, Any]], station: str) -> dict[str, Any]:
-    """Return a plan, with its passes as `row_values`, as names and plain values."""
-    end_s = plan.start_t_s + plan.duration_s
-    return {
+def json_text(plan: DayPlan, rows: Sequence[dict[str, Any]], station: str) -> str:
+    """Return a plan with its passes, as `row_values`, a pass a line."""
+    head = {
         "station": station,
         "start_utc": utc_text(plan.start_t_s),
-        "end_utc": utc_text(end_s),
-        "passes": list(rows),
+        "end_utc": utc_text(plan.start_t_s + plan.duration_s),
         "unsearched": [{"name": one.name, "reason": reason} for one, reason in plan.unsearched],
     }
+    # Indented, a day of 10 000 satellites takes ten times as long to write.
+    lines = ",\n".join(json.dumps(row) for row in rows)
+    return f'{json.dumps(head)[:-1]}, "passes": [\n{lines}\n]}}'
 
 
 def csv_text(rows: Sequence[dict[str, Any]]) -> str:

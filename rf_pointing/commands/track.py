@@ -2,7 +2,8 @@
 
 Every node runs as a process of its own.  During the pass one line shows what the antenna does:
 redrawn in place on a terminal, or repeated every ten seconds in a log.
-Exit code 0: the pass was tracked; 1: it was not; 2: it could not be started.
+Exit code 0: the pass was tracked, as `core/pass_outcome.py` defines it; 1: it was not; 2: it could
+not be started.
 """
 
 import argparse
@@ -62,11 +63,23 @@ def describe(feedback: TrackPass.Feedback) -> str:
     done = round(BAR * feedback.progress)
     to_los_s = max(0.0, seconds_from_stamp(status.los) - seconds_from_stamp(status.header.stamp))
     error = math.degrees(math.hypot(status.cross_elevation_error, status.elevation_error)) * 1e3
+    # The command alone would show a motion while the antenna stands still.
+    axes = "on source" if status.on_source else f"axes {math.degrees(status.axis_distance):.3f} deg off"
     return (
         f"[{'#' * done}{'.' * (BAR - done)}] LOS in {to_los_s:4.0f} s  {status.mode:<13}"
-        f" az {math.degrees(status.azimuth) % 360.0:6.2f} el {math.degrees(status.elevation):5.2f} deg"
-        f"  error {error:6.2f} mdeg  C/N0 {status.carrier_to_noise:4.1f} dB-Hz  lead {status.command_lead:.2f} s"
+        f" command az {math.degrees(status.azimuth) % 360.0:6.2f} el {math.degrees(status.elevation):5.2f} deg"
+        f"  error {error:6.2f} mdeg  C/N0 {status.carrier_to_noise:4.1f} dB-Hz  {axes}"
+        + (f"  {status.alarm}" if status.alarm else "")
     )
+
+
+def outcome_line(result: TrackPass.Result) -> str:
+    """Return the last line of a pass: what it gave, beside what was predicted, or why it failed."""
+    held = f"{result.seconds_tracked:.0f} s held, {result.seconds_lost:.0f} s lost"
+    predicted = f", {result.predicted_loss:.2f} dB predicted" if result.predicted_loss >= 0.0 else ""
+    loss = f"mean pointing loss {result.mean_loss:.2f} dB{predicted}"
+    outcome = "tracked" if result.success else "NOT tracked"
+    return f"{outcome}: {result.message}; {held}; {loss}"
 
 
 class PassRun(StationRun):
@@ -134,13 +147,11 @@ def execute(options: argparse.Namespace, window: Pass, output: Path) -> int:
 
     code = run_to_end("track", lambda: PassRun(options, window, output), work)
     for result in results:
-        outcome = "tracked" if code == 0 else "NOT tracked"
-        tracked, lost = f"{result.seconds_tracked:.0f} s on target", f"{result.seconds_lost:.0f} s lost"
-        say("track", f"{outcome}: {result.message}, {tracked}, {lost}")
         # Imported late: the libraries of the report take time that the bring-up has not.
         from rf_pointing.report import write_report
 
         bag = track_options.bag_folder(options, output)
         write_report(bag, output)
         say("track", f"report {output / 'report.html'}, bag {bag}")
+        say("track", outcome_line(result))
     return code

@@ -16,20 +16,26 @@ from rf_pointing.commands.options import (
     between,
     elements_of,
     lowest_rad,
+    say_if,
     seed,
     source_of,
     start_of,
     station_of,
 )
 from rf_pointing.core import MDEG, leaves
+from rf_pointing.core.dates import DAY_S
 from rf_pointing.core.modes import Sensor
 from rf_pointing.core.parameters import NodeParameters, read_parameter_files
-from rf_pointing.ephemeris import Pass, first_pass_above
+from rf_pointing.ephemeris import ElementUncertainty, Pass, first_pass_above, stale_warning
 from rf_pointing.ephemeris.element_files import element_files, is_address
+from rf_pointing.ephemeris.solar import SolarDirection, SunParams
 from rf_pointing.ephemeris.source import load_track
 from rf_pointing.nodes.graph import GRAPH, NODES
+from rf_pointing.planning import Gate, MachineParams, choose_turns
 from rf_pointing.rf import LinkParams
+from rf_pointing.station.antenna.simulated_antenna import SimulationParams
 from rf_pointing.station.description import owner
+from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.tracking.conscan_design import ScanDesignParams, scan_for_accuracy
 from rf_pointing.tracking.conscan_estimate import ConscanParams
 from rf_pointing.tracking.sensors import SENSOR_CHOICES, load_trackers
@@ -44,7 +50,9 @@ SCAN_CHOICES = ("radius_deg", "period_s", "window_samples", "fewest_samples", "b
 OF_STATION = tuple(node.name for node in GRAPH if node.name != "simulation_clock")
 """The nodes that take the station description."""
 SLEW_TIME_S = 150.0
-"""Simulated time before acquisition: the largest slew at 1.8 deg/s, and time to settle."""
+"""Least simulated time before acquisition."""
+SETTLE_S = 30.0
+"""From the end of a slew to acquisition."""
 
 
 def arguments(argv: list[str] | None = None) -> argparse.Namespace:
@@ -75,7 +83,12 @@ def choose_pass(options: argparse.Namespace) -> Pass:
     """Return the pass to track; ValueError if satellite, station and time do not give one."""
     above, span_s = station_of(options).mask.above(lowest_rad(options)), 2.0 * 86400.0
     track = load_track(source_of(options))
-    return first_pass_above(track, start_of(options), math.radians(options.min_peak), above, span_s)
+    window = first_pass_above(track, start_of(options), math.radians(options.min_peak), above, span_s)
+    machine = NodeParameters("", station_of(options).parameters("pointing_controller", band_of(options)))
+    beamwidth_rad = machine.group("machine", MachineParams()).half_power_beamwidth_rad
+    stale_s = source_of(options).stale_days * DAY_S
+    say_if("track", stale_warning(track, window.tca_t_s, stale_s, ElementUncertainty(), beamwidth_rad))
+    return window
 
 
 def sensor_of(options: argparse.Namespace) -> str:
@@ -124,6 +137,31 @@ def in_real_time(speed: str) -> bool:
     return 0.0 < speed_factor(speed) <= REAL_TIME_SPEED
 
 
+def before_pass_s(options: argparse.Namespace, window: Pass) -> float:
+    """Return the whole simulated seconds before acquisition: the slew from the antenna's start."""
+    station, band, sets = station_of(options), band_of(options), ControllerParams().sets()
+    controller, servo = (
+        NodeParameters(node, station.parameters(node, band)) for node in ("pointing_controller", "antenna_servo")
+    )
+    limits, machine, mask, gate = (controller.group(name, sets[name]) for name in ("limits", "machine", "mask", "gate"))
+    start = servo.group("antenna", SimulationParams()).start_rad
+    sun = SolarDirection(SunParams(site=station.site)).at(window.aos_t_s)
+    turn, times = 2.0 * math.pi, [SLEW_TIME_S - SETTLE_S]
+    # A pass over the top may begin on the other side; only the certificate knows whether it does.
+    for over in (False, True) if limits.elevation_max_rad > 0.5 * math.pi else (False,):
+        azimuth = window.aos_azimuth_rad + (math.pi if over else 0.0)
+        elevation = math.pi - window.aos_elevation_rad if over else window.aos_elevation_rad
+        shift = azimuth - window.aos_azimuth_rad
+        try:
+            turns = choose_turns(limits, window.azimuth_min_rad + shift, window.azimuth_max_rad + shift, start[0])
+        except ValueError:
+            # A pass that fits no turn is the certificate's to refuse, with its reasons.
+            continue
+        goal = (azimuth + turns * turn, elevation)
+        times.append(Gate(gate, limits, mask, machine.axes).slew(start, goal, sun)[0])
+    return float(math.ceil(max(times) + SETTLE_S))
+
+
 def parameters(options: argparse.Namespace, window: Pass, output: Path) -> dict[str, dict[str, Any]]:
     """Return the parameters by node that follow from the command line; files go to `output`."""
     station = {"station": str(flown_station(options, window, output).resolve()), "band": band_of(options)}
@@ -145,7 +183,7 @@ def parameters(options: argparse.Namespace, window: Pass, output: Path) -> dict[
         },
     }
     clock = {
-        "start_s": math.floor(window.aos_t_s) - SLEW_TIME_S,
+        "start_s": math.floor(window.aos_t_s) - before_pass_s(options, window),
         "speed": speed_factor(options.speed),
         # At 10 Hz the servo makes up its ticks at once: 80 % less traffic of the clock.
         "tick_s": 0.02 if in_real_time(options.speed) else 0.1,

@@ -102,6 +102,11 @@ class CommandPreprocessor:
     def state(self, state: CommandPreprocessorState) -> None:
         self._state = copy.deepcopy(state)
 
+    @property
+    def stopping(self) -> bool:
+        """Whether it decelerates to rest, whatever is commanded."""
+        return self._state.stopping
+
     def retune(self, params: CommandPreprocessorParams) -> None:
         """Take new limits from the next step on."""
         self.params = params

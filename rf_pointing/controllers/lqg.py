@@ -10,7 +10,6 @@ A design is made by `papers/design_lqg.py` from an identified model.  The packag
 DSS-13, which `benchmarks/lqg_tuning.py` made; its output lies next to it.
 """
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -24,6 +23,7 @@ from numpy.typing import NDArray
 from rf_pointing.controllers.filters import LawMatrices, SectionParams, before_sections, notch_section
 from rf_pointing.controllers.position_law import LawState, PositionLaw
 from rf_pointing.core import AXES, Params, parameter
+from rf_pointing.core.whole_file import parse_json, read_whole
 
 Array = NDArray[np.float64]
 
@@ -131,15 +131,18 @@ def load_lqg_designs(path: Path | None = None) -> tuple[LqgDesign, LqgDesign]:
     """
     source = files("rf_pointing.controllers").joinpath(_PACKAGED) if path is None else path
     try:
-        content = json.loads(source.read_text())
-    except (OSError, json.JSONDecodeError) as error:
+        content = parse_json(read_whole(Path(str(source))))
+    except (OSError, ValueError) as error:
         raise ValueError(f"{source}: no LQG designs: {error}") from error
     if not isinstance(content, Mapping) or content.get("format") != FORMAT:
         raise ValueError(f"{source}: format must be {FORMAT!r}")
     unknown, missing = sorted(set(content) - {"format", *AXES}), sorted(set(AXES) - set(content))
     if unknown or missing:
         raise ValueError(f"{source}: unknown keys {unknown}, lacks {missing}")
-    azimuth, elevation = (LqgDesign.from_mapping(content[axis]) for axis in AXES)
+    try:
+        azimuth, elevation = (LqgDesign.from_mapping(content[axis]) for axis in AXES)
+    except (TypeError, KeyError, AttributeError, OverflowError) as error:
+        raise ValueError(f"{source}: no LQG designs: {type(error).__name__}: {error}") from error
     return azimuth, elevation
 
 

@@ -24,9 +24,9 @@ class TrajectoryBufferParams(Params):
 
     extrapolation_s: float = parameter(1.0, "longest extrapolation past the last point", low=0.0, high=5.0)
     max_gap_s: float = parameter(2.5, "longest interval between points that is interpolated", low=0.01, high=60.0)
-    max_lead_s: float = parameter(2.0, "how far ahead a message may begin", low=0.1, high=60.0)
+    max_lead_s: float = parameter(3.0, "how far ahead a message may begin", low=0.1, high=60.0)
     horizon_s: float = parameter(15.0, "how far ahead a message may end", low=0.1, high=600.0)
-    max_points: int = parameter(200, "points that a message may have", low=1, high=10_000)
+    max_points: int = parameter(600, "points that a message may have", low=1, high=10_000)
     silence_s: float = parameter(5.0, "how long the sender of a table that moves may be silent", low=0.2, high=60.0)
     keep_s: float = parameter(2.0, "how long points of the past are kept", low=0.0, high=60.0)
 

@@ -23,9 +23,9 @@ from pathlib import Path
 from typing import Any, Self, TypeVar, get_args, get_origin
 
 import numpy as np
-import yaml
 
 from rf_pointing.core.checks import require_between, require_choice
+from rf_pointing.core.whole_file import parse_yaml, read_whole
 
 P = TypeVar("P", bound="Params")
 
@@ -252,11 +252,13 @@ def read_parameter_files(paths: Sequence[Path]) -> dict[str, NodeParameters]:
     merged: dict[str, dict[str, Any]] = {}
     for path in paths:
         try:
-            content = yaml.safe_load(path.read_text())
-        except (yaml.YAMLError, UnicodeDecodeError) as error:
-            raise ValueError(f"{path}: not YAML: {error}") from error
+            text = read_whole(path)
         except OSError as error:
             raise ValueError(f"parameter file {path}: {error.strerror}") from error
+        try:
+            content = parse_yaml(text)
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from error
         if not isinstance(content, Mapping):
             raise ValueError(f"{path}: must map node names to ros__parameters")
         # A node may be named by any namespace; its last part is what counts here.

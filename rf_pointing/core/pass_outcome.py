@@ -24,6 +24,8 @@ from rf_pointing.core.gaussian_beam import MU, gaussian_gain
 SIDELOBE_DB = 40.0
 SIDELOBE_POWER = 10.0 ** (-0.1 * SIDELOBE_DB)
 HALF_POWER = 0.5
+# Share of a pass that must be held, unless the station asks for another.
+LEAST_SHARE = 0.8
 # Why a pass ends that was not interrupted.
 LOSS_OF_SIGNAL = "loss of signal"
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.core.checks import as_finite_array, require_between, require_finite
+from rf_pointing.core.checks import as_finite_array, require_finite
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 
 Array = NDArray[np.float64]
@@ -99,10 +99,6 @@ class Boresight:
             require_finite(name, getattr(self, name))
 
 
-LONGEST_CLUSTER_S = 100.0
-"""Of samples that are used as one; a longer one is no measurement of a moving antenna."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MonopulseCluster:
     """Complex sum and difference samples of one cluster, all (n,), at the times `t_s` (n,).
@@ -116,11 +112,6 @@ class MonopulseCluster:
     difference_elevation: ComplexArray
     carrier_to_noise_db_hz: float
 
-    def __post_init__(self) -> None:
-        require_finite("t_s", self.t_s)
-        if len(self.t_s):
-            require_between("length_s", float(self.t_s[-1] - self.t_s[0]), 0.0, LONGEST_CLUSTER_S)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CarrierPower:
@@ -131,12 +122,6 @@ class CarrierPower:
     power_w: float
     sigma_w: float
     carrier_to_noise_db_hz: float
-
-    def __post_init__(self) -> None:
-        require_finite("t_s", self.t_s)
-        require_between("integration_s", self.integration_s, 0.0, LONGEST_CLUSTER_S)
-        require_finite("power_w", self.power_w)
-        require_between("sigma_w", self.sigma_w, 0.0, None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -76,9 +76,13 @@ class BeamPosition:
         return any(bool(series.times) and t_s < series.times[0] for series in (self._joints, self._centre))
 
     def offset(self, t_s: float) -> Array | None:
-        """Return cross-elevation and elevation (2,) of the beam off the direction, or None."""
+        """Return cross-elevation and elevation (2,) of the beam off the direction, or None.
+
+        On the sky, also while the dish is over the top.
+        """
         joints, centre = self._joints.at(t_s), self._centre.at(t_s)
         if joints is None or centre is None:
             return None
         away: Array = (joints - centre) * np.array([math.cos(float(joints[1])), 1.0])
-        return away
+        # Over the top the cosine is negative, and up on the sky is down for the axis.
+        return -away if centre[1] > 0.5 * math.pi else away

@@ -1,6 +1,8 @@
-"""Files that are replaced as one: a killed process leaves either the old text or the new one.
+"""Files that are read and replaced as one: a killed process leaves the old text or the new one.
 
-`write_whole` writes any text.  `KeptState` keeps a few values of one node that outlive it as JSON.
+`read_whole`, `parse_json` and `parse_yaml` read what others wrote, within bounds of length and
+depth that keep the time short.  `write_whole` writes any text.  `KeptState` keeps a few values of
+one node that outlive it as JSON.
 Unreadable text is an error, not an empty start.  A file that cannot be written is an error at the
 start; later, when a disk fills up, it ends nothing: `problem` says so and every call tries again.
 """
@@ -11,6 +13,84 @@ import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+
+import yaml
+
+SETTINGS_BYTES = 1024 * 1024
+"""Longest file of settings, models or state; YAML of that length takes 1 s to read."""
+DATA_BYTES = 32 * 1024 * 1024
+"""Longest file of elements or ephemerides; TLE of that length take 15 s to read."""
+JOURNAL_BYTES = 512 * 1024 * 1024
+"""Longest table of observations, which grows over years."""
+DEEPEST = 50
+_LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+def read_whole(path: Path, most_bytes: int = SETTINGS_BYTES, encoding: str = "utf-8") -> str:
+    """Return the text of a file; ValueError for one that is too long or in another encoding."""
+    # Not by the size of the file: a device or a pipe has none.
+    with path.open("rb") as file:
+        data = file.read(most_bytes + 1)
+    if len(data) > most_bytes:
+        raise ValueError(f"{path} is longer than {most_bytes / 2**20:g} MiB")
+    try:
+        text = data.decode(encoding)
+    except UnicodeDecodeError as error:
+        name = "ASCII" if encoding == "ascii" else "UTF-8"
+        raise ValueError(f"{path}: byte {error.start} is not {name}") from None
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def parse_json(text: str, **options: Any) -> Any:
+    """Return what a JSON text holds; ValueError where it is malformed, too deep or no text."""
+    try:
+        value = json.loads(text, **options)
+    except RecursionError:
+        raise ValueError(f"nested more than {DEEPEST} deep") from None
+    _require_plain(value)
+    return value
+
+
+def parse_yaml(text: str) -> Any:
+    """Return what a YAML text holds; ValueError where it is malformed, too deep or has aliases."""
+    depth = 0
+    try:
+        # Before anything is built: a few aliases of aliases stand for billions of values.
+        for event in yaml.parse(text, Loader=_LOADER):
+            if isinstance(event, yaml.AliasEvent):
+                raise ValueError(f"line {event.start_mark.line + 1}: alias *{event.anchor} must be written out")
+            depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+            if depth > DEEPEST:
+                raise ValueError(f"line {event.start_mark.line + 1}: nested more than {DEEPEST} deep")
+        value = yaml.load(text, Loader=_LOADER)
+    except (yaml.YAMLError, RecursionError, OverflowError) as error:
+        mark = getattr(error, "problem_mark", None)
+        where = f"line {mark.line + 1}: " if mark else ""
+        raise ValueError(f"not YAML: {where}{getattr(error, 'problem', None) or error}") from None
+    _require_plain(value)
+    return value
+
+
+def _require_plain(value: Any) -> None:
+    """Raise ValueError for values nested too deep, and for text that no file can hold."""
+    level = [value]
+    for _ in range(DEEPEST + 1):
+        below: list[Any] = []
+        for each in level:
+            if isinstance(each, Mapping):
+                below += [*each.keys(), *each.values()]
+            elif isinstance(each, (list, tuple)):
+                below += each
+            elif isinstance(each, str) and not each.isascii():
+                try:
+                    each.encode()
+                except UnicodeEncodeError:
+                    # It would raise wherever it is printed or written.
+                    raise ValueError(f"{each!a} holds half a character") from None
+        if not below:
+            return
+        level = below
+    raise ValueError(f"nested more than {DEEPEST} deep")
 
 
 def write_whole(path: Path, text: str) -> None:
@@ -41,7 +121,9 @@ class KeptState:
         if self._path is None or not self._path.exists():
             return {}
         try:
-            values = json.loads(self._path.read_text())
+            values = parse_json(read_whole(self._path))
+        except OSError as error:
+            raise ValueError(f"state file {self._path} cannot be read: {error.strerror}") from error
         except ValueError as error:
             raise ValueError(f"state file {self._path} cannot be read: {error}") from error
         if not isinstance(values, dict):

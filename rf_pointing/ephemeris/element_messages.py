@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from rf_pointing.core.dates import DAY_S, from_utc_text
 from rf_pointing.core.kvn import key_and_value, without_unit
+from rf_pointing.core.whole_file import DEEPEST, parse_json
 from rf_pointing.ephemeris.elements import MEAN_MOTIONS, Elements
 from rf_pointing.ephemeris.tle import read_tle
 
@@ -79,7 +80,7 @@ def _reader(content: str) -> Callable[[str], list[Elements]]:
 def read_omm_json(text: str) -> list[Elements]:
     """Return the elements of one JSON object or an array of them."""
     try:
-        parsed = json.loads(text, parse_constant=_no_constant, object_pairs_hook=partial(_once, "OMM JSON"))
+        parsed = parse_json(text, parse_constant=_no_constant, object_pairs_hook=partial(_once, "OMM JSON"))
     except json.JSONDecodeError as error:
         raise ValueError(f"OMM JSON is malformed: {error}") from None
     messages = parsed if isinstance(parsed, list) else [parsed]
@@ -93,8 +94,18 @@ def read_omm_xml(text: str) -> list[Elements]:
     """Return the elements of an <omm> or of an <ndm> that holds several."""
     from xml.etree import ElementTree
 
+    if "<!" in text.replace("<!--", ""):
+        raise ValueError("OMM XML must not define entities or a document type")
+    parser: Any = ElementTree.XMLPullParser(("start", "end"))
+    root, depth = ElementTree.Element("none"), 0
     try:
-        root = ElementTree.fromstring(text.strip())
+        parser.feed(text.strip())
+        parser.close()
+        for event, element in parser.read_events():
+            root = element if depth == 0 and event == "start" else root
+            depth += 1 if event == "start" else -1
+            if depth > DEEPEST:
+                raise ValueError(f"OMM XML is nested more than {DEEPEST} deep")
     except ElementTree.ParseError as error:
         raise ValueError(f"OMM XML is malformed: {error}") from None
     segments = [e for e in root.iter() if _local_name(e.tag) == "segment"]

@@ -17,6 +17,7 @@ from rf_pointing.core.dates import DAY_S
 # From 1949-12-31T00:00, where the propagator counts from, to 1970-01-01.
 _DAYS_1949_TO_1970 = 7306.0
 _LARGEST_LABEL = 339999
+MOST_COMPARED = 5000
 # Revolutions a day that an orbit about the Earth may have: beyond the smallest it is lost, beyond
 # the largest inside.
 MEAN_MOTIONS = (1e-3, 20.0)
@@ -87,7 +88,9 @@ def find_elements(elements: Sequence[Elements], wanted: str) -> Elements:
         import difflib
 
         # The nearest names of a typing error; without any near one, the first few.
-        names = [label for e in elements for label in (e.name, str(e.catalogue_number)) if label]
+        # Comparing with each of a hundred thousand names would take minutes.
+        some = elements[:: max(1, len(elements) // MOST_COMPARED)]
+        names = [label for e in some for label in (e.name, str(e.catalogue_number)) if label]
         near = difflib.get_close_matches(wanted, names, n=5, cutoff=0.4) or names[:5]
         raise ValueError(f"satellite={wanted!r} is not among {len(elements)} elements; nearest: {', '.join(near)}")
     numbers = sorted({e.catalogue_number for e in found})

@@ -15,7 +15,7 @@ from typing import Any
 from rf_pointing.core import Params, parameter
 from rf_pointing.core.dates import DAY_S
 from rf_pointing.core.refraction import RadioRefraction
-from rf_pointing.core.whole_file import KeptState
+from rf_pointing.core.whole_file import DATA_BYTES, KeptState, read_whole
 from rf_pointing.ephemeris import (
     RADIO_SOURCES,
     SITES,
@@ -167,8 +167,8 @@ def read_source(location: str) -> SourceContents:
     segments: list[OemSegment] = []
     files = element_files(location)
     for path in files:
+        text = read_whole(path, DATA_BYTES, "utf-8-sig")
         try:
-            text = path.read_text(encoding="utf-8-sig")
             if text.lstrip().startswith("CCSDS_OEM_VERS"):
                 segments += read_oem(text)
             else:
@@ -187,6 +187,11 @@ class TargetMemory:
         # Another configuration: what was kept belongs to another target.
         mine = kept.get("configured") == dataclasses.asdict(configured)
         self._kept: dict[str, Any] = kept if mine else {}
+        try:
+            # Whatever is in it is read now: later it would end a node.
+            _ = self.source, self.peak_rad, self.hold_t_s
+        except (ValueError, TypeError, AttributeError, OverflowError) as error:
+            raise ValueError(f"state file {name} cannot be used: {error}") from error
 
     @property
     def source(self) -> SourceParams:

@@ -1,15 +1,19 @@
-"""Executable `antenna_servo`: the simulated antenna and its control unit; a station's own driver
-takes its place.
+"""Executable `antenna_servo`: an antenna's control unit and its drive, simulated or real.
 
 Subscribes: joint_trajectory.  Publishes: joint_states (50 Hz), antenna_status (10 Hz, on
 activation, and when a fault comes or goes), sim/boresight (50 Hz, truth); while identifying
 manual_rate (50 Hz).  Action: identify (rf_pointing_msgs/Identify).  Services (std_srvs/Trigger):
 ~/stop (latches a fault), ~/pause, ~/resume, ~/park, ~/stow, ~/disable, ~/reset_fault;
 ~/inject_fault (rf_pointing_msgs/InjectFault, where fault injection is enabled).  Parameters:
-antenna.*, loops.* (retunable while running), safety.*, wrap_file (keeps the azimuth's turn over a
-restart; empty: not kept), state_file (keeps position, fault and rest), enable_fault_injection, and
-as truth plant.* (changeable too), wind.*, mount.*.  Activation releases the brakes and holds;
-deactivation sets them.
+antenna.*, drive.* (which drive, and how it is reached), loops.* (retunable while running),
+safety.*, wrap_file (keeps the azimuth's turn over a restart; empty: not kept), state_file (keeps
+position, fault and rest), enable_fault_injection, and as truth of the simulated drive plant.*
+(changeable too), wind.*, mount.*.  Activation releases the brakes and holds; deactivation sets
+them.
+
+A drive other than the simulated one must answer within 5 s of the configuration.  One that is lost
+latches a fault, and joint_states are silent until it answers.  The topics of the drive `topic` are
+in `topic_drive.py`.
 """
 
 import math
@@ -28,6 +32,7 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from rf_pointing.core import AXES, Params, parameter
+from rf_pointing.drives import make_drive
 from rf_pointing.nodes import convert
 from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Health
 from rf_pointing.nodes.identification_server import IdentificationServer
@@ -35,7 +40,9 @@ from rf_pointing.nodes.main_loop import run
 from rf_pointing.nodes.qos import COMMAND_INPUT, SAMPLES, STATUS, STREAM
 from rf_pointing.nodes.stamps import seconds_from_stamp
 from rf_pointing.nodes.station_node import StationNode
+from rf_pointing.nodes.topic_drive import TopicDrive
 from rf_pointing.planning import WrapCount
+from rf_pointing.station.antenna.drive_antenna import DriveAntenna, wait_for_drive
 from rf_pointing.station.antenna.memory import AntennaMemory
 from rf_pointing.station.antenna.simulated_antenna import AntennaParams, SimulatedAntenna
 
@@ -45,6 +52,8 @@ STATUS_PERIOD_S = 0.1
 HEAD_BYTES = 4096
 POINT_BYTES = 112
 """Of a point of a command: four sequences of two numbers with their lengths, and its time."""
+INACTIVE_PERIOD_S = 0.05
+"""Time between two looks at a real drive while the node is not active."""
 WRAP_EVERY = 10
 """Statuses after which the azimuth's turn is written if it has changed."""
 
@@ -68,7 +77,7 @@ class AntennaServo(StationNode):
             self.parameters.declare(prefix, defaults, live=prefix in LIVE)
         self.parameters.check_with(self._check)
         self.parameters.on_change(self._retune)
-        self._antenna: SimulatedAntenna | None = None
+        self._antenna: SimulatedAntenna | DriveAntenna | None = None
         self._identification = IdentificationServer(self)
         self._statuses = 0
         self._published_fault = ""
@@ -83,7 +92,8 @@ class AntennaServo(StationNode):
         value = self.parameters.value
         self._memory = AntennaMemory(value("").state_file)
         params = AntennaParams(**{prefix: value(prefix) for prefix in AntennaParams().sets()})
-        self._antenna = SimulatedAntenna(self._memory.start(params))
+        real = params.drive.type != "simulated"
+        self._antenna = self._on_drive(params) if real else SimulatedAntenna(self._memory.start(params))
         self._status_every = max(1, round(STATUS_PERIOD_S / self._antenna.params.tick_s))
         self._joints = self.publisher(JointState, "joint_states", STREAM)
         self._boresight = self.stream(Boresight, "sim/boresight", SAMPLES)
@@ -100,13 +110,43 @@ class AntennaServo(StationNode):
                    "park": antenna.park, "stow": antenna.stow, "disable": antenna.disable}  # fmt: skip
         for name, action in actions.items():
             self.serve_action(Trigger, f"~/{name}", partial(self._act, name, action))
-        if value("").enable_fault_injection:
+        if value("").enable_fault_injection and not real:
             self.serve_action(InjectFault, "~/inject_fault", self._inject)
         self.diagnostics.add("drive", self._health)
+        if real:
+            self.diagnostics.add("device", self._device_health)
         self.diagnostics.add("oscillation", self._oscillation_health)
         self.diagnostics.add("memory", self._memory_health)
 
+    def _on_drive(self, params: AntennaParams) -> DriveAntenna:
+        """Connect the drive of the parameters; it is looked at until cleanup."""
+        if self.parameters.value("").enable_fault_injection:
+            raise ValueError(f"enable_fault_injection needs drive.type=simulated, it is {params.drive.type}")
+        topic = params.drive.type == "topic"
+        drive = TopicDrive(self, params.drive) if topic else make_drive(params.drive, params.antenna.start_rad)
+        begun_s, steady_s = self.now_s(), time.monotonic()
+        try:
+            # Simulated time does not go on while this waits.
+            wait_for_drive(drive, lambda: begun_s + time.monotonic() - steady_s)
+            antenna = DriveAntenna(params, drive, begun_s + time.monotonic() - steady_s)
+        except ValueError:
+            drive.close()
+            raise
+        self._at_cleanup.callback(antenna.close)
+        timer = self.create_timer(INACTIVE_PERIOD_S, self._look)
+        self._at_cleanup.callback(self.destroy_timer, timer)
+        return antenna
+
+    def _look(self) -> None:
+        """Keep a real drive connected while there are no ticks."""
+        if not self.active:
+            self._antenna.hardware.look(self.now_s())
+
     def activate(self) -> None:
+        if isinstance(self._antenna, DriveAntenna):
+            self._antenna.hardware.look(self.now_s())
+            if not self._antenna.hardware.current:
+                raise ValueError(self._antenna.hardware.fault)
         self._antenna.enable()
         self._memory.restore(self._antenna)
         self._tick_wall_s = None
@@ -141,7 +181,9 @@ class AntennaServo(StationNode):
             return
         azimuth = float(self._antenna.reading(0.0).position_rad[0])
         recovered, doubt = self._wrap.recover(azimuth)
-        if not doubt and abs(recovered - azimuth) > 1e-6:
+        if isinstance(self._antenna, DriveAntenna) and self._antenna.hardware.drive.capabilities.one_turn:
+            self._antenna.place(recovered)
+        elif not doubt and abs(recovered - azimuth) > 1e-6:
             doubt = "the wrap file names another turn than the encoder: look at the cables, then reset"
         if doubt:
             self._antenna.stop(doubt)
@@ -166,8 +208,10 @@ class AntennaServo(StationNode):
         self._measure_lateness(self._antenna.params.tick_s)
         self._ticked_s = t_s
         reading, boresight = self._antenna.step(t_s)
-        self._joints.publish(convert.joints_to_message(reading))
-        self._boresight.publish(convert.boresight_to_message(boresight))
+        if reading is not None:
+            self._joints.publish(convert.joints_to_message(reading))
+        if boresight is not None:
+            self._boresight.publish(convert.boresight_to_message(boresight))
         self._identification.tick(t_s)
         fault = self._antenna.safety.latch.text
         news, self._published_fault = fault != self._published_fault, fault
@@ -248,6 +292,22 @@ class AntennaServo(StationNode):
         before = {"fault_at": f"{fault.t_s:.3f}", "last_commands": " | ".join(fault.lines())} if fault else {}
         values = {"commands_accepted": status.commands_accepted, "commander": status.commander, **rejected, **before}
         return Health(level, status.fault or status.warning or status.mode, values)
+
+    def _device_health(self) -> Health:
+        hardware = self._antenna.hardware
+        rotator, reading = hardware.rotator, hardware.rotator.reading
+        counts = rotator.counts()
+        values = {f"lost: {name}": count for name, count in hardware.drive.losses.items()} | {
+            "set points since tracking began": counts.commands,
+            "starts of azimuth and elevation": f"{counts.starts[0]}, {counts.starts[1]}",
+            "changes of direction": f"{counts.reversals[0]}, {counts.reversals[1]}",
+            "latency_s": f"{rotator.latency_s:.2f}",
+            "age_s": f"{reading.age_s(self.now_s()):.2f}",
+            "status": reading.status,
+        }
+        if reading.temperature_k is not None:
+            values["temperature_k"] = f"{reading.temperature_k:.1f}"
+        return Health(ERROR if hardware.fault else OK, hardware.fault or self.parameters.value("drive").type, values)
 
     def _memory_health(self) -> Health:
         problems = "; ".join(filter(None, (self._memory.problem, self._wrap_problem)))

@@ -194,11 +194,14 @@ class BiasCalibrator(StationNode):
         if not self._reason:
             wanted = len(goal.request.passes)
             result.passes_observed = runner.observed
-            result.success = runner.observed == wanted
+            result.success, result.fault = runner.observed == wanted and not runner.fault, runner.fault
+            stopped = (
+                [f"stopped by a fault in pass {runner.number} of {wanted}: {runner.fault}"] if runner.fault else []
+            )
             lines = [f"{runner.observed} of {wanted} passes observed, {result.observations} observations"]
             if verdict is not None:
                 lines.append(f"{self._keeper.candidate.name} is {self._keeper.verdict_text()}")
-            result.message = "; ".join([*lines, *runner.failures[:3]])
+            result.message = "; ".join([*stopped, *lines, *runner.failures[:3]])
         return conclude(goal, result)
 
     def _progress(self) -> RunCampaign.Feedback:

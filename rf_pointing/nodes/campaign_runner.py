@@ -1,7 +1,8 @@
 """A campaign on the live graph: pass after pass, selected at the ephemeris and tracked.
 
 A pass counts as observed when it gave observations, even if the controller does not call it
-tracked: most of a short piece of a pass goes into the search.
+tracked: most of a short piece of a pass goes into the search.  A fault of the antenna ends the
+campaign: it would refuse every other pass, too.
 """
 
 import math
@@ -25,7 +26,10 @@ LOOK_BACK_S = 7200.0
 
 
 class CampaignRunner:
-    """Runs the passes of one campaign; `failures` says why passes gave no observation."""
+    """Runs the passes of one campaign; `failures` says why passes gave no observation.
+
+    `fault` is what ended the campaign before its last pass.
+    """
 
     def __init__(self, node: Node) -> None:
         self._log: CalibrationLog | None = None
@@ -40,6 +44,7 @@ class CampaignRunner:
         self._handle: Any = None
         self.number, self.observed = 0, 0
         self.failures: list[str] = []
+        self.fault = ""
 
     @property
     def busy(self) -> bool:
@@ -66,7 +71,7 @@ class CampaignRunner:
         if not self._select.service_is_ready() or not self._track.server_is_ready():
             raise ValueError("ephemeris_publisher and pointing_controller must be running in this namespace")
         self._passes, self._sensor, self._log = list(passes), sensor, log
-        self.number, self.observed, self.failures = 0, 0, []
+        self.number, self.observed, self.failures, self.fault = 0, 0, [], ""
         self._next()
 
     def cancel(self) -> None:
@@ -121,6 +126,9 @@ class CampaignRunner:
         self._wait_for(handle.get_result_async(), self._tracked, math.inf)
 
     def _tracked(self, answer: Any) -> None:
+        self.fault = answer.result.fault
+        if self.fault:
+            self._passes = self._passes[: self.number]
         if len(self._log) > self._before:
             self.observed += 1
             self._next()

@@ -23,6 +23,8 @@ from rf_pointing.station.pointing.status import AntennaStatus, TrackingStatus
 
 Signal = TypeVar("Signal")
 Message = TypeVar("Message")
+# Samples over a longer time are no measurement of a moving antenna.
+LONGEST_CLUSTER_S = 100.0
 # The leftmost match counts: `aos_t_s` loses `_t_s`, not only `_s`.
 _UNIT = re.compile(r"_(rad_s2|rad_s|rad2|rad|m_s|m|t_s|s|w|db_hz|db)$")
 
@@ -81,9 +83,9 @@ def _read(value: Any, kind: Any) -> Any:
 
 _target_to_message, target_from_message = pair(core.Target, ours.Target, name="target")
 boresight_to_message, boresight_from_message = pair(core.Boresight, ours.Boresight)
-power_to_message, power_from_message = pair(core.CarrierPower, ours.CarrierPower, integration_s="integration_time")
+power_to_message, _power_from_message = pair(core.CarrierPower, ours.CarrierPower, integration_s="integration_time")
 error_to_message, _error_from_message = pair(core.PointingError, ours.PointingError)
-antenna_status_to_message, _ = pair(AntennaStatus, ours.AntennaStatus)
+antenna_status_to_message, antenna_status_from_message = pair(AntennaStatus, ours.AntennaStatus)
 tracking_status_to_message, _ = pair(TrackingStatus, ours.TrackingStatus, half_power_beamwidth_rad="beamwidth")
 
 
@@ -152,6 +154,11 @@ def trajectory_from_message(message: TrajectoryMessage) -> core.JointTrajectory:
     )
 
 
+def power_from_message(message: ours.CarrierPower) -> core.CarrierPower:
+    core.require_between("integration_time", message.integration_time, 0.0, LONGEST_CLUSTER_S)
+    return _power_from_message(message)
+
+
 def error_from_message(message: ours.PointingError) -> core.PointingError:
     return _error_from_message(message, covariance_rad2=np.array(message.covariance).reshape(2, 2))
 
@@ -175,6 +182,7 @@ def monopulse_from_message(message: ours.Monopulse) -> core.MonopulseCluster:
         if not len(in_phase) == len(quadrature) == count:
             raise ValueError(f"{name} has {len(in_phase)} I and {len(quadrature)} Q samples, must have {count}")
         channels[name] = in_phase + 1j * quadrature
+    core.require_between("sample_period", message.sample_period, 0.0, LONGEST_CLUSTER_S / max(count, 1))
     # The stamp is that of the last sample; the others lie before it.
     last_s = seconds_from_stamp(message.header.stamp)
     t_s = last_s - message.sample_period * np.arange(count - 1, -1, -1)

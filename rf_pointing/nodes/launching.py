@@ -12,6 +12,8 @@ from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import LifecycleNode
 
+from rf_pointing.station.description import read_station
+
 RESPAWN_DELAY_S = 0.5
 
 
@@ -45,6 +47,19 @@ def state_folder() -> Path:
 def managed_nodes(context: Any, names: Sequence[str]) -> list[Any]:
     """Return the actions that start `names`."""
     return [_node(context, name, simulated="simulation_clock" in names) for name in names]
+
+
+def station_nodes(context: Any, names: Sequence[str]) -> list[Any]:
+    """Return the actions that start `names`, and the antenna's own where the station has a drive.
+
+    A station whose drive is simulated has a driver of its own on joint_trajectory.
+    """
+    try:
+        drive = read_station(str(LaunchConfiguration("station").perform(context))).drive["type"]
+    except (ValueError, OSError):
+        # Every node refuses such a station and says why.
+        drive = "simulated"
+    return managed_nodes(context, names if drive == "simulated" else ("antenna_servo", *names))
 
 
 def _node(context: Any, name: str, *, simulated: bool) -> LifecycleNode:

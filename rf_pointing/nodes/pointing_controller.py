@@ -1,6 +1,6 @@
 """Executable `pointing_controller`: the only author of motion.
 
-Subscribes: target, joint_states, pointing_error, pointing_model, pass_profiles.
+Subscribes: target, joint_states, antenna_status, pointing_error, pointing_model, pass_profiles.
 Publishes: joint_trajectory (10 Hz while a pass is tracked), tracking_status (10 Hz),
 pass_certificate (latched).
 Action: track_pass (rf_pointing_msgs/TrackPass).
@@ -15,18 +15,26 @@ from typing import Any
 
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rf_pointing_msgs.action import TrackPass
-from rf_pointing_msgs.msg import PassCertificate, PassProfileList, PointingError, PointingModel, Target, TrackingStatus
+from rf_pointing_msgs.msg import (
+    AntennaStatus,
+    PassCertificate,
+    PassProfileList,
+    PointingError,
+    PointingModel,
+    Target,
+    TrackingStatus,
+)
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
-from rf_pointing.core import Mode
+from rf_pointing.core.pass_outcome import LOSS_OF_SIGNAL
 from rf_pointing.nodes import convert, convert_calibration, convert_planning
-from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Health
+from rf_pointing.nodes.diagnostics import ERROR, LEVELS, Health
 from rf_pointing.nodes.graph import STATION_IN_USE
 from rf_pointing.nodes.main_loop import run
 from rf_pointing.nodes.managed import RESULT_TIMEOUT_S, conclude
-from rf_pointing.nodes.qos import COMMAND, IN_USE, LATCHED, STREAM
+from rf_pointing.nodes.qos import COMMAND, IN_USE, LATCHED, STATUS, STREAM
 from rf_pointing.nodes.station_node import StationCensus, StationInUse, StationNode
 from rf_pointing.station.pointing.certificates import StoreParams, store_certificate
 from rf_pointing.station.pointing.controller import PointingController
@@ -35,12 +43,13 @@ from rf_pointing.station.pointing.status import TrackingStatus as Status
 from rf_pointing.tracking.sensors import load_trackers
 
 LIVE = {
+    "axes": True,
+    "alarm": True,
     "limits": True,
     "autotrack": True,
     "pointing": ("on_target_deg", "error_age_s", "stop_deceleration_deg_s2", "lag_averaging_s"),
 }
 """What may change while the node is configured; the timing of the commands may not."""
-LEAST_TRACKED_SHARE = 0.8
 FEEDBACK_EVERY = 10
 LONGEST_WAIT_S = 0.05
 """Wall time that a period waits for the error of the one before; commands start after 0.1 s."""
@@ -62,6 +71,7 @@ class PointingControllerNode(StationNode):
         self._steps = 0
         self._period: tuple[float, float] | None = None
         self._refusal = ""
+        self._alarm = 0, ""
         self._action = ActionServer(
             self, TrackPass, "track_pass", self._conclude, goal_callback=self._on_goal,
             handle_accepted_callback=self._on_accepted, cancel_callback=self._on_cancel, result_timeout=RESULT_TIMEOUT_S,
@@ -77,6 +87,7 @@ class PointingControllerNode(StationNode):
         core = self._controller
         self.listen(Target, "target", lambda m: core.take_target(convert.target_from_message(m)), STREAM)
         self._joints = self.listen_latest(JointState, "joint_states", convert.joints_from_message, STREAM)
+        self.listen(AntennaStatus, "antenna_status", lambda m: core.take_antenna(m.mode, m.fault), STATUS)
         self.listen(PointingError, "pointing_error", lambda m: core.take_error(convert.error_from_message(m)), STREAM)
         model_of = convert_calibration.model_from_message
         self.listen(PointingModel, "pointing_model", lambda m: core.take_model(model_of(m)), LATCHED)
@@ -133,6 +144,7 @@ class PointingControllerNode(StationNode):
         message = convert.tracking_status_to_message(status)
         message.commands_sent = self._sent
         self._status.publish(message)
+        self._warn(status)
         if self._goal is not None:
             self._steps += 1
             if self._steps % FEEDBACK_EVERY == 0:
@@ -140,6 +152,15 @@ class PointingControllerNode(StationNode):
             if busy and not self._controller.busy:
                 goal, self._goal = self._goal, None
                 goal.execute()
+
+    def _warn(self, status: Status) -> None:
+        """Publish the diagnostics at once when their level changes: an operator waits for that."""
+        if status.level != self._alarm[0]:
+            self._alarm = status.level, status.alarm
+            self.diagnostics.publish()
+            if status.alarm:
+                self.get_logger().warning(status.alarm)
+        self._alarm = status.level, status.alarm
 
     def _on_profiles(self, message: PassProfileList) -> None:
         profiles = [convert_planning.profile_from_message(profile) for profile in message.profiles]
@@ -206,12 +227,18 @@ class PointingControllerNode(StationNode):
         return CancelResponse.ACCEPT
 
     def _conclude(self, goal: Any) -> TrackPass.Result:
-        statistics = self._controller.statistics
-        result = TrackPass.Result(message=self._refusal or statistics.reason)
+        core = self._controller
+        result = TrackPass.Result(message=self._refusal, predicted_loss=-1.0, fault=core.antenna.fault)
         if not self._refusal:
-            result.seconds_tracked, result.seconds_lost = statistics.tracked_s, statistics.lost_s
+            statistics, outcome = core.statistics, core.statistics.outcome
+            result.seconds_tracked, result.seconds_lost = outcome.tracked_s, outcome.lost_s
             result.rms_cross_elevation_error, result.rms_elevation_error = statistics.rms_rad
-            result.success = statistics.reason == "loss of signal" and statistics.share >= LEAST_TRACKED_SHARE
+            result.mean_loss, result.fault = outcome.mean_loss_db, statistics.fault
+            least = core.params.machine.least_share
+            why = outcome.why_not_tracked(statistics.reason, statistics.fault, least)
+            result.success, result.message = not why, why or LOSS_OF_SIGNAL
+            chosen = core.plan.certificate.chosen if core.plan.certificate else None
+            result.predicted_loss = chosen.mean_loss_db if chosen else -1.0
         return conclude(goal, result)
 
     def _on_stop(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -248,11 +275,10 @@ class PointingControllerNode(StationNode):
             "trim_used": learned.used,
             "trim_refused": learned.refused,
         }
-        if self._refusal:
+        level, alarm = self._alarm
+        if self._refusal and not alarm:
             return Health(ERROR, self._refusal, values)
-        if state.mode == Mode.HOLD_OFF:
-            return Health(WARN, state.reason, values)
-        return Health(OK, state.mode, values)
+        return Health(LEVELS[level], alarm or state.mode, values)
 
 
 def main() -> None:

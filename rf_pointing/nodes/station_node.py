@@ -35,9 +35,9 @@ class StationNode(ManagedNode):
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
-        self.parameters.declare("", StationParams(), group="station")
+        self.parameters.declare("", StationParams(), group="description")
         self.station: StationDescription | None = None
-        choice: StationParams = self.parameters.value("station")
+        choice: StationParams = self.parameters.value("description")
         try:
             station = read_station(choice.station)
             self.band = choice.band or station.default_band

@@ -64,7 +64,7 @@ ACQUISITION_S = 45.0
 BEAM_X_RAD = HALF_POWER_BEAMWIDTH_RAD["X"]
 SLOW_SATELLITE = "20413"
 CONSCAN_PERIOD_S = 4.0
-"""That of DSS-13 in Ka band."""
+"""That of the station `dss13` at Ka band."""
 DROPOUTS, DROPOUT_RUNS = 10, 3
 
 

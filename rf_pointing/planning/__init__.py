@@ -7,6 +7,7 @@ from rf_pointing.planning.gate import Decision, Gate, GateParams, motion_between
 from rf_pointing.planning.interlocks import Authority, FaultLatch, WrapCount
 from rf_pointing.planning.limits import AxisLimits, AxisRates, MachineParams, choose_turns
 from rf_pointing.planning.over_the_top import plunged, unplunged
+from rf_pointing.planning.position_watch import PositionLimits, PositionWatch
 from rf_pointing.planning.profile import PassProfile
 from rf_pointing.planning.schedule import Candidate, reasons_against, schedule, turns_within
 from rf_pointing.planning.slew import CornerPath
@@ -38,6 +39,8 @@ __all__ = [
     "HorizonMask",
     "MachineParams",
     "PassProfile",
+    "PositionLimits",
+    "PositionWatch",
     "SensorCost",
     "WindWatch",
     "WindWatchParams",

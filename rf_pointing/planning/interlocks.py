@@ -12,7 +12,7 @@ from collections import deque
 from dataclasses import dataclass
 from pathlib import Path
 
-from rf_pointing.core.whole_file import write_whole
+from rf_pointing.core.whole_file import parse_json, read_whole, write_whole
 
 # Who commanded last is part of a fault's record.
 KEPT_COMMANDS = 5
@@ -100,6 +100,10 @@ class FaultLatch:
         return ""
 
 
+# More than the cables of any antenna allow.
+FARTHEST_RAD = 50.0
+
+
 class WrapCount:
     """The file of one antenna, written when the azimuth has moved."""
 
@@ -114,10 +118,12 @@ class WrapCount:
         if not self._path.exists():
             return folded, ""
         try:
-            kept = float(json.loads(self._path.read_text())["azimuth_rad"])
+            kept = float(parse_json(read_whole(self._path))["azimuth_rad"])
             if not math.isfinite(kept):
                 raise ValueError("azimuth_rad is not finite")
-        except (ValueError, KeyError, TypeError) as error:
+            if abs(kept) > FARTHEST_RAD:
+                raise ValueError(f"azimuth_rad={kept} is no azimuth of an antenna")
+        except (ValueError, KeyError, TypeError, OverflowError, OSError) as error:
             return folded, f"wrap file {self._path.name} cannot be read ({error}): look at the cables, then reset"
         # The nearest turn to what was kept; the tolerance below says whether to believe it.
         turns = round((kept - folded) / TURN)

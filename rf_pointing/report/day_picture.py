@@ -16,11 +16,11 @@ from rf_pointing.report.picture_style import figure, sky_axes, sky_place
 from rf_pointing.report.plan_picture import draw_hills
 from rf_pointing.station.pointing.day_plan import DayPass, DayPlan, Fate
 
-MOST_ROWS = 45
+FEWEST_ROWS, MOST_ROWS = 8, 45
 MOST_PATHS = 80
 MOST_SUNS = 24
 FEW_PATHS = 12
-"""Up to so many paths have the time of their rise beside them."""
+"""Up to so many paths have the time of their rise on them."""
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 """Of the priorities, the highest first; lower ones share the last."""
 YIELDS_COLOUR = "#c9ccd1"
@@ -40,7 +40,7 @@ def draw_day(plan: DayPlan, station: str, mask: HorizonMask, path: Path) -> None
             f"{station}, {begin:%Y-%m-%d %H:%M} to {end:%Y-%m-%d %H:%M} UTC: "
             f"{len(tracked)} of {len(plan.passes)} passes tracked"
         )
-        lines, sky = drawn.subplots(1, 2, width_ratios=[1.75, 1.0], subplot_kw={})
+        lines, sky = drawn.subplots(1, 2, width_ratios=[1.75, 1.0])
         position = sky.get_subplotspec()
         sky.remove()
         _draw_lines(lines, plan, rows, colours)
@@ -78,7 +78,7 @@ def _draw_lines(axes: Any, plan: DayPlan, rows: Sequence[int], colours: dict[int
     axes.set_yticks(range(len(rows) + 1), ["the antenna", *(names[number] for number in rows)], fontsize=8.0)
     axes.get_yticklabels()[0].set_fontweight("bold")
     axes.axhline(0.5, color="#888888", lw=0.7)
-    axes.set_ylim(len(rows) + 0.6, -0.6)
+    axes.set_ylim(max(len(rows), FEWEST_ROWS) + 0.6, -0.6)
     axes.set_xlim(0.0, plan.duration_s / 3600.0)
     _clock_axis(axes, plan)
     axes.grid(axis="y", visible=False)
@@ -89,7 +89,7 @@ def _draw_lines(axes: Any, plan: DayPlan, rows: Sequence[int], colours: dict[int
     ]
     keys = keys[: len(COLOURS)]
     keys += [Patch(color=YIELDS_COLOUR, label="yields"), Patch(fc="white", ec=BARRED_COLOUR, label="barred")]
-    axes.legend(handles=keys, loc="upper center", bbox_to_anchor=(0.5, -0.5 / (ROW_IN * (len(rows) + 3))), ncols=5)
+    axes.figure.legend(handles=keys, loc="outside lower left", ncols=len(keys))
     total = len({item.window.elements.catalogue_number for item in plan.passes})
     if total > len(rows):
         axes.set_title(
@@ -133,7 +133,10 @@ def _draw_sky(
         axes.plot(angle[:1], zenith[:1], ".", color=colours[item.priority], ms=3.0)
         if len(shown) <= FEW_PATHS:
             rise = datetime.fromtimestamp(item.window.aos_t_s, UTC)
-            axes.annotate(f"{rise:%H:%M}", (angle[0], zenith[0]), fontsize=7.5, color="#333333")
+            # On the path a little after its rise: at the edge several rise at the same place.
+            at = len(angle) // 4
+            white = {"fc": "white", "ec": "none", "pad": 0.6, "alpha": 0.8}
+            axes.text(angle[at], zenith[at], f"{rise:%H:%M}", fontsize=7.5, color="#333333", bbox=white, ha="center")
     suns = np.array([item.profile.sun_rad[0] for item in tracked if item.profile is not None])
     if len(suns) and np.any(suns[:, 1] > 0.0):
         up = suns[suns[:, 1] > 0.0]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from rf_pointing.core import JointReading, Mode, MonopulseCluster, PointingError
 from rf_pointing.core.time_buffer import BeamPosition
-from rf_pointing.core.whole_file import write_whole
+from rf_pointing.core.whole_file import parse_yaml, read_whole, write_whole
 from rf_pointing.tracking.monopulse import MonopulseCalibration, MonopulseParams, MonopulseTracker
 from rf_pointing.tracking.monopulse_scan import MonopulseCalibrator, MonopulseScanParams
 
@@ -33,10 +33,11 @@ def write_calibration(path: Path, calibration: MonopulseCalibration) -> None:
 
 def read_calibration(path: Path) -> MonopulseCalibration:
     """Return the calibration of a file; ValueError names the file and what is wrong with it."""
+    text = read_whole(path)
     try:
-        content = yaml.safe_load(path.read_text())
-    except yaml.YAMLError as error:
-        raise ValueError(f"{path}: not YAML: {error}") from error
+        content = parse_yaml(text)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise ValueError(f"{path}: format must be {FORMAT}")
     try:

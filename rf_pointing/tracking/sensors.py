@@ -36,7 +36,6 @@ class SensorTraits:
         none.
     every_period : whether it reports every period, so that a late report is worth waiting for.
     once_a_round : whether results come so seldom that an invalid one alone must not end the mode.
-    over_the_top : whether it may be used while the dish is over the top.
     watched : whether the watch on false locks judges its errors.
     level_from : other sensors whose reports carry the C/N0 while this one does not track.
     colour : of its mode in reports, as #rrggbb.
@@ -50,7 +49,6 @@ class SensorTraits:
     weaker: str = ""
     every_period: bool = False
     once_a_round: bool = False
-    over_the_top: bool = True
     watched: bool = False
     level_from: tuple[str, ...] = ()
     colour: str = "#a6761d"
@@ -65,9 +63,8 @@ SENSORS: dict[str, SensorTraits] = {
             name=Sensor.MONOPULSE, needs_strong_carrier=True, automatic=True, weaker=Sensor.CONSCAN, every_period=True,
             watched=True, colour="#0072b2",
         ),
-        # The circle is laid out in axis angles, which run the other way over the top.
         SensorTraits(
-            name=Sensor.CONSCAN, scans=True, automatic=True, every_period=True, over_the_top=False, colour="#009e73",
+            name=Sensor.CONSCAN, scans=True, automatic=True, every_period=True, colour="#009e73",
         ),
         # While nothing is scanned, conscan_tracker reports the C/N0 under the name of conscan.
         SensorTraits(

@@ -2,7 +2,8 @@
 
 The beam rests at right, above, left and below in turn; the powers measured there give the direction
 by the exact Gaussian beam (ln P is linear in it).  The meter need not know its own noise: the
-scatter of its samples sets the covariance.
+scatter of n samples around the fit sets the covariance, larger by nu / (nu - 2), nu = n - 3: the
+mean square of Student's t, which a scatter known to nu degrees of freedom makes of the errors.
 """
 
 import math
@@ -27,7 +28,7 @@ class StepTrackParams(Params):
     step_beamwidths: float = parameter(0.2, "distance of the points from the centre", low=0.02, high=0.5)
     dwell_s: float = parameter(3.0, "time at rest on one point", low=0.1, high=600.0)
     move_s: float = parameter(1.5, "time from point to point", low=0.05, high=60.0)
-    samples_per_point: int = parameter(2, "power samples needed on every point", low=1, high=1000)
+    samples_per_point: int = parameter(2, "power samples needed on every point", low=2, high=1000)
     tolerance: float = parameter(
         0.2, "distance from the point, in steps, within which a sample counts", low=0.01, high=0.6
     )
@@ -139,7 +140,10 @@ class StepTracker:
             least, most = float(np.min(window.power_w)), float(np.max(window.power_w))
             reason = f"power_w from {least:.3g} to {most:.3g} W in one round: a sample outweighs the others"
         else:
-            error, covariance, limit = found.error_rad, found.covariance_rad2, self.params.valid_range_beamwidths
+            # Two samples a point or more: five degrees of freedom at least.
+            freedom = len(window) - 3
+            error, limit = found.error_rad, self.params.valid_range_beamwidths
+            covariance = found.covariance_rad2 * (freedom / (freedom - 2.0))
             beamwidths = float(np.hypot(error[0], error[1])) / h
             reason = "" if found.converged else "the fit did not converge"
             if beamwidths > limit:

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from rf_pointing.commands import fetch_elements, plan_passes
+from rf_pointing.commands import fetch_elements, plan_calibration, plan_passes
 from rf_pointing.commands.fetch_elements import LONGEST_WAIT_S, Outcome, refresh
 from rf_pointing.ephemeris import read_elements, tle_lines, verification_elements
 from rf_pointing.ephemeris.element_files import cache_folder, element_files, kept_file
@@ -324,3 +324,15 @@ def test_an_address_that_was_never_fetched_is_refused_with_what_to_do(
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     with pytest.raises(ValueError, match="has not been fetched: run fetch_elements 'https://celestrak.org/x'"):
         load_catalogue("https://celestrak.org/x")
+
+
+def test_a_campaign_is_planned_from_a_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "day.tle").write_text(tle_text())
+    with pytest.raises(SystemExit) as stopped:
+        plan_calibration.main(["--elements", str(tmp_path), "--start", "2006-06-28T00:00:00", "--hours", "12"])
+    assert stopped.value.code == 1
+    assert "candidates fill" in capsys.readouterr().out
+    with pytest.raises(SystemExit) as stopped:
+        plan_calibration.main(["--elements", str(tmp_path / "no"), "--start", "2006-06-28T00:00:00"])
+    assert stopped.value.code == 2
+    assert "/no' does not exist" in capsys.readouterr().err

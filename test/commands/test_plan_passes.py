@@ -167,6 +167,16 @@ def test_the_picture_of_many_satellites_is_drawn(tmp_path: Path) -> None:
     assert picture.stat().st_size > 30_000
 
 
+def test_a_plan_without_a_pass_is_written_in_every_form(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    files = {form: tmp_path / f"plan.{form}" for form in ("csv", "ics", "picture")}
+    options = [word for form, path in files.items() for word in (f"--{form}", str(path))]
+    plan_passes.main([*MANY, *TWO, "--hours", "1", "--min-peak", "89.9", *options])
+    assert capsys.readouterr().out.splitlines() == ["no pass", "0 passes: 0 tracked, 0 yields, 0 barred"]
+    assert files["csv"].read_text() == "name\n"
+    assert "BEGIN:VEVENT" not in files["ics"].read_text()
+    assert files["picture"].stat().st_size > 5_000
+
+
 def test_stale_elements_are_told_with_their_error_in_beamwidths(capsys: pytest.CaptureFixture[str]) -> None:
     late = ["--start", "2006-07-01T06:00:00", "--hours", "12"]
     plan_passes.main([*late, "--satellites", "28057"])

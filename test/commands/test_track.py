@@ -9,14 +9,14 @@ from rf_pointing_msgs.action import TrackPass
 from rf_pointing_msgs.msg import TrackingStatus
 
 from rf_pointing.commands import track
-from rf_pointing.commands.track import ProgressLine, describe
+from rf_pointing.commands.track import ProgressLine, describe, outcome_line
 from rf_pointing.nodes.stamps import stamp_from_seconds
 
 
 def feedback(**changes: Any) -> TrackPass.Feedback:
     status = TrackingStatus(
-        mode="monopulse", azimuth=math.radians(-10.0), elevation=math.radians(43.21), cross_elevation_error=3e-5,
-        elevation_error=-4e-5, carrier_to_noise=57.3, command_lead=1.0,
+        axis_distance=4e-5, mode="monopulse", azimuth=math.radians(-10.0), elevation=math.radians(43.21),
+        cross_elevation_error=3e-5, elevation_error=-4e-5, carrier_to_noise=57.3, command_lead=1.0,
     )  # fmt: skip
     status.header.stamp, status.los = stamp_from_seconds(100.0), stamp_from_seconds(223.4)
     for name, value in changes.items():
@@ -42,8 +42,29 @@ class Wall:
 def test_the_line_tells_what_the_operator_asks() -> None:
     line = describe(feedback())
     assert line.startswith("[############............] LOS in  123 s  monopulse ")
-    for part in ("az 350.00 el 43.21 deg", "error   2.86 mdeg", "C/N0 57.3 dB-Hz", "lead 1.00 s"):
+    for part in ("command az 350.00 el 43.21 deg", "error   2.86 mdeg", "C/N0 57.3 dB-Hz",
+                 "axes 0.002 deg off"):  # fmt: skip
         assert part in line
+    assert describe(feedback(on_source=True, alarm="coast: the carrier is lost")).endswith(
+        "on source  coast: the carrier is lost"
+    )
+
+
+def test_the_last_line_has_what_was_held_and_lost_and_the_predicted_loss() -> None:
+    result = TrackPass.Result(
+        success=True, message="loss of signal", seconds_tracked=697.4, seconds_lost=17.6, mean_loss=0.112,
+        predicted_loss=0.09,
+    )  # fmt: skip
+    assert outcome_line(result) == (
+        "tracked: loss of signal; 697 s held, 18 s lost; mean pointing loss 0.11 dB, 0.09 dB predicted"
+    )
+    failed = TrackPass.Result(
+        message="antenna fault: drives cut", fault="antenna fault: drives cut", seconds_lost=30.0, mean_loss=40.0,
+        predicted_loss=-1.0,
+    )  # fmt: skip
+    assert outcome_line(failed) == (
+        "NOT tracked: antenna fault: drives cut; 0 s held, 30 s lost; mean pointing loss 40.00 dB"
+    )
 
 
 def test_after_the_end_of_the_pass_no_time_is_left() -> None:

@@ -76,7 +76,20 @@ def parameters(tmp_path: Path, *line: str) -> dict[str, dict[str, Any]]:
 
 
 def test_a_pass_begins_above_the_horizon_of_the_station(tmp_path: Path) -> None:
-    hill = changed(tmp_path, {"mount.horizon_deg": [[120.0, 0.0], [147.0, 12.0], [170.0, 0.0]]})
+    hill = changed(
+        tmp_path,
+        {
+            "mount.horizon_deg": [
+                [0.0, 0.0],
+                [60.0, 0.0],
+                [120.0, 0.0],
+                [147.0, 12.0],
+                [170.0, 0.0],
+                [250.0, 0.0],
+                [310.0, 0.0],
+            ]
+        },
+    )
     plain = track_options.choose_pass(track_options.arguments([]))
     cut = track_options.choose_pass(track_options.arguments(hill))
     assert plain.aos_t_s + 60.0 < cut.aos_t_s < plain.tca_t_s
@@ -86,7 +99,7 @@ def test_a_pass_begins_above_the_horizon_of_the_station(tmp_path: Path) -> None:
 
 
 def test_every_node_of_the_station_runs_on_the_same_description(tmp_path: Path) -> None:
-    given = parameters(tmp_path, *changed(tmp_path, {"name": "Mine"}), "--band", "S")
+    given = parameters(tmp_path, *changed(tmp_path, {"wind.gust_limit_m_s": 21.0}), "--band", "S")
     assert {(values["station"], values["band"]) for node, values in given.items() if node != "simulation_clock"} == {
         (str(tmp_path / "station.yaml"), "S")
     }
@@ -267,3 +280,26 @@ def test_the_root_is_no_antenna(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         track_options.arguments(["--namespace", "/"])
     assert "'/' must name the antenna" in capsys.readouterr().err
+
+
+def test_time_begins_early_enough_for_the_slew_to_the_pass() -> None:
+    """The first pass of 26 June begins 175 s of slewing away: the 150 s of every other pass refused it."""
+    options = track_options.arguments([])
+    assert track_options.before_pass_s(options, track_options.choose_pass(options)) == track_options.SLEW_TIME_S
+    far = track_options.arguments(["--start", "2006-06-26T00:00:00"])
+    window = track_options.choose_pass(far)
+    needed_s = track_options.before_pass_s(far, window)
+    assert 175.0 + track_options.SETTLE_S <= needed_s < 300.0
+    start_s = track_options.overrides(far, window, Path())["/**/simulation_clock"]["ros__parameters"]["start_s"]
+    assert start_s == math.floor(window.aos_t_s) - needed_s
+    assert isinstance(start_s, float), "as the clock declares it"
+
+
+def test_a_slower_antenna_or_one_that_starts_elsewhere_begins_earlier(tmp_path: Path) -> None:
+    slow = tmp_path / "slow.yaml"
+    slow.write_text(
+        "/**/pointing_controller: {ros__parameters: {machine: {rate_limit_deg_s: [0.5, 0.5]}}}\n"
+        "/**/antenna_servo: {ros__parameters: {antenna: {start_azimuth_deg: -200.0}}}\n"
+    )
+    options = track_options.arguments(["--params-file", str(slow)])
+    assert track_options.before_pass_s(options, track_options.choose_pass(options)) > 300.0

@@ -278,7 +278,7 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
         read_parameter_files([tmp_path / "nowhere.yaml"])
     path = tmp_path / "binary.yaml"
     path.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(ValueError, match=r"binary\.yaml: not YAML"):
+    with pytest.raises(ValueError, match=r"binary\.yaml: byte 0 is not UTF-8"):
         read_parameter_files([path])
 
 

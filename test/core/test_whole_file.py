@@ -1,12 +1,18 @@
 """What outlives a process: written whole or not at all, refused when it cannot be read, and put back as it was."""
 
+import dataclasses
+import json
 import math
+import re
+import time
 from pathlib import Path
 
 import pytest
+import yaml
 
-from rf_pointing.core.whole_file import KeptState
+from rf_pointing.core.whole_file import KeptState, parse_json, parse_yaml, read_whole
 from rf_pointing.ephemeris.source import SourceParams, TargetMemory
+from rf_pointing.planning import WrapCount
 from rf_pointing.station.antenna.memory import AntennaMemory
 from rf_pointing.station.antenna.simulated_antenna import AntennaParams, SimulatedAntenna
 
@@ -135,3 +141,108 @@ def test_a_target_comes_back_with_its_offsets_and_another_configuration_goes_bef
     other = configured.replace(satellite="28350")
     assert TargetMemory(name, other).source == other
     assert TargetMemory(name, other).hold_t_s is None
+
+
+DEEP = 100_000
+BOMB = "a: &a [x, x]\n" + "".join(f"{chr(b)}: &{chr(b)} [*{chr(b - 1)}, *{chr(b - 1)}]\n" for b in range(98, 123))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[" * DEEP + "]" * DEEP, "nested more than 50 deep"),
+        ("[" * 60 + "]" * 60, "nested more than 50 deep"),
+        ('{"name": "\\ud800"}', "'\\ud800' holds half a character"),
+        ("{", "Expecting property name"),
+        ("9" * 5000, "integer string conversion"),
+    ],
+)
+def test_json_that_would_raise_elsewhere_is_refused(text: str, words: str) -> None:
+    with pytest.raises(ValueError, match=re.escape(words)):
+        parse_json(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (BOMB, "line 2: alias *a must be written out"),
+        ("[" * DEEP, "line 1: nested more than 50 deep"),
+        ("- " * 60 + "x", "nested more than 50 deep"),
+        ('name: "\\ud800"', "line 1: "),
+        ("a: [", "not YAML: line 2: "),
+        ("a: !!python/object/apply:os.system [ls]", "not YAML: line 1: "),
+        ("a: 2026-99-99", "month must be in 1..12"),
+    ],
+)
+def test_yaml_that_would_raise_or_hang_is_refused(text: str, words: str) -> None:
+    begun = time.process_time()
+    with pytest.raises(ValueError, match=re.escape(words)):
+        parse_yaml(text)
+    assert time.process_time() - begun < 2.0
+
+
+def test_what_is_within_the_bounds_is_read_as_before(tmp_path: Path) -> None:
+    text = "a: {b: [1, 2.5, -3e-4, yes, null, 2006-06-27]}\r\nc: \N{SNOWMAN}\r"
+    (tmp_path / "file").write_bytes(text.encode())
+    assert parse_yaml(read_whole(tmp_path / "file")) == yaml.safe_load(text)
+    assert parse_json('{"a": [1, [2.5, "\\u2603"]]}') == {"a": [1, [2.5, "\N{SNOWMAN}"]]}
+
+
+@pytest.mark.parametrize("name", ["/dev/zero", "long"])
+def test_a_file_that_is_too_long_is_refused_soon(tmp_path: Path, name: str) -> None:
+    path = tmp_path / name
+    if name == "long":
+        with path.open("wb") as file:
+            file.truncate(3 * 2**30)
+    begun = time.process_time()
+    with pytest.raises(ValueError, match=rf"{re.escape(str(path))} is longer than 1 MiB"):
+        read_whole(path)
+    assert time.process_time() - begun < 1.0
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "words"),
+    [
+        ("azimuth_rad", "12", "azimuth_rad='12' must be a number"),
+        ("azimuth_rad", True, "azimuth_rad=True must be a number"),
+        ("elevation_rad", None, "elevation_rad=None must be a number"),
+        ("fault", 3, "fault=3 must be a text"),
+        ("mode", ["parked"], "mode=['parked'] must be a text"),
+        ("mode", "flying", "mode='flying' must be one of parked, stowed, disabled"),
+    ],
+)
+def test_a_state_of_the_antenna_of_a_wrong_type_is_refused(tmp_path: Path, key: str, value: object, words: str) -> None:
+    state = {"azimuth_rad": 1.0, "elevation_rad": 1.0, "mode": "", "fault": ""} | {key: value}
+    (tmp_path / "state.json").write_text(json.dumps(state))
+    with pytest.raises(ValueError, match=re.escape(words)):
+        AntennaMemory(str(tmp_path / "state.json"))
+
+
+@pytest.mark.parametrize("number", [math.nan, math.inf, 10**400])
+def test_a_state_of_the_antenna_with_an_impossible_angle_is_refused(tmp_path: Path, number: float) -> None:
+    state = {"azimuth_rad": number, "elevation_rad": 1.0, "mode": "", "fault": ""}
+    (tmp_path / "state.json").write_text(json.dumps(state))
+    with pytest.raises(ValueError, match="azimuth_rad"):
+        AntennaMemory(str(tmp_path / "state.json")).start(AntennaParams())
+
+
+@pytest.mark.parametrize(
+    "kept",
+    [
+        {"source": 3}, {"source": ["a"]}, {"source": {"weather": 4}}, {"source": {"nothing": 4}},
+        {"source": {"satellite": 4}}, {"peak_rad": "high"}, {"peak_rad": [1]}, {"hold_t_s": {}}, {"hold_t_s": 10**400},
+    ],
+)  # fmt: skip
+def test_a_state_of_the_target_of_a_wrong_type_is_refused(tmp_path: Path, kept: dict[str, object]) -> None:
+    path, configured = tmp_path / "state.json", SourceParams()
+    path.write_text(json.dumps({"configured": dataclasses.asdict(configured)} | kept))
+    with pytest.raises(ValueError, match="state file .*state.json cannot be used: "):
+        TargetMemory(str(path), configured)
+
+
+@pytest.mark.parametrize("text", ["[" * DEEP, '{"azimuth_rad": 1e308}', '{"azimuth_rad": [1]}', "[1]", "3", "\0", ""])
+def test_a_wrap_file_that_is_none_is_a_doubt_and_no_traceback(tmp_path: Path, text: str) -> None:
+    (tmp_path / "wrap.json").write_text(text)
+    azimuth, doubt = WrapCount(tmp_path / "wrap.json").recover(1.0)
+    assert azimuth == 1.0
+    assert "look at the cables, then reset" in doubt

@@ -180,3 +180,70 @@ def test_a_missing_field_is_refused_never_zero(key: str) -> None:
 def test_malformed_messages_are_refused(text: str, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         read_elements(text)
+
+
+ISS_TLE = """ISS (ZARYA)
+1 25544U 98067A   26171.41461525  .00008813  00000+0  16600-3 0  9990
+2 25544  51.6327 284.1189 0004557 208.5194 151.5545 15.49333088572250
+"""
+"""GP data of celestrak.org for the ISS at 2026-06-20T09:57:02.757600."""
+ISS = {
+    "OBJECT_NAME": "ISS (ZARYA)", "OBJECT_ID": "1998-067A", "EPOCH": "2026-06-20T09:57:02.757600",
+    "MEAN_MOTION": "15.49333088", "ECCENTRICITY": ".0004557", "INCLINATION": "51.6327", "RA_OF_ASC_NODE": "284.1189",
+    "ARG_OF_PERICENTER": "208.5194", "MEAN_ANOMALY": "151.5545", "EPHEMERIS_TYPE": "0", "CLASSIFICATION_TYPE": "U",
+    "NORAD_CAT_ID": "25544", "ELEMENT_SET_NO": "999", "REV_AT_EPOCH": "57225", "BSTAR": ".166E-3",
+    "MEAN_MOTION_DOT": ".8813E-4", "MEAN_MOTION_DDOT": "0",
+}  # fmt: skip
+CELESTRAK_XML = """<?xml version="1.0" encoding="UTF-8"?>
+<ndm xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance"
+     xsi:noNamespaceSchemaLocation="https://sanaregistry.org/r/ndmxml_unqualified/ndmxml-2.0.0-master-2.0.xsd">
+<omm id="CCSDS_OMM_VERS" version="2.0"><header><CREATION_DATE/><ORIGINATOR/></header><body><segment>
+<metadata>{metadata}<CENTER_NAME>EARTH</CENTER_NAME><REF_FRAME>TEME</REF_FRAME><TIME_SYSTEM>UTC</TIME_SYSTEM>
+<MEAN_ELEMENT_THEORY>SGP4</MEAN_ELEMENT_THEORY></metadata>
+<data><meanElements>{elements}</meanElements><tleParameters>{parameters}</tleParameters></data>
+</segment></body></omm>
+</ndm>
+"""
+SPACE_TRACK = {
+    "CCSDS_OMM_VERS": "3.0", "COMMENT": "GENERATED VIA SPACE-TRACK.ORG API", "CREATION_DATE": "2026-06-20T12:46:10",
+    "ORIGINATOR": "18 SPCS", "CENTER_NAME": "EARTH", "REF_FRAME": "TEME", "TIME_SYSTEM": "UTC",
+    "MEAN_ELEMENT_THEORY": "SGP4", "SEMIMAJOR_AXIS": "6797.012", "PERIOD": "92.943", "APOAPSIS": "421.975",
+    "PERIAPSIS": "415.780", "OBJECT_TYPE": "PAYLOAD", "RCS_SIZE": "LARGE", "COUNTRY_CODE": None, "LAUNCH_DATE": None,
+    "DECAY_DATE": None, "FILE": "4512345", "GP_ID": "281234567", "TLE_LINE0": "0 ISS (ZARYA)",
+}  # fmt: skip
+
+
+def celestrak_xml(fields: dict[str, str]) -> str:
+    leaves = [f"<{key}>{value}</{key}>" for key, value in fields.items()]
+    return CELESTRAK_XML.format(
+        metadata="".join(leaves[:2]), elements="".join(leaves[2:9]), parameters="".join(leaves[9:])
+    )
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        json.dumps([{key: json.loads(value) if re.fullmatch(r"\d+(\.\d+)?", value) else value for key, value in ISS.items()}]),
+        as_csv(ISS),
+        celestrak_xml(ISS),
+        "".join(f"{key:<18} = {value}\n" for key, value in {"CCSDS_OMM_VERS": "2.0", "CREATION_DATE": "", "ORIGINATOR": "",
+                                                            **ISS}.items()) + "\n",
+        json.dumps([{**SPACE_TRACK, **ISS}]),
+        "0 " + ISS_TLE,
+    ],
+    ids=["CelesTrak JSON", "CelesTrak CSV", "CelesTrak XML", "CelesTrak KVN", "Space-Track JSON", "Space-Track 3LE"],
+)  # fmt: skip
+def test_the_layouts_of_the_sources_give_the_same_orbit(text: str) -> None:
+    (found,), (wanted,) = read_elements(text), read_elements(ISS_TLE)
+    assert found.name == "ISS (ZARYA)"
+    assert tle_lines(found) == tle_lines(wanted)
+
+
+def test_celestraks_xml_is_that_of_the_sgp4_reader() -> None:
+    import io
+
+    (fields,) = omm.parse_xml(io.StringIO(celestrak_xml(ISS)))
+    wanted = Satrec()
+    omm.initialize(wanted, fields)
+    (found,) = read_elements(celestrak_xml(ISS))
+    assert found.satrec().sgp4_tsince(720.0)[1] == pytest.approx(wanted.sgp4_tsince(720.0)[1], abs=1e-6)

@@ -1,5 +1,6 @@
 """From the operator's words to a track; what cannot be found or used is named."""
 
+import dataclasses
 import math
 from pathlib import Path
 
@@ -10,15 +11,26 @@ from rf_pointing.core import MDEG
 from rf_pointing.core.dates import utc_text
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.ephemeris import (
+    Elements,
+    ElementUncertainty,
     TopocentricTrack,
     find_elements,
     find_passes,
     site,
+    sky_uncertainty,
+    stale_warning,
     sun,
     tle_lines,
     verification_elements,
 )
-from rf_pointing.ephemeris.source import SourceParams, first_time_s, load_elements, load_track
+from rf_pointing.ephemeris.source import (
+    SourceParams,
+    first_time_s,
+    load_catalogue,
+    load_elements,
+    load_target,
+    load_track,
+)
 
 PASS_T_S = 1151384323.8
 """AOS of the first pass above 40 deg, 12 minutes long."""
@@ -140,7 +152,7 @@ def test_an_ephemeris_that_declares_no_interpolation_takes_the_operators(oem: So
 
 def test_a_file_in_another_encoding_is_named(cbers_2: Path) -> None:
     cbers_2.write_text(cbers_2.read_text(), encoding="utf-16")
-    with pytest.raises(ValueError, match=r"cbers\.tle: .*utf-8"):
+    with pytest.raises(ValueError, match=r"cbers\.tle: byte 0 is not UTF-8"):
         load_elements(SourceParams(elements=str(cbers_2)))
 
 
@@ -170,3 +182,51 @@ def test_measured_weather_and_a_vacuum_take_the_place_of_the_standard() -> None:
               .elevation_rad for kind in ("standard", "measured", "none")}  # fmt: skip
     assert lifted["measured"] - lifted["standard"] > 10.0 * MDEG
     assert lifted["standard"] - lifted["none"] > 100.0 * MDEG
+
+
+def test_a_folder_is_one_catalogue_and_the_newest_set_of_an_object_counts(cbers_2: Path, oem: SourceParams) -> None:
+    folder = cbers_2.parent
+    Path(oem.elements).unlink()
+    old = dataclasses.replace(find_elements(verification_elements(), "28057"), revolution_number=7)
+    newer = dataclasses.replace(old, epoch_t_s=old.epoch_t_s + 86400.0)
+    (folder / "later.txt").write_text("\n".join(("CBERS 2", *tle_lines(newer))))
+    (folder / "nine.json").write_text(
+        '[{"OBJECT_NAME": "NINE", "NORAD_CAT_ID": "799500123", "EPOCH": "2006-06-26T00:00:00", "MEAN_MOTION": "14.3", '
+        '"ECCENTRICITY": "0.001", "INCLINATION": "98.0", "RA_OF_ASC_NODE": "1", "ARG_OF_PERICENTER": "2", '
+        '"MEAN_ANOMALY": "3", "BSTAR": "0", "MEAN_MOTION_DOT": "0", "MEAN_MOTION_DDOT": "0"}]'
+    )
+    (folder / "README").write_text("what lies here")
+    (folder / ".half.tle").write_text("1 28057U")
+    assert [one.catalogue_number for one in load_catalogue(str(folder))] == [799500123, 28057]
+    assert load_elements(SourceParams(elements=str(folder))).epoch_t_s == pytest.approx(newer.epoch_t_s, abs=1e-3)
+    assert load_elements(SourceParams(elements=str(folder), satellite="799500123")).name == "NINE"
+    (folder / "half.tle").write_text("1 28057U")
+    with pytest.raises(ValueError, match=r"^half\.tle: "):
+        load_catalogue(str(folder))
+
+
+def test_an_ephemeris_of_a_folder_is_preferred_to_elements_of_the_same_name(cbers_2: Path, oem: SourceParams) -> None:
+    folder = cbers_2.parent
+    assert not isinstance(load_target(SourceParams(elements=str(folder), satellite="CBERS 2")), Elements)
+    assert isinstance(load_target(SourceParams(elements=str(folder), satellite="28057")), Elements)
+
+
+def test_a_folder_without_elements_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"is a folder without elements: no file ends in \.elements, \.tle"):
+        load_elements(SourceParams(elements=str(tmp_path)))
+    with pytest.raises(ValueError, match=r"elements='https://celestrak.org/x' has not been fetched"):
+        load_elements(SourceParams(elements="https://celestrak.org/x"))
+
+
+def test_stale_elements_are_told_with_age_and_error_and_fresh_ones_are_not() -> None:
+    track, model = load_track(SourceParams()), ElementUncertainty()
+    epoch_t_s = load_elements(SourceParams()).epoch_t_s
+    assert stale_warning(track, epoch_t_s + 1.9 * 86400.0, 2.0 * 86400.0, model) == ""
+    t_s = epoch_t_s + 3.0 * 86400.0
+    sigma_mdeg = sky_uncertainty(track, t_s, model).along_track_rad / MDEG
+    text = stale_warning(track, t_s, 2.0 * 86400.0, model, 10.0 * MDEG)
+    assert text == (
+        f"elements of CBERS 2 are stale: 3.0 days from their epoch, expected error along the track {sigma_mdeg:.0f} mdeg, "
+        f"{sigma_mdeg / 10.0:.2g} beamwidths"
+    )
+    assert stale_warning(load_track(SourceParams(satellite="sun")), t_s, 0.0, model) == ""

@@ -81,15 +81,20 @@ def test_the_second_of_two_commanders_is_refused_and_both_are_named(servo: Servo
 def test_commands_that_stop_are_warned_of_carried_on_for_a_second_and_end_in_a_controlled_stop(servo: Servo) -> None:
     servo.move(0.5)
     quiet_s, servo.seen = servo.now_s, []
-    servo.mode("fault")
+    servo.mode("holding")
     warned = next(status.warning for status in servo.seen if status.warning.startswith("no command for"))
     assert 0.2 <= float(warned.split()[3]) <= 0.32, "100 ms after the next one was due, seen at the next status"
-    stopping = next(status for status in servo.seen if status.mode in ("stopping", "fault"))
+    stopping = next(status for status in servo.seen if status.mode == "stopping")
     assert seconds_from_stamp(stopping.header.stamp) - quiet_s == pytest.approx(1.7, abs=0.2), "0.7 s and 1 s beyond"
-    ran_dry = re.search(r"commands ran dry ([0-9.]+) s ago while moving", servo.status.fault)
+    ran_dry = re.search(
+        r"commands ran dry ([0-9.]+) s ago while moving: stopped until the next one", servo.status.warning
+    )
     assert ran_dry
     assert float(ran_dry[1]) <= 1.1, "extrapolated for at most a second"
-    servo.rejected(servo.command(), "fault latched")
+    assert servo.status.fault == ""
+    servo.base_rad, servo.begun_s = servo.joints[-1], None
+    servo.move(0.3)
+    assert (servo.status.mode, servo.status.warning) == ("tracking", "")
 
 
 def test_stop_pause_disable_park_and_stow_are_five_different_things(servo: Servo) -> None:

@@ -232,3 +232,16 @@ def test_an_antenna_status_reaches_the_wire_field_by_field() -> None:
     ]  # fmt: skip
     assert list(message.at_limit) == [False, True]
     assert (message.commands_accepted, message.commands_rejected, message.command_lead) == (11, 12, 0.7)
+
+
+@pytest.mark.parametrize("period_s", [1e17, -0.1, math.nan])
+def test_samples_over_an_impossible_time_are_refused(period_s: float, random: np.random.Generator) -> None:
+    message = convert.monopulse_to_message(cluster(random))
+    message.sample_period = period_s
+    with pytest.raises(ValueError, match="sample_period="):
+        convert.monopulse_from_message(message)
+    power = numbers(CarrierPower, random, t_s=T_S, integration_s=0.1)
+    message = convert.power_to_message(power)
+    message.integration_time = period_s
+    with pytest.raises(ValueError, match="integration_time="):
+        convert.power_from_message(message)

@@ -42,7 +42,9 @@ def test_the_table_has_a_row_of_type_quality_of_service_and_publisher_for_every_
 
 
 def test_a_topic_is_the_same_whoever_publishes_it() -> None:
-    for topic in TOPICS[:-1]:
+    for topic in TOPICS:
+        if topic.publisher == "every node":
+            continue
         found = [(node.name, row) for node in GRAPH for row in node.topics if row.name == topic.name]
         assert all(row == found[0][1] for _, row in found)
         assert topic.publisher == ", ".join(name for name, _ in found)

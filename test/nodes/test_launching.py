@@ -1,6 +1,7 @@
 """The launch files start the nodes of the graph with the parameters of their arguments (`launch` itself is a stub)."""
 
 import importlib.util
+import shutil
 import sys
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -8,6 +9,7 @@ from typing import Any
 
 import pytest
 
+import rf_pointing
 from rf_pointing.nodes.graph import NODES, STATION_NODES
 
 FOLDER = Path(__file__).parents[2] / "launch"
@@ -89,6 +91,14 @@ def test_a_station_with_its_own_drivers_keeps_the_other_nodes_and_the_time_of_th
         assert {"use_sim_time": False} in node["parameters"]
         assert {"lifecycle.autostart": False} in node["parameters"]
         assert node["remappings"] == []
+
+
+def test_a_station_with_a_drive_starts_the_control_unit_on_it(given: dict[str, str], tmp_path: Path) -> None:
+    shipped = Path(rf_pointing.__file__).parent / "station" / "description" / "stations"
+    station = shutil.copytree(shipped, tmp_path / "stations") / "dss13.yaml"
+    station.write_text(station.read_text() + "\ndrive: {type: hamlib}\n")
+    given["station"] = str(station)
+    assert tuple(launched("single_antenna")) == ("antenna_servo", *STATION_NODES)
 
 
 def test_a_real_antenna_is_not_started_with_the_numbers_of_another(given: dict[str, str]) -> None:

@@ -14,7 +14,7 @@ from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.pointing_controller import PointingControllerNode
 
 CASES = {
-    AntennaServo: (("loops.azimuth.proportional_gain", 5.0), ("safety.park_azimuth_deg", 20.0)),
+    AntennaServo: (("loops.azimuth.proportional_gain", 5.0), ("antenna.start_azimuth_deg", 20.0)),
     PointingControllerNode: (("limits.elevation_min_deg", 6.0), ("pointing.period_s", 0.05)),
     EphemerisPublisher: (("source.along_track_offset_s", 0.25), ("source.satellite", "9998")),
 }

@@ -52,4 +52,7 @@ def test_a_live_parameter_takes_effect_at_once(declared: dict[str, list[Any]]) -
 
 def test_every_parameter_has_a_line(script: Any, declared: dict[str, list[Any]]) -> None:
     lines = script.documented(PAGE.read_text())
-    assert not {(node, p.name) for node, all_ in declared.items() for p in all_ if p.prefix != "lifecycle"} - lines
+    assert (
+        not {(node, p.name) for node, all_ in declared.items() for p in all_ if p.prefix not in script.EVERY_NODE}
+        - lines
+    )

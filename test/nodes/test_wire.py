@@ -287,7 +287,8 @@ def branch() -> Branch:
         name: 30.0 + k
         for k, name in enumerate(
             ("limit_margin_rad", "mask_margin_rad", "sun_margin_rad", "keyhole_s", "lost_s", "lost_signal_s",
-             "peak_loss_db", "mean_loss_db", "preposition_s", "unwind_s", "late_s")
+             "peak_loss_db", "mean_loss_db", "preposition_s", "unwind_s", "late_s",
+                 "acquisition_s")
         )
     }  # fmt: skip
     return Branch(turns=-1, plunge=True, over=True, reasons=(), closest_limit="azimuth", **pairs, **numbers)

@@ -254,3 +254,30 @@ def test_newest_announcement_of_a_pass_counts(tmp_path: Path, types: Definitions
             bag.write("/passes", log_time_ns, data)
     passes = read_recording(tmp_path / "bag").passes
     assert [item.aos_ns // 10**9 for item in passes] == [1_000, 7_001, 13_000]
+
+
+@pytest.mark.parametrize("share", [0.05, 0.1, 0.3, 0.6, 0.9])
+def test_a_block_of_zeros_is_never_passed_over_in_silence(bag: Path, tmp_path: Path, share: float) -> None:
+    """4 kB of the file lost: what is left is read, and what is missing is counted."""
+    damaged = Path(shutil.copytree(bag, tmp_path / "bag"))
+    data = bytearray((damaged / "bag.mcap").read_bytes())
+    at = int(share * len(data))
+    data[at : at + 4096] = bytes(4096)
+    (damaged / "bag.mcap").write_bytes(data)
+    whole, rest = read_recording(bag), read_recording(damaged)
+    count = sum(len(topic) for topic in rest.topics.values())
+    assert count < sum(len(topic) for topic in whole.topics.values())
+    assert any("messages beyond the damage are used" in problem for problem in rest.problems)
+    # Some 20 messages lie in 4 kB; the index of one chunk names the others.
+    assert count > 0.98 * sum(len(topic) for topic in whole.topics.values())
+    for name, topic in rest.topics.items():
+        assert set(topic.log_time_ns) <= set(whole.topics[name].log_time_ns)
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, "a: [", "{}", "rosbag2_bagfile_information: [1]"])
+def test_metadata_that_cannot_be_read_costs_nothing(bag: Path, tmp_path: Path, text: str) -> None:
+    damaged = Path(shutil.copytree(bag, tmp_path / "bag"))
+    (damaged / "metadata.yaml").write_text(text)
+    recording = read_recording(damaged)
+    assert any("the bag is damaged" in problem for problem in recording.problems)
+    assert len(recording.topics["joint_states"]) == len(read_recording(bag).topics["joint_states"])

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from rf_pointing.calibration import PassPriors, SectorRule, Slew, plan_campaign
+from rf_pointing.calibration import PassPriors, SectorRule, Slew, plan_campaign, read_model
 from rf_pointing.core import MDEG, random_stream
 from rf_pointing.ephemeris import TopocentricTrack, first_pass_above, site
 from rf_pointing.ephemeris.source import SourceParams, load_elements, load_track
@@ -13,6 +13,7 @@ from rf_pointing.simulation import StationSetup
 from rf_pointing.station.antenna.mount import MountParams
 from rf_pointing.station.campaign.log import CalibrationLog
 from rf_pointing.station.campaign.plan import ArcRules, beacons, candidate_arcs, window_of
+from rf_pointing.station.description import STATIONS
 from test.simulation.kinematic_station import KinematicParams, KinematicStation
 
 STATION = site("Goldstone DSS-13")
@@ -29,7 +30,7 @@ def campaign() -> tuple:
     """Fly the campaign; return the station with the old model, the fit and the observations."""
     setup = StationSetup()
     mount = setup.node("antenna_servo").group("mount", MountParams()).model()
-    old = setup.model
+    old = read_model(STATIONS / "bias_model_dss13_x.yaml").model
     random = random_stream(1, "c")
     station = KinematicStation(KinematicParams(), mount, old, random)
     sky = beacons(START_S)

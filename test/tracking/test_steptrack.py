@@ -9,7 +9,7 @@ import pytest
 
 from rf_pointing.core import MDEG, MU, CarrierPower, PointingError, random_stream
 from rf_pointing.tracking import StepTrackParams
-from rf_pointing.tracking.steptrack import StepTracker
+from rf_pointing.tracking.steptrack import POINTS, StepTracker
 
 H = 65.0 * MDEG
 
@@ -43,13 +43,41 @@ def test_noiseless_round_is_exact_with_samples_taken_close_to_the_points(x: floa
     assert error.elevation_rad == pytest.approx(y * MDEG, abs=1e-4 * MDEG)
 
 
+@pytest.mark.parametrize(("samples", "rounds"), [(2, 600), (3, 400), (5, 300), (12, 150)])
+@pytest.mark.parametrize("noise", [0.001, 0.05])
+def test_errors_are_as_large_as_their_covariance_states_with_few_samples_too(
+    samples: int, rounds: int, noise: float, random: np.random.Generator
+) -> None:
+    """Normalised error squared against 2, the number of axes, at random places of the target."""
+    tracker, squares = StepTracker(StepTrackParams(samples_per_point=samples, step_beamwidths=0.25)), []
+    for number in range(rounds):
+        x, y = random.uniform(-0.3, 0.3, 2) * H
+        for k in range(4 * samples):
+            u, v = (0.25 * H * a for a in POINTS[k // samples])
+            watts = 3e-17 * math.exp(-MU * ((x - u) ** 2 + (y - v) ** 2) / H**2)
+            watts *= 1.0 + noise * random.standard_normal()
+            error = tracker.add(meter(number * 1000.0 + k, watts), u, v)
+        assert error is not None
+        assert error.valid
+        miss = np.array([error.cross_elevation_rad - x, error.elevation_rad - y])
+        squares.append(float(miss @ np.linalg.solve(error.covariance_rad2, miss)))
+    # The spread of the squares themselves says how well their mean is known.
+    assert np.mean(squares) == pytest.approx(2.0, abs=4.0 * np.std(squares) / math.sqrt(rounds))
+    assert np.mean(squares) < 2.6
+
+
+def test_one_sample_a_point_is_refused_because_its_scatter_gives_no_variance() -> None:
+    with pytest.raises(ValueError, match="samples_per_point=1 must be >= 2"):
+        StepTrackParams(samples_per_point=1)
+
+
 def test_spread_is_what_the_scatter_of_the_meter_says() -> None:
     errors = run(StepTracker(StepTrackParams(samples_per_point=5)), 10.0 * MDEG, 4.0 * MDEG, 0.02, seconds=6000.0)
     found = np.array([[e.cross_elevation_rad, e.elevation_rad] for e in errors]) - np.array([10.0, 4.0]) * MDEG
     normalised = [d @ np.linalg.solve(e.covariance_rad2, d) / 2.0 for d, e in zip(found, errors, strict=True)]
-    # With about 17 degrees of freedom in the scatter the mean is 17/15 and 300 rounds know it to 8 %.
+    # 300 rounds know the mean to 8 %.
     assert len(errors) > 250
-    assert np.mean(normalised) == pytest.approx(17.0 / 15.0, abs=0.25)
+    assert np.mean(normalised) == pytest.approx(1.0, abs=0.25)
     assert np.abs(found.mean(axis=0)).max() < 4.0 * found.std() / math.sqrt(len(found))
 
 

@@ -16,7 +16,7 @@ quaternion.  A rotation is twice the vector part, so per second that is 4 q / dt
 q / dt on the rate.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,17 +96,35 @@ class AttitudeState:
     covariance: Array
     refused: NDArray[np.int64]
     misfit: Array
+    biases: "Biases | None" = None
+
+
+@dataclass(frozen=True, slots=True)
+class Biases:
+    """Two constant biases of the sensor, in units of their first sigma, estimated with the state.
+
+    Without them the innovations would not be white, and no hypothesis could be weighed by them.
+    estimate (..., 2), covariance (..., 2, 2), correlation (..., 6, 2): covariance of the errors of
+    attitude and rate with theirs.
+    """
+
+    estimate: Array
+    covariance: Array
+    correlation: Array
 
 
 @dataclass(frozen=True, slots=True)
 class DirectionObservation:
-    """Measured direction in the body (..., 3), its covariance (..., 3, 3), and the reference in the
-    orbital frame.
+    """Measured direction in the body (..., 3), the covariance of its noise (..., 3, 3), and the
+    reference in the orbital frame.
+
+    `bias_rad` (..., 3, 2): error of the direction for one sigma of each of two constant biases.
     """
 
     measured: Array
     covariance_rad2: Array
     reference: Array
+    bias_rad: Array | None = None
 
 
 def start_state(
@@ -162,12 +180,25 @@ def predict(
     # A writable view of the diagonal: the noise is added in place.
     variance = np.einsum("...ii->...i", covariance)
     variance += dt_s * np.repeat([noise.attitude_rad2_s, noise.rate_rad2_s3], 3)
-    return AttitudeState(quaternion, rate, covariance, state.refused, state.misfit)
+    biases = state.biases
+    if biases is not None:
+        biases = replace(biases, correlation=transition @ biases.correlation)
+    return AttitudeState(quaternion, rate, covariance, state.refused, state.misfit, biases)
 
 
 def innovation(state: AttitudeState, observation: DirectionObservation) -> tuple[Array, Array, Array]:
     """Return z (..., 2), its covariance (..., 2, 2) and the rows E (..., 2, 3) orthogonal to the
     reference.
+    """
+    z, spread, rows, _, _ = _innovation(state, observation)
+    return z, spread, rows
+
+
+def _innovation(
+    state: AttitudeState, observation: DirectionObservation
+) -> tuple[Array, Array, Array, Array, tuple[Biases, Array] | None]:
+    """Return z, its covariance, E, cov(x, z) (..., 6, 2), and the biases with cov(b, z) (..., 2,
+    2).
     """
     rotation = matrix_from_quaternion(state.quaternion)
     turned = np.einsum("...ij,...j->...i", rotation, observation.measured)
@@ -179,7 +210,21 @@ def innovation(state: AttitudeState, observation: DirectionObservation) -> tuple
     noise_map = carried @ cross_matrix(observation.measured)
     noise = noise_map @ observation.covariance_rad2 @ _transposed(noise_map)
     spread = rows @ state.covariance[..., :3, :3] @ _transposed(rows) + noise
-    return np.einsum("...ij,...j->...i", rows, gap), spread, rows
+    z, crossed = np.einsum("...ij,...j->...i", rows, gap), state.covariance[..., :, :3] @ _transposed(rows)
+    if observation.bias_rad is None:
+        return z, spread, rows, crossed, None
+    biases = state.biases
+    if biases is None:
+        lead = state.quaternion.shape[:-1]
+        unit = np.broadcast_to(np.eye(2), (*lead, 2, 2))
+        biases = Biases(np.zeros((*lead, 2)), unit, np.zeros((*lead, 6, 2)))
+    slope = -noise_map @ observation.bias_rad
+    crossed = crossed + biases.correlation @ _transposed(slope)
+    bias_crossed = _transposed(rows @ biases.correlation[..., :3, :]) + biases.covariance @ _transposed(slope)
+    common = rows @ biases.correlation[..., :3, :] @ _transposed(slope)
+    spread = spread + common + _transposed(common) + slope @ biases.covariance @ _transposed(slope)
+    z = z - np.einsum("...ij,...j->...i", slope, biases.estimate)
+    return z, spread, rows, crossed, (biases, bias_crossed)
 
 
 def squared_innovation(state: AttitudeState, observation: DirectionObservation) -> Array:
@@ -197,7 +242,7 @@ def update(
     row the filter is taken to be wrong and not the sensor: it accepts every direction until one
     falls inside the gate again, unless `in_doubt` is false.
     """
-    z, spread, rows = innovation(state, observation)
+    z, spread, _, crossed, biases = _innovation(state, observation)
     inverse = _inverse_spread(spread)
     # Normalised squared innovation, chi-square of two degrees of freedom where the filter is
     # consistent.
@@ -206,12 +251,20 @@ def update(
     # A filter that rejects everything would never recover: in doubt it lets the direction in and
     # stays marked.
     believed = inside | (in_doubt & (state.refused >= gate.doubt_after))
-    crossed = state.covariance[..., :, :3] @ _transposed(rows)
     gain = crossed @ inverse * believed[..., None, None]
     change = np.einsum("...ij,...j->...i", gain, z)
     # no reset of the covariance: what is left unknown is the turn about the reference itself,
     # before and after
     covariance = state.covariance - gain @ _transposed(crossed)
+    found = state.biases
+    if biases is not None:
+        found, bias_crossed = biases
+        bias_gain = bias_crossed @ inverse * believed[..., None, None]
+        found = Biases(
+            found.estimate + np.einsum("...ij,...j->...i", bias_gain, z),
+            found.covariance - bias_gain @ _transposed(bias_crossed),
+            found.correlation - gain @ _transposed(bias_crossed),
+        )
     quaternion = quaternion_product(quaternion_from_turn(change[..., :3]), state.quaternion)
     return AttitudeState(
         quaternion / np.linalg.norm(quaternion, axis=-1, keepdims=True),
@@ -221,6 +274,7 @@ def update(
         # Bounded per direction, so that one outlier does not decide between the hypotheses of a
         # start.
         state.misfit + np.minimum(squared, gate.largest),
+        found,
     )
 
 

@@ -103,6 +103,40 @@ class ArrayResponse:
         return np.asarray(self.gain[:, None] * coupling_matrix(len(self.gain), self.coupling), dtype=np.complex128)
 
 
+@dataclass(frozen=True, kw_only=True)
+class ResponseParams(Params):
+    """The response of the array as calibrated; empty lists are an ideal array."""
+
+    gain_db: tuple[float, ...] = parameter((), "gain of each element", low=-60.0, high=60.0)
+    gain_phase_rad: tuple[float, ...] = parameter((), "phase of each element", low=-2.0 * math.pi, high=2.0 * math.pi)
+    coupling_db: tuple[float, ...] = parameter(
+        (), "coupling to the 1st, 2nd ... neighbour on the circle", low=-200.0, high=0.0
+    )
+    coupling_phase_rad: tuple[float, ...] = parameter(
+        (), "phase of the coupling to each neighbour", low=-2.0 * math.pi, high=2.0 * math.pi
+    )
+
+    def response(self, elements: int) -> ArrayResponse | None:
+        """Return the response of an array of `elements`, None where all lists are empty.
+
+        ValueError if a list has neither the length of the array's nor none.
+        """
+        lists = {"gain_db": elements, "gain_phase_rad": elements}
+        lists |= {"coupling_db": elements // 2, "coupling_phase_rad": elements // 2}
+        values = {}
+        for name, count in lists.items():
+            given = getattr(self, name)
+            if len(given) not in (0, count):
+                raise ValueError(f"{name} has {len(given)} values, must be {count} or none")
+            # Without a level there is no coupling, whatever its phase.
+            values[name] = np.array(given or [-math.inf if name == "coupling_db" else 0.0] * count)
+        if not any(getattr(self, name) for name in lists):
+            return None
+        gain = 10.0 ** (values["gain_db"] / 20.0) * np.exp(1j * values["gain_phase_rad"])
+        coupling = 10.0 ** (values["coupling_db"] / 20.0) * np.exp(1j * values["coupling_phase_rad"])
+        return ArrayResponse(gain=gain.astype(np.complex128), coupling=coupling.astype(np.complex128))
+
+
 def coupling_basis(elements: int) -> NDArray[np.float64]:
     """Return B (M // 2 + 1, M, M).
 

@@ -17,7 +17,7 @@ from rf_pointing.array_sensors.attitude.ground_stations import GroundStation, vi
 from rf_pointing.array_sensors.attitude.multiplicative_filter import GateParams, ProcessNoiseParams
 from rf_pointing.array_sensors.attitude.orbits import SunSynchronousOrbitParams, orbit_point
 from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque, SatelliteParams
-from rf_pointing.array_sensors.doa.array import CircularArrayParams
+from rf_pointing.array_sensors.doa.array import ArrayResponse, CircularArrayParams
 from rf_pointing.array_sensors.doa.array_source import SnapshotBlock
 from rf_pointing.array_sensors.doa.attitude_filter import (
     DoaAttitudeFilter,
@@ -113,10 +113,15 @@ class DoaAttitude:
         satellite: SatelliteParams,
         filtering: tuple[DoaAttitudeParams, StartParams, ProcessNoiseParams, GateParams, WatchParams],
         params: DoaChainParams,
+        *,
+        response: ArrayResponse | None = None,
     ) -> None:
         self._array, self._estimator, self._orbit = array, estimator, orbit
         self._stations = {station.name: station for station in stations}
         self._satellite, self._filtering, self._params = satellite, filtering, params
+        self._response = response
+        # Only to check: excluded elements and gains are refused here and not with the first block.
+        DoaEstimator(array, estimator, response=response)
         self._torques: deque[HeldTorque] = deque()
         self._filter: DoaAttitudeFilter | None = None
 
@@ -176,9 +181,7 @@ class DoaAttitude:
 
     def _directions(self, heard: ChannelBlock) -> list[DirectionEstimate]:
         params = self._estimator.replace(sources=len(heard.transmitters))
-        if heard.block.snapshots.shape[0] != self._array.elements:
-            raise ValueError(f"snapshots of {heard.block.snapshots.shape[0]} elements, must be {self._array.elements}")
-        return DoaEstimator(self._array, params).estimate(heard.block)
+        return DoaEstimator(self._array, params, response=self._response).estimate(heard.block)
 
     def _observe(
         self, running: DoaAttitudeFilter, found: list[DirectionEstimate], names: tuple[str, ...], t_s: float
@@ -190,14 +193,20 @@ class DoaAttitude:
         if len(names) == 1:
             (only,) = found
             direction = StationDirection(
-                station=sites[0], measured=only.direction, covariance_rad2=only.covariance_rad2, reference=reference[0]
+                station=sites[0],
+                measured=only.direction,
+                covariance_rad2=only.covariance_rad2,
+                reference=reference[0],
+                bias_rad=only.bias_rad,
             )
             return names if running.observe(direction) else ()
+        biases = [each.bias_rad for each in found if each.bias_rad is not None]
         shared = SharedDirections(
             measured=np.array([each.direction for each in found]),
             covariance_rad2=np.array([each.covariance_rad2 for each in found]),
             stations=sites,
             reference=reference,
+            bias_rad=np.array(biases) if biases else None,
         )
         return tuple(names[index] for index in running.observe_shared(shared))
 

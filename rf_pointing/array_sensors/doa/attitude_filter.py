@@ -46,28 +46,33 @@ class DoaAttitudeParams(Params):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StationDirection:
-    """Direction to one station: measured in the body (3,), its covariance (3, 3), and expected in
-    the orbital frame.
+    """Direction to one station: measured in the body (3,), covariance of its noise (3, 3), and
+    expected in the orbital frame.
+
+    `bias_rad` (3, 2): its error for one sigma of each constant bias of the sensor, if it has any.
     """
 
     station: str
     measured: Array
     covariance_rad2: Array
     reference: Array
+    bias_rad: Array | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SharedDirections:
     """Directions of one channel in which several stations send: which is whose is not known.
 
-    `measured` (n, 3) in the body with covariances (n, 3, 3); `stations` (k,), k >= n, and their
-    expected directions `reference` (k, 3) in the orbital frame.
+    `measured` (n, 3) in the body with covariances (n, 3, 3) and biases (n, 3, 2) as those of a
+    `StationDirection`; `stations` (k,), k >= n, and their expected directions `reference` (k, 3) in
+    the orbital frame.
     """
 
     measured: Array
     covariance_rad2: Array
     stations: tuple[str, ...]
     reference: Array
+    bias_rad: Array | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -207,10 +212,18 @@ class DoaAttitudeFilter:
         """
         seen = [
             [
-                _checked(StationDirection(station=name, measured=m, covariance_rad2=c, reference=s))
-                for name, s in zip(directions.stations, directions.reference, strict=True)
+                _checked(
+                    StationDirection(
+                        station=name,
+                        measured=measured,
+                        covariance_rad2=directions.covariance_rad2[k],
+                        reference=reference,
+                        bias_rad=None if directions.bias_rad is None else directions.bias_rad[k],
+                    )
+                )
+                for name, reference in zip(directions.stations, directions.reference, strict=True)
             ]
-            for m, c in zip(directions.measured, directions.covariance_rad2, strict=True)
+            for k, measured in enumerate(directions.measured)
         ]
         if not seen:
             return ()
@@ -345,4 +358,5 @@ def _checked(direction: StationDirection) -> DirectionObservation:
     # rounding; across it rounding is no variance.
     if across[0] < -1e-9 * across[2] or across[1] <= 1e-9 * across[2]:
         raise ValueError(f"covariance_rad2 has eigenvalues {across}, two of them must be > 0 and none negative")
-    return DirectionObservation(measured, covariance, reference)
+    bias = None if direction.bias_rad is None else as_finite_array("bias_rad", direction.bias_rad, (3, 2))
+    return DirectionObservation(measured, covariance, reference, bias)

@@ -12,13 +12,16 @@ lock 180 deg away.  So:
   misfit, `remaining` those that the data do not rule out.
 """
 
-from dataclasses import dataclass, fields
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.array_sensors.attitude.multiplicative_filter import (
     AttitudeState,
+    Biases,
     DirectionObservation,
     GateParams,
     attitude_error,
@@ -89,19 +92,24 @@ def start_bank(
 def best_of_bank(state: AttitudeState) -> AttitudeState:
     """Return the member (..., 1) of each bank (..., hypotheses) with the smallest misfit."""
     best = np.argmin(state.misfit, axis=-1)[..., None]
-    return AttitudeState(
-        np.take_along_axis(state.quaternion, best[..., None], axis=-2),
-        np.take_along_axis(state.rate_rad_s, best[..., None], axis=-2),
-        np.take_along_axis(state.covariance, best[..., None, None], axis=-3),
-        np.take_along_axis(state.refused, best, axis=-1),
-        np.take_along_axis(state.misfit, best, axis=-1),
-    )
+    axis = best.ndim - 1
+
+    def of(values: NDArray[Any]) -> NDArray[Any]:
+        index = best.reshape(*best.shape, *[1] * (values.ndim - best.ndim))
+        return np.asarray(np.take_along_axis(values, index, axis=axis))
+
+    return _each(state, of)
 
 
 def joined(banks: list[AttitudeState]) -> AttitudeState:
-    """Return one bank of all members of `banks`."""
-    names = [field.name for field in fields(AttitudeState)]
-    return AttitudeState(*(np.concatenate([getattr(bank, name) for bank in banks]) for name in names))
+    """Return one bank of all members of `banks`, fresh ones: no biases are estimated yet."""
+    return AttitudeState(
+        np.concatenate([bank.quaternion for bank in banks]),
+        np.concatenate([bank.rate_rad_s for bank in banks]),
+        np.concatenate([bank.covariance for bank in banks]),
+        np.concatenate([bank.refused for bank in banks]),
+        np.concatenate([bank.misfit for bank in banks]),
+    )
 
 
 def remaining(params: StartParams, bank: AttitudeState) -> AttitudeState:
@@ -116,4 +124,20 @@ def remaining(params: StartParams, bank: AttitudeState) -> AttitudeState:
     distance = np.einsum("ni,ni->n", apart, np.linalg.solve(best.covariance[0], apart.T).T)
     kept = (distance > AGREEING) & (bank.misfit <= best.misfit + params.decisive)
     kept[int(np.argmin(bank.misfit))] = True
-    return AttitudeState(*(getattr(bank, field.name)[kept] for field in fields(AttitudeState)))
+    return _each(bank, lambda values: np.asarray(values[kept]))
+
+
+def _each(state: AttitudeState, change: Callable[[NDArray[Any]], NDArray[Any]]) -> AttitudeState:
+    """Return the state with `change` of each of its arrays."""
+    return AttitudeState(
+        change(state.quaternion),
+        change(state.rate_rad_s),
+        change(state.covariance),
+        change(state.refused),
+        change(state.misfit),
+        None
+        if state.biases is None
+        else Biases(
+            *(change(each) for each in (state.biases.estimate, state.biases.covariance, state.biases.correlation))
+        ),
+    )

@@ -90,7 +90,8 @@ def direction_bound_rad2(
     directions : (K, 3) unit vectors.
     source_covariance : (K, K) Hermitian, powers over the noise power of one element on the
         diagonal.
-    response : (M, M) coupling and gain matrix C, measured vector C a; identity when None.
+    response : (n, M) coupling and gain matrix C of the n elements in use, measured vector C a;
+        identity when None.
 
     Raises
     ------
@@ -105,7 +106,7 @@ def direction_bound_rad2(
     values = np.linalg.svd(received, compute_uv=False)
     if values[-1] < SMALLEST_SEPARATION * values[0]:
         raise ValueError(f"directions cannot be separated: {directions.tolist()}")
-    covariance = received @ source_covariance @ received.conj().T + np.eye(array.elements)
+    covariance = received @ source_covariance @ received.conj().T + np.eye(len(matrix))
     # The part of the derivatives that the sources themselves cannot imitate: P D with P the
     # projector off A.
     off = slopes - received @ np.linalg.lstsq(received, slopes, rcond=None)[0]

@@ -7,6 +7,7 @@ the estimate is invalid and carries its reason.  So is an estimate from a channe
 than expected: it may belong to another transmitter.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,15 +42,39 @@ class DoaEstimatorParams(Params):
     # With a second transmitter in the channel the direction may be that one's, without any other
     # sign of it.
     count_signals: bool = parameter(True, "refuse a channel with more signals than sources (white receiver noise)")
+    # Averaging does not help against it: the error is a constant of the direction cosines.
+    phase_sigma_rad: float = parameter(
+        0.0, "uncertainty of the phase of each element, constant in time", low=0.0, high=1.0
+    )
+    excluded: str = parameter("", "elements that are left out, counted from 0, separated by commas")
+
+    def elements_in_use(self, elements: int) -> list[int]:
+        """Return the elements of an array of `elements` that are not excluded.
+
+        ValueError if an excluded one does not exist, or fewer than five are left.
+        """
+        words = [word.strip() for word in self.excluded.split(",") if word.strip()]
+        known = {str(index) for index in range(elements)}
+        if not set(words) <= known:
+            raise ValueError(
+                f"excluded={self.excluded!r} must be numbers from 0 to {elements - 1}, separated by commas"
+            )
+        used = [index for index in range(elements) if str(index) not in words]
+        # As for a whole array: fewer leave an accuracy that depends on azimuth.
+        if len(used) < 5:
+            raise ValueError(f"excluded={self.excluded!r} leaves {len(used)} elements, must be >= 5")
+        return used
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DirectionEstimate:
     """Direction of one source in the array frame at `t_s`.
 
-    `direction` (3,) unit vector; `covariance_rad2` (3, 3) of its error, rank two, orthogonal to it;
-    `snr_db` per element; `effective_snr` kappa as a ratio.  An invalid estimate carries its reason
-    and must not move a filter.
+    `direction` (3,) unit vector; `covariance_rad2` (3, 3) of its noise, rank two, orthogonal to it;
+    `bias_rad` (3, 2) its error for one sigma of each of the two constant biases of the direction
+    cosines that uncertain phases of the elements make, None where they are known; `snr_db` per
+    element; `effective_snr` kappa as a ratio.  An invalid estimate carries its reason and must not
+    move a filter.
     """
 
     t_s: float
@@ -59,6 +84,7 @@ class DirectionEstimate:
     effective_snr: float
     valid: bool
     reason: str
+    bias_rad: Array | None = None
 
 
 class DoaEstimator:
@@ -67,11 +93,21 @@ class DoaEstimator:
     def __init__(
         self, array: CircularArrayParams, params: DoaEstimatorParams, *, response: ArrayResponse | None = None
     ) -> None:
-        if params.sources >= array.elements:
-            raise ValueError(f"sources={params.sources} must be < elements={array.elements}")
+        used = params.elements_in_use(array.elements)
+        if params.sources >= len(used):
+            raise ValueError(f"sources={params.sources} must be < elements={len(used)}")
+        if response is not None and len(response.gain) != array.elements:
+            raise ValueError(f"response has {len(response.gain)} gains, must be elements={array.elements}")
         self.array = array
         self.params = params
-        self._matrix = None if response is None else response.matrix
+        self._used = used
+        # Least squares of a phase plane over the circle: the phases' errors over the rim's slope.
+        self._bias_sigma = params.phase_sigma_rad * math.sqrt(2.0 / len(used)) / phase_radius_rad(array)
+        self._matrix: ComplexArray | None = None
+        if response is not None or len(used) < array.elements:
+            whole = np.eye(array.elements, dtype=np.complex128) if response is None else response.matrix
+            # An excluded element is not measured; the others still couple to it.
+            self._matrix = whole[used]
 
     def estimate(self, block: SnapshotBlock) -> list[DirectionEstimate]:
         """Return one estimate per source found, strongest spectrum first.
@@ -84,10 +120,17 @@ class DoaEstimator:
             If the block has no more snapshots than sources (noise and signals cannot be
             separated), or its covariance is refused.
         """
-        sources, count = self.params.sources, block.snapshots.shape[-1]
+        snapshots = block.snapshots
+        if len(snapshots) != self.array.elements:
+            raise ValueError(f"snapshots of {len(snapshots)} elements, must be {self.array.elements}")
+        snapshots = snapshots[self._used]
+        silent = [self._used[k] for k in np.flatnonzero(np.max(np.abs(snapshots), axis=-1) == 0.0)]
+        if silent:
+            raise ValueError(f"element {silent[0]} delivers zeros only: exclude it with excluded, or repair it")
+        sources, count = self.params.sources, snapshots.shape[-1]
         if count <= sources:
             raise ValueError(f"snapshots={count} must be > sources={sources} to separate noise and signals")
-        covariance = sample_covariance(block.snapshots, sources)
+        covariance = sample_covariance(snapshots, sources)
         if sources == 1:
             peaks = estimate_directions(self.array, covariance[None], self._matrix)
             directions, flaw = peaks.direction, "" if peaks.converged[0] else "peak refinement did not converge"
@@ -105,7 +148,7 @@ class DoaEstimator:
 
         Signals cannot be counted with fewer snapshots than elements.
         """
-        if not self.params.count_signals or count < self.array.elements:
+        if not self.params.count_signals or count < len(self._used):
             return ""
         held = int(count_sources(covariance, count))
         return (
@@ -117,11 +160,11 @@ class DoaEstimator:
     def _powers(self, covariance: ComplexArray, directions: Array, count: int) -> tuple[float, ComplexArray]:
         """Return the noise power and the source covariance (k, k): least squares on R - noise I."""
         sources = self.params.sources
-        values = eigen(covariance, self.array.elements, sources).values
+        values = eigen(covariance, len(self._used), sources).values
         rest = float(np.sum(values[sources:]))
         # The principal eigenvectors take a share of the noise with them; count / (count - sources)
         # restores it.
-        noise = rest / (self.array.elements - sources) * count / (count - sources)
+        noise = rest / (len(self._used) - sources) * count / (count - sources)
         # Identical snapshots or a simulation without noise: every power ratio would be infinite.
         if noise <= 1e-12 * values[0]:
             raise ValueError(
@@ -129,7 +172,7 @@ class DoaEstimator:
             )
         manifold = steering(self.array, directions).T
         inverse = np.linalg.pinv(manifold if self._matrix is None else self._matrix @ manifold)
-        return noise, inverse @ (covariance - noise * np.eye(self.array.elements)) @ inverse.conj().T
+        return noise, inverse @ (covariance - noise * np.eye(len(self._used))) @ inverse.conj().T
 
     def _judge(
         self, t_s: float, directions: Array, snr: ComplexArray, count: int, flaw: str
@@ -159,4 +202,5 @@ class DoaEstimator:
             effective_snr=effective,
             valid=not reasons,
             reason="; ".join(reasons),
+            bias_rad=self._bias_sigma * slopes if self._bias_sigma else None,
         )

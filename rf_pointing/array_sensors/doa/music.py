@@ -51,7 +51,7 @@ def refine_peaks(
     Parameters
     ----------
     signal : (n, M, K) signal eigenvectors of each covariance.
-    response : (M, M) coupling and gain matrix C; identity when None.
+    response : (n, M) coupling and gain matrix C of the n elements in use; identity when None.
     """
     taylor = steering_taylor(array)
     numerator = signal.conj().swapaxes(-1, -2)
@@ -174,7 +174,8 @@ def estimate_directions(
 
     Parameters
     ----------
-    response : (M, M) calibrated coupling and gain matrix C of the real array; identity when None.
+    response : (n, M) calibrated coupling and gain matrix C of the n elements in use; identity when
+        None.
 
     Raises
     ------
@@ -207,7 +208,7 @@ def _estimate(
     manifold: ComplexArray,
     response: ComplexArray | None,
 ) -> Peaks:
-    principal = principal_eigenvectors(covariance, array.elements)
+    principal = principal_eigenvectors(covariance, array.elements if response is None else len(response))
     spectrum = principal.conj() @ manifold.T
     # |v_1^H a|^2 orders the lattice as the MUSIC spectrum does when there is one source.
     start = candidates[np.argmax(spectrum.real**2 + spectrum.imag**2, axis=-1)]

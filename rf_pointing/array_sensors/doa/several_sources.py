@@ -48,7 +48,7 @@ def estimate_several(
         If `sources` is not below the number of elements, or the covariance has lower rank
         than that.
     """
-    signal = eigen(covariance, array.elements, sources).vectors[:, :sources]
+    signal = eigen(covariance, array.elements if response is None else len(response), sources).vectors[:, :sources]
     # Finer than for one source: two maxima closer than a lattice step would merge into one start.
     spacing = 0.2 / phase_radius_rad(array)
     starts = _lattice_maxima(array, signal, spacing, response)

@@ -16,7 +16,7 @@ from rf_pointing.array_sensors.attitude.multiplicative_filter import ProcessNois
 from rf_pointing.array_sensors.attitude.orbits import SunSynchronousOrbitParams, orbit_point
 from rf_pointing.array_sensors.attitude.quaternion import quaternion_from_roll_pitch_yaw, quaternion_to_matrix
 from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque, SatelliteParams
-from rf_pointing.array_sensors.doa.array import CircularArrayParams
+from rf_pointing.array_sensors.doa.array import ArrayResponse, CircularArrayParams
 from rf_pointing.array_sensors.doa.array_source import ArraySource, ArraySourceParams
 from rf_pointing.array_sensors.doa.attitude_chain import ChannelBlock, HeldTorque
 from rf_pointing.array_sensors.doa.simulated_satellite import NadirHoldParams, SatelliteTruth, SimulatedSatellite
@@ -72,11 +72,13 @@ class SimulatedDoa:
         noise: ProcessNoiseParams,
         scenario: DoaScenarioParams,
         seed: int,
+        *,
+        response: ArrayResponse | None = None,
     ) -> None:
         self._orbit, self._stations, self._scenario = orbit, stations, scenario
         self._bodies = (satellite, hold, noise)
         self._seed = seed
-        self._source = ArraySource(array, receiver, seed=seed)
+        self._source = ArraySource(array, receiver, seed=seed, response=response)
         self._satellite: SimulatedSatellite | None = None
         self._torque: KnownTorque | None = None
         self._turn = 0

@@ -3,8 +3,8 @@
 Subscribes: array_snapshots, known_torque.
 Publishes: attitude (one for every block; invalid ones carry their reason), attitude_rate
 (geometry_msgs/TwistWithCovarianceStamped, with every valid attitude).
-Parameters: array.*, estimator.*, orbit.*, stations.*, satellite.*, filter.*, start.*, noise.*,
-gate.*, watch.*, chain.*.
+Parameters: array.*, response.* (as calibrated), estimator.*, orbit.*, stations.*, satellite.*,
+filter.*, start.*, noise.*, gate.*, watch.*, chain.*.
 """
 
 from geometry_msgs.msg import TwistWithCovarianceStamped
@@ -14,7 +14,7 @@ from rf_pointing.array_sensors.attitude.ground_stations import GroundNetworkPara
 from rf_pointing.array_sensors.attitude.multiplicative_filter import GateParams, ProcessNoiseParams
 from rf_pointing.array_sensors.attitude.orbits import SunSynchronousOrbitParams
 from rf_pointing.array_sensors.attitude.rigid_body import SatelliteParams
-from rf_pointing.array_sensors.doa.array import CircularArrayParams
+from rf_pointing.array_sensors.doa.array import CircularArrayParams, ResponseParams
 from rf_pointing.array_sensors.doa.attitude_chain import DoaAttitude, DoaAttitudeReport, DoaChainParams
 from rf_pointing.array_sensors.doa.attitude_filter import DoaAttitudeParams
 from rf_pointing.array_sensors.doa.attitude_start import StartParams
@@ -36,7 +36,7 @@ class DoaAttitudeNode(ManagedNode):
 
     def __init__(self) -> None:
         super().__init__("doa_attitude")
-        array = {"array": CircularArrayParams(), "estimator": DoaEstimatorParams()}
+        array = {"array": CircularArrayParams(), "estimator": DoaEstimatorParams(), "response": ResponseParams()}
         scene = {
             "orbit": SunSynchronousOrbitParams(),
             "stations": GroundNetworkParams(),
@@ -59,6 +59,7 @@ class DoaAttitudeNode(ManagedNode):
             value("satellite"),
             (value("filter"), value("start"), value("noise"), value("gate"), value("watch")),
             value("chain"),
+            response=value("response").response(value("array").elements),
         )
         self._attitudes = self.stream(Attitude, "attitude", STREAM)
         self._rates = self.publisher(TwistWithCovarianceStamped, "attitude_rate", STREAM)

@@ -4,8 +4,8 @@ Publishes: array_snapshots (one block each period while a station is received), 
 period), sim/attitude (geometry_msgs/QuaternionStamped, truth), sim/attitude_rate
 (geometry_msgs/Vector3Stamped, truth).
 Parameters: source.* (period, seed), array.*, receiver.*, orbit.*, stations.*, satellite.*, and the
-truth that the filter does not know: scenario.* (link, access, true start), hold.* (attitude
-control), disturbance.*.
+truth that the filter does not know: response.* (of the array), scenario.* (link, access, true
+start), hold.* (attitude control), disturbance.*.
 """
 
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from rf_pointing.array_sensors.attitude.ground_stations import GroundNetworkPara
 from rf_pointing.array_sensors.attitude.multiplicative_filter import ProcessNoiseParams
 from rf_pointing.array_sensors.attitude.orbits import SunSynchronousOrbitParams
 from rf_pointing.array_sensors.attitude.rigid_body import SatelliteParams
-from rf_pointing.array_sensors.doa.array import CircularArrayParams
+from rf_pointing.array_sensors.doa.array import CircularArrayParams, ResponseParams
 from rf_pointing.array_sensors.doa.array_source import ArraySourceParams
 from rf_pointing.array_sensors.doa.simulated_doa import DoaScenarioParams, SimulatedDoa
 from rf_pointing.array_sensors.doa.simulated_satellite import NadirHoldParams
@@ -42,7 +42,7 @@ class DoaSource(ManagedNode):
 
     def __init__(self) -> None:
         super().__init__("doa_source")
-        array = {"array": CircularArrayParams(), "receiver": ArraySourceParams()}
+        array = {"array": CircularArrayParams(), "receiver": ArraySourceParams(), "response": ResponseParams()}
         scene = {
             "orbit": SunSynchronousOrbitParams(),
             "stations": GroundNetworkParams(),
@@ -66,6 +66,7 @@ class DoaSource(ManagedNode):
             value("disturbance"),
             value("scenario"),
             value("source").seed,
+            response=value("response").response(value("array").elements),
         )
         self._snapshots = self.stream(ArraySnapshots, "array_snapshots", STREAM)
         self._torques = self.stream(KnownTorque, "known_torque", STREAM)

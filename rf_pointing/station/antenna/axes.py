@@ -24,6 +24,8 @@ Pair = tuple[float, float]
 Corners = tuple[Pair, ...]
 # Brakes may be set below this without shaking the structure.
 MOVING_RAD_S = math.radians(0.1)
+Following = tuple[Motion, Motion]
+"""A feasible motion, and the command that it chases."""
 REST_RAD_S = math.radians(1e-3)
 NEW_PATH_RAD = math.radians(0.5)
 """A command this far from the present path is a place to slew to, past what is forbidden."""
@@ -34,9 +36,15 @@ class Hardware(Protocol):
 
     `velocity_rad_s` (2,) are the tachometer rates and `switch_rad` (2,) the angles at the limit
     switches, which do not depend on the encoders; `at_stop` says which axis touches a hard stop.
-    `encoders` and `anemometer_m_s` read a sensor, NaN from one that is silent; `move` gives the
-    drives their rate commands (2,) for one tick; `brake` cuts the drives too.
+    `encoders` and `anemometer_m_s` read a sensor, NaN from one that is silent; None is a station
+    without an anemometer.  `move` gives the drives their rate commands (2,) for one tick, or, where
+    the drive `takes_positions`, the motion to follow (None: there is none); `brake` cuts the drives
+    too.  `fault` is why the drives must be cut, "" if not, and `settled_rad` how near to its goal
+    an axis comes to rest.
     """
+
+    takes_positions: bool
+    settled_rad: float
 
     @property
     def velocity_rad_s(self) -> Array: ...
@@ -46,10 +54,12 @@ class Hardware(Protocol):
     def powered(self) -> bool: ...
     @property
     def at_stop(self) -> tuple[bool, bool]: ...
+    @property
+    def fault(self) -> str: ...
 
     def encoders(self) -> Pair: ...
-    def anemometer_m_s(self) -> float: ...
-    def move(self, rate_command_rad_s: Array) -> None: ...
+    def anemometer_m_s(self) -> float | None: ...
+    def move(self, rate_command_rad_s: Array, following: Following | None = None) -> None: ...
     def brake(self) -> None: ...
     def release_brake(self) -> None: ...
 
@@ -64,6 +74,8 @@ class SlewPath:
         self.preprocessor = CommandPreprocessor(loops.preprocessor)
         self.preprocessor.reset(start_rad)
         self.goal_rad = np.array(start_rad)
+        self.following: Following | None = None
+        """The motion of the latest step and what it chases, for a drive that takes positions."""
         self._corners = CornerPath()
 
     def hold(self, position_rad: Array) -> None:
@@ -113,7 +125,10 @@ class SlewPath:
             command = sample.position_rad, sample.velocity_rad_s, sample.acceleration_rad_s2
         else:
             command = self.goal_rad if corner is None else np.array(corner), np.zeros(2), np.zeros(2)
-        return Motion(*self.preprocessor.step(*command, tick_s))
+        motion = Motion(*self.preprocessor.step(*command, tick_s))
+        # A stop has no goal but its own end.
+        self.following = motion, motion if self.preprocessor.stopping else Motion(*command)
+        return motion
 
 
 class AntennaAxes:
@@ -191,12 +206,13 @@ class AntennaAxes:
     def watch(self) -> str:
         """Bridge impossible encoder readings; return why the drives must be cut, "" if not."""
         hardware = self.hardware
-        bridged, reason = self._safety.tick(
-            hardware.encoders(),
-            pair(hardware.switch_rad),
-            pair(hardware.velocity_rad_s),
-            pair(self.rate_command_rad_s),
-        )
+        encoders, switches, velocity = hardware.encoders(), pair(hardware.switch_rad), pair(hardware.velocity_rad_s)
+        if hardware.takes_positions:
+            # The hardware has a watch of its own, at its own steps and readings.
+            bridged, reason = encoders, self._safety.beyond(switches, velocity)
+        else:
+            bridged, reason = self._safety.tick(encoders, switches, velocity, pair(self.rate_command_rad_s))
+        reason = hardware.fault or reason
         self.encoder_rad = np.array(bridged)
         # With the brakes set there is nothing left to cut, and a sensor under repair must not latch
         # a fault.

@@ -1,7 +1,8 @@
 """The control unit of an antenna: commands and requests in, encoder angles and status out.
 
-It stands in front of any hardware.  Per control tick: command table -> preprocessor -> position law
-of each axis -> rate command -> drives.  In manual-rate mode an identification experiment gives the
+It is in front of any hardware.  Per control tick: command table -> preprocessor -> position law of
+each axis -> rate command -> drives; a drive that takes positions follows the preprocessor's motion
+itself.  In manual-rate mode an identification experiment gives the
 rate commands instead.  A loop that oscillates has its drives cut and the brakes set, and the fault
 latches.
 
@@ -9,8 +10,6 @@ latches.
 closes the loops.  This module alone carries anything out: it gives the others what they need to
 know and acts on their answers.
 """
-
-import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +26,6 @@ from rf_pointing.station.pointing.status import AntennaStatus
 
 Array = NDArray[np.float64]
 Pair = tuple[float, float]
-ARRIVED_RAD = math.radians(0.02)
 SAME_S = 1e-9
 WIND_EVERY = 5
 """Ticks between two readings of the anemometer."""
@@ -57,7 +55,7 @@ class ControlUnit:
         self._ticks = 0
         self._experiment: IdentificationExperiment | None = None
         self._accepted = self._rejected = 0
-        self._last_rejection = ""
+        self._last_rejection = self._ran_dry = ""
 
     @property
     def mode(self) -> AntennaMode:
@@ -80,7 +78,7 @@ class ControlUnit:
             return self.reject(reason)
         table.accept(trajectory, now_s)
         safety.authority.claim(commander, now_s)
-        self._accepted += 1
+        self._accepted, self._ran_dry = self._accepted + 1, ""
         safety.commanded_s = now_s
         # A fault shows the last commands before it: which of them led there is the first question.
         safety.latch.note_command((now_s, commander, *pair(trajectory.position_rad[-1])))
@@ -155,7 +153,9 @@ class ControlUnit:
         """Clear a latched fault."""
         reason = self.modes.reason_against(Request.RESET_FAULT, self._motion())
         # What is still there keeps its fault.
-        reason = reason or self.safety.latch.reset(self.safety.watch.cause or self.safety.drive.reason)
+        reason = reason or self.safety.latch.reset(
+            self.safety.watch.cause or self.safety.drive.reason or self.axes.hardware.fault
+        )
         if reason:
             return reason
         if self.axes.loops.oscillation:
@@ -220,6 +220,8 @@ class ControlUnit:
 
     def _unsuitable(self, experiment: IdentificationExperiment) -> str:
         """Return why an experiment does not suit this antenna, "" if it does."""
+        if self.axes.hardware.takes_positions:
+            return "the drive takes positions, an identification needs one that takes rates"
         if abs(experiment.sample_s - self._tick_s) > SAME_S:
             return f"sample_s={experiment.sample_s} must be {self._tick_s}, the control period"
         limit = min(self.axes.limits.rate_limit_rad_s)
@@ -266,10 +268,12 @@ class ControlUnit:
         self.t_s = t_s
         reading = self.reading(t_s)
         self._watch_wind(t_s)
+        axes = self.axes
+        axes.path.following = None
         # Unpowered axes get no rates: laws that run against the brakes would wind up.
-        rates = self._rates(t_s, reading.position_rad) if self.axes.hardware.powered else np.zeros(2)
-        self.axes.rate_command_rad_s = rates
-        self.axes.hardware.move(rates)
+        rates = self._rates(t_s, reading.position_rad) if axes.hardware.powered else np.zeros(2)
+        axes.rate_command_rad_s = rates
+        axes.hardware.move(rates, axes.path.following)
         self._watch_sensors()
         return reading
 
@@ -291,7 +295,9 @@ class ControlUnit:
             commands_accepted=self._accepted,
             commands_rejected=self._rejected,
             last_rejection=self._last_rejection,
-            warning=safety.warning(t_s, self.mode, pair(commanded)),
+            warning=("" if axes.hardware.powered else axes.hardware.fault)
+            or self._ran_dry
+            or safety.warning(t_s, self.mode, pair(commanded)),
             transmit_inhibit=silent or safety.gate.transmit_inhibit(float(axes.encoder_rad[1])),
             commander=safety.authority.holder,
         )
@@ -303,14 +309,17 @@ class ControlUnit:
             fault=self.safety.latch.text,
             high_wind=self.safety.wind.reason,
             moving=self.axes.moving,
-            arrived=away_rad < ARRIVED_RAD,
+            arrived=away_rad < self.axes.hardware.settled_rad,
         )
 
     def _watch_wind(self, t_s: float) -> None:
         self._ticks += 1
         if self._ticks % WIND_EVERY:
             return
-        self.safety.wind.take(t_s, self.axes.hardware.anemometer_m_s())
+        speed_m_s = self.axes.hardware.anemometer_m_s()
+        if speed_m_s is None:
+            return
+        self.safety.wind.take(t_s, speed_m_s)
         # An experiment moves at its own rates and cannot be sent to stow before it has stopped.
         if self.safety.wind.step(t_s) and self.mode == AntennaMode.MANUAL_RATE:
             self.stop()
@@ -393,5 +402,8 @@ class ControlUnit:
             path.goal_rad = sample.position_rad
             self.modes.hold(self._motion())
         else:
-            self.stop(f"commands ran dry {-path.table.lead_s(t_s):.1f} s ago while moving")
+            # No fault: a commander that stalled goes on with its next command.
+            late_s = -path.table.lead_s(t_s)
+            self.stop()
+            self._ran_dry = f"commands ran dry {late_s:.1f} s ago while moving: stopped until the next one"
         return None

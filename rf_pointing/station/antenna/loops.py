@@ -40,6 +40,8 @@ AnyLaw = PositionLaw[Any, Any]
 
 AT_REST = np.zeros(2)
 _PI, _LQG = "pi", "lqg"
+BY_DRIVE = "drive"
+"""The law of a drive that takes positions and closes the loop itself."""
 _AZIMUTH, _ELEVATION = dss13_loops("tuned")
 _LQG_AZIMUTH, _LQG_ELEVATION = dss13_lqg_loops()
 EDGE = 1e-6
@@ -50,7 +52,7 @@ EDGE = 1e-6
 class LoopParams(Params):
     """Position laws of both axes, the watch over them, and the limits of every command."""
 
-    law: str = parameter(_PI, "position law of both axes", choices=(_PI, _LQG))
+    law: str = parameter(_PI, "position law of both axes; drive: that of the device", choices=(_PI, _LQG, BY_DRIVE))
     azimuth: PositionLoopParams = parameter(_AZIMUTH, "azimuth PI loop")
     elevation: PositionLoopParams = parameter(_ELEVATION, "elevation PI loop")
     lqg_file: str = parameter("", "file of the LQG designs, empty for those of DSS-13")
@@ -100,6 +102,8 @@ class AxisLoops:
         """Raise ValueError, saying why, if this set cannot run on this antenna; changes nothing."""
         # Eigenvalues of some 30 states take milliseconds; unchecked gains can shake an antenna
         # apart.
+        if params.law == BY_DRIVE:
+            return
         gains: Sequence[Law] = params.azimuth, params.elevation
         laws = gains if params.law == _PI else self._designs_of(params.lqg_file)
         require_stable(plant, laws, self._tick_s)
@@ -118,7 +122,8 @@ class AxisLoops:
         else:
             gains = (params.azimuth, params.elevation)
             feedforwards = (params.lqg_azimuth, params.lqg_elevation)
-            for law, changed in zip(self._laws, gains if params.law == _PI else feedforwards, strict=True):
+            # A device that closes the loop itself has no laws here.
+            for law, changed in zip(self._laws, gains if params.law == _PI else feedforwards, strict=False):
                 law.retune(changed)
         for watch in self.watch:
             watch.retune(params.oscillation)
@@ -134,7 +139,10 @@ class AxisLoops:
     def rates(self, command: Motion, measured_rad: Array) -> Array:
         """Return the rate commands (2,) for a feasible command and the encoders of this tick."""
         measured = measured_rad.tolist()
-        given = np.array(law_rates(self._laws, [part.tolist() for part in command], measured, self._tick_s))
+        if self.params.law == BY_DRIVE:
+            given = command.velocity
+        else:
+            given = np.array(law_rates(self._laws, [part.tolist() for part in command], measured, self._tick_s))
         for watch, position, shown in zip(self.watch, command.position.tolist(), measured, strict=True):
             # The error of the feasible command: that of the raw one is large in every slew.
             watch.update(position - shown, self._tick_s)
@@ -145,10 +153,12 @@ class AxisLoops:
     def _start(self, position: Array, velocity: Array, measured: Array, command: Array) -> None:
         self._newest = (position, velocity, measured, command)
         rows = zip(position.tolist(), velocity.tolist(), measured.tolist(), command.tolist(), strict=True)
-        for law, row in zip(self._laws, rows, strict=True):
+        for law, row in zip(self._laws, rows, strict=False):
             law.reset(*row)
 
     def _build(self, params: LoopParams) -> list[AnyLaw]:
+        if params.law == BY_DRIVE:
+            return []
         if params.law == _PI:
             return [PositionLoop(params.azimuth, self._tick_s), PositionLoop(params.elevation, self._tick_s)]
         azimuth, elevation = self._designs_of(params.lqg_file)

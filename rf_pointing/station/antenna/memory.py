@@ -7,9 +7,11 @@ moves, and before a change of fault or rest is published.
 
 import math
 
+from rf_pointing.core import AXES
 from rf_pointing.core.whole_file import KeptState
+from rf_pointing.station.antenna.control_unit import ControlUnit
 from rf_pointing.station.antenna.modes import AntennaMode
-from rf_pointing.station.antenna.simulated_antenna import AntennaParams, SimulatedAntenna
+from rf_pointing.station.antenna.simulated_antenna import AntennaParams
 
 MOVED_RAD = math.radians(0.5)
 """Motion after which the file is written anew: seldom, and far less than a turn of cables."""
@@ -27,18 +29,31 @@ class AntennaMemory:
         missing = {"azimuth_rad", "elevation_rad", "mode", "fault"} - set(self._kept)
         if self._kept and missing:
             raise ValueError(f"state file {name} lacks {', '.join(sorted(missing))}")
+        for key, kind in (
+            ("azimuth_rad", (int, float)),
+            ("elevation_rad", (int, float)),
+            ("mode", str),
+            ("fault", str),
+        ):
+            value = self._kept.get(key)
+            if self._kept and (not isinstance(value, kind) or isinstance(value, bool)):
+                raise ValueError(
+                    f"state file {name}: {key}={value!r} must be {'a text' if kind is str else 'a number'}"
+                )
+        if self._kept and self._kept["mode"] not in ("", *AT_REST):
+            raise ValueError(f"state file {name}: mode={self._kept['mode']!r} must be one of {', '.join(AT_REST)}")
         self._written: tuple[float, float, str, str] | None = None
 
     def start(self, params: AntennaParams) -> AntennaParams:
         """Return the parameters with the angles at which the structure was left, if it is known."""
         if not self._kept:
             return params
-        start = params.antenna.replace(
-            start_azimuth_rad=float(self._kept["azimuth_rad"]), start_elevation_rad=float(self._kept["elevation_rad"])
-        )
+        # Whole numbers of any length are JSON, and no angles.
+        azimuth, elevation = (min(max(self._kept[f"{axis}_rad"], -1e9), 1e9) for axis in AXES)
+        start = params.antenna.replace(start_azimuth_rad=float(azimuth), start_elevation_rad=float(elevation))
         return params.replace(antenna=start)
 
-    def restore(self, antenna: SimulatedAntenna) -> None:
+    def restore(self, antenna: ControlUnit) -> None:
         """Give an antenna that has just been enabled its earlier fault and rest; only once."""
         kept, self._kept = self._kept, {}
         if not kept:
@@ -49,7 +64,7 @@ class AntennaMemory:
         elif kept["mode"] in AT_REST:
             antenna.rest(AntennaMode(kept["mode"]))
 
-    def keep(self, antenna: SimulatedAntenna, t_s: float) -> None:
+    def keep(self, antenna: ControlUnit, t_s: float) -> None:
         """Write what has changed enough to matter."""
         azimuth, elevation = antenna.reading(t_s).position_rad.tolist()
         status = antenna.status(t_s)

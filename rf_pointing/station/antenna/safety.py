@@ -102,7 +102,11 @@ class AntennaSafety:
         bridged, reason = self.watch.step(encoder_rad, rate)
         # Against a model of the rate loop a runaway is found within 40 ms, at 3 mdeg of motion.
         drives = self.drive.step(rate, command)
-        return bridged, reason or drives or self.gate.hard(switch_rad, rate, self._released_rad)
+        return bridged, reason or drives or self.beyond(switch_rad, rate)
+
+    def beyond(self, switch_rad: Pair, rate: Pair) -> str:
+        """Return which hard limit the axes are past and still leaving, "" for none."""
+        return self.gate.hard(switch_rad, rate, self._released_rad)
 
     def check(self, kind: str, t_s: float, present: Pair, positions: Array) -> Decision:
         """Decide on a motion requested at `t_s`, from `present` through `positions` (n, 2)."""

@@ -12,7 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.core import Boresight, JointReading, Params, parameter, random_stream, require_choice, require_finite
+from rf_pointing.drives import DriveParams
 from rf_pointing.servo import AntennaPlant, PlantParams, Wind, WindParams, dss13_plant
+from rf_pointing.station.antenna.axes import Following
 from rf_pointing.station.antenna.control_unit import ControlUnit
 from rf_pointing.station.antenna.loops import LoopParams
 from rf_pointing.station.antenna.modes import AntennaMode
@@ -51,6 +53,7 @@ class AntennaParams(Params):
     """All parameter sets of a simulated antenna; the names are the ROS prefixes."""
 
     antenna: SimulationParams = parameter(SimulationParams(), "tick, start and randomness")
+    drive: DriveParams = parameter(DriveParams(), "the drive")
     plant: PlantParams = parameter(dss13_plant(), "drives and structure")
     loops: LoopParams = parameter(LoopParams(), "position laws and limits of the commands")
     wind: WindParams = parameter(WindParams(), "wind at the dish")
@@ -108,6 +111,10 @@ class SimulatedHardware(AntennaPlant):
     It begins with its brakes set.
     """
 
+    takes_positions = False
+    settled_rad = math.radians(0.02)
+    fault = ""
+
     def __init__(self, params: AntennaParams) -> None:
         seed, self._tick_s = params.antenna.seed, params.antenna.tick_s
         super().__init__(params.plant, random_stream(seed, "encoder"), params.antenna.start_rad)
@@ -143,7 +150,7 @@ class SimulatedHardware(AntennaPlant):
         """Return the speed of the wind as it is measured, NaN when it is not."""
         return self.injected.wind_speed(math.hypot(*self._wind.speed_m_s))
 
-    def move(self, rate_command_rad_s: Array) -> None:
+    def move(self, rate_command_rad_s: Array, _following: Following | None = None) -> None:
         """Drive the axes through this tick (2,); a drive that runs away ignores the command."""
         if self.injected.kind == "runaway":
             rate_command_rad_s = np.array((self.injected.value, rate_command_rad_s[1]))

@@ -25,8 +25,9 @@ from rf_pointing.calibration import (
     SectorRule,
     fit_bias_model,
 )
-from rf_pointing.core import MDEG, JointReading, PointingError, Target, nearest_turn_rad
+from rf_pointing.core import MDEG, JointReading, Motion, PointingError, Target, nearest_turn_rad
 from rf_pointing.core.time_buffer import TimeBuffer
+from rf_pointing.planning import plunged
 from rf_pointing.station.pointing.prediction import TargetBuffer
 from rf_pointing.tracking.sensors import SENSORS
 
@@ -254,21 +255,26 @@ class CalibrationLog:
 
     def _row(self, error: PointingError, position: Array, pass_id: int) -> Observations:
         true = self._target.at([error.t_s])
-        azimuth = float(position[0] + error.cross_elevation_rad / math.cos(position[1]))
+        # Over the top the same direction is another pair of axis angles: the model applies there.
+        over = float(position[1]) > 0.5 * math.pi
+        true = Motion(*plunged(*true)) if over else true
         elevation = float(true.position[0, 1])
+        cosine = abs(math.cos(elevation))
+        azimuth = float(position[0] + error.cross_elevation_rad / abs(math.cos(position[1])))
+        up_rad = -error.elevation_rad if over else error.elevation_rad
         times, ranges, rates = np.array(sorted(self._ranges)).T
         sigma = np.sqrt(np.maximum(np.diag(error.covariance_rad2), 0.0) + self._sigma_rad**2)
         single = {
             "t_s": error.t_s,
             "observed_azimuth_rad": azimuth,
-            "observed_elevation_rad": position[1] + error.elevation_rad,
+            "observed_elevation_rad": position[1] + up_rad,
             "true_azimuth_rad": nearest_turn_rad(float(true.position[0, 0]), azimuth),
             "true_elevation_rad": elevation,
             "azimuth_rate_rad_s": true.velocity[0, 0],
             "elevation_rate_rad_s": true.velocity[0, 1],
             "azimuth_acceleration_rad_s2": true.acceleration[0, 0],
             "elevation_acceleration_rad_s2": true.acceleration[0, 1],
-            "sigma_azimuth_rad": sigma[0] / math.cos(elevation),
+            "sigma_azimuth_rad": sigma[0] / cosine,
             "sigma_elevation_rad": sigma[1],
             "range_m": np.interp(error.t_s, times, ranges),
             "range_rate_m_s": np.interp(error.t_s, times, rates),

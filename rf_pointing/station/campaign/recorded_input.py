@@ -24,6 +24,7 @@ from rf_pointing.calibration import (
     split_passes,
 )
 from rf_pointing.core.refraction import RadioRefraction
+from rf_pointing.core.whole_file import JOURNAL_BYTES, read_whole
 from rf_pointing.ephemeris import Elements, Site, TopocentricTrack, find_elements
 
 REFERENCE_STEP_S = 2.0
@@ -34,8 +35,8 @@ PASS_GAP_S = 1200.0
 def holds_points(path: Path) -> bool:
     """Return whether a CSV file holds calibration points (else raw tracking data)."""
     # By the header, not by the name: both kinds of table are .csv.
-    with path.open(encoding="utf-8-sig") as stream:
-        header = next((line for line in stream if line.strip() and not line.startswith("#")), "")
+    lines = read_whole(path, JOURNAL_BYTES, "utf-8-sig").splitlines()
+    header = next((line for line in lines if line.strip() and not line.startswith("#")), "")
     return "observed_azimuth_deg" in header
 
 

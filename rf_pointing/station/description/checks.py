@@ -7,6 +7,7 @@ from typing import Any
 from rf_pointing.calibration import read_model
 from rf_pointing.core import Params, leaves
 from rf_pointing.core.parameters import from_edge
+from rf_pointing.drives import DriveParams
 from rf_pointing.ephemeris import SITES
 from rf_pointing.planning import HorizonMask
 from rf_pointing.station.antenna.mount import MountParams
@@ -41,6 +42,8 @@ def check(content: Content, reader: Reader) -> HorizonMask:
         _check_mount(content, content.mount, reader)
     _check_bands(content, reader)
     _check_tuning(content.tuning, "tuning", reader)
+    rows = {f"drive.{name}": value for name, value in flat(content.drive or {}).items()}
+    _check_names({"drive": DriveParams()}, rows, "drive", reader, strip="drive.")
     if content.simulation is not None:
         _check_errors(content.simulation.mount_errors, "simulation.mount_errors", reader)
     return mask
@@ -250,7 +253,7 @@ def _check_names(
         shown = name.removeprefix(strip)
         edge = leaves(sets[prefix])
         if rest not in edge:
-            reader.note(f"{key}.{shown}", f"{key}.{shown}: no such error of the mount{nearest(rest, edge)}")
+            reader.note(f"{key}.{shown}", f"{key}.{shown}: no such key of {key}{nearest(rest, edge)}")
             continue
         try:
             # Alone: what depends on other values is judged with the whole set later.

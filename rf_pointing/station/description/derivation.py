@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from rf_pointing.core import Params, leaves
+from rf_pointing.drives import DriveParams
 from rf_pointing.ephemeris import SITES, Site
 from rf_pointing.ephemeris.source import SourceParams
 from rf_pointing.planning import HorizonMask
@@ -215,7 +216,7 @@ def derive(content: Content, band: str, mask: HorizonMask, model_file: str) -> d
     """
     of = Band(content, band)
     found: dict[str, Value] = {}
-    for part in (_site, _axes, _zones, _beam, _scans, _search, _loop, _signal, _truth, _plant, _watches):
+    for part in (_site, _axes, _zones, _beam, _scans, _search, _loop, _signal, _truth, _plant, _watches, _drive):
         found |= part(of)
     for prefix in ("mask", "safety.mask"):
         key = "mount.horizon_file" if content.mount.horizon_file else "mount.horizon_deg"
@@ -290,6 +291,22 @@ def hard_stop_deg(of: Band, axis: int) -> Pair:
         return section.hard_stop_deg
     margin = (5.0, 2.0)[axis]
     return section.travel_deg[0] - margin, section.travel_deg[1] + margin
+
+
+def _drive(of: Band) -> dict[str, Value]:
+    """The drive; one that takes positions moves as the mount says, unless its section says more."""
+    found = {f"drive.{name}": Value(value, f"drive.{name}") for name, (_, value) in leaves(DriveParams()).items()}
+    stops = [hard_stop_deg(of, axis) for axis in (0, 1)]
+    low, high = zip(*stops, strict=True)
+    steps = tuple(axis.resolution_deg or 0.0 for axis in of.axes)
+    for name, value, key, formula in (
+        ("rate_deg_s", tuple(axis.rate_deg_s for axis in of.axes), "mount.*.rate_deg_s", "the mount's"),
+        ("resolution_deg", steps, "mount.*.resolution_deg", "the mount's; 0: the protocol's"),
+        ("travel_min_deg", low, "mount.*.hard_stop_deg", "the mount's stops"),
+        ("travel_max_deg", high, "mount.*.hard_stop_deg", "the mount's stops"),
+    ):
+        found[f"drive.rotator.{name}"] = Value(value, key, formula)
+    return found | {f"drive.{name}": Value(value, f"drive.{name}") for name, value in flat(of.content.drive).items()}
 
 
 def _zones(of: Band) -> dict[str, Value]:

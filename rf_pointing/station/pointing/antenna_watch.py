@@ -7,8 +7,8 @@ The encoder angles of `joint_states` are compared with the command at their own 
 Axes that have once settled on the command must go on following it.  They are
 
     silent    no reading is younger than `silence_s`
-    frozen    for `window_s` an encoder has kept its angle while its command moved by `frozen_deg`
-              until a third of it ago, and the axes are outside the tolerance
+    frozen    for `window_s` an encoder has kept its angle while its command moved by `frozen_deg`,
+              and the axes are outside the tolerance
     runaway   farther than `runaway_deg` from the command, and still leaving it
 
 A silent antenna may only have stalled: the pass waits `patience_s` for it.  A frozen or runaway
@@ -128,8 +128,8 @@ class AntennaWatch:
         fault = f"antenna fault: {self.fault}" if self.fault else ""
         if silent and age_s > self.params.patience_s:
             fault = fault or doubt
-        if self.mode not in FOLLOWING:
-            # Pause, stow and park move the axes off the command on purpose.
+        if silent or self.mode not in FOLLOWING:
+            # Pause, stow and park move the axes off the command on purpose; a stall stops them.
             self.unsettle()
             doubt = doubt or f"the antenna is {self.mode}"
         elif reading is not None and error is not None and not silent and self._settled:
@@ -168,9 +168,9 @@ class AntennaWatch:
         since_s, kept, wanted = self._anchor
         turned = np.abs(reading.position_rad - kept) > TOGGLE_SHARE * self.params.frozen_rad
         since_s[turned], kept[turned], wanted[turned] = reading.t_s, reading.position_rad[turned], command[turned]
-        # What was commanded a moment ago: axes at rest need time to begin to move.
-        earlier = self._commands.at(reading.t_s - LEAVING_SHARE * self.params.window_s)
-        asked = np.abs((command if earlier is None else earlier) - wanted)
+        asked = np.abs(command - wanted)
+        # An encoder may stand as long as its command does.
+        since_s[asked <= TOGGLE_SHARE * self.params.frozen_rad] = reading.t_s
         still = (reading.t_s - since_s >= self.params.window_s) & (asked >= self.params.frozen_rad)
         if distance <= self.tolerance_rad or not still.any():
             return ""

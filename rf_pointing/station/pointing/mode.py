@@ -102,6 +102,10 @@ class CarrierWatch:
         self._watched_s = -math.inf
         self._watch.reset()
 
+    def trust_until(self, t_s: float) -> None:
+        """Judge no error before `t_s`."""
+        self._watched_s = max(self._watched_s, t_s)
+
     def forget(self) -> None:
         """Begin with a new mode."""
         self._watch.reset()

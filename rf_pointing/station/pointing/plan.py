@@ -30,7 +30,6 @@ from rf_pointing.planning.forbidden_sky import ForbiddenSky
 from rf_pointing.station.pointing.branch import TrackingBranch
 from rf_pointing.station.pointing.certificates import PlanningRules, certificate_of
 from rf_pointing.station.pointing.prediction import axis_motion
-from rf_pointing.tracking.sensors import sensors_of
 
 Array = NDArray[np.float64]
 # Times of a pass and of its profile differ by less: they may have been computed from other
@@ -74,7 +73,6 @@ class PassPlan:
         window: Pass,
         joints: JointReading,
         model: BiasModel,
-        sensor: str,
         lag_averaging_s: float = 0.0,
         cost: Callable[[PassProfile], SensorCost] | None = None,
     ) -> bool:
@@ -98,14 +96,12 @@ class PassPlan:
             model=model, machine=self.machine, limits=self._limits, mask=self.mask, gate=self._gate_params,
             lag_averaging_s=lag_averaging_s,
         )  # fmt: skip
-        over = all(traits.over_the_top for traits in sensors_of(sensor))
         slew = partial(self.gate.slew, sun_rad=self.sun.at(t_s))
         self.certificate = certificate_of(
             profile,
             rules,
             t_s,
             (azimuth, elevation),
-            plunge_allowed=over,
             slew=slew,
             cost=cost(profile) if cost else None,
         )

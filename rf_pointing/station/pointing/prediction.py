@@ -67,24 +67,24 @@ class TargetBuffer:
         self._insert(target.t_s, motion, target.range_m)
 
     def fill(self, profile: PassProfile, start_s: float, end_s: float, range_m: float) -> None:
-        """Go on with the profile of the pass up to `end_s` where no sample was received.
+        """Take the profile of the pass where nothing is known between two times.
 
-        The profile is moved to where the samples ended: an offset that the operator has set since
+        The profile is moved to where the last sample is: an offset that the operator has set since
         it was made stays.  The distance goes on as it changed; `range_m` without any sample.
         """
-        begin_s = max(start_s, self.known_until_s)
-        first = max(int(np.searchsorted(profile.t_s, begin_s + 1e-6)) - (0 if self._times else 1), 0)
-        last = min(int(np.searchsorted(profile.t_s, end_s)) + 1, len(profile.t_s))
-        shift = np.zeros(2)
-        if self._times and profile.t_s[0] <= self._times[-1] <= profile.t_s[-1]:
-            there = [np.interp(self._times[-1], profile.t_s, column) for column in profile.position_rad.T]
+        shift, rate = np.zeros(2), 0.0
+        from_s, from_m = (self._times[-1], self._ranges[-1]) if self._times else (start_s, range_m)
+        if self._times and profile.t_s[0] <= from_s <= profile.t_s[-1]:
+            there = [np.interp(from_s, profile.t_s, column) for column in profile.position_rad.T]
             shift = self._motions[-1].position - np.array(there)
-        rate = 0.0
         if len(self._times) > 1:
             rate = (self._ranges[-1] - self._ranges[-2]) / (self._times[-1] - self._times[-2])
-        from_s, from_m = (self._times[-1], self._ranges[-1]) if self._times else (begin_s, range_m)
+        first = max(int(np.searchsorted(profile.t_s, start_s)) - 1, 0)
+        last = min(int(np.searchsorted(profile.t_s, end_s)) + 1, len(profile.t_s))
         for row in range(first, last):
             t_s = round(float(profile.t_s[row]), 6)
+            if self.covers(t_s, t_s):
+                continue
             motion = Motion(
                 profile.position_rad[row] + shift, profile.velocity_rad_s[row], profile.acceleration_rad_s2[row]
             )

@@ -9,6 +9,7 @@ import pytest
 from rf_pointing.array_sensors.doa.array import (
     ArrayResponse,
     CircularArrayParams,
+    ResponseParams,
     coupling_matrix,
     element_positions_m,
     phase_radius_rad,
@@ -161,3 +162,28 @@ def test_one_pilot_is_refused(stream: np.random.Generator) -> None:
 def test_response_that_no_array_has_is_refused(gain: np.ndarray, coupling: np.ndarray, words: str) -> None:
     with pytest.raises(ValueError, match=words):
         ArrayResponse(gain=gain, coupling=coupling)
+
+
+def test_response_is_built_from_levels_and_phases() -> None:
+    found = ResponseParams(
+        gain_db=(6.0,) + (0.0,) * 11,
+        gain_phase_rad=(0.0, 0.5) + (0.0,) * 10,
+        coupling_db=(-20.0,) * 6,
+        coupling_phase_rad=(0.3,) * 6,
+    ).response(12)
+    assert found is not None
+    assert abs(found.gain[0]) == pytest.approx(10.0**0.3)
+    assert np.angle(found.gain[1]) == pytest.approx(0.5)
+    assert found.coupling == pytest.approx(0.1 * np.exp(0.3j) * np.ones(6))
+
+
+def test_empty_lists_are_an_ideal_array_and_no_level_is_no_coupling() -> None:
+    assert ResponseParams().response(12) is None
+    found = ResponseParams(gain_db=(1.0,) * 12).response(12)
+    assert found is not None
+    assert np.all(found.coupling == 0.0)
+
+
+def test_lists_of_another_length_are_refused() -> None:
+    with pytest.raises(ValueError, match="gain_db has 11 values, must be 12 or none"):
+        ResponseParams(gain_db=(0.0,) * 11).response(12)

@@ -19,7 +19,7 @@ from rf_pointing.array_sensors.attitude.quaternion import (
     rotation_angle_between_rad,
 )
 from rf_pointing.array_sensors.attitude.rigid_body import SatelliteParams
-from rf_pointing.array_sensors.doa.array import CircularArrayParams
+from rf_pointing.array_sensors.doa.array import ArrayResponse, CircularArrayParams
 from rf_pointing.array_sensors.doa.array_source import ArraySourceParams, SnapshotBlock
 from rf_pointing.array_sensors.doa.attitude_chain import (
     ChannelBlock,
@@ -72,7 +72,9 @@ def test_vectors_of_the_wrong_shape_are_refused(expected: np.ndarray) -> None:
         match_directions(expected[0], expected, 0.1)
 
 
-def simulated(stations: list[GroundStation] = STATIONS, **scenario: Any) -> SimulatedDoa:
+def simulated(
+    stations: list[GroundStation] = STATIONS, response: ArrayResponse | None = None, **scenario: Any
+) -> SimulatedDoa:
     return SimulatedDoa(
         ARRAY,
         ArraySourceParams(),
@@ -83,13 +85,22 @@ def simulated(stations: list[GroundStation] = STATIONS, **scenario: Any) -> Simu
         ProcessNoiseParams(),
         DoaScenarioParams(**scenario),
         5,
+        response=response,
     )
 
 
-def chain(stations: list[GroundStation] = STATIONS, **params: Any) -> DoaAttitude:
+def chain(
+    stations: list[GroundStation] = STATIONS, estimator: DoaEstimatorParams | None = None, **params: Any
+) -> DoaAttitude:
     filtering = (DoaAttitudeParams(), StartParams(settle_s=10.0), ProcessNoiseParams(), GateParams(), WatchParams())
     return DoaAttitude(
-        ARRAY, DoaEstimatorParams(), ORBIT, stations, SatelliteParams(), filtering, DoaChainParams(**params)
+        ARRAY,
+        estimator or DoaEstimatorParams(),
+        ORBIT,
+        stations,
+        SatelliteParams(),
+        filtering,
+        DoaChainParams(**params),
     )
 
 
@@ -176,6 +187,21 @@ def test_torque_that_the_filter_does_not_know_is_found_by_its_innovations() -> N
         if report.attitude.valid or report is found[-1]:
             sigma = np.sqrt(np.diag(report.attitude.covariance_rad2))
             assert np.all(np.abs(turn_between(moment, report)) < SIGMAS * sigma)
+
+
+def test_phases_known_to_ten_degrees_are_in_the_covariance() -> None:
+    scores = []
+    for seed in range(4):
+        phases = np.radians(10.0) * np.random.default_rng(seed).standard_normal(12)
+        response = ArrayResponse(gain=np.exp(1j * phases), coupling=np.zeros(6, complex))
+        satellite = simulated(response=response)
+        lived = [satellite.step(START_S + k) for k in range(70)]
+        found = run(chain(estimator=DoaEstimatorParams(phase_sigma_rad=np.radians(10.0))), lived)
+        for moment, report in zip(lived[40:], found[40:], strict=True):
+            turn = turn_between(moment, report)
+            scores.append(turn @ np.linalg.solve(report.attitude.covariance_rad2, turn))
+    # Four arrays of three components; without the phases in the filter it is 165.
+    assert np.mean(scores) < 9.0
 
 
 def test_coasting_carries_the_attitude_on_by_the_known_torques(lived: list[DoaMoment]) -> None:

@@ -95,3 +95,48 @@ def test_noise_free_block_is_refused_rather_than_called_perfect() -> None:
     block = SnapshotBlock(t_s=0.0, snapshots=np.ones((12, 10), complex))
     with pytest.raises(ValueError, match="noise power"):
         DoaEstimator(ARRAY, DoaEstimatorParams()).estimate(block)
+
+
+@pytest.mark.parametrize("coupled", [False, True])
+def test_excluded_elements_leave_an_honest_direction(coupled: bool) -> None:
+    coupling = np.array([0.3j, 0.15, 0.1, 0.0, 0.0, 0.0]) if coupled else np.zeros(6, complex)
+    response = ArrayResponse(gain=np.ones(12, complex), coupling=coupling)
+    estimator = DoaEstimator(ARRAY, DoaEstimatorParams(excluded="3, 8"), response=response if coupled else None)
+    truth, scores = direction_from_polar(0.6, 1.0), []
+    for block in blocks([3.0], [0.6], [1.0], 200, response=response):
+        # What a dead element and one full of interference deliver.
+        block.snapshots[3], block.snapshots[8] = 0.0, 100.0 * block.snapshots[0]
+        (found,) = estimator.estimate(block)
+        assert found.valid
+        across = polar_basis(found.direction)[:2]
+        error = across @ (found.direction - truth)
+        scores.append(error @ np.linalg.solve(across @ found.covariance_rad2 @ across.T, error))
+    assert np.mean(scores) == pytest.approx(2.0, abs=0.5)
+
+
+def test_element_that_delivers_zeros_is_named() -> None:
+    (block,) = blocks([0.0], [0.6], [1.0], 1)
+    block.snapshots[5] = 0.0
+    with pytest.raises(ValueError, match="element 5 delivers zeros only: exclude it"):
+        DoaEstimator(ARRAY, DoaEstimatorParams()).estimate(block)
+
+
+@pytest.mark.parametrize("excluded", ["12", "-1", "a", "0,1,2,3,4,5,6,7"])
+def test_impossible_exclusions_are_refused(excluded: str) -> None:
+    with pytest.raises(ValueError, match="excluded="):
+        DoaEstimator(ARRAY, DoaEstimatorParams(excluded=excluded))
+
+
+def test_uncertain_phases_are_a_bias_of_the_direction_cosines() -> None:
+    stream, sigma = np.random.default_rng(5), 0.1
+    estimator = DoaEstimator(ARRAY, DoaEstimatorParams(phase_sigma_rad=sigma))
+    truth, scores = direction_from_polar(0.6, 1.0), []
+    for _ in range(200):
+        response = ArrayResponse(gain=np.exp(1j * sigma * stream.standard_normal(12)), coupling=np.zeros(6, complex))
+        (block,) = blocks([30.0], [0.6], [1.0], 1, response=response)
+        (found,) = estimator.estimate(block)
+        across = polar_basis(found.direction)[:2]
+        error = across @ (found.direction - truth)
+        spread = across @ (found.covariance_rad2 + found.bias_rad @ found.bias_rad.T) @ across.T
+        scores.append(error @ np.linalg.solve(spread, error))
+    assert np.mean(scores) == pytest.approx(2.0, abs=0.5)

@@ -5,10 +5,10 @@ import pytest
 
 from rf_pointing.controllers import CommandPreprocessorParams
 from rf_pointing.core import MDEG
-from rf_pointing.station.antenna.control_unit import ARRIVED_RAD
 from rf_pointing.station.antenna.loops import LoopParams
 from rf_pointing.station.antenna.modes import MODES, AntennaMode
 from rf_pointing.station.antenna.safety import SafetyParams
+from rf_pointing.station.antenna.simulated_antenna import SimulatedHardware
 from test.station.stepped_antenna import SETTLING_S, STANDING, START_S, TICK_S, enabled, hold_at, ramp
 
 
@@ -27,21 +27,27 @@ def test_deactivation_stops_the_axes_under_control_before_it_sets_the_brakes() -
     assert clock.antenna.status(clock.t_s).command_lead_s == 0.0
 
 
-def test_commands_that_stop_in_motion_end_in_a_controlled_stop_and_a_latched_fault() -> None:
+def test_commands_that_stop_in_motion_end_in_a_controlled_stop_until_the_next_one() -> None:
     limits = CommandPreprocessorParams()
     clock = enabled()
     clock.antenna.accept(ramp(START_S, 1.0), START_S)
     clock.run(8.0)
     order = list(dict.fromkeys(clock.modes))
-    assert order == ["tracking", "stopping", "fault"]
+    assert order == ["tracking", "stopping", "holding"]
     last_tracking_s = TICK_S * (len(clock.modes) - clock.modes[::-1].index("tracking"))
     assert last_tracking_s == pytest.approx(1.0 + LoopParams().table.extrapolation_s, abs=2 * TICK_S)
-    assert clock.antenna.status(clock.t_s).fault.startswith("commands ran dry")
+    status = clock.antenna.status(clock.t_s)
+    assert status.fault == ""
+    assert status.warning.startswith("commands ran dry 1.0 s ago while moving: stopped until the next one")
     rates = clock.rates()
     assert np.max(np.abs(np.diff(rates, axis=0))) / TICK_S <= limits.acceleration_limit_rad_s2[0] * (1.0 + 1e-6)
     clock.run(SETTLING_S)
     np.testing.assert_allclose(clock.position[-1], clock.commanded[-1], atol=1.0 * MDEG)
     np.testing.assert_array_equal(clock.commanded[-1], clock.commanded[round(7.0 / TICK_S)])
+    assert clock.antenna.accept(ramp(clock.t_s, 1.0), clock.t_s) == ""
+    clock.run(0.1)
+    status = clock.antenna.status(clock.t_s)
+    assert (status.mode, status.warning) == ("tracking", "")
 
 
 def test_commands_that_end_at_rest_are_no_fault() -> None:
@@ -86,7 +92,7 @@ def test_an_antenna_is_parked_only_when_both_encoders_have_arrived(axis: int, si
     goal = antenna.axes.path.goal_rad
     antenna.modes.mode = AntennaMode.PARKING
     for share, mode in ((1.01, AntennaMode.PARKING), (0.99, AntennaMode.PARKED)):
-        antenna.axes.encoder_rad = goal + share * side * ARRIVED_RAD * np.eye(2)[axis]
+        antenna.axes.encoder_rad = goal + share * side * SimulatedHardware.settled_rad * np.eye(2)[axis]
         antenna._settle(goal)
         assert antenna.mode == mode
 

@@ -20,8 +20,11 @@ TICK_S = 0.02
 @pytest.fixture(scope="module")
 def dss13() -> BiasModel:
     """Return the mount errors of the simulated station."""
-    given = NodeParameters("antenna_servo", read_station("dss13").parameters("antenna_servo"))
-    return given.group("mount", MountParams()).model()
+    return (
+        NodeParameters("antenna_servo", read_station("dss13").parameters("antenna_servo"))
+        .group("mount", MountParams())
+        .model()
+    )
 
 
 def axes_along(track: TopocentricTrack, window: Pass, model: BiasModel, start_s: float) -> tuple[np.ndarray, ...]:

@@ -51,8 +51,8 @@ def received(receiver: SimulatedReceiver, track: TopocentricTrack, start_s: floa
 def test_every_band_hears_through_its_own_beam_amplifier_and_sky(
     band: str, lna_k: float, dichroic_k: float, zenith_loss_db: float
 ) -> None:
-    given = NodeParameters("rf_receiver", read_station("dss13").parameters("rf_receiver", band))
-    signal = given.group("signal", SignalParams())
+    given = read_station("dss13").parameters("rf_receiver", band)
+    signal = NodeParameters("rf_receiver", given).group("signal", SignalParams())
     assert signal.beam.half_power_beamwidth_rad == pytest.approx(HALF_POWER_BEAMWIDTH_RAD[band])
     assert signal.noise == NoiseParams(lna_k=lna_k, dichroic_k=dichroic_k)
     assert signal.atmosphere == AtmosphereParams(zenith_loss_db=zenith_loss_db)

@@ -14,7 +14,8 @@ from rf_pointing.rf import HALF_POWER_BEAMWIDTH_RAD
 from rf_pointing.station.description import read_station
 from rf_pointing.station.description.derivation import NODES
 
-BEFORE = Path(__file__).parent / "data"
+BEFORE = Path(__file__).parents[2] / "data" / "dss13"
+"""The parameter files of the 34-m antenna before it had a description."""
 
 
 @pytest.mark.parametrize("band", ["S", "X", "Ka"])
@@ -27,6 +28,9 @@ def test_dss13_gives_the_numbers_of_its_parameter_files(node: str, band: str) ->
         before.values["machine.half_power_beamwidth_deg"] = math.degrees(HALF_POWER_BEAMWIDTH_RAD[band])
     given = NodeParameters(node, read_station("dss13").parameters(node, band))
     for prefix, defaults in NODES[node].items():
+        # No file held it: there was one drive.
+        if prefix == "drive":
+            continue
         # In the core's units, bit for bit: a pass is recorded bit for bit.
         expected, found = (dict(_flat(each.group(prefix, defaults))) for each in (before, given))
         differing = {name: (found[name], value) for name, value in expected.items() if found[name] != value}

@@ -1,0 +1,91 @@
+"""Executable `check_drive`: checks a drive against what the control unit relies on.
+
+    scripts/run check_drive --station my_dish.yaml           without motion
+    scripts/run check_drive --station my_dish.yaml --move    moves both axes by 10 deg and back
+
+The drive is that of the station's description, or of a parameter file of antenna_servo.  Stop
+antenna_servo first: a drive has one master.  Prints pass or FAIL for every property with what was
+measured; the exit code is 0 when all passed, 1 when one failed, 2 when the drive could not be made.
+"""
+
+import argparse
+import math
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+from rf_pointing.commands.options import between, ending_with_reason
+from rf_pointing.core.parameters import NodeParameters, read_parameter_files
+from rf_pointing.drives import DriveParams, make_drive
+from rf_pointing.drives.conformance import ConformanceCheck, Line
+from rf_pointing.station.description import read_station
+
+PROGRAM = "check_drive"
+
+
+def main() -> None:
+    """Entry point of `ros2 run rf_pointing check_drive`."""
+    options = _parser().parse_args()
+    with ending_with_reason(PROGRAM):
+        params = read_drive(options.params_file or [], options.station)
+        drive = make_drive(params)
+    try:
+        lines = check(ConformanceCheck(drive, params, tick, math.radians(options.degrees)), options.move)
+    except KeyboardInterrupt:
+        sys.exit(2)
+    finally:
+        drive.stop()
+        drive.step(time.monotonic())
+        drive.close()
+    failed = sum(not line.passed for line in lines)
+    print(f"{len(lines) - failed} of {len(lines)} passed", flush=True)
+    sys.exit(1 if failed else 0)
+
+
+def check(subject: ConformanceCheck, move: bool) -> list[Line]:
+    """Run the checks and print every line; motion only where all is well without it."""
+    lines = subject.still()
+    _print(lines)
+    if move and all(line.passed for line in lines):
+        moved = subject.moving()
+        _print(moved)
+        lines = lines + moved
+    return lines
+
+
+def read_drive(files: list[Path], station: str = "") -> DriveParams:
+    """Return the drive of a station, or of these files; ValueError says what is wrong."""
+    given: dict[str, Any] = {}
+    if station:
+        described = read_station(station)
+        given |= described.parameters("antenna_servo", described.default_band)
+    given |= read_parameter_files(files).get("antenna_servo", NodeParameters("antenna_servo", {})).values
+    return NodeParameters("antenna_servo", given).group("drive", DriveParams())
+
+
+def tick(longest_s: float) -> float:
+    """Wait for a tick of real time."""
+    time.sleep(longest_s)
+    return time.monotonic()
+
+
+def _print(lines: list[Line]) -> None:
+    for line in lines:
+        print(line, flush=True)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog=PROGRAM, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    where = parser.add_mutually_exclusive_group(required=True)
+    where.add_argument("--station", help="station description: a file, or a name that is shipped")
+    where.add_argument("--params-file", type=Path, action="append", help="parameters of antenna_servo")
+    parser.add_argument("--move", action="store_true", help="move both axes, towards the middle of the travel and back")
+    parser.add_argument("--degrees", type=between(0.1, 90.0), default=10.0, help="how far (default: 10)")
+    return parser
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,242 @@
+"""A device that is polled over a link: one request at a time, answers whenever they come.
+
+    closed --wait--> opening --open--> greeting --> set point or stop, position, position, ...
+      ^--------------- lost: link gone, or no position for `lost_s` ---------------'
+
+The waits to reconnect double up to the longest.  A device that is lost keeps its stop: whatever it
+did meanwhile, the first thing that it gets is to stop.  What comes too late, in part or as noise is
+counted by name in `losses`.
+"""
+
+import math
+from collections import Counter, deque
+
+from rf_pointing.drives.drive import POSITION as POSITION_SET_POINTS
+from rf_pointing.drives.drive import Capabilities, Drive, DriveReading, Pair
+from rf_pointing.drives.link import Link, Opening, link_name
+from rf_pointing.drives.params import DriveParams
+from rf_pointing.drives.words import ALARM, DONE, LIMITS, NOISE, POSITION, REFUSED, STATUS, Answer, Request, Words
+
+ALSO_S = 1.0
+STOP_AGAIN_S = 1.0
+"""A device that still moves so long after its stop gets it again."""
+SETTLED_STEPS = 1.5
+"""Steps of the resolution that a device at rest may show as motion."""
+
+
+class PolledDrive(Drive):
+    """A rotator controller behind a serial port or TCP; positions are its set points."""
+
+    def __init__(self, words: Words, params: DriveParams) -> None:
+        self._words, self._params, self._timing = words, params.rotator, params.link
+        self._link_params, self._where = params.link, f"{words.name} at {link_name(params.link)}"
+        self.losses: Counter[str] = Counter()
+        self.problem = f"{self._where} is not connected yet"
+        self._link: Link | None = None
+        self._opening: Opening | None = None
+        self._buffer = bytearray()
+        self._queue: deque[Request] = deque()
+        self._pending: tuple[Request, float] | None = None
+        self._reading: DriveReading | None = None
+        self._set_point: Pair | None = None
+        self._stop_due, self._stopped, self._stop_s = True, True, -1e9
+        self._latency_s, self._alarm, self._refused = 0.0, "", ""
+        self._t_s: float | None = None
+        self._retry_s = self._poll_s = self._also_s = self._known_s = -1e9
+        self._asked_s = math.inf
+        """When the position was first requested since the last one."""
+        self._wait_s = params.link.first_retry_s
+        self._state_capabilities(None)
+
+    def _state_capabilities(self, travel_rad: tuple[Pair, Pair] | None) -> None:
+        """State what is known of the device now; it may say more once it is connected."""
+        rotator, words = self._params, self._words
+        self._resolution_deg = words.resolution_deg
+        steps = zip(rotator.resolution_rad, words.resolution_deg, strict=True)
+        first, second = (own or math.radians(theirs) for own, theirs in steps)
+        self.capabilities = Capabilities(
+            set_points=POSITION_SET_POINTS,
+            resolution_rad=(first, second),
+            rate_rad_s=rotator.rate_rad_s,
+            period_s=self._timing.poll_period_s,
+            latency_s=rotator.latency_s,
+            travel_rad=travel_rad,
+            one_turn=rotator.reads_one_turn,
+            has_elevation=words.has_elevation,
+        )
+
+    def step(self, t_s: float) -> DriveReading | None:
+        if self._t_s is not None and t_s < self._t_s:
+            self._clock_went_back(t_s - self._t_s)
+        self._t_s = t_s
+        if self._link is None:
+            self._connect(t_s)
+        if self._link is not None:
+            try:
+                self._exchange(self._link, t_s)
+            except OSError as error:
+                self._lose(t_s, f"the link is lost: {error}")
+        return self._reading
+
+    def go_to(self, position_rad: Pair) -> None:
+        self._set_point, self._stopped, self._stop_due = position_rad, False, False
+        self._send_now()
+
+    def stop(self) -> None:
+        self._set_point, self._stopped, self._stop_due = None, True, True
+        self._send_now()
+
+    def close(self) -> None:
+        if self._link is not None:
+            if self._stop_due:
+                self._try_last_stop(self._link)
+            self._link.close()
+        elif self._opening is not None:
+            self._opening.abandon()
+        self._link = self._opening = None
+        self.problem = f"{self._where} is closed"
+
+    def _try_last_stop(self, link: Link) -> None:
+        try:
+            link.write(self._words.stop().data)
+        except OSError:
+            self.losses["stop at the end"] += 1
+
+    # The link
+
+    def _connect(self, t_s: float) -> None:
+        if self._opening is None:
+            if t_s >= self._retry_s:
+                self._opening = Opening(self._link_params, self._words.baud)
+            return
+        try:
+            link = self._opening.result()
+        except OSError as error:
+            self._opening = None
+            self._back_off(t_s, f"{error.strerror or error}")
+            return
+        if link is None:
+            return
+        self._opening, self._link, self._pending = None, link, None
+        self._buffer.clear()
+        # Whatever the device does now was not commanded on this connection.
+        self._stop_due, self._stopped, self._set_point = True, True, None
+        self._queue = deque(self._words.greeting())
+        self._known_s, self._also_s, self._asked_s = t_s, t_s, math.inf
+        self._poll_s = t_s - self._timing.poll_period_s
+
+    def _lose(self, t_s: float, why: str) -> None:
+        assert self._link is not None
+        self.losses["connection"] += 1
+        self._link.close()
+        self._link, self._pending = None, None
+        self._back_off(t_s, why)
+
+    def _back_off(self, t_s: float, why: str) -> None:
+        self.problem = f"{self._where}: {why}"
+        self._retry_s = t_s + self._wait_s
+        self._wait_s = min(2.0 * self._wait_s, self._timing.longest_retry_s)
+
+    def _clock_went_back(self, by_s: float) -> None:
+        """Keep every wait as long as it was."""
+        self._retry_s += by_s
+        self._poll_s += by_s
+        self._also_s += by_s
+        self._known_s += by_s
+        self._asked_s += by_s
+        self._stop_s += by_s
+        if self._pending is not None:
+            self._pending = self._pending[0], self._pending[1] + by_s
+
+    # The exchange
+
+    def _exchange(self, link: Link, t_s: float) -> None:
+        self._buffer += link.read()
+        for answer in self._words.take(self._buffer):
+            self._take(answer, t_s)
+        if self._pending is not None and t_s - self._pending[1] > self._timing.answer_s:
+            self.losses[f"answer to {self._pending[0].name}"] += 1
+            self._pending = None
+        # From its first request on: a tick that came late is no silence of the device.
+        if t_s - max(self._known_s, self._asked_s - self._timing.poll_period_s) > self._timing.lost_s:
+            refused = f", last answer: {self._refused}" if self._refused else ""
+            self._lose(t_s, f"no position for {t_s - self._known_s:.1f} s{refused}")
+            return
+        self._send(link, t_s)
+
+    def _send_now(self) -> None:
+        """Send a new set point or a stop without waiting for the next tick."""
+        if self._link is not None and self._t_s is not None:
+            try:
+                self._send(self._link, self._t_s)
+            except OSError as error:
+                self._lose(self._t_s, f"the link is lost: {error}")
+
+    def _send(self, link: Link, t_s: float) -> None:
+        # A stop does not wait for an answer that may never come.
+        while (self._stop_due or self._pending is None) and (request := self._next(t_s)) is not None:
+            link.write(request.data)
+            if request.answer:
+                self._pending = request, t_s
+
+    def _next(self, t_s: float) -> Request | None:
+        """Return what is to be sent now: a stop before a set point before what is only read."""
+        if self._stop_due:
+            self._stop_due, self._stop_s = False, t_s
+            return self._words.stop()
+        # A controller may need its greeting's answer to understand the set point.
+        if self._queue:
+            return self._queue.popleft()
+        if self._set_point is not None and self._reading is not None:
+            angles, self._set_point = self._set_point, None
+            return self._words.go_to(*(math.degrees(angle) for angle in angles))
+        if t_s - self._poll_s >= self._timing.poll_period_s - 1e-6:
+            self._poll_s = t_s
+            self._asked_s = min(self._asked_s, t_s)
+            if t_s - self._also_s >= ALSO_S:
+                self._also_s = t_s
+                self._queue.extend(self._words.also())
+            return self._words.ask()
+        return None
+
+    def _take(self, answer: Answer, t_s: float) -> None:
+        pending = self._pending
+        if answer.kind == POSITION:
+            self._take_position(answer, t_s, pending)
+        elif answer.kind == LIMITS:
+            self._take_limits(answer.angles_deg)
+        elif answer.kind == REFUSED:
+            self._refused = answer.text
+            self.losses[f"refused ({answer.text})"] += 1
+        elif answer.kind == ALARM:
+            self._alarm = answer.text
+        elif answer.kind == NOISE:
+            self.losses["noise"] += 1
+        ends = answer.kind == REFUSED or (pending is not None and answer.kind == pending[0].answer)
+        if ends and answer.kind in (POSITION, LIMITS, REFUSED, STATUS, DONE):
+            self._pending = None
+
+    def _take_position(self, answer: Answer, t_s: float, pending: tuple[Request, float] | None) -> None:
+        # The device measured between the request and the answer; one that nobody requested is as
+        # old as answers usually are.
+        if pending is not None and pending[0].answer == POSITION:
+            self._latency_s = t_s - pending[1]
+        else:
+            self.losses["late answer"] += 1
+        first, second = (math.radians(angle) for angle in answer.angles_deg)
+        before, self._known_s, self._asked_s = self._reading, t_s, math.inf
+        self._reading = DriveReading(
+            t_s=t_s - 0.5 * self._latency_s, position_rad=(first, second), alarm=self._alarm, status=self._refused
+        )
+        self.problem, self._wait_s = "", self._timing.first_retry_s
+        if self._words.resolution_deg != self._resolution_deg:
+            self._state_capabilities(self.capabilities.travel_rad)
+        if self._stopped and before is not None and t_s - self._stop_s > STOP_AGAIN_S:
+            steps = zip(self._reading.position_rad, before.position_rad, self.capabilities.resolution_rad, strict=True)
+            self._stop_due = any(abs(a - b) > SETTLED_STEPS * step for a, b, step in steps)
+
+    def _take_limits(self, angles_deg: tuple[float, ...]) -> None:
+        if len(angles_deg) != 4:
+            return
+        low_az, high_az, low_el, high_el = (math.radians(angle) for angle in angles_deg)
+        self._state_capabilities(((low_az, low_el), (high_az, high_el)))

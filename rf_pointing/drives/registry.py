@@ -1,0 +1,43 @@
+"""The drives by name: those of this package, and those that register an entry point.
+
+A package of one's own registers a factory in its setup.cfg, which takes `DriveParams`:
+
+    [options.entry_points]
+    rf_pointing.drives =
+        my_dish = my_package.my_dish:make_drive
+"""
+
+from importlib.metadata import entry_points
+
+from rf_pointing.drives.drive import Drive, Pair
+from rf_pointing.drives.params import DriveParams
+from rf_pointing.drives.polled import PolledDrive
+from rf_pointing.drives.simulated_rotator import SimulatedRotator
+from rf_pointing.drives.words import WORDS
+
+ENTRY_POINTS = "rf_pointing.drives"
+SIMULATED_ROTATOR = "simulated_rotator"
+
+
+def known_types() -> list[str]:
+    """Return the names of the drives that `make_drive` can make here."""
+    return [SIMULATED_ROTATOR, *WORDS, *(point.name for point in entry_points(group=ENTRY_POINTS))]
+
+
+def make_drive(params: DriveParams, start_rad: Pair = (0.0, 0.0)) -> Drive:
+    """Return the drive of the parameters; a simulated one begins at `start_rad`.
+
+    Raises
+    ------
+    ValueError
+        For a type or model that does not exist, or what the factory of an entry point refuses.
+    """
+    if params.type == SIMULATED_ROTATOR:
+        return SimulatedRotator(params, start_rad)
+    if params.type in WORDS:
+        return PolledDrive(WORDS[params.type](params.model), params)
+    for point in entry_points(group=ENTRY_POINTS, name=params.type):
+        factory = point.load()
+        made: Drive = factory(params)
+        return made
+    raise ValueError(f"drive.type={params.type!r} must be one of simulated, topic, {', '.join(known_types())}")

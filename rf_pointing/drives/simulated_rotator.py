@@ -1,0 +1,128 @@
+"""A simulated rotator: constant speed, steps, dead band, latency; no structure and no wind.
+
+`RotatorModel` is the physics, `SimulatedRotator` a drive with it.
+"""
+
+import math
+from collections import Counter, deque
+
+from rf_pointing.drives.drive import POSITION, Capabilities, Drive, DriveReading, Pair
+from rf_pointing.drives.params import DriveParams, RotatorParams
+
+
+class RotatorModel:
+    """Both axes of a relay rotator, exact at any step; `None` as a set point stops an axis.
+
+    `starts` counts how often each axis began to move, `reversals` how often into the other
+    direction.
+    """
+
+    def __init__(self, params: RotatorParams, resolution_rad: Pair, position_rad: Pair, t_s: float = 0.0) -> None:
+        self.params, self.resolution_rad = params, resolution_rad
+        self.position_rad = list(position_rad)
+        self.starts, self.reversals = [0, 0], [0, 0]
+        self.powered = True
+        self._t_s = t_s
+        self._goal: list[float | None] = [None, None]
+        self._direction = [0.0, 0.0]
+        self._due: deque[tuple[float, Pair]] = deque()
+
+    @property
+    def moving(self) -> bool:
+        """Whether an axis moves."""
+        return any(goal is not None for goal in self._goal)
+
+    def command(self, t_s: float, position_rad: Pair | None) -> None:
+        """Take a set point that acts after the latency; a stop acts at once."""
+        if position_rad is None:
+            self.step(t_s)
+            self._due.clear()
+            self._goal = [None, None]
+        else:
+            self._due.append((t_s + self.params.latency_s, position_rad))
+
+    def step(self, t_s: float) -> None:
+        """Move until `t_s`."""
+        while self._due and self._due[0][0] <= t_s:
+            due_s, goal = self._due.popleft()
+            self._move(due_s)
+            for axis, angle in enumerate(goal):
+                self._aim(axis, angle)
+        self._move(t_s)
+
+    def encoders(self) -> Pair:
+        """Return what the device shows: whole steps."""
+        steps = zip(self.position_rad, self.resolution_rad, strict=True)
+        first, second = (round(angle / step) * step for angle, step in steps)
+        return first, second
+
+    def _aim(self, axis: int, goal: float) -> None:
+        step = self.resolution_rad[axis]
+        params, zero = self.params, self.params.zero_rad[axis]
+        goal = min(
+            max(round(goal / step) * step, params.travel_min_rad[axis] - zero), params.travel_max_rad[axis] - zero
+        )
+        away = goal - self.position_rad[axis]
+        if abs(away) <= self.params.dead_band_rad[axis] or away == 0.0:
+            self._goal[axis] = None
+            return
+        direction = math.copysign(1.0, away)
+        if self._goal[axis] is None or direction != self._direction[axis]:
+            self.starts[axis] += 1
+            self.reversals[axis] += direction == -self._direction[axis]
+        self._goal[axis], self._direction[axis] = goal, direction
+
+    def _move(self, t_s: float) -> None:
+        # A negative time step is a clock that went back: nothing has moved.
+        elapsed, self._t_s = max(0.0, t_s - self._t_s), t_s
+        for axis, goal in enumerate(self._goal):
+            if goal is None or not self.powered:
+                continue
+            reach, away = elapsed * self.params.rate_rad_s[axis], goal - self.position_rad[axis]
+            if abs(away) <= reach:
+                self.position_rad[axis], self._goal[axis] = goal, None
+            else:
+                self.position_rad[axis] += math.copysign(reach, away)
+
+
+class SimulatedRotator(Drive):
+    """A rotator that needs no device; it is read once a poll period."""
+
+    def __init__(self, params: DriveParams, position_rad: Pair) -> None:
+        rotator = params.rotator
+        first, second = (step or math.radians(1.0) for step in rotator.resolution_rad)
+        azimuth, elevation = (angle - zero for angle, zero in zip(position_rad, rotator.zero_rad, strict=True))
+        self.model = RotatorModel(rotator, (first, second), (azimuth, elevation))
+        self.capabilities = Capabilities(
+            set_points=POSITION,
+            resolution_rad=(first, second),
+            rate_rad_s=rotator.rate_rad_s,
+            period_s=params.link.poll_period_s,
+            latency_s=rotator.latency_s,
+            one_turn=rotator.reads_one_turn,
+        )
+        self.losses: Counter[str] = Counter()
+        self._t_s = 0.0
+        self._reading: DriveReading | None = None
+
+    @property
+    def truth_rad(self) -> Pair:  # type: ignore[override]
+        azimuth, elevation = self.model.position_rad
+        return azimuth, elevation
+
+    def step(self, t_s: float) -> DriveReading | None:
+        self.model.step(t_s)
+        self._t_s = t_s
+        newest = self._reading
+        if newest is None or not 0.0 <= newest.age_s(t_s) < self.capabilities.period_s - 1e-6:
+            azimuth, elevation = self.model.encoders()
+            if self.capabilities.one_turn:
+                azimuth %= 2.0 * math.pi
+            self._reading = DriveReading(t_s=t_s, position_rad=(azimuth, elevation))
+        return self._reading
+
+    def go_to(self, position_rad: Pair) -> None:
+        self.model.command(self._t_s, position_rad)
+
+    def stop(self) -> None:
+        self.model.command(self._t_s, None)

@@ -1,0 +1,319 @@
+"""The words of antenna controllers: requests as bytes, answers out of bytes that arrive anyhow.
+
+    hamlib    rotctld's extended protocol: "+p" -> "get_pos:", "Azimuth: ", "Elevation: ", "RPRT 0"
+    gs232     Yaesu GS-232A/B: "C2" -> "+0aaa+0eee" (A) or "AZ=aaa  EL=eee" (B), "Waaa eee", "S"
+    easycomm  II and III: "AZ EL" -> "AZaaa.a ELeee.e", "AZaaa.a ELeee.e", "SA SE"; III: "GE" errors
+    spid      Rot1Prog, Rot2Prog, MD-01: 13-byte commands, answers of 5 or 12 bytes
+
+`take` consumes what is complete in a buffer and leaves the rest: an answer may come in pieces, late
+or between noise.  Angles here are degrees, as on the wire.
+"""
+
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import ClassVar
+
+Pair = tuple[float, float]
+POSITION, DONE, REFUSED, LIMITS, ALARM, STATUS, NOISE = (
+    "position", "done", "refused", "limits", "alarm", "status", "noise",
+)  # fmt: skip
+LONGEST_LINE = 200
+# Any controller's azimuth and elevation; beyond, a byte was lost.
+SENSIBLE_DEG = ((-360.0, 720.0), (-90.0, 270.0))
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """Bytes to send; `answer` is the kind of answer that ends it, "" where none comes."""
+
+    name: str
+    data: bytes
+    answer: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """One answer; `angles_deg` are azimuth and elevation, for limits the two ends of each."""
+
+    kind: str
+    text: str = ""
+    angles_deg: tuple[float, ...] = ()
+
+
+class Words:
+    """The words of one kind of controller; a subclass gives the requests and reads the answers."""
+
+    name = ""
+    baud = 9600
+    resolution_deg: Pair = (1.0, 1.0)
+    has_elevation = True
+
+    def greeting(self) -> list[Request]:
+        """Return what is sent first on every connection."""
+        return []
+
+    def also(self) -> list[Request]:
+        """Return what is read once a second with the position."""
+        return []
+
+    def ask(self) -> Request:
+        """Return the request of the position."""
+        raise NotImplementedError
+
+    def go_to(self, azimuth_deg: float, elevation_deg: float) -> Request:
+        """Return the set point."""
+        raise NotImplementedError
+
+    def stop(self) -> Request:
+        """Return the stop of both axes."""
+        raise NotImplementedError
+
+    def take(self, buffer: bytearray) -> list[Answer]:
+        """Return the complete answers of `buffer` and remove them from it."""
+        return [answer for line in _lines(buffer) for answer in self._line(line)]
+
+    def _line(self, line: bytes) -> Iterator[Answer]:
+        raise NotImplementedError
+
+
+def _lines(buffer: bytearray) -> Iterator[bytes]:
+    """Yield the complete lines, ended by CR, LF or both; an endless one is cut."""
+    while (match := re.search(rb"[\r\n]", buffer)) or len(buffer) > LONGEST_LINE:
+        end = match.start() if match else LONGEST_LINE
+        line = bytes(buffer[:end])
+        del buffer[: end + 1]
+        if line.strip():
+            yield line.strip()
+
+
+def _position(azimuth_deg: float, elevation_deg: float, text: bytes = b"") -> Answer:
+    """Return a position, or noise where no controller could have meant it."""
+    for angle, (low, high) in zip((azimuth_deg, elevation_deg), SENSIBLE_DEG, strict=True):
+        if not low <= angle <= high:
+            return _noise(text)
+    return Answer(POSITION, angles_deg=(azimuth_deg, elevation_deg))
+
+
+def _noise(text: bytes) -> Answer:
+    return Answer(NOISE, repr(text)[2:-1])
+
+
+class HamlibWords(Words):
+    """Hamlib's rotctld; every line of its extended protocol names what it is."""
+
+    name = "rotctld"
+    resolution_deg = (0.01, 0.01)
+    ERRORS: ClassVar = {
+        -1: "invalid parameter",
+        -2: "invalid configuration",
+        -4: "not implemented",
+        -5: "communication timed out",
+        -6: "input or output error",
+        -8: "protocol error",
+        -9: "rejected",
+        -11: "not available",
+    }
+    _FIELD = re.compile(rb"(Azimuth|Elevation|Minimum Azimuth|Maximum Azimuth|Minimum Elevation|Maximum Elevation):"
+                        rb" (-?[0-9]+(?:\.[0-9]+)?)")  # fmt: skip
+    _BEGIN = re.compile(rb"(get_pos|set_pos|stop|dump_state):(.*)")
+
+    def __init__(self) -> None:
+        self._block = ""
+        self._fields: dict[str, float] = {}
+
+    def greeting(self) -> list[Request]:
+        self._block, self._fields = "", {}
+        return [Request("dump_state", b"+\\dump_state\n", LIMITS)]
+
+    def ask(self) -> Request:
+        return Request("get_pos", b"+p\n", POSITION)
+
+    def go_to(self, azimuth_deg: float, elevation_deg: float) -> Request:
+        return Request("set_pos", f"+P {azimuth_deg:.6f} {elevation_deg:.6f}\n".encode(), DONE)
+
+    def stop(self) -> Request:
+        return Request("stop", b"+S\n", DONE)
+
+    def _line(self, line: bytes) -> Iterator[Answer]:
+        if begin := self._BEGIN.fullmatch(line):
+            self._block, self._fields = begin[1].decode(), {}
+        elif field := self._FIELD.fullmatch(line):
+            self._fields[field[1].decode()] = float(field[2])
+        elif end := re.fullmatch(rb"RPRT (-?[0-9]+)", line):
+            yield from self._end(int(end[1]))
+        elif self._block != "dump_state":
+            yield _noise(line)
+
+    def _end(self, code: int) -> Iterator[Answer]:
+        block, fields, self._block, self._fields = self._block, self._fields, "", {}
+        if code:
+            yield Answer(REFUSED, f"{block or 'request'}: RPRT {code} ({self.ERRORS.get(code, 'unknown error')})")
+        elif block == "get_pos":
+            # A line that was lost leaves a position without one of its angles.
+            whole = {"Azimuth", "Elevation"} <= set(fields)
+            yield _position(fields["Azimuth"], fields["Elevation"]) if whole else Answer(NOISE, "get_pos in part")
+        elif block == "dump_state":
+            names = ("Minimum Azimuth", "Maximum Azimuth", "Minimum Elevation", "Maximum Elevation")
+            yield Answer(LIMITS, angles_deg=tuple(fields[name] for name in names) if set(names) <= set(fields) else ())
+        else:
+            yield Answer(DONE, block)
+
+
+class Gs232Words(Words):
+    """Yaesu GS-232A and GS-232B and what copies them; whole degrees, three digits."""
+
+    name = "GS-232"
+    _BOTH = re.compile(rb"AZ=\s*([0-9]{3})\s*EL=\s*(-?[0-9]{3})$|\+0([0-9]{3})\+0([0-9]{3})$")
+
+    def ask(self) -> Request:
+        return Request("C2", b"C2\r", POSITION)
+
+    def go_to(self, azimuth_deg: float, elevation_deg: float) -> Request:
+        # Three digits: a negative angle has no form on this wire.
+        azimuth, elevation = max(0, round(azimuth_deg)), max(0, round(elevation_deg))
+        return Request("W", f"W{azimuth:03d} {elevation:03d}\r".encode())
+
+    def stop(self) -> Request:
+        return Request("S", b"S\r")
+
+    def _line(self, line: bytes) -> Iterator[Answer]:
+        if both := self._BOTH.search(line):
+            azimuth, elevation = (found for found in both.groups() if found is not None)
+            yield _position(float(azimuth), float(elevation), line)
+        elif line.startswith(b"?"):
+            yield Answer(REFUSED, "the controller answered ?>")
+        else:
+            yield _noise(line)
+
+
+class EasycommWords(Words):
+    """Easycomm II; III adds the error register."""
+
+    name = "Easycomm"
+    resolution_deg = (0.1, 0.1)
+    ERRORS: ClassVar = {1: "sensor error", 2: "jam", 4: "homing error"}
+    _BOTH = re.compile(rb"AZ(-?[0-9]+(?:\.[0-9]+)?)\s+EL(-?[0-9]+(?:\.[0-9]+)?)$")
+
+    def __init__(self, version: int) -> None:
+        self._version = version
+
+    def also(self) -> list[Request]:
+        return [Request("GE", b"GE\n", STATUS)] if self._version == 3 else []
+
+    def ask(self) -> Request:
+        return Request("AZ EL", b"AZ EL\n", POSITION)
+
+    def go_to(self, azimuth_deg: float, elevation_deg: float) -> Request:
+        return Request("AZ EL set", f"AZ{azimuth_deg:.1f} EL{elevation_deg:.1f}\n".encode())
+
+    def stop(self) -> Request:
+        return Request("SA SE", b"SA SE\n")
+
+    def _line(self, line: bytes) -> Iterator[Answer]:
+        if both := self._BOTH.search(line):
+            yield _position(float(both[1]), float(both[2]), line)
+        elif alarm := re.search(rb"AL([ -~]+)$", line):
+            yield Answer(ALARM, f"alarm {alarm[1].decode()}")
+        elif errors := re.search(rb"GE([0-9]{1,3})$", line):
+            bits = int(errors[1])
+            yield Answer(STATUS)
+            yield Answer(ALARM, ", ".join(name for bit, name in self.ERRORS.items() if bits & bit))
+        elif not re.search(rb"(GS[0-9]+|VE[ -~]*)$", line):
+            yield _noise(line)
+
+
+class SpidWords(Words):
+    """SPID Rot1Prog (azimuth alone), Rot2Prog and MD-01, which answers set points too."""
+
+    _STATUS, _STOP, _SET = 0x1F, 0x0F, 0x2F
+    START, END = 0x57, 0x20
+    PULSES = (1, 2, 4, 10)
+
+    def __init__(self, model: str) -> None:
+        self.name, self.has_elevation = f"SPID {model}", model != "rot1"
+        self.baud = 1200 if model == "rot1" else 600
+        self.resolution_deg = (1.0, 1.0) if model == "rot1" else (0.5, 0.5)
+        self._size = 5 if model == "rot1" else 12
+        self._answers_set = model == "md01"
+        self._pulses: tuple[int, int] | None = None
+
+    def greeting(self) -> list[Request]:
+        # The pulses per degree are the controller's setting; set points need them.
+        return [self.ask()]
+
+    def ask(self) -> Request:
+        return Request("status", self._command(self._STATUS), POSITION)
+
+    def stop(self) -> Request:
+        return Request("stop", self._command(self._STOP), POSITION)
+
+    def go_to(self, azimuth_deg: float, elevation_deg: float) -> Request:
+        azimuth, elevation = azimuth_deg + 360.0, elevation_deg + 360.0
+        answer = POSITION if self._answers_set else ""
+        if not self.has_elevation:
+            return Request("set", self._command(self._SET, f"{round(azimuth):03d}0".encode()))
+        pulses = self._pulses or (round(1.0 / self.resolution_deg[0]), round(1.0 / self.resolution_deg[1]))
+        first, second = (
+            f"{round(angle * each):04d}".encode() for angle, each in zip((azimuth, elevation), pulses, strict=True)
+        )
+        return Request("set", self._command(self._SET, first, second, pulses), answer)
+
+    def take(self, buffer: bytearray) -> list[Answer]:
+        found = []
+        while len(buffer) >= self._size:
+            answer = self._packet(bytes(buffer[: self._size]))
+            if answer is None:
+                # Not a packet here: the next byte may begin one.
+                found.append(_noise(bytes(buffer[:1])))
+                del buffer[:1]
+            else:
+                found.append(answer)
+                del buffer[: self._size]
+        return found
+
+    def _packet(self, packet: bytes) -> Answer | None:
+        if packet[0] != self.START or packet[-1] != self.END:
+            return None
+        digits = packet[1:4] if self._size == 5 else packet[1:5] + packet[6:10]
+        if any(digit > 9 for digit in digits):
+            return None
+        if self._size == 5:
+            return _position(100.0 * digits[0] + 10.0 * digits[1] + digits[2] - 360.0, 0.0, packet)
+        if packet[5] not in self.PULSES or packet[10] not in self.PULSES:
+            return None
+        self._pulses = packet[5], packet[10]
+        self.resolution_deg = 1.0 / packet[5], 1.0 / packet[10]
+        azimuth, elevation = (
+            100.0 * digits[i] + 10.0 * digits[i + 1] + digits[i + 2] + 0.1 * digits[i + 3] - 360.0 for i in (0, 4)
+        )
+        return _position(azimuth, elevation, packet)
+
+    @classmethod
+    def _command(
+        cls, command: int, first: bytes = bytes(4), second: bytes = bytes(4), pulses: tuple[int, int] = (0, 0)
+    ) -> bytes:
+        return bytes([cls.START, *first, pulses[0], *second, pulses[1], command, cls.END])
+
+
+def _easycomm(model: str) -> Words:
+    return EasycommWords(int(_dialect("easycomm", model or "2", ("2", "3"))))
+
+
+def _spid(model: str) -> Words:
+    return SpidWords(_dialect("spid", model or "rot2", ("rot1", "rot2", "md01")))
+
+
+def _dialect(type_: str, model: str, known: tuple[str, ...]) -> str:
+    if model not in known:
+        raise ValueError(f"drive.model={model!r} of {type_} must be one of {', '.join(known)}")
+    return model
+
+
+WORDS: dict[str, Callable[[str], Words]] = {
+    "hamlib": lambda _: HamlibWords(),
+    "gs232": lambda _: Gs232Words(),
+    "easycomm": _easycomm,
+    "spid": _spid,
+}
+"""The words of each type of drive, made for a model of it."""

@@ -1,0 +1,103 @@
+"""A drive behind topics, for a vendor's own driver node: set points out, state in.
+
+Publishes: drive/set_point (sensor_msgs/JointState: position, or velocity for a drive of rates) and
+drive/enable (std_msgs/Bool, latched; false: stop and set the brakes).  Subscribes: drive/state
+(sensor_msgs/JointState: position, velocity where it is measured), stamped when it was measured.
+"""
+
+from typing import Any
+
+import numpy as np
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool
+
+from rf_pointing.core import AXES
+from rf_pointing.drives import Capabilities, Drive, DriveParams, DriveReading
+from rf_pointing.drives.drive import POSITION, RATE
+from rf_pointing.nodes.qos import LATCHED, STREAM
+from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
+
+Pair = tuple[float, float]
+
+
+class TopicDrive(Drive):
+    """The topics of one antenna's drive; `drive.model` says whether it takes positions or rates."""
+
+    def __init__(self, beside: Node, params: DriveParams) -> None:
+        model = params.model or POSITION
+        if model not in (POSITION, RATE):
+            raise ValueError(f"drive.model={params.model!r} of topic must be one of {POSITION}, {RATE}")
+        rotator = params.rotator
+        first, second = (step or 1e-4 for step in rotator.resolution_rad)
+        self.capabilities = Capabilities(
+            set_points=model,
+            resolution_rad=(first, second),
+            rate_rad_s=rotator.rate_rad_s,
+            period_s=params.link.poll_period_s,
+            latency_s=rotator.latency_s,
+            one_turn=rotator.reads_one_turn,
+            has_brake=True,
+        )
+        self.losses: dict[str, int] = {"state that cannot be used": 0}
+        self._lost_s, self._t_s = params.link.lost_s, 0.0
+        self._reading: DriveReading | None = None
+        # A node of its own: its executor is turned by `step`, also before the antenna's node runs.
+        self._node = Node(
+            f"{beside.get_name()}_drive", namespace=beside.get_namespace(), context=beside.context,
+            use_global_arguments=False, start_parameter_services=False,
+        )  # fmt: skip
+        self._set_points = self._node.create_publisher(JointState, "drive/set_point", STREAM)
+        self._enabled = self._node.create_publisher(Bool, "drive/enable", LATCHED)
+        self._node.create_subscription(JointState, "drive/state", self._on_state, STREAM)
+        self._executor = SingleThreadedExecutor(context=beside.context)
+        self._executor.add_node(self._node)
+        self.problem = "no message on drive/state yet"
+
+    def step(self, t_s: float) -> DriveReading | None:
+        self._t_s = t_s
+        self._executor.spin_once(timeout_sec=0.0)
+        if self._reading is not None:
+            age_s = self._reading.age_s(t_s)
+            self.problem = f"no message on drive/state for {age_s:.1f} s" if age_s > self._lost_s else ""
+        return self._reading
+
+    def go_to(self, position_rad: Pair) -> None:
+        self._publish(position=list(position_rad))
+
+    def turn(self, rate_rad_s: Pair) -> None:
+        self._publish(velocity=list(rate_rad_s))
+
+    def stop(self) -> None:
+        self._enabled.publish(Bool(data=False))
+
+    def enable(self) -> None:
+        self._enabled.publish(Bool(data=True))
+
+    def close(self) -> None:
+        self.stop()
+        self._executor.shutdown()
+        self._node.destroy_node()
+
+    def _publish(self, **values: list[float]) -> None:
+        message = JointState(name=list(AXES), **values)
+        message.header.stamp = stamp_from_seconds(self._t_s)
+        self._set_points.publish(message)
+
+    def _on_state(self, message: Any) -> None:
+        try:
+            order = [list(message.name).index(axis) for axis in AXES]
+            position = np.array(message.position)[order]
+            rate = np.array(message.velocity)[order] if len(message.velocity) else None
+            known = [position] if rate is None else [position, rate]
+            if not all(np.all(np.isfinite(each)) for each in known):
+                raise ValueError("not finite")
+        except (ValueError, IndexError):
+            self.losses["state that cannot be used"] += 1
+            return
+        self._reading = DriveReading(
+            t_s=seconds_from_stamp(message.header.stamp),
+            position_rad=tuple(position.tolist()),
+            rate_rad_s=None if rate is None else tuple(rate.tolist()),
+        )

@@ -1,0 +1,117 @@
+"""Watch of a device that moves to positions by itself: what it reads against what it was sent.
+
+Three things are no longer the device's own, with thresholds from its resolution q, its speed v and
+the time P between two readings:
+
+* a jump: a reading further than 1.5 v dt + 2 q from the one before.  One is bridged, the second in
+  a row is a fault;
+* a motion that was not commanded: away from the range between where it was and its set point, by
+  more than 2 q and what it moves in P and the latency;
+* a standstill: no step for `still_s` and twice P beyond the latency, while the set point is two
+  steps or the dead band away.
+"""
+
+import math
+from dataclasses import dataclass
+
+from rf_pointing.core import AXES
+
+Pair = tuple[float, float]
+JUMP = 1.5
+STEPS = 2.0
+FAR_STEPS = 2.1
+"""A set point one step ahead and one step of read-back behind it are no standstill."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PositionLimits:
+    """What the device does by itself, per axis."""
+
+    resolution_rad: Pair
+    rate_rad_s: Pair
+    dead_band_rad: Pair = (0.0, 0.0)
+    period_s: float = 0.2
+    still_s: float = 1.0
+
+
+class _Axis:
+    """One axis: trusted reading, allowed range, and since when it stands still."""
+
+    def __init__(self) -> None:
+        self.t_s = 0.0
+        self.trusted: float | None = None
+        self.bad = False
+        self.set_point: float | None = None
+        self.low = self.high = 0.0
+        self.still_since_s = 0.0
+
+
+class PositionWatch:
+    """Both axes; `step` at every new reading."""
+
+    def __init__(self, limits: PositionLimits) -> None:
+        self.limits = limits
+        self.reset()
+
+    def reset(self) -> None:
+        """Trust the next reading as it comes."""
+        self._axes = (_Axis(), _Axis())
+        self.reason = ""
+
+    def step(
+        self, t_s: float, position_rad: Pair, set_point_rad: tuple[float | None, float | None], latency_s: float
+    ) -> tuple[Pair, str]:
+        """Return the angles to use, bridged where one jumped, and "" or what is wrong.
+
+        `set_point_rad` are those in force, None for an axis that was stopped.
+        """
+        used, found = [], []
+        for index, axis in enumerate(self._axes):
+            angle, reason = self._check(index, axis, t_s, position_rad[index], set_point_rad[index], latency_s)
+            used.append(angle)
+            if reason:
+                found.append(f"{AXES[index]} {reason}")
+        self.reason = "; ".join(found)
+        return (used[0], used[1]), self.reason
+
+    def _check(
+        self, index: int, axis: _Axis, t_s: float, angle: float, set_point: float | None, latency_s: float
+    ) -> tuple[float, str]:
+        limits = self.limits
+        step, rate = limits.resolution_rad[index], limits.rate_rad_s[index]
+        if axis.trusted is None:
+            axis.t_s, axis.trusted, axis.low, axis.high, axis.still_since_s = t_s, angle, angle, angle, t_s
+            axis.set_point = set_point
+            return angle, ""
+        away = angle - axis.trusted
+        # Written so that NaN counts as a jump.
+        if not abs(away) <= JUMP * rate * max(t_s - axis.t_s, 0.0) + STEPS * step:
+            if not axis.bad:
+                axis.bad = True
+                return axis.trusted, ""
+            # From the second on this is where the device says it is: a reset goes on from there.
+            axis.bad, axis.t_s, axis.trusted = False, t_s, angle
+            axis.low = axis.high = angle
+            return angle, f"encoder jumped by {math.degrees(away):.2f} deg"
+        axis.bad = False
+        moved = abs(away) >= 0.99 * step
+        margin = STEPS * step + rate * (latency_s + limits.period_s)
+        far = max(FAR_STEPS * step, limits.dead_band_rad[index] + step)
+        arrived = axis.set_point is None or abs(axis.set_point - angle) <= far
+        # New set points come all the time: only one for a device that had arrived begins anew.
+        if moved or arrived:
+            axis.still_since_s = t_s
+        if set_point != axis.set_point:
+            # From here to there; the margin covers what is left of the motion before.
+            goal = angle if set_point is None else set_point
+            axis.low, axis.high, axis.set_point = min(angle, goal), max(angle, goal), set_point
+        axis.t_s, axis.trusted = t_s, angle
+        if not axis.low - margin <= angle <= axis.high + margin:
+            past = max(axis.low - angle, angle - axis.high)
+            return angle, f"moves without a command, {math.degrees(past):.2f} deg beyond its set point"
+        if set_point is not None:
+            off = abs(set_point - angle)
+            still_s = t_s - axis.still_since_s
+            if off > far and still_s > limits.still_s + 2.0 * limits.period_s + latency_s:
+                return angle, f"stands still for {still_s:.1f} s, {math.degrees(off):.2f} deg from its set point"
+        return angle, ""

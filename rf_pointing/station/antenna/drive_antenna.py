@@ -1,0 +1,295 @@
+"""An antenna on a real drive: the control unit in front of any `Drive`.
+
+A drive that takes rates is moved by the position laws, as the simulated plants are.  One that takes
+positions gets the feasible motion of the preprocessor as set points; its watch and every threshold
+of the control unit then follow from its resolution, its speed and the time between two readings.
+"""
+
+import math
+import time
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.core import AXES, Boresight, JointReading, JointTrajectory
+from rf_pointing.drives import Capabilities, Drive, DriveParams, DriveReading, Rotator
+from rf_pointing.planning import PositionLimits, PositionWatch
+from rf_pointing.servo import PlantParams
+from rf_pointing.station.antenna.axes import Following
+from rf_pointing.station.antenna.control_unit import ControlUnit
+from rf_pointing.station.antenna.loops import BY_DRIVE, LoopParams
+from rf_pointing.station.antenna.modes import AntennaMode
+from rf_pointing.station.antenna.safety import SafetyParams
+from rf_pointing.station.antenna.simulated_antenna import AntennaParams
+
+Array = NDArray[np.float64]
+Pair = tuple[float, float]
+CONNECT_S = 5.0
+"""Longest wait for the first reading of a device."""
+LOOK_S = 0.01
+MOVED_RAD = math.radians(10.0)
+"""As for the wrap file: a device that was lost and reads so far away may have lost its turn."""
+SETTLED_STEPS = 1.1
+SAME_RAD = 1e-6
+
+
+class DriveHardware:
+    """A drive as the hardware of a control unit; once a tick `look` comes first."""
+
+    settled_rad: float
+
+    def __init__(self, drive: Drive, params: DriveParams) -> None:
+        can = drive.capabilities
+        self.drive, self.rotator = drive, Rotator(drive, params.rotator)
+        self.takes_positions = can.set_points == "position"
+        self.powered = False
+        self._watch = PositionWatch(_limits(can, params))
+        self._longest_s = max(params.link.lost_s, 2.0 * can.period_s)
+        self._reason, self._lost, self._t_s = "", "", math.inf
+        self._encoder_rad: Pair = (0.0, 0.0)
+        smallest = max(self.rotator.smallest_rad) if self.takes_positions else max(can.resolution_rad)
+        self.settled_rad = max(math.radians(0.02), SETTLED_STEPS * smallest)
+
+    def look(self, t_s: float) -> None:
+        """Let the drive work at `t_s`, and check what it reads."""
+        # A look that came late is no silence of the device.
+        late_s, self._t_s = max(0.0, t_s - self._t_s), t_s
+        rotator, before = self.rotator, self.rotator.position_rad
+        known, was_lost = rotator.reading is not None, self._lost
+        new = rotator.step(t_s)
+        self._lost = self.drive.problem or self._silent(t_s - late_s, rotator.reading)
+        if new and rotator.reading is not None:
+            moved_rad = rotator.position_rad[0] - before[0]
+            if known and was_lost and self.drive.capabilities.one_turn and abs(moved_rad) > MOVED_RAD:
+                self._reason = (
+                    f"azimuth moved by {math.degrees(moved_rad):.1f} deg while the drive was lost: "
+                    "look at the cables, then reset"
+                )
+            elif self.takes_positions:
+                self._encoder_rad, self._reason = self._watch.step(
+                    rotator.reading.t_s, rotator.position_rad, rotator.set_point_rad, rotator.latency_s
+                )
+                if self._encoder_rad != rotator.position_rad:
+                    rotator.correct(self._encoder_rad)
+            else:
+                self._encoder_rad = rotator.position_rad
+
+    def _silent(self, t_s: float, reading: DriveReading | None) -> str:
+        """Return why the reading is too old to be trusted, "" if it is not."""
+        if reading is None:
+            return "the drive has given no position yet"
+        age_s = reading.age_s(t_s)
+        return f"no position from the drive for {age_s:.1f} s" if age_s > self._longest_s else ""
+
+    @property
+    def current(self) -> bool:
+        """Whether there is a reading that is not too old."""
+        return not self._lost
+
+    @property
+    def fault(self) -> str:
+        """Why the drives must be cut: a lost device, its own alarm, or what its watch found."""
+        reading = self.rotator.reading
+        alarm = f"drive: {reading.alarm}" if reading is not None and reading.alarm else ""
+        return (f"drive lost: {self._lost}" if self._lost else "") or alarm or self._reason
+
+    @property
+    def velocity_rad_s(self) -> Array:
+        """Rates (2,) of the axes, measured over the last second where there is no tachometer."""
+        # Of a lost drive nothing is known, and its last rate is for ever.
+        return np.zeros(2) if self._lost else np.array(self.rotator.rate_rad_s)
+
+    @property
+    def switch_rad(self) -> Array:
+        """Angles (2,) for the hard limits: those of the encoders, there are no others."""
+        return np.array(self.rotator.position_rad)
+
+    @property
+    def at_stop(self) -> tuple[bool, bool]:
+        """Which axis is at a limit switch, by the device."""
+        reading = self.rotator.reading
+        return (False, False) if reading is None else reading.at_limit
+
+    def encoders(self) -> Pair:
+        """Return the angles of the axes now; between two readings those of a device on its way."""
+        if not self.takes_positions:
+            return self._encoder_rad
+        return self.rotator.estimate(self._t_s) if self.powered and not self._reason else self._encoder_rad
+
+    def anemometer_m_s(self) -> float | None:
+        """Return None: a drive has no anemometer."""
+        return None
+
+    def move(self, rate_command_rad_s: Array, following: Following | None = None) -> None:
+        """Give a powered drive its rates, or the set point that the motion needs now."""
+        if not self.powered:
+            return
+        if not self.takes_positions:
+            first, second = rate_command_rad_s.tolist()
+            self.drive.turn((first, second))
+        elif following is not None:
+            self.rotator.follow(self._t_s, *following)
+
+    def brake(self) -> None:
+        """Stop the device and set its brakes where there are any; it gets no set points."""
+        self.powered = False
+        self.rotator.stop()
+
+    def release_brake(self) -> None:
+        """Power the device; what was found before is forgotten."""
+        self.powered, self._reason = True, ""
+        self._watch.reset()
+        self.drive.enable()
+
+    def place(self, azimuth_rad: float) -> None:
+        """Take the turn of a one-turn azimuth from outside."""
+        self.rotator.place(azimuth_rad)
+        self._watch.reset()
+        self._encoder_rad = self.rotator.position_rad
+
+
+class DriveAntenna(ControlUnit):
+    """A control unit on a drive: `enable` it, `accept` trajectories, and `step` it once a tick.
+
+    The drive must have given its first reading by `t_s` (`wait_for_drive`).  ValueError names what
+    the drive cannot do: travel or rates beyond its own, or a law that it does not run.
+    """
+
+    def __init__(self, params: AntennaParams, drive: Drive, t_s: float) -> None:
+        self.params, self.drive_params = params.antenna, params.drive
+        self.hardware = DriveHardware(drive, params.drive)
+        self.hardware.look(t_s)
+        if self.hardware.rotator.reading is None:
+            raise ValueError(self.hardware.fault)
+        self._require_able(params.loops)
+        super().__init__(
+            self.hardware,
+            self._suited_loops(params.loops),
+            params.plant,
+            suited_safety(params.safety, drive.capabilities, params.antenna.tick_s),
+            params.antenna.tick_s,
+            self.hardware.encoders(),
+        )
+
+    def accept(self, trajectory: JointTrajectory, now_s: float, commander: str = "") -> str:
+        held = self.mode == AntennaMode.HOLDING
+        refused = super().accept(trajectory, now_s, commander)
+        if held and not refused:
+            self.hardware.rotator.count_anew()
+        return refused
+
+    def step(self, t_s: float) -> tuple[JointReading | None, Boresight | None]:
+        """Return the joints at `t_s` (None: the drive is lost) and where it really is, if known."""
+        self.hardware.look(t_s)
+        reading = self.tick(t_s)
+        truth = self.hardware.drive.truth_rad
+        boresight = None
+        if truth is not None:
+            azimuth, elevation = (a + zero for a, zero in zip(truth, self.drive_params.rotator.zero_rad, strict=True))
+            boresight = Boresight(t_s=t_s, azimuth_rad=azimuth, elevation_rad=elevation)
+        return (reading if self.hardware.current else None), boresight
+
+    def place(self, azimuth_rad: float) -> None:
+        """Take the turn of a one-turn azimuth from outside, with the axes at rest."""
+        self.hardware.place(azimuth_rad)
+        self.axes.encoder_rad = np.array(self.hardware.encoders())
+        self.axes.hold()
+
+    def deactivate(self) -> None:
+        """Stop the device at once, and set its brakes where it has any."""
+        self.stop()
+        self.rest(AntennaMode.INACTIVE)
+        self.hardware.look(self.t_s)
+
+    def close(self) -> None:
+        """Stop the device and release it."""
+        self.hardware.brake()
+        self.hardware.drive.close()
+
+    def check(self, plant: PlantParams, loops: LoopParams) -> None:
+        """Raise ValueError, saying why, if `retune` would refuse these; changes nothing."""
+        self._require_able(loops)
+        self.axes.check(self._suited_loops(loops), plant)
+
+    def retune(self, plant: PlantParams, loops: LoopParams) -> None:
+        """Take new laws and limits without a jump; all or, with ValueError, none."""
+        self.check(plant, loops)
+        self.axes.retune(self._suited_loops(loops), plant)
+
+    def _suited_loops(self, loops: LoopParams) -> LoopParams:
+        """Return the laws for this drive: one that takes positions closes the loop itself."""
+        if not self.hardware.takes_positions:
+            return loops
+        # Between two moves the error is a saw tooth: it swings with every set point.
+        rotator, detector = self.hardware.rotator, loops.oscillation
+        steps = zip(rotator.smallest_rad, rotator.params.rate_rad_s, strict=True)
+        tooth = max(2.0 * step + 0.5 * rate * rotator.params.minimum_interval_s for step, rate in steps)
+        suited = detector.replace(
+            threshold_rad=min(max(detector.threshold_rad, tooth), 0.1),
+            gross_threshold_rad=min(max(detector.gross_threshold_rad, 2.0 * tooth), 1.0),
+            largest_rad=min(max(detector.largest_rad, 10.0 * tooth), 1.0),
+        )
+        return loops.replace(law=BY_DRIVE, oscillation=suited)
+
+    def _require_able(self, loops: LoopParams) -> None:
+        can, rotator, limits = self.hardware.drive.capabilities, self.drive_params.rotator, loops.preprocessor
+        if loops.law == BY_DRIVE and not self.hardware.takes_positions:
+            raise ValueError(f"loops.law={BY_DRIVE} needs a drive that takes positions, this one takes rates")
+        for axis, name in enumerate(AXES):
+            if axis and not can.has_elevation:
+                continue
+            low, high = rotator.travel_min_rad[axis], rotator.travel_max_rad[axis]
+            # What a device states of a folded azimuth is no travel.
+            if can.travel_rad is not None and not (axis == 0 and (can.one_turn or rotator.takes_one_turn)):
+                zero = rotator.zero_rad[axis]
+                low, high = max(low, can.travel_rad[0][axis] + zero), min(high, can.travel_rad[1][axis] + zero)
+            wanted = limits.travel_min_rad[axis], limits.travel_max_rad[axis]
+            if wanted[0] < low - SAME_RAD or wanted[1] > high + SAME_RAD:
+                raise ValueError(
+                    f"{name} travel {_degrees(*wanted)} (loops.preprocessor) must be within that of the drive, "
+                    f"{_degrees(low, high)} (drive.rotator.travel and what the device states)"
+                )
+            if limits.rate_limit_rad_s[axis] > can.rate_rad_s[axis] + SAME_RAD:
+                raise ValueError(
+                    f"{name} rate {math.degrees(limits.rate_limit_rad_s[axis]):.3f} deg/s (loops.preprocessor) "
+                    f"must be <= {math.degrees(can.rate_rad_s[axis]):.3f} deg/s of the drive"
+                )
+
+
+def suited_safety(safety: SafetyParams, can: Capabilities, tick_s: float) -> SafetyParams:
+    """Return the limits of trust with thresholds above the steps and delays of this drive."""
+    step, rate = max(can.resolution_rad), max(can.rate_rad_s)
+    # One step beyond a limit may be a rounding of the reading.
+    gate = safety.gate.replace(hard_rad=min(max(safety.gate.hard_rad, 1.5 * step), 0.5))
+    # Between two readings of a drive that takes rates the tachometer alone goes on.
+    stale = step + (rate * can.period_s if can.period_s > tick_s else 0.0)
+    watch = safety.watch.replace(
+        jump_rad=min(max(safety.watch.jump_rad, 2.0 * stale), 1.0),
+        drift_rad=min(max(safety.watch.drift_rad, 2.0 * stale), 1.0),
+        frozen_rad=min(max(safety.watch.frozen_rad, 2.0 * stale), 1.0),
+    )
+    drive = safety.drive.replace(delay_s=min(max(safety.drive.delay_s, can.latency_s), 1.0))
+    return safety.replace(gate=gate, watch=watch, drive=drive)
+
+
+def wait_for_drive(drive: Drive, now_s: Callable[[], float], patience_s: float = CONNECT_S) -> None:
+    """Let a drive connect until it has given a position; ValueError says why it has not."""
+    begun_s = time.monotonic()
+    while drive.step(now_s()) is None:
+        if time.monotonic() - begun_s > patience_s:
+            raise ValueError(f"drive: {drive.problem or 'no position'}, waited {patience_s:.0f} s")
+        time.sleep(LOOK_S)
+
+
+def _limits(can: Capabilities, params: DriveParams) -> PositionLimits:
+    return PositionLimits(
+        resolution_rad=can.resolution_rad,
+        rate_rad_s=can.rate_rad_s,
+        dead_band_rad=params.rotator.dead_band_rad,
+        period_s=can.period_s,
+    )
+
+
+def _degrees(low: float, high: float) -> str:
+    return f"{math.degrees(low):.1f} to {math.degrees(high):.1f} deg"

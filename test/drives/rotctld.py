@@ -1,0 +1,47 @@
+"""Debian's rotctld with its dummy rotator (6 deg/s, 0.01 deg), started by a test."""
+
+import shutil
+import socket
+import subprocess
+import time
+
+
+class RealRotctld:
+    """`rotctld -m 1` on a port of its own."""
+
+    def __init__(self) -> None:
+        program = shutil.which("rotctld")
+        assert program, "rotctld is missing: sudo apt-get install libhamlib-utils"
+        self._program = program
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            self.port = probe.getsockname()[1]
+        self.start()
+
+    def start(self) -> None:
+        self._process = subprocess.Popen(
+            [self._program, "-m", "1", "-T", "127.0.0.1", "-t", str(self.port)],
+            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        )  # fmt: skip
+        for _ in range(200):
+            try:
+                socket.create_connection(("127.0.0.1", self.port), 0.5).close()
+            except OSError:
+                time.sleep(0.02)
+            else:
+                return
+        raise AssertionError("rotctld does not listen")
+
+    def kill(self) -> None:
+        self._process.kill()
+        self._process.wait()
+
+    def position(self) -> tuple[float, float]:
+        """Return what another client reads, in degrees."""
+        with socket.create_connection(("127.0.0.1", self.port), 1.0) as client:
+            client.sendall(b"p\n")
+            text = b""
+            while text.count(b"\n") < 2:
+                text += client.recv(100)
+        azimuth, elevation = text.split()[:2]
+        return float(azimuth), float(elevation)

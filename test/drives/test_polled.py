@@ -1,0 +1,207 @@
+"""Controllers that answer late, in pieces, with noise or not at all: what the drive makes of it."""
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+
+import pytest
+
+from rf_pointing.drives import DriveParams, LinkParams, make_drive
+from test.drives.benches import BOTH_AXES, TICK_S, Bench
+from test.drives.simulators import Easycomm, Rotctld, Spid
+
+GOAL_DEG = (150.0, 60.0)
+GOAL_RAD = (math.radians(150.0), math.radians(60.0))
+STEP_DEG = 1.0
+
+
+@pytest.fixture
+def bench() -> Iterator[Callable[..., Bench]]:
+    made: list[Bench] = []
+
+    def make(*args: object, **changes: object) -> Bench:
+        made.append(Bench(*args, **changes))
+        return made[-1]
+
+    yield make
+    for each in made:
+        each.close()
+
+
+@pytest.mark.parametrize("name", BOTH_AXES)
+def test_a_device_is_stopped_when_it_is_connected_goes_where_it_is_sent_and_stops(bench, name: str) -> None:
+    subject = bench(name)
+    assert subject.device.received[0] == subject.drive._words.stop().data.strip(b"\r\n")
+    subject.run(1.0)
+    assert subject.degrees == pytest.approx((120.0, 45.0), abs=0.01)
+    subject.drive.go_to(GOAL_RAD)
+    subject.run(2.0)
+    assert subject.device.model.moving
+    subject.drive.stop()
+    subject.run(1.0)
+    assert not subject.device.model.moving
+    assert subject.degrees[0] == pytest.approx(132.0, abs=3.0)
+    subject.drive.go_to(GOAL_RAD)
+    subject.run(6.0)
+    assert subject.degrees == pytest.approx(GOAL_DEG, abs=0.01)
+    assert not subject.drive.problem
+    assert not {key for key in subject.drive.losses if key != "late answer"}
+
+
+@pytest.mark.parametrize("name", BOTH_AXES)
+def test_readings_come_once_a_poll_period_and_carry_their_time(bench, name: str) -> None:
+    subject = bench(name)
+    subject.drive.go_to(GOAL_RAD)
+    subject.run(1.0)
+    subject.readings.clear()
+    subject.run(2.0)
+    assert len(subject.readings) == pytest.approx(2.0 / 0.2, abs=2)
+    for reading in subject.readings:
+        assert abs(reading.age_s(reading.t_s)) == 0.0
+        moved = math.degrees(reading.position_rad[0]) - 120.0
+        due = 6.0 * (reading.t_s - subject.device.set_points[0][0] - 0.15)
+        assert moved == pytest.approx(due, abs=0.5 * subject.device.resolution_deg + 6.0 * 1.1 * TICK_S)
+
+
+@pytest.mark.parametrize("name", BOTH_AXES)
+def test_late_answers_in_pieces_and_noise_are_survived_and_named(bench, name: str) -> None:
+    subject = bench(name)
+    subject.device.pieces = True
+    subject.run(4.0)
+    assert not subject.drive.problem
+    subject.device.pieces = False
+    subject.run(1.0)
+    subject.device.delay_s = 0.3
+    subject.run(3.0)
+    assert not subject.drive.problem
+    subject.device.delay_s, subject.device.noise = 0.0, b"\x00\xfe}\x57\r\n"
+    subject.run(3.0)
+    assert not subject.drive.problem
+    assert subject.drive.losses["noise"] > 0
+    subject.device.noise = b""
+    subject.drive.go_to(GOAL_RAD)
+    subject.run(8.0)
+    assert subject.degrees == pytest.approx(GOAL_DEG, abs=0.01)
+
+
+@pytest.mark.parametrize("name", BOTH_AXES)
+def test_a_silent_device_is_lost_after_a_second_and_is_stopped_when_it_comes_back(bench, name: str) -> None:
+    subject = bench(name)
+    subject.drive.go_to(GOAL_RAD)
+    subject.run(1.0)
+    subject.device.silent = True
+    took_s = subject.run(5.0, lambda: bool(subject.drive.problem))
+    assert took_s <= 1.0 + 2.0 * TICK_S
+    assert "no position for 1.0 s" in subject.drive.problem
+    assert subject.device.model.moving, "the device does not know that nobody receives it"
+    subject.device.silent = False
+    for _ in range(200):
+        subject.tick(0.05)
+        time.sleep(0.002)
+        if not subject.drive.problem:
+            break
+    assert not subject.drive.problem
+    assert not subject.device.model.moving, "the first words of a new connection are to stop"
+    before = len(subject.device.set_points)
+    subject.run(3.0)
+    assert len(subject.device.set_points) == before, "nothing is resumed by itself"
+
+
+@pytest.mark.parametrize("name", ["gs232", "easycomm 2", "spid rot2", "hamlib"])
+def test_a_link_that_is_cut_is_noticed_at_once(bench, name: str) -> None:
+    subject = bench(name)
+    subject.run(0.5)
+    subject.device.unplug()
+    took_s = subject.run(5.0, lambda: bool(subject.drive.problem))
+    assert took_s <= 2.0 * TICK_S + 1e-6
+    assert "the link is lost" in subject.drive.problem
+    assert subject.drive.losses["connection"] == 1
+
+
+def test_attempts_to_reconnect_become_rarer_up_to_the_longest_wait(monkeypatch: pytest.MonkeyPatch) -> None:
+    attempts: list[float] = []
+    now = [0.0]
+
+    class Refused:
+        def __init__(self, *_: object) -> None:
+            attempts.append(now[0])
+
+        def result(self) -> None:
+            raise ConnectionRefusedError(111, "Connection refused")
+
+        def abandon(self) -> None: ...
+
+    monkeypatch.setattr("rf_pointing.drives.polled.Opening", Refused)
+    drive = make_drive(DriveParams(type="hamlib", link=LinkParams(first_retry_s=0.5, longest_retry_s=4.0)))
+    while now[0] < 30.0:
+        assert drive.step(now[0]) is None
+        now[0] += 0.02
+    waits = [b - a for a, b in pairwise(attempts)]
+    assert waits[:6] == pytest.approx([0.52, 1.02, 2.02, 4.02, 4.02, 4.02], abs=0.05)
+    assert drive.problem == "rotctld at localhost:4533: Connection refused"
+
+
+def test_a_stop_that_a_device_did_not_receive_is_sent_again(bench) -> None:
+    subject = bench("gs232")
+    subject.drive.go_to((math.radians(300.0), math.radians(45.0)))
+    subject.run(2.0)
+    subject.device.deaf = True
+    subject.drive.stop()
+    subject.run(0.5)
+    subject.device.deaf = False
+    assert subject.device.model.moving
+    took_s = subject.run(5.0, lambda: not subject.device.model.moving)
+    assert took_s < 1.5
+
+
+def test_a_set_point_that_is_refused_is_named(bench) -> None:
+    subject = bench("hamlib")
+    subject.drive.go_to((math.radians(500.0), 1.0))
+    subject.run(1.0)
+    assert subject.drive.losses["refused (set_pos: RPRT -1 (invalid parameter))"] == 1
+    assert "invalid parameter" in subject.readings[-1].status
+    assert not subject.device.model.moving
+
+
+def test_limits_of_hamlib_and_alarms_of_easycomm_are_read(bench) -> None:
+    limits = bench("hamlib").drive.capabilities.travel_rad
+    assert [math.degrees(each) for pair in limits for each in pair] == pytest.approx([-180.0, 0.0, 450.0, 180.0])
+    device = Easycomm(version=3)
+    subject = bench("easycomm 3", device)
+    device.errors = 2
+    subject.run(2.5)
+    assert subject.readings[-1].alarm == "jam"
+    device.errors = 0
+    subject.run(2.5)
+    assert subject.readings[-1].alarm == ""
+    device.alarm("motor hot")
+    subject.run(0.5)
+    assert subject.readings[-1].alarm == "alarm motor hot"
+
+
+def test_the_pulses_of_a_spid_controller_are_its_own(bench) -> None:
+    subject = bench("spid md01", Spid("md01"))
+    assert subject.drive.capabilities.resolution_rad == pytest.approx((math.radians(0.1),) * 2)
+    subject.drive.go_to((math.radians(123.4), math.radians(45.6)))
+    subject.run(3.0)
+    assert subject.device.set_points[-1][1] == pytest.approx((123.4, 45.6))
+
+
+def test_a_drive_without_elevation_moves_its_azimuth(bench) -> None:
+    device = Spid("rot1", (120.0, 0.0))
+    subject = bench("spid rot1", device)
+    subject.drive.go_to((math.radians(130.0), math.radians(30.0)))
+    subject.run(4.0)
+    assert subject.degrees[0] == 130.0
+    assert not subject.drive.capabilities.has_elevation
+
+
+def test_a_clock_that_goes_back_loses_nothing(bench) -> None:
+    subject = bench("hamlib", Rotctld())
+    subject.run(1.0)
+    subject.t_s -= 3.0
+    subject.readings.clear()
+    subject.run(1.0)
+    assert not subject.drive.problem
+    assert len(subject.readings) >= 4

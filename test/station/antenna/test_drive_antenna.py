@@ -1,0 +1,466 @@
+"""The control unit on real protocols: passes, faults of commands and devices, limits, and the lost device."""
+
+import json
+import math
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rf_pointing.core import JointTrajectory
+from rf_pointing.drives import Capabilities, Drive, DriveParams, DriveReading, make_drive
+from rf_pointing.ephemeris import Pass, TopocentricTrack, first_pass_above
+from rf_pointing.ephemeris.source import SourceParams, load_elements
+from rf_pointing.planning import HorizonMask, WrapCount
+from rf_pointing.station.antenna.drive_antenna import DriveAntenna, wait_for_drive
+from rf_pointing.station.antenna.loops import LoopParams
+from rf_pointing.station.antenna.memory import AntennaMemory
+from rf_pointing.station.antenna.safety import SafetyParams
+from rf_pointing.station.antenna.simulated_antenna import AntennaParams
+from test.drives.benches import BOTH_AXES, TICK_S
+from test.drives.simulators import Easycomm, Gs232
+from test.station.driven_antenna import MOTION, Driven, pass_path
+
+SERIAL = ["gs232", "easycomm 2", "spid rot2"]
+START_DEG = (-60.0, 45.0)
+LOST_S = 1.0
+
+
+@pytest.fixture
+def driven() -> Iterator[Callable[..., Driven]]:
+    made: list[Driven] = []
+
+    def make(*args: object, **changes: object) -> Driven:
+        made.append(Driven(*args, **changes).enabled())
+        return made[-1]
+
+    yield make
+    for each in made:
+        each.close()
+
+
+@pytest.fixture(scope="module")
+def high_pass(track: TopocentricTrack) -> Pass:
+    """Return a pass through 88 deg or more."""
+    epoch_t_s = load_elements(SourceParams()).epoch_t_s
+    return first_pass_above(track, epoch_t_s, math.radians(88.0), math.radians(5.0), 6.0 * 86400.0)
+
+
+# Passes
+
+
+def fly(
+    subject: Driven, path: Callable, begin_s: float, first_s: float, seconds: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Go to the place of the pass at `first_s`, wait, and follow it; return errors and rates (n, 2) in degrees."""
+    subject.path = lambda t_s: path(t_s) if t_s >= begin_s + first_s else (path(begin_s + first_s)[0], np.zeros(2))
+    subject.run(begin_s + first_s + 3.0 - subject.t_s)
+    subject.antenna.hardware.rotator.count_anew()
+    model = subject.device.model
+    model.starts, model.reversals, model._direction = [0, 0], [0, 0], [0.0, 0.0]
+    before, errors, rates = len(subject.device.set_points), [], []
+    for _ in range(round(seconds / TICK_S)):
+        subject.tick()
+        position, rate = path(subject.t_s)
+        errors.append(subject.true_deg - np.degrees(position))
+        rates.append(np.degrees(rate))
+    assert subject.fault == ""
+    assert (len(subject.device.set_points) - before) / seconds <= 2.0
+    return np.array(errors), np.array(rates)
+
+
+@pytest.mark.parametrize("name", BOTH_AXES)
+def test_a_pass_is_held_to_half_a_step_and_half_an_interval(driven, track, window: Pass, name: str) -> None:
+    """60 s about culmination of a real LEO pass; the elevation turns once, the azimuth never."""
+    subject = driven(name)
+    begin_s = subject.t_s + 40.0 - (window.tca_t_s - window.aos_t_s - 30.0)
+    error, rate = fly(subject, pass_path(track, window, begin_s), begin_s, window.tca_t_s - window.aos_t_s - 30.0, 60.0)
+    bound = 0.5 * subject.device.resolution_deg + np.abs(rate) * 0.25
+    # What is known of the latency, and for coarse steps the interval for which a way back must last.
+    late_s = 0.1 + TICK_S + (0.75 if subject.device.resolution_deg >= 0.1 else 0.0)
+    assert np.all(np.abs(error) <= bound + np.abs(rate) * late_s + 1e-6)
+    assert np.max(np.abs(np.mean(error, axis=0))) <= 0.25 * subject.device.resolution_deg + 0.05
+    assert subject.device.model.reversals == [0, 1]
+    counts = subject.antenna.hardware.rotator.counts()
+    print(f"{name}: largest {np.max(np.abs(error), axis=0).round(3)} deg, starts {counts.starts}")
+    assert counts.starts == pytest.approx(subject.device.model.starts, abs=2)
+
+
+def test_a_pass_through_the_zenith_goes_over_the_top(driven, track, high_pass: Pass) -> None:
+    subject = driven("gs232")
+    middle_s = high_pass.tca_t_s - high_pass.aos_t_s
+    begin_s = subject.t_s + 50.0 - (middle_s - 60.0)
+    path = pass_path(track, high_pass, begin_s, over_the_top=True)
+    # Only the half on its back: the azimuth of the plunge does not turn there by more than the mask of the zenith.
+    error, _ = fly(subject, path, begin_s, middle_s + 20.0, 60.0)
+    assert np.max(subject.true_deg[1]) > 90.0
+    assert np.max(np.abs(error[:, 1])) < 1.2
+
+
+def test_a_slew_is_one_motion_and_parks_where_it_should(driven) -> None:
+    safety = SafetyParams(park_azimuth_rad=math.radians(100.0), park_elevation_rad=math.radians(80.0))
+    subject = driven("gs232", safety=safety)
+    assert subject.antenna.park() == ""
+    assert subject.run(60.0, lambda: subject.mode == "parked") < 40.0
+    assert subject.true_deg == pytest.approx([100.0, 80.0], abs=1.0)
+    assert max(subject.device.model.starts) <= 3
+    assert subject.device.model.reversals == [0, 0]
+    before = len(subject.device.set_points)
+    subject.run(5.0)
+    assert len(subject.device.set_points) == before, "brakes set: no set points"
+
+
+# A device that is lost
+
+
+@pytest.mark.parametrize("name", BOTH_AXES)
+@pytest.mark.parametrize("fault", ["unplugged", "garbage", "silence"])
+def test_a_lost_device_latches_a_fault_within_a_second_and_nothing_goes_on_by_itself(
+    driven, name: str, fault: str
+) -> None:
+    subject = driven(name)
+    subject.move()
+    subject.run(3.0)
+    assert subject.mode == "tracking"
+    if fault == "unplugged":
+        subject.device.unplug()
+    elif fault == "garbage":
+        subject.device._answer = lambda _: b"\xff\x00garbage\r\n}{"
+    else:
+        subject.device.silent = True
+    took_s = subject.run(3.0, lambda: subject.mode == "fault")
+    print(f"{name}, {fault}: fault after {took_s:.2f} s: {subject.fault}")
+    assert took_s <= LOST_S + 2.0 * TICK_S
+    assert subject.fault.startswith("drive lost: ")
+    assert subject.reading is None, "joints of a lost drive are not published"
+    sent = len(subject.device.set_points)
+    assert "the cause is still there" in subject.antenna.reset_fault()
+    if fault == "silence":
+        subject.device.silent = False
+        assert subject.wait(20.0, lambda: subject.reading is not None)
+        subject.run(1.5)
+        assert subject.mode == "fault"
+        assert "fault latched" in subject.refused
+        assert not subject.device.model.moving
+        assert subject.antenna.reset_fault() == ""
+        assert subject.mode == "holding"
+        subject.path = None
+        subject.run(2.0)
+        assert len(subject.device.set_points) == sent, "a reset moves nothing"
+
+
+def test_five_seconds_of_silence_stop_the_device_when_it_answers_again(driven) -> None:
+    subject = driven("gs232")
+    subject.move((3.0, 0.0))
+    subject.run(3.0)
+    subject.device.silent = True
+    subject.run(5.0)
+    subject.device.silent = False
+    assert subject.wait(20.0, lambda: subject.reading is not None)
+    assert subject.device.received.count(b"S") >= 2
+    assert subject.mode == "fault"
+
+
+@pytest.mark.parametrize("name", SERIAL)
+def test_a_controller_that_restarts_in_the_middle_of_a_motion_is_found(driven, name: str) -> None:
+    """It forgets its set point: the axes stand still; or it forgets where it is: a jump."""
+    subject = driven(name)
+    subject.move((3.0, 0.0))
+    subject.run(3.0)
+    subject.device.reset()
+    subject.device.deaf = True
+    took_s = subject.run(10.0, lambda: subject.mode == "fault")
+    assert "stands still" in subject.fault
+    assert took_s < 4.0
+    subject = driven(name)
+    subject.move((3.0, 0.0))
+    subject.run(3.0)
+    subject.device.reset((0.0, 0.0))
+    took_s = subject.run(10.0, lambda: subject.mode == "fault")
+    assert "encoder jumped" in subject.fault
+    assert took_s <= 0.2 * 2 + 0.1
+
+
+def test_the_alarm_of_a_controller_is_a_fault(driven) -> None:
+    device = Easycomm(version=3)
+    subject = driven("easycomm 3", device)
+    device.errors = 2
+    subject.run(3.0, lambda: subject.mode == "fault")
+    assert subject.fault == "drive: jam"
+
+
+# Sensors and drives
+
+
+@pytest.mark.parametrize("name", ["gs232", "hamlib"])
+def test_a_frozen_read_back_is_found_while_the_device_moves(driven, name: str) -> None:
+    subject = driven(name)
+    subject.move()
+    subject.run(3.0)
+    subject.device.freeze()
+    took_s = subject.run(10.0, lambda: subject.mode == "fault")
+    assert "stands still" in subject.fault
+    assert took_s < 2.0 * subject.device.resolution_deg + 3.0
+
+
+@pytest.mark.parametrize("name", ["gs232", "hamlib"])
+def test_a_single_wrong_reading_is_bridged_and_a_jump_is_not(driven, name: str) -> None:
+    subject = driven(name)
+    subject.move()
+    subject.run(3.0)
+    subject.device.lie_deg = 20.0
+    subject.run(0.2)
+    subject.device.lie_deg = 0.0
+    subject.run(2.0)
+    assert subject.mode == "tracking", subject.fault
+    subject.device.lie_deg = 20.0
+    took_s = subject.run(2.0, lambda: subject.mode == "fault")
+    assert "azimuth encoder jumped by 20" in subject.fault
+    assert took_s <= 2.0 * 0.2 + 0.1, "two poll periods"
+    subject.run(1.0)
+    subject.path = None
+    assert subject.antenna.reset_fault() == ""
+
+
+@pytest.mark.parametrize("rate_deg_s", [6.0, -6.0])
+def test_a_device_that_moves_without_a_command_is_stopped(driven, rate_deg_s: float) -> None:
+    subject = driven("gs232")
+    subject.run(1.0)
+    far = math.radians(300.0 if rate_deg_s > 0.0 else 5.0), math.radians(45.0)
+    subject.device.model.command(subject.t_s, far)
+    subject.device.deaf = True
+    took_s = subject.run(5.0, lambda: subject.mode == "fault")
+    assert "moves without a command" in subject.fault
+    assert took_s < 2.0
+    subject.device.deaf = False
+    subject.run(2.0)
+    assert not subject.device.model.moving, "a later stop reached it"
+
+
+# Commands, as on the simulated antenna
+
+
+def hold_at(subject: Driven, azimuth_deg: float, elevation_deg: float, shift_s: float = 0.1) -> JointTrajectory:
+    zero = np.zeros((1, 2))
+    place = np.radians([[azimuth_deg, elevation_deg]])
+    return JointTrajectory(
+        t_s=np.array([subject.t_s + shift_s]), position_rad=place, velocity_rad_s=zero, acceleration_rad_s2=zero
+    )
+
+
+def test_commands_that_cannot_be_followed_move_nothing(driven) -> None:
+    safety = SafetyParams(mask=HorizonMask(azimuth_rad=(0.0, 1.5, 1.6, 2.0), elevation_rad=(0.0, 0.0, 1.2, 0.0)))
+    subject = driven("hamlib", safety=safety)
+    before = len(subject.device.set_points)
+    accept = subject.antenna.accept
+    assert "stale" in accept(hold_at(subject, -60.0, 50.0, -5.0), subject.t_s)
+    assert "future" in accept(hold_at(subject, -60.0, 50.0, 100.0), subject.t_s)
+    assert "past the limit 270.000 deg" in accept(hold_at(subject, 300.0, 50.0), subject.t_s)
+    assert "below the horizon mask" in accept(hold_at(subject, math.degrees(1.6), 30.0), subject.t_s)
+    subject.run(2.0)
+    assert len(subject.device.set_points) == before
+    assert subject.mode == "holding"
+
+
+def test_replayed_commands_and_a_second_commander_are_refused(driven) -> None:
+    subject = driven("hamlib")
+    subject.move()
+    subject.run(1.0)
+    good = subject.table()
+    subject.run(0.3)
+    assert "out of order" in subject.antenna.accept(good, subject.t_s, "test")
+    assert "conflict: test commands, panel is refused" in subject.antenna.accept(subject.table(), subject.t_s, "panel")
+
+
+def test_commands_that_stop_are_carried_on_for_a_second_and_end_in_a_stop(driven) -> None:
+    subject = driven("hamlib")
+    subject.move()
+    subject.run(3.0)
+    subject.silent = True
+    begun_s = subject.t_s
+    subject.run(5.0, lambda: subject.mode == "fault")
+    assert "commands ran dry" in subject.fault
+    assert subject.t_s - begun_s < 4.0
+    stopped_at = subject.true_deg
+    subject.run(2.0)
+    assert subject.true_deg == pytest.approx(stopped_at, abs=0.5)
+    assert subject.device.model.reversals == [0, 0], "a stop does not turn back"
+
+
+def test_stop_pause_disable_park_and_stow_are_five_different_things(driven) -> None:
+    subject = driven("hamlib")
+    antenna = subject.antenna
+    subject.move()
+    subject.run(2.0)
+    assert antenna.pause() == ""
+    subject.run(2.0)
+    paused = subject.true_deg
+    subject.run(1.0)
+    assert subject.mode == "paused"
+    assert subject.true_deg == pytest.approx(paused, abs=0.05)
+    assert antenna.resume() == ""
+    subject.run(3.0)
+    assert subject.mode == "tracking"
+    antenna.stop("stop was requested")
+    subject.run(4.0, lambda: subject.mode == "fault")
+    subject.path = None
+    subject.run(1.5)
+    assert antenna.reset_fault() == ""
+    assert antenna.disable() == ""
+    subject.run(3.0, lambda: subject.mode == "disabled")
+    assert antenna.resume() == ""
+    assert antenna.stow() == ""
+    subject.run(1.0)
+    assert subject.mode == "stowing"
+    subject.run(30.0, lambda: subject.mode == "stowed")
+    assert subject.true_deg[1] == pytest.approx(90.0, abs=0.1)
+
+
+def test_the_hard_limit_stops_the_device(driven) -> None:
+    subject = driven("hamlib")
+    subject.run(1.0)
+    here = subject.true_deg[0]
+    subject.antenna.retune(
+        AntennaParams().plant,
+        LoopParams(preprocessor=MOTION.replace(travel_max_rad=(math.radians(here + 1.0), math.pi))),
+    )
+    subject.device.model.command(subject.t_s, (math.radians(here + 180.0 + 30.0), math.radians(45.0)))
+    subject.device.deaf = True
+    subject.run(3.0, lambda: subject.mode == "fault")
+    assert "past the hard limit" in subject.fault
+    subject.device.deaf = False
+    subject.run(2.0)
+    assert subject.true_deg[0] < here + 20.0
+    assert not subject.device.model.moving
+
+
+def test_an_identification_needs_rates(driven) -> None:
+    subject = driven("hamlib")
+
+    class Experiment:
+        sample_s = TICK_S
+
+    assert "takes positions" in subject.antenna.identify(Experiment())
+
+
+# Start
+
+
+def test_what_the_drive_cannot_do_is_refused_with_both_numbers() -> None:
+    with pytest.raises(
+        ValueError, match=r"azimuth travel -180.0 to 280.0 deg .* within that of the drive, -180.0 to 270.0"
+    ):
+        Driven("gs232", motion=MOTION.replace(travel_max_rad=(math.radians(280.0), 1.5)),
+               travel_max_rad=(math.radians(270.0), math.pi))  # fmt: skip
+    with pytest.raises(ValueError, match=r"elevation rate 7.000 deg/s .* must be <= 6.000 deg/s of the drive"):
+        Driven("gs232", motion=MOTION.replace(rate_limit_rad_s=(0.1, math.radians(7.0))))
+    with pytest.raises(ValueError, match="must be one of simulated, topic, simulated_rotator, hamlib, gs232"):
+        make_drive(DriveParams(type="gs233"))
+
+
+def test_a_device_that_is_not_there_is_named() -> None:
+    drive = make_drive(DriveParams(type="gs232").replace(link=DriveParams().link.replace(device="/dev/nothing")))
+    times = iter(np.arange(0.0, 1e6, 0.02))
+    with pytest.raises(ValueError, match="drive: GS-232 at /dev/nothing: could not open port /dev/nothing"):
+        wait_for_drive(drive, lambda: float(next(times)), 0.2)
+
+
+def test_a_one_turn_azimuth_gets_its_turn_from_the_wrap_file_and_keeps_it(driven, tmp_path: Path) -> None:
+    """The device is at 370 deg and reads 10 deg; the file names the turn, and one that cannot be true is a doubt."""
+    motion = MOTION.replace(travel_min_rad=(0.0, 0.0), travel_max_rad=(math.radians(450.0), math.pi))
+    device = Gs232(start_deg=(370.0, 45.0))
+    device.one_turn = True
+    subject = driven("gs232", device, motion=motion, zero_rad=(0.0, 0.0), reads_one_turn=True)
+
+    def azimuth_deg() -> float:
+        return math.degrees(subject.antenna.reading(0.0).position_rad[0])
+
+    assert azimuth_deg() == pytest.approx(10.0)
+    (wrap := tmp_path / "wrap.json").write_text(json.dumps({"azimuth_rad": math.radians(370.0)}))
+    recovered, doubt = WrapCount(wrap).recover(math.radians(azimuth_deg()))
+    assert doubt == ""
+    subject.antenna.place(recovered)
+    assert azimuth_deg() == pytest.approx(370.0)
+    subject.go(400.0, 45.0)
+    subject.run(20.0)
+    assert subject.fault == ""
+    assert azimuth_deg() == pytest.approx(400.0)
+    assert subject.device.set_points[-1][1][0] == 400.0
+    wrap.write_text(json.dumps({"azimuth_rad": math.radians(100.0)}))
+    assert "look at the cables" in WrapCount(wrap).recover(math.radians(40.0))[1]
+    # Moved by hand while the line was dead: nobody knows how far.
+    subject.path = None
+    subject.device.silent = True
+    subject.run(3.0)
+    subject.device.model.position_rad[0] -= math.radians(100.0)
+    subject.device.silent = False
+    assert subject.wait(20.0, lambda: "while the drive was lost" in subject.antenna.hardware.fault)
+
+
+def test_a_fault_and_a_rest_outlive_a_restart(driven, tmp_path: Path) -> None:
+    memory = AntennaMemory(str(tmp_path / "state.json"))
+    subject = driven("hamlib")
+    subject.antenna.stop("somebody stopped it")
+    subject.run(1.0)
+    memory.keep(subject.antenna, subject.t_s)
+    again = driven("hamlib")
+    AntennaMemory(str(tmp_path / "state.json")).restore(again.antenna)
+    assert again.fault == "somebody stopped it (since before the restart)"
+
+
+# A drive that takes rates
+
+
+class RateDrive(Drive):
+    """A rate loop of 20 rad/s with an encoder and a tachometer."""
+
+    capabilities = Capabilities(
+        set_points="rate", resolution_rad=(1e-6, 1e-6), rate_rad_s=(0.05, 0.05), period_s=TICK_S
+    )
+
+    def __init__(self) -> None:
+        self.position, self.rate, self.command = np.array([2.0, 1.0]), np.zeros(2), np.zeros(2)
+        self.t_s: float | None = None
+        self.problem = ""
+
+    def step(self, t_s: float) -> DriveReading:
+        if self.t_s is not None:
+            self.rate = self.rate + (1.0 - math.exp(-20.0 * (t_s - self.t_s))) * (self.command - self.rate)
+            self.position = self.position + self.rate * (t_s - self.t_s)
+        self.t_s = t_s
+        azimuth, elevation = self.position.tolist()
+        return DriveReading(t_s=t_s, position_rad=(azimuth, elevation), rate_rad_s=tuple(self.rate.tolist()))
+
+    def turn(self, rate_rad_s: tuple[float, float]) -> None:
+        self.command = np.array(rate_rad_s)
+
+    def stop(self) -> None:
+        self.command = np.zeros(2)
+
+
+def test_a_drive_that_takes_rates_runs_under_the_position_laws() -> None:
+    travel = DriveParams().rotator.replace(travel_min_rad=(-4.0, 0.0), travel_max_rad=(4.0, 3.0))
+    params = AntennaParams(drive=DriveParams(type="own", rotator=travel))
+    antenna = DriveAntenna(params, RateDrive(), 0.0)
+    antenna.enable()
+    rate, start = math.radians(0.3), np.array([2.0, 1.0])
+    error = []
+    for tick in range(1, 1500):
+        t_s = round(TICK_S * tick, 6)
+        antenna.step(t_s)
+        if tick % 5 == 0:
+            times = t_s + 0.1 * np.arange(1, 10)
+            antenna.accept(
+                JointTrajectory(
+                    t_s=times, position_rad=start + rate * times[:, None] * [1.0, -1.0],
+                    velocity_rad_s=np.tile([rate, -rate], (9, 1)), acceleration_rad_s2=np.zeros((9, 2)),
+                ), t_s,
+            )  # fmt: skip
+        error.append(antenna.hardware.drive.position - start - rate * t_s * np.array([1.0, -1.0]))
+    assert antenna.status(0.0).fault == ""
+    assert math.degrees(np.max(np.abs(error[-200:]))) < 0.01
+    antenna.hardware.drive.problem = "gone"
+    antenna.step(30.0)
+    assert antenna.status(30.0).fault == "drive lost: gone"
+    assert not antenna.hardware.drive.command.any()
