@@ -548,6 +548,10 @@ def _watches(of: Band) -> dict[str, Value]:
         "safety.watch.frozen_deg": (max(0.008, 4.0 * step + 2.0 * play), "0.008 deg, at least four steps and two plays"),
         "safety.gate.hard_deg": (min(max(0.25, 3.0 * step), 28.0), "0.25 deg, at least three encoder steps"),
         "gate.hard_deg": (min(max(0.25, 3.0 * step), 28.0), "0.25 deg, at least three encoder steps"),
+        "axes.frozen_deg": (max(0.02, 4.0 * step), "0.02 deg, at least four encoder steps"),
+        "axes.runaway_deg": (
+            min(max(0.5, 5.0 * step, 0.25 * of.beamwidth_deg), 50.0), "0.5 deg, at least five steps and 0.25 h"
+        ),
         "loops.oscillation.threshold_deg": (min(swing, 5.0), "0.02 deg, at least four steps and 0.6 of the scan radius"),
         "loops.oscillation.gross_threshold_deg": (min(2.5 * swing, 50.0), "2.5 times the smallest swing"),
         "loops.oscillation.largest_deg": (min(max(0.5, 10.0 * swing), 50.0), "0.5 deg, at least ten times the smallest swing"),
