@@ -115,8 +115,10 @@ def fly(params: DriveParams, options: argparse.Namespace, client: SecondClient |
     begin_s = time.monotonic() + slew_s
     errors, rates, ticks, late = [], [], 0, []
     due_s = time.monotonic()
-    while (now_s := time.monotonic()) < begin_s + seconds:
+    while due_s < begin_s + seconds:
         ticks += 1
+        # On the grid of the ticks, as in antenna_servo.
+        now_s = due_s
         antenna.step(now_s)
         if ticks % 5 == 0:
             times = now_s + 0.1 * np.arange(1, 10)
@@ -131,7 +133,7 @@ def fly(params: DriveParams, options: argparse.Namespace, client: SecondClient |
         if now_s < begin_s + 2.0:
             hardware.rotator.count_anew()
         else:
-            at_s, where = client.read() if client else (now_s, np.array(hardware.encoders()))
+            at_s, where = client.read() if client else (time.monotonic(), np.array(hardware.encoders()))
             errors.append(where - path(at_s - begin_s + first_s))
             rates.append(rate(at_s - begin_s + first_s))
         if fault := antenna.safety.latch.text:

@@ -177,11 +177,17 @@ class AntennaServo(StationNode):
         """Check the kept turn against the encoder, which counts all turns; a real one has one."""
         name = self.parameters.value("").wrap_file
         self._wrap, self._wrap_problem = WrapCount(Path(name)) if name else None, ""
+        one_turn = isinstance(self._antenna, DriveAntenna) and self._antenna.hardware.drive.capabilities.one_turn
         if self._wrap is None:
+            if one_turn:
+                self._antenna.stop(
+                    "the drive reads the azimuth modulo 360 deg and no wrap_file keeps its turn: "
+                    "look at the cables, then reset"
+                )
             return
         azimuth = float(self._antenna.reading(0.0).position_rad[0])
         recovered, doubt = self._wrap.recover(azimuth)
-        if isinstance(self._antenna, DriveAntenna) and self._antenna.hardware.drive.capabilities.one_turn:
+        if one_turn:
             self._antenna.place(recovered)
         elif not doubt and abs(recovered - azimuth) > 1e-6:
             doubt = "the wrap file names another turn than the encoder: look at the cables, then reset"

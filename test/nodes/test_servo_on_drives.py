@@ -25,15 +25,11 @@ from test.drives.rotctld import RealRotctld
 
 ANY_STATE = LifecycleState(state_id=1, label="unconfigured")
 TICK_S = 0.02
+SPEED = {"rate_deg_s": 6.0, "acceleration_deg_s2": 6.0, "command_rate_deg_s": 6.0, "command_acceleration_deg_s2": 6.0}
 MOTION = {
-    "mount.azimuth": {"travel_deg": [-180.0, 270.0], "rate_deg_s": 6.0, "acceleration_deg_s2": 6.0},
-    "mount.elevation": {"travel_deg": [0.0, 90.0], "rate_deg_s": 6.0, "acceleration_deg_s2": 6.0},
-    "tuning.loops.preprocessor": {
-        "rate_limit_deg_s": [6.0, 6.0],
-        "acceleration_limit_deg_s2": [6.0, 6.0],
-        "travel_min_deg": [-180.0, 0.0],
-        "travel_max_deg": [270.0, 90.0],
-    },
+    "mount.azimuth": {"travel_deg": [-180.0, 270.0], **SPEED},
+    "mount.elevation": {"travel_deg": [0.0, 90.0], **SPEED},
+    "tuning.loops.preprocessor": {"travel_min_deg": [-180.0, 0.0], "travel_max_deg": [270.0, 90.0]},
     "drive.link.first_retry_s": 0.2,
 }
 """Keys of the description."""
@@ -190,6 +186,18 @@ def test_a_simulated_rotator_publishes_its_truth(made) -> None:
     run.command(26.0, 60.0)
     run.run(3.0)
     assert math.degrees(seen[-1].azimuth) == pytest.approx(26.0, abs=0.6)
+
+
+@pytest.mark.parametrize("kept", [False, True])
+def test_a_one_turn_azimuth_without_a_kept_turn_waits_for_somebody_to_look(made, tmp_path: Path, kept: bool) -> None:
+    given = {"drive__type": "simulated_rotator", "drive__rotator__reads_one_turn": True}
+    run = made(**given, wrap_file=str(tmp_path / "wrap.json") if kept else "").up()
+    run.run(0.2)
+    if kept:
+        assert run.fault == ""
+        return
+    assert "no wrap_file keeps its turn: look at the cables, then reset" in run.fault
+    assert run.servo._antenna.reset_fault() == ""
 
 
 class Vendor:
