@@ -44,6 +44,8 @@ MOST_ROUNDS, SETTLED = 6, 0.05
 # Elements are three times worse than they should be in one of 400 sets.
 AGE_FACTOR = 3.0
 FEWEST_FOR_SIZES = 8
+# So few passes cannot judge one of them by the others.
+FEWEST_TIMED = 4
 DAY_S = 86400.0
 FREEZING_K = 273.15
 ELECTRONS_PER_TECU = 1e16
@@ -318,7 +320,8 @@ def fitted_files(
         before, count = result, len(late)
         # Without the latest pass another one may stand out, and no more once none does.
         if not judged:
-            late |= suspects.late_passes(result if result.pass_errors else clocks(options, every, present), every)
+            timed = result.pass_errors or len(every.passes) <= FEWEST_TIMED
+            late |= suspects.late_passes(result if timed else clocks(options, every, present), every)
             judged = len(late) == count
         if raw is None and judged:
             break
