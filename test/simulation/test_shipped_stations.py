@@ -82,3 +82,9 @@ def test_program_track_in_s_band_with_elements_half_a_second_wrong_loses_what_th
     # 0.5 s of the satellite's motion on the sky, 0.2 to 0.5 deg/s here, of a beam of 2.38 deg: at most 0.13 dB; the mount's own
     # errors, uncorrected, come on top.
     assert 0.02 < flight.mean_loss_db() < 0.3
+
+
+def test_auto_never_uses_a_sensor_that_the_feed_does_not_have() -> None:
+    flight = fly("leo_3m7", "X", "auto", seconds=40.0)
+    assert Mode.MONOPULSE not in flight.log.mode
+    assert set(np.array(flight.log.mode)[flight.acquired].tolist()) == {Mode.CONSCAN}
