@@ -32,7 +32,8 @@ LOSS_OF_SIGNAL = "loss of signal"
 
 def received_power(error_rad: ArrayLike, beamwidth_rad: ArrayLike) -> NDArray[np.float64]:
     """Return the power g (n,) received over that on the axis, never below the sidelobes."""
-    return np.maximum(gaussian_gain(error_rad, beamwidth_rad), SIDELOBE_POWER)
+    power: NDArray[np.float64] = np.maximum(gaussian_gain(error_rad, beamwidth_rad), SIDELOBE_POWER)
+    return power
 
 
 def pointing_loss_db(power: ArrayLike) -> NDArray[np.float64]:
