@@ -20,12 +20,14 @@ import numpy as np  # noqa: E402
 from rf_pointing.calibration import (  # noqa: E402
     BiasModel,
     FitOptions,
+    Known,
     Observations,
+    RawPasses,
     RawTracking,
     ReferenceTrack,
+    TrackedPass,
     fit_bias_model,
     held_at_zero,
-    process_pass,
 )
 from rf_pointing.core import random_stream  # noqa: E402
 from rf_pointing.papers.orbit.measurements import look, visits  # noqa: E402
@@ -88,8 +90,8 @@ def tracks() -> list[ReferenceTrack]:
 def one_campaign(seed: int, references: list[ReferenceTrack]) -> float:
     """Simulate four raw passes, run the whole pipeline and the fit; return the largest pull of a term."""
     random = random_stream(seed, "benchmark campaign")
-    points = []
-    for number, reference in enumerate(references):
+    passes = []
+    for reference in references:
         times = np.arange(reference.t_s[0] + 1.0, reference.t_s[-1], 0.125)
         seen = reference.at(times)
         offset = MODEL.offset_rad(*seen.motion())
@@ -104,8 +106,8 @@ def one_campaign(seed: int, references: list[ReferenceTrack]) -> float:
             range_rate_m_s=seen.range_rate_m_s + 0.05 * random.standard_normal(len(times)),
             good=np.ones(len(times), dtype=bool),
         )
-        points.append(process_pass(raw, reference, number, None, BiasModel.zero()).observations)
-    together = Observations.concatenate(points)
+        passes.append(TrackedPass(raw, reference))
+    together = RawPasses(passes, 0).process(Known(model=BiasModel.zero(), form="printed")).points
     result = fit_bias_model(together, terms=TERMS, held=held_at_zero(TERMS), pass_priors=ORBIT_PRIORS)
     truth = np.array([MODEL.coefficients[name] for name in TERMS])
     return float(np.max(np.abs(result.values - truth) / result.sigma))

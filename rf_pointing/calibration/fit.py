@@ -20,8 +20,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.calibration.fit_problem import FitProblem, Prior, Round
-from rf_pointing.calibration.fit_result import FitResult, Rejected
+from rf_pointing.calibration.fit_problem import FitProblem, Round
+from rf_pointing.calibration.fit_result import FitResult, Prior, Rejected
+from rf_pointing.calibration.noise import NoiseScale
 from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.pass_errors import PassPriors
 from rf_pointing.calibration.terms import TERM_NAMES, terms_by_name
@@ -42,6 +43,8 @@ _MEDIAN_TO_SIGMA = 1.4826
 # Fewer passes give a matrix of scores that says more about these passes than about their errors.
 _FEWEST_SANDWICH_PASSES = 5
 _ALONE = 1e-8
+# The measured excess of right sigmas scatters about 1, and only its upper half would count.
+_EXCESS_SIGMA = 2.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,7 +60,7 @@ class FitOptions(Params):
     huber_sigma: float = parameter(0.0, "residuals beyond this many sigma count linearly; 0: squared", low=0.0, high=10)
     covariance: str = parameter("white", "how sigma is computed", choices=("white", "sandwich"))
     fewest_passes: int = parameter(3, "fewer passes are refused unless every term has a prior", low=1, high=1000)
-    scale_covariance: bool = parameter(False, "multiply the white covariance by the measured residual variance")
+    scale_covariance: bool = parameter(False, "raise the white covariance where residuals are larger than sigma says")
 
     def check_together(self) -> None:
         """Refuse editing before a sandwich."""
@@ -83,6 +86,7 @@ def fit_bias_model(
     priors: Mapping[str, Prior] | None = None,
     pass_priors: PassPriors | None = None,
     options: FitOptions | None = None,
+    start: FitResult | None = None,
 ) -> FitResult:
     """Fit `terms` to observed minus true angles (SATCAL eqs. 3-8).
 
@@ -94,6 +98,8 @@ def fit_bias_model(
         Value and sigma of terms that are known before the data.
     pass_priors
         Sizes of orbit and clock errors, which are then estimated for every pass.
+    start
+        A fit of nearly the same, from which fewer rounds are needed.
 
     Raises
     ------
@@ -112,15 +118,19 @@ def fit_bias_model(
             "the errors of one pass look like those of the mount; track more, or give every term a prior"
         )
     problem = FitProblem(observations, names, dict(held or {}), dict(priors or {}), pass_priors, chosen.form)
-    last = _iterate(problem, chosen)
+    last = _iterate(problem, chosen, start)
     _check_left(observations, last, chosen, backed)
     return _result(problem, last, chosen)
 
 
-def _iterate(problem: FitProblem, options: FitOptions) -> Round:
+def _iterate(problem: FitProblem, options: FitOptions, start: FitResult | None) -> Round:
     used = np.ones(len(problem.data), dtype=bool)
     weight = np.ones(len(problem.data))
     values = problem.start()
+    if start is not None:
+        values = np.array([start.coefficients[name] for name in problem.names])
+        # Of other points nothing is known of which will be edited.
+        used = start.used if len(start.used) == len(used) else used
     for number in range(1, _MOST_ROUNDS + 1):
         now = problem.solve(values, used, weight)
         step = float(np.max(np.abs(now.solution.values - values) / np.sqrt(np.diag(now.solution.covariance))))
@@ -157,14 +167,13 @@ def _check_left(data: Observations, last: Round, options: FitOptions, backed: bo
 
 def _result(problem: FitProblem, last: Round, options: FitOptions) -> FitResult:
     data, solution, used = problem.data, last.solution, last.used
-    # A prior is an equation more.
-    freedom = 2 * int(np.sum(used)) - len(problem.names) + len(problem.priors)
     variance = np.mean((last.residuals[:, used] / problem.sigmas[:, used]) ** 2, axis=1).tolist()
     covariance = solution.covariance
     if options.covariance == "sandwich":
         covariance = sandwich_covariance(problem.names, covariance, problem.weighted_passes(last))
-    elif options.scale_covariance:
-        covariance = covariance * (solution.residual_square / max(freedom, 1))
+    noise = problem.noise(last) if options.scale_covariance else None
+    if noise is not None and options.covariance == "white":
+        covariance = covariance * excess_of(noise)
     size = normalised_size(last.residuals, problem.sigmas, used)
     return FitResult(
         names=problem.names,
@@ -192,7 +201,18 @@ def _result(problem: FitProblem, last: Round, options: FitOptions) -> FitResult:
         passes=len(np.unique(data.pass_id[used])),
         pass_errors=problem.pass_errors(last),
         pass_priors=problem.pass_priors,
+        noise=noise,
+        pass_rows=problem.pass_rows(last)[1] if problem.pass_priors is not None else None,
+        priors=problem.priors,
     )
+
+
+def excess_of(noise: tuple[NoiseScale, NoiseScale]) -> float:
+    """Return the factor of the covariance, 1 unless the noise is larger than sigma says."""
+    # Never below 1: residuals that are smaller than sigma may be so because they are correlated.
+    factor = 0.5 * (noise[0].factor + noise[1].factor)
+    uncertainty = 0.5 * float(np.hypot(noise[0].uncertainty, noise[1].uncertainty))
+    return factor if factor > 1.0 + _EXCESS_SIGMA * uncertainty else 1.0
 
 
 def _check_names(names: tuple[str, ...], held: Mapping[str, float], priors: Mapping[str, Prior]) -> None:

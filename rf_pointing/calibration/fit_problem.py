@@ -12,29 +12,26 @@ from numpy.typing import NDArray
 
 from rf_pointing.calibration.angles import Angles, ArrayAngles
 from rf_pointing.calibration.bias_model import BiasModel
-from rf_pointing.calibration.fit_result import PassErrors
+from rf_pointing.calibration.fit_result import FitResult, Prior
+from rf_pointing.calibration.noise import NoiseScale, noise_scale
 from rf_pointing.calibration.observations import Observations
-from rf_pointing.calibration.pass_errors import PassPriors, pass_partials
+from rf_pointing.calibration.pass_errors import PassErrors, PassPriors, lags_of, middles_of_passes, pass_partials
 from rf_pointing.calibration.terms import Partial, terms_by_name
-from rf_pointing.calibration.triangle import PassHeads, Solution, Triangle, eliminate, require_determined
-from rf_pointing.core import require_finite, wrap_rad
+from rf_pointing.calibration.triangle import (
+    PassHeads,
+    Solution,
+    Triangle,
+    eliminate,
+    pass_triangles,
+    require_determined,
+)
+from rf_pointing.core import wrap_rad
 
 Array = NDArray[np.float64]
 Pair = tuple[Array, Array]
-
-
-@dataclass(frozen=True)
-class Prior:
-    """Knowledge of one term before the data: value and standard deviation in the term's unit."""
-
-    value: float
-    sigma: float
-
-    def __post_init__(self) -> None:
-        require_finite("prior value", self.value)
-        require_finite("prior sigma", self.sigma)
-        if self.sigma <= 0.0:
-            raise ValueError(f"prior sigma={self.sigma} must be > 0")
+# Of 1 km and a second: 10 ms change the shift by less than 0.1 mdeg.
+_SAME_LAG_S = 0.01
+Places = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +99,8 @@ class FitProblem:
         )
         self.sigmas = np.stack([data.sigma_azimuth_rad, data.sigma_elevation_rad])
         self.measured = np.stack([data.residual_azimuth_rad, data.residual_elevation_rad])
-        self.own = None if pass_priors is None else pass_partials(data, pass_priors.names)
+        self._last: Pair | None = None
+        self._own_at: tuple[tuple[float, float], Pair] | None = None
 
     @cached_property
     def passes(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -120,7 +118,7 @@ class FitProblem:
         right = self._right(values)
         # Pass errors act on both axes, so the blocks can no longer be reduced each by itself.
         if self.pass_priors is not None:
-            heads, common = self._eliminate(used, right, weight)
+            heads, common = eliminate(*self._pass_triangles(used, right, weight), self.pass_priors.sigma)
             triangle.add_triangle(common, 2 * int(np.sum(used)))
             return triangle, heads
         root = np.sqrt(weight)
@@ -149,10 +147,65 @@ class FitProblem:
             return ()
         names, heads = self.pass_priors.names, last.heads
         values, sigma = heads.values(last.solution).tolist(), heads.sigma(last.solution).tolist()
+        numbers = self.passes[0][heads.passes]
+        middles = dict(zip(self.data.pass_id.tolist(), middles_of_passes(self.data).tolist(), strict=True))
         return tuple(
-            PassErrors(number, dict(zip(names, value, strict=True)), dict(zip(names, spread, strict=True)))
-            for number, value, spread in zip(self.passes[0][heads.passes].tolist(), values, sigma, strict=True)
+            PassErrors(
+                number, dict(zip(names, value, strict=True)), dict(zip(names, spread, strict=True)), middles[number]
+            )
+            for number, value, spread in zip(numbers.tolist(), values, sigma, strict=True)
         )
+
+    def pass_rows(self, last: Round) -> tuple[Places, Array]:
+        """Return the passes and the triangles of their rows at the solution, without any prior."""
+        return self._pass_triangles(last.used, self._right(last.solution.values), last.weight)
+
+    def factor_with(self, fit: FitResult, more: Array) -> Array:
+        """Return the triangle of the equations about `fit`, priors included, with more unknowns.
+
+        `more` (2, n, q) are the partials of azimuth and elevation by them; the columns of the
+        triangle are terms, the further ones, and the right side, which is that of residuals.
+        """
+        weight = np.ones(len(self.data))
+        right = self.measured - self._modelled(fit.values)
+        right[0] = wrap_rad(right[0])
+        rows = self._all_rows(right, weight)
+        rows = np.concatenate([rows[:, :-1], np.concatenate(more) * self._scale(weight), rows[:, -1:]], axis=1)
+        chosen = np.tile(fit.used, 2)
+        if self.pass_priors is not None:
+            own = np.concatenate(self._own()[0]) * self._scale(weight)
+            rows = np.concatenate([own, rows], axis=1)[chosen]
+            _, rows = eliminate(*pass_triangles(rows, np.tile(self.passes[1], 2)[chosen]), self.pass_priors.sigma)
+        else:
+            rows = rows[chosen]
+        known = np.zeros((len(self.priors), rows.shape[1]))
+        for row, (name, prior) in zip(known, self.priors.items(), strict=True):
+            place = self.names.index(name)
+            row[place], row[-1] = 1.0 / prior.sigma, (prior.value - fit.values[place]) / prior.sigma
+        return np.asarray(np.linalg.qr(np.concatenate([rows, known]), mode="r"))
+
+    def noise(self, last: Round) -> tuple[NoiseScale, NoiseScale]:
+        """Return by what the noise of azimuth and elevation is larger than the stated sigma."""
+        count, used = len(self.data), last.used
+        rows = self._all_rows(last.residuals, last.weight)
+        common = rows[:, :-1]
+        influence = [common @ np.linalg.cholesky(last.solution.covariance)]
+        if last.heads is not None:
+            inverse = np.zeros((len(self.passes[0]), *last.heads.own.shape[1:]))
+            across = np.zeros((len(self.passes[0]), *last.heads.common.shape[1:]))
+            inverse[last.heads.passes] = np.linalg.inv(last.heads.own)
+            across[last.heads.passes] = inverse[last.heads.passes] @ last.heads.common
+            own, place = np.concatenate(self._own()[0]) * self._scale(last.weight), np.tile(self.passes[1], 2)
+            common = common - np.einsum("ij,ijk->ik", own, across[place])
+            influence = [common @ np.linalg.cholesky(last.solution.covariance)]
+            influence.append(np.einsum("ij,ijk->ik", own, inverse[place]))
+        every = np.concatenate(influence, axis=1)
+        order = np.lexsort((self.data.t_s, self.passes[1]))
+        order = order[used[order]]
+        azimuth, elevation = (
+            noise_scale(rows[axis + order, -1], every[axis + order], self.passes[1][order]) for axis in (0, count)
+        )
+        return azimuth, elevation
 
     def weighted_passes(self, last: Round) -> list[tuple[int, Array, Array]]:
         """Return number, rows (m, k) and residuals (m,) of every pass, divided by sigma."""
@@ -166,6 +219,12 @@ class FitProblem:
         return found
 
     def _modelled(self, values: Array) -> Array:
+        # A round begins where the one before it ended.
+        if self._last is None or not np.array_equal(self._last[0], values):
+            self._last = (values, self._evaluated(values))
+        return self._last[1]
+
+    def _evaluated(self, values: Array) -> Array:
         model = BiasModel({**self.held, **dict(zip(self.names, values.tolist(), strict=True))})
         motion, temperature = self.data.motion(), self.data.temperature_k
         # The printed form is linear: its one round would never see the exact rotations.
@@ -191,12 +250,11 @@ class FitProblem:
     def _scale(self, weight: Array) -> Array:
         return (np.sqrt(weight) / self.sigmas).reshape(-1, 1)
 
-    def _eliminate(self, used: NDArray[np.bool_], right: Array, weight: Array) -> tuple[PassHeads, Array]:
-        own, priors = self._own()
-        scaled = np.concatenate(own) * self._scale(weight)
+    def _pass_triangles(self, used: NDArray[np.bool_], right: Array, weight: Array) -> tuple[Places, Array]:
+        scaled = np.concatenate(self._own()[0]) * self._scale(weight)
         rows = np.concatenate([scaled, self._all_rows(right, weight)], axis=1)
         chosen = np.tile(used, 2)
-        return eliminate(rows[chosen], np.tile(self.passes[1], 2)[chosen], priors.sigma)
+        return pass_triangles(rows[chosen], np.tile(self.passes[1], 2)[chosen])
 
     def _pass_offsets(self, heads: PassHeads | None, solution: Solution) -> Array:
         if heads is None:
@@ -208,6 +266,14 @@ class FitProblem:
         return np.stack([np.einsum("ij,ij->i", partials, of_row) for partials in own])
 
     def _own(self) -> tuple[Pair, PassPriors]:
-        if self.own is None or self.pass_priors is None:
+        """Return the partials by the passes' errors, seen with the lags of the last solution."""
+        if self.pass_priors is None:
             raise ValueError("pass_priors=None: the fit has no pass errors")
-        return self.own, self.pass_priors
+        lags = (0.0, 0.0)
+        # The printed form is linear: a product of lag and orbit error is none of its terms.
+        if not self.linear and self._last is not None:
+            lags = lags_of({**self.held, **dict(zip(self.names, self._last[0].tolist(), strict=True))})
+        known = self._own_at
+        if known is None or max(abs(a - b) for a, b in zip(known[0], lags, strict=True)) > _SAME_LAG_S:
+            self._own_at = known = (lags, pass_partials(self.data, self.pass_priors.names, lags))
+        return known[1], self.pass_priors

@@ -8,13 +8,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.calibration.bias_model import BiasModel
-from rf_pointing.calibration.pass_errors import PassPriors
+from rf_pointing.calibration.noise import NoiseScale
+from rf_pointing.calibration.pass_errors import PassErrors, PassPriors
 from rf_pointing.calibration.triangle import advice_for
+from rf_pointing.core import require_finite
 
 Array = NDArray[np.float64]
 
+
 # Correlation above which two fitted terms are reported as poorly separated.
 HIGH_CORRELATION = 0.95
+
+
+@dataclass(frozen=True)
+class Prior:
+    """Knowledge of one term before the data: value and standard deviation in the term's unit."""
+
+    value: float
+    sigma: float
+
+    def __post_init__(self) -> None:
+        require_finite("prior value", self.value)
+        require_finite("prior sigma", self.sigma)
+        if self.sigma <= 0.0:
+            raise ValueError(f"prior sigma={self.sigma} must be > 0")
 
 
 @dataclass(frozen=True)
@@ -26,15 +43,6 @@ class Rejected:
     reason: str
 
 
-@dataclass(frozen=True)
-class PassErrors:
-    """Orbit and clock errors of one pass, estimated with the terms: value and sigma by name."""
-
-    pass_id: int
-    values: Mapping[str, float]
-    sigma: Mapping[str, float]
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FitResult:
     """Result of `fit_bias_model`; angles in rad, lags in s and s^2, times in UTC seconds.
@@ -43,7 +51,10 @@ class FitResult:
     `held` are the fixed ones.  Residuals (n,) are observed minus modelled for every input row, the
     rejected ones included, after the pass errors `pass_azimuth_rad` and `pass_elevation_rad` (zero
     if none were estimated); `used` (n,) says which rows counted.  `variance_azimuth` and
-    `variance_elevation` are the mean squared residuals over sigma, 1 for a right sigma.
+    `variance_elevation` are the mean squared residuals over sigma, 1 for a right sigma; `noise`
+    says the same of slow residuals, None where it was not measured.  `pass_rows` (g, w, w) are the
+    equations of each pass (`fit_problem.FitProblem.pass_rows`), None without pass errors; `priors`
+    those of the terms.
     """
 
     names: tuple[str, ...]
@@ -68,6 +79,9 @@ class FitResult:
     passes: int
     pass_errors: tuple[PassErrors, ...]
     pass_priors: PassPriors | None
+    noise: tuple[NoiseScale, NoiseScale] | None
+    pass_rows: Array | None
+    priors: Mapping[str, Prior]
 
     @cached_property
     def sigma(self) -> Array:

@@ -16,6 +16,8 @@ Array = NDArray[np.float64]
 
 # Difference on the sky of observed and true direction above which the data must be wrong.
 LARGEST_BIAS_RAD = 0.2
+# A turn of all azimuths alike is another north; anything else scatters more.
+_TURNED_SPREAD_RAD = np.radians(1.0)
 # Cable wraps allow a turn and a half; degrees taken for radians are far beyond.
 _LARGEST_AZIMUTH_RAD = 3.0 * np.pi
 _TURN = 2.0 * np.pi
@@ -182,8 +184,21 @@ def _check_angles(data: Observations) -> None:
         _refuse_where(outside, f"{kind}_elevation_rad", elevation, reason)
     across = data.residual_azimuth_rad * np.cos(data.true_elevation_rad)
     distance = np.hypot(across, data.residual_elevation_rad)
+    turn = float(np.median(data.residual_azimuth_rad))
+    spread = float(np.median(np.abs(wrap_rad(data.residual_azimuth_rad - turn))))
     reason = f"rad must be <= {LARGEST_BIAS_RAD}; swapped columns, another station or degrees?"
+    if spread < _TURNED_SPREAD_RAD:
+        reason = f"rad must be <= {LARGEST_BIAS_RAD}: {north_text(turn)}"
     _refuse_where(distance > LARGEST_BIAS_RAD, "observed minus true direction", distance, reason)
+
+
+def north_text(turn_rad: float) -> str:
+    """Return what it means that all azimuths are off by the same angle."""
+    degrees = np.degrees(turn_rad)
+    return (
+        f"all azimuths are {degrees:+.2f} deg off: counted from magnetic north (a declination of {-degrees:+.2f} deg) or "
+        "from grid north?"
+    )
 
 
 def _refuse_where(wrong: NDArray[np.bool_], name: str, value: Array, reason: str) -> None:

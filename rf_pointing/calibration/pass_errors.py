@@ -5,50 +5,77 @@ A satellite displaced by d (along its track, across it, radially) is seen displa
     dAz = (cos Az, -sin Az, 0) . d / (rho cos El)
     dEl = (-sin El sin Az, -sin El cos Az, cos El) . d / rho
 
-and a clock error tau by (Az', El') tau.  Without these parameters an orbit error of 200 m, the same
-all through a pass, ends in the mount terms while the residuals look fine.  They need priors: a
-clock error free in every pass is exactly the velocity lags, and free along, cross and radial
-offsets leave the lags nothing to explain.
+and a clock error tau by (Az', El') tau.  An error of the orbit's plane or shape changes through the
+pass as the orbit turns (Clohessy and Wiltshire 1960).  Without these parameters an orbit error of
+200 m, the same all through a pass, ends in the mount terms while the residuals look fine.  They
+need priors: a clock error free in every pass is exactly the velocity lags, and free along, cross
+and radial offsets leave the lags nothing to explain.
 """
 
-from dataclasses import dataclass, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.calibration.observations import Observations
-from rf_pointing.core import Params, parameter
+from rf_pointing.calibration.reference import ReferenceTrack
+from rf_pointing.core import Params, azel_from_unit_vector, parameter, wrap_rad
 
 Array = NDArray[np.float64]
 
 _EARTH_RADIUS_M = 6.371e6
+_GRAVITY_M3_S2 = 3.986004418e14
+# Of a revolution in 105 min.
+LOW_ORBIT_RATE_RAD_S = 1e-3
+_TURN_PER_STEP_RAD = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
 class PassPriors(Params):
     """Standard deviations of one pass's errors before the data; zero leaves an error out.
 
-    The drifts let an error change through the pass, linearly from its middle.
+    Errors and their drifts are those in the middle of the pass, of a neighbouring orbit: an error
+    in height brings its change along the track with it.
     """
 
     along_track_m: float = parameter(0.0, "orbit error along the track", low=0.0, high=1e6)
     cross_track_m: float = parameter(0.0, "orbit error across the track", low=0.0, high=1e6)
     radial_m: float = parameter(0.0, "orbit error in height", low=0.0, high=1e6)
-    along_track_drift_m_s: float = parameter(0.0, "change of the along-track error", low=0.0, high=1e3)
+    along_track_drift_m_s: float = parameter(0.0, "further change of the along-track error", low=0.0, high=1e3)
     cross_track_drift_m_s: float = parameter(0.0, "change of the cross-track error", low=0.0, high=1e3)
     radial_drift_m_s: float = parameter(0.0, "change of the height error", low=0.0, high=1e3)
     clock_s: float = parameter(0.0, "time tag error of the station", low=0.0, high=10.0)
 
     @classmethod
-    def of_orbit(cls, size_m: float) -> "PassPriors | None":
-        """Return orbit errors of one size along, across and radially; None for a size of zero."""
-        return cls(along_track_m=size_m, cross_track_m=size_m, radial_m=size_m) if size_m != 0.0 else None
+    def of_orbit(cls, size_m: float, rate_rad_s: float = LOW_ORBIT_RATE_RAD_S) -> "PassPriors | None":
+        """Return orbit errors of one size along, across and radially; None for a size of zero.
+
+        An error of the orbit's plane or shape is at any phase in a pass: its drift is as large,
+        times the orbit's rate.
+        """
+        if size_m == 0.0:
+            return None
+        drift_m_s = size_m * rate_rad_s
+        return cls(
+            along_track_m=size_m, cross_track_m=size_m, radial_m=size_m,
+            cross_track_drift_m_s=drift_m_s, radial_drift_m_s=drift_m_s,
+        )  # fmt: skip
 
     def check_together(self) -> None:
         """Refuse an empty set."""
         if not self.names:
             raise ValueError("pass priors are all zero: give at least one a standard deviation, or leave them out")
+
+    @cached_property
+    def groups(self) -> tuple[int, ...]:
+        """Return which size each of `names` has: an error and its drift share one."""
+        stems = [
+            name.removesuffix("_m").removesuffix("_drift_m_s") if "along" not in name else name for name in self.names
+        ]
+        return tuple(stems.index(stem) for stem in stems)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -61,68 +88,218 @@ class PassPriors(Params):
         return np.array([getattr(self, name) for name in self.names])
 
 
-def pass_partials(observations: Observations, names: tuple[str, ...]) -> tuple[Array, Array]:
+@dataclass(frozen=True)
+class PassErrors:
+    """Orbit and clock errors of one pass, estimated with the terms: value and sigma by name.
+
+    Drifts count from `middle_t_s`.
+    """
+
+    pass_id: int
+    values: Mapping[str, float]
+    sigma: Mapping[str, float]
+    middle_t_s: float
+
+
+def pass_partials(
+    observations: Observations, names: tuple[str, ...], lags_s: tuple[float, float] = (0.0, 0.0)
+) -> tuple[Array, Array]:
     """Return the partials (n, len(names)) of azimuth and of elevation, radians per metre or second.
 
-    Raises ValueError if an orbit error is named and the observations have no range or range rate.
+    `lags_s` are the velocity lags of the axes, which show the errors that much ahead: a lag of 1 s
+    and an along-track error of 1 km make 0.15 s^2 of an acceleration lag.  Raises ValueError if an
+    orbit error is named and the observations have no range or range rate.
     """
+    data = observations
+    elapsed_s = data.t_s - middles_of_passes(data)
+    return motion_partials(elapsed_s, data.motion(), data.range_m, data.range_rate_m_s, names, lags_s)
+
+
+def motion_partials(
+    elapsed_s: Array,
+    motion: Sequence[Array],
+    range_m: Array | None,
+    range_rate_m_s: Array | None,
+    names: Sequence[str],
+    lags_s: tuple[float, float],
+) -> tuple[Array, Array]:
+    """Return the same of a motion (angles, rates, accelerations) `elapsed_s` from mid-pass."""
     # A clock error alone needs no range: the rates are enough.
-    columns = {}
-    if any(not name.startswith("clock") for name in names):
-        columns = _orbit_columns(observations)
-    columns["clock_s"] = np.stack([observations.azimuth_rate_rad_s, observations.elevation_rate_rad_s])
-    both = np.stack([columns[name] for name in names], axis=-1)
+    of_orbit = any(not name.startswith("clock") for name in names)
+    if of_orbit and (range_m is None or range_rate_m_s is None):
+        raise ValueError("range_m=None or range_rate_m_s=None: orbit errors of a pass need both")
+    both, seen = [], dict[float, dict[str, Array]]()
+    for axis, lag in enumerate(lags_s):
+        if lag not in seen:
+            ahead = _ahead(motion, lag)
+            seen[lag] = {"clock_s": np.stack(ahead[2:4])}
+            if of_orbit and range_m is not None and range_rate_m_s is not None:
+                sight = _Sight.of(ahead, range_m + lag * range_rate_m_s, range_rate_m_s)
+                seen[lag] |= _orbit_columns(elapsed_s + lag, sight)
+        both.append(np.stack([seen[lag][name][axis] for name in names], axis=-1))
     return both[0], both[1]
+
+
+def lags_of(coefficients: Mapping[str, float]) -> tuple[float, float]:
+    """Return the velocity lags of azimuth and elevation."""
+    return coefficients["azimuth_velocity_lag"], coefficients["elevation_velocity_lag"]
+
+
+def _ahead(motion: Sequence[Array], time_s: float) -> list[Array]:
+    """Return azimuth, elevation and their rates a short time later."""
+    angles = [motion[k] + time_s * (motion[k + 2] + 0.5 * time_s * motion[k + 4]) for k in (0, 1)]
+    return angles + [motion[k + 2] + time_s * motion[k + 4] for k in (0, 1)]
 
 
 def track_axes(observations: Observations) -> tuple[Array, Array, Array]:
     """Return unit vectors (n, 3) along, across and radial to the track, east-north-up."""
-    position, velocity = _topocentric_motion(observations)
-    up = position + np.array([0.0, 0.0, _EARTH_RADIUS_M])
-    # From a sphere's centre: an ellipsoid turns the axes, and so the prior, by 0.2 deg.
-    radial = up / np.linalg.norm(up, axis=1, keepdims=True)
-    # Along the track as seen from the rotating Earth, where the station is.
-    across = np.cross(radial, velocity)
-    across /= np.linalg.norm(across, axis=1, keepdims=True)
-    return np.cross(across, radial), across, radial
+    return _Sight.of(observations.motion(), *_ranges(observations)).track_axes
 
 
-def _orbit_columns(data: Observations) -> dict[str, Array]:
-    elapsed, columns = (data.t_s - _middle_of_pass(data))[:, np.newaxis], {}
-    for name, axis in zip(("along_track", "cross_track", "radial"), track_axes(data), strict=True):
-        columns[f"{name}_m"] = _seen(data, axis)
-        columns[f"{name}_drift_m_s"] = _seen(data, axis * elapsed)
-    return columns
+def shift_by(observations: Observations, metres: Array) -> tuple[Array, Array]:
+    """Return the shifts (n,) of a target moved along, across and up, `metres` (n, 3)."""
+    sight = _Sight.of(observations.motion(), *_ranges(observations))
+    shift = sight.shift(sum(m[:, np.newaxis] * axis for m, axis in zip(metres.T, sight.track_axes, strict=True)))
+    return shift[0], shift[1]
 
 
-def _topocentric_motion(data: Observations) -> tuple[Array, Array]:
-    if data.range_m is None or data.range_rate_m_s is None:
+def _ranges(observations: Observations) -> tuple[Array, Array]:
+    if observations.range_m is None or observations.range_rate_m_s is None:
         raise ValueError("range_m=None or range_rate_m_s=None: orbit errors of a pass need both")
-    toward, clockwise, upward, cos_el = _sight(data)
-    distance = data.range_m[:, np.newaxis]
-    turning = clockwise * (data.azimuth_rate_rad_s * cos_el)[:, np.newaxis]
-    turning = turning + upward * data.elevation_rate_rad_s[:, np.newaxis]
-    return distance * toward, data.range_rate_m_s[:, np.newaxis] * toward + distance * turning
+    return observations.range_m, observations.range_rate_m_s
 
 
-def _sight(data: Observations) -> tuple[Array, Array, Array, Array]:
-    sin_az, cos_az = np.sin(data.true_azimuth_rad), np.cos(data.true_azimuth_rad)
-    sin_el, cos_el = np.sin(data.true_elevation_rad), np.cos(data.true_elevation_rad)
-    toward = np.stack([cos_el * sin_az, cos_el * cos_az, sin_el], axis=1)
-    clockwise = np.stack([cos_az, -sin_az, np.zeros_like(sin_az)], axis=1)
-    upward = np.stack([-sin_el * sin_az, -sin_el * cos_az, cos_el], axis=1)
-    return toward, clockwise, upward, cos_el
+def site_partials(observations: Observations) -> tuple[Array, Array]:
+    """Return the partials (n, 3) by metres that the antenna is east, north and up of its site."""
+    sight = _Sight.of(observations.motion(), *_ranges(observations))
+    columns = np.stack([sight.shift(-np.broadcast_to(axis, (len(observations), 3))) for axis in np.eye(3)], axis=-1)
+    return columns[0], columns[1]
 
 
-def _seen(data: Observations, displacement: Array) -> Array:
-    _, clockwise, upward, cos_el = _sight(data)
-    distance = np.asarray(data.range_m)
-    azimuth = np.sum(clockwise * displacement, axis=1) / (distance * cos_el)
-    return np.stack([azimuth, np.sum(upward * displacement, axis=1) / distance])
+@dataclass(frozen=True, eq=False)
+class _Sight:
+    """The line of sight to the target, arrays (n,): angles and their rates, range and its rate."""
+
+    azimuth_rad: Array
+    elevation_rad: Array
+    azimuth_rate_rad_s: Array
+    elevation_rate_rad_s: Array
+    range_m: Array
+    range_rate_m_s: Array
+
+    @classmethod
+    def of(cls, motion: Sequence[Array], range_m: Array, range_rate_m_s: Array) -> "_Sight":
+        """Return the line of sight of a motion: angles, their rates, and what else there is."""
+        return cls(motion[0], motion[1], motion[2], motion[3], range_m, range_rate_m_s)
+
+    @cached_property
+    def axes(self) -> tuple[Array, Array, Array]:
+        """Unit vectors (n, 3) toward the target, clockwise and upward of it."""
+        sin_az, cos_az = np.sin(self.azimuth_rad), np.cos(self.azimuth_rad)
+        sin_el, cos_el = np.sin(self.elevation_rad), np.cos(self.elevation_rad)
+        toward = np.stack([cos_el * sin_az, cos_el * cos_az, sin_el], axis=1)
+        clockwise = np.stack([cos_az, -sin_az, np.zeros_like(sin_az)], axis=1)
+        return toward, clockwise, np.stack([-sin_el * sin_az, -sin_el * cos_az, cos_el], axis=1)
+
+    @cached_property
+    def geocentric_m(self) -> Array:
+        """Position (n, 3) from the centre of a spherical Earth."""
+        # An ellipsoid turns the axes, and so the prior, by 0.2 deg.
+        centre = np.array([0.0, 0.0, _EARTH_RADIUS_M])
+        return np.asarray(self.range_m[:, np.newaxis] * self.axes[0] + centre)
+
+    @cached_property
+    def track_axes(self) -> tuple[Array, Array, Array]:
+        """Unit vectors (n, 3) along, across and radial to the track."""
+        toward, clockwise, upward = self.axes
+        turning = clockwise * (self.azimuth_rate_rad_s * np.cos(self.elevation_rad))[:, np.newaxis]
+        turning = turning + upward * self.elevation_rate_rad_s[:, np.newaxis]
+        # As seen from the rotating Earth, where the station is.
+        velocity = self.range_rate_m_s[:, np.newaxis] * toward + self.range_m[:, np.newaxis] * turning
+        radial = self.geocentric_m / np.linalg.norm(self.geocentric_m, axis=1, keepdims=True)
+        across = np.cross(radial, velocity)
+        across /= np.linalg.norm(across, axis=1, keepdims=True)
+        return np.cross(across, radial), across, radial
+
+    @cached_property
+    def orbit_rate_rad_s(self) -> Array:
+        """The rate (n,) of a circular orbit of this height."""
+        return np.asarray(np.sqrt(_GRAVITY_M3_S2 / np.linalg.norm(self.geocentric_m, axis=1) ** 3))
+
+    def shift(self, displacement_m: Any) -> Array:
+        """Return by what azimuth and elevation (2, n) change when the target moves (n, 3)."""
+        _, clockwise, upward = self.axes
+        azimuth = np.sum(clockwise * displacement_m, axis=1) / (self.range_m * np.cos(self.elevation_rad))
+        elevation = np.sum(upward * displacement_m, axis=1) / self.range_m
+        return np.asarray(np.stack([azimuth, elevation]))
 
 
-def _middle_of_pass(data: Observations) -> Array:
-    # Drifts count from here: from the first point they would be correlated with the offsets.
+def _orbit_columns(elapsed_s: Array, sight: _Sight) -> dict[str, Array]:
+    """Return the shifts (2, n) by a unit of each error."""
+    unit = [sight.shift(axis) for axis in sight.track_axes]
+    return {
+        name: np.asarray(sum(share * one for share, one in zip(shares, unit, strict=True)))
+        for name, shares in _displacements(elapsed_s, sight.orbit_rate_rad_s).items()
+    }
+
+
+def _displacements(elapsed_s: Array, rate_rad_s: Array) -> dict[str, tuple[Array, Array, Array]]:
+    """Return how far a unit of each error moves the target along, across and up.
+
+    That of a neighbouring orbit (Clohessy-Wiltshire): what is up by cos(n t) is behind by
+    2 sin(n t), and what is across is so by cos(n t).
+    """
+    zero, rate = np.zeros_like(elapsed_s), rate_rad_s
+    cosine, sine = np.cos(rate * elapsed_s), np.sin(rate * elapsed_s) / rate
+    return {
+        "along_track_m": (zero + 1.0, zero, zero),
+        "along_track_drift_m_s": (elapsed_s, zero, zero),
+        "cross_track_m": (zero, cosine, zero),
+        "cross_track_drift_m_s": (zero, sine, zero),
+        "radial_m": (-2.0 * rate * sine, zero, cosine),
+        "radial_drift_m_s": (2.0 * cosine / rate, zero, sine),
+    }
+
+
+def displaced(track: ReferenceTrack, errors: PassErrors) -> ReferenceTrack:
+    """Return the track with the errors of the pass, exactly: near the zenith the partials bend.
+
+    A kilometre turns the azimuth rate of a pass at 85 deg by 1.4 %, and the lags act on it.
+    """
+    # So fine that the derivatives of the shift are differences of it, near the zenith too.
+    step_s = _TURN_PER_STEP_RAD / max(float(np.max(np.abs(track.azimuth_rate_rad_s))), 1e-9)
+    if step_s < track.t_s[1] - track.t_s[0]:
+        track = track.at(np.linspace(track.t_s[0], track.t_s[-1], 2 + int((track.t_s[-1] - track.t_s[0]) / step_s)))
+    motion = track.motion()
+    sight = _Sight.of(motion, track.range_m, track.range_rate_m_s)
+    moved = track.range_m[:, np.newaxis] * sight.axes[0]
+    shares = _displacements(track.t_s - errors.middle_t_s, sight.orbit_rate_rad_s)
+    for name, value in errors.values.items():
+        for share, axis in zip(shares.get(name, ()), sight.track_axes, strict=False):
+            moved = moved + value * share[:, np.newaxis] * axis
+    azimuth, elevation = azel_from_unit_vector(moved)
+    late_s = errors.values.get("clock_s", 0.0)
+    shift = np.stack([wrap_rad(azimuth - motion[0]), elevation - motion[1]]) + late_s * np.stack(motion[2:4])
+    farther = np.linalg.norm(moved, axis=1) - track.range_m
+    elapsed = track.t_s - track.t_s[0]
+    rate = np.gradient(shift, elapsed, axis=1)
+    bend = np.gradient(rate, elapsed, axis=1)
+    return replace(
+        track,
+        range_m=track.range_m + farther,
+        range_rate_m_s=track.range_rate_m_s + np.gradient(farther, elapsed),
+        azimuth_rad=motion[0] + shift[0],
+        elevation_rad=motion[1] + shift[1],
+        azimuth_rate_rad_s=motion[2] + rate[0],
+        elevation_rate_rad_s=motion[3] + rate[1],
+        azimuth_acceleration_rad_s2=motion[4] + bend[0],
+        elevation_acceleration_rad_s2=motion[5] + bend[1],
+    )
+
+
+def middles_of_passes(data: Observations) -> Array:
+    """Return for each row the middle of its pass, from which the drifts of its orbit count."""
+    # From the first point they would be correlated with the offsets.
     numbers, place = np.unique(data.pass_id, return_inverse=True)
     first, last = np.full(len(numbers), np.inf), np.full(len(numbers), -np.inf)
     np.minimum.at(first, place, data.t_s)

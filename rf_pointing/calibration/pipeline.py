@@ -4,14 +4,16 @@ validation -> 3-sigma outliers against the ephemeris -> one sample per second ->
 s -> corrections; then all passes together -> 25 to 30 points in each of the 36 sectors.  Every
 stage reports what it dropped and why.
 
-Lines and parabolas are fitted to what the reference orbit AND the model known so far leave over: a
-lag of one second makes the bias of a high pass bend far more within 30 s than a parabola can.
-Start with BiasModel.zero() and run the pipeline again with the first fit; pieces that did not
-follow a parabola then come back.
+Means are taken of what the reference orbit, the model and the orbit errors known so far leave over:
+a lag of one second makes the bias of a high pass bend far more within 10 s than a line can.  Start
+with BiasModel.zero() and run the pipeline again with the fit until it stays: then nothing is left
+that a mean could distort, and the points have no bias at any elevation.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +21,10 @@ from numpy.typing import NDArray
 from rf_pointing.calibration.bias_model import BiasModel
 from rf_pointing.calibration.coverage import Coverage, SectorRule, select_by_sector
 from rf_pointing.calibration.ionosphere import Ionosphere
+from rf_pointing.calibration.noise import noise_of
 from rf_pointing.calibration.observations import Observations
-from rf_pointing.calibration.raw_tracking import RawTracking, StageReport, validate
+from rf_pointing.calibration.pass_errors import PassErrors, displaced, lags_of, motion_partials
+from rf_pointing.calibration.raw_tracking import RawTracking, StageReport, require_unit, validate
 from rf_pointing.calibration.reference import ReferenceTrack
 from rf_pointing.calibration.thinning import Thinned, find_outliers, smooth, thin
 from rf_pointing.core import wrap_rad
@@ -29,49 +33,225 @@ Array = NDArray[np.float64]
 
 # A perfect simulation scatters by nothing; a sigma of zero would divide by zero in the fit.
 _LEAST_SIGMA_RAD = 1e-6
+_MOTION = (
+    "azimuth_rad",
+    "elevation_rad",
+    "azimuth_rate_rad_s",
+    "elevation_rate_rad_s",
+    "azimuth_acceleration_rad_s2",
+    "elevation_acceleration_rad_s2",
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Known:
+    """What is known of the antenna and of the orbits before the data are processed.
+
+    `form` is that of the fit: of skew axes with long lags the two differ by 20 mdeg at 84 deg.
+    `errors` are those of the passes by number; `sigma_scale` are the factors of sigma in azimuth
+    and elevation that the fit before measured.
+    """
+
+    model: BiasModel
+    form: str = "rotation"
+    errors: Mapping[int, PassErrors] = field(default_factory=dict)
+    sigma_scale: tuple[float, float] = (1.0, 1.0)
+
+    @property
+    def lags_s(self) -> tuple[float, float]:
+        """The velocity lags with which the fit sees errors of the passes."""
+        return lags_of(self.model.coefficients) if self.form == "rotation" else (0.0, 0.0)
+
+    def bias_rad(self, columns: Mapping[str, Array]) -> Array:
+        """Return observed minus true angles (2, n) of a motion, in the form of the fit."""
+        motion = [columns[name] for name in _MOTION]
+        if self.form == "printed":
+            return np.stack(self.model.offset_rad(*motion))
+        return np.stack(self.model.apply(*motion)) - np.stack(motion[:2])
 
 
 @dataclass(frozen=True, eq=False)
-class ProcessedPass:
-    """Calibration points of one pass, and what each stage reports of it."""
+class TrackedPass:
+    """Samples of one pass and its reference.
 
-    observations: Observations
-    reports: tuple[StageReport, ...]
-
-
-def process_pass(
-    raw: RawTracking, reference: ReferenceTrack, pass_id: int, ionosphere: Ionosphere | None, model: BiasModel
-) -> ProcessedPass:
-    """Run the stages on one pass.  Raises ValueError if nothing is left, naming the stage.
-
-    `reference` is apparent: refraction and light time are in it, and only the ionosphere is left to
-    correct (None: not at all).  `model` is the best known so far: taken off before the fits to
-    pieces, put back on the points.
+    `reference` is apparent: refraction and light time are in it, and only the `ionosphere` is left
+    to correct (None: not at all).
     """
-    sound, validation = validate(raw, reference)
-    if not np.any(sound):
-        raise ValueError(f"pass {pass_id}: {validation.text()}")
-    t_s = raw.t_s[sound]
-    residuals = _residuals(raw, sound, reference, ionosphere, model)
-    keep, dropped = find_outliers(t_s, residuals)
-    outliers = StageReport(stage="outliers", before=len(t_s), after=int(np.sum(keep)), dropped=dropped)
-    # Where range or range rate are wrong, so is the time or the target of the angles.
-    stacked = np.stack([value[keep] for value in residuals.values()], axis=1)
-    thinned = thin(t_s[keep], stacked)
-    smoothed = smooth(thinned.t_s, thinned.residuals, thinned.sigma)
-    names = tuple(residuals)
-    observations = _points(raw, reference, smoothed, pass_id, model)
-    count = len(observations)
-    reports = (
-        validation,
-        outliers,
-        _piece_report("thinning", outliers.after, thinned, names),
-        _piece_report("smoothing", len(thinned.t_s), smoothed, names),
-        StageReport(
-            stage="corrections", before=count, after=count, dropped={}, note="ionosphere" if ionosphere else "none"
-        ),
-    )
-    return ProcessedPass(observations, reports)
+
+    raw: RawTracking
+    reference: ReferenceTrack
+    ionosphere: Ionosphere | None = None
+
+    @cached_property
+    def validation(self) -> tuple[NDArray[np.bool_], StageReport]:
+        """Which samples are sound, and the report of it."""
+        return validate(self.raw, self.reference)
+
+    @cached_property
+    def track(self) -> ReferenceTrack:
+        """The reference at the sound samples."""
+        return self.reference.at(self.raw.t_s[self.validation[0]])
+
+    @cached_property
+    def residuals(self) -> dict[str, Array]:
+        """Measured minus reference of every channel at the sound samples; the angles are first."""
+        found = {
+            name: value[self.validation[0]] - getattr(self.track, name) for name, value in self.raw.channels.items()
+        }
+        if self.ionosphere is not None:
+            found["elevation_rad"] -= self.ionosphere.bending(self.track.elevation_rad, self.track.range_m)
+            if "range_m" in found:
+                found["range_m"] -= self.ionosphere.delay_m(self.track.elevation_rad)
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class Processed:
+    """Calibration points of all passes, what each stage reports, and which passes gave none."""
+
+    points: Observations
+    reports: tuple[StageReport, ...]
+    notes: tuple[str, ...]
+
+
+class RawPasses:
+    """Raw passes of one campaign, numbered from `first`: validated once, processed repeatedly.
+
+    Raises ValueError if no pass has a sound sample, naming the stage, and for angles in another
+    unit.
+    """
+
+    def __init__(self, passes: Sequence[TrackedPass], first: int) -> None:
+        for one in passes:
+            require_unit(one.raw, one.reference)
+        self._numbers = {first + k: one for k, one in enumerate(passes) if np.sum(one.validation[0]) > 1}
+        self._lost = tuple(
+            f"pass {first + k} of {one.raw.target}: {one.validation[1].text()}"
+            for k, one in enumerate(passes)
+            if first + k not in self._numbers
+        )
+        if not self._numbers:
+            raise ValueError(f"no pass gives calibration points: {'; '.join(self._lost[:3])}")
+        used = list(self._numbers.values())
+        # What some passes do not have can judge none of them.
+        self._names = [name for name in used[0].residuals if all(name in one.residuals for one in used)]
+        self._validation = _summed([one.validation[1] for one in passes])
+        self._residuals = {name: np.concatenate([one.residuals[name] for one in used]) for name in self._names}
+        self._tracks = _joined([one.track for one in used])
+        self._passes = np.repeat(list(self._numbers), [len(one.track.t_s) for one in used])
+
+    def process(self, known: Known) -> Processed:
+        """Return the points of all passes.
+
+        What is `known` is taken off before the means and put back on the points.
+        """
+        t_s, residuals = self._tracks["t_s"], dict(self._residuals)
+        paths = {number: _displaced(one, known.errors.get(number)) for number, one in self._numbers.items()}
+        shift = self._known_rad(known, self._tracks, [paths[n].at(one.track.t_s) for n, one in self._numbers.items()])
+        # Encoders count turns: only the azimuth difference folded into half a turn is a residual.
+        residuals["azimuth_rad"] = wrap_rad(residuals["azimuth_rad"] - shift[0])
+        residuals["elevation_rad"] = residuals["elevation_rad"] - shift[1]
+        keep, dropped = find_outliers(t_s, self._passes, residuals)
+        outliers = StageReport(stage="outliers", before=len(t_s), after=int(np.sum(keep)), dropped=dropped)
+        # Where range or range rate are wrong, so is the time or the target of the angles.
+        stacked = np.stack([value[keep] for value in residuals.values()], axis=1)
+        thinned = thin(t_s[keep], self._passes[keep], stacked)
+        smoothed = smooth(thinned.t_s, thinned.passes, thinned.residuals)
+        smoothed, tracks, sigma = self._with_sigma(smoothed, paths)
+        points = self._points(smoothed, tracks, sigma, known)
+        count = len(points)
+        corrected = any(one.ionosphere for one in self._numbers.values())
+        reports = (
+            self._validation,
+            outliers,
+            self._report("thinning", outliers.after, thinned),
+            self._report("smoothing", len(thinned.t_s), smoothed),
+            StageReport(
+                stage="corrections", before=count, after=count, dropped={}, note="ionosphere" if corrected else "none"
+            ),
+        )
+        empty = sorted(set(self._numbers) - set(points.passes.tolist()))
+        return Processed(points, reports, (*self._lost, *(f"pass {number}: too few samples" for number in empty)))
+
+    def _known_rad(self, known: Known, tracks: Mapping[str, Array], paths: Sequence[ReferenceTrack]) -> Array:
+        """Return the known part (2, n) of observed minus reference angles."""
+        path = _joined(paths)
+        moved = wrap_rad(path["azimuth_rad"] - tracks["azimuth_rad"]), path["elevation_rad"] - tracks["elevation_rad"]
+        return np.stack(moved) + known.bias_rad(path)
+
+    def _with_sigma(
+        self, smoothed: Thinned, paths: Mapping[int, ReferenceTrack]
+    ) -> tuple[Thinned, dict[str, Array], Array]:
+        """Return the points along a line, the target's motion at them, and their sigma (2, n)."""
+        # A single point is no pass, and has no motion.
+        _, place, counts = np.unique(smoothed.passes, return_inverse=True, return_counts=True)
+        smoothed = smoothed.select(counts[place] > 1, "alone in a pass")
+        if len(smoothed.t_s) == 0:
+            raise ValueError("no pass gives two calibration points")
+        times = ((path, smoothed.t_s[smoothed.passes == number]) for number, path in paths.items())
+        tracks = _joined([path.at(t_s) for path, t_s in times if len(t_s)])
+        sigma, straight = noise_of(smoothed, tracks["elevation_rad"])
+        left = {name: value[straight] for name, value in tracks.items()}
+        return smoothed.select(straight, "not along a line"), left, np.maximum(sigma[straight].T, _LEAST_SIGMA_RAD)
+
+    def _points(self, smoothed: Thinned, tracks: dict[str, Array], sigma: Array, known: Known) -> Observations:
+        # The true motion is that with the errors known so far, about which they are linear; their
+        # linear part is put back, for the fit finds whole errors and not their changes.
+        shift = known.bias_rad(tracks) + _error_shift_rad(known, tracks, smoothed.passes)
+        # The angles are the first channels of a pass.
+        azimuth, elevation = smoothed.residuals.T[:2]
+        raw = next(iter(self._numbers.values())).raw
+        angles = ("azimuth_rad", "elevation_rad")
+        return Observations(
+            station=raw.station,
+            band=raw.band,
+            pass_id=smoothed.passes,
+            observed_azimuth_rad=tracks["azimuth_rad"] + shift[0] + azimuth,
+            observed_elevation_rad=tracks["elevation_rad"] + shift[1] + elevation,
+            sigma_azimuth_rad=sigma[0] * known.sigma_scale[0],
+            sigma_elevation_rad=sigma[1] * known.sigma_scale[1],
+            **{f"true_{name}" if name in angles else name: value for name, value in tracks.items()},
+        )
+
+    def _report(self, stage: str, before: int, result: Thinned) -> StageReport:
+        scatter = ", ".join(f"{name} {value:.3g}" for name, value in zip(self._names, result.noise, strict=True))
+        note = f"scatter {scatter}" if np.any(result.freedom) else "samples as they are"
+        return StageReport(stage=stage, before=before, after=len(result.t_s), dropped=result.dropped, note=note)
+
+
+def _joined(tracks: Sequence[ReferenceTrack]) -> dict[str, Array]:
+    """Return the columns of all tracks, one after the other."""
+    return {item.name: np.concatenate([getattr(one, item.name) for one in tracks]) for item in fields(ReferenceTrack)}
+
+
+def _displaced(one: TrackedPass, errors: PassErrors | None) -> ReferenceTrack:
+    return one.reference if errors is None else displaced(one.reference, errors)
+
+
+def _error_shift_rad(known: Known, tracks: Mapping[str, Array], passes: NDArray[np.int64]) -> Array:
+    """Return the shifts (2, n) of the angles that are linear in the errors of the passes."""
+    errors = known.errors
+    if not errors:
+        return np.zeros((2, len(passes)))
+    names = tuple(next(iter(errors.values())).values)
+    numbers, place = np.unique(passes, return_inverse=True)
+    # A pass of which nothing is known yet has no error.
+    found = [errors.get(number) for number in numbers.tolist()]
+    values = np.array([[one.values[name] if one else 0.0 for name in names] for one in found])
+    middle = np.array([one.middle_t_s if one else 0.0 for one in found])[place]
+    motion = [tracks[name] for name in _MOTION]
+    elapsed_s = tracks["t_s"] - middle
+    partials = motion_partials(elapsed_s, motion, tracks["range_m"], tracks["range_rate_m_s"], names, known.lags_s)
+    return np.stack([np.einsum("ij,ij->i", axis, values[place]) for axis in partials])
+
+
+def _summed(reports: Sequence[StageReport]) -> StageReport:
+    dropped: Counter[str] = Counter()
+    for report in reports:
+        dropped.update(report.dropped)
+    before, after = (sum(getattr(report, name) for report in reports) for name in ("before", "after"))
+    note = "" if len(reports) == 1 else f"{len(reports)} passes"
+    return StageReport(stage=reports[0].stage, before=before, after=after, dropped=dropped, note=note)
 
 
 def select_observations(
@@ -93,51 +273,3 @@ def select_observations(
         note=f"{rule.count - len(coverage.thin)} of {rule.count} sectors have at least {rule.fewest}",
     )
     return chosen, coverage, report
-
-
-def _residuals(
-    raw: RawTracking,
-    sound: NDArray[np.bool_],
-    reference: ReferenceTrack,
-    ionosphere: Ionosphere | None,
-    model: BiasModel,
-) -> dict[str, Array]:
-    track = reference.at(raw.t_s[sound])
-    known = model.offset_rad(*track.motion())
-    found = {name: value[sound] - getattr(track, name) for name, value in raw.channels.items()}
-    # Encoders count turns: only the azimuth difference folded into half a turn is a residual.
-    found["azimuth_rad"] = wrap_rad(found["azimuth_rad"] - known[0])
-    found["elevation_rad"] -= known[1]
-    if ionosphere is not None:
-        found["elevation_rad"] -= ionosphere.bending(track.elevation_rad, track.range_m)
-        if "range_m" in found:
-            found["range_m"] -= ionosphere.delay_m(track.elevation_rad)
-    return found
-
-
-def _points(
-    raw: RawTracking, reference: ReferenceTrack, smoothed: Thinned, pass_id: int, model: BiasModel
-) -> Observations:
-    track = reference.at(smoothed.t_s)
-    known = model.offset_rad(*track.motion())
-    # The angles are the first channels of a pass.
-    azimuth, elevation = smoothed.residuals.T[:2]
-    sigma = np.maximum(smoothed.sigma.T[:2], _LEAST_SIGMA_RAD)
-    return Observations(
-        station=raw.station,
-        band=raw.band,
-        t_s=smoothed.t_s,
-        pass_id=np.full(len(smoothed.t_s), pass_id),
-        observed_azimuth_rad=track.azimuth_rad + known[0] + azimuth,
-        observed_elevation_rad=track.elevation_rad + known[1] + elevation,
-        sigma_azimuth_rad=sigma[0],
-        sigma_elevation_rad=sigma[1],
-        **track.truth(),
-    )
-
-
-def _piece_report(stage: str, before: int, result: Thinned, names: tuple[str, ...]) -> StageReport:
-    scatter = ", ".join(f"{name} {value:.3g}" for name, value in zip(names, result.noise, strict=True))
-    return StageReport(
-        stage=stage, before=before, after=len(result.t_s), dropped=result.dropped, note=f"scatter {scatter}"
-    )

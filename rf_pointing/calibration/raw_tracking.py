@@ -7,12 +7,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.calibration.reference import ReferenceTrack
+from rf_pointing.core import wrap_rad
 
 Array = NDArray[np.float64]
 
 # Two on each side: a median of five takes two wrong time tags in a row.
 _NEIGHBOURS = 2
 _JUMP_STEPS = 2.5
+# Of the sky: no mount is off by so much, and no wrong unit by less.
+_ANOTHER_UNIT_RAD = 0.2
+# Half a radian within a point; 80 deg of elevation at a height of 800 km.
+_FASTEST_RAD_S = 0.05
 CHANNELS = ("azimuth_rad", "elevation_rad", "range_m", "range_rate_m_s")
 
 
@@ -112,6 +117,7 @@ def validate(raw: RawTracking, reference: ReferenceTrack) -> tuple[NDArray[np.bo
         "repeated time": lambda rows: _repeats(raw.t_s[rows]),
         "time not increasing": lambda rows: _backward(raw.t_s[rows]),
         "outside the reference orbit": lambda rows: ~reference.covers(raw.t_s[rows]),
+        "azimuth turns too fast": lambda rows: _turns(reference, raw.t_s[rows]),
     }
     for reason, is_wrong in checks.items():
         rows = np.flatnonzero(keep)
@@ -120,6 +126,28 @@ def validate(raw: RawTracking, reference: ReferenceTrack) -> tuple[NDArray[np.bo
         dropped[reason] = len(wrong)
     report = StageReport(stage="validation", before=len(raw), after=int(np.sum(keep)), dropped=dropped)
     return keep, report
+
+
+def require_unit(raw: RawTracking, reference: ReferenceTrack) -> None:
+    """Raise ValueError if the angles meet the reference in another unit only, with the factor."""
+    rows = np.isfinite(raw.t_s) & np.isfinite(raw.azimuth_rad) & np.isfinite(raw.elevation_rad)
+    rows &= reference.covers(np.where(rows, raw.t_s, np.inf))
+    times, places = np.unique(raw.t_s[rows], return_index=True)
+    if len(times) < 2:
+        return
+    at, azimuth, elevation = reference.at(times), raw.azimuth_rad[rows][places], raw.elevation_rad[rows][places]
+
+    def distance(factor: float) -> float:
+        across = wrap_rad(factor * azimuth - at.azimuth_rad) * np.cos(at.elevation_rad)
+        return float(np.median(np.hypot(across, factor * elevation - at.elevation_rad)))
+
+    words = {np.pi / 180.0: "large: degrees read as radians?", 180.0 / np.pi: "small: radians read as degrees?"}
+    for factor, cause in words.items():
+        if distance(1.0) > _ANOTHER_UNIT_RAD > distance(factor):
+            raise ValueError(
+                f"the angles of {raw.target} are {180.0 / np.pi:.1f} times too {cause} Times {factor:.4g} they are "
+                f"{np.degrees(distance(factor)):.2f} deg from the reference, as they are {np.degrees(distance(1.0)):.0f} deg"
+            )
 
 
 def _out_of_range(raw: RawTracking) -> NDArray[np.bool_]:
@@ -140,6 +168,14 @@ def _jumps(t_s: Array) -> NDArray[np.bool_]:
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * _NEIGHBOURS + 1)
     step = np.median(np.abs(np.diff(t_s)))
     return np.asarray(np.abs(t_s - np.median(windows, axis=1)) > _JUMP_STEPS * step)
+
+
+def _turns(reference: ReferenceTrack, t_s: Array) -> NDArray[np.bool_]:
+    # Above 80 deg of a low pass a mean of 10 s distorts the bias that it shows: which points are
+    # kept depends on the model known so far, and a fit may stay where it began.
+    if len(t_s) < 2:
+        return np.zeros(len(t_s), dtype=bool)
+    return np.asarray(np.abs(reference.at(t_s).azimuth_rate_rad_s) > _FASTEST_RAD_S)
 
 
 def _repeats(t_s: Array) -> NDArray[np.bool_]:

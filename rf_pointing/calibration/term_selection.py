@@ -3,11 +3,20 @@
     BIC = chi^2 / v + k ln(n),    v = max(1, reduced chi^2 of all candidates)
 
 for n equations and k terms.  All subsets are solved from one triangle: the data are read once.  A
-term enters when it lowers the BIC by at least 6, and leaves when the BIC falls without it.
+term enters when it lowers the BIC, and leaves when the BIC falls without it.
+
+The data that fit the terms also chose them, and the covariance of a fit of the chosen ones knows
+nothing of that.  What the choice adds is the mean square of
+
+    sum_m w_m ((x_m - x)(x_m - x)' + C_m) - C,    w_m ~ exp(-BIC_m / 2)
+
+over the neighbouring subsets m, those with one or two terms more or fewer, about the chosen x, C
+(Bayesian model averaging, Hoeting et al. 1999).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,8 +37,8 @@ _MOST_STEPS = 100
 _NOTHING = 1e-13
 # Criteria this close are equal: chi squared is a difference of sums whose rounding may reach 1e-6.
 _SAME_BIC = 1e-4
-# "Strong evidence" (Kass and Raftery 1995).
-_IMPROVEMENT = 6.0
+# Subsets less likely than this share of the best one add nothing that shows.
+_UNLIKELY_BIC = 14.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,26 +50,38 @@ class HeldOut:
     total_rms_rad: float
 
 
+@dataclass(frozen=True, eq=False)
+class Selection:
+    """The chosen terms, in the order of the candidates, and what the choice adds to the covariance.
+
+    `added_covariance` (k, k) is that of `names`, in rad and s.
+    """
+
+    names: tuple[str, ...]
+    added_covariance: Array
+
+
 def select_terms(
     observations: Observations,
     candidates: Sequence[str],
     *,
     held: Mapping[str, float] | None = None,
     pass_priors: PassPriors | None = None,
-) -> tuple[str, ...]:
-    """Return the `candidates` that the data support, in their order; the others count as zero.
+) -> Selection:
+    """Return the `candidates` that the data support; the others count as zero.
 
     Terms that are no candidates have the values in `held`, zero without it.  Raises ValueError for
     unknown names and a search that has not settled.
     """
     terms_by_name(candidates)
     search = _Search.of(observations, tuple(candidates), held or {}, pass_priors)
-    chosen: set[str] = set()
+    chosen: frozenset[str] = frozenset()
     bic = search.bic(chosen)
     for _ in range(_MOST_STEPS):
         move = search.best_move(chosen, bic)
         if move is None:
-            return tuple(name for name in candidates if name in chosen)
+            names = tuple(name for name in candidates if name in chosen)
+            return Selection(names, search.added_covariance(names))
         name, bic = move
         chosen ^= {name}
     raise ValueError(f"term selection has not settled after {_MOST_STEPS} steps")
@@ -104,35 +125,63 @@ class _Search:
         full = cls(triangle, 1.0)
         # Where sigma is stated too small, any term would lower chi-square by enough.
         freedom = max(triangle.rows - len(names), 1)
-        return cls(triangle, max(1.0, full.chi_square(set(names)) / freedom))
+        return cls(triangle, max(1.0, full.solve(names)[0] / freedom))
 
-    def chi_square(self, chosen: set[str]) -> float:
-        """Return the least sum of squares with these terms; inseparable ones do no harm here."""
+    def solve(self, chosen: Collection[str]) -> tuple[float, Array, Array]:
+        """Return the least sum of squares with these terms, their values and covariance.
+
+        Inseparable terms do no harm here: they share what they explain.
+        """
         columns = [column for column, name in enumerate(self.triangle.names) if name in chosen]
         matrix, right = self.triangle.factor[:, columns], self.triangle.factor[:, -1]
         if not columns:
-            return float(right @ right)
+            return float(right @ right), np.zeros(0), np.zeros((0, 0))
         lengths = np.linalg.norm(matrix, axis=0)
         # A column of rounding alone, scaled to one, would explain some noise: it stays zero.
-        scaled = np.where(lengths > _NOTHING * np.max(lengths), matrix / np.maximum(lengths, 1e-300), 0.0)
-        left, singular, _ = np.linalg.svd(scaled, full_matrices=False)
-        left = left[:, singular > 1e-9 * singular[0]]
-        return float(right @ right - np.sum((left.T @ right) ** 2))
+        inverse = np.where(lengths > _NOTHING * np.max(lengths), 1.0 / np.maximum(lengths, 1e-300), 0.0)
+        left, singular, rotation = np.linalg.svd(matrix * inverse, full_matrices=False)
+        kept = singular > 1e-9 * singular[0]
+        along, root = left[:, kept].T @ right, (rotation[kept] / singular[kept, np.newaxis]).T * inverse[:, np.newaxis]
+        return float(right @ right - along @ along), root @ along, root @ root.T
 
-    def bic(self, chosen: set[str]) -> float:
+    def bic(self, chosen: Collection[str]) -> float:
         """Return the criterion of a set of terms."""
-        return self.chi_square(chosen) / self.scale + len(chosen) * float(np.log(self.triangle.rows))
+        return self.solve(chosen)[0] / self.scale + len(chosen) * float(np.log(self.triangle.rows))
 
-    def best_move(self, chosen: set[str], bic: float) -> tuple[str, float] | None:
-        """Return the removal that lowers the BIC, else the best addition that pays, else None."""
+    def best_move(self, chosen: frozenset[str], bic: float) -> tuple[str, float] | None:
+        """Return the removal that lowers the BIC, else the best addition that does, else None."""
         # Removal first: a term that came in early may be made needless by a later one.
         removals = [(self.bic(chosen - {name}), name) for name in chosen]
         if removals and min(removals)[0] < bic:
             return _least(removals)
         additions = [(self.bic(chosen | {name}), name) for name in self.triangle.names if name not in chosen]
-        if additions and min(additions)[0] < bic - _IMPROVEMENT:
+        if additions and min(additions)[0] < bic - _SAME_BIC:
             return _least(additions)
         return None
+
+    def added_covariance(self, names: tuple[str, ...]) -> Array:
+        """Return what the uncertainty of the choice adds to the covariance of the chosen terms."""
+        every, chosen = self.triangle.names, frozenset(names)
+        places = np.array([every.index(name) for name in names], dtype=np.int64)
+        best = np.zeros(len(every))
+        best[[k for k, name in enumerate(every) if name in chosen]] = self.solve(chosen)[1]
+        changes = [frozenset(some) for count in (0, 1, 2) for some in combinations(every, count)]
+        found = [self._spread(best, chosen ^ change) for change in changes]
+        least = min(bic for bic, _ in found)
+        weights = np.array([np.exp(-0.5 * (bic - least)) * (bic - least < _UNLIKELY_BIC) for bic, _ in found])
+        weights /= np.sum(weights)
+        total = np.sum([w * spread for w, (_, spread) in zip(weights, found, strict=True)], axis=0)
+        return np.asarray((total - found[0][1])[np.ix_(places, places)])
+
+    def _spread(self, best: Array, chosen: frozenset[str]) -> tuple[float, Array]:
+        """Return the criterion of a subset, and its mean square (k, k) about the values `best`."""
+        square, values, covariance = self.solve(chosen)
+        places = [k for k, name in enumerate(self.triangle.names) if name in chosen]
+        apart, spread = -best, np.zeros((len(best), len(best)))
+        apart[places] += values
+        spread[np.ix_(places, places)] = covariance * self.scale
+        bic = square / self.scale + len(chosen) * float(np.log(self.triangle.rows))
+        return bic, spread + np.outer(apart, apart)
 
 
 def _least(moves: list[tuple[float, str]]) -> tuple[str, float]:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.raw_tracking import RawTracking
 from rf_pointing.core import from_degrees, to_degrees
-from rf_pointing.core.whole_file import DATA_BYTES, read_whole, write_whole
+from rf_pointing.core.whole_file import JOURNAL_BYTES, read_whole, write_whole
 
 Array = NDArray[np.float64]
 Table = tuple[Mapping[str, str], Mapping[str, Array]]
@@ -186,7 +186,7 @@ def _read_table(path: str | Path, notes: Sequence[str], needed: Sequence[str], o
     # A column that is neither is an error, or one with a typing error would go unnoticed.
     source = Path(path)
     # Spreadsheets write a byte-order mark, which "utf-8-sig" takes off.
-    lines = read_whole(source, DATA_BYTES, "utf-8-sig").splitlines()
+    lines = read_whole(source, JOURNAL_BYTES, "utf-8-sig").splitlines()
     try:
         found, start = _read_notes(lines, notes)
         header = [name.strip() for name in next(csv.reader([lines[start]]))] if start < len(lines) else []

@@ -151,38 +151,38 @@ class PassHeads:
         return np.asarray(np.sqrt(variance))
 
 
-def eliminate(rows: Array, passes: Places, prior_sigma: Array) -> tuple[PassHeads, Array]:
-    """Return the rows of the passes' own parameters, and rows (m, k + 1) free of them.
-
-    `rows` (n, p + k + 1) holds the pass's own partials, the common ones and the right side, divided
-    by sigma; `passes` (n,) the pass that each belongs to.
-    """
+def pass_triangles(rows: Array, passes: Places) -> tuple[Places, Array]:
+    """Return the passes, ascending, and the triangle (g, w, w) of the rows (n, w) of each."""
     numbers, group, lengths = np.unique(passes, return_inverse=True, return_counts=True)
     order = np.argsort(group, kind="stable")
     first = np.concatenate([[0], np.cumsum(lengths)[:-1]])
     rank = np.arange(len(rows)) - np.repeat(first, lengths)
     # Passes of about one length are reduced together: a QR for each costs mostly its call.
     size_class = np.ceil(np.log2(lengths)).astype(np.int64)
-    own = len(prior_sigma)
-    heads, rest = np.zeros((len(numbers), own, rows.shape[1])), []
+    triangles = np.zeros((len(numbers), rows.shape[1], rows.shape[1]))
     for size in np.unique(size_class):
         members = np.flatnonzero(size_class == size)
         chosen = size_class[group[order]] == size
-        place = np.searchsorted(members, group[order][chosen])
-        triangles = _triangles(rows[order[chosen]], place, rank[chosen], len(members), prior_sigma)
-        heads[members] = triangles[:, :own]
-        rest.append(triangles[:, own:, own:].reshape(-1, rows.shape[1] - own))
-    return PassHeads(numbers, heads[:, :, :own], heads[:, :, own:-1], heads[:, :, -1]), np.concatenate(rest)
+        # Shorter passes are filled up with zeros, which change no triangle.
+        stack = np.zeros((len(members), int(np.max(lengths[members])), rows.shape[1]))
+        stack[np.searchsorted(members, group[order][chosen]), rank[chosen]] = rows[order[chosen]]
+        reduced = np.asarray(np.linalg.qr(stack, mode="r"))
+        triangles[members, : reduced.shape[1]] = reduced
+    return numbers, triangles
 
 
-def _triangles(rows: Array, place: Places, rank: Places, count: int, prior_sigma: Array) -> Array:
-    """Return triangles (count, ., w) of groups; row i is the `rank[i]`-th of group `place[i]`."""
+def eliminate(numbers: Places, triangles: Array, prior_sigma: Array) -> tuple[PassHeads, Array]:
+    """Return the rows of the passes' own parameters, and rows (m, k + 1) free of them.
+
+    The columns of the `triangles` are the pass's own partials, the common ones and the right side.
+    """
     own = len(prior_sigma)
-    # Shorter groups are filled up with zeros, which change no triangle.
-    stack = np.zeros((count, own + int(np.max(rank)) + 1, rows.shape[1]))
-    stack[:, np.arange(own), np.arange(own)] = 1.0 / prior_sigma
-    stack[place, own + rank] = rows
-    return np.asarray(np.linalg.qr(stack, mode="r"))
+    prior = np.zeros((len(numbers), own, triangles.shape[2]))
+    prior[:, np.arange(own), np.arange(own)] = 1.0 / prior_sigma
+    reduced = np.asarray(np.linalg.qr(np.concatenate([prior, triangles], axis=1), mode="r"))
+    heads = reduced[:, :own]
+    rest = reduced[:, own:, own:].reshape(-1, triangles.shape[2] - own)
+    return PassHeads(numbers, heads[:, :, :own], heads[:, :, own:-1], heads[:, :, -1]), rest
 
 
 def require_determined(names: Sequence[str], covariance: Array, known: Container[str]) -> None:

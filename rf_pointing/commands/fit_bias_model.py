@@ -9,6 +9,8 @@ Exit code 0: the model was fitted; 2: it was not, and nothing was written.
 
 import argparse
 import time
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -18,12 +20,17 @@ from rf_pointing import __version__, calibration
 from rf_pointing.calibration import (
     BiasModel,
     FitResult,
+    Known,
     ModelVersion,
     Observations,
     PassPriors,
+    RawPasses,
     SectorRule,
     StageReport,
+    TrackedPass,
+    suspects,
 )
+from rf_pointing.calibration.suspects import Suspect
 from rf_pointing.commands.options import (
     ELEMENTS_HELP,
     add_station_options,
@@ -34,12 +41,19 @@ from rf_pointing.commands.options import (
 )
 from rf_pointing.core import MDEG
 from rf_pointing.core.refraction import RadioRefraction
+from rf_pointing.ephemeris import find_elements
 from rf_pointing.ephemeris.source import read_source
+from rf_pointing.ephemeris.uncertainty import ElementUncertainty
 from rf_pointing.station.campaign import recorded_input
 from rf_pointing.station.campaign.log import priors_near
 
-Pass = tuple[calibration.RawTracking, calibration.ReferenceTrack]
-
+# Rounds of pipeline and fit; in sigma, what the last one may still have moved a term.
+MOST_ROUNDS, SETTLED = 6, 0.05
+# Elements are three times worse than they should be in one of 400 sets.
+AGE_FACTOR = 3.0
+FEWEST_FOR_SIZES = 8
+# So few passes cannot judge one of them by the others.
+FEWEST_TIMED = 4
 DAY_S = 86400.0
 FREEZING_K = 273.15
 ELECTRONS_PER_TECU = 1e16
@@ -59,6 +73,8 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     air.add_argument("--weather", nargs=3, type=float, metavar=("HPA", "CELSIUS", "PERCENT"), help="pressure, temperature and "
                      "humidity during CSV and TDM data (default: the standard at the station's altitude)")  # fmt: skip
     air.add_argument("--refraction-removed", action="store_true", help="the angles of CSV and TDM data are free of it")
+    add("--time-error", type=float, metavar="S", help="time tags of CSV and TDM data are this much late, which is taken off; "
+        "0: they are known to be right (default: unknown, and equal lags of both axes are refused)")  # fmt: skip
     add("--ionosphere", nargs=2, type=float, metavar=("TECU", "GHZ"),
         help="vertical electron content and carrier frequency during the raw data (default: no ionosphere)")  # fmt: skip
     add("--largest-error", type=float, default=6.0, metavar="MDEG",
@@ -82,13 +98,15 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     return parser.parse_args(argv)
 
 
-def read_files(options: argparse.Namespace) -> tuple[Observations | None, list[Pass]]:
+def read_files(options: argparse.Namespace) -> tuple[Observations | None, list[TrackedPass]]:
     """Return the calibration points of all files (None without any), and the raw passes."""
     tables = [path for path in options.files if path.is_file() and path.suffix in TABULAR]
     of_points = [path for path in tables if path.suffix == ".csv" and recorded_input.holds_points(path)]
     points = recorded_input.read_points(of_points)
     raw = [one for path in tables if path not in of_points for one in recorded_input.read_raw(path, band_of(options))]
-    passes = [(one, _reference(options, one)) for one in raw]
+    if options.time_error:
+        raw = [replace(one, t_s=one.t_s - options.time_error) for one in raw]
+    passes = [TrackedPass(one, _reference(options, one), ionosphere(options)) for one in raw]
     for path in options.files:
         if path not in tables:
             passes += _recorded(options, path)
@@ -96,21 +114,25 @@ def read_files(options: argparse.Namespace) -> tuple[Observations | None, list[P
 
 
 def collected(
-    options: argparse.Namespace, points: Observations | None, passes: list[Pass], model: BiasModel
+    options: argparse.Namespace, points: Observations | None, raw: RawPasses | None, known: Known, out: Collection[int]
 ) -> tuple[Observations, list[StageReport], list[str]]:
-    """Return all points, the reports of the pipeline, and which raw passes gave none."""
+    """Return all points, the reports of the pipeline, and which raw passes gave none.
+
+    The passes `out` are left out.
+    """
     parts = [points] if points is not None else []
     stages: list[StageReport] = []
     notes: list[str] = []
-    if passes:
-        first = int(np.max(points.pass_id)) + 1 if points is not None else 0
-        made, stages, notes = recorded_input.process_passes(passes, model, first, ionosphere(options))
-        parts += made
+    if raw is not None:
+        made = raw.process(known)
+        parts.append(made.points)
+        stages, notes = list(made.reports), list(made.notes)
     together = Observations.concatenate(parts)
     for name in ("station", "band"):
         found, wanted = getattr(together, name), getattr(options, name)
         if found != wanted:
             raise ValueError(f"the data are of {name} {found!r}, must be of {wanted!r}")
+    together = together.select(~np.isin(together.pass_id, list(out)))
     if options.sectors or options.require_full:
         full = options.require_full
         together, _, selection = calibration.select_observations([together], SectorRule(), require_full=full)
@@ -143,26 +165,53 @@ def ionosphere(options: argparse.Namespace) -> calibration.Ionosphere | None:
     return calibration.Ionosphere(electrons_per_m2=content * ELECTRONS_PER_TECU, frequency_hz=1e9 * frequency_ghz)
 
 
-def _recorded(options: argparse.Namespace, path: Path) -> list[Pass]:
+def _recorded(options: argparse.Namespace, path: Path) -> list[TrackedPass]:
     # Reading a recording loads a ROS message library, which CSV and TDM do without.
     from rf_pointing.report.tracking_from_bag import tracking_from_bag
 
-    return tracking_from_bag(
+    recorded = tracking_from_bag(
         path, station_of(options).name, band_of(options), namespace=options.namespace,
         largest_error_rad=options.largest_error * MDEG, allow_damage=options.allow_damage,
     )  # fmt: skip
+    return [TrackedPass(raw, reference, ionosphere(options)) for raw, reference in recorded]
 
 
-def orbit_priors(options: argparse.Namespace, points: Observations, present: ModelVersion | None) -> PassPriors | None:
-    """Return the orbit errors that the fit allows for: as given, or as the passes show them."""
-    if options.orbit_prior is not None:
-        return PassPriors.of_orbit(options.orbit_prior)
+def measures_orbit(options: argparse.Namespace, points: Observations) -> bool:
+    """Return whether the sizes of the orbit errors are to be measured and can be."""
     # Without ranges a displacement in metres is no angle.
-    if points.range_m is None or points.range_rate_m_s is None:
-        return None
-    return calibration.measured_pass_priors(
-        lambda priors: fit_of(options, points, present, tuple(options.terms), priors)
-    )
+    return options.orbit_prior is None and points.range_m is not None and points.range_rate_m_s is not None
+
+
+def fit_of_all(
+    options: argparse.Namespace, points: Observations, present: ModelVersion | None, before: FitResult | None
+) -> FitResult:
+    """Return the fit of all terms offered, with the orbit errors given or measured.
+
+    `before` is a fit near it, from which fewer rounds are needed.
+    """
+    names = tuple(options.terms)
+    if not measures_orbit(options, points):
+        return fit_of(options, points, present, names, PassPriors.of_orbit(options.orbit_prior or 0.0), before)
+    last = before
+
+    def fit(priors: PassPriors) -> FitResult:
+        nonlocal last
+        last = fit_of(options, points, present, names, priors, last)
+        return last
+
+    return fit(calibration.measured_pass_priors(fit, first=before.pass_priors if before else None))
+
+
+def fit_of_chosen(
+    options: argparse.Namespace, points: Observations, present: ModelVersion | None, orbit: PassPriors | None
+) -> FitResult:
+    """Return the fit of the terms that the data support."""
+    # Selection looks at the printed form, which is linear: all subsets come from one triangle.
+    names = tuple(options.terms)
+    held = {name: value for name, value in _known(present).items() if name not in names}
+    chosen = calibration.select_terms(points, names, held=held, pass_priors=orbit)
+    result = fit_of(options, points, present, chosen.names, orbit)
+    return replace(result, covariance=result.covariance + chosen.added_covariance)
 
 
 def orbit_remarks(options: argparse.Namespace, result: FitResult) -> list[str]:
@@ -206,22 +255,13 @@ def prediction_remarks(options: argparse.Namespace, points: Observations, result
     return remarks
 
 
-def fitted(options: argparse.Namespace, points: Observations, present: ModelVersion | None) -> FitResult:
-    """Return the fit of the chosen terms."""
-    names, orbit = tuple(options.terms), orbit_priors(options, points, present)
-    # Selection looks at the printed form, which is linear: all subsets come from one triangle.
-    if options.select:
-        held = {name: value for name, value in _known(present).items() if name not in names}
-        names = calibration.select_terms(points, names, held=held, pass_priors=orbit)
-    return fit_of(options, points, present, names, orbit)
-
-
 def fit_of(
     options: argparse.Namespace,
     points: Observations,
     present: ModelVersion | None,
     names: tuple[str, ...],
     orbit: PassPriors | None,
+    start: FitResult | None = None,
 ) -> FitResult:
     """Return the fit of `names`, the others held at the present model's values."""
     known = _known(present)
@@ -234,6 +274,7 @@ def fit_of(
         held={name: 0.0 if name in options.terms else value for name, value in base.coefficients.items() if name not in names},
         priors=priors_near(base, names) if present else None,
         pass_priors=orbit,
+        start=start,
         options=calibration.FitOptions(
             form=options.form, scale_covariance=True,
             huber_sigma=1.5 if options.robust else 0.0, edit_sigma=0.0 if options.robust else 3.0,
@@ -243,6 +284,146 @@ def fit_of(
 
 def _known(present: ModelVersion | None) -> dict[str, float]:
     return dict(present.model.coefficients) if present else dict.fromkeys(calibration.TERM_NAMES, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A fit, its points, the reports of the pipeline, what was left out, and what is doubtful.
+
+    `full` is the fit of all terms offered, None where only the chosen ones were fitted.
+    """
+
+    result: FitResult
+    full: FitResult | None
+    points: Observations
+    stages: list[StageReport]
+    notes: list[str]
+    doubts: list[str]
+
+
+def fitted_files(
+    options: argparse.Namespace, files: tuple[Observations | None, list[TrackedPass]], present: ModelVersion | None
+) -> Fitted:
+    """Return the fit of points and raw passes.
+
+    Raw passes are processed until the terms stay: the points are means of what model and orbit
+    errors leave over, and the noise of slow residuals is known after a fit only.  Raises ValueError
+    for data with a systematic error that the terms would take in.
+    """
+    points, passes = files
+    first = int(np.max(points.pass_id)) + 1 if points is not None else 0
+    raw = RawPasses(passes, first) if passes else None
+    known, late = Known(model=present.model if present else BiasModel.zero(), form=options.form), dict[int, Suspect]()
+    every, stages, notes = collected(options, points, raw, known, late)
+    notes += dict.fromkeys(note for one in passes for note in one.raw.notes)
+    refuse_wrong([suspects.wrong_north(every, convergence_rad(options))])
+    # Points alone are fitted once, and with --select the terms need not be separable together.
+    if raw is None and options.select and not measures_orbit(options, every):
+        orbit = PassPriors.of_orbit(options.orbit_prior or 0.0)
+        return Fitted(fit_of_chosen(options, every, present, orbit), None, every, stages, notes, [])
+    result = fit_of_all(options, every, present, None)
+    judged = False
+    for _ in range(MOST_ROUNDS):
+        before, count = result, len(late)
+        # Without the latest pass another one may stand out, and no more once none does.
+        if not judged:
+            timed = result.pass_errors or len(every.passes) <= FEWEST_TIMED
+            late |= suspects.late_passes(result if timed else clocks(options, every, present), every)
+            judged = len(late) == count
+        if raw is None and judged:
+            break
+        known = known_after(result, known)
+        every, stages, _ = collected(options, points, raw, known, late)
+        result = fit_of_all(options, every, present, before)
+        if judged and np.all(np.abs(result.values - before.values) < SETTLED * result.sigma):
+            break
+    doubts = [*doubtful(options, result, every, passes, present), *orbit_doubts(options, result, passes)]
+    full = result
+    if options.select:
+        result = fit_of_chosen(options, every, present, full.pass_priors)
+    return Fitted(result, full, every, stages, [*notes, *(one.text for one in late.values())], doubts)
+
+
+def clocks(options: argparse.Namespace, points: Observations, present: ModelVersion | None) -> FitResult:
+    """Return a fit that gives every pass a clock of its own: only their differences count."""
+    return fit_of(options, points, present, tuple(options.terms), PassPriors(clock_s=1.0))
+
+
+def doubtful(
+    options: argparse.Namespace,
+    result: FitResult,
+    points: Observations,
+    passes: list[TrackedPass],
+    present: ModelVersion | None,
+) -> list[str]:
+    """Return the systematic errors that the data show; raises ValueError where they spoil it."""
+    air = refraction(options)
+    if not isinstance(air, RadioRefraction):
+        air = RadioRefraction.standard(station_of(options).site.altitude_m)
+    # What is wrong everywhere first: a wrong clock moves the passes as a wrong site would.
+    found = [suspects.clock_by_ranges(passes)]
+    if options.time_error is None:
+        found.append(suspects.common_clock(result, _known(present)))
+    found.append(suspects.refraction_and_site(result, points, air))
+    found.append(suspects.north_doubt(result, convergence_rad(options)))
+    # The station's own recordings have one clock, one site and one refraction.
+    if all(path.suffix in TABULAR for path in options.files):
+        refuse_wrong(found)
+    return [one.text for one in found if one is not None]
+
+
+def refuse_wrong(found: Sequence[Suspect | None]) -> None:
+    """Raise ValueError for the systematic errors with which a fit would be wrong."""
+    wrong = [one.text for one in found if one is not None and one.refuse]
+    if wrong:
+        raise ValueError(f"no model is fitted: {'; '.join(wrong)}")
+
+
+def convergence_rad(options: argparse.Namespace) -> float:
+    """Return the angle from true to UTM grid north at the station."""
+    place, width = station_of(options).site, np.radians(6.0)
+    east = place.longitude_rad - width * (np.floor(place.longitude_rad / width) + 0.5)
+    return float(np.arctan(np.tan(east) * np.sin(place.latitude_rad)))
+
+
+def orbit_doubts(options: argparse.Namespace, result: FitResult, passes: list[TrackedPass]) -> list[str]:
+    """Return what doubts orbit errors that were measured from the same passes.
+
+    They agree with these passes by construction. The age of the elements and the number of the
+    passes are known without them.
+    """
+    if options.orbit_prior is not None or result.pass_priors is None:
+        return []
+    doubts = []
+    if result.passes < FEWEST_FOR_SIZES:
+        doubts.append(
+            f"the orbit errors are measured from {result.passes} passes, which know their size to "
+            f"{100.0 / np.sqrt(2.0 * result.passes):.0f} %: sigma may be too small by as much"
+        )
+    if not options.elements or not passes:
+        return doubts
+    elements = read_source(elements_of(options)).elements
+    ages_s = [float(one.raw.t_s[0]) - find_elements(elements, one.raw.target).epoch_t_s for one in passes]
+    expected = np.sqrt(np.mean([np.square(ElementUncertainty().sigmas_m(age)) for age in ages_s], axis=0))
+    sizes = dict(zip(result.pass_priors.names, result.pass_priors.sigma.tolist(), strict=True))
+    for name, size in zip(("along_track_m", "cross_track_m", "radial_m"), expected.tolist(), strict=True):
+        if name in sizes and sizes[name] > AGE_FACTOR * size:
+            doubts.append(
+                f"{name} of the passes is {sizes[name]:.0f}, {sizes[name] / size:.1f} times that of elements up to "
+                f"{max(map(abs, ages_s)) / DAY_S:.1f} days old: targets, clock or elements are wrong"
+            )
+    return doubts
+
+
+def known_after(result: FitResult, before: Known) -> Known:
+    """Return what a fit tells of model, orbit errors and noise, for the next round."""
+    scale = before.sigma_scale
+    if result.noise is not None:
+        azimuth, elevation = (float(np.sqrt(one.factor)) for one in result.noise)
+        scale = (scale[0] * azimuth, scale[1] * elevation)
+    return Known(
+        model=result.model, form=before.form, errors={one.pass_id: one for one in result.pass_errors}, sigma_scale=scale
+    )
 
 
 def run(options: argparse.Namespace) -> list[str]:
@@ -259,13 +440,8 @@ def run(options: argparse.Namespace) -> list[str]:
     files = read_files(options)
     if options.tdm and not files[1]:
         raise ValueError(f"tdm={options.tdm}: the files hold calibration points only, no raw data to write")
-    points, stages, notes = collected(options, *files, present.model if present else BiasModel.zero())
-    result = fitted(options, points, present)
-    if stages:
-        # The pipeline fits parabolas to what the model leaves over: with the first fit, high passes
-        # come back.
-        points, stages, notes = collected(options, *files, result.model)
-        result = fitted(options, points, present)
+    done = fitted_files(options, files, present)
+    points, stages, notes, result = done.points, done.stages, done.notes, done.result
     remarks = [
         *choice_remarks(options, result),
         *orbit_remarks(options, result),
@@ -277,14 +453,16 @@ def run(options: argparse.Namespace) -> list[str]:
     if options.points:
         calibration.write_observations(options.points, points)
     if options.tdm:
-        calibration.write_tdm(options.tdm, [raw for raw, _ in files[1]], originator=software, created_t_s=now_s)
+        calibration.write_tdm(options.tdm, [one.raw for one in files[1]], originator=software, created_t_s=now_s)
     folder = options.report or options.output.parent / f"{options.output.stem}_report"
-    report = write_calibration_report(folder, points, result, name=name, stages=stages, notes=notes, remarks=remarks)
+    report = write_calibration_report(
+        folder, points, result, name=name, stages=stages, notes=[*notes, *done.doubts], remarks=remarks
+    )
     return [
         summary(points, result),
         *remarks,
         *(f"not separable: {advice}" for advice in result.separation_advice()),
-        *(f"doubtful: {doubt}" for doubt in calibration.doubts_of(result, points)),
+        *(f"doubtful: {doubt}" for doubt in (*done.doubts, *calibration.doubts_of(result, points))),
         *(f"left out: {note}" for note in notes),
         f"model {options.output}, report {report}",
     ]

@@ -74,7 +74,7 @@ def describe(feedback: TrackPass.Feedback) -> str:
 
 
 def outcome_line(result: TrackPass.Result) -> str:
-    """Return the last line of a pass: what it gave, beside what was predicted, or why it failed."""
+    """Return the last line of a pass: what it gave, what was predicted, or why it failed."""
     held = f"{result.seconds_tracked:.0f} s held, {result.seconds_lost:.0f} s lost"
     predicted = f", {result.predicted_loss:.2f} dB predicted" if result.predicted_loss >= 0.0 else ""
     loss = f"mean pointing loss {result.mean_loss:.2f} dB{predicted}"

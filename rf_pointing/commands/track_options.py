@@ -159,7 +159,7 @@ def before_pass_s(options: argparse.Namespace, window: Pass) -> float:
             continue
         goal = (azimuth + turns * turn, elevation)
         times.append(Gate(gate, limits, mask, machine.axes).slew(start, goal, sun)[0])
-    return math.ceil(max(times) + SETTLE_S)
+    return float(math.ceil(max(times) + SETTLE_S))
 
 
 def parameters(options: argparse.Namespace, window: Pass, output: Path) -> dict[str, dict[str, Any]]:

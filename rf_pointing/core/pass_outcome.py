@@ -24,13 +24,16 @@ from rf_pointing.core.gaussian_beam import MU, gaussian_gain
 SIDELOBE_DB = 40.0
 SIDELOBE_POWER = 10.0 ** (-0.1 * SIDELOBE_DB)
 HALF_POWER = 0.5
+# Share of a pass that must be held, unless the station requires another.
+LEAST_SHARE = 0.8
 # Why a pass ends that was not interrupted.
 LOSS_OF_SIGNAL = "loss of signal"
 
 
 def received_power(error_rad: ArrayLike, beamwidth_rad: ArrayLike) -> NDArray[np.float64]:
     """Return the power g (n,) received over that on the axis, never below the sidelobes."""
-    return np.maximum(gaussian_gain(error_rad, beamwidth_rad), SIDELOBE_POWER)
+    power: NDArray[np.float64] = np.maximum(gaussian_gain(error_rad, beamwidth_rad), SIDELOBE_POWER)
+    return power
 
 
 def pointing_loss_db(power: ArrayLike) -> NDArray[np.float64]:

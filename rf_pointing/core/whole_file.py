@@ -19,7 +19,9 @@ import yaml
 SETTINGS_BYTES = 1024 * 1024
 """Longest file of settings, models or state; YAML of that length takes 1 s to read."""
 DATA_BYTES = 32 * 1024 * 1024
-"""Longest file of elements, ephemerides or observations."""
+"""Longest file of elements or ephemerides; TLE of that length take 15 s to read."""
+JOURNAL_BYTES = 512 * 1024 * 1024
+"""Longest table of observations, which grows over years."""
 DEEPEST = 50
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 

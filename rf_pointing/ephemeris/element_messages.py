@@ -96,8 +96,8 @@ def read_omm_xml(text: str) -> list[Elements]:
 
     if "<!" in text.replace("<!--", ""):
         raise ValueError("OMM XML must not define entities or a document type")
-    parser, depth = ElementTree.XMLPullParser(("start", "end")), 0
-    root = ElementTree.Element("none")
+    parser: Any = ElementTree.XMLPullParser(("start", "end"))
+    root, depth = ElementTree.Element("none"), 0
     try:
         parser.feed(text.strip())
         parser.close()

@@ -1,8 +1,8 @@
 """From the motion of a target relative to the antenna to what the antenna sees.
 
 Light time.  With sigma = +1 (receive) or -1 (transmit) the target is taken at u = t - sigma tau,
-tau = rho(u) / c.  Positions of target and antenna are both moved to u in the non-rotating frame;
-moving the antenna too is the diurnal aberration.
+c tau = |target(u) - antenna(t)|.  For the direction target and antenna are both moved to u in the
+non-rotating frame: moving the antenna too is the diurnal aberration.  The range is c tau.
 
 Cross-track offset.  With the sky normal m = rho x rho' / |rho x rho'| the moved target is
 rho cos(q) - |rho| sin(q) m; the derivatives of m are carried along, so the rates stay the
@@ -26,38 +26,44 @@ from rf_pointing.ephemeris.state_vector import StateVector, Vector, combined, cr
 SENSES = {"receive": 1.0, "transmit": -1.0, "none": 0.0}
 
 
-def delayed(relative: StateVector, sense: float) -> tuple[StateVector, Any, Any]:
+def delayed(relative: StateVector, antenna: StateVector, sense: float) -> tuple[StateVector, Any, Any]:
     """Return the inertial motion as seen through light, with range c tau [m] and its rate [m/s].
 
-    `relative` is target minus antenna with inertial derivatives.  The third order of the series,
-    v^3 tau^3 / rho^2, is below a millimetre to the Moon's distance; for a planet use a source that
-    is apparent already.
+    `relative` is target minus antenna and `antenna` the antenna's own motion, both with inertial
+    derivatives.  The third order of the series, v^3 tau^3 / rho^2, is below a millimetre to the
+    Moon's distance; for a planet use a source that is apparent already.
     """
     r, v, a, j = relative.derivatives()
     distance = norm(r)
-    rate = dot(r, v) / distance
     # Geometry only, for comparison with tables that leave the light time out.
     if sense == 0.0:
-        return relative, distance, rate
-    # Solves tau = rho(t - sigma tau) / c to first order at once.
-    tau = distance / (SPEED_OF_LIGHT_M_S + sense * rate)
+        return relative, distance, dot(r, v) / distance
+    # Solves c tau = |target(t - sigma tau) - antenna(t)| to first order at once.
+    tau = distance / (SPEED_OF_LIGHT_M_S + sense * (dot(r, v) + dot(r, antenna.velocity)) / distance)
     shift = -sense * tau
-    position = combined((1.0, r), (shift, v), (0.5 * shift * shift, a))
-    velocity = combined((1.0, v), (shift, a), (0.5 * shift * shift, j))
+    half_square = 0.5 * shift * shift
+    position = combined((1.0, r), (shift, v), (half_square, a))
+    velocity = combined((1.0, v), (shift, a), (half_square, j))
     acceleration = combined((1.0, a), (shift, j))
-    return _with_clock(position, velocity, acceleration, j, sense)
+    # The path of the light ends at the antenna's place at t, not at u: up to 60 m from it.
+    path = combined((1.0, position), (shift, antenna.velocity), (half_square, antenna.acceleration))
+    range_m = norm(path)
+    of_target = dot(path, velocity) + dot(path, antenna.velocity) + shift * dot(path, antenna.acceleration)
+    closing = of_target - dot(path, antenna.velocity)
+    tau_rate = closing / (SPEED_OF_LIGHT_M_S * range_m + sense * of_target)
+    seen = _by_reception(position, velocity, acceleration, j, sense, tau_rate)
+    return seen, range_m, tau_rate * SPEED_OF_LIGHT_M_S
 
 
-def _with_clock(r: Vector, v: Vector, a: Vector, j: Vector, sense: float) -> tuple[StateVector, Any, Any]:
+def _by_reception(r: Vector, v: Vector, a: Vector, j: Vector, sense: float, tau_rate: Any) -> StateVector:
     """Turn derivatives by u into derivatives by t: du/dt = 1 - sigma tau'."""
-    distance, rate, curvature = _length(r, v, a)
-    tau_rate = rate / (SPEED_OF_LIGHT_M_S + sense * rate)
+    _, _, curvature = _length(r, v, a)
     # Without it the rates would be those at the target's clock, off by v/c.
     clock = 1.0 - sense * tau_rate
     tau_acceleration = curvature * clock**3 / SPEED_OF_LIGHT_M_S
     velocity = combined((clock, v))
     acceleration = combined((clock * clock, a), (-sense * tau_acceleration, v))
-    return StateVector(r, velocity, acceleration, j), distance, tau_rate * SPEED_OF_LIGHT_M_S
+    return StateVector(r, velocity, acceleration, j)
 
 
 def moved_across(motion: StateVector, offset_rad: float) -> StateVector:

@@ -163,7 +163,7 @@ class TopocentricTrack:
         else:
             pairs = zip(motion.derivatives(), self._antenna.derivatives(), strict=True)
             relative = StateVector(*(combined((1.0, of_target), (-1.0, of_antenna)) for of_target, of_antenna in pairs))
-            inertial, range_m, range_rate_m_s = delayed(relative, SENSES[self.light_time])
+            inertial, range_m, range_rate_m_s = delayed(relative, self._antenna, SENSES[self.light_time])
             seen = seen_from_rotating_axes(inertial, self.target.rotation_rate_rad_s)
         enu = rotated(seen, self.site.axes)
         # A target at rest has no across; without an offset it must stay usable.

@@ -65,6 +65,7 @@ def certificate_to_message(certificate: Certificate) -> ours.PassCertificate:
     message.branches = [_branch_to_message(branch, works=branch.works) for branch in certificate.branches]
     message.rate_limit = certificate.machine.rate_limit_rad_s
     message.acceleration_limit = certificate.machine.acceleration_limit_rad_s2
+    message.least_share = certificate.machine.least_share
     message.header.stamp = stamp_from_seconds(certificate.issued_t_s)
     return message
 
@@ -78,5 +79,6 @@ def certificate_from_message(message: ours.PassCertificate) -> Certificate:
         machine=MachineParams(
             rate_limit_rad_s=tuple(message.rate_limit.tolist()),
             acceleration_limit_rad_s2=tuple(message.acceleration_limit.tolist()),
+            least_share=message.least_share,
         ),
     )

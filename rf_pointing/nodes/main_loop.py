@@ -71,6 +71,7 @@ def run(node_type: Callable[[], Any]) -> None:
     failure = _work(node, executor, signals)
     executor.shutdown()
     node.destroy_node()
+    node.lock.release()
     rclpy.try_shutdown()
     if failure:
         sys.exit(1)

@@ -200,7 +200,7 @@ class ManagedNode(LifecycleNode):
         What arrives passes one door: a message is refused when it is too long, before it is
         decoded, when it cannot be decoded, and when a stamp or a number in it can be none.  With
         `raw` the callback gets the bytes, of which only the length has been checked.  `refused`
-        is told each reason.
+        takes each reason.
         """
         most = most_bytes or (lambda: LATCHED_BYTES if qos is LATCHED else STREAM_BYTES)
         door = self._door(message_type, topic, callback, raw, most, refused)

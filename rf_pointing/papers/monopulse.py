@@ -97,34 +97,33 @@ def monopulse_normalised_errors(level_db_hz: float, error_rad: Array, runs: int,
     return np.array(values)
 
 
-def false_null_rad() -> float:
-    """Return the offset of the first false null of a uniform aperture.
+def false_lock_rad() -> float:
+    """Return x of the stable false locks nearest to the axis, (+-x, +-x), of a uniform aperture.
 
-    Difference zero, sum a sidelobe.
+    Both differences zero and rising, the sum a sidelobe.  The nulls on the axes (1.4 beamwidths
+    out) are saddles: they attract along the axis and repel across it, so no loop stays on them.
     """
     feed = MonopulseFeed(MonopulseFeedParams(), BeamParams.for_band("Ka", "uniform"))
-    angle = np.linspace(1.05, 1.8, 3001) * BEAM_RAD
-    volts = feed.voltages(angle, np.zeros_like(angle))
+    angle = np.linspace(0.9, 1.3, 3001) * BEAM_RAD
+    volts = feed.voltages(angle, angle)
     ratio = (volts.difference_cross_elevation / volts.sum).real
-    # Only rising zeros attract the loop; the jump at a null of the sum is excluded by the small
-    # difference.
+    # The jump at a null of the sum is excluded by the small difference.
     rising = (ratio[:-1] < 0.0) & (ratio[1:] > 0.0) & (np.diff(ratio) < 0.1)
     return float(angle[:-1][rising][0])
 
 
 def sidelobe_lock_s(rng: np.random.Generator) -> tuple[str, float]:
-    """Return what the watch says of a loop that sits on the sidelobe of a uniform aperture, and
-    when.
+    """Return what the watch says of a loop on a false lock of a uniform aperture, and when.
 
-    Ka band, 60 dB-Hz on the main beam, integrator of 0.1 Hz, starting 0.5 mdeg from the false null;
-    an antenna that follows at once.  The watch compares C/N0 with the link's: the false null is so
+    Ka band, 60 dB-Hz on the main beam, integrator of 0.1 Hz, starting 0.5 mdeg from the false lock;
+    an antenna that follows at once.  The watch compares C/N0 with the link's: the false lock is so
     steep that the beam hardly moves.
     """
     beam = BeamParams.for_band("Ka", "uniform")
     receiver = Receiver(ReceiverParams(), Beam(beam), MonopulseFeed(MonopulseFeedParams(), beam), rng)
     tracker = MonopulseTracker(MonopulseParams(half_power_beamwidth_rad=BEAM_RAD))
     watch = LockWatch(LockWatchParams(half_power_beamwidth_rad=BEAM_RAD))
-    target, beam_at = np.array([false_null_rad() + 0.5 * MDEG, 0.0]), np.zeros(2)
+    target, beam_at = np.array([false_lock_rad() + 0.5 * MDEG, false_lock_rad()]), np.zeros(2)
     for k in range(100):
         times = k * CLUSTER_S + SAMPLE_S * np.arange(1, CLUSTER + 1)
         x, y = np.repeat((target - beam_at)[:, None], CLUSTER, axis=1)

@@ -14,13 +14,15 @@ class Row:
     """A published number, ours, and whether ours lies within the tolerance.
 
     `tolerance` is absolute, in `unit`.  With `bound` "<=" or ">=" the paper's number is a limit on
-    one side.  `explained` accepts a row that does not hold; its `remark` gives the measured reason.
+    one side.  With a `factor` above 1 ours may be that much larger or smaller than the paper's
+    number, and no more: an absolute tolerance above the number itself would accept a zero.
+    `explained` accepts a row that does not hold; its `remark` gives the measured reason.
 
     Raises
     ------
     ValueError
-        If `bound` is unknown, `tolerance` is negative or not finite, or an explained row has no
-        remark.
+        If `bound` is unknown, `tolerance` is negative or not finite, `factor` is below 1 or has a
+        bound or a tolerance as well, or an explained row has no remark.
     """
 
     quantity: str
@@ -32,17 +34,22 @@ class Row:
     bound: str = "=="
     remark: str = ""
     explained: bool = False
+    factor: float = 1.0
 
     def __post_init__(self) -> None:
         # Papers compute with numpy, whose scalars pass for float here.  Comparing them gives
         # numpy.bool_, which json refuses to write: plain Python from here on.
-        for name in ("paper", "ours", "tolerance"):
+        for name in ("paper", "ours", "tolerance", "factor"):
             object.__setattr__(self, name, float(getattr(self, name)))
         object.__setattr__(self, "explained", bool(self.explained))
         if self.bound not in ("==", "<=", ">="):
             raise ValueError(f"bound={self.bound!r} must be one of ==, <=, >=")
         if not (math.isfinite(self.tolerance) and self.tolerance >= 0.0):
             raise ValueError(f"tolerance={self.tolerance} must be finite and >= 0")
+        if not (math.isfinite(self.factor) and self.factor >= 1.0):
+            raise ValueError(f"factor={self.factor} must be finite and >= 1")
+        if self.factor > 1.0 and (self.bound != "==" or self.tolerance > 0.0 or self.paper <= 0.0):
+            raise ValueError(f"factor={self.factor} goes with a positive number, without bound and tolerance")
         if self.explained and not self.remark:
             raise ValueError(f"explained={self.explained} needs a remark for {self.quantity!r}")
 
@@ -58,6 +65,8 @@ class Row:
             return self.ours <= self.paper + self.tolerance
         if self.bound == ">=":
             return self.ours >= self.paper - self.tolerance
+        if self.factor > 1.0:
+            return self.paper / self.factor <= self.ours <= self.paper * self.factor
         return abs(self.ours - self.paper) <= self.tolerance
 
     @property
@@ -86,7 +95,8 @@ def _cells(row: Row) -> tuple[str, ...]:
     sign = "" if row.bound == "==" else f"{row.bound} "
     verdict = "yes" if row.holds else "explained" if row.explained else "NO"
     numbers = (f"{sign}{row.paper:.6g}", f"{row.ours:.6g}")
-    return row.quantity, row.source, *numbers, row.unit, f"{row.tolerance:.3g}", verdict
+    allowed = f"x/{row.factor:g}" if row.factor > 1.0 else f"{row.tolerance:.3g}"
+    return row.quantity, row.source, *numbers, row.unit, allowed, verdict
 
 
 def _line(cells: Sequence[str], widths: Sequence[int]) -> str:

@@ -23,7 +23,7 @@ from rf_pointing.calibration import (
     held_at_zero,
     select_observations,
 )
-from rf_pointing.calibration.pass_errors import pass_partials
+from rf_pointing.calibration.pass_errors import shift_by
 from rf_pointing.papers.orbit.measurements import Elements, Look, visits
 from rf_pointing.papers.orbit.motion import Gravity, Site
 
@@ -70,18 +70,14 @@ PCMC_DEG = {
 """Table 3, degrees and seconds."""
 
 ORBIT_PRIORS = PassPriors(
-    along_track_m=175.0,
+    along_track_m=165.0,
     cross_track_m=92.0,
-    radial_m=35.0,
-    along_track_drift_m_s=0.06,
-    cross_track_drift_m_s=0.1,
-    radial_drift_m_s=0.03,
+    radial_m=28.0,
+    cross_track_drift_m_s=0.095,
+    radial_drift_m_s=0.029,
 )
 """The 200-m reference orbit, split as neighbouring orbits split it: mostly along the track, least
-in height.
-
-A height error drags an along-track drift of -2 n times itself with it; the two are independent
-here, so the height prior is a quarter wider than the simulated 28 m.
+in height, and the drifts are those of the orbit's turn.
 """
 
 SITES = {
@@ -176,9 +172,7 @@ def sky_filling_points(
 
 def orbit_error(points: Observations, random: np.random.Generator) -> tuple[Array, Array]:
     """Return shifts of azimuth and elevation (n,) from an orbit error of 200 m rms."""
-    shift = orbit_error_m(points, random)
-    azimuth, elevation = pass_partials(points, ("along_track_m", "cross_track_m", "radial_m"))
-    return np.sum(azimuth * shift, axis=1), np.sum(elevation * shift, axis=1)
+    return shift_by(points, orbit_error_m(points, random))
 
 
 def orbit_error_m(points: Observations, random: np.random.Generator) -> Array:

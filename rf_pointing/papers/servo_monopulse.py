@@ -114,7 +114,7 @@ def _mistuning() -> list[Row]:
             tolerance=0.0,
             remark=conflict,
             explained=True,
-            **common,
+            **common,  # type: ignore[arg-type]
         ),
     ]
 

@@ -97,7 +97,7 @@ def _time_rows() -> list[Row]:
             unit="deg",
             tolerance=1e-4,
             remark="the 80 us hold for one projection; both together are sqrt(2) larger and would take 160 us",
-            explained=True,
+            explained=abs(3.0 * math.sqrt(2.0) * sigma_deg - math.sqrt(2.0) * LIMIT_DEG) <= 1e-4,
         ),
         Row(
             quantity="cubic over linear term of (11) at 0.1 deg",
@@ -107,7 +107,7 @@ def _time_rows() -> list[Row]:
             unit="%",
             tolerance=0.1,
             remark="(X N/4)^2 / 3 with X N/4 = 0.1316 rad, whose square is 1.7 %; the exact inversion needs neither",
-            explained=True,
+            explained=abs(cubic - 0.1316**2 / 3.0) <= 1e-5,
         ),
     ]
 

@@ -265,7 +265,7 @@ def _variance_rows(seed: int) -> list[Row]:
             unit="1",
             tolerance=0.01,
             remark="(19) counts both projections, of which only the radial one moves theta; (21) is the total angle's",
-            explained=True,
+            explained=abs(case.theta_sigma_rad / ours - 1.0) <= 0.01,
         ),
         Row(
             quantity="sigma_theta at theta = 20 deg over sigma_T / cos(theta)",
@@ -283,7 +283,7 @@ def _variance_rows(seed: int) -> list[Row]:
             unit="1",
             tolerance=0.02,
             remark="by E|n|^4 = 2 sigma^4 the second coefficient is 1 + 2 gamma^2; the printed 1 - gamma^2 is 0 here",
-            explained=True,
+            explained=abs(ratio / corrected - 1.0) <= 0.05,
         ),
         Row(
             quantity="var R at 12 dB and gamma = 1 over (17) with 1 + 2 gamma^2",

@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 from rf_pointing.core import AXES, Params, parameter, require_finite
+from rf_pointing.core.pass_outcome import LEAST_SHARE
 
 Pair = tuple[float, float]
 
@@ -117,7 +118,9 @@ class MachineParams(Params):
     # The tracking loop needs some of the rate to correct errors while the axes move at the plan's.
     reserve: float = parameter(0.05, "share of both that planning leaves to the tracking loop", low=0.0, high=0.5)
     sun_radius_rad: float = parameter(math.radians(1.0), "the beam stays this far from the Sun", low=0.0, high=0.5)
-    least_share: float = parameter(0.8, "share of the pass that must be received within 3 dB", low=0.0, high=1.0)
+    least_share: float = parameter(
+        LEAST_SHARE, "share of the pass that must be within half power for it to be tracked", low=0.0, high=1.0
+    )
     half_power_beamwidth_rad: float = parameter(
         math.radians(0.065), "beamwidth that the loss is computed for", low=1e-6, high=1.4
     )

@@ -228,9 +228,7 @@ class PathFinder:
             # By the encoders the next leg begins before the corner; the command may be anywhere
             # between here and the corner by then.
             if moving.cuts or before.end_s == 0.0:
-                near = np.max(np.abs(positions - np.array(corner)), axis=1) < CORNER_RAD
-                here = int(np.argmax(near))
-                ends.append(Moving(moving.share, _pair(positions[here]), _pair(rates[here]), cuts=True))
+                ends.append(_near_corner(moving.share, positions, rates, corner))
         return Leg("", tuple(ends), longest_s)
 
     def _clear(self, before: "Leg", corner: Pair, sun: Pair | None) -> bool:
@@ -414,6 +412,18 @@ def _widest(edges: Array, values: Array) -> Array:
     padded = np.concatenate([values, np.full((len(values), 1), -math.inf)], axis=1)
     spans = np.column_stack([np.maximum(first, 0), np.minimum(last, values.shape[1])]).ravel()
     return np.asarray(np.maximum.reduceat(padded, spans, axis=1)[:, ::2])
+
+
+def _near_corner(share: float, positions: Array, rates: Array, corner: Pair) -> Moving:
+    """Return the motion (n, 2) where it comes near to a corner."""
+    away = np.max(np.abs(positions - np.array(corner)), axis=1)
+    here = int(np.argmax(away < CORNER_RAD))
+    if here == 0:
+        return Moving(share, _pair(positions[0]), _pair(rates[0]), cuts=True)
+    # Between two knots: a third of a second later half of the corner would be left.
+    part = float((away[here - 1] - CORNER_RAD) / (away[here - 1] - away[here]))
+    place, rate = (rows[here - 1] + part * (rows[here] - rows[here - 1]) for rows in (positions, rates))
+    return Moving(share, _pair(place), _pair(rate), cuts=True)
 
 
 def _pair(row: Array) -> Pair:

@@ -2,7 +2,7 @@
 
     error = target - beam
     alone = error + offset                                          (program track alone)
-    loss  = -10 log10 exp(-4 ln 2 (error / beamwidth)^2)            (Gaussian beam)
+    loss  = -10 log10 g,  g >= sidelobes                            (core/pass_outcome.py)
 
 The tracking loop moves the beam by its offset; without it the error would have been larger by that
 offset.  The table and the pictures of a report share this.
@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.core import MDEG, gaussian_loss_db
+from rf_pointing.core import MDEG
 from rf_pointing.core.modes import Mode
+from rf_pointing.core.pass_outcome import is_held, pointing_loss_db, received_power
 from rf_pointing.report.recording import Pass, Recording
 from rf_pointing.report.summary import Acquisition, ErrorStatistics, Spread, reduced
 from rf_pointing.report.topics import TopicData
@@ -126,7 +127,7 @@ class ErrorSeries:
     @property
     def loss_db(self) -> Floats:
         """Pointing loss, positive."""
-        return gaussian_loss_db(self.radial_rad, self.beamwidth_rad)
+        return pointing_loss_db(received_power(self.radial_rad, self.beamwidth_rad))
 
 
 def error_series(recording: Recording, modes: Timeline | None) -> ErrorSeries | None:
@@ -159,16 +160,17 @@ def _series(source: str, stamp_ns: Ints, data: TopicData, modes: Timeline | None
 def statistics_of(error_rad: Floats, beamwidth_rad: Floats) -> ErrorStatistics:
     """Return the statistics of errors (n, 2) seen by beams (n,), all null when n is 0."""
     radial = np.hypot(error_rad[:, 0], error_rad[:, 1])
-    loss = gaussian_loss_db(radial, beamwidth_rad)
+    power = received_power(radial, beamwidth_rad)
+    mean_power = reduced(np.mean, power)
     # Without a known beam nothing is inside or outside of it.
-    inside = (radial <= 0.5 * beamwidth_rad)[np.isfinite(beamwidth_rad)]
+    inside = is_held(radial, beamwidth_rad)[np.isfinite(beamwidth_rad)]
     return ErrorStatistics(
         samples=len(radial),
         cross_elevation=_spread(error_rad[:, 0]),
         elevation=_spread(error_rad[:, 1]),
         radial=_spread(radial),
-        mean_loss_db=reduced(np.mean, loss),
-        max_loss_db=reduced(np.max, loss),
+        mean_loss_db=None if mean_power is None else float(pointing_loss_db(mean_power)),
+        max_loss_db=reduced(np.max, pointing_loss_db(power)),
         inside_half_power_percent=100.0 * float(np.mean(inside)) if len(inside) else None,
     )
 

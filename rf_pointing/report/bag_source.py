@@ -15,7 +15,7 @@ from rosbags.interfaces import Connection
 from rosbags.rosbag2 import Reader
 from rosbags.rosbag2.errors import ReaderError
 
-from rf_pointing.report.mcap_tail import complete
+from rf_pointing.report.mcap_tail import complete, salvage
 
 READ_ERRORS = (
     ReaderError, OSError, ValueError, TypeError, KeyError, IndexError, AttributeError, AssertionError, struct.error,
@@ -38,8 +38,10 @@ class BagSource:
         return [connection for reader in self.readers for connection in reader.connections]
 
 
-def open_bag(path: Path, stack: ExitStack) -> BagSource:
+def open_bag(path: Path, stack: ExitStack, *, damaged: bool = False) -> BagSource:
     """Open the bag directory or file at `path`; `stack` closes it.
+
+    Of `damaged` MCAP files copies of what is intact are opened.
 
     Raises
     ------
@@ -50,7 +52,10 @@ def open_bag(path: Path, stack: ExitStack) -> BagSource:
         raise ValueError(f"path={path} does not exist")
     source = BagSource()
     # A damaged or missing metadata.yaml costs nothing: the data files have all of it but the notes.
-    if path.is_dir() and not _open_directory(path, source, stack):
+    if damaged:
+        for file in _data_files(path) if path.is_dir() else [path]:
+            _open_salvaged(file, source, stack)
+    elif path.is_dir() and not _open_directory(path, source, stack):
         for file in _data_files(path):
             _open_file(file, source, stack)
     elif path.is_file():
@@ -103,3 +108,13 @@ def _open_completed(file: Path, source: BagSource, stack: ExitStack) -> bool:
         f"the last {tail.dropped_bytes} bytes could not be used"
     )
     return True
+
+
+def _open_salvaged(file: Path, source: BagSource, stack: ExitStack) -> None:
+    copy = Path(stack.enter_context(TemporaryDirectory(prefix="rf_pointing_report_"))) / file.name
+    try:
+        salvage(file, copy)
+        source.readers.append(stack.enter_context(Reader(copy)))
+    except READ_ERRORS:
+        # Begin or index are lost too: what comes before the damage is all there is.
+        _open_file(file, source, stack)

@@ -3,9 +3,11 @@
 An MCAP file (specification, version 0) is a sequence of records (opcode, 8-byte length, content)
 between two magic words.  Messages are in chunks, each followed by its message indexes; an index of
 the chunks is at the end.  Without that end most readers refuse the file.  `complete` drops what is
-cut and writes the end for what is left.
+cut and writes the end for what is left.  `salvage` copies what is left of a file with damage in its
+middle, by the indexes.
 """
 
+import re
 import struct
 from collections import defaultdict
 from collections.abc import Iterator
@@ -21,6 +23,10 @@ _MAGIC = b"\x89MCAP0\r\n"
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _MESSAGE_INDEX, _CHUNK_INDEX = 2, 3, 4, 5, 6, 7, 8
 _STATISTICS, _DATA_END = 11, 15
 _HEAD = 9
+_MESSAGE_HEAD = 22
+_FOOTER_BYTES = 37
+HOLE_BYTES = 400
+"""So many zeros in a row are a lost block of the disk; the longest covariance has 288."""
 Record = tuple[int, int, bytes]
 
 
@@ -65,6 +71,83 @@ def complete(path: Path) -> McapTail:
             tail.chunk_indexes.append(_close_chunk(file, pending))
         _write_end(file, tail)
     return tail
+
+
+def salvage(source: Path, target: Path) -> McapTail:
+    """Write what is intact of a damaged file with an index to `target`; return what that holds.
+
+    Raises
+    ------
+    ValueError, struct.error
+        Begin or index of the file is damaged too.
+    """
+    with source.open("rb") as damaged, target.open("w+b") as file:
+        if damaged.read(len(_MAGIC)) != _MAGIC:
+            raise ValueError(f"{source} does not begin as an MCAP file")
+        header = next(_records(damaged))
+        summary = list(_summary(damaged))
+        file.write(_MAGIC)
+        for opcode, _, content in (header, *summary):
+            if opcode != _CHUNK_INDEX:
+                _write(file, opcode, content)
+        for content in (content for opcode, _, content in summary if opcode == _CHUNK_INDEX):
+            kept = _salvaged_chunk(damaged, content)
+            start = file.tell()
+            _write(file, _CHUNK, kept)
+            chunk = _open_chunk(start, kept, McapTail())
+            if chunk is not None:
+                _close_chunk(file, chunk)
+    return complete(target)
+
+
+def _summary(file: BinaryIO) -> Iterator[Record]:
+    """Return schemas, channels and chunk indexes of the summary at the end of a file."""
+    file.seek(-_FOOTER_BYTES, 2)
+    (start,) = struct.unpack_from("<Q", file.read(_FOOTER_BYTES), _HEAD)
+    file.seek(start)
+    for record in _records(file):
+        if record[0] == _FOOTER:
+            return
+        if record[0] in (_SCHEMA, _CHANNEL, _CHUNK_INDEX):
+            yield record
+    raise ValueError("the summary of the file is damaged")
+
+
+def _salvaged_chunk(file: BinaryIO, index: bytes) -> bytes:
+    """Return the content of a chunk with the intact messages of the one that `index` names."""
+    times, (start, length, offsets) = index[:16], struct.unpack_from("<QQI", index, 16)
+    indexed, name = struct.unpack_from("<QI", index, 36 + offsets)
+    compression = index[48 + offsets : 48 + offsets + name].decode()
+    stored, size = struct.unpack_from("<QQ", index, 48 + offsets + name)
+    file.seek(start + length - stored)
+    data = file.read(stored)
+    try:
+        data = decompress(data, compression, size, 0)
+    # One wrong byte of a compressed chunk costs all of it.
+    except (ReaderError, RuntimeError, ValueError, OSError):
+        data = b""
+    file.seek(start + length)
+    kept = b"".join(_intact(data, BytesIO(file.read(indexed))))
+    return times + struct.pack("<QIIQ", len(kept), 0, 0, len(kept)) + kept
+
+
+def _intact(data: bytes, indexes: BinaryIO) -> Iterator[bytes]:
+    """Return the message records of a chunk's data that its indexes name and no zeros cover."""
+    holes = [match.span() for match in re.finditer(rb"\0{%d,}" % HOLE_BYTES, data)]
+    entries = []
+    for opcode, _, content in _records(indexes):
+        if opcode == _MESSAGE_INDEX:
+            channel, _ = struct.unpack_from("<HI", content)
+            entries += [(offset, time, channel) for time, offset in struct.iter_unpack("<QQ", content[6:])]
+    for offset, time, channel in sorted(entries):
+        if len(data) < offset + _HEAD + _MESSAGE_HEAD:
+            continue
+        opcode, length = struct.unpack_from("<BQ", data, offset)
+        here, _, when = struct.unpack_from("<HIQ", data, offset + _HEAD)
+        end = offset + _HEAD + length
+        sound = (opcode, here, when) == (_MESSAGE, channel, time) and end <= len(data)
+        if sound and not any(first < end and offset < last for first, last in holes):
+            yield data[offset:end]
 
 
 @dataclass

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.core import AXES, MDEG, gaussian_loss_db
+from rf_pointing.core import AXES, MDEG
 from rf_pointing.core.modes import Mode
+from rf_pointing.core.pass_outcome import SIDELOBE_DB, pointing_loss_db, received_power
 from rf_pointing.report.analysis import Analysis, ErrorSeries, tracking_modes
 from rf_pointing.report.picture_style import (
     ALONE_COLOUR,
@@ -115,19 +116,21 @@ def draw_link(analysis: Analysis, path: Path) -> None:
 
 def _draw_losses(axes: Any, time: TimeAxis, analysis: Analysis) -> None:
     errors = _required(analysis)
-    alone = gaussian_loss_db(np.hypot(errors.alone_rad[:, 0], errors.alone_rad[:, 1]), errors.beamwidth_rad)
+    alone = received_power(np.hypot(errors.alone_rad[:, 0], errors.alone_rad[:, 1]), errors.beamwidth_rad)
     stamps, mean, _ = per_second(errors.stamp_ns, alone)
-    axes.plot(time.minutes(stamps), mean, color=ALONE_COLOUR, label="program track alone")
+    axes.plot(time.minutes(stamps), pointing_loss_db(mean), color=ALONE_COLOUR, label="program track alone")
     for mode, part, first in mode_runs(analysis, errors.stamp_ns):
         if mode in tracking_modes():
-            stamps, mean, largest = per_second(errors.stamp_ns[part], errors.loss_db[part])
+            power = received_power(errors.radial_rad[part], errors.beamwidth_rad[part])
+            # The loss of the mean power, not the mean of decibels.
+            stamps, mean_power, _ = per_second(errors.stamp_ns[part], power)
+            mean, largest = pointing_loss_db(mean_power), per_second(errors.stamp_ns[part], errors.loss_db[part])[2]
             minutes, colour = time.minutes(stamps), mode_colour(mode)
             axes.fill_between(minutes, mean, largest, color=colour, alpha=0.25, lw=0.0)
             axes.plot(minutes, mean, color=colour, lw=1.6, label=mode.replace("_", " ") if first else None)
     for level in (0.1, 3.0):
         marked_level(axes, level, f"{level:g} dB")
-    largest = np.nanmax(np.concatenate([alone, errors.loss_db, [10.0]]))
-    axes.set_ylim(1e-4, 2.0 * float(largest))
+    axes.set_ylim(1e-4, SIDELOBE_DB)
     plain_log_scale(axes.yaxis)
 
 
@@ -350,8 +353,8 @@ _PICTURES = (
     Picture(
         "link",
         "Link and pointing loss",
-        "Loss of a Gaussian beam: mean of each second, shaded up to the largest. Beyond about one beamwidth the true "
-        "beam has side lobes, and the Gaussian loss is only a large number.",
+        "Loss of a Gaussian beam down to its sidelobes at 40 dB: that of the mean power of each second, shaded up to "
+        "the largest.",
         draw_link,
         _has_link,
     ),

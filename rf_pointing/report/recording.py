@@ -86,6 +86,7 @@ class _Collector:
         self._namespace = namespace
         self._typestore = self._types(source)
         self._rows: dict[str, _Rows] = {}
+        self.count = self.missing = 0
         for reader in source.readers:
             self._read(reader)
 
@@ -134,8 +135,10 @@ class _Collector:
                 count += 1
         except READ_ERRORS as error:
             self.problems.append(f"reading stopped after {count} messages of {reader.path.name}: {error}")
+        self.count += count
         # rosbags passes over a block of zeros, and over all that it takes for a record after it.
         if count < reader.message_count:
+            self.missing += reader.message_count - count
             self.problems.append(
                 f"{reader.message_count - count} of {reader.message_count} messages of {reader.path.name} "
                 "are not readable: the file is damaged"
@@ -255,6 +258,13 @@ def read_recording(path: Path | str, *, namespace: str | None = None) -> Recordi
         chosen = _chosen(found, namespace, path)
         collector = _Collector(source, chosen)
         topics = collector.topics()
+        if collector.missing:
+            # A second time, from what is intact, with what was found of the first.
+            damage, before = collector.problems, collector.count
+            rest = open_bag(path, stack, damaged=True)
+            rest.notes, collector = source.notes, _Collector(rest, chosen)
+            topics = collector.topics()
+            collector.problems += [*damage, f"{collector.count - before} messages beyond the damage are used"]
         problem = source.notes.get(PROBLEM_NOTE, "")
         return Recording(
             path=path,

@@ -10,6 +10,7 @@ from rf_pointing.core import AXES, MDEG
 from rf_pointing.core.dates import utc_text
 from rf_pointing.core.modes import Sensor
 from rf_pointing.report.analysis import Analysis, ErrorSeries, Interval, Timeline, statistics_of, tracking_modes
+from rf_pointing.report.outcome import verdict
 from rf_pointing.report.recording import Pass, Recording
 from rf_pointing.report.summary import (
     SCHEMA,
@@ -46,6 +47,7 @@ def summarize(analysis: Analysis) -> Summary:
         schema=SCHEMA,
         bag=_bag(recording),
         target_pass=_pass_info(analysis.target_pass) if analysis.target_pass else None,
+        outcome=verdict(analysis),
         headline=_headline(errors, analysis.acquired_ns, lost),
         acquisition=analysis.acquisition,
         modes=_mode_rows(errors, spans),
@@ -108,16 +110,12 @@ def _headline(errors: ErrorSeries | None, acquired_ns: int | None, lost: int) ->
         return Headline(over=over, messages_lost=lost)
     chosen = np.isin(errors.mode, tracking_modes()) & (errors.stamp_ns >= (acquired_ns or 0))
     width = errors.beamwidth_rad[chosen]
-    error = statistics_of(errors.error_rad[chosen], width)
-    # Held means always: one sample outside half power is a lost beam.
-    inside = error.inside_half_power_percent
     return Headline(
         error_source=errors.source,
         over=over,
-        held_beam=None if inside is None else inside == 100.0,
         seconds=_seconds(errors, chosen),
         beamwidth_mdeg=reduced(np.median, width / MDEG),
-        error=error,
+        error=statistics_of(errors.error_rad[chosen], width),
         program_track_alone=statistics_of(errors.alone_rad[chosen], width),
         messages_lost=lost,
     )

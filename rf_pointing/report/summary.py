@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 # Readers of summary.json check this; a changed meaning of a key needs a new number.
-SCHEMA = "rf_pointing/summary/1"
+SCHEMA = "rf_pointing/summary/2"
 Number = float | None
 
 
@@ -65,7 +65,10 @@ class Spread:
 
 @dataclass(frozen=True, kw_only=True)
 class ErrorStatistics:
-    """Errors of the beam over some samples; the loss (Gaussian) is null outside tracking."""
+    """Errors of the beam over some samples; the loss is null outside tracking.
+
+    The mean loss is that of the mean power; none is deeper than the sidelobes.
+    """
 
     samples: int
     cross_elevation: Spread
@@ -108,8 +111,35 @@ class Acquisition:
 
 
 @dataclass(frozen=True, kw_only=True)
+class OutcomeNumbers:
+    """Seconds held and lost, and the loss of the mean power, by `core/pass_outcome.py`."""
+
+    tracked_s: float
+    lost_s: float
+    held_percent: float
+    mean_loss_db: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verdict:
+    """Whether the pass was tracked, else why not; and three answers to what it gave.
+
+    `source` is what the verdict is judged by: "true" is the flight, "counted" the controller's
+    count.  `faults` are those of the antenna and of its encoders, reset or not.
+    """
+
+    tracked: bool | None = None
+    reason: str = ""
+    source: str | None = None
+    flown: OutcomeNumbers | None = None
+    counted: OutcomeNumbers | None = None
+    predicted: OutcomeNumbers | None = None
+    faults: list[str]
+
+
+@dataclass(frozen=True, kw_only=True)
 class Headline:
-    """The main results.
+    """The main results of the tracking loop.
 
     `error_source` is "true" (simulation truth) or "sensed"; `over` names the samples: "after
     acquisition", or "tracking" where no RF loop was used or it never settled.
@@ -117,7 +147,6 @@ class Headline:
 
     error_source: str | None = None
     over: str
-    held_beam: bool | None = None
     seconds: Number = None
     beamwidth_mdeg: Number = None
     error: ErrorStatistics | None = None
@@ -233,6 +262,7 @@ class Summary:
     schema: str
     bag: BagInfo
     target_pass: PassInfo | None
+    outcome: Verdict
     headline: Headline
     acquisition: Acquisition
     modes: list[ModeStatistics]

@@ -121,11 +121,17 @@ class TopicLayout:
     periodic: bool = True
 
 
-def _own(name: str, *columns: str, periodic: bool = True) -> TopicLayout:
-    def row(message: Any) -> Row:
-        return tuple(getattr(message, column) for column in columns)
+def _own(name: str, *columns: str, periodic: bool = True, added: dict[str, Any] | None = None) -> TopicLayout:
+    """Return the layout of a message of ours; `added` fields are missing in older recordings."""
+    later = added or {}
 
-    return TopicLayout(f"rf_pointing_msgs/msg/{name}", columns, row, periodic)
+    def row(message: Any) -> Row:
+        return (
+            *(getattr(message, column) for column in columns),
+            *(getattr(message, column, blank) for column, blank in later.items()),
+        )
+
+    return TopicLayout(f"rf_pointing_msgs/msg/{name}", (*columns, *later), row, periodic)
 
 
 def _joint_row(message: Any) -> Row:
@@ -134,6 +140,14 @@ def _joint_row(message: Any) -> Row:
     # A driver need not publish rates; a report then has no axis rates.
     velocity = [message.velocity[i] for i in order] if len(message.velocity) else [math.nan, math.nan]
     return [message.position[i] for i in order], velocity
+
+
+def _certificate_row(message: Any) -> Row:
+    chosen = next((branch for branch in message.branches if branch.works), None)
+    times = [time.sec * 10**9 + time.nanosec for time in (message.aos, message.los)]
+    # The blanks are those of older recordings, and of a pass that was refused.
+    numbers = (getattr(chosen, name, 0.0) for name in ("lost", "late", "acquisition", "mean_loss"))
+    return message.target, *times, chosen is not None, *numbers, getattr(message, "least_share", 0.0)
 
 
 _ERROR = _own("PointingError", "sensor", "valid", "reason", "cross_elevation", "elevation", "carrier_to_noise")
@@ -151,6 +165,12 @@ TOPICS: dict[str, TopicLayout] = {
         "TrackingStatus", "mode", "target", "reason", "azimuth", "elevation", "scan_centre", "cross_elevation_error",
         "elevation_error", "cross_elevation_offset", "elevation_offset", "carrier_to_noise", "beamwidth",
         "command_lead", "commands_sent",
+        added={"level": 0, "alarm": "", "seconds_tracked": 0.0, "seconds_lost": 0.0, "mean_loss": 0.0},
+    ),
+    "pass_certificate": TopicLayout(
+        "rf_pointing_msgs/msg/PassCertificate",
+        ("target", "aos", "los", "accepted", "lost", "late", "acquisition", "mean_loss", "least_share"),
+        _certificate_row, periodic=False,
     ),
     "joint_states": TopicLayout("sensor_msgs/msg/JointState", ("position", "velocity"), _joint_row),
     "antenna_status": _own(

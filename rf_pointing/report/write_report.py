@@ -61,6 +61,15 @@ def page(summary: Summary, pictures: Mapping[Path, Picture]) -> str:
 def _tables(summary: Summary) -> dict[str, list[Row]]:
     """Return the rows of each table of the page by name."""
     return {
+        "outcome": [
+            (name, *astuple(numbers))
+            for name, numbers in (
+                ("predicted by the certificate", summary.outcome.predicted),
+                ("counted by the controller", summary.outcome.counted),
+                ("flown, by the true error", summary.outcome.flown),
+            )
+            if numbers is not None
+        ],
         "errors": _error_rows(summary),
         "modes": [
             (f"{int(i.start_s) // 60}:{i.start_s % 60:04.1f}", i.mode.replace("_", " "), i.seconds, i.reason)

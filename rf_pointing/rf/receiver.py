@@ -20,6 +20,13 @@ from rf_pointing.rf.noise import BOLTZMANN_J_K
 
 ComplexArray = NDArray[np.complex128]
 
+# Orders of the beam's motion within a cluster that are no noise: steady, and with vibration.
+STEADY, VIBRATING = 1, 3
+# Clusters of which the lower quartile of the noise counts: a beam that sweeps across its nulls, as
+# in a search, may spoil three quarters of them.  After the fewest, chance does not double it.
+MOST_CLUSTERS, FEWEST_CLUSTERS, QUARTILE_SIGMAS = 100, 20, -0.6745
+LARGEST_EXCESS = 2.0
+
 
 @dataclass(frozen=True, kw_only=True)
 class ReceiverParams(Params):
@@ -43,6 +50,7 @@ class ReceiverState:
     phase_rad: float = 0.0
     agc_gain: float | None = None
     noise_density: float = 1.0
+    still_densities: tuple[float, ...] = ()
     clusters: int = 0
 
 
@@ -163,31 +171,45 @@ class Receiver:
         scaled = channels.copy()
         # Back to the noise of the sum, whose density is wanted.
         scaled[1:] *= 10.0 ** (-self.params.difference_noise_db / 20.0)
-        density = noise_variance(scaled) * sample_s
+        density = noise_variance(scaled, STEADY) * sample_s
+        still = (*self.state.still_densities[1 - MOST_CLUSTERS :], noise_variance(scaled, VIBRATING) * sample_s)
         count = self.state.clusters + 1
         share = 1.0 - math.exp(-channels.shape[1] * sample_s / self.params.noise_time_constant_s)
         average = self.state.noise_density if count > 1 else density
         # Until the average has filled, every cluster counts the same.
         average += max(share, 1.0 / count) * (density - average)
-        self.state = replace(self.state, noise_density=average, clusters=count)
+        self.state = replace(self.state, noise_density=average, still_densities=still, clusters=count)
+        # The average is more precise, but under a strong carrier mostly the motion of the beam.
+        if len(still) >= FEWEST_CLUSTERS:
+            quiet = _mean_from_quartile(still, 4.0 * (channels.shape[1] - VIBRATING - 1))
+            average = quiet if average > LARGEST_EXCESS * quiet else average
         carrier = float(np.mean(np.abs(channels[0]) ** 2)) - average / sample_s
         return max(_db(carrier / average), self.params.floor_db_hz)
 
 
-def noise_variance(channels: ComplexArray) -> float:
+def _mean_from_quartile(values: tuple[float, ...], freedom: float) -> float:
+    """Return the mean of values spread as chi squared of `freedom`, from their lower quartile."""
+    # Wilson and Hilferty 1931: the cube root of chi squared is nearly normal.
+    spread = 2.0 / (9.0 * max(freedom, 4.0))
+    quartile = (1.0 - spread + QUARTILE_SIGMAS * math.sqrt(spread)) ** 3
+    return float(np.partition(values, len(values) // 4)[len(values) // 4]) / quartile
+
+
+def noise_variance(channels: ComplexArray, order: int) -> float:
     """Return the noise variance of the samples (3, n), from the part not shared with the sum.
 
-    Each difference is fitted with the sum and the sum times time: carrier phase and amplitude are
-    common to all channels and drop out, and so does a steady motion of the beam.  What is left is
-    noise of the difference and |ratio|^2 of the sum's.
+    Each difference is fitted with the sum times polynomials of time to `order` (as far as n - 2):
+    carrier phase and amplitude are common to all channels and drop out, and so does a motion of the
+    beam of that order.  What is left is noise of the difference and |ratio|^2 of the sum's.
     """
     total, differences = channels[0], channels[1:].T
     count = len(total)
-    basis = np.stack([total, total * np.linspace(-1.0, 1.0, count)], axis=1)
-    # The two columns are orthogonal but for the noise, so the normal equations lose nothing.
+    order = min(order, count - 2)
+    basis = total[:, None] * np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, count), order)
+    # The columns are nearly orthogonal, so the normal equations lose nothing.
     adjoint = basis.conj().T
     fit = np.linalg.solve(adjoint @ basis, adjoint @ differences)
-    residual = np.sum(np.abs(differences - basis @ fit) ** 2, axis=0) / (count - 2)
+    residual = np.sum(np.abs(differences - basis @ fit) ** 2, axis=0) / (count - order - 1)
     signal_share = np.clip(1.0 - np.mean(residual) / np.mean(np.abs(total) ** 2), 0.0, 1.0)
     return float(np.mean(residual / (1.0 + signal_share * np.abs(fit[0]) ** 2)))
 

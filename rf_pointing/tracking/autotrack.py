@@ -71,7 +71,7 @@ class AutotrackInputs:
     where it is not known. `valid` names the sensors whose newest estimate may be used; a sensor
     that scans is in it until its first estimate. `arriving`: the beam is still on its way to where
     it was sent, so that invalid errors mean nothing yet. `fault` is why the sensor in use must not
-    be trusted (sidelobe, sign flip), empty if it may be.
+    be trusted (sidelobe, sign flip), empty if it may be; `sidelobe`: it seems to follow one.
     """
 
     t_s: float
@@ -85,6 +85,7 @@ class AutotrackInputs:
     )
     arriving: bool = False
     fault: str = ""
+    sidelobe: bool = False
 
     def __post_init__(self) -> None:
         require_choice("request", self.request, Request)
@@ -96,8 +97,10 @@ class AutotrackState:
     """Mode, when and why it was entered, and what the C/N0 thresholds remember.
 
     `peak_db_hz` is the largest C/N0 of the last search and `peak_s` its time: where the beam was
-    then is where to go when the search ends in coasting.  `false_locks` counts those since the pass
-    began or the feed was calibrated.
+    then is where to go when the search ends in coasting.  `peak_excess_db` is that level against
+    the link's, `learned_db` the same of the last search that was completed, at most 0: what the
+    link really gives.  `false_locks` counts those since the pass began or the feed was calibrated,
+    `sidelobe` remembers that one of them was a sidelobe.
     """
 
     mode: str = Mode.IDLE
@@ -109,7 +112,10 @@ class AutotrackState:
     invalid_since_s: float | None = None
     peak_db_hz: float = -math.inf
     peak_s: float | None = None
+    peak_excess_db: float = 0.0
+    learned_db: float = 0.0
     false_locks: int = 0
+    sidelobe: bool = False
 
     @property
     def integrating(self) -> bool:
@@ -136,8 +142,17 @@ def _elapsed(state: AutotrackState, inputs: AutotrackInputs) -> float:
 
 def _within_beam(params: AutotrackParams, state: AutotrackState, inputs: AutotrackInputs) -> bool:
     """Whether the C/N0 is near the link's, or as good as the last search found it."""
-    best = inputs.axis_db_hz if state.peak_s is None else min(inputs.axis_db_hz, state.peak_db_hz)
+    learned = inputs.axis_db_hz + state.learned_db
+    best = learned if state.peak_s is None else min(learned, state.peak_db_hz)
     return inputs.carrier_to_noise_db_hz >= best - params.beam_drop_db
+
+
+def _in_main_beam(params: AutotrackParams, state: AutotrackState, inputs: AutotrackInputs) -> bool:
+    """Whether the C/N0 is near what the link gives, by the last completed search if there is one.
+
+    The peak of a search that goes on is no proof: it may be that of a sidelobe.
+    """
+    return inputs.carrier_to_noise_db_hz >= inputs.axis_db_hz + state.learned_db - params.beam_drop_db
 
 
 def _peaked(params: AutotrackParams, state: AutotrackState, inputs: AutotrackInputs) -> bool:
@@ -166,13 +181,15 @@ def _take_over(traits: SensorTraits) -> Transition:
 
     def error_ready(params: AutotrackParams, state: AutotrackState, inputs: AutotrackInputs) -> bool:
         enough = state.carrier and (state.strong or not traits.needs_strong_carrier)
-        return enough and traits.name in inputs.valid and allowed(params, state)
+        # After a sidelobe the error alone would lead there again: first a search learns the level.
+        proved = not (traits.watched and state.sidelobe) or _in_main_beam(params, state, inputs)
+        return enough and proved and traits.name in inputs.valid and allowed(params, state)
 
     if traits.scans:
         words = f"there is a carrier for {traits.name}, the target within the beam"
         return Transition((Mode.PROGRAM_TRACK, Mode.COAST), traits.name, words, scan_ready)
     carrier = "the carrier is strong" if traits.needs_strong_carrier else "there is a carrier"
-    doubt = ", auto does not doubt it" if traits.watched else ""
+    doubt = ", auto does not doubt it, after a sidelobe in the main beam" if traits.watched else ""
     sources = (Mode.PROGRAM_TRACK, Mode.SEARCH, Mode.COAST, *((traits.weaker,) if traits.weaker else ()))
     return Transition(sources, traits.name, f"{carrier} and the {traits.name} error valid{doubt}", error_ready)
 
@@ -260,11 +277,15 @@ class Autotrack:
                 held_off = row.target == Mode.HOLD_OFF
                 watched = seen.mode in SENSORS and SENSORS[seen.mode].watched
                 false_locks = seen.false_locks + (held_off and watched)
+                # A search that ran its turn after the strongest carrier has seen the main beam.
+                completed = seen.mode == Mode.SEARCH and row.target == Mode.COAST
                 return replace(
                     seen, mode=row.target, entered_s=inputs.t_s, reason=inputs.fault if held_off else row.when,
                     invalid_since_s=None, false_locks=0 if row.target == Mode.CALIBRATE else false_locks,
                     peak_db_hz=-math.inf if row.target == Mode.SEARCH else seen.peak_db_hz,
                     peak_s=None if row.target == Mode.SEARCH else seen.peak_s,
+                    learned_db=min(0.0, seen.peak_excess_db) if completed else seen.learned_db,
+                    sidelobe=row.target != Mode.CALIBRATE and (seen.sidelobe or (held_off and inputs.sidelobe)),
                 )  # fmt: skip
         return seen
 
@@ -287,5 +308,6 @@ def _observe(params: AutotrackParams, state: AutotrackState, inputs: AutotrackIn
     seen = replace(state, carrier=carrier, strong=strong, carrier_since_s=since, invalid_since_s=invalid)
     # Kept after the search: it is the best proof of the level that the link really gives.
     if state.mode == Mode.SEARCH and level > state.peak_db_hz:
-        return replace(seen, peak_db_hz=level, peak_s=inputs.t_s)
+        excess = level - inputs.axis_db_hz if math.isfinite(inputs.axis_db_hz) else 0.0
+        return replace(seen, peak_db_hz=level, peak_s=inputs.t_s, peak_excess_db=excess)
     return seen

@@ -34,6 +34,9 @@ from rf_pointing.tracking.scan import ONCE_A_ROUND, LoopRate, Pattern, ScanParam
 
 Array = NDArray[np.float64]
 SMALLEST_SPREAD = 0.05  # rms motion along the weaker axis, in scan radii
+# Mean power in sigmas of one sample below which errors come out too small: each sample's weight is
+# made of its own noise.  It is that of C/N0 times integration time of about 10.5 dB.
+LEAST_POWER_SIGMAS = 2.3
 # A spin close to the scan's period leaves a variance so large that nothing is measured.
 WORST_SPIN_INFLATION = 10.0
 # Of the misfit without the one sample that is to blame for it; no single one is for a power that
@@ -140,9 +143,23 @@ def estimate_window(params: ConscanParams, window: PowerWindow) -> WindowEstimat
     if least_spread_rad(design) < smallest_rad:
         return _unknown(params, rank_reason(window.beam_rad, smallest_rad))
     try:
-        return _linear(params, window) if params.estimator == "linear" else _likelihood(params, window, design)
+        found = _linear(params, window) if params.estimator == "linear" else _likelihood(params, window, design)
     except np.linalg.LinAlgError:
         return _unknown(params, _singular_reason(params, window, design))
+    faint = _faint_doubt(window)
+    return found._replace(reason=faint) if faint and not found.reason else found
+
+
+def _faint_doubt(window: PowerWindow) -> str:
+    """Return why the samples are too noisy one by one, however many they are; empty if not."""
+    sigmas = float(np.mean(window.power_w)) / math.sqrt(float(np.mean(window.sigma_w**2)))
+    if sigmas >= LEAST_POWER_SIGMAS:
+        return ""
+    level_db_hz = float(np.mean(window.carrier_to_noise_db_hz))
+    return (
+        f"C/N0 {level_db_hz:.1f} dB-Hz is too low for samples this short: power of {sigmas:.1f} sigmas must be >= "
+        f"{LEAST_POWER_SIGMAS}, or errors come out too small"
+    )
 
 
 def _linear(params: ConscanParams, window: PowerWindow) -> WindowEstimate:

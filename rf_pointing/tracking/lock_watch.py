@@ -2,7 +2,8 @@
 
 * Signs and phases: what the beam does and what the error does about it, weighed as evidence.
 * Steepness: over a sliding window the error is regressed on the beam by the encoders, e = e0 - G d.
-* Level: on a sidelobe the C/N0 is far below the link's while the error is small.
+* Level: on a sidelobe the C/N0 is far below the link's while the error is small.  Once a search has
+  learned what the link really gives, that counts.
 """
 
 import cmath
@@ -27,6 +28,7 @@ LONGEST_GAP_S = 1.0
 SETTLED_S = 1.0
 # A response turned by 120 deg explains the errors better than the right one from 60 deg on.
 TURN = cmath.exp(2j * math.pi / 3.0)
+SIDELOBE = "sidelobe: "
 SIGN_FLIP = "sign flip: the error grows while it is corrected, in {}"
 
 
@@ -274,7 +276,7 @@ class LockWatch:
             return ""
         drop = expected_db_hz - error.carrier_to_noise_db_hz
         if drop > self.params.level_drop_db:
-            return f"sidelobe: C/N0 is {drop:.1f} dB below the link's with a small error"
+            return f"{SIDELOBE}C/N0 is {drop:.1f} dB below the link's with a small error"
         return ""
 
     def _steepness_fault(self) -> str:
@@ -282,4 +284,4 @@ class LockWatch:
         found = self.response()
         if found is None or abs(found.value) - self.params.sigmas * found.sigma <= self.params.steepest:
             return ""
-        return f"sidelobe: the error changes {abs(found.value):.1f} times as fast as the beam moves"
+        return f"{SIDELOBE}the error changes {abs(found.value):.1f} times as fast as the beam moves"

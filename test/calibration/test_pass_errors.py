@@ -20,6 +20,21 @@ def displaced(data, metres):
     return shift, elevation - data.true_elevation_rad
 
 
+def neighbouring(data, kind, metres):
+    """Return the displacement (n,) along, across and up of a neighbouring orbit (Clohessy-Wiltshire)."""
+    middle = np.array([0.5 * np.sum(data.t_s[data.pass_id == p][[0, -1]]) for p in data.pass_id])
+    height = data.range_m * np.sin(data.true_elevation_rad)
+    radius = np.hypot(6.371e6 + height, data.range_m * np.cos(data.true_elevation_rad))
+    turn = np.sqrt(3.986004418e14 / radius**3) * (data.t_s - middle)
+    zero, one = np.zeros(len(data)), np.ones(len(data))
+    shares = {
+        "along_track_m": (one, zero, zero),
+        "cross_track_m": (zero, np.cos(turn), zero),
+        "radial_m": (-2.0 * np.sin(turn), zero, np.cos(turn)),
+    }
+    return [metres * share[:, np.newaxis] for share in shares[kind]]
+
+
 def with_pass_errors(data, metres_of):
     azimuth, elevation = data.observed_azimuth_rad.copy(), data.observed_elevation_rad.copy()
     for number in data.passes:
@@ -45,9 +60,7 @@ def test_partials_are_the_shift_of_a_displaced_satellite(campaign, table_1):
     names = ("along_track_m", "cross_track_m", "radial_m")
     azimuth, elevation = pass_partials(data, names)
     for k in range(3):
-        metres = np.zeros(3)
-        metres[k] = 10.0
-        shift = displaced(data, metres)
+        shift = displaced(data, neighbouring(data, names[k], 10.0))
         assert 10.0 * azimuth[:, k] == pytest.approx(shift[0], abs=1e-9)
         assert 10.0 * elevation[:, k] == pytest.approx(shift[1], abs=1e-9)
 

@@ -1,5 +1,6 @@
 """`new_station` prints what `check_station` takes; both name every problem at once."""
 
+import difflib
 from pathlib import Path
 
 import pytest
@@ -7,6 +8,7 @@ import pytest
 from rf_pointing.commands import check_station, new_station
 from rf_pointing.station.description import read_station, shipped_stations
 
+WORDS = dict(enumerate(("ten", "eleven", "twelve", "thirteen", "fourteen", "fifteen"), start=10))
 MINE = [
     "--name",
     'My "best" dish: 1',
@@ -85,3 +87,23 @@ def test_check_station_ends_with_all_problems(tmp_path: Path, capsys: pytest.Cap
     assert f"{path}:3: site.latitude_deg=91.0 must be <= 90.0" in said
     assert f"{path}:4: bands.X.frequency_mhz=no must be a number" in said
     assert f"{path}:1: mount is missing" in said
+
+
+def test_a_dish_of_ones_own_is_one_file_with_at_most_15_lines_changed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    new_station.main(["--name", "My dish", *MINE[2:], "--bands", "S,X"])
+    generated = capsys.readouterr().out.splitlines()
+    page = (Path(__file__).parents[2] / "docs" / "my_station.md").read_text()
+    mine = page.partition("<!-- my dish -->\n```yaml\n")[2].partition("```")[0].splitlines()
+    # A comment that a user leaves out or takes in is no number to set.
+    changed = [line for line in difflib.ndiff(generated, mine) if line.startswith("+ ") and line.strip("+ ")]
+    assert 5 <= len(changed) <= 15, changed
+    assert f"These are the {WORDS[len(changed)]} lines" in page
+    path = tmp_path / "my_dish.yaml"
+    path.write_text("\n".join(mine))
+    station = read_station(path)
+    assert station.default_band == "X"
+    assert station.parameters("pointing_controller")["machine.half_power_beamwidth_deg"] == pytest.approx(
+        0.6586, abs=1e-4
+    )

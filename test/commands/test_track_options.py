@@ -292,6 +292,7 @@ def test_time_begins_early_enough_for_the_slew_to_the_pass() -> None:
     assert 175.0 + track_options.SETTLE_S <= needed_s < 300.0
     start_s = track_options.overrides(far, window, Path())["/**/simulation_clock"]["ros__parameters"]["start_s"]
     assert start_s == math.floor(window.aos_t_s) - needed_s
+    assert isinstance(start_s, float), "as the clock declares it"
 
 
 def test_a_slower_antenna_or_one_that_starts_elsewhere_begins_earlier(tmp_path: Path) -> None:

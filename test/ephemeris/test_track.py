@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 
 import astropy_iers_data
+import erfa
 import numpy as np
 import pytest
 import sgp4
@@ -26,6 +27,8 @@ ASTROPY = json.loads((Path(__file__).parent / "data" / "astropy.json").read_text
 ASTROPY_MDEG = 1e-4
 RATE_MDEG_S = 2e-4
 ACCELERATION_MDEG_S2 = 5e-3
+RANGE_M = 0.002
+RANGE_RATE_M_S = 0.001
 STEP_S = 0.25
 ORBITS = {"LEO": "28057", "LEO 230 km": "29238", "GPS": "28129", "HEO": "8195", "GEO": "24208"}
 
@@ -144,6 +147,36 @@ def test_light_time_moves_the_target_back_along_its_path(cbers: Elements, goldst
     assert abs(math.cos(geometric.elevation_rad) * moved_rad) > 1.0 * MDEG
     assert received.azimuth_rad == pytest.approx(geometric.azimuth_rad - moved_rad, abs=0.03 * MDEG)
     assert sent.azimuth_rad == pytest.approx(geometric.azimuth_rad + moved_rad, abs=0.03 * MDEG)
+
+
+@pytest.mark.parametrize("sense", ["receive", "transmit"])
+@pytest.mark.parametrize("number", [*ORBITS.values(), "6251", "20413"])
+def test_range_and_its_rate_are_those_of_the_light_time(number: str, sense: str, random: np.random.Generator) -> None:
+    """Against the iterated light-time equation in TEME: the antenna where it is at the time of reception."""
+    elements, orientation = find_elements(verification_elements(), number), AssumedOrientation(0.2)
+    record, sign = elements.satrec(), 1.0 if sense == "receive" else -1.0
+    for place in (site("Bangalore ISTRAC"), site("Canberra DSS-43")):
+        track = TopocentricTrack(elements, place, refraction=None, light_time=sense, orientation=orientation)
+
+        def travel_s(t_s: float, place: Site = place) -> float:
+            days = t_s // 86400.0
+            turn_rad = erfa.gmst82(2440587.5 + days, (t_s - days * 86400.0 + 0.2) / 86400.0)
+            x, y, z = place.position_m
+            c, s = math.cos(turn_rad), math.sin(turn_rad)
+            tau = 0.0
+            for _ in range(20):
+                target = record.sgp4_tsince((t_s - elements.epoch_t_s - sign * tau) / 60.0)[1]
+                tau = math.dist([1e3 * a for a in target], (c * x - s * y, s * x + c * y, z)) / SPEED_OF_LIGHT_M_S
+            return tau
+
+        # A whole microsecond is 7 mm of a low orbit: times that a float holds exactly.
+        for t_s in np.round(elements.epoch_t_s + random.uniform(0.0, 86400.0, 20)).tolist():
+            seen = track.target_at(t_s)
+            assert seen.range_m == pytest.approx(SPEED_OF_LIGHT_M_S * travel_s(t_s), abs=RANGE_M)
+            rate_m_s = SPEED_OF_LIGHT_M_S * (travel_s(t_s + 0.5) - travel_s(t_s - 0.5))
+            later, earlier = travel_s(t_s + 1.0), travel_s(t_s - 1.0)
+            rate_m_s = (4.0 * rate_m_s - 0.5 * SPEED_OF_LIGHT_M_S * (later - earlier)) / 3.0
+            assert seen.range_rate_m_s == pytest.approx(rate_m_s, abs=RANGE_RATE_M_S)
 
 
 def test_doppler_factor_is_the_derivative_of_the_time_of_departure(track: TopocentricTrack, cbers: Elements) -> None:

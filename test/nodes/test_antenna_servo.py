@@ -2,11 +2,9 @@
 
 import itertools
 import json
-import math
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
@@ -118,53 +116,3 @@ def test_travel_that_the_gate_does_not_take_is_refused_as_a_parameter(servo: Ant
     (result,) = servo.set_parameters([Parameter("loops.law", value="lqg")])
     assert not result.successful
     assert "/nowhere.json" in result.reason
-
-
-def test_nothing_that_a_live_parameter_accepts_raises_later(servo: AntennaServo, random: np.random.Generator) -> None:
-    """Each live parameter at its bounds, beyond them, at random between, and in random company."""
-    assert configured(servo) == TransitionCallbackReturn.SUCCESS
-    assert servo.on_activate(ANY_STATE) == TransitionCallbackReturn.SUCCESS
-    names = [name for name in servo._parameters if name in servo.parameters._live]
-    start_s, ticks, accepted = servo.now_s(), 0, 0
-    assert len(names) > 60
-    for name in names:
-        before = servo.get_parameter(name)
-        values = tried(servo, name, random)
-        if name.startswith("loops.preprocessor"):
-            values = [list(row) for row in random.uniform(-300.0, 300.0, (20, 2))] + values
-        for value in values:
-            (result,) = servo.set_parameters([Parameter(name, value=value)])
-            assert result.successful or result.reason
-            accepted += result.successful
-            for _ in range(2):
-                ticks += 1
-                servo._tick(start_s + 0.02 * ticks)
-        servo.set_parameters([before])
-    assert accepted > 100
-
-
-def tried(servo: AntennaServo, name: str, random: np.random.Generator) -> list[Any]:
-    """Return values of a parameter's type: bounds, beyond them, random ones."""
-    descriptor, value = servo.describe_parameter(name), servo.get_parameter(name).value
-    if isinstance(value, bool):
-        return [True, False]
-    if isinstance(value, str):
-        return ["", "pi", "lqg", "/nowhere", "/dev/null", "\0", "x" * 5000]
-    if isinstance(value, int):
-        (bounds,) = descriptor.integer_range
-        return [bounds.from_value, bounds.to_value, bounds.to_value + 1]
-    if isinstance(value, float):
-        (bounds,) = descriptor.floating_point_range
-        low, high = max(bounds.from_value, -1e6), min(bounds.to_value, 1e6)
-        return [
-            bounds.from_value,
-            bounds.to_value,
-            0.0,
-            1e-9,
-            math.nan,
-            math.inf,
-            *random.uniform(low, high, 4).tolist(),
-        ]
-    count = len(value)
-    rows = [0.0, 1e-9, 1e-3, 1.0, 10.0, 1e3, 1e9, -1.0, math.nan]
-    return [[row] * count for row in rows] + [[], [1.0], [1.0] * (count + 1)]

@@ -84,16 +84,16 @@ def test_a_pass_counts_when_it_gave_observations_and_a_failure_is_named(graph):
 
 
 def test_a_fault_of_the_antenna_ends_the_campaign_and_is_named(graph):
-    graph.runner.start([Pass(target="a"), Pass(target="b"), Pass(target="c")], "monopulse")
+    graph.runner.start([Pass(target="a"), Pass(target="b"), Pass(target="c")], "monopulse", graph.log)
     poll(graph, 3)
     graph.tracked.value.result.fault = graph.tracked.value.result.message = "antenna fault: drives cut"
     graph.tracked.is_done = True
     poll(graph, 1)
     assert not graph.runner.busy
     assert (graph.runner.number, graph.runner.fault) == (1, "antenna fault: drives cut")
-    assert graph.runner.failures == ["a: no observation, 1 s on target, antenna fault: drives cut"]
+    assert graph.runner.failures == ["a: no observation, 1 s on target, antenna fault: drives cut; 7 errors: not valid"]
     graph.tracked.value.result.fault = ""
-    graph.runner.start([Pass(target="a")], "monopulse")
+    graph.runner.start([Pass(target="a")], "monopulse", graph.log)
     assert graph.runner.fault == ""
 
 

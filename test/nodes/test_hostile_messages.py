@@ -4,6 +4,7 @@ Each subscription of each node gets 10 000 payloads through the decoder and its 
 some with one field beyond anything, and the same with bytes changed, cut, added or overwritten.
 """
 
+import math
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -245,6 +246,35 @@ def test_no_payload_ends_a_node_or_its_work(
         assert used > 0, topic
 
 
+def tried(node: ManagedNode, name: str, random: np.random.Generator) -> list[Any]:
+    """Return values of a parameter's type: bounds, beyond them, random ones."""
+    descriptor, value = node.describe_parameter(name), node.get_parameter(name).value
+    if isinstance(value, bool):
+        return [True, False]
+    if isinstance(value, str):
+        return ["", "pi", "lqg", "/nowhere", "/dev/null", "\0", "x" * 5000]
+    if isinstance(value, int):
+        (bounds,) = descriptor.integer_range
+        return [bounds.from_value, bounds.to_value, bounds.to_value + 1]
+    if isinstance(value, float):
+        (bounds,) = descriptor.floating_point_range
+        low, high = max(bounds.from_value, -1e6), min(bounds.to_value, 1e6)
+        return [
+            bounds.from_value,
+            bounds.to_value,
+            0.0,
+            1e-9,
+            math.nan,
+            math.inf,
+            *random.uniform(low, high, 4).tolist(),
+        ]
+    count = len(value)
+    if name.endswith(("travel_min_deg", "travel_max_deg")):
+        return [*random.uniform(-300.0, 300.0, (20, count)).tolist(), [-223.0, -12.0], [math.nan] * count]
+    rows = [0.0, 1e-9, 1e-3, 1.0, 10.0, 1e3, 1e9, -1.0, math.nan]
+    return [[row] * count for row in rows] + [[], [1.0], [1.0] * (count + 1)]
+
+
 class Silent:
     """A logger of which nothing is seen."""
 
@@ -253,3 +283,20 @@ class Silent:
 
 
 SILENT = Silent()
+
+
+def test_no_value_that_a_live_parameter_accepts_ends_the_work(
+    attacked: Door, random: np.random.Generator, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Each at its bounds, beyond them and between, in turn; those that are taken stay while the work goes on."""
+    monkeypatch.chdir(tmp_path)
+    node = attacked.node
+    monkeypatch.setattr(node, "get_logger", lambda: SILENT)
+    for name in sorted(node.parameters._live):
+        before = node.get_parameter(name)
+        for value in tried(node, name, random):
+            (result,) = node.set_parameters([Parameter(name, value=value)])
+            assert result.successful or result.reason
+            attacked.step()
+        node.set_parameters([before])
+    assert node.inputs.errors == 0

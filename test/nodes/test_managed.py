@@ -21,7 +21,7 @@ from std_srvs.srv import Trigger
 
 from rf_pointing.nodes import convert
 from rf_pointing.nodes.diagnostics import WARN
-from rf_pointing.nodes.main_loop import run
+from rf_pointing.nodes.main_loop import _work, run
 from rf_pointing.nodes.managed import ManagedNode, Schedule
 from rf_pointing.nodes.qos import STREAM
 
@@ -305,6 +305,26 @@ def test_a_node_whose_periodic_work_raises_stops_what_moves_and_ends(
     assert left.value.code == 1
     assert Failing.order == ["fail KeyError: 'gone'", "deactivate"]
     assert "the node ends after a controlled stop, please report it: KeyError: 'gone'" in capfd.readouterr().err
+
+
+def test_an_error_between_two_callbacks_is_survived(subject: Subject) -> None:
+    """rclpy itself raises for a time before 1970 on /clock, and for bytes that are no request of a service."""
+    signals: list[int] = []
+
+    class Executor:
+        calls = 0
+
+        def spin_once(self, **_options: float) -> None:
+            self.calls += 1
+            if self.calls == 5:
+                signals.append(15)
+            raise ValueError("Nanoseconds value must not be negative")
+
+    executor = Executor()
+    assert _work(subject, executor, signals) == ""
+    assert executor.calls == 5
+    assert subject.inputs.errors == 5
+    assert subject.inputs.last_error == "a callback: ValueError: Nanoseconds value must not be negative"
 
 
 START_S = 1_151_384_000.0

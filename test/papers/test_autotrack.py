@@ -5,7 +5,7 @@ import pytest
 
 from rf_pointing.controllers import CommandPreprocessorParams
 from rf_pointing.core import MDEG
-from rf_pointing.papers.autotrack import acquisition_s, averaging_rows, radial_rms_mdeg, weak_conscan_row
+from rf_pointing.papers.autotrack import BEAM_X_RAD, acquisition_s, averaging_rows, radial_rms_mdeg, weak_conscan_row
 from rf_pointing.papers.autotrack_cases import (
     KA_45_DB_HZ,
     LINK_45_DB_HZ,
@@ -13,6 +13,7 @@ from rf_pointing.papers.autotrack_cases import (
     first_time_s,
     fly,
     low_orbit_pass,
+    moved_mount,
     reacquisitions_s,
 )
 from rf_pointing.simulation import PassLog
@@ -85,3 +86,26 @@ def test_auto_holds_the_beam_with_conscan_when_the_feed_has_turned_its_sign_for_
     last = times > 100.0
     assert {mode for mode, late in zip(flight.mode, last, strict=True) if late} == {"conscan"}
     assert radial_rms_mdeg(flight, "conscan", flight.t_s[0] + 100.0) < 8.0
+
+
+@pytest.mark.parametrize(
+    ("right", "up", "link_error_db", "pattern", "level_db_hz"),
+    [(0.1, -0.15, 11.0, "gaussian", 60.0), (1.08, 1.08, 0.0, "uniform", 85.0), (-1.08, 1.08, 8.0, "uniform", 85.0)],
+)
+def test_a_link_stated_too_strong_or_a_stable_false_lock_costs_one_search(
+    right: float, up: float, link_error_db: float, pattern: str, level_db_hz: float
+) -> None:
+    changes: dict[str, dict[str, object]] = {
+        "antenna_servo": moved_mount("X", right * BEAM_X_RAD, up * BEAM_X_RAD),
+        "rf_receiver": {
+            "source.along_track_offset_s": 0.0, "signal.beam.pattern": pattern,
+            "signal.link.zenith_carrier_to_noise_db_hz": level_db_hz, "signal.link.reference_range_m": 780e3,
+        },
+        "pointing_controller": {
+            "link.zenith_carrier_to_noise_db_hz": level_db_hz + link_error_db, "link.reference_range_m": 780e3,
+        },
+    }  # fmt: skip
+    log = fly(Case("X", "monopulse", 50.0, changes, 6), low_orbit_pass(40.0, 10.0))
+    last = np.array(log.t_s) > log.t_s[-1] - 5.0
+    assert set(np.array(log.mode)[last]) == {"monopulse"}
+    assert np.max(np.abs(log.errors_rad()[last])) < 0.05 * BEAM_X_RAD

@@ -13,7 +13,9 @@ from rf_pointing.papers.doa_study.directions import DirectionCase
 from rf_pointing.papers.doa_study.filter_rows import attitude_rows, settling_time_s
 
 
-def tables(theta_deg: float, axis_deg: float, outliers: float = 0.0) -> dict[DirectionCase, CaseResult]:
+def tables(
+    theta_deg: float, axis_deg: float, outliers: float = 0.0, claimed_deg: float | None = None
+) -> dict[DirectionCase, CaseResult]:
     quiet = np.zeros((10, 2), dtype=np.float32)
     return {
         case: CaseResult(
@@ -23,7 +25,7 @@ def tables(theta_deg: float, axis_deg: float, outliers: float = 0.0) -> dict[Dir
             roll_deg=axis_deg,
             pitch_deg=axis_deg,
             yaw_deg=axis_deg,
-            sigma_deg=axis_deg,
+            sigma_deg=axis_deg if claimed_deg is None else claimed_deg,
             outliers=outliers,
             history_deg=quiet,
             rate_history_deg_s=quiet,
@@ -61,11 +63,35 @@ def test_direction_that_misses_its_theory_is_not_accepted() -> None:
     assert [row.accepted for row in rows] == [False]
 
 
-def test_attitude_far_from_the_paper_is_not_accepted_without_a_reason() -> None:
+@pytest.mark.parametrize("put_in", [0.0, 77.0, 99.0])
+def test_no_direction_is_accepted_whatever_it_is(put_in: float) -> None:
+    for outliers in (0.0, 0.01, 0.17):
+        rows = [row for row in direction_rows(tables(put_in, 0.1, outliers)) if row.quantity.startswith("RMSE of")]
+        assert len(rows) == 26
+        assert not any(row.accepted for row in rows)
+
+
+@pytest.mark.parametrize("put_in", [1e-9, 0.01, 3.0])
+def test_no_attitude_is_accepted_whatever_it_is(put_in: float) -> None:
+    for outliers in (0.0, 0.1):
+        rows = [
+            r for r in attitude_rows(tables(0.5, put_in, outliers, claimed_deg=0.1)) if r.quantity.startswith("RMSE of")
+        ]
+        accepted = {row.quantity for row in rows if row.accepted and "theta" not in row.quantity}
+        # 3 deg is within 2.5 of what Table 1 prints at -14 dB.
+        assert accepted <= {f"RMSE of {axis}, L=100, -14 dB, 1-deg grid" for axis in ("yaw", "roll", "pitch")} | {
+            "RMSE of pitch, L=1, 0 dB, 1-deg grid"
+        }
+        assert put_in == 3.0 or not accepted
+
+
+def test_attitude_beyond_a_factor_needs_a_measured_reason() -> None:
     rows = attitude_rows(tables(0.5, 1.0))
     assert not any(row.accepted for row in rows if row.quantity.startswith("RMSE of yaw, L=100, 0 dB"))
     excused = attitude_rows(tables(0.5, 1.0, outliers=0.1))
     assert all(row.accepted for row in excused if row.quantity.startswith("RMSE of yaw"))
+    boasting = attitude_rows(tables(0.5, 1.0, outliers=0.1, claimed_deg=0.1))
+    assert not any(row.accepted for row in boasting if row.quantity.startswith("RMSE of yaw, L=100, 0 dB"))
 
 
 def test_scene_rows_hold_or_explain() -> None:

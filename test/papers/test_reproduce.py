@@ -103,17 +103,34 @@ def test_options_without_meaning_are_refused(
     assert message in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("ours", "holds"), [(0.0, False), (0.39, False), (0.41, True), (2.4, True), (2.6, False), (float("nan"), False)]
+)
+def test_factor_bounds_ours_on_both_sides(ours: float, holds: bool) -> None:
+    row = Row(quantity="one", source="here", paper=1.0, ours=ours, unit="1", tolerance=0.0, factor=2.5)
+    assert row.holds is holds
+
+
+@pytest.mark.parametrize(
+    "changes", [{"factor": 0.5}, {"factor": 2.0, "bound": "<="}, {"factor": 2.0, "tolerance": 0.1}]
+)
+def test_factor_without_meaning_is_refused(changes: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match="factor="):
+        Row(**{"quantity": "one", "source": "here", "paper": 1.0, "ours": 1.0, "unit": "1", "tolerance": 0.0} | changes)
+
+
+@pytest.mark.parametrize("paper", PAPERS)
 @pytest.mark.parametrize("number", [float, np.float64, np.float32, np.int64, int])
 @pytest.mark.parametrize("bound", ["==", "<=", ">="])
 def test_rows_of_numpy_numbers_are_printed_as_json(
-    number: Any, bound: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    paper: str, number: Any, bound: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     row = Row(
         quantity="one", source="here", paper=number(2), ours=number(2), unit="1", tolerance=number(0), bound=bound,
         remark="measured", explained=np.bool_(True),
     )  # fmt: skip
-    monkeypatch.setattr("rf_pointing.papers.doa.rows", lambda _seed: [row])
-    assert run("doa", "--json") == 0
+    monkeypatch.setattr(f"rf_pointing.papers.{paper}.rows", lambda _seed: [row])
+    assert run(paper, "--json") == 0
     (printed,) = json.loads(capsys.readouterr().out)
     assert printed["ours"] == 2.0
     assert printed["holds"] is True

@@ -9,7 +9,7 @@ import pytest
 
 from rf_pointing.controllers import CommandPreprocessor, CommandPreprocessorParams
 from rf_pointing.planning import AxisLimits, AxisRates, CornerPath, Gate, GateParams, HorizonMask
-from rf_pointing.planning.slew import AxisSlew, Moving, slew_path
+from rf_pointing.planning.slew import CORNER_RAD, AxisSlew, Moving, _near_corner, slew_path
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import slew_paths as trial
@@ -136,3 +136,19 @@ def test_the_chords_of_a_slew_are_the_curve() -> None:
         )
         chord = np.interp(dense, times, positions[:, axis])
         assert np.max(np.abs(motion.at(dense)[0] - chord)) < 0.0101 * DEG
+
+
+def test_the_next_leg_begins_where_the_corner_is_near(random: np.random.Generator) -> None:
+    """Taken at the next knot, up to a third of a second late, one slew in 200 000 cut a corner by 0.17 deg too much."""
+    for _ in range(200):
+        rates, accelerations = random.uniform(1.0, 6.0, 2) * DEG, random.uniform(0.3, 3.0, 2) * DEG
+        axes = AxisRates(tuple(rates.tolist()), tuple(accelerations.tolist()))
+        start, corner = random.uniform(-2.0, 2.0, 2), random.uniform(-2.0, 2.0, 2)
+        _, positions, velocities = slew_path(Moving(0.8, tuple(start.tolist())), tuple(corner.tolist()), axes)
+        near = _near_corner(0.8, positions, velocities, tuple(corner.tolist()))
+        assert np.max(np.abs(near.position_rad - corner)) == pytest.approx(CORNER_RAD, abs=1e-12)
+        # The last axis brakes there: v^2 = 2 b d, to within a chord.
+        last = int(np.argmax(np.abs(near.position_rad - corner)))
+        braking = math.sqrt(2.0 * 0.8 * accelerations[last] * CORNER_RAD)
+        if braking < 0.9 * rates[last]:
+            assert abs(near.rate_rad_s[last]) == pytest.approx(braking, rel=0.03)

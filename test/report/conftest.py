@@ -61,6 +61,17 @@ class SyntheticRun:
     sensor: str = "monopulse"
     circle_mdeg: float = 0.0
     lateness_s: Callable[[float], float] = lambda _: 0.0005
+    target: Callable[[float], str] = lambda _: "28057"
+    """Target of the status; empty while nothing is tracked."""
+    counted: Callable[[float], tuple[float, float, float]] = lambda _: (0.0, 0.0, 0.0)
+    """Seconds tracked and lost, and mean loss in dB, as the controller counts them."""
+    alarm: Callable[[float], tuple[int, str]] = lambda _: (0, "")
+    fault: Callable[[float], str] = lambda _: ""
+    """Latched fault of the antenna."""
+    reason: Callable[[float], str] = lambda _: ""
+    """Of the status; "now " and the mode where it is empty."""
+    predicted: dict[str, float] | None = None
+    """Fields of the branch that the certificate takes; None for no certificate."""
 
     def write(self, path: Path, types: Definitions, notes: dict[str, str] | None = None) -> BagResult:
         """Write the bag; messages are received in the order of their log times."""
@@ -150,6 +161,13 @@ class _Sheet(Maker):
         times = {"aos": self.time(aos), "tca": self.time((aos + los) // 2), "los": self.time(los)}
         one = self.message("rf_pointing_msgs/msg/Pass", target="28057", peak_elevation=0.9, **times)
         self.own("passes", "PassList", 0.0, 0.0, target="28057", passes=[one])
+        if self.run.predicted is not None:
+            barred = self.message("rf_pointing_msgs/msg/PassBranch", works=False, mean_loss=9.0, lost=99.0)
+            taken = self.message("rf_pointing_msgs/msg/PassBranch", works=True, **self.run.predicted)
+            self.own(
+                "pass_certificate", "PassCertificate", 1.0, 0.0, target="28057", aos=self.time(aos),
+                los=self.time(los), accepted=True, least_share=0.75, branches=[barred, taken],
+            )  # fmt: skip
         for tick in range(round(self.run.seconds * 50)):
             self.fast(tick / 50)
             if tick % 5 == 0:
@@ -181,7 +199,12 @@ class _Sheet(Maker):
         self.own("monopulse", "Monopulse", t, 1.6, sample_period=0.02, **cn0)
         self.own("carrier_power", "CarrierPower", t, 1.8, integration_time=0.1, power=1e-15, sigma=1e-17, **cn0)
         self.own("pointing_error", "PointingError", t, 3.1, **sensed, **self.error(t), **cn0)
-        status = {"mode": mode, "target": "28057", "reason": f"now {mode}", "azimuth": az, "elevation": el, **cn0}
+        reason = run.reason(t) or f"now {mode}"
+        status = {"mode": mode, "target": run.target(t), "reason": reason, "azimuth": az, "elevation": el, **cn0}
+        tracked_s, lost_s, loss_db = run.counted(t)
+        level, alarm = run.alarm(t)
+        status |= {"seconds_tracked": tracked_s, "seconds_lost": lost_s, "mean_loss": loss_db, "level": level}
+        status |= {"alarm": alarm}
         status |= {"cross_elevation_offset": offset[0], "elevation_offset": offset[1], "command_lead": 0.8}
         status["scan_centre"] = np.array([az, el])
         status |= {"beamwidth": run.beamwidth_mdeg * MDEG, "commands_sent": round(10 * t)}
@@ -196,6 +219,7 @@ class _Sheet(Maker):
                 joint_names=["azimuth", "elevation"],
             )
         drive = {"mode": "holding" if mode == "idle" else "tracking", "tick_lateness": run.lateness_s(t)}
+        drive |= {"fault": run.fault(t)}
         drive |= {"rate_limit": np.full(2, 0.0175), "acceleration_limit": np.full(2, 0.0087), "command_lead": 0.7}
         drive |= {"commands_accepted": round(10 * t), "commands_rejected": 1, "last_rejection": "stale stamp"}
         self.own("antenna_status", "AntennaStatus", t, 0.5, **drive)

@@ -76,7 +76,9 @@ def test_statistics_of_a_known_set() -> None:
     assert found.cross_elevation.rms_mdeg == pytest.approx(math.sqrt(54.0 / 4.0))
     assert found.elevation.max_mdeg == pytest.approx(8.0)
     assert found.radial.p95_mdeg == pytest.approx(np.percentile([5.0, 5.0, 0.0, 10.0], 95.0))
-    assert found.mean_loss_db == pytest.approx(40.0 * math.log10(2.0) * (0.25 + 0.25 + 0.0 + 1.0) / 4.0)
+    # Half a beamwidth off receives half the power, a whole one a sixteenth: the mean of power, not of decibels.
+    assert found.mean_loss_db == pytest.approx(-10.0 * math.log10((0.5 + 0.5 + 1.0 + 0.0625) / 4.0))
+    assert found.max_loss_db == pytest.approx(40.0 * math.log10(2.0))
     assert found.inside_half_power_percent == pytest.approx(75.0)
 
 

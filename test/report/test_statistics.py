@@ -123,7 +123,7 @@ def test_rms_of_a_mode_includes_its_pull_in(summary: Summary) -> None:
 
 def test_headline_is_over_the_samples_after_acquisition(summary: Summary) -> None:
     headline = summary.headline
-    assert (headline.error_source, headline.over, headline.held_beam) == ("true", "after acquisition", True)
+    assert (headline.error_source, headline.over) == ("true", "after acquisition")
     assert headline.error is not None
     assert headline.error.samples == 36 * 50
     assert headline.seconds == pytest.approx(36.0)
@@ -238,7 +238,7 @@ def test_without_truth_the_sensed_error_is_used_and_said(run: Callable[..., Reco
 def test_without_status_the_errors_are_told_without_modes(run: Callable[..., Recording]) -> None:
     summary = summarize(analyse(run(left_out={*UNUSED, "tracking_status"})))
     assert summary.modes == []
-    assert summary.headline.held_beam is None
+    assert summary.outcome.tracked is None
     assert any("no tracking_status" in text for text in summary.problems)
 
 
@@ -252,12 +252,11 @@ def test_every_missing_topic_leaves_a_table(run: Callable[..., Recording]) -> No
     json.loads(to_json(summary))
 
 
-def test_beam_that_slips_out_once_is_not_held(run: Callable[..., Recording]) -> None:
+def test_a_beam_that_slips_out_once_is_seen_in_the_share(run: Callable[..., Recording]) -> None:
     def slipping(t: float) -> tuple[float, float]:
         return (33.0, 0.0) if 40.0 <= t < 40.01 else planned_error_mdeg(t)
 
     summary = summarize(analyse(run(error_mdeg=slipping)))
-    assert summary.headline.held_beam is False
     assert summary.headline.error is not None
     assert summary.headline.error.inside_half_power_percent == pytest.approx(100.0 * 1_799 / 1_800)
 

@@ -21,7 +21,7 @@ def keys_of(kind: Any) -> Any:
     return next((keys for keys in inner if keys is not None), None)
 
 
-def test_keys_are_those_of_schema_1() -> None:
+def test_keys_are_those_of_schema_2() -> None:
     assert keys_of(Summary) == json.loads(KEYS.read_text())
 
 

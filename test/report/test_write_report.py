@@ -67,6 +67,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory, synthetic_run: type[Any], t
         error_mdeg=lambda t: (40.0, -30.0) if planned(t) == "program_track" else (1.5, -0.5),
         offset_mdeg=lambda t: (0.0, 0.0) if planned(t) == "program_track" else (40.0, -30.0),
         dropped={"target": {7}},
+        target=lambda t: "28057" if t < 14.0 else "",
+        reason=lambda t: "" if t < 14.0 else "loss of signal",
+        counted=lambda t: (min(max(t - 4.1, 0.0), 9.9), min(max(t - 2.0, 0.0), 2.1), 0.8),
+        predicted={"mean_loss": 0.7, "lost": 1.0, "late": 0.25, "acquisition": 0.5},
     )
     run.write(root / "bag", types, {"station": "DSS-13 <&>"})
     write_report(root / "bag", root / "report")
@@ -86,7 +90,12 @@ def test_page_needs_nothing_else(folder: Path) -> None:
 def test_headline_numbers_are_on_the_page(folder: Path) -> None:
     words = checked((folder / "report" / "report.html").read_text()).text
     assert "Pass of 28057" in words
-    assert "yes held the beam: 100.0 % of 10.0 s inside half power" in words
+    assert "tracked loss of signal; 75.17 % within half power" in words
+    assert "9.020 s held 2.98 s lost, 1.75 s predicted" in words
+    assert "0.98 dB mean pointing loss of the pass, 0.70 dB predicted by its certificate" in words
+    for row in ("predicted by the certificate 10.2 1.75 85.4 0.700", "counted by the controller 9.90 2.10 82.5 0.800",
+                "flown, by the true error 9.02 2.98 75.2 0.977"):  # fmt: skip
+        assert row in words
     assert "1.50 / 0.500 mdeg true error, rms cross-elevation / elevation, after acquisition" in words
     assert "41.5 / 30.5 mdeg rms of program track alone, 7.6 dB lost" in words
     assert "1 messages lost" in words
@@ -141,7 +150,7 @@ def test_nearly_empty_recording_still_gives_a_page(tmp_path: Path, types: Defini
     words = checked((tmp_path / "report" / "report.html").read_text()).text
     assert "Recording of /gs1" in words
     assert "What this recording does not tell" in words
-    assert summary.headline.held_beam is None
+    assert summary.outcome.tracked is None
     assert "no joint_states: no axis rates" in summary.problems
 
 

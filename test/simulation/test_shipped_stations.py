@@ -13,7 +13,7 @@ from rf_pointing.ephemeris.source import SourceParams, load_elements
 from rf_pointing.simulation import PassLog, StationSetup, simulate_pass
 from rf_pointing.station.antenna.modes import AntennaMode
 from rf_pointing.station.antenna.simulated_antenna import SimulatedAntenna
-from rf_pointing.station.description import shipped_stations
+from rf_pointing.station.description import read_station, shipped_stations
 
 ACQUIRED_S = 25.0
 # Mean loss that each station may have over the pass, dB: a scan costs 0.1.
@@ -43,8 +43,9 @@ def fly(
     track = StationSetup(name).track()
     window = first_pass_above(track, epoch_t_s, math.radians(40.0), math.radians(30.0), 4.0 * 86400.0)
     window = dataclasses.replace(window, los_t_s=min(window.los_t_s, window.aos_t_s + seconds))
+    lowest_deg = read_station(name).content.mount.azimuth.travel_deg[0]
     start: dict[str, object] = {
-        "antenna.start_azimuth_deg": math.degrees(math.remainder(window.aos_azimuth_rad, 2.0 * math.pi)),
+        "antenna.start_azimuth_deg": lowest_deg + (math.degrees(window.aos_azimuth_rad) - lowest_deg) % 360.0,
         "antenna.start_elevation_deg": math.degrees(window.aos_elevation_rad),
     }
     changes = {"antenna_servo": start, "rf_receiver": dict[str, object]()}
@@ -81,3 +82,9 @@ def test_program_track_in_s_band_with_elements_half_a_second_wrong_loses_what_th
     # 0.5 s of the satellite's motion on the sky, 0.2 to 0.5 deg/s here, of a beam of 2.38 deg: at most 0.13 dB; the mount's own
     # errors, uncorrected, come on top.
     assert 0.02 < flight.mean_loss_db() < 0.3
+
+
+def test_auto_never_uses_a_sensor_that_the_feed_does_not_have() -> None:
+    flight = fly("leo_3m7", "X", "auto", seconds=40.0)
+    assert Mode.MONOPULSE not in flight.log.mode
+    assert set(np.array(flight.log.mode)[flight.acquired].tolist()) == {Mode.CONSCAN}

@@ -1,5 +1,6 @@
 """The autotrack table: every row fires, and carrier loss freezes at once."""
 
+import dataclasses
 import math
 from pathlib import Path
 
@@ -266,3 +267,36 @@ def test_a_carrier_heard_from_outside_the_beam_is_searched_for_not_scanned(senso
 
 def test_without_a_known_link_a_carrier_is_enough() -> None:
     assert Driver(sensor="steptrack").run(1.0, 25.0) == "steptrack"
+
+
+def test_after_a_sidelobe_monopulse_waits_for_a_search_that_learns_the_level() -> None:
+    """A link that is stated 11 dB too strong costs one search and not the pass."""
+    table, seen = Autotrack(AutotrackParams(sensor="monopulse")), frozenset({"monopulse"})
+    state, modes = AutotrackState(mode="monopulse", carrier=True, strong=True), []
+    for k in range(400):
+        t_s = 0.1 * k
+        # The beam of a search meets the target's middle at 12 s; elsewhere it is 8 dB down.
+        searching = state.mode == "search"
+        level = 49.0 if not searching or abs(t_s - 12.0) < 0.3 else 41.0
+        inputs = AutotrackInputs(
+            t_s=t_s, request="track", target_available=True, on_target=True, carrier_to_noise_db_hz=level,
+            axis_db_hz=60.0, valid=seen, fault="sidelobe: planted" if k == 1 else "", sidelobe=k == 1,
+        )  # fmt: skip
+        state = table.step(state, inputs)
+        modes += [state.mode] if not modes or modes[-1] != state.mode else []
+    assert modes == ["monopulse", "hand_back", "program_track", "search", "coast", "monopulse"]
+    assert state.learned_db == pytest.approx(-11.0)
+
+
+def test_a_search_on_a_sidelobe_does_not_end_with_its_own_peak_as_the_level() -> None:
+    """The strongest so far is 27 dB down and the error valid: after a sidelobe the search goes on."""
+    table = Autotrack(AutotrackParams(sensor="monopulse"))
+    state = AutotrackState(mode="search", carrier=True, strong=True, sidelobe=True)
+    for k in range(20):
+        inputs = AutotrackInputs(
+            t_s=0.1 * k, request="track", target_available=True, on_target=True, carrier_to_noise_db_hz=58.0,
+            axis_db_hz=85.0, valid=frozenset({"monopulse"}),
+        )  # fmt: skip
+        state = table.step(state, inputs)
+    assert state.mode == "search"
+    assert table.step(state, dataclasses.replace(inputs, t_s=2.0, carrier_to_noise_db_hz=84.0)).mode == "monopulse"

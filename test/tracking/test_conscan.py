@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.core import MDEG, MU, CarrierPower, PointingError, random_stream
+from rf_pointing.rf import Beam, BeamParams, MonopulseFeed, MonopulseFeedParams, Receiver, ReceiverParams
 from rf_pointing.tracking.beam_fit import beam_design, fit_beam
 from rf_pointing.tracking.conscan import ConscanTracker, DelayEstimator, DelayParams
 from rf_pointing.tracking.conscan_design import conscan_slope
@@ -353,3 +354,33 @@ def test_a_target_that_moves_by_itself_makes_the_delay_uncertain() -> None:
         return found.sigma_s
 
     assert learned(3.0 * MDEG) > 5.0 * learned(0.0)
+
+
+@pytest.mark.parametrize(
+    ("level_db_hz", "integration_s"), [(14.0, 0.1), (18.0, 0.1), (18.0, 0.05), (22.0, 0.1), (26.0, 0.05), (14.0, 1.0)]
+)
+def test_errors_that_are_valid_are_not_too_small_at_a_faint_carrier(
+    level_db_hz: float, integration_s: float, random: np.random.Generator
+) -> None:
+    """Radial gain of 150 windows of 60 samples with the target 0.2 beamwidths off; before, 0.4 to 0.9 was valid."""
+    beam, radius = BeamParams(half_power_beamwidth_rad=H), 0.18 * H
+    receiver = Receiver(ReceiverParams(), Beam(beam), MonopulseFeed(MonopulseFeedParams(), beam), random)
+    tracker = ConscanTracker(
+        ConscanParams(half_power_beamwidth_rad=H, radius_rad=radius, window_samples=60, lock_db_hz=0.0)
+    )
+    gains, reasons, sample = [], [], 0
+    while len(gains) + len(reasons) < 150:
+        sample += 1
+        u, v = radius * math.cos(0.1 * math.pi * sample / 3.0), radius * math.sin(0.1 * math.pi * sample / 3.0)
+        power = receiver.carrier_power(integration_s * sample, integration_s, 0.2 * H - u, -v, level_db_hz)
+        error = tracker.add(power, u, v)
+        if error is not None and error.valid:
+            gains.append(error.cross_elevation_rad / (0.2 * H))
+        elif error is not None:
+            reasons.append(error.reason)
+    if level_db_hz + 10.0 * math.log10(integration_s) < 9.0:
+        assert len(reasons) > 140
+        assert "is too low for samples this short" in reasons[0]
+    else:
+        assert len(gains) > 100
+        assert np.mean(gains) == pytest.approx(1.0, abs=0.05 + 3.0 * np.std(gains) / math.sqrt(len(gains)))

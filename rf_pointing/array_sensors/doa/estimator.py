@@ -26,6 +26,10 @@ Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 
+# 0.04 deg of bias, below what the attitude filter claims after some minutes.
+LARGEST_MIXED_PHASE_RAD = 0.01
+
+
 @dataclass(frozen=True, kw_only=True)
 class DoaEstimatorParams(Params):
     """How many sources to look for and when to believe the result."""
@@ -139,9 +143,22 @@ class DoaEstimator:
             directions, flaw = several.direction, several.reason
         if not len(directions):
             return []
-        flaw = "; ".join(reason for reason in (flaw, self._crowded(covariance, count)) if reason)
+        flaw = "; ".join(reason for reason in (flaw, self._crowded(covariance, count), self._mixed()) if reason)
         noise, powers = self._powers(covariance, directions, count)
         return self._judge(block.t_s, directions, powers / noise, count, flaw)
+
+    def _mixed(self) -> str:
+        """Return why uncertain phases spoil several sources, or "".
+
+        Each source's bias depends on the others then, and is no constant of the array.
+        """
+        sigma = self.params.phase_sigma_rad
+        if self.params.sources == 1 or sigma <= LARGEST_MIXED_PHASE_RAD:
+            return ""
+        return (
+            f"phase_sigma_rad={sigma:.3g} must be <= {LARGEST_MIXED_PHASE_RAD} with {self.params.sources} stations in "
+            "one channel"
+        )
 
     def _crowded(self, covariance: ComplexArray, count: int) -> str:
         """Return why the number of sources is too small, or "".

@@ -4,6 +4,7 @@ import math
 from concurrent.futures import Executor
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rf_pointing.array_sensors.attitude.ground_stations import (
     largest_nadir_angle_rad,
@@ -19,11 +20,15 @@ from rf_pointing.papers.doa_study.directions import DirectionCase, polar_from_di
 from rf_pointing.papers.doa_study.scene import ELEVATION_MIN_RAD, nadir_scene
 from rf_pointing.papers.row import Row
 
+Array = NDArray[np.float64]
 ARRAY = CircularArrayParams()
 STEP_DEG = 1.0
 FLOOR_DEG = float(search_grid_rmse(0.0, STEP_DEG))
 AZIMUTH_OUTLIER_DEG = 180.0 / math.sqrt(3.0)
 LARGEST_THETA_RAD = largest_nadir_angle_rad(SunSynchronousOrbitParams(), ELEVATION_MIN_RAD)
+# Two trials draw from 20 000 estimates; the outliers' distribution is known less well.
+OUTLIER_ACCURACY = 0.15
+OUTLIER_COSINE = math.cos(math.radians(20.0))
 THRESHOLD = 80.0
 """Effective ratio above which MUSIC follows the bound within 5 % at up to 100 snapshots (see
 `accuracy_rows`)."""
@@ -74,7 +79,7 @@ def scene_rows() -> list[Row]:
             unit="s",
             tolerance=100.0,
             remark="a circular orbit at 800 km takes 6052 s; 5000 s are the time simulated",
-            explained=True,
+            explained=abs(period_s(orbit) - 6052.0) <= 1.0,
         ),
         Row(
             quantity="largest nadir angle of a station at 10 deg elevation",
@@ -107,25 +112,32 @@ def accuracy_rows(seed: int, executor: Executor | None = None) -> list[Row]:
                 name = f"{angle}: RMSE of the refined peak / Cramer-Rao bound, L=100, {point.snr_db:g} dB"
                 found.append(_ratio(name, ratio, 0.05))
     snr_db, ratio = threshold(curve)
-    shares = ", ".join(f"{100 * p.outliers:.2f} % at {p.snr_db:g} dB" for p in curve if p.snr_db <= -10.0)
-    found.append(
-        Row(
-            quantity="threshold: SNR where theta leaves the bound by 5 %, L=100",
-            source="Table 1, its jump between -10 and -12 dB",
-            paper=-11.0,
-            ours=snr_db,
-            unit="dB",
-            tolerance=2.0,
-            remark=f"effective ratio {ratio:.0f}; outliers beyond 20 deg: {shares}",
-        )
+    outliers = {point.snr_db: point.outliers for point in curve}
+    remark = (
+        "Table 1 jumps between the two; theta leaves the bound by 5 % at "
+        f"{snr_db:.1f} dB already, an effective ratio of {ratio:.0f}"
     )
+    for level, share, bound in ((-10.0, 1e-3, "<="), (-12.0, 5e-3, ">="), (-14.0, 0.1, ">=")):
+        found.append(
+            Row(
+                quantity=f"share of estimates beyond 20 deg, L=100, {level:g} dB",
+                source="Table 1, its jump between -10 and -12 dB",
+                paper=share,
+                ours=outliers[level],
+                unit="1",
+                tolerance=0.0,
+                bound=bound,
+                remark=remark,
+            )
+        )
     return found
 
 
 def direction_rows(tables: dict[DirectionCase, CaseResult]) -> list[Row]:
     """Return the theta and phi columns: grid and paper, then both searches and their theory."""
     # From 2000 s on, where the averages of the runs begin.
-    theta, _ = polar_from_direction(nadir_scene().reference[8000:])
+    truth = nadir_scene().reference[8000:]
+    theta, _ = polar_from_direction(truth)
     found: list[Row] = []
     for (snapshots, snr_db), printed in PRINTED.items():
         grid = tables[DirectionCase(snapshots=snapshots, snr_db=snr_db, refined=False)]
@@ -139,7 +151,10 @@ def direction_rows(tables: dict[DirectionCase, CaseResult]) -> list[Row]:
             bound = sigma * float(np.sqrt(np.mean(1.0 / project(theta) ** 2)))
             theory, lowest = (float(search_grid_rmse(each, STEP_DEG)) for each in (bound, least))
             pair = _pair_share(sigma, printed[0], printed[1])
-            remark = _reason(angle, grid, paper, lowest, theory, pair)
+            # Below the threshold a share of the estimates points anywhere.
+            expected = math.sqrt(theory**2 + grid.outliers * _outlier_rms_deg(angle, truth[::40]) ** 2)
+            accuracy = 0.04 if _above(grid.case) else OUTLIER_ACCURACY
+            remark = _reason(angle, grid, paper, lowest, expected, pair)
             found.append(
                 Row(
                     quantity=f"RMSE of {angle}, {case_name(snapshots, snr_db)}, 1-deg grid",
@@ -149,7 +164,7 @@ def direction_rows(tables: dict[DirectionCase, CaseResult]) -> list[Row]:
                     unit="deg",
                     tolerance=0.05 * paper,
                     remark=f"{remark}; refined peak {peak:.3f} deg",
-                    explained=not _above(grid.case) or abs(ours / theory - 1.0) <= 0.04,
+                    explained=abs(ours / expected - 1.0) <= accuracy,
                 )
             )
             if _above(grid.case):
@@ -163,6 +178,20 @@ def direction_rows(tables: dict[DirectionCase, CaseResult]) -> list[Row]:
 
 def _above(case: DirectionCase) -> bool:
     return effective_snr(ARRAY, case.snapshots, case.snr) >= THRESHOLD
+
+
+def _outlier_rms_deg(angle: str, truth: Array) -> float:
+    """Return the RMS error of a direction anywhere on the half sphere but within 20 deg of `truth`
+    (n, 3).
+    """
+    if angle == "phi":
+        return AZIMUTH_OUTLIER_DEG
+    # Even over the half sphere: heights in equal steps, azimuths by the golden angle.
+    height, azimuth = (np.arange(400) + 0.5) / 400.0, np.arange(400) * math.pi * (3.0 - math.sqrt(5.0))
+    flat = np.sqrt(1.0 - height**2)
+    anywhere = np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), height], axis=-1)
+    error = np.arccos(height)[None, :] - np.arccos(truth[:, 2])[:, None]
+    return math.degrees(float(np.sqrt(np.mean(error[truth @ anywhere.T < OUTLIER_COSINE] ** 2))))
 
 
 def _pair_share(sigma: float, theta: float, phi: float) -> float:
@@ -193,7 +222,10 @@ def _reason(angle: str, grid: CaseResult, paper: float, least: float, theory: fl
             f"in any geometry; bound and grid along our passes {theory:.3f} deg"
         )
     if not _above(grid.case):
-        share = f"below the threshold, {100.0 * grid.outliers:.2f} % beyond 20 deg; bound and grid {theory:.3f} deg"
+        share = (
+            f"below the threshold, {100.0 * grid.outliers:.2f} % beyond 20 deg; bound, grid and these outliers make "
+            f"{theory:.3f} deg"
+        )
         # A random azimuth has 103.9 deg rms: the share that makes the printed rms.
         needed = 100.0 * (paper / AZIMUTH_OUTLIER_DEG) ** 2
         return f"{share}; the paper's would take {needed:.0f} % of random azimuths" if angle == "phi" else share

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.array_sensors.attitude.multiplicative_filter import PRINTED_Q
+from rf_pointing.array_sensors.attitude.multiplicative_filter import PRINTED_Q, TABLE_Q
 from rf_pointing.array_sensors.doa.array import CircularArrayParams
 from rf_pointing.array_sensors.doa.cramer_rao import cosine_sigma_rad
 from rf_pointing.papers.doa_study.attitude_runs import CaseResult
@@ -17,6 +17,7 @@ ARRAY = CircularArrayParams()
 AXES = ("yaw", "roll", "pitch")
 FAIR = [(100, -10.0), (100, -8.0), (100, -6.0), (100, -2.0), (100, 0.0), (10, 0.0), (20, 0.0), (50, 0.0)]
 """Rows above the threshold whose attitude errors are noise, not the repeating error of the grid."""
+SCENE_FACTOR = 2.5
 FINE = [(100, -2.0), (100, 0.0), (50, 0.0)]
 
 
@@ -35,7 +36,9 @@ def attitude_rows(tables: dict[DirectionCase, CaseResult]) -> list[Row]:
                     paper=paper,
                     ours=getattr(grid, f"{axis}_deg"),
                     unit="deg",
-                    tolerance=0.1,
+                    tolerance=0.0,
+                    # The stations and Q are not published; they move an axis by no more than this.
+                    factor=SCENE_FACTOR,
                     remark=f"refined peak {getattr(refined, f'{axis}_deg'):.3f} deg"
                     + (f"; {reason}" if reason else ""),
                     explained=bool(reason),
@@ -51,24 +54,36 @@ def convergence_rows(tables: dict[DirectionCase, CaseResult]) -> list[Row]:
     trial.
     """
     result = tables[DirectionCase(snapshots=100, snr_db=0.0)]
+    return [
+        *_settling_rows(result, ""),
+        Row(
+            quantity="time until the rate error stays below 0.1 deg/s",
+            source="section 6, Figs. 6 and 7",
+            paper=1000.0,
+            ours=settling_time_s(result.rate_history_deg_s, 0.1, 1),
+            unit="s",
+            tolerance=0.0,
+            bound="<=",
+        ),
+    ]
+
+
+def _settling_rows(result: CaseResult, of: str) -> list[Row]:
+    """Return how long the attitude error takes to stay below 2 and 0.5 deg, worst trial."""
     # Seconds: the 1-deg grid makes the error jump by its step between stations.
     smooth = 100
-    cases = [
-        ("total error stays below 2 deg", result.history_deg, 2.0, 1, 1350.0),
-        ("total error stays below 0.5 deg (100-s running mean)", result.history_deg, 0.5, smooth, 1500.0),
-        ("rate error stays below 0.1 deg/s", result.rate_history_deg_s, 0.1, 1, 1000.0),
-    ]
+    cases = [("2 deg", 2.0, 1, 1350.0), (f"0.5 deg ({smooth}-s running mean)", 0.5, smooth, 1500.0)]
     return [
         Row(
-            quantity=f"time until the {name}",
+            quantity=f"time until the total error{of} stays below {name}",
             source="section 6, Figs. 6 and 7",
             paper=paper,
-            ours=settling_time_s(history, limit, window),
+            ours=settling_time_s(result.history_deg, limit, window),
             unit="s",
             tolerance=0.0,
             bound="<=",
         )
-        for name, history, limit, window, paper in cases
+        for name, limit, window, paper in cases
     ]
 
 
@@ -76,6 +91,7 @@ def filter_rows(inside: CaseResult, drawn: CaseResult, published: list[CaseResul
     """Return filter and process noise as printed, and the pool against MUSIC in the loop."""
     trials = min(found.history_deg.shape[1] for found in (inside, drawn))
     ours_q, printed_q = published
+    grown = PRINTED_Q / TABLE_Q
     found = [
         Row(
             quantity=f"RMSE of {axis}, printed filter, Q=1e-12, {case_name(100, 0.0)}, 1-deg grid",
@@ -83,10 +99,12 @@ def filter_rows(inside: CaseResult, drawn: CaseResult, published: list[CaseResul
             paper=paper,
             ours=getattr(ours_q, f"{axis}_deg"),
             unit="deg",
-            tolerance=0.1,
+            tolerance=0.0,
+            factor=SCENE_FACTOR,
         )
         for axis, paper in zip(AXES, PRINTED[100, 0.0][2:], strict=True)
     ]
+    found += _settling_rows(ours_q, " of the printed filter, Q=1e-12,")
     found.append(
         Row(
             quantity=f"attitude sigma the printed filter predicts for itself with the printed Q={PRINTED_Q:g}",
@@ -96,7 +114,8 @@ def filter_rows(inside: CaseResult, drawn: CaseResult, published: list[CaseResul
             unit="deg",
             tolerance=0.1,
             remark=f"contradicts the tables; with Q=1e-12 it predicts {ours_q.sigma_deg:.3f} deg",
-            explained=True,
+            # Sigma grows at least as the fourth root and at most as the square root of Q.
+            explained=grown**0.25 <= printed_q.sigma_deg / ours_q.sigma_deg <= 1.25 * grown**0.5,
         )
     )
     for name, ratio, tolerance in (
@@ -182,15 +201,25 @@ def _worst(result: CaseResult) -> float:
 
 
 def _reason(grid: CaseResult, refined: CaseResult) -> str:
-    """Return the measured reason where ours cannot equal the paper's, empty where it should."""
+    """Return what is measured where ours does not equal the paper's, empty where nothing is.
+
+    Each reason has its own criterion: a filter with outliers must be as good as it claims, and the
+    grid's repeating error must be gone from the refined peak.
+    """
     # More than 10 deg at the end: a filter that settled on a wrong turn, not a noisy one.
     lost = [int(np.sum(result.history_deg[-1] > 10.0)) for result in (grid, refined)]
-    if grid.outliers > 1e-3:
-        trials = grid.history_deg.shape[1]
+    trials = grid.history_deg.shape[1]
+    claimed = _worst(grid) / max(grid.sigma_deg, 1e-12)
+    if grid.outliers > 1e-3 and 1.0 / SCENE_FACTOR <= claimed <= SCENE_FACTOR:
         return (
-            f"{100.0 * grid.outliers:.1f} % outliers, refused by our gate; a filter whose first direction is one starts "
-            f"wrong: {lost[0]} of {trials} still so at the end on the grid, {lost[1]} of {trials} refined"
+            f"{100.0 * grid.outliers:.1f} % outliers, which the chi-square test refuses; worst axis {claimed:.2f} of what "
+            f"the filter claims; the cause of the paper's number is unknown (without the test the filter does not give it "
+            f"either); locked wrongly at the end: {lost[0]} of {trials} on the grid, {lost[1]} of {trials} refined"
         )
-    if math.degrees(cosine_sigma_rad(ARRAY, grid.case.snapshots, grid.case.snr)) < 0.5 * FLOOR_DEG:
-        return "the error of the grid repeats with the direction, and the filter cannot average it away"
+    weak = math.degrees(cosine_sigma_rad(ARRAY, grid.case.snapshots, grid.case.snr)) >= 0.5 * FLOOR_DEG
+    if not weak and _worst(grid) >= SCENE_FACTOR * _worst(refined):
+        return (
+            "the error of the grid repeats with the direction, and the filter cannot average it away: "
+            f"{_worst(grid) / _worst(refined):.1f} times the refined peak's"
+        )
     return ""

@@ -1,6 +1,5 @@
 """The input of a calibration: files of points or raw tracking data, and their reference."""
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -9,14 +8,9 @@ from typing import Literal
 import numpy as np
 
 from rf_pointing.calibration import (
-    BiasModel,
-    Ionosphere,
     Observations,
-    ProcessedPass,
     RawTracking,
     ReferenceTrack,
-    StageReport,
-    process_pass,
     read_observations,
     read_tdm,
     read_tracking,
@@ -24,7 +18,7 @@ from rf_pointing.calibration import (
     split_passes,
 )
 from rf_pointing.core.refraction import RadioRefraction
-from rf_pointing.core.whole_file import DATA_BYTES, read_whole
+from rf_pointing.core.whole_file import JOURNAL_BYTES, read_whole
 from rf_pointing.ephemeris import Elements, Site, TopocentricTrack, find_elements
 
 REFERENCE_STEP_S = 2.0
@@ -35,7 +29,7 @@ PASS_GAP_S = 1200.0
 def holds_points(path: Path) -> bool:
     """Return whether a CSV file holds calibration points (else raw tracking data)."""
     # By the header, not by the name: both kinds of table are .csv.
-    lines = read_whole(path, DATA_BYTES, "utf-8-sig").splitlines()
+    lines = read_whole(path, JOURNAL_BYTES, "utf-8-sig").splitlines()
     header = next((line for line in lines if line.strip() and not line.startswith("#")), "")
     return "observed_azimuth_deg" in header
 
@@ -81,37 +75,3 @@ def reference_of(
     margin = 0.1 * (high - low) + 30.0
     look = track.sample(np.arange(low - margin, high + margin, REFERENCE_STEP_S))
     return ReferenceTrack(**{name: getattr(look, name) for name in ReferenceTrack.__dataclass_fields__})
-
-
-def process_passes(
-    passes: Sequence[tuple[RawTracking, ReferenceTrack]],
-    model: BiasModel,
-    first_pass: int,
-    ionosphere: Ionosphere | None = None,
-) -> tuple[list[Observations], list[StageReport], list[str]]:
-    """Return points and stage reports of raw passes, and why others gave none.
-
-    The reports are summed over the passes.  Raises ValueError if no pass gives points.
-    """
-    processed: list[ProcessedPass] = []
-    notes = list(dict.fromkeys(note for raw, _ in passes for note in raw.notes))
-    for number, (raw, reference) in enumerate(passes, start=first_pass):
-        try:
-            processed.append(process_pass(raw, reference, number, ionosphere, model))
-        except ValueError as error:
-            notes.append(f"pass {number} of {raw.target}: {error}")
-    if not processed:
-        raise ValueError(f"no pass gives calibration points: {'; '.join(notes[:3])}")
-    return [one.observations for one in processed], _summed(processed), notes
-
-
-def _summed(processed: Sequence[ProcessedPass]) -> list[StageReport]:
-    total = []
-    for stage in zip(*(one.reports for one in processed), strict=True):
-        dropped: Counter[str] = Counter()
-        for report in stage:
-            dropped.update(report.dropped)
-        before, after = (sum(getattr(report, name) for report in stage) for name in ("before", "after"))
-        note = stage[0].note if len(stage) == 1 else f"{len(stage)} passes"
-        total.append(StageReport(stage=stage[0].stage, before=before, after=after, dropped=dropped, note=note))
-    return total

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from rf_pointing.core import Params, leaves
+from rf_pointing.core import Params, Sensor, leaves
 from rf_pointing.drives import DriveParams
 from rf_pointing.ephemeris import SITES, Site
 from rf_pointing.ephemeris.source import SourceParams
@@ -411,6 +411,11 @@ def _loop(of: Band) -> dict[str, Value]:
         "integrator.acceleration_deg_s2": (0.25 * acceleration, "a quarter of the commanded acceleration"),
         "trim.bias_walk_deg": (0.02 * section.model_error_deg, "0.02 of model_error_deg in 1 s"),
     })  # fmt: skip
+    if Sensor.MONOPULSE not in section.sensors:
+        # The choice `auto` takes the strongest sensor that the carrier allows.
+        reason = "bands.*.sensors names no monopulse: no carrier is strong enough for it"
+        levels = {"on": NO_CARRIER_DB_HZ, "off": NO_CARRIER_DB_HZ - 1.0}
+        found |= _rows({f"autotrack.monopulse_{name}_db_hz": (level, reason) for name, level in levels.items()})
     found["integrator.sample_s"] = Value(of.content.receiver.power_period_s, "receiver.power_period_s")
     found["trim.bias_deg"] = Value(section.model_error_deg, "bands.*.model_error_deg")
     lags = of.content.simulation.lag_averaging_s
@@ -429,6 +434,7 @@ def _loop(of: Band) -> dict[str, Value]:
 _LOSS_MHZ, _LOSS_DB = (100.0, 2300.0, 8450.0, 32000.0, 50000.0), (0.03, 0.035, 0.04, 0.14, 0.6)
 COSMIC_K, AIR_K, GROUND_K = 2.725, 275.0, 8.0
 TICK_S = 0.02
+NO_CARRIER_DB_HZ = 120.0
 
 
 def _signal(of: Band) -> dict[str, Value]:
@@ -548,6 +554,10 @@ def _watches(of: Band) -> dict[str, Value]:
         "safety.watch.frozen_deg": (max(0.008, 4.0 * step + 2.0 * play), "0.008 deg, at least four steps and two plays"),
         "safety.gate.hard_deg": (min(max(0.25, 3.0 * step), 28.0), "0.25 deg, at least three encoder steps"),
         "gate.hard_deg": (min(max(0.25, 3.0 * step), 28.0), "0.25 deg, at least three encoder steps"),
+        "axes.frozen_deg": (max(0.02, 4.0 * step), "0.02 deg, at least four encoder steps"),
+        "axes.runaway_deg": (
+            min(max(0.5, 5.0 * step, 0.25 * of.beamwidth_deg), 50.0), "0.5 deg, at least five steps and 0.25 h"
+        ),
         "loops.oscillation.threshold_deg": (min(swing, 5.0), "0.02 deg, at least four steps and 0.6 of the scan radius"),
         "loops.oscillation.gross_threshold_deg": (min(2.5 * swing, 50.0), "2.5 times the smallest swing"),
         "loops.oscillation.largest_deg": (min(max(0.5, 10.0 * swing), 50.0), "0.5 deg, at least ten times the smallest swing"),

@@ -58,7 +58,7 @@ def _value(kind: Any, rules: Mapping[str, Any], name: str) -> dict[str, Any]:
     if get_origin(kind) is dict:
         return _table(get_args(kind)[1], name)
     if get_origin(kind) is tuple:
-        kinds = get_args(kind)
+        kinds = list(get_args(kind))
         items = _value(kinds[0], rules, name)
         if kinds[-1] is Ellipsis:
             return {"type": "array", "items": items}

@@ -37,6 +37,8 @@ from rf_pointing.tracking.sensors import SENSOR_CHOICES, SENSORS, SensorTraits, 
 PREDICTION_PATIENCE_S = 20.0
 # Periods whose C/N0 is averaged: one alone is noisy, many would hide the loss of the carrier.
 LEVEL_PERIODS = 3.0
+# The lags of the mount have followed a slew after so many times of their averaging.
+LAG_TIMES = 2.0
 # A gap between two periods after which the axes have stopped.
 STALLED_S = 1.0
 # Range of a pass that does not say how near it comes, for what its ephemeris error is on the sky.
@@ -59,7 +61,7 @@ class PointingController:
         self._pass: Pass | None = None
         self._turns_rad: float | None = None
         self._stopping, self._moved, self._sensor = "", False, Sensor.PROGRAM.value
-        self._stepped_s = -math.inf
+        self._stepped_s, self._returning = -math.inf, False
         self._alarm: tuple[Level, str] = Level.OK, ""
         self.statistics = PassStatistics()
 
@@ -146,7 +148,7 @@ class PointingController:
         self._mode.restart(t_s, sensor)
         self._levels.clear()
         self.antenna.restart(t_s)
-        self.statistics, self._stepped_s = PassStatistics(), t_s
+        self.statistics, self._stepped_s, self._returning = PassStatistics(), t_s, False
 
     def stop(self, reason: str) -> None:
         """End the pass at the next period with a controlled stop."""
@@ -179,6 +181,7 @@ class PointingController:
         """Let the axes find the target again: they may have stopped meanwhile."""
         self._mode.interrupt(t_s, reason)
         self.antenna.unsettle()
+        self._returning = True
 
     def _command(self, t_s: float, window: Pass) -> JointTrajectory | None:
         """Decide the mode, and return the trajectory of the period, None while the axes wait."""
@@ -204,6 +207,11 @@ class PointingController:
         if self.state.mode == Mode.SLEW and t_s >= window.aos_t_s:
             # Axes that jump onto a moving target fall behind it first.
             self.antenna.unsettle()
+        elif self._returning:
+            self._returning = False
+            # The lags of the mount follow the slew back, not the prediction: the beam moves against
+            # the encoders as in a sidelobe.
+            self.carrier.trust_until(t_s + LAG_TIMES * self.params.pointing.lag_averaging_s)
         trajectory, self._stopping = self._motion.follow(
             t_s, window, self._turns_rad or 0.0, _motion_of(self.state.mode)
         )

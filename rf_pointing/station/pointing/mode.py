@@ -18,6 +18,7 @@ from rf_pointing.station.pointing.motion import MotionSnapshot
 from rf_pointing.station.pointing.params import PointingParams
 from rf_pointing.tracking import Autotrack, AutotrackInputs, AutotrackParams, AutotrackState, LockWatch, LockWatchParams
 from rf_pointing.tracking.autotrack import Request
+from rf_pointing.tracking.lock_watch import SIDELOBE
 from rf_pointing.tracking.sensors import SENSOR_CHOICES, SENSORS, sensors_of
 
 Array = NDArray[np.float64]
@@ -102,6 +103,10 @@ class CarrierWatch:
         self._watched_s = -math.inf
         self._watch.reset()
 
+    def trust_until(self, t_s: float) -> None:
+        """Judge no error before `t_s`."""
+        self._watched_s = max(self._watched_s, t_s)
+
     def forget(self) -> None:
         """Begin with a new mode."""
         self._watch.reset()
@@ -123,17 +128,22 @@ class CarrierWatch:
                 f"pass, {nearest_m / 1e3:.0f} km away"
             )
 
-    def false_lock(self, error: PointingError, beam_rad: Array, range_m: float, faint_db_hz: float) -> str:
+    def false_lock(
+        self, error: PointingError, beam_rad: Array, range_m: float, faint_db_hz: float, learned_db: float
+    ) -> str:
         """Return why an error must not be followed, empty while it may.
 
         `beam_rad` (2,) is how far the beam was from the prediction then; below `faint_db_hz`
-        nothing is judged.
+        nothing is judged.  `learned_db` is what a search found the link to give more than it
+        states, at most 0.
         """
         # In noise every response is as likely as any other.
         if error.carrier_to_noise_db_hz < faint_db_hz or error.t_s <= self._watched_s:
             return ""
         self._watched_s = error.t_s
-        fault = self._watch.add(error, float(beam_rad[0]), float(beam_rad[1]), self.link.level_db_hz(range_m))
+        fault = self._watch.add(
+            error, float(beam_rad[0]), float(beam_rad[1]), self.link.level_db_hz(range_m) + learned_db
+        )
         if fault:
             self.faults, self.last_fault = self.faults + 1, fault
         return fault
@@ -212,6 +222,7 @@ class TrackingMode:
         over.
         """
         error, before = newest(errors, self.state.mode), self.state
+        fault = self._false_lock(error, motion)
         request = Request.CALIBRATE if self._calibrating else Request.TRACK
         inputs = AutotrackInputs(
             t_s=t_s,
@@ -222,7 +233,8 @@ class TrackingMode:
             axis_db_hz=self._carrier.link.level_db_hz(motion.range_m) if motion.range_m is not None else -math.inf,
             valid=valid_sensors(errors),
             arriving=arriving,
-            fault=self._false_lock(error, motion),
+            fault=fault,
+            sidelobe=fault.startswith(SIDELOBE),
         )
         self.state = self._table.step(before, inputs)
         if self.state.mode != before.mode:
@@ -237,4 +249,6 @@ class TrackingMode:
         if motion.beam_rad is None or motion.error_range_m is None:
             return ""
         faint_db_hz = self._table.params.carrier_off_db_hz
-        return self._carrier.false_lock(error, motion.beam_rad, motion.error_range_m, faint_db_hz)
+        return self._carrier.false_lock(
+            error, motion.beam_rad, motion.error_range_m, faint_db_hz, self.state.learned_db
+        )

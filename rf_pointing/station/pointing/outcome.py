@@ -8,7 +8,7 @@ The error of the beam is, in this order,
     ephemeris only                 the axis error: nothing else is known
 
 and never less than the axis error.  Where none of these is known the target counts as lost.  What
-held, tracked and lost mean is said in `core/pass_outcome.py` alone.
+held, tracked and lost mean is defined in `core/pass_outcome.py` alone.
 """
 
 import math

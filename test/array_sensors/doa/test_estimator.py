@@ -140,3 +140,11 @@ def test_uncertain_phases_are_a_bias_of_the_direction_cosines() -> None:
         spread = across @ (found.covariance_rad2 + found.bias_rad @ found.bias_rad.T) @ across.T
         scores.append(error @ np.linalg.solve(spread, error))
     assert np.mean(scores) == pytest.approx(2.0, abs=0.5)
+
+
+def test_uncertain_phases_and_several_sources_do_not_go_together() -> None:
+    (block,) = blocks([10.0, 10.0], [0.4, 0.9], [0.5, 3.0], 1)
+    found = DoaEstimator(ARRAY, DoaEstimatorParams(sources=2, phase_sigma_rad=0.17)).estimate(block)
+    assert not any(each.valid for each in found)
+    assert "phase_sigma_rad=0.17 must be <= 0.01 with 2 stations in one channel" in found[0].reason
+    assert all(each.valid for each in DoaEstimator(ARRAY, DoaEstimatorParams(sources=2)).estimate(block))

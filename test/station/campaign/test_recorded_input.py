@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rf_pointing.calibration import BiasModel, RawTracking
+from rf_pointing.calibration import BiasModel, Known, RawPasses, RawTracking, TrackedPass
 from rf_pointing.core import MDEG
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.ephemeris import TopocentricTrack, find_elements, find_passes, site, verification_elements
-from rf_pointing.station.campaign.recorded_input import holds_points, process_passes, read_raw, reference_of
+from rf_pointing.station.campaign.recorded_input import holds_points, read_raw, reference_of
 from test.calibration.conftest import write_tracking
 
 STATION = site("Goldstone DSS-13")
@@ -38,9 +38,10 @@ def test_points_show_the_offset_against_the_elements(raw, tmp_path):
     (back,) = read_raw(tmp_path / "raw.csv", "X")
     assert not holds_points(tmp_path / "raw.csv")
     reference = reference_of(back, ELEMENTS, STATION, 14.0 * 86400.0)
-    (points,), stages, empty = process_passes([(back, reference)], BiasModel.zero(), 3)
-    assert empty == []
-    assert stages[0].before == len(raw)
+    found = RawPasses([TrackedPass(back, reference)], 3).process(Known(model=BiasModel.zero()))
+    points = found.points
+    assert found.notes == ()
+    assert found.reports[0].before == len(raw)
     assert set(points.pass_id.tolist()) == {3}
     assert np.mean(points.residual_azimuth_rad) == pytest.approx(20.0 * MDEG, abs=1.0 * MDEG)
     assert np.mean(points.residual_elevation_rad) == pytest.approx(30.0 * MDEG, abs=1.0 * MDEG)
@@ -66,11 +67,26 @@ def test_a_target_that_is_not_in_the_elements_is_named(raw):
 def test_passes_without_points_are_named_and_none_at_all_is_refused(raw):
     reference = reference_of(raw, ELEMENTS, STATION, 14.0 * 86400.0)
     bad = RawTracking(**{**vars(raw), "good": np.zeros(len(raw), dtype=bool)})
-    points, _, empty = process_passes([(raw, reference), (bad, reference)], BiasModel.zero(), 0)
-    assert len(points) == 1
-    assert "pass 1 of 28057" in empty[0]
+    passes = [TrackedPass(one, reference) for one in (raw, bad)]
+    found = RawPasses(passes, 0).process(Known(model=BiasModel.zero()))
+    assert set(found.points.pass_id.tolist()) == {0}
+    assert "pass 1 of 28057" in found.notes[0]
     with pytest.raises(ValueError, match="no pass gives calibration points"):
-        process_passes([(bad, reference)], BiasModel.zero(), 0)
+        RawPasses(passes[1:], 0)
+
+
+def test_passes_at_different_rates_are_each_thinned_or_not(raw):
+    reference = reference_of(raw, ELEMENTS, STATION, 14.0 * 86400.0)
+    columns = ("t_s", "azimuth_rad", "elevation_rad", "good")
+    slow = replace(raw, **{name: getattr(raw, name)[::8] for name in columns})
+    points = (
+        RawPasses([TrackedPass(one, reference) for one in (raw, slow)], 0).process(Known(model=BiasModel.zero())).points
+    )
+    counts = np.bincount(points.pass_id)
+    assert counts[1] == pytest.approx(counts[0], abs=2)
+    # Eight samples a second have an eighth of the variance.
+    fast, sparse = (np.median(points.sigma_elevation_rad[points.pass_id == k]) for k in (0, 1))
+    assert sparse / fast == pytest.approx(np.sqrt(8.0), rel=0.2)
 
 
 def test_a_day_of_passes_in_one_file_is_cut_at_the_gaps_and_one_wrong_time_cuts_nothing(raw, tmp_path):

@@ -1,0 +1,109 @@
+"""The verdict of a recorded pass: as flown, as counted, as predicted; a fault ends it and stands at the head of the page."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rf_pointing.report.analysis import analyse
+from rf_pointing.report.definitions import Definitions
+from rf_pointing.report.recording import Recording, read_recording
+from rf_pointing.report.statistics import summarize
+from rf_pointing.report.summary import Verdict
+from rf_pointing.report.write_report import page
+
+LOS_S = 58.0
+UNUSED = {"carrier_power", "monopulse", "pointing_error", "target", "clock"}
+
+
+@pytest.fixture
+def run(tmp_path: Path, synthetic_run: type[Any], types: Definitions) -> Callable[..., Recording]:
+    """Return a maker of recordings of a pass from 10 to 58 s; 3 s of it 40 mdeg off a beam of 65 mdeg."""
+
+    def make(**changes: Any) -> Recording:
+        ended_s = changes.pop("ended_s", LOS_S)
+        why = changes.pop("why", "loss of signal")
+        settings = {
+            "error_mdeg": lambda t: (40.0, 0.0) if 20.0 < t <= 23.0 else (0.0, 0.0),
+            "target": lambda t: "28057" if t < ended_s else "",
+            "reason": lambda t: "" if t < ended_s else why,
+            "mode": lambda t: "monopulse" if t < ended_s else "idle",
+            "counted": lambda t: (min(max(t - 10.0, 0.0), ended_s - 10.0) - 2.0, 2.0, 0.25),
+            "left_out": UNUSED,
+        }
+        path = tmp_path / f"bag{len(list(tmp_path.iterdir()))}"
+        synthetic_run(**{**settings, **changes}).write(path, types)
+        return read_recording(path)
+
+    return make
+
+
+def outcome(recording: Recording) -> Verdict:
+    return summarize(analyse(recording)).outcome
+
+
+def test_flown_counted_and_predicted_stand_beside_each_other(run: Callable[..., Recording]) -> None:
+    found = outcome(run(predicted={"mean_loss": 0.2, "lost": 1.5, "late": 0.5, "acquisition": 1.0}))
+    assert (found.tracked, found.reason, found.source, found.faults) == (True, "loss of signal", "true", [])
+    assert (found.flown.tracked_s, found.flown.lost_s) == (pytest.approx(45.0), pytest.approx(3.0))
+    power = (45.0 + 3.0 * 0.5 ** (4.0 * (40.0 / 65.0) ** 2)) / 48.0
+    assert 10.0 ** (-0.1 * found.flown.mean_loss_db) == pytest.approx(power, rel=1e-9)
+    assert (found.counted.tracked_s, found.counted.lost_s) == (pytest.approx(46.0, abs=0.1), 2.0)
+    assert found.counted.mean_loss_db == pytest.approx(0.25)
+    assert (found.predicted.lost_s, found.predicted.mean_loss_db) == (3.0, 0.2)
+    assert found.predicted.tracked_s == pytest.approx(45.0), "the certificate was issued before the rise"
+
+
+def test_the_share_that_the_station_asks_decides(run: Callable[..., Recording]) -> None:
+    """The certificate of these recordings asks 75 %; without one it is 80 %."""
+    off = {"error_mdeg": lambda t: (40.0, 0.0) if 20.0 < t <= 31.0 else (0.0, 0.0)}
+    assert outcome(run(**off, predicted={"mean_loss": 0.2})).tracked
+    failed = outcome(run(**off))
+    assert not failed.tracked
+    assert failed.reason == "77 % of the pass was held, must be >= 80 %"
+
+
+def test_without_the_truth_the_count_of_the_controller_decides(run: Callable[..., Recording]) -> None:
+    found = outcome(run(truth=False))
+    assert (found.source, found.tracked, found.flown) == ("counted", True, None)
+    old = outcome(run(truth=False, counted=lambda _: (0.0, 0.0, 0.0)))
+    assert (old.source, old.tracked, old.counted) == (None, None, None)
+
+
+def test_a_pass_that_was_cancelled_or_cut_short_is_not_tracked(run: Callable[..., Recording]) -> None:
+    cancelled = outcome(run(ended_s=50.0, why="the goal was cancelled"))
+    assert (cancelled.tracked, cancelled.reason) == (False, "the goal was cancelled")
+    assert cancelled.flown.tracked_s + cancelled.flown.lost_s == pytest.approx(40.0, abs=0.1)
+    cut = outcome(run(seconds=40.0, ended_s=100.0))
+    assert (cut.tracked, cut.reason) == (False, "the recording ends before the loss of signal")
+
+
+def test_time_without_samples_is_lost(run: Callable[..., Recording]) -> None:
+    gone = {"sim/pointing_error": set(range(30 * 50, 40 * 50))}
+    assert outcome(run(dropped=gone)).flown.lost_s == pytest.approx(13.0, abs=0.1)
+
+
+def test_a_latched_fault_ends_the_pass_and_is_red_at_the_head(run: Callable[..., Recording]) -> None:
+    text = "drives cut: oscillation of azimuth"
+    recording = run(
+        ended_s=50.0, why=f"antenna fault: {text}", fault=lambda t: "" if t < 50.0 else text,
+        alarm=lambda t: (0, "") if t < 50.0 else (2, f"antenna fault: {text}"),
+    )  # fmt: skip
+    summary = summarize(analyse(recording))
+    assert (summary.outcome.tracked, summary.outcome.faults) == (False, [text])
+    assert summary.outcome.reason == f"antenna fault: {text}"
+    html = page(summary, {})
+    head = html[: html.index('class="tiles"')]
+    assert f'<div class="notice fault"><b>Fault</b><ul><li>{text}</li></ul></div>' in head
+
+
+def test_a_silent_antenna_is_a_fault_though_it_cannot_tell_it(run: Callable[..., Recording]) -> None:
+    text = "joint_states has been silent for 15.1 s"
+    found = outcome(run(ended_s=50.0, why=text, alarm=lambda t: (0, "") if t < 50.0 else (2, text)))
+    assert (found.tracked, found.reason, found.faults) == (False, text, [text])
+
+
+def test_an_alarm_that_passes_is_no_fault(run: Callable[..., Recording]) -> None:
+    found = outcome(run(alarm=lambda t: (2, "joint_states has been silent for 1.2 s") if 30.0 < t < 32.0 else (0, "")))
+    assert (found.tracked, found.faults) == (True, [])
