@@ -170,7 +170,8 @@ def _value(value: Any, digits: int) -> str:
         return f"[{', '.join(_value(each, digits) for each in value)}]"
     if isinstance(value, float):
         return f"{value:.{digits}g}"
-    return '""' if value == "" else str(value)
+    # A file of the package is the same in every checkout.
+    return '""' if value == "" else str(value).removeprefix(f"{PACKAGE.parent}/")
 
 
 def main() -> None:

@@ -18,7 +18,7 @@ LONGEST_S = 5.0
 
 
 def _elements(path: Path) -> Any:
-    return load_target(SourceParams(elements_file=str(path), satellite="x"))
+    return load_target(SourceParams(elements=str(path), satellite="x"))
 
 
 READERS: dict[str, Callable[[Path], Any]] = {

@@ -128,8 +128,8 @@ def collected(
         parts.append(made.points)
         stages, notes = list(made.reports), list(made.notes)
     together = Observations.concatenate(parts)
-    for name in ("station", "band"):
-        found, wanted = getattr(together, name), getattr(options, name)
+    for name, wanted in (("station", station_of(options).name), ("band", band_of(options))):
+        found = getattr(together, name)
         if found != wanted:
             raise ValueError(f"the data are of {name} {found!r}, must be of {wanted!r}")
     together = together.select(~np.isin(together.pass_id, list(out)))

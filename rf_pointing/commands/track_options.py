@@ -95,7 +95,7 @@ def sensor_of(options: argparse.Namespace) -> str:
     """Return the sensor of the pass; ValueError for one that the station's band does not have."""
     station, band = station_of(options), band_of(options)
     sensor = options.sensor or station.sensor(band)
-    # Sensors of other packages are not the feed's: the station does not speak of them.
+    # Sensors of other packages are not the feed's: the station does not list them.
     if sensor in set(Sensor) - {*station.sensors(band), Sensor.PROGRAM, Sensor.AUTO}:
         known = ", ".join((*station.sensors(band), Sensor.AUTO, Sensor.PROGRAM))
         raise ValueError(f"sensor={sensor}: {band} band of {station.name} has {known}")
@@ -144,6 +144,9 @@ def before_pass_s(options: argparse.Namespace, window: Pass) -> float:
         NodeParameters(node, station.parameters(node, band)) for node in ("pointing_controller", "antenna_servo")
     )
     limits, machine, mask, gate = (controller.group(name, sets[name]) for name in ("limits", "machine", "mask", "gate"))
+    # Where a simulated antenna begins is no number of the station's: a file may say it.
+    files = read_parameter_files([Path(name) for name in options.params_file])
+    servo.values.update(files.get("antenna_servo", servo).values)
     start = servo.group("antenna", SimulationParams()).start_rad
     sun = SolarDirection(SunParams(site=station.site)).at(window.aos_t_s)
     turn, times = 2.0 * math.pi, [SLEW_TIME_S - SETTLE_S]
@@ -183,7 +186,7 @@ def parameters(options: argparse.Namespace, window: Pass, output: Path) -> dict[
         },
     }
     clock = {
-        "start_s": math.floor(window.aos_t_s) - before_pass_s(options, window),
+        "start_s": float(math.floor(window.aos_t_s) - before_pass_s(options, window)),
         "speed": speed_factor(options.speed),
         # At 10 Hz the servo makes up its ticks at once: 80 % less traffic of the clock.
         "tick_s": 0.02 if in_real_time(options.speed) else 0.1,

@@ -20,7 +20,7 @@ RESPAWN_DELAY_S = 0.5
 def common_arguments(*, simulated: bool = False) -> list[DeclareLaunchArgument]:
     """Return the arguments that every launch file takes."""
     station = "station description: a YAML file, or a shipped name"
-    # A real antenna must not move by the numbers of another one: without a default launch requires it.
+    # A real antenna must not move by the numbers of another one: launch requires a station.
     named = {"default_value": "dss13"} if simulated else {}
     return [
         DeclareLaunchArgument("namespace", default_value="gs1", description="namespace of the antenna"),

@@ -307,9 +307,11 @@ def _reasons_against(closest: str, margin: float, above: float, sun: float, mach
 
 
 def _cost(branch: Branch) -> tuple[object, ...]:
-    """Order: works; least signal lost, to 0.1 s; then the least time to get there and to unwind."""
+    """Order: works; least past a limit, fewest reasons; least signal lost, to 0.1 s; then the least
+    time to get there and to unwind.
+    """
     distance = max(0.0, -branch.limit_margin_rad)
     return (
-        not branch.works, len(branch.reasons), distance, round(branch.lost_signal_s + branch.late_s, 1),
+        not branch.works, distance, len(branch.reasons), round(branch.lost_signal_s + branch.late_s, 1),
         round(branch.preposition_s + branch.unwind_s, 6),  # equally long ones keep their order
     )  # fmt: skip

@@ -250,7 +250,7 @@ def test_time_tags_late_in_all_passes_are_refused_until_they_are_stated(raw_file
     ("arguments", "complaint"),
     [
         (["--band", "Ka"], "the data are of band 'X', must be of 'Ka'"),
-        (["--station", "Gatlinburg"], "the data are of station 'Goldstone DSS-13'"),
+        (["--station", "leo_3m7"], "the data are of station 'Goldstone DSS-13', must be of 'LEO 3.7 m'"),
         (["--terms", "azimuth_offset", "wobble"], "wobble"),
         (["--require-full"], "sectors have < 25"),
     ],

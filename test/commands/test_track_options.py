@@ -282,7 +282,7 @@ def test_the_root_is_no_antenna(capsys: pytest.CaptureFixture[str]) -> None:
     assert "'/' must name the antenna" in capsys.readouterr().err
 
 
-def test_time_begins_early_enough_for_the_slew_to_the_pass() -> None:
+def test_time_begins_early_enough_for_the_slew_to_the_pass(tmp_path: Path) -> None:
     """The first pass of 26 June begins 175 s of slewing away: the 150 s of every other pass refused it."""
     options = track_options.arguments([])
     assert track_options.before_pass_s(options, track_options.choose_pass(options)) == track_options.SLEW_TIME_S
@@ -290,16 +290,14 @@ def test_time_begins_early_enough_for_the_slew_to_the_pass() -> None:
     window = track_options.choose_pass(far)
     needed_s = track_options.before_pass_s(far, window)
     assert 175.0 + track_options.SETTLE_S <= needed_s < 300.0
-    start_s = track_options.overrides(far, window, Path())["/**/simulation_clock"]["ros__parameters"]["start_s"]
+    start_s = track_options.parameters(far, window, tmp_path)["simulation_clock"]["start_s"]
     assert start_s == math.floor(window.aos_t_s) - needed_s
     assert isinstance(start_s, float), "as the clock declares it"
 
 
 def test_a_slower_antenna_or_one_that_starts_elsewhere_begins_earlier(tmp_path: Path) -> None:
     slow = tmp_path / "slow.yaml"
-    slow.write_text(
-        "/**/pointing_controller: {ros__parameters: {machine: {rate_limit_deg_s: [0.5, 0.5]}}}\n"
-        "/**/antenna_servo: {ros__parameters: {antenna: {start_azimuth_deg: -200.0}}}\n"
-    )
-    options = track_options.arguments(["--params-file", str(slow)])
+    slow.write_text("/**/antenna_servo: {ros__parameters: {antenna: {start_azimuth_deg: -200.0}}}\n")
+    station = changed(tmp_path, {f"mount.{axis}.command_rate_deg_s": 0.5 for axis in ("azimuth", "elevation")})
+    options = track_options.arguments([*station, "--params-file", str(slow)])
     assert track_options.before_pass_s(options, track_options.choose_pass(options)) > 300.0

@@ -86,6 +86,8 @@ class Door:
         """Do a period of the node's own work, in the middle of a pass where it tracks."""
         if isinstance(self.node, PointingControllerNode) and not self.node._controller.busy:
             times = {"aos_t_s": self.t_s - 100.0, "tca_t_s": self.t_s + 200.0, "los_t_s": self.t_s + 500.0}
+            # A hostile status may have stated a fault of the antenna, which refuses a pass.
+            self.node._controller.take_antenna("holding", "")
             self.node._controller.start(self.t_s, Pass(**times, **PASS), "auto")
             self.passes += 1
         for period_s, work in self.work:
