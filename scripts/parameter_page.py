@@ -171,7 +171,7 @@ def _value(value: Any, digits: int) -> str:
     if isinstance(value, float):
         return f"{value:.{digits}g}"
     # A file of the package is the same in every checkout.
-    return '""' if value == "" else str(value).removeprefix(f"{PACKAGE.parent}/")
+    return '""' if value == "" else str(value).removeprefix(f"{PACKAGE.resolve().parent}/")
 
 
 def main() -> None:

@@ -158,7 +158,7 @@ def run_to_end(program: str, make: Callable[[], RunType], work: Callable[[RunTyp
     rclpy.init(signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
     try:
         run = make()
-    except OSError as error:
+    except (OSError, ValueError) as error:
         say(program, str(error))
         rclpy.try_shutdown()
         return 2

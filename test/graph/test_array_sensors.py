@@ -74,7 +74,9 @@ class Bench:
         for array in reversed(self.messages["/diagnostics"]):
             mine = [s for s in array.status if s.name.startswith(f"{self.system.name}/{node}: ")]
             if mine:
-                return "; ".join(pair.value for s in mine for pair in s.values if pair.key == "last_rejection")
+                return "; ".join(
+                    pair.value for s in mine for pair in s.values if pair.key in ("last_rejection", "last_refusal")
+                )
         return ""
 
     def pairs(self, estimate: str, truth: str) -> list[tuple[Any, Any]]:
@@ -199,7 +201,14 @@ BAD: list[tuple[str, str, str, str, Callable[[Any], Any], str]] = [
         lambda v: list(v)[1:],
         "phase has 161 values, must have 9 for each of 18 slots",
     ),
-    ("interferometer", "interferometer_tracker", "interferometer_measurement", "coupling", nan_first, "amplitudes"),
+    (
+        "interferometer",
+        "interferometer_tracker",
+        "interferometer_measurement",
+        "coupling",
+        nan_first,
+        "coupling must be finite",
+    ),
 ]
 ESTIMATES = {"tripulse": "attitude", "doa": "attitude", "interferometer": "relative_pose"}
 

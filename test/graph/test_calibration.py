@@ -84,6 +84,10 @@ def fit(live: SimpleNamespace) -> Any:
     return result.result().result
 
 
+NO_MODEL = {"bands.X.bias_model": ""}
+"""Of the station: the fit begins at a perfect mount."""
+
+
 def test_a_killed_calibrator_goes_on_with_every_observation_and_its_fit_waits_for_acceptance(
     live: SimpleNamespace, tmp_path: Path
 ) -> None:
@@ -93,7 +97,7 @@ def test_a_killed_calibrator_goes_on_with_every_observation_and_its_fit_waits_fo
     calibrator: {{folder: "{tmp_path}", spacing_s: 0.5}}
 """
     journal = tmp_path / "goldstone_dss_13" / "X" / "observations.csv"
-    started = live.start([NODE], parameters)
+    started = live.start([NODE], parameters, station=NO_MODEL)
     sky = Pass(live, live.namespace)
     live.spin_until(sky.matched, "the subscriptions")
     while lines(journal) < 25:
@@ -104,7 +108,7 @@ def test_a_killed_calibrator_goes_on_with_every_observation_and_its_fit_waits_fo
     assert kept >= 25
 
     # In a namespace below: the dead node's services stay visible for 20 s and would be asked instead.
-    live.start([f"{AGAIN}/{NODE}"], parameters)
+    live.start([f"{AGAIN}/{NODE}"], parameters, station=NO_MODEL)
     again = Pass(live, f"{live.namespace}/{AGAIN}")
     live.spin_until(again.matched, "the subscriptions")
     while lines(journal) < kept + 10:

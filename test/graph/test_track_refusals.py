@@ -59,10 +59,10 @@ def test_a_wrong_argument_is_named_in_one_line_and_nothing_is_started(
 
 def test_a_bring_up_with_a_bad_parameter_fails_and_names_node_and_key(tmp_path: Path) -> None:
     bad = tmp_path / "bad.yaml"
-    bad.write_text("/**/antenna_servo: {ros__parameters: {antenna: {lag_averaging_s: -1.0}}}\n")
+    bad.write_text("/**/antenna_servo: {ros__parameters: {mount: {azimuth_offset_deg: 100.0}}}\n")
     namespace = f"/bad{os.getpid()}"
     said = ended_with_2("--params-file", str(bad), "--output", str(tmp_path / "new"), "--namespace", namespace)
-    assert re.search(r"could not configure antenna_servo: .*antenna\.lag_averaging_s", said), said
+    assert re.search(r"could not configure antenna_servo: .*mount\.azimuth_offset_deg", said), said
     assert processes_of(namespace) == []
 
 
