@@ -292,6 +292,7 @@ def main(argv: list[str] | None = None) -> None:
     options = arguments(argv)
     with ending_with_reason("calibrate"):
         speed_factor(options.speed)
+        track_options.check_files(options)
         schedule = plan(options)
         output = output_folder(options, f"calibration-{datetime.now(UTC):%Y%m%dT%H%M%S}")
         options.elements = str(output / "beacons.tle")

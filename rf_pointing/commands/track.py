@@ -125,6 +125,7 @@ def main(argv: list[str] | None = None) -> None:
     with ending_with_reason("track"):
         track_options.speed_factor(options.speed)
         sensor = track_options.sensor_of(options)
+        track_options.check_files(options)
         window = track_options.choose_pass(options)
         scan = track_options.chosen_scan(options, window)
         output = track_options.output_folder(options, track_options.run_stem(options, window))

@@ -167,7 +167,19 @@ def before_pass_s(options: argparse.Namespace, window: Pass) -> float:
 
 def parameters(options: argparse.Namespace, window: Pass, output: Path) -> dict[str, dict[str, Any]]:
     """Return the parameters by node that follow from the command line; files go to `output`."""
+    clock = {
+        "start_s": float(math.floor(window.aos_t_s) - before_pass_s(options, window)),
+        "speed": speed_factor(options.speed),
+        # At 10 Hz the servo makes up its ticks at once: 80 % less traffic of the clock.
+        "tick_s": 0.02 if in_real_time(options.speed) else 0.1,
+    }
     station = {"station": str(flown_station(options, window, output).resolve()), "band": band_of(options)}
+    own = _own_parameters(options, output)
+    return {"simulation_clock": clock} | {node: station | own.get(node, {}) for node in OF_STATION}
+
+
+def _own_parameters(options: argparse.Namespace, output: Path) -> dict[str, dict[str, Any]]:
+    """Return what the options say to each node."""
     source = {
         "source.satellite": options.satellite,
         "source.elements": _for_nodes(options),
@@ -175,7 +187,7 @@ def parameters(options: argparse.Namespace, window: Pass, output: Path) -> dict[
         "source.interpolation_degree": source_of(options).interpolation_degree,
     }
     real = {} if options.ephemeris_error is None else {"source.along_track_offset_s": options.ephemeris_error}
-    own: dict[str, dict[str, Any]] = {
+    return {
         "ephemeris_publisher": source,
         "rf_receiver": {**source, **real, "signal.seed": options.seed},
         "antenna_servo": {"antenna.seed": options.seed},
@@ -185,13 +197,6 @@ def parameters(options: argparse.Namespace, window: Pass, output: Path) -> dict[
             "calibrator.keep_observations": options.keep_observations,
         },
     }
-    clock = {
-        "start_s": float(math.floor(window.aos_t_s) - before_pass_s(options, window)),
-        "speed": speed_factor(options.speed),
-        # At 10 Hz the servo makes up its ticks at once: 80 % less traffic of the clock.
-        "tick_s": 0.02 if in_real_time(options.speed) else 0.1,
-    }
-    return {"simulation_clock": clock} | {node: station | own.get(node, {}) for node in OF_STATION}
 
 
 def flown_station(options: argparse.Namespace, window: Pass, output: Path) -> Path:
@@ -219,26 +224,29 @@ def notes(options: argparse.Namespace) -> dict[str, str]:
     return {"station": station_of(options).name, "band": band_of(options), "sensor": sensor_of(options), **of_run}
 
 
-def parameter_files(options: argparse.Namespace, given: Mapping[str, Mapping[str, Any]], output: Path) -> list[Path]:
-    """Return the parameter files of a run: `given` by node, written to `output`, then the user's.
+def check_files(options: argparse.Namespace) -> None:
+    """Raise ValueError for what a parameter file and the command line or the station both say.
 
-    Raises ValueError for what a file and the command line both say, and for an unknown node: what a
-    user writes is in force, or refused.
+    What a user writes is in force, or refused.
     """
-    files = [Path(name) for name in options.params_file]
-    for node, said in read_parameter_files(files).items():
+    own = _own_parameters(options, Path())
+    for node, said in read_parameter_files([Path(name) for name in options.params_file]).items():
         if node not in (*NODES, "**"):
             raise ValueError(f"params-file: {node} is no node; there are {', '.join(NODES)}")
-        twice = sorted(said.values.keys() & given.get(node, {}).keys())
-        if twice:
+        given = {"station", "band", *own.get(node, {})} if node in OF_STATION else {"start_s", "speed", "tick_s"}
+        if twice := sorted(said.values.keys() & given):
             raise ValueError(f"params-file: {node} {', '.join(twice)}: given by the command line, see --help")
         for name in said.values:
             if key := owner(node, name):
                 raise ValueError(f"params-file: {node} {name} is given by the station description: {key}")
+
+
+def parameter_files(options: argparse.Namespace, given: Mapping[str, Mapping[str, Any]], output: Path) -> list[Path]:
+    """Return the parameter files of a run: `given` by node, written to `output`; the user's last."""
     written = output / "run.yaml"
     sections = {f"/**/{node}": {"ros__parameters": dict(values)} for node, values in given.items()}
     written.write_text(yaml.safe_dump(sections, sort_keys=False))
-    return [written, *files]
+    return [written, *map(Path, options.params_file)]
 
 
 def bag_folder(options: argparse.Namespace, output: Path) -> Path:

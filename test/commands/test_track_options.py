@@ -226,10 +226,11 @@ def test_what_a_parameter_file_says_is_in_force_or_refused(tmp_path: Path, text:
     file = tmp_path / "mine.yaml"
     file.write_text(text)
     options = track_options.arguments(["--params-file", str(file)])
-    values = track_options.parameters(options, track_options.choose_pass(options), tmp_path)
     with pytest.raises(ValueError, match=complaint):
-        track_options.parameter_files(options, values, tmp_path)
+        track_options.check_files(options)
     file.write_text("/**/antenna_servo: {ros__parameters: {wind.mean_speed_m_s: 3.0}}")
+    track_options.check_files(options)
+    values = track_options.parameters(options, track_options.choose_pass(options), tmp_path)
     assert track_options.parameter_files(options, values, tmp_path)[-1] == file
 
 
