@@ -242,7 +242,7 @@ def check_files(options: argparse.Namespace) -> None:
 
 
 def parameter_files(options: argparse.Namespace, given: Mapping[str, Mapping[str, Any]], output: Path) -> list[Path]:
-    """Return the parameter files of a run: `given` by node, written to `output`; the user's last."""
+    """Return the files of a run: `given` by node, written to `output`; then those of the user."""
     written = output / "run.yaml"
     sections = {f"/**/{node}": {"ros__parameters": dict(values)} for node, values in given.items()}
     written.write_text(yaml.safe_dump(sections, sort_keys=False))

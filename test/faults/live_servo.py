@@ -155,7 +155,15 @@ def servo_yaml(wrap: Path) -> str:
 
 
 WITH_HILL = {
-    "mount.horizon_deg": [[0.0, 0.0], [140.0, 0.0], [141.0, 70.0], [160.0, 0.0]],
+    "mount.horizon_deg": [
+        [0.0, 0.0],
+        [70.0, 0.0],
+        [140.0, 0.0],
+        [141.0, 70.0],
+        [160.0, 0.0],
+        [230.0, 0.0],
+        [300.0, 0.0],
+    ],
     "wind.gust_limit_m_s": 25.0,
     "wind.mean_limit_m_s": 100.0,
     "tuning.safety.wind.release_s": 0.2,
