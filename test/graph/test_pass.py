@@ -133,7 +133,10 @@ def test_the_pass_is_tracked_and_nothing_is_lost(tracked: SimpleNamespace) -> No
     flown, counted, predicted = (tracked.summary["outcome"][name] for name in ("flown", "counted", "predicted"))
     # One definition: the seconds that the controller counts are those of the true error.
     assert abs(flown["lost_s"] - counted["lost_s"]) < 3.0
-    assert abs(flown["mean_loss_db"] - predicted["mean_loss_db"]) < 0.1
+    # The certificate knows the mean of how long a search takes, not that of this one: in two minutes
+    # of a pass 3 s of it are a tenth of a decibel.
+    chance_db = 10.0 * math.log10(1.0 + 3.0 / (flown["tracked_s"] + flown["lost_s"]))
+    assert abs(flown["mean_loss_db"] - predicted["mean_loss_db"]) < 0.1 + chance_db
     (stored,) = tracked.folder.glob("CBERS_2-*.json")
     certificate = json.loads(stored.read_text())
     assert certificate["accepted"]
