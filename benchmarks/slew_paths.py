@@ -158,7 +158,7 @@ def _stoppable(distance: Array, rate: Array, braking: Array) -> Array:
 
 
 class Grid:
-    """Places of a scene with room to spare, and which of them hang together."""
+    """Places of a scene with room to spare, and which of them are connected."""
 
     def __init__(self, scene: Scene) -> None:
         low, high = np.array(scene.limits.lowest_rad), np.array(scene.limits.highest_rad)

@@ -146,7 +146,7 @@ def test_pipeline_and_fit_together_recover_the_planted_model(track, raw_pass, ta
 
 
 def on_the_sky(raw, random, correlated_rad=0.0):
-    """Return the samples with noise that is as large across as up, and what hangs together over 3 s added to it."""
+    """Return the samples with noise that is as large across as up, with noise correlated over 3 s added."""
     count, decay = len(raw), np.exp(-0.125 / 3.0)
     noise = 5.0 * MDEG * random.standard_normal((2, count))
     drift = lfilter([np.sqrt(1.0 - decay**2)], [1.0, -decay], random.standard_normal((2, count)))

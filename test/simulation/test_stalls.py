@@ -159,12 +159,22 @@ def flown(window: Pass, stalled: Parts, stall: float, **changes: Any) -> Flight:
     return made
 
 
+SPARE_S = 5.0
+"""What a stall may cost beyond its own time."""
+
+
+def misses(lost_s: float) -> pytest.MarkDecorator:
+    """Mark a case that loses more: the mount swings after the slew back, what was learned is gone."""
+    return pytest.mark.xfail(reason=f"measured: {lost_s} s lost", raises=AssertionError)
+
+
 @pytest.mark.parametrize(
     ("part", "stall"),
     [
         *((part, stall) for part in ("ephemeris_publisher", "pointing_controller", "rf_receiver")
           for stall in (1.0, 2.0, 5.0, 10.0)),
         *(("antenna_servo", stall) for stall in (1.0, 2.0, 5.0)),
+        pytest.param("antenna_servo", 10.0, marks=misses(27.7)),
     ],
 )  # fmt: skip
 def test_a_stall_costs_at_most_itself_and_five_seconds(window: Pass, part: str, stall: float) -> None:
@@ -172,7 +182,7 @@ def test_a_stall_costs_at_most_itself_and_five_seconds(window: Pass, part: str, 
     lost_s = made.lost_s(BEFORE_S)
     print(f"{part}, stall {stall:.0f} s: {lost_s:.1f} s lost")
     assert made.controller.busy, made.controller.statistics.reason
-    assert lost_s <= stall + 5.0
+    assert lost_s <= stall + SPARE_S
     last = made.statuses[-1]
     assert (last.mode, last.held, last.alarm) == ("monopulse", True, "")
     assert made.lost_s(BEFORE_S + stall + 10.0) == 0.0
@@ -185,21 +195,18 @@ def test_an_ephemeris_that_is_silent_for_long_costs_nothing_with_the_profile_of_
     assert len(warned) > 250
 
 
-# Measured on DSS-13, whose mount lags by up to 1.9 s: a slew back of several degrees makes the beam swing about the
-# prediction for 10 s, a controller that was killed has lost what it had learned, and a search finds the target again.
-SWING_S = 20.0
-
-
-@pytest.mark.parametrize(("stall", "more_s"), [(2.0, 5.0), (10.0, SWING_S)])
-def test_without_a_profile_the_axes_wait_and_resume_by_themselves(window: Pass, stall: float, more_s: float) -> None:
+@pytest.mark.parametrize("stall", [2.0, pytest.param(10.0, marks=misses(26.9))])
+def test_without_a_profile_the_axes_wait_and_resume_by_themselves(window: Pass, stall: float) -> None:
     made = flown(window, ("ephemeris_publisher",), stall, profile=False)
     lost_s = made.lost_s(BEFORE_S)
     print(f"without profile, stall {stall:.0f} s: {lost_s:.1f} s lost")
-    assert lost_s <= stall + more_s
+    assert lost_s <= stall + SPARE_S
     assert made.statuses[-1].mode == "monopulse"
 
 
-@pytest.mark.parametrize("stall", [2.0, 5.0, 10.0])
+@pytest.mark.parametrize(
+    "stall", [pytest.param(stall, marks=misses(lost_s)) for stall, lost_s in ((2.0, 7.2), (5.0, 12.0), (10.0, 19.8))]
+)
 def test_a_controller_that_was_killed_tracks_the_rest_of_the_pass(window: Pass, stall: float) -> None:
     """Its goal is sent again by whoever sent it; most of the pass above 40 deg is gone then."""
 
@@ -211,11 +218,13 @@ def test_a_controller_that_was_killed_tracks_the_rest_of_the_pass(window: Pass, 
     made.fly(begin_s + stall + AFTER_S, ("pointing_controller",), begin_s, stall, restart)
     lost_s = made.lost_s(begin_s)
     print(f"controller killed, {stall:.0f} s: {lost_s:.1f} s lost")
-    assert lost_s <= stall + 0.5 * SWING_S
+    assert lost_s <= stall + SPARE_S
     assert made.statuses[-1].mode == "monopulse"
 
 
-@pytest.mark.parametrize("stall", [2.0, 10.0])
+@pytest.mark.parametrize(
+    "stall", [pytest.param(stall, marks=misses(lost_s)) for stall, lost_s in ((2.0, 7.3), (10.0, 16.3))]
+)
 def test_an_antenna_that_starts_again_is_followed_again(window: Pass, stall: float) -> None:
     """It comes back where it stood, holding, with whatever command is sent then."""
 
@@ -230,7 +239,7 @@ def test_an_antenna_that_starts_again_is_followed_again(window: Pass, stall: flo
     made.fly(BEFORE_S + stall + AFTER_S, ("antenna_servo",), BEFORE_S, stall, restart)
     lost_s = made.lost_s(BEFORE_S)
     print(f"antenna killed, {stall:.0f} s: {lost_s:.1f} s lost")
-    assert lost_s <= stall + SWING_S
+    assert lost_s <= stall + SPARE_S
     assert made.statuses[-1].mode == "monopulse"
 
 
@@ -246,13 +255,13 @@ def test_a_fifth_of_all_messages_may_be_lost(window: Pass) -> None:
 
 
 def test_a_dead_antenna_is_never_a_tracked_pass(window: Pass) -> None:
-    """Told within 2 s, lost from then on, and over when patience is."""
+    """An alarm within 2 s, lost from then on, and over when patience is."""
     short = dataclasses.replace(window, los_t_s=window.aos_t_s + 60.0)
     made = Flight(short)
     made.fly(60.0, ("antenna_servo",), 20.0, 60.0)
-    told = next(status for status in made.statuses if status.level == 2)
-    assert told.t_s - short.aos_t_s - 20.0 <= 2.0
-    assert "joint_states has been silent" in told.alarm
+    alarmed = next(status for status in made.statuses if status.level == 2)
+    assert alarmed.t_s - short.aos_t_s - 20.0 <= 2.0
+    assert "joint_states has been silent" in alarmed.alarm
     statistics = made.controller.statistics
     assert not made.controller.busy
     assert "joint_states has been silent for 15" in statistics.fault
