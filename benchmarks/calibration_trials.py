@@ -169,7 +169,7 @@ def measured(seen: Seen, mount: BiasModel, case: Case, random: np.random.Generat
     noise[0] /= np.cos(true[1])
     observed += noise
     return RawTracking(
-        station="trial",
+        station="Goldstone DSS-13",
         band="X",
         target=seen.target,
         t_s=at.t_s,
@@ -209,7 +209,7 @@ def run_trials(case: Case, trials: int, campaigns: int, seed: int) -> Outcome:
     """Simulate and fit; the campaigns take turns."""
     geometry = [campaign(number, case.rate_hz) for number in range(campaigns)]
     # The clock of the trials is right: some of the planted mounts lag alike in both axes.
-    options = fit_bias_model.arguments(["trial.csv", "--station", "trial", "--time-error", "0", "--select"])
+    options = fit_bias_model.arguments(["trial.csv", "--station", "dss13", "--time-error", "0", "--select"])
     full, chosen, truths, seconds = [], [], [], []
     for trial in range(trials):
         random = random_stream(seed + trial, f"trials {case.name}")
