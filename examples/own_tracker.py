@@ -5,7 +5,7 @@ from collections import deque
 import numpy as np
 
 from rf_pointing.core import MDEG, MU, CarrierPower, PointingError
-from rf_pointing.core.time_buffer import BeamPosition
+from rf_pointing.core.signals import BeamPosition
 from rf_pointing.ephemeris import first_pass_above
 from rf_pointing.ephemeris.source import SourceParams, load_elements, load_track
 from rf_pointing.simulation import PassLog, StationSetup, simulate_pass

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from rf_pointing.commands.options import ending_with_reason
 from rf_pointing.station.description import STATIONS, StationError, station_from
+from rf_pointing.station.description.content import BandSection
 from rf_pointing.station.description.schema import SCHEMA
 
 FREQUENCIES_MHZ = {
@@ -81,10 +82,11 @@ def description_of(options: argparse.Namespace) -> str:
 
 def _text(options: argparse.Namespace, bands: list[str]) -> str:
     width = "" if options.beamwidth is None else f"\n    half_power_beamwidth_deg: {options.beamwidth}"
+    usual = BandSection(frequency_mhz=1e3).sensors
     sections = [
         f"""  {name}:
     frequency_mhz: {FREQUENCIES_MHZ[name]}{width}
-    sensors: [conscan, steptrack]   # the default first; monopulse for such a feed; [] for program track
+    sensors: [{", ".join(usual)}]   # the default first; monopulse for such a feed; [] for program track
     # system_noise_k: 120.0
     # bias_model: my_model.yaml     # none until you have calibrated one"""
         for name in bands

@@ -90,6 +90,7 @@ class TrackerIntegrator:
 
     def freeze(self, t_s: float) -> None:
         """Hold the offset of `t_s` and ignore errors until `reset`."""
+        require_finite("t_s", t_s)
         self._settle(t_s)
         self._state.rate_rad_s = np.zeros(2)
         self._state.frozen = True
@@ -103,6 +104,7 @@ class TrackerIntegrator:
             For a non-finite error or a time before the previous one.
         """
         error = as_finite_array("error_rad", error_rad, (2,))
+        require_finite("t_s", t_s)
         # A late error finds the offset at rest on the end of its line: the rate then starts again
         # from zero.
         running = t_s <= self._state.end_s + 1e-6
@@ -141,7 +143,6 @@ class TrackerIntegrator:
         return self._clamped(offsets), np.where(moving, state.rate_rad_s, 0.0)
 
     def _settle(self, t_s: float) -> None:
-        require_finite("t_s", t_s)
         self._state.offset_rad = self.at(t_s)[0]
         self._state.t_s = self._state.end_s = t_s
 

@@ -98,6 +98,11 @@ class Params:
         """Return a checked copy with `changes`; the original stays as it is."""
         return dataclasses.replace(self, **changes)
 
+    def sets(self) -> "dict[str, Params]":
+        """Return the nested sets by name, as the nodes declare them and the files group them."""
+        values = {item.name: getattr(self, item.name) for item in dataclasses.fields(self)}
+        return {name: value for name, value in values.items() if isinstance(value, Params)}
+
     @classmethod
     def from_mapping(cls, values: Mapping[str, Any]) -> Self:
         """Build from `values` in core units; an unknown or missing key is an error."""

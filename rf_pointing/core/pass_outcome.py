@@ -1,4 +1,4 @@
-"""What held, tracked and lost mean: every number about the outcome of a pass is made here.
+"""The Gaussian beam, and what held, tracked and lost mean: the outcome of a pass is made here.
 
     g       = max(exp(-mu (error / h)^2), g_sidelobe)    power received over that on the axis
     held    = error <= h / 2                             the target is within the half-power beam
@@ -18,8 +18,10 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rf_pointing.core.gaussian_beam import MU, gaussian_gain
-
+# Exponent of the Gaussian beam: the power falls to exp(-mu/4) = 1/2 at half the half-power
+# beamwidth.
+MU = 4.0 * math.log(2.0)
+_DB_AT_ONE_BEAMWIDTH = 10.0 * MU / math.log(10.0)
 # The envelope of the sidelobes of a parabolic dish some beamwidths from the axis.
 SIDELOBE_DB = 40.0
 SIDELOBE_POWER = 10.0 ** (-0.1 * SIDELOBE_DB)
@@ -28,6 +30,16 @@ HALF_POWER = 0.5
 LEAST_SHARE = 0.8
 # Why a pass ends that was not interrupted.
 LOSS_OF_SIGNAL = "loss of signal"
+
+
+def gaussian_gain(error_rad: ArrayLike, beamwidth_rad: ArrayLike) -> NDArray[np.float64]:
+    """Return the power at angles off the beam axis over that on it, for a half-power width."""
+    return np.asarray(np.exp(-MU * np.square(np.divide(error_rad, beamwidth_rad))))
+
+
+def gaussian_loss_db(error_rad: ArrayLike, beamwidth_rad: ArrayLike) -> NDArray[np.float64]:
+    """Return the loss of an offset in dB for a half-power width: -10 log10 of `gaussian_gain`."""
+    return np.asarray(_DB_AT_ONE_BEAMWIDTH * np.square(np.divide(error_rad, beamwidth_rad)))
 
 
 def received_power(error_rad: ArrayLike, beamwidth_rad: ArrayLike) -> NDArray[np.float64]:

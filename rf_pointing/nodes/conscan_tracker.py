@@ -15,23 +15,22 @@ from rf_pointing.nodes.main_loop import run
 from rf_pointing.nodes.qos import STREAM
 from rf_pointing.nodes.station_node import StationNode
 from rf_pointing.nodes.streams import checked_message
-from rf_pointing.tracking import StepTrackParams
-from rf_pointing.tracking.conscan_estimate import ConscanParams
-from rf_pointing.tracking.power_tracker import PowerTracker
+from rf_pointing.tracking.power_tracker import NODE, PowerTracker, PowerTrackerParams
 
 
 class ConscanTrackerNode(StationNode):
     """Puts every carrier power where the beam was, and estimates when there are enough."""
 
     def __init__(self) -> None:
-        super().__init__("conscan_tracker")
-        self.parameters.declare("conscan", ConscanParams())
-        self.parameters.declare("steptrack", StepTrackParams())
+        super().__init__(NODE)
+        for prefix, defaults in PowerTrackerParams().sets().items():
+            self.parameters.declare(prefix, defaults)
         self._tracker: PowerTracker | None = None
         self._counts = {"valid": 0, "invalid": 0}
 
     def configure(self) -> None:
-        self._tracker = PowerTracker(self.parameters.value("conscan"), self.parameters.value("steptrack"))
+        sets = PowerTrackerParams().sets()
+        self._tracker = PowerTracker(PowerTrackerParams(**{prefix: self.parameters.value(prefix) for prefix in sets}))
         self._errors = self.stream(PointingError, "pointing_error", STREAM)
         self.listen(CarrierPower, "carrier_power", self._on_power, STREAM)
         self.listen(JointState, "joint_states", self._on_joints, STREAM, raw=True)

@@ -24,9 +24,8 @@ from rf_pointing.station.description import DEFAULT_STATION, StationDescription,
 from rf_pointing.station.pointing.certificates import pass_profile
 from rf_pointing.station.pointing.controller import PointingController
 from rf_pointing.station.pointing.params import ControllerParams
-from rf_pointing.tracking import MonopulseParams, MonopulseTracker, StepTrackParams
-from rf_pointing.tracking.conscan_estimate import ConscanParams
-from rf_pointing.tracking.power_tracker import CarrierTracker, PowerTracker
+from rf_pointing.tracking import MonopulseParams, MonopulseTracker, power_tracker
+from rf_pointing.tracking.power_tracker import CarrierTracker, PowerTracker, PowerTrackerParams
 from rf_pointing.tracking.sensors import load_trackers
 
 Array = NDArray[np.float64]
@@ -145,8 +144,8 @@ class StationSetup:
         """Return the tracker of the carrier power."""
         if self._tracker is not None:
             return self._tracker
-        node = self.node("conscan_tracker")
-        return PowerTracker(node.group("conscan", ConscanParams()), node.group("steptrack", StepTrackParams()))
+        sets = self._sets(power_tracker.NODE, PowerTrackerParams().sets())
+        return PowerTracker(PowerTrackerParams().replace(**sets))
 
 
 def simulate_pass(
@@ -164,7 +163,7 @@ def simulate_pass(
     track, sensor = setup.track(), setup.sensor if sensor is None else sensor
     antenna, receiver, controller = setup.antenna(), setup.receiver(), setup.controller()
     monopulse = MonopulseTracker(setup.node("monopulse_tracker").group("monopulse", MonopulseParams()))
-    conscan = setup.power_tracker()
+    carrier = setup.power_tracker()
     # Before the controller starts: its certificate begins at the axes' present angles.
     antenna.enable()
     log = PassLog()
@@ -178,17 +177,17 @@ def simulate_pass(
         if status is not None:
             # A cluster is noted under the mode of the newest period before its end.
             mode = status.mode
-            conscan.take_status(status.t_s, status.scan_centre_rad, status.offset_rad, status.mode, status.sensor)
+            carrier.take_status(status.t_s, status.scan_centre_rad, status.offset_rad, status.mode, status.sensor)
         if trajectory is not None:
             log.command_t_s.append(float(trajectory.t_s[0]))
             log.command_rad.append((float(trajectory.position_rad[0, 0]), float(trajectory.position_rad[0, 1])))
         # Every tick, not only in a period: the circle of a scan is read off the encoders.
-        conscan.take_joints(tick.reading)
+        carrier.take_joints(tick.reading)
         reception = receiver.take(tick.boresight)
         if reception is not None:
             # Before the next period, as on the graph: only errors stamped before it are used.
             controller.take_error(monopulse.measure(reception.cluster))
-            for error in conscan.take_power(reception.power):
+            for error in carrier.take_power(reception.power):
                 controller.take_error(error)
             log.t_s.append(reception.truth.t_s)
             log.cross_elevation_rad.append(reception.truth.cross_elevation_rad)

@@ -13,7 +13,7 @@ import yaml
 from numpy.typing import NDArray
 
 from rf_pointing.core import JointReading, Mode, MonopulseCluster, PointingError
-from rf_pointing.core.time_buffer import BeamPosition
+from rf_pointing.core.signals import BeamPosition
 from rf_pointing.core.whole_file import parse_yaml, read_whole, write_whole
 from rf_pointing.tracking.monopulse import MonopulseCalibration, MonopulseParams, MonopulseTracker
 from rf_pointing.tracking.monopulse_scan import MonopulseCalibrator, MonopulseScanParams

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from rf_pointing.core import CarrierPower, Params, PointingError, Sensor, parameter
 from rf_pointing.tracking.beam_fit import PowerWindow
 from rf_pointing.tracking.conscan_estimate import ConscanParams, estimate_window
-from rf_pointing.tracking.response import ResponseSums
+from rf_pointing.tracking.lock_watch import ResponseSums
 
 Array = NDArray[np.float64]
 # The median of three: one bad sample among them does not decide.

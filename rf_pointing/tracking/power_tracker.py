@@ -6,20 +6,22 @@ centre: the centre moves with every correction, and samples from before a correc
 contradict those after it.  What is published is target minus centre at the newest sample.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.core import CarrierPower, JointReading, PointingError, Sensor
-from rf_pointing.core.time_buffer import BeamPosition, TimeBuffer
+from rf_pointing.core import CarrierPower, JointReading, Params, PointingError, Sensor, parameter
+from rf_pointing.core.signals import BeamPosition, TimeBuffer
 from rf_pointing.tracking.conscan import ConscanTracker, DelayEstimator, DelayParams
 from rf_pointing.tracking.conscan_estimate import ConscanParams
 from rf_pointing.tracking.steptrack import StepTracker, StepTrackParams
 
 Array = NDArray[np.float64]
 # Sensors that are measured here, and the modes of the same names.
+# Node that runs it, by which a station description names its parameters.
+NODE = "conscan_tracker"
 TRACKED = (Sensor.CONSCAN, Sensor.STEPTRACK)
 # While nothing is scanned, every second power is passed on for its C/N0.
 IDLE_EVERY = 2
@@ -35,6 +37,14 @@ STEPPED_BACK_S = 60.0
 LARGEST_SHIFT_BEAMWIDTHS = 0.1
 # An answer to the centre's motion that is not of its size is the target's own motion.
 GAIN_TOLERANCE = 0.3
+
+
+@dataclass(frozen=True, kw_only=True)
+class PowerTrackerParams(Params):
+    """Both scans, as the node of this name declares them."""
+
+    conscan: ConscanParams = parameter(ConscanParams(), "conical scan")
+    steptrack: StepTrackParams = parameter(StepTrackParams(), "step-track")
 
 
 class CarrierTracker(Protocol):
@@ -53,8 +63,8 @@ class CarrierTracker(Protocol):
 class PowerTracker:
     """Feeds the tracker of the mode in force; silent while the pass uses neither of them."""
 
-    def __init__(self, conscan: ConscanParams, steptrack: StepTrackParams) -> None:
-        self.conscan, self.steptrack = ConscanTracker(conscan), StepTracker(steptrack)
+    def __init__(self, params: PowerTrackerParams) -> None:
+        self.conscan, self.steptrack = ConscanTracker(params.conscan), StepTracker(params.steptrack)
         self._beam, self._centre = BeamPosition(), TimeBuffer()
         self._waiting: list[CarrierPower] = []
         self._mode, self._wanted = "", True

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from rf_pointing.core import JointReading
-from rf_pointing.core.time_buffer import KEPT_S, BeamPosition
+from rf_pointing.core.signals import KEPT_S, BeamPosition
 
 CENTRE = np.array([1.0, 0.8])
 

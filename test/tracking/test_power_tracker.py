@@ -11,7 +11,7 @@ import pytest
 from rf_pointing.core import CarrierPower, JointReading, PointingError
 from rf_pointing.tracking import StepTrackParams
 from rf_pointing.tracking.conscan_estimate import ConscanParams
-from rf_pointing.tracking.power_tracker import PowerTracker
+from rf_pointing.tracking.power_tracker import PowerTracker, PowerTrackerParams
 
 CENTRE = np.array([1.0, 0.8])
 
@@ -28,7 +28,8 @@ NO_OFFSET = np.zeros(2)
 
 
 def tracker(**changes: Any) -> PowerTracker:
-    return PowerTracker(ConscanParams(**{"window_samples": 8, "fewest_samples": 8, **changes}), StepTrackParams())
+    scan = ConscanParams(**{"window_samples": 8, "fewest_samples": 8, **changes})
+    return PowerTracker(PowerTrackerParams(conscan=scan))
 
 
 def status(t_s: float, mode: str = "conscan", sensor: str = "conscan") -> tuple[Any, ...]:
@@ -58,7 +59,7 @@ def test_a_power_waits_until_the_beam_is_known_at_the_middle_of_its_integration(
 def test_a_full_window_gives_the_planted_error(random: np.random.Generator) -> None:
     """A target 3 mdeg right of and 2 mdeg below the scan centre, heard through the beam without noise."""
     params = ConscanParams(window_samples=40)
-    scan, beamwidth = PowerTracker(params, StepTrackParams()), params.half_power_beamwidth_rad
+    scan, beamwidth = PowerTracker(PowerTrackerParams(conscan=params)), params.half_power_beamwidth_rad
     planted = np.radians([3e-3, -2e-3])
     found = []
     for k in range(1, 43):
@@ -161,12 +162,12 @@ BAD = {
 @pytest.mark.parametrize("name", BAD)
 def test_a_bad_power_is_rejected_with_its_reason_and_nothing_else_changes(name: str) -> None:
     changes, reason = BAD[name]
-    scan = PowerTracker(SCAN, StepTrackParams())
+    scan = PowerTracker(PowerTrackerParams(conscan=SCAN))
     found = circling(scan, lambda k, good: [dataclasses.replace(good, **changes)] if k == 50 else [good])
     count, said = scan.rejections
     assert count == 1
     assert reason in said
-    wanted = circling(PowerTracker(SCAN, StepTrackParams()), lambda k, good: [] if k == 50 else [good])
+    wanted = circling(PowerTracker(PowerTrackerParams(conscan=SCAN)), lambda k, good: [] if k == 50 else [good])
     assert found[-1].valid, found[-1].reason
     assert found[-1].t_s == wanted[-1].t_s
     assert found[-1].cross_elevation_rad == wanted[-1].cross_elevation_rad
@@ -174,14 +175,14 @@ def test_a_bad_power_is_rejected_with_its_reason_and_nothing_else_changes(name: 
 
 
 def test_time_set_back_by_minutes_starts_anew_instead_of_rejecting_for_ever() -> None:
-    scan = PowerTracker(SCAN, StepTrackParams())
+    scan = PowerTracker(PowerTrackerParams(conscan=SCAN))
     scan.take_power(power(1000.0))
     assert circling(scan, lambda _k, good: [good])[-1].valid
     assert scan.rejections[0] == 0
 
 
 def test_a_beam_that_rests_names_the_missing_positions_and_the_next_scan_works() -> None:
-    scan = PowerTracker(SCAN, StepTrackParams())
+    scan = PowerTracker(PowerTrackerParams(conscan=SCAN))
     found = []
     for k in range(1, 60):
         scan.take_status(*status(0.1 * k))
@@ -194,7 +195,7 @@ def test_a_beam_that_rests_names_the_missing_positions_and_the_next_scan_works()
 
 
 def test_a_beam_far_outside_its_own_width_is_rejected() -> None:
-    scan = PowerTracker(SCAN, StepTrackParams())
+    scan = PowerTracker(PowerTrackerParams(conscan=SCAN))
     for k in range(1, 12):
         scan.take_status(*status(0.1 * k))
         scan.take_joints(reading(0.1 * k, (0.0, 3.0 * SCAN.half_power_beamwidth_rad)))
@@ -213,7 +214,7 @@ def test_a_circle_wider_than_the_beam_is_a_refused_configuration() -> None:
 def test_step_track_carries_on_after_a_bad_power(name: str) -> None:
     changes, reason = BAD[name]
     steps = StepTrackParams(dwell_s=1.0, move_s=0.5)
-    scan, found = PowerTracker(SCAN, steps), []
+    scan, found = PowerTracker(PowerTrackerParams(conscan=SCAN, steptrack=steps)), []
     for k in range(1, 80):
         t_s, at = 0.1 * k, scan.steptrack.offset(0.1 * k - 0.05)
         here = scan.steptrack.offset(t_s)

@@ -4,7 +4,6 @@ The encoders read the true direction plus the mount's own errors.  Faults of dri
 be injected.  Only this module knows where the beam really points.
 """
 
-import dataclasses
 import math
 from dataclasses import dataclass
 
@@ -59,10 +58,6 @@ class AntennaParams(Params):
     wind: WindParams = parameter(WindParams(), "wind at the dish")
     mount: MountParams = parameter(MountParams(), "errors of the mount")
     safety: SafetyParams = parameter(SafetyParams(), "limits of trust, park and stow position")
-
-    def sets(self) -> dict[str, Params]:
-        """Return the sets by name, as the nodes declare them and the files group them."""
-        return {item.name: getattr(self, item.name) for item in dataclasses.fields(self)}
 
 
 class InjectedFaults:

@@ -26,7 +26,7 @@ from rf_pointing.calibration import (
     fit_bias_model,
 )
 from rf_pointing.core import MDEG, JointReading, Motion, PointingError, Target, nearest_turn_rad
-from rf_pointing.core.time_buffer import TimeBuffer
+from rf_pointing.core.signals import TimeBuffer
 from rf_pointing.planning import plunged
 from rf_pointing.station.pointing.prediction import TargetBuffer
 from rf_pointing.tracking.sensors import SENSORS

@@ -8,7 +8,8 @@ default is None is derived when it is not given (`derivation.py`).
 from dataclasses import dataclass, field
 from typing import Any
 
-from rf_pointing.core import Sensor, parameter
+from rf_pointing.core import parameter
+from rf_pointing.tracking.sensors import SENSORS
 
 VERSION = 1
 Pair = tuple[float, float]
@@ -120,9 +121,9 @@ class BandSection:
         None, "full width of the beam at half power; default: from diameter and frequency", low=1e-4, high=80.0
     )
     sensors: tuple[str, ...] = parameter(
-        (Sensor.CONSCAN, Sensor.STEPTRACK),
+        tuple(name for name, traits in SENSORS.items() if traits.scans),
         "what the feed and receiver can track with, the default first; none: program track",
-        choices=(Sensor.MONOPULSE, Sensor.CONSCAN, Sensor.STEPTRACK),
+        choices=SENSORS.keys(),
     )
     system_noise_k: float | None = parameter(
         None, "system noise temperature at the zenith; default: 120, below 1 GHz 400", low=5.0, high=10000.0

@@ -44,8 +44,8 @@ from rf_pointing.station.description.plants import (
 )
 from rf_pointing.station.description.reading import flat
 from rf_pointing.station.pointing.params import ControllerParams
-from rf_pointing.tracking import MonopulseParams, MonopulseScanParams, StepTrackParams
-from rf_pointing.tracking.conscan_estimate import ConscanParams
+from rf_pointing.tracking import MonopulseParams, MonopulseScanParams, power_tracker
+from rf_pointing.tracking.power_tracker import PowerTrackerParams
 
 SPEED_OF_LIGHT_M_S = 299_792_458.0
 BEAM_FACTOR_DEG = 66.0
@@ -59,8 +59,8 @@ NODES: dict[str, dict[str, Params]] = {
     "pointing_controller": ControllerParams().sets(),
     "ephemeris_publisher": {"source": SourceParams(), "mask": HorizonMask()},
     "rf_receiver": {"source": SourceParams(), "signal": SignalParams()},
-    "monopulse_tracker": {"monopulse": MonopulseParams(), "calibration": MonopulseScanParams()},
-    "conscan_tracker": {"conscan": ConscanParams(), "steptrack": StepTrackParams()},
+    "monopulse_tracker": {Sensor.MONOPULSE: MonopulseParams(), "calibration": MonopulseScanParams()},
+    power_tracker.NODE: PowerTrackerParams().sets(),
 }
 """Parameter sets of each node that a description covers, by their prefix."""
 # Their parameter sets are declared with the nodes.
@@ -325,7 +325,7 @@ def _zones(of: Band) -> dict[str, Value]:
 
 
 _BEAMWIDTHS = (
-    "monopulse", "calibration", "conscan", "steptrack", "watch", "spiral", "machine", "signal.beam",
+    Sensor.MONOPULSE, Sensor.CONSCAN, Sensor.STEPTRACK, "calibration", "watch", "spiral", "machine", "signal.beam",
 )  # fmt: skip
 
 

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.core import AXES, JointReading, Params, angular_distance_rad, parameter
-from rf_pointing.core.time_buffer import TimeBuffer
+from rf_pointing.core.signals import TimeBuffer
 
 Array = NDArray[np.float64]
 # Share of `frozen_rad` that an encoder may toggle by and still keep its angle.
@@ -120,7 +120,7 @@ class AntennaWatch:
         """Return the state of the axes in the period at `t_s` with the newest reading."""
         age_s = t_s - max(self._begun_s, reading.t_s if reading else -math.inf)
         silent = age_s > self.params.silence_s
-        error, distance = self._off_command(t_s, reading, silent)
+        command, error, distance = self._off_command(t_s, reading, silent)
         within = error is not None and not silent and distance <= self.tolerance_rad
         count = self.state.settle_count + 1 if within else 0
         self._settled = self._settled or count >= self.params.settle_periods
@@ -132,37 +132,37 @@ class AntennaWatch:
             # Pause, stow and park move the axes off the command on purpose; a stall stops them.
             self.unsettle()
             doubt = doubt or f"the antenna is {self.mode}"
-        elif reading is not None and error is not None and not silent and self._settled:
-            fault = fault or self._frozen(reading, distance) or self._runaway(t_s, distance)
+        elif reading is not None and command is not None and self._settled:
+            fault = fault or self._frozen(reading, command, distance) or self._runaway(t_s, distance)
         self.state = AxisState(
             age_s=t_s - reading.t_s if reading else math.inf, error_rad=error, distance_rad=distance,
             settle_count=count, on_source=count >= self.params.settle_periods, fault=fault, doubt=doubt,
         )  # fmt: skip
         return self.state
 
-    def _off_command(self, t_s: float, reading: JointReading | None, silent: bool) -> tuple[Array | None, float]:
-        """Return the axis error (2,) and the distance, (None, 0) where either side is not known."""
+    def _off_command(
+        self, t_s: float, reading: JointReading | None, silent: bool
+    ) -> tuple[Array | None, Array | None, float]:
+        """Return command, axis error (2,) and the distance, (None, None, 0) if one is not known."""
         if reading is None:
-            return None, 0.0
+            return None, None, 0.0
         # Nobody knows where a silent antenna is now: its last angle is compared with the present
         # command.
         command = self._command_at(t_s if silent else reading.t_s)
         if command is None:
-            return None, 0.0
+            return None, None, 0.0
         azimuth, elevation = reading.position_rad
         off = command - reading.position_rad
         error = np.array([math.remainder(off[0], 2.0 * math.pi) * math.cos(elevation), off[1]])
-        return error, float(angular_distance_rad(azimuth, elevation, command[0], command[1]))
+        return command, error, float(angular_distance_rad(azimuth, elevation, command[0], command[1]))
 
     def _command_at(self, t_s: float) -> Array | None:
         # The newest command may lie a rounding of the stamps before the reading.
         newest_s = self._commands.times[-1] if self._commands.times else -math.inf
         return self._commands.at(min(t_s, newest_s) if t_s - newest_s < SAME_S else t_s)
 
-    def _frozen(self, reading: JointReading, distance: float) -> str:
+    def _frozen(self, reading: JointReading, command: Array, distance: float) -> str:
         """Return why an encoder counts as frozen, "" while both move or need not."""
-        command = self._command_at(reading.t_s)
-        assert command is not None
         if self._anchor is None:
             self._anchor = np.full(2, reading.t_s), reading.position_rad.copy(), command.copy()
         since_s, kept, wanted = self._anchor

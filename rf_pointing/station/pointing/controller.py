@@ -171,11 +171,12 @@ class PointingController:
         elif doubted and not axes.doubt:
             self._slew_again(t_s, f"over: {doubted}")
         trajectory = self._command(t_s, window)
+        error = self._mode.fresh_error(t_s)
         if t_s >= window.aos_t_s:
-            self._count(t_s)
+            self._count(t_s, error)
         if self._stopping:
             return self._finish(t_s)
-        return trajectory, self._status(t_s, self._mode.fresh_error(t_s))
+        return trajectory, self._status(t_s, error)
 
     def _slew_again(self, t_s: float, reason: str) -> None:
         """Let the axes find the target again: they may have stopped meanwhile."""
@@ -219,22 +220,20 @@ class PointingController:
             self.antenna.take_command(float(trajectory.t_s[0]), trajectory.position_rad[0])
         return trajectory
 
-    def _count(self, t_s: float) -> None:
+    def _count(self, t_s: float, error: PointingError | None) -> None:
         """Add the period to the outcome of the pass."""
-        error, mode = self._mode.fresh_error(t_s), self.state.mode
+        mode, course = self.state.mode, self.plan.course
         sensed = error if error is not None and error.valid and error.sensor == mode else None
         timing, beamwidth_rad = self.params.pointing, self.corrections.half_power_beamwidth_rad
         newest_t_s = t_s - LEAST_AGE_PERIODS * timing.period_s
         oldest_t_s = newest_t_s - LEVEL_PERIODS * timing.period_s
-        range_m = self._motion.range_m(t_s)
-        axis_db_hz = math.inf if range_m is None else self.carrier.link.level_db_hz(range_m)
         evidence = BeamEvidence(
             sensor=self._mode.sensor,
             axes=self.antenna.state,
             sensed=sensed,
             off_centre_rad=self._motion.off_centre_rad(),
-            power=self._levels.power(newest_t_s, oldest_t_s, axis_db_hz),
-            planned_rad=self.plan.course.planned_error_rad(t_s),
+            power=self._levels.power(newest_t_s, oldest_t_s, self._mode.axis_db_hz),
+            planned_rad=0.0 if course.direct else course.planned_error_rad(t_s),
         )
         waiting = mode == Mode.IDLE
         self.statistics.note(sensed)
@@ -274,7 +273,7 @@ class PointingController:
         course = self.plan.course
         if not course.direct and course.crossing(t_s) and not self._stopping:
             return
-        before, arriving = self.state.mode, self.corrections.arriving(t_s)
+        before, arriving = self.state.mode, t_s < self.corrections.arrived_s
         errors = self._mode.usable_errors(t_s)
         error = newest(errors, before)
         motion = self._motion.snapshot(t_s, window, error.t_s if error else None)
@@ -293,11 +292,11 @@ class PointingController:
     def _status(self, t_s: float, error: PointingError | None) -> TrackingStatus:
         state, window, axes = self._mode.state, self._pass, self.antenna.state
         sensed = error is not None and error.valid and state.carrier and error.sensor == state.mode
+        self._alarm, centre = self._alarm_of(t_s, window, axes), self._motion.centre_rad(t_s)
         correction = self.corrections.correction_rad(t_s)
         sky = self._motion.sky_rad(t_s, window, correction)
         axis_error = np.zeros(2) if axes.error_rad is None else axes.error_rad
         shown = np.array([error.cross_elevation_rad, error.elevation_rad]) if sensed and error else axis_error
-        self._alarm = self._alarm_of(t_s, window, axes)
         return TrackingStatus(
             t_s=t_s,
             mode=state.mode,
@@ -307,7 +306,7 @@ class PointingController:
             los_t_s=window.los_t_s if window else 0.0,
             azimuth_rad=float(sky[0]),
             elevation_rad=float(sky[1]),
-            scan_centre_rad=self._motion.centre_rad(t_s),
+            scan_centre_rad=centre,
             cross_elevation_error_rad=float(shown[0]),
             elevation_error_rad=float(shown[1]),
             cross_elevation_offset_rad=float(correction[0]),

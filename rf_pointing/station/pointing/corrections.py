@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from rf_pointing.controllers import TrackerIntegrator, TrackerIntegratorParams
 from rf_pointing.core import Mode, Motion, PointingError, Quintic
-from rf_pointing.core.time_buffer import TimeBuffer
+from rf_pointing.core.signals import TimeBuffer
 from rf_pointing.station.pointing.scan_patterns import ScanPatterns, Scans
 from rf_pointing.tracking import AutotrackState, SkyMotion, TrimFilter, TrimParams, direction_rows
 from rf_pointing.tracking.sensors import SENSORS
@@ -116,16 +116,14 @@ class PointingCorrections:
         self.filter = TrimFilter(self._trim_params)
         self._scans = ScanPatterns(self._scan_params)
         self._transition = OffsetTransition()
+        self.arrived_s = -math.inf
+        """When the beam is where the last mode sent it; before, it may still be on its way."""
         self._past = TimeBuffer(kept_s=self._scan_params.memory_s)
         self._ahead: _Ahead | None = None
         self._fade_s: float | None = None
         self._used_s = self._learned_s = -math.inf
         self._found: _Found | None = None
         self._unseen = False
-
-    def arriving(self, t_s: float) -> bool:
-        """Whether the beam of `t_s` may still be on its way to where the last mode sent it."""
-        return t_s < self._transition.end_s + UNDERWAY_S
 
     def update(
         self, command_s: float, mode_before: str, state: AutotrackState, error: PointingError | None, beam: Array | None
@@ -195,7 +193,7 @@ class PointingCorrections:
         """Return how far the beam was from the centre on purpose (2,), not to be corrected."""
         # While it is on its way the encoders show that. Once there, what they show is the wind,
         # which is to be corrected, and only the circle that tests the lock was meant.
-        if past is not None and beam is not None and self.arriving(command_s):
+        if past is not None and beam is not None and command_s < self.arrived_s:
             return np.asarray(beam - past[3:5])
         return self._scans.at(np.array([t_s]), None)[0][0] if self._scans.running else np.zeros(2)
 
@@ -262,6 +260,7 @@ class PointingCorrections:
         left = [(b - a)[0] for a, b in zip(after, before, strict=True)]
         acceleration = self._scan_params.spiral.acceleration_rad_s2
         self._transition = OffsetTransition.within(command_s, left[0], left[1], acceleration)
+        self.arrived_s = self._transition.end_s + UNDERWAY_S
 
     def _consider(self, error: PointingError, beam: Array) -> None:
         """Keep where a search found the strongest carrier; a valid error refines the direction."""

@@ -157,14 +157,13 @@ class TrackingMode:
         self.state = AutotrackState()
         self.errors = SensedErrors()
         self._table = Autotrack(params)
+        self.sensor = params.sensor
+        """Sensor that the table uses, in its own words."""
         self._carrier = carrier
         self._calibrating = False
+        self.axis_db_hz = -math.inf
+        """C/N0 that the link gives on the beam's axis in the last period, -inf if not known."""
         self.errors.restart(self.sensor)
-
-    @property
-    def sensor(self) -> str:
-        """Sensor that the table uses, in its own words."""
-        return self._table.params.sensor
 
     def retune(self, params: AutotrackParams, timing: PointingParams) -> None:
         """Use new thresholds and times from the next period on; the sensor of the pass stays."""
@@ -176,7 +175,8 @@ class TrackingMode:
         """Begin a pass with a sensor as the operator names it."""
         self._carrier.restart()
         self._calibrating = False
-        self._table = Autotrack(self.params.replace(sensor=SENSOR_CHOICES[sensor]))
+        self.sensor, self.axis_db_hz = SENSOR_CHOICES[sensor], -math.inf
+        self._table = Autotrack(self.params.replace(sensor=self.sensor))
         self.errors.restart(self.sensor)
         self.state = AutotrackState(entered_s=t_s)
 
@@ -221,8 +221,9 @@ class TrackingMode:
         `arriving`: the beam is still on its way to where the last mode began; `ended`: the pass is
         over.
         """
-        error, before = newest(errors, self.state.mode), self.state
+        error, before, valid = newest(errors, self.state.mode), self.state, valid_sensors(errors)
         fault = self._false_lock(error, motion)
+        self.axis_db_hz = self._carrier.link.level_db_hz(motion.range_m) if motion.range_m is not None else -math.inf
         request = Request.CALIBRATE if self._calibrating else Request.TRACK
         inputs = AutotrackInputs(
             t_s=t_s,
@@ -230,8 +231,8 @@ class TrackingMode:
             target_available=motion.target_available,
             on_target=motion.on_target,
             carrier_to_noise_db_hz=error.carrier_to_noise_db_hz if error else -math.inf,
-            axis_db_hz=self._carrier.link.level_db_hz(motion.range_m) if motion.range_m is not None else -math.inf,
-            valid=valid_sensors(errors),
+            axis_db_hz=self.axis_db_hz,
+            valid=valid,
             arriving=arriving,
             fault=fault,
             sidelobe=fault.startswith(SIDELOBE),

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from rf_pointing.calibration import BiasModel, LagHistory, LagState
 from rf_pointing.core import JointReading, JointTrajectory, Motion
-from rf_pointing.core.time_buffer import BeamPosition, TimeBuffer
+from rf_pointing.core.signals import BeamPosition, TimeBuffer
 from rf_pointing.ephemeris import Pass
 from rf_pointing.station.pointing.corrections import PointingCorrections, added
 from rf_pointing.station.pointing.params import PointingParams
@@ -136,9 +136,11 @@ class CommandedMotion:
 
     def snapshot(self, t_s: float, window: Pass, error_t_s: float | None) -> MotionSnapshot:
         """Return what the state table must know; `error_t_s` is the time of the newest error."""
+        on_target = self._on_target(t_s, window)
         beam = None if error_t_s is None else self.beam.offset(error_t_s)
         self._fill_targets(t_s, window)
-        ahead = self.targets.covers(t_s, t_s + self._shortest_s)
+        # The shortest trajectory has three points.
+        ahead = self.targets.covers(t_s, t_s + self.params.transport_s + 2.0 * self.params.period_s)
         known = ahead or self.targets.covers(t_s, t_s)
         ranges = (None, None)
         # Before the first sample of the target no distance is known, and nothing to compare the
@@ -148,16 +150,11 @@ class CommandedMotion:
         return MotionSnapshot(
             # Before the pass the axes wait where it begins, which is always known.
             target_available=ahead or t_s < window.aos_t_s,
-            on_target=self._on_target(t_s, window),
+            on_target=on_target,
             range_m=ranges[0] if known else None,
             beam_rad=beam,
             error_range_m=ranges[1],
         )
-
-    @property
-    def _shortest_s(self) -> float:
-        """How far ahead the target must be known: the shortest trajectory has three points."""
-        return self.params.transport_s + 2.0 * self.params.period_s
 
     def _fill_targets(self, t_s: float, window: Pass) -> None:
         """Go on with the profile of the pass where the prediction has not arrived."""
@@ -165,10 +162,6 @@ class CommandedMotion:
         if t_s < window.aos_t_s or self._plan.profile is None or self.targets.covers(t_s, end_s):
             return
         self.targets.fill(self._plan.profile, t_s, end_s, window.smallest_range_m)
-
-    def range_m(self, t_s: float) -> float | None:
-        """Return the distance of the target in m, None while its motion is not known."""
-        return float(self.targets.range_m(t_s)) if self.targets.covers(t_s, t_s) else None
 
     def targets_late_s(self, t_s: float) -> float:
         """Return by how much the received prediction is shorter than the trajectories."""
@@ -220,6 +213,7 @@ class CommandedMotion:
         # has it.  Else the old point would stay a rounding error before the new one, and the axes
         # would follow it to the end.
         times = np.round(t_s + params.transport_s + params.period_s * np.arange(count, dtype=np.float64), 6)
+        now, first = time_key(t_s), time_key(times[0])
         near_rad = 0.5 * (window.azimuth_min_rad + window.azimuth_max_rad) + turns_rad
         try:
             if t_s < window.aos_t_s:
@@ -230,12 +224,12 @@ class CommandedMotion:
             return None, str(refused)
         centre, added_rates = predicted, np.zeros_like(predicted.velocity)
         if t_s >= window.aos_t_s:
-            centre, added_rates = self._corrected(times, predicted)
+            centre, added_rates = self._corrected(times, predicted, self.targets.range_m(times))
         scanned = self._corrections.add_scan(times, centre)
         lead = self._lag.lead(times, added_rates + scanned.velocity - centre.velocity, self.model)
         # The encoders are compared with what was commanded, lead included.
-        kept = {key: at for key, at in self._centre.items() if key >= time_key(t_s)}
-        self._centre = {**kept, time_key(times[0]): centre.position[0] + lead.position[0]}
+        kept = {key: at for key, at in self._centre.items() if key >= now}
+        self._centre = {**kept, first: centre.position[0] + lead.position[0]}
         self._centres.add(float(times[0]), centre.position[0] + lead.position[0])
         self.beam.take_centre(float(times[0]), predicted.position[0] + lead.position[0])
         position, velocity, acceleration = scanned
@@ -277,9 +271,9 @@ class CommandedMotion:
         next_rad = self._plan.to_start(t_s, self.axes, waiting.position[0])
         return waiting._replace(position=np.tile(next_rad, (count, 1)))
 
-    def _corrected(self, times: Array, predicted: Motion) -> tuple[Motion, Array]:
+    def _corrected(self, times: Array, predicted: Motion, range_m: Array) -> tuple[Motion, Array]:
         """Return the motion with the corrections, and the rates (n, 2) that they add."""
-        course, range_m = self._plan.course, self.targets.range_m(times)
+        course = self._plan.course
         if not course.direct:
             self._corrections.turn_over(course.plunge_at(float(times[0])))
         corrected = self._corrections.add_corrections(times, predicted, range_m)

@@ -4,7 +4,6 @@ The names of the tree's fields are the prefixes of the ROS parameters and the ke
 files.
 """
 
-import dataclasses
 import math
 from dataclasses import dataclass
 
@@ -91,7 +90,3 @@ class ControllerParams(Params):
     link: LinkParams = parameter(LinkParams(), "carrier to expect")
     gate: GateParams = parameter(GateParams(), "safety gate")
     sun: SunParams = parameter(SunParams(), "site from which the Sun is computed")
-
-    def sets(self) -> dict[str, Params]:
-        """Return the sets by name, as the nodes declare them and the files group them."""
-        return {item.name: getattr(self, item.name) for item in dataclasses.fields(self)}
