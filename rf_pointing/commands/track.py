@@ -28,8 +28,8 @@ from rf_pointing.nodes.qos import LATCHED
 from rf_pointing.nodes.stamps import seconds_from_stamp
 from rf_pointing.planning import certificate_lines
 
-CERTIFICATE_S = 10.0
-"""How long to wait for the certificate of an accepted goal."""
+CERTIFICATE_S = 40.0
+"""How long to wait for the certificate of an accepted goal, or for the word that there is none."""
 BAR = 24
 """Characters of the progress bar."""
 
@@ -111,9 +111,11 @@ class PassRun(StationRun):
         """Print the certificate of the accepted goal; time is still held, so nothing has moved."""
         deadline_s, ended = time.monotonic() + CERTIFICATE_S, handle.get_result_async()
         while self._certificate is None and not ended.done() and time.monotonic() < deadline_s:
+            self.graph.check()
             self.spin(0.02)
+        if self._certificate is None and not ended.done():
+            raise TimeoutError(f"pointing_controller neither certified nor refused the pass in {CERTIFICATE_S:.0f} s")
         if self._certificate is None:
-            self.say("no certificate was issued: this pass is not in the list of coming passes")
             return
         for line in certificate_lines(convert_planning.certificate_from_message(self._certificate)):
             print(line, file=sys.stderr)

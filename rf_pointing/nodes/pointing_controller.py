@@ -10,6 +10,7 @@ Parameters: those of `ControllerParams`, and certificate_folder (where every cer
 as a file; empty: nowhere).
 """
 
+import math
 import time
 from typing import Any
 
@@ -53,6 +54,8 @@ LIVE = {
 FEEDBACK_EVERY = 10
 LONGEST_WAIT_S = 0.05
 """Wall time that a period waits for the error of the one before; commands start after 0.1 s."""
+PLAN_PATIENCE_WALL_S = 30.0
+"""Wall time that a goal waits for its certificate, also while simulated time is held."""
 
 
 class PointingControllerNode(StationNode):
@@ -71,6 +74,7 @@ class PointingControllerNode(StationNode):
         self._steps = 0
         self._period: tuple[float, float] | None = None
         self._refusal = ""
+        self._accepted_wall_s = 0.0
         self._alarm = 0, ""
         self._action = ActionServer(
             self, TrackPass, "track_pass", self._conclude, goal_callback=self._on_goal,
@@ -107,23 +111,47 @@ class PointingControllerNode(StationNode):
         self._step(self.now_s())
 
     def _due(self, t_s: float) -> None:
-        """Begin the period at `t_s`; an error that is on its way may still arrive for it."""
+        """Begin the period at `t_s`; what is on its way may still arrive for it."""
         self._finish_period()
-        if self._controller.awaits_error(t_s):
+        self._certify()
+        if self._controller.missing:
+            # Simulated time waits for the status of this period, so it does not run ahead of the
+            # certificate on a busy machine.
+            self._period = (t_s, math.inf)
+        elif self._controller.awaits_error(t_s):
             self._period = (t_s, time.perf_counter() + LONGEST_WAIT_S)
         else:
             self._step(t_s)
 
     def turn(self) -> float:
         """Finish a period that has waited long enough."""
+        self._certify()
         if self._period is None:
             return super().turn()
         t_s, deadline_s = self._period
         left_s = deadline_s - time.perf_counter()
-        if left_s > 0.0 and self._controller.awaits_error(t_s):
-            return left_s
+        if left_s > 0.0 and (self._controller.missing or self._controller.awaits_error(t_s)):
+            return min(left_s, super().turn())
         self._finish_period()
         return 0.0
+
+    def _certify(self) -> None:
+        """Issue the certificate of a goal that waits for it, or refuse the goal after a while."""
+        core = self._controller
+        if self._goal is None or not core.missing:
+            return
+        now_s, waited_s = self.now_s(), time.perf_counter() - self._accepted_wall_s
+        self._read_joints(now_s)
+        if not core.missing and (difference := self._difference()):
+            core.stop(difference)
+        core.certify(now_s)
+        self._show_certificate()
+        if waited_s > PLAN_PATIENCE_WALL_S:
+            core.refuse_incomplete(waited_s)
+        # While time is held there is no period that would end a refused pass.
+        if core.stopping:
+            self._period = None
+            self._step(now_s)
 
     def _finish_period(self) -> None:
         if self._period is not None:
@@ -151,7 +179,14 @@ class PointingControllerNode(StationNode):
                 self._feed_back(message, status)
             if busy and not self._controller.busy:
                 goal, self._goal = self._goal, None
+                certificate = self._controller.plan.certificate
+                if certificate is None or certificate.chosen is None:
+                    self._refuse(self._controller.statistics.reason)
                 goal.execute()
+
+    def _refuse(self, reason: str) -> None:
+        self._refusal = reason
+        self.get_logger().error(f"pass refused: {reason}")
 
     def _warn(self, status: Status) -> None:
         """Publish the diagnostics at once when their level changes: an operator waits for that."""
@@ -207,20 +242,24 @@ class PointingControllerNode(StationNode):
         self._refusal = ""
         try:
             now_s = self.now_s()
-            if difference := self._census.difference(self):
-                raise ValueError(f"the nodes run on different station descriptions: {difference}")
+            if difference := self._difference():
+                raise ValueError(difference)
             self._read_joints(now_s)
             self._controller.start(
                 now_s, convert_planning.pass_from_message(goal.request.target_pass), goal.request.sensor
             )
         except ValueError as error:
-            self._refusal = str(error)
-            self.get_logger().error(f"pass refused: {error}")
+            self._refuse(str(error))
             goal.execute()
             return
         finally:
             self._show_certificate()
-        self._goal = goal
+        self._goal, self._accepted_wall_s = goal, time.perf_counter()
+
+    def _difference(self) -> str:
+        """Return "" or which nodes run on another station."""
+        difference = self._census.difference(self)
+        return f"the nodes run on different station descriptions: {difference}" if difference else ""
 
     def _on_cancel(self, _goal: Any) -> CancelResponse:
         self._controller.stop("the goal was cancelled")

@@ -1,5 +1,6 @@
 """The graph as the integrator of a station finds it: names, parameters, lifecycle, remapping."""
 
+import dataclasses
 import subprocess
 import time
 from collections.abc import Iterator
@@ -19,15 +20,19 @@ from rclpy.action import ActionClient
 from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rf_pointing_msgs.action import TrackPass
-from rf_pointing_msgs.msg import AntennaStatus
+from rf_pointing_msgs.msg import AntennaStatus, PassCertificate, PassProfileList, TrackingStatus
 from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory
 
 from rf_pointing.ephemeris import Pass, first_pass_above
 from rf_pointing.ephemeris.source import SourceParams, load_elements, load_track
 from rf_pointing.nodes import convert_planning
 from rf_pointing.nodes.graph import NODES, TOPICS
-from rf_pointing.nodes.qos import STATUS, STREAM
+from rf_pointing.nodes.qos import LATCHED, STATUS, STREAM
+from rf_pointing.nodes.stamps import seconds_from_stamp
 from rf_pointing.station.description import read_station, shipped_stations
+from rf_pointing.station.pointing.certificates import pass_profile
+from rf_pointing.station.pointing.controller import PLAN_PATIENCE_S
 
 from .conftest import ask, executable
 
@@ -230,3 +235,87 @@ def test_a_pass_is_refused_while_a_node_runs_on_another_description(live: Simple
         message = result.result().result.message
     assert "ephemeris_publisher on Goldstone DSS-13" in message
     client.destroy()
+
+
+class Goal:
+    """A live servo and a controller without an ephemeris, and what the controller makes of a goal."""
+
+    NODES = ("antenna_servo", "pointing_controller")
+
+    def __init__(self, live: SimpleNamespace) -> None:
+        self.live, self.status, self.certificates, self.commands = live, TrackingStatus(), list[Any](), list[Any]()
+        live.node.create_subscription(TrackingStatus, "tracking_status", self._on_status, STREAM)
+        live.node.create_subscription(PassCertificate, "pass_certificate", self.certificates.append, LATCHED)
+        live.node.create_subscription(JointTrajectory, "joint_trajectory", self.commands.append, STREAM)
+        self.profiles = live.node.create_publisher(PassProfileList, "pass_profiles", LATCHED)
+        self.client = ActionClient(live.node, TrackPass, "track_pass")
+
+    def _on_status(self, message: TrackingStatus) -> None:
+        self.status = message
+
+    @property
+    def t_s(self) -> float:
+        return seconds_from_stamp(self.status.header.stamp)
+
+    def send(self, window: Pass) -> Any:
+        """Send the goal, and return the future of its result."""
+        self.live.spin_until(self.client.server_is_ready, "track_pass")
+        message = convert_planning.pass_to_message(window)
+        sent = self.client.send_goal_async(TrackPass.Goal(target_pass=message, sensor="program"))
+        self.live.spin_until(sent.done, "an answer")
+        assert sent.result().accepted
+        return sent.result().get_result_async()
+
+    def spin(self, wall_s: float) -> None:
+        """Let so much wall time pass."""
+        end_s = time.monotonic() + wall_s
+        self.live.spin_until(lambda: time.monotonic() > end_s, "the time")
+
+
+def test_simulated_time_waits_for_a_late_profile_and_nothing_moves_before_the_certificate(
+    live: SimpleNamespace,
+) -> None:
+    window, goal, wait_s = first_pass(), Goal(live), 3.0
+    start_s = round(window.aos_t_s) - 1000.0
+    text = f"/**/simulation_clock: {{ros__parameters: {{start_s: {start_s}, speed: 0.0, tick_s: 0.1}}}}"
+    started = live.start(["simulation_clock", *Goal.NODES], text, state="configure", simulated=True)
+    waiting = list(Goal.NODES)
+
+    def activated() -> bool:
+        waiting[:] = started.client.change(waiting, "activate", 30.0)
+        return not waiting
+
+    live.spin_until(activated, "activation")
+    assert started.client.change(["simulation_clock"], "activate", 20.0) == []
+    # The streams of the nodes that are not there are given up after five seconds.
+    live.spin_until(lambda: goal.t_s > start_s + 5.0, "simulated time")
+    result = goal.send(window)
+    begun_s = goal.t_s
+    goal.spin(wait_s)
+    assert goal.t_s - begun_s < 1.0, "of thousands without a hold"
+    assert (goal.certificates, goal.commands, result.done()) == ([], [], False)
+    profile = convert_planning.profile_to_message(pass_profile(load_track(SourceParams()), window))
+    goal.profiles.publish(PassProfileList(profiles=[profile]))
+    live.spin_until(lambda: bool(goal.commands), "the first command")
+    assert seconds_from_stamp(goal.certificates[0].header.stamp) - begun_s < 1.0
+    assert started.client.change(["simulation_clock"], "deactivate", 20.0) == []
+
+
+def test_a_goal_without_a_profile_is_refused_with_what_is_missing(live: SimpleNamespace) -> None:
+    """In real time, with an ephemeris that never answers."""
+    goal = Goal(live)
+    live.start(list(Goal.NODES))
+    live.spin_until(lambda: goal.t_s > 0.0, "the controller")
+    window, now_s = first_pass(), time.time()
+    names = ("aos_t_s", "tca_t_s", "los_t_s")
+    later = {name: getattr(window, name) - window.aos_t_s + now_s + 60.0 for name in names}
+    result, begun_s = goal.send(dataclasses.replace(window, **later)), time.monotonic()
+    live.spin_until(lambda: "pass_profiles" in goal.status.alarm, "the warning")
+    live.spin_until(result.done, "the refusal")
+    assert PLAN_PATIENCE_S - 1.0 < time.monotonic() - begun_s < PLAN_PATIENCE_S + 5.0
+    answer = result.result().result
+    assert not answer.success
+    assert (
+        answer.message == "no certificate: the profile of this pass of CBERS 2 (pass_profiles) has not arrived in 10 s"
+    )
+    assert (goal.certificates, goal.commands) == ([], [])

@@ -23,6 +23,7 @@ from rf_pointing.array_sensors.nodes.interferometer_tracker import Interferomete
 from rf_pointing.array_sensors.nodes.tripulse_attitude import TripulseAttitudeNode
 from rf_pointing.array_sensors.nodes.tripulse_receiver import TripulseReceiverNode
 from rf_pointing.calibration import BiasModel
+from rf_pointing.core import JointReading
 from rf_pointing.ephemeris import Pass
 from rf_pointing.nodes.antenna_servo import AntennaServo
 from rf_pointing.nodes.bias_calibrator import BiasCalibrator
@@ -32,6 +33,7 @@ from rf_pointing.nodes.monopulse_tracker import MonopulseTrackerNode
 from rf_pointing.nodes.pointing_controller import PointingControllerNode
 from rf_pointing.nodes.rf_receiver import RfReceiver
 from rf_pointing.nodes.simulation_clock import SimulationClock
+from rf_pointing.planning import PassProfile
 
 PAYLOADS = 10_000
 WORK_EVERY = 50
@@ -57,6 +59,24 @@ PASS = {
     "azimuth_min_rad": 0.5, "azimuth_max_rad": 2.5, "peak_azimuth_rate_rad_s": 0.01, "peak_elevation_rate_rad_s": 0.01,
     "peak_azimuth_acceleration_rad_s2": 1e-4, "smallest_range_m": 1e6, "rises_before": False, "sets_after": False,
 }  # fmt: skip
+
+
+def profile_of(window: Pass, sun_rad: tuple[float, float]) -> PassProfile:
+    """Return a smooth way from the rise of a pass over its peak to its set."""
+    share = np.linspace(0.0, 1.0, 601)
+    sweep, lift = window.los_azimuth_rad - window.aos_azimuth_rad, window.peak_elevation_rad - window.aos_elevation_rad
+    angle, one = math.pi * share, np.ones_like(share)
+    rate = math.pi / window.duration_s
+    return PassProfile(
+        name=window.name,
+        t_s=window.aos_t_s + share * window.duration_s,
+        position_rad=np.column_stack(
+            [window.aos_azimuth_rad + sweep * share, window.aos_elevation_rad + lift * np.sin(angle)]
+        ),
+        velocity_rad_s=np.column_stack([sweep / window.duration_s * one, lift * rate * np.cos(angle)]),
+        acceleration_rad_s2=np.column_stack([0.0 * one, -lift * rate**2 * np.sin(angle)]),
+        sun_rad=np.tile(sun_rad, (len(share), 1)),
+    )
 
 
 class Door:
@@ -88,7 +108,10 @@ class Door:
             times = {"aos_t_s": self.t_s - 100.0, "tca_t_s": self.t_s + 200.0, "los_t_s": self.t_s + 500.0}
             # A hostile status may have stated a fault of the antenna, which refuses a pass.
             self.node._controller.take_antenna("holding", "")
-            self.node._controller.start(self.t_s, Pass(**times, **PASS), "auto")
+            core, window = self.node._controller, Pass(**times, **PASS)
+            core.plan.take_profiles([profile_of(window, core.plan.sun.at(window.aos_t_s))])
+            core.take_joints(JointReading(t_s=self.t_s, position_rad=[1.0, 0.5], velocity_rad_s=[0.0, 0.0]))
+            core.start(self.t_s, window, "auto")
             self.passes += 1
         for period_s, work in self.work:
             self.t_s += period_s

@@ -58,13 +58,13 @@ class Wire:
 class Flight:
     """One flight of the simulated station at S band, part by part; `truth` is the true error by time since AOS."""
 
-    def __init__(self, window: Pass, sensor: str = "monopulse", loss: float = 0.0, profile: bool = True) -> None:
+    def __init__(self, window: Pass, sensor: str = "monopulse", loss: float = 0.0) -> None:
         at_start = {
             "antenna.start_azimuth_deg": math.degrees(window.aos_azimuth_rad),
             "antenna.start_elevation_deg": math.degrees(window.aos_elevation_rad),
         }
         self.setup = StationSetup("dss13", "S", changes={"antenna_servo": at_start})
-        self.window, self.sensor, self.profile = window, sensor, profile
+        self.window, self.sensor = window, sensor
         self.satellite = load_track(self.setup.node("rf_receiver").group("source", SourceParams()))
         self.track = self.setup.track()
         self.antenna, self.receiver = self.setup.antenna(), self.setup.receiver()
@@ -80,8 +80,7 @@ class Flight:
 
     def new_controller(self, t_s: float) -> PointingController:
         made = self.setup.controller()
-        if self.profile:
-            made.plan.take_profiles([pass_profile(self.track, self.window)])
+        made.plan.take_profiles([pass_profile(self.track, self.window)])
         made.take_joints(self.antenna.reading(t_s))
         made.start(t_s, self.window, self.sensor)
         return made
@@ -193,15 +192,6 @@ def test_an_ephemeris_that_is_silent_for_long_costs_nothing_with_the_profile_of_
     assert made.lost_s(BEFORE_S) == 0.0
     warned = [status.alarm for status in made.statuses if status.alarm.startswith("no target for")]
     assert len(warned) > 250
-
-
-@pytest.mark.parametrize("stall", [2.0, pytest.param(10.0, marks=misses(26.9))])
-def test_without_a_profile_the_axes_wait_and_resume_by_themselves(window: Pass, stall: float) -> None:
-    made = flown(window, ("ephemeris_publisher",), stall, profile=False)
-    lost_s = made.lost_s(BEFORE_S)
-    print(f"without profile, stall {stall:.0f} s: {lost_s:.1f} s lost")
-    assert lost_s <= stall + SPARE_S
-    assert made.statuses[-1].mode == "monopulse"
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ from rf_pointing.controllers import TrackerIntegratorParams
 from rf_pointing.core import JointReading, JointTrajectory, PointingError
 from rf_pointing.ephemeris import Pass, TopocentricTrack, first_pass_above
 from rf_pointing.ephemeris.source import SourceParams, load_elements, load_track
+from rf_pointing.station.pointing.certificates import pass_profile
 from rf_pointing.station.pointing.controller import PointingController
 from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.station.pointing.status import TrackingStatus
@@ -75,9 +76,16 @@ class Rig:
 
 
 @pytest.fixture
-def make_controller() -> Callable[..., PointingController]:
-    """Return a maker of controllers; keywords replace single parameter sets."""
-    return lambda **changes: PointingController(DEFAULTS.replace(**changes))
+def make_controller(track: TopocentricTrack, window: Pass) -> Callable[..., PointingController]:
+    """Return a maker of controllers that have the profile of the pass; keywords replace single parameter sets."""
+    profile = pass_profile(track, window)
+
+    def make(**changes: Any) -> PointingController:
+        made = PointingController(DEFAULTS.replace(**changes))
+        made.plan.take_profiles([profile])
+        return made
+
+    return make
 
 
 @pytest.fixture
@@ -86,9 +94,14 @@ def rig(
 ) -> Callable[..., Rig]:
     """Return a maker of rigs that track the pass with `sensor`: run up to its beginning, or just started at `start_s`."""
 
-    def make(sensor: str = "program", start_s: float | None = None, **changes: Any) -> Rig:
+    def make(
+        sensor: str = "program",
+        start_s: float | None = None,
+        azimuth_rad: float = window.aos_azimuth_rad,
+        **changes: Any,
+    ) -> Rig:
         controller = make_controller(**changes)
-        standing = np.array([window.aos_azimuth_rad, window.aos_elevation_rad])
+        standing = np.array([azimuth_rad, window.aos_elevation_rad])
         made = Rig(controller, track, standing)
         begin_s = window.aos_t_s - 3.0 if start_s is None else start_s
         controller.take_joints(JointReading(t_s=begin_s, position_rad=standing, velocity_rad_s=np.zeros(2)))

@@ -4,8 +4,11 @@ It follows one pass at a time, from its start on the chosen turn to the controll
 Every period it decides the mode (`mode.py`), updates the corrections (`corrections.py`) and issues
 the trajectory that starts `transport_s` from now (`motion.py`), if the safety gate allows it.
 
-What stalls does not end the pass.  Without targets the profile of the pass is followed, without one
-the prediction to its end, then the axes wait at rest.  After a gap in its own periods or in the
+A pass has a certificate before anything moves.  While its profile or the position of the axes has
+not arrived, the axes stay where they are; after `PLAN_PATIENCE_S` the pass is refused.
+
+What stalls does not end the pass.  Without targets the profile of the pass is followed; beyond its
+end the axes wait at rest.  After a gap in its own periods or in the
 readings of the axes, the controller slews back to the target.  A fault ends the pass.
 """
 
@@ -19,7 +22,7 @@ from rf_pointing.core import JointReading, JointTrajectory, Mode, PointingError,
 from rf_pointing.core.pass_outcome import LOSS_OF_SIGNAL
 from rf_pointing.ephemeris import Pass
 from rf_pointing.ephemeris.solar import SolarDirection
-from rf_pointing.planning import PassProfile, SensorCost, choose_turns
+from rf_pointing.planning import PassProfile, SensorCost
 from rf_pointing.station.pointing.antenna_watch import AntennaWatch, AxisState
 from rf_pointing.station.pointing.corrections import PointingCorrections
 from rf_pointing.station.pointing.mode import LEAST_AGE_PERIODS, CarrierWatch, SensedErrors, TrackingMode, newest
@@ -32,9 +35,9 @@ from rf_pointing.station.pointing.status import Level, TrackingStatus
 from rf_pointing.tracking import AutotrackState, SkyMotion
 from rf_pointing.tracking.sensors import SENSOR_CHOICES, SENSORS, SensorTraits, sensors_of
 
-# A pass may be started before the target's motion has arrived, by an ephemeris that has stalled or
-# starts again; not for longer.
-PREDICTION_PATIENCE_S = 20.0
+# A pass may be started before its profile has arrived, from an ephemeris that has stalled or starts
+# again; not for longer.
+PLAN_PATIENCE_S = 10.0
 # Periods whose C/N0 is averaged: one alone is noisy, many would hide the loss of the carrier.
 LEVEL_PERIODS = 3.0
 # The lags of the mount have followed a slew after so many times of their averaging.
@@ -60,8 +63,8 @@ class PointingController:
         self._motion = CommandedMotion(params.pointing, self.plan, self.corrections)
         self._pass: Pass | None = None
         self._turns_rad: float | None = None
-        self._stopping, self._moved, self._sensor = "", False, Sensor.PROGRAM.value
-        self._stepped_s, self._returning = -math.inf, False
+        self._stopping, self._sensor = "", Sensor.PROGRAM.value
+        self._started_s, self._stepped_s, self._returning = -math.inf, -math.inf, False
         self._alarm: tuple[Level, str] = Level.OK, ""
         self.statistics = PassStatistics()
 
@@ -69,6 +72,22 @@ class PointingController:
     def busy(self) -> bool:
         """Whether a pass is being tracked, or waited for at its start."""
         return self._pass is not None
+
+    @property
+    def stopping(self) -> bool:
+        """Whether the next period ends the pass in hand."""
+        return self._pass is not None and bool(self._stopping)
+
+    @property
+    def missing(self) -> str:
+        """What the certificate of the pass in hand still waits for, "" for nothing."""
+        if self._pass is None or self._turns_rad is not None or self._stopping:
+            return ""
+        if self._motion.axes is None:
+            return "the position of the axes (joint_states)"
+        if self.plan.profile_of(self._pass) is None:
+            return f"the profile of this pass of {self._pass.name} (pass_profiles)"
+        return ""
 
     @property
     def state(self) -> AutotrackState:
@@ -122,13 +141,14 @@ class PointingController:
         return self._mode.calibrate()
 
     def start(self, t_s: float, window: Pass, sensor: str) -> None:
-        """Begin to track a pass; the antenna moves as soon as the position of its axes is known.
+        """Begin to track a pass; the antenna moves once the pass has its certificate.
 
         Raises
         ------
         ValueError
             When the pass is over, another one is tracked, it does not fit the limits, its carrier
-            is too weak, or the antenna has a latched fault.
+            is too weak, or the antenna has a latched fault.  A pass that waits for its certificate
+            (`missing`) is refused later, by its end.
         """
         require_choice("sensor", sensor, SENSOR_CHOICES)
         if self._pass is not None:
@@ -139,16 +159,32 @@ class PointingController:
         if self.antenna.fault:
             raise ValueError(f"the antenna has a latched fault ({self.antenna.fault}); reset it first")
         self.carrier.require_level(window, sensor, self._mode.params)
-        axes = self._motion.axes
-        self._turns_rad = None if axes is None else self._choose_turn(t_s, window, axes, sensor)
-        self._sensor = sensor
-        self._pass, self._stopping, self._moved = window, "", False
+        self.plan.forget()
+        axes, known = self._motion.axes, self.plan.profile_of(window) is not None
+        self._turns_rad = self._choose_turn(t_s, window, axes, sensor) if axes is not None and known else None
+        self._sensor, self._started_s = sensor, t_s
+        self._pass, self._stopping = window, ""
         self._motion.restart()
         self.corrections.restart(t_s)
         self._mode.restart(t_s, sensor)
         self._levels.clear()
         self.antenna.restart(t_s)
         self.statistics, self._stepped_s, self._returning = PassStatistics(), t_s, False
+
+    def certify(self, t_s: float) -> None:
+        """Issue the certificate of the pass in hand if it waits for one and nothing is missing."""
+        axes = self._motion.axes
+        if self._pass is None or axes is None or self._turns_rad is not None or self._stopping or self.missing:
+            return
+        try:
+            self._turns_rad = self._choose_turn(t_s, self._pass, axes, self._sensor)
+        except ValueError as refused:
+            self._stopping = str(refused)
+
+    def refuse_incomplete(self, waited_s: float) -> None:
+        """End a pass that waits for its certificate, with what has not arrived."""
+        if missing := self.missing:
+            self.stop(f"no certificate: {missing} has not arrived in {waited_s:.0f} s")
 
     def stop(self, reason: str) -> None:
         """End the pass at the next period with a controlled stop."""
@@ -186,25 +222,20 @@ class PointingController:
 
     def _command(self, t_s: float, window: Pass) -> JointTrajectory | None:
         """Decide the mode, and return the trajectory of the period, None while the axes wait."""
-        if self._turns_rad is None and not self._stopping:
-            if self._motion.axes is None:
-                return None
-            try:
-                self._turns_rad = self._choose_turn(t_s, window, self._motion.axes, self._sensor)
-            except ValueError as refused:
-                self._stopping = str(refused)
+        self.certify(t_s)
+        if self.missing:
+            if t_s - self._started_s > PLAN_PATIENCE_S:
+                self.refuse_incomplete(t_s - self._started_s)
+            return None
         # Before the trajectory: a lost carrier freezes the loop in the period that sees it.
         before = self.state.mode
         self._advance_mode(t_s, window)
         if self._stopping:
             return None
         if self.state.mode == Mode.IDLE:
-            if not self._moved and t_s - self.state.entered_s > PREDICTION_PATIENCE_S:
-                self._stopping = "no prediction of the target has arrived"
             self.antenna.unsettle()
             # The axes wait at rest for the target to come back.
             return self._motion.halt(t_s) if before != Mode.IDLE else None
-        self._moved = True
         if self.state.mode == Mode.SLEW and t_s >= window.aos_t_s:
             # Axes that jump onto a moving target fall behind it first.
             self.antenna.unsettle()
@@ -255,18 +286,12 @@ class PointingController:
         return sensor_cost(traits, self._scans, self.params.trim, table, motion)
 
     def _choose_turn(self, t_s: float, window: Pass, joints: JointReading, sensor: str) -> float:
-        """Return the turns (rad) to track on, of the certificate or else of the summary."""
+        """Issue the certificate, and return the turns (rad) to track on."""
         averaging_s, cost = self.params.pointing.lag_averaging_s, partial(self._cost, sensor, window)
-        if self.plan.choose(t_s, window, joints, self._motion.model, averaging_s, cost):
-            # Again, for over the top the same encoders are other direct angles.
-            self.take_joints(joints)
-            return self.plan.course.turns_rad
-        low, high, present = window.azimuth_min_rad, window.azimuth_max_rad, float(joints.position_rad[0])
-        turns_rad = 2.0 * math.pi * choose_turns(self.params.limits, low, high, present)
-        refused = self.params.limits.reason(window.aos_azimuth_rad + turns_rad, window.peak_elevation_rad)
-        if refused:
-            raise ValueError(refused)
-        return turns_rad
+        self.plan.choose(t_s, window, joints, self._motion.model, averaging_s, cost)
+        # Again, for over the top the same encoders are other direct angles.
+        self.take_joints(joints)
+        return self.plan.course.turns_rad
 
     def _advance_mode(self, t_s: float, window: Pass) -> None:
         """Decide the mode and update the corrections; a crossing is blind."""
@@ -287,7 +312,9 @@ class PointingController:
         self._pass = None
         self.plan.clear()
         self._mode.end(t_s, reason)
-        return self._motion.halt(t_s), self._status(t_s, self._mode.fresh_error(t_s))
+        # A pass that was refused has moved nothing.
+        halt = self._motion.halt(t_s) if self._turns_rad is not None else None
+        return halt, self._status(t_s, self._mode.fresh_error(t_s))
 
     def _status(self, t_s: float, error: PointingError | None) -> TrackingStatus:
         state, window, axes = self._mode.state, self._pass, self.antenna.state
@@ -336,6 +363,8 @@ class PointingController:
             return (Level.ERROR, fault) if fault else (Level.OK, "")
         if axes.fault or axes.doubt:
             return Level.ERROR, axes.fault or axes.doubt
+        if missing := self.missing:
+            return Level.WARN, f"no certificate yet: {missing} has not arrived"
         if t_s < window.aos_t_s:
             return Level.OK, ""
         state, limits = self.state, self.params.alarm

@@ -46,7 +46,7 @@ class CarrierLevels:
     def power(self, newest_t_s: float, oldest_t_s: float, axis_db_hz: float) -> float | None:
         """Return the mean power over that on the beam's axis, None without a report or a link."""
         ratios = [
-            min(10.0 ** (0.1 * (level.carrier_to_noise_db_hz - axis_db_hz)), 1.0)
+            10.0 ** (0.1 * min(level.carrier_to_noise_db_hz - axis_db_hz, 0.0))
             for level in self._levels
             if oldest_t_s <= level.t_s <= newest_t_s
         ]

@@ -61,6 +61,11 @@ class PassPlan:
         """Replace the profiles of the coming passes."""
         self._profiles = profiles
 
+    def forget(self) -> None:
+        """Forget the certificate too: one that is refused must not leave that of the last pass."""
+        self.clear()
+        self.certificate = None
+
     def clear(self) -> None:
         """Forget the branch and the profile: direct, without a crossing."""
         self.course = TrackingBranch()
@@ -75,20 +80,18 @@ class PassPlan:
         model: BiasModel,
         lag_averaging_s: float = 0.0,
         cost: Callable[[PassProfile], SensorCost] | None = None,
-    ) -> bool:
-        """Issue the certificate of a pass and take its branch; False when the pass has no profile.
+    ) -> None:
+        """Issue the certificate of a pass and take its branch.
 
         Raises
         ------
         ValueError
-            When no branch works, with the numbers.
+            When the pass has no profile, or no branch works, with the numbers.
         """
-        # A certificate that is refused must not leave the branch of the last pass.
-        self.clear()
-        self.certificate = None
-        profile = self._profile_of(window)
+        self.forget()
+        profile = self.profile_of(window)
         if profile is None:
-            return False
+            raise ValueError(f"this pass of {window.name} has no profile")
         self._check_sun(profile)
         self.profile = profile.resampled(STEP_S)
         azimuth, elevation = joints.position_rad.tolist()
@@ -111,7 +114,6 @@ class PassPlan:
         # Without a slew to its start the branch is as good as none.
         self.approach(t_s, joints, np.array(branch.start_rad))
         self.course = TrackingBranch(branch)
-        return True
 
     def approach(self, t_s: float, axes: JointReading, goal_rad: Array) -> Array | None:
         """Return the corner (2,) of the slew to a goal, None for a straight one; encoder angles.
@@ -162,7 +164,8 @@ class PassPlan:
                 f"predicted with, must be <= {math.degrees(SAME_SUN_RAD):.1f} deg: another station"
             )
 
-    def _profile_of(self, window: Pass) -> PassProfile | None:
+    def profile_of(self, window: Pass) -> PassProfile | None:
+        """Return the profile of a pass, None when it is not among the coming ones."""
         for profile in self._profiles:
             begins = abs(float(profile.t_s[0]) - window.aos_t_s) <= SAME_PASS_S
             if profile.name == window.name and begins and abs(float(profile.t_s[-1]) - window.los_t_s) <= SAME_PASS_S:

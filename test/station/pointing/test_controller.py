@@ -12,7 +12,7 @@ from rf_pointing.core import JointReading
 from rf_pointing.ephemeris import Pass
 from rf_pointing.planning import AxisLimits
 from rf_pointing.rf import LinkParams
-from rf_pointing.station.pointing.controller import PREDICTION_PATIENCE_S, PointingController
+from rf_pointing.station.pointing.controller import PLAN_PATIENCE_S, PointingController
 
 Rig = Any
 MakeRig = Callable[..., Rig]
@@ -35,42 +35,73 @@ def test_nothing_is_commanded_without_a_pass(make_controller: MakeController) ->
 # Which turn
 
 
-def in_overlap(window: Pass) -> Pass:
-    """The same pass turned to where +-220 deg of travel offer two turns."""
-    low = math.radians(150.0)
-    return dataclasses.replace(window, aos_azimuth_rad=low, azimuth_min_rad=low, azimuth_max_rad=math.radians(200.0))
-
-
-@pytest.mark.parametrize(
-    ("standing_deg", "wanted_deg"), [(175.0, 150.0), (-185.0, -210.0), (-30.0, -210.0), (30.0, 150.0)]
-)
+@pytest.mark.parametrize("turns", [-1, 0])
 def test_the_pass_is_tracked_on_the_turn_nearest_to_the_antenna(
-    make_controller: MakeController, window: Pass, standing_deg: float, wanted_deg: float
+    make_controller: MakeController, window: Pass, turns: int
 ) -> None:
-    controller = make_controller()
-    controller.take_joints(still(math.radians(standing_deg), 1.0))
-    controller.start(window.aos_t_s - 100.0, in_overlap(window), "program")
+    """Travel of +-400 deg offers two turns for any pass."""
+    wide = AxisLimits(azimuth_min_rad=math.radians(-400.0), azimuth_max_rad=math.radians(400.0))
+    controller, wanted_rad = make_controller(limits=wide), window.aos_azimuth_rad + turns * 2.0 * math.pi
+    controller.take_joints(still(wanted_rad + 0.3, 1.0))
+    controller.start(window.aos_t_s - 100.0, window, "program")
     trajectory, _ = controller.step(window.aos_t_s - 99.9)
     assert trajectory is not None
-    np.testing.assert_allclose(np.degrees(trajectory.position_rad[:, 0]), wanted_deg, atol=1e-9)
-
-
-def test_the_turn_is_chosen_once_the_axes_are_known(make_controller: MakeController, window: Pass) -> None:
-    controller, t_s = make_controller(), window.aos_t_s - 100.0
-    controller.start(t_s, in_overlap(window), "program")
-    assert controller.step(t_s + 0.1)[0] is None
-    controller.take_joints(still(math.radians(-170.0), 1.0))
-    trajectory, _ = controller.step(t_s + 0.2)
-    assert trajectory is not None
-    assert np.degrees(trajectory.position_rad[0, 0]) == pytest.approx(-210.0)
+    np.testing.assert_allclose(trajectory.position_rad[:, 0], wanted_rad, atol=1e-4)
 
 
 def test_a_pass_that_fits_no_turn_is_refused_at_the_start(make_controller: MakeController, window: Pass) -> None:
     controller = make_controller(limits=AxisLimits(azimuth_min_rad=-1.0, azimuth_max_rad=1.0))
     controller.take_joints(still(0.0, 1.0))
-    with pytest.raises(ValueError, match="fits no turn within the travel"):
+    with pytest.raises(ValueError, match=r"no branch works; the nearest, .* past the limit azimuth"):
         controller.start(window.aos_t_s, window, "program")
     assert not controller.busy
+
+
+# No pass without a certificate
+
+
+def test_nothing_moves_until_axes_and_profile_are_known(make_controller: MakeController, window: Pass) -> None:
+    """They come in either order, some seconds late, and the pass goes on as if they had been there."""
+    for axes_s, profile_s in ((3.0, 7.0), (7.0, 3.0)):
+        controller, t_s = make_controller(), window.aos_t_s - 100.0
+        profiles = controller.plan._profiles
+        controller.plan.take_profiles([])
+        controller.start(t_s, window, "program")
+        for step in range(1, 100):
+            if step * 0.1 >= axes_s:
+                controller.take_joints(still(window.aos_azimuth_rad - 0.3, 1.0, t_s + 0.1 * step))
+            if step * 0.1 >= profile_s:
+                controller.plan.take_profiles(profiles)
+            trajectory, status = controller.step(t_s + 0.1 * step)
+            complete = step * 0.1 >= max(axes_s, profile_s)
+            assert (trajectory is not None) == complete == (controller.plan.certificate is not None)
+            missing = "" if complete else "joint_states" if step * 0.1 < axes_s else "pass_profiles"
+            assert missing in controller.missing
+            assert missing in status.alarm
+            assert (status.level > 0) == (not complete)
+            assert status.mode == ("slew" if complete else "idle")
+
+
+@pytest.mark.parametrize("known", ["joint_states", "pass_profiles"])
+def test_a_pass_whose_certificate_cannot_be_made_is_refused_with_what_is_missing(
+    make_controller: MakeController, window: Pass, known: str
+) -> None:
+    controller, t_s = make_controller(), window.aos_t_s - 100.0
+    if known == "joint_states":
+        controller.plan.take_profiles([])
+    controller.start(t_s, window, "program")
+    for step in range(1, 400):
+        if known == "joint_states":
+            controller.take_joints(still(2.0, 1.0, t_s + 0.1 * step))
+        trajectory, status = controller.step(t_s + 0.1 * step)
+        if not controller.busy:
+            break
+        assert trajectory is None
+    assert 0.1 * step == pytest.approx(PLAN_PATIENCE_S, abs=0.2)
+    what = {"joint_states": "the profile of this pass of CBERS 2 (pass_profiles)",
+            "pass_profiles": "the position of the axes (joint_states)"}[known]  # fmt: skip
+    assert status.reason == controller.statistics.reason == f"no certificate: {what} has not arrived in 10 s"
+    assert controller.plan.certificate is None
 
 
 def test_a_pass_that_fits_no_turn_ends_when_the_axes_become_known(
@@ -80,14 +111,14 @@ def test_a_pass_that_fits_no_turn_ends_when_the_axes_become_known(
     controller.start(window.aos_t_s - 10.0, window, "program")
     controller.take_joints(still(0.0, 1.0))
     _, status = controller.step(window.aos_t_s - 9.9)
-    assert "fits no turn" in status.reason
+    assert "no branch works" in status.reason
     assert not controller.busy
 
 
 def test_a_pass_above_the_elevation_limit_is_refused(make_controller: MakeController, window: Pass) -> None:
-    controller = make_controller(limits=AxisLimits(elevation_max_rad=math.radians(40.0)))
+    controller = make_controller(limits=AxisLimits(elevation_max_rad=math.radians(20.0)))
     controller.take_joints(still(2.0, 0.5))
-    with pytest.raises(ValueError, match=r"elevation 44\.309 deg is 4\.309 deg past the limit 40\.000 deg"):
+    with pytest.raises(ValueError, match=r"no branch works; the nearest, .* would be lost"):
         controller.start(window.aos_t_s, window, "program")
 
 
@@ -114,17 +145,18 @@ def test_an_unknown_sensor_is_refused(make_controller: MakeController, window: P
 
 
 def test_the_pass_ends_at_loss_of_signal(rig: MakeRig, window: Pass) -> None:
-    made = rig(start_s=window.los_t_s - 8.0)
+    made = rig(start_s=window.los_t_s - 8.0, azimuth_rad=window.los_azimuth_rad)
     assert made.controller.busy
     reasons = [status.reason for t_s, _, status in made.run(window.los_t_s - 8.0, 8.2) if t_s >= window.los_t_s]
     assert reasons[0] == "loss of signal"
     assert made.controller.statistics.reason == "loss of signal"
 
 
-def test_without_a_prediction_the_axes_wait_at_rest_and_go_on_by_themselves(rig: MakeRig, window: Pass) -> None:
+def test_beyond_its_prediction_the_axes_wait_at_rest_and_go_on_by_themselves(rig: MakeRig, window: Pass) -> None:
     """The prediction reaches 2 s ahead and is followed until three points are left of it: 1.7 s."""
     made, t_s = rig(), window.aos_t_s + 3.0
     list(made.run(window.aos_t_s, 3.0))
+    made.controller.plan.profile = None
     for step in range(1, 60):
         at_s = round(t_s + 0.1 * step, 6)
         made.move(at_s)
@@ -143,32 +175,14 @@ def test_without_a_prediction_the_axes_wait_at_rest_and_go_on_by_themselves(rig:
     assert made.controller.statistics.outcome.lost_s - lost_s < 3.0
 
 
-def test_a_pass_that_is_going_on_is_joined_once_the_target_is_known(rig: MakeRig, window: Pass) -> None:
-    """The prediction comes two seconds ahead, so for two seconds the present is not covered."""
+def test_a_pass_that_is_going_on_is_joined_on_its_profile(rig: MakeRig, window: Pass) -> None:
+    """The targets come two seconds ahead, so for two seconds the present is not covered by them."""
     begin_s = window.tca_t_s
-    made = rig(start_s=begin_s)
-    modes = []
-    for t_s, trajectory, status in made.run(begin_s, 4.0):
-        modes.append(status.mode)
-        assert (trajectory is None) == (status.mode == "idle")
-        assert made.controller.busy
-        assert status.mode != "idle" or t_s - begin_s < 2.2
-    assert modes[0] == "idle"
-    assert modes[-1] == "program_track"
-
-
-def test_a_pass_without_any_prediction_is_given_up(make_controller: MakeController, window: Pass) -> None:
-    controller, begin_s = make_controller(), window.tca_t_s
-    controller.take_joints(still(1.3, 0.7, begin_s))
-    controller.start(begin_s, window, "program")
-    for step in range(1, 300):
-        controller.take_joints(still(1.3, 0.7, begin_s + 0.1 * step))
-        trajectory, status = controller.step(begin_s + 0.1 * step)
-        if not controller.busy:
-            break
-        assert trajectory is None
-    assert status.reason == "no prediction of the target has arrived"
-    assert 0.1 * step == pytest.approx(PREDICTION_PATIENCE_S, abs=0.2)
+    made = rig(start_s=begin_s, azimuth_rad=0.5 * (window.azimuth_min_rad + window.azimuth_max_rad))
+    rows = list(made.run(begin_s, 8.0))
+    assert rows[0][2].mode == "slew"
+    assert all(trajectory is not None for _, trajectory, _ in rows)
+    assert rows[-1][2].mode == "program_track"
 
 
 # What the link cannot give
