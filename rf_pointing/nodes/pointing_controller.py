@@ -309,8 +309,6 @@ class PointingControllerNode(StationNode):
             "last_false_lock": core.carrier.last_fault,
             "along_track_s": round(float(learned.mean[0]), 5),
             "cross_track_m": round(float(learned.mean[1]), 2),
-            "unknown_sensors": core.errors.unknown,
-            "last_unknown_sensor": core.errors.last_unknown,
             "trim_used": learned.used,
             "trim_refused": learned.refused,
         }

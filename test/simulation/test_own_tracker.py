@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rf_pointing.core import MDEG, PointingError
-from rf_pointing.station.pointing.mode import SensedErrors
+from rf_pointing.core import MDEG
 from rf_pointing.tracking import Autotrack, AutotrackInputs, AutotrackParams, AutotrackState, sensors
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "own_tracker.py"
@@ -69,11 +68,3 @@ def test_an_entry_point_registers_a_tracker_for_parameters_and_the_state_table(
         state = table.step(state, inputs)
     assert state.mode == "array"
     assert state.integrating
-
-
-def test_errors_of_an_unknown_sensor_are_counted_and_change_nothing() -> None:
-    errors = SensedErrors()
-    errors.restart("auto")
-    errors.take(PointingError(t_s=1.0, sensor="radar", cross_elevation_rad=0.0, elevation_rad=0.0))
-    assert (errors.unknown, errors.last_unknown) == (1, "radar")
-    assert errors.usable(1.1, 0.1, 0.5) == []

@@ -55,7 +55,6 @@ def test_a_sensed_error_moves_the_beam_towards_the_target(rig: MakeRig, window: 
     [
         {"valid": False, "reason": "no lock"},
         {"sensor": "conscan"},
-        {"sensor": "truth"},
     ],
 )
 def test_errors_that_must_not_be_used_move_nothing(rig: MakeRig, window: Pass, useless: dict[str, Any]) -> None:

@@ -25,7 +25,7 @@ from rf_pointing.ephemeris.solar import SolarDirection
 from rf_pointing.planning import PassProfile, SensorCost
 from rf_pointing.station.pointing.antenna_watch import AntennaWatch, AxisState
 from rf_pointing.station.pointing.corrections import PointingCorrections
-from rf_pointing.station.pointing.mode import LEAST_AGE_PERIODS, CarrierWatch, SensedErrors, TrackingMode, newest
+from rf_pointing.station.pointing.mode import LEAST_AGE_PERIODS, CarrierWatch, TrackingMode, newest
 from rf_pointing.station.pointing.motion import CommandedMotion
 from rf_pointing.station.pointing.outcome import BeamEvidence, CarrierLevels, PassStatistics
 from rf_pointing.station.pointing.params import ControllerParams
@@ -94,11 +94,6 @@ class PointingController:
         """Where the state table stands."""
         return self._mode.state
 
-    @property
-    def errors(self) -> SensedErrors:
-        """The errors of the pass, and how many came from a sensor that is not registered."""
-        return self._mode.errors
-
     def retune(self, params: ControllerParams) -> None:
         """Use new `pointing`, `axes`, `alarm`, `limits` and `autotrack` from the next period on.
 
@@ -124,7 +119,13 @@ class PointingController:
             self._motion.targets.add(target)
 
     def take_error(self, error: PointingError) -> None:
-        """Note what a sensor measured; only those that the pass may use count."""
+        """Note what a sensor measured; only those that the pass may use count.
+
+        Raises
+        ------
+        ValueError
+            For a sensor that is not registered.
+        """
         self._mode.errors.take(error)
         self._levels.take(error)
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.core import Mode, PointingError, Sensor
+from rf_pointing.core import Mode, PointingError, Sensor, require_choice
 from rf_pointing.ephemeris import Pass
 from rf_pointing.rf import LinkParams
 from rf_pointing.station.pointing.motion import MotionSnapshot
@@ -30,12 +30,11 @@ LEAST_AGE_PERIODS = 0.75
 
 
 class SensedErrors:
-    """The latest errors that a pass may use, and how many came from an unknown sensor."""
+    """The latest errors that a pass may use."""
 
     def __init__(self) -> None:
         self._errors: deque[PointingError] = deque(maxlen=KEPT_ERRORS)
         self._accepted: frozenset[str] = frozenset()
-        self.unknown, self.last_unknown = 0, ""
 
     def restart(self, choice: str) -> None:
         """Begin a pass with `choice`, a sensor in the state table's words."""
@@ -43,12 +42,16 @@ class SensedErrors:
         self._accepted = frozenset(name for traits in sensors_of(choice) for name in (traits.name, *traits.level_from))
 
     def take(self, error: PointingError) -> None:
-        """Note what a sensor measured; only those that the pass may use count."""
+        """Note what a sensor measured; only those that the pass may use count.
+
+        Raises
+        ------
+        ValueError
+            For a sensor that is not registered: a mistake of the configuration that must be seen.
+        """
+        require_choice("sensor", error.sensor, SENSORS)
         if error.sensor in self._accepted:
             self._errors.append(error)
-        # A tracker that nobody registered is a mistake of the configuration: it must be seen.
-        elif error.sensor not in SENSORS:
-            self.unknown, self.last_unknown = self.unknown + 1, error.sensor
 
     def awaited(self, t_s: float, mode: str, period_s: float, oldest_s: float) -> bool:
         """Whether a sensor that reports every period is late with what `t_s` should use."""

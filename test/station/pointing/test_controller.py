@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rf_pointing.core import JointReading
+from rf_pointing.core import JointReading, PointingError
 from rf_pointing.ephemeris import Pass
 from rf_pointing.planning import AxisLimits
 from rf_pointing.rf import LinkParams
@@ -204,3 +204,24 @@ def test_a_sensor_whose_gate_the_link_never_opens_is_refused_in_words(
     make_controller(link=silent).start(window.aos_t_s - 10.0, window, "program")
     unknown = dataclasses.replace(window, smallest_range_m=0.0)
     make_controller(link=silent).start(window.aos_t_s - 10.0, unknown, "monopulse")
+
+
+def test_errors_of_an_unregistered_sensor_are_refused_with_its_name_and_keep_the_lock(
+    rig: MakeRig, window: Pass
+) -> None:
+    made = rig("auto")
+    modes = set()
+    for step in range(300):
+        t_s = round(window.aos_t_s + 0.1 * (step + 1), 6)
+        measured = PointingError(
+            t_s=round(t_s - 0.1, 6), sensor="monopulse", cross_elevation_rad=0.0, elevation_rad=0.0,
+            covariance_rad2=1e-10 * np.eye(2), carrier_to_noise_db_hz=60.0,
+        )  # fmt: skip
+        # Off by a degree, with no carrier: followed it would move the beam, used it would end the lock.
+        foreign = dataclasses.replace(measured, sensor="radar", elevation_rad=0.02, carrier_to_noise_db_hz=0.0)
+        with pytest.raises(ValueError, match="sensor='radar' must be one of monopulse, conscan, steptrack"):
+            made.controller.take_error(foreign)
+        _, status = made.period(t_s, [measured])
+        if step > 20:
+            modes.add(status.mode)
+    assert modes == {"monopulse"}
